@@ -1,0 +1,85 @@
+"""aerokernels: light through the refractive index of supersonic air flow.
+
+The public names; each is imported when it is first used, so that importing the package costs nothing.
+"""
+
+import sys
+from importlib import import_module
+from types import ModuleType
+from typing import TYPE_CHECKING
+
+__version__ = "0.1.0"
+
+_HOME = {
+    "ArcLength": "tracing",
+    "BackendInfo": "tracing",
+    "Body": "medium",
+    "Disc": "rays",
+    "EchoResult": "echo",
+    "IndexField": "medium",
+    "Plane": "tracing",
+    "QuadMesh": "medium",
+    "RayBundle": "rays",
+    "RayStatus": "tracing",
+    "Scene": "scene",
+    "StrehlEstimate": "strehl",
+    "TraceResult": "tracing",
+    "available_backends": "tracing",
+    "compare_waveforms": "compare",
+    "echo": "echo",
+    "estimate_range": "echo",
+    "estimate_strehl": "strehl",
+    "flow": "",
+    "plane_target_echo": "echo",
+    "point_spread_function": "wavefront",
+    "range_statistics": "echo",
+    "schlieren": "schlieren",
+    "strehl": "strehl",
+    "strehl_marechal": "strehl",
+    "trace": "tracing",
+}
+
+__all__ = sorted(_HOME)
+
+
+def __getattr__(name: str):
+    """Import a public name from its home."""
+    if name not in _HOME:
+        raise AttributeError(f"module 'aerokernels' has no attribute {name!r}")
+    home = _HOME[name]
+    if not home:
+        value = import_module(f".{name}", __name__)
+    else:
+        value = getattr(import_module(f".{home}", __name__), name)
+    globals()[name] = value
+    return value
+
+
+class _Package(ModuleType):
+    """A package some of whose functions share their name with the module they live in: the function wins."""
+
+    def __setattr__(self, name, value):
+        if _HOME.get(name) == name and isinstance(value, ModuleType):
+            value = getattr(value, name)
+        super().__setattr__(name, value)
+
+
+sys.modules[__name__].__class__ = _Package
+
+
+def __dir__() -> list[str]:
+    """The public names."""
+    return [*__all__, "__version__"]
+
+
+if TYPE_CHECKING:
+    from . import flow
+    from .compare import compare_waveforms
+    from .echo import EchoResult, echo, estimate_range, plane_target_echo, range_statistics
+    from .medium import Body, IndexField, QuadMesh
+    from .rays import Disc, RayBundle
+    from .scene import Scene
+    from .schlieren import schlieren
+    from .strehl import StrehlEstimate, estimate_strehl, strehl, strehl_marechal
+    from .tracing import ArcLength, BackendInfo, Plane, RayStatus, TraceResult, available_backends, trace
+    from .wavefront import point_spread_function

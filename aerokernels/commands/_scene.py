@@ -1,0 +1,61 @@
+"""The options that every command on a scene takes, and how they change the scene."""
+
+import contextlib
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+if TYPE_CHECKING:
+    from aerokernels.scene import Scene
+
+SceneName = Annotated[str, typer.Argument(metavar="SCENE", help="A TOML file, or the name of a shipped scene.")]
+Backend = Annotated[str | None, typer.Option(help="auto, warp, opencl or reference.")]
+Device = Annotated[str | None, typer.Option(help="cpu, cuda:0, or an OpenCL device's name; see `backends`.")]
+Precision = Annotated[str | None, typer.Option(help="float32 or float64, inside the kernels.")]
+Rays = Annotated[str | None, typer.Option(metavar="COUNT", help="Rays over the pupil for the Strehl ratio.")]
+Settings = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--set", metavar="KEY=VALUE", help='Change a value of the scene: target.distance="1.2 m". Repeatable.'
+    ),
+]
+
+
+def load_scene(
+    place: str,
+    backend: str | None = None,
+    device: str | None = None,
+    precision: str | None = None,
+    rays: str | None = None,
+    settings: list[str] | None = None,
+) -> "Scene":
+    """Load a scene with what the command line changes in it; the named options win over --set.
+
+    Raises:
+        ValueError: A setting without `=`, or whatever is wrong with the scene.
+    """
+    from aerokernels.scene import Scene
+
+    changes: dict[str, str] = {}
+    for setting in settings or []:
+        key, separator, value = setting.partition("=")
+        if not (separator and key.strip()):
+            raise ValueError(f"--set {setting!r} is not KEY=VALUE: write, say, --set target.distance='1.2 m'")
+        changes[key.strip()] = value.strip()
+    options = {
+        "trace.backend": backend,
+        "trace.device": device,
+        "trace.precision": precision,
+        "strehl.ray_count": rays,
+    }
+    return Scene.load(place, changes | {key: value for key, value in options.items() if value is not None})
+
+
+@contextlib.contextmanager
+def blamed_on(scene: str) -> Iterator[None]:
+    """Name the scene in what only shows when it is computed: an absent device, a target inside the flow."""
+    try:
+        yield
+    except ValueError as error:
+        raise ValueError(f"{scene}: {error}") from error

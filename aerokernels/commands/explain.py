@@ -1,0 +1,21 @@
+"""`aerokernels explain`: what a run would do, before it does it."""
+
+from aerokernels.commands._scene import Backend, Device, Precision, Rays, SceneName, Settings, blamed_on, load_scene
+
+
+def explain(
+    scene: SceneName,
+    backend: Backend = None,
+    device: Device = None,
+    precision: Precision = None,
+    rays: Rays = None,
+    settings: Settings = None,
+) -> None:
+    """Show what would be done and why: flow, region, grid, method, ray counts, and the error of the grid."""
+    from aerokernels.commands._table import print_table
+    from aerokernels.study.explain import explanation
+
+    loaded = load_scene(scene, backend, device, precision, rays, settings)
+    with blamed_on(scene):
+        rows = explanation(loaded)
+    print_table(f"What `aerokernels run {scene}` would do", ("what", "how"), rows)

@@ -1,0 +1,45 @@
+"""`aerokernels run`: the whole job."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from aerokernels.commands._scene import Backend, Device, Precision, Rays, SceneName, Settings, blamed_on, load_scene
+
+
+def run(
+    scene: SceneName,
+    out: Annotated[Path, typer.Option(help="Folder for summary.json, result.nc and report.html.")],
+    backend: Backend = None,
+    device: Device = None,
+    precision: Precision = None,
+    rays: Rays = None,
+    settings: Settings = None,
+) -> None:
+    """Do the whole job: flow, rays, wavefront, Strehl ratio, echo and range, with a report."""
+    from aerokernels.commands._progress import shown_progress
+    from aerokernels.commands._table import print_table
+    from aerokernels.study.report import headline_rows
+    from aerokernels.study.run import simulate, write_run
+    from aerokernels.study.store import check_output_folder
+
+    loaded = load_scene(scene, backend, device, precision, rays, settings)
+    check_output_folder(out)
+    with shown_progress(loaded.name) as progress:
+        with blamed_on(scene):
+            result = simulate(loaded, progress=progress)
+        progress("writing the report", 0.9)
+        write_run(result, out)
+    rows = [*headline_rows(result.summary), *_cost_rows(result.summary)]
+    print_table(loaded.title or loaded.name, ("quantity", "value"), rows)
+    typer.echo(f"wrote {out / 'report.html'}, summary.json and result.nc")
+
+
+def _cost_rows(summary: dict) -> list[tuple[str, str]]:
+    where = f"{summary['backend']} on {summary['device']}, {summary['precision']}"
+    return [
+        ("Rays for the Strehl ratio", f"{summary['ray_count']:,}"),
+        ("Computed by", where),
+        ("Time", f"{summary['total_seconds']:.2f} s, of it {summary['compile_seconds']:.2f} s compiling kernels"),
+    ]

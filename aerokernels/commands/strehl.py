@@ -1,0 +1,23 @@
+"""`aerokernels strehl`: the Strehl ratio alone."""
+
+import typer
+
+from aerokernels.commands._scene import Backend, Device, Precision, Rays, SceneName, Settings, blamed_on, load_scene
+
+
+def strehl(
+    scene: SceneName,
+    backend: Backend = None,
+    device: Device = None,
+    precision: Precision = None,
+    rays: Rays = None,
+    settings: Settings = None,
+) -> None:
+    """Print the Strehl ratio of the view straight ahead through the receiver's pupil."""
+    from aerokernels.prepare import prepare_field
+    from aerokernels.study.run import scene_strehl
+
+    loaded = load_scene(scene, backend, device, precision, rays, settings)
+    with blamed_on(scene):
+        estimate = scene_strehl(prepare_field(loaded).field, loaded)
+    typer.echo(f"{estimate.value:.8f}")

@@ -1,0 +1,178 @@
+"""A recorded waveform against a simulated one.
+
+The correlation is eq 13-14 of the paper, one number r (Pearson's), at zero lag and at the lag where it is greatest: a
+small r beside a small peak error is the mark of two records that are not aligned in time. Both conventions of the peak
+error are given, because the paper's own figures mix them.
+"""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from .echo.checks import as_finite_array, as_waveform, check_positive
+
+# Table 5, made half-open: a degree holds for |r| from its own bound up to, but not at, the next.
+DEGREES = (
+    (0.8, "highly correlated"),
+    (0.5, "significant correlation"),
+    (0.3, "real correlation"),
+    (0.0, "micro correlation"),
+)
+# Fewer samples than this in common make any two pulses look alike.
+LEAST_OVERLAP = 8
+
+
+@dataclass(frozen=True)
+class WaveformComparison:
+    """What two waveforms have in common.
+
+    Attributes:
+        recorded_peak: Greatest recorded sample [V].
+        simulated_peak: Greatest simulated sample [V].
+        peak_error: (recorded - simulated) / simulated peak, the convention of Table 4.
+        peak_error_of_recorded: (recorded - simulated) / recorded peak, the other convention.
+        correlation: r at zero lag, -1 to 1.
+        best_correlation: Greatest r over the lags tried.
+        lag: Lag of that r [s]; positive: the recorded waveform is the later one.
+        degree: Degree of correlation by Table 5, from r at zero lag.
+        best_degree: The same from the greatest r.
+    """
+
+    recorded_peak: float
+    simulated_peak: float
+    peak_error: float
+    peak_error_of_recorded: float
+    correlation: float
+    best_correlation: float
+    lag: float
+    degree: str
+    best_degree: str
+
+
+def correlation_degree(correlation: float) -> str:
+    """Degree of correlation by Table 5 of the paper: |r| in [0, 0.3), [0.3, 0.5), [0.5, 0.8), [0.8, 1].
+
+    Raises:
+        ValueError: r lies outside -1 to 1, or is NaN.
+    """
+    size = abs(float(correlation))
+    if not size <= 1.0 + 1e-9:
+        raise ValueError(f"a correlation coefficient lies between -1 and 1, got {correlation!r}")
+    return next(name for bound, name in DEGREES if size >= bound)
+
+
+def pearson_correlation(first, second) -> float:
+    """Pearson's r of two lists of one length (eq 13-14).
+
+    Raises:
+        ValueError: Shapes that disagree, fewer than two samples, or a list that is constant.
+    """
+    a, b = as_finite_array(first, "first waveform"), as_finite_array(second, "second waveform")
+    if a.shape != b.shape or a.ndim != 1 or a.size < 2:
+        raise ValueError(f"a correlation needs two lists of one length, got shapes {a.shape} and {b.shape}")
+    deviations = []
+    for values, name in ((a, "first"), (b, "second")):
+        scale = float(np.abs(values).max())
+        deviation = (values - values.mean()) / (scale or 1.0)
+        if np.linalg.norm(deviation) <= 1e-14 * math.sqrt(values.size):
+            raise ValueError(f"the {name} waveform is constant: its correlation is not defined")
+        deviations.append(deviation / np.linalg.norm(deviation))
+    return float(np.clip(deviations[0] @ deviations[1], -1.0, 1.0))
+
+
+def correlation_by_lag(recorded: np.ndarray, simulated: np.ndarray, greatest_shift: int) -> np.ndarray:
+    """Pearson's r over the samples in common, for shifts -greatest_shift to greatest_shift of the recorded waveform.
+
+    Args:
+        recorded: Samples, shape (n,).
+        simulated: Samples, shape (n,).
+        greatest_shift: Largest shift [samples], less than n - 1.
+
+    Returns:
+        r, shape (2 greatest_shift + 1,): entry `greatest_shift + k` compares recorded[i + k] with simulated[i]. NaN
+        where the part in common of one of them is constant.
+    """
+    from scipy.signal import correlate
+
+    count = recorded.size
+    # One mean and one scale for the whole record keep the sums below well conditioned; r does not see them.
+    a = (recorded - recorded.mean()) / max(float(np.ptp(recorded)), np.finfo(np.float64).tiny)
+    b = (simulated - simulated.mean()) / max(float(np.ptp(simulated)), np.finfo(np.float64).tiny)
+    shifts = np.arange(-greatest_shift, greatest_shift + 1)
+    begin, end = np.maximum(shifts, 0), np.minimum(shifts, 0) + count  # the stretch of `recorded` in common
+
+    def sums(values: np.ndarray, low: np.ndarray, high: np.ndarray) -> np.ndarray:
+        running = np.concatenate([[0.0], np.cumsum(values)])
+        return running[high] - running[low]
+
+    common = (end - begin).astype(np.float64)
+    product = correlate(a, b, mode="full", method="auto")[count - 1 + shifts]
+    sum_a, sum_aa = sums(a, begin, end), sums(a * a, begin, end)
+    sum_b, sum_bb = sums(b, begin - shifts, end - shifts), sums(b * b, begin - shifts, end - shifts)
+    spread_a, spread_b = sum_aa - sum_a**2 / common, sum_bb - sum_b**2 / common
+    # Below this the difference of sums is rounding error: the stretch is constant.
+    floor = 1e-12 * count
+    with np.errstate(invalid="ignore", divide="ignore"):
+        r = (product - sum_a * sum_b / common) / np.sqrt(spread_a * spread_b)
+    return np.where((spread_a > floor) & (spread_b > floor), np.clip(r, -1.0, 1.0), np.nan)
+
+
+def compare_waveforms(time, recorded, simulated, *, greatest_lag: float | None = None) -> WaveformComparison:
+    """Compare a recorded waveform with a simulated one.
+
+    Args:
+        time: Sample times of both [s], shape (n,), in even steps.
+        recorded: Recorded samples [V], shape (n,).
+        simulated: Simulated samples [V], shape (n,).
+        greatest_lag: Largest lag tried either way [s]; None: half the record. Only the samples in common count.
+
+    Returns:
+        Peak errors in both conventions, r at zero lag, the greatest r and its lag (between samples: the vertex of the
+        parabola through the three samples around it), and the degrees of Table 5.
+
+    Raises:
+        ValueError: Shapes that disagree, fewer than 16 samples, uneven times, numbers that are not finite, a waveform
+            that is constant or has no positive peak, a lag that is not positive.
+        TypeError: Values that are not real numbers.
+    """
+    _, test, period = as_waveform(time, recorded, least_count=2 * LEAST_OVERLAP)
+    _, model, _ = as_waveform(time, simulated, least_count=2 * LEAST_OVERLAP)
+    test_peak, model_peak = float(test.max()), float(model.max())
+    for name, peak in (("recorded", test_peak), ("simulated", model_peak)):
+        if peak <= 0.0:
+            raise ValueError(
+                f"the {name} waveform has no positive peak (greatest sample {peak:g} V): is its sign turned?"
+            )
+    r = pearson_correlation(test, model)
+    shift = test.size // 2
+    if greatest_lag is not None:
+        shift = min(math.ceil(check_positive(greatest_lag, "greatest_lag", "s") / period), test.size - LEAST_OVERLAP)
+    by_lag = correlation_by_lag(test, model, shift)
+    by_lag[shift] = r
+    place, best = _vertex(by_lag)
+    best = min(max(best, r), 1.0)
+    return WaveformComparison(
+        recorded_peak=test_peak,
+        simulated_peak=model_peak,
+        peak_error=(test_peak - model_peak) / model_peak,
+        peak_error_of_recorded=(test_peak - model_peak) / test_peak,
+        correlation=r,
+        best_correlation=best,
+        lag=(place - shift) * period,
+        degree=correlation_degree(r),
+        best_degree=correlation_degree(best),
+    )
+
+
+def _vertex(values: np.ndarray) -> tuple[float, float]:
+    """Place and height of the greatest value, refined by the parabola through its neighbours where it has them."""
+    top = int(np.nanargmax(values))
+    height = float(values[top])
+    if 0 < top < values.size - 1 and np.isfinite(values[top - 1 : top + 2]).all():
+        before, after = float(values[top - 1]), float(values[top + 1])
+        bend = before - 2.0 * height + after
+        if bend < 0.0:
+            move = 0.5 * (before - after) / bend
+            return top + move, height - 0.25 * (before - after) * move
+    return float(top), height

@@ -1,0 +1,119 @@
+"""Argument checks shared by the echo's modules: each refuses a value by name and says what would do."""
+
+import math
+
+import numpy as np
+
+# Spacing of samples may differ by this share of a sample period before the record counts as uneven.
+UNEVENNESS = 1e-3
+
+
+def check_positive(value: float, name: str, unit: str = "") -> float:
+    """Return `value` as a float that is positive and finite.
+
+    Raises:
+        ValueError: It is not.
+        TypeError: It is no number.
+    """
+    number = _as_number(value, name)
+    if not (math.isfinite(number) and number > 0.0):
+        raise ValueError(f"{name} must be positive and finite{f' [{unit}]' if unit else ''}, got {value!r}")
+    return number
+
+
+def check_share(value: float, name: str) -> float:
+    """Return `value` as a float in [0, 1].
+
+    Raises:
+        ValueError: It lies outside.
+        TypeError: It is no number.
+    """
+    number = _as_number(value, name)
+    if not 0.0 <= number <= 1.0:
+        raise ValueError(f"{name} must lie between 0 and 1 (a share, not per cent), got {value!r}")
+    return number
+
+
+def check_tilt(value: float, name: str = "tilt") -> float:
+    """Return `value` as a float in (-pi/2, pi/2) [rad].
+
+    Raises:
+        ValueError: It lies outside.
+        TypeError: It is no number.
+    """
+    number = _as_number(value, name)
+    if not abs(number) < 0.5 * math.pi:
+        raise ValueError(f"{name} must lie between -pi/2 and pi/2 rad (not degrees), got {value!r}")
+    return number
+
+
+def check_choice(value: str, name: str, choices: tuple[str, ...]) -> str:
+    """Return `value`, one of `choices`.
+
+    Raises:
+        ValueError: It is none of them.
+    """
+    if value not in choices:
+        raise ValueError(f"{name} {value!r} is not known: choose one of {', '.join(choices)}")
+    return value
+
+
+def as_finite_array(values, name: str) -> np.ndarray:
+    """Return `values` as a float64 array without NaN or infinities.
+
+    Raises:
+        ValueError: Some are not finite (how many, and where the first is).
+        TypeError: They are not real numbers.
+    """
+    array = np.asarray(values)
+    if not (np.issubdtype(array.dtype, np.number) or array.dtype == bool) or np.iscomplexobj(array):
+        raise TypeError(f"{name} must hold real numbers, got dtype {array.dtype}")
+    array = array.astype(np.float64)
+    bad = ~np.isfinite(array)
+    if bad.any():
+        place = int(np.argmax(bad))
+        raise ValueError(f"{name}: {int(bad.sum())} of {array.size} values are not finite, the first at index {place}")
+    return array
+
+
+def as_waveform(time, voltage, least_count: int = 4) -> tuple[np.ndarray, np.ndarray, float]:
+    """Check a sampled waveform.
+
+    Args:
+        time: Sample times [s], shape (n,), increasing in even steps.
+        voltage: Samples, shape (n,).
+        least_count: Fewest samples that will do.
+
+    Returns:
+        Times [s] and samples as float64, shape (n,) each, and the sample period [s].
+
+    Raises:
+        ValueError: Shapes that disagree, too few samples, numbers that are not finite, times that do not increase
+            evenly.
+        TypeError: Values that are not real numbers.
+    """
+    times, values = as_finite_array(time, "time"), as_finite_array(voltage, "voltage")
+    if times.ndim != 1 or times.shape != values.shape:
+        raise ValueError(f"time and voltage must be lists of one length, got shapes {times.shape} and {values.shape}")
+    if times.size < least_count:
+        raise ValueError(f"a waveform needs at least {least_count} samples, got {times.size}")
+    steps = np.diff(times)
+    if not (steps > 0.0).all():
+        raise ValueError(f"time must increase: it does not after sample {int(np.argmin(steps > 0.0))}; sort the record")
+    period = float((times[-1] - times[0]) / (times.size - 1))
+    uneven = np.abs(steps - period) > UNEVENNESS * period
+    if uneven.any():
+        raise ValueError(
+            f"time must increase in even steps: the step after sample {int(np.argmax(uneven))} is "
+            f"{steps[np.argmax(uneven)]:.6g} s, the mean {period:.6g} s; resample the record first"
+        )
+    return times, values, period
+
+
+def _as_number(value: float, name: str) -> float:
+    if isinstance(value, (bool, str)) or np.ndim(value) != 0:
+        raise TypeError(f"{name} must be one number, got {value!r}")
+    try:
+        return float(value)
+    except (TypeError, ValueError):
+        raise TypeError(f"{name} must be one number, got {value!r}") from None

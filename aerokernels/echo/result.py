@@ -1,0 +1,120 @@
+"""What the echo of a scene is."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from .pulse_curve import peak_height
+
+if TYPE_CHECKING:
+    import xarray
+
+
+@dataclass(frozen=True, eq=False)
+class EchoResult:
+    """The echo of a scene. Arrays are float64.
+
+    Attributes:
+        time: Sample times after the pulse's peak left [s], shape (n,).
+        power: Power on the receiver's pupil [W], shape (n,).
+        voltage: Detector voltage [V], shape (n,).
+        target_point: Where each ray of the beam lands on the target [m], shape (m, 3); NaN for rays that do not.
+        path: Optical path R_L of each ray from the exit aperture to the target [m], shape (m,).
+        incidence: Angle between each ray and the target's normal [rad], shape (m,).
+        strehl: Strehl ratio of each point's return path over the receiver's pupil, shape (m,).
+        beam_share: Share of the beam's power that each ray stands for, shape (m,).
+        point_power: Peak of each point's own pulse at the receiver [W], shape (m,); `power` is the sum of the pulses.
+        distance: True distance of the target [m].
+        ranging: The scene's ranging method.
+        ranges: Range by method [m], calibrated; NaN where a method finds no echo.
+        calibration: What is subtracted from each method's reading [m]: its error on the echo that the same scene has
+            in vacuum.
+        vacuum_peak_power: Peak power of that echo [W].
+        vacuum_peak_voltage: Peak voltage of that echo [V].
+        information: Numbers about the computation: "beam_share" (of the beam's power that arrives on the target),
+            "lost_share" (of the power aimed at the target, in rays that failed), "strehl_error" (bound on the error
+            of interpolating the Strehl ratio), "ray_count", "evaluation_count", "trace_seconds".
+    """
+
+    time: np.ndarray
+    power: np.ndarray
+    voltage: np.ndarray
+    target_point: np.ndarray
+    path: np.ndarray
+    incidence: np.ndarray
+    strehl: np.ndarray
+    beam_share: np.ndarray
+    point_power: np.ndarray
+    distance: float
+    ranging: str
+    ranges: Mapping[str, float]
+    calibration: Mapping[str, float]
+    vacuum_peak_power: float
+    vacuum_peak_voltage: float
+    information: Mapping[str, float] = field(default_factory=dict)
+
+    @property
+    def peak_power(self) -> float:
+        """Peak of the received power [W], between the samples."""
+        return peak_height(self.power)
+
+    @property
+    def peak_voltage(self) -> float:
+        """Peak of the voltage [V], between the samples."""
+        return peak_height(self.voltage)
+
+    @property
+    def range(self) -> float:
+        """Range by the scene's own method [m]; NaN if it finds no echo."""
+        return self.ranges[self.ranging]
+
+    @property
+    def range_error(self) -> float:
+        """`range` minus the true distance [m]."""
+        return self.range - self.distance
+
+    @property
+    def mean_strehl(self) -> float:
+        """Strehl ratio as the echo sees it: the mean over the target points, weighted with the power they return."""
+        share = self.beam_share
+        good = np.isfinite(self.strehl) & (share > 0.0)
+        return float(share[good] @ self.strehl[good] / share[good].sum()) if good.any() else float("nan")
+
+    def to_xarray(self) -> "xarray.Dataset":
+        """The echo as a dataset with units: `echo_power`, `echo_voltage` over "time", the rest over "point"."""
+        import xarray
+
+        def point(values: np.ndarray, units: str, words: str) -> tuple:
+            return (("point", "axis") if values.ndim == 2 else ("point",), values, {"units": units, "long_name": words})
+
+        variables = {
+            "echo_power": ("time", self.power, {"units": "W", "long_name": "received power"}),
+            "echo_voltage": ("time", self.voltage, {"units": "V", "long_name": "detector voltage"}),
+            "target_point": point(self.target_point, "m", "where the beam's rays land on the target"),
+            "path": point(self.path, "m", "optical path from the exit aperture to the target"),
+            "incidence": point(self.incidence, "rad", "angle between ray and target normal"),
+            "point_strehl": point(self.strehl, "1", "Strehl ratio of the return path"),
+            "beam_share": point(self.beam_share, "1", "share of the beam's power"),
+            "point_power": point(self.point_power, "W", "peak of the point's own pulse at the receiver"),
+            "method_range": ("method", list(self.ranges.values()), {"units": "m", "long_name": "range"}),
+            "range_offset": (
+                "method",
+                [self.calibration.get(name, float("nan")) for name in self.ranges],
+                {"units": "m", "long_name": "calibration subtracted from the reading"},
+            ),
+        }
+        time = ("time", self.time, {"units": "s", "long_name": "time after the pulse's peak left"})
+        coordinates = {"time": time, "axis": ["x", "y", "z"], "method": list(self.ranges)}
+        attributes = {
+            "ranging": self.ranging,
+            "range_m": self.range,
+            "true_range_m": self.distance,
+            "echo_peak_w": self.peak_power,
+            "echo_peak_v": self.peak_voltage,
+            "vacuum_peak_w": self.vacuum_peak_power,
+            "vacuum_peak_v": self.vacuum_peak_voltage,
+            **{f"echo_{name}": value for name, value in self.information.items()},
+        }
+        return xarray.Dataset(variables, coords=coordinates, attrs=attributes)

@@ -1,0 +1,87 @@
+"""The laser pulse in time, and the sum of many delayed copies of it.
+
+    p(t) = P0 exp(-(t / tau)^2),   FWHM = 2 sqrt(ln 2) tau,   energy = P0 tau sqrt(pi)
+
+t = 0 is the moment at which the pulse's peak leaves. Times [s], powers [W], energies [J].
+"""
+
+import math
+
+import numpy as np
+
+from .checks import as_finite_array, check_positive
+
+SPEED_OF_LIGHT = 299_792_458.0  # in vacuum [m/s], exact
+# exp(-x^2) is below 1e-31 beyond; points whose pulse is farther away are left out of a sample's sum.
+_REACH = 8.5
+# Largest block of (time, point) pairs held at once: 16 MiB of float64.
+_BLOCK = 1 << 21
+
+
+def pulse_tau_from_fwhm(fwhm: float) -> float:
+    """The 1/e half-width tau [s] of a Gaussian pulse of full width at half maximum `fwhm` [s].
+
+    Raises:
+        ValueError: `fwhm` is not positive and finite.
+    """
+    return check_positive(fwhm, "fwhm", "s") / (2.0 * math.sqrt(math.log(2.0)))
+
+
+def fwhm_from_pulse_tau(pulse_tau: float) -> float:
+    """The full width at half maximum [s] of a Gaussian pulse of 1/e half-width `pulse_tau` [s].
+
+    Raises:
+        ValueError: `pulse_tau` is not positive and finite.
+    """
+    return check_positive(pulse_tau, "pulse_tau", "s") * 2.0 * math.sqrt(math.log(2.0))
+
+
+def pulse_energy(peak_power: float, pulse_tau: float) -> float:
+    """Energy [J] of a Gaussian pulse of peak power [W] and 1/e half-width [s].
+
+    Raises:
+        ValueError: One of them is not positive and finite.
+    """
+    return (
+        check_positive(peak_power, "peak_power", "W") * check_positive(pulse_tau, "pulse_tau", "s") * math.sqrt(math.pi)
+    )
+
+
+def gaussian_pulse(time, pulse_tau: float) -> np.ndarray:
+    """A pulse of peak 1 at t = 0, of the shape of `time` [s].
+
+    Raises:
+        ValueError: `pulse_tau` is not positive and finite, or `time` is not finite.
+    """
+    return np.exp(-np.square(as_finite_array(time, "time") / check_positive(pulse_tau, "pulse_tau", "s")))
+
+
+def sum_of_pulses(time, delay, peak, pulse_tau: float) -> np.ndarray:
+    """Sum of Gaussian pulses, one a point: the right-hand side of eq 12 for given delays and peaks.
+
+    Args:
+        time: Times [s], any shape.
+        delay: When each point's pulse peaks [s], shape (point_count,).
+        peak: Peak power of each point's pulse [W], shape (point_count,).
+        pulse_tau: 1/e half-width of the pulse [s].
+
+    Returns:
+        Power [W], of the shape of `time`.
+
+    Raises:
+        ValueError: Shapes that disagree, numbers that are not finite, a `pulse_tau` that is not positive.
+    """
+    times = as_finite_array(time, "time")
+    delays, peaks = as_finite_array(delay, "delay"), as_finite_array(peak, "peak")
+    tau = check_positive(pulse_tau, "pulse_tau", "s")
+    if delays.ndim != 1 or delays.shape != peaks.shape:
+        raise ValueError(f"delay and peak must be lists of one length, got shapes {delays.shape} and {peaks.shape}")
+    flat = times.ravel()
+    power = np.zeros(flat.size)
+    if delays.size:
+        near = np.flatnonzero((flat > delays.min() - _REACH * tau) & (flat < delays.max() + _REACH * tau))
+        rows = max(1, _BLOCK // delays.size)
+        for start in range(0, near.size, rows):
+            block = near[start : start + rows]
+            power[block] = np.exp(-np.square((flat[block, None] - delays) / tau)) @ peaks
+    return power.reshape(times.shape)

@@ -1,0 +1,39 @@
+"""Where density comes from: gas relations, and the flow fields that come with the package."""
+
+from .density_field import DensityField, uniform_air
+from .gas import (
+    GAMMA_AIR,
+    GAS_CONSTANT_AIR,
+    SEA_LEVEL_DENSITY,
+    FreeStream,
+    Isentropic,
+    isentropic,
+    tunnel_conditions,
+)
+from .refractivity import RELATIONS, gladstone_dale_constant, index_contrast, refractivity
+from .shipped import shipped, shipped_names
+from .shocks import PrandtlMeyer, Shock, maximum_deflection, normal_shock, oblique_shock, prandtl_meyer
+
+__all__ = [
+    "GAMMA_AIR",
+    "GAS_CONSTANT_AIR",
+    "RELATIONS",
+    "SEA_LEVEL_DENSITY",
+    "DensityField",
+    "FreeStream",
+    "Isentropic",
+    "PrandtlMeyer",
+    "Shock",
+    "gladstone_dale_constant",
+    "index_contrast",
+    "isentropic",
+    "maximum_deflection",
+    "normal_shock",
+    "oblique_shock",
+    "prandtl_meyer",
+    "refractivity",
+    "shipped",
+    "shipped_names",
+    "tunnel_conditions",
+    "uniform_air",
+]

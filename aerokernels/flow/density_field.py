@@ -1,0 +1,146 @@
+"""A density field: what a flow solver or a flow relation hands to the optics."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ..medium import Body, IndexField, QuadMesh
+from .gas import SEA_LEVEL_DENSITY, FreeStream, positive
+from .refractivity import gladstone_dale_constant, index_contrast, refractivity
+
+
+@dataclass(frozen=True)
+class DensityField:
+    """Density on a quadrilateral mesh, in the optical frame (z looks upstream), surrounded by ambient gas.
+
+    Attributes:
+        mesh: Mesh with columns (r, z) or (y, z) [m].
+        density: Cell averages [kg/m3], shape (cell_count,) in the mesh's order; (ni - 1, nj - 1) is accepted.
+        ambient_density: Density outside the mesh [kg/m3].
+        body: Solid body in the flow, or None.
+        conditions: The free stream, or None where the gas is at rest.
+        provenance: Where the field comes from, in words.
+
+    Raises:
+        TypeError: The mesh is no QuadMesh.
+        ValueError: Densities that are not positive and finite (how many, and where the first is), or another number of
+            them than of cells.
+    """
+
+    mesh: QuadMesh
+    density: np.ndarray
+    ambient_density: float
+    body: Body | None = None
+    conditions: FreeStream | None = None
+    provenance: str = ""
+
+    def __post_init__(self):
+        """Check the densities."""
+        if not isinstance(self.mesh, QuadMesh):
+            raise TypeError(f"mesh must be a QuadMesh, got {type(self.mesh).__name__}: see QuadMesh.structured")
+        positive(self.ambient_density, "ambient_density")
+        density = np.array(self.density, dtype=np.float64).ravel()
+        if density.size != len(self.mesh.cells):
+            raise ValueError(
+                f"density has {density.size} entries, the mesh {len(self.mesh.cells)} cells: "
+                "give one average for each cell"
+            )
+        self._refuse(~np.isfinite(density), density, "not finite")
+        self._refuse(density <= 0.0, density, "not positive")
+        density.setflags(write=False)
+        object.__setattr__(self, "density", density)
+        object.__setattr__(self, "ambient_density", float(self.ambient_density))
+
+    def _refuse(self, bad: np.ndarray, density: np.ndarray, fault: str) -> None:
+        if not bad.any():
+            return
+        first = int(np.argmax(bad))
+        place = f"cell {first}"
+        if self.mesh.shape is not None:
+            place += f" (row {first // (self.mesh.shape[1] - 1)}, column {first % (self.mesh.shape[1] - 1)})"
+        centre = self.mesh.corners[first].mean(axis=0)
+        axes = "r, z" if self.mesh.geometry == "axisymmetric" else "y, z"
+        raise ValueError(
+            f"{int(bad.sum())} of {density.size} densities are {fault}: the first is {float(density[first])!r} kg/m3 "
+            f"in {place} at {axes} = {centre[0]:.6g}, {centre[1]:.6g} m; repair the flow file"
+        )
+
+    @property
+    def geometry(self) -> str:
+        """The mesh's geometry: "planar" or "axisymmetric"."""
+        return self.mesh.geometry
+
+    def scaled(self, ambient_density: float) -> "DensityField":
+        """The same flow at another ambient density [kg/m3], every density ratio kept.
+
+        The Euler equations keep their solution, at the same Mach number and temperature, when density and pressure are
+        multiplied by one factor; a viscous flow would not.
+        """
+        ratio = positive(ambient_density, "ambient_density") / self.ambient_density
+        return replace(
+            self,
+            density=self.density * ratio,
+            ambient_density=float(ambient_density),
+            conditions=None if self.conditions is None else self.conditions.at_density(self.conditions.density * ratio),
+            provenance=f"{self.provenance}; densities multiplied by {ratio:.8g}".lstrip("; "),
+        )
+
+    def index_field(
+        self,
+        wavelength: float = 905e-9,
+        relation: str = "gladstone-dale",
+        *,
+        gladstone_dale: float | None = None,
+        interpolation: str = "bilinear",
+    ) -> IndexField:
+        """The refractive index on the same mesh: contrast n - n_ambient, as cell averages.
+
+        The average of n over a cell is taken to be n of the average density. That is exact for Gladstone-Dale; for
+        Lorentz-Lorenz it is off by the spread of (K rho)^2 / 6 within a cell, below 1e-8 for air.
+
+        Args:
+            wavelength: Vacuum wavelength [m], for K.
+            relation: "gladstone-dale" or "lorentz-lorenz".
+            gladstone_dale: K [m3/kg] to use in place of the paper's K(wavelength).
+            interpolation: As in IndexField.from_mesh.
+
+        Raises:
+            ValueError: A wavelength outside the range of K, an unknown relation or interpolation.
+        """
+        constant = gladstone_dale_constant(wavelength) if gladstone_dale is None else gladstone_dale
+        return IndexField.from_mesh(
+            self.mesh,
+            index_contrast(self.density, self.ambient_density, constant, relation),
+            ambient_index=1.0 + float(refractivity(self.ambient_density, constant, relation)),
+            interpolation=interpolation,
+            body=self.body,
+        )
+
+
+def uniform_air(
+    density: float = SEA_LEVEL_DENSITY,
+    *,
+    body: Body | None = None,
+    radius: float = 0.04,
+    z_range: tuple[float, float] = (-0.04, 0.01),
+) -> DensityField:
+    """Air at rest, the same everywhere: what a tunnel holds before it is started.
+
+    Args:
+        density: [kg/m3].
+        body: A solid body standing in it.
+        radius: Radius of the axisymmetric box the field is given on [m]; beyond it the air is the same.
+        z_range: Lowest and highest z of the box [m].
+
+    Raises:
+        ValueError: A density or radius that is not positive and finite, or a range that does not increase.
+    """
+    positive(radius, "radius")
+    low, high = z_range
+    if not low < high:
+        raise ValueError(f"z_range must increase, got {z_range!r}")
+    # Eight cells are more than a constant needs; five-point gradients need four.
+    r, z = np.meshgrid(np.linspace(0.0, radius, 9), np.linspace(low, high, 9), indexing="ij")
+    mesh = QuadMesh.structured(r, z, "axisymmetric")
+    ambient = positive(density, "density")
+    return DensityField(mesh, np.full(len(mesh.cells), ambient), ambient, body, None, f"air at rest, {ambient:g} kg/m3")

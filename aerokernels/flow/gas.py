@@ -1,0 +1,143 @@
+"""Perfect-gas relations along a streamline without shocks, and the free stream of a wind tunnel.
+
+    T / T0 = 1 / (1 + (gamma - 1) / 2 M^2)
+    p / p0 = (T / T0)^(gamma / (gamma - 1)),   rho / rho0 = (T / T0)^(1 / (gamma - 1))
+
+Reference: J. D. Anderson, Modern Compressible Flow, 3rd ed., eq 3.28, 3.30, 3.31.
+"""
+
+import math
+from dataclasses import dataclass, replace
+
+GAMMA_AIR = 1.4
+# Universal gas constant over the molar mass of dry air, 8314.4626 / 28.9644 [J/(kg K)].
+GAS_CONSTANT_AIR = 8314.4626 / 28.9644
+SEA_LEVEL_DENSITY = 1.225  # [kg/m3], International Standard Atmosphere
+
+
+@dataclass(frozen=True)
+class Isentropic:
+    """Static over stagnation values at one Mach number.
+
+    Attributes:
+        mach: Mach number.
+        temperature_ratio: T / T0.
+        pressure_ratio: p / p0.
+        density_ratio: rho / rho0.
+    """
+
+    mach: float
+    temperature_ratio: float
+    pressure_ratio: float
+    density_ratio: float
+
+
+@dataclass(frozen=True)
+class FreeStream:
+    """A uniform supersonic or subsonic stream of a perfect gas.
+
+    Attributes:
+        mach: Mach number.
+        density: [kg/m3].
+        pressure: Static pressure [Pa].
+        temperature: Static temperature [K].
+        velocity: [m/s].
+        sound_speed: [m/s].
+        stagnation_pressure: [Pa].
+        stagnation_temperature: [K].
+        gamma: Ratio of specific heats.
+        gas_constant: [J/(kg K)].
+    """
+
+    mach: float
+    density: float
+    pressure: float
+    temperature: float
+    velocity: float
+    sound_speed: float
+    stagnation_pressure: float
+    stagnation_temperature: float
+    gamma: float = GAMMA_AIR
+    gas_constant: float = GAS_CONSTANT_AIR
+
+    def at_density(self, density: float) -> "FreeStream":
+        """The stream of the same Mach number and temperature at another density [kg/m3]: pressures scale with it."""
+        ratio = positive(density, "density") / self.density
+        return replace(
+            self,
+            density=float(density),
+            pressure=self.pressure * ratio,
+            stagnation_pressure=self.stagnation_pressure * ratio,
+        )
+
+
+def isentropic(mach: float, *, gamma: float = GAMMA_AIR) -> Isentropic:
+    """Static over stagnation temperature, pressure and density.
+
+    Raises:
+        ValueError: A Mach number that is negative or not finite, or gamma not above 1.
+    """
+    if not (math.isfinite(mach) and mach >= 0.0):
+        raise ValueError(f"mach must be zero or positive, got {mach!r}")
+    check_gamma(gamma)
+    ratio = 1.0 / (1.0 + 0.5 * (gamma - 1.0) * mach**2)
+    return Isentropic(float(mach), ratio, ratio ** (gamma / (gamma - 1.0)), ratio ** (1.0 / (gamma - 1.0)))
+
+
+def tunnel_conditions(
+    mach: float,
+    stagnation_pressure: float,
+    stagnation_temperature: float,
+    *,
+    gamma: float = GAMMA_AIR,
+    gas_constant: float = GAS_CONSTANT_AIR,
+    density: float | None = None,
+) -> FreeStream:
+    """Free stream of a wind tunnel that expands gas at rest to a Mach number without losses.
+
+    Args:
+        mach: Mach number of the test section, above 0.
+        stagnation_pressure: Pressure of the gas at rest [Pa].
+        stagnation_temperature: Temperature of the gas at rest [K].
+        gamma: Ratio of specific heats.
+        gas_constant: [J/(kg K)].
+        density: Free-stream density [kg/m3] to use in place of the isentropic one, such as a rounded value that was
+            published. Temperature and velocity stay; both pressures scale with the density.
+
+    Raises:
+        ValueError: A value that is not positive and finite, or gamma not above 1.
+    """
+    positive(mach, "mach")
+    positive(stagnation_pressure, "stagnation_pressure")
+    positive(stagnation_temperature, "stagnation_temperature")
+    positive(gas_constant, "gas_constant")
+    ratio = isentropic(mach, gamma=gamma)
+    temperature = stagnation_temperature * ratio.temperature_ratio
+    pressure = stagnation_pressure * ratio.pressure_ratio
+    sound_speed = math.sqrt(gamma * gas_constant * temperature)
+    stream = FreeStream(
+        mach=float(mach),
+        density=pressure / (gas_constant * temperature),
+        pressure=pressure,
+        temperature=temperature,
+        velocity=mach * sound_speed,
+        sound_speed=sound_speed,
+        stagnation_pressure=float(stagnation_pressure),
+        stagnation_temperature=float(stagnation_temperature),
+        gamma=float(gamma),
+        gas_constant=float(gas_constant),
+    )
+    return stream if density is None else stream.at_density(density)
+
+
+def positive(value: float, name: str) -> float:
+    """The value, refused unless positive and finite."""
+    if not (math.isfinite(value) and value > 0.0):
+        raise ValueError(f"{name} must be positive and finite, got {value!r}")
+    return float(value)
+
+
+def check_gamma(gamma: float) -> None:
+    """Refuse a ratio of specific heats that is not above 1."""
+    if not (math.isfinite(gamma) and gamma > 1.0):
+        raise ValueError(f"gamma must be above 1, got {gamma!r}: air has 1.4")

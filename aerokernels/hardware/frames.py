@@ -1,0 +1,147 @@
+"""Frame version 1 of a digitiser board: encoding and decoding of one frame.
+
+On the wire a frame is COBS encoded (no zero byte inside) and ended by one 0x00. Decoded, little-endian:
+
+    magic "AE" | version u8 = 1 | flags u8 | sequence u32 | device time u64 [us] | sample period u32 [ps]
+    | scale f32 [V/count] | offset f32 [V] | sample count u16 | samples i16 ... | CRC-32 u32 of all bytes before it
+
+    volts = offset + scale * sample
+
+A frame counts as good only if the COBS code, the CRC-32, the magic, the version and the length all agree.
+
+References: S. Cheshire, M. Baker, "Consistent overhead byte stuffing", IEEE/ACM Trans. Networking 7 (1999) 159-172;
+CRC-32 as in zlib (ISO-HDLC).
+"""
+
+import math
+import struct
+import zlib
+from dataclasses import dataclass, field
+from operator import index
+
+import numpy as np
+from cobs import cobs
+
+MAGIC = b"AE"
+VERSION = 1
+DELIMITER = b"\x00"
+GREATEST_SAMPLE_COUNT = 0xFFFF
+_HEADER = struct.Struct("<2sBBIQIffH")
+_CRC = struct.Struct("<I")
+_GREATEST_PAYLOAD = _HEADER.size + 2 * GREATEST_SAMPLE_COUNT + _CRC.size
+GREATEST_FRAME_LENGTH = _GREATEST_PAYLOAD + _GREATEST_PAYLOAD // 254 + 1
+"""Bytes of the longest possible frame on the wire, without its delimiter."""
+
+
+class FrameError(ValueError):
+    """The bytes between two delimiters are not a good frame."""
+
+
+@dataclass(frozen=True, eq=False)
+class EchoFrame:
+    """One recorded echo as the board sent it.
+
+    Attributes:
+        sequence: number of the frame, 0 to 2**32 - 1; it wraps, and starts again when the board does.
+        device_time_us: the board's clock [us], 0 to 2**64 - 1.
+        sample_period_ps: time between two samples [ps].
+        scale: [V/count], rounded to float32.
+        offset: [V], rounded to float32.
+        samples: counts, int16, shape (sample_count,), read-only.
+        flags: the board's flag byte, kept as it is.
+        raw: the bytes as received (COBS encoded, no delimiter); empty for a frame that was not received.
+    """
+
+    sequence: int
+    device_time_us: int
+    sample_period_ps: int
+    scale: float
+    offset: float
+    samples: np.ndarray
+    flags: int = 0
+    raw: bytes = field(default=b"", repr=False)
+
+    def __post_init__(self) -> None:
+        """Check every field against the room it has in the frame.
+
+        Raises:
+            ValueError: a value that does not fit; the message says which.
+        """
+        for name, bits in (("sequence", 32), ("device_time_us", 64), ("sample_period_ps", 32), ("flags", 8)):
+            value = index(getattr(self, name))
+            object.__setattr__(self, name, value)
+            if not 0 <= value < 1 << bits:
+                raise ValueError(f"{name} = {value} does not fit its unsigned {bits}-bit field: use 0 to 2**{bits} - 1")
+        for name in ("scale", "offset"):
+            value = getattr(self, name)
+            if not (math.isfinite(value) and abs(value) <= float(np.finfo(np.float32).max)):
+                raise ValueError(f"{name} = {value} is not a finite float32: give volts that are")
+            object.__setattr__(self, name, float(np.float32(value)))
+        samples = np.asarray(self.samples)
+        if samples.ndim != 1 or samples.size > GREATEST_SAMPLE_COUNT:
+            raise ValueError(
+                f"samples have shape {samples.shape}: a frame holds one row of at most {GREATEST_SAMPLE_COUNT}"
+            )
+        if samples.size and (samples.dtype.kind not in "iu" or samples.min() < -32768 or samples.max() > 32767):
+            raise ValueError(f"samples of type {samples.dtype} do not fit int16: scale and round them to counts first")
+        samples = samples.astype(np.int16)
+        samples.flags.writeable = False
+        object.__setattr__(self, "samples", samples)
+
+    @property
+    def voltage(self) -> np.ndarray:
+        """Samples as volts [V], float64, shape (sample_count,)."""
+        return self.offset + self.scale * self.samples.astype(np.float64)
+
+    @property
+    def time(self) -> np.ndarray:
+        """Time of each sample after the first [s], shape (sample_count,)."""
+        return np.arange(self.samples.size) * (self.sample_period_ps * 1e-12)
+
+    @property
+    def crc(self) -> int:
+        """CRC-32 the frame carries; with sequence and device time it identifies the frame in a store."""
+        return zlib.crc32(self._body())
+
+    def _body(self) -> bytes:
+        header = _HEADER.pack(
+            MAGIC, VERSION, self.flags, self.sequence, self.device_time_us, self.sample_period_ps,
+            self.scale, self.offset, self.samples.size,
+        )  # fmt: skip
+        return header + self.samples.astype("<i2").tobytes()
+
+
+def encode(frame: EchoFrame) -> bytes:
+    """Bytes of `frame` on the wire, its delimiter included."""
+    body = frame._body()
+    return cobs.encode(body + _CRC.pack(zlib.crc32(body))) + DELIMITER
+
+
+def decode(raw: bytes) -> EchoFrame:
+    """Decode what was received between two delimiters.
+
+    Raises:
+        FrameError: it is not a good frame; the message is the reason.
+    """
+    try:
+        payload = cobs.decode(raw)
+    except cobs.DecodeError as error:
+        raise FrameError(f"COBS: {error}") from None
+    if len(payload) < _HEADER.size + _CRC.size:
+        raise FrameError(f"length: {len(payload)} bytes, shorter than an empty frame")
+    body = payload[: -_CRC.size]
+    (crc,) = _CRC.unpack(payload[-_CRC.size :])
+    if crc != zlib.crc32(body):
+        raise FrameError("CRC: does not match")
+    magic, version, flags, sequence, device_time, period, scale, offset, count = _HEADER.unpack_from(body)
+    if magic != MAGIC:
+        raise FrameError(f"magic: {magic!r}, expected {MAGIC!r}")
+    if version != VERSION:
+        raise FrameError(f"version: {version}, this decoder reads {VERSION}")
+    if len(body) != _HEADER.size + 2 * count:
+        raise FrameError(f"length: {len(body) - _HEADER.size} bytes of samples for a count of {count}")
+    samples = np.frombuffer(body, "<i2", offset=_HEADER.size)
+    try:
+        return EchoFrame(sequence, device_time, period, scale, offset, samples, flags, bytes(raw))
+    except ValueError as error:  # a scale or an offset that is no number
+        raise FrameError(f"header: {error}") from None

@@ -1,0 +1,93 @@
+"""A pseudo-terminal under a name of one's own, standing in for a serial port."""
+
+import os
+import select
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+
+class PseudoTerminal:
+    """The board's end of a pseudo-terminal whose other end is reached through a symbolic link.
+
+    Args:
+        link: path for the link; one that is left over from an earlier terminal is replaced.
+
+    Raises:
+        ValueError: `link` is a file, its folder does not exist, or this system has no pseudo-terminals.
+    """
+
+    def __init__(self, link: str | Path) -> None:
+        """Make the terminal and the link."""
+        self.link = Path(link)
+        if self.link.exists() and not self.link.is_symlink():
+            raise ValueError(f"link {self.link} is a file or a folder: give a path that is free")
+        if not self.link.parent.is_dir():
+            raise ValueError(f"link {self.link}: folder {self.link.parent} does not exist; make it first")
+        if not hasattr(os, "openpty"):
+            raise ValueError("this system has no pseudo-terminals: run the simulated board on Linux or macOS")
+        import tty
+
+        self._master, slave = os.openpty()
+        tty.setraw(slave)  # bytes pass unchanged, nothing is echoed
+        self.name = os.ttyname(slave)
+        # Closed here, so that the hang-up condition tells whether anyone else has it open.
+        os.close(slave)
+        os.set_blocking(self._master, False)
+        self._poll = select.poll()
+        self._poll.register(self._master, select.POLLOUT)
+        draft = self.link.with_name(f"{self.link.name}.{os.getpid()}")
+        draft.symlink_to(self.name)
+        draft.replace(self.link)
+
+    def has_reader(self) -> bool:
+        """Whether someone has the port open."""
+        return not any(event & select.POLLHUP for _, event in self._poll.poll(0))
+
+    def write(self, data: bytes, stopped: Callable[[], bool] = lambda: False) -> bool:
+        """Write all of `data`, waiting for a slow reader; False when the reader left or `stopped()` came first."""
+        rest = memoryview(data)
+        while rest:
+            if stopped() or not self.has_reader():
+                return False
+            try:
+                rest = rest[os.write(self._master, rest) :]
+            except BlockingIOError:
+                self._poll.poll(50)
+        return True
+
+    def drain(self, stopped: Callable[[], bool] = lambda: False) -> None:
+        """Wait until the reader has taken everything or has left: closing the terminal would throw the rest away."""
+        import fcntl
+        import struct
+        import termios
+
+        try:
+            slave = os.open(self.name, os.O_RDWR | os.O_NOCTTY)
+        except OSError:
+            return
+        try:
+            left, unread = -1, 1
+            while unread and unread != left and not stopped():
+                left = unread
+                time.sleep(0.5)  # a reader that takes nothing in this time is not reading any more
+                (unread,) = struct.unpack("i", fcntl.ioctl(slave, termios.FIONREAD, b"\0\0\0\0"))
+        finally:
+            os.close(slave)
+
+    def close(self) -> None:
+        """Unplug: the reader's end fails from now on, and the link is gone."""
+        if self._master < 0:
+            return
+        os.close(self._master)
+        self._master = -1
+        if self.link.is_symlink() and os.readlink(self.link) == self.name:
+            self.link.unlink()
+
+    def __enter__(self) -> "PseudoTerminal":
+        """Use as a context: unplugged at its end."""
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        """Unplug."""
+        self.close()

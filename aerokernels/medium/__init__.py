@@ -1,0 +1,8 @@
+"""The refractive index the rays see: meshes, uniform grids, bodies and resampling between them."""
+
+from .body import Body
+from .field import IndexField
+from .mesh import QuadMesh
+from .resample import ResamplingError
+
+__all__ = ["Body", "IndexField", "QuadMesh", "ResamplingError"]

@@ -1,0 +1,121 @@
+"""A solid body in the flow: its profile, and the signed distance to it on a uniform grid.
+
+Kernels need one answer only, how far a point is from the wall and on which side. A sampled signed distance gives
+that for any profile at the price of one lookup, in the same way on every backend.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from .grid import check_finite
+
+
+@dataclass(frozen=True, eq=False)
+class DistanceGrid:
+    """Signed distance to a wall [m] at the nodes of a uniform grid: negative inside the body."""
+
+    samples: np.ndarray
+    origin: np.ndarray
+    spacing: np.ndarray
+
+    def evaluate(self, points: np.ndarray) -> np.ndarray:
+        """Bilinear signed distance [m] at local points (n, 2); the nearest edge's value outside the grid."""
+        place = (points - self.origin) / self.spacing
+        cell = np.clip(np.floor(place).astype(np.int64), 0, np.array(self.samples.shape) - 2)
+        u, v = np.clip(place - cell, 0.0, 1.0).T
+        i, j = cell.T
+        s = self.samples
+        near = (1 - v) * s[i, j] + v * s[i, j + 1]
+        far = (1 - v) * s[i + 1, j] + v * s[i + 1, j + 1]
+        return (1 - u) * near + u * far
+
+
+@dataclass(frozen=True, eq=False)
+class Body:
+    """A solid body.
+
+    Attributes:
+        profile: Points around the body [m], in order, shape (k, 2): (y, z) or (r, z). The last joins the first; the
+            part of an axisymmetric profile that lies on the axis is no wall.
+        geometry: "planar" or "axisymmetric".
+    """
+
+    profile: np.ndarray
+    geometry: str = "axisymmetric"
+
+    def __post_init__(self):
+        """Check the profile."""
+        profile = np.array(self.profile, dtype=np.float64)
+        if self.geometry not in ("planar", "axisymmetric"):
+            raise ValueError(f"a body profile is 'planar' or 'axisymmetric', got {self.geometry!r}")
+        if profile.ndim != 2 or profile.shape[1] != 2 or len(profile) < 3:
+            raise ValueError(f"a body profile needs at least three points, shape (k, 2), got {profile.shape}")
+        check_finite(profile, "the body profile")
+        if self.geometry == "axisymmetric" and profile[:, 0].min() < 0.0:
+            raise ValueError("an axisymmetric body profile must not have a negative radius")
+        profile.setflags(write=False)
+        object.__setattr__(self, "profile", profile)
+
+    @property
+    def walls(self) -> tuple[np.ndarray, np.ndarray]:
+        """Start and end points of the wall segments [m], each (w, 2)."""
+        start, end = self.profile, np.roll(self.profile, -1, axis=0)
+        keep = np.linalg.norm(end - start, axis=1) > 0.0
+        if self.geometry == "axisymmetric":
+            keep &= ~((start[:, 0] == 0.0) & (end[:, 0] == 0.0))
+        return start[keep], end[keep]
+
+    def contains(self, points: np.ndarray) -> np.ndarray:
+        """Whether each point (n, 2) lies inside the body (crossing number along the first axis)."""
+        points = np.asarray(points, dtype=np.float64)
+        start, end = self.profile, np.roll(self.profile, -1, axis=0)
+        inside = np.zeros(len(points), dtype=bool)
+        for (a0, a1), (b0, b1) in zip(start, end, strict=True):
+            straddles = (a1 > points[:, 1]) != (b1 > points[:, 1])
+            if not straddles.any():
+                continue
+            rows = np.flatnonzero(straddles)
+            crossing = a0 + (points[rows, 1] - a1) / (b1 - a1) * (b0 - a0)
+            hit = crossing > points[rows, 0]
+            inside[rows[hit]] ^= True
+        return inside
+
+    def nearest_wall(self, points: np.ndarray) -> np.ndarray:
+        """The wall point nearest to each point (n, 2) [m], shape (n, 2)."""
+        from scipy.spatial import cKDTree
+
+        start, end = self.walls
+        length = np.linalg.norm(end - start, axis=1)
+        # Long segments are cut so that the nearest cut point belongs to the nearest segment or one beside it.
+        piece = np.median(length)
+        count = np.maximum(1, np.ceil(length / piece).astype(int))
+        segment = np.repeat(np.arange(len(start)), count)
+        within = (np.arange(count.sum()) - np.repeat(np.cumsum(count) - count, count)) / count[segment]
+        step = ((end - start) / count[:, None])[segment]
+        first = start[segment] + within[:, None] * (end - start)[segment]
+        _, candidate = cKDTree(first + 0.5 * step).query(points, k=min(6, len(first)))
+        candidate = np.atleast_2d(candidate.T).T.reshape(len(points), -1)
+        best = np.full(len(points), np.inf)
+        foot = np.zeros_like(points)
+        for column in candidate.T:
+            base, span = first[column], step[column]
+            along = np.clip(np.sum((points - base) * span, axis=1) / np.sum(span**2, axis=1), 0.0, 1.0)
+            here = base + along[:, None] * span
+            distance = np.linalg.norm(points - here, axis=1)
+            closer = distance < best
+            best[closer], foot[closer] = distance[closer], here[closer]
+        return foot
+
+    def signed_distance(self, points: np.ndarray) -> np.ndarray:
+        """Distance to the wall [m], negative inside the body, at points (n, 2)."""
+        distance = np.linalg.norm(points - self.nearest_wall(points), axis=1)
+        return np.where(self.contains(points), -distance, distance)
+
+    def distance_grid(self, low: np.ndarray, high: np.ndarray, spacing: np.ndarray) -> DistanceGrid:
+        """The signed distance sampled from `low` to `high` [m]."""
+        count = np.maximum(2, np.round((high - low) / spacing).astype(int) + 1)
+        spacing = (high - low) / (count - 1)
+        axes = [low[k] + spacing[k] * np.arange(count[k]) for k in range(2)]
+        nodes = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 2)
+        return DistanceGrid(self.signed_distance(nodes).reshape(count), np.array(low), spacing)

@@ -1,0 +1,213 @@
+"""The refractive index as rays see it: contrast m = n - n_ambient in a box, ambient outside.
+
+The contrast is stored, never the index: in float32 an index near 1 cannot hold it.
+"""
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from .body import Body, DistanceGrid
+from .grid import UniformGrid, check_finite
+from .mesh import GEOMETRIES, QuadMesh
+from .mesh_samples import MeshSamples
+from .vertex_values import vertex_values
+
+
+def check_ambient(ambient_index: float) -> None:
+    """Refuse an ambient index that is not a positive number."""
+    if not (np.isfinite(ambient_index) and ambient_index > 0.0):
+        raise ValueError(f"ambient_index must be positive and finite, got {ambient_index!r}")
+
+
+@dataclass(frozen=True, eq=False)
+class IndexField:
+    """A refractive index field. Build one with `from_samples` or `from_mesh`.
+
+    Attributes:
+        samples: The contrast, on a uniform grid or on a mesh.
+        geometry: "volume" [x, y, z], "planar" [y, z] or "axisymmetric" [r, z].
+        ambient_index: Index outside the box.
+        body: Solid body in the field, or None.
+        resampling: What was measured when the field was resampled from another, or None.
+    """
+
+    samples: UniformGrid | MeshSamples
+    geometry: str
+    ambient_index: float
+    body: Body | None = None
+    resampling: object | None = None
+
+    def __post_init__(self):
+        """Check what both ways of building have in common."""
+        check_ambient(self.ambient_index)
+        object.__setattr__(self, "ambient_index", float(self.ambient_index))
+        values = self.samples.samples if self.is_uniform else self.samples.values
+        if values.min() + self.ambient_index <= 0.0:
+            raise ValueError(
+                f"the index must be positive everywhere: the least contrast is {values.min():g}, "
+                f"the ambient index {self.ambient_index:g}"
+            )
+        if self.body is not None and self.body.geometry != self.geometry:
+            raise ValueError(f"the body is {self.body.geometry}, the field {self.geometry}: they must agree")
+
+    @classmethod
+    def from_samples(
+        cls, contrast, *, origin, spacing, geometry, ambient_index=1.0, interpolation="cubic", body=None
+    ) -> "IndexField":
+        """A field from samples on a uniform grid.
+
+        Args:
+            contrast: n - ambient_index at the nodes, float64 or float32, axes [x, y, z], [y, z] or [r, z].
+            origin: Coordinates of the first node [m], one per axis; r starts at 0.
+            spacing: Node spacing [m], one per axis.
+            geometry: "volume", "planar" or "axisymmetric" (even in r).
+            ambient_index: Index outside the box. The faces of the box do not refract.
+            interpolation: "cubic" (C2 B-spline), "linear" or "monotone" (no overshoot at a shock).
+            body: Solid body in the field.
+
+        Raises:
+            ValueError: Numbers that are not finite, shapes that disagree, a spacing that is not positive, an unknown
+                geometry or interpolation, an axisymmetric grid that does not start at r = 0.
+        """
+        array = np.asarray(contrast)
+        if not np.issubdtype(array.dtype, np.number) or np.iscomplexobj(array):
+            raise TypeError(f"contrast must be an array of real numbers, got dtype {array.dtype}")
+        if geometry not in GEOMETRIES:
+            raise ValueError(f"geometry {geometry!r} is not known: choose one of {', '.join(GEOMETRIES)}")
+        dimension = 3 if geometry == "volume" else 2
+        if array.ndim != dimension:
+            raise ValueError(f"a {geometry} field needs an array of {dimension} axes, got shape {array.shape}")
+        if body is not None and geometry == "volume":
+            raise ValueError("a body in a volume field is not supported: use a planar or axisymmetric field")
+        axisymmetric = geometry == "axisymmetric"
+        check_ambient(ambient_index)
+        grid = UniformGrid(array, origin, spacing, interpolation, axisymmetric, float(ambient_index))
+        if axisymmetric and abs(grid.origin[0]) > 1e-9 * grid.spacing[0]:
+            raise ValueError(f"an axisymmetric grid starts at r = 0, got origin {grid.origin[0]!r}")
+        return cls(grid, geometry, ambient_index, body)
+
+    @classmethod
+    def from_mesh(
+        cls, mesh: QuadMesh, contrast, *, ambient_index=1.0, interpolation="bilinear", body=None
+    ) -> "IndexField":
+        """A field on a quadrilateral mesh.
+
+        Args:
+            mesh: The mesh; its geometry is the field's.
+            contrast: n - ambient_index at the vertices, or finite-volume averages over the cells; the number of
+                entries tells which.
+            ambient_index: Index outside the mesh.
+            interpolation: "bilinear", "bilinear-barron" or "idw" (see mesh_samples.py).
+            body: Solid body in the field.
+
+        Raises:
+            TypeError: `mesh` is no QuadMesh.
+            ValueError: A number of entries that fits neither vertices nor cells, or entries that are not finite.
+        """
+        if not isinstance(mesh, QuadMesh):
+            raise TypeError(f"mesh must be a QuadMesh, got {type(mesh).__name__}: see QuadMesh.structured")
+        values = np.array(contrast, dtype=np.float64)
+        check_finite(values, "the contrast")
+        values = values.ravel()
+        if values.size == len(mesh.cells):
+            values = vertex_values(mesh, values)
+        elif values.size != len(mesh.vertices):
+            raise ValueError(
+                f"contrast has {values.size} entries: give one for each of the {len(mesh.vertices)} vertices, "
+                f"or one for each of the {len(mesh.cells)} cells"
+            )
+        values.setflags(write=False)
+        return cls(MeshSamples(mesh, values, interpolation), mesh.geometry, ambient_index, body)
+
+    @property
+    def is_uniform(self) -> bool:
+        """Whether the samples lie on a uniform grid."""
+        return isinstance(self.samples, UniformGrid)
+
+    @property
+    def interpolation(self) -> str:
+        """Name of the interpolant."""
+        return self.samples.interpolation
+
+    @property
+    def mesh(self) -> QuadMesh:
+        """The mesh of a field on a mesh."""
+        if self.is_uniform:
+            raise ValueError("this field lies on a uniform grid, it has no mesh")
+        return self.samples.mesh
+
+    @property
+    def spacing(self) -> np.ndarray:
+        """Node spacing [m] of a uniform grid; the median cell size of a mesh, one entry per axis."""
+        if self.is_uniform:
+            return self.samples.spacing
+        return np.full(2, float(np.median(self.samples.mesh.cell_size)))
+
+    @property
+    def box(self) -> tuple[np.ndarray, np.ndarray]:
+        """Lowest and highest corner in (x, y, z) [m]; a planar field has no end in x."""
+        low, high = self.samples.low, self.samples.high
+        if self.geometry == "volume":
+            return low.copy(), high.copy()
+        if self.geometry == "planar":
+            return np.array([-np.inf, *low]), np.array([np.inf, *high])
+        return np.array([-high[0], -high[0], low[1]]), np.array([high[0], high[0], high[1]])
+
+    def local_coordinates(self, points) -> np.ndarray:
+        """Coordinates along the samples' axes [m] of points (n, 3)."""
+        points = np.atleast_2d(np.asarray(points, dtype=np.float64))
+        if self.geometry == "volume":
+            return points
+        if self.geometry == "planar":
+            return points[:, 1:]
+        return np.stack([np.hypot(points[:, 0], points[:, 1]), points[:, 2]], axis=1)
+
+    def evaluate(self, points) -> tuple[np.ndarray, np.ndarray]:
+        """Contrast, shape (n,), and its gradient [1/m], shape (n, 3), at points (n, 3); zero outside the box."""
+        points = np.atleast_2d(np.asarray(points, dtype=np.float64))
+        local = self.local_coordinates(points)
+        slack = 1e-12 * (self.samples.high - self.samples.low)
+        inside = np.all((local >= self.samples.low - slack) & (local <= self.samples.high + slack), axis=1)
+        contrast, gradient = np.zeros(len(points)), np.zeros((len(points), 3))
+        contrast[inside], slope = self.samples.evaluate(local[inside])
+        if self.geometry == "volume":
+            gradient[inside] = slope
+        elif self.geometry == "planar":
+            gradient[inside, 1:] = slope
+        else:
+            radius = local[inside, 0]
+            outward = points[inside, :2] / np.where(radius > 0.0, radius, 1.0)[:, None]
+            gradient[inside, :2] = outward * slope[:, :1]
+            gradient[inside, 2] = slope[:, 1]
+        return contrast, gradient
+
+    def contrast_at(self, points) -> np.ndarray:
+        """Contrast at points (n, 3), shape (n,)."""
+        return self.evaluate(points)[0]
+
+    def gradient_at(self, points) -> np.ndarray:
+        """Gradient of the contrast [1/m] at points (n, 3), shape (n, 3)."""
+        return self.evaluate(points)[1]
+
+    @cached_property
+    def wall_distance(self) -> DistanceGrid | None:
+        """Signed distance to the body over the box, on the field's own spacing; None without a body."""
+        if self.body is None:
+            return None
+        low, high = self.samples.low, self.samples.high
+        spacing = self.samples.spacing if self.is_uniform else np.full(2, (high - low).max() / 800.0)
+        return self.body.distance_grid(low, high, spacing)
+
+    def resample(self, spacing=None, *, tolerance=None, wavelength=905e-9, region=None, interpolation="cubic"):
+        """The same field on a uniform grid, with the error of doing so measured: see `resample.resample`."""
+        from .resample import resample
+
+        return resample(
+            self, spacing, tolerance=tolerance, wavelength=wavelength, region=region, interpolation=interpolation
+        )
+
+    def with_interpolation(self, interpolation: str) -> "IndexField":
+        """The same samples under another interpolant."""
+        return replace(self, samples=replace(self.samples, interpolation=interpolation))

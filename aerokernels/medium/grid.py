@@ -1,0 +1,143 @@
+"""The index contrast on a uniform grid: one interpolant of one scalar, differentiated analytically.
+
+The scalar is the optical potential s = (n^2 - a^2) / 2 = m (a + m / 2), with contrast m and ambient index a: its
+gradient is the force of the ray equation r'' = grad s, and the optical path is the integral of a^2 + 2 s. In air it is
+the contrast to one part in 10^4; in strong media it makes a quadratic n^2 exact.
+"""
+
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import product
+
+import numpy as np
+
+from . import spline
+
+
+def check_finite(array: np.ndarray, what: str) -> None:
+    """Refuse NaN and infinite samples, saying how many and where the first is."""
+    bad = ~np.isfinite(array)
+    if bad.any():
+        first = tuple(int(i) for i in np.argwhere(bad)[0])
+        raise ValueError(
+            f"{int(bad.sum())} of {array.size} samples of {what} are NaN or infinite, the first at index {first}: "
+            "fill or cut them out before building a field"
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class UniformGrid:
+    """Samples on a uniform grid of two or three local axes.
+
+    Attributes:
+        samples: Contrast at the nodes, float64, one axis per coordinate.
+        origin: Coordinates of the first node [m], shape (d,).
+        spacing: Node spacing [m], shape (d,).
+        interpolation: "cubic", "linear" or "monotone".
+        even_first_axis: Mirror symmetry at the first node of axis 0.
+        ambient_index: Index where the contrast is zero.
+    """
+
+    samples: np.ndarray
+    origin: np.ndarray
+    spacing: np.ndarray
+    interpolation: str
+    even_first_axis: bool
+    ambient_index: float
+
+    def __post_init__(self):
+        """Check shapes and numbers."""
+        samples = np.array(self.samples, dtype=np.float64)
+        dimension = samples.ndim
+        origin = np.array(self.origin, dtype=np.float64).reshape(-1)
+        spacing = np.array(self.spacing, dtype=np.float64).reshape(-1)
+        if origin.shape != (dimension,) or spacing.shape != (dimension,):
+            raise ValueError(
+                f"origin and spacing need one entry per array axis ({dimension}), got {origin.size} and {spacing.size}"
+            )
+        if not np.isfinite(origin).all():
+            raise ValueError(f"origin must be finite, got {self.origin!r}")
+        if not (np.isfinite(spacing).all() and (spacing > 0.0).all()):
+            raise ValueError(f"spacing must be positive and finite along every axis, got {self.spacing!r}")
+        if min(samples.shape) < 2:
+            raise ValueError(f"every axis needs at least two nodes, got shape {samples.shape}")
+        if self.interpolation not in spline.INTERPOLATIONS:
+            raise ValueError(
+                f"interpolation {self.interpolation!r} is not known: choose one of {', '.join(spline.INTERPOLATIONS)}"
+            )
+        check_finite(samples, "the contrast")
+        for name, value in (("samples", samples), ("origin", origin), ("spacing", spacing)):
+            value.setflags(write=False)
+            object.__setattr__(self, name, value)
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        """Number of nodes along each axis."""
+        return self.samples.shape
+
+    @property
+    def low(self) -> np.ndarray:
+        """Lowest corner [m], shape (d,)."""
+        return self.origin
+
+    @property
+    def high(self) -> np.ndarray:
+        """Highest corner [m], shape (d,)."""
+        return self.origin + self.spacing * (np.array(self.shape) - 1)
+
+    @cached_property
+    def coefficients(self) -> np.ndarray:
+        """Coefficient array of the potential's interpolant (see spline.py), float64."""
+        potential = self.samples * (self.ambient_index + 0.5 * self.samples)
+        return spline.coefficients(potential, self.interpolation, self.even_first_axis)
+
+    @cached_property
+    def paper_step(self) -> np.ndarray:
+        """Step length [m] of the paper's eq 5 for every cell, shape of the cells."""
+        dimension = self.samples.ndim
+        corners = [
+            self.samples[tuple(slice(o, n - 1 + o) for o, n in zip(offset, self.shape, strict=True))]
+            for offset in product((0, 1), repeat=dimension)
+        ]
+        size = float(np.prod(self.spacing) ** (1.0 / dimension))
+        return eq5_step(np.maximum.reduce(corners) - np.minimum.reduce(corners), size)
+
+    def evaluate(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Contrast, shape (n,), and gradient [1/m], shape (n, d), at local points inside the box, shape (n, d)."""
+        potential, force = self.evaluate_potential(points)
+        index = np.sqrt(np.maximum(self.ambient_index**2 + 2.0 * potential, 0.0))
+        return 2.0 * potential / (index + self.ambient_index), force / index[:, None]
+
+    def evaluate_potential(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Optical potential, shape (n,), and its gradient [1/m], shape (n, d), at local points, shape (n, d)."""
+        dimension = self.samples.ndim
+        support, stride = spline.SUPPORT[self.interpolation], spline.STRIDE[self.interpolation]
+        start, value_weight, slope_weight = [], [], []
+        for axis in range(dimension):
+            place = (points[:, axis] - self.origin[axis]) / self.spacing[axis]
+            cell = np.clip(np.floor(place).astype(np.int64), 0, self.shape[axis] - 2)
+            value, slope = spline.weights(self.interpolation, place - cell)
+            start.append(cell * stride)
+            value_weight.append(value)
+            slope_weight.append(slope / self.spacing[axis])
+        result = np.zeros(len(points))
+        gradient = np.zeros((len(points), dimension))
+        for offset in product(range(support), repeat=dimension):
+            picked = self.coefficients[tuple(s + o for s, o in zip(start, offset, strict=True))]
+            chosen = [value_weight[a][o] for a, o in enumerate(offset)]
+            result += picked * np.prod(chosen, axis=0)
+            for axis in range(dimension):
+                factors = [slope_weight[a][o] if a == axis else chosen[a] for a, o in enumerate(offset)]
+                gradient[:, axis] += picked * np.prod(factors, axis=0)
+        return result, gradient
+
+
+def eq5_step(difference: np.ndarray, size) -> np.ndarray:
+    """Step length of the paper's eq 5: a share of the cell size that falls with the index difference over the cell.
+
+    The paper leaves out a difference of exactly 1e-5; it is taken with the tier below it.
+    """
+    share = np.select(
+        [difference <= 1e-5, difference <= 1e-4, difference <= 1e-3, difference <= 1e-2], [1.0, 0.5, 0.2, 0.1], 0.05
+    )
+    return share * size

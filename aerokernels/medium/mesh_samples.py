@@ -1,0 +1,108 @@
+"""The index contrast on a quadrilateral mesh: values at vertices, interpolated in the cell that holds the point.
+
+    "bilinear"          one scalar, its gradient the derivative of the bilinear map's interpolant (default)
+    "bilinear-barron"   value bilinear, gradient bilinear between node gradients of eq 7
+    "idw"               the paper: eq 6 for value and for node gradients of eq 7; it does not reproduce a linear field
+                        and jumps at cell edges, so it is there for comparison only
+"""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from .grid import eq5_step
+from .mesh import QuadMesh
+from .vertex_values import vertex_gradients
+
+MESH_INTERPOLATIONS = ("bilinear", "bilinear-barron", "idw")
+
+
+@dataclass(frozen=True, eq=False)
+class MeshSamples:
+    """Vertex values on a mesh.
+
+    Attributes:
+        mesh: The mesh.
+        values: Contrast at the vertices, float64, shape (vertex_count,).
+        interpolation: One of MESH_INTERPOLATIONS.
+    """
+
+    mesh: QuadMesh
+    values: np.ndarray
+    interpolation: str
+
+    def __post_init__(self):
+        """Check the choice of interpolation."""
+        if self.interpolation not in MESH_INTERPOLATIONS:
+            raise ValueError(
+                f"interpolation {self.interpolation!r} is not known on a mesh: "
+                f"choose one of {', '.join(MESH_INTERPOLATIONS)}"
+            )
+
+    @property
+    def low(self) -> np.ndarray:
+        """Lowest corner of the bounding box [m]."""
+        return self.mesh.box[0]
+
+    @property
+    def high(self) -> np.ndarray:
+        """Highest corner of the bounding box [m]."""
+        return self.mesh.box[1]
+
+    @cached_property
+    def gradients(self) -> np.ndarray:
+        """Node gradients of eq 7 [1/m], shape (vertex_count, 2)."""
+        return vertex_gradients(self.mesh, self.values)
+
+    @cached_property
+    def paper_step(self) -> np.ndarray:
+        """Step length [m] of the paper's eq 5 for every cell, shape (cell_count,)."""
+        corner = self.values[self.mesh.cells]
+        return eq5_step(corner.max(axis=1) - corner.min(axis=1), self.mesh.cell_size)
+
+    def evaluate(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Value, shape (n,), and gradient [1/m], shape (n, 2), at local points (n, 2); zero outside the mesh."""
+        cell = self.mesh.locate(points)
+        result, gradient = np.zeros(len(points)), np.zeros((len(points), 2))
+        rows = np.flatnonzero(cell >= 0)
+        if len(rows) == 0:
+            return result, gradient
+        corners, vertex = self.mesh.corners[cell[rows]], self.mesh.cells[cell[rows]]
+        value = self.values[vertex]
+        if self.interpolation == "idw":
+            weight = inverse_distance_weights(corners, points[rows])
+            result[rows] = np.sum(weight * value, axis=1)
+            gradient[rows] = np.einsum("nk,nkd->nd", weight, self.gradients[vertex])
+            return result, gradient
+        xi, eta = self.mesh.local_coordinates(cell[rows], points[rows])
+        weight = np.stack([(1 - xi) * (1 - eta), xi * (1 - eta), xi * eta, (1 - xi) * eta], axis=1)
+        result[rows] = np.sum(weight * value, axis=1)
+        if self.interpolation == "bilinear-barron":
+            gradient[rows] = np.einsum("nk,nkd->nd", weight, self.gradients[vertex])
+        else:
+            gradient[rows] = _bilinear_gradient(corners, value, xi, eta)
+        return result, gradient
+
+
+def inverse_distance_weights(corners: np.ndarray, points: np.ndarray) -> np.ndarray:
+    """Weights of eq 6 in its product form, which is safe at a vertex; shape (n, 4)."""
+    distance = np.linalg.norm(points[:, None, :] - corners, axis=2)
+    distance /= distance.max(axis=1, keepdims=True)
+    product = np.stack([np.prod(np.delete(distance, k, axis=1), axis=1) for k in range(4)], axis=1)
+    return product / product.sum(axis=1, keepdims=True)
+
+
+def _bilinear_gradient(corners, value, xi, eta) -> np.ndarray:
+    """Gradient of the bilinear interpolant: the inverse Jacobian applied to its derivatives in (xi, eta)."""
+    xi, eta = xi[:, None], eta[:, None]
+
+    def derivatives(q):
+        return (1 - eta) * (q[1] - q[0]) + eta * (q[2] - q[3]), (1 - xi) * (q[3] - q[0]) + xi * (q[2] - q[1])
+
+    along, across = derivatives([corners[:, k] for k in range(4)])
+    rise, lift = derivatives([value[:, k : k + 1] for k in range(4)])
+    determinant = along[:, :1] * across[:, 1:] - along[:, 1:] * across[:, :1]
+    first = (rise * across[:, 1:] - lift * along[:, 1:]) / determinant
+    second = (lift * along[:, :1] - rise * across[:, :1]) / determinant
+    return np.concatenate([first, second], axis=1)

@@ -1,0 +1,153 @@
+r"""Coefficients of the tensor-product interpolants on a uniform grid.
+
+Every interpolant is evaluated alike: along each axis a cell uses `support` consecutive coefficients, from `stride`
+times the cell's index on, with weights that depend on the fraction u in [0, 1] of the cell.
+
+    "linear"    support 2, stride 1   the samples; C0, second order
+    "cubic"     support 4, stride 1   C2 B-spline through the samples, not-a-knot ends (fourth order up to the faces)
+    "monotone"  support 4, stride 2   C1 Hermite: value and limited slope of each node; in each cell it stays within
+                                      the range of the cell's corners, so a shock does not ring
+
+References: C. de Boor, A Practical Guide to Splines (2001); F. N. Fritsch and R. E. Carlson, SIAM J. Numer. Anal. 17
+(1980) 238 for the limit on slopes.
+"""
+
+from itertools import product
+
+import numpy as np
+
+INTERPOLATIONS = ("cubic", "linear", "monotone")
+SUPPORT = {"linear": 2, "cubic": 4, "monotone": 4}
+STRIDE = {"linear": 1, "cubic": 1, "monotone": 2}
+
+
+def weights(interpolation: str, u: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Weights and their derivatives with respect to u, each of shape (support, *u.shape)."""
+    v = 1.0 - u
+    if interpolation == "linear":
+        return np.stack([v, u]), np.stack([-np.ones_like(u), np.ones_like(u)])
+    if interpolation == "cubic":
+        value = [v**3 / 6, (3 * u**3 - 6 * u**2 + 4) / 6, (3 * v**3 - 6 * v**2 + 4) / 6, u**3 / 6]
+        slope = [-(v**2) / 2, (3 * u**2 - 4 * u) / 2, -(3 * v**2 - 4 * v) / 2, u**2 / 2]
+        return np.stack(value), np.stack(slope)
+    value = [(1 + 2 * u) * v**2, u * v**2, u**2 * (3 - 2 * u), -(u**2) * v]
+    slope = [-6 * u * v, v * (1 - 3 * u), 6 * u * v, u * (3 * u - 2)]
+    return np.stack(value), np.stack(slope)
+
+
+def coefficients(samples: np.ndarray, interpolation: str, even_first_axis: bool) -> np.ndarray:
+    """The coefficient array of `samples` (float64, one axis per coordinate).
+
+    Args:
+        samples: Values at the nodes.
+        interpolation: One of INTERPOLATIONS.
+        even_first_axis: The field is mirrored at the first node of axis 0 (an axisymmetric field at r = 0).
+    """
+    if interpolation == "linear":
+        return np.ascontiguousarray(samples, dtype=np.float64)
+    if interpolation == "cubic":
+        result = np.asarray(samples, dtype=np.float64)
+        for axis in range(samples.ndim):
+            result = _spline_along(result, axis, even_first_axis and axis == 0)
+        return np.ascontiguousarray(result)
+    return _limited_hermite(np.asarray(samples, dtype=np.float64), even_first_axis)
+
+
+def _spline_along(values: np.ndarray, axis: int, even_start: bool) -> np.ndarray:
+    """Solve for the n + 2 uniform B-spline coefficients of the n values along one axis."""
+    from scipy.sparse import lil_matrix
+    from scipy.sparse.linalg import splu
+
+    count = values.shape[axis]
+    matrix = lil_matrix((count + 2, count + 2))
+    for node in range(count):
+        matrix[node + 1, node : node + 3] = [1 / 6, 4 / 6, 1 / 6]
+    # End rows: mirror symmetry, no jump of the third derivative at the second node, or (on two or three nodes, which
+    # carry only a straight line or a parabola) no second or third derivative.
+    if count >= 4:
+        row = [1.0, -4.0, 6.0, -4.0, 1.0]
+    elif count == 3:
+        row = [-1.0, 3.0, -3.0, 1.0]
+    else:
+        row = [1.0, -2.0, 1.0]
+    matrix[0, : len(row)] = row
+    matrix[count + 1, count + 2 - len(row) :] = row
+    if even_start:
+        matrix[0, :] = 0.0
+        matrix[0, :3] = [1.0, 0.0, -1.0]
+    moved = np.moveaxis(values, axis, 0)
+    right = np.zeros((count + 2, moved[0].size))
+    right[1:-1] = moved.reshape(count, -1)
+    solved = splu(matrix.tocsc()).solve(right)
+    return np.moveaxis(solved.reshape((count + 2, *moved.shape[1:])), 0, axis)
+
+
+def _limited_slope(values: np.ndarray, axis: int, even_start: bool) -> np.ndarray:
+    """Central slopes per cell along one axis, limited so that no control point leaves the range of its edge."""
+    moved = np.moveaxis(values, axis, 0)
+    step = np.diff(moved, axis=0)
+    slope = np.zeros_like(moved)
+    bound = 3.0 / values.ndim
+    behind, ahead = step[:-1], step[1:]
+    central = 0.5 * (behind + ahead)
+    limit = bound * np.minimum(np.abs(behind), np.abs(ahead))
+    slope[1:-1] = np.where(behind * ahead > 0.0, np.sign(central) * np.minimum(np.abs(central), limit), 0.0)
+    slope[0] = 0.0 if even_start else min(1.0, bound) * step[0]
+    slope[-1] = min(1.0, bound) * step[-1]
+    return np.moveaxis(slope, 0, axis)
+
+
+def _limited_hermite(values: np.ndarray, even_first_axis: bool) -> np.ndarray:
+    """Value, slopes and cross slopes of every node, interleaved: index 2 i + 1 along an axis is its derivative."""
+    dimension = values.ndim
+    axes = range(dimension)
+    part = {(0,) * dimension: values}
+    for axis in axes:
+        key = tuple(int(a == axis) for a in axes)
+        part[key] = _limited_slope(values, axis, even_first_axis and axis == 0)
+    for key in product((0, 1), repeat=dimension):
+        if sum(key) < 2:
+            continue
+        mixed = []
+        for axis in (a for a in axes if key[a]):
+            lower = tuple(k - int(a == axis) for a, k in enumerate(key))
+            if values.shape[axis] > 2:
+                mixed.append(np.gradient(part[lower], axis=axis, edge_order=2))
+            else:
+                mixed.append(np.zeros_like(values))
+        part[key] = sum(mixed) / len(mixed)
+    keep = _cross_share(values, part)
+    result = np.empty(tuple(2 * n for n in values.shape))
+    for key, array in part.items():
+        target = tuple(slice(k, None, 2) for k in key)
+        result[target] = array * keep if sum(key) >= 2 else array
+    return result
+
+
+def _cross_share(values: np.ndarray, part: dict[tuple[int, ...], np.ndarray]) -> np.ndarray:
+    """The greatest share of each node's cross slopes that keeps all Bernstein control points in their cell's range."""
+    dimension = values.ndim
+    share = np.ones_like(values)
+    for sign in product((-1, 1), repeat=dimension):
+        here = tuple(slice(1, None) if s < 0 else slice(None, -1) for s in sign)
+        corners = [
+            values[tuple(slice(o, values.shape[a] - 1 + o) for a, o in enumerate(offset))]
+            for offset in product((0, 1), repeat=dimension)
+        ]
+        low, high = np.minimum.reduce(corners), np.maximum.reduce(corners)
+        for chosen in product((0, 1), repeat=dimension):
+            if sum(chosen) < 2:
+                continue
+            base, cross = np.zeros_like(low), np.zeros_like(low)
+            for key, array in part.items():
+                if any(k > c for k, c in zip(key, chosen, strict=True)):
+                    continue
+                factor = np.prod([s / 3.0 for s, k in zip(sign, key, strict=True) if k])
+                if sum(key) < 2:
+                    base += factor * array[here]
+                else:
+                    cross += factor * array[here]
+            with np.errstate(divide="ignore", invalid="ignore"):
+                room = np.where(cross > 0.0, (high - base) / cross, np.where(cross < 0.0, (low - base) / cross, 1.0))
+            share[here] = np.minimum(share[here], np.clip(room, 0.0, 1.0))
+    return share

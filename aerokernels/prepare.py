@@ -1,0 +1,127 @@
+"""From a scene to the index field that its rays are traced through: density, index on the mesh, uniform grid.
+
+Only the part of the flow that a ray of the scene can meet is resampled: around the view from the receiver's pupil to
+the target, from the pupil's plane to the front of the computed flow. The rest of the way is the free stream.
+"""
+
+import time
+from dataclasses import dataclass
+
+import numpy as np
+
+from aerokernels.flow import DensityField
+from aerokernels.medium import IndexField, ResamplingError
+from aerokernels.scene import Scene
+
+Region = tuple[tuple[float, float], tuple[float, float]]
+
+# Distance kept around the rays: what refraction can move them by many times over, and the reach of a spline's ends.
+MARGIN = 1e-3  # [m]
+MARGIN_NODES = 8
+
+
+@dataclass(frozen=True, eq=False)
+class Prepared:
+    """What a scene's rays are traced through, and how it was made.
+
+    Attributes:
+        density: The flow, on its own mesh.
+        mesh_field: The refractive index on the flow's own mesh, the whole of it.
+        field: The refractive index that is traced: `mesh_field` itself (route "mesh") or its resampled part.
+        region: Lowest and highest (r, z) or (y, z) of `field` [m].
+        seconds: Time for each stage.
+    """
+
+    density: DensityField
+    mesh_field: IndexField
+    field: IndexField
+    region: Region
+    seconds: dict[str, float]
+
+    @property
+    def resampling(self) -> ResamplingError | None:
+        """What resampling changed, as measured; None on route "mesh"."""
+        return self.field.resampling if isinstance(self.field.resampling, ResamplingError) else None
+
+    @property
+    def front(self) -> float:
+        """Foremost z of the computed flow [m]; ahead of it is the free stream."""
+        return float(self.mesh_field.box[1][2])
+
+
+def view_radius(scene: Scene, z: float) -> float:
+    """Greatest distance from the axis [m] at which a ray between the pupil or the beam's exit and the target passes z.
+
+    A point of the pupil, at most `a` off the axis, and a point of the target, at most `t` off it, are joined by a line
+    that is at most (1 - f) a + f t off the axis at the fraction f of the way.
+    """
+    target = scene.target
+    corner = float(np.hypot(0.5 * target.width, 0.5 * target.height))
+    # Target points are lit from points of the exit pupil that lie off the axis in the same ratio as the beam's radii.
+    pupil = max(0.5 * scene.receiver.diameter, scene.beam.exit_radius * corner / scene.beam.radius)
+    nearest = target.distance - 0.5 * target.height * abs(float(np.sin(target.tilt)))
+    fraction = float(np.clip((z - scene.receiver.aperture_z) / max(nearest, 1e-9), 0.0, 1.0))
+    return (1.0 - fraction) * pupil + fraction * max(corner, pupil)
+
+
+def ray_region(scene: Scene, mesh_field: IndexField) -> Region:
+    """The part of the flow that rays of the scene can meet, as lowest and highest (r, z) or (y, z) [m].
+
+    Raises:
+        ValueError: The receiver's pupil lies ahead of the whole flow.
+    """
+    low, high = (corner[1:] for corner in mesh_field.box)
+    aperture = scene.receiver.aperture_z
+    if aperture >= high[1]:
+        raise ValueError(
+            f"receiver.aperture_z = {aperture:g} m lies ahead of the whole flow, which ends at {high[1]:g} m: "
+            "give a place behind it, such as '-8 mm'"
+        )
+    margin = max(MARGIN, MARGIN_NODES * scene.grid.spacing)
+    radius = view_radius(scene, float(high[1])) + margin
+    first = 0.0 if mesh_field.geometry == "axisymmetric" else max(-radius, float(low[0]))
+    return (
+        (first, max(aperture - margin, float(low[1]))),
+        (min(radius, float(high[0])), float(high[1])),
+    )
+
+
+def prepare_field(scene: Scene) -> Prepared:
+    """Make the index field of a scene.
+
+    Args:
+        scene: The scene.
+
+    Returns:
+        The density field, the index on its mesh, and the index that is traced, resampled to `grid.spacing` unless
+        `grid.route` is "mesh"; the error of resampling is measured.
+
+    Raises:
+        ValueError: A pupil ahead of the flow, or a spacing that the region or the memory cannot take.
+    """
+    seconds = {}
+    start = time.perf_counter()
+    density = scene.density_field()
+    seconds["flow"] = time.perf_counter() - start
+
+    start = time.perf_counter()
+    uniform = scene.grid.route == "uniform"
+    mesh_field = density.index_field(
+        scene.flow.wavelength,
+        scene.flow.relation,
+        gladstone_dale=scene.flow.gladstone_dale,
+        interpolation="bilinear" if uniform else scene.grid.interpolation,
+    )
+    seconds["index"] = time.perf_counter() - start
+
+    start = time.perf_counter()
+    region = ray_region(scene, mesh_field)
+    field = mesh_field
+    if uniform:
+        field = mesh_field.resample(scene.grid.spacing, region=region, interpolation=scene.grid.interpolation)
+    else:
+        low, high = (corner[1:] for corner in mesh_field.box)
+        first = 0.0 if mesh_field.geometry == "axisymmetric" else float(low[0])
+        region = ((first, float(low[1])), (float(high[0]), float(high[1])))
+    seconds["resample"] = time.perf_counter() - start
+    return Prepared(density, mesh_field, field, region, seconds)

@@ -1,0 +1,124 @@
+"""What is wrong with a scene, in one line: file, key, offending value and remedy."""
+
+from collections.abc import Iterable, Mapping
+from difflib import get_close_matches
+from typing import Any
+
+from pydantic import BaseModel, ValidationError
+
+
+class SceneError(ValueError):
+    """A scene that cannot be used. The message is one line that names the file, the key, the value and the remedy."""
+
+    def __init__(self, message: str):
+        """Keep the message on one line."""
+        super().__init__(" ".join(message.split()))
+
+
+def known_keys(model: type[BaseModel], prefix: str = "") -> list[str]:
+    """Dotted names of all keys of a scene, such as "target.distance"."""
+    keys = []
+    for name, field in model.model_fields.items():
+        if isinstance(field.annotation, type) and issubclass(field.annotation, BaseModel):
+            keys += known_keys(field.annotation, f"{prefix}{name}.")
+        else:
+            keys.append(prefix + name)
+    return keys
+
+
+def scene_error(
+    fault: ValidationError, raw: Mapping, file: str, overridden: Iterable[str], model: type[BaseModel]
+) -> SceneError:
+    """The first fault that pydantic found, as a SceneError that says how many more there are."""
+    faults = fault.errors(include_url=False)
+    # An unknown key comes first: what else is wrong may be its consequence, such as a key that seems to be missing.
+    first = next((entry for entry in faults if entry["type"] == "extra_forbidden"), faults[0])
+    key = ".".join(str(part) for part in first["loc"])
+    while key and key not in known_keys(model) and first["type"] not in ("extra_forbidden", "model_type", "missing"):
+        shorter = key.rpartition(".")[0]  # an entry of a list, say: name the key that holds it
+        if not shorter or shorter not in known_keys(model):
+            break
+        key = shorter
+    value = _look_up(raw, key)
+    related = any(f"{key}.".startswith(f"{name}.") or f"{name}.".startswith(f"{key}.") for name in overridden)
+    place = f"{file} (with --set)" if related else file
+    more = (
+        f" (and {len(faults) - 1} more faults)"
+        if len(faults) > 2
+        else " (and 1 more fault)"
+        if len(faults) == 2
+        else ""
+    )
+    return SceneError(f"{place}: {_describe(first, key, value, model)}{more}")
+
+
+def _describe(fault: Mapping[str, Any], key: str, value: Any, model: type[BaseModel]) -> str:
+    kind, context = fault["type"], fault.get("ctx", {})
+    if kind == "extra_forbidden":
+        return f"unknown key {key} = {_short(value)}: {_nearest_key(key, known_keys(model), model)}"
+    if kind == "missing":
+        return f"{key} is missing: {_how_to_add(key, model)}"
+    if kind == "model_type":
+        return f"{key} = {_short(value)} must be a table: write [{key}] and its keys below it"
+    if kind == "literal_error":
+        return f"{key} = {_short(value)}: choose one of {context['expected']}"
+    if kind == "value_error":
+        text = str(context["error"])
+        if isinstance(value, Mapping):
+            return text  # about several keys of a table, which it names
+        return f"{key} = {text}" if text.startswith(f"{value!r} ") else f"{key} = {_short(value)}: {text}"
+    bounds = {
+        "greater_than": ("gt", "above"),
+        "greater_than_equal": ("ge", "at least"),
+        "less_than": ("lt", "below"),
+        "less_than_equal": ("le", "at most"),
+    }
+    if kind in bounds:
+        name, words = bounds[kind]
+        bound = context[name]
+        return f"{key} = {_short(value)} must be {words} {bound:g}{'' if bound == int(bound) else ' in SI units'}"
+    if kind in ("tuple_type", "list_type"):
+        return f'{key} = {_short(value)}: write a list in brackets, such as ["piston"]'
+    text = fault["msg"]
+    return f"{key} = {_short(value)}: {text[:1].lower()}{text[1:]}"
+
+
+def _how_to_add(key: str, model: type[BaseModel]) -> str:
+    field = model.model_fields.get(key)
+    if field is None or not (isinstance(field.annotation, type) and issubclass(field.annotation, BaseModel)):
+        return "add it to the scene"
+    required = [name for name, inner in field.annotation.model_fields.items() if inner.is_required()]
+    return f"add a table [{key}] with {', '.join(required)}"
+
+
+def _nearest_key(key: str, known: list[str], model: type[BaseModel]) -> str:
+    table, _, leaf = key.rpartition(".")
+    same_leaf = [name for name in known if name.rpartition(".")[2] == leaf]
+    beside = [name for name in known if name.rpartition(".")[0] == table]
+    close = get_close_matches(leaf, [name.rpartition(".")[2] for name in beside], 1)
+    tables = get_close_matches(key, list(model.model_fields), 1)
+    if same_leaf:
+        return f"did you mean {' or '.join(same_leaf)}?"
+    if close:
+        return f"did you mean {table}.{close[0]}?" if table else f"did you mean {close[0]}?"
+    if not table and tables:
+        return f"did you mean {tables[0]}?"
+    dotted = get_close_matches(key, known, 1)
+    if dotted and not beside:
+        return f"did you mean {dotted[0]}?"
+    names = [name.rpartition(".")[2] for name in beside] if table else list(model.model_fields)
+    return f"known here are {', '.join(names)}"
+
+
+def _look_up(raw: Any, key: str) -> Any:
+    for part in key.split(".") if key else ():
+        if isinstance(raw, Mapping):
+            raw = raw.get(part)
+        else:
+            break
+    return raw
+
+
+def _short(value: Any) -> str:
+    text = repr(value)
+    return text if len(text) <= 60 else text[:57] + "..."

@@ -1,0 +1,81 @@
+"""Finding a scene file, reading it, and setting single keys from the command line."""
+
+import tomllib
+from collections.abc import Mapping
+from difflib import get_close_matches
+from importlib.resources import files
+from pathlib import Path
+from typing import Any
+
+from .errors import SceneError
+
+_SHIPPED = files("aerokernels") / "scenes"
+
+
+def shipped_scenes() -> tuple[str, ...]:
+    """Names of the scenes that come with the package."""
+    return tuple(
+        sorted(entry.name.removesuffix(".toml") for entry in _SHIPPED.iterdir() if entry.name.endswith(".toml"))
+    )
+
+
+def read_scene(place: str | Path) -> tuple[str, str, dict[str, Any]]:
+    """A scene file, or a shipped scene by its name.
+
+    Returns:
+        What to call the source in messages, the scene's default name, and its tables.
+
+    Raises:
+        SceneError: Neither a file nor a shipped scene, a file that cannot be read, or one that is not TOML.
+    """
+    path, name = Path(place), str(place)
+    if path.is_file():
+        read, label, stem = path.read_bytes, str(path), path.stem
+    elif name in shipped_scenes():
+        read, label, stem = (_SHIPPED / f"{name}.toml").read_bytes, f"{name}.toml", name
+    else:
+        close = get_close_matches(name, shipped_scenes(), 1)
+        hint = f"did you mean {close[0]}? " if close else ""
+        what = "is a folder" if path.is_dir() else "there is no such scene file"
+        raise SceneError(f"{name}: {what}; {hint}give a TOML file or a shipped scene: {', '.join(shipped_scenes())}")
+    try:
+        return label, stem, tomllib.loads(read().decode("utf-8"))
+    except OSError as fault:
+        raise SceneError(f"{label}: cannot be read, {fault.strerror}: check the file and its permissions") from None
+    except UnicodeDecodeError as fault:
+        raise SceneError(f"{label}: byte {fault.start} is not UTF-8: save the scene as UTF-8 text") from None
+    except tomllib.TOMLDecodeError as fault:
+        raise SceneError(
+            f'{label}: not valid TOML, {fault}: write key = value, and texts such as "1.5 m" in quotes'
+        ) from None
+
+
+def override(tables: dict[str, Any], overrides: Mapping[str, Any], label: str) -> None:
+    """Set dotted keys in the tables. A text is read as a TOML value where it is one, otherwise as a text.
+
+    Raises:
+        SceneError: An empty key or part of one, or a key below something that is no table.
+    """
+    for key, value in overrides.items():
+        *path, leaf = str(key).strip().split(".")
+        if not all(part.strip() for part in (*path, leaf)):
+            raise SceneError(
+                f"{label} (with --set): {key!r} is not a key: write table.key=value, as in target.distance=1.2"
+            )
+        table = tables
+        for depth, part in enumerate(path):
+            table = table.setdefault(part, {})
+            if not isinstance(table, dict):
+                held = ".".join(path[: depth + 1])
+                raise SceneError(
+                    f"{label} (with --set): {key} = {value!r}: {held} is a value, not a table; set {held} itself"
+                )
+        table[leaf] = _toml_value(value) if isinstance(value, str) else value
+
+
+def _toml_value(text: str) -> Any:
+    try:
+        parsed = tomllib.loads(f"value = {text}")
+    except tomllib.TOMLDecodeError:
+        return text  # "10 deg", adaptive
+    return parsed["value"] if list(parsed) == ["value"] else text

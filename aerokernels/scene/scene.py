@@ -1,0 +1,77 @@
+"""A scene: everything that one run needs, checked, in SI units."""
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from pydantic import Field, ValidationError
+
+from ..flow import SEA_LEVEL_DENSITY, DensityField, shipped, shipped_names, uniform_air
+from .errors import SceneError, scene_error
+from .loading import override, read_scene
+from .tables import (
+    STATIC,
+    AtmosphereTable,
+    BeamTable,
+    DetectorTable,
+    FlowTable,
+    GridTable,
+    ReceiverTable,
+    StrehlTable,
+    TargetTable,
+    TraceTable,
+)
+from .values import Table
+
+
+class Scene(Table):
+    """What a user describes in a TOML file. Numbers are SI once loaded; see tables.py for every key."""
+
+    name: str = Field("scene", description="Short name for files and tables; the file's name if absent.")
+    title: str = Field("", description="One line for the report.")
+    flow: FlowTable
+    grid: GridTable = GridTable()
+    beam: BeamTable = BeamTable()
+    target: TargetTable = TargetTable()
+    receiver: ReceiverTable = ReceiverTable()
+    atmosphere: AtmosphereTable = AtmosphereTable()
+    detector: DetectorTable = DetectorTable()
+    strehl: StrehlTable = StrehlTable()
+    trace: TraceTable = TraceTable()
+
+    @classmethod
+    def load(cls, place: str | Path, overrides: Mapping[str, Any] | None = None) -> "Scene":
+        """Read a scene file, or a shipped scene by its name.
+
+        Args:
+            place: Path of a TOML file, or a name out of `shipped_scenes()`.
+            overrides: Values that replace the file's, by dotted key: {"target.distance": "1.2 m"}. A text is read as
+                TOML where it is TOML ("1e-4", '["piston", "tilt"]'), otherwise as a text.
+
+        Raises:
+            SceneError: Anything wrong with the file or the overrides, in one line: file, key, value, remedy.
+        """
+        label, name, tables = read_scene(place)
+        changes = dict(overrides or {})
+        override(tables, changes, label)
+        tables.setdefault("name", name)
+        try:
+            return cls.model_validate(tables)
+        except ValidationError as fault:
+            raise scene_error(fault, tables, label, changes, cls) from None
+
+    def density_field(self) -> DensityField:
+        """The flow of the scene at its density; "static" is air at rest around the model, sea-level air unless told."""
+        own = self.flow.density == "tunnel"
+        density = SEA_LEVEL_DENSITY if self.flow.density == "sea-level" or own else float(self.flow.density)
+        if self.flow.source == STATIC:
+            return uniform_air(density, body=shipped(shipped_names()[0]).body)
+        field = shipped(self.flow.source)
+        return field if own else field.scaled(density)
+
+    def as_dict(self) -> dict[str, Any]:
+        """All values, defaults included, in SI units, as plain JSON types: for provenance in results."""
+        return self.model_dump(mode="json")
+
+
+__all__ = ["Scene", "SceneError"]

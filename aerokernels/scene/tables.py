@@ -1,0 +1,294 @@
+"""The tables of a scene file: every key with its unit, its default and the reason for it.
+
+Defaults are written as a user would write them and pass the same checks. The source paper states the wavelength, the
+pulse's peak power, the target's size, reflectivity and distance, and the wind tunnel's conditions; the rest it leaves
+out, and the choice made here is explained where it stands.
+"""
+
+from typing import Annotated, Any, Literal
+
+from pydantic import AfterValidator, BeforeValidator, model_validator
+
+from ..flow import gladstone_dale_constant, shipped_names
+from ..units import quantity
+from .values import (
+    Coordinate,
+    Count,
+    Frequency,
+    GladstoneDale,
+    Length,
+    Number,
+    OpenShare,
+    Power,
+    Responsivity,
+    Share,
+    Table,
+    Tilt,
+    Time,
+    Voltage,
+    absent,
+    key,
+)
+
+# Volts that the detector shows for a watt at the pupil. Chosen once, so that the echo simulated for the static scene
+# peaks near 1.994 V, the peak that the paper's Tables 3 and 4 imply for its simulation without flow. It is never tuned
+# to a flow.
+STATIC_CALIBRATION = 1.0
+
+STATIC = "static"
+UNIFORM_INTERPOLATIONS = ("cubic", "linear", "monotone")
+MESH_INTERPOLATIONS = ("bilinear", "bilinear-barron", "idw")
+
+
+def _source(value: Any) -> str:
+    choices = (*shipped_names(), STATIC)
+    if value not in choices:
+        raise ValueError(f"choose one of {', '.join(choices)}")
+    return value
+
+
+def _density(value: Any) -> float | str:
+    if value in ("tunnel", "sea-level"):
+        return value
+    try:
+        number = quantity(value, "density")
+    except (TypeError, ValueError):
+        raise ValueError("give 'tunnel', 'sea-level' or a density such as '0.5 kg/m3'") from None
+    if number <= 0.0:
+        raise ValueError("a density must be above 0 kg/m3")
+    return number
+
+
+def _wavelength(value: float) -> float:
+    gladstone_dale_constant(value)
+    return value
+
+
+class FlowTable(Table):
+    """[flow]: the air and its refractive index."""
+
+    source: Annotated[str, BeforeValidator(_source)] = key(
+        ...,
+        '"mach2", "mach3", "mach4": the shipped CFD field of the wind-tunnel model; "static": air at rest.',
+    )
+    density: Annotated[float | str, BeforeValidator(_density)] = key(
+        "tunnel",
+        'Free-stream density: "tunnel" is the field\'s own (at rest: sea level), "sea-level" is 1.225 kg/m3, '
+        "or a density. The whole field is scaled with it. The paper's tunnel runs at 0.17 to 0.43 of the sea-"
+        "level density that its simulation appears to use, so both are shipped as scenes.",
+    )
+    wavelength: Annotated[Length, AfterValidator(_wavelength)] = key(
+        "905 nm",
+        "Vacuum wavelength of the laser. The paper's.",
+    )
+    relation: Literal["gladstone-dale", "lorentz-lorenz"] = key(
+        "gladstone-dale",
+        "Density to index: linear, as the paper uses, or the exact form; they differ by 1.3e-8 at sea level.",
+    )
+    gladstone_dale: GladstoneDale | None = key(
+        None,
+        "Gladstone-Dale constant to use in place of the paper's K(wavelength), '2.24e-4 m3/kg' say.",
+    )
+
+
+class GridTable(Table):
+    """[grid]: how the index between the CFD cells is represented for the rays."""
+
+    route: Literal["uniform", "mesh"] = key(
+        "uniform",
+        '"uniform": resample once to a uniform grid and measure the error of that; "mesh": find the CFD cell '
+        "of every sample, as the paper does.",
+    )
+    spacing: Length = key(
+        "0.1 mm",
+        "Spacing of the uniform grid: about the CFD cells' size in the shock layer ahead of the dome.",
+    )
+    interpolation: Literal["cubic", "linear", "monotone", "bilinear", "bilinear-barron", "idw"] = key(
+        "cubic",
+        "On the uniform grid: cubic (default, smooth), linear, monotone (no overshoot at a shock). On the "
+        "mesh: bilinear (default there), bilinear-barron, idw (the paper's eq 6 and 7).",
+    )
+
+    @model_validator(mode="before")
+    @classmethod
+    def _default_of_the_route(cls, values: Any) -> Any:
+        if isinstance(values, dict) and values.get("route") == "mesh" and "interpolation" not in values:
+            return {**values, "interpolation": MESH_INTERPOLATIONS[0]}
+        return values
+
+    @model_validator(mode="after")
+    def _interpolation_fits_route(self) -> "GridTable":
+        fitting = UNIFORM_INTERPOLATIONS if self.route == "uniform" else MESH_INTERPOLATIONS
+        if self.interpolation not in fitting:
+            raise ValueError(
+                f"grid.interpolation {self.interpolation!r} does not go with grid.route {self.route!r}: "
+                f"choose one of {', '.join(fitting)}"
+            )
+        return self
+
+
+class BeamTable(Table):
+    """[beam]: the laser pulse."""
+
+    peak_power: Power = key(
+        "75 W",
+        "Peak power of the pulse. The paper's laser diode.",
+    )
+    exit_radius: Length = key(
+        "2 mm",
+        "1/e^2 radius of the beam at the aperture. Not in the paper: a laser diode's collimating lens is a "
+        "few millimetres wide.",
+    )
+    radius: Length = key(
+        "30 mm",
+        "1/e^2 radius at the target, on a plane normal to the axis. Not in the paper, which cut the reflector"
+        " to the spot: at 30 mm the 120 mm x 90 mm reflector holds 99.7 % of the light.",
+    )
+    pulse_tau: Time = key(
+        "6 ns",
+        "tau of the pulse exp(-t^2 / tau^2); the width at half height is 1.665 tau, 10 ns. Not in the paper.",
+    )
+    ray_count: Count = key(
+        512,
+        "Target points that the echo is summed over (eq 10), one emitted ray each.",
+    )
+
+
+class TargetTable(Table):
+    """[target]: a flat diffuse (Lambertian) reflector."""
+
+    distance: Length = key(
+        "1.5 m",
+        "From the plane of the receiver's pupil to the target's centre, along the axis. The paper's.",
+    )
+    tilt: Tilt = key(
+        "0 deg",
+        "Tilt of the target toward y, below 90 deg. Not in the paper: it faces the laser.",
+    )
+    reflectivity: Share = key(
+        0.3,
+        "Diffuse reflectivity; f_r = reflectivity / pi. The paper's.",
+    )
+    width: Length = key(
+        "120 mm",
+        "Extent in x. The paper's.",
+    )
+    height: Length = key(
+        "90 mm",
+        "Extent in y, along the tilted surface. The paper's.",
+    )
+
+
+class ReceiverTable(Table):
+    """[receiver]: the pupil that collects the echo."""
+
+    diameter: Length = key(
+        "12 mm",
+        "Diameter of the pupil. Not in the paper: the widest that a dome of 16 mm leaves room for.",
+    )
+    ray_count: Count = key(
+        256,
+        "Rays over the pupil for each target point, for its Strehl ratio.",
+    )
+    efficiency: Share = key(
+        1.0,
+        "Share of the light at the pupil that reaches the detector; the detector's calibration contains it.",
+    )
+    aperture_z: Coordinate = key(
+        "-8 mm",
+        "Place of the pupil's plane on the axis. The nose tip is at 0 and the dome's radius 8 mm, so this is "
+        "the dome's centre, behind its surface: rays leave the dome along their way, where the flow begins.",
+    )
+
+
+class AtmosphereTable(Table):
+    """[atmosphere]: the air between model and target, apart from its index."""
+
+    transmission: Share = key(
+        1.0,
+        "One-way transmission. Over 1.5 m of clear air nothing is lost.",
+    )
+
+
+class DetectorTable(Table):
+    """[detector]: light to volts to range."""
+
+    volts_per_watt: Responsivity = key(
+        STATIC_CALIBRATION,
+        "Volts for a watt at the pupil, 'V/W'. Not in the paper: chosen once so that the static scene peaks "
+        "near 1.994 V, the peak that the paper's tables imply for its simulation without flow.",
+    )
+    bandwidth: Annotated[Frequency | None, absent("unlimited")] = key(
+        None,
+        '-3 dB bandwidth of the detector and amplifier, or "unlimited" (default): tau is then the width of '
+        "the recorded pulse, which already contains them.",
+    )
+    sample_rate: Frequency = key(
+        "10 GHz",
+        "Samples per second: 100 ps, 60 on tau; the crossing between two is interpolated.",
+    )
+    threshold: Voltage = key(
+        "1 V",
+        "Level of the leading-edge discriminator. Not in the paper: half of its static peak.",
+    )
+    ranging: Literal["leading-edge", "constant-fraction"] = key(
+        "leading-edge",
+        "When the echo counts as arrived: at a fixed level, which walks with the amplitude as the paper's "
+        "results do, or at a fraction of its peak, which does not.",
+    )
+    fraction: OpenShare = key(
+        0.5,
+        "Fraction of the peak for constant-fraction ranging.",
+    )
+
+
+class StrehlTable(Table):
+    """[strehl]: the Strehl ratio of a plane wave that looks forward through the pupil."""
+
+    ray_count: Count = key(
+        1_000_000,
+        "Rays over the receiver's pupil.",
+    )
+    remove: tuple[Literal["piston", "tilt"], ...] = key(
+        ("piston",),
+        'What is taken off the wavefront first: ["piston"] or ["piston", "tilt"].',
+    )
+
+
+class TraceTable(Table):
+    """[trace]: how the rays are traced."""
+
+    method: Literal["auto", "straight", "adaptive", "paper", "fixed"] = key(
+        "auto",
+        '"auto" chooses by the tolerance; "paper" is eq 5\'s step rule; "fixed" needs a step.',
+    )
+    tolerance: Number = key(
+        1e-3,
+        "Error of the optical path asked for, in waves: a hundredth of what is visible.",
+    )
+    step: Length | None = key(
+        None,
+        'Arc length of a step, for method "fixed".',
+    )
+    precision: Literal["float32", "float64"] = key(
+        "float32",
+        "Numbers in the kernel; the deviation form keeps float32 within 1e-4 wave.",
+    )
+    backend: Literal["auto", "warp", "opencl", "reference"] = key(
+        "auto",
+        "What runs the kernel.",
+    )
+    device: str | None = key(
+        None,
+        '"cpu", "cuda:0" or the name of an OpenCL device; the backend chooses if absent.',
+    )
+    max_steps: Count | None = key(
+        None,
+        "Steps after which a ray is given up; the tracer chooses if absent.",
+    )
+
+    @model_validator(mode="after")
+    def _fixed_needs_a_step(self) -> "TraceTable":
+        if self.method == "fixed" and self.step is None:
+            raise ValueError("trace.method 'fixed' needs trace.step: add a length such as step = \"0.2 mm\"")
+        return self

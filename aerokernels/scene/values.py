@@ -1,0 +1,57 @@
+"""Types of the values in a scene: quantities with units, whole numbers, shares; and what all tables have in common."""
+
+from typing import Annotated, Any
+
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field
+
+from ..units import quantity
+
+
+class Table(BaseModel):
+    """A table of a scene: it cannot be changed, and knows no keys but its own."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid", validate_default=True)
+
+
+def key(default: Any, description: str) -> Any:
+    """A key of a table; a default of `...` means that there is none."""
+    return Field(default, description=description)
+
+
+def measured(dimension: str) -> BeforeValidator:
+    """Turn a number or a text with a unit into SI; what does not convert becomes a fault of the scene."""
+
+    def convert(value: Any) -> float:
+        try:
+            return quantity(value, dimension)
+        except TypeError as fault:
+            raise ValueError(str(fault)) from None
+
+    return BeforeValidator(convert)
+
+
+def absent(word: str) -> BeforeValidator:
+    """Let a word stand for "no value": TOML has no null."""
+    return BeforeValidator(lambda value: None if value == word else value)
+
+
+def _whole(value: Any) -> int:
+    if isinstance(value, bool) or not isinstance(value, (int, float)) or not float(value).is_integer():
+        raise ValueError("give a whole number, such as 1000")
+    return int(value)
+
+
+Length = Annotated[float, measured("length"), Field(gt=0.0)]
+Coordinate = Annotated[float, measured("length")]
+Time = Annotated[float, measured("time"), Field(gt=0.0)]
+Power = Annotated[float, measured("power"), Field(gt=0.0)]
+Frequency = Annotated[float, measured("frequency"), Field(gt=0.0)]
+Voltage = Annotated[float, measured("voltage"), Field(gt=0.0)]
+Responsivity = Annotated[float, measured("responsivity"), Field(gt=0.0)]
+GladstoneDale = Annotated[float, measured("gladstone-dale"), Field(gt=0.0)]
+# Short of a right angle by 0.01 degree: a target seen edge-on returns nothing and its tangent is infinite.
+Tilt = Annotated[float, measured("angle"), Field(gt=-1.5706, lt=1.5706)]
+Number = Annotated[float, measured("dimensionless"), Field(gt=0.0)]
+Share = Annotated[float, measured("dimensionless"), Field(gt=0.0, le=1.0)]
+OpenShare = Annotated[float, measured("dimensionless"), Field(gt=0.0, lt=1.0)]
+Count = Annotated[int, BeforeValidator(_whole), Field(ge=1)]

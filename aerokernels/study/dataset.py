@@ -1,0 +1,89 @@
+"""A run as one labelled dataset with units: what result.nc holds and the pictures are drawn from."""
+
+import json
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from aerokernels.flow import DensityField
+from aerokernels.study.scene_text import scene_toml
+from aerokernels.study.store import plain
+
+if TYPE_CHECKING:
+    import xarray
+
+    from aerokernels.study.run import RunResult
+
+RASTER_CELLS = 400  # along each side of the density picture of an unstructured mesh
+# These are attributes of their own beside the whole summary, because the pictures show them.
+SHOWN = ("strehl", "range_m", "true_range_m")
+
+
+def variable(dims: str | tuple[str, ...], values: Any, units: str, long_name: str) -> tuple[Any, ...]:
+    """A variable with its unit and meaning, as xarray takes it."""
+    return dims, values, {"units": units, "long_name": long_name}
+
+
+def density_cells(field: DensityField) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Density of cells (i, j) [kg/m3], and y and z of their corners (i + 1, j + 1) [m], in the plane x = 0."""
+    mesh = field.mesh
+    if mesh.shape is not None:
+        corners = mesh.vertices.reshape(*mesh.shape, 2)
+        return field.density.reshape(mesh.shape[0] - 1, mesh.shape[1] - 1), corners[..., 0], corners[..., 1]
+    low, high = mesh.box
+    axes = [np.linspace(low[k], high[k], RASTER_CELLS + 1) for k in range(2)]
+    middle = np.meshgrid(*(0.5 * (axis[1:] + axis[:-1]) for axis in axes), indexing="ij")
+    cell = mesh.locate(np.stack(middle, axis=-1).reshape(-1, 2))
+    density = np.where(cell >= 0, field.density[cell], field.ambient_density)
+    corner_y, corner_z = np.meshgrid(*axes, indexing="ij")
+    return density.reshape(RASTER_CELLS, RASTER_CELLS), corner_y, corner_z
+
+
+def run_dataset(result: "RunResult") -> "xarray.Dataset":
+    """Put a run's arrays together."""
+    import xarray
+
+    density, corner_y, corner_z = density_cells(result.prepared.density)
+    pupil, fan, echo = result.pupil, result.fan, result.echo.to_xarray()
+    spot = result.spot
+    variables = {
+        "density": variable(("cell_i", "cell_j"), density, "kg m-3", "density, cell averages"),
+        "density_y": variable(("corner_i", "corner_j"), corner_y, "m", "y of the cells' corners"),
+        "density_z": variable(("corner_i", "corner_j"), corner_z, "m", "z of the cells' corners"),
+        "ray_position": variable(("ray", "plane", "axis"), fan.position, "m", "rays of the picture"),
+        "ray_deviation": variable(("ray", "plane"), fan.deviation, "m", "displacement in y from the straight ray"),
+        "opd": variable(("pupil_y", "pupil_x"), pupil.opd, "m", "optical path difference, piston removed"),
+        "opd_without_tilt": variable(
+            ("pupil_y", "pupil_x"), pupil.without_tilt, "m", "optical path difference, piston and tilt removed"
+        ),
+        "point_spread": variable(("angle_y", "angle_x"), spot.intensity, "1", "intensity over the undisturbed peak"),
+        "point_spread_perfect": variable(("angle_y", "angle_x"), spot.perfect, "1", "the same without flow"),
+    }
+    coordinates = {
+        "axis": variable("axis", np.array(["x", "y", "z"]), "1", "component"),
+        "method": variable("method", echo["method"].values, "1", "ranging method"),
+        "pupil_x": variable("pupil_x", pupil.coordinate, "m", "x in the pupil"),
+        "pupil_y": variable("pupil_y", pupil.coordinate, "m", "y in the pupil"),
+        "angle_x": variable("angle_x", spot.angle, "rad", "angle toward x"),
+        "angle_y": variable("angle_y", spot.angle, "rad", "angle toward y"),
+    }
+    body = result.prepared.density.body
+    if body is not None:
+        variables["body_y"] = variable("body_vertex", body.profile[:, 0], "m", "y of the body's outline")
+        variables["body_z"] = variable("body_vertex", body.profile[:, 1], "m", "z of the body's outline")
+    summary = plain(result.summary)
+    attributes = {
+        "title": result.scene.title or result.scene.name,
+        "source": f"aerokernels {summary['version']}",
+        "geometry": result.prepared.field.geometry,
+        "flow_front_m": result.prepared.front,
+        "threshold_v": result.scene.detector.threshold,
+        "scene": scene_toml(result.scene),
+        "summary": json.dumps(summary),
+        **{name: float("nan") if summary[name] is None else summary[name] for name in SHOWN},
+        **{name: value for name, value in echo.attrs.items() if name not in summary},
+    }
+    if result.scene.detector.ranging != "leading-edge":
+        del attributes["threshold_v"]  # no level decides there
+    echo = echo.drop_vars(["axis", "method"])
+    return xarray.Dataset(variables, coordinates, attributes).merge(echo, combine_attrs="override")

@@ -1,0 +1,60 @@
+"""What a run of a scene would do, in words: region, grid, method, ray counts, and the error of the grid."""
+
+from aerokernels.medium.grid import UniformGrid
+from aerokernels.prepare import prepare_field
+from aerokernels.scene import Scene
+from aerokernels.study.views import FAN_PLANES, FAN_RAYS, PUPIL_SAMPLES, trace_options
+from aerokernels.tracing.plan import make_plan
+
+
+def explanation(scene: Scene) -> list[tuple[str, str]]:
+    """Pairs of what and how. The flow is read and resampled, since that takes a second and gives measured errors.
+
+    Raises:
+        ValueError: A backend or device that is not there, or a region or spacing that cannot be had.
+    """
+    options = {key: value for key, value in trace_options(scene).items() if key != "wavelength"}
+    prepared = prepare_field(scene)
+    plan = make_plan(prepared.field, **options, path_length=None)
+    low, high = prepared.region
+    axes = "r, z" if prepared.field.geometry == "axisymmetric" else "y, z"
+    wavelength = scene.flow.wavelength
+    rows = [
+        ("scene", f"{scene.name}: {scene.title}" if scene.title else scene.name),
+        ("flow", prepared.density.provenance),
+        ("free stream", f"{prepared.density.ambient_density:.5g} kg/m3"),
+        ("flow mesh", f"{len(prepared.density.mesh.cells)} cells, {prepared.density.geometry}"),
+        (
+            "part that rays can meet",
+            f"{axes} from {low[0] * 1e3:.3g}, {low[1] * 1e3:.3g} mm to {high[0] * 1e3:.3g}, {high[1] * 1e3:.3g} mm",
+        ),
+    ]
+    resampling = prepared.resampling
+    samples = prepared.field.samples
+    if resampling is None or not isinstance(samples, UniformGrid):
+        rows.append(("grid", f"none: samples are looked up on the flow's mesh, {scene.grid.interpolation}"))
+    else:
+        shape = " x ".join(str(count) for count in samples.shape)
+        rows += [
+            ("grid", f"{shape} nodes, {scene.grid.spacing * 1e3:g} mm apart, {scene.grid.interpolation}"),
+            (
+                "error of the grid",
+                f"OPD {resampling.opd_rms * 1e9:.3g} nm rms, {resampling.opd_max * 1e9:.3g} nm at most, measured "
+                f"({resampling.opd_rms / wavelength:.2g} and {resampling.opd_max / wavelength:.2g} waves)",
+            ),
+        ]
+    traced = PUPIL_SAMPLES**2 * 0.785
+    rows += [
+        ("tracing", str(plan).splitlines()[0]),
+        *(("", reason) for reason in plan.reasons),
+        ("error asked for", f"{scene.trace.tolerance:g} wave at {wavelength * 1e9:g} nm"),
+        ("rays, Strehl ratio", f"{scene.strehl.ray_count:,} over a pupil of {scene.receiver.diameter * 1e3:g} mm"),
+        ("rays, OPD map", f"about {traced:,.0f}, {PUPIL_SAMPLES} across the pupil"),
+        ("rays, picture", f"{FAN_RAYS}, to {FAN_PLANES - 1} planes"),
+        (
+            "rays, echo",
+            f"{scene.beam.ray_count:,} target points, each with {scene.receiver.ray_count:,} over the receiver's pupil",
+        ),
+        ("ranging", f"{scene.detector.ranging}, {scene.detector.sample_rate / 1e9:g} GHz samples"),
+    ]
+    return rows

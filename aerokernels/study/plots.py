@@ -1,0 +1,214 @@
+"""The pictures of a run, drawn from its stored dataset alone, so that a `result.nc` can be drawn again at any time.
+
+Each function returns a Matplotlib figure that belongs to no window and no global state. Lengths are drawn in mm, um
+or nm and times in ns; the dataset holds SI.
+"""
+
+import io
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+if TYPE_CHECKING:
+    import xarray
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+SPEED_OF_LIGHT = 299_792_458.0  # [m/s]
+BODY_COLOUR, RAY_COLOUR, ACCENT, MUTED = "#5b6470", "#0b6e99", "#c2410c", "#8a94a0"
+STYLE = {
+    "font.size": 10.0,
+    "axes.titlesize": 11.0,
+    "axes.titleweight": "semibold",
+    "axes.edgecolor": "#8a94a0",
+    "axes.linewidth": 0.8,
+    "axes.grid": False,
+    "grid.color": "#e3e7eb",
+    "xtick.color": "#4a5460",
+    "ytick.color": "#4a5460",
+    "legend.frameon": False,
+    "figure.facecolor": "white",
+}
+
+
+def _figure(width: float, height: float, columns: int = 1, **layout: Any) -> "tuple[Figure, Any]":
+    from matplotlib import rc_context
+    from matplotlib.figure import Figure
+
+    with rc_context(STYLE):
+        figure = Figure(figsize=(width, height), layout="constrained", dpi=120)
+        return figure, figure.subplots(1, columns, **layout)
+
+
+def _colour_bar(figure: "Figure", mappable: Any, axes: "Axes", label: str) -> None:
+    bar = figure.colorbar(mappable, ax=axes, label=label, pad=0.02)
+    bar.outline.set_visible(False)  # type: ignore[operator]
+
+
+def _draw_body(axes: "Axes", dataset: "xarray.Dataset") -> None:
+    if "body_z" in dataset:
+        z, y = 1e3 * dataset["body_z"].values, 1e3 * dataset["body_y"].values
+        for side in (1.0, -1.0) if dataset.attrs.get("geometry") == "axisymmetric" else (1.0,):
+            axes.fill(z, side * y, facecolor=BODY_COLOUR, linewidth=0.0, zorder=3)
+
+
+def _draw_density(axes: "Axes", dataset: "xarray.Dataset") -> Any:
+    z, y = 1e3 * dataset["density_z"].values, 1e3 * dataset["density_y"].values
+    density = dataset["density"].values
+    low, high = float(density.min()), float(density.max())
+    if high - low <= 1e-9 * abs(high):  # a uniform field still deserves a scale with its value in the middle
+        low, high = 0.9 * low, 1.1 * high
+    mesh = None
+    for side in (1.0, -1.0) if dataset.attrs.get("geometry") == "axisymmetric" else (1.0,):
+        mesh = axes.pcolormesh(z, side * y, density, cmap="viridis", vmin=low, vmax=high, shading="flat")
+    return mesh
+
+
+def density_figure(dataset: "xarray.Dataset") -> "Figure":
+    """Density of the whole flow in the plane x = 0, with the body and the rays' bundle drawn in."""
+    figure, axes = _figure(8.6, 5.2)
+    mesh = _draw_density(axes, dataset)
+    _draw_body(axes, dataset)
+    lines = _ray_lines(dataset)
+    low, high = axes.get_xlim()
+    for z, y in lines:
+        axes.plot(1e3 * z, 1e3 * y, color="white", linewidth=0.7, alpha=0.9, zorder=4)
+    axes.set_xlim(low, high + 0.12 * (high - low))
+    axes.set_facecolor("#f3f5f7")
+    axes.set_aspect("equal")
+    axes.set(xlabel="z, optical axis looking forward [mm]", ylabel="y [mm]", title="Density of the flow, body and rays")
+    _colour_bar(figure, mesh, axes, "density [kg/m³]")
+    return figure
+
+
+def _ray_lines(dataset: "xarray.Dataset") -> list[tuple[np.ndarray, np.ndarray]]:
+    position = dataset["ray_position"].values  # (ray, plane, axis)
+    return [(ray[:, 2], ray[:, 1]) for ray in position]
+
+
+def rays_figure(dataset: "xarray.Dataset") -> "Figure":
+    """The fan of rays where it crosses the flow, and how far each strays from its straight line."""
+    figure, (near, stray) = _figure(10.6, 4.4, columns=2, width_ratios=(1.0, 1.0))
+    mesh = _draw_density(near, dataset)
+    _draw_body(near, dataset)
+    position = dataset["ray_position"].values
+    z, y = 1e3 * position[..., 2], 1e3 * position[..., 1]
+    near.plot(z.T, y.T, color="white", linewidth=0.9, zorder=4)
+    half = 1.6 * max(np.nanmax(np.abs(y[:, 0])), 1.0)
+    start, nose = float(np.nanmin(z)), float(dataset.attrs.get("flow_front_m", 0.0)) * 1e3
+    near.set_xlim(start - 0.15 * half, max(nose, start + half) + 0.35 * half)
+    near.set_ylim(-half, half)
+    near.set_aspect("equal")
+    near.set_facecolor("#f3f5f7")
+    near.set(xlabel="z [mm]", ylabel="y [mm]", title="Rays in the flow")
+    _colour_bar(figure, mesh, near, "density [kg/m³]")
+
+    deviation = 1e6 * dataset["ray_deviation"].values  # (ray, plane)
+    start_y = dataset["ray_position"].values[:, 0, 1]
+    from matplotlib import colormaps
+
+    scale = max(np.nanmax(np.abs(start_y)), 1e-12)
+    for y0, along, off in zip(start_y, z, deviation, strict=True):
+        stray.plot(along, off, color=colormaps["coolwarm"](0.5 + 0.5 * y0 / scale), linewidth=1.1)
+    stray.axhline(0.0, color=MUTED, linewidth=0.6)
+    stray.grid(True, color="#e3e7eb")
+    stray.set(xlabel="z [mm]", ylabel="displacement in y [µm]", title="Displacement from the straight line")
+    return figure
+
+
+def opd_figure(dataset: "xarray.Dataset") -> "Figure":
+    """Optical path difference over the receiver's pupil: piston removed, then tilt removed as well."""
+    figure, panels = _figure(10.6, 4.4, columns=2)
+    for axes, name, title in zip(
+        panels, ("opd", "opd_without_tilt"), ("OPD, piston removed", "OPD, piston and tilt removed"), strict=True
+    ):
+        opd = 1e9 * dataset[name].values
+        x, y = 1e3 * dataset["pupil_x"].values, 1e3 * dataset["pupil_y"].values
+        limit = float(np.nanmax(np.abs(opd))) if np.isfinite(opd).any() else 0.0
+        limit = limit or 1.0
+        image = axes.imshow(
+            opd, origin="lower", extent=(x[0], x[-1], y[0], y[-1]), cmap="RdBu_r", vmin=-limit, vmax=limit
+        )
+        rms = float(np.sqrt(np.nanmean(opd**2))) if np.isfinite(opd).any() else float("nan")
+        axes.set(xlabel="x [mm]", ylabel="y [mm]", title=f"{title}: {rms:.3g} nm rms")
+        _colour_bar(figure, image, axes, "OPD [nm]")
+    return figure
+
+
+def point_spread_figure(dataset: "xarray.Dataset") -> "Figure":
+    """Point spread function relative to the undisturbed peak: the spot, and cuts through it beside the perfect one."""
+    from matplotlib.colors import LogNorm
+
+    figure, (spot, cut) = _figure(10.6, 4.4, columns=2)
+    angle_x, angle_y = 1e6 * dataset["angle_x"].values, 1e6 * dataset["angle_y"].values
+    spread, perfect = dataset["point_spread"].values, dataset["point_spread_perfect"].values
+    extent = (angle_x[0], angle_x[-1], angle_y[0], angle_y[-1])
+    image = spot.imshow(np.maximum(spread, 1e-6), origin="lower", extent=extent, cmap="magma", norm=LogNorm(1e-4, 1.0))
+    spot.set(xlabel="angle in x [µrad]", ylabel="angle in y [µrad]", title="Point spread function")
+    _colour_bar(figure, image, spot, "intensity / undisturbed peak")
+    middle = spread.shape[0] // 2, spread.shape[1] // 2
+    cut.plot(angle_x, perfect[middle[0]], color=MUTED, linestyle="--", linewidth=1.2, label="undisturbed")
+    cut.plot(angle_x, spread[middle[0]], color=RAY_COLOUR, linewidth=1.6, label="along x")
+    cut.plot(angle_y, spread[:, middle[1]], color=ACCENT, linewidth=1.2, linestyle=":", label="along y")
+    ratio = dataset.attrs.get("strehl")
+    title = "Cuts through the axis" if ratio is None else f"Cuts through the axis, Strehl ratio {ratio:.4f}"
+    cut.set(xlabel="angle [µrad]", ylabel="intensity / undisturbed peak", ylim=(0.0, None), title=title)
+    cut.grid(True, color="#e3e7eb")
+    cut.legend()
+    return figure
+
+
+def echo_figure(dataset: "xarray.Dataset") -> "Figure":
+    """Received power, and the detector's voltage with the threshold and the reported range."""
+    figure, axes = _figure(8.6, 4.2)
+    time, power, voltage = (dataset[name].values for name in ("time", "echo_power", "echo_voltage"))
+    shown = _around_pulse(power, voltage)
+    nanoseconds = 1e9 * time[shown]
+    axes.plot(nanoseconds, voltage[shown], color=RAY_COLOUR, linewidth=1.8, label="detector voltage")
+    axes.set(xlabel="time after the pulse's peak left [ns]", ylabel="voltage [V]")
+    threshold = dataset.attrs.get("threshold_v")
+    if threshold is not None and np.isfinite(threshold):
+        axes.axhline(threshold, color=MUTED, linewidth=1.0, linestyle="--", label=f"threshold {threshold:.4g} V")
+    for key, words, colour, line in (
+        ("true_range_m", "target at", MUTED, ":"),
+        ("range_m", "reported range", ACCENT, "-"),
+    ):
+        distance = dataset.attrs.get(key)
+        if distance is not None and np.isfinite(distance):
+            nanosecond = 2e9 * distance / SPEED_OF_LIGHT
+            axes.axvline(nanosecond, color=colour, linewidth=1.1, linestyle=line, label=f"{words} {distance:.4f} m")
+    second = axes.twinx()
+    second.plot(nanoseconds, 1e6 * power[shown], color="#2f9e6e", linewidth=1.2, linestyle="-.", label="received power")
+    second.set_ylabel("received power [µW]")
+    handles = [pair for part in (axes, second) for pair in zip(*part.get_legend_handles_labels(), strict=True)]
+    axes.legend([handle for handle, _ in handles], [label for _, label in handles], loc="upper right", fontsize=9)
+    axes.grid(True, color="#e3e7eb")
+    axes.set_title("Laser echo")
+    return figure
+
+
+def _around_pulse(power: np.ndarray, voltage: np.ndarray) -> slice:
+    """The samples around the pulse, with half its width to spare; all of them if there is no pulse."""
+    parts = [np.abs(signal) / max(np.abs(signal).max(), 1e-300) for signal in (power, voltage)]
+    above = np.flatnonzero(np.maximum(*parts) > 1e-3)
+    if above.size == 0:
+        return slice(None)
+    margin = max((above[-1] - above[0]) // 4, 2)
+    return slice(max(above[0] - margin, 0), above[-1] + margin + 1)
+
+
+FIGURES: dict[str, tuple[str, "Callable[[xarray.Dataset], Figure]"]] = {
+    "density": ("The air density around the body, with the rays that leave the receiver's pupil.", density_figure),
+    "rays": ("The fan of rays near the pupil, and how far refraction moves each of them aside.", rays_figure),
+    "opd": ("The wavefront that a distant point on the axis leaves on the receiver's pupil.", opd_figure),
+    "point-spread": ("What the wavefront makes of the focus.", point_spread_figure),
+    "echo": ("The pulse that comes back from the reflector.", echo_figure),
+}
+
+
+def png(figure: "Figure") -> bytes:
+    """`figure` as a PNG file."""
+    buffer = io.BytesIO()
+    figure.savefig(buffer, format="png")
+    return buffer.getvalue()

@@ -1,0 +1,22 @@
+"""A scene as it was run, written out as TOML in SI units: what is kept beside every result."""
+
+import json
+from collections.abc import Mapping
+from typing import Any
+
+from aerokernels.scene import Scene
+
+
+def scene_toml(scene: Scene) -> str:
+    """All keys of a scene, defaults included, as a TOML text that loads to an equal scene."""
+    tables = {key: value for key, value in scene.as_dict().items() if isinstance(value, Mapping)}
+    single = {key: value for key, value in scene.as_dict().items() if not isinstance(value, Mapping)}
+    parts = [_lines(single), *(f"[{name}]\n{_lines(table)}" for name, table in tables.items())]
+    return "\n\n".join(part for part in parts if part) + "\n"
+
+
+def _lines(values: Mapping[str, Any]) -> str:
+    # JSON's texts, numbers and lists are TOML's too; TOML has no null, and a key that is absent means the same.
+    return "\n".join(
+        f"{key} = {json.dumps(value, ensure_ascii=False)}" for key, value in values.items() if value is not None
+    )

@@ -1,0 +1,102 @@
+"""The rays that are traced to be looked at: a map over the pupil, and a fan that crosses the flow."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from aerokernels.medium import IndexField
+from aerokernels.rays import RayBundle
+from aerokernels.scene import Scene
+from aerokernels.tracing import Plane, RayStatus, TraceResult, trace
+
+PUPIL_SAMPLES = 201  # across the pupil
+FAN_RAYS = 15
+FAN_PLANES = 25
+
+
+def trace_options(scene: Scene) -> dict[str, Any]:
+    """What `trace` takes from a scene's [trace] and [flow] tables."""
+    table = scene.trace
+    return {
+        "method": table.method,
+        "tolerance": table.tolerance,
+        "step": table.step,
+        "max_steps": table.max_steps,
+        "wavelength": scene.flow.wavelength,
+        "backend": table.backend,
+        "device": table.device,
+        "precision": table.precision,
+    }
+
+
+@dataclass(frozen=True, eq=False)
+class PupilMap:
+    """Optical path difference on a square grid over the pupil.
+
+    Attributes:
+        coordinate: x and y of the samples [m], shape (n,).
+        inside: Which samples lie in the pupil, shape (n, n), axes [y, x].
+        opd: Optical path difference [m], shape (n, n); NaN outside the pupil and where a ray failed.
+        trace: The trace behind it, one ray for each sample inside.
+    """
+
+    coordinate: np.ndarray
+    inside: np.ndarray
+    opd: np.ndarray
+    trace: TraceResult
+
+
+def pupil_map(field: IndexField, scene: Scene, sample_count: int = PUPIL_SAMPLES) -> PupilMap:
+    """Trace a square grid of parallel rays forward from the receiver's pupil.
+
+    By reciprocity these are the optical paths of a plane wave that arrives from straight ahead.
+    """
+    radius = 0.5 * scene.receiver.diameter
+    coordinate = np.linspace(-radius, radius, sample_count)
+    x, y = np.meshgrid(coordinate, coordinate)
+    inside = x**2 + y**2 <= radius**2 * (1.0 + 1e-12)
+    start = np.stack([x[inside], y[inside], np.full(int(inside.sum()), scene.receiver.aperture_z)], axis=1)
+    rays = RayBundle(start, np.broadcast_to([0.0, 0.0, 1.0], start.shape))
+    traced = trace(field, rays, **trace_options(scene), outputs=("opd", "evaluation_count"))
+    opd = np.full(inside.shape, np.nan)
+    assert traced.opd is not None  # asked for
+    opd[inside] = np.where(traced.ok, traced.opd, np.nan)
+    return PupilMap(coordinate, inside, opd, traced)
+
+
+@dataclass(frozen=True, eq=False)
+class RayFan:
+    """Rays in the plane x = 0, followed from plane to plane.
+
+    Attributes:
+        position: Where each ray crosses each plane [m], shape (ray_count, plane_count, 3); NaN once a ray has ended.
+        deviation: Displacement in y from the undisturbed ray there [m], shape (ray_count, plane_count).
+        seconds: Time spent in kernels.
+    """
+
+    position: np.ndarray
+    deviation: np.ndarray
+    seconds: Mapping[str, float]
+
+
+def ray_fan(field: IndexField, scene: Scene, front: float) -> RayFan:
+    """Trace a row of parallel rays from the pupil to a little ahead of `front`, the foremost z of the flow [m]."""
+    radius, aperture = 0.5 * scene.receiver.diameter, scene.receiver.aperture_z
+    start = np.zeros((FAN_RAYS, 3))
+    start[:, 1] = np.linspace(-radius, radius, FAN_RAYS)
+    start[:, 2] = aperture
+    rays = RayBundle(start, np.broadcast_to([0.0, 0.0, 1.0], start.shape))
+    planes = np.linspace(aperture, front + 0.1 * (front - aperture), FAN_PLANES)
+    position = np.full((FAN_RAYS, FAN_PLANES, 3), np.nan)
+    position[:, 0] = start
+    seconds = {"compile": 0.0, "kernel": 0.0}
+    for column, z in enumerate(planes[1:], start=1):
+        plane = Plane(np.array([0.0, 0.0, z]), np.array([0.0, 0.0, 1.0]))
+        traced = trace(field, rays, **trace_options(scene), until=plane, outputs=("position",))
+        assert traced.position is not None  # asked for
+        arrived = traced.status == RayStatus.OK
+        position[arrived, column] = traced.position[arrived]
+        seconds = {stage: time + traced.seconds.get(stage, 0.0) for stage, time in seconds.items()}
+    return RayFan(position, position[..., 1] - start[:, None, 1], seconds)

@@ -1,0 +1,9 @@
+"""Rays through a field: plan, trace, result and status, one module per backend."""
+
+from .backends import BackendInfo, available_backends
+from .result import TraceResult
+from .status import RayStatus
+from .stop import ArcLength, Plane
+from .trace import trace
+
+__all__ = ["ArcLength", "BackendInfo", "Plane", "RayStatus", "TraceResult", "available_backends", "trace"]

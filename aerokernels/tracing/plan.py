@@ -1,0 +1,107 @@
+"""What a trace will do, and why, in words."""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from ..medium import IndexField
+
+METHODS = ("auto", "straight", "adaptive", "paper", "fixed")
+PRECISIONS = ("float32", "float64")
+
+
+@dataclass(frozen=True)
+class TracePlan:
+    """The choices for one trace.
+
+    Attributes:
+        method: "straight", "adaptive", "paper" or "fixed".
+        backend: "warp" or "reference".
+        device: Device of the backend.
+        precision: "float32" or "float64".
+        max_steps: Steps after which a ray is given up.
+        step: Step of "fixed" [m of arc length], else None.
+        tolerance: OPD error asked for [waves].
+        reasons: Why, one sentence for each choice.
+    """
+
+    method: str
+    backend: str
+    device: str
+    precision: str
+    max_steps: int
+    step: float | None
+    tolerance: float
+    reasons: tuple[str, ...] = field(default=())
+
+    def __str__(self) -> str:
+        """One line of choices, then one line for each reason."""
+        head = f"{self.method} on {self.backend} ({self.device}), {self.precision}"
+        return "\n".join([head, *(f"  {reason}" for reason in self.reasons)])
+
+    def as_dict(self) -> dict:
+        """The plan for a summary file."""
+        return {
+            "method": self.method,
+            "backend": self.backend,
+            "device": self.device,
+            "precision": self.precision,
+            "max_steps": self.max_steps,
+            "step": self.step,
+            "tolerance": self.tolerance,
+            "reasons": list(self.reasons),
+        }
+
+
+def make_plan(
+    field: IndexField, *, method, backend, device, precision, step, tolerance, max_steps, path_length
+) -> TracePlan:
+    """Check the caller's choices and fill in those left to "auto".
+
+    Raises:
+        ValueError: An unknown name or a number that makes no sense, with the remedy.
+    """
+    from .backends import choose_backend
+
+    if method not in METHODS:
+        raise ValueError(f"method {method!r} is not known: choose one of {', '.join(METHODS)}")
+    if precision not in PRECISIONS:
+        raise ValueError(f"precision {precision!r} is not known: choose 'float32' or 'float64'")
+    if not (np.isfinite(tolerance) and tolerance > 0.0):
+        raise ValueError(f"tolerance must be positive (waves of OPD error), got {tolerance!r}")
+    if method == "fixed":
+        if step is None or not (np.isfinite(step) and step > 0.0):
+            raise ValueError(f"method 'fixed' needs step, a positive length of arc in metres, got {step!r}")
+    elif step is not None:
+        raise ValueError(f"step belongs to method 'fixed', not to {method!r}: leave it out or choose 'fixed'")
+    reasons = []
+    if method == "auto":
+        method = "adaptive"
+        reasons.append("method adaptive: error control holds the tolerance whatever the field")
+    backend, device, why = choose_backend(backend, device)
+    reasons.append(why)
+    dimension = {"volume": "a volume", "planar": "two axes, x is never expanded"}.get(
+        field.geometry, "r and z, never expanded to a volume"
+    )
+    reasons.append(f"{field.geometry} field: looked up in {dimension}")
+    reasons.append("outside the field's box rays fly free in one step")
+    if field.body is None:
+        reasons.append("no body: no wall test in the kernel")
+    if max_steps is None:
+        max_steps = _step_allowance(field, method, step, path_length)
+    elif not isinstance(max_steps, (int, np.integer)) or max_steps < 1:
+        raise ValueError(f"max_steps must be a whole number of at least 1, got {max_steps!r}")
+    return TracePlan(method, backend, device, precision, int(max_steps), step, float(tolerance), tuple(reasons))
+
+
+def _step_allowance(field: IndexField, method: str, step, path_length) -> int:
+    """Generous by a factor of ten over what a ray across the box needs, so that only trapped rays meet it."""
+    low, high = field.box
+    extent = np.where(np.isfinite(high - low), high - low, 0.0)
+    diagonal = float(np.linalg.norm(extent))
+    if path_length is not None:
+        diagonal = max(diagonal, path_length)
+    finest = float(field.samples.paper_step.min()) if method == "paper" else float(np.min(field.spacing)) * 0.02
+    if method == "fixed":
+        finest = step
+    return int(min(10.0 * diagonal / finest + 1000.0, 2_000_000_000.0))

@@ -1,0 +1,94 @@
+"""What a trace returns."""
+
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from .status import RayStatus
+
+# Per-ray arrays: unit and meaning, in the order of results.
+RAY_OUTPUTS = {
+    "position": ("m", "end point"),
+    "direction": ("1", "unit tangent at the stop"),
+    "optical_path": ("m", "integral of n ds from the start to the stop"),
+    "opd": ("m", "optical path less the ambient index times the undisturbed distance to the same stop"),
+    "arc_length": ("m", "length of the ray"),
+    "step_error": ("m", "OPD error of the steps, estimated by the embedded formula"),
+    "step_count": ("1", "accepted steps"),
+    "evaluation_count": ("1", "field evaluations"),
+}
+
+
+@dataclass(eq=False)
+class TraceResult:
+    """Traced rays, float64 whatever the kernel's precision. Arrays that were not asked for are None.
+
+    Attributes:
+        position: End points [m], shape (ray_count, 3).
+        direction: Unit tangents at the stop, shape (ray_count, 3).
+        optical_path: Integral of n ds [m], shape (ray_count,).
+        opd: Optical path less ambient_index times the distance at which the undisturbed ray meets the same stop [m].
+            For a ray that did not reach the stop: against the same length of ambient path.
+        arc_length: Length of the ray [m].
+        step_error: OPD error of the steps as the embedded formula sees it [m].
+        step_count: Accepted steps.
+        evaluation_count: Field evaluations.
+        status: RayStatus codes, first failure wins.
+        plan: What was chosen, skipped and why.
+        seconds: Time spent: at least "compile", "kernel", "total".
+        wavelength: Wavelength of the tolerance [m].
+        weight: Share of each ray in means over the bundle.
+    """
+
+    status: np.ndarray
+    plan: Any
+    seconds: dict[str, float]
+    wavelength: float
+    weight: np.ndarray
+    position: np.ndarray | None = None
+    direction: np.ndarray | None = None
+    optical_path: np.ndarray | None = None
+    opd: np.ndarray | None = None
+    arc_length: np.ndarray | None = None
+    step_error: np.ndarray | None = None
+    step_count: np.ndarray | None = None
+    evaluation_count: np.ndarray | None = None
+    budget: Any = field(default=None, repr=False)
+
+    @property
+    def ray_count(self) -> int:
+        """Number of rays."""
+        return len(self.status)
+
+    @property
+    def ok(self) -> np.ndarray:
+        """Which rays reached the stop, shape (ray_count,)."""
+        return self.status == RayStatus.OK
+
+    @cached_property
+    def error(self) -> dict[str, float]:
+        """The error budget of the optical path difference [m], by cause: see budget.py. Computed when first read."""
+        return self.budget(self) if self.budget is not None else {}
+
+    def status_summary(self) -> dict[str, int]:
+        """Number of rays by status name, those that occur."""
+        code, count = np.unique(self.status, return_counts=True)
+        return {RayStatus(int(c)).name: int(n) for c, n in zip(code, count, strict=True)}
+
+    def to_xarray(self):
+        """The result as an xarray.Dataset with units."""
+        import xarray
+
+        variables: dict[str, tuple] = {}
+        for name, (unit, meaning) in RAY_OUTPUTS.items():
+            array = getattr(self, name)
+            if array is not None:
+                dims = ("ray", "axis") if array.ndim == 2 else ("ray",)
+                variables[name] = (dims, array, {"units": unit, "long_name": meaning})
+        codes = " ".join(f"{int(s)}={s.name}" for s in RayStatus)
+        variables["status"] = (("ray",), self.status, {"long_name": f"ray status: {codes}"})
+        variables["weight"] = (("ray",), self.weight, {"units": "1", "long_name": "share of the bundle"})
+        attributes = {"wavelength": self.wavelength, "plan": str(self.plan)}
+        return xarray.Dataset(variables, coords={"axis": ["x", "y", "z"]}, attrs=attributes)

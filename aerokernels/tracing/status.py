@@ -1,0 +1,54 @@
+"""What became of a ray. The first failure wins; one ray's failure never touches another."""
+
+from enum import IntEnum
+
+
+class RayStatus(IntEnum):
+    """Status codes of traced rays, the same numbers in every kernel."""
+
+    OK = 0
+    MISSED_FIELD = 1
+    STOP_NOT_REACHED = 2
+    HIT_BODY = 3
+    INSIDE_BODY = 4
+    MAX_STEPS = 5
+    NOT_FINITE = 6
+
+    @property
+    def meaning(self) -> str:
+        """What happened."""
+        return _TEXT[self][0]
+
+    @property
+    def remedy(self) -> str:
+        """What to do about it."""
+        return _TEXT[self][1]
+
+
+_TEXT = {
+    RayStatus.OK: ("the ray reached the stop", "nothing to do"),
+    RayStatus.MISSED_FIELD: (
+        "the ray never meets the field's box, so it cannot leave it",
+        "aim the ray at the box, or stop on a Plane or at an ArcLength",
+    ),
+    RayStatus.STOP_NOT_REACHED: (
+        "the plane lies behind the ray or beside it, or the ray was turned away from it",
+        "move the plane ahead of the rays, or turn its normal",
+    ),
+    RayStatus.HIT_BODY: (
+        "the ray met the body and ends on its surface",
+        "expected for rays that the body blocks; else check the body's profile and the ray's start",
+    ),
+    RayStatus.INSIDE_BODY: (
+        "the ray starts behind the body's surface and never leaves it within the field's box",
+        "move the start, or turn the ray toward the surface",
+    ),
+    RayStatus.MAX_STEPS: (
+        "the ray took as many steps as allowed and had not arrived",
+        "raise max_steps, loosen the tolerance, or look for a ray that is trapped in the field",
+    ),
+    RayStatus.NOT_FINITE: (
+        "a number overflowed or was not a number",
+        "trace in float64, or look for contrasts that are too strong for the step",
+    ),
+}

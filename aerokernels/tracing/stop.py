@@ -1,0 +1,32 @@
+"""Where a trace ends: on a plane, or after a length of path. None means: where the ray leaves the field's box."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..rays import as_unit_vector, as_vector
+
+
+@dataclass(frozen=True, eq=False)
+class Plane:
+    """The plane through `point` [m] across `normal` (made a unit vector); both of shape (3,)."""
+
+    point: np.ndarray
+    normal: np.ndarray
+
+    def __post_init__(self):
+        """Check and normalise."""
+        object.__setattr__(self, "point", as_vector(self.point, "Plane point"))
+        object.__setattr__(self, "normal", as_unit_vector(self.normal, "Plane normal"))
+
+
+@dataclass(frozen=True, eq=False)
+class ArcLength:
+    """A length [m] along each ray from its start."""
+
+    length: float
+
+    def __post_init__(self):
+        """Check the length."""
+        if not (np.isfinite(self.length) and self.length >= 0.0):
+            raise ValueError(f"ArcLength needs a finite length of at least 0 m, got {self.length!r}")

@@ -1,0 +1,66 @@
+r"""The Runge-Kutta-Nystrom pair that moves every ray.
+
+    r'' = D(r) = n grad n,  r' = T = n dr/ds,  d sigma = ds / n,   |T| = n
+
+Order 4 in r and T with an embedded order 3, four stages of which the last is the first of the next step: three field
+evaluations a step. Quantities with Q' = f(r) (optical path, arc length) take the weights of T.
+
+Reference: J. R. Dormand, M. E. A. El-Mikkawy, P. J. Prince, Families of Runge-Kutta-Nystrom formulae, IMA J. Numer.
+Anal. 7 (1987) 235, formula RKN4(3)4FM.
+"""
+
+from dataclasses import dataclass
+from fractions import Fraction as F
+
+import numpy as np
+
+
+@dataclass(frozen=True)
+class NystromPair:
+    """Nodes `c`, stage matrix `a`, weights for position `b`, for momentum `bt`, and those of the embedded formula."""
+
+    c: tuple
+    a: tuple
+    b: tuple
+    bt: tuple
+    b_low: tuple
+    bt_low: tuple
+
+    def __post_init__(self):
+        """Check the order conditions, so that a mistyped number cannot pass."""
+        for weight, momentum, order in ((self.b, self.bt, 4), (self.b_low, self.bt_low, 3)):
+            for power in range(order):
+                if sum(w * c**power for w, c in zip(momentum, self.c, strict=True)) != F(1, power + 1):
+                    raise ValueError(f"momentum weights fail the order condition of c^{power}")
+            for power in range(order - 1):
+                expected = F(1, (power + 1) * (power + 2))
+                if sum(w * c**power for w, c in zip(weight, self.c, strict=True)) != expected:
+                    raise ValueError(f"position weights fail the order condition of c^{power}")
+        for row, c in zip(self.a, self.c, strict=True):
+            if sum(row) != c * c / 2:
+                raise ValueError(f"the stage at c = {c} is not consistent")
+        if tuple(self.a[-1]) != tuple(self.b):
+            raise ValueError("the last stage must be the new point")
+
+
+PAIR = NystromPair(
+    c=(F(0), F(1, 4), F(7, 10), F(1)),
+    a=(
+        (F(0), F(0), F(0), F(0)),
+        (F(1, 32), F(0), F(0), F(0)),
+        (F(7, 1000), F(119, 500), F(0), F(0)),
+        (F(1, 14), F(8, 27), F(25, 189), F(0)),
+    ),
+    b=(F(1, 14), F(8, 27), F(25, 189), F(0)),
+    bt=(F(1, 14), F(32, 81), F(250, 567), F(5, 54)),
+    b_low=(F(-7, 150), F(67, 150), F(3, 20), F(-1, 20)),
+    bt_low=(F(13, 21), F(-20, 27), F(275, 189), F(-1, 3)),
+)
+
+C = np.array([float(v) for v in PAIR.c])
+A = np.array([[float(v) for v in row] for row in PAIR.a])
+B = np.array([float(v) for v in PAIR.b])
+BT = np.array([float(v) for v in PAIR.bt])
+B_ERROR = np.array([float(v - w) for v, w in zip(PAIR.b, PAIR.b_low, strict=True)])
+BT_ERROR = np.array([float(v - w) for v, w in zip(PAIR.bt, PAIR.bt_low, strict=True)])
+EVALUATIONS_PER_STEP = 3

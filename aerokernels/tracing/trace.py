@@ -1,0 +1,98 @@
+"""The one entry: rays through a field."""
+
+import time
+
+import numpy as np
+
+from ..medium import IndexField
+from ..rays import RayBundle
+from .budget import error_budget
+from .plan import make_plan
+from .result import RAY_OUTPUTS, TraceResult
+from .stop import ArcLength, Plane
+
+
+def trace(
+    field: IndexField,
+    rays: RayBundle,
+    *,
+    method: str = "auto",
+    tolerance: float = 1e-3,
+    step: float | None = None,
+    until=None,
+    wavelength: float = 905e-9,
+    backend: str = "auto",
+    device: str | None = None,
+    precision: str = "float32",
+    max_steps: int | None = None,
+    outputs=None,
+) -> TraceResult:
+    """Trace rays through a field.
+
+    Args:
+        field: The refractive index.
+        rays: Where the rays start and point.
+        method: "auto", "straight" (along the undisturbed line, with the second-order correction of the optical path),
+            "adaptive" (error controlled), "paper" (step rule of the paper's eq 5) or "fixed" (needs `step`).
+        tolerance: OPD error asked for [waves at `wavelength`].
+        step: Step of method "fixed" [m of arc length].
+        until: None (where the ray leaves the field's box), Plane(point, normal) or ArcLength(length).
+        wavelength: Vacuum wavelength [m].
+        backend: "auto", "warp", "opencl" or "reference".
+        device: "cpu", "cuda:0" or an OpenCL device's name; None takes the best.
+        precision: "float32" or "float64" inside the kernel.
+        max_steps: Steps after which a ray is given up; None takes a generous number.
+        outputs: Names of the per-ray arrays wanted (see RAY_OUTPUTS); None for all.
+
+    Returns:
+        A TraceResult; a ray that fails has a status and leaves the others alone.
+
+    Raises:
+        TypeError: `field`, `rays` or `until` of the wrong kind.
+        ValueError: A name or number that makes no sense, or a backend or device that is not there.
+    """
+    start = time.perf_counter()
+    if not isinstance(field, IndexField):
+        raise TypeError(f"field must be an IndexField, got {type(field).__name__}")
+    if not isinstance(rays, RayBundle):
+        raise TypeError(f"rays must be a RayBundle, got {type(rays).__name__}")
+    if until is not None and not isinstance(until, (Plane, ArcLength)):
+        raise TypeError(f"until must be None, a Plane or an ArcLength, got {type(until).__name__}")
+    if not (np.isfinite(wavelength) and wavelength > 0.0):
+        raise ValueError(f"wavelength must be a positive length in metres, got {wavelength!r}")
+    wanted = check_outputs(outputs)
+    plan = make_plan(
+        field,
+        method=method,
+        backend=backend,
+        device=device,
+        precision=precision,
+        step=step,
+        tolerance=tolerance,
+        max_steps=max_steps,
+        path_length=until.length if isinstance(until, ArcLength) else None,
+    )
+    if plan.backend == "reference":
+        from .reference import trace as run
+    else:
+        from .warp_backend import trace as run
+    arrays, seconds = run(field, rays, plan, until, wavelength, wanted)
+    seconds["total"] = time.perf_counter() - start
+
+    def budget(result: TraceResult) -> dict[str, float]:
+        return error_budget(field, rays, result)
+
+    return TraceResult(
+        plan=plan, seconds=seconds, wavelength=wavelength, weight=rays.weight, budget=budget, **arrays
+    )
+
+
+def check_outputs(outputs) -> frozenset:
+    """The set of output names, or a refusal that lists them."""
+    if outputs is None:
+        return frozenset(RAY_OUTPUTS)
+    wanted = frozenset([outputs] if isinstance(outputs, str) else outputs)
+    unknown = sorted(wanted - set(RAY_OUTPUTS) - {"status"})
+    if unknown:
+        raise ValueError(f"outputs {unknown} are not known: choose from {', '.join(RAY_OUTPUTS)}")
+    return wanted - {"status"}

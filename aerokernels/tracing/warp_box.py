@@ -1,0 +1,140 @@
+"""Device functions in float64: where a straight ray meets the field's box, and the box's faces as stop surfaces."""
+
+import functools
+
+import warp as wp
+
+from .warp_types import types
+
+FACE_COUNT = {"volume": 6, "planar": 4, "axisymmetric": 3}
+
+
+@functools.cache
+def build_crossing(precision: str, geometry: str):
+    """A function (bounds, position, direction) -> (entry, exit) distances; entry > exit means a miss."""
+    Bounds = types(precision).Bounds
+
+    @wp.func
+    def slab(low: wp.float64, high: wp.float64, p: wp.float64, d: wp.float64, span: wp.vec2d):
+        if d == wp.float64(0.0):
+            if p < low or p > high:
+                return wp.vec2d(wp.float64(1.0), wp.float64(-1.0))
+            return span
+        near = (low - p) / d
+        far = (high - p) / d
+        return wp.vec2d(wp.max(span[0], wp.min(near, far)), wp.min(span[1], wp.max(near, far)))
+
+    @wp.func
+    def cylinder(radius: wp.float64, p: wp.vec3d, d: wp.vec3d, span: wp.vec2d):
+        a = d[0] * d[0] + d[1] * d[1]
+        if a == wp.float64(0.0):
+            if p[0] * p[0] + p[1] * p[1] > radius * radius:
+                return wp.vec2d(wp.float64(1.0), wp.float64(-1.0))
+            return span
+        middle = -(p[0] * d[0] + p[1] * d[1]) / a
+        x = p[0] + middle * d[0]
+        y = p[1] + middle * d[1]
+        rest = radius * radius - x * x - y * y
+        if rest < wp.float64(0.0):
+            return wp.vec2d(wp.float64(1.0), wp.float64(-1.0))
+        half = wp.sqrt(rest / a)
+        return wp.vec2d(wp.max(span[0], middle - half), wp.min(span[1], middle + half))
+
+    @wp.func
+    def crossing(bounds: Bounds, p: wp.vec3d, d: wp.vec3d):
+        span = wp.vec2d(wp.float64(-1.0e300), wp.float64(1.0e300))
+        span = slab(bounds.low[2], bounds.high[2], p[2], d[2], span)
+        if wp.static(geometry == "axisymmetric"):
+            span = cylinder(bounds.radius, p, d, span)
+        else:
+            span = slab(bounds.low[1], bounds.high[1], p[1], d[1], span)
+        if wp.static(geometry == "volume"):
+            span = slab(bounds.low[0], bounds.high[0], p[0], d[0], span)
+        return span
+
+    return crossing
+
+
+@functools.cache
+def build_surface(precision: str, geometry: str):
+    """A function (control, k, cell, frac) -> how far outside surface k, and the gradient of that per cell.
+
+    Surfaces 0 and 1 are the z faces; then the cylinder, or the y faces, or the y and x faces; the last is the plane.
+    """
+    t = types(precision)
+    real, vec3, vec4, Control = t.real, t.vec3, t.vec4, t.Control
+    faces = FACE_COUNT[geometry]
+
+    @wp.func
+    def surface(control: Control, k: int, cell: wp.vec3i, frac: vec3):
+        if k == faces:
+            n = control.plane_normal
+            place = real(cell[0]) * n[0] + real(cell[1]) * n[1] + real(cell[2]) * n[2] - control.plane_offset
+            return vec4(place + wp.dot(n, frac), n[0], n[1], n[2])
+        if wp.static(geometry == "axisymmetric"):
+            if k == 2:
+                radius = control.radius
+                value = (frac[0] * frac[0] + frac[1] * frac[1] - radius * radius) / (real(2.0) * radius)
+                return vec4(value, frac[0] / radius, frac[1] / radius, real(0.0))
+        axis = 2 - k // 2
+        grad = vec4(real(0.0), real(0.0), real(0.0), real(0.0))
+        if k % 2 == 0:
+            grad[0] = (control.face_low[axis] - real(cell[axis])) - frac[axis]
+            grad[axis + 1] = real(-1.0)
+        else:
+            grad[0] = (real(cell[axis]) - control.face_high[axis]) + frac[axis]
+            grad[axis + 1] = real(1.0)
+        return grad
+
+    return surface
+
+
+@functools.cache
+def build_surface_distance(precision: str, geometry: str):
+    """A function (bounds, k, point) -> (distance outside surface k [m], unit normal), in float64."""
+    Bounds = types(precision).Bounds
+    faces = FACE_COUNT[geometry]
+
+    @wp.func
+    def surface_distance(bounds: Bounds, k: int, p: wp.vec3d):
+        if k == faces:
+            n = bounds.plane_normal
+            return wp.vec4d(wp.dot(n, p - bounds.plane_point), n[0], n[1], n[2])
+        if wp.static(geometry == "axisymmetric"):
+            if k == 2:
+                r = wp.sqrt(p[0] * p[0] + p[1] * p[1])
+                return wp.vec4d(r - bounds.radius, p[0] / r, p[1] / r, wp.float64(0.0))
+        axis = 2 - k // 2
+        out = wp.vec4d(wp.float64(0.0), wp.float64(0.0), wp.float64(0.0), wp.float64(0.0))
+        if k % 2 == 0:
+            out[0] = bounds.low[axis] - p[axis]
+            out[axis + 1] = wp.float64(-1.0)
+        else:
+            out[0] = p[axis] - bounds.high[axis]
+            out[axis + 1] = wp.float64(1.0)
+        return out
+
+    return surface_distance
+
+
+@functools.cache
+def build_wall_distance(precision: str, geometry: str):
+    """A function (field, point in x, y, z [m]) -> signed distance to the body [m], negative inside it."""
+    t = types(precision)
+    real, vec2, vec3, Field = t.real, t.vec2, t.vec3, t.Field
+
+    @wp.func
+    def wall_distance(field: Field, p: vec3):
+        first = p[1]
+        if wp.static(geometry == "axisymmetric"):
+            first = wp.sqrt(p[0] * p[0] + p[1] * p[1])
+        place = wp.cw_mul(vec2(first, p[2]) - field.wall_origin, field.wall_rate)
+        i = wp.clamp(int(wp.floor(place[0])), 0, field.wall.shape[0] - 2)
+        j = wp.clamp(int(wp.floor(place[1])), 0, field.wall.shape[1] - 2)
+        u = wp.clamp(place[0] - real(i), real(0.0), real(1.0))
+        v = wp.clamp(place[1] - real(j), real(0.0), real(1.0))
+        near = (real(1.0) - v) * field.wall[i, j] + v * field.wall[i, j + 1]
+        far = (real(1.0) - v) * field.wall[i + 1, j] + v * field.wall[i + 1, j + 1]
+        return (real(1.0) - u) * near + u * far
+
+    return wall_distance

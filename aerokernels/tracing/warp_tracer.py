@@ -1,0 +1,539 @@
+r"""The ray tracer as a Warp kernel.
+
+Equation. r'' = grad s with the optical potential s = (n^2 - a^2) / 2, T = r' = n dr/ds, d sigma = ds / n, optical path' =
+n^2 = a^2 + 2 s (A. Sharma, D. V. Kumar, A. K. Ghatak, Appl. Opt. 21 (1982) 984), moved by the Runge-Kutta-Nystrom pair
+of tableau.py: order 4, three field evaluations a step.
+
+Deviation form. With n = a + m (ambient + contrast) and the straight ray p + d a sigma:
+
+    r = p + d a sigma + q,   T = a d + P,   q' = P,   P' = grad s,   P(0) = m d
+    optical path = a^2 sigma + 2 S,   S = int s d sigma
+    arc length   = a sigma + M,       M = int m d sigma,   m = 2 s / (n + a)
+
+q, P, S and M are small and summed with compensation, so float32 loses nothing that matters; a ray's start, the free
+flight outside the box and the meeting with the stop are float64. After each step T is brought back to |T| = n. The optical path difference against the undisturbed
+ray at the same stop is 2 S + a (distance along d at the stop - undisturbed distance).
+
+Method "straight" looks the field up along p + d a sigma and adds grad s . q: the optical path is
+right to second order in the contrast, position and direction to first order.
+
+q, P, M1 and M2 are small and summed with compensation, so float32 loses nothing that matters; a ray's start, the
+free flight outside the box and the meeting with the stop are float64. After each step T is brought back to |T| = n. The optical path difference against the
+undisturbed ray at the same stop is 2 a M1 + M2 + a (distance along d at the stop - undisturbed distance).
+
+Stop. When the parabola of the next step crosses a surface, the step is shortened to land on it and the rest, of third
+order in the step, is flown along the tangent; the distance along d is then solved for in float64.
+"""
+
+import functools
+
+import numpy as np
+import warp as wp
+
+from . import warp_grid, warp_mesh
+from .status import RayStatus
+from .tableau import A, B, B_ERROR, BT, BT_ERROR, C
+from .warp_box import FACE_COUNT, build_crossing, build_surface, build_surface_distance, build_wall_distance
+from .warp_types import types
+
+# Axes along which a position is kept as cell + fraction.
+SHIFTED = {"volume": (0, 1, 2), "planar": (1, 2), "axisymmetric": (2,), "mesh": ()}
+# The share of the remaining error budget that one step may use up, however short it is.
+STEP_SHARE = 0.1
+# A direction error counts with at least this share of the field's length, besides the ray's own slope.
+DIRECTION_SHARE = 0.01
+WALL_MARCH_LIMIT = 512
+
+
+@functools.cache
+def build_advance(precision: str):
+    """Kahan's compensated sum of vectors: a function (sum, carry, term) -> (sum, carry)."""
+    t = types(precision)
+    vec3 = t.vec3
+
+    @wp.func
+    def advance(total: vec3, carry: vec3, term: vec3):
+        y = term - carry
+        s = total + y
+        return s, (s - total) - y
+
+    return advance
+
+
+@functools.cache
+def build_kernel(
+    precision: str,
+    geometry: str,
+    interpolation: str,
+    on_mesh: bool,
+    method: str,
+    stop: str,
+    has_body: bool,
+    outputs: frozenset,
+):
+    """Build the kernel for one kind of scene; Warp compiles it at its first launch and keeps it on disk."""
+    t = types(precision)
+    real, vec3, vec4, Field, Bounds, Control = t.real, t.vec3, t.vec4, t.Field, t.Bounds, t.Control
+    source = warp_mesh if on_mesh else warp_grid
+    sample = source.build_sample(precision, geometry, interpolation)
+    paper_step = source.build_paper_step(precision, geometry)
+    crossing = build_crossing(precision, geometry)
+    surface = build_surface(precision, geometry)
+    surface_distance = build_surface_distance(precision, geometry)
+    wall_distance = build_wall_distance(precision, geometry)
+    advance = build_advance(precision)
+    shifted = SHIFTED["mesh" if on_mesh else geometry]
+    shift_x, shift_y, shift_z = (wp.constant(axis in shifted) for axis in range(3))
+    face_count = wp.constant(FACE_COUNT[geometry])
+    surface_count = wp.constant(FACE_COUNT[geometry] + (1 if stop == "plane" else 0))
+    landed_arc = wp.constant(100)
+    tiny = 1e-30 if precision == "float32" else 1e-290
+    least_step = 1e-4  # of a cell: error control does not ask for less
+    straight = method == "straight"
+    # The paper's schemes interpolate index and gradient apart: |T| = n does not hold between them.
+    one_scalar = interpolation not in ("bilinear-barron", "idw")
+    controlled = method in ("adaptive", "straight")
+    # Rounding in the error estimate, in units in the last place: error control does not chase it.
+    noise = 8.0 * (2.0**-24 if precision == "float32" else 2.0**-53)
+
+    c2, c3 = (float(v) for v in C[1:3])
+    a21, a31, a32 = float(A[1, 0]), float(A[2, 0]), float(A[2, 1])
+    b1, b2, b3 = (float(v) for v in B[:3])
+    v1, v2, v3, v4 = (float(v) for v in BT)
+    e1, e2, e3, e4 = (float(v) for v in B_ERROR)
+    f1, f2, f3, f4 = (float(v) for v in BT_ERROR)
+    ok, missed, not_reached = int(RayStatus.OK), int(RayStatus.MISSED_FIELD), int(RayStatus.STOP_NOT_REACHED)
+    hit_body, inside_body = int(RayStatus.HIT_BODY), int(RayStatus.INSIDE_BODY)
+    too_many, not_finite = int(RayStatus.MAX_STEPS), int(RayStatus.NOT_FINITE)
+
+    @wp.func
+    def in_cells(bounds: Bounds, p: wp.vec3d):
+        """Split a point into whole cells and fractions, in float64."""
+        g = wp.cw_div(p - bounds.origin, bounds.spacing)
+        x = int(0)
+        y = int(0)
+        z = int(0)
+        if shift_x:
+            x = int(wp.floor(g[0]))
+        if shift_y:
+            y = int(wp.floor(g[1]))
+        if shift_z:
+            z = int(wp.floor(g[2]))
+        rest = g - wp.vec3d(wp.float64(x), wp.float64(y), wp.float64(z))
+        return wp.vec3i(x, y, z), vec3(real(rest[0]), real(rest[1]), real(rest[2]))
+
+    @wp.func
+    def carry_over(cell: wp.vec3i, frac: vec3):
+        """Move whole cells from the fraction into the cell, exactly."""
+        x = int(0)
+        y = int(0)
+        z = int(0)
+        if shift_x:
+            x = int(wp.floor(frac[0]))
+        if shift_y:
+            y = int(wp.floor(frac[1]))
+        if shift_z:
+            z = int(wp.floor(frac[2]))
+        return cell + wp.vec3i(x, y, z), frac - vec3(real(x), real(y), real(z))
+
+    @wp.func
+    def contrast(ambient: real, potential: real):
+        """m from s without cancellation."""
+        square = wp.max(ambient * ambient + real(2.0) * potential, real(0.0))
+        return real(2.0) * potential / (wp.sqrt(square) + ambient)
+
+    @wp.func
+    def oriented(control: Control, k: int, side: real, cell: wp.vec3i, frac: vec3):
+        s = surface(control, k, cell, frac)
+        if k == face_count:
+            s = side * s
+        return s
+
+    @wp.func
+    def landing(
+        control: Control, rate: vec3, side: real, cell: wp.vec3i, frac: vec3, momentum: vec3, force: vec3, h: real
+    ):
+        """The first surface that the parabola of a step h crosses, and the step that ends on it."""
+        best = h
+        which = int(-1)
+        end = frac + wp.cw_mul(h * momentum + (real(0.5) * h * h) * force, rate)
+        for k in range(surface_count):
+            s = oriented(control, k, side, cell, end)
+            if s[0] > real(0.0):
+                guess = h
+                for _trial in range(4):
+                    place = frac + wp.cw_mul(guess * momentum + (real(0.5) * guess * guess) * force, rate)
+                    s = oriented(control, k, side, cell, place)
+                    speed = wp.dot(vec3(s[1], s[2], s[3]), wp.cw_mul(momentum + guess * force, rate))
+                    if speed != real(0.0):
+                        guess = wp.clamp(guess - s[0] / speed, real(0.0), h)
+                if guess <= best or which < 0:
+                    best = guess
+                    which = k
+        return best, which
+
+    @wp.func
+    def look(
+        field: Field, cell: wp.vec3i, frac: vec3, rate: vec3, h: real, total: vec3, momentum: vec3, q: vec3, kick: vec3
+    ):
+        """The field at a stage; on a straight line the contrast beside it is first order in the deviation."""
+        if wp.static(straight):
+            s = sample(field, cell, frac + h * wp.cw_mul(total, rate))
+            s[0] += wp.dot(vec3(s[1], s[2], s[3]), q + h * momentum + kick)
+            return s
+        else:
+            return sample(field, cell, frac + wp.cw_mul(h * total + kick, rate))
+
+    @wp.kernel(module="unique", enable_backward=False)
+    def trace_kernel(
+        field: Field,
+        bounds: Bounds,
+        control: Control,
+        first_ray: int,
+        position_in: wp.array(dtype=wp.vec3d),
+        direction_in: wp.array(dtype=wp.vec3d),
+        position_out: wp.array(dtype=wp.vec3d),
+        direction_out: wp.array(dtype=wp.vec3d),
+        optical_path_out: wp.array(dtype=wp.float64),
+        opd_out: wp.array(dtype=wp.float64),
+        arc_length_out: wp.array(dtype=wp.float64),
+        step_error_out: wp.array(dtype=wp.float64),
+        step_count_out: wp.array(dtype=wp.int32),
+        evaluation_count_out: wp.array(dtype=wp.int32),
+        status_out: wp.array(dtype=wp.int32),
+    ):
+        ray = wp.tid() + first_ray
+        p0 = position_in[ray]
+        d0 = direction_in[ray]
+        ambient64 = bounds.ambient
+        none64 = wp.float64(0.0)
+        status = int(ok)
+
+        # Where the undisturbed ray stops, and whether it meets the box before.
+        span = crossing(bounds, p0, d0)
+        enter = wp.max(span[0], none64)
+        meets = span[0] <= span[1] and span[1] >= none64
+        stop_distance = span[1]
+        has_undisturbed = bool(True)
+        side = real(1.0)
+        if wp.static(stop == "plane"):
+            height = wp.dot(bounds.plane_normal, p0 - bounds.plane_point)
+            slope = wp.dot(bounds.plane_normal, d0)
+            stop_distance = none64
+            if height != none64:
+                has_undisturbed = bool(height * slope < none64)
+                if has_undisturbed:
+                    stop_distance = -height / slope
+            if height > none64:
+                side = real(-1.0)
+        if wp.static(stop == "arc"):
+            stop_distance = bounds.length
+        if meets and has_undisturbed and wp.static(stop != "none"):
+            meets = stop_distance > enter
+        if wp.static(stop == "none"):
+            if meets and span[1] > wp.float64(1.0e299):
+                status = int(not_reached)  # along x in a planar field, which has no end there
+
+        # A ray that starts behind the body's surface begins where it leaves it.
+        if wp.static(has_body):
+            if meets:
+                eps = wp.float64(1.0e-4) / wp.float64(field.wall_rate[1])
+                march = int(0)
+                solid = bool(True)
+                while solid and march < wp.static(WALL_MARCH_LIMIT) and enter <= span[1]:
+                    at = p0 + enter * d0
+                    gap = wall_distance(field, vec3(real(at[0]), real(at[1]), real(at[2])))
+                    solid = bool(gap < real(0.0))
+                    if solid:
+                        enter += wp.max(-wp.float64(gap), eps)
+                    march += 1
+                if solid:
+                    status = int(inside_body)
+                if has_undisturbed and wp.static(stop != "none"):
+                    if stop_distance <= enter:
+                        meets = bool(False)
+                        status = int(ok)
+
+        d = vec3(real(d0[0]), real(d0[1]), real(d0[2]))
+        ambient = real(ambient64)
+        q = vec3(real(0.0), real(0.0), real(0.0))
+        q_carry = q
+        momentum = q  # P, the deviation of T
+        momentum_carry = q
+        sums = q  # sigma, S, M
+        sums_carry = q
+        used = real(0.0)
+        steps = int(0)
+        evaluations = int(0)
+        landed = int(-1)
+
+        if meets and status == ok:
+            cell, frac = in_cells(bounds, p0 + enter * d0)
+            frac_carry = vec3(real(0.0), real(0.0), real(0.0))
+            rate = field.inverse_spacing
+            s = sample(field, cell, frac)
+            evaluations += 1
+            pot = s[0]
+            force = vec3(s[1], s[2], s[3])
+            momentum = contrast(ambient, pot) * d
+            far = span[1]
+            if has_undisturbed and wp.static(stop != "none"):
+                far = wp.min(far, stop_distance)
+            reach = real(far - enter)
+            arc_left = real(bounds.length - enter)
+            gap = real(0.0)
+            if wp.static(has_body):
+                start = p0 + enter * d0
+                gap = wp.max(wall_distance(field, vec3(real(start[0]), real(start[1]), real(start[2]))), real(0.0))
+            h_next = real(1.0) / (ambient * wp.length(wp.cw_mul(d, control.cell_rate)))
+            h_least = real(least_step) * h_next
+            running = bool(True)
+            while running:
+                total = ambient * d + momentum
+                m = contrast(ambient, pot)
+                pull = force  # what bends the path of the lookups
+                if wp.static(straight):
+                    total = ambient * d
+                    pull = real(0.0) * force
+                h = h_next
+                if wp.static(method == "fixed"):
+                    h = control.step / (ambient + m)
+                elif wp.static(method == "paper"):
+                    h = paper_step(field, cell, frac) / (ambient + m)
+                else:
+                    speed = wp.length(wp.cw_mul(total, control.cell_rate))
+                    h = wp.min(h, control.step_limit / wp.max(speed, real(tiny)))
+                wanted = h
+                h, land = landing(control, rate, side, cell, frac, total, pull, h)
+                if wp.static(stop == "arc"):
+                    rest = arc_left - (ambient * sums[0] + sums[2])
+                    n = ambient + m
+                    bend = wp.dot(force, total) / (n * n * n)
+                    h_arc = rest / n
+                    h_arc = rest / (n + real(0.5) * bend * h_arc)
+                    if h_arc <= h:
+                        h = wp.max(h_arc, real(0.0))
+                        land = int(landed_arc)
+
+                hh = h * h
+                kick2 = (real(a21) * hh) * force
+                s2 = look(field, cell, frac, rate, real(c2) * h, total, momentum, q, kick2)
+                force2 = vec3(s2[1], s2[2], s2[3])
+                kick3 = hh * (real(a31) * force + real(a32) * force2)
+                s3 = look(field, cell, frac, rate, real(c3) * h, total, momentum, q, kick3)
+                force3 = vec3(s3[1], s3[2], s3[3])
+                kick = hh * (real(b1) * force + real(b2) * force2 + real(b3) * force3)
+                s4 = look(field, cell, frac, rate, h, total, momentum, q, kick)
+                force4 = vec3(s4[1], s4[2], s4[3])
+                evaluations += 3
+
+                # Embedded error, as optical path [m].
+                off_s = h * (real(f1) * pot + real(f2) * s2[0] + real(f3) * s3[0] + real(f4) * s4[0])
+                off_q = hh * (real(e1) * force + real(e2) * force2 + real(e3) * force3 + real(e4) * force4)
+                off_p = h * (real(f1) * force + real(f2) * force2 + real(f3) * force3 + real(f4) * force4)
+                off = wp.abs(real(2.0) * off_s - ambient * wp.dot(off_q, d))
+                tilt = wp.length(momentum - wp.dot(momentum, d) * d) / ambient
+                weight = tilt + real(DIRECTION_SHARE)
+                off_p -= wp.dot(off_p, d) * d
+                off += weight * (wp.length(off_p) * reach / ambient + wp.length(off_q))
+
+                accept = bool(True)
+                if wp.static(controlled):
+                    left = wp.max(control.budget - used, real(0.0))
+                    allowed = wp.max(real(STEP_SHARE) * left, control.budget * h * (ambient + m) / reach)
+                    size = wp.max(wp.abs(pot), wp.abs(s3[0]))
+                    steep = wp.max(wp.length(force), size * wp.max(control.cell_rate))
+                    rounding = h * (real(2.0) * size + weight * steep * (reach / ambient + h))
+                    allowed = wp.max(allowed, real(noise) * rounding)
+                    ratio = real(4.0)
+                    if off > real(0.0):
+                        ratio = wp.clamp(real(0.9) * wp.pow(allowed / off, real(0.25)), real(0.2), real(4.0))
+                    accept = bool(off <= allowed or h <= h_least)
+                    if accept:
+                        # A step cut short by a surface says nothing against the length wanted.
+                        h_next = wp.max(h * ratio, h_least)
+                        if land >= 0:
+                            h_next = wp.max(h_next, wanted)
+                    else:
+                        h_next = wp.max(h * wp.min(ratio, real(0.8)), h_least)
+
+                if accept:
+                    steps += 1
+                    used += off
+                    move = h * momentum + kick
+                    q, q_carry = advance(q, q_carry, move)
+                    sums, sums_carry = advance(
+                        sums,
+                        sums_carry,
+                        vec3(
+                            h,
+                            h * (real(v1) * pot + real(v2) * s2[0] + real(v3) * s3[0] + real(v4) * s4[0]),
+                            h
+                            * (
+                                real(v1) * m
+                                + real(v2) * contrast(ambient, s2[0])
+                                + real(v3) * contrast(ambient, s3[0])
+                                + real(v4) * contrast(ambient, s4[0])
+                            ),
+                        ),
+                    )
+                    momentum, momentum_carry = advance(
+                        momentum,
+                        momentum_carry,
+                        h * (real(v1) * force + real(v2) * force2 + real(v3) * force3 + real(v4) * force4),
+                    )
+                    flown = h * total
+                    if wp.static(not straight):
+                        flown += kick
+                    frac, frac_carry = advance(frac, frac_carry, wp.cw_mul(flown, rate))
+                    cell, frac = carry_over(cell, frac)
+                    pot = s4[0]
+                    force = force4
+                    if wp.static(one_scalar):
+                        # Back onto |T| = n: the error along the ray, which the path would feel in full, is gone.
+                        surplus = real(2.0) * pot - wp.dot(momentum, real(2.0) * ambient * d + momentum)
+                        tangent = ambient * d + momentum
+                        square = wp.dot(tangent, tangent)
+                        root = wp.sqrt(wp.max(square * (square + surplus), real(0.0)))
+                        momentum += (surplus / (square + root)) * tangent
+
+                    back = real(0.0)  # sigma still to go along the tangent, negative to go back
+                    if wp.static(has_body):
+                        place = wp.vec3d(
+                            wp.float64(cell[0]) + wp.float64(frac[0]),
+                            wp.float64(cell[1]) + wp.float64(frac[1]),
+                            wp.float64(cell[2]) + wp.float64(frac[2]),
+                        )
+                        there = bounds.origin + wp.cw_mul(place, bounds.spacing)
+                        gap_now = wall_distance(field, vec3(real(there[0]), real(there[1]), real(there[2])))
+                        if gap_now < real(-1.0e-3) / field.wall_rate[1]:
+                            back = -h * gap_now / (gap_now - gap)
+                            running = bool(False)
+                            status = int(hit_body)
+                        gap = wp.max(gap_now, real(0.0))
+                    if running and land == landed_arc:
+                        running = bool(False)
+                        landed = land
+                    elif running and land >= 0:
+                        now = oriented(control, land, side, cell, frac)
+                        if wp.static(not straight):
+                            total = ambient * d + momentum
+                        speed = wp.dot(vec3(now[1], now[2], now[3]), wp.cw_mul(total, rate))
+                        # Close enough to fly the rest along the tangent, or grazing: else land once more.
+                        if speed <= real(0.0):
+                            running = bool(False)
+                            landed = land
+                        elif wp.abs(now[0]) <= real(0.02) * speed * h + real(1.0e-5):
+                            back = -now[0] / speed
+                            running = bool(False)
+                            landed = land
+                    if back != real(0.0):
+                        half = real(0.5) * back * back
+                        q, q_carry = advance(q, q_carry, back * momentum + half * force)
+                        climb = wp.dot(force, ambient * d + momentum)
+                        m_now = contrast(ambient, pot)
+                        sums, sums_carry = advance(
+                            sums,
+                            sums_carry,
+                            vec3(back, back * pot + half * climb, back * m_now + half * climb / (ambient + m_now)),
+                        )
+                        momentum, momentum_carry = advance(momentum, momentum_carry, back * force)
+                    if running and steps >= control.max_steps:
+                        running = bool(False)
+                        status = int(too_many)
+                elif evaluations > 12 * control.max_steps:
+                    running = bool(False)
+                    status = int(too_many)
+                if not (wp.isfinite(wp.length(q)) and wp.isfinite(sums[1])):
+                    running = bool(False)
+                    status = int(not_finite)
+
+        # From here on float64: deviations back onto the straight ray, free flight to a stop outside the box.
+        q64 = wp.vec3d(wp.float64(q[0]), wp.float64(q[1]), wp.float64(q[2])) - wp.vec3d(
+            wp.float64(q_carry[0]), wp.float64(q_carry[1]), wp.float64(q_carry[2])
+        )
+        p64 = wp.vec3d(wp.float64(momentum[0]), wp.float64(momentum[1]), wp.float64(momentum[2]))
+        sigma = wp.float64(sums[0]) - wp.float64(sums_carry[0])
+        work = wp.float64(2.0) * (wp.float64(sums[1]) - wp.float64(sums_carry[1]))
+        stretch = wp.float64(sums[2]) - wp.float64(sums_carry[2])
+        full = ambient64 * d0 + p64
+        speed64 = wp.length(full)
+        turn = (
+            p64
+            - (
+                (wp.float64(2.0) * ambient64 * wp.dot(d0, p64) + wp.dot(p64, p64)) / (speed64 + ambient64)
+            )
+            * d0
+        ) / speed64
+        heading = d0 + turn
+        along = enter + ambient64 * sigma  # distance along the straight ray
+        if landed >= 0 and landed < landed_arc:
+            for _trial in range(3):
+                miss = surface_distance(bounds, landed, p0 + along * d0 + q64)
+                cosine = wp.dot(wp.vec3d(miss[1], miss[2], miss[3]), d0)
+                if wp.abs(cosine) > wp.float64(0.05):
+                    along -= miss[0] / cosine
+        if not meets:
+            along = none64
+            if wp.static(stop == "none"):
+                status = int(missed)
+                stop_distance = none64
+
+        flight = none64
+        if status == ok:
+            if wp.static(stop == "plane"):
+                if not meets or (landed >= 0 and landed != face_count):
+                    here = p0 + along * d0 + q64
+                    height = wp.dot(bounds.plane_normal, here - bounds.plane_point)
+                    slope = wp.dot(bounds.plane_normal, heading)
+                    # A plane on a face of the box: rounding may put the ray a hair behind it.
+                    hair = wp.float64(1.0e-3) / wp.float64(wp.max(control.cell_rate))
+                    if height * slope < none64 or (meets and wp.abs(height) < hair * wp.abs(slope)):
+                        flight = -height / slope
+                    elif height != none64:
+                        status = int(not_reached)
+            elif wp.static(stop == "arc"):
+                flight = bounds.length - (along + stretch)
+        deviation = q64 + flight * turn
+        along += flight
+
+        arc = along + stretch
+        opd = wp.float64(0.0)
+        if status == ok and has_undisturbed and wp.static(stop != "arc"):
+            opd = work + ambient64 * (along - stop_distance)
+        else:
+            opd = work - ambient64 * stretch
+        if wp.static("position" in outputs):
+            position_out[ray] = p0 + along * d0 + deviation
+        if wp.static("direction" in outputs):
+            direction_out[ray] = heading / wp.length(heading)
+        if wp.static("optical_path" in outputs):
+            optical_path_out[ray] = ambient64 * along + work
+        if wp.static("opd" in outputs):
+            opd_out[ray] = opd
+        if wp.static("arc_length" in outputs):
+            arc_length_out[ray] = arc
+        if wp.static("step_error" in outputs):
+            step_error_out[ray] = wp.float64(used)
+        if wp.static("step_count" in outputs):
+            step_count_out[ray] = steps
+        if wp.static("evaluation_count" in outputs):
+            evaluation_count_out[ray] = evaluations
+        status_out[ray] = status
+
+    return trace_kernel
+
+
+NYSTROM_ORDER = 4
+ARRAY_TYPES = {
+    "position": wp.vec3d,
+    "direction": wp.vec3d,
+    "optical_path": wp.float64,
+    "opd": wp.float64,
+    "arc_length": wp.float64,
+    "step_error": wp.float64,
+    "step_count": wp.int32,
+    "evaluation_count": wp.int32,
+    "status": wp.int32,
+}
+NUMPY_TYPES = {"step_count": np.int32, "evaluation_count": np.int32, "status": np.int32}

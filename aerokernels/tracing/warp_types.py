@@ -1,0 +1,75 @@
+"""Data types of the Warp kernels, one set per precision."""
+
+import functools
+from types import SimpleNamespace
+
+import warp as wp
+
+REAL = {"float32": wp.float32, "float64": wp.float64}
+
+
+@functools.cache
+def types(precision: str) -> SimpleNamespace:
+    """The scalar, vector and struct types of one precision.
+
+    Positions inside kernels are in cells: a whole part `cell` and a fraction `frac` along each of x, y, z, so that a
+    lookup is exact to a rounding of the cell and not of the box. Axes that have no cells of their own (x and y of an
+    axisymmetric field, all of a mesh) keep cell = 0.
+    """
+    real = REAL[precision]
+    vec2 = wp.types.vector(2, real)
+    vec3 = wp.types.vector(3, real)
+    vec4 = wp.types.vector(4, real)
+
+    class Field:
+        coefficients: wp.array(dtype=real)  # uniform grid: of the potential, see medium/spline.py, flat
+        row: wp.vec3i  # nodes less one along each local axis, for clamping
+        pitch: wp.vec3i  # distance in the flat array of neighbours along each local axis
+        inverse_spacing: vec3  # cells per metre along x, y, z
+        ambient: real
+        corners: wp.array(dtype=vec2)  # mesh: four corners of each cell
+        values: wp.array(dtype=real)  # mesh: contrast at those corners
+        gradients: wp.array(dtype=vec2)  # mesh: node gradients at those corners
+        bin_start: wp.array(dtype=wp.int32)
+        bin_cell: wp.array(dtype=wp.int32)
+        bin_count: wp.vec2i
+        bin_origin: vec2
+        bin_rate: vec2  # bins per metre
+        slack: real  # containment slack [m]
+        paper_step: wp.array(dtype=real)  # eq 5 for each cell [m]
+        wall: wp.array(dtype=real, ndim=2)  # signed distance to the body [m]
+        wall_origin: vec2  # along the local axes [m]
+        wall_rate: vec2  # nodes per metre
+
+    class Bounds:
+        origin: wp.vec3d  # where cell = 0, frac = 0 lies [m]
+        spacing: wp.vec3d  # metres per cell
+        low: wp.vec3d  # box [m]
+        high: wp.vec3d
+        radius: wp.float64  # of an axisymmetric box
+        ambient: wp.float64
+        plane_point: wp.vec3d
+        plane_normal: wp.vec3d
+        length: wp.float64
+
+    class Control:
+        face_low: vec3  # box in cells
+        face_high: vec3
+        radius: real  # in cells
+        plane_normal: vec3  # per cell, so that plane_normal . cells - plane_offset is in metres
+        plane_offset: real
+        cell_rate: vec3  # typical cells per metre, for limits on the step
+        step: real  # "fixed": metres of arc length
+        step_limit: real  # greatest step in cells
+        budget: real  # OPD error allowed for the whole ray [m]
+        max_steps: wp.int32
+
+    return SimpleNamespace(
+        real=real,
+        vec2=vec2,
+        vec3=vec3,
+        vec4=vec4,
+        Field=wp.struct(Field),
+        Bounds=wp.struct(Bounds),
+        Control=wp.struct(Control),
+    )

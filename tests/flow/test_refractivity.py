@@ -1,0 +1,93 @@
+"""Density to index."""
+
+import math
+from fractions import Fraction
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from aerokernels import flow
+
+K = flow.gladstone_dale_constant(905e-9)
+DENSITY = st.floats(1e-6, 20.0)
+
+
+def test_gladstone_dale_constant_at_the_lasers_wavelength():
+    """Eq 2 by hand at 0.905 um: 2.23e-4 (1 + 7.52e-3 / 0.819025) = 2.250475e-4 m3/kg, seven digits."""
+    assert abs(K - 2.250475e-4) < 0.5e-10
+
+
+def test_the_papers_constant_is_half_a_percent_above_dry_air():
+    """Set-up: dry air at 15 degC, 101325 Pa, 450 ppm CO2. Formula: Ciddor (1996) eq 1, wavenumbers per um in vacuum.
+
+    Expected: K / K_Ciddor = 1.0046, two digits of the excess. The compressibility 0.99958 is Ciddor's.
+    """
+    wavenumber_square = (1 / 0.905) ** 2
+    dry_air = (5792105.0 / (238.0185 - wavenumber_square) + 167917.0 / (57.362 - wavenumber_square)) * 1e-8
+    density = 101325.0 * 28.9635e-3 / (0.99958 * 8.314462618 * 288.15)
+    assert abs(K / (dry_air / density) - 1.0046) < 2e-4
+
+
+@given(DENSITY)
+def test_exact_minus_linear(density):
+    """Reading 1: Lorentz-Lorenz minus Gladstone-Dale is e^2/6 + O(e^3), e = K rho; 1.3e-8 at 1.225 kg/m3.
+
+    The next term of the series is 2 e^3/9 or less in size. Rounding: e times a few 1e-16.
+    """
+    e = K * density
+    difference = flow.refractivity(density, K, "lorentz-lorenz") - flow.refractivity(density, K)
+    assert abs(difference - e**2 / 6.0) < e**3 + 1e-15 * e
+
+
+def test_exact_minus_linear_at_sea_level():
+    difference = flow.refractivity(1.225, K, "lorentz-lorenz") - flow.refractivity(1.225, K)
+    assert abs(difference - 1.27e-8) < 0.01e-8
+
+
+@given(DENSITY, st.floats(1e-6, 20.0))
+def test_lorentz_lorenz_is_satisfied_in_exact_arithmetic(density, ambient):
+    """n^2 (1 - a) = 1 + 2 a with n = 1 + refractivity, in fractions: no rounding in the check itself."""
+    value = 1 + Fraction(float(flow.refractivity(density, K, "lorentz-lorenz")))
+    a = Fraction(2, 3) * Fraction(K) * Fraction(density)
+    n_squared = (1 + 2 * a) / (1 - a)
+    assert abs(float(value**2 - n_squared)) < 1e-15 * float(n_squared - 1)
+    # The contrast is the difference of two refractivities, up to their rounding ...
+    contrast = float(flow.index_contrast(density, ambient, K, "lorentz-lorenz"))
+    parts = [float(flow.refractivity(rho, K, "lorentz-lorenz")) for rho in (density, ambient)]
+    assert abs(contrast - (parts[0] - parts[1])) < 2e-15 * max(parts)
+
+
+@pytest.mark.parametrize("relation", flow.RELATIONS)
+def test_contrast_keeps_its_digits_where_the_density_hardly_differs(relation):
+    """Set-up: rho = 1.225 (1 + 2^-40). A difference of indices near 1 would keep 2 digits of the contrast 2.5e-16.
+
+    Expected: dn/drho times the exact density difference; dn/drho = K for the linear relation, K (1 + K rho / 3) for the
+    exact one up to (K rho)^2 < 1e-7.
+    """
+    step = 1.225 * (1 + 2.0**-40) - 1.225
+    contrast = float(flow.index_contrast(1.225 + step, 1.225, K, relation))
+    slope = K if relation == "gladstone-dale" else K * (1.0 + K * 1.225 / 3.0)
+    assert abs(contrast / (slope * step) - 1.0) < 1e-7
+
+
+@pytest.mark.parametrize("relation", flow.RELATIONS)
+def test_arrays_keep_their_shape(relation):
+    density = np.linspace(0.1, 2.0, 12).reshape(3, 4)
+    contrast = flow.index_contrast(density, 1.0, K, relation)
+    assert contrast.shape == (3, 4)
+    assert np.all(np.diff(contrast.ravel()) > 0) and np.all((contrast > 0) == (density > 1.0))
+
+
+@pytest.mark.parametrize("wavelength", [905.0, 0.905, 905e-6, 0.0, -905e-9, math.nan, 100e-9])
+def test_wavelengths_in_the_wrong_unit_are_refused(wavelength):
+    with pytest.raises(ValueError, match=r"wavelength .* give metres"):
+        flow.gladstone_dale_constant(wavelength)
+
+
+def test_unknown_relation_and_bad_constant():
+    with pytest.raises(ValueError, match="gladstone-dale, lorentz-lorenz"):
+        flow.refractivity(1.0, K, "linear")
+    with pytest.raises(ValueError, match="must be positive"):
+        flow.refractivity(1.0, -K)

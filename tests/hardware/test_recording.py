@@ -1,0 +1,282 @@
+"""Board to store through a real pseudo-terminal, in processes of their own: nothing is lost that was acknowledged."""
+
+import re
+import signal
+import sqlite3
+import subprocess
+import sys
+import threading
+from collections.abc import Iterator
+from contextlib import closing, contextmanager
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from aerokernels.hardware.board import EchoSource, run_board
+from aerokernels.hardware.frames import EchoFrame, encode
+from aerokernels.hardware.port import PortError, open_port
+from aerokernels.hardware.pseudo_terminal import PseudoTerminal
+from aerokernels.hardware.recorder import Recorder, RecordingStatus
+from aerokernels.hardware.store import EchoStore
+
+pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="pseudo-terminals are not there on Windows")
+
+
+@contextmanager
+def started(*arguments: object) -> Iterator[subprocess.Popen[str]]:
+    """The command line running in a process of its own; killed at the end if it is still there."""
+    command = [sys.executable, "-m", "aerokernels", *map(str, arguments)]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True) as process:
+        try:
+            yield process
+        finally:
+            if process.poll() is None:
+                process.kill()
+
+
+@contextmanager
+def board(link: Path, *options: object) -> Iterator[subprocess.Popen[str]]:
+    with started("board", "--link", link, *options) as process:
+        assert process.stdout is not None
+        assert "board on" in process.stdout.readline()
+        yield process
+
+
+def sequences(path: Path) -> list[int]:
+    with EchoStore(path, read_only=True) as store:
+        return [echo.frame.sequence for echo in store.echoes()]
+
+
+def integrity(path: Path) -> str:
+    with closing(sqlite3.connect(path)) as connection:
+        return connection.execute("PRAGMA integrity_check").fetchone()[0]
+
+
+def test_board_to_store(tmp_path: Path, aerokernels):
+    """`record --count 60` ends by itself with exactly 60 rows, numbered without a gap, that show the board's echo.
+
+    Formula: Gaussian of 2 V at 2 x 1.5 m / c = 10.007 ns. The mean of 60 frames with 20 mV of noise is off by
+    20 mV / sqrt(60) = 2.6 mV rms; 6 of those, and half a count of quantisation (33 uV), bound each of the 128 samples.
+    """
+    link, path = tmp_path / "port", tmp_path / "echoes.sqlite"
+    with board(link, "--rate", 500) as process:
+        done = aerokernels("record", "--port", link, "--store", path, "--count", 60, "--label", "mach=3", timeout=60)
+        assert done.returncode == 0, done.stderr
+        assert "stored 60" in done.stdout
+        process.send_signal(signal.SIGINT)
+        assert process.wait(30) == 0
+    assert not link.is_symlink()
+    with EchoStore(path, read_only=True) as store:
+        echoes = list(store.echoes({"mach": "3"}))
+        assert (len(echoes), store.echo_count, store.damaged_count) == (60, 60, 0)
+    first = echoes[0].frame.sequence
+    assert [echo.frame.sequence for echo in echoes] == list(range(first, first + 60))
+    assert all(encode(echo.frame) == echo.frame.raw + b"\x00" for echo in echoes)
+    times = [echo.frame.device_time_us for echo in echoes]
+    assert times == sorted(times)
+    time = echoes[0].frame.time
+    expected = 2.0 * np.exp(-4.0 * np.log(2.0) * ((time - 3.0 / 299_792_458.0) / 6e-9) ** 2)
+    mean = np.mean([echo.frame.voltage for echo in echoes], axis=0)
+    assert np.abs(mean - expected).max() < 6 * 0.02 / np.sqrt(60) + 4e-5
+
+
+def test_an_interrupt_ends_a_recording_cleanly(tmp_path: Path):
+    link, path = tmp_path / "port", tmp_path / "echoes.sqlite"
+    with board(link, "--rate", 500), started("record", "--port", link, "--store", path) as recorder:
+        assert recorder.stdout is not None
+        while "stored" not in recorder.stdout.readline():
+            assert recorder.poll() is None
+        recorder.send_signal(signal.SIGINT)
+        output = recorder.communicate(timeout=30)[0]
+        assert recorder.returncode == 0
+    (count,) = map(int, re.findall(r"done: stored (\d+)", output))
+    found = sequences(path)
+    assert len(found) == count > 0
+    assert found == list(range(found[0], found[0] + count))
+    assert integrity(path) == "ok"
+
+
+@pytest.mark.parametrize("lines", [1, 2])
+def test_a_killed_recorder_keeps_what_it_acknowledged_and_goes_on(tmp_path: Path, lines: int):
+    """SIGKILL while frames come in: what the recorder said it stored is there, the file whole, a restart goes on."""
+    link, path = tmp_path / "port", tmp_path / "echoes.sqlite"
+    record = ("record", "--port", link, "--store", path, "--commit-interval", 0.05)
+    with board(link, "--rate", 500):
+        with started(*record) as recorder:
+            assert recorder.stdout is not None
+            said: list[tuple[int, int]] = []
+            while len(said) < lines:
+                line = recorder.stdout.readline()
+                assert line, "the recorder ended by itself"
+                said += [
+                    (int(count), int(last))
+                    for count, last in re.findall(r"stored (\d+), last sequence (\d+)", line)
+                ]  # fmt: skip
+            recorder.kill()
+            recorder.wait(30)
+        assert integrity(path) == "ok"
+        acknowledged, last = said[-1]
+        found = sequences(path)
+        assert len(found) >= acknowledged
+        assert set(range(last - acknowledged + 1, last + 1)) <= set(found)
+        with started(*record, "--count", 20) as recorder:
+            output = recorder.communicate(timeout=60)[0]
+            assert recorder.returncode == 0, output
+    after = sequences(path)
+    assert after[: len(found)] == found
+    assert len(after) == len(set(after)) == len(found) + 20
+    assert integrity(path) == "ok"
+
+
+def test_a_port_unplugged_and_back(tmp_path: Path):
+    """Frames 0-29 and half of frame 30, unplug; a new terminal at the same link sends 28-59: each good one once."""
+    link, path = tmp_path / "port", tmp_path / "echoes.sqlite"
+    frames = [EchoFrame(k, 1000 * k, 1000, 0.001, 0.0, np.full(50, k)) for k in range(60)]
+    away, seen = threading.Event(), []
+
+    def report(status: RecordingStatus) -> None:
+        seen.append(status)
+        if not status.port_open:
+            away.set()
+
+    results: list[RecordingStatus] = []
+    first = PseudoTerminal(link)
+    reopen = partial(open_port, str(link))
+    port = reopen()
+
+    def record() -> None:
+        with EchoStore(path) as store:
+            store.begin_recording(str(link), "frames", {})
+            results.append(Recorder(port, store, reopen, count=60, report=report).run())
+
+    thread = threading.Thread(target=record, daemon=True)
+    thread.start()
+    assert first.write(b"".join(map(encode, frames[:30])) + encode(frames[30])[:40])
+    first.drain()
+    first.close()
+    assert away.wait(30)
+    with PseudoTerminal(link) as second:
+        while not second.has_reader():
+            assert thread.is_alive()
+        # Opening a port throws away what was sent before: keep sending until the recorder has all it asked for.
+        while thread.is_alive():
+            second.write(b"\x00" + b"".join(map(encode, frames[28:])))
+            thread.join(0.2)
+    (status,) = results
+    assert (status.stored_count, status.reconnect_count, status.missing_count) == (60, 1, 0)
+    assert [one.port_open for one in seen].count(False) == 1
+    assert sequences(path) == list(range(60))
+    with closing(sqlite3.connect(path)) as connection:
+        ((reason, raw),) = connection.execute("SELECT reason, raw FROM damaged ORDER BY id LIMIT 1").fetchall()
+    assert "port was lost" in reason and raw == encode(frames[30])[:40]
+    assert integrity(path) == "ok"
+
+
+def test_damage_on_the_line_is_kept_apart(tmp_path: Path):
+    """Every fourth of 40 frames has one flipped bit: 30 rows with the right samples, 10 damaged pieces, gaps listed."""
+    link, path = tmp_path / "port", tmp_path / "echoes.sqlite"
+    frames = [EchoFrame(k, 1000 * k, 1000, 0.001, 0.0, np.arange(k, k + 20)) for k in range(41)]
+    stream = b""
+    for frame in frames:
+        wire = bytearray(encode(frame))
+        if frame.sequence % 4 == 1:
+            wire[5 + frame.sequence] ^= 0x40 if wire[5 + frame.sequence] != 0x40 else 0x20
+        stream += bytes(wire)
+    with PseudoTerminal(link) as terminal, EchoStore(path) as store:
+        store.begin_recording(str(link), "frames", {})
+        reopen = partial(open_port, str(link))
+        port = reopen()
+        writer = threading.Thread(target=terminal.write, args=(stream,))
+        writer.start()
+        status = Recorder(port, store, reopen, count=31).run()
+        writer.join(30)
+        assert (status.stored_count, status.damaged_count, status.missing_count) == (31, 10, 10)
+        for echo in store.echoes():
+            k = echo.frame.sequence
+            assert k % 4 != 1
+            np.testing.assert_array_equal(echo.frame.samples, np.arange(k, k + 20))
+        assert (store.echo_count, store.damaged_count) == (31, 10)
+    with closing(sqlite3.connect(path)) as connection:
+        gaps = connection.execute("SELECT after_sequence, missing_count FROM gaps").fetchall()
+    assert gaps == [(k - 1, 1) for k in range(1, 41, 4)]
+
+
+def test_a_port_in_use_is_refused(tmp_path: Path, aerokernels):
+    link = tmp_path / "port"
+    with PseudoTerminal(link), closing(open_port(str(link))):
+        with pytest.raises(PortError, match="in use by another process"):
+            open_port(str(link))
+        done = aerokernels("record", "--port", link, "--store", tmp_path / "echoes.sqlite", "--count", 1)
+    assert done.returncode == 2
+    assert "in use" in done.stderr and len(done.stderr.splitlines()) == 1
+    assert not (tmp_path / "echoes.sqlite").exists()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "match"),
+    [
+        (("record", "--port", "absent", "--store", "s.sqlite"), "no such port"),
+        (("record", "--port", "nonsense://x", "--store", "s.sqlite"), "nonsense"),
+        (("record", "--port", "loop://", "--store", "no/s.sqlite"), "does not exist"),
+        (("record", "--port", "loop://", "--store", "s.sqlite", "--protocol", "scpi"), "use --protocol frames"),
+        (("record", "--port", "loop://", "--store", "s.sqlite", "--label", "mach"), "key=value"),
+        (("record", "--port", "loop://", "--store", "s.sqlite", "--count", "0"), "count"),
+        (("board", "--link", "b", "--protocol", "scpi"), "use --protocol frames"),
+        (("board", "--link", "b", "--rate", "0"), "rate"),
+        (("board", "--link", "b", "--echo", "absent.nc"), "absent.nc"),
+        (("board", "--link", "no/b"), "does not exist"),
+    ],
+)
+def test_bad_input_ends_with_status_2_and_one_line(tmp_path: Path, aerokernels, arguments: tuple, match: str):
+    done = aerokernels(*arguments, timeout=60)
+    assert done.returncode == 2, done
+    assert match in done.stderr and len(done.stderr.splitlines()) == 1, done.stderr
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_the_board_sends_the_echo_of_a_run(tmp_path: Path):
+    """A result file with a triangle echo, sampled finer by the board: linear interpolation is exact on the triangle.
+
+    Tolerance: half a count of the frame's scale, 0.8 V / 32767 / 2 = 12 uV.
+    """
+    import xarray
+
+    time = np.arange(31) * 1e-9
+    voltage = np.clip(0.8 - np.abs(time - 10e-9) / 10e-9, 0.0, None)
+    xarray.Dataset({"echo_voltage": ("time", voltage)}, coords={"time": time}).to_netcdf(
+        tmp_path / "result.nc", engine="h5netcdf"
+    )
+    source = EchoSource.from_result(tmp_path / "result.nc", noise=0.0, sample_count=200, sample_period_ps=100)
+    frame = source.frame(0, 0, np.random.default_rng(0))
+    expected = np.clip(0.8 - np.abs(np.arange(200) * 0.1 - 10.0) / 10.0, 0.0, None)
+    assert np.abs(frame.voltage - expected).max() < 0.8 / 32767 / 2 + 1e-9
+
+
+def test_a_board_with_a_count_waits_until_all_was_read(tmp_path: Path):
+    """A slow reader gets every byte of the board's frames before the terminal is closed."""
+    with PseudoTerminal(tmp_path / "port") as terminal, closing(open_port(str(tmp_path / "port"))) as port:
+        source = EchoSource.gaussian(sample_count=2000)
+        sent: list[int] = []
+        board_thread = threading.Thread(
+            target=lambda: (sent.append(run_board(terminal, source, rate=1e6, count=20)), terminal.close())
+        )
+        board_thread.start()
+        received = b""
+        while received.count(b"\x00") < 21:  # one delimiter clears the line, one ends each frame
+            chunk = port.read(700)
+            assert chunk or board_thread.is_alive()
+            received += chunk
+        board_thread.join(30)
+    assert sent == [20]
+
+
+def test_a_link_never_replaces_a_file(tmp_path: Path):
+    (tmp_path / "data").write_text("mine")
+    with pytest.raises(ValueError, match="is a file"):
+        PseudoTerminal(tmp_path / "data")
+    assert (tmp_path / "data").read_text() == "mine"
+    (tmp_path / "stale").symlink_to(tmp_path / "gone")
+    with PseudoTerminal(tmp_path / "stale") as terminal:
+        assert str((tmp_path / "stale").readlink()) == terminal.name

@@ -1,0 +1,174 @@
+"""The architecture as a test: imports run one way, heavy packages wait, names are documented, nothing reads outside."""
+
+import ast
+import inspect
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+PACKAGE = Path(__file__).resolve().parents[1] / "aerokernels"
+
+# Low to high. A room may import rooms of lower rank, and its own.
+RANK = {
+    room: rank
+    for rank, rooms in enumerate(
+        [
+            ("units",),
+            ("rays",),
+            ("medium",),
+            ("flow",),
+            ("scene", "scenes"),
+            ("tracing",),
+            ("wavefront",),
+            ("strehl", "schlieren"),
+            ("prepare",),
+            ("echo",),
+            ("hardware", "compare"),
+            ("study",),
+            ("commands",),
+            ("cli",),
+            ("__main__",),
+        ]
+    )
+    for room in rooms
+}
+HEAVY = (
+    "warp",
+    "pyopencl",
+    "matplotlib",
+    "xarray",
+    "h5netcdf",
+    "h5py",
+    "scipy.interpolate",
+    "scipy.optimize",
+    "pandas",
+)
+
+MODULES = sorted(path for path in PACKAGE.rglob("*.py") if "__pycache__" not in path.parts)
+assert len(MODULES) > 10, "the package was not found"
+
+
+def dotted(path: Path) -> tuple[str, ...]:
+    """("aerokernels", "medium", "mesh") for aerokernels/medium/mesh.py; a package's __init__ stands for the package."""
+    parts = path.relative_to(PACKAGE.parent).with_suffix("").parts
+    return parts[:-1] if parts[-1] == "__init__" and len(parts) > 2 else parts
+
+
+def imported(path: Path) -> set[tuple[int, str]]:
+    """(line, room) of everything that the module imports from this package, wherever in the module it does so."""
+    here = dotted(path)
+    package = here if path.name == "__init__.py" else here[:-1]
+    found = set()
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.Import):
+            names = [alias.name.split(".") for alias in node.names]
+        elif isinstance(node, ast.ImportFrom):
+            base = list(package[: len(package) - node.level + 1]) if node.level else []
+            base += node.module.split(".") if node.module else []
+            # `from aerokernels import flow` names a room only in what is imported
+            names = [[*base, alias.name] for alias in node.names] if len(base) < 2 else [base]
+        else:
+            continue
+        names = [name for name in names if name[0] == PACKAGE.name and name[1:] != ["__version__"]]
+        found |= {(node.lineno, name[1] if len(name) > 1 else "") for name in names}
+    return found
+
+
+@pytest.mark.parametrize("path", MODULES, ids=lambda path: ".".join(dotted(path)[1:]))
+def test_imports_run_from_later_stages_to_earlier_ones(path: Path):
+    room = dotted(path)[1]
+    if room == "__init__":
+        return  # it only hands names out
+    assert room in RANK, f"{path}: a new room; give it its rank in this test"
+    for line, other in imported(path):
+        assert other in RANK, f"{path}:{line}: imports {other or 'the whole package'!r}, which is no room with a rank"
+        assert other == room or RANK[other] < RANK[room], f"{path}:{line}: {room} may not import {other}"
+
+
+def test_the_import_reader_sees_every_form(tmp_path: Path):
+    """The guard above is only as good as its reader: each way of writing an import is seen."""
+    module = PACKAGE / "flow" / "imaginary_module.py"
+    text = (
+        "import aerokernels.echo\nfrom aerokernels.study import run\nfrom aerokernels import tracing\n"
+        "from ..medium import mesh\nfrom .. import strehl\nfrom . import gas\nfrom .gas import x\n"
+        "def late():\n    from aerokernels.cli import main\nimport numpy\nfrom scipy import stats\n"
+    )
+
+    class Source:  # a path that reads as `text`, without a file in the package
+        name = module.name
+
+        @staticmethod
+        def relative_to(other):
+            return module.relative_to(other)
+
+        @staticmethod
+        def read_text(encoding):
+            return text
+
+    assert {room for _, room in imported(Source)} == {  # type: ignore[arg-type]
+        "echo",
+        "study",
+        "tracing",
+        "medium",
+        "strehl",
+        "flow",
+        "cli",
+    }
+
+
+def test_import_is_light():
+    """`import aerokernels` loads none of the heavy packages, nor does naming the command line's help."""
+    for statement in ("import aerokernels", "import aerokernels.cli", "import aerokernels; dir(aerokernels)"):
+        code = f"{statement}\nimport sys\nprint(*[name for name in {HEAVY!r} if name in sys.modules])"
+        loaded = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout.split()
+        assert loaded == [], f"{statement!r} loads {loaded}"
+
+
+def test_public_names_are_there_and_documented():
+    import aerokernels
+
+    names = aerokernels.__all__
+    assert len(names) == len(set(names)) and not [
+        name for name in names if name.startswith("_") and name != "__version__"
+    ]
+    assert set(names) <= set(dir(aerokernels))
+    for name in names:
+        thing = getattr(aerokernels, name)
+        if not isinstance(thing, str):
+            assert inspect.getdoc(thing), f"aerokernels.{name} has no docstring"
+    with pytest.raises(AttributeError, match="no_such_name"):
+        aerokernels.no_such_name  # noqa: B018
+
+
+def test_public_names_do_not_depend_on_what_was_imported_before():
+    """`echo`, `strehl` and `schlieren` name a function and the module it lives in: the function is handed out."""
+    code = (
+        "import importlib, pkgutil, types, aerokernels\n"
+        "for module in pkgutil.iter_modules(aerokernels.__path__):\n"
+        "    if module.name != '__main__': importlib.import_module('aerokernels.' + module.name)\n"
+        "print(*[n for n in aerokernels.__all__ if isinstance(getattr(aerokernels, n), types.ModuleType)])\n"
+        "from aerokernels import echo, strehl\n"
+        "assert callable(echo) and callable(strehl)"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.split() == ["flow"]
+
+
+def test_all_equals_the_documented_names(root: Path):
+    """docs/api.md lists each public name once, as a heading `### name`."""
+    import aerokernels
+
+    page = (root / "docs" / "api.md").read_text(encoding="utf-8")
+    documented = re.findall(r"^### `([\w.]+)`", page, flags=re.MULTILINE)
+    assert sorted(documented) == sorted(aerokernels.__all__)
+
+
+def test_nothing_reads_outside_the_checkout(root: Path):
+    """What ships is in the package: no product file names a folder beside the checkout."""
+    for path in [*MODULES, *(root / "scripts").iterdir(), *(root / ".ci").iterdir()]:
+        if path.is_file():
+            assert not re.search(r"\.\./shared|/work/|shared/flows", path.read_text(encoding="utf-8")), path

@@ -1,0 +1,234 @@
+"""The command line as a user meets it: in a process of its own, on real scenes, with real files."""
+
+import json
+import os
+import pty
+import re
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+import xarray
+
+SMALL = (
+    "--rays",
+    "4096",
+    "--set",
+    "beam.ray_count=64",
+    "--set",
+    "receiver.ray_count=64",
+    "--set",
+    "grid.spacing=0.2 mm",
+)
+SUMMARY_KEYS = set(
+    "strehl strehl_marechal opd_rms_m boresight_rad echo_peak_w echo_peak_v range_m range_error_m ray_count "
+    "evaluation_count trace_seconds total_seconds backend device precision plan error".split()
+)
+
+
+@pytest.fixture(scope="module")
+def finished(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, subprocess.CompletedProcess[str]]:
+    """A small run of the main job, done once, and what it printed."""
+    folder = tmp_path_factory.mktemp("run")
+    done = subprocess.run(
+        [sys.executable, "-m", "aerokernels", "run", "wind-tunnel-mach3", "--out", "out", *SMALL],
+        cwd=folder,
+        stdin=subprocess.DEVNULL,
+        capture_output=True,
+        text=True,
+        timeout=300,
+    )
+    assert done.returncode == 0, done.stderr
+    return folder / "out", done
+
+
+def test_run_writes_three_files_and_nothing_else(finished):
+    out, _ = finished
+    assert sorted(path.name for path in out.iterdir()) == ["report.html", "result.nc", "summary.json"]
+    assert [path.name for path in out.parent.iterdir()] == ["out"]
+
+
+def test_summary_holds_the_contract(finished):
+    summary = json.loads((finished[0] / "summary.json").read_text())
+    assert set(summary) >= SUMMARY_KEYS
+    assert 0.0 < summary["strehl"] <= 1.0
+    assert summary["ray_count"] == 4096
+    assert len(summary["boresight_rad"]) == 2
+    assert abs(summary["range_m"] - 1.5) < 0.2 and summary["range_error_m"] == pytest.approx(summary["range_m"] - 1.5)
+    assert summary["evaluation_count"] > 0 and summary["total_seconds"] >= summary["trace_seconds"] > 0.0
+    assert summary["seconds"].keys() >= {"prepare", "strehl", "wavefront", "fan", "echo", "total"}
+    assert summary["error"]["resampling"] > 0.0
+
+
+def test_result_agrees_with_the_summary(finished):
+    """The OPD map is traced apart from the Strehl estimate: both describe one wavefront.
+
+    Expected: |<exp(i k OPD)>|^2 over the map equals the estimate. Error: 4096 Sobol rays against 31 417 on a grid,
+    whose rim is cut into squares (1e-3 of a ratio near 0.98); tolerance 3e-3.
+    """
+    summary = json.loads((finished[0] / "summary.json").read_text())
+    with xarray.open_dataset(finished[0] / "result.nc", engine="h5netcdf") as result:
+        opd = result["opd"].values
+        opd = opd[np.isfinite(opd)]
+        assert abs(np.mean(np.exp(2j * np.pi * opd / 905e-9))) ** 2 == pytest.approx(summary["strehl"], abs=3e-3)
+        assert float(result["echo_voltage"].max()) == pytest.approx(summary["echo_peak_v"], rel=1e-3)
+        assert all("units" in variable.attrs for variable in result.variables.values())
+        assert json.loads(result.attrs["summary"])["strehl"] == summary["strehl"]
+
+
+def test_the_stored_scene_runs_again_to_the_same_numbers(finished, aerokernels, tmp_path: Path):
+    with xarray.open_dataset(finished[0] / "result.nc", engine="h5netcdf") as result:
+        (tmp_path / "again.toml").write_text(result.attrs["scene"])
+    value = float(aerokernels("strehl", "again.toml").stdout)
+    assert value == pytest.approx(json.loads((finished[0] / "summary.json").read_text())["strehl"], abs=1e-7)
+
+
+def test_report_contains_the_pictures(finished):
+    page = (finished[0] / "report.html").read_text()
+    assert re.findall(r'<figure id="([\w-]+)">', page) == ["density", "rays", "opd", "point-spread", "echo"]
+    assert page.count("data:image/png;base64,") == 5
+    assert "Wind tunnel" in page or "wind-tunnel" in page
+
+
+def test_without_a_terminal_the_output_is_plain_lines(finished):
+    _, done = finished
+    assert "\x1b" not in done.stdout + done.stderr
+    table = dict(line.split("\t") for line in done.stdout.splitlines() if "\t" in line)
+    assert {"Strehl ratio", "Reported range", "Echo peak voltage"} <= set(table)
+
+
+BAD_SCENES = {
+    "unknown key": ('[flow]\nsource = "mach3"\n[target]\ndistence = "1.5 m"\n', "target.distence", "target.distance"),
+    "unknown table": ('[flow]\nsource = "mach3"\n[tarjet]\n', "tarjet", "target"),
+    "wrong unit": ('[flow]\nsource = "mach3"\n[target]\ndistance = "1.5 kg"\n', "target.distance", "m"),
+    "not a number": ('[flow]\nsource = "mach3"\n[target]\ndistance = nan\n', "target.distance", "finite"),
+    "no source": ("[target]\ndistance = 1.5\n", "flow", "missing"),
+    "no such flow": ('[flow]\nsource = "mach9"\n', "flow.source", "mach3"),
+    "not TOML": ("[flow\nsource = 3", "", "TOML"),
+    "pupil ahead of the flow": (
+        '[flow]\nsource = "mach3"\n[receiver]\naperture_z = "2 m"\n',
+        "receiver.aperture_z",
+        "give a place behind it",
+    ),
+}
+
+
+@pytest.mark.parametrize("name", BAD_SCENES)
+def test_a_bad_scene_ends_with_status_2_and_one_line(name: str, aerokernels, tmp_path: Path):
+    text, key, remedy = BAD_SCENES[name]
+    (tmp_path / "bad.toml").write_text(text)
+    done = aerokernels("run", "bad.toml", "--out", "out")
+    assert_refused(done, tmp_path, "bad.toml", key, remedy)
+
+
+def assert_refused(done: subprocess.CompletedProcess[str], folder: Path, *words: str) -> None:
+    """Status 2, nothing on stdout, one line of error without a traceback, no folder made."""
+    assert done.returncode == 2, done.stderr
+    assert done.stdout == ""
+    lines = [line for line in done.stderr.splitlines() if line.startswith("error: ")]
+    assert len(lines) == 1 and "Traceback" not in done.stderr
+    for word in words:
+        assert word in lines[0], lines[0]
+    assert not [path for path in folder.iterdir() if path.is_dir()], "something was left behind"
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (("run", "no-such-scene", "--out", "out"), ("no-such-scene", "wind-tunnel-mach3")),
+        (("run", "wind-tunnel-mach3"), ("--out",)),
+        (("run", "wind-tunnel-mach3", "--out", "out", "--set", "target.distance"), ("target.distance", "KEY=VALUE")),
+        (("run", "wind-tunnel-mach3", "--out", "out", "--set", "target.tilt=5 mm"), ("target.tilt", "5 mm")),
+        (("run", "wind-tunnel-mach3", "--out", "out", "--rays", "many"), ("strehl.ray_count", "many")),
+        (("run", "wind-tunnel-mach3", "--out", "out", "--backend", "cray"), ("trace.backend", "warp")),
+        (("run", "wind-tunnel-mach3", "--out", "out", "--device", "cuda:99"), ("cuda:99", "cpu")),
+        (("run", "wind-tunnel-mach3", "--out", "file.txt/out"), ("file.txt", "choose another name")),
+        (("nonsense",), ("nonsense",)),
+    ],
+)
+def test_bad_arguments_end_with_status_2_and_one_line(arguments, words, aerokernels, tmp_path: Path):
+    (tmp_path / "file.txt").write_text("in the way")
+    assert_refused(aerokernels(*arguments), tmp_path, *words)
+
+
+def test_debug_shows_where_it_failed(aerokernels):
+    done = aerokernels("run", "no-such-scene", "--out", "out", "--debug")
+    assert done.returncode == 2 and "Traceback" in done.stderr
+
+
+def test_an_interrupt_leaves_nothing(tmp_path: Path):
+    """A polite kill in the middle of the job: status 130, one line, no folder."""
+    job = subprocess.Popen(
+        [sys.executable, "-m", "aerokernels", "run", "wind-tunnel-mach3", "--out", "out"],
+        cwd=tmp_path,
+        stdin=subprocess.DEVNULL,
+        stderr=subprocess.PIPE,
+        stdout=subprocess.DEVNULL,
+        text=True,
+    )
+    assert job.stderr is not None
+    while "tracing" not in job.stderr.readline():
+        pass
+    job.send_signal(signal.SIGTERM)
+    message = job.communicate(timeout=120)[1]
+    assert job.returncode == 130 and "Traceback" not in message and "interrupted" in message
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_terminal_sees_progress_and_a_table(tmp_path: Path):
+    """On a pseudo-terminal the job draws: control sequences, each stage's name, and a table at the end."""
+    master, slave = pty.openpty()
+    job = subprocess.Popen(
+        [sys.executable, "-m", "aerokernels", "run", "wind-tunnel-static", "--out", "out", *SMALL],
+        cwd=tmp_path,
+        stdin=slave,
+        stdout=slave,
+        stderr=slave,
+        env={**os.environ, "TERM": "xterm-256color", "COLUMNS": "100"},
+    )
+    os.close(slave)
+    seen = bytearray()
+    deadline = time.monotonic() + 300.0
+    while time.monotonic() < deadline:
+        try:
+            part = os.read(master, 65536)
+        except OSError:  # Linux's way to say that the other end is closed
+            break
+        if not part:
+            break
+        seen += part
+    os.close(master)
+    assert job.wait(timeout=60) == 0, seen.decode(errors="replace")
+    text = seen.decode(errors="replace")
+    assert "\x1b[" in text and "tracing the echo" in text and "Strehl ratio" in text and "━" in text
+
+
+def test_fields_lists_what_ships(aerokernels):
+    done = aerokernels("fields")
+    assert done.returncode == 0
+    names = [line.split("\t")[0] for line in done.stdout.splitlines()]
+    assert {"mach2", "mach3", "mach4"} <= set(names)
+
+
+def test_backends_says_what_auto_takes(aerokernels):
+    done = aerokernels("backends")
+    assert done.returncode == 0
+    assert "reference" in done.stdout and re.search(r"^auto takes \w+ on \S+: \w", done.stdout, flags=re.MULTILINE)
+
+
+def test_explain_tells_without_tracing(aerokernels, tmp_path: Path):
+    done = aerokernels("explain", "wind-tunnel-mach3", "--rays", "12345")
+    assert done.returncode == 0, done.stderr
+    assert "12,345" in done.stdout and "nodes" in done.stdout and "OPD" in done.stdout
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_version_and_help(aerokernels):
+    assert re.fullmatch(r"aerokernels \d+\.\d+\.\d+\S*\n", aerokernels("--version").stdout)
+    text = aerokernels("--help").stdout
+    for command in ("run", "explain", "strehl", "fields", "backends"):
+        assert command in text

@@ -1,0 +1,124 @@
+"""Recorded against simulated waveforms."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from aerokernels import compare_waveforms
+from aerokernels.compare import correlation_by_lag, correlation_degree, pearson_correlation
+
+TIME = np.arange(200) * 0.5e-9
+
+
+def pulse(arrival=50e-9, peak=2.0, tau=6e-9):
+    return peak * np.exp(-(((TIME - arrival) / tau) ** 2))
+
+
+@settings(max_examples=50)
+@given(st.integers(2, 60), st.integers(0, 2**32 - 1), st.floats(-1e6, 1e6), st.floats(1e-6, 1e6))
+def test_correlation_is_numpys(count, seed, offset, scale):
+    """Eq 13-14 is one element of numpy's matrix, and knows neither offset nor scale.
+
+    Tolerance: an offset of 1e6 against a spread of 1e-6 x scale costs digits; the test's own numbers hold 1e-16 offset.
+    """
+    a, b = np.random.default_rng(seed).normal(size=(2, count))
+    r = pearson_correlation(a, b)
+    assert r == pytest.approx(np.corrcoef(a, b)[0, 1], abs=1e-12)
+    assert pearson_correlation(b, a) == pytest.approx(r, abs=1e-12)
+    assert pearson_correlation(scale * a, b) == pytest.approx(r, abs=1e-12)
+    assert pearson_correlation(-a, b) == pytest.approx(-r, abs=1e-12)
+    assert pearson_correlation(a + offset, b) == pytest.approx(r, abs=1e-12 + 1e-13 * abs(offset))
+
+
+@settings(max_examples=30)
+@given(st.integers(20, 60), st.integers(0, 2**32 - 1))
+def test_every_lag_is_the_correlation_of_what_is_in_common(count, seed):
+    a, b = np.random.default_rng(seed).normal(size=(2, count))
+    found = correlation_by_lag(a, b, 10)
+    for shift in range(-10, 11):
+        one = a[max(shift, 0) : count + min(shift, 0)]
+        other = b[max(-shift, 0) : count + min(-shift, 0)]
+        assert found[10 + shift] == pytest.approx(np.corrcoef(one, other)[0, 1], abs=1e-11)
+
+
+def test_identical_waveforms():
+    found = compare_waveforms(TIME, pulse(), pulse())
+    assert (found.peak_error, found.peak_error_of_recorded, found.lag) == pytest.approx((0.0, 0.0, 0.0), abs=1e-18)
+    assert found.correlation == pytest.approx(1.0, abs=1e-14) and found.best_correlation == pytest.approx(
+        1.0, abs=1e-14
+    )
+    assert found.degree == found.best_degree == "highly correlated"
+
+
+def test_both_conventions_of_the_peak_error():
+    """Table 3 and 4 at Mach 4: 1.738 V recorded, 18.65 % off. That makes the simulated one 1.4648 V (reading 30)."""
+    found = compare_waveforms(TIME, pulse(peak=1.738), pulse(peak=1.4648))
+    assert found.peak_error == pytest.approx(0.1865, abs=1e-4)
+    assert found.peak_error_of_recorded == pytest.approx(0.273 / 1.738, abs=1e-3)
+    assert found.recorded_peak == pytest.approx(1.738) and found.simulated_peak == pytest.approx(1.4648)
+
+
+@settings(max_examples=40)
+@given(shift=st.floats(-15e-9, 15e-9), scale=st.floats(0.1, 10.0))
+def test_a_shift_is_found_and_explains_a_small_correlation(shift, scale):
+    """Set-up: the same pulse, later by a shift that need not be whole samples; r at zero lag falls, the best does not.
+
+    Error sources: the parabola through three samples of a correlation of width 12 samples, (1/12)^2 x 0.03 sample; and
+    r at the nearest whole shift, 1 - (0.5 / 12)^2 / 2. Tolerance 0.01 sample (5 ps) and 2e-3 in r.
+    """
+    found = compare_waveforms(TIME, scale * pulse(50e-9 + shift), pulse(50e-9))
+    assert found.lag == pytest.approx(shift, abs=5e-12)
+    assert found.best_correlation > 1.0 - 2e-3
+    assert found.best_correlation >= found.correlation
+    if abs(shift) > 6e-9:
+        assert found.correlation < 0.7
+
+
+def test_an_inverted_pair_is_negative():
+    wiggle = np.sin(TIME * 2e8)
+    found = compare_waveforms(TIME, 1.0 + wiggle, 1.0 - wiggle, greatest_lag=20e-9)
+    assert found.correlation == pytest.approx(-1.0, abs=1e-12)
+    assert found.degree == "highly correlated"
+    assert found.best_correlation > 0.9  # half a period away
+    assert abs(abs(found.lag) - math.pi / 2e8) < 0.2e-9
+
+
+@pytest.mark.parametrize(
+    ("r", "degree"),
+    [
+        (0.0, "micro"),
+        (0.2999, "micro"),
+        (0.3, "real"),
+        (-0.4999, "real"),
+        (0.5, "significant"),
+        (0.7981, "significant"),
+        (-0.8, "highly"),
+        (1.0, "highly"),
+    ],
+)
+def test_degrees_are_half_open(r, degree):
+    assert correlation_degree(r).startswith(degree)
+
+
+@pytest.mark.parametrize("r", [1.1, math.nan, -math.inf])
+def test_no_degree_for_what_is_no_correlation(r):
+    with pytest.raises(ValueError, match="between -1 and 1"):
+        correlation_degree(r)
+
+
+def test_bad_waveforms_are_refused():
+    with pytest.raises(ValueError, match="one length"):
+        compare_waveforms(TIME, pulse()[:-1], pulse())
+    with pytest.raises(ValueError, match="simulated waveform has no positive peak"):
+        compare_waveforms(TIME, pulse(), -pulse() - 1.0)
+    with pytest.raises(ValueError, match="constant"):
+        compare_waveforms(TIME, np.ones(TIME.size), pulse())
+    with pytest.raises(ValueError, match="at least 16"):
+        compare_waveforms(TIME[:9], pulse()[:9], pulse()[:9])
+    with pytest.raises(ValueError, match="even steps"):
+        compare_waveforms(TIME**2, pulse(), pulse())
+    with pytest.raises(ValueError, match="greatest_lag"):
+        compare_waveforms(TIME, pulse(), pulse(), greatest_lag=0.0)
