@@ -173,7 +173,7 @@ class RayBundle:
 
     def __getitem__(self, rows) -> "RayBundle":
         """The rays of a slice or index array."""
-        return RayBundle(self.position[rows], self.direction[rows], np.atleast_1d(self.weight[rows]))
+        return RayBundle(self.position[rows], self.direction[rows], np.atleast_1d(np.asarray(self.weight)[rows]))
 
     @classmethod
     def collimated(

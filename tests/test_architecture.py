@@ -18,6 +18,7 @@ RANK = {
         [
             ("units",),
             ("rays",),
+            ("strehl_sums",),
             ("medium",),
             ("flow",),
             ("scene", "scenes"),

@@ -1,8 +1,12 @@
 """The wheel carries everything that the library needs at run time."""
 
+import ast
+import re
 import subprocess
 import sys
+import tomllib
 import zipfile
+from importlib.metadata import packages_distributions
 from pathlib import Path
 
 import pytest
@@ -55,3 +59,30 @@ def test_wheel_names_the_command_and_the_licence(wheel_names: dict[str, bytes]):
     assert b"aerokernels = aerokernels.cli:main" in points
     assert [name for name in wheel_names if name.endswith("licenses/LICENSE")]
     assert not [name for name in wheel_names if name.startswith(("tests/", "scripts/"))]
+
+
+def normalised(name: str) -> str:
+    """A distribution's name as package indexes compare it."""
+    return re.sub(r"[-_.]+", "-", name).lower()
+
+
+def test_every_package_that_is_imported_is_declared(root: Path):
+    """What the library imports stands in pyproject.toml itself, not only behind some other package's dependencies."""
+    project = tomllib.loads((root / "pyproject.toml").read_text())["project"]
+    lines = [*project["dependencies"], *(line for extra in project["optional-dependencies"].values() for line in extra)]
+    declared = {normalised(re.match(r"[\w.-]+", line)[0]) for line in lines}  # type: ignore[index]
+    providers = packages_distributions()
+    for path in (root / "aerokernels").rglob("*.py"):
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            if isinstance(node, ast.Import):
+                tops = {alias.name.split(".")[0] for alias in node.names}
+            elif isinstance(node, ast.ImportFrom) and not node.level:
+                tops = {str(node.module).split(".")[0]}
+            else:
+                continue
+            for top in tops - set(sys.stdlib_module_names) - {"aerokernels"}:
+                if top not in providers:
+                    assert normalised(top) in declared, f"{path}:{node.lineno}: {top}"
+                    continue
+                known = {normalised(name) for name in providers[top]}
+                assert known & declared, f"{path}:{node.lineno}: {top} comes with {known}, which pyproject.toml lacks"

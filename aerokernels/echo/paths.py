@@ -11,8 +11,8 @@ from there to the point it is a straight line in air at rest. The optical path d
     OPD = opd at the plane + n_ambient (|T - r| - |T - r0|)
 
 r and r0 being where the disturbed and the undisturbed ray cross the plane, T the target point. Without the second term
-the plane's slant against the ray would count as 0.1 wave. That the ray misses T by a little is of second order in
-the deflection (Fermat), 3e-4 wave at 100 urad.
+the plane's slant against the ray would count: 0.1 wave at 2 degrees off the axis. That the ray misses T by a little is
+of second order in the deflection (Fermat), 3e-4 wave at 100 urad.
 
 The Strehl ratio varies smoothly over the target, so it is computed at Chebyshev-Lobatto points on the target and
 interpolated by the polynomial through them; the same with every other point left out says how good that is.
@@ -134,14 +134,14 @@ def return_opd(scene: Scene, field: IndexField, target: np.ndarray) -> tuple[np.
             f"the target reaches back to z = {target[:, 2].min():g} m, into the flow's box, which ends at {front:g} m: "
             "give a greater target.distance or a smaller tilt, or cut the field off ahead of the target"
         )
-    pupil = Disc(0.5 * scene.receiver.diameter, center=(0.0, 0.0, scene.receiver.aperture_z))
+    pupil = Disc(0.5 * scene.receiver.diameter, center=np.array([0.0, 0.0, scene.receiver.aperture_z]))
     start, weight = pupil.sample(scene.receiver.ray_count, "gauss")
     position = np.tile(start, (len(target), 1))
     point = np.repeat(target, len(start), axis=0)
     rays = RayBundle(position, point - position)
     stop_z = max(front, scene.receiver.aperture_z) + CLEARANCE
     wanted = ("position", "opd", "evaluation_count")
-    stop = Plane((0.0, 0.0, stop_z), (0.0, 0.0, 1.0))
+    stop = Plane(np.array([0.0, 0.0, stop_z]), np.array([0.0, 0.0, 1.0]))
     result = trace(field, rays, until=stop, outputs=wanted, **trace_options(scene))
     assert result.position is not None and result.opd is not None  # they were asked for
     undisturbed = rays.position + ((stop_z - rays.position[:, 2]) / rays.direction[:, 2])[:, None] * rays.direction

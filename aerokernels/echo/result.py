@@ -77,7 +77,7 @@ class EchoResult:
 
     @property
     def mean_strehl(self) -> float:
-        """Strehl ratio as the echo sees it: the mean over the target points, weighted with the power they return."""
+        """Strehl ratio as the echo sees it: the mean over the target points, weighted with their share of the beam."""
         share = self.beam_share
         good = np.isfinite(self.strehl) & (share > 0.0)
         return float(share[good] @ self.strehl[good] / share[good].sum()) if good.any() else float("nan")
@@ -98,15 +98,15 @@ class EchoResult:
             "point_strehl": point(self.strehl, "1", "Strehl ratio of the return path"),
             "beam_share": point(self.beam_share, "1", "share of the beam's power"),
             "point_power": point(self.point_power, "W", "peak of the point's own pulse at the receiver"),
-            "method_range": ("method", list(self.ranges.values()), {"units": "m", "long_name": "range"}),
+            "method_range": ("ranging_method", list(self.ranges.values()), {"units": "m", "long_name": "range"}),
             "range_offset": (
-                "method",
+                "ranging_method",
                 [self.calibration.get(name, float("nan")) for name in self.ranges],
                 {"units": "m", "long_name": "calibration subtracted from the reading"},
             ),
         }
         time = ("time", self.time, {"units": "s", "long_name": "time after the pulse's peak left"})
-        coordinates = {"time": time, "axis": ["x", "y", "z"], "method": list(self.ranges)}
+        coordinates = {"time": time, "axis": ["x", "y", "z"], "ranging_method": list(self.ranges)}
         attributes = {
             "ranging": self.ranging,
             "range_m": self.range,

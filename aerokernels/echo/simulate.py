@@ -5,8 +5,9 @@
 
 w_i is the share of the beam's power in ray i, R_i its optical path to the tilted target, phi_i its incidence there and
 SR_i the Strehl ratio of the return path from where it lands (return factor "strehl", as in the paper). Light takes
-as long back as out. Where a ray lands decides its path, incidence and Strehl ratio; which rays the reflector catches is
-decided without the flow, whose 0.1 mm of deflection matters at the edges only.
+as long back as out. R_i^2 is that of an optical path too, as eq 10 has it: 5e-4 of the power at sea level. Where a ray
+lands decides its path, incidence and Strehl ratio; which rays the reflector catches is decided without the flow, whose
+0.1 mm of deflection matters at the edges only.
 
 The range is calibrated as a rangefinder's is, on a known echo: that of the same scene in vacuum. The reading's error
 there is subtracted, for each method. What remains is what air and flow do: the walk of a fixed threshold with the

@@ -5,6 +5,7 @@ The contrast is stored, never the index: in float32 an index near 1 cannot hold 
 
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
@@ -37,7 +38,7 @@ class IndexField:
     geometry: str
     ambient_index: float
     body: Body | None = None
-    resampling: object | None = None
+    resampling: Any = None
 
     def __post_init__(self):
         """Check what both ways of building have in common."""

@@ -152,9 +152,7 @@ def _measure(source, result) -> ResamplingError:
     line_points = min(8192, max(256, int(4 * np.max((high - low)[-1] / result.samples.spacing[-1]))))
     across = low[:-1] + (high - low)[:-1] * qmc.Sobol(dimension - 1, rng=np.random.default_rng(2)).random(LINE_COUNT)
     along = low[-1] + (high - low)[-1] * (np.arange(line_points) + 0.5) / line_points
-    lines = np.concatenate(
-        [np.repeat(across, line_points, axis=0), np.tile(along, LINE_COUNT)[:, None]], axis=1
-    )
+    lines = np.concatenate([np.repeat(across, line_points, axis=0), np.tile(along, LINE_COUNT)[:, None]], axis=1)
     path, bend = _difference(source, result, lines)
     weight = (high - low)[-1] / line_points
     opd = weight * path.reshape(LINE_COUNT, line_points).sum(axis=1)

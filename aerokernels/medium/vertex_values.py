@@ -135,7 +135,7 @@ def _least_squares_gradient(points, values, first, second) -> np.ndarray:
 
 
 def _unstructured_vertex_values(mesh: QuadMesh, average: np.ndarray) -> np.ndarray:
-    """Inverse-distance mean over a vertex's cells of their linear reconstructions, within the range of their averages."""
+    """Inverse-distance mean of the linear reconstructions of a vertex's cells, within the range of their averages."""
     centroid = mesh.cell_centroid
     slope = _least_squares_gradient(centroid, average, *_cell_pairs(mesh)) if len(average) > 1 else np.zeros((1, 2))
     vertex, cell = mesh.cells.ravel(), np.repeat(np.arange(len(mesh.cells)), 4)

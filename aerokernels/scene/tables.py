@@ -32,8 +32,8 @@ from .values import (
 
 # Volts that the detector shows for a watt at the pupil. Chosen once, so that the echo simulated for the static scene
 # peaks near 1.994 V, the peak that the paper's Tables 3 and 4 imply for its simulation without flow. It is never tuned
-# to a flow.
-STATIC_CALIBRATION = 1.0
+# to a flow: 1.994 V over the static scene's simulated peak of 3.58715e-4 W.
+STATIC_CALIBRATION = 5558.7
 
 STATIC = "static"
 UNIFORM_INTERPOLATIONS = ("cubic", "linear", "monotone")

@@ -61,7 +61,6 @@ def run_dataset(result: "RunResult") -> "xarray.Dataset":
     }
     coordinates = {
         "axis": variable("axis", np.array(["x", "y", "z"]), "1", "component"),
-        "method": variable("method", echo["method"].values, "1", "ranging method"),
         "pupil_x": variable("pupil_x", pupil.coordinate, "m", "x in the pupil"),
         "pupil_y": variable("pupil_y", pupil.coordinate, "m", "y in the pupil"),
         "angle_x": variable("angle_x", spot.angle, "rad", "angle toward x"),
@@ -77,6 +76,7 @@ def run_dataset(result: "RunResult") -> "xarray.Dataset":
         "source": f"aerokernels {summary['version']}",
         "geometry": result.prepared.field.geometry,
         "flow_front_m": result.prepared.front,
+        "ambient_density": result.prepared.density.ambient_density,
         "threshold_v": result.scene.detector.threshold,
         "scene": scene_toml(result.scene),
         "summary": json.dumps(summary),
@@ -85,5 +85,7 @@ def run_dataset(result: "RunResult") -> "xarray.Dataset":
     }
     if result.scene.detector.ranging != "leading-edge":
         del attributes["threshold_v"]  # no level decides there
-    echo = echo.drop_vars(["axis", "method"])
+    echo = echo.drop_vars("axis", errors="ignore")
+    for name in echo.variables:
+        echo[name].attrs.setdefault("units", "1")  # labels have no unit of their own
     return xarray.Dataset(variables, coordinates, attributes).merge(echo, combine_attrs="override")

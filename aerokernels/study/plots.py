@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 SPEED_OF_LIGHT = 299_792_458.0  # [m/s]
 BODY_COLOUR, RAY_COLOUR, ACCENT, MUTED = "#5b6470", "#0b6e99", "#c2410c", "#8a94a0"
-STYLE = {
+STYLE: dict[Any, Any] = {
     "font.size": 10.0,
     "axes.titlesize": 11.0,
     "axes.titleweight": "semibold",
@@ -43,22 +43,28 @@ def _figure(width: float, height: float, columns: int = 1, **layout: Any) -> "tu
 
 def _colour_bar(figure: "Figure", mappable: Any, axes: "Axes", label: str) -> None:
     bar = figure.colorbar(mappable, ax=axes, label=label, pad=0.02)
-    bar.outline.set_visible(False)  # type: ignore[operator]
+    bar.outline.set_visible(False)
 
 
 def _draw_body(axes: "Axes", dataset: "xarray.Dataset") -> None:
-    if "body_z" in dataset:
-        z, y = 1e3 * dataset["body_z"].values, 1e3 * dataset["body_y"].values
-        for side in (1.0, -1.0) if dataset.attrs.get("geometry") == "axisymmetric" else (1.0,):
-            axes.fill(z, side * y, facecolor=BODY_COLOUR, linewidth=0.0, zorder=3)
+    if "body_z" not in dataset:
+        return
+    z, y = 1e3 * dataset["body_z"].values, 1e3 * dataset["body_y"].values
+    if dataset.attrs.get("geometry") == "axisymmetric":  # one outline for both halves: no seam along the axis
+        z, y = np.concatenate([z, z[::-1]]), np.concatenate([y, -y[::-1]])
+    axes.fill(z, y, facecolor=BODY_COLOUR, linewidth=0.0, zorder=3)
 
 
 def _draw_density(axes: "Axes", dataset: "xarray.Dataset") -> Any:
+    from matplotlib import colormaps
+
     z, y = 1e3 * dataset["density_z"].values, 1e3 * dataset["density_y"].values
     density = dataset["density"].values
     low, high = float(density.min()), float(density.max())
     if high - low <= 1e-9 * abs(high):  # a uniform field still deserves a scale with its value in the middle
         low, high = 0.9 * low, 1.1 * high
+    ambient = (float(dataset.attrs.get("ambient_density", density.flat[-1])) - low) / (high - low)
+    axes.set_facecolor(colormaps["viridis"](min(max(ambient, 0.0), 1.0)))  # the free stream goes on beyond the mesh
     mesh = None
     for side in (1.0, -1.0) if dataset.attrs.get("geometry") == "axisymmetric" else (1.0,):
         mesh = axes.pcolormesh(z, side * y, density, cmap="viridis", vmin=low, vmax=high, shading="flat")
@@ -75,7 +81,6 @@ def density_figure(dataset: "xarray.Dataset") -> "Figure":
     for z, y in lines:
         axes.plot(1e3 * z, 1e3 * y, color="white", linewidth=0.7, alpha=0.9, zorder=4)
     axes.set_xlim(low, high + 0.12 * (high - low))
-    axes.set_facecolor("#f3f5f7")
     axes.set_aspect("equal")
     axes.set(xlabel="z, optical axis looking forward [mm]", ylabel="y [mm]", title="Density of the flow, body and rays")
     _colour_bar(figure, mesh, axes, "density [kg/m³]")
@@ -100,7 +105,6 @@ def rays_figure(dataset: "xarray.Dataset") -> "Figure":
     near.set_xlim(start - 0.15 * half, max(nose, start + half) + 0.35 * half)
     near.set_ylim(-half, half)
     near.set_aspect("equal")
-    near.set_facecolor("#f3f5f7")
     near.set(xlabel="z [mm]", ylabel="y [mm]", title="Rays in the flow")
     _colour_bar(figure, mesh, near, "density [kg/m³]")
 
@@ -113,7 +117,9 @@ def rays_figure(dataset: "xarray.Dataset") -> "Figure":
         stray.plot(along, off, color=colormaps["coolwarm"](0.5 + 0.5 * y0 / scale), linewidth=1.1)
     stray.axhline(0.0, color=MUTED, linewidth=0.6)
     stray.grid(True, color="#e3e7eb")
-    stray.set(xlabel="z [mm]", ylabel="displacement in y [µm]", title="Displacement from the straight line")
+    stray.set(
+        xlabel="z [mm]", ylabel="displacement in y [µm]", title="Displacement from the straight line (red: upper rays)"
+    )
     return figure
 
 
@@ -153,7 +159,7 @@ def point_spread_figure(dataset: "xarray.Dataset") -> "Figure":
     cut.plot(angle_y, spread[:, middle[1]], color=ACCENT, linewidth=1.2, linestyle=":", label="along y")
     ratio = dataset.attrs.get("strehl")
     title = "Cuts through the axis" if ratio is None else f"Cuts through the axis, Strehl ratio {ratio:.4f}"
-    cut.set(xlabel="angle [µrad]", ylabel="intensity / undisturbed peak", ylim=(0.0, None), title=title)
+    cut.set(xlabel="angle [µrad]", ylabel="intensity / undisturbed peak", yscale="log", ylim=(1e-5, 2.0), title=title)
     cut.grid(True, color="#e3e7eb")
     cut.legend()
     return figure
@@ -180,7 +186,7 @@ def echo_figure(dataset: "xarray.Dataset") -> "Figure":
             axes.axvline(nanosecond, color=colour, linewidth=1.1, linestyle=line, label=f"{words} {distance:.4f} m")
     second = axes.twinx()
     second.plot(nanoseconds, 1e6 * power[shown], color="#2f9e6e", linewidth=1.2, linestyle="-.", label="received power")
-    second.set_ylabel("received power [µW]")
+    second.set(ylabel="received power [µW]", ylim=(None, 1.25 * second.get_ylim()[1]))  # clear of the voltage's curve
     handles = [pair for part in (axes, second) for pair in zip(*part.get_legend_handles_labels(), strict=True)]
     axes.legend([handle for handle, _ in handles], [label for _, label in handles], loc="upper right", fontsize=9)
     axes.grid(True, color="#e3e7eb")
@@ -194,7 +200,7 @@ def _around_pulse(power: np.ndarray, voltage: np.ndarray) -> slice:
     above = np.flatnonzero(np.maximum(*parts) > 1e-3)
     if above.size == 0:
         return slice(None)
-    margin = max((above[-1] - above[0]) // 4, 2)
+    margin = max((above[-1] - above[0]) // 8, 2)
     return slice(max(above[0] - margin, 0), above[-1] + margin + 1)
 
 

@@ -26,7 +26,7 @@ from aerokernels.study.store import (
     write_result,
     write_summary,
 )
-from aerokernels.study.views import PupilMap, RayFan, pupil_map, ray_fan
+from aerokernels.study.views import PupilMap, RayFan, Spot, pupil_map, ray_fan, spot
 
 if TYPE_CHECKING:
     import xarray
@@ -69,6 +69,11 @@ class RunResult:
     def summary(self) -> dict[str, Any]:
         """The run in numbers, SI: what goes to summary.json."""
         return summarise(self)
+
+    @cached_property
+    def spot(self) -> Spot:
+        """The point spread function of the wavefront."""
+        return spot(self.pupil, self.scene.flow.wavelength)
 
     def to_xarray(self) -> "xarray.Dataset":
         """The run as one dataset with units: what goes to result.nc."""

@@ -10,8 +10,11 @@ from aerokernels.medium import IndexField
 from aerokernels.rays import RayBundle
 from aerokernels.scene import Scene
 from aerokernels.tracing import Plane, RayStatus, TraceResult, trace
+from aerokernels.wavefront import point_spread_function, remove_terms
 
 PUPIL_SAMPLES = 201  # across the pupil
+SPOT_PADDING = 8  # samples per wavelength / diameter
+SPOT_RINGS = 8.0  # half-width of what is kept of the spot [wavelength / diameter]
 FAN_RAYS = 15
 FAN_PLANES = 25
 
@@ -37,14 +40,15 @@ class PupilMap:
 
     Attributes:
         coordinate: x and y of the samples [m], shape (n,).
-        inside: Which samples lie in the pupil, shape (n, n), axes [y, x].
-        opd: Optical path difference [m], shape (n, n); NaN outside the pupil and where a ray failed.
-        trace: The trace behind it, one ray for each sample inside.
+        opd: Optical path difference, piston removed [m], shape (n, n), axes [y, x]; NaN outside the pupil and where a
+            ray failed.
+        without_tilt: The same with tilt removed as well.
+        trace: The trace behind it, one ray for each sample in the pupil.
     """
 
     coordinate: np.ndarray
-    inside: np.ndarray
     opd: np.ndarray
+    without_tilt: np.ndarray
     trace: TraceResult
 
 
@@ -52,6 +56,9 @@ def pupil_map(field: IndexField, scene: Scene, sample_count: int = PUPIL_SAMPLES
     """Trace a square grid of parallel rays forward from the receiver's pupil.
 
     By reciprocity these are the optical paths of a plane wave that arrives from straight ahead.
+
+    Raises:
+        ValueError: No ray gets through.
     """
     radius = 0.5 * scene.receiver.diameter
     coordinate = np.linspace(-radius, radius, sample_count)
@@ -60,10 +67,47 @@ def pupil_map(field: IndexField, scene: Scene, sample_count: int = PUPIL_SAMPLES
     start = np.stack([x[inside], y[inside], np.full(int(inside.sum()), scene.receiver.aperture_z)], axis=1)
     rays = RayBundle(start, np.broadcast_to([0.0, 0.0, 1.0], start.shape))
     traced = trace(field, rays, **trace_options(scene), outputs=("opd", "evaluation_count"))
-    opd = np.full(inside.shape, np.nan)
     assert traced.opd is not None  # asked for
-    opd[inside] = np.where(traced.ok, traced.opd, np.nan)
-    return PupilMap(coordinate, inside, opd, traced)
+    good = np.zeros_like(inside)
+    good[inside] = traced.ok
+    if not good.any():
+        raise ValueError(
+            f"no ray of the receiver's pupil gets through the flow ({traced.status_summary()}): "
+            "check receiver.aperture_z and receiver.diameter against the body"
+        )
+    points = np.stack([x[good], y[good]], axis=1)
+    arrived = traced.opd[traced.ok]
+    opd, without_tilt = np.full(inside.shape, np.nan), np.full(inside.shape, np.nan)
+    opd[good] = remove_terms(arrived, ("piston",))
+    without_tilt[good] = remove_terms(arrived, ("piston", "tilt"), points)
+    return PupilMap(coordinate, opd, without_tilt, traced)
+
+
+@dataclass(frozen=True, eq=False)
+class Spot:
+    """The middle of a point spread function.
+
+    Attributes:
+        angle: Field angles of rows and columns [rad], shape (n,).
+        intensity: Intensity over the undisturbed peak, shape (n, n), axes [y, x].
+        perfect: The same without flow.
+    """
+
+    angle: np.ndarray
+    intensity: np.ndarray
+    perfect: np.ndarray
+
+
+def spot(pupil: PupilMap, wavelength: float) -> Spot:
+    """The point spread function of a pupil's wavefront, tilt included, and that of the same pupil without flow."""
+    lit = np.isfinite(pupil.opd)
+    pixel = float(pupil.coordinate[1] - pupil.coordinate[0])
+    spread, perfect = (
+        point_spread_function(opd, lit, pixel, wavelength, padding=SPOT_PADDING)
+        for opd in (np.where(lit, pupil.opd, 0.0), np.zeros(lit.shape))
+    )
+    shown = np.abs(spread.angle) <= SPOT_RINGS * wavelength / (pupil.coordinate[-1] - pupil.coordinate[0])
+    return Spot(spread.angle[shown], spread.intensity[shown][:, shown], perfect.intensity[shown][:, shown])
 
 
 @dataclass(frozen=True, eq=False)

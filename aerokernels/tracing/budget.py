@@ -1,12 +1,12 @@
 """The error budget of a trace's optical path difference, by cause.
 
-    step            greatest embedded error over the rays that arrived
-    interpolation   optical path along a few of the rays' straight lines through the grid, against the same through
-                    every second node; a third of the change, which is what remains if the order is two or more
-    resampling      measured when the field was resampled (rms over lines parallel to z)
-    precision       rounding: half a unit in the last place of the greatest OPD, times the root of the step count
-    sampling        0: a trace is no mean over rays (an estimate over a pupil fills it in)
-    total           root sum of squares
+step            greatest embedded error over the rays that arrived
+interpolation   optical path along a few of the rays' straight lines through the grid, against the same through
+every second node; a third of the change, which is what remains if the order is two or more
+resampling      measured when the field was resampled (rms over lines parallel to z)
+precision       rounding: half a unit in the last place of the greatest OPD, times the root of the step count
+sampling        0: a trace is no mean over rays (an estimate over a pupil fills it in)
+total           root sum of squares
 """
 
 from dataclasses import replace
@@ -14,6 +14,7 @@ from dataclasses import replace
 import numpy as np
 
 from ..medium import IndexField
+from ..medium.grid import UniformGrid
 from ..rays import RayBundle
 
 LINE_COUNT = 48
@@ -41,13 +42,15 @@ def error_budget(field: IndexField, rays: RayBundle, result) -> dict[str, float]
 
 
 def interpolation_error(field: IndexField, rays: RayBundle) -> float:
-    """A third of the rms change of the optical path when every second node is left out [m]; 0 where that is not possible.
+    """A third of the rms change of the optical path when every second node is left out [m].
 
-    On a field that came from a mesh this is part of the resampling error, and no second opinion is taken.
+    Zero where the grid has too few nodes. On a field that came from a mesh it is part of the resampling error, and no
+    second opinion is taken.
     """
     if not field.is_uniform or field.resampling is not None or min(field.samples.shape) < 9:
         return 0.0
     grid = field.samples
+    assert isinstance(grid, UniformGrid)
     every = tuple(slice(None, None, 2) for _ in grid.shape)
     coarse = replace(field, samples=replace(grid, samples=grid.samples[every], spacing=2.0 * grid.spacing))
     rows = np.linspace(0, rays.ray_count - 1, min(LINE_COUNT, rays.ray_count)).astype(int)

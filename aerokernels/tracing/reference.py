@@ -116,9 +116,10 @@ class _Ray:
         if self.until is not None and stop_at is not None and stop_at <= enter:
             meets = False
         if meets and self.field.body is not None:
-            enter = self.leave_body(enter, leave)
-            if enter is None:
+            out = self.leave_body(enter, leave)
+            if out is None:
                 return self.result(self.start, self.heading, 0.0, 0.0, RayStatus.INSIDE_BODY, None)
+            enter = out
             if self.until is not None and stop_at is not None and stop_at <= enter:
                 meets = False
         if not meets:
@@ -155,9 +156,7 @@ class _Ray:
             if height != 0.0 and height * slope >= 0.0:
                 return self.result(r, heading, path, arc, RayStatus.STOP_NOT_REACHED, None)
             rest = -height / slope if height != 0.0 else 0.0
-        return self.result(
-            r + rest * heading, heading, path + self.ambient * rest, arc + rest, RayStatus.OK, stop_at
-        )
+        return self.result(r + rest * heading, heading, path + self.ambient * rest, arc + rest, RayStatus.OK, stop_at)
 
     def result(self, r, heading, path, arc, status, stop_at) -> dict:
         """The row of one ray."""
@@ -209,13 +208,19 @@ class _Ray:
             return 1.0 if self.field.body is None else self.in_body(y[:3]) + 1e-9
 
         for event, sense in ((leaves, 1.0), (arrives, 1.0), (hits, -1.0)):
-            event.terminal, event.direction = True, sense
+            event.terminal, event.direction = True, sense  # type: ignore[attr-defined]
         diagonal = float(np.linalg.norm(np.where(np.isfinite(self.high - self.low), self.high - self.low, 0.0)))
         limit = 1e4 * diagonal / self.ambient
         cell = float(np.min(self.field.spacing))
         solution = solve_ivp(
-            rate, (0.0, limit), state, method="DOP853", rtol=RELATIVE_TOLERANCE, atol=1e-15 + 1e-12 * diagonal,
-            events=[leaves, arrives, hits], max_step=2.0 * cell / self.ambient,
+            rate,
+            (0.0, limit),
+            state,
+            method="DOP853",
+            rtol=RELATIVE_TOLERANCE,
+            atol=1e-15 + 1e-12 * diagonal,
+            events=[leaves, arrives, hits],
+            max_step=2.0 * cell / self.ambient,
         )
         self.steps = len(solution.t) - 1
         for k, status in ((2, RayStatus.HIT_BODY), (1, RayStatus.OK), (0, RayStatus.OK)):
@@ -228,7 +233,7 @@ class _Ray:
         """Steps of the rule "fixed" or "paper"."""
         while self.steps < self.plan.max_steps:
             index, gradient = self.look(state[:3])
-            length = self.plan.step if self.plan.method == "fixed" else self.paper_step(state[:3])
+            length = self.plan.step or self.paper_step(state[:3])
             h = length / index
             after = self.nystrom(state, index, gradient, h)
             self.steps += 1

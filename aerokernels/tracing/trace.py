@@ -83,7 +83,7 @@ def trace(
         return error_budget(field, rays, result)
 
     return TraceResult(
-        plan=plan, seconds=seconds, wavelength=wavelength, weight=rays.weight, budget=budget, **arrays
+        plan=plan, seconds=seconds, wavelength=wavelength, weight=np.asarray(rays.weight), budget=budget, **arrays
     )
 
 

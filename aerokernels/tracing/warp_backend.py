@@ -1,5 +1,6 @@
 """The Warp backend: fields uploaded once, rays in chunks over all cores, arrays back in float64."""
 
+import functools
 import os
 import time
 import weakref
@@ -26,9 +27,13 @@ CHUNK = 4096
 _uploaded: weakref.WeakKeyDictionary = weakref.WeakKeyDictionary()
 
 
+@functools.cache
 def _start() -> None:
+    """Start Warp without its banner; a missing CUDA driver is no news on a machine without a GPU."""
     wp.config.quiet = True
+    wp.config.log_level = wp.LOG_ERROR
     wp.init()
+    wp.config.log_level = wp.LOG_WARNING
 
 
 def thread_count() -> int:

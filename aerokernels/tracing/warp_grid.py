@@ -53,9 +53,7 @@ def build_weights(precision: str, interpolation: str):
         @wp.func
         def value(u: real):
             v = real(1.0) - u
-            return vec4(
-                (real(1.0) + real(2.0) * u) * v * v, u * v * v, u * u * (real(3.0) - real(2.0) * u), -u * u * v
-            )
+            return vec4((real(1.0) + real(2.0) * u) * v * v, u * v * v, u * u * (real(3.0) - real(2.0) * u), -u * u * v)
 
         @wp.func
         def slope(u: real):

@@ -132,9 +132,7 @@ def build_sample(precision: str, geometry: str, interpolation: str):
                     xi = wp.clamp(xi - step_xi, real(-0.5), real(1.5))
                     eta = wp.clamp(eta - step_eta, real(-0.5), real(1.5))
             if wp.static(interpolation == "bilinear-barron"):
-                w = vec4(
-                    (real(1.0) - xi) * (real(1.0) - eta), xi * (real(1.0) - eta), xi * eta, (real(1.0) - xi) * eta
-                )
+                w = vec4((real(1.0) - xi) * (real(1.0) - eta), xi * (real(1.0) - eta), xi * eta, (real(1.0) - xi) * eta)
                 return blend(field, first, w)
             else:
                 base = field.values[first]
@@ -144,9 +142,7 @@ def build_sample(precision: str, geometry: str, interpolation: str):
                 m = base + xi * (real(1.0) - eta) * vb + xi * eta * vc + (real(1.0) - xi) * eta * vd
                 rise = (real(1.0) - eta) * vb + eta * (vc - vd)
                 lift = (real(1.0) - xi) * vd + xi * (vc - vb)
-                return vec3(
-                    m, (rise * across[1] - lift * along[1]) / det, (lift * along[0] - rise * across[0]) / det
-                )
+                return vec3(m, (rise * across[1] - lift * along[1]) / det, (lift * along[0] - rise * across[0]) / det)
 
     @wp.func
     def sample(field: Field, cell: wp.vec3i, frac: vec3):

@@ -1,8 +1,8 @@
 r"""The ray tracer as a Warp kernel.
 
-Equation. r'' = grad s with the optical potential s = (n^2 - a^2) / 2, T = r' = n dr/ds, d sigma = ds / n, optical path' =
-n^2 = a^2 + 2 s (A. Sharma, D. V. Kumar, A. K. Ghatak, Appl. Opt. 21 (1982) 984), moved by the Runge-Kutta-Nystrom pair
-of tableau.py: order 4, three field evaluations a step.
+Equation. r'' = grad s with the optical potential s = (n^2 - a^2) / 2, T = r' = n dr/ds, d sigma = ds / n,
+optical path' = n^2 = a^2 + 2 s (A. Sharma, D. V. Kumar, A. K. Ghatak, Appl. Opt. 21 (1982) 984), moved by the
+Runge-Kutta-Nystrom pair of tableau.py: order 4, three field evaluations a step.
 
 Deviation form. With n = a + m (ambient + contrast) and the straight ray p + d a sigma:
 
@@ -11,15 +11,12 @@ Deviation form. With n = a + m (ambient + contrast) and the straight ray p + d a
     arc length   = a sigma + M,       M = int m d sigma,   m = 2 s / (n + a)
 
 q, P, S and M are small and summed with compensation, so float32 loses nothing that matters; a ray's start, the free
-flight outside the box and the meeting with the stop are float64. After each step T is brought back to |T| = n. The optical path difference against the undisturbed
-ray at the same stop is 2 S + a (distance along d at the stop - undisturbed distance).
+flight outside the box and the meeting with the stop are float64. After each step T is brought back to |T| = n. The
+optical path difference against the undisturbed ray at the same stop is 2 S + a (distance along d at the stop - that of
+the undisturbed ray).
 
-Method "straight" looks the field up along p + d a sigma and adds grad s . q: the optical path is
-right to second order in the contrast, position and direction to first order.
-
-q, P, M1 and M2 are small and summed with compensation, so float32 loses nothing that matters; a ray's start, the
-free flight outside the box and the meeting with the stop are float64. After each step T is brought back to |T| = n. The optical path difference against the
-undisturbed ray at the same stop is 2 a M1 + M2 + a (distance along d at the stop - undisturbed distance).
+Method "straight" looks the field up along p + d a sigma and adds grad s . q: the optical path is right to second order
+in the contrast, position and direction to first order.
 
 Stop. When the parabola of the next step crosses a surface, the step is shortened to land on it and the rest, of third
 order in the step, is flown along the tangent; the distance along d is then solved for in float64.
@@ -32,7 +29,7 @@ import warp as wp
 
 from . import warp_grid, warp_mesh
 from .status import RayStatus
-from .tableau import A, B, B_ERROR, BT, BT_ERROR, C
+from .tableau import B_ERROR, BT, BT_ERROR, A, B, C
 from .warp_box import FACE_COUNT, build_crossing, build_surface, build_surface_distance, build_wall_distance
 from .warp_types import types
 
@@ -73,7 +70,7 @@ def build_kernel(
 ):
     """Build the kernel for one kind of scene; Warp compiles it at its first launch and keeps it on disk."""
     t = types(precision)
-    real, vec3, vec4, Field, Bounds, Control = t.real, t.vec3, t.vec4, t.Field, t.Bounds, t.Control
+    real, vec3, Field, Bounds, Control = t.real, t.vec3, t.Field, t.Bounds, t.Control
     source = warp_mesh if on_mesh else warp_grid
     sample = source.build_sample(precision, geometry, interpolation)
     paper_step = source.build_paper_step(precision, geometry)
@@ -138,7 +135,7 @@ def build_kernel(
 
     @wp.func
     def contrast(ambient: real, potential: real):
-        """m from s without cancellation."""
+        """M from s without cancellation."""
         square = wp.max(ambient * ambient + real(2.0) * potential, real(0.0))
         return real(2.0) * potential / (wp.sqrt(square) + ambient)
 
@@ -459,11 +456,7 @@ def build_kernel(
         full = ambient64 * d0 + p64
         speed64 = wp.length(full)
         turn = (
-            p64
-            - (
-                (wp.float64(2.0) * ambient64 * wp.dot(d0, p64) + wp.dot(p64, p64)) / (speed64 + ambient64)
-            )
-            * d0
+            p64 - ((wp.float64(2.0) * ambient64 * wp.dot(d0, p64) + wp.dot(p64, p64)) / (speed64 + ambient64)) * d0
         ) / speed64
         heading = d0 + turn
         along = enter + ambient64 * sigma  # distance along the straight ray

@@ -21,7 +21,7 @@ def scene(**changes):
 
 
 def linear_field(slope, ambient=1.0):
-    """m = slope y between the aperture's plane and DEPTH ahead of it; cubic splines reproduce it exactly."""
+    """Contrast slope x y between the aperture's plane and DEPTH ahead of it; cubic splines reproduce it exactly."""
     y = np.linspace(-0.03, 0.03, 61)
     contrast = np.broadcast_to(slope * y[:, None], (61, 13)).copy()
     return IndexField.from_samples(
@@ -40,12 +40,12 @@ def test_strehl_ratio_of_a_prism():
     """Set-up: a linear field ahead of the pupil, target on the axis: the wavefront is tilted, and tilt counts.
 
     Formula: OPD = slope x y x (1 - DEPTH / (2 R)) x DEPTH at the pupil's height y (the rays draw in toward the target);
-    the Strehl ratio of a tilt over a disc is (2 J1(v) / v)^2, v = k a dOPD/dy. Expected 0.36 at the slope taken.
+    the Strehl ratio of a tilt over a disc is (2 J1(v) / v)^2, v = k a dOPD/dy. Expected 0.34 at the slope taken.
     Error sources: curvature of the rays, slope^2 DEPTH^3 / 6 = 1e-12 m; 256 Gauss points, 1e-9; the box ends at DEPTH.
     Tolerance 1e-5.
     """
     setting = scene()
-    slope = 1e-3
+    slope = 8e-4
     landing = np.array([[x, y, 1.492] for x in (-1e-4, 1e-4) for y in (-1e-4, 1e-4)])
     found = return_paths(setting, linear_field(slope), landing, 3)
     v = 2.0 * math.pi / WAVELENGTH * 0.006 * slope * DEPTH * (1.0 - DEPTH / (2.0 * 1.5))
@@ -70,8 +70,7 @@ def test_a_prism_bends_the_way_out():
     start = points.start[:, 1]
     rise = psi * (1.5 - DEPTH / 2.0)
     height = (start + rise) / (1.0 - psi * math.tan(beta))  # the plane recedes as the beam climbs
-    height += psi * start * math.tan(beta) - psi * math.tan(beta) * start  # second order left out
-    assert np.abs(out.landing[:, 1] - height - psi * 0.0).max() < 2e-6 * 1.5 * psi / 1e-4 * 1e-1
+    assert np.abs(out.landing[:, 1] - height).max() < 2e-8
     assert np.abs(np.arccos(out.incidence_cosine) - beta - psi).max() < 1e-8
     expected = 1.5 + out.landing[:, 1] * math.tan(beta) + psi * start
     assert np.abs(out.path - expected).max() < 2e-8
@@ -94,7 +93,7 @@ def test_the_way_back_is_that_of_light_from_the_target(target, method):
     traced from. Here it is traced from the target, at 1e-9 wave, to where it meets the pupil's plane, and taken on
     to the pupil point along its direction. Error sources: both miss their end a little, 1/2 psi^2 L = 1e-10 m, 1e-4
     wave; "straight" keeps to the undisturbed line. Tolerance 1e-3 wave; without the term for the plane's slant the
-    farthest target would be off by 0.1 wave.
+    farthest target would be off by half a wave.
     """
     point = np.array([target])
     field = blob_field(5e-5)

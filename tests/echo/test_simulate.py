@@ -62,7 +62,7 @@ def test_without_flow_it_is_eq_8(limits, tilt):
 
 
 def test_it_converges_to_eq_8_as_the_flow_is_switched_off():
-    """The echo's peak is even in a weak, symmetric change: 1 - SR falls with the square of the contrast, order 2 +- 0.2."""
+    """1 - SR falls with the square of a weak contrast: order 2 +- 0.2."""
     setting = scene(**{"trace.precision": "float64"})
     strengths = [4e-6, 2e-6, 1e-6]
     still = echo(setting, field=lump(0.0))
@@ -108,7 +108,7 @@ def test_static_scene(shipped):
 def test_peaks_fall_as_the_strehl_ratios_do(shipped):
     """In eq 10 nothing but SR and 1e-4 of R_L^2 changes with the flow, so the peaks do as SR: within 1e-3.
 
-    Reading 34 (independent, plane wave along the axis): 0.974, 0.977, 0.988 in the tunnel, 0.724 at sea level at Mach 3.
+    Reading 34 (independent, plane wave along the axis): 0.974, 0.977, 0.988 in the tunnel, 0.724 at sea level, Mach 3.
     """
     static = shipped["wind-tunnel-static"]
     expected = {
@@ -125,7 +125,7 @@ def test_peaks_fall_as_the_strehl_ratios_do(shipped):
 
 
 def test_the_fixed_threshold_walks_and_the_others_do_not(shipped):
-    """Walk = c tau / 2 (sqrt(ln V0) - sqrt(ln V)) against vacuum; the others read the optical path only (reading 29)."""
+    """Walk = c tau / 2 (sqrt(ln V0) - sqrt(ln V)) against vacuum; the others read the optical path (reading 29)."""
     for name, found in shipped.items():
         walk = (
             0.5
@@ -183,4 +183,4 @@ def test_dataset_holds_everything(shipped):
     assert data["echo_power"].attrs["units"] == "W" and data["echo_voltage"].dims == ("time",)
     assert np.array_equal(data["path"], found.path) and data["target_point"].dims == ("point", "axis")
     assert data.attrs["range_m"] == found.range and data.attrs["true_range_m"] == 1.5
-    assert float(data["method_range"].sel(method="centroid")) == found.ranges["centroid"]
+    assert float(data["method_range"].sel(ranging_method="centroid")) == found.ranges["centroid"]

@@ -1,0 +1,271 @@
+r"""The Strehl ratio: exact, by Marechal's approximation, and estimated over millions of rays on the device.
+
+    exact       |sum w exp(i k OPD)|^2                   (M. Born, E. Wolf, Principles of Optics, 9.1)
+    Marechal    exp(-(k sigma)^2), sigma the rms OPD     fails for shocks, where the OPD is not small
+
+`estimate_strehl` launches scrambled Sobol points over the pupil in independent replicates, traces and reduces them
+where the rays are; the spread of the replicates gives the standard error.
+"""
+
+import time
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from .medium import IndexField
+from .rays import Disc, RayBundle
+from .tracing import Plane, trace
+from .tracing.budget import error_budget
+from .tracing.plan import make_plan
+from .tracing.pupil_sums import fit_moments
+from .wavefront import check_terms, check_wavefront, remove_terms
+
+REPLICATES = 16
+
+
+def strehl(opd, wavelength: float, weights=None, remove=("piston",), *, points=None) -> float:
+    """Exact Strehl ratio |<exp(i k OPD)>|^2 of a wavefront.
+
+    Args:
+        opd: Optical path difference [m], any shape.
+        wavelength: Wavelength [m].
+        weights: Share of each sample, or None for equal shares.
+        remove: Terms taken out before: "piston" (which changes nothing) and "tilt".
+        points: Pupil coordinates of the samples [m], shape (n, 2); needed for "tilt".
+
+    Raises:
+        ValueError: Numbers that are not finite, shapes that disagree, an unknown term.
+    """
+    _check_wavelength(wavelength)
+    opd, weights = check_wavefront(opd, weights)
+    opd = remove_terms(opd, remove, points, weights)
+    return float(np.abs(weights @ np.exp(2j * np.pi / wavelength * opd)) ** 2)
+
+
+def strehl_marechal(opd, wavelength: float, weights=None, remove=("piston",), *, points=None) -> float:
+    """Marechal's approximation exp(-(k sigma)^2) of the Strehl ratio; arguments as for `strehl`."""
+    _check_wavelength(wavelength)
+    opd, weights = check_wavefront(opd, weights)
+    opd = remove_terms(opd, (*check_terms(remove), "piston"), points, weights)
+    return float(np.exp(-((2.0 * np.pi / wavelength) ** 2) * (weights @ opd**2)))
+
+
+@dataclass(frozen=True, eq=False)
+class StrehlEstimate:
+    """A Strehl ratio and what belongs to it.
+
+    Attributes:
+        value: Exact Strehl ratio of the rays that arrived.
+        standard_error: Standard error of `value` from the spread of independent replicates.
+        marechal: Marechal's approximation.
+        opd_rms: Rms OPD after the terms removed [m].
+        boresight: Deflection of the beam along the pupil's two axes [rad], shape (2,): slopes of the OPD's plane.
+        ray_count: Rays traced.
+        blocked: Share of the rays that did not arrive; they carry no light into `value`'s mean.
+        plan: What was chosen, skipped and why.
+        error: Error budget: OPD errors by cause [m], "sampling" and "strehl" as errors of `value`.
+        seconds: Time spent: "compile", "kernel", "total".
+        evaluation_count: Field evaluations in all.
+    """
+
+    value: float
+    standard_error: float
+    marechal: float
+    opd_rms: float
+    boresight: np.ndarray
+    ray_count: int
+    blocked: float
+    plan: Any
+    error: dict[str, float]
+    seconds: dict[str, float] = field(default_factory=dict)
+    evaluation_count: int = 0
+
+
+def estimate_strehl(
+    field: IndexField,
+    pupil: Disc,
+    *,
+    wavelength: float = 905e-9,
+    ray_count: int = 1_000_000,
+    tolerance: float = 1e-3,
+    remove=("piston",),
+    backend: str = "auto",
+    device: str | None = None,
+    precision: str = "float32",
+    method: str = "auto",
+    step: float | None = None,
+    max_steps: int | None = None,
+    direction=None,
+    seed: int = 0,
+) -> StrehlEstimate:
+    """Strehl ratio of a plane wave seen through a field by a pupil.
+
+    Rays leave the pupil along its normal (or `direction`): by the reversibility of light that is the wavefront a
+    distant point on that line sends in. They stop on a plane across the line, beyond the field's box.
+
+    Args:
+        field: The refractive index.
+        pupil: The pupil; it looks along its normal.
+        wavelength: Wavelength [m].
+        ray_count: Rays in all, in 16 replicates.
+        tolerance: OPD error asked for [waves].
+        remove: Terms taken out of the wavefront: "piston", "tilt".
+        backend: See `trace`; likewise device, precision, method, step and max_steps.
+        device: Device of the backend.
+        precision: "float32" or "float64".
+        method: Tracing method.
+        step: Step of method "fixed" [m].
+        max_steps: Steps after which a ray is given up.
+        direction: Look direction, if not along the pupil's normal.
+        seed: Seed of the scrambling.
+
+    Raises:
+        TypeError: `field` or `pupil` of the wrong kind.
+        ValueError: A name or number that makes no sense; no ray that arrives.
+    """
+    start = time.perf_counter()
+    if not isinstance(field, IndexField):
+        raise TypeError(f"field must be an IndexField, got {type(field).__name__}")
+    if not isinstance(pupil, Disc):
+        raise TypeError(f"pupil must be a Disc, got {type(pupil).__name__}")
+    _check_wavelength(wavelength)
+    remove = check_terms(remove)
+    if not isinstance(ray_count, (int, np.integer)) or ray_count < REPLICATES:
+        raise ValueError(f"ray_count must be a whole number of at least {REPLICATES}, got {ray_count!r}")
+    look = RayBundle(pupil.center, pupil.normal if direction is None else direction).direction[0]
+    until = Plane(_beyond(field, pupil, look), look)
+    plan = make_plan(
+        field,
+        method=method,
+        backend=backend,
+        device=device,
+        precision=precision,
+        step=step,
+        tolerance=tolerance,
+        max_steps=max_steps,
+        path_length=None,
+    )
+    if plan.backend == "warp":
+        from .tracing.warp_strehl import reduce_pupil as run
+    else:
+        run = _reduce_on_host
+    per_replicate = -(-int(ray_count) // REPLICATES)
+    reduced = run(field, pupil, look, until, plan, wavelength, per_replicate, REPLICATES, seed, "tilt" in remove)
+    moments, phasor, evaluations, seconds = reduced
+    estimate = _combine(moments, phasor, wavelength, remove)
+    probe = RayBundle.collimated(pupil, 64, direction=look, seed=seed)
+    budget = _budget(field, probe, plan, moments, estimate, wavelength)
+    seconds["total"] = time.perf_counter() - start
+    count = per_replicate * REPLICATES
+    return StrehlEstimate(
+        ray_count=count,
+        blocked=float(1.0 - moments[:, 0].sum() / count),
+        plan=plan,
+        error=budget,
+        seconds=seconds,
+        evaluation_count=evaluations,
+        **estimate,
+    )
+
+
+def _check_wavelength(wavelength: float) -> None:
+    if not (np.isfinite(wavelength) and wavelength > 0.0):
+        raise ValueError(f"wavelength must be a positive length in metres, got {wavelength!r}")
+
+
+def _beyond(field: IndexField, pupil: Disc, look: np.ndarray) -> np.ndarray:
+    """A point on the look line such that the plane across it there lies beyond the box and the pupil."""
+    low, high = field.box
+    finite = np.isfinite(low) & np.isfinite(high)
+    corner = np.where(finite, np.where(look > 0.0, high, low), pupil.center)
+    reach = float((corner - pupil.center) @ look)
+    # A hair beyond, so that the last face and the plane are never the same surface.
+    size = float(np.linalg.norm(np.where(finite, high - low, 0.0)))
+    return pupil.center + (max(reach, 0.0) + pupil.radius + 1e-3 * size) * look
+
+
+def _reduce_on_host(field, pupil, look, until, plan, wavelength, per_replicate, replicates, seed, with_tilt):
+    """Moments and phasors by the reference backend, replicate by replicate."""
+    first, second = pupil.axes
+    moments: list[list[float]] = []
+    phasors: list[tuple[np.ndarray, ...]] = []
+    evaluations = 0
+    spent = time.perf_counter()
+    for replicate in range(replicates):
+        rays = RayBundle.collimated(pupil, per_replicate, direction=look, seed=seed * replicates + replicate)
+        result = trace(
+            field,
+            rays,
+            method=plan.method,
+            tolerance=plan.tolerance,
+            step=plan.step,
+            until=until,
+            wavelength=wavelength,
+            backend=plan.backend,
+            device=plan.device,
+            precision=plan.precision,
+            max_steps=plan.max_steps,
+        )
+        good = result.ok
+        assert result.opd is not None and result.step_error is not None and result.evaluation_count is not None
+        x = (rays.position[good] - pupil.center) @ first
+        y = (rays.position[good] - pupil.center) @ second
+        opd = result.opd[good]
+        one = np.ones_like(x)
+        error = result.step_error[good].max(initial=0.0)
+        looked = int(result.evaluation_count.sum())
+        products = (one, x, y, opd, x * x, x * y, y * y, x * opd, y * opd, opd * opd)
+        moments.append([*(np.sum(term) for term in products), error, looked])
+        evaluations += looked
+        phasors.append((x, y, opd))
+    rows = np.array(moments)
+    tilt = fit_moments(rows.sum(axis=0))[1] if with_tilt else np.zeros(2)
+    wave = 2j * np.pi / wavelength
+    sums = np.array([np.sum(np.exp(wave * (w - tilt[0] * x - tilt[1] * y))) for x, y, w in phasors])
+    seconds = {"compile": 0.0, "kernel": time.perf_counter() - spent}
+    return rows, sums, evaluations, seconds
+
+
+def _combine(moments, phasor, wavelength, remove) -> dict:
+    """Values and standard error from replicate sums."""
+    total = moments.sum(axis=0)
+    if total[0] == 0:
+        raise ValueError(
+            "no ray of the pupil arrived beyond the field: all met the body or left the way; "
+            "move the pupil, or turn its normal toward the flow"
+        )
+    _, tilt, about_piston, about_plane = fit_moments(total)
+    rms = about_plane if "tilt" in remove else about_piston
+    value = float(np.abs(phasor.sum() / total[0]) ** 2)
+    each = np.abs(phasor / np.maximum(moments[:, 0], 1.0)) ** 2
+    return {
+        "value": value,
+        "standard_error": float(each.std(ddof=1) / np.sqrt(len(each))),
+        "marechal": float(np.exp(-((2.0 * np.pi * rms / wavelength) ** 2))),
+        "opd_rms": rms,
+        "boresight": tilt,
+    }
+
+
+def _budget(field, probe, plan, moments, estimate, wavelength) -> dict[str, float]:
+    """The OPD budget of a trace, turned into an error of the Strehl ratio.
+
+    A phase error of rms e radians changes the mean phasor A by at most e, and |A|^2 by at most 2 |A| e + e^2.
+    """
+    from types import SimpleNamespace
+
+    stand_in = SimpleNamespace(
+        ok=np.array([True]),
+        step_error=np.array([moments[:, 10].max()]),
+        opd=np.array([3.0 * estimate["opd_rms"] + np.abs(moments[:, 3].sum() / moments[:, 0].sum())]),
+        step_count=None,
+        plan=plan,
+    )
+    budget = error_budget(field, probe, stand_in)
+    phase = 2.0 * np.pi * budget["total"] / wavelength
+    amplitude = np.sqrt(estimate["value"])
+    from_opd = 2.0 * amplitude * phase + phase**2
+    budget["sampling"] = estimate["standard_error"]
+    budget["strehl"] = float(np.hypot(from_opd, 2.0 * estimate["standard_error"]))
+    return budget

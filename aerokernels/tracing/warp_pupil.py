@@ -1,0 +1,165 @@
+"""Kernels of the million-ray pupil: scrambled Sobol points, and sums over groups of rays.
+
+Points are the two-dimensional Sobol sequence (bit reversal, and the sequence of x + 1) with a nested uniform scramble
+by hashing (B. Burley, Practical hash-based Owen scrambling, JCGT 9-4 (2020)), one seed per replicate and axis; equal
+areas of the square map to equal areas of the disc.
+"""
+
+import warp as wp
+
+from .status import RayStatus
+
+# Rays summed by one kernel thread.
+GROUP = 1024
+# Constants of 32 bits are typed here: a literal inside a kernel would pass through a signed integer.
+_HASH_1 = wp.constant(wp.uint32(0x6C50B47C))
+_HASH_2 = wp.constant(wp.uint32(0xB82F1E52))
+_HASH_3 = wp.constant(wp.uint32(0xC7AFE638))
+_HASH_4 = wp.constant(wp.uint32(0x8D22F6E6))
+_TOP_BIT = wp.constant(wp.uint32(0x80000000))
+_OK = wp.constant(int(RayStatus.OK))
+_GROUP = wp.constant(GROUP)
+
+
+@wp.func
+def reverse_bits(x: wp.uint32):
+    """Mirror the 32 bits of x."""
+    x = ((x >> wp.uint32(1)) & wp.uint32(0x55555555)) | ((x & wp.uint32(0x55555555)) << wp.uint32(1))
+    x = ((x >> wp.uint32(2)) & wp.uint32(0x33333333)) | ((x & wp.uint32(0x33333333)) << wp.uint32(2))
+    x = ((x >> wp.uint32(4)) & wp.uint32(0x0F0F0F0F)) | ((x & wp.uint32(0x0F0F0F0F)) << wp.uint32(4))
+    x = ((x >> wp.uint32(8)) & wp.uint32(0x00FF00FF)) | ((x & wp.uint32(0x00FF00FF)) << wp.uint32(8))
+    return (x >> wp.uint32(16)) | (x << wp.uint32(16))
+
+
+@wp.func
+def scramble(x: wp.uint32, seed: wp.uint32):
+    """Nested uniform scramble of a 32-bit fraction."""
+    x = reverse_bits(x)
+    x = x + seed
+    x = x ^ (x * _HASH_1)
+    x = x ^ (x * _HASH_2)
+    x = x ^ (x * _HASH_3)
+    x = x ^ (x * _HASH_4)
+    return reverse_bits(x)
+
+
+@wp.func
+def second_axis(index: wp.uint32):
+    """Second coordinate of the Sobol sequence."""
+    result = wp.uint32(0)
+    column = _TOP_BIT
+    rest = wp.uint32(index)
+    while rest != wp.uint32(0):
+        if (rest & wp.uint32(1)) != wp.uint32(0):
+            result = result ^ column
+        column = column ^ (column >> wp.uint32(1))
+        rest = rest >> wp.uint32(1)
+    return result
+
+
+@wp.kernel(enable_backward=False)
+def launch_pupil(
+    center: wp.vec3d,
+    first: wp.vec3d,
+    second: wp.vec3d,
+    look: wp.vec3d,
+    seeds: wp.array(dtype=wp.uint32, ndim=2),
+    per_replicate: int,
+    first_ray: int,
+    position_out: wp.array(dtype=wp.vec3d),
+    direction_out: wp.array(dtype=wp.vec3d),
+    pupil_out: wp.array(dtype=wp.vec2d),
+):
+    """Points of the pupil; `first` and `second` are its axes times its radius."""
+    ray = wp.tid() + first_ray
+    replicate = ray // per_replicate
+    index = wp.uint32(ray - replicate * per_replicate)
+    unit = wp.float64(2.3283064365386963e-10)
+    u = (wp.float64(scramble(reverse_bits(index), seeds[replicate, 0])) + wp.float64(0.5)) * unit
+    v = (wp.float64(scramble(second_axis(index), seeds[replicate, 1])) + wp.float64(0.5)) * unit
+    radius = wp.sqrt(u)
+    angle = wp.float64(6.283185307179586) * v
+    x = radius * wp.cos(angle)
+    y = radius * wp.sin(angle)
+    position_out[ray] = center + x * first + y * second
+    direction_out[ray] = look
+    pupil_out[ray] = wp.vec2d(x, y)
+
+
+@wp.kernel(enable_backward=False)
+def sum_moments(
+    ray_count: int,
+    first_group: int,
+    pupil_in: wp.array(dtype=wp.vec2d),
+    opd_in: wp.array(dtype=wp.float64),
+    step_error_in: wp.array(dtype=wp.float64),
+    evaluation_count_in: wp.array(dtype=wp.int32),
+    status_in: wp.array(dtype=wp.int32),
+    moments_out: wp.array(dtype=wp.float64, ndim=2),
+):
+    """Moments of one group of rays, those that arrived."""
+    group = wp.tid() + first_group
+    stop = wp.min((group + 1) * _GROUP, ray_count)
+    count = wp.float64(0.0)
+    sx = wp.float64(0.0)
+    sy = wp.float64(0.0)
+    sw = wp.float64(0.0)
+    sxx = wp.float64(0.0)
+    sxy = wp.float64(0.0)
+    syy = wp.float64(0.0)
+    sxw = wp.float64(0.0)
+    syw = wp.float64(0.0)
+    sww = wp.float64(0.0)
+    worst = wp.float64(0.0)
+    looked = wp.float64(0.0)
+    for ray in range(group * _GROUP, stop):
+        looked += wp.float64(evaluation_count_in[ray])
+        if status_in[ray] == _OK:
+            p = pupil_in[ray]
+            w = opd_in[ray]
+            count += wp.float64(1.0)
+            sx += p[0]
+            sy += p[1]
+            sw += w
+            sxx += p[0] * p[0]
+            sxy += p[0] * p[1]
+            syy += p[1] * p[1]
+            sxw += p[0] * w
+            syw += p[1] * w
+            sww += w * w
+            worst = wp.max(worst, step_error_in[ray])
+    moments_out[group, 0] = count
+    moments_out[group, 1] = sx
+    moments_out[group, 2] = sy
+    moments_out[group, 3] = sw
+    moments_out[group, 4] = sxx
+    moments_out[group, 5] = sxy
+    moments_out[group, 6] = syy
+    moments_out[group, 7] = sxw
+    moments_out[group, 8] = syw
+    moments_out[group, 9] = sww
+    moments_out[group, 10] = worst
+    moments_out[group, 11] = looked
+
+
+@wp.kernel(enable_backward=False)
+def sum_phasors(
+    wave_number: wp.float64,
+    plane: wp.vec3d,
+    ray_count: int,
+    first_group: int,
+    pupil_in: wp.array(dtype=wp.vec2d),
+    opd_in: wp.array(dtype=wp.float64),
+    status_in: wp.array(dtype=wp.int32),
+    phasor_out: wp.array(dtype=wp.vec2d),
+):
+    """Sum of exp(i k (OPD - plane)) over one group of rays, those that arrived."""
+    group = wp.tid() + first_group
+    stop = wp.min((group + 1) * _GROUP, ray_count)
+    total = wp.vec2d(wp.float64(0.0), wp.float64(0.0))
+    for ray in range(group * _GROUP, stop):
+        if status_in[ray] == _OK:
+            p = pupil_in[ray]
+            phase = wave_number * (opd_in[ray] - plane[0] - plane[1] * p[0] - plane[2] * p[1])
+            total += wp.vec2d(wp.cos(phase), wp.sin(phase))
+    phasor_out[group] = total

@@ -1,0 +1,74 @@
+"""The million-ray pupil on the device: launch, trace and sums, nothing per ray coming back."""
+
+import functools
+import time
+from types import SimpleNamespace
+
+import numpy as np
+import warp as wp
+
+from . import warp_pupil
+from .pupil_sums import MOMENT_COUNT, fit_moments
+from .warp_backend import allocate, launch, prepare
+from .warp_pupil import GROUP, launch_pupil, sum_moments, sum_phasors
+
+OUTPUTS = frozenset(("opd", "step_error", "evaluation_count"))
+
+
+@functools.cache
+def _load(device: str) -> None:
+    wp.load_module(warp_pupil, device=device, block_dim=1 if device == "cpu" else None)
+
+
+def reduce_pupil(field, pupil, look, until, plan, wavelength, per_replicate, replicates, seed, with_tilt):
+    """Trace a pupil and sum: moments (replicates, MOMENT_COUNT), phasors (replicates,), evaluations, seconds.
+
+    Each replicate is padded to whole groups of rays, so that a group never straddles two.
+    """
+    ready = prepare(field, plan, until, wavelength, OUTPUTS)
+    start = time.perf_counter()
+    _load(plan.device)
+    ready.seconds["compile"] += time.perf_counter() - start
+    start = time.perf_counter()
+    device = plan.device
+    seeds = np.random.default_rng(seed).integers(0, 2**32, size=(replicates, 2), dtype=np.uint32)
+    axes = [pupil.radius * axis for axis in pupil.axes]
+    moments = np.zeros((replicates, MOMENT_COUNT))
+    phasor = np.zeros(replicates, dtype=np.complex128)
+    kept = []
+    for replicate in range(replicates):
+        batch = _trace_replicate(ready, pupil, axes, look, seeds[replicate], per_replicate, device)
+        kept.append(batch)
+        rows = batch.moments.numpy()
+        moments[replicate] = rows.sum(axis=0)
+        moments[replicate, 10] = rows[:, 10].max()
+    evaluations = int(moments[:, 11].sum())
+    piston, tilt, _, _ = fit_moments(moments.sum(axis=0))
+    plane = wp.vec3d(piston, *(tilt if with_tilt else (0.0, 0.0)))
+    for replicate, batch in enumerate(kept):
+        out = wp.empty(len(batch.moments), dtype=wp.vec2d, device=device)
+        shared = [2.0 * np.pi / wavelength, plane, per_replicate]
+        launch(sum_phasors, shared, [batch.pupil, batch.opd, batch.status, out], len(out), device)
+        pair = out.numpy().sum(axis=0)
+        phasor[replicate] = complex(pair[0], pair[1])
+    # Pupil coordinates above are in units of the radius; the caller's are metres.
+    scale = np.array([1, *[pupil.radius] * 2, 1, *[pupil.radius**2] * 3, *[pupil.radius] * 2, 1, 1, 1])
+    seconds = dict(ready.seconds)
+    seconds["kernel"] = time.perf_counter() - start
+    return moments * scale, phasor, evaluations, seconds
+
+
+def _trace_replicate(ready, pupil, axes, look, seeds, count, device) -> SimpleNamespace:
+    """Launch, trace and sum one replicate; its wavefront stays on the device."""
+    position = wp.empty(count, dtype=wp.vec3d, device=device)
+    direction = wp.empty(count, dtype=wp.vec3d, device=device)
+    coordinates = wp.empty(count, dtype=wp.vec2d, device=device)
+    seed_array = wp.array(seeds[None], dtype=wp.uint32, device=device)
+    geometry = [wp.vec3d(*pupil.center), wp.vec3d(*axes[0]), wp.vec3d(*axes[1]), wp.vec3d(*look), seed_array, count]
+    launch(launch_pupil, geometry, [position, direction, coordinates], count, device)
+    results = allocate(OUTPUTS, count, device)
+    launch(ready.kernel, ready.arguments, [position, direction, *results.values()], count, device)
+    moments = wp.empty((-(-count // GROUP), MOMENT_COUNT), dtype=wp.float64, device=device)
+    per_ray = [coordinates, *(results[n] for n in ("opd", "step_error", "evaluation_count", "status")), moments]
+    launch(sum_moments, [count], per_ray, len(moments), device)
+    return SimpleNamespace(pupil=coordinates, opd=results["opd"], status=results["status"], moments=moments)

@@ -1,0 +1,140 @@
+r"""Wavefronts over a pupil: piston and tilt, and the point spread function.
+
+A wavefront is the optical path difference at points of a pupil. Its tilt is fitted by least squares: OPD ~ c + a x + b
+y, with slopes a, b in radians, the angle by which the beam that leaves the pupil is deflected.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+TERMS = ("piston", "tilt")
+
+
+@dataclass(frozen=True)
+class TiltFit:
+    """Least-squares plane of a wavefront.
+
+    Attributes:
+        piston: Mean optical path difference [m].
+        tilt: Slopes along the pupil's two axes [rad], shape (2,).
+        residual_rms: Root mean square of what is left [m].
+    """
+
+    piston: float
+    tilt: np.ndarray
+    residual_rms: float
+
+
+def check_wavefront(opd, weights) -> tuple[np.ndarray, np.ndarray]:
+    """Flat float64 OPD and weights that sum to 1, or a refusal."""
+    opd = np.asarray(opd, dtype=np.float64).ravel()
+    if opd.size == 0 or not np.isfinite(opd).all():
+        bad = int((~np.isfinite(opd)).sum())
+        raise ValueError(f"the wavefront must be finite and not empty, got {bad} bad of {opd.size} samples")
+    if weights is None:
+        return opd, np.full(opd.size, 1.0 / opd.size)
+    weights = np.asarray(weights, dtype=np.float64).ravel()
+    if weights.shape != opd.shape or not np.isfinite(weights).all() or (weights < 0).any() or weights.sum() <= 0.0:
+        raise ValueError(
+            f"weights must be finite, not negative, not all zero, one for each of the {opd.size} samples; "
+            f"got {weights.size}"
+        )
+    return opd, weights / weights.sum()
+
+
+def fit_tilt(opd, points, weights=None) -> TiltFit:
+    """Fit piston and tilt.
+
+    Args:
+        opd: Optical path difference [m], shape (n,).
+        points: Coordinates in the pupil's plane [m], shape (n, 2).
+        weights: Share of each sample, or None for equal shares.
+
+    Raises:
+        ValueError: Shapes that disagree, numbers that are not finite, weights that make no sense.
+    """
+    opd, weights = check_wavefront(opd, weights)
+    points = np.asarray(points, dtype=np.float64)
+    if points.shape != (opd.size, 2) or not np.isfinite(points).all():
+        raise ValueError(f"points must be finite, of shape ({opd.size}, 2) like the wavefront, got {points.shape}")
+    piston = float(weights @ opd)
+    centred = points - weights @ points
+    flat = opd - piston
+    # A pupil that is a line or a point has no slope across it: the least-norm solution is zero there.
+    weighted = (centred * weights[:, None]).T
+    tilt = np.linalg.lstsq(weighted @ centred, weighted @ flat, rcond=1e-12)[0]
+    residual = flat - centred @ tilt
+    return TiltFit(piston, tilt, float(np.sqrt(weights @ residual**2)))
+
+
+def remove_terms(opd, remove, points=None, weights=None) -> np.ndarray:
+    """The wavefront less the named terms [m].
+
+    Raises:
+        ValueError: An unknown term, or "tilt" without the points it is fitted over.
+    """
+    remove = check_terms(remove)
+    opd, weights = check_wavefront(opd, weights)
+    if "tilt" in remove:
+        if points is None:
+            raise ValueError("removing 'tilt' needs points, the pupil coordinates of the samples, shape (n, 2)")
+        fit = fit_tilt(opd, points, weights)
+        points = np.asarray(points, dtype=np.float64)
+        opd = opd - (points - weights @ points) @ fit.tilt
+    if "piston" in remove:
+        opd = opd - weights @ opd
+    return opd
+
+
+def check_terms(remove) -> tuple[str, ...]:
+    """The terms to remove, or a refusal of an unknown one."""
+    remove = (remove,) if isinstance(remove, str) else tuple(remove)
+    unknown = [term for term in remove if term not in TERMS]
+    if unknown:
+        raise ValueError(f"cannot remove {unknown}: choose from {', '.join(TERMS)}")
+    return remove
+
+
+@dataclass(frozen=True)
+class PointSpread:
+    """A point spread function.
+
+    Attributes:
+        intensity: Intensity over the peak of the undistorted pupil, shape (n, n); its greatest value is the Strehl
+            ratio when tilt is left out of account.
+        angle: Field angles of rows and columns [rad], shape (n,).
+    """
+
+    intensity: np.ndarray
+    angle: np.ndarray
+
+
+def point_spread_function(opd, mask, pixel: float, wavelength: float, *, padding: int = 8) -> PointSpread:
+    """Point spread function of a wavefront on a square grid, by the discrete Fourier transform of the pupil.
+
+    Args:
+        opd: Optical path difference on a square grid [m], shape (n, n); values outside `mask` are ignored.
+        mask: Transmission of the pupil (0 to 1), shape (n, n).
+        pixel: Grid spacing [m].
+        wavelength: Wavelength [m].
+        padding: Samples per wavelength / diameter: the pupil is padded to this many times its size.
+
+    Raises:
+        ValueError: Shapes that disagree, an empty pupil, numbers that make no sense.
+    """
+    opd, mask = np.asarray(opd, dtype=np.float64), np.asarray(mask, dtype=np.float64)
+    if opd.ndim != 2 or opd.shape[0] != opd.shape[1] or opd.shape != mask.shape:
+        raise ValueError(f"opd and mask must be square and of one shape, got {opd.shape} and {mask.shape}")
+    if not (pixel > 0.0 and wavelength > 0.0 and padding >= 1):
+        raise ValueError(f"pixel, wavelength and padding must be positive, got {pixel!r}, {wavelength!r}, {padding!r}")
+    lit = mask > 0.0
+    if not lit.any() or not np.isfinite(opd[lit]).all():
+        raise ValueError("the pupil must not be empty and the wavefront in it must be finite")
+    size = int(opd.shape[0] * padding)
+    pupil = np.zeros((size, size), dtype=np.complex128)
+    field = mask * np.exp(2j * np.pi / wavelength * np.where(lit, opd, 0.0))
+    pupil[: opd.shape[0], : opd.shape[1]] = field
+    amplitude = np.fft.fftshift(np.fft.fft2(pupil))
+    angle = np.fft.fftshift(np.fft.fftfreq(size, pixel)) * wavelength
+    return PointSpread(np.abs(amplitude) ** 2 / mask.sum() ** 2, angle)
