@@ -59,7 +59,7 @@ def exit_status(error: BaseException) -> int:
 def one_line(error: BaseException) -> str:
     """What went wrong, on one line."""
     if isinstance(error, (KeyboardInterrupt, typer.Abort)):
-        return "interrupted; nothing was written"
+        return "interrupted"
     format_message = getattr(error, "format_message", None)  # the command line parser's own errors
     text = " ".join(str(format_message() if format_message else error).split())
     if format_message or (isinstance(error, (ValueError, RuntimeError, OSError)) and text):
@@ -87,4 +87,6 @@ def main() -> NoReturn:
         else:
             print(f"error: {one_line(error)}", file=sys.stderr)
         raise SystemExit(exit_status(error)) from None
+    if status == INTERRUPTED:  # the parser turns an interrupt of its own accord into this status
+        print("interrupted", file=sys.stderr)
     raise SystemExit(status if isinstance(status, int) else 0)

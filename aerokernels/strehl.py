@@ -19,7 +19,7 @@ from .tracing import Plane, trace
 from .tracing.budget import error_budget
 from .tracing.plan import make_plan
 from .tracing.pupil_sums import fit_moments
-from .wavefront import check_terms, check_wavefront, remove_terms
+from .wavefront import check_terms, check_wavefront, map_points, remove_terms
 
 REPLICATES = 16
 
@@ -30,14 +30,16 @@ def strehl(opd, wavelength: float, weights=None, remove=("piston",), *, points=N
     Args:
         opd: Optical path difference [m], any shape.
         wavelength: Wavelength [m].
-        weights: Share of each sample, or None for equal shares.
+        weights: Share of each sample, or None for equal shares; samples of weight 0 (outside the pupil) may be NaN.
         remove: Terms taken out before: "piston" (which changes nothing) and "tilt".
-        points: Pupil coordinates of the samples [m], shape (n, 2); needed for "tilt".
+        points: Pupil coordinates of the samples [m], shape (n, 2); "tilt" needs them unless `opd` is a map, a
+            two-axis array of equal pixels.
 
     Raises:
         ValueError: Numbers that are not finite, shapes that disagree, an unknown term.
     """
     _check_wavelength(wavelength)
+    points = map_points(opd, points)
     opd, weights = check_wavefront(opd, weights)
     opd = remove_terms(opd, remove, points, weights)
     return float(np.abs(weights @ np.exp(2j * np.pi / wavelength * opd)) ** 2)
@@ -46,6 +48,7 @@ def strehl(opd, wavelength: float, weights=None, remove=("piston",), *, points=N
 def strehl_marechal(opd, wavelength: float, weights=None, remove=("piston",), *, points=None) -> float:
     """Marechal's approximation exp(-(k sigma)^2) of the Strehl ratio; arguments as for `strehl`."""
     _check_wavelength(wavelength)
+    points = map_points(opd, points)
     opd, weights = check_wavefront(opd, weights)
     opd = remove_terms(opd, (*check_terms(remove), "piston"), points, weights)
     return float(np.exp(-((2.0 * np.pi / wavelength) ** 2) * (weights @ opd**2)))

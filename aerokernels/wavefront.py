@@ -27,8 +27,10 @@ class TiltFit:
 
 
 def check_wavefront(opd, weights) -> tuple[np.ndarray, np.ndarray]:
-    """Flat float64 OPD and weights that sum to 1, or a refusal."""
+    """Flat float64 OPD and weights that sum to 1, or a refusal. Samples of weight 0 may be anything, NaN too."""
     opd = np.asarray(opd, dtype=np.float64).ravel()
+    if weights is not None and np.size(weights) == opd.size:
+        opd = np.where(np.asarray(weights).ravel() == 0.0, 0.0, opd)
     if opd.size == 0 or not np.isfinite(opd).all():
         bad = int((~np.isfinite(opd)).sum())
         raise ValueError(f"the wavefront must be finite and not empty, got {bad} bad of {opd.size} samples")
@@ -68,6 +70,14 @@ def fit_tilt(opd, points, weights=None) -> TiltFit:
     return TiltFit(piston, tilt, float(np.sqrt(weights @ residual**2)))
 
 
+def map_points(opd, points):
+    """The points given, or the pixel coordinates of a wavefront that is a map (a two-axis array); else None."""
+    if points is None and np.ndim(opd) == 2:
+        rows, columns = np.indices(np.shape(opd), dtype=np.float64)
+        return np.stack([rows.ravel(), columns.ravel()], axis=1)
+    return points
+
+
 def remove_terms(opd, remove, points=None, weights=None) -> np.ndarray:
     """The wavefront less the named terms [m].
 
@@ -78,7 +88,10 @@ def remove_terms(opd, remove, points=None, weights=None) -> np.ndarray:
     opd, weights = check_wavefront(opd, weights)
     if "tilt" in remove:
         if points is None:
-            raise ValueError("removing 'tilt' needs points, the pupil coordinates of the samples, shape (n, 2)")
+            raise ValueError(
+                "removing 'tilt' needs to know where the samples lie: give the wavefront as a map (two axes), "
+                "or points, the pupil coordinates of the samples, shape (n, 2)"
+            )
         fit = fit_tilt(opd, points, weights)
         points = np.asarray(points, dtype=np.float64)
         opd = opd - (points - weights @ points) @ fit.tilt

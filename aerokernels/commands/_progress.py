@@ -1,4 +1,4 @@
-"""Progress: a bar on a terminal, a line for each stage elsewhere, always on stderr."""
+"""Progress: a bar on a terminal (stderr), a line for each stage elsewhere (stdout: stderr is for what goes wrong)."""
 
 import contextlib
 import sys
@@ -13,7 +13,7 @@ def shown_progress(title: str) -> Iterator[Progress]:
     if not sys.stderr.isatty():
 
         def line(stage: str, fraction: float) -> None:
-            print(f"{title}: {stage}", file=sys.stderr, flush=True)
+            print(f"{title}: {stage}", flush=True)
 
         yield line
         return

@@ -58,9 +58,9 @@ def headline_rows(summary: Mapping[str, Any]) -> list[tuple[str, str]]:
     for key, words, unit, factor, digits in HEADLINES:
         value = plain(summary.get(key))
         rows.append((words, f"{factor * value:{digits}} {unit}".rstrip() if value is not None else "none"))
-    boresight = summary.get("boresight_rad")
-    if boresight is not None:
-        rows.append(("Boresight error x, y", ", ".join(f"{1e6 * float(angle):+.3g}" for angle in boresight) + " µrad"))
+    boresight = [plain(summary.get(f"boresight_{axis}_rad")) for axis in "xy"]
+    if None not in boresight:
+        rows.append(("Boresight error x, y", ", ".join(f"{1e6 * angle:+.3g}" for angle in boresight) + " µrad"))
     return rows
 
 

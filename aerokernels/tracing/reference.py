@@ -6,7 +6,7 @@ State (r, T, optical path, arc length) over sigma, d sigma = ds / n:
 
 "adaptive" is SciPy's DOP853 at a relative tolerance of 1e-11 whatever was asked for, stops found as events; "straight"
 is the same with the lookups on the undisturbed line. "fixed" and "paper" take the steps of their rule with the pair of
-tableau.py, the last one shortened by Brent's method until it ends on the stop.
+tableau.py, the momentum brought back to |T| = n after each, the last one shortened by Brent's method until it ends on the stop.
 """
 
 import time
@@ -25,6 +25,8 @@ from .stop import ArcLength, Plane
 from .tableau import BT, A, C
 
 RELATIVE_TOLERANCE = 1e-11
+# Interpolants of index and gradient apart, between which |T| = n does not hold: the momentum is left alone.
+TWO_SCALARS = ("bilinear-barron", "idw")
 
 
 def trace(field: IndexField, rays: RayBundle, plan: TracePlan, until, wavelength: float, outputs: frozenset):
@@ -279,4 +281,6 @@ class _Ray:
         result[3:6] = momentum + h * sum(b * f for b, f in zip(BT, forces, strict=True))
         result[6] += h * sum(b * n * n for b, n in zip(BT, indices, strict=True))
         result[7] += h * sum(b * n for b, n in zip(BT, indices, strict=True))
+        if self.field.interpolation not in TWO_SCALARS:
+            result[3:6] *= indices[-1] / np.linalg.norm(result[3:6])
         return result

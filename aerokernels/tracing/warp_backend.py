@@ -2,6 +2,7 @@
 
 import functools
 import os
+import sys
 import time
 import weakref
 from concurrent.futures import ThreadPoolExecutor
@@ -31,9 +32,16 @@ _uploaded: weakref.WeakKeyDictionary = weakref.WeakKeyDictionary()
 def _start() -> None:
     """Start Warp without its banner; a missing CUDA driver is no news on a machine without a GPU."""
     wp.config.quiet = True
-    wp.config.log_level = wp.LOG_ERROR
-    wp.init()
     wp.config.log_level = wp.LOG_WARNING
+    sys.stderr.flush()
+    silent, spoken = os.open(os.devnull, os.O_WRONLY), os.dup(2)
+    try:
+        os.dup2(silent, 2)  # the warning is printed by native code, past any Python stream
+        wp.init()
+    finally:
+        os.dup2(spoken, 2)
+        os.close(silent)
+        os.close(spoken)
 
 
 def thread_count() -> int:
@@ -115,6 +123,7 @@ def _upload(field: IndexField, precision: str, device: str, with_paper_step: boo
         device_field.bin_count = wp.vec2i(*bins.count)
         device_field.bin_origin = t.vec2(*bins.origin)
         device_field.bin_rate = t.vec2(*(1.0 / bins.size))
+        device_field.mesh_low, device_field.mesh_high = (t.vec2(*corner) for corner in mesh.box)
         extent = float(np.abs(np.stack(mesh.box)).max())
         device_field.slack = extent * (4e-7 if precision == "float32" else 1e-13)
         cell_rate = np.full(3, 1.0 / float(np.median(mesh.cell_size)))

@@ -147,10 +147,15 @@ def build_sample(precision: str, geometry: str, interpolation: str):
     @wp.func
     def sample(field: Field, cell: wp.vec3i, frac: vec3):
         p = plane_point(frac)
-        inside = locate(field, p)
+        # Stages of the last step may look beyond the box: the field goes on linearly there.
+        edge = vec2(
+            wp.clamp(p[0], field.mesh_low[0], field.mesh_high[0]), wp.clamp(p[1], field.mesh_low[1], field.mesh_high[1])
+        )
+        inside = locate(field, edge)
         if inside < 0:
             return vec4(real(0.0), real(0.0), real(0.0), real(0.0))
-        s = in_cell(field, inside, p)
+        s = in_cell(field, inside, edge)
+        s[0] += s[1] * (p[0] - edge[0]) + s[2] * (p[1] - edge[1])
         index = field.ambient + s[0]
         s = vec3(s[0] * (field.ambient + real(0.5) * s[0]), index * s[1], index * s[2])
         if wp.static(geometry == "planar"):

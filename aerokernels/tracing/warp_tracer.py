@@ -288,10 +288,8 @@ def build_kernel(
             while running:
                 total = ambient * d + momentum
                 m = contrast(ambient, pot)
-                pull = force  # what bends the path of the lookups
                 if wp.static(straight):
                     total = ambient * d
-                    pull = real(0.0) * force
                 h = h_next
                 if wp.static(method == "fixed"):
                     h = control.step / (ambient + m)
@@ -301,7 +299,10 @@ def build_kernel(
                     speed = wp.length(wp.cw_mul(total, control.cell_rate))
                     h = wp.min(h, control.step_limit / wp.max(speed, real(tiny)))
                 wanted = h
-                h, land = landing(control, rate, side, cell, frac, total, pull, h)
+                shown = frac
+                if wp.static(straight):
+                    shown = frac + wp.cw_mul(q, rate)
+                h, land = landing(control, rate, side, cell, shown, ambient * d + momentum, force, h)
                 if wp.static(stop == "arc"):
                     rest = arc_left - (ambient * sums[0] + sums[2])
                     n = ambient + m
@@ -392,7 +393,10 @@ def build_kernel(
                         tangent = ambient * d + momentum
                         square = wp.dot(tangent, tangent)
                         root = wp.sqrt(wp.max(square * (square + surplus), real(0.0)))
-                        momentum += (surplus / (square + root)) * tangent
+                        mend = (surplus / (square + root)) * tangent
+                        momentum += mend
+                        if wp.static(straight):
+                            q += (real(0.5) * h) * mend  # it grew over the step
 
                     back = real(0.0)  # sigma still to go along the tangent, negative to go back
                     if wp.static(has_body):
@@ -412,9 +416,11 @@ def build_kernel(
                         running = bool(False)
                         landed = land
                     elif running and land >= 0:
-                        now = oriented(control, land, side, cell, frac)
-                        if wp.static(not straight):
-                            total = ambient * d + momentum
+                        shown = frac
+                        if wp.static(straight):
+                            shown = frac + wp.cw_mul(q, rate)
+                        now = oriented(control, land, side, cell, shown)
+                        total = ambient * d + momentum
                         speed = wp.dot(vec3(now[1], now[2], now[3]), wp.cw_mul(total, rate))
                         # Close enough to fly the rest along the tangent, or grazing: else land once more.
                         if speed <= real(0.0):

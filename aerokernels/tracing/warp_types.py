@@ -30,6 +30,8 @@ def types(precision: str) -> SimpleNamespace:
         corners: wp.array(dtype=vec2)  # mesh: four corners of each cell
         values: wp.array(dtype=real)  # mesh: contrast at those corners
         gradients: wp.array(dtype=vec2)  # mesh: node gradients at those corners
+        mesh_low: vec2  # bounding box of the mesh [m]
+        mesh_high: vec2
         bin_start: wp.array(dtype=wp.int32)
         bin_cell: wp.array(dtype=wp.int32)
         bin_count: wp.vec2i

@@ -1,0 +1,206 @@
+"""The source paper's Figure 1 on a medium whose rays are known exactly.
+
+Medium   n^2 = n0^2 (1 - g^2 y^2), n0 = 1.5, g = 0.1 / mm, sampled on square cells of 0.25 mm
+Ray      parallel to z at height x0:  y(z) = x0 cos(n0 g z / beta),  beta = n0 sqrt(1 - g^2 x0^2)
+Error    |y - y_exact| / x0 on planes z = const up to 62 mm: just short of one period
+Schemes  the paper's: node gradients of eq 7 interpolated on the mesh by eq 6 ("idw"), or bilinearly;
+         ours: one cubic B-spline of the samples, differentiated analytically
+
+The paper states neither its medium nor x0. x0 matters: on a row of nodes bilinear interpolation starts without an
+error and is at its best, so greatest errors are given for heights on nodes and between them.
+"""
+
+import argparse
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from tables import STYLE, markdown_table, write_csv
+
+from aerokernels import IndexField, Plane, QuadMesh, RayBundle, trace
+from aerokernels.units import quantity
+
+AXIS_INDEX, GRADIENT = 1.5, 100.0  # n0 [1], g [1/m]
+CELL, LENGTH = 0.25e-3, 62e-3  # [m]
+HALF_HEIGHT, MARGIN = 4e-3, 2e-3  # of the sampled region in y, and before and behind the ray in z [m]
+# Where greatest errors are given besides the curves' height [m]: on rows of nodes, and between them.
+HEIGHTS = np.array([0.25, 0.4, 0.5, 0.6, 0.75, 0.85, 1.0, 1.1, 1.25, 1.35, 1.5, 1.6, 1.75, 1.85, 2.0]) * 1e-3
+OFF_NODE = 1.6e-3
+
+
+@dataclass(frozen=True)
+class Scheme:
+    """One way to trace: which interpolant of the samples, which steps, and how it is drawn."""
+
+    name: str
+    rule: str
+    interpolation: str
+    settings: dict[str, Any] = field(default_factory=dict)
+    colour: str = "#0b6e99"
+    line: str = "-"
+
+
+def paper_schemes(name: str, interpolation: str, colour: str) -> list[Scheme]:
+    """The paper's three step rules, in float64 so that rounding is not what is seen."""
+    rules = [
+        ("fixed 0.5 mm", {"method": "fixed", "step": 0.5e-3}, ":"),
+        ("fixed 0.2 mm", {"method": "fixed", "step": 0.2e-3}, "--"),
+        ("eq 5", {"method": "paper"}, "-"),
+    ]
+    return [
+        Scheme(name, rule, interpolation, {**settings, "precision": "float64"}, colour, line)
+        for rule, settings, line in rules
+    ]
+
+
+def our_scheme(precision: str, rule: str, colour: str, line: str, **settings: Any) -> Scheme:
+    """One of our own, on the uniform cubic grid."""
+    return Scheme(f"ours, {precision}", rule, "cubic", {**settings, "precision": precision}, colour, line)
+
+
+SCHEMES = [
+    *paper_schemes("paper as printed (IDW)", "idw", "#c2410c"),
+    *paper_schemes("bilinear Barron gradients", "bilinear-barron", "#d99a1c"),
+    our_scheme("float32", "adaptive, 1e-3 waves", "#2f9e6e", "-", method="adaptive"),
+    our_scheme("float32", "fixed 0.2 mm", "#2f9e6e", "--", method="fixed", step=0.2e-3),
+    our_scheme("float64", "adaptive, 1e-3 waves", "#0b6e99", "-.", method="adaptive"),
+    our_scheme("float64", "adaptive, 1e-4 waves", "#0b6e99", "-", method="adaptive", tolerance=1e-4),
+    our_scheme("float64", "fixed 0.5 mm", "#0b6e99", ":", method="fixed", step=0.5e-3),
+    our_scheme("float64", "fixed 0.2 mm", "#0b6e99", "--", method="fixed", step=0.2e-3),
+    our_scheme("float64", "eq 5", "#7c5cbf", "-", method="paper"),
+]
+
+
+@dataclass(frozen=True, eq=False)
+class Outcome:
+    """What one scheme did: errors [1] of shape (plane_count, height_count); steps and evaluations of the first ray."""
+
+    scheme: Scheme
+    error: np.ndarray
+    step_count: int
+    evaluation_count: int
+
+
+def sampled_field(interpolation: str) -> IndexField:
+    """The medium's samples under an interpolant; the ambient index is that of the axis, so the contrast is small."""
+    y = np.arange(-round(HALF_HEIGHT / CELL), round(HALF_HEIGHT / CELL) + 1) * CELL
+    z = np.arange(-round(MARGIN / CELL), round((LENGTH + MARGIN) / CELL) + 1) * CELL
+    y_nodes, z_nodes = np.meshgrid(y, z, indexing="ij")
+    square = (GRADIENT * y_nodes) ** 2
+    contrast = -AXIS_INDEX * square / (1.0 + np.sqrt(1.0 - square))  # n0 (sqrt(1 - square) - 1) without cancellation
+    if interpolation == "cubic":
+        return IndexField.from_samples(
+            contrast, origin=(y[0], z[0]), spacing=(CELL, CELL), geometry="planar", ambient_index=AXIS_INDEX
+        )
+    mesh = QuadMesh.structured(y_nodes, z_nodes, "planar")
+    return IndexField.from_mesh(mesh, contrast, ambient_index=AXIS_INDEX, interpolation=interpolation)
+
+
+def exact_height(height: np.ndarray, z: float) -> np.ndarray:
+    """Height y [m] at z [m] of the rays that start parallel to z at `height` [m]."""
+    return height * np.cos(GRADIENT * z / np.sqrt(1.0 - (GRADIENT * height) ** 2))
+
+
+def run_scheme(scheme: Scheme, index: IndexField, height: np.ndarray, planes: np.ndarray) -> Outcome:
+    """Trace the rays afresh to each plane, so that no stop disturbs the steps before another."""
+    nought = np.zeros_like(height)
+    rays = RayBundle(np.stack([nought, height, nought], axis=1), [[0.0, 0.0, 1.0]])
+    error = []
+    for z in planes:
+        result = trace(index, rays, until=Plane([0.0, 0.0, z], [0.0, 0.0, 1.0]), **scheme.settings)
+        if not result.ok.all():
+            raise RuntimeError(f"{scheme.name}, {scheme.rule}: {result.status_summary()} at z = {z:g} m")
+        error.append(np.abs(result.position[:, 1] - exact_height(height, z)) / height)
+    return Outcome(scheme, np.array(error), int(result.step_count[0]), int(result.evaluation_count[0]))
+
+
+def draw(outcomes: list[Outcome], height: np.ndarray, planes: np.ndarray, path: Path) -> None:
+    """Error along z at the first height, and the greatest error against the height."""
+    from matplotlib import rc_context
+    from matplotlib.figure import Figure
+
+    with rc_context(STYLE):
+        figure = Figure(figsize=(12.0, 5.6), layout="constrained", dpi=130)
+        along, against = figure.subplots(1, 2, sharey=True, width_ratios=(1.35, 1.0))
+        order = np.argsort(height)
+        for outcome in outcomes:
+            scheme = outcome.scheme
+            look = {"color": scheme.colour, "linestyle": scheme.line, "linewidth": 1.4}
+            # A curve that happens to touch the exact ray would plunge: the floor keeps it on the picture.
+            along.semilogy(1e3 * planes, np.maximum(outcome.error[:, 0], 1e-14), **look)
+            against.semilogy(
+                1e3 * height[order],
+                outcome.error.max(axis=0)[order],
+                marker="o",
+                markersize=2.5,
+                label=f"{scheme.name}: {scheme.rule}",
+                **look,
+            )
+        along.axhline(3.09e-4, color="#1f2933", linewidth=0.8)
+        along.annotate(
+            "the paper's greatest, 3.09e-4", (1.0, 3.09e-4), (2, 3), textcoords="offset points", fontsize=8.5
+        )
+        along.set(
+            xlabel="z [mm]",
+            ylabel="|y − y exact| / x₀",
+            ylim=(1e-14, 3.0),
+            xlim=(0.0, 1e3 * planes[-1]),
+            title=f"Error along the ray, x₀ = {1e3 * height[0]:.3g} mm",
+        )
+        against.set(xlabel="start height x₀ [mm]", title="Greatest error (nodes are 0.25 mm apart)")
+        figure.legend(*against.get_legend_handles_labels(), loc="outside lower center", ncols=4, fontsize=8.5)
+        figure.savefig(path)
+
+
+def main() -> None:
+    """Run all schemes and write table, CSV and picture."""
+    parser = argparse.ArgumentParser(prog="scripts/figure1", description=__doc__.splitlines()[0])
+    parser.add_argument("--out", type=Path, default=Path(__file__).resolve().parents[1] / "docs" / "figure1")
+    parser.add_argument("--planes", type=int, default=124, help="planes along z at which the error is taken")
+    parser.add_argument("--height", default="0.5 mm", help='start height x0 of the curves, such as "1.6 mm"')
+    options = parser.parse_args()
+    try:
+        first = quantity(options.height, "length")
+    except ValueError as fault:
+        parser.error(f"--height: {fault}")
+    if options.planes < 2:
+        parser.error(f"--planes: {options.planes} is too few, give at least 2")
+    if not CELL / 10 <= first <= HALF_HEIGHT - MARGIN / 4:
+        parser.error(f"--height: {first:g} m lies outside 0.025 to 3.5 mm, the sampled region")
+
+    height = np.array([first, *(h for h in HEIGHTS if abs(h - first) > 1e-9)])
+    off_node = int(np.argmin(np.abs(height - OFF_NODE)))
+    planes = np.linspace(0.0, LENGTH, options.planes + 1)[1:]
+    fields = {name: sampled_field(name) for name in ("cubic", "bilinear-barron", "idw")}
+    outcomes = [run_scheme(scheme, fields[scheme.interpolation], height, planes) for scheme in SCHEMES]
+
+    options.out.mkdir(parents=True, exist_ok=True)
+    greatest = [outcome.error.max(axis=0) for outcome in outcomes]
+    where = [f"greatest error, x0 = {1e3 * height[k]:.3g} mm" for k in (0, off_node)]
+    rows = [
+        [o.scheme.name, o.scheme.rule, f"{worst[0]:.2e}", f"{worst[off_node]:.2e}"]
+        + [str(o.step_count), str(o.evaluation_count)]
+        for o, worst in zip(outcomes, greatest, strict=True)
+    ]
+    text = markdown_table(["scheme", "step rule", *where, "steps", "evaluations"], rows)
+    (options.out / "table.md").write_text(text, encoding="utf-8")
+    names = [f"{outcome.scheme.name}: {outcome.scheme.rule}" for outcome in outcomes]
+    write_csv(
+        options.out / "error_along_z.csv",
+        ["z_m", *names],
+        np.column_stack([planes, *(o.error[:, 0] for o in outcomes)]).tolist(),
+    )
+    order = np.argsort(height)
+    write_csv(
+        options.out / "greatest_error.csv",
+        ["x0_m", *names],
+        np.column_stack([height, *greatest])[order].tolist(),
+    )
+    draw(outcomes, height, planes, options.out / "figure1.png")
+    print(text)
+    print(f"wrote {options.out}/table.md, error_along_z.csv, greatest_error.csv and figure1.png")
+
+
+if __name__ == "__main__":
+    main()

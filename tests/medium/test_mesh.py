@@ -1,0 +1,190 @@
+"""Quadrilateral meshes: lookup against brute force, bilinear map and its inverse, areas and centroids, refusals."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from aerokernels import QuadMesh, flow
+from aerokernels.medium.mesh import bilinear_point, contains, invert_bilinear
+
+
+def curvilinear(seed: int = 0, shape=(9, 13), geometry: str = "planar", turned: bool = False) -> QuadMesh:
+    """A sheared, stretched, jittered grid; every cell stays convex because the jitter is below a sixth of a cell."""
+    rng = np.random.default_rng(seed)
+    first, second = np.meshgrid(np.arange(shape[0]) + 1.0, 1.0 * np.arange(shape[1]), indexing="ij")
+    first, second = first + rng.uniform(-0.15, 0.15, shape), second + rng.uniform(-0.15, 0.15, shape)
+    first, second = first + 0.3 * second, second * (1.0 + 0.02 * second)
+    return QuadMesh.structured(*((second, first) if turned else (first, second)), geometry)
+
+
+def cells_by_brute_force(mesh: QuadMesh, points: np.ndarray) -> np.ndarray:
+    """Whether each cell holds each point, shape (point_count, cell_count)."""
+    result = np.zeros((len(points), len(mesh.cells)), dtype=bool)
+    for cell, corners in enumerate(mesh.corners):
+        result[:, cell] = contains(np.broadcast_to(corners, (len(points), 4, 2)), points)
+    return result
+
+
+def assert_lookup_is_right(mesh: QuadMesh, points: np.ndarray) -> None:
+    found, holds = mesh.locate(points), cells_by_brute_force(mesh, points)
+    assert np.array_equal(found >= 0, holds.any(axis=1))
+    rows = np.flatnonzero(found >= 0)
+    assert holds[rows, found[rows]].all()
+
+
+@given(seed=st.integers(0, 10_000), turned=st.booleans(), many=st.sampled_from([(2, 2), (2, 9), (9, 13), (20, 4)]))
+@settings(max_examples=25, deadline=None)
+def test_bins_find_what_brute_force_finds(seed, turned, many):
+    """Points all over the box and around it; also every vertex and points on every edge, which are never lost."""
+    mesh = curvilinear(seed, many, turned=turned)
+    rng = np.random.default_rng(seed + 1)
+    low, high = mesh.box
+    margin = 0.2 * (high - low)
+    assert_lookup_is_right(mesh, rng.uniform(low - margin, high + margin, (200, 2)))
+    assert (mesh.locate(mesh.vertices) >= 0).all()
+    share = rng.uniform(0.0, 1.0, (len(mesh.cells), 4, 1))
+    on_edges = (1.0 - share) * mesh.corners + share * np.roll(mesh.corners, -1, axis=1)
+    assert (mesh.locate(on_edges.reshape(-1, 2)) >= 0).all()
+
+
+def test_lookup_on_the_shipped_mach_3_mesh():
+    """Stretched cells around a blunt body: inside each cell, on vertices and edges, in the body and beyond the rim."""
+    mesh = flow.shipped("mach3").mesh
+    centre = mesh.corners.mean(axis=1)
+    assert np.array_equal(mesh.locate(centre), np.arange(len(mesh.cells)))
+    assert (mesh.locate(mesh.vertices) >= 0).all()
+    middle = 0.5 * (mesh.corners + np.roll(mesh.corners, -1, axis=1))
+    assert (mesh.locate(middle.reshape(-1, 2)) >= 0).all()
+    low, high = mesh.box
+    probe = np.random.default_rng(3).uniform(low - 0.01, high + 0.01, (60, 2))
+    assert_lookup_is_right(mesh, np.vstack([probe, [[0.0, -1e-3], [4e-3, -0.05]]]))
+    assert mesh.locate(np.array([[0.0, -1e-3]]))[0] == -1, "the body is no cell"
+
+
+def test_outside_is_minus_one():
+    mesh = QuadMesh.structured(*np.meshgrid([0.0, 1.0, 2.0], [0.0, 1.0], indexing="ij"))
+    points = np.array([[-1e-6, 0.5], [2.000001, 0.5], [1.0, -1e-6], [1.0, 1.000001], [1e9, -1e9]])
+    assert (mesh.locate(points) == -1).all()
+    assert mesh.locate(np.empty((0, 2))).shape == (0,)
+
+
+def test_a_hair_beyond_the_rim_is_still_found():
+    """Rounding puts points of the rim a few units in the last place outside; the slack of 1e-9 edges takes them in."""
+    mesh = QuadMesh.structured(*np.meshgrid([0.1, 0.3], [0.1, 0.2, 0.7], indexing="ij"))
+    hair = 1e-12
+    points = np.array([[0.1 - hair, 0.5], [0.3 + hair, 0.5], [0.2, 0.1 - hair], [0.2, 0.7 + hair], [0.3 + hair] * 2])
+    assert (mesh.locate(points) >= 0).all()
+
+
+convex_quad = st.tuples(
+    *[st.floats(0.0, 0.4) for _ in range(8)], st.floats(0.05, 20.0), st.floats(-1.0, 1.0), st.floats(0.0, 6.28)
+)
+
+
+@given(shape=convex_quad, xi=st.floats(0.0, 1.0), eta=st.floats(0.0, 1.0))
+@settings(max_examples=200, deadline=None)
+def test_bilinear_inverse_round_trip(shape, xi, eta):
+    """Any convex cell: corners moved inward by up to 0.4, then stretched, sheared and turned. Rounding: 1e-9."""
+    *moved, stretch, shear, turn = shape
+    unit = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])
+    inward = 0.5 - unit
+    corner = unit + inward * np.reshape(moved, (4, 2))
+    corner = corner * [1.0, stretch]
+    corner = corner @ np.array([[1.0, 0.0], [shear, 1.0]])
+    corner = corner @ np.array([[np.cos(turn), np.sin(turn)], [-np.sin(turn), np.cos(turn)]])
+    corners = corner[None]
+    point, determinant = bilinear_point(corners, np.array([xi]), np.array([eta]))
+    edge = np.roll(corner, -1, axis=0) - corner
+    onward = np.roll(edge, -1, axis=0)
+    convex = (edge[:, 0] * onward[:, 1] - edge[:, 1] * onward[:, 0] > 0.02 * stretch).all()
+    if not convex:
+        return
+    assert determinant[0] > 0.0
+    back = invert_bilinear(corners, point)
+    assert abs(back[0][0] - xi) < 1e-9 and abs(back[1][0] - eta) < 1e-9
+
+
+def test_areas_and_centroids():
+    """A rectangle r in [1, 3], z in [0, 2], and a ring's volume centroid: <r> = (2/3) (b^3 - a^3) / (b^2 - a^2) = 13/6.
+
+    A trapezoid with corners (0,0), (2,0), (1,1), (0,1): area 3/2, centroid (7/9, 4/9).
+    """
+    r, z = np.meshgrid([1.0, 3.0], [0.0, 2.0], indexing="ij")
+    flat, ring = QuadMesh.structured(r, z, "planar"), QuadMesh.structured(r, z, "axisymmetric")
+    assert flat.cell_area == pytest.approx([4.0], rel=1e-14) and ring.cell_area == pytest.approx([4.0], rel=1e-14)
+    assert flat.cell_centroid[0] == pytest.approx([2.0, 1.0], rel=1e-14)
+    assert ring.cell_centroid[0] == pytest.approx([13.0 / 6.0, 1.0], rel=1e-14)
+    trapezoid = QuadMesh([[0, 0], [2, 0], [1, 1], [0, 1]], [[0, 1, 2, 3]])
+    assert trapezoid.cell_area[0] == pytest.approx(1.5, rel=1e-14)
+    assert trapezoid.cell_centroid[0] == pytest.approx([7.0 / 9.0, 4.0 / 9.0], rel=1e-14)
+    # The paper's l = sqrt(a b): mean opposite sides a = (2 + 1) / 2, b = (1 + sqrt 2) / 2.
+    assert trapezoid.cell_size[0] == pytest.approx(np.sqrt(1.5 * 0.5 * (1.0 + np.sqrt(2.0))), rel=1e-14)
+
+
+def test_cells_fill_the_mesh():
+    """The cells' areas add up to the outline's, by the shoelace formula; rounding only."""
+    mesh = curvilinear(5, (7, 11))
+    v = mesh.vertices.reshape(7, 11, 2)
+    outline = np.vstack([v[:, 0], v[-1, 1:], v[-2::-1, -1], v[0, -2:0:-1]])
+    x, y = outline.T
+    assert mesh.cell_area.sum() == pytest.approx(abs(0.5 * np.sum(x * np.roll(y, -1) - y * np.roll(x, -1))), rel=1e-12)
+
+
+def test_both_ways_round_give_the_same_mesh():
+    mesh = curvilinear(1)
+    other = QuadMesh(mesh.vertices, mesh.cells[:, ::-1], "planar")
+    assert (mesh.cell_area > 0.0).all() and np.array_equal(mesh.cell_area, other.cell_area)
+    points = np.random.default_rng(0).uniform(*mesh.box, (200, 2))
+    assert np.array_equal(mesh.locate(points), other.locate(points))
+
+
+def test_data_cannot_be_changed_behind_the_mesh():
+    vertices = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])
+    mesh = QuadMesh(vertices, [[0, 1, 2, 3]])
+    vertices[0] = 99.0
+    assert mesh.vertices[0].tolist() == [0.0, 0.0]
+    with pytest.raises(ValueError, match="read-only"):
+        mesh.vertices[0] = 1.0
+
+
+UNIT = [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]]
+TWO = [*UNIT, [2.0, 0.0], [2.0, 1.0]]
+
+
+@pytest.mark.parametrize(
+    ("vertices", "cells", "geometry", "message"),
+    [
+        (UNIT, [[0, 1, 2, 3]], "volume", "'planar' or 'axisymmetric', got 'volume'"),
+        ([[0.0, 0.0, 0.0]] * 4, [[0, 1, 2, 3]], "planar", r"\(vertex_count, 2\), got \(4, 3\)"),
+        (UNIT, [[0, 1, 2]], "planar", r"\(cell_count, 4\), got int64 \(1, 3\)"),
+        (UNIT, [[0.0, 1.0, 2.0, 3.0]], "planar", "whole numbers"),
+        (UNIT, np.empty((0, 4), dtype=int), "planar", "cell_count, 4"),
+        (UNIT, [[0, 1, 2, 4]], "planar", "vertices 0 to 4, there are 4"),
+        (UNIT, [[0, 1, 2, -1]], "planar", "vertices -1 to 2, there are 4"),
+        ([[-1.0, 0.0], [1.0, 0.0], [1.0, 1.0], [-1.0, 1.0]], [[0, 1, 2, 3]], "axisymmetric", "2 vertices.*negative"),
+        ([[np.nan, 0.0], [1.0, 0.0], [1.0, np.inf], [0.0, 1.0]], [[0, 1, 2, 3]], "planar", r"2 of 8.*index \(0, 0\)"),
+        (TWO, [[0, 1, 2, 3], [1, 2, 5, 4]], "planar", "1 of 2 cells are inverted.*cell 1"),
+        (UNIT, [[0, 1, 2, 2]], "planar", r"1 cells have coincident vertices.*cell 0.*\[0, 1, 2, 2\]"),
+        ([*UNIT[:3], UNIT[2]], [[0, 1, 2, 3]], "planar", "coincident vertices.*merge"),
+        ([[0.0, 0.0], [1.0, 0.0], [0.2, 0.2], [0.0, 1.0]], [[0, 1, 2, 3]], "planar", "degenerate or not convex.*cell 0"),
+        ([[0.0, 0.0], [1.0, 0.0], [2.0, 0.0], [3.0, 0.0]], [[0, 1, 2, 3]], "planar", "degenerate or not convex"),
+        ([[0.0, 0.0], [1.0, 1.0], [1.0, 0.0], [0.0, 1.0]], [[0, 1, 2, 3]], "planar", "not convex"),
+        # The same place twice: two cells that look like neighbours and are not.
+        (
+            [*UNIT, [1.0, 0.0], [2.0, 0.0], [2.0, 1.0], [1.0, 1.0]],
+            [[0, 1, 2, 3], [4, 5, 6, 7]],
+            "planar",
+            "2 vertices.*same place.*vertices 1 and 4.*merge",
+        ),
+    ],
+)
+def test_what_is_refused(vertices, cells, geometry, message):
+    with pytest.raises(ValueError, match=message):
+        QuadMesh(vertices, cells, geometry)
+
+
+@pytest.mark.parametrize("shapes", [((3, 4), (4, 3)), ((1, 4), (1, 4)), ((4,), (4,))])
+def test_structured_shapes_must_agree(shapes):
+    with pytest.raises(ValueError, match="two coordinate arrays of one shape"):
+        QuadMesh.structured(np.zeros(shapes[0]), np.zeros(shapes[1]))

@@ -1,0 +1,104 @@
+"""What `trace` accepts, refuses and returns."""
+
+import numpy as np
+import pytest
+
+from aerokernels import available_backends
+from aerokernels.rays import RayBundle
+from aerokernels.tracing import ArcLength, Plane, trace
+from aerokernels.tracing.result import RAY_OUTPUTS
+from aerokernels.tracing.tableau import PAIR, NystromPair
+
+from .fields import slanted_rays, uniform_field
+
+FAR = Plane((0.0, 0.0, 10e-3), (0.0, 0.0, 1.0))
+
+
+@pytest.mark.parametrize(
+    ("settings", "words"),
+    [
+        ({"method": "euler"}, "method 'euler'.*adaptive"),
+        ({"method": "fixed"}, "needs step"),
+        ({"method": "fixed", "step": 0.0}, "needs step"),
+        ({"method": "fixed", "step": float("nan")}, "needs step"),
+        ({"step": 1e-4}, "step belongs to method 'fixed'"),
+        ({"tolerance": 0.0}, "tolerance must be positive"),
+        ({"tolerance": float("inf")}, "tolerance must be positive"),
+        ({"precision": "float16"}, "float32.*float64"),
+        ({"backend": "cupy"}, "backend 'cupy'.*warp"),
+        ({"backend": "warp", "device": "cuda:7"}, "device 'cuda:7' is not there.*cpu"),
+        ({"backend": "reference", "device": "cuda:0"}, "'cpu' only"),
+        ({"wavelength": -1.0}, "wavelength"),
+        ({"max_steps": 0}, "max_steps"),
+        ({"outputs": ["opd", "colour"]}, "colour.*opd"),
+    ],
+)
+def test_bad_arguments_are_refused_by_name(settings, words):
+    """Every refusal names the value and what would do."""
+    with pytest.raises(ValueError, match=words):
+        trace(uniform_field("planar"), slanted_rays(2), until=FAR, **settings)
+
+
+def test_wrong_kinds_are_type_errors():
+    """Objects of the wrong kind."""
+    field, rays = uniform_field("planar"), slanted_rays(2)
+    for arguments in ((rays, rays), (field, field)):
+        with pytest.raises(TypeError, match="must be"):
+            trace(*arguments)
+    with pytest.raises(TypeError, match="until"):
+        trace(field, rays, until=3.0)
+    for length in (-1.0, float("nan")):
+        with pytest.raises(ValueError, match="ArcLength"):
+            ArcLength(length)
+    with pytest.raises(ValueError, match="Plane normal"):
+        Plane((0, 0, 0), (0, 0, 0))
+
+
+@pytest.mark.parametrize("backend", ["warp", "reference"])
+def test_only_the_outputs_asked_for_come_back(backend):
+    """The others are None; those asked for are as in a full trace."""
+    field, rays = uniform_field("planar"), slanted_rays(3)
+    whole = trace(field, rays, until=FAR, backend=backend)
+    part = trace(field, rays, until=FAR, backend=backend, outputs=("opd", "direction"))
+    for name in RAY_OUTPUTS:
+        if name in ("opd", "direction"):
+            assert np.array_equal(getattr(part, name), getattr(whole, name))
+            assert getattr(part, name).dtype == np.float64
+        else:
+            assert getattr(part, name) is None
+
+
+def test_a_result_tells_its_plan_times_errors_and_units():
+    """plan, seconds, error and to_xarray are there and hold together."""
+    field, rays = uniform_field("planar"), slanted_rays(3)
+    result = trace(field, rays, until=FAR)
+    assert result.plan.method == "adaptive" and result.plan.reasons and "adaptive" in str(result.plan)
+    assert {"compile", "kernel", "total"} <= set(result.seconds)
+    assert {"step", "interpolation", "resampling", "precision", "sampling", "total"} <= set(result.error)
+    assert result.error["total"] >= result.error["step"] > 0.0
+    data = result.to_xarray()
+    assert data["opd"].attrs["units"] == "m" and data["position"].dims == ("ray", "axis")
+    assert np.array_equal(data["opd"], result.opd)
+
+
+def test_position_and_direction_are_float64_unit_vectors():
+    """Directions come back normalised, whatever went in."""
+    rays = RayBundle([[0, 0, -1e-3]], [[0.0, 3.0, 40.0]])
+    result = trace(uniform_field("volume"), rays, until=FAR)
+    assert result.position.dtype == np.float64
+    assert np.linalg.norm(result.direction[0]) == pytest.approx(1.0, abs=1e-15)
+
+
+def test_backends_are_listed_with_reasons():
+    """Warp's CPU and the reference are always there; what is not there says why."""
+    found = {(info.backend, info.device): info for info in available_backends()}
+    assert found["warp", "cpu"].available and found["reference", "cpu"].float64
+    assert all(info.reason for info in found.values())
+
+
+def test_a_mistyped_tableau_is_refused():
+    """The pair checks its own order conditions."""
+    weights = list(PAIR.bt)
+    weights[1], weights[2] = weights[2], weights[1]
+    with pytest.raises(ValueError, match="order condition"):
+        NystromPair(PAIR.c, PAIR.a, PAIR.b, tuple(weights), PAIR.b_low, PAIR.bt_low)
