@@ -39,7 +39,34 @@ _HOME = {
     "trace": "tracing",
 }
 
-__all__ = sorted(_HOME)
+__all__ = [
+    "ArcLength",
+    "BackendInfo",
+    "Body",
+    "Disc",
+    "EchoResult",
+    "IndexField",
+    "Plane",
+    "QuadMesh",
+    "RayBundle",
+    "RayStatus",
+    "Scene",
+    "StrehlEstimate",
+    "TraceResult",
+    "available_backends",
+    "compare_waveforms",
+    "echo",
+    "estimate_range",
+    "estimate_strehl",
+    "flow",
+    "plane_target_echo",
+    "point_spread_function",
+    "range_statistics",
+    "schlieren",
+    "strehl",
+    "strehl_marechal",
+    "trace",
+]
 
 
 def __getattr__(name: str):

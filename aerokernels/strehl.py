@@ -9,6 +9,7 @@ where the rays are; the spread of the replicates gives the standard error.
 
 import time
 from dataclasses import dataclass, field
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -67,7 +68,8 @@ class StrehlEstimate:
         ray_count: Rays traced.
         blocked: Share of the rays that did not arrive; they carry no light into `value`'s mean.
         plan: What was chosen, skipped and why.
-        error: Error budget: OPD errors by cause [m], "sampling" and "strehl" as errors of `value`.
+        error: Error budget, each entry an error of `value`: "step", "interpolation", "resampling", "precision",
+            "sampling", and "total", their root sum of squares.
         seconds: Time spent: "compile", "kernel", "total".
         evaluation_count: Field evaluations in all.
     """
@@ -252,12 +254,11 @@ def _combine(moments, phasor, wavelength, remove) -> dict:
 
 
 def _budget(field, probe, plan, moments, estimate, wavelength) -> dict[str, float]:
-    """The OPD budget of a trace, turned into an error of the Strehl ratio.
+    """The OPD budget of a trace, turned into errors of the Strehl ratio.
 
-    A phase error of rms e radians changes the mean phasor A by at most e, and |A|^2 by at most 2 |A| e + e^2.
+    A phase error of rms e radians changes the mean phasor A by at most e, and |A|^2 by at most 2 |A| e + e^2. Twice the
+    standard error stands for the sampling.
     """
-    from types import SimpleNamespace
-
     stand_in = SimpleNamespace(
         ok=np.array([True]),
         step_error=np.array([moments[:, 10].max()]),
@@ -265,10 +266,12 @@ def _budget(field, probe, plan, moments, estimate, wavelength) -> dict[str, floa
         step_count=None,
         plan=plan,
     )
-    budget = error_budget(field, probe, stand_in)
-    phase = 2.0 * np.pi * budget["total"] / wavelength
     amplitude = np.sqrt(estimate["value"])
-    from_opd = 2.0 * amplitude * phase + phase**2
-    budget["sampling"] = estimate["standard_error"]
-    budget["strehl"] = float(np.hypot(from_opd, 2.0 * estimate["standard_error"]))
+    budget = {}
+    for cause, opd in error_budget(field, probe, stand_in).items():
+        phase = 2.0 * np.pi * opd / wavelength
+        budget[cause] = float(2.0 * amplitude * phase + phase**2)
+    budget["sampling"] = 2.0 * estimate["standard_error"]
+    del budget["total"]
+    budget["total"] = float(np.sqrt(sum(v * v for v in budget.values())))
     return budget

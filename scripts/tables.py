@@ -8,7 +8,7 @@ from typing import Any
 STYLE: dict[str, Any] = {
     "font.size": 10.0,
     "axes.titlesize": 11.0,
-    "axes.titleweight": "semibold",
+    "axes.titleweight": "bold",
     "axes.edgecolor": "#8a94a0",
     "axes.linewidth": 0.8,
     "axes.grid": True,
@@ -21,17 +21,20 @@ STYLE: dict[str, Any] = {
 }
 
 
-def markdown_table(heading: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
-    """A Markdown table, its columns padded so that it reads as plain text as well; the first column is text."""
+def markdown_table(heading: Sequence[str], rows: Iterable[Sequence[str]], text_columns: int = 1) -> str:
+    """A Markdown table, padded so that it reads as plain text as well; the first `text_columns` are flush left."""
     cells = [[*heading], *([*row] for row in rows)]
     width = [max(map(len, column)) for column in zip(*cells, strict=True)]
 
     def line(row: list[str]) -> str:
-        first, *rest = (cell.ljust(w) if i == 0 else cell.rjust(w) for i, (cell, w) in enumerate(zip(row, width)))
-        return "| " + " | ".join([first, *rest]) + " |"
+        padded = [
+            cell.ljust(w) if i < text_columns else cell.rjust(w)
+            for i, (cell, w) in enumerate(zip(row, width, strict=True))
+        ]
+        return "| " + " | ".join(padded) + " |"
 
-    rule = "|" + "|".join("-" * (w + 2) if i == 0 else "-" * (w + 1) + ":" for i, w in enumerate(width)) + "|"
-    return "\n".join([line(cells[0]), rule, *map(line, cells[1:])]) + "\n"
+    rule = "|".join("-" * (w + 2) if i < text_columns else "-" * (w + 1) + ":" for i, w in enumerate(width))
+    return "\n".join([line(cells[0]), f"|{rule}|", *map(line, cells[1:])]) + "\n"
 
 
 def write_csv(path: Path, heading: Sequence[str], rows: Iterable[Sequence[Any]]) -> None:

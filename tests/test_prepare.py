@@ -76,7 +76,7 @@ def test_a_finer_grid_tells_a_smaller_error_and_the_strehl_ratio_moves_less_than
         errors.append(prepared.resampling.opd_rms)
         estimates.append(scene_strehl(prepared.field, scene))
     assert 0.0 < errors[1] < errors[0]
-    assert abs(estimates[1].value - estimates[0].value) < estimates[0].error["strehl"]
+    assert abs(estimates[1].value - estimates[0].value) < estimates[0].error["total"]
 
 
 def test_route_mesh_traces_the_flow_where_it_is():

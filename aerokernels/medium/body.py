@@ -56,6 +56,8 @@ class Body:
             raise ValueError("an axisymmetric body profile must not have a negative radius")
         profile.setflags(write=False)
         object.__setattr__(self, "profile", profile)
+        if len(self.walls[0]) == 0:
+            raise ValueError("the body profile has no wall: its points all coincide, or all lie on the axis")
 
     @property
     def walls(self) -> tuple[np.ndarray, np.ndarray]:
@@ -82,29 +84,23 @@ class Body:
         return inside
 
     def nearest_wall(self, points: np.ndarray) -> np.ndarray:
-        """The wall point nearest to each point (n, 2) [m], shape (n, 2)."""
-        from scipy.spatial import cKDTree
-
+        """The wall point nearest to each point (n, 2) [m], shape (n, 2): exact, by looking at every segment."""
+        points = np.asarray(points, dtype=np.float64)
         start, end = self.walls
         length = np.linalg.norm(end - start, axis=1)
-        # Long segments are cut so that the nearest cut point belongs to the nearest segment or one beside it.
-        piece = np.median(length)
-        count = np.maximum(1, np.ceil(length / piece).astype(int))
-        segment = np.repeat(np.arange(len(start)), count)
-        within = (np.arange(count.sum()) - np.repeat(np.cumsum(count) - count, count)) / count[segment]
-        step = ((end - start) / count[:, None])[segment]
-        first = start[segment] + within[:, None] * (end - start)[segment]
-        _, candidate = cKDTree(first + 0.5 * step).query(points, k=min(6, len(first)))
-        candidate = np.atleast_2d(candidate.T).T.reshape(len(points), -1)
-        best = np.full(len(points), np.inf)
-        foot = np.zeros_like(points)
-        for column in candidate.T:
-            base, span = first[column], step[column]
-            along = np.clip(np.sum((points - base) * span, axis=1) / np.sum(span**2, axis=1), 0.0, 1.0)
-            here = base + along[:, None] * span
-            distance = np.linalg.norm(points - here, axis=1)
-            closer = distance < best
-            best[closer], foot[closer] = distance[closer], here[closer]
+        along = (end - start) / length[:, None]
+        across = along[:, ::-1] * [-1.0, 1.0]
+        foot = np.empty_like(points)
+        # As many points at a time as stay in a processor's cache.
+        block = max(1, 100_000 // len(start))
+        for row in range(0, len(points), block):
+            part = points[row : row + block]
+            share = part @ along.T - np.sum(start * along, axis=1)
+            beyond = share - np.clip(share, 0.0, length)
+            beside = part @ across.T - np.sum(start * across, axis=1)
+            nearest = np.argmin(beyond**2 + beside**2, axis=1)
+            share = np.sum((part - start[nearest]) * along[nearest], axis=1)
+            foot[row : row + block] = start[nearest] + np.clip(share, 0.0, length[nearest])[:, None] * along[nearest]
         return foot
 
     def signed_distance(self, points: np.ndarray) -> np.ndarray:

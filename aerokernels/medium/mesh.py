@@ -38,8 +38,8 @@ class QuadMesh:
         shape: Vertices along both directions of a structured mesh, or None.
 
     Raises:
-        ValueError: Vertices that are not finite or coincide, cells that are inverted, not convex or of no area,
-            negative radii, indices out of range.
+        ValueError: Vertices that are not finite or coincide (only in a cell if the mesh is structured: it may close on
+            itself in a seam), cells that are inverted, not convex or of no area, negative radii, indices out of range.
     """
 
     vertices: np.ndarray
@@ -63,6 +63,8 @@ class QuadMesh:
         if self.geometry == "axisymmetric" and vertices[:, 0].min() < 0.0:
             raise ValueError(f"{int((vertices[:, 0] < 0).sum())} vertices have a negative radius")
         cells = _orient(vertices, cells.astype(np.int32))
+        if self.shape is None:
+            _refuse_duplicates(vertices)
         for name, value in (("vertices", vertices), ("cells", cells)):
             value.setflags(write=False)
             object.__setattr__(self, name, value)
@@ -147,9 +149,11 @@ class QuadMesh:
         """Index of the cell that holds each point, -1 where none does; points (n, 2) [m], result (n,)."""
         points = np.asarray(points, dtype=np.float64)
         bins = self.bins
-        place = np.floor((points - bins.origin) / bins.size).astype(np.int64)
-        place[points == self.box[1]] -= 1
-        inside = np.all((place >= 0) & (place < np.array(bins.count)), axis=1)
+        low, high = self.box
+        slack = EDGE_SLACK * (high - low)
+        inside = np.all((points >= low - slack) & (points <= high + slack), axis=1)
+        place = np.floor((np.where(inside[:, None], points, low) - bins.origin) / bins.size).astype(np.int64)
+        place = np.clip(place, 0, np.array(bins.count) - 1)
         found = np.full(len(points), -1, dtype=np.int64)
         key = np.where(inside, place[:, 0] * bins.count[1] + place[:, 1], 0)
         start, stop = bins.start[key], np.where(inside, bins.start[key + 1], bins.start[key])
@@ -208,6 +212,19 @@ def contains(corners: np.ndarray, points: np.ndarray) -> np.ndarray:
 def _area(corners: np.ndarray) -> np.ndarray:
     first, second = corners[:, 2] - corners[:, 0], corners[:, 3] - corners[:, 1]
     return 0.5 * (first[:, 0] * second[:, 1] - first[:, 1] * second[:, 0])
+
+
+def _refuse_duplicates(vertices: np.ndarray) -> None:
+    """Refuse a place that has two vertices: the cells on either side would look like neighbours and not be."""
+    _, first, inverse = np.unique(vertices, axis=0, return_index=True, return_inverse=True)
+    if len(first) == len(vertices):
+        return
+    original = first[inverse.ravel()]
+    double = np.flatnonzero(original != np.arange(len(vertices)))
+    raise ValueError(
+        f"{len(double)} vertices lie in the same place as another, the first are vertices {original[double[0]]} and "
+        f"{double[0]} at {vertices[double[0]].tolist()}: merge duplicate nodes"
+    )
 
 
 def _orient(vertices: np.ndarray, cells: np.ndarray) -> np.ndarray:

@@ -116,6 +116,8 @@ def _limited_hermite(values: np.ndarray, even_first_axis: bool) -> np.ndarray:
             else:
                 mixed.append(np.zeros_like(values))
         part[key] = sum(mixed) / len(mixed)
+        if even_first_axis and key[0]:
+            part[key][0] = 0.0
     keep = _cross_share(values, part)
     result = np.empty(tuple(2 * n for n in values.shape))
     for key, array in part.items():

@@ -132,7 +132,7 @@ def render_report(dataset: "xarray.Dataset", summary: Mapping[str, Any], scene_t
         f"<h1>{name}</h1><p class='lead'>{html.escape(lead)}</p><div class='cards'>{cards}</div>",
         "<h2>Pictures</h2>" + "".join(pictures),
         _section("Numbers (SI)", {key: value for key, value in summary.items() if key not in apart}),
-        _section("Error budget", summary.get("error", {})),
+        _section("Error budget of the Strehl ratio", summary.get("error", {})),
         _section("Plan: what was done, what was skipped, and why", summary.get("plan", {})),
         _section("Seconds per stage", summary.get("seconds", {})),
         f"<h2>Scene as it was run</h2><pre>{html.escape(scene_text)}</pre>",

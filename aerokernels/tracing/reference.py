@@ -6,7 +6,8 @@ State (r, T, optical path, arc length) over sigma, d sigma = ds / n:
 
 "adaptive" is SciPy's DOP853 at a relative tolerance of 1e-11 whatever was asked for, stops found as events; "straight"
 is the same with the lookups on the undisturbed line. "fixed" and "paper" take the steps of their rule with the pair of
-tableau.py, the momentum brought back to |T| = n after each, the last one shortened by Brent's method until it ends on the stop.
+tableau.py, the momentum brought back to |T| = n after each, the last one shortened by Brent's method until it ends on
+the stop.
 """
 
 import time

@@ -1,0 +1,150 @@
+"""Solid bodies: inside, nearest wall, signed distance, against circles, brute force and the shipped model."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from aerokernels import Body, flow
+
+
+def polygon(count: int = 720, radius: float = 1.0, center=(0.0, 0.0)) -> np.ndarray:
+    angle = 2.0 * np.pi * np.arange(count) / count
+    return np.stack([center[0] + radius * np.cos(angle), center[1] + radius * np.sin(angle)], axis=1)
+
+
+def half_disc(count: int = 360, radius: float = 1.0) -> np.ndarray:
+    """A sphere's profile from the nose (0, R) over r = R to (0, -R), closed along the axis."""
+    angle = np.pi * np.arange(count + 1) / count
+    profile = radius * np.stack([np.sin(angle), np.cos(angle)], axis=1)
+    profile[[0, -1], 0] = 0.0
+    return profile
+
+
+def distance_by_brute_force(body: Body, points: np.ndarray) -> np.ndarray:
+    best = np.full(len(points), np.inf)
+    for a, b in zip(*body.walls, strict=True):
+        along = np.clip((points - a) @ (b - a) / ((b - a) @ (b - a)), 0.0, 1.0)
+        best = np.minimum(best, np.linalg.norm(points - a - along[:, None] * (b - a), axis=1))
+    return best
+
+
+@pytest.mark.parametrize("geometry", ["planar", "axisymmetric"])
+def test_a_circle_has_the_distance_of_a_circle(geometry):
+    """Set-up: a polygon of 720 corners on a unit circle (axisymmetric: half of it, a sphere).
+
+    Formula: d = |p| - 1. Error: the polygon lies inside the circle by at most 1 - cos(pi / 720) = 9.5e-6.
+    """
+    body = Body(polygon(), "planar") if geometry == "planar" else Body(half_disc(), "axisymmetric")
+    points = np.random.default_rng(0).uniform(-2.0, 2.0, (2000, 2))
+    if geometry == "axisymmetric":
+        points[:, 0] = np.abs(points[:, 0])
+    exact = np.linalg.norm(points, axis=1) - 1.0
+    assert np.abs(body.signed_distance(points) - exact).max() < 1e-5
+    clear = np.abs(exact) > 1e-5
+    assert np.array_equal(body.contains(points)[clear], exact[clear] < 0.0)
+    foot = body.nearest_wall(points)
+    assert np.abs(np.linalg.norm(foot, axis=1) - 1.0).max() < 1e-5
+    assert np.linalg.norm(foot - points / np.linalg.norm(points, axis=1, keepdims=True), axis=1).max() < 0.01
+
+
+def test_the_axis_is_no_wall():
+    """Deep inside a sphere the nearest wall is the surface, not the profile's closing line along r = 0."""
+    body = Body(half_disc(), "axisymmetric")
+    assert body.signed_distance(np.array([[0.01, 0.0], [0.0, 0.5]])) == pytest.approx([-0.99, -0.5], abs=1e-4)
+    start, end = body.walls
+    assert len(start) == 360 and not ((start[:, 0] == 0.0) & (end[:, 0] == 0.0)).any()
+
+
+def test_a_profile_that_names_a_point_twice_is_the_same_body():
+    square = [[1.0, 0.0], [2.0, 0.0], [2.0, 1.0], [1.0, 1.0]]
+    closed, plain = Body([*square, square[0], square[0]], "planar"), Body(square, "planar")
+    points = np.random.default_rng(1).uniform(0.0, 3.0, (300, 2))
+    assert np.array_equal(closed.contains(points), plain.contains(points))
+    assert np.array_equal(closed.signed_distance(points), plain.signed_distance(points))
+
+
+@given(seed=st.integers(0, 10_000), count=st.integers(3, 40), crowd=st.floats(0.0, 6.0))
+@settings(max_examples=60, deadline=None)
+def test_nearest_wall_is_the_nearest(seed, count, crowd):
+    """Star-shaped profiles whose points crowd together at one end: short segments beside long ones.
+
+    The foot must lie on the wall and be as near as brute force over all segments finds; rounding only.
+    """
+    rng = np.random.default_rng(seed)
+    share = np.sort(rng.uniform(0.0, 1.0, count))
+    angle = 2.0 * np.pi * share ** (1.0 + crowd)
+    radius = rng.uniform(0.3, 1.0, count)
+    body = Body(np.stack([radius * np.cos(angle), radius * np.sin(angle)], axis=1), "planar")
+    points = rng.uniform(-1.5, 1.5, (100, 2))
+    foot = body.nearest_wall(points)
+    assert np.abs(np.linalg.norm(foot - points, axis=1) - distance_by_brute_force(body, points)).max() < 1e-12
+    assert distance_by_brute_force(body, foot).max() < 1e-12
+
+
+def test_a_nose_of_many_short_segments_beside_one_long_wall():
+    """A millimetre nose of 400 segments on a metre of straight wall: points beside the wall's near end belong to it."""
+    angle = np.linspace(0.0, 0.5 * np.pi, 401)
+    nose = 1e-3 * np.stack([np.sin(angle), np.cos(angle) - 1.0], axis=1)
+    nose[0, 0] = 0.0
+    body = Body(np.vstack([nose, [[1e-3, -1.0], [0.0, -1.0]]]), "axisymmetric")
+    points = np.stack([np.full(50, 1.5e-3), np.linspace(-1.1e-3, -0.02, 50)], axis=1)
+    assert body.signed_distance(points) == pytest.approx(np.full(50, 0.5e-3), abs=1e-15)
+
+
+def test_the_shipped_model():
+    """Brute force over the outline; the nose tip, a point ahead of it, one within and one above the cylinder."""
+    body = flow.shipped("mach3").body
+    low, high = body.profile.min(axis=0), body.profile.max(axis=0)
+    points = np.random.default_rng(2).uniform(low, high + 0.01, (400, 2))
+    distance = body.signed_distance(points)
+    assert np.abs(np.abs(distance) - distance_by_brute_force(body, points)).max() < 1e-15
+    assert np.array_equal(distance < 0.0, body.contains(points))
+    assert body.contains(np.array([[0.0, -1e-6], [0.0, 1e-6], [1e-3, -0.06], [0.5, -0.06]])).tolist() == [
+        True, False, True, False,
+    ]  # fmt: skip
+    assert abs(body.signed_distance(np.array([[0.0, 3e-3]]))[0] - 3e-3) < 1e-15
+
+
+def test_distance_grid():
+    """Set-up: a circle sampled at h = 0.05. Error of bilinear interpolation: h^2 / 4 of d'' <= 1 / |p|, 0.25 h^2 / 0.5.
+
+    The sign is right wherever the distance exceeds that; beyond the grid the nearest edge's value holds.
+    """
+    body = Body(polygon(), "planar")
+    low, high, h = np.array([-1.5, -1.5]), np.array([1.5, 1.5]), 0.05
+    grid = body.distance_grid(low, high, np.array([h, h]))
+    assert grid.samples.shape == (61, 61) and grid.spacing == pytest.approx([h, h])
+    points = np.random.default_rng(3).uniform(low, high, (3000, 2))
+    points = points[np.linalg.norm(points, axis=1) > 0.5]
+    exact = np.linalg.norm(points, axis=1) - 1.0
+    bound = 0.5 * h**2 + 1e-5
+    sampled = grid.evaluate(points)
+    assert np.abs(sampled - exact).max() < bound
+    clear = np.abs(exact) > bound
+    assert np.array_equal(np.sign(sampled[clear]), np.sign(exact[clear]))
+    assert grid.evaluate(np.array([[9.0, 1.5]]))[0] == pytest.approx(np.hypot(1.5, 1.5) - 1.0, abs=1e-4)
+
+
+def test_distance_grid_keeps_its_corners_whatever_the_spacing():
+    """A spacing that does not divide the box is adjusted so that the last node lies on its far face."""
+    grid = Body(polygon(), "planar").distance_grid(np.zeros(2), np.array([1.0, 2.0]), np.array([0.3, 5.0]))
+    assert grid.samples.shape == (4, 2)
+    assert grid.origin + grid.spacing * (np.array(grid.samples.shape) - 1) == pytest.approx([1.0, 2.0])
+
+
+@pytest.mark.parametrize(
+    ("profile", "geometry", "message"),
+    [
+        ([[0.0, 0.0], [1.0, 0.0]], "planar", r"at least three points.*\(2, 2\)"),
+        (np.zeros((4, 3)), "planar", r"shape \(k, 2\), got \(4, 3\)"),
+        ([[0.0, 0.0], [1.0, np.nan], [0.0, 1.0]], "planar", r"1 of 6 samples of the body profile.*index \(1, 1\)"),
+        ([[0.0, 0.0], [-1.0, 0.5], [0.0, 1.0]], "axisymmetric", "negative radius"),
+        (polygon(), "volume", "'planar' or 'axisymmetric', got 'volume'"),
+        ([[0.0, 0.0], [0.0, 1.0], [0.0, 2.0]], "axisymmetric", "no wall"),
+        ([[1.0, 1.0]] * 3, "planar", "no wall"),
+    ],
+)
+def test_what_is_refused(profile, geometry, message):
+    with pytest.raises(ValueError, match=message):
+        Body(profile, geometry)

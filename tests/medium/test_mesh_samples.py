@@ -1,0 +1,167 @@
+"""Interpolation on a mesh: bilinear, eq 6 (inverse distance) and eq 7 (node gradients)."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from aerokernels import QuadMesh
+from aerokernels.medium.mesh_samples import MESH_INTERPOLATIONS, MeshSamples, inverse_distance_weights
+
+
+def curvilinear(count: int, geometry: str = "planar") -> QuadMesh:
+    """A smoothly bent grid of count x count vertices, the same map at every count."""
+    a, b = np.meshgrid(np.linspace(0.0, 1.0, count), np.linspace(0.0, 1.0, count), indexing="ij")
+    first = 0.5 + a + 0.1 * np.sin(2.0 * b + a)
+    second = b + 0.15 * np.cos(1.5 * a) * b + 0.1 * a
+    return QuadMesh.structured(first, second, geometry)
+
+
+def function(points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    phase = points @ np.array([2.0, -1.5]) + 0.3
+    return np.sin(phase), np.cos(phase)[:, None] * [2.0, -1.5]
+
+
+def sampled(mesh: QuadMesh, interpolation: str, function=function) -> MeshSamples:
+    return MeshSamples(mesh, function(mesh.vertices)[0], interpolation)
+
+
+def inside(mesh: QuadMesh, count: int, seed: int = 0) -> np.ndarray:
+    """Points inside the cells, away from edges by a hundredth of the cell."""
+    rng = np.random.default_rng(seed)
+    cell = rng.integers(0, len(mesh.cells), count)
+    xi, eta = rng.uniform(0.01, 0.99, (2, count, 1))
+    a, b, c, d = (mesh.corners[cell, k] for k in range(4))
+    return (1 - xi) * (1 - eta) * a + xi * (1 - eta) * b + xi * eta * c + (1 - xi) * eta * d
+
+
+def fitted_order(counts, errors) -> float:
+    return float(-np.polyfit(np.log(np.array(counts) - 1.0), np.log(errors), 1)[0])
+
+
+@pytest.mark.parametrize("interpolation", MESH_INTERPOLATIONS)
+def test_vertices_are_met(interpolation):
+    """Exact at vertices, eq 6 too (its product form has no division by a distance); rounding 1e-12."""
+    mesh = curvilinear(8)
+    samples = sampled(mesh, interpolation)
+    assert np.abs(samples.evaluate(mesh.vertices)[0] - samples.values).max() < 1e-12
+
+
+@pytest.mark.parametrize("interpolation", ["bilinear", "bilinear-barron"])
+def test_linear_fields_are_exact(interpolation):
+    mesh = curvilinear(8)
+
+    def linear(points):
+        return 1.0 + points @ [2.0, -3.0], np.tile([2.0, -3.0], (len(points), 1))
+
+    points = inside(mesh, 500)
+    value, gradient = sampled(mesh, interpolation, linear).evaluate(points)
+    assert np.abs(value - linear(points)[0]).max() < 1e-12
+    assert np.abs(gradient - [2.0, -3.0]).max() < 1e-10
+
+
+def test_inverse_distance_is_not_exact_on_a_linear_field():
+    """Reading 9: on a square cell eq 6 misses a linear field by up to 31 % of the cell's difference.
+
+    Set-up: f = y on the unit square; searched over a grid of 201 x 201 points. Along the edge z = 0 the two far
+    corners pull the value toward the middle.
+    """
+    mesh = QuadMesh.structured(*np.meshgrid([0.0, 1.0], [0.0, 1.0], indexing="ij"))
+    axis = np.linspace(0.0, 1.0, 201)
+    points = np.stack(np.meshgrid(axis, axis, indexing="ij"), axis=-1).reshape(-1, 2)
+    diagonal = MeshSamples(mesh, mesh.vertices @ [0.5, 0.5], "idw")
+    worst = np.abs(diagonal.evaluate(points)[0] - points @ [0.5, 0.5]).max()
+    along = np.abs(MeshSamples(mesh, mesh.vertices[:, 0], "idw").evaluate(points)[0] - points[:, 0]).max()
+    assert 0.05 < along < 0.32
+    assert 0.05 < worst < 0.32
+    assert MeshSamples(mesh, mesh.vertices[:, 0], "idw").evaluate(np.array([[0.5, 0.5]]))[0] == pytest.approx([0.5])
+
+
+def test_inverse_distance_is_eq_6():
+    """Where no distance is nil the product form is the printed one, sum(f_k / d_k) / sum(1 / d_k); rounding 1e-13."""
+    mesh = curvilinear(5)
+    points = inside(mesh, 200)
+    corners = mesh.corners[mesh.locate(points)]
+    distance = np.linalg.norm(points[:, None] - corners, axis=2)
+    printed = (1.0 / distance) / (1.0 / distance).sum(axis=1, keepdims=True)
+    assert np.abs(inverse_distance_weights(corners, points) - printed).max() < 1e-13
+
+
+def test_inverse_distance_weights_at_a_vertex_and_beside_it():
+    """At a corner its weight is 1, the others 0; 1e-200 beside it too, with no division by nothing."""
+    corners = np.array([[[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]]] * 2)
+    weight = inverse_distance_weights(corners, np.array([[0.0, 0.0], [1e-200, 0.0]]))
+    assert weight == pytest.approx(np.array([[1.0, 0.0, 0.0, 0.0]] * 2), abs=1e-15)
+
+
+@given(st.integers(0, 10_000))
+@settings(max_examples=40, deadline=None)
+def test_weights_are_means(seed):
+    """Bilinear and eq 6 stay within the range of the cell's corners; rounding only."""
+    rng = np.random.default_rng(seed)
+    mesh = curvilinear(6)
+    values = rng.uniform(-1.0, 1.0, len(mesh.vertices))
+    points = inside(mesh, 100, seed)
+    corner = values[mesh.cells[mesh.locate(points)]]
+    for interpolation in ("bilinear", "idw"):
+        value = MeshSamples(mesh, values, interpolation).evaluate(points)[0]
+        assert (value >= corner.min(axis=1) - 1e-12).all() and (value <= corner.max(axis=1) + 1e-12).all()
+
+
+def test_bilinear_gradient_is_the_derivative_of_the_value():
+    """Noise as data on a bent mesh; central differences of 1e-7 cells of 0.1. Truncation 1e-12, rounding 1e-7."""
+    mesh = curvilinear(10)
+    samples = MeshSamples(mesh, np.random.default_rng(1).uniform(-1.0, 1.0, len(mesh.vertices)), "bilinear")
+    points = inside(mesh, 300)
+    gradient = samples.evaluate(points)[1]
+    for axis in (0, 1):
+        step = 1e-7 * np.eye(2)[axis]
+        difference = (samples.evaluate(points + step)[0] - samples.evaluate(points - step)[0]) / 2e-7
+        assert np.abs(difference - gradient[:, axis]).max() < 1e-6
+
+
+def test_bilinear_is_continuous_across_edges_and_inverse_distance_is_not():
+    """Reading 9: eq 6 jumps at cell edges, by up to 62 % of the difference."""
+    mesh = QuadMesh.structured(*np.meshgrid([0.0, 1.0, 2.0], [0.0, 1.0], indexing="ij"))
+    values = np.array([0.0, 0.0, 0.0, 0.0, 1.0, 1.0])
+    left, right = np.array([[1.0 - 1e-12, 0.5]]), np.array([[1.0 + 1e-12, 0.5]])
+    jump = {
+        name: float(np.abs(MeshSamples(mesh, values, name).evaluate(left)[0] - MeshSamples(mesh, values, name).evaluate(right)[0]).max())
+        for name in ("bilinear", "idw")
+    }  # fmt: skip
+    assert jump["bilinear"] < 1e-11 and 0.2 < jump["idw"] < 0.63
+
+
+@pytest.mark.parametrize(
+    ("interpolation", "value_order", "gradient_order"), [("bilinear", 2.0, 1.0), ("bilinear-barron", 2.0, 2.0)]
+)
+def test_orders(interpolation, value_order, gradient_order):
+    """Greatest error on a bent mesh, fitted over 17 to 129 vertices a side, +-0.2."""
+    counts = (17, 33, 65, 129)
+    value, gradient = [], []
+    for count in counts:
+        mesh = curvilinear(count)
+        points = inside(mesh, 4000)
+        found, exact = sampled(mesh, interpolation).evaluate(points), function(points)
+        value.append(np.abs(found[0] - exact[0]).max())
+        gradient.append(np.abs(found[1] - exact[1]).max())
+    assert abs(fitted_order(counts, value) - value_order) < 0.2
+    assert abs(fitted_order(counts, gradient) - gradient_order) < 0.2
+
+
+def test_nothing_outside_the_mesh():
+    samples = sampled(curvilinear(5), "bilinear")
+    value, gradient = samples.evaluate(np.array([[-9.0, 0.0], [50.0, 1.0]]))
+    assert (value == 0.0).all() and (gradient == 0.0).all()
+
+
+def test_eq_5_on_a_mesh():
+    """Reading 5: the difference is over the vertices of the cell; l = sqrt(a b) with a = 1, b = 4."""
+    mesh = QuadMesh.structured(*np.meshgrid([0.0, 1.0, 2.0], [0.0, 4.0], indexing="ij"))
+    samples = MeshSamples(mesh, np.array([0.0, 0.0, 5e-5, 0.0, 5e-4, 0.0]), "bilinear")
+    assert samples.paper_step == pytest.approx([1.0, 0.4], rel=1e-15)
+
+
+def test_unknown_names_are_answered_with_the_known_ones():
+    with pytest.raises(ValueError, match="'cubic' is not known on a mesh.*bilinear, bilinear-barron, idw"):
+        sampled(curvilinear(5), "cubic")

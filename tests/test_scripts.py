@@ -1,0 +1,121 @@
+"""The scripts that write figures for the docs still run, and still say what the docs say."""
+
+import csv
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+
+def run_script(root: Path, name: str, *arguments: object) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        [sys.executable, str(root / "scripts" / name), *map(str, arguments)],
+        stdin=subprocess.DEVNULL,
+        capture_output=True,
+        text=True,
+        timeout=300.0,
+    )
+
+
+def read_csv(path: Path) -> list[dict[str, str]]:
+    with path.open(encoding="utf-8", newline="") as file:
+        return list(csv.DictReader(file))
+
+
+def is_picture(path: Path) -> bool:
+    return path.read_bytes().startswith(b"\x89PNG") and path.stat().st_size > 10_000
+
+
+@pytest.fixture(scope="module")
+def figure1(root: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    out = tmp_path_factory.mktemp("figure1")
+    # Four planes: 46.5 mm, the third, is near the greatest error of every scheme.
+    done = run_script(root, "figure1.py", "--planes", 4, "--out", out)
+    assert done.returncode == 0, done.stderr
+    assert (out / "table.md").read_text(encoding="utf-8") in done.stdout
+    return out
+
+
+def test_figure1_writes_table_curves_and_picture(figure1: Path):
+    curves = read_csv(figure1 / "error_along_z.csv")
+    assert [round(1e3 * float(row["z_m"]), 6) for row in curves] == [15.5, 31.0, 46.5, 62.0]
+    assert len(read_csv(figure1 / "greatest_error.csv")) == 15
+    assert is_picture(figure1 / "figure1.png")
+
+
+def test_figure1_errors(figure1: Path):
+    """Greatest error of each scheme over four planes, at every start height.
+
+    Set-up: n^2 = n0^2 (1 - g^2 y^2), n0 = 1.5, g = 0.1/mm, 0.25 mm cells (g h = 0.025), 62 mm, almost one period.
+    Formula: bilinear interpolation takes the mean of n too low by g^2 h^2 / 12 = 5.2e-5 of it and its gradient too
+        high by 3 g^2 h^2 / 12 = 1.6e-4: the phase advances too fast by half the sum, 5.2e-5, of 4.7 rad at 46.5 mm,
+        where its sine is 1: 2.4e-4. A start between nodes adds up to g^2 h^2 / 8 = 7.8e-5 of the phase, 3.7e-4.
+    Expected: 2.4e-4 on nodes (less where the ray spans few cells), up to 6.1e-4 + between them; IDW, which does not
+        even hold a linear field, ten times more; ours holds the parabola, so float64 shows the steps alone, float32
+        its rounding: a relative 6e-8 over some hundred steps.
+    Tolerance: a factor of 2 about the estimate; for ours the bounds that the project promises.
+    """
+    for row in read_csv(figure1 / "greatest_error.csv"):
+        error = {name: float(value) for name, value in row.items() if name != "x0_m"}
+        assert len(error) == 13
+        for rule in ("fixed 0.5 mm", "fixed 0.2 mm", "eq 5"):
+            barron = error[f"bilinear Barron gradients: {rule}"]
+            assert 1e-4 < barron < 1.2e-3, (row["x0_m"], rule)
+            assert error[f"paper as printed (IDW): {rule}"] > 5.0 * barron, (row["x0_m"], rule)
+        assert max(value for name, value in error.items() if name.startswith("ours, float32")) < 3e-6
+        assert error["ours, float64: fixed 0.2 mm"] < 1e-8
+        assert error["ours, float64: eq 5"] < 1e-10
+        if float(row["x0_m"]) >= 0.5e-3:
+            assert error["ours, float64: adaptive, 1e-4 waves"] < 1e-8
+
+
+def test_figure1_refuses_what_makes_no_sense(root: Path, tmp_path: Path):
+    for arguments, word in (
+        (("--height", "1 s"), "length"),
+        (("--height", "1 m"), "outside"),
+        (("--planes", 1), "few"),
+    ):
+        done = run_script(root, "figure1.py", *arguments, "--out", tmp_path / "out")
+        assert done.returncode == 2 and word in done.stderr, done.stderr
+    assert not (tmp_path / "out").exists()
+
+
+def test_sweep_mach(root: Path, tmp_path: Path):
+    """The sweep's rows: no flow is perfect, thin air spoils little, sea-level air more with every Mach number."""
+    done = run_script(root, "sweep_mach.py", "--rays", 1024, "--out", tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert (tmp_path / "table.md").read_text(encoding="utf-8") in done.stdout
+    assert is_picture(tmp_path / "sweep_mach.png")
+    rows = {
+        row["scene"]: {k: float(v) for k, v in row.items() if k != "scene"} for row in read_csv(tmp_path / "table.csv")
+    }
+    assert len(rows) == 7
+    static = rows["wind-tunnel-static"]
+    assert abs(static["strehl"] - 1.0) < 1e-6
+    assert abs(static["range_leading_edge_m"] - static["true_range_m"]) < 1e-3
+    sea_level = [rows[f"sea-level-mach{mach}"] for mach in (2, 3, 4)]
+    for thin, thick in zip((rows[f"wind-tunnel-mach{mach}"] for mach in (2, 3, 4)), sea_level, strict=True):
+        assert thick["strehl"] < 0.9 < 0.96 < thin["strehl"] < 1.0
+        # the peak follows the Strehl ratio; the discriminator's walk, not the path, moves the leading edge
+        assert thick["range_leading_edge_m"] > thin["range_leading_edge_m"] > static["range_leading_edge_m"]
+        assert abs(thick["range_constant_fraction_m"] - thick["true_range_m"]) < 1e-3
+    for quantity in ("strehl", "echo_peak_v"):
+        assert [row[quantity] for row in sea_level] == sorted((row[quantity] for row in sea_level), reverse=True)
+
+
+def test_readme_table_goes_between_its_markers(root: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.syspath_prepend(str(root / "scripts"))
+    import sweep_mach
+
+    readme = tmp_path / "README.md"
+    readme.write_text(f"before\n{sweep_mach.BEGIN}\nold\n{sweep_mach.END}\nafter\n", encoding="utf-8")
+    for _ in range(2):  # again gives the same
+        sweep_mach.replace_between_markers(readme, "| new |\n")
+        expected = f"before\n{sweep_mach.BEGIN}\n| new |\n{sweep_mach.END}\nafter\n"
+        assert readme.read_text(encoding="utf-8") == expected
+    readme.write_text(f"{sweep_mach.END}\n{sweep_mach.BEGIN}\n", encoding="utf-8")
+    with pytest.raises(ValueError, match="no lines"):
+        sweep_mach.replace_between_markers(readme, "| new |\n")
+    with pytest.raises(ValueError, match="no lines"):
+        sweep_mach.replace_between_markers(tmp_path / "absent.md", "| new |\n")
