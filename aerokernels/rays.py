@@ -18,10 +18,12 @@ def as_vector(value, name: str) -> np.ndarray:
 def as_unit_vector(value, name: str) -> np.ndarray:
     """Return `value` normalised to length 1, shape (3,), or refuse a zero one by name."""
     vector = as_vector(value, name)
-    length = np.linalg.norm(vector / max(np.abs(vector).max(), 1e-300)) * np.abs(vector).max()
-    if length == 0.0:
+    greatest = np.abs(vector).max()
+    if greatest == 0.0:
         raise ValueError(f"{name} must not be the zero vector")
-    return vector / length
+    # Scaled first: the square of a very long or short vector's length would overflow or vanish.
+    vector = vector / greatest
+    return vector / np.linalg.norm(vector)
 
 
 def transverse_axes(normal: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

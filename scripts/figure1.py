@@ -100,10 +100,10 @@ def our_scheme(precision: str, rule: str, colour: str, line: str, **settings: An
 SCHEMES = [
     *paper_schemes("paper as printed (IDW)", "idw", "#c2410c"),
     *paper_schemes("bilinear Barron gradients", "bilinear-barron", "#d99a1c"),
-    our_scheme("float32", "adaptive, 1e-3 waves", "#2f9e6e", "-", method="adaptive"),
+    our_scheme("float32", "adaptive 1e-3 waves", "#2f9e6e", "-", method="adaptive"),
     our_scheme("float32", "fixed 0.2 mm", "#2f9e6e", "--", method="fixed", step=0.2e-3),
-    our_scheme("float64", "adaptive, 1e-3 waves", "#0b6e99", "-.", method="adaptive"),
-    our_scheme("float64", "adaptive, 1e-4 waves", "#0b6e99", "-", method="adaptive", tolerance=1e-4),
+    our_scheme("float64", "adaptive 1e-3 waves", "#0b6e99", "-.", method="adaptive"),
+    our_scheme("float64", "adaptive 1e-4 waves", "#0b6e99", "-", method="adaptive", tolerance=1e-4),
     our_scheme("float64", "fixed 0.5 mm", "#0b6e99", ":", method="fixed", step=0.5e-3),
     our_scheme("float64", "fixed 0.2 mm", "#0b6e99", "--", method="fixed", step=0.2e-3),
     our_scheme("float64", "eq 5", "#7c5cbf", "-", method="paper"),

@@ -97,28 +97,32 @@ class IndexField:
 
         Args:
             mesh: The mesh; its geometry is the field's.
-            contrast: n - ambient_index at the vertices, or finite-volume averages over the cells; the number of
-                entries tells which.
+            contrast: n - ambient_index at the vertices, shape (vertex_count,), or finite-volume averages over the
+                cells, shape (cell_count,): the shape tells which. On a structured mesh also (ni, nj), (ni - 1, nj - 1).
             ambient_index: Index outside the mesh.
             interpolation: "bilinear", "bilinear-barron" or "idw" (see mesh_samples.py).
             body: Solid body in the field.
 
         Raises:
             TypeError: `mesh` is no QuadMesh.
-            ValueError: A number of entries that fits neither vertices nor cells, or entries that are not finite.
+            ValueError: A shape that fits neither vertices nor cells, or entries that are not finite.
         """
         if not isinstance(mesh, QuadMesh):
             raise TypeError(f"mesh must be a QuadMesh, got {type(mesh).__name__}: see QuadMesh.structured")
         values = np.array(contrast, dtype=np.float64)
         check_finite(values, "the contrast")
-        values = values.ravel()
-        if values.size == len(mesh.cells):
-            values = vertex_values(mesh, values)
-        elif values.size != len(mesh.vertices):
+        at_vertices, in_cells = [(len(mesh.vertices),)], [(len(mesh.cells),)]
+        if mesh.shape is not None:
+            at_vertices.append(mesh.shape)
+            in_cells.append((mesh.shape[0] - 1, mesh.shape[1] - 1))
+        if values.shape in in_cells:
+            values = vertex_values(mesh, values.ravel())
+        elif values.shape not in at_vertices:
             raise ValueError(
-                f"contrast has {values.size} entries: give one for each of the {len(mesh.vertices)} vertices, "
-                f"or one for each of the {len(mesh.cells)} cells"
+                f"contrast has shape {values.shape}: give one entry for each vertex, shape "
+                f"{' or '.join(map(str, at_vertices))}, or one for each cell, shape {' or '.join(map(str, in_cells))}"
             )
+        values = values.ravel()
         values.setflags(write=False)
         return cls(MeshSamples(mesh, values, interpolation), mesh.geometry, ambient_index, body)
 

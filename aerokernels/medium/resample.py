@@ -42,7 +42,7 @@ def resample(field, spacing=None, *, tolerance=None, wavelength=905e-9, region=N
 
     Args:
         field: The IndexField to resample.
-        spacing: Node spacing [m], one number or one per axis; or None, and
+        spacing: Greatest node spacing [m], one number or one per axis: the region is divided evenly; or None, and
         tolerance: greatest change of optical path along lines parallel to z allowed, in waves (the spacing is halved
             until the measured change is below it).
         wavelength: Wavelength for `tolerance` [m].
@@ -90,7 +90,8 @@ def _region(field, region):
         raise ValueError(f"region needs two corners of {len(low)} coordinates each, got {region!r}")
     if field.geometry == "axisymmetric" and first[0] != 0.0:
         raise ValueError(f"the region of an axisymmetric field starts at r = 0, got {first[0]!r}")
-    if not (last > first).all() or (first >= high).any() or (last <= low).any():
+    finite = np.isfinite(first).all() and np.isfinite(last).all()
+    if not (finite and (last > first).all() and (first < high).all() and (last > low).all()):
         raise ValueError(f"region {region!r} does not lie in the field's box {low.tolist()} to {high.tolist()}")
     return first, last
 
@@ -102,7 +103,10 @@ def _resample_once(field, low, high, step, interpolation):
             f"spacing {step.tolist()} needs {count.astype(float).prod():.3g} nodes, more than {NODE_LIMIT:.0e}: "
             "give a greater spacing or a smaller region"
         )
-    axes = [low[k] + step[k] * np.arange(count[k]) for k in range(len(low))]
+    # A grid that reached beyond the region would sample ambient air there, a jump at the face: divide it evenly.
+    step = (high - low) / (count - 1)
+    step = step + 2.0 * np.maximum(high - (low + step * (count - 1)), 0.0) / (count - 1)
+    axes = [np.minimum(low[k] + step[k] * np.arange(count[k]), high[k]) for k in range(len(low))]
     nodes = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, len(low))
     contrast = _continued(field, nodes, step).reshape(count)
     even = field.geometry == "axisymmetric"

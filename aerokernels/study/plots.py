@@ -20,7 +20,7 @@ BODY_COLOUR, RAY_COLOUR, ACCENT, MUTED = "#5b6470", "#0b6e99", "#c2410c", "#8a94
 STYLE: dict[Any, Any] = {
     "font.size": 10.0,
     "axes.titlesize": 11.0,
-    "axes.titleweight": "semibold",
+    "axes.titleweight": "bold",
     "axes.edgecolor": "#8a94a0",
     "axes.linewidth": 0.8,
     "axes.grid": False,
@@ -216,5 +216,5 @@ FIGURES: dict[str, tuple[str, "Callable[[xarray.Dataset], Figure]"]] = {
 def png(figure: "Figure") -> bytes:
     """`figure` as a PNG file."""
     buffer = io.BytesIO()
-    figure.savefig(buffer, format="png")
+    figure.savefig(buffer, format="png", bbox_inches="tight")
     return buffer.getvalue()

@@ -30,31 +30,15 @@ import warp as wp
 from . import warp_grid, warp_mesh
 from .status import RayStatus
 from .tableau import B_ERROR, BT, BT_ERROR, A, B, C
-from .warp_box import FACE_COUNT, build_crossing, build_surface, build_surface_distance, build_wall_distance
+from .warp_box import FACE_COUNT, build_crossing, build_surface_distance, build_wall_distance
+from .warp_motion import build_advance, build_cells, build_contrast, build_landing, build_look
 from .warp_types import types
 
-# Axes along which a position is kept as cell + fraction.
-SHIFTED = {"volume": (0, 1, 2), "planar": (1, 2), "axisymmetric": (2,), "mesh": ()}
 # The share of the remaining error budget that one step may use up, however short it is.
-STEP_SHARE = 0.1
+STEP_SHARE = 0.02
 # A direction error counts with at least this share of the field's length, besides the ray's own slope.
 DIRECTION_SHARE = 0.01
 WALL_MARCH_LIMIT = 512
-
-
-@functools.cache
-def build_advance(precision: str):
-    """Kahan's compensated sum of vectors: a function (sum, carry, term) -> (sum, carry)."""
-    t = types(precision)
-    vec3 = t.vec3
-
-    @wp.func
-    def advance(total: vec3, carry: vec3, term: vec3):
-        y = term - carry
-        s = total + y
-        return s, (s - total) - y
-
-    return advance
 
 
 @functools.cache
@@ -75,14 +59,14 @@ def build_kernel(
     sample = source.build_sample(precision, geometry, interpolation)
     paper_step = source.build_paper_step(precision, geometry)
     crossing = build_crossing(precision, geometry)
-    surface = build_surface(precision, geometry)
     surface_distance = build_surface_distance(precision, geometry)
     wall_distance = build_wall_distance(precision, geometry)
     advance = build_advance(precision)
-    shifted = SHIFTED["mesh" if on_mesh else geometry]
-    shift_x, shift_y, shift_z = (wp.constant(axis in shifted) for axis in range(3))
+    contrast = build_contrast(precision)
+    in_cells, carry_over = build_cells(precision, "mesh" if on_mesh else geometry)
+    oriented, landing = build_landing(precision, geometry, stop)
+    look = build_look(precision, sample, method == "straight")
     face_count = wp.constant(FACE_COUNT[geometry])
-    surface_count = wp.constant(FACE_COUNT[geometry] + (1 if stop == "plane" else 0))
     landed_arc = wp.constant(100)
     tiny = 1e-30 if precision == "float32" else 1e-290
     least_step = 1e-4  # of a cell: error control does not ask for less
@@ -102,84 +86,6 @@ def build_kernel(
     ok, missed, not_reached = int(RayStatus.OK), int(RayStatus.MISSED_FIELD), int(RayStatus.STOP_NOT_REACHED)
     hit_body, inside_body = int(RayStatus.HIT_BODY), int(RayStatus.INSIDE_BODY)
     too_many, not_finite = int(RayStatus.MAX_STEPS), int(RayStatus.NOT_FINITE)
-
-    @wp.func
-    def in_cells(bounds: Bounds, p: wp.vec3d):
-        """Split a point into whole cells and fractions, in float64."""
-        g = wp.cw_div(p - bounds.origin, bounds.spacing)
-        x = int(0)
-        y = int(0)
-        z = int(0)
-        if shift_x:
-            x = int(wp.floor(g[0]))
-        if shift_y:
-            y = int(wp.floor(g[1]))
-        if shift_z:
-            z = int(wp.floor(g[2]))
-        rest = g - wp.vec3d(wp.float64(x), wp.float64(y), wp.float64(z))
-        return wp.vec3i(x, y, z), vec3(real(rest[0]), real(rest[1]), real(rest[2]))
-
-    @wp.func
-    def carry_over(cell: wp.vec3i, frac: vec3):
-        """Move whole cells from the fraction into the cell, exactly."""
-        x = int(0)
-        y = int(0)
-        z = int(0)
-        if shift_x:
-            x = int(wp.floor(frac[0]))
-        if shift_y:
-            y = int(wp.floor(frac[1]))
-        if shift_z:
-            z = int(wp.floor(frac[2]))
-        return cell + wp.vec3i(x, y, z), frac - vec3(real(x), real(y), real(z))
-
-    @wp.func
-    def contrast(ambient: real, potential: real):
-        """M from s without cancellation."""
-        square = wp.max(ambient * ambient + real(2.0) * potential, real(0.0))
-        return real(2.0) * potential / (wp.sqrt(square) + ambient)
-
-    @wp.func
-    def oriented(control: Control, k: int, side: real, cell: wp.vec3i, frac: vec3):
-        s = surface(control, k, cell, frac)
-        if k == face_count:
-            s = side * s
-        return s
-
-    @wp.func
-    def landing(
-        control: Control, rate: vec3, side: real, cell: wp.vec3i, frac: vec3, momentum: vec3, force: vec3, h: real
-    ):
-        """The first surface that the parabola of a step h crosses, and the step that ends on it."""
-        best = h
-        which = int(-1)
-        end = frac + wp.cw_mul(h * momentum + (real(0.5) * h * h) * force, rate)
-        for k in range(surface_count):
-            s = oriented(control, k, side, cell, end)
-            if s[0] > real(0.0):
-                guess = h
-                for _trial in range(4):
-                    place = frac + wp.cw_mul(guess * momentum + (real(0.5) * guess * guess) * force, rate)
-                    s = oriented(control, k, side, cell, place)
-                    speed = wp.dot(vec3(s[1], s[2], s[3]), wp.cw_mul(momentum + guess * force, rate))
-                    if speed != real(0.0):
-                        guess = wp.clamp(guess - s[0] / speed, real(0.0), h)
-                if guess <= best or which < 0:
-                    best = guess
-                    which = k
-        return best, which
-
-    @wp.func
-    def look(
-        field: Field, cell: wp.vec3i, frac: vec3, rate: vec3, h: real, total: vec3, momentum: vec3, q: vec3, kick: vec3
-    ):
-        """The field at a stage; on a straight line the contrast beside it is first order in the deviation."""
-        if wp.static(straight):
-            s = sample(field, cell, frac + h * wp.cw_mul(total, rate))
-            s[0] += wp.dot(vec3(s[1], s[2], s[3]), q + h * momentum + kick)
-            return s
-        else:
-            return sample(field, cell, frac + wp.cw_mul(h * total + kick, rate))
 
     @wp.kernel(module="unique", enable_backward=False)
     def trace_kernel(
@@ -523,7 +429,6 @@ def build_kernel(
     return trace_kernel
 
 
-NYSTROM_ORDER = 4
 ARRAY_TYPES = {
     "position": wp.vec3d,
     "direction": wp.vec3d,

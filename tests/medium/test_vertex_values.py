@@ -1,5 +1,7 @@
 """Finite-volume averages to vertex values, line integrals through shocks, and the node gradients of eq 7."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -98,7 +100,7 @@ def test_linear_in_z_is_reproduced_around_an_axis():
 
 
 def test_a_field_even_in_r_is_met_on_the_axis():
-    """f = 1 - r^2, cells of h = 1/32: on the axis the parabola through two centroids; error of order h^2 = 1e-3."""
+    """With 1 - r^2, cells of h = 1/32: on the axis the parabola through two centroids; error of order h^2 = 1e-3."""
     mesh = rectangular(np.linspace(0.0, 1.0, 33), np.linspace(0.0, 1.0, 5), "axisymmetric")
     found = vertex_values(mesh, averages(mesh, lambda p: 1.0 - p[:, 0] ** 2)).reshape(33, 5)
     assert np.abs(found[0] - 1.0).max() < 1e-3
@@ -179,15 +181,16 @@ def test_line_integral_through_an_unresolved_shock(slope, unstructured):
             (IndexField.from_mesh(mesh, nodal), from_nodes),
         ):
             for place in rng.uniform(3 * CELL, 7 * CELL, 4):
-                found.append((along_z(field, place, z[-1], CELL / 64) - JUMP * (at + slope * place)) / WAVELENGTH)
+                found.append((along_z(field, place, z[-1], CELL / 2) - JUMP * (at + slope * place)) / WAVELENGTH)
     assert np.abs(from_averages).max() < 2e-4
     assert 0.1 < np.abs(from_nodes).max() < 0.21
 
 
 def test_a_shock_does_not_ring():
-    """The vertex values on both sides of a tilted step stay within the step; rounding only."""
+    """The inner vertex values on both sides of a tilted step stay within the step; rounding only."""
     y, z = CELL * np.arange(11), CELL * np.arange(61)
     found = IndexField.from_mesh(rectangular(y, z), shock_averages(y, z, 0.3, 0.0204)).samples.values
+    found = found.reshape(11, 61)[1:-1, 1:-1]
     assert found.min() > -1e-18 and found.max() < JUMP * (1.0 + 1e-14)
 
 
@@ -196,17 +199,14 @@ def test_an_unstructured_copy_of_the_shipped_field_agrees():
 
     Rms difference below 0.5 % of the whole range, and on the line of sight along r = 3 mm below 1e-3 wave.
     """
-    field = flow.shipped("mach3").index_field()
-    mesh, average = shuffled(field.mesh, flow.shipped("mach3").density)
-    again = IndexField.from_mesh(mesh, (average - flow.shipped("mach3").ambient_density) * 2.25e-4)
-    reference = IndexField.from_mesh(
-        field.mesh, (flow.shipped("mach3").density - flow.shipped("mach3").ambient_density) * 2.25e-4
-    )
-    difference = again.samples.values - reference.samples.values
-    assert np.sqrt(np.mean(difference**2)) < 0.005 * np.ptp(reference.samples.values)
+    density = flow.shipped("mach3")
+    mesh, average = shuffled(density.mesh, density.density)
+    field, again = density.index_field(), replace(density, mesh=mesh, density=average).index_field()
+    difference = again.samples.values - field.samples.values
+    assert np.sqrt(np.mean(difference**2)) < 0.005 * np.ptp(field.samples.values)
     z = np.linspace(0.0, field.box[1][2], 4001)
     points = np.stack([0.0 * z, np.full_like(z, 3e-3), z], axis=1)
-    change = np.mean(again.contrast_at(points) - reference.contrast_at(points)) * z[-1]
+    change = np.mean(again.contrast_at(points) - field.contrast_at(points)) * z[-1]
     assert abs(change) < 1e-3 * WAVELENGTH
 
 

@@ -1,0 +1,142 @@
+"""Device functions of the tracer: positions in cells, compensated sums, landing on a surface, looking at a stage."""
+
+import functools
+
+import warp as wp
+
+from .warp_box import FACE_COUNT, build_surface
+from .warp_types import types
+
+# Axes along which a position is kept as cell + fraction.
+SHIFTED = {"volume": (0, 1, 2), "planar": (1, 2), "axisymmetric": (2,), "mesh": ()}
+
+
+@functools.cache
+def build_advance(precision: str):
+    """Kahan's compensated sum of vectors: a function (sum, carry, term) -> (sum, carry)."""
+    t = types(precision)
+    vec3 = t.vec3
+
+    @wp.func
+    def advance(total: vec3, carry: vec3, term: vec3):
+        y = term - carry
+        s = total + y
+        return s, (s - total) - y
+
+    return advance
+
+
+@functools.cache
+def build_contrast(precision: str):
+    """A function (ambient, potential) -> contrast."""
+    real = types(precision).real
+
+    @wp.func
+    def contrast(ambient: real, potential: real):
+        """M from s without cancellation."""
+        square = wp.max(ambient * ambient + real(2.0) * potential, real(0.0))
+        return real(2.0) * potential / (wp.sqrt(square) + ambient)
+
+    return contrast
+
+
+@functools.cache
+def build_cells(precision: str, kind: str):
+    """Functions (bounds, point) -> (cell, frac), and (cell, frac) -> the same with frac in [0, 1)."""
+    t = types(precision)
+    real, vec3, Bounds = t.real, t.vec3, t.Bounds
+    shift_x, shift_y, shift_z = (wp.constant(axis in SHIFTED[kind]) for axis in range(3))
+
+    @wp.func
+    def in_cells(bounds: Bounds, p: wp.vec3d):
+        """Split a point into whole cells and fractions, in float64."""
+        g = wp.cw_div(p - bounds.origin, bounds.spacing)
+        x = int(0)
+        y = int(0)
+        z = int(0)
+        if shift_x:
+            x = int(wp.floor(g[0]))
+        if shift_y:
+            y = int(wp.floor(g[1]))
+        if shift_z:
+            z = int(wp.floor(g[2]))
+        rest = g - wp.vec3d(wp.float64(x), wp.float64(y), wp.float64(z))
+        return wp.vec3i(x, y, z), vec3(real(rest[0]), real(rest[1]), real(rest[2]))
+
+    @wp.func
+    def carry_over(cell: wp.vec3i, frac: vec3):
+        """Move whole cells from the fraction into the cell, exactly."""
+        x = int(0)
+        y = int(0)
+        z = int(0)
+        if shift_x:
+            x = int(wp.floor(frac[0]))
+        if shift_y:
+            y = int(wp.floor(frac[1]))
+        if shift_z:
+            z = int(wp.floor(frac[2]))
+        return cell + wp.vec3i(x, y, z), frac - vec3(real(x), real(y), real(z))
+
+    return in_cells, carry_over
+
+
+@functools.cache
+def build_landing(precision: str, geometry: str, stop: str):
+    """Functions: a surface with the plane turned toward the ray, and the step that ends on the first surface."""
+    t = types(precision)
+    real, vec3, Control = t.real, t.vec3, t.Control
+    surface = build_surface(precision, geometry)
+    face_count = wp.constant(FACE_COUNT[geometry])
+    surface_count = wp.constant(FACE_COUNT[geometry] + (1 if stop == "plane" else 0))
+
+    @wp.func
+    def oriented(control: Control, k: int, side: real, cell: wp.vec3i, frac: vec3):
+        s = surface(control, k, cell, frac)
+        if k == face_count:
+            s = side * s
+        return s
+
+    @wp.func
+    def landing(
+        control: Control, rate: vec3, side: real, cell: wp.vec3i, frac: vec3, momentum: vec3, force: vec3, h: real
+    ):
+        """The first surface that the parabola of a step h crosses, and the step that ends on it."""
+        best = h
+        which = int(-1)
+        end = frac + wp.cw_mul(h * momentum + (real(0.5) * h * h) * force, rate)
+        for k in range(surface_count):
+            s = oriented(control, k, side, cell, end)
+            if s[0] > real(0.0):
+                guess = h
+                for _trial in range(4):
+                    place = frac + wp.cw_mul(guess * momentum + (real(0.5) * guess * guess) * force, rate)
+                    s = oriented(control, k, side, cell, place)
+                    speed = wp.dot(vec3(s[1], s[2], s[3]), wp.cw_mul(momentum + guess * force, rate))
+                    if speed != real(0.0):
+                        guess = wp.clamp(guess - s[0] / speed, real(0.0), h)
+                if guess <= best or which < 0:
+                    best = guess
+                    which = k
+        return best, which
+
+    return oriented, landing
+
+
+def build_look(precision: str, sample, straight: bool):
+    """A function that looks the field up at a stage of a step."""
+    t = types(precision)
+    real, vec3, Field = t.real, t.vec3, t.Field
+
+    @wp.func
+    def look(
+        field: Field, cell: wp.vec3i, frac: vec3, rate: vec3, h: real, total: vec3, momentum: vec3, q: vec3, kick: vec3
+    ):
+        """The field at a stage; on a straight line the contrast beside it is first order in the deviation."""
+        if wp.static(straight):
+            s = sample(field, cell, frac + h * wp.cw_mul(total, rate))
+            s[0] += wp.dot(vec3(s[1], s[2], s[3]), q + h * momentum + kick)
+            return s
+        else:
+            return sample(field, cell, frac + wp.cw_mul(h * total + kick, rate))
+
+    return look
