@@ -111,7 +111,8 @@ class IndexField:
             raise TypeError(f"mesh must be a QuadMesh, got {type(mesh).__name__}: see QuadMesh.structured")
         values = np.array(contrast, dtype=np.float64)
         check_finite(values, "the contrast")
-        at_vertices, in_cells = [(len(mesh.vertices),)], [(len(mesh.cells),)]
+        at_vertices: list[tuple[int, ...]] = [(len(mesh.vertices),)]
+        in_cells: list[tuple[int, ...]] = [(len(mesh.cells),)]
         if mesh.shape is not None:
             at_vertices.append(mesh.shape)
             in_cells.append((mesh.shape[0] - 1, mesh.shape[1] - 1))

@@ -124,6 +124,7 @@ def simulate(scene: Scene, *, progress: Progress | None = None) -> RunResult:
         seconds[name] = time.perf_counter() - begin
         return made
 
+    choose_backend(scene.trace.backend, scene.trace.device)  # refused here, before anything is computed
     prepared = staged("prepare", lambda: prepare_field(scene))
     field = prepared.field
     result = RunResult(

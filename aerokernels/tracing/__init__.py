@@ -1,6 +1,7 @@
 """Rays through a field: plan, trace, result and status, one module per backend."""
 
-from .backends import BackendInfo, available_backends
+from .backend_info import BackendInfo
+from .backends import available_backends
 from .result import TraceResult
 from .status import RayStatus
 from .stop import ArcLength, Plane

@@ -1,42 +1,17 @@
 """Which engines can trace here, and which one "auto" takes."""
 
 import importlib.util
-import os
-from dataclasses import dataclass
+
+from .backend_info import BackendInfo, host_memory
 
 BACKENDS = ("auto", "warp", "opencl", "reference")
-
-
-@dataclass(frozen=True)
-class BackendInfo:
-    """One way to trace on one device.
-
-    Attributes:
-        backend: "warp", "opencl" or "reference".
-        device: The name to give as `device`.
-        description: What the device is.
-        version: Version of the library behind it.
-        available: Whether it can trace.
-        float64: Whether it computes in float64.
-        memory: Memory of the device [bytes], or None where unknown.
-        reason: Why it is taken or not.
-    """
-
-    backend: str
-    device: str
-    description: str
-    version: str
-    available: bool
-    float64: bool
-    memory: int | None
-    reason: str
 
 
 def available_backends() -> list[BackendInfo]:
     """Every backend and device found, the one that "auto" takes first."""
     found = []
     if importlib.util.find_spec("warp") is not None:
-        from .warp_backend import list_devices
+        from .warp_devices import list_devices
 
         found += list_devices()
     else:
@@ -54,7 +29,7 @@ def available_backends() -> list[BackendInfo]:
             scipy.__version__,
             True,
             True,
-            _host_memory(),
+            host_memory(),
             "never taken by auto",
         )
     )
@@ -76,7 +51,7 @@ def choose_backend(backend: str, device: str | None) -> tuple[str, str, str]:
     if backend == "opencl" or importlib.util.find_spec("warp") is None:
         reason = next(info.reason for info in available_backends() if info.backend == "opencl" or not info.available)
         raise ValueError(f"backend {backend!r} cannot trace here: {reason}")
-    from .warp_backend import list_devices
+    from .warp_devices import list_devices
 
     devices = list_devices()
     names = [info.device for info in devices]
@@ -90,10 +65,3 @@ def choose_backend(backend: str, device: str | None) -> tuple[str, str, str]:
 
 def _absent(backend: str, reason: str) -> BackendInfo:
     return BackendInfo(backend, "-", "-", "-", False, False, None, reason)
-
-
-def _host_memory() -> int | None:
-    try:
-        return os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
-    except (ValueError, OSError, AttributeError):
-        return None

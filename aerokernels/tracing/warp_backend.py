@@ -1,8 +1,5 @@
 """The Warp backend: fields uploaded once, rays in chunks over all cores, arrays back in float64."""
 
-import functools
-import os
-import sys
 import time
 import weakref
 from concurrent.futures import ThreadPoolExecutor
@@ -14,9 +11,9 @@ import warp as wp
 from ..medium import IndexField
 from ..medium.spline import STRIDE
 from ..rays import RayBundle
-from .backends import BackendInfo, _host_memory
 from .plan import TracePlan
 from .stop import ArcLength, Plane
+from .warp_devices import start_warp, thread_count
 from .warp_tracer import ARRAY_TYPES, NUMPY_TYPES, build_kernel
 from .warp_types import types
 
@@ -26,41 +23,6 @@ STEP_LIMIT = 4.0
 CHUNK = 4096
 
 _uploaded: weakref.WeakKeyDictionary = weakref.WeakKeyDictionary()
-
-
-@functools.cache
-def _start() -> None:
-    """Start Warp without its banner; a missing CUDA driver is no news on a machine without a GPU."""
-    wp.config.quiet = True
-    wp.config.log_level = wp.LOG_WARNING
-    sys.stderr.flush()
-    silent, spoken = os.open(os.devnull, os.O_WRONLY), os.dup(2)
-    try:
-        os.dup2(silent, 2)  # the warning is printed by native code, past any Python stream
-        wp.init()
-    finally:
-        os.dup2(spoken, 2)
-        os.close(silent)
-        os.close(spoken)
-
-
-def thread_count() -> int:
-    """Cores that this process may use."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else (os.cpu_count() or 1)
-
-
-def list_devices() -> list[BackendInfo]:
-    """Warp's devices, a CUDA device first where there is one."""
-    _start()
-    found = []
-    for device in wp.get_devices():
-        if device.is_cuda:
-            text, memory, reason = device.name, device.total_memory, "a GPU is taken where there is one"
-        else:
-            text = f"{thread_count()} cores, launches chunked over threads"
-            memory, reason = _host_memory(), "no CUDA device"
-        found.append(BackendInfo("warp", device.alias, text, wp.__version__, True, True, memory, reason))
-    return sorted(found, key=lambda info: info.device == "cpu")
 
 
 def upload(field: IndexField, precision: str, device: str, with_paper_step: bool) -> SimpleNamespace:
@@ -160,7 +122,7 @@ def _per_position_axis(geometry: str, spacing, origin) -> tuple[np.ndarray, np.n
 
 def prepare(field: IndexField, plan: TracePlan, until, wavelength: float, outputs: frozenset) -> SimpleNamespace:
     """Kernel and its arguments but for the rays."""
-    _start()
+    start_warp()
     start = time.perf_counter()
     kept = upload(field, plan.precision, plan.device, plan.method == "paper")
     t = types(plan.precision)
