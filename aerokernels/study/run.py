@@ -27,6 +27,7 @@ from aerokernels.study.store import (
     write_summary,
 )
 from aerokernels.study.views import PupilMap, RayFan, Spot, pupil_map, ray_fan, spot
+from aerokernels.tracing.backends import choose_backend
 
 if TYPE_CHECKING:
     import xarray
