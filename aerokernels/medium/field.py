@@ -199,11 +199,15 @@ class IndexField:
 
     @cached_property
     def wall_distance(self) -> DistanceGrid | None:
-        """Signed distance to the body over the box, on the field's own spacing; None without a body."""
+        """Signed distance to the body over the box; None without a body.
+
+        On the field's own spacing, and at least 400 nodes along the longer side: a body may be finer than the flow.
+        """
         if self.body is None:
             return None
         low, high = self.samples.low, self.samples.high
-        spacing = self.samples.spacing if self.is_uniform else np.full(2, (high - low).max() / 800.0)
+        extent = float((high - low).max())
+        spacing = np.minimum(self.samples.spacing, extent / 400.0) if self.is_uniform else np.full(2, extent / 800.0)
         return self.body.distance_grid(low, high, spacing)
 
     def resample(self, spacing=None, *, tolerance=None, wavelength=905e-9, region=None, interpolation="cubic"):

@@ -100,7 +100,7 @@ class GridTable(Table):
         "of every sample, as the paper does.",
     )
     spacing: Length = key(
-        "0.1 mm",
+        "0.05 mm",
         "Spacing of the uniform grid: about the CFD cells' size in the shock layer ahead of the dome.",
     )
     interpolation: Literal["cubic", "linear", "monotone", "bilinear", "bilinear-barron", "idw"] = key(
