@@ -232,11 +232,11 @@ def test_blocked_rays_carry_no_light():
     """Set-up: a ball of 3 mm ahead of a pupil of 6 mm, in the rod. Expected: a quarter of the rays end on it.
 
     The Strehl ratio is that of the ring outside: the quadrature from r = 3 to 6 mm. Error: the wall is known to a grid
-    of 0.05 mm, bilinear, (0.05 mm)^2 / (8 * 3 mm) = 1e-7 m; steps of 0.2 mm pass over chords shorter than that, beyond
-    r = 2.998 mm; sampling of a sharp edge, about 16384^(-3/4) = 7e-4.
+    of 0.05 mm, bilinear, (0.05 mm)^2 / (8 * 3 mm) = 1e-7 m; no step is longer than the wall is away, or one node of
+    that grid; sampling of a sharp edge, about 16384^(-3/4) = 7e-4.
     """
     body = ball(3e-3, 0.01)
-    estimate = estimate_strehl(gaussian_rod(body=body), Disc(PUPIL), ray_count=16_384, method="fixed", step=2e-4)
+    estimate = estimate_strehl(gaussian_rod(body=body), Disc(PUPIL), ray_count=16_384)
     assert estimate.blocked == pytest.approx(0.25, abs=2e-3)
     node, weight = np.polynomial.legendre.leggauss(200)
     r = np.sqrt(3e-3**2 + (PUPIL**2 - 3e-3**2) * 0.5 * (node + 1.0))

@@ -39,12 +39,16 @@ class DensityField:
         if not isinstance(self.mesh, QuadMesh):
             raise TypeError(f"mesh must be a QuadMesh, got {type(self.mesh).__name__}: see QuadMesh.structured")
         positive(self.ambient_density, "ambient_density")
-        density = np.array(self.density, dtype=np.float64).ravel()
-        if density.size != len(self.mesh.cells):
+        density = np.array(self.density, dtype=np.float64)
+        shapes: list[tuple[int, ...]] = [(len(self.mesh.cells),)]
+        if self.mesh.shape is not None:
+            shapes.append((self.mesh.shape[0] - 1, self.mesh.shape[1] - 1))
+        if density.shape not in shapes:
             raise ValueError(
-                f"density has {density.size} entries, the mesh {len(self.mesh.cells)} cells: "
-                "give one average for each cell"
+                f"density has shape {density.shape}, the mesh {len(self.mesh.cells)} cells: "
+                f"give one average for each cell, shape {' or '.join(map(str, shapes))}"
             )
+        density = density.ravel()
         self._refuse(~np.isfinite(density), density, "not finite")
         self._refuse(density <= 0.0, density, "not positive")
         density.setflags(write=False)

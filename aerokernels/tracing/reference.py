@@ -214,7 +214,9 @@ class _Ray:
             event.terminal, event.direction = True, sense  # type: ignore[attr-defined]
         diagonal = float(np.linalg.norm(np.where(np.isfinite(self.high - self.low), self.high - self.low, 0.0)))
         limit = 1e4 * diagonal / self.ambient
-        cell = float(np.min(self.field.spacing))
+        reach = 2.0 * float(np.min(self.field.spacing))
+        if self.field.body is not None:
+            reach = min(reach, float(self.field.wall_distance.spacing.min()))
         solution = solve_ivp(
             rate,
             (0.0, limit),
@@ -223,7 +225,7 @@ class _Ray:
             rtol=RELATIVE_TOLERANCE,
             atol=1e-15 + 1e-12 * diagonal,
             events=[leaves, arrives, hits],
-            max_step=2.0 * cell / self.ambient,
+            max_step=reach / self.ambient,
         )
         self.steps = len(solution.t) - 1
         for k, status in ((2, RayStatus.HIT_BODY), (1, RayStatus.OK), (0, RayStatus.OK)):

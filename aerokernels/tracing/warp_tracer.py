@@ -205,6 +205,10 @@ def build_kernel(
                     speed = wp.length(wp.cw_mul(total, control.cell_rate))
                     h = wp.min(h, control.step_limit / wp.max(speed, real(tiny)))
                 wanted = h
+                if wp.static(controlled and has_body):
+                    # No further than the wall is away, so that no step jumps over the body.
+                    h = wp.min(h, wp.max(gap, real(1.0) / wp.max(field.wall_rate)) / wp.length(total))
+                cut = bool(h < wanted)
                 shown = frac
                 if wp.static(straight):
                     shown = frac + wp.cw_mul(q, rate)
@@ -254,9 +258,9 @@ def build_kernel(
                         ratio = wp.clamp(real(0.9) * wp.pow(allowed / off, real(0.25)), real(0.2), real(4.0))
                     accept = bool(off <= allowed or h <= h_least)
                     if accept:
-                        # A step cut short by a surface says nothing against the length wanted.
+                        # A step cut short by a surface or a wall says nothing against the length wanted.
                         h_next = wp.max(h * ratio, h_least)
-                        if land >= 0:
+                        if land >= 0 or cut:
                             h_next = wp.max(h_next, wanted)
                     else:
                         h_next = wp.max(h * wp.min(ratio, real(0.8)), h_least)
