@@ -20,6 +20,7 @@ from .tracing import Plane, trace
 from .tracing.budget import error_budget
 from .tracing.plan import make_plan
 from .tracing.pupil_sums import fit_moments
+from .tracing.tableau import EVALUATIONS_PER_STEP
 from .wavefront import check_terms, check_wavefront, map_points, remove_terms
 
 REPLICATES = 16
@@ -263,7 +264,7 @@ def _budget(field, probe, plan, moments, estimate, wavelength) -> dict[str, floa
         ok=np.array([True]),
         step_error=np.array([moments[:, 10].max()]),
         opd=np.array([3.0 * estimate["opd_rms"] + np.abs(moments[:, 3].sum() / moments[:, 0].sum())]),
-        step_count=None,
+        step_count=np.array([moments[:, 11].sum() / max(moments[:, 0].sum(), 1.0) / EVALUATIONS_PER_STEP]),
         plan=plan,
     )
     amplitude = np.sqrt(estimate["value"])

@@ -1,9 +1,12 @@
 """The index contrast on a quadrilateral mesh: values at vertices, interpolated in the cell that holds the point.
 
-"bilinear"          one scalar, its gradient the derivative of the bilinear map's interpolant (default)
-"bilinear-barron"   value bilinear, gradient bilinear between node gradients of eq 7
-"idw"               the paper: eq 6 for value and for node gradients of eq 7; it does not reproduce a linear field
-and jumps at cell edges, so it is there for comparison only
+Interpolations:
+
+    "bilinear"          one scalar, its gradient the derivative of the bilinear map's interpolant (default)
+    "bilinear-barron"   value bilinear, gradient bilinear between node gradients of eq 7
+    "idw"               the paper: eq 6 for value and for node gradients of eq 7
+
+"idw" does not reproduce a linear field and jumps at cell edges: it is there for comparison only.
 """
 
 from dataclasses import dataclass

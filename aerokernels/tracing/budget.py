@@ -1,12 +1,16 @@
 """The error budget of a trace's optical path difference, by cause.
 
-step            greatest embedded error over the rays that arrived
-interpolation   optical path along a few of the rays' straight lines through the grid, against the same through
-every second node; a third of the change, which is what remains if the order is two or more
-resampling      measured when the field was resampled (rms over lines parallel to z)
-precision       rounding: half a unit in the last place of the greatest OPD, times the root of the step count
-sampling        0: a trace is no mean over rays (an estimate over a pupil fills it in)
-total           root sum of squares
+Causes:
+
+    step            greatest embedded error over the rays that arrived
+    interpolation   a third of what leaving out every second node changes along a few rays' straight lines
+    resampling      measured when the field was resampled (rms over lines parallel to z)
+    precision       rounding: half a unit in the last place of the greatest OPD, times the root of the step count
+    sampling        0: a trace is no mean over rays (an estimate over a pupil fills it in)
+    total           root sum of squares
+
+A third of the change is what remains if the order is two or more. A cause whose arrays were not asked for in `outputs`
+is not known: it is nan, and so is the total.
 """
 
 from dataclasses import replace
@@ -24,21 +28,25 @@ POINT_COUNT = 768
 def error_budget(field: IndexField, rays: RayBundle, result) -> dict[str, float]:
     """The budget [m of OPD]."""
     good = result.ok
-    step = 0.0
-    if result.step_error is not None and good.any():
-        step = float(result.step_error[good].max())
+    step = _greatest(result.step_error, good)
     unit = 2.0**-24 if result.plan.precision == "float32" else 2.0**-53
-    size = float(np.abs(result.opd[good]).max()) if result.opd is not None and good.any() else 0.0
-    steps = float(result.step_count.max()) if result.step_count is not None else 1000.0
+    step_count = max(_greatest(result.step_count, good), 1.0)
     budget = {
         "step": step,
         "interpolation": interpolation_error(field, rays),
         "resampling": 0.0 if field.resampling is None else field.resampling.opd_rms,
-        "precision": unit * size * np.sqrt(max(steps, 1.0)),
+        "precision": unit * _greatest(result.opd, good) * np.sqrt(step_count),
         "sampling": 0.0,
     }
     budget["total"] = float(np.sqrt(sum(v * v for v in budget.values())))
     return {name: float(value) for name, value in budget.items()}
+
+
+def _greatest(array, good: np.ndarray) -> float:
+    """Greatest magnitude over the rays that arrived, nan where the array was not asked for."""
+    if array is None:
+        return float("nan")
+    return float(np.abs(array[good]).max(initial=0.0))
 
 
 def interpolation_error(field: IndexField, rays: RayBundle) -> float:

@@ -9,7 +9,6 @@ import numpy as np
 import warp as wp
 
 from ..medium import IndexField
-from ..medium.spline import STRIDE
 from ..rays import RayBundle
 from .plan import TracePlan
 from .stop import ArcLength, Plane
@@ -51,7 +50,6 @@ def _upload(field: IndexField, precision: str, device: str, with_paper_step: boo
     bounds.ambient = field.ambient_index
     empty = np.zeros(1)
     if field.is_uniform:
-        stride = STRIDE[field.interpolation]
         device_field.coefficients = array(samples.coefficients.ravel())
         spacing, origin = _per_position_axis(field.geometry, samples.spacing, samples.origin)
         shape = samples.coefficients.shape
@@ -64,7 +62,6 @@ def _upload(field: IndexField, precision: str, device: str, with_paper_step: boo
         device_field.pitch = wp.vec3i(*pitch)
         device_field.row = wp.vec3i(*([n - 2 for n in samples.shape] + [0] * (3 - len(samples.shape))))
         cell_rate = 1.0 / spacing
-        assert stride in (1, 2)
         device_field.slack = 0.0
         device_field.corners, device_field.gradients = array(np.zeros((1, 2)), t.vec2), array(np.zeros((1, 2)), t.vec2)
         device_field.values = array(empty)

@@ -39,6 +39,6 @@ def list_devices() -> list[BackendInfo]:
             text, memory, reason = device.name, device.total_memory, "a GPU is taken where there is one"
         else:
             text = f"{thread_count()} cores, launches chunked over threads"
-            memory, reason = host_memory(), "no CUDA device"
+            memory, reason = host_memory(), ("a GPU goes before it" if wp.is_cuda_available() else "no CUDA device")
         found.append(BackendInfo("warp", device.alias, text, wp.__version__, True, True, memory, reason))
     return sorted(found, key=lambda info: info.device == "cpu")

@@ -354,7 +354,7 @@ def build_kernel(
                     if running and steps >= control.max_steps:
                         running = bool(False)
                         status = int(too_many)
-                elif evaluations > 12 * control.max_steps:
+                elif evaluations // 12 > control.max_steps:
                     running = bool(False)
                     status = int(too_many)
                 if not (wp.isfinite(wp.length(q)) and wp.isfinite(sums[1])):

@@ -66,6 +66,8 @@ def test_only_the_outputs_asked_for_come_back(backend):
             assert getattr(part, name).dtype == np.float64
         else:
             assert getattr(part, name) is None
+    assert np.isnan(part.error["step"]) and np.isnan(part.error["total"])
+    assert np.isfinite(whole.error["total"])
 
 
 def test_a_result_tells_its_plan_times_errors_and_units():
