@@ -13,13 +13,26 @@ from ..rays import RayBundle
 from .plan import TracePlan
 from .stop import ArcLength, Plane
 from .warp_devices import start_warp, thread_count
-from .warp_tracer import ARRAY_TYPES, NUMPY_TYPES, build_kernel
+from .warp_tracer import build_kernel
 from .warp_types import types
 
 # Greatest step in cells: four samples a step, so none of them can jump over the four-cell support of a sample.
 STEP_LIMIT = 4.0
 # Rays in one launch of a host thread; small enough to balance threads, large enough to hide the launch.
 CHUNK = 4096
+# Per-ray outputs of the kernel, in the order of its arguments.
+ARRAY_TYPES = {
+    "position": wp.vec3d,
+    "direction": wp.vec3d,
+    "optical_path": wp.float64,
+    "opd": wp.float64,
+    "arc_length": wp.float64,
+    "step_error": wp.float64,
+    "step_count": wp.int32,
+    "evaluation_count": wp.int32,
+    "status": wp.int32,
+}
+NUMPY_TYPES = {"step_count": np.int32, "evaluation_count": np.int32, "status": np.int32}
 
 _uploaded: weakref.WeakKeyDictionary = weakref.WeakKeyDictionary()
 

@@ -6,6 +6,8 @@ import warp as wp
 
 from .warp_types import types
 
+# Steps of the search for the place where a ray leaves the body; each is as long as the wall is away.
+WALL_MARCH_LIMIT = 512
 FACE_COUNT = {"volume": 6, "planar": 4, "axisymmetric": 3}
 
 
@@ -138,3 +140,50 @@ def build_wall_distance(precision: str, geometry: str):
         return (real(1.0) - u) * near + u * far
 
     return wall_distance
+
+
+@functools.cache
+def build_way_out(precision: str, geometry: str):
+    """A function (field, position, direction, from, to) -> (distance at which a ray is out, whether it is not)."""
+    t = types(precision)
+    real, vec3, Field = t.real, t.vec3, t.Field
+    wall_distance = build_wall_distance(precision, geometry)
+
+    @wp.func
+    def way_out(field: Field, p: wp.vec3d, d: wp.vec3d, first: wp.float64, last: wp.float64):
+        least = wp.float64(1.0e-4) / wp.float64(field.wall_rate[1])
+        along = wp.float64(first)
+        march = int(0)
+        solid = bool(True)
+        while solid and march < wp.static(WALL_MARCH_LIMIT) and along <= last:
+            at = p + along * d
+            gap = wall_distance(field, vec3(real(at[0]), real(at[1]), real(at[2])))
+            solid = bool(gap < real(0.0))
+            if solid:
+                along += wp.max(-wp.float64(gap), least)
+            march += 1
+        return along, solid
+
+    return way_out
+
+
+@functools.cache
+def build_meeting(precision: str, geometry: str):
+    """A function (bounds, k, point, direction, guess) -> distance at which a line meets surface k.
+
+    A line that grazes the surface keeps its guess.
+    """
+    Bounds = types(precision).Bounds
+    surface_distance = build_surface_distance(precision, geometry)
+
+    @wp.func
+    def meeting(bounds: Bounds, k: int, p: wp.vec3d, d: wp.vec3d, guess: wp.float64):
+        along = wp.float64(guess)
+        for _trial in range(3):
+            miss = surface_distance(bounds, k, p + along * d)
+            cosine = wp.dot(wp.vec3d(miss[1], miss[2], miss[3]), d)
+            if wp.abs(cosine) > wp.float64(0.05):
+                along -= miss[0] / cosine
+        return along
+
+    return meeting

@@ -26,6 +26,14 @@ def build_advance(precision: str):
     return advance
 
 
+@wp.func
+def deflection(ambient: wp.float64, d: wp.vec3d, p: wp.vec3d):
+    """Change of the unit tangent from d when the momentum is ambient d + p, without cancellation."""
+    speed = wp.length(ambient * d + p)
+    excess = (wp.float64(2.0) * ambient * wp.dot(d, p) + wp.dot(p, p)) / (speed + ambient)
+    return (p - excess * d) / speed
+
+
 @functools.cache
 def build_contrast(precision: str):
     """A function (ambient, potential) -> contrast."""

@@ -24,21 +24,19 @@ order in the step, is flown along the tangent; the distance along d is then solv
 
 import functools
 
-import numpy as np
 import warp as wp
 
 from . import warp_grid, warp_mesh
 from .status import RayStatus
 from .tableau import B_ERROR, BT, BT_ERROR, A, B, C
-from .warp_box import FACE_COUNT, build_crossing, build_surface_distance, build_wall_distance
-from .warp_motion import build_advance, build_cells, build_contrast, build_landing, build_look
+from .warp_box import FACE_COUNT, build_crossing, build_meeting, build_wall_distance, build_way_out
+from .warp_motion import build_advance, build_cells, build_contrast, build_landing, build_look, deflection
 from .warp_types import types
 
 # The share of the remaining error budget that one step may use up, however short it is.
 STEP_SHARE = 0.02
 # A direction error counts with at least this share of the field's length, besides the ray's own slope.
 DIRECTION_SHARE = 0.01
-WALL_MARCH_LIMIT = 512
 
 
 @functools.cache
@@ -59,8 +57,9 @@ def build_kernel(
     sample = source.build_sample(precision, geometry, interpolation)
     paper_step = source.build_paper_step(precision, geometry)
     crossing = build_crossing(precision, geometry)
-    surface_distance = build_surface_distance(precision, geometry)
+    meeting = build_meeting(precision, geometry)
     wall_distance = build_wall_distance(precision, geometry)
+    way_out = build_way_out(precision, geometry)
     advance = build_advance(precision)
     contrast = build_contrast(precision)
     in_cells, carry_over = build_cells(precision, "mesh" if on_mesh else geometry)
@@ -140,16 +139,7 @@ def build_kernel(
         # A ray that starts behind the body's surface begins where it leaves it.
         if wp.static(has_body):
             if meets:
-                eps = wp.float64(1.0e-4) / wp.float64(field.wall_rate[1])
-                march = int(0)
-                solid = bool(True)
-                while solid and march < wp.static(WALL_MARCH_LIMIT) and enter <= span[1]:
-                    at = p0 + enter * d0
-                    gap = wall_distance(field, vec3(real(at[0]), real(at[1]), real(at[2])))
-                    solid = bool(gap < real(0.0))
-                    if solid:
-                        enter += wp.max(-wp.float64(gap), eps)
-                    march += 1
+                enter, solid = way_out(field, p0, d0, enter, span[1])
                 if solid:
                     status = int(inside_body)
                 if has_undisturbed and wp.static(stop != "none"):
@@ -369,19 +359,11 @@ def build_kernel(
         sigma = wp.float64(sums[0]) - wp.float64(sums_carry[0])
         work = wp.float64(2.0) * (wp.float64(sums[1]) - wp.float64(sums_carry[1]))
         stretch = wp.float64(sums[2]) - wp.float64(sums_carry[2])
-        full = ambient64 * d0 + p64
-        speed64 = wp.length(full)
-        turn = (
-            p64 - ((wp.float64(2.0) * ambient64 * wp.dot(d0, p64) + wp.dot(p64, p64)) / (speed64 + ambient64)) * d0
-        ) / speed64
+        turn = deflection(ambient64, d0, p64)
         heading = d0 + turn
         along = enter + ambient64 * sigma  # distance along the straight ray
         if landed >= 0 and landed < landed_arc:
-            for _trial in range(3):
-                miss = surface_distance(bounds, landed, p0 + along * d0 + q64)
-                cosine = wp.dot(wp.vec3d(miss[1], miss[2], miss[3]), d0)
-                if wp.abs(cosine) > wp.float64(0.05):
-                    along -= miss[0] / cosine
+            along = meeting(bounds, landed, p0 + q64, d0, along)
         if not meets:
             along = none64
             if wp.static(stop == "none"):
@@ -431,17 +413,3 @@ def build_kernel(
         status_out[ray] = status
 
     return trace_kernel
-
-
-ARRAY_TYPES = {
-    "position": wp.vec3d,
-    "direction": wp.vec3d,
-    "optical_path": wp.float64,
-    "opd": wp.float64,
-    "arc_length": wp.float64,
-    "step_error": wp.float64,
-    "step_count": wp.int32,
-    "evaluation_count": wp.int32,
-    "status": wp.int32,
-}
-NUMPY_TYPES = {"step_count": np.int32, "evaluation_count": np.int32, "status": np.int32}
