@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from .body import Body, DistanceGrid
+from .cell_averages import node_values
 from .grid import UniformGrid, check_finite
 from .mesh import GEOMETRIES, QuadMesh
 from .mesh_samples import MeshSamples
@@ -55,7 +56,16 @@ class IndexField:
 
     @classmethod
     def from_samples(
-        cls, contrast, *, origin, spacing, geometry, ambient_index=1.0, interpolation="cubic", body=None
+        cls,
+        contrast,
+        *,
+        origin,
+        spacing,
+        geometry,
+        ambient_index=1.0,
+        interpolation="cubic",
+        body=None,
+        cell_averages=False,
     ) -> "IndexField":
         """A field from samples on a uniform grid.
 
@@ -67,6 +77,8 @@ class IndexField:
             ambient_index: Index outside the box. The faces of the box do not refract.
             interpolation: "cubic" (C2 B-spline), "linear" or "monotone" (no overshoot at a shock).
             body: Solid body in the field.
+            cell_averages: `contrast` holds averages over the cells centred on the nodes (finite-volume data), not
+                samples at the nodes: a shock inside a cell then keeps its place. See cell_averages.py.
 
         Raises:
             ValueError: Numbers that are not finite, shapes that disagree, a spacing that is not positive, an unknown
@@ -85,6 +97,8 @@ class IndexField:
         axisymmetric = geometry == "axisymmetric"
         check_ambient(ambient_index)
         grid = UniformGrid(array, origin, spacing, interpolation, axisymmetric, float(ambient_index))
+        if cell_averages:
+            grid = replace(grid, samples=node_values(grid.samples, interpolation, axisymmetric))
         if axisymmetric and abs(grid.origin[0]) > 1e-9 * grid.spacing[0]:
             raise ValueError(f"an axisymmetric grid starts at r = 0, got origin {grid.origin[0]!r}")
         return cls(grid, geometry, ambient_index, body)

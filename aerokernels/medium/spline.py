@@ -53,17 +53,15 @@ def coefficients(samples: np.ndarray, interpolation: str, even_first_axis: bool)
     return _limited_hermite(np.asarray(samples, dtype=np.float64), even_first_axis)
 
 
-def _spline_along(values: np.ndarray, axis: int, even_start: bool) -> np.ndarray:
-    """Solve for the n + 2 uniform B-spline coefficients of the n values along one axis."""
-    from scipy.sparse import lil_matrix
-    from scipy.sparse.linalg import splu
+def end_conditions(count: int, even_start: bool):
+    """The sparse matrix for the n + 2 B-spline coefficients along an axis of n nodes, its first and last row filled.
 
-    count = values.shape[axis]
+    The end rows say: mirror symmetry, no jump of the third derivative at the second node, or (on two or three nodes,
+    which carry only a straight line or a parabola) no second or third derivative.
+    """
+    from scipy.sparse import lil_matrix
+
     matrix = lil_matrix((count + 2, count + 2))
-    for node in range(count):
-        matrix[node + 1, node : node + 3] = [1 / 6, 4 / 6, 1 / 6]
-    # End rows: mirror symmetry, no jump of the third derivative at the second node, or (on two or three nodes, which
-    # carry only a straight line or a parabola) no second or third derivative.
     if count >= 4:
         row = [1.0, -4.0, 6.0, -4.0, 1.0]
     elif count == 3:
@@ -75,6 +73,17 @@ def _spline_along(values: np.ndarray, axis: int, even_start: bool) -> np.ndarray
     if even_start:
         matrix[0, :] = 0.0
         matrix[0, :3] = [1.0, 0.0, -1.0]
+    return matrix
+
+
+def _spline_along(values: np.ndarray, axis: int, even_start: bool) -> np.ndarray:
+    """Solve for the n + 2 uniform B-spline coefficients of the n values along one axis."""
+    from scipy.sparse.linalg import splu
+
+    count = values.shape[axis]
+    matrix = end_conditions(count, even_start)
+    for node in range(count):
+        matrix[node + 1, node : node + 3] = [1 / 6, 4 / 6, 1 / 6]
     moved = np.moveaxis(values, axis, 0)
     right = np.zeros((count + 2, moved[0].size))
     right[1:-1] = moved.reshape(count, -1)
