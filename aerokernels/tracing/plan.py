@@ -88,13 +88,13 @@ def make_plan(
     if field.body is None:
         reasons.append("no body: no wall test in the kernel")
     if max_steps is None:
-        max_steps = _step_allowance(field, method, step, path_length)
+        max_steps = step_allowance(field, method, step, path_length)
     elif not isinstance(max_steps, (int, np.integer)) or max_steps < 1:
         raise ValueError(f"max_steps must be a whole number of at least 1, got {max_steps!r}")
     return TracePlan(method, backend, device, precision, int(max_steps), step, float(tolerance), tuple(reasons))
 
 
-def _step_allowance(field: IndexField, method: str, step, path_length) -> int:
+def step_allowance(field: IndexField, method: str, step, path_length) -> int:
     """Generous by a factor of ten over what a ray across the box needs, so that only trapped rays meet it."""
     low, high = field.box
     extent = np.where(np.isfinite(high - low), high - low, 0.0)

@@ -18,7 +18,6 @@ from scipy.optimize import brentq
 
 from ..medium import IndexField
 from ..rays import RayBundle
-from .budget import box_span
 from .plan import TracePlan
 from .result import RAY_OUTPUTS
 from .status import RayStatus
@@ -39,6 +38,19 @@ def trace(field: IndexField, rays: RayBundle, plan: TracePlan, until, wavelength
     }
     spent = time.perf_counter() - start
     return arrays, {"compile": 0.0, "upload": 0.0, "kernel": spent, "download": 0.0}
+
+
+def box_span(low, high, position, direction) -> tuple[np.ndarray, np.ndarray]:
+    """Where straight rays enter and leave a box (entry at least 0) [m]; entry >= exit means a miss."""
+    with np.errstate(divide="ignore", invalid="ignore"):
+        near, far = (low - position) / direction, (high - position) / direction
+    parallel = direction == 0.0
+    outside = parallel & ((position < low) | (position > high))
+    near = np.where(parallel, -np.inf, near)
+    far = np.where(parallel, np.inf, far)
+    enter = np.maximum(np.minimum(near, far).max(axis=1), 0.0)
+    leave = np.maximum(near, far).min(axis=1)
+    return enter, np.where(outside.any(axis=1), -np.inf, leave)
 
 
 class _Ray:

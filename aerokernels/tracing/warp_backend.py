@@ -11,6 +11,7 @@ import warp as wp
 from ..medium import IndexField
 from ..rays import RayBundle
 from .plan import TracePlan
+from .quiet import Aim, ReachTable, reach
 from .stop import ArcLength, Plane
 from .warp_devices import start_warp, thread_count
 from .warp_tracer import build_kernel
@@ -116,6 +117,19 @@ def _upload(field: IndexField, precision: str, device: str, with_paper_step: boo
     return SimpleNamespace(field=device_field, bounds=bounds, control=control, spacing=spacing, origin=origin)
 
 
+def _upload_reach(control, field: IndexField, plan: TracePlan, aim: Aim) -> None:
+    """The table of safe steps; a block that allows none where steps are not controlled or the field is on a mesh."""
+    table = ReachTable(np.zeros((1, 1)), 1)
+    if field.is_uniform and plan.method in ("adaptive", "straight"):
+        table = reach(field.samples, field.geometry, control.budget, aim)
+    shape = table.length.shape
+    control.reach = wp.array(table.length.ravel(), dtype=types(plan.precision).real, device=plan.device)
+    control.block_count = wp.vec3i(*shape, *[1] * (3 - len(shape)))
+    control.block = table.block
+    control.aim = types(plan.precision).vec3(*aim.axis)
+    control.aim_cosine = float(np.cos(min(aim.spread, np.pi))) if not aim.is_all_sides else -2.0
+
+
 def _whole(cells: np.ndarray) -> np.ndarray:
     """Cell counts that are whole but for rounding, made whole."""
     near = np.round(cells)
@@ -130,19 +144,23 @@ def _per_position_axis(geometry: str, spacing, origin) -> tuple[np.ndarray, np.n
     return np.array([spacing[0], spacing[0], spacing[1]]), np.array([0.0, 0.0, origin[1]])
 
 
-def prepare(field: IndexField, plan: TracePlan, until, wavelength: float, outputs: frozenset) -> SimpleNamespace:
-    """Kernel and its arguments but for the rays."""
+def prepare(
+    field: IndexField, plan: TracePlan, until, wavelength: float, outputs: frozenset, directions: np.ndarray
+) -> SimpleNamespace:
+    """Kernel and its arguments but for the rays; `directions` are all those the rays have, or some at the extremes."""
     start_warp()
     start = time.perf_counter()
     kept = upload(field, plan.precision, plan.device, plan.method == "paper")
     t = types(plan.precision)
     bounds, control = t.Bounds(), t.Control()
+    aim = Aim.of(directions, field.geometry)
     for name in ("origin", "spacing", "low", "high", "radius", "ambient"):
         setattr(bounds, name, getattr(kept.bounds, name))
     for name in ("face_low", "face_high", "radius", "cell_rate", "step_limit"):
         setattr(control, name, getattr(kept.control, name))
     control.step = plan.step or 0.0
     control.budget = plan.tolerance * wavelength
+    _upload_reach(control, field, plan, aim)
     control.max_steps = plan.max_steps
     stop = "none"
     if isinstance(until, Plane):
@@ -205,7 +223,7 @@ def allocate(outputs: frozenset, ray_count: int, device: str) -> dict:
 
 def trace(field: IndexField, rays: RayBundle, plan: TracePlan, until, wavelength: float, outputs: frozenset):
     """Trace with Warp: per-ray arrays by name, and seconds."""
-    ready = prepare(field, plan, until, wavelength, outputs)
+    ready = prepare(field, plan, until, wavelength, outputs, rays.direction)
     start = time.perf_counter()
     position = wp.array(rays.position, dtype=wp.vec3d, device=plan.device)
     direction = wp.array(rays.direction, dtype=wp.vec3d, device=plan.device)

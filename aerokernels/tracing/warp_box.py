@@ -6,8 +6,6 @@ import warp as wp
 
 from .warp_types import types
 
-# Steps of the search for the place where a ray leaves the body; each is as long as the wall is away.
-WALL_MARCH_LIMIT = 512
 FACE_COUNT = {"volume": 6, "planar": 4, "axisymmetric": 3}
 
 
@@ -117,54 +115,6 @@ def build_surface_distance(precision: str, geometry: str):
         return out
 
     return surface_distance
-
-
-@functools.cache
-def build_wall_distance(precision: str, geometry: str):
-    """A function (field, point in x, y, z [m]) -> signed distance to the body [m], negative inside it."""
-    t = types(precision)
-    real, vec2, vec3, Field = t.real, t.vec2, t.vec3, t.Field
-
-    @wp.func
-    def wall_distance(field: Field, p: vec3):
-        first = p[1]
-        if wp.static(geometry == "axisymmetric"):
-            first = wp.sqrt(p[0] * p[0] + p[1] * p[1])
-        place = wp.cw_mul(vec2(first, p[2]) - field.wall_origin, field.wall_rate)
-        i = wp.clamp(int(wp.floor(place[0])), 0, field.wall.shape[0] - 2)
-        j = wp.clamp(int(wp.floor(place[1])), 0, field.wall.shape[1] - 2)
-        u = wp.clamp(place[0] - real(i), real(0.0), real(1.0))
-        v = wp.clamp(place[1] - real(j), real(0.0), real(1.0))
-        near = (real(1.0) - v) * field.wall[i, j] + v * field.wall[i, j + 1]
-        far = (real(1.0) - v) * field.wall[i + 1, j] + v * field.wall[i + 1, j + 1]
-        return (real(1.0) - u) * near + u * far
-
-    return wall_distance
-
-
-@functools.cache
-def build_way_out(precision: str, geometry: str):
-    """A function (field, position, direction, from, to) -> (distance at which a ray is out, whether it is not)."""
-    t = types(precision)
-    real, vec3, Field = t.real, t.vec3, t.Field
-    wall_distance = build_wall_distance(precision, geometry)
-
-    @wp.func
-    def way_out(field: Field, p: wp.vec3d, d: wp.vec3d, first: wp.float64, last: wp.float64):
-        least = wp.float64(1.0e-4) / wp.float64(field.wall_rate[1])
-        along = wp.float64(first)
-        march = int(0)
-        solid = bool(True)
-        while solid and march < wp.static(WALL_MARCH_LIMIT) and along <= last:
-            at = p + along * d
-            gap = wall_distance(field, vec3(real(at[0]), real(at[1]), real(at[2])))
-            solid = bool(gap < real(0.0))
-            if solid:
-                along += wp.max(-wp.float64(gap), least)
-            march += 1
-        return along, solid
-
-    return way_out
 
 
 @functools.cache

@@ -169,6 +169,50 @@ def build_sample(precision: str, geometry: str, interpolation: str):
 
 
 @functools.cache
+def build_reach(precision: str, geometry: str):
+    """A function (control, cell, frac, total) -> safe step where the point lies [sigma]; none is known on a mesh."""
+    t = types(precision)
+    real, vec3, Control = t.real, t.vec3, t.Control
+
+    @wp.func
+    def block(control: Control, axis: int, cell: int, place: real):
+        return wp.clamp((cell + int(wp.floor(place))) // control.block, 0, control.block_count[axis] - 1)
+
+    if geometry == "volume":
+
+        @wp.func
+        def entry(control: Control, cell: wp.vec3i, frac: vec3):
+            row = block(control, 0, cell[0], frac[0]) * control.block_count[1] + block(control, 1, cell[1], frac[1])
+            return control.reach[row * control.block_count[2] + block(control, 2, cell[2], frac[2])]
+
+    elif geometry == "planar":
+
+        @wp.func
+        def entry(control: Control, cell: wp.vec3i, frac: vec3):
+            row = block(control, 0, cell[1], frac[1])
+            return control.reach[row * control.block_count[1] + block(control, 1, cell[2], frac[2])]
+
+    else:
+
+        @wp.func
+        def entry(control: Control, cell: wp.vec3i, frac: vec3):
+            row = block(control, 0, 0, wp.sqrt(frac[0] * frac[0] + frac[1] * frac[1]))
+            return control.reach[row * control.block_count[1] + block(control, 1, cell[2], frac[2])]
+
+    @wp.func
+    def reach(control: Control, cell: wp.vec3i, frac: vec3, total: vec3):
+        if wp.static(geometry == "mesh"):
+            return real(0.0)
+        else:
+            speed = wp.length(total)
+            if wp.dot(total, control.aim) < control.aim_cosine * speed:
+                return real(0.0)  # turned out of the cone
+            return entry(control, cell, frac) / speed
+
+    return reach
+
+
+@functools.cache
 def build_paper_step(precision: str, geometry: str):
     """A function (field, cell, frac) -> step length of eq 5 in the cell that holds the point [m]."""
     t = types(precision)

@@ -29,8 +29,9 @@ import warp as wp
 from . import warp_grid, warp_mesh
 from .status import RayStatus
 from .tableau import B_ERROR, BT, BT_ERROR, A, B, C
-from .warp_box import FACE_COUNT, build_crossing, build_meeting, build_wall_distance, build_way_out
+from .warp_box import FACE_COUNT, build_crossing, build_meeting
 from .warp_motion import build_advance, build_cells, build_contrast, build_landing, build_look, deflection
+from .warp_wall import build_clear_way, build_wall_distance, build_way_out
 from .warp_types import types
 
 # The share of the remaining error budget that one step may use up, however short it is.
@@ -56,10 +57,12 @@ def build_kernel(
     source = warp_mesh if on_mesh else warp_grid
     sample = source.build_sample(precision, geometry, interpolation)
     paper_step = source.build_paper_step(precision, geometry)
+    reach_of = warp_grid.build_reach(precision, "mesh" if on_mesh else geometry)
     crossing = build_crossing(precision, geometry)
     meeting = build_meeting(precision, geometry)
     wall_distance = build_wall_distance(precision, geometry)
     way_out = build_way_out(precision, geometry)
+    wall_at, clear_way = build_clear_way(precision, geometry)
     advance = build_advance(precision)
     contrast = build_contrast(precision)
     in_cells, carry_over = build_cells(precision, "mesh" if on_mesh else geometry)
@@ -178,8 +181,9 @@ def build_kernel(
             if wp.static(has_body):
                 start = p0 + enter * d0
                 gap = wp.max(wall_distance(field, vec3(real(start[0]), real(start[1]), real(start[2]))), real(0.0))
-            h_next = real(1.0) / (ambient * wp.length(wp.cw_mul(d, control.cell_rate)))
-            h_least = real(least_step) * h_next
+            h_cell = real(1.0) / (ambient * wp.length(wp.cw_mul(d, control.cell_rate)))
+            h_least = real(least_step) * h_cell
+            h_next = wp.max(control.step_limit * h_cell, reach_of(control, cell, frac, ambient * d))
             running = bool(True)
             while running:
                 total = ambient * d + momentum
@@ -193,11 +197,12 @@ def build_kernel(
                     h = paper_step(field, cell, frac) / (ambient + m)
                 else:
                     speed = wp.length(wp.cw_mul(total, control.cell_rate))
-                    h = wp.min(h, control.step_limit / wp.max(speed, real(tiny)))
+                    limit = control.step_limit / wp.max(speed, real(tiny))
+                    h = wp.min(h, wp.max(limit, reach_of(control, cell, frac, total)))
                 wanted = h
                 if wp.static(controlled and has_body):
-                    # No further than the wall is away, so that no step jumps over the body.
-                    h = wp.min(h, wp.max(gap, real(1.0) / wp.max(field.wall_rate)) / wp.length(total))
+                    # No further than the way ahead is known to be clear, so that no step jumps over the body.
+                    h = clear_way(field, bounds, cell, frac, rate, total, force, gap, h)
                 cut = bool(h < wanted)
                 shown = frac
                 if wp.static(straight):
@@ -300,13 +305,7 @@ def build_kernel(
 
                     back = real(0.0)  # sigma still to go along the tangent, negative to go back
                     if wp.static(has_body):
-                        place = wp.vec3d(
-                            wp.float64(cell[0]) + wp.float64(frac[0]),
-                            wp.float64(cell[1]) + wp.float64(frac[1]),
-                            wp.float64(cell[2]) + wp.float64(frac[2]),
-                        )
-                        there = bounds.origin + wp.cw_mul(place, bounds.spacing)
-                        gap_now = wall_distance(field, vec3(real(there[0]), real(there[1]), real(there[2])))
+                        gap_now = wall_at(field, bounds, cell, frac)
                         if gap_now < real(-1.0e-3) / field.wall_rate[1]:
                             back = -h * gap_now / (gap_now - gap)
                             running = bool(False)

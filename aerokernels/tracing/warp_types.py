@@ -62,7 +62,12 @@ def types(precision: str) -> SimpleNamespace:
         plane_offset: real
         cell_rate: vec3  # typical cells per metre, for limits on the step
         step: real  # "fixed": metres of arc length
-        step_limit: real  # greatest step in cells
+        step_limit: real  # step in cells that needs no leave from `reach`
+        reach: wp.array(dtype=real)  # uniform grid: length of a safe step in each block [m], see quiet.py
+        block_count: wp.vec3i  # blocks along each local axis
+        block: wp.int32  # cells in a block
+        aim: vec3  # axis of the cone of directions for which `reach` holds
+        aim_cosine: real  # of the cone's half angle
         budget: real  # OPD error allowed for the whole ray [m]
         max_steps: wp.int32
 
