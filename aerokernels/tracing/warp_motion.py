@@ -1,6 +1,7 @@
 """Device functions of the tracer: positions in cells, compensated sums, landing on a surface, looking at a stage."""
 
 import functools
+from typing import Any
 
 import warp as wp
 
@@ -11,19 +12,12 @@ from .warp_types import types
 SHIFTED = {"volume": (0, 1, 2), "planar": (1, 2), "axisymmetric": (2,), "mesh": ()}
 
 
-@functools.cache
-def build_advance(precision: str):
-    """Kahan's compensated sum of vectors: a function (sum, carry, term) -> (sum, carry)."""
-    t = types(precision)
-    vec3 = t.vec3
-
-    @wp.func
-    def advance(total: vec3, carry: vec3, term: vec3):
-        y = term - carry
-        s = total + y
-        return s, (s - total) - y
-
-    return advance
+@wp.func
+def advance(total: Any, carry: Any, term: Any):
+    """Kahan's compensated sum: (sum, carry, term) -> (sum, carry)."""
+    y = term - carry
+    s = total + y
+    return s, (s - total) - y
 
 
 @wp.func
@@ -46,6 +40,28 @@ def build_contrast(precision: str):
         return real(2.0) * potential / (wp.sqrt(square) + ambient)
 
     return contrast
+
+
+@functools.cache
+def build_lag(precision: str):
+    """A function of a ray's state -> (index less the momentum along d, the derivative of that over sigma)."""
+    t = types(precision)
+    real, vec3 = t.real, t.vec3
+    contrast = build_contrast(precision)
+
+    @wp.func
+    def lag(ambient: real, d: vec3, momentum: vec3, potential: real, force: vec3):
+        """It is |T|^2 - (T . d)^2 over the sum of both, of second order on a nearly straight ray."""
+        m = contrast(ambient, potential)
+        index = ambient + m
+        ahead = wp.dot(momentum, d)
+        across = momentum - ahead * d
+        behind = m - ahead
+        if ambient + ahead > real(0.0):
+            behind = wp.dot(across, across) / (index + ambient + ahead)
+        return behind, (wp.dot(force, across) - behind * wp.dot(force, d)) / index
+
+    return lag
 
 
 @functools.cache

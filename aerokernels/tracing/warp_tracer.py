@@ -28,9 +28,9 @@ import warp as wp
 
 from . import warp_grid, warp_mesh
 from .status import RayStatus
-from .tableau import B_ERROR, BT, BT_ERROR, A, B, C
+from .tableau import B_ERROR, BT, BT_ERROR, PATH_ERROR_SLOPE, PATH_ERROR_VALUE, A, B, C
 from .warp_box import FACE_COUNT, build_crossing, build_meeting
-from .warp_motion import build_advance, build_cells, build_contrast, build_landing, build_look, deflection
+from .warp_motion import advance, build_cells, build_contrast, build_lag, build_landing, build_look, deflection
 from .warp_wall import build_clear_way, build_wall_distance, build_way_out
 from .warp_types import types
 
@@ -38,6 +38,8 @@ from .warp_types import types
 STEP_SHARE = 0.02
 # A direction error counts with at least this share of the field's length, besides the ray's own slope.
 DIRECTION_SHARE = 0.01
+# Direction errors are believed to be smaller than the embedded formula says by this factor at most.
+SHARPEST = 0.02
 
 
 @functools.cache
@@ -63,18 +65,20 @@ def build_kernel(
     wall_distance = build_wall_distance(precision, geometry)
     way_out = build_way_out(precision, geometry)
     wall_at, clear_way = build_clear_way(precision, geometry)
-    advance = build_advance(precision)
     contrast = build_contrast(precision)
+    lag = build_lag(precision)
     in_cells, carry_over = build_cells(precision, "mesh" if on_mesh else geometry)
     oriented, landing = build_landing(precision, geometry, stop)
     look = build_look(precision, sample, method == "straight")
     face_count = wp.constant(FACE_COUNT[geometry])
     landed_arc = wp.constant(100)
     tiny = 1e-30 if precision == "float32" else 1e-290
+    twelfth = 1.0 / 12.0  # a quotient written inside a kernel would be taken in float32
     least_step = 1e-4  # of a cell: error control does not ask for less
     straight = method == "straight"
     # The paper's schemes interpolate index and gradient apart: |T| = n does not hold between them.
     one_scalar = interpolation not in ("bilinear-barron", "idw")
+    smooth = interpolation == "cubic"
     controlled = method in ("adaptive", "straight")
     # Rounding in the error estimate, in units in the last place: error control does not chase it.
     noise = 8.0 * (2.0**-24 if precision == "float32" else 2.0**-53)
@@ -85,6 +89,8 @@ def build_kernel(
     v1, v2, v3, v4 = (float(v) for v in BT)
     e1, e2, e3, e4 = (float(v) for v in B_ERROR)
     f1, f2, f3, f4 = (float(v) for v in BT_ERROR)
+    g1, g2, g3, g4 = (float(v) for v in PATH_ERROR_VALUE)
+    k1, k2, k3, k4 = (float(v) for v in PATH_ERROR_SLOPE)
     ok, missed, not_reached = int(RayStatus.OK), int(RayStatus.MISSED_FIELD), int(RayStatus.STOP_NOT_REACHED)
     hit_body, inside_body = int(RayStatus.HIT_BODY), int(RayStatus.INSIDE_BODY)
     too_many, not_finite = int(RayStatus.MAX_STEPS), int(RayStatus.NOT_FINITE)
@@ -156,8 +162,8 @@ def build_kernel(
         q_carry = q
         momentum = q  # P, the deviation of T
         momentum_carry = q
-        sums = q  # sigma, S, M
-        sums_carry = q
+        sums = t.vec4(real(0.0), real(0.0), real(0.0), real(0.0))  # sigma, S, M, B
+        sums_carry = sums
         used = real(0.0)
         steps = int(0)
         evaluations = int(0)
@@ -234,11 +240,25 @@ def build_kernel(
                 off_s = h * (real(f1) * pot + real(f2) * s2[0] + real(f3) * s3[0] + real(f4) * s4[0])
                 off_q = hh * (real(e1) * force + real(e2) * force2 + real(e3) * force3 + real(e4) * force4)
                 off_p = h * (real(f1) * force + real(f2) * force2 + real(f3) * force3 + real(f4) * force4)
-                off = wp.abs(real(2.0) * off_s - ambient * wp.dot(off_q, d))
+                sharp = real(1.0)
+                if wp.static(smooth):
+                    # The path's error by a rule of higher order; the others' are taken to be too great alike.
+                    slope1 = wp.dot(force, total)
+                    slope2 = wp.dot(force2, total + (real(0.5) * real(c2) * h) * (force + force2))
+                    slope3 = wp.dot(force3, total + (real(0.5) * real(c3) * h) * (force + force3))
+                    slope4 = wp.dot(force4, total + (real(0.5) * h) * (force + force4))
+                    fine = h * (real(g1) * pot + real(g2) * s2[0] + real(g3) * s3[0] + real(g4) * s4[0])
+                    fine += hh * (real(k1) * slope1 + real(k2) * slope2 + real(k3) * slope3 + real(k4) * slope4)
+                    sharp = wp.clamp(wp.abs(fine) / wp.max(wp.abs(off_s), real(tiny)), real(SHARPEST), real(1.0))
+                    off_s = fine
+                off = wp.abs(real(2.0) * off_s)
+                if wp.static(not one_scalar):
+                    off += ambient * wp.abs(wp.dot(off_q, d))
+                off_q -= wp.dot(off_q, d) * d
                 tilt = wp.length(momentum - wp.dot(momentum, d) * d) / ambient
                 weight = tilt + real(DIRECTION_SHARE)
                 off_p -= wp.dot(off_p, d) * d
-                off += weight * (wp.length(off_p) * reach / ambient + wp.length(off_q))
+                off += sharp * weight * (wp.length(off_p) * reach / ambient + wp.length(off_q))
 
                 accept = bool(True)
                 if wp.static(controlled):
@@ -263,23 +283,9 @@ def build_kernel(
                 if accept:
                     steps += 1
                     used += off
+                    lag1, bend1 = lag(ambient, d, momentum, pot, force)
                     move = h * momentum + kick
                     q, q_carry = advance(q, q_carry, move)
-                    sums, sums_carry = advance(
-                        sums,
-                        sums_carry,
-                        vec3(
-                            h,
-                            h * (real(v1) * pot + real(v2) * s2[0] + real(v3) * s3[0] + real(v4) * s4[0]),
-                            h
-                            * (
-                                real(v1) * m
-                                + real(v2) * contrast(ambient, s2[0])
-                                + real(v3) * contrast(ambient, s3[0])
-                                + real(v4) * contrast(ambient, s4[0])
-                            ),
-                        ),
-                    )
                     momentum, momentum_carry = advance(
                         momentum,
                         momentum_carry,
@@ -290,6 +296,7 @@ def build_kernel(
                         flown += kick
                     frac, frac_carry = advance(frac, frac_carry, wp.cw_mul(flown, rate))
                     cell, frac = carry_over(cell, frac)
+                    pot_before = pot
                     pot = s4[0]
                     force = force4
                     if wp.static(one_scalar):
@@ -302,6 +309,24 @@ def build_kernel(
                         momentum += mend
                         if wp.static(straight):
                             q += (real(0.5) * h) * mend  # it grew over the step
+
+                    lag4, bend4 = lag(ambient, d, momentum, pot, force)
+                    sums, sums_carry = advance(
+                        sums,
+                        sums_carry,
+                        t.vec4(
+                            h,
+                            h * (real(v1) * pot_before + real(v2) * s2[0] + real(v3) * s3[0] + real(v4) * s4[0]),
+                            h
+                            * (
+                                real(v1) * m
+                                + real(v2) * contrast(ambient, s2[0])
+                                + real(v3) * contrast(ambient, s3[0])
+                                + real(v4) * contrast(ambient, s4[0])
+                            ),
+                            real(0.5) * h * (lag1 + lag4) + hh * real(twelfth) * (bend1 - bend4),
+                        ),
+                    )
 
                     back = real(0.0)  # sigma still to go along the tangent, negative to go back
                     if wp.static(has_body):
@@ -337,7 +362,12 @@ def build_kernel(
                         sums, sums_carry = advance(
                             sums,
                             sums_carry,
-                            vec3(back, back * pot + half * climb, back * m_now + half * climb / (ambient + m_now)),
+                            t.vec4(
+                                back,
+                                back * pot + half * climb,
+                                back * m_now + half * climb / (ambient + m_now),
+                                back * lag4,
+                            ),
                         )
                         momentum, momentum_carry = advance(momentum, momentum_carry, back * force)
                     if running and steps >= control.max_steps:
@@ -358,6 +388,10 @@ def build_kernel(
         sigma = wp.float64(sums[0]) - wp.float64(sums_carry[0])
         work = wp.float64(2.0) * (wp.float64(sums[1]) - wp.float64(sums_carry[1]))
         stretch = wp.float64(sums[2]) - wp.float64(sums_carry[2])
+        if wp.static(one_scalar):
+            # Along d the deviation is int (T . d - a) d sigma = M - B: sums of what the path itself is summed of.
+            behind = wp.float64(sums[3]) - wp.float64(sums_carry[3])
+            q64 += (stretch - behind - wp.dot(q64, d0)) * d0
         turn = deflection(ambient64, d0, p64)
         heading = d0 + turn
         along = enter + ambient64 * sigma  # distance along the straight ray
