@@ -17,8 +17,10 @@ from .warp_devices import start_warp, thread_count
 from .warp_tracer import build_kernel
 from .warp_types import types
 
-# Greatest step in cells: four samples a step, so none of them can jump over the four-cell support of a sample.
-STEP_LIMIT = 4.0
+# Steps of so many cells need no leave from the table of safe steps: four samples a step are then less far apart than the
+# support of a sample. On a mesh, which has no table, they are the longest.
+STEP_LIMIT = 2.0
+MESH_STEP_LIMIT = 4.0
 # Rays in one launch of a host thread; small enough to balance threads, large enough to hide the launch.
 CHUNK = 4096
 # Per-ray outputs of the kernel, in the order of its arguments.
@@ -108,7 +110,7 @@ def _upload(field: IndexField, precision: str, device: str, with_paper_step: boo
     control.face_high = t.vec3(*_whole((finite[1] - origin) / spacing))
     control.radius = bounds.radius / spacing[0]
     control.cell_rate = t.vec3(*cell_rate)
-    control.step_limit = STEP_LIMIT
+    control.step_limit = STEP_LIMIT if field.is_uniform else MESH_STEP_LIMIT
     wall = field.wall_distance
     wall_samples = np.ones((2, 2)) if wall is None else wall.samples
     device_field.wall = wp.array(np.ascontiguousarray(wall_samples, dtype=scalar), dtype=t.real, device=device)

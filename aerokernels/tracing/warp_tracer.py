@@ -38,8 +38,10 @@ from .warp_types import types
 STEP_SHARE = 0.02
 # A direction error counts with at least this share of the field's length, besides the ray's own slope.
 DIRECTION_SHARE = 0.01
-# Direction errors are believed to be smaller than the embedded formula says by this factor at most.
+# Errors are believed to be smaller than the embedded formula says by this factor at most, less so on bent rays: 1 from
+# an angle of 1 / BLUNTED on.
 SHARPEST = 0.02
+BLUNTED = 30.0
 
 
 @functools.cache
@@ -165,6 +167,7 @@ def build_kernel(
         sums = t.vec4(real(0.0), real(0.0), real(0.0), real(0.0))  # sigma, S, M, B
         sums_carry = sums
         used = real(0.0)
+        bent = real(0.0)  # greatest angle with d so far
         steps = int(0)
         evaluations = int(0)
         landed = int(-1)
@@ -240,25 +243,29 @@ def build_kernel(
                 off_s = h * (real(f1) * pot + real(f2) * s2[0] + real(f3) * s3[0] + real(f4) * s4[0])
                 off_q = hh * (real(e1) * force + real(e2) * force2 + real(e3) * force3 + real(e4) * force4)
                 off_p = h * (real(f1) * force + real(f2) * force2 + real(f3) * force3 + real(f4) * force4)
+                swung = momentum + h * force4
+                turn_now = wp.max(bent, wp.length(swung - wp.dot(swung, d) * d) / ambient)
                 sharp = real(1.0)
                 if wp.static(smooth):
-                    # The path's error by a rule of higher order; the others' are taken to be too great alike.
+                    # On a nearly straight ray the path's error is known better, by a rule of higher order with the
+                    # slopes along the ray; the other errors are taken to be overestimated alike.
                     slope1 = wp.dot(force, total)
                     slope2 = wp.dot(force2, total + (real(0.5) * real(c2) * h) * (force + force2))
                     slope3 = wp.dot(force3, total + (real(0.5) * real(c3) * h) * (force + force3))
                     slope4 = wp.dot(force4, total + (real(0.5) * h) * (force + force4))
                     fine = h * (real(g1) * pot + real(g2) * s2[0] + real(g3) * s3[0] + real(g4) * s4[0])
                     fine += hh * (real(k1) * slope1 + real(k2) * slope2 + real(k3) * slope3 + real(k4) * slope4)
-                    sharp = wp.clamp(wp.abs(fine) / wp.max(wp.abs(off_s), real(tiny)), real(SHARPEST), real(1.0))
-                    off_s = fine
-                off = wp.abs(real(2.0) * off_s)
-                if wp.static(not one_scalar):
+                    sharp = wp.abs(fine) / wp.max(wp.abs(off_s), real(tiny))
+                    sharp = wp.clamp(sharp, wp.min(real(SHARPEST) + real(BLUNTED) * turn_now, real(1.0)), real(1.0))
+                off = real(2.0) * sharp * wp.abs(off_s)
+                if wp.static(one_scalar):
+                    off += wp.min(real(BLUNTED) * turn_now, real(1.0)) * ambient * wp.abs(wp.dot(off_q, d))
+                else:
                     off += ambient * wp.abs(wp.dot(off_q, d))
                 off_q -= wp.dot(off_q, d) * d
-                tilt = wp.length(momentum - wp.dot(momentum, d) * d) / ambient
-                weight = tilt + real(DIRECTION_SHARE)
                 off_p -= wp.dot(off_p, d) * d
-                off += sharp * weight * (wp.length(off_p) * reach / ambient + wp.length(off_q))
+                weight = turn_now + sharp * real(DIRECTION_SHARE)
+                off += weight * (wp.length(off_p) * reach / ambient + wp.length(off_q))
 
                 accept = bool(True)
                 if wp.static(controlled):
@@ -283,6 +290,7 @@ def build_kernel(
                 if accept:
                     steps += 1
                     used += off
+                    bent = turn_now
                     lag1, bend1 = lag(ambient, d, momentum, pot, force)
                     move = h * momentum + kick
                     q, q_carry = advance(q, q_carry, move)
