@@ -5,7 +5,7 @@ interpolant's coefficients: the fourth derivative G of the potential along the r
 jumps by h G at the nodes), or the kink K of its slope times the spacing (for "linear" and "monotone"). A step of length
 H errs in optical path by no more than about C H^5 G, so that over a path of length L
 
-    H <= (SHARE budget / (C L G))^(1/4)       and, at kinks,      K / 12 <= SHARE budget / L
+    H <= (SHARE budget / (C L G))^(1/4)       and, at kinks,      K / 12 <= KINK_SHARE budget / L
 
 where G and K are the greatest that a ray can meet within H ahead of the block: all that lies in the rays' cone of
 directions, or on all sides where they point everywhere. Widening H and looking again gives each block its reach. Steps
@@ -24,6 +24,7 @@ from ..medium.grid import UniformGrid
 BLOCK = 4
 BLOCK_COUNT_LIMIT = 300_000
 SHARE = 50.0
+KINK_SHARE = 0.25
 # Of a rule that is exact for cubics, with room for knots anywhere in the step.
 CONSTANT = 1.0 / 720.0
 # Rays may turn by this much before the table stops to hold for them [rad].
@@ -101,7 +102,7 @@ def reach(grid: UniformGrid, geometry: str, budget: float, aim: Aim) -> ReachTab
         np.maximum(seen_kink, _greatest(kink, low, high), out=seen_kink)
         with np.errstate(divide="ignore", over="ignore"):
             bound = (rate / (CONSTANT * seen)) ** 0.25
-        allowed = np.where(seen_kink / 12.0 <= rate, np.minimum(bound, far), 0.0)
+        allowed = np.where(seen_kink / 12.0 <= rate * KINK_SHARE / SHARE, np.minimum(bound, far), 0.0)
         np.maximum(result, allowed, out=result)
         if not (allowed >= far).any():
             break

@@ -110,6 +110,7 @@ def _upload(field: IndexField, precision: str, device: str, with_paper_step: boo
     control.face_high = t.vec3(*_whole((finite[1] - origin) / spacing))
     control.radius = bounds.radius / spacing[0]
     control.cell_rate = t.vec3(*cell_rate)
+    control.extent = 4.0 * float(np.linalg.norm(finite[1] - finite[0]))
     control.step_limit = STEP_LIMIT if field.is_uniform else MESH_STEP_LIMIT
     wall = field.wall_distance
     wall_samples = np.ones((2, 2)) if wall is None else wall.samples
@@ -158,7 +159,7 @@ def prepare(
     aim = Aim.of(directions, field.geometry)
     for name in ("origin", "spacing", "low", "high", "radius", "ambient"):
         setattr(bounds, name, getattr(kept.bounds, name))
-    for name in ("face_low", "face_high", "radius", "cell_rate", "step_limit"):
+    for name in ("face_low", "face_high", "radius", "cell_rate", "extent", "step_limit"):
         setattr(control, name, getattr(kept.control, name))
     control.step = plan.step or 0.0
     control.budget = plan.tolerance * wavelength

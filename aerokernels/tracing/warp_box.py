@@ -137,3 +137,36 @@ def build_meeting(precision: str, geometry: str):
         return along
 
     return meeting
+
+
+@functools.cache
+def build_detour(precision: str, geometry: str):
+    """A function -> how much further along d a line shifted by `q` meets face k than the line itself.
+
+    Its arguments: bounds, k, start, direction, q, the distance at which the line itself leaves the box, and what to
+    answer where it leaves by another face or at a grazing angle.
+    """
+    Bounds = types(precision).Bounds
+    surface_distance = build_surface_distance(precision, geometry)
+
+    @wp.func
+    def detour(bounds: Bounds, k: int, p: wp.vec3d, d: wp.vec3d, q: wp.vec3d, leave: wp.float64, other: wp.float64):
+        at = p + leave * d
+        miss = surface_distance(bounds, k, at)
+        normal = wp.vec3d(miss[1], miss[2], miss[3])
+        cosine = wp.dot(normal, d)
+        size = wp.length(bounds.high - bounds.low) + wp.length(p)
+        if wp.abs(miss[0]) > wp.float64(1.0e-14) * size or wp.abs(cosine) < wp.float64(0.05):
+            return other
+        further = -wp.dot(normal, q) / cosine
+        if wp.static(geometry == "axisymmetric"):
+            if k == 2:
+                # |c + (further d + q)|^2 = |c|^2 across the axis, c of length `radius`
+                across = wp.vec2d(normal[0], normal[1])
+                for _trial in range(3):
+                    shift = wp.vec2d(further * d[0] + q[0], further * d[1] + q[1])
+                    bulge = wp.dot(shift, shift) / (wp.float64(2.0) * bounds.radius)
+                    further = -(across[0] * q[0] + across[1] * q[1] + bulge) / cosine
+        return further
+
+    return detour

@@ -106,12 +106,15 @@ def build_cells(precision: str, kind: str):
 
 @functools.cache
 def build_landing(precision: str, geometry: str, stop: str):
-    """Functions: a surface with the plane turned toward the ray, and the step that ends on the first surface."""
+    """Functions about the surfaces a ray can end on: each turned toward the ray, their slack, and landing on the first."""
     t = types(precision)
     real, vec3, Control = t.real, t.vec3, t.Control
     surface = build_surface(precision, geometry)
     face_count = wp.constant(FACE_COUNT[geometry])
     surface_count = wp.constant(FACE_COUNT[geometry] + (1 if stop == "plane" else 0))
+    # A ray that runs in a face is not thrown out by rounding: it is behind a surface when it is so by this many cells.
+    slack_cells = 2e-5 if precision == "float32" else 1e-10
+    none = 1e30
 
     @wp.func
     def oriented(control: Control, k: int, side: real, cell: wp.vec3i, frac: vec3):
@@ -121,29 +124,54 @@ def build_landing(precision: str, geometry: str, stop: str):
         return s
 
     @wp.func
+    def surface_unit(control: Control, k: int):
+        """Size of a cell in the unit of surface k: faces are measured in cells, the plane in metres."""
+        if k == face_count:
+            return real(1.0) / wp.max(control.cell_rate)
+        return real(1.0)
+
+    @wp.func
+    def rising_root(v0: real, v1: real, v2: real):
+        """The first positive h at which v0 + v1 h + v2 h^2 rises through zero; 0 if it is above and stays there."""
+        disc = v1 * v1 - real(4.0) * v2 * v0
+        if v0 > real(0.0):
+            if v1 >= real(0.0) or disc < real(0.0):
+                return real(0.0)
+        elif disc < real(0.0):
+            return real(none)
+        root = wp.sqrt(disc)
+        if v1 >= real(0.0):
+            if v1 + root <= real(0.0):
+                return real(none)
+            return real(-2.0) * v0 / (v1 + root)
+        if v2 <= real(0.0):
+            return real(none)
+        return (root - v1) / (real(2.0) * v2)
+
+    @wp.func
     def landing(
         control: Control, rate: vec3, side: real, cell: wp.vec3i, frac: vec3, momentum: vec3, force: vec3, h: real
     ):
-        """The first surface that the parabola of a step h crosses, and the step that ends on it."""
+        """The step that ends where the parabola first meets a surface, no longer than h, and that surface or -1."""
         best = h
         which = int(-1)
-        end = frac + wp.cw_mul(h * momentum + (real(0.5) * h * h) * force, rate)
+        along = wp.cw_mul(momentum, rate)
+        bend = wp.cw_mul(force, rate)
         for k in range(surface_count):
-            s = oriented(control, k, side, cell, end)
-            if s[0] > real(0.0):
-                guess = h
-                for _trial in range(4):
-                    place = frac + wp.cw_mul(guess * momentum + (real(0.5) * guess * guess) * force, rate)
-                    s = oriented(control, k, side, cell, place)
-                    speed = wp.dot(vec3(s[1], s[2], s[3]), wp.cw_mul(momentum + guess * force, rate))
-                    if speed != real(0.0):
-                        guess = wp.clamp(guess - s[0] / speed, real(0.0), h)
-                if guess <= best or which < 0:
-                    best = guess
-                    which = k
+            s = oriented(control, k, side, cell, frac)
+            normal = vec3(s[1], s[2], s[3])
+            curve = wp.dot(normal, bend)
+            if wp.static(geometry == "axisymmetric"):
+                if k == 2:
+                    curve += (along[0] * along[0] + along[1] * along[1]) / control.radius
+            outside = s[0] - real(slack_cells) * surface_unit(control, k)
+            root = rising_root(outside, wp.dot(normal, along), real(0.5) * curve)
+            if root <= best:
+                best = root
+                which = k
         return best, which
 
-    return oriented, landing
+    return oriented, surface_unit, landing
 
 
 def build_look(precision: str, sample, straight: bool):

@@ -29,7 +29,7 @@ import warp as wp
 from . import warp_grid, warp_mesh
 from .status import RayStatus
 from .tableau import B_ERROR, BT, BT_ERROR, PATH_ERROR_SLOPE, PATH_ERROR_VALUE, A, B, C
-from .warp_box import FACE_COUNT, build_crossing, build_meeting
+from .warp_box import FACE_COUNT, build_crossing, build_detour, build_meeting
 from .warp_motion import advance, build_cells, build_contrast, build_lag, build_landing, build_look, deflection
 from .warp_wall import build_clear_way, build_wall_distance, build_way_out
 from .warp_types import types
@@ -62,15 +62,17 @@ def build_kernel(
     sample = source.build_sample(precision, geometry, interpolation)
     paper_step = source.build_paper_step(precision, geometry)
     reach_of = warp_grid.build_reach(precision, "mesh" if on_mesh else geometry)
+    to_face = warp_grid.build_to_face(precision, geometry)
     crossing = build_crossing(precision, geometry)
     meeting = build_meeting(precision, geometry)
+    detour = build_detour(precision, geometry)
     wall_distance = build_wall_distance(precision, geometry)
     way_out = build_way_out(precision, geometry)
     wall_at, clear_way = build_clear_way(precision, geometry)
     contrast = build_contrast(precision)
     lag = build_lag(precision)
     in_cells, carry_over = build_cells(precision, "mesh" if on_mesh else geometry)
-    oriented, landing = build_landing(precision, geometry, stop)
+    oriented, surface_unit, landing = build_landing(precision, geometry, stop)
     look = build_look(precision, sample, method == "straight")
     face_count = wp.constant(FACE_COUNT[geometry])
     landed_arc = wp.constant(100)
@@ -81,6 +83,7 @@ def build_kernel(
     # The paper's schemes interpolate index and gradient apart: |T| = n does not hold between them.
     one_scalar = interpolation not in ("bilinear-barron", "idw")
     smooth = interpolation == "cubic"
+    kinked = interpolation in ("linear", "monotone")
     controlled = method in ("adaptive", "straight")
     # Rounding in the error estimate, in units in the last place: error control does not chase it.
     noise = 8.0 * (2.0**-24 if precision == "float32" else 2.0**-53)
@@ -184,15 +187,14 @@ def build_kernel(
             far = span[1]
             if has_undisturbed and wp.static(stop != "none"):
                 far = wp.min(far, stop_distance)
-            reach = real(far - enter)
+            reach = wp.min(real(wp.min(far - enter, wp.float64(1.0e30))), control.extent)
             arc_left = real(bounds.length - enter)
             gap = real(0.0)
             if wp.static(has_body):
                 start = p0 + enter * d0
                 gap = wp.max(wall_distance(field, vec3(real(start[0]), real(start[1]), real(start[2]))), real(0.0))
-            h_cell = real(1.0) / (ambient * wp.length(wp.cw_mul(d, control.cell_rate)))
-            h_least = real(least_step) * h_cell
-            h_next = wp.max(control.step_limit * h_cell, reach_of(control, cell, frac, ambient * d))
+            h_next = control.extent / ambient
+            h_cap = h_next  # shorter after a step that would have ended well behind a surface
             running = bool(True)
             while running:
                 total = ambient * d + momentum
@@ -200,14 +202,19 @@ def build_kernel(
                 if wp.static(straight):
                     total = ambient * d
                 h = h_next
+                h_cell = real(1.0) / wp.max(wp.length(wp.cw_mul(total, control.cell_rate)), real(tiny))
+                h_least = real(least_step) * h_cell
                 if wp.static(method == "fixed"):
                     h = control.step / (ambient + m)
                 elif wp.static(method == "paper"):
                     h = paper_step(field, cell, frac) / (ambient + m)
                 else:
-                    speed = wp.length(wp.cw_mul(total, control.cell_rate))
-                    limit = control.step_limit / wp.max(speed, real(tiny))
+                    limit = control.step_limit * h_cell
+                    if wp.static(kinked):
+                        # The interpolant has kinks at the cells' faces: no step across one.
+                        limit = to_face(cell, frac, wp.cw_mul(total, rate))
                     h = wp.min(h, wp.max(limit, reach_of(control, cell, frac, total)))
+                h = wp.min(h, h_cap)
                 wanted = h
                 if wp.static(controlled and has_body):
                     # No further than the way ahead is known to be clear, so that no step jumps over the body.
@@ -216,6 +223,7 @@ def build_kernel(
                 shown = frac
                 if wp.static(straight):
                     shown = frac + wp.cw_mul(q, rate)
+                h_free = h
                 h, land = landing(control, rate, side, cell, shown, ambient * d + momentum, force, h)
                 if wp.static(stop == "arc"):
                     rest = arc_left - (ambient * sums[0] + sums[2])
@@ -265,7 +273,7 @@ def build_kernel(
                 off_q -= wp.dot(off_q, d) * d
                 off_p -= wp.dot(off_p, d) * d
                 weight = turn_now + sharp * real(DIRECTION_SHARE)
-                off += weight * (wp.length(off_p) * reach / ambient + wp.length(off_q))
+                off += weight * (wp.length(off_p) * reach + ambient * wp.length(off_q))
 
                 accept = bool(True)
                 if wp.static(controlled):
@@ -273,7 +281,7 @@ def build_kernel(
                     allowed = wp.max(real(STEP_SHARE) * left, control.budget * h * (ambient + m) / reach)
                     size = wp.max(wp.abs(pot), wp.abs(s3[0]))
                     steep = wp.max(wp.length(force), size * wp.max(control.cell_rate))
-                    rounding = h * (real(2.0) * size + weight * steep * (reach / ambient + h))
+                    rounding = h * (real(2.0) * size + weight * steep * (reach + ambient * h))
                     allowed = wp.max(allowed, real(noise) * rounding)
                     ratio = real(4.0)
                     if off > real(0.0):
@@ -287,7 +295,15 @@ def build_kernel(
                     else:
                         h_next = wp.max(h * wp.min(ratio, real(0.8)), h_least)
 
+                # Where the force changes along the step, the parabola may miss the surface: come closer first.
+                if accept and land >= 0 and land != landed_arc:
+                    ahead = oriented(control, land, side, cell, shown + wp.cw_mul(h * (ambient * d + momentum) + kick, rate))
+                    close = real(0.05) * wp.max(h_free * wp.length(wp.cw_mul(total, rate)), real(0.01))
+                    if ahead[0] > close * surface_unit(control, land):
+                        accept = bool(False)
+                        h_cap = real(0.5) * h
                 if accept:
+                    h_cap = control.extent / ambient
                     steps += 1
                     used += off
                     bent = turn_now
@@ -354,13 +370,14 @@ def build_kernel(
                         now = oriented(control, land, side, cell, shown)
                         total = ambient * d + momentum
                         speed = wp.dot(vec3(now[1], now[2], now[3]), wp.cw_mul(total, rate))
-                        # Close enough to fly the rest along the tangent, or grazing: else land once more.
-                        if speed <= real(0.0):
-                            running = bool(False)
-                            landed = land
-                        elif wp.abs(now[0]) <= real(0.02) * speed * h + real(1.0e-5):
+                        # Behind it, or close enough to fly the rest along the tangent: else land once more.
+                        unit = surface_unit(control, land)
+                        if speed > real(0.0) and now[0] >= real(-0.02) * speed * h - real(1.0e-5) * unit:
                             back = -now[0] / speed
                             running = bool(False)
+                            landed = land
+                        elif h <= real(1.0e-9) * h_cell or now[0] > real(1.0e-3) * unit:
+                            running = bool(False)  # outside, and coming back or not moving
                             landed = land
                     if back != real(0.0):
                         half = real(0.5) * back * back
@@ -432,7 +449,15 @@ def build_kernel(
         arc = along + stretch
         opd = wp.float64(0.0)
         if status == ok and has_undisturbed and wp.static(stop != "arc"):
-            opd = work + ambient64 * (along - stop_distance)
+            # How much further along d the stop is met than by the undisturbed ray: from the deviation where that is
+            # exact, since the difference of two distances would lose its last digits.
+            further = along - stop_distance
+            if wp.static(stop == "plane"):
+                if wp.abs(slope) > wp.float64(0.05):
+                    further = -wp.dot(bounds.plane_normal, deviation) / slope
+            elif landed >= 0:
+                further = detour(bounds, landed, p0, d0, deviation, stop_distance, further)
+            opd = work + ambient64 * further
         else:
             opd = work - ambient64 * stretch
         if wp.static("position" in outputs):

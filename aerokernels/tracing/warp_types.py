@@ -69,6 +69,7 @@ def types(precision: str) -> SimpleNamespace:
         aim: vec3  # axis of the cone of directions for which `reach` holds
         aim_cosine: real  # of the cone's half angle
         budget: real  # OPD error allowed for the whole ray [m]
+        extent: real  # a few diagonals of the box, longer than any step [m]
         max_steps: wp.int32
 
     return SimpleNamespace(
