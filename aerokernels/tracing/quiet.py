@@ -7,8 +7,8 @@ H errs in optical path by no more than about C H^5 G, so that over a path of len
 
     H <= (SHARE budget / (C L G))^(1/4)       and, at kinks,      K / 12 <= KINK_SHARE budget / L
 
-where G and K are the greatest that a ray can meet within H ahead of the block: all that lies in the rays' cone of
-directions, or on all sides where they point everywhere. Widening H and looking again gives each block its reach. Steps
+where G and K are the greatest that a ray can meet within H ahead of the block: all that lies in the cone of directions
+about the coordinate axis that the ray runs along, or on all sides where it runs along none. Widening H and looking again gives each block its reach. Steps
 of STEP_LIMIT cells need no such leave: four samples a step are then never further apart than a sample's support.
 
 With k_i = G_i^(1/4) along axis i, G along a direction u of a structure with one normal is (sum |u_i| k_i)^4.
@@ -29,37 +29,52 @@ KINK_SHARE = 0.25
 CONSTANT = 1.0 / 720.0
 # Rays may turn by this much before the table stops to hold for them [rad].
 TURN = 0.02
-# Cones wider than this are looked around on all sides [rad].
-WIDEST_CONE = 0.9
+# Sines of the angles with a coordinate axis within which rays look ahead in a cone; others look around on all sides.
+CONE_SINES = (0.02, 0.2)
 
 _known: weakref.WeakKeyDictionary = weakref.WeakKeyDictionary()
 
 
-@dataclass(frozen=True, eq=False)
-class Aim:
-    """The cone that holds the directions of a bundle: its axis, a unit vector, and its half angle [rad]."""
+@dataclass(frozen=True)
+class Cone:
+    """A cone of directions about a coordinate axis that a ray's own first direction picks; axis None: all directions.
 
-    axis: np.ndarray
-    spread: float
+    What a ray may do depends on nothing but the ray: not on the others of its bundle.
+    """
 
-    @classmethod
-    def of(cls, directions: np.ndarray, geometry: str) -> "Aim":
-        """The cone of unit vectors (n, 3); about the z axis if the field is axisymmetric."""
-        mean = np.mean(directions, axis=0)
-        if geometry == "axisymmetric":
-            mean = np.array([0.0, 0.0, 1.0 if mean[2] >= 0.0 else -1.0])
-        length = float(np.linalg.norm(mean))
-        if length < 0.1:
-            return cls(np.array([0.0, 0.0, 1.0]), np.pi)
-        axis = mean / length
-        across = np.linalg.norm(directions - (directions @ axis)[:, None] * axis, axis=1)
-        spread = float(np.arctan2(across, directions @ axis).max()) + TURN
-        return cls(axis, spread if spread < WIDEST_CONE else np.pi)
+    axis: int | None
+    sign: float
+    spread: float  # half angle [rad]
 
     @property
-    def is_all_sides(self) -> bool:
-        """Whether the rays point everywhere, as far as the table is concerned."""
-        return self.spread >= np.pi
+    def way(self) -> np.ndarray:
+        """Unit vector along the axis."""
+        way = np.zeros(3)
+        if self.axis is not None:
+            way[self.axis] = self.sign
+        return way
+
+
+# By number: all directions, then for each axis, each sense, each sine of CONE_SINES one. Kernels number them alike.
+CONES = (Cone(None, 0.0, np.pi),) + tuple(
+    Cone(axis, sign, float(np.arcsin(sine)) + TURN) for axis in range(3) for sign in (1.0, -1.0) for sine in CONE_SINES
+)
+
+
+def cones_of(directions: np.ndarray, geometry: str) -> np.ndarray:
+    """Number in CONES of unit vectors (n, 3), shape (n,)."""
+    size = np.abs(directions)
+    axis = np.argmax(size, axis=1)
+    rows = np.arange(len(directions))
+    ahead = directions[rows, axis]
+    square = np.sum(directions**2, axis=1) - ahead**2
+    level = np.searchsorted(np.array(CONE_SINES) ** 2, square)
+    number = 1 + (2 * axis + (ahead < 0.0)) * len(CONE_SINES) + level
+    usable = level < len(CONE_SINES)
+    if geometry != "volume":
+        # A step along x, or across the axis of symmetry, is no straight line in the plane of the samples.
+        usable &= axis == 2 if geometry == "axisymmetric" else axis > 0
+    return np.where(usable, number, 0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,26 +85,19 @@ class ReachTable:
     block: int
 
 
-def reach(grid: UniformGrid, geometry: str, budget: float, aim: Aim) -> ReachTable:
+def reach(grid: UniformGrid, geometry: str, budget: float, cone: Cone) -> ReachTable:
     """The table of safe steps; zero where STEP_LIMIT rules.
 
     Args:
         grid: The field's samples.
         geometry: The field's geometry.
         budget: OPD error allowed for a whole ray [m].
-        aim: Where the rays point.
+        cone: Where the rays point.
     """
-    block, fourth, second = _roughness(grid)
-    way = {"volume": aim.axis, "planar": aim.axis[1:], "axisymmetric": np.array([0.0, aim.axis[2]])}[geometry]
-    if aim.is_all_sides:
-        smooth = np.sum([np.sqrt(g) for g in fourth], axis=0) ** 2
-        kink = np.sum(second, axis=0)
-    else:
-        share = np.minimum(np.abs(way) + np.sin(min(aim.spread, 0.5 * np.pi)), 1.0)
-        smooth = np.sum([w * g**0.25 for w, g in zip(share, fourth, strict=True)], axis=0) ** 4
-        kink = np.sum([w * np.sqrt(k) for w, k in zip(share, second, strict=True)], axis=0) ** 2
+    block, smooth, kink = roughness_along(grid, geometry, cone)
+    way = _local(cone.way, geometry)
     extent = float(np.linalg.norm(grid.high - grid.low))
-    rate = SHARE * budget / extent
+    rate = budget / extent
     size = block * grid.spacing
     result = np.zeros(smooth.shape)
     least = float(size.min())
@@ -97,12 +105,11 @@ def reach(grid: UniformGrid, geometry: str, budget: float, aim: Aim) -> ReachTab
     seen_kink = np.zeros(smooth.shape)
     near, far = 0.0, least
     while near < extent:
-        low, high = _window(near, far, size, way, aim)
+        low, high = _window(near, far, size, way, cone)
         np.maximum(seen, _greatest(smooth, low, high), out=seen)
         np.maximum(seen_kink, _greatest(kink, low, high), out=seen_kink)
-        with np.errstate(divide="ignore", over="ignore"):
-            bound = (rate / (CONSTANT * seen)) ** 0.25
-        allowed = np.where(seen_kink / 12.0 <= rate * KINK_SHARE / SHARE, np.minimum(bound, far), 0.0)
+        bound = smooth_step(seen, SHARE * rate)
+        allowed = np.where(seen_kink / 12.0 <= KINK_SHARE * rate, np.minimum(bound, far), 0.0)
         np.maximum(result, allowed, out=result)
         if not (allowed >= far).any():
             break
@@ -110,12 +117,33 @@ def reach(grid: UniformGrid, geometry: str, budget: float, aim: Aim) -> ReachTab
     return ReachTable(result, block)
 
 
-def _window(near: float, far: float, size: np.ndarray, way: np.ndarray, aim: Aim) -> tuple[np.ndarray, np.ndarray]:
+def smooth_step(fourth, rate: float):
+    """Step [m] that errs by `rate` [m of OPD per m of path] where the fourth derivative is `fourth` [1/m4]."""
+    with np.errstate(divide="ignore", over="ignore"):
+        return (rate / (CONSTANT * fourth)) ** 0.25
+
+
+def roughness_along(grid: UniformGrid, geometry: str, cone: Cone) -> tuple[int, np.ndarray, np.ndarray]:
+    """Cells in a block, and the greatest fourth derivative [1/m4] and kink [1] along the cone's rays in each."""
+    block, fourth, second = _roughness(grid)
+    if cone.axis is None:
+        return block, np.sum([np.sqrt(g) for g in fourth], axis=0) ** 2, np.sum(second, axis=0)
+    share = np.minimum(np.abs(_local(cone.way, geometry)) + np.sin(cone.spread), 1.0)
+    smooth = np.sum([w * g**0.25 for w, g in zip(share, fourth, strict=True)], axis=0) ** 4
+    kink = np.sum([w * np.sqrt(k) for w, k in zip(share, second, strict=True)], axis=0) ** 2
+    return block, smooth, kink
+
+
+def _local(way: np.ndarray, geometry: str) -> np.ndarray:
+    return {"volume": way, "planar": way[1:], "axisymmetric": np.array([0.0, way[2]])}[geometry]
+
+
+def _window(near: float, far: float, size: np.ndarray, way: np.ndarray, cone: Cone) -> tuple[np.ndarray, np.ndarray]:
     """Offsets, in blocks along each axis, of all that rays from a block meet between `near` and `far` ahead."""
-    if aim.is_all_sides:
+    if cone.axis is None:
         half = np.ceil(far / size).astype(int)
         return -half, half
-    wide = far * np.tan(aim.spread) / size
+    wide = far * np.tan(cone.spread) / size
     ends = np.stack([near * way / size, far * way / size])
     return np.floor(ends.min(axis=0) - wide).astype(int), np.floor(ends.max(axis=0) + wide + 1.0).astype(int)
 

@@ -1,6 +1,6 @@
 r"""The oracle: one ray at a time in float64, written to be read, sharing no formula with the kernels.
 
-State (r, T, optical path, arc length) over sigma, d sigma = ds / n:
+State (r, T, optical path, arc length, lag) over sigma, d sigma = ds / n:
 
     r' = T,   T' = n grad n,   path' = n^2,   arc' = n
 
@@ -141,9 +141,18 @@ class _Ray:
             return self.fly(self.start, self.heading, 0.0, 0.0, stop_at)
         r = self.start + enter * self.heading
         index, _ = self.look(r)
-        state = np.array([*r, *(index * self.heading), self.ambient * enter, enter])
+        state = np.array([*r, *(index * self.heading), self.ambient * enter, enter, 0.0])
+        origin = r
         march = self.by_rule if self.plan.method in ("fixed", "paper") else self.by_dop853
         state, status, at_stop = march(state)
+        if march == self.by_rule and self.field.interpolation not in TWO_SCALARS:
+            # Along the first direction the deviation is the arc less the lag: better known than the steps' own.
+            slip = state[7] - enter - state[8] - (state[:3] - origin) @ self.heading
+            if at_stop and isinstance(self.until, ArcLength):
+                state[:3] += slip * self.heading
+            else:  # the ray ends on a surface: its place is right, its length is not
+                state[6] -= self.ambient * slip
+                state[7] -= slip
         heading = state[3:6] / np.linalg.norm(state[3:6])
         if status != RayStatus.OK or at_stop or self.until is None:
             return self.result(state[:3], heading, state[6], state[7], status, stop_at)
@@ -209,9 +218,9 @@ class _Ray:
                 index, gradient = self.look(line)
                 potential = 0.5 * (index**2 - self.ambient**2) + index * gradient @ (y[:3] - line)
                 local = np.sqrt(self.ambient**2 + 2.0 * potential)
-                return [*y[3:6], *(index * gradient), local**2, local]
+                return [*y[3:6], *(index * gradient), local**2, local, 0.0]
             index, gradient = self.look(y[:3])
-            return [*y[3:6], *(index * gradient), index**2, index]
+            return [*y[3:6], *(index * gradient), index**2, index, 0.0]
 
         def leaves(sigma, y):
             return self.outside(origin + heading * (self.ambient * sigma) if straight else y[:3])
@@ -226,7 +235,8 @@ class _Ray:
             event.terminal, event.direction = True, sense  # type: ignore[attr-defined]
         diagonal = float(np.linalg.norm(np.where(np.isfinite(self.high - self.low), self.high - self.low, 0.0)))
         limit = 1e4 * diagonal / self.ambient
-        reach = 2.0 * float(np.min(self.field.spacing))
+        # Half a cell: over the knots of a spline a long step's own estimate of its error is not to be believed.
+        reach = 0.5 * float(np.min(self.field.spacing))
         if self.field.body is not None:
             reach = min(reach, float(self.field.wall_distance.spacing.min()))
         solution = solve_ivp(
@@ -271,7 +281,9 @@ class _Ray:
         def end(length):
             return value(self.nystrom(state, index, gradient, length))
 
-        return brentq(end, 0.0, h, xtol=1e-16, rtol=1e-15) if value(state) < 0.0 else 0.0
+        # A step from the face by which the ray came in starts on the surface: look from just behind it.
+        first = 0.0 if value(state) < 0.0 else 1e-6 * h
+        return brentq(end, first, h, xtol=1e-16, rtol=1e-15) if end(first) < 0.0 else 0.0
 
     def paper_step(self, r: np.ndarray) -> float:
         """Step of eq 5 in the cell that holds a point [m]."""
@@ -298,4 +310,14 @@ class _Ray:
         result[7] += h * sum(b * n for b, n in zip(BT, indices, strict=True))
         if self.field.interpolation not in TWO_SCALARS:
             result[3:6] *= indices[-1] / np.linalg.norm(result[3:6])
+            before, slope_before = self.lag(momentum, index, forces[0])
+            after, slope_after = self.lag(result[3:6], indices[-1], forces[-1])
+            result[8] += 0.5 * h * (before + after) + h * h / 12.0 * (slope_before - slope_after)
         return result
+
+    def lag(self, momentum: np.ndarray, index: float, force: np.ndarray) -> tuple[float, float]:
+        """Index less the momentum along the first direction, and the derivative of that over sigma."""
+        ahead = momentum @ self.heading
+        across = momentum - ahead * self.heading
+        behind = across @ across / (index + ahead) if ahead > 0.0 else index - ahead
+        return behind, (force @ across - behind * (force @ self.heading)) / index

@@ -11,7 +11,7 @@ import warp as wp
 from ..medium import IndexField
 from ..rays import RayBundle
 from .plan import TracePlan
-from .quiet import Aim, ReachTable, reach
+from .quiet import CONES, cones_of, reach
 from .stop import ArcLength, Plane
 from .warp_devices import start_warp, thread_count
 from .warp_tracer import build_kernel
@@ -120,17 +120,20 @@ def _upload(field: IndexField, precision: str, device: str, with_paper_step: boo
     return SimpleNamespace(field=device_field, bounds=bounds, control=control, spacing=spacing, origin=origin)
 
 
-def _upload_reach(control, field: IndexField, plan: TracePlan, aim: Aim) -> None:
-    """The table of safe steps; a block that allows none where steps are not controlled or the field is on a mesh."""
-    table = ReachTable(np.zeros((1, 1)), 1)
+def _upload_reach(control, field: IndexField, plan: TracePlan, directions: np.ndarray) -> None:
+    """The tables of safe steps of the cones that the directions lie in; none without error control or on a mesh."""
+    start = np.full(len(CONES), -1, dtype=np.int32)
+    lengths = [np.zeros(1)]
     if field.is_uniform and plan.method in ("adaptive", "straight"):
-        table = reach(field.samples, field.geometry, control.budget, aim)
-    shape = table.length.shape
-    control.reach = wp.array(table.length.ravel(), dtype=types(plan.precision).real, device=plan.device)
-    control.block_count = wp.vec3i(*shape, *[1] * (3 - len(shape)))
-    control.block = table.block
-    control.aim = types(plan.precision).vec3(*aim.axis)
-    control.aim_cosine = float(np.cos(min(aim.spread, np.pi))) if not aim.is_all_sides else -2.0
+        for cone in np.unique(cones_of(directions, field.geometry)):
+            table = reach(field.samples, field.geometry, control.budget, CONES[cone])
+            start[cone] = sum(part.size for part in lengths)
+            lengths.append(table.length.ravel())
+            shape = table.length.shape
+            control.block_count = wp.vec3i(*shape, *[1] * (3 - len(shape)))
+            control.block = table.block
+    control.reach = wp.array(np.concatenate(lengths), dtype=types(plan.precision).real, device=plan.device)
+    control.reach_start = wp.array(start, dtype=wp.int32, device=plan.device)
 
 
 def _whole(cells: np.ndarray) -> np.ndarray:
@@ -150,20 +153,19 @@ def _per_position_axis(geometry: str, spacing, origin) -> tuple[np.ndarray, np.n
 def prepare(
     field: IndexField, plan: TracePlan, until, wavelength: float, outputs: frozenset, directions: np.ndarray
 ) -> SimpleNamespace:
-    """Kernel and its arguments but for the rays; `directions` are all those the rays have, or some at the extremes."""
+    """Kernel and its arguments but for the rays; `directions` are the rays' own."""
     start_warp()
     start = time.perf_counter()
     kept = upload(field, plan.precision, plan.device, plan.method == "paper")
     t = types(plan.precision)
     bounds, control = t.Bounds(), t.Control()
-    aim = Aim.of(directions, field.geometry)
     for name in ("origin", "spacing", "low", "high", "radius", "ambient"):
         setattr(bounds, name, getattr(kept.bounds, name))
     for name in ("face_low", "face_high", "radius", "cell_rate", "extent", "step_limit"):
         setattr(control, name, getattr(kept.control, name))
     control.step = plan.step or 0.0
     control.budget = plan.tolerance * wavelength
-    _upload_reach(control, field, plan, aim)
+    _upload_reach(control, field, plan, directions)
     control.max_steps = plan.max_steps
     stop = "none"
     if isinstance(until, Plane):

@@ -8,10 +8,6 @@ from ..medium.spline import STRIDE, SUPPORT
 from .warp_types import types
 
 
-# Cell faces that a ray has passed but for rounding, or is about to pass in so little, in cells: not worth a step.
-HAIR = 1e-4
-
-
 @functools.cache
 def build_weights(precision: str, interpolation: str):
     """Functions u -> weights and u -> slopes of the weights, as vectors of four (two used if linear)."""
@@ -170,108 +166,6 @@ def build_sample(precision: str, geometry: str, interpolation: str):
             return vec4(s[0], outward * frac[0], outward * frac[1], s[2] * field.inverse_spacing[2])
 
     return sample
-
-
-@functools.cache
-def build_reach(precision: str, geometry: str):
-    """A function (control, cell, frac, total) -> safe step where the point lies [sigma]; none is known on a mesh."""
-    t = types(precision)
-    real, vec3, Control = t.real, t.vec3, t.Control
-
-    @wp.func
-    def block(control: Control, axis: int, cell: int, place: real):
-        return wp.clamp((cell + int(wp.floor(place))) // control.block, 0, control.block_count[axis] - 1)
-
-    if geometry == "volume":
-
-        @wp.func
-        def entry(control: Control, cell: wp.vec3i, frac: vec3):
-            row = block(control, 0, cell[0], frac[0]) * control.block_count[1] + block(control, 1, cell[1], frac[1])
-            return control.reach[row * control.block_count[2] + block(control, 2, cell[2], frac[2])]
-
-    elif geometry == "planar":
-
-        @wp.func
-        def entry(control: Control, cell: wp.vec3i, frac: vec3):
-            row = block(control, 0, cell[1], frac[1])
-            return control.reach[row * control.block_count[1] + block(control, 1, cell[2], frac[2])]
-
-    else:
-
-        @wp.func
-        def entry(control: Control, cell: wp.vec3i, frac: vec3):
-            row = block(control, 0, 0, wp.sqrt(frac[0] * frac[0] + frac[1] * frac[1]))
-            return control.reach[row * control.block_count[1] + block(control, 1, cell[2], frac[2])]
-
-    @wp.func
-    def reach(control: Control, cell: wp.vec3i, frac: vec3, total: vec3):
-        if wp.static(geometry == "mesh"):
-            return real(0.0)
-        else:
-            speed = wp.length(total)
-            if wp.dot(total, control.aim) < control.aim_cosine * speed:
-                return real(0.0)  # turned out of the cone
-            return entry(control, cell, frac) / speed
-
-    return reach
-
-
-@functools.cache
-def build_to_face(precision: str, geometry: str):
-    """A function (cell, frac, velocity in cells) -> step to the next face of a cell; faces closer than HAIR are behind."""
-    t = types(precision)
-    real, vec3 = t.real, t.vec3
-    axes = {"volume": (0, 1, 2), "planar": (1, 2), "axisymmetric": (2,)}[geometry]
-    none = 1e30
-
-    @wp.func
-    def flat(place: real, speed: real):
-        """Along an axis with faces at whole numbers."""
-        inside = place - wp.floor(place)
-        if speed > real(0.0):
-            gap = real(1.0) - inside
-            if gap < real(HAIR):
-                gap += real(1.0)
-            return gap / speed
-        if speed < real(0.0):
-            if inside < real(HAIR):
-                inside += real(1.0)
-            return -inside / speed
-        return real(none)
-
-    @wp.func
-    def round_face(frac: vec3, velocity: vec3):
-        """To the next cylinder of whole radius."""
-        a = velocity[0] * velocity[0] + velocity[1] * velocity[1]
-        if a == real(0.0):
-            return real(none)
-        b = frac[0] * velocity[0] + frac[1] * velocity[1]
-        square = frac[0] * frac[0] + frac[1] * frac[1]
-        radius = wp.sqrt(square)
-        inner = wp.floor(radius)
-        if radius - inner < real(HAIR):
-            inner -= real(1.0)
-        if b < real(0.0) and inner > real(0.0):
-            disc = b * b - a * (square - inner * inner)
-            if disc > real(0.0):
-                return (square - inner * inner) / (wp.sqrt(disc) - b)
-        outer = wp.floor(radius + real(HAIR)) + real(1.0)
-        return (wp.sqrt(wp.max(b * b - a * (square - outer * outer), real(0.0))) - b) / a
-
-    @wp.func
-    def to_face(cell: wp.vec3i, frac: vec3, velocity: vec3):
-        step = real(none)
-        if wp.static(0 in axes):
-            step = wp.min(step, flat(frac[0], velocity[0]))
-        if wp.static(1 in axes):
-            step = wp.min(step, flat(frac[1], velocity[1]))
-        if wp.static(2 in axes):
-            step = wp.min(step, flat(frac[2], velocity[2]))
-        if wp.static(geometry == "axisymmetric"):
-            step = wp.min(step, round_face(frac, velocity))
-        return step
-
-    return to_face
 
 
 @functools.cache

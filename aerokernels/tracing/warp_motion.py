@@ -5,6 +5,7 @@ from typing import Any
 
 import warp as wp
 
+from .tableau import BT, C
 from .warp_box import FACE_COUNT, build_surface
 from .warp_types import types
 
@@ -44,10 +45,13 @@ def build_contrast(precision: str):
 
 @functools.cache
 def build_lag(precision: str):
-    """A function of a ray's state -> (index less the momentum along d, the derivative of that over sigma)."""
+    """Functions about the index less the momentum along d: it and its derivative over sigma, and the error of its sum."""
     t = types(precision)
-    real, vec3 = t.real, t.vec3
+    real, vec3, vec4 = t.real, t.vec3, t.vec4
     contrast = build_contrast(precision)
+    c2, c3 = (float(v) for v in C[1:3])
+    v1, v2, v3, v4 = (float(v) for v in BT)
+    twelfth = 1.0 / 12.0  # a quotient written inside a kernel would be taken in float32
 
     @wp.func
     def lag(ambient: real, d: vec3, momentum: vec3, potential: real, force: vec3):
@@ -61,7 +65,25 @@ def build_lag(precision: str):
             behind = wp.dot(across, across) / (index + ambient + ahead)
         return behind, (wp.dot(force, across) - behind * wp.dot(force, d)) / index
 
-    return lag
+    @wp.func
+    def lag_error(
+        ambient: real, d: vec3, momentum: vec3, h: real, pot: real, s2: vec4, s3: vec4, s4: vec4, force: vec3
+    ):
+        """Its sum over a step by the trapezoidal rule with end correction against that by the path's own rule."""
+        force2 = vec3(s2[1], s2[2], s2[3])
+        force3 = vec3(s3[1], s3[2], s3[3])
+        force4 = vec3(s4[1], s4[2], s4[3])
+        swung2 = momentum + (real(0.5 * c2) * h) * (force + force2)
+        swung3 = momentum + (real(0.5 * c3) * h) * (force + force3)
+        swung4 = momentum + h * (real(v1) * force + real(v2) * force2 + real(v3) * force3 + real(v4) * force4)
+        lag1, bend1 = lag(ambient, d, momentum, pot, force)
+        lag2, _bend2 = lag(ambient, d, swung2, s2[0], force2)
+        lag3, _bend3 = lag(ambient, d, swung3, s3[0], force3)
+        lag4, bend4 = lag(ambient, d, swung4, s4[0], force4)
+        ends = real(0.5) * (lag1 + lag4) + (real(twelfth) * h) * (bend1 - bend4)
+        return h * wp.abs(ends - (real(v1) * lag1 + real(v2) * lag2 + real(v3) * lag3 + real(v4) * lag4))
+
+    return lag, lag_error
 
 
 @functools.cache
@@ -113,7 +135,7 @@ def build_landing(precision: str, geometry: str, stop: str):
     face_count = wp.constant(FACE_COUNT[geometry])
     surface_count = wp.constant(FACE_COUNT[geometry] + (1 if stop == "plane" else 0))
     # A ray that runs in a face is not thrown out by rounding: it is behind a surface when it is so by this many cells.
-    slack_cells = 2e-5 if precision == "float32" else 1e-10
+    slack_cells = 1e-6 if precision == "float32" else 1e-10
     none = 1e30
 
     @wp.func
@@ -164,8 +186,12 @@ def build_landing(precision: str, geometry: str, stop: str):
             if wp.static(geometry == "axisymmetric"):
                 if k == 2:
                     curve += (along[0] * along[0] + along[1] * along[1]) / control.radius
-            outside = s[0] - real(slack_cells) * surface_unit(control, k)
-            root = rising_root(outside, wp.dot(normal, along), real(0.5) * curve)
+            rise = wp.dot(normal, along)
+            slack = real(slack_cells) * surface_unit(control, k)
+            outside = s[0]
+            if rise >= real(0.0) and outside >= -slack:
+                outside -= slack
+            root = rising_root(outside, rise, real(0.5) * curve)
             if root <= best:
                 best = root
                 which = k

@@ -32,6 +32,7 @@ from .tableau import B_ERROR, BT, BT_ERROR, PATH_ERROR_SLOPE, PATH_ERROR_VALUE, 
 from .warp_box import FACE_COUNT, build_crossing, build_detour, build_meeting
 from .warp_motion import advance, build_cells, build_contrast, build_lag, build_landing, build_look, deflection
 from .warp_wall import build_clear_way, build_wall_distance, build_way_out
+from .warp_reach import build_cone, build_reach, build_to_face
 from .warp_types import types
 
 # The share of the remaining error budget that one step may use up, however short it is.
@@ -42,6 +43,8 @@ DIRECTION_SHARE = 0.01
 # an angle of 1 / BLUNTED on.
 SHARPEST = 0.02
 BLUNTED = 30.0
+# Below this angle with the first direction [rad] the lag behind the arc, of second order, is summed well enough.
+NEARLY_STRAIGHT = 1e-3
 
 
 @functools.cache
@@ -61,8 +64,9 @@ def build_kernel(
     source = warp_mesh if on_mesh else warp_grid
     sample = source.build_sample(precision, geometry, interpolation)
     paper_step = source.build_paper_step(precision, geometry)
-    reach_of = warp_grid.build_reach(precision, "mesh" if on_mesh else geometry)
-    to_face = warp_grid.build_to_face(precision, geometry)
+    cone_of = build_cone(geometry)
+    reach_of = build_reach(precision, "mesh" if on_mesh else geometry)
+    to_face = build_to_face(precision, geometry)
     crossing = build_crossing(precision, geometry)
     meeting = build_meeting(precision, geometry)
     detour = build_detour(precision, geometry)
@@ -70,7 +74,7 @@ def build_kernel(
     way_out = build_way_out(precision, geometry)
     wall_at, clear_way = build_clear_way(precision, geometry)
     contrast = build_contrast(precision)
-    lag = build_lag(precision)
+    lag, lag_error = build_lag(precision)
     in_cells, carry_over = build_cells(precision, "mesh" if on_mesh else geometry)
     oriented, surface_unit, landing = build_landing(precision, geometry, stop)
     look = build_look(precision, sample, method == "straight")
@@ -187,6 +191,7 @@ def build_kernel(
             far = span[1]
             if has_undisturbed and wp.static(stop != "none"):
                 far = wp.min(far, stop_distance)
+            cone = cone_of(d0)
             reach = wp.min(real(wp.min(far - enter, wp.float64(1.0e30))), control.extent)
             arc_left = real(bounds.length - enter)
             gap = real(0.0)
@@ -203,7 +208,7 @@ def build_kernel(
                     total = ambient * d
                 h = h_next
                 h_cell = real(1.0) / wp.max(wp.length(wp.cw_mul(total, control.cell_rate)), real(tiny))
-                h_least = real(least_step) * h_cell
+                h_least = real(least_step) / (wp.max(control.cell_rate) * wp.length(total))
                 if wp.static(method == "fixed"):
                     h = control.step / (ambient + m)
                 elif wp.static(method == "paper"):
@@ -213,7 +218,7 @@ def build_kernel(
                     if wp.static(kinked):
                         # The interpolant has kinks at the cells' faces: no step across one.
                         limit = to_face(cell, frac, wp.cw_mul(total, rate))
-                    h = wp.min(h, wp.max(limit, reach_of(control, cell, frac, total)))
+                    h = wp.min(h, wp.max(limit, reach_of(control, cone, cell, frac, total)))
                 h = wp.min(h, h_cap)
                 wanted = h
                 if wp.static(controlled and has_body):
@@ -228,11 +233,10 @@ def build_kernel(
                 if wp.static(stop == "arc"):
                     rest = arc_left - (ambient * sums[0] + sums[2])
                     n = ambient + m
-                    bend = wp.dot(force, total) / (n * n * n)
-                    h_arc = rest / n
-                    h_arc = rest / (n + real(0.5) * bend * h_arc)
-                    if h_arc <= h:
-                        h = wp.max(h_arc, real(0.0))
+                    bend = wp.dot(force, total) / n
+                    if h * (n + real(0.5) * bend * h) >= rest:
+                        h_arc = wp.min(rest / n, h)
+                        h = wp.clamp(rest / (n + real(0.5) * bend * h_arc), real(0.0), h)
                         land = int(landed_arc)
 
                 hh = h * h
@@ -267,7 +271,8 @@ def build_kernel(
                     sharp = wp.clamp(sharp, wp.min(real(SHARPEST) + real(BLUNTED) * turn_now, real(1.0)), real(1.0))
                 off = real(2.0) * sharp * wp.abs(off_s)
                 if wp.static(one_scalar):
-                    off += wp.min(real(BLUNTED) * turn_now, real(1.0)) * ambient * wp.abs(wp.dot(off_q, d))
+                    if turn_now > real(NEARLY_STRAIGHT):
+                        off += ambient * lag_error(ambient, d, momentum, h, pot, s2, s3, s4, force)
                 else:
                     off += ambient * wp.abs(wp.dot(off_q, d))
                 off_q -= wp.dot(off_q, d) * d
@@ -361,8 +366,11 @@ def build_kernel(
                             status = int(hit_body)
                         gap = wp.max(gap_now, real(0.0))
                     if running and land == landed_arc:
-                        running = bool(False)
-                        landed = land
+                        rest = arc_left - (ambient * sums[0] + sums[2])
+                        if wp.abs(rest) <= real(0.02) * h * (ambient + contrast(ambient, pot)) + real(1.0e-6) * arc_left:
+                            back = rest / (ambient + contrast(ambient, pot))
+                            running = bool(False)
+                            landed = land
                     elif running and land >= 0:
                         shown = frac
                         if wp.static(straight):
@@ -446,15 +454,16 @@ def build_kernel(
         deviation = q64 + flight * turn
         along += flight
 
-        arc = along + stretch
+        arc = wp.max(along + stretch, none64)  # a ray that leaves where it starts may end a rounding before it
         opd = wp.float64(0.0)
         if status == ok and has_undisturbed and wp.static(stop != "arc"):
             # How much further along d the stop is met than by the undisturbed ray: from the deviation where that is
             # exact, since the difference of two distances would lose its last digits.
             further = along - stop_distance
             if wp.static(stop == "plane"):
-                if wp.abs(slope) > wp.float64(0.05):
-                    further = -wp.dot(bounds.plane_normal, deviation) / slope
+                descent = wp.dot(bounds.plane_normal, d0)
+                if wp.abs(descent) > wp.float64(0.05):
+                    further = -wp.dot(bounds.plane_normal, deviation) / descent
             elif landed >= 0:
                 further = detour(bounds, landed, p0, d0, deviation, stop_distance, further)
             opd = work + ambient64 * further

@@ -64,10 +64,9 @@ def types(precision: str) -> SimpleNamespace:
         step: real  # "fixed": metres of arc length
         step_limit: real  # step in cells that needs no leave from `reach`
         reach: wp.array(dtype=real)  # uniform grid: length of a safe step in each block [m], see quiet.py
+        reach_start: wp.array(dtype=wp.int32)  # where each cone's table starts in `reach`; -1 where it has none
         block_count: wp.vec3i  # blocks along each local axis
         block: wp.int32  # cells in a block
-        aim: vec3  # axis of the cone of directions for which `reach` holds
-        aim_cosine: real  # of the cone's half angle
         budget: real  # OPD error allowed for the whole ray [m]
         extent: real  # a few diagonals of the box, longer than any step [m]
         max_steps: wp.int32

@@ -1,0 +1,257 @@
+"""Fields that are hard to trace: shocks of no width, foci, a hundred thousand cells, single cells, bad samples."""
+
+import numpy as np
+import pytest
+
+from aerokernels.medium import IndexField
+from aerokernels.rays import RayBundle
+from aerokernels.tracing import Plane, RayStatus, trace
+
+from .checks import CELL, PRECISIONS, UNIT, UP, WAVE, assert_same_bits, keeps_promises, random_field
+
+FAR = Plane((0.0, 0.0, 10e-3), UP)
+GEOMETRIES = ("volume", "planar", "axisymmetric")
+INTERPOLATIONS = ("cubic", "linear", "monotone")
+
+
+def shock(interpolation: str, slope: float, jump: float = 3e-4) -> IndexField:
+    """A jump on a grid of 0.1 mm in y over +-2 mm, z over 4 mm, along z = 2 mm + slope y, between two nodes."""
+    y, z = np.meshgrid((np.arange(41) - 20) * CELL, np.arange(41) * CELL, indexing="ij")
+    samples = np.where(z - 2.03e-3 > slope * y, jump, 0.0)
+    return IndexField.from_samples(
+        samples, origin=(-2e-3, 0.0), spacing=(CELL, CELL), geometry="planar", interpolation=interpolation
+    )
+
+
+@pytest.mark.parametrize("precision", PRECISIONS)
+@pytest.mark.parametrize("interpolation", INTERPOLATIONS)
+def test_square_through_a_shock_of_no_width(interpolation, precision):
+    """A jump J between the nodes 20 and 21, met at right angles at 50 places and from 50 starts.
+
+    Formula: every interpolant is odd about the middle of that cell, so OPD = J (4 mm - 2.05 mm), the ray straight.
+    Errors: the steps, 1e-3 wave asked for; J^2 terms, J^2 x 1 mm = 1e-4 wave. A jump of one wave is stepped over by
+    none: tolerance 1.2e-3 wave.
+    """
+    jump = 1e-3
+    rng = np.random.default_rng(4)
+    rays = RayBundle(np.c_[np.zeros(50), rng.uniform(-1.9e-3, 1.9e-3, 50), rng.uniform(-3e-4, 0.0, 50)], [UP])
+    result = trace(shock(interpolation, 0.0, jump), rays, until=FAR, method="adaptive", precision=precision)
+    assert keeps_promises(result, 50).ok.all()
+    assert np.abs(result.opd - jump * 1.95e-3).max() < 1.2e-3 * WAVE
+    assert np.abs(result.direction - UP).max() < 64.0 * UNIT[precision] * jump / CELL * 4e-3
+
+
+@pytest.mark.parametrize("precision", PRECISIONS)
+@pytest.mark.parametrize("interpolation", INTERPOLATIONS)
+@pytest.mark.parametrize("angle", [0.5, 3.0])
+def test_aslant_through_a_shock_of_no_width(interpolation, precision, angle):
+    """A staircase of cells, met aslant: 60 rays against 1000 fixed steps a cell in float64.
+
+    Errors: the steps, 1e-3 wave asked for; the fixed ones, of first order at a kink of a linear interpolant: 1e-6 of
+    a wave each; the direction a wave of OPD error over 4 mm gives: 1e-6 and a rounding.
+    """
+    field = shock(interpolation, angle)
+    height = np.linspace(-1.5e-3, 1.5e-3, 60)
+    rays = RayBundle(np.c_[0.0 * height, height, np.zeros(60)], [[0.0, 0.05, 1.0]])
+    fine = trace(field, rays, until=FAR, method="fixed", step=1e-3 * CELL, precision="float64")
+    result = trace(field, rays, until=FAR, method="adaptive", precision=precision)
+    assert keeps_promises(result, 60).ok.all() and fine.ok.all()
+    assert np.abs(result.opd - fine.opd).max() < 1e-3 * WAVE
+
+
+@pytest.mark.parametrize("precision", PRECISIONS)
+def test_along_a_shock_of_no_width(precision):
+    """Rays that graze a shock: within its cell, along it, and at 1e-6 to 1e-2 rad to it from either side.
+
+    Total reflection below sqrt(2 J) = 0.024 rad from the dense side. Truth: as above. Near the critical angle a ray
+    may go either way, and the OPD with it: in every other ray the tolerance holds, in it the promises do.
+    """
+    field = shock("cubic", 1e9)  # z > 1e9 y: the jump is at y = 0, between two nodes
+    slope = np.array([0.0, 1e-6, -1e-6, 1e-4, -1e-4, 1e-3, -1e-3, 1e-2, -1e-2])
+    rays = RayBundle(np.c_[np.zeros(9), 0.3 * CELL - 1e-3 * slope, np.zeros(9)], np.c_[np.zeros(9), slope, np.ones(9)])
+    fine = trace(field, rays, until=FAR, method="fixed", step=1e-3 * CELL, precision="float64")
+    result = trace(field, rays, until=FAR, method="adaptive", precision=precision)
+    assert keeps_promises(result, 9).ok.all() and fine.ok.all()
+    assert np.abs(result.opd - fine.opd).max() < 1e-3 * WAVE
+
+
+@pytest.mark.parametrize("precision", PRECISIONS)
+def test_a_hundred_thousand_cells(precision):
+    """1e5 cells of 15 um over 1.5 m, crossed in steps of one cell: the sums of 1e5 small terms keep their digits.
+
+    Set-up: contrast with s = (n^2 - 1) / 2 = s0 + s1 sin(k z), 2000 whole waves of 50 cells: rays along z stay
+    straight. Formula: OPD = int sqrt(1 + 2 s) - 1 = L (s0 - (s0^2 + s1^2 / 2) / 2), next term s^3 = 1e-8 of it.
+    Errors: a spline's mean is the samples' mean; rounding of each term: random, 1e5^(1/2) units at worst of a mean,
+    compensated sums add none: 8 units relative, and the ends' rounding. At 166 waves 1e-3 wave is 100 units of float32.
+    """
+    s0, s1, length = 1e-4, 2e-5, 1.5
+    z = np.arange(100_001) / 100_000
+    s = s0 + s1 * np.sin(2.0 * np.pi * 2000.0 * z)
+    contrast = 2.0 * s / (np.sqrt(1.0 + 2.0 * s) + 1.0)
+    field = IndexField.from_samples(
+        np.tile(contrast, (4, 1)), origin=(0.0, 0.0), spacing=(1e-3, length / 100_000), geometry="planar"
+    )
+    height = np.array([0.3e-3, 1e-3, 1.71e-3])
+    rays = RayBundle(np.c_[0.0 * height, height, np.full(3, -0.1)], [UP])
+    expected = length * (s0 - 0.5 * (s0**2 + 0.5 * s1**2) + 0.5 * (s0**3 + 1.5 * s0 * s1**2))
+    until = Plane((0, 0, 1.7), UP)
+    for settings_ in ({"method": "fixed", "step": length / 100_000}, {"method": "adaptive"}):
+        result = keeps_promises(trace(field, rays, until=until, precision=precision, **settings_), 3)
+        assert result.ok.all() and result.step_count.min() >= 25_000
+        allowed = 8.0 * UNIT[precision] * expected + 8.0 * 2.0**-53 * 1.8
+        if "step" not in settings_:
+            allowed += 1e-3 * WAVE
+        assert np.abs(result.opd - expected).max() < allowed
+        assert np.abs(result.direction - UP).max() < 1e-9
+
+
+@pytest.mark.parametrize("geometry", ["planar", "axisymmetric"])
+def test_float32_over_a_metre_and_a_half(geometry):
+    """Air-like contrast 3e-4 with turbulence of 5 mm in 1 mm cells over 1.5 m: within 1e-3 wave of float64.
+
+    Both adaptive at 1e-4 wave, so that what differs is rounding and not the choice of steps.
+    """
+    rng = np.random.default_rng(17)
+    wave = rng.standard_normal((24, 1501))
+    for axis, passes in ((0, 12), (1, 12)):
+        for _ in range(passes):
+            wave = 0.25 * (np.roll(wave, 1, axis) + 2.0 * wave + np.roll(wave, -1, axis))
+    field = IndexField.from_samples(
+        3e-4 * (1.0 + 0.1 * wave / np.abs(wave).max()), origin=(0.0, 0.0), spacing=(1e-3, 1e-3), geometry=geometry
+    )
+    height = np.linspace(2e-3, 18e-3, 12)
+    rays = RayBundle(np.c_[0.0 * height, height, 0.0 * height], [[1e-3, 5e-4, 1.0]])
+    settings_ = {"until": Plane((0, 0, 1.5), UP), "method": "adaptive", "tolerance": 1e-4}
+    single, double = (trace(field, rays, precision=p, **settings_) for p in PRECISIONS)
+    assert keeps_promises(single, 12).ok.all() and keeps_promises(double, 12).ok.all()
+    assert np.abs(double.opd).min() > 400.0 * WAVE
+    assert np.abs(single.opd - double.opd).max() < 1e-3 * WAVE
+
+
+@pytest.mark.parametrize("precision", PRECISIONS)
+def test_through_many_foci(precision):
+    """Meridional rays in n^2 = n0^2 (1 - g^2 y^2) cross the axis together every half pitch: the OPD takes no notice.
+
+    Formula: y = x0 cos(n0 g sigma), sigma = z / beta, beta = n0 sqrt(1 - g^2 x0^2); path n0^2 sigma - n0^2 g^2 x0^2
+    (sigma / 2 + sin(2 n0 g sigma) / (4 n0 g)). Stops at, before and behind the foci at 1/4, 3/4 ... pitch. Errors: the
+    potential is a parabola that the spline holds; 1e-3 wave asked for; float32: 64 units of the 0.3 mm OPD. No more
+    than two steps a cell: a focus is no reason to slow down.
+    """
+    n0, g, cell = 1.5, 100.0, 0.25e-3
+    y = np.arange(-8, 9) * cell
+    field = IndexField.from_samples(
+        np.repeat((n0 * np.sqrt(1.0 - (g * y) ** 2) - n0)[:, None], 601, axis=1),
+        origin=(y[0], 0.0), spacing=(cell, cell), geometry="planar", ambient_index=n0,
+    )  # fmt: skip
+    x0 = np.array([1.6e-3, 0.8e-3, 0.2e-3, 1e-6, -0.2e-3, -0.8e-3, -1.6e-3])
+    rays = RayBundle(np.c_[0.0 * x0, x0, 0.0 * x0], [UP])
+    beta = n0 * np.sqrt(1.0 - (g * x0) ** 2)
+    quarter = 0.5 * np.pi / g
+    for z in (0.9 * quarter, quarter, 1.1 * quarter, 3.0 * quarter, 8.4 * quarter):
+        result = trace(field, rays, until=Plane((0, 0, z), UP), method="adaptive", precision=precision)
+        assert keeps_promises(result, 7).ok.all()
+        sigma = z / beta
+        square = x0**2 * (0.5 * sigma + np.sin(2.0 * n0 * g * sigma) / (4.0 * n0 * g))
+        opd = n0**2 * sigma - (n0 * g) ** 2 * square - n0 * z
+        assert np.abs(result.opd - opd).max() < 1e-3 * WAVE + 64.0 * UNIT[precision] * np.abs(opd).max() + 1e-15
+        assert result.step_count.max() < 2.0 * z / cell + 20
+
+
+@pytest.mark.parametrize("precision", PRECISIONS)
+@pytest.mark.parametrize("interpolation", INTERPOLATIONS)
+@pytest.mark.parametrize("geometry", GEOMETRIES)
+def test_one_cell(geometry, interpolation, precision):
+    """Two nodes along every axis, and along each one alone, against the oracle's same fixed steps.
+
+    Errors: rounding; 1e-3 wave asked for in float32, and 1e-9 wave in float64.
+    """
+    dimension = 3 if geometry == "volume" else 2
+    rays = RayBundle([[1e-5, 2e-5, -1e-4], [3e-4, 6e-4, 1e-4], [-4e-4, 7e-4, 9e-4]], [[0.02, -0.1, 1.0]])
+    for long in range(-1, dimension):
+        shape = tuple(9 if axis == long else 2 for axis in range(dimension))
+        samples = 3e-4 * np.random.default_rng(8).uniform(-1.0, 1.0, shape)
+        spacing = 1e-3 / (np.array(shape) - 1)
+        low = np.zeros(dimension)
+        if geometry == "volume":
+            low[0] = -0.5e-3
+        field = IndexField.from_samples(
+            samples, origin=low, spacing=spacing, geometry=geometry, interpolation=interpolation
+        )
+        settings_ = {"until": FAR, "method": "fixed", "step": 4e-5}
+        expected = trace(field, rays, backend="reference", precision="float64", **settings_)
+        result = keeps_promises(trace(field, rays, precision=precision, **settings_), 3)
+        assert np.array_equal(result.status, expected.status) and result.ok.all()
+        assert np.abs(result.opd - expected.opd).max() < (1e-3 if precision == "float32" else 1e-9) * WAVE
+
+
+@pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf])
+@pytest.mark.parametrize("geometry", GEOMETRIES)
+def test_a_bad_sample_in_an_unused_corner_is_refused(geometry, bad):
+    """One sample that no ray would ever look up: refused by its index, before any kernel could run."""
+    samples = np.zeros((5, 6, 7) if geometry == "volume" else (5, 7))
+    samples[(-1,) * samples.ndim] = bad
+    corner = str(tuple(n - 1 for n in samples.shape))
+    with pytest.raises(ValueError, match="NaN or infinite") as refusal:
+        IndexField.from_samples(samples, origin=[0.0] * samples.ndim, spacing=[1.0] * samples.ndim, geometry=geometry)
+    assert corner in str(refusal.value) and f"1 of {samples.size}" in str(refusal.value)
+
+
+@pytest.mark.filterwarnings("ignore:overflow encountered")
+@pytest.mark.parametrize("precision", PRECISIONS)
+@pytest.mark.parametrize("size", [1.0, 1e3, 1e5, 1e10, 1e20, 1e38, 1e160, 1e300])
+def test_contrasts_of_any_strength(size, precision):
+    """White noise of 1 to 1e300 in a box of 0.8 mm: a ray arrives with numbers that can be, or has a failing status.
+
+    An index of at least half the greatest sample: the spline stays positive, and a path no shorter than the way to the
+    plane, 11 mm, so that less is a wrong answer under a good status. At 1 no ray runs out of steps or numbers, though
+    some are turned back. Those that never meet the box keep the bits that they have alone.
+    """
+    samples = size * np.random.default_rng(0).uniform(0.5, 1.0, (9, 9))
+    field = IndexField.from_samples(samples, origin=(-4e-4, 0.0), spacing=(CELL, CELL), geometry="planar")
+    height = np.linspace(-8e-4, 8e-4, 33)
+    start, heading = np.c_[0.0 * height, height, np.full(33, -1e-3)], np.tile([0.0, 0.02, 1.0], (33, 1))
+    settings_ = {"until": FAR, "method": "adaptive", "precision": precision, "max_steps": 2000}
+    result = keeps_promises(trace(field, RayBundle(start, heading), **settings_), 33)
+    beside = np.abs(height) > 5e-4
+    assert result.ok[beside].all() and (result.opd[beside] == 0.0).all()
+    assert set(result.status_summary()) <= {"OK", "STOP_NOT_REACHED"} or size > 1.0
+    assert (result.arc_length[result.ok] > 11e-3).all() and (result.optical_path[result.ok] > 11e-3).all()
+    assert_same_bits(result, trace(field, RayBundle(start[beside], heading[beside]), **settings_), beside)
+
+
+@pytest.mark.parametrize("precision", PRECISIONS)
+def test_a_fixed_step_far_longer_than_the_box(precision):
+    """Steps of 2.5 to 1e300 times the box's length: one step, cut to end on the far face, whatever it was.
+
+    Truth: one step of the same formula from face to face (a step of 10 mm); the oracle's is the same, to 1e-3 wave in
+    float32. Errors: where it ends: 1e-5 of a cell, 1e-9 of a step: 1e-6 wave.
+    """
+    field, height = random_field("planar"), np.linspace(-0.8e-3, 0.8e-3, 9)
+    rays = RayBundle(np.c_[0.0 * height, height, np.full(9, -1e-3)], [[0.0, 0.05, 1.0]])
+    settings_ = {"until": FAR, "method": "fixed", "precision": precision}
+    one = trace(field, rays, step=10e-3, **settings_)
+    assert keeps_promises(one, 9).ok.all() and (one.step_count == 1).all()
+    oracle = trace(field, rays, until=FAR, method="fixed", step=10e-3, backend="reference", precision="float64")
+    assert np.abs(oracle.opd - one.opd).max() < 1e-3 * WAVE
+    for step in (1.0, 1e3, 1e6, 1e12, 1e30, 1e100, 1e300):
+        result = keeps_promises(trace(field, rays, step=step, **settings_), 9)
+        assert result.ok.all(), step
+        assert np.abs(result.opd - one.opd).max() < 1e-6 * WAVE, step
+
+
+@pytest.mark.parametrize("precision", PRECISIONS)
+def test_a_fixed_step_far_shorter_than_a_cell(precision):
+    """1000 steps a cell agree with 50 a cell; steps of 1e-30 and 1e-310 m end with MAX_STEPS where they started.
+
+    Errors: fourth order leaves nothing of 50 a cell; compensated sums nothing of 40 000 terms: 1e-4 wave.
+    """
+    field, height = random_field("planar"), np.linspace(-0.8e-3, 0.8e-3, 5)
+    rays = RayBundle(np.c_[0.0 * height, height, np.full(5, -1e-3)], [[0.0, 0.05, 1.0]])
+    settings_ = {"until": FAR, "method": "fixed", "precision": precision}
+    coarse, fine = (trace(field, rays, step=CELL / count, **settings_) for count in (50, 1000))
+    assert keeps_promises(fine, 5).ok.all() and fine.step_count.min() > 39_000
+    assert np.abs(fine.opd - coarse.opd).max() < 1e-4 * WAVE
+    for step in (1e-30, 1e-310):
+        stuck = keeps_promises(trace(field, rays, step=step, max_steps=500, **settings_), 5)
+        assert (stuck.status == RayStatus.MAX_STEPS).all()
+        assert np.isfinite(stuck.position).all() and np.abs(stuck.position[:, 2]).max() < 1e-12

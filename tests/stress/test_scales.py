@@ -1,0 +1,219 @@
+"""Contrasts, lengths and ambient indices over many decades: relative accuracy must not depend on the size of things."""
+
+import numpy as np
+import pytest
+from hypothesis import example, given, settings
+from hypothesis import strategies as st
+
+from aerokernels.medium import IndexField
+from aerokernels.rays import RayBundle
+from aerokernels.tracing import Plane, trace
+from aerokernels.tracing.result import RAY_OUTPUTS
+
+from .checks import PRECISIONS, UNIT, UP, WAVE, keeps_promises, linear_square_field
+
+# Outputs that are lengths, and so grow with the scene.
+LENGTHS = ("position", "optical_path", "opd", "arc_length", "step_error")
+
+
+def bump(contrast: float, scale: float = 1.0, ambient: float = 1.0, geometry: str = "planar") -> IndexField:
+    """A Gaussian of `contrast`, 4 cells wide, off the middle of a box of 24 by 32 cells of 1/16 scale."""
+    cell = scale / 16.0
+    low = 0.0 if geometry == "axisymmetric" else -12.0
+    across, along = np.meshgrid(np.arange(25) + low, np.arange(33) - 14.0, indexing="ij")
+    samples = contrast * np.exp(-((across - 1.0) ** 2 + along**2) / 32.0)
+    return IndexField.from_samples(
+        samples, origin=(low * cell, 0.0), spacing=(cell, cell), geometry=geometry, ambient_index=ambient
+    )
+
+
+def fan(scale: float = 1.0) -> RayBundle:
+    """Five rays along z and two aslant, from ahead of the box of `bump`."""
+    height = scale * np.array([-0.4, -0.1, 0.0, 0.15, 0.5, 0.1, -0.2])
+    direction = np.array([UP] * 5 + [(0.1, 0.2, 1.0), (-0.05, -0.1, 1.0)])
+    return RayBundle(np.c_[0.0 * height, height, np.full(7, -0.25 * scale)], direction)
+
+
+@pytest.mark.parametrize("precision", PRECISIONS)
+@given(decade=st.floats(-12.0, 0.0))
+@example(decade=-12.0)
+@example(decade=0.0)
+@settings(max_examples=25, deadline=None)
+def test_relative_accuracy_is_the_same_at_every_contrast(precision, decade):
+    """Set-up: n^2 = 1 + g y with g = 3 x 10^decade, contrast up to 10^decade, a ray along z at y = 1/2 over 1/2 m.
+
+    Formula: y = y0 + g sigma^2 / 4 with sigma = z / n0, direction y : z = g sigma / 2 : n0, optical path
+    n0^2 sigma + g^2 sigma^3 / 12 (int n^2), undisturbed path z. Without cancellation:
+    OPD = z (n0 - 1) + g^2 sigma^3 / 12. Errors: the scheme is exact on a parabola, so what is left is rounding: of the
+    samples (8 cells from y = 0, a slope of samples that are each off by a few units is off by some 8 times that) and
+    of 16 steps. Tolerance: 128 units, relative, of OPD, of the sideways direction and of the sideways shift; the
+    shift comes as a difference of float64 positions, and keeps one rounding of these.
+    """
+    gradient = 3.0 * 10.0**decade
+    rays = RayBundle([[0.0, 0.5, 0.0]], [UP])
+    length = 0.5
+    settings_ = {"until": Plane((0, 0, length), UP), "method": "fixed", "step": 1.0 / 32.0}
+    result = keeps_promises(trace(linear_square_field(gradient), rays, precision=precision, **settings_), 1)
+    square = 1.0 + 0.5 * gradient
+    index = np.sqrt(square)
+    sigma = length / index
+    excess = 0.5 * gradient / (index + 1.0)
+    opd = length * excess + gradient**2 * sigma**3 / 12.0
+    slope = 0.5 * gradient * sigma
+    turn = slope / np.hypot(slope, index)
+    shift = 0.25 * gradient * sigma**2
+    allowed = 128.0 * UNIT[precision]
+    assert result.status[0] == 0
+    assert abs(result.opd[0] / opd - 1.0) < allowed
+    assert abs(result.direction[0, 1] / turn - 1.0) < allowed
+    assert abs(result.position[0, 1] - 0.5 - shift) < allowed * shift + 2.0**-53
+
+
+@pytest.mark.parametrize("precision", PRECISIONS)
+@given(decade=st.floats(-12.0, -5.0))
+@example(decade=-12.0)
+@settings(max_examples=20, deadline=None)
+def test_a_weak_field_is_linear_in_its_contrast(precision, decade):
+    """OPD and deflection over contrast do not depend on the contrast, with a tolerance that scales with it.
+
+    Set-up: a Gaussian, tolerance 1e-5 of its own greatest OPD. Expected: the quotients at contrast 1e-6 in float64.
+    Errors: second-order terms, of the relative size contrast x (length / width)^2 < 1e-3 x contrast / 1e-5: at most
+    36 x 1e-5 here; the tolerance, 1e-5 of the OPD; rounding, 100 units. Tolerance: their sum, of the greatest quotient.
+    """
+    contrast = 10.0**decade
+    until = Plane((0, 0, 3.0), UP)
+    greatest = np.sqrt(32.0 * np.pi) / 16.0
+
+    def quotients(size: float, inside: str) -> tuple[np.ndarray, np.ndarray]:
+        tolerance = 1e-5 * size * greatest / WAVE
+        result = trace(bump(size), fan(), until=until, method="adaptive", tolerance=tolerance, precision=inside)
+        keeps_promises(result, 7)
+        assert result.ok.all()
+        return result.opd / size, result.direction[:5, 1] / size
+
+    opd, turn = quotients(contrast, precision)
+    opd_expected, turn_expected = quotients(1e-6, "float64")
+    allowed = 36.0 * (contrast + 1e-6) + 2e-5 + 100.0 * UNIT[precision]
+    assert np.abs(opd - opd_expected).max() < allowed * np.abs(opd_expected).max()
+    # The tolerance bounds the OPD; the same share of the direction is held to the field's length only.
+    assert np.abs(turn - turn_expected).max() < 10.0 * allowed * np.abs(turn_expected).max()
+
+
+@pytest.mark.parametrize("geometry", ["planar", "axisymmetric"])
+@pytest.mark.parametrize("precision", PRECISIONS)
+@given(power=st.integers(-20, 20))
+@example(power=-20)
+@example(power=20)
+@settings(max_examples=12, deadline=None)
+def test_a_scene_scaled_by_a_power_of_two_is_the_same_to_the_last_bit(precision, geometry, power):
+    """Lengths and wavelength times 2^k, k in +-20 (1e-6 to 1e6 m): every product scales without rounding.
+
+    So lengths scale exactly and directions, steps and statuses stay. Holds only if the kernel has no length built in.
+    """
+    scale = 2.0**power
+    for contrast in (3e-4, 1e-9):
+        settings_ = {"method": "adaptive", "tolerance": 1e-2, "precision": precision}
+        unit = trace(bump(contrast, geometry=geometry), fan(), until=Plane((0, 0, 3.0), UP), **settings_)
+        scaled = trace(
+            bump(contrast, scale, geometry=geometry),
+            fan(scale),
+            until=Plane((0, 0, 3.0 * scale), UP),
+            wavelength=WAVE * scale,
+            **settings_,
+        )
+        keeps_promises(scaled, 7)
+        for name in RAY_OUTPUTS:
+            factor = scale if name in LENGTHS else 1.0
+            assert np.array_equal(getattr(scaled, name), getattr(unit, name) * factor), name
+        assert np.array_equal(scaled.status, unit.status)
+
+
+@pytest.mark.parametrize("precision", PRECISIONS)
+@given(decade=st.floats(-6.0, 6.0))
+@example(decade=-6.0)
+@example(decade=6.0)
+@settings(max_examples=12, deadline=None)
+def test_a_scene_scaled_by_any_factor_is_the_same_to_rounding(precision, decade):
+    """Lengths times L, 1e-6 to 1e6 m, in steps of half a cell: the same answers, but for the rounding of L.
+
+    Errors: 64 steps, each a few roundings of positions in cells and of small sums; ends of 3 m in float64.
+    Tolerance: 64 roundings relative to the greatest OPD, turn and shift, and 8 of float64 relative to the path.
+    """
+    scale = 10.0**decade
+
+    def run(size: float):
+        until = Plane((0, 0, 3.0 * size), UP)
+        settings_ = {"method": "fixed", "step": size / 32.0, "precision": precision}
+        return keeps_promises(trace(bump(3e-4, size), fan(size), until=until, **settings_), 7)
+
+    unit, scaled = run(1.0), run(scale)
+    allowed, floor = 64.0 * UNIT[precision], 8.0 * 2.0**-53
+    assert np.abs(scaled.step_count - unit.step_count).max() <= 1  # the last step may be a hair
+    assert np.abs(scaled.opd / scale - unit.opd).max() < allowed * np.abs(unit.opd).max() + 3.0 * floor
+    assert np.abs(scaled.direction - unit.direction).max() < allowed * 1e-3 + floor
+    assert np.abs(scaled.position / scale - unit.position).max() < allowed * 1e-3 + 3.0 * floor
+
+
+@pytest.mark.parametrize("precision", PRECISIONS)
+@given(power=st.integers(-12, 12))
+@example(power=-12)
+@example(power=12)
+@settings(max_examples=10, deadline=None)
+def test_every_index_times_a_power_of_two_bends_nothing_more(precision, power):
+    """An index times c leaves every ray where it was and multiplies its optical path by c: ambient index 2e-4 to 4000.
+
+    With the wavelength times c the tolerance is the same. The potential takes c^2, exactly: all bits must agree.
+    """
+    factor = 2.0**power
+    settings_ = {"until": Plane((0, 0, 3.0), UP), "method": "adaptive", "tolerance": 1e-2, "precision": precision}
+    unit = trace(bump(0.05), fan(), **settings_)
+    dense = trace(bump(0.05 * factor, ambient=factor), fan(), wavelength=WAVE * factor, **settings_)
+    keeps_promises(dense, 7)
+    for name in RAY_OUTPUTS:
+        scale = factor if name in ("opd", "optical_path", "step_error") else 1.0
+        assert np.array_equal(getattr(dense, name), getattr(unit, name) * scale), name
+
+
+@pytest.mark.parametrize("precision", PRECISIONS)
+@pytest.mark.parametrize("ambient", [1e-3, 0.1, 3.3, 700.0])
+def test_an_ambient_index_far_from_one(precision, ambient):
+    """The parabola of n^2 = a^2 (1 + g y), in closed form: position and OPD over a are those of a = 1.
+
+    Tolerance: as for contrasts of every size, 128 units relative.
+    """
+    gradient, length = 0.3, 0.5
+    rays = RayBundle([[0.0, 0.5, 0.0]], [UP])
+    settings_ = {"until": Plane((0, 0, length), UP), "method": "fixed", "step": 1.0 / 32.0, "precision": precision}
+    field = linear_square_field(gradient * ambient**2, ambient=ambient)
+    result = keeps_promises(trace(field, rays, **settings_), 1)
+    index = np.sqrt(1.0 + 0.5 * gradient)
+    sigma = length / index
+    opd = ambient * (length * (index - 1.0) + gradient**2 * sigma**3 / 12.0)
+    allowed = 128.0 * UNIT[precision]
+    assert result.status[0] == 0
+    assert abs(result.opd[0] / opd - 1.0) < allowed
+    assert abs(result.position[0, 1] - 0.5 - 0.25 * gradient * sigma**2) < allowed
+
+
+@pytest.mark.parametrize("precision", PRECISIONS)
+def test_a_tolerance_of_any_size(precision):
+    """Set-up: the Gaussian at contrast 3e-4; truth: float64 at 1e-6 wave.
+
+    A tolerance of 1e6 waves lets the steps grow, but no step may jump over a cell's support of four cells: the OPD
+    keeps a tenth. One of 1e-15 waves is below rounding: the ray either arrives as right as rounding lets it, 32 units
+    of the OPD and 1e-6 wave for the truth's own steps, or says MAX_STEPS; it does not hang.
+    """
+    until = Plane((0, 0, 3.0), UP)
+    truth = trace(bump(3e-4), fan(), until=until, method="adaptive", tolerance=1e-6, precision="float64")
+    greatest = np.abs(truth.opd).max()
+    for tolerance in (1e6, 1e300):
+        loose = trace(bump(3e-4), fan(), until=until, method="adaptive", tolerance=tolerance, precision=precision)
+        assert keeps_promises(loose, 7).ok.all()
+        assert np.abs(loose.opd - truth.opd).max() < 0.1 * greatest
+        assert (loose.step_count >= 8).all()
+    for tolerance in (1e-15, 1e-300):
+        tight = trace(bump(3e-4), fan(), until=until, method="adaptive", tolerance=tolerance, precision=precision)
+        keeps_promises(tight, 7)
+        assert set(tight.status_summary()) <= {"OK", "MAX_STEPS"}
+        off = np.abs(tight.opd - truth.opd)[tight.ok]
+        assert off.max(initial=0.0) < 32.0 * UNIT[precision] * greatest + 1e-6 * WAVE

@@ -1,0 +1,140 @@
+"""Rays that never leave: they end with a status after the steps allowed, and no other ray feels it."""
+
+import numpy as np
+import pytest
+
+from aerokernels.medium import IndexField
+from aerokernels.rays import RayBundle
+from aerokernels.tracing import ArcLength, Plane, RayStatus, trace
+
+from .checks import PRECISIONS, UNIT, UP, WAVE, assert_same_bits, keeps_promises, random_field
+
+
+def fish_eye(geometry: str) -> IndexField:
+    """Maxwell's n = 2 / (1 + r^2), over r up to 1.5 in cells of 1/16: every ray is a circle, that of r = 1 too."""
+    axis = np.arange(-24, 25) / 16.0
+    mesh = np.meshgrid(*[axis] * (3 if geometry == "volume" else 2), indexing="ij")
+    return IndexField.from_samples(
+        2.0 / (1.0 + sum(a**2 for a in mesh)) - 0.6,
+        origin=[-1.5] * len(mesh),
+        spacing=[1.0 / 16.0] * len(mesh),
+        geometry=geometry,
+        ambient_index=0.6,
+    )
+
+
+def waveguide() -> IndexField:
+    """n^2 = 2.25 (1 - y^2 - z^2) up to 1/2 in y and z: a guide along x, which in a planar field has no end."""
+    axis = np.arange(-8, 9) / 16.0
+    y, z = np.meshgrid(axis, axis, indexing="ij")
+    return IndexField.from_samples(
+        1.5 * np.sqrt(1.0 - y**2 - z**2) - 1.0, origin=(-0.5, -0.5), spacing=(1 / 16, 1 / 16), geometry="planar"
+    )
+
+
+@pytest.mark.parametrize("precision", PRECISIONS)
+@pytest.mark.parametrize("max_steps", [1, 37, None])
+@pytest.mark.parametrize("geometry", ["planar", "volume"])
+def test_a_circle_for_ever(geometry, max_steps, precision):
+    """The circle r = 1 of the fish-eye has no end but MAX_STEPS: after as many steps as said, or the default's.
+
+    The ray is on its circle still: 1e-3 of the radius after the 17 000 cells of the default, if the tolerance is tight.
+    """
+    ray = RayBundle([[0.0, 1.0, 0.0]], [UP])
+    settings_ = {"method": "adaptive", "precision": precision, "max_steps": max_steps, "tolerance": 1.0}
+    result = keeps_promises(trace(fish_eye(geometry), ray, **settings_), 1)
+    assert result.status[0] == RayStatus.MAX_STEPS and result.status_summary() == {"MAX_STEPS": 1}
+    assert max_steps is None or result.step_count[0] == max_steps
+    for name in ("position", "direction", "optical_path", "opd", "arc_length", "step_error"):
+        assert np.isfinite(getattr(result, name)).all(), name
+    if max_steps is not None:
+        assert np.linalg.norm(result.position[0]) == pytest.approx(1.0, abs=1e-3)
+
+
+@pytest.mark.parametrize("precision", PRECISIONS)
+def test_twenty_turns_of_a_circle(precision):
+    """After the arc 40 pi a ray on the circle r = 1, and one a quarter turn on, are back where they started.
+
+    Formula: optical path n s = 40 pi. Errors: the cubic spline of a fish-eye in 16 cells: its force is off by
+    h^3 f'''' / 24 ~ 1e-4 here, 1e-3 over the turns as a change of radius and 40 pi times that along the circle. What is
+    tested is that it ends at the length: position within 0.1, and |r| = 1 within 1e-2; the length itself to rounding.
+    """
+    length = 40.0 * np.pi
+    rays = RayBundle([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0]], [[0.0, 0.0, 1.0], [0.0, -1.0, 0.0]])
+    result = trace(fish_eye("planar"), rays, until=ArcLength(length), method="adaptive", precision=precision)
+    assert keeps_promises(result, 2).ok.all()
+    assert np.abs(result.arc_length - length).max() < 8.0 * UNIT[precision] * length + 1e-9
+    assert np.abs(np.linalg.norm(result.position, axis=1) - 1.0).max() < 1e-2
+    assert np.abs(result.position - rays.position).max() < 0.1
+    assert np.abs(result.optical_path / length - 1.0).max() < 1e-2
+
+
+@pytest.mark.parametrize("precision", PRECISIONS)
+def test_a_waveguide_without_an_end(precision):
+    """Rays guided along x in a planar field with until=None: MAX_STEPS; exactly along x: no step, STOP_NOT_REACHED.
+
+    On a plane across the guide, 20 m on, all arrive. Formula: y = y0 cos(1.5 sigma) with sigma = x / T_x. Tolerance:
+    the OPD asked for, 1 wave, over 20 m: 1e-3 in y.
+    """
+    field = waveguide()
+    height = np.array([0.0, 0.1, 0.2, -0.3])
+    start, heading = np.c_[0.0 * height, height, 0.0 * height], np.tile([1.0, 0.0, 0.0], (4, 1))
+    aslant = heading + np.array([0.0, 0.0, 0.05])
+    settings_ = {"method": "adaptive", "precision": precision, "tolerance": 1.0}
+    assert (keeps_promises(trace(field, RayBundle(start, heading), **settings_), 4).status == 2).all()
+    for max_steps in (500, None):
+        result = keeps_promises(trace(field, RayBundle(start, aslant), max_steps=max_steps, **settings_), 4)
+        assert (result.status == RayStatus.MAX_STEPS).all()
+        assert np.isfinite(result.position).all() and np.abs(result.position[:, 1:]).max() < 0.5
+    along = trace(field, RayBundle(start, heading), until=Plane((20.0, 0, 0), (1, 0, 0)), **settings_)
+    assert keeps_promises(along, 4).ok.all()
+    momentum = 1.5 * np.sqrt(1.0 - height**2)
+    assert np.abs(along.position[:, 1] - height * np.cos(1.5 * 20.0 / momentum)).max() < 1e-3
+
+
+@pytest.mark.parametrize("precision", PRECISIONS)
+def test_failing_rays_leave_their_neighbours_alone(precision):
+    """Rays that are trapped, that miss, that never meet the plane, among 4200 that arrive (two chunks of a launch).
+
+    Every ray has the very bits it has without the failing ones, and each failure its own name at its own place. (Some
+    more of this bundle are bent back by the lens itself.)
+    """
+    field = fish_eye("planar")
+    rng = np.random.default_rng(2)
+    count = 4200
+    start = np.c_[np.zeros(count), rng.uniform(-1.4, 1.4, count), np.full(count, -2.0)]
+    heading = np.c_[np.zeros(count), rng.normal(0.0, 0.1, count), np.ones(count)]
+    bad = np.array([0, 1, 2, 17, 2099, 2100, 4095, 4096, 4199])
+    start[bad], heading[bad] = [0.0, 1.0, 0.0], UP
+    backward = np.array([5, 4100])
+    heading[backward] = [0.0, 0.0, -1.0]
+    until = Plane((0, 0, 2.5), UP)
+    settings_ = {"until": until, "method": "adaptive", "max_steps": 400, "tolerance": 10.0, "precision": precision}
+    every = keeps_promises(trace(field, RayBundle(start, heading), **settings_), count)
+    assert (every.status[bad] == RayStatus.MAX_STEPS).all()
+    assert (every.status[backward] == RayStatus.STOP_NOT_REACHED).all()
+    good = np.setdiff1d(np.arange(count), np.r_[bad, backward])
+    alone = keeps_promises(trace(field, RayBundle(start[good], heading[good]), **settings_), len(good))
+    assert alone.ok.mean() > 0.5
+    assert_same_bits(every, alone, good)
+
+
+@pytest.mark.filterwarnings("ignore:overflow encountered")
+def test_a_ray_that_overflows_leaves_its_neighbours_alone():
+    """One half of a float32 field overflows: its rays fail, those through the other half are as if it were not."""
+    calm = random_field("planar", "linear")
+    wild = np.array(calm.samples.samples)
+    wild[:10] = 1e30
+    field = IndexField.from_samples(
+        wild, origin=calm.samples.origin, spacing=calm.samples.spacing, geometry="planar", interpolation="linear",
+        ambient_index=calm.ambient_index,
+    )  # fmt: skip
+    height = np.linspace(-1.3e-3, 1.3e-3, 40)
+    rays = RayBundle(np.c_[0.0 * height, height, np.full(40, -1e-3)], [UP])
+    settings_ = {"until": Plane((0, 0, 6e-3), UP), "method": "adaptive", "max_steps": 2000}
+    with_overflow, without = trace(field, rays, **settings_), trace(calm, rays, **settings_)
+    keeps_promises(with_overflow, 40)
+    calm_rows = height > -2e-4
+    assert not with_overflow.ok[height < -5e-4].any()
+    assert_same_bits(with_overflow, trace(calm, rays[calm_rows], **settings_), calm_rows)
+    assert keeps_promises(without, 40).ok.all() and np.abs(without.opd).max() < 2.0 * WAVE
