@@ -158,6 +158,8 @@ def estimate_strehl(
         tolerance=tolerance,
         max_steps=max_steps,
         path_length=None,
+        wavelength=wavelength,
+        directions=look[None],
     )
     if plan.backend == "warp":
         from .tracing.warp_strehl import reduce_pupil as run

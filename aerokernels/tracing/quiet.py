@@ -149,14 +149,17 @@ def _window(near: float, far: float, size: np.ndarray, way: np.ndarray, cone: Co
 
 
 def _roughness(grid: UniformGrid) -> tuple[int, list[np.ndarray], list[np.ndarray]]:
-    """Cells in a block, and greatest |fourth derivative| [1/m4] and kink [1] along each axis there; kept with the grid."""
+    """Cells in a block, greatest |fourth derivative| [1/m4] and kink [1] along each axis there; kept with the grid.
+
+    Of the potential over the ambient index, which is the contrast where that is small.
+    """
     if grid not in _known:
         block = BLOCK
         while np.prod(-(-(np.array(grid.shape) - 1) // block)) > BLOCK_COUNT_LIMIT:
             block *= 2
         fourth, second = [], []
         for axis in range(grid.samples.ndim):
-            nodes = _stretched(grid, axis)
+            nodes = _stretched(grid, axis) / grid.ambient_index
             change = np.moveaxis(np.abs(np.diff(nodes, 4, axis=0)), 0, axis)
             fourth.append(_in_blocks(change, grid, block) / grid.spacing[axis] ** 4)
             second.append(np.zeros_like(fourth[-1]))

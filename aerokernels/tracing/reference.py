@@ -22,9 +22,11 @@ from .plan import TracePlan
 from .result import RAY_OUTPUTS
 from .status import RayStatus
 from .stop import ArcLength, Plane
-from .tableau import BT, A, C
+from .tableau import BT, STAGE_MOMENTUM, A, C
 
 RELATIVE_TOLERANCE = 1e-11
+# Up to this angle with the first direction [rad] the deviation along it is summed like the path.
+NEARLY_STRAIGHT = 1e-2
 # Interpolants of index and gradient apart, between which |T| = n does not hold: the momentum is left alone.
 TWO_SCALARS = ("bilinear-barron", "idw")
 
@@ -63,6 +65,7 @@ class _Ray:
         self.low, self.high = field.box
         self.evaluations = 0
         self.steps = 0
+        self.bent = 0.0  # greatest angle with the first direction
 
     def span(self) -> tuple[float, float]:
         """Where the undisturbed ray enters and leaves the box [m]."""
@@ -145,7 +148,7 @@ class _Ray:
         origin = r
         march = self.by_rule if self.plan.method in ("fixed", "paper") else self.by_dop853
         state, status, at_stop = march(state)
-        if march == self.by_rule and self.field.interpolation not in TWO_SCALARS:
+        if march == self.by_rule and self.field.interpolation not in TWO_SCALARS and self.bent <= NEARLY_STRAIGHT:
             # Along the first direction the deviation is the arc less the lag: better known than the steps' own.
             slip = state[7] - enter - state[8] - (state[:3] - origin) @ self.heading
             if at_stop and isinstance(self.until, ArcLength):
@@ -310,14 +313,17 @@ class _Ray:
         result[7] += h * sum(b * n for b, n in zip(BT, indices, strict=True))
         if self.field.interpolation not in TWO_SCALARS:
             result[3:6] *= indices[-1] / np.linalg.norm(result[3:6])
-            before, slope_before = self.lag(momentum, index, forces[0])
-            after, slope_after = self.lag(result[3:6], indices[-1], forces[-1])
-            result[8] += 0.5 * h * (before + after) + h * h / 12.0 * (slope_before - slope_after)
+            swung = momentum + h * forces[-1]
+            across = swung - (swung @ self.heading) * self.heading
+            self.bent = max(self.bent, float(np.linalg.norm(across)) / self.ambient)
+            result[8] += h * sum(
+                b * self.lag(momentum + h * sum(w * f for w, f in zip(row, forces, strict=True)), n)
+                for b, row, n in zip(BT, STAGE_MOMENTUM, indices, strict=True)
+            )
         return result
 
-    def lag(self, momentum: np.ndarray, index: float, force: np.ndarray) -> tuple[float, float]:
-        """Index less the momentum along the first direction, and the derivative of that over sigma."""
+    def lag(self, momentum: np.ndarray, index: float) -> float:
+        """Index less the momentum along the first direction."""
         ahead = momentum @ self.heading
         across = momentum - ahead * self.heading
-        behind = across @ across / (index + ahead) if ahead > 0.0 else index - ahead
-        return behind, (force @ across - behind * (force @ self.heading)) / index
+        return float(across @ across / (index + ahead)) if index + ahead > 0.0 else 0.0

@@ -87,6 +87,16 @@ def _solve(matrix: list[list[F]], right: list[F]) -> list[F]:
     return [row[-1] for row in rows]
 
 
+def stage_integrals(nodes: tuple) -> np.ndarray:
+    """Weights [i, j] of values at the nodes in the integral from 0 to node i of the cubic through them."""
+    count = len(nodes)
+    moments = [[c**k for c in nodes] for k in range(count)]
+    rows = [_solve(moments, [end ** (k + 1) / (k + 1) for k in range(count)]) for end in nodes]
+    return np.array([[float(v) for v in row] for row in rows])
+
+
+# Momentum at the stages, for sums over a step that need it there.
+STAGE_MOMENTUM = stage_integrals(PAIR.c)
 # The optical path's rule against the one that also takes the slopes along the ray, exact to degree 7: a sharp estimate
 # of its error, of the same order, where the embedded formula's is two orders too careful.
 _VALUE, _SLOPE = hermite_weights(PAIR.c)

@@ -74,6 +74,8 @@ def trace(
         tolerance=tolerance,
         max_steps=max_steps,
         path_length=until.length if isinstance(until, ArcLength) else None,
+        wavelength=wavelength,
+        directions=rays.direction,
     )
     arrays, seconds = run_plan(field, rays, plan, until, wavelength, wanted)
     seconds["total"] = time.perf_counter() - start

@@ -21,6 +21,8 @@ from .warp_types import types
 # support of a sample. On a mesh, which has no table, they are the longest.
 STEP_LIMIT = 2.0
 MESH_STEP_LIMIT = 4.0
+# Greatest tolerance [waves] for which the field's structure may be stepped over.
+LAXEST = 1.0
 # Rays in one launch of a host thread; small enough to balance threads, large enough to hide the launch.
 CHUNK = 4096
 # Per-ray outputs of the kernel, in the order of its arguments.
@@ -120,13 +122,14 @@ def _upload(field: IndexField, precision: str, device: str, with_paper_step: boo
     return SimpleNamespace(field=device_field, bounds=bounds, control=control, spacing=spacing, origin=origin)
 
 
-def _upload_reach(control, field: IndexField, plan: TracePlan, directions: np.ndarray) -> None:
+def _upload_reach(control, field: IndexField, plan: TracePlan, wavelength: float, directions: np.ndarray) -> None:
     """The tables of safe steps of the cones that the directions lie in; none without error control or on a mesh."""
+    budget = min(plan.tolerance, LAXEST) * wavelength
     start = np.full(len(CONES), -1, dtype=np.int32)
     lengths = [np.zeros(1)]
     if field.is_uniform and plan.method in ("adaptive", "straight"):
         for cone in np.unique(cones_of(directions, field.geometry)):
-            table = reach(field.samples, field.geometry, control.budget, CONES[cone])
+            table = reach(field.samples, field.geometry, budget, CONES[cone])
             start[cone] = sum(part.size for part in lengths)
             lengths.append(table.length.ravel())
             shape = table.length.shape
@@ -165,7 +168,7 @@ def prepare(
         setattr(control, name, getattr(kept.control, name))
     control.step = plan.step or 0.0
     control.budget = plan.tolerance * wavelength
-    _upload_reach(control, field, plan, directions)
+    _upload_reach(control, field, plan, wavelength, directions)
     control.max_steps = plan.max_steps
     stop = "none"
     if isinstance(until, Plane):

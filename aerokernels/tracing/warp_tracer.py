@@ -43,8 +43,8 @@ DIRECTION_SHARE = 0.01
 # an angle of 1 / BLUNTED on.
 SHARPEST = 0.02
 BLUNTED = 30.0
-# Below this angle with the first direction [rad] the lag behind the arc, of second order, is summed well enough.
-NEARLY_STRAIGHT = 1e-3
+# Up to this angle with the first direction [rad] the deviation along it is summed like the path (see "Along d").
+NEARLY_STRAIGHT = 1e-2
 
 
 @functools.cache
@@ -74,14 +74,13 @@ def build_kernel(
     way_out = build_way_out(precision, geometry)
     wall_at, clear_way = build_clear_way(precision, geometry)
     contrast = build_contrast(precision)
-    lag, lag_error = build_lag(precision)
+    lag, lag_sum = build_lag(precision)
     in_cells, carry_over = build_cells(precision, "mesh" if on_mesh else geometry)
     oriented, surface_unit, landing = build_landing(precision, geometry, stop)
     look = build_look(precision, sample, method == "straight")
     face_count = wp.constant(FACE_COUNT[geometry])
     landed_arc = wp.constant(100)
     tiny = 1e-30 if precision == "float32" else 1e-290
-    twelfth = 1.0 / 12.0  # a quotient written inside a kernel would be taken in float32
     least_step = 1e-4  # of a cell: error control does not ask for less
     straight = method == "straight"
     # The paper's schemes interpolate index and gradient apart: |T| = n does not hold between them.
@@ -270,10 +269,7 @@ def build_kernel(
                     sharp = wp.abs(fine) / wp.max(wp.abs(off_s), real(tiny))
                     sharp = wp.clamp(sharp, wp.min(real(SHARPEST) + real(BLUNTED) * turn_now, real(1.0)), real(1.0))
                 off = real(2.0) * sharp * wp.abs(off_s)
-                if wp.static(one_scalar):
-                    if turn_now > real(NEARLY_STRAIGHT):
-                        off += ambient * lag_error(ambient, d, momentum, h, pot, s2, s3, s4, force)
-                else:
+                if wp.static(not one_scalar) or turn_now > real(NEARLY_STRAIGHT):
                     off += ambient * wp.abs(wp.dot(off_q, d))
                 off_q -= wp.dot(off_q, d) * d
                 off_p -= wp.dot(off_p, d) * d
@@ -312,7 +308,7 @@ def build_kernel(
                     steps += 1
                     used += off
                     bent = turn_now
-                    lag1, bend1 = lag(ambient, d, momentum, pot, force)
+                    behind = lag_sum(ambient, d, momentum, h, pot, force, s2, s3, s4)
                     move = h * momentum + kick
                     q, q_carry = advance(q, q_carry, move)
                     momentum, momentum_carry = advance(
@@ -339,7 +335,6 @@ def build_kernel(
                         if wp.static(straight):
                             q += (real(0.5) * h) * mend  # it grew over the step
 
-                    lag4, bend4 = lag(ambient, d, momentum, pot, force)
                     sums, sums_carry = advance(
                         sums,
                         sums_carry,
@@ -353,7 +348,7 @@ def build_kernel(
                                 + real(v3) * contrast(ambient, s3[0])
                                 + real(v4) * contrast(ambient, s4[0])
                             ),
-                            real(0.5) * h * (lag1 + lag4) + hh * real(twelfth) * (bend1 - bend4),
+                            behind,
                         ),
                     )
 
@@ -399,7 +394,7 @@ def build_kernel(
                                 back,
                                 back * pot + half * climb,
                                 back * m_now + half * climb / (ambient + m_now),
-                                back * lag4,
+                                back * lag(ambient, d, momentum, pot),
                             ),
                         )
                         momentum, momentum_carry = advance(momentum, momentum_carry, back * force)
@@ -421,10 +416,10 @@ def build_kernel(
         sigma = wp.float64(sums[0]) - wp.float64(sums_carry[0])
         work = wp.float64(2.0) * (wp.float64(sums[1]) - wp.float64(sums_carry[1]))
         stretch = wp.float64(sums[2]) - wp.float64(sums_carry[2])
-        if wp.static(one_scalar):
+        if wp.static(one_scalar) and bent <= real(NEARLY_STRAIGHT):
             # Along d the deviation is int (T . d - a) d sigma = M - B: sums of what the path itself is summed of.
-            behind = wp.float64(sums[3]) - wp.float64(sums_carry[3])
-            q64 += (stretch - behind - wp.dot(q64, d0)) * d0
+            lagging = wp.float64(sums[3]) - wp.float64(sums_carry[3])
+            q64 += (stretch - lagging - wp.dot(q64, d0)) * d0
         turn = deflection(ambient64, d0, p64)
         heading = d0 + turn
         along = enter + ambient64 * sigma  # distance along the straight ray
@@ -474,7 +469,7 @@ def build_kernel(
         if wp.static("direction" in outputs):
             direction_out[ray] = heading / wp.length(heading)
         if wp.static("optical_path" in outputs):
-            optical_path_out[ray] = ambient64 * along + work
+            optical_path_out[ray] = wp.max(ambient64 * along + work, none64)
         if wp.static("opd" in outputs):
             opd_out[ray] = opd
         if wp.static("arc_length" in outputs):

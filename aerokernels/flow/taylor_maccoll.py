@@ -1,0 +1,217 @@
+r"""Supersonic flow over a circular cone at zero incidence: the Taylor-Maccoll solution.
+
+Behind the attached conical shock the flow depends on the polar angle t from the axis alone. With the speed of the free
+stream as unit, v_r and v_t along and across the ray from the tip, and the sound speed a,
+
+    v_r' = v_t                                                        (no vorticity)
+    v_t' = -v_r - a^2 (v_r + v_t cot t) / (a^2 - v_t^2)               (mass)
+    a^2  = 1 / M^2 + (g - 1) / 2 (1 - v_r^2 - v_t^2)                  (energy)
+
+from the shock, where the Rankine-Hugoniot relations hold, to the wall, where v_t = 0. Integrated is the deviation from
+the free stream, u = v_r - cos t and w = v_t + sin t, and the unknown is the shock's strength e = M^2 sin^2 b - 1: no
+step takes a difference of nearly equal numbers, so slender cones, with e of the order of the half angle's fourth power,
+come out as exactly as blunt ones.
+
+References: G. I. Taylor and J. W. Maccoll, Proc. R. Soc. A 139 (1933) 278; J. D. Anderson, Modern Compressible Flow,
+3rd ed., ch. 10. Tables: J. L. Sims, NASA SP-3004 (1964).
+"""
+
+import functools
+import math
+
+import numpy as np
+
+from .conical_profile import ConeShock, ConicalProfile, temperature_excess
+from .gas import GAMMA_AIR
+from .shocks import _check_supersonic, maximum_deflection, oblique_shock
+
+# Below this half angle the shock's strength is less than 1e-24 and the flow is the free stream to double precision.
+LEAST_HALF_ANGLE = 1e-6
+TOLERANCE = 1e-13
+# Parts of an integrator's step between two entries of the profile: the cubics between them are then good to 1e-12.
+PARTS = 16
+
+
+def cone_shock(mach: float, half_angle: float, *, gamma: float = GAMMA_AIR) -> ConeShock:
+    """The flow over a cone at zero incidence with an attached shock: the weak solution, that of free flight.
+
+    Good to 1e-11 in angles and ratios. As the half angle goes to zero the shock becomes a Mach wave.
+
+    Args:
+        mach: Mach number of the free stream, above 1.
+        half_angle: Half angle of the cone [rad], at least 1e-6.
+        gamma: Ratio of specific heats.
+
+    Raises:
+        ValueError: A Mach number below 1, a half angle that is not positive, or one so large that the shock detaches
+            (the message gives the greatest).
+    """
+    _check_supersonic(mach, gamma)
+    if not (math.isfinite(half_angle) and half_angle >= LEAST_HALF_ANGLE):
+        raise ValueError(f"half_angle must be at least {LEAST_HALF_ANGLE:g} rad, got {half_angle!r}: give radians")
+    strength = _strength(float(mach), float(half_angle), float(gamma))
+    return _assemble(float(mach), float(half_angle), float(gamma), strength)
+
+
+def maximum_cone_angle(mach: float, *, gamma: float = GAMMA_AIR) -> float:
+    """Greatest half angle [rad] of a cone that leaves the shock attached."""
+    _check_supersonic(mach, gamma)
+    return _summit(float(mach), float(gamma))[1]
+
+
+def _strength(mach: float, half_angle: float, gamma: float) -> float:
+    """The shock's strength e = M^2 sin^2 b - 1 for a half angle."""
+    from scipy.optimize import brentq
+
+    # The shock of a wedge of the same angle is stronger: an upper bound, where the wedge's shock is attached.
+    if half_angle < maximum_deflection(mach, gamma=gamma):
+        angle = oblique_shock(mach, half_angle, gamma=gamma).shock_angle
+        high = (mach * math.sin(angle)) ** 2 - 1.0
+    else:
+        high, greatest = _summit(mach, gamma)
+        if half_angle > greatest:
+            raise ValueError(
+                f"the shock detaches: half angle {half_angle:.6g} rad ({math.degrees(half_angle):.4g} deg) is above "
+                f"the greatest that Mach {mach:g} allows, {greatest:.6g} rad ({math.degrees(greatest):.4g} deg)"
+            )
+
+    def excess(logarithm: float) -> float:
+        return _wall_angle(mach, math.exp(logarithm), gamma, half_angle) - half_angle
+
+    top = bottom = math.log(high)
+    over = excess(top)
+    if over <= 0.0:
+        return high  # the greatest half angle itself
+    while over > 0.0:
+        # The half angle of a slender cone goes with the fourth root of the strength, of a blunt one with a lesser root.
+        top, bottom = bottom, bottom - 4.0 * math.log1p(over / half_angle) - 0.5
+        over = excess(bottom)
+    return math.exp(brentq(excess, bottom, top, xtol=1e-12, rtol=1e-13))
+
+
+@functools.lru_cache(maxsize=64)
+def _summit(mach: float, gamma: float) -> tuple[float, float]:
+    """Strength of the shock that goes with the greatest half angle, and that angle [rad]."""
+    from scipy.optimize import minimize_scalar
+
+    greatest = (mach - 1.0) * (mach + 1.0)
+    if greatest <= 0.0:
+        return 0.0, 0.0
+    low = math.asin(1.0 / mach)
+
+    def strength(angle: float) -> float:
+        # From the Mach angle up: sin^2 b - sin^2 m as a product.
+        return mach**2 * math.sin(angle + low) * math.sin(angle - low)
+
+    found = minimize_scalar(
+        lambda angle: -_wall_angle(mach, strength(angle), gamma, 0.0),
+        bounds=(low, 0.5 * math.pi),
+        method="bounded",
+        options={"xatol": 1e-7},
+    )
+    return strength(found.x), -float(found.fun)
+
+
+def _shock_angle(mach: float, strength: float) -> float:
+    return math.atan2(math.sqrt(1.0 + strength), math.sqrt(max((mach - 1.0) * (mach + 1.0) - strength, 0.0)))
+
+
+def _integrate(mach: float, strength: float, gamma: float, end: float, *, wall: bool, dense: bool = False):
+    """Integrate u and w from the shock to the polar angle `end`, or with `wall` to where the flow is radial."""
+    from scipy.integrate import solve_ivp
+
+    shock_angle = _shock_angle(mach, strength)
+    sine_square = (1.0 + strength) / mach**2
+    half = 0.5 * (gamma - 1.0)
+    sine, cosine = math.sin(shock_angle), math.cos(shock_angle)
+
+    def slope(s, state):
+        u, w = state
+        sin_s, cos_s = math.sin(s), math.cos(s)
+        sin_t, cos_t = sine * cos_s - cosine * sin_s, cosine * cos_s + sine * sin_s
+        square = u * (2.0 * cos_t + u) + w * (w - 2.0 * sin_t)
+        sound_square = 1.0 / mach**2 - half * square
+        # 1 / M^2 - sin^2 t as a product: near the shock both are almost equal.
+        uniform = (sine * cos_t + cosine * sin_t) * sin_s - strength / mach**2
+        gap = uniform - half * square + w * (2.0 * sin_t - w)
+        return -w, u + sound_square * (u + w * cos_t / sin_t) / gap
+
+    def radial(s, state):
+        return state[1] - math.sin(shock_angle - s)
+
+    radial.terminal = True  # type: ignore[attr-defined]
+    start = 2.0 * strength / ((gamma + 1.0) * (1.0 + strength)) * math.sqrt(sine_square)
+    solution = solve_ivp(
+        slope,
+        (0.0, max(shock_angle - end, 0.0)),
+        (0.0, start),
+        method="DOP853",
+        rtol=TOLERANCE,
+        atol=TOLERANCE * 1e-3 * start,
+        events=radial if wall else None,
+        dense_output=dense,
+    )
+    if not solution.success:
+        raise ValueError(f"no conical flow at Mach {mach:g}, gamma {gamma:g}: {solution.message}")
+    return shock_angle, solution, slope
+
+
+def _wall_angle(mach: float, strength: float, gamma: float, floor: float) -> float:
+    """Half angle of the cone behind a shock of given strength [rad].
+
+    Where it lies below `floor`, the integration ends there and the rest is a tangent: at the wall v_t' = -2 v_r.
+    """
+    if strength <= 0.0:
+        return 0.0
+    # Above the axis, where cot t has no value; and a weak shock may lie below the floor itself.
+    floor = min(max(floor, 1e-9), _shock_angle(mach, strength))
+    shock_angle, solution, _ = _integrate(mach, strength, gamma, floor, wall=True)
+    if solution.t_events[0].size:
+        return shock_angle - float(solution.t_events[0][0])
+    u, w = solution.y[:, -1]
+    return floor + (w - math.sin(floor)) / (2.0 * (math.cos(floor) + u))
+
+
+def _assemble(mach: float, half_angle: float, gamma: float, strength: float) -> ConeShock:
+    shock_angle, solution, slope = _integrate(mach, strength, gamma, half_angle, wall=False, dense=True)
+    steps = solution.t
+    depth = np.append((steps[:-1, None] + np.diff(steps)[:, None] * np.arange(PARTS) / PARTS).ravel(), steps[-1])
+    radial, polar = solution.sol(depth)
+    polar_slope = np.array(
+        [slope(s, state)[1] for s, state in zip(depth, zip(radial, polar, strict=True), strict=True)]
+    )
+    for array in (depth, radial, polar, polar_slope):
+        array.setflags(write=False)
+
+    density = (gamma + 1.0) * (1.0 + strength) / ((gamma - 1.0) * (1.0 + strength) + 2.0)
+    pressure = 1.0 + 2.0 * gamma / (gamma + 1.0) * strength
+    stagnation = density ** (gamma / (gamma - 1.0)) * pressure ** (-1.0 / (gamma - 1.0))
+    state = {
+        name: (
+            1.0 + float(temperature_excess(mach, gamma, angle, u, w)),
+            math.hypot(math.cos(angle) + u, w - math.sin(angle)),
+        )
+        for name, angle, u, w in (
+            ("behind", shock_angle, radial[0], polar[0]),
+            ("wall", half_angle, radial[-1], polar[-1]),
+        )
+    }
+    temperature, speed = state["behind"]
+    wall_temperature, wall_speed = state["wall"]
+    return ConeShock(
+        mach=mach,
+        half_angle=half_angle,
+        shock_angle=shock_angle,
+        deflection=math.atan2(polar[0] * math.cos(shock_angle), 1.0 - polar[0] * math.sin(shock_angle)),
+        density_ratio=density,
+        pressure_ratio=pressure,
+        temperature_ratio=pressure / density,
+        stagnation_pressure_ratio=stagnation,
+        downstream_mach=mach * speed / math.sqrt(temperature),
+        surface_mach=mach * wall_speed / math.sqrt(wall_temperature),
+        surface_density_ratio=stagnation * wall_temperature ** (1.0 / (gamma - 1.0)),
+        surface_pressure_ratio=stagnation * wall_temperature ** (gamma / (gamma - 1.0)),
+        surface_temperature_ratio=wall_temperature,
+        gamma=gamma,
+        profile=ConicalProfile(depth, radial, polar, polar_slope),
+    )
