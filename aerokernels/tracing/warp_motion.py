@@ -177,7 +177,8 @@ def build_landing(precision: str, geometry: str, stop: str):
             rise = wp.dot(normal, along)
             slack = real(slack_cells) * surface_unit(control, k)
             outside = s[0]
-            if rise >= real(0.0) and outside >= -slack:
+            grazing = real(1.0e-4) * wp.length(along) * surface_unit(control, k)
+            if rise >= real(0.0) and rise <= grazing and outside >= -slack:
                 outside -= slack
             root = rising_root(outside, rise, real(0.5) * curve)
             if root <= best:

@@ -39,6 +39,8 @@ from .warp_types import types
 STEP_SHARE = 0.02
 # A direction error counts with at least this share of the field's length, besides the ray's own slope.
 DIRECTION_SHARE = 0.01
+# Steps in cells from which down an error estimate may be taken for rounding.
+NOISE_STEP = 0.5
 # Errors are believed to be smaller than the embedded formula says by this factor at most, less so on bent rays: 1 from
 # an angle of 1 / BLUNTED on.
 SHARPEST = 0.02
@@ -268,9 +270,12 @@ def build_kernel(
                     fine += hh * (real(k1) * slope1 + real(k2) * slope2 + real(k3) * slope3 + real(k4) * slope4)
                     sharp = wp.abs(fine) / wp.max(wp.abs(off_s), real(tiny))
                     sharp = wp.clamp(sharp, wp.min(real(SHARPEST) + real(BLUNTED) * turn_now, real(1.0)), real(1.0))
-                off = real(2.0) * sharp * wp.abs(off_s)
+                off = real(4.0) * sharp * wp.abs(off_s)
                 if wp.static(not one_scalar) or turn_now > real(NEARLY_STRAIGHT):
-                    off += ambient * wp.abs(wp.dot(off_q, d))
+                    # Along d, and in arc length.
+                    off_m = real(f1) * m + real(f2) * contrast(ambient, s2[0])
+                    off_m += real(f3) * contrast(ambient, s3[0]) + real(f4) * contrast(ambient, s4[0])
+                    off += ambient * (wp.abs(wp.dot(off_q, d)) + h * wp.abs(off_m))
                 off_q -= wp.dot(off_q, d) * d
                 off_p -= wp.dot(off_p, d) * d
                 weight = turn_now + sharp * real(DIRECTION_SHARE)
@@ -283,11 +288,12 @@ def build_kernel(
                     size = wp.max(wp.abs(pot), wp.abs(s3[0]))
                     steep = wp.max(wp.length(force), size * wp.max(control.cell_rate))
                     rounding = h * (real(2.0) * size + weight * steep * (reach + ambient * h))
-                    allowed = wp.max(allowed, real(noise) * rounding)
+                    if h <= real(NOISE_STEP) * h_cell:
+                        allowed = wp.max(allowed, real(noise) * rounding)
                     ratio = real(4.0)
                     if off > real(0.0):
                         ratio = wp.clamp(real(0.9) * wp.pow(allowed / off, real(0.25)), real(0.2), real(4.0))
-                    accept = bool(off <= allowed or h <= h_least)
+                    accept = bool((off <= allowed and wp.isfinite(off)) or h <= h_least)
                     if accept:
                         # A step cut short by a surface or a wall says nothing against the length wanted.
                         h_next = wp.max(h * ratio, h_least)

@@ -1,0 +1,75 @@
+"""n = n0 sech(g y): meridional rays of every slope have the same period 2 pi / g and the same optical path over it."""
+
+import numpy as np
+import pytest
+
+from aerokernels.rays import RayBundle
+from aerokernels.tracing import trace
+
+from .cases import N0, across_z, case, sech
+from .media import assert_float32, assert_float64
+
+GEOMETRIES = ("planar", "axisymmetric")
+WAVE = 905e-9
+
+
+@pytest.mark.parametrize("geometry", GEOMETRIES)
+def test_rays_of_all_slopes(geometry):
+    """Ten periods, 63 lengths 1/g, slopes up to 44 degrees.
+
+    Formula: sinh(g y) = A sin(g l + phase), l along x and z; optical path n0 / g times the growth of
+    arctan(sqrt(1 + A^2) tan(g l + phase)) (media.sech_ends). Errors: the grid, which may bend a turning ray by 1.6e-9
+    in each turn (see cases.py), steps 1e-13 of the path. Tolerance: 2e-9 of the path.
+    """
+    assert_float64(case(f"sech {geometry}"), 2e-9, tolerance=1e-6)
+
+
+@pytest.mark.parametrize("geometry", GEOMETRIES)
+def test_float32(geometry):
+    """The same in float32; tolerance: see assert_float32."""
+    assert_float32(case(f"sech {geometry}"))
+
+
+@pytest.mark.parametrize("geometry", GEOMETRIES)
+def test_a_fan_refocuses(geometry):
+    """A fan from a point on the axis meets there again after every half period, slopes mirrored, all paths alike.
+
+    Expected, whatever the slope: y = 0 and optical path m pi n0 / g at z = m pi / g; off the axis, start and direction
+    are back after whole periods. Tolerance as above.
+    """
+    g = 10.0
+    field = case(f"sech {geometry}").field
+    slope = np.array([-0.9, -0.5, -0.1, 0.0, 0.3, 0.7, 1.0])
+    aim = np.stack([np.zeros_like(slope), slope, np.ones_like(slope)], axis=1)
+    rays = RayBundle(np.zeros_like(aim), aim)
+    for half_periods in (1, 2, 7, 20):
+        z = half_periods * np.pi / g
+        result = trace(field, rays, until=across_z(z), precision="float64", tolerance=1e-6)
+        assert result.ok.all()
+        assert np.abs(result.position - [0.0, 0.0, z]).max() < 2e-9 * z
+        assert np.abs(result.direction - rays.direction * [1.0, (-1.0) ** half_periods, 1.0]).max() < 2e-9 * z * g
+        assert np.abs(result.optical_path - half_periods * np.pi * N0 / g).max() < 2e-9 * z
+    aside = RayBundle(aim * [0.0, 0.02, 0.0] + [0.0, 0.05, 0.0], aim * [1.0, 0.5, 1.0])
+    result = trace(field, aside, until=across_z(2.0 * np.pi / g * 9), precision="float64", tolerance=1e-6)
+    path = 9 * 2.0 * np.pi / g
+    assert np.abs(result.position[:, :2] - aside.position[:, :2]).max() < 2e-9 * path
+    assert np.abs(result.direction - aside.direction).max() < 2e-9 * path * g
+    assert np.abs(result.optical_path - N0 * path).max() < 2e-9 * path
+
+
+@pytest.mark.parametrize("precision", ["float32", "float64"])
+@pytest.mark.parametrize("geometry", GEOMETRIES)
+def test_a_weak_profile_in_air(geometry, precision):
+    """5 mm to the edge, 1.5 m long, index 3e-4 above its surroundings on the axis, 480 cells across.
+
+    Expected: the OPD, up to 500 waves, within 1e-3 wave at 905 nm at the default tolerance. Errors: steps, 1e-3 wave
+    asked for; rounding in float32, at most 16 * 2^-24 * 3e-4 of the path, 5e-4 wave (see assert_float32). Position
+    and direction within 2^-24 of the path.
+    """
+    g = 4.9
+    air = sech(geometry, 1.5 * g / (2.0 * np.pi), g=g, n0=1.0003, ambient=1.0, reach=np.sqrt(6e-4))
+    result = trace(air.field, air.rays, until=air.until, precision=precision)
+    line = 1.5 / air.rays.direction[:, 2]
+    assert np.abs(result.opd - (air.ends.optical_path - line)).max() < 1e-3 * WAVE
+    assert np.linalg.norm(result.position - air.ends.position, axis=1).max() < 2.0**-24 * 1.5
+    assert np.linalg.norm(result.direction - air.ends.direction, axis=1).max() < 2.0**-24 * 1.5 * g
