@@ -23,8 +23,8 @@ from ..medium.grid import UniformGrid
 
 BLOCK = 4
 BLOCK_COUNT_LIMIT = 300_000
-SHARE = 50.0
-KINK_SHARE = 0.25
+SHARE = 12.0
+KINK_SHARE = 0.05
 # Of a rule that is exact for cubics, with room for knots anywhere in the step.
 CONSTANT = 1.0 / 720.0
 # Rays may turn by this much before the table stops to hold for them [rad].

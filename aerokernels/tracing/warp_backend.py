@@ -22,7 +22,7 @@ from .warp_types import types
 STEP_LIMIT = 2.0
 MESH_STEP_LIMIT = 4.0
 # Greatest tolerance [waves] for which the field's structure may be stepped over.
-LAXEST = 0.02
+LAXEST = 0.3
 # Rays in one launch of a host thread; small enough to balance threads, large enough to hide the launch.
 CHUNK = 4096
 # Per-ray outputs of the kernel, in the order of its arguments.

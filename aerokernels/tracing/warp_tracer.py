@@ -32,7 +32,7 @@ from .tableau import B_ERROR, BT, BT_ERROR, PATH_ERROR_SLOPE, PATH_ERROR_VALUE, 
 from .warp_box import FACE_COUNT, build_crossing, build_detour, build_meeting
 from .warp_motion import advance, build_cells, build_contrast, build_lag, build_landing, build_look, deflection
 from .warp_wall import build_clear_way, build_wall_distance, build_way_out
-from .warp_reach import build_cone, build_reach, build_to_face
+from .warp_reach import HAIR, build_cone, build_reach, build_to_face
 from .warp_types import types
 
 # The share of the remaining error budget that one step may use up, however short it is.
@@ -41,9 +41,11 @@ STEP_SHARE = 0.02
 DIRECTION_SHARE = 0.01
 # Steps in cells from which down an error estimate may be taken for rounding.
 NOISE_STEP = 0.5
-# Errors are believed to be smaller than the embedded formula says by this factor at most, less so on bent rays: 1 from
-# an angle of 1 / BLUNTED on.
-SHARPEST = 0.02
+# Errors are believed to be smaller than the embedded formula says by these factors at most: where the table of safe
+# steps says that the field is smooth over the step (or the step stays in one cell of a linear field), and elsewhere;
+# less so on bent rays: 1 from an angle of 1 / BLUNTED on.
+SMOOTH = 0.02
+ROUGH = 0.2
 BLUNTED = 30.0
 # Up to this angle with the first direction [rad] the deviation along it is summed like the path (see "Along d").
 NEARLY_STRAIGHT = 1e-2
@@ -87,9 +89,9 @@ def build_kernel(
     straight = method == "straight"
     # The paper's schemes interpolate index and gradient apart: |T| = n does not hold between them.
     one_scalar = interpolation not in ("bilinear-barron", "idw")
-    smooth = interpolation == "cubic"
-    kinked = interpolation in ("linear", "monotone")
+    sharpened = interpolation in ("cubic", "linear")
     controlled = method in ("adaptive", "straight")
+    kinked = interpolation in ("linear", "monotone") and controlled
     # Rounding in the error estimate, in units in the last place: error control does not chase it.
     noise = 8.0 * (2.0**-24 if precision == "float32" else 2.0**-53)
 
@@ -208,6 +210,7 @@ def build_kernel(
                 if wp.static(straight):
                     total = ambient * d
                 h = h_next
+                safe = real(0.0)
                 h_cell = real(1.0) / wp.max(wp.length(wp.cw_mul(total, control.cell_rate)), real(tiny))
                 h_least = real(least_step) / (wp.max(control.cell_rate) * wp.length(total))
                 if wp.static(method == "fixed"):
@@ -218,8 +221,10 @@ def build_kernel(
                     limit = control.step_limit * h_cell
                     if wp.static(kinked):
                         # The interpolant has kinks at the cells' faces: no step across one.
-                        limit = to_face(cell, frac, wp.cw_mul(total, rate))
-                    h = wp.min(h, wp.max(limit, reach_of(control, cone, cell, frac, total)))
+                        pace = wp.cw_mul(total, rate)
+                        limit = to_face(cell, frac, pace) - real(0.1 * HAIR) / wp.length(pace)
+                    safe = reach_of(control, cone, cell, frac, total)
+                    h = wp.min(h, wp.max(limit, safe))
                 h = wp.min(h, h_cap)
                 wanted = h
                 if wp.static(controlled and has_body):
@@ -259,7 +264,7 @@ def build_kernel(
                 swung = momentum + h * force4
                 turn_now = wp.max(bent, wp.length(swung - wp.dot(swung, d) * d) / ambient)
                 sharp = real(1.0)
-                if wp.static(smooth):
+                if wp.static(sharpened):
                     # On a nearly straight ray the path's error is known better, by a rule of higher order with the
                     # slopes along the ray; the other errors are taken to be overestimated alike.
                     slope1 = wp.dot(force, total)
@@ -269,7 +274,10 @@ def build_kernel(
                     fine = h * (real(g1) * pot + real(g2) * s2[0] + real(g3) * s3[0] + real(g4) * s4[0])
                     fine += hh * (real(k1) * slope1 + real(k2) * slope2 + real(k3) * slope3 + real(k4) * slope4)
                     sharp = wp.abs(fine) / wp.max(wp.abs(off_s), real(tiny))
-                    sharp = wp.clamp(sharp, wp.min(real(SHARPEST) + real(BLUNTED) * turn_now, real(1.0)), real(1.0))
+                    blunt = real(ROUGH)
+                    if wp.static(interpolation == "linear") or h <= safe:
+                        blunt = real(SMOOTH)
+                    sharp = wp.clamp(sharp, wp.min(blunt + real(BLUNTED) * turn_now, real(1.0)), real(1.0))
                 off = real(4.0) * sharp * wp.abs(off_s)
                 if wp.static(not one_scalar) or turn_now > real(NEARLY_STRAIGHT):
                     # Along d, and in arc length.
@@ -330,6 +338,13 @@ def build_kernel(
                     pot_before = pot
                     pot = s4[0]
                     force = force4
+                    if wp.static(interpolation == "linear" and controlled):
+                        # The slope jumps at the face just reached: the next step is to have the one behind it.
+                        over = real(0.2 * HAIR) / wp.length(wp.cw_mul(total, rate))
+                        beyond = sample(field, cell, frac + over * wp.cw_mul(total, rate))
+                        force = vec3(beyond[1], beyond[2], beyond[3])
+                        pot = beyond[0] - over * wp.dot(force, total)
+                        evaluations += 1
                     if wp.static(one_scalar):
                         # Back onto |T| = n: the error along the ray, which the path would feel in full, is gone.
                         surplus = real(2.0) * pot - wp.dot(momentum, real(2.0) * ambient * d + momentum)
