@@ -155,8 +155,11 @@ class RayBundle:
         if (scale == 0.0).any():
             zero = int(np.argmax(scale == 0.0))
             raise ValueError(f"{int((scale == 0.0).sum())} ray directions are zero, the first is ray {zero}")
-        direction /= scale[:, None]
-        direction /= np.linalg.norm(direction, axis=1, keepdims=True)
+        # Directions that are unit vectors already stay as they are, to the last bit: a part of a bundle is that part.
+        with np.errstate(over="ignore"):
+            turned = ~(np.abs(np.linalg.norm(direction, axis=1) - 1.0) <= 4e-16)
+        direction[turned] /= scale[turned, None]
+        direction[turned] /= np.linalg.norm(direction[turned], axis=1, keepdims=True)
         weight = np.full(len(position), 1.0) if self.weight is None else np.array(self.weight, dtype=np.float64)
         if weight.shape != (len(position),) or not np.isfinite(weight).all() or (weight < 0).any() or weight.sum() <= 0:
             raise ValueError("ray weights must be finite, not negative and not all zero, one for each ray")

@@ -9,7 +9,7 @@ where the rays are; the spread of the replicates gives the standard error.
 
 import time
 from dataclasses import dataclass, field
-from types import SimpleNamespace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -17,10 +17,10 @@ import numpy as np
 from .medium import IndexField
 from .rays import Disc, RayBundle
 from .tracing import Plane, trace
-from .tracing.budget import error_budget
+from .tracing.budget import SAFETY, SUBSET, combine, opd_errors
 from .tracing.plan import make_plan
 from .tracing.pupil_sums import fit_moments
-from .tracing.tableau import EVALUATIONS_PER_STEP
+from .tracing.trace import retracer
 from .wavefront import check_terms, check_wavefront, map_points, remove_terms
 
 REPLICATES = 16
@@ -69,8 +69,6 @@ class StrehlEstimate:
         ray_count: Rays traced.
         blocked: Share of the rays that did not arrive; they carry no light into `value`'s mean.
         plan: What was chosen, skipped and why.
-        error: Error budget, each entry an error of `value`: "step", "interpolation", "resampling", "precision",
-            "sampling", and "total", their root sum of squares.
         seconds: Time spent: "compile", "kernel", "total".
         evaluation_count: Field evaluations in all.
     """
@@ -83,9 +81,18 @@ class StrehlEstimate:
     ray_count: int
     blocked: float
     plan: Any
-    error: dict[str, float]
     seconds: dict[str, float] = field(default_factory=dict)
     evaluation_count: int = 0
+    budget: Any = field(default=None, repr=False)
+
+    @cached_property
+    def error(self) -> dict[str, float]:
+        """Error budget, each entry an error of `value`; computed when first read.
+
+        "step", "interpolation", "resampling" and "precision" from rays traced again, see tracing/budget.py, "sampling"
+        from the replicates, and "total", their root sum of squares.
+        """
+        return self.budget(self) if self.budget is not None else {}
 
 
 def estimate_strehl(
@@ -151,6 +158,8 @@ def estimate_strehl(
         tolerance=tolerance,
         max_steps=max_steps,
         path_length=None,
+        wavelength=wavelength,
+        directions=look[None],
     )
     if plan.backend == "warp":
         from .tracing.warp_strehl import reduce_pupil as run
@@ -160,15 +169,18 @@ def estimate_strehl(
     reduced = run(field, pupil, look, until, plan, wavelength, per_replicate, REPLICATES, seed, "tilt" in remove)
     moments, phasor, evaluations, seconds = reduced
     estimate = _combine(moments, phasor, wavelength, remove)
-    probe = RayBundle.collimated(pupil, 64, direction=look, seed=seed)
-    budget = _budget(field, probe, plan, moments, estimate, wavelength)
+
+    def budget(found: StrehlEstimate) -> dict[str, float]:
+        probe = RayBundle.collimated(pupil, SUBSET, direction=look, seed=seed)
+        return _budget(field, probe, found, until, wavelength)
+
     seconds["total"] = time.perf_counter() - start
     count = per_replicate * REPLICATES
     return StrehlEstimate(
         ray_count=count,
         blocked=float(1.0 - moments[:, 0].sum() / count),
         plan=plan,
-        error=budget,
+        budget=budget,
         seconds=seconds,
         evaluation_count=evaluations,
         **estimate,
@@ -254,25 +266,27 @@ def _combine(moments, phasor, wavelength, remove) -> dict:
     }
 
 
-def _budget(field, probe, plan, moments, estimate, wavelength) -> dict[str, float]:
-    """The OPD budget of a trace, turned into errors of the Strehl ratio.
+def _budget(field, probe, found: StrehlEstimate, until, wavelength) -> dict[str, float]:
+    """The OPD errors of some rays of the pupil, turned into errors of the Strehl ratio.
 
-    A phase error of rms e radians changes the mean phasor A by at most e, and |A|^2 by at most 2 |A| e + e^2. Twice the
-    standard error stands for the sampling.
+    A phase error of rms e radians about its mean changes the mean phasor A by at most e but for its phase, and |A|^2 by
+    at most 2 |A| e + e^2. Twice the standard error stands for the sampling.
     """
-    stand_in = SimpleNamespace(
-        ok=np.array([True]),
-        step_error=np.array([moments[:, 10].max()]),
-        opd=np.array([3.0 * estimate["opd_rms"] + np.abs(moments[:, 3].sum() / moments[:, 0].sum())]),
-        step_count=np.array([moments[:, 11].sum() / max(moments[:, 0].sum(), 1.0) / EVALUATIONS_PER_STEP]),
-        plan=plan,
-    )
-    amplitude = np.sqrt(estimate["value"])
-    budget = {}
-    for cause, opd in error_budget(field, probe, stand_in).items():
-        phase = 2.0 * np.pi * opd / wavelength
-        budget[cause] = float(2.0 * amplitude * phase + phase**2)
-    budget["sampling"] = 2.0 * estimate["standard_error"]
+
+    def of_strehl(opd_rms: float) -> float:
+        phase = 2.0 * np.pi * opd_rms / wavelength
+        return float(2.0 * np.sqrt(found.value) * phase + phase**2)
+
+    errors = opd_errors(field, probe, found.plan, retracer(until, wavelength))
+    budget = {
+        cause: of_strehl(SAFETY * float(np.std(error))) if len(error) else float("nan")
+        for cause, error in errors.items()
+    }
+    budget = combine(budget, field.resampling, ("source_opd_rms", "opd_rms"))
+    if field.resampling is not None:
+        for cause in ("interpolation", "resampling"):
+            budget[cause] = of_strehl(budget[cause])
+    budget["sampling"] = 2.0 * found.standard_error
     del budget["total"]
     budget["total"] = float(np.sqrt(sum(v * v for v in budget.values())))
     return budget

@@ -9,11 +9,14 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from .coarser import ladder
 from .grid import UniformGrid
 
 NODE_LIMIT = 200_000_000
 PROBE_COUNT = 4096
 LINE_COUNT = 64
+SOURCE_LINE_COUNT = 32
+SOURCE_POINT_COUNT = 1024
 
 
 @dataclass(frozen=True)
@@ -27,6 +30,9 @@ class ResamplingError:
         opd_rms: Root mean square change of the optical path along lines parallel to z [m].
         opd_max: Greatest change of that [m].
         direction_rms: Root mean square change of the deflection along those lines [rad].
+        source_opd_rms: Root mean square error of the optical path that the source's own nodes leave, estimated along
+            some of those lines from coarser versions of the source [m] (see coarser.py); nan where that is not known.
+        source_opd_max: Greatest of those estimates [m].
     """
 
     spacing: tuple[float, ...]
@@ -35,6 +41,8 @@ class ResamplingError:
     opd_rms: float
     opd_max: float
     direction_rms: float
+    source_opd_rms: float = float("nan")
+    source_opd_max: float = float("nan")
 
 
 def resample(field, spacing=None, *, tolerance=None, wavelength=905e-9, region=None, interpolation="cubic"):
@@ -161,7 +169,10 @@ def _measure(source, result) -> ResamplingError:
     weight = (high - low)[-1] / line_points
     opd = weight * path.reshape(LINE_COUNT, line_points).sum(axis=1)
     deflection = weight * bend.reshape(LINE_COUNT, line_points).sum(axis=1)
+    own = _source_error(source, lines.reshape(LINE_COUNT, line_points, dimension)) * (high - low)[-1]
     return ResamplingError(
+        source_opd_rms=float(np.sqrt(np.mean(own**2))),
+        source_opd_max=float(np.abs(own).max()),
         spacing=tuple(float(s) for s in result.samples.spacing),
         contrast_rms=float(np.sqrt(np.mean(change**2))),
         contrast_max=float(max(np.abs(change).max(), np.abs(path).max())),
@@ -169,6 +180,25 @@ def _measure(source, result) -> ResamplingError:
         opd_max=float(np.abs(opd).max()),
         direction_rms=float(np.sqrt(np.mean(deflection**2))),
     )
+
+
+def _source_error(source, lines: np.ndarray) -> np.ndarray:
+    """Estimated error of the mean contrast along some lines that the source's own nodes leave."""
+    rungs = ladder(source)
+    if rungs is None:
+        return np.full(1, np.nan)
+    some = lines[:: LINE_COUNT // SOURCE_LINE_COUNT, :: max(1, lines.shape[1] // SOURCE_POINT_COUNT)]
+    points = some.reshape(-1, some.shape[-1])
+    means = []
+    for rung in (rungs.fine, rungs.coarse, rungs.coarser):
+        if rung is None:
+            means.append(None)
+            continue
+        value = _local_contrast(rung, points)
+        if source.body is not None:
+            value[source.body.contains(points)] = 0.0
+        means.append(value.reshape(some.shape[:2]).mean(axis=1))
+    return rungs.remainder(*means)
 
 
 def _difference(source, result, points) -> tuple[np.ndarray, np.ndarray]:

@@ -1,89 +1,118 @@
-"""The error budget of a trace's optical path difference, by cause.
+r"""The error budget of a trace's optical path difference, by cause, measured on a subset of its rays.
 
-Causes:
-
-    step            greatest embedded error over the rays that arrived
-    interpolation   a third of what leaving out every second node changes along a few rays' straight lines
-    resampling      measured when the field was resampled (rms over lines parallel to z)
-    precision       rounding: half a unit in the last place of the greatest OPD, times the root of the step count
+    precision       the run's own steps in the run's precision against the same steps in float64
+    step            those against float64 steps held to a far smaller tolerance (of the full ray, if the run was straight)
+    interpolation   through every second and every fourth node of the field, extrapolated (medium/coarser.py)
+    resampling      measured when the field was resampled
     sampling        0: a trace is no mean over rays (an estimate over a pupil fills it in)
     total           root sum of squares
 
-A third of the change is what remains if the order is two or more. A cause whose arrays were not asked for in `outputs`
-is not known: it is nan, and so is the total.
+Every cause of a trace is the greatest over the rays of the subset, times SAFETY for the rays outside it. Where a cause
+cannot be measured (no ray arrived; an unstructured mesh) it is nan, and so is the total. A field that was resampled has
+as its "interpolation" that of the field it came from.
+
+The reference backend stands in for no others: its own step error is that of SciPy at 1e-11.
 """
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
 
-from ..medium import IndexField
-from ..medium.grid import UniformGrid
+from ..medium import IndexField, ResamplingError, ladder
 from ..rays import RayBundle
+from .plan import TracePlan, step_allowance
+from .status import RayStatus
 
-LINE_COUNT = 48
-POINT_COUNT = 768
-
-
-def error_budget(field: IndexField, rays: RayBundle, result) -> dict[str, float]:
-    """The budget [m of OPD]."""
-    good = result.ok
-    step = _greatest(result.step_error, good)
-    unit = 2.0**-24 if result.plan.precision == "float32" else 2.0**-53
-    step_count = max(_greatest(result.step_count, good), 1.0)
-    budget = {
-        "step": step,
-        "interpolation": interpolation_error(field, rays),
-        "resampling": 0.0 if field.resampling is None else field.resampling.opd_rms,
-        "precision": unit * _greatest(result.opd, good) * np.sqrt(step_count),
-        "sampling": 0.0,
-    }
-    budget["total"] = float(np.sqrt(sum(v * v for v in budget.values())))
-    return {name: float(value) for name, value in budget.items()}
+SUBSET = 192
+SAFETY = 3.0
+# The tolerance that stands for the truth, as a share of the one asked for, and its greatest value [waves].
+TIGHTER = 1.0 / 64.0
+TIGHTEST_ASKED = 1e-3
+CAUSES = ("step", "interpolation", "resampling", "precision", "sampling")
+# (field, rays, plan) -> OPD [m] and status, each of shape (ray_count,)
+Retrace = Callable[[IndexField, RayBundle, TracePlan], tuple[np.ndarray, np.ndarray]]
 
 
-def _greatest(array, good: np.ndarray) -> float:
-    """Greatest magnitude over the rays that arrived, nan where the array was not asked for."""
-    if array is None:
-        return float("nan")
-    return float(np.abs(array[good]).max(initial=0.0))
+def subset(rays: RayBundle, good: np.ndarray) -> RayBundle:
+    """Up to SUBSET of the rays that arrived, evenly spread over the bundle's order."""
+    rows = np.flatnonzero(good)
+    rows = rows[np.linspace(0, len(rows) - 1, min(SUBSET, len(rows))).round().astype(int)] if len(rows) else rows
+    return RayBundle(rays.position[rows], rays.direction[rows])
 
 
-def interpolation_error(field: IndexField, rays: RayBundle) -> float:
-    """A third of the rms change of the optical path when every second node is left out [m].
+def opd_errors(field: IndexField, rays: RayBundle, plan: TracePlan, retrace: Retrace) -> dict[str, np.ndarray]:
+    """Estimated OPD errors [m] of the rays, by cause: "step", "precision", "interpolation".
 
-    Zero where the grid has too few nodes. On a field that came from a mesh it is part of the resampling error, and no
-    second opinion is taken.
+    Rays that do not arrive in every trace are left out, so arrays may differ in length; an empty one is not known.
     """
-    if not field.is_uniform or field.resampling is not None or min(field.samples.shape) < 9:
-        return 0.0
-    grid = field.samples
-    assert isinstance(grid, UniformGrid)
-    every = tuple(slice(None, None, 2) for _ in grid.shape)
-    coarse = replace(field, samples=replace(grid, samples=grid.samples[every], spacing=2.0 * grid.spacing))
-    rows = np.linspace(0, rays.ray_count - 1, min(LINE_COUNT, rays.ray_count)).astype(int)
-    low, high = coarse.box
-    start, stop = box_span(low, high, rays.position[rows], rays.direction[rows])
-    kept = stop > start
-    if not kept.any():
-        return 0.0
-    start, stop, rows = start[kept], stop[kept], rows[kept]
-    fraction = (np.arange(POINT_COUNT) + 0.5) / POINT_COUNT
-    along = start[:, None] + (stop - start)[:, None] * fraction
-    points = (rays.position[rows, None] + along[..., None] * rays.direction[rows, None]).reshape(-1, 3)
-    change = (field.contrast_at(points) - coarse.contrast_at(points)).reshape(len(rows), POINT_COUNT)
-    path = change.mean(axis=1) * (stop - start)
-    return float(np.sqrt(np.mean(path**2))) / 3.0
+    tight = replace(
+        plan,
+        method="adaptive",
+        step=None,
+        backend="warp",
+        device="cpu" if plan.backend == "reference" else plan.device,
+        precision="float64",
+        tolerance=TIGHTER * min(plan.tolerance, TIGHTEST_ASKED),
+        max_steps=max(plan.max_steps, step_allowance(field, "adaptive", None, None)),
+    )
+    truth = retrace(field, rays, tight)
+    if plan.backend == "reference":
+        found = {"step": np.zeros(1), "precision": np.zeros(1)}
+    else:
+        run = retrace(field, rays, plan)
+        exact = run if plan.precision == "float64" else retrace(field, rays, replace(plan, precision="float64"))
+        found = {"step": _change(exact, truth), "precision": _change(run, exact)}
+    found["precision"] = np.abs(found["precision"]) + float64_rounding(field, rays)
+    if field.resampling is not None:
+        return found
+    rungs = ladder(field)
+    if rungs is None:
+        found["interpolation"] = np.zeros(0)
+        return found
+    traces = [truth if rungs.fine is field else retrace(rungs.fine, rays, tight)]
+    traces += [retrace(rung, rays, tight) for rung in (rungs.coarse, rungs.coarser) if rung is not None]
+    good = np.logical_and.reduce([status == RayStatus.OK for _, status in traces])
+    opd = [path[good] for path, _ in traces]
+    found["interpolation"] = rungs.remainder(opd[0], opd[1], opd[2] if len(opd) > 2 else None) if good.any() else opd[0]
+    return found
 
 
-def box_span(low, high, position, direction) -> tuple[np.ndarray, np.ndarray]:
-    """Where straight rays enter and leave a box (entry at least 0) [m]; entry >= exit means a miss."""
-    with np.errstate(divide="ignore", invalid="ignore"):
-        near, far = (low - position) / direction, (high - position) / direction
-    parallel = direction == 0.0
-    outside = parallel & ((position < low) | (position > high))
-    near = np.where(parallel, -np.inf, near)
-    far = np.where(parallel, np.inf, far)
-    enter = np.maximum(np.minimum(near, far).max(axis=1), 0.0)
-    leave = np.maximum(near, far).min(axis=1)
-    return enter, np.where(outside.any(axis=1), -np.inf, leave)
+def float64_rounding(field: IndexField, rays: RayBundle) -> float:
+    """What float64 itself leaves of an OPD [m]: a few roundings of the lengths involved, which nothing better checks."""
+    low, high = field.box
+    lengths = np.concatenate([low, high, rays.position.ravel()])
+    return float(4.0 * np.finfo(np.float64).eps * np.abs(lengths[np.isfinite(lengths)]).max())
+
+
+def _change(one, other) -> np.ndarray:
+    good = (one[1] == RayStatus.OK) & (other[1] == RayStatus.OK)
+    return np.asarray(one[0][good] - other[0][good])
+
+
+def error_budget(
+    field: IndexField, rays: RayBundle, good: np.ndarray, plan: TracePlan, retrace: Retrace
+) -> dict[str, float]:
+    """The budget of a trace [m of OPD]: the greatest error of each cause over the rays that arrived."""
+    chosen = subset(rays, good) if good.any() else None
+    if chosen is None:
+        return dict.fromkeys((*CAUSES, "total"), float("nan"))
+    found = opd_errors(field, chosen, plan, retrace)
+    return combine(
+        {cause: SAFETY * _greatest(array) for cause, array in found.items()},
+        field.resampling,
+        ("source_opd_max", "opd_max"),
+    )
+
+
+def combine(causes: dict[str, float], resampling, names: tuple[str, str]) -> dict[str, float]:
+    """All causes and their root sum of squares; `names` are the attributes of a ResamplingError to take."""
+    budget = {**dict.fromkeys(CAUSES, 0.0), **causes}
+    if isinstance(resampling, ResamplingError):
+        budget["interpolation"], budget["resampling"] = (float(getattr(resampling, name)) for name in names)
+    budget["total"] = float(np.sqrt(sum(v * v for v in budget.values())))
+    return budget
+
+
+def _greatest(array: np.ndarray) -> float:
+    return float(np.abs(array).max()) if len(array) else float("nan")

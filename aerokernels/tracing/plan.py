@@ -5,6 +5,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from ..medium import IndexField
+from .choice import choose_method
 
 METHODS = ("auto", "straight", "adaptive", "paper", "fixed")
 PRECISIONS = ("float32", "float64")
@@ -54,7 +55,18 @@ class TracePlan:
 
 
 def make_plan(
-    field: IndexField, *, method, backend, device, precision, step, tolerance, max_steps, path_length
+    field: IndexField,
+    *,
+    method,
+    backend,
+    device,
+    precision,
+    step,
+    tolerance,
+    max_steps,
+    path_length,
+    wavelength,
+    directions,
 ) -> TracePlan:
     """Check the caller's choices and fill in those left to "auto".
 
@@ -76,8 +88,9 @@ def make_plan(
         raise ValueError(f"step belongs to method 'fixed', not to {method!r}: leave it out or choose 'fixed'")
     reasons = []
     if method == "auto":
-        method = "adaptive"
-        reasons.append("method adaptive: error control holds the tolerance whatever the field")
+        choice = choose_method(field, tolerance * wavelength, directions)
+        method, step = choice.method, choice.step
+        reasons.append(choice.reason)
     backend, device, why = choose_backend(backend, device)
     reasons.append(why)
     dimension = {"volume": "a volume", "planar": "two axes, x is never expanded"}.get(
@@ -87,21 +100,29 @@ def make_plan(
     reasons.append("outside the field's box rays fly free in one step")
     if field.body is None:
         reasons.append("no body: no wall test in the kernel")
+    if method == "fixed" and max_steps is None and step < 1e-8 * _diagonal(field):
+        raise ValueError(
+            f"a step of {step:g} m would take more than 1e8 steps through a box of {_diagonal(field):.3g} m: give a "
+            "longer one, or let method 'adaptive' choose"
+        )
     if max_steps is None:
-        max_steps = _step_allowance(field, method, step, path_length)
+        max_steps = step_allowance(field, method, step, path_length)
     elif not isinstance(max_steps, (int, np.integer)) or max_steps < 1:
         raise ValueError(f"max_steps must be a whole number of at least 1, got {max_steps!r}")
     return TracePlan(method, backend, device, precision, int(max_steps), step, float(tolerance), tuple(reasons))
 
 
-def _step_allowance(field: IndexField, method: str, step, path_length) -> int:
+def step_allowance(field: IndexField, method: str, step, path_length) -> int:
     """Generous by a factor of ten over what a ray across the box needs, so that only trapped rays meet it."""
-    low, high = field.box
-    extent = np.where(np.isfinite(high - low), high - low, 0.0)
-    diagonal = float(np.linalg.norm(extent))
+    diagonal = _diagonal(field)
     if path_length is not None:
         diagonal = max(diagonal, path_length)
     finest = float(field.samples.paper_step.min()) if method == "paper" else float(np.min(field.spacing)) * 0.02
     if method == "fixed":
         finest = step
     return int(min(10.0 * diagonal / finest + 1000.0, 2_000_000_000.0))
+
+
+def _diagonal(field: IndexField) -> float:
+    low, high = field.box
+    return float(np.linalg.norm(np.where(np.isfinite(high - low), high - low, 0.0)))

@@ -1,6 +1,6 @@
 r"""The oracle: one ray at a time in float64, written to be read, sharing no formula with the kernels.
 
-State (r, T, optical path, arc length) over sigma, d sigma = ds / n:
+State (r, T, optical path, arc length, lag) over sigma, d sigma = ds / n:
 
     r' = T,   T' = n grad n,   path' = n^2,   arc' = n
 
@@ -18,14 +18,15 @@ from scipy.optimize import brentq
 
 from ..medium import IndexField
 from ..rays import RayBundle
-from .budget import box_span
 from .plan import TracePlan
 from .result import RAY_OUTPUTS
 from .status import RayStatus
 from .stop import ArcLength, Plane
-from .tableau import BT, A, C
+from .tableau import BT, STAGE_MOMENTUM, A, C
 
 RELATIVE_TOLERANCE = 1e-11
+# Up to this angle with the first direction [rad] the deviation along it is summed like the path.
+NEARLY_STRAIGHT = 1e-2
 # Interpolants of index and gradient apart, between which |T| = n does not hold: the momentum is left alone.
 TWO_SCALARS = ("bilinear-barron", "idw")
 
@@ -41,6 +42,19 @@ def trace(field: IndexField, rays: RayBundle, plan: TracePlan, until, wavelength
     return arrays, {"compile": 0.0, "upload": 0.0, "kernel": spent, "download": 0.0}
 
 
+def box_span(low, high, position, direction) -> tuple[np.ndarray, np.ndarray]:
+    """Where straight rays enter and leave a box (entry at least 0) [m]; entry >= exit means a miss."""
+    with np.errstate(divide="ignore", invalid="ignore"):
+        near, far = (low - position) / direction, (high - position) / direction
+    parallel = direction == 0.0
+    outside = parallel & ((position < low) | (position > high))
+    near = np.where(parallel, -np.inf, near)
+    far = np.where(parallel, np.inf, far)
+    enter = np.maximum(np.minimum(near, far).max(axis=1), 0.0)
+    leave = np.maximum(near, far).min(axis=1)
+    return enter, np.where(outside.any(axis=1), -np.inf, leave)
+
+
 class _Ray:
     """One ray through one field to one stop."""
 
@@ -51,6 +65,7 @@ class _Ray:
         self.low, self.high = field.box
         self.evaluations = 0
         self.steps = 0
+        self.bent = 0.0  # greatest angle with the first direction
 
     def span(self) -> tuple[float, float]:
         """Where the undisturbed ray enters and leaves the box [m]."""
@@ -129,9 +144,18 @@ class _Ray:
             return self.fly(self.start, self.heading, 0.0, 0.0, stop_at)
         r = self.start + enter * self.heading
         index, _ = self.look(r)
-        state = np.array([*r, *(index * self.heading), self.ambient * enter, enter])
+        state = np.array([*r, *(index * self.heading), self.ambient * enter, enter, 0.0])
+        origin = r
         march = self.by_rule if self.plan.method in ("fixed", "paper") else self.by_dop853
         state, status, at_stop = march(state)
+        if march == self.by_rule and self.field.interpolation not in TWO_SCALARS and self.bent <= NEARLY_STRAIGHT:
+            # Along the first direction the deviation is the arc less the lag: better known than the steps' own.
+            slip = state[7] - enter - state[8] - (state[:3] - origin) @ self.heading
+            if at_stop and isinstance(self.until, ArcLength):
+                state[:3] += slip * self.heading
+            else:  # the ray ends on a surface: its place is right, its length is not
+                state[6] -= self.ambient * slip
+                state[7] -= slip
         heading = state[3:6] / np.linalg.norm(state[3:6])
         if status != RayStatus.OK or at_stop or self.until is None:
             return self.result(state[:3], heading, state[6], state[7], status, stop_at)
@@ -197,9 +221,9 @@ class _Ray:
                 index, gradient = self.look(line)
                 potential = 0.5 * (index**2 - self.ambient**2) + index * gradient @ (y[:3] - line)
                 local = np.sqrt(self.ambient**2 + 2.0 * potential)
-                return [*y[3:6], *(index * gradient), local**2, local]
+                return [*y[3:6], *(index * gradient), local**2, local, 0.0]
             index, gradient = self.look(y[:3])
-            return [*y[3:6], *(index * gradient), index**2, index]
+            return [*y[3:6], *(index * gradient), index**2, index, 0.0]
 
         def leaves(sigma, y):
             return self.outside(origin + heading * (self.ambient * sigma) if straight else y[:3])
@@ -214,7 +238,8 @@ class _Ray:
             event.terminal, event.direction = True, sense  # type: ignore[attr-defined]
         diagonal = float(np.linalg.norm(np.where(np.isfinite(self.high - self.low), self.high - self.low, 0.0)))
         limit = 1e4 * diagonal / self.ambient
-        reach = 2.0 * float(np.min(self.field.spacing))
+        # Half a cell: over the knots of a spline a long step's own estimate of its error is not to be believed.
+        reach = 0.5 * float(np.min(self.field.spacing))
         if self.field.body is not None:
             reach = min(reach, float(self.field.wall_distance.spacing.min()))
         solution = solve_ivp(
@@ -259,7 +284,9 @@ class _Ray:
         def end(length):
             return value(self.nystrom(state, index, gradient, length))
 
-        return brentq(end, 0.0, h, xtol=1e-16, rtol=1e-15) if value(state) < 0.0 else 0.0
+        # A step from the face by which the ray came in starts on the surface: look from just behind it.
+        first = 0.0 if value(state) < 0.0 else 1e-6 * h
+        return brentq(end, first, h, xtol=1e-16, rtol=1e-15) if end(first) < 0.0 else 0.0
 
     def paper_step(self, r: np.ndarray) -> float:
         """Step of eq 5 in the cell that holds a point [m]."""
@@ -286,4 +313,17 @@ class _Ray:
         result[7] += h * sum(b * n for b, n in zip(BT, indices, strict=True))
         if self.field.interpolation not in TWO_SCALARS:
             result[3:6] *= indices[-1] / np.linalg.norm(result[3:6])
+            swung = momentum + h * forces[-1]
+            across = swung - (swung @ self.heading) * self.heading
+            self.bent = max(self.bent, float(np.linalg.norm(across)) / self.ambient)
+            result[8] += h * sum(
+                b * self.lag(momentum + h * sum(w * f for w, f in zip(row, forces, strict=True)), n)
+                for b, row, n in zip(BT, STAGE_MOMENTUM, indices, strict=True)
+            )
         return result
+
+    def lag(self, momentum: np.ndarray, index: float) -> float:
+        """Index less the momentum along the first direction."""
+        ahead = momentum @ self.heading
+        across = momentum - ahead * self.heading
+        return float(across @ across / (index + ahead)) if index + ahead > 0.0 else 0.0

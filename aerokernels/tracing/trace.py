@@ -7,9 +7,12 @@ import numpy as np
 from ..medium import IndexField
 from ..rays import RayBundle
 from .budget import error_budget
-from .plan import make_plan
+from .plan import TracePlan, make_plan
 from .result import RAY_OUTPUTS, TraceResult
 from .stop import ArcLength, Plane
+
+# Those of the pupil's kernels, so that a budget needs no kernel of its own.
+BUDGET_OUTPUTS = frozenset(("opd", "step_error", "evaluation_count"))
 
 
 def trace(
@@ -71,20 +74,37 @@ def trace(
         tolerance=tolerance,
         max_steps=max_steps,
         path_length=until.length if isinstance(until, ArcLength) else None,
+        wavelength=wavelength,
+        directions=rays.direction,
     )
-    if plan.backend == "reference":
-        from .reference import trace as run
-    else:
-        from .warp_backend import trace as run
-    arrays, seconds = run(field, rays, plan, until, wavelength, wanted)
+    arrays, seconds = run_plan(field, rays, plan, until, wavelength, wanted)
     seconds["total"] = time.perf_counter() - start
 
     def budget(result: TraceResult) -> dict[str, float]:
-        return error_budget(field, rays, result)
+        return error_budget(field, rays, result.ok, plan, retracer(until, wavelength))
 
     return TraceResult(
         plan=plan, seconds=seconds, wavelength=wavelength, weight=np.asarray(rays.weight), budget=budget, **arrays
     )
+
+
+def run_plan(field: IndexField, rays: RayBundle, plan: TracePlan, until, wavelength: float, outputs: frozenset):
+    """What a plan says on its backend: per-ray arrays by name, and seconds."""
+    if plan.backend == "reference":
+        from .reference import trace as run
+    else:
+        from .warp_backend import trace as run
+    return run(field, rays, plan, until, wavelength, outputs)
+
+
+def retracer(until, wavelength: float):
+    """The function by which an error budget traces rays again: (field, rays, plan) -> (OPD [m], status)."""
+
+    def retrace(field: IndexField, rays: RayBundle, plan: TracePlan) -> tuple[np.ndarray, np.ndarray]:
+        arrays, _ = run_plan(field, rays, plan, until, wavelength, BUDGET_OUTPUTS)
+        return arrays["opd"], arrays["status"]
+
+    return retrace
 
 
 def check_outputs(outputs) -> frozenset:

@@ -11,13 +11,18 @@ import warp as wp
 from ..medium import IndexField
 from ..rays import RayBundle
 from .plan import TracePlan
+from .quiet import CONES, cones_of, reach
 from .stop import ArcLength, Plane
 from .warp_devices import start_warp, thread_count
 from .warp_tracer import build_kernel
 from .warp_types import types
 
-# Greatest step in cells: four samples a step, so none of them can jump over the four-cell support of a sample.
-STEP_LIMIT = 4.0
+# Steps of so many cells need no leave from the table of safe steps: four samples a step are then less far apart than the
+# support of a sample. On a mesh, which has no table, they are the longest.
+STEP_LIMIT = 2.0
+MESH_STEP_LIMIT = 4.0
+# Greatest tolerance [waves] for which the field's structure may be stepped over.
+LAXEST = 0.3
 # Rays in one launch of a host thread; small enough to balance threads, large enough to hide the launch.
 CHUNK = 4096
 # Per-ray outputs of the kernel, in the order of its arguments.
@@ -107,13 +112,31 @@ def _upload(field: IndexField, precision: str, device: str, with_paper_step: boo
     control.face_high = t.vec3(*_whole((finite[1] - origin) / spacing))
     control.radius = bounds.radius / spacing[0]
     control.cell_rate = t.vec3(*cell_rate)
-    control.step_limit = STEP_LIMIT
+    control.extent = 4.0 * float(np.linalg.norm(finite[1] - finite[0]))
+    control.step_limit = STEP_LIMIT if field.is_uniform else MESH_STEP_LIMIT
     wall = field.wall_distance
     wall_samples = np.ones((2, 2)) if wall is None else wall.samples
     device_field.wall = wp.array(np.ascontiguousarray(wall_samples, dtype=scalar), dtype=t.real, device=device)
     device_field.wall_origin = t.vec2(*([0.0, 0.0] if wall is None else wall.origin))
     device_field.wall_rate = t.vec2(*([1.0, 1.0] if wall is None else 1.0 / wall.spacing))
     return SimpleNamespace(field=device_field, bounds=bounds, control=control, spacing=spacing, origin=origin)
+
+
+def _upload_reach(control, field: IndexField, plan: TracePlan, wavelength: float, directions: np.ndarray) -> None:
+    """The tables of safe steps of the cones that the directions lie in; none without error control or on a mesh."""
+    budget = min(plan.tolerance, LAXEST) * wavelength
+    start = np.full(len(CONES), -1, dtype=np.int32)
+    lengths = [np.zeros(1)]
+    if field.is_uniform and plan.method in ("adaptive", "straight"):
+        for cone in np.unique(cones_of(directions, field.geometry)):
+            table = reach(field.samples, field.geometry, budget, CONES[cone])
+            start[cone] = sum(part.size for part in lengths)
+            lengths.append(table.length.ravel())
+            shape = table.length.shape
+            control.block_count = wp.vec3i(*shape, *[1] * (3 - len(shape)))
+            control.block = table.block
+    control.reach = wp.array(np.concatenate(lengths), dtype=types(plan.precision).real, device=plan.device)
+    control.reach_start = wp.array(start, dtype=wp.int32, device=plan.device)
 
 
 def _whole(cells: np.ndarray) -> np.ndarray:
@@ -130,8 +153,10 @@ def _per_position_axis(geometry: str, spacing, origin) -> tuple[np.ndarray, np.n
     return np.array([spacing[0], spacing[0], spacing[1]]), np.array([0.0, 0.0, origin[1]])
 
 
-def prepare(field: IndexField, plan: TracePlan, until, wavelength: float, outputs: frozenset) -> SimpleNamespace:
-    """Kernel and its arguments but for the rays."""
+def prepare(
+    field: IndexField, plan: TracePlan, until, wavelength: float, outputs: frozenset, directions: np.ndarray
+) -> SimpleNamespace:
+    """Kernel and its arguments but for the rays; `directions` are the rays' own."""
     start_warp()
     start = time.perf_counter()
     kept = upload(field, plan.precision, plan.device, plan.method == "paper")
@@ -139,10 +164,11 @@ def prepare(field: IndexField, plan: TracePlan, until, wavelength: float, output
     bounds, control = t.Bounds(), t.Control()
     for name in ("origin", "spacing", "low", "high", "radius", "ambient"):
         setattr(bounds, name, getattr(kept.bounds, name))
-    for name in ("face_low", "face_high", "radius", "cell_rate", "step_limit"):
+    for name in ("face_low", "face_high", "radius", "cell_rate", "extent", "step_limit"):
         setattr(control, name, getattr(kept.control, name))
     control.step = plan.step or 0.0
     control.budget = plan.tolerance * wavelength
+    _upload_reach(control, field, plan, wavelength, directions)
     control.max_steps = plan.max_steps
     stop = "none"
     if isinstance(until, Plane):
@@ -205,7 +231,7 @@ def allocate(outputs: frozenset, ray_count: int, device: str) -> dict:
 
 def trace(field: IndexField, rays: RayBundle, plan: TracePlan, until, wavelength: float, outputs: frozenset):
     """Trace with Warp: per-ray arrays by name, and seconds."""
-    ready = prepare(field, plan, until, wavelength, outputs)
+    ready = prepare(field, plan, until, wavelength, outputs, rays.direction)
     start = time.perf_counter()
     position = wp.array(rays.position, dtype=wp.vec3d, device=plan.device)
     direction = wp.array(rays.direction, dtype=wp.vec3d, device=plan.device)

@@ -6,8 +6,6 @@ import warp as wp
 
 from .warp_types import types
 
-# Steps of the search for the place where a ray leaves the body; each is as long as the wall is away.
-WALL_MARCH_LIMIT = 512
 FACE_COUNT = {"volume": 6, "planar": 4, "axisymmetric": 3}
 
 
@@ -120,54 +118,6 @@ def build_surface_distance(precision: str, geometry: str):
 
 
 @functools.cache
-def build_wall_distance(precision: str, geometry: str):
-    """A function (field, point in x, y, z [m]) -> signed distance to the body [m], negative inside it."""
-    t = types(precision)
-    real, vec2, vec3, Field = t.real, t.vec2, t.vec3, t.Field
-
-    @wp.func
-    def wall_distance(field: Field, p: vec3):
-        first = p[1]
-        if wp.static(geometry == "axisymmetric"):
-            first = wp.sqrt(p[0] * p[0] + p[1] * p[1])
-        place = wp.cw_mul(vec2(first, p[2]) - field.wall_origin, field.wall_rate)
-        i = wp.clamp(int(wp.floor(place[0])), 0, field.wall.shape[0] - 2)
-        j = wp.clamp(int(wp.floor(place[1])), 0, field.wall.shape[1] - 2)
-        u = wp.clamp(place[0] - real(i), real(0.0), real(1.0))
-        v = wp.clamp(place[1] - real(j), real(0.0), real(1.0))
-        near = (real(1.0) - v) * field.wall[i, j] + v * field.wall[i, j + 1]
-        far = (real(1.0) - v) * field.wall[i + 1, j] + v * field.wall[i + 1, j + 1]
-        return (real(1.0) - u) * near + u * far
-
-    return wall_distance
-
-
-@functools.cache
-def build_way_out(precision: str, geometry: str):
-    """A function (field, position, direction, from, to) -> (distance at which a ray is out, whether it is not)."""
-    t = types(precision)
-    real, vec3, Field = t.real, t.vec3, t.Field
-    wall_distance = build_wall_distance(precision, geometry)
-
-    @wp.func
-    def way_out(field: Field, p: wp.vec3d, d: wp.vec3d, first: wp.float64, last: wp.float64):
-        least = wp.float64(1.0e-4) / wp.float64(field.wall_rate[1])
-        along = wp.float64(first)
-        march = int(0)
-        solid = bool(True)
-        while solid and march < wp.static(WALL_MARCH_LIMIT) and along <= last:
-            at = p + along * d
-            gap = wall_distance(field, vec3(real(at[0]), real(at[1]), real(at[2])))
-            solid = bool(gap < real(0.0))
-            if solid:
-                along += wp.max(-wp.float64(gap), least)
-            march += 1
-        return along, solid
-
-    return way_out
-
-
-@functools.cache
 def build_meeting(precision: str, geometry: str):
     """A function (bounds, k, point, direction, guess) -> distance at which a line meets surface k.
 
@@ -187,3 +137,36 @@ def build_meeting(precision: str, geometry: str):
         return along
 
     return meeting
+
+
+@functools.cache
+def build_detour(precision: str, geometry: str):
+    """A function -> how much further along d a line shifted by `q` meets face k than the line itself.
+
+    Its arguments: bounds, k, start, direction, q, the distance at which the line itself leaves the box, and what to
+    answer where it leaves by another face or at a grazing angle.
+    """
+    Bounds = types(precision).Bounds
+    surface_distance = build_surface_distance(precision, geometry)
+
+    @wp.func
+    def detour(bounds: Bounds, k: int, p: wp.vec3d, d: wp.vec3d, q: wp.vec3d, leave: wp.float64, other: wp.float64):
+        at = p + leave * d
+        miss = surface_distance(bounds, k, at)
+        normal = wp.vec3d(miss[1], miss[2], miss[3])
+        cosine = wp.dot(normal, d)
+        size = wp.length(bounds.high - bounds.low) + wp.length(p)
+        if wp.abs(miss[0]) > wp.float64(1.0e-14) * size or wp.abs(cosine) < wp.float64(0.05):
+            return other
+        further = -wp.dot(normal, q) / cosine
+        if wp.static(geometry == "axisymmetric"):
+            if k == 2:
+                # |c + (further d + q)|^2 = |c|^2 across the axis, c of length `radius`
+                across = wp.vec2d(normal[0], normal[1])
+                for _trial in range(3):
+                    shift = wp.vec2d(further * d[0] + q[0], further * d[1] + q[1])
+                    bulge = wp.dot(shift, shift) / (wp.float64(2.0) * bounds.radius)
+                    further = -(across[0] * q[0] + across[1] * q[1] + bulge) / cosine
+        return further
+
+    return detour

@@ -25,7 +25,7 @@ def reduce_pupil(field, pupil, look, until, plan, wavelength, per_replicate, rep
 
     Each replicate is padded to whole groups of rays, so that a group never straddles two.
     """
-    ready = prepare(field, plan, until, wavelength, OUTPUTS)
+    ready = prepare(field, plan, until, wavelength, OUTPUTS, look[None])
     start = time.perf_counter()
     _load(plan.device)
     ready.seconds["compile"] += time.perf_counter() - start

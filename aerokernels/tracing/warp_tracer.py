@@ -28,15 +28,27 @@ import warp as wp
 
 from . import warp_grid, warp_mesh
 from .status import RayStatus
-from .tableau import B_ERROR, BT, BT_ERROR, A, B, C
-from .warp_box import FACE_COUNT, build_crossing, build_meeting, build_wall_distance, build_way_out
-from .warp_motion import build_advance, build_cells, build_contrast, build_landing, build_look, deflection
+from .tableau import B_ERROR, BT, BT_ERROR, PATH_ERROR_SLOPE, PATH_ERROR_VALUE, A, B, C
+from .warp_box import FACE_COUNT, build_crossing, build_detour, build_meeting
+from .warp_motion import advance, build_cells, build_contrast, build_lag, build_landing, build_look, deflection
+from .warp_wall import build_clear_way, build_wall_distance, build_way_out
+from .warp_reach import HAIR, build_cone, build_reach, build_to_face
 from .warp_types import types
 
 # The share of the remaining error budget that one step may use up, however short it is.
 STEP_SHARE = 0.02
 # A direction error counts with at least this share of the field's length, besides the ray's own slope.
 DIRECTION_SHARE = 0.01
+# Steps in cells from which down an error estimate may be taken for rounding.
+NOISE_STEP = 0.5
+# Errors are believed to be smaller than the embedded formula says by these factors at most: where the table of safe
+# steps says that the field is smooth over the step (or the step stays in one cell of a linear field), and elsewhere;
+# less so on bent rays: 1 from an angle of 1 / BLUNTED on.
+SMOOTH = 0.02
+ROUGH = 0.2
+BLUNTED = 30.0
+# Up to this angle with the first direction [rad] the deviation along it is summed like the path (see "Along d").
+NEARLY_STRAIGHT = 1e-2
 
 
 @functools.cache
@@ -56,14 +68,19 @@ def build_kernel(
     source = warp_mesh if on_mesh else warp_grid
     sample = source.build_sample(precision, geometry, interpolation)
     paper_step = source.build_paper_step(precision, geometry)
+    cone_of = build_cone(geometry)
+    reach_of = build_reach(precision, "mesh" if on_mesh else geometry)
+    to_face = build_to_face(precision, geometry)
     crossing = build_crossing(precision, geometry)
     meeting = build_meeting(precision, geometry)
+    detour = build_detour(precision, geometry)
     wall_distance = build_wall_distance(precision, geometry)
     way_out = build_way_out(precision, geometry)
-    advance = build_advance(precision)
+    wall_at, clear_way = build_clear_way(precision, geometry)
     contrast = build_contrast(precision)
+    lag, lag_sum = build_lag(precision)
     in_cells, carry_over = build_cells(precision, "mesh" if on_mesh else geometry)
-    oriented, landing = build_landing(precision, geometry, stop)
+    oriented, surface_unit, landing = build_landing(precision, geometry, stop)
     look = build_look(precision, sample, method == "straight")
     face_count = wp.constant(FACE_COUNT[geometry])
     landed_arc = wp.constant(100)
@@ -72,7 +89,9 @@ def build_kernel(
     straight = method == "straight"
     # The paper's schemes interpolate index and gradient apart: |T| = n does not hold between them.
     one_scalar = interpolation not in ("bilinear-barron", "idw")
+    sharpened = interpolation in ("cubic", "linear")
     controlled = method in ("adaptive", "straight")
+    kinked = interpolation in ("linear", "monotone") and controlled
     # Rounding in the error estimate, in units in the last place: error control does not chase it.
     noise = 8.0 * (2.0**-24 if precision == "float32" else 2.0**-53)
 
@@ -82,6 +101,8 @@ def build_kernel(
     v1, v2, v3, v4 = (float(v) for v in BT)
     e1, e2, e3, e4 = (float(v) for v in B_ERROR)
     f1, f2, f3, f4 = (float(v) for v in BT_ERROR)
+    g1, g2, g3, g4 = (float(v) for v in PATH_ERROR_VALUE)
+    k1, k2, k3, k4 = (float(v) for v in PATH_ERROR_SLOPE)
     ok, missed, not_reached = int(RayStatus.OK), int(RayStatus.MISSED_FIELD), int(RayStatus.STOP_NOT_REACHED)
     hit_body, inside_body = int(RayStatus.HIT_BODY), int(RayStatus.INSIDE_BODY)
     too_many, not_finite = int(RayStatus.MAX_STEPS), int(RayStatus.NOT_FINITE)
@@ -153,9 +174,10 @@ def build_kernel(
         q_carry = q
         momentum = q  # P, the deviation of T
         momentum_carry = q
-        sums = q  # sigma, S, M
-        sums_carry = q
+        sums = t.vec4(real(0.0), real(0.0), real(0.0), real(0.0))  # sigma, S, M, B
+        sums_carry = sums
         used = real(0.0)
+        bent = real(0.0)  # greatest angle with d so far
         steps = int(0)
         evaluations = int(0)
         landed = int(-1)
@@ -172,14 +194,15 @@ def build_kernel(
             far = span[1]
             if has_undisturbed and wp.static(stop != "none"):
                 far = wp.min(far, stop_distance)
-            reach = real(far - enter)
+            cone = cone_of(d0)
+            reach = wp.min(real(wp.min(far - enter, wp.float64(1.0e30))), control.extent)
             arc_left = real(bounds.length - enter)
             gap = real(0.0)
             if wp.static(has_body):
                 start = p0 + enter * d0
                 gap = wp.max(wall_distance(field, vec3(real(start[0]), real(start[1]), real(start[2]))), real(0.0))
-            h_next = real(1.0) / (ambient * wp.length(wp.cw_mul(d, control.cell_rate)))
-            h_least = real(least_step) * h_next
+            h_next = control.extent / ambient
+            h_cap = h_next  # shorter after a step that would have ended well behind a surface
             running = bool(True)
             while running:
                 total = ambient * d + momentum
@@ -187,30 +210,39 @@ def build_kernel(
                 if wp.static(straight):
                     total = ambient * d
                 h = h_next
+                safe = real(0.0)
+                h_cell = real(1.0) / wp.max(wp.length(wp.cw_mul(total, control.cell_rate)), real(tiny))
+                h_least = real(least_step) / (wp.max(control.cell_rate) * wp.length(total))
                 if wp.static(method == "fixed"):
                     h = control.step / (ambient + m)
                 elif wp.static(method == "paper"):
                     h = paper_step(field, cell, frac) / (ambient + m)
                 else:
-                    speed = wp.length(wp.cw_mul(total, control.cell_rate))
-                    h = wp.min(h, control.step_limit / wp.max(speed, real(tiny)))
+                    limit = control.step_limit * h_cell
+                    if wp.static(kinked):
+                        # The interpolant has kinks at the cells' faces: no step across one.
+                        pace = wp.cw_mul(total, rate)
+                        limit = to_face(cell, frac, pace) - real(0.1 * HAIR) / wp.length(pace)
+                    safe = reach_of(control, cone, cell, frac, total)
+                    h = wp.min(h, wp.max(limit, safe))
+                h = wp.min(h, h_cap)
                 wanted = h
                 if wp.static(controlled and has_body):
-                    # No further than the wall is away, so that no step jumps over the body.
-                    h = wp.min(h, wp.max(gap, real(1.0) / wp.max(field.wall_rate)) / wp.length(total))
+                    # No further than the way ahead is known to be clear, so that no step jumps over the body.
+                    h = clear_way(field, bounds, cell, frac, rate, total, force, gap, h)
                 cut = bool(h < wanted)
                 shown = frac
                 if wp.static(straight):
                     shown = frac + wp.cw_mul(q, rate)
+                h_free = h
                 h, land = landing(control, rate, side, cell, shown, ambient * d + momentum, force, h)
                 if wp.static(stop == "arc"):
                     rest = arc_left - (ambient * sums[0] + sums[2])
                     n = ambient + m
-                    bend = wp.dot(force, total) / (n * n * n)
-                    h_arc = rest / n
-                    h_arc = rest / (n + real(0.5) * bend * h_arc)
-                    if h_arc <= h:
-                        h = wp.max(h_arc, real(0.0))
+                    bend = wp.dot(force, total) / n
+                    if h * (n + real(0.5) * bend * h) >= rest:
+                        h_arc = wp.min(rest / n, h)
+                        h = wp.clamp(rest / (n + real(0.5) * bend * h_arc), real(0.0), h)
                         land = int(landed_arc)
 
                 hh = h * h
@@ -229,11 +261,33 @@ def build_kernel(
                 off_s = h * (real(f1) * pot + real(f2) * s2[0] + real(f3) * s3[0] + real(f4) * s4[0])
                 off_q = hh * (real(e1) * force + real(e2) * force2 + real(e3) * force3 + real(e4) * force4)
                 off_p = h * (real(f1) * force + real(f2) * force2 + real(f3) * force3 + real(f4) * force4)
-                off = wp.abs(real(2.0) * off_s - ambient * wp.dot(off_q, d))
-                tilt = wp.length(momentum - wp.dot(momentum, d) * d) / ambient
-                weight = tilt + real(DIRECTION_SHARE)
+                swung = momentum + h * force4
+                turn_now = wp.max(bent, wp.length(swung - wp.dot(swung, d) * d) / ambient)
+                sharp = real(1.0)
+                if wp.static(sharpened):
+                    # On a nearly straight ray the path's error is known better, by a rule of higher order with the
+                    # slopes along the ray; the other errors are taken to be overestimated alike.
+                    slope1 = wp.dot(force, total)
+                    slope2 = wp.dot(force2, total + (real(0.5) * real(c2) * h) * (force + force2))
+                    slope3 = wp.dot(force3, total + (real(0.5) * real(c3) * h) * (force + force3))
+                    slope4 = wp.dot(force4, total + (real(0.5) * h) * (force + force4))
+                    fine = h * (real(g1) * pot + real(g2) * s2[0] + real(g3) * s3[0] + real(g4) * s4[0])
+                    fine += hh * (real(k1) * slope1 + real(k2) * slope2 + real(k3) * slope3 + real(k4) * slope4)
+                    sharp = wp.abs(fine) / wp.max(wp.abs(off_s), real(tiny))
+                    blunt = real(ROUGH)
+                    if wp.static(interpolation == "linear") or h <= safe:
+                        blunt = real(SMOOTH)
+                    sharp = wp.clamp(sharp, wp.min(blunt + real(BLUNTED) * turn_now, real(1.0)), real(1.0))
+                off = real(4.0) * sharp * wp.abs(off_s)
+                if wp.static(not one_scalar) or turn_now > real(NEARLY_STRAIGHT):
+                    # Along d, and in arc length.
+                    off_m = real(f1) * m + real(f2) * contrast(ambient, s2[0])
+                    off_m += real(f3) * contrast(ambient, s3[0]) + real(f4) * contrast(ambient, s4[0])
+                    off += ambient * (wp.abs(wp.dot(off_q, d)) + h * wp.abs(off_m))
+                off_q -= wp.dot(off_q, d) * d
                 off_p -= wp.dot(off_p, d) * d
-                off += weight * (wp.length(off_p) * reach / ambient + wp.length(off_q))
+                weight = turn_now + sharp * real(DIRECTION_SHARE)
+                off += weight * (wp.length(off_p) * reach + ambient * wp.length(off_q))
 
                 accept = bool(True)
                 if wp.static(controlled):
@@ -241,12 +295,13 @@ def build_kernel(
                     allowed = wp.max(real(STEP_SHARE) * left, control.budget * h * (ambient + m) / reach)
                     size = wp.max(wp.abs(pot), wp.abs(s3[0]))
                     steep = wp.max(wp.length(force), size * wp.max(control.cell_rate))
-                    rounding = h * (real(2.0) * size + weight * steep * (reach / ambient + h))
-                    allowed = wp.max(allowed, real(noise) * rounding)
+                    rounding = h * (real(2.0) * size + weight * steep * (reach + ambient * h))
+                    if h <= real(NOISE_STEP) * h_cell:
+                        allowed = wp.max(allowed, real(noise) * rounding)
                     ratio = real(4.0)
                     if off > real(0.0):
                         ratio = wp.clamp(real(0.9) * wp.pow(allowed / off, real(0.25)), real(0.2), real(4.0))
-                    accept = bool(off <= allowed or h <= h_least)
+                    accept = bool((off <= allowed and wp.isfinite(off)) or h <= h_least)
                     if accept:
                         # A step cut short by a surface or a wall says nothing against the length wanted.
                         h_next = wp.max(h * ratio, h_least)
@@ -255,26 +310,21 @@ def build_kernel(
                     else:
                         h_next = wp.max(h * wp.min(ratio, real(0.8)), h_least)
 
+                # Where the force changes along the step, the parabola may miss the surface: come closer first.
+                if accept and land >= 0 and land != landed_arc:
+                    ahead = oriented(control, land, side, cell, shown + wp.cw_mul(h * (ambient * d + momentum) + kick, rate))
+                    close = real(0.05) * wp.max(h_free * wp.length(wp.cw_mul(total, rate)), real(0.01))
+                    if ahead[0] > close * surface_unit(control, land):
+                        accept = bool(False)
+                        h_cap = real(0.5) * h
                 if accept:
+                    h_cap = control.extent / ambient
                     steps += 1
                     used += off
+                    bent = turn_now
+                    behind = lag_sum(ambient, d, momentum, h, pot, force, s2, s3, s4)
                     move = h * momentum + kick
                     q, q_carry = advance(q, q_carry, move)
-                    sums, sums_carry = advance(
-                        sums,
-                        sums_carry,
-                        vec3(
-                            h,
-                            h * (real(v1) * pot + real(v2) * s2[0] + real(v3) * s3[0] + real(v4) * s4[0]),
-                            h
-                            * (
-                                real(v1) * m
-                                + real(v2) * contrast(ambient, s2[0])
-                                + real(v3) * contrast(ambient, s3[0])
-                                + real(v4) * contrast(ambient, s4[0])
-                            ),
-                        ),
-                    )
                     momentum, momentum_carry = advance(
                         momentum,
                         momentum_carry,
@@ -285,8 +335,16 @@ def build_kernel(
                         flown += kick
                     frac, frac_carry = advance(frac, frac_carry, wp.cw_mul(flown, rate))
                     cell, frac = carry_over(cell, frac)
+                    pot_before = pot
                     pot = s4[0]
                     force = force4
+                    if wp.static(interpolation == "linear" and controlled):
+                        # The slope jumps at the face just reached: the next step is to have the one behind it.
+                        over = real(0.2 * HAIR) / wp.length(wp.cw_mul(total, rate))
+                        beyond = sample(field, cell, frac + over * wp.cw_mul(total, rate))
+                        force = vec3(beyond[1], beyond[2], beyond[3])
+                        pot = beyond[0] - over * wp.dot(force, total)
+                        evaluations += 1
                     if wp.static(one_scalar):
                         # Back onto |T| = n: the error along the ray, which the path would feel in full, is gone.
                         surplus = real(2.0) * pot - wp.dot(momentum, real(2.0) * ambient * d + momentum)
@@ -298,23 +356,37 @@ def build_kernel(
                         if wp.static(straight):
                             q += (real(0.5) * h) * mend  # it grew over the step
 
+                    sums, sums_carry = advance(
+                        sums,
+                        sums_carry,
+                        t.vec4(
+                            h,
+                            h * (real(v1) * pot_before + real(v2) * s2[0] + real(v3) * s3[0] + real(v4) * s4[0]),
+                            h
+                            * (
+                                real(v1) * m
+                                + real(v2) * contrast(ambient, s2[0])
+                                + real(v3) * contrast(ambient, s3[0])
+                                + real(v4) * contrast(ambient, s4[0])
+                            ),
+                            behind,
+                        ),
+                    )
+
                     back = real(0.0)  # sigma still to go along the tangent, negative to go back
                     if wp.static(has_body):
-                        place = wp.vec3d(
-                            wp.float64(cell[0]) + wp.float64(frac[0]),
-                            wp.float64(cell[1]) + wp.float64(frac[1]),
-                            wp.float64(cell[2]) + wp.float64(frac[2]),
-                        )
-                        there = bounds.origin + wp.cw_mul(place, bounds.spacing)
-                        gap_now = wall_distance(field, vec3(real(there[0]), real(there[1]), real(there[2])))
+                        gap_now = wall_at(field, bounds, cell, frac)
                         if gap_now < real(-1.0e-3) / field.wall_rate[1]:
                             back = -h * gap_now / (gap_now - gap)
                             running = bool(False)
                             status = int(hit_body)
                         gap = wp.max(gap_now, real(0.0))
                     if running and land == landed_arc:
-                        running = bool(False)
-                        landed = land
+                        rest = arc_left - (ambient * sums[0] + sums[2])
+                        if wp.abs(rest) <= real(0.02) * h * (ambient + contrast(ambient, pot)) + real(1.0e-6) * arc_left:
+                            back = rest / (ambient + contrast(ambient, pot))
+                            running = bool(False)
+                            landed = land
                     elif running and land >= 0:
                         shown = frac
                         if wp.static(straight):
@@ -322,13 +394,14 @@ def build_kernel(
                         now = oriented(control, land, side, cell, shown)
                         total = ambient * d + momentum
                         speed = wp.dot(vec3(now[1], now[2], now[3]), wp.cw_mul(total, rate))
-                        # Close enough to fly the rest along the tangent, or grazing: else land once more.
-                        if speed <= real(0.0):
-                            running = bool(False)
-                            landed = land
-                        elif wp.abs(now[0]) <= real(0.02) * speed * h + real(1.0e-5):
+                        # Behind it, or close enough to fly the rest along the tangent: else land once more.
+                        unit = surface_unit(control, land)
+                        if speed > real(0.0) and now[0] >= real(-0.02) * speed * h - real(1.0e-5) * unit:
                             back = -now[0] / speed
                             running = bool(False)
+                            landed = land
+                        elif h <= real(1.0e-9) * h_cell or now[0] > real(1.0e-3) * unit:
+                            running = bool(False)  # outside, and coming back or not moving
                             landed = land
                     if back != real(0.0):
                         half = real(0.5) * back * back
@@ -338,7 +411,12 @@ def build_kernel(
                         sums, sums_carry = advance(
                             sums,
                             sums_carry,
-                            vec3(back, back * pot + half * climb, back * m_now + half * climb / (ambient + m_now)),
+                            t.vec4(
+                                back,
+                                back * pot + half * climb,
+                                back * m_now + half * climb / (ambient + m_now),
+                                back * lag(ambient, d, momentum, pot),
+                            ),
                         )
                         momentum, momentum_carry = advance(momentum, momentum_carry, back * force)
                     if running and steps >= control.max_steps:
@@ -359,6 +437,10 @@ def build_kernel(
         sigma = wp.float64(sums[0]) - wp.float64(sums_carry[0])
         work = wp.float64(2.0) * (wp.float64(sums[1]) - wp.float64(sums_carry[1]))
         stretch = wp.float64(sums[2]) - wp.float64(sums_carry[2])
+        if wp.static(one_scalar) and bent <= real(NEARLY_STRAIGHT):
+            # Along d the deviation is int (T . d - a) d sigma = M - B: sums of what the path itself is summed of.
+            lagging = wp.float64(sums[3]) - wp.float64(sums_carry[3])
+            q64 += (stretch - lagging - wp.dot(q64, d0)) * d0
         turn = deflection(ambient64, d0, p64)
         heading = d0 + turn
         along = enter + ambient64 * sigma  # distance along the straight ray
@@ -388,10 +470,19 @@ def build_kernel(
         deviation = q64 + flight * turn
         along += flight
 
-        arc = along + stretch
+        arc = wp.max(along + stretch, none64)  # a ray that leaves where it starts may end a rounding before it
         opd = wp.float64(0.0)
         if status == ok and has_undisturbed and wp.static(stop != "arc"):
-            opd = work + ambient64 * (along - stop_distance)
+            # How much further along d the stop is met than by the undisturbed ray: from the deviation where that is
+            # exact, since the difference of two distances would lose its last digits.
+            further = along - stop_distance
+            if wp.static(stop == "plane"):
+                descent = wp.dot(bounds.plane_normal, d0)
+                if wp.abs(descent) > wp.float64(0.05):
+                    further = -wp.dot(bounds.plane_normal, deviation) / descent
+            elif landed >= 0:
+                further = detour(bounds, landed, p0, d0, deviation, stop_distance, further)
+            opd = work + ambient64 * further
         else:
             opd = work - ambient64 * stretch
         if wp.static("position" in outputs):
@@ -399,7 +490,7 @@ def build_kernel(
         if wp.static("direction" in outputs):
             direction_out[ray] = heading / wp.length(heading)
         if wp.static("optical_path" in outputs):
-            optical_path_out[ray] = ambient64 * along + work
+            optical_path_out[ray] = wp.max(ambient64 * along + work, none64)
         if wp.static("opd" in outputs):
             opd_out[ray] = opd
         if wp.static("arc_length" in outputs):

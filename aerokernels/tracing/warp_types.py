@@ -62,8 +62,13 @@ def types(precision: str) -> SimpleNamespace:
         plane_offset: real
         cell_rate: vec3  # typical cells per metre, for limits on the step
         step: real  # "fixed": metres of arc length
-        step_limit: real  # greatest step in cells
+        step_limit: real  # step in cells that needs no leave from `reach`
+        reach: wp.array(dtype=real)  # uniform grid: length of a safe step in each block [m], see quiet.py
+        reach_start: wp.array(dtype=wp.int32)  # where each cone's table starts in `reach`; -1 where it has none
+        block_count: wp.vec3i  # blocks along each local axis
+        block: wp.int32  # cells in a block
         budget: real  # OPD error allowed for the whole ray [m]
+        extent: real  # a few diagonals of the box, longer than any step [m]
         max_steps: wp.int32
 
     return SimpleNamespace(

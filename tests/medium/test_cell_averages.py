@@ -1,4 +1,4 @@
-"""Cell averages on a uniform grid: what is ingested is what the interpolant averages to, and shocks keep their place."""
+"""Cell averages on a uniform grid: what is ingested is what the interpolant averages to; shocks keep their place."""
 
 import numpy as np
 import pytest

@@ -1,0 +1,73 @@
+"""Which method "auto" takes: error control, or one step length where the field is smooth and weak all over.
+
+Where the roughness of quiet.py is much the same everywhere, the one step that is safe for the roughest place costs less
+than error control, which estimates each step's error with a margin and tries some steps twice. Predicted evaluations:
+
+    fixed       3 L / H, H the safe step at the greatest roughness
+    adaptive    OVERHEAD 3 int dl / (safe step there) + FIRST, both fitted to measured traces (docs/accuracy.md)
+
+A fixed step is taken where it costs at most MARGIN times as much (its error is then the smaller one), the rays are
+nearly straight, and nothing lies in the field that a step could jump over: no body, no kinks.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..medium import IndexField
+from ..medium.grid import UniformGrid
+from .quiet import CONES, SHARE, cones_of, reach, roughness_along, smooth_step
+
+OVERHEAD = 1.5
+FIRST = 15.0
+MARGIN = 1.25
+# Greatest turn of a ray along the box for which a field is weak [rad].
+WEAK = 0.02
+# A fixed step is at most this share of the box, so that every ray through it takes a few.
+LONGEST = 0.125
+
+
+@dataclass(frozen=True)
+class Choice:
+    """A method, the step of "fixed" [m], and why."""
+
+    method: str
+    step: float | None
+    reason: str
+
+
+def choose_method(field: IndexField, budget: float, directions: np.ndarray) -> Choice:
+    """The method for rays of these directions, `budget` the OPD error allowed for a ray [m]."""
+    if not isinstance(field.samples, UniformGrid):
+        return Choice("adaptive", None, "method adaptive: on a mesh error control holds the tolerance")
+    if field.interpolation != "cubic":
+        why = f"method adaptive: the kinks of the {field.interpolation} interpolant are met face by face"
+        return Choice("adaptive", None, why)
+    if field.body is not None:
+        return Choice("adaptive", None, "method adaptive: a fixed step could jump over the body")
+    grid = field.samples
+    turn = _greatest_turn(grid)
+    if turn > WEAK:
+        return Choice("adaptive", None, f"method adaptive: rays may turn by {turn:.2g} rad, error control holds them")
+    extent = float(np.linalg.norm(grid.high - grid.low))
+    step, fixed, adaptive = LONGEST * extent, 0.0, 0.0
+    for number in np.unique(cones_of(directions, field.geometry)):
+        cone = CONES[number]
+        roughest = float(roughness_along(grid, field.geometry, cone)[1].max())
+        step = min(step, float(smooth_step(roughest, SHARE * budget / extent)))
+        safe = np.clip(reach(grid, field.geometry, budget, cone).length, 2.0 * grid.spacing.min(), extent)
+        adaptive = max(adaptive, OVERHEAD * 3.0 * extent * float(np.mean(1.0 / safe)) + FIRST)
+    fixed = 3.0 * extent / step
+    costs = f"{fixed:.0f} evaluations with fixed steps against {adaptive:.0f} with error control, predicted along the diagonal"
+    if fixed <= MARGIN * adaptive:
+        why = f"method fixed, steps of {step:.3g} m: the field is smooth and weak all over, {costs}"
+        return Choice("fixed", step, why)
+    return Choice("adaptive", None, f"method adaptive: the field is rough in places, {costs}")
+
+
+def _greatest_turn(grid: UniformGrid) -> float:
+    """A bound on the angle by which a ray across the box can turn [rad]."""
+    steepest = max(
+        float(np.abs(np.diff(grid.samples, axis=axis)).max()) / grid.spacing[axis] for axis in range(grid.samples.ndim)
+    )
+    return steepest * float(np.linalg.norm(grid.high - grid.low)) / grid.ambient_index

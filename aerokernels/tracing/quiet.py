@@ -1,0 +1,230 @@
+r"""How long a step may be, place by place, without being blind to what lies between its samples.
+
+The field is divided into blocks of some cells a side. In each the roughness is bounded by differences of the
+interpolant's coefficients: the fourth derivative G of the potential along the rays (for "cubic", whose third derivative
+jumps by h G at the nodes), or the kink K of its slope times the spacing (for "linear" and "monotone"). A step of length
+H errs in optical path by no more than about C H^5 G, so that over a path of length L
+
+    H <= (SHARE budget / (C L G))^(1/4)       and, at kinks,      K / 12 <= KINK_SHARE budget / L
+
+where G and K are the greatest that a ray can meet within H ahead of the block: all that lies in the cone of directions
+about the coordinate axis that the ray runs along, or on all sides where it runs along none. Widening H and looking again gives each block its reach. Steps
+of STEP_LIMIT cells need no such leave: four samples a step are then never further apart than a sample's support.
+
+With k_i = G_i^(1/4) along axis i, G along a direction u of a structure with one normal is (sum |u_i| k_i)^4.
+"""
+
+import weakref
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..medium.grid import UniformGrid
+
+BLOCK = 4
+BLOCK_COUNT_LIMIT = 300_000
+SHARE = 12.0
+KINK_SHARE = 0.05
+# Of a rule that is exact for cubics, with room for knots anywhere in the step.
+CONSTANT = 1.0 / 720.0
+# Rays may turn by this much before the table stops to hold for them [rad].
+TURN = 0.02
+# Sines of the angles with a coordinate axis within which rays look ahead in a cone; others look around on all sides.
+CONE_SINES = (0.02, 0.2)
+
+_known: weakref.WeakKeyDictionary = weakref.WeakKeyDictionary()
+
+
+@dataclass(frozen=True)
+class Cone:
+    """A cone of directions about a coordinate axis that a ray's own first direction picks; axis None: all directions.
+
+    What a ray may do depends on nothing but the ray: not on the others of its bundle.
+    """
+
+    axis: int | None
+    sign: float
+    spread: float  # half angle [rad]
+
+    @property
+    def way(self) -> np.ndarray:
+        """Unit vector along the axis."""
+        way = np.zeros(3)
+        if self.axis is not None:
+            way[self.axis] = self.sign
+        return way
+
+
+# By number: all directions, then for each axis, each sense, each sine of CONE_SINES one. Kernels number them alike.
+CONES = (Cone(None, 0.0, np.pi),) + tuple(
+    Cone(axis, sign, float(np.arcsin(sine)) + TURN) for axis in range(3) for sign in (1.0, -1.0) for sine in CONE_SINES
+)
+
+
+def cones_of(directions: np.ndarray, geometry: str) -> np.ndarray:
+    """Number in CONES of unit vectors (n, 3), shape (n,)."""
+    size = np.abs(directions)
+    axis = np.argmax(size, axis=1)
+    rows = np.arange(len(directions))
+    ahead = directions[rows, axis]
+    square = np.sum(directions**2, axis=1) - ahead**2
+    level = np.searchsorted(np.array(CONE_SINES) ** 2, square)
+    number = 1 + (2 * axis + (ahead < 0.0)) * len(CONE_SINES) + level
+    usable = level < len(CONE_SINES)
+    if geometry != "volume":
+        # A step along x, or across the axis of symmetry, is no straight line in the plane of the samples.
+        usable &= axis == 2 if geometry == "axisymmetric" else axis > 0
+    return np.where(usable, number, 0)
+
+
+@dataclass(frozen=True, eq=False)
+class ReachTable:
+    """Safe steps [m], one axis per axis of the grid, each entry for a block of `block` cells a side."""
+
+    length: np.ndarray
+    block: int
+
+
+def reach(grid: UniformGrid, geometry: str, budget: float, cone: Cone) -> ReachTable:
+    """The table of safe steps; zero where STEP_LIMIT rules.
+
+    Args:
+        grid: The field's samples.
+        geometry: The field's geometry.
+        budget: OPD error allowed for a whole ray [m].
+        cone: Where the rays point.
+    """
+    block, smooth, kink = roughness_along(grid, geometry, cone)
+    way = _local(cone.way, geometry)
+    extent = float(np.linalg.norm(grid.high - grid.low))
+    rate = budget / extent
+    size = block * grid.spacing
+    result = np.zeros(smooth.shape)
+    least = float(size.min())
+    seen = np.zeros(smooth.shape)
+    seen_kink = np.zeros(smooth.shape)
+    near, far = 0.0, least
+    while near < extent:
+        low, high = _window(near, far, size, way, cone)
+        np.maximum(seen, _greatest(smooth, low, high), out=seen)
+        np.maximum(seen_kink, _greatest(kink, low, high), out=seen_kink)
+        bound = smooth_step(seen, SHARE * rate)
+        allowed = np.where(seen_kink / 12.0 <= KINK_SHARE * rate, np.minimum(bound, far), 0.0)
+        np.maximum(result, allowed, out=result)
+        if not (allowed >= far).any():
+            break
+        near, far = far, far + max(least, 0.15 * far)
+    return ReachTable(result, block)
+
+
+def smooth_step(fourth, rate: float):
+    """Step [m] that errs by `rate` [m of OPD per m of path] where the fourth derivative is `fourth` [1/m4]."""
+    with np.errstate(divide="ignore", over="ignore"):
+        return (rate / (CONSTANT * fourth)) ** 0.25
+
+
+def roughness_along(grid: UniformGrid, geometry: str, cone: Cone) -> tuple[int, np.ndarray, np.ndarray]:
+    """Cells in a block, and the greatest fourth derivative [1/m4] and kink [1] along the cone's rays in each."""
+    block, fourth, second = _roughness(grid)
+    if cone.axis is None:
+        return block, np.sum([np.sqrt(g) for g in fourth], axis=0) ** 2, np.sum(second, axis=0)
+    share = np.minimum(np.abs(_local(cone.way, geometry)) + np.sin(cone.spread), 1.0)
+    smooth = np.sum([w * g**0.25 for w, g in zip(share, fourth, strict=True)], axis=0) ** 4
+    kink = np.sum([w * np.sqrt(k) for w, k in zip(share, second, strict=True)], axis=0) ** 2
+    return block, smooth, kink
+
+
+def _local(way: np.ndarray, geometry: str) -> np.ndarray:
+    return {"volume": way, "planar": way[1:], "axisymmetric": np.array([0.0, way[2]])}[geometry]
+
+
+def _window(near: float, far: float, size: np.ndarray, way: np.ndarray, cone: Cone) -> tuple[np.ndarray, np.ndarray]:
+    """Offsets, in blocks along each axis, of all that rays from a block meet between `near` and `far` ahead."""
+    if cone.axis is None:
+        half = np.ceil(far / size).astype(int)
+        return -half, half
+    wide = far * np.tan(cone.spread) / size
+    ends = np.stack([near * way / size, far * way / size])
+    return np.floor(ends.min(axis=0) - wide).astype(int), np.floor(ends.max(axis=0) + wide + 1.0).astype(int)
+
+
+def _roughness(grid: UniformGrid) -> tuple[int, list[np.ndarray], list[np.ndarray]]:
+    """Cells in a block, greatest |fourth derivative| [1/m4] and kink [1] along each axis there; kept with the grid.
+
+    Of the potential over the ambient index, which is the contrast where that is small.
+    """
+    if grid not in _known:
+        block = BLOCK
+        while np.prod(-(-(np.array(grid.shape) - 1) // block)) > BLOCK_COUNT_LIMIT:
+            block *= 2
+        fourth, second = [], []
+        for axis in range(grid.samples.ndim):
+            nodes = _stretched(grid, axis) / grid.ambient_index
+            change = np.moveaxis(np.abs(np.diff(nodes, 4, axis=0)), 0, axis)
+            fourth.append(_in_blocks(change, grid, block) / grid.spacing[axis] ** 4)
+            second.append(np.zeros_like(fourth[-1]))
+            if grid.interpolation != "cubic":
+                change = np.moveaxis(np.abs(np.diff(nodes[1:-1], 2, axis=0)), 0, axis)
+                second[-1] = _in_blocks(change, grid, block)
+        _known[grid] = (block, fourth, second)
+    return _known[grid]
+
+
+def _stretched(grid: UniformGrid, axis: int) -> np.ndarray:
+    """What the potential's differences along an axis are taken of: two entries more than nodes at each end, axis first.
+
+    Coefficients of the cubic spline, else samples. Mirrored on the axis of symmetry, a cubic's continuation elsewhere.
+    """
+    if grid.interpolation == "cubic":
+        # One coefficient lies beyond each end already.
+        others = tuple(slice(None) if a == axis else slice(1, -1) for a in range(grid.samples.ndim))
+        moved = np.moveaxis(grid.coefficients[others], axis, 0)
+        inner, missing = moved, 1
+    else:
+        moved = np.moveaxis(grid.samples * (grid.ambient_index + 0.5 * grid.samples), axis, 0)
+        inner, missing = moved, 2
+    low, high = _continued(inner, missing), _continued(inner[::-1], missing)[::-1]
+    if grid.even_first_axis and axis == 0:
+        centre = 2 - missing
+        mirrored = [inner[min(centre + k, len(inner) - 1)] for k in range(2, centre, -1)]
+        low = np.stack(mirrored)
+    return np.concatenate([low, inner, high])
+
+
+def _continued(values: np.ndarray, count: int) -> np.ndarray:
+    """`count` entries ahead of the first, on the cubic (or less, of few entries) through the first ones."""
+    rule = {1: [1.0], 2: [2.0, -1.0], 3: [3.0, -3.0, 1.0]}.get(len(values), [4.0, -6.0, 4.0, -1.0])
+    ahead = values[: len(rule)]
+    for _ in range(count):
+        ahead = np.concatenate([np.tensordot(rule, ahead[: len(rule)], 1)[None], ahead])
+    return ahead[:count]
+
+
+def _in_blocks(node_values: np.ndarray, grid: UniformGrid, block: int) -> np.ndarray:
+    """Greatest of the nodes of each block of cells."""
+    result = node_values
+    for axis, count in enumerate(grid.shape):
+        blocks = -(-(count - 1) // block)
+        moved = np.moveaxis(result, axis, 0)
+        moved = np.pad(moved, [(0, blocks * block + 1 - count)] + [(0, 0)] * (moved.ndim - 1), mode="edge")
+        inner = moved[:-1].reshape(blocks, block, *moved.shape[1:]).max(axis=1)
+        inner = np.maximum(inner, moved[block::block])
+        result = np.moveaxis(inner, 0, axis)
+    return result
+
+
+def _greatest(values: np.ndarray, low: np.ndarray, high: np.ndarray) -> np.ndarray:
+    """Greatest within offsets low to high blocks along each axis; beyond the field there is nothing."""
+    from scipy.ndimage import maximum_filter1d
+
+    for axis, count in enumerate(values.shape):
+        first, last = (int(np.clip(offset[axis], -count, count)) for offset in (low, high))
+        width = last - first + 1
+        moved = np.moveaxis(values, axis, 0)
+        padded = np.zeros((count + 2 * (count + width), *moved.shape[1:]))
+        padded[count + width : 2 * count + width] = moved
+        # The filter is centred: entry i of it covers i - width // 2 to i + (width - 1) // 2.
+        wide = maximum_filter1d(padded, width, axis=0, mode="constant")
+        start = count + width + first + width // 2
+        values = np.moveaxis(wide[start : start + count], 0, axis)
+    return values
