@@ -11,7 +11,7 @@ import numpy as np
 
 from .body import Body, DistanceGrid
 from .cell_averages import node_values
-from .grid import UniformGrid, check_finite
+from .grid import AXIS_CORE, UniformGrid, check_finite
 from .mesh import GEOMETRIES, QuadMesh
 from .mesh_samples import MeshSamples
 from .vertex_values import vertex_values
@@ -198,7 +198,9 @@ class IndexField:
             gradient[inside, 1:] = slope
         else:
             radius = local[inside, 0]
-            outward = points[inside, :2] / np.where(radius > 0.0, radius, 1.0)[:, None]
+            core = AXIS_CORE * self.samples.spacing[0] if self.interpolation == "linear" else 0.0
+            size = np.maximum(radius, core)
+            outward = points[inside, :2] / np.where(size > 0.0, size, 1.0)[:, None]
             gradient[inside, :2] = outward * slope[:, :1]
             gradient[inside, 2] = slope[:, 1]
         return contrast, gradient

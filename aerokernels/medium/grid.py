@@ -13,6 +13,10 @@ import numpy as np
 
 from . import spline
 
+# Radius in cells within which the kink that a linear interpolant may have at r = 0 is rounded off in its gradient: rays
+# that swing about the axis would turn about at every crossing.
+AXIS_CORE = 1e-4
+
 
 def check_finite(array: np.ndarray, what: str) -> None:
     """Refuse NaN and infinite samples, saying how many and where the first is."""

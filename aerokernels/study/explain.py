@@ -1,5 +1,7 @@
 """What a run of a scene would do, in words: region, grid, method, ray counts, and the error of the grid."""
 
+import numpy as np
+
 from aerokernels.medium.grid import UniformGrid
 from aerokernels.prepare import prepare_field
 from aerokernels.scene import Scene
@@ -13,9 +15,9 @@ def explanation(scene: Scene) -> list[tuple[str, str]]:
     Raises:
         ValueError: A backend or device that is not there, or a region or spacing that cannot be had.
     """
-    options = {key: value for key, value in trace_options(scene).items() if key != "wavelength"}
     prepared = prepare_field(scene)
-    plan = make_plan(prepared.field, **options, path_length=None)
+    forward = np.array([[0.0, 0.0, 1.0]])
+    plan = make_plan(prepared.field, **trace_options(scene), path_length=None, directions=forward)
     low, high = prepared.region
     axes = "r, z" if prepared.field.geometry == "axisymmetric" else "y, z"
     wavelength = scene.flow.wavelength

@@ -180,7 +180,10 @@ class _Ray:
         else:
             height = (r - self.until.point) @ self.until.normal
             slope = heading @ self.until.normal
-            if height != 0.0 and height * slope >= 0.0:
+            # A plane on a face of the box: the event may have put the ray a hair behind it.
+            hair = 1e-3 * float(np.min(self.field.spacing))
+            at_plane = r is not self.start and abs(height) < hair * abs(slope)
+            if height != 0.0 and height * slope >= 0.0 and not at_plane:
                 return self.result(r, heading, path, arc, RayStatus.STOP_NOT_REACHED, None)
             rest = -height / slope if height != 0.0 else 0.0
         return self.result(r + rest * heading, heading, path + self.ambient * rest, arc + rest, RayStatus.OK, stop_at)

@@ -4,6 +4,7 @@ import functools
 
 import warp as wp
 
+from ..medium.grid import AXIS_CORE
 from ..medium.spline import STRIDE, SUPPORT
 from .warp_types import types
 
@@ -161,7 +162,9 @@ def build_sample(precision: str, geometry: str, interpolation: str):
             b, v = split(frac[2], cell[2], field.row[1])
             s = plane_sample(field, a, u, b, v)
             outward = real(0.0)
-            if radius > real(0.0):
+            if wp.static(interpolation == "linear"):
+                outward = s[1] * field.inverse_spacing[0] / wp.max(radius, real(AXIS_CORE))
+            elif radius > real(0.0):
                 outward = s[1] * field.inverse_spacing[0] / radius
             return vec4(s[0], outward * frac[0], outward * frac[1], s[2] * field.inverse_spacing[2])
 

@@ -131,6 +131,8 @@ def build_to_face(precision: str, geometry: str):
             disc = b * b - a * (square - inner * inner)
             if disc > real(0.0):
                 return (square - inner * inner) / (wp.sqrt(disc) - b)
+        elif radius > real(HAIR) and b < real(-HAIR) * wp.sqrt(a):
+            return -b / a  # to where the ray is nearest to the axis, a kink if it meets it
         outer = wp.floor(radius + real(HAIR)) + real(1.0)
         return (wp.sqrt(wp.max(b * b - a * (square - outer * outer), real(0.0))) - b) / a
 

@@ -275,7 +275,7 @@ def build_kernel(
                     fine += hh * (real(k1) * slope1 + real(k2) * slope2 + real(k3) * slope3 + real(k4) * slope4)
                     sharp = wp.abs(fine) / wp.max(wp.abs(off_s), real(tiny))
                     blunt = real(ROUGH)
-                    if wp.static(interpolation == "linear") or h <= safe:
+                    if wp.static(interpolation == "linear" and geometry != "axisymmetric") or h <= safe:
                         blunt = real(SMOOTH)
                     sharp = wp.clamp(sharp, wp.min(blunt + real(BLUNTED) * turn_now, real(1.0)), real(1.0))
                 off = real(4.0) * sharp * wp.abs(off_s)
@@ -294,6 +294,9 @@ def build_kernel(
                     left = wp.max(control.budget - used, real(0.0))
                     allowed = wp.max(real(STEP_SHARE) * left, control.budget * h * (ambient + m) / reach)
                     size = wp.max(wp.abs(pot), wp.abs(s3[0]))
+                    if wp.static(geometry == "axisymmetric"):
+                        # Places across the axis are kept from the axis on, and rounded like their distance from it.
+                        size += wp.length(force) * wp.length(vec3(frac[0], frac[1], real(0.0))) / rate[0]
                     steep = wp.max(wp.length(force), size * wp.max(control.cell_rate))
                     rounding = h * (real(2.0) * size + weight * steep * (reach + ambient * h))
                     if h <= real(NOISE_STEP) * h_cell:
@@ -312,7 +315,9 @@ def build_kernel(
 
                 # Where the force changes along the step, the parabola may miss the surface: come closer first.
                 if accept and land >= 0 and land != landed_arc:
-                    ahead = oriented(control, land, side, cell, shown + wp.cw_mul(h * (ambient * d + momentum) + kick, rate))
+                    ahead = oriented(
+                        control, land, side, cell, shown + wp.cw_mul(h * (ambient * d + momentum) + kick, rate)
+                    )
                     close = real(0.05) * wp.max(h_free * wp.length(wp.cw_mul(total, rate)), real(0.01))
                     if ahead[0] > close * surface_unit(control, land):
                         accept = bool(False)
@@ -383,7 +388,10 @@ def build_kernel(
                         gap = wp.max(gap_now, real(0.0))
                     if running and land == landed_arc:
                         rest = arc_left - (ambient * sums[0] + sums[2])
-                        if wp.abs(rest) <= real(0.02) * h * (ambient + contrast(ambient, pot)) + real(1.0e-6) * arc_left:
+                        if (
+                            wp.abs(rest)
+                            <= real(1.0e-4) * h * (ambient + contrast(ambient, pot)) + real(1.0e-6) * arc_left
+                        ):
                             back = rest / (ambient + contrast(ambient, pot))
                             running = bool(False)
                             landed = land

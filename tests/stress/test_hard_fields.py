@@ -135,7 +135,7 @@ def test_through_many_foci(precision):
     Formula: y = x0 cos(n0 g sigma), sigma = z / beta, beta = n0 sqrt(1 - g^2 x0^2); path n0^2 sigma - n0^2 g^2 x0^2
     (sigma / 2 + sin(2 n0 g sigma) / (4 n0 g)). Stops at, before and behind the foci at 1/4, 3/4 ... pitch. Errors: the
     potential is a parabola that the spline holds; 1e-3 wave asked for; float32: 64 units of the 0.3 mm OPD. No more
-    than two steps a cell: a focus is no reason to slow down.
+    than four steps a cell: a focus is no reason to slow down.
     """
     n0, g, cell = 1.5, 100.0, 0.25e-3
     y = np.arange(-8, 9) * cell
@@ -154,7 +154,7 @@ def test_through_many_foci(precision):
         square = x0**2 * (0.5 * sigma + np.sin(2.0 * n0 * g * sigma) / (4.0 * n0 * g))
         opd = n0**2 * sigma - (n0 * g) ** 2 * square - n0 * z
         assert np.abs(result.opd - opd).max() < 1e-3 * WAVE + 64.0 * UNIT[precision] * np.abs(opd).max() + 1e-15
-        assert result.step_count.max() < 2.0 * z / cell + 20
+        assert result.step_count.max() < 4.0 * z / cell + 20
 
 
 @pytest.mark.parametrize("precision", PRECISIONS)

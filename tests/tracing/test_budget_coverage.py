@@ -28,9 +28,7 @@ outcomes: list[tuple[str, float, float]] = []
 
 def smooth_formula(rng, amplitude: float, longest: float, shortest: float):
     """A sum of plane waves in y and z [m] (and x), faded to nothing nowhere: value and slope across."""
-    waves = [
-        (rng.normal(size=3), rng.uniform(0.0, 2.0 * np.pi), rng.uniform(shortest, longest)) for _ in range(5)
-    ]
+    waves = [(rng.normal(size=3), rng.uniform(0.0, 2.0 * np.pi), rng.uniform(shortest, longest)) for _ in range(5)]
 
     def value(x, y, z):
         total = 0.0
@@ -71,7 +69,13 @@ def exact_opd(value, rays: RayBundle, length: float, thinnest: float) -> np.ndar
         slopes = [a.imag / hair for a in ahead]
         # L' less its value on the straight ray: the small number itself is integrated.
         return np.concatenate(
-            [px / pz, py / pz, index / pz * slopes[0], index / pz * slopes[1], index**2 / pz - 1.0 / rays.direction[:, 2]]
+            [
+                px / pz,
+                py / pz,
+                index / pz * slopes[0],
+                index / pz * slopes[1],
+                index**2 / pz - 1.0 / rays.direction[:, 2],
+            ]
         )
 
     x, y = rays.position[:, :2].T

@@ -66,15 +66,17 @@ def test_only_the_outputs_asked_for_come_back(backend):
             assert getattr(part, name).dtype == np.float64
         else:
             assert getattr(part, name) is None
-    assert np.isnan(part.error["step"]) and np.isnan(part.error["total"])
-    assert np.isfinite(whole.error["total"])
+    # The budget traces some rays again: it needs none of the arrays.
+    assert part.error == whole.error and np.isfinite(whole.error["total"])
 
 
 def test_a_result_tells_its_plan_times_errors_and_units():
     """plan, seconds, error and to_xarray are there and hold together."""
     field, rays = uniform_field("planar"), slanted_rays(3)
     result = trace(field, rays, until=FAR)
-    assert result.plan.method == "adaptive" and result.plan.reasons and "adaptive" in str(result.plan)
+    assert (
+        result.plan.method in ("adaptive", "fixed") and result.plan.reasons and result.plan.method in str(result.plan)
+    )
     assert {"compile", "kernel", "total"} <= set(result.seconds)
     assert {"step", "interpolation", "resampling", "precision", "sampling", "total"} <= set(result.error)
     assert result.error["total"] >= result.error["step"] > 0.0
