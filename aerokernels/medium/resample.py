@@ -189,7 +189,7 @@ def _source_error(source, lines: np.ndarray) -> np.ndarray:
         return np.full(1, np.nan)
     some = lines[:: LINE_COUNT // SOURCE_LINE_COUNT, :: max(1, lines.shape[1] // SOURCE_POINT_COUNT)]
     points = some.reshape(-1, some.shape[-1])
-    means = []
+    means: list = []
     for rung in (rungs.fine, rungs.coarse, rungs.coarser):
         if rung is None:
             means.append(None)

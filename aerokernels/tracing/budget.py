@@ -1,7 +1,7 @@
 r"""The error budget of a trace's optical path difference, by cause, measured on a subset of its rays.
 
     precision       the run's own steps in the run's precision against the same steps in float64
-    step            those against float64 steps held to a far smaller tolerance (of the full ray, if the run was straight)
+    step            those against float64 steps held to a far smaller tolerance (of the full ray, if it was straight)
     interpolation   through every second and every fourth node of the field, extrapolated (medium/coarser.py)
     resampling      measured when the field was resampled
     sampling        0: a trace is no mean over rays (an estimate over a pupil fills it in)
@@ -79,7 +79,7 @@ def opd_errors(field: IndexField, rays: RayBundle, plan: TracePlan, retrace: Ret
 
 
 def float64_rounding(field: IndexField, rays: RayBundle) -> float:
-    """What float64 itself leaves of an OPD [m]: a few roundings of the lengths involved, which nothing better checks."""
+    """What float64 itself leaves of an OPD [m]: a few roundings of the lengths, which nothing better checks."""
     low, high = field.box
     lengths = np.concatenate([low, high, rays.position.ravel()])
     return float(4.0 * np.finfo(np.float64).eps * np.abs(lengths[np.isfinite(lengths)]).max())

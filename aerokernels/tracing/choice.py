@@ -58,7 +58,7 @@ def choose_method(field: IndexField, budget: float, directions: np.ndarray) -> C
         safe = np.clip(reach(grid, field.geometry, budget, cone).length, 2.0 * grid.spacing.min(), extent)
         adaptive = max(adaptive, OVERHEAD * 3.0 * extent * float(np.mean(1.0 / safe)) + FIRST)
     fixed = 3.0 * extent / step
-    costs = f"{fixed:.0f} evaluations with fixed steps against {adaptive:.0f} with error control, predicted along the diagonal"
+    costs = f"predicted along the diagonal {fixed:.0f} evaluations with fixed steps, {adaptive:.0f} with error control"
     if fixed <= MARGIN * adaptive:
         why = f"method fixed, steps of {step:.3g} m: the field is smooth and weak all over, {costs}"
         return Choice("fixed", step, why)

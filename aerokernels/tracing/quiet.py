@@ -8,8 +8,9 @@ H errs in optical path by no more than about C H^5 G, so that over a path of len
     H <= (SHARE budget / (C L G))^(1/4)       and, at kinks,      K / 12 <= KINK_SHARE budget / L
 
 where G and K are the greatest that a ray can meet within H ahead of the block: all that lies in the cone of directions
-about the coordinate axis that the ray runs along, or on all sides where it runs along none. Widening H and looking again gives each block its reach. Steps
-of STEP_LIMIT cells need no such leave: four samples a step are then never further apart than a sample's support.
+about the coordinate axis that the ray runs along, or on all sides where it runs along none. Widening H and looking
+again gives each block its reach. Steps of STEP_LIMIT cells need no such leave: four samples a step are then never
+further apart than a sample's support.
 
 With k_i = G_i^(1/4) along axis i, G along a direction u of a structure with one normal is (sum |u_i| k_i)^4.
 """
@@ -56,8 +57,14 @@ class Cone:
 
 
 # By number: all directions, then for each axis, each sense, each sine of CONE_SINES one. Kernels number them alike.
-CONES = (Cone(None, 0.0, np.pi),) + tuple(
-    Cone(axis, sign, float(np.arcsin(sine)) + TURN) for axis in range(3) for sign in (1.0, -1.0) for sine in CONE_SINES
+CONES = (
+    Cone(None, 0.0, np.pi),
+    *(
+        Cone(axis, sign, float(np.arcsin(sine)) + TURN)
+        for axis in range(3)
+        for sign in (1.0, -1.0)
+        for sine in CONE_SINES
+    ),
 )
 
 
@@ -120,7 +127,7 @@ def reach(grid: UniformGrid, geometry: str, budget: float, cone: Cone) -> ReachT
 def smooth_step(fourth, rate: float):
     """Step [m] that errs by `rate` [m of OPD per m of path] where the fourth derivative is `fourth` [1/m4]."""
     with np.errstate(divide="ignore", over="ignore"):
-        return (rate / (CONSTANT * fourth)) ** 0.25
+        return np.divide(rate, CONSTANT * fourth) ** 0.25
 
 
 def roughness_along(grid: UniformGrid, geometry: str, cone: Cone) -> tuple[int, np.ndarray, np.ndarray]:

@@ -67,7 +67,7 @@ EVALUATIONS_PER_STEP = 3
 
 
 def hermite_weights(nodes: tuple) -> tuple[np.ndarray, np.ndarray]:
-    """Weights of values and of slopes at `nodes` in [0, 1] whose sum integrates polynomials of degree 2 n - 1 exactly."""
+    """Weights of values and of slopes at `nodes` in [0, 1] that integrate polynomials of degree 2 n - 1 exactly."""
     count = len(nodes)
     matrix = [[c**k for c in nodes] + [k * c ** max(k - 1, 0) for c in nodes] for k in range(2 * count)]
     weight = _solve(matrix, [F(1, k + 1) for k in range(2 * count)])

@@ -9,6 +9,7 @@ import numpy as np
 import warp as wp
 
 from ..medium import IndexField
+from ..medium.grid import UniformGrid
 from ..rays import RayBundle
 from .plan import TracePlan
 from .quiet import CONES, cones_of, reach
@@ -17,8 +18,8 @@ from .warp_devices import start_warp, thread_count
 from .warp_tracer import build_kernel
 from .warp_types import types
 
-# Steps of so many cells need no leave from the table of safe steps: four samples a step are then less far apart than the
-# support of a sample. On a mesh, which has no table, they are the longest.
+# Steps of so many cells need no leave from the table of safe steps: four samples a step are then less far apart than
+# the support of a sample. On a mesh, which has no table, they are the longest.
 STEP_LIMIT = 2.0
 MESH_STEP_LIMIT = 4.0
 # Greatest tolerance [waves] for which the field's structure may be stepped over.
@@ -127,7 +128,7 @@ def _upload_reach(control, field: IndexField, plan: TracePlan, wavelength: float
     budget = min(plan.tolerance, LAXEST) * wavelength
     start = np.full(len(CONES), -1, dtype=np.int32)
     lengths = [np.zeros(1)]
-    if field.is_uniform and plan.method in ("adaptive", "straight"):
+    if isinstance(field.samples, UniformGrid) and plan.method in ("adaptive", "straight"):
         for cone in np.unique(cones_of(directions, field.geometry)):
             table = reach(field.samples, field.geometry, budget, CONES[cone])
             start[cone] = sum(part.size for part in lengths)

@@ -116,7 +116,7 @@ def build_cells(precision: str, kind: str):
 
 @functools.cache
 def build_landing(precision: str, geometry: str, stop: str):
-    """Functions about the surfaces a ray can end on: each turned toward the ray, their slack, and landing on the first."""
+    """Functions about the surfaces a ray can end on: one turned toward the ray, its unit, landing on the first."""
     t = types(precision)
     real, vec3, Control = t.real, t.vec3, t.Control
     surface = build_surface(precision, geometry)

@@ -94,7 +94,7 @@ def build_reach(precision: str, geometry: str):
 
 @functools.cache
 def build_to_face(precision: str, geometry: str):
-    """A function (cell, frac, velocity in cells) -> step to the next face of a cell; faces closer than HAIR are behind."""
+    """A function (cell, frac, velocity in cells) -> step to the next face of a cell; one closer than HAIR is behind."""
     t = types(precision)
     real, vec3 = t.real, t.vec3
     axes = {"volume": (0, 1, 2), "planar": (1, 2), "axisymmetric": (2,)}[geometry]

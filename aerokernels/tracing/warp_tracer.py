@@ -18,8 +18,17 @@ the undisturbed ray).
 Method "straight" looks the field up along p + d a sigma and adds grad s . q: the optical path is right to second order
 in the contrast, position and direction to first order.
 
-Stop. When the parabola of the next step crosses a surface, the step is shortened to land on it and the rest, of third
-order in the step, is flown along the tangent; the distance along d is then solved for in float64.
+Along d. On a nearly straight ray q . d enters the path difference in first order and, as a twofold sum of slopes, would
+bring in their error. It is int (T . d - a) d sigma = M - B with B = int (n - T . d) d sigma of second order: sums of
+values, taken by the rule of the path itself. So the OPD of a ray through a shock is as good as the quadrature of S.
+
+Error control. A step's error is the embedded formula's in S, in position and in momentum, the latter two weighted by
+how much they can matter further on. On a nearly straight ray the error of S is known better, from a rule of degree 7
+that also uses the slopes along the ray. How far a step may look ahead says the table of quiet.py; the faces of cells
+are the ends of steps where the interpolant has kinks there.
+
+Stop. The step is shortened to where its parabola first meets a surface, by the root of the quadratic; the rest, of
+third order in the step, is flown along the tangent; the distance along d is then solved for in float64.
 """
 
 import functools
@@ -31,9 +40,9 @@ from .status import RayStatus
 from .tableau import B_ERROR, BT, BT_ERROR, PATH_ERROR_SLOPE, PATH_ERROR_VALUE, A, B, C
 from .warp_box import FACE_COUNT, build_crossing, build_detour, build_meeting
 from .warp_motion import advance, build_cells, build_contrast, build_lag, build_landing, build_look, deflection
-from .warp_wall import build_clear_way, build_wall_distance, build_way_out
 from .warp_reach import HAIR, build_cone, build_reach, build_to_face
 from .warp_types import types
+from .warp_wall import build_clear_way, build_wall_distance, build_way_out
 
 # The share of the remaining error budget that one step may use up, however short it is.
 STEP_SHARE = 0.02
