@@ -22,6 +22,7 @@ from scipy.stats import qmc
 from work_precision_truth import Truth, integrate, parabola_truth, sech_truth
 
 from aerokernels import IndexField, Plane, RayBundle, Scene
+from aerokernels.flow import shipped
 from aerokernels.prepare import prepare_field
 from aerokernels.rays import Disc
 
@@ -244,10 +245,31 @@ def mach3() -> Case:
     )
 
 
+def mach3_across() -> Case:
+    """The shipped field as a schlieren bench sees it: rays along x beside the body, twice through its shock."""
+    mesh_field = shipped("mach3").index_field()
+    field = mesh_field.resample(5e-5, region=((0.0, -0.03), (0.06, 0.004)))
+    reach = float(field.box[1][0])
+
+    def bundle(ray_count: int) -> RayBundle:
+        y, z = (np.array([0.021, -0.0125]) + np.array([0.007, 0.0075]) * scattered(ray_count, 2)).T
+        return RayBundle(np.stack([np.full(ray_count, -reach), y, z], axis=1), [[1.0, 0.0, 0.0]])
+
+    return Case(
+        "across",
+        "Shipped flow at Mach 3, across it",
+        field,
+        float(field.spacing[1]),
+        bundle,
+        Plane([reach, 0.0, 0.0], [1.0, 0.0, 0.0]),
+    )
+
+
 CASES: dict[str, Callable[[], Case]] = {
     "radial": radial,
     "gaussian": gaussian,
     "cone": cone,
     "shock": shock,
     "mach3": mach3,
+    "across": mach3_across,
 }

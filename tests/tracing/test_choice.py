@@ -57,7 +57,7 @@ def test_the_others_take_error_control(field, word):
 
 
 def test_a_body_takes_error_control():
-    body = Body(np.array([[0.0, -1e-3], [1e-3, -1e-3], [1e-3, 1e-3], [0.0, 2e-3]]) + [0.0, 5e-3], "planar")
+    body = Body(np.array([[0.0, -1e-3], [1e-3, -1e-3], [1e-3, 1e-3], [0.0, 2e-3]]) + np.array([0.0, 5e-3]), "planar")
     field = IndexField.from_samples(
         np.full((64, 64), 1e-5), origin=(-32 * CELL, 0.0), spacing=(CELL, CELL), geometry="planar", body=body
     )
