@@ -23,7 +23,7 @@ INTERPOLATIONS = ("cubic", "linear", "monotone")
 PRECISIONS = ("float64", "float32")
 TIGHT = {"method": "adaptive", "precision": "float64", "max_steps": 3_000_000}
 # Where the gradient jumps at every cell the tightest tolerances only chase the jumps.
-TIGHT_TOLERANCE = {"cubic": 1e-9, "monotone": 1e-8, "linear": 1e-6}
+TIGHT_TOLERANCE = {"cubic": 1e-9, "monotone": 1e-8, "linear": 1e-5}
 # Evaluations in one timed launch: enough to be timed well, few enough for hundreds of settings.
 TIMED_EVALUATIONS = 2e6
 
