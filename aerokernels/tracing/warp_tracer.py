@@ -262,7 +262,7 @@ def build_kernel(
                         # The slope at the start, a jump, by the parabola through the others, which lie in one cell:
                         # if that is not what was found behind the face, the step went on into the next cell.
                         first = real(w2) * force2 + real(w3) * force3 + real(w4) * force4
-                        odd = real(0.1) * wp.length(force) + real(1.0e-3) * wp.abs(pot) * wp.max(control.cell_rate)
+                        odd = real(0.01) * wp.length(force) + real(1.0e-4) * wp.abs(pot) * wp.max(control.cell_rate)
                         crossed = bool(wp.length(first - force) > odd and h > real(4.0) * h_least)
                         force = first
                         kick = hh * (real(b1) * force + real(b2) * force2 + real(b3) * force3)
