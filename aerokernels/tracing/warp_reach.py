@@ -5,6 +5,7 @@ import functools
 import numpy as np
 import warp as wp
 
+from ..medium.grid import AXIS_CORE
 from .quiet import CONE_SINES, CONES
 from .warp_types import types
 
@@ -94,59 +95,65 @@ def build_reach(precision: str, geometry: str):
 
 @functools.cache
 def build_to_face(precision: str, geometry: str):
-    """A function (cell, frac, velocity in cells) -> step to the next face of a cell; one closer than HAIR is behind."""
+    """A function (cell, frac, velocity, its derivative, hair) -> step to the next face of a cell beyond a hair."""
     t = types(precision)
     real, vec3 = t.real, t.vec3
     axes = {"volume": (0, 1, 2), "planar": (1, 2), "axisymmetric": (2,)}[geometry]
     none = 1e30
 
     @wp.func
-    def flat(place: real, speed: real):
-        """Along an axis with faces at whole numbers."""
-        inside = place - wp.floor(place)
-        if speed > real(0.0):
-            gap = real(1.0) - inside
-            if gap < real(HAIR):
-                gap += real(1.0)
-            return gap / speed
-        if speed < real(0.0):
-            if inside < real(HAIR):
-                inside += real(1.0)
-            return -inside / speed
-        return real(none)
+    def meet(gap: real, speed: real, pull: real):
+        """First t > 0 with speed t + pull t^2 / 2 = gap, gap above 0."""
+        disc = speed * speed + real(2.0) * pull * gap
+        if disc < real(0.0):
+            return real(none)
+        toward = speed + wp.sqrt(disc)
+        if toward <= real(0.0):
+            return real(none)
+        return real(2.0) * gap / toward
 
     @wp.func
-    def round_face(frac: vec3, velocity: vec3):
-        """To the next cylinder of whole radius."""
-        a = velocity[0] * velocity[0] + velocity[1] * velocity[1]
-        if a == real(0.0):
-            return real(none)
-        b = frac[0] * velocity[0] + frac[1] * velocity[1]
+    def flat(place: real, speed: real, pull: real, hair: real):
+        """Along an axis with faces at whole numbers."""
+        ahead = place - wp.floor(place)
+        behind = ahead
+        ahead = real(1.0) - ahead
+        if ahead < hair:
+            ahead += real(1.0)
+        if behind < hair:
+            behind += real(1.0)
+        return wp.min(meet(ahead, speed, pull), meet(behind, -speed, -pull))
+
+    @wp.func
+    def round_face(frac: vec3, velocity: vec3, pull: vec3, hair: real):
+        """To the next cylinder of whole radius; (r^2 - R^2) / 2 along the parabola, its quartic term left out."""
         square = frac[0] * frac[0] + frac[1] * frac[1]
+        b = frac[0] * velocity[0] + frac[1] * velocity[1]
+        a = velocity[0] * velocity[0] + velocity[1] * velocity[1]
+        c = a + frac[0] * pull[0] + frac[1] * pull[1]
         radius = wp.sqrt(square)
         inner = wp.floor(radius)
-        if radius - inner < real(HAIR):
+        if radius - inner < hair:
             inner -= real(1.0)
-        if b < real(0.0) and inner > real(0.0):
-            disc = b * b - a * (square - inner * inner)
-            if disc > real(0.0):
-                return (square - inner * inner) / (wp.sqrt(disc) - b)
-        elif radius > real(HAIR) and b < real(-HAIR) * wp.sqrt(a):
-            return -b / a  # to where the ray is nearest to the axis, a kink if it meets it
-        outer = wp.floor(radius + real(HAIR)) + real(1.0)
-        return (wp.sqrt(wp.max(b * b - a * (square - outer * outer), real(0.0))) - b) / a
+        outer = wp.floor(radius + hair) + real(1.0)
+        step = meet(real(0.5) * (outer * outer - square), b, c)
+        if inner > real(0.0):
+            step = wp.min(step, meet(real(0.5) * (square - inner * inner), -b, -c))
+        elif radius > real(AXIS_CORE) and b < real(-AXIS_CORE) * wp.sqrt(a):
+            step = wp.min(step, -b / a)  # to where the ray is nearest to the axis, a kink if it meets it
+        return step
 
     @wp.func
-    def to_face(cell: wp.vec3i, frac: vec3, velocity: vec3):
+    def to_face(cell: wp.vec3i, frac: vec3, velocity: vec3, pull: vec3, hair: real):
         step = real(none)
         if wp.static(0 in axes):
-            step = wp.min(step, flat(frac[0], velocity[0]))
+            step = wp.min(step, flat(frac[0], velocity[0], pull[0], hair))
         if wp.static(1 in axes):
-            step = wp.min(step, flat(frac[1], velocity[1]))
+            step = wp.min(step, flat(frac[1], velocity[1], pull[1], hair))
         if wp.static(2 in axes):
-            step = wp.min(step, flat(frac[2], velocity[2]))
+            step = wp.min(step, flat(frac[2], velocity[2], pull[2], hair))
         if wp.static(geometry == "axisymmetric"):
-            step = wp.min(step, round_face(frac, velocity))
+            step = wp.min(step, round_face(frac, velocity, pull, hair))
         return step
 
     return to_face

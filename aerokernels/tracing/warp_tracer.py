@@ -37,8 +37,9 @@ import warp as wp
 
 from . import warp_grid, warp_mesh
 from .status import RayStatus
-from .tableau import B_ERROR, BT, BT_ERROR, PATH_ERROR_SLOPE, PATH_ERROR_VALUE, A, B, C
+from .tableau import BT, START_FROM_LATER, A, B, C
 from .warp_box import FACE_COUNT, build_crossing, build_detour, build_meeting
+from .warp_error import NEARLY_STRAIGHT, build_step_error, is_one_scalar
 from .warp_motion import advance, build_cells, build_contrast, build_lag, build_landing, build_look, deflection
 from .warp_reach import HAIR, build_cone, build_reach, build_to_face
 from .warp_types import types
@@ -46,18 +47,8 @@ from .warp_wall import build_clear_way, build_wall_distance, build_way_out
 
 # The share of the remaining error budget that one step may use up, however short it is.
 STEP_SHARE = 0.02
-# A direction error counts with at least this share of the field's length, besides the ray's own slope.
-DIRECTION_SHARE = 0.01
 # Steps in cells from which down an error estimate may be taken for rounding.
 NOISE_STEP = 0.5
-# Errors are believed to be smaller than the embedded formula says by these factors at most: where the table of safe
-# steps says that the field is smooth over the step (or the step stays in one cell of a linear field), and elsewhere;
-# less so on bent rays: 1 from an angle of 1 / BLUNTED on.
-SMOOTH = 0.02
-ROUGH = 0.2
-BLUNTED = 30.0
-# Up to this angle with the first direction [rad] the deviation along it is summed like the path (see "Along d").
-NEARLY_STRAIGHT = 1e-2
 
 
 @functools.cache
@@ -90,28 +81,22 @@ def build_kernel(
     lag, lag_sum = build_lag(precision)
     in_cells, carry_over = build_cells(precision, "mesh" if on_mesh else geometry)
     oriented, surface_unit, landing = build_landing(precision, geometry, stop)
+    step_error, step_rounding = build_step_error(precision, geometry, interpolation)
     look = build_look(precision, sample, method == "straight")
     face_count = wp.constant(FACE_COUNT[geometry])
     landed_arc = wp.constant(100)
     tiny = 1e-30 if precision == "float32" else 1e-290
     least_step = 1e-4  # of a cell: error control does not ask for less
     straight = method == "straight"
-    # The paper's schemes interpolate index and gradient apart: |T| = n does not hold between them.
-    one_scalar = interpolation not in ("bilinear-barron", "idw")
-    sharpened = interpolation in ("cubic", "linear")
+    one_scalar = is_one_scalar(interpolation)
     controlled = method in ("adaptive", "straight")
     kinked = interpolation in ("linear", "monotone") and controlled
-    # Rounding in the error estimate, in units in the last place: error control does not chase it.
-    noise = 8.0 * (2.0**-24 if precision == "float32" else 2.0**-53)
 
     c2, c3 = (float(v) for v in C[1:3])
     a21, a31, a32 = float(A[1, 0]), float(A[2, 0]), float(A[2, 1])
+    w2, w3, w4 = (float(v) for v in START_FROM_LATER)
     b1, b2, b3 = (float(v) for v in B[:3])
     v1, v2, v3, v4 = (float(v) for v in BT)
-    e1, e2, e3, e4 = (float(v) for v in B_ERROR)
-    f1, f2, f3, f4 = (float(v) for v in BT_ERROR)
-    g1, g2, g3, g4 = (float(v) for v in PATH_ERROR_VALUE)
-    k1, k2, k3, k4 = (float(v) for v in PATH_ERROR_SLOPE)
     ok, missed, not_reached = int(RayStatus.OK), int(RayStatus.MISSED_FIELD), int(RayStatus.STOP_NOT_REACHED)
     hit_body, inside_body = int(RayStatus.HIT_BODY), int(RayStatus.INSIDE_BODY)
     too_many, not_finite = int(RayStatus.MAX_STEPS), int(RayStatus.NOT_FINITE)
@@ -220,6 +205,7 @@ def build_kernel(
                     total = ambient * d
                 h = h_next
                 safe = real(0.0)
+                shy = real(0.1 * HAIR)
                 h_cell = real(1.0) / wp.max(wp.length(wp.cw_mul(total, control.cell_rate)), real(tiny))
                 h_least = real(least_step) / (wp.max(control.cell_rate) * wp.length(total))
                 if wp.static(method == "fixed"):
@@ -231,8 +217,13 @@ def build_kernel(
                     if wp.static(kinked):
                         # The interpolant has kinks at the cells' faces: no step across one.
                         pace = wp.cw_mul(total, rate)
-                        limit = to_face(cell, frac, pace) - real(0.1 * HAIR) / wp.length(pace)
-                    safe = reach_of(control, cone, cell, frac, total)
+                        pull = wp.cw_mul(force, rate)
+                        # In cells, how far before a face to stop: a share of the bend over a cell, whose change over
+                        # the step the parabola does not know.
+                        shy = real(0.1 * HAIR) + real(0.15) * wp.length(pull) / wp.dot(pace, pace)
+                        limit = to_face(cell, frac, pace, pull, real(10.0) * shy) - shy / wp.length(pace)
+                    # Short of the face at which the first rough block may begin.
+                    safe = reach_of(control, cone, cell, frac, total) - real(10.0 * HAIR) * h_cell
                     h = wp.min(h, wp.max(limit, safe))
                 h = wp.min(h, h_cap)
                 wanted = h
@@ -265,51 +256,28 @@ def build_kernel(
                 s4 = look(field, cell, frac, rate, h, total, momentum, q, kick)
                 force4 = vec3(s4[1], s4[2], s4[3])
                 evaluations += 3
+                crossed = bool(False)
+                if wp.static(interpolation == "linear" and controlled):
+                    if h > safe:
+                        # The slope at the start, a jump, by the parabola through the others, which lie in one cell:
+                        # if that is not what was found behind the face, the step went on into the next cell.
+                        first = real(w2) * force2 + real(w3) * force3 + real(w4) * force4
+                        odd = real(0.01) * wp.length(force) + real(1.0e-4) * wp.abs(pot) * wp.max(control.cell_rate)
+                        crossed = bool(wp.length(first - force) > odd and h > real(4.0) * h_least)
+                        force = first
+                        kick = hh * (real(b1) * force + real(b2) * force2 + real(b3) * force3)
 
-                # Embedded error, as optical path [m].
-                off_s = h * (real(f1) * pot + real(f2) * s2[0] + real(f3) * s3[0] + real(f4) * s4[0])
-                off_q = hh * (real(e1) * force + real(e2) * force2 + real(e3) * force3 + real(e4) * force4)
-                off_p = h * (real(f1) * force + real(f2) * force2 + real(f3) * force3 + real(f4) * force4)
-                swung = momentum + h * force4
-                turn_now = wp.max(bent, wp.length(swung - wp.dot(swung, d) * d) / ambient)
-                sharp = real(1.0)
-                if wp.static(sharpened):
-                    # On a nearly straight ray the path's error is known better, by a rule of higher order with the
-                    # slopes along the ray; the other errors are taken to be overestimated alike.
-                    slope1 = wp.dot(force, total)
-                    slope2 = wp.dot(force2, total + (real(0.5) * real(c2) * h) * (force + force2))
-                    slope3 = wp.dot(force3, total + (real(0.5) * real(c3) * h) * (force + force3))
-                    slope4 = wp.dot(force4, total + (real(0.5) * h) * (force + force4))
-                    fine = h * (real(g1) * pot + real(g2) * s2[0] + real(g3) * s3[0] + real(g4) * s4[0])
-                    fine += hh * (real(k1) * slope1 + real(k2) * slope2 + real(k3) * slope3 + real(k4) * slope4)
-                    sharp = wp.abs(fine) / wp.max(wp.abs(off_s), real(tiny))
-                    blunt = real(ROUGH)
-                    if wp.static(interpolation == "linear" and geometry != "axisymmetric") or h <= safe:
-                        blunt = real(SMOOTH)
-                    sharp = wp.clamp(sharp, wp.min(blunt + real(BLUNTED) * turn_now, real(1.0)), real(1.0))
-                off = real(4.0) * sharp * wp.abs(off_s)
-                if wp.static(not one_scalar) or turn_now > real(NEARLY_STRAIGHT):
-                    # Along d, and in arc length.
-                    off_m = real(f1) * m + real(f2) * contrast(ambient, s2[0])
-                    off_m += real(f3) * contrast(ambient, s3[0]) + real(f4) * contrast(ambient, s4[0])
-                    off += ambient * (wp.abs(wp.dot(off_q, d)) + h * wp.abs(off_m))
-                off_q -= wp.dot(off_q, d) * d
-                off_p -= wp.dot(off_p, d) * d
-                weight = turn_now + sharp * real(DIRECTION_SHARE)
-                off += weight * (wp.length(off_p) * reach + ambient * wp.length(off_q))
+                judged = step_error(ambient, d, total, momentum, h, reach, h <= safe, bent, pot, force, s2, s3, s4)
+                off = judged[0]
+                turn_now = judged[1]
 
                 accept = bool(True)
                 if wp.static(controlled):
                     left = wp.max(control.budget - used, real(0.0))
                     allowed = wp.max(real(STEP_SHARE) * left, control.budget * h * (ambient + m) / reach)
-                    size = wp.max(wp.abs(pot), wp.abs(s3[0]))
-                    if wp.static(geometry == "axisymmetric"):
-                        # Places across the axis are kept from the axis on, and rounded like their distance from it.
-                        size += wp.length(force) * wp.length(vec3(frac[0], frac[1], real(0.0))) / rate[0]
-                    steep = wp.max(wp.length(force), size * wp.max(control.cell_rate))
-                    rounding = h * (real(2.0) * size + weight * steep * (reach + ambient * h))
+                    rounding = step_rounding(control, ambient, h, reach, judged[2], rate, frac, pot, force, s3)
                     if h <= real(NOISE_STEP) * h_cell:
-                        allowed = wp.max(allowed, real(noise) * rounding)
+                        allowed = wp.max(allowed, rounding)
                     ratio = real(4.0)
                     if off > real(0.0):
                         ratio = wp.clamp(real(0.9) * wp.pow(allowed / off, real(0.25)), real(0.2), real(4.0))
@@ -331,6 +299,10 @@ def build_kernel(
                     if ahead[0] > close * surface_unit(control, land):
                         accept = bool(False)
                         h_cap = real(0.5) * h
+                if crossed:
+                    accept = bool(False)
+                    h_cap = real(0.5) * h
+
                 if accept:
                     h_cap = control.extent / ambient
                     steps += 1
@@ -354,7 +326,7 @@ def build_kernel(
                     force = force4
                     if wp.static(interpolation == "linear" and controlled):
                         # The slope jumps at the face just reached: the next step is to have the one behind it.
-                        over = real(0.2 * HAIR) / wp.length(wp.cw_mul(total, rate))
+                        over = real(3.0) * shy / wp.length(wp.cw_mul(total, rate))
                         beyond = sample(field, cell, frac + over * wp.cw_mul(total, rate))
                         force = vec3(beyond[1], beyond[2], beyond[3])
                         pot = beyond[0] - over * wp.dot(force, total)

@@ -1,0 +1,116 @@
+"""Device functions: the error of a step, as optical path, and what of it may be rounding."""
+
+import functools
+
+import warp as wp
+
+from .tableau import B_ERROR, BT_ERROR, PATH_ERROR_SLOPE, PATH_ERROR_VALUE, C
+from .warp_motion import build_contrast
+from .warp_types import types
+
+# A direction error counts with at least this share of the field's length, besides the ray's own slope.
+DIRECTION_SHARE = 0.01
+# Errors are believed to be smaller than the embedded formula says by these factors at most: where the table of safe
+# steps says that the field is smooth over the step (or the step stays in one cell of a linear field), and elsewhere;
+# less so on bent rays: 1 from an angle of 1 / BLUNTED on.
+SMOOTH = 0.02
+ROUGH = 0.2
+BLUNTED = 30.0
+# Up to this angle with the first direction [rad] the deviation along it is summed like the path (see "Along d").
+NEARLY_STRAIGHT = 1e-2
+
+
+def is_one_scalar(interpolation: str) -> bool:
+    """Whether index and gradient are one interpolant's: in the paper's schemes |T| = n does not hold between them."""
+    return interpolation not in ("bilinear-barron", "idw")
+
+
+@functools.cache
+def build_step_error(precision: str, geometry: str, interpolation: str):
+    """Functions of a step: its error, the greatest turn so far and the weight of directions; the rounding in it."""
+    t = types(precision)
+    real, vec3, vec4, Control = t.real, t.vec3, t.vec4, t.Control
+    contrast = build_contrast(precision)
+    tiny = 1e-30 if precision == "float32" else 1e-290
+    one_scalar = is_one_scalar(interpolation)
+    sharpened = interpolation in ("cubic", "linear")
+    # Rounding in the error estimate, in units in the last place: error control does not chase it.
+    noise = 8.0 * (2.0**-24 if precision == "float32" else 2.0**-53)
+    c2, c3 = (float(v) for v in C[1:3])
+    e1, e2, e3, e4 = (float(v) for v in B_ERROR)
+    f1, f2, f3, f4 = (float(v) for v in BT_ERROR)
+    g1, g2, g3, g4 = (float(v) for v in PATH_ERROR_VALUE)
+    k1, k2, k3, k4 = (float(v) for v in PATH_ERROR_SLOPE)
+
+    @wp.func
+    def step_error(
+        ambient: real,
+        d: vec3,
+        total: vec3,
+        momentum: vec3,
+        h: real,
+        reach: real,
+        is_smooth: bool,
+        bent: real,
+        pot: real,
+        force: vec3,
+        s2: vec4,
+        s3: vec4,
+        s4: vec4,
+    ):
+        force2 = vec3(s2[1], s2[2], s2[3])
+        force3 = vec3(s3[1], s3[2], s3[3])
+        force4 = vec3(s4[1], s4[2], s4[3])
+        off_s = h * (real(f1) * pot + real(f2) * s2[0] + real(f3) * s3[0] + real(f4) * s4[0])
+        off_q = (h * h) * (real(e1) * force + real(e2) * force2 + real(e3) * force3 + real(e4) * force4)
+        off_p = h * (real(f1) * force + real(f2) * force2 + real(f3) * force3 + real(f4) * force4)
+        swung = momentum + h * force4
+        turn = wp.max(bent, wp.length(swung - wp.dot(swung, d) * d) / ambient)
+        sharp = real(1.0)
+        if wp.static(sharpened):
+            # On a nearly straight ray the path's error is known better, by a rule of higher order with the slopes
+            # along the ray; the other errors are taken to be overestimated alike.
+            slope1 = wp.dot(force, total)
+            slope2 = wp.dot(force2, total + (real(0.5) * real(c2) * h) * (force + force2))
+            slope3 = wp.dot(force3, total + (real(0.5) * real(c3) * h) * (force + force3))
+            slope4 = wp.dot(force4, total + (real(0.5) * h) * (force + force4))
+            fine = h * (real(g1) * pot + real(g2) * s2[0] + real(g3) * s3[0] + real(g4) * s4[0])
+            fine += (h * h) * (real(k1) * slope1 + real(k2) * slope2 + real(k3) * slope3 + real(k4) * slope4)
+            sharp = wp.abs(fine) / wp.max(wp.abs(off_s), real(tiny))
+            blunt = real(ROUGH)
+            if wp.static(interpolation == "linear" and geometry != "axisymmetric") or is_smooth:
+                blunt = real(SMOOTH)
+            sharp = wp.clamp(sharp, wp.min(blunt + real(BLUNTED) * turn, real(1.0)), real(1.0))
+        off = real(4.0) * sharp * wp.abs(off_s)
+        if wp.static(not one_scalar) or turn > real(NEARLY_STRAIGHT):
+            # Along d, and in arc length.
+            off_m = real(f1) * contrast(ambient, pot) + real(f2) * contrast(ambient, s2[0])
+            off_m += real(f3) * contrast(ambient, s3[0]) + real(f4) * contrast(ambient, s4[0])
+            off += ambient * (wp.abs(wp.dot(off_q, d)) + h * wp.abs(off_m))
+        off_q -= wp.dot(off_q, d) * d
+        off_p -= wp.dot(off_p, d) * d
+        weight = turn + sharp * real(DIRECTION_SHARE)
+        off += weight * (wp.length(off_p) * reach + ambient * wp.length(off_q))
+        return vec3(off, turn, weight)
+
+    @wp.func
+    def step_rounding(
+        control: Control,
+        ambient: real,
+        h: real,
+        reach: real,
+        weight: real,
+        rate: vec3,
+        frac: vec3,
+        pot: real,
+        force: vec3,
+        s3: vec4,
+    ):
+        size = wp.max(wp.abs(pot), wp.abs(s3[0]))
+        if wp.static(geometry == "axisymmetric"):
+            # Places across the axis are kept from the axis on, and rounded like their distance from it.
+            size += wp.length(force) * wp.length(vec3(frac[0], frac[1], real(0.0))) / rate[0]
+        steep = wp.max(wp.length(force), size * wp.max(control.cell_rate))
+        return real(noise) * h * (real(2.0) * size + weight * steep * (reach + ambient * h))
+
+    return step_error, step_rounding
