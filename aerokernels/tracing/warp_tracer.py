@@ -45,6 +45,8 @@ from .warp_reach import HAIR, build_cone, build_reach, build_to_face
 from .warp_types import types
 from .warp_wall import build_clear_way, build_wall_distance, build_way_out
 
+# Greatest distance before a face, in cells, at which a step across a kinked interpolant's cell may stop.
+SHIEST = 1e-3
 # The share of the remaining error budget that one step may use up, however short it is.
 STEP_SHARE = 0.02
 # Steps in cells from which down an error estimate may be taken for rounding.
@@ -218,9 +220,11 @@ def build_kernel(
                         # The interpolant has kinks at the cells' faces: no step across one.
                         pace = wp.cw_mul(total, rate)
                         pull = wp.cw_mul(force, rate)
-                        # In cells, how far before a face to stop: a share of the bend over a cell, whose change over
-                        # the step the parabola does not know.
-                        shy = real(0.1 * HAIR) + real(0.15) * wp.length(pull) / wp.dot(pace, pace)
+                        if wp.static(interpolation == "linear"):
+                            # In cells, how far before a face to stop: a share of the bend over a cell, whose change
+                            # over the step the parabola does not know.
+                            bend = real(0.15) * wp.length(pull) / wp.dot(pace, pace)
+                            shy = real(0.1 * HAIR) + wp.min(bend, real(SHIEST))
                         limit = to_face(cell, frac, pace, pull, real(10.0) * shy) - shy / wp.length(pace)
                     # Short of the face at which the first rough block may begin.
                     safe = reach_of(control, cone, cell, frac, total) - real(10.0 * HAIR) * h_cell

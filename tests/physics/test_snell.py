@@ -123,7 +123,7 @@ def test_place_and_path_go_with_the_cell(interpolation):
         path.append(np.abs(result.optical_path - exact))
     for off in (np.array(place), np.array(path)):
         assert (off < 0.5 * cells[:, None]).all()
-        assert np.abs(np.polyfit(np.log(cells), np.log(off), 1)[0] - 1.0).max() < 0.01
+        assert np.abs(np.polyfit(np.log(cells), np.log(off), 1)[0] - 1.0).max() < 0.05
 
 
 def bounce(field: IndexField, rays: RayBundle):
