@@ -41,6 +41,7 @@ class Case:
         bundle: A function of the ray count: the rays.
         until: The plane where rays end.
         exact: A function of the rays: where they end in the field that was sampled; None where nobody knows.
+        bends: Whether rays bend so much that a straight line says nothing.
     """
 
     name: str
@@ -50,6 +51,7 @@ class Case:
     bundle: Callable[[int], RayBundle]
     until: Plane
     exact: Callable[[RayBundle], Truth] | None = None
+    bends: bool = False
 
 
 def end_plane(z: float) -> Plane:
@@ -107,6 +109,7 @@ def radial() -> Case:
         bundle,
         end_plane(LENS_LENGTH),
         lambda rays: parabola_truth(LENS_INDEX, LENS_GRADIENT, LENS_LENGTH, rays),
+        bends=True,
     )
 
 
