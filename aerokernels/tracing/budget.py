@@ -26,8 +26,10 @@ from .status import RayStatus
 
 SUBSET = 192
 SAFETY = 3.0
-# The tolerance that stands for the truth, as a share of the one asked for, and its greatest value [waves].
-TIGHTER = 1.0 / 64.0
+# The tolerance that stands for the truth, as a share of the one asked for, and the greatest one that is taken for asked
+# for [waves]. Where the gradient jumps at every cell a far smaller one is out of reach.
+TIGHTER = {"linear": 1.0 / 8.0, "bilinear": 1.0 / 8.0}
+TIGHTER_ELSEWHERE = 1.0 / 64.0
 TIGHTEST_ASKED = 1e-3
 CAUSES = ("step", "interpolation", "resampling", "precision", "sampling")
 # (field, rays, plan) -> OPD [m] and status, each of shape (ray_count,)
@@ -53,7 +55,7 @@ def opd_errors(field: IndexField, rays: RayBundle, plan: TracePlan, retrace: Ret
         backend="warp",
         device="cpu" if plan.backend == "reference" else plan.device,
         precision="float64",
-        tolerance=TIGHTER * min(plan.tolerance, TIGHTEST_ASKED),
+        tolerance=TIGHTER.get(field.interpolation, TIGHTER_ELSEWHERE) * min(plan.tolerance, TIGHTEST_ASKED),
         max_steps=max(plan.max_steps, step_allowance(field, "adaptive", None, None)),
     )
     truth = retrace(field, rays, tight)
