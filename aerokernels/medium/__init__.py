@@ -1,9 +1,8 @@
 """The refractive index the rays see: meshes, uniform grids, bodies and resampling between them."""
 
 from .body import Body
-from .coarser import ladder
 from .field import IndexField
 from .mesh import QuadMesh
 from .resample import ResamplingError
 
-__all__ = ["Body", "IndexField", "QuadMesh", "ResamplingError", "ladder"]
+__all__ = ["Body", "IndexField", "QuadMesh", "ResamplingError"]

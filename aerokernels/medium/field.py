@@ -226,6 +226,13 @@ class IndexField:
         spacing = np.minimum(self.samples.spacing, extent / 400.0) if self.is_uniform else np.full(2, extent / 800.0)
         return self.body.distance_grid(low, high, spacing)
 
+    @cached_property
+    def ladder(self):
+        """This field and its coarser versions, by which its interpolation error is judged: see coarser.py."""
+        from .coarser import ladder
+
+        return ladder(self)
+
     def resample(self, spacing=None, *, tolerance=None, wavelength=905e-9, region=None, interpolation="cubic"):
         """The same field on a uniform grid, with the error of doing so measured: see `resample.resample`."""
         from .resample import resample

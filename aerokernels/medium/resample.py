@@ -9,7 +9,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from .coarser import ladder
 from .grid import UniformGrid
 
 NODE_LIMIT = 200_000_000
@@ -184,7 +183,7 @@ def _measure(source, result) -> ResamplingError:
 
 def _source_error(source, lines: np.ndarray) -> np.ndarray:
     """Estimated error of the mean contrast along some lines that the source's own nodes leave."""
-    rungs = ladder(source)
+    rungs = source.ladder
     if rungs is None:
         return np.full(1, np.nan)
     some = lines[:: LINE_COUNT // SOURCE_LINE_COUNT, :: max(1, lines.shape[1] // SOURCE_POINT_COUNT)]

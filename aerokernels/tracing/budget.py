@@ -19,7 +19,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from ..medium import IndexField, ResamplingError, ladder
+from ..medium import IndexField, ResamplingError
 from ..rays import RayBundle
 from .plan import TracePlan, step_allowance
 from .status import RayStatus
@@ -68,7 +68,7 @@ def opd_errors(field: IndexField, rays: RayBundle, plan: TracePlan, retrace: Ret
     found["precision"] = np.abs(found["precision"]) + float64_rounding(field, rays)
     if field.resampling is not None:
         return found
-    rungs = ladder(field)
+    rungs = field.ladder
     if rungs is None:
         found["interpolation"] = np.zeros(0)
         return found
