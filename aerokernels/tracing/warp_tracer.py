@@ -334,6 +334,8 @@ def build_kernel(
                         beyond = sample(field, cell, frac + over * wp.cw_mul(total, rate))
                         force = vec3(beyond[1], beyond[2], beyond[3])
                         pot = beyond[0] - over * wp.dot(force, total)
+                        if wp.static(straight):
+                            pot += wp.dot(force, q)
                         evaluations += 1
                     if wp.static(one_scalar):
                         # Back onto |T| = n: the error along the ray, which the path would feel in full, is gone.
