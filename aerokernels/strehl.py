@@ -17,7 +17,7 @@ import numpy as np
 from .medium import IndexField
 from .rays import Disc, RayBundle
 from .tracing import Plane, trace
-from .tracing.budget import SAFETY, SUBSET, combine, opd_errors
+from .tracing.budget import CAUSES, SAFETY, SUBSET, combine, float64_rounding, opd_errors
 from .tracing.plan import make_plan
 from .tracing.pupil_sums import fit_moments
 from .tracing.trace import retracer
@@ -278,15 +278,8 @@ def _budget(field, probe, found: StrehlEstimate, until, wavelength) -> dict[str,
         return float(2.0 * np.sqrt(found.value) * phase + phase**2)
 
     errors = opd_errors(field, probe, found.plan, retracer(until, wavelength))
-    budget = {
-        cause: of_strehl(SAFETY * float(np.std(error))) if len(error) else float("nan")
-        for cause, error in errors.items()
-    }
-    budget = combine(budget, field.resampling, ("source_opd_rms", "opd_rms"))
-    if field.resampling is not None:
-        for cause in ("interpolation", "resampling"):
-            budget[cause] = of_strehl(budget[cause])
-    budget["sampling"] = 2.0 * found.standard_error
-    del budget["total"]
-    budget["total"] = float(np.sqrt(sum(v * v for v in budget.values())))
-    return budget
+    spread = {cause: SAFETY * float(np.std(error)) if len(error) else float("nan") for cause, error in errors.items()}
+    spread["precision"] += float64_rounding(field, probe)
+    of_path = combine(spread, field.resampling, ("source_opd_rms", "opd_rms"))
+    causes = {cause: of_strehl(of_path[cause]) for cause in CAUSES}
+    return combine({**causes, "sampling": 2.0 * found.standard_error}, None, ("", ""))

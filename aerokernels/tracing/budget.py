@@ -65,7 +65,6 @@ def opd_errors(field: IndexField, rays: RayBundle, plan: TracePlan, retrace: Ret
         run = retrace(field, rays, plan)
         exact = run if plan.precision == "float64" else retrace(field, rays, replace(plan, precision="float64"))
         found = {"step": _change(exact, truth), "precision": _change(run, exact)}
-    found["precision"] = np.abs(found["precision"]) + float64_rounding(field, rays)
     if field.resampling is not None:
         return found
     rungs = field.ladder
@@ -100,11 +99,9 @@ def error_budget(
     if chosen is None:
         return dict.fromkeys((*CAUSES, "total"), float("nan"))
     found = opd_errors(field, chosen, plan, retrace)
-    return combine(
-        {cause: SAFETY * _greatest(array) for cause, array in found.items()},
-        field.resampling,
-        ("source_opd_max", "opd_max"),
-    )
+    causes = {cause: SAFETY * _greatest(array) for cause, array in found.items()}
+    causes["precision"] += float64_rounding(field, chosen)
+    return combine(causes, field.resampling, ("source_opd_max", "opd_max"))
 
 
 def combine(causes: dict[str, float], resampling, names: tuple[str, str]) -> dict[str, float]:

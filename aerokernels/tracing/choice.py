@@ -4,7 +4,7 @@ Where the roughness of quiet.py is much the same everywhere, the one step that i
 than error control, which estimates each step's error with a margin and tries some steps twice. Predicted evaluations:
 
     fixed       3 L / H, H the safe step at the greatest roughness
-    adaptive    OVERHEAD 3 int dl / (safe step there) + FIRST, both fitted to measured traces (docs/accuracy.md)
+    adaptive    OVERHEAD 3 int dl / (safe step there) + FIRST, both set by hand after traces of five fields
 
 A fixed step is taken where it costs at most MARGIN times as much (its error is then the smaller one), the rays are
 nearly straight, and nothing lies in the field that a step could jump over: no body, no kinks.
@@ -50,7 +50,7 @@ def choose_method(field: IndexField, budget: float, directions: np.ndarray) -> C
     if turn > WEAK:
         return Choice("adaptive", None, f"method adaptive: rays may turn by {turn:.2g} rad, error control holds them")
     extent = float(np.linalg.norm(grid.high - grid.low))
-    step, fixed, adaptive = LONGEST * extent, 0.0, 0.0
+    step, adaptive = LONGEST * extent, 0.0
     for number in np.unique(cones_of(directions, field.geometry)):
         cone = CONES[number]
         roughest = float(roughness_along(grid, field.geometry, cone)[1].max())

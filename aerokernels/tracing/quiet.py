@@ -24,7 +24,10 @@ from ..medium.grid import UniformGrid
 
 BLOCK = 4
 BLOCK_COUNT_LIMIT = 300_000
+# Above 1, since the formula's own constant is far below C on smooth fields (it is exact to degree four) and errors of
+# steps differ in sign; set where tolerances still held on smooth fields and shocks (docs/accuracy.md, what was tried).
 SHARE = 12.0
+# Kinks may all bend one way: their errors add up.
 KINK_SHARE = 0.05
 # Of a rule that is exact for cubics, with room for knots anywhere in the step.
 CONSTANT = 1.0 / 720.0

@@ -22,13 +22,9 @@ from .plan import TracePlan
 from .result import RAY_OUTPUTS
 from .status import RayStatus
 from .stop import ArcLength, Plane
-from .tableau import BT, STAGE_MOMENTUM, A, C
+from .tableau import BT, NEARLY_STRAIGHT, STAGE_MOMENTUM, A, C, is_one_scalar
 
 RELATIVE_TOLERANCE = 1e-11
-# Up to this angle with the first direction [rad] the deviation along it is summed like the path.
-NEARLY_STRAIGHT = 1e-2
-# Interpolants of index and gradient apart, between which |T| = n does not hold: the momentum is left alone.
-TWO_SCALARS = ("bilinear-barron", "idw")
 
 
 def trace(field: IndexField, rays: RayBundle, plan: TracePlan, until, wavelength: float, outputs: frozenset):
@@ -148,7 +144,7 @@ class _Ray:
         origin = r
         march = self.by_rule if self.plan.method in ("fixed", "paper") else self.by_dop853
         state, status, at_stop = march(state)
-        if march == self.by_rule and self.field.interpolation not in TWO_SCALARS and self.bent <= NEARLY_STRAIGHT:
+        if march == self.by_rule and is_one_scalar(self.field.interpolation) and self.bent <= NEARLY_STRAIGHT:
             # Along the first direction the deviation is the arc less the lag: better known than the steps' own.
             slip = state[7] - enter - state[8] - (state[:3] - origin) @ self.heading
             if at_stop and isinstance(self.until, ArcLength):
@@ -314,7 +310,7 @@ class _Ray:
         result[3:6] = momentum + h * sum(b * f for b, f in zip(BT, forces, strict=True))
         result[6] += h * sum(b * n * n for b, n in zip(BT, indices, strict=True))
         result[7] += h * sum(b * n for b, n in zip(BT, indices, strict=True))
-        if self.field.interpolation not in TWO_SCALARS:
+        if is_one_scalar(self.field.interpolation):
             result[3:6] *= indices[-1] / np.linalg.norm(result[3:6])
             swung = momentum + h * forces[-1]
             across = swung - (swung @ self.heading) * self.heading

@@ -64,6 +64,13 @@ BT = np.array([float(v) for v in PAIR.bt])
 B_ERROR = np.array([float(v - w) for v, w in zip(PAIR.b, PAIR.b_low, strict=True)])
 BT_ERROR = np.array([float(v - w) for v, w in zip(PAIR.bt, PAIR.bt_low, strict=True)])
 EVALUATIONS_PER_STEP = 3
+# Up to this angle with the first direction [rad] the deviation along it is summed like the path (warp_tracer.py).
+NEARLY_STRAIGHT = 1e-2
+
+
+def is_one_scalar(interpolation: str) -> bool:
+    """Whether index and gradient are one interpolant's: in the paper's schemes |T| = n does not hold between them."""
+    return interpolation not in ("bilinear-barron", "idw")
 
 
 def hermite_weights(nodes: tuple) -> tuple[np.ndarray, np.ndarray]:

@@ -4,7 +4,7 @@ import functools
 
 import warp as wp
 
-from .tableau import B_ERROR, BT_ERROR, PATH_ERROR_SLOPE, PATH_ERROR_VALUE, C
+from .tableau import B_ERROR, BT_ERROR, NEARLY_STRAIGHT, PATH_ERROR_SLOPE, PATH_ERROR_VALUE, C, is_one_scalar
 from .warp_motion import build_contrast
 from .warp_types import types
 
@@ -16,13 +16,6 @@ DIRECTION_SHARE = 0.01
 SMOOTH = 0.02
 ROUGH = 0.2
 BLUNTED = 30.0
-# Up to this angle with the first direction [rad] the deviation along it is summed like the path (see "Along d").
-NEARLY_STRAIGHT = 1e-2
-
-
-def is_one_scalar(interpolation: str) -> bool:
-    """Whether index and gradient are one interpolant's: in the paper's schemes |T| = n does not hold between them."""
-    return interpolation not in ("bilinear-barron", "idw")
 
 
 @functools.cache

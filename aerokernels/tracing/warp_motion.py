@@ -79,37 +79,27 @@ def build_cells(precision: str, kind: str):
     """Functions (bounds, point) -> (cell, frac), and (cell, frac) -> the same with frac in [0, 1)."""
     t = types(precision)
     real, vec3, Bounds = t.real, t.vec3, t.Bounds
-    shift_x, shift_y, shift_z = (wp.constant(axis in SHIFTED[kind]) for axis in range(3))
+    shift = wp.vec3i(*(int(axis in SHIFTED[kind]) for axis in range(3)))
+
+    @wp.func
+    def whole(place: Any):
+        """Whole cells in a place, zero along axes without cells of their own."""
+        floors = wp.vec3i(int(wp.floor(place[0])), int(wp.floor(place[1])), int(wp.floor(place[2])))
+        return wp.cw_mul(floors, shift)
 
     @wp.func
     def in_cells(bounds: Bounds, p: wp.vec3d):
         """Split a point into whole cells and fractions, in float64."""
         g = wp.cw_div(p - bounds.origin, bounds.spacing)
-        x = int(0)
-        y = int(0)
-        z = int(0)
-        if shift_x:
-            x = int(wp.floor(g[0]))
-        if shift_y:
-            y = int(wp.floor(g[1]))
-        if shift_z:
-            z = int(wp.floor(g[2]))
-        rest = g - wp.vec3d(wp.float64(x), wp.float64(y), wp.float64(z))
-        return wp.vec3i(x, y, z), vec3(real(rest[0]), real(rest[1]), real(rest[2]))
+        cell = whole(g)
+        rest = g - wp.vec3d(wp.float64(cell[0]), wp.float64(cell[1]), wp.float64(cell[2]))
+        return cell, vec3(real(rest[0]), real(rest[1]), real(rest[2]))
 
     @wp.func
     def carry_over(cell: wp.vec3i, frac: vec3):
         """Move whole cells from the fraction into the cell, exactly."""
-        x = int(0)
-        y = int(0)
-        z = int(0)
-        if shift_x:
-            x = int(wp.floor(frac[0]))
-        if shift_y:
-            y = int(wp.floor(frac[1]))
-        if shift_z:
-            z = int(wp.floor(frac[2]))
-        return cell + wp.vec3i(x, y, z), frac - vec3(real(x), real(y), real(z))
+        moved = whole(frac)
+        return cell + moved, frac - vec3(real(moved[0]), real(moved[1]), real(moved[2]))
 
     return in_cells, carry_over
 

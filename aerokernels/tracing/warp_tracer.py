@@ -37,9 +37,9 @@ import warp as wp
 
 from . import warp_grid, warp_mesh
 from .status import RayStatus
-from .tableau import BT, START_FROM_LATER, A, B, C
+from .tableau import BT, NEARLY_STRAIGHT, START_FROM_LATER, A, B, C, is_one_scalar
 from .warp_box import FACE_COUNT, build_crossing, build_detour, build_meeting
-from .warp_error import NEARLY_STRAIGHT, build_step_error, is_one_scalar
+from .warp_error import build_step_error
 from .warp_motion import advance, build_cells, build_contrast, build_lag, build_landing, build_look, deflection
 from .warp_reach import HAIR, build_cone, build_reach, build_to_face
 from .warp_types import types
