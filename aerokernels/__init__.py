@@ -108,5 +108,6 @@ if TYPE_CHECKING:
     from .scene import Scene
     from .schlieren import schlieren
     from .strehl import StrehlEstimate, estimate_strehl, strehl, strehl_marechal
-    from .tracing import ArcLength, BackendInfo, Plane, RayStatus, TraceResult, available_backends, trace
+    from .tracing import ArcLength, BackendInfo, Plane, RayStatus, TraceResult, available_backends
+    from .tracing.trace import trace
     from .wavefront import point_spread_function

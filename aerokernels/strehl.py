@@ -163,6 +163,8 @@ def estimate_strehl(
     )
     if plan.backend == "warp":
         from .tracing.warp_strehl import reduce_pupil as run
+    elif plan.backend == "opencl":
+        from .tracing.opencl_strehl import reduce_pupil as run
     else:
         run = _reduce_on_host
     per_replicate = -(-int(ray_count) // REPLICATES)

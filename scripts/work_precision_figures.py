@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 from tables import STYLE
-from work_precision_runs import INTERPOLATIONS, Run
+from work_precision_runs import INTERPOLATIONS, TIGHT_TOLERANCE, Run
 from work_precision_tables import of_method, select
 
 # Okabe and Ito's colours, which colour-blind eyes tell apart; shape and line tell the same once more.
@@ -39,6 +39,12 @@ def draw_curve(axes, runs: list[Run], amount: Amount, error: Callable[[Run], flo
     middle, low, high = np.array([amount(run) for run in runs]).T
     height = np.clip([error(run) for run in runs], LEAST, MOST)
     axes.errorbar(middle, height, xerr=[middle - low, high - middle], elinewidth=0.8, linewidth=1.5, **look)
+
+
+def is_coarse(run: Run) -> bool:
+    """Whether the trace that tracing errors are taken against is tighter: else the run is compared with itself."""
+    asked = run.setting.value
+    return run.setting.method == "fixed" or (asked is not None and asked > TIGHT_TOLERANCE[run.interpolation])
 
 
 def draw(runs: list[Run], title: str, label: str, amount: Amount, path: Path) -> None:
@@ -75,6 +81,8 @@ def draw(runs: list[Run], title: str, label: str, amount: Amount, path: Path) ->
             look = INTERPOLANTS[interpolation]
             for method, more in (("adaptive", {}), ("fixed", {"linestyle": ":", "markerfacecolor": "white"})):
                 some = of_method(select(runs, precision="float64", interpolation=interpolation), method)
+                if not known:
+                    some = [run for run in some if is_coarse(run)]
                 style = {"markersize": 5, "label": f"{interpolation}, {method}", **look, **more}
                 draw_curve(right, some, amount, lambda run: getattr(run, kind).opd_rms, **style)
         for axes in (left, right):

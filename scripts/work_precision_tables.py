@@ -124,13 +124,18 @@ def report_table(runs: list[Run]) -> str:
     for method in dict.fromkeys(run.setting.method for run in runs):
         for interpolation in dict.fromkeys(run.interpolation for run in runs):
             some = of_method(select(runs, interpolation=interpolation), method)
-            step = np.array([run.reported_step / run.tracing.opd_max for run in some])
+            step = ratios([(run.reported_step, run.tracing.opd_max) for run in some])
             known = [run for run in some if np.isfinite(run.total.opd_rms)]
-            budget = np.array([run.reported_total / run.total.opd_rms for run in known])
-            greatest = np.array([run.reported_total / run.total.opd_max for run in known])
+            budget = ratios([(run.reported_total, run.total.opd_rms) for run in known])
+            greatest = ratios([(run.reported_total, run.total.opd_max) for run in known])
             row = [method, interpolation, str(len(some)), covered(step), middle(step)]
             rows.append([*row, covered(budget), covered(greatest), middle(budget)])
     return markdown_table(heading, rows, text_columns=2)
+
+
+def ratios(pairs: list[tuple[float, float]]) -> np.ndarray:
+    """Reported over made; an error of exactly 0 is covered by whatever is reported."""
+    return np.array([reported / made if made > 0.0 else np.inf for reported, made in pairs])
 
 
 def covered(ratios: np.ndarray) -> str:

@@ -11,6 +11,8 @@ import pytest
 ROOT = Path(__file__).resolve().parents[1]
 # Processes that tests start, in other folders, take this checkout too where it is not installed.
 os.environ["PYTHONPATH"] = os.pathsep.join(filter(None, [str(ROOT), os.environ.get("PYTHONPATH")]))
+# Where a test leaves the backend to "auto", it is the same one in every run; tests of OpenCL ask for it by name.
+os.environ.setdefault("AEROKERNELS_CPU_BACKEND", "warp")
 
 
 @pytest.fixture(scope="session")

@@ -7,6 +7,8 @@ def backends() -> None:
     """Show the backends and devices of this machine, and which one `auto` takes and why."""
     from aerokernels.commands._table import print_table
     from aerokernels.tracing import available_backends
+    from aerokernels.tracing.backends import choose_backend
+    from aerokernels.tracing.cpu_choice import NOT_MEASURED
 
     found = available_backends()
     print_table(
@@ -17,12 +19,14 @@ def backends() -> None:
                 info.backend,
                 info.device,
                 info.version,
-                "yes" if info.float64 else "no" if info.available else "-",
+                "-" if info.device == "-" else "yes" if info.float64 else "no",
                 f"{info.memory / 2**30:.1f} GiB" if info.memory else "-",
                 info.description if info.available else f"absent: {info.reason}",
             )
             for info in found
         ],
     )
-    taken = next(info for info in found if info.available)
-    typer.echo(f"auto takes {taken.backend} on {taken.device}: {taken.reason}")
+    if any(info.reason == NOT_MEASURED for info in found):
+        typer.echo("measuring warp against opencl on this CPU, once ...", err=True)
+    backend, device, reason = choose_backend("auto", None)
+    typer.echo(f"auto takes {backend} on {device}: {reason.removeprefix(f'backend {backend} on {device}: ')}")

@@ -124,6 +124,21 @@ class QuadMesh:
         return np.sqrt(0.5 * (side[:, 0] + side[:, 2]) * 0.5 * (side[:, 1] + side[:, 3]))
 
     @cached_property
+    def neighbors(self) -> np.ndarray:
+        """Cell behind each edge of each cell, -1 at the mesh's boundary, shape (cell_count, 4); edge k ends at k + 1.
+
+        Edges are told by their vertices: across a seam with vertices of its own on either side there is no neighbour.
+        """
+        edge = np.sort(np.stack([self.cells, np.roll(self.cells, -1, axis=1)], axis=-1).reshape(-1, 2), axis=1)
+        key = edge[:, 0].astype(np.int64) * len(self.vertices) + edge[:, 1]
+        order = np.argsort(key, kind="stable")
+        pair = np.flatnonzero(key[order][1:] == key[order][:-1])
+        result = np.full(len(key), -1, dtype=np.int32)
+        result[order[pair]] = order[pair + 1] // 4
+        result[order[pair + 1]] = order[pair] // 4
+        return result.reshape(-1, 4)
+
+    @cached_property
     def bins(self) -> CellBins:
         """Uniform bins, about one per cell."""
         low, high = self.box

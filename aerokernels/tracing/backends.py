@@ -1,6 +1,7 @@
 """Which engines can trace here, and which one "auto" takes."""
 
 import importlib.util
+from dataclasses import replace
 
 from .backend_info import BackendInfo, host_memory
 
@@ -8,36 +9,17 @@ BACKENDS = ("auto", "warp", "opencl", "reference")
 
 
 def available_backends() -> list[BackendInfo]:
-    """Every backend and device found, the one that "auto" takes first."""
-    found = []
-    if importlib.util.find_spec("warp") is not None:
-        from .warp_devices import list_devices
-
-        found += list_devices()
-    else:
-        found.append(_absent("warp", "the package warp-lang is not installed: pip install warp-lang"))
-    found.append(
-        _absent("opencl", "this version has no OpenCL tracer yet: use backend 'warp', on the CPU or on an NVIDIA GPU")
-    )
-    import scipy
-
-    found.append(
-        BackendInfo(
-            "reference",
-            "cpu",
-            "float64 NumPy and SciPy (DOP853), one ray at a time: the oracle, slow",
-            scipy.__version__,
-            True,
-            True,
-            host_memory(),
-            "never taken by auto",
-        )
-    )
-    return found
+    """Every backend and device found, the one that "auto" takes first, as far as that was measured already."""
+    warp, opencl = _warp_devices(), _opencl_devices()
+    gpus = [info for info in warp if info.available and info.device != "cpu"] + _usable(opencl, gpu=True)
+    return [*gpus, *_processors(warp, opencl, bool(gpus)), _reference(), *_rest(warp, opencl)]
 
 
 def choose_backend(backend: str, device: str | None) -> tuple[str, str, str]:
     """Backend, device, and why.
+
+    "auto" takes a CUDA GPU by Warp, else a GPU by OpenCL, else whichever of the two is faster on the CPU, which is
+    measured once and remembered; with a device's name it takes the backend that has it.
 
     Raises:
         ValueError: An unknown or absent backend or device; the message says what there is.
@@ -48,19 +30,128 @@ def choose_backend(backend: str, device: str | None) -> tuple[str, str, str]:
         if device not in (None, "cpu"):
             raise ValueError(f"backend 'reference' runs on 'cpu' only, got device {device!r}")
         return "reference", "cpu", "backend reference: asked for"
-    if backend == "opencl" or importlib.util.find_spec("warp") is None:
-        reason = next(info.reason for info in available_backends() if info.backend == "opencl" or not info.available)
-        raise ValueError(f"backend {backend!r} cannot trace here: {reason}")
-    from .warp_devices import list_devices
+    if backend == "opencl":
+        return _opencl_named(device)
+    warp = _warp_devices()
+    if backend == "warp":
+        return _warp_named(warp, device)
+    if device is None or device.lower() in ("cpu", "gpu"):
+        return _best(warp, device and device.lower())
+    if any(info.available and info.device == device for info in warp):
+        return "warp", device, f"backend warp on {device}: asked for"
+    try:
+        return _opencl_named(device)
+    except ValueError as error:
+        names = ", ".join(info.device for info in warp if info.available) or "none"
+        raise ValueError(
+            f"device {device!r} is not there: backend 'warp' has {names}; by backend 'opencl': {error}"
+        ) from error
 
-    devices = list_devices()
-    names = [info.device for info in devices]
+
+def _best(warp: list[BackendInfo], kind: str | None) -> tuple[str, str, str]:
+    """The best device of a kind ("cpu", "gpu" or None for any); OpenCL is looked at only where it could be taken."""
+    if kind != "cpu":
+        cuda = next((info for info in warp if info.available and info.device != "cpu"), None)
+        if cuda:
+            return "warp", cuda.device, f"backend warp on {cuda.device}: {cuda.reason}"
+    opencl = _opencl_devices()
+    if kind != "cpu":
+        gpus = _usable(opencl, gpu=True)
+        if gpus:
+            return "opencl", gpus[0].device, f"backend opencl on {gpus[0].device}: a GPU is taken where there is one"
+        if kind == "gpu":
+            raise ValueError(
+                "device 'gpu' is not there: Warp finds no CUDA device and OpenCL no GPU that can trace; see "
+                "`aerokernels backends`, or choose device 'cpu'"
+            )
+    processor = next((info for info in warp if info.available and info.device == "cpu"), None)
+    others = _usable(opencl, gpu=False)
+    if processor and others:
+        from .cpu_choice import faster_on_cpu
+
+        choice = faster_on_cpu(processor, others[0])
+        return choice.backend, choice.device, f"backend {choice.backend} on {choice.device}: {choice.reason}"
+    if processor:
+        return "warp", "cpu", f"backend warp on cpu: {processor.reason}; {_why_not(opencl)}"
+    if others:
+        return "opencl", others[0].device, f"backend opencl on {others[0].device}: {warp[0].reason}"
+    raise ValueError(
+        f"no backend can trace here: warp: {warp[0].reason}; {_why_not(opencl)}; backend 'reference' needs neither, "
+        "and is slow"
+    )
+
+
+def _warp_named(warp: list[BackendInfo], device: str | None) -> tuple[str, str, str]:
+    if not warp[0].available:
+        raise ValueError(f"backend 'warp' cannot trace here: {warp[0].reason}")
     if device is None:
-        best = devices[0]
-        return "warp", best.device, f"backend warp on {best.device}: {best.reason}"
+        return "warp", warp[0].device, f"backend warp on {warp[0].device}: {warp[0].reason}"
+    names = [info.device for info in warp]
     if device not in names:
         raise ValueError(f"device {device!r} is not there: backend 'warp' has {', '.join(names)}")
     return "warp", device, f"backend warp on {device}: asked for"
+
+
+def _opencl_named(device: str | None) -> tuple[str, str, str]:
+    from .opencl_devices import OpenCLUnavailable, find_device
+
+    try:
+        name = find_device(device).info.device
+    except OpenCLUnavailable as error:
+        raise OpenCLUnavailable(f"backend 'opencl' cannot trace here: {error}") from error
+    return "opencl", name, f"backend opencl on {name}: asked for"
+
+
+def _warp_devices() -> list[BackendInfo]:
+    if importlib.util.find_spec("warp") is None:
+        return [_absent("warp", "the package warp-lang is not installed: pip install warp-lang")]
+    from .warp_devices import list_devices
+
+    return list_devices()
+
+
+def _opencl_devices() -> list[BackendInfo]:
+    from .opencl_devices import list_devices
+
+    return list_devices()
+
+
+def _usable(opencl: list[BackendInfo], gpu: bool) -> list[BackendInfo]:
+    """The devices of OpenCL that can trace: GPUs, or all others."""
+    return [info for info in opencl if info.available and info.description.startswith("GPU") == gpu]
+
+
+def _processors(warp: list[BackendInfo], opencl: list[BackendInfo], behind_gpu: bool) -> list[BackendInfo]:
+    """What computes on the CPU, the one that "auto" prefers first where that was measured."""
+    mine = [info for info in warp if info.available and info.device == "cpu"]
+    others = _usable(opencl, gpu=False)
+    if behind_gpu:
+        return [replace(info, reason="a GPU goes before it") for info in mine + others]
+    if not (mine and others):
+        return mine + others
+    from .cpu_choice import NOT_MEASURED, remembered_choice
+
+    choice = remembered_choice(mine[0], others[0])
+    reason = choice.reason if choice else NOT_MEASURED
+    pair = [replace(mine[0], reason=reason), replace(others[0], reason=reason)]
+    if choice and choice.backend == "opencl":
+        pair.reverse()
+    return pair + others[1:]
+
+
+def _rest(warp: list[BackendInfo], opencl: list[BackendInfo]) -> list[BackendInfo]:
+    return [info for info in (*warp, *opencl) if not info.available]
+
+
+def _reference() -> BackendInfo:
+    import scipy
+
+    text = "float64 NumPy and SciPy (DOP853), one ray at a time: the oracle, slow"
+    return BackendInfo("reference", "cpu", text, scipy.__version__, True, True, host_memory(), "never taken by auto")
+
+
+def _why_not(opencl: list[BackendInfo]) -> str:
+    return "no OpenCL: " + "; ".join(info.reason for info in opencl if not info.available)
 
 
 def _absent(backend: str, reason: str) -> BackendInfo:

@@ -92,6 +92,8 @@ def run_plan(field: IndexField, rays: RayBundle, plan: TracePlan, until, wavelen
     """What a plan says on its backend: per-ray arrays by name, and seconds."""
     if plan.backend == "reference":
         from .reference import trace as run
+    elif plan.backend == "opencl":
+        from .opencl_backend import trace as run
     else:
         from .warp_backend import trace as run
     return run(field, rays, plan, until, wavelength, outputs)

@@ -9,21 +9,22 @@ import numpy as np
 import warp as wp
 
 from ..medium import IndexField
-from ..medium.grid import UniformGrid
 from ..rays import RayBundle
+from .field_data import (
+    INTEGER_ARRAYS,
+    REAL_TYPES,
+    STRUCTS,
+    FieldData,
+    field_data,
+    reach_tables,
+    stop_kind,
+    trace_members,
+)
 from .plan import TracePlan
-from .quiet import CONES, cones_of, reach
-from .stop import ArcLength, Plane
 from .warp_devices import start_warp, thread_count
 from .warp_tracer import build_kernel
 from .warp_types import types
 
-# Steps of so many cells need no leave from the table of safe steps: four samples a step are then less far apart than
-# the support of a sample. On a mesh, which has no table, they are the longest.
-STEP_LIMIT = 2.0
-MESH_STEP_LIMIT = 4.0
-# Greatest tolerance [waves] for which the field's structure may be stepped over.
-LAXEST = 0.3
 # Rays in one launch of a host thread; small enough to balance threads, large enough to hide the launch.
 CHUNK = 4096
 # Per-ray outputs of the kernel, in the order of its arguments.
@@ -43,115 +44,37 @@ NUMPY_TYPES = {"step_count": np.int32, "evaluation_count": np.int32, "status": n
 _uploaded: weakref.WeakKeyDictionary = weakref.WeakKeyDictionary()
 
 
-def upload(field: IndexField, precision: str, device: str, with_paper_step: bool) -> SimpleNamespace:
-    """The field's device structs; kept as long as the field lives."""
+def _fill(struct, name: str, members: dict, precision: str) -> None:
+    """Set the scalars and vectors of one of STRUCTS; Warp takes vectors of the very type only."""
+    t = types(precision)
+    vectors = {
+        ("i", 2): wp.vec2i,
+        ("i", 3): wp.vec3i,
+        ("d", 3): wp.vec3d,
+        ("r", 2): t.vec2,
+        ("r", 3): t.vec3,
+    }
+    for member, count, kind in STRUCTS[name]:
+        value = members[member]
+        setattr(struct, member, value if count == 1 else vectors[kind, count](*value))
+
+
+def upload(field: IndexField, data: FieldData, precision: str, device: str, with_paper_step: bool) -> dict:
+    """The field's arrays on the device, by name; kept as long as the field lives."""
     store = _uploaded.setdefault(field, {})
     key = (precision, device, with_paper_step)
     if key not in store:
-        store[key] = _upload(field, precision, device, with_paper_step)
+        t = types(precision)
+        vectors = {"corners": t.vec2, "gradients": t.vec2}
+        store[key] = {
+            name: wp.array(
+                np.ascontiguousarray(values, np.int32 if name in INTEGER_ARRAYS else REAL_TYPES[precision]),
+                dtype=wp.int32 if name in INTEGER_ARRAYS else vectors.get(name, t.real),
+                device=device,
+            )
+            for name, values in data.arrays.items()
+        }
     return store[key]
-
-
-def _upload(field: IndexField, precision: str, device: str, with_paper_step: bool) -> SimpleNamespace:
-    t = types(precision)
-    scalar = np.float32 if precision == "float32" else np.float64
-
-    def array(values, dtype=t.real, kind=scalar):
-        return wp.array(np.ascontiguousarray(values, dtype=kind), dtype=dtype, device=device)
-
-    device_field, bounds, control = t.Field(), t.Bounds(), t.Control()
-    samples = field.samples
-    device_field.ambient = field.ambient_index
-    low, high = field.box
-    finite = np.nan_to_num(np.stack([low, high]), posinf=0.0, neginf=0.0)
-    bounds.low, bounds.high = wp.vec3d(*finite[0]), wp.vec3d(*finite[1])
-    bounds.radius = float(samples.high[0]) if field.geometry == "axisymmetric" else 0.0
-    bounds.ambient = field.ambient_index
-    empty = np.zeros(1)
-    if field.is_uniform:
-        device_field.coefficients = array(samples.coefficients.ravel())
-        spacing, origin = _per_position_axis(field.geometry, samples.spacing, samples.origin)
-        shape = samples.coefficients.shape
-        pitch = [1, 1, 1]
-        for axis in range(len(shape) - 2, -1, -1):
-            pitch[axis] = pitch[axis + 1] * shape[axis + 1]
-        pitch = pitch[: len(shape)] + [1] * (3 - len(shape))
-        if np.prod(shape) >= 2**31:
-            raise ValueError(f"{np.prod(shape)} coefficients do not fit the kernel's 32-bit index: use a coarser grid")
-        device_field.pitch = wp.vec3i(*pitch)
-        device_field.row = wp.vec3i(*([n - 2 for n in samples.shape] + [0] * (3 - len(samples.shape))))
-        cell_rate = 1.0 / spacing
-        device_field.slack = 0.0
-        device_field.corners, device_field.gradients = array(np.zeros((1, 2)), t.vec2), array(np.zeros((1, 2)), t.vec2)
-        device_field.values = array(empty)
-        device_field.bin_start = array(empty, wp.int32, np.int32)
-        device_field.bin_cell = array(empty, wp.int32, np.int32)
-        step_table = samples.paper_step.ravel() if with_paper_step else empty
-    else:
-        mesh = samples.mesh
-        spacing, origin = np.ones(3), np.zeros(3)
-        device_field.coefficients = array(empty)
-        device_field.corners = array(mesh.corners.reshape(-1, 2), t.vec2)
-        device_field.values = array(samples.values[mesh.cells].ravel())
-        gradients = samples.gradients if field.interpolation != "bilinear" else np.zeros_like(mesh.vertices)
-        device_field.gradients = array(gradients[mesh.cells].reshape(-1, 2), t.vec2)
-        bins = mesh.bins
-        device_field.bin_start = array(bins.start, wp.int32, np.int32)
-        device_field.bin_cell = array(bins.cell, wp.int32, np.int32)
-        device_field.bin_count = wp.vec2i(*bins.count)
-        device_field.bin_origin = t.vec2(*bins.origin)
-        device_field.bin_rate = t.vec2(*(1.0 / bins.size))
-        device_field.mesh_low, device_field.mesh_high = (t.vec2(*corner) for corner in mesh.box)
-        extent = float(np.abs(np.stack(mesh.box)).max())
-        device_field.slack = extent * (4e-7 if precision == "float32" else 1e-13)
-        cell_rate = np.full(3, 1.0 / float(np.median(mesh.cell_size)))
-        step_table = np.append(samples.paper_step, np.median(samples.paper_step)) if with_paper_step else empty
-    device_field.paper_step = array(step_table)
-    device_field.inverse_spacing = t.vec3(*(1.0 / spacing))
-    bounds.origin, bounds.spacing = wp.vec3d(*origin), wp.vec3d(*spacing)
-    control.face_low = t.vec3(*((finite[0] - origin) / spacing))
-    control.face_high = t.vec3(*_whole((finite[1] - origin) / spacing))
-    control.radius = bounds.radius / spacing[0]
-    control.cell_rate = t.vec3(*cell_rate)
-    control.extent = 4.0 * float(np.linalg.norm(finite[1] - finite[0]))
-    control.step_limit = STEP_LIMIT if field.is_uniform else MESH_STEP_LIMIT
-    wall = field.wall_distance
-    wall_samples = np.ones((2, 2)) if wall is None else wall.samples
-    device_field.wall = wp.array(np.ascontiguousarray(wall_samples, dtype=scalar), dtype=t.real, device=device)
-    device_field.wall_origin = t.vec2(*([0.0, 0.0] if wall is None else wall.origin))
-    device_field.wall_rate = t.vec2(*([1.0, 1.0] if wall is None else 1.0 / wall.spacing))
-    return SimpleNamespace(field=device_field, bounds=bounds, control=control, spacing=spacing, origin=origin)
-
-
-def _upload_reach(control, field: IndexField, plan: TracePlan, wavelength: float, directions: np.ndarray) -> None:
-    """The tables of safe steps of the cones that the directions lie in; none without error control or on a mesh."""
-    budget = min(plan.tolerance, LAXEST) * wavelength
-    start = np.full(len(CONES), -1, dtype=np.int32)
-    lengths = [np.zeros(1)]
-    if isinstance(field.samples, UniformGrid) and plan.method in ("adaptive", "straight"):
-        for cone in np.unique(cones_of(directions, field.geometry)):
-            table = reach(field.samples, field.geometry, budget, CONES[cone])
-            start[cone] = sum(part.size for part in lengths)
-            lengths.append(table.length.ravel())
-            shape = table.length.shape
-            control.block_count = wp.vec3i(*shape, *[1] * (3 - len(shape)))
-            control.block = table.block
-    control.reach = wp.array(np.concatenate(lengths), dtype=types(plan.precision).real, device=plan.device)
-    control.reach_start = wp.array(start, dtype=wp.int32, device=plan.device)
-
-
-def _whole(cells: np.ndarray) -> np.ndarray:
-    """Cell counts that are whole but for rounding, made whole."""
-    near = np.round(cells)
-    return np.where(np.abs(cells - near) < 1e-9 * np.maximum(near, 1.0), near, cells)
-
-
-def _per_position_axis(geometry: str, spacing, origin) -> tuple[np.ndarray, np.ndarray]:
-    if geometry == "volume":
-        return np.array(spacing), np.array(origin)
-    if geometry == "planar":
-        return np.array([spacing[0], *spacing]), np.array([0.0, *origin])
-    return np.array([spacing[0], spacing[0], spacing[1]]), np.array([0.0, 0.0, origin[1]])
 
 
 def prepare(
@@ -160,26 +83,19 @@ def prepare(
     """Kernel and its arguments but for the rays; `directions` are the rays' own."""
     start_warp()
     start = time.perf_counter()
-    kept = upload(field, plan.precision, plan.device, plan.method == "paper")
+    data = field_data(field, plan.precision, plan.method == "paper")
+    stop_bounds, stop_control = trace_members(data, plan, until, wavelength)
+    tables, blocks = reach_tables(field, plan, wavelength, directions)
     t = types(plan.precision)
-    bounds, control = t.Bounds(), t.Control()
-    for name in ("origin", "spacing", "low", "high", "radius", "ambient"):
-        setattr(bounds, name, getattr(kept.bounds, name))
-    for name in ("face_low", "face_high", "radius", "cell_rate", "extent", "step_limit"):
-        setattr(control, name, getattr(kept.control, name))
-    control.step = plan.step or 0.0
-    control.budget = plan.tolerance * wavelength
-    _upload_reach(control, field, plan, wavelength, directions)
-    control.max_steps = plan.max_steps
-    stop = "none"
-    if isinstance(until, Plane):
-        stop = "plane"
-        bounds.plane_point, bounds.plane_normal = wp.vec3d(*until.point), wp.vec3d(*until.normal)
-        control.plane_normal = t.vec3(*(until.normal * kept.spacing))
-        control.plane_offset = float(until.normal @ (until.point - kept.origin))
-    elif isinstance(until, ArcLength):
-        stop = "arc"
-        bounds.length = until.length
+    device_field, bounds, control = t.Field(), t.Bounds(), t.Control()
+    _fill(device_field, "field", data.field, plan.precision)
+    _fill(bounds, "bounds", data.bounds | stop_bounds, plan.precision)
+    _fill(control, "control", data.control | stop_control | blocks, plan.precision)
+    for name, array in upload(field, data, plan.precision, plan.device, plan.method == "paper").items():
+        setattr(device_field, name, array)
+    control.reach = wp.array(tables["reach"], dtype=t.real, device=plan.device)
+    control.reach_start = wp.array(tables["reach_start"], dtype=wp.int32, device=plan.device)
+    stop = stop_kind(until)
     kernel = build_kernel(
         plan.precision,
         field.geometry,
@@ -195,7 +111,7 @@ def prepare(
     kernel.module.load(plan.device, 1 if plan.device == "cpu" else None)
     return SimpleNamespace(
         kernel=kernel,
-        arguments=[kept.field, bounds, control],
+        arguments=[device_field, bounds, control],
         seconds={"upload": uploaded - start, "compile": time.perf_counter() - uploaded},
     )
 

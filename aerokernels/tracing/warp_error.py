@@ -4,18 +4,10 @@ import functools
 
 import warp as wp
 
+from .scheme import BLUNTED, DIRECTION_SHARE, NOISE, ROUGH, SMOOTH, TINY
 from .tableau import B_ERROR, BT_ERROR, NEARLY_STRAIGHT, PATH_ERROR_SLOPE, PATH_ERROR_VALUE, C, is_one_scalar
 from .warp_motion import build_contrast
 from .warp_types import types
-
-# A direction error counts with at least this share of the field's length, besides the ray's own slope.
-DIRECTION_SHARE = 0.01
-# Errors are believed to be smaller than the embedded formula says by these factors at most: where the table of safe
-# steps says that the field is smooth over the step (or the step stays in one cell of a linear field), and elsewhere;
-# less so on bent rays: 1 from an angle of 1 / BLUNTED on.
-SMOOTH = 0.02
-ROUGH = 0.2
-BLUNTED = 30.0
 
 
 @functools.cache
@@ -24,11 +16,10 @@ def build_step_error(precision: str, geometry: str, interpolation: str):
     t = types(precision)
     real, vec3, vec4, Control = t.real, t.vec3, t.vec4, t.Control
     contrast = build_contrast(precision)
-    tiny = 1e-30 if precision == "float32" else 1e-290
+    tiny = TINY[precision]
     one_scalar = is_one_scalar(interpolation)
     sharpened = interpolation in ("cubic", "linear")
-    # Rounding in the error estimate, in units in the last place: error control does not chase it.
-    noise = 8.0 * (2.0**-24 if precision == "float32" else 2.0**-53)
+    noise = NOISE[precision]
     c2, c3 = (float(v) for v in C[1:3])
     e1, e2, e3, e4 = (float(v) for v in B_ERROR)
     f1, f2, f3, f4 = (float(v) for v in BT_ERROR)

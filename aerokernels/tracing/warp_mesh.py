@@ -1,48 +1,65 @@
-"""Device functions: the optical potential on a quadrilateral mesh, the cell found through uniform bins."""
+"""Device functions: the optical potential on a quadrilateral mesh.
+
+The cell that holds a point is found from the one that held the ray at the start of its step, walking over edges; where
+that leads nowhere, through the uniform bins.
+"""
 
 import functools
 
 import warp as wp
 
+from .scheme import WALK_LIMIT
 from .warp_types import types
 
 
 @functools.cache
 def build_locate(precision: str):
-    """A function (field, point) -> index of the cell that holds it, -1 if none does."""
+    """A function (field, point, home) -> index of the cell that holds the point, -1 if none does.
+
+    `home` is a cell nearby, or -1: the walk starts there, and goes over the edge that the point lies furthest behind.
+    """
     t = types(precision)
-    real, vec2, Field = t.real, t.vec2, t.Field
+    vec2, Field = t.vec2, t.Field
 
     @wp.func
-    def left_of(a: vec2, b: vec2, p: vec2, slack: real):
-        """Whether p lies left of the edge a -> b, or no further to its right than `slack` [m]."""
-        edge = b - a
-        toward = p - a
-        return edge[0] * toward[1] - edge[1] * toward[0] >= -slack * wp.length(edge)
+    def way_from(field: Field, cell: int, p: vec2):
+        """-1 if the cell holds the point, edges included, else the edge that it lies furthest behind."""
+        way = int(-1)
+        furthest = -field.slack
+        for k in range(4):
+            start = field.corners[4 * cell + k]
+            edge = field.corners[4 * cell + (k + 1) % 4] - start
+            toward = p - start
+            left = edge[0] * toward[1] - edge[1] * toward[0]
+            length = wp.length(edge)
+            if left < furthest * length:
+                furthest = left / length
+                way = k
+        return way
 
     @wp.func
-    def locate(field: Field, p: vec2):
-        place = wp.cw_mul(p - field.bin_origin, field.bin_rate)
-        i = wp.clamp(int(wp.floor(place[0])), 0, field.bin_count[0] - 1)
-        j = wp.clamp(int(wp.floor(place[1])), 0, field.bin_count[1] - 1)
-        key = i * field.bin_count[1] + j
+    def locate(field: Field, p: vec2, home: int):
         found = int(-1)
-        at = int(field.bin_start[key])
-        stop = int(field.bin_start[key + 1])
-        while found < 0 and at < stop:
-            cell = field.bin_cell[at]
-            a = field.corners[4 * cell]
-            b = field.corners[4 * cell + 1]
-            c = field.corners[4 * cell + 2]
-            d = field.corners[4 * cell + 3]
-            if (
-                left_of(a, b, p, field.slack)
-                and left_of(b, c, p, field.slack)
-                and left_of(c, d, p, field.slack)
-                and left_of(d, a, p, field.slack)
-            ):
-                found = int(cell)
-            at += 1
+        cell = int(home)
+        trial = int(0)
+        while cell >= 0 and found < 0 and trial < wp.static(WALK_LIMIT):
+            way = way_from(field, cell, p)
+            if way < 0:
+                found = cell
+            else:
+                cell = field.neighbors[4 * cell + way]
+            trial += 1
+        if found < 0:
+            place = wp.cw_mul(p - field.bin_origin, field.bin_rate)
+            i = wp.clamp(int(wp.floor(place[0])), 0, field.bin_count[0] - 1)
+            j = wp.clamp(int(wp.floor(place[1])), 0, field.bin_count[1] - 1)
+            key = i * field.bin_count[1] + j
+            at = int(field.bin_start[key])
+            stop = int(field.bin_start[key + 1])
+            while found < 0 and at < stop:
+                if way_from(field, field.bin_cell[at], p) < 0:
+                    found = field.bin_cell[at]
+                at += 1
         return found
 
     return locate
@@ -70,8 +87,42 @@ def build_plane_point(precision: str, geometry: str):
 
 
 @functools.cache
+def build_within_box(precision: str):
+    """A function (field, point) -> the point, moved into the mesh's box.
+
+    Stages of the last step may look beyond it: the field goes on linearly there.
+    """
+    t = types(precision)
+    vec2, Field = t.vec2, t.Field
+
+    @wp.func
+    def within_box(field: Field, p: vec2):
+        return vec2(
+            wp.clamp(p[0], field.mesh_low[0], field.mesh_high[0]), wp.clamp(p[1], field.mesh_low[1], field.mesh_high[1])
+        )
+
+    return within_box
+
+
+@functools.cache
+def build_find_home(precision: str, geometry: str):
+    """A function (field, frac, home) -> the cell to remember for a ray at this place."""
+    t = types(precision)
+    vec3, Field = t.vec3, t.Field
+    locate = build_locate(precision)
+    plane_point = build_plane_point(precision, geometry)
+    within_box = build_within_box(precision)
+
+    @wp.func
+    def find_home(field: Field, frac: vec3, home: int):
+        return locate(field, within_box(field, plane_point(frac)), home)
+
+    return find_home
+
+
+@functools.cache
 def build_sample(precision: str, geometry: str, interpolation: str):
-    """A function (field, cell, frac) -> (potential s, its gradient in x, y, z [1/m]); zero outside the mesh.
+    """A function (field, cell, frac, home) -> (potential s, its gradient in x, y, z [1/m]); zero outside the mesh.
 
     On a mesh the contrast m is interpolated, and s = m (a + m / 2), grad s = (a + m) grad m.
     """
@@ -79,6 +130,7 @@ def build_sample(precision: str, geometry: str, interpolation: str):
     real, vec2, vec3, vec4, Field = t.real, t.vec2, t.vec3, t.vec4, t.Field
     locate = build_locate(precision)
     plane_point = build_plane_point(precision, geometry)
+    within_box = build_within_box(precision)
 
     @wp.func
     def blend(field: Field, first: int, w: vec4):
@@ -145,13 +197,10 @@ def build_sample(precision: str, geometry: str, interpolation: str):
                 return vec3(m, (rise * across[1] - lift * along[1]) / det, (lift * along[0] - rise * across[0]) / det)
 
     @wp.func
-    def sample(field: Field, cell: wp.vec3i, frac: vec3):
+    def sample(field: Field, cell: wp.vec3i, frac: vec3, home: int):
         p = plane_point(frac)
-        # Stages of the last step may look beyond the box: the field goes on linearly there.
-        edge = vec2(
-            wp.clamp(p[0], field.mesh_low[0], field.mesh_high[0]), wp.clamp(p[1], field.mesh_low[1], field.mesh_high[1])
-        )
-        inside = locate(field, edge)
+        edge = within_box(field, p)
+        inside = locate(field, edge, home)
         if inside < 0:
             return vec4(real(0.0), real(0.0), real(0.0), real(0.0))
         s = in_cell(field, inside, edge)
@@ -171,7 +220,7 @@ def build_sample(precision: str, geometry: str, interpolation: str):
 
 @functools.cache
 def build_paper_step(precision: str, geometry: str):
-    """A function (field, cell, frac) -> step length of eq 5 in the cell that holds the point [m].
+    """A function (field, cell, frac, home) -> step length of eq 5 in the cell that holds the point [m].
 
     Outside the mesh the median over all cells, kept behind the last cell's entry, is taken.
     """
@@ -181,10 +230,10 @@ def build_paper_step(precision: str, geometry: str):
     plane_point = build_plane_point(precision, geometry)
 
     @wp.func
-    def paper_step(field: Field, cell: wp.vec3i, frac: vec3):
-        inside = locate(field, plane_point(frac))
+    def paper_step(field: Field, cell: wp.vec3i, frac: vec3, home: int):
+        inside = locate(field, plane_point(frac), home)
         if inside < 0:
-            return field.paper_step[field.paper_step.shape[0] - 1]
+            return field.paper_step[field.cell_count]
         return field.paper_step[inside]
 
     return paper_step

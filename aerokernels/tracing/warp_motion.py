@@ -1,4 +1,4 @@
-"""Device functions of the tracer: positions in cells, compensated sums, landing on a surface, looking at a stage."""
+"""Device functions of the tracer: positions in cells, compensated sums, and what a step adds to them."""
 
 import functools
 from typing import Any
@@ -6,7 +6,6 @@ from typing import Any
 import warp as wp
 
 from .tableau import BT, STAGE_MOMENTUM
-from .warp_box import FACE_COUNT, build_surface
 from .warp_types import types
 
 # Axes along which a position is kept as cell + fraction.
@@ -44,8 +43,8 @@ def build_contrast(precision: str):
 
 
 @functools.cache
-def build_lag(precision: str):
-    """A function of a step's stages -> its sum of the index less the momentum along d."""
+def build_sums(precision: str):
+    """Functions -> what a step, and what flying on along the tangent, adds to (sigma, S, M, B)."""
     t = types(precision)
     real, vec3, vec4 = t.real, t.vec3, t.vec4
     contrast = build_contrast(precision)
@@ -71,7 +70,54 @@ def build_lag(precision: str):
         total = real(v1) * lag(ambient, d, momentum, pot) + real(v2) * lag(ambient, d, swung2, s2[0])
         return h * (total + real(v3) * lag(ambient, d, swung3, s3[0]) + real(v4) * lag(ambient, d, swung4, s4[0]))
 
-    return lag, lag_sum
+    @wp.func
+    def step_sums(
+        ambient: real, d: vec3, momentum: vec3, m: real, h: real, pot: real, force: vec3, s2: vec4, s3: vec4, s4: vec4
+    ):
+        """By the rule of the path: momentum, contrast, potential and force are those at the start of the step."""
+        return vec4(
+            h,
+            h * (real(v1) * pot + real(v2) * s2[0] + real(v3) * s3[0] + real(v4) * s4[0]),
+            h
+            * (
+                real(v1) * m
+                + real(v2) * contrast(ambient, s2[0])
+                + real(v3) * contrast(ambient, s3[0])
+                + real(v4) * contrast(ambient, s4[0])
+            ),
+            lag_sum(ambient, d, momentum, h, pot, force, s2, s3, s4),
+        )
+
+    @wp.func
+    def tangent_sums(ambient: real, d: vec3, momentum: vec3, back: real, pot: real, force: vec3):
+        half = real(0.5) * back * back
+        climb = wp.dot(force, ambient * d + momentum)
+        m = contrast(ambient, pot)
+        return vec4(
+            back,
+            back * pot + half * climb,
+            back * m + half * climb / (ambient + m),
+            back * lag(ambient, d, momentum, pot),
+        )
+
+    return step_sums, tangent_sums
+
+
+@functools.cache
+def build_mend(precision: str):
+    """A function (ambient, direction, momentum, potential) -> what brings the momentum back onto |T| = n, along T."""
+    t = types(precision)
+    real, vec3 = t.real, t.vec3
+
+    @wp.func
+    def mend(ambient: real, d: vec3, momentum: vec3, pot: real):
+        surplus = real(2.0) * pot - wp.dot(momentum, real(2.0) * ambient * d + momentum)
+        tangent = ambient * d + momentum
+        square = wp.dot(tangent, tangent)
+        root = wp.sqrt(wp.max(square * (square + surplus), real(0.0)))
+        return (surplus / (square + root)) * tangent
+
+    return mend
 
 
 @functools.cache
@@ -102,98 +148,3 @@ def build_cells(precision: str, kind: str):
         return cell + moved, frac - vec3(real(moved[0]), real(moved[1]), real(moved[2]))
 
     return in_cells, carry_over
-
-
-@functools.cache
-def build_landing(precision: str, geometry: str, stop: str):
-    """Functions about the surfaces a ray can end on: one turned toward the ray, its unit, landing on the first."""
-    t = types(precision)
-    real, vec3, Control = t.real, t.vec3, t.Control
-    surface = build_surface(precision, geometry)
-    face_count = wp.constant(FACE_COUNT[geometry])
-    surface_count = wp.constant(FACE_COUNT[geometry] + (1 if stop == "plane" else 0))
-    # A ray that runs in a face is not thrown out by rounding: it is behind a surface when it is so by this many cells.
-    slack_cells = 1e-9 if precision == "float32" else 1e-10
-    none = 1e30
-
-    @wp.func
-    def oriented(control: Control, k: int, side: real, cell: wp.vec3i, frac: vec3):
-        s = surface(control, k, cell, frac)
-        if k == face_count:
-            s = side * s
-        return s
-
-    @wp.func
-    def surface_unit(control: Control, k: int):
-        """Size of a cell in the unit of surface k: faces are measured in cells, the plane in metres."""
-        if k == face_count:
-            return real(1.0) / wp.max(control.cell_rate)
-        return real(1.0)
-
-    @wp.func
-    def rising_root(v0: real, v1: real, v2: real):
-        """The first positive h at which v0 + v1 h + v2 h^2 rises through zero; 0 if it is above and stays there."""
-        disc = v1 * v1 - real(4.0) * v2 * v0
-        if v0 > real(0.0):
-            if v1 >= real(0.0) or disc < real(0.0):
-                return real(0.0)
-        elif disc < real(0.0):
-            return real(none)
-        root = wp.sqrt(disc)
-        if v1 >= real(0.0):
-            if v1 + root <= real(0.0):
-                return real(none)
-            return real(-2.0) * v0 / (v1 + root)
-        if v2 <= real(0.0):
-            return real(none)
-        return (root - v1) / (real(2.0) * v2)
-
-    @wp.func
-    def landing(
-        control: Control, rate: vec3, side: real, cell: wp.vec3i, frac: vec3, momentum: vec3, force: vec3, h: real
-    ):
-        """The step that ends where the parabola first meets a surface, no longer than h, and that surface or -1."""
-        best = h
-        which = int(-1)
-        along = wp.cw_mul(momentum, rate)
-        bend = wp.cw_mul(force, rate)
-        for k in range(surface_count):
-            s = oriented(control, k, side, cell, frac)
-            normal = vec3(s[1], s[2], s[3])
-            curve = wp.dot(normal, bend)
-            if wp.static(geometry == "axisymmetric"):
-                if k == 2:
-                    curve += (along[0] * along[0] + along[1] * along[1]) / control.radius
-            rise = wp.dot(normal, along)
-            slack = real(slack_cells) * surface_unit(control, k)
-            outside = s[0]
-            grazing = real(1.0e-4) * wp.length(along) * surface_unit(control, k)
-            if rise >= real(0.0) and rise <= grazing and outside >= -slack:
-                outside -= slack
-            root = rising_root(outside, rise, real(0.5) * curve)
-            if root <= best:
-                best = root
-                which = k
-        return best, which
-
-    return oriented, surface_unit, landing
-
-
-def build_look(precision: str, sample, straight: bool):
-    """A function that looks the field up at a stage of a step."""
-    t = types(precision)
-    real, vec3, Field = t.real, t.vec3, t.Field
-
-    @wp.func
-    def look(
-        field: Field, cell: wp.vec3i, frac: vec3, rate: vec3, h: real, total: vec3, momentum: vec3, q: vec3, kick: vec3
-    ):
-        """The field at a stage; on a straight line the contrast beside it is first order in the deviation."""
-        if wp.static(straight):
-            s = sample(field, cell, frac + h * wp.cw_mul(total, rate))
-            s[0] += wp.dot(vec3(s[1], s[2], s[3]), q + h * momentum + kick)
-            return s
-        else:
-            return sample(field, cell, frac + wp.cw_mul(h * total + kick, rate))
-
-    return look

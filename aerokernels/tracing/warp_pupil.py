@@ -7,15 +7,14 @@ areas of the square map to equal areas of the disc.
 
 import warp as wp
 
+from .scheme import GROUP, HASHES
 from .status import RayStatus
 
-# Rays summed by one kernel thread.
-GROUP = 1024
 # Constants of 32 bits are typed here: a literal inside a kernel would pass through a signed integer.
-_HASH_1 = wp.constant(wp.uint32(0x6C50B47C))
-_HASH_2 = wp.constant(wp.uint32(0xB82F1E52))
-_HASH_3 = wp.constant(wp.uint32(0xC7AFE638))
-_HASH_4 = wp.constant(wp.uint32(0x8D22F6E6))
+_HASH_1 = wp.constant(wp.uint32(HASHES[0]))
+_HASH_2 = wp.constant(wp.uint32(HASHES[1]))
+_HASH_3 = wp.constant(wp.uint32(HASHES[2]))
+_HASH_4 = wp.constant(wp.uint32(HASHES[3]))
 _TOP_BIT = wp.constant(wp.uint32(0x80000000))
 _OK = wp.constant(int(RayStatus.OK))
 _GROUP = wp.constant(GROUP)

@@ -9,9 +9,6 @@ from ..medium.grid import AXIS_CORE
 from .quiet import CONE_SINES, CONES
 from .warp_types import types
 
-# Cell faces that a ray has passed but for rounding, or is about to pass in so little, in cells: not worth a step.
-HAIR = 1e-4
-
 
 @functools.cache
 def build_cone(geometry: str):

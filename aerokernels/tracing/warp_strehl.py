@@ -8,11 +8,10 @@ import numpy as np
 import warp as wp
 
 from . import warp_pupil
-from .pupil_sums import MOMENT_COUNT, fit_moments
+from .pupil_sums import MOMENT_COUNT, PUPIL_OUTPUTS, fit_plane, join_groups, moments_in_metres, replicate_seeds
+from .scheme import GROUP
 from .warp_backend import allocate, launch, prepare
-from .warp_pupil import GROUP, launch_pupil, sum_moments, sum_phasors
-
-OUTPUTS = frozenset(("opd", "step_error", "evaluation_count"))
+from .warp_pupil import launch_pupil, sum_moments, sum_phasors
 
 
 @functools.cache
@@ -25,13 +24,13 @@ def reduce_pupil(field, pupil, look, until, plan, wavelength, per_replicate, rep
 
     Each replicate is padded to whole groups of rays, so that a group never straddles two.
     """
-    ready = prepare(field, plan, until, wavelength, OUTPUTS, look[None])
+    ready = prepare(field, plan, until, wavelength, PUPIL_OUTPUTS, look[None])
     start = time.perf_counter()
     _load(plan.device)
     ready.seconds["compile"] += time.perf_counter() - start
     start = time.perf_counter()
     device = plan.device
-    seeds = np.random.default_rng(seed).integers(0, 2**32, size=(replicates, 2), dtype=np.uint32)
+    seeds = replicate_seeds(seed, replicates)
     axes = [pupil.radius * axis for axis in pupil.axes]
     moments = np.zeros((replicates, MOMENT_COUNT))
     phasor = np.zeros(replicates, dtype=np.complex128)
@@ -39,23 +38,18 @@ def reduce_pupil(field, pupil, look, until, plan, wavelength, per_replicate, rep
     for replicate in range(replicates):
         batch = _trace_replicate(ready, pupil, axes, look, seeds[replicate], per_replicate, device)
         kept.append(batch)
-        rows = batch.moments.numpy()
-        moments[replicate] = rows.sum(axis=0)
-        moments[replicate, 10] = rows[:, 10].max()
+        moments[replicate] = join_groups(batch.moments.numpy())
     evaluations = int(moments[:, 11].sum())
-    piston, tilt, _, _ = fit_moments(moments.sum(axis=0))
-    plane = wp.vec3d(piston, *(tilt if with_tilt else (0.0, 0.0)))
+    plane = wp.vec3d(*fit_plane(moments, with_tilt))
     for replicate, batch in enumerate(kept):
         out = wp.empty(len(batch.moments), dtype=wp.vec2d, device=device)
         shared = [2.0 * np.pi / wavelength, plane, per_replicate]
         launch(sum_phasors, shared, [batch.pupil, batch.opd, batch.status, out], len(out), device)
         pair = out.numpy().sum(axis=0)
         phasor[replicate] = complex(pair[0], pair[1])
-    # Pupil coordinates above are in units of the radius; the caller's are metres.
-    scale = np.array([1, *[pupil.radius] * 2, 1, *[pupil.radius**2] * 3, *[pupil.radius] * 2, 1, 1, 1])
     seconds = dict(ready.seconds)
     seconds["kernel"] = time.perf_counter() - start
-    return moments * scale, phasor, evaluations, seconds
+    return moments_in_metres(moments, pupil), phasor, evaluations, seconds
 
 
 def _trace_replicate(ready, pupil, axes, look, seeds, count, device) -> SimpleNamespace:
@@ -66,7 +60,7 @@ def _trace_replicate(ready, pupil, axes, look, seeds, count, device) -> SimpleNa
     seed_array = wp.array(seeds[None], dtype=wp.uint32, device=device)
     geometry = [wp.vec3d(*pupil.center), wp.vec3d(*axes[0]), wp.vec3d(*axes[1]), wp.vec3d(*look), seed_array, count]
     launch(launch_pupil, geometry, [position, direction, coordinates], count, device)
-    results = allocate(OUTPUTS, count, device)
+    results = allocate(PUPIL_OUTPUTS, count, device)
     launch(ready.kernel, ready.arguments, [position, direction, *results.values()], count, device)
     moments = wp.empty((-(-count // GROUP), MOMENT_COUNT), dtype=wp.float64, device=device)
     per_ray = [coordinates, *(results[n] for n in ("opd", "step_error", "evaluation_count", "status")), moments]

@@ -36,21 +36,17 @@ import functools
 import warp as wp
 
 from . import warp_grid, warp_mesh
+from .scheme import HAIR, LANDED_ARC, LEAST_STEP, TINY
 from .status import RayStatus
-from .tableau import BT, NEARLY_STRAIGHT, START_FROM_LATER, A, B, C, is_one_scalar
-from .warp_box import FACE_COUNT, build_crossing, build_detour, build_meeting
+from .tableau import BT, START_FROM_LATER, A, B, C, is_one_scalar
+from .warp_ends import build_end, build_start
 from .warp_error import build_step_error
-from .warp_motion import advance, build_cells, build_contrast, build_lag, build_landing, build_look, deflection
-from .warp_reach import HAIR, build_cone, build_reach, build_to_face
+from .warp_landing import build_arc_landing, build_landing
+from .warp_motion import advance, build_cells, build_contrast, build_mend, build_sums
+from .warp_reach import build_cone, build_reach
+from .warp_step import build_before_face, build_look, build_verdict
 from .warp_types import types
-from .warp_wall import build_clear_way, build_wall_distance, build_way_out
-
-# Greatest distance before a face, in cells, at which a step across a kinked interpolant's cell may stop.
-SHIEST = 1e-3
-# The share of the remaining error budget that one step may use up, however short it is.
-STEP_SHARE = 0.02
-# Steps in cells from which down an error estimate may be taken for rounding.
-NOISE_STEP = 0.5
+from .warp_wall import build_clear_way, build_wall_distance
 
 
 @functools.cache
@@ -68,39 +64,40 @@ def build_kernel(
     t = types(precision)
     real, vec3, Field, Bounds, Control = t.real, t.vec3, t.Field, t.Bounds, t.Control
     source = warp_mesh if on_mesh else warp_grid
+    kind = "mesh" if on_mesh else geometry
     sample = source.build_sample(precision, geometry, interpolation)
     paper_step = source.build_paper_step(precision, geometry)
+    find_home = source.build_find_home(precision, geometry)
+    start_of = build_start(precision, geometry, stop, has_body)
+    end_of = build_end(precision, geometry, interpolation, stop)
+    in_cells, carry_over = build_cells(precision, kind)
     cone_of = build_cone(geometry)
-    reach_of = build_reach(precision, "mesh" if on_mesh else geometry)
-    to_face = build_to_face(precision, geometry)
-    crossing = build_crossing(precision, geometry)
-    meeting = build_meeting(precision, geometry)
-    detour = build_detour(precision, geometry)
-    wall_distance = build_wall_distance(precision, geometry)
-    way_out = build_way_out(precision, geometry)
-    wall_at, clear_way = build_clear_way(precision, geometry)
-    contrast = build_contrast(precision)
-    lag, lag_sum = build_lag(precision)
-    in_cells, carry_over = build_cells(precision, "mesh" if on_mesh else geometry)
-    oriented, surface_unit, landing = build_landing(precision, geometry, stop)
-    step_error, step_rounding = build_step_error(precision, geometry, interpolation)
+    reach_of = build_reach(precision, kind)
+    before_face = build_before_face(precision, geometry, interpolation)
     look = build_look(precision, sample, method == "straight")
-    face_count = wp.constant(FACE_COUNT[geometry])
-    landed_arc = wp.constant(100)
-    tiny = 1e-30 if precision == "float32" else 1e-290
-    least_step = 1e-4  # of a cell: error control does not ask for less
+    step_error, step_rounding = build_step_error(precision, geometry, interpolation)
+    verdict = build_verdict(precision)
+    contrast = build_contrast(precision)
+    mend = build_mend(precision)
+    step_sums, tangent_sums = build_sums(precision)
+    landing, overshot, touchdown = build_landing(precision, geometry, stop)
+    arc_landing, arc_touchdown = build_arc_landing(precision)
+    wall_distance = build_wall_distance(precision, geometry)
+    wall_at, clear_way = build_clear_way(precision, geometry)
+    landed_arc = wp.constant(LANDED_ARC)
+    tiny = TINY[precision]
     straight = method == "straight"
     one_scalar = is_one_scalar(interpolation)
     controlled = method in ("adaptive", "straight")
     kinked = interpolation in ("linear", "monotone") and controlled
+    at_faces = interpolation == "linear" and controlled
 
     c2, c3 = (float(v) for v in C[1:3])
     a21, a31, a32 = float(A[1, 0]), float(A[2, 0]), float(A[2, 1])
     w2, w3, w4 = (float(v) for v in START_FROM_LATER)
     b1, b2, b3 = (float(v) for v in B[:3])
     v1, v2, v3, v4 = (float(v) for v in BT)
-    ok, missed, not_reached = int(RayStatus.OK), int(RayStatus.MISSED_FIELD), int(RayStatus.STOP_NOT_REACHED)
-    hit_body, inside_body = int(RayStatus.HIT_BODY), int(RayStatus.INSIDE_BODY)
+    ok, hit_body = int(RayStatus.OK), int(RayStatus.HIT_BODY)
     too_many, not_finite = int(RayStatus.MAX_STEPS), int(RayStatus.NOT_FINITE)
 
     @wp.kernel(module="unique", enable_backward=False)
@@ -124,48 +121,10 @@ def build_kernel(
         ray = wp.tid() + first_ray
         p0 = position_in[ray]
         d0 = direction_in[ray]
-        ambient64 = bounds.ambient
-        none64 = wp.float64(0.0)
-        status = int(ok)
-
-        # Where the undisturbed ray stops, and whether it meets the box before.
-        span = crossing(bounds, p0, d0)
-        enter = wp.max(span[0], none64)
-        meets = span[0] <= span[1] and span[1] >= none64
-        stop_distance = span[1]
-        has_undisturbed = bool(True)
-        side = real(1.0)
-        if wp.static(stop == "plane"):
-            height = wp.dot(bounds.plane_normal, p0 - bounds.plane_point)
-            slope = wp.dot(bounds.plane_normal, d0)
-            stop_distance = none64
-            if height != none64:
-                has_undisturbed = bool(height * slope < none64)
-                if has_undisturbed:
-                    stop_distance = -height / slope
-            if height > none64:
-                side = real(-1.0)
-        if wp.static(stop == "arc"):
-            stop_distance = bounds.length
-        if meets and has_undisturbed and wp.static(stop != "none"):
-            meets = stop_distance > enter
-        if wp.static(stop == "none"):
-            if meets and span[1] > wp.float64(1.0e299):
-                status = int(not_reached)  # along x in a planar field, which has no end there
-
-        # A ray that starts behind the body's surface begins where it leaves it.
-        if wp.static(has_body):
-            if meets:
-                enter, solid = way_out(field, p0, d0, enter, span[1])
-                if solid:
-                    status = int(inside_body)
-                if has_undisturbed and wp.static(stop != "none"):
-                    if stop_distance <= enter:
-                        meets = bool(False)
-                        status = int(ok)
+        course, status = start_of(field, bounds, p0, d0)
 
         d = vec3(real(d0[0]), real(d0[1]), real(d0[2]))
-        ambient = real(ambient64)
+        ambient = real(bounds.ambient)
         q = vec3(real(0.0), real(0.0), real(0.0))
         q_carry = q
         momentum = q  # P, the deviation of T
@@ -178,24 +137,22 @@ def build_kernel(
         evaluations = int(0)
         landed = int(-1)
 
-        if meets and status == ok:
-            cell, frac = in_cells(bounds, p0 + enter * d0)
+        if course.meets and status == ok:
+            cell, frac = in_cells(bounds, p0 + course.enter * d0)
             frac_carry = vec3(real(0.0), real(0.0), real(0.0))
             rate = field.inverse_spacing
-            s = sample(field, cell, frac)
+            home = find_home(field, frac, -1)  # the cell of a mesh
+            s = sample(field, cell, frac, home)
             evaluations += 1
             pot = s[0]
             force = vec3(s[1], s[2], s[3])
             momentum = contrast(ambient, pot) * d
-            far = span[1]
-            if has_undisturbed and wp.static(stop != "none"):
-                far = wp.min(far, stop_distance)
             cone = cone_of(d0)
-            reach = wp.min(real(wp.min(far - enter, wp.float64(1.0e30))), control.extent)
-            arc_left = real(bounds.length - enter)
+            reach = wp.min(real(wp.min(course.far - course.enter, wp.float64(1.0e30))), control.extent)
+            arc_left = real(bounds.length - course.enter)
             gap = real(0.0)
             if wp.static(has_body):
-                start = p0 + enter * d0
+                start = p0 + course.enter * d0
                 gap = wp.max(wall_distance(field, vec3(real(start[0]), real(start[1]), real(start[2]))), real(0.0))
             h_next = control.extent / ambient
             h_cap = h_next  # shorter after a step that would have ended well behind a surface
@@ -205,27 +162,19 @@ def build_kernel(
                 m = contrast(ambient, pot)
                 if wp.static(straight):
                     total = ambient * d
+                h_cell = real(1.0) / wp.max(wp.length(wp.cw_mul(total, control.cell_rate)), real(tiny))
+                h_least = real(LEAST_STEP) / (wp.max(control.cell_rate) * wp.length(total))
                 h = h_next
                 safe = real(0.0)
-                shy = real(0.1 * HAIR)
-                h_cell = real(1.0) / wp.max(wp.length(wp.cw_mul(total, control.cell_rate)), real(tiny))
-                h_least = real(least_step) / (wp.max(control.cell_rate) * wp.length(total))
                 if wp.static(method == "fixed"):
                     h = control.step / (ambient + m)
                 elif wp.static(method == "paper"):
-                    h = paper_step(field, cell, frac) / (ambient + m)
+                    h = paper_step(field, cell, frac, home) / (ambient + m)
                 else:
                     limit = control.step_limit * h_cell
                     if wp.static(kinked):
                         # The interpolant has kinks at the cells' faces: no step across one.
-                        pace = wp.cw_mul(total, rate)
-                        pull = wp.cw_mul(force, rate)
-                        if wp.static(interpolation == "linear"):
-                            # In cells, how far before a face to stop: a share of the bend over a cell, whose change
-                            # over the step the parabola does not know.
-                            bend = real(0.15) * wp.length(pull) / wp.dot(pace, pace)
-                            shy = real(0.1 * HAIR) + wp.min(bend, real(SHIEST))
-                        limit = to_face(cell, frac, pace, pull, real(10.0) * shy) - shy / wp.length(pace)
+                        limit, shy = before_face(cell, frac, rate, total, force)
                     # Short of the face at which the first rough block may begin.
                     safe = reach_of(control, cone, cell, frac, total) - real(10.0 * HAIR) * h_cell
                     h = wp.min(h, wp.max(limit, safe))
@@ -239,29 +188,25 @@ def build_kernel(
                 if wp.static(straight):
                     shown = frac + wp.cw_mul(q, rate)
                 h_free = h
-                h, land = landing(control, rate, side, cell, shown, ambient * d + momentum, force, h)
+                h, land = landing(control, rate, course.side, cell, shown, ambient * d + momentum, force, h)
                 if wp.static(stop == "arc"):
                     rest = arc_left - (ambient * sums[0] + sums[2])
-                    n = ambient + m
-                    bend = wp.dot(force, total) / n
-                    if h * (n + real(0.5) * bend * h) >= rest:
-                        h_arc = wp.min(rest / n, h)
-                        h = wp.clamp(rest / (n + real(0.5) * bend * h_arc), real(0.0), h)
-                        land = int(landed_arc)
+                    h, land = arc_landing(rest, ambient + m, total, force, h, land)
 
+                # The field at the step's later stages: here, for in a function of its own it is slower.
                 hh = h * h
                 kick2 = (real(a21) * hh) * force
-                s2 = look(field, cell, frac, rate, real(c2) * h, total, momentum, q, kick2)
+                s2 = look(field, home, cell, frac, rate, real(c2) * h, total, momentum, q, kick2)
                 force2 = vec3(s2[1], s2[2], s2[3])
                 kick3 = hh * (real(a31) * force + real(a32) * force2)
-                s3 = look(field, cell, frac, rate, real(c3) * h, total, momentum, q, kick3)
+                s3 = look(field, home, cell, frac, rate, real(c3) * h, total, momentum, q, kick3)
                 force3 = vec3(s3[1], s3[2], s3[3])
                 kick = hh * (real(b1) * force + real(b2) * force2 + real(b3) * force3)
-                s4 = look(field, cell, frac, rate, h, total, momentum, q, kick)
+                s4 = look(field, home, cell, frac, rate, h, total, momentum, q, kick)
                 force4 = vec3(s4[1], s4[2], s4[3])
                 evaluations += 3
                 crossed = bool(False)
-                if wp.static(interpolation == "linear" and controlled):
+                if wp.static(at_faces):
                     if h > safe:
                         # The slope at the start, a jump, by the parabola through the others, which lie in one cell:
                         # if that is not what was found behind the face, the step went on into the next cell.
@@ -277,15 +222,8 @@ def build_kernel(
 
                 accept = bool(True)
                 if wp.static(controlled):
-                    left = wp.max(control.budget - used, real(0.0))
-                    allowed = wp.max(real(STEP_SHARE) * left, control.budget * h * (ambient + m) / reach)
                     rounding = step_rounding(control, ambient, h, reach, judged[2], rate, frac, pot, force, s3)
-                    if h <= real(NOISE_STEP) * h_cell:
-                        allowed = wp.max(allowed, rounding)
-                    ratio = real(4.0)
-                    if off > real(0.0):
-                        ratio = wp.clamp(real(0.9) * wp.pow(allowed / off, real(0.25)), real(0.2), real(4.0))
-                    accept = bool((off <= allowed and wp.isfinite(off)) or h <= h_least)
+                    accept, ratio = verdict(control, off, rounding, used, h, h_cell, h_least, ambient + m, reach)
                     if accept:
                         # A step cut short by a surface or a wall says nothing against the length wanted.
                         h_next = wp.max(h * ratio, h_least)
@@ -296,11 +234,9 @@ def build_kernel(
 
                 # Where the force changes along the step, the parabola may miss the surface: come closer first.
                 if accept and land >= 0 and land != landed_arc:
-                    ahead = oriented(
-                        control, land, side, cell, shown + wp.cw_mul(h * (ambient * d + momentum) + kick, rate)
-                    )
                     close = real(0.05) * wp.max(h_free * wp.length(wp.cw_mul(total, rate)), real(0.01))
-                    if ahead[0] > close * surface_unit(control, land):
+                    there = shown + wp.cw_mul(h * (ambient * d + momentum) + kick, rate)
+                    if overshot(control, land, course.side, cell, there, close):
                         accept = bool(False)
                         h_cap = real(0.5) * h
                 if crossed:
@@ -312,9 +248,9 @@ def build_kernel(
                     steps += 1
                     used += off
                     bent = turn_now
-                    behind = lag_sum(ambient, d, momentum, h, pot, force, s2, s3, s4)
-                    move = h * momentum + kick
-                    q, q_carry = advance(q, q_carry, move)
+                    added = step_sums(ambient, d, momentum, m, h, pot, force, s2, s3, s4)
+                    sums, sums_carry = advance(sums, sums_carry, added)
+                    q, q_carry = advance(q, q_carry, h * momentum + kick)
                     momentum, momentum_carry = advance(
                         momentum,
                         momentum_carry,
@@ -325,13 +261,13 @@ def build_kernel(
                         flown += kick
                     frac, frac_carry = advance(frac, frac_carry, wp.cw_mul(flown, rate))
                     cell, frac = carry_over(cell, frac)
-                    pot_before = pot
+                    home = find_home(field, frac, home)
                     pot = s4[0]
                     force = force4
-                    if wp.static(interpolation == "linear" and controlled):
+                    if wp.static(at_faces):
                         # The slope jumps at the face just reached: the next step is to have the one behind it.
                         over = real(3.0) * shy / wp.length(wp.cw_mul(total, rate))
-                        beyond = sample(field, cell, frac + over * wp.cw_mul(total, rate))
+                        beyond = sample(field, cell, frac + over * wp.cw_mul(total, rate), home)
                         force = vec3(beyond[1], beyond[2], beyond[3])
                         pot = beyond[0] - over * wp.dot(force, total)
                         if wp.static(straight):
@@ -339,31 +275,10 @@ def build_kernel(
                         evaluations += 1
                     if wp.static(one_scalar):
                         # Back onto |T| = n: the error along the ray, which the path would feel in full, is gone.
-                        surplus = real(2.0) * pot - wp.dot(momentum, real(2.0) * ambient * d + momentum)
-                        tangent = ambient * d + momentum
-                        square = wp.dot(tangent, tangent)
-                        root = wp.sqrt(wp.max(square * (square + surplus), real(0.0)))
-                        mend = (surplus / (square + root)) * tangent
-                        momentum += mend
+                        mending = mend(ambient, d, momentum, pot)
+                        momentum += mending
                         if wp.static(straight):
-                            q += (real(0.5) * h) * mend  # it grew over the step
-
-                    sums, sums_carry = advance(
-                        sums,
-                        sums_carry,
-                        t.vec4(
-                            h,
-                            h * (real(v1) * pot_before + real(v2) * s2[0] + real(v3) * s3[0] + real(v4) * s4[0]),
-                            h
-                            * (
-                                real(v1) * m
-                                + real(v2) * contrast(ambient, s2[0])
-                                + real(v3) * contrast(ambient, s3[0])
-                                + real(v4) * contrast(ambient, s4[0])
-                            ),
-                            behind,
-                        ),
-                    )
+                            q += (real(0.5) * h) * mending  # it grew over the step
 
                     back = real(0.0)  # sigma still to go along the tangent, negative to go back
                     if wp.static(has_body):
@@ -373,46 +288,24 @@ def build_kernel(
                             running = bool(False)
                             status = int(hit_body)
                         gap = wp.max(gap_now, real(0.0))
-                    if running and land == landed_arc:
-                        rest = arc_left - (ambient * sums[0] + sums[2])
-                        if (
-                            wp.abs(rest)
-                            <= real(1.0e-4) * h * (ambient + contrast(ambient, pot)) + real(1.0e-6) * arc_left
-                        ):
-                            back = rest / (ambient + contrast(ambient, pot))
+                    if running and land >= 0:
+                        done = bool(False)
+                        if land == landed_arc:
+                            rest = arc_left - (ambient * sums[0] + sums[2])
+                            back, done = arc_touchdown(rest, ambient + contrast(ambient, pot), arc_left, h)
+                        else:
+                            shown = frac
+                            if wp.static(straight):
+                                shown = frac + wp.cw_mul(q, rate)
+                            velocity = wp.cw_mul(ambient * d + momentum, rate)
+                            back, done = touchdown(control, land, course.side, cell, shown, velocity, h, h_cell)
+                        if done:
                             running = bool(False)
-                            landed = land
-                    elif running and land >= 0:
-                        shown = frac
-                        if wp.static(straight):
-                            shown = frac + wp.cw_mul(q, rate)
-                        now = oriented(control, land, side, cell, shown)
-                        total = ambient * d + momentum
-                        speed = wp.dot(vec3(now[1], now[2], now[3]), wp.cw_mul(total, rate))
-                        # Behind it, or close enough to fly the rest along the tangent: else land once more.
-                        unit = surface_unit(control, land)
-                        if speed > real(0.0) and now[0] >= real(-0.02) * speed * h - real(1.0e-5) * unit:
-                            back = -now[0] / speed
-                            running = bool(False)
-                            landed = land
-                        elif h <= real(1.0e-9) * h_cell or now[0] > real(1.0e-3) * unit:
-                            running = bool(False)  # outside, and coming back or not moving
                             landed = land
                     if back != real(0.0):
-                        half = real(0.5) * back * back
-                        q, q_carry = advance(q, q_carry, back * momentum + half * force)
-                        climb = wp.dot(force, ambient * d + momentum)
-                        m_now = contrast(ambient, pot)
-                        sums, sums_carry = advance(
-                            sums,
-                            sums_carry,
-                            t.vec4(
-                                back,
-                                back * pot + half * climb,
-                                back * m_now + half * climb / (ambient + m_now),
-                                back * lag(ambient, d, momentum, pot),
-                            ),
-                        )
+                        added = tangent_sums(ambient, d, momentum, back, pot, force)
+                        sums, sums_carry = advance(sums, sums_carry, added)
+                        q, q_carry = advance(q, q_carry, back * momentum + (real(0.5) * back * back) * force)
                         momentum, momentum_carry = advance(momentum, momentum_carry, back * force)
                     if running and steps >= control.max_steps:
                         running = bool(False)
@@ -424,68 +317,15 @@ def build_kernel(
                     running = bool(False)
                     status = int(not_finite)
 
-        # From here on float64: deviations back onto the straight ray, free flight to a stop outside the box.
-        q64 = wp.vec3d(wp.float64(q[0]), wp.float64(q[1]), wp.float64(q[2])) - wp.vec3d(
-            wp.float64(q_carry[0]), wp.float64(q_carry[1]), wp.float64(q_carry[2])
+        position, direction, optical_path, opd, arc, final = end_of(
+            bounds, control, p0, d0, course, status, landed, q, q_carry, momentum, sums, sums_carry, bent
         )
-        p64 = wp.vec3d(wp.float64(momentum[0]), wp.float64(momentum[1]), wp.float64(momentum[2]))
-        sigma = wp.float64(sums[0]) - wp.float64(sums_carry[0])
-        work = wp.float64(2.0) * (wp.float64(sums[1]) - wp.float64(sums_carry[1]))
-        stretch = wp.float64(sums[2]) - wp.float64(sums_carry[2])
-        if wp.static(one_scalar) and bent <= real(NEARLY_STRAIGHT):
-            # Along d the deviation is int (T . d - a) d sigma = M - B: sums of what the path itself is summed of.
-            lagging = wp.float64(sums[3]) - wp.float64(sums_carry[3])
-            q64 += (stretch - lagging - wp.dot(q64, d0)) * d0
-        turn = deflection(ambient64, d0, p64)
-        heading = d0 + turn
-        along = enter + ambient64 * sigma  # distance along the straight ray
-        if landed >= 0 and landed < landed_arc:
-            along = meeting(bounds, landed, p0 + q64, d0, along)
-        if not meets:
-            along = none64
-            if wp.static(stop == "none"):
-                status = int(missed)
-                stop_distance = none64
-
-        flight = none64
-        if status == ok:
-            if wp.static(stop == "plane"):
-                if not meets or (landed >= 0 and landed != face_count):
-                    here = p0 + along * d0 + q64
-                    height = wp.dot(bounds.plane_normal, here - bounds.plane_point)
-                    slope = wp.dot(bounds.plane_normal, heading)
-                    # A plane on a face of the box: rounding may put the ray a hair behind it.
-                    hair = wp.float64(1.0e-3) / wp.float64(wp.max(control.cell_rate))
-                    if height * slope < none64 or (meets and wp.abs(height) < hair * wp.abs(slope)):
-                        flight = -height / slope
-                    elif height != none64:
-                        status = int(not_reached)
-            elif wp.static(stop == "arc"):
-                flight = bounds.length - (along + stretch)
-        deviation = q64 + flight * turn
-        along += flight
-
-        arc = wp.max(along + stretch, none64)  # a ray that leaves where it starts may end a rounding before it
-        opd = wp.float64(0.0)
-        if status == ok and has_undisturbed and wp.static(stop != "arc"):
-            # How much further along d the stop is met than by the undisturbed ray: from the deviation where that is
-            # exact, since the difference of two distances would lose its last digits.
-            further = along - stop_distance
-            if wp.static(stop == "plane"):
-                descent = wp.dot(bounds.plane_normal, d0)
-                if wp.abs(descent) > wp.float64(0.05):
-                    further = -wp.dot(bounds.plane_normal, deviation) / descent
-            elif landed >= 0:
-                further = detour(bounds, landed, p0, d0, deviation, stop_distance, further)
-            opd = work + ambient64 * further
-        else:
-            opd = work - ambient64 * stretch
         if wp.static("position" in outputs):
-            position_out[ray] = p0 + along * d0 + deviation
+            position_out[ray] = position
         if wp.static("direction" in outputs):
-            direction_out[ray] = heading / wp.length(heading)
+            direction_out[ray] = direction
         if wp.static("optical_path" in outputs):
-            optical_path_out[ray] = wp.max(ambient64 * along + work, none64)
+            optical_path_out[ray] = optical_path
         if wp.static("opd" in outputs):
             opd_out[ray] = opd
         if wp.static("arc_length" in outputs):
@@ -496,6 +336,6 @@ def build_kernel(
             step_count_out[ray] = steps
         if wp.static("evaluation_count" in outputs):
             evaluation_count_out[ray] = evaluations
-        status_out[ray] = status
+        status_out[ray] = final
 
     return trace_kernel

@@ -30,6 +30,7 @@ def types(precision: str) -> SimpleNamespace:
         corners: wp.array(dtype=vec2)  # mesh: four corners of each cell
         values: wp.array(dtype=real)  # mesh: contrast at those corners
         gradients: wp.array(dtype=vec2)  # mesh: node gradients at those corners
+        neighbors: wp.array(dtype=wp.int32)  # mesh: cell behind each edge of each cell, or -1
         mesh_low: vec2  # bounding box of the mesh [m]
         mesh_high: vec2
         bin_start: wp.array(dtype=wp.int32)
@@ -38,8 +39,10 @@ def types(precision: str) -> SimpleNamespace:
         bin_origin: vec2
         bin_rate: vec2  # bins per metre
         slack: real  # containment slack [m]
+        cell_count: wp.int32  # of the mesh
         paper_step: wp.array(dtype=real)  # eq 5 for each cell [m]
         wall: wp.array(dtype=real, ndim=2)  # signed distance to the body [m]
+        wall_count: wp.vec2i  # nodes of it
         wall_origin: vec2  # along the local axes [m]
         wall_rate: vec2  # nodes per metre
 
@@ -71,6 +74,14 @@ def types(precision: str) -> SimpleNamespace:
         extent: real  # a few diagonals of the box, longer than any step [m]
         max_steps: wp.int32
 
+    class Course:  # of the undisturbed ray; distances along it [m]
+        enter: wp.float64  # where the first step begins
+        far: wp.float64  # where it leaves the box, or stops before that
+        stop_distance: wp.float64
+        has_stop: wp.bool  # whether it ever gets to the stop
+        meets: wp.bool  # whether it meets the box before the stop
+        side: real  # times this, the normal of the stop plane points away from where the ray starts
+
     return SimpleNamespace(
         real=real,
         vec2=vec2,
@@ -79,4 +90,5 @@ def types(precision: str) -> SimpleNamespace:
         Field=wp.struct(Field),
         Bounds=wp.struct(Bounds),
         Control=wp.struct(Control),
+        Course=wp.struct(Course),
     )

@@ -4,12 +4,8 @@ import functools
 
 import warp as wp
 
+from .scheme import CLEAR_MARCH_LIMIT, WALL_MARCH_LIMIT
 from .warp_types import types
-
-# Steps of the search for the place where a ray leaves the body; each is as long as the wall is away.
-WALL_MARCH_LIMIT = 512
-# Of the search ahead for the wall, before each step of the tracer.
-CLEAR_MARCH_LIMIT = 24
 
 
 @functools.cache
@@ -24,8 +20,8 @@ def build_wall_distance(precision: str, geometry: str):
         if wp.static(geometry == "axisymmetric"):
             first = wp.sqrt(p[0] * p[0] + p[1] * p[1])
         place = wp.cw_mul(vec2(first, p[2]) - field.wall_origin, field.wall_rate)
-        i = wp.clamp(int(wp.floor(place[0])), 0, field.wall.shape[0] - 2)
-        j = wp.clamp(int(wp.floor(place[1])), 0, field.wall.shape[1] - 2)
+        i = wp.clamp(int(wp.floor(place[0])), 0, field.wall_count[0] - 2)
+        j = wp.clamp(int(wp.floor(place[1])), 0, field.wall_count[1] - 2)
         u = wp.clamp(place[0] - real(i), real(0.0), real(1.0))
         v = wp.clamp(place[1] - real(j), real(0.0), real(1.0))
         near = (real(1.0) - v) * field.wall[i, j] + v * field.wall[i, j + 1]

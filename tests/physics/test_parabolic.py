@@ -10,7 +10,6 @@ from .cases import case, parabolic
 from .media import assert_float32, assert_float64
 
 GEOMETRIES = ("planar", "axisymmetric", "volume")
-WAVE = 905e-9
 
 
 @pytest.mark.parametrize("geometry", GEOMETRIES)
@@ -64,21 +63,3 @@ def test_a_helix_along_its_length(geometry):
         assert np.abs(result.direction[0] - tangent).max() < 1e-10 * length * g
         assert abs(result.optical_path[0] - n * length) < 1e-10 * length
         assert abs(result.arc_length[0] - length) < 1e-14
-
-
-@pytest.mark.parametrize("precision", ["float32", "float64"])
-@pytest.mark.parametrize("geometry", GEOMETRIES)
-def test_a_weak_gradient_in_air(geometry, precision):
-    """A rod of air, 5 mm in radius and 1.5 m long, index 3e-4 above its surroundings on the axis: 1.2 pitches.
-
-    Expected: the OPD, up to 4.5e-4 m or 500 waves, within 1e-3 wave at 905 nm in float32 as in float64, at the default
-    tolerance. Errors: steps, 1e-3 wave asked for; rounding in float32, at most 16 * 2^-24 * 3e-4 of the path, 5e-4
-    wave (see assert_float32). Position and direction within 2^-24 of the path.
-    """
-    g = 4.9
-    air = parabolic(geometry, 1.5 * g / (2.0 * np.pi), g=g, n0=1.0003, ambient=1.0, reach=np.sqrt(6e-4))
-    result = trace(air.field, air.rays, until=air.until, precision=precision)
-    line = 1.5 / air.rays.direction[:, 2]
-    assert np.abs(result.opd - (air.ends.optical_path - line)).max() < 1e-3 * WAVE
-    assert np.linalg.norm(result.position - air.ends.position, axis=1).max() < 2.0**-24 * 1.5
-    assert np.linalg.norm(result.direction - air.ends.direction, axis=1).max() < 2.0**-24 * 1.5 * g

@@ -6,11 +6,10 @@ import pytest
 from aerokernels.rays import RayBundle
 from aerokernels.tracing import trace
 
-from .cases import N0, across_z, case, sech
+from .cases import N0, across_z, case
 from .media import assert_float32, assert_float64
 
 GEOMETRIES = ("planar", "axisymmetric")
-WAVE = 905e-9
 
 
 @pytest.mark.parametrize("geometry", GEOMETRIES)
@@ -55,21 +54,3 @@ def test_a_fan_refocuses(geometry):
     assert np.abs(result.position[:, :2] - aside.position[:, :2]).max() < 2e-9 * path
     assert np.abs(result.direction - aside.direction).max() < 2e-9 * path * g
     assert np.abs(result.optical_path - N0 * path).max() < 2e-9 * path
-
-
-@pytest.mark.parametrize("precision", ["float32", "float64"])
-@pytest.mark.parametrize("geometry", GEOMETRIES)
-def test_a_weak_profile_in_air(geometry, precision):
-    """5 mm to the edge, 1.5 m long, index 3e-4 above its surroundings on the axis, 480 cells across.
-
-    Expected: the OPD, up to 500 waves, within 1e-3 wave at 905 nm at the default tolerance. Errors: steps, 1e-3 wave
-    asked for; rounding in float32, at most 16 * 2^-24 * 3e-4 of the path, 5e-4 wave (see assert_float32). Position
-    and direction within 2^-24 of the path.
-    """
-    g = 4.9
-    air = sech(geometry, 1.5 * g / (2.0 * np.pi), g=g, n0=1.0003, ambient=1.0, reach=np.sqrt(6e-4))
-    result = trace(air.field, air.rays, until=air.until, precision=precision)
-    line = 1.5 / air.rays.direction[:, 2]
-    assert np.abs(result.opd - (air.ends.optical_path - line)).max() < 1e-3 * WAVE
-    assert np.linalg.norm(result.position - air.ends.position, axis=1).max() < 2.0**-24 * 1.5
-    assert np.linalg.norm(result.direction - air.ends.direction, axis=1).max() < 2.0**-24 * 1.5 * g

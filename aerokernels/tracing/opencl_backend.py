@@ -1,0 +1,199 @@
+"""The OpenCL backend: fields uploaded once, rays in chunks that fit the device, arrays back in float64."""
+
+import time
+import weakref
+from types import SimpleNamespace
+
+import numpy as np
+import pyopencl as cl
+
+from ..medium import IndexField
+from ..rays import RayBundle
+from .field_data import (
+    FIELD_ARRAYS,
+    INTEGER_ARRAYS,
+    REAL_TYPES,
+    STRUCTS,
+    FieldData,
+    field_data,
+    reach_tables,
+    stop_kind,
+    trace_members,
+)
+from .opencl_devices import Session, session
+from .opencl_program import WORK_GROUP, build, build_options
+from .plan import TracePlan
+
+# Per-ray outputs of the kernel, in the order of its arguments: numbers for a ray, and their type.
+OUTPUT_TYPES: dict[str, tuple[int, type]] = {
+    "position": (3, np.float64),
+    "direction": (3, np.float64),
+    "optical_path": (1, np.float64),
+    "opd": (1, np.float64),
+    "arc_length": (1, np.float64),
+    "step_error": (1, np.float64),
+    "step_count": (1, np.int32),
+    "evaluation_count": (1, np.int32),
+    "status": (1, np.int32),
+}
+# Bytes for one ray when all is asked for, and its start.
+RAY_BYTES = 6 * 8 + sum(count * np.dtype(kind).itemsize for count, kind in OUTPUT_TYPES.values())
+# Rays in one chunk at most, and the share of the device's free memory that a chunk may take.
+CHUNK = 1 << 21
+MEMORY_SHARE = 0.25
+
+_uploaded: weakref.WeakKeyDictionary = weakref.WeakKeyDictionary()
+_launched: weakref.WeakSet = weakref.WeakSet()
+
+
+def pack(struct: str, precision: str, members: dict) -> np.ndarray:
+    """One of STRUCTS as the kernel's compiler lays it out, to be passed by value."""
+    kinds = {"i": np.int32, "d": np.float64, "r": REAL_TYPES[precision]}
+    layout = np.dtype([(name, kinds[kind], (count,)) for name, count, kind in STRUCTS[struct]], align=True)
+    packed = np.zeros((), dtype=layout)
+    for name, _, _ in STRUCTS[struct]:
+        packed[name] = members[name]
+    return packed
+
+
+def to_device(opened: Session, values: np.ndarray):
+    """A read-only buffer with a copy of the values."""
+    flags = cl.mem_flags.READ_ONLY | cl.mem_flags.COPY_HOST_PTR
+    return cl.Buffer(opened.context, flags, hostbuf=np.ascontiguousarray(values))
+
+
+def _upload(field: IndexField, data: FieldData, precision: str, opened: Session, with_paper_step: bool) -> list:
+    """Buffers of FIELD_ARRAYS; kept as long as the field lives."""
+    store = _uploaded.setdefault(field, {})
+    key = (precision, id(opened), with_paper_step)
+    if key not in store:
+        limit = opened.device.max_mem_alloc_size
+        buffers = []
+        for name in FIELD_ARRAYS:
+            values: np.ndarray = np.asarray(
+                data.arrays[name], np.int32 if name in INTEGER_ARRAYS else REAL_TYPES[precision]
+            )
+            if values.nbytes > limit:
+                raise ValueError(
+                    f"the field's {name} take {values.nbytes / 2**20:.0f} MiB in {precision}, device {opened.name!r} "
+                    f"gives {limit / 2**20:.0f} MiB in one piece: use a coarser grid, or another device"
+                )
+            buffers.append(to_device(opened, values))
+        store[key] = buffers
+    return store[key]
+
+
+def prepare(
+    field: IndexField, plan: TracePlan, until, wavelength: float, outputs: frozenset, directions: np.ndarray
+) -> SimpleNamespace:
+    """Kernel and its arguments but for the rays; `directions` are the rays' own.
+
+    Raises:
+        OpenCLUnavailable: The device cannot be opened.
+        ValueError: A field that does not fit the device.
+    """
+    start = time.perf_counter()
+    opened = session(plan.device)
+    data = field_data(field, plan.precision, plan.method == "paper")
+    bounds, control = trace_members(data, plan, until, wavelength)
+    tables, blocks = reach_tables(field, plan, wavelength, directions)
+    arguments = [
+        pack("field", plan.precision, data.field),
+        pack("bounds", plan.precision, {**data.bounds, **bounds}),
+        pack("control", plan.precision, {**data.control, **control, **blocks}),
+        *_upload(field, data, plan.precision, opened, plan.method == "paper"),
+        to_device(opened, tables["reach"].astype(REAL_TYPES[plan.precision])),
+        to_device(opened, tables["reach_start"]),
+    ]
+    uploaded = time.perf_counter()
+    options = build_options(
+        precision=plan.precision,
+        geometry=field.geometry,
+        interpolation=field.interpolation,
+        on_mesh=not field.is_uniform,
+        method=plan.method,
+        stop=stop_kind(until),
+        has_body=field.body is not None,
+        outputs=outputs,
+    )
+    program = build(opened, "trace.cl", options)
+    # A kernel object belongs to one caller: its arguments are set one by one.
+    ready = SimpleNamespace(session=opened, kernel=cl.Kernel(program, "trace_kernel"), arguments=arguments, seconds={})
+    finish_compiling(ready, program)
+    ready.seconds |= {"upload": uploaded - start, "compile": time.perf_counter() - uploaded}
+    return ready
+
+
+def finish_compiling(ready: SimpleNamespace, program) -> None:
+    """Launch the kernel on no rays, once for a program: PoCL compiles the last part of it at the first launch."""
+    if program in _launched:
+        return
+    results = allocate(ready.session, frozenset(), 1)
+    empty = to_device(ready.session, np.zeros(3))
+    arguments = [*ready.arguments, np.int32(0), np.int32(0), empty, empty, *results.values()]
+    enqueue(ready.session, ready.kernel, arguments, WORK_GROUP).wait()
+    _launched.add(program)
+
+
+def chunk_size(opened: Session, ray_count: int) -> int:
+    """Rays in one chunk, all of whose arrays are on the device together."""
+    free = MEMORY_SHARE * opened.device.global_mem_size / RAY_BYTES
+    piece = opened.device.max_mem_alloc_size / (3 * 8)
+    return max(WORK_GROUP, min(ray_count, CHUNK, int(free), int(piece)))
+
+
+def allocate(opened: Session, outputs: frozenset, ray_count: int) -> dict:
+    """Buffers for the outputs asked for; for the others small ones, which kernels leave alone."""
+    return {
+        name: cl.Buffer(
+            opened.context,
+            cl.mem_flags.READ_WRITE,
+            max(1, ray_count if name in outputs or name == "status" else 1) * count * np.dtype(kind).itemsize,
+        )
+        for name, (count, kind) in OUTPUT_TYPES.items()
+    }
+
+
+def enqueue(opened: Session, kernel, arguments: list, item_count: int):
+    """Start a kernel over items rounded up to whole work-groups; the kernel itself knows where to stop."""
+    whole = -(-item_count // WORK_GROUP) * WORK_GROUP
+    return kernel(opened.queue, (whole,), (WORK_GROUP,), *arguments)
+
+
+def launch_trace(ready: SimpleNamespace, position, direction, results: dict, ray_count: int):
+    """Start the tracer on rays that are on the device; returns its event."""
+    arguments = [*ready.arguments, np.int32(0), np.int32(ray_count), position, direction, *results.values()]
+    return enqueue(ready.session, ready.kernel, arguments, ray_count)
+
+
+def trace(field: IndexField, rays: RayBundle, plan: TracePlan, until, wavelength: float, outputs: frozenset):
+    """Trace with OpenCL: per-ray arrays by name, and seconds."""
+    ready = prepare(field, plan, until, wavelength, outputs, rays.direction)
+    opened = ready.session
+    wanted = [name for name in OUTPUT_TYPES if name in outputs or name == "status"]
+    arrays: dict[str, np.ndarray] = {
+        name: np.empty((rays.ray_count, count) if count > 1 else rays.ray_count, dtype=kind)
+        for name, (count, kind) in OUTPUT_TYPES.items()
+        if name in wanted
+    }
+    seconds = dict(ready.seconds, kernel=0.0, download=0.0)
+    chunk = chunk_size(opened, rays.ray_count)
+    results = allocate(opened, outputs, chunk)
+    for first in range(0, rays.ray_count, chunk):
+        rows = slice(first, min(first + chunk, rays.ray_count))
+        start = time.perf_counter()
+        position = to_device(opened, rays.position[rows])
+        direction = to_device(opened, rays.direction[rows])
+        placed = time.perf_counter()
+        launch_trace(ready, position, direction, results, rows.stop - rows.start).wait()
+        ran = time.perf_counter()
+        for name in wanted:
+            cl.enqueue_copy(opened.queue, arrays[name][rows], results[name], is_blocking=True)
+        for buffer in (position, direction):
+            buffer.release()
+        seconds["upload"] += placed - start
+        seconds["kernel"] += ran - placed
+        seconds["download"] += time.perf_counter() - ran
+    for buffer in results.values():
+        buffer.release()
+    return arrays, seconds

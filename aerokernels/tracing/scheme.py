@@ -1,0 +1,56 @@
+"""The constants of the tracing scheme, beside the Runge-Kutta pair of tableau.py: one source for every backend.
+
+Warp takes them from here, OpenCL from kernels/include/constants.h, which scripts/kernel_headers writes from them.
+Numbers that depend on the precision are mappings from its name.
+"""
+
+# The length of a step.
+# Steps of so many cells need no leave from the table of safe steps (quiet.py): four samples a step are then less far
+# apart than the support of a sample. On a mesh, which has no table, they are the longest.
+STEP_LIMIT = 2.0
+MESH_STEP_LIMIT = 4.0
+# Greatest tolerance [waves] for which the field's structure may be stepped over.
+LAXEST = 0.3
+# Shortest step, in cells, that error control asks for.
+LEAST_STEP = 1e-4
+# Cell faces that a ray has passed but for rounding, or is about to pass in so little, in cells: not worth a step.
+HAIR = 1e-4
+# Greatest distance before a face, in cells, at which a step across a kinked interpolant's cell may stop.
+SHIEST = 1e-3
+
+# The error of a step.
+# The share of the remaining error budget that one step may use up, however short it is.
+STEP_SHARE = 0.02
+# Steps in cells from which down an error estimate may be taken for rounding.
+NOISE_STEP = 0.5
+# Rounding in the error estimate, in units in the last place: error control does not chase it.
+NOISE = {"float32": 8.0 * 2.0**-24, "float64": 8.0 * 2.0**-53}
+# A direction error counts with at least this share of the field's length, besides the ray's own slope.
+DIRECTION_SHARE = 0.01
+# Errors are believed to be smaller than the embedded formula says by these factors at most: where the table of safe
+# steps says that the field is smooth over the step (or the step stays in one cell of a linear field), and elsewhere;
+# less so on bent rays: 1 from an angle of 1 / BLUNTED on.
+SMOOTH = 0.02
+ROUGH = 0.2
+BLUNTED = 30.0
+# In place of a divisor that may be 0.
+TINY = {"float32": 1e-30, "float64": 1e-290}
+
+# Where a ray ends.
+# The number of the "surface" at which a stop at a length of arc ends a ray; those of space are numbered from 0.
+LANDED_ARC = 100
+# A ray that runs in a face is not thrown out by rounding: it is behind a surface when it is so by this many cells.
+SLACK_CELLS = {"float32": 1e-9, "float64": 1e-10}
+# Steps of the search for the place where a ray leaves the body; each is as long as the wall is away.
+WALL_MARCH_LIMIT = 512
+# Of the search ahead for the wall, before each step of the tracer.
+CLEAR_MARCH_LIMIT = 24
+
+# Cells of a mesh that a ray's lookup walks through, edge by edge, before it asks the bins.
+WALK_LIMIT = 6
+
+# The pupil of a million rays.
+# Rays summed by one work-item or thread.
+GROUP = 1024
+# Multipliers of the hash that scrambles Sobol points (Burley, Practical hash-based Owen scrambling, JCGT 9-4 (2020)).
+HASHES = (0x6C50B47C, 0xB82F1E52, 0xC7AFE638, 0x8D22F6E6)

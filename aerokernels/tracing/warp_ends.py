@@ -1,0 +1,180 @@
+"""Device functions in float64: both ends of a ray, before its first step and after its last one."""
+
+import functools
+
+import warp as wp
+
+from .scheme import LANDED_ARC
+from .status import RayStatus
+from .tableau import NEARLY_STRAIGHT, is_one_scalar
+from .warp_box import FACE_COUNT, build_crossing, build_detour, build_meeting
+from .warp_motion import deflection
+from .warp_types import types
+from .warp_wall import build_way_out
+
+
+@functools.cache
+def build_start(precision: str, geometry: str, stop: str, has_body: bool):
+    """A function (field, bounds, position, direction) -> (course of the undisturbed ray, status)."""
+    t = types(precision)
+    real, Field, Bounds, Course = t.real, t.Field, t.Bounds, t.Course
+    crossing = build_crossing(precision, geometry)
+    way_out = build_way_out(precision, geometry)
+    ok, not_reached = int(RayStatus.OK), int(RayStatus.STOP_NOT_REACHED)
+    inside_body = int(RayStatus.INSIDE_BODY)
+
+    @wp.func
+    def start_of(field: Field, bounds: Bounds, p: wp.vec3d, d: wp.vec3d):
+        none = wp.float64(0.0)
+        status = int(ok)
+
+        # Where the undisturbed ray stops, and whether it meets the box before.
+        span = crossing(bounds, p, d)
+        enter = wp.max(span[0], none)
+        meets = span[0] <= span[1] and span[1] >= none
+        stop_distance = span[1]
+        has_stop = bool(True)
+        side = real(1.0)
+        if wp.static(stop == "plane"):
+            height = wp.dot(bounds.plane_normal, p - bounds.plane_point)
+            slope = wp.dot(bounds.plane_normal, d)
+            stop_distance = none
+            if height != none:
+                has_stop = bool(height * slope < none)
+                if has_stop:
+                    stop_distance = -height / slope
+            if height > none:
+                side = real(-1.0)
+        if wp.static(stop == "arc"):
+            stop_distance = bounds.length
+        if meets and has_stop and wp.static(stop != "none"):
+            meets = stop_distance > enter
+        if wp.static(stop == "none"):
+            if meets and span[1] > wp.float64(1.0e299):
+                status = int(not_reached)  # along x in a planar field, which has no end there
+
+        # A ray that starts behind the body's surface begins where it leaves it.
+        if wp.static(has_body):
+            if meets:
+                enter, solid = way_out(field, p, d, enter, span[1])
+                if solid:
+                    status = int(inside_body)
+                if has_stop and wp.static(stop != "none"):
+                    if stop_distance <= enter:
+                        meets = bool(False)
+                        status = int(ok)
+
+        far = span[1]
+        if has_stop and wp.static(stop != "none"):
+            far = wp.min(far, stop_distance)
+
+        course = Course()
+        course.enter = enter
+        course.far = far
+        course.stop_distance = stop_distance
+        course.has_stop = has_stop
+        course.meets = meets
+        course.side = side
+        return course, status
+
+    return start_of
+
+
+@functools.cache
+def build_end(precision: str, geometry: str, interpolation: str, stop: str):
+    """A function -> (position, direction, optical path, OPD, arc length, status) at the stop, in float64.
+
+    It puts the sums of the steps back onto the straight ray and flies on to a stop outside the box. Its arguments:
+    bounds, control, start, direction, course and status as `build_start` has them, the surface landed on or -1,
+    deviation, its carry, momentum, the sums (sigma, S, M, B), their carry, and the greatest angle with the direction.
+    """
+    t = types(precision)
+    real, vec3, vec4, Bounds, Control, Course = t.real, t.vec3, t.vec4, t.Bounds, t.Control, t.Course
+    meeting = build_meeting(precision, geometry)
+    detour = build_detour(precision, geometry)
+    face_count = wp.constant(FACE_COUNT[geometry])
+    one_scalar = is_one_scalar(interpolation)
+    ok, missed, not_reached = int(RayStatus.OK), int(RayStatus.MISSED_FIELD), int(RayStatus.STOP_NOT_REACHED)
+
+    @wp.func
+    def end_of(
+        bounds: Bounds,
+        control: Control,
+        p: wp.vec3d,
+        d: wp.vec3d,
+        course: Course,
+        status_before: int,
+        landed: int,
+        q: vec3,
+        q_carry: vec3,
+        momentum: vec3,
+        sums: vec4,
+        sums_carry: vec4,
+        bent: real,
+    ):
+        ambient = bounds.ambient
+        none = wp.float64(0.0)
+        status = int(status_before)
+        q64 = wp.vec3d(wp.float64(q[0]), wp.float64(q[1]), wp.float64(q[2])) - wp.vec3d(
+            wp.float64(q_carry[0]), wp.float64(q_carry[1]), wp.float64(q_carry[2])
+        )
+        p64 = wp.vec3d(wp.float64(momentum[0]), wp.float64(momentum[1]), wp.float64(momentum[2]))
+        sigma = wp.float64(sums[0]) - wp.float64(sums_carry[0])
+        work = wp.float64(2.0) * (wp.float64(sums[1]) - wp.float64(sums_carry[1]))
+        stretch = wp.float64(sums[2]) - wp.float64(sums_carry[2])
+        if wp.static(one_scalar) and bent <= real(NEARLY_STRAIGHT):
+            # Along d the deviation is int (T . d - a) d sigma = M - B: sums of what the path itself is summed of.
+            lagging = wp.float64(sums[3]) - wp.float64(sums_carry[3])
+            q64 += (stretch - lagging - wp.dot(q64, d)) * d
+        turn = deflection(ambient, d, p64)
+        heading = d + turn
+        along = course.enter + ambient * sigma  # distance along the straight ray
+        if landed >= 0 and landed < wp.static(LANDED_ARC):
+            along = meeting(bounds, landed, p + q64, d, along)
+        stop_distance = course.stop_distance
+        if not course.meets:
+            along = none
+            if wp.static(stop == "none"):
+                status = int(missed)
+                stop_distance = none
+
+        flight = none
+        if status == ok:
+            if wp.static(stop == "plane"):
+                if not course.meets or (landed >= 0 and landed != face_count):
+                    here = p + along * d + q64
+                    height = wp.dot(bounds.plane_normal, here - bounds.plane_point)
+                    slope = wp.dot(bounds.plane_normal, heading)
+                    # A plane on a face of the box: rounding may put the ray a hair behind it.
+                    hair = wp.float64(1.0e-3) / wp.float64(wp.max(control.cell_rate))
+                    if height * slope < none or (course.meets and wp.abs(height) < hair * wp.abs(slope)):
+                        flight = -height / slope
+                    elif height != none:
+                        status = int(not_reached)
+            elif wp.static(stop == "arc"):
+                flight = bounds.length - (along + stretch)
+        deviation = q64 + flight * turn
+        along += flight
+
+        opd = wp.float64(0.0)
+        if status == ok and course.has_stop and wp.static(stop != "arc"):
+            # How much further along d the stop is met than by the undisturbed ray: from the deviation where that is
+            # exact, since the difference of two distances would lose its last digits.
+            further = along - stop_distance
+            if wp.static(stop == "plane"):
+                descent = wp.dot(bounds.plane_normal, d)
+                if wp.abs(descent) > wp.float64(0.05):
+                    further = -wp.dot(bounds.plane_normal, deviation) / descent
+            elif landed >= 0:
+                further = detour(bounds, landed, p, d, deviation, stop_distance, further)
+            opd = work + ambient * further
+        else:
+            opd = work - ambient * stretch
+
+        position = p + along * d + deviation
+        direction = heading / wp.length(heading)
+        optical_path = wp.max(ambient * along + work, none)
+        arc = wp.max(along + stretch, none)  # a ray that leaves where it starts may end a rounding before it
+        return position, direction, optical_path, opd, arc, status
+
+    return end_of

@@ -1,0 +1,136 @@
+// Where a straight ray meets the field's box, and the box's faces as surfaces to stop on.
+#ifndef BOX_H
+#define BOX_H
+
+#include "types.h"
+
+static inline void slab(double low, double high, double p, double d, double2 *span)
+{
+    if (d == 0.0) {
+        if (p < low || p > high) {
+            *span = (double2)(1.0, -1.0);
+        }
+        return;
+    }
+    const double near = (low - p) / d;
+    const double far = (high - p) / d;
+    *span = (double2)(greater64(span->x, lesser64(near, far)), lesser64(span->y, greater64(near, far)));
+}
+
+static inline void cylinder(double radius, double3 p, double3 d, double2 *span)
+{
+    const double a = d.x * d.x + d.y * d.y;
+    if (a == 0.0) {
+        if (p.x * p.x + p.y * p.y > radius * radius) {
+            *span = (double2)(1.0, -1.0);
+        }
+        return;
+    }
+    const double middle = -(p.x * d.x + p.y * d.y) / a;
+    const double x = p.x + middle * d.x;
+    const double y = p.y + middle * d.y;
+    const double rest = radius * radius - x * x - y * y;
+    if (rest < 0.0) {
+        *span = (double2)(1.0, -1.0);
+        return;
+    }
+    const double half_chord = sqrt(rest / a);
+    *span = (double2)(greater64(span->x, middle - half_chord), lesser64(span->y, middle + half_chord));
+}
+
+// Distances at which a straight ray enters and leaves the box; entry > exit means a miss.
+static inline double2 crossing(const Bounds *bounds, double3 p, double3 d)
+{
+    double2 span = (double2)(-1.0e300, 1.0e300);
+    slab(bounds->low[2], bounds->high[2], p.z, d.z, &span);
+    if (GEOMETRY == AXISYMMETRIC) {
+        cylinder(bounds->radius, p, d, &span);
+    } else {
+        slab(bounds->low[1], bounds->high[1], p.y, d.y, &span);
+    }
+    if (GEOMETRY == VOLUME) {
+        slab(bounds->low[0], bounds->high[0], p.x, d.x, &span);
+    }
+    return span;
+}
+
+// How far outside surface k, and the gradient of that per cell. Surfaces 0 and 1 are the z faces; then the cylinder, or
+// the y faces, or the y and x faces; the last is the plane.
+static inline real4 surface(const Control *control, int k, int3 cell, real3 frac)
+{
+    if (k == FACE_COUNT) {
+        const real3 n = VECTOR(control->plane_normal);
+        const real place = (real)cell.x * n.x + (real)cell.y * n.y + (real)cell.z * n.z - control->plane_offset;
+        return (real4)(place + dot(n, frac), n);
+    }
+    if (GEOMETRY == AXISYMMETRIC && k == 2) {
+        const real radius = control->radius;
+        const real value = (frac.x * frac.x + frac.y * frac.y - radius * radius) / (R(2.0) * radius);
+        return (real4)(value, frac.x / radius, frac.y / radius, R(0.0));
+    }
+    const int axis = 2 - k / 2;
+    const real whole = (real)pick_int(cell, axis);
+    const real part = pick(frac, axis);
+    const real sense = k % 2 == 0 ? R(-1.0) : R(1.0);
+    const real outside =
+        k % 2 == 0 ? (control->face_low[axis] - whole) - part : (whole - control->face_high[axis]) + part;
+    return (real4)(outside, axis == 0 ? sense : R(0.0), axis == 1 ? sense : R(0.0), axis == 2 ? sense : R(0.0));
+}
+
+// Distance outside surface k [m]; `normal` is its unit normal.
+static inline double surface_distance(const Bounds *bounds, int k, double3 p, double3 *normal)
+{
+    if (k == FACE_COUNT) {
+        *normal = VECTOR64(bounds->plane_normal);
+        return dot(*normal, p - VECTOR64(bounds->plane_point));
+    }
+    if (GEOMETRY == AXISYMMETRIC && k == 2) {
+        const double r = sqrt(p.x * p.x + p.y * p.y);
+        *normal = (double3)(p.x / r, p.y / r, 0.0);
+        return r - bounds->radius;
+    }
+    const int axis = 2 - k / 2;
+    const double place = pick64(p, axis);
+    *normal = (k % 2 == 0 ? -1.0 : 1.0) * unit64(axis);
+    return k % 2 == 0 ? bounds->low[axis] - place : place - bounds->high[axis];
+}
+
+// Distance at which a line meets surface k; a line that grazes it keeps its guess.
+static inline double meeting(const Bounds *bounds, int k, double3 p, double3 d, double guess)
+{
+    double along = guess;
+    for (int trial = 0; trial < 3; trial++) {
+        double3 normal;
+        const double miss = surface_distance(bounds, k, p + along * d, &normal);
+        const double cosine = dot(normal, d);
+        if (fabs(cosine) > 0.05) {
+            along -= miss / cosine;
+        }
+    }
+    return along;
+}
+
+// How much further along d a line shifted by q meets face k than the line itself, which leaves the box at `leave`;
+// `other` where it leaves by another face or at a grazing angle.
+static inline double detour(const Bounds *bounds, int k, double3 p, double3 d, double3 q, double leave, double other)
+{
+    double3 normal;
+    const double miss = surface_distance(bounds, k, p + leave * d, &normal);
+    const double cosine = dot(normal, d);
+    const double size = size64(VECTOR64(bounds->high) - VECTOR64(bounds->low)) + size64(p);
+    if (fabs(miss) > 1.0e-14 * size || fabs(cosine) < 0.05) {
+        return other;
+    }
+    double further = -dot(normal, q) / cosine;
+    if (GEOMETRY == AXISYMMETRIC && k == 2) {
+        // |c + (further d + q)|^2 = |c|^2 across the axis, c of length `radius`
+        for (int trial = 0; trial < 3; trial++) {
+            const double2 shift = further * d.xy + q.xy;
+            const double bulge = dot(shift, shift) / (2.0 * bounds->radius);
+            further = -(normal.x * q.x + normal.y * q.y + bulge) / cosine;
+        }
+    }
+    return further;
+}
+
+#endif

@@ -1,0 +1,120 @@
+// Constants of the scheme.
+// Written by scripts/kernel_headers from scheme.py, tableau.py, quiet.py and pupil_sums.py in aerokernels/tracing, and
+// medium/grid.py: change it there.
+#ifndef CONSTANTS_H
+#define CONSTANTS_H
+
+#include "real.h"
+
+// Runge-Kutta-Nystrom pair: nodes, and the matrix of its stages.
+#define RKN_C2 R(0.25)
+#define RKN_C3 R(0.7)
+#define RKN_A21 R(0.03125)
+#define RKN_A31 R(0.007)
+#define RKN_A32 R(0.238)
+
+// Weights of the forces in the position's step.
+#define RKN_B1 R(0.07142857142857142)
+#define RKN_B2 R(0.2962962962962963)
+#define RKN_B3 R(0.13227513227513227)
+
+// Weights of the stages in the momentum's step, and in every sum over the step.
+#define RKN_V1 R(0.07142857142857142)
+#define RKN_V2 R(0.3950617283950617)
+#define RKN_V3 R(0.4409171075837742)
+#define RKN_V4 R(0.09259259259259259)
+
+// Error of the position, from the embedded formula.
+#define RKN_E1 R(0.1180952380952381)
+#define RKN_E2 R(-0.15037037037037038)
+#define RKN_E3 R(-0.017724867724867723)
+#define RKN_E4 R(0.05)
+
+// Error of the momentum and of the sums, from the embedded formula.
+#define RKN_F1 R(-0.5476190476190477)
+#define RKN_F2 R(1.1358024691358024)
+#define RKN_F3 R(-1.0141093474426808)
+#define RKN_F4 R(0.42592592592592593)
+
+// Error of the optical path, from the rule of degree 7: values.
+#define RKN_G1 R(-0.08171595168679718)
+#define RKN_G2 R(0.05987472873618277)
+#define RKN_G3 R(0.07008735267822558)
+#define RKN_G4 R(-0.04824612972761122)
+
+// The same: slopes along the ray.
+#define RKN_K1 R(-0.006559766763848397)
+#define RKN_K2 R(-0.021738846430204455)
+#define RKN_K3 R(0.006665413568915711)
+#define RKN_K4 R(0.005849500293944738)
+
+// A value at the start of a step by the parabola through the later stages.
+#define RKN_W2 R(2.074074074074074)
+#define RKN_W3 R(-1.8518518518518519)
+#define RKN_W4 R(0.7777777777777778)
+
+// Momentum at the second stage.
+#define RKN_P1 R(0.1015625)
+#define RKN_P2 R(0.16589506172839505)
+#define RKN_P3 R(-0.024112654320987654)
+#define RKN_P4 R(0.006655092592592593)
+
+// Momentum at the third stage.
+#define RKN_Q1 R(0.056)
+#define RKN_Q2 R(0.44039506172839504)
+#define RKN_Q3 R(0.22901234567901235)
+#define RKN_Q4 R(-0.025407407407407406)
+
+// Length of a step.
+#define LEAST_STEP R(0.0001)
+#define HAIR R(0.0001)
+#define SHIEST R(0.001)
+
+// Error of a step.
+#define STEP_SHARE R(0.02)
+#define NOISE_STEP R(0.5)
+#define DIRECTION_SHARE R(0.01)
+#define SMOOTH R(0.02)
+#define ROUGH R(0.2)
+#define BLUNTED R(30.0)
+
+// Angle with the first direction up to which a ray counts as nearly straight [rad].
+#define NEARLY_STRAIGHT R(0.01)
+
+// Radius about the axis of symmetry within which a kink is rounded off, in cells.
+#define AXIS_CORE R(0.0001)
+
+// Cones of directions about an axis: sines squared (double) that sort rays into them.
+#define NARROW_SQUARE 0.0004
+#define WIDE_SQUARE 0.04000000000000001
+
+// Cosines of the angles at which rays have turned out of their cones.
+#define NARROW_COSINE R(0.9992000533313775)
+#define WIDE_COSINE R(0.9756002111270675)
+
+// Where a ray ends.
+#define LANDED_ARC 100
+#define WALL_MARCH_LIMIT 512
+#define CLEAR_MARCH_LIMIT 24
+#define WALK_LIMIT 6
+
+// Pupil: rays summed by one work-item and the sums it delivers, and the hash of the scramble.
+#define GROUP 1024
+#define MOMENT_COUNT 12
+#define HASH_1 0x6C50B47Cu
+#define HASH_2 0xB82F1E52u
+#define HASH_3 0xC7AFE638u
+#define HASH_4 0x8D22F6E6u
+
+// By precision.
+#if REAL_IS_DOUBLE
+#define NOISE R(8.881784197001252e-16)
+#define TINY R(1e-290)
+#define SLACK_CELLS R(1e-10)
+#else
+#define NOISE R(4.76837158203125e-07)
+#define TINY R(1e-30)
+#define SLACK_CELLS R(1e-09)
+#endif
+
+#endif

@@ -1,0 +1,167 @@
+// Both ends of a ray in double: before its first step and after its last one.
+#ifndef ENDS_H
+#define ENDS_H
+
+#include "box.h"
+#include "motion.h"
+#include "ray_status.h"
+#include "wall.h"
+
+// Course of the undisturbed ray, and what already stands in its way.
+static inline int start_of(
+    const Field *field, const Arrays *arrays, const Bounds *bounds, double3 p, double3 d, Course *course)
+{
+    int status = RAY_OK;
+
+    // Where the undisturbed ray stops, and whether it meets the box before.
+    const double2 span = crossing(bounds, p, d);
+    double enter = greater64(span.x, 0.0);
+    int meets = span.x <= span.y && span.y >= 0.0;
+    double stop_distance = span.y;
+    int has_stop = 1;
+    course->side = R(1.0);
+#if STOP == PLANE
+    const double height = dot(VECTOR64(bounds->plane_normal), p - VECTOR64(bounds->plane_point));
+    const double slope = dot(VECTOR64(bounds->plane_normal), d);
+    stop_distance = 0.0;
+    if (height != 0.0) {
+        has_stop = height * slope < 0.0;
+        if (has_stop) {
+            stop_distance = -height / slope;
+        }
+    }
+    if (height > 0.0) {
+        course->side = R(-1.0);
+    }
+#elif STOP == ARC
+    stop_distance = bounds->length;
+#else
+    if (meets && span.y > 1.0e299) {
+        status = RAY_STOP_NOT_REACHED;  // along x in a planar field, which has no end there
+    }
+#endif
+    if (meets && has_stop && STOP != NONE) {
+        meets = stop_distance > enter;
+    }
+#if HAS_BODY
+    // A ray that starts behind the body's surface begins where it leaves it.
+    if (meets) {
+        int solid;
+        enter = way_out(field, arrays, p, d, enter, span.y, &solid);
+        if (solid) {
+            status = RAY_INSIDE_BODY;
+        }
+        if (has_stop && STOP != NONE && stop_distance <= enter) {
+            meets = 0;
+            status = RAY_OK;
+        }
+    }
+#endif
+    course->enter = enter;
+    course->far = has_stop && STOP != NONE ? lesser64(span.y, stop_distance) : span.y;
+    course->stop_distance = stop_distance;
+    course->has_stop = has_stop;
+    course->meets = meets;
+    return status;
+}
+
+// A ray at its stop.
+typedef struct {
+    double3 position;
+    double3 direction;
+    double optical_path;
+    double opd;
+    double arc_length;
+    int status;
+} Arrival;
+
+// Puts the sums of the steps, (sigma, S, M, B), back onto the straight ray and flies on to a stop outside the box. `landed`
+// is the surface that the ray ended on, or -1.
+static inline Arrival end_of(
+    const Bounds *bounds,
+    const Control *control,
+    double3 p,
+    double3 d,
+    const Course *course,
+    int status,
+    int landed,
+    real3 q,
+    real3 q_carry,
+    real3 momentum,
+    real4 sums,
+    real4 sums_carry,
+    real bent)
+{
+    const double ambient = bounds->ambient;
+    double3 q64 = convert_double3(q) - convert_double3(q_carry);
+    const double sigma = (double)sums.x - (double)sums_carry.x;
+    const double work = 2.0 * ((double)sums.y - (double)sums_carry.y);
+    const double stretch = (double)sums.z - (double)sums_carry.z;
+    if (ONE_SCALAR && bent <= NEARLY_STRAIGHT) {
+        // Along d the deviation is int (T . d - a) d sigma = M - B: sums of what the path itself is summed of.
+        const double lagging = (double)sums.w - (double)sums_carry.w;
+        q64 += (stretch - lagging - dot(q64, d)) * d;
+    }
+    const double3 turn = deflection(ambient, d, convert_double3(momentum));
+    const double3 heading = d + turn;
+    double along = course->enter + ambient * sigma;  // distance along the straight ray
+    if (landed >= 0 && landed < LANDED_ARC) {
+        along = meeting(bounds, landed, p + q64, d, along);
+    }
+    double stop_distance = course->stop_distance;
+    if (!course->meets) {
+        along = 0.0;
+        if (STOP == NONE) {
+            status = RAY_MISSED_FIELD;
+            stop_distance = 0.0;
+        }
+    }
+
+    double flight = 0.0;
+    if (status == RAY_OK) {
+        if (STOP == PLANE && (!course->meets || (landed >= 0 && landed != FACE_COUNT))) {
+            const double3 here = p + along * d + q64;
+            const double height = dot(VECTOR64(bounds->plane_normal), here - VECTOR64(bounds->plane_point));
+            const double slope = dot(VECTOR64(bounds->plane_normal), heading);
+            // A plane on a face of the box: rounding may put the ray a hair behind it.
+            const double hair = 1.0e-3 / (double)greatest(VECTOR(control->cell_rate));
+            if (height * slope < 0.0 || (course->meets && fabs(height) < hair * fabs(slope))) {
+                flight = -height / slope;
+            } else if (height != 0.0) {
+                status = RAY_STOP_NOT_REACHED;
+            }
+        }
+        if (STOP == ARC) {
+            flight = bounds->length - (along + stretch);
+        }
+    }
+    const double3 deviation = q64 + flight * turn;
+    along += flight;
+
+    double opd = work - ambient * stretch;
+    if (status == RAY_OK && course->has_stop && STOP != ARC) {
+        // How much further along d the stop is met than by the undisturbed ray: from the deviation where that is exact,
+        // since the difference of two distances would lose its last digits.
+        double further = along - stop_distance;
+        if (STOP == PLANE) {
+            const double descent = dot(VECTOR64(bounds->plane_normal), d);
+            if (fabs(descent) > 0.05) {
+                further = -dot(VECTOR64(bounds->plane_normal), deviation) / descent;
+            }
+        } else if (landed >= 0) {
+            further = detour(bounds, landed, p, d, deviation, stop_distance, further);
+        }
+        opd = work + ambient * further;
+    }
+
+    Arrival out;
+    out.position = p + along * d + deviation;
+    out.direction = heading / size64(heading);
+    out.optical_path = greater64(ambient * along + work, 0.0);
+    out.opd = opd;
+    out.arc_length = greater64(along + stretch, 0.0);  // one that leaves where it starts may end a rounding before it
+    out.status = status;
+    return out;
+}
+
+#endif

@@ -1,0 +1,79 @@
+// The error of a step, as optical path, and what of it may be rounding.
+#ifndef ERROR_H
+#define ERROR_H
+
+#include "motion.h"
+
+// The error in metres; `turn` is the greatest angle with d so far, `weight` what a direction's error counts with.
+static inline real step_error(
+    real ambient,
+    real3 d,
+    real3 total,
+    real3 momentum,
+    real h,
+    real reach,
+    int is_smooth,
+    real bent,
+    real pot,
+    real3 force,
+    real4 s2,
+    real4 s3,
+    real4 s4,
+    real *turn,
+    real *weight)
+{
+    const real3 f2 = FORCE(s2), f3 = FORCE(s3), f4 = FORCE(s4);
+    const real off_s = h * (RKN_F1 * pot + RKN_F2 * s2.x + RKN_F3 * s3.x + RKN_F4 * s4.x);
+    real3 off_q = (h * h) * (RKN_E1 * force + RKN_E2 * f2 + RKN_E3 * f3 + RKN_E4 * f4);
+    real3 off_p = h * (RKN_F1 * force + RKN_F2 * f2 + RKN_F3 * f3 + RKN_F4 * f4);
+    const real3 swung = momentum + h * f4;
+    *turn = greater(bent, size3(swung - dot(swung, d) * d) / ambient);
+    real sharp = R(1.0);
+    if (INTERPOLATION == CUBIC || INTERPOLATION == LINEAR) {
+        // On a nearly straight ray the path's error is known better, by a rule of higher order with the slopes along
+        // the ray; the other errors are taken to be overestimated alike.
+        const real slope1 = dot(force, total);
+        const real slope2 = dot(f2, total + (R(0.5) * RKN_C2 * h) * (force + f2));
+        const real slope3 = dot(f3, total + (R(0.5) * RKN_C3 * h) * (force + f3));
+        const real slope4 = dot(f4, total + (R(0.5) * h) * (force + f4));
+        real fine = h * (RKN_G1 * pot + RKN_G2 * s2.x + RKN_G3 * s3.x + RKN_G4 * s4.x);
+        fine += (h * h) * (RKN_K1 * slope1 + RKN_K2 * slope2 + RKN_K3 * slope3 + RKN_K4 * slope4);
+        sharp = fabs(fine) / greater(fabs(off_s), TINY);
+        const real blunt = (INTERPOLATION == LINEAR && GEOMETRY != AXISYMMETRIC) || is_smooth ? SMOOTH : ROUGH;
+        sharp = bounded(sharp, lesser(blunt + BLUNTED * *turn, R(1.0)), R(1.0));
+    }
+    real off = R(4.0) * sharp * fabs(off_s);
+    if (!ONE_SCALAR || *turn > NEARLY_STRAIGHT) {
+        // Along d, and in arc length.
+        const real off_m = RKN_F1 * contrast(ambient, pot) + RKN_F2 * contrast(ambient, s2.x)
+            + RKN_F3 * contrast(ambient, s3.x) + RKN_F4 * contrast(ambient, s4.x);
+        off += ambient * (fabs(dot(off_q, d)) + h * fabs(off_m));
+    }
+    off_q -= dot(off_q, d) * d;
+    off_p -= dot(off_p, d) * d;
+    *weight = *turn + sharp * DIRECTION_SHARE;
+    return off + *weight * (size3(off_p) * reach + ambient * size3(off_q));
+}
+
+static inline real step_rounding(
+    const Control *control,
+    real ambient,
+    real h,
+    real reach,
+    real weight,
+    real3 rate,
+    real3 frac,
+    real pot,
+    real3 force,
+    real4 s3)
+{
+    real size = greater(fabs(pot), fabs(s3.x));
+    if (GEOMETRY == AXISYMMETRIC) {
+        // Places across the axis are kept from the axis on, and rounded like their distance from it.
+        size += size3(force) * size2(frac.xy) / rate.x;
+    }
+    const real steep = greater(size3(force), size * greatest(VECTOR(control->cell_rate)));
+    return NOISE * h * (R(2.0) * size + weight * steep * (reach + ambient * h));
+}
+
+#endif

@@ -1,0 +1,122 @@
+// Ending a ray on the surfaces of its box, on a plane, or at a length of arc: the step is shortened to where its parabola
+// first meets a surface, by the root of the quadratic; what is left, of third order in the step, is flown along the
+// tangent.
+#ifndef LANDING_H
+#define LANDING_H
+
+#include "box.h"
+#include "constants.h"
+
+#define NO_ROOT R(1e30)
+#define SURFACE_COUNT (FACE_COUNT + (STOP == PLANE ? 1 : 0))
+
+static inline real4 oriented(const Control *control, int k, real side, int3 cell, real3 frac)
+{
+    const real4 s = surface(control, k, cell, frac);
+    return k == FACE_COUNT ? side * s : s;
+}
+
+// Size of a cell in the unit of surface k: faces are measured in cells, the plane in metres.
+static inline real surface_unit(const Control *control, int k)
+{
+    return k == FACE_COUNT ? R(1.0) / greatest(VECTOR(control->cell_rate)) : R(1.0);
+}
+
+// The first positive h at which v0 + v1 h + v2 h^2 rises through zero; 0 if it is above and stays there.
+static inline real rising_root(real v0, real v1, real v2)
+{
+    const real disc = v1 * v1 - R(4.0) * v2 * v0;
+    if (v0 > R(0.0)) {
+        if (v1 >= R(0.0) || disc < R(0.0)) {
+            return R(0.0);
+        }
+    } else if (disc < R(0.0)) {
+        return NO_ROOT;
+    }
+    const real root = sqrt(disc);
+    if (v1 >= R(0.0)) {
+        return v1 + root <= R(0.0) ? NO_ROOT : R(-2.0) * v0 / (v1 + root);
+    }
+    return v2 <= R(0.0) ? NO_ROOT : (root - v1) / (R(2.0) * v2);
+}
+
+// The step that ends where the parabola first meets a surface, no longer than h, and that surface or -1.
+static inline real landing(
+    const Control *control, real3 rate, real side, int3 cell, real3 frac, real3 momentum, real3 force, real h, int *land)
+{
+    real best = h;
+    *land = -1;
+    const real3 along = momentum * rate;
+    const real3 bend = force * rate;
+#pragma unroll
+    for (int k = 0; k < SURFACE_COUNT; k++) {
+        const real4 s = oriented(control, k, side, cell, frac);
+        const real3 normal = s.yzw;
+        real curve = dot(normal, bend);
+        if (GEOMETRY == AXISYMMETRIC && k == 2) {
+            curve += (along.x * along.x + along.y * along.y) / control->radius;
+        }
+        const real rise = dot(normal, along);
+        // A ray that runs in a face is not thrown out by rounding.
+        const real slack = SLACK_CELLS * surface_unit(control, k);
+        real outside = s.x;
+        const real grazing = R(1.0e-4) * size3(along) * surface_unit(control, k);
+        if (rise >= R(0.0) && rise <= grazing && outside >= -slack) {
+            outside -= slack;
+        }
+        // Most surfaces are out of reach.
+        const real rising = greater(rise, R(0.0)) + greater(R(0.5) * curve, R(0.0)) * best;
+        if (outside + rising * best >= R(0.0)) {
+            const real root = rising_root(outside, rise, R(0.5) * curve);
+            if (root <= best) {
+                best = root;
+                *land = k;
+            }
+        }
+    }
+    return best;
+}
+
+// Whether a point is further behind surface k than `close` cells.
+static inline int overshot(const Control *control, int k, real side, int3 cell, real3 frac, real close)
+{
+    return oriented(control, k, side, cell, frac).x > close * surface_unit(control, k);
+}
+
+// After a step to surface k: sigma still to go along the tangent, negative to go back, and whether that ends the ray. The
+// velocity is in cells. What is neither behind the surface nor close to it has to land once more.
+static inline real touchdown(
+    const Control *control, int k, real side, int3 cell, real3 frac, real3 velocity, real h, real h_cell, int *done)
+{
+    const real4 now = oriented(control, k, side, cell, frac);
+    const real speed = dot(now.yzw, velocity);
+    const real unit = surface_unit(control, k);
+    // Behind it, or close enough to fly the rest along the tangent.
+    if (speed > R(0.0) && now.x >= R(-0.02) * speed * h - R(1.0e-5) * unit) {
+        *done = 1;
+        return -now.x / speed;
+    }
+    // Outside, and coming back or not moving.
+    *done = h <= R(1.0e-9) * h_cell || now.x > R(1.0e-3) * unit;
+    return R(0.0);
+}
+
+// The step that flies `rest` of arc, if it is no longer than h; the index grows along it.
+static inline real arc_landing(real rest, real index, real3 total, real3 force, real h, int *land)
+{
+    const real bend = dot(force, total) / index;
+    if (h * (index + R(0.5) * bend * h) < rest) {
+        return h;
+    }
+    *land = LANDED_ARC;
+    const real h_arc = lesser(rest / index, h);
+    return bounded(rest / (index + R(0.5) * bend * h_arc), R(0.0), h);
+}
+
+static inline real arc_touchdown(real rest, real index, real arc_left, real h, int *done)
+{
+    *done = fabs(rest) <= R(1.0e-4) * h * index + R(1.0e-6) * arc_left;
+    return *done ? rest / index : R(0.0);
+}
+
+#endif

@@ -1,0 +1,83 @@
+// What a kernel is built for. The host sets these as -D options, see aerokernels/tracing/opencl_program.py; the
+// defaults stand here so that a kernel without options still compiles.
+#ifndef OPTIONS_H
+#define OPTIONS_H
+
+// GEOMETRY
+#define PLANAR 2
+#define AXISYMMETRIC 3
+#define VOLUME 4
+// INTERPOLATION: on a grid, then on a mesh
+#define CUBIC 1
+#define LINEAR 2
+#define MONOTONE 3
+#define BILINEAR 4
+#define BILINEAR_BARRON 5
+#define IDW 6
+// METHOD
+#define ADAPTIVE 1
+#define STRAIGHT 2
+#define FIXED 3
+#define PAPER 4
+// STOP
+#define NONE 1
+#define PLANE 2
+#define ARC 3
+
+#ifndef REAL_IS_DOUBLE
+#define REAL_IS_DOUBLE 0
+#endif
+#ifndef GEOMETRY
+#define GEOMETRY VOLUME
+#endif
+#ifndef INTERPOLATION
+#define INTERPOLATION CUBIC
+#endif
+#ifndef ON_MESH
+#define ON_MESH 0
+#endif
+#ifndef METHOD
+#define METHOD ADAPTIVE
+#endif
+#ifndef STOP
+#define STOP NONE
+#endif
+#ifndef HAS_BODY
+#define HAS_BODY 0
+#endif
+#ifndef WANT_POSITION
+#define WANT_POSITION 0
+#endif
+#ifndef WANT_DIRECTION
+#define WANT_DIRECTION 0
+#endif
+#ifndef WANT_OPTICAL_PATH
+#define WANT_OPTICAL_PATH 0
+#endif
+#ifndef WANT_OPD
+#define WANT_OPD 0
+#endif
+#ifndef WANT_ARC_LENGTH
+#define WANT_ARC_LENGTH 0
+#endif
+#ifndef WANT_STEP_ERROR
+#define WANT_STEP_ERROR 0
+#endif
+#ifndef WANT_STEP_COUNT
+#define WANT_STEP_COUNT 0
+#endif
+#ifndef WANT_EVALUATION_COUNT
+#define WANT_EVALUATION_COUNT 0
+#endif
+
+// What follows from them.
+#define CONTROLLED (METHOD == ADAPTIVE || METHOD == STRAIGHT)
+#define IS_STRAIGHT (METHOD == STRAIGHT)
+// Index and gradient are one interpolant's: in the paper's schemes |T| = n does not hold between them.
+#define ONE_SCALAR (INTERPOLATION != BILINEAR_BARRON && INTERPOLATION != IDW)
+// The interpolant has kinks at the faces of cells, at which steps end.
+#define KINKED (!ON_MESH && CONTROLLED && (INTERPOLATION == LINEAR || INTERPOLATION == MONOTONE))
+#define AT_FACES (!ON_MESH && CONTROLLED && INTERPOLATION == LINEAR)
+#define FACE_COUNT (GEOMETRY == VOLUME ? 6 : GEOMETRY == PLANAR ? 4 : 3)
+
+#endif

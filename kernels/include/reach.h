@@ -1,0 +1,135 @@
+// The length of a step on a uniform grid: the table of safe steps (quiet.py), and the faces of cells.
+#ifndef REACH_H
+#define REACH_H
+
+#include "constants.h"
+#include "types.h"
+
+// Longer than any step.
+#define NO_STEP R(1e30)
+
+// Number of a direction's cone in quiet.CONES.
+static inline int cone_of(double3 d)
+{
+    int axis = 0;
+    if (fabs(d.y) > fabs(d.x)) {
+        axis = 1;
+    }
+    if (fabs(d.z) > greater64(fabs(d.x), fabs(d.y))) {
+        axis = 2;
+    }
+    if (GEOMETRY == AXISYMMETRIC ? axis < 2 : GEOMETRY == PLANAR ? axis < 1 : 0) {
+        return 0;
+    }
+    const double ahead = pick64(d, axis);
+    const double square = dot(d, d) - ahead * ahead;
+    if (square > WIDE_SQUARE) {
+        return 0;
+    }
+    return 1 + 4 * axis + (ahead < 0.0 ? 2 : 0) + (square > NARROW_SQUARE ? 1 : 0);
+}
+
+static inline int reach_block(const Control *control, int axis, int cell, real place)
+{
+    const int whole = cell + (int)floor(place);
+    // Blocks ahead of the first are clamped to it: the quotient's rounding toward zero does no harm.
+    return clamp(whole / control->block, 0, control->block_count[axis] - 1);
+}
+
+// Safe step where the point lies [sigma]; zero where none is known: on a mesh, and for a ray that turned out of the cone
+// that it started in.
+static inline real reach_of(
+    const Control *control, const Arrays *arrays, int cone, int3 cell, real3 frac, real3 total)
+{
+#if ON_MESH
+    return R(0.0);
+#else
+    const int start = arrays->reach_start[cone];
+    if (start < 0) {
+        return R(0.0);
+    }
+    const real speed = size3(total);
+    if (cone > 0) {
+        const real along = pick(total, (cone - 1) / 4);
+        const real ahead = ((cone - 1) / 2) % 2 == 1 ? -along : along;
+        const real cosine = (cone - 1) % 2 == 1 ? WIDE_COSINE : NARROW_COSINE;
+        if (ahead < cosine * speed) {
+            return R(0.0);
+        }
+    }
+#if GEOMETRY == VOLUME
+    int entry = reach_block(control, 0, cell.x, frac.x) * control->block_count[1];
+    entry = (entry + reach_block(control, 1, cell.y, frac.y)) * control->block_count[2];
+    entry += reach_block(control, 2, cell.z, frac.z);
+#elif GEOMETRY == PLANAR
+    int entry = reach_block(control, 0, cell.y, frac.y) * control->block_count[1];
+    entry += reach_block(control, 1, cell.z, frac.z);
+#else
+    const real radius = sqrt(frac.x * frac.x + frac.y * frac.y);
+    int entry = reach_block(control, 0, 0, radius) * control->block_count[1];
+    entry += reach_block(control, 1, cell.z, frac.z);
+#endif
+    return arrays->reach[start + entry] / speed;
+#endif
+}
+
+// First t > 0 with speed t + pull t^2 / 2 = gap, gap above 0.
+static inline real meet_face(real gap, real speed, real pull)
+{
+    const real disc = speed * speed + R(2.0) * pull * gap;
+    const real toward = speed + sqrt(greater(disc, R(0.0)));
+    return disc < R(0.0) || toward <= R(0.0) ? NO_STEP : R(2.0) * gap / toward;
+}
+
+// Along an axis with faces at whole numbers.
+static inline real flat_face(real place, real speed, real pull, real hair)
+{
+    real behind = place - floor(place);
+    real ahead = R(1.0) - behind;
+    if (ahead < hair) {
+        ahead += R(1.0);
+    }
+    if (behind < hair) {
+        behind += R(1.0);
+    }
+    return lesser(meet_face(ahead, speed, pull), meet_face(behind, -speed, -pull));
+}
+
+// To the next cylinder of whole radius; (r^2 - R^2) / 2 along the parabola, its quartic term left out.
+static inline real round_face(real3 frac, real3 velocity, real3 pull, real hair)
+{
+    const real square = frac.x * frac.x + frac.y * frac.y;
+    const real b = frac.x * velocity.x + frac.y * velocity.y;
+    const real a = velocity.x * velocity.x + velocity.y * velocity.y;
+    const real c = a + frac.x * pull.x + frac.y * pull.y;
+    const real radius = sqrt(square);
+    real inner = floor(radius);
+    if (radius - inner < hair) {
+        inner -= R(1.0);
+    }
+    const real outer = floor(radius + hair) + R(1.0);
+    real step = meet_face(R(0.5) * (outer * outer - square), b, c);
+    if (inner > R(0.0)) {
+        step = lesser(step, meet_face(R(0.5) * (square - inner * inner), -b, -c));
+    } else if (radius > AXIS_CORE && b < -AXIS_CORE * sqrt(a)) {
+        step = lesser(step, -b / a);  // to where the ray is nearest to the axis, a kink if it meets it
+    }
+    return step;
+}
+
+// Step to the next face of a cell beyond a hair; velocity and its derivative are per cell.
+static inline real to_face(real3 frac, real3 velocity, real3 pull, real hair)
+{
+    real step = flat_face(frac.z, velocity.z, pull.z, hair);
+    if (GEOMETRY == VOLUME) {
+        step = lesser(step, flat_face(frac.x, velocity.x, pull.x, hair));
+    }
+    if (GEOMETRY != AXISYMMETRIC) {
+        step = lesser(step, flat_face(frac.y, velocity.y, pull.y, hair));
+    } else {
+        step = lesser(step, round_face(frac, velocity, pull, hair));
+    }
+    return step;
+}
+
+#endif

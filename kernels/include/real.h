@@ -1,0 +1,51 @@
+// The precision of the deviations; ends of rays and sums over rays are double whatever it is.
+#ifndef REAL_H
+#define REAL_H
+
+#include "options.h"
+
+#ifdef cl_khr_fp64
+#pragma OPENCL EXTENSION cl_khr_fp64 : enable
+#endif
+
+#if REAL_IS_DOUBLE
+typedef double real;
+typedef double2 real2;
+typedef double3 real3;
+typedef double4 real4;
+#define convert_real3 convert_double3
+#else
+typedef float real;
+typedef float2 real2;
+typedef float3 real3;
+typedef float4 real4;
+#define convert_real3 convert_float3
+#endif
+
+// A number of this precision; the literal is read in double first.
+#define R(literal) ((real)(literal))
+
+// Plain comparisons: fmin and fmax also look after NaN, which costs several instructions on a CPU.
+static inline real lesser(real a, real b) { return a < b ? a : b; }
+static inline real greater(real a, real b) { return a > b ? a : b; }
+static inline real bounded(real x, real low, real high) { return lesser(greater(x, low), high); }
+static inline double lesser64(double a, double b) { return a < b ? a : b; }
+static inline double greater64(double a, double b) { return a > b ? a : b; }
+
+// The built-in length() scales its argument against overflow, which nothing here needs.
+static inline real size2(real2 v) { return sqrt(dot(v, v)); }
+static inline real size3(real3 v) { return sqrt(dot(v, v)); }
+static inline double size64(double3 v) { return sqrt(dot(v, v)); }
+
+// Component of a vector by number; a constant number costs nothing.
+static inline real pick(real3 v, int axis) { return axis == 0 ? v.x : axis == 1 ? v.y : v.z; }
+static inline double pick64(double3 v, int axis) { return axis == 0 ? v.x : axis == 1 ? v.y : v.z; }
+static inline int pick_int(int3 v, int axis) { return axis == 0 ? v.x : axis == 1 ? v.y : v.z; }
+static inline double3 unit64(int axis) { return (double3)(axis == 0 ? 1.0 : 0.0, axis == 1 ? 1.0 : 0.0, axis == 2 ? 1.0 : 0.0); }
+
+static inline real greatest(real3 v) { return greater(v.x, greater(v.y, v.z)); }
+
+// Potential and its gradient travel as (s, ds/dx, ds/dy, ds/dz).
+#define FORCE(sample) ((sample).yzw)
+
+#endif

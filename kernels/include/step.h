@@ -1,0 +1,135 @@
+// A step of the tracer: how long to try it, its three later stages, and whether it counts.
+#ifndef STEP_H
+#define STEP_H
+
+#include "motion.h"
+#include "reach.h"
+#include "wall.h"
+#if ON_MESH
+#include "mesh.h"
+#else
+#include "grid.h"
+#endif
+
+// What a step is to be.
+typedef struct {
+    real h;       // to try [sigma]
+    real wanted;  // before the body cut it
+    real safe;    // in quiet air
+    real shy;     // distance to keep from faces, in cells
+} Stride;
+
+static inline Stride stride(
+    const Field *field,
+    const Arrays *arrays,
+    const Bounds *bounds,
+    const Control *control,
+    int home,
+    int cone,
+    int3 cell,
+    real3 frac,
+    real3 rate,
+    real3 total,
+    real3 force,
+    real index,
+    real gap,
+    real h_cell,
+    real h_next,
+    real h_cap)
+{
+    Stride out;
+    out.h = h_next;
+    out.safe = R(0.0);
+    out.shy = R(0.1) * HAIR;
+#if METHOD == FIXED
+    out.h = control->step / index;
+#elif METHOD == PAPER
+    out.h = paper_step(field, arrays, cell, frac, home) / index;
+#else
+    real limit = control->step_limit * h_cell;
+    if (KINKED) {
+        // The interpolant has kinks at the cells' faces: no step across one.
+        const real3 pace = total * rate;
+        const real3 pull = force * rate;
+        if (INTERPOLATION == LINEAR) {
+            // In cells, how far before a face to stop: a share of the bend over a cell, whose change over the step the
+            // parabola does not know.
+            const real bend = R(0.15) * size3(pull) / dot(pace, pace);
+            out.shy = R(0.1) * HAIR + lesser(bend, SHIEST);
+        }
+        limit = to_face(frac, pace, pull, R(10.0) * out.shy) - out.shy / size3(pace);
+    }
+    // Short of the face at which the first rough block may begin.
+    out.safe = reach_of(control, arrays, cone, cell, frac, total) - R(10.0) * HAIR * h_cell;
+    out.h = lesser(out.h, greater(limit, out.safe));
+#endif
+    out.h = lesser(out.h, h_cap);
+    out.wanted = out.h;
+    if (CONTROLLED && HAS_BODY) {
+        // No further than the way ahead is known to be clear, so that no step jumps over the body.
+        out.h = clear_way(field, arrays, bounds, cell, frac, rate, total, force, gap, out.h);
+    }
+    return out;
+}
+
+// The field at a stage; on a straight line the contrast beside it is first order in the deviation.
+static inline real4 look(
+    const Field *field,
+    const Arrays *arrays,
+    int home,
+    int3 cell,
+    real3 frac,
+    real3 rate,
+    real h,
+    real3 total,
+    real3 momentum,
+    real3 q,
+    real3 kick)
+{
+#if IS_STRAIGHT
+    real4 s = sample(field, arrays, cell, frac + h * (total * rate), home);
+    s.x += dot(FORCE(s), q + h * momentum + kick);
+    return s;
+#else
+    return sample(field, arrays, cell, frac + (h * total + kick) * rate, home);
+#endif
+}
+
+// h^2 times the mean force.
+static inline real3 kick_of(real h, real3 force, real4 s2, real4 s3)
+{
+    return (h * h) * (RKN_B1 * force + RKN_B2 * FORCE(s2) + RKN_B3 * FORCE(s3));
+}
+
+// The first force by the parabola through the later ones.
+static inline real3 first_force(real4 s2, real4 s3, real4 s4)
+{
+    return RKN_W2 * FORCE(s2) + RKN_W3 * FORCE(s3) + RKN_W4 * FORCE(s4);
+}
+
+// Whether a step with this error counts; `ratio` is how many times longer to go on.
+static inline int verdict(
+    const Control *control,
+    real off,
+    real rounding,
+    real used,
+    real h,
+    real h_cell,
+    real h_least,
+    real index,
+    real reach,
+    real *ratio)
+{
+    const real left = greater(control->budget - used, R(0.0));
+    real allowed = greater(STEP_SHARE * left, control->budget * h * index / reach);
+    if (h <= NOISE_STEP * h_cell) {
+        allowed = greater(allowed, rounding);
+    }
+    *ratio = R(4.0);
+    if (off > R(0.0)) {
+        *ratio = bounded(R(0.9) * sqrt(sqrt(allowed / off)), R(0.2), R(4.0));
+    }
+    return (off <= allowed && isfinite(off)) || h <= h_least;
+}
+
+#endif

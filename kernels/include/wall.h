@@ -1,0 +1,76 @@
+// The body: how far its wall is, where a ray leaves it, and how far the way ahead is clear.
+#ifndef WALL_H
+#define WALL_H
+
+#include "constants.h"
+#include "types.h"
+
+// Signed distance to the body at a point in x, y, z [m], negative inside it.
+static inline real wall_distance(const Field *field, const Arrays *arrays, real3 p)
+{
+    const real across = GEOMETRY == AXISYMMETRIC ? sqrt(p.x * p.x + p.y * p.y) : p.y;
+    const real row = (across - field->wall_origin[0]) * field->wall_rate[0];
+    const real column = (p.z - field->wall_origin[1]) * field->wall_rate[1];
+    const int i = clamp((int)floor(row), 0, field->wall_count[0] - 2);
+    const int j = clamp((int)floor(column), 0, field->wall_count[1] - 2);
+    const real u = bounded(row - (real)i, R(0.0), R(1.0));
+    const real v = bounded(column - (real)j, R(0.0), R(1.0));
+    __global const real *at = arrays->wall + i * field->wall_count[1] + j;
+    __global const real *next = at + field->wall_count[1];
+    const real near = (R(1.0) - v) * at[0] + v * at[1];
+    const real far = (R(1.0) - v) * next[0] + v * next[1];
+    return (R(1.0) - u) * near + u * far;
+}
+
+// Distance at which a ray is out of the body; `solid` if it is not, up to `last`.
+static inline double way_out(
+    const Field *field, const Arrays *arrays, double3 p, double3 d, double first, double last, int *solid)
+{
+    const double least = 1.0e-4 / (double)field->wall_rate[1];
+    double along = first;
+    *solid = 1;
+    for (int march = 0; *solid && march < WALL_MARCH_LIMIT && along <= last; march++) {
+        const real gap = wall_distance(field, arrays, convert_real3(p + along * d));
+        *solid = gap < R(0.0);
+        if (*solid) {
+            along += greater64(-(double)gap, least);
+        }
+    }
+    return along;
+}
+
+static inline real wall_at(const Field *field, const Arrays *arrays, const Bounds *bounds, int3 cell, real3 frac)
+{
+    const double3 place = convert_double3(cell) + convert_double3(frac);
+    return wall_distance(field, arrays, convert_real3(VECTOR64(bounds->origin) + place * VECTOR64(bounds->spacing)));
+}
+
+// The step h, cut to where the parabola ahead is known to be free of the body.
+static inline real clear_way(
+    const Field *field,
+    const Arrays *arrays,
+    const Bounds *bounds,
+    int3 cell,
+    real3 frac,
+    real3 rate,
+    real3 total,
+    real3 force,
+    real gap,
+    real h)
+{
+    const real speed = size3(total);
+    // On the wall itself nothing is known: go one node of the distance's grid.
+    const real least = R(1.0) / greater(field->wall_rate[0], field->wall_rate[1]);
+    real clear = greater(gap, least) / speed;
+    for (int march = 0; clear < h && march < CLEAR_MARCH_LIMIT; march++) {
+        const real3 at = frac + (clear * total + (R(0.5) * clear * clear) * force) * rate;
+        const real ahead = wall_at(field, arrays, bounds, cell, at);
+        if (ahead < R(0.1) * least) {
+            march = CLEAR_MARCH_LIMIT;
+        }
+        clear += greater(ahead, R(0.0)) / speed;
+    }
+    return lesser(h, clear);
+}
+
+#endif

@@ -1,0 +1,60 @@
+// Moments of a wavefront over groups of GROUP rays: one work-group sums one group, in double.
+//
+// Per ray: pupil_in, opd_in [m], step_error_in [m], evaluation_count_in, status_in; rays beyond ray_count are not there.
+// Groups from first_group up to group_count: moments_out (group_count, MOMENT_COUNT) with count, x, y, W, xx, xy, yy,
+// xW, yW, WW over the rays that arrived, their greatest step error, and the field evaluations of all rays.
+
+#include "groups.h"
+
+#define WORST 10  // the moment that is no sum
+
+__kernel void sum_moments(
+    const int ray_count,
+    const int first_group,
+    const int group_count,
+    __global const double2 *pupil_in,
+    __global const double *opd_in,
+    __global const double *step_error_in,
+    __global const int *evaluation_count_in,
+    __global const int *status_in,
+    __global double *moments_out)
+{
+    __local double parts[WORK_GROUP][MOMENT_COUNT];
+    const int item = (int)get_local_id(0);
+    const int group = (int)get_group_id(0) + first_group;
+    const int stop = group_stop(group, group_count, ray_count);
+    double part[MOMENT_COUNT];
+    for (int k = 0; k < MOMENT_COUNT; ++k) {
+        part[k] = 0.0;
+    }
+    for (int ray = group * GROUP + item; ray < stop; ray += WORK_GROUP) {
+        part[11] += (double)evaluation_count_in[ray];
+        if (status_in[ray] == RAY_OK) {
+            const double2 p = pupil_in[ray];
+            const double w = opd_in[ray];
+            part[0] += 1.0;
+            part[1] += p.x;
+            part[2] += p.y;
+            part[3] += w;
+            part[4] += p.x * p.x;
+            part[5] += p.x * p.y;
+            part[6] += p.y * p.y;
+            part[7] += p.x * w;
+            part[8] += p.y * w;
+            part[9] += w * w;
+            part[WORST] = fmax(part[WORST], step_error_in[ray]);
+        }
+    }
+    for (int k = 0; k < MOMENT_COUNT; ++k) {
+        parts[item][k] = part[k];
+    }
+    barrier(CLK_LOCAL_MEM_FENCE);
+    // One work-item a moment.
+    if (item < MOMENT_COUNT && group < group_count) {
+        double whole = 0.0;
+        for (int k = 0; k < WORK_GROUP; ++k) {
+            whole = item == WORST ? fmax(whole, parts[k][item]) : whole + parts[k][item];
+        }
+        moments_out[(size_t)group * MOMENT_COUNT + item] = whole;
+    }
+}

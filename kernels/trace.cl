@@ -1,0 +1,263 @@
+// The ray tracer; what it computes, and why so, stands in aerokernels/tracing/warp_tracer.py, its Warp twin.
+//
+// One ray a work-item. Lengths along the ray inside the field are in sigma, d sigma = ds / n; positions are whole cells
+// and a fraction of one; q, momentum and the sums are deviations from the undisturbed ray, summed with compensation.
+// Rays first_ray to ray_count: position_in [m] and direction_in (ray_count, 3), packed; outputs that the build does not
+// want are left alone.
+
+#include "ends.h"
+#include "error.h"
+#include "landing.h"
+#include "step.h"
+
+__kernel void trace_kernel(
+    const Field field,
+    const Bounds bounds,
+    const Control control,
+    __global const real *coefficients,
+    __global const real *corners,
+    __global const real *values,
+    __global const real *gradients,
+    __global const int *neighbors,
+    __global const int *bin_start,
+    __global const int *bin_cell,
+    __global const real *paper_step,
+    __global const real *wall,
+    __global const real *reach,
+    __global const int *reach_start,
+    const int first_ray,
+    const int ray_count,
+    __global const double *position_in,
+    __global const double *direction_in,
+    __global double *position_out,
+    __global double *direction_out,
+    __global double *optical_path_out,
+    __global double *opd_out,
+    __global double *arc_length_out,
+    __global double *step_error_out,
+    __global int *step_count_out,
+    __global int *evaluation_count_out,
+    __global int *status_out)
+{
+    const int ray = (int)get_global_id(0) + first_ray;
+    if (ray >= ray_count) {
+        return;
+    }
+    const Arrays arrays = {
+        coefficients, corners, values, gradients, neighbors, bin_start, bin_cell, paper_step, wall, reach,
+        reach_start};
+    const double3 p0 = vload3(ray, position_in);
+    const double3 d0 = vload3(ray, direction_in);
+    Course course;
+    int status = start_of(&field, &arrays, &bounds, p0, d0, &course);
+
+    const real3 d = convert_real3(d0);
+    const real ambient = (real)bounds.ambient;
+    real3 q = (real3)R(0.0), q_carry = q;
+    real3 momentum = q, momentum_carry = q;  // P, the deviation of T
+    real4 sums = (real4)R(0.0), sums_carry = sums;  // sigma, S, M, B
+    real used = R(0.0);
+    real bent = R(0.0);  // greatest angle with d so far
+    int steps = 0, evaluations = 0, landed = -1;
+
+    if (course.meets && status == RAY_OK) {
+        int3 cell;
+        const double3 entry = p0 + course.enter * d0;
+        real3 frac = in_cells(&bounds, entry, &cell), frac_carry = (real3)R(0.0);
+        const real3 rate = VECTOR(field.inverse_spacing);
+        const real3 cell_rate = VECTOR(control.cell_rate);
+        int home = find_home(&field, &arrays, frac, -1);
+        const real4 s = sample(&field, &arrays, cell, frac, home);
+        evaluations++;
+        real pot = s.x;
+        real3 force = FORCE(s);
+        momentum = contrast(ambient, pot) * d;
+        const int cone = cone_of(d0);
+        const real reach = lesser((real)lesser64(course.far - course.enter, 1.0e30), control.extent);
+        const real arc_left = (real)(bounds.length - course.enter);
+        real gap = HAS_BODY ? greater(wall_distance(&field, &arrays, convert_real3(entry)), R(0.0)) : R(0.0);
+        real h_next = control.extent / ambient;
+        real h_cap = h_next;  // shorter after a step that would have ended well behind a surface
+        int running = 1;
+        while (running) {
+            const real3 tangent = ambient * d + momentum;
+            const real3 total = IS_STRAIGHT ? ambient * d : tangent;
+            const real index = ambient + contrast(ambient, pot);
+            const real h_cell = R(1.0) / greater(size3(total * cell_rate), TINY);
+            const real h_least = LEAST_STEP / (greatest(cell_rate) * size3(total));
+            const Stride ahead = stride(
+                &field, &arrays, &bounds, &control, home, cone, cell, frac, rate, total, force, index, gap, h_cell,
+                h_next, h_cap);
+            const int cut = ahead.h < ahead.wanted;
+            const real3 shown = IS_STRAIGHT ? frac + q * rate : frac;
+            int land;
+            real h = landing(&control, rate, course.side, cell, shown, tangent, force, ahead.h, &land);
+            if (STOP == ARC) {
+                h = arc_landing(arc_left - (ambient * sums.x + sums.z), index, total, force, h, &land);
+            }
+
+            const real hh = h * h;
+            const real4 s2 = look(
+                &field, &arrays, home, cell, frac, rate, RKN_C2 * h, total, momentum, q, (RKN_A21 * hh) * force);
+            const real4 s3 = look(
+                &field, &arrays, home, cell, frac, rate, RKN_C3 * h, total, momentum, q,
+                hh * (RKN_A31 * force + RKN_A32 * FORCE(s2)));
+            const real4 s4 = look(
+                &field, &arrays, home, cell, frac, rate, h, total, momentum, q, kick_of(h, force, s2, s3));
+            evaluations += 3;
+            int crossed = 0;
+            if (AT_FACES && h > ahead.safe) {
+                // The slope at the start, a jump, by the parabola through the others, which lie in one cell: if that is
+                // not what was found behind the face, the step went on into the next cell.
+                const real3 first = first_force(s2, s3, s4);
+                const real odd = R(0.01) * size3(force) + R(1.0e-4) * fabs(pot) * greatest(cell_rate);
+                crossed = size3(first - force) > odd && h > R(4.0) * h_least;
+                force = first;
+            }
+            const real3 kick = kick_of(h, force, s2, s3);
+
+            real turn_now, weight;
+            const real off = step_error(
+                ambient, d, total, momentum, h, reach, h <= ahead.safe, bent, pot, force, s2, s3, s4, &turn_now,
+                &weight);
+
+            int accept = 1;
+            if (CONTROLLED) {
+                const real rounding =
+                    step_rounding(&control, ambient, h, reach, weight, rate, frac, pot, force, s3);
+                real ratio;
+                accept = verdict(&control, off, rounding, used, h, h_cell, h_least, index, reach, &ratio);
+                if (accept) {
+                    // A step cut short by a surface or a wall says nothing against the length wanted.
+                    h_next = greater(h * ratio, h_least);
+                    if (land >= 0 || cut) {
+                        h_next = greater(h_next, ahead.wanted);
+                    }
+                } else {
+                    h_next = greater(h * lesser(ratio, R(0.8)), h_least);
+                }
+            }
+
+            // Where the force changes along the step, the parabola may miss the surface: come closer first.
+            if (accept && land >= 0 && land != LANDED_ARC) {
+                const real close = R(0.05) * greater(ahead.h * size3(total * rate), R(0.01));
+                const real3 there = shown + (h * tangent + kick) * rate;
+                if (overshot(&control, land, course.side, cell, there, close)) {
+                    accept = 0;
+                    h_cap = R(0.5) * h;
+                }
+            }
+            if (crossed) {
+                accept = 0;
+                h_cap = R(0.5) * h;
+            }
+
+            if (accept) {
+                h_cap = control.extent / ambient;
+                steps++;
+                used += off;
+                bent = turn_now;
+                advance4(&sums, &sums_carry, step_sums(ambient, d, momentum, h, pot, force, s2, s3, s4));
+                advance3(&q, &q_carry, h * momentum + kick);
+                advance3(
+                    &momentum,
+                    &momentum_carry,
+                    h * (RKN_V1 * force + RKN_V2 * FORCE(s2) + RKN_V3 * FORCE(s3) + RKN_V4 * FORCE(s4)));
+                advance3(&frac, &frac_carry, (IS_STRAIGHT ? h * total : h * total + kick) * rate);
+                carry_over(&cell, &frac);
+                home = find_home(&field, &arrays, frac, home);
+                pot = s4.x;
+                force = FORCE(s4);
+                if (AT_FACES) {
+                    // The slope jumps at the face just reached: the next step is to have the one behind it.
+                    const real over = R(3.0) * ahead.shy / size3(total * rate);
+                    const real4 beyond = sample(&field, &arrays, cell, frac + over * (total * rate), home);
+                    force = FORCE(beyond);
+                    pot = beyond.x - over * dot(force, total);
+                    if (IS_STRAIGHT) {
+                        pot += dot(force, q);
+                    }
+                    evaluations++;
+                }
+                if (ONE_SCALAR) {
+                    // Back onto |T| = n: the error along the ray, which the path would feel in full, is gone.
+                    const real3 mending = mend(ambient, d, momentum, pot);
+                    momentum += mending;
+                    if (IS_STRAIGHT) {
+                        q += (R(0.5) * h) * mending;  // it grew over the step
+                    }
+                }
+
+                real back = R(0.0);  // sigma still to go along the tangent, negative to go back
+                if (HAS_BODY) {
+                    const real gap_now = wall_at(&field, &arrays, &bounds, cell, frac);
+                    if (gap_now < R(-1.0e-3) / field.wall_rate[1]) {
+                        back = -h * gap_now / (gap_now - gap);
+                        running = 0;
+                        status = RAY_HIT_BODY;
+                    }
+                    gap = greater(gap_now, R(0.0));
+                }
+                if (running && land >= 0) {
+                    int done = 0;
+                    if (STOP == ARC && land == LANDED_ARC) {
+                        const real rest = arc_left - (ambient * sums.x + sums.z);
+                        back = arc_touchdown(rest, ambient + contrast(ambient, pot), arc_left, h, &done);
+                    } else {
+                        const real3 now = IS_STRAIGHT ? frac + q * rate : frac;
+                        const real3 velocity = (ambient * d + momentum) * rate;
+                        back = touchdown(&control, land, course.side, cell, now, velocity, h, h_cell, &done);
+                    }
+                    if (done) {
+                        running = 0;
+                        landed = land;
+                    }
+                }
+                if (back != R(0.0)) {
+                    advance4(&sums, &sums_carry, tangent_sums(ambient, d, momentum, back, pot, force));
+                    advance3(&q, &q_carry, back * momentum + (R(0.5) * back * back) * force);
+                    advance3(&momentum, &momentum_carry, back * force);
+                }
+                if (running && steps >= control.max_steps) {
+                    running = 0;
+                    status = RAY_MAX_STEPS;
+                }
+            } else if (evaluations / 12 > control.max_steps) {
+                running = 0;
+                status = RAY_MAX_STEPS;
+            }
+            if (!(isfinite(size3(q)) && isfinite(sums.y))) {
+                running = 0;
+                status = RAY_NOT_FINITE;
+            }
+        }
+    }
+
+    const Arrival arrival = end_of(
+        &bounds, &control, p0, d0, &course, status, landed, q, q_carry, momentum, sums, sums_carry, bent);
+#if WANT_POSITION
+    vstore3(arrival.position, ray, position_out);
+#endif
+#if WANT_DIRECTION
+    vstore3(arrival.direction, ray, direction_out);
+#endif
+#if WANT_OPTICAL_PATH
+    optical_path_out[ray] = arrival.optical_path;
+#endif
+#if WANT_OPD
+    opd_out[ray] = arrival.opd;
+#endif
+#if WANT_ARC_LENGTH
+    arc_length_out[ray] = arrival.arc_length;
+#endif
+#if WANT_STEP_ERROR
+    step_error_out[ray] = (double)used;
+#endif
+#if WANT_STEP_COUNT
+    step_count_out[ray] = steps;
+#endif
+#if WANT_EVALUATION_COUNT
+    evaluation_count_out[ray] = evaluations;
+#endif
+    status_out[ray] = arrival.status;
+}

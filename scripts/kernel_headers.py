@@ -1,0 +1,142 @@
+"""The headers of the OpenCL kernels that repeat numbers from Python: status codes and the scheme's constants.
+
+scripts/kernel_headers            writes kernels/include/ray_status.h and kernels/include/constants.h
+scripts/kernel_headers --check    writes nothing; exit status 1 where one of them is not what it would write
+"""
+
+import argparse
+import sys
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+import numpy as np
+
+from aerokernels.medium.grid import AXIS_CORE
+from aerokernels.tracing import scheme, tableau
+from aerokernels.tracing.pupil_sums import MOMENT_COUNT
+from aerokernels.tracing.quiet import CONE_SINES, CONES
+from aerokernels.tracing.status import RayStatus
+
+INCLUDE = Path(__file__).resolve().parents[1] / "kernels" / "include"
+NOTE = "Written by scripts/kernel_headers from {source}: change it there."
+
+
+def ray_status() -> str:
+    """The text of ray_status.h: every status code with what it means."""
+    width = max(len(status.name) for status in RayStatus)
+    lines = [f"#define RAY_{status.name:<{width}} {status.value} // {status.meaning}" for status in RayStatus]
+    return _header("RAY_STATUS_H", "Status codes of rays.", "aerokernels/tracing/status.py", lines)
+
+
+def constants() -> str:
+    """The text of constants.h: R(...) makes a literal of the kernel's precision, see real.h; the rest is double or int.
+
+    The tableau's numbers carry the prefix RKN_, since names such as B1 are too short to be macros.
+    """
+    lines = [
+        *_group("Runge-Kutta-Nystrom pair: nodes, and the matrix of its stages"),
+        *_reals({"RKN_C2": tableau.C[1], "RKN_C3": tableau.C[2]}),
+        *_reals({"RKN_A21": tableau.A[1, 0], "RKN_A31": tableau.A[2, 0], "RKN_A32": tableau.A[2, 1]}),
+        *_row("Weights of the forces in the position's step", "B", tableau.B[:3]),
+        *_row("Weights of the stages in the momentum's step, and in every sum over the step", "V", tableau.BT),
+        *_row("Error of the position, from the embedded formula", "E", tableau.B_ERROR),
+        *_row("Error of the momentum and of the sums, from the embedded formula", "F", tableau.BT_ERROR),
+        *_row("Error of the optical path, from the rule of degree 7: values", "G", tableau.PATH_ERROR_VALUE),
+        *_row("The same: slopes along the ray", "K", tableau.PATH_ERROR_SLOPE),
+        *_row(
+            "A value at the start of a step by the parabola through the later stages", "W", tableau.START_FROM_LATER, 2
+        ),
+        *_row("Momentum at the second stage", "P", tableau.STAGE_MOMENTUM[1]),
+        *_row("Momentum at the third stage", "Q", tableau.STAGE_MOMENTUM[2]),
+        *_group("Length of a step"),
+        *_reals({name: getattr(scheme, name) for name in ("LEAST_STEP", "HAIR", "SHIEST")}),
+        *_group("Error of a step"),
+        *_reals({name: getattr(scheme, name) for name in ("STEP_SHARE", "NOISE_STEP")}),
+        *_reals({name: getattr(scheme, name) for name in ("DIRECTION_SHARE", "SMOOTH", "ROUGH", "BLUNTED")}),
+        *_group("Angle with the first direction up to which a ray counts as nearly straight [rad]"),
+        *_reals({"NEARLY_STRAIGHT": tableau.NEARLY_STRAIGHT}),
+        *_group("Radius about the axis of symmetry within which a kink is rounded off, in cells"),
+        *_reals({"AXIS_CORE": AXIS_CORE}),
+        *_group("Cones of directions about an axis: sines squared (double) that sort rays into them"),
+        *_defines({"NARROW_SQUARE": repr(float(CONE_SINES[0]) ** 2), "WIDE_SQUARE": repr(float(CONE_SINES[1]) ** 2)}),
+        *_group("Cosines of the angles at which rays have turned out of their cones"),
+        *_reals({"NARROW_COSINE": np.cos(CONES[1].spread), "WIDE_COSINE": np.cos(CONES[2].spread)}),
+        *_group("Where a ray ends"),
+        *_defines(
+            {
+                name: getattr(scheme, name)
+                for name in ("LANDED_ARC", "WALL_MARCH_LIMIT", "CLEAR_MARCH_LIMIT", "WALK_LIMIT")
+            }
+        ),
+        *_group("Pupil: rays summed by one work-item and the sums it delivers, and the hash of the scramble"),
+        *_defines({"GROUP": scheme.GROUP, "MOMENT_COUNT": MOMENT_COUNT}),
+        *_defines({f"HASH_{k}": f"0x{value:08X}u" for k, value in enumerate(scheme.HASHES, start=1)}),
+        *_group("By precision"),
+        "#if REAL_IS_DOUBLE",
+        *_by_precision("float64"),
+        "#else",
+        *_by_precision("float32"),
+        "#endif",
+    ]
+    source = "scheme.py, tableau.py, quiet.py and pupil_sums.py in aerokernels/tracing, and\n// medium/grid.py"
+    return _header("CONSTANTS_H", "Constants of the scheme.", source, ['#include "real.h"', *lines])
+
+
+TEXTS = {"ray_status.h": ray_status, "constants.h": constants}
+
+
+def stale(folder: Path) -> list[str]:
+    """Names of the headers in a folder that are absent or not what Python says."""
+    return [name for name, text in TEXTS.items() if not _holds(folder / name, text())]
+
+
+def _holds(path: Path, text: str) -> bool:
+    return path.is_file() and path.read_text(encoding="utf-8") == text
+
+
+def _by_precision(precision: str) -> list[str]:
+    return _reals({name: getattr(scheme, name)[precision] for name in ("NOISE", "TINY", "SLACK_CELLS")})
+
+
+def _row(what: str, letter: str, values: Sequence[float] | np.ndarray, first: int = 1) -> list[str]:
+    return [*_group(what), *_reals({f"RKN_{letter}{k}": v for k, v in enumerate(values, start=first)})]
+
+
+def _group(what: str) -> list[str]:
+    return ["", f"// {what}."]
+
+
+def _reals(values: Mapping[str, float]) -> list[str]:
+    """Definitions with all digits that a float64 needs, in the kernel's precision."""
+    return _defines({name: f"R({float(value)!r})" for name, value in values.items()})
+
+
+def _defines(values: Mapping[str, object]) -> list[str]:
+    return [f"#define {name} {value}" for name, value in values.items()]
+
+
+def _header(guard: str, what: str, source: str, lines: Sequence[str]) -> str:
+    head = [f"// {what}", f"// {NOTE.format(source=source)}", f"#ifndef {guard}", f"#define {guard}", ""]
+    return "\n".join([*head, *lines, "", "#endif", ""])
+
+
+def main() -> int:
+    """Write the headers, or check them."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--check", action="store_true", help="write nothing, exit with 1 where a header is stale")
+    parser.add_argument("--folder", type=Path, default=INCLUDE, help="where the headers lie (default: %(default)s)")
+    arguments = parser.parse_args()
+    names = stale(arguments.folder)
+    if arguments.check:
+        for name in names:
+            print(f"{arguments.folder / name} is stale or absent: run scripts/kernel_headers", file=sys.stderr)
+        return 1 if names else 0
+    arguments.folder.mkdir(parents=True, exist_ok=True)
+    for name in names:
+        (arguments.folder / name).write_text(TEXTS[name](), encoding="utf-8")
+        print(f"wrote {arguments.folder / name}")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

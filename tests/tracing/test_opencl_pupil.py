@@ -1,0 +1,164 @@
+"""The million-ray pupil's OpenCL kernels against NumPy and against their Warp twins."""
+
+import numpy as np
+import pytest
+
+from aerokernels import Disc, estimate_strehl
+from aerokernels.medium import IndexField
+from aerokernels.tracing.pupil_sums import MOMENT_COUNT
+from aerokernels.tracing.scheme import GROUP
+from aerokernels.tracing.status import RayStatus
+
+from .opencl_stands import need_opencl
+
+GUARD = -7.0  # what lies behind the end of each array, and has to stay there
+
+
+class Device:
+    """A device with the pupil's kernels; arrays go there with a guard of 64 rows behind their end."""
+
+    def __init__(self):
+        need_opencl()
+        import pyopencl.array
+
+        from aerokernels.tracing.opencl_devices import session
+
+        self.opened = session()
+        self.arrays = pyopencl.array
+
+    def put(self, values: np.ndarray):
+        rows = np.full((64, *values.shape[1:]), GUARD).astype(values.dtype)
+        return self.arrays.to_device(self.opened.queue, np.concatenate([values, rows]))
+
+    def get(self, array) -> np.ndarray:
+        values = array.get()
+        assert (values[-64:] == np.array(GUARD).astype(values.dtype)).all(), "written behind the end"
+        return values[:-64]
+
+    def run(self, name: str, items: int, *arguments) -> None:
+        import pyopencl as cl
+
+        from aerokernels.tracing.opencl_backend import enqueue
+        from aerokernels.tracing.opencl_program import build
+
+        kernel = cl.Kernel(build(self.opened, f"{name}.cl"), name)
+        enqueue(self.opened, kernel, [a.data if hasattr(a, "data") else a for a in arguments], items).wait()
+
+
+def double3(vector):
+    """A vector by value."""
+    from pyopencl.cltypes import make_double3
+
+    return make_double3(*vector)
+
+
+@pytest.fixture(scope="module")
+def device() -> Device:
+    return Device()
+
+
+def rays(count: int) -> dict[str, np.ndarray]:
+    """A wavefront of `count` rays, a tenth of which did not arrive and carry NaN."""
+    rng = np.random.default_rng(count)
+    status = np.where(rng.random(count) < 0.1, int(RayStatus.HIT_BODY), int(RayStatus.OK)).astype(np.int32)
+    lost = status != RayStatus.OK
+    return {
+        "pupil": rng.uniform(-1.0, 1.0, (count, 2)),
+        "opd": np.where(lost, np.nan, 2e-7 + 1e-7 * rng.normal(size=count)),
+        "step_error": np.where(lost, np.nan, 1e-9 * rng.random(count)),
+        "evaluation_count": rng.integers(1, 99, count).astype(np.int32),
+        "status": status,
+    }
+
+
+def test_points_are_those_of_warp(device: Device):
+    """Three replicates of 333 points, launched in two parts: the same bits, up to sine and cosine of the angle."""
+    wp = pytest.importorskip("warp")
+    from aerokernels.tracing.warp_devices import start_warp
+    from aerokernels.tracing.warp_pupil import launch_pupil
+
+    start_warp()
+    per, count = 333, 999
+    vectors = np.random.default_rng(1).normal(size=(4, 3))
+    seeds = np.random.default_rng(2).integers(0, 2**32, (3, 2), dtype=np.uint32)
+    out = [device.put(np.zeros((count, width))) for width in (3, 3, 2)]
+    for first, stop in ((0, 500), (500, count)):
+        numbers = [double3(v) for v in vectors]
+        # Padded to whole work-groups, the last of them beyond the end.
+        ends = np.int32(per), np.int32(first), np.int32(stop)
+        device.run("launch_pupil", stop - first, *numbers, device.put(seeds), *ends, *out)
+    expected = [wp.empty(count, dtype=kind, device="cpu") for kind in (wp.vec3d, wp.vec3d, wp.vec2d)]
+    given = [*(wp.vec3d(*v) for v in vectors), wp.array(seeds, dtype=wp.uint32, device="cpu"), per, 0, *expected]
+    wp.launch(launch_pupil, dim=count, inputs=given, device="cpu")
+    for ours, theirs in zip(out, expected, strict=True):
+        assert np.abs(device.get(ours) - theirs.numpy()).max() < 4e-15
+
+
+@pytest.mark.parametrize("count", [1, 63, GROUP, GROUP + 1, 3 * GROUP - 5])
+def test_moments_are_sums_over_each_group(device: Device, count: int):
+    """Expected: NumPy's sums of each group of rays; tolerance: 1024 additions, each rounded once."""
+    given = rays(count)
+    group_count = -(-count // GROUP)
+    out = device.put(np.zeros((group_count, MOMENT_COUNT)))
+    names = ("pupil", "opd", "step_error", "evaluation_count", "status")
+    ends = np.int32(count), np.int32(0), np.int32(group_count)
+    # One work-group too many: what lies beyond group_count does nothing.
+    device.run("sum_moments", 64 * (group_count + 1), *ends, *(device.put(given[name]) for name in names), out)
+    found = device.get(out)
+    for group in range(group_count):
+        rows = {name: values[group * GROUP : (group + 1) * GROUP] for name, values in given.items()}
+        good = rows["status"] == RayStatus.OK
+        (x, y), w = rows["pupil"][good].T, rows["opd"][good]
+        terms = (np.ones_like(x), x, y, w, x * x, x * y, y * y, x * w, y * w, w * w)
+        for k, term in enumerate(terms):
+            assert abs(found[group, k] - term.sum()) <= GROUP * 2.0**-52 * np.abs(term).sum(), k
+        assert found[group, 10] == rows["step_error"][good].max(initial=0.0)
+        assert found[group, 11] == rows["evaluation_count"].sum()
+
+
+def test_groups_can_be_summed_in_parts(device: Device):
+    """From the second group on: the first row stays as it was."""
+    given = rays(3 * GROUP)
+    out = device.put(np.full((3, 2), 5.0))
+    number, plane = np.float64(7e6), double3([1e-7, 2e-8, -3e-8])
+    names = ("pupil", "opd", "status")
+    ends = np.int32(3 * GROUP), np.int32(1), np.int32(3)
+    device.run("sum_phasors", 64 * 2, number, plane, *ends, *(device.put(given[name]) for name in names), out)
+    found = device.get(out)
+    phase = 7e6 * (given["opd"] - 1e-7 - given["pupil"] @ [2e-8, -3e-8])
+    phasor = np.where(given["status"] == RayStatus.OK, np.exp(1j * phase), 0.0).reshape(3, GROUP).sum(axis=1)
+    assert (found[0] == 5.0).all()
+    assert np.abs(found[1:] @ [1.0, 1.0j] - phasor[1:]).max() < GROUP * 1e-15
+
+
+@pytest.mark.parametrize("remove", [("piston",), ("piston", "tilt")])
+def test_strehl_estimate_is_that_of_warp(remove: tuple[str, ...]):
+    """A lens with coma in float64: same points, same steps, so the estimates differ by rounding only."""
+    need_opencl()
+    pytest.importorskip("warp")
+    axis = np.linspace(-1.0, 1.0, 25)
+    x, y, z = np.meshgrid(axis, axis, axis, indexing="ij")
+    contrast = 1e-6 * np.exp(-5.0 * (x**2 + 1.3 * y**2 + z**2)) * (1.0 + 0.3 * x)
+    field = IndexField.from_samples(contrast, origin=(-1.0,) * 3, spacing=(axis[1] - axis[0],) * 3, geometry="volume")
+    pupil = Disc(0.5, center=(0.0, 0.0, -1.5))
+    asked = {"ray_count": 16 * 1500, "precision": "float64", "seed": 3, "remove": remove}
+    warp, opencl = (estimate_strehl(field, pupil, backend=name, **asked) for name in ("warp", "opencl"))
+    assert 0.05 < warp.value < 0.95
+    assert opencl.plan.backend == "opencl" and opencl.evaluation_count == warp.evaluation_count
+    for name in ("value", "marechal", "opd_rms", "standard_error", "blocked"):
+        assert abs(getattr(opencl, name) - getattr(warp, name)) < 1e-10 * max(abs(getattr(warp, name)), 1e-6), name
+    assert np.abs(opencl.boresight - warp.boresight).max() < 1e-16
+    assert opencl.seconds["kernel"] > 0.0
+
+
+def test_more_rays_than_the_device_holds_are_refused():
+    need_opencl()
+    from types import SimpleNamespace
+
+    from aerokernels.tracing.opencl_strehl import _check_memory
+
+    device = SimpleNamespace(global_mem_size=2**30, max_mem_alloc_size=2**28)
+    opened = SimpleNamespace(device=device, name="Small")
+    _check_memory(opened, 1_000_000, 16)
+    with pytest.raises(ValueError, match=r"'Small' has 1\.0 GiB.*fewer rays"):
+        _check_memory(opened, 10_000_000, 16)
