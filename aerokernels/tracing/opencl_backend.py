@@ -57,9 +57,14 @@ def pack(struct: str, precision: str, members: dict) -> np.ndarray:
 
 
 def to_device(opened: Session, values: np.ndarray):
-    """A read-only buffer with a copy of the values."""
-    flags = cl.mem_flags.READ_ONLY | cl.mem_flags.COPY_HOST_PTR
-    return cl.Buffer(opened.context, flags, hostbuf=np.ascontiguousarray(values))
+    """A read-only buffer that holds a copy of the values when this returns.
+
+    (COPY_HOST_PTR would do it in one call, but NVIDIA's driver then copies only when a kernel asks for the buffer.)
+    """
+    values = np.ascontiguousarray(values)
+    buffer = cl.Buffer(opened.context, cl.mem_flags.READ_ONLY, values.nbytes)
+    cl.enqueue_copy(opened.queue, buffer, values, is_blocking=True)
+    return buffer
 
 
 def _upload(field: IndexField, data: FieldData, precision: str, opened: Session, with_paper_step: bool) -> list:

@@ -59,7 +59,8 @@ def _trace_replicates(ready, kernels, pupil, look, count: int, seeds: np.ndarray
     group_count = -(-count // GROUP)
     rays = np.int32(0), np.int32(count)
     batches = []
-    for pair in seeds:
+    # Before the first launch: a copy waits for all that was started before it.
+    for pair in [to_device(opened, pair) for pair in seeds]:
         batch = SimpleNamespace(
             pupil=_empty(opened, 16 * count),
             opd=_empty(opened, 8 * count),
@@ -67,7 +68,7 @@ def _trace_replicates(ready, kernels, pupil, look, count: int, seeds: np.ndarray
             moments=_empty(opened, 8 * MOMENT_COUNT * group_count),
             phasors=_empty(opened, 16 * group_count),
         )
-        launched = [*place, to_device(opened, pair), np.int32(count), *rays, position, direction, batch.pupil]
+        launched = [*place, pair, np.int32(count), *rays, position, direction, batch.pupil]
         enqueue(opened, kernels["launch_pupil"], launched, count)
         results = {**shared, "opd": batch.opd, "status": batch.status}
         launch_trace(ready, position, direction, results, count)

@@ -117,10 +117,9 @@ def prepare(
 
 
 def launch(kernel, arguments: list, arrays: list, ray_count: int, device: str) -> None:
-    """Run a kernel over all rays: one launch on a GPU, chunks over host threads on the CPU."""
+    """Run a kernel over all rays: one launch on a GPU, which is not waited for; chunks over host threads on the CPU."""
     if device != "cpu":
         wp.launch(kernel, dim=ray_count, inputs=[*arguments, 0, *arrays], device=device)
-        wp.synchronize_device(device)
         return
 
     def run(first: int) -> None:
@@ -155,6 +154,7 @@ def trace(field: IndexField, rays: RayBundle, plan: TracePlan, until, wavelength
     results = allocate(outputs, rays.ray_count, plan.device)
     placed = time.perf_counter()
     launch(ready.kernel, ready.arguments, [position, direction, *results.values()], rays.ray_count, plan.device)
+    wp.synchronize_device(plan.device)
     ran = time.perf_counter()
     arrays = {
         name: np.array(array.numpy(), dtype=NUMPY_TYPES.get(name, np.float64))

@@ -30,39 +30,36 @@ def reduce_pupil(field, pupil, look, until, plan, wavelength, per_replicate, rep
     ready.seconds["compile"] += time.perf_counter() - start
     start = time.perf_counter()
     device = plan.device
-    seeds = replicate_seeds(seed, replicates)
+    seeds = [wp.array(pair[None], dtype=wp.uint32, device=device) for pair in replicate_seeds(seed, replicates)]
     axes = [pupil.radius * axis for axis in pupil.axes]
-    moments = np.zeros((replicates, MOMENT_COUNT))
-    phasor = np.zeros(replicates, dtype=np.complex128)
-    kept = []
-    for replicate in range(replicates):
-        batch = _trace_replicate(ready, pupil, axes, look, seeds[replicate], per_replicate, device)
-        kept.append(batch)
-        moments[replicate] = join_groups(batch.moments.numpy())
-    evaluations = int(moments[:, 11].sum())
+    # Nothing is fetched before all replicates are on their way: a GPU works on several at a time.
+    batches = [_trace_replicate(ready, pupil, axes, look, pair, per_replicate, device) for pair in seeds]
+    moments = np.stack([join_groups(batch.moments.numpy()) for batch in batches])
     plane = wp.vec3d(*fit_plane(moments, with_tilt))
-    for replicate, batch in enumerate(kept):
-        out = wp.empty(len(batch.moments), dtype=wp.vec2d, device=device)
+    for batch in batches:
         shared = [2.0 * np.pi / wavelength, plane, per_replicate]
-        launch(sum_phasors, shared, [batch.pupil, batch.opd, batch.status, out], len(out), device)
-        pair = out.numpy().sum(axis=0)
-        phasor[replicate] = complex(pair[0], pair[1])
+        per_ray = [batch.pupil, batch.opd, batch.status, batch.phasors]
+        launch(sum_phasors, shared, per_ray, len(batch.phasors), device)
+    pairs = np.stack([batch.phasors.numpy().sum(axis=0) for batch in batches])
     seconds = dict(ready.seconds)
     seconds["kernel"] = time.perf_counter() - start
-    return moments_in_metres(moments, pupil), phasor, evaluations, seconds
+    return moments_in_metres(moments, pupil), pairs @ [1.0, 1.0j], int(moments[:, 11].sum()), seconds
 
 
-def _trace_replicate(ready, pupil, axes, look, seeds, count, device) -> SimpleNamespace:
+def _trace_replicate(ready, pupil, axes, look, seed_array, count, device) -> SimpleNamespace:
     """Launch, trace and sum one replicate; its wavefront stays on the device."""
     position = wp.empty(count, dtype=wp.vec3d, device=device)
     direction = wp.empty(count, dtype=wp.vec3d, device=device)
     coordinates = wp.empty(count, dtype=wp.vec2d, device=device)
-    seed_array = wp.array(seeds[None], dtype=wp.uint32, device=device)
     geometry = [wp.vec3d(*pupil.center), wp.vec3d(*axes[0]), wp.vec3d(*axes[1]), wp.vec3d(*look), seed_array, count]
     launch(launch_pupil, geometry, [position, direction, coordinates], count, device)
     results = allocate(PUPIL_OUTPUTS, count, device)
     launch(ready.kernel, ready.arguments, [position, direction, *results.values()], count, device)
-    moments = wp.empty((-(-count // GROUP), MOMENT_COUNT), dtype=wp.float64, device=device)
+    group_count = -(-count // GROUP)
+    moments = wp.empty((group_count, MOMENT_COUNT), dtype=wp.float64, device=device)
+    phasors = wp.empty(group_count, dtype=wp.vec2d, device=device)
     per_ray = [coordinates, *(results[n] for n in ("opd", "step_error", "evaluation_count", "status")), moments]
     launch(sum_moments, [count], per_ray, len(moments), device)
-    return SimpleNamespace(pupil=coordinates, opd=results["opd"], status=results["status"], moments=moments)
+    return SimpleNamespace(
+        pupil=coordinates, opd=results["opd"], status=results["status"], moments=moments, phasors=phasors
+    )

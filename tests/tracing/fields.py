@@ -10,9 +10,9 @@ AMBIENT = 1.0001
 CELL = 1e-4
 
 
-def noise(shape, amplitude, seed=3):
-    """Smooth random samples."""
-    array = gaussian_filter(np.random.default_rng(seed).standard_normal(shape), 3, mode="nearest")
+def noise(shape, amplitude, seed=3, width=3.0):
+    """Random samples, smooth over `width` cells."""
+    array = gaussian_filter(np.random.default_rng(seed).standard_normal(shape), width, mode="nearest")
     return amplitude * array / np.abs(array).max()
 
 
@@ -40,6 +40,36 @@ def mesh_field(interpolation: str = "bilinear", geometry: str = "planar"):
     wave = 4e-5 * np.sin(z / 3e-4) * np.sin(np.pi * (y - low) / (14e-4 - low))
     mesh = QuadMesh.structured(y + wave, z, geometry)
     return IndexField.from_mesh(mesh, noise((29, 41), 3e-4), ambient_index=AMBIENT, interpolation=interpolation)
+
+
+def random_field(geometry: str, interpolation: str, seed: int, width: float = 3.0, amplitude: float = 3e-4):
+    """A small field on grid or mesh, 10 cells across and 13 along z: little work for the reference.
+
+    Its samples are random, smooth over `width` cells; so are the mesh's inner vertices, by up to 0.2 cells.
+    """
+    across, along = 11, 14
+    if interpolation in ("cubic", "linear", "monotone"):
+        shape, origin = {
+            "volume": ((across, across, along), (-5e-4, -5e-4, 0.0)),
+            "planar": ((across, along), (-5e-4, 0.0)),
+            "axisymmetric": ((across, along), (0.0, 0.0)),
+        }[geometry]
+        return IndexField.from_samples(
+            noise(shape, amplitude, seed, width),
+            origin=origin,
+            spacing=(CELL,) * len(shape),
+            geometry=geometry,
+            ambient_index=AMBIENT,
+            interpolation=interpolation,
+        )
+    low = -5e-4 if geometry == "planar" else 0.0
+    y, z = np.meshgrid(low + CELL * np.arange(across), CELL * np.arange(along), indexing="ij")
+    shift = np.random.default_rng(seed + 1000).uniform(-0.2 * CELL, 0.2 * CELL, (2, across - 2, along - 2))
+    y[1:-1, 1:-1] += shift[0]
+    z[1:-1, 1:-1] += shift[1]
+    mesh = QuadMesh.structured(y, z, geometry)
+    contrast = noise((across, along), amplitude, seed, width)
+    return IndexField.from_mesh(mesh, contrast, ambient_index=AMBIENT, interpolation=interpolation)
 
 
 def slanted_rays(count: int, seed: int = 5) -> RayBundle:
