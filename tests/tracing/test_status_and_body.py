@@ -7,6 +7,7 @@ from aerokernels.medium import Body, IndexField
 from aerokernels.rays import RayBundle
 from aerokernels.tracing import ArcLength, Plane, RayStatus, trace
 
+from .backends import ENGINES, on
 from .fields import slanted_rays, uniform_field
 
 UP = (0.0, 0.0, 1.0)
@@ -17,58 +18,70 @@ def one(position, direction, field=None, **settings):
     return trace(field or uniform_field("volume"), RayBundle([position], [direction]), **settings)
 
 
-def test_a_ray_that_misses_the_box():
+@pytest.mark.parametrize("engine", ENGINES)
+def test_a_ray_that_misses_the_box(engine):
     """No box, no exit: a status. A plane or a length is reached all the same, with no OPD."""
+    backend = on(engine)
     start, along = (1.0, 0.0, 0.0), UP
-    assert one(start, along).status[0] == RayStatus.MISSED_FIELD
+    assert one(start, along, **backend).status[0] == RayStatus.MISSED_FIELD
     for until, end in ((Plane((0, 0, 2.0), UP), 2.0), (ArcLength(2.0), 2.0)):
-        result = one(start, along, until=until)
+        result = one(start, along, until=until, **backend)
         assert result.status[0] == RayStatus.OK and result.opd[0] == 0.0 and result.evaluation_count[0] == 0
         assert result.position[0] == pytest.approx([1.0, 0.0, end], abs=1e-15)
         assert result.optical_path[0] == pytest.approx(2.0 * 1.0001, rel=1e-15)
 
 
+@pytest.mark.parametrize("engine", ENGINES)
 @pytest.mark.parametrize("normal", [UP, (1.0, 0.0, 0.0)])
-def test_a_plane_that_is_never_reached(normal):
+def test_a_plane_that_is_never_reached(normal, engine):
     """Behind the ray, or parallel to it."""
-    result = one((0, 0, -1e-3), UP, until=Plane((5e-3, 0, -2e-3), normal))
+    backend = on(engine)
+    result = one((0, 0, -1e-3), UP, until=Plane((5e-3, 0, -2e-3), normal), **backend)
     assert result.status[0] == RayStatus.STOP_NOT_REACHED
     assert np.isfinite(result.position).all() and np.isfinite(result.opd).all()
 
 
-def test_the_plane_may_face_either_way():
+@pytest.mark.parametrize("engine", ENGINES)
+def test_the_plane_may_face_either_way(engine):
     """The sign of the normal says nothing about the stop."""
-    first, second = (one((0, 0, -1e-3), UP, until=Plane((0, 0, 2e-3), n)) for n in (UP, (0.0, 0.0, -1.0)))
+    backend = on(engine)
+    first, second = (one((0, 0, -1e-3), UP, until=Plane((0, 0, 2e-3), n), **backend) for n in (UP, (0.0, 0.0, -1.0)))
     assert first.opd[0] == second.opd[0] and first.status[0] == RayStatus.OK
 
 
+@pytest.mark.parametrize("engine", ENGINES)
 @pytest.mark.parametrize("precision", ["float32", "float64"])
-def test_a_plane_on_a_face_of_the_box(precision):
+def test_a_plane_on_a_face_of_the_box(precision, engine):
     """Rounding must not put a ray behind a plane it has just reached: no false failures in 500 rays."""
+    backend = on(engine)
     field = uniform_field("volume")
-    result = trace(field, slanted_rays(500), until=Plane((0, 0, 4e-3), UP), precision=precision)
+    result = trace(field, slanted_rays(500), until=Plane((0, 0, 4e-3), UP), precision=precision, **backend)
     beside = np.abs(result.position[:, :2]).max(axis=1) > 1.4e-3
     assert (result.status[~beside] == RayStatus.OK).all()
     assert np.abs(result.position[~beside, 2] - 4e-3).max() < 1e-15
 
 
-def test_starts_inside_on_a_face_and_at_the_stop():
+@pytest.mark.parametrize("engine", ENGINES)
+def test_starts_inside_on_a_face_and_at_the_stop(engine):
     """A start on the entry face counts in full, one on the stop not at all, one on the exit face leaves at once."""
+    backend = on(engine)
     field = uniform_field("volume")
-    outside, on_face = (one((1e-4, 2e-4, z), UP, field, until=Plane((0, 0, 5e-3), UP)) for z in (-1e-3, 0.0))
+    outside, on_face = (one((1e-4, 2e-4, z), UP, field, until=Plane((0, 0, 5e-3), UP), **backend) for z in (-1e-3, 0.0))
     assert on_face.opd[0] == pytest.approx(outside.opd[0], rel=1e-9)
-    at_stop = one((1e-4, 2e-4, 2e-3), UP, field, until=Plane((0, 0, 2e-3), UP))
+    at_stop = one((1e-4, 2e-4, 2e-3), UP, field, until=Plane((0, 0, 2e-3), UP), **backend)
     assert at_stop.status[0] == RayStatus.OK and at_stop.opd[0] == 0.0 and at_stop.arc_length[0] == 0.0
-    leaving = one((1e-4, 2e-4, 4e-3), UP, field)
+    leaving = one((1e-4, 2e-4, 4e-3), UP, field, **backend)
     assert leaving.status[0] == RayStatus.OK and leaving.arc_length[0] == pytest.approx(0.0, abs=1e-12)
-    inside = one((1e-4, 2e-4, 1e-3), UP, field, until=ArcLength(0.0))
+    inside = one((1e-4, 2e-4, 1e-3), UP, field, until=ArcLength(0.0), **backend)
     assert inside.status[0] == RayStatus.OK and inside.optical_path[0] == 0.0
 
 
-def test_splitting_a_ray_adds_up():
+@pytest.mark.parametrize("engine", ENGINES)
+def test_splitting_a_ray_adds_up(engine):
     """Tracing to the middle and on from there gives the whole: path, direction and place."""
+    backend = on(engine)
     field, rays = uniform_field("volume"), slanted_rays(20)
-    settings = {"precision": "float64", "tolerance": 1e-5}
+    settings = {"precision": "float64", "tolerance": 1e-5, **backend}
     whole = trace(field, rays, until=Plane((0, 0, 6e-3), UP), **settings)
     half = trace(field, rays, until=Plane((0, 0, 1.7e-3), UP), **settings)
     rest = trace(field, RayBundle(half.position, half.direction), until=Plane((0, 0, 6e-3), UP), **settings)
@@ -77,10 +90,12 @@ def test_splitting_a_ray_adds_up():
     assert np.abs(rest.direction - whole.direction).max() < 1e-8
 
 
-def test_light_is_reversible():
+@pytest.mark.parametrize("engine", ENGINES)
+def test_light_is_reversible(engine):
     """A ray sent back from its end returns to its start with the same optical path."""
+    backend = on(engine)
     field, rays = uniform_field("axisymmetric", amplitude=3e-3), slanted_rays(20)
-    settings = {"precision": "float64", "tolerance": 1e-5}
+    settings = {"precision": "float64", "tolerance": 1e-5, **backend}
     out = trace(field, rays, until=Plane((0, 0, 6e-3), UP), **settings)
     back = trace(field, RayBundle(out.position, -out.direction), until=Plane((0, 0, -1e-3), UP), **settings)
     assert np.abs(back.position - rays.position).max() < 1e-9
@@ -88,23 +103,27 @@ def test_light_is_reversible():
     assert np.abs(back.optical_path - out.optical_path).max() < 3e-5 * 905e-9
 
 
-def test_too_few_steps_and_the_neighbours():
+@pytest.mark.parametrize("engine", ENGINES)
+def test_too_few_steps_and_the_neighbours(engine):
     """A ray out of steps says so; rays that need none are untouched."""
+    backend = on(engine)
     rays = RayBundle([[0, 0, -1e-3], [1.0, 0, 0]], [UP, UP])
-    result = trace(uniform_field("volume"), rays, until=Plane((0, 0, 6e-3), UP), max_steps=3)
+    result = trace(uniform_field("volume"), rays, until=Plane((0, 0, 6e-3), UP), max_steps=3, **backend)
     assert list(result.status) == [RayStatus.MAX_STEPS, RayStatus.OK]
     assert result.status_summary() == {"OK": 1, "MAX_STEPS": 1}
     assert np.isfinite(result.opd).all()
 
 
-def test_rays_along_x_in_a_planar_field():
+@pytest.mark.parametrize("engine", ENGINES)
+def test_rays_along_x_in_a_planar_field(engine):
     """A planar field has no end in x: with a stop the ray gets there, without one it says so."""
+    backend = on(engine)
     field = uniform_field("planar")
-    result = one((0, 2e-4, 1e-3), (1.0, 0.0, 0.0), field, until=Plane((5e-3, 0, 0), (1, 0, 0)))
+    result = one((0, 2e-4, 1e-3), (1.0, 0.0, 0.0), field, until=Plane((5e-3, 0, 0), (1, 0, 0)), **backend)
     contrast = field.contrast_at([[0, 2e-4, 1e-3]])[0]
     assert result.status[0] == RayStatus.OK
     assert result.opd[0] == pytest.approx(contrast * 5e-3, rel=2e-2)
-    assert one((0, 2e-4, 1e-3), (1.0, 0.0, 0.0), field).status[0] == RayStatus.STOP_NOT_REACHED
+    assert one((0, 2e-4, 1e-3), (1.0, 0.0, 0.0), field, **backend).status[0] == RayStatus.STOP_NOT_REACHED
 
 
 def test_statuses_say_what_to_do():
@@ -123,15 +142,15 @@ def ball_field(radius: float = 1e-3) -> IndexField:
     )
 
 
-@pytest.mark.parametrize("backend", ["warp", "reference"])
-def test_a_ray_that_starts_in_the_body_begins_at_its_surface(backend):
+@pytest.mark.parametrize("engine", [*ENGINES, "reference-cpu"])
+def test_a_ray_that_starts_in_the_body_begins_at_its_surface(engine):
     """OPD counts from the sphere on: contrast x (3 mm - z of the surface); the path counts from the start.
 
     The wall is a sampled distance on 50 um: it is off by at most h^2 / (8 R) = 0.3 um, 3e-11 m of OPD.
     """
     height = np.array([0.0, 3e-4, 7e-4])
     rays = RayBundle(np.c_[height, 0 * height, 0 * height], [UP])
-    result = trace(ball_field(), rays, until=Plane((0, 0, 5e-3), UP), backend=backend)
+    result = trace(ball_field(), rays, until=Plane((0, 0, 5e-3), UP), **on(engine))
     surface = np.sqrt(1e-6 - height**2)
     assert (result.status == RayStatus.OK).all()
     assert np.abs(result.opd - 1e-4 * (3e-3 - surface)).max() < 6e-11
@@ -139,23 +158,25 @@ def test_a_ray_that_starts_in_the_body_begins_at_its_surface(backend):
     assert np.abs(result.arc_length - 5e-3).max() < 1e-12
 
 
-@pytest.mark.parametrize("backend", ["warp", "reference"])
-def test_a_ray_that_meets_the_body_ends_there(backend):
+@pytest.mark.parametrize("engine", [*ENGINES, "reference-cpu"])
+def test_a_ray_that_meets_the_body_ends_there(engine):
     """It ends on the sphere with a status; one that passes beside does not."""
     height = np.array([0.0, 3e-4, 7e-4, 1.2e-3])
     rays = RayBundle(np.c_[0 * height, height, np.full(4, 4e-3)], [[0.0, 0.0, -1.0]])
-    result = trace(ball_field(), rays, until=Plane((0, 0, -4e-3), UP), backend=backend)
+    result = trace(ball_field(), rays, until=Plane((0, 0, -4e-3), UP), **on(engine))
     assert list(result.status) == [RayStatus.HIT_BODY] * 3 + [RayStatus.OK]
-    allowed = 5e-6 if backend == "warp" else 5e-5
+    allowed = 5e-5 if engine == "reference-cpu" else 5e-6
     assert np.abs(result.position[:3, 2] - np.sqrt(1e-6 - height[:3] ** 2)).max() < allowed
 
 
-def test_a_ray_that_never_gets_out_of_the_body():
+@pytest.mark.parametrize("engine", ENGINES)
+def test_a_ray_that_never_gets_out_of_the_body(engine):
     """A body that fills the way to the face of the box and beyond it."""
+    backend = on(engine)
     profile = np.array([[0.0, -3e-3], [1e-3, -3e-3], [1e-3, 4e-3], [0.0, 4e-3]])
     field = IndexField.from_samples(
         np.full((61, 121), 1e-4), origin=(0.0, -3e-3), spacing=(5e-5, 5e-5), geometry="axisymmetric", body=Body(profile)
     )
-    result = one((1e-4, 0, 0), UP, field, until=Plane((0, 0, 5e-3), UP))
+    result = one((1e-4, 0, 0), UP, field, until=Plane((0, 0, 5e-3), UP), **backend)
     assert result.status[0] == RayStatus.INSIDE_BODY
     assert result.opd[0] == pytest.approx(0.0, abs=1e-12)

@@ -9,6 +9,7 @@ from aerokernels.tracing import ArcLength, Plane, trace
 from aerokernels.tracing.result import RAY_OUTPUTS
 from aerokernels.tracing.tableau import PAIR, NystromPair
 
+from .backends import ENGINES, on
 from .fields import slanted_rays, uniform_field
 
 FAR = Plane((0.0, 0.0, 10e-3), (0.0, 0.0, 1.0))
@@ -54,12 +55,13 @@ def test_wrong_kinds_are_type_errors():
         Plane((0, 0, 0), (0, 0, 0))
 
 
-@pytest.mark.parametrize("backend", ["warp", "reference"])
-def test_only_the_outputs_asked_for_come_back(backend):
+@pytest.mark.parametrize("engine", [*ENGINES, "reference-cpu"])
+def test_only_the_outputs_asked_for_come_back(engine):
     """The others are None; those asked for are as in a full trace."""
+    backend = on(engine)
     field, rays = uniform_field("planar"), slanted_rays(3)
-    whole = trace(field, rays, until=FAR, backend=backend)
-    part = trace(field, rays, until=FAR, backend=backend, outputs=("opd", "direction"))
+    whole = trace(field, rays, until=FAR, **backend)
+    part = trace(field, rays, until=FAR, **backend, outputs=("opd", "direction"))
     for name in RAY_OUTPUTS:
         if name in ("opd", "direction"):
             assert np.array_equal(getattr(part, name), getattr(whole, name))
@@ -70,10 +72,13 @@ def test_only_the_outputs_asked_for_come_back(backend):
     assert part.error == whole.error and np.isfinite(whole.error["total"])
 
 
-def test_a_result_tells_its_plan_times_errors_and_units():
+@pytest.mark.parametrize("engine", ENGINES)
+def test_a_result_tells_its_plan_times_errors_and_units(engine):
     """plan, seconds, error and to_xarray are there and hold together."""
+    backend = on(engine)
     field, rays = uniform_field("planar"), slanted_rays(3)
-    result = trace(field, rays, until=FAR)
+    result = trace(field, rays, until=FAR, **backend)
+    assert {"backend": result.plan.backend, "device": result.plan.device} == backend
     assert (
         result.plan.method in ("adaptive", "fixed") and result.plan.reasons and result.plan.method in str(result.plan)
     )
@@ -85,10 +90,12 @@ def test_a_result_tells_its_plan_times_errors_and_units():
     assert np.array_equal(data["opd"], result.opd)
 
 
-def test_position_and_direction_are_float64_unit_vectors():
+@pytest.mark.parametrize("engine", ENGINES)
+def test_position_and_direction_are_float64_unit_vectors(engine):
     """Directions come back normalised, whatever went in."""
+    backend = on(engine)
     rays = RayBundle([[0, 0, -1e-3]], [[0.0, 3.0, 40.0]])
-    result = trace(uniform_field("volume"), rays, until=FAR)
+    result = trace(uniform_field("volume"), rays, until=FAR, **backend)
     assert result.position.dtype == np.float64
     assert np.linalg.norm(result.direction[0]) == pytest.approx(1.0, abs=1e-15)
 

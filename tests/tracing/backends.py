@@ -1,0 +1,103 @@
+"""Backends and devices that a contract is tested on, skipped with the reason where they are not there; the oracle."""
+
+import functools
+
+import numpy as np
+import pytest
+
+from aerokernels.rays import RayBundle
+from aerokernels.tracing import ArcLength, Plane, TraceResult, available_backends, trace
+
+from .fields import mesh_field, random_field, slanted_rays, uniform_field
+
+WAVE = 905e-9
+# What is asked of every backend against the float64 reference: OPD [m] and direction [rad].
+OPD_LIMIT = {"float32": 1e-3 * WAVE, "float64": 1e-5 * WAVE}
+DIRECTION_LIMIT = {"float32": 5e-7, "float64": 1e-8}
+
+GRID_INTERPOLATIONS = ("cubic", "linear", "monotone")
+GRIDS = [(g, i) for g in ("volume", "planar", "axisymmetric") for i in GRID_INTERPOLATIONS]
+MESHES = [(g, i) for g in ("planar", "axisymmetric") for i in ("bilinear", "bilinear-barron", "idw")]
+KINDS = GRIDS + MESHES
+
+STOPS = {
+    "far": Plane((0.0, 0.0, 10e-3), (0.0, 0.2, 1.0)),
+    "within": Plane((0.0, 0.0, 0.7e-3), (0.0, 0.2, 1.0)),
+    "box": None,
+    "arc": ArcLength(1.1e-3),
+    "long-arc": ArcLength(9e-3),
+}
+FAR = STOPS["far"]
+
+# The best device of each kind; names, so that tests are collected without a look at drivers.
+WARP = [pytest.param("warp-cpu"), pytest.param("warp-gpu", marks=pytest.mark.gpu)]
+OPENCL = [pytest.param("opencl-cpu"), pytest.param("opencl-gpu", marks=pytest.mark.gpu)]
+ENGINES = WARP + OPENCL
+
+
+def on(engine: str) -> dict[str, str]:
+    """`backend` and `device` of an engine such as "opencl-cpu"; the test is skipped where it is not there."""
+    found = _found(engine)
+    if isinstance(found, str):
+        pytest.skip(found)
+    return dict(found)
+
+
+@functools.cache
+def _found(engine: str) -> dict[str, str] | str:
+    backend, _, kind = engine.partition("-")
+    there = [info for info in available_backends() if info.backend == backend]
+    for info in there:
+        is_gpu = info.device.startswith("cuda") if backend == "warp" else info.description.startswith("GPU")
+        if info.available and is_gpu == (kind == "gpu"):
+            return {"backend": backend, "device": info.device}
+    missing = "; ".join(info.reason for info in there if not info.available)
+    return f"no {kind.upper()} for backend {backend} here" + (f": {missing}" if missing else "")
+
+
+@functools.cache
+def field_of(geometry: str, interpolation: str):
+    """The field of a kind, a grid or a mesh as the interpolation tells; one for all tests."""
+    if interpolation in GRID_INTERPOLATIONS:
+        return uniform_field(geometry, interpolation)
+    return mesh_field(interpolation, geometry)
+
+
+@functools.cache
+def small_field(geometry: str, interpolation: str, seed: int, width: float):
+    """`random_field`, one for all tests."""
+    return random_field(geometry, interpolation, seed, width)
+
+
+@functools.cache
+def stepped(geometry: str, interpolation: str, method: str, step: float | None = None) -> TraceResult:
+    """The reference on `field_of`, by the steps of a rule, to FAR: three of `slanted_rays`."""
+    settings = {"method": method, "backend": "reference", "precision": "float64", "until": FAR, "step": step}
+    return trace(field_of(geometry, interpolation), slanted_rays(3), **settings)
+
+
+def small_rays(count: int, seed: int = 8) -> RayBundle:
+    """Rays from 0.3 mm ahead of a `random_field` into it, within 0.1 rad of the axis."""
+    rng = np.random.default_rng(seed)
+    position = np.c_[rng.uniform(-0.3e-3, 0.3e-3, (count, 2)), np.full(count, -0.3e-3)]
+    return RayBundle(position, np.c_[rng.normal(0.0, 0.04, (count, 2)), np.ones(count)])
+
+
+@functools.cache
+def exact(geometry: str, interpolation: str, seed: int, width: float, stop: str, count: int, method="adaptive"):
+    """DOP853 at 1e-11 on `small_field`: "adaptive", or "straight" along the undisturbed line."""
+    settings = {"method": method, "backend": "reference", "precision": "float64", "until": STOPS[stop]}
+    return trace(small_field(geometry, interpolation, seed, width), small_rays(count), **settings)
+
+
+def assert_within_limits(result: TraceResult, expected: TraceResult, precision: str) -> None:
+    """Statuses are equal, OPD and direction within the limits of the precision."""
+    assert np.array_equal(result.status, expected.status)
+    assert np.abs(result.opd - expected.opd).max() < OPD_LIMIT[precision]
+    assert np.abs(result.direction - expected.direction).max() < DIRECTION_LIMIT[precision]
+
+
+def assert_same_bits(first: TraceResult, second: TraceResult, rows=slice(None)) -> None:
+    """Every array of the second is that of the first, of its rows, in every bit."""
+    for name in ("position", "direction", "optical_path", "opd", "arc_length", "step_error", "step_count", "status"):
+        assert np.array_equal(getattr(first, name)[rows], getattr(second, name)), name
