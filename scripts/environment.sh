@@ -37,7 +37,7 @@ prepare_environment() {
     stamp=$root/.venv/.aerokernels-installed
     if [ -x "$python" ] && key=$(environment_key); then
         if [ -f "$stamp$extras" ] && [ "$(cat "$stamp$extras")" = "$key" ]; then return; fi
-        if [ -z "$extras" ] && [ -f "$stamp[dev]" ] && [ "$(cat "$stamp[dev]")" = "$key" ]; then return; fi
+        if { [ -z "$extras" ] || [ "$extras" = "[opencl]" ]; } && [ -f "$stamp[dev]" ] && [ "$(cat "$stamp[dev]")" = "$key" ]; then return; fi
     fi
     # A .venv that was broken off half-way has no pip yet; making it again completes it.
     if ! { [ -x "$python" ] && "$python" -m pip --version </dev/null >/dev/null 2>&1; }; then

@@ -20,6 +20,7 @@ from pathlib import Path
 import warp as wp
 
 from aerokernels.tracing import warp_pupil
+from aerokernels.tracing.warp_columns import build_column_kernel
 from aerokernels.tracing.warp_tracer import build_kernel
 from aerokernels.tracing.warp_types import types
 
@@ -53,6 +54,7 @@ def warp_kernels() -> dict[str, wp.Kernel]:
     """Every Warp kernel by name; the tracer's arguments do not depend on what it is built for."""
     kernels = [kernel for kernel in vars(warp_pupil).values() if isinstance(kernel, wp.Kernel)]
     kernels.append(build_kernel("float32", "volume", "cubic", False, "adaptive", "none", False, frozenset()))
+    kernels.append(build_column_kernel("float32", frozenset()))
     return {kernel.func.__name__: kernel for kernel in kernels}
 
 

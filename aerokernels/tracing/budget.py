@@ -51,6 +51,7 @@ def opd_errors(field: IndexField, rays: RayBundle, plan: TracePlan, retrace: Ret
     tight = replace(
         plan,
         method="adaptive",
+        columns=False,
         step=None,
         backend="warp" if plan.backend == "reference" else plan.backend,
         precision="float64",

@@ -171,16 +171,21 @@ def launch_trace(ready: SimpleNamespace, position, direction, results: dict, ray
     return enqueue(ready.session, ready.kernel, arguments, ray_count)
 
 
+def fetch(opened: Session, results: dict, arrays: dict, outputs: frozenset, rows: slice, ray_count: int) -> None:
+    """Copy a chunk's outputs into the rows of the arrays, which are made for all rays where they are missing."""
+    for name, (count, kind) in OUTPUT_TYPES.items():
+        if name in outputs or name == "status":
+            shape = (ray_count, count) if count > 1 else (ray_count,)
+            if name not in arrays:
+                arrays[name] = np.empty(shape, dtype=kind)
+            cl.enqueue_copy(opened.queue, arrays[name][rows], results[name], is_blocking=True)
+
+
 def trace(field: IndexField, rays: RayBundle, plan: TracePlan, until, wavelength: float, outputs: frozenset):
     """Trace with OpenCL: per-ray arrays by name, and seconds."""
     ready = prepare(field, plan, until, wavelength, outputs, rays.direction)
     opened = ready.session
-    wanted = [name for name in OUTPUT_TYPES if name in outputs or name == "status"]
-    arrays: dict[str, np.ndarray] = {
-        name: np.empty((rays.ray_count, count) if count > 1 else rays.ray_count, dtype=kind)
-        for name, (count, kind) in OUTPUT_TYPES.items()
-        if name in wanted
-    }
+    arrays: dict[str, np.ndarray] = {}
     seconds = dict(ready.seconds, kernel=0.0, download=0.0)
     chunk = chunk_size(opened, rays.ray_count)
     results = allocate(opened, outputs, chunk)
@@ -192,8 +197,7 @@ def trace(field: IndexField, rays: RayBundle, plan: TracePlan, until, wavelength
         placed = time.perf_counter()
         launch_trace(ready, position, direction, results, rows.stop - rows.start).wait()
         ran = time.perf_counter()
-        for name in wanted:
-            cl.enqueue_copy(opened.queue, arrays[name][rows], results[name], is_blocking=True)
+        fetch(opened, results, arrays, outputs, rows, rays.ray_count)
         for buffer in (position, direction):
             buffer.release()
         seconds["upload"] += placed - start

@@ -24,6 +24,7 @@ class TracePlan:
         step: Step of "fixed" [m of arc length], else None.
         tolerance: OPD error asked for [waves].
         reasons: Why, one sentence for each choice.
+        columns: Whether collimated rays are looked up in tables of what each column gathers, see columns.py.
     """
 
     method: str
@@ -34,6 +35,7 @@ class TracePlan:
     step: float | None
     tolerance: float
     reasons: tuple[str, ...] = field(default=())
+    columns: bool = False
 
     def __str__(self) -> str:
         """One line of choices, then one line for each reason."""
@@ -50,6 +52,7 @@ class TracePlan:
             "max_steps": self.max_steps,
             "step": self.step,
             "tolerance": self.tolerance,
+            "columns": self.columns,
             "reasons": list(self.reasons),
         }
 
@@ -67,8 +70,11 @@ def make_plan(
     path_length,
     wavelength,
     directions,
+    columns: str | None = None,
 ) -> TracePlan:
     """Check the caller's choices and fill in those left to "auto".
+
+    `columns` says why collimated rays may be looked up in tables, None that they may not.
 
     Raises:
         ValueError: An unknown name or a number that makes no sense, with the remedy.
@@ -87,7 +93,15 @@ def make_plan(
     elif step is not None:
         raise ValueError(f"step belongs to method 'fixed', not to {method!r}: leave it out or choose 'fixed'")
     reasons = []
-    if method == "auto":
+    by_columns = False
+    if columns is not None and method in ("auto", "straight") and backend != "reference":
+        method = "straight"
+        reasons.append(columns)
+        by_columns = True
+    elif method == "auto" and backend == "reference":
+        method = "adaptive"
+        reasons.append("method adaptive: the reference is the answer that others are measured against")
+    elif method == "auto":
         choice = choose_method(field, tolerance * wavelength, directions)
         method, step = choice.method, choice.step
         reasons.append(choice.reason)
@@ -109,7 +123,9 @@ def make_plan(
         max_steps = step_allowance(field, method, step, path_length)
     elif not isinstance(max_steps, (int, np.integer)) or max_steps < 1:
         raise ValueError(f"max_steps must be a whole number of at least 1, got {max_steps!r}")
-    return TracePlan(method, backend, device, precision, int(max_steps), step, float(tolerance), tuple(reasons))
+    return TracePlan(
+        method, backend, device, precision, int(max_steps), step, float(tolerance), tuple(reasons), by_columns
+    )
 
 
 def step_allowance(field: IndexField, method: str, step, path_length) -> int:

@@ -7,6 +7,7 @@ import numpy as np
 from ..medium import IndexField
 from ..rays import RayBundle
 from .budget import error_budget
+from .collimated import columns_hold, find_columns, is_collimated, is_worth_it
 from .plan import TracePlan, make_plan
 from .result import RAY_OUTPUTS, TraceResult
 from .stop import ArcLength, Plane
@@ -64,6 +65,7 @@ def trace(
     if not (np.isfinite(wavelength) and wavelength > 0.0):
         raise ValueError(f"wavelength must be a positive length in metres, got {wavelength!r}")
     wanted = check_outputs(outputs)
+    columns = _columns(field, rays, until, method, tolerance, wavelength)
     plan = make_plan(
         field,
         method=method,
@@ -76,6 +78,7 @@ def trace(
         path_length=until.length if isinstance(until, ArcLength) else None,
         wavelength=wavelength,
         directions=rays.direction,
+        columns=columns,
     )
     arrays, seconds = run_plan(field, rays, plan, until, wavelength, wanted)
     seconds["total"] = time.perf_counter() - start
@@ -88,8 +91,26 @@ def trace(
     )
 
 
+def _columns(field: IndexField, rays: RayBundle, until, method: str, tolerance: float, wavelength: float) -> str | None:
+    """Why these rays may be looked up in tables of columns; None where they may not, or where it does not pay."""
+    if method not in ("auto", "straight") or not (is_collimated(field, rays, until) and is_worth_it(field, rays)):
+        return None
+    columns = find_columns(field, rays, until)
+    if columns is None or (method == "auto" and not columns_hold(columns, tolerance * wavelength)):
+        return None
+    waves = columns.tables.greatest_error / wavelength
+    return (
+        "method straight, by columns: the rays are collimated along z, so what each gathers is a spline over x and y "
+        f"(bending to third order, estimated error {waves:.1g} waves)"
+    )
+
+
 def run_plan(field: IndexField, rays: RayBundle, plan: TracePlan, until, wavelength: float, outputs: frozenset):
     """What a plan says on its backend: per-ray arrays by name, and seconds."""
+    if plan.columns:
+        from .collimated import trace as by_columns
+
+        return by_columns(field, rays, plan, until, wavelength, outputs, run_plan)
     if plan.backend == "reference":
         from .reference import trace as run
     elif plan.backend == "opencl":

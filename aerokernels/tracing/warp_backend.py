@@ -145,6 +145,15 @@ def allocate(outputs: frozenset, ray_count: int, device: str) -> dict:
     }
 
 
+def fetch(results: dict, outputs: frozenset) -> dict[str, np.ndarray]:
+    """The outputs asked for, and the status, on the host."""
+    return {
+        name: np.array(array.numpy(), dtype=NUMPY_TYPES.get(name, np.float64))
+        for name, array in results.items()
+        if name in outputs or name == "status"
+    }
+
+
 def trace(field: IndexField, rays: RayBundle, plan: TracePlan, until, wavelength: float, outputs: frozenset):
     """Trace with Warp: per-ray arrays by name, and seconds."""
     ready = prepare(field, plan, until, wavelength, outputs, rays.direction)
@@ -156,11 +165,7 @@ def trace(field: IndexField, rays: RayBundle, plan: TracePlan, until, wavelength
     launch(ready.kernel, ready.arguments, [position, direction, *results.values()], rays.ray_count, plan.device)
     wp.synchronize_device(plan.device)
     ran = time.perf_counter()
-    arrays = {
-        name: np.array(array.numpy(), dtype=NUMPY_TYPES.get(name, np.float64))
-        for name, array in results.items()
-        if name in outputs or name == "status"
-    }
+    arrays = fetch(results, outputs)
     seconds = dict(ready.seconds)
     seconds["upload"] += placed - start
     seconds["kernel"] = ran - placed

@@ -13,12 +13,14 @@ typedef double real;
 typedef double2 real2;
 typedef double3 real3;
 typedef double4 real4;
+typedef double8 real8;
 #define convert_real3 convert_double3
 #else
 typedef float real;
 typedef float2 real2;
 typedef float3 real3;
 typedef float4 real4;
+typedef float8 real8;
 #define convert_real3 convert_float3
 #endif
 

@@ -212,11 +212,13 @@ def test_device_memory_is_given_back_with_the_field(engine):
     backend = on(engine)
     field = uniform_field("planar", amplitude=1e-4)
     result = trace(field, slanted_rays(5), until=FAR, method="adaptive", **backend)
-    watched = [weakref.ref(buffer) for held in _uploaded[field].values() for buffer in held]
-    assert all(buffer() is not None for buffer in watched)
+    (buffers,) = _uploaded[field].values()
+    watched = weakref.ref(field)
     del field, result
     gc.collect()
-    assert all(buffer() is None for buffer in watched)
+    assert watched() is None
+    for buffer in buffers:
+        assert all(holder is buffers for holder in gc.get_referrers(buffer))
 
 
 @pytest.mark.parametrize("engine", ENGINES)

@@ -1,0 +1,156 @@
+"""When a bundle is collimated along z in a volume, and what its kernel needs then: see columns.py.
+
+The tables serve every ray that runs along z from one plane to another. Rays that would come near a side of the box are
+traced as ever, and the results put together.
+"""
+
+import time
+import weakref
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ..medium import IndexField
+from ..medium.grid import UniformGrid
+from ..rays import RayBundle
+from .columns import FURTHEST, ColumnTables, column_tables
+from .plan import TracePlan
+from .stop import Plane
+
+# Tables are made for at least so many rays a node of the grid: for fewer it is quicker to trace them.
+RAYS_PER_NODE = 0.15
+# "auto" takes them where the tolerance is so many times the estimated error, and where the terms beyond the first
+# order, which are splined from columns, are below so many tolerances.
+MARGIN = 3.0
+GREATEST_EXTRA = 100.0
+
+_last: weakref.WeakKeyDictionary = weakref.WeakKeyDictionary()
+
+
+@dataclass(frozen=True, eq=False)
+class Columns:
+    """Rays along z, and the tables they need.
+
+    Attributes:
+        tables: What they gather.
+        sign: 1.0 along z, -1.0 against it.
+        first: Plane where the tables begin [m].
+        length: How far they reach [m].
+        flight: How far it is from there to the stop [m].
+        inside: Which rays the tables hold for, shape (ray_count,).
+    """
+
+    tables: ColumnTables
+    sign: float
+    first: float
+    length: float
+    flight: float
+    inside: np.ndarray
+
+
+def is_collimated(field: IndexField, rays: RayBundle, until) -> bool:
+    """Whether tables could serve: all rays along z, in a cubic volume without a body, out or to a plane across z."""
+    if not (isinstance(field.samples, UniformGrid) and field.geometry == "volume" and field.body is None):
+        return False
+    if field.interpolation != "cubic" or not (until is None or isinstance(until, Plane)) or not rays.ray_count:
+        return False
+    if abs(rays.direction[0, 2]) != 1.0 or not (rays.direction == rays.direction[0] * [0.0, 0.0, 1.0]).all():
+        return False
+    return until is None or abs(until.normal[2]) == 1.0
+
+
+def is_worth_it(field: IndexField, rays: RayBundle) -> bool:
+    """Whether there are so many rays that tables save time."""
+    return rays.ray_count >= RAYS_PER_NODE * field.samples.samples.size
+
+
+def find_columns(field: IndexField, rays: RayBundle, until) -> Columns | None:
+    """The tables for a bundle that `is_collimated`; None where rays begin in different planes, or bend too much.
+
+    The last answer is kept with the bundle: a plan asks before the trace does.
+    """
+    kept = _last.get(rays)
+    if kept is None or kept[0]() is not field or kept[1] is not until:
+        kept = _last[rays] = (weakref.ref(field), until, _find_columns(field, rays, until))
+    return kept[2]
+
+
+def _find_columns(field: IndexField, rays: RayBundle, until) -> Columns | None:
+    grid = field.samples
+    sign = float(rays.direction[0, 2])
+    near, far = (grid.low[2], grid.high[2]) if sign > 0.0 else (grid.high[2], grid.low[2])
+    start = rays.position[:, 2]
+    begins = np.maximum(start * sign, near * sign)
+    if begins.min() != begins.max() or begins[0] >= far * sign:
+        return None
+    first = float(begins[0] * sign)
+    stop = far if until is None else float(until.point[2])
+    last = min(stop * sign, far * sign) * sign
+    if (last - first) * sign <= 1e-9 * abs(far - near):
+        return None
+    tables = column_tables(field, sign, first, last)
+    if not tables.greatest_shift <= FURTHEST:
+        return None
+    # A ray may not leave by a side: it keeps twice the greatest shift away from it.
+    keep = 2.0 * tables.greatest_shift * grid.spacing[:2]
+    across = rays.position[:, :2]
+    inside = np.asarray(((across >= grid.low[:2] + keep) & (across <= grid.high[:2] - keep)).all(axis=1))
+    return Columns(tables, sign, first, abs(last - first), (stop - last) * sign, inside)
+
+
+def columns_hold(columns: Columns, budget: float) -> bool:
+    """Whether the estimated error leaves room in an OPD error of `budget` [m]."""
+    beyond = float(np.abs(columns.tables.extra[..., 0]).max())
+    return MARGIN * columns.tables.greatest_error <= budget and beyond <= GREATEST_EXTRA * budget
+
+
+def kernel_numbers(field: IndexField, columns: Columns) -> dict[str, float]:
+    """The scalar arguments of the kernel up to the rays, in their order."""
+    grid = field.samples
+    return {
+        "cells_x": grid.shape[0] - 1,
+        "cells_y": grid.shape[1] - 1,
+        "origin_x": float(grid.origin[0]),
+        "origin_y": float(grid.origin[1]),
+        "rate_x": 1.0 / float(grid.spacing[0]),
+        "rate_y": 1.0 / float(grid.spacing[1]),
+        "ambient": field.ambient_index,
+        "sign": columns.sign,
+        "first_plane": columns.first,
+        "length": columns.length,
+        "flight": columns.flight,
+    }
+
+
+def packed(tables: ColumnTables) -> np.ndarray:
+    """The kernel's array: for each (x, y) A, D and EXTRAS, flat."""
+    return np.concatenate([np.stack([tables.path, tables.shift], axis=-1), tables.extra], axis=-1).ravel()
+
+
+def trace(field: IndexField, rays: RayBundle, plan: TracePlan, until, wavelength: float, outputs: frozenset, run):
+    """Trace with the tables: per-ray arrays by name, and seconds.
+
+    `run` traces the rays that they do not hold for: (field, rays, plan, until, wavelength, outputs).
+    """
+    start = time.perf_counter()
+    columns = find_columns(field, rays, until)
+    prepared = time.perf_counter() - start
+    rest = replace(plan, method="adaptive", columns=False)
+    if columns is None or not columns.inside.any():
+        return run(field, rays, rest, until, wavelength, outputs)
+    if plan.backend == "opencl":
+        from .opencl_columns import trace_columns
+    else:
+        from .warp_column_backend import trace_columns
+    rows = columns.inside
+    if rows.all():
+        arrays, seconds = trace_columns(field, rays.position, columns, plan, outputs)
+        return arrays, {**seconds, "prepare": prepared}
+    arrays, seconds = trace_columns(field, rays.position[rows], columns, plan, outputs)
+    others, more = run(field, RayBundle(rays.position[~rows], rays.direction[~rows]), rest, until, wavelength, outputs)
+    merged = {}
+    for name, array in arrays.items():
+        merged[name] = np.empty((rays.ray_count, *array.shape[1:]), dtype=array.dtype)
+        merged[name][rows], merged[name][~rows] = array, others[name]
+    seconds["prepare"] = prepared
+    return merged, {name: seconds.get(name, 0.0) + more.get(name, 0.0) for name in {**seconds, **more}}

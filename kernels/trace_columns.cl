@@ -1,0 +1,130 @@
+// Collimated rays along z through a volume, by the tables of aerokernels/tracing/columns.py: one lookup a ray.
+//
+// coefficients: for each (x, y) of the splines eight reals, EXTRAS, after two, A and D. first_plane and length [m]: where
+// along z the tables begin and how far they reach; flight [m]: from there to the stop. Outputs that the build does not
+// want are left alone.
+
+#include "real.h"
+#include "ray_status.h"
+
+static inline real4 values(real u)
+{
+    const real v = R(1.0) - u;
+    const real sixth = R(1.0 / 6.0);
+    return (real4)(
+        sixth * v * v * v,
+        sixth * (R(4.0) + u * u * (R(3.0) * u - R(6.0))),
+        sixth * (R(4.0) + v * v * (R(3.0) * v - R(6.0))),
+        sixth * u * u * u);
+}
+
+static inline real4 slopes(real u)
+{
+    const real v = R(1.0) - u;
+    return (real4)(R(-0.5) * v * v, u * (R(1.5) * u - R(2.0)), -v * (R(1.5) * v - R(2.0)), R(0.5) * u * u);
+}
+
+#define LANE(v, k) (((const real *)&(v))[k])
+
+__kernel void trace_columns(
+    __global const real *coefficients,
+    const int cells_x,
+    const int cells_y,
+    const double origin_x,
+    const double origin_y,
+    const double rate_x,
+    const double rate_y,
+    const double ambient,
+    const double sign,
+    const double first_plane,
+    const double length,
+    const double flight,
+    const int first_ray,
+    const int ray_count,
+    __global const double *position_in,
+    __global double *position_out,
+    __global double *direction_out,
+    __global double *optical_path_out,
+    __global double *opd_out,
+    __global double *arc_length_out,
+    __global double *step_error_out,
+    __global int *step_count_out,
+    __global int *evaluation_count_out,
+    __global int *status_out)
+{
+    const int ray = (int)get_global_id(0) + first_ray;
+    if (ray >= ray_count) {
+        return;
+    }
+    const double3 p = vload3(ray, position_in);
+    const double place_x = (p.x - origin_x) * rate_x;
+    const double place_y = (p.y - origin_y) * rate_y;
+    const int i = clamp((int)place_x, 0, cells_x - 1);
+    const int j = clamp((int)place_y, 0, cells_y - 1);
+    const real u = (real)(place_x - (double)i);
+    const real v = (real)(place_y - (double)j);
+    const real4 wx = values(u), sx = slopes(u), wy = values(v), sy = slopes(v);
+
+    real2 first = (real2)R(0.0), first_x = first, first_y = first;  // A and D, and their slopes per cell
+    real8 extra = (real8)R(0.0);
+#pragma unroll
+    for (int a = 0; a < 4; a++) {
+        __global const real *row = coefficients + 10 * ((i + a) * (cells_y + 3) + j);
+        real2 sheet = (real2)R(0.0), bend = sheet;
+        real8 more = (real8)R(0.0);
+#pragma unroll
+        for (int b = 0; b < 4; b++) {
+            const real2 pair = vload2(0, row + 10 * b);
+            sheet += LANE(wy, b) * pair;
+            bend += LANE(sy, b) * pair;
+            more += LANE(wy, b) * vload8(0, row + 10 * b + 2);
+        }
+        first += LANE(wx, a) * sheet;
+        first_x += LANE(sx, a) * sheet;
+        first_y += LANE(wx, a) * bend;
+        extra += LANE(wx, a) * more;
+    }
+
+    // EXTRAS: optical path, arc, momentum, shift, potential, error
+    const double opd_box = (double)first.s0 + (double)extra.s0;
+    const double px = (double)first_x.s0 * rate_x + (double)extra.s2;
+    const double py = (double)first_y.s0 * rate_y + (double)extra.s3;
+    const double across = px * px + py * py;
+    const double square = ambient * ambient + 2.0 * (double)extra.s6;
+    const double index = sqrt(square);
+    const double w = sqrt(square - across);
+    const double slant = flight * across / (w * (index + w));  // how much further it is to fly than along z
+    const double before = (first_plane - p.z) * sign;
+    const double straight = before + length + flight;
+    const double opd = opd_box + ambient * slant;
+#if WANT_POSITION
+    const double qx = (double)first_x.s1 * rate_x + (double)extra.s4;
+    const double qy = (double)first_y.s1 * rate_y + (double)extra.s5;
+    vstore3(
+        (double3)(p.x + qx + flight * px / w, p.y + qy + flight * py / w, first_plane + sign * (length + flight)),
+        ray,
+        position_out);
+#endif
+#if WANT_DIRECTION
+    vstore3((double3)(px / index, py / index, sign * w / index), ray, direction_out);
+#endif
+#if WANT_OPTICAL_PATH
+    optical_path_out[ray] = ambient * straight + opd;
+#endif
+#if WANT_OPD
+    opd_out[ray] = opd;
+#endif
+#if WANT_ARC_LENGTH
+    arc_length_out[ray] = straight + (double)extra.s1 + slant;
+#endif
+#if WANT_STEP_ERROR
+    step_error_out[ray] = fabs((double)extra.s7);
+#endif
+#if WANT_STEP_COUNT
+    step_count_out[ray] = 1;
+#endif
+#if WANT_EVALUATION_COUNT
+    evaluation_count_out[ray] = 1;
+#endif
+    status_out[ray] = RAY_OK;
+}
