@@ -36,7 +36,11 @@ TURN = 0.02
 # Sines of the angles with a coordinate axis within which rays look ahead in a cone; others look around on all sides.
 CONE_SINES = (0.02, 0.2)
 
+# Tables kept for a grid: of two precisions, some tolerances, some cones.
+KEPT = 32
+
 _known: weakref.WeakKeyDictionary = weakref.WeakKeyDictionary()
+_tables: weakref.WeakKeyDictionary = weakref.WeakKeyDictionary()
 
 
 @dataclass(frozen=True)
@@ -96,7 +100,7 @@ class ReachTable:
 
 
 def reach(grid: UniformGrid, geometry: str, budget: float, cone: Cone) -> ReachTable:
-    """The table of safe steps; zero where STEP_LIMIT rules.
+    """The table of safe steps; zero where STEP_LIMIT rules. The last few are kept as long as the grid lives.
 
     Args:
         grid: The field's samples.
@@ -104,6 +108,16 @@ def reach(grid: UniformGrid, geometry: str, budget: float, cone: Cone) -> ReachT
         budget: OPD error allowed for a whole ray [m].
         cone: Where the rays point.
     """
+    kept = _tables.setdefault(grid, {})
+    key = (geometry, budget, cone)
+    if key not in kept:
+        while len(kept) >= KEPT:
+            del kept[next(iter(kept))]
+        kept[key] = _reach(grid, geometry, budget, cone)
+    return kept[key]
+
+
+def _reach(grid: UniformGrid, geometry: str, budget: float, cone: Cone) -> ReachTable:
     block, smooth, kink = roughness_along(grid, geometry, cone)
     way = _local(cone.way, geometry)
     extent = float(np.linalg.norm(grid.high - grid.low))

@@ -91,7 +91,7 @@ def test_straight_is_right_to_second_order(engine):
 
 
 # Kinds for which Warp's kernels of eq 5 are built too: OpenCL's are built in a fraction of the time.
-PAPER_ON_WARP = (("volume", "cubic"), ("planar", "idw"), ("axisymmetric", "bilinear"))
+PAPER_ON_WARP = (("volume", "cubic"), ("planar", "idw"))
 
 
 @pytest.mark.parametrize("precision", PRECISIONS)

@@ -70,7 +70,7 @@ def test_fixed_steps_are_those_of_warp(geometry, interpolation, precision, engin
 @pytest.mark.parametrize("engine", OPENCL)
 @pytest.mark.parametrize(
     ("geometry", "interpolation", "stop"),
-    [("planar", "cubic", stop) for stop in STOPS] + [("axisymmetric", "bilinear", stop) for stop in STOPS],
+    [("planar", "cubic", stop) for stop in STOPS] + [("axisymmetric", "bilinear", "within")],
 )
 def test_fixed_steps_are_those_of_warp_at_every_stop(geometry, interpolation, stop, engine):
     """A grid in float32 and a mesh in float64: stops share no code with interpolants."""
@@ -81,9 +81,7 @@ def test_fixed_steps_are_those_of_warp_at_every_stop(geometry, interpolation, st
 
 
 @pytest.mark.parametrize("engine", OPENCL)
-@pytest.mark.parametrize(
-    ("geometry", "interpolation"), [("volume", "cubic"), ("planar", "idw"), ("axisymmetric", "bilinear")]
-)
+@pytest.mark.parametrize(("geometry", "interpolation"), [("volume", "cubic"), ("planar", "idw")])
 def test_steps_of_eq_5_are_those_of_warp(geometry, interpolation, engine):
     """In float64, where rounding never puts a step into the neighbour of its cell, and in float32 where it did not."""
     field, rays = field_of(geometry, interpolation), slanted_rays(200)
@@ -107,7 +105,9 @@ def test_adaptive_on_cubic_grids_takes_the_steps_of_warp(geometry, stop, engine)
 
 
 @pytest.mark.parametrize("engine", OPENCL)
-@pytest.mark.parametrize(("geometry", "interpolation"), [kind for kind in GRIDS if kind[1] != "cubic"])
+@pytest.mark.parametrize(
+    ("geometry", "interpolation"), [("volume", "linear"), ("axisymmetric", "linear"), ("planar", "monotone")]
+)
 def test_adaptive_on_kinked_grids_agrees_with_warp(geometry, interpolation, engine):
     """float32: 1e-3 wave, the tolerance."""
     assert_agree(field_of(geometry, interpolation), slanted_rays(200), engine, "float32", 1e-3, 5e-7, method="adaptive")
