@@ -4,11 +4,12 @@ r"""The Strehl ratio: exact, by Marechal's approximation, and estimated over mil
     Marechal    exp(-(k sigma)^2), sigma the rms OPD     fails for shocks, where the OPD is not small
 
 `estimate_strehl` launches scrambled Sobol points over the pupil in independent replicates, traces and reduces them
-where the rays are; the spread of the replicates gives the standard error.
+where the rays are; the spread of the replicates gives the standard error. A symmetric set-up is traced as a fan of far
+fewer rays (tracing/pupil_fan.py).
 """
 
 import time
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
 
@@ -16,9 +17,10 @@ import numpy as np
 
 from .medium import IndexField
 from .rays import Disc, RayBundle
-from .tracing import Plane, trace
+from .tracing import Plane
 from .tracing.budget import CAUSES, SAFETY, SUBSET, combine, float64_rounding, opd_errors
 from .tracing.plan import make_plan
+from .tracing.pupil_fan import SETTLED, choose_fan, reduce_fan
 from .tracing.pupil_sums import fit_moments
 from .tracing.trace import retracer
 from .wavefront import check_terms, check_wavefront, map_points, remove_terms
@@ -66,7 +68,8 @@ class StrehlEstimate:
         marechal: Marechal's approximation.
         opd_rms: Rms OPD after the terms removed [m].
         boresight: Deflection of the beam along the pupil's two axes [rad], shape (2,): slopes of the OPD's plane.
-        ray_count: Rays traced.
+        ray_count: Rays really traced: those asked for, rounded up to whole replicates; far fewer where a symmetric
+            set-up was traced as a fan, whose sampling error is no greater.
         blocked: Share of the rays that did not arrive; they carry no light into `value`'s mean.
         plan: What was chosen, skipped and why.
         seconds: Time spent: "compile", "kernel", "total".
@@ -111,6 +114,7 @@ def estimate_strehl(
     max_steps: int | None = None,
     direction=None,
     seed: int = 0,
+    symmetry: str | bool = "auto",
 ) -> StrehlEstimate:
     """Strehl ratio of a plane wave seen through a field by a pupil.
 
@@ -121,7 +125,7 @@ def estimate_strehl(
         field: The refractive index.
         pupil: The pupil; it looks along its normal.
         wavelength: Wavelength [m].
-        ray_count: Rays in all, in 16 replicates.
+        ray_count: Rays over the disc, in 16 replicates. A fan traces fewer, for at least the same accuracy.
         tolerance: OPD error asked for [waves].
         remove: Terms taken out of the wavefront: "piston", "tilt".
         backend: See `trace`; likewise device, precision, method, step and max_steps.
@@ -132,10 +136,12 @@ def estimate_strehl(
         max_steps: Steps after which a ray is given up.
         direction: Look direction, if not along the pupil's normal.
         seed: Seed of the scrambling.
+        symmetry: "auto" traces a fan of rays instead of the disc where field, pupil and rays are symmetric about the z
+            axis; "off" or False never does; True refuses a set-up that is not symmetric.
 
     Raises:
         TypeError: `field` or `pupil` of the wrong kind.
-        ValueError: A name or number that makes no sense; no ray that arrives.
+        ValueError: A name or number that makes no sense; no ray that arrives; symmetry=True without symmetry.
     """
     start = time.perf_counter()
     if not isinstance(field, IndexField):
@@ -161,15 +167,22 @@ def estimate_strehl(
         wavelength=wavelength,
         directions=look[None],
     )
-    if plan.backend == "warp":
-        from .tracing.warp_strehl import reduce_pupil as run
-    elif plan.backend == "opencl":
-        from .tracing.opencl_strehl import reduce_pupil as run
-    else:
-        run = _reduce_on_host
-    per_replicate = -(-int(ray_count) // REPLICATES)
-    reduced = run(field, pupil, look, until, plan, wavelength, per_replicate, REPLICATES, seed, "tilt" in remove)
-    moments, phasor, evaluations, seconds = reduced
+    per_replicate = _per_replicate(ray_count)
+    fan_rays, why = choose_fan(field, pupil, look, per_replicate, REPLICATES, symmetry)
+    plan = replace(plan, reasons=(*plan.reasons, why))
+    run = reduce_fan if fan_rays else _disc_reducer(plan.backend)
+    count = fan_rays or per_replicate
+    traced = count * REPLICATES
+    shared = (REPLICATES, seed, "tilt" in remove)
+    moments, phasor, evaluations, seconds = run(field, pupil, look, until, plan, wavelength, count, *shared)
+    if fan_rays and count < per_replicate and not _standard_error(moments, phasor) <= SETTLED:
+        more = f"standard error of that fan above {SETTLED:g}, as at an edge: one of {REPLICATES} x {per_replicate}"
+        plan = replace(plan, reasons=(*plan.reasons, more))
+        looked, spent, count = evaluations, seconds, per_replicate
+        traced += count * REPLICATES
+        moments, phasor, evaluations, seconds = run(field, pupil, look, until, plan, wavelength, count, *shared)
+        evaluations += looked
+        seconds = {stage: time + spent.get(stage, 0.0) for stage, time in seconds.items()}
     estimate = _combine(moments, phasor, wavelength, remove)
 
     def budget(found: StrehlEstimate) -> dict[str, float]:
@@ -177,10 +190,9 @@ def estimate_strehl(
         return _budget(field, probe, found, until, wavelength)
 
     seconds["total"] = time.perf_counter() - start
-    count = per_replicate * REPLICATES
     return StrehlEstimate(
-        ray_count=count,
-        blocked=float(1.0 - moments[:, 0].sum() / count),
+        ray_count=traced,
+        blocked=float(1.0 - moments[:, 0].sum() / (count * REPLICATES)),
         plan=plan,
         budget=budget,
         seconds=seconds,
@@ -205,46 +217,26 @@ def _beyond(field: IndexField, pupil: Disc, look: np.ndarray) -> np.ndarray:
     return pupil.center + (max(reach, 0.0) + pupil.radius + 1e-3 * size) * look
 
 
-def _reduce_on_host(field, pupil, look, until, plan, wavelength, per_replicate, replicates, seed, with_tilt):
-    """Moments and phasors by the reference backend, replicate by replicate."""
-    first, second = pupil.axes
-    moments: list[list[float]] = []
-    phasors: list[tuple[np.ndarray, ...]] = []
-    evaluations = 0
-    spent = time.perf_counter()
-    for replicate in range(replicates):
-        rays = RayBundle.collimated(pupil, per_replicate, direction=look, seed=seed * replicates + replicate)
-        result = trace(
-            field,
-            rays,
-            method=plan.method,
-            tolerance=plan.tolerance,
-            step=plan.step,
-            until=until,
-            wavelength=wavelength,
-            backend=plan.backend,
-            device=plan.device,
-            precision=plan.precision,
-            max_steps=plan.max_steps,
-        )
-        good = result.ok
-        assert result.opd is not None and result.step_error is not None and result.evaluation_count is not None
-        x = (rays.position[good] - pupil.center) @ first
-        y = (rays.position[good] - pupil.center) @ second
-        opd = result.opd[good]
-        one = np.ones_like(x)
-        error = result.step_error[good].max(initial=0.0)
-        looked = int(result.evaluation_count.sum())
-        products = (one, x, y, opd, x * x, x * y, y * y, x * opd, y * opd, opd * opd)
-        moments.append([*(np.sum(term) for term in products), error, looked])
-        evaluations += looked
-        phasors.append((x, y, opd))
-    rows = np.array(moments)
-    tilt = fit_moments(rows.sum(axis=0))[1] if with_tilt else np.zeros(2)
-    wave = 2j * np.pi / wavelength
-    sums = np.array([np.sum(np.exp(wave * (w - tilt[0] * x - tilt[1] * y))) for x, y, w in phasors])
-    seconds = {"compile": 0.0, "kernel": time.perf_counter() - spent}
-    return rows, sums, evaluations, seconds
+def pupil_rays(field: IndexField, pupil: Disc, look: np.ndarray, ray_count: int, symmetry="auto") -> tuple[int, str]:
+    """Rays that `estimate_strehl` starts with, and why; `look` is a unit vector."""
+    fan_rays, why = choose_fan(field, pupil, look, _per_replicate(ray_count), REPLICATES, symmetry)
+    return REPLICATES * (fan_rays or _per_replicate(ray_count)), why
+
+
+def _per_replicate(ray_count: int) -> int:
+    """Rays of a replicate, so that all of them are at least as many as asked for."""
+    return -(-int(ray_count) // REPLICATES)
+
+
+def _disc_reducer(backend: str):
+    """The function of a backend that traces a disc of rays and sums."""
+    if backend == "warp":
+        from .tracing.warp_strehl import reduce_pupil
+    elif backend == "opencl":
+        from .tracing.opencl_strehl import reduce_pupil
+    else:
+        from .tracing.reference_strehl import reduce_pupil
+    return reduce_pupil
 
 
 def _combine(moments, phasor, wavelength, remove) -> dict:
@@ -258,14 +250,22 @@ def _combine(moments, phasor, wavelength, remove) -> dict:
     _, tilt, about_piston, about_plane = fit_moments(total)
     rms = about_plane if "tilt" in remove else about_piston
     value = float(np.abs(phasor.sum() / total[0]) ** 2)
-    each = np.abs(phasor / np.maximum(moments[:, 0], 1.0)) ** 2
     return {
         "value": value,
-        "standard_error": float(each.std(ddof=1) / np.sqrt(len(each))),
+        "standard_error": _standard_error(moments, phasor),
         "marechal": float(np.exp(-((2.0 * np.pi * rms / wavelength) ** 2))),
         "opd_rms": rms,
         "boresight": tilt,
     }
+
+
+def _standard_error(moments: np.ndarray, phasor: np.ndarray) -> float:
+    """Standard error of the Strehl ratio from the spread of the replicates; nan where no ray arrived."""
+    count = moments[:, 0]
+    if not count.any():
+        return float("nan")
+    each = np.abs(phasor / np.where(count > 0.0, count, 1.0)) ** 2
+    return float(each.std(ddof=1) / np.sqrt(len(each)))
 
 
 def _budget(field, probe, found: StrehlEstimate, until, wavelength) -> dict[str, float]:

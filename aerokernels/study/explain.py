@@ -1,11 +1,10 @@
 """What a run of a scene would do, in words: region, grid, method, ray counts, and the error of the grid."""
 
-import numpy as np
-
 from aerokernels.medium.grid import UniformGrid
 from aerokernels.prepare import prepare_field
 from aerokernels.scene import Scene
-from aerokernels.study.views import FAN_PLANES, FAN_RAYS, PUPIL_SAMPLES, trace_options
+from aerokernels.strehl import pupil_rays
+from aerokernels.study.views import FAN_PLANES, FAN_RAYS, PUPIL_SAMPLES, forward_pupil, trace_options
 from aerokernels.tracing.plan import make_plan
 
 
@@ -16,7 +15,8 @@ def explanation(scene: Scene) -> list[tuple[str, str]]:
         ValueError: A backend or device that is not there, or a region or spacing that cannot be had.
     """
     prepared = prepare_field(scene)
-    forward = np.array([[0.0, 0.0, 1.0]])
+    pupil = forward_pupil(scene)
+    forward = pupil.normal[None]
     plan = make_plan(prepared.field, **trace_options(scene), path_length=None, directions=forward)
     low, high = prepared.region
     axes = "r, z" if prepared.field.geometry == "axisymmetric" else "y, z"
@@ -46,11 +46,13 @@ def explanation(scene: Scene) -> list[tuple[str, str]]:
             ),
         ]
     traced = PUPIL_SAMPLES**2 * 0.785
+    count, why = pupil_rays(prepared.field, pupil, forward[0], scene.strehl.ray_count)
     rows += [
         ("tracing", str(plan).splitlines()[0]),
         *(("", reason) for reason in plan.reasons),
         ("error asked for", f"{scene.trace.tolerance:g} wave at {wavelength * 1e9:g} nm"),
-        ("rays, Strehl ratio", f"{scene.strehl.ray_count:,} over a pupil of {scene.receiver.diameter * 1e3:g} mm"),
+        ("rays, Strehl ratio", f"{count:,} for a pupil of {scene.receiver.diameter * 1e3:g} mm"),
+        ("", why),
         ("rays, OPD map", f"about {traced:,.0f}, {PUPIL_SAMPLES} across the pupil"),
         ("rays, picture", f"{FAN_RAYS}, to {FAN_PLANES - 1} planes"),
         (

@@ -13,7 +13,6 @@ from aerokernels import __version__
 from aerokernels.echo import EchoResult, echo
 from aerokernels.medium import IndexField
 from aerokernels.prepare import Prepared, prepare_field
-from aerokernels.rays import Disc
 from aerokernels.scene import Scene
 from aerokernels.strehl import StrehlEstimate, estimate_strehl
 from aerokernels.study.report import render_report
@@ -26,7 +25,7 @@ from aerokernels.study.store import (
     write_result,
     write_summary,
 )
-from aerokernels.study.views import PupilMap, RayFan, Spot, pupil_map, ray_fan, spot
+from aerokernels.study.views import PupilMap, RayFan, Spot, forward_pupil, pupil_map, ray_fan, spot
 from aerokernels.tracing.backends import choose_backend
 
 if TYPE_CHECKING:
@@ -85,11 +84,10 @@ class RunResult:
 
 def scene_strehl(field: IndexField, scene: Scene) -> StrehlEstimate:
     """The Strehl ratio of a plane wave that looks forward through the receiver's pupil of a scene."""
-    pupil = Disc(0.5 * scene.receiver.diameter, np.array([0.0, 0.0, scene.receiver.aperture_z]))
     table = scene.trace
     return estimate_strehl(
         field,
-        pupil,
+        forward_pupil(scene),
         wavelength=scene.flow.wavelength,
         ray_count=scene.strehl.ray_count,
         method=table.method,

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from aerokernels.medium import IndexField
-from aerokernels.rays import RayBundle
+from aerokernels.rays import Disc, RayBundle
 from aerokernels.scene import Scene
 from aerokernels.tracing import Plane, RayStatus, TraceResult, trace
 from aerokernels.wavefront import point_spread_function, remove_terms
@@ -32,6 +32,11 @@ def trace_options(scene: Scene) -> dict[str, Any]:
         "device": table.device,
         "precision": table.precision,
     }
+
+
+def forward_pupil(scene: Scene) -> Disc:
+    """The receiver's pupil, looking forward."""
+    return Disc(0.5 * scene.receiver.diameter, np.array([0.0, 0.0, scene.receiver.aperture_z]))
 
 
 @dataclass(frozen=True, eq=False)

@@ -40,7 +40,7 @@ def moments_in_metres(moments: np.ndarray, pupil: Disc) -> np.ndarray:
 
 def fit_moments(total: np.ndarray) -> tuple[float, np.ndarray, float, float]:
     """Piston, tilt, rms about the piston and rms about the plane of a wavefront from its summed moments."""
-    count, x, y, w, xx, xy, yy, xw, yw, ww = total[:10] / np.append(1.0, np.full(9, max(total[0], 1.0)))
+    count, x, y, w, xx, xy, yy, xw, yw, ww = total[:10] / np.append(1.0, np.full(9, total[0] or 1.0))
     if count == 0:
         return 0.0, np.zeros(2), 0.0, 0.0
     normal = np.array([[xx - x * x, xy - x * y], [xy - x * y, yy - y * y]])

@@ -16,7 +16,6 @@ from aerokernels.tracing.result import RAY_OUTPUTS
 from .backends import (
     ENGINES,
     FAR,
-    GRIDS,
     KINDS,
     MESHES,
     OPD_LIMIT,
