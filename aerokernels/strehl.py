@@ -68,8 +68,9 @@ class StrehlEstimate:
         marechal: Marechal's approximation.
         opd_rms: Rms OPD after the terms removed [m].
         boresight: Deflection of the beam along the pupil's two axes [rad], shape (2,): slopes of the OPD's plane.
-        ray_count: Rays really traced: those asked for, rounded up to whole replicates; far fewer where a symmetric
-            set-up was traced as a fan, whose sampling error is no greater.
+        ray_count: Rays that the estimate stands for: those asked for, rounded up to whole replicates.
+        traced_ray_count: Rays really traced; far fewer where a symmetric set-up was traced as a fan, whose sampling
+            error is no greater.
         blocked: Share of the rays that did not arrive; they carry no light into `value`'s mean.
         plan: What was chosen, skipped and why.
         seconds: Time spent: "compile", "kernel", "total".
@@ -86,6 +87,7 @@ class StrehlEstimate:
     plan: Any
     seconds: dict[str, float] = field(default_factory=dict)
     evaluation_count: int = 0
+    traced_ray_count: int = 0
     budget: Any = field(default=None, repr=False)
 
     @cached_property
@@ -191,7 +193,8 @@ def estimate_strehl(
 
     seconds["total"] = time.perf_counter() - start
     return StrehlEstimate(
-        ray_count=traced,
+        ray_count=per_replicate * REPLICATES,
+        traced_ray_count=traced,
         blocked=float(1.0 - moments[:, 0].sum() / (count * REPLICATES)),
         plan=plan,
         budget=budget,

@@ -51,7 +51,10 @@ def explanation(scene: Scene) -> list[tuple[str, str]]:
         ("tracing", str(plan).splitlines()[0]),
         *(("", reason) for reason in plan.reasons),
         ("error asked for", f"{scene.trace.tolerance:g} wave at {wavelength * 1e9:g} nm"),
-        ("rays, Strehl ratio", f"{count:,} for a pupil of {scene.receiver.diameter * 1e3:g} mm"),
+        (
+            "rays, Strehl ratio",
+            f"{scene.strehl.ray_count:,} asked for, {count:,} traced, pupil of {scene.receiver.diameter * 1e3:g} mm",
+        ),
         ("", why),
         ("rays, OPD map", f"about {traced:,.0f}, {PUPIL_SAMPLES} across the pupil"),
         ("rays, picture", f"{FAN_RAYS}, to {FAN_PLANES - 1} planes"),

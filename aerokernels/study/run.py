@@ -166,6 +166,7 @@ def summarise(result: RunResult) -> dict[str, Any]:
         "ambient_density_kg_m3": density.ambient_density,
         "wavelength_m": scene.flow.wavelength,
         "ray_count": strehl.ray_count,
+        "traced_ray_count": strehl.traced_ray_count,
         "evaluation_count": strehl.evaluation_count,
         "trace_seconds": sum(seconds["kernel"] for seconds in traces) + echo_result.information["trace_seconds"],
         "compile_seconds": sum(seconds["compile"] for seconds in traces),

@@ -25,6 +25,8 @@ from ..medium import spline as splines
 SUBCELLS = 2
 # Steps that are worked on at a time.
 CHUNK = 24
+# Tables kept for a field.
+KEPT = 8
 # The greatest shift of a ray, in cells, for which the field is expanded about the straight line.
 FURTHEST = 0.25
 # What is splined from the columns, in this order.
@@ -54,7 +56,7 @@ class ColumnTables:
 
 
 def column_tables(field: IndexField, sign: float, first: float, last: float) -> ColumnTables:
-    """The tables for rays along sign * z from plane z = first to plane z = last; kept as long as the field lives.
+    """The tables for rays along sign * z from plane z = first to plane z = last; the last few are kept with the field.
 
     Args:
         field: A volume with a cubic interpolant.
@@ -65,6 +67,8 @@ def column_tables(field: IndexField, sign: float, first: float, last: float) -> 
     store = _kept.setdefault(field, {})
     key = (sign, first, last)
     if key not in store:
+        while len(store) >= KEPT:
+            del store[next(iter(store))]
         store[key] = _column_tables(field, sign, first, last)
     return store[key]
 

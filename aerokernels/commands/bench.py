@@ -1,0 +1,49 @@
+"""`aerokernels bench`: how fast this machine traces, and how exactly."""
+
+import json
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+
+def bench(
+    suites: Annotated[list[str] | None, typer.Argument(metavar="[SUITE]...", help="cone, strehl, sweep [all].")] = None,
+    backend: Annotated[
+        list[str] | None, typer.Option(help="warp, opencl or reference; repeatable [default: what is here].")
+    ] = None,
+    device: Annotated[str | None, typer.Option(help="cpu, cuda:0, or an OpenCL device's name; see `backends`.")] = None,
+    precision: Annotated[
+        list[str] | None, typer.Option(help="float32 or float64; repeatable [default: float32].")
+    ] = None,
+    method: Annotated[list[str] | None, typer.Option(help="Repeatable [default: auto, adaptive and straight].")] = None,
+    tolerance: Annotated[float, typer.Option(help="OPD error asked for [waves].")] = 1e-3,
+    rays: Annotated[int, typer.Option(help="Rays of a trace, and of a Strehl ratio.")] = 1_000_000,
+    repeats: Annotated[int, typer.Option(help="Timed calls of each run.")] = 5,
+    out: Annotated[Path | None, typer.Option(help="Write everything measured to this JSON file.")] = None,
+    peers: Annotated[bool, typer.Option("--peers", help="Also SciPy, diffrax and Dr.Jit on the cone scene.")] = False,
+) -> None:
+    """Measure speed with the error beside it: rays per second, CPU seconds, share of what the hardware could do."""
+    from aerokernels.commands._table import print_table
+    from aerokernels.study.bench import Settings, run_bench
+    from aerokernels.study.bench.table import COLUMNS, table_rows
+
+    settings = Settings(
+        suites=tuple(suites or ()),
+        backends=tuple(backend or ()),
+        device=device,
+        precisions=tuple(precision or Settings.precisions),
+        methods=tuple(method or Settings.methods),
+        tolerance=tolerance,
+        ray_count=rays,
+        repeats=repeats,
+        peers=peers,
+    )
+    if out is not None and (out.is_dir() or not out.parent.is_dir()):
+        raise ValueError(f"--out {out}: give a file's name in a folder that is there")
+    measured = run_bench(settings, report=lambda line: typer.echo(line, err=True))
+    if out is not None:
+        out.write_text(json.dumps(measured, indent=1, allow_nan=False) + "\n", encoding="utf-8")
+    print_table(f"Benchmark on {measured['machine']['cpu']}", COLUMNS, table_rows(measured))
+    if out is not None:
+        typer.echo(f"wrote {out}")

@@ -1,0 +1,106 @@
+"""What runs where: the choices of a benchmark, checked before anything is measured."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from aerokernels.tracing.backends import available_backends, choose_backend
+from aerokernels.tracing.plan import METHODS, PRECISIONS
+
+SUITES = ("cone", "strehl", "sweep")
+DEFAULT_METHODS = ("auto", "adaptive", "straight")
+RAY_COUNT = 1_000_000
+# One ray at a time in Python: more would take hours.
+REFERENCE_RAYS = 10_000
+
+
+@dataclass(frozen=True)
+class Settings:
+    """The choices of a benchmark.
+
+    Attributes:
+        suites: Of SUITES, none for all.
+        backends: Names of backends; none for every one that is here, but for the reference.
+        device: A device's name, None for the best of each backend.
+        precisions: Of "float32", "float64".
+        methods: Tracing methods, see `trace`.
+        tolerance: OPD error asked for [waves].
+        ray_count: Rays of a trace or of a Strehl ratio.
+        repeats: Timed calls of each run, after one that compiles.
+        peers: Whether other ray tracers are measured on the cone scene as well.
+
+    Raises:
+        ValueError: A name that is not known or a number that makes no sense.
+    """
+
+    suites: tuple[str, ...] = ()
+    backends: tuple[str, ...] = ()
+    device: str | None = None
+    precisions: tuple[str, ...] = ("float32",)
+    methods: tuple[str, ...] = DEFAULT_METHODS
+    tolerance: float = 1e-3
+    ray_count: int = RAY_COUNT
+    repeats: int = 5
+    peers: bool = False
+
+    def __post_init__(self) -> None:
+        """Check names and numbers."""
+        _check("suite", self.suites, SUITES)
+        _check("precision", self.precisions, PRECISIONS)
+        _check("method", self.methods, [name for name in METHODS if name != "fixed"])
+        _check("backend", self.backends, ("warp", "opencl", "reference"))
+        if self.repeats < 1:
+            raise ValueError(f"repeats must be at least 1, got {self.repeats}")
+        if self.ray_count < 16:
+            raise ValueError(f"ray count must be at least 16, got {self.ray_count}")
+        if not 0.0 < self.tolerance < float("inf"):
+            raise ValueError(f"tolerance must be a positive number of waves, got {self.tolerance}")
+        if "reference" in self.backends and self.ray_count > REFERENCE_RAYS:
+            raise ValueError(
+                f"backend 'reference' traces one ray at a time: {self.ray_count} rays would take hours, give at most "
+                f"{REFERENCE_RAYS}"
+            )
+
+    @property
+    def wanted(self) -> tuple[str, ...]:
+        """The suites to run, each once, in the order of SUITES."""
+        return tuple(name for name in SUITES if name in (self.suites or SUITES))
+
+
+def _check(what: str, names: Sequence[str], known: Sequence[str]) -> None:
+    for name in names:
+        if name not in known:
+            raise ValueError(f"{what} {name!r} is not known: choose from {', '.join(known)}")
+
+
+def find_targets(settings: Settings) -> list[tuple[str, str]]:
+    """Pairs of backend and device.
+
+    Raises:
+        ValueError: A named backend or device is not here.
+    """
+    backends = settings.backends or _present(settings.device)
+    return [choose_backend(backend, settings.device)[:2] for backend in dict.fromkeys(backends)]
+
+
+def _present(device: str | None) -> tuple[str, ...]:
+    """The backends that are here and have the device, the reference left out."""
+    here = {info.backend for info in available_backends() if info.available} - {"reference"}
+    found = []
+    for backend in sorted(here, reverse=True):  # warp, then opencl
+        try:
+            choose_backend(backend, device)
+        except ValueError:
+            continue
+        found.append(backend)
+    if not found:
+        choose_backend("auto", device)  # says what there is
+        raise ValueError(f"device {device!r} is not there: see `aerokernels backends`")
+    return tuple(found)
+
+
+def on_processor(backend: str, device: str) -> bool:
+    """Whether a device is the computer's own processor."""
+    return device == "cpu" or any(
+        (info.backend, info.device) == (backend, device) and info.description.startswith("CPU")
+        for info in available_backends()
+    )

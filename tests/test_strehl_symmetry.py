@@ -1,0 +1,267 @@
+"""A symmetric set-up traced as a fan: the same Strehl ratio as the disc and the exact one, and only where it may."""
+
+import numpy as np
+import pytest
+
+from aerokernels import Body, Disc, IndexField, Plane, RayBundle, available_backends, estimate_strehl, flow, trace
+from aerokernels.tracing.pupil_fan import FAN_RAYS, LEAST_RAYS, fan_points, reduce_fan
+
+WAVELENGTH = 905e-9
+WAVE_NUMBER = 2.0 * np.pi / WAVELENGTH
+REPLICATES = 16
+SIZE, LENGTH, PUPIL = 4e-3, 0.02, 6e-3
+
+
+def engine(name: str) -> dict[str, str]:
+    """Backend and device for `estimate_strehl` on the CPU; the test is skipped, visibly, where there is none."""
+    for info in available_backends():
+        if info.backend == name and info.available and (info.device == "cpu" or info.description.startswith("CPU")):
+            return {"backend": name, "device": info.device}
+    pytest.skip(f"no {name} on a CPU here")
+
+
+def lens(
+    peak: float = 1e-5, body: Body | None = None, geometry: str = "axisymmetric", node_count: int = 161
+) -> IndexField:
+    """Contrast peak exp(-r^2 / s^2), constant in z over 20 mm, on nodes of 1/16 mm up to 10 mm."""
+    r = np.linspace(0.0, 0.01, node_count)
+    samples = np.repeat(peak * np.exp(-(r**2) / SIZE**2)[:, None], 9, axis=1)
+    spacing = (r[1], LENGTH / 8)
+    return IndexField.from_samples(samples, origin=(0.0, 0.0), spacing=spacing, geometry=geometry, body=body)
+
+
+def exact_strehl(peak: float = 1e-5, inner: float = 0.0) -> float:
+    """Of the lens, over the ring from `inner` to the pupil's rim, by 200 Gauss-Legendre points in r^2.
+
+    A ray from r keeps the slope m'(r) z: W = L m + m'^2 (L^3 / 3 + L^2 R / 2) at a plane a radius R beyond the lens.
+    """
+    node, weight = np.polynomial.legendre.leggauss(200)
+    r = np.sqrt(inner**2 + (PUPIL**2 - inner**2) * 0.5 * (node + 1.0))
+    contrast = peak * np.exp(-(r**2) / SIZE**2)
+    slope = -2.0 * r / SIZE**2 * contrast
+    path = LENGTH * contrast + slope**2 * (LENGTH**3 / 3.0 + 0.5 * LENGTH**2 * PUPIL)
+    return float(np.abs(0.5 * weight @ np.exp(1j * WAVE_NUMBER * path)) ** 2)
+
+
+def ball(radius: float) -> Body:
+    """A ball on the axis in the middle of the lens."""
+    angle = np.linspace(0.0, np.pi, 181)
+    profile = radius * np.stack([np.sin(angle), np.cos(angle)], axis=1) + [0.0, 0.5 * LENGTH]
+    profile[[0, -1], 0] = 0.0
+    return Body(profile, "axisymmetric")
+
+
+@pytest.fixture(scope="module")
+def mach3() -> IndexField:
+    """The shipped Mach 3 field, where rays of a pupil in the dome's centre can go."""
+    return flow.shipped("mach3").index_field().resample(1e-4, region=((0.0, -0.009), (0.0075, 0.0044)))
+
+
+DOME = Disc(PUPIL, (0.0, 0.0, -8e-3))
+
+
+# --- the points ------------------------------------------------------------------------------------------------------
+
+
+def test_points_weigh_the_disc():
+    """Means of u^k over the unit disc are 1 / (k + 1); ascending, within [0, 1], weights that sum to the count.
+
+    Error: the offsets' share of the end terms, of order n^-3.
+    """
+    squared, weight = fan_points(256, REPLICATES, seed=1)
+    assert squared.shape == weight.shape == (REPLICATES, 256)
+    assert (np.diff(squared, axis=1) > 0.0).all() and squared.min() >= 0.0 and squared.max() <= 1.0
+    assert weight.sum(axis=1) == pytest.approx(np.full(REPLICATES, 256.0), rel=1e-14)
+    for power in range(6):
+        assert (weight * squared**power).mean(axis=1) == pytest.approx(np.full(REPLICATES, 1 / (power + 1)), abs=1e-7)
+
+
+@pytest.mark.parametrize(
+    ("shape", "order"),
+    [
+        (lambda u: np.exp(3j * u), 3.0),
+        (lambda u: np.exp(8j * np.abs(u - 0.37)), 2.0),
+        (lambda u: np.where(u < 0.37, 1.0, -1.0), 1.0),
+    ],
+    ids=["smooth", "kink", "jump"],
+)
+def test_the_error_falls_as_said(shape, order):
+    """Spread over 64 offsets while the count doubles six times: the order fitted is the one said, within 0.2."""
+    counts = 2 ** np.arange(5, 12)
+    spread = []
+    for count in counts:
+        squared, weight = fan_points(int(count), 64, seed=3)
+        spread.append(np.std((weight * shape(squared)).mean(axis=1)))
+    assert -np.polyfit(np.log(counts), np.log(spread), 1)[0] == pytest.approx(order, abs=0.2)
+
+
+# --- the same answer -------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", ["warp", "opencl"])
+@pytest.mark.parametrize("precision", ["float32", "float64"])
+@pytest.mark.parametrize("remove", ["piston", "tilt"])
+def test_a_lens_against_its_exact_strehl_ratio(name, precision, remove):
+    """Error sources told by the estimate: steps, spline, precision, sampling; 1e-7 for what the formula leaves out.
+
+    No tilt at all is found.
+    """
+    options = engine(name) | {"precision": precision, "remove": remove, "tolerance": 1e-4}
+    estimate = estimate_strehl(lens(), Disc(PUPIL), symmetry=True, **options)
+    assert abs(estimate.value - exact_strehl()) < estimate.error["total"] + 1e-7 < 1e-4
+    assert estimate.standard_error < 1e-7
+    assert estimate.traced_ray_count == REPLICATES * FAN_RAYS and estimate.blocked == pytest.approx(0.0, abs=1e-12)
+    assert estimate.evaluation_count >= estimate.traced_ray_count
+    assert (estimate.boresight == 0.0).all()
+    assert {"compile", "kernel", "total"} <= set(estimate.seconds)
+
+
+@pytest.mark.parametrize("normal", [1.0, -1.0])
+@pytest.mark.parametrize("direction", [None, 1.0, -1.0])
+def test_either_way_along_the_axis(normal, direction):
+    """The lens is the same from both ends; the pupil may look along z or against it, and so may the rays."""
+    along = normal if direction is None else direction
+    pupil = Disc(PUPIL, (0.0, 0.0, 0.0 if along > 0.0 else LENGTH), (0.0, 0.0, normal))
+    direction = None if direction is None else (0.0, 0.0, direction)
+    estimate = estimate_strehl(lens(), pupil, direction=direction, symmetry=True, tolerance=1e-4, backend="warp")
+    assert estimate.value == pytest.approx(exact_strehl(), abs=1e-4)
+
+
+@pytest.mark.parametrize("name", ["warp", "opencl"])
+@pytest.mark.parametrize("precision", ["float32", "float64"])
+def test_the_shipped_field_gives_what_the_disc_gives(mach3, name, precision):
+    """Same rays' errors on both, so within the standard errors; the other moments follow."""
+    options = engine(name) | {"precision": precision, "ray_count": 65_536}
+    fan, disc = (estimate_strehl(mach3, DOME, symmetry=way, **options) for way in ("auto", "off"))
+    assert fan.traced_ray_count == REPLICATES * FAN_RAYS and disc.traced_ray_count == 65_536
+    assert abs(fan.value - disc.value) < 4.0 * np.hypot(fan.standard_error, disc.standard_error)
+    assert fan.standard_error < disc.standard_error
+    assert fan.opd_rms == pytest.approx(disc.opd_rms, rel=1e-4)
+    assert fan.marechal == pytest.approx(disc.marechal, abs=1e-5)
+    assert (fan.boresight == 0.0).all() and np.abs(disc.boresight).max() < 1e-7
+
+
+def test_blocked_rays_carry_no_light():
+    """A ball of 3.1 mm on the axis: 27 % of the pupil is dark. The edge is felt, and all rays asked for are spent.
+
+    Error: the wall is known to (0.05 mm)^2 / (8 * 3 mm) = 1e-7 m, and met within a step that is no longer than a node
+    of that grid; an edge known to 1e-6 m moves the dark share by 2e-4. An edge costs one ray in n either way: standard
+    errors alike (each of 15 degrees of freedom, so a factor of 3).
+    """
+    field, asked = lens(body=ball(3.1e-3)), 16 * 7000
+    fan, disc = (estimate_strehl(field, Disc(PUPIL), ray_count=asked, symmetry=way) for way in (True, False))
+    assert fan.traced_ray_count == asked + REPLICATES * FAN_RAYS
+    assert any("as at an edge" in reason for reason in fan.plan.reasons)
+    assert fan.blocked == pytest.approx((3.1 / 6.0) ** 2, abs=2e-3)
+    assert fan.value == pytest.approx(exact_strehl(inner=3.1e-3), abs=1e-3)
+    assert abs(fan.value - disc.value) < 4.0 * np.hypot(fan.standard_error, disc.standard_error)
+    assert abs(fan.blocked - disc.blocked) < 1e-4
+    assert fan.standard_error < 3.0 * disc.standard_error
+
+
+def test_a_slit_of_light_is_found():
+    """Only 1e-3 mm of the rim sees past the ball, less than lies between the rays of the first fan: no refusal."""
+    radius, rim = 3e-3, 3.001e-3
+    estimate = estimate_strehl(lens(0.0, body=ball(radius)), Disc(rim), symmetry=True, tolerance=1e-2)
+    assert estimate.value == pytest.approx(1.0, abs=1e-9)
+    assert 1.0 - estimate.blocked == pytest.approx(1.0 - (radius / rim) ** 2, rel=0.5)
+    with pytest.raises(ValueError, match="no ray of the pupil arrived"):
+        estimate_strehl(lens(body=ball(4e-3)), Disc(1e-3), ray_count=1024, symmetry=True)
+
+
+# --- an honest error -------------------------------------------------------------------------------------------------
+
+
+def test_the_standard_error_covers_the_error(mach3):
+    """40 seeds against ten fans of twice the rays: two standard errors of 15 degrees of freedom cover 93.6 %.
+
+    A binomial of 40 at 0.936 has a spread of 1.5: 37.4 expected, at least 32 asked for (3.5 of them).
+    """
+    options = {"ray_count": 16 * 256, "backend": "warp", "device": "cpu", "precision": "float64"}
+    estimates = [estimate_strehl(mach3, DOME, seed=seed, **options) for seed in range(40)]
+    finer = [estimate_strehl(mach3, DOME, seed=seed, **options | {"ray_count": 10**6}) for seed in range(100, 110)]
+    truth = float(np.mean([estimate.value for estimate in finer]))
+    values = np.array([estimate.value for estimate in estimates])
+    told = np.array([estimate.standard_error for estimate in estimates])
+    assert (np.abs(values - truth) < 2.0 * told).sum() >= 32
+    assert 0.5 < np.sqrt(np.mean(told**2)) / np.std(values, ddof=1) < 2.0
+    assert len(np.unique(values)) == 40
+
+
+def test_the_same_seed_gives_the_same_number():
+    first, again, other = (estimate_strehl(lens(), Disc(PUPIL), seed=seed, symmetry=True) for seed in (4, 4, 5))
+    assert first.value == again.value and first.standard_error == again.standard_error
+    assert first.value != other.value
+    assert abs(first.value - other.value) < 8.0 * np.hypot(first.standard_error, other.standard_error)
+
+
+# --- only where it may -----------------------------------------------------------------------------------------------
+
+
+def volume() -> IndexField:
+    return IndexField.from_samples(np.zeros((5, 5, 5)), origin=(-0.01,) * 3, spacing=(5e-3,) * 3, geometry="volume")
+
+
+@pytest.mark.parametrize(
+    ("field", "pupil", "direction", "reason"),
+    [
+        (volume, Disc(PUPIL), None, "the field is a volume, not axisymmetric"),
+        (lambda: lens(geometry="planar"), Disc(PUPIL), None, "the field is planar, not axisymmetric"),
+        (lens, Disc(PUPIL, (0.0, 1e-6, 0.0)), None, "the pupil's centre lies 1e-06 m from the axis of symmetry"),
+        (lens, Disc(PUPIL, normal=(1e-6, 0.0, 1.0)), None, "the pupil's normal makes an angle of 1e-06 rad"),
+        (lens, Disc(PUPIL, normal=(1.0, 0.0, 0.0)), (0.0, 0.0, 1.0), "the pupil's normal makes an angle of 1.57 rad"),
+        (lens, Disc(PUPIL), (0.0, 1e-6, 1.0), "the look direction makes an angle of 1e-06 rad"),
+    ],
+    ids=["volume", "planar", "offset", "tilted pupil", "edge on", "tilted look"],
+)
+def test_not_where_the_set_up_is_not_symmetric(field, pupil, direction, reason):
+    options = {"direction": direction, "ray_count": 2048, "backend": "warp", "device": "cpu"}
+    estimate = estimate_strehl(field(), pupil, **options)
+    assert estimate.traced_ray_count == 2048
+    assert any(reason in why for why in estimate.plan.reasons)
+    with pytest.raises(ValueError, match=f"symmetry=True, but {reason}.*or leave symmetry at 'auto'"):
+        estimate_strehl(field(), pupil, symmetry=True, **options)
+
+
+def test_rounding_does_not_break_the_symmetry():
+    """A pupil turned and shifted by the last bits of its numbers."""
+    pupil = Disc(PUPIL, (1e-18, -1e-18, 0.0), (1e-16, 1e-17, 1.0))
+    assert estimate_strehl(lens(), pupil, symmetry=True).value == pytest.approx(exact_strehl(), abs=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("symmetry", "asked", "traced", "reason"),
+    [
+        ("auto", 1_000_000, REPLICATES * FAN_RAYS, f"16 x {FAN_RAYS} rays instead of 1,000,000 over the disc"),
+        (True, 4096, 4096, "a fan of 16 x 256 rays instead of 4,096"),
+        ("auto", 16 * LEAST_RAYS - 16, 16 * LEAST_RAYS - 16, f"a fan takes at least {16 * LEAST_RAYS} rays"),
+        (True, 16, 16 * LEAST_RAYS, f"a fan of 16 x {LEAST_RAYS} rays instead of 16"),
+        (False, 4096, 4096, "rays over the whole disc: symmetry is off"),
+        ("off", 4096, 4096, "rays over the whole disc: symmetry is off"),
+    ],
+)
+def test_what_was_done_is_told(symmetry, asked, traced, reason):
+    estimate = estimate_strehl(lens(), Disc(PUPIL), ray_count=asked, symmetry=symmetry, backend="warp", device="cpu")
+    assert estimate.traced_ray_count == traced
+    assert any(reason in why for why in estimate.plan.reasons)
+    assert estimate.value == pytest.approx(exact_strehl(), abs=3e-2)
+
+
+@pytest.mark.parametrize("symmetry", ["on", None, 1, 0.0])
+def test_an_unknown_choice_is_refused(symmetry):
+    with pytest.raises(ValueError, match="symmetry must be 'auto', 'off', True or False, got"):
+        estimate_strehl(lens(), Disc(PUPIL), symmetry=symmetry)
+
+
+def test_the_reference_backend_traces_the_same_fan():
+    """Its sums are those of the kernels, for the same few rays in equal steps: OPDs differ by rounding."""
+    pupil, field, stop = Disc(PUPIL), lens(node_count=11), Plane((0.0, 0.0, 0.03), (0.0, 0.0, 1.0))
+    look = pupil.normal
+    sums = []
+    for backend in ("reference", "warp"):
+        options = {"backend": backend, "device": "cpu", "precision": "float64", "method": "fixed", "step": 1e-3}
+        plan = trace(field, RayBundle((0.0, 0.0, 0.0), look), until=stop, **options).plan
+        sums.append(reduce_fan(field, pupil, look, stop, plan, WAVELENGTH, 4, 2, 7, False)[:2])
+    (slow, slow_phasors), (fast, fast_phasors) = sums
+    assert slow.shape == fast.shape and slow[:, :10] == pytest.approx(fast[:, :10], rel=1e-4, abs=1e-15)
+    assert np.abs(slow_phasors - fast_phasors).max() < 4 * 1e-3
