@@ -10,7 +10,7 @@ fewer rays (tracing/pupil_fan.py).
 
 import time
 from dataclasses import dataclass, field, replace
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any
 
 import numpy as np
@@ -19,10 +19,10 @@ from .medium import IndexField
 from .rays import Disc, RayBundle
 from .tracing import Plane
 from .tracing.budget import CAUSES, SAFETY, SUBSET, combine, float64_rounding, opd_errors
-from .tracing.plan import make_plan
+from .tracing.even import PILOT_RAYS
 from .tracing.pupil_fan import SETTLED, choose_fan, reduce_fan
 from .tracing.pupil_sums import fit_moments
-from .tracing.trace import retracer
+from .tracing.trace import plan_rays, retracer
 from .wavefront import check_terms, check_wavefront, map_points, remove_terms
 
 REPLICATES = 16
@@ -156,8 +156,13 @@ def estimate_strehl(
         raise ValueError(f"ray_count must be a whole number of at least {REPLICATES}, got {ray_count!r}")
     look = RayBundle(pupil.center, pupil.normal if direction is None else direction).direction[0]
     until = Plane(_beyond(field, pupil, look), look)
-    plan = make_plan(
+    per_replicate = _per_replicate(ray_count)
+    fan_rays, why = choose_fan(field, pupil, look, per_replicate, REPLICATES, symmetry)
+    plan = plan_rays(
         field,
+        partial(RayBundle.collimated, pupil, PILOT_RAYS, direction=look),
+        REPLICATES * (fan_rays or per_replicate),
+        until,
         method=method,
         backend=backend,
         device=device,
@@ -169,13 +174,13 @@ def estimate_strehl(
         wavelength=wavelength,
         directions=look[None],
     )
-    per_replicate = _per_replicate(ray_count)
-    fan_rays, why = choose_fan(field, pupil, look, per_replicate, REPLICATES, symmetry)
     plan = replace(plan, reasons=(*plan.reasons, why))
     run = reduce_fan if fan_rays else _disc_reducer(plan.backend)
     count = fan_rays or per_replicate
     traced = count * REPLICATES
-    shared = (REPLICATES, seed, "tilt" in remove)
+    # About the axis of an axisymmetric field neighbours are rays of one radius, wherever they lie.
+    on_axis = field.geometry == "axisymmetric" and float(np.hypot(*pupil.center[:2])) < 0.05 * pupil.radius
+    shared = (REPLICATES, seed, "tilt" in remove, on_axis)
     moments, phasor, evaluations, seconds = run(field, pupil, look, until, plan, wavelength, count, *shared)
     if fan_rays and count < per_replicate and not _standard_error(moments, phasor) <= SETTLED:
         more = f"standard error of that fan above {SETTLED:g}, as at an edge: one of {REPLICATES} x {per_replicate}"

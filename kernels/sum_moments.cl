@@ -1,6 +1,6 @@
 // Moments of a wavefront over groups of GROUP rays: one work-group sums one group, in double.
 //
-// Per ray: pupil_in, opd_in [m], step_error_in [m], evaluation_count_in, status_in; rays beyond ray_count are not there.
+// Per ray: pupil_in, opd_in [m], step_error_in [m], evaluation_count_in, status_in; per_replicate of them to a replicate.
 // Groups from first_group up to group_count: moments_out (group_count, MOMENT_COUNT) with count, x, y, W, xx, xy, yy,
 // xW, yW, WW over the rays that arrived, their greatest step error, and the field evaluations of all rays.
 
@@ -9,7 +9,7 @@
 #define WORST 10  // the moment that is no sum
 
 __kernel void sum_moments(
-    const int ray_count,
+    const int per_replicate,
     const int first_group,
     const int group_count,
     __global const double2 *pupil_in,
@@ -22,12 +22,12 @@ __kernel void sum_moments(
     __local double parts[WORK_GROUP][MOMENT_COUNT];
     const int item = (int)get_local_id(0);
     const int group = (int)get_group_id(0) + first_group;
-    const int stop = group_stop(group, group_count, ray_count);
+    const int2 span = group_span(group, group_count, per_replicate);
     double part[MOMENT_COUNT];
     for (int k = 0; k < MOMENT_COUNT; ++k) {
         part[k] = 0.0;
     }
-    for (int ray = group * GROUP + item; ray < stop; ray += WORK_GROUP) {
+    for (int ray = span.x + item; ray < span.y; ray += WORK_GROUP) {
         part[11] += (double)evaluation_count_in[ray];
         if (status_in[ray] == RAY_OK) {
             const double2 p = pupil_in[ray];

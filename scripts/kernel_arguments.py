@@ -21,6 +21,7 @@ import warp as wp
 
 from aerokernels.tracing import warp_pupil
 from aerokernels.tracing.warp_columns import build_column_kernel
+from aerokernels.tracing.warp_even import build_even_kernel
 from aerokernels.tracing.warp_tracer import build_kernel
 from aerokernels.tracing.warp_types import types
 
@@ -55,6 +56,7 @@ def warp_kernels() -> dict[str, wp.Kernel]:
     kernels = [kernel for kernel in vars(warp_pupil).values() if isinstance(kernel, wp.Kernel)]
     kernels.append(build_kernel("float32", "volume", "cubic", False, "adaptive", "none", False, frozenset()))
     kernels.append(build_column_kernel("float32", frozenset()))
+    kernels.append(build_even_kernel("float32", "volume", "cubic", "none", False, frozenset()))
     return {kernel.func.__name__: kernel for kernel in kernels}
 
 

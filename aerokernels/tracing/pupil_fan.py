@@ -81,10 +81,13 @@ def fan_points(count: int, replicates: int, seed: int) -> tuple[np.ndarray, np.n
     return t**3 * (10.0 - 15.0 * t + 6.0 * t**2), weight * count / weight.sum(axis=1, keepdims=True)
 
 
-def reduce_fan(field, pupil, look, until, plan, wavelength, per_replicate, replicates, seed, with_tilt):
+def reduce_fan(
+    field, pupil, look, until, plan, wavelength, per_replicate, replicates, seed, with_tilt, by_radius=False
+):
     """Trace a fan and sum: moments (replicates, MOMENT_COUNT), phasors (replicates,), evaluations, seconds.
 
-    A symmetric wavefront has no tilt, so `with_tilt` changes nothing. The rays leave the pupil along its first axis.
+    A symmetric wavefront has no tilt, so `with_tilt` changes nothing, nor does `by_radius`. The rays leave the pupil
+    along its first axis.
     """
     squared, weight = fan_points(per_replicate, replicates, seed)
     # Replicates take turns, so that neighbours in the launch are neighbours in the field.

@@ -1,12 +1,17 @@
-"""Sums over a pupil's rays that every backend delivers alike, the plane they define, and the seeds of its points."""
+"""Sums over a pupil's rays that every backend delivers alike, the plane they define, and the order of the rays."""
+
+import functools
 
 import numpy as np
 
 from ..rays import Disc
+from .scheme import GROUP
 
 # Per replicate: count, x, y, W, xx, xy, yy, xW, yW, WW over the rays that arrived, then the greatest step error and
 # the field evaluations of all rays.
 MOMENT_COUNT = 12
+# Rays that are on a device together, but for whole replicates: what a ray takes there times this bounds the memory.
+BATCH_RAYS = 1 << 21
 # Per-ray outputs of the tracer that the sums need, besides the status.
 PUPIL_OUTPUTS = frozenset(("opd", "step_error", "evaluation_count"))
 
@@ -16,11 +21,61 @@ def replicate_seeds(seed: int, replicates: int) -> np.ndarray:
     return np.random.default_rng(seed).integers(0, 2**32, size=(replicates, 2), dtype=np.uint32)
 
 
-def join_groups(rows: np.ndarray) -> np.ndarray:
-    """Moments of a replicate, shape (MOMENT_COUNT,), from those of its groups, (group_count, MOMENT_COUNT)."""
-    joined = rows.sum(axis=0)
-    joined[10] = rows[:, 10].max()
+@functools.lru_cache(maxsize=8)
+def point_order(count: int, by_radius: bool) -> np.ndarray:
+    """An order of the first `count` Sobol points in which neighbours are close, int32, shape (count,).
+
+    The scramble keeps the intervals of leading digits together, so the order may be made without it. `by_radius` sorts
+    by the distance from the pupil's centre alone, which is all that counts in an axisymmetric field about it; else
+    points of one of some rings are sorted by their angle.
+    """
+    index = np.arange(count, dtype=np.uint32)
+    radius = _reverse_bits(index)
+    if by_radius:
+        order = np.argsort(radius, kind="stable")
+    else:
+        rings = max(0, int(np.log2(max(count, 1)) / 2.0 - 2.0))
+        ring = radius >> np.uint32(32 - rings) if rings else np.zeros_like(radius)
+        order = np.lexsort((_second_axis(index), ring))
+    order = order.astype(np.int32)
+    order.setflags(write=False)
+    return order
+
+
+def _reverse_bits(x: np.ndarray) -> np.ndarray:
+    for shift, mask in ((1, 0x55555555), (2, 0x33333333), (4, 0x0F0F0F0F), (8, 0x00FF00FF)):
+        x = ((x >> np.uint32(shift)) & np.uint32(mask)) | ((x & np.uint32(mask)) << np.uint32(shift))
+    return (x >> np.uint32(16)) | (x << np.uint32(16))
+
+
+def _second_axis(index: np.ndarray) -> np.ndarray:
+    """Second coordinate of the Sobol points, as in the kernels."""
+    result = np.zeros_like(index)
+    column, rest = 0x80000000, index.copy()
+    while rest.any():
+        result ^= np.where(rest & np.uint32(1), np.uint32(column), np.uint32(0))
+        column ^= column >> 1
+        rest >>= np.uint32(1)
+    return result
+
+
+def group_count(per_replicate: int) -> int:
+    """Groups of rays that a replicate is summed in."""
+    return -(-per_replicate // GROUP)
+
+
+def join_groups(rows: np.ndarray, per_replicate: int) -> np.ndarray:
+    """Moments of replicates, shape (replicates, MOMENT_COUNT), from those of all their groups, (n, MOMENT_COUNT)."""
+    grouped = rows.reshape(-1, group_count(per_replicate), MOMENT_COUNT)
+    joined = grouped.sum(axis=1)
+    joined[:, 10] = grouped[:, :, 10].max(axis=1)
     return joined
+
+
+def batches_of(replicates: int, per_replicate: int) -> list[slice]:
+    """Replicates that are traced together."""
+    size = max(1, BATCH_RAYS // per_replicate)
+    return [slice(first, min(first + size, replicates)) for first in range(0, replicates, size)]
 
 
 def fit_plane(moments: np.ndarray, with_tilt: bool) -> np.ndarray:

@@ -10,7 +10,9 @@ from .status import RayStatus
 from .trace import run_plan
 
 
-def reduce_pupil(field, pupil, look, until, plan, wavelength, per_replicate, replicates, seed, with_tilt):
+def reduce_pupil(
+    field, pupil, look, until, plan, wavelength, per_replicate, replicates, seed, with_tilt, by_radius=False
+):
     """Trace a pupil and sum: moments (replicates, MOMENT_COUNT), phasors (replicates,), evaluations, seconds."""
     first, second = pupil.axes
     moments: list[list[float]] = []

@@ -36,6 +36,10 @@ BLUNTED = 30.0
 # In place of a divisor that may be 0.
 TINY = {"float32": 1e-30, "float64": 1e-290}
 
+# Even samples.
+# Greatest angle with the first direction for which they hold [rad].
+EVEN_WEAK = 0.05
+
 # Where a ray ends.
 # The number of the "surface" at which a stop at a length of arc ends a ray; those of space are numbered from 0.
 LANDED_ARC = 100

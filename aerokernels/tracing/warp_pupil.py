@@ -63,16 +63,20 @@ def launch_pupil(
     second: wp.vec3d,
     look: wp.vec3d,
     seeds: wp.array(dtype=wp.uint32, ndim=2),
+    order_in: wp.array(dtype=wp.int32),
     per_replicate: int,
     first_ray: int,
     position_out: wp.array(dtype=wp.vec3d),
     direction_out: wp.array(dtype=wp.vec3d),
     pupil_out: wp.array(dtype=wp.vec2d),
 ):
-    """Points of the pupil; `first` and `second` are its axes times its radius."""
+    """Points of the pupil; `first` and `second` are its axes times its radius.
+
+    Ray r of a replicate is its point order_in[r]: neighbours in the launch are then neighbours on the disc.
+    """
     ray = wp.tid() + first_ray
     replicate = ray // per_replicate
-    index = wp.uint32(ray - replicate * per_replicate)
+    index = wp.uint32(order_in[ray - replicate * per_replicate])
     unit = wp.float64(2.3283064365386963e-10)
     u = (wp.float64(scramble(reverse_bits(index), seeds[replicate, 0])) + wp.float64(0.5)) * unit
     v = (wp.float64(scramble(second_axis(index), seeds[replicate, 1])) + wp.float64(0.5)) * unit
@@ -85,9 +89,19 @@ def launch_pupil(
     pupil_out[ray] = wp.vec2d(x, y)
 
 
+@wp.func
+def group_span(group: int, per_replicate: int):
+    """First ray of a group and one past its last; a replicate begins with a new group."""
+    groups = (per_replicate + _GROUP - 1) // _GROUP
+    replicate = group // groups
+    begin = (group - replicate * groups) * _GROUP
+    first = replicate * per_replicate
+    return first + begin, first + wp.min(begin + _GROUP, per_replicate)
+
+
 @wp.kernel(enable_backward=False)
 def sum_moments(
-    ray_count: int,
+    per_replicate: int,
     first_group: int,
     pupil_in: wp.array(dtype=wp.vec2d),
     opd_in: wp.array(dtype=wp.float64),
@@ -98,7 +112,7 @@ def sum_moments(
 ):
     """Moments of one group of rays, those that arrived."""
     group = wp.tid() + first_group
-    stop = wp.min((group + 1) * _GROUP, ray_count)
+    begin, stop = group_span(group, per_replicate)
     count = wp.float64(0.0)
     sx = wp.float64(0.0)
     sy = wp.float64(0.0)
@@ -111,7 +125,7 @@ def sum_moments(
     sww = wp.float64(0.0)
     worst = wp.float64(0.0)
     looked = wp.float64(0.0)
-    for ray in range(group * _GROUP, stop):
+    for ray in range(begin, stop):
         looked += wp.float64(evaluation_count_in[ray])
         if status_in[ray] == _OK:
             p = pupil_in[ray]
@@ -145,7 +159,7 @@ def sum_moments(
 def sum_phasors(
     wave_number: wp.float64,
     plane: wp.vec3d,
-    ray_count: int,
+    per_replicate: int,
     first_group: int,
     pupil_in: wp.array(dtype=wp.vec2d),
     opd_in: wp.array(dtype=wp.float64),
@@ -154,9 +168,9 @@ def sum_phasors(
 ):
     """Sum of exp(i k (OPD - plane)) over one group of rays, those that arrived."""
     group = wp.tid() + first_group
-    stop = wp.min((group + 1) * _GROUP, ray_count)
+    begin, stop = group_span(group, per_replicate)
     total = wp.vec2d(wp.float64(0.0), wp.float64(0.0))
-    for ray in range(group * _GROUP, stop):
+    for ray in range(begin, stop):
         if status_in[ray] == _OK:
             p = pupil_in[ray]
             phase = wave_number * (opd_in[ray] - plane[0] - plane[1] * p[0] - plane[2] * p[1])

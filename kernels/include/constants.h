@@ -78,6 +78,9 @@
 #define ROUGH R(0.2)
 #define BLUNTED R(30.0)
 
+// Even samples: greatest angle with the first direction [rad].
+#define EVEN_WEAK R(0.05)
+
 // Angle with the first direction up to which a ray counts as nearly straight [rad].
 #define NEARLY_STRAIGHT R(0.01)
 

@@ -50,6 +50,8 @@ typedef struct {
     real budget;              // OPD error allowed for the whole ray [m]
     real extent;              // a few diagonals of the box, longer than any step [m]
     int max_steps;
+    real even_share;          // even samples: the share of a difference that is taken for the error
+    int sample_count;         // of a ray whose samples are even, a multiple of three
 } Control;
 
 typedef struct {

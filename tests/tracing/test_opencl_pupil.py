@@ -81,24 +81,30 @@ def test_points_are_those_of_warp(device: Device):
     per, count = 333, 999
     vectors = np.random.default_rng(1).normal(size=(4, 3))
     seeds = np.random.default_rng(2).integers(0, 2**32, (3, 2), dtype=np.uint32)
+    order = np.random.default_rng(3).permutation(per).astype(np.int32)
     out = [device.put(np.zeros((count, width))) for width in (3, 3, 2)]
     for first, stop in ((0, 500), (500, count)):
         numbers = [double3(v) for v in vectors]
         # Padded to whole work-groups, the last of them beyond the end.
         ends = np.int32(per), np.int32(first), np.int32(stop)
-        device.run("launch_pupil", stop - first, *numbers, device.put(seeds), *ends, *out)
+        device.run("launch_pupil", stop - first, *numbers, device.put(seeds), device.put(order), *ends, *out)
     expected = [wp.empty(count, dtype=kind, device="cpu") for kind in (wp.vec3d, wp.vec3d, wp.vec2d)]
-    given = [*(wp.vec3d(*v) for v in vectors), wp.array(seeds, dtype=wp.uint32, device="cpu"), per, 0, *expected]
+    indices = [wp.array(seeds, dtype=wp.uint32, device="cpu"), wp.array(order, dtype=wp.int32, device="cpu")]
+    given = [*(wp.vec3d(*v) for v in vectors), *indices, per, 0, *expected]
     wp.launch(launch_pupil, dim=count, inputs=given, device="cpu")
     for ours, theirs in zip(out, expected, strict=True):
         assert np.abs(device.get(ours) - theirs.numpy()).max() < 4e-15
 
 
+@pytest.mark.parametrize("replicates", [1, 3])
 @pytest.mark.parametrize("count", [1, 63, GROUP, GROUP + 1, 3 * GROUP - 5])
-def test_moments_are_sums_over_each_group(device: Device, count: int):
-    """Expected: NumPy's sums of each group of rays; tolerance: 1024 additions, each rounded once."""
-    given = rays(count)
-    group_count = -(-count // GROUP)
+def test_moments_are_sums_over_each_group(device: Device, count: int, replicates: int):
+    """Expected: NumPy's sums of each group of rays; tolerance: 1024 additions, each rounded once.
+
+    Each replicate begins with a new group.
+    """
+    given = rays(replicates * count)
+    group_count = replicates * -(-count // GROUP)
     out = device.put(np.zeros((group_count, MOMENT_COUNT)))
     names = ("pupil", "opd", "step_error", "evaluation_count", "status")
     ends = np.int32(count), np.int32(0), np.int32(group_count)
@@ -106,7 +112,9 @@ def test_moments_are_sums_over_each_group(device: Device, count: int):
     device.run("sum_moments", 64 * (group_count + 1), *ends, *(device.put(given[name]) for name in names), out)
     found = device.get(out)
     for group in range(group_count):
-        rows = {name: values[group * GROUP : (group + 1) * GROUP] for name, values in given.items()}
+        replicate, part = divmod(group, group_count // replicates)
+        begin, end = replicate * count + part * GROUP, replicate * count + min((part + 1) * GROUP, count)
+        rows = {name: values[begin:end] for name, values in given.items()}
         good = rows["status"] == RayStatus.OK
         (x, y), w = rows["pupil"][good].T, rows["opd"][good]
         terms = (np.ones_like(x), x, y, w, x * x, x * y, y * y, x * w, y * w, w * w)
