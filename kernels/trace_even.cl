@@ -121,6 +121,10 @@ __kernel void trace_even(
     const reals zero = (reals)R(0.0);
     reals px = zero, py = zero, pz = zero;  // momentum across the ray
     reals qx = zero, qy = zero, qz = zero;  // deviation across it
+    reals turnx = zero, turny = zero, turnz = zero;  // the momentum's sum with the ends mended
+    reals armx = zero, army = zero, armz = zero;  // that of its moments about the start
+    reals sigma = zero;  // int 1 / w dt
+    reals bend = zero;  // of P^2 / w
     reals slow = (reals)(R(1.0) / ambient);  // 1 / w, w the momentum along the ray
     reals paths = zero, paths_carry = zero;  // sums of s / w, of (w - a) / w and of m / w
     reals lags = zero, lags_carry = zero;
@@ -145,9 +149,9 @@ __kernel void trace_even(
             const reals mx = px + by_half * fx, my = py + by_half * fy, mz = pz + by_half * fz;
             const reals across = mx * mx + my * my + mz * mz;
             const reals surplus = R(2.0) * s - across;
-            const reals w = sqrt(max(ambient * ambient + surplus, (reals)R(0.0)));
-            slow = R(1.0) / w;
-            const reals off = surplus / (w + ambient) * slow;
+            const reals w = SWIFT_ROOT(max(ambient * ambient + surplus, (reals)R(0.0)));
+            slow = SWIFT_INVERSE(w);
+            const reals off = surplus * SWIFT_INVERSE(w + ambient) * slow;
             path += weight * s * slow;
             lag += weight * off;
 #if WANT_ARC_LENGTH
@@ -156,24 +160,41 @@ __kernel void trace_even(
             if (j == 1) {
                 gather(&coarse, &coarse_carry, even_weight(triple, count / 3) * (R(2.0) * s * slow - ambient * off));
             }
-            const reals kick = h * weight * slow;
-            px += kick * fx;
-            py += kick * fy;
-            pz += kick * fz;
-            qx += kick * mx;
-            qy += kick * my;
-            qz += kick * mz;
+            const reals pace = h * slow;
+            px += pace * fx;
+            py += pace * fy;
+            pz += pace * fz;
+            qx += pace * mx;
+            qy += pace * my;
+            qz += pace * mz;
+            const reals kick = weight * pace;
+            const reals arm = kick * (sigma + R(0.5) * pace);
+            turnx += kick * fx;
+            turny += kick * fy;
+            turnz += kick * fz;
+            armx += arm * fx;
+            army += arm * fy;
+            armz += arm * fz;
+            sigma += pace;
+            bend += across * slow;
             bent = max(bent, across);
         }
         gather(&paths, &paths_carry, path);
         gather(&lags, &lags_carry, lag);
         gather(&arcs, &arcs_carry, arc);
     }
-    // At the end: half a step behind the last sample.
+    // At the end, half a step behind the last sample: what momentum and deviation are in fourth order.
+    px = turnx;
+    py = turny;
+    pz = turnz;
+    qx = sigma * turnx - armx;
+    qy = sigma * turny - army;
+    qz = sigma * turnz - armz;
     s += R(0.5) * h * ahead;
     const reals off = (R(2.0) * s - (px * px + py * py + pz * pz)) * slow / (R(1.0) / slow + ambient);
     const reals error =
-        fabs(h * ((R(2.0) * paths - ambient * lags) - R(3.0) * coarse)) * control.even_share;
+        max(fabs(h * ((R(2.0) * paths - ambient * lags) - R(3.0) * coarse)) * control.even_share,
+            h * bend * control.bend_share);
 
     for (int lane = 0; lane < LANES && first + lane < ray_count; lane++) {
         const int ray = first + lane;

@@ -21,17 +21,19 @@ from .stop import ArcLength
 
 # Fewer rays are traced under error control at once: a pilot would not pay.
 LEAST_RAYS = 4096
-PILOT_RAYS = 256
+PILOT_RAYS = 512
 # Samples are nowhere further apart than so many cells, the support of a spline: nothing is passed unseen.
 WIDEST = 4.0
 LEAST_SAMPLES = 36
 # More of them are no better than error control: a sample costs less on OpenCL, where a CPU's lanes share it.
 MOST_SAMPLES = {"opencl": 1500, "warp": 450}
 # The pilot's greatest error is to be so many times below the tolerance, and a ray's estimate so many times the pilot's.
-MARGIN = 2.0
+MARGIN = 4.0
 SAFETY = 3.0
 # The share of a difference from every third sample that is the error: of the rule's own order 4, and of order 2.
 LEAST_SHARE, GREATEST_SHARE = 1.0 / 80.0, 1.0 / 8.0
+# The same of int P^2 / w dt, for the course: no error is greater than what bending adds to the path.
+GREATEST_BEND = 0.5
 # Of the pilot's rays, how many may be unfit for it.
 UNFIT = 0.1
 
@@ -67,26 +69,28 @@ def fit_even(field: IndexField, pilot: RayBundle, plan: TracePlan, until, wavele
     key = (bundle, stop, plan.tolerance, wavelength, plan.backend, plan.device, plan.precision)
     if key not in store:
         store[key] = _fit(field, pilot, plan, until, wavelength)
-    count, share, worst = store[key]
+    count, shares, worst = store[key]
     if not count:
         return None
     reason = (
         f"method straight by {count} even samples a ray, bending included: a pilot of {pilot.ray_count} rays is right "
         f"to {worst / wavelength:.1g} waves; rays whose own error estimate is above the tolerance are traced again"
     )
-    return replace(plan, sample_count=count, even_share=share, reasons=(reason, *plan.reasons))
+    return replace(
+        plan, sample_count=count, even_share=shares[0], bend_share=shares[1], reasons=(reason, *plan.reasons)
+    )
 
 
-def _fit(field: IndexField, pilot: RayBundle, plan: TracePlan, until, wavelength: float) -> tuple[int, float, float]:
-    """Samples a ray (0: none fit), share of a difference that is the error, greatest error of the pilot [m]."""
+def _fit(field: IndexField, pilot: RayBundle, plan: TracePlan, until, wavelength: float) -> tuple[int, tuple, float]:
+    """Samples a ray (0: none fit), the shares that make its error estimate, greatest error of the pilot [m]."""
     budget = plan.tolerance * wavelength / MARGIN
     most = MOST_SAMPLES[plan.backend]
     least = _least_samples(field, pilot)
     if least > most:
-        return 0, 0.0, 0.0
+        return 0, (), 0.0
     rungs = [_Rung(field, pilot, plan, until, wavelength, least * 3**power) for power in range(3)]
     if not rungs[-1].is_fit:
-        return 0, 0.0, 0.0
+        return 0, (), 0.0
     first, second = rungs[0].error(rungs[1]), rungs[1].error(rungs[2])
     order = 1.0
     if second > 0.0:
@@ -102,19 +106,22 @@ def _fit(field: IndexField, pilot: RayBundle, plan: TracePlan, until, wavelength
             rungs.append(finest)
         worst = rung.error(finest)
         if rung.is_fit and worst <= budget:
-            greatest = rung.difference
-            share = SAFETY * worst / greatest if greatest > 0.0 else GREATEST_SHARE
-            return count, min(max(share, LEAST_SHARE), GREATEST_SHARE), worst
+            share = SAFETY * worst / rung.difference if rung.difference > 0.0 else GREATEST_SHARE
+            bends = _Rung(field, pilot, replace(plan, bend_share=1.0), until, wavelength, count, 0.0).difference
+            bend_share = SAFETY * worst / bends if bends > 0.0 else 0.0
+            return count, (min(max(share, LEAST_SHARE), GREATEST_SHARE), min(bend_share, GREATEST_BEND)), worst
         count = _in_threes(1.25 * count)
-    return 0, 0.0, 0.0
+    return 0, (), 0.0
 
 
 class _Rung:
     """The pilot, traced with `count` samples a ray."""
 
-    def __init__(self, field: IndexField, pilot: RayBundle, plan: TracePlan, until, wavelength: float, count: int):
+    def __init__(
+        self, field: IndexField, pilot: RayBundle, plan: TracePlan, until, wavelength: float, count: int, share=1.0
+    ):
         run = _backend(plan.backend)
-        trial = replace(plan, sample_count=count, even_share=1.0)
+        trial = replace(plan, sample_count=count, even_share=share)
         arrays, _ = run(field, pilot, trial, until, wavelength, frozenset(("opd", "step_error")))
         self.count = count
         self.opd = arrays["opd"]

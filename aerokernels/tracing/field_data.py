@@ -78,6 +78,7 @@ STRUCTS = {
         ("extent", 1, "r"),
         ("max_steps", 1, "i"),
         ("even_share", 1, "r"),
+        ("bend_share", 1, "r"),
         ("sample_count", 1, "i"),
     ),
 }
@@ -240,6 +241,7 @@ def trace_members(data: FieldData, plan: TracePlan, until, wavelength: float) ->
         "budget": plan.tolerance * wavelength,
         "max_steps": plan.max_steps,
         "even_share": plan.even_share,
+        "bend_share": plan.bend_share,
         "sample_count": plan.sample_count,
     }
     if isinstance(until, Plane):

@@ -7,6 +7,7 @@ areas of the square map to equal areas of the disc.
 
 import warp as wp
 
+from .pupil_sums import MOMENT_COUNT
 from .scheme import GROUP, HASHES
 from .status import RayStatus
 
@@ -18,6 +19,7 @@ _HASH_4 = wp.constant(wp.uint32(HASHES[3]))
 _TOP_BIT = wp.constant(wp.uint32(0x80000000))
 _OK = wp.constant(int(RayStatus.OK))
 _GROUP = wp.constant(GROUP)
+_MOMENTS = wp.constant(MOMENT_COUNT)
 
 
 @wp.func
@@ -90,6 +92,14 @@ def launch_pupil(
 
 
 @wp.func
+def weight_of(weight_count: int, weight_in: wp.array(dtype=wp.float64), ray: int):
+    """What a ray counts: a number of its own, or one for all."""
+    if weight_count == 1:
+        return weight_in[0]
+    return weight_in[ray]
+
+
+@wp.func
 def group_span(group: int, per_replicate: int):
     """First ray of a group and one past its last; a replicate begins with a new group."""
     groups = (per_replicate + _GROUP - 1) // _GROUP
@@ -103,12 +113,14 @@ def group_span(group: int, per_replicate: int):
 def sum_moments(
     per_replicate: int,
     first_group: int,
+    weight_count: int,
+    weight_in: wp.array(dtype=wp.float64),
     pupil_in: wp.array(dtype=wp.vec2d),
     opd_in: wp.array(dtype=wp.float64),
     step_error_in: wp.array(dtype=wp.float64),
     evaluation_count_in: wp.array(dtype=wp.int32),
     status_in: wp.array(dtype=wp.int32),
-    moments_out: wp.array(dtype=wp.float64, ndim=2),
+    moments_out: wp.array(dtype=wp.float64),
 ):
     """Moments of one group of rays, those that arrived."""
     group = wp.tid() + first_group
@@ -130,29 +142,30 @@ def sum_moments(
         if status_in[ray] == _OK:
             p = pupil_in[ray]
             w = opd_in[ray]
-            count += wp.float64(1.0)
-            sx += p[0]
-            sy += p[1]
-            sw += w
-            sxx += p[0] * p[0]
-            sxy += p[0] * p[1]
-            syy += p[1] * p[1]
-            sxw += p[0] * w
-            syw += p[1] * w
-            sww += w * w
+            share = weight_of(weight_count, weight_in, ray)
+            count += share
+            sx += share * p[0]
+            sy += share * p[1]
+            sw += share * w
+            sxx += share * p[0] * p[0]
+            sxy += share * p[0] * p[1]
+            syy += share * p[1] * p[1]
+            sxw += share * p[0] * w
+            syw += share * p[1] * w
+            sww += share * w * w
             worst = wp.max(worst, step_error_in[ray])
-    moments_out[group, 0] = count
-    moments_out[group, 1] = sx
-    moments_out[group, 2] = sy
-    moments_out[group, 3] = sw
-    moments_out[group, 4] = sxx
-    moments_out[group, 5] = sxy
-    moments_out[group, 6] = syy
-    moments_out[group, 7] = sxw
-    moments_out[group, 8] = syw
-    moments_out[group, 9] = sww
-    moments_out[group, 10] = worst
-    moments_out[group, 11] = looked
+    moments_out[group * _MOMENTS + 0] = count
+    moments_out[group * _MOMENTS + 1] = sx
+    moments_out[group * _MOMENTS + 2] = sy
+    moments_out[group * _MOMENTS + 3] = sw
+    moments_out[group * _MOMENTS + 4] = sxx
+    moments_out[group * _MOMENTS + 5] = sxy
+    moments_out[group * _MOMENTS + 6] = syy
+    moments_out[group * _MOMENTS + 7] = sxw
+    moments_out[group * _MOMENTS + 8] = syw
+    moments_out[group * _MOMENTS + 9] = sww
+    moments_out[group * _MOMENTS + 10] = worst
+    moments_out[group * _MOMENTS + 11] = looked
 
 
 @wp.kernel(enable_backward=False)
@@ -161,6 +174,8 @@ def sum_phasors(
     plane: wp.vec3d,
     per_replicate: int,
     first_group: int,
+    weight_count: int,
+    weight_in: wp.array(dtype=wp.float64),
     pupil_in: wp.array(dtype=wp.vec2d),
     opd_in: wp.array(dtype=wp.float64),
     status_in: wp.array(dtype=wp.int32),
@@ -174,5 +189,31 @@ def sum_phasors(
         if status_in[ray] == _OK:
             p = pupil_in[ray]
             phase = wave_number * (opd_in[ray] - plane[0] - plane[1] * p[0] - plane[2] * p[1])
-            total += wp.vec2d(wp.cos(phase), wp.sin(phase))
+            total += weight_of(weight_count, weight_in, ray) * wp.vec2d(wp.cos(phase), wp.sin(phase))
     phasor_out[group] = total
+
+
+@wp.kernel(enable_backward=False)
+def join_sums(
+    per_replicate: int,
+    first_sum: int,
+    moments_in: wp.array(dtype=wp.float64, ndim=1),
+    phasor_in: wp.array(dtype=wp.vec2d),
+    sums_out: wp.array(dtype=wp.float64),
+):
+    """Sums of replicates from those of their groups: the moments, then real and imaginary part of the phasor."""
+    index = wp.tid() + first_sum
+    groups = (per_replicate + _GROUP - 1) // _GROUP
+    replicate = index // (_MOMENTS + 2)
+    k = index - replicate * (_MOMENTS + 2)
+    whole = wp.float64(0.0)
+    for group in range(replicate * groups, (replicate + 1) * groups):
+        if k < _MOMENTS:
+            part = moments_in[group * _MOMENTS + k]
+            if k == 10:
+                whole = wp.max(whole, part)
+            else:
+                whole += part
+        else:
+            whole += phasor_in[group][k - _MOMENTS]
+    sums_out[index] = whole

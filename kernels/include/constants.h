@@ -102,7 +102,7 @@
 #define WALK_LIMIT 6
 
 // Pupil: rays summed by one work-item and the sums it delivers, and the hash of the scramble.
-#define GROUP 1024
+#define GROUP 128
 #define MOMENT_COUNT 12
 #define HASH_1 0x6C50B47Cu
 #define HASH_2 0xB82F1E52u

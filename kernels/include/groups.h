@@ -11,6 +11,8 @@
 #define WORK_GROUP 64
 #endif
 
+#define WORST 10  // the moment that is no sum
+
 // First ray of a group, and one past its last; they are the same where there is no such group.
 int2 group_span(int group, int group_count, int per_replicate)
 {

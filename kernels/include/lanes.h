@@ -38,6 +38,16 @@ typedef int16 mask;
 #define EVERY(where) all(where)
 #endif
 
+// A GPU's own reciprocal and root, right to two units in the last place or so: enough for factors of what is itself a small
+// deviation. Elsewhere, and in double precision, the exact ones.
+#if LANES == 1 && !REAL_IS_DOUBLE
+#define SWIFT_INVERSE(x) native_recip(x)
+#define SWIFT_ROOT(x) native_sqrt(x)
+#else
+#define SWIFT_INVERSE(x) (R(1.0) / (x))
+#define SWIFT_ROOT(x) sqrt(x)
+#endif
+
 #define REAL_AT(v, lane) (((real *)&(v))[lane])
 #define INT_AT(v, lane) (((int *)&(v))[lane])
 

@@ -113,7 +113,7 @@ static inline Potential sample_packet(const Field *field, const Arrays *arrays, 
     const ints start = i * field->pitch[0] + j * field->pitch[1] + k;
 #else
 #if GEOMETRY == AXISYMMETRIC
-    const reals radius = sqrt(x * x + y * y);
+    const reals radius = SWIFT_ROOT(x * x + y * y);
     const ints i = cells_of(radius, field->row[0], &u);
 #else
     const ints i = cells_of(y, field->row[0], &u);
@@ -175,7 +175,7 @@ static inline Potential sample_packet(const Field *field, const Arrays *arrays, 
     out.z = inner.second * field->inverse_spacing[2];
 #else
     // On the axis the slope along the radius is zero, and any finite divisor will do.
-    const reals outward = inner.first * field->inverse_spacing[0] / max(radius, (reals)TINY);
+    const reals outward = inner.first * field->inverse_spacing[0] * SWIFT_INVERSE(max(radius, (reals)TINY));
     out.x = outward * x;
     out.y = outward * y;
     out.z = inner.second * field->inverse_spacing[2];
