@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from ..sobol import sobol_points
 from .grid import UniformGrid
 
 NODE_LIMIT = 200_000_000
@@ -152,16 +153,14 @@ def _local_contrast(field, local: np.ndarray) -> np.ndarray:
 
 def _measure(source, result) -> ResamplingError:
     """Compare both fields at scrambled points, and along lines parallel to the last axis (z)."""
-    from scipy.stats import qmc
-
     low = np.maximum(source.samples.low, result.samples.low)
     high = np.minimum(source.samples.high, result.samples.high)
     dimension = len(low)
-    probe = low + (high - low) * qmc.Sobol(dimension, rng=np.random.default_rng(1)).random(PROBE_COUNT)
+    probe = low + (high - low) * sobol_points(PROBE_COUNT, dimension, seed=1)
     change = _difference(source, result, probe)[0]
 
     line_points = min(8192, max(256, int(4 * np.max((high - low)[-1] / result.samples.spacing[-1]))))
-    across = low[:-1] + (high - low)[:-1] * qmc.Sobol(dimension - 1, rng=np.random.default_rng(2)).random(LINE_COUNT)
+    across = low[:-1] + (high - low)[:-1] * sobol_points(LINE_COUNT, dimension - 1, seed=2)
     along = low[-1] + (high - low)[-1] * (np.arange(line_points) + 0.5) / line_points
     lines = np.concatenate([np.repeat(across, line_points, axis=0), np.tile(along, LINE_COUNT)[:, None]], axis=1)
     path, bend = _difference(source, result, lines)

@@ -107,12 +107,12 @@ def spot(pupil: PupilMap, wavelength: float) -> Spot:
     """The point spread function of a pupil's wavefront, tilt included, and that of the same pupil without flow."""
     lit = np.isfinite(pupil.opd)
     pixel = float(pupil.coordinate[1] - pupil.coordinate[0])
+    half_width = SPOT_RINGS * wavelength / float(pupil.coordinate[-1] - pupil.coordinate[0])
     spread, perfect = (
-        point_spread_function(opd, lit, pixel, wavelength, padding=SPOT_PADDING)
+        point_spread_function(opd, lit, pixel, wavelength, padding=SPOT_PADDING, half_width=half_width)
         for opd in (np.where(lit, pupil.opd, 0.0), np.zeros(lit.shape))
     )
-    shown = np.abs(spread.angle) <= SPOT_RINGS * wavelength / (pupil.coordinate[-1] - pupil.coordinate[0])
-    return Spot(spread.angle[shown], spread.intensity[shown][:, shown], perfect.intensity[shown][:, shown])
+    return Spot(spread.angle, spread.intensity, perfect.intensity)
 
 
 @dataclass(frozen=True, eq=False)
