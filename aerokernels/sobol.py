@@ -2,11 +2,11 @@
 
 Point i is the sum modulo 2 of direction numbers, one for each bit that is set in the Gray code of i; the direction
 numbers are those of S. Joe, F. Y. Kuo, SIAM J. Sci. Comput. 30 (2008) 2635. The scramble is a random lower triangular
-matrix over the bits, then a random shift of them (J. Matousek, J. Complexity 14 (1998) 527): each point alone is uniform,
-and 2^m of them still fill every elementary box alike.
+matrix over the bits, then a random shift of them (J. Matousek, J. Complexity 14 (1998) 527): each point alone is
+uniform, and 2^m of them still fill every elementary box alike.
 
-SciPy has the same points (`scipy.stats.qmc.Sobol`, to the last bit the same for the same seed); importing its statistics
-costs more than everything else that a short run imports.
+SciPy has the same points (`scipy.stats.qmc.Sobol`, to the last bit the same for the same seed); importing its
+statistics costs more than everything else that a short run imports.
 """
 
 import numpy as np

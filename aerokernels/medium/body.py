@@ -71,16 +71,19 @@ class Body:
     def contains(self, points: np.ndarray) -> np.ndarray:
         """Whether each point (n, 2) lies inside the body (crossing number along the first axis)."""
         points = np.asarray(points, dtype=np.float64)
+        # In the order of the second axis an edge straddles one stretch of the points.
+        order = np.argsort(points[:, 1], kind="stable")
+        first, second = points[order].T
         start, end = self.profile, np.roll(self.profile, -1, axis=0)
-        inside = np.zeros(len(points), dtype=bool)
-        for (a0, a1), (b0, b1) in zip(start, end, strict=True):
-            straddles = (a1 > points[:, 1]) != (b1 > points[:, 1])
-            if not straddles.any():
-                continue
-            rows = np.flatnonzero(straddles)
-            crossing = a0 + (points[rows, 1] - a1) / (b1 - a1) * (b0 - a0)
-            hit = crossing > points[rows, 0]
-            inside[rows[hit]] ^= True
+        from_row = np.searchsorted(second, np.minimum(start[:, 1], end[:, 1]))
+        to_row = np.searchsorted(second, np.maximum(start[:, 1], end[:, 1]))
+        crossed = np.zeros(len(points), dtype=bool)
+        for edge in np.flatnonzero(to_row > from_row):
+            (a0, a1), (b0, b1) = start[edge], end[edge]
+            rows = slice(from_row[edge], to_row[edge])
+            crossed[rows] ^= a0 + (second[rows] - a1) / (b1 - a1) * (b0 - a0) > first[rows]
+        inside = np.empty(len(points), dtype=bool)
+        inside[order] = crossed
         return inside
 
     def nearest_wall(self, points: np.ndarray) -> np.ndarray:

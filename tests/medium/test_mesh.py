@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from aerokernels import QuadMesh, flow
-from aerokernels.medium.mesh import bilinear_point, contains, invert_bilinear
+from aerokernels.medium.bilinear import bilinear_point, contains, invert_bilinear
 
 
 def curvilinear(seed: int = 0, shape=(9, 13), geometry: str = "planar", turned: bool = False) -> QuadMesh:
