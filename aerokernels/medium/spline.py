@@ -57,9 +57,9 @@ def coefficients(samples: np.ndarray, interpolation: str, even_first_axis: bool)
 def end_conditions(count: int, even_start: bool) -> np.ndarray:
     """The matrix for the n + 2 B-spline coefficients along an axis of n nodes, its first and last row filled.
 
-    Stored by diagonals, shape (2 BAND + 1, n + 2): entry (i, j) at [BAND + i - j, j]. The end rows say: mirror symmetry,
-    no jump of the third derivative at the second node, or (on two or three nodes, which carry only a straight line or
-    a parabola) no second or third derivative.
+    Stored by diagonals, shape (2 BAND + 1, n + 2): entry (i, j) at [BAND + i - j, j]. The end rows say: mirror
+    symmetry, no jump of the third derivative at the second node, or (on two or three nodes, which carry only a straight
+    line or a parabola) no second or third derivative.
     """
     matrix = np.zeros((2 * BAND + 1, count + 2))
     if count >= 4:
