@@ -91,8 +91,8 @@ def _draw_density(axes: "Axes", dataset: "xarray.Dataset") -> Any:
 def density_figure(dataset: "xarray.Dataset") -> "Figure":
     """Density of the whole flow in the plane x = 0, with the body and the rays' bundle drawn in."""
     z, y = 1e3 * dataset["density_z"].values, 1e3 * dataset["density_y"].values
-    low, high, top = z.min(), z.max() + 0.12 * np.ptp(z), 1.05 * y.max()
-    bottom = -top if dataset.attrs.get("geometry") == "axisymmetric" else y.min() - 0.05 * y.max()
+    low, high, top = z.min(), z.max() + 0.12 * np.ptp(z), y.max() + 0.05 * np.ptp(y)
+    bottom = -top if dataset.attrs.get("geometry") == "axisymmetric" else y.min() - 0.05 * np.ptp(y)
     figure, [(axes, bar_axes)] = _figure(fitted_panel((top - bottom) / (high - low), 6.6, 4.6, bar=True))
     mesh = _draw_density(axes, dataset)
     _draw_body(axes, dataset)
