@@ -45,8 +45,8 @@ def explanation(scene: Scene) -> list[tuple[str, str]]:
                 f"({resampling.opd_rms / wavelength:.2g} and {resampling.opd_max / wavelength:.2g} waves)",
             ),
         ]
-    inside, samples, _ = pupil_samples(prepared.field, scene, PUPIL_SAMPLES)
-    shared = ", those at one distance from the axis share a ray" if len(samples) < inside.sum() else ""
+    inside, sampled, _ = pupil_samples(prepared.field, scene, PUPIL_SAMPLES)
+    shared = ", those at one distance from the axis share a ray" if len(sampled) < inside.sum() else ""
     count, why = pupil_rays(prepared.field, pupil, forward[0], scene.strehl.ray_count)
     rows += [
         ("tracing", str(plan).splitlines()[0]),
@@ -59,7 +59,7 @@ def explanation(scene: Scene) -> list[tuple[str, str]]:
         ("", why),
         (
             "rays, OPD map",
-            f"{len(samples):,} for {int(inside.sum()):,} samples, {PUPIL_SAMPLES} across the pupil{shared}",
+            f"{len(sampled):,} for {int(inside.sum()):,} samples, {PUPIL_SAMPLES} across the pupil{shared}",
         ),
         ("rays, picture", f"{FAN_RAYS}, to {FAN_PLANES - 1} planes"),
         (
