@@ -10,6 +10,7 @@ import warp as wp
 
 from ..medium import IndexField
 from ..rays import RayBundle
+from .backend_info import thread_count
 from .field_data import (
     INTEGER_ARRAYS,
     REAL_TYPES,
@@ -21,7 +22,7 @@ from .field_data import (
     trace_members,
 )
 from .plan import TracePlan
-from .warp_devices import start_warp, thread_count
+from .warp_devices import start_warp
 from .warp_even import build_even_kernel
 from .warp_tracer import build_kernel
 from .warp_types import types
