@@ -131,7 +131,8 @@ __kernel void trace_even(
     reals arcs = zero, arcs_carry = zero;
     reals coarse = zero, coarse_carry = zero;  // of every third sample
     reals bent = zero;
-    reals s = zero, ahead = zero;
+    reals s = zero, ahead = zero;  // of the last sample: the potential, its slope along the ray, and that across it
+    reals fx = zero, fy = zero, fz = zero;
     for (int triple = 0; triple < count / 3; triple++) {
         reals path = zero, lag = zero, arc = zero;
 #pragma unroll
@@ -145,7 +146,9 @@ __kernel void trace_even(
                 z0 + (t * dz + qz + by_half * pz) * rate.z);
             s = at.value;
             ahead = at.x * dx + at.y * dy + at.z * dz;
-            const reals fx = at.x - ahead * dx, fy = at.y - ahead * dy, fz = at.z - ahead * dz;
+            fx = at.x - ahead * dx;
+            fy = at.y - ahead * dy;
+            fz = at.z - ahead * dz;
             const reals mx = px + by_half * fx, my = py + by_half * fy, mz = pz + by_half * fz;
             const reals across = mx * mx + my * my + mz * mz;
             const reals surplus = R(2.0) * s - across;
@@ -190,6 +193,7 @@ __kernel void trace_even(
     qx = sigma * turnx - armx;
     qy = sigma * turny - army;
     qz = sigma * turnz - armz;
+    const reals steep = sqrt(ahead * ahead + fx * fx + fy * fy + fz * fz);
     s += R(0.5) * h * ahead;
     const reals off = (R(2.0) * s - (px * px + py * py + pz * pz)) * slow / (R(1.0) / slow + ambient);
     const reals error =
@@ -202,7 +206,7 @@ __kernel void trace_even(
         Course course = courses[lane];
         const int runs = course.meets && statuses[lane] == RAY_OK;
         const real step = REAL_AT(h, lane);
-        const real3 across = (real3)(REAL_AT(px, lane), REAL_AT(py, lane), REAL_AT(pz, lane));
+        real3 across = (real3)(REAL_AT(px, lane), REAL_AT(py, lane), REAL_AT(pz, lane));
         const real rest = REAL_AT(slow, lane);
         real3 q = (real3)(REAL_AT(qx, lane), REAL_AT(qy, lane), REAL_AT(qz, lane));
         double path = (double)step * ((double)REAL_AT(paths, lane) - (double)REAL_AT(paths_carry, lane));
@@ -219,12 +223,23 @@ __kernel void trace_even(
             const double3 heading = d + convert_double3(rest * across);
             const double miss = surface_distance(&bounds, landed, p + course.far * d + convert_double3(q), &normal);
             const double cosine = dot(normal, heading);
-            const double more = fabs(cosine) > 0.05 ? -miss / cosine : 0.0;
-            path += more * (double)(REAL_AT(s, lane) * rest);
-            lag += more * (double)REAL_AT(off, lane);
-            arc += more * (double)(REAL_AT(s, lane) * rest) / bounds.ambient;
-            q += (real)more * rest * across;
+            // Along the parabola; what that leaves out, by the change of the slope over a cell, counts as an error.
+            const real3 force = rest * (real3)(REAL_AT(fx, lane), REAL_AT(fy, lane), REAL_AT(fz, lane));
+            const double line = fabs(cosine) > 0.05 ? -miss / cosine : 0.0;
+            const double bow = 0.5 * line * line * (double)rest * dot(normal, convert_double3(force));
+            const double more = fabs(cosine) > 0.05 ? line - bow / cosine : 0.0;
+            const double climb = 0.5 * more * (double)REAL_AT(ahead, lane);
+            const double added = more * (double)rest * ((double)REAL_AT(s, lane) + climb);
+            path += added;
+            lag += more * ((double)REAL_AT(off, lane) + (double)rest * climb / bounds.ambient);
+            arc += added / bounds.ambient;
+            off_course = greater(
+                off_course,
+                REAL_AT(steep, lane) * (real)(more * more / fabs(cosine)) *
+                    lesser((real)fabs(more) * greatest(rate), R(1.0)));
+            q += (real)more * rest * (across + (R(0.5) * (real)more) * force);
             far += more;
+            across += (real)more * force;
             momentum = across + (REAL_AT(off, lane) / rest) * convert_real3(d);
             const double3 end = p + (course.enter + far) * d + convert_double3(q);
             const real angle = sqrt(REAL_AT(bent, lane)) / ambient;

@@ -38,6 +38,8 @@ OUTPUT_TYPES: dict[str, tuple[int, type]] = {
 }
 # Bytes for one ray when all is asked for, and its start.
 RAY_BYTES = 6 * 8 + sum(count * np.dtype(kind).itemsize for count, kind in OUTPUT_TYPES.values())
+# Coefficients that even samples on a GPU find in fours, four times their memory.
+MOST_PACKED = 1 << 25
 # Rays in one chunk at most, and the share of the device's free memory that a chunk may take.
 CHUNK = 1 << 21
 MEMORY_SHARE = 0.25
@@ -67,9 +69,17 @@ def to_device(opened: Session, values: np.ndarray):
     return buffer
 
 
-def _upload(field: IndexField, data: FieldData, precision: str, opened: Session, with_paper_step: bool) -> list:
-    """Buffers of FIELD_ARRAYS; kept as long as the field lives."""
+def _upload(
+    field: IndexField, data: FieldData, precision: str, opened: Session, with_paper_step: bool, packed: bool
+) -> list:
+    """Buffers of FIELD_ARRAYS, the coefficients in fours where `packed`; kept as long as the field lives."""
     store = _uploaded.setdefault(field, {})
+    if packed:
+        plain = _upload(field, data, precision, opened, with_paper_step, False)
+        if (precision, id(opened), "packed") not in store:
+            fours = in_fours(data.arrays["coefficients"], REAL_TYPES[precision])
+            store[precision, id(opened), "packed"] = to_device(opened, fours)
+        return [store[precision, id(opened), "packed"], *plain[1:]]
     key = (precision, id(opened), with_paper_step)
     if key not in store:
         limit = opened.device.max_mem_alloc_size
@@ -88,6 +98,12 @@ def _upload(field: IndexField, data: FieldData, precision: str, opened: Session,
     return store[key]
 
 
+def in_fours(coefficients: np.ndarray, kind: type) -> np.ndarray:
+    """Each number and the three after it, flat, shape (4 n,); zeros behind the end, where nothing is looked up."""
+    padded: np.ndarray = np.concatenate([coefficients, np.zeros(3)]).astype(kind)
+    return np.lib.stride_tricks.sliding_window_view(padded, 4).ravel()
+
+
 def prepare(
     field: IndexField, plan: TracePlan, until, wavelength: float, outputs: frozenset, directions: np.ndarray
 ) -> SimpleNamespace:
@@ -102,17 +118,18 @@ def prepare(
     data = field_data(field, plan.precision, plan.method == "paper")
     bounds, control = trace_members(data, plan, until, wavelength)
     tables, blocks = reach_tables(field, plan, wavelength, directions)
+    even = plan.sample_count > 0
+    lanes = lane_count(opened, plan.precision) if even else 1
+    packed = even and lanes == 1 and data.arrays["coefficients"].size <= MOST_PACKED
     arguments = [
         pack("field", plan.precision, data.field),
         pack("bounds", plan.precision, {**data.bounds, **bounds}),
         pack("control", plan.precision, {**data.control, **control, **blocks}),
-        *_upload(field, data, plan.precision, opened, plan.method == "paper"),
+        *_upload(field, data, plan.precision, opened, plan.method == "paper", packed),
         to_device(opened, tables["reach"].astype(REAL_TYPES[plan.precision])),
         to_device(opened, tables["reach_start"]),
     ]
     uploaded = time.perf_counter()
-    even = plan.sample_count > 0
-    lanes = lane_count(opened, plan.precision) if even else 1
     options = build_options(
         precision=plan.precision,
         geometry=field.geometry,
@@ -123,6 +140,7 @@ def prepare(
         has_body=field.body is not None,
         outputs=outputs | {"step_error"} if even else outputs,
         lanes=lanes,
+        packed=packed,
     )
     program = build(opened, "trace_even.cl" if even else "trace.cl", options)
     # A kernel object belongs to one caller: its arguments are set one by one.

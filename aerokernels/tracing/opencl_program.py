@@ -95,6 +95,7 @@ def build_options(
     has_body: bool = False,
     outputs: Iterable[str] = (),
     lanes: int = 1,
+    packed: bool = False,
 ) -> tuple[str, ...]:
     """The compile options of one kind of scene: the only place where they are made (options.h lists them).
 
@@ -108,6 +109,7 @@ def build_options(
         has_body: Whether the field has a body.
         outputs: Names of the per-ray arrays wanted, of RAY_OUTPUTS; "status" is always there.
         lanes: Rays that a work-item of even samples moves in step, see `lane_count`.
+        packed: Whether coefficients are in fours, for even samples.
 
     Raises:
         ValueError: A name that is not known.
@@ -127,6 +129,7 @@ def build_options(
         f"-DON_MESH={int(on_mesh)}",
         f"-DHAS_BODY={int(has_body)}",
         f"-DLANES={lanes}",
+        f"-DPACKED={int(packed)}",
         *(f"-D{option.upper()}={_in_c(value)}" for option, value in chosen.items()),
         *(f"-DWANT_{_in_c(name)}={int(name in outputs)}" for name in RAY_OUTPUTS),
     )

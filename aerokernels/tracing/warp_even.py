@@ -20,7 +20,8 @@ int P^2 / w dt for the leapfrog, are taken for the error, both as a pilot bundle
 the budget, where a ray turns by more than EVEN_WEAK, comes near a body or leaves by an edge of the box, the ray is
 "rough", and to be traced by another method.
 
-Stop. The rest of the way from the undisturbed ray's last point to the surface is flown along the tangent.
+Stop. The rest of the way from the undisturbed ray's last point to the surface is flown along a parabola; what that
+leaves out counts as an error too, since a ray may meet a face at a small angle.
 """
 
 import functools
@@ -148,8 +149,9 @@ def build_even_kernel(precision: str, geometry: str, interpolation: str, stop: s
         sums = vec4(real(0.0), real(0.0), real(0.0), real(0.0))  # of s / w, (w - a) / w, m / w, and every third sample
         carry = sums
         bent = real(0.0)
-        s = real(0.0)
+        s = real(0.0)  # of the last sample: the potential, its slope along the ray, and that across it
         ahead = real(0.0)
+        force = none
         length = real(0.0)
         h = real(0.0)
         error = real(0.0)
@@ -170,7 +172,7 @@ def build_even_kernel(precision: str, geometry: str, interpolation: str, stop: s
                     s = at[0]
                     force = vec3(at[1], at[2], at[3])
                     ahead = wp.dot(force, d)
-                    force = force - ahead * d
+                    force -= ahead * d
                     here = momentum + middle * force
                     across = wp.dot(here, here)
                     surplus = real(2.0) * s - across
@@ -201,6 +203,7 @@ def build_even_kernel(precision: str, geometry: str, interpolation: str, stop: s
         # At the end, half a step behind the last sample: what momentum and deviation are in fourth order.
         momentum = turn
         q = sigma * turn - arm
+        steep = wp.sqrt(ahead * ahead + wp.dot(force, force))
         s += real(0.5) * h * ahead
         lead = (real(2.0) * s - wp.dot(momentum, momentum)) * slow / (real(1.0) / slow + ambient)
         path = wp.float64(h) * (wp.float64(sums[0]) - wp.float64(carry[0]))
@@ -217,15 +220,23 @@ def build_even_kernel(precision: str, geometry: str, interpolation: str, stop: s
             beside = wp.vec3d(wp.float64(q[0]), wp.float64(q[1]), wp.float64(q[2]))
             miss = surface_distance(bounds, landed, p0 + course.far * d0 + beside)
             cosine = wp.dot(wp.vec3d(miss[1], miss[2], miss[3]), heading)
+            # Along the parabola; what that leaves out, by the change of the slope over a cell, counts as an error.
+            pull = slow * force
             more = wp.float64(0.0)
             if wp.abs(cosine) > wp.float64(0.05):
-                more = -miss[0] / cosine
-            path += more * wp.float64(s * slow)
-            lag += more * wp.float64(lead)
-            arc += more * wp.float64(s * slow) / bounds.ambient
-            q += real(more) * slant
+                line = -miss[0] / cosine
+                inward = miss[1] * wp.float64(pull[0]) + miss[2] * wp.float64(pull[1]) + miss[3] * wp.float64(pull[2])
+                more = line - wp.float64(0.5) * line * line * wp.float64(slow) * inward / cosine
+                beyond = real(wp.abs(more)) * wp.max(rate)
+                error = wp.max(error, steep * real(more * more / wp.abs(cosine)) * wp.min(beyond, real(1.0)))
+            climb = wp.float64(0.5) * more * wp.float64(ahead)
+            extra = more * wp.float64(slow) * (wp.float64(s) + climb)
+            path += extra
+            lag += more * (wp.float64(lead) + wp.float64(slow) * climb / bounds.ambient)
+            arc += extra / bounds.ambient
+            q += real(more) * (slant + (real(0.5) * real(more) * slow) * pull)
             far += more
-            turned = momentum + (lead / slow) * d
+            turned = momentum + real(more) * pull + (lead / slow) * d
             beside = wp.vec3d(wp.float64(q[0]), wp.float64(q[1]), wp.float64(q[2]))
             end = p0 + (course.enter + far) * d0 + beside
             fit = bool(wp.sqrt(bent) / ambient <= real(EVEN_WEAK))

@@ -46,6 +46,10 @@
 #ifndef LANES
 #define LANES 1
 #endif
+// Whether each node's entry of the coefficients holds its next three along the last axis too.
+#ifndef PACKED
+#define PACKED 0
+#endif
 #ifndef HAS_BODY
 #define HAS_BODY 0
 #endif

@@ -10,6 +10,17 @@
 
 #define MOST_CELLS 4
 
+// Four neighbours along the last axis. Where they are PACKED, each node's entry holds them all, so that a GPU gets them by
+// one load of 16 bytes.
+static inline real4 row_at(__global const real *coefficients, int node)
+{
+#if PACKED
+    return ((__global const real4 *)coefficients)[node];
+#else
+    return vload4(0, coefficients + node);
+#endif
+}
+
 // The four weights of the coefficients and of their slopes at fractions u of a cell.
 typedef struct {
     reals value[4];
@@ -51,7 +62,8 @@ static inline ints cells_of(reals place, int last, reals *fraction)
 #if GEOMETRY == VOLUME
 
 // What the coefficients around one cell say at every lane's fractions.
-static inline Local in_cell(__global const real *at, const Field *field, const Weights *a, const Weights *b, const Weights *c)
+static inline Local in_cell(
+    __global const real *coefficients, int node, const Field *field, const Weights *a, const Weights *b, const Weights *c)
 {
     Local out = {(reals)R(0.0), (reals)R(0.0), (reals)R(0.0), (reals)R(0.0)};
 #pragma unroll
@@ -59,8 +71,8 @@ static inline Local in_cell(__global const real *at, const Field *field, const W
         reals sheet = (reals)R(0.0), bend = (reals)R(0.0), tilt = (reals)R(0.0);
 #pragma unroll
         for (int j = 0; j < 4; j++) {
-            __global const real *row = at + i * field->pitch[0] + j * field->pitch[1];
-            const real c0 = row[0], c1 = row[1], c2 = row[2], c3 = row[3];
+            const real4 row = row_at(coefficients, node + i * field->pitch[0] + j * field->pitch[1]);
+            const real c0 = row.x, c1 = row.y, c2 = row.z, c3 = row.w;
             const reals along = c->value[0] * c0 + c->value[1] * c1 + c->value[2] * c2 + c->value[3] * c3;
             const reals climb = c->slope[0] * c0 + c->slope[1] * c1 + c->slope[2] * c2 + c->slope[3] * c3;
             sheet += b->value[j] * along;
@@ -77,13 +89,14 @@ static inline Local in_cell(__global const real *at, const Field *field, const W
 
 #else
 
-static inline Local in_cell(__global const real *at, const Field *field, const Weights *a, const Weights *b, const Weights *c)
+static inline Local in_cell(
+    __global const real *coefficients, int node, const Field *field, const Weights *a, const Weights *b, const Weights *c)
 {
     Local out = {(reals)R(0.0), (reals)R(0.0), (reals)R(0.0), (reals)R(0.0)};
 #pragma unroll
     for (int i = 0; i < 4; i++) {
-        __global const real *row = at + i * field->pitch[0];
-        const real c0 = row[0], c1 = row[1], c2 = row[2], c3 = row[3];
+        const real4 row = row_at(coefficients, node + i * field->pitch[0]);
+        const real c0 = row.x, c1 = row.y, c2 = row.z, c3 = row.w;
         const reals along = b->value[0] * c0 + b->value[1] * c1 + b->value[2] * c2 + b->value[3] * c3;
         const reals climb = b->slope[0] * c0 + b->slope[1] * c1 + b->slope[2] * c2 + b->slope[3] * c3;
         out.value += a->value[i] * along;
@@ -124,11 +137,11 @@ static inline Potential sample_packet(const Field *field, const Arrays *arrays, 
     const Weights a = weights_of(u), b = weights_of(v), c = weights_of(w);
     Local inner;
 #if LANES == 1
-    inner = in_cell(arrays->coefficients + start, field, &a, &b, &c);
+    inner = in_cell(arrays->coefficients, start, field, &a, &b, &c);
 #else
     int here = start.s0;
     ints found = start == here;
-    inner = in_cell(arrays->coefficients + here, field, &a, &b, &c);
+    inner = in_cell(arrays->coefficients, here, field, &a, &b, &c);
     for (int trial = 1; !all(found) && trial < MOST_CELLS; trial++) {
         int lane = 0;
         while (INT_AT(found, lane)) {
@@ -136,7 +149,7 @@ static inline Potential sample_packet(const Field *field, const Arrays *arrays, 
         }
         here = INT_AT(start, lane);
         const ints now = start == here;
-        const Local other = in_cell(arrays->coefficients + here, field, &a, &b, &c);
+        const Local other = in_cell(arrays->coefficients, here, field, &a, &b, &c);
         inner.value = CHOOSE(inner.value, other.value, now);
         inner.first = CHOOSE(inner.first, other.first, now);
         inner.second = CHOOSE(inner.second, other.second, now);
