@@ -159,7 +159,7 @@ def test_mesh_route_has_its_own_interpolation():
         ("[target]\nreflectivity = 1.3", ["target.reflectivity = 1.3", "at most 1"]),
         ("[detector]\nfraction = 1", ["detector.fraction = 1", "below 1"]),
         ('[detector]\nbandwidth = "wide"', ["detector.bandwidth = 'wide'", "GHz"]),
-        ('[detector]\nranging = "centre"', ["detector.ranging = 'centre'", "'leading-edge' or 'constant-fraction'"]),
+        ('[detector]\nranging = "centre"', ["detector.ranging = 'centre'", "'centroid' or 'matched-filter'"]),
         ("[beam]\nray_count = 0", ["beam.ray_count = 0", "at least 1"]),
         ("[beam]\nray_count = 10.5", ["beam.ray_count = 10.5", "whole number"]),
         ("[beam]\nray_count = inf", ["beam.ray_count = inf", "whole number"]),

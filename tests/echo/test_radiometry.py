@@ -162,7 +162,7 @@ def test_pulse_energy_is_the_integral():
 @settings(max_examples=25)
 @given(st.integers(1, 40), st.integers(0, 2**32 - 1))
 def test_sum_of_pulses_adds_pulses(count, seed):
-    """Against the plain sum; what is left out lies below exp(-8.5^2) = 4e-32 of a pulse."""
+    """Against the plain sum; what is left out lies below exp(-6^2) = 2e-16 of a pulse."""
     generator = np.random.default_rng(seed)
     delay, peak = generator.uniform(0, 1e-6, count), generator.uniform(0, 2, count)
     time = generator.uniform(-1e-6, 2e-6, (7, 3))
