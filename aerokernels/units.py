@@ -48,7 +48,7 @@ _DIMENSIONS: dict[str, tuple[str, str, dict[str, float]]] = {
 }
 # Added after scaling.
 _OFFSET = {"degC": 273.15}
-# Other ways to write the same unit: the micro sign and the Greek mu, exponents, degrees, roots, the ohm and Greek omega.
+# Other ways to write the same unit: the micro sign and the Greek mu, exponents, degrees, roots, the ohm and omega.
 _SPELLING = {"µ": "u", "μ": "u", "³": "3", "^": "", "°C": "degC", "°": "deg", "percent": "%"}
 _SPELLING |= {"sqrt(Hz)": "rtHz", "√Hz": "rtHz", "\u03a9": "Ohm", "\u2126": "Ohm", "ohm": "Ohm"}
 _PATTERN = re.compile(r"([+-]?(?:\d[\d_]*\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*(.*)", re.DOTALL)

@@ -3,9 +3,9 @@
     power -> APD current, with its shot noise -> + background, dark and thermal noise -> transimpedance low-pass
           -> amplifier's saturation -> sampling -> digitiser
 
-Power is given on times fine enough for the pulse and the low-pass; every `stride`-th of them is a sample. Noise is white
-before the low-pass and has its shape behind it. Samples of it before the record's begin come from the record's end, so
-that it is stationary from the first sample on.
+Power is given on times fine enough for the pulse and the low-pass; every `stride`-th of them is a sample. Noise is
+white before the low-pass and has its shape behind it. Samples of it before the record's begin come from the record's
+end, so that it is stationary from the first sample on.
 """
 
 from dataclasses import dataclass, field

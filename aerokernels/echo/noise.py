@@ -13,6 +13,7 @@ R. J. McIntyre, Multiplication noise in uniform avalanche diodes, IEEE Trans. El
 
 import math
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -126,4 +127,4 @@ def noise_bandwidth(bandwidth: float, response: str, order: int, top: float) -> 
     # In octaves, so that a wide band does not hide the passband from the quadrature.
     edges = [0.0, *(2.0**k for k in range(math.ceil(math.log2(max(top / bandwidth, 1.0))) + 1))]
     edges = [*(edge for edge in edges if edge < top / bandwidth), top / bandwidth]
-    return bandwidth * sum(quad(power_gain, low, high)[0] for low, high in zip(edges[:-1], edges[1:], strict=True))
+    return bandwidth * sum(quad(power_gain, low, high)[0] for low, high in pairwise(edges))

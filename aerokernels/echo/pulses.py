@@ -3,12 +3,12 @@
 | shape    | formula, t from the peak                                        | width at half height | integral       |
 |----------|-----------------------------------------------------------------|----------------------|----------------|
 | Gaussian | exp(-(t / tau)^2)                                               | 1.6651 tau           | sqrt(pi) tau   |
-| HELIOS   | u^2 exp(-u) e^2 / 4, u = t / tau + 2 (0 before u = 0)           | 3.3944 tau           | e^2 / 2 tau    |
+| HELIOS   | u^2 exp(-u) e^2 / 4, u = t / tau + 2 (0 before u = 0)           | 3.3947 tau           | e^2 / 2 tau    |
 | sampled  | the spline through given samples, not below 0; 0 outside of them | the samples'         | the spline's   |
 
-The second is (t / tau)^2 exp(-t / tau), counted from its own peak at 2 tau: the laser pulse of T. Carlsson, O. Steinvall,
-D. Letalick, Signature simulation and signal analysis for 3-D laser radar, FOI-R-0163-SE (2001), which the lidar simulator
-HELIOS took over.
+The second is (t / tau)^2 exp(-t / tau), counted from its own peak at 2 tau: the laser pulse of T. Carlsson,
+O. Steinvall, D. Letalick, Signature simulation and signal analysis for 3-D laser radar, FOI-R-0163-SE (2001), which the
+lidar simulator HELIOS took over.
 """
 
 import math
@@ -72,7 +72,7 @@ class GaussianPulse:
 
     @property
     def timescale(self) -> float:
-        """tau [s]."""
+        """Tau [s]."""
         return self.tau
 
     @property
@@ -109,7 +109,7 @@ class HeliosPulse:
 
     @property
     def timescale(self) -> float:
-        """tau [s]."""
+        """Tau [s]."""
         return self.tau
 
     @property

@@ -1,7 +1,7 @@
 """The light of target points over the receiver's pupil: rays made, traced and summed up, nothing kept of any ray.
 
-By reciprocity the rays are launched from the pupil toward the target point and traced to a plane just ahead of the flow;
-from there to the point it is a straight line in air at rest. The optical path difference of such a ray is
+By reciprocity the rays are launched from the pupil toward the target point and traced to a plane just ahead of the
+flow; from there to the point it is a straight line in air at rest. The optical path difference of such a ray is
 
     OPD = opd at the plane + n_ambient (|T - r| - |T - r0|)
 

@@ -172,7 +172,7 @@ def _closed_form(late, radius: float, tilt: float, tau: float, half_width, half_
 def _integral(late, radius: float, tilt: float, pulse: PulseShape, half_width, half_height) -> np.ndarray:
     """The same, summed up."""
     limit = SUPPORT * radius
-    x, x_weight = _beam_panels(min(limit, half_width or limit), radius, radius)
+    _, x_weight = _beam_panels(min(limit, half_width or limit), radius, radius)
     steepness = 2.0 * abs(math.tan(tilt)) / SPEED_OF_LIGHT
     panel = min(radius, pulse.timescale / steepness) if steepness > 0.0 else radius
     y, y_weight = _beam_panels(min(limit, half_height or limit), panel, radius)

@@ -2,8 +2,8 @@
 
 A threshold T is crossed earlier by a higher pulse. For a Gaussian of peak V and 1/e half-width tau the crossing lies
 tau sqrt(ln(V / T)) before the peak, so its range is short by c tau / 2 times the same. For any other pulse the curve is
-measured: the pulse's waveform is scaled to a row of amplitudes, and ranged. A rangefinder knows the amplitude of an echo
-by its peak, or, where the amplifier saturates, by the time that it stays above the threshold.
+measured: the pulse's waveform is scaled to a row of amplitudes, and ranged. A rangefinder knows the amplitude of an
+echo by its peak, or, where the amplifier saturates, by the time that it stays above the threshold.
 """
 
 from dataclasses import dataclass
@@ -95,8 +95,8 @@ def range_walk(time, voltage, threshold: float) -> RangeWalk:
         threshold: Level of the discriminator [V].
 
     Returns:
-        The curve, for peaks from just above the threshold to 1000 times that. A pulse that the record cuts off before it
-        has fallen to a thousandth gives a shorter one.
+        The curve, for peaks from just above the threshold to 1000 times that. A pulse that the record cuts off before
+        it has fallen to a thousandth gives a shorter one.
 
     Raises:
         ValueError: Uneven times, no pulse, or a pulse that is cut off at half its height.
@@ -107,7 +107,7 @@ def range_walk(time, voltage, threshold: float) -> RangeWalk:
     ends = max(float(volts[0]), float(volts[-1]), 0.0) / curve.peak
     greatest = min(GREATEST_RATIO, 0.999 / ends) if ends > 0.0 else GREATEST_RATIO
     if greatest < 2.0:
-        raise ValueError("the record cuts the pulse off above half its height: record from before the pulse to after it")
+        raise ValueError("the record cuts the pulse off above half its height: begin it earlier or end it later")
     ratios = np.exp(np.square(np.linspace(_stretched(LEAST_RATIO), _stretched(greatest), POINT_COUNT)))
     rises = np.array([curve.first_rise(curve.peak / ratio) for ratio in ratios])
     falls = np.array([curve.fall_after_peak(curve.peak / ratio) for ratio in ratios])

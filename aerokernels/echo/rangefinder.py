@@ -19,7 +19,8 @@ class Rangefinder:
         threshold: Level of the leading edge [V].
         fraction: Share of the peak of the constant fraction.
         reference: Samples of the echo in vacuum [V], shape (n,): the matched filter's template.
-        calibration: What is subtracted from each method's reading [m]; methods that cannot read the reference are absent.
+        calibration: What is subtracted from each method's reading [m]; methods that cannot read the
+            reference are absent.
         walk: The curve that the leading edge is corrected by, or None.
     """
 

@@ -3,10 +3,11 @@
     f_r = rho / pi                                                     Lambertian
     f_r = rho [(1 - s) / pi + s (n + 2) / (2 pi) cos(alpha)^n]         Phong, 0 for the lobe where cos(alpha) < 0
 
-rho is the reflectivity, s the lobe's share, n its exponent, alpha the angle between the mirror direction of the incident
-light and the way to the receiver. For a receiver beside the laser alpha is twice the incidence. The lobe is normalised:
-at normal incidence it returns s rho of the light, at other incidences less, so no light is made (E. Lafortune, Y. Willems,
-Using the modified Phong reflectance model for physically based rendering, K. U. Leuven CW197, 1994).
+rho is the reflectivity, s the lobe's share, n its exponent, alpha the angle between the mirror direction of the
+incident light and the way to the receiver. For a receiver beside the laser alpha is twice the incidence. The lobe is
+normalised: at normal incidence it returns s rho of the light, at other incidences less, so no light is made
+(E. Lafortune, Y. Willems, Using the modified Phong reflectance model for physically based rendering, K. U. Leuven
+CW197, 1994).
 """
 
 import math

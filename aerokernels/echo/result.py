@@ -134,7 +134,12 @@ class EchoResult:
                 values = [getattr(self.statistics.get(method), name, float("nan")) for method in self.ranges]
                 variables[f"range_{name}"] = ("ranging_method", values, {"units": "m", "long_name": words})
         time = ("time", self.time, {"units": "s", "long_name": "time after the pulse's peak left"})
-        coordinates = {"time": time, "axis": ["x", "y", "z"], "transverse": ["x", "y"], "ranging_method": list(self.ranges)}
+        coordinates = {
+            "time": time,
+            "axis": ["x", "y", "z"],
+            "transverse": ["x", "y"],
+            "ranging_method": list(self.ranges),
+        }
         attributes = {
             "ranging": self.ranging,
             "range_m": self.range,

@@ -6,10 +6,10 @@
           no light into the pupil or out of it but by focusing, 1e-4 here, which is left out
 "none"    1, and no ray is traced
 
-Both vary smoothly over the target, so they are computed at Chebyshev-Lobatto points on the target and interpolated by the
-polynomial through them; the same with every other point left out says how good that is. Where field, pupil and target
-are symmetric about the axis, they depend on the distance from it alone: the points lie along one radius, and half of the
-pupil stands for all of it.
+Both vary smoothly over the target, so they are computed at Chebyshev-Lobatto points on the target and interpolated by
+the polynomial through them; the same with every other point left out says how good that is. Where field, pupil and
+target are symmetric about the axis, they depend on the distance from it alone: the points lie along one radius, and
+half of the pupil stands for all of it.
 """
 
 import math
@@ -34,7 +34,8 @@ class ReturnPaths:
         factor: What is left of the light, 0 to 1, shape (m,).
         strehl: Strehl ratio of the open part of the pupil, shape (m,).
         open_share: Share of the pupil that the light gets through to, shape (m,).
-        error: Greatest change of `factor` from leaving every other point of the interpolation out: its error is smaller.
+        error: Greatest change of `factor` from leaving every other point of the interpolation out: its error
+            is smaller.
         pair_count: Pairs of target point and pupil point that the sums stand for.
         sums: The rays behind it; None for factor "none".
     """

@@ -15,6 +15,7 @@ amplitude above all, and the air's optical path (0.4 mm over 1.5 m at sea level)
 """
 
 import math
+from functools import partial
 
 import numpy as np
 
@@ -62,7 +63,8 @@ def echo(
 
     Returns:
         The echo. `receiver.ray_count` x `strehl_node_count`^2 pairs of pupil and target points are traced back, in
-        chunks of which nothing is kept but sums, or fewer where symmetry makes one stand for many; `beam.ray_count` out.
+        chunks of which nothing is kept but sums, or fewer where symmetry makes one stand for many; `beam.ray_count`
+        rays go out.
 
     Raises:
         ValueError: The target lies inside the flow or reaches back to the aperture, no ray gets out or arrives, or the
@@ -162,7 +164,7 @@ def _statistics(scene, chain, fine, power, stride: int, rangefinder: Rangefinder
                 chain,
                 fine,
                 power,
-                lambda time, samples, method=method: rangefinder.range(time, samples, method),
+                partial(rangefinder.range, method=method),
                 true_range=scene.target.distance,
                 stride=stride,
                 trial_count=trial_count,

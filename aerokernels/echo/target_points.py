@@ -1,10 +1,10 @@
 """Where the beam is sampled: quadrature points across it, each with the share of the beam's power that it stands for.
 
 The points are those at which the undisturbed rays of the beam would cross the plane through the target's centre normal
-to the axis (x and y of eq 8-12). The beam's support is cut at three 1/e^2 radii (4e-9 of the power lies outside), and at
-the reflector's edges where those are nearer. What is left is a convex polygon; it is cut into bands at the heights of its
-corners, and each band, a trapezium, gets a tensor product of Gauss-Legendre points. With 20 points across or more the
-shares add up to the power within 1e-7.
+to the axis (x and y of eq 8-12). The beam's support is cut at three 1/e^2 radii (4e-9 of the power lies outside), and
+at the reflector's edges where those are nearer. What is left is a convex polygon; it is cut into bands at the heights
+of its corners, and each band, a trapezium, gets a tensor product of Gauss-Legendre points. With 20 points across or
+more the shares add up to the power within 1e-7.
 
 A ray leaves the exit aperture at the homologous point: as far from the axis, in exit radii, as it arrives in radii at
 the target. So a point (X, Y, Z) of the tilted reflector, from its centre, is seen by the diverging beam at
@@ -16,6 +16,7 @@ which takes the reflector's straight edges to straight edges.
 
 import math
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
@@ -131,7 +132,7 @@ def polygon_points(outline: np.ndarray, side: int) -> tuple[np.ndarray, np.ndarr
     levels = levels[np.append(True, np.diff(levels) > _SAME_CORNER * (levels[-1] - levels[0]))]
     across, across_weight = np.polynomial.legendre.leggauss(side)
     points, areas = [], []
-    for low, high in zip(levels[:-1], levels[1:], strict=True):
+    for low, high in pairwise(levels):
         count = max(math.ceil(side * (high - low) / (levels[-1] - levels[0])), min(LEAST_BAND, side))
         node, weight = np.polynomial.legendre.leggauss(count)
         y = 0.5 * (high + low) + 0.5 * (high - low) * node

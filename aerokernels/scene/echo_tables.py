@@ -1,4 +1,4 @@
-"""The tables of a scene that describe the laser's way: beam, target, receiver and the air between. Defaults as in tables.py."""
+"""The tables of a scene that describe the laser's way: beam, target, receiver, the air between. See tables.py."""
 
 import math
 from typing import Annotated, Any, Literal
@@ -106,7 +106,7 @@ class BeamTable(Table):
             )
         if self.pulse != "sampled" and count:
             raise ValueError(
-                f"beam.pulse_samples are given, but beam.pulse is {self.pulse!r}: write pulse = \"sampled\", or drop them"
+                f'beam.pulse_samples are given, but beam.pulse is {self.pulse!r}: write pulse = "sampled", or drop them'
             )
         return self
 
@@ -120,7 +120,8 @@ class TargetTable(Table):
     )
     tilt: Tilt = key(
         "0 deg",
-        "Rotation of the target about tilt_axis through its centre, below 90 deg. Not in the paper: it faces the laser.",
+        "Rotation of the target about tilt_axis through its centre, below 90 deg. Not in the paper: it faces the "
+        "laser.",
     )
     tilt_axis: Annotated[tuple[float, float, float], BeforeValidator(_axis)] = key(
         (1.0, 0.0, 0.0),

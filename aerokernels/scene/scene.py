@@ -16,7 +16,10 @@ from .values import Table
 
 
 class Scene(Table):
-    """What a user describes in a TOML file. Numbers are SI once loaded; see tables.py, echo_tables.py and detector_table.py for every key."""
+    """What a user describes in a TOML file. Numbers are SI once loaded.
+
+    Every key stands in tables.py, echo_tables.py or detector_table.py.
+    """
 
     name: str = Field("scene", description="Short name for files and tables; the file's name if absent.")
     title: str = Field("", description="One line for the report.")

@@ -2,8 +2,8 @@
 
 Defaults are written as a user would write them and pass the same checks. The source paper states the wavelength, the
 pulse's peak power, the target's size, reflectivity and distance, and the wind tunnel's conditions; the rest it leaves
-out, and the choice made here is explained where it stands. Beam, target and receiver are in echo_tables.py, the detector in
-detector_table.py.
+out, and the choice made here is explained where it stands. Beam, target and receiver are in echo_tables.py, the
+detector in detector_table.py.
 """
 
 from typing import Annotated, Any, Literal

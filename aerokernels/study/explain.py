@@ -60,8 +60,18 @@ def explanation(scene: Scene) -> list[tuple[str, str]]:
         ("rays, picture", f"{FAN_RAYS}, to {FAN_PLANES - 1} planes"),
         (
             "rays, echo",
-            f"{scene.beam.ray_count:,} target points, each with {scene.receiver.ray_count:,} over the receiver's pupil",
+            f"{scene.beam.ray_count:,} target points; {_way_back(scene)}",
         ),
         ("ranging", f"{scene.detector.ranging}, {scene.detector.sample_rate / 1e9:g} GHz samples"),
     ]
     return rows
+
+
+def _way_back(scene: Scene) -> str:
+    """How the light's way back is traced, in words."""
+    receiver = scene.receiver
+    if receiver.return_factor == "none":
+        return "none traced back (return factor none)"
+    nodes = receiver.strehl_node_count
+    places = "each of them" if nodes == "every" else f"{nodes} x {nodes} places"
+    return f"return factor {receiver.return_factor} at {places}, {receiver.ray_count:,} rays over the pupil each"
