@@ -38,7 +38,8 @@ from .waveform import SPEED_OF_LIGHT, sum_of_pulses
 
 # The detector's low-pass rings for a few 1 / bandwidth.
 FILTER_MARGIN = 3.0
-# Power is computed at least this many times a pulse's time scale, however slow the digitiser: nothing is aliased.
+# Power is computed at least this many times a pulse's time scale and a period of the amplifier's bandwidth, however
+# slow the digitiser: nothing of the pulse is aliased, and all noise that is folded into the samples is there.
 LEAST_RATE = 8.0
 
 
@@ -150,7 +151,8 @@ def _record_times(scene: Scene, pulse: PulseShape, path: np.ndarray) -> tuple[np
     tail = 0.0 if scene.detector.bandwidth is None else FILTER_MARGIN / scene.detector.bandwidth
     rate = scene.detector.sample_rate
     time = sample_times(delay.min() + before, delay.max() + after + tail, rate)
-    stride = max(1, math.ceil(LEAST_RATE / (rate * pulse.timescale)))
+    fastest = max(1.0 / pulse.timescale, scene.detector.bandwidth or 0.0)
+    stride = max(1, math.ceil(LEAST_RATE * fastest / rate))
     fine = time[0] + np.arange((time.size - 1) * stride + 1) / (rate * stride)
     return time, fine, stride
 

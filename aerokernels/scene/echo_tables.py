@@ -104,6 +104,11 @@ class BeamTable(Table):
                 f"beam.pulse 'sampled' needs at least {LEAST_PULSE_SAMPLES} beam.pulse_samples, got {count}: add them, "
                 "such as pulse_samples = [0, 0.4, 1, 0.3, 0]"
             )
+        if self.pulse == "sampled" and (top := int(np.argmax(self.pulse_samples))) in (0, count - 1):
+            raise ValueError(
+                f"beam.pulse_samples: the greatest of them is the {'last' if top else 'first'}: "
+                "give samples from before the pulse's peak to after it"
+            )
         if self.pulse != "sampled" and count:
             raise ValueError(
                 f'beam.pulse_samples are given, but beam.pulse is {self.pulse!r}: write pulse = "sampled", or drop them'
