@@ -1,10 +1,11 @@
 """What scripts/paper computes: echoes of every scene, shadows of every flow, and what the paper prints of them."""
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 
-from aerokernels import EchoResult, Scene, echo, flow, schlieren
+from aerokernels import EchoResult, IndexField, Scene, echo, flow, schlieren
 from aerokernels.compare import WaveformComparison, compare_waveforms
 from aerokernels.prepare import prepare_field
 from aerokernels.schlieren import SchlierenImage
@@ -126,20 +127,25 @@ def shadow(
     mach: int, pixels: int, spacing: float, density: float | None = None, sensitivity: float | None = None
 ) -> Shadow:
     """Trace the picture of a shipped flow through a grid of a spacing [m], at its own density or another [kg/m3]."""
-    field = flow.shipped(f"mach{mach}")
-    body = field.body
+    body = flow.shipped(f"mach{mach}").body
     assert body is not None
-    if density is not None:
-        field = field.scaled(density)
-    index = field.index_field(905e-9)
-    low, high = (corner[1:] for corner in index.box)
-    region = ((0.0, max(VIEW[0] - 1e-3, float(low[1]))), (min(0.12, float(high[0])), float(high[1])))
-    grid = index.resample(spacing, region=region)
-    image = schlieren(grid, extent=VIEW, pixel_count=pixels, knife_edge="vertical", sensitivity=sensitivity)
+    image = schlieren(
+        _grid(mach, spacing, density), extent=VIEW, pixel_count=pixels, knife_edge="vertical", sensitivity=sensitivity
+    )
     angle, stand_off = read_bow_shock(image)
     profile = body.profile
     outline = np.concatenate([profile[:, ::-1], profile[::-1, ::-1] * (1.0, -1.0)])
     return Shadow(mach, image, outline, angle, stand_off)
+
+
+@lru_cache(maxsize=1)
+def _grid(mach: int, spacing: float, density: float | None) -> IndexField:
+    """The index on a uniform grid over the part of the flow that is looked at."""
+    field = flow.shipped(f"mach{mach}")
+    index = (field if density is None else field.scaled(density)).index_field(905e-9)
+    low, high = (corner[1:] for corner in index.box)
+    region = ((0.0, max(VIEW[0] - 1e-3, float(low[1]))), (min(0.12, float(high[0])), float(high[1])))
+    return index.resample(spacing, region=region)
 
 
 def read_bow_shock(image: SchlierenImage) -> tuple[float, float]:

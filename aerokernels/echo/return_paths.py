@@ -3,7 +3,7 @@
 "strehl"  the share of the receiver's pupil that the light gets through to, times the Strehl ratio over that part, tilt
           kept, piston removed (the paper's factor; a Strehl ratio is a peak intensity, not a power)
 "bucket"  that share alone: all light that reaches the pupil falls on a detector larger than the spot. Refraction moves
-          no light into the pupil or out of it but by focusing, 1e-4 here, which is left out
+          no light into the pupil or out of it but by focusing, some 1e-4 here, which is left out
 "none"    1, and no ray is traced
 
 Both vary smoothly over the target, so they are computed at Chebyshev-Lobatto points on the target and interpolated by
