@@ -4,6 +4,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from .sobol import sobol_points
+
 SAMPLINGS = ("sobol", "gauss", "grid", "random")
 
 
@@ -66,10 +68,7 @@ def unit_disc_samples(count: int, sampling: str, seed: int = 0) -> tuple[np.ndar
         points = np.stack([np.outer(radius, np.cos(angle)).ravel(), np.outer(radius, np.sin(angle)).ravel()], axis=1)
         return points, np.repeat(0.5 * weight / angle_count, angle_count)
     if sampling == "sobol":
-        from scipy.stats import qmc
-
-        engine = qmc.Sobol(2, scramble=True, rng=np.random.default_rng(seed))
-        square = engine.random_base2(int(np.ceil(np.log2(count))))[:count] if count > 1 else engine.random(1)
+        square = sobol_points(count, 2, seed)
     else:
         square = np.random.default_rng(seed).random((count, 2))
     radius, angle = np.sqrt(square[:, 0]), 2.0 * np.pi * square[:, 1]

@@ -8,9 +8,14 @@ where the rays are; the spread of the replicates gives the standard error. A sym
 fewer rays (tracing/pupil_fan.py).
 """
 
+import os
+import threading
 import time
+import weakref
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
-from functools import cached_property
+from functools import cached_property, partial
+from importlib import import_module
 from typing import Any
 
 import numpy as np
@@ -19,13 +24,18 @@ from .medium import IndexField
 from .rays import Disc, RayBundle
 from .tracing import Plane
 from .tracing.budget import CAUSES, SAFETY, SUBSET, combine, float64_rounding, opd_errors
-from .tracing.plan import make_plan
-from .tracing.pupil_fan import SETTLED, choose_fan, reduce_fan
-from .tracing.pupil_sums import fit_moments
-from .tracing.trace import retracer
+from .tracing.even import PILOT_RAYS
+from .tracing.plan import TracePlan
+from .tracing.pupil_fan import SETTLED, choose_fan, fan_points
+from .tracing.pupil_sums import PupilSums, PupilTask, fit_moments
+from .tracing.trace import plan_rays, retracer
 from .wavefront import check_terms, check_wavefront, map_points, remove_terms
 
 REPLICATES = 16
+# Pupils that are kept ready for a field.
+JOBS_KEPT = 4
+
+_jobs: weakref.WeakKeyDictionary = weakref.WeakKeyDictionary()
 
 
 def strehl(opd, wavelength: float, weights=None, remove=("piston",), *, points=None) -> float:
@@ -155,9 +165,15 @@ def estimate_strehl(
     if not isinstance(ray_count, (int, np.integer)) or ray_count < REPLICATES:
         raise ValueError(f"ray_count must be a whole number of at least {REPLICATES}, got {ray_count!r}")
     look = RayBundle(pupil.center, pupil.normal if direction is None else direction).direction[0]
-    until = Plane(_beyond(field, pupil, look), look)
-    plan = make_plan(
+    job = _job(
         field,
+        pupil,
+        look,
+        wavelength,
+        int(ray_count),
+        seed,
+        "tilt" in remove,
+        symmetry,
         method=method,
         backend=backend,
         device=device,
@@ -165,37 +181,28 @@ def estimate_strehl(
         step=step,
         tolerance=tolerance,
         max_steps=max_steps,
-        path_length=None,
-        wavelength=wavelength,
-        directions=look[None],
     )
-    per_replicate = _per_replicate(ray_count)
-    fan_rays, why = choose_fan(field, pupil, look, per_replicate, REPLICATES, symmetry)
-    plan = replace(plan, reasons=(*plan.reasons, why))
-    run = reduce_fan if fan_rays else _disc_reducer(plan.backend)
-    count = fan_rays or per_replicate
-    traced = count * REPLICATES
-    shared = (REPLICATES, seed, "tilt" in remove)
-    moments, phasor, evaluations, seconds = run(field, pupil, look, until, plan, wavelength, count, *shared)
-    if fan_rays and count < per_replicate and not _standard_error(moments, phasor) <= SETTLED:
-        more = f"standard error of that fan above {SETTLED:g}, as at an edge: one of {REPLICATES} x {per_replicate}"
+    sums = job.run()
+    traced, plan = job.traced_ray_count, job.plan
+    evaluations, seconds = sums.evaluation_count, dict(sums.seconds)
+    if job.may_be_refined and not _standard_error(sums.moments, sums.phasors) <= SETTLED:
+        sums = job.refined()
+        traced += job.per_replicate * REPLICATES
+        more = f"standard error of that fan above {SETTLED:g}, as at an edge: one of {REPLICATES} x {job.per_replicate}"
         plan = replace(plan, reasons=(*plan.reasons, more))
-        looked, spent, count = evaluations, seconds, per_replicate
-        traced += count * REPLICATES
-        moments, phasor, evaluations, seconds = run(field, pupil, look, until, plan, wavelength, count, *shared)
-        evaluations += looked
-        seconds = {stage: time + spent.get(stage, 0.0) for stage, time in seconds.items()}
-    estimate = _combine(moments, phasor, wavelength, remove)
+        evaluations += sums.evaluation_count
+        seconds = {stage: spent + sums.seconds.get(stage, 0.0) for stage, spent in seconds.items()}
+    estimate = _combine(sums.moments, sums.phasors, wavelength, remove)
 
     def budget(found: StrehlEstimate) -> dict[str, float]:
         probe = RayBundle.collimated(pupil, SUBSET, direction=look, seed=seed)
-        return _budget(field, probe, found, until, wavelength)
+        return _budget(field, probe, found, job.until, wavelength)
 
     seconds["total"] = time.perf_counter() - start
     return StrehlEstimate(
-        ray_count=per_replicate * REPLICATES,
+        ray_count=job.per_replicate * REPLICATES,
         traced_ray_count=traced,
-        blocked=float(1.0 - moments[:, 0].sum() / (count * REPLICATES)),
+        blocked=float(1.0 - sums.moments[:, 0].sum() / (sums.ray_count)),
         plan=plan,
         budget=budget,
         seconds=seconds,
@@ -226,20 +233,113 @@ def pupil_rays(field: IndexField, pupil: Disc, look: np.ndarray, ray_count: int,
     return REPLICATES * (fan_rays or _per_replicate(ray_count)), why
 
 
+@dataclass(eq=False)
+class _Job:
+    """A pupil made ready to be traced.
+
+    Attributes:
+        plan: How.
+        until: Where its rays stop.
+        per_replicate: Rays of a replicate that were asked for.
+        task: What is traced; fewer rays where it is a fan.
+    """
+
+    plan: TracePlan
+    until: Plane
+    per_replicate: int
+    task: PupilTask
+
+    @property
+    def traced_ray_count(self) -> int:
+        """Rays of the first run."""
+        return self.task.per_replicate * REPLICATES
+
+    @property
+    def may_be_refined(self) -> bool:
+        """Whether it is a fan of fewer rays than were asked for."""
+        return self.task.fan is not None and self.task.per_replicate < self.per_replicate
+
+    @cached_property
+    def run(self) -> Callable[[], PupilSums]:
+        """Traces and sums."""
+        return _runner(self.task)
+
+    def refined(self) -> PupilSums:
+        """The sums of a fan of as many rays as were asked for."""
+        points = fan_points(self.per_replicate, REPLICATES, self.task.seed)
+        return _runner(replace(self.task, per_replicate=self.per_replicate, fan=points))()
+
+
+def _job(
+    field: IndexField,
+    pupil: Disc,
+    look: np.ndarray,
+    wavelength: float,
+    ray_count: int,
+    seed: int,
+    with_tilt: bool,
+    symmetry,
+    **choices,
+) -> _Job:
+    """The job of an estimate; the last few are kept with the field, on their devices, each for one thread."""
+    place = (pupil.center.tobytes(), pupil.normal.tobytes(), pupil.radius, look.tobytes())
+    asked = (wavelength, ray_count, seed, with_tilt, symmetry, *choices.values())
+    key = (threading.get_ident(), os.environ.get("AEROKERNELS_CPU_BACKEND"), *place, *asked)
+    store = _jobs.setdefault(field, {})
+    try:
+        return store[key]
+    except KeyError:
+        job = _make_job(field, pupil, look, wavelength, ray_count, seed, with_tilt, symmetry, choices)
+    except TypeError:  # a choice that is no name or number, to be refused by name
+        return _make_job(field, pupil, look, wavelength, ray_count, seed, with_tilt, symmetry, choices)
+    while len(store) >= JOBS_KEPT:
+        del store[next(iter(store))]
+    store[key] = job
+    return job
+
+
+def _make_job(field, pupil, look, wavelength, ray_count, seed, with_tilt, symmetry, choices: dict) -> _Job:
+    until = Plane(_beyond(field, pupil, look), look)
+    per_replicate = _per_replicate(ray_count)
+    fan_rays, why = choose_fan(field, pupil, look, per_replicate, REPLICATES, symmetry)
+    count = fan_rays or per_replicate
+    plan = plan_rays(
+        field,
+        partial(RayBundle.collimated, pupil, PILOT_RAYS, direction=look),
+        REPLICATES * count,
+        until,
+        path_length=None,
+        wavelength=wavelength,
+        directions=look[None],
+        **choices,
+    )
+    plan = replace(plan, reasons=(*plan.reasons, why))
+    task = PupilTask(
+        weakref.ref(field),
+        pupil,
+        look,
+        until,
+        plan,
+        wavelength,
+        count,
+        REPLICATES,
+        seed,
+        with_tilt=with_tilt and not fan_rays,  # a symmetric wavefront has none
+        # About the axis of an axisymmetric field neighbours are rays of one radius, wherever they lie.
+        by_radius=field.geometry == "axisymmetric" and float(np.hypot(*pupil.center[:2])) < 0.05 * pupil.radius,
+        fan=fan_points(count, REPLICATES, seed) if fan_rays else None,
+    )
+    return _Job(plan, until, per_replicate, task)
+
+
+def _runner(task: PupilTask) -> Callable[[], PupilSums]:
+    """A task made ready on the backend of its plan."""
+    return import_module(f".tracing.{task.plan.backend}_strehl", __package__).PupilRun(task)
+
+
 def _per_replicate(ray_count: int) -> int:
     """Rays of a replicate, so that all of them are at least as many as asked for."""
     return -(-int(ray_count) // REPLICATES)
-
-
-def _disc_reducer(backend: str):
-    """The function of a backend that traces a disc of rays and sums."""
-    if backend == "warp":
-        from .tracing.warp_strehl import reduce_pupil
-    elif backend == "opencl":
-        from .tracing.opencl_strehl import reduce_pupil
-    else:
-        from .tracing.reference_strehl import reduce_pupil
-    return reduce_pupil
 
 
 def _combine(moments, phasor, wavelength, remove) -> dict:

@@ -2,7 +2,8 @@
 // equal areas of the disc. One work-item a ray, all in double.
 //
 // center [m], and the pupil's axes times its radius, first and second [m]; look is the unit vector of all directions.
-// seeds (replicate_count, 2); ray r is point r % per_replicate of replicate r / per_replicate.
+// seeds (replicate_count, 2); ray r is point order_in[r % per_replicate] of replicate r / per_replicate: an order in which
+// neighbours in the launch are neighbours on the disc.
 // Rays from first_ray up to ray_count: position_out [m] and direction_out (ray_count, 3), packed;
 // pupil_out (ray_count), coordinates on the disc in units of its radius.
 
@@ -14,6 +15,7 @@ __kernel void launch_pupil(
     const double3 second,
     const double3 look,
     __global const uint *seeds,
+    __global const int *order_in,
     const int per_replicate,
     const int first_ray,
     const int ray_count,
@@ -26,7 +28,7 @@ __kernel void launch_pupil(
         return;
     }
     const int replicate = ray / per_replicate;
-    const uint index = (uint)(ray - replicate * per_replicate);
+    const uint index = (uint)order_in[ray - replicate * per_replicate];
     const double unit = 0x1p-32;
     const double u = ((double)scramble(reverse_bits(index), seeds[2 * replicate]) + 0.5) * unit;
     const double v = ((double)scramble(second_axis(index), seeds[2 * replicate + 1]) + 0.5) * unit;

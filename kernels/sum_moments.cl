@@ -1,17 +1,19 @@
 // Moments of a wavefront over groups of GROUP rays: one work-group sums one group, in double.
 //
-// Per ray: pupil_in, opd_in [m], step_error_in [m], evaluation_count_in, status_in; rays beyond ray_count are not there.
-// Groups from first_group up to group_count: moments_out (group_count, MOMENT_COUNT) with count, x, y, W, xx, xy, yy,
-// xW, yW, WW over the rays that arrived, their greatest step error, and the field evaluations of all rays.
+// weight_in: what each ray counts, one number for each (weight_count = ray count) or the same for all (1).
+// Per ray: pupil_in, opd_in [m], step_error_in [m], evaluation_count_in, status_in; per_replicate of them to a
+// replicate. Groups from first_group up to group_count: moments_out (group_count, MOMENT_COUNT) with the sum of weights,
+// x, y, W, xx, xy, yy, xW, yW, WW over the rays that arrived, their greatest step error, and the field evaluations of
+// all rays.
 
 #include "groups.h"
 
-#define WORST 10  // the moment that is no sum
-
 __kernel void sum_moments(
-    const int ray_count,
+    const int per_replicate,
     const int first_group,
     const int group_count,
+    const int weight_count,
+    __global const double *weight_in,
     __global const double2 *pupil_in,
     __global const double *opd_in,
     __global const double *step_error_in,
@@ -22,26 +24,27 @@ __kernel void sum_moments(
     __local double parts[WORK_GROUP][MOMENT_COUNT];
     const int item = (int)get_local_id(0);
     const int group = (int)get_group_id(0) + first_group;
-    const int stop = group_stop(group, group_count, ray_count);
+    const int2 span = group_span(group, group_count, per_replicate);
     double part[MOMENT_COUNT];
     for (int k = 0; k < MOMENT_COUNT; ++k) {
         part[k] = 0.0;
     }
-    for (int ray = group * GROUP + item; ray < stop; ray += WORK_GROUP) {
+    for (int ray = span.x + item; ray < span.y; ray += WORK_GROUP) {
         part[11] += (double)evaluation_count_in[ray];
         if (status_in[ray] == RAY_OK) {
+            const double share = weight_in[weight_count > 1 ? ray : 0];
             const double2 p = pupil_in[ray];
             const double w = opd_in[ray];
-            part[0] += 1.0;
-            part[1] += p.x;
-            part[2] += p.y;
-            part[3] += w;
-            part[4] += p.x * p.x;
-            part[5] += p.x * p.y;
-            part[6] += p.y * p.y;
-            part[7] += p.x * w;
-            part[8] += p.y * w;
-            part[9] += w * w;
+            part[0] += share;
+            part[1] += share * p.x;
+            part[2] += share * p.y;
+            part[3] += share * w;
+            part[4] += share * p.x * p.x;
+            part[5] += share * p.x * p.y;
+            part[6] += share * p.y * p.y;
+            part[7] += share * p.x * w;
+            part[8] += share * p.y * w;
+            part[9] += share * w * w;
             part[WORST] = fmax(part[WORST], step_error_in[ray]);
         }
     }

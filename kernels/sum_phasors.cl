@@ -1,7 +1,8 @@
 // Sums of exp(i k (OPD - plane)) over groups of GROUP rays, those that arrived: one work-group sums one group, in double.
 //
 // wave_number k [1/m]; plane: its height [m] at the pupil's centre, and its rise [m] over the pupil's radius along both
-// axes. Per ray: pupil_in, opd_in [m], status_in; rays beyond ray_count are not there.
+// axes. weight_in: what each ray counts, weight_count numbers, one for each ray or the same for all.
+// Per ray: pupil_in, opd_in [m], status_in; per_replicate of them to a replicate.
 // Groups from first_group up to group_count: phasor_out (group_count), real and imaginary part.
 
 #include "groups.h"
@@ -9,9 +10,11 @@
 __kernel void sum_phasors(
     const double wave_number,
     const double3 plane,
-    const int ray_count,
+    const int per_replicate,
     const int first_group,
     const int group_count,
+    const int weight_count,
+    __global const double *weight_in,
     __global const double2 *pupil_in,
     __global const double *opd_in,
     __global const int *status_in,
@@ -20,13 +23,13 @@ __kernel void sum_phasors(
     __local double2 parts[WORK_GROUP];
     const int item = (int)get_local_id(0);
     const int group = (int)get_group_id(0) + first_group;
-    const int stop = group_stop(group, group_count, ray_count);
+    const int2 span = group_span(group, group_count, per_replicate);
     double2 part = (double2)(0.0, 0.0);
-    for (int ray = group * GROUP + item; ray < stop; ray += WORK_GROUP) {
+    for (int ray = span.x + item; ray < span.y; ray += WORK_GROUP) {
         if (status_in[ray] == RAY_OK) {
             const double2 p = pupil_in[ray];
             const double phase = wave_number * (opd_in[ray] - plane.x - plane.y * p.x - plane.z * p.y);
-            part += (double2)(cos(phase), sin(phase));
+            part += weight_in[weight_count > 1 ? ray : 0] * (double2)(cos(phase), sin(phase));
         }
     }
     parts[item] = part;

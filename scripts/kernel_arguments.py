@@ -4,7 +4,7 @@ A kernel of one backend needs a namesake in the other. Members of the structs Fi
 too. OpenCL differs from Warp in these ways only:
 
 - arrays in Warp's structs are arguments of their own, after the structs and in their order;
-- `ray_count` follows `first_ray`, and `group_count` `first_group`: its launches are rounded up;
+- `ray_count` follows `first_ray`, `group_count` `first_group`, `sum_count` `first_sum`: its launches are rounded up;
 - vectors are plain arrays in structs, and three of them are packed in arrays.
 
 Prints what differs; exit status 1 where something does. Reads the OpenCL sources as text: no OpenCL is needed.
@@ -21,12 +21,13 @@ import warp as wp
 
 from aerokernels.tracing import warp_pupil
 from aerokernels.tracing.warp_columns import build_column_kernel
+from aerokernels.tracing.warp_even import build_even_kernel
 from aerokernels.tracing.warp_tracer import build_kernel
 from aerokernels.tracing.warp_types import types
 
 KERNELS = Path(__file__).resolve().parents[1] / "kernels"
 # The first of a launch's work-items, and what bounds them.
-BOUNDS = {"first_ray": "ray_count", "first_group": "group_count"}
+BOUNDS = {"first_ray": "ray_count", "first_group": "group_count", "first_sum": "sum_count"}
 STRUCTS = ("Field", "Bounds", "Control")
 # float32 stands for the kernel's precision: that is what the Warp kernels are built for here.
 SCALARS = {
@@ -55,6 +56,7 @@ def warp_kernels() -> dict[str, wp.Kernel]:
     kernels = [kernel for kernel in vars(warp_pupil).values() if isinstance(kernel, wp.Kernel)]
     kernels.append(build_kernel("float32", "volume", "cubic", False, "adaptive", "none", False, frozenset()))
     kernels.append(build_column_kernel("float32", frozenset()))
+    kernels.append(build_even_kernel("float32", "volume", "cubic", "none", False, frozenset()))
     return {kernel.func.__name__: kernel for kernel in kernels}
 
 

@@ -53,6 +53,8 @@ def constants() -> str:
         *_group("Error of a step"),
         *_reals({name: getattr(scheme, name) for name in ("STEP_SHARE", "NOISE_STEP")}),
         *_reals({name: getattr(scheme, name) for name in ("DIRECTION_SHARE", "SMOOTH", "ROUGH", "BLUNTED")}),
+        *_group("Even samples: greatest angle with the first direction [rad]"),
+        *_reals({"EVEN_WEAK": scheme.EVEN_WEAK}),
         *_group("Angle with the first direction up to which a ray counts as nearly straight [rad]"),
         *_reals({"NEARLY_STRAIGHT": tableau.NEARLY_STRAIGHT}),
         *_group("Radius about the axis of symmetry within which a kink is rounded off, in cells"),

@@ -16,7 +16,7 @@ RANK = {
     room: rank
     for rank, rooms in enumerate(
         [
-            ("units",),
+            ("units", "sobol"),
             ("rays",),
             ("strehl_sums",),
             ("medium",),

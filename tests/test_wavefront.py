@@ -150,6 +150,19 @@ def test_tilt_moves_the_peak_by_its_angle(steps):
     assert np.abs(np.roll(flat.intensity, steps, axis=(0, 1)) - leaned.intensity).max() < 1e-12
 
 
+@pytest.mark.parametrize(("padding", "side"), [(3, 23), (4, 24)])
+def test_a_part_of_the_pattern_is_that_part_of_the_whole(padding, side):
+    """The matrix products are the same transform, whole pixels of angle included; error: rounding of `side` terms."""
+    rng = np.random.default_rng(3)
+    opd, mask = 2e-7 * rng.standard_normal((side, side)), rng.uniform(0.0, 1.0, (side, side))
+    whole = point_spread_function(opd, mask, 1e-4, WAVELENGTH, padding=padding)
+    for half_width in (0.0, 3.5 * WAVELENGTH / (side * 1e-4), 1.0):
+        part = point_spread_function(opd, mask, 1e-4, WAVELENGTH, padding=padding, half_width=half_width)
+        shown = np.abs(whole.angle) <= half_width
+        assert np.array_equal(part.angle, whole.angle[shown])
+        assert np.abs(part.intensity - whole.intensity[np.ix_(shown, shown)]).max() < 1e-14
+
+
 def test_what_lies_outside_the_pupil_does_not_matter():
     _, _, share = pupil()
     opd = np.zeros((SIDE, SIDE))
@@ -167,6 +180,7 @@ def test_what_lies_outside_the_pupil_does_not_matter():
         ({"pixel": 0.0}, "must be positive, got 0.0"),
         ({"wavelength": -1.0}, "must be positive"),
         ({"padding": 0}, "must be positive"),
+        ({"half_width": -1e-6}, "half_width must be an angle of at least 0 rad, or None, got -1e-06"),
         ({"mask": np.zeros((4, 4))}, "must not be empty"),
         ({"opd": np.full((4, 4), np.nan)}, "must be finite"),
     ],

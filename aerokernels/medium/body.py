@@ -10,6 +10,8 @@ import numpy as np
 
 from .grid import check_finite
 
+TILE_POINTS = 512  # points that look for the nearest wall together
+
 
 @dataclass(frozen=True, eq=False)
 class DistanceGrid:
@@ -71,36 +73,46 @@ class Body:
     def contains(self, points: np.ndarray) -> np.ndarray:
         """Whether each point (n, 2) lies inside the body (crossing number along the first axis)."""
         points = np.asarray(points, dtype=np.float64)
+        # In the order of the second axis an edge straddles one stretch of the points.
+        order = np.argsort(points[:, 1], kind="stable")
+        first, second = points[order].T
         start, end = self.profile, np.roll(self.profile, -1, axis=0)
-        inside = np.zeros(len(points), dtype=bool)
-        for (a0, a1), (b0, b1) in zip(start, end, strict=True):
-            straddles = (a1 > points[:, 1]) != (b1 > points[:, 1])
-            if not straddles.any():
-                continue
-            rows = np.flatnonzero(straddles)
-            crossing = a0 + (points[rows, 1] - a1) / (b1 - a1) * (b0 - a0)
-            hit = crossing > points[rows, 0]
-            inside[rows[hit]] ^= True
+        from_row = np.searchsorted(second, np.minimum(start[:, 1], end[:, 1]))
+        to_row = np.searchsorted(second, np.maximum(start[:, 1], end[:, 1]))
+        crossed = np.zeros(len(points), dtype=bool)
+        for edge in np.flatnonzero(to_row > from_row):
+            (a0, a1), (b0, b1) = start[edge], end[edge]
+            rows = slice(from_row[edge], to_row[edge])
+            crossed[rows] ^= a0 + (second[rows] - a1) / (b1 - a1) * (b0 - a0) > first[rows]
+        inside = np.empty(len(points), dtype=bool)
+        inside[order] = crossed
         return inside
 
     def nearest_wall(self, points: np.ndarray) -> np.ndarray:
-        """The wall point nearest to each point (n, 2) [m], shape (n, 2): exact, by looking at every segment."""
+        """The wall point nearest to each point (n, 2) [m], shape (n, 2): exact.
+
+        Points are taken tile by tile. A segment farther from a tile's middle than the nearest one by more than the
+        tile's diameter is nearest to none of its points, and is not looked at.
+        """
         points = np.asarray(points, dtype=np.float64)
-        start, end = self.walls
-        length = np.linalg.norm(end - start, axis=1)
-        along = (end - start) / length[:, None]
-        across = along[:, ::-1] * [-1.0, 1.0]
         foot = np.empty_like(points)
-        # As many points at a time as stay in a processor's cache.
-        block = max(1, 100_000 // len(start))
-        for row in range(0, len(points), block):
-            part = points[row : row + block]
-            share = part @ along.T - np.sum(start * along, axis=1)
-            beyond = share - np.clip(share, 0.0, length)
-            beside = part @ across.T - np.sum(start * across, axis=1)
-            nearest = np.argmin(beyond**2 + beside**2, axis=1)
-            share = np.sum((part - start[nearest]) * along[nearest], axis=1)
-            foot[row : row + block] = start[nearest] + np.clip(share, 0.0, length[nearest])[:, None] * along[nearest]
+        if len(points) == 0:
+            return foot
+        order, first = _tiles(points)
+        last = np.append(first[1:], len(points))
+        low = np.minimum.reduceat(points[order], first)
+        high = np.maximum.reduceat(points[order], first)
+        middle, radius = 0.5 * (low + high), 0.5 * np.linalg.norm(high - low, axis=1)
+        start, end = self.walls
+        block = max(1, 1_000_000 // len(start))
+        for tile in range(0, len(first), block):
+            part = slice(tile, tile + block)
+            distance = np.sqrt(_squared_distances(middle[part], start, end))
+            reach = distance.min(axis=1) + 2.0 * radius[part] * (1.0 + 1e-9)
+            near = distance <= (reach * (1.0 + 1e-9))[:, None]
+            for k, kept in enumerate(near, start=tile):
+                rows, segments = order[first[k] : last[k]], np.flatnonzero(kept)
+                foot[rows] = _nearest_feet(points[rows], start[segments], end[segments])
         return foot
 
     def signed_distance(self, points: np.ndarray) -> np.ndarray:
@@ -115,3 +127,34 @@ class Body:
         axes = [low[k] + spacing[k] * np.arange(count[k]) for k in range(2)]
         nodes = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 2)
         return DistanceGrid(self.signed_distance(nodes).reshape(count), np.array(low), spacing)
+
+
+def _tiles(points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Points (n, 2) in the order of square tiles of about TILE_POINTS each, and where each tile begins."""
+    low, extent = points.min(axis=0), np.ptp(points, axis=0)
+    side = max(np.sqrt(extent.prod() * TILE_POINTS / len(points)), extent.max() * TILE_POINTS / len(points), 1e-300)
+    row, column = np.floor((points - low) / side).astype(np.int64).T
+    key = row * (int(column.max()) + 1) + column
+    order = np.argsort(key, kind="stable")
+    return order, np.flatnonzero(np.diff(key[order], prepend=-1))
+
+
+def _squared_distances(points: np.ndarray, start: np.ndarray, end: np.ndarray) -> np.ndarray:
+    """Squared distance [m2] of each point (n, 2) to each segment (w, 2), shape (n, w)."""
+    length = np.linalg.norm(end - start, axis=1)
+    along = (end - start) / length[:, None]
+    across = along[:, ::-1] * [-1.0, 1.0]
+    share = points @ along.T - np.sum(start * along, axis=1)
+    beyond = share - np.clip(share, 0.0, length)
+    beside = points @ across.T - np.sum(start * across, axis=1)
+    return np.asarray(beyond**2 + beside**2)
+
+
+def _nearest_feet(points: np.ndarray, start: np.ndarray, end: np.ndarray) -> np.ndarray:
+    """The point of some segments (w, 2) that is nearest to each point (n, 2), shape (n, 2)."""
+    nearest = np.argmin(_squared_distances(points, start, end), axis=1)
+    start, step = start[nearest], (end - start)[nearest]
+    length = np.linalg.norm(step, axis=1)
+    along = step / length[:, None]
+    share = np.clip(np.sum((points - start) * along, axis=1), 0.0, length)
+    return np.asarray(start + share[:, None] * along)

@@ -33,30 +33,18 @@ def node_values(average: np.ndarray, interpolation: str, even_first_axis: bool) 
 
 
 def _along(average: np.ndarray, axis: int, even_start: bool) -> np.ndarray:
-    from scipy.sparse.linalg import splu
-
     count = average.shape[axis]
     matrix = spline.end_conditions(count, even_start)
     before, after = _piece(0.5, 1.0), _piece(0.0, 0.5)
-    for node in range(count):
-        first, last = node == 0, node == count - 1
-        if first and even_start:
-            matrix[1, :4] = 2.0 * after
-        elif first:
-            matrix[1, :4] = _piece(-0.5, 0.5)
-        elif last:
-            matrix[count, count - 2 : count + 2] = _piece(0.5, 1.5)
-        else:
-            row = np.zeros(5)
-            row[:4] += before
-            row[1:] += after
-            matrix[node + 1, node - 1 : node + 4] = row
-    moved = np.moveaxis(average, axis, 0)
-    right = np.zeros((count + 2, moved[0].size))
-    right[1:-1] = moved.reshape(count, -1)
-    coefficient = splu(matrix.tocsc()).solve(right)
-    nodes = (coefficient[:-2] + 4.0 * coefficient[1:-1] + coefficient[2:]) / 6.0
-    return np.moveaxis(nodes.reshape(moved.shape), 0, axis)
+    inner = np.zeros(5)
+    inner[:4] += before
+    inner[1:] += after
+    for node in range(1, count - 1):
+        spline.fill_row(matrix, node + 1, node - 1, inner)
+    spline.fill_row(matrix, 1, 0, 2.0 * after if even_start else _piece(-0.5, 0.5))
+    spline.fill_row(matrix, count, count - 2, _piece(0.5, 1.5))
+    coefficient = spline.solve_along(matrix, average, axis)
+    return np.moveaxis((coefficient[:-2] + 4.0 * coefficient[1:-1] + coefficient[2:]) / 6.0, 0, axis)
 
 
 def _piece(low: float, high: float) -> np.ndarray:

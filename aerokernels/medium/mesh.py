@@ -1,7 +1,7 @@
 """Quadrilateral meshes in a plane: geometry, checks, and finding the cell that holds a point.
 
-The lookup uses uniform bins: each bin lists the cells whose bounding box touches it, and only those are tested for
-containment, with the cell's four edges.
+The lookup uses uniform bins: each bin lists the cells whose bounding box touches it. Of those, the ones whose box
+holds the point are tested for containment, with the cell's four edges.
 """
 
 from dataclasses import dataclass
@@ -9,11 +9,12 @@ from functools import cached_property
 
 import numpy as np
 
+from .bilinear import EDGE_SLACK, bilinear_point, contains, invert_bilinear
 from .grid import check_finite
 
 GEOMETRIES = ("volume", "planar", "axisymmetric")
-# Relative slack of the containment test: a point on an edge belongs to a cell on either side, never to none.
-EDGE_SLACK = 1e-9
+# Pairs of points and cells that are looked at together: as many as keep the arrays small.
+PAIR_LIMIT = 1_000_000
 
 
 @dataclass(frozen=True, eq=False)
@@ -160,68 +161,55 @@ class QuadMesh:
         start = np.searchsorted(key[order], np.arange(count.prod() + 1)).astype(np.int32)
         return CellBins(low, size, (int(count[0]), int(count[1])), start, cell[order].astype(np.int32))
 
+    @cached_property
+    def cell_boxes(self) -> tuple[np.ndarray, np.ndarray]:
+        """Lowest and highest coordinates of each cell with a slack [m], shape (2, cell_count) each."""
+        low, high = self.box
+        slack = (EDGE_SLACK * (high - low))[:, None]
+        x = self.corners.T  # (2, 4, cell_count)
+        return np.ascontiguousarray(x.min(axis=1) - slack), np.ascontiguousarray(x.max(axis=1) + slack)
+
     def locate(self, points: np.ndarray) -> np.ndarray:
-        """Index of the cell that holds each point, -1 where none does; points (n, 2) [m], result (n,)."""
+        """Index of the cell that holds each point, -1 where none does; points (n, 2) [m], result (n,).
+
+        On an edge it is the cell of lowest index.
+        """
         points = np.asarray(points, dtype=np.float64)
         bins = self.bins
         low, high = self.box
         slack = EDGE_SLACK * (high - low)
-        inside = np.all((points >= low - slack) & (points <= high + slack), axis=1)
-        place = np.floor((np.where(inside[:, None], points, low) - bins.origin) / bins.size).astype(np.int64)
-        place = np.clip(place, 0, np.array(bins.count) - 1)
         found = np.full(len(points), -1, dtype=np.int64)
-        key = np.where(inside, place[:, 0] * bins.count[1] + place[:, 1], 0)
-        start, stop = bins.start[key], np.where(inside, bins.start[key + 1], bins.start[key])
-        open_rows = np.flatnonzero(stop > start)
-        for trial in range(int((stop - start).max(initial=0))):
-            open_rows = open_rows[(found[open_rows] < 0) & (start[open_rows] + trial < stop[open_rows])]
-            if len(open_rows) == 0:
-                break
-            candidate = bins.cell[start[open_rows] + trial]
-            holds = contains(self.corners[candidate], points[open_rows])
-            found[open_rows[holds]] = candidate[holds]
+        rows = np.flatnonzero(np.all((points >= low - slack) & (points <= high + slack), axis=1))
+        place = np.floor((points[rows] - bins.origin) / bins.size).astype(np.int64)
+        place = np.clip(place, 0, np.array(bins.count) - 1)
+        key = place[:, 0] * bins.count[1] + place[:, 1]
+        listed = (bins.start[key + 1] - bins.start[key]).astype(np.int64)
+        ends = np.cumsum(listed)
+        first = 0
+        while first < len(rows):
+            last = max(first + 1, int(np.searchsorted(ends, PAIR_LIMIT + (ends[first - 1] if first else 0), "right")))
+            part = slice(first, last)
+            self._locate_some(points, rows[part], bins.start[key[part]], listed[part], found)
+            first = last
         return found
+
+    def _locate_some(self, points, rows, start, listed, found) -> None:
+        """Fill `found` at some rows; their bins' lists begin at `start` and are `listed` long."""
+        row = np.repeat(rows, listed)
+        before = np.cumsum(listed) - listed
+        cell = self.bins.cell[np.arange(len(row)) - np.repeat(before - start, listed)]
+        low, high = self.cell_boxes
+        for axis in (0, 1):
+            place = points[row, axis]
+            near = np.flatnonzero((place >= low[axis][cell]) & (place <= high[axis][cell]))
+            row, cell = row[near], cell[near]
+        holds = contains(self.corners[cell], points[row])
+        # Lists ascend: backwards, the lowest cell is written last.
+        found[row[holds][::-1]] = cell[holds][::-1]
 
     def local_coordinates(self, cell: np.ndarray, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Bilinear coordinates (xi, eta) in [0, 1] of points within their cells."""
         return invert_bilinear(self.corners[cell], points)
-
-
-def bilinear_point(corners: np.ndarray, xi, eta) -> tuple[np.ndarray, np.ndarray]:
-    """Point at (xi, eta) of each cell, shape (n, 2), and the Jacobian determinant, shape (n,)."""
-    xi, eta = np.asarray(xi)[..., None], np.asarray(eta)[..., None]
-    a, b, c, d = (corners[:, k] for k in range(4))
-    point = (1 - xi) * (1 - eta) * a + xi * (1 - eta) * b + xi * eta * c + (1 - xi) * eta * d
-    along = (1 - eta) * (b - a) + eta * (c - d)
-    across = (1 - xi) * (d - a) + xi * (c - b)
-    return point, along[:, 0] * across[:, 1] - along[:, 1] * across[:, 0]
-
-
-def invert_bilinear(corners: np.ndarray, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Newton's method for the bilinear coordinates; quadratic, starts at the cell's middle."""
-    xi = np.full(len(points), 0.5)
-    eta = np.full(len(points), 0.5)
-    a, b, c, d = (corners[:, k] for k in range(4))
-    for _ in range(12):
-        miss = bilinear_point(corners, xi, eta)[0] - points
-        along = (1 - eta)[:, None] * (b - a) + eta[:, None] * (c - d)
-        across = (1 - xi)[:, None] * (d - a) + xi[:, None] * (c - b)
-        determinant = along[:, 0] * across[:, 1] - along[:, 1] * across[:, 0]
-        step_xi = (miss[:, 0] * across[:, 1] - miss[:, 1] * across[:, 0]) / determinant
-        step_eta = (along[:, 0] * miss[:, 1] - along[:, 1] * miss[:, 0]) / determinant
-        xi, eta = np.clip(xi - step_xi, -0.5, 1.5), np.clip(eta - step_eta, -0.5, 1.5)
-        if max(np.abs(step_xi).max(initial=0.0), np.abs(step_eta).max(initial=0.0)) < 1e-14:
-            break
-    return xi, eta
-
-
-def contains(corners: np.ndarray, points: np.ndarray) -> np.ndarray:
-    """Whether each counter-clockwise convex cell holds its point, edges included."""
-    edge = np.roll(corners, -1, axis=1) - corners
-    toward = points[:, None, :] - corners
-    side = edge[..., 0] * toward[..., 1] - edge[..., 1] * toward[..., 0]
-    slack = EDGE_SLACK * np.sum(edge**2, axis=2)
-    return (side >= -slack).all(axis=1)
 
 
 def _area(corners: np.ndarray) -> np.ndarray:

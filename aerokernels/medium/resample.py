@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from ..sobol import sobol_points
 from .grid import UniformGrid
 
 NODE_LIMIT = 200_000_000
@@ -152,60 +153,82 @@ def _local_contrast(field, local: np.ndarray) -> np.ndarray:
 
 def _measure(source, result) -> ResamplingError:
     """Compare both fields at scrambled points, and along lines parallel to the last axis (z)."""
-    from scipy.stats import qmc
-
     low = np.maximum(source.samples.low, result.samples.low)
     high = np.minimum(source.samples.high, result.samples.high)
     dimension = len(low)
-    probe = low + (high - low) * qmc.Sobol(dimension, rng=np.random.default_rng(1)).random(PROBE_COUNT)
-    change = _difference(source, result, probe)[0]
+    probe = low + (high - low) * sobol_points(PROBE_COUNT, dimension, seed=1)
+    change = _difference(source, result, probe).value
 
     line_points = min(8192, max(256, int(4 * np.max((high - low)[-1] / result.samples.spacing[-1]))))
-    across = low[:-1] + (high - low)[:-1] * qmc.Sobol(dimension - 1, rng=np.random.default_rng(2)).random(LINE_COUNT)
+    across = low[:-1] + (high - low)[:-1] * sobol_points(LINE_COUNT, dimension - 1, seed=2)
     along = low[-1] + (high - low)[-1] * (np.arange(line_points) + 0.5) / line_points
     lines = np.concatenate([np.repeat(across, line_points, axis=0), np.tile(along, LINE_COUNT)[:, None]], axis=1)
-    path, bend = _difference(source, result, lines)
+    found = _difference(source, result, lines)
     weight = (high - low)[-1] / line_points
-    opd = weight * path.reshape(LINE_COUNT, line_points).sum(axis=1)
-    deflection = weight * bend.reshape(LINE_COUNT, line_points).sum(axis=1)
-    own = _source_error(source, lines.reshape(LINE_COUNT, line_points, dimension)) * (high - low)[-1]
+    opd = weight * found.value.reshape(LINE_COUNT, line_points).sum(axis=1)
+    deflection = weight * found.slope.reshape(LINE_COUNT, line_points).sum(axis=1)
+    own = _source_error(source, lines, found) * (high - low)[-1]
     return ResamplingError(
         source_opd_rms=float(np.sqrt(np.mean(own**2))),
         source_opd_max=float(np.abs(own).max()),
         spacing=tuple(float(s) for s in result.samples.spacing),
         contrast_rms=float(np.sqrt(np.mean(change**2))),
-        contrast_max=float(max(np.abs(change).max(), np.abs(path).max())),
+        contrast_max=float(max(np.abs(change).max(), np.abs(found.value).max())),
         opd_rms=float(np.sqrt(np.mean(opd**2))),
         opd_max=float(np.abs(opd).max()),
         direction_rms=float(np.sqrt(np.mean(deflection**2))),
     )
 
 
-def _source_error(source, lines: np.ndarray) -> np.ndarray:
-    """Estimated error of the mean contrast along some lines that the source's own nodes leave."""
+@dataclass(frozen=True, eq=False)
+class _Difference:
+    """Both fields compared at some points; inside the body, where there is no flow, everything is zero.
+
+    Attributes:
+        flowing: Rows of the points that lie outside the body.
+        before: Contrast of the source, shape (n,).
+        value: Change of the contrast, shape (n,).
+        slope: Change of its slope across the lines [1/m], shape (n,).
+    """
+
+    flowing: np.ndarray
+    before: np.ndarray
+    value: np.ndarray
+    slope: np.ndarray
+
+
+def _difference(source, result, points) -> _Difference:
+    """Compare two fields at local points (n, d)."""
+    solid = np.zeros(len(points), dtype=bool) if source.body is None else source.body.contains(points)
+    flowing = np.flatnonzero(~solid)
+    found = _Difference(flowing, *np.zeros((3, len(points))))
+    found.before[flowing], slope_before = source.samples.evaluate(points[flowing])
+    after, slope_after = result.samples.evaluate(points[flowing])
+    found.value[flowing] = after - found.before[flowing]
+    found.slope[flowing] = (slope_after - slope_before)[:, 0]
+    return found
+
+
+def _source_error(source, lines: np.ndarray, found: _Difference) -> np.ndarray:
+    """Estimated error of the mean contrast along some of the lines that the source's own nodes leave."""
     rungs = source.ladder
     if rungs is None:
         return np.full(1, np.nan)
-    some = lines[:: LINE_COUNT // SOURCE_LINE_COUNT, :: max(1, lines.shape[1] // SOURCE_POINT_COUNT)]
-    points = some.reshape(-1, some.shape[-1])
+    shape = LINE_COUNT, len(lines) // LINE_COUNT
+    some = np.arange(len(lines)).reshape(shape)[
+        :: LINE_COUNT // SOURCE_LINE_COUNT, :: max(1, shape[1] // SOURCE_POINT_COUNT)
+    ]
+    flowing = np.zeros(len(lines), dtype=bool)
+    flowing[found.flowing] = True
+    rows = some[flowing[some]]
     means: list = []
     for rung in (rungs.fine, rungs.coarse, rungs.coarser):
         if rung is None:
             means.append(None)
             continue
-        value = _local_contrast(rung, points)
-        if source.body is not None:
-            value[source.body.contains(points)] = 0.0
-        means.append(value.reshape(some.shape[:2]).mean(axis=1))
+        value = found.before
+        if rung is not source:
+            value = np.zeros(len(lines))
+            value[rows] = _local_contrast(rung, lines[rows])
+        means.append(value[some].mean(axis=1))
     return rungs.remainder(*means)
-
-
-def _difference(source, result, points) -> tuple[np.ndarray, np.ndarray]:
-    """Change of the contrast and of its slope across the lines at local points; zero inside the body."""
-    before, slope_before = source.samples.evaluate(points)
-    after, slope_after = result.samples.evaluate(points)
-    value, slope = after - before, (slope_after - slope_before)[:, 0]
-    if source.body is not None:
-        solid = source.body.contains(points)
-        value[solid], slope[solid] = 0.0, 0.0
-    return value, slope

@@ -19,6 +19,7 @@ import numpy as np
 INTERPOLATIONS = ("cubic", "linear", "monotone")
 SUPPORT = {"linear": 2, "cubic": 4, "monotone": 4}
 STRIDE = {"linear": 1, "cubic": 1, "monotone": 2}
+BAND = 4  # diagonals on either side of the spline's matrices: as far as an end row reaches
 
 
 def weights(interpolation: str, u: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -53,42 +54,50 @@ def coefficients(samples: np.ndarray, interpolation: str, even_first_axis: bool)
     return _limited_hermite(np.asarray(samples, dtype=np.float64), even_first_axis)
 
 
-def end_conditions(count: int, even_start: bool):
-    """The sparse matrix for the n + 2 B-spline coefficients along an axis of n nodes, its first and last row filled.
+def end_conditions(count: int, even_start: bool) -> np.ndarray:
+    """The matrix for the n + 2 B-spline coefficients along an axis of n nodes, its first and last row filled.
 
-    The end rows say: mirror symmetry, no jump of the third derivative at the second node, or (on two or three nodes,
-    which carry only a straight line or a parabola) no second or third derivative.
+    Stored by diagonals, shape (2 BAND + 1, n + 2): entry (i, j) at [BAND + i - j, j]. The end rows say: mirror
+    symmetry, no jump of the third derivative at the second node, or (on two or three nodes, which carry only a straight
+    line or a parabola) no second or third derivative.
     """
-    from scipy.sparse import lil_matrix
-
-    matrix = lil_matrix((count + 2, count + 2))
+    matrix = np.zeros((2 * BAND + 1, count + 2))
     if count >= 4:
         row = [1.0, -4.0, 6.0, -4.0, 1.0]
     elif count == 3:
         row = [-1.0, 3.0, -3.0, 1.0]
     else:
         row = [1.0, -2.0, 1.0]
-    matrix[0, : len(row)] = row
-    matrix[count + 1, count + 2 - len(row) :] = row
-    if even_start:
-        matrix[0, :] = 0.0
-        matrix[0, :3] = [1.0, 0.0, -1.0]
+    fill_row(matrix, count + 1, count + 2 - len(row), row)
+    fill_row(matrix, 0, 0, [1.0, 0.0, -1.0] if even_start else row)
     return matrix
+
+
+def fill_row(matrix: np.ndarray, row: int, first_column: int, entries) -> None:
+    """Set consecutive entries of a row of a matrix stored by diagonals."""
+    column = first_column + np.arange(len(entries))
+    matrix[BAND + row - column, column] = entries
+
+
+def solve_along(matrix: np.ndarray, values: np.ndarray, axis: int) -> np.ndarray:
+    """Coefficients of all lines of `values` along an axis, zero on the right of both end rows; that axis first."""
+    from scipy.linalg import solve_banded
+
+    moved = np.moveaxis(values, axis, 0)
+    right = np.zeros((len(moved) + 2, moved[0].size), order="F")  # as LAPACK takes it
+    right[1:-1] = moved.reshape(len(moved), -1)
+    solved = solve_banded((BAND, BAND), matrix, right, overwrite_ab=True, overwrite_b=True, check_finite=False)
+    return np.asarray(solved.reshape((len(moved) + 2, *moved.shape[1:])))
 
 
 def _spline_along(values: np.ndarray, axis: int, even_start: bool) -> np.ndarray:
     """Solve for the n + 2 uniform B-spline coefficients of the n values along one axis."""
-    from scipy.sparse.linalg import splu
-
     count = values.shape[axis]
     matrix = end_conditions(count, even_start)
-    for node in range(count):
-        matrix[node + 1, node : node + 3] = [1 / 6, 4 / 6, 1 / 6]
-    moved = np.moveaxis(values, axis, 0)
-    right = np.zeros((count + 2, moved[0].size))
-    right[1:-1] = moved.reshape(count, -1)
-    solved = splu(matrix.tocsc()).solve(right)
-    return np.moveaxis(solved.reshape((count + 2, *moved.shape[1:])), 0, axis)
+    node = np.arange(count)
+    for offset, weight in enumerate((1 / 6, 4 / 6, 1 / 6)):
+        matrix[BAND + 1 - offset, node + offset] = weight  # row node + 1, column node + offset
+    return np.moveaxis(solve_along(matrix, values, axis), 0, axis)
 
 
 def _limited_slope(values: np.ndarray, axis: int, even_start: bool) -> np.ndarray:

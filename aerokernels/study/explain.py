@@ -7,7 +7,7 @@ from aerokernels.medium.grid import UniformGrid
 from aerokernels.prepare import prepare_field
 from aerokernels.scene import Scene
 from aerokernels.strehl import pupil_rays
-from aerokernels.study.views import FAN_PLANES, FAN_RAYS, PUPIL_SAMPLES, forward_pupil, trace_options
+from aerokernels.study.views import FAN_PLANES, FAN_RAYS, PUPIL_SAMPLES, forward_pupil, pupil_samples, trace_options
 from aerokernels.tracing.plan import make_plan
 
 
@@ -48,7 +48,8 @@ def explanation(scene: Scene) -> list[tuple[str, str]]:
                 f"({resampling.opd_rms / wavelength:.2g} and {resampling.opd_max / wavelength:.2g} waves)",
             ),
         ]
-    traced = PUPIL_SAMPLES**2 * 0.785
+    inside, sampled, _ = pupil_samples(prepared.field, scene, PUPIL_SAMPLES)
+    shared = ", those at one distance from the axis share a ray" if len(sampled) < inside.sum() else ""
     count, why = pupil_rays(prepared.field, pupil, forward[0], scene.strehl.ray_count)
     rows += [
         ("tracing", str(plan).splitlines()[0]),
@@ -59,7 +60,10 @@ def explanation(scene: Scene) -> list[tuple[str, str]]:
             f"{scene.strehl.ray_count:,} asked for, {count:,} traced, pupil of {scene.receiver.diameter * 1e3:g} mm",
         ),
         ("", why),
-        ("rays, OPD map", f"about {traced:,.0f}, {PUPIL_SAMPLES} across the pupil"),
+        (
+            "rays, OPD map",
+            f"{len(sampled):,} for {int(inside.sum()):,} samples, {PUPIL_SAMPLES} across the pupil{shared}",
+        ),
         ("rays, picture", f"{FAN_RAYS}, to {FAN_PLANES - 1} planes"),
         (
             "rays, echo",

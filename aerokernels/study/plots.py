@@ -10,13 +10,19 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from aerokernels.study.figure_layout import Panel, fitted_panel, panelled_figure
+
 if TYPE_CHECKING:
     import xarray
     from matplotlib.axes import Axes
+    from matplotlib.axis import Axis
+    from matplotlib.colorbar import Colorbar
     from matplotlib.figure import Figure
 
 SPEED_OF_LIGHT = 299_792_458.0  # [m/s]
 BODY_COLOUR, RAY_COLOUR, ACCENT, MUTED = "#5b6470", "#0b6e99", "#c2410c", "#8a94a0"
+RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+SQUARE = 3.6  # side of the panels of two-panel pictures [in]
 STYLE: dict[Any, Any] = {
     "font.size": 10.0,
     "axes.titlesize": 11.0,
@@ -32,18 +38,29 @@ STYLE: dict[Any, Any] = {
 }
 
 
-def _figure(width: float, height: float, columns: int = 1, **layout: Any) -> "tuple[Figure, Any]":
+def _figure(*panels: Panel) -> "tuple[Figure, list[tuple[Axes, Axes | None]]]":
     from matplotlib import rc_context
-    from matplotlib.figure import Figure
 
     with rc_context(STYLE):
-        figure = Figure(figsize=(width, height), layout="constrained", dpi=120)
-        return figure, figure.subplots(1, columns, **layout)
+        return panelled_figure(panels)
 
 
-def _colour_bar(figure: "Figure", mappable: Any, axes: "Axes", label: str) -> None:
-    bar = figure.colorbar(mappable, ax=axes, label=label, pad=0.02)
+def _colour_bar(figure: "Figure", mappable: Any, bar_axes: "Axes | None", label: str) -> "Colorbar":
+    bar = figure.colorbar(mappable, cax=bar_axes, label=label)
     bar.outline.set_visible(False)
+    return bar
+
+
+def _powers_of_ten(axis: "Axis") -> None:
+    """Label the decades of an axis in plain characters: the parser of formulas takes as long as a whole picture."""
+    from matplotlib.ticker import FuncFormatter, NullLocator
+
+    axis.set_major_formatter(FuncFormatter(lambda value, _: "10" + f"{np.log10(value):.0f}".translate(RAISED)))
+    axis.set_minor_locator(NullLocator())
+
+
+def _title(axes: "Axes", text: str) -> None:
+    axes.set_title(text, y=1.0)  # a title without a place of its own measures all labels of its axes to find one
 
 
 def _draw_body(axes: "Axes", dataset: "xarray.Dataset") -> None:
@@ -73,60 +90,57 @@ def _draw_density(axes: "Axes", dataset: "xarray.Dataset") -> Any:
 
 def density_figure(dataset: "xarray.Dataset") -> "Figure":
     """Density of the whole flow in the plane x = 0, with the body and the rays' bundle drawn in."""
-    figure, axes = _figure(8.6, 5.2)
+    z, y = 1e3 * dataset["density_z"].values, 1e3 * dataset["density_y"].values
+    low, high, top = z.min(), z.max() + 0.12 * np.ptp(z), y.max() + 0.05 * np.ptp(y)
+    bottom = -top if dataset.attrs.get("geometry") == "axisymmetric" else y.min() - 0.05 * np.ptp(y)
+    figure, [(axes, bar_axes)] = _figure(fitted_panel((top - bottom) / (high - low), 6.6, 4.6, bar=True))
     mesh = _draw_density(axes, dataset)
     _draw_body(axes, dataset)
-    lines = _ray_lines(dataset)
-    low, high = axes.get_xlim()
-    for z, y in lines:
-        axes.plot(1e3 * z, 1e3 * y, color="white", linewidth=0.7, alpha=0.9, zorder=4)
-    axes.set_xlim(low, high + 0.12 * (high - low))
-    axes.set_aspect("equal")
-    axes.set(xlabel="z, optical axis looking forward [mm]", ylabel="y [mm]", title="Density of the flow, body and rays")
-    _colour_bar(figure, mesh, axes, "density [kg/m³]")
+    position = 1e3 * dataset["ray_position"].values  # (ray, plane, axis)
+    axes.plot(position[..., 2].T, position[..., 1].T, color="white", linewidth=0.7, alpha=0.9, zorder=4)
+    axes.set(xlim=(low, high), ylim=(bottom, top), aspect="equal")
+    axes.set(xlabel="z, optical axis looking forward [mm]", ylabel="y [mm]")
+    _title(axes, "Density of the flow, body and rays")
+    _colour_bar(figure, mesh, bar_axes, "density [kg/m³]")
     return figure
-
-
-def _ray_lines(dataset: "xarray.Dataset") -> list[tuple[np.ndarray, np.ndarray]]:
-    position = dataset["ray_position"].values  # (ray, plane, axis)
-    return [(ray[:, 2], ray[:, 1]) for ray in position]
 
 
 def rays_figure(dataset: "xarray.Dataset") -> "Figure":
     """The fan of rays where it crosses the flow, and how far each strays from its straight line."""
-    figure, (near, stray) = _figure(10.6, 4.4, columns=2, width_ratios=(1.0, 1.0))
-    mesh = _draw_density(near, dataset)
-    _draw_body(near, dataset)
-    position = dataset["ray_position"].values
-    z, y = 1e3 * position[..., 2], 1e3 * position[..., 1]
-    near.plot(z.T, y.T, color="white", linewidth=0.9, zorder=4)
+    from matplotlib import colormaps
+
+    position = 1e3 * dataset["ray_position"].values  # (ray, plane, axis)
+    z, y = position[..., 2], position[..., 1]
     half = 1.6 * max(np.nanmax(np.abs(y[:, 0])), 1.0)
     start, nose = float(np.nanmin(z)), float(dataset.attrs.get("flow_front_m", 0.0)) * 1e3
-    near.set_xlim(start - 0.15 * half, max(nose, start + half) + 0.35 * half)
-    near.set_ylim(-half, half)
-    near.set_aspect("equal")
-    near.set(xlabel="z [mm]", ylabel="y [mm]", title="Rays in the flow")
-    _colour_bar(figure, mesh, near, "density [kg/m³]")
+    low, high = start - 0.15 * half, max(nose, start + half) + 0.35 * half
+    shown = fitted_panel(2.0 * half / (high - low), 4.2, SQUARE, bar=True)
+    figure, [(near, bar_axes), (stray, _)] = _figure(shown, Panel(4.4, shown.height))
+    mesh = _draw_density(near, dataset)
+    _draw_body(near, dataset)
+    near.plot(z.T, y.T, color="white", linewidth=0.9, zorder=4)
+    near.set(xlim=(low, high), ylim=(-half, half), aspect="equal")
+    near.set(xlabel="z [mm]", ylabel="y [mm]")
+    _title(near, "Rays in the flow")
+    _colour_bar(figure, mesh, bar_axes, "density [kg/m³]")
 
     deviation = 1e6 * dataset["ray_deviation"].values  # (ray, plane)
     start_y = dataset["ray_position"].values[:, 0, 1]
-    from matplotlib import colormaps
-
     scale = max(np.nanmax(np.abs(start_y)), 1e-12)
     for y0, along, off in zip(start_y, z, deviation, strict=True):
         stray.plot(along, off, color=colormaps["coolwarm"](0.5 + 0.5 * y0 / scale), linewidth=1.1)
     stray.axhline(0.0, color=MUTED, linewidth=0.6)
     stray.grid(True, color="#e3e7eb")
-    stray.set(
-        xlabel="z [mm]", ylabel="displacement in y [µm]", title="Displacement from the straight line (red: upper rays)"
-    )
+    stray.set(xlabel="z [mm]", ylabel="displacement in y [µm]")
+    _title(stray, "Displacement from the straight line (red: upper rays)")
     return figure
 
 
 def opd_figure(dataset: "xarray.Dataset") -> "Figure":
     """Optical path difference over the receiver's pupil: piston removed, then tilt removed as well."""
-    figure, panels = _figure(10.6, 4.4, columns=2)
-    for axes, name, title in zip(
+    square = Panel(SQUARE, SQUARE, bar=True)
+    figure, panels = _figure(square, square)
+    for (axes, bar_axes), name, title in zip(
         panels, ("opd", "opd_without_tilt"), ("OPD, piston removed", "OPD, piston and tilt removed"), strict=True
     ):
         opd = 1e9 * dataset[name].values
@@ -134,11 +148,18 @@ def opd_figure(dataset: "xarray.Dataset") -> "Figure":
         limit = float(np.nanmax(np.abs(opd))) if np.isfinite(opd).any() else 0.0
         limit = limit or 1.0
         image = axes.imshow(
-            opd, origin="lower", extent=(x[0], x[-1], y[0], y[-1]), cmap="RdBu_r", vmin=-limit, vmax=limit
+            opd,
+            origin="lower",
+            extent=(x[0], x[-1], y[0], y[-1]),
+            cmap="RdBu_r",
+            vmin=-limit,
+            vmax=limit,
+            interpolation="nearest",  # samples as they are
         )
         rms = float(np.sqrt(np.nanmean(opd**2))) if np.isfinite(opd).any() else float("nan")
-        axes.set(xlabel="x [mm]", ylabel="y [mm]", title=f"{title}: {rms:.3g} nm rms")
-        _colour_bar(figure, image, axes, "OPD [nm]")
+        axes.set(xlabel="x [mm]", ylabel="y [mm]")
+        _title(axes, f"{title}: {rms:.3g} nm rms")
+        _colour_bar(figure, image, bar_axes, "OPD [nm]")
     return figure
 
 
@@ -146,20 +167,30 @@ def point_spread_figure(dataset: "xarray.Dataset") -> "Figure":
     """Point spread function relative to the undisturbed peak: the spot, and cuts through it beside the perfect one."""
     from matplotlib.colors import LogNorm
 
-    figure, (spot, cut) = _figure(10.6, 4.4, columns=2)
+    figure, [(spot, bar_axes), (cut, _)] = _figure(Panel(SQUARE, SQUARE, bar=True), Panel(SQUARE, SQUARE))
     angle_x, angle_y = 1e6 * dataset["angle_x"].values, 1e6 * dataset["angle_y"].values
     spread, perfect = dataset["point_spread"].values, dataset["point_spread_perfect"].values
     extent = (angle_x[0], angle_x[-1], angle_y[0], angle_y[-1])
-    image = spot.imshow(np.maximum(spread, 1e-6), origin="lower", extent=extent, cmap="magma", norm=LogNorm(1e-4, 1.0))
-    spot.set(xlabel="angle in x [µrad]", ylabel="angle in y [µrad]", title="Point spread function")
-    _colour_bar(figure, image, spot, "intensity / undisturbed peak")
+    image = spot.imshow(
+        np.maximum(spread, 1e-6),
+        origin="lower",
+        extent=extent,
+        cmap="magma",
+        norm=LogNorm(1e-4, 1.0),
+        interpolation="nearest",
+    )
+    spot.set(xlabel="angle in x [µrad]", ylabel="angle in y [µrad]")
+    _title(spot, "Point spread function")
+    _powers_of_ten(_colour_bar(figure, image, bar_axes, "intensity / undisturbed peak").ax.yaxis)
     middle = spread.shape[0] // 2, spread.shape[1] // 2
     cut.plot(angle_x, perfect[middle[0]], color=MUTED, linestyle="--", linewidth=1.2, label="undisturbed")
     cut.plot(angle_x, spread[middle[0]], color=RAY_COLOUR, linewidth=1.6, label="along x")
     cut.plot(angle_y, spread[:, middle[1]], color=ACCENT, linewidth=1.2, linestyle=":", label="along y")
     ratio = dataset.attrs.get("strehl")
     title = "Cuts through the axis" if ratio is None else f"Cuts through the axis, Strehl ratio {ratio:.4f}"
-    cut.set(xlabel="angle [µrad]", ylabel="intensity / undisturbed peak", yscale="log", ylim=(1e-5, 2.0), title=title)
+    cut.set(xlabel="angle [µrad]", ylabel="intensity / undisturbed peak", yscale="log", ylim=(1e-5, 2.0))
+    _title(cut, title)
+    _powers_of_ten(cut.yaxis)
     cut.grid(True, color="#e3e7eb")
     cut.legend()
     return figure
@@ -167,7 +198,7 @@ def point_spread_figure(dataset: "xarray.Dataset") -> "Figure":
 
 def echo_figure(dataset: "xarray.Dataset") -> "Figure":
     """Received power, and the detector's voltage with the threshold and the reported range."""
-    figure, axes = _figure(8.6, 4.2)
+    figure, [(axes, _)] = _figure(Panel(6.9, 3.3, scale=True))
     time, power, voltage = (dataset[name].values for name in ("time", "echo_power", "echo_voltage"))
     shown = _around_pulse(power, dataset.get("echo_voltage_clean", dataset["echo_voltage"]).values)
     nanoseconds = 1e9 * time[shown]
@@ -195,7 +226,7 @@ def echo_figure(dataset: "xarray.Dataset") -> "Figure":
     handles = [pair for part in (axes, second) for pair in zip(*part.get_legend_handles_labels(), strict=True)]
     axes.legend([handle for handle, _ in handles], [label for _, label in handles], loc="upper right", fontsize=9)
     axes.grid(True, color="#e3e7eb")
-    axes.set_title("Laser echo")
+    _title(axes, "Laser echo")
     return figure
 
 
@@ -221,5 +252,5 @@ FIGURES: dict[str, tuple[str, "Callable[[xarray.Dataset], Figure]"]] = {
 def png(figure: "Figure") -> bytes:
     """`figure` as a PNG file."""
     buffer = io.BytesIO()
-    figure.savefig(buffer, format="png", bbox_inches="tight")
+    figure.savefig(buffer, format="png", pil_kwargs={"compress_level": 4})
     return buffer.getvalue()

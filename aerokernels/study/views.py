@@ -10,6 +10,7 @@ from aerokernels.medium import IndexField
 from aerokernels.rays import Disc, RayBundle
 from aerokernels.scene import Scene
 from aerokernels.tracing import Plane, RayStatus, TraceResult, trace
+from aerokernels.tracing.pupil_fan import asymmetry
 from aerokernels.wavefront import point_spread_function, remove_terms
 
 PUPIL_SAMPLES = 201  # across the pupil
@@ -48,13 +49,33 @@ class PupilMap:
         opd: Optical path difference, piston removed [m], shape (n, n), axes [y, x]; NaN outside the pupil and where a
             ray failed.
         without_tilt: The same with tilt removed as well.
-        trace: The trace behind it, one ray for each sample in the pupil.
+        trace: The trace behind it: one ray for each sample in the pupil, or for each distance from the axis.
     """
 
     coordinate: np.ndarray
     opd: np.ndarray
     without_tilt: np.ndarray
     trace: TraceResult
+
+
+def pupil_samples(field: IndexField, scene: Scene, sample_count: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """A square grid over the receiver's pupil, and the rays that it takes.
+
+    Returns:
+        Which samples lie in the pupil, shape (sample_count, sample_count), axes [y, x]; the samples among them that
+        are traced; and for each of them which of those stands for it. Where everything is symmetric about the axis
+        samples at one distance from it, an eighth of them and fewer, share a ray.
+    """
+    # In halves of the spacing distances are whole numbers: equal ones are equal to the last bit.
+    half = 2 * np.arange(sample_count) - (sample_count - 1)
+    squared = half[:, None] ** 2 + half**2
+    inside = squared <= (sample_count - 1) ** 2
+    pupil = forward_pupil(scene)
+    if asymmetry(field, pupil, pupil.normal) is not None:
+        every = np.arange(int(inside.sum()))
+        return inside, every, every
+    _, traced, ray = np.unique(squared[inside], return_index=True, return_inverse=True)
+    return inside, traced, ray
 
 
 def pupil_map(field: IndexField, scene: Scene, sample_count: int = PUPIL_SAMPLES) -> PupilMap:
@@ -68,20 +89,20 @@ def pupil_map(field: IndexField, scene: Scene, sample_count: int = PUPIL_SAMPLES
     radius = 0.5 * scene.receiver.diameter
     coordinate = np.linspace(-radius, radius, sample_count)
     x, y = np.meshgrid(coordinate, coordinate)
-    inside = x**2 + y**2 <= radius**2 * (1.0 + 1e-12)
-    start = np.stack([x[inside], y[inside], np.full(int(inside.sum()), scene.receiver.aperture_z)], axis=1)
+    inside, samples, ray = pupil_samples(field, scene, sample_count)
+    start = np.stack([x[inside], y[inside], np.full(int(inside.sum()), scene.receiver.aperture_z)], axis=1)[samples]
     rays = RayBundle(start, np.broadcast_to([0.0, 0.0, 1.0], start.shape))
     traced = trace(field, rays, **trace_options(scene), outputs=("opd", "evaluation_count"))
     assert traced.opd is not None  # asked for
     good = np.zeros_like(inside)
-    good[inside] = traced.ok
+    good[inside] = traced.ok[ray]
     if not good.any():
         raise ValueError(
             f"no ray of the receiver's pupil gets through the flow ({traced.status_summary()}): "
             "check receiver.aperture_z and receiver.diameter against the body"
         )
     points = np.stack([x[good], y[good]], axis=1)
-    arrived = traced.opd[traced.ok]
+    arrived = traced.opd[ray][traced.ok[ray]]
     opd, without_tilt = np.full(inside.shape, np.nan), np.full(inside.shape, np.nan)
     opd[good] = remove_terms(arrived, ("piston",))
     without_tilt[good] = remove_terms(arrived, ("piston", "tilt"), points)
@@ -107,12 +128,12 @@ def spot(pupil: PupilMap, wavelength: float) -> Spot:
     """The point spread function of a pupil's wavefront, tilt included, and that of the same pupil without flow."""
     lit = np.isfinite(pupil.opd)
     pixel = float(pupil.coordinate[1] - pupil.coordinate[0])
+    half_width = SPOT_RINGS * wavelength / float(pupil.coordinate[-1] - pupil.coordinate[0])
     spread, perfect = (
-        point_spread_function(opd, lit, pixel, wavelength, padding=SPOT_PADDING)
+        point_spread_function(opd, lit, pixel, wavelength, padding=SPOT_PADDING, half_width=half_width)
         for opd in (np.where(lit, pupil.opd, 0.0), np.zeros(lit.shape))
     )
-    shown = np.abs(spread.angle) <= SPOT_RINGS * wavelength / (pupil.coordinate[-1] - pupil.coordinate[0])
-    return Spot(spread.angle[shown], spread.intensity[shown][:, shown], perfect.intensity[shown][:, shown])
+    return Spot(spread.angle, spread.intensity, perfect.intensity)
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,7 +1,12 @@
 """What a backend tells of itself."""
 
+import ctypes
+import functools
 import os
+import sys
 from dataclasses import dataclass
+
+NO_CUDA = "no CUDA device"
 
 
 @dataclass(frozen=True)
@@ -35,3 +40,27 @@ def host_memory() -> int | None:
         return os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
     except (ValueError, OSError, AttributeError):
         return None
+
+
+def thread_count() -> int:
+    """Cores that this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else (os.cpu_count() or 1)
+
+
+def warp_processor(version: str, reason: str) -> BackendInfo:
+    """Warp's CPU device."""
+    text = f"{thread_count()} cores, launches chunked over threads"
+    return BackendInfo("warp", "cpu", text, version, True, True, host_memory(), reason)
+
+
+@functools.cache
+def cuda_driver_loads() -> bool:
+    """Whether the CUDA driver's library is there; without it nobody has a CUDA device."""
+    names = {"win32": ("nvcuda.dll",), "darwin": ()}.get(sys.platform, ("libcuda.so.1", "libcuda.so"))
+    for name in names:
+        try:
+            ctypes.CDLL(name)
+        except OSError:
+            continue
+        return True
+    return False

@@ -1,9 +1,12 @@
 """Which engines can trace here, and which one "auto" takes."""
 
 import importlib.util
+import sys
+from contextlib import suppress
 from dataclasses import replace
+from importlib.metadata import PackageNotFoundError, version
 
-from .backend_info import BackendInfo, host_memory
+from .backend_info import NO_CUDA, BackendInfo, cuda_driver_loads, host_memory, warp_processor
 
 BACKENDS = ("auto", "warp", "opencl", "reference")
 
@@ -32,9 +35,9 @@ def choose_backend(backend: str, device: str | None) -> tuple[str, str, str]:
         return "reference", "cpu", "backend reference: asked for"
     if backend == "opencl":
         return _opencl_named(device)
-    warp = _warp_devices()
     if backend == "warp":
-        return _warp_named(warp, device)
+        return _warp_named(_warp_devices(), device)
+    warp = _warp_devices(quick=True)
     if device is None or device.lower() in ("cpu", "gpu"):
         return _best(warp, device and device.lower())
     if any(info.available and info.device == device for info in warp):
@@ -102,9 +105,13 @@ def _opencl_named(device: str | None) -> tuple[str, str, str]:
     return "opencl", name, f"backend opencl on {name}: asked for"
 
 
-def _warp_devices() -> list[BackendInfo]:
+def _warp_devices(quick: bool = False) -> list[BackendInfo]:
+    """Warp's devices; a quick look tells without importing Warp what it has where there is no CUDA driver."""
     if importlib.util.find_spec("warp") is None:
         return [_absent("warp", "the package warp-lang is not installed: pip install warp-lang")]
+    if quick and "warp" not in sys.modules and not cuda_driver_loads():
+        with suppress(PackageNotFoundError):
+            return [warp_processor(version("warp-lang"), NO_CUDA)]
     from .warp_devices import list_devices
 
     return list_devices()

@@ -52,6 +52,7 @@ def opd_errors(field: IndexField, rays: RayBundle, plan: TracePlan, retrace: Ret
         plan,
         method="adaptive",
         columns=False,
+        sample_count=0,
         step=None,
         backend="warp" if plan.backend == "reference" else plan.backend,
         precision="float64",

@@ -135,7 +135,7 @@ def trace(field: IndexField, rays: RayBundle, plan: TracePlan, until, wavelength
     start = time.perf_counter()
     columns = find_columns(field, rays, until)
     prepared = time.perf_counter() - start
-    rest = replace(plan, method="adaptive", columns=False)
+    rest = replace(plan, method="adaptive", columns=False, sample_count=0)
     if columns is None or not columns.inside.any():
         return run(field, rays, rest, until, wavelength, outputs)
     if plan.backend == "opencl":

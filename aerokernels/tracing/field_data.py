@@ -77,6 +77,9 @@ STRUCTS = {
         ("budget", 1, "r"),
         ("extent", 1, "r"),
         ("max_steps", 1, "i"),
+        ("even_share", 1, "r"),
+        ("bend_share", 1, "r"),
+        ("sample_count", 1, "i"),
     ),
 }
 
@@ -237,6 +240,9 @@ def trace_members(data: FieldData, plan: TracePlan, until, wavelength: float) ->
         "step": plan.step or 0.0,
         "budget": plan.tolerance * wavelength,
         "max_steps": plan.max_steps,
+        "even_share": plan.even_share,
+        "bend_share": plan.bend_share,
+        "sample_count": plan.sample_count,
     }
     if isinstance(until, Plane):
         bounds |= {"plane_point": until.point, "plane_normal": until.normal}
@@ -257,7 +263,7 @@ def reach_tables(field: IndexField, plan: TracePlan, wavelength: float, directio
     start = np.full(len(CONES), -1, dtype=np.int32)
     lengths = [np.zeros(1)]
     members: dict[str, object] = {"block_count": np.ones(3, dtype=int), "block": 1}
-    if isinstance(field.samples, UniformGrid) and plan.method in ("adaptive", "straight"):
+    if isinstance(field.samples, UniformGrid) and plan.method in ("adaptive", "straight") and not plan.sample_count:
         for cone in np.unique(cones_of(directions, field.geometry)):
             table = reach(field.samples, field.geometry, budget, CONES[cone])
             start[cone] = sum(part.size for part in lengths)

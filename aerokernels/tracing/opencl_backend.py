@@ -21,7 +21,7 @@ from .field_data import (
     trace_members,
 )
 from .opencl_devices import Session, session
-from .opencl_program import WORK_GROUP, build, build_options
+from .opencl_program import WORK_GROUP, build, build_options, lane_count
 from .plan import TracePlan
 
 # Per-ray outputs of the kernel, in the order of its arguments: numbers for a ray, and their type.
@@ -111,6 +111,8 @@ def prepare(
         to_device(opened, tables["reach_start"]),
     ]
     uploaded = time.perf_counter()
+    even = plan.sample_count > 0
+    lanes = lane_count(opened, plan.precision) if even else 1
     options = build_options(
         precision=plan.precision,
         geometry=field.geometry,
@@ -119,11 +121,19 @@ def prepare(
         method=plan.method,
         stop=stop_kind(until),
         has_body=field.body is not None,
-        outputs=outputs,
+        outputs=outputs | {"step_error"} if even else outputs,
+        lanes=lanes,
     )
-    program = build(opened, "trace.cl", options)
+    program = build(opened, "trace_even.cl" if even else "trace.cl", options)
     # A kernel object belongs to one caller: its arguments are set one by one.
-    ready = SimpleNamespace(session=opened, kernel=cl.Kernel(program, "trace_kernel"), arguments=arguments, seconds={})
+    ready = SimpleNamespace(
+        session=opened,
+        kernel=cl.Kernel(program, "trace_even" if even else "trace_kernel"),
+        arguments=arguments,
+        lanes=lanes,
+        rough=_zero_count(opened) if even else None,
+        seconds={},
+    )
     finish_compiling(ready, program)
     ready.seconds |= {"upload": uploaded - start, "compile": time.perf_counter() - uploaded}
     return ready
@@ -135,8 +145,7 @@ def finish_compiling(ready: SimpleNamespace, program) -> None:
         return
     results = allocate(ready.session, frozenset(), 1)
     empty = to_device(ready.session, np.zeros(3))
-    arguments = [*ready.arguments, np.int32(0), np.int32(0), empty, empty, *results.values()]
-    enqueue(ready.session, ready.kernel, arguments, WORK_GROUP).wait()
+    launch_trace(ready, empty, empty, results, 0).wait()
     _launched.add(program)
 
 
@@ -161,14 +170,31 @@ def allocate(opened: Session, outputs: frozenset, ray_count: int) -> dict:
 
 def enqueue(opened: Session, kernel, arguments: list, item_count: int):
     """Start a kernel over items rounded up to whole work-groups; the kernel itself knows where to stop."""
-    whole = -(-item_count // WORK_GROUP) * WORK_GROUP
+    whole = max(1, -(-item_count // WORK_GROUP)) * WORK_GROUP
     return kernel(opened.queue, (whole,), (WORK_GROUP,), *arguments)
 
 
 def launch_trace(ready: SimpleNamespace, position, direction, results: dict, ray_count: int):
     """Start the tracer on rays that are on the device; returns its event."""
     arguments = [*ready.arguments, np.int32(0), np.int32(ray_count), position, direction, *results.values()]
-    return enqueue(ready.session, ready.kernel, arguments, ray_count)
+    if ready.rough is not None:
+        arguments.append(ready.rough)
+    return enqueue(ready.session, ready.kernel, arguments, -(-ray_count // ready.lanes))
+
+
+def _zero_count(opened: Session):
+    """A whole number on the device that a kernel may count with."""
+    buffer = cl.Buffer(opened.context, cl.mem_flags.READ_WRITE, 4)
+    cl.enqueue_copy(opened.queue, buffer, np.zeros(1, np.int32), is_blocking=True)
+    return buffer
+
+
+def rough_count(ready: SimpleNamespace) -> int:
+    """How many rays so far are beyond what even samples can do; 0 for other methods."""
+    count = np.zeros(1, np.int32)
+    if ready.rough is not None:
+        cl.enqueue_copy(ready.session.queue, count, ready.rough, is_blocking=True)
+    return int(count[0])
 
 
 def fetch(opened: Session, results: dict, arrays: dict, outputs: frozenset, rows: slice, ray_count: int) -> None:
@@ -182,13 +208,17 @@ def fetch(opened: Session, results: dict, arrays: dict, outputs: frozenset, rows
 
 
 def trace(field: IndexField, rays: RayBundle, plan: TracePlan, until, wavelength: float, outputs: frozenset):
-    """Trace with OpenCL: per-ray arrays by name, and seconds."""
+    """Trace with OpenCL: per-ray arrays by name, and seconds.
+
+    Of even samples, "step_error" comes along where some rays are to be traced otherwise.
+    """
     ready = prepare(field, plan, until, wavelength, outputs, rays.direction)
     opened = ready.session
     arrays: dict[str, np.ndarray] = {}
     seconds = dict(ready.seconds, kernel=0.0, download=0.0)
+    rough = 0
     chunk = chunk_size(opened, rays.ray_count)
-    results = allocate(opened, outputs, chunk)
+    results = allocate(opened, outputs | {"step_error"} if plan.sample_count else outputs, chunk)
     for first in range(0, rays.ray_count, chunk):
         rows = slice(first, min(first + chunk, rays.ray_count))
         start = time.perf_counter()
@@ -198,6 +228,11 @@ def trace(field: IndexField, rays: RayBundle, plan: TracePlan, until, wavelength
         launch_trace(ready, position, direction, results, rows.stop - rows.start).wait()
         ran = time.perf_counter()
         fetch(opened, results, arrays, outputs, rows, rays.ray_count)
+        rough, before = rough_count(ready), rough
+        if rough > before:
+            if "step_error" not in arrays:
+                arrays["step_error"] = np.zeros(rays.ray_count)
+            cl.enqueue_copy(opened.queue, arrays["step_error"][rows], results["step_error"], is_blocking=True)
         for buffer in (position, direction):
             buffer.release()
         seconds["upload"] += placed - start

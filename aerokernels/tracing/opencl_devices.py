@@ -51,6 +51,8 @@ class Session:
     queue: Any
     options: tuple[str, ...] = ()
     programs: dict = field(default_factory=dict, repr=False, compare=False)
+    # Buffers of a thread's last pupil, for its next one.
+    scratch: Any = field(default_factory=threading.local, repr=False, compare=False)
     lock: Any = field(default_factory=threading.RLock, repr=False, compare=False)
 
 

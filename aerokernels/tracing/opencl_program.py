@@ -94,6 +94,7 @@ def build_options(
     stop: str = "none",
     has_body: bool = False,
     outputs: Iterable[str] = (),
+    lanes: int = 1,
 ) -> tuple[str, ...]:
     """The compile options of one kind of scene: the only place where they are made (options.h lists them).
 
@@ -106,6 +107,7 @@ def build_options(
         stop: Where a ray ends.
         has_body: Whether the field has a body.
         outputs: Names of the per-ray arrays wanted, of RAY_OUTPUTS; "status" is always there.
+        lanes: Rays that a work-item of even samples moves in step, see `lane_count`.
 
     Raises:
         ValueError: A name that is not known.
@@ -124,9 +126,17 @@ def build_options(
         f"-DREAL_IS_DOUBLE={int(precision == 'float64')}",
         f"-DON_MESH={int(on_mesh)}",
         f"-DHAS_BODY={int(has_body)}",
+        f"-DLANES={lanes}",
         *(f"-D{option.upper()}={_in_c(value)}" for option, value in chosen.items()),
         *(f"-DWANT_{_in_c(name)}={int(name in outputs)}" for name in RAY_OUTPUTS),
     )
+
+
+def lane_count(session: Session, precision: str) -> int:
+    """Rays to a work-item of even samples: what fills a CPU's vectors; on a GPU each lane is a work-item of its own."""
+    if not session.device.type & import_pyopencl().device_type.CPU:
+        return 1
+    return 16 if precision == "float32" else 8
 
 
 def _in_c(name: str) -> str:

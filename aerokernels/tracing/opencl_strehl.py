@@ -7,100 +7,207 @@ import numpy as np
 import pyopencl as cl
 from pyopencl.cltypes import make_double3
 
-from .opencl_backend import RAY_BYTES, allocate, enqueue, launch_trace, prepare, to_device
+from .even import mend_rough
+from .opencl_backend import RAY_BYTES, allocate, enqueue, launch_trace, prepare, rough_count, to_device
 from .opencl_devices import Session
 from .opencl_program import WORK_GROUP, build
-from .pupil_sums import MOMENT_COUNT, PUPIL_OUTPUTS, fit_plane, join_groups, moments_in_metres, replicate_seeds
-from .scheme import GROUP
+from .pupil_sums import (
+    MOMENT_COUNT,
+    PUPIL_OUTPUTS,
+    PupilSums,
+    PupilTask,
+    batches_of,
+    fan_rays,
+    fit_plane,
+    group_count,
+    moments_in_metres,
+    point_order,
+    replicate_seeds,
+)
 
-KERNELS = ("launch_pupil", "sum_moments", "sum_phasors")
+KERNELS = ("launch_pupil", "sum_moments", "sum_phasors", "join_sums")
 # Bytes for a ray that stay on the device for the second sum: pupil coordinates, OPD and status.
 KEPT_BYTES = 16 + 8 + 4
+SUM_COUNT = MOMENT_COUNT + 2
 
 
-def reduce_pupil(field, pupil, look, until, plan, wavelength, per_replicate, replicates, seed, with_tilt):
-    """Trace a pupil and sum: moments (replicates, MOMENT_COUNT), phasors (replicates,), evaluations, seconds.
+class PupilRun:
+    """A pupil made ready on a device, to be traced any number of times.
 
-    A replicate at a time is traced; what the phasors need of all of them stays on the device.
+    Some replicates at a time are traced. Phasors are summed at once but where the tilt, which all replicates decide,
+    is taken out first: what they need then stays on the device.
 
     Raises:
         OpenCLUnavailable: The device cannot be opened.
         ValueError: A field, or so many rays, that do not fit the device.
     """
-    ready = prepare(field, plan, until, wavelength, PUPIL_OUTPUTS, look[None])
-    opened = ready.session
-    _check_memory(opened, per_replicate, replicates)
-    start = time.perf_counter()
-    # Kernel objects hold their arguments: these belong to this call.
-    kernels = {name: cl.Kernel(build(opened, f"{name}.cl"), name) for name in KERNELS}
-    compiled = time.perf_counter()
-    batches = _trace_replicates(ready, kernels, pupil, look, per_replicate, replicate_seeds(seed, replicates))
-    group_count = -(-per_replicate // GROUP)
-    moments = np.stack([join_groups(_fetch(opened, b.moments, (group_count, MOMENT_COUNT))) for b in batches])
-    plane = make_double3(*fit_plane(moments, with_tilt))
-    for batch in batches:
-        arguments = [np.float64(2.0 * np.pi / wavelength), plane, np.int32(per_replicate), np.int32(0)]
-        arguments += [np.int32(group_count), batch.pupil, batch.opd, batch.status, batch.phasors]
-        _enqueue_groups(opened, kernels["sum_phasors"], arguments, group_count)
-    pairs = np.stack([_fetch(opened, batch.phasors, (group_count, 2)).sum(axis=0) for batch in batches])
-    seconds = dict(ready.seconds)
-    seconds["compile"] += compiled - start
-    seconds["kernel"] = time.perf_counter() - compiled
-    return moments_in_metres(moments, pupil), pairs @ [1.0, 1.0j], int(moments[:, 11].sum()), seconds
 
+    def __init__(self, task: PupilTask):
+        """Upload and compile what the task needs."""
+        self.task = task
+        self.ready = prepare(task.field, task.plan, task.until, task.wavelength, PUPIL_OUTPUTS, task.look[None])
+        self.opened = self.ready.session
+        self.batches = batches_of(task.replicates, task.per_replicate)
+        self.widest = self.batches[0].stop - self.batches[0].start
+        together = self.widest * task.per_replicate
+        _check_memory(self.opened, together, task.replicates * task.per_replicate if task.with_tilt else together)
+        start = time.perf_counter()
+        # Kernel objects hold their arguments: these belong to this run.
+        self.kernels = {name: cl.Kernel(build(self.opened, f"{name}.cl"), name) for name in KERNELS}
+        self.seconds = dict(self.ready.seconds)
+        self.seconds["compile"] += time.perf_counter() - start
+        pupil = task.pupil
+        place = (pupil.center, *(pupil.radius * axis for axis in pupil.axes), task.look)
+        self.place = [make_double3(*vector) for vector in place]
+        if task.fan is None:
+            self.order = to_device(self.opened, point_order(task.per_replicate, task.by_radius))
+            seeds = replicate_seeds(task.seed, task.replicates)
+            self.seeds = [to_device(self.opened, seeds[rows]) for rows in self.batches]
+        self.one = to_device(self.opened, np.ones(1))
+        self.fan: SimpleNamespace | None = None  # that of one batch stays on the device
 
-def _trace_replicates(ready, kernels, pupil, look, count: int, seeds: np.ndarray) -> list[SimpleNamespace]:
-    """Start launch, trace and moments of every replicate, one after the other; they share what is not kept."""
-    opened = ready.session
-    position, direction = _empty(opened, 24 * count), _empty(opened, 24 * count)
-    shared = allocate(opened, PUPIL_OUTPUTS - {"opd"}, count)
-    axes = [make_double3(*(pupil.radius * axis)) for axis in pupil.axes]
-    place = [make_double3(*pupil.center), *axes, make_double3(*look)]
-    group_count = -(-count // GROUP)
-    rays = np.int32(0), np.int32(count)
-    batches = []
-    # Before the first launch: a copy waits for all that was started before it.
-    for pair in [to_device(opened, pair) for pair in seeds]:
-        batch = SimpleNamespace(
-            pupil=_empty(opened, 16 * count),
-            opd=_empty(opened, 8 * count),
-            status=_empty(opened, 4 * count),
-            moments=_empty(opened, 8 * MOMENT_COUNT * group_count),
-            phasors=_empty(opened, 16 * group_count),
+    def __call__(self) -> PupilSums:
+        """Trace and sum."""
+        task, seconds, start = self.task, self.seconds, time.perf_counter()
+        self.seconds = dict.fromkeys(seconds, 0.0)  # what was made ready is ready the next time
+        scratch = None
+        sums = np.empty((task.replicates, SUM_COUNT))
+        kept = []
+        for number, rows in enumerate(self.batches):
+            replicates = rows.stop - rows.start
+            count = replicates * task.per_replicate
+            if scratch is None or task.with_tilt:
+                scratch = self._buffers(scratch)
+            rays = self._launch(number, rows, count, scratch)
+            before = rough_count(self.ready) if number or not task.plan.sample_count else self._reset_rough()
+            launch_trace(self.ready, rays.position, rays.direction, scratch.results, count)
+            batch = SimpleNamespace(rows=rows, replicates=replicates, rays=rays, scratch=scratch)
+            self._sum(batch, np.zeros(3))
+            sums[rows] = self._fetch(batch)
+            if task.plan.sample_count and rough_count(self.ready) > before:
+                self._mend(rays, scratch, count)
+                self._sum(batch, np.zeros(3))
+                sums[rows] = self._fetch(batch)
+            kept.append(batch)
+        if task.with_tilt:
+            plane = fit_plane(sums[:, :MOMENT_COUNT], True)
+            for batch in kept:
+                self._sum(batch, plane)
+                sums[batch.rows] = self._fetch(batch)
+        moments = moments_in_metres(sums[:, :MOMENT_COUNT], task)
+        phasors = sums[:, MOMENT_COUNT] + 1j * sums[:, MOMENT_COUNT + 1]
+        return PupilSums(
+            moments, phasors, {**seconds, "kernel": time.perf_counter() - start}, task.replicates * task.per_replicate
         )
-        launched = [*place, pair, np.int32(count), *rays, position, direction, batch.pupil]
-        enqueue(opened, kernels["launch_pupil"], launched, count)
-        results = {**shared, "opd": batch.opd, "status": batch.status}
-        launch_trace(ready, position, direction, results, count)
+
+    def _buffers(self, before: SimpleNamespace | None) -> SimpleNamespace:
+        """Buffers of a batch; what the second sum does not need is taken over from the batch before."""
+        opened, rays = self.opened, self.widest * self.task.per_replicate
+        groups = self.widest * group_count(self.task.per_replicate)
+        last = getattr(opened.scratch, "pupil", None)
+        if before is None and last is not None and last.size == (rays, groups):
+            return last
+        if before is None:
+            opened.scratch.pupil = last = None  # let it go before as much is asked for again
+            position, direction = _empty(opened, 24 * rays), _empty(opened, 24 * rays)
+            shared = allocate(opened, PUPIL_OUTPUTS, rays)
+        else:
+            position, direction, shared = before.position, before.direction, before.results
+        fresh = {} if before is None else {"opd": _empty(opened, 8 * rays), "status": _empty(opened, 4 * rays)}
+        scratch = SimpleNamespace(
+            size=(rays, groups),
+            position=position,
+            direction=direction,
+            pupil=_empty(opened, 16 * rays),
+            results={**shared, **fresh},
+            moments=_empty(opened, 8 * MOMENT_COUNT * groups),
+            phasors=_empty(opened, 16 * groups),
+            sums=_empty(opened, 8 * SUM_COUNT * self.widest),
+        )
+        if before is None and not self.task.with_tilt:
+            opened.scratch.pupil = scratch
+        return scratch
+
+    def _launch(self, number: int, rows: slice, count: int, scratch) -> SimpleNamespace:
+        """The rays of some replicates, on the device: start, direction, place on the pupil and weight."""
+        task, opened = self.task, self.opened
+        if task.fan is None:
+            ends = [np.int32(task.per_replicate), np.int32(0), np.int32(count)]
+            arrays = [scratch.position, scratch.direction, scratch.pupil]
+            enqueue(
+                opened,
+                self.kernels["launch_pupil"],
+                [*self.place, self.seeds[number], self.order, *ends, *arrays],
+                count,
+            )
+            return SimpleNamespace(
+                position=scratch.position,
+                direction=scratch.direction,
+                pupil=scratch.pupil,
+                weight=self.one,
+                weight_count=1,
+            )
+        if self.fan is None or len(self.batches) > 1:
+            position, direction, place, weight = (to_device(opened, array) for array in fan_rays(task, rows))
+            self.fan = SimpleNamespace(
+                position=position, direction=direction, pupil=place, weight=weight, weight_count=count
+            )
+        return self.fan
+
+    def _sum(self, batch: SimpleNamespace, plane: np.ndarray) -> None:
+        """Start the sums of a batch: of groups, a work-group each, then of replicates."""
+        per_replicate, rays, results = self.task.per_replicate, batch.rays, batch.scratch.results
+        groups = batch.replicates * group_count(per_replicate)
+        shared = [np.int32(per_replicate), np.int32(0), np.int32(groups), np.int32(rays.weight_count), rays.weight]
+        shared.append(rays.pupil)
         per_ray = [results[name] for name in ("opd", "step_error", "evaluation_count", "status")]
-        summed = [np.int32(count), np.int32(0), np.int32(group_count), batch.pupil, *per_ray, batch.moments]
-        _enqueue_groups(opened, kernels["sum_moments"], summed, group_count)
-        batches.append(batch)
-    return batches
+        arguments = [*shared, *per_ray, batch.scratch.moments]
+        enqueue(self.opened, self.kernels["sum_moments"], arguments, groups * WORK_GROUP)
+        numbers = [np.float64(2.0 * np.pi / self.task.wavelength), make_double3(*plane)]
+        arguments = [*numbers, *shared, results["opd"], results["status"], batch.scratch.phasors]
+        enqueue(self.opened, self.kernels["sum_phasors"], arguments, groups * WORK_GROUP)
+        sum_count = batch.replicates * SUM_COUNT
+        arguments = [np.int32(per_replicate), np.int32(0), np.int32(sum_count)]
+        arguments += [batch.scratch.moments, batch.scratch.phasors, batch.scratch.sums]
+        enqueue(self.opened, self.kernels["join_sums"], arguments, sum_count)
 
+    def _fetch(self, batch: SimpleNamespace) -> np.ndarray:
+        """Sums of the replicates of a batch, (n, SUM_COUNT)."""
+        values = np.empty((batch.replicates, SUM_COUNT))
+        cl.enqueue_copy(self.opened.queue, values, batch.scratch.sums, is_blocking=True)
+        return values
 
-def _enqueue_groups(opened: Session, kernel, arguments: list, group_count: int) -> None:
-    """Start a summing kernel: a work-group for each group of rays."""
-    enqueue(opened, kernel, arguments, group_count * WORK_GROUP)
+    def _reset_rough(self) -> int:
+        """Begin to count rays anew that even samples do not hold for."""
+        cl.enqueue_copy(self.opened.queue, self.ready.rough, np.zeros(1, np.int32), is_blocking=True)
+        return 0
+
+    def _mend(self, rays: SimpleNamespace, scratch: SimpleNamespace, count: int) -> None:
+        """Trace again the rays of a batch that even samples do not hold for."""
+        task, queue = self.task, self.opened.queue
+        arrays: dict[str, np.ndarray] = {name: np.empty(count) for name in ("opd", "step_error")}
+        arrays |= {name: np.empty(count, np.int32) for name in ("status", "evaluation_count")}
+        position, direction = np.empty((count, 3)), np.empty((count, 3))
+        for name, array in arrays.items():
+            cl.enqueue_copy(queue, array, scratch.results[name], is_blocking=True)
+        cl.enqueue_copy(queue, position, rays.position, is_blocking=True)
+        cl.enqueue_copy(queue, direction, rays.direction, is_blocking=True)
+        mend_rough(task.field, position, direction, task.plan, task.until, task.wavelength, arrays)
+        for name, array in arrays.items():
+            cl.enqueue_copy(queue, scratch.results[name], array, is_blocking=True)
 
 
 def _empty(opened: Session, size: int):
     return cl.Buffer(opened.context, cl.mem_flags.READ_WRITE, size)
 
 
-def _fetch(opened: Session, buffer, shape: tuple[int, int]) -> np.ndarray:
-    values = np.empty(shape)
-    cl.enqueue_copy(opened.queue, values, buffer, is_blocking=True)
-    return values
-
-
-def _check_memory(opened: Session, count: int, replicates: int) -> None:
+def _check_memory(opened: Session, together: int, kept: int) -> None:
     """Refuse rays that the device has no room for, before it fails half-way."""
     device = opened.device
-    needed = count * (RAY_BYTES + replicates * KEPT_BYTES)
-    if needed > device.global_mem_size or 24 * count > device.max_mem_alloc_size:
+    needed = together * RAY_BYTES + kept * KEPT_BYTES
+    if needed > device.global_mem_size or 24 * together > device.max_mem_alloc_size:
         raise ValueError(
-            f"{replicates * count} rays take {needed / 2**30:.1f} GiB, and {24 * count / 2**30:.1f} GiB in one piece; "
+            f"rays of a pupil take {needed / 2**30:.1f} GiB, and {24 * together / 2**30:.1f} GiB in one piece; "
             f"device {opened.name!r} has {device.global_mem_size / 2**30:.1f} GiB and gives "
             f"{device.max_mem_alloc_size / 2**30:.1f} GiB in one piece: use fewer rays, or another device"
         )

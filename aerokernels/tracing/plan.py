@@ -25,6 +25,9 @@ class TracePlan:
         tolerance: OPD error asked for [waves].
         reasons: Why, one sentence for each choice.
         columns: Whether collimated rays are looked up in tables of what each column gathers, see columns.py.
+        sample_count: Samples of a ray whose samples are even, see even.py; 0 where they are not.
+        even_share: The share of a sum's difference from that over every third sample that is taken for its error.
+        bend_share: The share of int P^2 / w dt, P the momentum across the ray, that is taken for its course's error.
     """
 
     method: str
@@ -36,6 +39,9 @@ class TracePlan:
     tolerance: float
     reasons: tuple[str, ...] = field(default=())
     columns: bool = False
+    sample_count: int = 0
+    even_share: float = 0.0
+    bend_share: float = 0.0
 
     def __str__(self) -> str:
         """One line of choices, then one line for each reason."""
@@ -53,6 +59,7 @@ class TracePlan:
             "step": self.step,
             "tolerance": self.tolerance,
             "columns": self.columns,
+            "sample_count": self.sample_count,
             "reasons": list(self.reasons),
         }
 

@@ -15,10 +15,7 @@ Multiple Integration (1994)).
 import numpy as np
 
 from ..medium import IndexField
-from ..rays import Disc, RayBundle
-from .pupil_sums import MOMENT_COUNT, PUPIL_OUTPUTS
-from .status import RayStatus
-from .trace import run_plan
+from ..rays import Disc
 
 # Rays of a replicate: on the shipped fields their sampling error is below that of a million rays over the disc.
 FAN_RAYS = 512
@@ -79,32 +76,3 @@ def fan_points(count: int, replicates: int, seed: int) -> tuple[np.ndarray, np.n
     t = (np.arange(count) + offset) / count
     weight = (t * (1.0 - t)) ** 2
     return t**3 * (10.0 - 15.0 * t + 6.0 * t**2), weight * count / weight.sum(axis=1, keepdims=True)
-
-
-def reduce_fan(field, pupil, look, until, plan, wavelength, per_replicate, replicates, seed, with_tilt):
-    """Trace a fan and sum: moments (replicates, MOMENT_COUNT), phasors (replicates,), evaluations, seconds.
-
-    A symmetric wavefront has no tilt, so `with_tilt` changes nothing. The rays leave the pupil along its first axis.
-    """
-    squared, weight = fan_points(per_replicate, replicates, seed)
-    # Replicates take turns, so that neighbours in the launch are neighbours in the field.
-    distance = pupil.radius * np.sqrt(squared.T.reshape(-1, 1))
-    rays = RayBundle(pupil.center + distance * pupil.axes[0], look)
-    arrays, seconds = run_plan(field, rays, plan, until, wavelength, PUPIL_OUTPUTS)
-    status, path, error, looked = (
-        arrays[name].reshape(per_replicate, replicates).T
-        for name in ("status", "opd", "step_error", "evaluation_count")
-    )
-    good = status == RayStatus.OK
-    weight, opd = np.where(good, weight, 0.0), np.where(good, path, 0.0)
-    moments = np.zeros((replicates, MOMENT_COUNT))
-    moments[:, 0] = weight.sum(axis=1)
-    moments[:, 3] = (weight * opd).sum(axis=1)
-    moments[:, [4, 6]] = 0.5 * pupil.radius**2 * (weight * squared).sum(axis=1, keepdims=True)
-    moments[:, 9] = (weight * opd**2).sum(axis=1)
-    moments[:, 10] = np.where(good, error, 0.0).max(axis=1)
-    moments[:, 11] = looked.sum(axis=1)
-    # From the mean on, as on the disc: what is left of the phases is small, and so is its rounding.
-    piston = moments[:, 3].sum() / (moments[:, 0].sum() or 1.0)
-    phasors = (weight * np.exp(2j * np.pi / wavelength * (opd - piston))).sum(axis=1)
-    return moments, phasors, int(moments[:, 11].sum()), dict(seconds)

@@ -1,12 +1,22 @@
-"""Sums over a pupil's rays that every backend delivers alike, the plane they define, and the seeds of its points."""
+"""Sums over a pupil's rays that every backend delivers alike, the plane they define, and the order of the rays."""
+
+import functools
+import weakref
+from dataclasses import dataclass
 
 import numpy as np
 
+from ..medium import IndexField
 from ..rays import Disc
+from .plan import TracePlan
+from .scheme import GROUP
+from .stop import Plane
 
 # Per replicate: count, x, y, W, xx, xy, yy, xW, yW, WW over the rays that arrived, then the greatest step error and
 # the field evaluations of all rays.
 MOMENT_COUNT = 12
+# Rays that are on a device together, but for whole replicates: what a ray takes there times this bounds the memory.
+BATCH_RAYS = 1 << 21
 # Per-ray outputs of the tracer that the sums need, besides the status.
 PUPIL_OUTPUTS = frozenset(("opd", "step_error", "evaluation_count"))
 
@@ -16,11 +26,135 @@ def replicate_seeds(seed: int, replicates: int) -> np.ndarray:
     return np.random.default_rng(seed).integers(0, 2**32, size=(replicates, 2), dtype=np.uint32)
 
 
-def join_groups(rows: np.ndarray) -> np.ndarray:
-    """Moments of a replicate, shape (MOMENT_COUNT,), from those of its groups, (group_count, MOMENT_COUNT)."""
-    joined = rows.sum(axis=0)
-    joined[10] = rows[:, 10].max()
-    return joined
+@dataclass(frozen=True, eq=False)
+class PupilTask:
+    """A pupil to be traced and summed.
+
+    Attributes:
+        field_held: The refractive index.
+        pupil: The pupil.
+        look: Direction of its rays, a unit vector, shape (3,).
+        until: The plane on which they stop.
+        plan: How they are traced.
+        wavelength: Vacuum wavelength [m].
+        per_replicate: Rays of a replicate.
+        replicates: How many there are.
+        seed: Of their points.
+        with_tilt: Whether phases are measured from the plane that fits best, or as they are.
+        by_radius: Whether rays are neighbours by their distance from the pupil's centre alone, see `point_order`.
+        fan: Points and weights where the rays are those of a fan (pupil_fan.py), both (replicates, per_replicate):
+            squared distances from the axis over the pupil's radius; None for a disc.
+    """
+
+    field_held: weakref.ref  # weakly: tasks are kept with their field
+    pupil: Disc
+    look: np.ndarray
+    until: Plane
+    plan: TracePlan
+    wavelength: float
+    per_replicate: int
+    replicates: int
+    seed: int
+    with_tilt: bool = False
+    by_radius: bool = False
+    fan: tuple[np.ndarray, np.ndarray] | None = None
+
+    @property
+    def field(self) -> IndexField:
+        """The refractive index."""
+        held = self.field_held()
+        if held is None:
+            raise RuntimeError("the field of this pupil is gone: keep it as long as it is traced")
+        return held
+
+
+@dataclass(frozen=True, eq=False)
+class PupilSums:
+    """What a pupil's rays sum up to.
+
+    Attributes:
+        moments: Shape (replicates, MOMENT_COUNT); x and y in metres.
+        phasors: Sums of exp(i k (OPD - plane)), shape (replicates,).
+        seconds: Time spent, by stage.
+        ray_count: Rays that were traced.
+    """
+
+    moments: np.ndarray
+    phasors: np.ndarray
+    seconds: dict[str, float]
+    ray_count: int
+
+    @property
+    def evaluation_count(self) -> int:
+        """Field evaluations of all rays."""
+        return int(self.moments[:, 11].sum())
+
+
+@functools.lru_cache(maxsize=8)
+def point_order(count: int, by_radius: bool) -> np.ndarray:
+    """An order of the first `count` Sobol points in which neighbours are close, int32, shape (count,).
+
+    The scramble keeps the intervals of leading digits together, so the order may be made without it. `by_radius` sorts
+    by the distance from the pupil's centre alone, which is all that counts in an axisymmetric field about it; else
+    points of one of some rings are sorted by their angle.
+    """
+    index = np.arange(count, dtype=np.uint32)
+    radius = _reverse_bits(index)
+    if by_radius:
+        order = np.argsort(radius, kind="stable")
+    else:
+        rings = max(0, int(np.log2(max(count, 1)) / 2.0 - 2.0))
+        ring = radius >> np.uint32(32 - rings) if rings else np.zeros_like(radius)
+        order = np.lexsort((_second_axis(index), ring))
+    order = order.astype(np.int32)
+    order.setflags(write=False)
+    return order
+
+
+def _reverse_bits(x: np.ndarray) -> np.ndarray:
+    for shift, mask in ((1, 0x55555555), (2, 0x33333333), (4, 0x0F0F0F0F), (8, 0x00FF00FF)):
+        x = ((x >> np.uint32(shift)) & np.uint32(mask)) | ((x & np.uint32(mask)) << np.uint32(shift))
+    return (x >> np.uint32(16)) | (x << np.uint32(16))
+
+
+def _second_axis(index: np.ndarray) -> np.ndarray:
+    """Second coordinate of the Sobol points, as in the kernels."""
+    result = np.zeros_like(index)
+    column, rest = 0x80000000, index.copy()
+    while rest.any():
+        result ^= np.where(rest & np.uint32(1), np.uint32(column), np.uint32(0))
+        column ^= column >> 1
+        rest >>= np.uint32(1)
+    return result
+
+
+def fan_rays(task: PupilTask, rows: slice) -> tuple[np.ndarray, ...]:
+    """Starts [m] (n, 3), directions (n, 3), places on the pupil (n, 2) and weights (n,) of some replicates of a fan.
+
+    The rays leave the pupil along its first axis.
+    """
+    assert task.fan is not None
+    squared, weight = (array[rows].reshape(-1, 1) for array in task.fan)
+    place = np.sqrt(squared)
+    position = task.pupil.center + task.pupil.radius * place * task.pupil.axes[0]
+    direction = np.repeat(task.look[None], len(position), axis=0)
+    return (
+        position,
+        direction,
+        np.concatenate([place, np.zeros_like(place)], axis=1),
+        np.ascontiguousarray(weight[:, 0]),
+    )
+
+
+def group_count(per_replicate: int) -> int:
+    """Groups of rays that a replicate is summed in."""
+    return -(-per_replicate // GROUP)
+
+
+def batches_of(replicates: int, per_replicate: int) -> list[slice]:
+    """Replicates that are traced together."""
+    size = max(1, BATCH_RAYS // per_replicate)
+    return [slice(first, min(first + size, replicates)) for first in range(0, replicates, size)]
 
 
 def fit_plane(moments: np.ndarray, with_tilt: bool) -> np.ndarray:
@@ -32,10 +166,17 @@ def fit_plane(moments: np.ndarray, with_tilt: bool) -> np.ndarray:
     return np.array([piston, *(tilt if with_tilt else (0.0, 0.0))])
 
 
-def moments_in_metres(moments: np.ndarray, pupil: Disc) -> np.ndarray:
-    """Moments (replicates, MOMENT_COUNT) whose x and y are in units of the pupil's radius, in metres."""
-    radius = pupil.radius
-    return moments * np.array([1, radius, radius, 1, *[radius**2] * 3, radius, radius, 1, 1, 1])
+def moments_in_metres(moments: np.ndarray, task: PupilTask) -> np.ndarray:
+    """Moments (replicates, MOMENT_COUNT) whose x and y are in units of the pupil's radius, in metres.
+
+    Those of a fan, whose points all lie along x, are turned into those of the disc that it stands for.
+    """
+    radius = task.pupil.radius
+    moments = moments * np.array([1, radius, radius, 1, *[radius**2] * 3, radius, radius, 1, 1, 1])
+    if task.fan is not None:
+        moments[:, [1, 2, 5, 7, 8]] = 0.0
+        moments[:, [4, 6]] = 0.5 * moments[:, [4]]
+    return moments
 
 
 def fit_moments(total: np.ndarray) -> tuple[float, np.ndarray, float, float]:

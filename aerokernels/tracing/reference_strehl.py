@@ -5,30 +5,47 @@ import time
 import numpy as np
 
 from ..rays import RayBundle
-from .pupil_sums import PUPIL_OUTPUTS, fit_moments
+from .pupil_sums import MOMENT_COUNT, PUPIL_OUTPUTS, PupilSums, PupilTask, fan_rays, fit_plane, moments_in_metres
 from .status import RayStatus
 from .trace import run_plan
 
 
-def reduce_pupil(field, pupil, look, until, plan, wavelength, per_replicate, replicates, seed, with_tilt):
-    """Trace a pupil and sum: moments (replicates, MOMENT_COUNT), phasors (replicates,), evaluations, seconds."""
-    first, second = pupil.axes
-    moments: list[list[float]] = []
-    phasors: list[tuple[np.ndarray, ...]] = []
-    start = time.perf_counter()
-    for replicate in range(replicates):
-        rays = RayBundle.collimated(pupil, per_replicate, direction=look, seed=seed * replicates + replicate)
-        arrays, _ = run_plan(field, rays, plan, until, wavelength, PUPIL_OUTPUTS)
-        good = arrays["status"] == RayStatus.OK
-        x = (rays.position[good] - pupil.center) @ first
-        y = (rays.position[good] - pupil.center) @ second
-        opd = arrays["opd"][good]
-        products = (np.ones_like(x), x, y, opd, x * x, x * y, y * y, x * opd, y * opd, opd * opd)
-        worst = arrays["step_error"][good].max(initial=0.0)
-        moments.append([*(np.sum(term) for term in products), worst, arrays["evaluation_count"].sum()])
-        phasors.append((x, y, opd))
-    rows = np.array(moments)
-    tilt = fit_moments(rows.sum(axis=0))[1] if with_tilt else np.zeros(2)
-    wave = 2j * np.pi / wavelength
-    sums = np.array([np.sum(np.exp(wave * (w - tilt[0] * x - tilt[1] * y))) for x, y, w in phasors])
-    return rows, sums, int(rows[:, 11].sum()), {"compile": 0.0, "kernel": time.perf_counter() - start}
+class PupilRun:
+    """A pupil, to be traced any number of times; its points are those of `RayBundle.collimated`, a seed a replicate."""
+
+    def __init__(self, task: PupilTask):
+        """Nothing is to be made ready."""
+        self.task = task
+
+    def __call__(self) -> PupilSums:
+        """Trace and sum."""
+        task, start = self.task, time.perf_counter()
+        moments = np.zeros((task.replicates, MOMENT_COUNT))
+        kept = []
+        for replicate in range(task.replicates):
+            position, direction, place, weight = self._rays(replicate)
+            arrays, _ = run_plan(
+                task.field, RayBundle(position, direction), task.plan, task.until, task.wavelength, PUPIL_OUTPUTS
+            )
+            good = arrays["status"] == RayStatus.OK
+            (x, y), share, opd = place[good].T, weight[good], arrays["opd"][good]
+            terms = (np.ones_like(x), x, y, opd, x * x, x * y, y * y, x * opd, y * opd, opd * opd)
+            worst = arrays["step_error"][good].max(initial=0.0)
+            moments[replicate] = [*(share @ term for term in terms), worst, arrays["evaluation_count"].sum()]
+            kept.append((x, y, share, opd))
+        # Phases from the mean on: what is left of them is small, and so is their rounding.
+        piston, *tilt = fit_plane(moments, task.with_tilt)
+        wave = 2j * np.pi / task.wavelength
+        phasors = [share @ np.exp(wave * (w - piston - tilt[0] * x - tilt[1] * y)) for x, y, share, w in kept]
+        seconds = {"compile": 0.0, "kernel": time.perf_counter() - start}
+        ray_count = task.replicates * task.per_replicate
+        return PupilSums(moments_in_metres(moments, task), np.array(phasors), seconds, ray_count)
+
+    def _rays(self, replicate: int) -> tuple[np.ndarray, ...]:
+        task = self.task
+        if task.fan is not None:
+            return fan_rays(task, slice(replicate, replicate + 1))
+        seed = task.seed * task.replicates + replicate
+        rays = RayBundle.collimated(task.pupil, task.per_replicate, direction=task.look, seed=seed)
+        place = (rays.position - task.pupil.center) @ np.stack(task.pupil.axes, axis=1) / task.pupil.radius
+        return rays.position, rays.direction, place, np.ones(task.per_replicate)

@@ -36,6 +36,10 @@ BLUNTED = 30.0
 # In place of a divisor that may be 0.
 TINY = {"float32": 1e-30, "float64": 1e-290}
 
+# Even samples.
+# Greatest angle with the first direction for which they hold [rad].
+EVEN_WEAK = 0.05
+
 # Where a ray ends.
 # The number of the "surface" at which a stop at a length of arc ends a ray; those of space are numbered from 0.
 LANDED_ARC = 100
@@ -50,7 +54,7 @@ CLEAR_MARCH_LIMIT = 24
 WALK_LIMIT = 6
 
 # The pupil of a million rays.
-# Rays summed by one work-item or thread.
-GROUP = 1024
+# Rays summed by one work-group or thread, before the groups of a replicate are joined.
+GROUP = 128
 # Multipliers of the hash that scrambles Sobol points (Burley, Practical hash-based Owen scrambling, JCGT 9-4 (2020)).
 HASHES = (0x6C50B47C, 0xB82F1E52, 0xC7AFE638, 0x8D22F6E6)

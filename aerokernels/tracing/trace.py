@@ -1,6 +1,7 @@
 """The one entry: rays through a field."""
 
 import time
+from functools import partial
 
 import numpy as np
 
@@ -8,6 +9,7 @@ from ..medium import IndexField
 from ..rays import RayBundle
 from .budget import error_budget
 from .collimated import columns_hold, find_columns, is_collimated, is_worth_it
+from .even import fit_even, may_be_even, pilot_of
 from .plan import TracePlan, make_plan
 from .result import RAY_OUTPUTS, TraceResult
 from .stop import ArcLength, Plane
@@ -65,9 +67,11 @@ def trace(
     if not (np.isfinite(wavelength) and wavelength > 0.0):
         raise ValueError(f"wavelength must be a positive length in metres, got {wavelength!r}")
     wanted = check_outputs(outputs)
-    columns = _columns(field, rays, until, method, tolerance, wavelength)
-    plan = make_plan(
+    plan = plan_rays(
         field,
+        partial(pilot_of, rays),
+        rays.ray_count,
+        until,
         method=method,
         backend=backend,
         device=device,
@@ -78,7 +82,7 @@ def trace(
         path_length=until.length if isinstance(until, ArcLength) else None,
         wavelength=wavelength,
         directions=rays.direction,
-        columns=columns,
+        columns=_columns(field, rays, until, method, tolerance, wavelength),
     )
     arrays, seconds = run_plan(field, rays, plan, until, wavelength, wanted)
     seconds["total"] = time.perf_counter() - start
@@ -89,6 +93,23 @@ def trace(
     return TraceResult(
         plan=plan, seconds=seconds, wavelength=wavelength, weight=np.asarray(rays.weight), budget=budget, **arrays
     )
+
+
+def plan_rays(field: IndexField, pilot, ray_count: int, until, *, method, wavelength, **choices) -> TracePlan:
+    """The plan of a bundle, by even samples where they hold its tolerance; `pilot()` makes some of its rays.
+
+    The other arguments are those of `make_plan`.
+
+    Raises:
+        ValueError: An unknown name or a number that makes no sense, with the remedy.
+    """
+    if method in ("auto", "straight") and may_be_even(field, ray_count, until):
+        plan = make_plan(field, method="straight", wavelength=wavelength, **choices)
+        if not plan.columns and plan.backend != "reference":
+            plan = fit_even(field, pilot(), plan, until, wavelength) or plan
+        if plan.columns or plan.sample_count:
+            return plan
+    return make_plan(field, method=method, wavelength=wavelength, **choices)
 
 
 def _columns(field: IndexField, rays: RayBundle, until, method: str, tolerance: float, wavelength: float) -> str | None:
@@ -111,6 +132,10 @@ def run_plan(field: IndexField, rays: RayBundle, plan: TracePlan, until, wavelen
         from .collimated import trace as by_columns
 
         return by_columns(field, rays, plan, until, wavelength, outputs, run_plan)
+    if plan.sample_count:
+        from .even import trace as by_samples
+
+        return by_samples(field, rays, plan, until, wavelength, outputs)
     if plan.backend == "reference":
         from .reference import trace as run
     elif plan.backend == "opencl":

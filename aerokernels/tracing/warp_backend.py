@@ -10,6 +10,7 @@ import warp as wp
 
 from ..medium import IndexField
 from ..rays import RayBundle
+from .backend_info import thread_count
 from .field_data import (
     INTEGER_ARRAYS,
     REAL_TYPES,
@@ -21,7 +22,8 @@ from .field_data import (
     trace_members,
 )
 from .plan import TracePlan
-from .warp_devices import start_warp, thread_count
+from .warp_devices import start_warp
+from .warp_even import build_even_kernel
 from .warp_tracer import build_kernel
 from .warp_types import types
 
@@ -95,25 +97,34 @@ def prepare(
         setattr(device_field, name, array)
     control.reach = wp.array(tables["reach"], dtype=t.real, device=plan.device)
     control.reach_start = wp.array(tables["reach_start"], dtype=wp.int32, device=plan.device)
-    stop = stop_kind(until)
-    kernel = build_kernel(
-        plan.precision,
-        field.geometry,
-        field.interpolation,
-        not field.is_uniform,
-        plan.method,
-        stop,
-        field.body is not None,
-        outputs,
-    )
+    stop, has_body = stop_kind(until), field.body is not None
+    rough = None
+    if plan.sample_count:
+        outputs = outputs | {"step_error"}
+        kernel = build_even_kernel(plan.precision, field.geometry, field.interpolation, stop, has_body, outputs)
+        rough = wp.zeros(1, dtype=wp.int32, device=plan.device)
+    else:
+        on_mesh = not field.is_uniform
+        kernel = build_kernel(
+            plan.precision, field.geometry, field.interpolation, on_mesh, plan.method, stop, has_body, outputs
+        )
     uploaded = time.perf_counter()
     # The block size of a default launch on the CPU is 1; another one would be compiled again at the launch.
     kernel.module.load(plan.device, 1 if plan.device == "cpu" else None)
     return SimpleNamespace(
         kernel=kernel,
         arguments=[device_field, bounds, control],
+        rough=rough,
         seconds={"upload": uploaded - start, "compile": time.perf_counter() - uploaded},
     )
+
+
+def launch_trace(ready: SimpleNamespace, position, direction, results: dict, ray_count: int, device: str) -> None:
+    """Run the tracer on rays that are on the device."""
+    arrays = [position, direction, *results.values()]
+    if ready.rough is not None:
+        arrays.append(ready.rough)
+    launch(ready.kernel, ready.arguments, arrays, ray_count, device)
 
 
 def launch(kernel, arguments: list, arrays: list, ray_count: int, device: str) -> None:
@@ -155,16 +166,22 @@ def fetch(results: dict, outputs: frozenset) -> dict[str, np.ndarray]:
 
 
 def trace(field: IndexField, rays: RayBundle, plan: TracePlan, until, wavelength: float, outputs: frozenset):
-    """Trace with Warp: per-ray arrays by name, and seconds."""
+    """Trace with Warp: per-ray arrays by name, and seconds.
+
+    Of even samples, "step_error" comes along where some rays are to be traced otherwise.
+    """
     ready = prepare(field, plan, until, wavelength, outputs, rays.direction)
     start = time.perf_counter()
     position = wp.array(rays.position, dtype=wp.vec3d, device=plan.device)
     direction = wp.array(rays.direction, dtype=wp.vec3d, device=plan.device)
-    results = allocate(outputs, rays.ray_count, plan.device)
+    computed = outputs | {"step_error"} if plan.sample_count else outputs
+    results = allocate(computed, rays.ray_count, plan.device)
     placed = time.perf_counter()
-    launch(ready.kernel, ready.arguments, [position, direction, *results.values()], rays.ray_count, plan.device)
+    launch_trace(ready, position, direction, results, rays.ray_count, plan.device)
     wp.synchronize_device(plan.device)
     ran = time.perf_counter()
+    if ready.rough is not None and int(ready.rough.numpy()[0]):
+        outputs = computed
     arrays = fetch(results, outputs)
     seconds = dict(ready.seconds)
     seconds["upload"] += placed - start

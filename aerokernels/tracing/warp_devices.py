@@ -6,7 +6,7 @@ import sys
 
 import warp as wp
 
-from .backend_info import BackendInfo, host_memory
+from .backend_info import NO_CUDA, BackendInfo, warp_processor
 
 
 @functools.cache
@@ -25,20 +25,15 @@ def start_warp() -> None:
         os.close(spoken)
 
 
-def thread_count() -> int:
-    """Cores that this process may use."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else (os.cpu_count() or 1)
-
-
 def list_devices() -> list[BackendInfo]:
     """Warp's devices, a CUDA device first where there is one."""
     start_warp()
-    found = []
+    version, found = wp.__version__, []
     for device in wp.get_devices():
         if device.is_cuda:
-            text, memory, reason = device.name, device.total_memory, "a GPU is taken where there is one"
+            reason, memory = "a GPU is taken where there is one", device.total_memory
+            found.append(BackendInfo("warp", device.alias, device.name, version, True, True, memory, reason))
         else:
-            text = f"{thread_count()} cores, launches chunked over threads"
-            memory, reason = host_memory(), ("a GPU goes before it" if wp.is_cuda_available() else "no CUDA device")
-        found.append(BackendInfo("warp", device.alias, text, wp.__version__, True, True, memory, reason))
+            reason = "a GPU goes before it" if wp.is_cuda_available() else NO_CUDA
+            found.append(warp_processor(version, reason))
     return sorted(found, key=lambda info: info.device == "cpu")

@@ -7,6 +7,7 @@ areas of the square map to equal areas of the disc.
 
 import warp as wp
 
+from .pupil_sums import MOMENT_COUNT
 from .scheme import GROUP, HASHES
 from .status import RayStatus
 
@@ -18,6 +19,7 @@ _HASH_4 = wp.constant(wp.uint32(HASHES[3]))
 _TOP_BIT = wp.constant(wp.uint32(0x80000000))
 _OK = wp.constant(int(RayStatus.OK))
 _GROUP = wp.constant(GROUP)
+_MOMENTS = wp.constant(MOMENT_COUNT)
 
 
 @wp.func
@@ -63,16 +65,20 @@ def launch_pupil(
     second: wp.vec3d,
     look: wp.vec3d,
     seeds: wp.array(dtype=wp.uint32, ndim=2),
+    order_in: wp.array(dtype=wp.int32),
     per_replicate: int,
     first_ray: int,
     position_out: wp.array(dtype=wp.vec3d),
     direction_out: wp.array(dtype=wp.vec3d),
     pupil_out: wp.array(dtype=wp.vec2d),
 ):
-    """Points of the pupil; `first` and `second` are its axes times its radius."""
+    """Points of the pupil; `first` and `second` are its axes times its radius.
+
+    Ray r of a replicate is its point order_in[r]: neighbours in the launch are then neighbours on the disc.
+    """
     ray = wp.tid() + first_ray
     replicate = ray // per_replicate
-    index = wp.uint32(ray - replicate * per_replicate)
+    index = wp.uint32(order_in[ray - replicate * per_replicate])
     unit = wp.float64(2.3283064365386963e-10)
     u = (wp.float64(scramble(reverse_bits(index), seeds[replicate, 0])) + wp.float64(0.5)) * unit
     v = (wp.float64(scramble(second_axis(index), seeds[replicate, 1])) + wp.float64(0.5)) * unit
@@ -85,20 +91,40 @@ def launch_pupil(
     pupil_out[ray] = wp.vec2d(x, y)
 
 
+@wp.func
+def weight_of(weight_count: int, weight_in: wp.array(dtype=wp.float64), ray: int):
+    """What a ray counts: a number of its own, or one for all."""
+    if weight_count == 1:
+        return weight_in[0]
+    return weight_in[ray]
+
+
+@wp.func
+def group_span(group: int, per_replicate: int):
+    """First ray of a group and one past its last; a replicate begins with a new group."""
+    groups = (per_replicate + _GROUP - 1) // _GROUP
+    replicate = group // groups
+    begin = (group - replicate * groups) * _GROUP
+    first = replicate * per_replicate
+    return first + begin, first + wp.min(begin + _GROUP, per_replicate)
+
+
 @wp.kernel(enable_backward=False)
 def sum_moments(
-    ray_count: int,
+    per_replicate: int,
     first_group: int,
+    weight_count: int,
+    weight_in: wp.array(dtype=wp.float64),
     pupil_in: wp.array(dtype=wp.vec2d),
     opd_in: wp.array(dtype=wp.float64),
     step_error_in: wp.array(dtype=wp.float64),
     evaluation_count_in: wp.array(dtype=wp.int32),
     status_in: wp.array(dtype=wp.int32),
-    moments_out: wp.array(dtype=wp.float64, ndim=2),
+    moments_out: wp.array(dtype=wp.float64),
 ):
     """Moments of one group of rays, those that arrived."""
     group = wp.tid() + first_group
-    stop = wp.min((group + 1) * _GROUP, ray_count)
+    begin, stop = group_span(group, per_replicate)
     count = wp.float64(0.0)
     sx = wp.float64(0.0)
     sy = wp.float64(0.0)
@@ -111,42 +137,45 @@ def sum_moments(
     sww = wp.float64(0.0)
     worst = wp.float64(0.0)
     looked = wp.float64(0.0)
-    for ray in range(group * _GROUP, stop):
+    for ray in range(begin, stop):
         looked += wp.float64(evaluation_count_in[ray])
         if status_in[ray] == _OK:
             p = pupil_in[ray]
             w = opd_in[ray]
-            count += wp.float64(1.0)
-            sx += p[0]
-            sy += p[1]
-            sw += w
-            sxx += p[0] * p[0]
-            sxy += p[0] * p[1]
-            syy += p[1] * p[1]
-            sxw += p[0] * w
-            syw += p[1] * w
-            sww += w * w
+            share = weight_of(weight_count, weight_in, ray)
+            count += share
+            sx += share * p[0]
+            sy += share * p[1]
+            sw += share * w
+            sxx += share * p[0] * p[0]
+            sxy += share * p[0] * p[1]
+            syy += share * p[1] * p[1]
+            sxw += share * p[0] * w
+            syw += share * p[1] * w
+            sww += share * w * w
             worst = wp.max(worst, step_error_in[ray])
-    moments_out[group, 0] = count
-    moments_out[group, 1] = sx
-    moments_out[group, 2] = sy
-    moments_out[group, 3] = sw
-    moments_out[group, 4] = sxx
-    moments_out[group, 5] = sxy
-    moments_out[group, 6] = syy
-    moments_out[group, 7] = sxw
-    moments_out[group, 8] = syw
-    moments_out[group, 9] = sww
-    moments_out[group, 10] = worst
-    moments_out[group, 11] = looked
+    moments_out[group * _MOMENTS + 0] = count
+    moments_out[group * _MOMENTS + 1] = sx
+    moments_out[group * _MOMENTS + 2] = sy
+    moments_out[group * _MOMENTS + 3] = sw
+    moments_out[group * _MOMENTS + 4] = sxx
+    moments_out[group * _MOMENTS + 5] = sxy
+    moments_out[group * _MOMENTS + 6] = syy
+    moments_out[group * _MOMENTS + 7] = sxw
+    moments_out[group * _MOMENTS + 8] = syw
+    moments_out[group * _MOMENTS + 9] = sww
+    moments_out[group * _MOMENTS + 10] = worst
+    moments_out[group * _MOMENTS + 11] = looked
 
 
 @wp.kernel(enable_backward=False)
 def sum_phasors(
     wave_number: wp.float64,
     plane: wp.vec3d,
-    ray_count: int,
+    per_replicate: int,
     first_group: int,
+    weight_count: int,
+    weight_in: wp.array(dtype=wp.float64),
     pupil_in: wp.array(dtype=wp.vec2d),
     opd_in: wp.array(dtype=wp.float64),
     status_in: wp.array(dtype=wp.int32),
@@ -154,11 +183,37 @@ def sum_phasors(
 ):
     """Sum of exp(i k (OPD - plane)) over one group of rays, those that arrived."""
     group = wp.tid() + first_group
-    stop = wp.min((group + 1) * _GROUP, ray_count)
+    begin, stop = group_span(group, per_replicate)
     total = wp.vec2d(wp.float64(0.0), wp.float64(0.0))
-    for ray in range(group * _GROUP, stop):
+    for ray in range(begin, stop):
         if status_in[ray] == _OK:
             p = pupil_in[ray]
             phase = wave_number * (opd_in[ray] - plane[0] - plane[1] * p[0] - plane[2] * p[1])
-            total += wp.vec2d(wp.cos(phase), wp.sin(phase))
+            total += weight_of(weight_count, weight_in, ray) * wp.vec2d(wp.cos(phase), wp.sin(phase))
     phasor_out[group] = total
+
+
+@wp.kernel(enable_backward=False)
+def join_sums(
+    per_replicate: int,
+    first_sum: int,
+    moments_in: wp.array(dtype=wp.float64, ndim=1),
+    phasor_in: wp.array(dtype=wp.vec2d),
+    sums_out: wp.array(dtype=wp.float64),
+):
+    """Sums of replicates from those of their groups: the moments, then real and imaginary part of the phasor."""
+    index = wp.tid() + first_sum
+    groups = (per_replicate + _GROUP - 1) // _GROUP
+    replicate = index // (_MOMENTS + 2)
+    k = index - replicate * (_MOMENTS + 2)
+    whole = wp.float64(0.0)
+    for group in range(replicate * groups, (replicate + 1) * groups):
+        if k < _MOMENTS:
+            part = moments_in[group * _MOMENTS + k]
+            if k == 10:
+                whole = wp.max(whole, part)
+            else:
+                whole += part
+        else:
+            whole += phasor_in[group][k - _MOMENTS]
+    sums_out[index] = whole

@@ -73,6 +73,9 @@ def types(precision: str) -> SimpleNamespace:
         budget: real  # OPD error allowed for the whole ray [m]
         extent: real  # a few diagonals of the box, longer than any step [m]
         max_steps: wp.int32
+        even_share: real  # even samples: the share of a difference that is taken for the error
+        bend_share: real  # and that of int P^2 / w dt
+        sample_count: wp.int32  # of a ray whose samples are even, a multiple of three
 
     class Course:  # of the undisturbed ray; distances along it [m]
         enter: wp.float64  # where the first step begins

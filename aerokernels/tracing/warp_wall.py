@@ -57,6 +57,31 @@ def build_way_out(precision: str, geometry: str):
 
 
 @functools.cache
+def build_stays_clear(precision: str, geometry: str):
+    """A function (field, position, direction, enter, far): whether a straight ray keeps away from the body there."""
+    t = types(precision)
+    real, vec3, Field = t.real, t.vec3, t.Field
+    wall_distance = build_wall_distance(precision, geometry)
+
+    @wp.func
+    def stays_clear(field: Field, p: wp.vec3d, d: wp.vec3d, enter: wp.float64, far: wp.float64):
+        # Once it has left its wall.
+        least = wp.float64(1.0) / wp.float64(wp.max(field.wall_rate))
+        along = enter + wp.float64(2.0) * least
+        march = int(0)
+        clear = bool(True)
+        while clear and along < far:
+            at = p + along * d
+            gap = wp.float64(wall_distance(field, vec3(real(at[0]), real(at[1]), real(at[2]))))
+            clear = bool(gap > wp.float64(0.1) * least and march < wp.static(WALL_MARCH_LIMIT))
+            along += gap
+            march += 1
+        return clear
+
+    return stays_clear
+
+
+@functools.cache
 def build_clear_way(precision: str, geometry: str):
     """Functions (field, bounds, cell, frac) -> distance to the wall, and the longest step that is clear of it."""
     t = types(precision)

@@ -78,6 +78,9 @@
 #define ROUGH R(0.2)
 #define BLUNTED R(30.0)
 
+// Even samples: greatest angle with the first direction [rad].
+#define EVEN_WEAK R(0.05)
+
 // Angle with the first direction up to which a ray counts as nearly straight [rad].
 #define NEARLY_STRAIGHT R(0.01)
 
@@ -99,7 +102,7 @@
 #define WALK_LIMIT 6
 
 // Pupil: rays summed by one work-item and the sums it delivers, and the hash of the scramble.
-#define GROUP 1024
+#define GROUP 128
 #define MOMENT_COUNT 12
 #define HASH_1 0x6C50B47Cu
 #define HASH_2 0xB82F1E52u

@@ -70,16 +70,13 @@ static inline real radius_of(real3 frac)
 
 #if GEOMETRY == VOLUME
 
-static real4 sample(const Field *field, const Arrays *arrays, int3 cell, real3 frac, int home)
+// Value and slopes per cell at fraction (u, v, w) of a cell.
+static inline real4 volume_sample(const Field *field, const Arrays *arrays, int3 cell, real u, real v, real w)
 {
-    real u, v, w;
-    const int a = split(frac.x, cell.x, field->row[0], &u);
-    const int b = split(frac.y, cell.y, field->row[1], &v);
-    const int c = split(frac.z, cell.z, field->row[2], &w);
     const row_t wa = value_weights(u), sa = slope_weights(u);
     const row_t wb = value_weights(v), sb = slope_weights(v);
     const row_t wc = value_weights(w), sc = slope_weights(w);
-    const int start = (a * field->pitch[0] + b * field->pitch[1] + c) * STRIDE;
+    const int start = (cell.x * field->pitch[0] + cell.y * field->pitch[1] + cell.z) * STRIDE;
     row_t total = (row_t)R(0.0), first = (row_t)R(0.0), second = (row_t)R(0.0);
 #pragma unroll
     for (int i = 0; i < SUPPORT; i++) {
@@ -94,11 +91,18 @@ static real4 sample(const Field *field, const Arrays *arrays, int3 cell, real3 f
         first += ROW_ENTRY(sa, i) * sheet;
         second += ROW_ENTRY(wa, i) * bend;
     }
-    return (real4)(
-        dot(wc, total),
-        dot(wc, first) * field->inverse_spacing[0],
-        dot(wc, second) * field->inverse_spacing[1],
-        dot(sc, total) * field->inverse_spacing[2]);
+    return (real4)(dot(wc, total), dot(wc, first), dot(wc, second), dot(sc, total));
+}
+
+static real4 sample(const Field *field, const Arrays *arrays, int3 cell, real3 frac, int home)
+{
+    real u, v, w;
+    const int a = split(frac.x, cell.x, field->row[0], &u);
+    const int b = split(frac.y, cell.y, field->row[1], &v);
+    const int c = split(frac.z, cell.z, field->row[2], &w);
+    const real4 s = volume_sample(field, arrays, (int3)(a, b, c), u, v, w);
+    const real3 rate = VECTOR(field->inverse_spacing);
+    return (real4)(s.x, s.yzw * rate);
 }
 
 static inline int table_entry(const Field *field, int3 cell, real3 frac)

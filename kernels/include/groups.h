@@ -1,4 +1,5 @@
-// Sums over groups of GROUP rays: a work-group sums one group, each of its work-items every WORK_GROUP-th ray of it.
+// Sums over groups of GROUP rays: a work-group sums one group, each of its work-items every WORK_GROUP-th ray of it. A
+// replicate begins with a new group, so that no group has rays of two.
 #ifndef GROUPS_H
 #define GROUPS_H
 
@@ -10,11 +11,16 @@
 #define WORK_GROUP 64
 #endif
 
-// One past the last ray of a group; its first where there is no such group.
-int group_stop(int group, int group_count, int ray_count)
+#define WORST 10  // the moment that is no sum
+
+// First ray of a group, and one past its last; they are the same where there is no such group.
+int2 group_span(int group, int group_count, int per_replicate)
 {
-    const int begin = group * GROUP;
-    return group < group_count ? begin + min(GROUP, ray_count - begin) : begin;
+    const int groups = (per_replicate + GROUP - 1) / GROUP;
+    const int replicate = group / groups;
+    const int begin = (group - replicate * groups) * GROUP;
+    const int count = group < group_count ? min(GROUP, per_replicate - begin) : 0;
+    return (int2)(replicate * per_replicate + begin, replicate * per_replicate + begin + count);
 }
 
 #endif

@@ -42,6 +42,10 @@
 #ifndef STOP
 #define STOP NONE
 #endif
+// Rays that a work-item of even samples moves in step.
+#ifndef LANES
+#define LANES 1
+#endif
 #ifndef HAS_BODY
 #define HAS_BODY 0
 #endif

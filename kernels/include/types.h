@@ -50,6 +50,9 @@ typedef struct {
     real budget;              // OPD error allowed for the whole ray [m]
     real extent;              // a few diagonals of the box, longer than any step [m]
     int max_steps;
+    real even_share;          // even samples: the share of a difference that is taken for the error
+    real bend_share;          // and that of int P^2 / w dt
+    int sample_count;         // of a ray whose samples are even, a multiple of three
 } Control;
 
 typedef struct {

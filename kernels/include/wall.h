@@ -39,6 +39,21 @@ static inline double way_out(
     return along;
 }
 
+// Whether a straight ray keeps away from the body between two distances, once it has left its wall.
+static inline int stays_clear(
+    const Field *field, const Arrays *arrays, double3 p, double3 d, double enter, double far)
+{
+    const double least = 1.0 / (double)greater(field->wall_rate[0], field->wall_rate[1]);
+    double along = enter + 2.0 * least;
+    int clear = 1;
+    for (int march = 0; clear && along < far; march++) {
+        const double gap = (double)wall_distance(field, arrays, convert_real3(p + along * d));
+        clear = gap > 0.1 * least && march < WALL_MARCH_LIMIT;
+        along += gap;
+    }
+    return clear;
+}
+
 static inline real wall_at(const Field *field, const Arrays *arrays, const Bounds *bounds, int3 cell, real3 frac)
 {
     const double3 place = convert_double3(cell) + convert_double3(frac);

@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from aerokernels import QuadMesh, flow
-from aerokernels.medium.mesh import bilinear_point, contains, invert_bilinear
+from aerokernels.medium.bilinear import bilinear_point, contains, invert_bilinear
 
 
 def curvilinear(seed: int = 0, shape=(9, 13), geometry: str = "planar", turned: bool = False) -> QuadMesh:
@@ -60,6 +60,25 @@ def test_lookup_on_the_shipped_mach_3_mesh():
     probe = np.random.default_rng(3).uniform(low - 0.01, high + 0.01, (60, 2))
     assert_lookup_is_right(mesh, np.vstack([probe, [[0.0, -1e-3], [4e-3, -0.05]]]))
     assert mesh.locate(np.array([[0.0, -1e-3]]))[0] == -1, "the body is no cell"
+
+
+def test_points_looked_up_in_parts_are_found_as_in_one(monkeypatch):
+    """Pairs of points and cells are taken a limited number at a time; where the cut falls changes nothing."""
+    mesh = flow.shipped("mach3").mesh
+    low, high = mesh.box
+    points = np.random.default_rng(5).uniform(low, high, (500, 2))
+    whole = mesh.locate(points)
+    assert (whole >= 0).any() and (whole < 0).any()
+    for limit in (1, 7, 1000):
+        monkeypatch.setattr("aerokernels.medium.mesh.PAIR_LIMIT", limit)
+        assert np.array_equal(mesh.locate(points), whole)
+
+
+def test_a_point_on_an_edge_belongs_to_the_cell_of_lowest_index():
+    """Set-up: unit cells 0 and 1 above each other, 2 and 3 beside them; edges, and the vertex where all four meet."""
+    mesh = QuadMesh.structured(*np.meshgrid([0.0, 1.0, 2.0], [0.0, 1.0, 2.0], indexing="ij"))
+    points = np.array([[0.5, 1.0], [1.0, 0.5], [1.0, 1.5], [1.5, 1.0], [1.0, 1.0]])
+    assert mesh.locate(points).tolist() == [0, 0, 1, 2, 0]
 
 
 def test_outside_is_minus_one():

@@ -53,7 +53,8 @@ print(json.dumps({
     "finite": bool(np.isfinite(result.opd).all()),
     "least": float(result.opd.min()),
     "greatest": float(result.opd.max()),
-    "same": bool(np.array_equal(result.opd[rows], alone.opd) and np.array_equal(result.status[rows], alone.status)),
+    "apart": float(np.abs(result.opd[rows] - alone.opd).max()),
+    "same": bool(np.array_equal(result.status[rows], alone.status)),
 }))
 """
 
@@ -94,10 +95,12 @@ def test_a_slice_of_a_bundle_has_the_bundle_s_own_rays():
 
 @pytest.mark.skipif(not Path("/proc/self/clear_refs").exists(), reason="memory is measured by Linux's /proc")
 def test_ten_million_rays():
-    """A weak field of 3 by 3 cells, the OPD only: every ray arrives, as it does alone, in bounded memory.
+    """A weak field of 3 by 3 cells, the OPD only: every ray arrives, as in a small bundle, in bounded memory.
+
+    So many rays may be sampled evenly where few are traced under error control: they agree to the tolerance.
 
     OPD: contrast 1e-7 (1 +- 0.2) over 1 m of depth at slopes up to 0.05. Memory: the kernel's own copy of positions
-    and directions, 48 bytes a ray, the OPD and status twice (on the device and returned), 24; 30 spare.
+    and directions, 48 bytes a ray, the OPD and status twice (on the device and returned), 24, errors, 8; 22 spare.
     """
     done = subprocess.run(
         [sys.executable, "-c", TEN_MILLION, str(RAY_COUNT)], capture_output=True, text=True, check=True, timeout=600
@@ -105,5 +108,6 @@ def test_ten_million_rays():
     said = json.loads(done.stdout)
     assert said["length"] == RAY_COUNT and said["summary"] == {"OK": RAY_COUNT}
     assert said["finite"] and said["same"] and said["others"] == []
+    assert said["apart"] < 1e-3 * 905e-9
     assert 0.8e-7 < said["least"] < said["greatest"] < 1.21e-7
     assert said["used"] < 102 * RAY_COUNT

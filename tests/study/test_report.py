@@ -2,6 +2,7 @@
 
 import base64
 import io
+import itertools
 import re
 
 import matplotlib.image
@@ -10,6 +11,7 @@ import pytest
 import xarray
 
 from aerokernels.study import plots
+from aerokernels.study.figure_layout import Panel, fitted_panel, panelled_figure
 from aerokernels.study.report import headline_rows, render_report
 
 SUMMARY = {
@@ -73,6 +75,42 @@ def test_pictures_carry_units(name: str, dataset: xarray.Dataset):
     labels = [text for axes in figure.axes for text in (axes.get_xlabel(), axes.get_ylabel()) if text]
     unit = re.compile(r"\[(mm|nm|µm|ns|V|µW|µrad|kg/m³)\]|/ undisturbed peak")
     assert labels and all(unit.search(label) for label in labels), labels
+
+
+@pytest.mark.parametrize("name", plots.FIGURES)
+def test_nothing_that_is_written_is_cut_off(name: str, dataset: xarray.Dataset):
+    """Panels have fixed room around them. Expected: the box of all that is drawn lies in the picture, and no formula.
+
+    Also with large numbers on the scales, whose labels are the widest.
+    """
+    wide = dataset.assign(density=1234.5 * dataset["density"], echo_power=1e3 * dataset["echo_power"])
+    wide = wide.assign(opd=-900.0 * dataset["opd"], ray_deviation=-12.0 * dataset["ray_deviation"])
+    for data in (dataset, wide):
+        figure = plots.FIGURES[name][1](data)
+        plots.png(figure)
+        drawn = figure.get_tightbbox()  # [in]
+        width, height = figure.get_size_inches()
+        assert drawn.x0 >= 0.0 and drawn.y0 >= 0.0 and drawn.x1 <= width and drawn.y1 <= height, drawn
+        for axes in figure.axes:
+            labels = [label.get_text() for label in (*axes.get_xticklabels(), *axes.get_yticklabels())]
+            assert not any("$" in label for label in labels), labels
+
+
+def test_panels_lie_beside_each_other():
+    """Expected: axes in the sizes asked for, none over another, colour bars beside their own."""
+    panels = [Panel(2.0, 3.0, bar=True), fitted_panel(2.0, 3.0, 4.0), fitted_panel(0.5, 3.0, 4.0)]
+    assert (panels[1].width, panels[1].height) == (2.0, 4.0) and (panels[2].width, panels[2].height) == (3.0, 1.5)
+    figure, made = panelled_figure(panels)
+    size = figure.get_size_inches()
+    boxes = []
+    for panel, (axes, bar) in zip(panels, made, strict=True):
+        box = axes.get_position()
+        inches = axes.get_position().bounds * np.tile(size, 2)
+        np.testing.assert_allclose(inches[2:], [panel.width, panel.height], rtol=1e-12)
+        assert (bar is not None) == panel.bar
+        boxes += [box] if bar is None else [box, bar.get_position()]
+    assert [box.x0 for box in boxes] == sorted(box.x0 for box in boxes)
+    assert all(first.x1 < second.x0 for first, second in itertools.pairwise(boxes))
 
 
 def test_the_density_picture_draws_the_data(dataset: xarray.Dataset):

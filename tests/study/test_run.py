@@ -5,13 +5,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from aerokernels.medium import QuadMesh
+from aerokernels.medium import IndexField, QuadMesh
 from aerokernels.prepare import prepare_field
+from aerokernels.rays import RayBundle
 from aerokernels.scene import Scene, shipped_scenes
 from aerokernels.study.dataset import density_cells
 from aerokernels.study.run import STAGES, RunResult, simulate
 from aerokernels.study.scene_text import scene_toml
-from aerokernels.study.views import pupil_map, ray_fan, spot
+from aerokernels.study.views import pupil_map, pupil_samples, ray_fan, spot, trace_options
+from aerokernels.tracing import trace
 
 SMALL = {"strehl.ray_count": 4096, "beam.ray_count": 64, "receiver.ray_count": 64}
 
@@ -66,6 +68,31 @@ def test_the_spot_peaks_at_the_strehl_ratio():
     assert made.intensity[middle, middle] == pytest.approx(expected, rel=1e-12)
     assert made.perfect[middle, middle] == pytest.approx(1.0, rel=1e-12)
     assert 0.5 < expected < 0.9
+
+
+def test_samples_at_one_distance_from_the_axis_share_a_ray():
+    """Set-up: the Mach 3 wavefront at sea level on 41 x 41 samples.
+
+    Expected: as many rays as there are distances, found here by counting sums of squares, and the map of a trace of
+    every sample; on a planar field every sample has its own. Error: float32 and steps, a tenth of the tolerance.
+    """
+    scene = Scene.load("sea-level-mach3")
+    field = prepare_field(scene).field
+    made = pupil_map(field, scene, sample_count=41)
+    sums = {i * i + j * j for i in range(21) for j in range(21) if i * i + j * j <= 400}
+    assert len(made.trace.status) == len(sums) == 146
+    x, y = (axis[np.isfinite(made.opd)] for axis in np.meshgrid(made.coordinate, made.coordinate))
+    rays = RayBundle(np.stack([x, y, np.full(len(x), scene.receiver.aperture_z)], axis=1), (0.0, 0.0, 1.0))
+    every = trace(field, rays, **trace_options(scene), outputs=("opd",)).opd
+    change = made.opd[np.isfinite(made.opd)] - (every - every.mean())
+    assert len(x) == 1257
+    assert np.abs(change).max() < 0.1 * scene.trace.tolerance * scene.flow.wavelength
+
+    planar = IndexField.from_samples(
+        np.zeros((9, 9)), origin=(-0.01, -0.01), spacing=(0.0025, 0.0025), geometry="planar"
+    )
+    inside, traced, ray = pupil_samples(planar, scene, 41)
+    assert len(traced) == len(ray) == inside.sum() and np.array_equal(traced, ray)
 
 
 def test_the_fan_is_symmetric_and_bends_toward_denser_air():

@@ -81,36 +81,46 @@ def test_points_are_those_of_warp(device: Device):
     per, count = 333, 999
     vectors = np.random.default_rng(1).normal(size=(4, 3))
     seeds = np.random.default_rng(2).integers(0, 2**32, (3, 2), dtype=np.uint32)
+    order = np.random.default_rng(3).permutation(per).astype(np.int32)
     out = [device.put(np.zeros((count, width))) for width in (3, 3, 2)]
     for first, stop in ((0, 500), (500, count)):
         numbers = [double3(v) for v in vectors]
         # Padded to whole work-groups, the last of them beyond the end.
         ends = np.int32(per), np.int32(first), np.int32(stop)
-        device.run("launch_pupil", stop - first, *numbers, device.put(seeds), *ends, *out)
+        device.run("launch_pupil", stop - first, *numbers, device.put(seeds), device.put(order), *ends, *out)
     expected = [wp.empty(count, dtype=kind, device="cpu") for kind in (wp.vec3d, wp.vec3d, wp.vec2d)]
-    given = [*(wp.vec3d(*v) for v in vectors), wp.array(seeds, dtype=wp.uint32, device="cpu"), per, 0, *expected]
+    indices = [wp.array(seeds, dtype=wp.uint32, device="cpu"), wp.array(order, dtype=wp.int32, device="cpu")]
+    given = [*(wp.vec3d(*v) for v in vectors), *indices, per, 0, *expected]
     wp.launch(launch_pupil, dim=count, inputs=given, device="cpu")
     for ours, theirs in zip(out, expected, strict=True):
         assert np.abs(device.get(ours) - theirs.numpy()).max() < 4e-15
 
 
+@pytest.mark.parametrize("replicates", [1, 3])
 @pytest.mark.parametrize("count", [1, 63, GROUP, GROUP + 1, 3 * GROUP - 5])
-def test_moments_are_sums_over_each_group(device: Device, count: int):
-    """Expected: NumPy's sums of each group of rays; tolerance: 1024 additions, each rounded once."""
-    given = rays(count)
-    group_count = -(-count // GROUP)
+def test_moments_are_sums_over_each_group(device: Device, count: int, replicates: int):
+    """Expected: NumPy's sums of each group of rays; tolerance: GROUP additions, each rounded once.
+
+    Each replicate begins with a new group; three replicates have weights, one has the same for all.
+    """
+    given = rays(replicates * count)
+    group_count = replicates * -(-count // GROUP)
     out = device.put(np.zeros((group_count, MOMENT_COUNT)))
     names = ("pupil", "opd", "step_error", "evaluation_count", "status")
-    ends = np.int32(count), np.int32(0), np.int32(group_count)
+    weight = device.put(np.linspace(0.5, 1.5, replicates * count) if replicates > 1 else np.ones(1))
+    ends = np.int32(count), np.int32(0), np.int32(group_count), np.int32(replicates * count if replicates > 1 else 1)
     # One work-group too many: what lies beyond group_count does nothing.
-    device.run("sum_moments", 64 * (group_count + 1), *ends, *(device.put(given[name]) for name in names), out)
+    device.run("sum_moments", 64 * (group_count + 1), *ends, weight, *(device.put(given[name]) for name in names), out)
     found = device.get(out)
     for group in range(group_count):
-        rows = {name: values[group * GROUP : (group + 1) * GROUP] for name, values in given.items()}
+        replicate, part = divmod(group, group_count // replicates)
+        begin, end = replicate * count + part * GROUP, replicate * count + min((part + 1) * GROUP, count)
+        rows = {name: values[begin:end] for name, values in given.items()}
         good = rows["status"] == RayStatus.OK
         (x, y), w = rows["pupil"][good].T, rows["opd"][good]
+        share = np.linspace(0.5, 1.5, replicates * count)[begin:end][good] if replicates > 1 else 1.0
         terms = (np.ones_like(x), x, y, w, x * x, x * y, y * y, x * w, y * w, w * w)
-        for k, term in enumerate(terms):
+        for k, term in enumerate(share * np.array(terms)):
             assert abs(found[group, k] - term.sum()) <= GROUP * 2.0**-52 * np.abs(term).sum(), k
         assert found[group, 10] == rows["step_error"][good].max(initial=0.0)
         assert found[group, 11] == rows["evaluation_count"].sum()
@@ -122,13 +132,31 @@ def test_groups_can_be_summed_in_parts(device: Device):
     out = device.put(np.full((3, 2), 5.0))
     number, plane = np.float64(7e6), double3([1e-7, 2e-8, -3e-8])
     names = ("pupil", "opd", "status")
-    ends = np.int32(3 * GROUP), np.int32(1), np.int32(3)
-    device.run("sum_phasors", 64 * 2, number, plane, *ends, *(device.put(given[name]) for name in names), out)
+    ends = np.int32(3 * GROUP), np.int32(1), np.int32(3), np.int32(1)
+    one = device.put(np.ones(1))
+    device.run("sum_phasors", 64 * 2, number, plane, *ends, one, *(device.put(given[name]) for name in names), out)
     found = device.get(out)
     phase = 7e6 * (given["opd"] - 1e-7 - given["pupil"] @ [2e-8, -3e-8])
     phasor = np.where(given["status"] == RayStatus.OK, np.exp(1j * phase), 0.0).reshape(3, GROUP).sum(axis=1)
     assert (found[0] == 5.0).all()
     assert np.abs(found[1:] @ [1.0, 1.0j] - phasor[1:]).max() < GROUP * 1e-15
+
+
+def test_groups_are_joined_by_replicate(device: Device):
+    """Sums of each replicate's groups in their order, but for the greatest error; what lies beyond is left alone."""
+    rng = np.random.default_rng(6)
+    per_replicate, groups, replicates = 2 * GROUP + 1, 3, 4
+    moments = rng.normal(size=(replicates * groups, MOMENT_COUNT))
+    phasors = rng.normal(size=(replicates * groups, 2))
+    out = device.put(np.full(replicates * (MOMENT_COUNT + 2), 7.0))
+    ends = np.int32(per_replicate), np.int32(0), np.int32((replicates - 1) * (MOMENT_COUNT + 2))
+    device.run("join_sums", replicates * (MOMENT_COUNT + 2), *ends, device.put(moments), device.put(phasors), out)
+    found = device.get(out).reshape(replicates, MOMENT_COUNT + 2)
+    expected = moments.reshape(replicates, groups, MOMENT_COUNT).sum(axis=1)
+    expected[:, 10] = np.maximum(moments[:, 10].reshape(replicates, groups).max(axis=1), 0.0)
+    assert np.abs(found[:3, :MOMENT_COUNT] - expected[:3]).max() < 1e-14
+    assert np.abs(found[:3, MOMENT_COUNT:] - phasors.reshape(replicates, groups, 2).sum(axis=1)[:3]).max() < 1e-14
+    assert (found[3] == 7.0).all()
 
 
 @pytest.mark.parametrize("remove", [("piston",), ("piston", "tilt")])

@@ -45,7 +45,9 @@ void arithmetic(__global float *out, const int rounds, const float factor, const
     }
     VECTOR total = sum[0];
     for (int c = 1; c < CHAINS; c++) total += sum[c];
-    out[get_global_id(0)] = ((const float *)&total)[0] + ((const float *)&total)[WIDTH - 1];
+    float whole = 0.0f;  // of every lane, or a compiler leaves the others out
+    for (int k = 0; k < WIDTH; k++) whole += ((const float *)&total)[k];
+    out[get_global_id(0)] = whole;
 }
 """
 LOADS = """
@@ -63,7 +65,9 @@ void loads(__global float *out, __global const VECTOR *values, const int rounds)
     }
     VECTOR total = sum[0];
     for (int c = 1; c < CHAINS; c++) total += sum[c];
-    out[get_global_id(0)] = ((const float *)&total)[0] + ((const float *)&total)[WIDTH - 1];
+    float whole = 0.0f;  // of every lane, or a compiler leaves the others out
+    for (int k = 0; k < WIDTH; k++) whole += ((const float *)&total)[k];
+    out[get_global_id(0)] = whole;
 }
 """
 

@@ -1,0 +1,55 @@
+r"""One quadrilateral cell: the bilinear map from the unit square, its inverse, and whether a point lies inside.
+
+With corners a, b, c, d in order around the cell, xi from a to b and eta from a to d,
+
+    p(xi, eta) = a + xi e + eta f + xi eta g,    e = b - a,  f = d - a,  g = (a - b) + (c - d).
+"""
+
+import numpy as np
+
+# Relative slack of the containment test: a point on an edge belongs to a cell on either side, never to none.
+EDGE_SLACK = 1e-9
+# Newton's method is quadratic: after a step of this size (in xi, eta) what is left is rounding.
+LAST_STEP = 1e-9
+MAX_STEPS = 12
+
+
+def bilinear_point(corners: np.ndarray, xi, eta) -> tuple[np.ndarray, np.ndarray]:
+    """Point at (xi, eta) of each cell, shape (n, 2), and the Jacobian determinant, shape (n,)."""
+    xi, eta = np.asarray(xi)[..., None], np.asarray(eta)[..., None]
+    a, b, c, d = (corners[:, k] for k in range(4))
+    point = (1 - xi) * (1 - eta) * a + xi * (1 - eta) * b + xi * eta * c + (1 - xi) * eta * d
+    along = (1 - eta) * (b - a) + eta * (c - d)
+    across = (1 - xi) * (d - a) + xi * (c - b)
+    return point, along[:, 0] * across[:, 1] - along[:, 1] * across[:, 0]
+
+
+def invert_bilinear(corners: np.ndarray, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Bilinear coordinates (xi, eta), each of shape (n,), of points within their cells, by Newton from the middle."""
+    xi = np.full(len(points), 0.5)
+    eta = np.full(len(points), 0.5)
+    # One array for each component: arithmetic on columns of (n, 2) arrays is several times slower.
+    a, b, c, d = (corners[:, k].T for k in range(4))
+    e0, e1 = b - a
+    f0, f1 = d - a
+    g0, g1 = (a - b) + (c - d)
+    p0, p1 = points.T - a
+    for _ in range(MAX_STEPS):
+        along0, along1 = e0 + eta * g0, e1 + eta * g1
+        miss0, miss1 = xi * along0 + eta * f0 - p0, xi * along1 + eta * f1 - p1
+        across0, across1 = f0 + xi * g0, f1 + xi * g1
+        rate = 1.0 / (along0 * across1 - along1 * across0)
+        step_xi = (miss0 * across1 - miss1 * across0) * rate
+        step_eta = (along0 * miss1 - along1 * miss0) * rate
+        xi, eta = np.clip(xi - step_xi, -0.5, 1.5), np.clip(eta - step_eta, -0.5, 1.5)
+        if max(np.abs(step_xi).max(initial=0.0), np.abs(step_eta).max(initial=0.0)) < LAST_STEP:
+            break
+    return xi, eta
+
+
+def contains(corners: np.ndarray, points: np.ndarray) -> np.ndarray:
+    """Whether each counter-clockwise convex cell holds its point, edges included; corners (n, 4, 2), points (n, 2)."""
+    x, y = np.ascontiguousarray(np.moveaxis(corners, -1, 0).swapaxes(1, 2))  # (4, n) each
+    across, up = np.roll(x, -1, axis=0) - x, np.roll(y, -1, axis=0) - y
+    side = across * (points[:, 1] - y) - up * (points[:, 0] - x)
+    return (side >= -EDGE_SLACK * (across**2 + up**2)).all(axis=0)

@@ -1,0 +1,78 @@
+"""Scrambled Sobol points in one to three dimensions.
+
+Point i is the sum modulo 2 of direction numbers, one for each bit that is set in the Gray code of i; the direction
+numbers are those of S. Joe, F. Y. Kuo, SIAM J. Sci. Comput. 30 (2008) 2635. The scramble is a random lower triangular
+matrix over the bits, then a random shift of them (J. Matousek, J. Complexity 14 (1998) 527): each point alone is
+uniform, and 2^m of them still fill every elementary box alike.
+
+SciPy has the same points (`scipy.stats.qmc.Sobol`, to the last bit the same for the same seed); importing its
+statistics costs more than everything else that a short run imports.
+"""
+
+import numpy as np
+
+BITS = 30
+# Recurrence of each dimension's direction numbers: coefficients of its primitive polynomial between the first and the
+# last, and the odd numbers it starts from. The first dimension is the bit-reversed counter and has none.
+_RECURRENCES: tuple[tuple[tuple[int, ...], tuple[int, ...]], ...] = (((), (1,)), ((1,), (1, 3)))
+MAX_DIMENSION = 1 + len(_RECURRENCES)
+
+
+def sobol_points(count: int, dimension: int, seed: int, scramble: bool = True) -> np.ndarray:
+    """The first `count` points of a sequence in the unit cube, shape (count, dimension).
+
+    Args:
+        count: Number of points; powers of 2 are balanced.
+        dimension: 1 to MAX_DIMENSION.
+        seed: Seed of the scramble.
+        scramble: False gives the plain sequence, whose first point is the origin.
+
+    Raises:
+        ValueError: Fewer than one point, more than 2**BITS, or a dimension that is not there.
+    """
+    if not 1 <= dimension <= MAX_DIMENSION:
+        raise ValueError(f"Sobol points are there in 1 to {MAX_DIMENSION} dimensions, got {dimension!r}")
+    if not 1 <= count <= 2**BITS:
+        raise ValueError(f"the count of Sobol points must be from 1 to 2**{BITS}, got {count!r}")
+    directions = np.stack([_direction_numbers(axis) for axis in range(dimension)])
+    start = np.zeros(dimension, dtype=np.uint32)
+    if scramble:
+        rng = np.random.default_rng(seed).spawn(1)[0]  # as SciPy does with a generator
+        shift = rng.integers(2, size=(dimension, BITS), dtype=np.uint32)
+        start = shift @ (np.uint32(1) << np.arange(BITS, dtype=np.uint32))
+        matrix = np.tril(rng.integers(2, size=(dimension, BITS, BITS), dtype=np.uint32))
+        directions = _scrambled(directions, matrix)
+    point = np.empty((count, dimension), dtype=np.uint32)
+    point[0] = start
+    # The reflected Gray code: what follows 2^k points is the same points backwards with one more bit set.
+    made, bit = 1, 0
+    while made < count:
+        more = min(made, count - made)
+        point[made : made + more] = point[made - more : made][::-1] ^ directions[:, bit]
+        made, bit = made + more, bit + 1
+    return point * 2.0**-BITS
+
+
+def _direction_numbers(axis: int) -> np.ndarray:
+    """Direction numbers of a dimension, highest bit first in each; shape (BITS,)."""
+    if axis == 0:
+        odd = [1] * BITS
+    else:
+        inner, first = _RECURRENCES[axis - 1]
+        odd, degree = list(first), len(first)
+        for k in range(degree, BITS):
+            value = odd[k - degree] ^ (odd[k - degree] << degree)
+            for j, coefficient in enumerate(inner, start=1):
+                value ^= coefficient * (odd[k - j] << j)
+            odd.append(value)
+    return np.array([m << (BITS - 1 - k) for k, m in enumerate(odd)], dtype=np.uint32)
+
+
+def _scrambled(directions: np.ndarray, matrix: np.ndarray) -> np.ndarray:
+    """Every direction number's bits, highest first, multiplied by its dimension's matrix with a diagonal of ones."""
+    matrix = matrix.copy()
+    matrix[:, range(BITS), range(BITS)] = 1
+    place = np.arange(BITS - 1, -1, -1, dtype=np.uint32)
+    bits = (directions[:, None, :] >> place[:, None]) & np.uint32(1)  # (dimension, bit, number)
+    mixed = (matrix @ bits) & np.uint32(1)
+    return np.asarray((mixed << place[:, None]).sum(axis=1, dtype=np.uint32))

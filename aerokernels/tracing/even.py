@@ -1,0 +1,197 @@
+"""How many even samples a bundle of nearly straight rays takes, see warp_even.py, and what becomes of the rest.
+
+A pilot of some of the rays is traced with N, 3 N and 9 N samples. From their differences follow the order of
+convergence and the least N that holds the tolerance; it is traced too, and compared with the finest. The estimate of
+each ray's error, which costs nothing, is scaled by what the pilot's errors are beside it, with room for the rays that
+are not in the pilot. Rays whose estimate is above the tolerance all the same are traced under error control.
+"""
+
+import math
+import weakref
+from dataclasses import replace
+
+import numpy as np
+
+from ..medium import IndexField
+from ..medium.grid import UniformGrid
+from ..rays import RayBundle
+from .plan import TracePlan
+from .status import RayStatus
+from .stop import ArcLength
+
+# Fewer rays are traced under error control at once: a pilot would not pay.
+LEAST_RAYS = 4096
+PILOT_RAYS = 512
+# Samples are nowhere further apart than so many cells, the support of a spline: nothing is passed unseen.
+WIDEST = 4.0
+LEAST_SAMPLES = 36
+# More of them are no better than error control: a sample costs less on OpenCL, where a CPU's lanes share it.
+MOST_SAMPLES = {"opencl": 1500, "warp": 450}
+# The pilot's greatest error is to be so many times below the tolerance, and a ray's estimate so many times the pilot's.
+MARGIN = 4.0
+SAFETY = 3.0
+# The share of a difference from every third sample that is the error: of the rule's own order 4, and of order 2.
+LEAST_SHARE, GREATEST_SHARE = 1.0 / 80.0, 1.0 / 8.0
+# The same of int P^2 / w dt, for the course: no error is greater than what bending adds to the path.
+GREATEST_BEND = 0.5
+# Of the pilot's rays, how many may be unfit for it.
+UNFIT = 0.1
+
+_kept: weakref.WeakKeyDictionary = weakref.WeakKeyDictionary()
+
+
+def may_be_even(field: IndexField, ray_count: int, until) -> bool:
+    """Whether so many rays may be sampled evenly: a cubic uniform grid, out of the box or to a plane."""
+    if not (isinstance(field.samples, UniformGrid) and field.interpolation == "cubic"):
+        return False
+    return ray_count >= LEAST_RAYS and not isinstance(until, ArcLength)
+
+
+def pilot_of(rays: RayBundle) -> RayBundle:
+    """Some of the rays, evenly spread over the bundle's order."""
+    rows = np.linspace(0, rays.ray_count - 1, min(PILOT_RAYS, rays.ray_count)).round().astype(int)
+    return RayBundle(rays.position[rows], rays.direction[rows])
+
+
+def fit_even(field: IndexField, pilot: RayBundle, plan: TracePlan, until, wavelength: float) -> TracePlan | None:
+    """The plan with the number of even samples that holds its tolerance; None where none does at less cost.
+
+    Args:
+        field: One that `may_be_even`.
+        pilot: Some of the rays.
+        plan: Backend, device, precision and tolerance; method "straight".
+        until: The stop.
+        wavelength: Vacuum wavelength [m].
+    """
+    store = _kept.setdefault(field, {})
+    stop = None if until is None else (until.point.tobytes(), until.normal.tobytes())
+    bundle = hash((pilot.position.tobytes(), pilot.direction.tobytes()))
+    key = (bundle, stop, plan.tolerance, wavelength, plan.backend, plan.device, plan.precision)
+    if key not in store:
+        store[key] = _fit(field, pilot, plan, until, wavelength)
+    count, shares, worst = store[key]
+    if not count:
+        return None
+    reason = (
+        f"method straight by {count} even samples a ray, bending included: a pilot of {pilot.ray_count} rays is right "
+        f"to {worst / wavelength:.1g} waves; rays whose own error estimate is above the tolerance are traced again"
+    )
+    return replace(
+        plan, sample_count=count, even_share=shares[0], bend_share=shares[1], reasons=(reason, *plan.reasons)
+    )
+
+
+def _fit(field: IndexField, pilot: RayBundle, plan: TracePlan, until, wavelength: float) -> tuple[int, tuple, float]:
+    """Samples a ray (0: none fit), the shares that make its error estimate, greatest error of the pilot [m]."""
+    budget = plan.tolerance * wavelength / MARGIN
+    most = MOST_SAMPLES[plan.backend]
+    least = _least_samples(field, pilot)
+    if least > most:
+        return 0, (), 0.0
+    rungs = [_Rung(field, pilot, plan, until, wavelength, least * 3**power) for power in range(3)]
+    if not rungs[-1].is_fit:
+        return 0, (), 0.0
+    first, second = rungs[0].error(rungs[1]), rungs[1].error(rungs[2])
+    order = 1.0
+    if second > 0.0:
+        order = min(max(math.log(first / second) / math.log(3.0), 1.0), 4.0) if first > second else 1.0
+    count = _in_threes(least * max(1.0, (first / budget) ** (1.0 / order))) if first > 0.0 else least
+    while count <= most:
+        rung = next((rung for rung in rungs if rung.count == count), None)
+        if rung is None:
+            rung = _Rung(field, pilot, plan, until, wavelength, count)
+        finest = rungs[-1]
+        if 2 * count > finest.count:
+            finest = _Rung(field, pilot, plan, until, wavelength, 3 * count)
+            rungs.append(finest)
+        worst = rung.error(finest)
+        if rung.is_fit and worst <= budget:
+            share = SAFETY * worst / rung.difference if rung.difference > 0.0 else GREATEST_SHARE
+            bends = _Rung(field, pilot, replace(plan, bend_share=1.0), until, wavelength, count, 0.0).difference
+            bend_share = SAFETY * worst / bends if bends > 0.0 else 0.0
+            return count, (min(max(share, LEAST_SHARE), GREATEST_SHARE), min(bend_share, GREATEST_BEND)), worst
+        count = _in_threes(1.25 * count)
+    return 0, (), 0.0
+
+
+class _Rung:
+    """The pilot, traced with `count` samples a ray."""
+
+    def __init__(
+        self, field: IndexField, pilot: RayBundle, plan: TracePlan, until, wavelength: float, count: int, share=1.0
+    ):
+        run = _backend(plan.backend)
+        trial = replace(plan, sample_count=count, even_share=share)
+        arrays, _ = run(field, pilot, trial, until, wavelength, frozenset(("opd", "step_error")))
+        self.count = count
+        self.opd = arrays["opd"]
+        self.good = (arrays["status"] == RayStatus.OK) & np.isfinite(arrays["step_error"])
+        lost = (arrays["status"] == RayStatus.OK) & ~self.good
+        self.is_fit = bool(self.good.any() and lost.mean() <= UNFIT)
+        self.difference = float(arrays["step_error"][self.good].max()) if self.good.any() else 0.0
+
+    def error(self, finer: "_Rung") -> float:
+        """Greatest change of the optical path difference from here to a finer one [m]."""
+        good = self.good & finer.good
+        return float(np.abs(self.opd - finer.opd)[good].max()) if good.any() else math.inf
+
+
+def _least_samples(field: IndexField, pilot: RayBundle) -> int:
+    """Samples that are WIDEST cells apart on the longest way through the box."""
+    grid = field.samples
+    low, high = field.box
+    size = np.where(np.isfinite(high - low), high - low, 0.0)
+    spacing = np.full(3, np.inf)
+    spacing[-len(grid.spacing) :] = grid.spacing
+    if field.geometry == "axisymmetric":
+        spacing[:2] = grid.spacing[0]
+    steep = np.maximum(np.abs(pilot.direction), 1e-12)
+    way = np.where(size > 0.0, size / steep, np.inf).min(axis=1)
+    cells = way * np.linalg.norm(pilot.direction / spacing, axis=1)
+    return _in_threes(max(LEAST_SAMPLES, float(cells[np.isfinite(cells)].max(initial=0.0)) / WIDEST))
+
+
+def _in_threes(count: float) -> int:
+    return 3 * math.ceil(count / 3.0 - 1e-9)
+
+
+def _backend(name: str):
+    if name == "opencl":
+        from .opencl_backend import trace
+    else:
+        from .warp_backend import trace
+    return trace
+
+
+def trace(field: IndexField, rays: RayBundle, plan: TracePlan, until, wavelength: float, outputs: frozenset):
+    """Trace by even samples, and the rays that they do not hold for otherwise: per-ray arrays by name, and seconds."""
+    arrays, seconds = _backend(plan.backend)(field, rays, plan, until, wavelength, outputs)
+    if "step_error" in arrays:
+        more = mend_rough(field, rays.position, rays.direction, plan, until, wavelength, arrays)
+        seconds = {name: seconds.get(name, 0.0) + more.get(name, 0.0) for name in {**seconds, **more}}
+        if "step_error" not in outputs:
+            del arrays["step_error"]
+    return arrays, seconds
+
+
+def mend_rough(field, position, direction, plan: TracePlan, until, wavelength: float, arrays: dict) -> dict[str, float]:
+    """Trace the rays again whose "step_error" is above the tolerance, under error control; returns the seconds spent.
+
+    Args:
+        field: The refractive index.
+        position: Starts [m], shape (ray_count, 3).
+        direction: Unit vectors, shape (ray_count, 3).
+        plan: That of even samples.
+        until: The stop.
+        wavelength: Vacuum wavelength [m].
+        arrays: Per-ray results by name, "step_error" among them, which are changed.
+    """
+    rough = np.flatnonzero(arrays["step_error"] > plan.tolerance * wavelength)
+    if not len(rough):
+        return {}
+    again = replace(plan, method="adaptive", sample_count=0)
+    part = RayBundle(position[rough], direction[rough])
+    others, seconds = _backend(plan.backend)(field, part, again, until, wavelength, frozenset(arrays) - {"status"})
+    for name, array in arrays.items():
+        array[rough] = others[name]
+    return seconds

@@ -1,0 +1,275 @@
+r"""Nearly straight rays by equally many, evenly spaced samples: the Warp kernel.
+
+Equation. With t the distance along the undisturbed ray p + d t, P the part of the momentum n dr/ds across d, q that of
+the deviation, s = (n^2 - a^2) / 2 and w the momentum along d,
+
+    q' = P / w,   P' = grad s / w across d,   w = sqrt(a^2 + 2 s - P^2)
+    optical path - a t = int (2 s - a (w - a)) / w dt
+
+These are the full ray equations for as long as a ray does not turn away from d. Every ray takes the same number N of
+samples, in the middles of N equal parts of its way: a step of the leapfrog is one lookup, without a branch, so that
+neighbours stay together (on a CPU in the lanes of a vector, on a GPU in a warp).
+
+Order. The sums are the midpoint rule with the weights 13/12, 7/8, 25/24, 1, 1 ... at both ends, fourth order; on fields
+that fade out at both ends it converges faster than any power. P and q at the end are such sums, q that of P' times the
+way still to go. The leapfrog's own P and q, of second order in t / N, decide where samples are taken, which matters in
+the second order of the contrast only.
+
+Error. The same sum over every third sample is the rule with N / 3 samples: a share of the difference, and a share of
+int P^2 / w dt for the leapfrog, are taken for the error, both as a pilot bundle has it (even.py). Where that is above
+the budget, where a ray turns by more than EVEN_WEAK, comes near a body or leaves by an edge of the box, the ray is
+"rough", and to be traced by another method.
+
+Stop. The rest of the way from the undisturbed ray's last point to the surface is flown along the tangent.
+"""
+
+import functools
+
+import warp as wp
+
+from .scheme import EVEN_WEAK, HAIR, TINY
+from .status import RayStatus
+from .warp_box import FACE_COUNT, build_surface_distance
+from .warp_ends import build_end, build_start
+from .warp_grid import build_sample
+from .warp_types import types
+from .warp_wall import build_stays_clear
+
+
+@wp.func
+def even_weight(k: int, count: int):
+    """Weight of sample k of `count`: the midpoint rule with its ends mended."""
+    end = wp.min(k, count - 1 - k)
+    weight = wp.float64(1.0)
+    if end == 0:
+        weight = wp.float64(13.0) / wp.float64(12.0)
+    elif end == 1:
+        weight = wp.float64(0.875)
+    elif end == 2:
+        weight = wp.float64(25.0) / wp.float64(24.0)
+    return weight
+
+
+@functools.cache
+def build_last_surface(precision: str, geometry: str, stop: str):
+    """Functions: the surface on which the undisturbed ray stops, and whether a point lies outside the box elsewhere."""
+    t = types(precision)
+    Bounds, Control, Course = t.Bounds, t.Control, t.Course
+    surface_distance = build_surface_distance(precision, geometry)
+    faces = wp.constant(FACE_COUNT[geometry])
+
+    @wp.func
+    def surface_of(bounds: Bounds, course: Course, p: wp.vec3d, d: wp.vec3d):
+        nearest = int(0)
+        least = wp.float64(1.0e300)
+        for k in range(faces):
+            miss = wp.abs(surface_distance(bounds, k, p + course.far * d)[0])
+            if miss < least:
+                least = miss
+                nearest = k
+        if wp.static(stop == "plane"):
+            if course.has_stop and course.far == course.stop_distance:
+                nearest = faces
+        return nearest
+
+    @wp.func
+    def is_outside(bounds: Bounds, control: Control, landed: int, p: wp.vec3d):
+        hair = wp.float64(HAIR) / wp.float64(wp.max(control.cell_rate))
+        outside = bool(False)
+        for k in range(faces):
+            if k != landed and surface_distance(bounds, k, p)[0] > hair:
+                outside = bool(True)
+        return outside
+
+    return surface_of, is_outside
+
+
+@functools.cache
+def build_even_kernel(precision: str, geometry: str, interpolation: str, stop: str, has_body: bool, outputs: frozenset):
+    """Build the kernel for one kind of scene; its arguments are the tracer's, and the count of rough rays."""
+    t = types(precision)
+    real, vec3, vec4, Field, Bounds, Control = t.real, t.vec3, t.vec4, t.Field, t.Bounds, t.Control
+    sample = build_sample(precision, geometry, interpolation)
+    start_of = build_start(precision, geometry, stop, has_body)
+    end_of = build_end(precision, geometry, interpolation, stop)
+    surface_distance = build_surface_distance(precision, geometry)
+    surface_of, is_outside = build_last_surface(precision, geometry, stop)
+    stays_clear = build_stays_clear(precision, geometry)
+    ok = int(RayStatus.OK)
+    tiny = TINY[precision]
+
+    @wp.func
+    def gather(total: vec4, carry: vec4, term: vec4):
+        """A compensated sum."""
+        y = term - carry
+        s = total + y
+        return s, (s - total) - y
+
+    # On a GPU roots and quotients are its own, right to two units in the last place or so: here they are factors of
+    # what is itself a small deviation. Sums are compensated as written: the compiler does not change their order.
+    @wp.kernel(module="unique", enable_backward=False, module_options={"fast_math": True})
+    def trace_even(
+        field: Field,
+        bounds: Bounds,
+        control: Control,
+        first_ray: int,
+        position_in: wp.array(dtype=wp.vec3d),
+        direction_in: wp.array(dtype=wp.vec3d),
+        position_out: wp.array(dtype=wp.vec3d),
+        direction_out: wp.array(dtype=wp.vec3d),
+        optical_path_out: wp.array(dtype=wp.float64),
+        opd_out: wp.array(dtype=wp.float64),
+        arc_length_out: wp.array(dtype=wp.float64),
+        step_error_out: wp.array(dtype=wp.float64),
+        step_count_out: wp.array(dtype=wp.int32),
+        evaluation_count_out: wp.array(dtype=wp.int32),
+        status_out: wp.array(dtype=wp.int32),
+        rough_count_out: wp.array(dtype=wp.int32),
+    ):
+        ray = wp.tid() + first_ray
+        p0 = position_in[ray]
+        d0 = direction_in[ray]
+        course, status = start_of(field, bounds, p0, d0)
+        runs = bool(course.meets and status == ok)
+
+        d = vec3(real(d0[0]), real(d0[1]), real(d0[2]))
+        rate = field.inverse_spacing
+        pace = wp.cw_mul(d, rate)
+        ambient = real(bounds.ambient)
+        count = control.sample_count
+        none = vec3(real(0.0), real(0.0), real(0.0))
+        momentum = none  # across the ray
+        q = none  # deviation across it
+        turn = none  # the momentum's sum with the ends mended
+        arm = none  # that of its moments about the start
+        sigma = real(0.0)  # int 1 / w dt
+        bend = real(0.0)  # of P^2 / w
+        slow = real(1.0) / ambient  # 1 / w
+        sums = vec4(real(0.0), real(0.0), real(0.0), real(0.0))  # of s / w, (w - a) / w, m / w, and every third sample
+        carry = sums
+        bent = real(0.0)
+        s = real(0.0)
+        ahead = real(0.0)
+        length = real(0.0)
+        h = real(0.0)
+        error = real(0.0)
+        if runs:
+            entry = wp.cw_div(p0 + course.enter * d0 - bounds.origin, bounds.spacing)
+            start = vec3(real(entry[0]), real(entry[1]), real(entry[2]))
+            length = real(course.far - course.enter)
+            h = length / real(count)
+            corner = wp.vec3i(0, 0, 0)
+            for triple in range(count // 3):
+                added = vec4(real(0.0), real(0.0), real(0.0), real(0.0))
+                for j in range(3):
+                    k = 3 * triple + j
+                    weight = real(even_weight(k, count))
+                    along = (real(k) + real(0.5)) * h
+                    middle = real(0.5) * h * slow
+                    at = sample(field, corner, start + along * pace + wp.cw_mul(q + middle * momentum, rate), 0)
+                    s = at[0]
+                    force = vec3(at[1], at[2], at[3])
+                    ahead = wp.dot(force, d)
+                    force = force - ahead * d
+                    here = momentum + middle * force
+                    across = wp.dot(here, here)
+                    surplus = real(2.0) * s - across
+                    w = wp.sqrt(wp.max(ambient * ambient + surplus, real(tiny)))
+                    slow = real(1.0) / w
+                    off = surplus / (w + ambient) * slow
+                    stretch = real(0.0)
+                    if wp.static("arc_length" in outputs):
+                        index = wp.sqrt(wp.max(ambient * ambient + real(2.0) * s, real(0.0)))
+                        stretch = slow * (real(2.0) * s / (index + ambient))
+                    added += weight * vec4(s * slow, off, stretch, real(0.0))
+                    if j == 1:
+                        third = real(even_weight(triple, count // 3))
+                        added += vec4(real(0.0), real(0.0), real(0.0), third * (real(2.0) * s * slow - ambient * off))
+                    pace_now = h * slow
+                    momentum += pace_now * force
+                    q += pace_now * here
+                    kick = weight * pace_now
+                    turn += kick * force
+                    arm += (kick * (sigma + real(0.5) * pace_now)) * force
+                    sigma += pace_now
+                    bend += across * slow
+                    bent = wp.max(bent, across)
+                sums, carry = gather(sums, carry, added)
+            difference = wp.abs(h * ((real(2.0) * sums[0] - ambient * sums[1]) - real(3.0) * sums[3]))
+            error = wp.max(difference * control.even_share, h * bend * control.bend_share)
+
+        # At the end, half a step behind the last sample: what momentum and deviation are in fourth order.
+        momentum = turn
+        q = sigma * turn - arm
+        s += real(0.5) * h * ahead
+        lead = (real(2.0) * s - wp.dot(momentum, momentum)) * slow / (real(1.0) / slow + ambient)
+        path = wp.float64(h) * (wp.float64(sums[0]) - wp.float64(carry[0]))
+        lag = wp.float64(h) * (wp.float64(sums[1]) - wp.float64(carry[1]))
+        arc = wp.float64(h) * (wp.float64(sums[2]) - wp.float64(carry[2]))
+        far = wp.float64(length)
+        landed = int(-1)
+        turned = none
+        if runs:
+            landed = surface_of(bounds, course, p0, d0)
+            # What is left to the surface, which the ray meets a little beside the undisturbed one.
+            slant = slow * momentum
+            heading = d0 + wp.vec3d(wp.float64(slant[0]), wp.float64(slant[1]), wp.float64(slant[2]))
+            beside = wp.vec3d(wp.float64(q[0]), wp.float64(q[1]), wp.float64(q[2]))
+            miss = surface_distance(bounds, landed, p0 + course.far * d0 + beside)
+            cosine = wp.dot(wp.vec3d(miss[1], miss[2], miss[3]), heading)
+            more = wp.float64(0.0)
+            if wp.abs(cosine) > wp.float64(0.05):
+                more = -miss[0] / cosine
+            path += more * wp.float64(s * slow)
+            lag += more * wp.float64(lead)
+            arc += more * wp.float64(s * slow) / bounds.ambient
+            q += real(more) * slant
+            far += more
+            turned = momentum + (lead / slow) * d
+            beside = wp.vec3d(wp.float64(q[0]), wp.float64(q[1]), wp.float64(q[2]))
+            end = p0 + (course.enter + far) * d0 + beside
+            fit = bool(wp.sqrt(bent) / ambient <= real(EVEN_WEAK))
+            fit = fit and wp.isfinite(path) and wp.isfinite(error) and wp.abs(cosine) > wp.float64(0.05)
+            if fit and is_outside(bounds, control, landed, end):
+                fit = bool(False)
+            if wp.static(has_body):
+                if fit and not stays_clear(field, p0, d0, course.enter, course.far):
+                    fit = bool(False)
+            if not fit:
+                error = real(wp.inf)
+        # In the tracer's sums: sigma, S, M and B, of which M - B is the deviation along the ray.
+        whole = wp.vec4d((far - lag) / bounds.ambient, path, arc, arc - lag)
+        rounded = vec4(real(whole[0]), real(whole[1]), real(whole[2]), real(whole[3]))
+        rest = vec4(
+            real(wp.float64(rounded[0]) - whole[0]),
+            real(wp.float64(rounded[1]) - whole[1]),
+            real(wp.float64(rounded[2]) - whole[2]),
+            real(wp.float64(rounded[3]) - whole[3]),
+        )
+        position, direction, optical_path, opd, arc_length, final = end_of(
+            bounds, control, p0, d0, course, status, landed, q, none, turned, rounded, rest, real(0.0)
+        )
+        if error > control.budget:
+            wp.atomic_add(rough_count_out, 0, 1)
+        if wp.static("position" in outputs):
+            position_out[ray] = position
+        if wp.static("direction" in outputs):
+            direction_out[ray] = direction
+        if wp.static("optical_path" in outputs):
+            optical_path_out[ray] = optical_path
+        if wp.static("opd" in outputs):
+            opd_out[ray] = opd
+        if wp.static("arc_length" in outputs):
+            arc_length_out[ray] = arc_length
+        if wp.static("step_error" in outputs):
+            step_error_out[ray] = wp.float64(error)
+        samples = int(0)
+        if runs:
+            samples = count
+        if wp.static("step_count" in outputs):
+            step_count_out[ray] = samples
+        if wp.static("evaluation_count" in outputs):
+            evaluation_count_out[ray] = samples
+        status_out[ray] = final
+
+    return trace_even

@@ -1,0 +1,273 @@
+// Nearly straight rays by equally many, evenly spaced samples; what it computes, and why so, stands in
+// aerokernels/tracing/warp_even.py, its Warp twin.
+//
+// A work-item moves a packet of LANES rays in step. Arguments are those of the tracer; rough_count_out counts the rays
+// that are to be traced otherwise: their step_error_out is above the budget, infinite where this method does not hold.
+
+#include "ends.h"
+#include "packet.h"
+
+// Weight of sample k of `count`: the midpoint rule with its ends mended, of fourth order.
+static inline real even_weight(int k, int count)
+{
+    const int end = min(k, count - 1 - k);
+    return end == 0 ? R(13.0 / 12.0) : end == 1 ? R(7.0 / 8.0) : end == 2 ? R(25.0 / 24.0) : R(1.0);
+}
+
+// A compensated sum.
+static inline void gather(reals *total, reals *carry, reals term)
+{
+    const reals y = term - *carry;
+    const reals s = *total + y;
+    *carry = (s - *total) - y;
+    *total = s;
+}
+
+// The surface on which the undisturbed ray stops.
+static inline int surface_of(const Bounds *bounds, const Course *course, double3 p, double3 d)
+{
+    if (STOP == PLANE && course->has_stop && course->far == course->stop_distance) {
+        return FACE_COUNT;
+    }
+    int nearest = 0;
+    double least = 1.0e300;
+    for (int k = 0; k < FACE_COUNT; k++) {
+        double3 normal;
+        const double miss = fabs(surface_distance(bounds, k, p + course->far * d, &normal));
+        if (miss < least) {
+            least = miss;
+            nearest = k;
+        }
+    }
+    return nearest;
+}
+
+// Whether a point lies outside the box by more than a hair, other than behind face `landed`.
+static inline int is_outside(const Bounds *bounds, const Control *control, int landed, double3 p)
+{
+    const double hair = HAIR / (double)greatest(VECTOR(control->cell_rate));
+    int outside = 0;
+    for (int k = 0; k < FACE_COUNT; k++) {
+        double3 normal;
+        outside |= k != landed && surface_distance(bounds, k, p, &normal) > hair;
+    }
+    return outside;
+}
+
+__kernel void trace_even(
+    const Field field,
+    const Bounds bounds,
+    const Control control,
+    __global const real *coefficients,
+    __global const real *corners,
+    __global const real *values,
+    __global const real *gradients,
+    __global const int *neighbors,
+    __global const int *bin_start,
+    __global const int *bin_cell,
+    __global const real *paper_step,
+    __global const real *wall,
+    __global const real *reach,
+    __global const int *reach_start,
+    const int first_ray,
+    const int ray_count,
+    __global const double *position_in,
+    __global const double *direction_in,
+    __global double *position_out,
+    __global double *direction_out,
+    __global double *optical_path_out,
+    __global double *opd_out,
+    __global double *arc_length_out,
+    __global double *step_error_out,
+    __global int *step_count_out,
+    __global int *evaluation_count_out,
+    __global int *status_out,
+    __global int *rough_count_out)
+{
+    const int first = (int)get_global_id(0) * LANES + first_ray;
+    if (first >= ray_count) {
+        return;
+    }
+    const Arrays arrays = {
+        coefficients, corners, values, gradients, neighbors, bin_start, bin_cell, paper_step, wall, reach,
+        reach_start};
+    const real ambient = (real)bounds.ambient;
+    const real3 rate = VECTOR(field.inverse_spacing);
+    const int count = control.sample_count;
+
+    // Each lane's ray; spare lanes repeat the last one.
+    Course courses[LANES];
+    int statuses[LANES], spoilt[LANES];
+    reals x0, y0, z0, dx, dy, dz, length;
+    for (int lane = 0; lane < LANES; lane++) {
+        const int ray = min(first + lane, ray_count - 1);
+        const double3 p = vload3(ray, position_in), d = vload3(ray, direction_in);
+        Course course;
+        statuses[lane] = start_of(&field, &arrays, &bounds, p, d, &course);
+        const int runs = course.meets && statuses[lane] == RAY_OK;
+        spoilt[lane] = HAS_BODY && runs && !stays_clear(&field, &arrays, p, d, course.enter, course.far);
+        const double3 place = (p + course.enter * d - VECTOR64(bounds.origin)) / VECTOR64(bounds.spacing);
+        REAL_AT(x0, lane) = runs ? (real)place.x : R(0.0);
+        REAL_AT(y0, lane) = runs ? (real)place.y : R(0.0);
+        REAL_AT(z0, lane) = runs ? (real)place.z : R(0.0);
+        REAL_AT(dx, lane) = (real)d.x;
+        REAL_AT(dy, lane) = (real)d.y;
+        REAL_AT(dz, lane) = (real)d.z;
+        REAL_AT(length, lane) = runs ? (real)(course.far - course.enter) : R(0.0);
+        courses[lane] = course;
+    }
+
+    const reals h = length / (real)count;
+    const reals zero = (reals)R(0.0);
+    reals px = zero, py = zero, pz = zero;  // momentum across the ray
+    reals qx = zero, qy = zero, qz = zero;  // deviation across it
+    reals turnx = zero, turny = zero, turnz = zero;  // the momentum's sum with the ends mended
+    reals armx = zero, army = zero, armz = zero;  // that of its moments about the start
+    reals sigma = zero;  // int 1 / w dt
+    reals bend = zero;  // of P^2 / w
+    reals slow = (reals)(R(1.0) / ambient);  // 1 / w, w the momentum along the ray
+    reals paths = zero, paths_carry = zero;  // sums of s / w, of (w - a) / w and of m / w
+    reals lags = zero, lags_carry = zero;
+    reals arcs = zero, arcs_carry = zero;
+    reals coarse = zero, coarse_carry = zero;  // of every third sample
+    reals bent = zero;
+    reals s = zero, ahead = zero;
+    for (int triple = 0; triple < count / 3; triple++) {
+        reals path = zero, lag = zero, arc = zero;
+#pragma unroll
+        for (int j = 0; j < 3; j++) {
+            const int k = 3 * triple + j;
+            const real weight = even_weight(k, count);
+            const reals t = ((real)k + R(0.5)) * h;
+            const reals by_half = R(0.5) * h * slow;
+            const Potential at = sample_packet(
+                &field, &arrays, x0 + (t * dx + qx + by_half * px) * rate.x, y0 + (t * dy + qy + by_half * py) * rate.y,
+                z0 + (t * dz + qz + by_half * pz) * rate.z);
+            s = at.value;
+            ahead = at.x * dx + at.y * dy + at.z * dz;
+            const reals fx = at.x - ahead * dx, fy = at.y - ahead * dy, fz = at.z - ahead * dz;
+            const reals mx = px + by_half * fx, my = py + by_half * fy, mz = pz + by_half * fz;
+            const reals across = mx * mx + my * my + mz * mz;
+            const reals surplus = R(2.0) * s - across;
+            const reals w = SWIFT_ROOT(max(ambient * ambient + surplus, (reals)R(0.0)));
+            slow = SWIFT_INVERSE(w);
+            const reals off = surplus * SWIFT_INVERSE(w + ambient) * slow;
+            path += weight * s * slow;
+            lag += weight * off;
+#if WANT_ARC_LENGTH
+            arc += weight * slow * (R(2.0) * s / (sqrt(max(ambient * ambient + R(2.0) * s, (reals)R(0.0))) + ambient));
+#endif
+            if (j == 1) {
+                gather(&coarse, &coarse_carry, even_weight(triple, count / 3) * (R(2.0) * s * slow - ambient * off));
+            }
+            const reals pace = h * slow;
+            px += pace * fx;
+            py += pace * fy;
+            pz += pace * fz;
+            qx += pace * mx;
+            qy += pace * my;
+            qz += pace * mz;
+            const reals kick = weight * pace;
+            const reals arm = kick * (sigma + R(0.5) * pace);
+            turnx += kick * fx;
+            turny += kick * fy;
+            turnz += kick * fz;
+            armx += arm * fx;
+            army += arm * fy;
+            armz += arm * fz;
+            sigma += pace;
+            bend += across * slow;
+            bent = max(bent, across);
+        }
+        gather(&paths, &paths_carry, path);
+        gather(&lags, &lags_carry, lag);
+        gather(&arcs, &arcs_carry, arc);
+    }
+    // At the end, half a step behind the last sample: what momentum and deviation are in fourth order.
+    px = turnx;
+    py = turny;
+    pz = turnz;
+    qx = sigma * turnx - armx;
+    qy = sigma * turny - army;
+    qz = sigma * turnz - armz;
+    s += R(0.5) * h * ahead;
+    const reals off = (R(2.0) * s - (px * px + py * py + pz * pz)) * slow / (R(1.0) / slow + ambient);
+    const reals error =
+        max(fabs(h * ((R(2.0) * paths - ambient * lags) - R(3.0) * coarse)) * control.even_share,
+            h * bend * control.bend_share);
+
+    for (int lane = 0; lane < LANES && first + lane < ray_count; lane++) {
+        const int ray = first + lane;
+        const double3 p = vload3(ray, position_in), d = vload3(ray, direction_in);
+        Course course = courses[lane];
+        const int runs = course.meets && statuses[lane] == RAY_OK;
+        const real step = REAL_AT(h, lane);
+        const real3 across = (real3)(REAL_AT(px, lane), REAL_AT(py, lane), REAL_AT(pz, lane));
+        const real rest = REAL_AT(slow, lane);
+        real3 q = (real3)(REAL_AT(qx, lane), REAL_AT(qy, lane), REAL_AT(qz, lane));
+        double path = (double)step * ((double)REAL_AT(paths, lane) - (double)REAL_AT(paths_carry, lane));
+        double lag = (double)step * ((double)REAL_AT(lags, lane) - (double)REAL_AT(lags_carry, lane));
+        double arc = (double)step * ((double)REAL_AT(arcs, lane) - (double)REAL_AT(arcs_carry, lane));
+        real off_course = REAL_AT(error, lane);
+        real3 momentum = (real3)R(0.0);
+        double far = (double)REAL_AT(length, lane);
+        int landed = -1;
+        if (runs) {
+            landed = surface_of(&bounds, &course, p, d);
+            // What is left to the surface, which the ray meets a little beside the undisturbed one.
+            double3 normal;
+            const double3 heading = d + convert_double3(rest * across);
+            const double miss = surface_distance(&bounds, landed, p + course.far * d + convert_double3(q), &normal);
+            const double cosine = dot(normal, heading);
+            const double more = fabs(cosine) > 0.05 ? -miss / cosine : 0.0;
+            path += more * (double)(REAL_AT(s, lane) * rest);
+            lag += more * (double)REAL_AT(off, lane);
+            arc += more * (double)(REAL_AT(s, lane) * rest) / bounds.ambient;
+            q += (real)more * rest * across;
+            far += more;
+            momentum = across + (REAL_AT(off, lane) / rest) * convert_real3(d);
+            const double3 end = p + (course.enter + far) * d + convert_double3(q);
+            const real angle = sqrt(REAL_AT(bent, lane)) / ambient;
+            if (spoilt[lane] || !(angle <= EVEN_WEAK) || !isfinite(path) || !isfinite(off_course) ||
+                fabs(cosine) <= 0.05 || is_outside(&bounds, &control, landed, end)) {
+                off_course = (real)INFINITY;
+            }
+        }
+        // In the tracer's sums: sigma, S, M and B, of which M - B is the deviation along the ray.
+        const double4 sums64 = (double4)((far - lag) / bounds.ambient, path, arc, arc - lag);
+        const real4 sums = (real4)((real)sums64.x, (real)sums64.y, (real)sums64.z, (real)sums64.w);
+        const real4 carry = (real4)(
+            (real)((double)sums.x - sums64.x), (real)((double)sums.y - sums64.y), (real)((double)sums.z - sums64.z),
+            (real)((double)sums.w - sums64.w));
+        const Arrival arrival = end_of(
+            &bounds, &control, p, d, &course, statuses[lane], landed, q, (real3)R(0.0), momentum, sums, carry, R(0.0));
+        if (off_course > control.budget) {
+            atomic_inc(rough_count_out);
+        }
+#if WANT_POSITION
+        vstore3(arrival.position, ray, position_out);
+#endif
+#if WANT_DIRECTION
+        vstore3(arrival.direction, ray, direction_out);
+#endif
+#if WANT_OPTICAL_PATH
+        optical_path_out[ray] = arrival.optical_path;
+#endif
+#if WANT_OPD
+        opd_out[ray] = arrival.opd;
+#endif
+#if WANT_ARC_LENGTH
+        arc_length_out[ray] = arrival.arc_length;
+#endif
+#if WANT_STEP_ERROR
+        step_error_out[ray] = (double)off_course;
+#endif
+#if WANT_STEP_COUNT
+        step_count_out[ray] = runs ? count : 0;
+#endif
+#if WANT_EVALUATION_COUNT
+        evaluation_count_out[ray] = runs ? count : 0;
+#endif
+        status_out[ray] = arrival.status;
+    }
+}
