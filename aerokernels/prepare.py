@@ -59,7 +59,7 @@ def view_radius(scene: Scene, z: float) -> float:
     corner = float(np.hypot(0.5 * target.width, 0.5 * target.height))
     # Target points are lit from points of the exit pupil that lie off the axis in the same ratio as the beam's radii.
     pupil = max(0.5 * scene.receiver.diameter, scene.beam.exit_radius * corner / scene.beam.radius)
-    nearest = target.distance - 0.5 * target.height * abs(float(np.sin(target.tilt)))
+    nearest = target.distance - float(target.corners[:, 2].max())
     fraction = float(np.clip((z - scene.receiver.aperture_z) / max(nearest, 1e-9), 0.0, 1.0))
     return (1.0 - fraction) * pupil + fraction * max(corner, pupil)
 

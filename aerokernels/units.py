@@ -35,13 +35,22 @@ _DIMENSIONS: dict[str, tuple[str, str, dict[str, float]]] = {
         "V/W",
         {"V/W": 1.0, "mV/W": 1e-3, "kV/W": 1e3, "V/mW": 1e3, "V/uW": 1e6, "mV/uW": 1e3},
     ),
+    "current": ("a current", "A", {"pA": 1e-12, "nA": 1e-9, "uA": 1e-6, "mA": 1e-3, "A": 1.0}),
+    "photodiode responsivity": ("a photodiode's responsivity", "A/W", {"A/W": 1.0, "mA/W": 1e-3}),
+    "noise current density": (
+        "a noise current density",
+        "A/rtHz",
+        {"A/rtHz": 1.0, "nA/rtHz": 1e-9, "pA/rtHz": 1e-12, "fA/rtHz": 1e-15},
+    ),
+    "resistance": ("a resistance", "Ohm", {"Ohm": 1.0, "kOhm": 1e3, "MOhm": 1e6}),
     "gladstone-dale": ("a Gladstone-Dale constant", "m3/kg", {"m3/kg": 1.0, "cm3/g": 1e-3}),
     "dimensionless": ("a plain number", "", {"": 1.0, "%": 1e-2}),
 }
 # Added after scaling.
 _OFFSET = {"degC": 273.15}
-# Other ways to write the same unit: the micro sign and the Greek mu, exponents, degrees.
+# Other ways to write the same unit: the micro sign and the Greek mu, exponents, degrees, roots, the ohm and omega.
 _SPELLING = {"µ": "u", "μ": "u", "³": "3", "^": "", "°C": "degC", "°": "deg", "percent": "%"}
+_SPELLING |= {"sqrt(Hz)": "rtHz", "√Hz": "rtHz", "\u03a9": "Ohm", "\u2126": "Ohm", "ohm": "Ohm"}
 _PATTERN = re.compile(r"([+-]?(?:\d[\d_]*\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*(.*)", re.DOTALL)
 
 DIMENSIONS = tuple(_DIMENSIONS)
@@ -56,7 +65,8 @@ def quantity(value: float | str, dimension: str) -> float:
         dimension: One of `DIMENSIONS`, such as "length" or "angle".
 
     Returns:
-        The quantity in the SI unit of its dimension (m, s, rad, W, Pa, K, kg/m3, Hz, V, V/W, m3/kg, 1).
+        The quantity in the SI unit of its dimension (m, s, rad, W, Pa, K, kg/m3, Hz, V, V/W, A, A/W, A/rtHz, Ohm,
+        m3/kg, 1).
 
     Raises:
         TypeError: `value` is neither a number nor a text.

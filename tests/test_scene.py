@@ -123,6 +123,17 @@ def test_as_dict_is_json_and_gives_the_scene_back(write):
         ("detector.bandwidth", "200 MHz", 2e8),
         ("trace.device", "cuda:0", "cuda:0"),
         ("flow.gladstone_dale", "2.24e-4 m3/kg", 2.24e-4),
+        ("target.tilt_axis", "[0, 1, 0]", (0.0, 1.0, 0.0)),
+        ("receiver.strehl_node_count", "every", "every"),
+        ("receiver.strehl_node_count", "11", 11),
+        ("detector.noise", "true", True),
+        ("detector.bit_count", "unlimited", None),
+        ("detector.saturation", "2 V", 2.0),
+        ("detector.dark_current", "5 nA", 5e-9),
+        ("detector.amplifier_noise", "3 pA/√Hz", 3e-12),
+        ("detector.load_resistance", "1.2 kΩ", 1200.0),
+        ("detector.responsivity", "550 mA/W", 0.55),
+        ("detector.background_power", "0 W", 0.0),
         ("receiver.aperture_z", "-1 cm", -0.01),
     ],
 )
@@ -158,8 +169,28 @@ def test_mesh_route_has_its_own_interpolation():
         ('[target]\ntilt = "90 deg"', ["target.tilt = '90 deg'", "below"]),
         ("[target]\nreflectivity = 1.3", ["target.reflectivity = 1.3", "at most 1"]),
         ("[detector]\nfraction = 1", ["detector.fraction = 1", "below 1"]),
+        ('[detector]\nresponse = "brick"', ["detector.response = 'brick'", "'bessel', 'butterworth'"]),
+        ('[detector]\nnoise = "yes"', ["detector.noise = 'yes'", "true or false"]),
+        ("[detector]\nnoice = true", ["unknown key detector.noice", "did you mean detector.noise?"]),
+        ("[detector]\nbit_count = 30", ["detector.bit_count = 30", "at most 24"]),
+        ("[detector]\ngain = 0.5", ["detector.gain = 0.5", "at least 1"]),
+        ("[detector]\nadc_low = 5", ["detector.adc_low 5 V", "below detector.adc_high 4.5 V"]),
+        ("[detector]\ntrial_count = 1", ["detector.trial_count 1", "at least 2"]),
+        ('[detector]\namplifier_noise = "2 pA"', ["detector.amplifier_noise = '2 pA'", "pA/rtHz"]),
+        ('[detector]\ndark_current = "-1 nA"', ["detector.dark_current = '-1 nA'", "at least 0"]),
+        ('[target]\nreflector = "mirror"', ["target.reflector = 'mirror'", "'lambertian' or 'phong'"]),
+        ("[target]\nspecular_share = 1.1", ["target.specular_share = 1.1", "at most 1"]),
+        ("[target]\ntilt_axis = [0, 0, 0]", ["target.tilt_axis = [0, 0, 0]", "not all zero"]),
+        ('[target]\ntilt_axis = "x"', ["target.tilt_axis = 'x'", "[1, 0, 0]"]),
+        ('[receiver]\nreturn_factor = "flux"', ["receiver.return_factor = 'flux'", "'bucket'"]),
+        ("[receiver]\nstrehl_node_count = 4", ["receiver.strehl_node_count = 4", "odd", "'every'"]),
+        ('[beam]\npulse = "square"', ["beam.pulse = 'square'", "'helios'"]),
+        ('[beam]\npulse = "sampled"', ["beam.pulse 'sampled'", "beam.pulse_samples"]),
+        ("[beam]\npulse_samples = [0, 1, 2, 1, 0]", ["beam.pulse_samples", "beam.pulse is 'gaussian'"]),
+        ('[beam]\npulse = "sampled"\npulse_samples = [3, 2, 1, 0]', ["beam.pulse_samples", "is the first"]),
+        ('[beam]\npulse = "sampled"\npulse_samples = [0, -1, 2, 1, 0]', ["beam.pulse_samples", "negative"]),
         ('[detector]\nbandwidth = "wide"', ["detector.bandwidth = 'wide'", "GHz"]),
-        ('[detector]\nranging = "centre"', ["detector.ranging = 'centre'", "'leading-edge' or 'constant-fraction'"]),
+        ('[detector]\nranging = "centre"', ["detector.ranging = 'centre'", "'centroid' or 'matched-filter'"]),
         ("[beam]\nray_count = 0", ["beam.ray_count = 0", "at least 1"]),
         ("[beam]\nray_count = 10.5", ["beam.ray_count = 10.5", "whole number"]),
         ("[beam]\nray_count = inf", ["beam.ray_count = inf", "whole number"]),
@@ -262,3 +293,26 @@ def test_shipped_scenes_are_written_for_newcomers(name, root: Path):
     assert {"flow", "beam", "target", "receiver", "detector", "strehl", "trace"} <= tables
     assert text.startswith("# ") and text.count("(paper)") >= 6
     assert max(map(len, text.splitlines())) <= 135
+
+
+@pytest.mark.parametrize("table", ["beam", "target", "receiver", "atmosphere", "detector"])
+def test_every_key_of_the_echo_is_on_its_page_with_its_default(table, root: Path):
+    """docs/echo.md lists keys, defaults as they are written, and the keys' own words."""
+    page = (root / "docs" / "echo.md").read_text(encoding="utf-8")
+    rows = {
+        cells[0].strip("` "): (cells[1].strip(), cells[2].strip())
+        for line in page.splitlines()
+        if line.startswith("| `") and len(cells := line.strip("| ").split(" | ")) == 3
+    }
+    model = Scene.model_fields[table].annotation
+    assert isinstance(model, type) and issubclass(model, BaseModel)
+    assert {key for key in rows if key.startswith(f"{table}.")} == {f"{table}.{name}" for name in model.model_fields}
+    for name, field in model.model_fields.items():
+        default, words = rows[f"{table}.{name}"]
+        assert words == field.description
+        if field.default is None:
+            assert default == "absent"
+        elif isinstance(field.default, str):
+            assert default == field.default
+        else:  # numbers, switches and lists are written as in JSON
+            assert json.loads(default) == (list(field.default) if isinstance(field.default, tuple) else field.default)

@@ -21,6 +21,20 @@ def check_positive(value: float, name: str, unit: str = "") -> float:
     return number
 
 
+def check_at_least(value: float, name: str, least: float = -math.inf) -> float:
+    """Return `value` as a float that is finite and not below `least`.
+
+    Raises:
+        ValueError: It is not.
+        TypeError: It is no number.
+    """
+    number = _as_number(value, name)
+    if not (math.isfinite(number) and number >= least):
+        bound = "" if least == -math.inf else f" and at least {least:g}"
+        raise ValueError(f"{name} must be finite{bound}, got {value!r}")
+    return number
+
+
 def check_share(value: float, name: str) -> float:
     """Return `value` as a float in [0, 1].
 

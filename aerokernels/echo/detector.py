@@ -1,55 +1,94 @@
-"""From received power to sampled volts: responsivity, bandwidth, sampling. No noise yet.
+"""From received power to volts without noise: responsivity and bandwidth; and the digitiser's clock.
 
 The receiver's electronics are a low-pass of unit gain at 0 Hz and -3 dB at `bandwidth`:
 
     "first-order"   1 / (1 + i f / B)
     "gaussian"      exp(-(ln 2 / 2) (f / B)^2), no delay (not causal; the limit of many equal stages)
-    "bessel"        fourth-order Bessel, flat group delay
+    "bessel"        Bessel sections, flat group delay
+    "butterworth"   Butterworth sections, flat gain
 
-It is applied by its exact transfer function in the frequency domain, on a record padded until nothing wraps around.
-First-order and Bessel delay the pulse; a rangefinder is calibrated for that, and so is `simulate.echo`.
+It is applied by its exact transfer function in the frequency domain, on a record padded until nothing wraps around: a
+digital filter of the same name would warp the response where the sample rate is low. All but the Gaussian delay the
+pulse; a rangefinder is calibrated for that, and so is `simulate.echo`.
 """
 
 import math
+from functools import lru_cache
 
 import numpy as np
 
 from .checks import as_waveform, check_choice, check_positive
 
-RESPONSES = ("first-order", "gaussian", "bessel")
-BESSEL_ORDER = 4
-# A first-order stage forgets by exp(-2 pi B t): 1e-16 after 6 / B.
-_MEMORY = 6.0
+RESPONSES = ("first-order", "gaussian", "bessel", "butterworth")
+GREATEST_ORDER = 10
+# What is left of the slowest pole's memory at the end of the padding.
+_FORGOTTEN = 1e-16
 
 
-def low_pass_gain(frequency, bandwidth: float, response: str = "bessel") -> np.ndarray:
+def check_order(order: int) -> int:
+    """Return `order`, a whole number of poles from 1 to 10.
+
+    Raises:
+        ValueError: It is none.
+    """
+    if isinstance(order, bool) or not isinstance(order, (int, np.integer)) or not 1 <= order <= GREATEST_ORDER:
+        raise ValueError(f"order must be a whole number from 1 to {GREATEST_ORDER}, got {order!r}")
+    return int(order)
+
+
+@lru_cache(maxsize=32)
+def _sections(response: str, order: int) -> tuple[np.ndarray, np.ndarray, float]:
+    """Zeros, poles [2 pi x bandwidth] and gain of the analogue filter."""
+    from scipy import signal
+
+    if response == "first-order":
+        return np.array([]), np.array([-1.0]), 1.0
+    if response == "bessel":
+        return signal.bessel(order, 1.0, analog=True, norm="mag", output="zpk")
+    return signal.butter(order, 1.0, analog=True, output="zpk")
+
+
+def low_pass_gain(frequency, bandwidth: float, response: str = "bessel", order: int = 4) -> np.ndarray:
     """Complex gain at the frequencies given.
 
     Args:
         frequency: Frequencies [Hz], any shape.
         bandwidth: Frequency at which the power gain is one half [Hz].
-        response: "first-order", "gaussian" or "bessel".
+        response: "first-order", "gaussian", "bessel" or "butterworth".
+        order: Poles of the last two, 1 to 10.
 
     Returns:
         Gain, complex, of the shape of `frequency`.
 
     Raises:
-        ValueError: A bandwidth that is not positive, or an unknown response.
+        ValueError: A bandwidth that is not positive, an unknown response, an order out of range.
     """
     ratio = np.asarray(frequency, dtype=np.float64) / check_positive(bandwidth, "bandwidth", "Hz")
     check_choice(response, "response", RESPONSES)
-    if response == "first-order":
-        return 1.0 / (1.0 + 1j * ratio)
+    poles = check_order(order)
     if response == "gaussian":
         return np.exp(-0.5 * math.log(2.0) * np.square(ratio)).astype(np.complex128)
     from scipy import signal
 
-    numerator, denominator = signal.bessel(BESSEL_ORDER, 1.0, analog=True, norm="mag")
-    return np.asarray(signal.freqs(numerator, denominator, worN=ratio.ravel())[1]).reshape(ratio.shape)
+    return np.asarray(signal.freqs_zpk(*_sections(response, poles), worN=ratio.ravel())[1]).reshape(ratio.shape)
+
+
+def memory_time(bandwidth: float, response: str = "bessel", order: int = 4) -> float:
+    """Time after which the low-pass has forgotten a pulse [s]; arguments as for `low_pass_gain`."""
+    check_choice(response, "response", RESPONSES)
+    # The Gaussian's impulse response is 1e-16 of its peak after 1.6 / B.
+    slowest = 4.0 if response == "gaussian" else float(-_sections(response, check_order(order))[1].real.max())
+    return -math.log(_FORGOTTEN) / (2.0 * math.pi * slowest * check_positive(bandwidth, "bandwidth", "Hz"))
 
 
 def detect(
-    time, power, *, volts_per_watt: float, bandwidth: float | None = None, response: str = "bessel"
+    time,
+    power,
+    *,
+    volts_per_watt: float,
+    bandwidth: float | None = None,
+    response: str = "bessel",
+    order: int = 4,
 ) -> np.ndarray:
     """Voltage that the receiver makes of the power on its pupil.
 
@@ -58,7 +97,8 @@ def detect(
         power: Received power [W], shape (n,); taken to be nothing before and after the record.
         volts_per_watt: Responsivity times gain [V/W].
         bandwidth: -3 dB bandwidth [Hz]; None for electronics that follow at once.
-        response: Kind of low-pass: "first-order", "gaussian" or "bessel".
+        response: Kind of low-pass: "first-order", "gaussian", "bessel" or "butterworth".
+        order: Poles of the last two, 1 to 10.
 
     Returns:
         Voltage [V], shape (n,).
@@ -70,12 +110,17 @@ def detect(
     gain = check_positive(volts_per_watt, "volts_per_watt", "V/W")
     if bandwidth is None:
         return gain * watts
-    count = watts.size + math.ceil(_MEMORY / (check_positive(bandwidth, "bandwidth", "Hz") * period))
-    from scipy.fft import irfft, next_fast_len, rfft, rfftfreq
+    padding = math.ceil(memory_time(bandwidth, response, order) / period)
+    padded = np.concatenate([gain * watts, np.zeros(padding)])
+    return low_pass(padded, period, bandwidth, response, order)[: watts.size]
 
-    count = next_fast_len(2 * count, real=True)
-    spectrum = rfft(gain * watts, count) * low_pass_gain(rfftfreq(count, period), bandwidth, response)
-    return irfft(spectrum, count)[: watts.size]
+
+def low_pass(values: np.ndarray, period: float, bandwidth: float, response: str, order: int) -> np.ndarray:
+    """Samples behind the low-pass, of the same shape (n,); the record's end runs on into its beginning."""
+    from scipy.fft import irfft, rfft, rfftfreq
+
+    gain = low_pass_gain(rfftfreq(values.size, period), bandwidth, response, order)
+    return irfft(rfft(values) * gain, values.size)
 
 
 def sample_times(start: float, stop: float, sample_rate: float) -> np.ndarray:

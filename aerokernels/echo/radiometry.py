@@ -1,17 +1,22 @@
-"""Echo of a tilted Lambertian plane without flow, in closed form (eq 8 of the paper).
+"""Echo of a tilted plane without flow, in closed form and by quadrature (eq 8 of the paper).
 
     P(t) = P0 D^2 eta_a^2 eta_s / (2 w^2 R^2) f_r cos(b) SR
            * integral of exp(-2 (x^2 + y^2) / w^2) exp(-((t - 2 (R + y tan b) / c) / tau)^2) dx dy
 
 x and y are normal to the beam, w is the beam's 1/e^2 radius at the target, D the receiver's diameter, b the tilt about
-x, f_r = reflectivity / pi. Over the whole plane the integral is a Gaussian once more:
+x, f_r = reflectivity / pi for a Lambertian plane (reflectors.py has Phong's; the beam is parallel, so its lobe is seen
+at 2 b). Over the whole plane the integral is a Gaussian once more:
 
     P(t) = pi P0 D^2 eta_a^2 eta_s f_r cos(b) SR / (4 R^2) * (tau / tau_e) exp(-((t - 2 R / c) / tau_e)^2)
     tau_e^2 = tau^2 + 2 w^2 tan(b)^2 / c^2
 
-With y cut at +-w, as the paper does in eq 11, a factor [erf(q (w - y0)) + erf(q (w + y0))] / 2 comes to it, where
-q^2 = 2 / w^2 + (2 tan(b) / (c tau))^2 and y0 = 2 tan(b) (t - 2 R / c) / (c tau^2 q^2). Untilted it is
-erf(sqrt 2) = 0.9545.
+With y cut at +-h, a factor [erf(q (h - y0)) + erf(q (h + y0))] / 2 comes to it, where
+q^2 = 2 / w^2 + (2 tan(b) / (c tau))^2 and y0 = 2 tan(b) (t - 2 R / c) / (c tau^2 q^2). The paper's eq 11 cuts at h = w,
+which untilted leaves erf(sqrt 2) = 0.9545; a reflector of height H cuts at h = H cos(b) / 2, and its width W adds a
+factor erf(W / (sqrt 2 w)).
+
+For other pulses than the Gaussian the integral over y is done by Gauss-Legendre points on panels short against the
+pulse and the beam.
 
 The light travels at c: the echo of a scene (`simulate.py`) has the air's index in its optical paths.
 """
@@ -21,9 +26,14 @@ import math
 import numpy as np
 
 from .checks import as_finite_array, check_choice, check_positive, check_share, check_tilt
+from .pulses import GaussianPulse, PulseShape, as_pulse
+from .reflectors import Reflector
 from .waveform import SPEED_OF_LIGHT
 
 LIMITS = ("beam", "paper")
+EVALUATIONS = ("auto", "closed-form", "quadrature")
+SUPPORT = 3.5  # [1/e^2 radii]: 3e-12 of the beam lies outside
+PANEL_NODES = 16
 
 
 def tilted_pulse_tau(pulse_tau: float, beam_radius: float, tilt: float) -> float:
@@ -48,18 +58,18 @@ def plane_echo_power(
     receiver_diameter: float,
     distance,
     incidence_cosine,
-    reflectivity: float,
+    reflectance,
     atmospheric_transmission: float = 1.0,
     system_efficiency: float = 1.0,
 ):
-    """Peak power [W] that returns if the whole beam meets a Lambertian surface at one distance and one incidence.
+    """Peak power [W] that returns if the whole beam meets a surface at one distance and one incidence.
 
-    P0 (reflectivity / pi) cos(incidence) * (pi D^2 / 4) / R^2 * eta_a^2 eta_s: the reflector's radiance times the
-    receiver's solid angle. `distance` [m] and `incidence_cosine` may be arrays; nothing is checked here.
+    P0 f_r cos(incidence) * (pi D^2 / 4) / R^2 * eta_a^2 eta_s: the reflector's radiance times the receiver's solid
+    angle. `distance` [m], `incidence_cosine` and `reflectance` f_r [1/sr] may be arrays; nothing is checked here.
     """
     aperture = 0.25 * math.pi * receiver_diameter**2
     through = atmospheric_transmission**2 * system_efficiency
-    return peak_power * reflectivity / math.pi * incidence_cosine * aperture / np.square(distance) * through
+    return peak_power * reflectance * incidence_cosine * aperture / np.square(distance) * through
 
 
 def plane_target_echo(
@@ -70,35 +80,46 @@ def plane_target_echo(
     beam_radius: float,
     distance: float,
     tilt: float = 0.0,
-    pulse_tau: float,
+    pulse_tau: PulseShape | float,
     reflectivity: float,
     atmospheric_transmission: float = 1.0,
     system_efficiency: float = 1.0,
     strehl: float = 1.0,
     limits: str = "beam",
+    specular_share: float = 0.0,
+    specular_exponent: float = 20.0,
+    width: float | None = None,
+    height: float | None = None,
+    evaluation: str = "auto",
 ) -> np.ndarray:
-    """Received power of the echo from a tilted Lambertian plane larger than the beam, without flow (eq 8).
+    """Received power of the echo from a tilted plane without flow (eq 8).
 
     Args:
         time: Times after the pulse's peak left [s], any shape.
         peak_power: Peak power of the pulse that leaves [W].
         receiver_diameter: Diameter D of the receiver's pupil [m].
-        beam_radius: 1/e^2 intensity radius of the beam at the target [m].
+        beam_radius: 1/e^2 intensity radius of the parallel beam [m].
         distance: Distance R to the plane along the axis [m].
         tilt: Angle between the axis and the plane's normal, about x [rad].
-        pulse_tau: 1/e half-width of the pulse, FWHM / (2 sqrt(ln 2)) [s].
-        reflectivity: Lambertian reflectivity, 0 to 1.
+        pulse_tau: 1/e half-width of a Gaussian pulse, FWHM / (2 sqrt(ln 2)) [s], or a shape out of pulses.py.
+        reflectivity: Reflectivity at normal incidence, 0 to 1.
         atmospheric_transmission: Transmission one way, 0 to 1; it enters squared.
         system_efficiency: Transmission of the optics, 0 to 1.
         strehl: Strehl ratio of the return path, 0 to 1, one for the whole target.
-        limits: "beam", the beam's full support; "paper", y cut at +-beam_radius, which loses 4.55 % untilted.
+        limits: "beam", the beam's full support, or the reflector's edges; "paper", y cut at +-beam_radius whatever the
+            reflector's size, which loses 4.55 % untilted.
+        specular_share: Share of the reflected light in a Phong lobe, 0 to 1; 0: Lambertian.
+        specular_exponent: The lobe's exponent.
+        width: Width of the reflector [m]; None: larger than the beam.
+        height: Height of the reflector along its tilted surface [m]; None: larger than the beam.
+        evaluation: "closed-form" (Gaussian pulses), "quadrature", or "auto": the closed form where there is one.
 
     Returns:
         Received power [W], of the shape of `time`.
 
     Raises:
         ValueError: A length, time or power that is not positive and finite, a share outside 0 to 1, a tilt of a right
-            angle or more, unknown limits, times that are not finite.
+            angle or more, unknown limits, times that are not finite, a closed form asked of another pulse.
         TypeError: An argument that is not a number.
     """
     times = as_finite_array(time, "time")
@@ -107,25 +128,65 @@ def plane_target_echo(
         check_positive(receiver_diameter, "receiver_diameter", "m"),
     )
     radius, reach = check_positive(beam_radius, "beam_radius", "m"), check_positive(distance, "distance", "m")
-    angle, tau = check_tilt(tilt), check_positive(pulse_tau, "pulse_tau", "s")
+    angle, pulse = check_tilt(tilt), as_pulse(pulse_tau)
     air = check_share(atmospheric_transmission, "atmospheric_transmission")
     optics = check_share(system_efficiency, "system_efficiency")
     ratio = check_share(strehl, "strehl")
+    surface = Reflector(reflectivity, specular_share, specular_exponent)
     check_choice(limits, "limits", LIMITS)
-    peak = plane_echo_power(
-        power, diameter, reach, math.cos(angle), check_share(reflectivity, "reflectivity"), air, optics
-    )
+    half_width = None if width is None else 0.5 * check_positive(width, "width", "m")
+    half_height = None if height is None else 0.5 * check_positive(height, "height", "m") * math.cos(angle)
+    if limits == "paper":
+        half_width, half_height = None, radius
+    if check_choice(evaluation, "evaluation", EVALUATIONS) == "auto":
+        evaluation = "closed-form" if isinstance(pulse, GaussianPulse) else "quadrature"
+
+    reflectance = surface.reflectance(math.cos(2.0 * angle))
+    peak = ratio * plane_echo_power(power, diameter, reach, math.cos(angle), reflectance, air, optics)
     late = times - 2.0 * reach / SPEED_OF_LIGHT
-    spread = tilted_pulse_tau(tau, radius, angle)
-    echo = ratio * peak * (tau / spread) * np.exp(-np.square(late / spread))
-    return np.asarray(echo if limits == "beam" else echo * _share_within_radius(late, radius, angle, tau))
+    if evaluation == "quadrature":
+        return np.asarray(peak * _integral(late, radius, angle, pulse, half_width, half_height))
+    if not isinstance(pulse, GaussianPulse):
+        raise ValueError(
+            f"evaluation 'closed-form' is for Gaussian pulses, got a {type(pulse).__name__}: take 'quadrature'"
+        )
+    return np.asarray(peak * _closed_form(late, radius, angle, pulse.tau, half_width, half_height))
 
 
-def _share_within_radius(late: np.ndarray, radius: float, tilt: float, tau: float) -> np.ndarray:
-    """Share of the integrand of eq 8 at |y| < radius, for each time after the axis' echo [s]."""
+def _closed_form(late, radius: float, tilt: float, tau: float, half_width, half_height) -> np.ndarray:
+    """The integral of eq 8, normalised to 1 for an untilted plane at its peak, for times after the axis' echo [s]."""
     from scipy.special import erf
 
-    slope = 2.0 * math.tan(tilt) / (SPEED_OF_LIGHT * tau)
-    sharpness = math.hypot(math.sqrt(2.0) / radius, slope)
-    center = slope * late / (tau * sharpness**2)
-    return 0.5 * (erf(sharpness * (radius - center)) + erf(sharpness * (radius + center)))
+    spread = tilted_pulse_tau(tau, radius, tilt)
+    echo = (tau / spread) * np.exp(-np.square(late / spread))
+    if half_width is not None:
+        echo = echo * erf(math.sqrt(2.0) * half_width / radius)
+    if half_height is not None:
+        slope = 2.0 * math.tan(tilt) / (SPEED_OF_LIGHT * tau)
+        sharpness = math.hypot(math.sqrt(2.0) / radius, slope)
+        center = slope * late / (tau * sharpness**2)
+        echo = echo * 0.5 * (erf(sharpness * (half_height - center)) + erf(sharpness * (half_height + center)))
+    return echo
+
+
+def _integral(late, radius: float, tilt: float, pulse: PulseShape, half_width, half_height) -> np.ndarray:
+    """The same, summed up."""
+    limit = SUPPORT * radius
+    _, x_weight = _beam_panels(min(limit, half_width or limit), radius, radius)
+    steepness = 2.0 * abs(math.tan(tilt)) / SPEED_OF_LIGHT
+    panel = min(radius, pulse.timescale / steepness) if steepness > 0.0 else radius
+    y, y_weight = _beam_panels(min(limit, half_height or limit), panel, radius)
+    total = np.zeros(late.shape)
+    for place, share in zip(y, y_weight, strict=True):
+        total += share * pulse(late - 2.0 * place * math.tan(tilt) / SPEED_OF_LIGHT)
+    return total * x_weight.sum()
+
+
+def _beam_panels(limit: float, panel: float, radius: float) -> tuple[np.ndarray, np.ndarray]:
+    """Points [m] between -limit and limit on panels no longer than `panel`, and each one's share of the beam."""
+    node, weight = np.polynomial.legendre.leggauss(PANEL_NODES)
+    edge = np.linspace(-limit, limit, math.ceil(2.0 * limit / panel) + 1)
+    half = 0.5 * np.diff(edge)[:, None]
+    place = (0.5 * (edge[:-1] + edge[1:])[:, None] + half * node).ravel()
+    density = math.sqrt(2.0 / math.pi) / radius * np.exp(-2.0 * np.square(place / radius))
+    return place, (half * weight).ravel() * density

@@ -6,11 +6,14 @@ time has a variance of at least s^2 / sum (dv/dt)^2 (Cramer-Rao), so that
     range error >= c / 2 * s / sqrt(sum over the samples of (dv/dt)^2)
 """
 
+import contextlib
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 
-from .checks import as_waveform, check_positive
+from .chain import DetectorChain
+from .checks import as_waveform, check_positive, check_share
 from .pulse_curve import PulseCurve
 from .ranging import Template, estimate_range
 from .waveform import SPEED_OF_LIGHT
@@ -28,6 +31,9 @@ class RangeStatistics:
         random_standard_error: Standard error of `random_error`, from the number of trials [m].
         trial_count: Trials made.
         missed_count: Trials without a range, such as a signal that never crossed the threshold; left out above.
+        confidence: Probability that each of the intervals below covers what it is for.
+        systematic_interval: Confidence interval of `systematic_error` [m], Student's t.
+        random_interval: Confidence interval of `random_error` [m], chi-squared.
     """
 
     systematic_error: float
@@ -37,6 +43,9 @@ class RangeStatistics:
     random_standard_error: float
     trial_count: int
     missed_count: int
+    confidence: float = 0.95
+    systematic_interval: tuple[float, float] = (float("nan"), float("nan"))
+    random_interval: tuple[float, float] = (float("nan"), float("nan"))
 
 
 def cramer_rao_range(time, voltage, noise_rms: float) -> float:
@@ -70,6 +79,7 @@ def range_statistics(
     threshold: float | None = None,
     template: Template | None = None,
     fraction: float = 0.5,
+    confidence: float = 0.95,
 ) -> RangeStatistics:
     """Systematic and random error of a ranging method in white Gaussian noise.
 
@@ -85,9 +95,10 @@ def range_statistics(
         threshold: As for `estimate_range`.
         template: As for `estimate_range`.
         fraction: As for `estimate_range`.
+        confidence: Probability of the confidence intervals, between 0 and 1.
 
     Returns:
-        The errors. The standard error of the random error assumes normally distributed ranges.
+        The errors. Standard error and interval of the random error assume normally distributed ranges.
 
     Raises:
         ValueError: As `estimate_range` for the waveform without noise; also fewer than two trials, or fewer than two
@@ -95,31 +106,111 @@ def range_statistics(
     """
     times, volts, _ = as_waveform(time, voltage)
     bound = cramer_rao_range(times, volts, noise_rms)
-    if isinstance(trial_count, bool) or not isinstance(trial_count, (int, np.integer)) or trial_count < 2:
-        raise ValueError(f"trial_count must be a whole number of at least 2, got {trial_count!r}")
+    check_trials(trial_count, confidence)
 
     def read(samples: np.ndarray) -> float:
         return estimate_range(times, samples, method, threshold=threshold, template=template, fraction=fraction)
 
     clean = read(volts)  # an argument that is wrong shows here, before a trial could pass for a missed one
     generator = np.random.default_rng(seed)
-    ranges, missed = [], 0
+    ranges = _trials(read, lambda: volts + generator.normal(scale=noise_rms, size=volts.size), trial_count)
+    return summarise_ranges(ranges, trial_count, clean if true_range is None else float(true_range), bound, confidence)
+
+
+def chain_range_statistics(
+    chain: DetectorChain,
+    time,
+    power,
+    read: Callable[[np.ndarray, np.ndarray], float],
+    *,
+    true_range: float,
+    stride: int = 1,
+    trial_count: int = 1000,
+    seed: int = 0,
+    confidence: float = 0.95,
+) -> RangeStatistics:
+    """Systematic and random error of a rangefinder behind a whole detector chain.
+
+    Args:
+        chain: The chain, whose noise, limits and digitiser every record goes through.
+        time: Times [s], shape (n,), in even steps fine enough for the pulse and the low-pass.
+        power: Received power [W], shape (n,).
+        read: Range [m] from sample times [s] and samples [V]; a ValueError of it is a missed echo.
+        true_range: What the geometry says [m].
+        stride: Every so many times there is a sample.
+        trial_count: Records to range, at least two.
+        seed: Seed of the noise.
+        confidence: Probability of the confidence intervals, between 0 and 1.
+
+    Returns:
+        The errors. The bound is that of the current before the low-pass, see `DetectorChain.cramer_rao_range`.
+
+    Raises:
+        ValueError: Arguments out of range, or fewer than two trials that gave a range.
+    """
+    times, watts, _ = as_waveform(time, power)
+    check_trials(trial_count, confidence)
+    bound = chain.cramer_rao_range(times, watts)
+    generator = np.random.default_rng(seed)
+    ranges = _trials(
+        lambda samples: read(times[::stride], samples),
+        lambda: chain.record(times, watts, generator, stride),
+        trial_count,
+    )
+    return summarise_ranges(ranges, trial_count, float(true_range), bound, confidence)
+
+
+def check_trials(trial_count: int, confidence: float) -> None:
+    """Refuse fewer than two trials, and a confidence that is no probability.
+
+    Raises:
+        ValueError: As said.
+    """
+    if isinstance(trial_count, bool) or not isinstance(trial_count, (int, np.integer)) or trial_count < 2:
+        raise ValueError(f"trial_count must be a whole number of at least 2, got {trial_count!r}")
+    if not 0.0 < check_share(confidence, "confidence") < 1.0:
+        raise ValueError(f"confidence must lie between 0 and 1, both excluded, got {confidence!r}")
+
+
+def _trials(read: Callable[[np.ndarray], float], record: Callable[[], np.ndarray], trial_count: int) -> list[float]:
+    """Ranges [m] of those records that gave one."""
+    ranges = []
     for _ in range(trial_count):
-        try:
-            ranges.append(read(volts + generator.normal(scale=noise_rms, size=volts.size)))
-        except ValueError:
-            missed += 1
-    if len(ranges) < 2:
+        samples = record()
+        with contextlib.suppress(ValueError):
+            ranges.append(read(samples))
+    return ranges
+
+
+def summarise_ranges(
+    ranges: list[float], trial_count: int, true_range: float, bound: float, confidence: float
+) -> RangeStatistics:
+    """Mean and spread of the ranges [m] that trials gave, with their confidence intervals.
+
+    Raises:
+        ValueError: Fewer than two ranges.
+    """
+    from scipy.stats import chi2, t
+
+    found = len(ranges)
+    if found < 2:
         raise ValueError(
-            f"{missed} of {trial_count} trials gave no range: lower noise_rms ({noise_rms:g} V) or the threshold"
+            f"{trial_count - found} of {trial_count} trials gave no range: lower the noise, or the threshold"
         )
-    random_error = float(np.std(ranges, ddof=1))
+    systematic, spread = float(np.mean(ranges)) - true_range, float(np.std(ranges, ddof=1))
+    standard_error = spread / float(np.sqrt(found))
+    reach = float(t.ppf(0.5 * (1.0 + confidence), found - 1)) * standard_error
+    tails = chi2.ppf((0.5 * (1.0 + confidence), 0.5 * (1.0 - confidence)), found - 1)
+    low, high = spread * np.sqrt((found - 1) / tails)
     return RangeStatistics(
-        systematic_error=float(np.mean(ranges)) - (clean if true_range is None else float(true_range)),
-        random_error=random_error,
+        systematic_error=systematic,
+        random_error=spread,
         cramer_rao_bound=bound,
-        systematic_standard_error=random_error / float(np.sqrt(len(ranges))),
-        random_standard_error=random_error / float(np.sqrt(2.0 * (len(ranges) - 1))),
+        systematic_standard_error=standard_error,
+        random_standard_error=spread / float(np.sqrt(2.0 * (found - 1))),
         trial_count=int(trial_count),
-        missed_count=missed,
+        missed_count=trial_count - found,
+        confidence=float(confidence),
+        systematic_interval=(systematic - reach, systematic + reach),
+        random_interval=(float(low), float(high)),
     )

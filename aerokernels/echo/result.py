@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from .pulse_curve import peak_height
+from .range_error import RangeStatistics
 
 if TYPE_CHECKING:
     import xarray
@@ -19,11 +20,16 @@ class EchoResult:
     Attributes:
         time: Sample times after the pulse's peak left [s], shape (n,).
         power: Power on the receiver's pupil [W], shape (n,).
-        voltage: Detector voltage [V], shape (n,).
+        voltage: Recorded voltage [V], shape (n,): with noise and digitiser where the scene has them.
+        clean_voltage: The same without either: what many records average to, shape (n,).
+        noise_rms: Standard deviation of the noise between echoes [V]; 0 where the scene has none.
         target_point: Where each ray of the beam lands on the target [m], shape (m, 3); NaN for rays that do not.
         path: Optical path R_L of each ray from the exit aperture to the target [m], shape (m,).
+        deflection: What the flow turned each ray by, toward x and y [rad], shape (m, 2).
         incidence: Angle between each ray and the target's normal [rad], shape (m,).
-        strehl: Strehl ratio of each point's return path over the receiver's pupil, shape (m,).
+        strehl: Strehl ratio of each point's return path over the receiver's pupil, shape (m,); NaN where the scene's
+            return factor is "none".
+        return_factor: What the flow leaves of each point's light on the way back, 0 to 1, shape (m,).
         beam_share: Share of the beam's power that each ray stands for, shape (m,).
         point_power: Peak of each point's own pulse at the receiver [W], shape (m,); `power` is the sum of the pulses.
         distance: True distance of the target [m].
@@ -31,26 +37,33 @@ class EchoResult:
         ranges: Range by method [m], calibrated; NaN where a method finds no echo.
         calibration: What is subtracted from each method's reading [m]: its error on the echo that the same scene has
             in vacuum.
+        statistics: Systematic and random error by method, over the scene's `detector.trial_count` noisy records.
         vacuum_peak_power: Peak power of that echo [W].
         vacuum_peak_voltage: Peak voltage of that echo [V].
         information: Numbers about the computation: "beam_share" (of the beam's power that arrives on the target),
             "lost_share" (of the power aimed at the target, in rays that failed), "strehl_error" (bound on the error
-            of interpolating the Strehl ratio), "ray_count", "evaluation_count", "trace_seconds".
+            of interpolating the return factor), "pair_count" (of target and pupil points, that the rays traced back
+            stand for), "ray_count" (traced), "evaluation_count", "trace_seconds".
     """
 
     time: np.ndarray
     power: np.ndarray
     voltage: np.ndarray
+    clean_voltage: np.ndarray
+    noise_rms: float
     target_point: np.ndarray
     path: np.ndarray
+    deflection: np.ndarray
     incidence: np.ndarray
     strehl: np.ndarray
+    return_factor: np.ndarray
     beam_share: np.ndarray
     point_power: np.ndarray
     distance: float
     ranging: str
     ranges: Mapping[str, float]
     calibration: Mapping[str, float]
+    statistics: Mapping[str, RangeStatistics]
     vacuum_peak_power: float
     vacuum_peak_voltage: float
     information: Mapping[str, float] = field(default_factory=dict)
@@ -92,10 +105,17 @@ class EchoResult:
         variables = {
             "echo_power": ("time", self.power, {"units": "W", "long_name": "received power"}),
             "echo_voltage": ("time", self.voltage, {"units": "V", "long_name": "detector voltage"}),
+            "echo_voltage_clean": ("time", self.clean_voltage, {"units": "V", "long_name": "voltage without noise"}),
             "target_point": point(self.target_point, "m", "where the beam's rays land on the target"),
             "path": point(self.path, "m", "optical path from the exit aperture to the target"),
+            "deflection": (
+                ("point", "transverse"),
+                self.deflection,
+                {"units": "rad", "long_name": "deflection by the flow on the way out"},
+            ),
             "incidence": point(self.incidence, "rad", "angle between ray and target normal"),
             "point_strehl": point(self.strehl, "1", "Strehl ratio of the return path"),
+            "return_factor": point(self.return_factor, "1", "what the flow leaves of the light on its way back"),
             "beam_share": point(self.beam_share, "1", "share of the beam's power"),
             "point_power": point(self.point_power, "W", "peak of the point's own pulse at the receiver"),
             "method_range": ("ranging_method", list(self.ranges.values()), {"units": "m", "long_name": "range"}),
@@ -105,14 +125,28 @@ class EchoResult:
                 {"units": "m", "long_name": "calibration subtracted from the reading"},
             ),
         }
+        for name, words in (
+            ("systematic_error", "mean range less the true one"),
+            ("random_error", "standard deviation of the range"),
+            ("cramer_rao_bound", "least random error of any unbiased range"),
+        ):
+            if self.statistics:
+                values = [getattr(self.statistics.get(method), name, float("nan")) for method in self.ranges]
+                variables[f"range_{name}"] = ("ranging_method", values, {"units": "m", "long_name": words})
         time = ("time", self.time, {"units": "s", "long_name": "time after the pulse's peak left"})
-        coordinates = {"time": time, "axis": ["x", "y", "z"], "ranging_method": list(self.ranges)}
+        coordinates = {
+            "time": time,
+            "axis": ["x", "y", "z"],
+            "transverse": ["x", "y"],
+            "ranging_method": list(self.ranges),
+        }
         attributes = {
             "ranging": self.ranging,
             "range_m": self.range,
             "true_range_m": self.distance,
             "echo_peak_w": self.peak_power,
             "echo_peak_v": self.peak_voltage,
+            "noise_rms_v": self.noise_rms,
             "vacuum_peak_w": self.vacuum_peak_power,
             "vacuum_peak_v": self.vacuum_peak_voltage,
             **{f"echo_{name}": value for name, value in self.information.items()},

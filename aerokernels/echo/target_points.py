@@ -1,20 +1,22 @@
 """Where the beam is sampled: quadrature points across it, each with the share of the beam's power that it stands for.
 
 The points are those at which the undisturbed rays of the beam would cross the plane through the target's centre normal
-to the axis (x and y of eq 8-12). A tensor product of Gauss-Legendre points spans the beam's support, cut at three
-1/e^2 radii (4e-9 of the power lies outside), and the reflector's edges where those are nearer. With 20 points a side
-or more the shares add up to the power within 1e-7.
+to the axis (x and y of eq 8-12). The beam's support is cut at three 1/e^2 radii (4e-9 of the power lies outside), and
+at the reflector's edges where those are nearer. What is left is a convex polygon; it is cut into bands at the heights
+of its corners, and each band, a trapezium, gets a tensor product of Gauss-Legendre points. With 20 points across or
+more the shares add up to the power within 1e-7.
 
 A ray leaves the exit aperture at the homologous point: as far from the axis, in exit radii, as it arrives in radii at
-the target. So an edge of a tilted reflector, seen by the diverging beam, lies at
+the target. So a point (X, Y, Z) of the tilted reflector, from its centre, is seen by the diverging beam at
 
-    y = Y / (1 + q Y),  half width in x = X / (1 + q Y),  q = (1 - exit_radius / radius) tan(tilt) / distance
+    (x, y) = (X, Y) / (1 + q Z),  q = (1 - exit_radius / radius) / distance
 
-for a point (X, Y) of the reflector, Y the projection of its height on y.
+which takes the reflector's straight edges to straight edges.
 """
 
 import math
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
@@ -23,7 +25,10 @@ from .checks import check_choice
 from .radiometry import LIMITS
 
 SUPPORT = 3.0  # [1/e^2 radii]
-LEAST_SIDE = 20  # points a side
+LEAST_SIDE = 20  # points across the whole beam
+LEAST_BAND = 8  # points across a band, however narrow
+# Corners whose heights differ by less than this share of the whole count as level: a band between would hold nothing.
+_SAME_CORNER = 1e-9
 
 
 @dataclass(frozen=True)
@@ -41,43 +46,112 @@ class TargetPoints:
     weight: np.ndarray
 
 
-def target_points(scene: Scene, limits: str = "beam") -> TargetPoints:
+def target_points(scene: Scene, limits: str | None = None) -> TargetPoints:
     """The rays of a scene's beam that its echo is summed over.
 
     Args:
-        scene: The scene; `beam.ray_count` is rounded up to a square, at least 400.
+        scene: The scene; `beam.ray_count` is rounded up to a square, at least 400, and more where the reflector's
+            edges cut the beam into bands.
         limits: "beam": the beam's support, or the reflector's edges where those are nearer; "paper": the whole beam
-            in x and one radius either way in y (eq 11), whatever the reflector's size.
+            in x and one radius either way in y (eq 11), whatever the reflector's size; None: the scene's own.
 
     Raises:
         ValueError: Unknown limits, or a target that reaches back to the aperture's plane.
     """
-    check_choice(limits, "limits", LIMITS)
-    beam, target, aperture_z = scene.beam, scene.target, scene.receiver.aperture_z
-    side = max(math.ceil(math.sqrt(beam.ray_count)), LEAST_SIDE)
-    node, weight = np.polynomial.legendre.leggauss(side)
+    chosen = check_choice(scene.target.limits if limits is None else limits, "limits", LIMITS)
+    beam, aperture_z = scene.beam, scene.receiver.aperture_z
     reach = SUPPORT * beam.radius
-    if limits == "paper":
-        y_low, y_high = -beam.radius, beam.radius
+    if chosen == "paper":
+        outline = _rectangle(reach, beam.radius)
     else:
-        divergence = (1.0 - beam.exit_radius / beam.radius) * math.tan(target.tilt) / target.distance
-        edge = 0.5 * target.height * math.cos(target.tilt)
-        if abs(divergence) * edge >= 1.0 or edge * abs(math.tan(target.tilt)) >= target.distance:
-            raise ValueError(
-                f"the target reaches back to the aperture: height {target.height:g} m at a tilt of {target.tilt:g} rad "
-                f"and a distance of {target.distance:g} m; take a smaller tilt or height"
-            )
-        y_low, y_high = max(-edge / (1.0 - divergence * edge), -reach), min(edge / (1.0 + divergence * edge), reach)
-    y = 0.5 * (y_high + y_low) + 0.5 * (y_high - y_low) * node
-    y_weight = 0.5 * (y_high - y_low) * weight
-    half_width = np.full(side, reach)
-    if limits == "beam":
-        # 1 + q Y in terms of y: Y = y / (1 - q y).
-        half_width = np.minimum(0.5 * target.width * (1.0 - divergence * y), reach)
-    x = half_width[:, None] * node
-    density = 2.0 / (math.pi * beam.radius**2) * np.exp(-2.0 * (x**2 + y[:, None] ** 2) / beam.radius**2)
-    share = density * y_weight[:, None] * half_width[:, None] * weight
-    aim = np.stack([x, np.broadcast_to(y[:, None], x.shape), np.full(x.shape, aperture_z + target.distance)], axis=-1)
-    start = aim * np.array([beam.exit_radius / beam.radius, beam.exit_radius / beam.radius, 0.0])
-    start[..., 2] = aperture_z
-    return TargetPoints(aim.reshape(-1, 3), start.reshape(-1, 3), share.ravel())
+        outline = clip_polygon(seen_outline(scene), _rectangle(reach, reach))
+    side = max(math.ceil(math.sqrt(beam.ray_count)), LEAST_SIDE)
+    flat, area = polygon_points(outline, side)
+    density = 2.0 / (math.pi * beam.radius**2) * np.exp(-2.0 * np.sum(flat**2, axis=1) / beam.radius**2)
+    aim = np.column_stack([flat, np.full(len(flat), aperture_z + scene.target.distance)])
+    ratio = beam.exit_radius / beam.radius
+    start = np.column_stack([ratio * flat, np.full(len(flat), aperture_z)])
+    return TargetPoints(aim, start, density * area)
+
+
+def _rectangle(half_width: float, half_height: float) -> np.ndarray:
+    return np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]]) * (half_width, half_height)
+
+
+def seen_outline(scene: Scene) -> np.ndarray:
+    """The reflector's corners as the beam sees them in the plane of its centre [m], in turn, shape (4, 2).
+
+    Raises:
+        ValueError: The reflector reaches back to the aperture's plane.
+    """
+    beam, target = scene.beam, scene.target
+    corner = target.corners
+    divergence = (1.0 - beam.exit_radius / beam.radius) / target.distance
+    scale = 1.0 + divergence * corner[:, 2]
+    if scale.min() <= 0.0 or corner[:, 2].min() <= -target.distance:
+        raise ValueError(
+            f"the target reaches back to the aperture: {target.width:g} m x {target.height:g} m at a tilt of "
+            f"{target.tilt:g} rad and a distance of {target.distance:g} m; take a smaller tilt or height or width"
+        )
+    return corner[:, :2] / scale[:, None]
+
+
+def clip_polygon(outline: np.ndarray, window: np.ndarray) -> np.ndarray:
+    """The part of a convex polygon inside a convex window, both counterclockwise, shape (n, 2); empty if there is none.
+
+    I. Sutherland, G. Hodgman, Reentrant polygon clipping, Comm. ACM 17 (1974): one edge of the window after the other.
+    """
+    kept = outline
+    for first, second in zip(window, np.roll(window, -1, axis=0), strict=True):
+        if not len(kept):
+            break
+        along = second - first
+        inside = along[0] * (kept[:, 1] - first[1]) - along[1] * (kept[:, 0] - first[0])
+        corners: list[np.ndarray] = []
+        for k in range(len(kept)):
+            here, there = inside[k - 1], inside[k]
+            if (here >= 0.0) != (there >= 0.0):
+                corners.append(kept[k - 1] + here / (here - there) * (kept[k] - kept[k - 1]))
+            if there >= 0.0:
+                corners.append(kept[k])
+        kept = np.array(corners).reshape(-1, 2)
+    return kept
+
+
+def polygon_points(outline: np.ndarray, side: int) -> tuple[np.ndarray, np.ndarray]:
+    """Gauss-Legendre points in a convex polygon.
+
+    Args:
+        outline: Its corners [m], counterclockwise, shape (n, 2).
+        side: Points across its height and its width.
+
+    Returns:
+        Points [m], shape (m, 2), and the area that each stands for [m2], shape (m,).
+    """
+    levels = np.sort(outline[:, 1])
+    levels = levels[np.append(True, np.diff(levels) > _SAME_CORNER * (levels[-1] - levels[0]))]
+    across, across_weight = np.polynomial.legendre.leggauss(side)
+    points, areas = [], []
+    for low, high in pairwise(levels):
+        count = max(math.ceil(side * (high - low) / (levels[-1] - levels[0])), min(LEAST_BAND, side))
+        node, weight = np.polynomial.legendre.leggauss(count)
+        y = 0.5 * (high + low) + 0.5 * (high - low) * node
+        left, right = _width_at(outline, y)
+        x = 0.5 * (left + right)[:, None] + 0.5 * (right - left)[:, None] * across
+        points.append(np.stack([x, np.broadcast_to(y[:, None], x.shape)], axis=-1).reshape(-1, 2))
+        areas.append((0.5 * (high - low) * weight[:, None] * 0.5 * (right - left)[:, None] * across_weight).ravel())
+    return np.concatenate(points), np.concatenate(areas)
+
+
+def _width_at(outline: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Leftmost and rightmost x [m] of a convex polygon at heights between its corners' [m]."""
+    left, right = np.full(y.shape, np.inf), np.full(y.shape, -np.inf)
+    for first, second in zip(outline, np.roll(outline, -1, axis=0), strict=True):
+        rise = second[1] - first[1]
+        if rise == 0.0:
+            continue
+        share = (y - first[1]) / rise
+        met = (share >= -1e-9) & (share <= 1.0 + 1e-9)
+        x = first[0] + share * (second[0] - first[0])
+        left[met], right[met] = np.minimum(left[met], x[met]), np.maximum(right[met], x[met])
+    return left, right

@@ -7,25 +7,19 @@ from typing import Any
 from pydantic import Field, ValidationError
 
 from ..flow import SEA_LEVEL_DENSITY, DensityField, shipped, shipped_names, uniform_air
+from .detector_table import DetectorTable
+from .echo_tables import AtmosphereTable, BeamTable, ReceiverTable, TargetTable
 from .errors import SceneError, scene_error
 from .loading import override, read_scene
-from .tables import (
-    STATIC,
-    AtmosphereTable,
-    BeamTable,
-    DetectorTable,
-    FlowTable,
-    GridTable,
-    ReceiverTable,
-    StrehlTable,
-    TargetTable,
-    TraceTable,
-)
+from .tables import STATIC, FlowTable, GridTable, StrehlTable, TraceTable
 from .values import Table
 
 
 class Scene(Table):
-    """What a user describes in a TOML file. Numbers are SI once loaded; see tables.py for every key."""
+    """What a user describes in a TOML file. Numbers are SI once loaded.
+
+    Every key stands in tables.py, echo_tables.py or detector_table.py.
+    """
 
     name: str = Field("scene", description="Short name for files and tables; the file's name if absent.")
     title: str = Field("", description="One line for the report.")

@@ -2,7 +2,8 @@
 
 Defaults are written as a user would write them and pass the same checks. The source paper states the wavelength, the
 pulse's peak power, the target's size, reflectivity and distance, and the wind tunnel's conditions; the rest it leaves
-out, and the choice made here is explained where it stands.
+out, and the choice made here is explained where it stands. Beam, target and receiver are in echo_tables.py, the
+detector in detector_table.py.
 """
 
 from typing import Annotated, Any, Literal
@@ -12,28 +13,13 @@ from pydantic import AfterValidator, BeforeValidator, model_validator
 from ..flow import gladstone_dale_constant, shipped_names
 from ..units import quantity
 from .values import (
-    Coordinate,
     Count,
-    Frequency,
     GladstoneDale,
     Length,
     Number,
-    OpenShare,
-    Power,
-    Responsivity,
-    Share,
     Table,
-    Tilt,
-    Time,
-    Voltage,
-    absent,
     key,
 )
-
-# Volts that the detector shows for a watt at the pupil. Chosen once, so that the echo simulated for the static scene
-# peaks near 1.994 V, the peak that the paper's Tables 3 and 4 imply for its simulation without flow. It is never tuned
-# to a flow: 1.994 V over the static scene's simulated peak of 3.58715e-4 W.
-STATIC_CALIBRATION = 5558.7
 
 STATIC = "static"
 UNIFORM_INTERPOLATIONS = ("cubic", "linear", "monotone")
@@ -125,121 +111,6 @@ class GridTable(Table):
                 f"choose one of {', '.join(fitting)}"
             )
         return self
-
-
-class BeamTable(Table):
-    """[beam]: the laser pulse."""
-
-    peak_power: Power = key(
-        "75 W",
-        "Peak power of the pulse. The paper's laser diode.",
-    )
-    exit_radius: Length = key(
-        "2 mm",
-        "1/e^2 radius of the beam at the aperture. Not in the paper: a laser diode's collimating lens is a "
-        "few millimetres wide.",
-    )
-    radius: Length = key(
-        "30 mm",
-        "1/e^2 radius at the target, on a plane normal to the axis. Not in the paper, which cut the reflector"
-        " to the spot: at 30 mm the 120 mm x 90 mm reflector holds 99.7 % of the light.",
-    )
-    pulse_tau: Time = key(
-        "6 ns",
-        "tau of the pulse exp(-t^2 / tau^2); the width at half height is 1.665 tau, 10 ns. Not in the paper.",
-    )
-    ray_count: Count = key(
-        512,
-        "Target points that the echo is summed over (eq 10), one emitted ray each.",
-    )
-
-
-class TargetTable(Table):
-    """[target]: a flat diffuse (Lambertian) reflector."""
-
-    distance: Length = key(
-        "1.5 m",
-        "From the plane of the receiver's pupil to the target's centre, along the axis. The paper's.",
-    )
-    tilt: Tilt = key(
-        "0 deg",
-        "Tilt of the target toward y, below 90 deg. Not in the paper: it faces the laser.",
-    )
-    reflectivity: Share = key(
-        0.3,
-        "Diffuse reflectivity; f_r = reflectivity / pi. The paper's.",
-    )
-    width: Length = key(
-        "120 mm",
-        "Extent in x. The paper's.",
-    )
-    height: Length = key(
-        "90 mm",
-        "Extent in y, along the tilted surface. The paper's.",
-    )
-
-
-class ReceiverTable(Table):
-    """[receiver]: the pupil that collects the echo."""
-
-    diameter: Length = key(
-        "12 mm",
-        "Diameter of the pupil. Not in the paper: the widest that a dome of 16 mm leaves room for.",
-    )
-    ray_count: Count = key(
-        256,
-        "Rays over the pupil for each target point, for its Strehl ratio.",
-    )
-    efficiency: Share = key(
-        1.0,
-        "Share of the light at the pupil that reaches the detector; the detector's calibration contains it.",
-    )
-    aperture_z: Coordinate = key(
-        "-8 mm",
-        "Place of the pupil's plane on the axis. The nose tip is at 0 and the dome's radius 8 mm, so this is "
-        "the dome's centre, behind its surface: rays leave the dome along their way, where the flow begins.",
-    )
-
-
-class AtmosphereTable(Table):
-    """[atmosphere]: the air between model and target, apart from its index."""
-
-    transmission: Share = key(
-        1.0,
-        "One-way transmission. Over 1.5 m of clear air nothing is lost.",
-    )
-
-
-class DetectorTable(Table):
-    """[detector]: light to volts to range."""
-
-    volts_per_watt: Responsivity = key(
-        STATIC_CALIBRATION,
-        "Volts for a watt at the pupil, 'V/W'. Not in the paper: chosen once so that the static scene peaks "
-        "near 1.994 V, the peak that the paper's tables imply for its simulation without flow.",
-    )
-    bandwidth: Annotated[Frequency | None, absent("unlimited")] = key(
-        None,
-        '-3 dB bandwidth of the detector and amplifier, or "unlimited" (default): tau is then the width of '
-        "the recorded pulse, which already contains them.",
-    )
-    sample_rate: Frequency = key(
-        "10 GHz",
-        "Samples per second: 100 ps, 60 on tau; the crossing between two is interpolated.",
-    )
-    threshold: Voltage = key(
-        "1 V",
-        "Level of the leading-edge discriminator. Not in the paper: half of its static peak.",
-    )
-    ranging: Literal["leading-edge", "constant-fraction"] = key(
-        "leading-edge",
-        "When the echo counts as arrived: at a fixed level, which walks with the amplitude as the paper's "
-        "results do, or at a fraction of its peak, which does not.",
-    )
-    fraction: OpenShare = key(
-        0.5,
-        "Fraction of the peak for constant-fraction ranging.",
-    )
 
 
 class StrehlTable(Table):

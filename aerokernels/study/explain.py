@@ -1,5 +1,8 @@
 """What a run of a scene would do, in words: region, grid, method, ray counts, and the error of the grid."""
 
+from aerokernels.echo.paths import target_plane
+from aerokernels.echo.return_paths import is_symmetric
+from aerokernels.medium import IndexField
 from aerokernels.medium.grid import UniformGrid
 from aerokernels.prepare import prepare_field
 from aerokernels.scene import Scene
@@ -64,8 +67,23 @@ def explanation(scene: Scene) -> list[tuple[str, str]]:
         ("rays, picture", f"{FAN_RAYS}, to {FAN_PLANES - 1} planes"),
         (
             "rays, echo",
-            f"{scene.beam.ray_count:,} target points, each with {scene.receiver.ray_count:,} over the receiver's pupil",
+            f"{scene.beam.ray_count:,} target points; {_way_back(scene, prepared.field)}",
         ),
         ("ranging", f"{scene.detector.ranging}, {scene.detector.sample_rate / 1e9:g} GHz samples"),
     ]
     return rows
+
+
+def _way_back(scene: Scene, field: IndexField) -> str:
+    """How the light's way back is traced, in words."""
+    receiver = scene.receiver
+    if receiver.return_factor == "none":
+        return "none traced back (return factor none)"
+    nodes = receiver.strehl_node_count
+    start = f"return factor {receiver.return_factor} at "
+    if nodes == "every":
+        return f"{start}each of them, {receiver.ray_count:,} rays over the pupil each"
+    if is_symmetric(field, target_plane(scene)):
+        count = int(nodes) // 2 + 1
+        return f"{start}{count} places of a radius, half of {receiver.ray_count:,} rays over the pupil each: symmetric"
+    return f"{start}{nodes} x {nodes} places, {receiver.ray_count:,} rays over the pupil each"

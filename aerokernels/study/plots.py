@@ -200,9 +200,14 @@ def echo_figure(dataset: "xarray.Dataset") -> "Figure":
     """Received power, and the detector's voltage with the threshold and the reported range."""
     figure, [(axes, _)] = _figure(Panel(6.9, 3.3, scale=True))
     time, power, voltage = (dataset[name].values for name in ("time", "echo_power", "echo_voltage"))
-    shown = _around_pulse(power, voltage)
+    shown = _around_pulse(power, dataset.get("echo_voltage_clean", dataset["echo_voltage"]).values)
     nanoseconds = 1e9 * time[shown]
-    axes.plot(nanoseconds, voltage[shown], color=RAY_COLOUR, linewidth=1.8, label="detector voltage")
+    clean = dataset["echo_voltage_clean"].values if "echo_voltage_clean" in dataset else voltage
+    if np.array_equal(clean, voltage):
+        axes.plot(nanoseconds, voltage[shown], color=RAY_COLOUR, linewidth=1.8, label="detector voltage")
+    else:
+        axes.plot(nanoseconds, voltage[shown], color="#9ec5d8", linewidth=0.9, label="recorded voltage")
+        axes.plot(nanoseconds, clean[shown], color=RAY_COLOUR, linewidth=1.8, label="without noise")
     axes.set(xlabel="time after the pulse's peak left [ns]", ylabel="voltage [V]")
     threshold = dataset.attrs.get("threshold_v")
     if threshold is not None and np.isfinite(threshold):

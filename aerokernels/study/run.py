@@ -161,6 +161,18 @@ def summarise(result: RunResult) -> dict[str, Any]:
         "range_m": echo_result.range,
         "range_error_m": echo_result.range_error,
         "ranges_m": dict(echo_result.ranges),
+        "range_statistics_m": {
+            method: {
+                "systematic_error": found.systematic_error,
+                "random_error": found.random_error,
+                "random_error_interval": found.random_interval,
+                "cramer_rao_bound": found.cramer_rao_bound,
+                "missed_count": found.missed_count,
+            }
+            for method, found in echo_result.statistics.items()
+        },
+        "noise_rms_v": echo_result.noise_rms,
+        "return_factor": scene.receiver.return_factor,
         "true_range_m": echo_result.distance,
         "mach": density.conditions.mach if density.conditions else 0.0,
         "ambient_density_kg_m3": density.ambient_density,

@@ -7,7 +7,9 @@ import pytest
 from scipy.special import j1
 
 from aerokernels import IndexField, Plane, RayBundle, trace
-from aerokernels.echo.paths import interpolate_polynomial, return_opd, return_paths, target_plane, transmit_paths
+from aerokernels.echo.paths import target_plane, transmit_paths
+from aerokernels.echo.pupil_reduction import return_opd
+from aerokernels.echo.return_paths import interpolate_polynomial, return_paths
 from aerokernels.echo.target_points import target_points
 from aerokernels.scene import Scene
 
@@ -47,7 +49,7 @@ def test_strehl_ratio_of_a_prism():
     setting = scene()
     slope = 8e-4
     landing = np.array([[x, y, 1.492] for x in (-1e-4, 1e-4) for y in (-1e-4, 1e-4)])
-    found = return_paths(setting, linear_field(slope), landing, 3)
+    found = return_paths(setting, linear_field(slope), landing, target_plane(setting), 3)
     v = 2.0 * math.pi / WAVELENGTH * 0.006 * slope * DEPTH * (1.0 - DEPTH / (2.0 * 1.5))
     expected = (2.0 * j1(v) / v) ** 2
     assert 0.2 < expected < 0.9
@@ -126,7 +128,7 @@ def test_strehl_ratio_is_interpolated_as_well_as_it_says():
         [generator.uniform(-0.06, 0.06, 40), generator.uniform(-0.045, 0.045, 40), np.full(40, 1.492)]
     )
     landing[:2, :2] = [[-0.06, -0.045], [0.06, 0.045]]
-    found = return_paths(setting, field, landing, 9)
+    found = return_paths(setting, field, landing, target_plane(setting), 9)
     opd, weight, _ = return_opd(setting, field, landing)
     field_sum = np.sum(weight * np.exp(2j * np.pi * opd / WAVELENGTH), axis=1)
     exact = np.abs(field_sum) ** 2
@@ -159,4 +161,4 @@ def test_what_cannot_be_is_refused():
         return_opd(scene(), linear_field(0.0), np.array([[0.0, 0.0, 0.05]]))
     for count in (4, 1, True, 3.0):
         with pytest.raises(ValueError, match="odd"):
-            return_paths(scene(), linear_field(0.0), np.array([[0.0, 0.0, 1.492]]), count)
+            return_paths(scene(), linear_field(0.0), np.array([[0.0, 0.0, 1.492]]), target_plane(scene()), count)

@@ -7,6 +7,7 @@ import pytest
 
 from aerokernels import IndexField, echo, plane_target_echo
 from aerokernels.echo import RANGING_METHODS, pulse_energy
+from aerokernels.echo.pulses import pulse_of
 from aerokernels.scene import Scene
 
 FINE = {"detector.volts_per_watt": 5558.7, "detector.threshold": 1.0}
@@ -70,6 +71,107 @@ def test_it_converges_to_eq_8_as_the_flow_is_switched_off():
     assert loss[0] > 1e-4 and still.mean_strehl == pytest.approx(1.0, abs=1e-12)
     orders = np.diff(np.log(loss)) / np.diff(np.log(strengths))
     assert orders == pytest.approx([2.0, 2.0], abs=0.2)
+
+
+def test_the_waveform_becomes_eq_8_as_the_flow_is_switched_off():
+    """Set-up: a parallel beam on a wide plane 1 km away, behind a lump of gas of contrast halved and halved again.
+
+    Expected: the greatest difference from eq 8 falls with the square of the contrast, order 2 +- 0.2, down to what is
+    left without flow, below 1e-6 of the peak.
+    """
+    setting = scene(
+        **{
+            "beam.exit_radius": 0.03,
+            "target.width": 3.0,
+            "target.height": 3.0,
+            "target.distance": 1000.0,
+            "detector.threshold": 1e-9,
+            "trace.precision": "float64",
+        }
+    )
+
+    def difference(strength):
+        found = echo(setting, field=lump(strength))
+        exact = plane_target_echo(
+            found.time,
+            peak_power=75.0,
+            receiver_diameter=0.012,
+            beam_radius=0.03,
+            distance=1000.0,
+            pulse_tau=6e-9,
+            reflectivity=0.3,
+        )
+        return np.abs(found.power - exact).max() / exact.max()
+
+    strengths = [8e-6, 4e-6, 2e-6, 0.0]
+    left = [difference(strength) for strength in strengths]
+    assert left[3] < 1e-6 < left[2]
+    assert np.diff(np.log(left[:3])) / np.diff(np.log(strengths[:3])) == pytest.approx([2.0, 2.0], abs=0.2)
+
+
+@pytest.mark.parametrize("pulse", [{}, {"beam.pulse": "helios", "beam.pulse_tau": "3 ns"}])
+@pytest.mark.parametrize("turn", [{}, {"target.tilt": 0.6, "target.tilt_axis": [1.0, -2.0, 0.5]}])
+def test_energy_is_conserved_without_flow(pulse, turn):
+    """The whole beam meets the reflector, and every joule of it comes back by f_r, cosine and solid angle: within 1e-6.
+
+    Energy received over energy sent = rho cos (D / 2)^2 / R^2, R and cosine each ray's own. Error sources: what lies
+    beyond three beam radii, 4e-9; the sum over samples of a pulse with a corner, (h / tau)^2 / 12 of it, 1e-7.
+    """
+    setting = scene(**{"target.width": 3.0, "target.height": 3.0, "detector.threshold": 1e-3, **pulse, **turn})
+    found = echo(setting, field=lump(0.0))
+    sent = 75.0 * pulse_of(setting).duration
+    received = found.power.sum() * (found.time[1] - found.time[0])
+    each = 0.3 * np.cos(found.incidence) * 0.006**2 / found.path**2
+    assert abs(found.beam_share.sum() - 1.0) < 1e-6
+    assert received / sent == pytest.approx(float(found.beam_share @ each), rel=1e-6)
+
+
+def test_deflection_on_the_way_out():
+    """The lump's prism turns the beam: deflection x the way left is how far the landing point moves, first order.
+
+    Error: the lump is 20 mm deep on a way of 1.5 m: 1 %.
+    """
+    setting = scene(**{"trace.precision": "float64"})
+    bent, straight = (echo(setting, field=lump(strength)) for strength in (2e-5, 0.0))
+    moved = (bent.target_point - straight.target_point)[:, :2]
+    assert np.abs(bent.deflection[:, 1]).max() > 2e-5 and np.abs(bent.deflection[:, 0]).max() < 1e-9
+    assert moved == pytest.approx(1.48 * bent.deflection, abs=0.02 * np.abs(moved).max())
+    assert np.abs(straight.deflection).max() < 1e-12
+
+
+RECORDER = {
+    "detector.noise": True,
+    "detector.bandwidth": "200 MHz",
+    "detector.sample_rate": "2 GHz",
+    "detector.bit_count": 10,
+    "detector.trial_count": 40,
+}
+
+
+def test_noise_digitiser_and_statistics():
+    """A noisy record repeats with its seed, scatters about the clean one, and so do its ranges."""
+    first, again, other = (echo(scene(**RECORDER, **{"detector.seed": seed}), field=lump(0.0)) for seed in (1, 1, 2))
+    assert np.array_equal(first.voltage, again.voltage) and not np.array_equal(first.voltage, other.voltage)
+    step = 5.0 / 1023.0
+    assert np.abs((first.voltage + 0.5) / step - np.rint((first.voltage + 0.5) / step)).max() < 1e-9
+    assert np.abs(first.voltage - first.clean_voltage).max() < 10.0 * step
+    assert 0.0 < first.noise_rms < step
+    for method, found in first.statistics.items():
+        assert found.missed_count == 0 and found.trial_count == 40
+        assert found.random_error > 0.5 * found.cramer_rao_bound, method
+        assert abs(first.ranges[method] - 1.5 - found.systematic_error) < 5.0 * found.random_error, method
+    data = first.to_xarray()
+    assert float(data["range_random_error"].sel(ranging_method="centroid")) == first.statistics["centroid"].random_error
+    assert scene().detector.noise is False and not echo(scene(), field=lump(0.0)).statistics
+
+
+def test_ranging_by_any_method_and_paper_limits_from_the_scene():
+    for method in RANGING_METHODS:
+        found = echo(scene(**{"detector.ranging": method}), field=lump(0.0))
+        assert found.range == found.ranges[method]
+    cut = echo(scene(**{"target.limits": "paper"}), field=lump(0.0))
+    assert cut.power == pytest.approx(echo(scene(), field=lump(0.0), limits="paper").power)
+    assert cut.information["beam_share"] == pytest.approx(math.erf(math.sqrt(2.0)), abs=1e-6)
 
 
 def test_power_is_what_the_points_add_up_to():

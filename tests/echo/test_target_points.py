@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from aerokernels.echo.paths import target_plane, vacuum_paths
-from aerokernels.echo.target_points import target_points
+from aerokernels.echo.target_points import clip_polygon, polygon_points, target_points
 from aerokernels.scene import Scene
 
 WIDE = {"target.width": 3.0, "target.height": 3.0}
@@ -75,6 +75,73 @@ def test_edges_of_a_tilted_reflector_in_a_diverging_beam(tilt):
     x, y = (start + slope * depth[:, None]).T
     caught = (np.abs(x) < 0.05) & (np.abs(y) < 0.08 * math.cos(tilt)) & (depth > 0.0)
     assert abs(points.weight.sum() - caught.mean()) < 0.003
+
+
+@pytest.mark.parametrize("axis", [(1, 1, 0), (0, 1, 0), (0, 0, 1), (0.5, -0.3, 0.8)])
+def test_edges_of_a_reflector_tilted_about_any_axis(axis):
+    """Set-up: reflector 100 x 60 mm turned by 0.8 rad about an axis, 0.25 m away, in a beam from 2 mm to 40 mm.
+
+    Formula: as above, the share of 400 000 Gaussian rays that land on it, told by the reflector's own coordinates.
+    All quadrature rays land on it, and nearly reach its edges. Error: Monte Carlo, 0.003. Without the turn of the edges
+    it would be off by 0.03 or more.
+    """
+    setting = scene(
+        target__tilt=0.8,
+        target__tilt_axis=list(axis),
+        target__distance=0.25,
+        target__width=0.1,
+        target__height=0.06,
+        beam__radius=0.04,
+    )
+    points, plane = target_points(setting), target_plane(setting)
+    across, along, normal = setting.target.orientation.T
+    landing = vacuum_paths(points, plane).landing - plane.point
+    for direction, edge in ((across, 0.05), (along, 0.03)):
+        place = landing @ direction
+        assert 0.97 * edge < place.max() < edge * (1.0 + 1e-9) and 0.97 * edge < -place.min() < edge * (1.0 + 1e-9)
+
+    aim = np.random.default_rng(5).normal(scale=0.02, size=(400_000, 2))
+    start = np.column_stack([aim * 0.002 / 0.04, np.full(len(aim), -0.25)])
+    ray = np.column_stack([aim, np.zeros(len(aim))]) - start
+    met = start - ((start @ normal) / (ray @ normal))[:, None] * ray
+    caught = (np.abs(met @ across) < 0.05) & (np.abs(met @ along) < 0.03)
+    assert abs(points.weight.sum() - caught.mean()) < 0.003
+
+
+def test_orientation_is_a_rotation_about_the_axis():
+    """Columns are orthonormal and right-handed; the axis itself stays; about x the normal is (0, -sin, cos)."""
+    for axis in [(1, 0, 0), (0, 3, 0), (0.2, -0.5, 0.7)]:
+        turn = scene(target__tilt=0.7, target__tilt_axis=list(axis)).target.orientation
+        assert turn.T @ turn == pytest.approx(np.eye(3), abs=1e-14) and np.linalg.det(turn) == pytest.approx(1.0)
+        assert turn @ np.array(axis) == pytest.approx(np.array(axis), abs=1e-14)
+        assert np.trace(turn) == pytest.approx(1.0 + 2.0 * math.cos(0.7))
+    normal = scene(target__tilt=0.7).target.orientation[:, 2]
+    assert normal == pytest.approx([0.0, -math.sin(0.7), math.cos(0.7)], abs=1e-15)
+
+
+def test_polygon_points_integrate_polynomials_exactly():
+    """Set-up: the unit square turned by 0.3 rad about the origin. Means over it in closed form."""
+    turn = np.array([[math.cos(0.3), -math.sin(0.3)], [math.sin(0.3), math.cos(0.3)]])
+    corner = np.array([[-0.5, -0.5], [0.5, -0.5], [0.5, 0.5], [-0.5, 0.5]]) @ turn.T
+    place, area = polygon_points(corner, 10)
+    assert area.sum() == pytest.approx(1.0, rel=1e-13)
+    x, y = place.T
+    assert area @ x**2 == pytest.approx(1.0 / 12.0, rel=1e-12) and area @ y**2 == pytest.approx(1.0 / 12.0, rel=1e-12)
+    c2s2 = (math.cos(0.3) * math.sin(0.3)) ** 2
+    # u, v along the sides: <u^4> = 1/80, <u^2 v^2> = 1/144.
+    expected = 2.0 * c2s2 / 80.0 + ((math.cos(0.3) ** 2 - math.sin(0.3) ** 2) ** 2 - 2.0 * c2s2) / 144.0
+    assert area @ (x**2 * y**2) == pytest.approx(expected, rel=1e-12)
+
+
+def test_clipping():
+    """A square of side 2 cut by one turned by 45 degrees with the same inner circle: the regular octagon."""
+    square = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
+    diamond = math.sqrt(2.0) * np.array([[0.0, -1.0], [1.0, 0.0], [0.0, 1.0], [-1.0, 0.0]])
+    octagon = clip_polygon(diamond, square)
+    assert len(octagon) == 8
+    assert polygon_points(octagon, 8)[1].sum() == pytest.approx(8.0 * math.tan(math.pi / 8.0), rel=1e-12)
+    assert len(clip_polygon(square + 5.0, square)) == 0
+    assert clip_polygon(0.5 * square, square) == pytest.approx(0.5 * square)
 
 
 def test_a_target_that_reaches_the_aperture_is_refused():

@@ -1,0 +1,60 @@
+"""The digitiser: clipped to its range and rounded to its codes."""
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from .checks import as_finite_array, check_at_least
+
+if TYPE_CHECKING:
+    from ..scene import Scene
+
+GREATEST_BIT_COUNT = 24
+
+
+@dataclass(frozen=True)
+class Digitiser:
+    """An analogue-to-digital converter.
+
+    Attributes:
+        bit_count: Bits, 1 to 24.
+        low: Voltage of the lowest code [V].
+        high: Voltage of the highest code [V].
+
+    Raises:
+        ValueError: Bits out of range, or a lowest voltage that is not below the highest.
+    """
+
+    bit_count: int
+    low: float = -0.5
+    high: float = 4.5
+
+    def __post_init__(self):
+        """Check."""
+        if isinstance(self.bit_count, bool) or not isinstance(self.bit_count, (int, np.integer)):
+            raise ValueError(f"bit_count must be a whole number, got {self.bit_count!r}")
+        if not 1 <= self.bit_count <= GREATEST_BIT_COUNT:
+            raise ValueError(f"bit_count must be from 1 to {GREATEST_BIT_COUNT}, got {self.bit_count!r}")
+        if check_at_least(self.low, "low") >= check_at_least(self.high, "high"):
+            raise ValueError(f"the digitiser's low {self.low:g} V must be below its high {self.high:g} V")
+
+    @property
+    def step(self) -> float:
+        """Voltage between two codes [V]."""
+        return (self.high - self.low) / (2**self.bit_count - 1)
+
+    def codes(self, voltage) -> np.ndarray:
+        """The nearest codes, 0 to 2^bit_count - 1, of voltages [V]; what lies beyond the range is clipped."""
+        volts = np.clip(as_finite_array(voltage, "voltage"), self.low, self.high)
+        return np.rint((volts - self.low) / self.step).astype(np.int64)
+
+    def record(self, voltage) -> np.ndarray:
+        """Voltages [V] that the codes stand for."""
+        return self.low + self.step * self.codes(voltage)
+
+
+def digitiser_of(scene: "Scene") -> Digitiser | None:
+    """A scene's digitiser; None where its bits are unlimited."""
+    table = scene.detector
+    return None if table.bit_count is None else Digitiser(table.bit_count, table.adc_low, table.adc_high)

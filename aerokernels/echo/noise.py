@@ -1,0 +1,130 @@
+"""Noise of an avalanche photodiode and its transimpedance amplifier.
+
+One-sided spectral density of the noise current behind the multiplication, white up to the amplifier's bandwidth:
+
+    S = 2 q M^2 F (I_signal + I_background + I_dark) + 4 k T / R + i_n^2        [A^2/Hz]
+    F = k M + (1 - k) (2 - 1 / M)
+
+I: primary currents, responsivity times power; M: multiplication; F: excess noise factor for electron injection, k the
+ratio of the ionisation coefficients; R: the resistor that makes volts of the current; i_n: the amplifier's input noise.
+
+R. J. McIntyre, Multiplication noise in uniform avalanche diodes, IEEE Trans. Electron Devices 13 (1966).
+"""
+
+import math
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from .checks import as_finite_array, check_at_least, check_positive, check_share
+
+if TYPE_CHECKING:
+    from ..scene import Scene
+
+ELEMENTARY_CHARGE = 1.602176634e-19  # [C], exact
+BOLTZMANN_CONSTANT = 1.380649e-23  # [J/K], exact
+
+
+def excess_noise_factor(gain: float, ionisation_ratio: float) -> float:
+    """McIntyre's factor F: 1 without multiplication, and for a ratio of 1 equal to the gain.
+
+    Raises:
+        ValueError: A gain below 1, or a ratio outside 0 to 1.
+    """
+    m, k = check_at_least(gain, "gain", 1.0), check_share(ionisation_ratio, "ionisation_ratio")
+    return k * m + (1.0 - k) * (2.0 - 1.0 / m)
+
+
+@dataclass(frozen=True)
+class NoiseSources:
+    """A receiver's noise sources.
+
+    Attributes:
+        responsivity: Primary photocurrent for a watt [A/W].
+        gain: Multiplication, 1 for a PIN diode.
+        ionisation_ratio: k, 0 to 1.
+        background_power: Steady light besides the signal [W].
+        dark_current: Dark current before multiplication [A].
+        temperature: Of the resistor [K].
+        load_resistance: The resistor [Ohm].
+        amplifier_noise: Input noise current density [A/rtHz].
+
+    Raises:
+        ValueError: One of them is negative, not finite or out of range.
+    """
+
+    responsivity: float = 0.5
+    gain: float = 10.0
+    ionisation_ratio: float = 0.02
+    background_power: float = 10e-9
+    dark_current: float = 0.1e-9
+    temperature: float = 293.0
+    load_resistance: float = 1e3
+    amplifier_noise: float = 2e-12
+
+    def __post_init__(self):
+        """Check."""
+        for name, unit in (("responsivity", "A/W"), ("temperature", "K"), ("load_resistance", "Ohm")):
+            check_positive(getattr(self, name), name, unit)
+        for name in ("background_power", "dark_current", "amplifier_noise"):
+            check_at_least(getattr(self, name), name, 0.0)
+        excess_noise_factor(self.gain, self.ionisation_ratio)
+
+    @property
+    def amperes_per_watt(self) -> float:
+        """Current behind the multiplication for a watt [A/W]."""
+        return self.responsivity * self.gain
+
+    @property
+    def thermal_density(self) -> float:
+        """Noise of resistor and amplifier, one-sided [A^2/Hz]."""
+        return 4.0 * BOLTZMANN_CONSTANT * self.temperature / self.load_resistance + self.amplifier_noise**2
+
+    def density(self, power) -> np.ndarray:
+        """One-sided spectral density of the noise current [A^2/Hz] while a power [W] is received, of its shape."""
+        received = np.maximum(as_finite_array(power, "power"), 0.0) + self.background_power
+        primary = self.responsivity * received + self.dark_current
+        excess = excess_noise_factor(self.gain, self.ionisation_ratio)
+        shot = 2.0 * ELEMENTARY_CHARGE * self.gain**2 * excess * primary
+        return np.asarray(shot + self.thermal_density)
+
+
+def noise_sources_of(scene: "Scene") -> NoiseSources:
+    """A scene's noise sources; without a load resistance the transimpedance's own resistor counts."""
+    table = scene.detector
+    transimpedance = table.volts_per_watt / (table.responsivity * table.gain)
+    return NoiseSources(
+        responsivity=table.responsivity,
+        gain=table.gain,
+        ionisation_ratio=table.ionisation_ratio,
+        background_power=table.background_power,
+        dark_current=table.dark_current,
+        temperature=table.temperature,
+        load_resistance=transimpedance if table.load_resistance is None else table.load_resistance,
+        amplifier_noise=table.amplifier_noise,
+    )
+
+
+def white_noise(density: np.ndarray, period: float, generator: np.random.Generator) -> np.ndarray:
+    """Samples [A] of white noise of a one-sided density [A^2/Hz] that may change along the record, shape (n,).
+
+    A sample of period h holds the band up to 1 / (2 h), so its variance is density / (2 h).
+    """
+    return np.sqrt(density / (2.0 * period)) * generator.standard_normal(density.size)
+
+
+def noise_bandwidth(bandwidth: float, response: str, order: int, top: float) -> float:
+    """Bandwidth of white noise [Hz] behind a low-pass, up to the frequency `top` [Hz]: the integral of |gain|^2."""
+    from scipy.integrate import quad
+
+    from .detector import low_pass_gain
+
+    def power_gain(ratio: float) -> float:
+        return float(np.abs(low_pass_gain(ratio * bandwidth, bandwidth, response, order)) ** 2)
+
+    # In octaves, so that a wide band does not hide the passband from the quadrature.
+    edges = [0.0, *(2.0**k for k in range(math.ceil(math.log2(max(top / bandwidth, 1.0))) + 1))]
+    edges = [*(edge for edge in edges if edge < top / bandwidth), top / bandwidth]
+    return bandwidth * sum(quad(power_gain, low, high)[0] for low, high in pairwise(edges))

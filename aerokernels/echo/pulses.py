@@ -1,0 +1,203 @@
+"""Shapes of a laser pulse in time, each of peak 1 at t = 0, the moment at which the pulse's peak leaves.
+
+| shape    | formula, t from the peak                                        | width at half height | integral       |
+|----------|-----------------------------------------------------------------|----------------------|----------------|
+| Gaussian | exp(-(t / tau)^2)                                               | 1.6651 tau           | sqrt(pi) tau   |
+| HELIOS   | u^2 exp(-u) e^2 / 4, u = t / tau + 2 (0 before u = 0)           | 3.3947 tau           | e^2 / 2 tau    |
+| sampled  | the spline through given samples, not below 0; 0 outside of them | the samples'         | the spline's   |
+
+The second is (t / tau)^2 exp(-t / tau), counted from its own peak at 2 tau: the laser pulse of T. Carlsson,
+O. Steinvall, D. Letalick, Signature simulation and signal analysis for 3-D laser radar, FOI-R-0163-SE (2001), which the
+lidar simulator HELIOS took over.
+"""
+
+import math
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING, Protocol
+
+import numpy as np
+
+from .checks import as_finite_array, check_positive
+from .pulse_curve import PulseCurve
+
+if TYPE_CHECKING:
+    from ..scene import Scene
+
+LEAST_SAMPLES = 4
+
+
+class PulseShape(Protocol):
+    """What the echo needs to know of a pulse: a function of time [s] of peak 1 at t = 0, and three properties.
+
+    Attributes:
+        support: Times [s] before and after which the shape is below 1e-12 for every purpose here.
+        timescale: Time [s] within which it changes; eight samples of it show all of the shape.
+        duration: Its integral [s]: energy over peak power.
+    """
+
+    @property
+    def support(self) -> tuple[float, float]: ...  # noqa: D102
+
+    @property
+    def timescale(self) -> float: ...  # noqa: D102
+
+    @property
+    def duration(self) -> float: ...  # noqa: D102
+
+    def __call__(self, time) -> np.ndarray: ...  # noqa: D102
+
+
+@dataclass(frozen=True)
+class GaussianPulse:
+    """exp(-(t / tau)^2).
+
+    Attributes:
+        tau: 1/e half-width [s].
+
+    Raises:
+        ValueError: It is not positive and finite.
+    """
+
+    tau: float
+
+    def __post_init__(self):
+        """Check."""
+        check_positive(self.tau, "pulse_tau", "s")
+
+    @property
+    def support(self) -> tuple[float, float]:
+        """2e-16 of the peak is left there [s]."""
+        return -6.0 * self.tau, 6.0 * self.tau
+
+    @property
+    def timescale(self) -> float:
+        """Tau [s]."""
+        return self.tau
+
+    @property
+    def duration(self) -> float:
+        """Energy over peak power [s]."""
+        return math.sqrt(math.pi) * self.tau
+
+    def __call__(self, time) -> np.ndarray:
+        """The shape at times [s] after the peak."""
+        return np.exp(-np.square(np.asarray(time, dtype=np.float64) / self.tau))
+
+
+@dataclass(frozen=True)
+class HeliosPulse:
+    """(t / tau)^2 exp(-t / tau), counted from its peak.
+
+    Attributes:
+        tau: Time constant [s].
+
+    Raises:
+        ValueError: It is not positive and finite.
+    """
+
+    tau: float
+
+    def __post_init__(self):
+        """Check."""
+        check_positive(self.tau, "pulse_tau", "s")
+
+    @property
+    def support(self) -> tuple[float, float]:
+        """Nothing before, 2e-13 of the peak after [s]."""
+        return -2.0 * self.tau, 34.0 * self.tau
+
+    @property
+    def timescale(self) -> float:
+        """Tau [s]."""
+        return self.tau
+
+    @property
+    def duration(self) -> float:
+        """Energy over peak power [s]."""
+        return 0.5 * math.e**2 * self.tau
+
+    def __call__(self, time) -> np.ndarray:
+        """The shape at times [s] after the peak."""
+        u = np.maximum(np.asarray(time, dtype=np.float64) / self.tau + 2.0, 0.0)
+        return 0.25 * np.square(u) * np.exp(2.0 - u)
+
+
+class SampledPulse:
+    """The curve through samples of a recorded pulse.
+
+    Args:
+        samples: Relative power, not negative, shape (n,), n at least 4, with its peak inside.
+        period: Time between two samples [s].
+
+    Raises:
+        ValueError: Too few samples, negative or not finite ones, a peak at an end of the record, or a period that is
+            not positive.
+    """
+
+    def __init__(self, samples, period: float):
+        """Check, fit the curve and find its peak."""
+        values = as_finite_array(samples, "pulse samples")
+        if values.ndim != 1 or values.size < LEAST_SAMPLES:
+            raise ValueError(f"a sampled pulse needs a list of at least {LEAST_SAMPLES} samples, got {values.shape}")
+        if values.min() < 0.0:
+            raise ValueError(
+                f"a pulse has no negative power: sample {int(np.argmin(values))} is {values.min():g}; subtract the "
+                "record's offset and cut its noise to 0"
+            )
+        self.period = check_positive(period, "pulse sample period", "s")
+        self._curve = PulseCurve(values)
+        try:
+            self._peak_place, self._peak = self._curve.peak_place, self._curve.peak
+        except ValueError as fault:
+            raise ValueError(f"pulse samples: {fault}") from None
+
+    @property
+    def support(self) -> tuple[float, float]:
+        """From the first sample to the last [s]."""
+        return -self._peak_place * self.period, (self._curve.samples.size - 1 - self._peak_place) * self.period
+
+    @property
+    def timescale(self) -> float:
+        """The sample period [s]: the curve may change from one sample to the next."""
+        return self.period
+
+    @cached_property
+    def duration(self) -> float:
+        """Energy over peak power [s], by Simpson's rule on sixteenths of the period."""
+        from scipy.integrate import simpson
+
+        time = np.linspace(*self.support, 16 * (self._curve.samples.size - 1) + 1)
+        return float(simpson(self(time), x=time))
+
+    def __call__(self, time) -> np.ndarray:
+        """The shape at times [s] after the peak."""
+        place = np.asarray(time, dtype=np.float64) / self.period + self._peak_place
+        last = self._curve.samples.size - 1
+        inside = (place >= 0.0) & (place <= last)
+        values = self._curve.spline(np.clip(place, 0.0, last)) / self._peak
+        return np.where(inside, np.maximum(values, 0.0), 0.0)
+
+
+def pulse_of(scene: "Scene") -> PulseShape:
+    """The shape of a scene's pulse.
+
+    Raises:
+        ValueError: Samples whose peak is the first or the last of them.
+    """
+    beam = scene.beam
+    if beam.pulse == "helios":
+        return HeliosPulse(beam.pulse_tau)
+    if beam.pulse == "sampled":
+        return SampledPulse(beam.pulse_samples, beam.pulse_sample_period)
+    return GaussianPulse(beam.pulse_tau)
+
+
+def as_pulse(pulse: PulseShape | float) -> PulseShape:
+    """A shape as it is; a number is the tau [s] of a Gaussian.
+
+    Raises:
+        ValueError: A number that is not positive and finite.
+        TypeError: Neither.
+    """
+    return pulse if callable(pulse) else GaussianPulse(check_positive(pulse, "pulse_tau", "s"))

@@ -1,0 +1,159 @@
+"""The light of target points over the receiver's pupil: rays made, traced and summed up, nothing kept of any ray.
+
+By reciprocity the rays are launched from the pupil toward the target point and traced to a plane just ahead of the
+flow; from there to the point it is a straight line in air at rest. The optical path difference of such a ray is
+
+    OPD = opd at the plane + n_ambient (|T - r| - |T - r0|)
+
+r and r0 being where the disturbed and the undisturbed ray cross the plane, T the target point. Without the second term
+the plane's slant against the ray would count: 0.1 wave at 2 degrees off the axis. That the ray misses T by a little is
+of second order in the deflection (Fermat), 3e-4 wave at 100 urad.
+
+Rays toward one point converge, and millions of (target point, pupil point) pairs would not fit in memory with all that
+belongs to a ray: they are traced in chunks, and a chunk leaves two sums for each of its target points.
+"""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from ..medium import IndexField
+from ..rays import Disc, RayBundle
+from ..scene import Scene
+from ..tracing import Plane, TraceResult, trace
+from .paths import trace_options
+
+# The stop stands this far ahead of the flow's box, clear of rounding at its face.
+CLEARANCE = 1e-6  # [m]
+# Rays of a chunk: enough for every core or a GPU, 100 MB at most with all that the tracer holds of them.
+CHUNK_RAYS = 1 << 18
+
+
+@dataclass(frozen=True, eq=False)
+class PupilSums:
+    """What is left of the rays between some target points and the pupil.
+
+    Attributes:
+        open_share: Share of the pupil that the light of each point gets through to, 0 to 1, shape (k,).
+        phasor: Sum of w exp(i k OPD) over those rays, complex, shape (k,).
+        ray_count: Rays traced.
+        evaluation_count: Field evaluations.
+        seconds: Time of the traces [s].
+        statuses: Number of rays by status name.
+    """
+
+    open_share: np.ndarray
+    phasor: np.ndarray
+    ray_count: int
+    evaluation_count: int
+    seconds: float
+    statuses: dict[str, int] = field(default_factory=dict)
+
+    @property
+    def strehl(self) -> np.ndarray:
+        """Exact Strehl ratio of the open part of the pupil, tilt kept; 0 where nothing is open, shape (k,)."""
+        open_share = np.where(self.open_share > 0.0, self.open_share, 1.0)
+        return np.abs(self.phasor / open_share) ** 2
+
+
+def receiver_pupil(scene: Scene) -> tuple[np.ndarray, np.ndarray]:
+    """Gauss points over the receiver's pupil [m], shape (n, 3), and weights that sum to 1, shape (n,)."""
+    pupil = Disc(0.5 * scene.receiver.diameter, center=np.array([0.0, 0.0, scene.receiver.aperture_z]))
+    return pupil.sample(scene.receiver.ray_count, "gauss")
+
+
+def upper_half(start: np.ndarray, weight: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The half of a pupil's points that stands for all of them where y and -y are alike."""
+    edge = 1e-9 * np.abs(start[:, :2]).max()
+    kept = start[:, 1] >= -edge
+    return start[kept], np.where(np.abs(start[kept, 1]) <= edge, 1.0, 2.0) * weight[kept]
+
+
+def reduce_pupils(
+    scene: Scene, index: IndexField, target: np.ndarray, start: np.ndarray, weight: np.ndarray
+) -> PupilSums:
+    """Sums over the pupil of the light of each target point.
+
+    Args:
+        scene: The scene.
+        index: The refractive index.
+        target: Target points [m], shape (k, 3).
+        start: Points of the pupil [m], shape (n, 3).
+        weight: Their shares of the pupil, shape (n,).
+
+    Raises:
+        ValueError: The target is not ahead of the flow, or no ray gets out toward any of the points.
+    """
+    _check_ahead(index, target)
+    wave_number = 2.0 * np.pi / scene.flow.wavelength
+    open_share, phasor = np.zeros(len(target)), np.zeros(len(target), dtype=np.complex128)
+    evaluation_count, seconds = 0, 0.0
+    statuses: dict[str, int] = {}
+    ray_count = len(target) * len(start)
+    for first in range(0, ray_count, CHUNK_RAYS):
+        # Ray r joins target point r // n to pupil point r % n: a chunk may begin or end within a pupil.
+        of_target, of_pupil = np.divmod(np.arange(first, min(first + CHUNK_RAYS, ray_count)), len(start))
+        opd, result = _trace_rays(scene, index, start[of_pupil], target[of_target])
+        share = np.where(result.ok, weight[of_pupil], 0.0)
+        begin, end = of_target[0], of_target[-1] + 1
+        light = share * np.exp(1j * wave_number * opd)
+        open_share[begin:end] += np.bincount(of_target - begin, share)
+        phasor[begin:end] += np.bincount(of_target - begin, light.real) + 1j * np.bincount(
+            of_target - begin, light.imag
+        )
+        evaluation_count += 0 if result.evaluation_count is None else int(result.evaluation_count.sum())
+        seconds += result.seconds["total"]
+        for name, count in result.status_summary().items():
+            statuses[name] = statuses.get(name, 0) + count
+    if not open_share.any():
+        raise ValueError(
+            f"no ray of the receiver's pupil gets out toward the target ({statuses}): "
+            "check receiver.aperture_z and receiver.diameter against the body"
+        )
+    return PupilSums(open_share, phasor, ray_count, evaluation_count, seconds, statuses)
+
+
+def return_opd(scene: Scene, index: IndexField, target: np.ndarray) -> tuple[np.ndarray, np.ndarray, TraceResult]:
+    """Optical path difference of every ray between a few target points and the pupil, to be looked at.
+
+    Args:
+        scene: The scene; `receiver.ray_count` rays for each point.
+        index: The refractive index.
+        target: Target points [m], shape (k, 3).
+
+    Returns:
+        OPD [m], shape (k, n); shares of the pupil, 0 for rays that did not get out, shape (k, n); the trace.
+
+    Raises:
+        ValueError: The target is not ahead of the flow.
+    """
+    _check_ahead(index, target)
+    start, weight = receiver_pupil(scene)
+    position, point = np.tile(start, (len(target), 1)), np.repeat(target, len(start), axis=0)
+    opd, result = _trace_rays(scene, index, position, point)
+    opd = opd.reshape(len(target), -1)
+    return opd, np.where(result.ok.reshape(opd.shape), weight, 0.0), result
+
+
+def _check_ahead(index: IndexField, target: np.ndarray) -> None:
+    front = float(index.box[1][2])
+    if target[:, 2].min() <= front + CLEARANCE:
+        raise ValueError(
+            f"the target reaches back to z = {target[:, 2].min():g} m, into the flow's box, which ends at {front:g} m: "
+            "give a greater target.distance or a smaller tilt, or cut the field off ahead of the target"
+        )
+
+
+def _trace_rays(
+    scene: Scene, index: IndexField, position: np.ndarray, point: np.ndarray
+) -> tuple[np.ndarray, TraceResult]:
+    """OPD [m] of rays from pupil points toward target points, shape (m,), 0 for those that failed; and the trace."""
+    rays = RayBundle(position, point - position)
+    stop_z = max(float(index.box[1][2]), scene.receiver.aperture_z) + CLEARANCE
+    stop = Plane(np.array([0.0, 0.0, stop_z]), np.array([0.0, 0.0, 1.0]))
+    wanted = ("position", "opd", "evaluation_count")
+    result = trace(index, rays, until=stop, outputs=wanted, **trace_options(scene))
+    assert result.position is not None and result.opd is not None  # they were asked for
+    undisturbed = rays.position + ((stop_z - rays.position[:, 2]) / rays.direction[:, 2])[:, None] * rays.direction
+    detour = np.linalg.norm(point - result.position, axis=1) - np.linalg.norm(point - undisturbed, axis=1)
+    return np.where(result.ok, result.opd + index.ambient_index * detour, 0.0), result

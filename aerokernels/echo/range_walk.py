@@ -1,0 +1,115 @@
+"""Range walk: how a fixed threshold's range depends on the amplitude, and the curve that takes it off again.
+
+A threshold T is crossed earlier by a higher pulse. For a Gaussian of peak V and 1/e half-width tau the crossing lies
+tau sqrt(ln(V / T)) before the peak, so its range is short by c tau / 2 times the same. For any other pulse the curve is
+measured: the pulse's waveform is scaled to a row of amplitudes, and ranged. A rangefinder knows the amplitude of an
+echo by its peak, or, where the amplifier saturates, by the time that it stays above the threshold.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from .checks import as_waveform, check_positive
+from .pulse_curve import PulseCurve, peak_height
+from .waveform import SPEED_OF_LIGHT
+
+# The curve's points lie evenly in sqrt(ln(V / T)), in which the walk of a Gaussian is a straight line.
+POINT_COUNT = 128
+LEAST_RATIO, GREATEST_RATIO = 1.0005, 1000.0
+
+
+@dataclass(frozen=True, eq=False)
+class RangeWalk:
+    """Error of a leading-edge range against the height and the width of the pulse.
+
+    Attributes:
+        threshold: Level of the discriminator [V].
+        peak: Peaks of the echo [V], increasing, shape (n,).
+        width: Time that such an echo stays above the threshold [s], increasing, shape (n,).
+        error: Range read off it minus the range at its peak's own time [m], shape (n,); negative, and falling.
+    """
+
+    threshold: float
+    peak: np.ndarray
+    width: np.ndarray
+    error: np.ndarray
+
+    def at_peak(self, peak: float) -> float:
+        """Error [m] of an echo of this peak [V].
+
+        Raises:
+            ValueError: The peak lies outside of the curve.
+        """
+        volts = check_positive(peak, "peak", "V")
+        if not self.peak[0] <= volts <= self.peak[-1]:
+            raise ValueError(
+                f"a peak of {peak:g} V lies outside of the range walk curve, {self.peak[0]:g} to {self.peak[-1]:g} V: "
+                "lower or raise the threshold"
+            )
+        return float(self._interpolated(_stretched(self.peak / self.threshold), _stretched(volts / self.threshold)))
+
+    def at_width(self, width: float) -> float:
+        """Error [m] of an echo that stays above the threshold for this time [s].
+
+        Raises:
+            ValueError: The time lies outside of the curve.
+        """
+        time = check_positive(width, "width", "s")
+        if not self.width[0] <= time <= self.width[-1]:
+            raise ValueError(
+                f"a width of {time:g} s lies outside of the range walk curve, {self.width[0]:g} to {self.width[-1]:g} s"
+            )
+        return float(self._interpolated(self.width, time))
+
+    def correct(self, time, voltage, reading: float) -> float:
+        """A leading-edge range [m] less the error of an echo of this waveform's peak.
+
+        Args:
+            time: Sample times [s], shape (n,), in even steps.
+            voltage: Samples [V], shape (n,).
+            reading: What the leading edge reads [m].
+
+        Raises:
+            ValueError: A peak outside of the curve, a waveform without a peak.
+        """
+        _, volts, _ = as_waveform(time, voltage)
+        return reading - self.at_peak(peak_height(volts))
+
+    def _interpolated(self, places: np.ndarray, place: float) -> np.ndarray:
+        from scipy.interpolate import PchipInterpolator
+
+        return PchipInterpolator(places, self.error)(place)
+
+
+def _stretched(ratio):
+    return np.sqrt(np.log(ratio))
+
+
+def range_walk(time, voltage, threshold: float) -> RangeWalk:
+    """The range walk curve of a threshold for pulses of one shape.
+
+    Args:
+        time: Sample times of a clean pulse [s], shape (n,), in even steps.
+        voltage: Its samples [V], shape (n,); its height does not matter.
+        threshold: Level of the discriminator [V].
+
+    Returns:
+        The curve, for peaks from just above the threshold to 1000 times that. A pulse that the record cuts off before
+        it has fallen to a thousandth gives a shorter one.
+
+    Raises:
+        ValueError: Uneven times, no pulse, or a pulse that is cut off at half its height.
+    """
+    _, volts, period = as_waveform(time, voltage)
+    level = check_positive(threshold, "threshold", "V")
+    curve = PulseCurve(volts)
+    ends = max(float(volts[0]), float(volts[-1]), 0.0) / curve.peak
+    greatest = min(GREATEST_RATIO, 0.999 / ends) if ends > 0.0 else GREATEST_RATIO
+    if greatest < 2.0:
+        raise ValueError("the record cuts the pulse off above half its height: begin it earlier or end it later")
+    ratios = np.exp(np.square(np.linspace(_stretched(LEAST_RATIO), _stretched(greatest), POINT_COUNT)))
+    rises = np.array([curve.first_rise(curve.peak / ratio) for ratio in ratios])
+    falls = np.array([curve.fall_after_peak(curve.peak / ratio) for ratio in ratios])
+    error = 0.5 * SPEED_OF_LIGHT * period * (rises - curve.peak_place)
+    return RangeWalk(level, level * ratios, period * (falls - rises), error)

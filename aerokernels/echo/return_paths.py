@@ -1,0 +1,168 @@
+"""What the flow takes off the light on its way back, for every target point.
+
+"strehl"  the share of the receiver's pupil that the light gets through to, times the Strehl ratio over that part, tilt
+          kept, piston removed (the paper's factor; a Strehl ratio is a peak intensity, not a power)
+"bucket"  that share alone: all light that reaches the pupil falls on a detector larger than the spot. Refraction moves
+          no light into the pupil or out of it but by focusing, some 1e-4 here, which is left out
+"none"    1, and no ray is traced
+
+Both vary smoothly over the target, so they are computed at Chebyshev-Lobatto points on the target and interpolated by
+the polynomial through them; the same with every other point left out says how good that is. Where field, pupil and
+target are symmetric about the axis, they depend on the distance from it alone: the points lie along one radius, and
+half of the pupil stands for all of it.
+"""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..medium import IndexField
+from ..scene import Scene
+from ..tracing import Plane
+from .pupil_reduction import PupilSums, receiver_pupil, reduce_pupils, upper_half
+
+RETURN_FACTORS = ("strehl", "bucket", "none")
+EVERY = "every"
+
+
+@dataclass(frozen=True, eq=False)
+class ReturnPaths:
+    """The ways back, one a landing point; NaN where there is none, and where nothing was traced.
+
+    Attributes:
+        factor: What is left of the light, 0 to 1, shape (m,).
+        strehl: Strehl ratio of the open part of the pupil, shape (m,).
+        open_share: Share of the pupil that the light gets through to, shape (m,).
+        error: Greatest change of `factor` from leaving every other point of the interpolation out: its error
+            is smaller.
+        pair_count: Pairs of target point and pupil point that the sums stand for.
+        sums: The rays behind it; None for factor "none".
+    """
+
+    factor: np.ndarray
+    strehl: np.ndarray
+    open_share: np.ndarray
+    error: float
+    pair_count: int = 0
+    sums: PupilSums | None = None
+
+
+def return_paths(
+    scene: Scene,
+    field: IndexField,
+    landing: np.ndarray,
+    plane: Plane,
+    node_count: int | str = 9,
+    symmetry: bool = True,
+) -> ReturnPaths:
+    """Return factor at landing points on the target.
+
+    Args:
+        scene: The scene.
+        field: The refractive index.
+        landing: Landing points [m], shape (m, 3); NaN where there is none.
+        plane: The target's plane.
+        node_count: Points a side at which the factor is computed, odd and at least 3; "every": at all landing points.
+        symmetry: Whether to use the symmetry about the axis where there is one.
+
+    Raises:
+        ValueError: As `reduce_pupils`; also a `node_count` that is even or too small.
+    """
+    if node_count != EVERY and (
+        isinstance(node_count, (bool, str))
+        or not isinstance(node_count, (int, np.integer))
+        or node_count < 3
+        or node_count % 2 == 0
+    ):
+        raise ValueError(f"strehl_node_count must be odd and at least 3, or {EVERY!r}, got {node_count!r}")
+    kind = scene.receiver.return_factor
+    arrived = np.isfinite(landing).all(axis=1)
+    unknown = np.full(len(landing), np.nan)
+    if kind == "none":
+        return ReturnPaths(np.where(arrived, 1.0, np.nan), unknown, unknown.copy(), 0.0)
+    pupil = receiver_pupil(scene)
+    place = landing[arrived]
+    if node_count == EVERY:
+        sums = reduce_pupils(scene, field, place, *pupil)
+        found, error = (sums.strehl, sums.open_share), 0.0
+        pair_count = sums.ray_count
+    elif symmetry and is_symmetric(field, plane):
+        sums, found, error = _along_a_radius(scene, field, place, pupil, int(node_count), kind)
+        pair_count = int(node_count) ** 2 * len(pupil[0])
+    else:
+        sums, found, error = _over_the_target(scene, field, place, plane, pupil, int(node_count), kind)
+        pair_count = sums.ray_count
+    strehl, open_share = unknown, unknown.copy()
+    strehl[arrived], open_share[arrived] = (np.clip(values, 0.0, 1.0) for values in found)
+    return ReturnPaths(_factor(kind, strehl, open_share), strehl, open_share, error, pair_count, sums)
+
+
+def is_symmetric(field: IndexField, plane: Plane) -> bool:
+    """Whether field and target, and so the way back to a pupil on the axis, look the same all round it."""
+    return field.geometry == "axisymmetric" and float(np.hypot(plane.normal[0], plane.normal[1])) < 1e-12
+
+
+def _factor(kind: str, strehl: np.ndarray, open_share: np.ndarray) -> np.ndarray:
+    return open_share * strehl if kind == "strehl" else open_share
+
+
+def _along_a_radius(scene, field, place, pupil, node_count: int, kind: str):
+    """Sums at points of one radius, and their even polynomial at the landing points' distances from the axis."""
+    node = _lobatto(node_count)
+    reach = max(float(np.hypot(place[:, 0], place[:, 1]).max()), 1e-9)
+    half = node_count // 2
+    target = np.zeros((half + 1, 3))
+    target[:, 0], target[:, 2] = reach * node[half:], place[0, 2]
+    sums = reduce_pupils(scene, field, target, *upper_half(*pupil))
+    # The middle node is the axis; those before it mirror those after it.
+    tables = [np.concatenate([values[:0:-1], values]) for values in (sums.strehl, sums.open_share)]
+    distance = np.hypot(place[:, 0], place[:, 1])[:, None] / reach
+    return sums, *_interpolate(tables, node, distance, kind)
+
+
+def _over_the_target(scene, field, place, plane, pupil, node_count: int, kind: str):
+    """Sums at a grid of points over the rectangle around the landing points, and their polynomial there."""
+    node = _lobatto(node_count)
+    low, high = place[:, :2].min(axis=0), place[:, :2].max(axis=0)
+    center, half = 0.5 * (low + high), np.maximum(0.5 * (high - low), 1e-9)
+    x, y = np.meshgrid(center[0] + half[0] * node, center[1] + half[1] * node, indexing="ij")
+    slant = ((x - plane.point[0]) * plane.normal[0] + (y - plane.point[1]) * plane.normal[1]) / plane.normal[2]
+    target = np.stack([x, y, plane.point[2] - slant], axis=-1).reshape(-1, 3)
+    sums = reduce_pupils(scene, field, target, *pupil)
+    tables = [values.reshape(node_count, node_count) for values in (sums.strehl, sums.open_share)]
+    return sums, *_interpolate(tables, node, (place[:, :2] - center) / half, kind)
+
+
+def _lobatto(count: int) -> np.ndarray:
+    return -np.cos(math.pi * np.arange(count) / (count - 1))
+
+
+def _interpolate(tables: list[np.ndarray], node: np.ndarray, place: np.ndarray, kind: str):
+    """Strehl ratio and open share at the places, and the change of the factor from leaving every other node out."""
+    found = [interpolate_polynomial(table, node, place) for table in tables]
+    every_other = (slice(None, None, 2),) * tables[0].ndim
+    coarse = [interpolate_polynomial(table[every_other], node[::2], place) for table in tables]
+    change = np.abs(_factor(kind, *found) - _factor(kind, *coarse))
+    return found, float(change.max(initial=0.0))
+
+
+def interpolate_polynomial(table: np.ndarray, node: np.ndarray, place: np.ndarray) -> np.ndarray:
+    """The polynomial through a table at nodes in [-1, 1].
+
+    Args:
+        table: Values, shape (k,) or (k, k).
+        node: Nodes along each axis, shape (k,).
+        place: Where to evaluate, shape (m, axes of the table).
+
+    Returns:
+        Values, shape (m,).
+    """
+    from numpy.polynomial.chebyshev import chebvander
+
+    degree = len(node) - 1
+    to_coefficients = np.linalg.inv(chebvander(node, degree))
+    bases = [chebvander(place[:, axis], degree) @ to_coefficients for axis in range(table.ndim)]
+    if table.ndim == 1:
+        return bases[0] @ table
+    return np.einsum("pi,ij,pj->p", bases[0], table, bases[1])

@@ -1,0 +1,222 @@
+"""The tables of a scene that describe the laser's way: beam, target, receiver, the air between. See tables.py."""
+
+import math
+from typing import Annotated, Any, Literal
+
+import numpy as np
+from pydantic import BeforeValidator, model_validator
+
+from .values import (
+    Coordinate,
+    Count,
+    Fraction,
+    Length,
+    Number,
+    Power,
+    Share,
+    Table,
+    Tilt,
+    Time,
+    key,
+)
+
+LEAST_PULSE_SAMPLES = 4
+
+
+def _axis(value: Any) -> tuple[float, float, float]:
+    if (
+        not isinstance(value, (list, tuple))
+        or len(value) != 3
+        or any(isinstance(part, bool) or not isinstance(part, (int, float)) for part in value)
+        or not all(map(math.isfinite, value))
+        or not any(value)
+    ):
+        raise ValueError("give three finite numbers (x, y, z), not all zero, such as [1, 0, 0]")
+    return (float(value[0]), float(value[1]), float(value[2]))
+
+
+def _pulse_samples(value: Any) -> tuple[float, ...]:
+    if not isinstance(value, (list, tuple)) or any(
+        isinstance(part, bool) or not isinstance(part, (int, float)) for part in value
+    ):
+        raise ValueError("give a list of numbers, such as [0, 0.4, 1, 0.3, 0]")
+    if not all(math.isfinite(part) and part >= 0.0 for part in value):
+        raise ValueError("a sample of the pulse is negative or not finite: subtract the record's offset, cut its noise")
+    if value and not max(value) > 0.0:
+        raise ValueError("all samples of the pulse are zero")
+    return tuple(map(float, value))
+
+
+def _node_count(value: Any) -> Any:
+    if value == "every":
+        return value
+    whole = isinstance(value, (int, float)) and not isinstance(value, bool) and value in (3, *range(5, 1000, 2))
+    if not whole:
+        raise ValueError("give an odd whole number of at least 3, or 'every'")
+    return int(value)
+
+
+class BeamTable(Table):
+    """[beam]: the laser pulse."""
+
+    peak_power: Power = key(
+        "75 W",
+        "Peak power of the pulse. The paper's laser diode.",
+    )
+    exit_radius: Length = key(
+        "2 mm",
+        "1/e^2 radius of the beam at the aperture. Not in the paper: a laser diode's collimating lens is a "
+        "few millimetres wide.",
+    )
+    radius: Length = key(
+        "30 mm",
+        "1/e^2 radius at the target, on a plane normal to the axis. Not in the paper, which cut the reflector"
+        " to the spot: at 30 mm the 120 mm x 90 mm reflector holds 99.7 % of the light.",
+    )
+    pulse: Literal["gaussian", "helios", "sampled"] = key(
+        "gaussian",
+        'Shape in time: "gaussian", exp(-t^2 / tau^2), the paper\'s; "helios", (t / tau)^2 exp(-t / tau), steep at '
+        'first with a long tail; "sampled", the curve through pulse_samples.',
+    )
+    pulse_tau: Time = key(
+        "6 ns",
+        "tau of the pulse; the width at half height is 1.665 tau for a Gaussian, 10 ns, and 3.395 tau for "
+        '"helios". Not in the paper.',
+    )
+    pulse_samples: Annotated[tuple[float, ...], BeforeValidator(_pulse_samples)] = key(
+        (),
+        'Relative power at even steps, for pulse "sampled"; t = 0 is put at the peak, which counts as peak_power.',
+    )
+    pulse_sample_period: Time = key(
+        "1 ns",
+        "Time between two of pulse_samples.",
+    )
+    ray_count: Count = key(
+        512,
+        "Target points that the echo is summed over (eq 10), one emitted ray each.",
+    )
+
+    @model_validator(mode="after")
+    def _samples_go_with_the_shape(self) -> "BeamTable":
+        count = len(self.pulse_samples)
+        if self.pulse == "sampled" and count < LEAST_PULSE_SAMPLES:
+            raise ValueError(
+                f"beam.pulse 'sampled' needs at least {LEAST_PULSE_SAMPLES} beam.pulse_samples, got {count}: add them, "
+                "such as pulse_samples = [0, 0.4, 1, 0.3, 0]"
+            )
+        if self.pulse == "sampled" and (top := int(np.argmax(self.pulse_samples))) in (0, count - 1):
+            raise ValueError(
+                f"beam.pulse_samples: the greatest of them is the {'last' if top else 'first'}: "
+                "give samples from before the pulse's peak to after it"
+            )
+        if self.pulse != "sampled" and count:
+            raise ValueError(
+                f'beam.pulse_samples are given, but beam.pulse is {self.pulse!r}: write pulse = "sampled", or drop them'
+            )
+        return self
+
+
+class TargetTable(Table):
+    """[target]: a flat rectangular reflector."""
+
+    distance: Length = key(
+        "1.5 m",
+        "From the plane of the receiver's pupil to the target's centre, along the axis. The paper's.",
+    )
+    tilt: Tilt = key(
+        "0 deg",
+        "Rotation of the target about tilt_axis through its centre, below 90 deg. Not in the paper: it faces the "
+        "laser.",
+    )
+    tilt_axis: Annotated[tuple[float, float, float], BeforeValidator(_axis)] = key(
+        (1.0, 0.0, 0.0),
+        "Axis of that rotation (x, y, z), right-handed; its length does not matter. About x, the default, a positive "
+        "tilt moves the upper half (y > 0) away.",
+    )
+    reflector: Literal["lambertian", "phong"] = key(
+        "lambertian",
+        '"lambertian": diffuse, f_r = reflectivity / pi, the paper\'s; "phong": a share of the light goes into a '
+        "lobe about the mirror direction.",
+    )
+    reflectivity: Share = key(
+        0.3,
+        "Share of the light that is reflected, at normal incidence. The paper's.",
+    )
+    specular_share: Fraction = key(
+        0.5,
+        'Share of the reflected light that goes into the lobe, for reflector "phong". Half: a semi-gloss paint.',
+    )
+    specular_exponent: Number = key(
+        20.0,
+        'Exponent n of the lobe cos(angle to the mirror direction)^n, for reflector "phong"; 20: 15 deg to half '
+        "its height.",
+    )
+    width: Length = key(
+        "120 mm",
+        "Extent in x, before the tilt. The paper's.",
+    )
+    height: Length = key(
+        "90 mm",
+        "Extent in y, before the tilt: along the tilted surface. The paper's.",
+    )
+    limits: Literal["beam", "paper"] = key(
+        "beam",
+        'What eq 10 is summed over. "beam": all of the beam that the reflector catches; "paper": eq 11\'s cut at '
+        "one beam radius either way in y, whatever the reflector's size.",
+    )
+
+    @property
+    def orientation(self) -> np.ndarray:
+        """Unit vectors of the reflector as columns: along its width, along its height, its normal; shape (3, 3)."""
+        axis = np.array(self.tilt_axis) / np.abs(self.tilt_axis).max()
+        axis = axis / np.linalg.norm(axis)
+        cross = np.cross(np.eye(3), axis)
+        return np.eye(3) + math.sin(self.tilt) * cross + (1.0 - math.cos(self.tilt)) * cross @ cross
+
+    @property
+    def corners(self) -> np.ndarray:
+        """The reflector's corners, in turn, from its centre [m], shape (4, 3)."""
+        side = 0.5 * np.array([[-self.width, -self.height, 0.0], [self.width, -self.height, 0.0]])
+        return np.concatenate([side, -side]) @ self.orientation.T
+
+
+class ReceiverTable(Table):
+    """[receiver]: the pupil that collects the echo."""
+
+    diameter: Length = key(
+        "12 mm",
+        "Diameter of the pupil. Not in the paper: the widest that a dome of 16 mm leaves room for.",
+    )
+    ray_count: Count = key(
+        256,
+        "Rays over the pupil for each target point, for its Strehl ratio.",
+    )
+    return_factor: Literal["strehl", "bucket", "none"] = key(
+        "strehl",
+        'What the flow takes off the light that returns. "strehl": peak intensity of the focus, as in the paper; '
+        '"bucket": the share of the pupil that the light gets through to, for a detector larger than the spot; '
+        '"none": nothing.',
+    )
+    strehl_node_count: Annotated[int | Literal["every"], BeforeValidator(_node_count)] = key(
+        9,
+        'Points a side of the target at which that is computed, odd; between them it is interpolated. "every": at '
+        "each of beam.ray_count target points.",
+    )
+    efficiency: Share = key(
+        1.0,
+        "Share of the light at the pupil that reaches the detector; the detector's calibration contains it.",
+    )
+    aperture_z: Coordinate = key(
+        "-8 mm",
+        "Place of the pupil's plane on the axis. The nose tip is at 0 and the dome's radius 8 mm, so this is "
+        "the dome's centre, behind its surface: rays leave the dome along their way, where the flow begins.",
+    )
+
+
+class AtmosphereTable(Table):
+    """[atmosphere]: the air between model and target, apart from its index."""
+
+    transmission: Share = key(
+        1.0,
+        "One-way transmission. Over 1.5 m of clear air nothing is lost.",
+    )

@@ -1,0 +1,112 @@
+"""Tables 2 to 6 and Figures 1 and 5 to 8 of the source paper in one run, at tunnel and at atmospheric density.
+
+Writes the pictures, every number as CSV, the waveforms as CSV, and the tables as Markdown; `--page` puts these into
+docs/paper.md, between its markers. Nothing is tuned: the scenes are those that ship.
+"""
+
+import argparse
+from pathlib import Path
+
+import figure1
+import numpy as np
+import paper_figures
+import paper_tables
+from paper_cases import MACH, run_cases, shadow
+from tables import write_csv
+
+ROOT = Path(__file__).resolve().parents[1]
+PAGE = ROOT / "docs" / "paper.md"
+TABLES = ("figure1", "table2", "figure5", "table3", "table4", "table5", "table6", "walk", "ranges")
+# One setting of the bench for all of Figure 5: what the strongest flow, Mach 2, nearly saturates [1/rad].
+SENSITIVITY = 400.0
+
+
+def filled(page: str, tables: dict[str, paper_tables.Table]) -> str:
+    """The page with every table between its markers `<!-- name:begin -->` and `<!-- name:end -->`.
+
+    Raises:
+        ValueError: A table without its markers.
+    """
+    for name, table in tables.items():
+        begin, end = f"<!-- {name}:begin -->", f"<!-- {name}:end -->"
+        head, found, rest = page.partition(begin)
+        _, closed, tail = rest.partition(end)
+        if not (found and closed):
+            raise ValueError(f"no lines {begin} and {end} to put the table between: add them, or drop --page")
+        page = f"{head}{begin}\n{table.markdown}{end}{tail}"
+    return page
+
+
+def write_waveforms(cases: dict, path: Path) -> None:
+    """Recorded and noise-free voltages of every case, on their common times."""
+    names, columns = ["time_s"], [cases["tunnel"][0].recorded.time]
+    for density, by_mach in cases.items():
+        for mach, case in by_mach.items():
+            if mach == 0 and density != "tunnel":
+                continue
+            label = f"{density}_mach{mach}" if mach else "no_flow"
+            names += [f"{label}_recorded_v", f"{label}_clean_v"]
+            columns += [case.recorded.voltage, case.recorded.clean_voltage]
+    write_csv(path, names, np.column_stack(columns).tolist())
+
+
+def main() -> None:
+    """Compute everything and write it."""
+    parser = argparse.ArgumentParser(prog="scripts/paper", description=__doc__.splitlines()[0])
+    parser.add_argument("--out", type=Path, default=ROOT / "docs" / "paper")
+    parser.add_argument("--page", action="store_true", help="put the tables into docs/paper.md as well")
+    parser.add_argument("--quick", action="store_true", help="few rays, pixels and trials, for a look")
+    options = parser.parse_args()
+    trials, rays, pixels, planes = (20, 64, 120, 4) if options.quick else (1000, 1024, 600, 124)
+    spacing = 1e-3 if options.quick else 0.25e-3  # of the grid behind the schlieren pictures [m]
+
+    def say(words: str) -> None:
+        print(words, flush=True)
+
+    try:
+        if options.page:  # before the work, not after it
+            filled(PAGE.read_text(encoding="utf-8"), dict.fromkeys(TABLES, paper_tables.Table("", [])))
+        say("figure 1")
+        height = np.array([0.5e-3, *(h for h in figure1.HEIGHTS if h != 0.5e-3)])
+        z = np.linspace(0.0, figure1.LENGTH, planes + 1)[1:]
+        outcomes = figure1.run_medium(figure1.PARABOLA, height, z)
+        cases = run_cases(trials, rays, say)
+        thin, dense, tuned = {}, {}, {}
+        for mach in MACH[1:]:
+            say(f"schlieren: Mach {mach}")
+            thin[mach] = shadow(mach, pixels, spacing, sensitivity=SENSITIVITY)
+            tuned[mach] = shadow(mach, pixels, spacing)
+            dense[mach] = shadow(mach, pixels, spacing, density=1.225)
+        tables = {
+            "figure1": paper_tables.table_figure1(outcomes),
+            "table2": paper_tables.table_2(),
+            "figure5": paper_tables.table_shadows(thin),
+            "table3": paper_tables.table_3(cases),
+            "table4": paper_tables.table_4(cases),
+            "table5": paper_tables.table_5(),
+            "table6": paper_tables.table_6(cases),
+            "walk": paper_tables.table_walk(),
+            "ranges": paper_tables.table_ranges(cases),
+        }
+        page = filled(PAGE.read_text(encoding="utf-8"), tables) if options.page else None
+    except (OSError, ValueError) as fault:
+        parser.error(str(fault))
+
+    out = options.out
+    out.mkdir(parents=True, exist_ok=True)
+    figure1.draw(outcomes, height, z, out / "figure1.png")
+    paper_figures.draw_figure5(thin, out / "figure5.png")
+    paper_figures.draw_figure6(dense, tuned, out / "figure6.png")
+    paper_figures.draw_figure7(cases, out / "figure7.png")
+    paper_figures.draw_figure8(cases, out / "figure8.png")
+    write_csv(out / "paper.csv", paper_tables.HEADING, [row for table in tables.values() for row in table.rows])
+    write_waveforms(cases, out / "waveforms.csv")
+    text = "\n".join(f"## {name}\n\n{table.markdown}" for name, table in tables.items())
+    (out / "tables.md").write_text(text, encoding="utf-8")
+    if page is not None:
+        PAGE.write_text(page, encoding="utf-8")
+    say(f"\n{text}\nwrote {out}/tables.md, paper.csv, waveforms.csv and figures 1 and 5 to 8")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,150 @@
+"""The ways back: chunks, symmetry, vignetting, every target point."""
+
+import tracemalloc
+
+import numpy as np
+import pytest
+
+from aerokernels import echo
+from aerokernels.echo import pupil_reduction
+from aerokernels.echo.paths import target_plane
+from aerokernels.echo.pupil_reduction import receiver_pupil, reduce_pupils, return_opd, upper_half
+from aerokernels.echo.return_paths import return_paths
+from aerokernels.medium import Body, IndexField
+from aerokernels.scene import Scene
+
+WAVE_NUMBER = 2.0 * np.pi / 905e-9
+
+
+def scene(**changes):
+    settings = {"trace.precision": "float64", "receiver.ray_count": 64}
+    return Scene.load(
+        "wind-tunnel-static", settings | {key.replace("__", "."): value for key, value in changes.items()}
+    )
+
+
+def blob_field(strength, body=None):
+    """A round lump of gas on the axis."""
+    r, z = np.arange(0.0, 0.0601, 0.001), np.arange(-0.02, 0.0801, 0.001)
+    contrast = strength * np.exp(-(r[:, None] ** 2 + (z - 0.03) ** 2) / 0.012**2)
+    return IndexField.from_samples(
+        contrast, origin=(0.0, -0.02), spacing=(1e-3, 1e-3), geometry="axisymmetric", body=body
+    )
+
+
+def landing_points(count=60, seed=3):
+    generator = np.random.default_rng(seed)
+    xy = generator.uniform(-1.0, 1.0, (count, 2)) * (0.06, 0.045)
+    return np.column_stack([xy, np.full(count, 1.492)])
+
+
+def test_chunks_change_nothing(monkeypatch):
+    """Sums of 7 pupils of 64 rays, in one chunk and in chunks that break pupils apart: rounding, 1e-12.
+
+    They are the sums of the rays' own OPDs.
+    """
+    setting, field, target = scene(trace__method="adaptive"), blob_field(5e-5), landing_points(7)
+    pupil = receiver_pupil(setting)
+    whole = reduce_pupils(setting, field, target, *pupil)
+    opd, share, _ = return_opd(setting, field, target)
+    assert whole.phasor == pytest.approx(np.sum(share * np.exp(1j * WAVE_NUMBER * opd), axis=1), abs=1e-12)
+    assert whole.open_share == pytest.approx(np.ones(7), abs=1e-12)
+    assert whole.statuses == {"OK": 448} and whole.ray_count == 448
+    monkeypatch.setattr(pupil_reduction, "CHUNK_RAYS", 50)
+    parts = reduce_pupils(setting, field, target, *pupil)
+    assert parts.phasor == pytest.approx(whole.phasor, abs=1e-12)
+    assert parts.evaluation_count == whole.evaluation_count and parts.statuses == whole.statuses
+
+
+def test_nothing_is_kept_of_a_ray(monkeypatch):
+    """Four times the rays in chunks of the same size take the same memory, within a quarter."""
+    monkeypatch.setattr(pupil_reduction, "CHUNK_RAYS", 2048)
+    field, peaks = blob_field(1e-5), []
+    for count in (64, 64, 256):  # the first run warms up what is kept for good
+        setting = scene(receiver__ray_count=256, trace__precision="float32")
+        tracemalloc.start()
+        reduce_pupils(setting, field, landing_points(count), *receiver_pupil(setting))
+        peaks.append(tracemalloc.get_traced_memory()[1])
+        tracemalloc.stop()
+    assert peaks[2] < 1.25 * peaks[1]
+
+
+@pytest.mark.parametrize("ray_count", [64, 81])
+def test_half_a_pupil_stands_for_all_of_it(ray_count):
+    """Weights sum to 1, and means of what is even in y are those of the whole: exactly, the points come in pairs."""
+    start, weight = receiver_pupil(scene(receiver__ray_count=ray_count))
+    half, double = upper_half(start, weight)
+    assert len(half) <= len(start) // 2 + 8 and double.sum() == pytest.approx(1.0, abs=1e-13)
+    for values in (lambda p: p[:, 0] ** 3, lambda p: p[:, 1] ** 2, lambda p: p[:, 0] * p[:, 1] ** 4):
+        assert double @ values(half) == pytest.approx(weight @ values(start), abs=1e-17)
+
+
+def test_a_radius_stands_for_the_target():
+    """Set-up: a lump on the axis, facing target. With the symmetry and without, within the errors that both tell."""
+    setting, field, landing = scene(receiver__ray_count=256), blob_field(5e-5), landing_points()
+    plane = target_plane(setting)
+    short = return_paths(setting, field, landing, plane, 9)
+    full = return_paths(setting, field, landing, plane, 9, symmetry=False)
+    assert np.ptp(full.factor) > 0.005
+    assert np.abs(short.factor - full.factor).max() < short.error + full.error + 1e-6
+    assert short.sums.ray_count < full.sums.ray_count / 25 and short.pair_count == full.pair_count
+    tilted = scene(target__tilt=0.2)
+    assert return_paths(tilted, field, landing, target_plane(tilted), 5).sums.ray_count == 25 * 64
+
+
+def test_every_target_point_may_have_its_own_pupil():
+    """Set-up: the same. Every point by itself against the interpolation, and against the rays' own OPDs."""
+    setting, field, landing = scene(), blob_field(5e-5), landing_points(20)
+    landing[4] = np.nan
+    plane = target_plane(setting)
+    every = return_paths(setting, field, landing, plane, "every")
+    assert np.isnan(every.factor[4]) and every.pair_count == 19 * 64 and every.error == 0.0
+    good = np.isfinite(every.factor)
+    opd, share, _ = return_opd(setting, field, landing[good])
+    exact = np.abs(np.sum(share * np.exp(1j * WAVE_NUMBER * opd), axis=1)) ** 2
+    assert every.factor[good] == pytest.approx(exact, abs=1e-9)
+    between = return_paths(setting, field, landing, plane, 9, symmetry=False)
+    assert np.abs(between.factor[good] - exact).max() < between.error + 1e-6
+
+
+def washer():
+    """A ring around the axis that covers the pupil's outer half: radii 3 mm to 12 mm, at z = 0 to 2 mm."""
+    corner = np.array([[0.003, 0.0], [0.012, 0.0], [0.012, 0.002], [0.003, 0.002]])
+    return Body(corner)
+
+
+@pytest.mark.parametrize("kind", ["strehl", "bucket", "none"])
+def test_return_factors_of_a_vignetted_pupil(kind):
+    """Set-up: no contrast, a body with a hole of 3 mm 8 mm ahead of a pupil of 6 mm radius, target on the axis.
+
+    Formula: the hole's shadow edge on the pupil lies at 3 mm x 1.5 / 1.492 (the light comes from 1.5 m): a share of
+    (3.016 / 6)^2 = 0.2527. "none" does not care. Error: Gauss rings either side of the edge. Tolerance: 0.02 (a ring).
+    """
+    setting = scene(receiver__return_factor=kind, receiver__ray_count=4096)
+    field = blob_field(0.0, washer())
+    found = return_paths(setting, field, np.array([[0.0, 0.0, 1.492], [1e-3, 0.0, 1.492]]), target_plane(setting), 3)
+    if kind == "none":
+        assert found.factor.tolist() == [1.0, 1.0] and np.isnan(found.strehl).all() and found.sums is None
+    else:
+        assert found.factor == pytest.approx([0.2527] * 2, abs=0.02)
+        assert found.strehl == pytest.approx([1.0, 1.0], abs=1e-9)
+        assert found.open_share == pytest.approx(found.factor, abs=1e-9)
+
+
+def test_phase_alone_loses_no_light_into_a_bucket():
+    """The lump spoils the focus, not the flux: peaks with "bucket" and "none" are those of still air, "strehl" less."""
+    peak = {}
+    for kind in ("strehl", "bucket", "none"):
+        found = echo(scene(receiver__return_factor=kind), field=blob_field(5e-5))
+        peak[kind] = found.peak_power
+        assert found.return_factor == pytest.approx(found.strehl if kind == "strehl" else np.ones(len(found.path)))
+    still = echo(scene(), field=blob_field(0.0)).peak_power
+    assert peak["bucket"] == pytest.approx(still, rel=1e-6) and peak["none"] == pytest.approx(still, rel=1e-6)
+    assert peak["strehl"] < 0.9 * still
+
+
+def test_a_pupil_that_sees_nothing_is_refused():
+    corner = np.array([[0.0, 0.002], [0.02, 0.002], [0.02, 0.0], [0.0, 0.0]])
+    lid = Body(corner)
+    with pytest.raises(ValueError, match=r"no ray of the receiver's pupil gets out.*HIT_BODY"):
+        return_paths(scene(), blob_field(0.0, lid), landing_points(3), target_plane(scene()), 3)
