@@ -44,7 +44,7 @@ def test_a_straight_front(degrees: float, brightness: float, smoothing: float):
 
 
 def test_a_curved_front():
-    """y = 2 mm - 0.4 z + 8 z^2: the tangent in the middle of the window, z = -8.5 mm, is 0.4 + 0.136."""
+    """Front y = 2 mm - 0.4 z + 8 z^2: the tangent in the middle of the window, z = -8.5 mm, is 0.4 + 0.136."""
     found = measure_shock_angle(drawn(0.4, bend=8.0), WINDOW, degree=2)
     assert abs(found.angle - math.atan(0.4 - 2.0 * 8.0 * found.place)) < math.radians(0.05)
     assert abs(found.curve[2] - 8.0) < 0.2
@@ -87,8 +87,11 @@ def bow(shock: float, nose: float, brightness: float) -> Picture:
 @settings(max_examples=30, deadline=None)
 @given(st.floats(0.6e-3, 2e-3), st.floats(-1e-3, -0.1e-3), st.sampled_from([0.7, 1.0]))
 def test_stand_off_distance(distance: float, nose: float, brightness: float):
-    """Expected within 0.15 pixel: circles are parabolas to (y / r)^4 r / 8, 10 um at y = 1.5 mm, of which
-    the fit's value on the axis sees a fifth; and pixels, 3 um."""
+    """Exact places, drawn by shares of pixels; tolerance 0.15 pixel.
+
+    Error sources: circles are parabolas to (y / r)^4 r / 8, 10 um at y = 1.5 mm, of which the fit's value on the axis
+    sees a fifth; and what half heights lose where an edge slants through a pixel, 0.1 pixel.
+    """
     picture = bow(nose + distance, nose, brightness)
     found = measure_stand_off(picture, 0.0015, smoothing=0.0)
     assert abs(found.distance - distance) < 15e-6

@@ -16,7 +16,7 @@ def planar(contrast, reach: float = 0.02, spacing: float = 2.5e-4) -> IndexField
 
 
 def test_a_lens_squeezes_light_evenly():
-    """m = -a z^2 / 2 over 20 mm bends by -a W z: on a screen at L the light is denser by 1 / (1 - a W L).
+    """Contrast -a z^2 / 2 over 20 mm bends by -a W z: on a screen at L the light is denser by 1 / (1 - a W L).
 
     Set-up: a W L = 0.2 and -0.2, a L W small against 1 in the flow itself (W / L = 0.02).
     Error sources: bending within the lens, relative a W^2 / 24 = 1e-6 of the place; focal plane in the middle of it.
@@ -34,7 +34,7 @@ def test_a_lens_squeezes_light_evenly():
 
 
 def test_a_blob_is_the_jacobian_of_its_map():
-    """m = M exp(-(y^2 + z^2) / s^2) over 20 mm; landing p = q + L W grad m: irradiance at p is 1 / det(dp / dq).
+    """Contrast M exp(-(y^2 + z^2) / s^2) over 20 mm; landing p = q + L W grad m: irradiance at p is 1 / det(dp / dq).
 
     The exact irradiance comes from the map solved for q at each pixel by fixed-point iteration.
     Error sources: averages over the light's lattice and pixel against point values, (pitch / s)^2 / 10 = 1e-3 of the
