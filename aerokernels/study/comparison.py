@@ -39,7 +39,7 @@ class CompareOptions:
 
     Attributes:
         align: "none", "each", or the label on which the trigger offset is measured, as "mach=0".
-        trigger_offset: time by which the recorded axis is late [s]; with `align`, where the search begins.
+        trigger_offset: time by which the recorded axis is late, where it is known [s].
         threshold: level of the leading edge [V]; None takes the run's own.
         ranged_count: at most so many echoes of a label are ranged one by one, drawn at random.
         seed: of that draw.
@@ -61,6 +61,8 @@ class CompareOptions:
             raise ValueError(f"align {self.align!r}: give none, each, or a label such as mach=0")
         if not np.isfinite(self.trigger_offset):
             raise ValueError(f"trigger_offset = {self.trigger_offset}: give a time in seconds")
+        if self.trigger_offset and self.align != NO_ALIGNMENT:
+            raise ValueError(f"trigger_offset and align {self.align}: give the offset, or have it measured, not both")
         if self.threshold is not None and not (np.isfinite(self.threshold) and self.threshold > 0.0):
             raise ValueError(f"threshold = {self.threshold}: give a positive voltage")
         if self.ranged_count < 2:
@@ -214,23 +216,22 @@ def compare_recording(
     if options.align not in (NO_ALIGNMENT, EACH):
         reference = _reference(options.align, matched)
         with _blamed_on(source, reference):
-            offset = measured_offset(averages[reference], matched[reference], offset)
+            offset = measured_offset(averages[reference], matched[reference])
     found = []
     for number, (label, run) in enumerate(matched.items()):
         progress(f"comparing {label_text(label)}", 0.5 + 0.5 * number / len(matched))
         with _blamed_on(source, label):
-            own = measured_offset(averages[label], run, offset) if options.align == EACH else offset
+            own = measured_offset(averages[label], run) if options.align == EACH else offset
             found.append(_compare_label(source, label, run, averages[label], own, options))
     return BenchComparison(source, options, tuple(found), tuple(label for label in labels if label not in matched))
 
 
-def measured_offset(recorded: AverageEcho, run: RunFolder, start: float = 0.0) -> float:
+def measured_offset(recorded: AverageEcho, run: RunFolder) -> float:
     """The time [s] by which the recorded mean is later than the simulation: the lag of the greatest correlation.
 
     The peaks are laid on each other first, so that the records need not overlap; then the lag is found between samples.
     """
-    coarse = float(recorded.time[np.argmax(recorded.mean)] - run.time[np.argmax(run.voltage)])
-    offset = coarse if np.isfinite(coarse) else start
+    offset = float(recorded.time[np.argmax(recorded.mean)] - run.time[np.argmax(run.voltage)])
     time, mean, _, simulated = _overlap(recorded, run, offset)
     lag = compare_waveforms(time, mean, simulated).lag
     # Once more about the place found: the parabola through three lags is best where the lag is small.

@@ -16,6 +16,7 @@ if TYPE_CHECKING:
 MOST_PANELS = 12
 # Around the pulse, where it stands above this share of its peak, this much of its width is shown too.
 SHOWN_ABOVE, SHOWN_MARGIN = 0.01, 0.4
+LOWEST_SHOWN = 0.95  # of r: nearly equal correlations are not spread over the whole height
 
 
 def waveforms_figure(found: BenchComparison) -> "Figure":
@@ -63,6 +64,7 @@ def _draw_residual(axes: "Axes", one: LabelComparison) -> None:
     spread, error = 1e3 * one.spread, 1e3 * one.spread / np.sqrt(one.recorded.count)
     axes.fill_between(time, rest - spread, rest + spread, color=RAY_COLOUR, alpha=0.15, linewidth=0.0)
     axes.fill_between(time, rest - error, rest + error, color=RAY_COLOUR, alpha=0.5, linewidth=0.0)
+    axes.plot(time, rest, color=RAY_COLOUR, linewidth=0.8)
     axes.axhline(0.0, color=ACCENT, linewidth=1.0, linestyle="--")
     axes.set(xlabel="time after the pulse's peak left [ns]", ylabel="difference [mV]")
     axes.grid(True, color="#e3e7eb")
@@ -99,7 +101,8 @@ def ranges_figure(found: BenchComparison) -> "Figure":
         for key, words, mark in (("correlation", "at zero lag", "o"), ("best_correlation", "greatest", "^")):
             correlation.plot(place, [getattr(one.waveform, key) for one in found.labels], mark, mfc="none", label=words)
         correlation.set(title="Correlation", ylabel="r")
-        correlation.ticklabel_format(axis="y", useOffset=False)
+        lowest = min(one.waveform.correlation for one in found.labels)
+        correlation.set_ylim(min(LOWEST_SHOWN, lowest - 0.1 * (1.0 - lowest)), 1.005 + 0.05 * (1.0 - lowest))
         correlation.legend(fontsize=9)
         methods = list(dict.fromkeys(method for one in found.labels for method in one.ranges))
         for k, method in enumerate(methods):
@@ -118,7 +121,9 @@ def ranges_figure(found: BenchComparison) -> "Figure":
             )
         ranges.axhline(0.0, color=MUTED, linewidth=0.8)
         ranges.set(title="Range error: systematic, bar random", ylabel="range error [mm]")
-        ranges.legend(fontsize=8)
+        low, high = ranges.get_ylim()
+        ranges.set_ylim(low, high + 0.3 * (high - low))  # room for the legend
+        ranges.legend(fontsize=8, ncols=2, loc="upper center")
         for axes in (peaks, correlation, ranges):
             axes.set_xticks(place, names, rotation=0 if len(names) <= 4 else 45)
             axes.set_xlim(-0.5, len(names) - 0.5)

@@ -37,8 +37,8 @@ def test_board_record_compare(tmp_path: Path, aerokernels):
     """Tables 3, 4 and 6 for this bench, whose echoes are the simulated ones with 20 mV of noise.
 
     Expected: peaks of the mean of 60 echoes within 5 standard errors (2.6 mV each), and the greatest of some ten
-    samples near the top is higher by two of them: 1 %; r above 0.9999; each label against its own run, so that its peak is the
-    run's; systematic range errors of the matched filter those of the run within 5 standard errors.
+    samples near the top is higher by two of them: 1 %; r above 0.9999; each label against its own run; systematic
+    range errors of the matched filter those of the run within 5 standard errors.
     """
     folders = {}
     for mach, name in SCENES.items():

@@ -278,7 +278,14 @@ def test_bad_runs_are_refused_by_name(tmp_path: Path):
 
 
 @pytest.mark.parametrize(
-    "options", [{"align": "static"}, {"trigger_offset": math.nan}, {"threshold": 0.0}, {"ranged_count": 1}]
+    "options",
+    [
+        {"align": "static"},
+        {"trigger_offset": math.nan},
+        {"threshold": 0.0},
+        {"ranged_count": 1},
+        {"trigger_offset": 1e-9, "align": "each"},
+    ],
 )
 def test_options_that_make_no_sense(options: dict):
     with pytest.raises(ValueError, match=next(iter(options))):
