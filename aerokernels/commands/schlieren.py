@@ -24,6 +24,9 @@ def schlieren(
         str | None,
         typer.Option(metavar="FROM,TO,FROM,TO", help='Right and up: "-60 mm,5 mm,-40 mm,40 mm" [default: all].'),
     ] = None,
+    width: Annotated[
+        str | None, typer.Option(help="Length of the light's way through a planar flow, such as 50 mm.")
+    ] = None,
     pixels: Annotated[int, typer.Option(help="Pixels along the longer side.")] = 512,
     rays_per_pixel: Annotated[int, typer.Option(help="k: each pixel is the mean over k x k rays.")] = 1,
     spacing: Annotated[
@@ -83,6 +86,7 @@ def schlieren(
         kinds=tuple(kind or KINDS),
         view=view if view in ("x", "y", "z") else _numbers("--view", view, "dimensionless", 3),  # type: ignore[arg-type]
         extent=None if extent is None else _numbers("--extent", extent, "length", 4),  # type: ignore[arg-type]
+        width=None if width is None else _number("--width", width, "length"),
         pixel_count=pixels,
         rays_per_pixel=rays_per_pixel,
         spacing=None if spacing is None else _number("--spacing", spacing, "length"),

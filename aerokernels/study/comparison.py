@@ -1,9 +1,5 @@
 """Recorded echoes against simulated runs, label by label: peaks, relative errors, correlation, range errors.
 
-The simulation is drawn on the recorded time axis, by the quintic spline through its samples: it is smooth, free of
-noise and sampled finely, so that this costs nothing, while recorded samples, which are none of these, stay as they are.
-Before and after the simulated record its voltage is 0, where it ends below a thousandth of its peak.
-
 A trigger offset, the time by which the recorded axis is late, is not guessed: it is 0 unless the caller gives it, or
 asks to measure it, on one label for all of them (what then differs between labels is real) or on each label by itself
 (only shapes are compared then, and systematic range errors say nothing).
@@ -19,6 +15,7 @@ import numpy as np
 
 from aerokernels import __version__
 from aerokernels.compare import WaveformComparison, compare_waveforms, pearson_correlation
+from aerokernels.study.alignment import measured_offset, overlap, simulated_on
 from aerokernels.study.averages import AverageEcho, average
 from aerokernels.study.range_errors import RangeErrors, range_errors
 from aerokernels.study.recorded import Label, label_text, recorded_echoes, recorded_labels, thinned
@@ -28,9 +25,6 @@ if TYPE_CHECKING:
     import xarray
 
 NO_ALIGNMENT, EACH = "none", "each"
-QUIET_END = 1e-3  # of the simulated peak
-# Of the simulated peak, that must lie within the recorded times.
-LEAST_PEAK = 0.9
 
 
 @dataclass(frozen=True)
@@ -226,24 +220,11 @@ def compare_recording(
     return BenchComparison(source, options, tuple(found), tuple(label for label in labels if label not in matched))
 
 
-def measured_offset(recorded: AverageEcho, run: RunFolder) -> float:
-    """The time [s] by which the recorded mean is later than the simulation: the lag of the greatest correlation.
-
-    The peaks are laid on each other first, so that the records need not overlap; then the lag is found between samples.
-    """
-    offset = float(recorded.time[np.argmax(recorded.mean)] - run.time[np.argmax(run.voltage)])
-    time, mean, _, simulated = _overlap(recorded, run, offset)
-    lag = compare_waveforms(time, mean, simulated).lag
-    # Once more about the place found: the parabola through three lags is best where the lag is small.
-    time, mean, _, simulated = _overlap(recorded, run, offset + lag)
-    return offset + lag + compare_waveforms(time, mean, simulated).lag
-
-
 def _compare_label(
     source: Path, label: Label, run: RunFolder, recorded: AverageEcho, offset: float, options: CompareOptions
 ) -> LabelComparison:
     threshold = options.threshold or float(run.detector.get("threshold", 0.0)) or None
-    time, mean, spread, simulated = _overlap(recorded, run, offset)
+    time, mean, spread, simulated = overlap(recorded, run, offset)
     waveform = compare_waveforms(time, mean, simulated, threshold=threshold)
     echoes = thinned(recorded_echoes(source, label), options.ranged_count, options.seed)
     correlations = [_correlation(echo.voltage, simulated_on(run, echo.time - offset)) for echo in echoes]
@@ -272,34 +253,6 @@ def _correlation(recorded: np.ndarray, simulated: np.ndarray) -> float:
         return pearson_correlation(recorded[there], simulated[there])
     except ValueError:
         return float("nan")
-
-
-def simulated_on(run: RunFolder, time: np.ndarray) -> np.ndarray:
-    """The simulated voltage [V] at other times [s]; NaN outside the simulated record where it ends above 0."""
-    from scipy.interpolate import make_interp_spline
-
-    spline = make_interp_spline(run.time - run.time[0], run.voltage, k=5)
-    inside = (time >= run.time[0]) & (time <= run.time[-1])
-    peak = float(np.abs(run.voltage).max())
-    before, after = (0.0 if abs(end) <= QUIET_END * peak else np.nan for end in (run.voltage[0], run.voltage[-1]))
-    volts = np.where(time < run.time[0], before, after)
-    volts[inside] = spline(time[inside] - run.time[0])
-    return volts
-
-
-def _overlap(
-    recorded: AverageEcho, run: RunFolder, offset: float
-) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Times [s], recorded mean, spread and simulation [V] where both are known."""
-    time = recorded.time - offset
-    simulated = simulated_on(run, time)
-    there = np.isfinite(simulated)
-    if not there.any() or simulated[there].max() < LEAST_PEAK * run.voltage.max():
-        raise ValueError(
-            f"the simulated echo peaks at {1e9 * run.time[np.argmax(run.voltage)]:.3f} ns, the recorded times go from "
-            f"{1e9 * time[0]:.3f} to {1e9 * time[-1]:.3f} ns: give the trigger offset, or align"
-        )
-    return time[there], recorded.mean[there], recorded.spread[there], simulated[there]
 
 
 def _reference(text: str, matched: dict[Label, RunFolder]) -> Label:

@@ -3,6 +3,7 @@
 import base64
 import csv
 import html
+import math
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -56,8 +57,8 @@ def error_table(found: BenchComparison) -> Table:
                 f"{100.0 * wave.peak_error:+.2f} %",
                 f"{100.0 * wave.peak_error_of_recorded:+.2f} %",
                 f"{wave.edge_level:.3f} V",
-                f"{1e12 * wave.edge_shift:+.1f}",
-                f"{1e3 * wave.range_difference:+.2f}",
+                _told(1e12 * wave.edge_shift, "+.1f"),
+                _told(1e3 * wave.range_difference, "+.2f"),
             )
         )
     columns = ("label", "of the simulated peak", "of the recorded peak", "edge at", "edge shift [ps]", "as range [mm]")
@@ -76,7 +77,7 @@ def correlation_table(found: BenchComparison) -> Table:
                 wave.degree,
                 f"{wave.best_correlation:.4f}",
                 f"{1e12 * wave.lag:+.1f}",
-                f"{one.echo_correlation:.4f}",
+                _told(one.echo_correlation, ".4f"),
             )
         )
     columns = ("label", "r at zero lag", "degree", "greatest r", "its lag [ps]", "r of one echo, mean")
@@ -92,14 +93,21 @@ def range_table(found: BenchComparison) -> Table:
                 (
                     label_text(one.label),
                     method,
-                    f"{1e3 * errors.systematic_error_m:+.3f} ± {1e3 * errors.systematic_standard_error_m:.3f}",
-                    f"{1e3 * errors.random_error_m:.3f} ± {1e3 * errors.random_standard_error_m:.3f}",
+                    _told(1e3 * errors.systematic_error_m, "+.3f", 1e3 * errors.systematic_standard_error_m),
+                    _told(1e3 * errors.random_error_m, ".3f", 1e3 * errors.random_standard_error_m),
                     f"{1e3 * errors.simulated_error_m:+.3f}",
                     f"{errors.ranged_count} of {errors.ranged_count + errors.missed_count}",
                 )
             )
     columns = ("label", "method", "systematic error [mm]", "random error [mm]", "simulated error [mm]", "echoes ranged")
     return "Range errors", columns, rows
+
+
+def _told(value: float, digits: str, error: float | None = None) -> str:
+    """A number and its standard error in words; "none" where there is none."""
+    if not math.isfinite(value):
+        return "none"
+    return f"{value:{digits}}" if error is None or not math.isfinite(error) else f"{value:{digits}} ± {error:.3f}"
 
 
 TABLES = (peak_table, error_table, correlation_table, range_table)

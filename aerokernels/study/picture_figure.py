@@ -39,8 +39,10 @@ def _axis_label(direction: np.ndarray | None, default: str) -> str:
     """What a picture's axis is: x, y or z where it points along one, else in words."""
     if direction is None:
         return f"{default} [mm]"
-    name = "xyz"[int(np.argmax(direction))]
-    return f"{name} [mm]" if direction.max() > 1.0 - 1e-9 else "across the view [mm]"
+    axis = int(np.argmax(np.abs(direction)))
+    if abs(direction[axis]) < 1.0 - 1e-9:
+        return "across the view [mm]"
+    return f"{'-' if direction[axis] < 0.0 else ''}{'xyz'[axis]} [mm]"
 
 
 def pictures_figure(pictures: Mapping[str, Any], shock: ShockAngle | None = None) -> "Figure":

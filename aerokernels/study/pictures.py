@@ -7,10 +7,11 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
 from pydantic import ValidationError
 
 from aerokernels import __version__
-from aerokernels.flow import shipped_names
+from aerokernels.flow import DensityField, shipped_names
 from aerokernels.medium import IndexField
 from aerokernels.scene import Scene
 from aerokernels.scene.errors import SceneError, scene_error
@@ -55,6 +56,7 @@ class PictureOptions:
         kinds: out of `KINDS`.
         view: direction of the light.
         extent: right from, to, up from, to [m]; None for the whole flow.
+        width: length of the light's way through a planar flow [m].
         pixel_count: pixels along the longer side.
         rays_per_pixel: k of k x k rays a pixel.
         spacing: node spacing of the grid that the flow is resampled to [m]; None for half a pixel.
@@ -72,6 +74,7 @@ class PictureOptions:
     kinds: tuple[str, ...] = KINDS
     view: str | tuple[float, float, float] = "x"
     extent: tuple[float, float, float, float] | None = None
+    width: float | None = None
     pixel_count: int = 512
     rays_per_pixel: int = 1
     spacing: float | None = None
@@ -117,6 +120,7 @@ class BenchPictures:
 
     Attributes:
         scene: the scene.
+        density: its flow.
         sight: the light that was traced.
         pictures: by kind.
         shock: the outermost shock, where it was asked for.
@@ -125,6 +129,7 @@ class BenchPictures:
     """
 
     scene: Scene
+    density: DensityField
     sight: LineOfSight
     pictures: Mapping[str, SchlierenImage | Shadowgraph | Interferogram]
     shock: ShockAngle | None
@@ -134,7 +139,7 @@ class BenchPictures:
     @cached_property
     def summary(self) -> dict[str, Any]:
         """The pictures in numbers, SI: what goes to summary.json."""
-        flow = self.scene.density_field()
+        flow = self.density
         summary: dict[str, Any] = {
             "scene": self.scene.name,
             "mach": flow.conditions.mach if flow.conditions else 0.0,
@@ -204,15 +209,16 @@ def picture_scene(place: str, settings: Mapping[str, Any]) -> Scene:
     return Scene.load(place, settings)
 
 
-def picture_field(scene: Scene, options: PictureOptions) -> IndexField:
+def picture_field(density: DensityField, scene: Scene, options: PictureOptions) -> IndexField:
     """The whole flow of a scene as a refractive index on a uniform grid."""
-    mesh_field = scene.density_field().index_field(
+    mesh_field = density.index_field(
         scene.flow.wavelength, scene.flow.relation, gladstone_dale=scene.flow.gladstone_dale
     )
     spacing = options.spacing
     if spacing is None:
         low, high = mesh_field.box
-        extent = options.extent or (0.0, float((high - low).max()), 0.0, 0.0)
+        size = high - low
+        extent = options.extent or (0.0, float(size[np.isfinite(size)].max()), 0.0, 0.0)
         spacing = max(extent[1] - extent[0], extent[3] - extent[2]) / options.pixel_count / NODES_PER_PIXEL
     return mesh_field.resample(spacing, interpolation=scene.grid.interpolation)
 
@@ -238,12 +244,14 @@ def make_pictures(
     if measured is not None and "schlieren" not in options.kinds:
         raise ValueError("a measured picture is compared with the schlieren picture: ask for that kind too")
     progress("reading and resampling the flow", 0.0)
-    field = picture_field(scene, options)
+    density = scene.density_field()
+    field = picture_field(density, scene, options)
     progress("tracing the light", 0.3)
     sight = line_of_sight(
         field,
         view=options.view,
         extent=options.extent,
+        width=options.width,
         pixel_count=options.pixel_count,
         rays_per_pixel=options.rays_per_pixel,
         tolerance=scene.trace.tolerance,
@@ -275,7 +283,7 @@ def make_pictures(
         if measured is not None:
             measured_shock = measure_shock_angle(measured, options.shock_window, half="lower", degree=2)
     comparison = None if measured is None else compare_halves(pictures["schlieren"], measured)
-    return BenchPictures(scene, sight, pictures, shock, comparison, measured_shock)
+    return BenchPictures(scene, density, sight, pictures, shock, comparison, measured_shock)
 
 
 def write_pictures(made: BenchPictures, out: Path) -> list[str]:

@@ -97,7 +97,8 @@ def _from_store(path: Path, label: Label | None) -> Iterator[RecordedEcho]:
             if label is not None and _as_label(text) != label:
                 continue
             for echo in store.echoes(text):
-                yield RecordedEcho(_as_label(echo.label), echo.frame.time, echo.frame.voltage)
+                found = RecordedEcho(_as_label(echo.label), echo.frame.time, echo.frame.voltage)
+                yield _checked(found, f"{path}: echo of sequence {echo.frame.sequence}")
 
 
 def _from_netcdf(path: Path, label: Label | None) -> Iterator[RecordedEcho]:

@@ -11,8 +11,9 @@ import xarray
 
 from aerokernels.hardware.frames import EchoFrame
 from aerokernels.hardware.store import EchoStore
+from aerokernels.study.alignment import measured_offset
 from aerokernels.study.averages import average
-from aerokernels.study.comparison import CompareOptions, compare_recording, measured_offset
+from aerokernels.study.comparison import CompareOptions, compare_recording
 from aerokernels.study.comparison_report import write_comparison
 from aerokernels.study.recorded import RecordedEcho, recorded_echoes, recorded_labels, thinned
 from aerokernels.study.run_folder import match_runs, read_run
@@ -217,6 +218,18 @@ def test_echoes_on_other_times_are_drawn_on_the_first(tmp_path: Path):
     np.testing.assert_allclose(found.mean, pulse(TIME), atol=1e-4)
     with pytest.raises(ValueError, match="labels that differ"):
         average([RecordedEcho((), TIME, pulse(TIME)), RecordedEcho((), TIME + 1e-3, pulse(TIME))])
+
+
+def test_one_run_and_no_folder(tmp_path: Path, runs, aerokernels):
+    """The tables on the terminal for the label that the run fits; the other label is named, and nothing is written."""
+    write_rows(tmp_path / "e.csv", noisy(3, 0.02))
+    before = sorted(tmp_path.iterdir())
+    done = aerokernels("compare", "e.csv", runs[1].path, "--align", "each")
+    assert done.returncode == 0, done.stderr
+    rows = [line.split("\t") for line in done.stdout.splitlines() if line.startswith("mach=3")]
+    assert len(rows) == 3 + 4 and float(rows[2][1]) > 0.999
+    assert "no run for: mach=0" in done.stdout
+    assert sorted(tmp_path.iterdir()) == before
 
 
 def test_every_echo_has_the_same_chance_of_being_ranged():
