@@ -1,5 +1,6 @@
 """Pictures in files: a photograph of a bench read with its scale, and a picture written as it is, pixel for pixel."""
 
+import warnings
 from pathlib import Path
 
 import numpy as np
@@ -80,17 +81,19 @@ def _read_grey(path: Path) -> np.ndarray:
             f"picture {path}: {'is a folder' if path.is_dir() else 'no such file'}; give a PNG or TIFF file"
         )
     try:
-        with Image.open(path) as image:
-            frame_count = getattr(image, "n_frames", 1)
-            if frame_count > 1:
-                raise ValueError(f"picture {path}: holds {frame_count} pictures; save the one that is meant by itself")
-            grey = _as_grey(image)
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # about a file that is read all the same
+            with Image.open(path) as image:
+                frame_count = getattr(image, "n_frames", 1)
+                grey = _as_grey(image)
     except UnidentifiedImageError:
         raise ValueError(f"picture {path}: not a picture that can be read; give a PNG or TIFF file") from None
     except Image.DecompressionBombError as error:
         raise ValueError(f"picture {path}: {error}; cut it down to the part that is needed") from None
-    except (OSError, SyntaxError) as error:  # Pillow's answers to a file that is cut off or broken
+    except Exception as error:  # a file that is cut off or broken makes Pillow's readers fail in any way
         raise ValueError(f"picture {path}: cannot be read, {error}; save it again") from None
+    if frame_count > 1:
+        raise ValueError(f"picture {path}: holds {frame_count} pictures; save the one that is meant by itself")
     if min(grey.shape) < LEAST_PIXELS:
         raise ValueError(
             f"picture {path}: {grey.shape[1]} x {grey.shape[0]} pixels; at least {LEAST_PIXELS} each way are needed"

@@ -11,16 +11,21 @@ NetCDF: `voltage` over (echo, sample) or (sample), with `time` over sample, or `
 over echo; `label_KEY` over echo.
 """
 
+import contextlib
 import csv
 import itertools
+import sqlite3
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from aerokernels.hardware.store import EchoStore
+
+if TYPE_CHECKING:
+    import xarray
 
 LEAST_SAMPLES = 16
 _SQLITE, _NETCDF = b"SQLite format 3\x00", (b"\x89HDF", b"CDF")
@@ -55,7 +60,7 @@ def recorded_labels(path: Path) -> list[Label]:
         ValueError: as `recorded_echoes`; a file without echoes.
     """
     if _kind(path) == "store":
-        with EchoStore(path, read_only=True) as store:
+        with _blamed_on(path), EchoStore(path, read_only=True) as store:
             labels = [_as_label(one) for one in store.labels()]
     else:
         labels = list(dict.fromkeys(echo.label for echo in recorded_echoes(path)))
@@ -92,7 +97,7 @@ def _as_label(pairs: Mapping[str, Any]) -> Label:
 
 
 def _from_store(path: Path, label: Label | None) -> Iterator[RecordedEcho]:
-    with EchoStore(path, read_only=True) as store:
+    with _blamed_on(path), EchoStore(path, read_only=True) as store:
         for text in store.labels():
             if label is not None and _as_label(text) != label:
                 continue
@@ -102,13 +107,7 @@ def _from_store(path: Path, label: Label | None) -> Iterator[RecordedEcho]:
 
 
 def _from_netcdf(path: Path, label: Label | None) -> Iterator[RecordedEcho]:
-    import xarray
-
-    try:
-        data = xarray.open_dataset(path, engine="h5netcdf", decode_times=False)
-    except (OSError, ValueError, KeyError) as error:
-        raise ValueError(f"{path}: not a NetCDF-4 file that can be read ({error}); export the store again") from None
-    with data:
+    with load_netcdf(path) as data, _blamed_on(path):
         if "voltage" not in data.variables or data["voltage"].ndim not in (1, 2):
             raise ValueError(
                 f"{path}: holds no `voltage` over (echo, sample); it has: {', '.join(map(str, data.variables))}"
@@ -136,6 +135,32 @@ def _from_netcdf(path: Path, label: Label | None) -> Iterator[RecordedEcho]:
                 time = first[k] + np.arange(row.size) * float(column("sample_period")[k])
             echo_label = _as_label({name.removeprefix("label_"): values[k] for name, values in labels.items()})
             yield _checked(RecordedEcho(echo_label, time, row), f"{path}: echo {k}")
+
+
+def load_netcdf(path: Path) -> "xarray.Dataset":
+    """A NetCDF-4 file in memory, its times as numbers.
+
+    Raises:
+        ValueError: not such a file, or a damaged one; names it.
+    """
+    import h5py
+    import xarray
+
+    with _blamed_on(path):
+        with h5py.File(path, "r"):  # says what is wrong with a file in fewer words than what is built on it
+            pass
+        return xarray.load_dataset(path, engine="h5netcdf", decode_times=False)
+
+
+@contextlib.contextmanager
+def _blamed_on(path: Path) -> Iterator[None]:
+    """Name the file in whatever its readers say about it: a damaged one makes them fail in many ways."""
+    try:
+        yield
+    except (sqlite3.Error, OSError, ValueError, RuntimeError, KeyError, AttributeError, TypeError) as error:
+        if isinstance(error, ValueError) and str(path) in str(error):
+            raise
+        raise ValueError(f"{path}: cannot be read ({error}); is it damaged, or no NetCDF-4 file or store?") from error
 
 
 def _from_csv(path: Path, label: Label | None) -> Iterator[RecordedEcho]:

@@ -10,8 +10,8 @@ from typing import Any
 
 import numpy as np
 
-from aerokernels.study.recorded import Label, label_text
-from aerokernels.study.store import RESULT_FILE, SUMMARY_FILE, read_result
+from aerokernels.study.recorded import Label, label_text, load_netcdf
+from aerokernels.study.store import RESULT_FILE, SUMMARY_FILE
 
 _NONE: Label = ()
 
@@ -64,7 +64,7 @@ def read_run(text: str) -> RunFolder:
             )
     try:
         summary = json.loads((path / SUMMARY_FILE).read_text(encoding="utf-8"))
-        result = read_result(path / RESULT_FILE)
+        result = load_netcdf(path / RESULT_FILE)
         time, voltage = (result[name].values.astype(np.float64) for name in ("time", "echo_voltage"))
         detector = tomllib.loads(str(result.attrs.get("scene", ""))).get("detector", {})
         distance = float(summary["true_range_m"])

@@ -107,6 +107,25 @@ def test_bad_files_are_refused_by_name(tmp_path: Path, name: str, match: str):
     assert str(path) in str(refused.value)
 
 
+@pytest.mark.parametrize("suffix", [".png", ".tif", ".ppm", ".gif"])
+def test_damaged_files_are_read_or_refused_by_name(tmp_path: Path, suffix: str):
+    """Bytes changed and ends cut off, 150 times each: a picture, or a ValueError that names the file; nothing else."""
+    good, path = tmp_path / f"good{suffix}", tmp_path / f"bad{suffix}"
+    Image.fromarray(np.rint(drawn().intensity * 255).astype(np.uint8)).save(good)
+    whole, random, refused = good.read_bytes(), np.random.default_rng(2), 0
+    for number in range(150):
+        damaged = bytearray(whole[: random.integers(1, len(whole)) if number % 3 == 0 else None])
+        for _ in range(random.integers(1, 6)):
+            damaged[random.integers(min(len(damaged), 200))] = random.integers(256)
+        path.write_bytes(damaged)
+        try:
+            read_picture(path, pixel_size=PITCH, nose=(3.0, 3.0))
+        except ValueError as error:
+            assert str(path) in str(error)
+            refused += 1
+    assert refused > 20
+
+
 @pytest.mark.parametrize(
     ("options", "match"),
     [
