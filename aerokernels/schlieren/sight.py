@@ -24,6 +24,8 @@ from aerokernels.tracing import Plane, RayStatus, trace
 
 from .window import Window, make_window, ray_lines
 
+_UPSIDE_DOWN = np.array([1.0, -1.0])  # of (right, up)
+
 
 @dataclass(frozen=True, eq=False)
 class LineOfSight:
@@ -110,6 +112,10 @@ def line_of_sight(
     window = make_window(field, view, extent, pixel_count, width)
     forward, right, up = window.forward, window.right, window.up
     across, along = np.meshgrid(*ray_lines(window, rays_per_pixel))
+    row_count = len(along)
+    symmetric = _is_symmetric(field, window, along[:, 0])
+    if symmetric:  # the lower half is the upper one's mirror image
+        across, along = across[row_count // 2 :], along[row_count // 2 :]
     start = across[..., None] * right + along[..., None] * up + window.entry * forward
     traced = trace(
         field,
@@ -137,8 +143,14 @@ def line_of_sight(
         blocked |= field.body.contains(field.local_coordinates(start.reshape(-1, 3)))
     through = (traced.ok & ~blocked).reshape(shape)
 
+    def whole(values: np.ndarray) -> np.ndarray:
+        if not symmetric:
+            return values
+        lower = values[::-1][: row_count // 2]
+        return np.concatenate([lower * _UPSIDE_DOWN if values.ndim == 3 else lower, values])
+
     def seen(values: np.ndarray) -> np.ndarray:
-        return np.where(through.reshape(through.shape + (1,) * (values.ndim - 2)), values, np.nan)
+        return whole(np.where(through.reshape(through.shape + (1,) * (values.ndim - 2)), values, np.nan))
 
     return LineOfSight(
         window=window,
@@ -146,11 +158,21 @@ def line_of_sight(
         deflection=seen(deflection),
         opd=seen(traced.opd.reshape(shape) - field.ambient_index * back * stretch),
         displacement=seen(displacement),
-        through=through,
-        blocked=blocked.reshape(shape),
+        through=whole(through),
+        blocked=whole(blocked.reshape(shape)),
         wavelength=float(wavelength),
         focus=focus,
     )
+
+
+def _is_symmetric(field: IndexField, window: Window, heights: np.ndarray) -> bool:
+    """Whether the picture is its own mirror image: a body of revolution seen from the side, the axis in its middle."""
+    sideways = abs(abs(float(window.right[2])) - 1.0) < 1e-12
+    return field.geometry == "axisymmetric" and sideways and _is_even(heights)
+
+
+def _is_even(heights: np.ndarray) -> bool:
+    return bool(np.abs(heights + heights[::-1]).max() <= 1e-9 * np.abs(heights).max())
 
 
 def check_exposure(exposure: float) -> float:
