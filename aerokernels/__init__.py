@@ -30,10 +30,12 @@ _HOME = {
     "estimate_range": "echo",
     "estimate_strehl": "strehl",
     "flow": "",
+    "interferogram": "schlieren",
     "plane_target_echo": "echo",
     "point_spread_function": "wavefront",
     "range_statistics": "echo",
     "schlieren": "schlieren",
+    "shadowgraph": "schlieren",
     "strehl": "strehl",
     "strehl_marechal": "strehl",
     "trace": "tracing",
@@ -59,10 +61,12 @@ __all__ = [
     "estimate_range",
     "estimate_strehl",
     "flow",
+    "interferogram",
     "plane_target_echo",
     "point_spread_function",
     "range_statistics",
     "schlieren",
+    "shadowgraph",
     "strehl",
     "strehl_marechal",
     "trace",
@@ -106,7 +110,7 @@ if TYPE_CHECKING:
     from .medium import Body, IndexField, QuadMesh
     from .rays import Disc, RayBundle
     from .scene import Scene
-    from .schlieren import schlieren
+    from .schlieren import interferogram, schlieren, shadowgraph
     from .strehl import StrehlEstimate, estimate_strehl, strehl, strehl_marechal
     from .tracing import ArcLength, BackendInfo, Plane, RayStatus, TraceResult, available_backends
     from .tracing.trace import trace

@@ -11,6 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from .echo.checks import as_finite_array, as_waveform, check_positive
+from .echo.pulse_curve import PulseCurve
+from .echo.waveform import SPEED_OF_LIGHT
 
 # Table 5, made half-open: a degree holds for |r| from its own bound up to, but not at, the next.
 DEGREES = (
@@ -37,6 +39,10 @@ class WaveformComparison:
         lag: Lag of that r [s]; positive: the recorded waveform is the later one.
         degree: Degree of correlation by Table 5, from r at zero lag.
         best_degree: The same from the greatest r.
+        edge_level: Level at which the leading edges were compared [V].
+        edge_shift: Recorded less simulated time of the first rise through that level [s]; NaN where one of them has no
+            such rise.
+        range_difference: What a rangefinder with that fixed threshold reads more on the recorded waveform [m].
     """
 
     recorded_peak: float
@@ -48,6 +54,9 @@ class WaveformComparison:
     lag: float
     degree: str
     best_degree: str
+    edge_level: float
+    edge_shift: float
+    range_difference: float
 
 
 def correlation_degree(correlation: float) -> str:
@@ -118,7 +127,9 @@ def correlation_by_lag(recorded: np.ndarray, simulated: np.ndarray, greatest_shi
     return np.where((spread_a > floor) & (spread_b > floor), np.clip(r, -1.0, 1.0), np.nan)
 
 
-def compare_waveforms(time, recorded, simulated, *, greatest_lag: float | None = None) -> WaveformComparison:
+def compare_waveforms(
+    time, recorded, simulated, *, greatest_lag: float | None = None, threshold: float | None = None
+) -> WaveformComparison:
     """Compare a recorded waveform with a simulated one.
 
     Args:
@@ -126,14 +137,17 @@ def compare_waveforms(time, recorded, simulated, *, greatest_lag: float | None =
         recorded: Recorded samples [V], shape (n,).
         simulated: Simulated samples [V], shape (n,).
         greatest_lag: Largest lag tried either way [s]; None: half the record. Only the samples in common count.
+        threshold: Level at which the leading edges are compared [V]; None: half of the lower peak. One level for both,
+            as a fixed discriminator has it, so that a lower pulse counts as later.
 
     Returns:
         Peak errors in both conventions, r at zero lag, the greatest r and its lag (between samples: the vertex of the
-        parabola through the three samples around it), and the degrees of Table 5.
+        parabola through the three samples around it), the degrees of Table 5, the shift of the leading edge and the
+        range it stands for.
 
     Raises:
         ValueError: Shapes that disagree, fewer than 16 samples, uneven times, numbers that are not finite, a waveform
-            that is constant or has no positive peak, a lag that is not positive.
+            that is constant or has no positive peak, a lag or threshold that is not positive.
         TypeError: Values that are not real numbers.
     """
     _, test, period = as_waveform(time, recorded, least_count=2 * LEAST_OVERLAP)
@@ -152,6 +166,8 @@ def compare_waveforms(time, recorded, simulated, *, greatest_lag: float | None =
     by_lag[shift] = r
     place, best = _vertex(by_lag)
     best = min(max(best, r), 1.0)
+    level = 0.5 * min(test_peak, model_peak) if threshold is None else check_positive(threshold, "threshold", "V")
+    edge_shift = (_edge(test, level) - _edge(model, level)) * period
     return WaveformComparison(
         recorded_peak=test_peak,
         simulated_peak=model_peak,
@@ -162,7 +178,18 @@ def compare_waveforms(time, recorded, simulated, *, greatest_lag: float | None =
         lag=(place - shift) * period,
         degree=correlation_degree(r),
         best_degree=correlation_degree(best),
+        edge_level=level,
+        edge_shift=edge_shift,
+        range_difference=0.5 * SPEED_OF_LIGHT * edge_shift,
     )
+
+
+def _edge(samples: np.ndarray, level: float) -> float:
+    """Place of the first rise through `level` [samples]; NaN where there is none."""
+    try:
+        return PulseCurve(samples).first_rise(level)
+    except ValueError:
+        return math.nan
 
 
 def _vertex(values: np.ndarray) -> tuple[float, float]:

@@ -37,6 +37,21 @@ def load_scene(
     """
     from aerokernels.scene import Scene
 
+    return Scene.load(place, scene_changes(backend, device, precision, rays, settings))
+
+
+def scene_changes(
+    backend: str | None = None,
+    device: str | None = None,
+    precision: str | None = None,
+    rays: str | None = None,
+    settings: list[str] | None = None,
+) -> dict[str, str]:
+    """What the command line changes in a scene, by dotted key.
+
+    Raises:
+        ValueError: A setting without `=`.
+    """
     changes: dict[str, str] = {}
     for setting in settings or []:
         key, separator, value = setting.partition("=")
@@ -49,7 +64,7 @@ def load_scene(
         "trace.precision": precision,
         "strehl.ray_count": rays,
     }
-    return Scene.load(place, changes | {key: value for key, value in options.items() if value is not None})
+    return changes | {key: value for key, value in options.items() if value is not None}
 
 
 @contextlib.contextmanager

@@ -1,0 +1,64 @@
+"""`aerokernels compare`: recorded echoes against simulated runs."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+
+def compare(
+    store: Annotated[
+        Path,
+        typer.Argument(metavar="STORE", help="The recorder's store, or a CSV or NetCDF file of recorded waveforms."),
+    ],
+    runs: Annotated[
+        list[str],
+        typer.Argument(
+            metavar="RUN...",
+            help="Folders of finished runs. A label mach=3 takes the run of that Mach number; mach=3=DIR says it.",
+        ),
+    ],
+    out: Annotated[
+        Path | None, typer.Option(help="Folder for report.html, compare.csv, compare.png, compare.nc and summary.json.")
+    ] = None,
+    align: Annotated[
+        str,
+        typer.Option(
+            help="Trigger offset: none (times as recorded), each, or a label such as mach=0, measured there for all."
+        ),
+    ] = "none",
+    trigger_offset: Annotated[
+        str, typer.Option(help="Time by which the recorded times are late, such as 2.5 ns.")
+    ] = "0 s",
+    threshold: Annotated[str | None, typer.Option(help="Level of the leading edge [default: the run's].")] = None,
+    ranged: Annotated[int, typer.Option(help="Echoes of each label that are ranged one by one, at most.")] = 300,
+) -> None:
+    """Compare recorded echoes with simulated ones, by label: peaks, relative errors, correlation, ranges."""
+    from aerokernels.commands._progress import shown_progress
+    from aerokernels.commands._table import print_table
+    from aerokernels.study.comparison import CompareOptions, compare_recording
+    from aerokernels.study.comparison_report import TABLES, write_comparison
+    from aerokernels.study.recorded import label_text
+    from aerokernels.study.run_folder import read_run
+    from aerokernels.study.store import check_output_folder
+    from aerokernels.units import quantity
+
+    options = CompareOptions(
+        align=align,
+        trigger_offset=quantity(trigger_offset, "time"),
+        threshold=None if threshold is None else quantity(threshold, "voltage"),
+        ranged_count=ranged,
+    )
+    folders = [read_run(text) for text in runs]
+    if out is not None:
+        check_output_folder(out)
+    with shown_progress("compare") as progress:
+        found = compare_recording(store, folders, options, progress)
+        files = [] if out is None else write_comparison(found, out)
+    for make in TABLES:
+        title, columns, rows = make(found)
+        print_table(title, columns, rows)
+    if found.left_out:
+        typer.echo(f"no run for: {', '.join(map(label_text, found.left_out))}")
+    if files:
+        typer.echo(f"wrote {', '.join(files)} to {out}")

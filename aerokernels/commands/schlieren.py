@@ -1,0 +1,147 @@
+"""`aerokernels schlieren`: what optical benches would show of a flow."""
+
+import math
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from aerokernels.commands._scene import Backend, Device, Precision, Settings, blamed_on, scene_changes
+
+Place = Annotated[
+    str, typer.Argument(metavar="SCENE|FLOW", help="A TOML file, or the name of a shipped scene or a shipped flow.")
+]
+
+
+def schlieren(
+    place: Place,
+    out: Annotated[Path, typer.Option(help="Folder for the pictures, figure.png, pictures.nc and summary.json.")],
+    kind: Annotated[
+        list[str] | None, typer.Option(help="schlieren, shadowgraph or interferogram; repeatable [default: all].")
+    ] = None,
+    view: Annotated[str, typer.Option(help='Direction of the light: x, y, z or "X,Y,Z".')] = "x",
+    extent: Annotated[
+        str | None,
+        typer.Option(metavar="FROM,TO,FROM,TO", help='Right and up: "-60 mm,5 mm,-40 mm,40 mm" [default: all].'),
+    ] = None,
+    width: Annotated[
+        str | None, typer.Option(help="Length of the light's way through a planar flow, such as 50 mm.")
+    ] = None,
+    pixels: Annotated[int, typer.Option(help="Pixels along the longer side.")] = 512,
+    rays_per_pixel: Annotated[int, typer.Option(help="k: each pixel is the mean over k x k rays.")] = 1,
+    spacing: Annotated[
+        str | None, typer.Option(help="Grid that the flow is resampled to, such as 0.1 mm [default: half a pixel].")
+    ] = None,
+    knife_edge: Annotated[
+        str,
+        typer.Option(
+            help='vertical, horizontal, or the direction that brightens, such as "30 deg" from right toward up.'
+        ),
+    ] = "horizontal",
+    cut_off: Annotated[float, typer.Option(help="Share of the source image that the knife edge holds back.")] = 0.5,
+    sensitivity: Annotated[
+        float | None, typer.Option(help="Change of light per deflection [1/rad] [default: uses the whole range].")
+    ] = None,
+    exposure: Annotated[
+        float, typer.Option(help="Brightness of the schlieren picture's full light; 1 is white.")
+    ] = 1.0,
+    screen: Annotated[str, typer.Option(help="Shadowgraph: distance of the screen from the flow's middle.")] = "0.5 m",
+    source_angle: Annotated[str, typer.Option(help="Shadowgraph: angle that the light source subtends.")] = "0 rad",
+    fringes: Annotated[
+        str | None, typer.Option(help="Interferogram: spacing of undisturbed fringes [default: infinite fringe].")
+    ] = None,
+    fringe_angle: Annotated[
+        str, typer.Option(help="Interferogram: direction across them, from right toward up.")
+    ] = "90 deg",
+    shock: Annotated[
+        str | None, typer.Option(metavar="FROM,TO", help='Read the shock\'s angle off this stretch: "-60 mm,-30 mm".')
+    ] = None,
+    measured: Annotated[
+        Path | None, typer.Option(help="A schlieren photograph (PNG, TIFF, ...) for the lower half of comparison.png.")
+    ] = None,
+    pixel_size: Annotated[
+        str | None, typer.Option(help="Width of the photograph's pixels at the flow, such as 0.2 mm.")
+    ] = None,
+    nose: Annotated[
+        str | None,
+        typer.Option(metavar="COLUMN,ROW", help="Pixel of the nose's tip in the photograph, from its upper left."),
+    ] = None,
+    upstream: Annotated[
+        str, typer.Option(help="Side of the photograph that the flow comes from: right or left.")
+    ] = "right",
+    roll: Annotated[str, typer.Option(help="Angle by which the photograph is turned, from right toward up.")] = "0 deg",
+    backend: Backend = None,
+    device: Device = None,
+    precision: Precision = None,
+    settings: Settings = None,
+) -> None:
+    """Make schlieren pictures, shadowgraphs and interferograms of a flow by tracing light through it."""
+    from aerokernels.commands._progress import shown_progress
+    from aerokernels.commands._table import print_table
+    from aerokernels.schlieren import read_picture
+    from aerokernels.study.pictures import KINDS, PictureOptions, make_pictures, picture_scene, write_pictures
+    from aerokernels.study.store import check_output_folder
+
+    options = PictureOptions(
+        kinds=tuple(kind or KINDS),
+        view=view if view in ("x", "y", "z") else _numbers("--view", view, "dimensionless", 3),  # type: ignore[arg-type]
+        extent=None if extent is None else _numbers("--extent", extent, "length", 4),  # type: ignore[arg-type]
+        width=None if width is None else _number("--width", width, "length"),
+        pixel_count=pixels,
+        rays_per_pixel=rays_per_pixel,
+        spacing=None if spacing is None else _number("--spacing", spacing, "length"),
+        knife_edge=knife_edge
+        if knife_edge in ("vertical", "horizontal")
+        else _number("--knife-edge", knife_edge, "angle"),
+        cut_off=cut_off,
+        sensitivity=sensitivity,
+        exposure=exposure,
+        screen_distance=_number("--screen", screen, "length"),
+        source_angle=_number("--source-angle", source_angle, "angle"),
+        fringe_spacing=None if fringes is None else _number("--fringes", fringes, "length"),
+        fringe_angle=_number("--fringe-angle", fringe_angle, "angle"),
+        shock_window=None if shock is None else _numbers("--shock", shock, "length", 2),  # type: ignore[arg-type]
+    )
+    photograph = None
+    if measured is not None:
+        if pixel_size is None or nose is None:
+            raise ValueError(f"--measured {measured}: give --pixel-size and --nose too, so that its scale is known")
+        photograph = read_picture(
+            measured,
+            pixel_size=_number("--pixel-size", pixel_size, "length"),
+            nose=_numbers("--nose", nose, "dimensionless", 2),  # type: ignore[arg-type]
+            upstream=upstream,
+            roll=_number("--roll", roll, "angle"),
+        )
+    scene = picture_scene(place, scene_changes(backend, device, precision, None, settings))
+    check_output_folder(out)
+    with shown_progress(scene.name) as progress:
+        with blamed_on(place):
+            made = make_pictures(scene, options, measured=photograph, progress=progress)
+        progress("writing the pictures", 0.9)
+        files = write_pictures(made, out)
+    rows = [("Pictures", ", ".join(made.pictures)), ("Pixel", f"{1e3 * made.sight.window.pitch[0]:.4g} mm")]
+    for words, found in (("Shock angle", made.shock), ("Shock angle, photograph", made.measured_shock)):
+        if found is not None:
+            angle, error = math.degrees(found.angle), math.degrees(found.standard_error)
+            rows.append((words, f"{angle:.3f} +- {error:.3f} deg at {1e3 * found.place:.2f} mm"))
+    if made.comparison is not None:
+        rows.append(("Correlation of the lower halves", f"{made.comparison.correlation:.4f}"))
+    print_table(scene.title or scene.name, ("quantity", "value"), rows)
+    typer.echo(f"wrote {', '.join(files)} to {out}")
+
+
+def _number(option: str, text: str, dimension: str) -> float:
+    from aerokernels.units import quantity
+
+    try:
+        return quantity(text, dimension)
+    except ValueError as error:
+        raise ValueError(f"{option}: {error}") from None
+
+
+def _numbers(option: str, text: str, dimension: str, count: int) -> tuple[float, ...]:
+    parts = text.split(",")
+    if len(parts) != count:
+        raise ValueError(f"{option} {text!r}: give {count} values with commas between them")
+    return tuple(_number(option, part, dimension) for part in parts)

@@ -1,0 +1,34 @@
+"""What an optical bench would show of a field: schlieren, shadowgraph and interferogram, and what is read off them."""
+
+from .fringes import Interferogram, fringe_picture, interferogram
+from .halves import HalfComparison, compare_halves
+from .knife_edge import SchlierenImage, knife_edge_picture, schlieren
+from .picture import Picture
+from .picture_file import read_picture, write_picture
+from .screen import Shadowgraph, shadow_picture, shadowgraph
+from .shock_angle import ShockAngle, measure_shock_angle
+from .sight import LineOfSight, line_of_sight
+from .stand_off import StandOff, measure_stand_off
+
+__all__ = [
+    "HalfComparison",
+    "Interferogram",
+    "LineOfSight",
+    "Picture",
+    "SchlierenImage",
+    "Shadowgraph",
+    "ShockAngle",
+    "StandOff",
+    "compare_halves",
+    "fringe_picture",
+    "interferogram",
+    "knife_edge_picture",
+    "line_of_sight",
+    "measure_shock_angle",
+    "measure_stand_off",
+    "read_picture",
+    "schlieren",
+    "shadow_picture",
+    "shadowgraph",
+    "write_picture",
+]

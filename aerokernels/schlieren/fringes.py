@@ -1,0 +1,177 @@
+"""Interferogram: the field between the mirrors of a Mach-Zehnder interferometer.
+
+The reference beam goes through undisturbed air, tilted by so much that `fringe_spacing` lies between two fringes. With
+the visibility V,
+
+    I = (1 + V cos(2 pi (opd / wavelength + s / fringe_spacing + phase))) / 2
+
+s runs across the fringes. Without a tilt (infinite fringe) each fringe is a line of equal optical path, bright where
+the field changes nothing; with one (finite fringe) straight fringes are displaced by opd / wavelength of their spacing.
+
+Reference: W. Merzkirch, Flow Visualization, 2nd ed. (Academic Press, 1987), section 3.2.
+"""
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from aerokernels.medium import IndexField
+
+from .picture import picture_dataset
+from .sight import LineOfSight, check_exposure, line_of_sight
+
+if TYPE_CHECKING:
+    import xarray
+
+
+@dataclass(frozen=True, eq=False)
+class Interferogram:
+    """An interferogram, rows from the lowest up, and what it was made of.
+
+    Attributes:
+        intensity: brightness times the exposure, 1 for white, 0 behind the body; shape (ny, nx).
+        horizontal: pixel centres along `right` [m], shape (nx,).
+        vertical: pixel centres along `up` [m], shape (ny,).
+        opd: optical path difference against the ambient medium [m], shape (ny, nx); NaN where no ray came through.
+        blocked: pixels that the body hides, shape (ny, nx).
+        right: direction of the picture's horizontal axis, shape (3,).
+        up: direction of its vertical axis, shape (3,).
+        wavelength: vacuum wavelength [m].
+        fringe_spacing: distance between undisturbed fringes [m]; None for the infinite fringe.
+        fringe_angle: direction across the undisturbed fringes, from right toward up [rad].
+        phase: of the undisturbed fringes at the middle of the picture [waves].
+        visibility: contrast of the fringes, 0 to 1.
+        exposure: brightness of a bright fringe, 1 for white.
+    """
+
+    intensity: np.ndarray
+    horizontal: np.ndarray
+    vertical: np.ndarray
+    opd: np.ndarray
+    blocked: np.ndarray
+    right: np.ndarray
+    up: np.ndarray
+    wavelength: float
+    fringe_spacing: float | None
+    fringe_angle: float
+    phase: float
+    visibility: float
+    exposure: float
+
+    def to_xarray(self) -> "xarray.Dataset":
+        """The picture as a dataset with units."""
+        return picture_dataset(
+            self,
+            {
+                "opd": ("pixel", self.opd, "m", "optical path difference against the ambient medium"),
+                "blocked": ("pixel", self.blocked.astype(np.int8), "1", "1 where the body hides the light"),
+            },
+            {
+                "kind": "interferogram",
+                "wavelength_m": self.wavelength,
+                "fringe_spacing_m": float("inf") if self.fringe_spacing is None else self.fringe_spacing,
+                "fringe_angle_rad": self.fringe_angle,
+                "phase_waves": self.phase,
+                "visibility": self.visibility,
+                "exposure": self.exposure,
+                "right": self.right,
+                "up": self.up,
+            },
+        )
+
+
+def interferogram(
+    field: IndexField,
+    *,
+    fringe_spacing: float | None = None,
+    fringe_angle: float = 0.5 * math.pi,
+    phase: float = 0.0,
+    visibility: float = 1.0,
+    exposure: float = 1.0,
+    **options: Any,
+) -> Interferogram:
+    """Make an interferogram of a field.
+
+    Args:
+        field: any field; a planar one needs `width` and a view along x.
+        fringe_spacing: distance between undisturbed fringes [m] (finite fringe); None for the infinite fringe.
+        fringe_angle: direction across the undisturbed fringes, from the picture's right toward its up [rad].
+        phase: of the undisturbed fringes at the middle of the picture [waves]; 0 is bright.
+        visibility: contrast of the fringes, 0 to 1.
+        exposure: brightness of a bright fringe, 1 for white.
+        **options: view, extent, pixel_count, rays_per_pixel, width, tolerance, wavelength, backend, device, precision:
+            as in `line_of_sight`.
+
+    Raises:
+        ValueError: an argument that makes no sense; the message names it and the remedy.
+    """
+    check_fringes(fringe_spacing, fringe_angle, phase, visibility, exposure)
+    return fringe_picture(
+        line_of_sight(field, **options),
+        fringe_spacing=fringe_spacing,
+        fringe_angle=fringe_angle,
+        phase=phase,
+        visibility=visibility,
+        exposure=exposure,
+    )
+
+
+def fringe_picture(
+    sight: LineOfSight,
+    *,
+    fringe_spacing: float | None = None,
+    fringe_angle: float = 0.5 * math.pi,
+    phase: float = 0.0,
+    visibility: float = 1.0,
+    exposure: float = 1.0,
+) -> Interferogram:
+    """The interferogram of light that was traced already; arguments and errors as in `interferogram`.
+
+    Raises:
+        ValueError: as in `interferogram`; and fringes that are too fine for the pixels.
+    """
+    check_fringes(fringe_spacing, fringe_angle, phase, visibility, exposure)
+    window = sight.window
+    waves = sight.opd / sight.wavelength + phase
+    if fringe_spacing is not None:
+        if fringe_spacing < 2.0 * max(window.pitch):
+            raise ValueError(
+                f"fringe_spacing = {fringe_spacing:g} m is less than two pixels of {max(window.pitch):g} m: "
+                "widen the fringes or raise pixel_count"
+            )
+        across, along = sight.ray_grid
+        middle = 0.5 * (window.horizontal[0] + window.horizontal[-1]), 0.5 * (window.vertical[0] + window.vertical[-1])
+        place = (across - middle[0]) * math.cos(fringe_angle) + (along - middle[1]) * math.sin(fringe_angle)
+        waves = waves + place / fringe_spacing
+    light = np.where(sight.through, 0.5 * (1.0 + visibility * np.cos(2.0 * np.pi * waves)), 0.0)
+    return Interferogram(
+        intensity=np.clip(exposure * sight.pixel_mean(light), 0.0, 1.0),
+        horizontal=window.horizontal,
+        vertical=window.vertical,
+        opd=sight.pixel_mean(sight.opd),
+        blocked=sight.blocked_pixels,
+        right=window.right,
+        up=window.up,
+        wavelength=sight.wavelength,
+        fringe_spacing=None if fringe_spacing is None else float(fringe_spacing),
+        fringe_angle=float(fringe_angle),
+        phase=float(phase),
+        visibility=float(visibility),
+        exposure=float(exposure),
+    )
+
+
+def check_fringes(
+    fringe_spacing: float | None, fringe_angle: float, phase: float, visibility: float, exposure: float
+) -> None:
+    """Refuse what makes no sense."""
+    if fringe_spacing is not None and not (np.isfinite(fringe_spacing) and fringe_spacing > 0.0):
+        raise ValueError(f"fringe_spacing = {fringe_spacing}: give a positive length in metres, or None")
+    for name, value in (("fringe_angle", fringe_angle), ("phase", phase)):
+        if not np.isfinite(value):
+            raise ValueError(f"{name} = {value}: give a finite number")
+    if not 0.0 <= visibility <= 1.0:
+        raise ValueError(f"visibility = {visibility}: give a fraction from 0 to 1")
+    check_exposure(exposure)

@@ -1,0 +1,160 @@
+"""Finding a shock on the scan lines of a picture, between the pixels.
+
+A scan line comes from undisturbed air. The front is where it first leaves the brightness of the air: the outer half
+height of the first bright or dark band. A band inside a flow has no undisturbed side; it is found as the extremum near
+a line that the caller draws.
+"""
+
+import math
+
+import numpy as np
+
+LEAST_LINES = 8
+# Share of the scan lines that must agree on one curve: a picture in which fewer do shows no clear shock there.
+LEAST_AGREEING = 0.6
+# A band counts if it stands out by so many standard deviations of the noise, and by this share of the strongest one.
+NOISE_FACTOR, LEAST_SHARE = 6.0, 0.03
+# Share of each scan line, from its outer end, that is taken to be undisturbed.
+QUIET_SHARE = 0.05
+
+
+def smoothed(intensity: np.ndarray, smoothing: float) -> np.ndarray:
+    """The picture under a Gaussian of standard deviation `smoothing` [pixels].
+
+    Raises:
+        ValueError: a smoothing that is negative or not finite.
+    """
+    from scipy.ndimage import gaussian_filter
+
+    if not (np.isfinite(smoothing) and smoothing >= 0.0):
+        raise ValueError(f"smoothing = {smoothing}: give the standard deviation of a Gaussian in pixels, 0 for none")
+    return gaussian_filter(intensity, smoothing) if smoothing > 0.0 else intensity
+
+
+def outer_fronts(lines: np.ndarray, level: float) -> np.ndarray:
+    """Where each scan line leaves the undisturbed brightness.
+
+    Args:
+        lines: brightness along scan lines from undisturbed air inwards, shape (line_count, n).
+        level: share of the first band's height at which the front is, 0 to 1.
+
+    Returns:
+        Place of the front on each line [samples], shape (line_count,); NaN where there is none, or where the line
+        starts within the band.
+
+    Raises:
+        ValueError: a level outside 0 to 1.
+    """
+    if not 0.0 < level < 1.0:
+        raise ValueError(f"level = {level}: give a share of the band's height between 0 and 1")
+    quiet = lines[:, : max(3, round(QUIET_SHARE * lines.shape[1]))]
+    background = float(np.median(quiet))
+    noise = 1.4826 * float(np.median(np.abs(quiet - background)))
+    change = lines - background
+    least = max(NOISE_FACTOR * noise, LEAST_SHARE * float(np.quantile(np.abs(change).max(axis=1), 0.9)), 1e-6)
+    return np.array([_outer_front(line, least, max(3.0 * noise, 0.02 * least), level) for line in change])
+
+
+def _outer_front(change: np.ndarray, least: float, slack: float, level: float) -> float:
+    above = np.flatnonzero(np.abs(change) >= least)
+    if above.size == 0 or above[0] == 0:
+        return np.nan
+    first = int(above[0])
+    height = change * np.sign(change[first])  # a dark body behind a bright band is not part of it
+    # Up to the band's first summit: the greatest value before the line has come down from it.
+    greatest = np.maximum.accumulate(height[first:])
+    down = np.flatnonzero(height[first:] < greatest - slack)
+    summit = greatest[down[0]] if down.size else greatest[-1]
+    sought = level * summit
+    after = int(np.argmax(height >= sought))
+    if after == 0:
+        return np.nan
+    return after - (height[after] - sought) / (height[after] - height[after - 1])
+
+
+def inner_bands(lines: np.ndarray, guess: np.ndarray, reach: float) -> np.ndarray:
+    """Where the strongest band of each scan line is, near a guess.
+
+    Args:
+        lines: brightness along scan lines, shape (line_count, n).
+        guess: place of the band on each line [samples], shape (line_count,).
+        reach: how far from the guess to look [samples].
+
+    Returns:
+        Place of the most prominent summit or valley on each line [samples], shape (line_count,); NaN where there is
+        none within reach and picture.
+    """
+    from scipy.signal import find_peaks
+
+    found = np.full(len(lines), np.nan)
+    for k, (line, middle) in enumerate(zip(lines, guess, strict=True)):
+        low, high = max(int(np.ceil(middle - reach)), 0), min(int(np.floor(middle + reach)), line.size - 1)
+        if high - low < 4:
+            continue
+        part = line[low : high + 1]
+        tops = []
+        for sign in (1.0, -1.0):
+            places, properties = find_peaks(sign * part, prominence=1e-6)
+            tops += [(prominence, sign, top) for top, prominence in zip(places, properties["prominences"], strict=True)]
+        if tops:
+            _, sign, top = max(tops)
+            before, at, after = sign * part[top - 1 : top + 2]
+            bend = before - 2.0 * at + after
+            found[k] = low + top + (0.5 * (before - after) / bend if bend < 0.0 else 0.0)
+    return found
+
+
+def fit_curve(
+    along: np.ndarray, across: np.ndarray, degree: int, floor: float
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Fit a polynomial to front points, without those that lie far off.
+
+    The standard errors allow for neighbouring points that err alike, as places between pixels do: with the residuals'
+    correlation rho from one point to the next they grow by sqrt((1 + rho) / (1 - rho)).
+
+    Args:
+        along: places of the scan lines, shape (n,).
+        across: the front on them, shape (n,); NaN where there is none.
+        degree: of the polynomial.
+        floor: residual that is never far off.
+
+    Returns:
+        Coefficients, lowest power first, shape (degree + 1,); their covariance; which points were used, shape (n,).
+
+    Raises:
+        ValueError: fewer than `LEAST_LINES`, or than `LEAST_AGREEING` of the points, lie on one curve.
+    """
+    from scipy.optimize import least_squares
+
+    used = np.isfinite(across)
+    least = max(LEAST_LINES, math.ceil(LEAST_AGREEING * along.size))
+    powers = np.vander(along, degree + 1, increasing=True)
+    if used.sum() >= least:
+        # Least absolute deviations first: points that lie on another edge do not draw that curve to them.
+        scale = np.abs(powers).max(axis=0)
+        start = np.linalg.lstsq(powers[used] / scale, across[used], rcond=None)[0]
+        robust = least_squares(
+            lambda c: powers[used] / scale @ c - across[used], start, loss="soft_l1", f_scale=0.2 * floor, x_scale=floor
+        )
+        residual = across - powers / scale @ robust.x
+        spread = 1.4826 * float(np.median(np.abs(residual[used])))
+        used = np.isfinite(residual) & (np.abs(residual) <= max(4.0 * spread, 2.0 * floor))
+    for _ in range(10):
+        if used.sum() < least:
+            raise ValueError(
+                f"{int(used.sum())} of {along.size} scan lines show one front, {least} should: move the "
+                "window to where the shock is clear and in the picture, or change knife edge, smoothing or sensitivity"
+            )
+        coefficients = np.linalg.lstsq(powers[used], across[used], rcond=None)[0]
+        residual = across - powers @ coefficients
+        spread = 1.4826 * float(np.median(np.abs(residual[used])))
+        kept = np.isfinite(residual) & (np.abs(residual) <= max(4.0 * spread, floor))
+        if (kept == used).all():
+            break
+        used = kept
+    rest = residual[used]
+    variance = float(rest @ rest) / (rest.size - degree - 1)
+    rho = float(rest[1:] @ rest[:-1] / (rest @ rest)) if variance > 0.0 else 0.0
+    rho = min(max(rho, 0.0), 0.98)
+    inverse = np.linalg.inv(powers[used].T @ powers[used])
+    return coefficients, inverse * variance * (1.0 + rho) / (1.0 - rho), used

@@ -1,0 +1,177 @@
+"""Synthetic schlieren: what a bench with a knife edge would show of a field.
+
+Parallel light crosses the field and is bent by the angle e = (e_right, e_up) = integral of grad_perp(n) / n_0 ds. The
+bench images the source, of height h, onto a knife edge with a lens of focal length f; the edge cuts off the fraction
+`cut_off` of it. A ray bent by e moves its source image by f e, and the edge lets more or less of it through:
+
+    I / I_open = (1 - cut_off) + (f / h) e_cut,    cut to 0 .. 1
+
+e_cut is the component across the edge: a "vertical" edge sees e_right, a "horizontal" one e_up, an edge at any angle
+e_right cos a + e_up sin a. f / h is the `sensitivity` [1/rad]. Rays are traced with their bending (see `sight.py`).
+
+Reference: G. S. Settles, Schlieren and Shadowgraph Techniques (Springer, 2001), sections 2.3 and 3.2.
+"""
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from aerokernels.medium import IndexField
+
+from .picture import picture_dataset
+from .sight import LineOfSight, check_exposure, line_of_sight
+
+if TYPE_CHECKING:
+    import xarray
+
+# Direction in which a deflection brightens the picture, from right toward up [rad].
+_BRIGHT_DIRECTION = {"vertical": 0.0, "horizontal": 0.5 * math.pi}
+
+
+@dataclass(frozen=True, eq=False)
+class SchlierenImage:
+    """A schlieren picture, rows from the lowest up, and what it was made of.
+
+    Attributes:
+        intensity: light that passes the edge times the exposure, 1 for white, 0 behind the body; shape (ny, nx).
+        horizontal: pixel centres along `right` [m], shape (nx,); z where the view is along x.
+        vertical: pixel centres along `up` [m], shape (ny,); y where the view is along x.
+        deflection: angles toward right and up [rad], shape (ny, nx, 2); NaN where no ray came through.
+        opd: optical path difference against the ambient medium [m], shape (ny, nx); NaN where no ray came through.
+        blocked: pixels that the body hides, shape (ny, nx).
+        right: direction of the picture's horizontal axis, shape (3,).
+        up: direction of its vertical axis, shape (3,).
+        knife_edge: "vertical", "horizontal", or the angle of the direction that brightens [rad].
+        cut_off: fraction of the undisturbed source image that the edge holds back.
+        sensitivity: change of light per deflection [1/rad].
+        exposure: brightness of full light, 1 for white.
+    """
+
+    intensity: np.ndarray
+    horizontal: np.ndarray
+    vertical: np.ndarray
+    deflection: np.ndarray
+    opd: np.ndarray
+    blocked: np.ndarray
+    right: np.ndarray
+    up: np.ndarray
+    knife_edge: str | float
+    cut_off: float
+    sensitivity: float
+    exposure: float = 1.0
+
+    def to_xarray(self) -> "xarray.Dataset":
+        """The picture as a dataset with units."""
+        return picture_dataset(
+            self,
+            {
+                "deflection": ("pixel direction", self.deflection, "rad", "deflection of the light"),
+                "opd": ("pixel", self.opd, "m", "optical path difference against the ambient medium"),
+                "blocked": ("pixel", self.blocked.astype(np.int8), "1", "1 where the body hides the light"),
+            },
+            {
+                "kind": "schlieren",
+                "knife_edge": self.knife_edge,
+                "cut_off": self.cut_off,
+                "sensitivity_per_rad": self.sensitivity,
+                "exposure": self.exposure,
+                "right": self.right,
+                "up": self.up,
+            },
+        )
+
+
+def schlieren(
+    field: IndexField,
+    *,
+    knife_edge: str | float = "vertical",
+    cut_off: float = 0.5,
+    sensitivity: float | None = None,
+    exposure: float = 1.0,
+    **options: Any,
+) -> SchlierenImage:
+    """Make a schlieren picture of a field.
+
+    Args:
+        field: any field; a planar one needs `width` and a view along x.
+        knife_edge: "vertical" shows changes along the picture's horizontal, "horizontal" those along its vertical; or
+            the direction in which a deflection brightens, as an angle from the picture's right toward its up [rad]: the
+            edge stands across it, and pi is a vertical edge put in from the other side.
+        cut_off: fraction of the undisturbed source image that the edge holds back, 0 to 1.
+        sensitivity: f / h [1/rad]; None lets the largest 0.5 % of the deflections saturate.
+        exposure: brightness of full light; above 1 / (1 - cut_off) the undisturbed picture is white.
+        **options: view, extent, pixel_count, rays_per_pixel, width, tolerance, wavelength, backend, device, precision:
+            as in `line_of_sight`.
+
+    Raises:
+        ValueError: an argument that makes no sense; the message names it and the remedy.
+    """
+    check_knife_edge(knife_edge, cut_off, sensitivity, exposure)
+    return knife_edge_picture(
+        line_of_sight(field, **options),
+        knife_edge=knife_edge,
+        cut_off=cut_off,
+        sensitivity=sensitivity,
+        exposure=exposure,
+    )
+
+
+def knife_edge_picture(
+    sight: LineOfSight,
+    *,
+    knife_edge: str | float = "vertical",
+    cut_off: float = 0.5,
+    sensitivity: float | None = None,
+    exposure: float = 1.0,
+) -> SchlierenImage:
+    """The schlieren picture of light that was traced already; arguments and errors as in `schlieren`."""
+    bright = check_knife_edge(knife_edge, cut_off, sensitivity, exposure)
+    cut = _across(sight.deflection, bright)
+    if sensitivity is None:
+        sensitivity = _full_range_sensitivity(cut[sight.through], cut_off)
+    passed = np.where(sight.through, np.clip(1.0 - cut_off + sensitivity * cut, 0.0, 1.0), 0.0)
+    return SchlierenImage(
+        intensity=np.clip(exposure * sight.pixel_mean(passed), 0.0, 1.0),
+        horizontal=sight.window.horizontal,
+        vertical=sight.window.vertical,
+        deflection=sight.pixel_mean(sight.deflection),
+        opd=sight.pixel_mean(sight.opd),
+        blocked=sight.blocked_pixels,
+        right=sight.window.right,
+        up=sight.window.up,
+        knife_edge=knife_edge,
+        cut_off=float(cut_off),
+        sensitivity=float(sensitivity),
+        exposure=float(exposure),
+    )
+
+
+def _across(deflection: np.ndarray, bright: float) -> np.ndarray:
+    """The component of deflections toward `bright`; exact for the four directions along the axes."""
+    quarter = bright / (0.5 * math.pi)
+    if quarter == round(quarter):
+        sign = 1.0 if round(quarter) % 4 < 2 else -1.0
+        return sign * deflection[..., round(quarter) % 2]
+    return math.cos(bright) * deflection[..., 0] + math.sin(bright) * deflection[..., 1]
+
+
+def check_knife_edge(knife_edge: str | float, cut_off: float, sensitivity: float | None, exposure: float) -> float:
+    """Refuse what makes no sense; the direction that brightens [rad]."""
+    known = isinstance(knife_edge, str) and knife_edge in _BRIGHT_DIRECTION
+    if not known and (isinstance(knife_edge, (str, bool)) or not np.isfinite(knife_edge)):
+        raise ValueError(f"knife_edge {knife_edge!r} is not known: choose 'vertical', 'horizontal' or an angle in rad")
+    if not 0.0 <= cut_off <= 1.0:
+        raise ValueError(f"cut_off = {cut_off}: give a fraction from 0 to 1")
+    if sensitivity is not None and not np.isfinite(sensitivity):
+        raise ValueError(f"sensitivity = {sensitivity}: give a finite number per radian, or None")
+    check_exposure(exposure)
+    return _BRIGHT_DIRECTION[knife_edge] if isinstance(knife_edge, str) else float(knife_edge)
+
+
+def _full_range_sensitivity(cut: np.ndarray, cut_off: float) -> float:
+    """The sensitivity at which the edge's range is used by all but the largest deflections; 0 where there are none."""
+    largest = float(np.quantile(np.abs(cut), 0.995)) if cut.size else 0.0
+    room = min(cut_off, 1.0 - cut_off) or 1.0
+    return room / largest if largest > 0.0 else 0.0

@@ -1,0 +1,88 @@
+"""A picture with its scale: what every bench gives, and a photograph of one."""
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Protocol
+
+import numpy as np
+
+if TYPE_CHECKING:
+    import xarray
+
+
+class AnyPicture(Protocol):
+    """What is measured in: a Picture, SchlierenImage, Shadowgraph or Interferogram."""
+
+    @property
+    def intensity(self) -> np.ndarray:
+        """Brightness, 0 black to 1 white, rows from the lowest up, shape (ny, nx)."""
+
+    @property
+    def horizontal(self) -> np.ndarray:
+        """Pixel centres along the horizontal [m], shape (nx,)."""
+
+    @property
+    def vertical(self) -> np.ndarray:
+        """Pixel centres along the vertical [m], shape (ny,)."""
+
+
+@dataclass(frozen=True, eq=False)
+class Picture:
+    """A picture with its scale.
+
+    Attributes:
+        intensity: brightness, 0 black to 1 white, rows from the lowest up, shape (ny, nx).
+        horizontal: pixel centres along the horizontal [m], even and increasing, shape (nx,).
+        vertical: pixel centres along the vertical [m], even and increasing, shape (ny,).
+
+    Raises:
+        ValueError: shapes that disagree, numbers that are not finite, centres that do not increase evenly.
+    """
+
+    intensity: np.ndarray
+    horizontal: np.ndarray
+    vertical: np.ndarray
+
+    def __post_init__(self) -> None:
+        """Check."""
+        intensity = np.asarray(self.intensity, dtype=np.float64)
+        if intensity.ndim != 2 or not np.isfinite(intensity).all():
+            raise ValueError(f"a picture is one plane of finite brightness, got shape {intensity.shape}")
+        object.__setattr__(self, "intensity", intensity)
+        for name, count in (("horizontal", intensity.shape[1]), ("vertical", intensity.shape[0])):
+            centres = np.asarray(getattr(self, name), dtype=np.float64)
+            if centres.shape != (count,):
+                raise ValueError(f"{name} has shape {centres.shape}, the picture {intensity.shape}: one for each pixel")
+            steps = np.diff(centres)
+            if not np.isfinite(centres).all() or (steps <= 0.0).any() or np.ptp(steps) > 1e-6 * steps.max(initial=0.0):
+                raise ValueError(f"{name}: the pixel centres must increase in even steps")
+            object.__setattr__(self, name, centres)
+
+
+def picture_dataset(
+    picture: AnyPicture, extra: dict[str, tuple[str, np.ndarray, str, str]], attributes: dict[str, object]
+) -> "xarray.Dataset":
+    """A picture as a dataset: `intensity` over vertical and horizontal, and what else was made with it.
+
+    Args:
+        picture: the picture.
+        extra: further arrays by name: dimensions ("pixel" for one value a pixel, "pixel direction" for a pair), array,
+            unit, meaning.
+        attributes: attributes of the dataset.
+    """
+    import xarray
+
+    dims = {"pixel": ("vertical", "horizontal"), "pixel direction": ("vertical", "horizontal", "direction")}
+    variables = {
+        "intensity": (dims["pixel"], picture.intensity, {"units": "1", "long_name": "brightness, 1 is white"}),
+        **{
+            name: (dims[kind], array, {"units": unit, "long_name": words})
+            for name, (kind, array, unit, words) in extra.items()
+        },
+    }
+    coordinates = {
+        "horizontal": ("horizontal", picture.horizontal, {"units": "m", "long_name": "along the picture's horizontal"}),
+        "vertical": ("vertical", picture.vertical, {"units": "m", "long_name": "along the picture's vertical"}),
+    }
+    if any(kind == "pixel direction" for kind, *_ in extra.values()):
+        coordinates["direction"] = ("direction", np.array(["right", "up"]), {"units": "1", "long_name": "component"})
+    return xarray.Dataset(variables, coordinates, attributes)

@@ -1,0 +1,126 @@
+"""Pictures in files: a photograph of a bench read with its scale, and a picture written as it is, pixel for pixel."""
+
+import warnings
+from pathlib import Path
+
+import numpy as np
+
+from .picture import AnyPicture, Picture
+
+LEAST_PIXELS = 16  # along each side
+FLOW_SIDES = ("right", "left")
+# Grey levels of full white, by Pillow's mode.
+_FULL = {"1": 1.0, "L": 255.0, "I;16": 65535.0, "I;16B": 65535.0, "I;16L": 65535.0}
+
+
+def read_picture(
+    path: str | Path,
+    *,
+    pixel_size: float,
+    nose: tuple[float, float],
+    upstream: str = "right",
+    roll: float = 0.0,
+) -> Picture:
+    """Read a photograph of a schlieren bench: PNG, TIFF, JPEG or what else Pillow reads; colours become grey.
+
+    The picture gets the scale and place that the synthetic pictures along x have: metres, the nose's tip at 0, the flow
+    coming from the right.
+
+    Args:
+        path: the file.
+        pixel_size: width of a pixel in the plane of the flow [m].
+        nose: (column, row) of the nose's tip [pixels] from the centre of the upper left pixel, fractions allowed.
+        upstream: side of the file's picture from which the flow comes, "right" or "left" (then it is mirrored).
+        roll: angle by which the flow's axis is turned in the file, from right toward up [rad]; it is turned back.
+
+    Raises:
+        ValueError: no such file, not a picture, one that is cut off, too small or of one brightness, or an argument
+            that makes no sense.
+    """
+    path = Path(path)
+    if not (np.isfinite(pixel_size) and pixel_size > 0.0):
+        raise ValueError(f"pixel_size = {pixel_size}: give the width of a pixel in metres")
+    tip = np.asarray(nose, dtype=np.float64)
+    if tip.shape != (2,) or not np.isfinite(tip).all():
+        raise ValueError(f"nose {nose!r}: give (column, row) of the nose's tip in pixels")
+    if upstream not in FLOW_SIDES:
+        raise ValueError(f"upstream {upstream!r} is not known: choose one of {', '.join(FLOW_SIDES)}")
+    if not (np.isfinite(roll) and abs(roll) < 0.5 * np.pi):
+        raise ValueError(f"roll = {roll}: give an angle in radians between -pi/2 and pi/2")
+    grey = _read_grey(path)
+    count = grey.shape
+    if not (0.0 <= tip[0] <= count[1] - 1 and 0.0 <= tip[1] <= count[0] - 1):
+        raise ValueError(
+            f"picture {path}: nose at column {tip[0]:g}, row {tip[1]:g} lies outside its {count[1]} x {count[0]}"
+        )
+    intensity = grey[::-1]
+    column, row = tip[0], count[0] - 1 - tip[1]
+    if roll != 0.0:
+        intensity = _turned(intensity, (row, column), roll)
+    if upstream == "left":
+        intensity, column = intensity[:, ::-1], count[1] - 1 - column
+    return Picture(
+        intensity, (np.arange(count[1]) - column) * float(pixel_size), (np.arange(count[0]) - row) * float(pixel_size)
+    )
+
+
+def write_picture(path: str | Path, picture: AnyPicture) -> None:
+    """Write the brightness of a picture as a grey PNG of 16 bits, pixel for pixel, the uppermost row first."""
+    from PIL import Image
+
+    levels = np.rint(np.clip(picture.intensity, 0.0, 1.0) * 65535.0).astype(np.uint16)
+    Image.fromarray(np.ascontiguousarray(levels[::-1])).save(Path(path), format="PNG")
+
+
+def _read_grey(path: Path) -> np.ndarray:
+    """Brightness 0 to 1, the uppermost row first."""
+    from PIL import Image, UnidentifiedImageError
+
+    if path.is_dir() or not path.exists():
+        raise ValueError(
+            f"picture {path}: {'is a folder' if path.is_dir() else 'no such file'}; give a PNG or TIFF file"
+        )
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # about a file that is read all the same
+            with Image.open(path) as image:
+                frame_count = getattr(image, "n_frames", 1)
+                grey = _as_grey(image)
+    except UnidentifiedImageError:
+        raise ValueError(f"picture {path}: not a picture that can be read; give a PNG or TIFF file") from None
+    except Image.DecompressionBombError as error:
+        raise ValueError(f"picture {path}: {error}; cut it down to the part that is needed") from None
+    except Exception as error:  # a file that is cut off or broken makes Pillow's readers fail in any way
+        raise ValueError(f"picture {path}: cannot be read, {error}; save it again") from None
+    if frame_count > 1:
+        raise ValueError(f"picture {path}: holds {frame_count} pictures; save the one that is meant by itself")
+    if min(grey.shape) < LEAST_PIXELS:
+        raise ValueError(
+            f"picture {path}: {grey.shape[1]} x {grey.shape[0]} pixels; at least {LEAST_PIXELS} each way are needed"
+        )
+    if not np.isfinite(grey).all():
+        raise ValueError(f"picture {path}: {int(np.sum(~np.isfinite(grey)))} pixels are not finite; repair the file")
+    if np.ptp(grey) == 0.0:
+        raise ValueError(f"picture {path}: has one brightness all over, there is nothing in it")
+    return grey
+
+
+def _as_grey(image) -> np.ndarray:
+    if image.mode in _FULL:
+        return np.asarray(image, dtype=np.float64) / _FULL[image.mode]
+    if image.mode in ("I", "F"):  # no full white is known: from the darkest to the brightest pixel
+        values = np.asarray(image, dtype=np.float64)
+        span = np.ptp(values) if np.isfinite(values).all() else 0.0
+        return (values - values.min()) / span if span > 0.0 else values
+    return np.asarray(image.convert("L"), dtype=np.float64) / 255.0
+
+
+def _turned(intensity: np.ndarray, centre: tuple[float, float], angle: float) -> np.ndarray:
+    """The picture turned by -angle about `centre` (row from below, column), edges continued."""
+    from scipy.ndimage import affine_transform
+
+    cosine, sine = np.cos(angle), np.sin(angle)
+    # To each pixel (row, column) of the result, where it is in the turned picture.
+    matrix = np.array([[cosine, sine], [-sine, cosine]])
+    middle = np.asarray(centre)
+    return np.clip(affine_transform(intensity, matrix, middle - matrix @ middle, order=1, mode="nearest"), 0.0, 1.0)

@@ -1,0 +1,154 @@
+"""The angle of a shock, read off a picture with its standard error."""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from .fronts import LEAST_LINES, fit_curve, inner_bands, outer_fronts, smoothed
+from .picture import AnyPicture
+
+HALVES = ("upper", "lower", "both")
+
+
+@dataclass(frozen=True, eq=False)
+class ShockAngle:
+    """A shock as it was read off a picture.
+
+    Attributes:
+        angle: between the shock and the picture's horizontal [rad], positive.
+        standard_error: of the angle, from the scatter of the points [rad].
+        place: where along the horizontal the angle holds [m].
+        points: the shock on the scan lines that were used, (horizontal, vertical) [m], shape (n, 2).
+        curve: coefficients of the fitted height above the axis against the distance from `place`, lowest power first
+            [m, 1, 1/m]; with both halves, the mean of the two.
+        residual_rms: scatter of the points about the curve [m].
+        roll: how much the picture is turned [rad], half the difference of the angles of the two halves; NaN with one.
+    """
+
+    angle: float
+    standard_error: float
+    place: float
+    points: np.ndarray
+    curve: np.ndarray
+    residual_rms: float
+    roll: float = float("nan")
+
+
+def measure_shock_angle(
+    picture: AnyPicture,
+    window: tuple[float, float],
+    *,
+    half: str = "upper",
+    degree: int = 1,
+    axis: float = 0.0,
+    near: tuple[tuple[float, float], tuple[float, float]] | None = None,
+    reach: float | None = None,
+    level: float = 0.5,
+    smoothing: float = 1.0,
+) -> ShockAngle:
+    """Read the angle of a shock off a picture.
+
+    Every column of pixels in the window is scanned from undisturbed air toward the axis; the outermost shock is where
+    the brightness first leaves that of the air (see `fronts.py`). With `near`, a shock inside the flow is taken, the
+    strongest band near a line drawn by hand. A straight line or a parabola is fitted, points far off are left out.
+
+    Args:
+        picture: a Picture or any of the synthetic pictures; a horizontal knife edge shows slanted shocks best.
+        window: from where to where along the horizontal [m].
+        half: "upper" or "lower" half of the picture, or "both", which takes out how much the picture is turned.
+        degree: 1 for a straight shock, 2 for a curved one: the angle is then that in the middle of the window.
+        axis: height of the flow's axis in the picture [m].
+        near: two points (horizontal, vertical) [m] of a line near a shock inside the flow; vertical from the axis, as
+            in the upper half.
+        reach: how far from that line to look [m]; needed with `near`.
+        level: share of the band's height at which its outer edge is.
+        smoothing: standard deviation of the Gaussian that the picture is smoothed with [pixels]; 0 for none.
+
+    Raises:
+        ValueError: a window outside the picture or too narrow, no shock in it, an argument that makes no sense.
+    """
+    if half not in HALVES:
+        raise ValueError(f"half {half!r} is not known: choose one of {', '.join(HALVES)}")
+    if degree not in (1, 2):
+        raise ValueError(f"degree = {degree!r}: give 1 (straight) or 2 (curved)")
+    if (near is None) != (reach is None):
+        raise ValueError("near and reach belong together: give both, or neither for the outermost shock")
+    columns = columns_in(picture, window)
+    if half == "both":
+        up, down = (
+            measure_shock_angle(
+                picture, window, half=one, degree=degree, axis=axis, near=near, reach=reach, level=level,
+                smoothing=smoothing,
+            )
+            for one in ("upper", "lower")
+        )  # fmt: skip
+        return ShockAngle(
+            angle=0.5 * (up.angle + down.angle),
+            standard_error=0.5 * math.hypot(up.standard_error, down.standard_error),
+            place=up.place,
+            points=np.concatenate([up.points, down.points]),
+            curve=0.5 * (up.curve + down.curve),
+            residual_rms=math.sqrt(0.5 * (up.residual_rms**2 + down.residual_rms**2)),
+            roll=0.5 * float(np.arctan(up.curve[1]) - np.arctan(down.curve[1])),
+        )
+    rows = np.flatnonzero(picture.vertical > axis if half == "upper" else picture.vertical < axis)
+    if rows.size < 2 * LEAST_LINES:
+        raise ValueError(
+            f"axis = {axis:g} m leaves {rows.size} rows of pixels in the {half} half: is it in the picture?"
+        )
+    inwards = rows[::-1] if half == "upper" else rows
+    lines = smoothed(picture.intensity, smoothing)[np.ix_(inwards, columns)].T
+    height = np.abs(picture.vertical[inwards] - axis)  # falls from line's start to its end
+    pitch = float(height[0] - height[1])
+    along = picture.horizontal[columns]
+    if near is None:
+        places = outer_fronts(lines, level)
+    else:
+        places = inner_bands(lines, (height[0] - _line_through(near, along)) / pitch, _checked_reach(reach) / pitch)
+    middle = 0.5 * (along[0] + along[-1])
+    curve, covariance, used = fit_curve(along - middle, height[0] - pitch * places, degree, 0.5 * pitch)
+    found = height[0] - pitch * places
+    rest = found[used] - np.vander(along[used] - middle, degree + 1, increasing=True) @ curve
+    vertical = axis + (found if half == "upper" else -found)
+    return ShockAngle(
+        angle=abs(math.atan(curve[1])),
+        standard_error=math.sqrt(covariance[1, 1]) / (1.0 + curve[1] ** 2),
+        place=float(middle),
+        points=np.stack([along[used], vertical[used]], axis=1),
+        curve=curve,
+        residual_rms=float(np.sqrt(np.mean(rest**2))),
+    )
+
+
+def columns_in(picture: AnyPicture, window: tuple[float, float]) -> np.ndarray:
+    """Indices of the pixel columns in a window [m].
+
+    Raises:
+        ValueError: a window that does not increase, or holds too few columns.
+    """
+    low, high = (float(end) for end in window)
+    if not low < high:
+        raise ValueError(f"window {window!r}: give from and to along the horizontal in metres, increasing")
+    columns = np.flatnonzero((picture.horizontal >= low) & (picture.horizontal <= high))
+    if columns.size < LEAST_LINES:
+        raise ValueError(
+            f"window {low:g} to {high:g} m holds {columns.size} columns of pixels, at least {LEAST_LINES} are needed: "
+            f"the picture goes from {picture.horizontal[0]:g} to {picture.horizontal[-1]:g} m"
+        )
+    return columns
+
+
+def _line_through(points, along: np.ndarray) -> np.ndarray:
+    """Heights of the line through two points at the places `along` [m]."""
+    ends = np.asarray(points, dtype=np.float64)
+    if ends.shape != (2, 2) or not np.isfinite(ends).all() or ends[0, 0] == ends[1, 0]:
+        raise ValueError(f"near {points!r}: give two points (horizontal, vertical) in metres, one beside the other")
+    slope = (ends[1, 1] - ends[0, 1]) / (ends[1, 0] - ends[0, 0])
+    return ends[0, 1] + slope * (along - ends[0, 0])
+
+
+def _checked_reach(reach: float | None) -> float:
+    if reach is None or not (np.isfinite(reach) and reach > 0.0):
+        raise ValueError(f"reach = {reach!r}: give a positive length in metres")
+    return float(reach)

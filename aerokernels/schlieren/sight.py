@@ -1,0 +1,182 @@
+"""Parallel light through a field, traced once: what schlieren, shadowgraph and interferogram are made from.
+
+Rays start on a grid over the picture, along the light, and are traced with their bending to a plane behind the field.
+There each has a direction d, a place and an optical path. A bench is focused on a plane in the flow, here the middle of
+the field's box: to a camera a ray seems to come from where its exit line, drawn straight back, meets that plane, and
+its phase is that of the virtual ray there:
+
+    opd = (opd at the exit) - n_0 L (1 / cos(d, forward) - 1),    L from the focal plane to the exit
+
+The picture has each ray at its own pixel. What that leaves out, the virtual ray's distance from its pixel, is kept as
+`displacement`: second order in the deflection for a flow that lies symmetrically about the focal plane.
+
+Reference: G. S. Settles, Schlieren and Shadowgraph Techniques (Springer, 2001), sections 2.3, 3.2 and 6.2;
+C. M. Vest, Holographic Interferometry (Wiley, 1979), section 6.3 (refraction and focal plane).
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from aerokernels.medium import IndexField
+from aerokernels.rays import RayBundle
+from aerokernels.tracing import Plane, RayStatus, trace
+
+from .window import Window, make_window, ray_lines
+
+_UPSIDE_DOWN = np.array([1.0, -1.0])  # of (right, up)
+
+
+@dataclass(frozen=True, eq=False)
+class LineOfSight:
+    """Parallel light through a field. Rays are k x k to a pixel; arrays over rays have shape (ny k, nx k).
+
+    Attributes:
+        window: directions of the view and the pixels.
+        rays_per_pixel: k, rays along each side of a pixel.
+        deflection: angles toward right and up [rad], shape (ny k, nx k, 2); NaN where no ray came through.
+        opd: optical path difference against the ambient medium, seen in the focal plane [m]; NaN as above.
+        displacement: place in the focal plane less the undisturbed one, toward right and up [m], shape
+            (ny k, nx k, 2); NaN as above.
+        through: rays that came through.
+        blocked: rays that met the body.
+        wavelength: vacuum wavelength [m].
+        focus: coordinate of the focal plane along the light [m].
+    """
+
+    window: Window
+    rays_per_pixel: int
+    deflection: np.ndarray
+    opd: np.ndarray
+    displacement: np.ndarray
+    through: np.ndarray
+    blocked: np.ndarray
+    wavelength: float
+    focus: float
+
+    @property
+    def ray_grid(self) -> tuple[np.ndarray, np.ndarray]:
+        """Undisturbed places of the rays along right and up [m], each of shape (ny k, nx k)."""
+        across, along = np.meshgrid(*ray_lines(self.window, self.rays_per_pixel))
+        return across, along
+
+    def pixel_mean(self, values: np.ndarray) -> np.ndarray:
+        """Mean over the rays of each pixel, shape (ny, nx) or (ny, nx, m); of those that are not NaN."""
+        k = self.rays_per_pixel
+        ny, nx = len(self.window.vertical), len(self.window.horizontal)
+        blocks = values.reshape(ny, k, nx, k, *values.shape[2:])
+        good = np.isfinite(blocks)
+        total, count = np.where(good, blocks, 0.0).sum(axis=(1, 3)), good.sum(axis=(1, 3))
+        return np.where(count > 0, total / np.maximum(count, 1), np.nan)
+
+    @property
+    def blocked_pixels(self) -> np.ndarray:
+        """Pixels of which the body hides more than half, shape (ny, nx)."""
+        return self.pixel_mean(self.blocked.astype(np.float64)) > 0.5
+
+
+def line_of_sight(
+    field: IndexField,
+    *,
+    view="x",
+    extent: tuple[float, float, float, float] | None = None,
+    pixel_count: int | tuple[int, int] = 256,
+    rays_per_pixel: int = 1,
+    width: float | None = None,
+    tolerance: float = 1e-3,
+    wavelength: float = 905e-9,
+    backend: str = "auto",
+    device: str | None = None,
+    precision: str = "float32",
+) -> LineOfSight:
+    """Send parallel light through a field.
+
+    Args:
+        field: any field; a planar one needs `width` and a view along x.
+        view: direction of the light, "x", "y", "z" or three numbers.
+        extent: right from, to, up from, to [m]; None takes in the field's box.
+        pixel_count: pixels along right and up, or along the longer side of square pixels.
+        rays_per_pixel: k: each pixel is the mean over k x k rays.
+        width: length of the light's way through a planar field [m].
+        tolerance: OPD error asked of the tracer [waves].
+        wavelength: vacuum wavelength [m].
+        backend: as in `trace`.
+        device: as in `trace`.
+        precision: as in `trace`.
+
+    Raises:
+        ValueError: an argument that makes no sense; the message names it and the remedy.
+    """
+    if isinstance(rays_per_pixel, bool) or not isinstance(rays_per_pixel, (int, np.integer)) or rays_per_pixel < 1:
+        raise ValueError(f"rays_per_pixel {rays_per_pixel!r}: give a whole number of at least 1")
+    window = make_window(field, view, extent, pixel_count, width)
+    forward, right, up = window.forward, window.right, window.up
+    across, along = np.meshgrid(*ray_lines(window, rays_per_pixel))
+    row_count = len(along)
+    symmetric = _is_symmetric(field, window, along[:, 0])
+    if symmetric:  # the lower half is the upper one's mirror image
+        across, along = across[row_count // 2 :], along[row_count // 2 :]
+    start = across[..., None] * right + along[..., None] * up + window.entry * forward
+    traced = trace(
+        field,
+        RayBundle(start.reshape(-1, 3), np.broadcast_to(forward, (across.size, 3))),
+        until=Plane(window.exit * forward, forward),
+        tolerance=tolerance,
+        wavelength=wavelength,
+        backend=backend,
+        device=device,
+        precision=precision,
+        outputs=("position", "direction", "opd"),
+    )
+    assert traced.direction is not None and traced.opd is not None and traced.position is not None  # asked for above
+    shape, focus = across.shape, window.middle
+    back = window.exit - focus
+    direction = traced.direction.reshape(*shape, 3)
+    deflection = np.stack([direction @ right, direction @ up], axis=-1)
+    # 1 / cos - 1 = sin^2 / (cos (1 + cos)): of small angles, without a difference of nearly equal numbers
+    cosine = direction @ forward
+    stretch = np.sum(deflection**2, axis=-1) / (cosine * (1.0 + cosine))
+    moved = traced.position.reshape(*shape, 3) - start
+    displacement = np.stack([moved @ right, moved @ up], axis=-1) - back * deflection / cosine[..., None]
+    blocked = traced.status == RayStatus.HIT_BODY
+    if field.body is not None and field.geometry == "planar":  # light along the body never meets its side
+        blocked |= field.body.contains(field.local_coordinates(start.reshape(-1, 3)))
+    through = (traced.ok & ~blocked).reshape(shape)
+
+    def whole(values: np.ndarray) -> np.ndarray:
+        if not symmetric:
+            return values
+        lower = values[::-1][: row_count // 2]
+        return np.concatenate([lower * _UPSIDE_DOWN if values.ndim == 3 else lower, values])
+
+    def seen(values: np.ndarray) -> np.ndarray:
+        return whole(np.where(through.reshape(through.shape + (1,) * (values.ndim - 2)), values, np.nan))
+
+    return LineOfSight(
+        window=window,
+        rays_per_pixel=int(rays_per_pixel),
+        deflection=seen(deflection),
+        opd=seen(traced.opd.reshape(shape) - field.ambient_index * back * stretch),
+        displacement=seen(displacement),
+        through=whole(through),
+        blocked=whole(blocked.reshape(shape)),
+        wavelength=float(wavelength),
+        focus=focus,
+    )
+
+
+def _is_symmetric(field: IndexField, window: Window, heights: np.ndarray) -> bool:
+    """Whether the picture is its own mirror image: a body of revolution seen from the side, the axis in its middle."""
+    sideways = abs(abs(float(window.right[2])) - 1.0) < 1e-12
+    return field.geometry == "axisymmetric" and sideways and _is_even(heights)
+
+
+def _is_even(heights: np.ndarray) -> bool:
+    return bool(np.abs(heights + heights[::-1]).max() <= 1e-9 * np.abs(heights).max())
+
+
+def check_exposure(exposure: float) -> float:
+    """Refuse an exposure that is not a positive number."""
+    if not (np.isfinite(exposure) and exposure > 0.0):
+        raise ValueError(f"exposure = {exposure}: give a positive number; 1 shows full light as white")
+    return float(exposure)

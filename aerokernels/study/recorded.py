@@ -1,0 +1,242 @@
+"""Recorded echoes, read from the recorder's store, a CSV or a NetCDF file, one group for each label.
+
+CSV comes in two forms. One row for each echo: columns `voltage_0_v`, `voltage_1_v` ..., `sample_period_s`,
+`first_sample_time_s` (0 where it is absent) and `label_KEY` for each key of a label. Or one column for each echo: the
+first is the time in seconds, the head of each other one its label, as in
+
+    time_s, mach=0, mach=2, mach=2
+    0.0, 0.01, 0.02, 0.01
+
+NetCDF: `voltage` over (echo, sample) or (sample), with `time` over sample, or `sample_period` and `first_sample_time`
+over echo; `label_KEY` over echo.
+"""
+
+import contextlib
+import csv
+import itertools
+import sqlite3
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from aerokernels.hardware.store import EchoStore
+
+if TYPE_CHECKING:
+    import xarray
+
+LEAST_SAMPLES = 16
+_SQLITE, _NETCDF = b"SQLite format 3\x00", (b"\x89HDF", b"CDF")
+
+Label = tuple[tuple[str, str], ...]
+
+
+@dataclass(frozen=True, eq=False)
+class RecordedEcho:
+    """One recorded waveform.
+
+    Attributes:
+        label: what the operator said about it, sorted by key.
+        time: sample times [s], shape (n,).
+        voltage: samples [V], shape (n,).
+    """
+
+    label: Label
+    time: np.ndarray
+    voltage: np.ndarray
+
+
+def label_text(label: Label) -> str:
+    """A label in words: "mach=3"."""
+    return " ".join(f"{key}={value}" for key, value in label) or "(no label)"
+
+
+def recorded_labels(path: Path) -> list[Label]:
+    """The different labels in a file, in the order in which they were first recorded.
+
+    Raises:
+        ValueError: as `recorded_echoes`; a file without echoes.
+    """
+    if _kind(path) == "store":
+        with _blamed_on(path), EchoStore(path, read_only=True) as store:
+            labels = [_as_label(one) for one in store.labels()]
+    else:
+        labels = list(dict.fromkeys(echo.label for echo in recorded_echoes(path)))
+    if not labels:
+        raise ValueError(f"{path}: holds no echoes; record some with `aerokernels record --store`")
+    return labels
+
+
+def recorded_echoes(path: Path, label: Label | None = None) -> Iterator[RecordedEcho]:
+    """The echoes of a file one after the other, with `label` only those with exactly this label.
+
+    Raises:
+        ValueError: no such file, one of another kind, or a damaged one; the message names the place and the remedy.
+    """
+    readers = {"store": _from_store, "netcdf": _from_netcdf, "csv": _from_csv}
+    for echo in readers[_kind(path)](path, label):
+        if label is None or echo.label == label:
+            yield echo
+
+
+def _kind(path: Path) -> str:
+    if not path.is_file():
+        what = "is a folder" if path.is_dir() else "no such file"
+        raise ValueError(f"{path}: {what}; give the recorder's store, or a CSV or NetCDF file of waveforms")
+    with path.open("rb") as file:
+        head = file.read(16)
+    if head == _SQLITE:
+        return "store"
+    return "netcdf" if head.startswith(_NETCDF) else "csv"
+
+
+def _as_label(pairs: Mapping[str, Any]) -> Label:
+    return tuple(sorted((str(key).strip(), str(value).strip()) for key, value in pairs.items() if str(value).strip()))
+
+
+def _from_store(path: Path, label: Label | None) -> Iterator[RecordedEcho]:
+    with _blamed_on(path), EchoStore(path, read_only=True) as store:
+        for text in store.labels():
+            if label is not None and _as_label(text) != label:
+                continue
+            for echo in store.echoes(text):
+                found = RecordedEcho(_as_label(echo.label), echo.frame.time, echo.frame.voltage)
+                yield _checked(found, f"{path}: echo of sequence {echo.frame.sequence}")
+
+
+def _from_netcdf(path: Path, label: Label | None) -> Iterator[RecordedEcho]:
+    with load_netcdf(path) as data, _blamed_on(path):
+        if "voltage" not in data.variables or data["voltage"].ndim not in (1, 2):
+            raise ValueError(
+                f"{path}: holds no `voltage` over (echo, sample); it has: {', '.join(map(str, data.variables))}"
+            )
+        volts = data["voltage"].values.astype(np.float64)
+        rows = volts if volts.ndim == 2 else volts[None]
+        keys = [str(name) for name in data.variables if str(name).startswith("label_")]
+        timed = "time" in data.variables
+        if not timed and "sample_period" not in data.variables:
+            raise ValueError(f"{path}: holds no times: give `time` over sample, or `sample_period` over echo [s]")
+
+        def column(name: str) -> np.ndarray:
+            return np.broadcast_to(data[name].values, (len(rows),))
+
+        labels = {name: column(name) for name in keys}
+        first = column("first_sample_time") if "first_sample_time" in data.variables else np.zeros(len(rows))
+        for k, row in enumerate(rows):
+            count = int(np.isfinite(row).sum())
+            row = (
+                row[:count] if np.isfinite(row[:count]).all() else row
+            )  # NaN beyond the echo's own samples is no fault
+            if timed:
+                time = np.asarray(data["time"].values, dtype=np.float64)[: row.size]
+            else:
+                time = first[k] + np.arange(row.size) * float(column("sample_period")[k])
+            echo_label = _as_label({name.removeprefix("label_"): values[k] for name, values in labels.items()})
+            yield _checked(RecordedEcho(echo_label, time, row), f"{path}: echo {k}")
+
+
+def load_netcdf(path: Path) -> "xarray.Dataset":
+    """A NetCDF-4 file in memory, its times as numbers.
+
+    Raises:
+        ValueError: not such a file, or a damaged one; names it.
+    """
+    import h5py
+    import xarray
+
+    with _blamed_on(path):
+        with h5py.File(path, "r"):  # says what is wrong with a file in fewer words than what is built on it
+            pass
+        return xarray.load_dataset(path, engine="h5netcdf", decode_times=False)
+
+
+@contextlib.contextmanager
+def _blamed_on(path: Path) -> Iterator[None]:
+    """Name the file in whatever its readers say about it: a damaged one makes them fail in many ways."""
+    try:
+        yield
+    except (sqlite3.Error, OSError, ValueError, RuntimeError, KeyError, AttributeError, TypeError) as error:
+        if isinstance(error, ValueError) and str(path) in str(error):
+            raise
+        raise ValueError(f"{path}: cannot be read ({error}); is it damaged, or no NetCDF-4 file or store?") from error
+
+
+def _from_csv(path: Path, label: Label | None) -> Iterator[RecordedEcho]:
+    try:
+        with path.open(encoding="utf-8-sig", newline="") as file:
+            rows = csv.reader(line for line in file if line.strip() and not line.startswith("#"))
+            head = [name.strip() for name in next(rows, [])]
+            reader = _echo_rows if "voltage_0_v" in head else _echo_columns
+            yield from reader(path, head, rows)
+    except UnicodeDecodeError:
+        raise ValueError(f"{path}: neither a store nor NetCDF nor a CSV text; give one of them") from None
+    except csv.Error as error:
+        raise ValueError(f"{path}: not a CSV file ({error}); give the recorder's store, CSV or NetCDF") from None
+
+
+def _echo_rows(path: Path, head: list[str], rows: Iterable[list[str]]) -> Iterator[RecordedEcho]:
+    volts = [k for k, name in enumerate(head) if name.startswith("voltage_")]
+    if "sample_period_s" not in head:
+        raise ValueError(f"{path}: has no column sample_period_s: the times of its samples are not known")
+    for number, row in enumerate(rows, start=2):
+        place = f"{path}: line {number}"
+        values = dict(zip(head, row, strict=False))
+        samples = [row[k] for k in volts if k < len(row) and row[k].strip()]
+        period = _number(values["sample_period_s"], f"{place}, sample_period_s")
+        first = _number(values.get("first_sample_time_s") or "0", f"{place}, first_sample_time_s")
+        voltage = np.array([_number(text, place) for text in samples])
+        time = first + period * np.arange(voltage.size)
+        label = _as_label(
+            {key.removeprefix("label_"): value for key, value in values.items() if key.startswith("label_")}
+        )
+        yield _checked(RecordedEcho(label, time, voltage), place)
+
+
+def _echo_columns(path: Path, head: list[str], rows: Iterable[list[str]]) -> Iterator[RecordedEcho]:
+    if len(head) < 2 or not head[0].lower().startswith("time"):
+        raise ValueError(
+            f"{path}: its first line is {', '.join(head[:3])!r}; give a column `time_s` and one column for each echo, "
+            "headed by its label such as mach=3, or a row for each echo with columns voltage_0_v, voltage_1_v ..."
+        )
+    table = []
+    for number, row in enumerate(rows, start=2):
+        if len(row) != len(head):
+            raise ValueError(f"{path}: line {number} has {len(row)} values, the first line {len(head)} columns")
+        table.append([_number(text, f"{path}: line {number}") for text in row])
+    values = np.array(table).reshape(-1, len(head))
+    for k, name in enumerate(head[1:], start=1):
+        pairs = dict(part.partition("=")[::2] for part in name.split() if "=" in part)
+        yield _checked(RecordedEcho(_as_label(pairs), values[:, 0], values[:, k]), f"{path}: column {name!r}")
+
+
+def _number(text: str, place: str) -> float:
+    try:
+        return float(text)
+    except ValueError:
+        raise ValueError(f"{place}: {text!r} is not a number; repair the file") from None
+
+
+def _checked(echo: RecordedEcho, place: str) -> RecordedEcho:
+    if echo.voltage.size < LEAST_SAMPLES or echo.time.shape != echo.voltage.shape:
+        raise ValueError(
+            f"{place}: {echo.voltage.size} samples; at least {LEAST_SAMPLES} are needed, and a time for each"
+        )
+    if not (np.isfinite(echo.voltage).all() and np.isfinite(echo.time).all()):
+        raise ValueError(f"{place}: some samples are not finite; leave the echo out or repair it")
+    if not (np.diff(echo.time) > 0.0).all():
+        raise ValueError(f"{place}: the times do not increase; sort them, in seconds")
+    return echo
+
+
+def thinned(echoes: Iterable[RecordedEcho], count: int, seed: int = 0) -> list[RecordedEcho]:
+    """At most `count` of the echoes, each with the same chance, in one pass (reservoir sampling)."""
+    random = np.random.default_rng(seed)
+    source = iter(echoes)
+    kept = list(itertools.islice(source, count))
+    for number, echo in enumerate(source, start=count + 1):
+        place = int(random.integers(number))
+        if place < count:
+            kept[place] = echo
+    return kept

@@ -1,0 +1,71 @@
+"""`aerokernels schlieren` as a user meets it: in a process of its own, with real files."""
+
+import json
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+import xarray
+from PIL import Image
+
+from aerokernels.schlieren import read_picture
+
+SMALL = ("--pixels", "160", "--spacing", "0.4 mm")
+
+
+def test_pictures_of_a_shipped_flow_and_a_photograph(aerokernels, tmp_path: Path):
+    """All kinds; then the schlieren picture just written serves as the photograph of the same scene."""
+    extent = ("--extent", "-80 mm,5 mm,-60 mm,60 mm")
+    done = aerokernels("schlieren", "mach3", "--out", "out", *SMALL, *extent, "--shock", "-60 mm,-30 mm")
+    assert done.returncode == 0, done.stderr
+    out = tmp_path / "out"
+    assert sorted(path.name for path in out.iterdir()) == [
+        "figure.png", "interferogram.png", "pictures.nc", "schlieren.png", "shadowgraph.png", "summary.json",
+    ]  # fmt: skip
+    summary = json.loads((out / "summary.json").read_text())
+    assert math.radians(24.0) < summary["shock_angle_rad"] < math.radians(29.0)
+    with xarray.open_dataset(out / "pictures.nc", engine="h5netcdf") as data:
+        assert {"schlieren", "shadowgraph", "interferogram", "opd", "deflection", "blocked"} <= set(data)
+        assert all("units" in variable.attrs for variable in data.variables.values())
+        z, y = data["horizontal"].values, data["vertical"].values
+        written = data["schlieren"].values
+    pitch = z[1] - z[0]
+    nose = (-z[0] / pitch, y[-1] / pitch)
+    photo = read_picture(out / "schlieren.png", pixel_size=pitch, nose=nose)
+    np.testing.assert_allclose(photo.intensity, written, atol=1e-5)
+
+    photograph = ("--measured", out / "schlieren.png", "--pixel-size", f"{pitch} m", "--nose", f"{nose[0]},{nose[1]}")
+    again = aerokernels(
+        "schlieren", "wind-tunnel-mach3", "--out", "two", "--kind", "schlieren", *SMALL, *extent, *photograph
+    )
+    assert again.returncode == 0, again.stderr
+    assert (
+        json.loads((tmp_path / "two" / "summary.json").read_text())["correlation"] > 0.99
+    )  # its pixels are square to 0.5 %
+    assert Image.open(tmp_path / "two" / "comparison.png").size[0] > 300
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (("mach9",), ("mach9", "mach3", "wind-tunnel-mach3")),
+        (("mach3", "--kind", "photo"), ("photo", "shadowgraph")),
+        (("mach3", "--extent", "1,2"), ("--extent", "4 values")),
+        (("mach3", "--extent", "1 m,0 m,0 m,1 m"), ("extent", "increasing")),
+        (("mach3", "--pixels", "0"), ("pixels = 0",)),
+        (("mach3", "--knife-edge", "up"), ("--knife-edge", "angle")),
+        (("mach3", "--screen", "3 kg"), ("--screen", "length")),
+        (("mach3", "--cut-off", "3"), ("cut_off",)),
+        (("mach3", "--shock", "2 mm,1 mm"), ("shock", "increasing")),
+        (("mach3", "--set", "flow.density=-1"), ("flow.density",)),
+        (("mach3", "--measured", "no.png"), ("--pixel-size",)),
+        (("mach3", "--measured", "no.png", "--pixel-size", "1 mm", "--nose", "1,1"), ("no.png", "no such file")),
+        (("mach3", *SMALL, "--shock", "50 mm,60 mm", "--kind", "schlieren"), ("mach3", "window")),
+    ],
+)
+def test_bad_input_ends_with_status_2_and_one_line(aerokernels, tmp_path: Path, arguments: tuple, words: tuple):
+    done = aerokernels("schlieren", *arguments, "--out", "out")
+    assert done.returncode == 2, done
+    assert done.stderr.count("\n") == 1 and all(word in done.stderr for word in words), done.stderr
+    assert list(tmp_path.iterdir()) == []
