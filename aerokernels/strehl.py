@@ -24,6 +24,7 @@ from .medium import IndexField
 from .rays import Disc, RayBundle
 from .tracing import Plane
 from .tracing.budget import CAUSES, SAFETY, SUBSET, combine, float64_rounding, opd_errors
+from .tracing.device_choice import VARIABLES
 from .tracing.even import PILOT_RAYS
 from .tracing.plan import TracePlan
 from .tracing.pupil_fan import SETTLED, choose_fan, fan_points
@@ -284,7 +285,7 @@ def _job(
     """The job of an estimate; the last few are kept with the field, on their devices, each for one thread."""
     place = (pupil.center.tobytes(), pupil.normal.tobytes(), pupil.radius, look.tobytes())
     asked = (wavelength, ray_count, seed, with_tilt, symmetry, *choices.values())
-    key = (threading.get_ident(), os.environ.get("AEROKERNELS_CPU_BACKEND"), *place, *asked)
+    key = (threading.get_ident(), *map(os.environ.get, VARIABLES.values()), *place, *asked)
     store = _jobs.setdefault(field, {})
     try:
         return store[key]

@@ -13,6 +13,7 @@ ROOT = Path(__file__).resolve().parents[1]
 os.environ["PYTHONPATH"] = os.pathsep.join(filter(None, [str(ROOT), os.environ.get("PYTHONPATH")]))
 # Where a test leaves the backend to "auto", it is the same one in every run; tests of OpenCL ask for it by name.
 os.environ.setdefault("AEROKERNELS_CPU_BACKEND", "warp")
+os.environ.setdefault("AEROKERNELS_GPU_BACKEND", "warp")
 
 
 @pytest.fixture(scope="session")

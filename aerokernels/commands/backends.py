@@ -8,7 +8,7 @@ def backends() -> None:
     from aerokernels.commands._table import print_table
     from aerokernels.tracing import available_backends
     from aerokernels.tracing.backends import choose_backend
-    from aerokernels.tracing.cpu_choice import NOT_MEASURED
+    from aerokernels.tracing.device_choice import NOT_MEASURED
 
     found = available_backends()
     print_table(
@@ -27,6 +27,6 @@ def backends() -> None:
         ],
     )
     if any(info.reason == NOT_MEASURED for info in found):
-        typer.echo("measuring warp against opencl on this CPU, once ...", err=True)
+        typer.echo("measuring warp against opencl, once ...", err=True)
     backend, device, reason = choose_backend("auto", None)
     typer.echo(f"auto takes {backend} on {device}: {reason.removeprefix(f'backend {backend} on {device}: ')}")

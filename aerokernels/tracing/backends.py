@@ -14,15 +14,20 @@ BACKENDS = ("auto", "warp", "opencl", "reference")
 def available_backends() -> list[BackendInfo]:
     """Every backend and device found, the one that "auto" takes first, as far as that was measured already."""
     warp, opencl = _warp_devices(), _opencl_devices()
-    gpus = [info for info in warp if info.available and info.device != "cpu"] + _usable(opencl, gpu=True)
-    return [*gpus, *_processors(warp, opencl, bool(gpus)), _reference(), *_rest(warp, opencl)]
+    gpus = _preferred([info for info in warp if info.available and info.device != "cpu"], _usable(opencl, gpu=True))
+    processors = _preferred(
+        [info for info in warp if info.available and info.device == "cpu"], _usable(opencl, gpu=False)
+    )
+    if gpus:
+        processors = [replace(info, reason="a GPU goes before it") for info in processors]
+    return [*gpus, *processors, _reference(), *_rest(warp, opencl)]
 
 
 def choose_backend(backend: str, device: str | None) -> tuple[str, str, str]:
     """Backend, device, and why.
 
-    "auto" takes a CUDA GPU by Warp, else a GPU by OpenCL, else whichever of the two is faster on the CPU, which is
-    measured once and remembered; with a device's name it takes the backend that has it.
+    "auto" takes a GPU where there is one, else the CPU, and on either whichever of Warp and OpenCL is faster there,
+    which is measured once and remembered; with a device's name it takes the backend that has it.
 
     Raises:
         ValueError: An unknown or absent backend or device; the message says what there is.
@@ -52,14 +57,15 @@ def choose_backend(backend: str, device: str | None) -> tuple[str, str, str]:
 
 
 def _best(warp: list[BackendInfo], kind: str | None) -> tuple[str, str, str]:
-    """The best device of a kind ("cpu", "gpu" or None for any); OpenCL is looked at only where it could be taken."""
-    if kind != "cpu":
-        cuda = next((info for info in warp if info.available and info.device != "cpu"), None)
-        if cuda:
-            return "warp", cuda.device, f"backend warp on {cuda.device}: {cuda.reason}"
+    """The best device of a kind ("cpu", "gpu" or None for any)."""
     opencl = _opencl_devices()
     if kind != "cpu":
+        cuda = next((info for info in warp if info.available and info.device != "cpu"), None)
         gpus = _usable(opencl, gpu=True)
+        if cuda and gpus:
+            return _faster(cuda, gpus[0])
+        if cuda:
+            return "warp", cuda.device, f"backend warp on {cuda.device}: {cuda.reason}"
         if gpus:
             return "opencl", gpus[0].device, f"backend opencl on {gpus[0].device}: a GPU is taken where there is one"
         if kind == "gpu":
@@ -70,10 +76,7 @@ def _best(warp: list[BackendInfo], kind: str | None) -> tuple[str, str, str]:
     processor = next((info for info in warp if info.available and info.device == "cpu"), None)
     others = _usable(opencl, gpu=False)
     if processor and others:
-        from .cpu_choice import faster_on_cpu
-
-        choice = faster_on_cpu(processor, others[0])
-        return choice.backend, choice.device, f"backend {choice.backend} on {choice.device}: {choice.reason}"
+        return _faster(processor, others[0])
     if processor:
         return "warp", "cpu", f"backend warp on cpu: {processor.reason}; {_why_not(opencl)}"
     if others:
@@ -82,6 +85,13 @@ def _best(warp: list[BackendInfo], kind: str | None) -> tuple[str, str, str]:
         f"no backend can trace here: warp: {warp[0].reason}; {_why_not(opencl)}; backend 'reference' needs neither, "
         "and is slow"
     )
+
+
+def _faster(warp: BackendInfo, opencl: BackendInfo) -> tuple[str, str, str]:
+    from .device_choice import faster_of
+
+    choice = faster_of(warp, opencl)
+    return choice.backend, choice.device, f"backend {choice.backend} on {choice.device}: {choice.reason}"
 
 
 def _warp_named(warp: list[BackendInfo], device: str | None) -> tuple[str, str, str]:
@@ -128,22 +138,18 @@ def _usable(opencl: list[BackendInfo], gpu: bool) -> list[BackendInfo]:
     return [info for info in opencl if info.available and info.description.startswith("GPU") == gpu]
 
 
-def _processors(warp: list[BackendInfo], opencl: list[BackendInfo], behind_gpu: bool) -> list[BackendInfo]:
-    """What computes on the CPU, the one that "auto" prefers first where that was measured."""
-    mine = [info for info in warp if info.available and info.device == "cpu"]
-    others = _usable(opencl, gpu=False)
-    if behind_gpu:
-        return [replace(info, reason="a GPU goes before it") for info in mine + others]
+def _preferred(mine: list[BackendInfo], others: list[BackendInfo]) -> list[BackendInfo]:
+    """Warp's devices and OpenCL's of one kind, the one that "auto" takes first where that was measured."""
     if not (mine and others):
         return mine + others
-    from .cpu_choice import NOT_MEASURED, remembered_choice
+    from .device_choice import NOT_MEASURED, remembered_choice
 
     choice = remembered_choice(mine[0], others[0])
     reason = choice.reason if choice else NOT_MEASURED
     pair = [replace(mine[0], reason=reason), replace(others[0], reason=reason)]
     if choice and choice.backend == "opencl":
         pair.reverse()
-    return pair + others[1:]
+    return pair + mine[1:] + others[1:]
 
 
 def _rest(warp: list[BackendInfo], opencl: list[BackendInfo]) -> list[BackendInfo]:

@@ -2,13 +2,14 @@
 
 import json
 import math
+from dataclasses import replace
 
 import pytest
 
-from aerokernels.tracing import available_backends, cpu_choice
+from aerokernels.tracing import available_backends, device_choice
 from aerokernels.tracing.backend_info import BackendInfo
 from aerokernels.tracing.backends import choose_backend
-from aerokernels.tracing.cpu_choice import MARGIN, NOT_MEASURED, faster_on_cpu, remembered_choice
+from aerokernels.tracing.device_choice import MARGIN, NOT_MEASURED, faster_of, remembered_choice
 
 from .opencl_stands import bare_pyopencl, before_path, driver, need_opencl, run_python, vendors
 
@@ -44,7 +45,8 @@ class Speeds:
 @pytest.fixture(autouse=True)
 def measuring(monkeypatch):
     """These tests are about what is measured."""
-    monkeypatch.delenv("AEROKERNELS_CPU_BACKEND", raising=False)
+    for variable in ("AEROKERNELS_CPU_BACKEND", "AEROKERNELS_GPU_BACKEND"):
+        monkeypatch.delenv(variable, raising=False)
 
 
 @pytest.fixture
@@ -53,8 +55,8 @@ def forgetful(tmp_path, monkeypatch):
     monkeypatch.setenv("AEROKERNELS_CACHE_DIR", str(tmp_path / "cache"))
 
     def forget():
-        monkeypatch.setattr(cpu_choice, "_in_memory", {})
-        monkeypatch.setattr(cpu_choice, "_failures", {})
+        monkeypatch.setattr(device_choice, "_in_memory", {})
+        monkeypatch.setattr(device_choice, "_failures", {})
 
     forget()
     return forget
@@ -64,7 +66,7 @@ def forgetful(tmp_path, monkeypatch):
     ("ratio", "backend"), [(5.0, "opencl"), (1.001 * MARGIN, "opencl"), (0.999 * MARGIN, "warp"), (0.2, "warp")]
 )
 def test_the_faster_is_taken_and_the_ratio_told(forgetful, ratio, backend):
-    choice = faster_on_cpu(WARP, OPENCL, Speeds(warp=1e5, opencl=ratio * 1e5))
+    choice = faster_of(WARP, OPENCL, Speeds(warp=1e5, opencl=ratio * 1e5))
     assert (choice.backend, choice.device) == (backend, {"warp": "cpu", "opencl": "Some CPU"}[backend])
     assert f"{ratio:.2f} times" in choice.reason
 
@@ -72,47 +74,45 @@ def test_the_faster_is_taken_and_the_ratio_told(forgetful, ratio, backend):
 def test_it_is_measured_once_for_all_processes(forgetful):
     speeds = Speeds(warp=1e5, opencl=3e5)
     assert remembered_choice(WARP, OPENCL) is None
-    first = faster_on_cpu(WARP, OPENCL, speeds)
-    assert faster_on_cpu(WARP, OPENCL, speeds) == first
+    first = faster_of(WARP, OPENCL, speeds)
+    assert faster_of(WARP, OPENCL, speeds) == first
     forgetful()  # as a new process would
-    assert faster_on_cpu(WARP, OPENCL, speeds) == first == remembered_choice(WARP, OPENCL)
+    assert faster_of(WARP, OPENCL, speeds) == first == remembered_choice(WARP, OPENCL)
     assert sorted(speeds.asked) == [("opencl", "Some CPU"), ("warp", "cpu")]
 
 
 @pytest.mark.parametrize("which", ["version", "description"])
 def test_another_version_or_device_is_measured_anew(forgetful, which):
-    from dataclasses import replace
-
-    faster_on_cpu(WARP, OPENCL, Speeds(warp=1e5, opencl=3e5))
+    faster_of(WARP, OPENCL, Speeds(warp=1e5, opencl=3e5))
     for warp, opencl in ((replace(WARP, **{which: "new"}), OPENCL), (WARP, replace(OPENCL, **{which: "new"}))):
         assert remembered_choice(warp, opencl) is None
-        assert faster_on_cpu(warp, opencl, Speeds(warp=1e5, opencl=1e4)).backend == "warp"
-    assert faster_on_cpu(WARP, OPENCL, Speeds()).backend == "opencl"  # the first is remembered still
+        assert faster_of(warp, opencl, Speeds(warp=1e5, opencl=1e4)).backend == "warp"
+    assert faster_of(WARP, OPENCL, Speeds()).backend == "opencl"  # the first is remembered still
 
 
 @pytest.mark.parametrize("rate", [RuntimeError("does not build"), KeyError("x"), math.nan, 0.0])
 def test_a_failure_takes_warp_and_is_tried_again_by_the_next_process(forgetful, rate):
     speeds = Speeds(warp=1e5, opencl=rate)
-    choice = faster_on_cpu(WARP, OPENCL, speeds)
+    choice = faster_of(WARP, OPENCL, speeds)
     assert choice.backend == "warp" and "failed" in choice.reason
-    assert faster_on_cpu(WARP, OPENCL, speeds) == choice
+    assert faster_of(WARP, OPENCL, speeds) == choice
     assert speeds.asked.count(("opencl", "Some CPU")) == 1
     assert remembered_choice(WARP, OPENCL) is None
     forgetful()
-    assert faster_on_cpu(WARP, OPENCL, Speeds(warp=1e5, opencl=1e6)).backend == "opencl"
+    assert faster_of(WARP, OPENCL, Speeds(warp=1e5, opencl=1e6)).backend == "opencl"
 
 
 @pytest.mark.parametrize("held", ["", "{", "[1, 2]", "null", '{"a": 1}', "wrong", b"\xff\xfe", "nested"])
 def test_a_damaged_file_is_measured_again_and_mended(forgetful, tmp_path, held):
     (tmp_path / "cache").mkdir()
     path = tmp_path / "cache" / "cpu-choice.json"
-    key = cpu_choice._key(WARP, OPENCL)
+    key = device_choice._key(WARP, OPENCL)
     if held == "wrong":
         held = json.dumps({key: {"warp": "fast", "opencl": -1}})
     elif held == "nested":
         held = "[" * 100_000
     path.write_bytes(held if isinstance(held, bytes) else held.encode())
-    assert faster_on_cpu(WARP, OPENCL, Speeds(warp=1e5, opencl=3e5)).backend == "opencl"
+    assert faster_of(WARP, OPENCL, Speeds(warp=1e5, opencl=3e5)).backend == "opencl"
     assert json.loads(path.read_text()) == {key: {"warp": 1e5, "opencl": 3e5}}
     assert [entry.name for entry in path.parent.iterdir()] == [path.name]
 
@@ -120,17 +120,15 @@ def test_a_damaged_file_is_measured_again_and_mended(forgetful, tmp_path, held):
 def test_a_folder_that_cannot_be_written_is_no_error(forgetful, tmp_path):
     (tmp_path / "cache").write_text("a file, no folder")
     speeds = Speeds(warp=1e5, opencl=3e5)
-    assert faster_on_cpu(WARP, OPENCL, speeds) == faster_on_cpu(WARP, OPENCL, speeds)
+    assert faster_of(WARP, OPENCL, speeds) == faster_of(WARP, OPENCL, speeds)
     assert len(speeds.asked) == 2
 
 
 def test_the_file_holds_the_latest_few(forgetful, tmp_path):
-    from dataclasses import replace
-
-    for number in range(cpu_choice.KEPT + 5):
-        faster_on_cpu(WARP, replace(OPENCL, version=str(number)), Speeds(warp=1e5, opencl=2e5))
+    for number in range(device_choice.KEPT + 5):
+        faster_of(WARP, replace(OPENCL, version=str(number)), Speeds(warp=1e5, opencl=2e5))
     held = json.loads((tmp_path / "cache" / "cpu-choice.json").read_text())
-    assert len(held) == cpu_choice.KEPT and cpu_choice._key(WARP, replace(OPENCL, version=str(number))) in held
+    assert len(held) == device_choice.KEPT and device_choice._key(WARP, replace(OPENCL, version=str(number))) in held
 
 
 def test_auto_measures_both_for_real_and_keeps_to_it(forgetful):
@@ -225,11 +223,21 @@ def test_the_command_tells_what_auto_takes_and_why(aerokernels, monkeypatch, tmp
 def test_a_variable_decides_without_measuring(forgetful, monkeypatch, backend):
     monkeypatch.setenv("AEROKERNELS_CPU_BACKEND", backend)
     speeds = Speeds(warp=1.0, opencl=1.0)
-    choice = faster_on_cpu(WARP, OPENCL, speeds)
+    choice = faster_of(WARP, OPENCL, speeds)
     assert choice.backend == backend and "AEROKERNELS_CPU_BACKEND" in choice.reason and not speeds.asked
+
+
+def test_a_gpu_has_a_variable_and_a_measurement_of_its_own(forgetful, monkeypatch):
+    cuda, gpu = replace(WARP, device="cuda:0"), replace(OPENCL, device="Some GPU", description="GPU, some driver")
+    faster_of(WARP, OPENCL, Speeds(warp=1e5, opencl=1e4))
+    monkeypatch.setenv("AEROKERNELS_CPU_BACKEND", "warp")
+    choice = faster_of(cuda, gpu, Speeds(warp=1e9, opencl=2e9))
+    assert (choice.backend, choice.device) == ("opencl", "Some GPU") and "2.00 times" in choice.reason
+    monkeypatch.setenv("AEROKERNELS_GPU_BACKEND", "warp")
+    assert faster_of(cuda, gpu, Speeds()).device == "cuda:0"
 
 
 def test_a_variable_that_names_no_backend_is_refused(forgetful, monkeypatch):
     monkeypatch.setenv("AEROKERNELS_CPU_BACKEND", "cuda")
     with pytest.raises(ValueError, match="'warp' or 'opencl'"):
-        faster_on_cpu(WARP, OPENCL, Speeds(warp=1.0, opencl=1.0))
+        faster_of(WARP, OPENCL, Speeds(warp=1.0, opencl=1.0))

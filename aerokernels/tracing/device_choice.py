@@ -1,9 +1,9 @@
-"""Warp or OpenCL on the CPU: measured once on a small scene, and remembered.
+"""Warp or OpenCL on the CPU, or on a GPU that both have: measured once on a small scene, and remembered.
 
 Both give the same answers, so only speed decides, and that depends on the processor and on the versions of both. What
 was measured is kept in a JSON file of the user's cache folder; a file that is missing, damaged or not writable is no
-error, it is measured again. AEROKERNELS_CPU_BACKEND, "warp" or "opencl", decides instead of a measurement, for scripts
-that have to do the same on every machine.
+error, it is measured again. AEROKERNELS_CPU_BACKEND and AEROKERNELS_GPU_BACKEND, "warp" or "opencl", decide instead of
+a measurement, for scripts that have to do the same on every machine.
 """
 
 import json
@@ -25,13 +25,14 @@ from .backend_info import BackendInfo
 MARGIN = 1.1
 RAY_COUNT = 20_000
 REPEATS = 3
+VARIABLES = {"cpu": "AEROKERNELS_CPU_BACKEND", "gpu": "AEROKERNELS_GPU_BACKEND"}
 KEPT = 32  # machines and versions in one file
-NOT_MEASURED = "which of warp and opencl is faster on this CPU is measured when auto is first used"
+NOT_MEASURED = "which of warp and opencl is faster here is measured when auto is first used"
 
 
 @dataclass(frozen=True)
 class Choice:
-    """Backend and device that "auto" takes on a CPU, and why."""
+    """Backend and device that "auto" takes, and why."""
 
     backend: str
     device: str
@@ -46,12 +47,12 @@ _failures: dict[str, str] = {}
 _lock = threading.RLock()
 
 
-def faster_on_cpu(warp: BackendInfo, opencl: BackendInfo, measure: Measure | None = None) -> Choice:
-    """The faster of Warp's and OpenCL's CPU; measured where that is not remembered, which compiles both tracers.
+def faster_of(warp: BackendInfo, opencl: BackendInfo, measure: Measure | None = None) -> Choice:
+    """The faster of a device of Warp and one of OpenCL; measured where not remembered, which compiles both tracers.
 
     Args:
-        warp: Warp's CPU device.
-        opencl: OpenCL's CPU device.
+        warp: Warp's device, the CPU or a GPU.
+        opencl: OpenCL's device of the same kind.
         measure: Rays per second of a backend on a device; None traces a small scene.
 
     Returns:
@@ -79,16 +80,17 @@ def faster_on_cpu(warp: BackendInfo, opencl: BackendInfo, measure: Measure | Non
 
 
 def remembered_choice(warp: BackendInfo, opencl: BackendInfo) -> Choice | None:
-    """As `faster_on_cpu`, from memory alone; None where nothing is remembered.
+    """As `faster_of`, from memory alone; None where nothing is remembered.
 
     Raises:
-        ValueError: AEROKERNELS_CPU_BACKEND is set to something else.
+        ValueError: The variable that decides instead is set to something else.
     """
-    forced = os.environ.get("AEROKERNELS_CPU_BACKEND")
+    variable = VARIABLES["cpu" if warp.device == "cpu" else "gpu"]
+    forced = os.environ.get(variable)
     if forced:
         if forced not in ("warp", "opencl"):
-            raise ValueError(f"AEROKERNELS_CPU_BACKEND is {forced!r}: set it to 'warp' or 'opencl', or unset it")
-        return Choice(forced, {"warp": warp, "opencl": opencl}[forced].device, "AEROKERNELS_CPU_BACKEND says so")
+            raise ValueError(f"{variable} is {forced!r}: set it to 'warp' or 'opencl', or unset it")
+        return Choice(forced, {"warp": warp, "opencl": opencl}[forced].device, f"{variable} says so")
     key = _key(warp, opencl)
     with _lock:
         rates = _in_memory.get(key) or _sound(_read().get(key))
@@ -136,9 +138,7 @@ def cache_folder() -> Path:
 
 def _decide(warp: BackendInfo, opencl: BackendInfo, rates: dict[str, float]) -> Choice:
     ratio = rates["opencl"] / rates["warp"]
-    measured = (
-        f"opencl on {opencl.device} traces {ratio:.2f} times the rays per second of warp on this CPU, measured once"
-    )
+    measured = f"opencl on {opencl.device} traces {ratio:.2f} times the rays per second of warp on {warp.device}, measured once"
     if ratio >= MARGIN:
         return Choice("opencl", opencl.device, measured)
     return Choice("warp", warp.device, f"{measured}; {MARGIN:g} times would be needed for opencl")
