@@ -22,10 +22,10 @@ def board(
     """Simulate a digitiser board: try `record` without hardware. Sends while someone has the port open."""
     from aerokernels.hardware.board import EchoSource, run_board
     from aerokernels.hardware.interrupt import interrupt_flag
-    from aerokernels.hardware.protocols import require_protocol
+    from aerokernels.hardware.protocols import PROTOCOLS, require_one_of
     from aerokernels.hardware.pseudo_terminal import PseudoTerminal
 
-    require_protocol(protocol)
+    require_one_of("--protocol", protocol, PROTOCOLS)
     if not rate > 0.0:
         raise ValueError(f"--rate {rate}: give a positive number of echoes per second")
     if echo is None:

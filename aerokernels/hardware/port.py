@@ -1,4 +1,4 @@
-"""Opening a serial port, or a pyserial URL, for one process alone."""
+"""Opening a serial port, or a pyserial URL, for one process alone, and reading what has come in."""
 
 import errno
 from pathlib import Path
@@ -7,30 +7,79 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     import serial
 
+try:
+    import termios
+except ImportError:  # Windows has no such module, and no such error
+    PORT_ERRORS: tuple[type[Exception], ...] = (OSError,)
+else:
+    PORT_ERRORS = (OSError, termios.error)
+"""What a port that went away raises: SerialException is an OSError, termios.error is not."""
+
+FLOW_CONTROLS = ("none", "rtscts", "dsrdtr")
+_LONGEST_READ = 65536
+
 
 class PortError(ValueError):
     """A port that cannot be opened; the message names it and the remedy."""
 
 
-def open_port(port: str, *, baud: int = 115200, timeout: float = 0.1) -> "serial.SerialBase":
+def open_port(port: str, *, baud: int = 115200, timeout: float = 0.1, flow: str = "none") -> "serial.SerialBase":
     """Open `port` exclusively: a second process asking for it is refused.
 
     Args:
-        port: device ("/dev/ttyUSB0", "/dev/serial/by-id/...", "COM3") or pyserial URL ("socket://host:port", "loop://").
+        port: device ("/dev/ttyUSB0", "/dev/serial/by-id/...", "COM3") or pyserial URL ("socket://host:port",
+            "rfc2217://host:port", "loop://").
         baud: line rate [bit/s].
-        timeout: longest wait of a read for its first byte [s].
+        timeout: longest wait of a read for its first byte [s]; a write may take ten times as long.
+        flow: hardware flow control, one of `FLOW_CONTROLS`.
 
     Raises:
         PortError: no such port, no permission, in use, or not a serial port.
+        ValueError: a setting that no port has.
     """
     import serial
 
     if baud <= 0:
         raise ValueError(f"baud = {baud}: give a positive line rate such as 115200")
+    if flow not in FLOW_CONTROLS:
+        why = ", which takes bytes out of binary data" if "xon" in flow.lower() else ""
+        raise ValueError(f"flow control {flow!r}{why}: give one of {', '.join(FLOW_CONTROLS)}")
     try:
-        return serial.serial_for_url(port, baudrate=baud, timeout=timeout, exclusive=True)
-    except (OSError, ValueError) as error:  # SerialException is an OSError; a bad URL is a ValueError
+        return serial.serial_for_url(
+            port,
+            baudrate=baud,
+            timeout=timeout,
+            write_timeout=10.0 * timeout,
+            exclusive=True,
+            rtscts=flow == "rtscts",
+            dsrdtr=flow == "dsrdtr",
+        )
+    except (*PORT_ERRORS, ValueError) as error:  # a bad URL is a ValueError
         raise PortError(f"port {port!r}: {_remedy(port, error)}") from error
+
+
+def read_available(port: "serial.SerialBase") -> bytes:
+    """The bytes that have come in; waits for the first as long as the port's timeout says, empty when none came.
+
+    Raises:
+        OSError, termios.error: the port went away (`PORT_ERRORS`).
+    """
+    first = port.read(max(1, min(port.in_waiting, _LONGEST_READ)))
+    if not first:
+        return first
+    # One byte woke us; most often its neighbours are here by now. A TCP port tells only that there are some.
+    waiting = min(port.in_waiting, _LONGEST_READ)
+    if waiting and str(port.port).startswith("socket:"):
+        waiting = _LONGEST_READ
+    return first + port.read(waiting) if waiting else first
+
+
+def close_port(port: "serial.SerialBase") -> None:
+    """Close, whatever state the port is in."""
+    try:
+        port.close()
+    except PORT_ERRORS:
+        pass  # a device that is gone may refuse even this
 
 
 def _remedy(port: str, error: Exception) -> str:

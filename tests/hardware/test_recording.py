@@ -19,6 +19,7 @@ from aerokernels.hardware.frames import EchoFrame, encode
 from aerokernels.hardware.port import PortError, open_port
 from aerokernels.hardware.pseudo_terminal import PseudoTerminal
 from aerokernels.hardware.recorder import Recorder, RecordingStatus
+from aerokernels.hardware.sources import FrameStream
 from aerokernels.hardware.store import EchoStore
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="pseudo-terminals are not there on Windows")
@@ -42,6 +43,10 @@ def board(link: Path, *options: object) -> Iterator[subprocess.Popen[str]]:
         assert process.stdout is not None
         assert "board on" in process.stdout.readline()
         yield process
+
+
+def frames_from(link: Path) -> FrameStream:
+    return FrameStream(open_port(str(link)))
 
 
 def sequences(path: Path) -> list[int]:
@@ -143,13 +148,13 @@ def test_a_port_unplugged_and_back(tmp_path: Path):
 
     results: list[RecordingStatus] = []
     first = PseudoTerminal(link)
-    reopen = partial(open_port, str(link))
-    port = reopen()
+    connect = partial(frames_from, link)
+    stream = connect()
 
     def record() -> None:
         with EchoStore(path) as store:
             store.begin_recording(str(link), "frames", {})
-            results.append(Recorder(port, store, reopen, count=60, report=report).run())
+            results.append(Recorder(stream, store, connect, count=60, report=report).run())
 
     thread = threading.Thread(target=record, daemon=True)
     thread.start()
@@ -186,11 +191,11 @@ def test_damage_on_the_line_is_kept_apart(tmp_path: Path):
         stream += bytes(wire)
     with PseudoTerminal(link) as terminal, EchoStore(path) as store:
         store.begin_recording(str(link), "frames", {})
-        reopen = partial(open_port, str(link))
-        port = reopen()
+        connect = partial(frames_from, link)
+        port = connect()
         writer = threading.Thread(target=terminal.write, args=(stream,))
         writer.start()
-        status = Recorder(port, store, reopen, count=31).run()
+        status = Recorder(port, store, connect, count=31).run()
         writer.join(30)
         assert (status.stored_count, status.damaged_count, status.missing_count) == (31, 10, 10)
         for echo in store.echoes():
@@ -220,10 +225,10 @@ def test_a_port_in_use_is_refused(tmp_path: Path, aerokernels):
         (("record", "--port", "absent", "--store", "s.sqlite"), "no such port"),
         (("record", "--port", "nonsense://x", "--store", "s.sqlite"), "nonsense"),
         (("record", "--port", "loop://", "--store", "no/s.sqlite"), "does not exist"),
-        (("record", "--port", "loop://", "--store", "s.sqlite", "--protocol", "scpi"), "use --protocol frames"),
+        (("record", "--port", "loop://", "--store", "s.sqlite", "--protocol", "x"), "frames or scpi"),
         (("record", "--port", "loop://", "--store", "s.sqlite", "--label", "mach"), "key=value"),
         (("record", "--port", "loop://", "--store", "s.sqlite", "--count", "0"), "count"),
-        (("board", "--link", "b", "--protocol", "scpi"), "use --protocol frames"),
+        (("board", "--link", "b", "--protocol", "x"), "frames or scpi"),
         (("board", "--link", "b", "--rate", "0"), "rate"),
         (("board", "--link", "b", "--echo", "absent.nc"), "absent.nc"),
         (("board", "--link", "no/b"), "does not exist"),
