@@ -1,7 +1,8 @@
 """An oscilloscope on a serial port: one question after the other, and what each dialect calls them.
 
-Curves are read one by one. Where the instrument counts its acquisitions (Tektronix), the count is asked before and
-after each curve: none is read twice, and those that came and went in between are known to be missing.
+Curves are read one by one, and none twice. Where the instrument counts its acquisitions (Tektronix), the count is
+asked before and after each curve, and those that came and went in between are known to be missing. Where it does not
+(Rigol), single acquisitions are started from here. An instrument that can do neither is read as fast as it answers.
 """
 
 import time
@@ -32,6 +33,7 @@ class Dialect:
         preamble: question for the scaling.
         curve: question for the samples.
         acquisition: question for the count of acquisitions, None where there is none.
+        single: command that starts a single acquisition, question for its state, and command that ends this mode.
         parse: reads the answer to `preamble`.
     """
 
@@ -40,15 +42,24 @@ class Dialect:
     preamble: str
     curve: str
     acquisition: str | None
+    single: tuple[str, str, str] | None
     parse: Callable[[str], Preamble]
 
 
 _TEKTRONIX = ("HEADER ON", "DATA:ENCDG RIBINARY")
 DIALECTS = (
-    Dialect("tektronix", _TEKTRONIX, "WFMOUTPRE?", "CURVE?", "ACQUIRE:NUMACQ?", parse_tektronix),
+    Dialect("tektronix", _TEKTRONIX, "WFMOUTPRE?", "CURVE?", "ACQUIRE:NUMACQ?", None, parse_tektronix),
     # The TDS200, TDS1000 and TDS2000 families have only this name for it.
-    Dialect("tektronix", _TEKTRONIX, "WFMPRE?", "CURVE?", "ACQUIRE:NUMACQ?", parse_tektronix),
-    Dialect("rigol", (":WAVEFORM:FORMAT BYTE",), ":WAVEFORM:PREAMBLE?", ":WAVEFORM:DATA?", None, parse_rigol),
+    Dialect("tektronix", _TEKTRONIX, "WFMPRE?", "CURVE?", "ACQUIRE:NUMACQ?", None, parse_tektronix),
+    Dialect(
+        "rigol",
+        (":WAVEFORM:FORMAT BYTE",),
+        ":WAVEFORM:PREAMBLE?",
+        ":WAVEFORM:DATA?",
+        None,
+        (":SINGLE", ":TRIGGER:STATUS?", ":RUN"),
+        parse_rigol,
+    ),
 )
 
 
@@ -191,12 +202,10 @@ def find_dialect(scope: Oscilloscope, name: str = "auto") -> tuple[Dialect, Prea
     raise NoAnswerError(why)
 
 
-def acquisition_count(scope: Oscilloscope, question: str | None) -> int | None:
-    """The instrument's count of acquisitions; None where it does not know the question."""
-    if question is None:
-        return None
+def can_answer(scope: Oscilloscope, question: str) -> bool:
+    """Whether the instrument knows a question."""
     try:
-        count = int(scope.ask_text(question, _PROBE_TIME).split()[-1])
-    except (NoAnswerError, DamagedAnswerError, ValueError):
-        return None
-    return count if 0 <= count < 2**32 else None
+        scope.ask_text(question, _PROBE_TIME)
+    except (NoAnswerError, DamagedAnswerError):
+        return False
+    return True

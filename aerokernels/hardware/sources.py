@@ -13,7 +13,7 @@ from aerokernels.hardware.scope import (
     DamagedAnswerError,
     NoAnswerError,
     Oscilloscope,
-    acquisition_count,
+    can_answer,
     find_dialect,
 )
 
@@ -111,9 +111,12 @@ class CurveStream:
         self._port, self._stopped = port, stopped
         self._scope = Oscilloscope(port, timeout=timeout, stopped=stopped)
         self._last_count: int | None = None
+        self._started = False  # a single acquisition
         try:
             self._dialect, _ = find_dialect(self._scope, dialect)
-            self._counts = acquisition_count(self._scope, self._dialect.acquisition) is not None
+            count, single = self._dialect.acquisition, self._dialect.single
+            self._count_question = count if count and can_answer(self._scope, count) else None
+            self._single = single if single and can_answer(self._scope, single[1]) else None
         except NoAnswerError as error:
             close_port(port)
             raise PortError(
@@ -140,7 +143,13 @@ class CurveStream:
         return [(piece, time.time_ns()) for piece in damaged] + found
 
     def close(self) -> list[tuple[Piece, int]]:
-        """Close the port; nothing is kept back."""
+        """Let the instrument run again and close the port; nothing is kept back."""
+        if self._single and self._port.is_open:
+            try:
+                self._scope.send(self._single[2])
+                self._port.flush()
+            except PORT_ERRORS:
+                pass
         close_port(self._port)
         return []
 
@@ -150,7 +159,7 @@ class CurveStream:
 
     def _next_curve(self) -> list[tuple[Piece, int]]:
         count = self._acquisition()
-        if count is not None and count == self._last_count:
+        if (count is not None and count == self._last_count) or not self._is_complete():
             time.sleep(_NEXT_QUESTION)
             return []
         # Asked each time: a turned knob changes it, and on some instruments each trigger does.
@@ -162,6 +171,7 @@ class CurveStream:
         except PreambleError as error:
             self._scope.refuse(block, str(error))
             raise DamagedAnswerError from error
+        self._started = False
         # Those that came while the curve was read can no longer be told from it: the next one is newer than they.
         self._last_count = count
         try:
@@ -171,10 +181,25 @@ class CurveStream:
         return [(curve, host_time)]
 
     def _acquisition(self) -> int | None:
-        if not self._counts:
+        """How many acquisitions there were; None where the instrument does not count them."""
+        if self._count_question is None:
             return None
-        answer = self._scope.ask_text(self._dialect.acquisition or "")
-        try:
-            return int(answer.split()[-1]) % 2**32
-        except ValueError as error:
-            raise DamagedAnswerError from error
+        return _last_number(self._scope.ask_text(self._count_question)) % 2**32
+
+    def _is_complete(self) -> bool:
+        """Whether the single acquisition is there; starts one where none was started."""
+        if self._single is None:
+            return True
+        start, state, _ = self._single
+        if not self._started:
+            self._scope.send(start)
+            self._started = True
+        return self._scope.ask_text(state).split()[-1].upper() == "STOP"
+
+
+def _last_number(answer: str) -> int:
+    """The number in ":ACQUIRE:NUMACQ 12", or in "12" alone."""
+    try:
+        return int(answer.split()[-1])
+    except ValueError as error:
+        raise DamagedAnswerError from error
