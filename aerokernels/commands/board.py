@@ -24,7 +24,7 @@ def board(
     fault: Annotated[
         list[str] | None,
         typer.Option(
-            help="KIND=PROBABILITY per echo, may be repeated: torn, flipped, glued, garbage, gap, repeat, stall, unplug."
+            help="KIND=PROBABILITY per echo, repeatable: torn, flipped, glued, garbage, gap, repeat, stall or unplug."
         ),
     ] = None,
     pause: Annotated[float, typer.Option(min=0.0, help="Seconds that a stall or an unplugged port lasts.")] = 1.0,
@@ -50,7 +50,9 @@ def board(
         source = EchoSource.from_result(echo, sample_count=samples, sample_period_ps=sample_period, noise=noise)
     with interrupt_flag() as interrupted, PseudoTerminal(link) as terminal:
         more = "" if protocol == "frames" else f"--protocol {protocol} "
-        print(f"board on {link} ({terminal.name}); record it with: aerokernels record {more}--port {link} ...", flush=True)
+        print(
+            f"board on {link} ({terminal.name}); record it with: aerokernels record {more}--port {link} ...", flush=True
+        )
         if protocol == "scpi":
             scope = SimulatedScope(source, dialect=dialect, rate=rate, seed=seed)
             done = f"{run_scope(terminal, scope, count=count, faults=faults, stopped=interrupted.is_set)} curves"

@@ -2,7 +2,7 @@
 
 A definite-length block is `#`, one digit d (1 to 9), d digits that give a count, and then that many bytes of any value:
 
-    :CURVE #42500<2500 bytes>\\n
+    :CURVE #42500<2500 bytes><line feed>
 
 The count alone says where the block ends; a line feed among the data is data. Text ends with a line feed.
 

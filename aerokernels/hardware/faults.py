@@ -87,7 +87,9 @@ class FaultPlan:
         if fault == "glued":
             return wire[:-1]
         if fault == "garbage":
-            return self.random.integers(1, 256, self.random.integers(1, 100)).astype(np.uint8).tobytes() + DELIMITER + wire
+            return (
+                self.random.integers(1, 256, self.random.integers(1, 100)).astype(np.uint8).tobytes() + DELIMITER + wire
+            )
         if fault == "gap":
             return b""
         return wire + wire if fault == "repeat" else wire

@@ -15,6 +15,7 @@ else:
     PORT_ERRORS = (OSError, termios.error)
 """What a port that went away raises: SerialException is an OSError, termios.error is not."""
 
+_OPEN_ERRORS: tuple[type[Exception], ...] = (*PORT_ERRORS, ValueError)  # a bad URL is a ValueError
 FLOW_CONTROLS = ("none", "rtscts", "dsrdtr")
 _LONGEST_READ = 65536
 
@@ -54,7 +55,7 @@ def open_port(port: str, *, baud: int = 115200, timeout: float = 0.1, flow: str 
             rtscts=flow == "rtscts",
             dsrdtr=flow == "dsrdtr",
         )
-    except (*PORT_ERRORS, ValueError) as error:  # a bad URL is a ValueError
+    except _OPEN_ERRORS as error:
         raise PortError(f"port {port!r}: {_remedy(port, error)}") from error
 
 

@@ -154,7 +154,9 @@ def parse_tektronix(text: str) -> Preamble:
     kind = {"RI": "i", "RP": "u"}.get(fields.get("BN_FMT", "RI").upper())
     width = _number(fields, "BYT_NR", 1)
     if kind is None or width not in (1, 2):
-        raise PreambleError(f"preamble: {fields.get('BN_FMT')} of {width} bytes; set DATA:ENCDG RIBINARY and WIDTH 1 or 2")
+        raise PreambleError(
+            f"preamble: {fields.get('BN_FMT')} of {width} bytes; set DATA:ENCDG RIBINARY and WIDTH 1 or 2"
+        )
     order = "<" if fields.get("BYT_OR", "MSB").upper() == "LSB" else ">"
     scale, period = _number(fields, "YMULT"), _number(fields, "XINCR")
     return Preamble(

@@ -96,9 +96,9 @@ class SimulatedScope:
             return b"TD\n" if self._held is None else b"STOP\n" if self.acquisition >= self._held else b"WAIT\n"
         if words[0] in ("WAVEFORM:PREAMBLE?", "WAV:PRE?"):
             period = self._source.sample_period_ps * 1e-12
-            return (
-                f"0,0,{self._source.voltage.size},1,{period:.9e},0.0e+00,0,{self._step:.12e},{_ZERO},127\n"
-            ).encode("ascii")
+            return (f"0,0,{self._source.voltage.size},1,{period:.9e},0.0e+00,0,{self._step:.12e},{_ZERO},127\n").encode(
+                "ascii"
+            )
         if words[0] in ("WAVEFORM:DATA?", "WAV:DATA?"):
             self.curve_count += 1
             return _block((self._counts() + 127).clip(0, 255).astype(np.uint8).tobytes(), digits=9)

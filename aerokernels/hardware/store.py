@@ -15,13 +15,10 @@ from aerokernels.hardware.frames import EchoFrame
 from aerokernels.hardware.preamble import ScopeCurve
 from aerokernels.hardware.rows import READ_ECHOES, WRITE_ECHO, echo_of, row_of, signed
 from aerokernels.hardware.schema import APPLICATION_ID, SCHEMA_VERSION, create, upgrade
+from aerokernels.hardware.transaction import StoreError, Transaction
 
 _BUSY_TIME = 30.0  # [s] to wait for another recorder that is just committing to the same store
 _CHECKPOINT_PAGES = 4000  # of the write-ahead log, 16 MB, before they are moved into the file
-
-
-class StoreError(RuntimeError):
-    """The store cannot be written; the message says why, and what to do."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -248,12 +245,12 @@ class EchoStore:
         )
         return [Gap(*row) for row in rows]
 
-    def snapshot(self) -> "_Transaction":
+    def snapshot(self) -> Transaction:
         """A context in which everything read is of one moment, though a recorder goes on writing."""
-        return _Transaction(self._connection, "BEGIN", self.path)
+        return Transaction(self._connection, "BEGIN", self.path)
 
-    def _transaction(self) -> "_Transaction":
-        return _Transaction(self._connection, "BEGIN IMMEDIATE", self.path)
+    def _transaction(self) -> Transaction:
+        return Transaction(self._connection, "BEGIN IMMEDIATE", self.path)
 
     def _is_stored(self, key: tuple[int, int, int]) -> bool:
         return (
@@ -289,37 +286,6 @@ class EchoStore:
         self._followed = True
         self._last = (session, sequence, device_time)
         return session
-
-
-class _Transaction:
-    """All or nothing; what goes wrong with the file becomes one message for people."""
-
-    def __init__(self, connection: sqlite3.Connection, begin: str, path: Path) -> None:
-        self._connection, self._begin, self._path = connection, begin, path
-
-    def __enter__(self) -> None:
-        try:
-            self._connection.execute(self._begin)
-        except sqlite3.OperationalError as error:
-            raise self._error(error) from error
-
-    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, _: object) -> None:
-        if error is None:
-            try:
-                self._connection.execute("COMMIT")
-                return
-            except sqlite3.OperationalError as failure:
-                error = failure
-        if self._connection.in_transaction:
-            self._connection.execute("ROLLBACK")
-        if isinstance(error, sqlite3.OperationalError):
-            raise self._error(error) from error
-
-    def _error(self, error: sqlite3.OperationalError) -> StoreError:
-        return StoreError(
-            f"store {self._path}: {error}; what was committed is safe: "
-            "make room or unlock the file, then record again into the same store"
-        )
 
 
 def encode_label(label: Mapping[str, str]) -> str:
