@@ -49,5 +49,3 @@ class Transaction:
             f"store {self._path}: {error}; what was committed is safe: "
             "make room or unlock the file, then record again into the same store"
         )
-
-
