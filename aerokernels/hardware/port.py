@@ -1,6 +1,7 @@
 """Opening a serial port, or a pyserial URL, for one process alone, and reading what has come in."""
 
 import errno
+import time
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -18,6 +19,7 @@ else:
 _OPEN_ERRORS: tuple[type[Exception], ...] = (*PORT_ERRORS, ValueError)  # a bad URL is a ValueError
 FLOW_CONTROLS = ("none", "rtscts", "dsrdtr")
 _LONGEST_READ = 65536
+_SOCKET_WAIT = 0.1  # [s]
 
 
 class PortError(ValueError):
@@ -46,17 +48,20 @@ def open_port(port: str, *, baud: int = 115200, timeout: float = 0.1, flow: str 
         why = ", which takes bytes out of binary data" if "xon" in flow.lower() else ""
         raise ValueError(f"flow control {flow!r}{why}: give one of {', '.join(FLOW_CONTROLS)}")
     try:
-        return serial.serial_for_url(
+        opened = serial.serial_for_url(
             port,
             baudrate=baud,
             timeout=timeout,
-            write_timeout=10.0 * timeout,
+            write_timeout=None if port.startswith("rfc2217:") else 10.0 * timeout,  # pyserial has none there
             exclusive=True,
             rtscts=flow == "rtscts",
             dsrdtr=flow == "dsrdtr",
         )
     except _OPEN_ERRORS as error:
         raise PortError(f"port {port!r}: {_remedy(port, error)}") from error
+    if _is_socket(opened):
+        opened.timeout = 0  # a read takes what is there, see `_read_socket`
+    return opened
 
 
 def read_available(port: "serial.SerialBase") -> bytes:
@@ -65,14 +70,30 @@ def read_available(port: "serial.SerialBase") -> bytes:
     Raises:
         OSError, termios.error: the port went away (`PORT_ERRORS`).
     """
+    if _is_socket(port):
+        return _read_socket(port)
     first = port.read(max(1, min(port.in_waiting, _LONGEST_READ)))
-    if not first:
-        return first
-    # One byte woke us; most often its neighbours are here by now. A TCP port tells only that there are some.
-    waiting = min(port.in_waiting, _LONGEST_READ)
-    if waiting and str(port.port).startswith("socket:"):
-        waiting = _LONGEST_READ
-    return first + port.read(waiting) if waiting else first
+    if first:
+        try:  # one byte woke us; most often its neighbours are here by now
+            waiting = min(port.in_waiting, _LONGEST_READ)
+            return first + port.read(waiting) if waiting else first
+        except PORT_ERRORS:
+            pass  # the next call meets it again; what was read is not to be lost
+    return first
+
+
+def _read_socket(port: "serial.SerialBase") -> bytes:
+    """As `read_available`: a longer read of pyserial's would drop what came before the other side hung up."""
+    until = time.monotonic() + _SOCKET_WAIT
+    while not port.in_waiting:  # only tells whether there is anything
+        if time.monotonic() > until:
+            return b""
+        time.sleep(_SOCKET_WAIT / 20.0)
+    return port.read(_LONGEST_READ)
+
+
+def _is_socket(port: "serial.SerialBase") -> bool:
+    return str(port.port).startswith("socket:")
 
 
 def close_port(port: "serial.SerialBase") -> None:
