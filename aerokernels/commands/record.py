@@ -38,6 +38,7 @@ def record(
     """Record echoes from hardware until --count or Ctrl-C; a port that goes away is waited for."""
     from aerokernels.commands._recording import describe, parse_labels, reporter
     from aerokernels.hardware.interrupt import interrupt_flag
+    from aerokernels.hardware.port import PortError
     from aerokernels.hardware.protocols import DIALECT_NAMES, PROTOCOLS, require_one_of
     from aerokernels.hardware.recorder import Recorder
     from aerokernels.hardware.store import EchoStore
@@ -48,7 +49,12 @@ def record(
     with interrupt_flag() as interrupted:
         connect = connector(port, protocol, baud, flow, dialect, timeout, interrupted.is_set)
         # The port comes first: where there is none, no store is left behind.
-        stream = connect()
+        try:
+            stream = connect()
+        except PortError:
+            if interrupted.is_set():  # while an instrument was looked for
+                raise KeyboardInterrupt from None
+            raise
         try:
             with EchoStore(store) as echoes, reporter() as report:
                 echoes.begin_recording(port, protocol, labels)

@@ -122,7 +122,7 @@ class Recorder:
             silence = now - stream.heard_at
             if self._stall_time and silence > self._stall_time:
                 return f"nothing came for {self._stall_time:g} s"
-            if self._batch_count and now - self._batch_since >= self._commit_interval:
+            if self._batch_count and (stream.waits_long or now - self._batch_since >= self._commit_interval):
                 self._commit("open")
             elif not self._batch_count and now - self._reported_at >= _REPORT_INTERVAL:
                 self._tell("silent" if silence >= 1.0 else "open")

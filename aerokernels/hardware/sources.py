@@ -26,7 +26,13 @@ _NEXT_QUESTION = 0.02  # [s] between two looks whether there is a new acquisitio
 
 
 class EchoStream(Protocol):
-    """An open port that gives echoes."""
+    """An open port that gives echoes.
+
+    Attributes:
+        waits_long: a `poll` may wait for seconds, so that what came before it is to be committed first.
+    """
+
+    waits_long: bool
 
     @property
     def heard_at(self) -> float:
@@ -52,6 +58,8 @@ class FrameStream:
     Args:
         port: the open port; closed by `close`.
     """
+
+    waits_long = False
 
     def __init__(self, port: "serial.SerialBase") -> None:
         """Start listening."""
@@ -98,6 +106,8 @@ class CurveStream:
     Raises:
         PortError: the instrument does not answer as an oscilloscope does.
     """
+
+    waits_long = True
 
     def __init__(
         self,
