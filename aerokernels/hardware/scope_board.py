@@ -57,6 +57,8 @@ class SimulatedScope:
         if words[0] == "*IDN?":
             maker = "TEKTRONIX,SIM1" if self._dialect == "tektronix" else "RIGOL TECHNOLOGIES,SIM1"
             return f"{maker},0,aerokernels\n".encode("ascii")
+        if words[0] == "*OPC?":
+            return b"1\n"
         return self._tektronix(words) if self._dialect == "tektronix" else self._rigol(words)
 
     def _tektronix(self, words: list[str]) -> bytes:
@@ -68,7 +70,14 @@ class SimulatedScope:
         elif words[0] in ("ACQUIRE:NUMACQ?", "ACQ:NUMAC?"):
             return f"{':ACQUIRE:NUMACQ ' if self._header else ''}{self.acquisition}\n".encode("ascii")
         elif words[0] in ("WFMOUTPRE?", "WFMO?"):
-            return self._tektronix_preamble()
+            fields = self._tektronix_fields()
+            named = [f"{name} {value}" if self._header else value for name, value in fields.items()]
+            return f"{':WFMOUTPRE:' if self._header else ''}{';'.join(named)}\n".encode("ascii")
+        elif words[0].startswith("WFMOUTPRE:") and words[0].endswith("?"):
+            name = words[0][len("WFMOUTPRE:") : -1]
+            value = self._tektronix_fields().get(name)
+            header = f":WFMOUTPRE:{name} " if self._header else ""
+            return b"" if value is None else f"{header}{value}\n".encode("ascii")
         elif words[0] in ("CURVE?", "CURV?"):
             data = self._counts().astype(np.int16)
             block = data.astype("i1").tobytes() if self._width == 1 else (256 * data).astype(">i2").tobytes()
@@ -76,16 +85,15 @@ class SimulatedScope:
             return (b":CURVE " if self._says_curve else b"") + _block(block, digits=len(str(len(block))))
         return b""
 
-    def _tektronix_preamble(self) -> bytes:
+    def _tektronix_fields(self) -> dict[str, str]:
         count, unit = self._source.voltage.size, 256 ** (self._width - 1)
-        fields = {
-            "BYT_NR": self._width, "BIT_NR": 8 * self._width, "ENCDG": "BINARY", "BN_FMT": "RI", "BYT_OR": "MSB",
-            "WFID": f'"Ch1, DC coupling; {count} points, Sample mode"', "NR_PT": count, "PT_FMT": "Y",
-            "XUNIT": '"s"', "XINCR": f"{self._source.sample_period_ps * 1e-12:.9E}", "XZERO": "0.0E0", "PT_OFF": 0,
-            "YUNIT": '"V"', "YMULT": f"{self._step / unit:.12E}", "YOFF": f"{_ZERO * unit:.4E}", "YZERO": "0.0E0",
+        return {
+            "BYT_NR": f"{self._width}", "BIT_NR": f"{8 * self._width}", "ENCDG": "BINARY", "BN_FMT": "RI",
+            "BYT_OR": "MSB", "WFID": f'"Ch1, DC coupling; {count} points, Sample mode"', "NR_PT": f"{count}",
+            "PT_FMT": "Y", "XUNIT": '"s"', "XINCR": f"{self._source.sample_period_ps * 1e-12:.9E}", "XZERO": "0.0E0",
+            "PT_OFF": "0", "YUNIT": '"V"', "YMULT": f"{self._step / unit:.12E}", "YOFF": f"{_ZERO * unit:.4E}",
+            "YZERO": "0.0E0",
         }  # fmt: skip
-        names = [f"{name} {value}" if self._header else str(value) for name, value in fields.items()]
-        return f"{':WFMOUTPRE:' if self._header else ''}{';'.join(names)}\n".encode("ascii")
 
     def _rigol(self, words: list[str]) -> bytes:
         if words[0] in ("SINGLE", "SING"):
