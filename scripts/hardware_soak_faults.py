@@ -6,7 +6,6 @@ from pathlib import Path
 
 import numpy as np
 from hardware_soak_line import (
-    SETTLING_TIME,
     Outcome,
     RecorderProcess,
     counts,
@@ -42,7 +41,7 @@ def damage(folder: Path, size: float) -> Outcome:
         follows_glued = fault == "glued"
     with PseudoTerminal(link) as terminal:
         recorder = RecorderProcess(link, path, "--count", len(good))
-        wait_for_reader(terminal, recorder)
+        wait_for_reader(recorder)
         terminal.write(bytes(wire))
         said = recorder.wait(120.0)
     found, (rows, damaged, missing) = stored(path), counts(path)
@@ -123,7 +122,7 @@ def kills(folder: Path, size: float) -> Outcome:
             recorder = RecorderProcess(
                 link, path, "--commit-interval", 0.02, *(("--count", 500) if last_one else ("--stall", 0))
             )
-            wait_for_reader(terminal, recorder)
+            wait_for_reader(recorder)
             until = time.monotonic() + 1.2 + random.random()
             while recorder.process.poll() is None:
                 if not last_one and time.monotonic() > until and recorder.acknowledged():
@@ -162,7 +161,7 @@ def unplugs(folder: Path, size: float) -> Outcome:
     with PseudoTerminal(link) as terminal:
         recorder = RecorderProcess(link, path, "--count", len(frames))
         for pull in range(pulls + 1):
-            wait_for_reader(terminal, recorder)
+            wait_for_reader(recorder, pull + 1)
             if pull:
                 terminal.write(b"\x07garbage after the plug went in\x00")
             wire = [encode(frame) for frame in frames[batch * pull : batch * (pull + 1)]]
@@ -170,7 +169,6 @@ def unplugs(folder: Path, size: float) -> Outcome:
             if pull < pulls:
                 terminal.write(wire[-1][:30])  # a frame of which the rest never comes
                 terminal.drain()
-                time.sleep(SETTLING_TIME)
                 terminal.close()
                 time.sleep(random.random())
                 terminal.open()

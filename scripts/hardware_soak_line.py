@@ -15,9 +15,6 @@ from pathlib import Path
 import numpy as np
 
 from aerokernels.hardware.frames import EchoFrame
-from aerokernels.hardware.pseudo_terminal import PseudoTerminal
-
-SETTLING_TIME = 0.3  # [s]; opening a serial port throws away what came before its settings were made
 
 
 @dataclass(frozen=True)
@@ -70,13 +67,18 @@ class RecorderProcess:
         return self.lines[-1].strip() if self.lines else ""
 
 
-def wait_for_reader(terminal: PseudoTerminal, recorder: RecorderProcess) -> None:
-    """Until the recorder has the port open and is done with opening it."""
-    while not terminal.has_reader():
+def wait_for_reader(recorder: RecorderProcess, opened: int = 1) -> None:
+    """Until the recorder has opened the port `opened` times; what is sent from now on is read."""
+    while not any(_has_opened(line, opened) for line in list(recorder.lines)):
         if recorder.process.poll() is not None:
             raise RuntimeError(f"the recorder ended: {recorder.lines[-1:]}")
         time.sleep(0.01)
-    time.sleep(SETTLING_TIME)
+
+
+def _has_opened(line: str, times: int) -> bool:
+    if times == 1:
+        return line.startswith("recording ")
+    return f"reconnected {times - 1}, port open" in line
 
 
 @cache

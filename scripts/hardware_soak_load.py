@@ -25,7 +25,7 @@ def throughput(folder: Path, size: float) -> Outcome:
         link, path = folder / "port", folder / f"echoes-{paced}.sqlite"
         with PseudoTerminal(link) as terminal:
             recorder = RecorderProcess(link, path, "--count", count, prepare=_on_one_core)
-            wait_for_reader(terminal, recorder)
+            wait_for_reader(recorder)
             busy = _cpu_seconds(recorder.process.pid)
             start, sent, behind = time.perf_counter(), 0, 0.0
             for first in range(0, count, 32):
@@ -58,7 +58,7 @@ def long(folder: Path, size: float) -> Outcome:
     memory: list[tuple[int, float]] = []
     with PseudoTerminal(link) as terminal:
         recorder = RecorderProcess(link, path, "--count", count)
-        wait_for_reader(terminal, recorder)
+        wait_for_reader(recorder)
         sent, done = 0, threading.Event()
         memory.append((0, _resident_mib(recorder.process.pid)))
 

@@ -68,7 +68,7 @@ class RateMeter:
 
 @contextmanager
 def reporter() -> Iterator[Callable[["RecordingStatus"], None]]:
-    """Live on a terminal; elsewhere a line when something has changed, at most one a second."""
+    """Live on a terminal; elsewhere a line when something has changed: the port at once, counts once a second."""
     from rich.console import Console
     from rich.text import Text
 
@@ -79,12 +79,17 @@ def reporter() -> Iterator[Callable[["RecordingStatus"], None]]:
                 Text(describe(status, meter.rate(status.stored_count)), no_wrap=True, overflow="ellipsis")
             )
         return
-    told_at, told = -1.0, None
+    told_at = -1.0
+    told: RecordingStatus | None = None
 
     def tell(status: "RecordingStatus") -> None:
         nonlocal told_at, told
         rate, now = meter.rate(status.stored_count), time.monotonic()
-        if now - told_at >= 1.0 and status != told:
+        port_changed = told is not None and (status.port_open, status.reconnect_count) != (
+            told.port_open,
+            told.reconnect_count,
+        )
+        if status != told and (port_changed or now - told_at >= 1.0):
             told_at, told = now, status
             print(describe(status, rate), flush=True)
 

@@ -58,6 +58,7 @@ def record(
         try:
             with EchoStore(store) as echoes, reporter() as report:
                 echoes.begin_recording(port, protocol, labels)
+                print(f"recording {protocol} from {port} into {store}", flush=True)
                 status = Recorder(
                     stream,
                     echoes,

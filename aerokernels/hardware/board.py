@@ -10,7 +10,7 @@ from aerokernels.hardware.faults import FaultPlan
 from aerokernels.hardware.frames import DELIMITER, encode
 from aerokernels.hardware.pseudo_terminal import PseudoTerminal
 
-_SETTLING_TIME = 0.1  # [s]; opening a serial port throws away what came before its settings were made
+_SETTLING_TIME = 0.25  # [s]; opening a serial port throws away what came before its settings were made
 
 
 def run_board(
