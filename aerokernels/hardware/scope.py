@@ -191,14 +191,15 @@ def find_dialect(scope: Oscilloscope, name: str = "auto") -> tuple[Dialect, Prea
             continue
         for command in dialect.set_up:
             scope.send(command)
-        try:
-            return dialect, dialect.parse(scope.ask_text(dialect.preamble))
-        except NoAnswerError:
-            continue
-        except DamagedAnswerError:
-            why = f"damaged answer to {dialect.preamble}"
-        except PreambleError as error:
-            why = str(error)
+        for _ in range(2):  # the first answer may be mixed with what was on the line before
+            try:
+                return dialect, dialect.parse(scope.ask_text(dialect.preamble))
+            except NoAnswerError:
+                break
+            except DamagedAnswerError:
+                why = f"damaged answer to {dialect.preamble}"
+            except PreambleError as error:
+                why = str(error)
     raise NoAnswerError(why)
 
 

@@ -157,7 +157,6 @@ class CurveStream:
         if self._single and self._port.is_open:
             try:
                 self._scope.send(self._single[2])
-                self._port.flush()
             except PORT_ERRORS:
                 pass
         close_port(self._port)

@@ -91,7 +91,7 @@ class EchoStore:
             raise
         self._recording, self._label = 0, "{}"
         self._followed = False  # whether an echo of this recording came before
-        self._last: tuple[int, int, int | None] | None = None  # session, sequence, device time
+        self._last: tuple[int, int, int | None, int] | None = None  # session, sequence, device time, check sum
         self._echoes: list[tuple] = []
         self._keys: set[tuple[int, int, int]] = set()
         self._damaged: list[tuple] = []
@@ -150,13 +150,17 @@ class EchoStore:
         sequence, device_time = echo.sequence, echo.device_time_us
         if sequence is None:  # an instrument that does not count: numbered here
             sequence = 0 if self._last is None else (self._last[1] + 1) % 2**32
-        if device_time is not None:
+            is_new = True
+        elif device_time is None:  # an acquisition that is still on the screen after a reconnection
+            is_new = self._last is None or (sequence, echo.crc) != (self._last[1], self._last[3])
+        else:
             key = (sequence, signed(device_time), echo.crc)
-            if key in self._keys or self._is_stored(key):
-                self.duplicate_count += 1
-                return False
+            is_new = key not in self._keys and not self._is_stored(key)
             self._keys.add(key)
-        session = self._follow(sequence, device_time, host_time_ns)
+        if not is_new:
+            self.duplicate_count += 1
+            return False
+        session = self._follow(sequence, device_time, echo.crc, host_time_ns)
         self._echoes.append(row_of(echo, self._recording, session, sequence, host_time_ns, self._label))
         return True
 
@@ -260,22 +264,22 @@ class EchoStore:
             is not None
         )
 
-    def _last_echo(self, port: str, protocol: str) -> tuple[int, int, int | None] | None:
+    def _last_echo(self, port: str, protocol: str) -> tuple[int, int, int | None, int] | None:
         row = self._connection.execute(
-            "SELECT session, sequence, device_time_us FROM echoes WHERE recording IN "
+            "SELECT session, sequence, device_time_us, crc32 FROM echoes WHERE recording IN "
             "(SELECT id FROM recordings WHERE port = ? AND protocol = ?) ORDER BY id DESC LIMIT 1",
             (port, protocol),
         ).fetchone()
-        return row and (row[0], row[1], None if row[2] is None else row[2] % 2**64)
+        return row and (row[0], row[1], None if row[2] is None else row[2] % 2**64, row[3])
 
-    def _follow(self, sequence: int, device_time: int | None, host_time_ns: int) -> int:
+    def _follow(self, sequence: int, device_time: int | None, crc: int, host_time_ns: int) -> int:
         """The session of an echo, and the gap before it.
 
         A board counts up (across 2**32 - 1 too) while its clock does not go back; otherwise it started again.
         """
         session = 1
         if self._last is not None:
-            session, last, last_time = self._last
+            session, last, last_time, _ = self._last
             ahead = (sequence - last) % 2**32
             back = device_time is not None and last_time is not None and device_time < last_time
             if not 0 < ahead < 2**31 or back:
@@ -284,7 +288,7 @@ class EchoStore:
                 self._gaps.append((self._recording, session, last, sequence, ahead - 1, host_time_ns))
                 self.missing_count += ahead - 1 if self._followed else 0
         self._followed = True
-        self._last = (session, sequence, device_time)
+        self._last = (session, sequence, device_time, crc)
         return session
 
 

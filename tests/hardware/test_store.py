@@ -192,6 +192,24 @@ def test_curves_of_an_oscilloscope(tmp_path):
             np.testing.assert_array_equal(back.time, curve.time)
 
 
+def test_an_acquisition_that_is_still_on_the_screen_is_no_second_row(tmp_path):
+    """A stopped oscilloscope is read again after a reconnection and a restart: one row; a new curve is one more."""
+    curve = ScopeCurve(7, 250, 0.01, 0.0, np.array([1], np.int16), 0.0, "", b"#11\x01")
+    other = ScopeCurve(7, 250, 0.01, 0.0, np.array([2], np.int16), 0.0, "", b"#11\x02")
+    for _ in range(2):
+        with EchoStore(tmp_path / "s.sqlite") as store:
+            store.begin_recording("/dev/scope", "scpi", {})
+            store.add(curve, 1)
+            assert not store.add(curve, 1)
+            store.commit()
+            assert store.echo_count == 1
+    with EchoStore(tmp_path / "s.sqlite") as store:
+        store.begin_recording("/dev/scope", "scpi", {})
+        assert store.add(other, 1)  # the count began again and has come to 7 once more
+        store.commit()
+        assert [echo.session for echo in store.echoes()] == [1, 2]
+
+
 def test_two_boards_in_one_store(tmp_path):
     """Two recorders at once, batches interleaved: sessions and gaps are each board's own, nothing waits for ever."""
     path = tmp_path / "s.sqlite"
