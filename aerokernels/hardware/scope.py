@@ -5,6 +5,7 @@ asked before and after each curve, and those that came and went in between are k
 (Rigol), single acquisitions are started from here. An instrument that can do neither is read as fast as it answers.
 """
 
+import re
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -203,10 +204,13 @@ def find_dialect(scope: Oscilloscope, name: str = "auto") -> tuple[Dialect, Prea
     raise NoAnswerError(why)
 
 
-def can_answer(scope: Oscilloscope, question: str) -> bool:
-    """Whether the instrument knows a question."""
-    try:
-        scope.ask_text(question, _PROBE_TIME)
-    except (NoAnswerError, DamagedAnswerError):
-        return False
-    return True
+def can_answer(scope: Oscilloscope, question: str, words: str) -> bool:
+    """Whether the instrument knows a question: the last word of its answer matches the expression `words`."""
+    for _ in range(2):
+        try:
+            return re.fullmatch(words, scope.ask_text(question, _PROBE_TIME).split()[-1].upper()) is not None
+        except NoAnswerError:
+            break
+        except DamagedAnswerError:
+            continue
+    return False

@@ -22,6 +22,7 @@ if TYPE_CHECKING:
 
 Piece = EchoFrame | ScopeCurve | DamagedPiece
 
+_TRIGGER_STATES = "STOP|TD|WAIT|RUN|AUTO"
 _NEXT_QUESTION = 0.02  # [s] between two looks whether there is a new acquisition
 
 
@@ -125,8 +126,8 @@ class CurveStream:
         try:
             self._dialect, _ = find_dialect(self._scope, dialect)
             count, single = self._dialect.acquisition, self._dialect.single
-            self._count_question = count if count and can_answer(self._scope, count) else None
-            self._single = single if single and can_answer(self._scope, single[1]) else None
+            self._count_question = count if count and can_answer(self._scope, count, r"\d+") else None
+            self._single = single if single and can_answer(self._scope, single[1], _TRIGGER_STATES) else None
         except NoAnswerError as error:
             close_port(port)
             raise PortError(

@@ -135,6 +135,7 @@ def test_an_instrument_that_knows_two_questions(tmp_path: Path, aerokernels):
     answers = {
         b"WFMOUTPRE?": b"YMULT 0.01;YOFF 10;YZERO 1.5;XINCR 4.0E-10;XZERO -2.0E-9\n",
         b"CURVE?": b"#210" + counts.tobytes(),
+        b"ACQUIRE:NUMACQ?": b"ERROR: unknown\n",
     }
     link, path = tmp_path / "port", tmp_path / "echoes.sqlite"
     with plain_instrument(link, answers):
