@@ -119,7 +119,7 @@ class CurveStream:
         stopped: Callable[[], bool] = lambda: False,
     ) -> None:
         """Find out what the instrument speaks."""
-        self._port, self._stopped = port, stopped
+        self._port = port
         self._scope = Oscilloscope(port, timeout=timeout, stopped=stopped)
         self._last_count: int | None = None
         self._started = False  # a single acquisition

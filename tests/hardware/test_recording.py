@@ -1,8 +1,11 @@
 """Board to store through a real pseudo-terminal, in processes of their own: nothing is lost that was acknowledged."""
 
+import os
 import re
 import signal
 import sqlite3
+import subprocess
+import sys
 import threading
 from contextlib import closing
 from functools import partial
@@ -52,13 +55,14 @@ def test_board_to_store(tmp_path: Path, aerokernels):
     assert np.abs(mean - expected).max() < 6 * 0.02 / np.sqrt(60) + 4e-5
 
 
-def test_an_interrupt_ends_a_recording_cleanly(tmp_path: Path):
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_an_interrupt_ends_a_recording_cleanly(tmp_path: Path, number: signal.Signals):
     link, path = tmp_path / "port", tmp_path / "echoes.sqlite"
     with board(link, "--rate", 500), started("record", "--port", link, "--store", path) as recorder:
         assert recorder.stdout is not None
         while "stored" not in recorder.stdout.readline():
             assert recorder.poll() is None
-        recorder.send_signal(signal.SIGINT)
+        recorder.send_signal(number)
         output = recorder.communicate(timeout=30)[0]
         assert recorder.returncode == 0
     (count,) = map(int, re.findall(r"done: stored (\d+)", output))
@@ -66,6 +70,31 @@ def test_an_interrupt_ends_a_recording_cleanly(tmp_path: Path):
     assert len(found) == count > 0
     assert found == list(range(found[0], found[0] + count))
     assert integrity(path) == "ok"
+
+
+def test_a_terminal_sees_how_it_goes(tmp_path: Path):
+    """On a terminal: what is stored, the rate, the last peak, what was lost, and the state of the port."""
+    link, ours, theirs = tmp_path / "port", *os.openpty()
+    environment = {**os.environ, "TERM": "xterm", "COLUMNS": "160"}
+    with board(link, "--rate", 100, "--fault", "torn=0.1"):
+        command = [sys.executable, "-m", "aerokernels", "record", "--port", link, "--store", tmp_path / "s.sqlite"]
+        process = subprocess.Popen(
+            [*map(str, command), "--count", "80"], stdout=theirs, stderr=theirs, stdin=theirs, env=environment
+        )
+        os.close(theirs)
+        shown = b""
+        try:
+            while chunk := os.read(ours, 4096):
+                shown += chunk
+        except OSError:  # Linux says so when the last writer has left
+            pass
+        os.close(ours)
+        assert process.wait(30) == 0, shown
+    text = re.sub(r"\x1b\[[0-9;?]*[A-Za-z]", "", shown.decode())
+    line = r"stored (\d+), last sequence \d+, [\d.]+/s, last peak [\d.]+ V, damaged \d+, missing \d+, port open"
+    counts = [int(count) for count in re.findall(line, text)]
+    assert len(set(counts)) > 1 and counts == sorted(counts) and counts[-1] == 80
+    assert "done: stored 80" in text
 
 
 def test_a_killed_recorder_keeps_what_it_acknowledged_and_goes_on(tmp_path: Path):
