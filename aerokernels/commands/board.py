@@ -1,4 +1,4 @@
-"""`aerokernels board`: a simulated digitiser board on a pseudo-terminal."""
+"""`aerokernels board`: a simulated digitiser board or oscilloscope on a pseudo-terminal."""
 
 from pathlib import Path
 from typing import Annotated
@@ -8,31 +8,57 @@ import typer
 
 def board(
     link: Annotated[Path, typer.Option(help="Where to put the port: a symbolic link, removed at the end.")],
-    protocol: Annotated[str, typer.Option(help="What the board speaks: frames.")] = "frames",
+    protocol: Annotated[
+        str, typer.Option(help="What it speaks: frames (digitiser board) or scpi (oscilloscope).")
+    ] = "frames",
+    dialect: Annotated[str, typer.Option(help="Of --protocol scpi: tektronix or rigol.")] = "tektronix",
     echo: Annotated[
-        Path | None, typer.Option(help="result.nc of a run whose echo is sent [default: a Gaussian echo].")
+        Path | None,
+        typer.Option(help="Folder of a run, or its result.nc, whose echo is sent [default: a Gaussian echo]."),
     ] = None,
     rate: Annotated[float, typer.Option(help="Echoes per second.")] = 50.0,
-    count: Annotated[int | None, typer.Option(min=1, help="Frames before it ends [default: until Ctrl-C].")] = None,
+    count: Annotated[int | None, typer.Option(min=1, help="Echoes before it ends [default: until Ctrl-C].")] = None,
     noise: Annotated[float, typer.Option(min=0.0, help="Standard deviation of the noise [V].")] = 0.02,
-    samples: Annotated[int, typer.Option(min=1, max=65535, help="Samples of a frame.")] = 128,
+    samples: Annotated[int, typer.Option(min=1, max=65535, help="Samples of an echo.")] = 128,
     sample_period: Annotated[int, typer.Option(min=1, max=2**32 - 1, help="Time between samples [ps].")] = 250,
-    seed: Annotated[int, typer.Option(min=0, help="Of the noise.")] = 0,
+    fault: Annotated[
+        list[str] | None,
+        typer.Option(
+            help="KIND=PROBABILITY per echo, repeatable: torn, flipped, glued, garbage, gap, repeat, stall or unplug."
+        ),
+    ] = None,
+    pause: Annotated[float, typer.Option(min=0.0, help="Seconds that a stall or an unplugged port lasts.")] = 1.0,
+    seed: Annotated[int, typer.Option(min=0, help="Of the noise and the faults.")] = 0,
 ) -> None:
-    """Simulate a digitiser board: try `record` without hardware. Sends while someone has the port open."""
-    from aerokernels.hardware.board import EchoSource, run_board
+    """Simulate a digitiser board or an oscilloscope: try `record` without hardware."""
+    from aerokernels.hardware.board import run_board
+    from aerokernels.hardware.echo_source import EchoSource
+    from aerokernels.hardware.faults import FaultPlan, parse_faults
     from aerokernels.hardware.interrupt import interrupt_flag
-    from aerokernels.hardware.protocols import require_protocol
+    from aerokernels.hardware.protocols import DIALECT_NAMES, PROTOCOLS, require_one_of
     from aerokernels.hardware.pseudo_terminal import PseudoTerminal
+    from aerokernels.hardware.scope_board import SimulatedScope, run_scope
 
-    require_protocol(protocol)
+    require_one_of("--protocol", protocol, PROTOCOLS)
+    require_one_of("--dialect", dialect, DIALECT_NAMES)
     if not rate > 0.0:
         raise ValueError(f"--rate {rate}: give a positive number of echoes per second")
+    faults = FaultPlan(parse_faults(fault or []), pause, seed)
     if echo is None:
         source = EchoSource.gaussian(sample_count=samples, sample_period_ps=sample_period, noise=noise)
     else:
         source = EchoSource.from_result(echo, sample_count=samples, sample_period_ps=sample_period, noise=noise)
     with interrupt_flag() as interrupted, PseudoTerminal(link) as terminal:
-        print(f"board on {link} ({terminal.name}); record it with: aerokernels record --port {link} ...", flush=True)
-        sent = run_board(terminal, source, rate=rate, count=count, seed=seed, stopped=interrupted.is_set)
-    print(f"done: {sent} frames sent", flush=True)
+        more = "" if protocol == "frames" else f"--protocol {protocol} "
+        print(
+            f"board on {link} ({terminal.name}); record it with: aerokernels record {more}--port {link} ...", flush=True
+        )
+        if protocol == "scpi":
+            scope = SimulatedScope(source, dialect=dialect, rate=rate, seed=seed)
+            done = f"{run_scope(terminal, scope, count=count, faults=faults, stopped=interrupted.is_set)} curves"
+        else:
+            sent = run_board(
+                terminal, source, rate=rate, count=count, seed=seed, faults=faults, stopped=interrupted.is_set
+            )
+            done = f"{sent} frames"
+    print(f"done: {done} sent{', faults: ' if str(faults) else ''}{faults}", flush=True)

@@ -1,112 +1,90 @@
 """`aerokernels record`: log echoes from a serial port into a store."""
 
-import sqlite3
-import time
-from collections.abc import Callable, Iterator
-from contextlib import closing, contextmanager
-from functools import partial
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 if TYPE_CHECKING:
-    from aerokernels.hardware.recorder import RecordingStatus
+    from aerokernels.hardware.sources import EchoStream
 
 
 def record(
-    port: Annotated[str, typer.Option(help="Serial device, its by-id path, or a pyserial URL.")],
+    port: Annotated[
+        str, typer.Option(help="Serial device, its by-id path, or a pyserial URL (socket://, rfc2217://, ...).")
+    ],
     store: Annotated[Path, typer.Option(help="SQLite file; made when it is not there, continued when it is.")],
-    protocol: Annotated[str, typer.Option(help="What the instrument speaks: frames.")] = "frames",
+    protocol: Annotated[
+        str, typer.Option(help="What the instrument speaks: frames (digitiser board) or scpi (oscilloscope).")
+    ] = "frames",
     count: Annotated[
         int | None, typer.Option(min=1, help="Echoes to store before stopping [default: until Ctrl-C].")
     ] = None,
     baud: Annotated[int, typer.Option(min=1, help="Line rate [bit/s].")] = 115200,
+    flow: Annotated[str, typer.Option(help="Hardware flow control: none, rtscts or dsrdtr.")] = "none",
     label: Annotated[list[str] | None, typer.Option(help="key=value kept with every echo; may be repeated.")] = None,
+    dialect: Annotated[
+        str, typer.Option(help="Of --protocol scpi: auto (ask the instrument), tektronix or rigol.")
+    ] = "auto",
+    timeout: Annotated[
+        float, typer.Option(min=0.1, help="Seconds of silence before and within an oscilloscope's answer.")
+    ] = 3.0,
+    stall: Annotated[
+        float, typer.Option(min=0.0, help="Seconds of silence after which the port is opened anew; 0: never.")
+    ] = 30.0,
     commit_interval: Annotated[float, typer.Option(min=0.0, help="Seconds of echoes that a kill can lose.")] = 0.25,
 ) -> None:
     """Record echoes from hardware until --count or Ctrl-C; a port that goes away is waited for."""
+    from aerokernels.commands._recording import describe, parse_labels, reporter
     from aerokernels.hardware.interrupt import interrupt_flag
-    from aerokernels.hardware.port import open_port
-    from aerokernels.hardware.protocols import require_protocol
+    from aerokernels.hardware.port import PortError
+    from aerokernels.hardware.protocols import DIALECT_NAMES, PROTOCOLS, require_one_of
     from aerokernels.hardware.recorder import Recorder
     from aerokernels.hardware.store import EchoStore
 
-    require_protocol(protocol)
+    require_one_of("--protocol", protocol, PROTOCOLS)
+    require_one_of("--dialect", dialect, ("auto", *DIALECT_NAMES))
     labels = parse_labels(label or [])
-    reopen = partial(open_port, port, baud=baud)
-    # The port comes first: where there is none, no store is left behind.
-    with interrupt_flag() as interrupted, closing(reopen()) as first, EchoStore(store) as echoes, reporter() as report:
+    with interrupt_flag() as interrupted:
+        connect = connector(port, protocol, baud, flow, dialect, timeout, interrupted.is_set)
+        # The port comes first: where there is none, no store is left behind.
         try:
-            echoes.begin_recording(port, protocol, labels)
-            status = Recorder(
-                first,
-                echoes,
-                reopen,
-                count=count,
-                commit_interval=commit_interval,
-                stopped=interrupted.is_set,
-                report=report,
-            ).run()
-        except sqlite3.OperationalError as error:
-            raise RuntimeError(
-                f"store {store}: {error}; what was committed is safe: "
-                "make room or unlock the file, then record again into the same store"
-            ) from error
+            stream = connect()
+        except PortError:
+            if interrupted.is_set():  # while an instrument was looked for
+                raise KeyboardInterrupt from None
+            raise
+        try:
+            with EchoStore(store) as echoes, reporter() as report:
+                echoes.begin_recording(port, protocol, labels)
+                print(f"recording {protocol} from {port} into {store}", flush=True)
+                status = Recorder(
+                    stream,
+                    echoes,
+                    connect,
+                    count=count,
+                    commit_interval=commit_interval,
+                    stall_time=stall,
+                    stopped=interrupted.is_set,
+                    report=report,
+                ).run()
+        finally:
+            stream.close()
     typer.echo(f"done: {describe(status)}, in {store}")
 
 
-def parse_labels(pairs: list[str]) -> dict[str, str]:
-    """Labels from "key=value" texts.
+def connector(
+    port: str, protocol: str, baud: int, flow: str, dialect: str, timeout: float, stopped: Callable[[], bool]
+) -> "Callable[[], EchoStream]":
+    """What opens the port and finds the instrument on it, the first time and again."""
+    from aerokernels.hardware.port import open_port
+    from aerokernels.hardware.sources import CurveStream, FrameStream
 
-    Raises:
-        ValueError: a text without a key or without "=", or a key given twice.
-    """
-    labels: dict[str, str] = {}
-    for pair in pairs:
-        key, equals, value = (part.strip() for part in pair.partition("="))
-        if not key or not equals:
-            raise ValueError(f"--label {pair!r}: give key=value, for example mach=3")
-        if key in labels:
-            raise ValueError(f"--label {pair!r}: {key!r} is given twice; give each key once")
-        labels[key] = value
-    return labels
+    def connect() -> "EchoStream":
+        opened = open_port(port, baud=baud, flow=flow)
+        if protocol == "scpi":
+            return CurveStream(opened, dialect=dialect, timeout=timeout, stopped=stopped)
+        return FrameStream(opened)
 
-
-def describe(status: "RecordingStatus") -> str:
-    """One line about what is on the disk."""
-    parts = [f"stored {status.stored_count}"]
-    if status.last_sequence is not None:
-        parts.append(f"last sequence {status.last_sequence}")
-    if status.last_peak is not None:
-        parts.append(f"last peak {status.last_peak:.3f} V")
-    parts.append(f"damaged {status.damaged_count}")
-    parts.append(f"missing {status.missing_count}")
-    if status.duplicate_count:
-        parts.append(f"sent twice {status.duplicate_count}")
-    if status.reconnect_count:
-        parts.append(f"reconnected {status.reconnect_count}")
-    if not status.port_open:
-        parts.append("port away, waiting for it")
-    return ", ".join(parts)
-
-
-@contextmanager
-def reporter() -> Iterator[Callable[["RecordingStatus"], None]]:
-    """Live on a terminal; elsewhere a line when something was committed, at most one a second."""
-    from rich.console import Console
-
-    console = Console()
-    if console.is_terminal:
-        with console.status("waiting for the first echo") as live:
-            yield lambda status: live.update(describe(status))
-        return
-    told: list[float] = []
-
-    def tell(status: "RecordingStatus") -> None:
-        now = time.monotonic()
-        if not told or now - told[-1] >= 1.0:
-            told[:] = [now]
-            print(describe(status), flush=True)
-
-    yield tell
+    return connect

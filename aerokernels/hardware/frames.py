@@ -17,10 +17,14 @@ import math
 import struct
 import zlib
 from dataclasses import dataclass, field
+from functools import cached_property
 from operator import index
+from typing import Any
 
 import numpy as np
 from cobs import cobs
+
+from aerokernels.hardware.waveform import Waveform
 
 MAGIC = b"AE"
 VERSION = 1
@@ -38,7 +42,7 @@ class FrameError(ValueError):
 
 
 @dataclass(frozen=True, eq=False)
-class EchoFrame:
+class EchoFrame(Waveform):
     """One recorded echo as the board sent it.
 
     Attributes:
@@ -88,17 +92,7 @@ class EchoFrame:
         samples.flags.writeable = False
         object.__setattr__(self, "samples", samples)
 
-    @property
-    def voltage(self) -> np.ndarray:
-        """Samples as volts [V], float64, shape (sample_count,)."""
-        return self.offset + self.scale * self.samples.astype(np.float64)
-
-    @property
-    def time(self) -> np.ndarray:
-        """Time of each sample after the first [s], shape (sample_count,)."""
-        return np.arange(self.samples.size) * (self.sample_period_ps * 1e-12)
-
-    @property
+    @cached_property
     def crc(self) -> int:
         """CRC-32 the frame carries; with sequence and device time it identifies the frame in a store."""
         return zlib.crc32(self._body())
@@ -140,8 +134,18 @@ def decode(raw: bytes) -> EchoFrame:
         raise FrameError(f"version: {version}, this decoder reads {VERSION}")
     if len(body) != _HEADER.size + 2 * count:
         raise FrameError(f"length: {len(body) - _HEADER.size} bytes of samples for a count of {count}")
-    samples = np.frombuffer(body, "<i2", offset=_HEADER.size)
-    try:
-        return EchoFrame(sequence, device_time, period, scale, offset, samples, flags, bytes(raw))
-    except ValueError as error:  # a scale or an offset that is no number
-        raise FrameError(f"header: {error}") from None
+    for name, value in (("scale", scale), ("offset", offset)):
+        if not math.isfinite(value):
+            raise FrameError(f"header: {name} = {value}, which is no voltage")
+    samples = np.frombuffer(body, "<i2", offset=_HEADER.size).astype(np.int16, copy=False)
+    return _received(
+        sequence=sequence, device_time_us=device_time, sample_period_ps=period, scale=scale, offset=offset,
+        samples=samples, flags=flags, raw=bytes(raw), crc=crc,
+    )  # fmt: skip
+
+
+def _received(**fields: Any) -> EchoFrame:
+    """A frame whose fields came out of their own places in a frame: they fit, and checking them again takes time."""
+    frame = object.__new__(EchoFrame)
+    frame.__dict__.update(fields)
+    return frame

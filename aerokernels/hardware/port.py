@@ -1,36 +1,107 @@
-"""Opening a serial port, or a pyserial URL, for one process alone."""
+"""Opening a serial port, or a pyserial URL, for one process alone, and reading what has come in."""
 
 import errno
+import time
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     import serial
 
+try:
+    import termios
+except ImportError:  # Windows has no such module, and no such error
+    PORT_ERRORS: tuple[type[Exception], ...] = (OSError,)
+else:
+    PORT_ERRORS = (OSError, termios.error)
+"""What a port that went away raises: SerialException is an OSError, termios.error is not."""
+
+_OPEN_ERRORS: tuple[type[Exception], ...] = (*PORT_ERRORS, ValueError)  # a bad URL is a ValueError
+FLOW_CONTROLS = ("none", "rtscts", "dsrdtr")
+_LONGEST_READ = 65536
+_SOCKET_WAIT = 0.1  # [s]
+
 
 class PortError(ValueError):
     """A port that cannot be opened; the message names it and the remedy."""
 
 
-def open_port(port: str, *, baud: int = 115200, timeout: float = 0.1) -> "serial.SerialBase":
+def open_port(port: str, *, baud: int = 115200, timeout: float = 0.1, flow: str = "none") -> "serial.SerialBase":
     """Open `port` exclusively: a second process asking for it is refused.
 
     Args:
-        port: device ("/dev/ttyUSB0", "/dev/serial/by-id/...", "COM3") or pyserial URL ("socket://host:port", "loop://").
+        port: device ("/dev/ttyUSB0", "/dev/serial/by-id/...", "COM3") or pyserial URL ("socket://host:port",
+            "rfc2217://host:port", "loop://").
         baud: line rate [bit/s].
-        timeout: longest wait of a read for its first byte [s].
+        timeout: longest wait of a read for its first byte [s]; a write may take ten times as long.
+        flow: hardware flow control, one of `FLOW_CONTROLS`.
 
     Raises:
         PortError: no such port, no permission, in use, or not a serial port.
+        ValueError: a setting that no port has.
     """
     import serial
 
     if baud <= 0:
         raise ValueError(f"baud = {baud}: give a positive line rate such as 115200")
+    if flow not in FLOW_CONTROLS:
+        why = ", which takes bytes out of binary data" if "xon" in flow.lower() else ""
+        raise ValueError(f"flow control {flow!r}{why}: give one of {', '.join(FLOW_CONTROLS)}")
     try:
-        return serial.serial_for_url(port, baudrate=baud, timeout=timeout, exclusive=True)
-    except (OSError, ValueError) as error:  # SerialException is an OSError; a bad URL is a ValueError
+        opened = serial.serial_for_url(
+            port,
+            baudrate=baud,
+            timeout=timeout,
+            write_timeout=None if port.startswith("rfc2217:") else 10.0 * timeout,  # pyserial has none there
+            exclusive=True,
+            rtscts=flow == "rtscts",
+            dsrdtr=flow == "dsrdtr",
+        )
+    except _OPEN_ERRORS as error:
         raise PortError(f"port {port!r}: {_remedy(port, error)}") from error
+    if _is_socket(opened):
+        opened.timeout = 0  # a read takes what is there, see `_read_socket`
+    return opened
+
+
+def read_available(port: "serial.SerialBase") -> bytes:
+    """The bytes that have come in; waits for the first as long as the port's timeout says, empty when none came.
+
+    Raises:
+        OSError, termios.error: the port went away (`PORT_ERRORS`).
+    """
+    if _is_socket(port):
+        return _read_socket(port)
+    first = port.read(max(1, min(port.in_waiting, _LONGEST_READ)))
+    if first:
+        try:  # one byte woke us; most often its neighbours are here by now
+            waiting = min(port.in_waiting, _LONGEST_READ)
+            return first + port.read(waiting) if waiting else first
+        except PORT_ERRORS:
+            pass  # the next call meets it again; what was read is not to be lost
+    return first
+
+
+def _read_socket(port: "serial.SerialBase") -> bytes:
+    """As `read_available`: a longer read of pyserial's would drop what came before the other side hung up."""
+    until = time.monotonic() + _SOCKET_WAIT
+    while not port.in_waiting:  # only tells whether there is anything
+        if time.monotonic() > until:
+            return b""
+        time.sleep(_SOCKET_WAIT / 20.0)
+    return port.read(_LONGEST_READ)
+
+
+def _is_socket(port: "serial.SerialBase") -> bool:
+    return str(port.port).startswith("socket:")
+
+
+def close_port(port: "serial.SerialBase") -> None:
+    """Close, whatever state the port is in."""
+    try:
+        port.close()
+    except PORT_ERRORS:
+        pass  # a device that is gone may refuse even this
 
 
 def _remedy(port: str, error: Exception) -> str:

@@ -1,15 +1,14 @@
-"""The protocols that the recorder and the simulated board speak."""
+"""The protocols that the recorder and the simulated board speak, and the oscilloscope dialects of one of them."""
 
-AVAILABLE_PROTOCOLS = ("frames",)
+PROTOCOLS = ("frames", "scpi")
+DIALECT_NAMES = ("tektronix", "rigol")
 
 
-def require_protocol(protocol: str) -> None:
-    """Refuse a protocol that is not available.
+def require_one_of(option: str, value: str, names: tuple[str, ...]) -> None:
+    """Refuse a value that is none of `names`.
 
     Raises:
-        ValueError: naming the ones that are.
+        ValueError: naming the ones there are.
     """
-    if protocol not in AVAILABLE_PROTOCOLS:
-        raise ValueError(
-            f"protocol {protocol!r} is not available in this version: use --protocol {' or '.join(AVAILABLE_PROTOCOLS)}"
-        )
+    if value not in names:
+        raise ValueError(f"{option} {value!r}: give {', '.join(names[:-1])} or {names[-1]}")

@@ -26,8 +26,14 @@ class PseudoTerminal:
             raise ValueError(f"link {self.link}: folder {self.link.parent} does not exist; make it first")
         if not hasattr(os, "openpty"):
             raise ValueError("this system has no pseudo-terminals: run the simulated board on Linux or macOS")
+        self._master = -1
+        self.open()
+
+    def open(self) -> None:
+        """Plug in: a new terminal under the same link."""
         import tty
 
+        self.close()
         self._master, slave = os.openpty()
         tty.setraw(slave)  # bytes pass unchanged, nothing is echoed
         self.name = os.ttyname(slave)
@@ -43,6 +49,19 @@ class PseudoTerminal:
     def has_reader(self) -> bool:
         """Whether someone has the port open."""
         return not any(event & select.POLLHUP for _, event in self._poll.poll(0))
+
+    def read(self, timeout: float = 0.1) -> bytes:
+        """What the other side has sent; waits `timeout` [s] for it, empty when nothing came or nobody is there."""
+        readable, _, _ = select.select([self._master], [], [], timeout)
+        if not readable:
+            return b""
+        try:
+            return os.read(self._master, 65536)
+        except BlockingIOError:
+            return b""
+        except OSError:  # nobody has the port open
+            time.sleep(min(timeout, 0.02))
+            return b""
 
     def write(self, data: bytes, stopped: Callable[[], bool] = lambda: False) -> bool:
         """Write all of `data`, waiting for a slow reader; False when the reader left or `stopped()` came first."""

@@ -1,36 +1,35 @@
-"""The recording loop: bytes from a port, through the decoder, into the store, until a count or a stop."""
+"""The recording loop: echoes from a port into the store, until a count or a stop, whatever the port does meanwhile."""
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
 
-from aerokernels.hardware.decoder import DamagedPiece, FrameDecoder
-from aerokernels.hardware.frames import EchoFrame
-from aerokernels.hardware.port import PortError
+from aerokernels.hardware.decoder import DamagedPiece
+from aerokernels.hardware.port import PORT_ERRORS, PortError
+from aerokernels.hardware.sources import EchoStream, Piece
 from aerokernels.hardware.store import EchoStore
-
-if TYPE_CHECKING:
-    import serial
+from aerokernels.hardware.waveform import Waveform
 
 FIRST_WAIT = 0.1
 GREATEST_WAIT = 5.0
 """Waits between attempts to reopen a lost port [s]: doubled from the first to the greatest."""
 
+_REPORT_INTERVAL = 1.0  # [s] between reports while nothing is committed
+
 
 @dataclass(frozen=True)
 class RecordingStatus:
-    """What is on the disk (a status is made after a commit, never before).
+    """What is on the disk (counts are those of the last commit, never ahead of it).
 
     Attributes:
         stored_count: echoes stored in this recording.
         duplicate_count: good frames that the store already had.
         damaged_count: damaged pieces kept.
-        missing_count: frames the sequence numbers say were sent and did not arrive.
+        missing_count: echoes that the numbers say were measured and did not arrive.
         reconnect_count: times the port was lost and opened again.
         last_sequence: number of the last echo stored, None before the first.
         last_peak: greatest voltage of the last echo [V].
-        port_open: False while the port is away.
+        port_state: "open", "silent" (open, but nothing comes) or why the port is away.
     """
 
     stored_count: int = 0
@@ -40,129 +39,153 @@ class RecordingStatus:
     reconnect_count: int = 0
     last_sequence: int | None = None
     last_peak: float | None = None
-    port_open: bool = True
+    port_state: str = "open"
+
+    @property
+    def port_open(self) -> bool:
+        """Whether the port is there."""
+        return self.port_state in ("open", "silent")
 
 
 class Recorder:
-    """Records frames v1 from a port into a store.
+    """Records echoes from a port into a store.
 
     Args:
-        port: the open port; the recorder closes it.
+        stream: the open port; the recorder closes it.
         store: where the echoes go; `begin_recording` has been called.
-        reopen: opens the port again, or raises PortError; called with back-off after the port was lost.
+        reconnect: opens the port again, or raises PortError; called with back-off after the port was lost.
         count: echoes to store before stopping; None records until `stopped`.
-        commit_interval: longest time a frame waits for its commit [s]; it bounds what a kill loses.
-        batch_size: most frames and pieces between two commits.
+        commit_interval: longest time an echo waits for its commit [s]; it bounds what a kill loses.
+        batch_size: most echoes and pieces between two commits.
+        stall_time: silence after which the port is given up and opened anew [s]; 0 waits for ever.
         stopped: asked between reads; True ends the recording.
-        report: called with the status after each commit and whenever the port goes or comes back.
+        report: called with the status after each commit, when the port goes or comes back, and once a second.
     """
 
     def __init__(
         self,
-        port: "serial.SerialBase",
+        stream: EchoStream,
         store: EchoStore,
-        reopen: Callable[[], "serial.SerialBase"],
+        reconnect: Callable[[], EchoStream],
         *,
         count: int | None = None,
         commit_interval: float = 0.25,
-        batch_size: int = 256,
+        batch_size: int = 4096,
+        stall_time: float = 0.0,
         stopped: Callable[[], bool] = lambda: False,
         report: Callable[[RecordingStatus], None] = lambda status: None,
     ) -> None:
         """Check the arguments; `run` records."""
         if count is not None and count < 1:
             raise ValueError(f"count = {count}: give 1 or more, or leave it out to record until interrupted")
-        self._port, self._store, self._reopen, self._count = port, store, reopen, count
-        self._commit_interval, self._batch_size = commit_interval, batch_size
+        if not stall_time >= 0.0:
+            raise ValueError(f"stall time = {stall_time} s: give 0 or more")
+        self._stream, self._store, self._reconnect, self._count = stream, store, reconnect, count
+        self._commit_interval, self._batch_size, self._stall_time = commit_interval, batch_size, stall_time
         self._stopped, self._report = stopped, report
-        self._decoder = FrameDecoder()
         self._status = RecordingStatus()
         self._batch_count, self._batch_since = 0, 0.0
+        self._damaged_count = 0
+        self._last_echo: Waveform | None = None
+        self._reported_at = 0.0
 
     def run(self) -> RecordingStatus:
-        """Record; returns what was stored. A port that is lost on the way is waited for."""
-        port: serial.SerialBase | None = self._port
-        while port is not None:
-            lost = not self._record_from(port)
-            _close(port)
-            if not lost:
+        """Record; returns what was stored. A port that is lost on the way is waited for.
+
+        Raises:
+            StoreError: the store cannot be written; the port is closed, and what was committed is safe.
+        """
+        stream: EchoStream | None = self._stream
+        self._reported_at = time.monotonic()
+        while stream is not None:
+            try:
+                lost = self._record_from(stream)
+            finally:
+                rest = stream.close()
+            self._take_all(rest)
+            if lost is None:
                 break
-            for piece in self._decoder.finish("cut off: the port was lost"):
-                self._take(piece, time.time_ns())
-            self._status = replace(self._status, port_open=False)
-            self._commit()
-            port = self._reconnect()
-        self._commit()
+            self._take_all((piece, time.time_ns()) for piece in stream.cut_off(f"cut off: {lost}"))
+            self._commit(lost)
+            stream = self._wait_for_port()
+        self._commit(self._status.port_state)
         return self._status
 
-    def _record_from(self, port: "serial.SerialBase") -> bool:
-        """Record until the count or a stop (True), or until the port is lost (False)."""
+    def _record_from(self, stream: EchoStream) -> str | None:
+        """Record until the count or a stop (None), or until the port is lost (why)."""
         while not (self._done() or self._stopped()):
             try:
-                chunk = port.read(max(1, port.in_waiting))
-            except OSError:  # SerialException is one
-                return False
-            host_time = time.time_ns()
-            for piece in self._decoder.feed(chunk):
-                self._take(piece, host_time)
-                if self._done():
-                    break
-            if self._batch_count and time.monotonic() - self._batch_since >= self._commit_interval:
-                self._commit()
-        return True
+                self._take_all(stream.poll())
+            except PORT_ERRORS as error:
+                return f"the port was lost ({' '.join(str(error).split())})"
+            now = time.monotonic()
+            silence = now - stream.heard_at
+            if self._stall_time and silence > self._stall_time:
+                return f"nothing came for {self._stall_time:g} s"
+            if self._batch_count and (stream.waits_long or now - self._batch_since >= self._commit_interval):
+                self._commit("open")
+            elif not self._batch_count and now - self._reported_at >= _REPORT_INTERVAL:
+                self._tell("silent" if silence >= 1.0 else "open")
+        return None
 
-    def _take(self, piece: EchoFrame | DamagedPiece, host_time: int) -> None:
-        if not self._batch_count:
-            self._batch_since = time.monotonic()
-        self._batch_count += 1
-        status = self._status
-        if not isinstance(piece, EchoFrame):
-            self._store.add_damaged(piece, host_time)
-            self._status = replace(status, damaged_count=status.damaged_count + 1)
-        elif not self._store.add(piece, host_time):
-            self._status = replace(status, duplicate_count=status.duplicate_count + 1)
-        else:
-            missing = 0 if status.last_sequence is None else (piece.sequence - status.last_sequence - 1) % 2**32
-            self._status = replace(
-                status,
-                stored_count=status.stored_count + 1,
-                # Half the number range and more is no gap: the board started again.
-                missing_count=status.missing_count + (missing if missing < 2**31 else 0),
-                last_sequence=piece.sequence,
-                last_peak=float(piece.voltage.max()) if piece.samples.size else None,
-            )
-        if self._batch_count >= self._batch_size:
-            self._commit()
+    def _take_all(self, pieces: Iterable[tuple[Piece, int]]) -> None:
+        for piece, host_time in pieces:
+            if self._done():
+                return
+            if not self._batch_count:
+                self._batch_since = time.monotonic()
+            self._batch_count += 1
+            if isinstance(piece, DamagedPiece):
+                self._store.add_damaged(piece, host_time)
+                self._damaged_count += 1
+            elif self._store.add(piece, host_time):
+                self._last_echo = piece
+            if self._batch_count >= self._batch_size:
+                self._commit(self._status.port_state)
 
-    def _commit(self) -> None:
-        self._store.commit()
+    def _commit(self, port_state: str) -> None:
+        status, store = self._status, self._store
+        stored = store.pending_count
+        twice = store.duplicate_count
+        store.commit()
+        # What another recorder of the same board stored meanwhile turns out only now.
+        stored -= store.duplicate_count - twice
         self._batch_count = 0
+        self._status = replace(
+            status,
+            stored_count=status.stored_count + stored,
+            duplicate_count=store.duplicate_count,
+            damaged_count=self._damaged_count,
+            missing_count=store.missing_count,
+            last_sequence=store.last_sequence if stored else status.last_sequence,
+            last_peak=self._last_echo.peak if stored and self._last_echo else status.last_peak,
+        )
+        self._tell(port_state)
+
+    def _tell(self, port_state: str) -> None:
+        self._status = replace(self._status, port_state=port_state)
+        self._reported_at = time.monotonic()
         self._report(self._status)
 
     def _done(self) -> bool:
-        return self._count is not None and self._status.stored_count >= self._count
+        return self._count is not None and self._status.stored_count + self._store.pending_count >= self._count
 
-    def _reconnect(self) -> "serial.SerialBase | None":
+    def _wait_for_port(self) -> EchoStream | None:
         """The port again, however long it stays away; None when the recording was stopped meanwhile."""
-        wait = FIRST_WAIT
+        wait, lost = FIRST_WAIT, self._status.port_state
         while not self._stopped():
             # Waiting comes first: a port that opens and fails at once must not be asked without a pause.
             until = time.monotonic() + wait
             while time.monotonic() < until and not self._stopped():
                 time.sleep(min(0.1, wait))
+                if time.monotonic() - self._reported_at >= _REPORT_INTERVAL:
+                    self._tell(lost)
             wait = min(2.0 * wait, GREATEST_WAIT)
             try:
-                port = self._reopen()
+                stream = self._reconnect()
             except PortError:
                 continue
-            self._status = replace(self._status, reconnect_count=self._status.reconnect_count + 1, port_open=True)
-            self._report(self._status)
-            return port
+            self._status = replace(self._status, reconnect_count=self._status.reconnect_count + 1)
+            self._tell("open")
+            return stream
         return None
-
-
-def _close(port: "serial.SerialBase") -> None:
-    try:
-        port.close()
-    except OSError:
-        pass  # a device that is gone may refuse even this

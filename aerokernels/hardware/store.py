@@ -10,11 +10,15 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-import numpy as np
-
 from aerokernels.hardware.decoder import DamagedPiece
 from aerokernels.hardware.frames import EchoFrame
-from aerokernels.hardware.schema import APPLICATION_ID, SCHEMA, SCHEMA_VERSION
+from aerokernels.hardware.preamble import ScopeCurve
+from aerokernels.hardware.rows import READ_ECHOES, WRITE_ECHO, echo_of, row_of, signed
+from aerokernels.hardware.schema import APPLICATION_ID, SCHEMA_VERSION, create, upgrade
+from aerokernels.hardware.transaction import StoreError, Transaction
+
+_BUSY_TIME = 30.0  # [s] to wait for another recorder that is just committing to the same store
+_CHECKPOINT_PAGES = 4000  # of the write-ahead log, 16 MB, before they are moved into the file
 
 
 @dataclass(frozen=True, eq=False)
@@ -22,16 +26,33 @@ class StoredEcho:
     """One echo read back.
 
     Attributes:
-        session: run of the board, counted from 1; a new one where its number or its clock went back.
-        host_time_ns: host clock when the frame was complete [ns since 1970].
+        session: run of the board at its port, counted from 1; a new one where its number or its clock went back.
+        host_time_ns: host clock when the echo was complete [ns since 1970].
         label: what the operator said about it, such as {"mach": "3"}.
-        frame: the frame; `.time` [s] and `.voltage` [V] are its waveform.
+        frame: the frame or the curve; `.time` [s] and `.voltage` [V] are its waveform, `.sequence` its number.
     """
 
     session: int
     host_time_ns: int
     label: dict[str, str]
-    frame: EchoFrame
+    frame: EchoFrame | ScopeCurve
+
+
+@dataclass(frozen=True)
+class Gap:
+    """Numbers that the board gave and that are not in the store.
+
+    Attributes:
+        session: run of the board.
+        after_sequence: last number before the gap.
+        before_sequence: first number after it.
+        missing_count: how many are missing in between.
+    """
+
+    session: int
+    after_sequence: int
+    before_sequence: int
+    missing_count: int
 
 
 class EchoStore:
@@ -43,6 +64,7 @@ class EchoStore:
 
     Raises:
         ValueError: no such file or folder, not an echo store, or a schema this version does not know.
+        StoreError: the disk is full.
     """
 
     def __init__(self, path: str | Path, *, read_only: bool = False) -> None:
@@ -54,20 +76,30 @@ class EchoStore:
             raise ValueError(f"store {self.path}: no such file; record one with `aerokernels record --store`")
         uri = self.path.absolute().as_uri() + ("?mode=ro" if read_only else "?mode=rwc")
         try:
-            self._connection = sqlite3.connect(uri, uri=True, timeout=10.0, isolation_level=None)
+            self._connection = sqlite3.connect(uri, uri=True, timeout=_BUSY_TIME, isolation_level=None)
         except sqlite3.OperationalError as error:
             raise ValueError(f"store {self.path}: {error}; give a file that can be opened") from error
         try:
             self._prepare(read_only)
         except sqlite3.DatabaseError as error:
             self._connection.close()
+            if isinstance(error, sqlite3.OperationalError) and "full" in str(error):
+                raise StoreError(f"store {self.path}: {error}; make room first") from error
             raise ValueError(f"store {self.path}: {error}; give an echo store or a new file name") from error
         except ValueError:
             self._connection.close()
             raise
-        self._recording = 0
-        self._label = "{}"
-        self._last = self._last_echo()
+        self._recording, self._label = 0, "{}"
+        self._followed = False  # whether an echo of this recording came before
+        self._last: tuple[int, int, int | None, int] | None = None  # session, sequence, device time, check sum
+        self._echoes: list[tuple] = []
+        self._keys: set[tuple[int, int, int]] = set()
+        self._damaged: list[tuple] = []
+        self._gaps: list[tuple] = []
+        self.missing_count = 0
+        """Numbers missing between the echoes added since `begin_recording`."""
+        self.duplicate_count = 0
+        """Frames added since `begin_recording` that the store already had."""
 
     def _prepare(self, read_only: bool) -> None:
         execute = self._connection.execute
@@ -75,62 +107,95 @@ class EchoStore:
             # The check and the creation are one transaction: two recorders may start on a new file at once.
             execute("BEGIN IMMEDIATE")
             if not execute("SELECT count(*) FROM sqlite_master").fetchone()[0]:
-                for statement in SCHEMA.split(";")[:-1]:
-                    execute(statement)
-                execute(f"PRAGMA application_id = {APPLICATION_ID}")
-                execute(f"PRAGMA user_version = {SCHEMA_VERSION}")
+                create(self._connection)
+            elif execute("PRAGMA application_id").fetchone()[0] == APPLICATION_ID:
+                upgrade(self._connection)
             execute("COMMIT")
         if execute("PRAGMA application_id").fetchone()[0] != APPLICATION_ID:
             raise ValueError(f"store {self.path}: a SQLite file, but not an echo store; give another file name")
         version = execute("PRAGMA user_version").fetchone()[0]
         if version != SCHEMA_VERSION:
+            remedy = (
+                "opening it once for writing, as `aerokernels record` does, brings it up to date"
+                if version < SCHEMA_VERSION
+                else "use the version of aerokernels that wrote it"
+            )
             raise ValueError(
-                f"store {self.path}: schema version {version}, this program knows {SCHEMA_VERSION}; "
-                "use the version of aerokernels that wrote it"
+                f"store {self.path}: schema version {version}, this program knows {SCHEMA_VERSION}; {remedy}"
             )
         if not read_only:
             execute("PRAGMA journal_mode = WAL")
             execute("PRAGMA synchronous = FULL")
+            execute(f"PRAGMA wal_autocheckpoint = {_CHECKPOINT_PAGES}")
 
     def begin_recording(self, port: str, protocol: str, label: Mapping[str, str]) -> None:
-        """Say where the frames that follow come from and what their label is."""
-        self._label = encode_label(label)
-        self._begin()
-        row = (time.time_ns(), port, protocol, self._label)
-        self._connection.execute("INSERT INTO recordings (started_ns, port, protocol, label) VALUES (?, ?, ?, ?)", row)
-        self._recording = self._connection.execute("SELECT last_insert_rowid()").fetchone()[0]
-        self.commit()
+        """Say where the echoes that follow come from and what their label is.
 
-    def add(self, frame: EchoFrame, host_time_ns: int) -> bool:
-        """Add a good frame to the open batch; False when the store already has it (a frame sent twice)."""
-        self._begin()
-        session = self._session_of(frame)
-        added = self._connection.execute(
-            "INSERT OR IGNORE INTO echoes (recording, session, sequence, device_time_us, host_time_ns, label, flags, "
-            "sample_period_ps, scale, offset, sample_count, samples, crc32, raw) "
-            "VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)",
-            (
-                self._recording, session, frame.sequence, _signed(frame.device_time_us), host_time_ns, self._label,
-                frame.flags, frame.sample_period_ps, frame.scale, frame.offset, frame.samples.size,
-                frame.samples.astype("<i2").tobytes(), frame.crc, frame.raw,
-            ),
-        ).rowcount  # fmt: skip
-        if added:
-            self._last = (session, frame.sequence, frame.device_time_us)
-        return bool(added)
+        Numbers are followed on from the last echo of the same port and protocol: what the board sent while nobody
+        recorded is a gap, unless it was started again meanwhile.
+        """
+        self._label = encode_label(label)
+        self._last = self._last_echo(port, protocol)
+        self._followed = False
+        self.missing_count = self.duplicate_count = 0
+        with self._transaction():
+            row = (time.time_ns(), port, protocol, self._label)
+            self._connection.execute(
+                "INSERT INTO recordings (started_ns, port, protocol, label) VALUES (?, ?, ?, ?)", row
+            )
+            self._recording = self._connection.execute("SELECT last_insert_rowid()").fetchone()[0]
+
+    def add(self, echo: EchoFrame | ScopeCurve, host_time_ns: int) -> bool:
+        """Add an echo to the open batch; False when the store already has it (a frame sent twice)."""
+        sequence, device_time = echo.sequence, echo.device_time_us
+        if sequence is None:  # an instrument that does not count: numbered here
+            sequence = 0 if self._last is None else (self._last[1] + 1) % 2**32
+            is_new = True
+        elif device_time is None:  # an acquisition that is still on the screen after a reconnection
+            is_new = self._last is None or (sequence, echo.crc) != (self._last[1], self._last[3])
+        else:
+            key = (sequence, signed(device_time), echo.crc)
+            is_new = key not in self._keys and not self._is_stored(key)
+            self._keys.add(key)
+        if not is_new:
+            self.duplicate_count += 1
+            return False
+        session = self._follow(sequence, device_time, echo.crc, host_time_ns)
+        self._echoes.append(row_of(echo, self._recording, session, sequence, host_time_ns, self._label))
+        return True
 
     def add_damaged(self, piece: DamagedPiece, host_time_ns: int) -> None:
         """Add a damaged piece to the open batch."""
-        self._begin()
-        self._connection.execute(
-            "INSERT INTO damaged (recording, host_time_ns, reason, byte_count, raw) VALUES (?, ?, ?, ?, ?)",
-            (self._recording, host_time_ns, piece.reason, len(piece.raw), piece.raw),
-        )
+        self._damaged.append((self._recording, host_time_ns, piece.reason, len(piece.raw), piece.raw))
 
     def commit(self) -> None:
-        """Put the open batch on the disk: when this returns, it survives a kill."""
-        if self._connection.in_transaction:
-            self._connection.execute("COMMIT")
+        """Put the open batch on the disk: when this returns, it survives a kill.
+
+        Raises:
+            StoreError: the disk is full, or something else is wrong with it; what was committed before is safe.
+        """
+        if not (self._echoes or self._damaged or self._gaps):
+            return
+        with self._transaction():
+            many = self._connection.executemany
+            added = many(WRITE_ECHO, self._echoes).rowcount if self._echoes else 0
+            # Another recorder of the same board may have been quicker, through a port that lets two in (a socket).
+            self.duplicate_count += len(self._echoes) - added
+            many(
+                "INSERT INTO damaged (recording, host_time_ns, reason, byte_count, raw) VALUES (?, ?, ?, ?, ?)",
+                self._damaged,
+            )
+            many(
+                "INSERT INTO gaps (recording, session, after_sequence, before_sequence, missing_count, host_time_ns) "
+                "VALUES (?, ?, ?, ?, ?, ?)",
+                self._gaps,
+            )
+            self._connection.execute(
+                "UPDATE recordings SET committed_ns = ?, duplicate_count = ? WHERE id = ?",
+                (time.time_ns(), self.duplicate_count, self._recording),
+            )
+        for batch in (self._echoes, self._keys, self._damaged, self._gaps):
+            batch.clear()
 
     def close(self) -> None:
         """Close the file; an open batch that was not committed is dropped."""
@@ -143,6 +208,16 @@ class EchoStore:
     def __exit__(self, *_: object) -> None:
         """Close."""
         self.close()
+
+    @property
+    def pending_count(self) -> int:
+        """Echoes in the open batch."""
+        return len(self._echoes)
+
+    @property
+    def last_sequence(self) -> int | None:
+        """Number of the last echo of this port, committed or not; None before the first."""
+        return None if self._last is None else self._last[1]
 
     @property
     def echo_count(self) -> int:
@@ -162,40 +237,61 @@ class EchoStore:
     def echoes(self, label: Mapping[str, str] | None = None) -> Iterator[StoredEcho]:
         """The echoes in the order they were recorded; with `label`, only those with exactly this label."""
         where, values = ("", ()) if label is None else ("WHERE label = ?", (encode_label(label),))
+        for session, host_time, text, *columns in self._connection.execute(
+            f"{READ_ECHOES} {where} ORDER BY id", values
+        ):
+            yield StoredEcho(session, host_time, json.loads(text), echo_of(*columns))
+
+    def gaps(self) -> list[Gap]:
+        """What is missing between the numbers, in the order it was noticed."""
         rows = self._connection.execute(
-            "SELECT session, host_time_ns, label, sequence, device_time_us, sample_period_ps, scale, offset, samples, "
-            f"flags, raw FROM echoes {where} ORDER BY id",
-            values,
+            "SELECT session, after_sequence, before_sequence, missing_count FROM gaps ORDER BY id"
         )
-        for session, host_time, text, sequence, device_time, period, scale, offset, samples, flags, raw in rows:
-            counts = np.frombuffer(samples, "<i2")
-            frame = EchoFrame(sequence, device_time % 2**64, period, scale, offset, counts, flags, raw)
-            yield StoredEcho(session, host_time, json.loads(text), frame)
+        return [Gap(*row) for row in rows]
 
-    def _begin(self) -> None:
-        if not self._connection.in_transaction:
-            self._connection.execute("BEGIN IMMEDIATE")
+    def snapshot(self) -> Transaction:
+        """A context in which everything read is of one moment, though a recorder goes on writing."""
+        return Transaction(self._connection, "BEGIN", self.path)
 
-    def _last_echo(self) -> tuple[int, int, int] | None:
+    def _transaction(self) -> Transaction:
+        return Transaction(self._connection, "BEGIN IMMEDIATE", self.path)
+
+    def _is_stored(self, key: tuple[int, int, int]) -> bool:
+        return (
+            self._connection.execute(
+                "SELECT 1 FROM echoes WHERE sequence = ? AND device_time_us = ? AND crc32 = ?", key
+            ).fetchone()
+            is not None
+        )
+
+    def _last_echo(self, port: str, protocol: str) -> tuple[int, int, int | None, int] | None:
         row = self._connection.execute(
-            "SELECT session, sequence, device_time_us FROM echoes ORDER BY id DESC LIMIT 1"
+            "SELECT session, sequence, device_time_us, crc32 FROM echoes WHERE recording IN "
+            "(SELECT id FROM recordings WHERE port = ? AND protocol = ?) ORDER BY id DESC LIMIT 1",
+            (port, protocol),
         ).fetchone()
-        return row and (row[0], row[1], row[2] % 2**64)
+        return row and (row[0], row[1], None if row[2] is None else row[2] % 2**64, row[3])
 
-    def _session_of(self, frame: EchoFrame) -> int:
-        """A board counts up (across 2**32 - 1 too) while its clock does not go back; otherwise it started again."""
-        if self._last is None:
-            return 1
-        session, sequence, device_time = self._last
-        ahead = 0 < (frame.sequence - sequence) % 2**32 < 2**31
-        return session if ahead and frame.device_time_us >= device_time else session + 1
+    def _follow(self, sequence: int, device_time: int | None, crc: int, host_time_ns: int) -> int:
+        """The session of an echo, and the gap before it.
+
+        A board counts up (across 2**32 - 1 too) while its clock does not go back; otherwise it started again.
+        """
+        session = 1
+        if self._last is not None:
+            session, last, last_time, _ = self._last
+            ahead = (sequence - last) % 2**32
+            back = device_time is not None and last_time is not None and device_time < last_time
+            if not 0 < ahead < 2**31 or back:
+                session += 1
+            elif ahead > 1:
+                self._gaps.append((self._recording, session, last, sequence, ahead - 1, host_time_ns))
+                self.missing_count += ahead - 1 if self._followed else 0
+        self._followed = True
+        self._last = (session, sequence, device_time, crc)
+        return session
 
 
 def encode_label(label: Mapping[str, str]) -> str:
     """A label as it is stored: JSON text with sorted keys, so that equal labels are equal text."""
     return json.dumps(dict(label), sort_keys=True, ensure_ascii=False)
-
-
-def _signed(value: int) -> int:
-    """An unsigned 64-bit number as SQLite keeps it: the same bits read as signed."""
-    return value - 2**64 if value >= 2**63 else value

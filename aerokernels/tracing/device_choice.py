@@ -138,7 +138,8 @@ def cache_folder() -> Path:
 
 def _decide(warp: BackendInfo, opencl: BackendInfo, rates: dict[str, float]) -> Choice:
     ratio = rates["opencl"] / rates["warp"]
-    measured = f"opencl on {opencl.device} traces {ratio:.2f} times the rays per second of warp on {warp.device}, measured once"
+    times = f"{ratio:.2f} times the rays per second"
+    measured = f"opencl on {opencl.device} traces {times} of warp on {warp.device}, measured once"
     if ratio >= MARGIN:
         return Choice("opencl", opencl.device, measured)
     return Choice("warp", warp.device, f"{measured}; {MARGIN:g} times would be needed for opencl")

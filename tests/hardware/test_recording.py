@@ -1,57 +1,30 @@
 """Board to store through a real pseudo-terminal, in processes of their own: nothing is lost that was acknowledged."""
 
+import os
 import re
 import signal
 import sqlite3
 import subprocess
 import sys
 import threading
-from collections.abc import Iterator
-from contextlib import closing, contextmanager
+from contextlib import closing
 from functools import partial
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from aerokernels.hardware.board import EchoSource, run_board
+from aerokernels.hardware.board import run_board
+from aerokernels.hardware.echo_source import EchoSource
 from aerokernels.hardware.frames import EchoFrame, encode
 from aerokernels.hardware.port import PortError, open_port
 from aerokernels.hardware.pseudo_terminal import PseudoTerminal
 from aerokernels.hardware.recorder import Recorder, RecordingStatus
 from aerokernels.hardware.store import EchoStore
 
-pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="pseudo-terminals are not there on Windows")
+from .line import board, frames_from, integrity, needs_pseudo_terminals, sequences, started
 
-
-@contextmanager
-def started(*arguments: object) -> Iterator[subprocess.Popen[str]]:
-    """The command line running in a process of its own; killed at the end if it is still there."""
-    command = [sys.executable, "-m", "aerokernels", *map(str, arguments)]
-    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True) as process:
-        try:
-            yield process
-        finally:
-            if process.poll() is None:
-                process.kill()
-
-
-@contextmanager
-def board(link: Path, *options: object) -> Iterator[subprocess.Popen[str]]:
-    with started("board", "--link", link, *options) as process:
-        assert process.stdout is not None
-        assert "board on" in process.stdout.readline()
-        yield process
-
-
-def sequences(path: Path) -> list[int]:
-    with EchoStore(path, read_only=True) as store:
-        return [echo.frame.sequence for echo in store.echoes()]
-
-
-def integrity(path: Path) -> str:
-    with closing(sqlite3.connect(path)) as connection:
-        return connection.execute("PRAGMA integrity_check").fetchone()[0]
+pytestmark = needs_pseudo_terminals
 
 
 def test_board_to_store(tmp_path: Path, aerokernels):
@@ -82,13 +55,14 @@ def test_board_to_store(tmp_path: Path, aerokernels):
     assert np.abs(mean - expected).max() < 6 * 0.02 / np.sqrt(60) + 4e-5
 
 
-def test_an_interrupt_ends_a_recording_cleanly(tmp_path: Path):
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_an_interrupt_ends_a_recording_cleanly(tmp_path: Path, number: signal.Signals):
     link, path = tmp_path / "port", tmp_path / "echoes.sqlite"
     with board(link, "--rate", 500), started("record", "--port", link, "--store", path) as recorder:
         assert recorder.stdout is not None
         while "stored" not in recorder.stdout.readline():
             assert recorder.poll() is None
-        recorder.send_signal(signal.SIGINT)
+        recorder.send_signal(number)
         output = recorder.communicate(timeout=30)[0]
         assert recorder.returncode == 0
     (count,) = map(int, re.findall(r"done: stored (\d+)", output))
@@ -98,8 +72,32 @@ def test_an_interrupt_ends_a_recording_cleanly(tmp_path: Path):
     assert integrity(path) == "ok"
 
 
-@pytest.mark.parametrize("lines", [1, 2])
-def test_a_killed_recorder_keeps_what_it_acknowledged_and_goes_on(tmp_path: Path, lines: int):
+def test_a_terminal_sees_how_it_goes(tmp_path: Path):
+    """On a terminal: what is stored, the rate, the last peak, what was lost, and the state of the port."""
+    link, ours, theirs = tmp_path / "port", *os.openpty()
+    environment = {**os.environ, "TERM": "xterm", "COLUMNS": "160"}
+    with board(link, "--rate", 100, "--fault", "torn=0.1"):
+        command = [sys.executable, "-m", "aerokernels", "record", "--port", link, "--store", tmp_path / "s.sqlite"]
+        process = subprocess.Popen(
+            [*map(str, command), "--count", "80"], stdout=theirs, stderr=theirs, stdin=theirs, env=environment
+        )
+        os.close(theirs)
+        shown = b""
+        try:
+            while chunk := os.read(ours, 4096):
+                shown += chunk
+        except OSError:  # Linux says so when the last writer has left
+            pass
+        os.close(ours)
+        assert process.wait(30) == 0, shown
+    text = re.sub(r"\x1b\[[0-9;?]*[A-Za-z]", "", shown.decode())
+    line = r"stored (\d+), last sequence \d+, [\d.]+/s, last peak [\d.]+ V, damaged \d+, missing \d+, port open"
+    counts = [int(count) for count in re.findall(line, text)]
+    assert len(set(counts)) > 1 and counts == sorted(counts) and counts[-1] == 80
+    assert "done: stored 80" in text
+
+
+def test_a_killed_recorder_keeps_what_it_acknowledged_and_goes_on(tmp_path: Path):
     """SIGKILL while frames come in: what the recorder said it stored is there, the file whole, a restart goes on."""
     link, path = tmp_path / "port", tmp_path / "echoes.sqlite"
     record = ("record", "--port", link, "--store", path, "--commit-interval", 0.05)
@@ -107,7 +105,7 @@ def test_a_killed_recorder_keeps_what_it_acknowledged_and_goes_on(tmp_path: Path
         with started(*record) as recorder:
             assert recorder.stdout is not None
             said: list[tuple[int, int]] = []
-            while len(said) < lines:
+            while len(said) < 2:
                 line = recorder.stdout.readline()
                 assert line, "the recorder ended by itself"
                 said += [
@@ -143,13 +141,13 @@ def test_a_port_unplugged_and_back(tmp_path: Path):
 
     results: list[RecordingStatus] = []
     first = PseudoTerminal(link)
-    reopen = partial(open_port, str(link))
-    port = reopen()
+    connect = partial(frames_from, link)
+    stream = connect()
 
     def record() -> None:
         with EchoStore(path) as store:
             store.begin_recording(str(link), "frames", {})
-            results.append(Recorder(port, store, reopen, count=60, report=report).run())
+            results.append(Recorder(stream, store, connect, count=60, report=report).run())
 
     thread = threading.Thread(target=record, daemon=True)
     thread.start()
@@ -186,11 +184,11 @@ def test_damage_on_the_line_is_kept_apart(tmp_path: Path):
         stream += bytes(wire)
     with PseudoTerminal(link) as terminal, EchoStore(path) as store:
         store.begin_recording(str(link), "frames", {})
-        reopen = partial(open_port, str(link))
-        port = reopen()
+        connect = partial(frames_from, link)
+        port = connect()
         writer = threading.Thread(target=terminal.write, args=(stream,))
         writer.start()
-        status = Recorder(port, store, reopen, count=31).run()
+        status = Recorder(port, store, connect, count=31).run()
         writer.join(30)
         assert (status.stored_count, status.damaged_count, status.missing_count) == (31, 10, 10)
         for echo in store.echoes():
@@ -220,10 +218,10 @@ def test_a_port_in_use_is_refused(tmp_path: Path, aerokernels):
         (("record", "--port", "absent", "--store", "s.sqlite"), "no such port"),
         (("record", "--port", "nonsense://x", "--store", "s.sqlite"), "nonsense"),
         (("record", "--port", "loop://", "--store", "no/s.sqlite"), "does not exist"),
-        (("record", "--port", "loop://", "--store", "s.sqlite", "--protocol", "scpi"), "use --protocol frames"),
+        (("record", "--port", "loop://", "--store", "s.sqlite", "--protocol", "x"), "frames or scpi"),
         (("record", "--port", "loop://", "--store", "s.sqlite", "--label", "mach"), "key=value"),
         (("record", "--port", "loop://", "--store", "s.sqlite", "--count", "0"), "count"),
-        (("board", "--link", "b", "--protocol", "scpi"), "use --protocol frames"),
+        (("board", "--link", "b", "--protocol", "x"), "frames or scpi"),
         (("board", "--link", "b", "--rate", "0"), "rate"),
         (("board", "--link", "b", "--echo", "absent.nc"), "absent.nc"),
         (("board", "--link", "no/b"), "does not exist"),

@@ -1,13 +1,16 @@
 """The echo store: what goes in comes back, once, and foreign files are left alone."""
 
 import sqlite3
+import subprocess
+import sys
 
 import numpy as np
 import pytest
 
 from aerokernels.hardware.decoder import DamagedPiece
 from aerokernels.hardware.frames import EchoFrame, decode, encode
-from aerokernels.hardware.store import EchoStore
+from aerokernels.hardware.preamble import ScopeCurve
+from aerokernels.hardware.store import EchoStore, Gap
 
 
 def received(sequence: int, device_time_us: int, value: int = 0) -> EchoFrame:
@@ -111,3 +114,161 @@ def test_foreign_files_are_refused_and_left_alone(tmp_path):
     with pytest.raises(ValueError, match="no such file"):
         EchoStore(tmp_path / "absent.sqlite", read_only=True)
     assert not (tmp_path / "absent.sqlite").exists()
+
+
+VERSION_1 = """
+CREATE TABLE recordings (id INTEGER PRIMARY KEY, started_ns INTEGER NOT NULL, port TEXT NOT NULL,
+    protocol TEXT NOT NULL, label TEXT NOT NULL);
+CREATE TABLE echoes (id INTEGER PRIMARY KEY, recording INTEGER NOT NULL REFERENCES recordings(id),
+    session INTEGER NOT NULL, sequence INTEGER NOT NULL, device_time_us INTEGER NOT NULL, host_time_ns INTEGER NOT NULL,
+    label TEXT NOT NULL, flags INTEGER NOT NULL, sample_period_ps INTEGER NOT NULL, scale REAL NOT NULL,
+    offset REAL NOT NULL, sample_count INTEGER NOT NULL, samples BLOB NOT NULL, crc32 INTEGER NOT NULL,
+    raw BLOB NOT NULL, UNIQUE (sequence, device_time_us, crc32));
+CREATE INDEX echoes_by_label ON echoes (label);
+CREATE TABLE damaged (id INTEGER PRIMARY KEY, recording INTEGER NOT NULL REFERENCES recordings(id),
+    host_time_ns INTEGER NOT NULL, reason TEXT NOT NULL, byte_count INTEGER NOT NULL, raw BLOB NOT NULL);
+CREATE VIEW gaps AS SELECT session, previous AS after_sequence, sequence AS before_sequence,
+    ((sequence - previous) & 4294967295) - 1 AS missing_count
+    FROM (SELECT session, sequence, LAG(sequence) OVER (PARTITION BY session ORDER BY id) AS previous FROM echoes)
+    WHERE previous IS NOT NULL AND ((sequence - previous) & 4294967295) > 1;
+PRAGMA application_id = 1095058248;
+PRAGMA user_version = 1;
+INSERT INTO recordings VALUES (1, 5, '/dev/test', 'frames', '{}');
+INSERT INTO damaged VALUES (1, 1, 6, 'CRC', 2, x'0102');
+"""
+
+
+def test_a_store_of_version_1_is_brought_up_to_date_when_it_is_opened_for_writing(tmp_path):
+    """Echoes, gaps and damage of an older file are all there afterwards, and the recording goes on from them."""
+    path = tmp_path / "old.sqlite"
+    connection = sqlite3.connect(path)
+    connection.executescript(VERSION_1)
+    for k in (1, 2, 5):
+        frame = received(k, 10 * k, k)
+        connection.execute(
+            "INSERT INTO echoes (recording, session, sequence, device_time_us, host_time_ns, label, flags, "
+            "sample_period_ps, scale, offset, sample_count, samples, crc32, raw) "
+            "VALUES (1, 1, ?, ?, 7, '{}', 3, 1000, ?, ?, 3, ?, ?, ?)",
+            (k, 10 * k, frame.scale, frame.offset, frame.samples.tobytes(), frame.crc, frame.raw),
+        )
+    connection.commit()
+    connection.close()
+    before = path.read_bytes()
+    with pytest.raises(ValueError, match=r"schema version 1.*brings it up to date"):
+        EchoStore(path, read_only=True)
+    assert path.read_bytes() == before
+    with EchoStore(path) as store:
+        store.begin_recording("/dev/test", "frames", {})
+        assert not store.add(received(5, 50, 5), 0)
+        assert store.add(received(8, 80, 8), 0)
+        store.commit()
+    with EchoStore(path, read_only=True) as store:
+        assert [echo.frame.sequence for echo in store.echoes()] == [1, 2, 5, 8]
+        np.testing.assert_array_equal(
+            [echo.frame.samples for echo in store.echoes()], [[k, -k, 7] for k in (1, 2, 5, 8)]
+        )
+        assert store.gaps() == [Gap(1, 2, 5, 2), Gap(1, 5, 8, 2)]
+        assert store.damaged_count == 1
+
+
+def test_curves_of_an_oscilloscope(tmp_path):
+    """No clock, a time axis that starts before the trigger, a period that is no whole number of picoseconds."""
+    curve = ScopeCurve(None, 1000.0 / 3.0, 0.01, -1.0, np.array([1, -2], np.int16), -2e-9, "PREAMBLE", b"#12\x01\xfe")
+    with EchoStore(tmp_path / "s.sqlite") as store:
+        store.begin_recording("/dev/scope", "scpi", {})
+        # The same bytes twice are two curves where the instrument does not count: nothing says that they are one.
+        assert store.add(curve, 1) and store.add(curve, 2)
+        store.commit()
+        for number, echo in enumerate(store.echoes()):
+            back = echo.frame
+            assert isinstance(back, ScopeCurve)
+            assert (back.sequence, back.device_time_us, back.preamble, back.raw) == (
+                number,
+                None,
+                "PREAMBLE",
+                curve.raw,
+            )
+            np.testing.assert_array_equal(back.voltage, curve.voltage)
+            np.testing.assert_array_equal(back.time, curve.time)
+
+
+def test_an_acquisition_that_is_still_on_the_screen_is_no_second_row(tmp_path):
+    """A stopped oscilloscope is read again after a reconnection and a restart: one row; a new curve is one more."""
+    curve = ScopeCurve(7, 250, 0.01, 0.0, np.array([1], np.int16), 0.0, "", b"#11\x01")
+    other = ScopeCurve(7, 250, 0.01, 0.0, np.array([2], np.int16), 0.0, "", b"#11\x02")
+    for _ in range(2):
+        with EchoStore(tmp_path / "s.sqlite") as store:
+            store.begin_recording("/dev/scope", "scpi", {})
+            store.add(curve, 1)
+            assert not store.add(curve, 1)
+            store.commit()
+            assert store.echo_count == 1
+    with EchoStore(tmp_path / "s.sqlite") as store:
+        store.begin_recording("/dev/scope", "scpi", {})
+        assert store.add(other, 1)  # the count began again and has come to 7 once more
+        store.commit()
+        assert [echo.session for echo in store.echoes()] == [1, 2]
+
+
+def test_two_boards_in_one_store(tmp_path):
+    """Two recorders at once, batches interleaved: sessions and gaps are each board's own, nothing waits for ever."""
+    path = tmp_path / "s.sqlite"
+    with EchoStore(path) as one, EchoStore(path) as other:
+        one.begin_recording("/dev/one", "frames", {"board": "1"})
+        other.begin_recording("/dev/other", "frames", {"board": "2"})
+        for k in range(10):
+            assert one.add(received(k, 10 * k, 1), 0)
+            assert other.add(received(3 * k, 7 * k, 2), 0)
+            if k % 3 == 0:
+                one.commit()
+            if k % 4 == 0:
+                other.commit()
+        one.commit()
+        other.commit()
+        assert [len(list(one.echoes({"board": k}))) for k in "12"] == [10, 10]
+        assert {echo.session for echo in one.echoes()} == {1}
+        assert [gap.missing_count for gap in one.gaps()] == [2] * 9
+        assert (one.missing_count, other.missing_count) == (0, 18)
+
+
+def test_a_frame_that_another_recorder_stored_first_is_no_second_row(tmp_path):
+    """Two recorders of one board (a socket lets both in): one row, and the slower one counts a frame sent twice."""
+    path = tmp_path / "s.sqlite"
+    with EchoStore(path) as one, EchoStore(path) as other:
+        for store in (one, other):
+            store.begin_recording("socket://x", "frames", {})
+            assert store.add(received(1, 10), 0)
+        one.commit()
+        other.commit()
+        assert one.echo_count == 1 and (one.duplicate_count, other.duplicate_count) == (0, 1)
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="no limit on the size of files there")
+def test_a_full_disk_stops_with_a_message_and_leaves_the_store_whole(tmp_path, root):
+    """A process that may write 300 kB only: what was committed before is there, and the store can be used again."""
+    path = tmp_path / "s.sqlite"
+    code = (
+        "import resource, sys\n"
+        "resource.setrlimit(resource.RLIMIT_FSIZE, (300_000, 300_000))\n"
+        "import numpy as np\n"
+        "from aerokernels.hardware.frames import EchoFrame, decode, encode\n"
+        "from aerokernels.hardware.store import EchoStore\n"
+        f"store = EchoStore({str(path)!r})\n"
+        "store.begin_recording('p', 'frames', {})\n"
+        "for k in range(10_000):\n"
+        "    store.add(decode(encode(EchoFrame(k, k, 1, 1.0, 0.0, np.arange(100)))[:-1]), 0)\n"
+        "    if k % 20 == 19:\n"
+        "        store.commit()\n"
+        "        print(k + 1, flush=True)\n"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60, cwd=root)
+    assert done.returncode == 1 and "what was committed is safe" in done.stderr, done.stderr
+    acknowledged = int(done.stdout.split()[-1])
+    with EchoStore(path) as store:
+        assert [echo.frame.sequence for echo in store.echoes()] == list(range(acknowledged)) and acknowledged > 100
+        store.begin_recording("p", "frames", {})
+        assert store.add(received(acknowledged, 10**6), 0)
+        store.commit()
+    connection = sqlite3.connect(path)
+    assert connection.execute("PRAGMA integrity_check").fetchone() == ("ok",)
+    connection.close()

@@ -1,0 +1,96 @@
+"""What `record` takes as labels and shows while it runs."""
+
+import time
+from collections import deque
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from aerokernels.hardware.recorder import RecordingStatus
+
+_RATE_TIME = 5.0  # [s] over which the shown rate is taken
+
+
+def parse_labels(pairs: list[str]) -> dict[str, str]:
+    """Labels from "key=value" texts.
+
+    Raises:
+        ValueError: a text without a key or without "=", or a key given twice.
+    """
+    labels: dict[str, str] = {}
+    for pair in pairs:
+        key, equals, value = (part.strip() for part in pair.partition("="))
+        if not key or not equals:
+            raise ValueError(f"--label {pair!r}: give key=value, for example mach=3")
+        if key in labels:
+            raise ValueError(f"--label {pair!r}: {key!r} is given twice; give each key once")
+        labels[key] = value
+    return labels
+
+
+def describe(status: "RecordingStatus", rate: float | None = None) -> str:
+    """One line about what is on the disk; with `rate`, the echoes per second of late."""
+    parts = [f"stored {status.stored_count}"]
+    if status.last_sequence is not None:
+        parts.append(f"last sequence {status.last_sequence}")
+    if rate is not None:
+        parts.append(f"{rate:.1f}/s")
+    if status.last_peak is not None:
+        parts.append(f"last peak {status.last_peak:.3f} V")
+    parts.append(f"damaged {status.damaged_count}")
+    parts.append(f"missing {status.missing_count}")
+    if status.duplicate_count:
+        parts.append(f"sent twice {status.duplicate_count}")
+    if status.reconnect_count:
+        parts.append(f"reconnected {status.reconnect_count}")
+    if rate is not None:
+        parts.append(f"port {status.port_state}" if status.port_open else f"port away: {status.port_state}")
+    return ", ".join(parts)
+
+
+class RateMeter:
+    """Echoes per second over the last seconds."""
+
+    def __init__(self) -> None:
+        """Start at nothing."""
+        self._seen: deque[tuple[float, int]] = deque()
+
+    def rate(self, stored_count: int) -> float:
+        """Take note of a count; return the rate [1/s]."""
+        now = time.monotonic()
+        self._seen.append((now, stored_count))
+        while now - self._seen[0][0] > _RATE_TIME:
+            self._seen.popleft()
+        since, first = self._seen[0]
+        return (stored_count - first) / (now - since) if now > since else 0.0
+
+
+@contextmanager
+def reporter() -> Iterator[Callable[["RecordingStatus"], None]]:
+    """Live on a terminal; elsewhere a line when something has changed: the port at once, counts once a second."""
+    from rich.console import Console
+    from rich.text import Text
+
+    console, meter = Console(), RateMeter()
+    if console.is_terminal:
+        with console.status("waiting for the first echo") as live:
+            yield lambda status: live.update(
+                Text(describe(status, meter.rate(status.stored_count)), no_wrap=True, overflow="ellipsis")
+            )
+        return
+    told_at = -1.0
+    told: RecordingStatus | None = None
+
+    def tell(status: "RecordingStatus") -> None:
+        nonlocal told_at, told
+        rate, now = meter.rate(status.stored_count), time.monotonic()
+        port_changed = told is not None and (status.port_open, status.reconnect_count) != (
+            told.port_open,
+            told.reconnect_count,
+        )
+        if status != told and (port_changed or now - told_at >= 1.0):
+            told_at, told = now, status
+            print(describe(status, rate), flush=True)
+
+    yield tell

@@ -1,0 +1,24 @@
+"""`aerokernels export`: the echoes of a store as NetCDF or CSV."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+
+def export(
+    store: Annotated[Path, typer.Argument(help="SQLite file that `record` wrote, or is writing.")],
+    out: Annotated[Path, typer.Option(help="FILE.nc or FILE.csv; replaced when it is there.")],
+    label: Annotated[
+        list[str] | None, typer.Option(help="key=value: only the echoes labelled so; may be repeated.")
+    ] = None,
+) -> None:
+    """Write the echoes of a store to a NetCDF or CSV file; a recording into it may go on."""
+    from aerokernels.commands._recording import parse_labels
+    from aerokernels.hardware.export import export as write_echoes
+    from aerokernels.hardware.store import EchoStore
+
+    labels = parse_labels(label or [])
+    with EchoStore(store, read_only=True) as echoes:
+        count = write_echoes(echoes, out, labels)
+    typer.echo(f"wrote {count} echoes to {out}")

@@ -1,0 +1,208 @@
+"""The echoes of a store as NetCDF or CSV, in blocks, so that a day of recording does not have to fit the memory."""
+
+import csv
+import itertools
+import os
+import re
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from aerokernels.hardware.store import EchoStore, StoredEcho
+
+_BLOCK = 1024  # echoes written at a time
+
+
+@dataclass(frozen=True)
+class _Extent:
+    """What the echoes to be written have in common.
+
+    Attributes:
+        count: echoes.
+        sample_count: samples of the longest.
+        time: time of each sample [s], where all echoes agree on it; None otherwise.
+        keys: keys of their labels.
+    """
+
+    count: int
+    sample_count: int
+    time: np.ndarray | None
+    keys: tuple[str, ...]
+
+
+def export(store: EchoStore, out: str | Path, label: Mapping[str, str] | None = None) -> int:
+    """Write the echoes of `store` to `out`; returns how many.
+
+    A recorder may go on writing to the store meanwhile: what is written is the store at one moment. `out` is
+    replaced in one step when it is complete.
+
+    Args:
+        store: open for reading.
+        out: FILE.nc (dimensions echo and sample) or FILE.csv (a row for each echo).
+        label: only the echoes whose label has these values; other keys of theirs do not matter.
+
+    Raises:
+        ValueError: another ending, no such folder, or no echoes with this label.
+    """
+    out = Path(out)
+    write = {".nc": _write_netcdf, ".csv": _write_csv}.get(out.suffix.lower())
+    if write is None:
+        raise ValueError(f"--out {out}: give a name that ends in .nc or .csv")
+    if not out.parent.is_dir():
+        raise ValueError(f"--out {out}: folder {out.parent} does not exist; make it first")
+    draft = out.with_name(f".{out.name}.partial-{os.getpid()}")
+    try:
+        with store.snapshot():
+            extent = _survey(store, label)
+            if not extent.count:
+                known = ", ".join(_text_of(one) for one in store.labels()) or "none"
+                raise ValueError(f"store {store.path}: no echoes with label {_text_of(label or {})}; it has: {known}")
+            write(store, draft, extent, label)
+        draft.replace(out)
+    finally:
+        draft.unlink(missing_ok=True)
+    return extent.count
+
+
+def _chosen(store: EchoStore, label: Mapping[str, str] | None) -> Iterator[StoredEcho]:
+    wanted = (label or {}).items()
+    return (echo for echo in store.echoes() if wanted <= echo.label.items())
+
+
+def _survey(store: EchoStore, label: Mapping[str, str] | None) -> _Extent:
+    count = longest = 0
+    axes: set[tuple[float, float]] = set()
+    keys: dict[str, None] = {}
+    for echo in _chosen(store, label):
+        count += 1
+        longest = max(longest, echo.frame.samples.size)
+        if len(axes) < 2:
+            axes.add((echo.frame.sample_period_ps, echo.frame.first_sample_time))
+        keys.update(dict.fromkeys(echo.label))
+    time = None
+    if len(axes) == 1:
+        ((period, first),) = axes
+        time = first + np.arange(longest) * (period * 1e-12)
+    return _Extent(count, longest, time, tuple(sorted(keys)))
+
+
+def _write_csv(store: EchoStore, draft: Path, extent: _Extent, label: Mapping[str, str] | None) -> None:
+    with draft.open("w", encoding="utf-8", newline="") as file:
+        writer = csv.writer(file)
+        writer.writerow(
+            [
+                "session", "sequence", "device_time_us", "host_time_ns", *(f"label_{key}" for key in extent.keys),
+                "sample_period_s", "first_sample_time_s", *(f"voltage_{k}_v" for k in range(extent.sample_count)),
+            ]
+        )  # fmt: skip
+        for echo in _chosen(store, label):
+            frame = echo.frame
+            writer.writerow(
+                [
+                    echo.session, frame.sequence, "" if frame.device_time_us is None else frame.device_time_us,
+                    echo.host_time_ns, *(echo.label.get(key, "") for key in extent.keys),
+                    f"{frame.sample_period_ps * 1e-12:.12g}", f"{frame.first_sample_time:.12g}",
+                    *(f"{volt:.7g}" for volt in frame.voltage.tolist()),
+                    *[""] * (extent.sample_count - frame.samples.size),
+                ]
+            )  # fmt: skip
+
+
+def _write_netcdf(store: EchoStore, draft: Path, extent: _Extent, label: Mapping[str, str] | None) -> None:
+    import h5netcdf
+    import h5py
+
+    text = h5py.string_dtype()
+    label_names = _label_names(extent.keys)
+    with h5netcdf.File(draft, "w") as file:
+        file.dimensions = {"echo": extent.count, "sample": extent.sample_count}
+        file.attrs["title"] = "recorded echoes"
+        file.attrs["source"] = f"aerokernels, store {store.path.name}"
+        file.attrs["missing_count"] = sum(gap.missing_count for gap in store.gaps())
+        file.attrs["damaged_count"] = store.damaged_count
+        columns = {
+            name: _variable(file, name, ("echo",), kind, units, meaning)
+            for name, kind, units, meaning in (
+                ("session", "i4", "1", "run of the board"),
+                ("sequence", "i8", "1", "number of the echo in its run"),
+                ("device_time_us", "i8", "us", "the board's clock; -1 where the instrument sends none"),
+                ("host_time", "i8", "nanoseconds since 1970-01-01", "when the echo was complete on the host"),
+                ("flags", "u1", "1", "the board's flags"),
+                ("sample_count", "i4", "1", "samples of this echo"),
+                ("sample_period", "f8", "s", "time between two samples"),
+                ("first_sample_time", "f8", "s", "time of the first sample"),
+                *((name, text, "", f"label {key}") for key, name in label_names.items()),
+            )
+        }
+        volts = _variable(
+            file, "voltage", ("echo", "sample"), "f4", "V", "echo; NaN beyond its own samples",
+            chunks=(min(extent.count, _BLOCK), max(extent.sample_count, 1)), compression="gzip", compression_opts=1,
+            shuffle=True, fillvalue=np.float32("nan"),
+        )  # fmt: skip
+        coordinates = ["sequence", "host_time", *label_names.values()]
+        if extent.time is not None:
+            coordinates.append("time")
+            _variable(file, "time", ("sample",), "f8", "s", "time of the sample")[:] = extent.time
+        volts.attrs["coordinates"] = " ".join(coordinates)
+        start = 0
+        for block in _blocks(_chosen(store, label)):
+            here = slice(start, start + len(block))
+            for name, values in _columns_of(block, label_names).items():
+                columns[name][here] = values
+            rows = np.full((len(block), extent.sample_count), np.nan, np.float32)
+            for row, echo in zip(rows, block, strict=True):
+                row[: echo.frame.samples.size] = echo.frame.voltage
+            if extent.sample_count:
+                volts[here] = rows
+            start += len(block)
+
+
+def _variable(file: Any, name: str, dims: tuple[str, ...], kind: Any, units: str, meaning: str, **options: Any) -> Any:
+    variable = file.create_variable(name, dims, kind, **options)
+    if units:
+        variable.attrs["units"] = units
+    variable.attrs["long_name"] = meaning
+    return variable
+
+
+def _columns_of(block: list[StoredEcho], label_names: Mapping[str, str]) -> dict[str, np.ndarray]:
+    frames = [echo.frame for echo in block]
+    clocks = [-1 if frame.device_time_us is None else frame.device_time_us for frame in frames]
+    return {
+        "session": np.array([echo.session for echo in block]),
+        "sequence": np.array([frame.sequence for frame in frames]),
+        # A clock beyond 2**63 us has run for 292,000 years, or counts down from 0.
+        "device_time_us": np.array([clock if clock < 2**63 else clock - 2**64 for clock in clocks], np.int64),
+        "host_time": np.array([echo.host_time_ns for echo in block]),
+        "flags": np.array([frame.flags for frame in frames]),
+        "sample_count": np.array([frame.samples.size for frame in frames]),
+        "sample_period": np.array([frame.sample_period_ps * 1e-12 for frame in frames]),
+        "first_sample_time": np.array([frame.first_sample_time for frame in frames]),
+        **{
+            name: np.array([echo.label.get(key, "") for echo in block], dtype=object)
+            for key, name in label_names.items()
+        },
+    }
+
+
+def _label_names(keys: tuple[str, ...]) -> dict[str, str]:
+    """A NetCDF name for each key of a label; keys that become the same name are numbered."""
+    names: dict[str, str] = {}
+    for key in keys:
+        name = "label_" + re.sub(r"\W", "_", key)
+        while name in names.values():
+            name += "_"
+        names[key] = name
+    return names
+
+
+def _blocks(echoes: Iterator[StoredEcho]) -> Iterator[list[StoredEcho]]:
+    while block := list(itertools.islice(echoes, _BLOCK)):
+        yield block
+
+
+def _text_of(label: Mapping[str, str]) -> str:
+    return " ".join(f"{key}={value}" for key, value in label.items()) or "(empty)"

@@ -1,0 +1,207 @@
+"""Preambles of oscilloscopes: how the bytes of a curve become volts and seconds.
+
+Tektronix (`WFMOUTPRE?`, named fields):   volts = YZERO + YMULT (y - YOFF),   t = XZERO + XINCR (k - PT_OFF)
+Rigol (`:WAVEFORM:PREAMBLE?`, ten numbers): volts = (y - yorigin - yreference) yincrement,
+                                            t = xorigin + xincrement (k - xreference)
+
+References: Tektronix, programmer manuals of the TDS2000, TDS5000B and DPO4000 series; Rigol, programming guides of the
+DS1000Z and DS4000E series.
+"""
+
+import math
+import re
+import zlib
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+
+from aerokernels.hardware.waveform import Waveform
+
+# Full names of the fields, and how far an instrument may shorten them (VERBOSE OFF).
+_TEKTRONIX_FIELDS = {
+    "BYT_NR": 5, "BIT_NR": 5, "ENCDG": 3, "BN_FMT": 4, "BYT_OR": 5, "NR_PT": 4, "PT_FMT": 4, "PT_OFF": 4,
+    "XINCR": 3, "XZERO": 3, "YMULT": 3, "YOFF": 3, "YZERO": 3,
+}  # fmt: skip
+_RIGOL_FIELDS = (
+    "format", "type", "points", "count", "xincrement", "xorigin", "xreference", "yincrement", "yorigin", "yreference",
+)  # fmt: skip
+
+
+class PreambleError(ValueError):
+    """A preamble that cannot be used; the message says why."""
+
+
+@dataclass(frozen=True)
+class Preamble:
+    """The scaling of a curve.
+
+    Attributes:
+        text: as the instrument sent it.
+        sample_type: NumPy type of a sample in the block.
+        sample_count: samples that the block should hold; None when the preamble does not say.
+        sample_period: time between two samples [s].
+        first_sample_time: time of the first sample after the trigger [s].
+        scale: [V/count].
+        offset: voltage of a count of zero [V].
+    """
+
+    text: str
+    sample_type: str
+    sample_count: int | None
+    sample_period: float
+    first_sample_time: float
+    scale: float
+    offset: float
+
+    def __post_init__(self) -> None:
+        """Check.
+
+        Raises:
+            PreambleError: a number that is not finite, or a scale or period that makes no sense.
+        """
+        for name in ("sample_period", "first_sample_time", "scale", "offset"):
+            if not math.isfinite(getattr(self, name)):
+                raise PreambleError(f"preamble: {name} = {getattr(self, name)}")
+        if self.scale == 0.0 or self.sample_period <= 0.0:
+            raise PreambleError(f"preamble: {self.scale} V per count every {self.sample_period} s")
+        if self.sample_count is not None and self.sample_count < 1:
+            raise PreambleError(f"preamble: {self.sample_count} samples")
+
+    def curve(self, data: bytes, raw: bytes, sequence: int | None) -> "ScopeCurve":
+        """The curve in the block `data`.
+
+        Raises:
+            PreambleError: the block has not the length that the preamble says.
+        """
+        width = np.dtype(self.sample_type).itemsize
+        if len(data) % width or (self.sample_count is not None and len(data) != width * self.sample_count):
+            raise PreambleError(f"length: {len(data)} bytes for {self.sample_count} samples of {width}")
+        counts, offset = np.frombuffer(data, self.sample_type), self.offset
+        if counts.dtype.kind == "u" and width == 2:  # the upper half does not fit int16: move zero to the middle
+            counts, offset = counts.astype(np.int32) - 32768, offset + 32768 * self.scale
+        period = 1e12 * self.sample_period
+        return ScopeCurve(
+            sequence,
+            # A decimal number of nanoseconds is one of picoseconds again, in spite of binary rounding.
+            round(period) if math.isclose(period, round(period), rel_tol=1e-12) else period,
+            self.scale,
+            offset,
+            counts.astype(np.int16),
+            self.first_sample_time,
+            self.text,
+            raw,
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class ScopeCurve(Waveform):
+    """One curve of an oscilloscope.
+
+    Attributes:
+        sequence: the instrument's count of acquisitions; None where it has none, and the store numbers the curve.
+        sample_period_ps: time between two samples [ps].
+        scale: [V/count].
+        offset: [V].
+        samples: counts, int16, shape (sample_count,).
+        first_sample_time: time of the first sample after the trigger [s].
+        preamble: as the instrument sent it.
+        raw: the block as received.
+        device_time_us: None, as an oscilloscope sends no clock.
+        flags: 0.
+    """
+
+    sequence: int | None
+    sample_period_ps: float
+    scale: float
+    offset: float
+    samples: np.ndarray
+    first_sample_time: float
+    preamble: str = ""
+    raw: bytes = field(default=b"", repr=False)
+    device_time_us: None = None
+    flags: int = 0
+
+    @cached_property
+    def crc(self) -> int:
+        """CRC-32 of the block, computed here: the protocol has none."""
+        return zlib.crc32(self.raw)
+
+
+def parse_tektronix(text: str) -> Preamble:
+    """The preamble of a Tektronix oscilloscope: `NAME value` pairs between semicolons, in any order.
+
+    Fields that older instruments leave out have their usual values: one signed byte a sample, no offsets.
+
+    Raises:
+        PreambleError: a field is missing, or says what cannot be read.
+    """
+    fields: dict[str, str] = {}
+    for part in re.findall(r'(?:[^;"]|"[^"]*"?)+', text):
+        words = part.split(None, 1)
+        if len(words) == 2:
+            short = words[0].rpartition(":")[2].upper()
+            for name, least in _TEKTRONIX_FIELDS.items():
+                if name.startswith(short) and len(short) >= least:
+                    fields[name] = words[1].strip()
+    missing = {"YMULT", "XINCR"} - set(fields)
+    if missing:
+        raise PreambleError(f"preamble: no {' and no '.join(sorted(missing))} in {text[:200]!r}")
+    if fields.get("ENCDG", "BIN").upper().startswith("ASC"):
+        raise PreambleError("preamble: the instrument sends numbers as text; set DATA:ENCDG RIBINARY on it")
+    if fields.get("PT_FMT", "Y").upper() != "Y":
+        raise PreambleError(f"preamble: PT_FMT {fields['PT_FMT']}; set the acquisition to single points (sample mode)")
+    kind = {"RI": "i", "RP": "u"}.get(fields.get("BN_FMT", "RI").upper())
+    width = _number(fields, "BYT_NR", 1)
+    if kind is None or width not in (1, 2):
+        raise PreambleError(
+            f"preamble: {fields.get('BN_FMT')} of {width} bytes; set DATA:ENCDG RIBINARY and WIDTH 1 or 2"
+        )
+    order = "<" if fields.get("BYT_OR", "MSB").upper() == "LSB" else ">"
+    scale, period = _number(fields, "YMULT"), _number(fields, "XINCR")
+    return Preamble(
+        text,
+        f"{order}{kind}{int(width)}",
+        int(_number(fields, "NR_PT")) if "NR_PT" in fields else None,
+        period,
+        _number(fields, "XZERO", 0.0) - _number(fields, "PT_OFF", 0.0) * period,
+        scale,
+        _number(fields, "YZERO", 0.0) - scale * _number(fields, "YOFF", 0.0),
+    )
+
+
+def parse_rigol(text: str) -> Preamble:
+    """The preamble of a Rigol oscilloscope: ten numbers between commas.
+
+    Raises:
+        PreambleError: not ten numbers, or a format that cannot be read.
+    """
+    values = re.sub(r"^\s*:?[A-Za-z][\w:]*\s+", "", text).split(",")
+    if len(values) != len(_RIGOL_FIELDS):
+        raise PreambleError(f"preamble: {len(values)} values instead of {len(_RIGOL_FIELDS)} in {text[:200]!r}")
+    number = {name: _number(dict(zip(_RIGOL_FIELDS, values, strict=True)), name) for name in _RIGOL_FIELDS}
+    sample_type = {0: "u1", 1: "<u2"}.get(int(number["format"]))
+    if sample_type is None:
+        raise PreambleError("preamble: the instrument sends numbers as text; set :WAVEFORM:FORMAT BYTE on it")
+    scale = number["yincrement"]
+    return Preamble(
+        text,
+        sample_type,
+        int(number["points"]),
+        number["xincrement"],
+        number["xorigin"] - number["xreference"] * number["xincrement"],
+        scale,
+        -scale * (number["yorigin"] + number["yreference"]),
+    )
+
+
+def _number(fields: dict[str, str], name: str, default: float | None = None) -> float:
+    if default is not None and name not in fields:
+        return default
+    try:
+        value = float(fields[name])
+    except ValueError:
+        value = math.nan
+    if not math.isfinite(value):
+        raise PreambleError(f"preamble: {name} = {fields[name][:40]!r} is no number")
+    return value

@@ -1,0 +1,54 @@
+"""The command line in processes of its own, on a pseudo-terminal, and what the store says afterwards."""
+
+import sqlite3
+import subprocess
+import sys
+from collections.abc import Iterator
+from contextlib import closing, contextmanager
+from pathlib import Path
+
+import pytest
+
+from aerokernels.hardware.port import open_port
+from aerokernels.hardware.sources import FrameStream
+from aerokernels.hardware.store import EchoStore
+
+needs_pseudo_terminals = pytest.mark.skipif(sys.platform == "win32", reason="pseudo-terminals are not there on Windows")
+
+
+@contextmanager
+def started(*arguments: object, **options: object) -> Iterator[subprocess.Popen[str]]:
+    """The command line running in a process of its own; killed at the end if it is still there."""
+    command = [sys.executable, "-m", "aerokernels", *map(str, arguments)]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, **options) as process:  # type: ignore[call-overload]
+        try:
+            yield process
+        finally:
+            if process.poll() is None:
+                process.kill()
+
+
+@contextmanager
+def board(link: Path, *options: object) -> Iterator[subprocess.Popen[str]]:
+    with started("board", "--link", link, *options) as process:
+        assert process.stdout is not None
+        assert "board on" in process.stdout.readline()
+        yield process
+
+
+def frames_from(link: Path) -> FrameStream:
+    return FrameStream(open_port(str(link)))
+
+
+def sequences(path: Path) -> list[int]:
+    with EchoStore(path, read_only=True) as store:
+        return [echo.frame.sequence for echo in store.echoes()]
+
+
+def rows(path: Path, query: str) -> list[tuple]:
+    with closing(sqlite3.connect(path)) as connection:
+        return connection.execute(query).fetchall()
+
+
+def integrity(path: Path) -> str:
+    return rows(path, "PRAGMA integrity_check")[0][0]

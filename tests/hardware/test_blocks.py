@@ -1,0 +1,146 @@
+"""The decoder of text lines and IEEE 488.2 blocks: the count alone ends a block, and nothing makes it fail or swell."""
+
+import itertools
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from aerokernels.hardware.blocks import GREATEST_TEXT_LENGTH, Block, BlockDecoder, TextLine
+from aerokernels.hardware.decoder import DamagedPiece
+
+# Every byte value, and among them what would end a response or begin another one.
+DATA = bytes(range(256)) + b"\n\r\n#15\n#0\x00;"
+PREAMBLE = b':WFMOUTPRE:BYT_NR 1;WFID "Ch1; #14 points\t";YMULT 1.0E-3\r\n'
+STREAM = (
+    b"\n\r\n" + PREAMBLE + b":CURVE #3%d" % len(DATA) + DATA + b"\n" + b"#10\n" + b"#H1F\n" + b"12 #x\n"
+    b"\x80\xff no text\n" + b"\xc3garbage#9000000003\x00\n\x01\n" + b"last line\n" + b"#15ab"
+)  # fmt: skip
+FOUND = [
+    TextLine(PREAMBLE.decode().strip()),
+    Block(DATA, b":CURVE #3%d" % len(DATA) + DATA),
+    Block(b"", b"#10"),
+    TextLine("#H1F"),
+    TextLine("12 #x"),
+    DamagedPiece(b"\x80\xff no text", "text: bytes that are no ASCII characters"),
+    DamagedPiece(b"\xc3garbage", "text: bytes before a block that are no response header"),
+    Block(b"\x00\n\x01", b"#9000000003\x00\n\x01"),
+    TextLine("last line"),
+    DamagedPiece(b"#15ab", "cut off: here"),
+]
+
+
+def decoded(*chunks: bytes, greatest: int = 1000) -> list:
+    decoder = BlockDecoder(greatest)
+    found = [one for chunk in chunks for one in decoder.feed(chunk)]
+    assert decoder.pending_length <= greatest + 2 * GREATEST_TEXT_LENGTH
+    return found + decoder.finish("cut off: here")
+
+
+def test_split_at_every_byte_position():
+    """Cut in two at every position, and byte by byte: one and the same outcome."""
+    assert decoded(STREAM) == FOUND
+    for cut in range(len(STREAM) + 1):
+        assert decoded(STREAM[:cut], STREAM[cut:]) == FOUND, f"cut at {cut}"
+    assert decoded(*(STREAM[k : k + 1] for k in range(len(STREAM)))) == FOUND
+
+
+def test_a_block_is_there_with_its_last_byte():
+    """No terminator is waited for: an instrument that sends none is read as well."""
+    decoder = BlockDecoder()
+    assert decoder.feed(b"#13\n\n") == []
+    assert decoder.feed(b"\n") == [Block(b"\n\n\n", b"#13\n\n\n")]
+    assert decoder.pending_length == 0 and decoder.finish() == []
+
+
+@pytest.mark.parametrize("count", [1001, 99_999, 999_999_999])
+def test_a_block_beyond_the_bound_is_refused_by_its_header(count: int):
+    """Nothing is waited for, and the decoder finds its way back at the next line end."""
+    digits = str(count).encode()
+    found = decoded(b"#%d%s" % (len(digits), digits) + b"\x01\x02\nnext\n")
+    assert isinstance(found[0], DamagedPiece) and str(count) in found[0].reason
+    assert found[1:] == [DamagedPiece(b"\x01\x02", "text: bytes that are no ASCII characters"), TextLine("next")]
+
+
+def test_text_without_end_does_not_fill_the_memory():
+    """Ten longest texts without a line end, in chunks of three sizes: pieces of bounded length, then a line is read."""
+    noise = b"U" * (10 * GREATEST_TEXT_LENGTH + 7)
+    stream = noise + b"\nnext\n"
+    for size in (1, 1021, len(stream)):
+        decoder, found = BlockDecoder(), []
+        for start in range(0, len(stream), size):
+            found += decoder.feed(stream[start : start + size])
+            assert decoder.pending_length <= GREATEST_TEXT_LENGTH
+        assert [len(one.raw) for one in found[:-1]] == [GREATEST_TEXT_LENGTH] * 10 + [7]
+        assert b"".join(one.raw for one in found[:-1]) == noise
+        assert found[-1] == TextLine("next")
+
+
+noise = st.binary(max_size=80) | st.sampled_from([b"#", b"#1", b"#9", b"#0", b'"', b"\n", b"#18", b";", b":CURVE "])
+
+
+@given(st.lists(noise, max_size=12), st.data())
+def test_noise_in_any_chunks_gives_one_outcome(parts: list[bytes], data: st.DataObject):
+    """Arbitrary bytes, rich in what the grammar is made of: nothing raised, bounded, whatever the chunks."""
+    stream = b"".join(parts)
+    cuts = sorted(data.draw(st.lists(st.integers(0, len(stream)), max_size=6)))
+    edges = [0, *cuts, len(stream)]
+    chunks = [stream[a:b] for a, b in itertools.pairwise(edges)]
+    assert decoded(*chunks, greatest=50) == decoded(stream, greatest=50)
+
+
+@given(st.binary(max_size=300), st.lists(noise, max_size=4))
+def test_after_silence_a_block_comes_through(payload: bytes, before: list[bytes]):
+    """What the recorder relies on: noise, `finish`, and the next block is exact."""
+    decoder = BlockDecoder()
+    for part in before:
+        decoder.feed(part)
+    decoder.finish()
+    raw = b":CURVE #3%03d" % len(payload) + payload
+    assert decoder.feed(raw + b"\n") == [Block(payload, raw)]
+
+
+def test_time_grows_with_the_bytes_and_no_faster():
+    """Worst cases for a naive search (hashes, quotes, digits only): each byte is looked at a bounded number of times.
+
+    Counted, not timed: the decoder takes a stream four times as long with about four times the calls of its own.
+    """
+    import sys
+
+    def calls(stream: bytes) -> int:
+        seen = 0
+
+        def count(frame, event, argument):
+            nonlocal seen
+            seen += event == "call"
+
+        decoder = BlockDecoder(100)
+        sys.setprofile(count)
+        try:
+            decoder.feed(stream)
+        finally:
+            sys.setprofile(None)
+        return seen
+
+    for unit in (b"#", b'"', b"#9", b"#19", b"a\n", b"#11x", bytes(range(256))):
+        short, long = calls(unit * (4096 // len(unit))), calls(unit * (16384 // len(unit)))
+        assert long <= 4.5 * short + 10, unit
+
+
+def test_fuzzed_streams():
+    """Two thousand mutations of a valid stream: chunks do not matter, and blocks that were not touched come through."""
+    random = np.random.default_rng(11)
+    blocks = [b":CURVE #240" + bytes(random.integers(0, 256, 40).astype(np.uint8)) for _ in range(4)]
+    for _ in range(2000):
+        place = int(random.integers(len(blocks[1])))
+        broken = bytearray(blocks[1])
+        if random.random() < 0.5:
+            del broken[place : place + int(random.integers(1, 20))]
+        else:
+            broken[place] ^= 1 << int(random.integers(8))
+        stream = blocks[0] + b"\n" + bytes(broken) + b"\n" + blocks[2] + b"\n"
+        found = decoded(stream)
+        assert found[0] == Block(blocks[0][-40:], blocks[0])
+        cut = int(random.integers(len(stream)))
+        assert decoded(stream[:cut], stream[cut:]) == found

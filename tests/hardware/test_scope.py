@@ -1,0 +1,169 @@
+"""Oscilloscopes on a serial line: each acquisition once, in volts, whatever happens on the way."""
+
+import threading
+from contextlib import contextmanager
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from aerokernels.hardware.echo_source import EchoSource
+from aerokernels.hardware.preamble import parse_tektronix
+from aerokernels.hardware.pseudo_terminal import PseudoTerminal
+from aerokernels.hardware.scope_board import SimulatedScope
+from aerokernels.hardware.store import EchoStore
+
+from .line import board, integrity, needs_pseudo_terminals, rows
+
+pytestmark = needs_pseudo_terminals
+
+
+def record_into(path: Path, link: Path) -> tuple:
+    return "record", "--port", link, "--protocol", "scpi", "--store", path
+
+
+def recorded(path: Path) -> list:
+    with EchoStore(path, read_only=True) as store:
+        return list(store.echoes())
+
+
+@pytest.mark.parametrize("dialect", ["tektronix", "rigol"])
+def test_each_acquisition_once_in_volts(tmp_path: Path, aerokernels, dialect: str):
+    """40 curves of an instrument that acquires 20 times a second, slower than it is asked.
+
+    Formula: a Gaussian of 2 V; a curve is off by the noise (20 mV) and half a count of 8 bits (2.12 V / 440 = 5 mV),
+    the mean of 40 by 20 mV / sqrt(40) = 3.2 mV rms, of which 6 bound each sample, and at most half a count.
+    Expected: no two curves alike, as noise never is; the Tektronix counts, so that its numbers say what was missed.
+    """
+    link, path = tmp_path / "port", tmp_path / "echoes.sqlite"
+    with board(link, "--protocol", "scpi", "--dialect", dialect, "--rate", 20):
+        done = aerokernels(*record_into(path, link), "--count", 40, "--label", "mach=0", "--timeout", 1, timeout=60)
+        assert done.returncode == 0, done.stderr
+    echoes = recorded(path)
+    assert len({echo.frame.samples.tobytes() for echo in echoes}) == len(echoes) == 40
+    numbers = [echo.frame.sequence for echo in echoes]
+    assert numbers == sorted(set(numbers))
+    ((missing,),) = rows(path, "SELECT coalesce(sum(missing_count), 0) FROM gaps")
+    assert numbers[-1] - numbers[0] == 39 + missing
+    frame = echoes[0].frame
+    assert (frame.device_time_us, frame.sample_period_ps, frame.first_sample_time) == (None, 250, 0.0)
+    source = EchoSource.gaussian()
+    np.testing.assert_allclose(frame.time, np.arange(128) * 250e-12, rtol=1e-12)
+    half_count = 0.5 * source.full_scale / 220
+    mean = np.mean([echo.frame.voltage for echo in echoes], axis=0)
+    assert np.abs(mean - source.voltage).max() < 6 * 0.02 / np.sqrt(40) + half_count
+    assert abs(frame.scale - 2 * half_count) < 1e-9
+
+
+def test_the_simulated_instrument_answers_as_a_program_of_ones_own_expects():
+    """Without HEADER ON: a named preamble, a bare block; single fields and two bytes a sample on demand."""
+    scope = SimulatedScope(EchoSource.gaussian(noise=0.0), rate=1e-3)
+    assert scope.answer("*idn?").startswith(b"TEKTRONIX") and scope.answer("*OPC?") == b"1\n"
+    assert scope.answer("NONSENSE?") == scope.answer("") == b""
+    one = parse_tektronix(scope.answer("wfmoutpre?").decode())
+    assert float(scope.answer("WFMOUTPRE:YMULT?").split()[-1]) == one.scale
+    block = scope.answer("CURVE?")
+    assert block[:5] == b"#3128" and block[-1:] == b"\n" and len(block) == 5 + 128 + 1
+    assert scope.answer("CURVE?") == block  # the same acquisition
+    assert scope.answer("DATA:WIDTH 2") == scope.answer("HEADER ON") == b""
+    two = parse_tektronix(scope.answer(":WFMOUTPRE?").decode())
+    wide = scope.answer("CURVE?")
+    assert wide.startswith(b":CURVE #3256")
+    np.testing.assert_allclose(
+        two.curve(wide[12:-1], wide, 0).voltage, one.curve(block[5:-1], block, 0).voltage, rtol=1e-9, atol=1e-12
+    )
+    scope.answer("HEADER OFF")
+    assert b"YMULT" not in scope.answer("WFMOUTPRE?") and scope.answer("ACQUIRE:NUMACQ?") == b"1\n"
+
+
+def test_faults_on_the_line_are_kept_apart_and_the_rest_is_right(tmp_path: Path, aerokernels):
+    """Torn, garbled and doubled answers, silences and two pulled plugs on the way to 60 curves without noise.
+
+    Expected: every stored curve is the board's echo, half a count off at most, and nothing was stored twice. The
+    protocol has no check sum: what changes single samples cannot be seen, and is not sent here.
+    """
+    link, path = tmp_path / "port", tmp_path / "echoes.sqlite"
+    faults = [f"--fault={kind}={rate}" for kind, rate in (
+        ("torn", 0.04), ("flipped", 0.04), ("glued", 0.04), ("garbage", 0.04), ("gap", 0.1), ("unplug", 0.02),
+    )]  # fmt: skip
+    with board(
+        link, "--protocol", "scpi", "--rate", 200, "--noise", 0, "--pause", 0.2, "--seed", 3, *faults
+    ) as process:
+        done = aerokernels(*record_into(path, link), "--count", 60, "--timeout", 0.3, timeout=100)
+        assert done.returncode == 0, done.stderr
+        process.terminate()
+        said = process.communicate(timeout=30)[0]
+    assert all(f" {kind}" in said for kind in ("torn", "flipped", "glued", "garbage", "gap")), said
+    echoes, source = recorded(path), EchoSource.gaussian(noise=0.0)
+    numbers = [(echo.session, echo.frame.sequence) for echo in echoes]
+    assert len(set(numbers)) == len(numbers) == 60
+    for echo in echoes:
+        assert np.abs(echo.frame.voltage - source.voltage).max() <= 0.5 * source.full_scale / 220 + 1e-9
+    reasons = " ".join(reason for (reason,) in rows(path, "SELECT reason FROM damaged"))
+    assert "cut off" in reasons and "before a block" in reasons and "answers to" in reasons
+    assert integrity(path) == "ok"
+
+
+@contextmanager
+def plain_instrument(link: Path, answers: dict[bytes, bytes]):
+    """An instrument that knows a few questions and is silent at everything else."""
+    ended = threading.Event()
+
+    def run(terminal: PseudoTerminal) -> None:
+        pending = b""
+        while not ended.is_set():
+            *questions, pending = (pending + terminal.read(0.05)).split(b"\n")
+            for question in questions:
+                terminal.write(answers.get(question, b""), ended.is_set)
+
+    with PseudoTerminal(link) as terminal:
+        thread = threading.Thread(target=run, args=(terminal,))
+        thread.start()
+        try:
+            yield
+        finally:
+            ended.set()
+            thread.join(30)
+
+
+def test_an_instrument_that_knows_two_questions(tmp_path: Path, aerokernels):
+    """No count of acquisitions, no terminator after the block, line feeds and # in the data, the fewest fields.
+
+    Expected: one echo an answer, numbered here, and on from there when recorded again; volts by the formula.
+    """
+    counts = np.array([10, 35, 10, 13, -128, 127, 0, 35, 49, 53], np.int8)  # "\n#\n\r", then "#15"
+    answers = {
+        b"WFMOUTPRE?": b"YMULT 0.01;YOFF 10;YZERO 1.5;XINCR 4.0E-10;XZERO -2.0E-9\n",
+        b"CURVE?": b"#210" + counts.tobytes(),
+        b"ACQUIRE:NUMACQ?": b"ERROR: unknown\n",
+    }
+    link, path = tmp_path / "port", tmp_path / "echoes.sqlite"
+    with plain_instrument(link, answers):
+        for _ in range(2):
+            done = aerokernels(
+                "record", "--port", link, "--protocol", "scpi", "--store", path, "--count", 3, timeout=60
+            )
+            assert done.returncode == 0, done.stderr
+    echoes = recorded(path)
+    assert [echo.frame.sequence for echo in echoes] == [0, 1, 2, 3, 4, 5]
+    for echo in echoes:
+        np.testing.assert_allclose(echo.frame.voltage, 1.5 + 0.01 * (counts - 10.0), rtol=1e-12, atol=1e-12)
+        np.testing.assert_allclose(echo.frame.time, -2e-9 + 4e-10 * np.arange(10), rtol=1e-12, atol=1e-21)
+        assert echo.frame.raw == answers[b"CURVE?"]
+    assert rows(path, "SELECT count(*) FROM damaged") == [(0,)]
+
+
+@pytest.mark.parametrize(
+    ("answers", "match"),
+    [
+        ({}, "no answer"),
+        ({b"WFMOUTPRE?": b"YMULT 1;XINCR 1E-9;ENCDG ASCII\n"}, "DATA:ENCDG RIBINARY"),
+        ({b"WFMOUTPRE?": b"\xff\xfe\n"}, "damaged answer"),
+    ],
+)
+def test_what_is_no_oscilloscope_is_said(tmp_path: Path, aerokernels, answers: dict, match: str):
+    link = tmp_path / "port"
+    with plain_instrument(link, answers):
+        done = aerokernels(*record_into(tmp_path / "s.sqlite", link), "--timeout", 0.3, timeout=60)
+    assert done.returncode == 2 and match in done.stderr and len(done.stderr.splitlines()) == 1, done
+    assert not (tmp_path / "s.sqlite").exists()
