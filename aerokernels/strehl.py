@@ -228,10 +228,21 @@ def _beyond(field: IndexField, pupil: Disc, look: np.ndarray) -> np.ndarray:
     return pupil.center + (max(reach, 0.0) + pupil.radius + 1e-3 * size) * look
 
 
-def pupil_rays(field: IndexField, pupil: Disc, look: np.ndarray, ray_count: int, symmetry="auto") -> tuple[int, str]:
-    """Rays that `estimate_strehl` starts with, and why; `look` is a unit vector."""
-    fan_rays, why = choose_fan(field, pupil, look, _per_replicate(ray_count), REPLICATES, symmetry)
-    return REPLICATES * (fan_rays or _per_replicate(ray_count)), why
+def plan_strehl(field: IndexField, pupil: Disc, **options) -> tuple[TracePlan, int]:
+    """The plan that `estimate_strehl` would follow with these options, and how many rays it would start with.
+
+    Rays of a pilot bundle are traced for it, some hundred, but nothing else.
+    """
+    asked = {"wavelength": 905e-9, "ray_count": 1_000_000, "direction": None, "seed": 0, "symmetry": "auto"}
+    given = {**asked, **options}
+    given.pop("remove", None)
+    direction = given.pop("direction")
+    look = RayBundle(pupil.center, pupil.normal if direction is None else direction).direction[0]
+    task = (given.pop("wavelength"), int(given.pop("ray_count")), given.pop("seed"), False, given.pop("symmetry"))
+    defaults = {"method": "auto", "backend": "auto", "device": None, "precision": "float32"}
+    choices = {**defaults, "step": None, "tolerance": 1e-3, "max_steps": None, **given}
+    job = _make_job(field, pupil, look, *task, choices)
+    return job.plan, job.traced_ray_count
 
 
 @dataclass(eq=False)

@@ -6,9 +6,9 @@ from aerokernels.medium import IndexField
 from aerokernels.medium.grid import UniformGrid
 from aerokernels.prepare import prepare_field
 from aerokernels.scene import Scene
-from aerokernels.strehl import pupil_rays
+from aerokernels.strehl import plan_strehl
 from aerokernels.study.views import FAN_PLANES, FAN_RAYS, PUPIL_SAMPLES, forward_pupil, pupil_samples, trace_options
-from aerokernels.tracing.plan import make_plan
+from aerokernels.tracing.plan import TracePlan
 
 
 def explanation(scene: Scene) -> list[tuple[str, str]]:
@@ -19,8 +19,7 @@ def explanation(scene: Scene) -> list[tuple[str, str]]:
     """
     prepared = prepare_field(scene)
     pupil = forward_pupil(scene)
-    forward = pupil.normal[None]
-    plan = make_plan(prepared.field, **trace_options(scene), path_length=None, directions=forward)
+    plan, count = plan_strehl(prepared.field, pupil, **trace_options(scene), ray_count=scene.strehl.ray_count)
     low, high = prepared.region
     axes = "r, z" if prepared.field.geometry == "axisymmetric" else "y, z"
     wavelength = scene.flow.wavelength
@@ -50,7 +49,6 @@ def explanation(scene: Scene) -> list[tuple[str, str]]:
         ]
     inside, sampled, _ = pupil_samples(prepared.field, scene, PUPIL_SAMPLES)
     shared = ", those at one distance from the axis share a ray" if len(sampled) < inside.sum() else ""
-    count, why = pupil_rays(prepared.field, pupil, forward[0], scene.strehl.ray_count)
     rows += [
         ("tracing", str(plan).splitlines()[0]),
         *(("", reason) for reason in plan.reasons),
@@ -59,7 +57,7 @@ def explanation(scene: Scene) -> list[tuple[str, str]]:
             "rays, Strehl ratio",
             f"{scene.strehl.ray_count:,} asked for, {count:,} traced, pupil of {scene.receiver.diameter * 1e3:g} mm",
         ),
-        ("", why),
+        ("predicted", _prediction(plan, count)),
         (
             "rays, OPD map",
             f"{len(sampled):,} for {int(inside.sum()):,} samples, {PUPIL_SAMPLES} across the pupil{shared}",
@@ -72,6 +70,19 @@ def explanation(scene: Scene) -> list[tuple[str, str]]:
         ("ranging", f"{scene.detector.ranging}, {scene.detector.sample_rate / 1e9:g} GHz samples"),
     ]
     return rows
+
+
+def _prediction(plan: TracePlan, ray_count: int) -> str:
+    """Cost and error of the Strehl ratio's rays, in words."""
+    each, error = plan.predicted_evaluations, plan.predicted_error
+    cost = (
+        "cost not known before"
+        if each is None
+        else f"{each:.0f} field evaluations a ray, {each * ray_count:.2g} in all"
+    )
+    if error is None:
+        return f"{cost}; error not known before"
+    return f"{cost}; OPD error {error:.1g} waves"
 
 
 def _way_back(scene: Scene, field: IndexField) -> str:

@@ -17,6 +17,7 @@ import numpy as np
 from ..medium import IndexField
 from ..medium.grid import UniformGrid
 from .quiet import CONES, SHARE, cones_of, reach, roughness_along, smooth_step
+from .scheme import MESH_STEP_LIMIT
 
 OVERHEAD = 1.5
 FIRST = 15.0
@@ -29,27 +30,26 @@ LONGEST = 0.125
 
 @dataclass(frozen=True)
 class Choice:
-    """A method, the step of "fixed" [m], and why."""
+    """A method, the step of "fixed" [m], why, and the evaluations predicted for a ray across the box."""
 
     method: str
     step: float | None
     reason: str
+    evaluations: float
 
 
 def choose_method(field: IndexField, budget: float, directions: np.ndarray) -> Choice:
     """The method for rays of these directions, `budget` the OPD error allowed for a ray [m]."""
     if not isinstance(field.samples, UniformGrid):
-        return Choice("adaptive", None, "method adaptive: on a mesh error control holds the tolerance")
+        low, high = field.box
+        across = float(np.linalg.norm(np.where(np.isfinite(high - low), high - low, 0.0)))
+        cost = OVERHEAD * 3.0 * across / (MESH_STEP_LIMIT * float(np.median(field.samples.mesh.cell_size))) + FIRST
+        return Choice("adaptive", None, "method adaptive: on a mesh error control holds the tolerance", cost)
+    grid = field.samples
+    extent = float(np.linalg.norm(grid.high - grid.low))
     if field.interpolation != "cubic":
         why = f"method adaptive: the kinks of the {field.interpolation} interpolant are met face by face"
-        return Choice("adaptive", None, why)
-    if field.body is not None:
-        return Choice("adaptive", None, "method adaptive: a fixed step could jump over the body")
-    grid = field.samples
-    turn = _greatest_turn(grid)
-    if turn > WEAK:
-        return Choice("adaptive", None, f"method adaptive: rays may turn by {turn:.2g} rad, error control holds them")
-    extent = float(np.linalg.norm(grid.high - grid.low))
+        return Choice("adaptive", None, why, 4.0 * float(np.sum((grid.high - grid.low) / grid.spacing)))
     step, adaptive = LONGEST * extent, 0.0
     for number in np.unique(cones_of(directions, field.geometry)):
         cone = CONES[number]
@@ -57,12 +57,18 @@ def choose_method(field: IndexField, budget: float, directions: np.ndarray) -> C
         step = min(step, float(smooth_step(roughest, SHARE * budget / extent)))
         safe = np.clip(reach(grid, field.geometry, budget, cone).length, 2.0 * grid.spacing.min(), extent)
         adaptive = max(adaptive, OVERHEAD * 3.0 * extent * float(np.mean(1.0 / safe)) + FIRST)
+    turn = _greatest_turn(grid)
+    if field.body is not None:
+        return Choice("adaptive", None, "method adaptive: a fixed step could jump over the body", adaptive)
+    if turn > WEAK:
+        why = f"method adaptive: rays may turn by {turn:.2g} rad, error control holds them"
+        return Choice("adaptive", None, why, adaptive)
     fixed = 3.0 * extent / step
     costs = f"predicted along the diagonal {fixed:.0f} evaluations with fixed steps, {adaptive:.0f} with error control"
     if fixed <= MARGIN * adaptive:
         why = f"method fixed, steps of {step:.3g} m: the field is smooth and weak all over, {costs}"
-        return Choice("fixed", step, why)
-    return Choice("adaptive", None, f"method adaptive: the field is rough in places, {costs}")
+        return Choice("fixed", step, why, fixed)
+    return Choice("adaptive", None, f"method adaptive: the field is rough in places, {costs}", adaptive)
 
 
 def _greatest_turn(grid: UniformGrid) -> float:

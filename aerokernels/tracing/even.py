@@ -77,7 +77,13 @@ def fit_even(field: IndexField, pilot: RayBundle, plan: TracePlan, until, wavele
         f"to {worst / wavelength:.1g} waves; rays whose own error estimate is above the tolerance are traced again"
     )
     return replace(
-        plan, sample_count=count, even_share=shares[0], bend_share=shares[1], reasons=(reason, *plan.reasons)
+        plan,
+        sample_count=count,
+        even_share=shares[0],
+        bend_share=shares[1],
+        reasons=(reason, *plan.reasons),
+        predicted_evaluations=float(count),
+        predicted_error=worst / wavelength,
     )
 
 

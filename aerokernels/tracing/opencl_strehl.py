@@ -8,7 +8,7 @@ import pyopencl as cl
 from pyopencl.cltypes import make_double3
 
 from .even import mend_rough
-from .opencl_backend import RAY_BYTES, allocate, enqueue, launch_trace, prepare, rough_count, to_device
+from .opencl_backend import RAY_BYTES, allocate, enqueue, launch_trace, prepare, to_device
 from .opencl_devices import Session
 from .opencl_program import WORK_GROUP, build
 from .pupil_sums import (
@@ -79,21 +79,20 @@ class PupilRun:
             if scratch is None or task.with_tilt:
                 scratch = self._buffers(scratch)
             rays = self._launch(number, rows, count, scratch)
-            before = rough_count(self.ready) if number or not task.plan.sample_count else self._reset_rough()
             launch_trace(self.ready, rays.position, rays.direction, scratch.results, count)
             batch = SimpleNamespace(rows=rows, replicates=replicates, rays=rays, scratch=scratch)
             self._sum(batch, np.zeros(3))
-            sums[rows] = self._fetch(batch)
-            if task.plan.sample_count and rough_count(self.ready) > before:
+            sums[rows], rough = self._fetch(batch)
+            if rough:
                 self._mend(rays, scratch, count)
                 self._sum(batch, np.zeros(3))
-                sums[rows] = self._fetch(batch)
+                sums[rows], _ = self._fetch(batch)
             kept.append(batch)
         if task.with_tilt:
             plane = fit_plane(sums[:, :MOMENT_COUNT], True)
             for batch in kept:
                 self._sum(batch, plane)
-                sums[batch.rows] = self._fetch(batch)
+                sums[batch.rows], _ = self._fetch(batch)
         moments = moments_in_metres(sums[:, :MOMENT_COUNT], task)
         phasors = sums[:, MOMENT_COUNT] + 1j * sums[:, MOMENT_COUNT + 1]
         return PupilSums(
@@ -171,16 +170,20 @@ class PupilRun:
         arguments += [batch.scratch.moments, batch.scratch.phasors, batch.scratch.sums]
         enqueue(self.opened, self.kernels["join_sums"], arguments, sum_count)
 
-    def _fetch(self, batch: SimpleNamespace) -> np.ndarray:
-        """Sums of the replicates of a batch, (n, SUM_COUNT)."""
-        values = np.empty((batch.replicates, SUM_COUNT))
-        cl.enqueue_copy(self.opened.queue, values, batch.scratch.sums, is_blocking=True)
-        return values
-
-    def _reset_rough(self) -> int:
-        """Begin to count rays anew that even samples do not hold for."""
-        cl.enqueue_copy(self.opened.queue, self.ready.rough, np.zeros(1, np.int32), is_blocking=True)
-        return 0
+    def _fetch(self, batch: SimpleNamespace) -> tuple[np.ndarray, int]:
+        """Sums of the replicates of a batch, (n, SUM_COUNT), and how many rays even samples do not hold for."""
+        values, queue = np.empty((batch.replicates, SUM_COUNT)), self.opened.queue
+        if self.ready.rough is None:
+            cl.enqueue_copy(queue, values, batch.scratch.sums, is_blocking=True)
+            return values, 0
+        rough = np.zeros(1, np.int32)
+        # The device is waited for once: copies end in their order.
+        first = cl.enqueue_copy(queue, rough, self.ready.rough, is_blocking=False)
+        cl.enqueue_copy(queue, values, batch.scratch.sums, is_blocking=True)
+        first.wait()
+        if rough[0]:
+            cl.enqueue_copy(queue, self.ready.rough, np.zeros(1, np.int32), is_blocking=True)
+        return values, int(rough[0])
 
     def _mend(self, rays: SimpleNamespace, scratch: SimpleNamespace, count: int) -> None:
         """Trace again the rays of a batch that even samples do not hold for."""

@@ -28,6 +28,8 @@ class TracePlan:
         sample_count: Samples of a ray whose samples are even, see even.py; 0 where they are not.
         even_share: The share of a sum's difference from that over every third sample that is taken for its error.
         bend_share: The share of int P^2 / w dt, P the momentum across the ray, that is taken for its course's error.
+        predicted_evaluations: Field evaluations of a ray across the box, predicted before any ray is traced.
+        predicted_error: OPD error predicted [waves]: what a pilot bundle made, what tables estimate, or the tolerance.
     """
 
     method: str
@@ -42,6 +44,8 @@ class TracePlan:
     sample_count: int = 0
     even_share: float = 0.0
     bend_share: float = 0.0
+    predicted_evaluations: float | None = None
+    predicted_error: float | None = None
 
     def __str__(self) -> str:
         """One line of choices, then one line for each reason."""
@@ -60,6 +64,8 @@ class TracePlan:
             "tolerance": self.tolerance,
             "columns": self.columns,
             "sample_count": self.sample_count,
+            "predicted_evaluations": self.predicted_evaluations,
+            "predicted_error": self.predicted_error,
             "reasons": list(self.reasons),
         }
 
@@ -101,6 +107,7 @@ def make_plan(
         raise ValueError(f"step belongs to method 'fixed', not to {method!r}: leave it out or choose 'fixed'")
     reasons = []
     by_columns = False
+    predicted = None
     if columns is not None and method in ("auto", "straight") and backend != "reference":
         method = "straight"
         reasons.append(columns)
@@ -110,7 +117,7 @@ def make_plan(
         reasons.append("method adaptive: the reference is the answer that others are measured against")
     elif method == "auto":
         choice = choose_method(field, tolerance * wavelength, directions)
-        method, step = choice.method, choice.step
+        method, step, predicted = choice.method, choice.step, choice.evaluations
         reasons.append(choice.reason)
     backend, device, why = choose_backend(backend, device)
     reasons.append(why)
@@ -130,8 +137,22 @@ def make_plan(
         max_steps = step_allowance(field, method, step, path_length)
     elif not isinstance(max_steps, (int, np.integer)) or max_steps < 1:
         raise ValueError(f"max_steps must be a whole number of at least 1, got {max_steps!r}")
+    if by_columns:
+        predicted = 1.0
+    elif predicted is None and method == "fixed":
+        predicted = 3.0 * _diagonal(field) / step
     return TracePlan(
-        method, backend, device, precision, int(max_steps), step, float(tolerance), tuple(reasons), by_columns
+        method,
+        backend,
+        device,
+        precision,
+        int(max_steps),
+        step,
+        float(tolerance),
+        tuple(reasons),
+        by_columns,
+        predicted_evaluations=predicted,
+        predicted_error=None if method in ("paper", "fixed") or by_columns else float(tolerance),
     )
 
 
