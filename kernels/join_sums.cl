@@ -1,35 +1,32 @@
-// Sums of replicates from those of their groups: a work-item a number, the groups in their order.
+// Rows of sums joined, a work-item a number: row_count rows of each replicate become joined_count, JOINED rows to one, in
+// their order. Number k of a row is one of the moments, then real and imaginary part of the phasor.
 //
-// Of the sums first_sum up to sum_count, number k of replicate r is r * (MOMENT_COUNT + 2) + k: the moments, then real and
-// imaginary part of the phasor. moments_in (group_count, MOMENT_COUNT) and phasor_in (group_count) are those of
-// sum_moments and sum_phasors, with per_replicate rays to a replicate.
+// Of the numbers first_sum up to sum_count: sums_in (replicates * row_count, SUM_COUNT), and
+// sums_out (replicates * joined_count, SUM_COUNT).
 
 #include "groups.h"
 
 __kernel void join_sums(
-    const int per_replicate,
+    const int row_count,
+    const int joined_count,
     const int first_sum,
     const int sum_count,
-    __global const double *moments_in,
-    __global const double2 *phasor_in,
+    __global const double *sums_in,
     __global double *sums_out)
 {
     const int sum = (int)get_global_id(0) + first_sum;
     if (sum >= sum_count) {
         return;
     }
-    const int groups = (per_replicate + GROUP - 1) / GROUP;
-    const int replicate = sum / (MOMENT_COUNT + 2);
-    const int k = sum - replicate * (MOMENT_COUNT + 2);
+    const int joined = sum / SUM_COUNT;
+    const int k = sum - joined * SUM_COUNT;
+    const int replicate = joined / joined_count;
+    const int first = (joined - replicate * joined_count) * JOINED;
+    const int stop = min(first + JOINED, row_count);
     double whole = 0.0;
-    for (int group = replicate * groups; group < (replicate + 1) * groups; group++) {
-        if (k < MOMENT_COUNT) {
-            const double part = moments_in[(size_t)group * MOMENT_COUNT + k];
-            whole = k == WORST ? fmax(whole, part) : whole + part;
-        } else {
-            const double2 part = phasor_in[group];
-            whole += k == MOMENT_COUNT ? part.x : part.y;
-        }
+    for (int row = replicate * row_count + first; row < replicate * row_count + stop; row++) {
+        const double part = sums_in[(size_t)row * SUM_COUNT + k];
+        whole = k == WORST ? fmax(whole, part) : whole + part;
     }
     sums_out[sum] = whole;
 }

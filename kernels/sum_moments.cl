@@ -2,7 +2,7 @@
 //
 // weight_in: what each ray counts, one number for each (weight_count = ray count) or the same for all (1).
 // Per ray: pupil_in, opd_in [m], step_error_in [m], evaluation_count_in, status_in; per_replicate of them to a
-// replicate. Groups from first_group up to group_count: moments_out (group_count, MOMENT_COUNT) with the sum of weights,
+// replicate. Groups from first_group up to group_count: of sums_out (group_count, SUM_COUNT) the sum of weights,
 // x, y, W, xx, xy, yy, xW, yW, WW over the rays that arrived, their greatest step error, and the field evaluations of
 // all rays.
 
@@ -19,7 +19,7 @@ __kernel void sum_moments(
     __global const double *step_error_in,
     __global const int *evaluation_count_in,
     __global const int *status_in,
-    __global double *moments_out)
+    __global double *sums_out)
 {
     __local double parts[WORK_GROUP][MOMENT_COUNT];
     const int item = (int)get_local_id(0);
@@ -58,6 +58,6 @@ __kernel void sum_moments(
         for (int k = 0; k < WORK_GROUP; ++k) {
             whole = item == WORST ? fmax(whole, parts[k][item]) : whole + parts[k][item];
         }
-        moments_out[(size_t)group * MOMENT_COUNT + item] = whole;
+        sums_out[(size_t)group * SUM_COUNT + item] = whole;
     }
 }

@@ -3,7 +3,8 @@
 // wave_number k [1/m]; plane: its height [m] at the pupil's centre, and its rise [m] over the pupil's radius along both
 // axes. weight_in: what each ray counts, weight_count numbers, one for each ray or the same for all.
 // Per ray: pupil_in, opd_in [m], status_in; per_replicate of them to a replicate.
-// Groups from first_group up to group_count: phasor_out (group_count), real and imaginary part.
+// Groups from first_group up to group_count: real and imaginary part, the last two of sums_out (group_count,
+// SUM_COUNT).
 
 #include "groups.h"
 
@@ -18,7 +19,7 @@ __kernel void sum_phasors(
     __global const double2 *pupil_in,
     __global const double *opd_in,
     __global const int *status_in,
-    __global double2 *phasor_out)
+    __global double *sums_out)
 {
     __local double2 parts[WORK_GROUP];
     const int item = (int)get_local_id(0);
@@ -39,6 +40,6 @@ __kernel void sum_phasors(
         for (int k = 0; k < WORK_GROUP; ++k) {
             whole += parts[k];
         }
-        phasor_out[group] = whole;
+        vstore2(whole, 0, sums_out + (size_t)group * SUM_COUNT + MOMENT_COUNT);
     }
 }

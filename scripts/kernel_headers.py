@@ -13,7 +13,7 @@ import numpy as np
 
 from aerokernels.medium.grid import AXIS_CORE
 from aerokernels.tracing import scheme, tableau
-from aerokernels.tracing.pupil_sums import MOMENT_COUNT
+from aerokernels.tracing.pupil_sums import MOMENT_COUNT, SUM_COUNT
 from aerokernels.tracing.quiet import CONE_SINES, CONES
 from aerokernels.tracing.status import RayStatus
 
@@ -71,7 +71,8 @@ def constants() -> str:
             }
         ),
         *_group("Pupil: rays summed by one work-item and the sums it delivers, and the hash of the scramble"),
-        *_defines({"GROUP": scheme.GROUP, "MOMENT_COUNT": MOMENT_COUNT}),
+        *_defines({"GROUP": scheme.GROUP, "JOINED": scheme.JOINED}),
+        *_defines({"MOMENT_COUNT": MOMENT_COUNT, "SUM_COUNT": SUM_COUNT}),
         *_defines({f"HASH_{k}": f"0x{value:08X}u" for k, value in enumerate(scheme.HASHES, start=1)}),
         *_group("By precision"),
         "#if REAL_IS_DOUBLE",

@@ -23,7 +23,8 @@ from .backend_info import BackendInfo
 
 # OpenCL is taken when it traces this many times Warp's rays per second: measured twice, speeds differ by some per cent.
 MARGIN = 1.1
-RAY_COUNT = 20_000
+# Rays of the measurement: as many as it takes to keep a CPU or a GPU busy.
+RAY_COUNTS = {"cpu": 20_000, "gpu": 1_000_000}
 REPEATS = 3
 VARIABLES = {"cpu": "AEROKERNELS_CPU_BACKEND", "gpu": "AEROKERNELS_GPU_BACKEND"}
 KEPT = 32  # machines and versions in one file
@@ -112,14 +113,23 @@ def rays_per_second(backend: str, device: str) -> float:
     field = IndexField.from_samples(
         contrast, origin=(-0.016, -0.016, 0.0), spacing=(cell,) * 3, geometry="volume", ambient_index=1.00027
     )
-    across = np.random.default_rng(1).uniform(-0.012, 0.012, (RAY_COUNT, 2))
-    rays = RayBundle(np.c_[across, np.full(RAY_COUNT, -1e-3)], np.array([[0.02, 0.01, 1.0]]))
+    count = RAY_COUNTS["gpu" if device.startswith("cuda") or _is_gpu(device, backend) else "cpu"]
+    across = np.random.default_rng(1).uniform(-0.012, 0.012, (count, 2))
+    rays = RayBundle(np.c_[across, np.full(count, -1e-3)], np.array([[0.02, 0.01, 1.0]]))
     # The first launch of this size compiles, in part within the launch itself.
     seconds = [
         trace(field, rays, method="straight", backend=backend, device=device, precision="float32").seconds["kernel"]
         for _ in range(REPEATS + 1)
     ]
-    return RAY_COUNT / min(seconds[1:])
+    return count / min(seconds[1:])
+
+
+def _is_gpu(device: str, backend: str) -> bool:
+    if backend != "opencl":
+        return False
+    from .opencl_devices import find_device
+
+    return find_device(device).info.description.startswith("GPU")
 
 
 def cache_folder() -> Path:

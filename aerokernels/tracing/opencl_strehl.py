@@ -1,6 +1,7 @@
 """The million-ray pupil on an OpenCL device: launch, trace and sums, nothing per ray coming back."""
 
 import time
+from itertools import pairwise
 from types import SimpleNamespace
 
 import numpy as np
@@ -14,12 +15,14 @@ from .opencl_program import WORK_GROUP, build
 from .pupil_sums import (
     MOMENT_COUNT,
     PUPIL_OUTPUTS,
+    SUM_COUNT,
     PupilSums,
     PupilTask,
     batches_of,
     fan_rays,
     fit_plane,
     group_count,
+    joined_counts,
     moments_in_metres,
     point_order,
     replicate_seeds,
@@ -28,7 +31,6 @@ from .pupil_sums import (
 KERNELS = ("launch_pupil", "sum_moments", "sum_phasors", "join_sums")
 # Bytes for a ray that stay on the device for the second sum: pupil coordinates, OPD and status.
 KEPT_BYTES = 16 + 8 + 4
-SUM_COUNT = MOMENT_COUNT + 2
 
 
 class PupilRun:
@@ -119,9 +121,9 @@ class PupilRun:
             direction=direction,
             pupil=_empty(opened, 16 * rays),
             results={**shared, **fresh},
-            moments=_empty(opened, 8 * MOMENT_COUNT * groups),
-            phasors=_empty(opened, 16 * groups),
-            sums=_empty(opened, 8 * SUM_COUNT * self.widest),
+            sums=[
+                _empty(opened, 8 * SUM_COUNT * self.widest * rows) for rows in joined_counts(self.task.per_replicate)
+            ],
         )
         if before is None and not self.task.with_tilt:
             opened.scratch.pupil = scratch
@@ -160,26 +162,28 @@ class PupilRun:
         shared = [np.int32(per_replicate), np.int32(0), np.int32(groups), np.int32(rays.weight_count), rays.weight]
         shared.append(rays.pupil)
         per_ray = [results[name] for name in ("opd", "step_error", "evaluation_count", "status")]
-        arguments = [*shared, *per_ray, batch.scratch.moments]
+        sums = batch.scratch.sums
+        arguments = [*shared, *per_ray, sums[0]]
         enqueue(self.opened, self.kernels["sum_moments"], arguments, groups * WORK_GROUP)
         numbers = [np.float64(2.0 * np.pi / self.task.wavelength), make_double3(*plane)]
-        arguments = [*numbers, *shared, results["opd"], results["status"], batch.scratch.phasors]
+        arguments = [*numbers, *shared, results["opd"], results["status"], sums[0]]
         enqueue(self.opened, self.kernels["sum_phasors"], arguments, groups * WORK_GROUP)
-        sum_count = batch.replicates * SUM_COUNT
-        arguments = [np.int32(per_replicate), np.int32(0), np.int32(sum_count)]
-        arguments += [batch.scratch.moments, batch.scratch.phasors, batch.scratch.sums]
-        enqueue(self.opened, self.kernels["join_sums"], arguments, sum_count)
+        counts = joined_counts(per_replicate)
+        for level, (rows, joined) in enumerate(pairwise(counts)):
+            sum_count = batch.replicates * joined * SUM_COUNT
+            arguments = [np.int32(rows), np.int32(joined), np.int32(0), np.int32(sum_count), *sums[level : level + 2]]
+            enqueue(self.opened, self.kernels["join_sums"], arguments, sum_count)
 
     def _fetch(self, batch: SimpleNamespace) -> tuple[np.ndarray, int]:
         """Sums of the replicates of a batch, (n, SUM_COUNT), and how many rays even samples do not hold for."""
         values, queue = np.empty((batch.replicates, SUM_COUNT)), self.opened.queue
         if self.ready.rough is None:
-            cl.enqueue_copy(queue, values, batch.scratch.sums, is_blocking=True)
+            cl.enqueue_copy(queue, values, batch.scratch.sums[-1], is_blocking=True)
             return values, 0
         rough = np.zeros(1, np.int32)
         # The device is waited for once: copies end in their order.
         first = cl.enqueue_copy(queue, rough, self.ready.rough, is_blocking=False)
-        cl.enqueue_copy(queue, values, batch.scratch.sums, is_blocking=True)
+        cl.enqueue_copy(queue, values, batch.scratch.sums[-1], is_blocking=True)
         first.wait()
         if rough[0]:
             cl.enqueue_copy(queue, self.ready.rough, np.zeros(1, np.int32), is_blocking=True)

@@ -9,12 +9,14 @@ import numpy as np
 from ..medium import IndexField
 from ..rays import Disc
 from .plan import TracePlan
-from .scheme import GROUP
+from .scheme import GROUP, JOINED
 from .stop import Plane
 
 # Per replicate: count, x, y, W, xx, xy, yy, xW, yW, WW over the rays that arrived, then the greatest step error and
 # the field evaluations of all rays.
 MOMENT_COUNT = 12
+# A row of sums: the moments, then real and imaginary part of the phasor.
+SUM_COUNT = MOMENT_COUNT + 2
 # Rays that are on a device together, but for whole replicates: what a ray takes there times this bounds the memory.
 BATCH_RAYS = 1 << 21
 # Per-ray outputs of the tracer that the sums need, besides the status.
@@ -149,6 +151,14 @@ def fan_rays(task: PupilTask, rows: slice) -> tuple[np.ndarray, ...]:
 def group_count(per_replicate: int) -> int:
     """Groups of rays that a replicate is summed in."""
     return -(-per_replicate // GROUP)
+
+
+def joined_counts(per_replicate: int) -> list[int]:
+    """Rows of sums that a replicate has, from its groups on, joined and joined again until one is left."""
+    counts = [group_count(per_replicate)]
+    while counts[-1] > 1 or len(counts) == 1:
+        counts.append(-(-counts[-1] // JOINED))
+    return counts
 
 
 def batches_of(replicates: int, per_replicate: int) -> list[slice]:

@@ -56,5 +56,7 @@ WALK_LIMIT = 6
 # The pupil of a million rays.
 # Rays summed by one work-group or thread, before the groups of a replicate are joined.
 GROUP = 128
+# Rows of such sums that are joined to one at a time: those of a million rays at once.
+JOINED = 512
 # Multipliers of the hash that scrambles Sobol points (Burley, Practical hash-based Owen scrambling, JCGT 9-4 (2020)).
 HASHES = (0x6C50B47C, 0xB82F1E52, 0xC7AFE638, 0x8D22F6E6)

@@ -7,8 +7,8 @@ areas of the square map to equal areas of the disc.
 
 import warp as wp
 
-from .pupil_sums import MOMENT_COUNT
-from .scheme import GROUP, HASHES
+from .pupil_sums import MOMENT_COUNT, SUM_COUNT
+from .scheme import GROUP, HASHES, JOINED
 from .status import RayStatus
 
 # Constants of 32 bits are typed here: a literal inside a kernel would pass through a signed integer.
@@ -20,6 +20,8 @@ _TOP_BIT = wp.constant(wp.uint32(0x80000000))
 _OK = wp.constant(int(RayStatus.OK))
 _GROUP = wp.constant(GROUP)
 _MOMENTS = wp.constant(MOMENT_COUNT)
+_SUMS = wp.constant(SUM_COUNT)
+_JOINED = wp.constant(JOINED)
 
 
 @wp.func
@@ -120,7 +122,7 @@ def sum_moments(
     step_error_in: wp.array(dtype=wp.float64),
     evaluation_count_in: wp.array(dtype=wp.int32),
     status_in: wp.array(dtype=wp.int32),
-    moments_out: wp.array(dtype=wp.float64),
+    sums_out: wp.array(dtype=wp.float64),
 ):
     """Moments of one group of rays, those that arrived."""
     group = wp.tid() + first_group
@@ -154,18 +156,18 @@ def sum_moments(
             syw += share * p[1] * w
             sww += share * w * w
             worst = wp.max(worst, step_error_in[ray])
-    moments_out[group * _MOMENTS + 0] = count
-    moments_out[group * _MOMENTS + 1] = sx
-    moments_out[group * _MOMENTS + 2] = sy
-    moments_out[group * _MOMENTS + 3] = sw
-    moments_out[group * _MOMENTS + 4] = sxx
-    moments_out[group * _MOMENTS + 5] = sxy
-    moments_out[group * _MOMENTS + 6] = syy
-    moments_out[group * _MOMENTS + 7] = sxw
-    moments_out[group * _MOMENTS + 8] = syw
-    moments_out[group * _MOMENTS + 9] = sww
-    moments_out[group * _MOMENTS + 10] = worst
-    moments_out[group * _MOMENTS + 11] = looked
+    sums_out[group * _SUMS + 0] = count
+    sums_out[group * _SUMS + 1] = sx
+    sums_out[group * _SUMS + 2] = sy
+    sums_out[group * _SUMS + 3] = sw
+    sums_out[group * _SUMS + 4] = sxx
+    sums_out[group * _SUMS + 5] = sxy
+    sums_out[group * _SUMS + 6] = syy
+    sums_out[group * _SUMS + 7] = sxw
+    sums_out[group * _SUMS + 8] = syw
+    sums_out[group * _SUMS + 9] = sww
+    sums_out[group * _SUMS + 10] = worst
+    sums_out[group * _SUMS + 11] = looked
 
 
 @wp.kernel(enable_backward=False)
@@ -179,7 +181,7 @@ def sum_phasors(
     pupil_in: wp.array(dtype=wp.vec2d),
     opd_in: wp.array(dtype=wp.float64),
     status_in: wp.array(dtype=wp.int32),
-    phasor_out: wp.array(dtype=wp.vec2d),
+    sums_out: wp.array(dtype=wp.float64),
 ):
     """Sum of exp(i k (OPD - plane)) over one group of rays, those that arrived."""
     group = wp.tid() + first_group
@@ -190,30 +192,30 @@ def sum_phasors(
             p = pupil_in[ray]
             phase = wave_number * (opd_in[ray] - plane[0] - plane[1] * p[0] - plane[2] * p[1])
             total += weight_of(weight_count, weight_in, ray) * wp.vec2d(wp.cos(phase), wp.sin(phase))
-    phasor_out[group] = total
+    sums_out[group * _SUMS + _MOMENTS] = total[0]
+    sums_out[group * _SUMS + _MOMENTS + 1] = total[1]
 
 
 @wp.kernel(enable_backward=False)
 def join_sums(
-    per_replicate: int,
+    row_count: int,
+    joined_count: int,
     first_sum: int,
-    moments_in: wp.array(dtype=wp.float64, ndim=1),
-    phasor_in: wp.array(dtype=wp.vec2d),
+    sums_in: wp.array(dtype=wp.float64),
     sums_out: wp.array(dtype=wp.float64),
 ):
-    """Sums of replicates from those of their groups: the moments, then real and imaginary part of the phasor."""
+    """Rows of sums joined: row_count of each replicate become joined_count, JOINED rows to one, in their order."""
     index = wp.tid() + first_sum
-    groups = (per_replicate + _GROUP - 1) // _GROUP
-    replicate = index // (_MOMENTS + 2)
-    k = index - replicate * (_MOMENTS + 2)
+    joined = index // _SUMS
+    k = index - joined * _SUMS
+    replicate = joined // joined_count
+    first = (joined - replicate * joined_count) * _JOINED
+    stop = wp.min(first + _JOINED, row_count)
     whole = wp.float64(0.0)
-    for group in range(replicate * groups, (replicate + 1) * groups):
-        if k < _MOMENTS:
-            part = moments_in[group * _MOMENTS + k]
-            if k == 10:
-                whole = wp.max(whole, part)
-            else:
-                whole += part
+    for row in range(replicate * row_count + first, replicate * row_count + stop):
+        part = sums_in[row * _SUMS + k]
+        if k == 10:  # the greatest error, no sum
+            whole = wp.max(whole, part)
         else:
-            whole += phasor_in[group][k - _MOMENTS]
+            whole += part
     sums_out[index] = whole

@@ -2,6 +2,7 @@
 
 import functools
 import time
+from itertools import pairwise
 from types import SimpleNamespace
 
 import numpy as np
@@ -12,20 +13,20 @@ from .even import mend_rough
 from .pupil_sums import (
     MOMENT_COUNT,
     PUPIL_OUTPUTS,
+    SUM_COUNT,
     PupilSums,
     PupilTask,
     batches_of,
     fan_rays,
     fit_plane,
     group_count,
+    joined_counts,
     moments_in_metres,
     point_order,
     replicate_seeds,
 )
 from .warp_backend import allocate, launch, launch_trace, prepare
 from .warp_pupil import join_sums, launch_pupil, sum_moments, sum_phasors
-
-SUM_COUNT = MOMENT_COUNT + 2
 
 
 @functools.cache
@@ -118,15 +119,17 @@ class PupilRun:
         """Sums of the replicates of a batch, (n, SUM_COUNT)."""
         per_replicate, rays, results, device = self.task.per_replicate, batch.rays, batch.results, self.device
         groups = batch.replicates * group_count(per_replicate)
-        moments = wp.empty(groups * MOMENT_COUNT, dtype=wp.float64, device=device)
-        phasors = wp.empty(groups, dtype=wp.vec2d, device=device)
-        sums = wp.empty(batch.replicates * SUM_COUNT, dtype=wp.float64, device=device)
+        sums = wp.empty(groups * SUM_COUNT, dtype=wp.float64, device=device)
         shared = [rays.weight_count, rays.weight, rays.pupil]
         per_ray = [results[name] for name in ("opd", "step_error", "evaluation_count", "status")]
-        launch(sum_moments, [per_replicate], [*shared, *per_ray, moments], groups, device)
+        launch(sum_moments, [per_replicate], [*shared, *per_ray, sums], groups, device)
         numbers = [2.0 * np.pi / self.task.wavelength, wp.vec3d(*plane), per_replicate]
-        launch(sum_phasors, numbers, [*shared, results["opd"], results["status"], phasors], groups, device)
-        launch(join_sums, [per_replicate], [moments, phasors, sums], batch.replicates * SUM_COUNT, device)
+        launch(sum_phasors, numbers, [*shared, results["opd"], results["status"], sums], groups, device)
+        for rows, joined in pairwise(joined_counts(per_replicate)):
+            sum_count = batch.replicates * joined * SUM_COUNT
+            whole = wp.empty(sum_count, dtype=wp.float64, device=device)
+            launch(join_sums, [rows, joined], [sums, whole], sum_count, device)
+            sums = whole
         return sums.numpy().reshape(batch.replicates, SUM_COUNT)
 
     def _mend(self, rays: SimpleNamespace, results: dict) -> None:

@@ -103,7 +103,9 @@
 
 // Pupil: rays summed by one work-item and the sums it delivers, and the hash of the scramble.
 #define GROUP 128
+#define JOINED 512
 #define MOMENT_COUNT 12
+#define SUM_COUNT 14
 #define HASH_1 0x6C50B47Cu
 #define HASH_2 0xB82F1E52u
 #define HASH_3 0xC7AFE638u

@@ -5,8 +5,8 @@ import pytest
 
 from aerokernels import Disc, estimate_strehl
 from aerokernels.medium import IndexField
-from aerokernels.tracing.pupil_sums import MOMENT_COUNT
-from aerokernels.tracing.scheme import GROUP
+from aerokernels.tracing.pupil_sums import MOMENT_COUNT, SUM_COUNT
+from aerokernels.tracing.scheme import GROUP, JOINED
 from aerokernels.tracing.status import RayStatus
 
 from .opencl_stands import need_opencl
@@ -105,7 +105,7 @@ def test_moments_are_sums_over_each_group(device: Device, count: int, replicates
     """
     given = rays(replicates * count)
     group_count = replicates * -(-count // GROUP)
-    out = device.put(np.zeros((group_count, MOMENT_COUNT)))
+    out = device.put(np.zeros((group_count, SUM_COUNT)))
     names = ("pupil", "opd", "step_error", "evaluation_count", "status")
     weight = device.put(np.linspace(0.5, 1.5, replicates * count) if replicates > 1 else np.ones(1))
     ends = np.int32(count), np.int32(0), np.int32(group_count), np.int32(replicates * count if replicates > 1 else 1)
@@ -129,7 +129,7 @@ def test_moments_are_sums_over_each_group(device: Device, count: int, replicates
 def test_groups_can_be_summed_in_parts(device: Device):
     """From the second group on: the first row stays as it was."""
     given = rays(3 * GROUP)
-    out = device.put(np.full((3, 2), 5.0))
+    out = device.put(np.full((3, SUM_COUNT), 5.0))
     number, plane = np.float64(7e6), double3([1e-7, 2e-8, -3e-8])
     names = ("pupil", "opd", "status")
     ends = np.int32(3 * GROUP), np.int32(1), np.int32(3), np.int32(1)
@@ -139,23 +139,24 @@ def test_groups_can_be_summed_in_parts(device: Device):
     phase = 7e6 * (given["opd"] - 1e-7 - given["pupil"] @ [2e-8, -3e-8])
     phasor = np.where(given["status"] == RayStatus.OK, np.exp(1j * phase), 0.0).reshape(3, GROUP).sum(axis=1)
     assert (found[0] == 5.0).all()
-    assert np.abs(found[1:] @ [1.0, 1.0j] - phasor[1:]).max() < GROUP * 1e-15
+    assert (found[:, :MOMENT_COUNT] == 5.0).all()
+    assert np.abs(found[1:, MOMENT_COUNT:] @ [1.0, 1.0j] - phasor[1:]).max() < GROUP * 1e-15
 
 
-def test_groups_are_joined_by_replicate(device: Device):
-    """Sums of each replicate's groups in their order, but for the greatest error; what lies beyond is left alone."""
-    rng = np.random.default_rng(6)
-    per_replicate, groups, replicates = 2 * GROUP + 1, 3, 4
-    moments = rng.normal(size=(replicates * groups, MOMENT_COUNT))
-    phasors = rng.normal(size=(replicates * groups, 2))
-    out = device.put(np.full(replicates * (MOMENT_COUNT + 2), 7.0))
-    ends = np.int32(per_replicate), np.int32(0), np.int32((replicates - 1) * (MOMENT_COUNT + 2))
-    device.run("join_sums", replicates * (MOMENT_COUNT + 2), *ends, device.put(moments), device.put(phasors), out)
-    found = device.get(out).reshape(replicates, MOMENT_COUNT + 2)
-    expected = moments.reshape(replicates, groups, MOMENT_COUNT).sum(axis=1)
-    expected[:, 10] = np.maximum(moments[:, 10].reshape(replicates, groups).max(axis=1), 0.0)
-    assert np.abs(found[:3, :MOMENT_COUNT] - expected[:3]).max() < 1e-14
-    assert np.abs(found[:3, MOMENT_COUNT:] - phasors.reshape(replicates, groups, 2).sum(axis=1)[:3]).max() < 1e-14
+@pytest.mark.parametrize("rows", [1, JOINED, JOINED + 1, 3 * JOINED - 2])
+def test_rows_are_joined_by_replicate(device: Device, rows: int):
+    """Sums of some rows each in their order, but for the greatest error; what lies beyond is left alone."""
+    sums = np.random.default_rng(6).normal(size=(4, rows, SUM_COUNT))
+    joined = -(-rows // JOINED)
+    out = device.put(np.full(4 * joined * SUM_COUNT, 7.0))
+    ends = np.int32(rows), np.int32(joined), np.int32(0), np.int32(3 * joined * SUM_COUNT)
+    device.run("join_sums", 4 * joined * SUM_COUNT, *ends, device.put(sums), out)
+    found = device.get(out).reshape(4, joined, SUM_COUNT)
+    for part in range(joined):
+        chosen = sums[:3, part * JOINED : (part + 1) * JOINED]
+        expected = chosen.sum(axis=1)
+        expected[:, 10] = np.maximum(chosen[:, :, 10].max(axis=1), 0.0)
+        assert np.abs(found[:3, part] - expected).max() < 1e-12
     assert (found[3] == 7.0).all()
 
 

@@ -3,8 +3,8 @@ r"""What a device can do at best in float32, measured, and the share of it that 
 Two ceilings, each by an OpenCL kernel that does nothing else: fused multiply-adds in independent chains, counted as two
 operations each, and vector loads from a few KiB that stay in the first cache.
 
-How an evaluation of the field is counted (kernels/include/grid.h; the ray equation around it is left out, so the share
-is a lower bound):
+How an evaluation of the field is counted (kernels/include/grid.h; where steps differ the ray equation around it is left
+out, so the share is a lower bound):
 
     cubic volume          64 loads of 4 B. 16 rows of 4 coefficients: value and slope along y, 2 x 64 multiply-adds;
                           then along x, 3 x 16; along z, 4 x 4: 192 multiply-adds = 384 operations, and 3 axes x 24 for
@@ -13,6 +13,9 @@ is a lower bound):
     linear volume         8 loads; 2 x 8 + 3 x 4 + 4 x 2 multiply-adds = 72 operations, 3 x 1 for the weights: 75
     linear, two axes      4 loads; 2 x 4 + 3 x 2 multiply-adds = 28 operations, 2 x 1 for the weights: 30
     monotone              as cubic
+    even samples          the same and the ray equation, which is as much for every sample (kernels/trace_even.cl):
+                          place 20, force 16, momentum and w 15, sums 15, course 21, fourth-order ends 18, and the third
+                          of 36 that comes with every third sample: 117
     on a mesh             not counted: the share is null
 """
 
@@ -27,6 +30,7 @@ from aerokernels.medium import IndexField
 
 # (axes, interpolation) -> float32 operations and loads of one evaluation
 COSTS = {(3, "cubic"): (456, 64), (2, "cubic"): (136, 16), (3, "linear"): (75, 8), (2, "linear"): (30, 4)}
+EVEN_OPERATIONS = 117
 GROUP = 64
 CHAINS = 8  # independent sums, to hide the latency of a multiply-add
 LOADED = 1024  # float32 values that are loaded again and again: 4 KiB
@@ -156,14 +160,23 @@ def _rounds_per_second(launch: Callable[[int], Any]) -> float:
     return max(rounds / seconds(rounds) for _ in range(REPEATS))
 
 
-def share(field: IndexField | None, precision: str, evaluations_per_second: float | None, ceiling: dict) -> dict:
+def share(
+    field: IndexField | None,
+    precision: str,
+    evaluations_per_second: float | None,
+    ceiling: dict,
+    even: bool = False,
+) -> dict:
     """The share of the ceilings that so many evaluations of a field a second are, or None with a reason.
 
-    `field` is None where rays are not traced through a field but looked up in tables made of it.
+    `field` is None where rays are not traced through a field but looked up in tables made of it; `even` where samples
+    are even, so that the ray equation is counted too.
 
     A ceiling belongs to all cores of a device; Warp's CPU device uses one thread a launch and shows it.
     """
     cost = evaluation_cost(field) if field is not None else None
+    if cost is not None and even:
+        cost = (cost[0] + EVEN_OPERATIONS, cost[1])
     reason = ceiling["reason"]
     if cost is None:
         reason = "a lookup on a mesh, or in tables made of the field, is not counted"

@@ -197,10 +197,12 @@ def _clocks(timing: Timing, ray_count: int, on_cpu: bool) -> dict:
 def _share(field: IndexField, options: dict, evaluations: float, timing: Timing, ceilings: dict[str, dict]) -> dict:
     per_second = rate(evaluations, [result.seconds["kernel"] for result in timing.results])
     # A table of columns is no field: what its lookup takes is not what ceiling.py counts.
-    columns = getattr(timing.results[-1].plan, "columns", False)
+    plan = timing.results[-1].plan
+    columns = getattr(plan, "columns", False)
     return share(
         None if columns else field,
         options["precision"],
         None if per_second is None else per_second["median"],
         ceilings[f"{options['backend']} {options['device']}"],
+        even=getattr(plan, "sample_count", 0) > 0,
     )
