@@ -21,7 +21,7 @@ from typing import Any
 import numpy as np
 
 from .medium import IndexField
-from .rays import Disc, RayBundle
+from .rays import Disc, RayBundle, as_unit_vector
 from .tracing import Plane
 from .tracing.budget import CAUSES, SAFETY, SUBSET, combine, float64_rounding, opd_errors
 from .tracing.device_choice import VARIABLES
@@ -165,7 +165,7 @@ def estimate_strehl(
     remove = check_terms(remove)
     if not isinstance(ray_count, (int, np.integer)) or ray_count < REPLICATES:
         raise ValueError(f"ray_count must be a whole number of at least {REPLICATES}, got {ray_count!r}")
-    look = RayBundle(pupil.center, pupil.normal if direction is None else direction).direction[0]
+    look = pupil.normal if direction is None else as_unit_vector(direction, "direction")
     job = _job(
         field,
         pupil,
@@ -237,7 +237,7 @@ def plan_strehl(field: IndexField, pupil: Disc, **options) -> tuple[TracePlan, i
     given = {**asked, **options}
     given.pop("remove", None)
     direction = given.pop("direction")
-    look = RayBundle(pupil.center, pupil.normal if direction is None else direction).direction[0]
+    look = pupil.normal if direction is None else as_unit_vector(direction, "direction")
     task = (given.pop("wavelength"), int(given.pop("ray_count")), given.pop("seed"), False, given.pop("symmetry"))
     defaults = {"method": "auto", "backend": "auto", "device": None, "precision": "float32"}
     choices = {**defaults, "step": None, "tolerance": 1e-3, "max_steps": None, **given}

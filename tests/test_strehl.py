@@ -306,7 +306,7 @@ def test_the_reference_backend_agrees():
         ({"method": "euler"}, ValueError, "method 'euler' is not known"),
         ({"precision": "float16"}, ValueError, "precision 'float16' is not known"),
         ({"backend": "fortran"}, ValueError, "fortran"),
-        ({"direction": (0.0, 0.0, 0.0)}, ValueError, "directions are zero"),
+        ({"direction": (0.0, 0.0, 0.0)}, ValueError, "direction must not be the zero vector"),
         ({"tolerance": 0.0}, ValueError, "tolerance must be positive"),
         ({"step": 1e-3}, ValueError, "step belongs to method 'fixed'"),
     ],

@@ -186,10 +186,14 @@ def allocate(opened: Session, outputs: frozenset, ray_count: int) -> dict:
     }
 
 
+def whole_size(item_count: int) -> tuple[int]:
+    """Work-items of a launch: whole work-groups, at least one."""
+    return (max(1, -(-item_count // WORK_GROUP)) * WORK_GROUP,)
+
+
 def enqueue(opened: Session, kernel, arguments: list, item_count: int):
     """Start a kernel over items rounded up to whole work-groups; the kernel itself knows where to stop."""
-    whole = max(1, -(-item_count // WORK_GROUP)) * WORK_GROUP
-    return kernel(opened.queue, (whole,), (WORK_GROUP,), *arguments)
+    return kernel(opened.queue, whole_size(item_count), (WORK_GROUP,), *arguments)
 
 
 def launch_trace(ready: SimpleNamespace, position, direction, results: dict, ray_count: int):

@@ -9,7 +9,7 @@ import pyopencl as cl
 from pyopencl.cltypes import make_double3
 
 from .even import mend_rough
-from .opencl_backend import RAY_BYTES, allocate, enqueue, launch_trace, prepare, to_device
+from .opencl_backend import RAY_BYTES, allocate, enqueue, launch_trace, prepare, to_device, whole_size
 from .opencl_devices import Session
 from .opencl_program import WORK_GROUP, build
 from .pupil_sums import (
@@ -55,7 +55,10 @@ class PupilRun:
         _check_memory(self.opened, together, task.replicates * task.per_replicate if task.with_tilt else together)
         start = time.perf_counter()
         # Kernel objects hold their arguments: these belong to this run.
-        self.kernels = {name: cl.Kernel(build(self.opened, f"{name}.cl"), name) for name in KERNELS}
+        programs = {name: build(self.opened, f"{name}.cl") for name in KERNELS}
+        self.kernels = {name: cl.Kernel(program, name) for name, program in programs.items()}
+        levels = len(joined_counts(task.per_replicate)) - 1
+        self.joiners = [cl.Kernel(programs["join_sums"], "join_sums") for _ in range(levels)]
         self.seconds = dict(self.ready.seconds)
         self.seconds["compile"] += time.perf_counter() - start
         pupil = task.pupil
@@ -67,11 +70,33 @@ class PupilRun:
             self.seeds = [to_device(self.opened, seeds[rows]) for rows in self.batches]
         self.one = to_device(self.opened, np.ones(1))
         self.fan: SimpleNamespace | None = None  # that of one batch stays on the device
+        # The only batch and the launches that it takes, whose kernels keep their arguments: they are started again.
+        self.again: tuple[SimpleNamespace, list[tuple]] | None = None
 
     def __call__(self) -> PupilSums:
         """Trace and sum."""
         task, seconds, start = self.task, self.seconds, time.perf_counter()
         self.seconds = dict.fromkeys(seconds, 0.0)  # what was made ready is ready the next time
+        sums = self._sums_again()
+        if sums is None:
+            sums = self._sums_of_batches()
+        moments = moments_in_metres(sums[:, :MOMENT_COUNT], task)
+        phasors = sums[:, MOMENT_COUNT] + 1j * sums[:, MOMENT_COUNT + 1]
+        seconds["kernel"] = time.perf_counter() - start
+        return PupilSums(moments, phasors, seconds, task.replicates * task.per_replicate)
+
+    def _sums_again(self) -> np.ndarray | None:
+        """As the last time, by the same launches; None where there is no last time or its buffers are gone."""
+        if self.again is None or getattr(self.opened.scratch, "pupil", None) is not self.again[0].scratch:
+            return None
+        batch, launches = self.again
+        for kernel, size in launches:
+            cl.enqueue_nd_range_kernel(self.opened.queue, kernel, size, (WORK_GROUP,))
+        return self._fetch_mended(batch)
+
+    def _sums_of_batches(self) -> np.ndarray:
+        """Sums of all replicates, (replicates, SUM_COUNT)."""
+        task = self.task
         scratch = None
         sums = np.empty((task.replicates, SUM_COUNT))
         kept = []
@@ -84,22 +109,37 @@ class PupilRun:
             launch_trace(self.ready, rays.position, rays.direction, scratch.results, count)
             batch = SimpleNamespace(rows=rows, replicates=replicates, rays=rays, scratch=scratch)
             self._sum(batch, np.zeros(3))
-            sums[rows], rough = self._fetch(batch)
-            if rough:
-                self._mend(rays, scratch, count)
-                self._sum(batch, np.zeros(3))
-                sums[rows], _ = self._fetch(batch)
+            sums[rows] = self._fetch_mended(batch)
             kept.append(batch)
         if task.with_tilt:
             plane = fit_plane(sums[:, :MOMENT_COUNT], True)
             for batch in kept:
                 self._sum(batch, plane)
                 sums[batch.rows], _ = self._fetch(batch)
-        moments = moments_in_metres(sums[:, :MOMENT_COUNT], task)
-        phasors = sums[:, MOMENT_COUNT] + 1j * sums[:, MOMENT_COUNT + 1]
-        return PupilSums(
-            moments, phasors, {**seconds, "kernel": time.perf_counter() - start}, task.replicates * task.per_replicate
-        )
+        elif len(kept) == 1:
+            self.again = kept[0], self._launches(kept[0])
+        return sums
+
+    def _launches(self, batch: SimpleNamespace) -> list[tuple]:
+        """Kernels and sizes of what a batch takes, in their order."""
+        per_replicate, lanes = self.task.per_replicate, self.ready.lanes
+        count = batch.replicates * per_replicate
+        groups = batch.replicates * group_count(per_replicate) * WORK_GROUP
+        launches = [(self.kernels["launch_pupil"], whole_size(count))] if self.task.fan is None else []
+        launches.append((self.ready.kernel, whole_size(-(-count // lanes))))
+        launches += [(self.kernels[name], whole_size(groups)) for name in ("sum_moments", "sum_phasors")]
+        joined = joined_counts(per_replicate)[1:]
+        sizes = [whole_size(batch.replicates * rows * SUM_COUNT) for rows in joined]
+        return [*launches, *zip(self.joiners, sizes, strict=True)]
+
+    def _fetch_mended(self, batch: SimpleNamespace) -> np.ndarray:
+        """Sums of the replicates of a batch, after rays were traced again that even samples do not hold for."""
+        sums, rough = self._fetch(batch)
+        if rough:
+            self._mend(batch.rays, batch.scratch, batch.replicates * self.task.per_replicate)
+            self._sum(batch, np.zeros(3))
+            sums, _ = self._fetch(batch)
+        return sums
 
     def _buffers(self, before: SimpleNamespace | None) -> SimpleNamespace:
         """Buffers of a batch; what the second sum does not need is taken over from the batch before."""
@@ -172,7 +212,7 @@ class PupilRun:
         for level, (rows, joined) in enumerate(pairwise(counts)):
             sum_count = batch.replicates * joined * SUM_COUNT
             arguments = [np.int32(rows), np.int32(joined), np.int32(0), np.int32(sum_count), *sums[level : level + 2]]
-            enqueue(self.opened, self.kernels["join_sums"], arguments, sum_count)
+            enqueue(self.opened, self.joiners[level], arguments, sum_count)
 
     def _fetch(self, batch: SimpleNamespace) -> tuple[np.ndarray, int]:
         """Sums of the replicates of a batch, (n, SUM_COUNT), and how many rays even samples do not hold for."""
