@@ -8,35 +8,22 @@ where the rays are; the spread of the replicates gives the standard error. A sym
 fewer rays (tracing/pupil_fan.py).
 """
 
-import os
-import threading
 import time
-import weakref
-from collections.abc import Callable
 from dataclasses import dataclass, field, replace
-from functools import cached_property, partial
-from importlib import import_module
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 
 from .medium import IndexField
 from .rays import Disc, RayBundle, as_unit_vector
-from .tracing import Plane
 from .tracing.budget import CAUSES, SAFETY, SUBSET, combine, float64_rounding, opd_errors
-from .tracing.device_choice import VARIABLES
-from .tracing.even import PILOT_RAYS
 from .tracing.plan import TracePlan
-from .tracing.pupil_fan import SETTLED, choose_fan, fan_points
-from .tracing.pupil_sums import PupilSums, PupilTask, fit_moments
-from .tracing.trace import plan_rays, retracer
+from .tracing.pupil_fan import SETTLED
+from .tracing.pupil_job import REPLICATES, find_job, make_job
+from .tracing.pupil_sums import fit_moments
+from .tracing.trace import retracer
 from .wavefront import check_terms, check_wavefront, map_points, remove_terms
-
-REPLICATES = 16
-# Pupils that are kept ready for a field.
-JOBS_KEPT = 4
-
-_jobs: weakref.WeakKeyDictionary = weakref.WeakKeyDictionary()
 
 
 def strehl(opd, wavelength: float, weights=None, remove=("piston",), *, points=None) -> float:
@@ -166,7 +153,7 @@ def estimate_strehl(
     if not isinstance(ray_count, (int, np.integer)) or ray_count < REPLICATES:
         raise ValueError(f"ray_count must be a whole number of at least {REPLICATES}, got {ray_count!r}")
     look = pupil.normal if direction is None else as_unit_vector(direction, "direction")
-    job = _job(
+    job = find_job(
         field,
         pupil,
         look,
@@ -217,17 +204,6 @@ def _check_wavelength(wavelength: float) -> None:
         raise ValueError(f"wavelength must be a positive length in metres, got {wavelength!r}")
 
 
-def _beyond(field: IndexField, pupil: Disc, look: np.ndarray) -> np.ndarray:
-    """A point on the look line such that the plane across it there lies beyond the box and the pupil."""
-    low, high = field.box
-    finite = np.isfinite(low) & np.isfinite(high)
-    corner = np.where(finite, np.where(look > 0.0, high, low), pupil.center)
-    reach = float((corner - pupil.center) @ look)
-    # A hair beyond, so that the last face and the plane are never the same surface.
-    size = float(np.linalg.norm(np.where(finite, high - low, 0.0)))
-    return pupil.center + (max(reach, 0.0) + pupil.radius + 1e-3 * size) * look
-
-
 def plan_strehl(field: IndexField, pupil: Disc, **options) -> tuple[TracePlan, int]:
     """The plan that `estimate_strehl` would follow with these options, and how many rays it would start with.
 
@@ -241,117 +217,8 @@ def plan_strehl(field: IndexField, pupil: Disc, **options) -> tuple[TracePlan, i
     task = (given.pop("wavelength"), int(given.pop("ray_count")), given.pop("seed"), False, given.pop("symmetry"))
     defaults = {"method": "auto", "backend": "auto", "device": None, "precision": "float32"}
     choices = {**defaults, "step": None, "tolerance": 1e-3, "max_steps": None, **given}
-    job = _make_job(field, pupil, look, *task, choices)
+    job = make_job(field, pupil, look, *task, choices)
     return job.plan, job.traced_ray_count
-
-
-@dataclass(eq=False)
-class _Job:
-    """A pupil made ready to be traced.
-
-    Attributes:
-        plan: How.
-        until: Where its rays stop.
-        per_replicate: Rays of a replicate that were asked for.
-        task: What is traced; fewer rays where it is a fan.
-    """
-
-    plan: TracePlan
-    until: Plane
-    per_replicate: int
-    task: PupilTask
-
-    @property
-    def traced_ray_count(self) -> int:
-        """Rays of the first run."""
-        return self.task.per_replicate * REPLICATES
-
-    @property
-    def may_be_refined(self) -> bool:
-        """Whether it is a fan of fewer rays than were asked for."""
-        return self.task.fan is not None and self.task.per_replicate < self.per_replicate
-
-    @cached_property
-    def run(self) -> Callable[[], PupilSums]:
-        """Traces and sums."""
-        return _runner(self.task)
-
-    def refined(self) -> PupilSums:
-        """The sums of a fan of as many rays as were asked for."""
-        points = fan_points(self.per_replicate, REPLICATES, self.task.seed)
-        return _runner(replace(self.task, per_replicate=self.per_replicate, fan=points))()
-
-
-def _job(
-    field: IndexField,
-    pupil: Disc,
-    look: np.ndarray,
-    wavelength: float,
-    ray_count: int,
-    seed: int,
-    with_tilt: bool,
-    symmetry,
-    **choices,
-) -> _Job:
-    """The job of an estimate; the last few are kept with the field, on their devices, each for one thread."""
-    place = (pupil.center.tobytes(), pupil.normal.tobytes(), pupil.radius, look.tobytes())
-    asked = (wavelength, ray_count, seed, with_tilt, symmetry, *choices.values())
-    key = (threading.get_ident(), *map(os.environ.get, VARIABLES.values()), *place, *asked)
-    store = _jobs.setdefault(field, {})
-    try:
-        return store[key]
-    except KeyError:
-        job = _make_job(field, pupil, look, wavelength, ray_count, seed, with_tilt, symmetry, choices)
-    except TypeError:  # a choice that is no name or number, to be refused by name
-        return _make_job(field, pupil, look, wavelength, ray_count, seed, with_tilt, symmetry, choices)
-    while len(store) >= JOBS_KEPT:
-        del store[next(iter(store))]
-    store[key] = job
-    return job
-
-
-def _make_job(field, pupil, look, wavelength, ray_count, seed, with_tilt, symmetry, choices: dict) -> _Job:
-    until = Plane(_beyond(field, pupil, look), look)
-    per_replicate = _per_replicate(ray_count)
-    fan_rays, why = choose_fan(field, pupil, look, per_replicate, REPLICATES, symmetry)
-    count = fan_rays or per_replicate
-    plan = plan_rays(
-        field,
-        partial(RayBundle.collimated, pupil, PILOT_RAYS, direction=look),
-        REPLICATES * count,
-        until,
-        path_length=None,
-        wavelength=wavelength,
-        directions=look[None],
-        **choices,
-    )
-    plan = replace(plan, reasons=(*plan.reasons, why))
-    task = PupilTask(
-        weakref.ref(field),
-        pupil,
-        look,
-        until,
-        plan,
-        wavelength,
-        count,
-        REPLICATES,
-        seed,
-        with_tilt=with_tilt and not fan_rays,  # a symmetric wavefront has none
-        # About the axis of an axisymmetric field neighbours are rays of one radius, wherever they lie.
-        by_radius=field.geometry == "axisymmetric" and float(np.hypot(*pupil.center[:2])) < 0.05 * pupil.radius,
-        fan=fan_points(count, REPLICATES, seed) if fan_rays else None,
-    )
-    return _Job(plan, until, per_replicate, task)
-
-
-def _runner(task: PupilTask) -> Callable[[], PupilSums]:
-    """A task made ready on the backend of its plan."""
-    return import_module(f".tracing.{task.plan.backend}_strehl", __package__).PupilRun(task)
-
-
-def _per_replicate(ray_count: int) -> int:
-    """Rays of a replicate, so that all of them are at least as many as asked for."""
-    return -(-int(ray_count) // REPLICATES)
 
 
 def _combine(moments, phasor, wavelength, remove) -> dict:

@@ -131,15 +131,16 @@ def _template_samples(template: Template, count: int, period: float) -> tuple[np
 
 def _best_match(volts: np.ndarray, curve: Callable[[np.ndarray], np.ndarray], period: float) -> float:
     """Place of the template's zero [samples] at which its correlation with the samples is greatest."""
+    from scipy.fft import irfft, next_fast_len, rfft
     from scipy.optimize import minimize_scalar
-    from scipy.signal import correlate
 
     count = volts.size
     samples = np.asarray(curve(np.arange(-(count - 1), count) * period), dtype=np.float64)
     if samples.shape != (2 * count - 1,) or not np.isfinite(samples).all():
         raise ValueError(f"the template must return one finite value for each time, got shape {samples.shape}")
     # Entry k of "valid" is the sum over i of volts[i] template(i - (count - 1 - k)): turned round, entry j is delay j.
-    coarse = correlate(samples, volts, mode="valid", method="auto")[::-1]
+    size = next_fast_len(samples.size, real=True)
+    coarse = irfft(rfft(samples, size) * np.conj(rfft(volts, size)), size)[:count][::-1]
     start = int(np.argmax(coarse))
     if coarse[start] <= 0.0:
         raise ValueError("the waveform has no positive correlation with the template anywhere: is a sign turned?")

@@ -1,0 +1,155 @@
+"""A pupil from question to sums: planned, made ready on its backend, kept with its field for the next time."""
+
+import os
+import threading
+import weakref
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import cached_property, partial
+from importlib import import_module
+
+import numpy as np
+
+from ..medium import IndexField
+from ..rays import Disc, RayBundle
+from .device_choice import VARIABLES
+from .even import PILOT_RAYS
+from .plan import TracePlan
+from .pupil_fan import choose_fan, fan_points
+from .pupil_sums import PupilSums, PupilTask
+from .stop import Plane
+from .trace import plan_rays
+
+REPLICATES = 16
+# Pupils that are kept ready for a field.
+JOBS_KEPT = 4
+
+_jobs: weakref.WeakKeyDictionary = weakref.WeakKeyDictionary()
+
+
+@dataclass(eq=False)
+class PupilJob:
+    """A pupil made ready to be traced.
+
+    Attributes:
+        plan: How.
+        until: Where its rays stop.
+        per_replicate: Rays of a replicate that were asked for.
+        task: What is traced; fewer rays where it is a fan.
+    """
+
+    plan: TracePlan
+    until: Plane
+    per_replicate: int
+    task: PupilTask
+
+    @property
+    def traced_ray_count(self) -> int:
+        """Rays of the first run."""
+        return self.task.per_replicate * REPLICATES
+
+    @property
+    def may_be_refined(self) -> bool:
+        """Whether it is a fan of fewer rays than were asked for."""
+        return self.task.fan is not None and self.task.per_replicate < self.per_replicate
+
+    @cached_property
+    def run(self) -> Callable[[], PupilSums]:
+        """Traces and sums."""
+        return _runner(self.task)
+
+    def refined(self) -> PupilSums:
+        """The sums of a fan of as many rays as were asked for."""
+        points = fan_points(self.per_replicate, REPLICATES, self.task.seed)
+        return _runner(replace(self.task, per_replicate=self.per_replicate, fan=points))()
+
+
+def find_job(
+    field: IndexField,
+    pupil: Disc,
+    look: np.ndarray,
+    wavelength: float,
+    ray_count: int,
+    seed: int | None,
+    with_tilt: bool,
+    symmetry,
+    **choices,
+) -> PupilJob:
+    """The job of an estimate; the last few are kept with the field, on their devices, each for one thread."""
+    place = (pupil.center.tobytes(), pupil.normal.tobytes(), pupil.radius, look.tobytes())
+    # True is no 1 here: that is refused.
+    asked = (wavelength, ray_count, seed, with_tilt, symmetry, type(symmetry), *choices.values())
+    key = (threading.get_ident(), *map(os.environ.get, VARIABLES.values()), *place, *asked)
+    store = _jobs.setdefault(field, {})
+    try:
+        return store[key]
+    except KeyError:
+        job = make_job(field, pupil, look, wavelength, ray_count, seed, with_tilt, symmetry, choices)
+    except TypeError:  # a choice that is no name or number, to be refused by name
+        return make_job(field, pupil, look, wavelength, ray_count, seed, with_tilt, symmetry, choices)
+    if seed is None:  # other points every time
+        return job
+    while len(store) >= JOBS_KEPT:
+        del store[next(iter(store))]
+    store[key] = job
+    return job
+
+
+def make_job(field, pupil, look, wavelength, ray_count, seed, with_tilt, symmetry, choices: dict) -> PupilJob:
+    """A new job; `choices` are those of `make_plan`.
+
+    Raises:
+        ValueError: A name or number that makes no sense; symmetry=True without symmetry.
+    """
+    until = Plane(_beyond(field, pupil, look), look)
+    per_replicate = _per_replicate(ray_count)
+    fan_rays, why = choose_fan(field, pupil, look, per_replicate, REPLICATES, symmetry)
+    count = fan_rays or per_replicate
+    plan = plan_rays(
+        field,
+        partial(RayBundle.collimated, pupil, PILOT_RAYS, direction=look),
+        REPLICATES * count,
+        until,
+        path_length=None,
+        wavelength=wavelength,
+        directions=look[None],
+        **choices,
+    )
+    plan = replace(plan, reasons=(*plan.reasons, why))
+    task = PupilTask(
+        weakref.ref(field),
+        pupil,
+        look,
+        until,
+        plan,
+        wavelength,
+        count,
+        REPLICATES,
+        seed,
+        with_tilt=with_tilt and not fan_rays,  # a symmetric wavefront has none
+        # About the axis of an axisymmetric field neighbours are rays of one radius, wherever they lie.
+        by_radius=field.geometry == "axisymmetric" and float(np.hypot(*pupil.center[:2])) < 0.05 * pupil.radius,
+        fan=fan_points(count, REPLICATES, seed) if fan_rays else None,
+    )
+    return PupilJob(plan, until, per_replicate, task)
+
+
+def _runner(task: PupilTask) -> Callable[[], PupilSums]:
+    """A task made ready on the backend of its plan."""
+    return import_module(f".{task.plan.backend}_strehl", __package__).PupilRun(task)
+
+
+def _beyond(field: IndexField, pupil: Disc, look: np.ndarray) -> np.ndarray:
+    """A point on the look line such that the plane across it there lies beyond the box and the pupil."""
+    low, high = field.box
+    finite = np.isfinite(low) & np.isfinite(high)
+    corner = np.where(finite, np.where(look > 0.0, high, low), pupil.center)
+    reach = float((corner - pupil.center) @ look)
+    # A hair beyond, so that the last face and the plane are never the same surface.
+    size = float(np.linalg.norm(np.where(finite, high - low, 0.0)))
+    return pupil.center + (max(reach, 0.0) + pupil.radius + 1e-3 * size) * look
+
+
+def _per_replicate(ray_count: int) -> int:
+    """Rays of a replicate, so that all of them are at least as many as asked for."""
+    return -(-int(ray_count) // REPLICATES)
