@@ -17,11 +17,12 @@ import numpy as np
 from ..medium import IndexField
 from ..medium.grid import UniformGrid
 from .quiet import CONES, SHARE, cones_of, reach, roughness_along, smooth_step
-from .scheme import MESH_STEP_LIMIT
 
 OVERHEAD = 1.5
 FIRST = 15.0
 MARGIN = 1.25
+# Evaluations a cell where the interpolant has kinks between cells, by hand after the same fields.
+KINKED_COST = {"linear": 2.0, "monotone": 3.0, "bilinear": 12.0}
 # Greatest turn of a ray along the box for which a field is weak [rad].
 WEAK = 0.02
 # A fixed step is at most this share of the box, so that every ray through it takes a few.
@@ -43,13 +44,14 @@ def choose_method(field: IndexField, budget: float, directions: np.ndarray) -> C
     if not isinstance(field.samples, UniformGrid):
         low, high = field.box
         across = float(np.linalg.norm(np.where(np.isfinite(high - low), high - low, 0.0)))
-        cost = OVERHEAD * 3.0 * across / (MESH_STEP_LIMIT * float(np.median(field.samples.mesh.cell_size))) + FIRST
+        cost = KINKED_COST["bilinear"] * across / float(np.median(field.samples.mesh.cell_size))
         return Choice("adaptive", None, "method adaptive: on a mesh error control holds the tolerance", cost)
     grid = field.samples
     extent = float(np.linalg.norm(grid.high - grid.low))
     if field.interpolation != "cubic":
         why = f"method adaptive: the kinks of the {field.interpolation} interpolant are met face by face"
-        return Choice("adaptive", None, why, 4.0 * float(np.sum((grid.high - grid.low) / grid.spacing)))
+        cells = float(np.sum((grid.high - grid.low) / grid.spacing))
+        return Choice("adaptive", None, why, KINKED_COST[field.interpolation] * cells)
     step, adaptive = LONGEST * extent, 0.0
     for number in np.unique(cones_of(directions, field.geometry)):
         cone = CONES[number]

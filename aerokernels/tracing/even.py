@@ -15,6 +15,7 @@ import numpy as np
 from ..medium import IndexField
 from ..medium.grid import UniformGrid
 from ..rays import RayBundle
+from .choice import choose_method
 from .plan import TracePlan
 from .status import RayStatus
 from .stop import ArcLength
@@ -25,8 +26,11 @@ PILOT_RAYS = 512
 # Samples are nowhere further apart than so many cells, the support of a spline: nothing is passed unseen.
 WIDEST = 4.0
 LEAST_SAMPLES = 36
-# More of them are no better than error control: a sample costs less on OpenCL, where a CPU's lanes share it.
-MOST_SAMPLES = {"opencl": 1500, "warp": 450}
+# So many are always worth it; more of them where error control is predicted to take a share of them at least: a sample
+# costs less than an evaluation of it, much less on OpenCL, where a CPU's lanes share it.
+CHEAP = {"opencl": 450, "warp": 120}
+WORTH = {"opencl": 5.0, "warp": 1.2}
+MOST_SAMPLES = 3000
 # The pilot's greatest error is to be so many times below the tolerance, and a ray's estimate so many times the pilot's.
 MARGIN = 4.0
 SAFETY = 3.0
@@ -90,9 +94,8 @@ def fit_even(field: IndexField, pilot: RayBundle, plan: TracePlan, until, wavele
 def _fit(field: IndexField, pilot: RayBundle, plan: TracePlan, until, wavelength: float) -> tuple[int, tuple, float]:
     """Samples a ray (0: none fit), the shares that make its error estimate, greatest error of the pilot [m]."""
     budget = plan.tolerance * wavelength / MARGIN
-    most = MOST_SAMPLES[plan.backend]
     least = _least_samples(field, pilot)
-    if least > most:
+    if not _is_worth_it(field, pilot, plan, wavelength, least):
         return 0, (), 0.0
     rungs = [_Rung(field, pilot, plan, until, wavelength, least * 3**power) for power in range(3)]
     if not rungs[-1].is_fit:
@@ -102,7 +105,7 @@ def _fit(field: IndexField, pilot: RayBundle, plan: TracePlan, until, wavelength
     if second > 0.0:
         order = min(max(math.log(first / second) / math.log(3.0), 1.0), 4.0) if first > second else 1.0
     count = _in_threes(least * max(1.0, (first / budget) ** (1.0 / order))) if first > 0.0 else least
-    while count <= most:
+    while _is_worth_it(field, pilot, plan, wavelength, count):
         rung = next((rung for rung in rungs if rung.count == count), None)
         if rung is None:
             rung = _Rung(field, pilot, plan, until, wavelength, count)
@@ -155,6 +158,14 @@ def _least_samples(field: IndexField, pilot: RayBundle) -> int:
     way = np.where(size > 0.0, size / steep, np.inf).min(axis=1)
     cells = way * np.linalg.norm(pilot.direction / spacing, axis=1)
     return _in_threes(max(LEAST_SAMPLES, float(cells[np.isfinite(cells)].max(initial=0.0)) / WIDEST))
+
+
+def _is_worth_it(field: IndexField, pilot: RayBundle, plan: TracePlan, wavelength: float, count: int) -> bool:
+    """Whether so many samples cost less than error control, whose cost is only predicted where it may matter."""
+    if count <= CHEAP[plan.backend] or count > MOST_SAMPLES:
+        return count <= MOST_SAMPLES
+    predicted = choose_method(field, plan.tolerance * wavelength, pilot.direction).evaluations
+    return count <= WORTH[plan.backend] * predicted
 
 
 def _in_threes(count: float) -> int:
