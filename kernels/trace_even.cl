@@ -130,6 +130,8 @@ __kernel void trace_even(
     reals lags = zero, lags_carry = zero;
     reals arcs = zero, arcs_carry = zero;
     reals coarse = zero, coarse_carry = zero;  // of every third sample
+    reals offx = zero, offy = zero, offz = zero;  // how far its momentum is off, and that one's moments
+    reals twistx = zero, twisty = zero, twistz = zero;
     reals bent = zero;
     reals s = zero, ahead = zero;  // of the last sample: the potential, its slope along the ray, and that across it
     reals fx = zero, fy = zero, fz = zero;
@@ -160,9 +162,6 @@ __kernel void trace_even(
 #if WANT_ARC_LENGTH
             arc += weight * slow * (R(2.0) * s / (sqrt(max(ambient * ambient + R(2.0) * s, (reals)R(0.0))) + ambient));
 #endif
-            if (j == 1) {
-                gather(&coarse, &coarse_carry, even_weight(triple, count / 3) * (R(2.0) * s * slow - ambient * off));
-            }
             const reals pace = h * slow;
             px += pace * fx;
             py += pace * fy;
@@ -171,7 +170,20 @@ __kernel void trace_even(
             qy += pace * my;
             qz += pace * mz;
             const reals kick = weight * pace;
-            const reals arm = kick * (sigma + R(0.5) * pace);
+            const reals place = sigma + R(0.5) * pace;
+            const reals arm = kick * place;
+            if (j == 1) {
+                const real third = even_weight(triple, count / 3);
+                gather(&coarse, &coarse_carry, third * (R(2.0) * s * slow - ambient * off));
+                const reals lack = R(3.0) * third * pace;
+                offx -= lack * fx;
+                offy -= lack * fy;
+                offz -= lack * fz;
+                const reals leverage = lack * place;
+                twistx -= leverage * fx;
+                twisty -= leverage * fy;
+                twistz -= leverage * fz;
+            }
             turnx += kick * fx;
             turny += kick * fy;
             turnz += kick * fz;
@@ -193,6 +205,12 @@ __kernel void trace_even(
     qx = sigma * turnx - armx;
     qy = sigma * turny - army;
     qz = sigma * turnz - armz;
+    offx += turnx;
+    offy += turny;
+    offz += turnz;
+    twistx = sigma * offx - (twistx + armx);
+    twisty = sigma * offy - (twisty + army);
+    twistz = sigma * offz - (twistz + armz);
     const reals steep = sqrt(ahead * ahead + fx * fx + fy * fy + fz * fz);
     s += R(0.5) * h * ahead;
     const reals off = (R(2.0) * s - (px * px + py * py + pz * pz)) * slow / (R(1.0) / slow + ambient);
@@ -215,11 +233,11 @@ __kernel void trace_even(
         real off_course = REAL_AT(error, lane);
         real3 momentum = (real3)R(0.0);
         double far = (double)REAL_AT(length, lane);
+        double3 normal = (double3)(0.0), end = p;
         int landed = -1;
         if (runs) {
             landed = surface_of(&bounds, &course, p, d);
             // What is left to the surface, which the ray meets a little beside the undisturbed one.
-            double3 normal;
             const double3 heading = d + convert_double3(rest * across);
             const double miss = surface_distance(&bounds, landed, p + course.far * d + convert_double3(q), &normal);
             const double cosine = dot(normal, heading);
@@ -241,7 +259,7 @@ __kernel void trace_even(
             far += more;
             across += (real)more * force;
             momentum = across + (REAL_AT(off, lane) / rest) * convert_real3(d);
-            const double3 end = p + (course.enter + far) * d + convert_double3(q);
+            end = p + (course.enter + far) * d + convert_double3(q);
             const real angle = sqrt(REAL_AT(bent, lane)) / ambient;
             if (spoilt[lane] || !(angle <= EVEN_WEAK) || !isfinite(path) || !isfinite(off_course) ||
                 fabs(cosine) <= 0.05 || is_outside(&bounds, &control, landed, end)) {
@@ -256,6 +274,20 @@ __kernel void trace_even(
             (real)((double)sums.w - sums64.w));
         const Arrival arrival = end_of(
             &bounds, &control, p, d, &course, statuses[lane], landed, q, (real3)R(0.0), momentum, sums, carry, R(0.0));
+        if (runs && arrival.status != RAY_OK) {
+            off_course = (real)INFINITY;  // at a plane on the box's edge a bent ray may fare otherwise
+        } else if (runs) {
+            // How far place and direction are off counts where the stop is met at a slant.
+            const double3 off_place = (double3)(REAL_AT(twistx, lane), REAL_AT(twisty, lane), REAL_AT(twistz, lane));
+            const double3 off_turn = (double3)(REAL_AT(offx, lane), REAL_AT(offy, lane), REAL_AT(offz, lane));
+            const double flight = size64(arrival.position - end);
+            if (STOP == PLANE) {
+                normal = VECTOR64(bounds.plane_normal);
+            }
+            const double slant = dot(normal, off_place + (flight * (double)rest) * off_turn);
+            const double further = fabs(slant) / fmax(fabs(dot(normal, d)), 0.05);
+            off_course = greater(off_course, control.even_share * (real)(bounds.ambient * further));
+        }
         if (off_course > control.budget) {
             atomic_inc(rough_count_out);
         }

@@ -15,8 +15,9 @@ that fade out at both ends it converges faster than any power. P and q at the en
 way still to go. The leapfrog's own P and q, of second order in t / N, decide where samples are taken, which matters in
 the second order of the contrast only.
 
-Error. The same sum over every third sample is the rule with N / 3 samples: a share of the difference, and a share of
-int P^2 / w dt for the leapfrog, are taken for the error, both as a pilot bundle has it (even.py). Where that is above
+Error. The same sums over every third sample are the rule with N / 3 samples: a share of the differences (those of place
+and direction as far as they matter at a slanted stop), and a share of int P^2 / w dt for the leapfrog, are taken for
+the error, both as a pilot bundle has it (even.py). Where that is above
 the budget, where a ray turns by more than EVEN_WEAK, comes near a body or leaves by an edge of the box, the ray is
 "rough", and to be traced by another method.
 
@@ -143,6 +144,8 @@ def build_even_kernel(precision: str, geometry: str, interpolation: str, stop: s
         q = none  # deviation across it
         turn = none  # the momentum's sum with the ends mended
         arm = none  # that of its moments about the start
+        off_turn = none  # how far the momentum from every third sample is off
+        off_place = none  # and that one's moments
         sigma = real(0.0)  # int 1 / w dt
         bend = real(0.0)  # of P^2 / w
         slow = real(1.0) / ambient  # 1 / w
@@ -184,15 +187,19 @@ def build_even_kernel(precision: str, geometry: str, interpolation: str, stop: s
                         index = wp.sqrt(wp.max(ambient * ambient + real(2.0) * s, real(0.0)))
                         stretch = slow * (real(2.0) * s / (index + ambient))
                     added += weight * vec4(s * slow, off, stretch, real(0.0))
-                    if j == 1:
-                        third = real(even_weight(triple, count // 3))
-                        added += vec4(real(0.0), real(0.0), real(0.0), third * (real(2.0) * s * slow - ambient * off))
                     pace_now = h * slow
                     momentum += pace_now * force
                     q += pace_now * here
                     kick = weight * pace_now
                     turn += kick * force
-                    arm += (kick * (sigma + real(0.5) * pace_now)) * force
+                    place = sigma + real(0.5) * pace_now
+                    arm += (kick * place) * force
+                    if j == 1:
+                        third = real(even_weight(triple, count // 3))
+                        added += vec4(real(0.0), real(0.0), real(0.0), third * (real(2.0) * s * slow - ambient * off))
+                        lack = real(3.0) * third * pace_now
+                        off_turn -= lack * force
+                        off_place -= (lack * place) * force
                     sigma += pace_now
                     bend += across * slow
                     bent = wp.max(bent, across)
@@ -203,6 +210,8 @@ def build_even_kernel(precision: str, geometry: str, interpolation: str, stop: s
         # At the end, half a step behind the last sample: what momentum and deviation are in fourth order.
         momentum = turn
         q = sigma * turn - arm
+        off_turn += turn
+        off_place = sigma * off_turn - (off_place + arm)
         steep = wp.sqrt(ahead * ahead + wp.dot(force, force))
         s += real(0.5) * h * ahead
         lead = (real(2.0) * s - wp.dot(momentum, momentum)) * slow / (real(1.0) / slow + ambient)
@@ -212,6 +221,8 @@ def build_even_kernel(precision: str, geometry: str, interpolation: str, stop: s
         far = wp.float64(length)
         landed = int(-1)
         turned = none
+        normal = wp.vec3d(wp.float64(0.0), wp.float64(0.0), wp.float64(0.0))
+        end = p0
         if runs:
             landed = surface_of(bounds, course, p0, d0)
             # What is left to the surface, which the ray meets a little beside the undisturbed one.
@@ -219,7 +230,8 @@ def build_even_kernel(precision: str, geometry: str, interpolation: str, stop: s
             heading = d0 + wp.vec3d(wp.float64(slant[0]), wp.float64(slant[1]), wp.float64(slant[2]))
             beside = wp.vec3d(wp.float64(q[0]), wp.float64(q[1]), wp.float64(q[2]))
             miss = surface_distance(bounds, landed, p0 + course.far * d0 + beside)
-            cosine = wp.dot(wp.vec3d(miss[1], miss[2], miss[3]), heading)
+            normal = wp.vec3d(miss[1], miss[2], miss[3])
+            cosine = wp.dot(normal, heading)
             # Along the parabola; what that leaves out, by the change of the slope over a cell, counts as an error.
             pull = slow * force
             more = wp.float64(0.0)
@@ -260,6 +272,18 @@ def build_even_kernel(precision: str, geometry: str, interpolation: str, stop: s
         position, direction, optical_path, opd, arc_length, final = end_of(
             bounds, control, p0, d0, course, status, landed, q, none, turned, rounded, rest, real(0.0)
         )
+        if runs and final != ok:
+            error = real(wp.inf)  # at a plane on the box's edge a bent ray may fare otherwise
+        elif runs:
+            # How far place and direction are off counts where the stop is met at a slant.
+            flight = wp.length(position - end)
+            if wp.static(stop == "plane"):
+                normal = bounds.plane_normal
+            beside = wp.vec3d(wp.float64(off_place[0]), wp.float64(off_place[1]), wp.float64(off_place[2]))
+            aside = wp.vec3d(wp.float64(off_turn[0]), wp.float64(off_turn[1]), wp.float64(off_turn[2]))
+            slant_off = wp.dot(normal, beside + flight * wp.float64(slow) * aside)
+            further = wp.abs(slant_off) / wp.max(wp.abs(wp.dot(normal, d0)), wp.float64(0.05))
+            error = wp.max(error, control.even_share * real(bounds.ambient * further))
         if error > control.budget:
             wp.atomic_add(rough_count_out, 0, 1)
         if wp.static("position" in outputs):
