@@ -89,6 +89,7 @@ class IndexField:
             raise TypeError(f"contrast must be an array of real numbers, got dtype {array.dtype}")
         if geometry not in GEOMETRIES:
             raise ValueError(f"geometry {geometry!r} is not known: choose one of {', '.join(GEOMETRIES)}")
+        geometry, interpolation = str(geometry), str(interpolation)  # no NumPy string, by which kernels are kept apart
         dimension = 3 if geometry == "volume" else 2
         if array.ndim != dimension:
             raise ValueError(f"a {geometry} field needs an array of {dimension} axes, got shape {array.shape}")

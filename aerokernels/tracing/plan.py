@@ -105,6 +105,8 @@ def make_plan(
             raise ValueError(f"method 'fixed' needs step, a positive length of arc in metres, got {step!r}")
     elif step is not None:
         raise ValueError(f"step belongs to method 'fixed', not to {method!r}: leave it out or choose 'fixed'")
+    # Names may come from an array as NumPy's strings, which are other keys to the caches of kernels.
+    method, precision = str(method), str(precision)
     reasons = []
     by_columns = False
     predicted = None

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from aerokernels import available_backends
+from aerokernels import IndexField, available_backends
 from aerokernels.rays import RayBundle
 from aerokernels.tracing import ArcLength, Plane, trace
 from aerokernels.tracing.result import RAY_OUTPUTS
@@ -113,3 +113,16 @@ def test_a_mistyped_tableau_is_refused():
     weights[1], weights[2] = weights[2], weights[1]
     with pytest.raises(ValueError, match="order condition"):
         NystromPair(PAIR.c, PAIR.a, PAIR.b, tuple(weights), PAIR.b_low, PAIR.bt_low)
+
+
+def test_names_may_be_numpy_strings():
+    """As they come out of an array of labels: the same kernels, the same bits."""
+    names = np.array(["volume", "cubic", "adaptive", "float32"])
+    field = IndexField.from_samples(
+        np.full((4, 4, 4), 1e-4), origin=(0, 0, 0), spacing=(1, 1, 1), geometry=names[0], interpolation=names[1]
+    )
+    rays = RayBundle((1.0, 1.0, -1.0), (0.0, 0.0, 1.0))
+    asked = {"backend": "warp", "device": "cpu", "outputs": ("opd",)}
+    one = trace(field, rays, method=names[2], precision=names[3], **asked)
+    other = trace(field, rays, method="adaptive", precision="float32", **asked)
+    assert type(one.plan.precision) is type(field.geometry) is str and one.opd == other.opd
