@@ -74,6 +74,8 @@ __kernel void trace_kernel(
         momentum = contrast(ambient, pot) * d;
         const int cone = cone_of(d0);
         const real reach = lesser((real)lesser64(course.far - course.enter, 1.0e30), control.extent);
+        const real3 slant = CONTROLLED ? convert_real3(slant_of(&bounds, &course, p0, d0)) : (real3)R(0.0);
+        const real arm = (real)(course.stop_distance - course.enter);
         const real arc_left = (real)(bounds.length - course.enter);
         real gap = HAS_BODY ? greater(wall_distance(&field, &arrays, convert_real3(entry)), R(0.0)) : R(0.0);
         real h_next = control.extent / ambient;
@@ -116,15 +118,15 @@ __kernel void trace_kernel(
             }
             const real3 kick = kick_of(h, force, s2, s3);
 
-            real turn_now, weight;
+            real turn_now, lever;
             const real off = step_error(
-                ambient, d, total, momentum, h, reach, h <= ahead.safe, bent, pot, force, s2, s3, s4, &turn_now,
-                &weight);
+                ambient, d, total, momentum, h, reach, h <= ahead.safe, bent, slant,
+                greater(arm - ambient * sums.x, R(0.0)), pot, force, s2, s3, s4, &turn_now, &lever);
 
             int accept = 1;
             if (CONTROLLED) {
                 const real rounding =
-                    step_rounding(&control, ambient, h, reach, weight, rate, frac, pot, force, s3);
+                    step_rounding(&control, ambient, h, lever, rate, frac, pot, force, s3);
                 real ratio;
                 accept = verdict(&control, off, rounding, used, h, h_cell, h_least, index, reach, &ratio);
                 if (accept) {

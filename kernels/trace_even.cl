@@ -23,35 +23,20 @@ static inline void gather(reals *total, reals *carry, reals term)
     *total = s;
 }
 
-// The surface on which the undisturbed ray stops.
-static inline int surface_of(const Bounds *bounds, const Course *course, double3 p, double3 d)
-{
-    if (STOP == PLANE && course->has_stop && course->far == course->stop_distance) {
-        return FACE_COUNT;
-    }
-    int nearest = 0;
-    double least = 1.0e300;
-    for (int k = 0; k < FACE_COUNT; k++) {
-        double3 normal;
-        const double miss = fabs(surface_distance(bounds, k, p + course->far * d, &normal));
-        if (miss < least) {
-            least = miss;
-            nearest = k;
-        }
-    }
-    return nearest;
-}
-
-// Whether a point lies outside the box by more than a hair, other than behind face `landed`.
-static inline int is_outside(const Bounds *bounds, const Control *control, int landed, double3 p)
+// How far a ray that ends at p with this heading has run on outside the box, after a face other than `landed`; infinite
+// where that is more than a hair's breadth away.
+static inline double overrun(const Bounds *bounds, const Control *control, int landed, double3 p, double3 heading)
 {
     const double hair = HAIR / (double)greatest(VECTOR(control->cell_rate));
-    int outside = 0;
+    double way = 0.0;
     for (int k = 0; k < FACE_COUNT; k++) {
         double3 normal;
-        outside |= k != landed && surface_distance(bounds, k, p, &normal) > hair;
+        const double beyond = surface_distance(bounds, k, p, &normal);
+        if (k != landed && beyond > 0.0) {
+            way = beyond > hair ? (double)INFINITY : fmax(way, beyond / fmax(fabs(dot(normal, heading)), 1.0e-9));
+        }
     }
-    return outside;
+    return way;
 }
 
 __kernel void trace_even(
@@ -243,9 +228,9 @@ __kernel void trace_even(
             const double cosine = dot(normal, heading);
             // Along the parabola; what that leaves out, by the change of the slope over a cell, counts as an error.
             const real3 force = rest * (real3)(REAL_AT(fx, lane), REAL_AT(fy, lane), REAL_AT(fz, lane));
-            const double line = fabs(cosine) > 0.05 ? -miss / cosine : 0.0;
+            const double line = fabs(cosine) > LEAST_COSINE ? -miss / cosine : 0.0;
             const double bow = 0.5 * line * line * (double)rest * dot(normal, convert_double3(force));
-            const double more = fabs(cosine) > 0.05 ? line - bow / cosine : 0.0;
+            const double more = fabs(cosine) > LEAST_COSINE ? line - bow / cosine : 0.0;
             const double climb = 0.5 * more * (double)REAL_AT(ahead, lane);
             const double added = more * (double)rest * ((double)REAL_AT(s, lane) + climb);
             path += added;
@@ -262,9 +247,14 @@ __kernel void trace_even(
             end = p + (course.enter + far) * d + convert_double3(q);
             const real angle = sqrt(REAL_AT(bent, lane)) / ambient;
             if (spoilt[lane] || !(angle <= EVEN_WEAK) || !isfinite(path) || !isfinite(off_course) ||
-                fabs(cosine) <= 0.05 || is_outside(&bounds, &control, landed, end)) {
+                fabs(cosine) <= LEAST_COSINE) {
                 off_course = (real)INFINITY;
             }
+            // Where the box's end is the stop, the path is off by all of that way, else by what the field adds on it.
+            const double way = overrun(&bounds, &control, landed, end, heading);
+            const double added_there = fmax(fabs((double)REAL_AT(s, lane)) / bounds.ambient, 1.0e-30);
+            const double rise = STOP == NONE ? bounds.ambient : added_there;
+            off_course = greater(off_course, way > 0.0 ? (real)(way * rise) : R(0.0));
         }
         // In the tracer's sums: sigma, S, M and B, of which M - B is the deviation along the ray.
         const double4 sums64 = (double4)((far - lag) / bounds.ambient, path, arc, arc - lag);
@@ -285,7 +275,7 @@ __kernel void trace_even(
                 normal = VECTOR64(bounds.plane_normal);
             }
             const double slant = dot(normal, off_place + (flight * (double)rest) * off_turn);
-            const double further = fabs(slant) / fmax(fabs(dot(normal, d)), 0.05);
+            const double further = fabs(slant) / fmax(fabs(dot(normal, d)), LEAST_COSINE);
             off_course = greater(off_course, control.even_share * (real)(bounds.ambient * further));
         }
         if (off_course > control.budget) {

@@ -53,6 +53,8 @@ def constants() -> str:
         *_group("Error of a step"),
         *_reals({name: getattr(scheme, name) for name in ("STEP_SHARE", "NOISE_STEP")}),
         *_reals({name: getattr(scheme, name) for name in ("DIRECTION_SHARE", "SMOOTH", "ROUGH", "BLUNTED")}),
+        *_group("Cosine of the least angle with a surface that is believed (double)"),
+        *_defines({"LEAST_COSINE": scheme.LEAST_COSINE}),
         *_group("Even samples: greatest angle with the first direction [rad]"),
         *_reals({"EVEN_WEAK": scheme.EVEN_WEAK}),
         *_group("Angle with the first direction up to which a ray counts as nearly straight [rad]"),

@@ -4,6 +4,7 @@ import functools
 
 import warp as wp
 
+from .scheme import LEAST_COSINE
 from .warp_types import types
 
 FACE_COUNT = {"volume": 6, "planar": 4, "axisymmetric": 3}
@@ -132,7 +133,7 @@ def build_meeting(precision: str, geometry: str):
         for _trial in range(3):
             miss = surface_distance(bounds, k, p + along * d)
             cosine = wp.dot(wp.vec3d(miss[1], miss[2], miss[3]), d)
-            if wp.abs(cosine) > wp.float64(0.05):
+            if wp.abs(cosine) > wp.float64(LEAST_COSINE):
                 along -= miss[0] / cosine
         return along
 
@@ -156,7 +157,7 @@ def build_detour(precision: str, geometry: str):
         normal = wp.vec3d(miss[1], miss[2], miss[3])
         cosine = wp.dot(normal, d)
         size = wp.length(bounds.high - bounds.low) + wp.length(p)
-        if wp.abs(miss[0]) > wp.float64(1.0e-14) * size or wp.abs(cosine) < wp.float64(0.05):
+        if wp.abs(miss[0]) > wp.float64(1.0e-14) * size or wp.abs(cosine) < wp.float64(LEAST_COSINE):
             return other
         further = -wp.dot(normal, q) / cosine
         if wp.static(geometry == "axisymmetric"):

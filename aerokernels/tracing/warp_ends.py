@@ -4,10 +4,10 @@ import functools
 
 import warp as wp
 
-from .scheme import LANDED_ARC
+from .scheme import LANDED_ARC, LEAST_COSINE
 from .status import RayStatus
 from .tableau import NEARLY_STRAIGHT, is_one_scalar
-from .warp_box import FACE_COUNT, build_crossing, build_detour, build_meeting
+from .warp_box import FACE_COUNT, build_crossing, build_detour, build_meeting, build_surface_distance
 from .warp_motion import deflection
 from .warp_types import types
 from .warp_wall import build_way_out
@@ -78,6 +78,63 @@ def build_start(precision: str, geometry: str, stop: str, has_body: bool):
         return course, status
 
     return start_of
+
+
+@functools.cache
+def build_last_surface(precision: str, geometry: str, stop: str):
+    """A function: the surface on which the undisturbed ray stops."""
+    t = types(precision)
+    Bounds, Course = t.Bounds, t.Course
+    surface_distance = build_surface_distance(precision, geometry)
+    faces = wp.constant(FACE_COUNT[geometry])
+
+    @wp.func
+    def surface_of(bounds: Bounds, course: Course, p: wp.vec3d, d: wp.vec3d):
+        nearest = int(0)
+        least = wp.float64(1.0e300)
+        for k in range(faces):
+            miss = wp.abs(surface_distance(bounds, k, p + course.far * d)[0])
+            if miss < least:
+                least = miss
+                nearest = k
+        if wp.static(stop == "plane"):
+            if course.has_stop and course.far == course.stop_distance:
+                nearest = faces
+        return nearest
+
+    return surface_of
+
+
+@functools.cache
+def build_slant(precision: str, geometry: str, stop: str):
+    """A function: how much further along d the stop is met per length that the ray is beside its place.
+
+    The tangent of the angle at which it meets the stop, towards the stop's normal; no more than that of the smallest
+    angle believed.
+    """
+    t = types(precision)
+    real, vec3, Bounds, Course = t.real, t.vec3, t.Bounds, t.Course
+    surface_distance = build_surface_distance(precision, geometry)
+    surface_of = build_last_surface(precision, geometry, stop)
+
+    @wp.func
+    def slant_of(bounds: Bounds, course: Course, p: wp.vec3d, d: wp.vec3d):
+        slant = vec3(real(0.0), real(0.0), real(0.0))
+        if wp.static(stop != "arc"):
+            if course.has_stop:
+                normal = bounds.plane_normal
+                if wp.static(stop == "none"):
+                    miss = surface_distance(bounds, surface_of(bounds, course, p, d), p + course.far * d)
+                    normal = wp.vec3d(miss[1], miss[2], miss[3])
+                cosine = wp.dot(normal, d)
+                believed = wp.max(wp.abs(cosine), wp.float64(LEAST_COSINE))
+                if cosine < wp.float64(0.0):
+                    believed = -believed
+                across = (normal - cosine * d) / believed
+                slant = vec3(real(across[0]), real(across[1]), real(across[2]))
+        return slant
+
+    return slant_of
 
 
 @functools.cache
@@ -163,7 +220,7 @@ def build_end(precision: str, geometry: str, interpolation: str, stop: str):
             further = along - stop_distance
             if wp.static(stop == "plane"):
                 descent = wp.dot(bounds.plane_normal, d)
-                if wp.abs(descent) > wp.float64(0.05):
+                if wp.abs(descent) > wp.float64(LEAST_COSINE):
                     further = -wp.dot(bounds.plane_normal, deviation) / descent
             elif landed >= 0:
                 further = detour(bounds, landed, p, d, deviation, stop_distance, further)

@@ -12,7 +12,7 @@ from .warp_types import types
 
 @functools.cache
 def build_step_error(precision: str, geometry: str, interpolation: str):
-    """Functions of a step: its error, the greatest turn so far and the weight of directions; the rounding in it."""
+    """Functions of a step: its error, the greatest turn so far, a direction's lever; the rounding in it."""
     t = types(precision)
     real, vec3, vec4, Control = t.real, t.vec3, t.vec4, t.Control
     contrast = build_contrast(precision)
@@ -36,6 +36,8 @@ def build_step_error(precision: str, geometry: str, interpolation: str):
         reach: real,
         is_smooth: bool,
         bent: real,
+        slant: vec3,
+        arm: real,
         pot: real,
         force: vec3,
         s2: vec4,
@@ -75,15 +77,16 @@ def build_step_error(precision: str, geometry: str, interpolation: str):
         off_p -= wp.dot(off_p, d) * d
         weight = turn + sharp * real(DIRECTION_SHARE)
         off += weight * (wp.length(off_p) * reach + ambient * wp.length(off_q))
-        return vec3(off, turn, weight)
+        # The stop is met at a slant (warp_ends.py), `arm` further on.
+        off += sharp * (wp.abs(wp.dot(off_p, slant)) * arm + ambient * wp.abs(wp.dot(off_q, slant)))
+        return vec3(off, turn, weight * (reach + ambient * h) + wp.length(slant) * (arm + ambient * h))
 
     @wp.func
     def step_rounding(
         control: Control,
         ambient: real,
         h: real,
-        reach: real,
-        weight: real,
+        lever: real,
         rate: vec3,
         frac: vec3,
         pot: real,
@@ -95,6 +98,6 @@ def build_step_error(precision: str, geometry: str, interpolation: str):
             # Places across the axis are kept from the axis on, and rounded like their distance from it.
             size += wp.length(force) * wp.length(vec3(frac[0], frac[1], real(0.0))) / rate[0]
         steep = wp.max(wp.length(force), size * wp.max(control.cell_rate))
-        return real(noise) * h * (real(2.0) * size + weight * steep * (reach + ambient * h))
+        return real(noise) * h * (real(2.0) * size + steep * lever)
 
     return step_error, step_rounding

@@ -29,10 +29,10 @@ import functools
 
 import warp as wp
 
-from .scheme import EVEN_WEAK, HAIR, TINY
+from .scheme import EVEN_WEAK, HAIR, LEAST_COSINE, TINY
 from .status import RayStatus
 from .warp_box import FACE_COUNT, build_surface_distance
-from .warp_ends import build_end, build_start
+from .warp_ends import build_end, build_last_surface, build_start
 from .warp_grid import build_sample
 from .warp_types import types
 from .warp_wall import build_stays_clear
@@ -53,37 +53,30 @@ def even_weight(k: int, count: int):
 
 
 @functools.cache
-def build_last_surface(precision: str, geometry: str, stop: str):
-    """Functions: the surface on which the undisturbed ray stops, and whether a point lies outside the box elsewhere."""
+def build_overrun(precision: str, geometry: str):
+    """A function: how far a ray that ends at p has run on outside the box, after a face other than `landed`.
+
+    Infinite where it is more than a hair's breadth outside.
+    """
     t = types(precision)
-    Bounds, Control, Course = t.Bounds, t.Control, t.Course
+    Bounds, Control = t.Bounds, t.Control
     surface_distance = build_surface_distance(precision, geometry)
     faces = wp.constant(FACE_COUNT[geometry])
 
     @wp.func
-    def surface_of(bounds: Bounds, course: Course, p: wp.vec3d, d: wp.vec3d):
-        nearest = int(0)
-        least = wp.float64(1.0e300)
-        for k in range(faces):
-            miss = wp.abs(surface_distance(bounds, k, p + course.far * d)[0])
-            if miss < least:
-                least = miss
-                nearest = k
-        if wp.static(stop == "plane"):
-            if course.has_stop and course.far == course.stop_distance:
-                nearest = faces
-        return nearest
-
-    @wp.func
-    def is_outside(bounds: Bounds, control: Control, landed: int, p: wp.vec3d):
+    def overrun(bounds: Bounds, control: Control, landed: int, p: wp.vec3d, heading: wp.vec3d):
         hair = wp.float64(HAIR) / wp.float64(wp.max(control.cell_rate))
-        outside = bool(False)
+        way = wp.float64(0.0)
         for k in range(faces):
-            if k != landed and surface_distance(bounds, k, p)[0] > hair:
-                outside = bool(True)
-        return outside
+            beyond = surface_distance(bounds, k, p)
+            if k != landed and beyond[0] > wp.float64(0.0):
+                slope = wp.abs(wp.dot(wp.vec3d(beyond[1], beyond[2], beyond[3]), heading))
+                way = wp.max(way, beyond[0] / wp.max(slope, wp.float64(1.0e-9)))
+                if beyond[0] > hair:
+                    way = wp.float64(wp.inf)
+        return way
 
-    return surface_of, is_outside
+    return overrun
 
 
 @functools.cache
@@ -95,7 +88,8 @@ def build_even_kernel(precision: str, geometry: str, interpolation: str, stop: s
     start_of = build_start(precision, geometry, stop, has_body)
     end_of = build_end(precision, geometry, interpolation, stop)
     surface_distance = build_surface_distance(precision, geometry)
-    surface_of, is_outside = build_last_surface(precision, geometry, stop)
+    surface_of = build_last_surface(precision, geometry, stop)
+    overrun = build_overrun(precision, geometry)
     stays_clear = build_stays_clear(precision, geometry)
     ok = int(RayStatus.OK)
     tiny = TINY[precision]
@@ -235,7 +229,7 @@ def build_even_kernel(precision: str, geometry: str, interpolation: str, stop: s
             # Along the parabola; what that leaves out, by the change of the slope over a cell, counts as an error.
             pull = slow * force
             more = wp.float64(0.0)
-            if wp.abs(cosine) > wp.float64(0.05):
+            if wp.abs(cosine) > wp.float64(LEAST_COSINE):
                 line = -miss[0] / cosine
                 inward = miss[1] * wp.float64(pull[0]) + miss[2] * wp.float64(pull[1]) + miss[3] * wp.float64(pull[2])
                 more = line - wp.float64(0.5) * line * line * wp.float64(slow) * inward / cosine
@@ -252,9 +246,14 @@ def build_even_kernel(precision: str, geometry: str, interpolation: str, stop: s
             beside = wp.vec3d(wp.float64(q[0]), wp.float64(q[1]), wp.float64(q[2]))
             end = p0 + (course.enter + far) * d0 + beside
             fit = bool(wp.sqrt(bent) / ambient <= real(EVEN_WEAK))
-            fit = fit and wp.isfinite(path) and wp.isfinite(error) and wp.abs(cosine) > wp.float64(0.05)
-            if fit and is_outside(bounds, control, landed, end):
-                fit = bool(False)
+            fit = fit and wp.isfinite(path) and wp.isfinite(error) and wp.abs(cosine) > wp.float64(LEAST_COSINE)
+            # Where the box's end is the stop, the path is off by all of that way, else by what the field adds on it.
+            way = overrun(bounds, control, landed, end, heading)
+            rise = bounds.ambient
+            if wp.static(stop != "none"):
+                rise = wp.max(wp.abs(wp.float64(s)) / bounds.ambient, wp.float64(1.0e-30))
+            if way > wp.float64(0.0):
+                error = wp.max(error, real(way * rise))
             if wp.static(has_body):
                 if fit and not stays_clear(field, p0, d0, course.enter, course.far):
                     fit = bool(False)
@@ -282,7 +281,7 @@ def build_even_kernel(precision: str, geometry: str, interpolation: str, stop: s
             beside = wp.vec3d(wp.float64(off_place[0]), wp.float64(off_place[1]), wp.float64(off_place[2]))
             aside = wp.vec3d(wp.float64(off_turn[0]), wp.float64(off_turn[1]), wp.float64(off_turn[2]))
             slant_off = wp.dot(normal, beside + flight * wp.float64(slow) * aside)
-            further = wp.abs(slant_off) / wp.max(wp.abs(wp.dot(normal, d0)), wp.float64(0.05))
+            further = wp.abs(slant_off) / wp.max(wp.abs(wp.dot(normal, d0)), wp.float64(LEAST_COSINE))
             error = wp.max(error, control.even_share * real(bounds.ambient * further))
         if error > control.budget:
             wp.atomic_add(rough_count_out, 0, 1)

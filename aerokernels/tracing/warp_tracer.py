@@ -39,7 +39,7 @@ from . import warp_grid, warp_mesh
 from .scheme import HAIR, LANDED_ARC, LEAST_STEP, TINY
 from .status import RayStatus
 from .tableau import BT, START_FROM_LATER, A, B, C, is_one_scalar
-from .warp_ends import build_end, build_start
+from .warp_ends import build_end, build_slant, build_start
 from .warp_error import build_step_error
 from .warp_landing import build_arc_landing, build_landing
 from .warp_motion import advance, build_cells, build_contrast, build_mend, build_sums
@@ -69,6 +69,7 @@ def build_kernel(
     paper_step = source.build_paper_step(precision, geometry)
     find_home = source.build_find_home(precision, geometry)
     start_of = build_start(precision, geometry, stop, has_body)
+    slant_of = build_slant(precision, geometry, stop)
     end_of = build_end(precision, geometry, interpolation, stop)
     in_cells, carry_over = build_cells(precision, kind)
     cone_of = build_cone(geometry)
@@ -149,6 +150,10 @@ def build_kernel(
             momentum = contrast(ambient, pot) * d
             cone = cone_of(d0)
             reach = wp.min(real(wp.min(course.far - course.enter, wp.float64(1.0e30))), control.extent)
+            slant = vec3(real(0.0), real(0.0), real(0.0))
+            if wp.static(controlled):
+                slant = slant_of(bounds, course, p0, d0)
+            arm = real(course.stop_distance - course.enter)
             arc_left = real(bounds.length - course.enter)
             gap = real(0.0)
             if wp.static(has_body):
@@ -216,13 +221,16 @@ def build_kernel(
                         force = first
                         kick = hh * (real(b1) * force + real(b2) * force2 + real(b3) * force3)
 
-                judged = step_error(ambient, d, total, momentum, h, reach, h <= safe, bent, pot, force, s2, s3, s4)
+                left = wp.max(arm - ambient * sums[0], real(0.0))
+                judged = step_error(
+                    ambient, d, total, momentum, h, reach, h <= safe, bent, slant, left, pot, force, s2, s3, s4
+                )
                 off = judged[0]
                 turn_now = judged[1]
 
                 accept = bool(True)
                 if wp.static(controlled):
-                    rounding = step_rounding(control, ambient, h, reach, judged[2], rate, frac, pot, force, s3)
+                    rounding = step_rounding(control, ambient, h, judged[2], rate, frac, pot, force, s3)
                     accept, ratio = verdict(control, off, rounding, used, h, h_cell, h_least, ambient + m, reach)
                     if accept:
                         # A step cut short by a surface or a wall says nothing against the length wanted.

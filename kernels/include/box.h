@@ -2,6 +2,7 @@
 #ifndef BOX_H
 #define BOX_H
 
+#include "constants.h"
 #include "types.h"
 
 static inline void slab(double low, double high, double p, double d, double2 *span)
@@ -103,7 +104,7 @@ static inline double meeting(const Bounds *bounds, int k, double3 p, double3 d, 
         double3 normal;
         const double miss = surface_distance(bounds, k, p + along * d, &normal);
         const double cosine = dot(normal, d);
-        if (fabs(cosine) > 0.05) {
+        if (fabs(cosine) > LEAST_COSINE) {
             along -= miss / cosine;
         }
     }
@@ -118,7 +119,7 @@ static inline double detour(const Bounds *bounds, int k, double3 p, double3 d, d
     const double miss = surface_distance(bounds, k, p + leave * d, &normal);
     const double cosine = dot(normal, d);
     const double size = size64(VECTOR64(bounds->high) - VECTOR64(bounds->low)) + size64(p);
-    if (fabs(miss) > 1.0e-14 * size || fabs(cosine) < 0.05) {
+    if (fabs(miss) > 1.0e-14 * size || fabs(cosine) < LEAST_COSINE) {
         return other;
     }
     double further = -dot(normal, q) / cosine;

@@ -78,6 +78,9 @@
 #define ROUGH R(0.2)
 #define BLUNTED R(30.0)
 
+// Cosine of the least angle with a surface that is believed (double).
+#define LEAST_COSINE 0.05
+
 // Even samples: greatest angle with the first direction [rad].
 #define EVEN_WEAK R(0.05)
 

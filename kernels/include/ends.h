@@ -65,6 +65,41 @@ static inline int start_of(
     return status;
 }
 
+// The surface on which the undisturbed ray stops.
+static inline int surface_of(const Bounds *bounds, const Course *course, double3 p, double3 d)
+{
+    if (STOP == PLANE && course->has_stop && course->far == course->stop_distance) {
+        return FACE_COUNT;
+    }
+    int nearest = 0;
+    double least = 1.0e300;
+    for (int k = 0; k < FACE_COUNT; k++) {
+        double3 normal;
+        const double miss = fabs(surface_distance(bounds, k, p + course->far * d, &normal));
+        if (miss < least) {
+            least = miss;
+            nearest = k;
+        }
+    }
+    return nearest;
+}
+
+// How much further along d the stop is met per length that the ray is beside its place: the tangent of the angle at which
+// it meets the stop, towards the stop's normal; no more than that of the smallest angle believed.
+static inline double3 slant_of(const Bounds *bounds, const Course *course, double3 p, double3 d)
+{
+    double3 slant = (double3)(0.0);
+    if (STOP != ARC && course->has_stop) {
+        double3 normal = VECTOR64(bounds->plane_normal);
+        if (STOP == NONE) {
+            surface_distance(bounds, surface_of(bounds, course, p, d), p + course->far * d, &normal);
+        }
+        const double cosine = dot(normal, d);
+        slant = (normal - cosine * d) / copysign(greater64(fabs(cosine), LEAST_COSINE), cosine);
+    }
+    return slant;
+}
+
 // A ray at its stop.
 typedef struct {
     double3 position;
@@ -145,7 +180,7 @@ static inline Arrival end_of(
         double further = along - stop_distance;
         if (STOP == PLANE) {
             const double descent = dot(VECTOR64(bounds->plane_normal), d);
-            if (fabs(descent) > 0.05) {
+            if (fabs(descent) > LEAST_COSINE) {
                 further = -dot(VECTOR64(bounds->plane_normal), deviation) / descent;
             }
         } else if (landed >= 0) {

@@ -4,7 +4,8 @@
 
 #include "motion.h"
 
-// The error in metres; `turn` is the greatest angle with d so far, `weight` what a direction's error counts with.
+// The error in metres; `turn` is the greatest angle with d so far, `lever` the length by which a direction's error counts.
+// The stop is met at a `slant` (ends.h), `arm` further on.
 static inline real step_error(
     real ambient,
     real3 d,
@@ -14,13 +15,15 @@ static inline real step_error(
     real reach,
     int is_smooth,
     real bent,
+    real3 slant,
+    real arm,
     real pot,
     real3 force,
     real4 s2,
     real4 s3,
     real4 s4,
     real *turn,
-    real *weight)
+    real *lever)
 {
     const real3 f2 = FORCE(s2), f3 = FORCE(s3), f4 = FORCE(s4);
     const real off_s = h * (RKN_F1 * pot + RKN_F2 * s2.x + RKN_F3 * s3.x + RKN_F4 * s4.x);
@@ -51,16 +54,17 @@ static inline real step_error(
     }
     off_q -= dot(off_q, d) * d;
     off_p -= dot(off_p, d) * d;
-    *weight = *turn + sharp * DIRECTION_SHARE;
-    return off + *weight * (size3(off_p) * reach + ambient * size3(off_q));
+    const real weight = *turn + sharp * DIRECTION_SHARE;
+    *lever = weight * (reach + ambient * h) + size3(slant) * (arm + ambient * h);
+    off += sharp * (fabs(dot(off_p, slant)) * arm + ambient * fabs(dot(off_q, slant)));
+    return off + weight * (size3(off_p) * reach + ambient * size3(off_q));
 }
 
 static inline real step_rounding(
     const Control *control,
     real ambient,
     real h,
-    real reach,
-    real weight,
+    real lever,
     real3 rate,
     real3 frac,
     real pot,
@@ -73,7 +77,7 @@ static inline real step_rounding(
         size += size3(force) * size2(frac.xy) / rate.x;
     }
     const real steep = greater(size3(force), size * greatest(VECTOR(control->cell_rate)));
-    return NOISE * h * (R(2.0) * size + weight * steep * (reach + ambient * h));
+    return NOISE * h * (R(2.0) * size + steep * lever);
 }
 
 #endif

@@ -1,0 +1,65 @@
+"""Stops met at a slant: there errors of place and direction are errors of the path, the more so the further off."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from aerokernels.medium import IndexField
+from aerokernels.rays import RayBundle
+from aerokernels.tracing import Plane, trace
+from aerokernels.tracing.plan import TracePlan
+from aerokernels.tracing.trace import run_plan
+
+from .backends import ENGINES, WAVE, on
+from .fields import CELL, uniform_field
+
+
+def right(field: IndexField, rays: RayBundle, until):
+    """The same rays in float64, by steps of a twentieth of a cell."""
+    return trace(
+        field, rays, until=until, method="fixed", step=CELL / 20, precision="float64", backend="warp", device="cpu"
+    )
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+@pytest.mark.parametrize("geometry", ["volume", "axisymmetric"])
+def test_a_far_slanted_plane_is_within_the_tolerance(engine, geometry):
+    """Where direction errors that a plane across the rays forgives would be many times the tolerance."""
+    field = uniform_field(geometry, amplitude=1e-4)
+    rng = np.random.default_rng(11)
+    position = np.c_[rng.uniform(-5e-4, 5e-4, (60, 2)), np.full(60, -1e-3)]
+    rays = RayBundle(position, np.c_[rng.normal(0.0, 0.1, (60, 2)), np.ones(60)])
+    for normal in ((0.0, 0.0, 1.0), (0.5, 0.0, 1.0)):
+        plane = Plane((0.0, 0.0, 0.2), normal)
+        expected = right(field, rays, plane)
+        for precision in ("float32", "float64"):
+            result = trace(
+                field, rays, until=plane, method="adaptive", precision=precision, tolerance=1e-3, **on(engine)
+            )
+            assert (result.status == expected.status).all()
+            assert np.abs(result.opd - expected.opd)[expected.ok].max() < 1.5e-3 * WAVE, (normal, precision)
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+def test_rays_that_just_miss_an_edge_of_the_box(engine):
+    """In air that gets denser towards -y, rays that leave by that side a little before it, or by the end a little beside.
+
+    A ten-thousandth of a cell beside the edge is a hundred times as far along the ray.
+    """
+    y = CELL * (np.arange(17) - 8)
+    contrast = np.repeat((1e-4 - 0.02 * y)[:, None], 41, axis=1)
+    field = IndexField.from_samples(contrast, origin=(y[0], 0.0), spacing=(CELL, CELL), geometry="planar")
+    count, slope, end = 2000, -0.006, 40 * CELL
+    # A slope of 0.02 / m bends a ray down by some 1.6e-7 m, sixteen times what may count as being on the edge.
+    aim = y[0] - slope * end
+    start = aim + np.linspace(-4e-3, 4e-3, count) * CELL
+    rays = RayBundle(np.c_[np.zeros(count), start, np.zeros(count)], (0.0, slope, 1.0))
+    plan = TracePlan("straight", **on(engine), precision="float32", max_steps=100_000, step=None, tolerance=1e-3)
+    plan = replace(plan, sample_count=36, even_share=0.125, bend_share=0.01)
+    arrays, _ = run_plan(field, rays, plan, None, WAVE, frozenset(("opd", "evaluation_count")))
+    assert 0.1 < (arrays["evaluation_count"] == 36).mean() < 1.0
+    expected = right(field, rays, None)
+    leaves_by_end = expected.position[:, 2] > end * (1.0 - 1e-12)
+    assert 0.1 < leaves_by_end.mean() < 0.9
+    assert np.abs(arrays["opd"] - expected.opd).max() < 1e-3 * WAVE
