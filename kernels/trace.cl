@@ -74,7 +74,7 @@ __kernel void trace_kernel(
         momentum = contrast(ambient, pot) * d;
         const int cone = cone_of(d0);
         const real reach = lesser((real)lesser64(course.far - course.enter, 1.0e30), control.extent);
-        const real3 slant = CONTROLLED ? convert_real3(slant_of(&bounds, &course, p0, d0)) : (real3)R(0.0);
+        const real slant = CONTROLLED ? (real)slant_of(&bounds, &course, p0, d0) : R(0.0);
         const real arm = (real)(course.stop_distance - course.enter);
         const real arc_left = (real)(bounds.length - course.enter);
         real gap = HAS_BODY ? greater(wall_distance(&field, &arrays, convert_real3(entry)), R(0.0)) : R(0.0);

@@ -109,17 +109,16 @@ def build_last_surface(precision: str, geometry: str, stop: str):
 def build_slant(precision: str, geometry: str, stop: str):
     """A function: how much further along d the stop is met per length that the ray is beside its place.
 
-    The tangent of the angle at which it meets the stop, towards the stop's normal; no more than that of the smallest
-    angle believed.
+    The tangent of the angle at which it meets the stop; no more than that of the smallest angle believed.
     """
     t = types(precision)
-    real, vec3, Bounds, Course = t.real, t.vec3, t.Bounds, t.Course
+    real, Bounds, Course = t.real, t.Bounds, t.Course
     surface_distance = build_surface_distance(precision, geometry)
     surface_of = build_last_surface(precision, geometry, stop)
 
     @wp.func
     def slant_of(bounds: Bounds, course: Course, p: wp.vec3d, d: wp.vec3d):
-        slant = vec3(real(0.0), real(0.0), real(0.0))
+        slant = real(0.0)
         if wp.static(stop != "arc"):
             if course.has_stop:
                 normal = bounds.plane_normal
@@ -127,11 +126,7 @@ def build_slant(precision: str, geometry: str, stop: str):
                     miss = surface_distance(bounds, surface_of(bounds, course, p, d), p + course.far * d)
                     normal = wp.vec3d(miss[1], miss[2], miss[3])
                 cosine = wp.dot(normal, d)
-                believed = wp.max(wp.abs(cosine), wp.float64(LEAST_COSINE))
-                if cosine < wp.float64(0.0):
-                    believed = -believed
-                across = (normal - cosine * d) / believed
-                slant = vec3(real(across[0]), real(across[1]), real(across[2]))
+                slant = real(wp.length(normal - cosine * d) / wp.max(wp.abs(cosine), wp.float64(LEAST_COSINE)))
         return slant
 
     return slant_of

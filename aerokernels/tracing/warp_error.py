@@ -36,7 +36,7 @@ def build_step_error(precision: str, geometry: str, interpolation: str):
         reach: real,
         is_smooth: bool,
         bent: real,
-        slant: vec3,
+        slant: real,
         arm: real,
         pot: real,
         force: vec3,
@@ -76,10 +76,10 @@ def build_step_error(precision: str, geometry: str, interpolation: str):
         off_q -= wp.dot(off_q, d) * d
         off_p -= wp.dot(off_p, d) * d
         weight = turn + sharp * real(DIRECTION_SHARE)
-        off += weight * (wp.length(off_p) * reach + ambient * wp.length(off_q))
         # The stop is met at a slant (warp_ends.py), `arm` further on.
-        off += sharp * (wp.abs(wp.dot(off_p, slant)) * arm + ambient * wp.abs(wp.dot(off_q, slant)))
-        return vec3(off, turn, weight * (reach + ambient * h) + wp.length(slant) * (arm + ambient * h))
+        tilt = sharp * slant
+        off += wp.length(off_p) * (weight * reach + tilt * arm) + ambient * wp.length(off_q) * (weight + tilt)
+        return vec3(off, turn, weight * (reach + ambient * h) + slant * (arm + ambient * h))
 
     @wp.func
     def step_rounding(

@@ -150,7 +150,7 @@ def build_kernel(
             momentum = contrast(ambient, pot) * d
             cone = cone_of(d0)
             reach = wp.min(real(wp.min(course.far - course.enter, wp.float64(1.0e30))), control.extent)
-            slant = vec3(real(0.0), real(0.0), real(0.0))
+            slant = real(0.0)
             if wp.static(controlled):
                 slant = slant_of(bounds, course, p0, d0)
             arm = real(course.stop_distance - course.enter)

@@ -85,17 +85,17 @@ static inline int surface_of(const Bounds *bounds, const Course *course, double3
 }
 
 // How much further along d the stop is met per length that the ray is beside its place: the tangent of the angle at which
-// it meets the stop, towards the stop's normal; no more than that of the smallest angle believed.
-static inline double3 slant_of(const Bounds *bounds, const Course *course, double3 p, double3 d)
+// it meets the stop; no more than that of the smallest angle believed.
+static inline double slant_of(const Bounds *bounds, const Course *course, double3 p, double3 d)
 {
-    double3 slant = (double3)(0.0);
+    double slant = 0.0;
     if (STOP != ARC && course->has_stop) {
         double3 normal = VECTOR64(bounds->plane_normal);
         if (STOP == NONE) {
             surface_distance(bounds, surface_of(bounds, course, p, d), p + course->far * d, &normal);
         }
         const double cosine = dot(normal, d);
-        slant = (normal - cosine * d) / copysign(greater64(fabs(cosine), LEAST_COSINE), cosine);
+        slant = size64(normal - cosine * d) / greater64(fabs(cosine), LEAST_COSINE);
     }
     return slant;
 }

@@ -15,7 +15,7 @@ static inline real step_error(
     real reach,
     int is_smooth,
     real bent,
-    real3 slant,
+    real slant,
     real arm,
     real pot,
     real3 force,
@@ -55,9 +55,9 @@ static inline real step_error(
     off_q -= dot(off_q, d) * d;
     off_p -= dot(off_p, d) * d;
     const real weight = *turn + sharp * DIRECTION_SHARE;
-    *lever = weight * (reach + ambient * h) + size3(slant) * (arm + ambient * h);
-    off += sharp * (fabs(dot(off_p, slant)) * arm + ambient * fabs(dot(off_q, slant)));
-    return off + weight * (size3(off_p) * reach + ambient * size3(off_q));
+    const real tilt = sharp * slant;
+    *lever = weight * (reach + ambient * h) + slant * (arm + ambient * h);
+    return off + size3(off_p) * (weight * reach + tilt * arm) + ambient * size3(off_q) * (weight + tilt);
 }
 
 static inline real step_rounding(
