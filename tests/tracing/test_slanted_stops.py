@@ -43,7 +43,7 @@ def test_a_far_slanted_plane_is_within_the_tolerance(engine, geometry):
 
 @pytest.mark.parametrize("engine", ENGINES)
 def test_rays_that_just_miss_an_edge_of_the_box(engine):
-    """In air that gets denser towards -y, rays that leave by that side a little before it, or by the end a little beside.
+    """In air that gets denser towards -y, rays that leave by that side a little before it, or by the end.
 
     A ten-thousandth of a cell beside the edge is a hundred times as far along the ray.
     """
