@@ -8,6 +8,7 @@ where the rays are; the spread of the replicates gives the standard error. A sym
 fewer rays (tracing/pupil_fan.py).
 """
 
+import math
 import time
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -173,8 +174,10 @@ def estimate_strehl(
     sums = job.run()
     traced, plan = job.traced_ray_count, job.plan
     evaluations, seconds = sums.evaluation_count, dict(sums.seconds)
-    if job.may_be_refined and not _standard_error(sums.moments, sums.phasors) <= SETTLED:
+    standard_error = _standard_error(sums.moments, sums.phasors)
+    if job.may_be_refined and not standard_error <= SETTLED:
         sums = job.refined()
+        standard_error = _standard_error(sums.moments, sums.phasors)
         traced += job.per_replicate * REPLICATES
         more = f"standard error of that fan above {SETTLED:g}, as at an edge: one of {REPLICATES} x {job.per_replicate}"
         plan = replace(plan, reasons=(*plan.reasons, more))
@@ -194,6 +197,7 @@ def estimate_strehl(
         plan=plan,
         budget=budget,
         seconds=seconds,
+        standard_error=standard_error,
         evaluation_count=evaluations,
         **estimate,
     )
@@ -222,7 +226,7 @@ def plan_strehl(field: IndexField, pupil: Disc, **options) -> tuple[TracePlan, i
 
 
 def _combine(moments, phasor, wavelength, remove) -> dict:
-    """Values and standard error from replicate sums."""
+    """Values from replicate sums."""
     total = moments.sum(axis=0)
     if total[0] == 0:
         raise ValueError(
@@ -234,7 +238,6 @@ def _combine(moments, phasor, wavelength, remove) -> dict:
     value = float(np.abs(phasor.sum() / total[0]) ** 2)
     return {
         "value": value,
-        "standard_error": _standard_error(moments, phasor),
         "marechal": float(np.exp(-((2.0 * np.pi * rms / wavelength) ** 2))),
         "opd_rms": rms,
         "boresight": tilt,
@@ -243,11 +246,12 @@ def _combine(moments, phasor, wavelength, remove) -> dict:
 
 def _standard_error(moments: np.ndarray, phasor: np.ndarray) -> float:
     """Standard error of the Strehl ratio from the spread of the replicates; nan where no ray arrived."""
-    count = moments[:, 0]
-    if not count.any():
+    counts = moments[:, 0].tolist()
+    if not any(counts):
         return float("nan")
-    each = np.abs(phasor / np.where(count > 0.0, count, 1.0)) ** 2
-    return float(each.std(ddof=1) / np.sqrt(len(each)))
+    ratios = [abs(sum_ / count) ** 2 if count else 0.0 for sum_, count in zip(phasor.tolist(), counts, strict=True)]
+    mean = sum(ratios) / len(ratios)
+    return math.sqrt(sum((ratio - mean) ** 2 for ratio in ratios) / (len(ratios) - 1) / len(ratios))
 
 
 def _budget(field, probe, found: StrehlEstimate, until, wavelength) -> dict[str, float]:

@@ -75,7 +75,7 @@ __kernel void trace_kernel(
         const int cone = cone_of(d0);
         const real reach = lesser((real)lesser64(course.far - course.enter, 1.0e30), control.extent);
         const real slant = CONTROLLED ? (real)slant_of(&bounds, &course, p0, d0) : R(0.0);
-        const real arm = (real)(course.stop_distance - course.enter);
+        const real flight = STOP == PLANE ? (real)greater64(course.stop_distance - course.far, 0.0) : R(0.0);
         const real arc_left = (real)(bounds.length - course.enter);
         real gap = HAS_BODY ? greater(wall_distance(&field, &arrays, convert_real3(entry)), R(0.0)) : R(0.0);
         real h_next = control.extent / ambient;
@@ -121,7 +121,7 @@ __kernel void trace_kernel(
             real turn_now, lever;
             const real off = step_error(
                 ambient, d, total, momentum, h, reach, h <= ahead.safe, bent, slant,
-                greater(arm - ambient * sums.x, R(0.0)), pot, force, s2, s3, s4, &turn_now, &lever);
+                flight + greater(reach - ambient * sums.x, R(0.0)), pot, force, s2, s3, s4, &turn_now, &lever);
 
             int accept = 1;
             if (CONTROLLED) {

@@ -5,23 +5,8 @@
 // that are to be traced otherwise: their step_error_out is above the budget, infinite where this method does not hold.
 
 #include "ends.h"
-#include "packet.h"
-
-// Weight of sample k of `count`: the midpoint rule with its ends mended, of fourth order.
-static inline real even_weight(int k, int count)
-{
-    const int end = min(k, count - 1 - k);
-    return end == 0 ? R(13.0 / 12.0) : end == 1 ? R(7.0 / 8.0) : end == 2 ? R(25.0 / 24.0) : R(1.0);
-}
-
-// A compensated sum.
-static inline void gather(reals *total, reals *carry, reals term)
-{
-    const reals y = term - *carry;
-    const reals s = *total + y;
-    *carry = (s - *total) - y;
-    *total = s;
-}
+#include "flight.h"
+#include "flight_in_plane.h"
 
 // How far a ray that ends at p with this heading has run on outside the box, after a face other than `landed`; infinite
 // where that is more than a hair's breadth away.
@@ -76,7 +61,6 @@ __kernel void trace_even(
     const Arrays arrays = {
         coefficients, corners, values, gradients, neighbors, bin_start, bin_cell, paper_step, wall, reach,
         reach_start};
-    const real ambient = (real)bounds.ambient;
     const real3 rate = VECTOR(field.inverse_spacing);
     const int count = control.sample_count;
 
@@ -102,120 +86,21 @@ __kernel void trace_even(
         courses[lane] = course;
     }
 
-    const reals h = length / (real)count;
-    const reals zero = (reals)R(0.0);
-    reals px = zero, py = zero, pz = zero;  // momentum across the ray
-    reals qx = zero, qy = zero, qz = zero;  // deviation across it
-    reals turnx = zero, turny = zero, turnz = zero;  // the momentum's sum with the ends mended
-    reals armx = zero, army = zero, armz = zero;  // that of its moments about the start
-    reals sigma = zero;  // int 1 / w dt
-    reals bend = zero;  // of P^2 / w
-    reals slow = (reals)(R(1.0) / ambient);  // 1 / w, w the momentum along the ray
-    reals paths = zero, paths_carry = zero;  // sums of s / w, of (w - a) / w and of m / w
-    reals lags = zero, lags_carry = zero;
-    reals arcs = zero, arcs_carry = zero;
-    reals coarse = zero, coarse_carry = zero;  // of every third sample
-    reals offx = zero, offy = zero, offz = zero;  // how far its momentum is off, and that one's moments
-    reals twistx = zero, twisty = zero, twistz = zero;
-    reals bent = zero;
-    reals s = zero, ahead = zero;  // of the last sample: the potential, its slope along the ray, and that across it
-    reals fx = zero, fy = zero, fz = zero;
-    for (int triple = 0; triple < count / 3; triple++) {
-        reals path = zero, lag = zero, arc = zero;
-#pragma unroll
-        for (int j = 0; j < 3; j++) {
-            const int k = 3 * triple + j;
-            const real weight = even_weight(k, count);
-            const reals t = ((real)k + R(0.5)) * h;
-            const reals by_half = R(0.5) * h * slow;
-            const Potential at = sample_packet(
-                &field, &arrays, x0 + (t * dx + qx + by_half * px) * rate.x, y0 + (t * dy + qy + by_half * py) * rate.y,
-                z0 + (t * dz + qz + by_half * pz) * rate.z);
-            s = at.value;
-            ahead = at.x * dx + at.y * dy + at.z * dz;
-            fx = at.x - ahead * dx;
-            fy = at.y - ahead * dy;
-            fz = at.z - ahead * dz;
-            const reals mx = px + by_half * fx, my = py + by_half * fy, mz = pz + by_half * fz;
-            const reals across = mx * mx + my * my + mz * mz;
-            const reals surplus = R(2.0) * s - across;
-            const reals w = SWIFT_ROOT(max(ambient * ambient + surplus, (reals)R(0.0)));
-            slow = SWIFT_INVERSE(w);
-            const reals off = surplus * SWIFT_INVERSE(w + ambient) * slow;
-            path += weight * s * slow;
-            lag += weight * off;
-#if WANT_ARC_LENGTH
-            arc += weight * slow * (R(2.0) * s / (sqrt(max(ambient * ambient + R(2.0) * s, (reals)R(0.0))) + ambient));
-#endif
-            const reals pace = h * slow;
-            px += pace * fx;
-            py += pace * fy;
-            pz += pace * fz;
-            qx += pace * mx;
-            qy += pace * my;
-            qz += pace * mz;
-            const reals kick = weight * pace;
-            const reals place = sigma + R(0.5) * pace;
-            const reals arm = kick * place;
-            if (j == 1) {
-                const real third = even_weight(triple, count / 3);
-                gather(&coarse, &coarse_carry, third * (R(2.0) * s * slow - ambient * off));
-                const reals lack = R(3.0) * third * pace;
-                offx -= lack * fx;
-                offy -= lack * fy;
-                offz -= lack * fz;
-                const reals leverage = lack * place;
-                twistx -= leverage * fx;
-                twisty -= leverage * fy;
-                twistz -= leverage * fz;
-            }
-            turnx += kick * fx;
-            turny += kick * fy;
-            turnz += kick * fz;
-            armx += arm * fx;
-            army += arm * fy;
-            armz += arm * fz;
-            sigma += pace;
-            bend += across * slow;
-            bent = max(bent, across);
-        }
-        gather(&paths, &paths_carry, path);
-        gather(&lags, &lags_carry, lag);
-        gather(&arcs, &arcs_carry, arc);
-    }
-    // At the end, half a step behind the last sample: what momentum and deviation are in fourth order.
-    px = turnx;
-    py = turny;
-    pz = turnz;
-    qx = sigma * turnx - armx;
-    qy = sigma * turny - army;
-    qz = sigma * turnz - armz;
-    offx += turnx;
-    offy += turny;
-    offz += turnz;
-    twistx = sigma * offx - (twistx + armx);
-    twisty = sigma * offy - (twisty + army);
-    twistz = sigma * offz - (twistz + armz);
-    const reals steep = sqrt(ahead * ahead + fx * fx + fy * fy + fz * fz);
-    s += R(0.5) * h * ahead;
-    const reals off = (R(2.0) * s - (px * px + py * py + pz * pz)) * slow / (R(1.0) / slow + ambient);
-    const reals error =
-        max(fabs(h * ((R(2.0) * paths - ambient * lags) - R(3.0) * coarse)) * control.even_share,
-            h * bend * control.bend_share);
+    const Flight flight = fly(&field, &arrays, &control, (real)bounds.ambient, x0, y0, z0, dx, dy, dz, length);
 
     for (int lane = 0; lane < LANES && first + lane < ray_count; lane++) {
         const int ray = first + lane;
         const double3 p = vload3(ray, position_in), d = vload3(ray, direction_in);
         Course course = courses[lane];
         const int runs = course.meets && statuses[lane] == RAY_OK;
-        const real step = REAL_AT(h, lane);
-        real3 across = (real3)(REAL_AT(px, lane), REAL_AT(py, lane), REAL_AT(pz, lane));
-        const real rest = REAL_AT(slow, lane);
-        real3 q = (real3)(REAL_AT(qx, lane), REAL_AT(qy, lane), REAL_AT(qz, lane));
-        double path = (double)step * ((double)REAL_AT(paths, lane) - (double)REAL_AT(paths_carry, lane));
-        double lag = (double)step * ((double)REAL_AT(lags, lane) - (double)REAL_AT(lags_carry, lane));
-        double arc = (double)step * ((double)REAL_AT(arcs, lane) - (double)REAL_AT(arcs_carry, lane));
-        real off_course = REAL_AT(error, lane);
+        const real step = REAL_AT(flight.h, lane);
+        real3 across = (real3)(REAL_AT(flight.px, lane), REAL_AT(flight.py, lane), REAL_AT(flight.pz, lane));
+        const real rest = REAL_AT(flight.slow, lane);
+        real3 q = (real3)(REAL_AT(flight.qx, lane), REAL_AT(flight.qy, lane), REAL_AT(flight.qz, lane));
+        double path = (double)step * ((double)REAL_AT(flight.paths, lane) - (double)REAL_AT(flight.paths_carry, lane));
+        double lag = (double)step * ((double)REAL_AT(flight.lags, lane) - (double)REAL_AT(flight.lags_carry, lane));
+        double arc = (double)step * ((double)REAL_AT(flight.arcs, lane) - (double)REAL_AT(flight.arcs_carry, lane));
+        real off_course = REAL_AT(flight.error, lane);
         real3 momentum = (real3)R(0.0);
         double far = (double)REAL_AT(length, lane);
         double3 normal = (double3)(0.0), end = p;
@@ -227,32 +112,32 @@ __kernel void trace_even(
             const double miss = surface_distance(&bounds, landed, p + course.far * d + convert_double3(q), &normal);
             const double cosine = dot(normal, heading);
             // Along the parabola; what that leaves out, by the change of the slope over a cell, counts as an error.
-            const real3 force = rest * (real3)(REAL_AT(fx, lane), REAL_AT(fy, lane), REAL_AT(fz, lane));
+            const real3 force = rest * (real3)(REAL_AT(flight.fx, lane), REAL_AT(flight.fy, lane), REAL_AT(flight.fz, lane));
             const double line = fabs(cosine) > LEAST_COSINE ? -miss / cosine : 0.0;
             const double bow = 0.5 * line * line * (double)rest * dot(normal, convert_double3(force));
             const double more = fabs(cosine) > LEAST_COSINE ? line - bow / cosine : 0.0;
-            const double climb = 0.5 * more * (double)REAL_AT(ahead, lane);
-            const double added = more * (double)rest * ((double)REAL_AT(s, lane) + climb);
+            const double climb = 0.5 * more * (double)REAL_AT(flight.ahead, lane);
+            const double added = more * (double)rest * ((double)REAL_AT(flight.s, lane) + climb);
             path += added;
-            lag += more * ((double)REAL_AT(off, lane) + (double)rest * climb / bounds.ambient);
+            lag += more * ((double)REAL_AT(flight.off, lane) + (double)rest * climb / bounds.ambient);
             arc += added / bounds.ambient;
             off_course = greater(
                 off_course,
-                REAL_AT(steep, lane) * (real)(more * more / fabs(cosine)) *
+                REAL_AT(flight.steep, lane) * (real)(more * more / fabs(cosine)) *
                     lesser((real)fabs(more) * greatest(rate), R(1.0)));
             q += (real)more * rest * (across + (R(0.5) * (real)more) * force);
             far += more;
             across += (real)more * force;
-            momentum = across + (REAL_AT(off, lane) / rest) * convert_real3(d);
+            momentum = across + (REAL_AT(flight.off, lane) / rest) * convert_real3(d);
             end = p + (course.enter + far) * d + convert_double3(q);
-            const real angle = sqrt(REAL_AT(bent, lane)) / ambient;
+            const real angle = sqrt(REAL_AT(flight.bent, lane)) / (real)bounds.ambient;
             if (spoilt[lane] || !(angle <= EVEN_WEAK) || !isfinite(path) || !isfinite(off_course) ||
                 fabs(cosine) <= LEAST_COSINE) {
                 off_course = (real)INFINITY;
             }
             // Where the box's end is the stop, the path is off by all of that way, else by what the field adds on it.
             const double way = overrun(&bounds, &control, landed, end, heading);
-            const double added_there = fmax(fabs((double)REAL_AT(s, lane)) / bounds.ambient, 1.0e-30);
+            const double added_there = fmax(fabs((double)REAL_AT(flight.s, lane)) / bounds.ambient, 1.0e-30);
             const double rise = STOP == NONE ? bounds.ambient : added_there;
             off_course = greater(off_course, way > 0.0 ? (real)(way * rise) : R(0.0));
         }
@@ -268,8 +153,8 @@ __kernel void trace_even(
             off_course = (real)INFINITY;  // at a plane on the box's edge a bent ray may fare otherwise
         } else if (runs) {
             // How far place and direction are off counts where the stop is met at a slant.
-            const double3 off_place = (double3)(REAL_AT(twistx, lane), REAL_AT(twisty, lane), REAL_AT(twistz, lane));
-            const double3 off_turn = (double3)(REAL_AT(offx, lane), REAL_AT(offy, lane), REAL_AT(offz, lane));
+            const double3 off_place = (double3)(REAL_AT(flight.twistx, lane), REAL_AT(flight.twisty, lane), REAL_AT(flight.twistz, lane));
+            const double3 off_turn = (double3)(REAL_AT(flight.offx, lane), REAL_AT(flight.offy, lane), REAL_AT(flight.offz, lane));
             const double flight = size64(arrival.position - end);
             if (STOP == PLANE) {
                 normal = VECTOR64(bounds.plane_normal);

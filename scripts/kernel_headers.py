@@ -52,7 +52,9 @@ def constants() -> str:
         *_reals({name: getattr(scheme, name) for name in ("LEAST_STEP", "HAIR", "SHIEST")}),
         *_group("Error of a step"),
         *_reals({name: getattr(scheme, name) for name in ("STEP_SHARE", "NOISE_STEP")}),
-        *_reals({name: getattr(scheme, name) for name in ("DIRECTION_SHARE", "SMOOTH", "ROUGH", "BLUNTED")}),
+        *_reals(
+            {name: getattr(scheme, name) for name in ("DIRECTION_SHARE", "SLANT_KEPT", "SMOOTH", "ROUGH", "BLUNTED")}
+        ),
         *_group("Cosine of the least angle with a surface that is believed (double)"),
         *_defines({"LEAST_COSINE": scheme.LEAST_COSINE}),
         *_group("Even samples: greatest angle with the first direction [rad]"),

@@ -38,11 +38,16 @@ OUTPUT_TYPES: dict[str, tuple[int, type]] = {
 }
 # Bytes for one ray when all is asked for, and its start.
 RAY_BYTES = 6 * 8 + sum(count * np.dtype(kind).itemsize for count, kind in OUTPUT_TYPES.values())
-# Coefficients that even samples on a GPU find in fours, four times their memory.
-MOST_PACKED = 1 << 25
+# Numbers in a packed table of coefficients.
+MOST_PACKED = 1 << 27
 # Rays in one chunk at most, and the share of the device's free memory that a chunk may take.
 CHUNK = 1 << 21
 MEMORY_SHARE = 0.25
+
+# Coefficients of the powers of a cell's fraction in the weights of its four spline coefficients, by power and weight.
+SPLINE_POWERS = (
+    np.array([[1.0, 4.0, 1.0, 0.0], [-3.0, 0.0, 3.0, 0.0], [3.0, -6.0, 3.0, 0.0], [-1.0, 3.0, -3.0, 1.0]]) / 6.0
+)
 
 _uploaded: weakref.WeakKeyDictionary = weakref.WeakKeyDictionary()
 _launched: weakref.WeakSet = weakref.WeakSet()
@@ -72,13 +77,14 @@ def to_device(opened: Session, values: np.ndarray):
 def _upload(
     field: IndexField, data: FieldData, precision: str, opened: Session, with_paper_step: bool, packed: bool
 ) -> list:
-    """Buffers of FIELD_ARRAYS, the coefficients in fours where `packed`; kept as long as the field lives."""
+    """Buffers of FIELD_ARRAYS, the coefficients packed for even samples or not; kept as long as the field lives."""
     store = _uploaded.setdefault(field, {})
     if packed:
         plain = _upload(field, data, precision, opened, with_paper_step, False)
         if (precision, id(opened), "packed") not in store:
-            fours = in_fours(data.arrays["coefficients"], REAL_TYPES[precision])
-            store[precision, id(opened), "packed"] = to_device(opened, fours)
+            pack_them = in_fours if field.geometry == "volume" else cell_polynomials
+            coefficients = field.samples.coefficients  # type: ignore[union-attr]
+            store[precision, id(opened), "packed"] = to_device(opened, pack_them(coefficients, REAL_TYPES[precision]))
         return [store[precision, id(opened), "packed"], *plain[1:]]
     key = (precision, id(opened), with_paper_step)
     if key not in store:
@@ -100,8 +106,22 @@ def _upload(
 
 def in_fours(coefficients: np.ndarray, kind: type) -> np.ndarray:
     """Each number and the three after it, flat, shape (4 n,); zeros behind the end, where nothing is looked up."""
-    padded: np.ndarray = np.concatenate([coefficients, np.zeros(3)]).astype(kind)
+    padded: np.ndarray = np.concatenate([coefficients.ravel(), np.zeros(3)]).astype(kind)
     return np.lib.stride_tricks.sliding_window_view(padded, 4).ravel()
+
+
+def cell_polynomials(coefficients: np.ndarray, kind: type) -> np.ndarray:
+    """The polynomial in each cell of a spline in two dimensions, flat, shape (16 n,) for n spline coefficients.
+
+    Entry 16 e + 4 i + j belongs to the i-th power of the fraction along the first axis and the j-th along the second,
+    in the cell whose 4 x 4 coefficients begin with coefficient e; zeros where no cell begins.
+    """
+    table = np.zeros((*coefficients.shape, 16), dtype=kind)
+    for row in range(len(coefficients) - 3):  # row by row, so that float64 takes little memory
+        blocks = np.lib.stride_tricks.sliding_window_view(coefficients[row : row + 4], 4, axis=1)
+        powers = np.einsum("pi,ibj,qj->bpq", SPLINE_POWERS, blocks, SPLINE_POWERS, optimize=True)
+        table[row, : len(powers)] = powers.reshape(-1, 16)
+    return table.ravel()
 
 
 def prepare(
@@ -120,7 +140,10 @@ def prepare(
     tables, blocks = reach_tables(field, plan, wavelength, directions)
     even = plan.sample_count > 0
     lanes = lane_count(opened, plan.precision) if even else 1
-    packed = even and lanes == 1 and data.arrays["coefficients"].size <= MOST_PACKED
+    is_volume = field.geometry == "volume"
+    entry_size = 4 if is_volume else 16
+    packed = even and (lanes == 1 or not is_volume) and data.arrays["coefficients"].size * entry_size <= MOST_PACKED
+    in_plane = even and not is_volume and not np.any(directions[:, :2])
     arguments = [
         pack("field", plan.precision, data.field),
         pack("bounds", plan.precision, {**data.bounds, **bounds}),
@@ -141,6 +164,7 @@ def prepare(
         outputs=outputs | {"step_error"} if even else outputs,
         lanes=lanes,
         packed=packed,
+        in_plane=in_plane,
     )
     program = build(opened, "trace_even.cl" if even else "trace.cl", options)
     # A kernel object belongs to one caller: its arguments are set one by one.

@@ -96,6 +96,7 @@ def build_options(
     outputs: Iterable[str] = (),
     lanes: int = 1,
     packed: bool = False,
+    in_plane: bool = False,
 ) -> tuple[str, ...]:
     """The compile options of one kind of scene: the only place where they are made (options.h lists them).
 
@@ -109,7 +110,8 @@ def build_options(
         has_body: Whether the field has a body.
         outputs: Names of the per-ray arrays wanted, of RAY_OUTPUTS; "status" is always there.
         lanes: Rays that a work-item of even samples moves in step, see `lane_count`.
-        packed: Whether coefficients are in fours, for even samples.
+        packed: Whether coefficients are packed, for even samples.
+        in_plane: Whether rays of even samples run along z, in a field of two dimensions.
 
     Raises:
         ValueError: A name that is not known.
@@ -130,6 +132,7 @@ def build_options(
         f"-DHAS_BODY={int(has_body)}",
         f"-DLANES={lanes}",
         f"-DPACKED={int(packed)}",
+        f"-DIN_PLANE={int(in_plane)}",
         *(f"-D{option.upper()}={_in_c(value)}" for option, value in chosen.items()),
         *(f"-DWANT_{_in_c(name)}={int(name in outputs)}" for name in RAY_OUTPUTS),
     )

@@ -1,6 +1,7 @@
 """Sums over a pupil's rays that every backend delivers alike, the plane they define, and the order of the rays."""
 
 import functools
+import math
 import weakref
 from dataclasses import dataclass
 
@@ -176,13 +177,18 @@ def fit_plane(moments: np.ndarray, with_tilt: bool) -> np.ndarray:
     return np.array([piston, *(tilt if with_tilt else (0.0, 0.0))])
 
 
+@functools.lru_cache(maxsize=64)
+def _metres(radius: float) -> np.ndarray:
+    return np.array([1, radius, radius, 1, *[radius**2] * 3, radius, radius, 1, 1, 1])
+
+
 def moments_in_metres(moments: np.ndarray, task: PupilTask) -> np.ndarray:
     """Moments (replicates, MOMENT_COUNT) whose x and y are in units of the pupil's radius, in metres.
 
     Those of a fan, whose points all lie along x, are turned into those of the disc that it stands for.
     """
     radius = task.pupil.radius
-    moments = moments * np.array([1, radius, radius, 1, *[radius**2] * 3, radius, radius, 1, 1, 1])
+    moments = moments * _metres(radius)
     if task.fan is not None:
         moments[:, [1, 2, 5, 7, 8]] = 0.0
         moments[:, [4, 6]] = 0.5 * moments[:, [4]]
@@ -191,11 +197,18 @@ def moments_in_metres(moments: np.ndarray, task: PupilTask) -> np.ndarray:
 
 def fit_moments(total: np.ndarray) -> tuple[float, np.ndarray, float, float]:
     """Piston, tilt, rms about the piston and rms about the plane of a wavefront from its summed moments."""
-    count, x, y, w, xx, xy, yy, xw, yw, ww = total[:10] / np.append(1.0, np.full(9, total[0] or 1.0))
+    # In Python's own numbers: an estimate of a symmetric pupil takes no longer than some NumPy calls.
+    count, *sums = total[:10].tolist()
     if count == 0:
         return 0.0, np.zeros(2), 0.0, 0.0
-    normal = np.array([[xx - x * x, xy - x * y], [xy - x * y, yy - y * y]])
-    right = np.array([xw - x * w, yw - y * w])
-    tilt = np.linalg.lstsq(normal, right, rcond=1e-12)[0]
+    x, y, w, xx, xy, yy, xw, yw, ww = (number / count for number in sums)
+    a, b, c = xx - x * x, xy - x * y, yy - y * y
+    right, up = xw - x * w, yw - y * w
+    determinant = a * c - b * b
+    if determinant > 1e-12 * max(a, c) ** 2:
+        tilt = np.array([(c * right - b * up) / determinant, (a * up - b * right) / determinant])
+    else:  # points on a line, or one
+        tilt = np.linalg.lstsq(np.array([[a, b], [b, c]]), np.array([right, up]), rcond=1e-12)[0]
     variance = max(ww - w * w, 0.0)
-    return float(w), tilt, float(np.sqrt(variance)), float(np.sqrt(max(variance - tilt @ right, 0.0)))
+    about_plane = variance - float(tilt[0]) * right - float(tilt[1]) * up
+    return w, tilt, math.sqrt(variance), math.sqrt(max(about_plane, 0.0))

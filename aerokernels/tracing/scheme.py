@@ -27,6 +27,8 @@ NOISE_STEP = 0.5
 NOISE = {"float32": 8.0 * 2.0**-24, "float64": 8.0 * 2.0**-53}
 # A direction error counts with at least this share of the field's length, besides the ray's own slope.
 DIRECTION_SHARE = 0.01
+# The slant at which the undisturbed ray meets its stop counts less the more the ray has turned, up to this angle [rad].
+SLANT_KEPT = 0.25
 # Errors are believed to be smaller than the embedded formula says by these factors at most: where the table of safe
 # steps says that the field is smooth over the step (or the step stays in one cell of a linear field), and elsewhere;
 # less so on bent rays: 1 from an angle of 1 / BLUNTED on.
@@ -59,6 +61,6 @@ WALK_LIMIT = 6
 # Rays summed by one work-group or thread, before the groups of a replicate are joined.
 GROUP = 128
 # Rows of such sums that are joined to one at a time: those of a million rays at once.
-JOINED = 512
+JOINED = 64
 # Multipliers of the hash that scrambles Sobol points (Burley, Practical hash-based Owen scrambling, JCGT 9-4 (2020)).
 HASHES = (0x6C50B47C, 0xB82F1E52, 0xC7AFE638, 0x8D22F6E6)

@@ -153,7 +153,9 @@ def build_kernel(
             slant = real(0.0)
             if wp.static(controlled):
                 slant = slant_of(bounds, course, p0, d0)
-            arm = real(course.stop_distance - course.enter)
+            flight = real(0.0)
+            if wp.static(stop == "plane"):
+                flight = real(wp.max(course.stop_distance - course.far, wp.float64(0.0)))
             arc_left = real(bounds.length - course.enter)
             gap = real(0.0)
             if wp.static(has_body):
@@ -221,7 +223,7 @@ def build_kernel(
                         force = first
                         kick = hh * (real(b1) * force + real(b2) * force2 + real(b3) * force3)
 
-                left = wp.max(arm - ambient * sums[0], real(0.0))
+                left = flight + wp.max(reach - ambient * sums[0], real(0.0))
                 judged = step_error(
                     ambient, d, total, momentum, h, reach, h <= safe, bent, slant, left, pot, force, s2, s3, s4
                 )

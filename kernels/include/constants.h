@@ -74,6 +74,7 @@
 #define STEP_SHARE R(0.02)
 #define NOISE_STEP R(0.5)
 #define DIRECTION_SHARE R(0.01)
+#define SLANT_KEPT R(0.25)
 #define SMOOTH R(0.02)
 #define ROUGH R(0.2)
 #define BLUNTED R(30.0)
@@ -106,7 +107,7 @@
 
 // Pupil: rays summed by one work-item and the sums it delivers, and the hash of the scramble.
 #define GROUP 128
-#define JOINED 512
+#define JOINED 64
 #define MOMENT_COUNT 12
 #define SUM_COUNT 14
 #define HASH_1 0x6C50B47Cu

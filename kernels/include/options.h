@@ -46,9 +46,13 @@
 #ifndef LANES
 #define LANES 1
 #endif
-// Whether each node's entry of the coefficients holds its next three along the last axis too.
+// Whether a node's entry of the coefficients holds all that even samples take from there, see packet.h.
 #ifndef PACKED
 #define PACKED 0
+#endif
+// Whether all rays of even samples run along z, in a field of two dimensions.
+#ifndef IN_PLANE
+#define IN_PLANE 0
 #endif
 #ifndef HAS_BODY
 #define HAS_BODY 0

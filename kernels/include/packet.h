@@ -10,6 +10,15 @@
 
 #define MOST_CELLS 4
 
+// Potential and slopes per cell along the local axes.
+typedef struct {
+    reals value;
+    reals first;
+    reals second;
+    reals third;
+} Local;
+
+#if GEOMETRY == VOLUME || !PACKED
 // Four neighbours along the last axis. Where they are PACKED, each node's entry holds them all, so that a GPU gets them by
 // one load of 16 bytes.
 static inline real4 row_at(__global const real *coefficients, int node)
@@ -44,26 +53,23 @@ static inline Weights weights_of(reals u)
     return w;
 }
 
-// Potential and slopes per cell along the local axes.
+// Where in a cell a packet is.
 typedef struct {
-    reals value;
-    reals first;
-    reals second;
-    reals third;
-} Local;
+    Weights u, v, w;
+} Fraction;
 
-static inline ints cells_of(reals place, int last, reals *fraction)
+static inline Fraction fraction_of(reals u, reals v, reals w)
 {
-    const ints cell = clamp(TO_INTS(floor(place)), (ints)0, (ints)last);
-    *fraction = place - TO_REALS(cell);
-    return cell;
+    const Fraction at = {weights_of(u), weights_of(v), weights_of(w)};
+    return at;
 }
+
+#endif
 
 #if GEOMETRY == VOLUME
 
 // What the coefficients around one cell say at every lane's fractions.
-static inline Local in_cell(
-    __global const real *coefficients, int node, const Field *field, const Weights *a, const Weights *b, const Weights *c)
+static inline Local in_cell(__global const real *coefficients, int node, const Field *field, const Fraction *at)
 {
     Local out = {(reals)R(0.0), (reals)R(0.0), (reals)R(0.0), (reals)R(0.0)};
 #pragma unroll
@@ -73,40 +79,171 @@ static inline Local in_cell(
         for (int j = 0; j < 4; j++) {
             const real4 row = row_at(coefficients, node + i * field->pitch[0] + j * field->pitch[1]);
             const real c0 = row.x, c1 = row.y, c2 = row.z, c3 = row.w;
-            const reals along = c->value[0] * c0 + c->value[1] * c1 + c->value[2] * c2 + c->value[3] * c3;
-            const reals climb = c->slope[0] * c0 + c->slope[1] * c1 + c->slope[2] * c2 + c->slope[3] * c3;
-            sheet += b->value[j] * along;
-            bend += b->slope[j] * along;
-            tilt += b->value[j] * climb;
+            const reals along = at->w.value[0] * c0 + at->w.value[1] * c1 + at->w.value[2] * c2 + at->w.value[3] * c3;
+            const reals climb = at->w.slope[0] * c0 + at->w.slope[1] * c1 + at->w.slope[2] * c2 + at->w.slope[3] * c3;
+            sheet += at->v.value[j] * along;
+            bend += at->v.slope[j] * along;
+            tilt += at->v.value[j] * climb;
         }
-        out.value += a->value[i] * sheet;
-        out.first += a->slope[i] * sheet;
-        out.second += a->value[i] * bend;
-        out.third += a->value[i] * tilt;
+        out.value += at->u.value[i] * sheet;
+        out.first += at->u.slope[i] * sheet;
+        out.second += at->u.value[i] * bend;
+        out.third += at->u.value[i] * tilt;
     }
     return out;
 }
 
-#else
+#elif !PACKED
 
-static inline Local in_cell(
-    __global const real *coefficients, int node, const Field *field, const Weights *a, const Weights *b, const Weights *c)
+static inline Local in_cell(__global const real *coefficients, int node, const Field *field, const Fraction *at)
 {
     Local out = {(reals)R(0.0), (reals)R(0.0), (reals)R(0.0), (reals)R(0.0)};
 #pragma unroll
     for (int i = 0; i < 4; i++) {
         const real4 row = row_at(coefficients, node + i * field->pitch[0]);
         const real c0 = row.x, c1 = row.y, c2 = row.z, c3 = row.w;
-        const reals along = b->value[0] * c0 + b->value[1] * c1 + b->value[2] * c2 + b->value[3] * c3;
-        const reals climb = b->slope[0] * c0 + b->slope[1] * c1 + b->slope[2] * c2 + b->slope[3] * c3;
-        out.value += a->value[i] * along;
-        out.first += a->slope[i] * along;
-        out.second += a->value[i] * climb;
+        const reals along = at->v.value[0] * c0 + at->v.value[1] * c1 + at->v.value[2] * c2 + at->v.value[3] * c3;
+        const reals climb = at->v.slope[0] * c0 + at->v.slope[1] * c1 + at->v.slope[2] * c2 + at->v.slope[3] * c3;
+        out.value += at->u.value[i] * along;
+        out.first += at->u.slope[i] * along;
+        out.second += at->u.value[i] * climb;
     }
     return out;
 }
 
+#else
+
+// Where they are PACKED, a node's entry holds the 16 coefficients of the polynomial in the cell behind it: those of the
+// powers of the second fraction, for each power of the first.
+typedef struct {
+    reals u, v;
+} Fraction;
+
+static inline Fraction fraction_of(reals u, reals v, reals w)
+{
+    const Fraction at = {u, v};
+    return at;
+}
+
+// A cubic polynomial and its slope.
+#define CUBIC_AT(value, slope, x, c0, c1, c2, c3) \
+    {                                             \
+        value = (c3) * x + (c2);                  \
+        slope = (c3) * x + value;                 \
+        value = value * x + (c1);                 \
+        slope = slope * x + value;                \
+        value = value * x + (c0);                 \
+    }
+
+static inline Local in_cell(__global const real *coefficients, int node, const Field *field, const Fraction *at)
+{
+    reals rows[4], slopes[4];
+#pragma unroll
+    for (int i = 0; i < 4; i++) {
+        const real4 row = ((__global const real4 *)coefficients)[4 * node + i];
+        const reals c0 = (reals)row.x, c1 = (reals)row.y, c2 = (reals)row.z, c3 = (reals)row.w;
+        CUBIC_AT(rows[i], slopes[i], at->v, c0, c1, c2, c3)
+    }
+    Local out;
+    CUBIC_AT(out.value, out.first, at->u, rows[0], rows[1], rows[2], rows[3])
+    out.second = ((slopes[3] * at->u + slopes[2]) * at->u + slopes[1]) * at->u + slopes[0];
+    out.third = (reals)R(0.0);
+    return out;
+}
+
+// The same where every lane has a cell of its own.
+static inline Local in_cells_of_their_own(__global const real *coefficients, ints node, const Fraction *at)
+{
+    reals rows[4], slopes[4];
+#if LANES > 1
+#pragma unroll
+    for (int i = 0; i < 4; i++) {
+        reals c[4];
+        for (int lane = 0; lane < LANES; lane++) {
+            const real4 row = ((__global const real4 *)coefficients)[4 * INT_AT(node, lane) + i];
+            REAL_AT(c[0], lane) = row.x;
+            REAL_AT(c[1], lane) = row.y;
+            REAL_AT(c[2], lane) = row.z;
+            REAL_AT(c[3], lane) = row.w;
+        }
+        CUBIC_AT(rows[i], slopes[i], at->v, c[0], c[1], c[2], c[3])
+    }
 #endif
+    Local out;
+    CUBIC_AT(out.value, out.first, at->u, rows[0], rows[1], rows[2], rows[3])
+    out.second = ((slopes[3] * at->u + slopes[2]) * at->u + slopes[1]) * at->u + slopes[0];
+    out.third = (reals)R(0.0);
+    return out;
+}
+
+#endif
+
+// The cell and the fraction in it. On a GPU whole numbers are found by an addition that rounds: to convert is slow there.
+#define ROUNDING 12582912.0f  // 1.5 * 2^23: a float next to it has no fraction
+
+static inline ints cells_of(reals place, int last, reals *fraction)
+{
+#if LANES == 1 && !REAL_IS_DOUBLE
+    const float whole = fmin(fmax((place - 0.5f + ROUNDING) - ROUNDING, 0.0f), (float)last);
+    *fraction = place - whole;
+    return as_int(whole + ROUNDING) - as_int(ROUNDING);
+#else
+    const ints cell = clamp(TO_INTS(floor(place)), (ints)0, (ints)last);
+    *fraction = place - TO_REALS(cell);
+    return cell;
+#endif
+}
+
+// What the coefficients say where each lane is: in the cell of `start`, at fractions u, v, w.
+static inline Local
+look_up(const Field *field, const Arrays *arrays, ints start, ints i, ints j, ints k, reals u, reals v, reals w)
+{
+    const Fraction at = fraction_of(u, v, w);
+#if LANES == 1
+    return in_cell(arrays->coefficients, start, field, &at);
+#else
+    int here = start.s0;
+    ints found = start == here;
+    Local inner = in_cell(arrays->coefficients, here, field, &at);
+    for (int trial = 1; !all(found) && trial < MOST_CELLS; trial++) {
+        int lane = 0;
+        while (INT_AT(found, lane)) {
+            lane++;
+        }
+        here = INT_AT(start, lane);
+        const ints now = start == here;
+        const Local other = in_cell(arrays->coefficients, here, field, &at);
+        inner.value = CHOOSE(inner.value, other.value, now);
+        inner.first = CHOOSE(inner.first, other.first, now);
+        inner.second = CHOOSE(inner.second, other.second, now);
+        inner.third = CHOOSE(inner.third, other.third, now);
+        found |= now;
+    }
+#if GEOMETRY != VOLUME && PACKED
+    if (!all(found)) {
+        inner = in_cells_of_their_own(arrays->coefficients, start, &at);
+    }
+#else
+    for (int lane = 0; !all(found) && lane < LANES; lane++) {
+        if (!INT_AT(found, lane)) {
+#if GEOMETRY == VOLUME
+            const int3 cell = (int3)(INT_AT(i, lane), INT_AT(j, lane), INT_AT(k, lane));
+            const real4 alone =
+                volume_sample(field, arrays, cell, REAL_AT(u, lane), REAL_AT(v, lane), REAL_AT(w, lane));
+            REAL_AT(inner.third, lane) = alone.w;
+#else
+            const real3 alone =
+                plane_sample(field, arrays, INT_AT(i, lane), REAL_AT(u, lane), INT_AT(j, lane), REAL_AT(v, lane));
+#endif
+            REAL_AT(inner.value, lane) = alone.x;
+            REAL_AT(inner.first, lane) = alone.y;
+            REAL_AT(inner.second, lane) = alone.z;
+        }
+    }
+#endif
+    return inner;
+#endif
+}
 
 // Potential and its gradient in x, y, z [1/m] at places in cells from the grid's first node (x, y from the axis).
 typedef struct {
@@ -131,51 +268,10 @@ static inline Potential sample_packet(const Field *field, const Arrays *arrays, 
 #else
     const ints i = cells_of(y, field->row[0], &u);
 #endif
-    const ints j = cells_of(z, field->row[1], &v);
+    const ints j = cells_of(z, field->row[1], &v), k = j;
     const ints start = i * field->pitch[0] + j;
 #endif
-    const Weights a = weights_of(u), b = weights_of(v), c = weights_of(w);
-    Local inner;
-#if LANES == 1
-    inner = in_cell(arrays->coefficients, start, field, &a, &b, &c);
-#else
-    int here = start.s0;
-    ints found = start == here;
-    inner = in_cell(arrays->coefficients, here, field, &a, &b, &c);
-    for (int trial = 1; !all(found) && trial < MOST_CELLS; trial++) {
-        int lane = 0;
-        while (INT_AT(found, lane)) {
-            lane++;
-        }
-        here = INT_AT(start, lane);
-        const ints now = start == here;
-        const Local other = in_cell(arrays->coefficients, here, field, &a, &b, &c);
-        inner.value = CHOOSE(inner.value, other.value, now);
-        inner.first = CHOOSE(inner.first, other.first, now);
-        inner.second = CHOOSE(inner.second, other.second, now);
-        inner.third = CHOOSE(inner.third, other.third, now);
-        found |= now;
-    }
-    if (!all(found)) {
-        for (int lane = 0; lane < LANES; lane++) {
-            if (!INT_AT(found, lane)) {
-#if GEOMETRY == VOLUME
-                const int3 cell = (int3)(INT_AT(i, lane), INT_AT(j, lane), INT_AT(k, lane));
-                const real4 alone =
-                    volume_sample(field, arrays, cell, REAL_AT(u, lane), REAL_AT(v, lane), REAL_AT(w, lane));
-                REAL_AT(inner.third, lane) = alone.w;
-#else
-                const real3 alone = plane_sample(
-                    field, arrays, INT_AT(i, lane), REAL_AT(u, lane), INT_AT(j, lane), REAL_AT(v, lane));
-#endif
-                REAL_AT(inner.value, lane) = alone.x;
-                REAL_AT(inner.first, lane) = alone.y;
-                REAL_AT(inner.second, lane) = alone.z;
-            }
-        }
-    }
-#endif
-
+    const Local inner = look_up(field, arrays, start, i, j, k, u, v, w);
     Potential out;
     out.value = inner.value;
 #if GEOMETRY == VOLUME
@@ -195,5 +291,29 @@ static inline Potential sample_packet(const Field *field, const Arrays *arrays, 
 #endif
     return out;
 }
+
+#if GEOMETRY != VOLUME
+
+// The potential, and by `climb` its slope per cell along the first axis, at a distance from the axis (or y) and along z,
+// both in cells; on the far side of the axis the distance is negative.
+static inline reals sample_along(const Field *field, const Arrays *arrays, reals place, reals along, reals *climb)
+{
+    reals u, v;
+#if GEOMETRY == AXISYMMETRIC
+    const ints i = cells_of(fabs(place), field->row[0], &u);
+#else
+    const ints i = cells_of(place, field->row[0], &u);
+#endif
+    const ints j = cells_of(along, field->row[1], &v);
+    const Local inner = look_up(field, arrays, i * field->pitch[0] + j, i, j, j, u, v, (reals)R(0.0));
+#if GEOMETRY == AXISYMMETRIC
+    *climb = CHOOSE(inner.first, -inner.first, place < R(0.0));
+#else
+    *climb = inner.first;
+#endif
+    return inner.value;
+}
+
+#endif
 
 #endif

@@ -1,0 +1,55 @@
+// What nearly straight rays gather on their way by even samples, and how samples are weighted.
+#ifndef FLIGHT_SUMS_H
+#define FLIGHT_SUMS_H
+
+#include "packet.h"
+
+// At the end of the undisturbed ray, a number for each lane.
+typedef struct {
+    reals h;                                             // distance between samples
+    reals px, py, pz;                                    // momentum across the ray
+    reals qx, qy, qz;                                    // deviation across it
+    reals offx, offy, offz;                              // how far that momentum is from the one by every third sample
+    reals twistx, twisty, twistz;                        // and that deviation
+    reals slow;                                          // 1 / w, w the momentum along the ray
+    reals paths, paths_carry;                            // sums of s / w, of (w - a) / w and of m / w
+    reals lags, lags_carry;
+    reals arcs, arcs_carry;
+    reals error, bent;                                   // estimate of the error [m], greatest momentum across, squared
+    reals s, ahead, fx, fy, fz;                          // potential, its slope along the ray and that across it
+    reals steep, off;                                    // size of its slope; (w - a) / w
+} Flight;
+
+// Weight of sample k of `count`: the midpoint rule with its ends mended, of fourth order.
+static inline real even_weight(int k, int count)
+{
+    const int end = min(k, count - 1 - k);
+    return end == 0 ? R(13.0 / 12.0) : end == 1 ? R(7.0 / 8.0) : end == 2 ? R(25.0 / 24.0) : R(1.0);
+}
+
+// (w - a) / w and 1 / w of w = sqrt(a^2 + surplus), by one root and one quotient and without a difference of near numbers.
+static inline reals lag_of(real ambient, reals surplus, reals *slow)
+{
+    const reals square = max(ambient * ambient + surplus, (reals)TINY);
+#if LANES == 1 && !REAL_IS_DOUBLE
+    *slow = native_rsqrt(square);
+    const reals w = square * *slow;
+    return surplus * native_recip((w + ambient) * w);
+#else
+    const reals w = sqrt(square);
+    const reals quotient = R(1.0) / ((w + ambient) * w);
+    *slow = (w + ambient) * quotient;
+    return surplus * quotient;
+#endif
+}
+
+// A compensated sum.
+static inline void gather(reals *total, reals *carry, reals term)
+{
+    const reals y = term - *carry;
+    const reals s = *total + y;
+    *carry = (s - *total) - y;
+    *total = s;
+}
+
+#endif
