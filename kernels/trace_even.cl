@@ -15,6 +15,9 @@ static inline double overrun(const Bounds *bounds, const Control *control, int l
     const double hair = HAIR / (double)greatest(VECTOR(control->cell_rate));
     double way = 0.0;
     for (int k = 0; k < FACE_COUNT; k++) {
+        if (GEOMETRY == AXISYMMETRIC && k == 2 && dot(p.xy, p.xy) <= bounds->radius * bounds->radius) {
+            continue;
+        }
         double3 normal;
         const double beyond = surface_distance(bounds, k, p, &normal);
         if (k != landed && beyond > 0.0) {
@@ -155,11 +158,10 @@ __kernel void trace_even(
             // How far place and direction are off counts where the stop is met at a slant.
             const double3 off_place = (double3)(REAL_AT(flight.twistx, lane), REAL_AT(flight.twisty, lane), REAL_AT(flight.twistz, lane));
             const double3 off_turn = (double3)(REAL_AT(flight.offx, lane), REAL_AT(flight.offy, lane), REAL_AT(flight.offz, lane));
-            const double flight = size64(arrival.position - end);
             if (STOP == PLANE) {
                 normal = VECTOR64(bounds.plane_normal);
             }
-            const double slant = dot(normal, off_place + (flight * (double)rest) * off_turn);
+            const double slant = dot(normal, off_place + (arrival.flight * (double)rest) * off_turn);
             const double further = fabs(slant) / fmax(fabs(dot(normal, d)), LEAST_COSINE);
             off_course = greater(off_course, control.even_share * (real)(bounds.ambient * further));
         }

@@ -38,6 +38,8 @@ OUTPUT_TYPES: dict[str, tuple[int, type]] = {
 }
 # Bytes for one ray when all is asked for, and its start.
 RAY_BYTES = 6 * 8 + sum(count * np.dtype(kind).itemsize for count, kind in OUTPUT_TYPES.values())
+# On a GPU, numbers below 1e-38 are zero: roots and quotients then take fewer instructions.
+FLUSH = "-cl-denorms-are-zero"
 # Numbers in a packed table of coefficients.
 MOST_PACKED = 1 << 27
 # Rays in one chunk at most, and the share of the device's free memory that a chunk may take.
@@ -166,6 +168,8 @@ def prepare(
         packed=packed,
         in_plane=in_plane,
     )
+    if even and lanes == 1 and plan.precision == "float32":
+        options = (*options, FLUSH)
     program = build(opened, "trace_even.cl" if even else "trace.cl", options)
     # A kernel object belongs to one caller: its arguments are set one by one.
     ready = SimpleNamespace(

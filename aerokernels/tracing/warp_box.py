@@ -103,8 +103,9 @@ def build_surface_distance(precision: str, geometry: str):
             return wp.vec4d(wp.dot(n, p - bounds.plane_point), n[0], n[1], n[2])
         if wp.static(geometry == "axisymmetric"):
             if k == 2:
-                r = wp.sqrt(p[0] * p[0] + p[1] * p[1])
-                return wp.vec4d(r - bounds.radius, p[0] / r, p[1] / r, wp.float64(0.0))
+                square = p[0] * p[0] + p[1] * p[1]
+                inverse = wp.float64(1.0) / wp.sqrt(square)
+                return wp.vec4d(square * inverse - bounds.radius, p[0] * inverse, p[1] * inverse, wp.float64(0.0))
         axis = 2 - k // 2
         out = wp.vec4d(wp.float64(0.0), wp.float64(0.0), wp.float64(0.0), wp.float64(0.0))
         if k % 2 == 0:
@@ -130,7 +131,11 @@ def build_meeting(precision: str, geometry: str):
     @wp.func
     def meeting(bounds: Bounds, k: int, p: wp.vec3d, d: wp.vec3d, guess: wp.float64):
         along = wp.float64(guess)
-        for _trial in range(3):
+        trials = int(1)
+        if wp.static(geometry == "axisymmetric"):
+            if k == 2:
+                trials = int(3)  # the others are flat
+        for _trial in range(trials):
             miss = surface_distance(bounds, k, p + along * d)
             cosine = wp.dot(wp.vec3d(miss[1], miss[2], miss[3]), d)
             if wp.abs(cosine) > wp.float64(LEAST_COSINE):

@@ -86,9 +86,10 @@ static inline double surface_distance(const Bounds *bounds, int k, double3 p, do
         return dot(*normal, p - VECTOR64(bounds->plane_point));
     }
     if (GEOMETRY == AXISYMMETRIC && k == 2) {
-        const double r = sqrt(p.x * p.x + p.y * p.y);
-        *normal = (double3)(p.x / r, p.y / r, 0.0);
-        return r - bounds->radius;
+        const double square = p.x * p.x + p.y * p.y;
+        const double inverse = 1.0 / sqrt(square);
+        *normal = (double3)(p.x * inverse, p.y * inverse, 0.0);
+        return square * inverse - bounds->radius;
     }
     const int axis = 2 - k / 2;
     const double place = pick64(p, axis);
@@ -100,7 +101,8 @@ static inline double surface_distance(const Bounds *bounds, int k, double3 p, do
 static inline double meeting(const Bounds *bounds, int k, double3 p, double3 d, double guess)
 {
     double along = guess;
-    for (int trial = 0; trial < 3; trial++) {
+    const int trials = GEOMETRY == AXISYMMETRIC && k == 2 ? 3 : 1;  // the others are flat
+    for (int trial = 0; trial < trials; trial++) {
         double3 normal;
         const double miss = surface_distance(bounds, k, p + along * d, &normal);
         const double cosine = dot(normal, d);

@@ -71,6 +71,9 @@ static inline int surface_of(const Bounds *bounds, const Course *course, double3
     if (STOP == PLANE && course->has_stop && course->far == course->stop_distance) {
         return FACE_COUNT;
     }
+#if IN_PLANE
+    return d.z > 0.0 ? 1 : 0;
+#endif
     int nearest = 0;
     double least = 1.0e300;
     for (int k = 0; k < FACE_COUNT; k++) {
@@ -107,6 +110,7 @@ typedef struct {
     double optical_path;
     double opd;
     double arc_length;
+    double flight;  // beyond the box [m]
     int status;
 } Arrival;
 
@@ -195,6 +199,7 @@ static inline Arrival end_of(
     out.optical_path = greater64(ambient * along + work, 0.0);
     out.opd = opd;
     out.arc_length = greater64(along + stretch, 0.0);  // one that leaves where it starts may end a rounding before it
+    out.flight = flight;
     out.status = status;
     return out;
 }

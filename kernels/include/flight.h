@@ -40,13 +40,17 @@ static inline Flight fly(
     reals bent = zero;
     reals s = zero, ahead = zero;  // of the last sample: the potential, its slope along the ray, and that across it
     reals fx = zero, fy = zero, fz = zero;
-    for (int triple = 0; triple < count / 3; triple++) {
+    const int triples = count / 3;
+    real middle_of = R(0.5);  // of the sample's part of the way, in h
+    for (int triple = 0; triple < triples; triple++) {
         reals path = zero, lag = zero, arc = zero;
+        real weights[3];
+        triple_weights(triple, triples, weights);
 #pragma unroll
         for (int j = 0; j < 3; j++) {
-            const int k = 3 * triple + j;
-            const real weight = even_weight(k, count);
-            const reals t = ((real)k + R(0.5)) * h;
+            const real weight = weights[j];
+            const reals t = middle_of * h;
+            middle_of += R(1.0);
             const reals by_half = R(0.5) * h * slow;
             const Potential at = sample_packet(
                 field, arrays, x0 + (t * dx + qx + by_half * px) * rate.x, y0 + (t * dy + qy + by_half * py) * rate.y,
@@ -76,7 +80,7 @@ static inline Flight fly(
             const reals place = sigma + R(0.5) * pace;
             const reals arm = kick * place;
             if (j == 1) {
-                const real third = even_weight(triple, count / 3);
+                const real third = even_weight(triple, triples);
                 gather(&coarse, &coarse_carry, third * (R(2.0) * s * slow - ambient * off));
                 const reals lack = R(3.0) * third * pace;
                 offx -= lack * fx;
@@ -99,7 +103,9 @@ static inline Flight fly(
         }
         gather(&paths, &paths_carry, path);
         gather(&lags, &lags_carry, lag);
+#if WANT_ARC_LENGTH
         gather(&arcs, &arcs_carry, arc);
+#endif
     }
     // At the end, half a step behind the last sample: what momentum and deviation are in fourth order.
     px = turnx;

@@ -34,66 +34,85 @@ static inline Flight fly(
     const reals ex = zero, ey = (reals)R(1.0);
 #endif
     const reals stride = h * dz * field->inverse_spacing[2];  // cells between samples
-    reals p = zero, q = zero;                                 // momentum across the ray, and deviation
-    reals turn = zero, arm = zero;                            // the momentum's sum with the ends mended; its moments
-    reals off_turn = zero, off_place = zero;                  // how far those by every third sample are from them
-    reals sigma = zero;                                       // int 1 / w dt
-    reals bend = zero;                                        // of P^2 / w
-    reals slow = (reals)(R(1.0) / ambient);                   // 1 / w, w the momentum along the ray
-    reals paths = zero, paths_carry = zero;                   // sums of s / w, of (w - a) / w and of m / w
+    const reals reach = h * rate;                             // the same across the ray, at a slope of 1
+    // Lengths along the ray and deviations are in h here, forces times h.
+    reals p = zero, q = zero;                   // momentum across the ray, and deviation
+    reals turn = zero, arm = zero;              // the momentum's sum with the ends mended; its moments about the start
+    reals off_turn = zero, off_place = zero;    // how far those by every third sample are from them
+    reals sigma = zero;                         // int 1 / w dt
+    reals bend = zero;                          // of P^2 / w
+    reals slow = (reals)(R(1.0) / ambient);     // 1 / w, w the momentum along the ray
+    reals paths = zero, paths_carry = zero;     // sums of s / w, of (w - a) / w and of m / w
     reals lags = zero, lags_carry = zero;
     reals arcs = zero, arcs_carry = zero;
-    reals coarse = zero, coarse_carry = zero;  // of every third sample
+    reals coarse = zero, coarse_carry = zero;   // of every third sample
     reals bent = zero;
-    reals place = r0, along = z0;  // of the last sample, in cells
+    reals place = r0, along = z0;               // of the last sample, in cells
     const int triples = count / 3;
+    real middle_of = R(0.5);                    // of the sample's part of the way, in h
+#if AHEAD
+    CellAhead now = cell_ahead(field, arrays, r0, z0 + R(0.5) * stride);
+#endif
     for (int triple = 0; triple < triples; triple++) {
         reals path = zero, lag = zero, arc = zero;
+        real weights[3];
+        triple_weights(triple, triples, weights);
+        const real third = even_weight(triple, triples);
 #pragma unroll
         for (int j = 0; j < 3; j++) {
-            const int k = 3 * triple + j;
-            const real weight = even_weight(k, count);
-            const reals by_half = R(0.5) * h * slow;
-            along = z0 + ((real)k + R(0.5)) * stride;
-            place = r0 + (q + by_half * p) * rate;
+            const real weight = weights[j];
+            const reals half_slow = R(0.5) * slow;
+            along = z0 + middle_of * stride;
+            middle_of += R(1.0);
+            place = r0 + (q + half_slow * p) * reach;
             reals climb;
+#if AHEAD
+            // The next sample's cell is asked for now, where the ray will be but for this sample's push: no cell's polynomial
+            // ends so abruptly that a hair beyond its face counts.
+            const CellAhead after =
+                cell_ahead(field, arrays, place + slow * p * reach, z0 + middle_of * stride);
+            const reals s = sample_cell(&now, place, along, &climb);
+            now = after;
+#else
             const reals s = sample_along(field, arrays, place, along, &climb);
-            const reals f = climb * rate;
-            const reals here = p + by_half * f;
+#endif
+            const reals f = climb * reach;
+            const reals here = p + half_slow * f;
             const reals across = here * here;
             const reals off = lag_of(ambient, R(2.0) * s - across, &slow);
-            path += weight * s * slow;
+            const reals share = weight * slow;
+            path += share * s;
             lag += weight * off;
 #if WANT_ARC_LENGTH
-            arc += weight * slow * (R(2.0) * s / (sqrt(max(ambient * ambient + R(2.0) * s, zero)) + ambient));
+            arc += share * (R(2.0) * s / (sqrt(max(ambient * ambient + R(2.0) * s, zero)) + ambient));
 #endif
-            const reals pace = h * slow;
-            p += pace * f;
-            q += pace * here;
-            const reals middle = sigma + R(0.5) * pace;
-            const reals kick = weight * pace * f;
+            const reals middle = sigma + R(0.5) * slow;
+            const reals kick = share * f;
             turn += kick;
             arm += kick * middle;
             if (j == 1) {
-                const real third = even_weight(triple, triples);
                 gather(&coarse, &coarse_carry, third * (R(2.0) * s * slow - ambient * off));
-                const reals lack = R(3.0) * third * pace * f;
+                const reals lack = (R(3.0) * third) * slow * f;
                 off_turn -= lack;
                 off_place -= lack * middle;
             }
-            sigma += pace;
+            p += slow * f;
+            q += slow * here;
+            sigma += slow;
             bend += across * slow;
             bent = max(bent, across);
         }
         gather(&paths, &paths_carry, path);
         gather(&lags, &lags_carry, lag);
+#if WANT_ARC_LENGTH
         gather(&arcs, &arcs_carry, arc);
+#endif
     }
     // At the end, half a step behind the last sample: what momentum and deviation are in fourth order.
     p = turn;
-    q = sigma * turn - arm;
+    q = h * (sigma * turn - arm);
     off_turn += turn;
-    off_place = sigma * off_turn - (off_place + arm);
+    off_place = h * (sigma * off_turn - (off_place + arm));
     const Potential last = sample_packet(field, arrays, place * ex, place * ey, along);
     const reals ahead = last.z * dz;
     const reals s = last.value + R(0.5) * h * ahead;

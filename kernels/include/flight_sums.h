@@ -27,6 +27,15 @@ static inline real even_weight(int k, int count)
     return end == 0 ? R(13.0 / 12.0) : end == 1 ? R(7.0 / 8.0) : end == 2 ? R(25.0 / 24.0) : R(1.0);
 }
 
+// Those of three samples in turn, where there are twice three at least.
+static inline void triple_weights(int triple, int triples, real *weights)
+{
+    const int is_first = triple == 0, is_last = triple == triples - 1;
+    weights[0] = is_first ? R(13.0 / 12.0) : is_last ? R(25.0 / 24.0) : R(1.0);
+    weights[1] = is_first || is_last ? R(7.0 / 8.0) : R(1.0);
+    weights[2] = is_last ? R(13.0 / 12.0) : is_first ? R(25.0 / 24.0) : R(1.0);
+}
+
 // (w - a) / w and 1 / w of w = sqrt(a^2 + surplus), by one root and one quotient and without a difference of near numbers.
 static inline reals lag_of(real ambient, reals surplus, reals *slow)
 {

@@ -292,6 +292,60 @@ static inline Potential sample_packet(const Field *field, const Arrays *arrays, 
     return out;
 }
 
+// Whether a cell is asked for one sample before it is needed: on a GPU nothing else hides how long that takes.
+#define AHEAD (GEOMETRY != VOLUME && PACKED && LANES == 1)
+
+#if AHEAD
+
+// The polynomial of a cell, and where the cell begins.
+typedef struct {
+    real4 rows[4];
+    real first, second;
+} CellAhead;
+
+static inline CellAhead cell_ahead(const Field *field, const Arrays *arrays, real place, real along)
+{
+    CellAhead cell;
+    real u, v;
+#if GEOMETRY == AXISYMMETRIC
+    place = fabs(place);
+#endif
+    const int i = cells_of(place, field->row[0], &u);
+    const int j = cells_of(along, field->row[1], &v);
+    const int node = i * field->pitch[0] + j;
+#pragma unroll
+    for (int k = 0; k < 4; k++) {
+        cell.rows[k] = ((__global const real4 *)arrays->coefficients)[4 * node + k];
+    }
+    cell.first = place - u;
+    cell.second = along - v;
+    return cell;
+}
+
+// As sample_along, from a cell that is there.
+static inline real sample_cell(const CellAhead *cell, real place, real along, real *climb)
+{
+#if GEOMETRY == AXISYMMETRIC
+    const real u = fabs(place) - cell->first;
+#else
+    const real u = place - cell->first;
+#endif
+    const real v = along - cell->second;
+    real rows[4], value;
+#pragma unroll
+    for (int i = 0; i < 4; i++) {
+        const real4 c = cell->rows[i];
+        rows[i] = ((c.w * v + c.z) * v + c.y) * v + c.x;
+    }
+    CUBIC_AT(value, *climb, u, rows[0], rows[1], rows[2], rows[3])
+#if GEOMETRY == AXISYMMETRIC
+    *climb = copysign(R(1.0), place) * *climb;
+#endif
+    return value;
+}
+
+#endif
+
 #if GEOMETRY != VOLUME
 
 // The potential, and by `climb` its slope per cell along the first axis, at a distance from the axis (or y) and along z,
@@ -306,7 +360,9 @@ static inline reals sample_along(const Field *field, const Arrays *arrays, reals
 #endif
     const ints j = cells_of(along, field->row[1], &v);
     const Local inner = look_up(field, arrays, i * field->pitch[0] + j, i, j, j, u, v, (reals)R(0.0));
-#if GEOMETRY == AXISYMMETRIC
+#if GEOMETRY == AXISYMMETRIC && LANES == 1 && !REAL_IS_DOUBLE
+    *climb = as_float(as_int(inner.first) ^ (as_int(place) & (int)0x80000000));
+#elif GEOMETRY == AXISYMMETRIC
     *climb = CHOOSE(inner.first, -inner.first, place < R(0.0));
 #else
     *climb = inner.first;
