@@ -75,7 +75,9 @@ __kernel void trace_kernel(
         const int cone = cone_of(d0);
         const real reach = lesser((real)lesser64(course.far - course.enter, 1.0e30), control.extent);
         const real slant = CONTROLLED ? (real)slant_of(&bounds, &course, p0, d0) : R(0.0);
-        const real flight = STOP == PLANE ? (real)greater64(course.stop_distance - course.far, 0.0) : R(0.0);
+        real slant_left = slant;
+        // How far on a direction's error grows.
+        const real arm = reach + (STOP == PLANE ? (real)greater64(course.stop_distance - course.far, 0.0) : R(0.0));
         const real arc_left = (real)(bounds.length - course.enter);
         real gap = HAS_BODY ? greater(wall_distance(&field, &arrays, convert_real3(entry)), R(0.0)) : R(0.0);
         real h_next = control.extent / ambient;
@@ -120,8 +122,8 @@ __kernel void trace_kernel(
 
             real turn_now, lever;
             const real off = step_error(
-                ambient, d, total, momentum, h, reach, h <= ahead.safe, bent, slant,
-                flight + greater(reach - ambient * sums.x, R(0.0)), pot, force, s2, s3, s4, &turn_now, &lever);
+                ambient, d, total, momentum, h, reach, h <= ahead.safe, bent, slant_left,
+                arm, pot, force, s2, s3, s4, &turn_now, &lever);
 
             int accept = 1;
             if (CONTROLLED) {
@@ -159,6 +161,8 @@ __kernel void trace_kernel(
                 steps++;
                 used += off;
                 bent = turn_now;
+                // Where the ray has turned, the slant is another one, and the turn counts instead.
+                slant_left = slant * greater(R(1.0) - bent / SLANT_KEPT, R(0.0));
                 advance4(&sums, &sums_carry, step_sums(ambient, d, momentum, h, pot, force, s2, s3, s4));
                 advance3(&q, &q_carry, h * momentum + kick);
                 advance3(

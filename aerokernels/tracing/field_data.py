@@ -51,6 +51,7 @@ STRUCTS = {
         ("wall_count", 2, "i"),
         ("wall_origin", 2, "r"),
         ("wall_rate", 2, "r"),
+        ("wall_span", 2, "r"),
     ),
     "bounds": (
         ("origin", 3, "d"),
@@ -168,6 +169,7 @@ def _field_data(field: IndexField, precision: str, with_paper_step: bool) -> Fie
     members["wall_count"] = np.array(arrays["wall"].shape)
     members["wall_origin"] = np.zeros(2) if wall is None else wall.origin
     members["wall_rate"] = np.ones(2) if wall is None else 1.0 / wall.spacing
+    members["wall_span"] = np.zeros(2) if wall is None else _span(wall)
     radius = float(samples.high[0]) if field.geometry == "axisymmetric" else 0.0
     bounds = {
         "origin": origin,
@@ -186,6 +188,14 @@ def _field_data(field: IndexField, precision: str, with_paper_step: bool) -> Fie
         "step_limit": STEP_LIMIT if field.is_uniform else MESH_STEP_LIMIT,
     }
     return FieldData(arrays, members, bounds, control, origin, spacing)
+
+
+def _span(wall) -> np.ndarray:
+    """The body's extent along the second axis [m], a node to spare; endless where it goes on beyond the table."""
+    nodes = np.flatnonzero((wall.samples <= wall.spacing.max()).any(axis=0))
+    low, high = (nodes[0] - 1, nodes[-1] + 1) if len(nodes) else (0, 0)
+    ends = wall.origin[1] + wall.spacing[1] * np.array([low, high])
+    return np.where([low < 0, high >= wall.samples.shape[1]], [-1e30, 1e30], ends)
 
 
 def _grid_members(samples: UniformGrid) -> dict[str, object]:

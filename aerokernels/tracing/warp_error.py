@@ -4,7 +4,7 @@ import functools
 
 import warp as wp
 
-from .scheme import BLUNTED, DIRECTION_SHARE, NOISE, ROUGH, SLANT_KEPT, SMOOTH, TINY
+from .scheme import BLUNTED, DIRECTION_SHARE, NOISE, ROUGH, SMOOTH, TINY
 from .tableau import B_ERROR, BT_ERROR, NEARLY_STRAIGHT, PATH_ERROR_SLOPE, PATH_ERROR_VALUE, C, is_one_scalar
 from .warp_motion import build_contrast
 from .warp_types import types
@@ -77,8 +77,7 @@ def build_step_error(precision: str, geometry: str, interpolation: str):
         off_p -= wp.dot(off_p, d) * d
         weight = turn + sharp * real(DIRECTION_SHARE)
         # The stop is met at a slant (warp_ends.py), `arm` further on.
-        # Where the ray has turned, the slant is another one, and `turn` counts instead.
-        tilt = sharp * slant * wp.max(real(1.0) - turn / real(SLANT_KEPT), real(0.0))
+        tilt = sharp * slant
         off += wp.length(off_p) * (weight * reach + tilt * arm) + ambient * wp.length(off_q) * (weight + tilt)
         return vec3(off, turn, weight * (reach + ambient * h) + slant * (arm + ambient * h))
 

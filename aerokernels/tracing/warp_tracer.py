@@ -36,7 +36,7 @@ import functools
 import warp as wp
 
 from . import warp_grid, warp_mesh
-from .scheme import HAIR, LANDED_ARC, LEAST_STEP, TINY
+from .scheme import HAIR, LANDED_ARC, LEAST_STEP, SLANT_KEPT, TINY
 from .status import RayStatus
 from .tableau import BT, START_FROM_LATER, A, B, C, is_one_scalar
 from .warp_ends import build_end, build_slant, build_start
@@ -153,9 +153,10 @@ def build_kernel(
             slant = real(0.0)
             if wp.static(controlled):
                 slant = slant_of(bounds, course, p0, d0)
-            flight = real(0.0)
+            slant_left = slant
+            arm = reach  # how far on a direction's error grows
             if wp.static(stop == "plane"):
-                flight = real(wp.max(course.stop_distance - course.far, wp.float64(0.0)))
+                arm += real(wp.max(course.stop_distance - course.far, wp.float64(0.0)))
             arc_left = real(bounds.length - course.enter)
             gap = real(0.0)
             if wp.static(has_body):
@@ -223,9 +224,8 @@ def build_kernel(
                         force = first
                         kick = hh * (real(b1) * force + real(b2) * force2 + real(b3) * force3)
 
-                left = flight + wp.max(reach - ambient * sums[0], real(0.0))
                 judged = step_error(
-                    ambient, d, total, momentum, h, reach, h <= safe, bent, slant, left, pot, force, s2, s3, s4
+                    ambient, d, total, momentum, h, reach, h <= safe, bent, slant_left, arm, pot, force, s2, s3, s4
                 )
                 off = judged[0]
                 turn_now = judged[1]
@@ -258,6 +258,8 @@ def build_kernel(
                     steps += 1
                     used += off
                     bent = turn_now
+                    # Where the ray has turned, the slant is another one, and the turn counts instead.
+                    slant_left = slant * wp.max(real(1.0) - bent / real(SLANT_KEPT), real(0.0))
                     added = step_sums(ambient, d, momentum, m, h, pot, force, s2, s3, s4)
                     sums, sums_carry = advance(sums, sums_carry, added)
                     q, q_carry = advance(q, q_carry, h * momentum + kick)

@@ -45,6 +45,7 @@ def types(precision: str) -> SimpleNamespace:
         wall_count: wp.vec2i  # nodes of it
         wall_origin: vec2  # along the local axes [m]
         wall_rate: vec2  # nodes per metre
+        wall_span: vec2  # the body lies between these along z [m], with a node to spare
 
     class Bounds:
         origin: wp.vec3d  # where cell = 0, frac = 0 lies [m]

@@ -68,9 +68,19 @@ def build_stays_clear(precision: str, geometry: str):
         # Once it has left its wall.
         least = wp.float64(1.0) / wp.float64(wp.max(field.wall_rate))
         along = enter + wp.float64(2.0) * least
+        # Only where the body may be.
+        low, high = wp.float64(field.wall_span[0]), wp.float64(field.wall_span[1])
+        stop = wp.float64(far)
+        if d[2] != wp.float64(0.0):
+            one = (low - p[2]) / d[2]
+            other = (high - p[2]) / d[2]
+            along = wp.max(along, wp.min(one, other))
+            stop = wp.min(stop, wp.max(one, other))
+        elif p[2] < low or p[2] > high:
+            stop = along
         march = int(0)
         clear = bool(True)
-        while clear and along < far:
+        while clear and along < stop:
             at = p + along * d
             gap = wp.float64(wall_distance(field, vec3(real(at[0]), real(at[1]), real(at[2]))))
             clear = bool(gap > wp.float64(0.1) * least and march < wp.static(WALL_MARCH_LIMIT))

@@ -55,8 +55,7 @@ static inline real step_error(
     off_q -= dot(off_q, d) * d;
     off_p -= dot(off_p, d) * d;
     const real weight = *turn + sharp * DIRECTION_SHARE;
-    // Where the ray has turned, the slant is another one, and `turn` counts instead.
-    const real tilt = sharp * slant * greater(R(1.0) - *turn / SLANT_KEPT, R(0.0));
+    const real tilt = sharp * slant;
     *lever = weight * (reach + ambient * h) + slant * (arm + ambient * h);
     return off + size3(off_p) * (weight * reach + tilt * arm) + ambient * size3(off_q) * (weight + tilt);
 }

@@ -22,6 +22,7 @@ typedef struct {
     int wall_count[2];        // nodes of the wall's distance
     real wall_origin[2];      // along the local axes [m]
     real wall_rate[2];        // nodes per metre
+    real wall_span[2];        // the body lies between these along z [m], with a node to spare
 } Field;
 
 typedef struct {

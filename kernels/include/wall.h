@@ -11,8 +11,9 @@ static inline real wall_distance(const Field *field, const Arrays *arrays, real3
     const real across = GEOMETRY == AXISYMMETRIC ? sqrt(p.x * p.x + p.y * p.y) : p.y;
     const real row = (across - field->wall_origin[0]) * field->wall_rate[0];
     const real column = (p.z - field->wall_origin[1]) * field->wall_rate[1];
-    const int i = clamp((int)floor(row), 0, field->wall_count[0] - 2);
-    const int j = clamp((int)floor(column), 0, field->wall_count[1] - 2);
+    // Towards zero is downwards here, and costs less than floor().
+    const int i = min((int)greater(row, R(0.0)), field->wall_count[0] - 2);
+    const int j = min((int)greater(column, R(0.0)), field->wall_count[1] - 2);
     const real u = bounded(row - (real)i, R(0.0), R(1.0));
     const real v = bounded(column - (real)j, R(0.0), R(1.0));
     __global const real *at = arrays->wall + i * field->wall_count[1] + j;
@@ -20,6 +21,11 @@ static inline real wall_distance(const Field *field, const Arrays *arrays, real3
     const real near = (R(1.0) - v) * at[0] + v * at[1];
     const real far = (R(1.0) - v) * next[0] + v * next[1];
     return (R(1.0) - u) * near + u * far;
+}
+
+static inline real wall_beside(const Field *field, const Arrays *arrays, double3 p, double3 d, double along)
+{
+    return wall_distance(field, arrays, convert_real3(p + along * d));
 }
 
 // Distance at which a ray is out of the body; `solid` if it is not, up to `last`.
@@ -30,7 +36,7 @@ static inline double way_out(
     double along = first;
     *solid = 1;
     for (int march = 0; *solid && march < WALL_MARCH_LIMIT && along <= last; march++) {
-        const real gap = wall_distance(field, arrays, convert_real3(p + along * d));
+        const real gap = wall_beside(field, arrays, p, d, along);
         *solid = gap < R(0.0);
         if (*solid) {
             along += greater64(-(double)gap, least);
@@ -45,9 +51,18 @@ static inline int stays_clear(
 {
     const double least = 1.0 / (double)greater(field->wall_rate[0], field->wall_rate[1]);
     double along = enter + 2.0 * least;
+    // Only where the body may be.
+    const double low = (double)field->wall_span[0], high = (double)field->wall_span[1];
+    if (d.z != 0.0) {
+        const double one = (low - p.z) / d.z, other = (high - p.z) / d.z;
+        along = greater64(along, lesser64(one, other));
+        far = lesser64(far, greater64(one, other));
+    } else if (p.z < low || p.z > high) {
+        far = along;
+    }
     int clear = 1;
     for (int march = 0; clear && along < far; march++) {
-        const double gap = (double)wall_distance(field, arrays, convert_real3(p + along * d));
+        const double gap = (double)wall_beside(field, arrays, p, d, along);
         clear = gap > 0.1 * least && march < WALL_MARCH_LIMIT;
         along += gap;
     }
