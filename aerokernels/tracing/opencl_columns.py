@@ -9,7 +9,7 @@ import pyopencl as cl
 from ..medium import IndexField
 from .collimated import Columns, kernel_numbers, packed
 from .field_data import REAL_TYPES
-from .opencl_backend import allocate, chunk_size, enqueue, fetch, to_device
+from .opencl_backend import allocate, chunk_size, enqueue, fetch, seconds_of, to_device
 from .opencl_devices import session
 from .opencl_program import build, build_options
 from .plan import TracePlan
@@ -46,12 +46,12 @@ def trace_columns(field: IndexField, position: np.ndarray, columns: Columns, pla
         place = to_device(opened, position[rows])
         placed = time.perf_counter()
         arguments = [store[key], *numbers, np.int32(0), np.int32(count), place, *results.values()]
-        enqueue(opened, kernel, arguments, count).wait()
+        spent = seconds_of(enqueue(opened, kernel, arguments, count))
         ran = time.perf_counter()
         fetch(opened, results, arrays, outputs, rows, ray_count)
         place.release()
         seconds["upload"] += placed - begin
-        seconds["kernel"] += ran - placed
+        seconds["kernel"] += spent
         seconds["download"] += time.perf_counter() - ran
     for buffer in results.values():
         buffer.release()

@@ -158,7 +158,8 @@ def session(name: str | None = None) -> Session:
             cl = import_pyopencl()
             try:
                 context = cl.Context([found.device])
-                queue = cl.CommandQueue(context, found.device)
+                clocked = cl.command_queue_properties.PROFILING_ENABLE
+                queue = cl.CommandQueue(context, found.device, properties=clocked)
             except cl.Error as error:
                 raise OpenCLUnavailable(
                     f"OpenCL device {found.info.device!r} is listed but does not open ({error}): is it in use, or its "
