@@ -5,6 +5,7 @@ that for any profile at the price of one lookup, in the same way on every backen
 """
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 
@@ -121,12 +122,23 @@ class Body:
         return np.where(self.contains(points), -distance, distance)
 
     def distance_grid(self, low: np.ndarray, high: np.ndarray, spacing: np.ndarray) -> DistanceGrid:
-        """The signed distance sampled from `low` to `high` [m]."""
-        count = np.maximum(2, np.round((high - low) / spacing).astype(int) + 1)
-        spacing = (high - low) / (count - 1)
-        axes = [low[k] + spacing[k] * np.arange(count[k]) for k in range(2)]
-        nodes = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 2)
-        return DistanceGrid(self.signed_distance(nodes).reshape(count), np.array(low), spacing)
+        """The signed distance sampled from `low` to `high` [m]; the last few are kept, read-only."""
+        numbers = (low, high, spacing)
+        return _distance_grid(self.geometry, self.profile.tobytes(), *(tuple(np.asarray(n).tolist()) for n in numbers))
+
+
+@lru_cache(maxsize=8)
+def _distance_grid(geometry: str, profile: bytes, low: tuple, high: tuple, spacing: tuple) -> DistanceGrid:
+    """That of a body: known by its content, for flows about it come with bodies of their own."""
+    body = Body(np.frombuffer(profile).reshape(-1, 2), geometry)
+    extent = np.array(high) - np.array(low)
+    count = np.maximum(2, np.round(extent / np.array(spacing)).astype(int) + 1)
+    step = extent / (count - 1)
+    axes = [low[k] + step[k] * np.arange(count[k]) for k in range(2)]
+    nodes = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 2)
+    samples = body.signed_distance(nodes).reshape(count)
+    samples.setflags(write=False)
+    return DistanceGrid(samples, np.array(low), step)
 
 
 def _tiles(points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -119,10 +119,12 @@ def cell_polynomials(coefficients: np.ndarray, kind: type) -> np.ndarray:
     in the cell whose 4 x 4 coefficients begin with coefficient e; zeros where no cell begins.
     """
     table = np.zeros((*coefficients.shape, 16), dtype=kind)
-    for row in range(len(coefficients) - 3):  # row by row, so that float64 takes little memory
-        blocks = np.lib.stride_tricks.sliding_window_view(coefficients[row : row + 4], 4, axis=1)
-        powers = np.einsum("pi,ibj,qj->bpq", SPLINE_POWERS, blocks, SPLINE_POWERS, optimize=True)
-        table[row, : len(powers)] = powers.reshape(-1, 16)
+    rows, columns = (count - 3 for count in coefficients.shape)
+    for second, weights in enumerate(SPLINE_POWERS):
+        along = sum(weight * coefficients[:, j : j + columns] for j, weight in enumerate(weights) if weight)
+        for first, weights_across in enumerate(SPLINE_POWERS):
+            terms = (weight * along[i : i + rows] for i, weight in enumerate(weights_across) if weight)
+            table[:rows, :columns, 4 * first + second] = sum(terms)
     return table.ravel()
 
 
