@@ -20,6 +20,7 @@ from ..medium import IndexField
 from ..rays import RayBundle
 from .plan import TracePlan
 from .result import RAY_OUTPUTS
+from .scheme import WALL_MARCH_LIMIT
 from .status import RayStatus
 from .stop import ArcLength, Plane
 from .tableau import BT, NEARLY_STRAIGHT, STAGE_MOMENTUM, A, C, is_one_scalar
@@ -158,16 +159,27 @@ class _Ray:
         return self.fly(state[:3], heading, state[6], state[7], stop_at)
 
     def leave_body(self, enter: float, leave: float) -> float | None:
-        """Distance at which the straight ray is out of the body."""
-        if self.in_body(self.start + enter * self.heading) >= 0.0:
-            return enter
-        step = 0.25 * float(self.field.wall_distance.spacing.min())
-        at = enter
-        while at <= leave:
-            if self.in_body(self.start + (at + step) * self.heading) >= 0.0:
-                return brentq(lambda t: self.in_body(self.start + t * self.heading), at, at + step, xtol=1e-15)
+        """Distance at which the straight ray is out of the body, or at its stop within; None if it never is."""
+
+        def outside_by(along: float) -> float:
+            return self.in_body(self.start + along * self.heading)
+
+        at, apart = enter, outside_by(enter)
+        least = 0.25 * float(self.field.wall_distance.spacing.min())
+        for _ in range(WALL_MARCH_LIMIT):
+            if apart >= 0.0 or at > leave:
+                break
+            step = max(-apart, least)  # as far as the wall is away at least
+            apart = outside_by(at + step)
+            if apart >= 0.0:
+                return brentq(outside_by, at, at + step, xtol=1e-15)
             at += step
-        return None
+        return at if apart >= 0.0 or self.stops_before(at) else None
+
+    def stops_before(self, along: float) -> bool:
+        """Whether the undisturbed ray has a stop no further than this."""
+        stop_at = self.undisturbed()
+        return self.until is not None and stop_at is not None and stop_at <= along
 
     def fly(self, r, heading, path, arc, stop_at) -> dict:
         """Free flight to a stop outside the box."""

@@ -180,3 +180,19 @@ def test_a_ray_that_never_gets_out_of_the_body(engine):
     result = one((1e-4, 0, 0), UP, field, until=Plane((0, 0, 5e-3), UP), **backend)
     assert result.status[0] == RayStatus.INSIDE_BODY
     assert result.opd[0] == pytest.approx(0.0, abs=1e-12)
+
+
+@pytest.mark.parametrize("engine", [*ENGINES, "reference"])
+def test_along_x_in_a_planar_body(engine):
+    """It has no end in that direction: a ray in it gets to a stop there, and without one never comes out."""
+    square = Body([[-2e-3, -2e-3], [2e-3, -2e-3], [2e-3, 2e-3], [-2e-3, 2e-3]], "planar")
+    samples = np.full((21, 21), 1e-4)
+    field = IndexField.from_samples(
+        samples, origin=(-5e-3, -5e-3), spacing=(5e-4, 5e-4), geometry="planar", body=square
+    )
+    rays = RayBundle([[-1e-3, 0.0, 0.0], [-1e-3, 1e-3, 1e-3]], [1.0, 0.0, 0.0])
+    where = {"backend": "reference"} if engine == "reference" else on(engine)
+    stopped = trace(field, rays, until=Plane((4e-3, 0.0, 0.0), (1.0, 0.0, 0.0)), **where)
+    assert stopped.ok.all()
+    np.testing.assert_allclose(stopped.optical_path, 5e-3 * field.ambient_index, rtol=1e-12)
+    assert (trace(field, rays, **where).status == RayStatus.INSIDE_BODY).all()
