@@ -22,6 +22,7 @@ from .field_data import (
 )
 from .opencl_devices import Session, session
 from .opencl_program import WORK_GROUP, build, build_options, lane_count
+from .opencl_tables import may_be_packed, packed_table
 from .plan import TracePlan
 
 # Per-ray outputs of the kernel, in the order of its arguments: numbers for a ray, and their type.
@@ -40,16 +41,9 @@ OUTPUT_TYPES: dict[str, tuple[int, type]] = {
 RAY_BYTES = 6 * 8 + sum(count * np.dtype(kind).itemsize for count, kind in OUTPUT_TYPES.values())
 # On a GPU, numbers below 1e-38 are zero: roots and quotients then take fewer instructions.
 FLUSH = "-cl-denorms-are-zero"
-# Numbers in a packed table of coefficients.
-MOST_PACKED = 1 << 27
 # Rays in one chunk at most, and the share of the device's free memory that a chunk may take.
 CHUNK = 1 << 21
 MEMORY_SHARE = 0.25
-
-# Coefficients of the powers of a cell's fraction in the weights of its four spline coefficients, by power and weight.
-SPLINE_POWERS = (
-    np.array([[1.0, 4.0, 1.0, 0.0], [-3.0, 0.0, 3.0, 0.0], [3.0, -6.0, 3.0, 0.0], [-1.0, 3.0, -3.0, 1.0]]) / 6.0
-)
 
 _uploaded: weakref.WeakKeyDictionary = weakref.WeakKeyDictionary()
 _launched: weakref.WeakSet = weakref.WeakSet()
@@ -84,9 +78,7 @@ def _upload(
     if packed:
         plain = _upload(field, data, precision, opened, with_paper_step, False)
         if (precision, id(opened), "packed") not in store:
-            pack_them = in_fours if field.geometry == "volume" else cell_polynomials
-            coefficients = field.samples.coefficients
-            store[precision, id(opened), "packed"] = to_device(opened, pack_them(coefficients, REAL_TYPES[precision]))
+            store[precision, id(opened), "packed"] = to_device(opened, packed_table(field, REAL_TYPES[precision]))
         return [store[precision, id(opened), "packed"], *plain[1:]]
     key = (precision, id(opened), with_paper_step)
     if key not in store:
@@ -106,28 +98,6 @@ def _upload(
     return store[key]
 
 
-def in_fours(coefficients: np.ndarray, kind: type) -> np.ndarray:
-    """Each number and the three after it, flat, shape (4 n,); zeros behind the end, where nothing is looked up."""
-    padded: np.ndarray = np.concatenate([coefficients.ravel(), np.zeros(3)]).astype(kind)
-    return np.lib.stride_tricks.sliding_window_view(padded, 4).ravel()
-
-
-def cell_polynomials(coefficients: np.ndarray, kind: type) -> np.ndarray:
-    """The polynomial in each cell of a spline in two dimensions, flat, shape (16 n,) for n spline coefficients.
-
-    Entry 16 e + 4 i + j belongs to the i-th power of the fraction along the first axis and the j-th along the second,
-    in the cell whose 4 x 4 coefficients begin with coefficient e; zeros where no cell begins.
-    """
-    table = np.zeros((*coefficients.shape, 16), dtype=kind)
-    rows, columns = (count - 3 for count in coefficients.shape)
-    for second, weights in enumerate(SPLINE_POWERS):
-        along = sum(weight * coefficients[:, j : j + columns] for j, weight in enumerate(weights) if weight)
-        for first, weights_across in enumerate(SPLINE_POWERS):
-            terms = (weight * along[i : i + rows] for i, weight in enumerate(weights_across) if weight)
-            table[:rows, :columns, 4 * first + second] = sum(terms)
-    return table.ravel()
-
-
 def prepare(
     field: IndexField, plan: TracePlan, until, wavelength: float, outputs: frozenset, directions: np.ndarray
 ) -> SimpleNamespace:
@@ -144,10 +114,8 @@ def prepare(
     tables, blocks = reach_tables(field, plan, wavelength, directions)
     even = plan.sample_count > 0
     lanes = lane_count(opened, plan.precision) if even else 1
-    is_volume = field.geometry == "volume"
-    entry_size = 4 if is_volume else 16
-    packed = even and (lanes == 1 or not is_volume) and data.arrays["coefficients"].size * entry_size <= MOST_PACKED
-    in_plane = even and not is_volume and not np.any(directions[:, :2])
+    packed = even and may_be_packed(field, REAL_TYPES[plan.precision], lanes, opened.device.max_mem_alloc_size)
+    in_plane = even and field.geometry != "volume" and not np.any(directions[:, :2])
     arguments = [
         pack("field", plan.precision, data.field),
         pack("bounds", plan.precision, {**data.bounds, **bounds}),

@@ -13,6 +13,7 @@ from aerokernels.rays import Disc, RayBundle
 from aerokernels.strehl import estimate_strehl
 from aerokernels.tracing import ArcLength, Plane, RayStatus, trace
 from aerokernels.tracing.even import LEAST_RAYS
+from aerokernels.tracing.opencl_tables import cell_polynomials
 from aerokernels.tracing.plan import TracePlan
 from aerokernels.tracing.pupil_sums import BATCH_RAYS, PupilTask, batches_of, point_order
 
@@ -97,6 +98,53 @@ def test_warp_and_opencl_are_one_at_equal_samples(geometry, precision):
     field, rays = uniform_field(geometry), bundle(1000)
     warp, opencl = (even_opd(field, rays, 60, precision, backend)[0] for backend in ("warp", "opencl"))
     assert np.nanmax(np.abs(warp - opencl)) < {"float32": 2e-5, "float64": 1e-9}[precision] * WAVE
+
+
+@pytest.mark.parametrize("precision", ["float32", "float64"])
+@pytest.mark.parametrize("geometry", ["planar", "axisymmetric"])
+@pytest.mark.parametrize("forward", [True, False])
+def test_rays_along_z_are_those_of_any_direction(geometry, precision, forward):
+    """OpenCL moves them in a plane with the axis, Warp as all others: the same samples, the same numbers, to rounding.
+
+    Across the axis, on it, from within and beside the box.
+    """
+    field = uniform_field(geometry, amplitude=1e-4)
+    across = np.random.default_rng(8).uniform(-2e-3, 2e-3, (300, 2))
+    across[:3] = [[0.0, 0.0], [1e-9, 0.0], [0.0, -1e-9]]
+    start = np.random.default_rng(9).uniform(-1e-3, 1.5e-3, 300)
+    rays = RayBundle(
+        np.c_[across, start if forward else 4e-3 - start], (0.0, 0.0, 1.0) if forward else (0.0, 0.0, -1.0)
+    )
+    results = []
+    for engine in ("warp-cpu", "opencl-cpu"):
+        plan = TracePlan("straight", **on(engine), precision=precision, max_steps=1000, step=None, tolerance=1e3)
+        backend = import_module(f"aerokernels.tracing.{plan.backend}_backend")
+        plan = replace(plan, sample_count=99, even_share=0.1, bend_share=0.1)
+        outputs = frozenset(("position", "direction", "optical_path", "opd", "arc_length", "step_error"))
+        results.append(backend.trace(field, rays, plan, None, WAVE, outputs)[0])
+    one, other = results
+    assert (one["status"] == other["status"]).all()
+    close = {"float32": 1e-6, "float64": 1e-11}[precision]
+    assert np.abs(one["opd"] - other["opd"]).max() < close * WAVE
+    assert np.abs(one["optical_path"] - other["optical_path"]).max() < close * WAVE
+    assert np.abs(one["arc_length"] - other["arc_length"]).max() < close * WAVE
+    assert np.abs(one["position"] - other["position"]).max() < 10.0 * close * WAVE
+    assert np.abs(one["direction"] - other["direction"]).max() < 1e-3 * close
+    good = np.isfinite(one["step_error"]) & np.isfinite(other["step_error"])
+    assert good.mean() > 0.5 and np.abs(one["step_error"] - other["step_error"])[good].max() < 100.0 * close * WAVE
+
+
+def test_polynomials_of_cells_are_the_spline():
+    """Every number of the table, by the spline itself at random places of every cell."""
+    field = uniform_field("planar")
+    table = cell_polynomials(field.samples.coefficients, np.float64).reshape(*field.samples.coefficients.shape, 4, 4)
+    cells = np.indices(np.array(field.samples.samples.shape) - 1).reshape(2, -1)
+    share = np.random.default_rng(2).uniform(0.0, 1.0, cells.shape)
+    powers = (share[:, :, None] ** np.arange(4)).transpose(1, 0, 2)
+    found = np.einsum("np,npq,nq->n", powers[:, 0], table[tuple(cells)], powers[:, 1])
+    place = field.samples.low[:, None] + (cells + share) * np.array(field.samples.spacing)[:, None]
+    contrast = field.contrast_at(np.c_[np.zeros(place.shape[1]), *place])
+    np.testing.assert_allclose(found, contrast * (field.ambient_index + 0.5 * contrast), rtol=0.0, atol=1e-17)
 
 
 def test_it_is_of_fourth_order():
