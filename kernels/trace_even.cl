@@ -27,6 +27,20 @@ static inline double overrun(const Bounds *bounds, const Control *control, int l
     return way;
 }
 
+// Leaves of a ray's way through the box the part in which the air is not uniform; whether it ends in uniform air.
+static inline int keep_active(const Bounds *bounds, double3 p, double3 d, Course *course)
+{
+    const double2 span =
+        crossing(VECTOR64(bounds->active_low), VECTOR64(bounds->active_high), bounds->active_radius, p, d);
+    const double first = lesser64(greater64(span.x, course->enter), course->far);
+    const double last = greater64(lesser64(span.y, course->far), first);
+    const int meets = span.x <= span.y;
+    const int ends_before = !meets || last < course->far;
+    course->far = meets ? last : course->enter;
+    course->enter = meets ? first : course->enter;
+    return ends_before;
+}
+
 __kernel void trace_even(
     const Field field,
     const Bounds bounds,
@@ -69,7 +83,7 @@ __kernel void trace_even(
 
     // Each lane's ray; spare lanes repeat the last one.
     Course courses[LANES];
-    int statuses[LANES], spoilt[LANES];
+    int statuses[LANES], spoilt[LANES], surfaces[LANES], is_quiet[LANES];
     reals x0, y0, z0, dx, dy, dz, length;
     for (int lane = 0; lane < LANES; lane++) {
         const int ray = min(first + lane, ray_count - 1);
@@ -78,6 +92,8 @@ __kernel void trace_even(
         statuses[lane] = start_of(&field, &arrays, &bounds, p, d, &course);
         const int runs = course.meets && statuses[lane] == RAY_OK;
         spoilt[lane] = HAS_BODY && runs && !stays_clear(&field, &arrays, p, d, course.enter, course.far);
+        surfaces[lane] = runs ? surface_of(&bounds, &course, p, d) : -1;
+        is_quiet[lane] = runs && keep_active(&bounds, p, d, &course);
         const double3 place = (p + course.enter * d - VECTOR64(bounds.origin)) / VECTOR64(bounds.spacing);
         REAL_AT(x0, lane) = runs ? (real)place.x : R(0.0);
         REAL_AT(y0, lane) = runs ? (real)place.y : R(0.0);
@@ -109,29 +125,36 @@ __kernel void trace_even(
         double3 normal = (double3)(0.0), end = p;
         int landed = -1;
         if (runs) {
-            landed = surface_of(&bounds, &course, p, d);
+            landed = surfaces[lane];
             // What is left to the surface, which the ray meets a little beside the undisturbed one.
             const double3 heading = d + convert_double3(rest * across);
             const double miss = surface_distance(&bounds, landed, p + course.far * d + convert_double3(q), &normal);
             const double cosine = dot(normal, heading);
             // Along the parabola; what that leaves out, by the change of the slope over a cell, counts as an error.
-            const real3 force = rest * (real3)(REAL_AT(flight.fx, lane), REAL_AT(flight.fy, lane), REAL_AT(flight.fz, lane));
+            // In uniform air there is nothing to leave out.
+            const real there = is_quiet[lane] ? R(0.0) : R(1.0);
+            const real3 force =
+                there * rest * (real3)(REAL_AT(flight.fx, lane), REAL_AT(flight.fy, lane), REAL_AT(flight.fz, lane));
+            const double rise = there * (double)REAL_AT(flight.ahead, lane);
+            const double s = there * (double)REAL_AT(flight.s, lane);
+            const real lead = is_quiet[lane] ? -dot(across, across) * rest / (R(1.0) / rest + (real)bounds.ambient)
+                                             : REAL_AT(flight.off, lane);
             const double line = fabs(cosine) > LEAST_COSINE ? -miss / cosine : 0.0;
             const double bow = 0.5 * line * line * (double)rest * dot(normal, convert_double3(force));
             const double more = fabs(cosine) > LEAST_COSINE ? line - bow / cosine : 0.0;
-            const double climb = 0.5 * more * (double)REAL_AT(flight.ahead, lane);
-            const double added = more * (double)rest * ((double)REAL_AT(flight.s, lane) + climb);
+            const double climb = 0.5 * more * rise;
+            const double added = more * (double)rest * (s + climb);
             path += added;
-            lag += more * ((double)REAL_AT(flight.off, lane) + (double)rest * climb / bounds.ambient);
+            lag += more * ((double)lead + (double)rest * climb / bounds.ambient);
             arc += added / bounds.ambient;
             off_course = greater(
                 off_course,
-                REAL_AT(flight.steep, lane) * (real)(more * more / fabs(cosine)) *
+                there * REAL_AT(flight.steep, lane) * (real)(more * more / fabs(cosine)) *
                     lesser((real)fabs(more) * greatest(rate), R(1.0)));
             q += (real)more * rest * (across + (R(0.5) * (real)more) * force);
             far += more;
             across += (real)more * force;
-            momentum = across + (REAL_AT(flight.off, lane) / rest) * convert_real3(d);
+            momentum = across + (lead / rest) * convert_real3(d);
             end = p + (course.enter + far) * d + convert_double3(q);
             const real angle = sqrt(REAL_AT(flight.bent, lane)) / (real)bounds.ambient;
             if (spoilt[lane] || !(angle <= EVEN_WEAK) || !isfinite(path) || !isfinite(off_course) ||
@@ -140,9 +163,8 @@ __kernel void trace_even(
             }
             // Where the box's end is the stop, the path is off by all of that way, else by what the field adds on it.
             const double way = overrun(&bounds, &control, landed, end, heading);
-            const double added_there = fmax(fabs((double)REAL_AT(flight.s, lane)) / bounds.ambient, 1.0e-30);
-            const double rise = STOP == NONE ? bounds.ambient : added_there;
-            off_course = greater(off_course, way > 0.0 ? (real)(way * rise) : R(0.0));
+            const double loss = STOP == NONE ? bounds.ambient : fmax(fabs(s) / bounds.ambient, 1.0e-30);
+            off_course = greater(off_course, way > 0.0 ? (real)(way * loss) : R(0.0));
         }
         // In the tracer's sums: sigma, S, M and B, of which M - B is the deviation along the ray.
         const double4 sums64 = (double4)((far - lag) / bounds.ambient, path, arc, arc - lag);

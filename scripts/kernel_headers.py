@@ -56,7 +56,7 @@ def constants() -> str:
             {name: getattr(scheme, name) for name in ("DIRECTION_SHARE", "SLANT_KEPT", "SMOOTH", "ROUGH", "BLUNTED")}
         ),
         *_group("Cosine of the least angle with a surface that is believed (double)"),
-        *_defines({"LEAST_COSINE": scheme.LEAST_COSINE}),
+        *_defines({name: getattr(scheme, name) for name in ("LEAST_COSINE", "STEEPEST_COSINE")}),
         *_group("Even samples: greatest angle with the first direction [rad]"),
         *_reals({"EVEN_WEAK": scheme.EVEN_WEAK}),
         *_group("Angle with the first direction up to which a ray counts as nearly straight [rad]"),

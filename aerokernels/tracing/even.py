@@ -15,6 +15,7 @@ import numpy as np
 from ..medium import IndexField
 from ..medium.grid import UniformGrid
 from ..rays import RayBundle
+from .active import active_box
 from .choice import choose_method
 from .plan import TracePlan
 from .status import RayStatus
@@ -94,7 +95,7 @@ def fit_even(field: IndexField, pilot: RayBundle, plan: TracePlan, until, wavele
 def _fit(field: IndexField, pilot: RayBundle, plan: TracePlan, until, wavelength: float) -> tuple[int, tuple, float]:
     """Samples a ray (0: none fit), the shares that make its error estimate, greatest error of the pilot [m]."""
     budget = plan.tolerance * wavelength / MARGIN
-    least = _least_samples(field, pilot)
+    least = _least_samples(field, pilot, plan.tolerance * wavelength)
     if not _is_worth_it(field, pilot, plan, wavelength, least):
         return 0, (), 0.0
     rungs = [_Rung(field, pilot, plan, until, wavelength, least * 3**power) for power in range(3)]
@@ -145,11 +146,14 @@ class _Rung:
         return float(np.abs(self.opd - finer.opd)[good].max()) if good.any() else math.inf
 
 
-def _least_samples(field: IndexField, pilot: RayBundle) -> int:
-    """Samples that are WIDEST cells apart on the longest way through the box."""
+def _least_samples(field: IndexField, pilot: RayBundle, tolerance: float) -> int:
+    """Samples that are WIDEST cells apart on the longest way through the part of the box where the field is active."""
     grid = field.samples
-    low, high = field.box
-    size = np.where(np.isfinite(high - low), high - low, 0.0)
+    low, high = active_box(field, tolerance)
+    size = np.zeros(3)
+    size[-len(low) :] = high - low
+    if field.geometry == "axisymmetric":
+        size[:2] = 2.0 * high[0]
     spacing = np.full(3, np.inf)
     spacing[-len(grid.spacing) :] = grid.spacing
     if field.geometry == "axisymmetric":

@@ -11,6 +11,7 @@ import numpy as np
 
 from ..medium import IndexField
 from ..medium.grid import UniformGrid
+from .active import active_box
 from .plan import TracePlan
 from .quiet import CONES, cones_of, reach
 from .scheme import LAXEST, MESH_STEP_LIMIT, STEP_LIMIT
@@ -59,6 +60,9 @@ STRUCTS = {
         ("low", 3, "d"),
         ("high", 3, "d"),
         ("radius", 1, "d"),
+        ("active_low", 3, "d"),
+        ("active_high", 3, "d"),
+        ("active_radius", 1, "d"),
         ("ambient", 1, "d"),
         ("plane_point", 3, "d"),
         ("plane_normal", 3, "d"),
@@ -241,9 +245,10 @@ def stop_kind(until) -> str:
     return {Plane: "plane", ArcLength: "arc"}.get(type(until), "none")
 
 
-def trace_members(data: FieldData, plan: TracePlan, until, wavelength: float) -> tuple[dict, dict]:
+def trace_members(field: IndexField, data: FieldData, plan: TracePlan, until, wavelength: float) -> tuple[dict, dict]:
     """Members of Bounds and of Control that the plan and the stop set, by name."""
     bounds: dict[str, object] = {"plane_point": np.zeros(3), "plane_normal": np.zeros(3), "length": 0.0}
+    bounds |= _active_members(field, data, plan, wavelength)
     control: dict[str, object] = {
         "plane_normal": np.zeros(3),
         "plane_offset": 0.0,
@@ -261,6 +266,20 @@ def trace_members(data: FieldData, plan: TracePlan, until, wavelength: float) ->
     elif isinstance(until, ArcLength):
         bounds["length"] = until.length
     return bounds, control
+
+
+def _active_members(field: IndexField, data: FieldData, plan: TracePlan, wavelength: float) -> dict[str, object]:
+    """Only even samples ask where the field is active."""
+    if not plan.sample_count:
+        return {"active_low": np.zeros(3), "active_high": np.zeros(3), "active_radius": 0.0}
+    low, high = active_box(field, plan.tolerance * wavelength)
+    radius = float(high[0]) if field.geometry == "axisymmetric" else 0.0
+    missing = np.zeros(3 - len(low))
+    return {
+        "active_low": np.concatenate([missing, low]),
+        "active_high": np.concatenate([missing, high]),
+        "active_radius": radius,
+    }
 
 
 def reach_tables(field: IndexField, plan: TracePlan, wavelength: float, directions: np.ndarray) -> tuple[dict, dict]:

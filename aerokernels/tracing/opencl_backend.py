@@ -110,7 +110,7 @@ def prepare(
     start = time.perf_counter()
     opened = session(plan.device)
     data = field_data(field, plan.precision, plan.method == "paper")
-    bounds, control = trace_members(data, plan, until, wavelength)
+    bounds, control = trace_members(field, data, plan, until, wavelength)
     tables, blocks = reach_tables(field, plan, wavelength, directions)
     even = plan.sample_count > 0
     lanes = lane_count(opened, plan.precision) if even else 1

@@ -43,8 +43,9 @@ TINY = {"float32": 1e-30, "float64": 1e-290}
 EVEN_WEAK = 0.05
 
 # Where a ray ends.
-# Cosine of the least angle with a surface's normal for which the meeting is solved for, and its slant counts in full.
-LEAST_COSINE = 0.05
+# Cosines of the angle with a surface's normal: even samples end on surfaces above the first; above the second the place
+# where a surface is met is solved for, and its slant counts in full.
+LEAST_COSINE, STEEPEST_COSINE = 0.05, 0.002
 # The number of the "surface" at which a stop at a length of arc ends a ray; those of space are numbered from 0.
 LANDED_ARC = 100
 # A ray that runs in a face is not thrown out by rounding: it is behind a surface when it is so by this many cells.

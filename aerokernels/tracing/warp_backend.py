@@ -87,7 +87,7 @@ def prepare(
     start_warp()
     start = time.perf_counter()
     data = field_data(field, plan.precision, plan.method == "paper")
-    stop_bounds, stop_control = trace_members(data, plan, until, wavelength)
+    stop_bounds, stop_control = trace_members(field, data, plan, until, wavelength)
     tables, blocks = reach_tables(field, plan, wavelength, directions)
     t = types(plan.precision)
     device_field, bounds, control = t.Field(), t.Bounds(), t.Control()

@@ -4,7 +4,7 @@ import functools
 
 import warp as wp
 
-from .scheme import LEAST_COSINE
+from .scheme import LEAST_COSINE, STEEPEST_COSINE
 from .warp_types import types
 
 FACE_COUNT = {"volume": 6, "planar": 4, "axisymmetric": 3}
@@ -12,8 +12,7 @@ FACE_COUNT = {"volume": 6, "planar": 4, "axisymmetric": 3}
 
 @functools.cache
 def build_crossing(precision: str, geometry: str):
-    """A function (bounds, position, direction) -> (entry, exit) distances; entry > exit means a miss."""
-    Bounds = types(precision).Bounds
+    """A function (low, high, radius, position, direction) -> (entry, exit) of a box; entry > exit means a miss."""
 
     @wp.func
     def slab(low: wp.float64, high: wp.float64, p: wp.float64, d: wp.float64, span: wp.vec2d):
@@ -42,15 +41,15 @@ def build_crossing(precision: str, geometry: str):
         return wp.vec2d(wp.max(span[0], middle - half), wp.min(span[1], middle + half))
 
     @wp.func
-    def crossing(bounds: Bounds, p: wp.vec3d, d: wp.vec3d):
+    def crossing(low: wp.vec3d, high: wp.vec3d, radius: wp.float64, p: wp.vec3d, d: wp.vec3d):
         span = wp.vec2d(wp.float64(-1.0e300), wp.float64(1.0e300))
-        span = slab(bounds.low[2], bounds.high[2], p[2], d[2], span)
+        span = slab(low[2], high[2], p[2], d[2], span)
         if wp.static(geometry == "axisymmetric"):
-            span = cylinder(bounds.radius, p, d, span)
+            span = cylinder(radius, p, d, span)
         else:
-            span = slab(bounds.low[1], bounds.high[1], p[1], d[1], span)
+            span = slab(low[1], high[1], p[1], d[1], span)
         if wp.static(geometry == "volume"):
-            span = slab(bounds.low[0], bounds.high[0], p[0], d[0], span)
+            span = slab(low[0], high[0], p[0], d[0], span)
         return span
 
     return crossing
@@ -138,7 +137,7 @@ def build_meeting(precision: str, geometry: str):
         for _trial in range(trials):
             miss = surface_distance(bounds, k, p + along * d)
             cosine = wp.dot(wp.vec3d(miss[1], miss[2], miss[3]), d)
-            if wp.abs(cosine) > wp.float64(LEAST_COSINE):
+            if wp.abs(cosine) > wp.float64(STEEPEST_COSINE):
                 along -= miss[0] / cosine
         return along
 

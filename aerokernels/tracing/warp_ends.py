@@ -4,7 +4,7 @@ import functools
 
 import warp as wp
 
-from .scheme import LANDED_ARC, LEAST_COSINE
+from .scheme import LANDED_ARC, LEAST_COSINE, STEEPEST_COSINE
 from .status import RayStatus
 from .tableau import NEARLY_STRAIGHT, is_one_scalar
 from .warp_box import FACE_COUNT, build_crossing, build_detour, build_meeting, build_surface_distance
@@ -29,7 +29,7 @@ def build_start(precision: str, geometry: str, stop: str, has_body: bool):
         status = int(ok)
 
         # Where the undisturbed ray stops, and whether it meets the box before.
-        span = crossing(bounds, p, d)
+        span = crossing(bounds.low, bounds.high, bounds.radius, p, d)
         enter = wp.max(span[0], none)
         meets = span[0] <= span[1] and span[1] >= none
         stop_distance = span[1]
@@ -126,7 +126,7 @@ def build_slant(precision: str, geometry: str, stop: str):
                     miss = surface_distance(bounds, surface_of(bounds, course, p, d), p + course.far * d)
                     normal = wp.vec3d(miss[1], miss[2], miss[3])
                 cosine = wp.dot(normal, d)
-                slant = real(wp.length(normal - cosine * d) / wp.max(wp.abs(cosine), wp.float64(LEAST_COSINE)))
+                slant = real(wp.length(normal - cosine * d) / wp.max(wp.abs(cosine), wp.float64(STEEPEST_COSINE)))
         return slant
 
     return slant_of

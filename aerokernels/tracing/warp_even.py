@@ -31,7 +31,7 @@ import warp as wp
 
 from .scheme import EVEN_WEAK, HAIR, LEAST_COSINE, TINY
 from .status import RayStatus
-from .warp_box import FACE_COUNT, build_surface_distance
+from .warp_box import FACE_COUNT, build_crossing, build_surface_distance
 from .warp_ends import build_end, build_last_surface, build_start
 from .warp_grid import build_sample
 from .warp_types import types
@@ -80,6 +80,30 @@ def build_overrun(precision: str, geometry: str):
 
 
 @functools.cache
+def build_keep_active(precision: str, geometry: str):
+    """A function (bounds, position, direction, enter, far) -> the same of the part in which the air is not uniform.
+
+    And, as a third number, 1 if the ray ends in uniform air.
+    """
+    Bounds = types(precision).Bounds
+    crossing = build_crossing(precision, geometry)
+
+    @wp.func
+    def keep_active(bounds: Bounds, p: wp.vec3d, d: wp.vec3d, enter: wp.float64, far: wp.float64):
+        span = crossing(bounds.active_low, bounds.active_high, bounds.active_radius, p, d)
+        if span[0] > span[1]:
+            return wp.vec3d(enter, enter, wp.float64(1.0))
+        first = wp.min(wp.max(span[0], enter), far)
+        last = wp.max(wp.min(span[1], far), first)
+        quiet = wp.float64(0.0)
+        if last < far:
+            quiet = wp.float64(1.0)
+        return wp.vec3d(first, last, quiet)
+
+    return keep_active
+
+
+@functools.cache
 def build_even_kernel(precision: str, geometry: str, interpolation: str, stop: str, has_body: bool, outputs: frozenset):
     """Build the kernel for one kind of scene; its arguments are the tracer's, and the count of rough rays."""
     t = types(precision)
@@ -90,6 +114,7 @@ def build_even_kernel(precision: str, geometry: str, interpolation: str, stop: s
     surface_distance = build_surface_distance(precision, geometry)
     surface_of = build_last_surface(precision, geometry, stop)
     overrun = build_overrun(precision, geometry)
+    keep_active = build_keep_active(precision, geometry)
     stays_clear = build_stays_clear(precision, geometry)
     ok = int(RayStatus.OK)
     tiny = TINY[precision]
@@ -152,7 +177,17 @@ def build_even_kernel(precision: str, geometry: str, interpolation: str, stop: s
         length = real(0.0)
         h = real(0.0)
         error = real(0.0)
+        clear = bool(True)
+        landed = int(-1)
+        quiet = bool(False)
         if runs:
+            if wp.static(has_body):
+                clear = stays_clear(field, p0, d0, course.enter, course.far)
+            landed = surface_of(bounds, course, p0, d0)
+            active = keep_active(bounds, p0, d0, course.enter, course.far)
+            course.enter = active[0]
+            course.far = active[1]
+            quiet = bool(active[2] > wp.float64(0.0))
             entry = wp.cw_div(p0 + course.enter * d0 - bounds.origin, bounds.spacing)
             start = vec3(real(entry[0]), real(entry[1]), real(entry[2]))
             length = real(course.far - course.enter)
@@ -208,17 +243,20 @@ def build_even_kernel(precision: str, geometry: str, interpolation: str, stop: s
         off_place = sigma * off_turn - (off_place + arm)
         steep = wp.sqrt(ahead * ahead + wp.dot(force, force))
         s += real(0.5) * h * ahead
+        if quiet:  # in uniform air there is nothing to leave out
+            s = real(0.0)
+            ahead = real(0.0)
+            steep = real(0.0)
+            force = none
         lead = (real(2.0) * s - wp.dot(momentum, momentum)) * slow / (real(1.0) / slow + ambient)
         path = wp.float64(h) * (wp.float64(sums[0]) - wp.float64(carry[0]))
         lag = wp.float64(h) * (wp.float64(sums[1]) - wp.float64(carry[1]))
         arc = wp.float64(h) * (wp.float64(sums[2]) - wp.float64(carry[2]))
         far = wp.float64(length)
-        landed = int(-1)
         turned = none
         normal = wp.vec3d(wp.float64(0.0), wp.float64(0.0), wp.float64(0.0))
         end = p0
         if runs:
-            landed = surface_of(bounds, course, p0, d0)
             # What is left to the surface, which the ray meets a little beside the undisturbed one.
             slant = slow * momentum
             heading = d0 + wp.vec3d(wp.float64(slant[0]), wp.float64(slant[1]), wp.float64(slant[2]))
@@ -254,10 +292,7 @@ def build_even_kernel(precision: str, geometry: str, interpolation: str, stop: s
                 rise = wp.max(wp.abs(wp.float64(s)) / bounds.ambient, wp.float64(1.0e-30))
             if way > wp.float64(0.0):
                 error = wp.max(error, real(way * rise))
-            if wp.static(has_body):
-                if fit and not stays_clear(field, p0, d0, course.enter, course.far):
-                    fit = bool(False)
-            if not fit:
+            if not (fit and clear):
                 error = real(wp.inf)
         # In the tracer's sums: sigma, S, M and B, of which M - B is the deviation along the ray.
         whole = wp.vec4d((far - lag) / bounds.ambient, path, arc, arc - lag)

@@ -53,6 +53,9 @@ def types(precision: str) -> SimpleNamespace:
         low: wp.vec3d  # box [m]
         high: wp.vec3d
         radius: wp.float64  # of an axisymmetric box
+        active_low: wp.vec3d  # the part of it outside which the air is uniform [m]
+        active_high: wp.vec3d
+        active_radius: wp.float64
         ambient: wp.float64
         plane_point: wp.vec3d
         plane_normal: wp.vec3d

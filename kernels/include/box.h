@@ -39,18 +39,18 @@ static inline void cylinder(double radius, double3 p, double3 d, double2 *span)
     *span = (double2)(greater64(span->x, middle - half_chord), lesser64(span->y, middle + half_chord));
 }
 
-// Distances at which a straight ray enters and leaves the box; entry > exit means a miss.
-static inline double2 crossing(const Bounds *bounds, double3 p, double3 d)
+// Distances at which a straight ray enters and leaves a box; entry > exit means a miss.
+static inline double2 crossing(double3 low, double3 high, double radius, double3 p, double3 d)
 {
     double2 span = (double2)(-1.0e300, 1.0e300);
-    slab(bounds->low[2], bounds->high[2], p.z, d.z, &span);
+    slab(low.z, high.z, p.z, d.z, &span);
     if (GEOMETRY == AXISYMMETRIC) {
-        cylinder(bounds->radius, p, d, &span);
+        cylinder(radius, p, d, &span);
     } else {
-        slab(bounds->low[1], bounds->high[1], p.y, d.y, &span);
+        slab(low.y, high.y, p.y, d.y, &span);
     }
     if (GEOMETRY == VOLUME) {
-        slab(bounds->low[0], bounds->high[0], p.x, d.x, &span);
+        slab(low.x, high.x, p.x, d.x, &span);
     }
     return span;
 }
@@ -106,7 +106,7 @@ static inline double meeting(const Bounds *bounds, int k, double3 p, double3 d, 
         double3 normal;
         const double miss = surface_distance(bounds, k, p + along * d, &normal);
         const double cosine = dot(normal, d);
-        if (fabs(cosine) > LEAST_COSINE) {
+        if (fabs(cosine) > STEEPEST_COSINE) {
             along -= miss / cosine;
         }
     }

@@ -81,6 +81,7 @@
 
 // Cosine of the least angle with a surface that is believed (double).
 #define LEAST_COSINE 0.05
+#define STEEPEST_COSINE 0.002
 
 // Even samples: greatest angle with the first direction [rad].
 #define EVEN_WEAK R(0.05)

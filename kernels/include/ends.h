@@ -14,7 +14,7 @@ static inline int start_of(
     int status = RAY_OK;
 
     // Where the undisturbed ray stops, and whether it meets the box before.
-    const double2 span = crossing(bounds, p, d);
+    const double2 span = crossing(VECTOR64(bounds->low), VECTOR64(bounds->high), bounds->radius, p, d);
     double enter = greater64(span.x, 0.0);
     int meets = span.x <= span.y && span.y >= 0.0;
     double stop_distance = span.y;
@@ -98,7 +98,7 @@ static inline double slant_of(const Bounds *bounds, const Course *course, double
             surface_distance(bounds, surface_of(bounds, course, p, d), p + course->far * d, &normal);
         }
         const double cosine = dot(normal, d);
-        slant = size64(normal - cosine * d) / greater64(fabs(cosine), LEAST_COSINE);
+        slant = size64(normal - cosine * d) / greater64(fabs(cosine), STEEPEST_COSINE);
     }
     return slant;
 }

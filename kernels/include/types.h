@@ -31,6 +31,9 @@ typedef struct {
     double low[3];            // box [m]
     double high[3];
     double radius;            // of an axisymmetric box
+    double active_low[3];     // the part of it outside which the air is uniform [m]
+    double active_high[3];
+    double active_radius;
     double ambient;
     double plane_point[3];
     double plane_normal[3];

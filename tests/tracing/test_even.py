@@ -85,7 +85,7 @@ def even_opd(field: IndexField, rays: RayBundle, count: int, precision: str = "f
         from aerokernels.tracing.opencl_backend import trace as run
 
         device = on("opencl-cpu")["device"]
-    plan = TracePlan("straight", backend, device, precision, 1000, None, 1.0, sample_count=count, even_share=1.0)
+    plan = TracePlan("straight", backend, device, precision, 1000, None, 1e-12, sample_count=count, even_share=1.0)
     arrays, _ = run(field, rays, plan, None, WAVE, frozenset(("opd", "step_error")))
     return arrays["opd"], arrays["step_error"]
 
