@@ -184,7 +184,7 @@ __kernel void trace_even(
                 normal = VECTOR64(bounds.plane_normal);
             }
             const double slant = dot(normal, off_place + (arrival.flight * (double)rest) * off_turn);
-            const double further = fabs(slant) / fmax(fabs(dot(normal, d)), LEAST_COSINE);
+            const double further = fabs(slant) / fmax(fabs(dot(normal, d)), STEEPEST_COSINE);
             off_course = greater(off_course, control.even_share * (real)(bounds.ambient * further));
         }
         if (off_course > control.budget) {

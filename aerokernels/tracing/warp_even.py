@@ -29,7 +29,7 @@ import functools
 
 import warp as wp
 
-from .scheme import EVEN_WEAK, HAIR, LEAST_COSINE, TINY
+from .scheme import EVEN_WEAK, HAIR, LEAST_COSINE, STEEPEST_COSINE, TINY
 from .status import RayStatus
 from .warp_box import FACE_COUNT, build_crossing, build_surface_distance
 from .warp_ends import build_end, build_last_surface, build_start
@@ -316,7 +316,7 @@ def build_even_kernel(precision: str, geometry: str, interpolation: str, stop: s
             beside = wp.vec3d(wp.float64(off_place[0]), wp.float64(off_place[1]), wp.float64(off_place[2]))
             aside = wp.vec3d(wp.float64(off_turn[0]), wp.float64(off_turn[1]), wp.float64(off_turn[2]))
             slant_off = wp.dot(normal, beside + flight * wp.float64(slow) * aside)
-            further = wp.abs(slant_off) / wp.max(wp.abs(wp.dot(normal, d0)), wp.float64(LEAST_COSINE))
+            further = wp.abs(slant_off) / wp.max(wp.abs(wp.dot(normal, d0)), wp.float64(STEEPEST_COSINE))
             error = wp.max(error, control.even_share * real(bounds.ambient * further))
         if error > control.budget:
             wp.atomic_add(rough_count_out, 0, 1)
