@@ -1,5 +1,6 @@
 """What `record` takes as labels and shows while it runs."""
 
+import re
 import time
 from collections import deque
 from collections.abc import Callable, Iterator
@@ -16,13 +17,15 @@ def parse_labels(pairs: list[str]) -> dict[str, str]:
     """Labels from "key=value" texts.
 
     Raises:
-        ValueError: a text without a key or without "=", or a key given twice.
+        ValueError: a text without a key or without "=", one that is no Unicode, or a key given twice.
     """
     labels: dict[str, str] = {}
     for pair in pairs:
         key, equals, value = (part.strip() for part in pair.partition("="))
         if not key or not equals:
             raise ValueError(f"--label {pair!r}: give key=value, for example mach=3")
+        if re.search(r"[\ud800-\udfff]", pair):  # bytes of the command line that are no UTF-8
+            raise ValueError(f"--label {pair!r}: holds bytes that are no UTF-8 text; type it anew")
         if key in labels:
             raise ValueError(f"--label {pair!r}: {key!r} is given twice; give each key once")
         labels[key] = value

@@ -61,9 +61,10 @@ def recorded_labels(path: Path) -> list[Label]:
     """
     if _kind(path) == "store":
         with _blamed_on(path), EchoStore(path, read_only=True) as store:
-            labels = [_as_label(one) for one in store.labels()]
+            found = [_as_label(one) for one in store.labels()]
     else:
-        labels = list(dict.fromkeys(echo.label for echo in recorded_echoes(path)))
+        found = [echo.label for echo in recorded_echoes(path)]
+    labels = list(dict.fromkeys(found))
     if not labels:
         raise ValueError(f"{path}: holds no echoes; record some with `aerokernels record --store`")
     return labels

@@ -220,10 +220,13 @@ def test_a_port_in_use_is_refused(tmp_path: Path, aerokernels):
         (("record", "--port", "loop://", "--store", "no/s.sqlite"), "does not exist"),
         (("record", "--port", "loop://", "--store", "s.sqlite", "--protocol", "x"), "frames or scpi"),
         (("record", "--port", "loop://", "--store", "s.sqlite", "--label", "mach"), "key=value"),
+        (("record", "--port", "loop://", "--store", "s.sqlite", "--label", "mach=\udcfe"), "no UTF-8 text"),
+        (("record", "--port", "loop://", "--store", "s.sqlite", "--baud", "99999999999"), "line rate"),
         (("record", "--port", "loop://", "--store", "s.sqlite", "--count", "0"), "count"),
         (("board", "--link", "b", "--protocol", "x"), "frames or scpi"),
         (("board", "--link", "b", "--rate", "0"), "rate"),
         (("board", "--link", "b", "--echo", "absent.nc"), "absent.nc"),
+        (("board", "--link", "b", "--echo", __file__), "cannot be read"),
         (("board", "--link", "no/b"), "does not exist"),
     ],
 )

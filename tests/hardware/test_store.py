@@ -11,6 +11,7 @@ from aerokernels.hardware.decoder import DamagedPiece
 from aerokernels.hardware.frames import EchoFrame, decode, encode
 from aerokernels.hardware.preamble import ScopeCurve
 from aerokernels.hardware.store import EchoStore, Gap
+from aerokernels.hardware.transaction import DamagedStoreError, StoreError
 
 
 def received(sequence: int, device_time_us: int, value: int = 0) -> EchoFrame:
@@ -114,6 +115,41 @@ def test_foreign_files_are_refused_and_left_alone(tmp_path):
     with pytest.raises(ValueError, match="no such file"):
         EchoStore(tmp_path / "absent.sqlite", read_only=True)
     assert not (tmp_path / "absent.sqlite").exists()
+
+
+def test_damage_within_the_file_is_told_by_name(tmp_path):
+    """Every page but those of the schema is overwritten: reading and writing both name the file and say what to do."""
+    path = tmp_path / "s.sqlite"
+    with EchoStore(path) as store:
+        store.begin_recording("p", "frames", {})
+        for k in range(2000):
+            store.add(received(k, k), 0)
+        store.commit()
+    content = bytearray(path.read_bytes())
+    content[40_960:] = bytes((7 * byte + k) & 255 for k, byte in enumerate(content[40_960:]))
+    path.write_bytes(content)
+    with EchoStore(path, read_only=True) as store:
+        for read in (store.echoes, store.labels):
+            with pytest.raises(DamagedStoreError, match=r"s\.sqlite.*malformed"):
+                list(read())
+    with EchoStore(path) as store, pytest.raises(StoreError, match=r"s\.sqlite.*malformed"):
+        store.begin_recording("p", "frames", {})
+        for k in range(2000):
+            store.add(received(k, k, value=1), 0)
+        store.commit()
+
+
+def test_a_store_in_a_folder_without_permission_to_write(tmp_path, monkeypatch):
+    """An archive: read without a log beside it, and not written."""
+    with EchoStore(tmp_path / "s.sqlite") as store:
+        store.begin_recording("p", "frames", {})
+        store.add(received(1, 10), 0)
+        store.commit()
+    monkeypatch.setattr("os.access", lambda *_: False)
+    with EchoStore(tmp_path / "s.sqlite", read_only=True) as store:
+        assert store.echo_count == 1 and list(tmp_path.iterdir()) == [tmp_path / "s.sqlite"]
+    with pytest.raises(ValueError, match="no permission to write"):
+        EchoStore(tmp_path / "s.sqlite")
 
 
 VERSION_1 = """

@@ -208,6 +208,10 @@ def test_records_that_do_not_meet(tmp_path: Path, runs):
         compare_recording(path, runs)
     found = compare_recording(path, runs, CompareOptions(align="each"))
     assert found.labels[0].waveform.correlation > 0.9999
+    coarse = np.arange(16) * 3.1e-9  # the peak lies midway between two samples, each lower by exp(-(0.52)^2)
+    path.write_text("time_s,mach=0\n" + "\n".join(f"{t},{v}" for t, v in zip(coarse, pulse(coarse), strict=True)))
+    with pytest.raises(ValueError, match=r"in steps of 3\.100 ns, too wide for its pulse"):
+        compare_recording(path, runs)
 
 
 def test_echoes_on_other_times_are_drawn_on_the_first(tmp_path: Path):
