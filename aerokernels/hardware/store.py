@@ -256,7 +256,11 @@ class EchoStore:
 
     def _is_stored(self, key: tuple[int, int, int]) -> bool:
         query = "SELECT 1 FROM echoes WHERE sequence = ? AND device_time_us = ? AND crc32 = ?"
-        return next(self._rows(query, key), None) is not None
+        try:  # asked for each frame: what costs nothing where nothing goes wrong
+            return self._connection.execute(query, key).fetchone() is not None
+        except sqlite3.DatabaseError:
+            with told(self.path):
+                raise
 
     def _last_echo(self, port: str, protocol: str) -> tuple[int, int, int | None, int] | None:
         rows = self._rows(

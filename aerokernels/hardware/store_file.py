@@ -26,6 +26,7 @@ def store_address(path: Path, *, read_only: bool) -> str:
         return f"{address}?mode=rwc"
     if not path.is_file():
         raise ValueError(f"store {path}: no such file; record one with `aerokernels record --store`")
-    log_exists = path.with_name(f"{path.name}-wal").exists()
-    archived = not log_exists and not os.access(path.parent, os.W_OK)
+    file = path.resolve()  # SQLite puts the log beside the file itself, not beside a link to it
+    log_exists = file.with_name(f"{file.name}-wal").exists()
+    archived = not log_exists and not os.access(file.parent, os.W_OK)
     return f"{address}?mode=ro{'&immutable=1' if archived else ''}"
