@@ -72,7 +72,7 @@ class EchoStore:
     def __init__(self, path: str | Path, *, read_only: bool = False) -> None:
         """Open the file, or make it."""
         self.path = Path(path)
-        address = store_address(self.path, read_only=read_only)
+        address, is_new = store_address(self.path, read_only=read_only), not self.path.exists()
         try:
             self._connection = sqlite3.connect(address, uri=True, timeout=_BUSY_TIME, isolation_level=None)
         except sqlite3.OperationalError as error:
@@ -82,6 +82,8 @@ class EchoStore:
         except sqlite3.DatabaseError as error:
             self._connection.close()
             if isinstance(error, sqlite3.OperationalError) and re.search("full|I/O", str(error)):
+                if is_new and self.path.is_file() and not self.path.stat().st_size:
+                    self.path.unlink()
                 raise StoreError(f"store {self.path}: {error}; make room first, or give another file name") from error
             raise ValueError(f"store {self.path}: {error}; give an echo store or a new file name") from error
         except ValueError:

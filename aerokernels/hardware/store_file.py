@@ -15,12 +15,14 @@ def store_address(path: Path, *, read_only: bool) -> str:
         read_only: for reading only; otherwise it is made when it is not there.
 
     Raises:
-        ValueError: no such file or folder, or no permission to write.
+        ValueError: no such file or folder, something else than a file, or no permission to write.
     """
     if not path.parent.is_dir():
         raise ValueError(f"store {path}: folder {path.parent} does not exist; make it first")
     address = path.absolute().as_uri()
     if not read_only:
+        if path.exists() and not path.is_file():
+            raise ValueError(f"store {path}: a folder or a device, not a file; give another file name")
         if path.is_file() and not os.access(path, os.W_OK):
             raise ValueError(f"store {path}: no permission to write it; allow it, or give another file name")
         return f"{address}?mode=rwc"

@@ -112,6 +112,8 @@ def test_foreign_files_are_refused_and_left_alone(tmp_path):
         EchoStore(tmp_path / "new.sqlite")
     with pytest.raises(ValueError, match="does not exist"):
         EchoStore(tmp_path / "no" / "such.sqlite")
+    with pytest.raises(ValueError, match="not a file"):
+        EchoStore(tmp_path)
     with pytest.raises(ValueError, match="no such file"):
         EchoStore(tmp_path / "absent.sqlite", read_only=True)
     assert not (tmp_path / "absent.sqlite").exists()
@@ -299,6 +301,10 @@ def test_a_full_disk_stops_with_a_message_and_leaves_the_store_whole(tmp_path, r
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60, cwd=root)
     assert done.returncode == 1 and "what was committed is safe" in done.stderr, done.stderr
+    nothing = code.replace("300_000", "0").replace("s.sqlite", "t.sqlite")
+    empty = subprocess.run([sys.executable, "-c", nothing], capture_output=True, text=True, timeout=60, cwd=root)
+    assert empty.returncode == 1 and "make room first" in empty.stderr, empty.stderr
+    assert not list(tmp_path.glob("t.sqlite*"))
     acknowledged = int(done.stdout.split()[-1])
     with EchoStore(path) as store:
         assert [echo.frame.sequence for echo in store.echoes()] == list(range(acknowledged)) and acknowledged > 100
