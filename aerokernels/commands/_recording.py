@@ -1,6 +1,8 @@
 """What `record` takes as labels and shows while it runs."""
 
+import os
 import re
+import sys
 import time
 from collections import deque
 from collections.abc import Callable, Iterator
@@ -69,6 +71,12 @@ class RateMeter:
         return (stored_count - first) / (now - since) if now > since else 0.0
 
 
+def _stop_printing() -> None:
+    nowhere = os.open(os.devnull, os.O_WRONLY)
+    os.dup2(nowhere, sys.stdout.fileno())
+    os.close(nowhere)
+
+
 @contextmanager
 def reporter() -> Iterator[Callable[["RecordingStatus"], None]]:
     """Live on a terminal; elsewhere a line when something has changed: the port at once, counts once a second."""
@@ -94,6 +102,9 @@ def reporter() -> Iterator[Callable[["RecordingStatus"], None]]:
         )
         if status != told and (port_changed or now - told_at >= 1.0):
             told_at, told = now, status
-            print(describe(status, rate), flush=True)
+            try:
+                print(describe(status, rate), flush=True)
+            except OSError:  # its reader has left, or the log's disk is full: no reason to stop recording
+                _stop_printing()
 
     yield tell

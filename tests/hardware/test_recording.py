@@ -72,6 +72,19 @@ def test_an_interrupt_ends_a_recording_cleanly(tmp_path: Path, number: signal.Si
     assert integrity(path) == "ok"
 
 
+def test_a_recording_goes_on_when_nobody_reads_what_it_prints(tmp_path: Path):
+    """As behind `| head -1`: the pipe breaks with the first line of counts, and echoes come in all the same."""
+    path = tmp_path / "s.sqlite"
+    with (
+        board(tmp_path / "port", "--rate", 400),
+        started("record", "--port", tmp_path / "port", "--store", path, "--count", 800) as recorder,
+    ):
+        assert recorder.stdout is not None and "recording frames" in recorder.stdout.readline()
+        recorder.stdout.close()
+        assert recorder.wait(60) == 0
+    assert sequences(path) == list(range(800))
+
+
 def test_a_terminal_sees_how_it_goes(tmp_path: Path):
     """On a terminal: what is stored, the rate, the last peak, what was lost, and the state of the port."""
     link, ours, theirs = tmp_path / "port", *os.openpty()
