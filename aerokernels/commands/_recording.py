@@ -1,5 +1,8 @@
 """What `record` takes as labels and shows while it runs."""
 
+import os
+import re
+import sys
 import time
 from collections import deque
 from collections.abc import Callable, Iterator
@@ -16,13 +19,15 @@ def parse_labels(pairs: list[str]) -> dict[str, str]:
     """Labels from "key=value" texts.
 
     Raises:
-        ValueError: a text without a key or without "=", or a key given twice.
+        ValueError: a text without a key or without "=", one that is no Unicode, or a key given twice.
     """
     labels: dict[str, str] = {}
     for pair in pairs:
         key, equals, value = (part.strip() for part in pair.partition("="))
         if not key or not equals:
             raise ValueError(f"--label {pair!r}: give key=value, for example mach=3")
+        if re.search(r"[\ud800-\udfff]", pair):  # bytes of the command line that are no UTF-8
+            raise ValueError(f"--label {pair!r}: holds bytes that are no UTF-8 text; type it anew")
         if key in labels:
             raise ValueError(f"--label {pair!r}: {key!r} is given twice; give each key once")
         labels[key] = value
@@ -66,6 +71,12 @@ class RateMeter:
         return (stored_count - first) / (now - since) if now > since else 0.0
 
 
+def _stop_printing() -> None:
+    nowhere = os.open(os.devnull, os.O_WRONLY)
+    os.dup2(nowhere, sys.stdout.fileno())
+    os.close(nowhere)
+
+
 @contextmanager
 def reporter() -> Iterator[Callable[["RecordingStatus"], None]]:
     """Live on a terminal; elsewhere a line when something has changed: the port at once, counts once a second."""
@@ -91,6 +102,9 @@ def reporter() -> Iterator[Callable[["RecordingStatus"], None]]:
         )
         if status != told and (port_changed or now - told_at >= 1.0):
             told_at, told = now, status
-            print(describe(status, rate), flush=True)
+            try:
+                print(describe(status, rate), flush=True)
+            except OSError:  # its reader has left, or the log's disk is full: no reason to stop recording
+                _stop_printing()
 
     yield tell

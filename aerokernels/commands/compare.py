@@ -58,6 +58,9 @@ def compare(
     for make in TABLES:
         title, columns, rows = make(found)
         print_table(title, columns, rows)
+    unfit = sum(one.unfit_count for one in found.labels)
+    if unfit:
+        typer.echo(f"passed over: {unfit} echoes with too few samples, or without a sample period")
     if found.left_out:
         typer.echo(f"no run for: {', '.join(map(label_text, found.left_out))}")
     if files:

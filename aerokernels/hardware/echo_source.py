@@ -75,8 +75,9 @@ class EchoSource:
             noise: standard deviation of the noise [V].
 
         Raises:
-            ValueError: there is no such file, or no echo in it.
+            ValueError: there is no such file, it cannot be read, or there is no echo in it.
         """
+        import h5py
         import xarray
 
         path = Path(path)
@@ -84,6 +85,11 @@ class EchoSource:
             path = path / "result.nc"
         if not path.is_file():
             raise ValueError(f"result {path}: no such file; make one with `aerokernels run SCENE --out DIR`")
+        try:
+            with h5py.File(path, "r"):  # says what is wrong with a file in fewer words than what is built on it
+                pass
+        except OSError as error:
+            raise ValueError(f"result {path}: cannot be read ({error}); give the result.nc of a run") from error
         with xarray.open_dataset(path, engine="h5netcdf") as result:
             if (
                 not {"time", "echo_voltage"} <= set(result.variables)

@@ -11,7 +11,9 @@ from typing import Any
 
 import numpy as np
 
+from aerokernels.hardware.patient_file import PatientFile
 from aerokernels.hardware.store import EchoStore, StoredEcho
+from aerokernels.hardware.transaction import StoreError
 
 _BLOCK = 1024  # echoes written at a time
 
@@ -45,7 +47,9 @@ def export(store: EchoStore, out: str | Path, label: Mapping[str, str] | None = 
         label: only the echoes whose label has these values; other keys of theirs do not matter.
 
     Raises:
-        ValueError: another ending, no such folder, or no echoes with this label.
+        ValueError: another ending, a folder that is not there or cannot be written, no echoes with this label, or
+            a store that is damaged.
+        StoreError: the file could not be written, or the store not read.
     """
     out = Path(out)
     write = {".nc": _write_netcdf, ".csv": _write_csv}.get(out.suffix.lower())
@@ -53,6 +57,9 @@ def export(store: EchoStore, out: str | Path, label: Mapping[str, str] | None = 
         raise ValueError(f"--out {out}: give a name that ends in .nc or .csv")
     if not out.parent.is_dir():
         raise ValueError(f"--out {out}: folder {out.parent} does not exist; make it first")
+    if out.is_dir() or not os.access(out.parent, os.W_OK):
+        why = "is a folder" if out.is_dir() else f"no permission to write in {out.parent}"
+        raise ValueError(f"--out {out}: {why}; give another file name")
     draft = out.with_name(f".{out.name}.partial-{os.getpid()}")
     try:
         with store.snapshot():
@@ -62,6 +69,10 @@ def export(store: EchoStore, out: str | Path, label: Mapping[str, str] | None = 
                 raise ValueError(f"store {store.path}: no echoes with label {_text_of(label or {})}; it has: {known}")
             write(store, draft, extent, label)
         draft.replace(out)
+    except OSError as error:
+        raise StoreError(
+            f"--out {out}: {os.strerror(error.errno) if error.errno else error}; make room, or give another place"
+        ) from error
     finally:
         draft.unlink(missing_ok=True)
     return extent.count
@@ -117,7 +128,7 @@ def _write_netcdf(store: EchoStore, draft: Path, extent: _Extent, label: Mapping
 
     text = h5py.string_dtype()
     label_names = _label_names(extent.keys)
-    with h5netcdf.File(draft, "w") as file:
+    with PatientFile(draft) as disk, h5netcdf.File(disk, "w") as file:
         file.dimensions = {"echo": extent.count, "sample": extent.sample_count}
         file.attrs["title"] = "recorded echoes"
         file.attrs["source"] = f"aerokernels, store {store.path.name}"
@@ -158,6 +169,10 @@ def _write_netcdf(store: EchoStore, draft: Path, extent: _Extent, label: Mapping
             if extent.sample_count:
                 volts[here] = rows
             start += len(block)
+            if disk.failure:
+                break
+    if disk.failure:
+        raise disk.failure
 
 
 def _variable(file: Any, name: str, dims: tuple[str, ...], kind: Any, units: str, meaning: str, **options: Any) -> Any:

@@ -42,7 +42,7 @@ def open_port(port: str, *, baud: int = 115200, timeout: float = 0.1, flow: str 
     """
     import serial
 
-    if baud <= 0:
+    if not 0 < baud < 2**31:  # what the drivers' field for it holds
         raise ValueError(f"baud = {baud}: give a positive line rate such as 115200")
     if flow not in FLOW_CONTROLS:
         why = ", which takes bytes out of binary data" if "xon" in flow.lower() else ""

@@ -14,7 +14,8 @@ class PseudoTerminal:
         link: path for the link; one that is left over from an earlier terminal is replaced.
 
     Raises:
-        ValueError: `link` is a file, its folder does not exist, or this system has no pseudo-terminals.
+        ValueError: `link` is a file, its folder does not exist or cannot be written, or this system has no
+            pseudo-terminals.
     """
 
     def __init__(self, link: str | Path) -> None:
@@ -24,6 +25,8 @@ class PseudoTerminal:
             raise ValueError(f"link {self.link} is a file or a folder: give a path that is free")
         if not self.link.parent.is_dir():
             raise ValueError(f"link {self.link}: folder {self.link.parent} does not exist; make it first")
+        if not os.access(self.link.parent, os.W_OK):
+            raise ValueError(f"link {self.link}: no permission to write in {self.link.parent}; give another folder")
         if not hasattr(os, "openpty"):
             raise ValueError("this system has no pseudo-terminals: run the simulated board on Linux or macOS")
         self._master = -1

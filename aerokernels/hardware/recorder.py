@@ -115,9 +115,10 @@ class Recorder:
         """Record until the count or a stop (None), or until the port is lost (why)."""
         while not (self._done() or self._stopped()):
             try:
-                self._take_all(stream.poll())
+                pieces = stream.poll()
             except PORT_ERRORS as error:
                 return f"the port was lost ({' '.join(str(error).split())})"
+            self._take_all(pieces)
             now = time.monotonic()
             silence = now - stream.heard_at
             if self._stall_time and silence > self._stall_time:

@@ -4,6 +4,7 @@ What `commit` has returned for is on the disk; what was added since is lost with
 """
 
 import json
+import re
 import sqlite3
 import time
 from collections.abc import Iterator, Mapping
@@ -15,7 +16,8 @@ from aerokernels.hardware.frames import EchoFrame
 from aerokernels.hardware.preamble import ScopeCurve
 from aerokernels.hardware.rows import READ_ECHOES, WRITE_ECHO, echo_of, row_of, signed
 from aerokernels.hardware.schema import APPLICATION_ID, SCHEMA_VERSION, create, upgrade
-from aerokernels.hardware.transaction import StoreError, Transaction
+from aerokernels.hardware.store_file import store_address
+from aerokernels.hardware.transaction import StoreError, Transaction, told
 
 _BUSY_TIME = 30.0  # [s] to wait for another recorder that is just committing to the same store
 _CHECKPOINT_PAGES = 4000  # of the write-ahead log, 16 MB, before they are moved into the file
@@ -64,27 +66,25 @@ class EchoStore:
 
     Raises:
         ValueError: no such file or folder, not an echo store, or a schema this version does not know.
-        StoreError: the disk is full.
+        StoreError: the disk is full, or fails.
     """
 
     def __init__(self, path: str | Path, *, read_only: bool = False) -> None:
         """Open the file, or make it."""
         self.path = Path(path)
-        if not self.path.parent.is_dir():
-            raise ValueError(f"store {self.path}: folder {self.path.parent} does not exist; make it first")
-        if read_only and not self.path.is_file():
-            raise ValueError(f"store {self.path}: no such file; record one with `aerokernels record --store`")
-        uri = self.path.absolute().as_uri() + ("?mode=ro" if read_only else "?mode=rwc")
+        address, is_new = store_address(self.path, read_only=read_only), not self.path.exists()
         try:
-            self._connection = sqlite3.connect(uri, uri=True, timeout=_BUSY_TIME, isolation_level=None)
+            self._connection = sqlite3.connect(address, uri=True, timeout=_BUSY_TIME, isolation_level=None)
         except sqlite3.OperationalError as error:
             raise ValueError(f"store {self.path}: {error}; give a file that can be opened") from error
         try:
             self._prepare(read_only)
         except sqlite3.DatabaseError as error:
             self._connection.close()
-            if isinstance(error, sqlite3.OperationalError) and "full" in str(error):
-                raise StoreError(f"store {self.path}: {error}; make room first") from error
+            if isinstance(error, sqlite3.OperationalError) and re.search("full|I/O", str(error)):
+                if is_new and self.path.is_file() and not self.path.stat().st_size:
+                    self.path.unlink()
+                raise StoreError(f"store {self.path}: {error}; make room first, or give another file name") from error
             raise ValueError(f"store {self.path}: {error}; give an echo store or a new file name") from error
         except ValueError:
             self._connection.close()
@@ -135,10 +135,10 @@ class EchoStore:
         recorded is a gap, unless it was started again meanwhile.
         """
         self._label = encode_label(label)
-        self._last = self._last_echo(port, protocol)
         self._followed = False
         self.missing_count = self.duplicate_count = 0
         with self._transaction():
+            self._last = self._last_echo(port, protocol)
             row = (time.time_ns(), port, protocol, self._label)
             self._connection.execute(
                 "INSERT INTO recordings (started_ns, port, protocol, label) VALUES (?, ?, ?, ?)", row
@@ -222,31 +222,27 @@ class EchoStore:
     @property
     def echo_count(self) -> int:
         """Echoes in the store."""
-        return self._connection.execute("SELECT count(*) FROM echoes").fetchone()[0]
+        return next(self._rows("SELECT count(*) FROM echoes"))[0]
 
     @property
     def damaged_count(self) -> int:
         """Damaged pieces in the store."""
-        return self._connection.execute("SELECT count(*) FROM damaged").fetchone()[0]
+        return next(self._rows("SELECT count(*) FROM damaged"))[0]
 
     def labels(self) -> list[dict[str, str]]:
         """The different labels in the store, in the order they were first recorded."""
-        rows = self._connection.execute("SELECT label FROM echoes GROUP BY label ORDER BY min(id)")
+        rows = self._rows("SELECT label FROM echoes GROUP BY label ORDER BY min(id)")
         return [json.loads(text) for (text,) in rows]
 
     def echoes(self, label: Mapping[str, str] | None = None) -> Iterator[StoredEcho]:
         """The echoes in the order they were recorded; with `label`, only those with exactly this label."""
         where, values = ("", ()) if label is None else ("WHERE label = ?", (encode_label(label),))
-        for session, host_time, text, *columns in self._connection.execute(
-            f"{READ_ECHOES} {where} ORDER BY id", values
-        ):
+        for session, host_time, text, *columns in self._rows(f"{READ_ECHOES} {where} ORDER BY id", values):
             yield StoredEcho(session, host_time, json.loads(text), echo_of(*columns))
 
     def gaps(self) -> list[Gap]:
         """What is missing between the numbers, in the order it was noticed."""
-        rows = self._connection.execute(
-            "SELECT session, after_sequence, before_sequence, missing_count FROM gaps ORDER BY id"
-        )
+        rows = self._rows("SELECT session, after_sequence, before_sequence, missing_count FROM gaps ORDER BY id")
         return [Gap(*row) for row in rows]
 
     def snapshot(self) -> Transaction:
@@ -256,20 +252,25 @@ class EchoStore:
     def _transaction(self) -> Transaction:
         return Transaction(self._connection, "BEGIN IMMEDIATE", self.path)
 
+    def _rows(self, query: str, values: tuple = ()) -> Iterator[tuple]:
+        with told(self.path):
+            yield from self._connection.execute(query, values)
+
     def _is_stored(self, key: tuple[int, int, int]) -> bool:
-        return (
-            self._connection.execute(
-                "SELECT 1 FROM echoes WHERE sequence = ? AND device_time_us = ? AND crc32 = ?", key
-            ).fetchone()
-            is not None
-        )
+        query = "SELECT 1 FROM echoes WHERE sequence = ? AND device_time_us = ? AND crc32 = ?"
+        try:  # asked for each frame: what costs nothing where nothing goes wrong
+            return self._connection.execute(query, key).fetchone() is not None
+        except sqlite3.DatabaseError:
+            with told(self.path):
+                raise
 
     def _last_echo(self, port: str, protocol: str) -> tuple[int, int, int | None, int] | None:
-        row = self._connection.execute(
+        rows = self._rows(
             "SELECT session, sequence, device_time_us, crc32 FROM echoes WHERE recording IN "
             "(SELECT id FROM recordings WHERE port = ? AND protocol = ?) ORDER BY id DESC LIMIT 1",
             (port, protocol),
-        ).fetchone()
+        )
+        row = next(rows, None)
         return row and (row[0], row[1], None if row[2] is None else row[2] % 2**64, row[3])
 
     def _follow(self, sequence: int, device_time: int | None, crc: int, host_time_ns: int) -> int:

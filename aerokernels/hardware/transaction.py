@@ -1,11 +1,40 @@
-"""A transaction of the echo store whose failures are told in words."""
+"""What goes wrong with the file of an echo store, told in words, and its transactions."""
 
 import sqlite3
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 
 class StoreError(RuntimeError):
     """The store cannot be written; the message says why, and what to do."""
+
+
+class DamagedStoreError(StoreError, ValueError):
+    """The file holds what SQLite cannot read; the message names it."""
+
+
+@contextmanager
+def told(path: Path) -> Iterator[None]:
+    """Name the file, and say what to do, where SQLite gives up on it.
+
+    Raises:
+        StoreError: the file could not be read or written; `DamagedStoreError` where its content is damaged.
+    """
+    try:
+        yield
+    except sqlite3.OperationalError as error:
+        raise StoreError(
+            f"store {path}: {error}; what was committed is safe: "
+            "make room or unlock the file, then record again into the same store"
+        ) from error
+    except sqlite3.DatabaseError as error:
+        if type(error) is not sqlite3.DatabaseError:  # a fault of the program, not of the file
+            raise
+        raise DamagedStoreError(
+            f"store {path}: {error}; keep it, get out what can be had with `sqlite3 {path.name} .recover`, "
+            "and record into a new file"
+        ) from error
 
 
 class Transaction:
@@ -17,7 +46,7 @@ class Transaction:
         path: the file, for the message.
 
     Raises:
-        StoreError: the file could not be read or written.
+        StoreError: as `told`.
     """
 
     def __init__(self, connection: sqlite3.Connection, begin: str, path: Path) -> None:
@@ -26,26 +55,18 @@ class Transaction:
 
     def __enter__(self) -> None:
         """Begin."""
-        try:
+        with told(self._path):
             self._connection.execute(self._begin)
-        except sqlite3.OperationalError as error:
-            raise self._error(error) from error
 
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, _: object) -> None:
         """Commit, or go back where something went wrong."""
-        if error is None:
-            try:
-                self._connection.execute("COMMIT")
-                return
-            except sqlite3.OperationalError as failure:
-                error = failure
-        if self._connection.in_transaction:
-            self._connection.execute("ROLLBACK")
-        if isinstance(error, sqlite3.OperationalError):
-            raise self._error(error) from error
-
-    def _error(self, error: sqlite3.OperationalError) -> StoreError:
-        return StoreError(
-            f"store {self._path}: {error}; what was committed is safe: "
-            "make room or unlock the file, then record again into the same store"
-        )
+        try:
+            if error is None:
+                with told(self._path):
+                    self._connection.execute("COMMIT")
+        finally:
+            if self._connection.in_transaction:
+                self._connection.execute("ROLLBACK")
+        if isinstance(error, sqlite3.DatabaseError):
+            with told(self._path):
+                raise error

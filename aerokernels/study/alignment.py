@@ -37,9 +37,16 @@ def overlap(
     simulated = simulated_on(run, time)
     there = np.isfinite(simulated)
     if not there.any() or simulated[there].max() < LEAST_PEAK * run.voltage.max():
+        peak_time = float(run.time[np.argmax(run.voltage)])
+        met = there.any() and time[there][0] <= peak_time <= time[there][-1]
         raise ValueError(
-            f"the simulated echo peaks at {1e9 * run.time[np.argmax(run.voltage)]:.3f} ns, the recorded times go from "
-            f"{1e9 * time[0]:.3f} to {1e9 * time[-1]:.3f} ns: give the trigger offset, or align"
+            f"the simulated echo peaks at {1e9 * peak_time:.3f} ns, the recorded times go from "
+            f"{1e9 * time[0]:.3f} to {1e9 * time[-1]:.3f} ns"
+            + (
+                f" in steps of {1e9 * (time[1] - time[0]):.3f} ns, too wide for its pulse: record with more samples"
+                if met
+                else ": give the trigger offset, or align"
+            )
         )
     return time[there], recorded.mean[there], recorded.spread[there], simulated[there]
 

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from aerokernels.study.recorded import RecordedEcho
+from aerokernels.study.recorded import LEAST_SAMPLES, RecordedEcho
 
 # Times of an echo may differ from the first one's by this share of a sample before it is resampled.
 SAME_TIME = 1e-6
@@ -67,7 +67,7 @@ def average(echoes: Iterable[RecordedEcho]) -> AverageEcho:
         mean += step / np.maximum(number, 1.0)
         square += step * np.where(there, volts - mean, 0.0)
     if time is None:
-        raise ValueError("there are no echoes to average")
+        raise ValueError(f"there are no echoes to average: each needs {LEAST_SAMPLES} samples and a sample period")
     return AverageEcho(
         time=time,
         mean=mean,

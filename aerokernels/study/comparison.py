@@ -6,6 +6,7 @@ asks to measure it, on one label for all of them (what then differs between labe
 """
 
 import contextlib
+from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -71,6 +72,7 @@ class LabelComparison:
         label: the label.
         run: the run.
         recorded: mean and spread of the recorded echoes, on their own time axis.
+        unfit_count: echoes with too few samples, which were passed over.
         time: recorded sample times less the trigger offset, where they are compared [s], shape (n,).
         mean: recorded mean there [V], shape (n,).
         spread: spread of one echo there [V], shape (n,).
@@ -84,6 +86,7 @@ class LabelComparison:
     label: Label
     run: RunFolder
     recorded: AverageEcho
+    unfit_count: int
     time: np.ndarray
     mean: np.ndarray
     spread: np.ndarray
@@ -124,6 +127,7 @@ class LabelComparison:
             "range_difference_m": wave.range_difference,
             "trigger_offset_s": self.trigger_offset,
             "resampled_count": self.recorded.resampled_count,
+            "unfit_count": self.unfit_count,
         }
         for method, found in self.ranges.items():
             numbers |= {f"{method.replace('-', '_')}_{name}": value for name, value in found.as_dict().items()}
@@ -202,10 +206,11 @@ def compare_recording(
     labels = recorded_labels(source)
     matched = match_runs(labels, runs)
     averages: dict[Label, AverageEcho] = {}
+    unfit: Counter[Label] = Counter()
     for number, label in enumerate(matched):
         progress(f"averaging {label_text(label)}", 0.5 * number / len(matched))
         with _blamed_on(source, label):
-            averages[label] = average(recorded_echoes(source, label))
+            averages[label] = average(recorded_echoes(source, label, unfit))
     offset = options.trigger_offset
     if options.align not in (NO_ALIGNMENT, EACH):
         reference = _reference(options.align, matched)
@@ -216,12 +221,18 @@ def compare_recording(
         progress(f"comparing {label_text(label)}", 0.5 + 0.5 * number / len(matched))
         with _blamed_on(source, label):
             own = measured_offset(averages[label], run) if options.align == EACH else offset
-            found.append(_compare_label(source, label, run, averages[label], own, options))
+            found.append(_compare_label(source, label, run, averages[label], unfit[label], own, options))
     return BenchComparison(source, options, tuple(found), tuple(label for label in labels if label not in matched))
 
 
 def _compare_label(
-    source: Path, label: Label, run: RunFolder, recorded: AverageEcho, offset: float, options: CompareOptions
+    source: Path,
+    label: Label,
+    run: RunFolder,
+    recorded: AverageEcho,
+    unfit_count: int,
+    offset: float,
+    options: CompareOptions,
 ) -> LabelComparison:
     threshold = options.threshold or float(run.detector.get("threshold", 0.0)) or None
     time, mean, spread, simulated = overlap(recorded, run, offset)
@@ -235,6 +246,7 @@ def _compare_label(
         label=label,
         run=run,
         recorded=recorded,
+        unfit_count=unfit_count,
         time=time,
         mean=mean,
         spread=spread,

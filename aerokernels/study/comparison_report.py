@@ -13,7 +13,7 @@ from aerokernels.compare import DEGREES
 from aerokernels.study.comparison import EACH, NO_ALIGNMENT, BenchComparison
 from aerokernels.study.comparison_figure import ranges_figure, waveforms_figure
 from aerokernels.study.plots import png
-from aerokernels.study.recorded import label_text
+from aerokernels.study.recorded import LEAST_SAMPLES, label_text
 from aerokernels.study.report import CSS
 from aerokernels.study.store import REPORT_FILE, SUMMARY_FILE, plain, staged_folder, write_result, write_summary
 
@@ -144,6 +144,9 @@ def notes(found: BenchComparison) -> list[str]:
         lines.append(
             f"{resampled} echoes had other times than their label's first and were drawn on those by a spline."
         )
+    unfit = sum(one.unfit_count for one in found.labels)
+    if unfit:
+        lines.append(f"{unfit} echoes had fewer than {LEAST_SAMPLES} samples, or no sample period: passed over.")
     if found.left_out:
         lines.append(f"Labels without a run: {', '.join(map(label_text, found.left_out))}.")
     return lines

@@ -15,6 +15,7 @@ import contextlib
 import csv
 import itertools
 import sqlite3
+from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -61,22 +62,36 @@ def recorded_labels(path: Path) -> list[Label]:
     """
     if _kind(path) == "store":
         with _blamed_on(path), EchoStore(path, read_only=True) as store:
-            labels = [_as_label(one) for one in store.labels()]
+            found = [_as_label(one) for one in store.labels()]
     else:
-        labels = list(dict.fromkeys(echo.label for echo in recorded_echoes(path)))
+        found = [echo.label for echo in recorded_echoes(path)]
+    labels = list(dict.fromkeys(found))
     if not labels:
         raise ValueError(f"{path}: holds no echoes; record some with `aerokernels record --store`")
     return labels
 
 
-def recorded_echoes(path: Path, label: Label | None = None) -> Iterator[RecordedEcho]:
+def recorded_echoes(
+    path: Path, label: Label | None = None, unfit: Counter[Label] | None = None
+) -> Iterator[RecordedEcho]:
     """The echoes of a file one after the other, with `label` only those with exactly this label.
+
+    A board may send frames with a few samples or none, or without a sample period. In a store, which nobody can edit,
+    they are passed over and counted; in a text or a NetCDF file they are a mistake.
+
+    Args:
+        path: the recorder's store, a CSV or a NetCDF file.
+        label: the label wanted; None takes all.
+        unfit: where echoes passed over are counted, by label.
 
     Raises:
         ValueError: no such file, one of another kind, or a damaged one; the message names the place and the remedy.
     """
-    readers = {"store": _from_store, "netcdf": _from_netcdf, "csv": _from_csv}
-    for echo in readers[_kind(path)](path, label):
+    kind = _kind(path)
+    if kind == "store":
+        yield from _from_store(path, label, Counter() if unfit is None else unfit)
+        return
+    for echo in (_from_netcdf if kind == "netcdf" else _from_csv)(path):
         if label is None or echo.label == label:
             yield echo
 
@@ -96,17 +111,20 @@ def _as_label(pairs: Mapping[str, Any]) -> Label:
     return tuple(sorted((str(key).strip(), str(value).strip()) for key, value in pairs.items() if str(value).strip()))
 
 
-def _from_store(path: Path, label: Label | None) -> Iterator[RecordedEcho]:
+def _from_store(path: Path, label: Label | None, unfit: Counter[Label]) -> Iterator[RecordedEcho]:
     with _blamed_on(path), EchoStore(path, read_only=True) as store:
         for text in store.labels():
             if label is not None and _as_label(text) != label:
                 continue
             for echo in store.echoes(text):
+                if echo.frame.samples.size < LEAST_SAMPLES or not echo.frame.sample_period_ps > 0:
+                    unfit[_as_label(text)] += 1
+                    continue
                 found = RecordedEcho(_as_label(echo.label), echo.frame.time, echo.frame.voltage)
                 yield _checked(found, f"{path}: echo of sequence {echo.frame.sequence}")
 
 
-def _from_netcdf(path: Path, label: Label | None) -> Iterator[RecordedEcho]:
+def _from_netcdf(path: Path) -> Iterator[RecordedEcho]:
     with load_netcdf(path) as data, _blamed_on(path):
         if "voltage" not in data.variables or data["voltage"].ndim not in (1, 2):
             raise ValueError(
@@ -163,7 +181,7 @@ def _blamed_on(path: Path) -> Iterator[None]:
         raise ValueError(f"{path}: cannot be read ({error}); is it damaged, or no NetCDF-4 file or store?") from error
 
 
-def _from_csv(path: Path, label: Label | None) -> Iterator[RecordedEcho]:
+def _from_csv(path: Path) -> Iterator[RecordedEcho]:
     try:
         with path.open(encoding="utf-8-sig", newline="") as file:
             rows = csv.reader(line for line in file if line.strip() and not line.startswith("#"))

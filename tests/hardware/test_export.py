@@ -1,6 +1,8 @@
 """Export: what is in the store is in the file, whatever is being written meanwhile."""
 
 import csv
+import subprocess
+import sys
 
 import numpy as np
 import pytest
@@ -103,15 +105,41 @@ def test_a_recording_goes_on_meanwhile(store: EchoStore, tmp_path, monkeypatch):
 
 
 def test_what_cannot_be_exported_is_refused_and_leaves_nothing(store: EchoStore, tmp_path):
+    (tmp_path / "folder.nc").mkdir()
     before = sorted(tmp_path.iterdir())
     for out, label, match in (
         ("echoes.txt", {}, "ends in .nc or .csv"),
         ("no/echoes.nc", {}, "does not exist"),
+        ("folder.nc", {}, "is a folder"),
         ("echoes.nc", {"mach": "9"}, "no echoes with label mach=9; it has: mach=2, mach=3 run=b"),
     ):
         with pytest.raises(ValueError, match=match):
             export(store, tmp_path / out, label)
     assert sorted(tmp_path.iterdir()) == before
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="no limit on the size of files there")
+@pytest.mark.parametrize("name", ["e.nc", "e.csv"])
+def test_a_full_disk_leaves_nothing_half_written(tmp_path, root, name):
+    """A process that may write 100 kB only, and an export of several hundred."""
+    path = tmp_path / "s.sqlite"
+    random = np.random.default_rng(3)
+    with EchoStore(path) as store:
+        store.begin_recording("p", "frames", {})
+        for k in range(100):
+            samples = random.integers(-32768, 32768, 2000)
+            store.add(decode(encode(EchoFrame(k, k, 1, 1.0, 0.0, samples))[:-1]), 0)
+        store.commit()
+    code = (
+        "import resource, sys\n"
+        "resource.setrlimit(resource.RLIMIT_FSIZE, (100_000, 100_000))\n"
+        "from aerokernels.hardware.export import export\n"
+        "from aerokernels.hardware.store import EchoStore\n"
+        f"export(EchoStore({str(path)!r}, read_only=True), {str(tmp_path / name)!r})\n"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60, cwd=root)
+    assert done.returncode == 1 and f"{name}: " in done.stderr and "make room" in done.stderr, done.stderr
+    assert not [one.name for one in tmp_path.iterdir() if "e." in one.name and "sqlite" not in one.name]
 
 
 def test_the_command(store: EchoStore, tmp_path, aerokernels):

@@ -196,6 +196,7 @@ def test_every_error_of_a_driver_means_that_the_port_is_lost(tmp_path: Path, kin
     ("settings", "match"),
     [
         ({"baud": 0}, "baud = 0"),
+        ({"baud": 2**31}, "baud = 2147483648"),
         ({"flow": "xonxoff"}, "takes bytes out of binary data"),
         ({"flow": "x"}, "one of none"),
     ],

@@ -72,6 +72,19 @@ def test_an_interrupt_ends_a_recording_cleanly(tmp_path: Path, number: signal.Si
     assert integrity(path) == "ok"
 
 
+def test_a_recording_goes_on_when_nobody_reads_what_it_prints(tmp_path: Path):
+    """As behind `| head -1`: the pipe breaks with the first line of counts, and echoes come in all the same."""
+    path = tmp_path / "s.sqlite"
+    with (
+        board(tmp_path / "port", "--rate", 400),
+        started("record", "--port", tmp_path / "port", "--store", path, "--count", 800) as recorder,
+    ):
+        assert recorder.stdout is not None and "recording frames" in recorder.stdout.readline()
+        recorder.stdout.close()
+        assert recorder.wait(60) == 0
+    assert sequences(path) == list(range(800))
+
+
 def test_a_terminal_sees_how_it_goes(tmp_path: Path):
     """On a terminal: what is stored, the rate, the last peak, what was lost, and the state of the port."""
     link, ours, theirs = tmp_path / "port", *os.openpty()
@@ -220,10 +233,13 @@ def test_a_port_in_use_is_refused(tmp_path: Path, aerokernels):
         (("record", "--port", "loop://", "--store", "no/s.sqlite"), "does not exist"),
         (("record", "--port", "loop://", "--store", "s.sqlite", "--protocol", "x"), "frames or scpi"),
         (("record", "--port", "loop://", "--store", "s.sqlite", "--label", "mach"), "key=value"),
+        (("record", "--port", "loop://", "--store", "s.sqlite", "--label", "mach=\udcfe"), "no UTF-8 text"),
+        (("record", "--port", "loop://", "--store", "s.sqlite", "--baud", "99999999999"), "line rate"),
         (("record", "--port", "loop://", "--store", "s.sqlite", "--count", "0"), "count"),
         (("board", "--link", "b", "--protocol", "x"), "frames or scpi"),
         (("board", "--link", "b", "--rate", "0"), "rate"),
         (("board", "--link", "b", "--echo", "absent.nc"), "absent.nc"),
+        (("board", "--link", "b", "--echo", __file__), "cannot be read"),
         (("board", "--link", "no/b"), "does not exist"),
     ],
 )

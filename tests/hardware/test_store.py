@@ -11,6 +11,7 @@ from aerokernels.hardware.decoder import DamagedPiece
 from aerokernels.hardware.frames import EchoFrame, decode, encode
 from aerokernels.hardware.preamble import ScopeCurve
 from aerokernels.hardware.store import EchoStore, Gap
+from aerokernels.hardware.transaction import DamagedStoreError, StoreError
 
 
 def received(sequence: int, device_time_us: int, value: int = 0) -> EchoFrame:
@@ -111,9 +112,46 @@ def test_foreign_files_are_refused_and_left_alone(tmp_path):
         EchoStore(tmp_path / "new.sqlite")
     with pytest.raises(ValueError, match="does not exist"):
         EchoStore(tmp_path / "no" / "such.sqlite")
+    with pytest.raises(ValueError, match="not a file"):
+        EchoStore(tmp_path)
     with pytest.raises(ValueError, match="no such file"):
         EchoStore(tmp_path / "absent.sqlite", read_only=True)
     assert not (tmp_path / "absent.sqlite").exists()
+
+
+def test_damage_within_the_file_is_told_by_name(tmp_path):
+    """Every page but those of the schema is overwritten: reading and writing both name the file and say what to do."""
+    path = tmp_path / "s.sqlite"
+    with EchoStore(path) as store:
+        store.begin_recording("p", "frames", {})
+        for k in range(2000):
+            store.add(received(k, k), 0)
+        store.commit()
+    content = bytearray(path.read_bytes())
+    content[40_960:] = bytes((7 * byte + k) & 255 for k, byte in enumerate(content[40_960:]))
+    path.write_bytes(content)
+    with EchoStore(path, read_only=True) as store:
+        for read in (store.echoes, store.labels):
+            with pytest.raises(DamagedStoreError, match=r"s\.sqlite.*malformed"):
+                list(read())
+    with EchoStore(path) as store, pytest.raises(StoreError, match=r"s\.sqlite.*malformed"):
+        store.begin_recording("p", "frames", {})
+        for k in range(2000):
+            store.add(received(k, k, value=1), 0)
+        store.commit()
+
+
+def test_a_store_in_a_folder_without_permission_to_write(tmp_path, monkeypatch):
+    """An archive: read without a log beside it, and not written."""
+    with EchoStore(tmp_path / "s.sqlite") as store:
+        store.begin_recording("p", "frames", {})
+        store.add(received(1, 10), 0)
+        store.commit()
+    monkeypatch.setattr("os.access", lambda *_: False)
+    with EchoStore(tmp_path / "s.sqlite", read_only=True) as store:
+        assert store.echo_count == 1 and list(tmp_path.iterdir()) == [tmp_path / "s.sqlite"]
+    with pytest.raises(ValueError, match="no permission to write"):
+        EchoStore(tmp_path / "s.sqlite")
 
 
 VERSION_1 = """
@@ -263,6 +301,10 @@ def test_a_full_disk_stops_with_a_message_and_leaves_the_store_whole(tmp_path, r
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60, cwd=root)
     assert done.returncode == 1 and "what was committed is safe" in done.stderr, done.stderr
+    nothing = code.replace("300_000", "0").replace("s.sqlite", "t.sqlite")
+    empty = subprocess.run([sys.executable, "-c", nothing], capture_output=True, text=True, timeout=60, cwd=root)
+    assert empty.returncode == 1 and "make room first" in empty.stderr, empty.stderr
+    assert not list(tmp_path.glob("t.sqlite*"))
     acknowledged = int(done.stdout.split()[-1])
     with EchoStore(path) as store:
         assert [echo.frame.sequence for echo in store.echoes()] == list(range(acknowledged)) and acknowledged > 100

@@ -208,6 +208,10 @@ def test_records_that_do_not_meet(tmp_path: Path, runs):
         compare_recording(path, runs)
     found = compare_recording(path, runs, CompareOptions(align="each"))
     assert found.labels[0].waveform.correlation > 0.9999
+    coarse = np.arange(16) * 3.1e-9  # the peak lies midway between two samples, each lower by exp(-(0.52)^2)
+    path.write_text("time_s,mach=0\n" + "\n".join(f"{t},{v}" for t, v in zip(coarse, pulse(coarse), strict=True)))
+    with pytest.raises(ValueError, match=r"in steps of 3\.100 ns, too wide for its pulse"):
+        compare_recording(path, runs)
 
 
 def test_echoes_on_other_times_are_drawn_on_the_first(tmp_path: Path):
@@ -297,6 +301,23 @@ def test_damaged_recordings_are_read_or_refused_by_name(tmp_path: Path, name: st
             assert str(path) in str(error)
             refused += 1
     assert refused > 10
+
+
+def test_frames_without_a_waveform_are_passed_over_and_counted(tmp_path: Path, runs):
+    """A board's frames of no sample, of 15, and without a period, among good ones; and a label that has no others."""
+    path = tmp_path / "e.sqlite"
+    counts = np.rint(pulse(TIME) / 1e-4).astype(np.int16)
+    with EchoStore(path) as store:
+        for mach, shapes in (("0", ((0, 250), (200, 250), (15, 250), (200, 0), (200, 250))), ("3", ((1, 250),))):
+            store.begin_recording("test", "frames", {"mach": mach})
+            for number, (size, period) in enumerate(shapes):
+                store.add(EchoFrame(number, int(mach), period, 1e-4, 0.0, counts[:size]), 0)
+            store.commit()
+    found = compare_recording(path, runs[:1]).labels[0]
+    assert (found.recorded.count, found.unfit_count, found.row()["unfit_count"]) == (2, 3, 3)
+    assert found.waveform.recorded_peak == pytest.approx(found.waveform.simulated_peak, abs=1e-4)
+    with pytest.raises(ValueError, match=r"e\.sqlite, label mach=3: there are no echoes.*16 samples"):
+        compare_recording(path, runs)
 
 
 def test_bad_runs_are_refused_by_name(tmp_path: Path):

@@ -1,0 +1,34 @@
+"""Where the file of a store lies, and how it may be opened."""
+
+import os
+from pathlib import Path
+
+
+def store_address(path: Path, *, read_only: bool) -> str:
+    """The address by which SQLite opens a store.
+
+    A finished store in a folder that cannot be written (an archive) is read without the log that SQLite otherwise puts
+    beside it: nobody can be writing there.
+
+    Args:
+        path: the file.
+        read_only: for reading only; otherwise it is made when it is not there.
+
+    Raises:
+        ValueError: no such file or folder, something else than a file, or no permission to write.
+    """
+    if not path.parent.is_dir():
+        raise ValueError(f"store {path}: folder {path.parent} does not exist; make it first")
+    address = path.absolute().as_uri()
+    if not read_only:
+        if path.exists() and not path.is_file():
+            raise ValueError(f"store {path}: a folder or a device, not a file; give another file name")
+        if path.is_file() and not os.access(path, os.W_OK):
+            raise ValueError(f"store {path}: no permission to write it; allow it, or give another file name")
+        return f"{address}?mode=rwc"
+    if not path.is_file():
+        raise ValueError(f"store {path}: no such file; record one with `aerokernels record --store`")
+    file = path.resolve()  # SQLite puts the log beside the file itself, not beside a link to it
+    log_exists = file.with_name(f"{file.name}-wal").exists()
+    archived = not log_exists and not os.access(file.parent, os.W_OK)
+    return f"{address}?mode=ro{'&immutable=1' if archived else ''}"
