@@ -271,3 +271,17 @@ def test_statistics_repeat_and_count_what_is_missed():
         range_statistics(time, volts, "centroid", noise_rms=0.02, trial_count=1)
     with pytest.raises(ValueError, match="flat line"):
         cramer_rao_range(time, np.full(time.size, 0.1), 0.01)
+
+
+def test_a_true_range_that_is_no_number_is_refused():
+    time, signal = record()
+    with pytest.raises(ValueError, match="true_range"):
+        range_statistics(time, signal, "centroid", noise_rms=0.1, true_range=math.nan, trial_count=2)
+
+
+def test_rounding_is_no_correlation():
+    """A record of the wrong sign, long against the template: the sum is 0 but for rounding, far from the pulse."""
+    time = np.arange(801) * 1e-9
+    signal, template = np.exp(-(((time - 4e-7) / 4e-8) ** 2)), np.exp(-((np.arange(-240, 241) / 40.0) ** 2))
+    with pytest.raises(ValueError, match="no positive correlation"):
+        estimate_range(time, -signal, "matched-filter", template=template)
