@@ -164,7 +164,7 @@ class SampledPulse:
 
     @cached_property
     def duration(self) -> float:
-        """Energy over peak power [s], by the trapezium rule on 256ths of the period: it has kinks where it is cut at 0."""
+        """Energy over peak power [s], by the trapezium rule on 256ths of the period: it is cut at 0, with kinks."""
         time = np.linspace(*self.support, 256 * (self._curve.samples.size - 1) + 1)
         return float(np.trapezoid(self(time), x=time))
 

@@ -2,7 +2,7 @@
 
 CSV comes in two forms. One row for each echo: columns `voltage_0_v`, `voltage_1_v` ..., `sample_period_s`,
 `first_sample_time_s` (0 where it is absent) and `label_KEY` for each key of a label. Or one column for each echo: the
-first is the time in seconds, the head of each other one its label, as in
+first is the time, in seconds unless it says otherwise (time_ns), the head of each other one its label, as in
 
     time_s, mach=0, mach=2, mach=2
     0.0, 0.01, 0.02, 0.01
@@ -23,6 +23,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from aerokernels.hardware.store import EchoStore
+from aerokernels.units import quantity
 
 if TYPE_CHECKING:
     import xarray
@@ -200,15 +201,26 @@ def _echo_columns(path: Path, head: list[str], rows: Iterable[list[str]]) -> Ite
             f"{path}: its first line is {', '.join(head[:3])!r}; give a column `time_s` and one column for each echo, "
             "headed by its label such as mach=3, or a row for each echo with columns voltage_0_v, voltage_1_v ..."
         )
+    second = _time_unit(path, head[0])
     table = []
     for number, row in enumerate(rows, start=2):
         if len(row) != len(head):
             raise ValueError(f"{path}: line {number} has {len(row)} values, the first line {len(head)} columns")
         table.append([_number(text, f"{path}: line {number}") for text in row])
     values = np.array(table).reshape(-1, len(head))
+    values[:, 0] *= second
     for k, name in enumerate(head[1:], start=1):
         pairs = dict(part.partition("=")[::2] for part in name.split() if "=" in part)
         yield _checked(RecordedEcho(_as_label(pairs), values[:, 0], values[:, k]), f"{path}: column {name!r}")
+
+
+def _time_unit(path: Path, head: str) -> float:
+    """The unit [s] that the head of a column of times names: time_s, time_ns, time [us]; seconds without one."""
+    unit = head[len("time") :].strip(" _[]()/")
+    try:
+        return quantity(f"1 {unit}", "time")
+    except ValueError:
+        raise ValueError(f"{path}: its first column is headed {head!r}; give the times in seconds as time_s") from None
 
 
 def _number(text: str, place: str) -> float:

@@ -159,8 +159,8 @@ def test_a_target_that_reaches_the_aperture_is_refused():
 def test_an_echo_spread_over_many_pulses_is_smooth(pulse_tau, tilt, pulse, axis):
     """Set-up: a parallel beam of 0.3 m on a wide plane 5 km away, tilted until its depth is 11 or 7 pulses.
 
-    Expected: eq 8 about x, and the same about y. Error: 1 / R^2 over the depth, 1e-4; the slow start of the second pulse
-    is met by a few points, 3e-4. Separate pulses, from 23 points across, are 0.3 off.
+    Expected: eq 8 about x, and the same about y. Error: 1 / R^2 over the depth, 1e-4; the start of the second pulse is
+    met by a few points, 3e-4. Separate pulses, from 23 points across, are 0.3 off.
     """
     setting = scene(
         beam__radius=0.3,

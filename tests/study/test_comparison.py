@@ -348,3 +348,23 @@ def test_files_are_written_together_or_not_at_all(tmp_path: Path, runs, monkeypa
     with pytest.raises(OSError, match="disk full"):
         write_comparison(found, tmp_path / "two")
     assert not (tmp_path / "two").exists() and not list(tmp_path.glob(".two*"))
+
+
+def test_coarse_samples_on_both_sides_of_the_peak_meet_it(tmp_path: Path, runs):
+    """Samples 1.3 tau apart, the peak halfway: none is above 0.65 of it, and yet it is in the record. r is exact."""
+    time = ARRIVAL + (np.arange(-10, 10) + 0.5) * 1.3 * TAU
+    rows = (f"{at},{float(pulse(at))}" for at in time.tolist())
+    (tmp_path / "coarse.csv").write_text("time_s,mach=0\n" + "\n".join(rows))
+    (found,) = compare_recording(tmp_path / "coarse.csv", runs[:1], CompareOptions()).labels
+    assert found.waveform.correlation == pytest.approx(1.0, abs=1e-6)
+
+
+@pytest.mark.parametrize(("head", "unit"), [("time_ns", 1e-9), ("time [us]", 1e-6), ("Time (s)", 1.0), ("time", 1.0)])
+def test_a_unit_in_the_head_of_the_times_is_heeded(tmp_path: Path, head: str, unit: float):
+    path = tmp_path / "e.csv"
+    path.write_text(f"{head},mach=0\n" + "\n".join(f"{at / unit!r},1.0" for at in TIME.tolist()))
+    (echo,) = recorded_echoes(path)
+    assert echo.time == pytest.approx(TIME, rel=1e-12)
+    path.write_text(path.read_text().replace(head, "time_cubits"))
+    with pytest.raises(ValueError, match="time_cubits"):
+        list(recorded_echoes(path))
