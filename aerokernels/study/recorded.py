@@ -8,7 +8,7 @@ first is the time, in seconds unless it says otherwise (time_ns), the head of ea
     0.0, 0.01, 0.02, 0.01
 
 NetCDF: `voltage` over (echo, sample) or (sample), with `time` over sample, or `sample_period` and `first_sample_time`
-over echo; `label_KEY` over echo.
+over echo; `label_KEY` over echo. Attributes "units" such as "ns" or "mV" are heeded; without them numbers are SI.
 """
 
 import contextlib
@@ -113,7 +113,7 @@ def _from_netcdf(path: Path, label: Label | None) -> Iterator[RecordedEcho]:
             raise ValueError(
                 f"{path}: holds no `voltage` over (echo, sample); it has: {', '.join(map(str, data.variables))}"
             )
-        volts = data["voltage"].values.astype(np.float64)
+        volts = _in_si(path, data["voltage"], "voltage", "V")
         rows = volts if volts.ndim == 2 else volts[None]
         keys = [str(name) for name in data.variables if str(name).startswith("label_")]
         timed = "time" in data.variables
@@ -121,9 +121,9 @@ def _from_netcdf(path: Path, label: Label | None) -> Iterator[RecordedEcho]:
             raise ValueError(f"{path}: holds no times: give `time` over sample, or `sample_period` over echo [s]")
 
         def column(name: str) -> np.ndarray:
-            return np.broadcast_to(data[name].values, (len(rows),))
+            return np.broadcast_to(_in_si(path, data[name], "time", "s"), (len(rows),))
 
-        labels = {name: column(name) for name in keys}
+        labels = {name: np.broadcast_to(data[name].values, (len(rows),)) for name in keys}
         first = column("first_sample_time") if "first_sample_time" in data.variables else np.zeros(len(rows))
         for k, row in enumerate(rows):
             count = int(np.isfinite(row).sum())
@@ -131,11 +131,22 @@ def _from_netcdf(path: Path, label: Label | None) -> Iterator[RecordedEcho]:
                 row[:count] if np.isfinite(row[:count]).all() else row
             )  # NaN beyond the echo's own samples is no fault
             if timed:
-                time = np.asarray(data["time"].values, dtype=np.float64)[: row.size]
+                time = _in_si(path, data["time"], "time", "s")[: row.size]
             else:
                 time = first[k] + np.arange(row.size) * float(column("sample_period")[k])
             echo_label = _as_label({name.removeprefix("label_"): values[k] for name, values in labels.items()})
             yield _checked(RecordedEcho(echo_label, time, row), f"{path}: echo {k}")
+
+
+def _in_si(path: Path, variable: "xarray.DataArray", dimension: str, usual: str) -> np.ndarray:
+    """The values in SI by the variable's attribute "units"; without one they are SI."""
+    unit = str(variable.attrs.get("units", "")).strip()
+    spelled = {"": usual, "1": usual, "second": "s", "seconds": "s", "volt": "V", "volts": "V"}
+    try:
+        factor = quantity(f"1 {spelled.get(unit.lower(), unit)}", dimension)
+    except ValueError as error:
+        raise ValueError(f"{path}: the units of `{variable.name}`: {error}") from None
+    return np.asarray(variable.values, dtype=np.float64) * factor
 
 
 def load_netcdf(path: Path) -> "xarray.Dataset":

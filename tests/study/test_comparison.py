@@ -368,3 +368,16 @@ def test_a_unit_in_the_head_of_the_times_is_heeded(tmp_path: Path, head: str, un
     path.write_text(path.read_text().replace(head, "time_cubits"))
     with pytest.raises(ValueError, match="time_cubits"):
         list(recorded_echoes(path))
+
+
+def test_units_of_a_netcdf_file_are_heeded(tmp_path: Path):
+    path = tmp_path / "e.nc"
+    rows = xarray.Dataset({"voltage": ("time", 1e3 * pulse(TIME), {"units": "mV"})}, {"time": ("time", 1e9 * TIME)})
+    rows["time"].attrs["units"] = "ns"
+    rows.to_netcdf(path, engine="h5netcdf")
+    (echo,) = recorded_echoes(path)
+    assert echo.time == pytest.approx(TIME, abs=1e-18) and echo.voltage == pytest.approx(pulse(TIME), rel=1e-12)
+    rows["voltage"].attrs["units"] = "counts"
+    rows.to_netcdf(path, engine="h5netcdf")
+    with pytest.raises(ValueError, match=r"e\.nc: the units of `voltage`: '1 counts'"):
+        list(recorded_echoes(path))
