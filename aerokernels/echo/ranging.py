@@ -150,7 +150,9 @@ def _best_match(volts: np.ndarray, curve: Callable[[np.ndarray], np.ndarray], pe
     places = np.arange(count) - start
 
     def mismatch(shift: float) -> float:
-        return -float(volts @ curve((places - shift) * period))
+        # Over its norm: a pulse of few samples has more or less of them near its peak as it moves between the samples.
+        expected = curve((places - shift) * period)
+        return -float(volts @ expected) / (float(np.linalg.norm(expected)) or 1.0)
 
     low, high = max(-1.0, -float(start)), min(1.0, float(count - 1 - start))
     found = minimize_scalar(mismatch, bounds=(low, high), method="bounded", options={"xatol": 1e-10})
