@@ -18,6 +18,8 @@ Region = tuple[tuple[float, float], tuple[float, float]]
 # Distance kept around the rays: what refraction can move them by many times over, and the reach of a spline's ends.
 MARGIN = 1e-3  # [m]
 MARGIN_NODES = 8
+# Beyond three 1/e^2 radii no ray of the beam is aimed.
+BEAM_SUPPORT = 3.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,10 +58,14 @@ def view_radius(scene: Scene, z: float) -> float:
     that is at most (1 - f) a + f t off the axis at the fraction f of the way.
     """
     target = scene.target
-    corner = float(np.hypot(0.5 * target.width, 0.5 * target.height))
+    corner, depth = float(np.hypot(0.5 * target.width, 0.5 * target.height)), float(target.corners[:, 2].max())
+    if target.limits == "paper":  # the beam is summed over whatever the reflector's size
+        edge = scene.beam.radius * np.array([BEAM_SUPPORT, 1.0])
+        corner, normal = float(np.hypot(*edge)), np.abs(target.orientation[:, 2])
+        depth = float(edge @ normal[:2] / normal[2])
     # Target points are lit from points of the exit pupil that lie off the axis in the same ratio as the beam's radii.
     pupil = max(0.5 * scene.receiver.diameter, scene.beam.exit_radius * corner / scene.beam.radius)
-    nearest = target.distance - float(target.corners[:, 2].max())
+    nearest = target.distance - depth
     fraction = float(np.clip((z - scene.receiver.aperture_z) / max(nearest, 1e-9), 0.0, 1.0))
     return (1.0 - fraction) * pupil + fraction * max(corner, pupil)
 

@@ -5,6 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from aerokernels.echo.target_points import target_points
 from aerokernels.prepare import prepare_field, ray_region, view_radius
 from aerokernels.scene import Scene
 from aerokernels.study.run import scene_strehl
@@ -95,3 +96,17 @@ def test_still_air_has_no_contrast():
 def test_a_pupil_ahead_of_the_flow_is_refused(place: str):
     with pytest.raises(ValueError, match=r"receiver\.aperture_z = .* give a place behind it"):
         prepare_field(Scene.load("wind-tunnel-mach3", {"receiver.aperture_z": place}))
+
+
+def test_the_papers_limits_light_the_flow_whatever_the_reflectors_size():
+    """Summed over the beam (eq 11), the way to every aim of it lies in the region, also beyond a small reflector."""
+    changes = {"target.limits": "paper", "target.distance": 0.1, "target.tilt": 0.5}
+    small, wide = (
+        Scene.load("wind-tunnel-mach3", {**changes, "target.width": size, "target.height": size})
+        for size in (0.01, 0.5)
+    )
+    for z in (-0.008, 0.0, 0.004):
+        assert view_radius(small, z) == view_radius(wide, z)
+    points = target_points(small)
+    at_front = points.start + (0.012 / 0.1) * (points.aim - points.start)
+    assert np.hypot(at_front[:, 0], at_front[:, 1]).max() <= view_radius(small, 0.004)

@@ -316,3 +316,11 @@ def test_every_key_of_the_echo_is_on_its_page_with_its_default(table, root: Path
             assert default == field.default
         else:  # numbers, switches and lists are written as in JSON
             assert json.loads(default) == (list(field.default) if isinstance(field.default, tuple) else field.default)
+
+
+@pytest.mark.parametrize(
+    ("text", "key"),
+    [("[beam]\nradius = {a = 1}", "beam.radius"), ("[target]\ntilt_axis = {x = 1}", "target.tilt_axis")],
+)
+def test_a_table_where_a_value_belongs_is_refused_by_its_key(write, text: str, key: str):
+    assert f"mine.toml: {key} = " in refusal(write(f'[flow]\nsource = "mach3"\n{text}\n'))

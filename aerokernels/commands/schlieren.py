@@ -103,7 +103,9 @@ def schlieren(
         shock_window=None if shock is None else _numbers("--shock", shock, "length", 2),  # type: ignore[arg-type]
     )
     photograph = None
-    if measured is not None:
+    if measured is None:
+        _refuse_without_photograph(pixel_size=pixel_size, nose=nose, upstream=upstream, roll=roll)
+    else:
         if pixel_size is None or nose is None:
             raise ValueError(f"--measured {measured}: give --pixel-size and --nose too, so that its scale is known")
         photograph = read_picture(
@@ -129,6 +131,18 @@ def schlieren(
         rows.append(("Correlation of the lower halves", f"{made.comparison.correlation:.4f}"))
     print_table(scene.title or scene.name, ("quantity", "value"), rows)
     typer.echo(f"wrote {', '.join(files)} to {out}")
+
+
+def _refuse_without_photograph(pixel_size: str | None, nose: str | None, upstream: str, roll: str) -> None:
+    given = {
+        "--pixel-size": pixel_size is not None,
+        "--nose": nose is not None,
+        "--upstream": upstream != "right",
+        "--roll": roll != "0 deg",
+    }
+    if any(given.values()):
+        idle = ", ".join(option for option, there in given.items() if there)
+        raise ValueError(f"{idle}: only with a photograph; give it as --measured, or leave this out")
 
 
 def _number(option: str, text: str, dimension: str) -> float:

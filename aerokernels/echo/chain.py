@@ -13,10 +13,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from .checks import as_waveform, check_positive
-from .detector import check_order, detect, low_pass, memory_time
+from .checks import as_waveform, check_choice, check_positive
+from .detector import RESPONSES, check_order, detect, memory_time
 from .digitiser import Digitiser, digitiser_of
-from .noise import NoiseSources, noise_bandwidth, noise_sources_of, white_noise
+from .noise import NoiseSources, noise_bandwidth, noise_sources_of, sampled_noise_gain, white_noise
 from .pulse_curve import PulseCurve
 from .waveform import SPEED_OF_LIGHT
 
@@ -40,6 +40,7 @@ class DetectorChain:
 
     Raises:
         ValueError: A number that is not positive, an unknown response, an order out of range.
+        TypeError: Sources or a digitiser of another kind.
     """
 
     volts_per_watt: float
@@ -53,7 +54,14 @@ class DetectorChain:
     def __post_init__(self):
         """Check."""
         check_positive(self.volts_per_watt, "volts_per_watt", "V/W")
+        check_choice(self.response, "response", RESPONSES)
         check_order(self.order)
+        for name, part, kind in (
+            ("sources", self.sources, NoiseSources),
+            ("digitiser", self.digitiser or Digitiser(1), Digitiser),
+        ):
+            if not isinstance(part, kind):
+                raise TypeError(f"{name} must be a {kind.__name__}, got {part!r}")
         if self.bandwidth is not None:
             memory_time(self.bandwidth, self.response, self.order)
         if self.saturation is not None:
@@ -90,8 +98,13 @@ class DetectorChain:
 
         Returns:
             Samples [V], shape (ceil(n / stride),).
+
+        Raises:
+            ValueError: Uneven times, shapes that disagree, a stride that is no positive whole number.
         """
         _, watts, period = as_waveform(time, power, least_count=2)
+        if isinstance(stride, bool) or not isinstance(stride, (int, np.integer)) or stride < 1:
+            raise ValueError(f"stride must be a whole number of at least 1, got {stride!r}")
         volts = self.linear_voltage(time, power)
         if self.bandwidth is None:  # no low-pass bounds the noise: it fills the band of the samples
             volts = volts[::stride] + self.noise(watts[::stride], stride * period, seed)
@@ -101,9 +114,14 @@ class DetectorChain:
 
     def noise(self, power: np.ndarray, period: float, seed: int | np.random.Generator = 0) -> np.ndarray:
         """Noise [V] behind the low-pass while a power [W] is received at even steps of `period` [s], shape (n,)."""
+        from scipy.fft import irfft, rfft, rfftfreq
+
         current = white_noise(self.sources.density(power), period, np.random.default_rng(seed))
         volts = self.transimpedance * current
-        return volts if self.bandwidth is None else low_pass(volts, period, self.bandwidth, self.response, self.order)
+        if self.bandwidth is None:
+            return volts
+        low_pass = (period, self.bandwidth, self.response, self.order)
+        return irfft(rfft(volts) * sampled_noise_gain(rfftfreq(volts.size, period), *low_pass), volts.size)
 
     def noise_rms(self, power: float, sample_rate: float) -> float:
         """Standard deviation of a sample [V] under a steady power [W], the digitiser's left out.

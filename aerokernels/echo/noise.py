@@ -25,6 +25,7 @@ if TYPE_CHECKING:
 
 ELEMENTARY_CHARGE = 1.602176634e-19  # [C], exact
 BOLTZMANN_CONSTANT = 1.380649e-23  # [J/K], exact
+FOLDS = 4  # images of the band either side; from two poles on the next is 1e-3 of the noise even at a rate of 1 / B
 
 
 def excess_noise_factor(gain: float, ionisation_ratio: float) -> float:
@@ -128,3 +129,29 @@ def noise_bandwidth(bandwidth: float, response: str, order: int, top: float) -> 
     edges = [0.0, *(2.0**k for k in range(math.ceil(math.log2(max(top / bandwidth, 1.0))) + 1))]
     edges = [*(edge for edge in edges if edge < top / bandwidth), top / bandwidth]
     return bandwidth * sum(quad(power_gain, low, high)[0] for low, high in pairwise(edges))
+
+
+def sampled_noise_gain(frequency, period: float, bandwidth: float, response: str, order: int) -> np.ndarray:
+    """Gain of noise behind a low-pass that is sampled: what lies beyond half the sample rate is folded back.
+
+    Args:
+        frequency: Frequencies up to half the sample rate [Hz], any shape.
+        period: Sample period [s].
+        bandwidth: -3 dB bandwidth of the low-pass [Hz].
+        response: As for `low_pass_gain`.
+        order: As for `low_pass_gain`.
+
+    Returns:
+        The square root of the sum of |gain|^2 over all frequencies that look alike to the samples, of the shape of
+        `frequency`. For a single pole, whose skirt is long, the sum is a closed form.
+    """
+    from .detector import low_pass_gain
+
+    rate, low = 1.0 / period, np.asarray(frequency, dtype=np.float64)
+    if response == "first-order" or (order == 1 and response != "gaussian"):
+        # The sum of 1 / (1 + ((f + k rate) / B)^2) over all k, written so that a wide band does not overflow.
+        decay = math.exp(-2.0 * math.pi * bandwidth / rate)
+        power = (1.0 - decay**2) / (1.0 + decay**2 - 2.0 * decay * np.cos(2.0 * np.pi * low / rate))
+        return np.sqrt(math.pi * bandwidth / rate * power)
+    images = range(-FOLDS, FOLDS + 1)
+    return np.sqrt(sum(np.abs(low_pass_gain(low + fold * rate, bandwidth, response, order)) ** 2 for fold in images))

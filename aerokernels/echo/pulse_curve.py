@@ -11,6 +11,8 @@ import numpy as np
 
 # The centroid is taken where the pulse stands above this share of its peak: farther out there is only noise.
 CENTROID_FLOOR = 0.1
+# So many equal samples at the top are no peak between two samples, but a level that was not passed.
+PLATEAU = 3
 
 
 class PulseCurve:
@@ -121,8 +123,13 @@ class PulseCurve:
 
 
 def peak_height(samples: np.ndarray) -> float:
-    """Greatest value of the curve through the samples; the greatest sample where the record holds no peak."""
+    """Greatest value of the curve through the samples.
+
+    It is the greatest sample where the record holds no peak, and where an amplifier or a digitiser has cut the peak
+    off: the curve would overshoot at the edges of such a plateau.
+    """
     top = int(np.argmax(samples))
-    if samples[top] <= 0.0 or top in (0, samples.size - 1):
+    cut_off = bool((samples[top : top + PLATEAU] == samples[top]).all()) and top + PLATEAU <= samples.size
+    if samples[top] <= 0.0 or top in (0, samples.size - 1) or cut_off:
         return float(samples[top])
     return PulseCurve(samples).peak

@@ -164,11 +164,9 @@ class SampledPulse:
 
     @cached_property
     def duration(self) -> float:
-        """Energy over peak power [s], by Simpson's rule on sixteenths of the period."""
-        from scipy.integrate import simpson
-
-        time = np.linspace(*self.support, 16 * (self._curve.samples.size - 1) + 1)
-        return float(simpson(self(time), x=time))
+        """Energy over peak power [s], by the trapezium rule on 256ths of the period: it is cut at 0, with kinks."""
+        time = np.linspace(*self.support, 256 * (self._curve.samples.size - 1) + 1)
+        return float(np.trapezoid(self(time), x=time))
 
     def __call__(self, time) -> np.ndarray:
         """The shape at times [s] after the peak."""

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from .chain import DetectorChain
-from .checks import as_waveform, check_positive, check_share
+from .checks import as_waveform, check_at_least, check_positive, check_share
 from .pulse_curve import PulseCurve
 from .ranging import Template, estimate_range
 from .waveform import SPEED_OF_LIGHT
@@ -107,6 +107,8 @@ def range_statistics(
     times, volts, _ = as_waveform(time, voltage)
     bound = cramer_rao_range(times, volts, noise_rms)
     check_trials(trial_count, confidence)
+    if true_range is not None:
+        true_range = check_at_least(true_range, "true_range")
 
     def read(samples: np.ndarray) -> float:
         return estimate_range(times, samples, method, threshold=threshold, template=template, fraction=fraction)
@@ -114,7 +116,7 @@ def range_statistics(
     clean = read(volts)  # an argument that is wrong shows here, before a trial could pass for a missed one
     generator = np.random.default_rng(seed)
     ranges = _trials(read, lambda: volts + generator.normal(scale=noise_rms, size=volts.size), trial_count)
-    return summarise_ranges(ranges, trial_count, clean if true_range is None else float(true_range), bound, confidence)
+    return summarise_ranges(ranges, trial_count, clean if true_range is None else true_range, bound, confidence)
 
 
 def chain_range_statistics(
@@ -150,6 +152,7 @@ def chain_range_statistics(
     """
     times, watts, _ = as_waveform(time, power)
     check_trials(trial_count, confidence)
+    distance = check_at_least(true_range, "true_range")
     bound = chain.cramer_rao_range(times, watts)
     generator = np.random.default_rng(seed)
     ranges = _trials(
@@ -157,7 +160,7 @@ def chain_range_statistics(
         lambda: chain.record(times, watts, generator, stride),
         trial_count,
     )
-    return summarise_ranges(ranges, trial_count, float(true_range), bound, confidence)
+    return summarise_ranges(ranges, trial_count, distance, bound, confidence)
 
 
 def check_trials(trial_count: int, confidence: float) -> None:

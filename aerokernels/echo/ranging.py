@@ -23,6 +23,7 @@ from .pulse_curve import PulseCurve
 from .waveform import SPEED_OF_LIGHT
 
 RANGING_METHODS = ("leading-edge", "constant-fraction", "centroid", "matched-filter")
+ROUNDING = 1e-13
 
 Template = Callable[[np.ndarray], np.ndarray] | np.ndarray
 
@@ -142,12 +143,16 @@ def _best_match(volts: np.ndarray, curve: Callable[[np.ndarray], np.ndarray], pe
     size = next_fast_len(samples.size, real=True)
     coarse = irfft(rfft(samples, size) * np.conj(rfft(volts, size)), size)[:count][::-1]
     start = int(np.argmax(coarse))
-    if coarse[start] <= 0.0:
+    # Less than this is rounding of the sum.
+    least = ROUNDING * float(np.linalg.norm(volts)) * float(np.linalg.norm(samples))
+    if coarse[start] <= least:
         raise ValueError("the waveform has no positive correlation with the template anywhere: is a sign turned?")
     places = np.arange(count) - start
 
     def mismatch(shift: float) -> float:
-        return -float(volts @ curve((places - shift) * period))
+        # Over its norm: a pulse of few samples has more or less of them near its peak as it moves between the samples.
+        expected = curve((places - shift) * period)
+        return -float(volts @ expected) / (float(np.linalg.norm(expected)) or 1.0)
 
     low, high = max(-1.0, -float(start)), min(1.0, float(count - 1 - start))
     found = minimize_scalar(mismatch, bounds=(low, high), method="bounded", options={"xatol": 1e-10})

@@ -41,6 +41,10 @@ FILTER_MARGIN = 3.0
 # Power is computed at least this many times a pulse's time scale and a period of the amplifier's bandwidth, however
 # slow the digitiser: nothing of the pulse is aliased, and all noise that is folded into the samples is there.
 LEAST_RATE = 8.0
+# Light that comes earlier or later than in vacuum by more than this share of a pulse's time scale moves the record's
+# ends. Less leaves the sample times as they are, so that scenes that differ in their flow have the same.
+LEAST_MOVE = 0.1
+GREATEST_SAMPLE_COUNT = 1 << 22
 
 
 def echo(
@@ -69,7 +73,8 @@ def echo(
 
     Raises:
         ValueError: The target lies inside the flow or reaches back to the aperture, no ray gets out or arrives, or the
-            echo in vacuum cannot be ranged (below the threshold, or too few samples).
+            echo in vacuum cannot be ranged (below the threshold, or too few samples), or a record of millions of
+            samples.
     """
     pulse, chain = pulse_of(scene), chain_of(scene)
     flow = prepare_field(scene).field if field is None else field
@@ -83,7 +88,7 @@ def echo(
         )
     node_count = scene.receiver.strehl_node_count if strehl_node_count is None else strehl_node_count
     back = return_paths(scene, flow, out.landing, plane, node_count, symmetry)
-    time, fine, stride = _record_times(scene, pulse, vacuum.path)
+    time, fine, stride = _record_times(scene, pulse, vacuum.path, out.path)
 
     def received(paths: TransmitPaths, peak: np.ndarray) -> np.ndarray:
         delay = 2.0 * np.where(paths.arrived, paths.path, 0.0) / SPEED_OF_LIGHT
@@ -141,18 +146,33 @@ def _point_power(scene: Scene, weight: np.ndarray, paths: TransmitPaths, factor:
     return weight * factor * whole
 
 
-def _record_times(scene: Scene, pulse: PulseShape, path: np.ndarray) -> tuple[np.ndarray, np.ndarray, int]:
+def _record_times(
+    scene: Scene, pulse: PulseShape, vacuum: np.ndarray, path: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, int]:
     """Sample times [s], times at which power is computed, and how many of these make one sample period.
 
-    They follow from the geometry alone, so that scenes that differ in their flow have the same times.
+    They follow from the paths in vacuum alone, but where air over kilometres, or glass, makes a long way of it.
+
+    Raises:
+        ValueError: A record of millions of samples.
     """
-    delay = 2.0 * path / SPEED_OF_LIGHT
+    delay = 2.0 * vacuum / SPEED_OF_LIGHT
+    later = 2.0 * (path - vacuum) / SPEED_OF_LIGHT
+    least = LEAST_MOVE * pulse.timescale
+    early, late = (shift if abs(shift) > least else 0.0 for shift in (float(np.nanmin(later)), float(np.nanmax(later))))
     before, after = pulse.support
     tail = 0.0 if scene.detector.bandwidth is None else FILTER_MARGIN / scene.detector.bandwidth
     rate = scene.detector.sample_rate
-    time = sample_times(delay.min() + before, delay.max() + after + tail, rate)
+    start, stop = delay.min() + before + min(early, 0.0), delay.max() + after + tail + max(late, 0.0)
     fastest = max(1.0 / pulse.timescale, scene.detector.bandwidth or 0.0)
     stride = max(1, math.ceil(LEAST_RATE * fastest / rate))
+    length = max(stop - start, 1.0 / rate)
+    if length * rate * stride > GREATEST_SAMPLE_COUNT:
+        raise ValueError(
+            f"the record would take {length * rate * stride:.1e} samples to compute, {length:.3g} s at "
+            f"{rate * stride:.3g} Hz: beam.pulse_tau, detector.bandwidth and detector.sample_rate do not go together"
+        )
+    time = sample_times(start, stop, rate)
     fine = time[0] + np.arange((time.size - 1) * stride + 1) / (rate * stride)
     return time, fine, stride
 

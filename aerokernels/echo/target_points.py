@@ -5,6 +5,8 @@ to the axis (x and y of eq 8-12). The beam's support is cut at three 1/e^2 radii
 at the reflector's edges where those are nearer. What is left is a convex polygon; it is cut into bands at the heights
 of its corners, and each band, a trapezium, gets a tensor product of Gauss-Legendre points. With 20 points across or
 more the shares add up to the power within 1e-7.
+A tilted reflector spreads the echo by its depth: where that is long against the pulse, points are added until four of
+them lie within the time in which the pulse changes, or the echo would be a row of separate pulses.
 
 A ray leaves the exit aperture at the homologous point: as far from the axis, in exit radii, as it arrives in radii at
 the target. So a point (X, Y, Z) of the tilted reflector, from its centre, is seen by the diverging beam at
@@ -22,11 +24,16 @@ import numpy as np
 
 from ..scene import Scene
 from .checks import check_choice
+from .pulses import pulse_of
 from .radiometry import LIMITS
+from .waveform import SPEED_OF_LIGHT
 
 SUPPORT = 3.0  # [1/e^2 radii]
 LEAST_SIDE = 20  # points across the whole beam
 LEAST_BAND = 8  # points across a band, however narrow
+LEAST_PER_TIMESCALE = 4.0  # points within the depth that light passes, out and back, while the pulse changes
+GREATEST_POINT_COUNT = 1 << 22
+PANEL_NODES = 64  # Gauss-Legendre points in one piece at most: their computation takes the cube of their number
 # Corners whose heights differ by less than this share of the whole count as level: a band between would hold nothing.
 _SAME_CORNER = 1e-9
 
@@ -51,27 +58,56 @@ def target_points(scene: Scene, limits: str | None = None) -> TargetPoints:
 
     Args:
         scene: The scene; `beam.ray_count` is rounded up to a square, at least 400, and more where the reflector's
-            edges cut the beam into bands.
+            edges cut the beam into bands or a tilt spreads the echo over many pulses' lengths.
         limits: "beam": the beam's support, or the reflector's edges where those are nearer; "paper": the whole beam
             in x and one radius either way in y (eq 11), whatever the reflector's size; None: the scene's own.
 
     Raises:
-        ValueError: Unknown limits, or a target that reaches back to the aperture's plane.
+        ValueError: Unknown limits, a target that reaches back to the aperture's plane, or one so deep against the pulse
+            that millions of points were needed.
     """
     chosen = check_choice(scene.target.limits if limits is None else limits, "limits", LIMITS)
-    beam, aperture_z = scene.beam, scene.receiver.aperture_z
+    beam = scene.beam
     reach = SUPPORT * beam.radius
     if chosen == "paper":
         outline = _rectangle(reach, beam.radius)
     else:
         outline = clip_polygon(seen_outline(scene), _rectangle(reach, reach))
     side = max(math.ceil(math.sqrt(beam.ray_count)), LEAST_SIDE)
-    flat, area = polygon_points(outline, side)
+    across, along = (max(side, count) for count in _resolving_counts(scene, outline))
+    if across * along > GREATEST_POINT_COUNT:
+        raise ValueError(
+            f"the target is deep against the pulse: {across} x {along} points of the beam were needed to sum up its "
+            "echo; take a longer beam.pulse_tau, or a smaller target.tilt or beam.radius"
+        )
+    flat, area = polygon_points(outline, across, along)
     density = 2.0 / (math.pi * beam.radius**2) * np.exp(-2.0 * np.sum(flat**2, axis=1) / beam.radius**2)
-    aim = np.column_stack([flat, np.full(len(flat), aperture_z + scene.target.distance)])
-    ratio = beam.exit_radius / beam.radius
-    start = np.column_stack([ratio * flat, np.full(len(flat), aperture_z)])
-    return TargetPoints(aim, start, density * area)
+    return TargetPoints(*_rays(scene, flat), density * area)
+
+
+def _rays(scene: Scene, flat: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Where rays through points of the plane at the target's centre, shape (m, 2), aim and start [m], (m, 3) each."""
+    start_z, ratio = scene.receiver.aperture_z, scene.beam.exit_radius / scene.beam.radius
+    aim = np.column_stack([flat, np.full(len(flat), start_z + scene.target.distance)])
+    return aim, np.column_stack([ratio * flat, np.full(len(flat), start_z)])
+
+
+def _resolving_counts(scene: Scene, outline: np.ndarray) -> tuple[int, int]:
+    """Points in x and in y at which the echo's spread over the reflector's depth is resolved."""
+    flat, _ = polygon_points(outline, LEAST_BAND)
+    aim, start = _rays(scene, flat)
+    ray, normal = aim - start, scene.target.orientation[:, 2]
+    # From the exit to the tilted plane, which passes the axis where the aims' plane does.
+    center = np.array([0.0, 0.0, aim[0, 2]])
+    path = np.linalg.norm(ray, axis=1) * ((center - start) @ normal) / (ray @ normal)
+    sides = np.column_stack([np.ones(len(flat)), flat])
+    slope = np.linalg.lstsq(sides, path, rcond=None)[0]
+    bent = float(np.ptp(path - sides @ slope))
+    depth = np.abs(slope[1:]) * np.ptp(outline, axis=0) + bent
+    # Gauss points are pi / 2 times farther apart in the middle than on average.
+    step = 0.5 * SPEED_OF_LIGHT * pulse_of(scene).timescale / (0.5 * math.pi * LEAST_PER_TIMESCALE)
+    across, along = (math.ceil(length / step) for length in depth)
+    return across, along
 
 
 def _rectangle(half_width: float, half_height: float) -> np.ndarray:
@@ -118,29 +154,39 @@ def clip_polygon(outline: np.ndarray, window: np.ndarray) -> np.ndarray:
     return kept
 
 
-def polygon_points(outline: np.ndarray, side: int) -> tuple[np.ndarray, np.ndarray]:
+def polygon_points(outline: np.ndarray, across: int, along: int | None = None) -> tuple[np.ndarray, np.ndarray]:
     """Gauss-Legendre points in a convex polygon.
 
     Args:
         outline: Its corners [m], counterclockwise, shape (n, 2).
-        side: Points across its height and its width.
+        across: Points across its width, in x.
+        along: Points across its height, in y; None: as many.
 
     Returns:
         Points [m], shape (m, 2), and the area that each stands for [m2], shape (m,).
     """
+    rows = across if along is None else along
     levels = np.sort(outline[:, 1])
     levels = levels[np.append(True, np.diff(levels) > _SAME_CORNER * (levels[-1] - levels[0]))]
-    across, across_weight = np.polynomial.legendre.leggauss(side)
+    column, column_weight = _gauss_points(across)
     points, areas = [], []
     for low, high in pairwise(levels):
-        count = max(math.ceil(side * (high - low) / (levels[-1] - levels[0])), min(LEAST_BAND, side))
-        node, weight = np.polynomial.legendre.leggauss(count)
+        count = max(math.ceil(rows * (high - low) / (levels[-1] - levels[0])), min(LEAST_BAND, rows))
+        node, weight = _gauss_points(count)
         y = 0.5 * (high + low) + 0.5 * (high - low) * node
         left, right = _width_at(outline, y)
-        x = 0.5 * (left + right)[:, None] + 0.5 * (right - left)[:, None] * across
+        x = 0.5 * (left + right)[:, None] + 0.5 * (right - left)[:, None] * column
         points.append(np.stack([x, np.broadcast_to(y[:, None], x.shape)], axis=-1).reshape(-1, 2))
-        areas.append((0.5 * (high - low) * weight[:, None] * 0.5 * (right - left)[:, None] * across_weight).ravel())
+        areas.append((0.5 * (high - low) * weight[:, None] * 0.5 * (right - left)[:, None] * column_weight).ravel())
     return np.concatenate(points), np.concatenate(areas)
+
+
+def _gauss_points(count: int) -> tuple[np.ndarray, np.ndarray]:
+    """At least `count` Gauss-Legendre points in [-1, 1] and their weights, in equal pieces where they are many."""
+    piece_count = math.ceil(count / PANEL_NODES)
+    node, weight = np.polynomial.legendre.leggauss(math.ceil(count / piece_count))
+    middle = (2.0 * np.arange(piece_count) + 1.0) / piece_count - 1.0
+    return (middle[:, None] + node / piece_count).ravel(), np.tile(weight / piece_count, piece_count)
 
 
 def _width_at(outline: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -64,7 +64,7 @@ def _describe(fault: Mapping[str, Any], key: str, value: Any, model: type[BaseMo
         return f"{key} = {_short(value)}: choose one of {context['expected']}"
     if kind == "value_error":
         text = str(context["error"])
-        if isinstance(value, Mapping):
+        if isinstance(value, Mapping) and key not in known_keys(model):
             return text  # about several keys of a table, which it names
         return f"{key} = {text}" if text.startswith(f"{value!r} ") else f"{key} = {_short(value)}: {text}"
     bounds = {

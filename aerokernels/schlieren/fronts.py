@@ -11,7 +11,9 @@ import numpy as np
 
 LEAST_LINES = 8
 # Share of the scan lines that must agree on one curve: a picture in which fewer do shows no clear shock there.
-LEAST_AGREEING = 0.6
+LEAST_AGREEING = 0.5
+# Curves that are tried: of three points, with half of all that lie elsewhere, one in eight is without any of those.
+TRIAL_COUNT = 300
 # A band counts if it stands out by so many standard deviations of the noise, and by this share of the strongest one.
 NOISE_FACTOR, LEAST_SHARE = 6.0, 0.03
 # Share of each scan line, from its outer end, that is taken to be undisturbed.
@@ -130,14 +132,16 @@ def fit_curve(
     least = max(LEAST_LINES, math.ceil(LEAST_AGREEING * along.size))
     powers = np.vander(along, degree + 1, increasing=True)
     if used.sum() >= least:
-        # Least absolute deviations first: points that lie on another edge do not draw that curve to them.
+        # Points on another edge must not draw the curve to them, also where they lie together at one end: first the
+        # curve that most points are close to, then least absolute deviations of those that may belong to it.
         scale = np.abs(powers).max(axis=0)
-        start = np.linalg.lstsq(powers[used] / scale, across[used], rcond=None)[0]
+        start, reach = _most_agreed(powers[used] / scale, across[used])
+        near = used & (np.abs(np.where(used, across, 0.0) - powers / scale @ start) <= max(4.0 * reach, 2.0 * floor))
         robust = least_squares(
-            lambda c: powers[used] / scale @ c - across[used], start, loss="soft_l1", f_scale=0.2 * floor, x_scale=floor
+            lambda c: powers[near] / scale @ c - across[near], start, loss="soft_l1", f_scale=0.2 * floor, x_scale=floor
         )
         residual = across - powers / scale @ robust.x
-        spread = 1.4826 * float(np.median(np.abs(residual[used])))
+        spread = 1.4826 * float(np.median(np.abs(residual[near])))
         used = np.isfinite(residual) & (np.abs(residual) <= max(4.0 * spread, 2.0 * floor))
     for _ in range(10):
         if used.sum() < least:
@@ -158,3 +162,26 @@ def fit_curve(
     rho = min(max(rho, 0.0), 0.98)
     inverse = np.linalg.inv(powers[used].T @ powers[used])
     return coefficients, inverse * variance * (1.0 + rho) / (1.0 - rho), used
+
+
+def _most_agreed(powers: np.ndarray, across: np.ndarray) -> tuple[np.ndarray, float]:
+    """Of the curves through a few of the points each, the one that `LEAST_AGREEING` of all points are closest to.
+
+    P. Rousseeuw, Least median of squares regression, J. Am. Stat. Assoc. 79 (1984).
+
+    Args:
+        powers: Powers of the points' places, shape (n, m).
+        across: The points, shape (n,).
+
+    Returns:
+        Coefficients, shape (m,), and how close they are [as `across`].
+    """
+    count, size = powers.shape
+    random = np.random.default_rng(0)
+    draws = random.random((TRIAL_COUNT, count)).argpartition(size, axis=1)[:, :size]
+    corners = powers[draws]
+    draws = draws[np.linalg.cond(corners) < 1e8]
+    curves = np.linalg.solve(powers[draws], across[draws][..., None])[..., 0]
+    distance = np.quantile(np.abs(across - curves @ powers.T), LEAST_AGREEING, axis=1)
+    best = int(np.argmin(distance))
+    return curves[best], float(distance[best])

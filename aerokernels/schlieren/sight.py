@@ -24,6 +24,7 @@ from aerokernels.tracing import Plane, RayStatus, trace
 
 from .window import Window, make_window, ray_lines
 
+GREATEST_RAY_COUNT = 100_000_000  # some 20 GB of what is kept of them
 _UPSIDE_DOWN = np.array([1.0, -1.0])  # of (right, up)
 
 
@@ -110,6 +111,12 @@ def line_of_sight(
     if isinstance(rays_per_pixel, bool) or not isinstance(rays_per_pixel, (int, np.integer)) or rays_per_pixel < 1:
         raise ValueError(f"rays_per_pixel {rays_per_pixel!r}: give a whole number of at least 1")
     window = make_window(field, view, extent, pixel_count, width)
+    ray_count = len(window.horizontal) * len(window.vertical) * int(rays_per_pixel) ** 2
+    if ray_count > GREATEST_RAY_COUNT:
+        raise ValueError(
+            f"{len(window.horizontal)} x {len(window.vertical)} pixels of {rays_per_pixel}^2 rays are {ray_count:.1e} "
+            f"rays, more than {GREATEST_RAY_COUNT:.0e}: take a smaller pixel_count or rays_per_pixel"
+        )
     forward, right, up = window.forward, window.right, window.up
     across, along = np.meshgrid(*ray_lines(window, rays_per_pixel))
     row_count = len(along)

@@ -81,7 +81,7 @@ def _finite_box(field: IndexField, forward: np.ndarray, width: float | None) -> 
     low, high = field.box
     if field.geometry != "planar":
         if width is not None:
-            raise ValueError(f"width = {width}: a {field.geometry} field has its own; leave it out")
+            raise ValueError(f"width = {width}: {field.geometry} fields have their own; leave it out")
         return low, high
     if width is None or not (np.isfinite(width) and width > 0.0):
         raise ValueError(f"width = {width}: a planar field has no end in x; give the length of the light's way [m]")

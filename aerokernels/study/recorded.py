@@ -2,13 +2,13 @@
 
 CSV comes in two forms. One row for each echo: columns `voltage_0_v`, `voltage_1_v` ..., `sample_period_s`,
 `first_sample_time_s` (0 where it is absent) and `label_KEY` for each key of a label. Or one column for each echo: the
-first is the time in seconds, the head of each other one its label, as in
+first is the time, in seconds unless it says otherwise (time_ns), the head of each other one its label, as in
 
     time_s, mach=0, mach=2, mach=2
     0.0, 0.01, 0.02, 0.01
 
 NetCDF: `voltage` over (echo, sample) or (sample), with `time` over sample, or `sample_period` and `first_sample_time`
-over echo; `label_KEY` over echo.
+over echo; `label_KEY` over echo. Attributes "units" such as "ns" or "mV" are heeded; without them numbers are SI.
 """
 
 import contextlib
@@ -24,6 +24,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from aerokernels.hardware.store import EchoStore
+from aerokernels.units import quantity
 
 if TYPE_CHECKING:
     import xarray
@@ -130,7 +131,7 @@ def _from_netcdf(path: Path) -> Iterator[RecordedEcho]:
             raise ValueError(
                 f"{path}: holds no `voltage` over (echo, sample); it has: {', '.join(map(str, data.variables))}"
             )
-        volts = data["voltage"].values.astype(np.float64)
+        volts = _in_si(path, data["voltage"], "voltage", "V")
         rows = volts if volts.ndim == 2 else volts[None]
         keys = [str(name) for name in data.variables if str(name).startswith("label_")]
         timed = "time" in data.variables
@@ -138,9 +139,9 @@ def _from_netcdf(path: Path) -> Iterator[RecordedEcho]:
             raise ValueError(f"{path}: holds no times: give `time` over sample, or `sample_period` over echo [s]")
 
         def column(name: str) -> np.ndarray:
-            return np.broadcast_to(data[name].values, (len(rows),))
+            return np.broadcast_to(_in_si(path, data[name], "time", "s"), (len(rows),))
 
-        labels = {name: column(name) for name in keys}
+        labels = {name: np.broadcast_to(data[name].values, (len(rows),)) for name in keys}
         first = column("first_sample_time") if "first_sample_time" in data.variables else np.zeros(len(rows))
         for k, row in enumerate(rows):
             count = int(np.isfinite(row).sum())
@@ -148,11 +149,22 @@ def _from_netcdf(path: Path) -> Iterator[RecordedEcho]:
                 row[:count] if np.isfinite(row[:count]).all() else row
             )  # NaN beyond the echo's own samples is no fault
             if timed:
-                time = np.asarray(data["time"].values, dtype=np.float64)[: row.size]
+                time = _in_si(path, data["time"], "time", "s")[: row.size]
             else:
                 time = first[k] + np.arange(row.size) * float(column("sample_period")[k])
             echo_label = _as_label({name.removeprefix("label_"): values[k] for name, values in labels.items()})
             yield _checked(RecordedEcho(echo_label, time, row), f"{path}: echo {k}")
+
+
+def _in_si(path: Path, variable: "xarray.DataArray", dimension: str, usual: str) -> np.ndarray:
+    """The values in SI by the variable's attribute "units"; without one they are SI."""
+    unit = str(variable.attrs.get("units", "")).strip()
+    spelled = {"": usual, "1": usual, "second": "s", "seconds": "s", "volt": "V", "volts": "V"}
+    try:
+        factor = quantity(f"1 {spelled.get(unit.lower(), unit)}", dimension)
+    except ValueError as error:
+        raise ValueError(f"{path}: the units of `{variable.name}`: {error}") from None
+    return np.asarray(variable.values, dtype=np.float64) * factor
 
 
 def load_netcdf(path: Path) -> "xarray.Dataset":
@@ -218,15 +230,26 @@ def _echo_columns(path: Path, head: list[str], rows: Iterable[list[str]]) -> Ite
             f"{path}: its first line is {', '.join(head[:3])!r}; give a column `time_s` and one column for each echo, "
             "headed by its label such as mach=3, or a row for each echo with columns voltage_0_v, voltage_1_v ..."
         )
+    second = _time_unit(path, head[0])
     table = []
     for number, row in enumerate(rows, start=2):
         if len(row) != len(head):
             raise ValueError(f"{path}: line {number} has {len(row)} values, the first line {len(head)} columns")
         table.append([_number(text, f"{path}: line {number}") for text in row])
     values = np.array(table).reshape(-1, len(head))
+    values[:, 0] *= second
     for k, name in enumerate(head[1:], start=1):
         pairs = dict(part.partition("=")[::2] for part in name.split() if "=" in part)
         yield _checked(RecordedEcho(_as_label(pairs), values[:, 0], values[:, k]), f"{path}: column {name!r}")
+
+
+def _time_unit(path: Path, head: str) -> float:
+    """The unit [s] that the head of a column of times names: time_s, time_ns, time [us]; seconds without one."""
+    unit = head[len("time") :].strip(" _[]()/")
+    try:
+        return quantity(f"1 {unit}", "time")
+    except ValueError:
+        raise ValueError(f"{path}: its first column is headed {head!r}; give the times in seconds as time_s") from None
 
 
 def _number(text: str, place: str) -> float:

@@ -21,6 +21,7 @@ from aerokernels.echo import (
 from aerokernels.echo.chain import chain_of
 from aerokernels.echo.detector import low_pass_gain
 from aerokernels.echo.noise import BOLTZMANN_CONSTANT, ELEMENTARY_CHARGE, noise_bandwidth
+from aerokernels.echo.pulse_curve import peak_height
 from aerokernels.scene import Scene
 
 PERIOD = 0.5e-9
@@ -195,3 +196,33 @@ def test_bad_values_are_refused():
         NoiseSources(dark_current=-1e-9)
     with pytest.raises(ValueError, match="slope"):
         DetectorChain(5000.0).cramer_rao_range(TIME, np.zeros(TIME.size))
+
+
+@pytest.mark.parametrize(
+    ("response", "order"), [("first-order", 4), ("butterworth", 1), ("butterworth", 2), ("bessel", 5)]
+)
+def test_noise_beyond_half_the_sample_rate_is_folded_back(response, order):
+    """Set-up: bandwidth a fifth of the sample rate. Formula: all the noise that passes the low-pass is in the samples.
+
+    Error: 1 / sqrt(2 n), with fewer independent samples than n, 0.3 %; tolerance four times that. A single pole's skirt
+    beyond half the rate holds 12 % of the variance.
+    """
+    chain = DetectorChain(1e3, bandwidth=100e6, response=response, order=order)
+    found = chain.noise(np.zeros(1 << 18), 2e-9, seed=4)
+    assert found.std() == pytest.approx(chain.noise_rms(0.0, 0.5e9), rel=0.012)
+
+
+def test_parts_of_a_chain_are_checked():
+    with pytest.raises(TypeError, match="digitiser must be a Digitiser"):
+        DetectorChain(1e3, digitiser=8)
+    with pytest.raises(TypeError, match="sources must be a NoiseSources"):
+        DetectorChain(1e3, sources=None)
+    with pytest.raises(ValueError, match="response"):
+        DetectorChain(1e3, response="besel")
+    with pytest.raises(ValueError, match="stride"):
+        DetectorChain(1e3).record(TIME, PULSE, stride=-1)
+
+
+@pytest.mark.parametrize("level", [0.5, 1.2345])
+def test_the_peak_of_a_cut_off_pulse_is_the_level(level):
+    assert peak_height(np.minimum(2.0 * gaussian_pulse(TIME - 500e-9, 6e-9), level)) == level

@@ -107,3 +107,10 @@ def test_what_is_no_pulse_is_refused():
             make(-1.0)
     with pytest.raises(TypeError, match="pulse_tau"):
         as_pulse("6 ns")
+
+
+def test_the_duration_of_coarse_samples_allows_for_where_the_curve_is_cut():
+    """The curve through a few samples dips below 0 and is cut there; against a sum of 20 000 points a sample, 1e-6."""
+    pulse = SampledPulse([0.0, 0.0, 0.2, 0.9, 1.0, 0.5, 0.1, 0.0, 0.0], 1e-9)
+    time = np.linspace(*pulse.support, 160_001)
+    assert pulse.duration == pytest.approx(np.trapezoid(pulse(time), x=time), rel=1e-6)

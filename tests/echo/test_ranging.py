@@ -271,3 +271,29 @@ def test_statistics_repeat_and_count_what_is_missed():
         range_statistics(time, volts, "centroid", noise_rms=0.02, trial_count=1)
     with pytest.raises(ValueError, match="flat line"):
         cramer_rao_range(time, np.full(time.size, 0.1), 0.01)
+
+
+def test_a_true_range_that_is_no_number_is_refused():
+    time, signal = record()
+    with pytest.raises(ValueError, match="true_range"):
+        range_statistics(time, signal, "centroid", noise_rms=0.1, true_range=math.nan, trial_count=2)
+
+
+def test_rounding_is_no_correlation():
+    """A record of the wrong sign, long against the template: the sum is 0 but for rounding, far from the pulse."""
+    time = np.arange(801) * 1e-9
+    signal, template = np.exp(-(((time - 4e-7) / 4e-8) ** 2)), np.exp(-((np.arange(-240, 241) / 40.0) ** 2))
+    with pytest.raises(ValueError, match="no positive correlation"):
+        estimate_range(time, -signal, "matched-filter", template=template)
+
+
+@pytest.mark.parametrize("rate", [0.1e9, 0.15e9, 0.3e9])
+def test_matched_filter_is_exact_with_less_than_two_samples_a_tau(rate):
+    """0.6 to 1.8 samples a tau: any arrival between the samples is read within 1e-6 of c tau / 2.
+
+    Without the template's own norm, which changes as it moves between such samples, it is 0.3 off.
+    """
+    for arrival in np.linspace(0.0, 1.0 / rate, 7):
+        time, voltage = record(arrival=arrival, rate=rate, start=-6.0 * TAU - 2.0 / rate, stop=7.0 * TAU + 3.0 / rate)
+        found = estimate_range(time, voltage, "matched-filter", template=pulse)
+        assert abs(found - 0.5 * SPEED_OF_LIGHT * arrival) < 1e-6 * 0.5 * SPEED_OF_LIGHT * TAU

@@ -286,3 +286,24 @@ def test_dataset_holds_everything(shipped):
     assert np.array_equal(data["path"], found.path) and data["target_point"].dims == ("point", "axis")
     assert data.attrs["range_m"] == found.range and data.attrs["true_range_m"] == 1.5
     assert float(data["method_range"].sel(ranging_method="centroid")) == found.ranges["centroid"]
+
+
+def test_the_record_holds_an_echo_that_air_delays_by_many_pulses():
+    """Set-up: still air of n - 1 = 2.7e-4, a target 100 km away: 27 m of optical path, 180 ns later than in vacuum.
+
+    Expected: all of eq 8's peak, at 2 n R / c, so a centroid 27 m long. Error: R^2 of an optical path, 2 x 2.7e-4.
+    """
+    flat = IndexField.from_samples(
+        np.zeros((9, 9)), origin=(-0.04, -0.01), spacing=(0.01, 0.005), geometry="planar", ambient_index=1.00027
+    )
+    setting = scene(**{"target.distance": "100 km", "beam.pulse_tau": "5 ns", "detector.volts_per_watt": 1e14})
+    found = echo(setting, field=flat)
+    assert found.peak_power == pytest.approx(found.vacuum_peak_power, rel=1e-3)
+    assert found.ranges["centroid"] == pytest.approx(1e5 * 1.00027, abs=1e-3)
+
+
+def test_a_record_of_millions_of_samples_is_refused():
+    with pytest.raises(ValueError, match=r"do not go together"):
+        echo(scene(**{"detector.bandwidth": "1 kHz"}), field=lump(0.0))
+    with pytest.raises(ValueError, match=r"do not go together"):
+        echo(scene(**{"detector.sample_rate": "1 Hz"}), field=lump(0.0))

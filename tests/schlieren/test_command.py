@@ -61,6 +61,8 @@ def test_pictures_of_a_shipped_flow_and_a_photograph(aerokernels, tmp_path: Path
         (("mach3", "--set", "flow.density=-1"), ("flow.density",)),
         (("mach3", "--measured", "no.png"), ("--pixel-size",)),
         (("mach3", "--measured", "no.png", "--pixel-size", "1 mm", "--nose", "1,1"), ("no.png", "no such file")),
+        (("mach3", "--nose", "1,1", "--upstream", "up"), ("--nose, --upstream", "--measured")),
+        (("mach3", *SMALL, "--rays-per-pixel", "100000"), ("rays_per_pixel", "smaller")),
         (("mach3", *SMALL, "--shock", "50 mm,60 mm", "--kind", "schlieren"), ("mach3", "window")),
     ],
 )
