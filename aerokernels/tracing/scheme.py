@@ -45,6 +45,8 @@ EVEN_WEAK = 0.05
 # Where a ray ends.
 # Cosine of the least angle with a surface's normal for which the meeting is solved for, and its slant counts in full.
 LEAST_COSINE = 0.05
+# A ray that lands at a smaller angle is moved on to the surface by no more than this, in cells: what rounding leaves.
+GRAZING_REST = 1e-2
 # The number of the "surface" at which a stop at a length of arc ends a ray; those of space are numbered from 0.
 LANDED_ARC = 100
 # A ray that runs in a face is not thrown out by rounding: it is behind a surface when it is so by this many cells.
