@@ -69,7 +69,7 @@ def test_rays_that_just_miss_an_edge_of_the_box(engine):
 @pytest.mark.parametrize("engine", ENGINES)
 @pytest.mark.parametrize("geometry", ["planar", "axisymmetric"])
 def test_float32_lands_on_surfaces_that_it_grazes(engine, geometry):
-    """On a plane and on a side of the box, at 1 to 3 degrees: rounding of the place would be many times as much path."""
+    """On a plane and on a side of the box, at 1 to 3 degrees: rounding of the place is many times as much path."""
     field = uniform_field(geometry, amplitude=1e-5)
     side = field.box[1][1]
     slope = np.linspace(0.02, 0.06, 40)
