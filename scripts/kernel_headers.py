@@ -55,8 +55,10 @@ def constants() -> str:
         *_reals(
             {name: getattr(scheme, name) for name in ("DIRECTION_SHARE", "SLANT_KEPT", "SMOOTH", "ROUGH", "BLUNTED")}
         ),
-        *_group("Cosine of the least angle with a surface that is believed (double)"),
-        *_defines({name: getattr(scheme, name) for name in ("LEAST_COSINE", "STEEPEST_COSINE")}),
+        *_group(
+            "Cosine of the least angle with a surface that is believed, and cells to go on at smaller ones (double)"
+        ),
+        *_defines({name: getattr(scheme, name) for name in ("LEAST_COSINE", "STEEPEST_COSINE", "GRAZING_REST")}),
         *_group("Even samples: greatest angle with the first direction [rad]"),
         *_reals({"EVEN_WEAK": scheme.EVEN_WEAK}),
         *_group("Angle with the first direction up to which a ray counts as nearly straight [rad]"),

@@ -7,7 +7,8 @@ than error control, which estimates each step's error with a margin and tries so
     adaptive    OVERHEAD 3 int dl / (safe step there) + FIRST, both set by hand after traces of five fields
 
 A fixed step is taken where it costs at most MARGIN times as much (its error is then the smaller one), the rays are
-nearly straight, and nothing lies in the field that a step could jump over: no body, no kinks.
+nearly straight, and nothing lies in the field that a step could jump over: no body, no kinks. The error of a ray's
+direction, which error control weighs by how far off and at what slant the stop is met, must not count either.
 """
 
 from dataclasses import dataclass
@@ -16,7 +17,10 @@ import numpy as np
 
 from ..medium import IndexField
 from ..medium.grid import UniformGrid
+from ..rays import RayBundle
 from .quiet import CONES, SHARE, cones_of, reach, roughness_along, smooth_step
+from .scheme import LEAST_COSINE
+from .stop import Plane
 
 OVERHEAD = 1.5
 FIRST = 15.0
@@ -25,6 +29,8 @@ MARGIN = 1.25
 KINKED_COST = {"linear": 2.0, "monotone": 3.0, "bilinear": 12.0}
 # Greatest turn of a ray along the box for which a field is weak [rad].
 WEAK = 0.02
+# Greatest lever of a direction's error for which a fixed step may be taken, in extents of the field: see `lever_of`.
+GREATEST_LEVER = 1.0
 # A fixed step is at most this share of the box, so that every ray through it takes a few.
 LONGEST = 0.125
 
@@ -39,8 +45,21 @@ class Choice:
     evaluations: float
 
 
-def choose_method(field: IndexField, budget: float, directions: np.ndarray) -> Choice:
-    """The method for rays of these directions, `budget` the OPD error allowed for a ray [m]."""
+def lever_of(rays: RayBundle, until) -> float:
+    """By how much an error of their direction lengthens or shortens rays to a plane that they meet at a slant, at most.
+
+    It is the way to the plane times the tangent of the angle at which it is met [m/rad]; 0 for other stops.
+    """
+    if not isinstance(until, Plane):
+        return 0.0
+    cosine = np.abs(rays.direction @ until.normal)
+    height = np.abs((rays.position - until.point) @ until.normal)
+    tangent = np.sqrt(np.maximum(1.0 - cosine**2, 0.0)) / np.maximum(cosine, LEAST_COSINE)
+    return float((tangent * height / np.maximum(cosine, LEAST_COSINE)).max())
+
+
+def choose_method(field: IndexField, budget: float, directions: np.ndarray, lever: float = 0.0) -> Choice:
+    """The method for rays of these directions, `budget` the OPD error allowed for a ray [m], `lever` by `lever_of`."""
     if not isinstance(field.samples, UniformGrid):
         low, high = field.box
         across = float(np.linalg.norm(np.where(np.isfinite(high - low), high - low, 0.0)))
@@ -59,6 +78,9 @@ def choose_method(field: IndexField, budget: float, directions: np.ndarray) -> C
         step = min(step, float(smooth_step(roughest, SHARE * budget / extent)))
         safe = np.clip(reach(grid, field.geometry, budget, cone).length, 2.0 * grid.spacing.min(), extent)
         adaptive = max(adaptive, OVERHEAD * 3.0 * extent * float(np.mean(1.0 / safe)) + FIRST)
+    if lever > GREATEST_LEVER * extent:
+        why = "method adaptive: a plane that is far off and met at a slant needs directions that error control holds"
+        return Choice("adaptive", None, why, adaptive)
     turn = _greatest_turn(grid)
     if field.body is not None:
         return Choice("adaptive", None, "method adaptive: a fixed step could jump over the body", adaptive)

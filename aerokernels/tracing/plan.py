@@ -9,6 +9,7 @@ from .choice import choose_method
 
 METHODS = ("auto", "straight", "adaptive", "paper", "fixed")
 PRECISIONS = ("float32", "float64")
+PIECEWISE_LINEAR = ("linear", "bilinear", "bilinear-barron")
 
 
 @dataclass(frozen=True)
@@ -84,10 +85,12 @@ def make_plan(
     wavelength,
     directions,
     columns: str | None = None,
+    lever: float = 0.0,
 ) -> TracePlan:
     """Check the caller's choices and fill in those left to "auto".
 
-    `columns` says why collimated rays may be looked up in tables, None that they may not.
+    `columns` says why collimated rays may be looked up in tables, None that they may not; `lever` is that of the rays,
+    see `choice.lever_of`.
 
     Raises:
         ValueError: An unknown name or a number that makes no sense, with the remedy.
@@ -118,7 +121,7 @@ def make_plan(
         method = "adaptive"
         reasons.append("method adaptive: the reference is the answer that others are measured against")
     elif method == "auto":
-        choice = choose_method(field, tolerance * wavelength, directions)
+        choice = choose_method(field, tolerance * wavelength, directions, lever)
         method, step, predicted = choice.method, choice.step, choice.evaluations
         reasons.append(choice.reason)
     backend, device, why = choose_backend(backend, device)
@@ -163,7 +166,9 @@ def step_allowance(field: IndexField, method: str, step, path_length) -> int:
     diagonal = _diagonal(field)
     if path_length is not None:
         diagonal = max(diagonal, path_length)
-    finest = float(field.samples.paper_step.min()) if method == "paper" else float(np.min(field.spacing)) * 0.02
+    # Where the gradient jumps at every cell, light can run along a ridge of the index in steps of a few LEAST_STEP.
+    cells = 0.002 if field.interpolation in PIECEWISE_LINEAR else 0.02
+    finest = float(field.samples.paper_step.min()) if method == "paper" else float(np.min(field.spacing)) * cells
     if method == "fixed":
         finest = step
     return int(min(10.0 * diagonal / finest + 1000.0, 2_000_000_000.0))

@@ -43,9 +43,11 @@ TINY = {"float32": 1e-30, "float64": 1e-290}
 EVEN_WEAK = 0.05
 
 # Where a ray ends.
-# Cosines of the angle with a surface's normal: even samples end on surfaces above the first; above the second the place
-# where a surface is met is solved for, and its slant counts in full.
+# Cosines of the angle with a surface's normal: above the first the place where a ray meets it is solved for along the
+# ray's first direction; above the second its slant counts in full.
 LEAST_COSINE, STEEPEST_COSINE = 0.05, 0.002
+# A ray that lands at a smaller angle is moved on to the surface by no more than this, in cells: what rounding leaves.
+GRAZING_REST = 1e-2
 # The number of the "surface" at which a stop at a length of arc ends a ray; those of space are numbered from 0.
 LANDED_ARC = 100
 # A ray that runs in a face is not thrown out by rounding: it is behind a surface when it is so by this many cells.

@@ -8,6 +8,7 @@ import numpy as np
 from ..medium import IndexField
 from ..rays import RayBundle
 from .budget import error_budget
+from .choice import lever_of
 from .collimated import columns_hold, find_columns, is_collimated, is_worth_it
 from .even import fit_even, may_be_even, pilot_of
 from .plan import TracePlan, make_plan
@@ -109,7 +110,8 @@ def plan_rays(field: IndexField, pilot, ray_count: int, until, *, method, wavele
             plan = fit_even(field, pilot(), plan, until, wavelength) or plan
         if plan.columns or plan.sample_count:
             return plan
-    return make_plan(field, method=method, wavelength=wavelength, **choices)
+    lever = lever_of(pilot(), until) if method == "auto" else 0.0
+    return make_plan(field, method=method, wavelength=wavelength, lever=lever, **choices)
 
 
 def _columns(field: IndexField, rays: RayBundle, until, method: str, tolerance: float, wavelength: float) -> str | None:

@@ -4,7 +4,7 @@ import functools
 
 import warp as wp
 
-from .scheme import LEAST_COSINE, STEEPEST_COSINE
+from .scheme import GRAZING_REST, LEAST_COSINE
 from .warp_types import types
 
 FACE_COUNT = {"volume": 6, "planar": 4, "axisymmetric": 3}
@@ -137,11 +137,37 @@ def build_meeting(precision: str, geometry: str):
         for _trial in range(trials):
             miss = surface_distance(bounds, k, p + along * d)
             cosine = wp.dot(wp.vec3d(miss[1], miss[2], miss[3]), d)
-            if wp.abs(cosine) > wp.float64(STEEPEST_COSINE):
+            if wp.abs(cosine) > wp.float64(LEAST_COSINE):
                 along -= miss[0] / cosine
         return along
 
     return meeting
+
+
+@functools.cache
+def build_grazing_rest(precision: str, geometry: str):
+    """A function (bounds, control, k, point, direction, heading) -> what a ray on surface k lacks of it [m].
+
+    That is measured along its tangent `heading`. 0 where it is more than rounding of the ray's place leaves, or where
+    the surface was met along the direction already: see `build_meeting`.
+    """
+    t = types(precision)
+    Bounds, Control = t.Bounds, t.Control
+    surface_distance = build_surface_distance(precision, geometry)
+
+    @wp.func
+    def grazing_rest(bounds: Bounds, control: Control, k: int, p: wp.vec3d, d: wp.vec3d, heading: wp.vec3d):
+        miss = surface_distance(bounds, k, p)
+        normal = wp.vec3d(miss[1], miss[2], miss[3])
+        cosine = wp.dot(normal, heading)
+        most = wp.float64(GRAZING_REST) / wp.float64(wp.max(control.cell_rate))
+        grazes = wp.abs(wp.dot(normal, d)) <= wp.float64(LEAST_COSINE) and wp.abs(miss[0]) < most * wp.abs(cosine)
+        rest = wp.float64(0.0)
+        if grazes:
+            rest = -miss[0] / cosine
+        return rest
+
+    return grazing_rest
 
 
 @functools.cache

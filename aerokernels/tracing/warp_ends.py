@@ -7,7 +7,14 @@ import warp as wp
 from .scheme import LANDED_ARC, LEAST_COSINE, STEEPEST_COSINE
 from .status import RayStatus
 from .tableau import NEARLY_STRAIGHT, is_one_scalar
-from .warp_box import FACE_COUNT, build_crossing, build_detour, build_meeting, build_surface_distance
+from .warp_box import (
+    FACE_COUNT,
+    build_crossing,
+    build_detour,
+    build_grazing_rest,
+    build_meeting,
+    build_surface_distance,
+)
 from .warp_motion import deflection
 from .warp_types import types
 from .warp_wall import build_way_out
@@ -143,6 +150,7 @@ def build_end(precision: str, geometry: str, interpolation: str, stop: str):
     t = types(precision)
     real, vec3, vec4, Bounds, Control, Course = t.real, t.vec3, t.vec4, t.Bounds, t.Control, t.Course
     meeting = build_meeting(precision, geometry)
+    grazing_rest = build_grazing_rest(precision, geometry)
     detour = build_detour(precision, geometry)
     face_count = wp.constant(FACE_COUNT[geometry])
     one_scalar = is_one_scalar(interpolation)
@@ -183,6 +191,9 @@ def build_end(precision: str, geometry: str, interpolation: str, stop: str):
         along = course.enter + ambient * sigma  # distance along the straight ray
         if landed >= 0 and landed < wp.static(LANDED_ARC):
             along = meeting(bounds, landed, p + q64, d, along)
+            rest = grazing_rest(bounds, control, landed, p + along * d + q64, d, heading)
+            along += rest
+            q64 += rest * turn
         stop_distance = course.stop_distance
         if not course.meets:
             along = none

@@ -106,11 +106,24 @@ static inline double meeting(const Bounds *bounds, int k, double3 p, double3 d, 
         double3 normal;
         const double miss = surface_distance(bounds, k, p + along * d, &normal);
         const double cosine = dot(normal, d);
-        if (fabs(cosine) > STEEPEST_COSINE) {
+        if (fabs(cosine) > LEAST_COSINE) {
             along -= miss / cosine;
         }
     }
     return along;
+}
+
+// What a ray that was brought to surface k, which it grazes, still lacks of it along its tangent; 0 where that is more
+// than rounding of its place leaves, or where the line along d was met with it already.
+static inline double grazing_rest(
+    const Bounds *bounds, const Control *control, int k, double3 p, double3 d, double3 heading)
+{
+    double3 normal;
+    const double miss = surface_distance(bounds, k, p, &normal);
+    const double cosine = dot(normal, heading);
+    const double most = GRAZING_REST / (double)greatest(VECTOR(control->cell_rate));
+    const int grazes = fabs(dot(normal, d)) <= LEAST_COSINE && fabs(miss) < most * fabs(cosine);
+    return grazes ? -miss / cosine : 0.0;
 }
 
 // How much further along d a line shifted by q meets face k than the line itself, which leaves the box at `leave`;

@@ -79,9 +79,10 @@
 #define ROUGH R(0.2)
 #define BLUNTED R(30.0)
 
-// Cosine of the least angle with a surface that is believed (double).
+// Cosine of the least angle with a surface that is believed, and cells to go on at smaller ones (double).
 #define LEAST_COSINE 0.05
 #define STEEPEST_COSINE 0.002
+#define GRAZING_REST 0.01
 
 // Even samples: greatest angle with the first direction [rad].
 #define EVEN_WEAK R(0.05)

@@ -146,6 +146,9 @@ static inline Arrival end_of(
     double along = course->enter + ambient * sigma;  // distance along the straight ray
     if (landed >= 0 && landed < LANDED_ARC) {
         along = meeting(bounds, landed, p + q64, d, along);
+        const double rest = grazing_rest(bounds, control, landed, p + along * d + q64, d, heading);
+        along += rest;
+        q64 += rest * turn;
     }
     double stop_distance = course->stop_distance;
     if (!course->meets) {

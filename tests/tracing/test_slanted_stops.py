@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.ndimage import gaussian_filter
 
 from aerokernels.medium import IndexField
 from aerokernels.rays import RayBundle
@@ -63,3 +64,38 @@ def test_rays_that_just_miss_an_edge_of_the_box(engine):
     leaves_by_end = expected.position[:, 2] > end * (1.0 - 1e-12)
     assert 0.1 < leaves_by_end.mean() < 0.9
     assert np.abs(arrays["opd"] - expected.opd).max() < 1e-3 * WAVE
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+@pytest.mark.parametrize("geometry", ["planar", "axisymmetric"])
+def test_float32_lands_on_surfaces_that_it_grazes(engine, geometry):
+    """On a plane and on a side of the box, at 1 to 3 degrees: rounding of the place is many times as much path."""
+    field = uniform_field(geometry, amplitude=1e-5)
+    side = field.box[1][1]
+    slope = np.linspace(0.02, 0.06, 40)
+    below = slope * np.linspace(1.7e-3, 3.9e-3, 40)  # at z = 0, to be there before the end of the box at 4 mm
+    for height, until in ((side, None), (6.3e-4, Plane((0.0, 6.3e-4, 0.0), (0.0, 1.0, 0.0)))):
+        rays = RayBundle(np.c_[0 * slope, height - below, 0 * slope], np.c_[0 * slope, slope, np.ones(40)])
+        exact = trace(field, rays, until=until, method="adaptive", tolerance=1e-6, precision="float64", **on(engine))
+        result = trace(field, rays, until=until, method="adaptive", tolerance=1e-4, precision="float32", **on(engine))
+        assert exact.ok.all() and result.ok.all()
+        assert np.abs(result.opd - exact.opd).max() < 2e-4 * WAVE
+        assert np.abs(result.position[:, 1] - height).max() < 1e-15
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+def test_auto_takes_no_fixed_step_to_a_far_slanted_plane(engine):
+    """The step that is short enough for the paths in the field leaves directions too much in error."""
+    noise = gaussian_filter(np.random.default_rng(8).standard_normal((96, 192)), 6.0, mode="wrap")
+    contrast = 1e-5 * noise / np.abs(noise).max()
+    field = IndexField.from_samples(contrast, origin=(-48 * CELL, 0.0), spacing=(CELL, CELL), geometry="planar")
+    aim = np.linspace(-30, 30, 60) * CELL
+    rays = RayBundle(np.c_[0 * aim, aim, 0 * aim], (0.0, 0.01, 1.0))
+    chosen = {}
+    for name, normal in (("across", (0.0, 0.01, 1.0)), ("slanted", (0.0, 2.0, 1.0))):
+        plane = Plane((0.0, 0.0, 3.0), normal)
+        chosen[name] = trace(field, rays, until=plane, tolerance=1e-3, precision="float64", **on(engine))
+        exact = trace(field, rays, until=plane, method="adaptive", tolerance=1e-6, precision="float64", **on(engine))
+        assert np.abs(chosen[name].opd - exact.opd).max() < 2e-3 * WAVE, name
+    assert chosen["across"].plan.method == "fixed"
+    assert chosen["slanted"].plan.method == "adaptive" and "slant" in chosen["slanted"].plan.reasons[0]

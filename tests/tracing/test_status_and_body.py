@@ -196,3 +196,17 @@ def test_along_x_in_a_planar_body(engine):
     assert stopped.ok.all()
     np.testing.assert_allclose(stopped.optical_path, 5e-3 * field.ambient_index, rtol=1e-12)
     assert (trace(field, rays, **where).status == RayStatus.INSIDE_BODY).all()
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+@pytest.mark.parametrize("precision", ["float32", "float64"])
+def test_a_ridge_of_a_kinked_field_is_no_trap(engine, precision):
+    """Light on the edge of a roof of contrast stays there, kink by kink, and arrives: OPD 0, the roof's on its edge."""
+    y = np.arange(-5, 6) * 1e-4
+    roof = np.repeat((-20.0 * np.abs(y))[:, None], 11, axis=1)
+    field = IndexField.from_samples(
+        roof, origin=(-5e-4, 0.0), spacing=(1e-4, 1e-4), geometry="planar", interpolation="linear"
+    )
+    result = one((0, 0, -1e-3), UP, field, until=Plane((0, 0, 2e-3), UP), precision=precision, **on(engine))
+    assert result.status[0] == RayStatus.OK
+    assert abs(result.opd[0]) < 1e-3 * 905e-9
