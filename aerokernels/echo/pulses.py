@@ -49,7 +49,23 @@ class PulseShape(Protocol):
 
 
 @dataclass(frozen=True)
-class GaussianPulse:
+class _OfTau:
+    """A pulse with one time constant [s]."""
+
+    tau: float
+
+    def __post_init__(self):
+        """Check."""
+        check_positive(self.tau, "pulse_tau", "s")
+
+    @property
+    def timescale(self) -> float:
+        """Tau [s]."""
+        return self.tau
+
+
+@dataclass(frozen=True)
+class GaussianPulse(_OfTau):
     """exp(-(t / tau)^2).
 
     Attributes:
@@ -59,21 +75,10 @@ class GaussianPulse:
         ValueError: It is not positive and finite.
     """
 
-    tau: float
-
-    def __post_init__(self):
-        """Check."""
-        check_positive(self.tau, "pulse_tau", "s")
-
     @property
     def support(self) -> tuple[float, float]:
         """2e-16 of the peak is left there [s]."""
         return -6.0 * self.tau, 6.0 * self.tau
-
-    @property
-    def timescale(self) -> float:
-        """Tau [s]."""
-        return self.tau
 
     @property
     def duration(self) -> float:
@@ -86,7 +91,7 @@ class GaussianPulse:
 
 
 @dataclass(frozen=True)
-class HeliosPulse:
+class HeliosPulse(_OfTau):
     """(t / tau)^2 exp(-t / tau), counted from its peak.
 
     Attributes:
@@ -96,21 +101,10 @@ class HeliosPulse:
         ValueError: It is not positive and finite.
     """
 
-    tau: float
-
-    def __post_init__(self):
-        """Check."""
-        check_positive(self.tau, "pulse_tau", "s")
-
     @property
     def support(self) -> tuple[float, float]:
         """Nothing before, 2e-13 of the peak after [s]."""
         return -2.0 * self.tau, 34.0 * self.tau
-
-    @property
-    def timescale(self) -> float:
-        """Tau [s]."""
-        return self.tau
 
     @property
     def duration(self) -> float:
