@@ -178,8 +178,10 @@ __kernel void trace_even(
             off_course = (real)INFINITY;  // at a plane on the box's edge a bent ray may fare otherwise
         } else if (runs) {
             // How far place and direction are off counts where the stop is met at a slant.
-            const double3 off_place = (double3)(REAL_AT(flight.twistx, lane), REAL_AT(flight.twisty, lane), REAL_AT(flight.twistz, lane));
-            const double3 off_turn = (double3)(REAL_AT(flight.offx, lane), REAL_AT(flight.offy, lane), REAL_AT(flight.offz, lane));
+            const double3 off_place =
+                (double3)(REAL_AT(flight.twistx, lane), REAL_AT(flight.twisty, lane), REAL_AT(flight.twistz, lane));
+            const double3 off_turn =
+                (double3)(REAL_AT(flight.offx, lane), REAL_AT(flight.offy, lane), REAL_AT(flight.offz, lane));
             if (STOP == PLANE) {
                 normal = VECTOR64(bounds.plane_normal);
             }

@@ -1,4 +1,4 @@
-"""Files of recorded echoes: each kind gives the same numbers; what is damaged or in unknown units is refused by name."""
+"""Files of recorded echoes: each kind gives the same numbers; what is damaged, or of unknown units, is refused."""
 
 from pathlib import Path
 
