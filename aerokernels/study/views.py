@@ -9,7 +9,7 @@ import numpy as np
 from aerokernels.medium import IndexField
 from aerokernels.rays import Disc, RayBundle
 from aerokernels.scene import Scene
-from aerokernels.tracing import Plane, RayStatus, TraceResult, trace
+from aerokernels.tracing import Plane, TraceResult, trace
 from aerokernels.tracing.pupil_fan import asymmetry
 from aerokernels.wavefront import point_spread_function, remove_terms
 
@@ -166,7 +166,7 @@ def ray_fan(field: IndexField, scene: Scene, front: float) -> RayFan:
         plane = Plane(np.array([0.0, 0.0, z]), np.array([0.0, 0.0, 1.0]))
         traced = trace(field, rays, **trace_options(scene), until=plane, outputs=("position",))
         assert traced.position is not None  # asked for
-        arrived = traced.status == RayStatus.OK
+        arrived = traced.ok
         position[arrived, column] = traced.position[arrived]
         seconds = {stage: time + traced.seconds.get(stage, 0.0) for stage, time in seconds.items()}
     return RayFan(position, position[..., 1] - start[:, None, 1], seconds)

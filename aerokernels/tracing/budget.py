@@ -22,7 +22,7 @@ import numpy as np
 from ..medium import IndexField, ResamplingError
 from ..rays import RayBundle
 from .plan import TracePlan, step_allowance
-from .status import RayStatus
+from .status import reached
 
 SUBSET = 192
 SAFETY = 3.0
@@ -74,7 +74,7 @@ def opd_errors(field: IndexField, rays: RayBundle, plan: TracePlan, retrace: Ret
         return found
     traces = [truth if rungs.fine is field else retrace(rungs.fine, rays, tight)]
     traces += [retrace(rung, rays, tight) for rung in (rungs.coarse, rungs.coarser) if rung is not None]
-    good = np.logical_and.reduce([status == RayStatus.OK for _, status in traces])
+    good = np.logical_and.reduce([reached(status) for _, status in traces])
     opd = [path[good] for path, _ in traces]
     found["interpolation"] = rungs.remainder(opd[0], opd[1], opd[2] if len(opd) > 2 else None) if good.any() else opd[0]
     return found
@@ -88,7 +88,7 @@ def float64_rounding(field: IndexField, rays: RayBundle) -> float:
 
 
 def _change(one, other) -> np.ndarray:
-    good = (one[1] == RayStatus.OK) & (other[1] == RayStatus.OK)
+    good = reached(one[1]) & reached(other[1])
     return np.asarray(one[0][good] - other[0][good])
 
 

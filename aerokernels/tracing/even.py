@@ -18,7 +18,7 @@ from ..rays import RayBundle
 from .active import active_box
 from .choice import choose_method
 from .plan import TracePlan
-from .status import RayStatus
+from .status import reached
 from .stop import ArcLength
 
 # Fewer rays are traced under error control at once: a pilot would not pay.
@@ -135,8 +135,8 @@ class _Rung:
         arrays, _ = run(field, pilot, trial, until, wavelength, frozenset(("opd", "step_error")))
         self.count = count
         self.opd = arrays["opd"]
-        self.good = (arrays["status"] == RayStatus.OK) & np.isfinite(arrays["step_error"])
-        lost = (arrays["status"] == RayStatus.OK) & ~self.good
+        self.good = reached(arrays["status"]) & np.isfinite(arrays["step_error"])
+        lost = reached(arrays["status"]) & ~self.good
         self.is_fit = bool(self.good.any() and lost.mean() <= UNFIT)
         self.difference = float(arrays["step_error"][self.good].max()) if self.good.any() else 0.0
 

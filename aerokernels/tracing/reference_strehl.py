@@ -6,7 +6,7 @@ import numpy as np
 
 from ..rays import RayBundle
 from .pupil_sums import MOMENT_COUNT, PUPIL_OUTPUTS, PupilSums, PupilTask, fan_rays, fit_plane, moments_in_metres
-from .status import RayStatus
+from .status import reached
 from .trace import run_plan
 
 
@@ -27,7 +27,7 @@ class PupilRun:
             arrays, _ = run_plan(
                 task.field, RayBundle(position, direction), task.plan, task.until, task.wavelength, PUPIL_OUTPUTS
             )
-            good = arrays["status"] == RayStatus.OK
+            good = reached(arrays["status"])
             (x, y), share, opd = place[good].T, weight[good], arrays["opd"][good]
             terms = (np.ones_like(x), x, y, opd, x * x, x * y, y * y, x * opd, y * opd, opd * opd)
             worst = arrays["step_error"][good].max(initial=0.0)

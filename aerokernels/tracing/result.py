@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from .status import RayStatus
+from .status import RayStatus, reached
 
 # Per-ray arrays: unit and meaning, in the order of results.
 RAY_OUTPUTS = {
@@ -64,8 +64,11 @@ class TraceResult:
 
     @property
     def ok(self) -> np.ndarray:
-        """Which rays reached the stop, shape (ray_count,)."""
-        return self.status == RayStatus.OK
+        """Which rays reached the stop, shape (ray_count,).
+
+        Those of status LEFT_DISTURBED_AIR and TOLERANCE_NOT_MET did, besides OK: `status` tells them apart.
+        """
+        return reached(self.status)
 
     @cached_property
     def error(self) -> dict[str, float]:

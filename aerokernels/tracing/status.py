@@ -2,6 +2,8 @@
 
 from enum import IntEnum
 
+import numpy as np
+
 
 class RayStatus(IntEnum):
     """Status codes of traced rays, the same numbers in every kernel."""
@@ -13,6 +15,8 @@ class RayStatus(IntEnum):
     INSIDE_BODY = 4
     MAX_STEPS = 5
     NOT_FINITE = 6
+    LEFT_DISTURBED_AIR = 7
+    TOLERANCE_NOT_MET = 8
 
     @property
     def meaning(self) -> str:
@@ -51,4 +55,21 @@ _TEXT = {
         "a number overflowed or was not a number",
         "trace in float64, or look for contrasts that are too strong for the step",
     ),
+    RayStatus.LEFT_DISTURBED_AIR: (
+        "the ray reached the stop, but part of its way lies outside the field's box beside air that is still disturbed, "
+        "so that its optical path holds the known air only",
+        "give the field a box that reaches into undisturbed air, move the rays, or read error['truncation']",
+    ),
+    RayStatus.TOLERANCE_NOT_MET: (
+        "the ray reached the stop, but its own error estimate (step_error) is above the tolerance asked for",
+        "trace in float64, loosen the tolerance, or read the ray's step_error",
+    ),
 }
+
+# The rays of these statuses reached the stop: their results are numbers to be used, with what the status says in mind.
+REACHED = (RayStatus.OK, RayStatus.LEFT_DISTURBED_AIR, RayStatus.TOLERANCE_NOT_MET)
+
+
+def reached(status: np.ndarray) -> np.ndarray:
+    """Which of the status codes belong to rays that reached the stop, as booleans of the same shape."""
+    return np.isin(status, REACHED)
