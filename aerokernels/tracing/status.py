@@ -56,8 +56,8 @@ _TEXT = {
         "trace in float64, or look for contrasts that are too strong for the step",
     ),
     RayStatus.LEFT_DISTURBED_AIR: (
-        "the ray reached the stop, but part of its way lies outside the field's box beside air that is still disturbed, "
-        "so that its optical path holds the known air only",
+        "the ray reached the stop, but part of its way lies outside the field's box beside air that is still "
+        "disturbed, so that its optical path holds the known air only",
         "give the field a box that reaches into undisturbed air, move the rays, or read error['truncation']",
     ),
     RayStatus.TOLERANCE_NOT_MET: (
