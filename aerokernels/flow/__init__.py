@@ -1,47 +1,98 @@
-"""Where density comes from: gas relations, exact flows, and the flow fields that come with the package."""
+"""Where density comes from: gas relations, exact flows, and the flow fields that come with the package.
 
+Relations: `isentropic`, `tunnel_conditions`, `free_stream`, `normal_shock`, `oblique_shock`, `cone_shock`,
+`prandtl_meyer`, `expansion_fan`, `Vortex`, `riemann`, `bow_shock`. Density fields of exact flows: `wedge`,
+`plane_shock`, `cone`, `expansion`, `vortex`, `shock_tube`; by an approximate correlation: `blunt_body`; shipped:
+`shipped`. Density to index: `refractivity_model`.
+"""
+
+from .billig import BowShock, bow_shock
+from .blunt_body import BluntBodyFlow, blunt_body
+from .ciddor import ciddor_constant, ciddor_refractivity, moist_air_density, water_fraction
 from .conical_field import ConicalFlow, cone
 from .conical_profile import ConeShock
 from .density_field import DensityField, uniform_air
+from .exact_field import ExactField
+from .fan_field import ExpansionFan, expansion, expansion_fan, mach_after_turn, maximum_expansion
 from .gas import (
     GAMMA_AIR,
     GAS_CONSTANT_AIR,
     SEA_LEVEL_DENSITY,
     FreeStream,
     Isentropic,
+    free_stream,
     isentropic,
     tunnel_conditions,
 )
+from .models import MODELS, RefractivityModel, refractivity_model
 from .refractivity import RELATIONS, gladstone_dale_constant, index_contrast, refractivity
+from .riemann import GasState, Riemann, riemann
 from .shipped import shipped, shipped_names
+from .shock_tube import TubeAtTime, shock_tube
 from .shocks import PrandtlMeyer, Shock, maximum_deflection, normal_shock, oblique_shock, prandtl_meyer
+from .species import SPECIES, SPECIES_NAMES, Composition, Species, species_constant
 from .taylor_maccoll import cone_shock, maximum_cone_angle
+from .vortex import Vortex, vortex
+from .wedge_field import PlaneShock, plane_shock, wedge
 
 __all__ = [
     "GAMMA_AIR",
     "GAS_CONSTANT_AIR",
+    "MODELS",
     "RELATIONS",
     "SEA_LEVEL_DENSITY",
+    "SPECIES",
+    "SPECIES_NAMES",
+    "BluntBodyFlow",
+    "BowShock",
+    "Composition",
     "ConeShock",
     "ConicalFlow",
     "DensityField",
+    "ExactField",
+    "ExpansionFan",
     "FreeStream",
+    "GasState",
     "Isentropic",
+    "PlaneShock",
     "PrandtlMeyer",
+    "RefractivityModel",
+    "Riemann",
     "Shock",
+    "Species",
+    "TubeAtTime",
+    "Vortex",
+    "blunt_body",
+    "bow_shock",
+    "ciddor_constant",
+    "ciddor_refractivity",
     "cone",
     "cone_shock",
+    "expansion",
+    "expansion_fan",
+    "free_stream",
     "gladstone_dale_constant",
     "index_contrast",
     "isentropic",
+    "mach_after_turn",
     "maximum_cone_angle",
     "maximum_deflection",
+    "maximum_expansion",
+    "moist_air_density",
     "normal_shock",
     "oblique_shock",
+    "plane_shock",
     "prandtl_meyer",
     "refractivity",
+    "refractivity_model",
+    "riemann",
     "shipped",
     "shipped_names",
+    "shock_tube",
+    "species_constant",
     "tunnel_conditions",
     "uniform_air",
+    "vortex",
+    "water_fraction",
+    "wedge",
 ]

@@ -14,7 +14,7 @@ from ..medium import Body, IndexField
 from .conical_averages import bell, cell_averages
 from .conical_profile import ConeShock
 from .gas import GAMMA_AIR, SEA_LEVEL_DENSITY, positive
-from .refractivity import gladstone_dale_constant, index_contrast, refractivity
+from .models import one_constant, refractivity_model
 from .taylor_maccoll import cone_shock
 
 # Cells of free stream on the grid outside the shock: the bell's reach, and for what a spline rings to die out.
@@ -88,6 +88,8 @@ class ConicalFlow:
         wavelength: float = 905e-9,
         relation: str = "gladstone-dale",
         *,
+        constant: float | None = None,
+        composition=None,
         gladstone_dale: float | None = None,
         spacing=None,
         interpolation: str = "cubic",
@@ -99,8 +101,10 @@ class ConicalFlow:
 
         Args:
             wavelength: Vacuum wavelength [m], for K.
-            relation: "gladstone-dale" or "lorentz-lorenz".
-            gladstone_dale: K [m3/kg] to use in place of the paper's K(wavelength).
+            relation: "paper", "ciddor", "gladstone-dale" or "lorentz-lorenz": see `refractivity_model`.
+            constant: K [m3/kg] to use in place of the paper's K(wavelength).
+            composition: A `Composition` or fractions of species, the same everywhere, with which K is made.
+            gladstone_dale: Another name for `constant`.
             spacing: Greatest node spacing [m], one number or one each for r and z; None takes 1/400 of the length.
             interpolation: As in IndexField.from_samples.
 
@@ -108,7 +112,8 @@ class ConicalFlow:
             ValueError: A wavelength outside the range of K, an unknown relation or interpolation, a spacing that is not
                 positive or leaves fewer than four cells along the cone.
         """
-        constant = gladstone_dale_constant(wavelength) if gladstone_dale is None else gladstone_dale
+        given = one_constant(constant, gladstone_dale)
+        model = refractivity_model(relation, constant=given, composition=composition)
         share = self.length * DEFAULT_SHARE if spacing is None else spacing
         step = np.broadcast_to(np.asarray(share, dtype=np.float64), (2,)).copy()
         if not (np.isfinite(step).all() and (step > 0.0).all() and (4.0 * step <= [self.radius, self.length]).all()):
@@ -123,14 +128,14 @@ class ConicalFlow:
 
         def contrast(angle: np.ndarray) -> np.ndarray:
             density = self.ambient_density * self.shock.density_ratio_at(self._mirrored(angle))
-            return index_contrast(density, self.ambient_density, constant, relation)
+            return model.contrast(density, self.ambient_density, wavelength)
 
         return IndexField.from_samples(
             self._node_values(contrast, (r_count, z_count), step, sharpen=interpolation == "cubic"),
             origin=(0.0, -self.length),
             spacing=step,
             geometry="axisymmetric",
-            ambient_index=1.0 + float(refractivity(self.ambient_density, constant, relation)),
+            ambient_index=model.ambient_index(self.ambient_density, wavelength),
             interpolation=interpolation,
             body=self.body,
         )

@@ -6,7 +6,7 @@ import numpy as np
 
 from ..medium import Body, IndexField, QuadMesh
 from .gas import SEA_LEVEL_DENSITY, FreeStream, positive
-from .refractivity import gladstone_dale_constant, index_contrast, refractivity
+from .models import one_constant, refractivity_model
 
 
 @dataclass(frozen=True)
@@ -94,6 +94,8 @@ class DensityField:
         wavelength: float = 905e-9,
         relation: str = "gladstone-dale",
         *,
+        constant: float | None = None,
+        composition=None,
         gladstone_dale: float | None = None,
         interpolation: str = "bilinear",
     ) -> IndexField:
@@ -104,18 +106,24 @@ class DensityField:
 
         Args:
             wavelength: Vacuum wavelength [m], for K.
-            relation: "gladstone-dale" or "lorentz-lorenz".
-            gladstone_dale: K [m3/kg] to use in place of the paper's K(wavelength).
+            relation: "paper", "ciddor", "gladstone-dale" or "lorentz-lorenz": see `refractivity_model`. The last two
+                take the paper's K(wavelength) unless `constant` or `composition` is given.
+            constant: K [m3/kg] to use in place of the paper's K(wavelength).
+            composition: A `Composition` or fractions of species, with which K is made. One fraction for each cell may
+                be given, in the order of `density` as the field holds it, shape (cell_count,).
+            gladstone_dale: Another name for `constant`.
             interpolation: As in IndexField.from_mesh.
 
         Raises:
-            ValueError: A wavelength outside the range of K, an unknown relation or interpolation.
+            ValueError: A wavelength outside the range of K, an unknown relation or interpolation, and what
+                `refractivity_model` refuses.
         """
-        constant = gladstone_dale_constant(wavelength) if gladstone_dale is None else gladstone_dale
+        given = one_constant(constant, gladstone_dale)
+        model = refractivity_model(relation, constant=given, composition=composition)
         return IndexField.from_mesh(
             self.mesh,
-            index_contrast(self.density, self.ambient_density, constant, relation),
-            ambient_index=1.0 + float(refractivity(self.ambient_density, constant, relation)),
+            model.contrast(self.density, self.ambient_density, wavelength),
+            ambient_index=model.ambient_index(self.ambient_density, wavelength),
             interpolation=interpolation,
             body=self.body,
         )

@@ -13,6 +13,7 @@ GAMMA_AIR = 1.4
 # Universal gas constant over the molar mass of dry air, 8314.4626 / 28.9644 [J/(kg K)].
 GAS_CONSTANT_AIR = 8314.4626 / 28.9644
 SEA_LEVEL_DENSITY = 1.225  # [kg/m3], International Standard Atmosphere
+SEA_LEVEL_TEMPERATURE = 288.15  # [K], likewise
 
 
 @dataclass(frozen=True)
@@ -128,6 +129,47 @@ def tunnel_conditions(
         gas_constant=float(gas_constant),
     )
     return stream if density is None else stream.at_density(density)
+
+
+def free_stream(
+    mach: float,
+    density: float = SEA_LEVEL_DENSITY,
+    temperature: float = SEA_LEVEL_TEMPERATURE,
+    *,
+    gamma: float = GAMMA_AIR,
+    gas_constant: float = GAS_CONSTANT_AIR,
+) -> FreeStream:
+    """A uniform stream from its static state.
+
+    Args:
+        mach: Mach number, above 0.
+        density: [kg/m3].
+        temperature: Static temperature [K].
+        gamma: Ratio of specific heats.
+        gas_constant: [J/(kg K)].
+
+    Raises:
+        ValueError: A value that is not positive and finite, or gamma not above 1.
+    """
+    positive(mach, "mach")
+    positive(density, "density")
+    positive(temperature, "temperature")
+    positive(gas_constant, "gas_constant")
+    ratio = isentropic(mach, gamma=gamma)
+    pressure = density * gas_constant * temperature
+    sound_speed = math.sqrt(gamma * gas_constant * temperature)
+    return FreeStream(
+        mach=float(mach),
+        density=float(density),
+        pressure=pressure,
+        temperature=float(temperature),
+        velocity=mach * sound_speed,
+        sound_speed=sound_speed,
+        stagnation_pressure=pressure / ratio.pressure_ratio,
+        stagnation_temperature=temperature / ratio.temperature_ratio,
+        gamma=float(gamma),
+        gas_constant=float(gas_constant),
+    )
 
 
 def positive(value: float, name: str) -> float:

@@ -8,8 +8,6 @@ Everything is worked out as refractivity n - 1 or as contrast n - n_ambient, and
 near 1: at 1 kg/m3 the index differs from 1 by only 2e-4.
 """
 
-import math
-
 import numpy as np
 
 RELATIONS = ("gladstone-dale", "lorentz-lorenz")
@@ -40,7 +38,7 @@ def refractivity(density, gladstone_dale: float, relation: str = "gladstone-dale
 
     Args:
         density: [kg/m3], any shape.
-        gladstone_dale: Gladstone-Dale constant K [m3/kg].
+        gladstone_dale: Gladstone-Dale constant K [m3/kg], one number or one for each density.
         relation: "gladstone-dale" or "lorentz-lorenz".
 
     Raises:
@@ -67,12 +65,12 @@ def index_contrast(density, ambient_density: float, gladstone_dale: float, relat
     inside, outside = 1.0 - 2.0 / 3.0 * gladstone_dale * density, 1.0 - 2.0 / 3.0 * gladstone_dale * ambient_density
     difference_of_squares = 2.0 * gladstone_dale * difference / (inside * outside)
     index = np.sqrt(1.0 + 2.0 * gladstone_dale * density / inside)
-    ambient_index = math.sqrt(1.0 + 2.0 * gladstone_dale * ambient_density / outside)
+    ambient_index = np.sqrt(1.0 + 2.0 * gladstone_dale * ambient_density / outside)
     return difference_of_squares / (index + ambient_index)
 
 
 def _check(gladstone_dale: float, relation: str) -> None:
     if relation not in RELATIONS:
         raise ValueError(f"relation {relation!r} is not known: choose one of {', '.join(RELATIONS)}")
-    if not (math.isfinite(gladstone_dale) and gladstone_dale > 0.0):
+    if not (np.isfinite(gladstone_dale).all() and np.greater(gladstone_dale, 0.0).all()):
         raise ValueError(f"the Gladstone-Dale constant must be positive and finite, got {gladstone_dale!r} m3/kg")

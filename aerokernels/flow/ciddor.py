@@ -1,0 +1,170 @@
+r"""The refractive index of air after Ciddor: standard air with water vapour and carbon dioxide, 0.3 to 1.69 um.
+
+With s = 1 / lambda^2 in vacuum, lambda in um:
+
+    dry air, 15 degC, 101325 Pa, 450 ppm CO2   1e8 (n - 1) = 5792105 / (238.0185 - s) + 167917 / (57.362 - s)
+    with a mole fraction c of CO2              times 1 + 0.534 (c - 450e-6)
+    water vapour, 20 degC, 1333 Pa             1e8 (n - 1) = 1.022 (295.235 + 2.6422 s - 0.032380 s^2 + 0.004028 s^3)
+    moist air                                  n - 1 = (n - 1)_air rho_a / rho_a,standard
+                                                     + (n - 1)_water rho_w / rho_w,standard
+
+Temperature and pressure enter through the two densities alone, rho = p M / (Z R T) with the compressibility Z of moist
+air (BIPM 1981/91). For a gas of fixed composition the refractivity is therefore proportional to its density, and the
+constant of proportion is what `ciddor_constant` returns; a flow brings the density itself, so no Z is needed for it.
+
+Reference: P. E. Ciddor, Refractive index of air: new equations for the visible and near infrared, Applied Optics 35
+(1996) 1566-1573, eq 1-5 and appendices A and B. Uncertainty there: 2e-8 to 5e-8 in n near room conditions.
+"""
+
+import math
+
+from .gas import positive
+
+# Wavelengths that the equations were made for [m].
+RANGE = (0.3e-6, 1.69e-6)
+STANDARD_CO2 = 450e-6  # mole fraction in dry air
+GREATEST_CO2 = 2000e-6
+# Ciddor's gas constant [J/(mol K)]: his densities are made with it, and it leaves the ratios.
+GAS_CONSTANT = 8.314510
+WATER_MOLAR_MASS = 0.018015  # [kg/mol]
+# Relative: 3e-8 of 2.7e-4 in n - 1, and as much for the density of standard air (argon content, gas constant).
+UNCERTAINTY = 1.5e-4
+
+
+def ciddor_constant(wavelength: float, *, water: float = 0.0, co2: float = STANDARD_CO2) -> float:
+    """Refractivity over density of moist air [m3/kg], whatever its temperature and pressure.
+
+    Args:
+        wavelength: Vacuum wavelength [m], 0.3 to 1.69 um.
+        water: Mole fraction of water vapour in the moist air, 0 to 1: see `water_fraction`.
+        co2: Mole fraction of carbon dioxide in the dry air, up to 2000 ppm.
+
+    Raises:
+        ValueError: A wavelength or a fraction outside its range.
+    """
+    _check(water, co2)
+    dry, vapour = _standard_refractivities(_wavenumber_square(wavelength), co2)
+    dry_share, vapour_share = (1.0 - water) * _molar_mass(co2), water * WATER_MOLAR_MASS
+    per_mass = dry_share * dry / _standard_air_density(co2) + vapour_share * vapour / _standard_vapour_density()
+    return per_mass / (dry_share + vapour_share)
+
+
+def ciddor_refractivity(
+    wavelength: float,
+    temperature: float,
+    pressure: float,
+    *,
+    humidity: float = 0.0,
+    co2: float = STANDARD_CO2,
+) -> float:
+    """Refractivity n - 1 of moist air at rest: Ciddor's whole procedure.
+
+    Args:
+        wavelength: Vacuum wavelength [m], 0.3 to 1.69 um.
+        temperature: [K].
+        pressure: [Pa].
+        humidity: Relative humidity, 0 to 1.
+        co2: Mole fraction of carbon dioxide in the dry air, up to 2000 ppm.
+
+    Raises:
+        ValueError: A wavelength, humidity or fraction outside its range, a temperature or pressure that is not
+            positive.
+    """
+    water = water_fraction(temperature, pressure, humidity)
+    constant = ciddor_constant(wavelength, water=water, co2=co2)
+    return constant * moist_air_density(temperature, pressure, water=water, co2=co2)
+
+
+def moist_air_density(temperature: float, pressure: float, *, water: float = 0.0, co2: float = STANDARD_CO2) -> float:
+    """Density of moist air [kg/m3], not as a perfect gas (BIPM 1981/91, Ciddor's eq 4).
+
+    Args:
+        temperature: [K].
+        pressure: [Pa].
+        water: Mole fraction of water vapour in the moist air, 0 to 1.
+        co2: Mole fraction of carbon dioxide in the dry air.
+
+    Raises:
+        ValueError: A temperature or pressure that is not positive, or a fraction outside its range.
+    """
+    _check(water, co2)
+    positive(temperature, "temperature")
+    positive(pressure, "pressure")
+    mass = (1.0 - water) * _molar_mass(co2) + water * WATER_MOLAR_MASS
+    return mass * _molar_density(temperature, pressure, water)
+
+
+def water_fraction(temperature: float, pressure: float, humidity: float) -> float:
+    """Mole fraction of water vapour in air of a relative humidity (0 to 1), at [K] and [Pa].
+
+    The vapour pressure of saturation is Giacomo's over water from 0 degC up and Marti and Mauersberger's over ice
+    below, times the enhancement factor of air: what Ciddor's appendix gives.
+
+    Raises:
+        ValueError: A humidity outside 0 to 1, one so high that the vapour alone would have more than the pressure, or a
+            temperature or pressure that is not positive.
+    """
+    positive(temperature, "temperature")
+    positive(pressure, "pressure")
+    if not 0.0 <= humidity <= 1.0:
+        raise ValueError(f"humidity must be between 0 and 1, got {humidity!r}: give 0.5 for 50 %")
+    celsius = temperature - 273.15
+    if celsius >= -1e-9:
+        logarithm = 1.2378847e-5 * temperature**2 - 1.9121316e-2 * temperature + 33.93711047 - 6.3431645e3 / temperature
+        saturation = math.exp(logarithm)
+    else:
+        saturation = 10.0 ** (12.537 - 2663.5 / temperature)
+    enhancement = 1.00062 + 3.14e-8 * pressure + 5.6e-7 * celsius**2
+    water = enhancement * humidity * saturation / pressure
+    if water > 1.0:
+        raise ValueError(f"humidity {humidity:g} at {temperature:g} K asks for more vapour than {pressure:g} Pa hold")
+    return water
+
+
+def _wavenumber_square(wavelength: float) -> float:
+    low, high = RANGE
+    if not low <= wavelength <= high:
+        raise ValueError(
+            f"wavelength {wavelength!r} m is outside Ciddor's {low * 1e6:g} to {high * 1e6:g} um: "
+            "give metres, such as 905e-9, or choose another relation"
+        )
+    return 1.0 / (wavelength * 1e6) ** 2
+
+
+def _standard_refractivities(square: float, co2: float) -> tuple[float, float]:
+    """Refractivities n - 1 of standard dry air and of standard water vapour at a wavenumber squared [1/um2]."""
+    dry = 1e-8 * (5792105.0 / (238.0185 - square) + 167917.0 / (57.362 - square))
+    vapour = 1.022e-8 * (295.235 + square * (2.6422 + square * (-0.032380 + square * 0.004028)))
+    return dry * (1.0 + 0.534 * (co2 - STANDARD_CO2)), vapour
+
+
+def _molar_mass(co2: float) -> float:
+    """Molar mass of dry air [kg/mol]: carbon dioxide takes the place of oxygen, so a carbon atom is added."""
+    return 1e-3 * (28.9635 + 12.011 * (co2 - 400e-6))
+
+
+def _standard_air_density(co2: float) -> float:
+    return _molar_mass(co2) * _molar_density(288.15, 101325.0, 0.0)
+
+
+def _standard_vapour_density() -> float:
+    return WATER_MOLAR_MASS * _molar_density(293.15, 1333.0, 1.0)
+
+
+def _molar_density(temperature: float, pressure: float, water: float) -> float:
+    """[mol/m3], with the compressibility of moist air."""
+    celsius, ratio = temperature - 273.15, pressure / temperature
+    first = 1.58123e-6 + celsius * (-2.9331e-8 + 1.1043e-10 * celsius)
+    first += water * (5.707e-6 - 2.051e-8 * celsius) + water**2 * (1.9898e-4 - 2.376e-6 * celsius)
+    compressibility = 1.0 - ratio * first + ratio**2 * (1.83e-11 - 0.765e-8 * water**2)
+    return pressure / (compressibility * GAS_CONSTANT * temperature)
+
+
+def _check(water: float, co2: float) -> None:
+    if not 0.0 <= water <= 1.0:
+        raise ValueError(f"the mole fraction of water vapour must be between 0 and 1, got {water!r}")
+    if not 0.0 <= co2 <= GREATEST_CO2:
+        raise ValueError(
+            f"the mole fraction of carbon dioxide must be between 0 and {GREATEST_CO2:g}, got {co2!r}: 450 ppm is "
+            "450e-6; for other gases give the composition with relation 'gladstone-dale'"
+        )

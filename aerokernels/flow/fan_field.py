@@ -1,0 +1,209 @@
+r"""The Prandtl-Meyer fan of a convex corner: relations, and the flow as a density field.
+
+With nu(M) the Prandtl-Meyer function and k = (g + 1) / (g - 1), the Mach line of Mach number M lies an angle
+psi = nu + acos(1 / M) behind that of the sonic stream, and
+
+    sqrt(M^2 - 1) = sqrt(k) tan(psi / sqrt(k)),      T / T0 = 2 / (g + 1) cos^2(psi / sqrt(k)).
+
+The density in the fan is therefore rho / rho1 = (cos(psi / sqrt(k)) / cos(psi1 / sqrt(k)))^(2 / (g - 1)) along the Mach
+line that lies an angle psi - psi1 behind the first.
+
+References: NACA Report 1135 (1953), eq 171; L. D. Landau and E. M. Lifshitz, Fluid Mechanics, 2nd ed., paragraph 109.
+"""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..medium import Body
+from .exact_averages import direction_averages
+from .exact_field import MARGIN, ExactField, edges, rectangles, square_step
+from .gas import (
+    GAMMA_AIR,
+    GAS_CONSTANT_AIR,
+    SEA_LEVEL_DENSITY,
+    SEA_LEVEL_TEMPERATURE,
+    check_gamma,
+    free_stream,
+    isentropic,
+    positive,
+)
+from .shocks import _bisect, prandtl_meyer
+
+
+@dataclass(frozen=True)
+class ExpansionFan:
+    """A centred expansion relative to the stream ahead of it. Angles count from that stream's direction.
+
+    Attributes:
+        mach: Mach number ahead.
+        deflection: Angle by which the flow turns away [rad].
+        downstream_mach: Mach number behind.
+        density_ratio: rho2 / rho1.
+        pressure_ratio: p2 / p1.
+        temperature_ratio: T2 / T1.
+        head_angle: Angle of the first Mach line [rad].
+        tail_angle: Angle of the last Mach line [rad]; negative where the flow has turned past it.
+        gamma: Ratio of specific heats.
+    """
+
+    mach: float
+    deflection: float
+    downstream_mach: float
+    density_ratio: float
+    pressure_ratio: float
+    temperature_ratio: float
+    head_angle: float
+    tail_angle: float
+    gamma: float
+
+    def density_ratio_at(self, y, z) -> np.ndarray:
+        """Density over that of the stream ahead at (y, z) [m], the corner at the origin, the stream along -z."""
+        return self.ratio_of_angle(np.arctan2(y, -np.asarray(z)))
+
+    def ratio_of_angle(self, angle) -> np.ndarray:
+        """Density over that of the stream ahead in a direction from the corner: angle from -z towards +y [rad].
+
+        Inside the body the value of the nearer wall.
+        """
+        angle = np.asarray(angle, dtype=np.float64)
+        root = math.sqrt((self.gamma + 1.0) / (self.gamma - 1.0))
+        first = math.atan(math.sqrt((self.mach - 1.0) * (self.mach + 1.0)) / root)
+        turned = self.head_angle - np.clip(angle, self.tail_angle, self.head_angle)
+        fan = (np.cos(first + turned / root) / math.cos(first)) ** (2.0 / (self.gamma - 1.0))
+        return np.where(angle < self.inner_angle, 1.0, fan)
+
+    @property
+    def inner_angle(self) -> float:
+        """Direction that halves the body, where the values carried on from its two walls meet [rad]."""
+        return -0.5 * (self.deflection + math.pi)
+
+
+def mach_after_turn(angle: float, *, gamma: float = GAMMA_AIR) -> float:
+    """Mach number to which a turn by `angle` [rad] expands a sonic stream: the inverse of `prandtl_meyer`.
+
+    Raises:
+        ValueError: A negative angle, or one at which the gas would reach vacuum (the message gives the greatest).
+    """
+    check_gamma(gamma)
+    root = math.sqrt((gamma + 1.0) / (gamma - 1.0))
+    greatest = 0.5 * math.pi * (root - 1.0)
+    if not 0.0 <= angle < greatest:
+        raise ValueError(
+            f"angle {angle!r} rad has no Mach number: the Prandtl-Meyer angle is between 0 and {greatest:.6g} rad "
+            f"({math.degrees(greatest):.4g} deg), where the gas reaches vacuum"
+        )
+    share = _bisect(lambda u: root * u - math.atan(root * math.tan(u)) - angle, 0.0, 0.5 * math.pi)
+    tangent = root * math.tan(share)
+    return math.sqrt(1.0 + tangent**2)
+
+
+def maximum_expansion(mach: float, *, gamma: float = GAMMA_AIR) -> float:
+    """Angle [rad] by which a stream would turn to expand to vacuum."""
+    root = math.sqrt((gamma + 1.0) / (gamma - 1.0)) if gamma > 1.0 else math.nan
+    return 0.5 * math.pi * (root - 1.0) - prandtl_meyer(mach, gamma=gamma).angle
+
+
+def expansion_fan(mach: float, deflection: float, *, gamma: float = GAMMA_AIR) -> ExpansionFan:
+    """State behind the Prandtl-Meyer fan of a convex corner.
+
+    Args:
+        mach: Mach number ahead, 1 or more.
+        deflection: Angle by which the wall turns away from the stream [rad], zero or more.
+        gamma: Ratio of specific heats.
+
+    Raises:
+        ValueError: A Mach number below 1, a negative deflection, or one at which the gas would reach vacuum (the
+            message gives the greatest).
+    """
+    ahead = prandtl_meyer(mach, gamma=gamma)
+    greatest = maximum_expansion(mach, gamma=gamma)
+    if not (math.isfinite(deflection) and deflection >= 0.0):
+        raise ValueError(f"deflection must be zero or positive, got {deflection!r}: a negative turn makes a shock")
+    if deflection >= greatest:
+        raise ValueError(
+            f"the flow leaves the wall: deflection {deflection:.6g} rad ({math.degrees(deflection):.4g} deg) is above "
+            f"{greatest:.6g} rad ({math.degrees(greatest):.4g} deg), where the gas of Mach {mach:g} reaches vacuum"
+        )
+    downstream = mach_after_turn(ahead.angle + deflection, gamma=gamma) if deflection > 0.0 else float(mach)
+    before, after = isentropic(mach, gamma=gamma), isentropic(downstream, gamma=gamma)
+    return ExpansionFan(
+        mach=float(mach),
+        deflection=float(deflection),
+        downstream_mach=downstream,
+        density_ratio=after.density_ratio / before.density_ratio,
+        pressure_ratio=after.pressure_ratio / before.pressure_ratio,
+        temperature_ratio=after.temperature_ratio / before.temperature_ratio,
+        head_angle=ahead.mach_angle,
+        tail_angle=math.asin(1.0 / downstream) - deflection,
+        gamma=float(gamma),
+    )
+
+
+def expansion(
+    mach: float,
+    deflection: float,
+    *,
+    density: float = SEA_LEVEL_DENSITY,
+    temperature: float = SEA_LEVEL_TEMPERATURE,
+    length: float = 0.1,
+    height: float | None = None,
+    spacing: float | None = None,
+    gamma: float = GAMMA_AIR,
+    gas_constant: float = GAS_CONSTANT_AIR,
+) -> ExactField:
+    """The exact flow around a convex corner, as a planar density field.
+
+    The stream runs along a wall at y = 0 from +z to the corner at the origin, where the wall turns away from it,
+    towards -y. The field reaches from z = length / 2 to -length. Cell averages are exact to rounding, those at the
+    corner included, where the fan has every density at once.
+
+    Args:
+        mach: Mach number of the stream ahead, 1 or more.
+        deflection: Angle by which the wall turns away [rad], below 90 degrees.
+        density: Density of the stream ahead [kg/m3].
+        temperature: Its static temperature [K]; it sets pressure and velocity in `conditions` alone.
+        length: Length of the wall behind the corner, along z [m].
+        height: Height above y = 0 out to which the flow is given [m]; None takes the first Mach line's at the end of
+            the field, but no more than `length`.
+        spacing: Greatest width of the cells, square ones [m]; None takes 1/200 of the length.
+        gamma: Ratio of specific heats.
+        gas_constant: [J/(kg K)].
+
+    Returns:
+        The field; `solution` is the fan with its relations.
+
+    Raises:
+        ValueError: What expansion_fan refuses, a turn of 90 degrees or more, a quantity that is not positive, or a
+            spacing for too few or too many cells.
+    """
+    fan = expansion_fan(mach, deflection, gamma=gamma)
+    if deflection >= 0.5 * math.pi:
+        raise ValueError(f"deflection {deflection:g} rad turns the wall back against the stream: take less than pi/2")
+    step = square_step(length, spacing)
+    if height is None:
+        tall = min(length, length * math.tan(fan.head_angle)) + MARGIN * step
+    else:
+        tall = positive(height, "height")
+    foot = -length * math.tan(deflection)
+    depth = foot - MARGIN * step
+    ahead = 0.5 * length
+    y, z = edges(depth, tall, step), edges(-length, ahead, step)
+    stream = free_stream(mach, density, temperature, gamma=gamma, gas_constant=gas_constant)
+    ratio = direction_averages(fan.ratio_of_angle, (fan.head_angle, fan.tail_angle, fan.inner_angle), y, z)
+    return ExactField(
+        rectangles(y, z),
+        density * ratio,
+        density,
+        Body(_below_the_wall(y, z, foot, length), "planar"),
+        stream,
+        f"exact flow around a corner of {math.degrees(deflection):.6g} deg at Mach {mach:g} (Prandtl-Meyer)",
+        fan,
+    )
+
+
+def _below_the_wall(y: np.ndarray, z: np.ndarray, foot: float, length: float) -> np.ndarray:
+    """Outline of the body: along the wall, and back below the field."""
+    low, front = float(y[0]), float(z[-1])
+    return np.array([[0.0, front], [0.0, 0.0], [foot, -length], [low, -length], [low, front]])

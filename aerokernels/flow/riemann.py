@@ -1,0 +1,198 @@
+r"""The Riemann problem of a perfect gas: two states side by side, and the waves that go out from between them.
+
+Across the wave on either side the speed changes by a function of the pressure p between the two waves,
+
+    shock (p > pk)        f = (p - pk) sqrt(A / (p + B)),  A = 2 / ((g + 1) rhok),  B = (g - 1) / (g + 1) pk
+    rarefaction           f = 2 ak / (g - 1) ((p / pk)^((g - 1) / (2 g)) - 1)
+
+and p is the root of f_left + f_right + u_right - u_left = 0, which rises steadily.
+
+Reference: E. F. Toro, Riemann Solvers and Numerical Methods for Fluid Dynamics, 3rd ed., ch. 4.
+"""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from .gas import GAMMA_AIR, GAS_CONSTANT_AIR, check_gamma, positive
+from .shocks import _bisect
+
+
+@dataclass(frozen=True)
+class GasState:
+    """A uniform gas that moves along a tube.
+
+    Attributes:
+        density: [kg/m3].
+        pressure: [Pa].
+        velocity: Towards the right [m/s].
+    """
+
+    density: float
+    pressure: float
+    velocity: float = 0.0
+
+    def __post_init__(self):
+        """Check the numbers."""
+        positive(self.density, "density")
+        positive(self.pressure, "pressure")
+        if not math.isfinite(self.velocity):
+            raise ValueError(f"velocity must be finite, got {self.velocity!r}")
+
+    def sound_speed(self, gamma: float = GAMMA_AIR) -> float:
+        """[m/s]."""
+        return math.sqrt(gamma * self.pressure / self.density)
+
+    def temperature(self, gas_constant: float = GAS_CONSTANT_AIR) -> float:
+        """[K], at a gas constant [J/(kg K)]."""
+        return self.pressure / (self.density * gas_constant)
+
+
+@dataclass(frozen=True)
+class Riemann:
+    """The exact solution: five regions that spread with time, as functions of position over time, xi = x / t [m/s].
+
+    Attributes:
+        left: State on the left.
+        right: State on the right.
+        gamma: Ratio of specific heats.
+        pressure: Between the two outer waves [Pa].
+        velocity: Of the contact between the two gases [m/s].
+        left_density: Between the left wave and the contact [kg/m3].
+        right_density: Between the contact and the right wave [kg/m3].
+        left_wave: Speeds of the first and last point of the left wave [m/s]; the same twice for a shock.
+        right_wave: Likewise of the right wave, the last first: in the order of xi.
+    """
+
+    left: GasState
+    right: GasState
+    gamma: float
+    pressure: float
+    velocity: float
+    left_density: float
+    right_density: float
+    left_wave: tuple[float, float]
+    right_wave: tuple[float, float]
+
+    @property
+    def breaks(self) -> tuple[float, ...]:
+        """Speeds at which the density jumps or has a kink, in order [m/s]."""
+        return (*self.left_wave, self.velocity, *self.right_wave)
+
+    def density_at(self, speed) -> np.ndarray:
+        """Density [kg/m3] at xi = x / t [m/s]."""
+        return self._select(speed, 0)
+
+    def velocity_at(self, speed) -> np.ndarray:
+        """Velocity [m/s] at xi = x / t [m/s]."""
+        return self._select(speed, 1)
+
+    def pressure_at(self, speed) -> np.ndarray:
+        """Pressure [Pa] at xi = x / t [m/s]."""
+        return self._select(speed, 2)
+
+    def _select(self, speed, which: int) -> np.ndarray:
+        xi = np.asarray(speed, dtype=np.float64)
+        left = self._side(xi, self.left, 1.0, self.left_density, self.left_wave)[which]
+        right = self._side(-xi, self.right, -1.0, self.right_density, tuple(-s for s in self.right_wave[::-1]))[which]
+        return np.where(xi < self.velocity, left, right)
+
+    def _side(self, xi, state: GasState, sign: float, density: float, wave) -> tuple[np.ndarray, ...]:
+        """Density, velocity and pressure on one side, seen so that its wave runs to the left."""
+        first, last = wave
+        sound, own = state.sound_speed(self.gamma), sign * state.velocity
+        # In a rarefaction the sound speed falls in step with xi.
+        inside = np.clip(xi, first, last)
+        share = 2.0 / (self.gamma + 1.0) + (self.gamma - 1.0) / ((self.gamma + 1.0) * sound) * (own - inside)
+        speed = 2.0 / (self.gamma + 1.0) * (sound + 0.5 * (self.gamma - 1.0) * own + inside)
+        fan = (
+            state.density * share ** (2.0 / (self.gamma - 1.0)),
+            speed,
+            state.pressure * share ** (2.0 * self.gamma / (self.gamma - 1.0)),
+        )
+        before = (state.density, own, state.pressure)
+        after = (density, sign * self.velocity, self.pressure)
+        found = [np.where(xi < first, b, np.where(xi < last, f, a)) for b, f, a in zip(before, fan, after, strict=True)]
+        return found[0], sign * found[1], found[2]
+
+
+def riemann(left: GasState, right: GasState, *, gamma: float = GAMMA_AIR) -> Riemann:
+    """The exact solution of the Riemann problem, as of a shock tube whose diaphragm bursts.
+
+    Pressure and speeds are good to 1e-13.
+
+    Args:
+        left: State on the left.
+        right: State on the right.
+        gamma: Ratio of specific heats, of both gases.
+
+    Raises:
+        TypeError: A state that is no GasState.
+        ValueError: Gamma not above 1, or states that fly apart so fast that vacuum opens between them (the message
+            gives the limit).
+    """
+    for name, state in (("left", left), ("right", right)):
+        if not isinstance(state, GasState):
+            raise TypeError(
+                f"{name} must be a GasState, got {type(state).__name__}: GasState(density, pressure, velocity)"
+            )
+    check_gamma(gamma)
+    apart = right.velocity - left.velocity
+    limit = 2.0 / (gamma - 1.0) * (left.sound_speed(gamma) + right.sound_speed(gamma))
+    if apart >= limit:
+        raise ValueError(
+            f"vacuum opens between the gases: they part at {apart:g} m/s, which must be below {limit:g} m/s"
+        )
+
+    def balance(logarithm: float) -> float:
+        pressure = math.exp(logarithm)
+        return _change(pressure, left, gamma) + _change(pressure, right, gamma) + apart
+
+    low = high = math.log(math.sqrt(left.pressure * right.pressure))
+    while balance(low) >= 0.0:
+        low -= 2.0
+    while balance(high) < 0.0:
+        high += 2.0
+    pressure = math.exp(_bisect(balance, low, high))
+    # The side with the lesser change keeps more digits of the contact's speed.
+    changes = _change(pressure, left, gamma), _change(pressure, right, gamma)
+    if abs(changes[0]) < abs(changes[1]):
+        velocity = left.velocity - changes[0]
+    else:
+        velocity = right.velocity + changes[1]
+    left_density, left_wave = _wave(pressure, velocity, left, 1.0, gamma)
+    right_density, right_wave = _wave(pressure, velocity, right, -1.0, gamma)
+    return Riemann(
+        left=left,
+        right=right,
+        gamma=float(gamma),
+        pressure=pressure,
+        velocity=velocity,
+        left_density=left_density,
+        right_density=right_density,
+        left_wave=left_wave,
+        right_wave=(right_wave[1], right_wave[0]),
+    )
+
+
+def _change(pressure: float, state: GasState, gamma: float) -> float:
+    """How much the speed falls across the wave on one side, seen from the gas that it runs into."""
+    if pressure > state.pressure:
+        a, b = 2.0 / ((gamma + 1.0) * state.density), (gamma - 1.0) / (gamma + 1.0) * state.pressure
+        return (pressure - state.pressure) * math.sqrt(a / (pressure + b))
+    exponent = 0.5 * (gamma - 1.0) / gamma
+    return 2.0 * state.sound_speed(gamma) / (gamma - 1.0) * math.expm1(exponent * math.log(pressure / state.pressure))
+
+
+def _wave(pressure: float, velocity: float, state: GasState, sign: float, gamma: float):
+    """Density behind the wave on one side, and the speeds of its first and last point; sign 1 for the left one."""
+    ratio, sound = pressure / state.pressure, state.sound_speed(gamma)
+    if ratio > 1.0:
+        share = (gamma - 1.0) / (gamma + 1.0)
+        density = state.density * (ratio + share) / (share * ratio + 1.0)
+        front = state.velocity - sign * sound * math.sqrt(0.5 * ((gamma + 1.0) * ratio + gamma - 1.0) / gamma)
+        return density, (front, front)
+    density = state.density * ratio ** (1.0 / gamma)
+    behind = sound * ratio ** (0.5 * (gamma - 1.0) / gamma)
+    return density, (state.velocity - sign * sound, velocity - sign * behind)

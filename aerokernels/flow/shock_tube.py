@@ -1,0 +1,97 @@
+"""A shock tube at one moment as a density field: the exact solution of its Riemann problem."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from .exact_averages import piecewise_means
+from .exact_field import DEFAULT_CELLS, LEAST_CELLS, ExactField, rectangles
+from .gas import GAMMA_AIR, positive
+from .riemann import GasState, Riemann, riemann
+
+AXES = ("y", "z")
+
+
+@dataclass(frozen=True)
+class TubeAtTime:
+    """The flow in a shock tube at one moment after its diaphragm, at the origin, has burst.
+
+    Attributes:
+        riemann: The solution, with its relations.
+        time: Since the burst [s].
+        axis: "y", from left to right along +y, or "z", downstream, so from left to right along -z.
+        reference: Density of the gas on the right [kg/m3].
+    """
+
+    riemann: Riemann
+    time: float
+    axis: str
+    reference: float
+
+    def density_ratio_at(self, y, z) -> np.ndarray:
+        """Density over that of the gas on the right at (y, z) [m]."""
+        place = np.asarray(y) if self.axis == "y" else -np.asarray(z)
+        return self.riemann.density_at(place / self.time) / self.reference
+
+
+def shock_tube(
+    left: GasState,
+    right: GasState,
+    time: float,
+    *,
+    length: float,
+    width: float | None = None,
+    axis: str = "y",
+    spacing: float | None = None,
+    gamma: float = GAMMA_AIR,
+) -> ExactField:
+    """A shock tube at one moment, as a planar density field; the exact solution, with exact cell averages.
+
+    The diaphragm stood at the origin. Light along z looks across a tube along y; a tube along z is looked through.
+
+    Args:
+        left: State of the gas on the left.
+        right: State of the gas on the right; its density is the ambient one.
+        time: Since the diaphragm burst [s].
+        length: Length of the tube [m], half of it to each side; the waves must not have reached the ends.
+        width: Extent across the tube [m]; None takes a tenth of the length.
+        axis: "y", from left to right along +y, or "z", downstream, so from left to right along -z.
+        spacing: Greatest length of the cells along the tube [m]; None takes 1/200 of the length. Across it there are 8.
+        gamma: Ratio of specific heats, of both gases.
+
+    Returns:
+        The field; `solution.riemann` has pressure, speeds and densities of the waves.
+
+    Raises:
+        TypeError: A state that is no GasState.
+        ValueError: What `riemann` refuses, a quantity that is not positive, an unknown axis, or a tube so short that a
+            wave has left it (the message gives the least length).
+    """
+    solution = riemann(left, right, gamma=gamma)
+    positive(time, "time")
+    positive(length, "length")
+    across = 0.1 * length if width is None else positive(width, "width")
+    if axis not in AXES:
+        raise ValueError(f"axis {axis!r} is not known: choose one of {', '.join(AXES)}")
+    least = 2.0 * time * max(abs(speed) for speed in solution.breaks)
+    if length < least:
+        raise ValueError(
+            f"length {length:g} m is too short: at {time:g} s the waves span {least:g} m about the diaphragm"
+        )
+    step = length / DEFAULT_CELLS if spacing is None else positive(spacing, "spacing")
+    count = int(np.ceil(length / step * (1.0 - 1e-12)))
+    along = np.linspace(-0.5 * length, 0.5 * length, count + 1)
+    beside = np.linspace(-0.5 * across, 0.5 * across, LEAST_CELLS + 1)
+    mesh = rectangles(along, beside) if axis == "y" else rectangles(beside, along)
+    mean = piecewise_means(lambda x: solution.density_at(x / time), along, [time * speed for speed in solution.breaks])
+    if axis == "y":
+        density = np.repeat(mean[:, None], LEAST_CELLS, axis=1)
+    else:
+        density = np.repeat(mean[None, ::-1], LEAST_CELLS, axis=0)
+    return ExactField(
+        mesh,
+        density,
+        right.density,
+        provenance=f"exact shock tube along {axis}, {time:g} s after the burst",
+        solution=TubeAtTime(solution, float(time), axis, right.density),
+    )

@@ -1,0 +1,291 @@
+r"""Refractivity of gases by species, and of their mixtures.
+
+A published dispersion formula gives n - 1 at one reference state, in one of two forms (lambda in um, in vacuum):
+
+    "sum"         n - 1 = c0 + sum a / (b - 1 / lambda^2)
+    "sellmeier"   n^2 - 1 = sum a lambda^2 / (lambda^2 - b)
+
+Over the density of the real gas there, rho = p M / (Z R T) with Z = 1 + B p / (R T), it is the species' constant K. In
+a mixture the refractivities add: K = sum w K over mass fractions w.
+
+Coefficients as in the refractiveindex.info database (CC0), each from the paper named with it. Second virial
+coefficients B are those of J. H. Dymond and E. B. Smith, The Virial Coefficients of Pure Gases and Mixtures (Oxford,
+1980), to about 1 cm3/mol, which is 4.5e-5 of the density. Mixed in dry air's proportions the constants agree with
+Ciddor's to 5e-5.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from . import ciddor
+
+GAS_CONSTANT = 8.314462618  # [J/(mol K)]
+# Fractions may miss a sum of 1 by so much, as rounded ones do; they are then scaled to it.
+SUM_TOLERANCE = 2e-3
+
+
+@dataclass(frozen=True)
+class Species:
+    """A gas and its dispersion.
+
+    Attributes:
+        name: Chemical formula.
+        molar_mass: [kg/mol].
+        form: "sum" or "sellmeier".
+        coefficients: (c0, a, b, a, b, ...) for "sum", (a, b, a, b, ...) for "sellmeier".
+        wavelength_range: Vacuum wavelengths for which the formula was made [m].
+        temperature: Of the reference state [K].
+        pressure: Of the reference state [Pa].
+        virial: Second virial coefficient at that temperature [m3/mol].
+        uncertainty: Relative uncertainty of the constant.
+        source: The paper.
+    """
+
+    name: str
+    molar_mass: float
+    form: str
+    coefficients: tuple[float, ...]
+    wavelength_range: tuple[float, float]
+    temperature: float
+    pressure: float
+    virial: float
+    uncertainty: float
+    source: str
+
+    @property
+    def reference_density(self) -> float:
+        """Density at the reference state [kg/m3], not as a perfect gas."""
+        ideal = self.pressure / (GAS_CONSTANT * self.temperature)
+        return self.molar_mass * ideal / (1.0 + self.virial * ideal)
+
+    def refractivity(self, wavelength: float) -> float:
+        """Refractivity n - 1 at the reference state: the published formula itself.
+
+        Raises:
+            ValueError: A wavelength outside the formula's range.
+        """
+        low, high = self.wavelength_range
+        if not low <= wavelength <= high:
+            raise ValueError(
+                f"wavelength {wavelength!r} m is outside {low * 1e6:g} to {high * 1e6:g} um, where the refractivity of "
+                f"{self.name} is known ({self.source}): give metres, such as 905e-9"
+            )
+        micrometres = wavelength * 1e6
+        if self.form == "sum":
+            square = 1.0 / micrometres**2
+            pairs = zip(self.coefficients[1::2], self.coefficients[2::2], strict=True)
+            return self.coefficients[0] + sum(a / (b - square) for a, b in pairs)
+        pairs = zip(self.coefficients[::2], self.coefficients[1::2], strict=True)
+        excess = sum(a * micrometres**2 / (micrometres**2 - b) for a, b in pairs)
+        return excess / (1.0 + float(np.sqrt(1.0 + excess)))
+
+    def constant(self, wavelength: float, form: str = "gladstone-dale") -> float:
+        """Constant K [m3/kg] at a vacuum wavelength [m].
+
+        Args:
+            wavelength: [m].
+            form: "gladstone-dale", K = (n - 1) / rho, or "lorentz-lorenz", K = 3/2 (n^2 - 1) / (n^2 + 2) / rho.
+
+        Raises:
+            ValueError: A wavelength outside the formula's range.
+        """
+        excess = self.refractivity(wavelength)
+        if form == "lorentz-lorenz":
+            excess *= 1.5 * (2.0 + excess) / (3.0 + excess * (2.0 + excess))
+        return excess / self.reference_density
+
+
+_NORMAL = (273.15, 101325.0)
+
+
+def _gas(name, grams, form, coefficients, micrometres, virial, uncertainty, source, state=_NORMAL) -> Species:
+    """A species from numbers as the papers have them: g/mol, um, cm3/mol."""
+    return Species(
+        name=name,
+        molar_mass=grams * 1e-3,
+        form=form,
+        coefficients=coefficients,
+        # As decimals, so that the very ends of the range are inside it.
+        wavelength_range=(float(f"{micrometres[0]}e-6"), float(f"{micrometres[1]}e-6")),
+        temperature=state[0],
+        pressure=state[1],
+        virial=virial * 1e-6,
+        uncertainty=uncertainty,
+        source=source,
+    )
+
+
+_BORZSONYI = "A. Borzsonyi et al., Appl. Opt. 47 (2008) 4856"
+SPECIES: dict[str, Species] = {
+    gas.name: gas
+    for gas in (
+        _gas(
+            "N2", 28.0134, "sum", (6.8552e-5, 3.243157e-2, 144.0), (0.4679, 2.0587), -10.3, 1e-4,
+            "E. R. Peck and B. N. Khanna, J. Opt. Soc. Am. 56 (1966) 1059",
+        ),
+        _gas(
+            "O2", 31.9988, "sum", (1.181494e-4, 9.708931e-3, 75.4), (0.4, 1.8), -17.3, 2e-4,
+            "J. Zhang, Z. H. Lu and L. J. Wang, Appl. Opt. 47 (2008) 3143; P. Kren, Appl. Opt. 50 (2011) 6484",
+            (293.15, 101325.0),
+        ),
+        _gas(
+            "Ar", 39.948, "sum", (6.7867e-5, 3.0182943e-2, 144.0), (0.4679, 2.0587), -21.1, 1e-4,
+            "E. R. Peck and D. J. Fisher, J. Opt. Soc. Am. 54 (1964) 1362",
+        ),
+        _gas(
+            "CO2", 44.0095, "sum",
+            (0.0, 1.54489e-6, 0.0584738, 0.083091927, 210.9241, 0.0028764190, 60.122959),
+            (0.480126, 1.817228), -150.0, 3e-4,
+            "J. G. Old, K. L. Gentili and E. R. Peck, J. Opt. Soc. Am. 61 (1971) 89",
+        ),
+        _gas(
+            "He", 4.002602, "sum", (0.0, 0.01470091, 423.98), (0.4801, 2.0586), 11.9, 3e-4,
+            "C. R. Mansfield and E. R. Peck, J. Opt. Soc. Am. 59 (1969) 199",
+        ),
+        _gas(
+            "H2", 2.01588, "sum", (0.0, 0.0148956, 180.7, 0.0049037, 92.0), (0.168, 1.6945), 13.7, 3e-4,
+            "E. R. Peck and S. Hung, J. Opt. Soc. Am. 67 (1977) 1550",
+        ),
+        _gas(
+            "Ne", 20.1797, "sellmeier", (9154.48e-8, 656.97e-6, 4018.63e-8, 5.728e-3), (0.4, 1.0), 10.8, 3e-3,
+            _BORZSONYI, (273.0, 100000.0),
+        ),
+        _gas(
+            "Kr", 83.798, "sellmeier", (26102.88e-8, 2.01e-6, 56946.82e-8, 10.043e-3), (0.4, 1.0), -62.8, 3e-3,
+            _BORZSONYI, (273.0, 100000.0),
+        ),
+        _gas(
+            "Xe", 131.293, "sellmeier", (103701.61e-8, 12.75e-3, 31228.61e-8, 0.561e-3), (0.4, 1.0), -154.0, 3e-3,
+            _BORZSONYI, (273.0, 100000.0),
+        ),
+    )
+}  # fmt: skip
+WATER = "H2O"
+SPECIES_NAMES = (*SPECIES, WATER)
+# Ciddor's water vapour was fitted to moist air: 1 % of the vapour's own share.
+_WATER_UNCERTAINTY = 1e-2
+
+
+@dataclass(frozen=True, eq=False)
+class Composition:
+    """What a gas is made of: fractions of species, the same everywhere or one for each cell of a density field.
+
+    Attributes:
+        fractions: Fraction of each species, by chemical formula (`SPECIES_NAMES`): a number, or an array with one entry
+            for each density. They are scaled to a sum of 1, which they must not miss by more than 0.2 %.
+        basis: "mole" or "mass".
+        ambient: Fractions of the gas around the field; None where `fractions` are numbers, and hold there too.
+
+    Raises:
+        TypeError: Fractions that are no mapping.
+        ValueError: An unknown species or basis, a fraction below 0 or not finite, a sum that is not 1, or fractions by
+            cell without `ambient`.
+    """
+
+    fractions: Mapping[str, object]
+    basis: str = "mole"
+    ambient: Mapping[str, object] | None = None
+    _mass: tuple[dict[str, np.ndarray], dict[str, np.ndarray]] = field(init=False, repr=False)
+
+    def __post_init__(self):
+        """Check the fractions and turn them into mass fractions."""
+        if self.basis not in ("mole", "mass"):
+            raise ValueError(f"the basis of fractions is 'mole' or 'mass', got {self.basis!r}")
+        inside = self._mass_fractions(self.fractions)
+        if self.ambient is None and any(share.ndim for share in inside.values()):
+            raise ValueError(
+                "fractions that vary from cell to cell need `ambient`, the fractions of the gas around them"
+            )
+        outside = inside if self.ambient is None else self._mass_fractions(self.ambient)
+        if any(share.ndim for share in outside.values()):
+            raise ValueError("the fractions of the ambient gas must be numbers, one for each species")
+        object.__setattr__(self, "_mass", (inside, outside))
+
+    def _mass_fractions(self, fractions) -> dict[str, np.ndarray]:
+        if not isinstance(fractions, Mapping) or not fractions:
+            raise TypeError(f"fractions must map species to numbers, {{'N2': 0.79, 'O2': 0.21}} say, got {fractions!r}")
+        shares = {}
+        for name, value in fractions.items():
+            molar_mass(name)
+            share = np.asarray(value, dtype=np.float64)
+            if not (np.isfinite(share).all() and (share >= 0.0).all()):
+                raise ValueError(f"the fraction of {name} must be finite and not negative, got {value!r}")
+            shares[name] = share
+        total = np.asarray(sum(shares.values()))
+        if not (np.abs(total - 1.0) <= SUM_TOLERANCE).all():
+            worst = float(total.ravel()[np.argmax(np.abs(total - 1.0))])
+            raise ValueError(f"the fractions of {', '.join(shares)} add up to {worst:.6g}, not to 1: complete them")
+        if self.basis == "mole":
+            shares = {name: share * molar_mass(name) for name, share in shares.items()}
+            total = np.asarray(sum(shares.values()))
+        return {name: share / total for name, share in shares.items()}
+
+    def constant(self, wavelength: float, form: str = "gladstone-dale", *, ambient: bool = False):
+        """Constant K [m3/kg] of the mixture at a vacuum wavelength [m], a number or an array: sum of w K.
+
+        Args:
+            wavelength: [m].
+            form: "gladstone-dale" or "lorentz-lorenz": see Species.constant.
+            ambient: Of the ambient gas.
+
+        Raises:
+            ValueError: A wavelength outside the range of one of the species' formulas.
+        """
+        shares = self._mass[ambient]
+        total = sum(share * species_constant(name, wavelength, form) for name, share in shares.items())
+        return float(total) if np.ndim(total) == 0 else total
+
+    @property
+    def range(self) -> tuple[float, float]:
+        """Vacuum wavelengths at which every species' formula holds [m]."""
+        bands = [ciddor.RANGE if name == WATER else SPECIES[name].wavelength_range for name in self._names]
+        return max(low for low, _ in bands), min(high for _, high in bands)
+
+    @property
+    def uncertainty(self) -> float:
+        """Relative uncertainty of the constant: that of the worst species in it."""
+        return max(_WATER_UNCERTAINTY if name == WATER else SPECIES[name].uncertainty for name in self._names)
+
+    @property
+    def source(self) -> str:
+        """The papers."""
+        return "; ".join(
+            dict.fromkeys("Ciddor (1996)" if name == WATER else SPECIES[name].source for name in self._names)
+        )
+
+    @property
+    def _names(self) -> tuple[str, ...]:
+        """Species that are there at all, inside or outside."""
+        present = {name for shares in self._mass for name, share in shares.items() if share.any()}
+        return tuple(name for name in SPECIES_NAMES if name in present)
+
+
+def molar_mass(name: str) -> float:
+    """Molar mass of a species [kg/mol].
+
+    Raises:
+        ValueError: An unknown species; the message lists the known ones.
+    """
+    if name not in SPECIES_NAMES:
+        raise ValueError(f"species {name!r} is not known: choose of {', '.join(SPECIES_NAMES)}")
+    return ciddor.WATER_MOLAR_MASS if name == WATER else SPECIES[name].molar_mass
+
+
+def species_constant(name: str, wavelength: float, form: str = "gladstone-dale") -> float:
+    """Constant K of a species [m3/kg] at a vacuum wavelength [m]: refractivity over density.
+
+    Args:
+        name: One of `SPECIES_NAMES`: N2, O2, Ar, CO2, He, H2, Ne, Kr, Xe, H2O.
+        wavelength: [m].
+        form: "gladstone-dale" or "lorentz-lorenz": see Species.constant.
+
+    Raises:
+        ValueError: An unknown species, or a wavelength outside the range of its formula.
+    """
+    if name == WATER:
+        # At the density of the vapour, below 1e-2 kg/m3, the two forms are the same to 1e-6.
+        return ciddor.ciddor_constant(wavelength, water=1.0)
+    molar_mass(name)
+    return SPECIES[name].constant(wavelength, form)

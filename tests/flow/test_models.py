@@ -1,0 +1,146 @@
+"""Refractivity models by name, and the index fields made with them."""
+
+import pickle
+
+import numpy as np
+import pytest
+
+from aerokernels import flow
+from aerokernels.medium import QuadMesh
+
+K = flow.gladstone_dale_constant(905e-9)
+
+
+@pytest.fixture(scope="module")
+def field() -> flow.DensityField:
+    y, z = np.meshgrid(np.linspace(0.0, 0.02, 6), np.linspace(-0.03, 0.0, 7), indexing="ij")
+    density = np.random.default_rng(3).uniform(0.4, 3.0, (5, 6))
+    return flow.DensityField(QuadMesh.structured(y, z), density, 1.225)
+
+
+def values(index) -> np.ndarray:
+    return index.samples.values
+
+
+@pytest.mark.parametrize("relation", ["gladstone-dale", "paper"])
+def test_the_default_is_the_papers_bit_for_bit(field, relation):
+    """Without a constant "gladstone-dale" and "paper" are eq 2: not a bit differs from K (rho - rho_ambient)."""
+    plain, named = field.index_field(905e-9), field.index_field(905e-9, relation)
+    expected = type(plain).from_mesh(field.mesh, K * (field.density - 1.225))
+    assert np.array_equal(values(named), values(expected)) and np.array_equal(values(plain), values(expected))
+    assert named.ambient_index == plain.ambient_index == 1.0 + K * 1.225
+
+
+@pytest.mark.parametrize("relation", flow.RELATIONS)
+def test_a_constant_under_either_name(field, relation):
+    by_name = field.index_field(relation=relation, constant=2.24e-4)
+    assert np.array_equal(values(by_name), values(field.index_field(relation=relation, gladstone_dale=2.24e-4)))
+    assert by_name.ambient_index == 1.0 + float(flow.refractivity(1.225, 2.24e-4, relation))
+    with pytest.raises(ValueError, match="two names for the same K"):
+        field.index_field(constant=2.24e-4, gladstone_dale=2.24e-4)
+
+
+def test_ciddor_in_a_field(field):
+    dry = field.index_field(905e-9, "ciddor")
+    constant = flow.ciddor_constant(905e-9)
+    assert dry.ambient_index == 1.0 + constant * 1.225
+    np.testing.assert_allclose(values(dry), values(field.index_field()) * (constant / K), rtol=1e-12, atol=1e-19)
+    moist = field.index_field(905e-9, "ciddor", composition={"H2O": 0.02, "CO2": 420e-6})
+    expected = 1.0 + flow.ciddor_constant(905e-9, water=0.02, co2=420e-6) * 1.225
+    assert moist.ambient_index == expected
+
+
+def test_a_mixture_in_a_field(field):
+    """The same gas everywhere: K of the mixture in place of the paper's, under both relations."""
+    fractions = {"N2": 0.79, "O2": 0.21}
+    for relation in flow.RELATIONS:
+        constant = flow.Composition(fractions).constant(905e-9, relation)
+        expected = field.index_field(905e-9, relation, constant=constant)
+        for composition in (fractions, flow.Composition(fractions)):
+            mixed = field.index_field(905e-9, relation, composition=composition)
+            assert np.array_equal(values(mixed), values(expected)) and mixed.ambient_index == expected.ambient_index
+
+
+@pytest.mark.parametrize("relation", flow.RELATIONS)
+def test_a_jet_of_another_gas(field, relation):
+    """Mass fractions of helium by cell, in nitrogen: n - n_ambient cell by cell; helium at air's density refracts less.
+
+    Expected: the difference of both gases' refractivities, to rounding of 1e-16.
+    """
+    helium = np.linspace(0.0, 1.0, len(field.density))
+    jet = flow.Composition({"He": helium, "N2": 1.0 - helium}, "mass", ambient={"N2": 1.0})
+    model = flow.refractivity_model(relation, composition=jet)
+    contrast = model.contrast(field.density, 1.225, 905e-9)
+    for cell in (0, 7, len(helium) - 1):
+        own = flow.Composition({"He": helium[cell], "N2": 1.0 - helium[cell]}, "mass").constant(905e-9, relation)
+        outside = flow.species_constant("N2", 905e-9, relation)
+        expected = flow.refractivity(field.density[cell], own, relation) - flow.refractivity(1.225, outside, relation)
+        assert abs(contrast[cell] - expected) < 1e-18
+    index = field.index_field(905e-9, relation, composition=jet)
+    assert np.array_equal(values(index), values(type(index).from_mesh(field.mesh, contrast)))
+    by_rows = flow.Composition({"He": helium.reshape(5, 6), "N2": 1.0 - helium.reshape(5, 6)}, "mass", {"N2": 1.0})
+    assert np.array_equal(values(field.index_field(905e-9, relation, composition=by_rows)), values(index))
+    with pytest.raises(ValueError, match=r"fractions of shape \(3,\)"):
+        short = flow.Composition({"He": np.zeros(3), "N2": np.ones(3)}, "mass", {"N2": 1.0})
+        field.index_field(905e-9, relation, composition=short)
+
+
+def test_a_cone_takes_every_model():
+    cone = flow.cone(3.0, 0.3, length=0.02)
+    plain = cone.index_field(spacing=1e-3)
+    for relation, constant in (("paper", K), ("ciddor", flow.ciddor_constant(905e-9))):
+        index = cone.index_field(905e-9, relation, spacing=1e-3)
+        assert index.ambient_index == 1.0 + constant * 1.225
+        np.testing.assert_allclose(index.samples.samples, plain.samples.samples * (constant / K), rtol=1e-9, atol=1e-16)
+    mixed = cone.index_field(905e-9, composition={"Ar": 1.0}, spacing=1e-3)
+    assert mixed.ambient_index == 1.0 + flow.species_constant("Ar", 905e-9) * 1.225
+
+
+def test_what_a_model_says_of_itself():
+    """Each has its uncertainty, range and source; eq 2's uncertainty covers its distance from Ciddor's air."""
+    paper, air = flow.refractivity_model("paper"), flow.refractivity_model("ciddor")
+    assert (air.range, air.uncertainty, air.form) == ((0.3e-6, 1.69e-6), 1.5e-4, "gladstone-dale")
+    assert "Ciddor" in air.source and "eq 2" in paper.source
+    for wavelength in (500e-9, 532e-9, 905e-9, 1.55e-6):
+        assert abs(paper.constant(wavelength) / air.constant(wavelength) - 1.0) < paper.uncertainty
+        assert paper.constant(wavelength) == flow.gladstone_dale_constant(wavelength)
+    given = flow.refractivity_model("lorentz-lorenz", constant=2.2e-4)
+    assert (given.uncertainty, given.constant(532e-9), given.name) == (0.0, 2.2e-4, "lorentz-lorenz")
+    mixture = flow.refractivity_model("gladstone-dale", composition={"He": 1.0})
+    assert mixture.range == flow.SPECIES["He"].wavelength_range and mixture.uncertainty == 3e-4
+    assert float(air.refractivity(1.2, 633e-9)) == 1.2 * flow.ciddor_constant(633e-9)
+
+
+@pytest.mark.parametrize("relation", flow.MODELS)
+def test_models_travel_to_a_worker(relation):
+    model = flow.refractivity_model(relation)
+    assert pickle.loads(pickle.dumps(model)).constant(905e-9) == model.constant(905e-9)
+    mixture = flow.refractivity_model(composition={"N2": 1.0})
+    assert pickle.loads(pickle.dumps(mixture)).constant(905e-9) == mixture.constant(905e-9)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "fault"),
+    [
+        ({"relation": "edlen"}, "choose one of paper, ciddor, gladstone-dale, lorentz-lorenz"),
+        ({"relation": "paper", "constant": 2e-4}, "has its own constant"),
+        ({"relation": "ciddor", "constant": 2e-4}, "has its own constant"),
+        ({"relation": "paper", "composition": {"N2": 1.0}}, "'paper' is air's"),
+        ({"relation": "ciddor", "composition": {"He": 1.0}}, "'H2O' and 'CO2' alone"),
+        ({"relation": "ciddor", "composition": flow.Composition({"N2": 1.0})}, "'H2O' and 'CO2' alone"),
+        ({"relation": "ciddor", "composition": {"CO2": 450}}, "carbon dioxide must be between"),
+        ({"constant": 2e-4, "composition": {"N2": 1.0}}, "either a constant or a composition"),
+        ({"constant": -2e-4}, "must be positive and finite"),
+        ({"composition": {"N2": 0.5}}, "add up to 0.5"),
+    ],
+)
+def test_what_does_not_go_together_is_refused(arguments, fault):
+    with pytest.raises(ValueError, match=fault):
+        flow.refractivity_model(**arguments)
+
+
+def test_wavelengths_out_of_a_models_range_are_refused(field):
+    with pytest.raises(ValueError, match="Ciddor's"):
+        field.index_field(2e-6, "ciddor")
+    with pytest.raises(ValueError, match="refractivity of N2 is known"):
+        field.index_field(10.6e-6, composition={"N2": 1.0})
