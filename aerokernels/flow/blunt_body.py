@@ -127,12 +127,14 @@ def blunt_body(
     reach = float(bow.radius_at(-end)) + MARGIN * step
     z = edges(-end, bow.stand_off + MARGIN * step, step)
     r = edges(0.0, reach, step)
-    ratio = _averages(flow, r, z, weighted=geometry == "axisymmetric")
-    if geometry == "planar":
-        ratio, r = np.concatenate([ratio[::-1], ratio]), np.concatenate([-r[:0:-1], r])
+    planar = geometry == "planar"
+    mesh = rectangles(np.concatenate([-r[:0:-1], r]) if planar else r, z, geometry)
+    ratio = _averages(flow, r, z, weighted=not planar)
+    if planar:
+        ratio = np.concatenate([ratio[::-1], ratio])
     nose = f"a {'hemisphere' if geometry == 'axisymmetric' else 'cylinder'} of radius {radius:g} m at Mach {mach:g}"
     return ExactField(
-        rectangles(r, z, geometry),
+        mesh,
         density * ratio,
         density,
         Body(_outline(radius, -z[0], geometry), geometry),

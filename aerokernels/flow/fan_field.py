@@ -190,10 +190,11 @@ def expansion(
     depth = foot - MARGIN * step
     ahead = 0.5 * length
     y, z = edges(depth, tall, step), edges(-length, ahead, step)
+    mesh = rectangles(y, z)
     stream = free_stream(mach, density, temperature, gamma=gamma, gas_constant=gas_constant)
     ratio = direction_averages(fan.ratio_of_angle, (fan.head_angle, fan.tail_angle, fan.inner_angle), y, z)
     return ExactField(
-        rectangles(y, z),
+        mesh,
         density * ratio,
         density,
         Body(_below_the_wall(y, z, foot, length), "planar"),

@@ -195,4 +195,6 @@ def _wave(pressure: float, velocity: float, state: GasState, sign: float, gamma:
         return density, (front, front)
     density = state.density * ratio ** (1.0 / gamma)
     behind = sound * ratio ** (0.5 * (gamma - 1.0) / gamma)
-    return density, (state.velocity - sign * sound, velocity - sign * behind)
+    head, tail = state.velocity - sign * sound, velocity - sign * behind
+    # In order, also where rounding is all that parts them.
+    return density, (head, max(head, tail) if sign > 0.0 else min(head, tail))

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from .exact_averages import piecewise_means
-from .exact_field import DEFAULT_CELLS, LEAST_CELLS, ExactField, rectangles
+from .exact_field import DEFAULT_CELLS, LEAST_CELLS, ExactField, edges, rectangles, square_step
 from .gas import GAMMA_AIR, positive
 from .riemann import GasState, Riemann, riemann
 
@@ -78,9 +78,8 @@ def shock_tube(
         raise ValueError(
             f"length {length:g} m is too short: at {time:g} s the waves span {least:g} m about the diaphragm"
         )
-    step = length / DEFAULT_CELLS if spacing is None else positive(spacing, "spacing")
-    count = int(np.ceil(length / step * (1.0 - 1e-12)))
-    along = np.linspace(-0.5 * length, 0.5 * length, count + 1)
+    half = 0.5 * length
+    along = edges(-half, half, square_step(half, spacing, DEFAULT_CELLS // 2))
     beside = np.linspace(-0.5 * across, 0.5 * across, LEAST_CELLS + 1)
     mesh = rectangles(along, beside) if axis == "y" else rectangles(beside, along)
     mean = piecewise_means(lambda x: solution.density_at(x / time), along, [time * speed for speed in solution.breaks])

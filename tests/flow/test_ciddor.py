@@ -113,7 +113,7 @@ def test_against_the_papers_constant():
 
 
 def test_carbon_dioxide_and_water_shift_the_index():
-    """n - 1 rises by 0.534e-6 for each ppm of CO2; its constant falls by CO2's greater mass, 12.011 / 28.96."""
+    """Refractivity rises by 0.534e-6 for each ppm of CO2; K falls by its greater mass, 12.011 / 28.96."""
     rise = flow.ciddor_constant(633e-9, co2=950e-6) / flow.ciddor_constant(633e-9)
     assert abs(rise - (1.0 + 0.534 * 500e-6) / (1.0 + 12.011 / 28.9641 * 500e-6)) < 1e-9
     assert flow.ciddor_constant(633e-9, water=0.02) > flow.ciddor_constant(633e-9)

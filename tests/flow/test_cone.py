@@ -10,7 +10,7 @@ from scipy.integrate import solve_ivp
 
 from aerokernels import flow
 
-CASES = [(1.5, 10.0), (2.0, 30.0), (3.0, 20.0), (5.0, 40.0), (10.0, 5.0)]
+CASES = [(1.05, 3.0), (1.5, 10.0), (2.0, 30.0), (3.0, 20.0), (5.0, 40.0), (10.0, 5.0), (20.0, 10.0), (20.0, 50.0)]
 ANYWHERE = (st.floats(1.2, 12.0), st.floats(0.05, 0.99), st.floats(1.15, 1.66))
 
 

@@ -27,7 +27,7 @@ SELLMEIER = {
 @pytest.mark.parametrize("name", PUBLISHED)
 @pytest.mark.parametrize("micrometre", [0.5, 0.5461, 0.6328, 0.905, 1.064, 1.6])
 def test_published_formulas(name, micrometre):
-    """n - 1 at the reference state within 0.01 % of the paper's formula; 1e-5, for digits that the database dropped."""
+    """Refractivity at the reference state within 1e-5 of the paper's formula: digits that the database dropped."""
     expected = PUBLISHED[name](1.0 / micrometre**2)
     assert abs(flow.SPECIES[name].refractivity(micrometre * 1e-6) / expected - 1.0) < 1e-5
 
