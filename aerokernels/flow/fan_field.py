@@ -72,7 +72,9 @@ class ExpansionFan:
         first = math.atan(math.sqrt((self.mach - 1.0) * (self.mach + 1.0)) / root)
         turned = self.head_angle - np.clip(angle, self.tail_angle, self.head_angle)
         fan = (np.cos(first + turned / root) / math.cos(first)) ** (2.0 / (self.gamma - 1.0))
-        return np.where(angle < self.inner_angle, 1.0, fan)
+        # Beside the fan the two states themselves, to the last bit.
+        fan = np.where(angle <= self.tail_angle, self.density_ratio, fan)
+        return np.where((angle < self.inner_angle) | (angle >= self.head_angle), 1.0, fan)
 
     @property
     def inner_angle(self) -> float:

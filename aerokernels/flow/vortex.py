@@ -21,7 +21,7 @@ from .gas import GAMMA_AIR, SEA_LEVEL_DENSITY, check_gamma, positive
 
 # Where the field ends, in radii: there the temperature differs from the ambient one by 1e-15 of the difference inside.
 REACH = 6.0
-CELLS_PER_RADIUS = 20
+CELLS_PER_RADIUS = 40
 
 
 @dataclass(frozen=True)
@@ -86,7 +86,7 @@ def vortex(
         mach: Greatest speed of the swirl over the sound speed far away; below 1.356 in air.
         radius: Where the swirl is fastest [m].
         density: Density far away [kg/m3].
-        spacing: Greatest width of the cells, square ones [m]; None takes 1/20 of the radius.
+        spacing: Greatest width of the cells, square ones [m]; None takes 1/40 of the radius.
         gamma: Ratio of specific heats.
 
     Returns:

@@ -120,8 +120,7 @@ def plane_shock(
     """One plane shock across a stream, through the origin, as a planar density field without a body.
 
     The field is a box about the origin. Outside it the index is the free stream's, also where the gas behind the shock
-    goes
-    on: let rays end inside, or cross it on both sides.
+    goes on: let rays end inside.
 
     Args:
         mach: Mach number of the free stream.

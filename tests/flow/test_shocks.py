@@ -43,6 +43,38 @@ def test_oblique_shock_conserves(mach, gamma, share, strong):
     assert abs(shock.temperature_ratio - shock.pressure_ratio / shock.density_ratio) < 1e-14 * shock.temperature_ratio
 
 
+@pytest.mark.parametrize("gamma", [1.2, 1.4, 5.0 / 3.0])
+@pytest.mark.parametrize("mach", [1.05, 1.5, 3.0, 8.0, 20.0])
+def test_shocks_against_the_conservation_laws_solved(mach, gamma):
+    """Set-up: rho1 = p1 = 1. Density behind by root finding on energy, with mass and momentum put in; then the angle.
+
+    Normal shock: g / (g - 1) p2 / rho2 + u2^2 / 2 = const, p2 = 1 + rho1 u1 (u1 - u2), by Brent's method away from the
+    root that is no shock. Oblique: the velocity along the shock stays, tan(b - d) = tan(b) / (rho2 / rho1), where the
+    normal Mach number gives the density by the same route. Errors: the root finding's, 1e-12. Tolerance 1e-9.
+    """
+    from scipy.optimize import brentq
+
+    def density(normal_mach):
+        speed = normal_mach * math.sqrt(gamma)
+
+        def energy(ratio):
+            pressure = 1.0 + speed**2 * (1.0 - 1.0 / ratio)
+            rise = gamma / (gamma - 1.0) * (pressure / ratio - 1.0) + 0.5 * speed**2 * (1.0 / ratio**2 - 1.0)
+            return rise / (1.0 - 1.0 / ratio)  # without the root at 1
+
+        return brentq(energy, 1.0 + 1e-9, 2.0 * (gamma + 1.0) / (gamma - 1.0), xtol=1e-13, rtol=1e-14)
+
+    assert abs(flow.normal_shock(mach, gamma=gamma).density_ratio / density(mach) - 1.0) < 1e-9
+    for share in (0.2, 0.9):
+        turn = share * flow.maximum_deflection(mach, gamma=gamma)
+        for strong in (False, True):
+            shock = flow.oblique_shock(mach, turn, strong=strong, gamma=gamma)
+            angle = shock.shock_angle
+            ratio = density(mach * math.sin(angle))
+            assert abs(shock.density_ratio / ratio - 1.0) < 1e-9
+            assert abs(angle - math.atan(math.tan(angle) / ratio) - turn) < 1e-9
+
+
 @given(MACH, GAMMA)
 def test_normal_shock_conserves_and_entropy_rises(mach, gamma):
     shock = flow.normal_shock(mach, gamma=gamma)
