@@ -129,6 +129,23 @@ def echo(
     )
 
 
+def vacuum_echo(scene: Scene) -> tuple[np.ndarray, np.ndarray]:
+    """The echo that a scene has in vacuum, which its rangefinder is calibrated on: without flow, noise or digitiser.
+
+    Returns:
+        Sample times after the pulse's peak left [s], and voltage [V], each of shape (n,).
+
+    Raises:
+        ValueError: The target reaches back to the aperture, or a record of millions of samples.
+    """
+    pulse, points = pulse_of(scene), target_points(scene, None)
+    vacuum = vacuum_paths(points, target_plane(scene))
+    time, fine, stride = _record_times(scene, pulse, vacuum.path, vacuum.path)
+    peak = _point_power(scene, points.weight, vacuum, np.ones(len(points.weight)))
+    power = sum_of_pulses(fine, 2.0 * vacuum.path / SPEED_OF_LIGHT, peak, pulse)
+    return time, chain_of(scene).voltage(fine, power)[::stride]
+
+
 def _point_power(scene: Scene, weight: np.ndarray, paths: TransmitPaths, factor: np.ndarray) -> np.ndarray:
     """Peak power of each point's pulse at the receiver [W], shape (m,)."""
     to_receiver = np.array([0.0, 0.0, scene.receiver.aperture_z]) - paths.landing

@@ -256,3 +256,26 @@ def test_coarse_samples_on_both_sides_of_the_peak_meet_it(tmp_path: Path, runs):
     (tmp_path / "coarse.csv").write_text("time_s,mach=0\n" + "\n".join(rows))
     (found,) = compare_recording(tmp_path / "coarse.csv", runs[:1], CompareOptions()).labels
     assert found.waveform.correlation == pytest.approx(1.0, abs=1e-6)
+
+
+def test_another_pulse_is_said_loudly(tmp_path: Path, runs, aerokernels):
+    """Recorded pulses of tau 3.6 ns against 6 ns: they correlate highly, and their edges are 299 mm apart.
+
+    Expected: a warning with both widths and what they do to a range, c / 2 times half of their difference; a mark at
+    the degree and at the ranges read off the edge; the same in summary.json and the report. None for the run's pulse.
+    """
+    narrow = [RecordedEcho(LABELS[0], TIME, 2.0 * np.exp(-(((TIME - ARRIVAL) / (0.6 * TAU)) ** 2))) for _ in range(3)]
+    store = write_store(tmp_path / "narrow.sqlite", narrow)
+    (one,) = compare_recording(store, runs).labels
+    fwhm = 2.0 * math.sqrt(math.log(2.0)) * TAU
+    assert one.waveform.width_range == pytest.approx(-0.25 * C * 0.4 * fwhm, rel=1e-3)
+    (text,) = one.warnings
+    assert f"{0.6e9 * fwhm:.3f} ns wide" in text and "no ranges" in text and "beam.pulse_tau" in text
+    assert one.row()["same_pulse"] is False
+    done = aerokernels("compare", store, tmp_path / "run0", "--out", "found")
+    assert done.returncode == 0 and text in done.stderr
+    assert "highly correlated, but another pulse" in done.stdout
+    assert json.loads((tmp_path / "found" / "summary.json").read_text())["warnings"] == [text]
+    assert "is not the simulated one" in (tmp_path / "found" / "report.html").read_text(encoding="utf-8")
+    same = [RecordedEcho(LABELS[0], TIME, pulse(TIME, 2.0, 0.0)) for _ in range(3)]
+    assert compare_recording(write_store(tmp_path / "same.sqlite", same), runs).warnings == []
