@@ -97,12 +97,13 @@ def echo(
     reference = received(vacuum, _point_power(scene, points.weight, vacuum, np.ones(len(points.weight))))
     peak = np.where(out.arrived, _point_power(scene, points.weight, out, back.factor), 0.0)
     power = received(out, peak)
-    reference_voltage = chain.voltage(fine, reference)[::stride]
+    fine_voltage = chain.voltage(fine, reference)
+    reference_voltage = fine_voltage[::stride]
     clean = chain.voltage(fine, power)[::stride]
     noisy = scene.detector.noise
     voltage = chain.record(fine, power, scene.detector.seed, stride) if noisy else chain.digitise(clean)
 
-    rangefinder = Rangefinder.calibrated(scene, time, reference_voltage)
+    rangefinder = Rangefinder.calibrated(scene, time, reference_voltage, (fine, fine_voltage))
     share = np.where(out.arrived, points.weight, 0.0)
     return EchoResult(
         time=time,
