@@ -23,6 +23,7 @@ from ..medium import IndexField
 from ..prepare import prepare_field
 from ..scene import Scene
 from .chain import chain_of
+from .checks import check_aperture
 from .detector import sample_times
 from .paths import TransmitPaths, target_plane, transmit_paths, vacuum_paths
 from .pulse_curve import peak_height
@@ -97,12 +98,13 @@ def echo(
     reference = received(vacuum, _point_power(scene, points.weight, vacuum, np.ones(len(points.weight))))
     peak = np.where(out.arrived, _point_power(scene, points.weight, out, back.factor), 0.0)
     power = received(out, peak)
-    reference_voltage = chain.voltage(fine, reference)[::stride]
+    fine_voltage = chain.voltage(fine, reference)
+    reference_voltage = fine_voltage[::stride]
     clean = chain.voltage(fine, power)[::stride]
     noisy = scene.detector.noise
     voltage = chain.record(fine, power, scene.detector.seed, stride) if noisy else chain.digitise(clean)
 
-    rangefinder = Rangefinder.calibrated(scene, time, reference_voltage)
+    rangefinder = Rangefinder.calibrated(scene, time, reference_voltage, (fine, fine_voltage))
     share = np.where(out.arrived, points.weight, 0.0)
     return EchoResult(
         time=time,
@@ -148,6 +150,7 @@ def vacuum_echo(scene: Scene) -> tuple[np.ndarray, np.ndarray]:
 
 def _point_power(scene: Scene, weight: np.ndarray, paths: TransmitPaths, factor: np.ndarray) -> np.ndarray:
     """Peak power of each point's pulse at the receiver [W], shape (m,)."""
+    check_aperture(scene.receiver.diameter, scene.target.distance)
     to_receiver = np.array([0.0, 0.0, scene.receiver.aperture_z]) - paths.landing
     to_receiver = to_receiver / np.linalg.norm(to_receiver, axis=1, keepdims=True)
     lobe = lobe_cosine(paths.direction, scene.target.orientation[:, 2], to_receiver)

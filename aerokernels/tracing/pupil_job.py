@@ -23,6 +23,8 @@ from .trace import plan_rays
 REPLICATES = 16
 # Pupils that are kept ready for a field.
 JOBS_KEPT = 4
+# A pupil's radius over half of the diagonal of the field's box.
+GREATEST_RATIO = 10.0
 
 _jobs: weakref.WeakKeyDictionary = weakref.WeakKeyDictionary()
 
@@ -101,6 +103,7 @@ def make_job(field, pupil, look, wavelength, ray_count, seed, with_tilt, symmetr
     Raises:
         ValueError: A name or number that makes no sense; symmetry=True without symmetry.
     """
+    _check_size(field, pupil)
     until = Plane(_beyond(field, pupil, look), look)
     per_replicate = _per_replicate(ray_count)
     fan_rays, why = choose_fan(field, pupil, look, per_replicate, REPLICATES, symmetry)
@@ -132,6 +135,21 @@ def make_job(field, pupil, look, wavelength, ray_count, seed, with_tilt, symmetr
         fan=fan_points(count, REPLICATES, seed) if fan_rays else None,
     )
     return PupilJob(plan, until, per_replicate, task)
+
+
+def _check_size(field: IndexField, pupil: Disc) -> None:
+    """Refuse a pupil beside which the field is a speck: of its rays hardly one in a hundred would meet it.
+
+    Raises:
+        ValueError: As said.
+    """
+    low, high = field.box
+    size = 0.5 * float(np.linalg.norm(np.where(np.isfinite(high - low), high - low, 0.0)))
+    if pupil.radius > GREATEST_RATIO * size:
+        raise ValueError(
+            f"the pupil's radius of {pupil.radius:g} m is {pupil.radius / size:.0f} times the field's {size:.3g} m: "
+            "hardly any ray meets the field; give metres, 6e-3 for 6 mm"
+        )
 
 
 def _runner(task: PupilTask) -> Callable[[], PupilSums]:
