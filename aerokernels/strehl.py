@@ -20,6 +20,8 @@ import numpy as np
 from .medium import IndexField
 from .rays import Disc, RayBundle, as_unit_vector
 from .tracing.budget import CAUSES, SAFETY, SUBSET, combine, float64_rounding, opd_errors
+from .tracing.lines import box_size
+from .tracing.meeting import greatest_contrast
 from .tracing.plan import TracePlan
 from .tracing.pupil_air import PupilAir
 from .tracing.pupil_fan import SETTLED
@@ -27,6 +29,9 @@ from .tracing.pupil_job import REPLICATES, find_job, make_job
 from .tracing.pupil_sums import fit_moments
 from .tracing.trace import retracer
 from .wavefront import check_terms, check_wavefront, map_points, remove_terms
+
+# The share of the tolerance below which an optical path difference is none.
+UNSEEN = 1e-3
 
 
 def strehl(opd, wavelength: float, weights=None, remove=("piston",), *, points=None) -> float:
@@ -195,6 +200,12 @@ def estimate_strehl(
         evaluations += sums.evaluation_count
         seconds = {stage: spent + sums.seconds.get(stage, 0.0) for stage, spent in seconds.items()}
     estimate = _combine(sums.moments, sums.phasors, wavelength, remove)
+    if _met_nothing(field, sums.moments, wavelength, tolerance):
+        warnings.warn(
+            "every ray of the pupil passes through undisturbed air only, though the field holds other: the Strehl "
+            "ratio is 1; check the units (metres are expected), the direction and the position of the pupil",
+            stacklevel=2,
+        )
 
     def budget(found: StrehlEstimate) -> dict[str, float]:
         probe = RayBundle.collimated(pupil, SUBSET, direction=look, seed=seed)
@@ -258,6 +269,14 @@ def _combine(moments, phasor, wavelength, remove) -> dict:
         "opd_rms": rms,
         "boresight": tilt,
     }
+
+
+def _met_nothing(field: IndexField, moments, wavelength: float, tolerance: float) -> bool:
+    """Whether no ray saw any of the field's contrast, though that could count."""
+    mean, _, rms, _ = fit_moments(moments.sum(axis=0))
+    if max(abs(mean), rms) > UNSEEN * tolerance * wavelength:
+        return False
+    return greatest_contrast(field) * box_size(field) > tolerance * wavelength
 
 
 def _standard_error(moments: np.ndarray, phasor: np.ndarray) -> float:

@@ -17,6 +17,7 @@ axis, nor the missing ends of a planar field in x.
 """
 
 import weakref
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from itertools import product
 
@@ -25,17 +26,21 @@ import numpy as np
 from ..medium import IndexField
 from ..medium.grid import UniformGrid
 from ..rays import RayBundle
+from .backend_info import thread_count
 from .lines import FACES, SIDE, box_size, box_span
 from .mesh_rim import mesh_crossings, mesh_rim, rim_contrast
 from .stop import ArcLength, Plane
 
-# The share of the tolerance that all that could be lost must stay below for no ray to be looked at.
-NOTHING = 1e-3
+# The share of the tolerance, and of the greatest tolerance that counts here [m], that all that could be lost must stay
+# below for no ray to be looked at.
+NOTHING = 0.1
+GREATEST_TOLERANCE = 1e-9
 WINDOW_CELLS = 2.0
 DEPTHS = np.array([0.0, 0.5, 1.0, 1.5, 2.0])  # over s; the middle one belongs to both windows
 # By how much less than the box's size an end may lie outside it and still count as lying on its face.
 ON_FACE = 1e-6
-CHUNK = 1 << 16
+# Rays that are looked at together: their arrays stay in a core's cache.
+CHUNK = 1 << 13
 BESIDE = -1  # instead of a face: of a ray that passes beside the box, or crosses the rim of a mesh
 
 _strengths: weakref.WeakKeyDictionary = weakref.WeakKeyDictionary()
@@ -96,17 +101,26 @@ def may_be_lost(
             taken to be straight.
     """
     lost, face = np.zeros(rays.ray_count), np.full(rays.ray_count, BESIDE)
-    strong = face_strengths(field) * box_size(field) > NOTHING * tolerance
-    if not strong.any():
+    weakest = NOTHING * min(tolerance, GREATEST_TOLERANCE) / box_size(field)
+    if not (face_strengths(field) > weakest).any():
         return lost, face
-    for first in range(0, rays.ray_count, CHUNK):
+
+    def look_at(first: int) -> None:
         rows = slice(first, first + CHUNK)
         here = None if ends is None else (ends[0][rows], ends[1][rows])
-        lost[rows], face[rows] = _lost_by(field, rays.position[rows], rays.direction[rows], until, here, strong)
+        lost[rows], face[rows] = _lost_by(field, rays.position[rows], rays.direction[rows], until, here, weakest)
+
+    starts = range(0, rays.ray_count, CHUNK)
+    if len(starts) < 2 * thread_count():
+        for first in starts:
+            look_at(first)
+    else:
+        with ThreadPoolExecutor(thread_count()) as pool:
+            list(pool.map(look_at, starts))
     return lost, face
 
 
-def _lost_by(field, position, direction, until, ends, strong) -> tuple[np.ndarray, np.ndarray]:
+def _lost_by(field, position, direction, until, ends, weakest: float) -> tuple[np.ndarray, np.ndarray]:
     """Of some rays: what each may lose [m], and at which face most of it."""
     span = box_span(field, position, direction)
     stop = stop_distance(position, direction, until)
@@ -119,6 +133,7 @@ def _lost_by(field, position, direction, until, ends, strong) -> tuple[np.ndarra
         lost[rows] += amount
 
     if field.is_uniform:
+        strong = face_strengths(field) > weakest
         entering = np.flatnonzero(span.meets & (span.entry_face >= 0) & (stop > span.enter) & strong[span.entry_face])
         enter, chord = span.enter[entering], (span.leave - span.enter)[entering]
         point = position[entering] + enter[:, None] * direction[entering]
@@ -127,7 +142,7 @@ def _lost_by(field, position, direction, until, ends, strong) -> tuple[np.ndarra
             kept = strong[crossing[-1]]
             add(*(array[kept] for array in crossing))
     else:
-        found = mesh_crossings(field, position, direction, stop)
+        found = mesh_crossings(field, position, direction, stop, weakest)
         chord = np.full(len(found.ray), np.inf)
         amount = _tail(field, found.point, found.inward, chord, found.way, found.cell, found.contrast)
         np.add.at(lost, found.ray, amount)
@@ -234,15 +249,18 @@ def _tail_shape(field, point, inward, chord, cell=None, contrast=None) -> tuple[
 def _contrast(field: IndexField, points: np.ndarray) -> np.ndarray:
     """Contrast at points (n, 3) of a uniform grid, linear between its samples; beyond a face that of the face."""
     grid = field.samples
-    place = (field.local_coordinates(points) - grid.origin) / grid.spacing
-    place = np.clip(place, 0.0, np.array(grid.shape) - 1.0)
-    cell = np.minimum(place.astype(np.int64), np.array(grid.shape) - 2)
-    share = place - cell
-    result = np.zeros(len(points))
-    for corner in product((0, 1), repeat=grid.samples.ndim):
-        weight = np.prod(np.where(np.array(corner) == 1, share, 1.0 - share), axis=1)
-        result += weight * grid.samples[tuple((cell + corner).T)]
-    return result
+    start = np.zeros(len(points), dtype=np.int64)
+    shares, strides = [], np.array(grid.samples.strides) // grid.samples.itemsize
+    for axis, (column, count) in enumerate(zip(field.local_coordinates(points).T, grid.shape, strict=True)):
+        place = np.clip((column - grid.origin[axis]) / grid.spacing[axis], 0.0, count - 1.0)
+        cell = np.minimum(place.astype(np.int64), count - 2)
+        start += strides[axis] * cell
+        shares.append(place - cell)
+    flat = grid.samples.ravel(order="K")  # in the order of memory, as the strides are
+    values = [flat[start + int(strides @ corner)] for corner in product((0, 1), repeat=len(shares))]
+    for share in reversed(shares):  # the last axis is the first to vary
+        values = [low + share * (high - low) for low, high in zip(values[::2], values[1::2], strict=True)]
+    return values[0]
 
 
 def extent(field: IndexField, direction: np.ndarray) -> np.ndarray:

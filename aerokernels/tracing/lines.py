@@ -64,17 +64,12 @@ def box_span(field: IndexField, position: np.ndarray, direction: np.ndarray) -> 
     for axis in (2,) if round_box else (0, 1, 2):
         if not np.isfinite(low[axis]):
             continue
-        place, rate = position[:, axis], direction[:, axis]
-        with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-            to_low, to_high = (low[axis] - place) / rate, (high[axis] - place) / rate
-        still = rate == 0.0
-        aside = still & ((place < low[axis] - slack) | (place > high[axis] + slack))
-        first = np.where(still, np.where(aside, np.inf, -np.inf), np.minimum(to_low, to_high))
-        last = np.where(still, np.where(aside, -np.inf, np.inf), np.maximum(to_low, to_high))
+        rate = direction[:, axis]
+        first, last = slab_span(position[:, axis], rate, low[axis], high[axis], slack)
         forward = rate > 0.0
         narrow(first, last, 2 * axis + np.where(forward, 0, 1), 2 * axis + np.where(forward, 1, 0))
     if round_box:
-        narrow(*_cylinder_span(position, direction, float(high[0]), slack), SIDE, SIDE)
+        narrow(*cylinder_span(position, direction, float(high[0]), slack), SIDE, SIDE)
     # A line in a face, or past an edge by no more than rounding, meets the box there.
     with np.errstate(invalid="ignore"):  # inf - inf of a miss is no touch
         rounding = 2.0 * slack + 16.0 * np.finfo(np.float64).eps * np.abs(near)
@@ -84,7 +79,21 @@ def box_span(field: IndexField, position: np.ndarray, direction: np.ndarray) -> 
     return BoxSpan(np.maximum(near, 0.0), far, np.where(inside, -1, near_face), far_face)
 
 
-def _cylinder_span(position, direction, radius: float, slack: float) -> tuple[np.ndarray, np.ndarray]:
+def slab_span(place: np.ndarray, rate: np.ndarray, low: float, high: float, slack: float = 0.0):
+    """Where lines place + t rate enter and leave the slab from `low` to `high`; (inf, -inf) for a miss.
+
+    Only a line along the slab is given `slack` on either side.
+    """
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+        to_low, to_high = (low - place) / rate, (high - place) / rate
+    still = rate == 0.0
+    aside = still & ((place < low - slack) | (place > high + slack))
+    first = np.where(still, np.where(aside, np.inf, -np.inf), np.minimum(to_low, to_high))
+    last = np.where(still, np.where(aside, -np.inf, np.inf), np.maximum(to_low, to_high))
+    return first, last
+
+
+def cylinder_span(position, direction, radius: float, slack: float) -> tuple[np.ndarray, np.ndarray]:
     """Where lines enter and leave an endless cylinder about the z axis [m]; (inf, -inf) for a miss."""
     px, py, dx, dy = position[:, 0], position[:, 1], direction[:, 0], direction[:, 1]
     with np.errstate(divide="ignore", invalid="ignore", over="ignore", under="ignore"):

@@ -10,15 +10,15 @@ from .lines import box_span
 
 CHUNK = 1 << 14
 
-_disturbed: weakref.WeakKeyDictionary = weakref.WeakKeyDictionary()
+_greatest: weakref.WeakKeyDictionary = weakref.WeakKeyDictionary()
 
 
-def is_disturbed(field: IndexField) -> bool:
-    """Whether the contrast is anything but 0 anywhere."""
-    if field.samples not in _disturbed:
+def greatest_contrast(field: IndexField) -> float:
+    """Greatest |contrast| of the field's samples."""
+    if field.samples not in _greatest:
         values = field.samples.samples if field.is_uniform else field.samples.values
-        _disturbed[field.samples] = bool(np.any(values))
-    return _disturbed[field.samples]
+        _greatest[field.samples] = float(max(values.max(), -values.min()))
+    return _greatest[field.samples]
 
 
 def check_meeting(field: IndexField, rays: RayBundle, what: str) -> None:
@@ -31,7 +31,7 @@ def check_meeting(field: IndexField, rays: RayBundle, what: str) -> None:
         rows = slice(first, first + CHUNK)
         if box_span(field, rays.position[rows], rays.direction[rows]).meets.any():
             return
-    if not is_disturbed(field):
+    if greatest_contrast(field) == 0.0:
         return
     low, high = field.box
     box = ", ".join(

@@ -14,13 +14,13 @@ from functools import cached_property
 import numpy as np
 
 from ..medium import IndexField
-from .lines import box_size
+from .lines import box_size, cylinder_span, slab_span
 
 # Pairs of rays and edges that are looked at together.
 PAIRS = 1_000_000
 # An edge both of whose ends are this near to the wall, over its length, lies on the wall.
 ON_WALL = 0.2
-SAME_PLACE = 1e-9
+SAME_PLACE = 1e-8
 
 _rims: weakref.WeakKeyDictionary = weakref.WeakKeyDictionary()
 
@@ -40,6 +40,11 @@ class MeshRim:
     end: np.ndarray
     strength: np.ndarray
     cell: np.ndarray
+
+    def part(self, weakest: float) -> "MeshRim":
+        """The edges that are stronger than `weakest`."""
+        kept = self.strength > weakest
+        return MeshRim(self.start[kept], self.end[kept], self.strength[kept], self.cell[kept])
 
     @cached_property
     def tree(self):
@@ -112,20 +117,26 @@ def rim_contrast(field: IndexField, points: np.ndarray) -> np.ndarray:
     return np.where(distance <= 2.0 * length[edge], rim.strength[edge], 0.0)
 
 
-def mesh_crossings(field: IndexField, position: np.ndarray, direction: np.ndarray, stop: np.ndarray) -> Crossings:
-    """Where straight rays (n, 3) cross the rim ahead of their start and of their stop `stop` [m], shape (n,)."""
-    rim = mesh_rim(field)
+def mesh_crossings(
+    field: IndexField, position: np.ndarray, direction: np.ndarray, stop: np.ndarray, weakest: float
+) -> Crossings:
+    """Where straight rays (n, 3) cross the rim ahead of their start and of their stop `stop` [m], shape (n,).
+
+    Edges whose |contrast| is nowhere above `weakest` are left out.
+    """
+    rim = mesh_rim(field).part(weakest)
     margin = SAME_PLACE * box_size(field)
-    chunk = max(1, PAIRS // max(len(rim.start), 1))
     rays, edges, ways = [np.zeros(0, int)], [np.zeros(0, int)], [np.zeros(0)]
-    for first in range(0, len(position) if len(rim.start) else 0, chunk):
-        part = slice(first, first + chunk)
-        solve = _round if field.geometry == "axisymmetric" else _flat
+    near = np.flatnonzero(_may_cross(field, rim, position, direction, margin)) if len(rim.start) else np.zeros(0, int)
+    chunk = max(1, PAIRS // max(len(rim.start), 1))
+    solve = _round if field.geometry == "axisymmetric" else _flat
+    for first in range(0, len(near), chunk):
+        part = near[first : first + chunk]
         for distance, share in solve(rim, position[part], direction[part]):
             with np.errstate(invalid="ignore"):
                 hit = (share >= 0.0) & (share < 1.0) & (distance >= -margin) & (distance <= stop[part, None] + margin)
             ray, edge = np.nonzero(hit)
-            rays.append(ray + first)
+            rays.append(part[ray])
             edges.append(edge)
             ways.append(distance[hit])
     ray, edge, distance = np.concatenate(rays), np.concatenate(edges), np.concatenate(ways)
@@ -142,6 +153,18 @@ def mesh_crossings(field: IndexField, position: np.ndarray, direction: np.ndarra
     inward = np.where(leaves, -1.0, 1.0)[:, None] * direction[ray]
     kept = way > margin
     return Crossings(*(array[kept] for array in (ray, point, inward, way, rim.strength[edge], rim.cell[edge])))
+
+
+def _may_cross(field: IndexField, rim: MeshRim, position, direction, margin: float) -> np.ndarray:
+    """Which rays meet the smallest box about the edges, a cylinder if they are turned about the axis."""
+    low = np.minimum(rim.start, rim.end).min(axis=0) - margin
+    high = np.maximum(rim.start, rim.end).max(axis=0) + margin
+    enter, leave = slab_span(position[:, 2], direction[:, 2], low[1], high[1])
+    if field.geometry == "axisymmetric":
+        others = cylinder_span(position, direction, float(high[0]), 0.0)
+    else:
+        others = slab_span(position[:, 1], direction[:, 1], low[0], high[0])
+    return np.asarray(np.maximum(np.maximum(enter, others[0]), 0.0) <= np.minimum(leave, others[1]))
 
 
 def _flat(rim: MeshRim, position: np.ndarray, direction: np.ndarray):
@@ -164,10 +187,12 @@ def _round(rim: MeshRim, position: np.ndarray, direction: np.ndarray):
     b = ez * ez * middle - base * slope
     c = ez * ez * near - base * base
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-        root = np.sqrt(np.maximum(b * b - a * c, 0.0))
-        none = b * b - a * c < -1e-12 * b * b
+        rest = b * b - a * c
+        once = np.abs(rest) <= 1e-12 * b * b  # of edges across the axis
+        root = np.sqrt(np.where(once, 0.0, np.maximum(rest, 0.0)))
+        none = (rest < 0.0) & ~once
         pivot = -(b + np.where(b < 0.0, -root, root))
-        for distance in (pivot / a, c / pivot):
+        for distance in (pivot / a, np.where(once, np.nan, c / pivot)):
             r = np.hypot(px + distance * dx, py + distance * dy)
             share = ((pz + distance * dz - az) * ez + (r - ar) * er) / (er * er + ez * ez)
             # The quadratic holds the mirror image of the edge too, at -r.
