@@ -12,6 +12,9 @@ again; w is the length of the way that lies outside. An exponential tail has A0 
 on, and a steeper one less. A ray that passes beside the box, no farther away than the box is large, may lose as much as
 one that leaves through the nearest point of it, less what falls off on the way to the ray.
 
+Lines are straight, but for rays that a field may bend by more than a cell: of those the traced ends count, drawn
+straight back to the box, where they are known.
+
 A box whose faces are all undisturbed costs nothing: no ray is looked at. Neither is a wall an end of known air, nor the
 axis, nor the missing ends of a planar field in x.
 """
@@ -27,6 +30,7 @@ from ..medium import IndexField
 from ..medium.grid import UniformGrid
 from ..rays import RayBundle
 from .backend_info import thread_count
+from .choice import greatest_turn
 from .lines import FACES, SIDE, box_size, box_span
 from .mesh_rim import mesh_crossings, mesh_rim, rim_contrast
 from .stop import ArcLength, Plane
@@ -64,7 +68,19 @@ class KnownAir:
 
     def lost(self, ends: tuple[np.ndarray, np.ndarray] | None = None) -> np.ndarray:
         """What each ray may have lost [m], shape (ray_count,); `ends` are traced end points [m] and directions."""
+        # Where straight lines will do they are taken always: the answer must not hang on the outputs asked for.
+        ends = ends if ends is not None and may_bend(self.field) else None
         return may_be_lost(self.field, self.rays, self.until, self.tolerance, ends)[0]
+
+
+def may_bend(field: IndexField) -> bool:
+    """Whether rays across a field on a uniform grid may be displaced by more than a cell; on a mesh none is looked at.
+
+    The displacement is at most half the greatest turn times the box's size.
+    """
+    if not isinstance(field.samples, UniformGrid):
+        return False
+    return 0.5 * greatest_turn(field.samples) * box_size(field) > float(field.spacing.min())
 
 
 def face_strengths(field: IndexField) -> np.ndarray:
@@ -135,7 +151,8 @@ def _lost_by(field, position, direction, until, ends, weakest: float) -> tuple[n
     if field.is_uniform:
         strong = face_strengths(field) > weakest
         entering = np.flatnonzero(span.meets & (span.entry_face >= 0) & (stop > span.enter) & strong[span.entry_face])
-        enter, chord = span.enter[entering], (span.leave - span.enter)[entering]
+        enter = span.enter[entering]
+        chord = span.leave[entering] - enter
         point = position[entering] + enter[:, None] * direction[entering]
         add(entering, point, direction[entering], chord, enter, span.entry_face[entering])
         for crossing in _exits(field, position, direction, span, stop, until, ends):
@@ -167,12 +184,12 @@ def _exits(field, position, direction, span, stop, until, ends):
         rows = np.flatnonzero(outside)
         point = beyond[rows] - back.enter[rows, None] * ends[1][rows]
         way = np.full(len(rows), np.inf) if until is None else back.enter[rows] - margin
-        chord = (back.leave - back.enter)[rows]
+        chord = back.leave[rows] - back.enter[rows]
         yield rows, point, -ends[1][rows], chord, way, back.entry_face[rows]
         straight &= ~(outside if until is None else back.meets)
     rows = np.flatnonzero(straight)
     point = position[rows] + span.leave[rows, None] * direction[rows]
-    chord, way = (span.leave - span.enter)[rows], (stop - span.leave)[rows]
+    chord, way = span.leave[rows] - span.enter[rows], stop[rows] - span.leave[rows]
     yield rows, point, -direction[rows], chord, way, span.exit_face[rows]
 
 

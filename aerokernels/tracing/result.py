@@ -67,8 +67,8 @@ class TraceResult:
     def truncation(self) -> np.ndarray:
         """What each ray may have lost where the known air ends [m], shape (ray_count,): see known_air.py.
 
-        By the traced ends where both `position` and `direction` were asked for, else on straight lines. Computed when
-        first read.
+        On straight lines; where the field bends rays by more than a cell, by their traced ends if both `position` and
+        `direction` were asked for. Computed when first read.
         """
         if self.known_air is None:
             return np.zeros(self.ray_count)

@@ -280,7 +280,7 @@ from aerokernels import IndexField, RayBundle, trace
 field = IndexField.from_samples(np.full((4, 4), 1e-4), origin=(-1.5, 0), spacing=(1, 1), geometry="planar")
 rays = RayBundle([[0, 0, -1]], [[0, 0, 1]])
 result = trace(field, rays, backend="auto")
-print(result.plan.backend, result.status[0])
+print(result.plan.backend, result.traced_status[0])
 try:
     trace(field, rays, backend="opencl")
 except ValueError as error:
