@@ -162,6 +162,11 @@ class TraceTable(Table):
         None,
         "Steps after which a ray is given up; the tracer chooses if absent.",
     )
+    allow_truncation: bool = key(
+        False,
+        "Whether more than a thousandth of the pupil may look through disturbed air that ends at the edge of the "
+        "computed flow; refused otherwise, since what lies beyond is unknown.",
+    )
 
     @model_validator(mode="after")
     def _fixed_needs_a_step(self) -> "TraceTable":

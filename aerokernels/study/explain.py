@@ -19,7 +19,13 @@ def explanation(scene: Scene) -> list[tuple[str, str]]:
     """
     prepared = prepare_field(scene)
     pupil = forward_pupil(scene)
-    plan, count = plan_strehl(prepared.field, pupil, **trace_options(scene), ray_count=scene.strehl.ray_count)
+    plan, count = plan_strehl(
+        prepared.field,
+        pupil,
+        **trace_options(scene),
+        ray_count=scene.strehl.ray_count,
+        allow_truncation=scene.trace.allow_truncation,
+    )
     low, high = prepared.region
     axes = "r, z" if prepared.field.geometry == "axisymmetric" else "y, z"
     wavelength = scene.flow.wavelength
