@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from ..quantities import Quantity
 from .status import RayStatus, reached
 
 # Per-ray arrays: unit and meaning, in the order of results.
@@ -21,7 +22,7 @@ RAY_OUTPUTS = {
 }
 
 
-@dataclass(eq=False)
+@dataclass(eq=False, repr=False)
 class TraceResult:
     """Traced rays, float64 whatever the kernel's precision. Arrays that were not asked for are None.
 
@@ -74,6 +75,33 @@ class TraceResult:
     def error(self) -> dict[str, float]:
         """The error budget of the optical path difference [m], by cause: see budget.py. Computed when first read."""
         return self.budget(self) if self.budget is not None else {}
+
+    @property
+    def opd_rms(self) -> Quantity:
+        """Rms over the rays that reached the stop of the OPD about its mean [m], by their shares of the bundle.
+
+        Its error is the budget's total, the greatest OPD error of a ray: the rms can change by no more. NaN where no
+        ray reached the stop, or where "opd" was not among the outputs.
+        """
+        good = self.ok
+        share = self.weight[good] if np.ndim(self.weight) else np.ones(int(good.sum()))
+        if self.opd is None or not share.sum() > 0.0:
+            return Quantity(float("nan"), unit="m")
+        opd = self.opd[good]
+        mean = float(share @ opd / share.sum())
+        rms = float(np.sqrt(share @ (opd - mean) ** 2 / share.sum()))
+        return Quantity(rms, self.error.get("total", float("nan")), "m")
+
+    def __repr__(self) -> str:
+        """Rays, their status, the OPD with its error and the plan. Some rays are traced for the error, when first read.
+
+        The error is that of `error`, computed once.
+        """
+        status = ", ".join(f"{count} {name}" for name, count in self.status_summary().items()) or "none"
+        lines = [f"TraceResult of {self.ray_count} rays: {status}"]
+        if self.opd is not None:
+            lines.append(f"  OPD rms {self.opd_rms.scaled(1e9, 'nm')}")
+        return "\n".join([*lines, f"  {str(self.plan).splitlines()[0]}"])
 
     def status_summary(self) -> dict[str, int]:
         """Number of rays by status name, those that occur."""
