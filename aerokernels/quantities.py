@@ -57,7 +57,7 @@ class Quantity:
         unit = f" {self.unit}" if self.unit else ""
         if math.isnan(self.value):
             return "none"
-        sign = "+" if signed else ""
+        sign = "+" if signed and self.value else ""
         plain = f"{self.value:{sign}.{PLAIN_DIGITS}g}{unit}"
         if self.error is None:
             return plain
@@ -97,7 +97,7 @@ def _joined(value: float, error: float, sign: str, unit: str) -> str:
     if LEAST_POWER < top < GREATEST_POWER:
         places = max(-last, 0)
         rounded = round(value, -last) + 0.0  # no negative zero
-        text = f"{rounded:{sign}.{places}f} +- {small or f'{round(error, -last):.{places}f}'}"
+        text = f"{rounded:{sign if rounded else ''}.{places}f} +- {small or f'{round(error, -last):.{places}f}'}"
         return f"{text}{after}"
     scale, places = 10.0**top, max(top - last, 0)
     text = f"{round(value / scale, places) + 0.0:{sign}.{places}f}"
