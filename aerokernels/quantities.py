@@ -91,9 +91,10 @@ def _joined(value: float, error: float, sign: str, unit: str) -> str:
     """Value and error to the same decimal place."""
     last = last_place(error)
     top = max(_power(value), _power(error))
-    last = max(last, top - MOST_DIGITS + 1)
+    least = top - MOST_DIGITS + 1
+    small = f"{error:.2g}" if last < least else None  # an error beyond the digits that a value is written with
+    last = max(last, least)
     after = f" {unit}" if unit else ""
-    small = f"{error:.2g}" if _power(error) < last else None  # an error beyond the digits that a value can have
     if LEAST_POWER < top < GREATEST_POWER:
         places = max(-last, 0)
         rounded = round(value, -last) + 0.0  # no negative zero
@@ -174,8 +175,8 @@ def judge_strehl(ratio: Quantity, main_cause: str = "") -> Verdict:
     if error > max(effect, NO_EFFECT):
         return Verdict(
             WARNING,
-            f"the Strehl ratio's error, {error:.2g}, is greater than the effect of the flow, 1 - {value:.4g} = "
-            f"{effect:.2g}{cause}",
+            f"the Strehl ratio's error, {error:.2g}, is greater than the effect of the flow, which takes {effect:.2g} "
+            f"off 1{cause}",
         )
     if error > GREAT_ERROR:
         return Verdict(WARNING, f"the Strehl ratio's error, {error:.2g}, is greater than a tenth of 1{cause}")

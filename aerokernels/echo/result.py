@@ -187,6 +187,7 @@ class EchoResult:
         attributes = {
             "ranging": self.ranging,
             "range_m": self.range,
+            **({"range_reason": self.reason} if self.reason else {}),
             "true_range_m": self.distance,
             "echo_peak_w": self.peak_power,
             "echo_peak_v": self.peak_voltage,

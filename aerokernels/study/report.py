@@ -55,9 +55,9 @@ body { font: 15px/1.55 system-ui, "Segoe UI", Roboto, sans-serif; color: #1d2630
 h1 { font-size: 1.6em; margin: 0 0 .1em; }
 h2 { font-size: 1.15em; margin: 2.2em 0 .6em; border-bottom: 1px solid #e3e7eb; padding-bottom: .25em; }
 .lead { color: #5b6470; margin: 0 0 1.4em; }
-.cards { display: grid; grid-template-columns: repeat(auto-fill, minmax(200px, 1fr)); gap: 10px; }
+.cards { display: grid; grid-template-columns: repeat(auto-fill, minmax(240px, 1fr)); gap: 10px; }
 .card { background: #f3f6f8; border-radius: 8px; padding: 10px 14px; }
-.card b { display: block; font-size: 1.35em; font-weight: 600; }
+.card b { display: block; font-size: 1.22em; font-weight: 600; }
 .card span { color: #5b6470; font-size: .87em; }
 .alarm, .note { border-radius: 8px; padding: 10px 14px; margin: 0 0 12px; }
 .alarm { background: #fde8e4; border-left: 5px solid #b42318; }
@@ -131,13 +131,15 @@ def _table(rows: Iterable[tuple[str, Any]]) -> str:
 def _numbers(summary: Mapping[str, Any]) -> list[tuple[str, str]]:
     """Every number of a summary by its key, with its error where it is an estimate."""
     apart = {"plan", "error", "errors", "seconds", "scene", "version", "verdict", "warnings", "failures"}
-    apart |= {"strehl_standard_error", "range_uncertainty_m"}  # parts of errors that are shown whole
+    apart.add("strehl_standard_error")  # it is a part of the error that is shown: the budget's sampling
     errors = dict(_flat(summary.get("errors") or {}))
     rows = []
     for name, value in _flat({key: value for key, value in summary.items() if key not in apart}):
         number, error = plain(value), plain(errors.get(name))
         if name in errors and isinstance(number, (int, float)):
             rows.append((name, Quantity(number, math.nan if error is None else error).text()))
+        elif name.startswith("range_uncertainty_m.") and number is not None:  # errors themselves
+            rows.append((name, f"{number:.2g}"))
         else:
             rows.append((name, _words(value)))
     return rows

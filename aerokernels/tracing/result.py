@@ -77,20 +77,22 @@ class TraceResult:
         return self.budget(self) if self.budget is not None else {}
 
     @property
-    def opd_rms(self) -> Quantity:
-        """Rms over the rays that reached the stop of the OPD about its mean [m], by their shares of the bundle.
+    def quantities(self) -> dict[str, Quantity]:
+        """The bundle's numbers with their errors: "opd_rms" [m], where "opd" is among the outputs.
 
-        Its error is the budget's total, the greatest OPD error of a ray: the rms can change by no more. NaN where no
-        ray reached the stop, or where "opd" was not among the outputs.
+        It is the rms of the OPD about its mean over the rays that reached the stop, by their shares of the bundle; NaN
+        where none did. Its error is the budget's total, the greatest OPD error of a ray: the rms changes by no more.
         """
         good = self.ok
         share = self.weight[good] if np.ndim(self.weight) else np.ones(int(good.sum()))
-        if self.opd is None or not share.sum() > 0.0:
-            return Quantity(float("nan"), unit="m")
+        if self.opd is None:
+            return {}
+        if not share.sum() > 0.0:
+            return {"opd_rms": Quantity(float("nan"), unit="m")}
         opd = self.opd[good]
         mean = float(share @ opd / share.sum())
         rms = float(np.sqrt(share @ (opd - mean) ** 2 / share.sum()))
-        return Quantity(rms, self.error.get("total", float("nan")), "m")
+        return {"opd_rms": Quantity(rms, self.error.get("total", float("nan")), "m")}
 
     def __repr__(self) -> str:
         """Rays, their status, the OPD with its error and the plan. Some rays are traced for the error, when first read.
@@ -99,8 +101,7 @@ class TraceResult:
         """
         status = ", ".join(f"{count} {name}" for name, count in self.status_summary().items()) or "none"
         lines = [f"TraceResult of {self.ray_count} rays: {status}"]
-        if self.opd is not None:
-            lines.append(f"  OPD rms {self.opd_rms.scaled(1e9, 'nm')}")
+        lines += [f"  OPD rms {rms.scaled(1e9, 'nm')}" for rms in self.quantities.values()]
         return "\n".join([*lines, f"  {str(self.plan).splitlines()[0]}"])
 
     def status_summary(self) -> dict[str, int]:
