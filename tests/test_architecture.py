@@ -16,7 +16,7 @@ RANK = {
     room: rank
     for rank, rooms in enumerate(
         [
-            ("units", "quantities", "sobol"),
+            ("units", "quantities", "sobol", "wavelength"),
             ("rays",),
             ("strehl_sums",),
             ("medium",),

@@ -5,13 +5,11 @@ from dataclasses import dataclass
 
 from ..medium import IndexField
 from ..scene import Scene
-from .chain import chain_of
 from .paths import target_plane, vacuum_paths
 from .pulse_curve import peak_height
-from .pulses import pulse_of
 from .pupil_reduction import check_ahead
 from .rangefinder import Rangefinder
-from .simulate import record_times, vacuum_power
+from .simulate import vacuum_record
 from .target_points import target_points
 
 
@@ -44,20 +42,15 @@ def predict_echo(scene: Scene, field: IndexField | None = None) -> EchoPredictio
         ValueError: A scene that has no echo to compute: a target that reaches back to the aperture or into the flow's
             box, one too deep for its pulse, or a record of millions of samples.
     """
-    pulse, chain = pulse_of(scene), chain_of(scene)
-    points = target_points(scene)
-    vacuum = vacuum_paths(points, target_plane(scene))
+    time, power, voltage = vacuum_record(scene)
     if field is not None and scene.receiver.return_factor != "none":
-        check_ahead(field, vacuum.landing)
-    time, fine, stride = record_times(scene, pulse, vacuum.path, vacuum.path)
-    power = vacuum_power(scene, pulse, points.weight, vacuum, fine)
-    voltage = chain.voltage(fine, power)[::stride]
+        check_ahead(field, vacuum_paths(target_points(scene), target_plane(scene)).landing)
     rangefinder = Rangefinder.calibrated(scene, time, voltage)
     peak = peak_height(voltage)
     own = scene.detector.ranging
     fixed = own == "leading-edge" and own not in rangefinder.blind
     return EchoPrediction(
-        peak_height(power[::stride]),
+        peak_height(power),
         peak,
         rangefinder.blind,
         scene.detector.threshold / peak if fixed else float("nan"),

@@ -93,10 +93,10 @@ def echo(
         )
     node_count = scene.receiver.strehl_node_count if strehl_node_count is None else strehl_node_count
     back = return_paths(scene, flow, out.landing, plane, node_count, symmetry)
-    time, fine, stride = record_times(scene, pulse, vacuum.path, out.path)
+    time, fine, stride = _record_times(scene, pulse, vacuum.path, out.path)
 
-    reference = vacuum_power(scene, pulse, points.weight, vacuum, fine)
-    peak = np.where(out.arrived, point_power(scene, points.weight, out, back.factor), 0.0)
+    reference = _vacuum_power(scene, pulse, points.weight, vacuum, fine)
+    peak = np.where(out.arrived, _point_power(scene, points.weight, out, back.factor), 0.0)
     power = sum_of_pulses(fine, 2.0 * np.where(out.arrived, out.path, 0.0) / SPEED_OF_LIGHT, peak, pulse)
     reference_voltage = chain.voltage(fine, reference)[::stride]
     clean = chain.voltage(fine, power)[::stride]
@@ -111,7 +111,7 @@ def echo(
 
     def later(part: float) -> tuple[tuple[float, float], dict[str, float]]:
         shift = part * (time[1] - time[0])
-        moved = vacuum_power(scene, pulse, points.weight, vacuum, fine, shift)
+        moved = _vacuum_power(scene, pulse, points.weight, vacuum, fine, shift)
         volts = chain.voltage(fine, moved)[::stride]
         heights = peak_height(moved[::stride]) / peaks[0] - 1.0, peak_height(volts) / peaks[1] - 1.0
         true = scene.target.distance + 0.5 * SPEED_OF_LIGHT * shift
@@ -157,15 +157,37 @@ def echo(
     )
 
 
-def vacuum_power(
+def vacuum_echo(scene: Scene) -> tuple[np.ndarray, np.ndarray]:
+    """The echo that a scene has in vacuum, which its rangefinder is calibrated on: without flow, noise or digitiser.
+
+    Returns:
+        Sample times after the pulse's peak left [s], and voltage [V], each of shape (n,).
+
+    Raises:
+        ValueError: The target reaches back to the aperture, or a record of millions of samples.
+    """
+    time, _, voltage = vacuum_record(scene)
+    return time, voltage
+
+
+def vacuum_record(scene: Scene) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """The same with the received power: sample times [s], power [W] and voltage [V], each of shape (n,)."""
+    pulse, points = pulse_of(scene), target_points(scene, None)
+    vacuum = vacuum_paths(points, target_plane(scene))
+    time, fine, stride = _record_times(scene, pulse, vacuum.path, vacuum.path)
+    power = _vacuum_power(scene, pulse, points.weight, vacuum, fine)
+    return time, power[::stride], chain_of(scene).voltage(fine, power)[::stride]
+
+
+def _vacuum_power(
     scene: Scene, pulse: PulseShape, weight: np.ndarray, vacuum: TransmitPaths, time: np.ndarray, later: float = 0.0
 ) -> np.ndarray:
     """Received power [W] of the scene's echo in vacuum, of the shape of `time` [s]; `later` by that time [s]."""
-    peak = point_power(scene, weight, vacuum, np.ones(len(weight)))
+    peak = _point_power(scene, weight, vacuum, np.ones(len(weight)))
     return sum_of_pulses(time, 2.0 * vacuum.path / SPEED_OF_LIGHT + later, peak, pulse)
 
 
-def point_power(scene: Scene, weight: np.ndarray, paths: TransmitPaths, factor: np.ndarray) -> np.ndarray:
+def _point_power(scene: Scene, weight: np.ndarray, paths: TransmitPaths, factor: np.ndarray) -> np.ndarray:
     """Peak power of each point's pulse at the receiver [W], shape (m,)."""
     to_receiver = np.array([0.0, 0.0, scene.receiver.aperture_z]) - paths.landing
     to_receiver = to_receiver / np.linalg.norm(to_receiver, axis=1, keepdims=True)
@@ -182,7 +204,7 @@ def point_power(scene: Scene, weight: np.ndarray, paths: TransmitPaths, factor: 
     return weight * factor * whole
 
 
-def record_times(
+def _record_times(
     scene: Scene, pulse: PulseShape, vacuum: np.ndarray, path: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, int]:
     """Sample times [s], times at which power is computed, and how many of these make one sample period.

@@ -11,6 +11,7 @@ from functools import cached_property
 import numpy as np
 
 from ..medium import Body, IndexField
+from ..wavelength import DEFAULT_WAVELENGTH, check_wavelength
 from .conical_averages import bell, cell_averages
 from .conical_profile import ConeShock
 from .gas import GAMMA_AIR, SEA_LEVEL_DENSITY, positive
@@ -85,7 +86,7 @@ class ConicalFlow:
 
     def index_field(
         self,
-        wavelength: float = 905e-9,
+        wavelength: float = DEFAULT_WAVELENGTH,
         relation: str = "gladstone-dale",
         *,
         gladstone_dale: float | None = None,
@@ -98,16 +99,18 @@ class ConicalFlow:
         nothing below fourth order; the shock overshoots by a few per cent. Under "linear" and "monotone" they are not.
 
         Args:
-            wavelength: Vacuum wavelength [m], for K.
+            wavelength: Vacuum wavelength [m], for K; the field keeps it.
             relation: "gladstone-dale" or "lorentz-lorenz".
             gladstone_dale: K [m3/kg] to use in place of the paper's K(wavelength).
             spacing: Greatest node spacing [m], one number or one each for r and z; None takes 1/400 of the length.
             interpolation: As in IndexField.from_samples.
 
         Raises:
+            TypeError: The wavelength is not one number.
             ValueError: A wavelength outside the range of K, an unknown relation or interpolation, a spacing that is not
                 positive or leaves fewer than four cells along the cone.
         """
+        wavelength = check_wavelength(wavelength)
         constant = gladstone_dale_constant(wavelength) if gladstone_dale is None else gladstone_dale
         share = self.length * DEFAULT_SHARE if spacing is None else spacing
         step = np.broadcast_to(np.asarray(share, dtype=np.float64), (2,)).copy()
@@ -133,6 +136,7 @@ class ConicalFlow:
             ambient_index=1.0 + float(refractivity(self.ambient_density, constant, relation)),
             interpolation=interpolation,
             body=self.body,
+            wavelength=wavelength,
         )
 
     def _node_values(self, contrast, shape: tuple[int, int], step: np.ndarray, *, sharpen: bool) -> np.ndarray:

@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ..medium import Body, IndexField, QuadMesh
+from ..wavelength import DEFAULT_WAVELENGTH, check_wavelength
 from .gas import SEA_LEVEL_DENSITY, FreeStream, positive
 from .refractivity import gladstone_dale_constant, index_contrast, refractivity
 
@@ -91,7 +92,7 @@ class DensityField:
 
     def index_field(
         self,
-        wavelength: float = 905e-9,
+        wavelength: float = DEFAULT_WAVELENGTH,
         relation: str = "gladstone-dale",
         *,
         gladstone_dale: float | None = None,
@@ -103,14 +104,16 @@ class DensityField:
         Lorentz-Lorenz it is off by the spread of (K rho)^2 / 6 within a cell, below 1e-8 for air.
 
         Args:
-            wavelength: Vacuum wavelength [m], for K.
+            wavelength: Vacuum wavelength [m], for K; the field keeps it.
             relation: "gladstone-dale" or "lorentz-lorenz".
             gladstone_dale: K [m3/kg] to use in place of the paper's K(wavelength).
             interpolation: As in IndexField.from_mesh.
 
         Raises:
+            TypeError: The wavelength is not one number.
             ValueError: A wavelength outside the range of K, an unknown relation or interpolation.
         """
+        wavelength = check_wavelength(wavelength)
         constant = gladstone_dale_constant(wavelength) if gladstone_dale is None else gladstone_dale
         return IndexField.from_mesh(
             self.mesh,
@@ -118,6 +121,7 @@ class DensityField:
             ambient_index=1.0 + float(refractivity(self.ambient_density, constant, relation)),
             interpolation=interpolation,
             body=self.body,
+            wavelength=wavelength,
         )
 
 

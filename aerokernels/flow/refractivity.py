@@ -12,10 +12,11 @@ import math
 
 import numpy as np
 
+from ..wavelength import check_wavelength
+
 RELATIONS = ("gladstone-dale", "lorentz-lorenz")
-# Eq 2 was fitted in the visible; below, air absorbs, and beyond, lambda^-2 has died out. The range mostly catches a
-# wavelength given in the wrong unit.
-SHORTEST_WAVELENGTH, LONGEST_WAVELENGTH = 200e-9, 20e-6
+# Eq 2 was fitted in the visible; below this, air absorbs and its index rises faster.
+SHORTEST_WAVELENGTH = 200e-9
 
 
 def gladstone_dale_constant(wavelength: float) -> float:
@@ -24,12 +25,14 @@ def gladstone_dale_constant(wavelength: float) -> float:
     At 905 nm it is 2.250475e-4, 0.46 % above Ciddor's dry air.
 
     Raises:
+        TypeError: The wavelength is not one number.
         ValueError: A wavelength outside 0.2 to 20 um.
     """
-    if not SHORTEST_WAVELENGTH <= wavelength <= LONGEST_WAVELENGTH:
+    wavelength = check_wavelength(wavelength)
+    if wavelength < SHORTEST_WAVELENGTH:
         raise ValueError(
-            f"wavelength {wavelength!r} m is outside {SHORTEST_WAVELENGTH * 1e9:g} nm to "
-            f"{LONGEST_WAVELENGTH * 1e6:g} um: give metres, such as 905e-9"
+            f"wavelength {wavelength:g} m is shorter than the {SHORTEST_WAVELENGTH * 1e9:g} nm down to which the "
+            "Gladstone-Dale constant's formula holds: give metres, 905e-9 for 905 nm, or the constant itself"
         )
     micrometres = wavelength * 1e6
     return 2.23e-4 * (1.0 + 7.52e-3 / micrometres**2)

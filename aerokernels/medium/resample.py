@@ -11,8 +11,8 @@ import numpy as np
 
 from ..sobol import sobol_points
 from .grid import UniformGrid
+from .resample_grid import NODE_LIMIT, node_counts
 
-NODE_LIMIT = 200_000_000
 PROBE_COUNT = 4096
 LINE_COUNT = 64
 SOURCE_LINE_COUNT = 32
@@ -45,7 +45,7 @@ class ResamplingError:
     source_opd_max: float = float("nan")
 
 
-def resample(field, spacing=None, *, tolerance=None, wavelength=905e-9, region=None, interpolation="cubic"):
+def resample(field, spacing=None, *, tolerance=None, wavelength=None, region=None, interpolation="cubic"):
     """Resample a field to a uniform grid.
 
     Args:
@@ -53,7 +53,7 @@ def resample(field, spacing=None, *, tolerance=None, wavelength=905e-9, region=N
         spacing: Greatest node spacing [m], one number or one per axis: the region is divided evenly; or None, and
         tolerance: greatest change of optical path along lines parallel to z allowed, in waves (the spacing is halved
             until the measured change is below it).
-        wavelength: Wavelength for `tolerance` [m].
+        wavelength: Wavelength for `tolerance` [m]; None takes the field's own, or 905 nm where it has none.
         region: Lowest and highest corner along the field's axes [m]; the whole box if None.
         interpolation: Interpolant of the result.
 
@@ -62,8 +62,10 @@ def resample(field, spacing=None, *, tolerance=None, wavelength=905e-9, region=N
 
     Raises:
         ValueError: Both or neither of spacing and tolerance, numbers that are not positive, a region outside the box,
-            a grid too large, a tolerance that no grid of allowed size meets.
+            a grid of fewer than four cells along an axis (unless the field has no more) or too large for the memory,
+            a tolerance that no grid of allowed size meets.
     """
+    wavelength = field.wavelength_for(wavelength)
     if (spacing is None) == (tolerance is None):
         raise ValueError("give either spacing [m] or tolerance [waves]")
     low, high = (np.array(v) for v in _region(field, region))
@@ -72,9 +74,10 @@ def resample(field, spacing=None, *, tolerance=None, wavelength=905e-9, region=N
         step = np.broadcast_to(np.asarray(spacing, dtype=np.float64), (dimension,))
         if not (np.isfinite(step).all() and (step > 0).all()):
             raise ValueError(f"spacing must be positive, got {spacing!r}")
+        node_counts(field, low, high, step)  # a grid that makes no sense is refused before anything is computed
         return _resample_once(field, low, high, step, interpolation)
-    if not (np.isfinite(tolerance) and tolerance > 0.0 and wavelength > 0.0):
-        raise ValueError(f"tolerance and wavelength must be positive, got {tolerance!r} and {wavelength!r}")
+    if not (np.isfinite(tolerance) and tolerance > 0.0):
+        raise ValueError(f"tolerance must be positive, got {tolerance!r} waves")
     step = np.minimum(field.spacing * 2.0, (high - low) / 8.0)
     while True:
         result = _resample_once(field, low, high, step, interpolation)
@@ -105,12 +108,7 @@ def _region(field, region):
 
 
 def _resample_once(field, low, high, step, interpolation):
-    count = np.maximum(2, np.ceil((high - low) / step * (1 - 1e-12)).astype(int) + 1)
-    if count.astype(float).prod() > NODE_LIMIT:
-        raise ValueError(
-            f"spacing {step.tolist()} needs {count.astype(float).prod():.3g} nodes, more than {NODE_LIMIT:.0e}: "
-            "give a greater spacing or a smaller region"
-        )
+    count = node_counts(field, low, high, step)
     # A grid that reached beyond the region would sample ambient air there, a jump at the face: divide it evenly.
     step = (high - low) / (count - 1)
     step = step + 2.0 * np.maximum(high - (low + step * (count - 1)), 0.0) / (count - 1)

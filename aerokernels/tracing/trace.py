@@ -27,7 +27,7 @@ def trace(
     tolerance: float = 1e-3,
     step: float | None = None,
     until=None,
-    wavelength: float = 905e-9,
+    wavelength: float | None = None,
     backend: str = "auto",
     device: str | None = None,
     precision: str = "float32",
@@ -44,7 +44,7 @@ def trace(
         tolerance: OPD error asked for [waves at `wavelength`].
         step: Step of method "fixed" [m of arc length].
         until: None (where the ray leaves the field's box), Plane(point, normal) or ArcLength(length).
-        wavelength: Vacuum wavelength [m].
+        wavelength: Vacuum wavelength [m]; None takes the field's own, or 905 nm where it has none.
         backend: "auto", "warp", "opencl" or "reference".
         device: "cpu", "cuda:0" or an OpenCL device's name; None takes the best.
         precision: "float32" or "float64" inside the kernel.
@@ -56,7 +56,8 @@ def trace(
 
     Raises:
         TypeError: `field`, `rays` or `until` of the wrong kind.
-        ValueError: A name or number that makes no sense, or a backend or device that is not there.
+        ValueError: A name or number that makes no sense, another wavelength than the field's, or a backend or device
+            that is not there.
     """
     start = time.perf_counter()
     if not isinstance(field, IndexField):
@@ -65,8 +66,7 @@ def trace(
         raise TypeError(f"rays must be a RayBundle, got {type(rays).__name__}")
     if until is not None and not isinstance(until, (Plane, ArcLength)):
         raise TypeError(f"until must be None, a Plane or an ArcLength, got {type(until).__name__}")
-    if not (np.isfinite(wavelength) and wavelength > 0.0):
-        raise ValueError(f"wavelength must be a positive length in metres, got {wavelength!r}")
+    wavelength = field.wavelength_for(wavelength)
     wanted = check_outputs(outputs)
     plan = plan_rays(
         field,

@@ -177,12 +177,11 @@ def build_even_kernel(precision: str, geometry: str, interpolation: str, stop: s
         length = real(0.0)
         h = real(0.0)
         error = real(0.0)
-        clear = bool(True)
+        whole = wp.vec2d(wp.float64(0.0), wp.float64(0.0))  # its way through the box, the uniform air's part too
         landed = int(-1)
         quiet = bool(False)
         if runs:
-            if wp.static(has_body):
-                clear = stays_clear(field, p0, d0, course.enter, course.far)
+            whole = wp.vec2d(course.enter, course.far)
             landed = surface_of(bounds, course, p0, d0)
             active = keep_active(bounds, p0, d0, course.enter, course.far)
             course.enter = active[0]
@@ -292,16 +291,20 @@ def build_even_kernel(precision: str, geometry: str, interpolation: str, stop: s
                 rise = wp.max(wp.abs(wp.float64(s)) / bounds.ambient, wp.float64(1.0e-30))
             if way > wp.float64(0.0):
                 error = wp.max(error, real(way * rise))
-            if not (fit and clear):
+            if wp.static(has_body):
+                # Beside the undisturbed ray it stays within the greatest angle of it.
+                margin = (whole[1] - whole[0]) * wp.float64(wp.sqrt(bent) / ambient)
+                fit = fit and stays_clear(field, p0, d0, whole[0], whole[1], margin)
+            if not fit:
                 error = real(wp.inf)
         # In the tracer's sums: sigma, S, M and B, of which M - B is the deviation along the ray.
-        whole = wp.vec4d((far - lag) / bounds.ambient, path, arc, arc - lag)
-        rounded = vec4(real(whole[0]), real(whole[1]), real(whole[2]), real(whole[3]))
+        exact = wp.vec4d((far - lag) / bounds.ambient, path, arc, arc - lag)
+        rounded = vec4(real(exact[0]), real(exact[1]), real(exact[2]), real(exact[3]))
         rest = vec4(
-            real(wp.float64(rounded[0]) - whole[0]),
-            real(wp.float64(rounded[1]) - whole[1]),
-            real(wp.float64(rounded[2]) - whole[2]),
-            real(wp.float64(rounded[3]) - whole[3]),
+            real(wp.float64(rounded[0]) - exact[0]),
+            real(wp.float64(rounded[1]) - exact[1]),
+            real(wp.float64(rounded[2]) - exact[2]),
+            real(wp.float64(rounded[3]) - exact[3]),
         )
         position, direction, optical_path, opd, arc_length, final = end_of(
             bounds, control, p0, d0, course, status, landed, q, none, turned, rounded, rest, real(0.0)

@@ -41,11 +41,10 @@ def types(precision: str) -> SimpleNamespace:
         slack: real  # containment slack [m]
         cell_count: wp.int32  # of the mesh
         paper_step: wp.array(dtype=real)  # eq 5 for each cell [m]
-        wall: wp.array(dtype=real, ndim=2)  # signed distance to the body [m]
-        wall_count: wp.vec2i  # nodes of it
-        wall_origin: vec2  # along the local axes [m]
-        wall_rate: vec2  # nodes per metre
-        wall_span: vec2  # the body lies between these along z [m], with a node to spare
+        wall: wp.array(dtype=wp.vec4d)  # the body's surface in segments, see medium/wall_tree.py [m]
+        wall_boxes: wp.array(dtype=wp.vec4d)  # boxes about them [m]
+        wall_links: wp.array(dtype=wp.vec3i)
+        wall_count: wp.int32  # boxes about the body's surface
 
     class Bounds:
         origin: wp.vec3d  # where cell = 0, frac = 0 lies [m]
