@@ -259,7 +259,7 @@ def build_kernel(
                             behind = real(wp.float64(1.0) - share) * h
                         if behind > real(WALL_CLOSE) * h_cell:
                             accept = bool(False)
-                            h_cap = (h - behind) + real(0.5 * WALL_CLOSE) * h_cell
+                            h_cap = (h - behind) + real(0.5) * real(WALL_CLOSE) * h_cell
 
                 if accept:
                     h_cap = control.extent / ambient
