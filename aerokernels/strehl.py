@@ -12,13 +12,15 @@ import math
 import time
 import warnings
 from dataclasses import dataclass, field, replace
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any
 
 import numpy as np
 
 from .medium import IndexField
+from .quantities import Quantity, Verdict, judge_strehl, listed
 from .rays import Disc, RayBundle, as_unit_vector
+from .strehl_errors import estimate_quantities, main_cause, phase_error, strehl_error
 from .tracing.budget import CAUSES, SAFETY, SUBSET, combine, float64_rounding, opd_errors
 from .tracing.lines import box_size
 from .tracing.meeting import greatest_contrast
@@ -67,7 +69,7 @@ def strehl_marechal(opd, wavelength: float, weights=None, remove=("piston",), *,
     return float(np.exp(-((2.0 * np.pi / wavelength) ** 2) * (weights @ opd**2)))
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class StrehlEstimate:
     """A Strehl ratio and what belongs to it.
 
@@ -84,6 +86,8 @@ class StrehlEstimate:
         plan: What was chosen, skipped and why.
         seconds: Time spent: "compile", "kernel", "total".
         evaluation_count: Field evaluations in all.
+        budget: Makes the error budget from the estimate; `error` calls it.
+        spread: Makes the numbers with their errors from the estimate; `quantities` calls it.
     """
 
     value: float
@@ -98,6 +102,7 @@ class StrehlEstimate:
     evaluation_count: int = 0
     traced_ray_count: int = 0
     budget: Any = field(default=None, repr=False)
+    spread: Any = field(default=None, repr=False)
 
     @cached_property
     def error(self) -> dict[str, float]:
@@ -108,6 +113,45 @@ class StrehlEstimate:
         "total", their root sum of squares.
         """
         return self.budget(self) if self.budget is not None else {}
+
+    @cached_property
+    def quantities(self) -> dict[str, Quantity]:
+        """The numbers with their errors: "value", "marechal", "opd_rms" [m], "boresight_x", "boresight_y" [rad].
+
+        What each error consists of: see strehl_errors.py. Computed when first read, from `error`.
+        """
+        if self.spread is not None:
+            return self.spread(self)
+        x, y = (float(angle) for angle in self.boresight)
+        bare = {"value": self.value, "marechal": self.marechal}
+        return {name: Quantity(number) for name, number in bare.items()} | {
+            "opd_rms": Quantity(self.opd_rms, unit="m"),
+            "boresight_x": Quantity(x, unit="rad"),
+            "boresight_y": Quantity(y, unit="rad"),
+        }
+
+    @cached_property
+    def phase_error(self) -> float:
+        """Rms phase error of the rays [rad] that the budget stands for, but for the sampling; NaN if not known."""
+        return phase_error(self.value, self.error)
+
+    @property
+    def verdict(self) -> Verdict:
+        """What the error makes of the value: fine, a warning or worthless, and why; see quantities.py."""
+        return judge_strehl(self.quantities["value"], main_cause(self.error))
+
+    def __repr__(self) -> str:
+        """The numbers with their errors and the plan. Some rays are traced for the errors, when first asked for."""
+        found = self.quantities
+        boresight = listed([found[f"boresight_{axis}"].scaled(1e6, "urad") for axis in "xy"])
+        lines = [
+            f"StrehlEstimate {found['value']}",
+            f"  Marechal {found['marechal']}, OPD rms {found['opd_rms'].scaled(1e9, 'nm')}",
+            f"  boresight x, y {boresight}",
+            f"  {self.ray_count} rays, {self.traced_ray_count} traced: {str(self.plan).splitlines()[0]}",
+        ]
+        verdict = self.verdict
+        return "\n".join([*lines, f"  {verdict.level}: {verdict.reason}"] if verdict else lines)
 
 
 def estimate_strehl(
@@ -214,6 +258,13 @@ def estimate_strehl(
         probe = RayBundle.collimated(pupil, SUBSET, direction=look, seed=seed)
         return _budget(field, probe, found, job.until, wavelength, job.air)
 
+    spread = partial(
+        estimate_quantities,
+        moments=sums.moments,
+        wavelength=wavelength,
+        remove=remove,
+        symmetric=job.is_fan,
+    )
     seconds["total"] = time.perf_counter() - start
     return StrehlEstimate(
         ray_count=job.per_replicate * REPLICATES,
@@ -221,6 +272,7 @@ def estimate_strehl(
         blocked=float(1.0 - sums.moments[:, 0].sum() / (sums.ray_count)),
         plan=plan,
         budget=budget,
+        spread=spread,
         seconds=seconds,
         standard_error=standard_error,
         evaluation_count=evaluations,
@@ -296,8 +348,7 @@ def _budget(field, probe, found: StrehlEstimate, until, wavelength, air: PupilAi
     """
 
     def of_strehl(opd_rms: float) -> float:
-        phase = 2.0 * np.pi * opd_rms / wavelength
-        return float(2.0 * np.sqrt(found.value) * phase + phase**2)
+        return strehl_error(found.value, 2.0 * np.pi * opd_rms / wavelength)
 
     errors = opd_errors(field, probe, found.plan, retracer(until, wavelength))
     spread = {cause: SAFETY * float(np.std(error)) if len(error) else float("nan") for cause, error in errors.items()}

@@ -54,6 +54,11 @@ class PupilJob:
         return self.task.per_replicate * REPLICATES
 
     @property
+    def is_fan(self) -> bool:
+        """Whether a fan of rays stands for the pupil: field, pupil and rays are symmetric about the axis."""
+        return self.task.fan is not None
+
+    @property
     def may_be_refined(self) -> bool:
         """Whether it is a fan of fewer rays than were asked for."""
         return self.task.fan is not None and self.task.per_replicate < self.per_replicate

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from ..quantities import Quantity
 from .status import RayStatus, reached
 
 # Per-ray arrays: unit and meaning, in the order of results.
@@ -21,7 +22,7 @@ RAY_OUTPUTS = {
 }
 
 
-@dataclass(eq=False)
+@dataclass(eq=False, repr=False)
 class TraceResult:
     """Traced rays, float64 whatever the kernel's precision. Arrays that were not asked for are None.
 
@@ -100,6 +101,34 @@ class TraceResult:
     def error(self) -> dict[str, float]:
         """The error budget of the optical path difference [m], by cause: see budget.py. Computed when first read."""
         return self.budget(self) if self.budget is not None else {}
+
+    @property
+    def quantities(self) -> dict[str, Quantity]:
+        """The bundle's numbers with their errors: "opd_rms" [m], where "opd" is among the outputs.
+
+        It is the rms of the OPD about its mean over the rays that reached the stop, by their shares of the bundle; NaN
+        where none did. Its error is the budget's total, the greatest OPD error of a ray: the rms changes by no more.
+        """
+        good = self.ok
+        share = self.weight[good] if np.ndim(self.weight) else np.ones(int(good.sum()))
+        if self.opd is None:
+            return {}
+        if not share.sum() > 0.0:
+            return {"opd_rms": Quantity(float("nan"), unit="m")}
+        opd = self.opd[good]
+        mean = float(share @ opd / share.sum())
+        rms = float(np.sqrt(share @ (opd - mean) ** 2 / share.sum()))
+        return {"opd_rms": Quantity(rms, self.error.get("total", float("nan")), "m")}
+
+    def __repr__(self) -> str:
+        """Rays, their status, the OPD with its error and the plan. Some rays are traced for the error, when first read.
+
+        The error is that of `error`, computed once.
+        """
+        status = ", ".join(f"{count} {name}" for name, count in self.status_summary().items()) or "none"
+        lines = [f"TraceResult of {self.ray_count} rays: {status}"]
+        lines += [f"  OPD rms {rms.scaled(1e9, 'nm')}" for rms in self.quantities.values()]
+        return "\n".join([*lines, f"  {str(self.plan).splitlines()[0]}"])
 
     def status_summary(self) -> dict[str, int]:
         """Number of rays by status name, those that occur."""
