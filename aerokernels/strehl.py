@@ -30,7 +30,7 @@ from .tracing.pupil_fan import SETTLED
 from .tracing.pupil_job import REPLICATES, find_job, make_job
 from .tracing.pupil_sums import fit_moments
 from .tracing.trace import retracer
-from .wavefront import check_terms, check_wavefront, map_points, remove_terms
+from .wavefront import check_metres, check_terms, check_wavefront, map_points, remove_terms
 from .wavelength import check_wavelength
 
 # The share of the tolerance below which an optical path difference is none.
@@ -50,12 +50,13 @@ def strehl(opd, wavelength: float, weights=None, remove=("piston",), *, points=N
 
     Raises:
         TypeError: The wavelength is not one number.
-        ValueError: A wavelength outside 0.1 to 20 um, numbers that are not finite, shapes that disagree, an unknown
-            term.
+        ValueError: A wavelength outside 0.1 to 20 um, numbers that are not finite, an OPD of so many waves that its
+            unit must be another one, shapes that disagree, an unknown term.
     """
     wavelength = check_wavelength(wavelength)
     points = map_points(opd, points)
     opd, weights = check_wavefront(opd, weights)
+    check_metres(opd, weights)
     opd = remove_terms(opd, remove, points, weights)
     return float(np.abs(weights @ np.exp(2j * np.pi / wavelength * opd)) ** 2)
 
@@ -65,6 +66,7 @@ def strehl_marechal(opd, wavelength: float, weights=None, remove=("piston",), *,
     wavelength = check_wavelength(wavelength)
     points = map_points(opd, points)
     opd, weights = check_wavefront(opd, weights)
+    check_metres(opd, weights)
     opd = remove_terms(opd, (*check_terms(remove), "piston"), points, weights)
     return float(np.exp(-((2.0 * np.pi / wavelength) ** 2) * (weights @ opd**2)))
 

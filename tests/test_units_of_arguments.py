@@ -11,7 +11,6 @@ from aerokernels import (
     estimate_range,
     estimate_strehl,
     flow,
-    plane_target_echo,
     schlieren,
     strehl,
 )
@@ -20,7 +19,6 @@ from aerokernels.strehl import plan_strehl
 
 SAMPLES = np.arange(100.0)
 PULSE = 2.0 * np.exp(-(((SAMPLES - 50.0) / 6.0) ** 2))
-TARGET = {"peak_power": 75.0, "beam_radius": 0.03, "distance": 1.5, "pulse_tau": 6e-9, "reflectivity": 0.3}
 
 
 def small_field() -> IndexField:
@@ -39,7 +37,6 @@ def small_field() -> IndexField:
         (lambda: strehl(np.array([0.0, 0.1, 0.25]), 905e-9), "waves times the wavelength"),
         (lambda: estimate_range(SAMPLES, PULSE, "centroid"), "give seconds, 1e-9 for 1 ns"),
         (lambda: compare_waveforms(SAMPLES, PULSE, PULSE), "give seconds, 1e-9 for 1 ns"),
-        (lambda: plane_target_echo(SAMPLES * 1e-9, receiver_diameter=12.0, **TARGET), "12e-3 for 12 mm"),
         (lambda: vacuum_echo(Scene.load("wind-tunnel-static", {"receiver.diameter": 12})), "12e-3 for 12 mm"),
         (lambda: schlieren(small_field(), extent=(0.0, 16.0, -8.0, 8.0), pixel_count=8), "give metres, or more pixels"),
         (lambda: flow.uniform_air().index_field(gladstone_dale=0.225), r"air has 2\.25e-4 m3/kg, .* 0\.225 cm3/g"),

@@ -42,6 +42,8 @@ def _density(value: Any) -> float | str:
         number = quantity(value, "density")
     except (TypeError, ValueError):
         raise ValueError("give 'tunnel', 'sea-level' or a density such as '0.5 kg/m3'") from None
+    if number <= 0.0:
+        raise ValueError("a density must be above 0 kg/m3")
     return check_density(number, "a density")
 
 
