@@ -157,14 +157,11 @@ __kernel void trace_kernel(
             }
 
             // A step into the body is taken again up to its surface, until what is left is flown along the tangent.
-            real behind = R(0.0);
-            int hits = 0;
+            real behind = R(-1.0);
             if (HAS_BODY && accept) {
                 const double3 here = place_of(p0, d0, &course, bounds.ambient, q, q_carry, sums, sums_carry);
-                const double back = steps ? (double)(WALL_BACK * h_cell / h) : 0.0;
-                const double share = wall_share(&field, &arrays, &control, here, h * tangent, kick, back);
-                hits = share <= 1.0;
-                behind = hits ? (real)(1.0 - share) * h : R(0.0);
+                const real room = steps ? WALL_BACK * h_cell : R(0.0);
+                behind = behind_wall(&field, &arrays, &control, here, tangent, kick, h, room);
                 if (behind > WALL_CLOSE * h_cell) {
                     accept = 0;
                     h_cap = (h - behind) + R(0.5) * WALL_CLOSE * h_cell;
@@ -210,7 +207,7 @@ __kernel void trace_kernel(
                 }
 
                 real back = R(0.0);  // sigma still to go along the tangent, negative to go back
-                if (hits) {
+                if (behind >= R(0.0)) {
                     back = -behind;
                     running = 0;
                     status = RAY_HIT_BODY;

@@ -46,7 +46,7 @@ from .warp_motion import advance, build_cells, build_contrast, build_mend, build
 from .warp_reach import build_cone, build_reach
 from .warp_step import build_before_face, build_look, build_verdict
 from .warp_types import types
-from .warp_wall import build_place, build_wall_share
+from .warp_wall import build_behind_wall, build_place
 
 
 @functools.cache
@@ -84,7 +84,7 @@ def build_kernel(
     landing, overshot, touchdown = build_landing(precision, geometry, stop)
     arc_landing, arc_touchdown = build_arc_landing(precision)
     place_of = build_place(precision)
-    wall_share = build_wall_share(precision, geometry)
+    behind_wall = build_behind_wall(precision, geometry)
     landed_arc = wp.constant(LANDED_ARC)
     tiny = TINY[precision]
     straight = method == "straight"
@@ -245,18 +245,12 @@ def build_kernel(
                     h_cap = real(0.5) * h
 
                 # A step into the body is taken again up to its surface, until the rest is flown along the tangent.
-                behind = real(0.0)
-                hits = bool(False)
+                behind = real(-1.0)
                 if wp.static(has_body):
                     if accept:
                         here = place_of(p0, d0, course, bounds.ambient, q, q_carry, sums, sums_carry)
-                        room = wp.float64(0.0)
-                        if steps > 0:
-                            room = wp.float64(real(WALL_BACK) * h_cell / h)
-                        share = wall_share(field, control, here, h * (ambient * d + momentum), kick, room)
-                        if share <= wp.float64(1.0):
-                            hits = bool(True)
-                            behind = real(wp.float64(1.0) - share) * h
+                        room = real(wp.min(steps, 1)) * real(WALL_BACK) * h_cell
+                        behind = behind_wall(field, control, here, ambient * d + momentum, kick, h, room)
                         if behind > real(WALL_CLOSE) * h_cell:
                             accept = bool(False)
                             h_cap = (h - behind) + real(0.5) * real(WALL_CLOSE) * h_cell
@@ -301,7 +295,7 @@ def build_kernel(
                             q += (real(0.5) * h) * mending  # it grew over the step
 
                     back = real(0.0)  # sigma still to go along the tangent, negative to go back
-                    if hits:
+                    if behind >= real(0.0):
                         back = -behind
                         running = bool(False)
                         status = int(hit_body)

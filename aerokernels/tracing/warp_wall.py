@@ -132,11 +132,11 @@ def build_place(precision: str):
 
 
 @functools.cache
-def build_wall_share(precision: str, geometry: str):
-    """A function -> the share of a step after which it enters the body, above 1 where it does not.
+def build_behind_wall(precision: str, geometry: str):
+    """A function -> how much of a step of length h lies behind the place where it enters the body; -1 for none of it.
 
-    Its arguments: field, control, where the step begins, its first tangent times its length, its bend [m], and how far
-    behind its start a wall counts, as a share of it. Chords that stay within WALL_SAG cells stand for the step.
+    Its arguments: field, control, where the step begins, its first tangent, its bend [m], h, and how far behind its
+    start a wall counts, in the unit of h. Chords that stay within WALL_SAG cells of the step stand for it.
     """
     t = types(precision)
     real, vec3, Field, Control = t.real, t.vec3, t.Field, t.Control
@@ -144,28 +144,29 @@ def build_wall_share(precision: str, geometry: str):
     meet_wall = build_meet_wall(precision, geometry)
 
     @wp.func
-    def wall_share(field: Field, control: Control, here: wp.vec3d, flown: vec3, kick: vec3, back: wp.float64):
+    def behind_wall(field: Field, control: Control, here: wp.vec3d, tangent: vec3, kick: vec3, h: real, room: real):
         one = wp.float64(1.0)
         sag = wp.length(wp.cw_mul(kick, control.cell_rate)) / (real(4.0) * real(WALL_SAG))
         pieces = int(1)
         if sag > real(1.0):
             pieces = 1 + int(wp.min(wp.sqrt(sag), real(15.0)))
+        flown = h * tangent
         straight = wp.vec3d(wp.float64(flown[0]), wp.float64(flown[1]), wp.float64(flown[2]))
         bend = wp.vec3d(wp.float64(kick[0]), wp.float64(kick[1]), wp.float64(kick[2]))
         begin = here
-        found = wp.float64(2.0)
-        room = -back * wp.float64(pieces)
+        found = real(-1.0)
+        first = -wp.float64(pieces) * wp.float64(room / h)
         k = int(0)
         while k < pieces:
             share = wp.float64(k + 1) / wp.float64(pieces)
             end = here + share * straight + (share * share) * bend
-            met = meet_wall(field, wall_line(begin, end - begin), room, one)
+            met = meet_wall(field, wall_line(begin, end - begin), first, one)
             if met.entry <= one:
-                found = (wp.float64(k) + met.entry) / wp.float64(pieces)
+                found = real(one - (wp.float64(k) + met.entry) / wp.float64(pieces)) * h
                 k = pieces
             begin = end
-            room = wp.float64(-1.0e-9)
+            first = wp.float64(-1.0e-9)
             k += 1
         return found
 
-    return wall_share
+    return behind_wall

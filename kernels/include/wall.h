@@ -62,27 +62,36 @@ static inline int stays_clear(
     return 1;
 }
 
-// The share of a step after which it enters the body, above 1 where it does not. The step from `here`, along its first
-// tangent and with the bend `kick` [m], is taken for as many chords as keep within WALL_SAG cells of it; `back`, a share
-// of the step, is how far behind its start a wall counts.
-static inline double wall_share(
-    const Field *field, const Arrays *arrays, const Control *control, double3 here, real3 flown, real3 kick, double back)
+// How much of a step of length h lies behind the place where it enters the body; -1 for none of it. The step goes from
+// `here` along its first tangent, with the bend `kick` [m]; chords that stay within WALL_SAG cells of it stand for it.
+// `room`: how far behind its start a wall counts, in the unit of h.
+static inline real behind_wall(
+    const Field *field,
+    const Arrays *arrays,
+    const Control *control,
+    double3 here,
+    real3 tangent,
+    real3 kick,
+    real h,
+    real room)
 {
     const real sag = size3(kick * VECTOR(control->cell_rate)) / (R(4.0) * WALL_SAG);
     const int pieces = sag > R(1.0) ? 1 + (int)lesser(sqrt(sag), R(15.0)) : 1;
-    const double3 straight = convert_double3(flown), bend = convert_double3(kick);
-    double3 from = here;
+    const double3 straight = convert_double3(h * tangent), bend = convert_double3(kick);
+    double3 begin = here;
+    double first = -(double)pieces * (double)(room / h);
     for (int k = 0; k < pieces; k++) {
         const double share = (double)(k + 1) / (double)pieces;
-        const double3 to = here + share * straight + (share * share) * bend;
-        const WallLine line = wall_line(from, to - from);
-        const double entry = meet_wall(field, arrays, &line, k == 0 ? -back * (double)pieces : -1.0e-9, 1.0).entry;
+        const double3 end = here + share * straight + (share * share) * bend;
+        const WallLine line = wall_line(begin, end - begin);
+        const double entry = meet_wall(field, arrays, &line, first, 1.0).entry;
         if (entry <= 1.0) {
-            return ((double)k + entry) / (double)pieces;
+            return (real)(1.0 - ((double)k + entry) / (double)pieces) * h;
         }
-        from = to;
+        begin = end;
+        first = -1.0e-9;
     }
-    return 2.0;
+    return R(-1.0);
 }
 
 #endif
