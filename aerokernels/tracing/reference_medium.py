@@ -88,6 +88,8 @@ class GridAir:
         self.face_count = 2 * self.axes
         self.kinked_axis = False  # even in r, or rounded off
         self.size = float(self.spacing.min())
+        # What forces are sums and differences of [1/m]: their rounding is a share of it, however small they are.
+        self.force_scale = float(np.abs(self.coefficients).max()) / self.size
 
     def local(self, place, tangent) -> tuple[np.ndarray, np.ndarray]:
         """Coordinates along the samples' axes, in spacings, and their direction."""

@@ -26,6 +26,7 @@ class MeshAir:
         self.kinked_axis = self.axisymmetric  # the slope along the radius need not vanish there
         self.face_count = 5 if self.axisymmetric else 4
         self.size = float(mesh.cell_size.min())
+        self.force_scale = float(np.abs(samples.values).max()) / self.size
         # Edges without a neighbour: the rim, and both sides of a seam.
         cell, edge = np.nonzero(mesh.neighbors < 0)
         corners = mesh.corners

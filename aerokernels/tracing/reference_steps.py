@@ -25,8 +25,10 @@ A, B, C, E3, E5 = (np.asarray(getattr(DOP853, name)) for name in ("A", "B", "C",
 STAGES = DOP853.n_stages
 # Landing by Newton: its steps are of second order, so they may be this share of the step before them.
 CLOSE = 1e-4
-# Shortest step, in cells, to which error control goes.
-LEAST = 1e-11
+# Shortest step, in cells, to which error control goes; and where slopes jump on the axis.
+LEAST, LEAST_AT_KINK = 1e-7, 1e-11
+# Rounding in an error estimate, in units of that of a step; steps [cells] from which down an estimate may be rounding.
+NOISE, NOISE_STEP = 32.0, 1e-3
 # Closer to the axis than this, in cells, a kink on it is hopped over.
 HOP = 1e-7
 EPSILON = np.finfo(np.float64).eps
@@ -74,13 +76,13 @@ class Integrator:
     def __init__(self, air, ambient: float, stop, tolerance: float, max_steps: int, straight: bool):
         self.air, self.ambient, self.stop, self.walls, self.extent = air, ambient, stop, stop.walls, stop.extent
         self.tolerance, self.max_steps, self.straight = tolerance, max_steps, straight
-        self.least = LEAST * air.size / ambient
+        self.least = (LEAST_AT_KINK if air.kinked_axis else LEAST) * air.size / ambient
 
     def run(self, flight: Flight) -> None:
         """Fly until every ray has ended."""
         count = len(flight.start)
         self.wanted = np.full(count, 2.0 * self.air.size / self.ambient)
-        self.cap = np.full(count, np.inf)
+        self.cap, self.refused = np.full(count, np.inf), np.full(count, np.inf)  # error a length of the last refused
         while len(rows := flight.going):
             gap = self.air.in_gap(flight.cell[rows])
             if gap.any():
@@ -184,9 +186,14 @@ class Integrator:
             frame, flight, rows, h, y[:, :3], y[:, 3:6], y[:, 7], potential, force, wall
         )
         finite = np.isfinite(y).all(axis=1) & np.isfinite(error)
-        allowed = self.tolerance * a * h / self.extent + rounding
-        short = h <= self.least
+        allowed = self.tolerance * a * h / self.extent + NOISE * rounding
+        # What does not fall with the length of a short step is rounding.
+        before = self.refused[rows]
+        stays = (before < np.inf) & (error > 0.5 * h * np.where(before < np.inf, before, 0.0))
+        short = (h <= self.least) | ((h < NOISE_STEP * air.size / a) & stays)
         good = finite & ((error <= allowed) | short)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            self.refused[rows] = np.where(good, np.inf, error / h)
         with np.errstate(divide="ignore", over="ignore"):
             factor = np.clip(0.9 * (allowed / np.where(error > 0.0, error, np.inf)) ** 0.125, 0.2, 6.0)
         factor = np.where(error > 0.0, factor, 6.0)
@@ -210,12 +217,13 @@ class Integrator:
         self.cap[rows] = np.where(retake, 0.5 * h, np.inf)
         grown = h * factor
         kept = accept & (lands | (self.wanted[rows] > h))
+        grown = np.maximum(grown, 2.0 * self.least)
         self.wanted[rows] = np.where(
             accept,
             np.where(kept, np.maximum(self.wanted[rows], grown), grown),
             np.where(good | hop, self.wanted[rows], h * np.where(finite, np.minimum(factor, 0.8), 0.25)),
         )
-        flight.failed[rows[~finite & short]] = True
+        flight.failed[rows[~finite & (h <= self.least)]] = True
         if accept.any():
             self.accept(
                 flight,
@@ -316,6 +324,7 @@ class Integrator:
             both = high + 0.01 * low
             total += weight * np.where(both > 0.0, high / np.sqrt(np.where(both > 0.0, both, 1.0)), 0.0)
             floor += weight * np.abs(slopes[:, :, part]).max(axis=(0, 2))
+        floor += lever * gain * self.air.force_scale
         return h * total, EPSILON * h * floor
 
     def bulges(self, value, rate, value1, rate1, h, slack, turning, lands, chosen) -> np.ndarray:
