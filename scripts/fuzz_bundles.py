@@ -1,4 +1,4 @@
-"""Random bundles through random fields against the reference engine: what fails, by kind, and the worst with their seeds.
+"""Random bundles through random fields against the reference: what fails, by kind, and the worst with their seeds.
 
 The cases and what is held are those of tests/tracing/bundle_draws.py. A case is repeated by `--only SEED`.
 """
@@ -12,7 +12,7 @@ from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
-from tests.tracing.bundle_draws import check, draw  # noqa: E402
+from tests.tracing.bundle_draws import check, draw
 
 
 def parse(arguments=None) -> argparse.Namespace:
@@ -52,6 +52,7 @@ def main() -> int:
             wrong_rays[what] += len(group)
             greatest = max(group, key=lambda f: f.size)
             worst.append((greatest.size, how, len(group), compared, greatest, case))
+            print(line(worst[-1]), file=sys.stderr, flush=True)
         if number % 100 == 0:
             print(f"{number} bundles, {rays} rays, {time.perf_counter() - start:.0f} s", file=sys.stderr, flush=True)
     print(f"{asked.backend}: {len(seeds)} bundles, {rays} rays compared, {time.perf_counter() - start:.0f} s")
@@ -63,11 +64,17 @@ def main() -> int:
         some = sorted((w for w in worst if w[4].what == what), key=lambda w: -w[0])[: asked.worst]
         if some:
             print(f"worst by {what}:")
-        for size, how, n, compared, finding, case in some:
-            print(f"  {size:9.2g} x, {n}/{compared} rays, {how}; {case}; ray {finding.ray}: {finding.text}")
+        for entry in some:
+            print("  " + line(entry))
     for seed, text in errors:
         print(f"  seed {seed}: {text}")
     return 1 if worst or errors else 0
+
+
+def line(entry) -> str:
+    """One failure of a case in words."""
+    size, how, n, compared, finding, case = entry
+    return f"{finding.what} {size:.2g} x, {n}/{compared} rays, {how}; {case}; ray {finding.ray}: {finding.text}"
 
 
 def one(asked: argparse.Namespace, fixed: dict) -> int:

@@ -17,7 +17,7 @@ from .reference_ends import Ends
 from .reference_medium import GridAir
 from .reference_mesh import MeshAir
 from .reference_rule import march
-from .reference_steps import Flight, Integrator
+from .reference_steps import Integrator
 from .result import RAY_OUTPUTS
 from .status import RayStatus
 

@@ -65,6 +65,7 @@ class GridAir:
     """A uniform grid."""
 
     def __init__(self, field: IndexField):
+        """Lay out edges, rows of samples and coefficients."""
         samples = field.samples
         self.axisymmetric = field.geometry == "axisymmetric"
         self.first_axis = {"volume": 0, "planar": 1, "axisymmetric": 1}[field.geometry]
@@ -133,6 +134,7 @@ class GridFrame:
     """The cells of a grid that a bundle is in."""
 
     def __init__(self, air: GridAir, cell, place):
+        """Gather the coefficients of the cells."""
         self.air, self.cell, self.place = air, cell, place
         self.row = np.stack([air.row[k][cell[:, k]] for k in range(air.axes)], axis=1)
         index = self.row @ air.cell_pitch

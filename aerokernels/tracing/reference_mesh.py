@@ -19,6 +19,7 @@ class MeshAir:
     """A mesh."""
 
     def __init__(self, field: IndexField):
+        """Find the rim."""
         samples, mesh = field.samples, field.samples.mesh
         self.samples, self.mesh, self.ambient = samples, mesh, field.ambient_index
         self.interpolation = samples.interpolation
@@ -75,6 +76,7 @@ class MeshFrame:
     """The cells of a mesh that a bundle is in."""
 
     def __init__(self, air: MeshAir, cell, place):
+        """Gather corners and values of the cells."""
         self.air, self.place = air, place
         corners = air.mesh.corners[cell]
         self.on_axis = air.on_axis[cell]

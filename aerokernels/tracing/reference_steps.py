@@ -8,23 +8,22 @@ so that the optical path is a t + W and the arc length t + S, and float64 holds 
 rounding and not to that of the path. Steps of order 8 with error estimates of orders 5 and 3 (E. Hairer, S. P. Norsett,
 G. Wanner, Solving Ordinary Differential Equations I, 1993), each within one smooth piece of the field: a step is
 shortened to where the ray, as a parabola, first meets a face of its cell or its stop, and what is left is flown by
-Newton steps of second order, 1e-4 of a step at most. A step whose estimate is above its share of the tolerance, or that
+Newton steps of second order, 1e-6 of a step at most. A step whose estimate is above its share of the tolerance, or that
 turns out to have passed a face, is taken again, shorter.
 
 "straight" samples the field on the undisturbed line, with the potential continued linearly to the ray.
 """
 
-from dataclasses import dataclass, field
-
 import numpy as np
 from scipy.integrate import DOP853
 
+from .reference_flight import Flight, rising_root
 from .reference_medium import dot
 
 A, B, C, E3, E5 = (np.asarray(getattr(DOP853, name)) for name in ("A", "B", "C", "E3", "E5"))
 STAGES = DOP853.n_stages
 # Landing by Newton: its steps are of second order, so they may be this share of the step before them.
-CLOSE = 1e-4
+CLOSE = 1e-6
 # Shortest step, in cells, to which error control goes; and where slopes jump on the axis.
 LEAST, LEAST_AT_KINK = 1e-7, 1e-11
 # Rounding in an error estimate, in units of that of a step; steps [cells] from which down an estimate may be rounding.
@@ -36,44 +35,11 @@ EPSILON = np.finfo(np.float64).eps
 ATTEMPTS = 20
 
 
-@dataclass
-class Flight:
-    """Rays on their way; one entry for each.
-
-    Attributes: start [m], direction, and side (the sign of what is before the plane), which stay; along t [m], q [m],
-    momentum P, work W [m], stretch S [m], cell; lever [m] and gain, by which errors of direction and of place grow into
-    the optical path; error [m], steps, evaluations; stopped (at the user's stop), left (the box), hit (the body),
-    failed (not finite), spent (all its steps).
-    """
-
-    start: np.ndarray
-    direction: np.ndarray
-    side: np.ndarray
-    along: np.ndarray
-    lever: np.ndarray
-    gain: np.ndarray
-    cell: np.ndarray
-    q: np.ndarray = field(init=False)
-    momentum: np.ndarray = field(init=False)
-
-    def __post_init__(self):
-        """Start undisturbed."""
-        count = len(self.start)
-        self.q, self.momentum = np.zeros((count, 3)), np.zeros((count, 3))
-        self.work, self.stretch, self.error = np.zeros(count), np.zeros(count), np.zeros(count)
-        self.steps, self.evaluations, self.attempts = (np.zeros(count, dtype=np.int64) for _ in range(3))
-        self.stopped, self.left, self.hit, self.failed, self.spent = (np.zeros(count, dtype=bool) for _ in range(5))
-
-    @property
-    def going(self) -> np.ndarray:
-        """Rays that are still on their way."""
-        return np.flatnonzero(~(self.stopped | self.left | self.hit | self.failed | self.spent))
-
-
 class Integrator:
     """Takes a flight to its end: through `air` to `stop` (the `Ends` of reference_ends.py), `tolerance` in metres."""
 
     def __init__(self, air, ambient: float, stop, tolerance: float, max_steps: int, straight: bool):
+        """Keep what every step needs."""
         self.air, self.ambient, self.stop, self.walls, self.extent = air, ambient, stop, stop.walls, stop.extent
         self.tolerance, self.max_steps, self.straight = tolerance, max_steps, straight
         self.least = (LEAST_AT_KINK if air.kinked_axis else LEAST) * air.size / ambient
@@ -82,6 +48,7 @@ class Integrator:
         """Fly until every ray has ended."""
         count = len(flight.start)
         self.wanted = np.full(count, 2.0 * self.air.size / self.ambient)
+        self.aim = np.full(count, np.nan)
         self.cap, self.refused = np.full(count, np.inf), np.full(count, np.inf)  # error a length of the last refused
         while len(rows := flight.going):
             gap = self.air.in_gap(flight.cell[rows])
@@ -157,14 +124,15 @@ class Integrator:
         turning[:, : air.face_count] = frame.turning()
         root = rising_root(value, rate, 0.5 * curve, slack[:, None])
         root[turning & (value > -slack[:, None])] = np.inf
-        if self.walls is not None:
+        if nearest is not None:
             root[~np.isfinite(nearest), -1] = np.inf
         hop = self.hops(value, rate, turning, place, slack, root)
         chosen = root.argmin(axis=1)
         first = root[np.arange(len(rows)), chosen]
         wanted = np.minimum(self.wanted[rows], self.cap[rows])
         lands = (first <= wanted) & ~hop
-        h = np.where(lands, first, wanted)
+        aim = self.aim[rows]
+        h = np.where(lands, np.where(np.isfinite(aim), aim, first), wanted)
         if hop.any():
             self.over_axis(
                 flight, rows[hop], -2.0 * value[turning & hop[:, None]] / rate[turning & hop[:, None]], potential[hop]
@@ -182,9 +150,7 @@ class Integrator:
             slopes[stage] = self.slope(y[:, 3:6], potential, force)
         flight.evaluations[rows] += STAGES
         error, rounding = self.estimate(flight, rows, h, slopes)
-        value1, rate1, _ = self.events(
-            frame, flight, rows, h, y[:, :3], y[:, 3:6], y[:, 7], potential, force, wall
-        )
+        value1, rate1, _ = self.events(frame, flight, rows, h, y[:, :3], y[:, 3:6], y[:, 7], potential, force, wall)
         finite = np.isfinite(y).all(axis=1) & np.isfinite(error)
         allowed = self.tolerance * a * h / self.extent + NOISE * rounding
         # What does not fall with the length of a short step is rounding.
@@ -214,7 +180,10 @@ class Integrator:
         retake = good & (off | passed) & (h > slack / a)
         off &= h > slack / a
         accept = good & ~retake & ~hop
-        self.cap[rows] = np.where(retake, 0.5 * h, np.inf)
+        # By Newton if the face is the trouble and it is near, else by halves.
+        near = retake & ~passed & (np.abs(miss) < 0.1 * h)
+        self.aim[rows] = np.where(near, h + miss, np.nan)
+        self.cap[rows] = np.where(retake & ~near, 0.5 * h, np.inf)
         grown = h * factor
         kept = accept & (lands | (self.wanted[rows] > h))
         grown = np.maximum(grown, 2.0 * self.least)
@@ -357,20 +326,3 @@ class Integrator:
         """Whether the ends of steps lie inside the body."""
         there = flight.start[rows] + (flight.along[rows] + self.ambient * h)[:, None] * flight.direction[rows]
         return self.walls.contains(there + y[:, :3])
-
-
-def rising_root(v0, v1, v2, slack) -> np.ndarray:
-    """The first h >= 0 at which v0 + v1 h + v2 h^2 rises through zero; inf where it does not, 0 where it is above."""
-    known = np.isfinite(v0)
-    v0 = np.where(known, v0, -1.0)
-    disc = v1 * v1 - 4.0 * v2 * v0
-    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-        rest = np.sqrt(np.maximum(disc, 0.0))
-        forward = np.where(v1 + rest > 0.0, -2.0 * v0 / (v1 + rest), np.inf)
-        back = np.where(v2 > 0.0, (rest - v1) / (2.0 * v2), np.inf)
-        root = np.where(v1 >= 0.0, forward, back)
-    root = np.where(disc < 0.0, np.inf, root)
-    # Above by rounding only, and on the way in: not outside.
-    above = (v0 >= 0.0) & ((v1 > 0.0) | ((v1 == 0.0) & (v2 > 0.0)) | ((v0 > slack) & (disc < 0.0)))
-    root = np.where(above, 0.0, root)
-    return np.where(known, np.maximum(root, 0.0), np.inf)
