@@ -40,7 +40,7 @@ def main() -> int:
     for number, seed in enumerate(seeds, 1):
         case = draw(seed, **fixed)
         try:
-            findings, compared, how = check(case, asked.backend, asked.sample)
+            findings, compared, how = check(case, {"backend": asked.backend}, asked.sample)
         except Exception:  # a case that cannot be traced is a finding too
             errors.append((seed, traceback.format_exc().splitlines()[-1]))
             continue
@@ -81,7 +81,7 @@ def one(asked: argparse.Namespace, fixed: dict) -> int:
     """One case in full."""
     case = draw(asked.only, **fixed)
     print(case, case.settings, f"box {case.field.box}, spacing {case.field.spacing}", sep="\n")
-    findings, compared, how = check(case, asked.backend, asked.sample)
+    findings, compared, how = check(case, {"backend": asked.backend}, asked.sample)
     print(f"{how}, {compared} rays compared, {len(findings)} findings")
     for finding in sorted(findings, key=lambda f: -f.size):
         print(f"  {finding.what} {finding.size:.2g} x, ray {finding.ray}: {finding.text}")

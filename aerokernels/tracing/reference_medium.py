@@ -43,6 +43,12 @@ def plane_motion(place, tangent, force, axisymmetric: bool) -> tuple[np.ndarray,
     )
 
 
+def outward(place) -> np.ndarray:
+    """Unit vectors away from the axis, shape (n, 3); zero on it."""
+    radius = np.hypot(place[:, 0], place[:, 1])
+    return place * [1.0, 1.0, 0.0] / np.where(radius > 0.0, radius, 1.0)[:, None]
+
+
 def approach(place, tangent, force) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """How far behind its closest approach to the axis a ray is [m], with rate and curvature; -inf along the axis."""
     square = dot(tangent[:, :2], tangent[:, :2])
@@ -124,6 +130,12 @@ class GridAir:
         count = np.array([len(edges) - 1 for edges in self.edges])
         left = (after[rows, axis] < 0) | (after[rows, axis] >= count[axis])
         return np.clip(after, 0, count - 1), left
+
+    def normal(self, cell, face, place) -> np.ndarray:
+        """Unit normals of faces, of either sense, at places on them, shape (n, 3)."""
+        if not self.axisymmetric:
+            return np.eye(3)[self.first_axis + face // 2]
+        return np.where((face < 2)[:, None], outward(place), [0.0, 0.0, 1.0])
 
     def frame(self, cell, place) -> "GridFrame":
         """The pieces of these cells, seen from these places."""

@@ -7,7 +7,7 @@ import numpy as np
 
 from ..medium import IndexField
 from ..medium.mesh_samples import inverse_distance_weights
-from .reference_medium import approach, dot, plane_motion
+from .reference_medium import approach, dot, outward, plane_motion
 from .reference_walls import Segments
 
 # Share of a cell's size that a place is moved ahead to find the cell behind an edge.
@@ -61,6 +61,14 @@ class MeshAir:
             found = self.cell_at(place[lost], tangent[lost])[:, 0]
             after[lost, 0] = np.where(found == cell[lost, 0], -1, found)
         return after, np.zeros(len(cell), dtype=bool)
+
+    def normal(self, cell, face, place) -> np.ndarray:
+        """Unit normals of edges, of either sense, at places on them, shape (n, 3)."""
+        rows, edge = cell[:, 0], np.minimum(face, 3)
+        step = self.mesh.corners[rows, (edge + 1) % 4] - self.mesh.corners[rows, edge]
+        step = step / np.linalg.norm(step, axis=1)[:, None]
+        across = outward(place) if self.axisymmetric else np.array([0.0, 1.0, 0.0])
+        return step[:, 1:] * across - step[:, :1] * np.array([0.0, 0.0, 1.0])
 
     def reenter(self, place, heading) -> tuple[np.ndarray, np.ndarray]:
         """Distance [m] at which straight rays in a gap enter a cell, inf if none, and that cell, shape (n, 1)."""

@@ -31,6 +31,8 @@ NOISE, NOISE_STEP = 32.0, 1e-3
 # Closer to the axis than this, in cells, a kink on it is hopped over.
 HOP = 1e-7
 EPSILON = np.finfo(np.float64).eps
+# Crossings without a step between after which a ray is held on the face.
+IDLE = 8
 # Attempts a ray may take for each step it is allowed.
 ATTEMPTS = 20
 
@@ -49,6 +51,8 @@ class Integrator:
         count = len(flight.start)
         self.wanted = np.full(count, 2.0 * self.air.size / self.ambient)
         self.aim = np.full(count, np.nan)
+        # Crossings of faces without a step between, and the normal of the ridge that a ray is held on.
+        self.idle, self.held, self.holds = np.zeros(count, dtype=np.int64), np.zeros((count, 3)), False
         self.cap, self.refused = np.full(count, np.inf), np.full(count, np.inf)  # error a length of the last refused
         while len(rows := flight.going):
             gap = self.air.in_gap(flight.cell[rows])
@@ -114,7 +118,7 @@ class Integrator:
         frame = air.frame(flight.cell[rows], place)
         q0, momentum0 = flight.q[rows], flight.momentum[rows]
         zero = np.zeros(len(rows))
-        potential, force = self.sample(frame, np.zeros_like(d), q0)
+        potential, force = self.sample(frame, rows, np.zeros_like(d), q0)
         wall, nearest = self.nearest_wall(flight, rows)
         value, rate, curve = self.events(
             frame, flight, rows, zero, q0, momentum0, flight.stretch[rows], potential, force, wall
@@ -146,7 +150,7 @@ class Integrator:
             delta = (a * node * h)[:, None] * d
             if not self.straight:
                 delta = delta + (y[:, :3] - q0)
-            potential, force = self.sample(frame, delta, y[:, :3])
+            potential, force = self.sample(frame, rows, delta, y[:, :3])
             slopes[stage] = self.slope(y[:, 3:6], potential, force)
         flight.evaluations[rows] += STAGES
         error, rounding = self.estimate(flight, rows, h, slopes)
@@ -207,10 +211,9 @@ class Integrator:
                 miss,
                 error + rounding,
                 turning,
-                (frame, wall),
             )
 
-    def accept(self, flight, rows, accept, lands, chosen, h, y, potential, force, miss, error, turning, seen) -> None:
+    def accept(self, flight, rows, accept, lands, chosen, h, y, potential, force, miss, error, turning) -> None:
         """Move rays to the ends of their steps, and onto what they landed on."""
         a = self.ambient
         kept = rows[accept]
@@ -234,8 +237,21 @@ class Integrator:
             return
         tangent = a * flight.direction[rows] + (0.0 if self.straight else flight.momentum[rows])
         cell, left = self.air.cross(flight.cell[rows], chosen, self.place(flight, rows), tangent)
+        self.hold(flight, rows, chosen, h[down][face] <= self.least)
         flight.cell[rows] = cell
         flight.left[rows[left]] = True
+
+    def hold(self, flight, rows, chosen, idle) -> None:
+        """Keep rays on a ridge of the index, where slopes from both sides drive them back to it over and over."""
+        self.idle[rows] = np.where(idle, self.idle[rows] + 1, 0)
+        if self.holds:
+            self.held[rows[~idle]] = 0.0
+        stuck = self.idle[rows] >= IDLE
+        if stuck.any():
+            rows, chosen = rows[stuck], chosen[stuck]
+            normal = self.air.normal(flight.cell[rows], chosen, self.place(flight, rows))
+            self.held[rows], self.idle[rows], self.holds = normal, 0, True
+            flight.momentum[rows] -= dot(flight.momentum[rows], normal)[:, None] * normal
 
     def drift(self, flight, rows, h, potential, force) -> None:
         """A Newton step of second order, forward or back."""
@@ -268,9 +284,12 @@ class Integrator:
         root[aims, column] *= 0.999
         return close & (root[:, column] <= root.min(axis=1))
 
-    def sample(self, frame, delta, q) -> tuple[np.ndarray, np.ndarray]:
-        """Potential and force, on the ray or, linearly continued, beside the line."""
+    def sample(self, frame, rows, delta, q) -> tuple[np.ndarray, np.ndarray]:
+        """Potential and force on the ray, or continued from the line; none across a ridge that holds the ray."""
         potential, force = frame.sample(delta)
+        if self.holds:
+            held = self.held[rows]
+            force = force - dot(force, held)[:, None] * held
         return (potential + dot(force, q), force) if self.straight else (potential, force)
 
     def slope(self, momentum, potential, force) -> np.ndarray:
