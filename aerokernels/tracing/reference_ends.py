@@ -5,8 +5,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..medium import Body, IndexField
+from .reference_flight import Flight
 from .reference_medium import dot, plane_motion
-from .reference_steps import EPSILON, Flight, Integrator
+from .reference_steps import EPSILON, Integrator
 from .reference_walls import Segments
 from .status import RayStatus
 from .stop import ArcLength, Plane
@@ -19,6 +20,7 @@ class Walls(Segments):
     """The surface of a body."""
 
     def __init__(self, body: Body):
+        """Orient the profile counter-clockwise."""
         start, end = body.walls
         first, second = body.profile.T
         if np.sum(first * np.roll(second, -1) - np.roll(first, -1) * second) < 0.0:  # clockwise
@@ -34,7 +36,7 @@ class Walls(Segments):
 
 @dataclass
 class Course:
-    """The undisturbed rays: where they enter and leave the field and meet the stop [m], and what becomes of them there."""
+    """The undisturbed rays: where they enter and leave the field and meet the stop [m], and their status."""
 
     enter: np.ndarray
     leave: np.ndarray
@@ -48,6 +50,7 @@ class Ends:
     """The box of a field, and the stop."""
 
     def __init__(self, field: IndexField, until):
+        """Take the box of the field."""
         self.field, self.until, self.ambient = field, until, field.ambient_index
         self.low, self.high = field.box
         self.axisymmetric = field.geometry == "axisymmetric"
@@ -57,7 +60,7 @@ class Ends:
         self.extent = float(np.linalg.norm(extent))
 
     def span(self, place, heading) -> tuple[np.ndarray, np.ndarray]:
-        """Distances [m] at which straight rays enter and leave the box, negative behind them; entry > exit is a miss."""
+        """Distances [m] at which straight rays enter and leave the box, negative behind them; entry > exit: a miss."""
         low, high = self.low.copy(), self.high.copy()
         if self.axisymmetric:
             low[:2], high[:2] = -np.inf, np.inf

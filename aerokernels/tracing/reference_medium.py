@@ -43,6 +43,12 @@ def plane_motion(place, tangent, force, axisymmetric: bool) -> tuple[np.ndarray,
     )
 
 
+def outward(place) -> np.ndarray:
+    """Unit vectors away from the axis, shape (n, 3); zero on it."""
+    radius = np.hypot(place[:, 0], place[:, 1])
+    return place * [1.0, 1.0, 0.0] / np.where(radius > 0.0, radius, 1.0)[:, None]
+
+
 def approach(place, tangent, force) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """How far behind its closest approach to the axis a ray is [m], with rate and curvature; -inf along the axis."""
     square = dot(tangent[:, :2], tangent[:, :2])
@@ -65,6 +71,7 @@ class GridAir:
     """A uniform grid."""
 
     def __init__(self, field: IndexField):
+        """Lay out edges, rows of samples and coefficients."""
         samples = field.samples
         self.axisymmetric = field.geometry == "axisymmetric"
         self.first_axis = {"volume": 0, "planar": 1, "axisymmetric": 1}[field.geometry]
@@ -88,6 +95,8 @@ class GridAir:
         self.face_count = 2 * self.axes
         self.kinked_axis = False  # even in r, or rounded off
         self.size = float(self.spacing.min())
+        # What forces are sums and differences of [1/m]: their rounding is a share of it, however small they are.
+        self.force_scale = float(np.abs(self.coefficients).max()) / self.size
 
     def local(self, place, tangent) -> tuple[np.ndarray, np.ndarray]:
         """Coordinates along the samples' axes, in spacings, and their direction."""
@@ -122,6 +131,12 @@ class GridAir:
         left = (after[rows, axis] < 0) | (after[rows, axis] >= count[axis])
         return np.clip(after, 0, count - 1), left
 
+    def normal(self, cell, face, place) -> np.ndarray:
+        """Unit normals of faces, of either sense, at places on them, shape (n, 3)."""
+        if not self.axisymmetric:
+            return np.eye(3)[self.first_axis + face // 2]
+        return np.where((face < 2)[:, None], outward(place), [0.0, 0.0, 1.0])
+
     def frame(self, cell, place) -> "GridFrame":
         """The pieces of these cells, seen from these places."""
         return GridFrame(self, cell, place)
@@ -131,6 +146,7 @@ class GridFrame:
     """The cells of a grid that a bundle is in."""
 
     def __init__(self, air: GridAir, cell, place):
+        """Gather the coefficients of the cells."""
         self.air, self.cell, self.place = air, cell, place
         self.row = np.stack([air.row[k][cell[:, k]] for k in range(air.axes)], axis=1)
         index = self.row @ air.cell_pitch

@@ -7,7 +7,7 @@ import numpy as np
 
 from ..medium import IndexField
 from ..medium.mesh_samples import inverse_distance_weights
-from .reference_medium import approach, dot, plane_motion
+from .reference_medium import approach, dot, outward, plane_motion
 from .reference_walls import Segments
 
 # Share of a cell's size that a place is moved ahead to find the cell behind an edge.
@@ -19,6 +19,7 @@ class MeshAir:
     """A mesh."""
 
     def __init__(self, field: IndexField):
+        """Find the rim."""
         samples, mesh = field.samples, field.samples.mesh
         self.samples, self.mesh, self.ambient = samples, mesh, field.ambient_index
         self.interpolation = samples.interpolation
@@ -26,6 +27,7 @@ class MeshAir:
         self.kinked_axis = self.axisymmetric  # the slope along the radius need not vanish there
         self.face_count = 5 if self.axisymmetric else 4
         self.size = float(mesh.cell_size.min())
+        self.force_scale = float(np.abs(samples.values).max()) / self.size
         # Edges without a neighbour: the rim, and both sides of a seam.
         cell, edge = np.nonzero(mesh.neighbors < 0)
         corners = mesh.corners
@@ -60,6 +62,14 @@ class MeshAir:
             after[lost, 0] = np.where(found == cell[lost, 0], -1, found)
         return after, np.zeros(len(cell), dtype=bool)
 
+    def normal(self, cell, face, place) -> np.ndarray:
+        """Unit normals of edges, of either sense, at places on them, shape (n, 3)."""
+        rows, edge = cell[:, 0], np.minimum(face, 3)
+        step = self.mesh.corners[rows, (edge + 1) % 4] - self.mesh.corners[rows, edge]
+        step = step / np.linalg.norm(step, axis=1)[:, None]
+        across = outward(place) if self.axisymmetric else np.array([0.0, 1.0, 0.0])
+        return step[:, 1:] * across - step[:, :1] * np.array([0.0, 0.0, 1.0])
+
     def reenter(self, place, heading) -> tuple[np.ndarray, np.ndarray]:
         """Distance [m] at which straight rays in a gap enter a cell, inf if none, and that cell, shape (n, 1)."""
         distance, which = self.rim.first_crossing(place, heading, inward=True, least=-AHEAD * self.size)
@@ -74,6 +84,7 @@ class MeshFrame:
     """The cells of a mesh that a bundle is in."""
 
     def __init__(self, air: MeshAir, cell, place):
+        """Gather corners and values of the cells."""
         self.air, self.place = air, place
         corners = air.mesh.corners[cell]
         self.on_axis = air.on_axis[cell]

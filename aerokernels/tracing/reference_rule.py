@@ -11,8 +11,9 @@ import numpy as np
 from ..medium import IndexField
 from .plan import TracePlan
 from .reference_ends import Ends
+from .reference_flight import Flight
 from .reference_medium import dot
-from .reference_steps import Flight, Integrator
+from .reference_steps import Integrator
 from .stop import ArcLength, Plane
 from .tableau import BT, NEARLY_STRAIGHT, STAGE_MOMENTUM, A, C, is_one_scalar
 

@@ -8,79 +8,52 @@ so that the optical path is a t + W and the arc length t + S, and float64 holds 
 rounding and not to that of the path. Steps of order 8 with error estimates of orders 5 and 3 (E. Hairer, S. P. Norsett,
 G. Wanner, Solving Ordinary Differential Equations I, 1993), each within one smooth piece of the field: a step is
 shortened to where the ray, as a parabola, first meets a face of its cell or its stop, and what is left is flown by
-Newton steps of second order, 1e-4 of a step at most. A step whose estimate is above its share of the tolerance, or that
+Newton steps of second order, 1e-6 of a step at most. A step whose estimate is above its share of the tolerance, or that
 turns out to have passed a face, is taken again, shorter.
 
 "straight" samples the field on the undisturbed line, with the potential continued linearly to the ray.
 """
 
-from dataclasses import dataclass, field
-
 import numpy as np
 from scipy.integrate import DOP853
 
+from .reference_flight import Flight, rising_root
 from .reference_medium import dot
 
 A, B, C, E3, E5 = (np.asarray(getattr(DOP853, name)) for name in ("A", "B", "C", "E3", "E5"))
 STAGES = DOP853.n_stages
 # Landing by Newton: its steps are of second order, so they may be this share of the step before them.
-CLOSE = 1e-4
-# Shortest step, in cells, to which error control goes.
-LEAST = 1e-11
+CLOSE = 1e-6
+# Shortest step, in cells, to which error control goes; and where slopes jump on the axis.
+LEAST, LEAST_AT_KINK = 1e-7, 1e-11
+# Rounding in an error estimate, in units of that of a step; steps [cells] from which down an estimate may be rounding.
+NOISE, NOISE_STEP = 32.0, 1e-3
 # Closer to the axis than this, in cells, a kink on it is hopped over.
 HOP = 1e-7
 EPSILON = np.finfo(np.float64).eps
+# Crossings without a step between after which a ray is held on the face.
+IDLE = 8
 # Attempts a ray may take for each step it is allowed.
 ATTEMPTS = 20
-
-
-@dataclass
-class Flight:
-    """Rays on their way; one entry for each.
-
-    Attributes: start [m], direction, and side (the sign of what is before the plane), which stay; along t [m], q [m],
-    momentum P, work W [m], stretch S [m], cell; lever [m] and gain, by which errors of direction and of place grow into
-    the optical path; error [m], steps, evaluations; stopped (at the user's stop), left (the box), hit (the body),
-    failed (not finite), spent (all its steps).
-    """
-
-    start: np.ndarray
-    direction: np.ndarray
-    side: np.ndarray
-    along: np.ndarray
-    lever: np.ndarray
-    gain: np.ndarray
-    cell: np.ndarray
-    q: np.ndarray = field(init=False)
-    momentum: np.ndarray = field(init=False)
-
-    def __post_init__(self):
-        """Start undisturbed."""
-        count = len(self.start)
-        self.q, self.momentum = np.zeros((count, 3)), np.zeros((count, 3))
-        self.work, self.stretch, self.error = np.zeros(count), np.zeros(count), np.zeros(count)
-        self.steps, self.evaluations, self.attempts = (np.zeros(count, dtype=np.int64) for _ in range(3))
-        self.stopped, self.left, self.hit, self.failed, self.spent = (np.zeros(count, dtype=bool) for _ in range(5))
-
-    @property
-    def going(self) -> np.ndarray:
-        """Rays that are still on their way."""
-        return np.flatnonzero(~(self.stopped | self.left | self.hit | self.failed | self.spent))
 
 
 class Integrator:
     """Takes a flight to its end: through `air` to `stop` (the `Ends` of reference_ends.py), `tolerance` in metres."""
 
     def __init__(self, air, ambient: float, stop, tolerance: float, max_steps: int, straight: bool):
+        """Keep what every step needs."""
         self.air, self.ambient, self.stop, self.walls, self.extent = air, ambient, stop, stop.walls, stop.extent
         self.tolerance, self.max_steps, self.straight = tolerance, max_steps, straight
-        self.least = LEAST * air.size / ambient
+        self.least = (LEAST_AT_KINK if air.kinked_axis else LEAST) * air.size / ambient
 
     def run(self, flight: Flight) -> None:
         """Fly until every ray has ended."""
         count = len(flight.start)
         self.wanted = np.full(count, 2.0 * self.air.size / self.ambient)
-        self.cap = np.full(count, np.inf)
+        self.aim = np.full(count, np.nan)
+        # Crossings of faces without a step between, and the normal of the ridge that a ray is held on.
+        self.idle, self.held, self.holds = np.zeros(count, dtype=np.int64), np.zeros((count, 3)), False
+        self.cap, self.refused = np.full(count, np.inf), np.full(count, np.inf)  # error a length of the last refused
         while len(rows := flight.going):
             gap = self.air.in_gap(flight.cell[rows])
             if gap.any():
@@ -145,7 +118,7 @@ class Integrator:
         frame = air.frame(flight.cell[rows], place)
         q0, momentum0 = flight.q[rows], flight.momentum[rows]
         zero = np.zeros(len(rows))
-        potential, force = self.sample(frame, np.zeros_like(d), q0)
+        potential, force = self.sample(frame, rows, np.zeros_like(d), q0)
         wall, nearest = self.nearest_wall(flight, rows)
         value, rate, curve = self.events(
             frame, flight, rows, zero, q0, momentum0, flight.stretch[rows], potential, force, wall
@@ -155,14 +128,15 @@ class Integrator:
         turning[:, : air.face_count] = frame.turning()
         root = rising_root(value, rate, 0.5 * curve, slack[:, None])
         root[turning & (value > -slack[:, None])] = np.inf
-        if self.walls is not None:
+        if nearest is not None:
             root[~np.isfinite(nearest), -1] = np.inf
         hop = self.hops(value, rate, turning, place, slack, root)
         chosen = root.argmin(axis=1)
         first = root[np.arange(len(rows)), chosen]
         wanted = np.minimum(self.wanted[rows], self.cap[rows])
         lands = (first <= wanted) & ~hop
-        h = np.where(lands, first, wanted)
+        aim = self.aim[rows]
+        h = np.where(lands, np.where(np.isfinite(aim), aim, first), wanted)
         if hop.any():
             self.over_axis(
                 flight, rows[hop], -2.0 * value[turning & hop[:, None]] / rate[turning & hop[:, None]], potential[hop]
@@ -176,17 +150,20 @@ class Integrator:
             delta = (a * node * h)[:, None] * d
             if not self.straight:
                 delta = delta + (y[:, :3] - q0)
-            potential, force = self.sample(frame, delta, y[:, :3])
+            potential, force = self.sample(frame, rows, delta, y[:, :3])
             slopes[stage] = self.slope(y[:, 3:6], potential, force)
         flight.evaluations[rows] += STAGES
         error, rounding = self.estimate(flight, rows, h, slopes)
-        value1, rate1, _ = self.events(
-            frame, flight, rows, h, y[:, :3], y[:, 3:6], y[:, 7], potential, force, wall
-        )
+        value1, rate1, _ = self.events(frame, flight, rows, h, y[:, :3], y[:, 3:6], y[:, 7], potential, force, wall)
         finite = np.isfinite(y).all(axis=1) & np.isfinite(error)
-        allowed = self.tolerance * a * h / self.extent + rounding
-        short = h <= self.least
+        allowed = self.tolerance * a * h / self.extent + NOISE * rounding
+        # What does not fall with the length of a short step is rounding.
+        before = self.refused[rows]
+        stays = (before < np.inf) & (error > 0.5 * h * np.where(before < np.inf, before, 0.0))
+        short = (h <= self.least) | ((h < NOISE_STEP * air.size / a) & stays)
         good = finite & ((error <= allowed) | short)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            self.refused[rows] = np.where(good, np.inf, error / h)
         with np.errstate(divide="ignore", over="ignore"):
             factor = np.clip(0.9 * (allowed / np.where(error > 0.0, error, np.inf)) ** 0.125, 0.2, 6.0)
         factor = np.where(error > 0.0, factor, 6.0)
@@ -207,15 +184,19 @@ class Integrator:
         retake = good & (off | passed) & (h > slack / a)
         off &= h > slack / a
         accept = good & ~retake & ~hop
-        self.cap[rows] = np.where(retake, 0.5 * h, np.inf)
+        # By Newton if the face is the trouble and it is near, else by halves.
+        near = retake & ~passed & (np.abs(miss) < 0.1 * h)
+        self.aim[rows] = np.where(near, h + miss, np.nan)
+        self.cap[rows] = np.where(retake & ~near, 0.5 * h, np.inf)
         grown = h * factor
         kept = accept & (lands | (self.wanted[rows] > h))
+        grown = np.maximum(grown, 2.0 * self.least)
         self.wanted[rows] = np.where(
             accept,
             np.where(kept, np.maximum(self.wanted[rows], grown), grown),
             np.where(good | hop, self.wanted[rows], h * np.where(finite, np.minimum(factor, 0.8), 0.25)),
         )
-        flight.failed[rows[~finite & short]] = True
+        flight.failed[rows[~finite & (h <= self.least)]] = True
         if accept.any():
             self.accept(
                 flight,
@@ -230,10 +211,9 @@ class Integrator:
                 miss,
                 error + rounding,
                 turning,
-                (frame, wall),
             )
 
-    def accept(self, flight, rows, accept, lands, chosen, h, y, potential, force, miss, error, turning, seen) -> None:
+    def accept(self, flight, rows, accept, lands, chosen, h, y, potential, force, miss, error, turning) -> None:
         """Move rays to the ends of their steps, and onto what they landed on."""
         a = self.ambient
         kept = rows[accept]
@@ -257,8 +237,21 @@ class Integrator:
             return
         tangent = a * flight.direction[rows] + (0.0 if self.straight else flight.momentum[rows])
         cell, left = self.air.cross(flight.cell[rows], chosen, self.place(flight, rows), tangent)
+        self.hold(flight, rows, chosen, h[down][face] <= self.least)
         flight.cell[rows] = cell
         flight.left[rows[left]] = True
+
+    def hold(self, flight, rows, chosen, idle) -> None:
+        """Keep rays on a ridge of the index, where slopes from both sides drive them back to it over and over."""
+        self.idle[rows] = np.where(idle, self.idle[rows] + 1, 0)
+        if self.holds:
+            self.held[rows[~idle]] = 0.0
+        stuck = self.idle[rows] >= IDLE
+        if stuck.any():
+            rows, chosen = rows[stuck], chosen[stuck]
+            normal = self.air.normal(flight.cell[rows], chosen, self.place(flight, rows))
+            self.held[rows], self.idle[rows], self.holds = normal, 0, True
+            flight.momentum[rows] -= dot(flight.momentum[rows], normal)[:, None] * normal
 
     def drift(self, flight, rows, h, potential, force) -> None:
         """A Newton step of second order, forward or back."""
@@ -291,9 +284,12 @@ class Integrator:
         root[aims, column] *= 0.999
         return close & (root[:, column] <= root.min(axis=1))
 
-    def sample(self, frame, delta, q) -> tuple[np.ndarray, np.ndarray]:
-        """Potential and force, on the ray or, linearly continued, beside the line."""
+    def sample(self, frame, rows, delta, q) -> tuple[np.ndarray, np.ndarray]:
+        """Potential and force on the ray, or continued from the line; none across a ridge that holds the ray."""
         potential, force = frame.sample(delta)
+        if self.holds:
+            held = self.held[rows]
+            force = force - dot(force, held)[:, None] * held
         return (potential + dot(force, q), force) if self.straight else (potential, force)
 
     def slope(self, momentum, potential, force) -> np.ndarray:
@@ -316,6 +312,7 @@ class Integrator:
             both = high + 0.01 * low
             total += weight * np.where(both > 0.0, high / np.sqrt(np.where(both > 0.0, both, 1.0)), 0.0)
             floor += weight * np.abs(slopes[:, :, part]).max(axis=(0, 2))
+        floor += lever * gain * self.air.force_scale
         return h * total, EPSILON * h * floor
 
     def bulges(self, value, rate, value1, rate1, h, slack, turning, lands, chosen) -> np.ndarray:
@@ -348,20 +345,3 @@ class Integrator:
         """Whether the ends of steps lie inside the body."""
         there = flight.start[rows] + (flight.along[rows] + self.ambient * h)[:, None] * flight.direction[rows]
         return self.walls.contains(there + y[:, :3])
-
-
-def rising_root(v0, v1, v2, slack) -> np.ndarray:
-    """The first h >= 0 at which v0 + v1 h + v2 h^2 rises through zero; inf where it does not, 0 where it is above."""
-    known = np.isfinite(v0)
-    v0 = np.where(known, v0, -1.0)
-    disc = v1 * v1 - 4.0 * v2 * v0
-    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-        rest = np.sqrt(np.maximum(disc, 0.0))
-        forward = np.where(v1 + rest > 0.0, -2.0 * v0 / (v1 + rest), np.inf)
-        back = np.where(v2 > 0.0, (rest - v1) / (2.0 * v2), np.inf)
-        root = np.where(v1 >= 0.0, forward, back)
-    root = np.where(disc < 0.0, np.inf, root)
-    # Above by rounding only, and on the way in: not outside.
-    above = (v0 >= 0.0) & ((v1 > 0.0) | ((v1 == 0.0) & (v2 > 0.0)) | ((v0 > slack) & (disc < 0.0)))
-    root = np.where(above, 0.0, root)
-    return np.where(known, np.maximum(root, 0.0), np.inf)

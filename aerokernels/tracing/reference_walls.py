@@ -19,6 +19,7 @@ class Segments:
     """Segments from `start` to `end` [m], each (w, 2), in the plane (y, z) or (r, z); their left side is inside."""
 
     def __init__(self, start: np.ndarray, end: np.ndarray, axisymmetric: bool):
+        """Keep directions and lengths."""
         self.start, self.axisymmetric = np.asarray(start, dtype=np.float64), axisymmetric
         self.step = np.asarray(end, dtype=np.float64) - self.start
         self.length = np.linalg.norm(self.step, axis=1)
