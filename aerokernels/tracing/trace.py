@@ -10,7 +10,7 @@ from ..rays import RayBundle
 from .budget import error_budget
 from .choice import lever_of
 from .collimated import columns_hold, find_columns, is_collimated, is_worth_it
-from .even import fit_even, may_be_even, pilot_of
+from .even import fit_even, may_be_even, pilot_of, spread_of
 from .plan import TracePlan, make_plan
 from .result import RAY_OUTPUTS, TraceResult
 from .stop import ArcLength, Plane
@@ -84,6 +84,7 @@ def trace(
         wavelength=wavelength,
         directions=rays.direction,
         columns=_columns(field, rays, until, method, tolerance, wavelength),
+        spread=partial(spread_of, rays),
     )
     arrays, seconds = run_plan(field, rays, plan, until, wavelength, wanted)
     seconds["total"] = time.perf_counter() - start
@@ -96,8 +97,12 @@ def trace(
     )
 
 
-def plan_rays(field: IndexField, pilot, ray_count: int, until, *, method, wavelength, **choices) -> TracePlan:
+def plan_rays(
+    field: IndexField, pilot, ray_count: int, until, *, method, wavelength, spread=None, **choices
+) -> TracePlan:
     """The plan of a bundle, by even samples where they hold its tolerance; `pilot()` makes some of its rays.
+
+    `spread()` makes as many as show where all of them go; None where the pilot does.
 
     The other arguments are those of `make_plan`.
 
@@ -107,7 +112,7 @@ def plan_rays(field: IndexField, pilot, ray_count: int, until, *, method, wavele
     if method in ("auto", "straight") and may_be_even(field, ray_count, until):
         plan = make_plan(field, method="straight", wavelength=wavelength, **choices)
         if not plan.columns and plan.backend != "reference":
-            plan = fit_even(field, pilot(), plan, until, wavelength) or plan
+            plan = fit_even(field, pilot(), plan, until, wavelength, spread or pilot) or plan
         if plan.columns or plan.sample_count:
             return plan
     lever = lever_of(pilot(), until) if method == "auto" else 0.0

@@ -35,6 +35,7 @@ from .warp_box import FACE_COUNT, build_crossing, build_surface_distance
 from .warp_ends import build_end, build_last_surface, build_start
 from .warp_grid import build_sample
 from .warp_types import types
+from .warp_unresolved import build_unresolved
 from .warp_wall import build_stays_clear
 
 
@@ -115,6 +116,7 @@ def build_even_kernel(precision: str, geometry: str, interpolation: str, stop: s
     surface_of = build_last_surface(precision, geometry, stop)
     overrun = build_overrun(precision, geometry)
     keep_active = build_keep_active(precision, geometry)
+    unresolved = build_unresolved(precision, geometry)
     stays_clear = build_stays_clear(precision, geometry)
     ok = int(RayStatus.OK)
     tiny = TINY[precision]
@@ -177,6 +179,8 @@ def build_even_kernel(precision: str, geometry: str, interpolation: str, stop: s
         length = real(0.0)
         h = real(0.0)
         error = real(0.0)
+        missed = real(0.0)
+        start = none
         clear = bool(True)
         landed = int(-1)
         quiet = bool(False)
@@ -241,6 +245,8 @@ def build_even_kernel(precision: str, geometry: str, interpolation: str, stop: s
         q = sigma * turn - arm
         off_turn += turn
         off_place = sigma * off_turn - (off_place + arm)
+        if runs:
+            missed = unresolved(field, control, start, d, length, q)
         steep = wp.sqrt(ahead * ahead + wp.dot(force, force))
         s += real(0.5) * h * ahead
         if quiet:  # in uniform air there is nothing to leave out
@@ -318,6 +324,7 @@ def build_even_kernel(precision: str, geometry: str, interpolation: str, stop: s
             slant_off = wp.dot(normal, beside + flight * wp.float64(slow) * aside)
             further = wp.abs(slant_off) / wp.max(wp.abs(wp.dot(normal, d0)), wp.float64(STEEPEST_COSINE))
             error = wp.max(error, control.even_share * real(bounds.ambient * further))
+        error += missed
         if error > control.budget:
             wp.atomic_add(rough_count_out, 0, 1)
         if wp.static("position" in outputs):
