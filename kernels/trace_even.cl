@@ -192,7 +192,10 @@ __kernel void trace_even(
             const double further = fabs(slant) / fmax(fabs(dot(normal, d)), STEEPEST_COSINE);
             off_course = greater(off_course, control.even_share * (real)(bounds.ambient * further));
         }
-        off_course += runs ? REAL_AT(missed, lane) : R(0.0);
+        if (runs && REAL_AT(missed, lane) > R(0.0)) {
+            const double onward = arrival.flight + course.far - course.enter;
+            off_course += with_lever(&field, REAL_AT(missed, lane), (real)onward, (real)fabs(dot(normal, d)));
+        }
         if (off_course > control.budget) {
             atomic_inc(rough_count_out);
         }

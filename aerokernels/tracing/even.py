@@ -16,7 +16,7 @@ from ..medium import IndexField
 from ..medium.grid import UniformGrid
 from ..rays import RayBundle
 from .active import active_box
-from .choice import choose_method, lever_of
+from .choice import choose_method
 from .held import greatest_path, held_error
 from .plan import TracePlan
 from .status import reached
@@ -140,7 +140,7 @@ def _fit(
     least = between.least_count(
         least,
         lambda count: _is_worth_it(field, pilot, plan, wavelength, count),
-        lambda: WORTH[plan.backend] * choose_method(field, held, pilot.direction).evaluations,
+        lambda: max(CHEAP[plan.backend], WORTH[plan.backend] * choose_method(field, held, pilot.direction).evaluations),
     )
     if not least:
         return nothing
@@ -177,8 +177,7 @@ class _Between:
     def __init__(self, field: IndexField, spread: RayBundle, until, held: float):
         self.field, self.held = field, held
         low, high = active_box(field, held)
-        self.lines = lines_through(spread, until, low, high, field.geometry)
-        self.lever = lever_of(spread, until)
+        self.lines = lines_through(field, spread, until, low, high)
         self.negligible_from = MOST_SAMPLES + 1  # samples a ray
 
     def _sampled(self, count: int) -> Sampling:
@@ -186,7 +185,7 @@ class _Between:
         steepness = np.abs(self.lines.direction).max(axis=0, initial=0.0)
         x, y, z = (float(size) for size in np.minimum(steepness, 1.0))
         # What turns a ray counts in second order, too, where the stop is met head on.
-        lever = self.lever + math.sqrt(0.5 * self.held * way)
+        lever = math.sqrt(0.5 * self.held * way)
         return Sampling(ROOM * way / count, (x, y, z), lever, self.held < FINE_SHARE * greatest_path(self.field))
 
     def least_count(self, count: int, is_worth_it, cost_again) -> int:

@@ -33,7 +33,7 @@ from ..medium import IndexField
 from ..medium.grid import UniformGrid
 from ..rays import RayBundle
 from .quiet import block_maxima, potential_at_nodes, roughness_by_axis
-from .scheme import LOOKUP_STRIDE
+from .scheme import LEAST_COSINE, LOOKUP_STRIDE, MISSED_SLOPE
 from .stop import Plane
 
 # The remainder's share at phi H = x is (1 - exp(-STEEPNESS x^2))^16: 0.0045 at 1 / 2, 0.37 at 3 / 4, 0.9 at 1.
@@ -62,7 +62,7 @@ class Sampling:
     Attributes:
         spacing: Greatest distance of a ray's samples [m].
         steepness: Greatest size of each component of the rays' unit vectors.
-        lever: By how much an error of direction changes the path, at most [m/rad].
+        lever: By how much an error of direction changes the path where the stop is met head on [m/rad].
         is_fine: Whether single precision would be seen in the bound.
     """
 
@@ -80,17 +80,38 @@ class Lines:
         start: Where they begin [m], shape (line_count, 3).
         direction: Unit vectors, shape (line_count, 3).
         way: How far they go [m], shape (line_count,).
+        lever: How far it is from there to the stop, times the tangent of the angle at which they meet it [m].
     """
 
     start: np.ndarray
     direction: np.ndarray
     way: np.ndarray
+    lever: np.ndarray
 
 
-def lines_through(rays: RayBundle, until, low: np.ndarray, high: np.ndarray, geometry: str) -> Lines:
+def lines_through(field: IndexField, rays: RayBundle, until, low: np.ndarray, high: np.ndarray) -> Lines:
     """The ways of those rays that meet the part of the field from `low` to `high` [m along its own axes] at all."""
     p, d = rays.position, rays.direction
-    enter, leave = np.zeros(len(p)), np.full(len(p), np.inf)
+    enter, leave, _ = _crossing(p, d, low, high, field.geometry)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        if isinstance(until, Plane):
+            stop, cosine = ((until.point - p) @ until.normal) / (d @ until.normal), np.abs(d @ until.normal)
+            stop = np.where(stop > 0.0, stop, np.inf)
+            leave = np.minimum(leave, stop)
+        else:
+            grid = field.samples
+            assert isinstance(grid, UniformGrid)
+            _, stop, cosine = _crossing(p, d, grid.low, grid.high, field.geometry)
+        tangent = np.sqrt(np.maximum(1.0 - cosine**2, 0.0)) / np.maximum(cosine, LEAST_COSINE)
+        lever = np.where(np.isfinite(stop), tangent * (stop - enter), 0.0)
+    meets = (leave > enter) & np.isfinite(leave)
+    start = p[meets] + enter[meets, None] * d[meets]
+    return Lines(start, d[meets], (leave - enter)[meets], lever[meets])
+
+
+def _crossing(p: np.ndarray, d: np.ndarray, low: np.ndarray, high: np.ndarray, geometry: str):
+    """Where rays enter and leave a box [m along them], and the cosine with the normal of the face they leave by."""
+    enter, leave, cosine = np.zeros(len(p)), np.full(len(p), np.inf), np.ones(len(p))
     with np.errstate(divide="ignore", invalid="ignore"):
         for axis in range(geometry == "axisymmetric", len(low)):
             across = axis + 3 - len(low)
@@ -98,20 +119,19 @@ def lines_through(rays: RayBundle, until, low: np.ndarray, high: np.ndarray, geo
             within = (p[:, across] >= low[axis]) & (p[:, across] <= high[axis])
             along = d[:, across] == 0.0
             enter = np.maximum(enter, np.where(along, np.where(within, -np.inf, np.inf), ends[0]))
-            leave = np.minimum(leave, np.where(along, np.where(within, np.inf, -np.inf), ends[1]))
+            last = np.where(along, np.where(within, np.inf, -np.inf), ends[1])
+            cosine = np.where(last < leave, np.abs(d[:, across]), cosine)
+            leave = np.minimum(leave, last)
         if geometry == "axisymmetric":
             square = (d[:, :2] ** 2).sum(axis=1)
             middle = np.where(square > 0.0, -(p[:, :2] * d[:, :2]).sum(axis=1) / square, 0.0)
             rest = high[0] ** 2 - ((p[:, :2] + middle[:, None] * d[:, :2]) ** 2).sum(axis=1)
             half = np.where(square > 0.0, np.sqrt(np.maximum(rest, 0.0) / square), np.inf)
             enter = np.maximum(enter, middle - half)
-            leave = np.minimum(leave, np.where(rest < 0.0, -np.inf, middle + half))
-        if isinstance(until, Plane):
-            stop = ((until.point - p) @ until.normal) / (d @ until.normal)
-            leave = np.where(stop > 0.0, np.minimum(leave, stop), leave)
-    meets = (leave > enter) & np.isfinite(leave)
-    start = p[meets] + enter[meets, None] * d[meets]
-    return Lines(start, d[meets], (leave - enter)[meets])
+            last = np.where(rest < 0.0, -np.inf, middle + half)
+            cosine = np.where(last < leave, np.sqrt(np.maximum(rest, 0.0) * square) / high[0], cosine)
+            leave = np.minimum(leave, last)
+    return enter, leave, cosine
 
 
 def missed_in_blocks(field: IndexField, sampling: Sampling) -> tuple[int, np.ndarray]:
@@ -166,7 +186,7 @@ def greatest_error(field: IndexField, sampling: Sampling, lines: Lines) -> float
         if slant > 0.0:
             layers = met.max(axis=tuple(other for other in range(met.ndim) if other != axis))
             found = min(found, float(layers.sum()) * float(size[axis]) / slant)
-    return found
+    return found * float(_with_lever(field, lines).max(initial=1.0))
 
 
 def missed_along(field: IndexField, sampling: Sampling, lines: Lines) -> np.ndarray:
@@ -179,7 +199,12 @@ def missed_along(field: IndexField, sampling: Sampling, lines: Lines) -> np.ndar
         place = _local(lines.start + ((k + 0.5) / count * lines.way)[:, None] * lines.direction, field.geometry)
         entry = np.floor((place - field.samples.low) / size).astype(int)
         found += table[tuple(np.clip(entry, 0, np.array(table.shape) - 1).T)]
-    return found * lines.way / count
+    return found * lines.way / count * _with_lever(field, lines)
+
+
+def _with_lever(field: IndexField, lines: Lines) -> np.ndarray:
+    """By how much more an error of the path counts for the error of direction that comes with it."""
+    return 1.0 + MISSED_SLOPE / float(np.min(field.spacing)) * lines.lever
 
 
 def _local(place: np.ndarray, geometry: str) -> np.ndarray:
@@ -210,7 +235,7 @@ def _missed(grid: UniformGrid, geometry: str, sampling: Sampling) -> tuple[int, 
     rule = _joined([stride * c for stride, c in zip(strides, change, strict=True)])
     between = _joined([min(stride, BETWEEN_NODES) * c for stride, c in zip(strides, change, strict=True)])
     rest = block_maxima(np.abs(_remainder(grid, slant, sampling)), grid, block)
-    factor = 1.0 + SLOPE * sampling.lever / float(grid.spacing.min())
+    factor = 1.0 + MISSED_SLOPE * sampling.lever / float(grid.spacing.min())
     return block, factor * np.minimum(rule, BOTH * rest.astype(np.float64) + between)
 
 

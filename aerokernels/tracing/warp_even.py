@@ -35,7 +35,7 @@ from .warp_box import FACE_COUNT, build_crossing, build_surface_distance
 from .warp_ends import build_end, build_last_surface, build_start
 from .warp_grid import build_sample
 from .warp_types import types
-from .warp_unresolved import build_unresolved
+from .warp_unresolved import build_unresolved, build_with_lever
 from .warp_wall import build_stays_clear
 
 
@@ -117,6 +117,7 @@ def build_even_kernel(precision: str, geometry: str, interpolation: str, stop: s
     overrun = build_overrun(precision, geometry)
     keep_active = build_keep_active(precision, geometry)
     unresolved = build_unresolved(precision, geometry)
+    with_lever = build_with_lever(precision)
     stays_clear = build_stays_clear(precision, geometry)
     ok = int(RayStatus.OK)
     tiny = TINY[precision]
@@ -324,7 +325,9 @@ def build_even_kernel(precision: str, geometry: str, interpolation: str, stop: s
             slant_off = wp.dot(normal, beside + flight * wp.float64(slow) * aside)
             further = wp.abs(slant_off) / wp.max(wp.abs(wp.dot(normal, d0)), wp.float64(STEEPEST_COSINE))
             error = wp.max(error, control.even_share * real(bounds.ambient * further))
-        error += missed
+        if missed > real(0.0):
+            onward = real(wp.length(position - end) + course.far - course.enter)
+            error += with_lever(field, missed, onward, real(wp.abs(wp.dot(normal, d0))))
         if error > control.budget:
             wp.atomic_add(rough_count_out, 0, 1)
         if wp.static("position" in outputs):

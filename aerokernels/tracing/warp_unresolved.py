@@ -4,7 +4,7 @@ import functools
 
 import warp as wp
 
-from .scheme import LOOKUP_STRIDE
+from .scheme import LEAST_COSINE, LOOKUP_STRIDE, MISSED_SLOPE
 from .warp_types import types
 
 
@@ -50,3 +50,20 @@ def build_unresolved(precision: str, geometry: str):
         return total * length / real(count)
 
     return unresolved
+
+
+@functools.cache
+def build_with_lever(precision: str):
+    """A function (field, missed, onward, cosine) -> the error of the path that the one of direction adds to [m].
+
+    `onward` metres before a stop that the ray meets at this cosine with its normal.
+    """
+    t = types(precision)
+    real, Field = t.real, t.Field
+
+    @wp.func
+    def with_lever(field: Field, missed: real, onward: real, cosine: real):
+        tangent = wp.sqrt(wp.max(real(1.0) - cosine * cosine, real(0.0))) / wp.max(cosine, real(LEAST_COSINE))
+        return missed * (real(1.0) + real(MISSED_SLOPE) * wp.max(field.inverse_spacing) * onward * tangent)
+
+    return with_lever

@@ -68,4 +68,12 @@ static inline reals unresolved_of(
     return CHOOSE(sum * length * (R(1.0) / (real)count), (reals)INFINITY, spacing > R(1.001) * control->step);
 }
 
+// By how much an error of the path counts more for the error of direction that comes with it, `onward` metres before a stop
+// that the ray meets at this cosine with its normal.
+static inline real with_lever(const Field *field, real missed, real onward, real cosine)
+{
+    const real tangent = sqrt(greater(R(1.0) - cosine * cosine, R(0.0))) / greater(cosine, (real)LEAST_COSINE);
+    return missed * (R(1.0) + MISSED_SLOPE * greatest(VECTOR(field->inverse_spacing)) * onward * tangent);
+}
+
 #endif
