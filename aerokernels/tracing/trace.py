@@ -124,7 +124,7 @@ def _columns(field: IndexField, rays: RayBundle, until, method: str, tolerance: 
     if method not in ("auto", "straight") or not (is_collimated(field, rays, until) and is_worth_it(field, rays)):
         return None
     columns = find_columns(field, rays, until)
-    if columns is None or (method == "auto" and not columns_hold(columns, tolerance * wavelength)):
+    if columns is None or (method == "auto" and not columns_hold(field, columns, tolerance * wavelength)):
         return None
     waves = columns.tables.greatest_error / wavelength
     return (
