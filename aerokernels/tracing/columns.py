@@ -16,10 +16,10 @@ What bending adds is of second order in grad A, which is known everywhere and no
 it is what its spline says where grad A hardly changes from one to the next: by differences of A's coefficients, with
 p = grad A and d its differences from node to node,
 
-    error <= int (|p| |d^3 p| + |d^2 p|^2) / (32 a) dz
+    error <= int (|p| |d^3 p| + |d^2 p|^2) / (16 a) dz
 
-(six times what it is on samples that alternate from node to node, far more on smooth ones). Where that is not
-negligible the same sums are made in the middles of cells and of their edges too, and compared with the spline there.
+(twelve times what it is on samples that alternate along one axis, far more on smooth ones). Where that counts
+the same sums are made in the middles of cells and of their edges too, and compared with the spline there.
 """
 
 import weakref
@@ -214,7 +214,7 @@ def _between_bound(path: np.ndarray, spacing: tuple[float, float]) -> np.ndarray
             second = np.diff(slope, 2, axis=axis)
             third = np.diff(second, axis=axis)
             found += steepest * np.abs(third).max(axis=(1, 2)) + np.abs(second).max(axis=(1, 2)) ** 2
-    return found / 32.0
+    return found / 16.0
 
 
 def _nothing() -> np.ndarray:
