@@ -7,6 +7,7 @@
 #include "ends.h"
 #include "flight.h"
 #include "flight_in_plane.h"
+#include "unresolved.h"
 
 // How far a ray that ends at p with this heading has run on outside the box, after a face other than `landed`; infinite
 // where that is more than a hair's breadth away.
@@ -109,6 +110,8 @@ __kernel void trace_even(
     }
 
     const Flight flight = fly(&field, &arrays, &control, (real)bounds.ambient, x0, y0, z0, dx, dy, dz, length);
+    const reals missed = unresolved_of(
+        &field, &arrays, &control, x0, y0, z0, dx, dy, dz, length, flight.qx, flight.qy, flight.qz);
 
     for (int lane = 0; lane < LANES && first + lane < ray_count; lane++) {
         const int ray = first + lane;
@@ -194,6 +197,10 @@ __kernel void trace_even(
             const double slant = dot(normal, off_place + (arrival.flight * (double)rest) * off_turn);
             const double further = fabs(slant) / fmax(fabs(dot(normal, d)), STEEPEST_COSINE);
             off_course = greater(off_course, control.even_share * (real)(bounds.ambient * further));
+        }
+        if (runs && REAL_AT(missed, lane) > R(0.0)) {
+            const double onward = arrival.flight + course.far - course.enter;
+            off_course += with_lever(&field, REAL_AT(missed, lane), (real)onward, (real)fabs(dot(normal, d)));
         }
         if (off_course > control.budget) {
             atomic_inc(rough_count_out);

@@ -61,7 +61,7 @@ def constants() -> str:
         ),
         *_defines({name: getattr(scheme, name) for name in ("LEAST_COSINE", "STEEPEST_COSINE", "GRAZING_REST")}),
         *_group("Even samples: greatest angle with the first direction [rad]"),
-        *_reals({"EVEN_WEAK": scheme.EVEN_WEAK}),
+        *_reals({name: getattr(scheme, name) for name in ("EVEN_WEAK", "LOOKUP_STRIDE", "MISSED_SLOPE")}),
         *_group("Angle with the first direction up to which a ray counts as nearly straight [rad]"),
         *_reals({"NEARLY_STRAIGHT": tableau.NEARLY_STRAIGHT}),
         *_group("Radius about the axis of symmetry within which a kink is rounded off, in cells"),

@@ -13,10 +13,12 @@ from ..medium import IndexField
 from ..medium.grid import UniformGrid
 from ..medium.wall_tree import wall_tree
 from .active import active_box
+from .held import held_error
 from .plan import TracePlan
 from .quiet import CONES, cones_of, reach
 from .scheme import LAXEST, MESH_STEP_LIMIT, STEP_LIMIT
 from .stop import ArcLength, Plane
+from .unresolved import lookup_table
 
 # Arrays of whole numbers; the others but for the next are of the kernel's precision.
 INTEGER_ARRAYS = ("neighbors", "bin_start", "bin_cell", "wall_links", "reach_start")
@@ -254,8 +256,8 @@ def trace_members(field: IndexField, data: FieldData, plan: TracePlan, until, wa
     control: dict[str, object] = {
         "plane_normal": np.zeros(3),
         "plane_offset": 0.0,
-        "step": plan.step or 0.0,
-        "budget": plan.tolerance * wavelength,
+        "step": plan.sampling.spacing if plan.sample_count and plan.sampling else plan.step or 0.0,
+        "budget": held_error(field, plan.tolerance * wavelength),
         "max_steps": plan.max_steps,
         "even_share": plan.even_share,
         "bend_share": plan.bend_share,
@@ -274,7 +276,7 @@ def _active_members(field: IndexField, data: FieldData, plan: TracePlan, wavelen
     """Only even samples ask where the field is active."""
     if not plan.sample_count:
         return {"active_low": np.zeros(3), "active_high": np.zeros(3), "active_radius": 0.0}
-    low, high = active_box(field, plan.tolerance * wavelength)
+    low, high = active_box(field, held_error(field, plan.tolerance * wavelength))
     radius = float(high[0]) if field.geometry == "axisymmetric" else 0.0
     missing = np.zeros(3 - len(low))
     return {
@@ -287,13 +289,20 @@ def _active_members(field: IndexField, data: FieldData, plan: TracePlan, wavelen
 def reach_tables(field: IndexField, plan: TracePlan, wavelength: float, directions: np.ndarray) -> tuple[dict, dict]:
     """The tables of safe steps of the cones that the directions lie in; none without error control or on a mesh.
 
+    Even samples have in their place the one of what lies between them (unresolved.py), where that counts: the first
+    entry of "reach_start" is then 0.
+
     Returns:
         Arrays "reach" [m], flat, and "reach_start", -1 for a cone without a table; members of Control.
     """
-    budget = min(plan.tolerance, LAXEST) * wavelength
+    budget = held_error(field, min(plan.tolerance, LAXEST) * wavelength)
     start = np.full(len(CONES), -1, dtype=np.int32)
     lengths = [np.zeros(1)]
     members: dict[str, object] = {"block_count": np.ones(3, dtype=int), "block": 1}
+    if plan.sample_count and plan.sampling is not None:
+        block, missed = lookup_table(field, plan.sampling)
+        start[0], lengths = 0, [missed.ravel()]
+        members = {"block_count": np.array([*missed.shape, *[1] * (3 - missed.ndim)]), "block": block}
     if isinstance(field.samples, UniformGrid) and plan.method in ("adaptive", "straight") and not plan.sample_count:
         for cone in np.unique(cones_of(directions, field.geometry)):
             table = reach(field.samples, field.geometry, budget, CONES[cone])

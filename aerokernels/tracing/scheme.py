@@ -41,6 +41,10 @@ TINY = {"float32": 1e-30, "float64": 1e-290}
 # Even samples.
 # Greatest angle with the first direction for which they hold [rad].
 EVEN_WEAK = 0.05
+# Blocks that a ray moves on by, along any axis, between two lookups of what lies between its samples.
+LOOKUP_STRIDE = 1.5
+# What lies between them changes from cell to cell by so many times its size, at most.
+MISSED_SLOPE = 2.0
 
 # Where a ray ends.
 # Cosines of the angle with a surface's normal: above the first the place where a ray meets it is solved for along the

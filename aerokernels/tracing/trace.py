@@ -10,7 +10,7 @@ from ..rays import RayBundle
 from .budget import Retrace, error_budget
 from .choice import lever_of
 from .collimated import columns_hold, find_columns, is_collimated, is_worth_it
-from .even import fit_even, may_be_even, pilot_of
+from .even import fit_even, may_be_even, pilot_of, spread_of
 from .known_air import KnownAir
 from .meeting import check_meeting
 from .plan import TracePlan, make_plan
@@ -87,6 +87,7 @@ def trace(
         wavelength=wavelength,
         directions=rays.direction,
         columns=_columns(field, rays, until, method, tolerance, wavelength),
+        spread=partial(spread_of, rays),
     )
     arrays, seconds = run_plan(field, rays, plan, until, wavelength, wanted)
     seconds["total"] = time.perf_counter() - start
@@ -107,8 +108,12 @@ def _budget(field: IndexField, rays: RayBundle, retrace: Retrace, result: TraceR
     return error_budget(field, rays, result.ok, result.plan, retrace, result.truncation)
 
 
-def plan_rays(field: IndexField, pilot, ray_count: int, until, *, method, wavelength, **choices) -> TracePlan:
+def plan_rays(
+    field: IndexField, pilot, ray_count: int, until, *, method, wavelength, spread=None, **choices
+) -> TracePlan:
     """The plan of a bundle, by even samples where they hold its tolerance; `pilot()` makes some of its rays.
+
+    `spread()` makes as many as show where all of them go; None where the pilot does.
 
     The other arguments are those of `make_plan`.
 
@@ -118,7 +123,7 @@ def plan_rays(field: IndexField, pilot, ray_count: int, until, *, method, wavele
     if method in ("auto", "straight") and may_be_even(field, ray_count, until):
         plan = make_plan(field, method="straight", wavelength=wavelength, **choices)
         if not plan.columns and plan.backend != "reference":
-            plan = fit_even(field, pilot(), plan, until, wavelength) or plan
+            plan = fit_even(field, pilot(), plan, until, wavelength, spread or pilot) or plan
         if plan.columns or plan.sample_count:
             return plan
     lever = lever_of(pilot(), until) if method == "auto" else 0.0
@@ -130,7 +135,7 @@ def _columns(field: IndexField, rays: RayBundle, until, method: str, tolerance: 
     if method not in ("auto", "straight") or not (is_collimated(field, rays, until) and is_worth_it(field, rays)):
         return None
     columns = find_columns(field, rays, until)
-    if columns is None or (method == "auto" and not columns_hold(columns, tolerance * wavelength)):
+    if columns is None or (method == "auto" and not columns_hold(field, columns, tolerance * wavelength)):
         return None
     waves = columns.tables.greatest_error / wavelength
     return (

@@ -35,6 +35,7 @@ from .warp_box import FACE_COUNT, build_crossing, build_surface_distance
 from .warp_ends import build_end, build_last_surface, build_start
 from .warp_grid import build_sample
 from .warp_types import types
+from .warp_unresolved import build_unresolved, build_with_lever
 from .warp_wall import build_stays_clear
 
 
@@ -115,6 +116,8 @@ def build_even_kernel(precision: str, geometry: str, interpolation: str, stop: s
     surface_of = build_last_surface(precision, geometry, stop)
     overrun = build_overrun(precision, geometry)
     keep_active = build_keep_active(precision, geometry)
+    unresolved = build_unresolved(precision, geometry)
+    with_lever = build_with_lever(precision)
     stays_clear = build_stays_clear(precision, geometry)
     ok = int(RayStatus.OK)
     tiny = TINY[precision]
@@ -178,6 +181,8 @@ def build_even_kernel(precision: str, geometry: str, interpolation: str, stop: s
         h = real(0.0)
         error = real(0.0)
         whole = wp.vec2d(wp.float64(0.0), wp.float64(0.0))  # its way through the box, the uniform air's part too
+        missed = real(0.0)
+        start = none
         landed = int(-1)
         quiet = bool(False)
         if runs:
@@ -240,6 +245,8 @@ def build_even_kernel(precision: str, geometry: str, interpolation: str, stop: s
         q = sigma * turn - arm
         off_turn += turn
         off_place = sigma * off_turn - (off_place + arm)
+        if runs:
+            missed = unresolved(field, control, start, d, length, q)
         steep = wp.sqrt(ahead * ahead + wp.dot(force, force))
         s += real(0.5) * h * ahead
         if quiet:  # in uniform air there is nothing to leave out
@@ -321,6 +328,9 @@ def build_even_kernel(precision: str, geometry: str, interpolation: str, stop: s
             slant_off = wp.dot(normal, beside + flight * wp.float64(slow) * aside)
             further = wp.abs(slant_off) / wp.max(wp.abs(wp.dot(normal, d0)), wp.float64(STEEPEST_COSINE))
             error = wp.max(error, control.even_share * real(bounds.ambient * further))
+        if missed > real(0.0):
+            onward = real(wp.length(position - end) + course.far - course.enter)
+            error += with_lever(field, missed, onward, real(wp.abs(wp.dot(normal, d0))))
         if error > control.budget:
             wp.atomic_add(rough_count_out, 0, 1)
         if wp.static("position" in outputs):

@@ -67,9 +67,11 @@ def types(precision: str) -> SimpleNamespace:
         plane_normal: vec3  # per cell, so that plane_normal . cells - plane_offset is in metres
         plane_offset: real
         cell_rate: vec3  # typical cells per metre, for limits on the step
-        step: real  # "fixed": metres of arc length
+        step: real  # "fixed": metres of arc length; even samples: greatest distance between two that `reach` holds for
         step_limit: real  # step in cells that needs no leave from `reach`
-        reach: wp.array(dtype=real)  # uniform grid: length of a safe step in each block [m], see quiet.py
+        # Uniform grid: length of a safe step in each block [m], see quiet.py; for even samples the error of the path
+        # per metre of it in each block, see unresolved.py.
+        reach: wp.array(dtype=real)
         reach_start: wp.array(dtype=wp.int32)  # where each cone's table starts in `reach`; -1 where it has none
         block_count: wp.vec3i  # blocks along each local axis
         block: wp.int32  # cells in a block

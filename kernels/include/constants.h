@@ -86,6 +86,8 @@
 
 // Even samples: greatest angle with the first direction [rad].
 #define EVEN_WEAK R(0.05)
+#define LOOKUP_STRIDE R(1.5)
+#define MISSED_SLOPE R(2.0)
 
 // Angle with the first direction up to which a ray counts as nearly straight [rad].
 #define NEARLY_STRAIGHT R(0.01)

@@ -44,7 +44,7 @@ typedef struct {
     real plane_normal[3];     // per cell, so that plane_normal . cells - plane_offset is in metres
     real plane_offset;
     real cell_rate[3];        // typical cells per metre, for limits on the step
-    real step;                // "fixed": metres of arc length
+    real step;                // "fixed": metres of arc length; even samples: greatest distance that `reach` holds for
     real step_limit;          // step in cells that needs no leave from `reach`
     int block_count[3];       // blocks of the table of safe steps along each local axis
     int block;                // cells in a block
