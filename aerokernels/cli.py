@@ -1,6 +1,7 @@
 """The command line: finds the commands, and turns what goes wrong into one line and an exit status.
 
-Exit status: 0 done; 1 failed; 2 bad input (the line names the file, the key and the remedy); 130 interrupted.
+Exit status: 0 done; 1 failed; 2 bad input (the line names the file, the key and the remedy); 3 an answer that is worth
+nothing, because its error is greater than the number; 130 interrupted.
 `--debug`, anywhere on the line, shows where it failed as well.
 """
 
@@ -26,6 +27,8 @@ COLLECT_AFTER = (50_000, 20, 50)
 app = typer.Typer(
     name="aerokernels",
     help="Aero-optics of supersonic flow: from a density field to wavefront, Strehl ratio, laser echo and range.",
+    epilog="Exit status: 0 done; 1 failed; 2 bad input; 3 the answer is worth nothing: its error is greater than the "
+    "number itself; 130 interrupted.",
     add_completion=False,
     pretty_exceptions_enable=False,
 )

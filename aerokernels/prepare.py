@@ -124,7 +124,10 @@ def prepare_field(scene: Scene) -> Prepared:
     region = ray_region(scene, mesh_field)
     field = mesh_field
     if uniform:
-        field = mesh_field.resample(scene.grid.spacing, region=region, interpolation=scene.grid.interpolation)
+        try:
+            field = mesh_field.resample(scene.grid.spacing, region=region, interpolation=scene.grid.interpolation)
+        except ValueError as fault:
+            raise ValueError(f"grid.spacing = {scene.grid.spacing:g} m: {fault}") from fault
     else:
         low, high = (corner[1:] for corner in mesh_field.box)
         first = 0.0 if mesh_field.geometry == "axisymmetric" else float(low[0])

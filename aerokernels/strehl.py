@@ -10,21 +10,31 @@ fewer rays (tracing/pupil_fan.py).
 
 import math
 import time
+import warnings
 from dataclasses import dataclass, field, replace
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any
 
 import numpy as np
 
 from .medium import IndexField
+from .quantities import Quantity, Verdict, judge_strehl, listed
 from .rays import Disc, RayBundle, as_unit_vector
+from .strehl_errors import estimate_quantities, main_cause, phase_error, strehl_error
 from .tracing.budget import CAUSES, SAFETY, SUBSET, combine, float64_rounding, opd_errors
+from .tracing.lines import box_size
+from .tracing.meeting import greatest_contrast
 from .tracing.plan import TracePlan
+from .tracing.pupil_air import PupilAir
 from .tracing.pupil_fan import SETTLED
 from .tracing.pupil_job import REPLICATES, find_job, make_job
 from .tracing.pupil_sums import fit_moments
 from .tracing.trace import retracer
-from .wavefront import check_terms, check_wavefront, map_points, remove_terms
+from .wavefront import check_metres, check_terms, check_wavefront, map_points, remove_terms
+from .wavelength import check_wavelength
+
+# The share of the tolerance below which an optical path difference is none.
+UNSEEN = 1e-3
 
 
 def strehl(opd, wavelength: float, weights=None, remove=("piston",), *, points=None) -> float:
@@ -39,25 +49,29 @@ def strehl(opd, wavelength: float, weights=None, remove=("piston",), *, points=N
             two-axis array of equal pixels.
 
     Raises:
-        ValueError: Numbers that are not finite, shapes that disagree, an unknown term.
+        TypeError: The wavelength is not one number.
+        ValueError: A wavelength outside 0.1 to 20 um, numbers that are not finite, an OPD of so many waves that its
+            unit must be another one, shapes that disagree, an unknown term.
     """
-    _check_wavelength(wavelength)
+    wavelength = check_wavelength(wavelength)
     points = map_points(opd, points)
     opd, weights = check_wavefront(opd, weights)
+    check_metres(opd, weights)
     opd = remove_terms(opd, remove, points, weights)
     return float(np.abs(weights @ np.exp(2j * np.pi / wavelength * opd)) ** 2)
 
 
 def strehl_marechal(opd, wavelength: float, weights=None, remove=("piston",), *, points=None) -> float:
-    """Marechal's approximation exp(-(k sigma)^2) of the Strehl ratio; arguments as for `strehl`."""
-    _check_wavelength(wavelength)
+    """Marechal's approximation exp(-(k sigma)^2) of the Strehl ratio; arguments and errors as for `strehl`."""
+    wavelength = check_wavelength(wavelength)
     points = map_points(opd, points)
     opd, weights = check_wavefront(opd, weights)
+    check_metres(opd, weights)
     opd = remove_terms(opd, (*check_terms(remove), "piston"), points, weights)
     return float(np.exp(-((2.0 * np.pi / wavelength) ** 2) * (weights @ opd**2)))
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class StrehlEstimate:
     """A Strehl ratio and what belongs to it.
 
@@ -74,6 +88,8 @@ class StrehlEstimate:
         plan: What was chosen, skipped and why.
         seconds: Time spent: "compile", "kernel", "total".
         evaluation_count: Field evaluations in all.
+        budget: Makes the error budget from the estimate; `error` calls it.
+        spread: Makes the numbers with their errors from the estimate; `quantities` calls it.
     """
 
     value: float
@@ -88,22 +104,63 @@ class StrehlEstimate:
     evaluation_count: int = 0
     traced_ray_count: int = 0
     budget: Any = field(default=None, repr=False)
+    spread: Any = field(default=None, repr=False)
 
     @cached_property
     def error(self) -> dict[str, float]:
         """Error budget, each entry an error of `value`; computed when first read.
 
         "step", "interpolation", "resampling" and "precision" from rays traced again, see tracing/budget.py, "sampling"
-        from the replicates, and "total", their root sum of squares.
+        from the replicates, "truncation" from what rays may have lost where the known air ends (known_air.py), and
+        "total", their root sum of squares.
         """
         return self.budget(self) if self.budget is not None else {}
+
+    @cached_property
+    def quantities(self) -> dict[str, Quantity]:
+        """The numbers with their errors: "value", "marechal", "opd_rms" [m], "boresight_x", "boresight_y" [rad].
+
+        What each error consists of: see strehl_errors.py. Computed when first read, from `error`.
+        """
+        if self.spread is not None:
+            return self.spread(self)
+        x, y = (float(angle) for angle in self.boresight)
+        bare = {"value": self.value, "marechal": self.marechal}
+        return {name: Quantity(number) for name, number in bare.items()} | {
+            "opd_rms": Quantity(self.opd_rms, unit="m"),
+            "boresight_x": Quantity(x, unit="rad"),
+            "boresight_y": Quantity(y, unit="rad"),
+        }
+
+    @cached_property
+    def phase_error(self) -> float:
+        """Rms phase error of the rays [rad] that the budget stands for, but for the sampling; NaN if not known."""
+        return phase_error(self.value, self.error)
+
+    @property
+    def verdict(self) -> Verdict:
+        """What the error makes of the value: fine, a warning or worthless, and why; see quantities.py."""
+        return judge_strehl(self.quantities["value"], main_cause(self.error))
+
+    def __repr__(self) -> str:
+        """The numbers with their errors and the plan. Some rays are traced for the errors, when first asked for."""
+        found = self.quantities
+        boresight = listed([found[f"boresight_{axis}"].scaled(1e6, "urad") for axis in "xy"])
+        lines = [
+            f"StrehlEstimate {found['value']}",
+            f"  Marechal {found['marechal']}, OPD rms {found['opd_rms'].scaled(1e9, 'nm')}",
+            f"  boresight x, y {boresight}",
+            f"  {self.ray_count} rays, {self.traced_ray_count} traced: {str(self.plan).splitlines()[0]}",
+        ]
+        verdict = self.verdict
+        return "\n".join([*lines, f"  {verdict.level}: {verdict.reason}"] if verdict else lines)
 
 
 def estimate_strehl(
     field: IndexField,
     pupil: Disc,
     *,
-    wavelength: float = 905e-9,
+    wavelength: float | None = None,
     ray_count: int = 1_000_000,
     tolerance: float = 1e-3,
     remove=("piston",),
@@ -116,6 +173,7 @@ def estimate_strehl(
     direction=None,
     seed: int = 0,
     symmetry: str | bool = "auto",
+    allow_truncation: bool = False,
 ) -> StrehlEstimate:
     """Strehl ratio of a plane wave seen through a field by a pupil.
 
@@ -125,7 +183,7 @@ def estimate_strehl(
     Args:
         field: The refractive index.
         pupil: The pupil; it looks along its normal.
-        wavelength: Wavelength [m].
+        wavelength: Vacuum wavelength [m]; None takes the field's own, or 905 nm where it has none.
         ray_count: Rays over the disc, in 16 replicates. A fan traces fewer, for at least the same accuracy.
         tolerance: OPD error asked for [waves].
         remove: Terms taken out of the wavefront: "piston", "tilt".
@@ -139,17 +197,21 @@ def estimate_strehl(
         seed: Seed of the scrambling.
         symmetry: "auto" traces a fan of rays instead of the disc where field, pupil and rays are symmetric about the z
             axis; "off" or False never does; True refuses a set-up that is not symmetric.
+        allow_truncation: Whether more than a thousandth of the pupil may look through disturbed air that ends at the
+            field's box, or pass beside it there; a warning is issued then, and error["truncation"] says what it may
+            cost.
 
     Raises:
         TypeError: `field` or `pupil` of the wrong kind.
-        ValueError: A name or number that makes no sense; no ray that arrives; symmetry=True without symmetry.
+        ValueError: A name or number that makes no sense; another wavelength than the field's; no ray that meets the
+            field, or that arrives; symmetry=True without symmetry; a truncated view without `allow_truncation`.
     """
     start = time.perf_counter()
     if not isinstance(field, IndexField):
         raise TypeError(f"field must be an IndexField, got {type(field).__name__}")
     if not isinstance(pupil, Disc):
         raise TypeError(f"pupil must be a Disc, got {type(pupil).__name__}")
-    _check_wavelength(wavelength)
+    wavelength = field.wavelength_for(wavelength)
     remove = check_terms(remove)
     if not isinstance(ray_count, (int, np.integer)) or ray_count < REPLICATES:
         raise ValueError(f"ray_count must be a whole number of at least {REPLICATES}, got {ray_count!r}")
@@ -171,6 +233,9 @@ def estimate_strehl(
         tolerance=tolerance,
         max_steps=max_steps,
     )
+    job.air.check(allow_truncation)
+    if job.air.is_truncated:
+        warnings.warn(f"{job.air.described}: the Strehl ratio is that of the known air only", stacklevel=2)
     sums = job.run()
     traced, plan = job.traced_ray_count, job.plan
     evaluations, seconds = sums.evaluation_count, dict(sums.seconds)
@@ -184,11 +249,24 @@ def estimate_strehl(
         evaluations += sums.evaluation_count
         seconds = {stage: spent + sums.seconds.get(stage, 0.0) for stage, spent in seconds.items()}
     estimate = _combine(sums.moments, sums.phasors, wavelength, remove)
+    if _met_nothing(field, sums.moments, wavelength, tolerance):
+        warnings.warn(
+            "every ray of the pupil passes through undisturbed air only, though the field holds other: the Strehl "
+            "ratio is 1; check the units (metres are expected), the direction and the position of the pupil",
+            stacklevel=2,
+        )
 
     def budget(found: StrehlEstimate) -> dict[str, float]:
         probe = RayBundle.collimated(pupil, SUBSET, direction=look, seed=seed)
-        return _budget(field, probe, found, job.until, wavelength)
+        return _budget(field, probe, found, job.until, wavelength, job.air)
 
+    spread = partial(
+        estimate_quantities,
+        moments=sums.moments,
+        wavelength=wavelength,
+        remove=remove,
+        symmetric=job.is_fan,
+    )
     seconds["total"] = time.perf_counter() - start
     return StrehlEstimate(
         ray_count=job.per_replicate * REPLICATES,
@@ -196,6 +274,7 @@ def estimate_strehl(
         blocked=float(1.0 - sums.moments[:, 0].sum() / (sums.ray_count)),
         plan=plan,
         budget=budget,
+        spread=spread,
         seconds=seconds,
         standard_error=standard_error,
         evaluation_count=evaluations,
@@ -203,25 +282,26 @@ def estimate_strehl(
     )
 
 
-def _check_wavelength(wavelength: float) -> None:
-    if not (np.isfinite(wavelength) and wavelength > 0.0):
-        raise ValueError(f"wavelength must be a positive length in metres, got {wavelength!r}")
-
-
 def plan_strehl(field: IndexField, pupil: Disc, **options) -> tuple[TracePlan, int]:
     """The plan that `estimate_strehl` would follow with these options, and how many rays it would start with.
 
     Rays of a pilot bundle are traced for it, some hundred, but nothing else.
+
+    Raises:
+        ValueError: As for `estimate_strehl`.
     """
-    asked = {"wavelength": 905e-9, "ray_count": 1_000_000, "direction": None, "seed": 0, "symmetry": "auto"}
+    asked = {"wavelength": None, "ray_count": 1_000_000, "direction": None, "seed": 0, "symmetry": "auto"}
     given = {**asked, **options}
     given.pop("remove", None)
+    allowed = given.pop("allow_truncation", False)
     direction = given.pop("direction")
     look = pupil.normal if direction is None else as_unit_vector(direction, "direction")
-    task = (given.pop("wavelength"), int(given.pop("ray_count")), given.pop("seed"), False, given.pop("symmetry"))
+    wavelength = field.wavelength_for(given.pop("wavelength"))
+    task = (wavelength, int(given.pop("ray_count")), given.pop("seed"), False, given.pop("symmetry"))
     defaults = {"method": "auto", "backend": "auto", "device": None, "precision": "float32"}
     choices = {**defaults, "step": None, "tolerance": 1e-3, "max_steps": None, **given}
     job = make_job(field, pupil, look, *task, choices)
+    job.air.check(allowed)
     return job.plan, job.traced_ray_count
 
 
@@ -244,6 +324,14 @@ def _combine(moments, phasor, wavelength, remove) -> dict:
     }
 
 
+def _met_nothing(field: IndexField, moments, wavelength: float, tolerance: float) -> bool:
+    """Whether no ray saw any of the field's contrast, though that could count."""
+    mean, _, rms, _ = fit_moments(moments.sum(axis=0))
+    if max(abs(mean), rms) > UNSEEN * tolerance * wavelength:
+        return False
+    return greatest_contrast(field) * box_size(field) > tolerance * wavelength
+
+
 def _standard_error(moments: np.ndarray, phasor: np.ndarray) -> float:
     """Standard error of the Strehl ratio from the spread of the replicates; nan where no ray arrived."""
     counts = moments[:, 0].tolist()
@@ -254,7 +342,7 @@ def _standard_error(moments: np.ndarray, phasor: np.ndarray) -> float:
     return math.sqrt(sum((ratio - mean) ** 2 for ratio in ratios) / (len(ratios) - 1) / len(ratios))
 
 
-def _budget(field, probe, found: StrehlEstimate, until, wavelength) -> dict[str, float]:
+def _budget(field, probe, found: StrehlEstimate, until, wavelength, air: PupilAir) -> dict[str, float]:
     """The OPD errors of some rays of the pupil, turned into errors of the Strehl ratio.
 
     A phase error of rms e radians about its mean changes the mean phasor A by at most e but for its phase, and |A|^2 by
@@ -262,12 +350,12 @@ def _budget(field, probe, found: StrehlEstimate, until, wavelength) -> dict[str,
     """
 
     def of_strehl(opd_rms: float) -> float:
-        phase = 2.0 * np.pi * opd_rms / wavelength
-        return float(2.0 * np.sqrt(found.value) * phase + phase**2)
+        return strehl_error(found.value, 2.0 * np.pi * opd_rms / wavelength)
 
     errors = opd_errors(field, probe, found.plan, retracer(until, wavelength))
     spread = {cause: SAFETY * float(np.std(error)) if len(error) else float("nan") for cause, error in errors.items()}
     spread["precision"] += float64_rounding(field, probe)
-    of_path = combine(spread, field.resampling, ("source_opd_rms", "opd_rms"))
+    spread["truncation"] = SAFETY * air.lost_rms
+    of_path = combine(spread)
     causes = {cause: of_strehl(of_path[cause]) for cause in CAUSES}
-    return combine({**causes, "sampling": 2.0 * found.standard_error}, None, ("", ""))
+    return combine({**causes, "sampling": 2.0 * found.standard_error})

@@ -8,7 +8,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from .wavelength import check_wavelength
+
 TERMS = ("piston", "tilt")
+# Ten thousand waves about the mean: nanometres, or waves, that were taken for metres.
+GREATEST_OPD = 1e-2
 
 
 @dataclass(frozen=True)
@@ -43,6 +47,20 @@ def check_wavefront(opd, weights) -> tuple[np.ndarray, np.ndarray]:
             f"got {weights.size}"
         )
     return opd, weights / weights.sum()
+
+
+def check_metres(opd: np.ndarray, weights: np.ndarray) -> None:
+    """Refuse a wavefront, flat and with weights that sum to 1, of so many waves that its unit must be another one.
+
+    Raises:
+        ValueError: An rms above a hundredth of a metre.
+    """
+    rms = float(np.sqrt(weights @ np.square(opd - weights @ opd)))
+    if rms > GREATEST_OPD:
+        raise ValueError(
+            f"the wavefront's rms is {rms:.3g} m, more than {GREATEST_OPD:g} m: give metres, 50e-9 for 50 nm, waves "
+            "times the wavelength"
+        )
 
 
 def fit_tilt(opd, points, weights=None) -> TiltFit:
@@ -140,13 +158,15 @@ def point_spread_function(
         half_width: Greatest field angle wanted [rad], along either axis; None for all.
 
     Raises:
-        ValueError: Shapes that disagree, an empty pupil, numbers that make no sense.
+        TypeError: The wavelength is not one number.
+        ValueError: Shapes that disagree, an empty pupil, a wavelength outside 0.1 to 20 um, numbers that make no sense.
     """
     opd, mask = np.asarray(opd, dtype=np.float64), np.asarray(mask, dtype=np.float64)
     if opd.ndim != 2 or opd.shape[0] != opd.shape[1] or opd.shape != mask.shape:
         raise ValueError(f"opd and mask must be square and of one shape, got {opd.shape} and {mask.shape}")
-    if not (pixel > 0.0 and wavelength > 0.0 and padding >= 1):
-        raise ValueError(f"pixel, wavelength and padding must be positive, got {pixel!r}, {wavelength!r}, {padding!r}")
+    wavelength = check_wavelength(wavelength)
+    if not (np.isfinite(pixel) and pixel > 0.0 and padding >= 1):
+        raise ValueError(f"pixel and padding must be positive, got {pixel!r} m and {padding!r}")
     if half_width is not None and not half_width >= 0.0:
         raise ValueError(f"half_width must be an angle of at least 0 rad, or None, got {half_width!r}")
     lit = mask > 0.0

@@ -22,7 +22,9 @@ __kernel void trace_kernel(
     __global const int *bin_start,
     __global const int *bin_cell,
     __global const real *paper_step,
-    __global const real *wall,
+    __global const double *wall,
+    __global const double *wall_boxes,
+    __global const int *wall_links,
     __global const real *reach,
     __global const int *reach_start,
     const int first_ray,
@@ -44,8 +46,8 @@ __kernel void trace_kernel(
         return;
     }
     const Arrays arrays = {
-        coefficients, corners, values, gradients, neighbors, bin_start, bin_cell, paper_step, wall, reach,
-        reach_start};
+        coefficients, corners, values, gradients, neighbors, bin_start, bin_cell, paper_step, wall, wall_boxes,
+        wall_links, reach, reach_start};
     const double3 p0 = vload3(ray, position_in);
     const double3 d0 = vload3(ray, direction_in);
     Course course;
@@ -79,7 +81,6 @@ __kernel void trace_kernel(
         // How far on a direction's error grows.
         const real arm = reach + (STOP == PLANE ? (real)greater64(course.stop_distance - course.far, 0.0) : R(0.0));
         const real arc_left = (real)(bounds.length - course.enter);
-        real gap = HAS_BODY ? greater(wall_distance(&field, &arrays, convert_real3(entry)), R(0.0)) : R(0.0);
         real h_next = control.extent / ambient;
         real h_cap = h_next;  // shorter after a step that would have ended well behind a surface
         int running = 1;
@@ -90,9 +91,8 @@ __kernel void trace_kernel(
             const real h_cell = R(1.0) / greater(size3(total * cell_rate), TINY);
             const real h_least = LEAST_STEP / (greatest(cell_rate) * size3(total));
             const Stride ahead = stride(
-                &field, &arrays, &bounds, &control, home, cone, cell, frac, rate, total, force, index, gap, h_cell,
-                h_next, h_cap);
-            const int cut = ahead.h < ahead.wanted;
+                &field, &arrays, &control, home, cone, cell, frac, rate, total, force, index, h_cell, h_next,
+                h_cap);
             const real3 shown = IS_STRAIGHT ? frac + q * rate : frac;
             int land;
             real h = landing(&control, rate, course.side, cell, shown, tangent, force, ahead.h, &land);
@@ -132,10 +132,10 @@ __kernel void trace_kernel(
                 real ratio;
                 accept = verdict(&control, off, rounding, used, h, h_cell, h_least, index, reach, &ratio);
                 if (accept) {
-                    // A step cut short by a surface or a wall says nothing against the length wanted.
+                    // A step cut short by a surface says nothing against the length wanted.
                     h_next = greater(h * ratio, h_least);
-                    if (land >= 0 || cut) {
-                        h_next = greater(h_next, ahead.wanted);
+                    if (land >= 0) {
+                        h_next = greater(h_next, ahead.h);
                     }
                 } else {
                     h_next = greater(h * lesser(ratio, R(0.8)), h_least);
@@ -154,6 +154,18 @@ __kernel void trace_kernel(
             if (crossed) {
                 accept = 0;
                 h_cap = R(0.5) * h;
+            }
+
+            // A step into the body is taken again up to its surface, until what is left is flown along the tangent.
+            real behind = R(-1.0);
+            if (HAS_BODY && accept) {
+                const double3 here = place_of(p0, d0, &course, bounds.ambient, q, q_carry, sums, sums_carry);
+                const real room = steps ? WALL_BACK * h_cell : R(0.0);
+                behind = behind_wall(&field, &arrays, &control, here, tangent, kick, h, room);
+                if (behind > WALL_CLOSE * h_cell) {
+                    accept = 0;
+                    h_cap = (h - behind) + R(0.5) * WALL_CLOSE * h_cell;
+                }
             }
 
             if (accept) {
@@ -195,14 +207,10 @@ __kernel void trace_kernel(
                 }
 
                 real back = R(0.0);  // sigma still to go along the tangent, negative to go back
-                if (HAS_BODY) {
-                    const real gap_now = wall_at(&field, &arrays, &bounds, cell, frac);
-                    if (gap_now < R(-1.0e-3) / field.wall_rate[1]) {
-                        back = -h * gap_now / (gap_now - gap);
-                        running = 0;
-                        status = RAY_HIT_BODY;
-                    }
-                    gap = greater(gap_now, R(0.0));
+                if (behind >= R(0.0)) {
+                    back = -behind;
+                    running = 0;
+                    status = RAY_HIT_BODY;
                 }
                 if (running && land >= 0) {
                     int done = 0;

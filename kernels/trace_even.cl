@@ -7,6 +7,7 @@
 #include "ends.h"
 #include "flight.h"
 #include "flight_in_plane.h"
+#include "unresolved.h"
 
 // How far a ray that ends at p with this heading has run on outside the box, after a face other than `landed`; infinite
 // where that is more than a hair's breadth away.
@@ -53,7 +54,9 @@ __kernel void trace_even(
     __global const int *bin_start,
     __global const int *bin_cell,
     __global const real *paper_step,
-    __global const real *wall,
+    __global const double *wall,
+    __global const double *wall_boxes,
+    __global const int *wall_links,
     __global const real *reach,
     __global const int *reach_start,
     const int first_ray,
@@ -76,14 +79,15 @@ __kernel void trace_even(
         return;
     }
     const Arrays arrays = {
-        coefficients, corners, values, gradients, neighbors, bin_start, bin_cell, paper_step, wall, reach,
-        reach_start};
+        coefficients, corners, values, gradients, neighbors, bin_start, bin_cell, paper_step, wall, wall_boxes,
+        wall_links, reach, reach_start};
     const real3 rate = VECTOR(field.inverse_spacing);
     const int count = control.sample_count;
 
     // Each lane's ray; spare lanes repeat the last one.
     Course courses[LANES];
-    int statuses[LANES], spoilt[LANES], surfaces[LANES], is_quiet[LANES];
+    double2 wholes[LANES];  // where their ways through the box begin and end, the uniform air's part too
+    int statuses[LANES], surfaces[LANES], is_quiet[LANES];
     reals x0, y0, z0, dx, dy, dz, length;
     for (int lane = 0; lane < LANES; lane++) {
         const int ray = min(first + lane, ray_count - 1);
@@ -91,7 +95,7 @@ __kernel void trace_even(
         Course course;
         statuses[lane] = start_of(&field, &arrays, &bounds, p, d, &course);
         const int runs = course.meets && statuses[lane] == RAY_OK;
-        spoilt[lane] = HAS_BODY && runs && !stays_clear(&field, &arrays, p, d, course.enter, course.far);
+        wholes[lane] = (double2)(course.enter, course.far);
         surfaces[lane] = runs ? surface_of(&bounds, &course, p, d) : -1;
         is_quiet[lane] = runs && keep_active(&bounds, p, d, &course);
         const double3 place = (p + course.enter * d - VECTOR64(bounds.origin)) / VECTOR64(bounds.spacing);
@@ -106,6 +110,8 @@ __kernel void trace_even(
     }
 
     const Flight flight = fly(&field, &arrays, &control, (real)bounds.ambient, x0, y0, z0, dx, dy, dz, length);
+    const reals missed = unresolved_of(
+        &field, &arrays, &control, x0, y0, z0, dx, dy, dz, length, flight.qx, flight.qy, flight.qz);
 
     for (int lane = 0; lane < LANES && first + lane < ray_count; lane++) {
         const int ray = first + lane;
@@ -157,14 +163,17 @@ __kernel void trace_even(
             momentum = across + (lead / rest) * convert_real3(d);
             end = p + (course.enter + far) * d + convert_double3(q);
             const real angle = sqrt(REAL_AT(flight.bent, lane)) / (real)bounds.ambient;
-            if (spoilt[lane] || !(angle <= EVEN_WEAK) || !isfinite(path) || !isfinite(off_course) ||
+            // Beside the undisturbed ray it stays within that angle of it.
+            const double way = wholes[lane].y - wholes[lane].x;
+            const int spoilt = HAS_BODY && !stays_clear(&field, &arrays, p, d, wholes[lane].x, wholes[lane].y, way * angle);
+            if (spoilt || !(angle <= EVEN_WEAK) || !isfinite(path) || !isfinite(off_course) ||
                 fabs(cosine) <= LEAST_COSINE) {
                 off_course = (real)INFINITY;
             }
             // Where the box's end is the stop, the path is off by all of that way, else by what the field adds on it.
-            const double way = overrun(&bounds, &control, landed, end, heading);
+            const double over = overrun(&bounds, &control, landed, end, heading);
             const double loss = STOP == NONE ? bounds.ambient : fmax(fabs(s) / bounds.ambient, 1.0e-30);
-            off_course = greater(off_course, way > 0.0 ? (real)(way * loss) : R(0.0));
+            off_course = greater(off_course, over > 0.0 ? (real)(over * loss) : R(0.0));
         }
         // In the tracer's sums: sigma, S, M and B, of which M - B is the deviation along the ray.
         const double4 sums64 = (double4)((far - lag) / bounds.ambient, path, arc, arc - lag);
@@ -188,6 +197,10 @@ __kernel void trace_even(
             const double slant = dot(normal, off_place + (arrival.flight * (double)rest) * off_turn);
             const double further = fabs(slant) / fmax(fabs(dot(normal, d)), STEEPEST_COSINE);
             off_course = greater(off_course, control.even_share * (real)(bounds.ambient * further));
+        }
+        if (runs && REAL_AT(missed, lane) > R(0.0)) {
+            const double onward = arrival.flight + course.far - course.enter;
+            off_course += with_lever(&field, REAL_AT(missed, lane), (real)onward, (real)fabs(dot(normal, d)));
         }
         if (off_course > control.budget) {
             atomic_inc(rough_count_out);

@@ -11,6 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
+from aerokernels.medium.crossings import PARALLEL
 from aerokernels.medium.grid import AXIS_CORE
 from aerokernels.tracing import scheme, tableau
 from aerokernels.tracing.pupil_sums import MOMENT_COUNT, SUM_COUNT
@@ -60,7 +61,7 @@ def constants() -> str:
         ),
         *_defines({name: getattr(scheme, name) for name in ("LEAST_COSINE", "STEEPEST_COSINE", "GRAZING_REST")}),
         *_group("Even samples: greatest angle with the first direction [rad]"),
-        *_reals({"EVEN_WEAK": scheme.EVEN_WEAK}),
+        *_reals({name: getattr(scheme, name) for name in ("EVEN_WEAK", "LOOKUP_STRIDE", "MISSED_SLOPE")}),
         *_group("Angle with the first direction up to which a ray counts as nearly straight [rad]"),
         *_reals({"NEARLY_STRAIGHT": tableau.NEARLY_STRAIGHT}),
         *_group("Radius about the axis of symmetry within which a kink is rounded off, in cells"),
@@ -70,12 +71,10 @@ def constants() -> str:
         *_group("Cosines of the angles at which rays have turned out of their cones"),
         *_reals({"NARROW_COSINE": np.cos(CONES[1].spread), "WIDE_COSINE": np.cos(CONES[2].spread)}),
         *_group("Where a ray ends"),
-        *_defines(
-            {
-                name: getattr(scheme, name)
-                for name in ("LANDED_ARC", "WALL_MARCH_LIMIT", "CLEAR_MARCH_LIMIT", "WALK_LIMIT")
-            }
-        ),
+        *_defines({name: getattr(scheme, name) for name in ("LANDED_ARC", "WALK_LIMIT")}),
+        *_group("The body: chords, closeness and room in cells, and A of lines parallel to the axis (double)"),
+        *_reals({name: getattr(scheme, name) for name in ("WALL_SAG", "WALL_CLOSE", "WALL_BACK")}),
+        *_defines({"PARALLEL": PARALLEL}),
         *_group("Pupil: rays summed by one work-item and the sums it delivers, and the hash of the scramble"),
         *_defines({"GROUP": scheme.GROUP, "JOINED": scheme.JOINED}),
         *_defines({"MOMENT_COUNT": MOMENT_COUNT, "SUM_COUNT": SUM_COUNT}),
@@ -87,7 +86,10 @@ def constants() -> str:
         *_by_precision("float32"),
         "#endif",
     ]
-    source = "scheme.py, tableau.py, quiet.py and pupil_sums.py in aerokernels/tracing, and\n// medium/grid.py"
+    source = (
+        "scheme.py, tableau.py, quiet.py and pupil_sums.py in aerokernels/tracing, and\n"
+        "// crossings.py and grid.py in medium"
+    )
     return _header("CONSTANTS_H", "Constants of the scheme.", source, ['#include "real.h"', *lines])
 
 

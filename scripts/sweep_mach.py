@@ -55,9 +55,14 @@ def run_scene(name: str, ray_count: int | None) -> Point:
         opd_rms=summary["opd_rms_m"],
         boresight=float(np.hypot(*result.strehl.boresight)),
         peak=summary["echo_peak_v"],
-        leading_edge=summary["ranges_m"]["leading-edge"],
-        constant_fraction=summary["ranges_m"]["constant-fraction"],
+        leading_edge=summary["ranges_m"].get("leading-edge", np.nan),
+        constant_fraction=summary["ranges_m"].get("constant-fraction", np.nan),
     )
+
+
+def read_range(distance: float) -> str:
+    """A range [m] for the table; "none" where the echo could not be ranged."""
+    return f"{distance:.4f}" if np.isfinite(distance) else "none"
 
 
 def table(points: list[Point]) -> str:
@@ -75,8 +80,8 @@ def table(points: list[Point]) -> str:
             f"{point.peak:.3f}",
             f"{TEST_PEAK[point.mach]:.3f}",
             f"{SIMULATED_PEAK[point.mach]:.3f}",
-            f"{point.leading_edge:.4f}",
-            f"{point.constant_fraction:.4f}",
+            read_range(point.leading_edge),
+            read_range(point.constant_fraction),
         ]
         for point in points
     ]

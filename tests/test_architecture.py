@@ -16,14 +16,14 @@ RANK = {
     room: rank
     for rank, rooms in enumerate(
         [
-            ("units", "sobol"),
+            ("units", "quantities", "sobol", "wavelength"),
             ("rays",),
             ("strehl_sums",),
             ("medium",),
             ("flow",),
             ("scene", "scenes"),
             ("tracing",),
-            ("wavefront",),
+            ("wavefront", "strehl_errors"),
             ("strehl", "schlieren"),
             ("prepare",),
             ("echo",),

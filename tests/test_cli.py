@@ -83,8 +83,10 @@ def test_result_agrees_with_the_summary(finished):
 def test_the_stored_scene_runs_again_to_the_same_numbers(finished, aerokernels, tmp_path: Path):
     with xarray.open_dataset(finished[0] / "result.nc", engine="h5netcdf") as result:
         (tmp_path / "again.toml").write_text(result.attrs["scene"])
-    value = float(aerokernels("strehl", "again.toml").stdout)
-    assert value == pytest.approx(json.loads((finished[0] / "summary.json").read_text())["strehl"], abs=1e-7)
+    summary = json.loads((finished[0] / "summary.json").read_text())
+    value, error = map(float, aerokernels("strehl", "again.toml").stdout.split(" +- "))
+    assert error == pytest.approx(summary["errors"]["strehl"], rel=0.2)  # one digit of it, or two
+    assert value == pytest.approx(summary["strehl"], abs=0.2 * error)  # rounded to its error's digits
 
 
 def test_report_contains_the_pictures(finished):
@@ -99,6 +101,7 @@ def test_without_a_terminal_the_output_is_plain_lines(finished):
     assert "\x1b" not in done.stdout + done.stderr
     table = dict(line.split("\t") for line in done.stdout.splitlines() if "\t" in line)
     assert {"Strehl ratio", "Reported range", "Echo peak voltage"} <= set(table)
+    assert all(" +- " in table[row] for row in ("Strehl ratio", "Reported range", "Echo peak voltage", "OPD, rms"))
 
 
 BAD_SCENES = {
@@ -205,6 +208,27 @@ def test_a_terminal_sees_progress_and_a_table(tmp_path: Path):
     assert job.wait(timeout=60) == 0, seen.decode(errors="replace")
     text = seen.decode(errors="replace")
     assert "\x1b[" in text and "tracing the echo" in text and "Strehl ratio" in text and "━" in text
+
+
+def test_an_answer_worth_nothing_ends_with_status_3_and_its_reason(aerokernels, tmp_path: Path):
+    """A grid of 5 mm on a shock layer of 2 mm: number, error, reason, status 3; `run` writes its files."""
+    done = aerokernels("strehl", "wind-tunnel-mach3", "--rays", "4096", "--set", "grid.spacing=5 mm")
+    assert done.returncode == 3 and re.fullmatch(r"[\d.]+ \+- [\d.]+\n", done.stdout), done.stdout
+    assert done.stderr.startswith("worth nothing: ") and "smaller spacing" in done.stderr
+    done = aerokernels("run", "wind-tunnel-mach3", "--out", "out", *SMALL, "--set", "grid.spacing=5 mm")
+    assert done.returncode == 3 and "worth nothing: " in done.stderr and "Worth nothing\t" in done.stdout
+    assert sorted(path.name for path in (tmp_path / "out").iterdir()) == ["report.html", "result.nc", "summary.json"]
+    assert json.loads((tmp_path / "out" / "summary.json").read_text())["verdict"] == "worthless"
+
+
+def test_an_echo_below_the_threshold_ends_with_status_0(aerokernels, tmp_path: Path):
+    """A target at 30 m: no range, said so, and all the rest with its errors."""
+    done = aerokernels("run", "wind-tunnel-mach3", "--out", "out", *SMALL, "--set", "target.distance=30 m")
+    assert done.returncode == 0, done.stderr
+    table = dict(line.split("\t") for line in done.stdout.splitlines() if "\t" in line)
+    assert table["Reported range"] == "none" and "threshold 1 V" in table["No range"]
+    assert " +- " in table["Strehl ratio"] and " +- " in table["Echo peak voltage"]
+    assert json.loads((tmp_path / "out" / "summary.json").read_text())["range_m"] is None
 
 
 def test_fields_lists_what_ships(aerokernels):

@@ -178,7 +178,7 @@ def test_what_lies_outside_the_pupil_does_not_matter():
         ({"mask": np.ones((5, 5))}, r"got \(4, 4\) and \(5, 5\)"),
         ({"opd": np.zeros(4), "mask": np.ones(4)}, "square and of one shape"),
         ({"pixel": 0.0}, "must be positive, got 0.0"),
-        ({"wavelength": -1.0}, "must be positive"),
+        ({"wavelength": -1.0}, "must be a positive length"),
         ({"padding": 0}, "must be positive"),
         ({"half_width": -1e-6}, "half_width must be an angle of at least 0 rad, or None, got -1e-06"),
         ({"mask": np.zeros((4, 4))}, "must not be empty"),

@@ -14,7 +14,11 @@ def board(
     dialect: Annotated[str, typer.Option(help="Of --protocol scpi: tektronix or rigol.")] = "tektronix",
     echo: Annotated[
         Path | None,
-        typer.Option(help="Folder of a run, or its result.nc, whose echo is sent [default: a Gaussian echo]."),
+        typer.Option(help="Folder of a run, or its result.nc, whose echo is sent, flow and all [default: --scene]."),
+    ] = None,
+    scene: Annotated[
+        str | None,
+        typer.Option(help="TOML file or shipped scene whose echo in vacuum is sent [default: wind-tunnel-static]."),
     ] = None,
     rate: Annotated[float, typer.Option(help="Echoes per second.")] = 50.0,
     count: Annotated[int | None, typer.Option(min=1, help="Echoes before it ends [default: until Ctrl-C].")] = None,
@@ -32,7 +36,7 @@ def board(
 ) -> None:
     """Simulate a digitiser board or an oscilloscope: try `record` without hardware."""
     from aerokernels.hardware.board import run_board
-    from aerokernels.hardware.echo_source import EchoSource
+    from aerokernels.hardware.echo_source import DEFAULT_SCENE, EchoSource
     from aerokernels.hardware.faults import FaultPlan, parse_faults
     from aerokernels.hardware.interrupt import interrupt_flag
     from aerokernels.hardware.protocols import DIALECT_NAMES, PROTOCOLS, require_one_of
@@ -44,10 +48,10 @@ def board(
     if not rate > 0.0:
         raise ValueError(f"--rate {rate}: give a positive number of echoes per second")
     faults = FaultPlan(parse_faults(fault or []), pause, seed)
-    if echo is None:
-        source = EchoSource.gaussian(sample_count=samples, sample_period_ps=sample_period, noise=noise)
-    else:
-        source = EchoSource.from_result(echo, sample_count=samples, sample_period_ps=sample_period, noise=noise)
+    if echo is not None and scene is not None:
+        raise ValueError(f"--echo {echo} and --scene {scene}: give the run or the scene, not both")
+    make, place = (EchoSource.from_scene, scene or DEFAULT_SCENE) if echo is None else (EchoSource.from_result, echo)
+    source = make(place, sample_count=samples, sample_period_ps=sample_period, noise=noise)
     with interrupt_flag() as interrupted, PseudoTerminal(link) as terminal:
         more = "" if protocol == "frames" else f"--protocol {protocol} "
         print(

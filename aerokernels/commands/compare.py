@@ -58,6 +58,8 @@ def compare(
     for make in TABLES:
         title, columns, rows = make(found)
         print_table(title, columns, rows)
+    for text in found.warnings:
+        typer.echo(f"warning: {text}", err=True)
     unfit = sum(one.unfit_count for one in found.labels)
     if unfit:
         typer.echo(f"passed over: {unfit} echoes with too few samples, or without a sample period")

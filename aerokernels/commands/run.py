@@ -17,10 +17,15 @@ def run(
     rays: Rays = None,
     settings: Settings = None,
 ) -> None:
-    """Do the whole job: flow, rays, wavefront, Strehl ratio, echo and range, with a report."""
+    """Do the whole job: flow, rays, wavefront, Strehl ratio, echo and range, with a report; each number with its error.
+
+    What can be finished is finished: an echo that cannot be ranged is a result. Exit status 3: all is written, but the
+    Strehl ratio's error is greater than the ratio or than 1, so that it is worth nothing.
+    """
     from aerokernels.commands._progress import shown_progress
     from aerokernels.commands._table import print_table
-    from aerokernels.study.report import headline_rows
+    from aerokernels.commands._verdict import leave_with
+    from aerokernels.study.report import headline_rows, remark_rows
     from aerokernels.study.run import simulate, write_run
     from aerokernels.study.store import check_output_folder
 
@@ -30,10 +35,11 @@ def run(
         with blamed_on(scene):
             result = simulate(loaded, progress=progress)
         progress("writing the report", 0.9)
-        write_run(result, out)
-    rows = [*headline_rows(result.summary), *_cost_rows(result.summary)]
+        summary = write_run(result, out)
+    rows = [*headline_rows(summary), *remark_rows(summary), *_cost_rows(summary)]
     print_table(loaded.title or loaded.name, ("quantity", "value"), rows)
     typer.echo(f"wrote {out / 'report.html'}, summary.json and result.nc")
+    leave_with(result.strehl.verdict)
 
 
 def _cost_rows(summary: dict) -> list[tuple[str, str]]:

@@ -78,6 +78,7 @@ def schlieren(
     """Make schlieren pictures, shadowgraphs and interferograms of a flow by tracing light through it."""
     from aerokernels.commands._progress import shown_progress
     from aerokernels.commands._table import print_table
+    from aerokernels.quantities import Quantity
     from aerokernels.schlieren import read_picture
     from aerokernels.study.pictures import KINDS, PictureOptions, make_pictures, picture_scene, write_pictures
     from aerokernels.study.store import check_output_folder
@@ -125,8 +126,8 @@ def schlieren(
     rows = [("Pictures", ", ".join(made.pictures)), ("Pixel", f"{1e3 * made.sight.window.pitch[0]:.4g} mm")]
     for words, found in (("Shock angle", made.shock), ("Shock angle, photograph", made.measured_shock)):
         if found is not None:
-            angle, error = math.degrees(found.angle), math.degrees(found.standard_error)
-            rows.append((words, f"{angle:.3f} +- {error:.3f} deg at {1e3 * found.place:.2f} mm"))
+            angle = Quantity(math.degrees(found.angle), math.degrees(found.standard_error), "deg")
+            rows.append((words, f"{angle} at {1e3 * found.place:.2f} mm"))
     if made.comparison is not None:
         rows.append(("Correlation of the lower halves", f"{made.comparison.correlation:.4f}"))
     print_table(scene.title or scene.name, ("quantity", "value"), rows)

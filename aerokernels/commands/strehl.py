@@ -13,11 +13,16 @@ def strehl(
     rays: Rays = None,
     settings: Settings = None,
 ) -> None:
-    """Print the Strehl ratio of the view straight ahead through the receiver's pupil."""
+    """Print the Strehl ratio of the view straight ahead through the receiver's pupil, with its error: 0.978 +- 0.004.
+
+    The error takes some hundred rays more, below a second. Exit status 3: an error greater than the ratio or than 1.
+    """
+    from aerokernels.commands._verdict import leave_with
     from aerokernels.prepare import prepare_field
     from aerokernels.study.run import scene_strehl
 
     loaded = load_scene(scene, backend, device, precision, rays, settings)
     with blamed_on(scene):
         estimate = scene_strehl(prepare_field(loaded).field, loaded)
-    typer.echo(f"{estimate.value:.8f}")
+    typer.echo(str(estimate.quantities["value"]))
+    leave_with(estimate.verdict)

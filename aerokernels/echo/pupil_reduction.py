@@ -84,7 +84,7 @@ def reduce_pupils(
     Raises:
         ValueError: The target is not ahead of the flow, or no ray gets out toward any of the points.
     """
-    _check_ahead(index, target)
+    check_ahead(index, target)
     wave_number = 2.0 * np.pi / scene.flow.wavelength
     open_share, phasor = np.zeros(len(target)), np.zeros(len(target), dtype=np.complex128)
     evaluation_count, seconds = 0, 0.0
@@ -127,7 +127,7 @@ def return_opd(scene: Scene, index: IndexField, target: np.ndarray) -> tuple[np.
     Raises:
         ValueError: The target is not ahead of the flow.
     """
-    _check_ahead(index, target)
+    check_ahead(index, target)
     start, weight = receiver_pupil(scene)
     position, point = np.tile(start, (len(target), 1)), np.repeat(target, len(start), axis=0)
     opd, result = _trace_rays(scene, index, position, point)
@@ -135,7 +135,12 @@ def return_opd(scene: Scene, index: IndexField, target: np.ndarray) -> tuple[np.
     return opd, np.where(result.ok.reshape(opd.shape), weight, 0.0), result
 
 
-def _check_ahead(index: IndexField, target: np.ndarray) -> None:
+def check_ahead(index: IndexField, target: np.ndarray) -> None:
+    """Refuse target points [m], shape (k, 3), that do not lie ahead of the field's box.
+
+    Raises:
+        ValueError: As said.
+    """
     front = float(index.box[1][2])
     if target[:, 2].min() <= front + CLEARANCE:
         raise ValueError(

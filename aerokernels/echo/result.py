@@ -1,19 +1,23 @@
 """What the echo of a scene is."""
 
-from collections.abc import Mapping
+import math
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ..quantities import Quantity
 from .pulse_curve import peak_height
 from .range_error import RangeStatistics
+from .uncertainty import EchoErrors
 
 if TYPE_CHECKING:
     import xarray
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class EchoResult:
     """The echo of a scene. Arrays are float64.
 
@@ -34,9 +38,10 @@ class EchoResult:
         point_power: Peak of each point's own pulse at the receiver [W], shape (m,); `power` is the sum of the pulses.
         distance: True distance of the target [m].
         ranging: The scene's ranging method.
-        ranges: Range by method [m], calibrated; NaN where a method finds no echo.
+        ranges: Range by method [m], calibrated; NaN where a method finds no echo, or cannot be calibrated.
+        reasons: Why, for each method whose range is NaN.
         calibration: What is subtracted from each method's reading [m]: its error on the echo that the same scene has
-            in vacuum.
+            in vacuum; methods that cannot read that echo are absent.
         statistics: Systematic and random error by method, over the scene's `detector.trial_count` noisy records.
         vacuum_peak_power: Peak power of that echo [W].
         vacuum_peak_voltage: Peak voltage of that echo [V].
@@ -44,6 +49,7 @@ class EchoResult:
             "lost_share" (of the power aimed at the target, in rays that failed), "strehl_error" (bound on the error
             of interpolating the return factor), "pair_count" (of target and pupil points, that the rays traced back
             stand for), "ray_count" (traced), "evaluation_count", "trace_seconds".
+        budget: Measures the errors of the numbers; `errors` calls it.
     """
 
     time: np.ndarray
@@ -62,11 +68,44 @@ class EchoResult:
     distance: float
     ranging: str
     ranges: Mapping[str, float]
+    reasons: Mapping[str, str]
     calibration: Mapping[str, float]
     statistics: Mapping[str, RangeStatistics]
     vacuum_peak_power: float
     vacuum_peak_voltage: float
     information: Mapping[str, float] = field(default_factory=dict)
+    budget: "Callable[[EchoResult], EchoErrors] | None" = None
+
+    @cached_property
+    def errors(self) -> EchoErrors:
+        """What the numbers may be off by, see echo_errors.py; some rays are traced for it when it is first read."""
+        return EchoErrors() if self.budget is None else self.budget(self)
+
+    @cached_property
+    def quantities(self) -> dict[str, Quantity]:
+        """Numbers with errors: "strehl", "peak_power" [W], "peak_voltage" [V], "range" and "range_error" [m].
+
+        Both errors of the range, systematic and random, are in that of "range"; `errors.ranges` has them apart.
+        """
+        errors = self.errors
+        within = errors.of_range(self.ranging)
+        return {
+            "strehl": Quantity(self.mean_strehl, errors.strehl),
+            "peak_power": Quantity(self.peak_power, errors.peak_power, "W"),
+            "peak_voltage": Quantity(self.peak_voltage, errors.peak_voltage, "V"),
+            "range": Quantity(self.range, within, "m"),
+            "range_error": Quantity(self.range_error, within, "m"),
+        }
+
+    def __repr__(self) -> str:
+        """The numbers with their errors. Some rays are traced for them when first asked for."""
+        found = self.quantities
+        lines = [
+            f"EchoResult, target at {self.distance:g} m, {len(self.beam_share)} points, {len(self.time)} samples",
+            f"  peak {found['peak_power'].scaled(1e6, 'uW')}, {found['peak_voltage']}, Strehl ratio {found['strehl']}",
+            f"  range by {self.ranging} {found['range']}, error {found['range_error'].scaled(1e3, 'mm').text(True)}",
+        ]
+        return "\n".join([*lines, f"  no range: {self.reason}"] if self.reason else lines)
 
     @property
     def peak_power(self) -> float:
@@ -82,6 +121,11 @@ class EchoResult:
     def range(self) -> float:
         """Range by the scene's own method [m]; NaN if it finds no echo."""
         return self.ranges[self.ranging]
+
+    @property
+    def reason(self) -> str | None:
+        """Why the scene's own method gives no range; None where it gives one."""
+        return self.reasons.get(self.ranging) if math.isnan(self.range) else None
 
     @property
     def range_error(self) -> float:
@@ -143,6 +187,7 @@ class EchoResult:
         attributes = {
             "ranging": self.ranging,
             "range_m": self.range,
+            **({"range_reason": self.reason} if self.reason else {}),
             "true_range_m": self.distance,
             "echo_peak_w": self.peak_power,
             "echo_peak_v": self.peak_voltage,

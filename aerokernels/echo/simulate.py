@@ -15,6 +15,7 @@ amplitude above all, and the air's optical path (0.4 mm over 1.5 m at sea level)
 """
 
 import math
+from collections.abc import Callable
 from functools import partial
 
 import numpy as np
@@ -23,10 +24,13 @@ from ..medium import IndexField
 from ..prepare import prepare_field
 from ..scene import Scene
 from .chain import chain_of
+from .checks import check_aperture
 from .detector import sample_times
+from .echo_errors import EchoProbe, echo_errors
 from .paths import TransmitPaths, target_plane, transmit_paths, vacuum_paths
 from .pulse_curve import peak_height
 from .pulses import PulseShape, pulse_of
+from .pupil_errors import own_phase_error, pupil_error
 from .radiometry import plane_echo_power
 from .range_error import RangeStatistics, chain_range_statistics
 from .rangefinder import Rangefinder
@@ -54,6 +58,7 @@ def echo(
     limits: str | None = None,
     strehl_node_count: int | str | None = None,
     symmetry: bool = True,
+    phase_error: Callable[[], float] | None = None,
 ) -> EchoResult:
     """The echo that a scene's laser rangefinder receives, and the range that it reads.
 
@@ -65,16 +70,17 @@ def echo(
         strehl_node_count: Points a side of the target at which the return factor is computed, odd; it is interpolated
             between them, and the error of that is in `information`. "every": at each target point. None: the scene's.
         symmetry: Whether to use the symmetry of a field, pupil and target that look the same all round the axis.
+        phase_error: Gives the rms phase error of rays over the receiver's pupil [rad], where it is known already, as
+            a Strehl estimate of the scene knows it; None: from an estimate of its own, when `errors` is first read.
 
     Returns:
-        The echo. `receiver.ray_count` x `strehl_node_count`^2 pairs of pupil and target points are traced back, in
-        chunks of which nothing is kept but sums, or fewer where symmetry makes one stand for many; `beam.ray_count`
-        rays go out.
+        The echo, with a range or the reason why there is none. `receiver.ray_count` x `strehl_node_count`^2 pairs of
+        pupil and target points are traced back, in chunks of which nothing is kept but sums, or fewer where symmetry
+        makes one stand for many; `beam.ray_count` rays go out.
 
     Raises:
-        ValueError: The target lies inside the flow or reaches back to the aperture, no ray gets out or arrives, or the
-            echo in vacuum cannot be ranged (below the threshold, or too few samples), or a record of millions of
-            samples.
+        ValueError: The target lies inside the flow or reaches back to the aperture, no ray gets out or arrives, or a
+            record of millions of samples.
     """
     pulse, chain = pulse_of(scene), chain_of(scene)
     flow = prepare_field(scene).field if field is None else field
@@ -90,20 +96,42 @@ def echo(
     back = return_paths(scene, flow, out.landing, plane, node_count, symmetry)
     time, fine, stride = _record_times(scene, pulse, vacuum.path, out.path)
 
-    def received(paths: TransmitPaths, peak: np.ndarray) -> np.ndarray:
-        delay = 2.0 * np.where(paths.arrived, paths.path, 0.0) / SPEED_OF_LIGHT
-        return sum_of_pulses(fine, delay, peak, pulse)
-
-    reference = received(vacuum, _point_power(scene, points.weight, vacuum, np.ones(len(points.weight))))
+    reference = _vacuum_power(scene, pulse, points.weight, vacuum, fine)
     peak = np.where(out.arrived, _point_power(scene, points.weight, out, back.factor), 0.0)
-    power = received(out, peak)
-    reference_voltage = chain.voltage(fine, reference)[::stride]
+    power = sum_of_pulses(fine, 2.0 * np.where(out.arrived, out.path, 0.0) / SPEED_OF_LIGHT, peak, pulse)
+    fine_voltage = chain.voltage(fine, reference)
+    reference_voltage = fine_voltage[::stride]
     clean = chain.voltage(fine, power)[::stride]
     noisy = scene.detector.noise
     voltage = chain.record(fine, power, scene.detector.seed, stride) if noisy else chain.digitise(clean)
 
-    rangefinder = Rangefinder.calibrated(scene, time, reference_voltage)
+    rangefinder = Rangefinder.calibrated(scene, time, reference_voltage, (fine, fine_voltage))
+    ranges, reasons = rangefinder.ranges(time, voltage)
     share = np.where(out.arrived, points.weight, 0.0)
+
+    peaks = peak_height(reference[::stride]), peak_height(reference_voltage)
+
+    def later(part: float) -> tuple[tuple[float, float], dict[str, float]]:
+        shift = part * (time[1] - time[0])
+        moved = _vacuum_power(scene, pulse, points.weight, vacuum, fine, shift)
+        volts = chain.voltage(fine, moved)[::stride]
+        heights = peak_height(moved[::stride]) / peaks[0] - 1.0, peak_height(volts) / peaks[1] - 1.0
+        true = scene.target.distance + 0.5 * SPEED_OF_LIGHT * shift
+        return heights, {name: read - true for name, read in rangefinder.ranges(time, volts)[0].items()}
+
+    probe = EchoProbe(
+        phase_error=phase_error or partial(own_phase_error, scene, flow),
+        pupil_error=partial(pupil_error, scene, flow),
+        read_scaled=lambda factor: rangefinder.ranges(time, factor * clean)[0],
+        read_shifted=later,
+        random_errors=lambda count: {
+            name: one.random_error
+            for name, one in _statistics(scene, chain, fine, power, stride, rangefinder, count).items()
+        },
+        code_step=0.0 if chain.digitiser is None else chain.digitiser.step,
+        wavelength=scene.flow.wavelength,
+        factor_of_phase=scene.receiver.return_factor == "strehl",
+    )
     return EchoResult(
         time=time,
         power=power[::stride],
@@ -120,17 +148,50 @@ def echo(
         point_power=peak,
         distance=float(scene.target.distance),
         ranging=scene.detector.ranging,
-        ranges=rangefinder.ranges(time, voltage),
+        ranges=ranges,
+        reasons=reasons,
         calibration=rangefinder.calibration,
-        statistics=_statistics(scene, chain, fine, power, stride, rangefinder),
-        vacuum_peak_power=peak_height(reference[::stride]),
-        vacuum_peak_voltage=peak_height(reference_voltage),
+        statistics=_statistics(scene, chain, fine, power, stride, rangefinder, scene.detector.trial_count),
+        vacuum_peak_power=peaks[0],
+        vacuum_peak_voltage=peaks[1],
         information=_information(points.weight, share, out, back),
+        budget=partial(echo_errors, probe=probe),
     )
+
+
+def vacuum_echo(scene: Scene) -> tuple[np.ndarray, np.ndarray]:
+    """The echo that a scene has in vacuum, which its rangefinder is calibrated on: without flow, noise or digitiser.
+
+    Returns:
+        Sample times after the pulse's peak left [s], and voltage [V], each of shape (n,).
+
+    Raises:
+        ValueError: The target reaches back to the aperture, or a record of millions of samples.
+    """
+    time, _, voltage = vacuum_record(scene)
+    return time, voltage
+
+
+def vacuum_record(scene: Scene) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """The same with the received power: sample times [s], power [W] and voltage [V], each of shape (n,)."""
+    pulse, points = pulse_of(scene), target_points(scene, None)
+    vacuum = vacuum_paths(points, target_plane(scene))
+    time, fine, stride = _record_times(scene, pulse, vacuum.path, vacuum.path)
+    power = _vacuum_power(scene, pulse, points.weight, vacuum, fine)
+    return time, power[::stride], chain_of(scene).voltage(fine, power)[::stride]
+
+
+def _vacuum_power(
+    scene: Scene, pulse: PulseShape, weight: np.ndarray, vacuum: TransmitPaths, time: np.ndarray, later: float = 0.0
+) -> np.ndarray:
+    """Received power [W] of the scene's echo in vacuum, of the shape of `time` [s]; `later` by that time [s]."""
+    peak = _point_power(scene, weight, vacuum, np.ones(len(weight)))
+    return sum_of_pulses(time, 2.0 * vacuum.path / SPEED_OF_LIGHT + later, peak, pulse)
 
 
 def _point_power(scene: Scene, weight: np.ndarray, paths: TransmitPaths, factor: np.ndarray) -> np.ndarray:
     """Peak power of each point's pulse at the receiver [W], shape (m,)."""
+    check_aperture(scene.receiver.diameter, scene.target.distance)
     to_receiver = np.array([0.0, 0.0, scene.receiver.aperture_z]) - paths.landing
     to_receiver = to_receiver / np.linalg.norm(to_receiver, axis=1, keepdims=True)
     lobe = lobe_cosine(paths.direction, scene.target.orientation[:, 2], to_receiver)
@@ -177,9 +238,11 @@ def _record_times(
     return time, fine, stride
 
 
-def _statistics(scene, chain, fine, power, stride: int, rangefinder: Rangefinder) -> dict[str, RangeStatistics]:
-    """Errors of each method over many noisy records, if the scene asks for any; of those that read enough of them."""
-    trial_count, found = scene.detector.trial_count, {}
+def _statistics(
+    scene, chain, fine, power, stride: int, rangefinder: Rangefinder, trial_count: int
+) -> dict[str, RangeStatistics]:
+    """Errors of each method over so many noisy records; of those methods that read enough of them."""
+    found = {}
     for method in rangefinder.calibration if trial_count else ():
         try:
             found[method] = chain_range_statistics(

@@ -18,6 +18,7 @@ Reference: P. E. Ciddor, Refractive index of air: new equations for the visible 
 
 import math
 
+from ..wavelength import check_wavelength
 from .gas import positive
 
 # Wavelengths that the equations were made for [m].
@@ -40,6 +41,7 @@ def ciddor_constant(wavelength: float, *, water: float = 0.0, co2: float = STAND
         co2: Mole fraction of carbon dioxide in the dry air, up to 2000 ppm.
 
     Raises:
+        TypeError: The wavelength is not one number.
         ValueError: A wavelength or a fraction outside its range.
     """
     _check(water, co2)
@@ -122,11 +124,11 @@ def water_fraction(temperature: float, pressure: float, humidity: float) -> floa
 
 
 def _wavenumber_square(wavelength: float) -> float:
-    low, high = RANGE
+    wavelength, (low, high) = check_wavelength(wavelength), RANGE
     if not low <= wavelength <= high:
         raise ValueError(
-            f"wavelength {wavelength!r} m is outside Ciddor's {low * 1e6:g} to {high * 1e6:g} um: "
-            "give metres, such as 905e-9, or choose another relation"
+            f"wavelength {wavelength:g} m is outside Ciddor's {low * 1e6:g} to {high * 1e6:g} um: "
+            "choose another relation"
         )
     return 1.0 / (wavelength * 1e6) ** 2
 

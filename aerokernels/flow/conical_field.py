@@ -11,9 +11,10 @@ from functools import cached_property
 import numpy as np
 
 from ..medium import Body, IndexField
+from ..wavelength import DEFAULT_WAVELENGTH, check_wavelength
 from .conical_averages import bell, cell_averages
 from .conical_profile import ConeShock
-from .gas import GAMMA_AIR, SEA_LEVEL_DENSITY, positive
+from .gas import GAMMA_AIR, SEA_LEVEL_DENSITY, check_density, positive
 from .models import one_constant, refractivity_model
 from .taylor_maccoll import cone_shock
 
@@ -71,7 +72,7 @@ class ConicalFlow:
 
     def scaled(self, ambient_density: float) -> "ConicalFlow":
         """The same flow at another ambient density [kg/m3], every density ratio kept."""
-        return replace(self, ambient_density=positive(ambient_density, "ambient_density"))
+        return replace(self, ambient_density=check_density(ambient_density, "ambient_density"))
 
     def density_at(self, points) -> np.ndarray:
         """Exact density [kg/m3] at points (x, y, z) [m], shape (n, 3): shape (n,), NaN inside the body."""
@@ -85,7 +86,7 @@ class ConicalFlow:
 
     def index_field(
         self,
-        wavelength: float = 905e-9,
+        wavelength: float = DEFAULT_WAVELENGTH,
         relation: str = "gladstone-dale",
         *,
         constant: float | None = None,
@@ -100,7 +101,7 @@ class ConicalFlow:
         nothing below fourth order; the shock overshoots by a few per cent. Under "linear" and "monotone" they are not.
 
         Args:
-            wavelength: Vacuum wavelength [m], for K.
+            wavelength: Vacuum wavelength [m], for K; the field keeps it.
             relation: "paper", "ciddor", "gladstone-dale" or "lorentz-lorenz": see `refractivity_model`.
             constant: K [m3/kg] to use in place of the paper's K(wavelength).
             composition: A `Composition` or fractions of species, the same everywhere, with which K is made.
@@ -109,9 +110,11 @@ class ConicalFlow:
             interpolation: As in IndexField.from_samples.
 
         Raises:
+            TypeError: The wavelength is not one number.
             ValueError: A wavelength outside the range of K, an unknown relation or interpolation, a spacing that is not
                 positive or leaves fewer than four cells along the cone.
         """
+        wavelength = check_wavelength(wavelength)
         given = one_constant(constant, gladstone_dale)
         model = refractivity_model(relation, constant=given, composition=composition)
         share = self.length * DEFAULT_SHARE if spacing is None else spacing
@@ -138,6 +141,7 @@ class ConicalFlow:
             ambient_index=model.ambient_index(self.ambient_density, wavelength),
             interpolation=interpolation,
             body=self.body,
+            wavelength=wavelength,
         )
 
     def _node_values(self, contrast, shape: tuple[int, int], step: np.ndarray, *, sharpen: bool) -> np.ndarray:
@@ -195,4 +199,4 @@ def cone(
     reach = least if radius is None else positive(radius, "radius")
     if reach < least:
         raise ValueError(f"radius {reach:g} m cuts the flow: the shock reaches {least:g} m at the base of the cone")
-    return ConicalFlow(shock, positive(density, "density"), float(length), reach)
+    return ConicalFlow(shock, check_density(density, "density"), float(length), reach)

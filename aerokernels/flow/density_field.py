@@ -5,7 +5,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ..medium import Body, IndexField, QuadMesh
-from .gas import SEA_LEVEL_DENSITY, FreeStream, positive
+from ..wavelength import DEFAULT_WAVELENGTH, check_wavelength
+from .gas import GREATEST_DENSITY, SEA_LEVEL_DENSITY, FreeStream, check_density, positive
 from .models import one_constant, refractivity_model
 
 
@@ -23,8 +24,8 @@ class DensityField:
 
     Raises:
         TypeError: The mesh is no QuadMesh.
-        ValueError: Densities that are not positive and finite (how many, and where the first is), or another number of
-            them than of cells.
+        ValueError: Densities that are not positive and finite, or no gas's (how many, and where the first is), or
+            another number of them than of cells.
     """
 
     mesh: QuadMesh
@@ -38,7 +39,7 @@ class DensityField:
         """Check the densities."""
         if not isinstance(self.mesh, QuadMesh):
             raise TypeError(f"mesh must be a QuadMesh, got {type(self.mesh).__name__}: see QuadMesh.structured")
-        positive(self.ambient_density, "ambient_density")
+        check_density(self.ambient_density, "ambient_density")
         density = np.array(self.density, dtype=np.float64)
         shapes: list[tuple[int, ...]] = [(len(self.mesh.cells),)]
         if self.mesh.shape is not None:
@@ -51,6 +52,7 @@ class DensityField:
         density = density.ravel()
         self._refuse(~np.isfinite(density), density, "not finite")
         self._refuse(density <= 0.0, density, "not positive")
+        self._refuse(density > GREATEST_DENSITY, density, f"no gas's, above {GREATEST_DENSITY:g} kg/m3")
         density.setflags(write=False)
         object.__setattr__(self, "density", density)
         object.__setattr__(self, "ambient_density", float(self.ambient_density))
@@ -91,7 +93,7 @@ class DensityField:
 
     def index_field(
         self,
-        wavelength: float = 905e-9,
+        wavelength: float = DEFAULT_WAVELENGTH,
         relation: str = "gladstone-dale",
         *,
         constant: float | None = None,
@@ -105,19 +107,21 @@ class DensityField:
         Lorentz-Lorenz it is off by the spread of (K rho)^2 / 6 within a cell, below 1e-8 for air.
 
         Args:
-            wavelength: Vacuum wavelength [m], for K.
+            wavelength: Vacuum wavelength [m], for K; the field keeps it.
             relation: "paper", "ciddor", "gladstone-dale" or "lorentz-lorenz": see `refractivity_model`. The last two
                 take the paper's K(wavelength) unless `constant` or `composition` is given.
             constant: K [m3/kg] to use in place of the paper's K(wavelength).
             composition: A `Composition` or fractions of species, with which K is made. One fraction for each cell may
-                be given, in the order of `density` as the field holds it, shape (cell_count,).
+                be given, in the order of the cells.
             gladstone_dale: Another name for `constant`.
             interpolation: As in IndexField.from_mesh.
 
         Raises:
+            TypeError: The wavelength is not one number.
             ValueError: A wavelength outside the range of K, an unknown relation or interpolation, and what
                 `refractivity_model` refuses.
         """
+        wavelength = check_wavelength(wavelength)
         given = one_constant(constant, gladstone_dale)
         model = refractivity_model(relation, constant=given, composition=composition)
         return IndexField.from_mesh(
@@ -126,6 +130,7 @@ class DensityField:
             ambient_index=model.ambient_index(self.ambient_density, wavelength),
             interpolation=interpolation,
             body=self.body,
+            wavelength=wavelength,
         )
 
 

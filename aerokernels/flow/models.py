@@ -13,15 +13,16 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..wavelength import LONGEST, SHORTEST
 from . import ciddor
-from .refractivity import RELATIONS, gladstone_dale_constant, index_contrast, refractivity
+from .refractivity import RELATIONS, SHORTEST_WAVELENGTH, gladstone_dale_constant, index_contrast, refractivity
 from .species import WATER, Composition
 
 MODELS = ("paper", "ciddor", "gladstone-dale", "lorentz-lorenz")
 # Eq 2 against Ciddor: 1.1 % high at 400 nm, 0.84 % at 532 nm, 0.46 % at 905 nm, 0.17 % at 1.6 um.
 PAPER_UNCERTAINTY = 1e-2
-PAPER_RANGE = (0.2e-6, 20e-6)
-ANY_WAVELENGTH = (0.1e-6, 20e-6)
+PAPER_RANGE = (SHORTEST_WAVELENGTH, LONGEST)
+ANY_WAVELENGTH = (SHORTEST, LONGEST)
 
 
 @dataclass(frozen=True, eq=False)

@@ -10,10 +10,13 @@ near 1: at 1 kg/m3 the index differs from 1 by only 2e-4.
 
 import numpy as np
 
+from ..wavelength import check_wavelength
+
 RELATIONS = ("gladstone-dale", "lorentz-lorenz")
-# Eq 2 was fitted in the visible; below, air absorbs, and beyond, lambda^-2 has died out. The range mostly catches a
-# wavelength given in the wrong unit.
-SHORTEST_WAVELENGTH, LONGEST_WAVELENGTH = 200e-9, 20e-6
+# Eq 2 was fitted in the visible; below this, air absorbs and its index rises faster.
+SHORTEST_WAVELENGTH = 200e-9
+# Gases lie between xenon's 1.2e-4 and hydrogen's 1.6e-3 m3/kg, with room: beyond, the unit is another one.
+LEAST_CONSTANT, GREATEST_CONSTANT = 1e-5, 1e-2
 
 
 def gladstone_dale_constant(wavelength: float) -> float:
@@ -22,12 +25,14 @@ def gladstone_dale_constant(wavelength: float) -> float:
     At 905 nm it is 2.250475e-4, 0.46 % above Ciddor's dry air.
 
     Raises:
+        TypeError: The wavelength is not one number.
         ValueError: A wavelength outside 0.2 to 20 um.
     """
-    if not SHORTEST_WAVELENGTH <= wavelength <= LONGEST_WAVELENGTH:
+    wavelength = check_wavelength(wavelength)
+    if wavelength < SHORTEST_WAVELENGTH:
         raise ValueError(
-            f"wavelength {wavelength!r} m is outside {SHORTEST_WAVELENGTH * 1e9:g} nm to "
-            f"{LONGEST_WAVELENGTH * 1e6:g} um: give metres, such as 905e-9"
+            f"wavelength {wavelength:g} m is shorter than the {SHORTEST_WAVELENGTH * 1e9:g} nm down to which the "
+            "Gladstone-Dale constant's formula holds: give metres, 905e-9 for 905 nm, or the constant itself"
         )
     micrometres = wavelength * 1e6
     return 2.23e-4 * (1.0 + 7.52e-3 / micrometres**2)
@@ -42,7 +47,7 @@ def refractivity(density, gladstone_dale: float, relation: str = "gladstone-dale
         relation: "gladstone-dale" or "lorentz-lorenz".
 
     Raises:
-        ValueError: An unknown relation, or a constant that is not positive and finite.
+        ValueError: An unknown relation, or a constant that no gas has.
     """
     return index_contrast(density, 0.0, gladstone_dale, relation)
 
@@ -55,7 +60,7 @@ def index_contrast(density, ambient_density: float, gladstone_dale: float, relat
     difference, that of the densities.
 
     Raises:
-        ValueError: An unknown relation, or a constant that is not positive and finite.
+        ValueError: An unknown relation, or a constant that no gas has.
     """
     _check(gladstone_dale, relation)
     density = np.asarray(density, dtype=np.float64)
@@ -74,3 +79,8 @@ def _check(gladstone_dale: float, relation: str) -> None:
         raise ValueError(f"relation {relation!r} is not known: choose one of {', '.join(RELATIONS)}")
     if not (np.isfinite(gladstone_dale).all() and np.greater(gladstone_dale, 0.0).all()):
         raise ValueError(f"the Gladstone-Dale constant must be positive and finite, got {gladstone_dale!r} m3/kg")
+    if np.min(gladstone_dale) < LEAST_CONSTANT or np.max(gladstone_dale) > GREATEST_CONSTANT:
+        raise ValueError(
+            f"a Gladstone-Dale constant of {np.max(gladstone_dale):g} m3/kg is no gas's ({LEAST_CONSTANT:g} to "
+            f"{GREATEST_CONSTANT:g} m3/kg): air has 2.25e-4 m3/kg, which is 0.225 cm3/g"
+        )

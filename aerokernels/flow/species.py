@@ -19,6 +19,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from ..wavelength import check_wavelength
 from . import ciddor
 
 GAS_CONSTANT = 8.314462618  # [J/(mol K)]
@@ -66,11 +67,11 @@ class Species:
         Raises:
             ValueError: A wavelength outside the formula's range.
         """
-        low, high = self.wavelength_range
+        wavelength, (low, high) = check_wavelength(wavelength), self.wavelength_range
         if not low <= wavelength <= high:
             raise ValueError(
-                f"wavelength {wavelength!r} m is outside {low * 1e6:g} to {high * 1e6:g} um, where the refractivity of "
-                f"{self.name} is known ({self.source}): give metres, such as 905e-9"
+                f"wavelength {wavelength:g} m is outside {low * 1e6:g} to {high * 1e6:g} um, where the refractivity of "
+                f"{self.name} is known: {self.source}"
             )
         micrometres = wavelength * 1e6
         if self.form == "sum":

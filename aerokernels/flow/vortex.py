@@ -17,7 +17,7 @@ import numpy as np
 
 from .exact_averages import smooth_averages
 from .exact_field import ExactField, edges, rectangles
-from .gas import GAMMA_AIR, SEA_LEVEL_DENSITY, check_gamma, positive
+from .gas import GAMMA_AIR, SEA_LEVEL_DENSITY, check_density, check_gamma, positive
 
 # Where the field ends, in radii: there the temperature differs from the ambient one by 1e-15 of the difference inside.
 REACH = 6.0
@@ -97,7 +97,7 @@ def vortex(
             the limit), gamma not above 1, or a spacing above half a radius or for too many cells.
     """
     swirl = Vortex(float(mach), float(radius), float(gamma))
-    positive(density, "density")
+    check_density(density, "density")
     step = radius / CELLS_PER_RADIUS if spacing is None else positive(spacing, "spacing")
     if step > 0.5 * radius * (1.0 + 1e-9):
         raise ValueError(f"spacing {step:g} m must be at most half the radius {radius:g} m")

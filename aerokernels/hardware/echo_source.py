@@ -1,4 +1,4 @@
-"""The echo that a simulated instrument measures: a Gaussian one or that of a finished run, with noise."""
+"""The echo that a simulated instrument measures: that of a scene, of a finished run, or a Gaussian, with noise."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -7,6 +7,9 @@ import numpy as np
 from scipy.constants import speed_of_light
 
 from aerokernels.hardware.frames import GREATEST_SAMPLE_COUNT, EchoFrame
+
+# What the simulated instruments play if nothing else is asked for.
+DEFAULT_SCENE = "wind-tunnel-static"
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,16 +49,42 @@ class EchoSource:
         *,
         distance: float = 1.5,
         peak: float = 2.0,
-        pulse_width: float = 6e-9,
+        pulse_width: float = 10e-9,
         sample_count: int = 128,
         sample_period_ps: int = 250,
         noise: float = 0.02,
     ) -> "EchoSource":
         """A Gaussian echo of a target at `distance` [m]: `peak` [V], full width at half maximum `pulse_width` [s]."""
-        time_ = np.arange(sample_count) * (sample_period_ps * 1e-12)
+        time_ = _sample_times(sample_count, sample_period_ps)
         delay = 2.0 * distance / speed_of_light
         voltage = peak * np.exp(-4.0 * np.log(2.0) * ((time_ - delay) / pulse_width) ** 2)
         return cls(voltage, sample_period_ps, noise)
+
+    @classmethod
+    def from_scene(
+        cls,
+        scene: str | Path = DEFAULT_SCENE,
+        *,
+        sample_count: int = 128,
+        sample_period_ps: int = 250,
+        noise: float = 0.02,
+    ) -> "EchoSource":
+        """The echo that a scene has in vacuum: its pulse, target and detector, as a run of it simulates them.
+
+        Args:
+            scene: a TOML file or the name of a shipped scene.
+            sample_count: samples of a frame.
+            sample_period_ps: time between two samples [ps].
+            noise: standard deviation of the noise [V].
+
+        Raises:
+            ValueError: a scene that cannot be used.
+        """
+        from aerokernels.echo.simulate import vacuum_echo
+        from aerokernels.scene import Scene
+
+        found = vacuum_echo(Scene.load(scene))
+        return cls(_drawn_on(_sample_times(sample_count, sample_period_ps), *found), sample_period_ps, noise)
 
     @classmethod
     def from_result(
@@ -97,7 +126,7 @@ class EchoSource:
             ):
                 raise ValueError(f"result {path}: holds no 'echo_voltage' over 'time'; give the result.nc of a run")
             echo_time, voltage = result["time"].values, result["echo_voltage"].values
-        sample_time = np.arange(sample_count) * (sample_period_ps * 1e-12)
+        sample_time = _sample_times(sample_count, sample_period_ps)
         return cls(np.interp(sample_time, echo_time, voltage, left=0.0, right=0.0), sample_period_ps, noise)
 
     @property
@@ -115,3 +144,17 @@ class EchoSource:
         scale = float(np.float32(self.full_scale / 32767))
         counts = np.clip(np.rint(voltage / scale), -32768, 32767).astype(np.int16)
         return EchoFrame(sequence % 2**32, device_time_us, self.sample_period_ps, scale, 0.0, counts)
+
+
+def _sample_times(sample_count: int, sample_period_ps: int) -> np.ndarray:
+    """Times of a frame's samples [s]."""
+    return np.arange(sample_count) * (sample_period_ps * 1e-12)
+
+
+def _drawn_on(time: np.ndarray, echo_time: np.ndarray, voltage: np.ndarray) -> np.ndarray:
+    """An echo's voltage at other times [s], by the quintic spline; 0 V outside its record."""
+    from scipy.interpolate import make_interp_spline
+
+    spline = make_interp_spline(echo_time - echo_time[0], voltage, k=min(5, 2 * ((echo_time.size - 2) // 2) + 1))
+    inside = (time >= echo_time[0]) & (time <= echo_time[-1])
+    return np.where(inside, spline(np.clip(time - echo_time[0], 0.0, echo_time[-1] - echo_time[0])), 0.0)

@@ -1,15 +1,17 @@
-"""A solid body in the flow: its profile, and the signed distance to it on a uniform grid.
+"""A solid body in the flow: its profile, its surface, and which points and lines lie in it.
 
-Kernels need one answer only, how far a point is from the wall and on which side. A sampled signed distance gives
-that for any profile at the price of one lookup, in the same way on every backend.
+Rays meet the surface exactly: straight lines are crossed with its segments (`Body.crossings`, crossings.py), in the
+kernels under a tree of boxes (wall_tree.py). No table stands between, so a body may be as thin as it likes.
 """
 
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cached_property, lru_cache
 
 import numpy as np
 
+from .crossings import crossings
 from .grid import check_finite
+from .walls import bounding_walls
 
 TILE_POINTS = 512  # points that look for the nearest wall together
 
@@ -61,6 +63,8 @@ class Body:
         object.__setattr__(self, "profile", profile)
         if len(self.walls[0]) == 0:
             raise ValueError("the body profile has no wall: its points all coincide, or all lie on the axis")
+        if len(self.surface[0]) == 0:
+            raise ValueError("the body profile encloses nothing: give the points around a body of some thickness")
 
     @property
     def walls(self) -> tuple[np.ndarray, np.ndarray]:
@@ -70,6 +74,33 @@ class Body:
         if self.geometry == "axisymmetric":
             keep &= ~((start[:, 0] == 0.0) & (end[:, 0] == 0.0))
         return start[keep], end[keep]
+
+    @cached_property
+    def surface(self) -> tuple[np.ndarray, np.ndarray]:
+        """Start and end points [m] of the segments between air and solid, each (w, 2): the solid is on their left.
+
+        They are the walls of a profile that neither touches nor crosses itself; see walls.py for the others.
+        """
+        start, end = bounding_walls(self.profile, self.contains)
+        if self.geometry == "axisymmetric":
+            keep = (start[:, 0] > 0.0) | (end[:, 0] > 0.0)
+            start, end = start[keep], end[keep]
+        return start, end
+
+    def crossings(self, position, direction) -> np.ndarray:
+        """Distances [m] at which straight lines cross the body's surface, ascending, shape (line_count, m).
+
+        They are exact to rounding, and found without any table. Rows with fewer than m crossings are filled up with
+        infinity. A line comes from infinity, outside: it enters the body at its first, third, fifth ... crossing and
+        leaves it at the others, and a point on it is inside where an odd number of crossings lies before it. Lines
+        along x never cross a planar body: whether they are inside it, says `contains`.
+
+        Args:
+            position: A point on each line in x, y, z [m], shape (line_count, 3) or (3,); crossings behind it have
+                negative distances.
+            direction: Unit vectors, shape (line_count, 3) or (3,).
+        """
+        return crossings(*self.surface, self.geometry, position, direction)
 
     def contains(self, points: np.ndarray) -> np.ndarray:
         """Whether each point (n, 2) lies inside the body (crossing number along the first axis)."""

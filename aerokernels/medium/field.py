@@ -9,9 +9,10 @@ from typing import Any
 
 import numpy as np
 
+from ..wavelength import check_wavelength, field_wavelength
 from .body import Body, DistanceGrid
 from .cell_averages import node_values
-from .grid import AXIS_CORE, UniformGrid, check_finite
+from .grid import AXIS_CORE, UniformGrid, check_box, check_finite
 from .mesh import GEOMETRIES, QuadMesh
 from .mesh_samples import MeshSamples
 from .vertex_values import vertex_values
@@ -33,6 +34,7 @@ class IndexField:
         ambient_index: Index outside the box.
         body: Solid body in the field, or None.
         resampling: What was measured when the field was resampled from another, or None.
+        wavelength: Vacuum wavelength that the contrast was made for [m]; None for raw contrast, which belongs to none.
     """
 
     samples: UniformGrid | MeshSamples
@@ -40,17 +42,21 @@ class IndexField:
     ambient_index: float
     body: Body | None = None
     resampling: Any = None
+    wavelength: float | None = None
 
     def __post_init__(self):
         """Check what both ways of building have in common."""
         check_ambient(self.ambient_index)
         object.__setattr__(self, "ambient_index", float(self.ambient_index))
+        if self.wavelength is not None:
+            object.__setattr__(self, "wavelength", check_wavelength(self.wavelength))
         values = self.samples.samples if self.is_uniform else self.samples.values
         if values.min() + self.ambient_index <= 0.0:
             raise ValueError(
                 f"the index must be positive everywhere: the least contrast is {values.min():g}, "
                 f"the ambient index {self.ambient_index:g}"
             )
+        check_box(self.samples.low, self.samples.high)
         if self.body is not None and self.body.geometry != self.geometry:
             raise ValueError(f"the body is {self.body.geometry}, the field {self.geometry}: they must agree")
 
@@ -66,6 +72,7 @@ class IndexField:
         interpolation="cubic",
         body=None,
         cell_averages=False,
+        wavelength=None,
     ) -> "IndexField":
         """A field from samples on a uniform grid.
 
@@ -79,6 +86,7 @@ class IndexField:
             body: Solid body in the field.
             cell_averages: `contrast` holds averages over the cells centred on the nodes (finite-volume data), not
                 samples at the nodes: a shock inside a cell then keeps its place. See cell_averages.py.
+            wavelength: Vacuum wavelength that `contrast` was made for [m]; None where it belongs to none.
 
         Raises:
             ValueError: Numbers that are not finite, shapes that disagree, a spacing that is not positive, an unknown
@@ -102,11 +110,11 @@ class IndexField:
             grid = replace(grid, samples=node_values(grid.samples, interpolation, axisymmetric))
         if axisymmetric and abs(grid.origin[0]) > 1e-9 * grid.spacing[0]:
             raise ValueError(f"an axisymmetric grid starts at r = 0, got origin {grid.origin[0]!r}")
-        return cls(grid, geometry, ambient_index, body)
+        return cls(grid, geometry, ambient_index, body, wavelength=wavelength)
 
     @classmethod
     def from_mesh(
-        cls, mesh: QuadMesh, contrast, *, ambient_index=1.0, interpolation="bilinear", body=None
+        cls, mesh: QuadMesh, contrast, *, ambient_index=1.0, interpolation="bilinear", body=None, wavelength=None
     ) -> "IndexField":
         """A field on a quadrilateral mesh.
 
@@ -117,6 +125,7 @@ class IndexField:
             ambient_index: Index outside the mesh.
             interpolation: "bilinear", "bilinear-barron" or "idw" (see mesh_samples.py).
             body: Solid body in the field.
+            wavelength: Vacuum wavelength that `contrast` was made for [m]; None where it belongs to none.
 
         Raises:
             TypeError: `mesh` is no QuadMesh.
@@ -140,7 +149,8 @@ class IndexField:
             )
         values = values.ravel()
         values.setflags(write=False)
-        return cls(MeshSamples(mesh, values, interpolation), mesh.geometry, ambient_index, body)
+        samples = MeshSamples(mesh, values, interpolation)
+        return cls(samples, mesh.geometry, ambient_index, body, wavelength=wavelength)
 
     @property
     def is_uniform(self) -> bool:
@@ -234,13 +244,22 @@ class IndexField:
 
         return ladder(self)
 
-    def resample(self, spacing=None, *, tolerance=None, wavelength=905e-9, region=None, interpolation="cubic"):
+    def resample(self, spacing=None, *, tolerance=None, wavelength=None, region=None, interpolation="cubic"):
         """The same field on a uniform grid, with the error of doing so measured: see `resample.resample`."""
         from .resample import resample
 
         return resample(
             self, spacing, tolerance=tolerance, wavelength=wavelength, region=region, interpolation=interpolation
         )
+
+    def wavelength_for(self, asked: float | None) -> float:
+        """The wavelength [m] at which a call evaluates this field: its own, or what is `asked` of a raw contrast.
+
+        Raises:
+            TypeError: `asked` is not one number.
+            ValueError: `asked` is no wavelength in metres, or another one than the field was made for.
+        """
+        return field_wavelength(self.wavelength, asked)
 
     def with_interpolation(self, interpolation: str) -> "IndexField":
         """The same samples under another interpolant."""

@@ -16,6 +16,10 @@ from . import spline
 # Radius in cells within which the kink that a linear interpolant may have at r = 0 is rounded off in its gradient: rays
 # that swing about the axis would turn about at every crossing.
 AXIS_CORE = 1e-4
+# Sides of a box beyond which its lengths cannot be metres: the Earth's radius, a few atoms.
+LARGEST_BOX, SMALLEST_BOX = 1e7, 1e-9
+# Node positions closer together than this share of their coordinates are not told apart well enough in float64.
+LEAST_STEP_SHARE = 1e-11
 
 
 def check_finite(array: np.ndarray, what: str) -> None:
@@ -26,6 +30,21 @@ def check_finite(array: np.ndarray, what: str) -> None:
         raise ValueError(
             f"{int(bad.sum())} of {array.size} samples of {what} are NaN or infinite, the first at index {first}: "
             "fill or cut them out before building a field"
+        )
+
+
+def check_box(low: np.ndarray, high: np.ndarray) -> None:
+    """Refuse a box [m] that is no flow's: lengths in another unit, mostly.
+
+    Raises:
+        ValueError: A side above 1e7 m or below 1e-9 m.
+    """
+    extent = high - low
+    if extent.max() > LARGEST_BOX or extent.min() < SMALLEST_BOX:
+        sides = " by ".join(f"{side:.3g}" for side in extent)
+        raise ValueError(
+            f"the field's box is {sides} m, which is no flow's (sides of {SMALLEST_BOX:g} to {LARGEST_BOX:g} m): give "
+            "lengths in metres"
         )
 
 
@@ -63,6 +82,12 @@ class UniformGrid:
             raise ValueError(f"origin must be finite, got {self.origin!r}")
         if not (np.isfinite(spacing).all() and (spacing > 0.0).all()):
             raise ValueError(f"spacing must be positive and finite along every axis, got {self.spacing!r}")
+        farthest = np.maximum(np.abs(origin), np.abs(origin + spacing * (np.array(samples.shape) - 1)))
+        if (spacing < LEAST_STEP_SHARE * farthest).any():
+            raise ValueError(
+                f"a spacing of {spacing.tolist()} m is not resolved at coordinates of {farthest.tolist()} m: "
+                "is one of them in another unit? Give metres, and put the origin near the flow"
+            )
         if min(samples.shape) < 2:
             raise ValueError(f"every axis needs at least two nodes, got shape {samples.shape}")
         if self.interpolation not in spline.INTERPOLATIONS:

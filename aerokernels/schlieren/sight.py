@@ -85,7 +85,7 @@ def line_of_sight(
     rays_per_pixel: int = 1,
     width: float | None = None,
     tolerance: float = 1e-3,
-    wavelength: float = 905e-9,
+    wavelength: float | None = None,
     backend: str = "auto",
     device: str | None = None,
     precision: str = "float32",
@@ -100,7 +100,7 @@ def line_of_sight(
         rays_per_pixel: k: each pixel is the mean over k x k rays.
         width: length of the light's way through a planar field [m].
         tolerance: OPD error asked of the tracer [waves].
-        wavelength: vacuum wavelength [m].
+        wavelength: vacuum wavelength [m]; None takes the field's own, or 905 nm where it has none.
         backend: as in `trace`.
         device: as in `trace`.
         precision: as in `trace`.
@@ -145,7 +145,7 @@ def line_of_sight(
     stretch = np.sum(deflection**2, axis=-1) / (cosine * (1.0 + cosine))
     moved = traced.position.reshape(*shape, 3) - start
     displacement = np.stack([moved @ right, moved @ up], axis=-1) - back * deflection / cosine[..., None]
-    blocked = traced.status == RayStatus.HIT_BODY
+    blocked = traced.traced_status == RayStatus.HIT_BODY
     if field.body is not None and field.geometry == "planar":  # light along the body never meets its side
         blocked |= field.body.contains(field.local_coordinates(start.reshape(-1, 3)))
     through = (traced.ok & ~blocked).reshape(shape)
@@ -167,7 +167,7 @@ def line_of_sight(
         displacement=seen(displacement),
         through=whole(through),
         blocked=whole(blocked.reshape(shape)),
-        wavelength=float(wavelength),
+        wavelength=traced.wavelength,
         focus=focus,
     )
 

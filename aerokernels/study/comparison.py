@@ -6,6 +6,7 @@ asks to measure it, on one label for all of them (what then differs between labe
 """
 
 import contextlib
+import math
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
@@ -101,6 +102,27 @@ class LabelComparison:
         """Standard error of the mean waveform's peak [V]."""
         return float(self.spread[int(np.argmax(self.mean))] / np.sqrt(self.recorded.count))
 
+    @property
+    def warnings(self) -> list[str]:
+        """What makes the numbers below mean something else than they seem to, in words."""
+        wave, name = self.waveform, label_text(self.label)
+        widths = (
+            f"{1e9 * wave.recorded_width:.3f} ns wide at half height, the simulated {1e9 * wave.simulated_width:.3f} ns"
+        )
+        if wave.same_pulse is None:
+            return [
+                f"{name}: the record holds too little of the pulse, or too much noise, to compare its width with the "
+                "simulated one's: record more echoes, from before the pulse to after it"
+            ]
+        if wave.same_pulse:
+            return []
+        moved = f", {1e3 * abs(wave.width_range):.0f} mm by the width alone" if math.isfinite(wave.width_range) else ""
+        return [
+            f"{name}: the recorded pulse is not the simulated one ({widths}): differences of leading edge and constant "
+            f"fraction are the pulses' shapes, no ranges{moved}, and a high correlation says little; put the recorded "
+            'pulse into the scene (beam.pulse_tau, or beam.pulse = "sampled") or compare with the run of its own scene'
+        ]
+
     def row(self) -> dict[str, Any]:
         """The comparison in numbers, SI: one line of the table."""
         wave = self.waveform
@@ -125,6 +147,9 @@ class LabelComparison:
             "edge_level_v": wave.edge_level,
             "edge_shift_s": wave.edge_shift,
             "range_difference_m": wave.range_difference,
+            "recorded_width_s": wave.recorded_width,
+            "simulated_width_s": wave.simulated_width,
+            "same_pulse": wave.same_pulse,
             "trigger_offset_s": self.trigger_offset,
             "resampled_count": self.recorded.resampled_count,
             "unfit_count": self.unfit_count,
@@ -149,6 +174,11 @@ class BenchComparison:
     options: CompareOptions
     labels: tuple[LabelComparison, ...]
     left_out: tuple[Label, ...]
+
+    @property
+    def warnings(self) -> list[str]:
+        """Those of all labels."""
+        return [text for one in self.labels for text in one.warnings]
 
     def to_xarray(self) -> "xarray.Dataset":
         """Waveforms over (label, sample), NaN beyond a label's own samples, and every number over label."""
@@ -175,7 +205,8 @@ class BenchComparison:
         for name in rows[0]:
             values = [row.get(name) for row in rows]
             if name != "label" and not any(isinstance(value, str) for value in values):
-                variables[name] = ("label", np.array(values, dtype=np.float64), {"units": _unit(name)})
+                numbers = [np.nan if value is None else value for value in values]
+                variables[name] = ("label", np.array(numbers, dtype=np.float64), {"units": _unit(name)})
         coordinates = {"label": ("label", [row["label"] for row in rows], {"units": "1"})}
         attributes = {
             "source": f"aerokernels {__version__}",

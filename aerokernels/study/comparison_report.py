@@ -10,7 +10,8 @@ from typing import Any
 
 from aerokernels import __version__
 from aerokernels.compare import DEGREES
-from aerokernels.study.comparison import EACH, NO_ALIGNMENT, BenchComparison
+from aerokernels.quantities import Quantity
+from aerokernels.study.comparison import EACH, NO_ALIGNMENT, BenchComparison, LabelComparison
 from aerokernels.study.comparison_figure import ranges_figure, waveforms_figure
 from aerokernels.study.plots import png
 from aerokernels.study.recorded import LEAST_SAMPLES, label_text
@@ -18,6 +19,9 @@ from aerokernels.study.report import CSS
 from aerokernels.study.store import REPORT_FILE, SUMMARY_FILE, plain, staged_folder, write_result, write_summary
 
 TABLE_FILE, WAVEFORM_FILE, FIGURE_FILE = "compare.csv", "compare.nc", "compare.png"
+
+# Ranging methods that read a pulse's edge, which is elsewhere on a pulse of another shape.
+EDGE_METHODS = ("leading-edge", "constant-fraction")
 
 Table = tuple[str, tuple[str, ...], list[tuple[str, ...]]]
 
@@ -31,9 +35,9 @@ def peak_table(found: BenchComparison) -> Table:
             (
                 label_text(one.label),
                 str(one.recorded.count),
-                f"{wave.recorded_peak:.4f} ± {one.peak_standard_error:.4f}",
-                f"{one.recorded.peak_mean:.4f} ± {one.recorded.peak_spread:.4f}",
-                f"{wave.simulated_peak:.4f}",
+                str(Quantity(wave.recorded_peak, one.peak_standard_error)),
+                str(Quantity(one.recorded.peak_mean, one.recorded.peak_spread)),
+                str(Quantity(wave.simulated_peak, one.run.error_of("echo_peak_v"))),
             )
         )
     columns = (
@@ -47,15 +51,22 @@ def peak_table(found: BenchComparison) -> Table:
 
 
 def error_table(found: BenchComparison) -> Table:
-    """Table 4: relative peak errors, in both conventions, and the leading edge."""
+    """Table 4: relative peak errors, in both conventions, and the leading edge.
+
+    A ratio of peaks is off by the root sum of squares of what each of them is off by, relative to itself.
+    """
     rows: list[tuple[str, ...]] = []
     for one in found.labels:
         wave = one.waveform
+        share = math.hypot(
+            one.peak_standard_error / wave.recorded_peak, one.run.error_of("echo_peak_v") / wave.simulated_peak
+        )
+        ratio = wave.recorded_peak / wave.simulated_peak
         rows.append(
             (
                 label_text(one.label),
-                f"{100.0 * wave.peak_error:+.2f} %",
-                f"{100.0 * wave.peak_error_of_recorded:+.2f} %",
+                Quantity(100.0 * wave.peak_error, 100.0 * share * ratio, "%").text(signed=True),
+                Quantity(100.0 * wave.peak_error_of_recorded, 100.0 * share / ratio, "%").text(signed=True),
                 f"{wave.edge_level:.3f} V",
                 _told(1e12 * wave.edge_shift, "+.1f"),
                 _told(1e3 * wave.range_difference, "+.2f"),
@@ -74,13 +85,22 @@ def correlation_table(found: BenchComparison) -> Table:
             (
                 label_text(one.label),
                 f"{wave.correlation:.4f}",
-                wave.degree,
+                wave.degree + _caveat(one),
                 f"{wave.best_correlation:.4f}",
                 f"{1e12 * wave.lag:+.1f}",
                 _told(one.echo_correlation, ".4f"),
+                f"{_told(1e9 * wave.recorded_width, '.3f')} / {_told(1e9 * wave.simulated_width, '.3f')}",
             )
         )
-    columns = ("label", "r at zero lag", "degree", "greatest r", "its lag [ps]", "r of one echo, mean")
+    columns = (
+        "label",
+        "r at zero lag",
+        "degree",
+        "greatest r",
+        "its lag [ps]",
+        "r of one echo, mean",
+        "width recorded / simulated [ns]",
+    )
     return "Correlation (Table 6; degrees by Table 5)", columns, rows
 
 
@@ -93,9 +113,11 @@ def range_table(found: BenchComparison) -> Table:
                 (
                     label_text(one.label),
                     method,
-                    _told(1e3 * errors.systematic_error_m, "+.3f", 1e3 * errors.systematic_standard_error_m),
-                    _told(1e3 * errors.random_error_m, ".3f", 1e3 * errors.random_standard_error_m),
-                    f"{1e3 * errors.simulated_error_m:+.3f}",
+                    # What the run's range is off by is in its reading too, and goes out (range_errors.py).
+                    _millimetres(errors.systematic_error_m, errors.systematic_standard_error_m)
+                    + (_caveat(one) if method in EDGE_METHODS else ""),
+                    Quantity(1e3 * errors.random_error_m, 1e3 * errors.random_standard_error_m).text(),
+                    _millimetres(errors.simulated_error_m, one.run.error_of("ranges_m", method)),
                     f"{errors.ranged_count} of {errors.ranged_count + errors.missed_count}",
                 )
             )
@@ -103,11 +125,19 @@ def range_table(found: BenchComparison) -> Table:
     return "Range errors", columns, rows
 
 
-def _told(value: float, digits: str, error: float | None = None) -> str:
-    """A number and its standard error in words; "none" where there is none."""
-    if not math.isfinite(value):
-        return "none"
-    return f"{value:{digits}}" if error is None or not math.isfinite(error) else f"{value:{digits}} ± {error:.3f}"
+def _caveat(one: LabelComparison) -> str:
+    """What goes with a number that another pulse than the simulated one has spoilt."""
+    return ", but another pulse" if one.waveform.same_pulse is False else ""
+
+
+def _told(value: float, digits: str) -> str:
+    """A number; "none" where there is none."""
+    return f"{value:{digits}}" if math.isfinite(value) else "none"
+
+
+def _millimetres(value: float, error: float) -> str:
+    """A signed length in millimetres with its error, both given in metres."""
+    return Quantity(1e3 * value, 1e3 * error).text(signed=True)
 
 
 TABLES = (peak_table, error_table, correlation_table, range_table)
@@ -130,6 +160,7 @@ def notes(found: BenchComparison) -> list[str]:
         "between labels is real, the systematic error of that label is not.",
     )
     lines = [
+        *(f"Warning: {text}." for text in found.warnings),
         told,
         "Trigger offsets: "
         + ", ".join(f"{label_text(one.label)} {1e9 * one.trigger_offset:.4f} ns" for one in found.labels),
@@ -172,6 +203,7 @@ def write_comparison(found: BenchComparison, out: Path) -> list[str]:
             "recording": str(found.source),
             "align": found.options.align,
             "labels": rows,
+            "warnings": found.warnings,
             "left_out": [label_text(label) for label in found.left_out],
             "version": __version__,
         }
@@ -194,6 +226,7 @@ def _page(found: BenchComparison, pictures: dict[str, bytes]) -> str:
         f"<h1>Recorded against simulated</h1><p class='lead'>{html.escape(str(found.source))}, "
         f"{len(found.labels)} labels, aerokernels {html.escape(__version__)}</p>"
     ]
+    parts += [f"<p class='warning'><strong>Warning: {html.escape(text)}</strong></p>" for text in found.warnings]
     for make in TABLES:
         title, columns, rows = make(found)
         parts.append(f"<h2>{html.escape(title)}</h2>{_html_table(columns, rows)}")

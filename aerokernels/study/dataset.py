@@ -17,6 +17,7 @@ if TYPE_CHECKING:
 RASTER_CELLS = 400  # along each side of the density picture of an unstructured mesh
 # These are attributes of their own beside the whole summary, because the pictures show them.
 SHOWN = ("strehl", "range_m", "true_range_m")
+WITH_ERROR = ("strehl", "opd_rms_m", "range_m")  # and their errors, as NAME_error
 
 
 def variable(dims: str | tuple[str, ...], values: Any, units: str, long_name: str) -> tuple[Any, ...]:
@@ -39,33 +40,49 @@ def density_cells(field: DensityField) -> tuple[np.ndarray, np.ndarray, np.ndarr
     return density.reshape(RASTER_CELLS, RASTER_CELLS), corner_y, corner_z
 
 
+def _number(value: float | None) -> float:
+    return float("nan") if value is None else value
+
+
 def run_dataset(result: "RunResult") -> "xarray.Dataset":
-    """Put a run's arrays together."""
+    """Put a run's arrays together; those of a stage that failed are absent."""
     import xarray
 
     density, corner_y, corner_z = density_cells(result.prepared.density)
-    pupil, fan, echo = result.pupil, result.fan, result.echo.to_xarray()
-    spot = result.spot
+    pupil, fan, spot = result.pupil, result.fan, result.spot
     variables = {
         "density": variable(("cell_i", "cell_j"), density, "kg m-3", "density, cell averages"),
         "density_y": variable(("corner_i", "corner_j"), corner_y, "m", "y of the cells' corners"),
         "density_z": variable(("corner_i", "corner_j"), corner_z, "m", "z of the cells' corners"),
-        "ray_position": variable(("ray", "plane", "axis"), fan.position, "m", "rays of the picture"),
-        "ray_deviation": variable(("ray", "plane"), fan.deviation, "m", "displacement in y from the straight ray"),
-        "opd": variable(("pupil_y", "pupil_x"), pupil.opd, "m", "optical path difference, piston removed"),
-        "opd_without_tilt": variable(
-            ("pupil_y", "pupil_x"), pupil.without_tilt, "m", "optical path difference, piston and tilt removed"
-        ),
-        "point_spread": variable(("angle_y", "angle_x"), spot.intensity, "1", "intensity over the undisturbed peak"),
-        "point_spread_perfect": variable(("angle_y", "angle_x"), spot.perfect, "1", "the same without flow"),
     }
-    coordinates = {
-        "axis": variable("axis", np.array(["x", "y", "z"]), "1", "component"),
-        "pupil_x": variable("pupil_x", pupil.coordinate, "m", "x in the pupil"),
-        "pupil_y": variable("pupil_y", pupil.coordinate, "m", "y in the pupil"),
-        "angle_x": variable("angle_x", spot.angle, "rad", "angle toward x"),
-        "angle_y": variable("angle_y", spot.angle, "rad", "angle toward y"),
-    }
+    coordinates = {"axis": variable("axis", np.array(["x", "y", "z"]), "1", "component")}
+    if fan is not None:
+        variables |= {
+            "ray_position": variable(("ray", "plane", "axis"), fan.position, "m", "rays of the picture"),
+            "ray_deviation": variable(("ray", "plane"), fan.deviation, "m", "displacement in y from the straight ray"),
+        }
+    if pupil is not None:
+        variables |= {
+            "opd": variable(("pupil_y", "pupil_x"), pupil.opd, "m", "optical path difference, piston removed"),
+            "opd_without_tilt": variable(
+                ("pupil_y", "pupil_x"), pupil.without_tilt, "m", "optical path difference, piston and tilt removed"
+            ),
+        }
+        coordinates |= {
+            "pupil_x": variable("pupil_x", pupil.coordinate, "m", "x in the pupil"),
+            "pupil_y": variable("pupil_y", pupil.coordinate, "m", "y in the pupil"),
+        }
+    if spot is not None:
+        variables |= {
+            "point_spread": variable(
+                ("angle_y", "angle_x"), spot.intensity, "1", "intensity over the undisturbed peak"
+            ),
+            "point_spread_perfect": variable(("angle_y", "angle_x"), spot.perfect, "1", "the same without flow"),
+        }
+        coordinates |= {
+            "angle_x": variable("angle_x", spot.angle, "rad", "angle toward x"),
+            "angle_y": variable("angle_y", spot.angle, "rad", "angle toward y"),
+        }
     body = result.prepared.density.body
     if body is not None:
         variables["body_y"] = variable("body_vertex", body.profile[:, 0], "m", "y of the body's outline")
@@ -80,11 +97,15 @@ def run_dataset(result: "RunResult") -> "xarray.Dataset":
         "threshold_v": result.scene.detector.threshold,
         "scene": scene_toml(result.scene),
         "summary": json.dumps(summary),
-        **{name: float("nan") if summary[name] is None else summary[name] for name in SHOWN},
-        **{name: value for name, value in echo.attrs.items() if name not in summary},
+        **{name: _number(summary[name]) for name in SHOWN},
+        **{f"{name}_error": _number(summary["errors"][name]) for name in WITH_ERROR},
     }
     if result.scene.detector.ranging != "leading-edge":
         del attributes["threshold_v"]  # no level decides there
+    if result.echo is None:
+        return xarray.Dataset(variables, coordinates, attributes)
+    echo = result.echo.to_xarray()
+    attributes |= {name: value for name, value in echo.attrs.items() if name not in summary}
     echo = echo.drop_vars("axis", errors="ignore")
     for name in echo.variables:
         echo[name].attrs.setdefault("units", "1")  # labels have no unit of their own

@@ -1,12 +1,18 @@
 """What a run of a scene would do, in words: region, grid, method, ray counts, and the error of the grid."""
 
+import math
+
+from aerokernels.echo import RANGING_METHODS
 from aerokernels.echo.paths import target_plane
+from aerokernels.echo.prediction import predict_echo
 from aerokernels.echo.return_paths import is_symmetric
-from aerokernels.medium import IndexField
+from aerokernels.medium import IndexField, ResamplingError
 from aerokernels.medium.grid import UniformGrid
 from aerokernels.prepare import prepare_field
+from aerokernels.quantities import GREAT_ERROR, root_sum_square
 from aerokernels.scene import Scene
 from aerokernels.strehl import plan_strehl
+from aerokernels.strehl_errors import main_cause, strehl_error
 from aerokernels.study.views import FAN_PLANES, FAN_RAYS, PUPIL_SAMPLES, forward_pupil, pupil_samples, trace_options
 from aerokernels.tracing.plan import TracePlan
 
@@ -19,7 +25,13 @@ def explanation(scene: Scene) -> list[tuple[str, str]]:
     """
     prepared = prepare_field(scene)
     pupil = forward_pupil(scene)
-    plan, count = plan_strehl(prepared.field, pupil, **trace_options(scene), ray_count=scene.strehl.ray_count)
+    plan, count = plan_strehl(
+        prepared.field,
+        pupil,
+        **trace_options(scene),
+        ray_count=scene.strehl.ray_count,
+        allow_truncation=scene.trace.allow_truncation,
+    )
     low, high = prepared.region
     axes = "r, z" if prepared.field.geometry == "axisymmetric" else "y, z"
     wavelength = scene.flow.wavelength
@@ -58,6 +70,7 @@ def explanation(scene: Scene) -> list[tuple[str, str]]:
             f"{scene.strehl.ray_count:,} asked for, {count:,} traced, pupil of {scene.receiver.diameter * 1e3:g} mm",
         ),
         ("predicted", _prediction(plan, count)),
+        *_predicted_ratio(plan, resampling, wavelength),
         (
             "rays, OPD map",
             f"{len(sampled):,} for {int(inside.sum()):,} samples, {PUPIL_SAMPLES} across the pupil{shared}",
@@ -68,7 +81,55 @@ def explanation(scene: Scene) -> list[tuple[str, str]]:
             f"{scene.beam.ray_count:,} target points; {_way_back(scene, prepared.field)}",
         ),
         ("ranging", f"{scene.detector.ranging}, {scene.detector.sample_rate / 1e9:g} GHz samples"),
+        *_predicted_echo(scene, prepared.field),
     ]
+    return rows
+
+
+def _predicted_ratio(plan: TracePlan, resampling: ResamplingError | None, wavelength: float) -> list[tuple[str, str]]:
+    """The error that the Strehl ratio will have at most: that of a ratio of 1 under the phase errors known before."""
+    if plan.predicted_error is None:
+        return []
+    lengths = [] if resampling is None else [resampling.opd_rms]
+    phase = 2.0 * math.pi * root_sum_square([plan.predicted_error, *(length / wavelength for length in lengths)])
+    error = strehl_error(1.0, phase)
+    rows = [("predicted, Strehl ratio", f"error +- {error:.2g} at most, without that of the flow's own mesh")]
+    if error > 1.0:
+        rows.append(
+            ("warning", f"an error of {error:.2g} answers nothing: {main_cause(_shares(plan, resampling, wavelength))}")
+        )
+    elif error > GREAT_ERROR:
+        rows.append(
+            ("warning", f"an error of {error:.2g} is great: {main_cause(_shares(plan, resampling, wavelength))}")
+        )
+    return rows
+
+
+def _shares(plan: TracePlan, resampling: ResamplingError | None, wavelength: float) -> dict[str, float]:
+    """Errors known before, in waves, by the causes of a budget."""
+    shares = {"step": plan.predicted_error or 0.0}
+    if resampling is not None:
+        shares["resampling"] = resampling.opd_rms / wavelength
+    return shares
+
+
+def _predicted_echo(scene: Scene, field: IndexField) -> list[tuple[str, str]]:
+    """The echo that comes back where the flow takes nothing off it, and whether it can be ranged."""
+    found, own = predict_echo(scene, field), scene.detector.ranging
+    rows = [
+        ("predicted, echo", f"{found.peak_voltage:.4g} V without flow, {found.peak_power * 1e6:.4g} µW; less with it")
+    ]
+    if own in found.reasons:
+        rows.append(("predicted, range", f"none: {found.reasons[own]}; all else is computed"))
+    elif found.least_factor <= 1.0:
+        rows.append(
+            ("predicted, range", f"read as long as the flow leaves {found.least_factor:.3f} of the peak or more")
+        )
+    else:
+        rows.append(("predicted, range", "read"))
+    readable = [method for method in RANGING_METHODS if method not in found.reasons]
+    if own in found.reasons and readable:
+        rows.append(("", f"detector.ranging that reads this echo: {', '.join(readable)}"))
     return rows
 
 

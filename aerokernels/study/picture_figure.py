@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from aerokernels.quantities import Quantity
 from aerokernels.schlieren import HalfComparison, ShockAngle
 from aerokernels.schlieren.picture import AnyPicture
 from aerokernels.study.plots import ACCENT, STYLE
@@ -61,7 +62,7 @@ def _draw_shock(axes: "Axes", shock: ShockAngle) -> None:
     along = np.unique(shock.points[:, 0])
     height = np.polynomial.polynomial.polyval(along - shock.place, shock.curve)
     angle, error = np.degrees(shock.angle), np.degrees(shock.standard_error)
-    label = f"shock {angle:.2f}° ± {error:.2f}° at {1e3 * shock.place:.1f} mm"
+    label = f"shock {Quantity(float(angle), float(error))}° at {1e3 * shock.place:.1f} mm"
     for sign, words in ((1.0, label), (-1.0, None)):
         if (sign * shock.points[:, 1] > 0.0).any():
             axes.plot(1e3 * along, sign * 1e3 * height, color=ACCENT, linewidth=1.2, linestyle="--", label=words)

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from aerokernels.quantities import Quantity
 from aerokernels.study.figure_layout import Panel, fitted_panel, panelled_figure
 
 if TYPE_CHECKING:
@@ -96,8 +97,9 @@ def density_figure(dataset: "xarray.Dataset") -> "Figure":
     figure, [(axes, bar_axes)] = _figure(fitted_panel((top - bottom) / (high - low), 6.6, 4.6, bar=True))
     mesh = _draw_density(axes, dataset)
     _draw_body(axes, dataset)
-    position = 1e3 * dataset["ray_position"].values  # (ray, plane, axis)
-    axes.plot(position[..., 2].T, position[..., 1].T, color="white", linewidth=0.7, alpha=0.9, zorder=4)
+    if "ray_position" in dataset:
+        position = 1e3 * dataset["ray_position"].values  # (ray, plane, axis)
+        axes.plot(position[..., 2].T, position[..., 1].T, color="white", linewidth=0.7, alpha=0.9, zorder=4)
     axes.set(xlim=(low, high), ylim=(bottom, top), aspect="equal")
     axes.set(xlabel="z, optical axis looking forward [mm]", ylabel="y [mm]")
     _title(axes, "Density of the flow, body and rays")
@@ -141,7 +143,7 @@ def opd_figure(dataset: "xarray.Dataset") -> "Figure":
     square = Panel(SQUARE, SQUARE, bar=True)
     figure, panels = _figure(square, square)
     for (axes, bar_axes), name, title in zip(
-        panels, ("opd", "opd_without_tilt"), ("OPD, piston removed", "OPD, piston and tilt removed"), strict=True
+        panels, ("opd", "opd_without_tilt"), ("Piston removed", "Piston, tilt removed"), strict=True
     ):
         opd = 1e9 * dataset[name].values
         x, y = 1e3 * dataset["pupil_x"].values, 1e3 * dataset["pupil_y"].values
@@ -158,7 +160,8 @@ def opd_figure(dataset: "xarray.Dataset") -> "Figure":
         )
         rms = float(np.sqrt(np.nanmean(opd**2))) if np.isfinite(opd).any() else float("nan")
         axes.set(xlabel="x [mm]", ylabel="y [mm]")
-        _title(axes, f"{title}: {rms:.3g} nm rms")
+        told = Quantity(rms, 1e9 * dataset.attrs.get("opd_rms_m_error", float("nan")), "nm")
+        _title(axes, f"{title}: {told if np.isfinite(told.error or 0.0) else f'{rms:.3g} nm'} rms")
         _colour_bar(figure, image, bar_axes, "OPD [nm]")
     return figure
 
@@ -187,7 +190,9 @@ def point_spread_figure(dataset: "xarray.Dataset") -> "Figure":
     cut.plot(angle_x, spread[middle[0]], color=RAY_COLOUR, linewidth=1.6, label="along x")
     cut.plot(angle_y, spread[:, middle[1]], color=ACCENT, linewidth=1.2, linestyle=":", label="along y")
     ratio = dataset.attrs.get("strehl")
-    title = "Cuts through the axis" if ratio is None else f"Cuts through the axis, Strehl ratio {ratio:.4f}"
+    title = "Cuts through the axis"
+    if ratio is not None:
+        title = f"Cuts, Strehl ratio {Quantity(ratio, dataset.attrs.get('strehl_error', float('nan')))}"
     cut.set(xlabel="angle [µrad]", ylabel="intensity / undisturbed peak", yscale="log", ylim=(1e-5, 2.0))
     _title(cut, title)
     _powers_of_ten(cut.yaxis)
@@ -219,7 +224,8 @@ def echo_figure(dataset: "xarray.Dataset") -> "Figure":
         distance = dataset.attrs.get(key)
         if distance is not None and np.isfinite(distance):
             nanosecond = 2e9 * distance / SPEED_OF_LIGHT
-            axes.axvline(nanosecond, color=colour, linewidth=1.1, linestyle=line, label=f"{words} {distance:.4f} m")
+            told = Quantity(distance, dataset.attrs.get(f"{key}_error"), "m")
+            axes.axvline(nanosecond, color=colour, linewidth=1.1, linestyle=line, label=f"{words} {told}")
     second = axes.twinx()
     second.plot(nanoseconds, 1e6 * power[shown], color="#2f9e6e", linewidth=1.2, linestyle="-.", label="received power")
     second.set(ylabel="received power [µW]", ylim=(None, 1.25 * second.get_ylim()[1]))  # clear of the voltage's curve
@@ -246,6 +252,15 @@ FIGURES: dict[str, tuple[str, "Callable[[xarray.Dataset], Figure]"]] = {
     "opd": ("The wavefront that a distant point on the axis leaves on the receiver's pupil.", opd_figure),
     "point-spread": ("What the wavefront makes of the focus.", point_spread_figure),
     "echo": ("The pulse that comes back from the reflector.", echo_figure),
+}
+
+# Variables of a run's dataset that each picture is drawn from: a run whose stage failed lacks some.
+NEEDED: dict[str, set[str]] = {
+    "density": {"density"},
+    "rays": {"ray_position", "ray_deviation"},
+    "opd": {"opd", "opd_without_tilt"},
+    "point-spread": {"point_spread", "point_spread_perfect"},
+    "echo": {"time", "echo_power", "echo_voltage"},
 }
 
 

@@ -5,6 +5,7 @@ range that the run reports by it (which is free of the method's own offset, see 
 
     range = reading - reading of the simulation + range of the run
 
+Where the run has no range by a method, its systematic error is not known; the random one is.
 What the record's ends cut off the pulse then shifts both readings alike.
 """
 
@@ -14,7 +15,8 @@ from dataclasses import asdict, dataclass
 
 import numpy as np
 
-from aerokernels.echo import RANGING_METHODS, estimate_range
+from aerokernels.echo import RANGING_METHODS
+from aerokernels.echo.ranging import read_range
 from aerokernels.study.run_folder import RunFolder
 
 
@@ -27,7 +29,7 @@ class RangeErrors:
         systematic_standard_error_m: of that mean [m].
         random_error_m: standard deviation of the range of one echo [m].
         random_standard_error_m: of that, for normally distributed ranges [m].
-        simulated_error_m: the run's range less the true distance [m].
+        simulated_error_m: the run's range less the true distance [m]; NaN where the run has no range by the method.
         ranged_count: echoes that gave a range.
         missed_count: echoes that gave none.
     """
@@ -67,25 +69,27 @@ def range_errors(
     for method in RANGING_METHODS:
 
         def read(times: np.ndarray, volts: np.ndarray, method: str = method) -> float:
-            return estimate_range(
+            return read_range(
                 times,
                 volts,
                 method,
                 threshold=threshold,
                 template=template if method == "matched-filter" else None,
                 fraction=float(run.detector.get("fraction", 0.5)),
+                shape=template,
             )
 
         try:
             own = read(time, simulated)
         except ValueError:
             continue
-        told = reported.get(method)
-        simulated_error = 0.0 if told is None else float(told) - run.distance
+        told = reported.get(method, run.distance)
+        # A run that could not range its echo by this method, below its own threshold say, knows the spread alone.
+        simulated_error = math.nan if told is None else float(told) - run.distance
         errors = []
         for times, volts in echoes:
             try:
-                errors.append(read(times, volts) - own + simulated_error)
+                errors.append(read(times, volts) - own)
             except ValueError:  # a threshold that is never crossed, a pulse that the record cuts
                 continue
         found[method] = _summed_up(errors, len(echoes), simulated_error)
@@ -96,7 +100,7 @@ def _summed_up(errors: Sequence[float], count: int, simulated_error: float) -> R
     number = len(errors)
     spread = float(np.std(errors, ddof=1)) if number > 1 else math.nan
     return RangeErrors(
-        systematic_error_m=float(np.mean(errors)) if number else math.nan,
+        systematic_error_m=float(np.mean(errors)) + simulated_error if number else math.nan,
         systematic_standard_error_m=spread / math.sqrt(number) if number else math.nan,
         random_error_m=spread,
         random_standard_error_m=spread / math.sqrt(2.0 * (number - 1)) if number > 1 else math.nan,

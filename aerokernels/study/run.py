@@ -2,20 +2,18 @@
 
 import time
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
-import numpy as np
-
-from aerokernels import __version__
 from aerokernels.echo import EchoResult, echo
+from aerokernels.echo.prediction import predict_echo
 from aerokernels.medium import IndexField
 from aerokernels.prepare import Prepared, prepare_field
 from aerokernels.scene import Scene
 from aerokernels.strehl import StrehlEstimate, estimate_strehl
-from aerokernels.study.report import render_report
+from aerokernels.study.report import draw_pictures, render_report
 from aerokernels.study.scene_text import scene_toml
 from aerokernels.study.store import (
     REPORT_FILE,
@@ -25,6 +23,7 @@ from aerokernels.study.store import (
     write_result,
     write_summary,
 )
+from aerokernels.study.summary import summarise
 from aerokernels.study.views import PupilMap, RayFan, Spot, forward_pupil, pupil_map, ray_fan, spot
 from aerokernels.tracing.backends import choose_backend
 
@@ -32,6 +31,7 @@ if TYPE_CHECKING:
     import xarray
 
 Progress = Callable[[str, float], None]
+Made = TypeVar("Made")
 
 # Name of each stage, what to call it, and the fraction of the job that lies before it.
 STAGES = {
@@ -51,19 +51,27 @@ class RunResult:
         scene: The scene.
         prepared: Its flow and index fields.
         strehl: The Strehl ratio of the view straight ahead.
-        pupil: The optical path difference over the receiver's pupil.
-        fan: Rays for the picture.
-        echo: The laser echo and its range.
+        pupil: The optical path difference over the receiver's pupil; None where that stage failed.
+        fan: Rays for the picture; None where that stage failed.
+        echo: The laser echo and its range; None where no light returns.
         seconds: Wall time of each stage, and "total".
+        failed: Why, for each stage that failed: "wavefront", "rays", "echo".
     """
 
     scene: Scene
     prepared: Prepared
     strehl: StrehlEstimate
-    pupil: PupilMap
-    fan: RayFan
-    echo: EchoResult
+    pupil: PupilMap | None
+    fan: RayFan | None
+    echo: EchoResult | None
     seconds: Mapping[str, float]
+    failed: Mapping[str, str] = field(default_factory=dict)
+
+    @property
+    def failures(self) -> dict[str, str]:
+        """Why there is no result, for each stage without one; "range" is an echo that cannot be ranged."""
+        reason = self.echo.reason if self.echo is not None else None
+        return {**self.failed, **({"range": reason} if reason else {})}
 
     @cached_property
     def summary(self) -> dict[str, Any]:
@@ -71,9 +79,9 @@ class RunResult:
         return summarise(self)
 
     @cached_property
-    def spot(self) -> Spot:
-        """The point spread function of the wavefront."""
-        return spot(self.pupil, self.scene.flow.wavelength)
+    def spot(self) -> Spot | None:
+        """The point spread function of the wavefront, where there is one."""
+        return None if self.pupil is None else spot(self.pupil, self.scene.flow.wavelength)
 
     def to_xarray(self) -> "xarray.Dataset":
         """The run as one dataset with units: what goes to result.nc."""
@@ -98,6 +106,7 @@ def scene_strehl(field: IndexField, scene: Scene) -> StrehlEstimate:
         backend=table.backend,
         device=table.device,
         precision=table.precision,
+        allow_truncation=table.allow_truncation,
     )
 
 
@@ -108,14 +117,19 @@ def simulate(scene: Scene, *, progress: Progress | None = None) -> RunResult:
         scene: The scene.
         progress: Called with the stage that begins, in words, and the fraction of the job done before it.
 
+    Returns:
+        The run. What can be finished is finished: a stage after the Strehl ratio that finds nothing, such as light that
+        does not return, is None and among the `failures`, and an echo that cannot be ranged has no range.
+
     Raises:
         ValueError: Something in the scene that only shows when it is computed: an absent backend or device, a target
-            inside the flow, an echo below the threshold in vacuum.
+            inside the flow, a pupil that no ray leaves.
     """
     seconds: dict[str, float] = {}
+    failed: dict[str, str] = {}
     start = time.perf_counter()
 
-    def staged(name: str, work: Callable[[], Any]) -> Any:
+    def staged(name: str, work: Callable[[], Made]) -> Made:
         if progress is not None:
             progress(*STAGES[name])
         begin = time.perf_counter()
@@ -123,83 +137,46 @@ def simulate(scene: Scene, *, progress: Progress | None = None) -> RunResult:
         seconds[name] = time.perf_counter() - begin
         return made
 
+    def tried(name: str, work: Callable[[], Made], result: str | None = None) -> Made | None:
+        begin = time.perf_counter()
+        try:
+            return staged(name, work)
+        except ValueError as fault:  # bad input was refused before: the scene leaves nothing to find here
+            seconds[name] = time.perf_counter() - begin
+            failed[result or name] = str(fault)
+            return None
+
     choose_backend(scene.trace.backend, scene.trace.device)  # refused here, before anything is computed
     prepared = staged("prepare", lambda: prepare_field(scene))
-    field = prepared.field
+    index = prepared.field
+    predict_echo(scene, index)  # so is a scene whose echo cannot be computed, whatever the flow does
+    strehl = staged("strehl", lambda: scene_strehl(index, scene))
     result = RunResult(
         scene=scene,
         prepared=prepared,
-        strehl=staged("strehl", lambda: scene_strehl(field, scene)),
-        pupil=staged("wavefront", lambda: pupil_map(field, scene)),
-        fan=staged("fan", lambda: ray_fan(field, scene, prepared.front)),
-        echo=staged("echo", lambda: echo(scene, field=field)),
+        strehl=strehl,
+        pupil=tried("wavefront", lambda: pupil_map(index, scene)),
+        fan=tried("fan", lambda: ray_fan(index, scene, prepared.front), "rays"),
+        echo=tried("echo", lambda: echo(scene, field=index, phase_error=lambda: strehl.phase_error)),
         seconds=seconds,
+        failed=failed,
     )
     seconds["total"] = time.perf_counter() - start
     return result
 
 
-def summarise(result: RunResult) -> dict[str, Any]:
-    """The numbers of summary.json; lengths in m, angles in rad, powers in W; null where there is none."""
-    scene, strehl, echo_result = result.scene, result.strehl, result.echo
-    plan = strehl.plan.as_dict()
-    traces = (strehl.seconds, result.pupil.trace.seconds, result.fan.seconds)
-    density = result.prepared.density
-    return {
-        "scene": scene.name,
-        "title": scene.title,
-        "strehl": strehl.value,
-        "strehl_standard_error": strehl.standard_error,
-        "strehl_marechal": strehl.marechal,
-        "opd_rms_m": strehl.opd_rms,
-        "boresight_rad": float(np.hypot(*strehl.boresight)),
-        "boresight_x_rad": float(strehl.boresight[0]),
-        "boresight_y_rad": float(strehl.boresight[1]),
-        "echo_strehl": echo_result.mean_strehl,
-        "echo_peak_w": echo_result.peak_power,
-        "echo_peak_v": echo_result.peak_voltage,
-        "range_m": echo_result.range,
-        "range_error_m": echo_result.range_error,
-        "ranges_m": dict(echo_result.ranges),
-        "range_statistics_m": {
-            method: {
-                "systematic_error": found.systematic_error,
-                "random_error": found.random_error,
-                "random_error_interval": found.random_interval,
-                "cramer_rao_bound": found.cramer_rao_bound,
-                "missed_count": found.missed_count,
-            }
-            for method, found in echo_result.statistics.items()
-        },
-        "noise_rms_v": echo_result.noise_rms,
-        "return_factor": scene.receiver.return_factor,
-        "true_range_m": echo_result.distance,
-        "mach": density.conditions.mach if density.conditions else 0.0,
-        "ambient_density_kg_m3": density.ambient_density,
-        "wavelength_m": scene.flow.wavelength,
-        "ray_count": strehl.ray_count,
-        "traced_ray_count": strehl.traced_ray_count,
-        "evaluation_count": strehl.evaluation_count,
-        "trace_seconds": sum(seconds["kernel"] for seconds in traces) + echo_result.information["trace_seconds"],
-        "compile_seconds": sum(seconds["compile"] for seconds in traces),
-        "total_seconds": result.seconds["total"],
-        "backend": plan["backend"],
-        "device": plan["device"],
-        "precision": plan["precision"],
-        "plan": plan,
-        "error": dict(strehl.error),
-        "seconds": {**result.seconds, "prepare": dict(result.prepared.seconds)},
-        "provenance": density.provenance,
-        "version": __version__,
-    }
+def write_run(result: RunResult, out: Path) -> dict[str, Any]:
+    """Write summary.json, result.nc and report.html to the folder `out`: all of them, or none.
 
-
-def write_run(result: RunResult, out: Path) -> None:
-    """Write summary.json, result.nc and report.html to the folder `out`: all of them, or none."""
+    Returns:
+        The summary as it was written: a picture that could not be drawn is among its failures.
+    """
     dataset = result.to_xarray()
+    pictures, undrawn = draw_pictures(dataset)
+    summary = {**result.summary, "failures": {**result.summary["failures"], **undrawn}}
     with staged_folder(out) as folder:
         write_result(folder / RESULT_FILE, dataset)
-        (folder / REPORT_FILE).write_text(
-            render_report(dataset, result.summary, scene_toml(result.scene)), encoding="utf-8"
-        )
-        write_summary(folder / SUMMARY_FILE, result.summary)
+        page = render_report(pictures, summary, scene_toml(result.scene))
+        (folder / REPORT_FILE).write_text(page, encoding="utf-8")
+        write_summary(folder / SUMMARY_FILE, summary)
+    return summary

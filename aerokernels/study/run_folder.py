@@ -43,12 +43,23 @@ class RunFolder:
         """The scene's name, else the folder's."""
         return str(self.summary.get("scene") or self.path.name)
 
+    def error_of(self, key: str, method: str | None = None) -> float:
+        """What a number of the summary may be off by; NaN where that is not known."""
+        found = (self.summary.get("errors") or {}).get(key)
+        if method is not None:
+            found = (found or {}).get(method)
+        return math.nan if found is None else float(found)
+
+
+class RunWithoutEcho(ValueError):
+    """A finished run of which no light returned."""
+
 
 def read_run(text: str) -> RunFolder:
     """Read a run from "DIR", or from "KEY=VALUE=DIR", which says what label it is for.
 
     Raises:
-        ValueError: no such folder, or one without a finished run.
+        ValueError: no such folder, one without a finished run, or a run without an echo.
     """
     path, label = Path(text), _NONE
     if not path.exists() and text.count("=") >= 2:
@@ -64,10 +75,15 @@ def read_run(text: str) -> RunFolder:
             )
     try:
         summary = json.loads((path / SUMMARY_FILE).read_text(encoding="utf-8"))
+        lost = (summary.get("failures") or {}).get("echo")
+        if lost:
+            raise RunWithoutEcho(f"run {path}: it has no echo to compare with: {lost}")
         result = load_netcdf(path / RESULT_FILE)
         time, voltage = (result[name].values.astype(np.float64) for name in ("time", "echo_voltage"))
         detector = tomllib.loads(str(result.attrs.get("scene", ""))).get("detector", {})
         distance = float(summary["true_range_m"])
+    except RunWithoutEcho:
+        raise
     except (ValueError, KeyError, OSError, TypeError) as error:
         raise ValueError(
             f"run {path}: its files cannot be read ({type(error).__name__}: {error}); run it again"

@@ -159,7 +159,7 @@ def _rest(warp: list[BackendInfo], opencl: list[BackendInfo]) -> list[BackendInf
 def _reference() -> BackendInfo:
     import scipy
 
-    text = "float64 NumPy and SciPy (DOP853), one ray at a time: the oracle, slow"
+    text = "float64 NumPy (DOP853, step by smooth piece of the field): the oracle, slow"
     return BackendInfo("reference", "cpu", text, scipy.__version__, True, True, host_memory(), "never taken by auto")
 
 

@@ -13,7 +13,7 @@ import numpy as np
 from ..medium import IndexField
 from ..medium.grid import UniformGrid
 from ..rays import RayBundle
-from .columns import FURTHEST, ColumnTables, column_tables
+from .columns import FURTHEST, ColumnTables, between_columns, column_tables
 from .plan import TracePlan
 from .stop import Plane
 
@@ -23,6 +23,8 @@ RAYS_PER_NODE = 0.15
 # order, which are splined from columns, are below so many tolerances.
 MARGIN = 3.0
 GREATEST_EXTRA = 100.0
+# A bound of what comes between columns is not looked into below this share of the tolerance.
+NEGLIGIBLE = 0.05
 
 _last: weakref.WeakKeyDictionary = weakref.WeakKeyDictionary()
 
@@ -35,6 +37,7 @@ class Columns:
         tables: What they gather.
         sign: 1.0 along z, -1.0 against it.
         first: Plane where the tables begin [m].
+        last: Plane where they end [m].
         length: How far they reach [m].
         flight: How far it is from there to the stop [m].
         inside: Which rays the tables hold for, shape (ray_count,).
@@ -43,6 +46,7 @@ class Columns:
     tables: ColumnTables
     sign: float
     first: float
+    last: float
     length: float
     flight: float
     inside: np.ndarray
@@ -95,13 +99,24 @@ def _find_columns(field: IndexField, rays: RayBundle, until) -> Columns | None:
     keep = 2.0 * tables.greatest_shift * grid.spacing[:2]
     across = rays.position[:, :2]
     inside = np.asarray(((across >= grid.low[:2] + keep) & (across <= grid.high[:2] - keep)).all(axis=1))
-    return Columns(tables, sign, first, abs(last - first), (stop - last) * sign, inside)
+    return Columns(tables, sign, first, last, abs(last - first), (stop - last) * sign, inside)
 
 
-def columns_hold(columns: Columns, budget: float) -> bool:
-    """Whether the estimated error leaves room in an OPD error of `budget` [m]."""
-    beyond = float(np.abs(columns.tables.extra[..., 0]).max())
-    return MARGIN * columns.tables.greatest_error <= budget and beyond <= GREATEST_EXTRA * budget
+def columns_hold(field: IndexField, columns: Columns, budget: float) -> bool:
+    """Whether the estimated errors leave room in an OPD error of `budget` [m].
+
+    That of a direction is one of the path's slope, which a path that is right to the budget leaves open by so much over
+    a cell. What comes between the grid's columns is looked at where it is not negligible at once.
+    """
+    tables = columns.tables
+    beyond = float(np.abs(tables.extra[..., 0]).max())
+    if MARGIN * tables.greatest_error > budget or beyond > GREATEST_EXTRA * budget:
+        return False
+    if tables.between_bound <= NEGLIGIBLE * budget:
+        return True
+    between = between_columns(field, columns.sign, columns.first, columns.last)
+    turned = between.direction * float(np.min(field.samples.spacing[:2]))
+    return MARGIN * max(between.path, turned) <= budget and between.extra <= GREATEST_EXTRA * budget
 
 
 def kernel_numbers(field: IndexField, columns: Columns) -> dict[str, float]:

@@ -17,9 +17,11 @@ from ..medium.grid import UniformGrid
 from ..rays import RayBundle
 from .active import active_box
 from .choice import choose_method
+from .held import greatest_path, held_error
 from .plan import TracePlan
 from .status import reached
 from .stop import ArcLength
+from .unresolved import Sampling, greatest_error, lines_through, missed_along
 
 # Fewer rays are traced under error control at once: a pilot would not pay.
 LEAST_RAYS = 4096
@@ -42,6 +44,18 @@ GREATEST_BEND = 0.5
 # Of the pilot's rays, how many may be unfit for it.
 UNFIT = 0.1
 
+# What lies between samples may cost this share of the tolerance without each ray being asked for its own.
+NEGLIGIBLE = 0.5
+# Elsewhere counts are tried that are so many times each other; a ray is expected to be rejected from this share on.
+FINER = 1.3
+REJECTED = 0.7
+# Single precision is seen in a bound for tolerances below this share of the field's greatest optical path difference.
+FINE_SHARE = 3e-5
+# The longest of the rays' ways may be longer than the longest seen by so much.
+ROOM = 1.02
+# Rays of a bundle whose ways are looked at.
+SPREAD_RAYS = 8192
+
 _kept: weakref.WeakKeyDictionary = weakref.WeakKeyDictionary()
 
 
@@ -58,7 +72,20 @@ def pilot_of(rays: RayBundle) -> RayBundle:
     return RayBundle(rays.position[rows], rays.direction[rows])
 
 
-def fit_even(field: IndexField, pilot: RayBundle, plan: TracePlan, until, wavelength: float) -> TracePlan | None:
+def spread_of(rays: RayBundle) -> RayBundle:
+    """More of the rays, the outermost in place and direction among them."""
+    if rays.ray_count <= SPREAD_RAYS:
+        return rays
+    rows = np.linspace(0, rays.ray_count - 1, SPREAD_RAYS).round().astype(int)
+    numbers = [*rays.position.T, *rays.direction.T]
+    ends = [row for values in numbers for row in (int(np.argmin(values)), int(np.argmax(values)))]
+    rows = np.concatenate([rows, ends])
+    return RayBundle(rays.position[rows], rays.direction[rows])
+
+
+def fit_even(
+    field: IndexField, pilot: RayBundle, plan: TracePlan, until, wavelength: float, spread
+) -> TracePlan | None:
     """The plan with the number of even samples that holds its tolerance; None where none does at less cost.
 
     Args:
@@ -67,40 +94,59 @@ def fit_even(field: IndexField, pilot: RayBundle, plan: TracePlan, until, wavele
         plan: Backend, device, precision and tolerance; method "straight".
         until: The stop.
         wavelength: Vacuum wavelength [m].
+        spread: Makes as many of the rays as show where the bundle goes.
     """
     store = _kept.setdefault(field, {})
     stop = None if until is None else (until.point.tobytes(), until.normal.tobytes())
     bundle = hash((pilot.position.tobytes(), pilot.direction.tobytes()))
     key = (bundle, stop, plan.tolerance, wavelength, plan.backend, plan.device, plan.precision)
     if key not in store:
-        store[key] = _fit(field, pilot, plan, until, wavelength)
-    count, shares, worst = store[key]
+        store[key] = _fit(field, pilot, plan, until, wavelength, spread())
+    count, shares, worst, sampling = store[key]
     if not count:
         return None
     reason = (
         f"method straight by {count} even samples a ray, bending included: a pilot of {pilot.ray_count} rays is right "
         f"to {worst / wavelength:.1g} waves; rays whose own error estimate is above the tolerance are traced again"
     )
+    if sampling is not None:
+        reason += "; the field has structure between samples, so what each ray may miss is bounded along its way"
     return replace(
         plan,
         sample_count=count,
         even_share=shares[0],
         bend_share=shares[1],
+        sampling=sampling,
         reasons=(reason, *plan.reasons),
         predicted_evaluations=float(count),
         predicted_error=worst / wavelength,
     )
 
 
-def _fit(field: IndexField, pilot: RayBundle, plan: TracePlan, until, wavelength: float) -> tuple[int, tuple, float]:
-    """Samples a ray (0: none fit), the shares that make its error estimate, greatest error of the pilot [m]."""
-    budget = plan.tolerance * wavelength / MARGIN
-    least = _least_samples(field, pilot, plan.tolerance * wavelength)
+def _fit(
+    field: IndexField, pilot: RayBundle, plan: TracePlan, until, wavelength: float, spread: RayBundle
+) -> tuple[int, tuple, float, Sampling | None]:
+    """Samples a ray (0: none fit), the shares that make its error estimate, greatest error of the pilot [m].
+
+    And how far apart the samples are, where what lies between them counts.
+    """
+    held = held_error(field, plan.tolerance * wavelength)
+    budget = held / MARGIN
+    nothing = 0, (), 0.0, None
+    least = _least_samples(field, pilot, held)
     if not _is_worth_it(field, pilot, plan, wavelength, least):
-        return 0, (), 0.0
+        return nothing
+    between = _Between(field, spread, until, held)
+    least = between.least_count(
+        least,
+        lambda count: _is_worth_it(field, pilot, plan, wavelength, count),
+        lambda: max(CHEAP[plan.backend], WORTH[plan.backend] * choose_method(field, held, pilot.direction).evaluations),
+    )
+    if not least:
+        return nothing
     rungs = [_Rung(field, pilot, plan, until, wavelength, least * 3**power) for power in range(3)]
     if not rungs[-1].is_fit:
-        return 0, (), 0.0
+        return nothing
     first, second = rungs[0].error(rungs[1]), rungs[1].error(rungs[2])
     order = 1.0
     if second > 0.0:
@@ -119,9 +165,55 @@ def _fit(field: IndexField, pilot: RayBundle, plan: TracePlan, until, wavelength
             share = SAFETY * worst / rung.difference if rung.difference > 0.0 else GREATEST_SHARE
             bends = _Rung(field, pilot, replace(plan, bend_share=1.0), until, wavelength, count, 0.0).difference
             bend_share = SAFETY * worst / bends if bends > 0.0 else 0.0
-            return count, (min(max(share, LEAST_SHARE), GREATEST_SHARE), min(bend_share, GREATEST_BEND)), worst
+            shares = min(max(share, LEAST_SHARE), GREATEST_SHARE), min(bend_share, GREATEST_BEND)
+            return count, shares, worst, between.sampling(count)
         count = _in_threes(1.25 * count)
-    return 0, (), 0.0
+    return nothing
+
+
+class _Between:
+    """What a bundle may miss between its samples."""
+
+    def __init__(self, field: IndexField, spread: RayBundle, until, held: float):
+        self.field, self.held = field, held
+        low, high = active_box(field, held)
+        self.lines = lines_through(field, spread, until, low, high)
+        self.negligible_from = MOST_SAMPLES + 1  # samples a ray
+
+    def _sampled(self, count: int) -> Sampling:
+        way = float(self.lines.way.max(initial=0.0))
+        steepness = np.abs(self.lines.direction).max(axis=0, initial=0.0)
+        x, y, z = (float(size) for size in np.minimum(steepness, 1.0))
+        # What turns a ray counts in second order, too, where the stop is met head on.
+        lever = math.sqrt(0.5 * self.held * way)
+        return Sampling(ROOM * way / count, (x, y, z), lever, self.held < FINE_SHARE * greatest_path(self.field))
+
+    def least_count(self, count: int, is_worth_it, cost_again) -> int:
+        """The number of samples, from `count` on, by which rays cost least, those that are traced again among them.
+
+        Args:
+            count: The least that is thought of.
+            is_worth_it: Whether a number is, as a function of it.
+            cost_again: A function that predicts what a ray that is traced again costs, in samples.
+        """
+        best, best_cost = 0, math.inf
+        while is_worth_it(count) and count < best_cost:
+            if not len(self.lines.way):
+                return count
+            sampled = self._sampled(count)
+            if greatest_error(self.field, sampled, self.lines) <= NEGLIGIBLE * self.held:
+                self.negligible_from = count
+                return count if count < best_cost else best
+            rejected = float((missed_along(self.field, sampled, self.lines) > REJECTED * self.held).mean())
+            cost = count + (rejected * cost_again() if rejected > 0.0 else 0.0)
+            if cost < best_cost:
+                best, best_cost = count, cost
+            count = _in_threes(FINER * count)
+        return best
+
+    def sampling(self, count: int) -> Sampling | None:
+        """How the rays are sampled by so many samples; None where nothing lies between them."""
+        return None if count >= self.negligible_from or not len(self.lines.way) else self._sampled(count)
 
 
 class _Rung:
@@ -168,7 +260,7 @@ def _is_worth_it(field: IndexField, pilot: RayBundle, plan: TracePlan, wavelengt
     """Whether so many samples cost less than error control, whose cost is only predicted where it may matter."""
     if count <= CHEAP[plan.backend] or count > MOST_SAMPLES:
         return count <= MOST_SAMPLES
-    predicted = choose_method(field, plan.tolerance * wavelength, pilot.direction).evaluations
+    predicted = choose_method(field, held_error(field, plan.tolerance * wavelength), pilot.direction).evaluations
     return count <= WORTH[plan.backend] * predicted
 
 
@@ -207,10 +299,10 @@ def mend_rough(field, position, direction, plan: TracePlan, until, wavelength: f
         wavelength: Vacuum wavelength [m].
         arrays: Per-ray results by name, "step_error" among them, which are changed.
     """
-    rough = np.flatnonzero(arrays["step_error"] > plan.tolerance * wavelength)
+    rough = np.flatnonzero(arrays["step_error"] > held_error(field, plan.tolerance * wavelength))
     if not len(rough):
         return {}
-    again = replace(plan, method="adaptive", sample_count=0)
+    again = replace(plan, method="adaptive", sample_count=0, sampling=None)
     part = RayBundle(position[rough], direction[rough])
     others, seconds = _backend(plan.backend)(field, part, again, until, wavelength, frozenset(arrays) - {"status"})
     for name, array in arrays.items():

@@ -11,14 +11,19 @@ import numpy as np
 
 from ..medium import IndexField
 from ..medium.grid import UniformGrid
+from ..medium.wall_tree import wall_tree
 from .active import active_box
+from .held import held_error
 from .plan import TracePlan
 from .quiet import CONES, cones_of, reach
 from .scheme import LAXEST, MESH_STEP_LIMIT, STEP_LIMIT
 from .stop import ArcLength, Plane
+from .unresolved import lookup_table
 
-# Arrays of whole numbers; the others are of the kernel's precision.
-INTEGER_ARRAYS = ("neighbors", "bin_start", "bin_cell", "reach_start")
+# Arrays of whole numbers; the others but for the next are of the kernel's precision.
+INTEGER_ARRAYS = ("neighbors", "bin_start", "bin_cell", "wall_links", "reach_start")
+# Arrays of double precision whatever the kernel's: a wall has no cells to be near to.
+DOUBLE_ARRAYS = ("wall", "wall_boxes")
 # A backend's arrays of a field, in the order of the kernel's arguments.
 FIELD_ARRAYS = (
     "coefficients",
@@ -30,9 +35,19 @@ FIELD_ARRAYS = (
     "bin_cell",
     "paper_step",
     "wall",
+    "wall_boxes",
+    "wall_links",
 )
 
 REAL_TYPES: dict[str, type] = {"float32": np.float32, "float64": np.float64}
+
+
+def number_type(array: str, precision: str) -> type:
+    """NumPy's type of the numbers in one of the kernels' arrays."""
+    if array in INTEGER_ARRAYS:
+        return np.int32
+    return np.float64 if array in DOUBLE_ARRAYS else REAL_TYPES[precision]
+
 
 # Scalars and vectors of the kernels' structs in their order: name, how many numbers, and of what kind ("i" int, "d"
 # double, "r" of the kernel's precision).
@@ -49,10 +64,7 @@ STRUCTS = {
         ("bin_rate", 2, "r"),
         ("slack", 1, "r"),
         ("cell_count", 1, "i"),
-        ("wall_count", 2, "i"),
-        ("wall_origin", 2, "r"),
-        ("wall_rate", 2, "r"),
-        ("wall_span", 2, "r"),
+        ("wall_count", 1, "i"),
     ),
     "bounds": (
         ("origin", 3, "d"),
@@ -168,12 +180,12 @@ def _field_data(field: IndexField, precision: str, with_paper_step: bool) -> Fie
             arrays["paper_step"] = np.append(samples.paper_step, np.median(samples.paper_step))
         cell_rate = np.full(3, 1.0 / float(np.median(mesh.cell_size)))
     members["inverse_spacing"] = 1.0 / spacing
-    wall = field.wall_distance
-    arrays["wall"] = np.ones((2, 2)) if wall is None else wall.samples
-    members["wall_count"] = np.array(arrays["wall"].shape)
-    members["wall_origin"] = np.zeros(2) if wall is None else wall.origin
-    members["wall_rate"] = np.ones(2) if wall is None else 1.0 / wall.spacing
-    members["wall_span"] = np.zeros(2) if wall is None else _span(wall)
+    arrays |= {"wall": np.zeros((1, 4)), "wall_boxes": np.zeros((1, 4)), "wall_links": np.zeros((1, 3), np.int32)}
+    members["wall_count"] = 0
+    if field.body is not None:
+        walls = wall_tree(*field.body.surface)
+        arrays |= {"wall": walls.segments, "wall_boxes": walls.boxes, "wall_links": walls.links}
+        members["wall_count"] = len(walls.boxes)
     radius = float(samples.high[0]) if field.geometry == "axisymmetric" else 0.0
     bounds = {
         "origin": origin,
@@ -192,14 +204,6 @@ def _field_data(field: IndexField, precision: str, with_paper_step: bool) -> Fie
         "step_limit": STEP_LIMIT if field.is_uniform else MESH_STEP_LIMIT,
     }
     return FieldData(arrays, members, bounds, control, origin, spacing)
-
-
-def _span(wall) -> np.ndarray:
-    """The body's extent along the second axis [m], a node to spare; endless where it goes on beyond the table."""
-    nodes = np.flatnonzero((wall.samples <= wall.spacing.max()).any(axis=0))
-    low, high = (nodes[0] - 1, nodes[-1] + 1) if len(nodes) else (0, 0)
-    ends = wall.origin[1] + wall.spacing[1] * np.array([low, high])
-    return np.where([low < 0, high >= wall.samples.shape[1]], [-1e30, 1e30], ends)
 
 
 def _grid_members(samples: UniformGrid) -> dict[str, object]:
@@ -252,8 +256,8 @@ def trace_members(field: IndexField, data: FieldData, plan: TracePlan, until, wa
     control: dict[str, object] = {
         "plane_normal": np.zeros(3),
         "plane_offset": 0.0,
-        "step": plan.step or 0.0,
-        "budget": plan.tolerance * wavelength,
+        "step": plan.sampling.spacing if plan.sample_count and plan.sampling else plan.step or 0.0,
+        "budget": held_error(field, plan.tolerance * wavelength),
         "max_steps": plan.max_steps,
         "even_share": plan.even_share,
         "bend_share": plan.bend_share,
@@ -272,7 +276,7 @@ def _active_members(field: IndexField, data: FieldData, plan: TracePlan, wavelen
     """Only even samples ask where the field is active."""
     if not plan.sample_count:
         return {"active_low": np.zeros(3), "active_high": np.zeros(3), "active_radius": 0.0}
-    low, high = active_box(field, plan.tolerance * wavelength)
+    low, high = active_box(field, held_error(field, plan.tolerance * wavelength))
     radius = float(high[0]) if field.geometry == "axisymmetric" else 0.0
     missing = np.zeros(3 - len(low))
     return {
@@ -285,13 +289,20 @@ def _active_members(field: IndexField, data: FieldData, plan: TracePlan, wavelen
 def reach_tables(field: IndexField, plan: TracePlan, wavelength: float, directions: np.ndarray) -> tuple[dict, dict]:
     """The tables of safe steps of the cones that the directions lie in; none without error control or on a mesh.
 
+    Even samples have in their place the one of what lies between them (unresolved.py), where that counts: the first
+    entry of "reach_start" is then 0.
+
     Returns:
         Arrays "reach" [m], flat, and "reach_start", -1 for a cone without a table; members of Control.
     """
-    budget = min(plan.tolerance, LAXEST) * wavelength
+    budget = held_error(field, min(plan.tolerance, LAXEST) * wavelength)
     start = np.full(len(CONES), -1, dtype=np.int32)
     lengths = [np.zeros(1)]
     members: dict[str, object] = {"block_count": np.ones(3, dtype=int), "block": 1}
+    if plan.sample_count and plan.sampling is not None:
+        block, missed = lookup_table(field, plan.sampling)
+        start[0], lengths = 0, [missed.ravel()]
+        members = {"block_count": np.array([*missed.shape, *[1] * (3 - missed.ndim)]), "block": block}
     if isinstance(field.samples, UniformGrid) and plan.method in ("adaptive", "straight") and not plan.sample_count:
         for cone in np.unique(cones_of(directions, field.geometry)):
             table = reach(field.samples, field.geometry, budget, CONES[cone])

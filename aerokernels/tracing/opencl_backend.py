@@ -11,11 +11,11 @@ from ..medium import IndexField
 from ..rays import RayBundle
 from .field_data import (
     FIELD_ARRAYS,
-    INTEGER_ARRAYS,
     REAL_TYPES,
     STRUCTS,
     FieldData,
     field_data,
+    number_type,
     reach_tables,
     stop_kind,
     trace_members,
@@ -85,9 +85,7 @@ def _upload(
         limit = opened.device.max_mem_alloc_size
         buffers = []
         for name in FIELD_ARRAYS:
-            values: np.ndarray = np.asarray(
-                data.arrays[name], np.int32 if name in INTEGER_ARRAYS else REAL_TYPES[precision]
-            )
+            values: np.ndarray = np.asarray(data.arrays[name], number_type(name, precision))
             if values.nbytes > limit:
                 raise ValueError(
                     f"the field's {name} take {values.nbytes / 2**20:.0f} MiB in {precision}, device {opened.name!r} "

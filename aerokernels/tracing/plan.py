@@ -6,6 +6,8 @@ import numpy as np
 
 from ..medium import IndexField
 from .choice import choose_method
+from .held import held_error
+from .unresolved import Sampling
 
 METHODS = ("auto", "straight", "adaptive", "paper", "fixed")
 PRECISIONS = ("float32", "float64")
@@ -29,6 +31,8 @@ class TracePlan:
         sample_count: Samples of a ray whose samples are even, see even.py; 0 where they are not.
         even_share: The share of a sum's difference from that over every third sample that is taken for its error.
         bend_share: The share of int P^2 / w dt, P the momentum across the ray, that is taken for its course's error.
+        sampling: How far apart even samples are, for a ray's share of what lies between them, see unresolved.py; None
+            where all of that is negligible.
         predicted_evaluations: Field evaluations of a ray across the box, predicted before any ray is traced.
         predicted_error: OPD error predicted [waves]: what a pilot bundle made, what tables estimate, or the tolerance.
     """
@@ -45,6 +49,7 @@ class TracePlan:
     sample_count: int = 0
     even_share: float = 0.0
     bend_share: float = 0.0
+    sampling: Sampling | None = None
     predicted_evaluations: float | None = None
     predicted_error: float | None = None
 
@@ -69,6 +74,13 @@ class TracePlan:
             "predicted_error": self.predicted_error,
             "reasons": list(self.reasons),
         }
+
+
+def check_tolerance(tolerance: float) -> float:
+    """The tolerance [waves], or a refusal of one that is not a positive number."""
+    if not (np.isfinite(tolerance) and tolerance > 0.0):
+        raise ValueError(f"tolerance must be positive (waves of OPD error), got {tolerance!r}")
+    return tolerance
 
 
 def make_plan(
@@ -101,8 +113,7 @@ def make_plan(
         raise ValueError(f"method {method!r} is not known: choose one of {', '.join(METHODS)}")
     if precision not in PRECISIONS:
         raise ValueError(f"precision {precision!r} is not known: choose 'float32' or 'float64'")
-    if not (np.isfinite(tolerance) and tolerance > 0.0):
-        raise ValueError(f"tolerance must be positive (waves of OPD error), got {tolerance!r}")
+    check_tolerance(tolerance)
     if method == "fixed":
         if step is None or not (np.isfinite(step) and step > 0.0):
             raise ValueError(f"method 'fixed' needs step, a positive length of arc in metres, got {step!r}")
@@ -121,7 +132,7 @@ def make_plan(
         method = "adaptive"
         reasons.append("method adaptive: the reference is the answer that others are measured against")
     elif method == "auto":
-        choice = choose_method(field, tolerance * wavelength, directions, lever)
+        choice = choose_method(field, held_error(field, tolerance * wavelength), directions, lever)
         method, step, predicted = choice.method, choice.step, choice.evaluations
         reasons.append(choice.reason)
     backend, device, why = choose_backend(backend, device)

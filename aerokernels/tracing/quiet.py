@@ -158,6 +158,17 @@ def roughness_along(grid: UniformGrid, geometry: str, cone: Cone) -> tuple[int, 
     return block, smooth, kink
 
 
+def roughness_by_axis(grid: UniformGrid) -> tuple[int, list[np.ndarray]]:
+    """Cells in a block, and the greatest |fourth derivative| along each axis in each [1/m4], of a cubic spline."""
+    block, fourth, _ = _roughness(grid)
+    return block, fourth
+
+
+def potential_at_nodes(grid: UniformGrid) -> np.ndarray:
+    """The potential over the ambient index, which is the contrast where that is small."""
+    return grid.samples * (grid.ambient_index + 0.5 * grid.samples) / grid.ambient_index
+
+
 def _local(way: np.ndarray, geometry: str) -> np.ndarray:
     return {"volume": way, "planar": way[1:], "axisymmetric": np.array([0.0, way[2]])}[geometry]
 
@@ -185,11 +196,11 @@ def _roughness(grid: UniformGrid) -> tuple[int, list[np.ndarray], list[np.ndarra
         for axis in range(grid.samples.ndim):
             nodes = _stretched(grid, axis) / grid.ambient_index
             change = np.moveaxis(np.abs(np.diff(nodes, 4, axis=0)), 0, axis)
-            fourth.append(_in_blocks(change, grid, block) / grid.spacing[axis] ** 4)
+            fourth.append(block_maxima(change, grid, block) / grid.spacing[axis] ** 4)
             second.append(np.zeros_like(fourth[-1]))
             if grid.interpolation != "cubic":
                 change = np.moveaxis(np.abs(np.diff(nodes[1:-1], 2, axis=0)), 0, axis)
-                second[-1] = _in_blocks(change, grid, block)
+                second[-1] = block_maxima(change, grid, block)
         _known[grid] = (block, fourth, second)
     return _known[grid]
 
@@ -224,7 +235,7 @@ def _continued(values: np.ndarray, count: int) -> np.ndarray:
     return ahead[:count]
 
 
-def _in_blocks(node_values: np.ndarray, grid: UniformGrid, block: int) -> np.ndarray:
+def block_maxima(node_values: np.ndarray, grid: UniformGrid, block: int) -> np.ndarray:
     """Greatest of the nodes of each block of cells."""
     result = node_values
     for axis, count in enumerate(grid.shape):

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from ..quantities import Quantity
 from .status import RayStatus, reached
 
 # Per-ray arrays: unit and meaning, in the order of results.
@@ -21,7 +22,7 @@ RAY_OUTPUTS = {
 }
 
 
-@dataclass(eq=False)
+@dataclass(eq=False, repr=False)
 class TraceResult:
     """Traced rays, float64 whatever the kernel's precision. Arrays that were not asked for are None.
 
@@ -35,14 +36,14 @@ class TraceResult:
         step_error: OPD error of the steps as the embedded formula sees it [m].
         step_count: Accepted steps.
         evaluation_count: Field evaluations.
-        status: RayStatus codes, first failure wins.
+        traced_status: RayStatus codes as the tracer left them, first failure wins; `status` knows more.
         plan: What was chosen, skipped and why.
         seconds: Time spent: at least "compile", "kernel", "total".
         wavelength: Wavelength of the tolerance [m].
         weight: Share of each ray in means over the bundle.
     """
 
-    status: np.ndarray
+    traced_status: np.ndarray
     plan: Any
     seconds: dict[str, float]
     wavelength: float
@@ -56,11 +57,37 @@ class TraceResult:
     step_count: np.ndarray | None = None
     evaluation_count: np.ndarray | None = None
     budget: Any = field(default=None, repr=False)
+    known_air: Any = field(default=None, repr=False)
 
     @property
     def ray_count(self) -> int:
         """Number of rays."""
-        return len(self.status)
+        return len(self.traced_status)
+
+    @cached_property
+    def truncation(self) -> np.ndarray:
+        """What each ray may have lost where the known air ends [m], shape (ray_count,): see known_air.py.
+
+        On straight lines; where the field bends rays by more than a cell, by their traced ends if both `position` and
+        `direction` were asked for. Computed when first read.
+        """
+        if self.known_air is None:
+            return np.zeros(self.ray_count)
+        known = self.position is not None and self.direction is not None
+        return np.asarray(self.known_air.lost((self.position, self.direction) if known else None))
+
+    @cached_property
+    def status(self) -> np.ndarray:
+        """RayStatus codes, first failure wins, shape (ray_count,).
+
+        LEFT_DISTURBED_AIR are rays that reached the stop and may have lost more than the tolerance: see `truncation`.
+        Computed when first read.
+        """
+        status = np.array(self.traced_status)
+        if self.known_air is not None:
+            doubtful = (status == RayStatus.OK) & (self.truncation > self.known_air.tolerance)
+            status[doubtful] = RayStatus.LEFT_DISTURBED_AIR
+        return status
 
     @property
     def ok(self) -> np.ndarray:
@@ -68,12 +95,40 @@ class TraceResult:
 
         Those of status LEFT_DISTURBED_AIR and TOLERANCE_NOT_MET did, besides OK: `status` tells them apart.
         """
-        return reached(self.status)
+        return reached(self.traced_status)
 
     @cached_property
     def error(self) -> dict[str, float]:
         """The error budget of the optical path difference [m], by cause: see budget.py. Computed when first read."""
         return self.budget(self) if self.budget is not None else {}
+
+    @property
+    def quantities(self) -> dict[str, Quantity]:
+        """The bundle's numbers with their errors: "opd_rms" [m], where "opd" is among the outputs.
+
+        It is the rms of the OPD about its mean over the rays that reached the stop, by their shares of the bundle; NaN
+        where none did. Its error is the budget's total, the greatest OPD error of a ray: the rms changes by no more.
+        """
+        good = self.ok
+        share = self.weight[good] if np.ndim(self.weight) else np.ones(int(good.sum()))
+        if self.opd is None:
+            return {}
+        if not share.sum() > 0.0:
+            return {"opd_rms": Quantity(float("nan"), unit="m")}
+        opd = self.opd[good]
+        mean = float(share @ opd / share.sum())
+        rms = float(np.sqrt(share @ (opd - mean) ** 2 / share.sum()))
+        return {"opd_rms": Quantity(rms, self.error.get("total", float("nan")), "m")}
+
+    def __repr__(self) -> str:
+        """Rays, their status, the OPD with its error and the plan. Some rays are traced for the error, when first read.
+
+        The error is that of `error`, computed once.
+        """
+        status = ", ".join(f"{count} {name}" for name, count in self.status_summary().items()) or "none"
+        lines = [f"TraceResult of {self.ray_count} rays: {status}"]
+        lines += [f"  OPD rms {rms.scaled(1e9, 'nm')}" for rms in self.quantities.values()]
+        return "\n".join([*lines, f"  {str(self.plan).splitlines()[0]}"])
 
     def status_summary(self) -> dict[str, int]:
         """Number of rays by status name, those that occur."""

@@ -41,6 +41,10 @@ TINY = {"float32": 1e-30, "float64": 1e-290}
 # Even samples.
 # Greatest angle with the first direction for which they hold [rad].
 EVEN_WEAK = 0.05
+# Blocks that a ray moves on by, along any axis, between two lookups of what lies between its samples.
+LOOKUP_STRIDE = 1.5
+# What lies between them changes from cell to cell by so many times its size, at most.
+MISSED_SLOPE = 2.0
 
 # Where a ray ends.
 # Cosines of the angle with a surface's normal: above the first the place where a ray meets it is solved for along the
@@ -54,8 +58,12 @@ LANDED_ARC = 100
 SLACK_CELLS = {"float32": 1e-9, "float64": 1e-10}
 # Steps of the search for the place where a ray leaves the body; each is as long as the wall is away.
 WALL_MARCH_LIMIT = 512
-# Of the search ahead for the wall, before each step of the tracer.
-CLEAR_MARCH_LIMIT = 24
+# A step looks for the wall along chords that keep so close to it, in cells.
+WALL_SAG = 1e-4
+# A step that ends so far inside the body at most, in cells, is flown back along the tangent; others are taken anew.
+WALL_CLOSE = 1e-2
+# A wall counts that lies so far behind a step's start, in cells: the place is rounded between two steps.
+WALL_BACK = 1e-5
 
 # Cells of a mesh that a ray's lookup walks through, edge by edge, before it asks the bins.
 WALK_LIMIT = 6

@@ -7,10 +7,12 @@ import numpy as np
 
 from ..medium import IndexField
 from ..rays import RayBundle
-from .budget import error_budget
+from .budget import Retrace, error_budget
 from .choice import lever_of
 from .collimated import columns_hold, find_columns, is_collimated, is_worth_it
-from .even import fit_even, may_be_even, pilot_of
+from .even import fit_even, may_be_even, pilot_of, spread_of
+from .known_air import KnownAir
+from .meeting import check_meeting
 from .plan import TracePlan, make_plan
 from .result import RAY_OUTPUTS, TraceResult
 from .stop import ArcLength, Plane
@@ -27,7 +29,7 @@ def trace(
     tolerance: float = 1e-3,
     step: float | None = None,
     until=None,
-    wavelength: float = 905e-9,
+    wavelength: float | None = None,
     backend: str = "auto",
     device: str | None = None,
     precision: str = "float32",
@@ -44,7 +46,7 @@ def trace(
         tolerance: OPD error asked for [waves at `wavelength`].
         step: Step of method "fixed" [m of arc length].
         until: None (where the ray leaves the field's box), Plane(point, normal) or ArcLength(length).
-        wavelength: Vacuum wavelength [m].
+        wavelength: Vacuum wavelength [m]; None takes the field's own, or 905 nm where it has none.
         backend: "auto", "warp", "opencl" or "reference".
         device: "cpu", "cuda:0" or an OpenCL device's name; None takes the best.
         precision: "float32" or "float64" inside the kernel.
@@ -56,7 +58,8 @@ def trace(
 
     Raises:
         TypeError: `field`, `rays` or `until` of the wrong kind.
-        ValueError: A name or number that makes no sense, or a backend or device that is not there.
+        ValueError: A name or number that makes no sense, another wavelength than the field's, a backend or device that
+            is not there, or rays none of which meets the field.
     """
     start = time.perf_counter()
     if not isinstance(field, IndexField):
@@ -65,9 +68,9 @@ def trace(
         raise TypeError(f"rays must be a RayBundle, got {type(rays).__name__}")
     if until is not None and not isinstance(until, (Plane, ArcLength)):
         raise TypeError(f"until must be None, a Plane or an ArcLength, got {type(until).__name__}")
-    if not (np.isfinite(wavelength) and wavelength > 0.0):
-        raise ValueError(f"wavelength must be a positive length in metres, got {wavelength!r}")
+    wavelength = field.wavelength_for(wavelength)
     wanted = check_outputs(outputs)
+    check_meeting(field, rays, "ray of the bundle")
     plan = plan_rays(
         field,
         partial(pilot_of, rays),
@@ -84,20 +87,33 @@ def trace(
         wavelength=wavelength,
         directions=rays.direction,
         columns=_columns(field, rays, until, method, tolerance, wavelength),
+        spread=partial(spread_of, rays),
     )
     arrays, seconds = run_plan(field, rays, plan, until, wavelength, wanted)
     seconds["total"] = time.perf_counter() - start
 
-    def budget(result: TraceResult) -> dict[str, float]:
-        return error_budget(field, rays, result.ok, plan, retracer(until, wavelength))
-
     return TraceResult(
-        plan=plan, seconds=seconds, wavelength=wavelength, weight=np.asarray(rays.weight), budget=budget, **arrays
+        plan=plan,
+        seconds=seconds,
+        wavelength=wavelength,
+        weight=np.asarray(rays.weight),
+        budget=partial(_budget, field, rays, retracer(until, wavelength)),
+        known_air=KnownAir(field, rays, until, tolerance * wavelength),
+        traced_status=arrays.pop("status"),
+        **arrays,
     )
 
 
-def plan_rays(field: IndexField, pilot, ray_count: int, until, *, method, wavelength, **choices) -> TracePlan:
+def _budget(field: IndexField, rays: RayBundle, retrace: Retrace, result: TraceResult) -> dict[str, float]:
+    return error_budget(field, rays, result.ok, result.plan, retrace, result.truncation)
+
+
+def plan_rays(
+    field: IndexField, pilot, ray_count: int, until, *, method, wavelength, spread=None, **choices
+) -> TracePlan:
     """The plan of a bundle, by even samples where they hold its tolerance; `pilot()` makes some of its rays.
+
+    `spread()` makes as many as show where all of them go; None where the pilot does.
 
     The other arguments are those of `make_plan`.
 
@@ -107,7 +123,7 @@ def plan_rays(field: IndexField, pilot, ray_count: int, until, *, method, wavele
     if method in ("auto", "straight") and may_be_even(field, ray_count, until):
         plan = make_plan(field, method="straight", wavelength=wavelength, **choices)
         if not plan.columns and plan.backend != "reference":
-            plan = fit_even(field, pilot(), plan, until, wavelength) or plan
+            plan = fit_even(field, pilot(), plan, until, wavelength, spread or pilot) or plan
         if plan.columns or plan.sample_count:
             return plan
     lever = lever_of(pilot(), until) if method == "auto" else 0.0
@@ -119,7 +135,7 @@ def _columns(field: IndexField, rays: RayBundle, until, method: str, tolerance: 
     if method not in ("auto", "straight") or not (is_collimated(field, rays, until) and is_worth_it(field, rays)):
         return None
     columns = find_columns(field, rays, until)
-    if columns is None or (method == "auto" and not columns_hold(columns, tolerance * wavelength)):
+    if columns is None or (method == "auto" and not columns_hold(field, columns, tolerance * wavelength)):
         return None
     waves = columns.tables.greatest_error / wavelength
     return (
@@ -147,14 +163,14 @@ def run_plan(field: IndexField, rays: RayBundle, plan: TracePlan, until, wavelen
     return run(field, rays, plan, until, wavelength, outputs)
 
 
-def retracer(until, wavelength: float):
-    """The function by which an error budget traces rays again: (field, rays, plan) -> (OPD [m], status)."""
+def retracer(until, wavelength: float) -> Retrace:
+    """How an error budget traces rays again, to this stop."""
+    return Retrace(_retrace, until, wavelength)
 
-    def retrace(field: IndexField, rays: RayBundle, plan: TracePlan) -> tuple[np.ndarray, np.ndarray]:
-        arrays, _ = run_plan(field, rays, plan, until, wavelength, BUDGET_OUTPUTS)
-        return arrays["opd"], arrays["status"]
 
-    return retrace
+def _retrace(field: IndexField, rays: RayBundle, plan: TracePlan, until, wavelength: float):
+    arrays, _ = run_plan(field, rays, plan, until, wavelength, BUDGET_OUTPUTS)
+    return arrays["opd"], arrays["status"]
 
 
 def check_outputs(outputs) -> frozenset:

@@ -13,11 +13,10 @@ from ..medium import IndexField
 from ..rays import RayBundle
 from .backend_info import thread_count
 from .field_data import (
-    INTEGER_ARRAYS,
-    REAL_TYPES,
     STRUCTS,
     FieldData,
     field_data,
+    number_type,
     reach_tables,
     stop_kind,
     trace_members,
@@ -68,11 +67,18 @@ def upload(field: IndexField, data: FieldData, precision: str, device: str, with
     key = (precision, device, with_paper_step)
     if key not in store:
         t = types(precision)
-        vectors = {"corners": t.vec2, "gradients": t.vec2}
+        vectors = {
+            "corners": t.vec2,
+            "gradients": t.vec2,
+            "wall": wp.vec4d,
+            "wall_boxes": wp.vec4d,
+            "wall_links": wp.vec3i,
+        }
+        scalar: dict[type, type] = {np.int32: wp.int32, np.float32: wp.float32, np.float64: wp.float64}
         store[key] = {
             name: wp.array(
-                np.ascontiguousarray(values, np.int32 if name in INTEGER_ARRAYS else REAL_TYPES[precision]),
-                dtype=wp.int32 if name in INTEGER_ARRAYS else vectors.get(name, t.real),
+                np.ascontiguousarray(values, number_type(name, precision)),
+                dtype=vectors.get(name, scalar[number_type(name, precision)]),
                 device=device,
             )
             for name, values in data.arrays.items()

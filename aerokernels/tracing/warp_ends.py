@@ -15,6 +15,7 @@ from .warp_box import (
     build_meeting,
     build_surface_distance,
 )
+from .warp_crossings import NEVER
 from .warp_motion import deflection
 from .warp_types import types
 from .warp_wall import build_way_out
@@ -63,13 +64,13 @@ def build_start(precision: str, geometry: str, stop: str, has_body: bool):
         # A ray that starts behind the body's surface begins where it leaves it.
         if wp.static(has_body):
             if meets:
-                enter, solid = way_out(field, p, d, enter, span[1])
-                if solid:
+                leaves = way_out(field, p, d, enter)
+                if has_stop and wp.static(stop != "none") and stop_distance <= leaves:
+                    meets = bool(False)
+                elif leaves > span[1] or leaves >= wp.float64(NEVER):
                     status = int(inside_body)
-                if has_stop and wp.static(stop != "none"):
-                    if stop_distance <= enter:
-                        meets = bool(False)
-                        status = int(ok)
+                else:
+                    enter = leaves
 
         far = span[1]
         if has_stop and wp.static(stop != "none"):

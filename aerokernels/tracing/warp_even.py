@@ -35,6 +35,7 @@ from .warp_box import FACE_COUNT, build_crossing, build_surface_distance
 from .warp_ends import build_end, build_last_surface, build_start
 from .warp_grid import build_sample
 from .warp_types import types
+from .warp_unresolved import build_unresolved, build_with_lever
 from .warp_wall import build_stays_clear
 
 
@@ -115,6 +116,8 @@ def build_even_kernel(precision: str, geometry: str, interpolation: str, stop: s
     surface_of = build_last_surface(precision, geometry, stop)
     overrun = build_overrun(precision, geometry)
     keep_active = build_keep_active(precision, geometry)
+    unresolved = build_unresolved(precision, geometry)
+    with_lever = build_with_lever(precision)
     stays_clear = build_stays_clear(precision, geometry)
     ok = int(RayStatus.OK)
     tiny = TINY[precision]
@@ -177,12 +180,13 @@ def build_even_kernel(precision: str, geometry: str, interpolation: str, stop: s
         length = real(0.0)
         h = real(0.0)
         error = real(0.0)
-        clear = bool(True)
+        whole = wp.vec2d(wp.float64(0.0), wp.float64(0.0))  # its way through the box, the uniform air's part too
+        missed = real(0.0)
+        start = none
         landed = int(-1)
         quiet = bool(False)
         if runs:
-            if wp.static(has_body):
-                clear = stays_clear(field, p0, d0, course.enter, course.far)
+            whole = wp.vec2d(course.enter, course.far)
             landed = surface_of(bounds, course, p0, d0)
             active = keep_active(bounds, p0, d0, course.enter, course.far)
             course.enter = active[0]
@@ -241,6 +245,8 @@ def build_even_kernel(precision: str, geometry: str, interpolation: str, stop: s
         q = sigma * turn - arm
         off_turn += turn
         off_place = sigma * off_turn - (off_place + arm)
+        if runs:
+            missed = unresolved(field, control, start, d, length, q)
         steep = wp.sqrt(ahead * ahead + wp.dot(force, force))
         s += real(0.5) * h * ahead
         if quiet:  # in uniform air there is nothing to leave out
@@ -292,16 +298,20 @@ def build_even_kernel(precision: str, geometry: str, interpolation: str, stop: s
                 rise = wp.max(wp.abs(wp.float64(s)) / bounds.ambient, wp.float64(1.0e-30))
             if way > wp.float64(0.0):
                 error = wp.max(error, real(way * rise))
-            if not (fit and clear):
+            if wp.static(has_body):
+                # Beside the undisturbed ray it stays within the greatest angle of it.
+                margin = (whole[1] - whole[0]) * wp.float64(wp.sqrt(bent) / ambient)
+                fit = fit and stays_clear(field, p0, d0, whole[0], whole[1], margin)
+            if not fit:
                 error = real(wp.inf)
         # In the tracer's sums: sigma, S, M and B, of which M - B is the deviation along the ray.
-        whole = wp.vec4d((far - lag) / bounds.ambient, path, arc, arc - lag)
-        rounded = vec4(real(whole[0]), real(whole[1]), real(whole[2]), real(whole[3]))
+        exact = wp.vec4d((far - lag) / bounds.ambient, path, arc, arc - lag)
+        rounded = vec4(real(exact[0]), real(exact[1]), real(exact[2]), real(exact[3]))
         rest = vec4(
-            real(wp.float64(rounded[0]) - whole[0]),
-            real(wp.float64(rounded[1]) - whole[1]),
-            real(wp.float64(rounded[2]) - whole[2]),
-            real(wp.float64(rounded[3]) - whole[3]),
+            real(wp.float64(rounded[0]) - exact[0]),
+            real(wp.float64(rounded[1]) - exact[1]),
+            real(wp.float64(rounded[2]) - exact[2]),
+            real(wp.float64(rounded[3]) - exact[3]),
         )
         position, direction, optical_path, opd, arc_length, final = end_of(
             bounds, control, p0, d0, course, status, landed, q, none, turned, rounded, rest, real(0.0)
@@ -318,6 +328,9 @@ def build_even_kernel(precision: str, geometry: str, interpolation: str, stop: s
             slant_off = wp.dot(normal, beside + flight * wp.float64(slow) * aside)
             further = wp.abs(slant_off) / wp.max(wp.abs(wp.dot(normal, d0)), wp.float64(STEEPEST_COSINE))
             error = wp.max(error, control.even_share * real(bounds.ambient * further))
+        if missed > real(0.0):
+            onward = real(wp.length(position - end) + course.far - course.enter)
+            error += with_lever(field, missed, onward, real(wp.abs(wp.dot(normal, d0))))
         if error > control.budget:
             wp.atomic_add(rough_count_out, 0, 1)
         if wp.static("position" in outputs):

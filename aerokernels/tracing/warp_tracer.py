@@ -36,7 +36,7 @@ import functools
 import warp as wp
 
 from . import warp_grid, warp_mesh
-from .scheme import HAIR, LANDED_ARC, LEAST_STEP, SLANT_KEPT, TINY
+from .scheme import HAIR, LANDED_ARC, LEAST_STEP, SLANT_KEPT, TINY, WALL_BACK, WALL_CLOSE
 from .status import RayStatus
 from .tableau import BT, START_FROM_LATER, A, B, C, is_one_scalar
 from .warp_ends import build_end, build_slant, build_start
@@ -46,7 +46,7 @@ from .warp_motion import advance, build_cells, build_contrast, build_mend, build
 from .warp_reach import build_cone, build_reach
 from .warp_step import build_before_face, build_look, build_verdict
 from .warp_types import types
-from .warp_wall import build_clear_way, build_wall_distance
+from .warp_wall import build_behind_wall, build_place
 
 
 @functools.cache
@@ -83,8 +83,8 @@ def build_kernel(
     step_sums, tangent_sums = build_sums(precision)
     landing, overshot, touchdown = build_landing(precision, geometry, stop)
     arc_landing, arc_touchdown = build_arc_landing(precision)
-    wall_distance = build_wall_distance(precision, geometry)
-    wall_at, clear_way = build_clear_way(precision, geometry)
+    place_of = build_place(precision)
+    behind_wall = build_behind_wall(precision, geometry)
     landed_arc = wp.constant(LANDED_ARC)
     tiny = TINY[precision]
     straight = method == "straight"
@@ -158,10 +158,6 @@ def build_kernel(
             if wp.static(stop == "plane"):
                 arm += real(wp.max(course.stop_distance - course.far, wp.float64(0.0)))
             arc_left = real(bounds.length - course.enter)
-            gap = real(0.0)
-            if wp.static(has_body):
-                start = p0 + course.enter * d0
-                gap = wp.max(wall_distance(field, vec3(real(start[0]), real(start[1]), real(start[2]))), real(0.0))
             h_next = control.extent / ambient
             h_cap = h_next  # shorter after a step that would have ended well behind a surface
             running = bool(True)
@@ -187,15 +183,10 @@ def build_kernel(
                     safe = reach_of(control, cone, cell, frac, total) - real(10.0 * HAIR) * h_cell
                     h = wp.min(h, wp.max(limit, safe))
                 h = wp.min(h, h_cap)
-                wanted = h
-                if wp.static(controlled and has_body):
-                    # No further than the way ahead is known to be clear, so that no step jumps over the body.
-                    h = clear_way(field, bounds, cell, frac, rate, total, force, gap, h)
-                cut = bool(h < wanted)
                 shown = frac
                 if wp.static(straight):
                     shown = frac + wp.cw_mul(q, rate)
-                h_free = h
+                wanted = h
                 h, land = landing(control, rate, course.side, cell, shown, ambient * d + momentum, force, h)
                 if wp.static(stop == "arc"):
                     rest = arc_left - (ambient * sums[0] + sums[2])
@@ -235,16 +226,16 @@ def build_kernel(
                     rounding = step_rounding(control, ambient, h, judged[2], rate, frac, pot, force, s3)
                     accept, ratio = verdict(control, off, rounding, used, h, h_cell, h_least, ambient + m, reach)
                     if accept:
-                        # A step cut short by a surface or a wall says nothing against the length wanted.
+                        # A step cut short by a surface says nothing against the length wanted.
                         h_next = wp.max(h * ratio, h_least)
-                        if land >= 0 or cut:
+                        if land >= 0:
                             h_next = wp.max(h_next, wanted)
                     else:
                         h_next = wp.max(h * wp.min(ratio, real(0.8)), h_least)
 
                 # Where the force changes along the step, the parabola may miss the surface: come closer first.
                 if accept and land >= 0 and land != landed_arc:
-                    close = real(0.05) * wp.max(h_free * wp.length(wp.cw_mul(total, rate)), real(0.01))
+                    close = real(0.05) * wp.max(wanted * wp.length(wp.cw_mul(total, rate)), real(0.01))
                     there = shown + wp.cw_mul(h * (ambient * d + momentum) + kick, rate)
                     if overshot(control, land, course.side, cell, there, close):
                         accept = bool(False)
@@ -252,6 +243,17 @@ def build_kernel(
                 if crossed:
                     accept = bool(False)
                     h_cap = real(0.5) * h
+
+                # A step into the body is taken again up to its surface, until the rest is flown along the tangent.
+                behind = real(-1.0)
+                if wp.static(has_body):
+                    if accept:
+                        here = place_of(p0, d0, course, bounds.ambient, q, q_carry, sums, sums_carry)
+                        room = real(wp.min(steps, 1)) * real(WALL_BACK) * h_cell
+                        behind = behind_wall(field, control, here, ambient * d + momentum, kick, h, room)
+                        if behind > real(WALL_CLOSE) * h_cell:
+                            accept = bool(False)
+                            h_cap = (h - behind) + real(0.5) * real(WALL_CLOSE) * h_cell
 
                 if accept:
                     h_cap = control.extent / ambient
@@ -293,13 +295,10 @@ def build_kernel(
                             q += (real(0.5) * h) * mending  # it grew over the step
 
                     back = real(0.0)  # sigma still to go along the tangent, negative to go back
-                    if wp.static(has_body):
-                        gap_now = wall_at(field, bounds, cell, frac)
-                        if gap_now < real(-1.0e-3) / field.wall_rate[1]:
-                            back = -h * gap_now / (gap_now - gap)
-                            running = bool(False)
-                            status = int(hit_body)
-                        gap = wp.max(gap_now, real(0.0))
+                    if behind >= real(0.0):
+                        back = -behind
+                        running = bool(False)
+                        status = int(hit_body)
                     if running and land >= 0:
                         done = bool(False)
                         if land == landed_arc:

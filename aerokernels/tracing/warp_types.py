@@ -41,11 +41,10 @@ def types(precision: str) -> SimpleNamespace:
         slack: real  # containment slack [m]
         cell_count: wp.int32  # of the mesh
         paper_step: wp.array(dtype=real)  # eq 5 for each cell [m]
-        wall: wp.array(dtype=real, ndim=2)  # signed distance to the body [m]
-        wall_count: wp.vec2i  # nodes of it
-        wall_origin: vec2  # along the local axes [m]
-        wall_rate: vec2  # nodes per metre
-        wall_span: vec2  # the body lies between these along z [m], with a node to spare
+        wall: wp.array(dtype=wp.vec4d)  # the body's surface in segments, see medium/wall_tree.py [m]
+        wall_boxes: wp.array(dtype=wp.vec4d)  # boxes about them [m]
+        wall_links: wp.array(dtype=wp.vec3i)
+        wall_count: wp.int32  # boxes about the body's surface
 
     class Bounds:
         origin: wp.vec3d  # where cell = 0, frac = 0 lies [m]
@@ -68,9 +67,11 @@ def types(precision: str) -> SimpleNamespace:
         plane_normal: vec3  # per cell, so that plane_normal . cells - plane_offset is in metres
         plane_offset: real
         cell_rate: vec3  # typical cells per metre, for limits on the step
-        step: real  # "fixed": metres of arc length
+        step: real  # "fixed": metres of arc length; even samples: greatest distance between two that `reach` holds for
         step_limit: real  # step in cells that needs no leave from `reach`
-        reach: wp.array(dtype=real)  # uniform grid: length of a safe step in each block [m], see quiet.py
+        # Uniform grid: length of a safe step in each block [m], see quiet.py; for even samples the error of the path
+        # per metre of it in each block, see unresolved.py.
+        reach: wp.array(dtype=real)
         reach_start: wp.array(dtype=wp.int32)  # where each cone's table starts in `reach`; -1 where it has none
         block_count: wp.vec3i  # blocks along each local axis
         block: wp.int32  # cells in a block

@@ -1,138 +1,172 @@
-"""Device functions about the body: how far its wall is, where a ray leaves it, and how far the way ahead is clear."""
+"""Device functions about the body: where a ray leaves it, whether it keeps out of it, where a step enters it.
+
+All by the crossings of straight lines with its surface, see warp_crossings.py.
+"""
 
 import functools
 
 import warp as wp
 
-from .scheme import CLEAR_MARCH_LIMIT, WALL_MARCH_LIMIT
+from .scheme import WALL_SAG
+from .warp_crossings import NEVER, build_meet_wall, build_passes_box, build_segment_crossings, build_wall_line
 from .warp_types import types
 
 
 @functools.cache
-def build_wall_distance(precision: str, geometry: str):
-    """A function (field, point in x, y, z [m]) -> signed distance to the body [m], negative inside it."""
-    t = types(precision)
-    real, vec2, vec3, Field = t.real, t.vec2, t.vec3, t.Field
-
-    @wp.func
-    def wall_distance(field: Field, p: vec3):
-        first = p[1]
-        if wp.static(geometry == "axisymmetric"):
-            first = wp.sqrt(p[0] * p[0] + p[1] * p[1])
-        place = wp.cw_mul(vec2(first, p[2]) - field.wall_origin, field.wall_rate)
-        i = wp.clamp(int(wp.floor(place[0])), 0, field.wall_count[0] - 2)
-        j = wp.clamp(int(wp.floor(place[1])), 0, field.wall_count[1] - 2)
-        u = wp.clamp(place[0] - real(i), real(0.0), real(1.0))
-        v = wp.clamp(place[1] - real(j), real(0.0), real(1.0))
-        near = (real(1.0) - v) * field.wall[i, j] + v * field.wall[i, j + 1]
-        far = (real(1.0) - v) * field.wall[i + 1, j] + v * field.wall[i + 1, j + 1]
-        return (real(1.0) - u) * near + u * far
-
-    return wall_distance
-
-
-@functools.cache
 def build_way_out(precision: str, geometry: str):
-    """A function (field, position, direction, from, to) -> (distance at which a ray is out, whether it is not)."""
-    t = types(precision)
-    real, vec3, Field = t.real, t.vec3, t.Field
-    wall_distance = build_wall_distance(precision, geometry)
+    """A function (field, position, direction, from) -> where a ray that starts behind the surface leaves it.
+
+    NEVER if it does not; `from` for other rays.
+    """
+    Field = types(precision).Field
+    wall_line = build_wall_line(geometry)
+    meet_wall = build_meet_wall(precision, geometry)
 
     @wp.func
-    def way_out(field: Field, p: wp.vec3d, d: wp.vec3d, first: wp.float64, last: wp.float64):
-        least = wp.float64(1.0e-4) / wp.float64(field.wall_rate[1])
-        along = wp.float64(first)
-        march = int(0)
-        solid = bool(True)
-        while solid and march < wp.static(WALL_MARCH_LIMIT) and along <= last:
-            at = p + along * d
-            gap = wall_distance(field, vec3(real(at[0]), real(at[1]), real(at[2])))
-            solid = bool(gap < real(0.0))
-            if solid:
-                along += wp.max(-wp.float64(gap), least)
-            march += 1
-        return along, solid
+    def way_out(field: Field, p: wp.vec3d, d: wp.vec3d, first: wp.float64):
+        none = wp.float64(0.0)
+        toward = d
+        begin = wp.float64(first)
+        along_x = bool(False)
+        if wp.static(geometry == "planar"):
+            if d[1] == none and d[2] == none:
+                # Along x it stays where it is, in the body or beside it: any other line tells which.
+                toward = wp.vec3d(none, none, wp.float64(1.0))
+                begin = none
+                along_x = bool(True)
+        met = meet_wall(field, wall_line(p, toward), begin, wp.float64(NEVER))
+        out = wp.float64(first)
+        if met.odd:
+            out = met.exit
+            if along_x:
+                out = wp.float64(NEVER)
+        return out
 
     return way_out
 
 
 @functools.cache
 def build_stays_clear(precision: str, geometry: str):
-    """A function (field, position, direction, enter, far): whether a straight ray keeps away from the body there."""
-    t = types(precision)
-    real, vec3, Field = t.real, t.vec3, t.Field
-    wall_distance = build_wall_distance(precision, geometry)
+    """A function (field, position, direction, enter, far, margin): whether a straight ray keeps out of the body there.
+
+    All rays beside it do too that are moved across the surface by `margin` [m]. Where they leave the body does not
+    matter, so a ray may begin on the wall.
+    """
+    Field = types(precision).Field
+    wall_line = build_wall_line(geometry)
+    passes_box = build_passes_box(geometry)
+    segment_crossings = build_segment_crossings(geometry)
+    least = 0.0 if geometry == "axisymmetric" else -NEVER
 
     @wp.func
-    def stays_clear(field: Field, p: wp.vec3d, d: wp.vec3d, enter: wp.float64, far: wp.float64):
-        # Once it has left its wall.
-        least = wp.float64(1.0) / wp.float64(wp.max(field.wall_rate))
-        along = enter + wp.float64(2.0) * least
-        # Only where the body may be.
-        low, high = wp.float64(field.wall_span[0]), wp.float64(field.wall_span[1])
-        stop = wp.float64(far)
-        if d[2] != wp.float64(0.0):
-            one = (low - p[2]) / d[2]
-            other = (high - p[2]) / d[2]
-            along = wp.max(along, wp.min(one, other))
-            stop = wp.min(stop, wp.max(one, other))
-        elif p[2] < low or p[2] > high:
-            stop = along
-        march = int(0)
+    def moved_segment(s: wp.vec4d, r: wp.float64, z: wp.float64):
+        """A segment moved in r and z; in an axisymmetric field it stays on its side of the axis."""
+        return wp.vec4d(wp.max(s[0] + r, wp.float64(least)), s[1] + z, wp.max(s[2] + r, wp.float64(least)), s[3] + z)
+
+    @wp.func
+    def stays_clear(field: Field, p: wp.vec3d, d: wp.vec3d, enter: wp.float64, far: wp.float64, margin: wp.float64):
+        line = wall_line(p, d)
         clear = bool(True)
-        while clear and along < stop:
-            at = p + along * d
-            gap = wp.float64(wall_distance(field, vec3(real(at[0]), real(at[1]), real(at[2]))))
-            clear = bool(gap > wp.float64(0.1) * least and march < wp.static(WALL_MARCH_LIMIT))
-            along += gap
-            march += 1
+        node = int(0)
+        while node < field.wall_count and clear:
+            links = field.wall_links[node]
+            onward = links[0]
+            if passes_box(line, field.wall_boxes[node], margin, enter, far):
+                onward = node + 1
+                for k in range(links[1], links[2]):
+                    s = field.wall[k]
+                    box = wp.vec4d(wp.min(s[0], s[2]), wp.min(s[1], s[3]), wp.max(s[0], s[2]), wp.max(s[1], s[3]))
+                    if passes_box(line, box, margin, enter, far):
+                        for side in range(5):
+                            # The segment where it is, then moved up and down in r and in z.
+                            r = wp.float64(0.0)
+                            z = wp.float64(0.0)
+                            if side == 1:
+                                r = margin
+                            if side == 2:
+                                r = -margin
+                            if side == 3:
+                                z = margin
+                            if side == 4:
+                                z = -margin
+                            at = segment_crossings(line, moved_segment(s, r, z))
+                            t = at.two
+                            there = at.count > 1
+                            if at.enters:
+                                t = at.one
+                                there = at.count > 0
+                            if there and t > enter and t < far:
+                                clear = bool(False)
+            node = onward
         return clear
 
     return stays_clear
 
 
 @functools.cache
-def build_clear_way(precision: str, geometry: str):
-    """Functions (field, bounds, cell, frac) -> distance to the wall, and the longest step that is clear of it."""
+def build_place(precision: str):
+    """A function: where a ray is, from the sums of its steps so far."""
     t = types(precision)
-    real, vec3, Field, Bounds = t.real, t.vec3, t.Field, t.Bounds
-    wall_distance = build_wall_distance(precision, geometry)
+    vec3, vec4, Course = t.vec3, t.vec4, t.Course
 
     @wp.func
-    def wall_at(field: Field, bounds: Bounds, cell: wp.vec3i, frac: vec3):
-        place = wp.vec3d(
-            wp.float64(cell[0]) + wp.float64(frac[0]),
-            wp.float64(cell[1]) + wp.float64(frac[1]),
-            wp.float64(cell[2]) + wp.float64(frac[2]),
-        )
-        there = bounds.origin + wp.cw_mul(place, bounds.spacing)
-        return wall_distance(field, vec3(real(there[0]), real(there[1]), real(there[2])))
-
-    @wp.func
-    def clear_way(
-        field: Field,
-        bounds: Bounds,
-        cell: wp.vec3i,
-        frac: vec3,
-        rate: vec3,
-        total: vec3,
-        force: vec3,
-        gap: real,
-        h: real,
+    def place_of(
+        p: wp.vec3d,
+        d: wp.vec3d,
+        course: Course,
+        ambient: wp.float64,
+        q: vec3,
+        q_carry: vec3,
+        sums: vec4,
+        sums_carry: vec4,
     ):
-        """The step h, cut to where the parabola ahead is known to be free of the body."""
-        speed = wp.length(total)
-        # On the wall itself nothing is known: go one node of the distance's grid.
-        least = real(1.0) / wp.max(field.wall_rate)
-        clear = wp.max(gap, least) / speed
-        march = int(0)
-        while clear < h and march < wp.static(CLEAR_MARCH_LIMIT):
-            at = frac + wp.cw_mul(clear * total + (real(0.5) * clear * clear) * force, rate)
-            ahead = wall_at(field, bounds, cell, at)
-            if ahead < real(0.1) * least:
-                march = wp.static(CLEAR_MARCH_LIMIT)
-            clear += wp.max(ahead, real(0.0)) / speed
-            march += 1
-        return wp.min(h, clear)
+        sigma = wp.float64(sums[0]) - wp.float64(sums_carry[0])
+        beside = wp.vec3d(
+            wp.float64(q[0]) - wp.float64(q_carry[0]),
+            wp.float64(q[1]) - wp.float64(q_carry[1]),
+            wp.float64(q[2]) - wp.float64(q_carry[2]),
+        )
+        return p + (course.enter + ambient * sigma) * d + beside
 
-    return wall_at, clear_way
+    return place_of
+
+
+@functools.cache
+def build_behind_wall(precision: str, geometry: str):
+    """A function -> how much of a step of length h lies behind the place where it enters the body; -1 for none of it.
+
+    Its arguments: field, control, where the step begins, its first tangent, its bend [m], h, and how far behind its
+    start a wall counts, in the unit of h. Chords that stay within WALL_SAG cells of the step stand for it.
+    """
+    t = types(precision)
+    real, vec3, Field, Control = t.real, t.vec3, t.Field, t.Control
+    wall_line = build_wall_line(geometry)
+    meet_wall = build_meet_wall(precision, geometry)
+
+    @wp.func
+    def behind_wall(field: Field, control: Control, here: wp.vec3d, tangent: vec3, kick: vec3, h: real, room: real):
+        one = wp.float64(1.0)
+        sag = wp.length(wp.cw_mul(kick, control.cell_rate)) / (real(4.0) * real(WALL_SAG))
+        pieces = int(1)
+        if sag > real(1.0):
+            pieces = 1 + int(wp.min(wp.sqrt(sag), real(15.0)))
+        flown = h * tangent
+        straight = wp.vec3d(wp.float64(flown[0]), wp.float64(flown[1]), wp.float64(flown[2]))
+        bend = wp.vec3d(wp.float64(kick[0]), wp.float64(kick[1]), wp.float64(kick[2]))
+        begin = here
+        found = real(-1.0)
+        first = -wp.float64(pieces) * wp.float64(room / h)
+        k = int(0)
+        while k < pieces:
+            share = wp.float64(k + 1) / wp.float64(pieces)
+            end = here + share * straight + (share * share) * bend
+            met = meet_wall(field, wall_line(begin, end - begin), first, one)
+            if met.entry <= one:
+                found = real(one - (wp.float64(k) + met.entry) / wp.float64(pieces)) * h
+                k = pieces
+            begin = end
+            first = wp.float64(-1.0e-9)
+            k += 1
+        return found
+
+    return behind_wall

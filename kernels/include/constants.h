@@ -1,6 +1,6 @@
 // Constants of the scheme.
 // Written by scripts/kernel_headers from scheme.py, tableau.py, quiet.py and pupil_sums.py in aerokernels/tracing, and
-// medium/grid.py: change it there.
+// crossings.py and grid.py in medium: change it there.
 #ifndef CONSTANTS_H
 #define CONSTANTS_H
 
@@ -86,6 +86,8 @@
 
 // Even samples: greatest angle with the first direction [rad].
 #define EVEN_WEAK R(0.05)
+#define LOOKUP_STRIDE R(1.5)
+#define MISSED_SLOPE R(2.0)
 
 // Angle with the first direction up to which a ray counts as nearly straight [rad].
 #define NEARLY_STRAIGHT R(0.01)
@@ -103,9 +105,13 @@
 
 // Where a ray ends.
 #define LANDED_ARC 100
-#define WALL_MARCH_LIMIT 512
-#define CLEAR_MARCH_LIMIT 24
 #define WALK_LIMIT 6
+
+// The body: chords, closeness and room in cells, and A of lines parallel to the axis (double).
+#define WALL_SAG R(0.0001)
+#define WALL_CLOSE R(0.01)
+#define WALL_BACK R(1e-05)
+#define PARALLEL 1e-24
 
 // Pupil: rays summed by one work-item and the sums it delivers, and the hash of the scramble.
 #define GROUP 128

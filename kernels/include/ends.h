@@ -46,14 +46,13 @@ static inline int start_of(
 #if HAS_BODY
     // A ray that starts behind the body's surface begins where it leaves it.
     if (meets) {
-        int solid;
-        enter = way_out(field, arrays, p, d, enter, span.y, &solid);
-        if (solid) {
-            status = RAY_INSIDE_BODY;
-        }
-        if (has_stop && STOP != NONE && stop_distance <= enter) {
+        const double leaves = way_out(field, arrays, p, d, enter);
+        if (has_stop && STOP != NONE && stop_distance <= leaves) {
             meets = 0;
-            status = RAY_OK;
+        } else if (leaves > span.y || leaves >= NEVER) {
+            status = RAY_INSIDE_BODY;
+        } else {
+            enter = leaves;
         }
     }
 #endif
@@ -101,6 +100,14 @@ static inline double slant_of(const Bounds *bounds, const Course *course, double
         slant = size64(normal - cosine * d) / greater64(fabs(cosine), STEEPEST_COSINE);
     }
     return slant;
+}
+
+// Where a ray is, from the sums of its steps so far.
+static inline double3 place_of(
+    double3 p, double3 d, const Course *course, double ambient, real3 q, real3 q_carry, real4 sums, real4 sums_carry)
+{
+    const double sigma = (double)sums.x - (double)sums_carry.x;
+    return p + (course->enter + ambient * sigma) * d + (convert_double3(q) - convert_double3(q_carry));
 }
 
 // A ray at its stop.

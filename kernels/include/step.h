@@ -14,7 +14,6 @@
 // What a step is to be.
 typedef struct {
     real h;       // to try [sigma]
-    real wanted;  // before the body cut it
     real safe;    // in quiet air
     real shy;     // distance to keep from faces, in cells
 } Stride;
@@ -22,7 +21,6 @@ typedef struct {
 static inline Stride stride(
     const Field *field,
     const Arrays *arrays,
-    const Bounds *bounds,
     const Control *control,
     int home,
     int cone,
@@ -32,7 +30,6 @@ static inline Stride stride(
     real3 total,
     real3 force,
     real index,
-    real gap,
     real h_cell,
     real h_next,
     real h_cap)
@@ -64,11 +61,6 @@ static inline Stride stride(
     out.h = lesser(out.h, greater(limit, out.safe));
 #endif
     out.h = lesser(out.h, h_cap);
-    out.wanted = out.h;
-    if (CONTROLLED && HAS_BODY) {
-        // No further than the way ahead is known to be clear, so that no step jumps over the body.
-        out.h = clear_way(field, arrays, bounds, cell, frac, rate, total, force, gap, out.h);
-    }
     return out;
 }
 

@@ -19,10 +19,7 @@ typedef struct {
     real bin_rate[2];         // bins per metre
     real slack;               // containment slack [m]
     int cell_count;           // of the mesh
-    int wall_count[2];        // nodes of the wall's distance
-    real wall_origin[2];      // along the local axes [m]
-    real wall_rate[2];        // nodes per metre
-    real wall_span[2];        // the body lies between these along z [m], with a node to spare
+    int wall_count;           // boxes about the body's surface
 } Field;
 
 typedef struct {
@@ -47,7 +44,7 @@ typedef struct {
     real plane_normal[3];     // per cell, so that plane_normal . cells - plane_offset is in metres
     real plane_offset;
     real cell_rate[3];        // typical cells per metre, for limits on the step
-    real step;                // "fixed": metres of arc length
+    real step;                // "fixed": metres of arc length; even samples: greatest distance that `reach` holds for
     real step_limit;          // step in cells that needs no leave from `reach`
     int block_count[3];       // blocks of the table of safe steps along each local axis
     int block;                // cells in a block
@@ -68,7 +65,9 @@ typedef struct {
     __global const int *bin_start;
     __global const int *bin_cell;
     __global const real *paper_step;
-    __global const real *wall;
+    __global const double *wall;
+    __global const double *wall_boxes;
+    __global const int *wall_links;
     __global const real *reach;
     __global const int *reach_start;
 } Arrays;

@@ -1,106 +1,97 @@
-// The body: how far its wall is, where a ray leaves it, and how far the way ahead is clear.
+// The body: where a ray leaves it, whether it keeps out of it, where a step enters it. Warp's twin is
+// aerokernels/tracing/warp_wall.py.
 #ifndef WALL_H
 #define WALL_H
 
-#include "constants.h"
-#include "types.h"
+#include "crossings.h"
 
-// Signed distance to the body at a point in x, y, z [m], negative inside it.
-static inline real wall_distance(const Field *field, const Arrays *arrays, real3 p)
+// Where a ray that starts behind the body's surface leaves it, NEVER if it does not; `first` for the others.
+static inline double way_out(const Field *field, const Arrays *arrays, double3 p, double3 d, double first)
 {
-    const real across = GEOMETRY == AXISYMMETRIC ? sqrt(p.x * p.x + p.y * p.y) : p.y;
-    const real row = (across - field->wall_origin[0]) * field->wall_rate[0];
-    const real column = (p.z - field->wall_origin[1]) * field->wall_rate[1];
-    // Towards zero is downwards here, and costs less than floor().
-    const int i = min((int)greater(row, R(0.0)), field->wall_count[0] - 2);
-    const int j = min((int)greater(column, R(0.0)), field->wall_count[1] - 2);
-    const real u = bounded(row - (real)i, R(0.0), R(1.0));
-    const real v = bounded(column - (real)j, R(0.0), R(1.0));
-    __global const real *at = arrays->wall + i * field->wall_count[1] + j;
-    __global const real *next = at + field->wall_count[1];
-    const real near = (R(1.0) - v) * at[0] + v * at[1];
-    const real far = (R(1.0) - v) * next[0] + v * next[1];
-    return (R(1.0) - u) * near + u * far;
-}
-
-static inline real wall_beside(const Field *field, const Arrays *arrays, double3 p, double3 d, double along)
-{
-    return wall_distance(field, arrays, convert_real3(p + along * d));
-}
-
-// Distance at which a ray is out of the body; `solid` if it is not, up to `last`.
-static inline double way_out(
-    const Field *field, const Arrays *arrays, double3 p, double3 d, double first, double last, int *solid)
-{
-    const double least = 1.0e-4 / (double)field->wall_rate[1];
-    double along = first;
-    *solid = 1;
-    for (int march = 0; *solid && march < WALL_MARCH_LIMIT && along <= last; march++) {
-        const real gap = wall_beside(field, arrays, p, d, along);
-        *solid = gap < R(0.0);
-        if (*solid) {
-            along += greater64(-(double)gap, least);
-        }
+    if (GEOMETRY == PLANAR && d.y == 0.0 && d.z == 0.0) {
+        // Along x it stays where it is, in the body or beside it: any other line tells which.
+        const WallLine beside = wall_line(p, (double3)(0.0, 0.0, 1.0));
+        return meet_wall(field, arrays, &beside, 0.0, NEVER).odd ? NEVER : first;
     }
-    return along;
+    const WallLine line = wall_line(p, d);
+    const WallMeeting met = meet_wall(field, arrays, &line, first, NEVER);
+    return met.odd ? met.exit : first;
 }
 
-// Whether a straight ray keeps away from the body between two distances, once it has left its wall.
+// A segment moved in r and z; in an axisymmetric field it stays on its side of the axis.
+static inline double4 moved_segment(double4 s, double r, double z)
+{
+    const double least = GEOMETRY == AXISYMMETRIC ? 0.0 : -NEVER;
+    return (double4)(greater64(s.x + r, least), s.y + z, greater64(s.z + r, least), s.w + z);
+}
+
+// Whether a straight ray, and all that are moved across the surface by `margin` [m], keep out of the body between two
+// distances. Where they leave it does not matter, so a ray may begin on the wall.
 static inline int stays_clear(
-    const Field *field, const Arrays *arrays, double3 p, double3 d, double enter, double far)
+    const Field *field, const Arrays *arrays, double3 p, double3 d, double enter, double far, double margin)
 {
-    const double least = 1.0 / (double)greater(field->wall_rate[0], field->wall_rate[1]);
-    double along = enter + 2.0 * least;
-    // Only where the body may be.
-    const double low = (double)field->wall_span[0], high = (double)field->wall_span[1];
-    if (d.z != 0.0) {
-        const double one = (low - p.z) / d.z, other = (high - p.z) / d.z;
-        along = greater64(along, lesser64(one, other));
-        far = lesser64(far, greater64(one, other));
-    } else if (p.z < low || p.z > high) {
-        far = along;
+    const WallLine line = wall_line(p, d);
+    int node = 0;
+    while (node < field->wall_count) {
+        const int3 links = vload3(node, arrays->wall_links);
+        int next = links.x;
+        if (passes_box(&line, vload4(node, arrays->wall_boxes), margin, enter, far)) {
+            next = node + 1;
+            for (int k = links.y; k < links.z; k++) {
+                const double4 s = vload4(k, arrays->wall);
+                const double4 box =
+                    (double4)(lesser64(s.x, s.z), lesser64(s.y, s.w), greater64(s.x, s.z), greater64(s.y, s.w));
+                if (!passes_box(&line, box, margin, enter, far)) {
+                    continue;
+                }
+                for (int side = 0; side < 5; side++) {
+                    // The segment where it is, then moved up and down in r and in z.
+                    const double r = side == 1 ? margin : side == 2 ? -margin : 0.0;
+                    const double z = side == 3 ? margin : side == 4 ? -margin : 0.0;
+                    const double4 moved = moved_segment(s, r, z);
+                    const Crossings at = segment_crossings(&line, moved);
+                    const double t = at.enters ? at.one : at.two;
+                    if ((at.enters ? at.count > 0 : at.count > 1) && t > enter && t < far) {
+                        return 0;
+                    }
+                }
+            }
+        }
+        node = next;
     }
-    int clear = 1;
-    for (int march = 0; clear && along < far; march++) {
-        const double gap = (double)wall_beside(field, arrays, p, d, along);
-        clear = gap > 0.1 * least && march < WALL_MARCH_LIMIT;
-        along += gap;
-    }
-    return clear;
+    return 1;
 }
 
-static inline real wall_at(const Field *field, const Arrays *arrays, const Bounds *bounds, int3 cell, real3 frac)
-{
-    const double3 place = convert_double3(cell) + convert_double3(frac);
-    return wall_distance(field, arrays, convert_real3(VECTOR64(bounds->origin) + place * VECTOR64(bounds->spacing)));
-}
-
-// The step h, cut to where the parabola ahead is known to be free of the body.
-static inline real clear_way(
+// How much of a step of length h lies behind the place where it enters the body; -1 for none of it. The step goes from
+// `here` along its first tangent, with the bend `kick` [m]; chords that stay within WALL_SAG cells of it stand for it.
+// `room`: how far behind its start a wall counts, in the unit of h.
+static inline real behind_wall(
     const Field *field,
     const Arrays *arrays,
-    const Bounds *bounds,
-    int3 cell,
-    real3 frac,
-    real3 rate,
-    real3 total,
-    real3 force,
-    real gap,
-    real h)
+    const Control *control,
+    double3 here,
+    real3 tangent,
+    real3 kick,
+    real h,
+    real room)
 {
-    const real speed = size3(total);
-    // On the wall itself nothing is known: go one node of the distance's grid.
-    const real least = R(1.0) / greater(field->wall_rate[0], field->wall_rate[1]);
-    real clear = greater(gap, least) / speed;
-    for (int march = 0; clear < h && march < CLEAR_MARCH_LIMIT; march++) {
-        const real3 at = frac + (clear * total + (R(0.5) * clear * clear) * force) * rate;
-        const real ahead = wall_at(field, arrays, bounds, cell, at);
-        if (ahead < R(0.1) * least) {
-            march = CLEAR_MARCH_LIMIT;
+    const real sag = size3(kick * VECTOR(control->cell_rate)) / (R(4.0) * WALL_SAG);
+    const int pieces = sag > R(1.0) ? 1 + (int)lesser(sqrt(sag), R(15.0)) : 1;
+    const double3 straight = convert_double3(h * tangent), bend = convert_double3(kick);
+    double3 begin = here;
+    double first = -(double)pieces * (double)(room / h);
+    for (int k = 0; k < pieces; k++) {
+        const double share = (double)(k + 1) / (double)pieces;
+        const double3 end = here + share * straight + (share * share) * bend;
+        const WallLine line = wall_line(begin, end - begin);
+        const double entry = meet_wall(field, arrays, &line, first, 1.0).entry;
+        if (entry <= 1.0) {
+            return (real)(1.0 - ((double)k + entry) / (double)pieces) * h;
         }
-        clear += greater(ahead, R(0.0)) / speed;
+        begin = end;
+        first = -1.0e-9;
     }
-    return lesser(h, clear);
+    return R(-1.0);
 }
 
 #endif

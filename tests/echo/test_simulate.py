@@ -272,11 +272,18 @@ def test_an_echo_lost_in_the_flow_has_no_range():
     assert abs(found.ranges["centroid"] - 1.5) < 1e-3
 
 
-def test_a_threshold_above_the_echo_in_vacuum_is_refused():
-    with pytest.raises(ValueError, match=r"in vacuum.*threshold 5 V"):
-        echo(scene(**{"detector.threshold": 5.0}), field=lump(0.0))
-    blind = echo(scene(**{"detector.threshold": 5.0, "detector.ranging": "constant-fraction"}), field=lump(0.0))
-    assert "leading-edge" not in blind.ranges and abs(blind.range_error) < 1e-6
+@pytest.mark.parametrize("walk_correction", [False, True])
+def test_an_echo_below_the_threshold_is_a_result_without_a_range(walk_correction):
+    """Not even the echo in vacuum passes the threshold: no range by that method, with the reason, and all the rest."""
+    high = {"detector.threshold": 5.0, "detector.walk_correction": walk_correction}
+    found = echo(scene(**high), field=lump(0.0))
+    assert math.isnan(found.range) and math.isnan(found.range_error)
+    assert "in vacuum" in found.reason and ("threshold 5 V" in found.reason or walk_correction)
+    assert found.peak_voltage == pytest.approx(found.vacuum_peak_voltage, rel=1e-6)
+    assert abs(found.ranges["centroid"] - 1.5) < 1e-6 and set(found.reasons) == {"leading-edge"}
+    assert math.isnan(float(found.to_xarray()["method_range"].sel(ranging_method="leading-edge")))
+    blind = echo(scene(**high, **{"detector.ranging": "constant-fraction"}), field=lump(0.0))
+    assert blind.reason is None and math.isnan(blind.ranges["leading-edge"]) and abs(blind.range_error) < 1e-6
 
 
 def test_dataset_holds_everything(shipped):

@@ -122,10 +122,19 @@ def test_carbon_dioxide_and_water_shift_the_index():
     assert moist < dry
 
 
-@pytest.mark.parametrize("wavelength", [905.0, 0.905, 0.29e-6, 1.7e-6, math.nan])
+@pytest.mark.parametrize("wavelength", [0.29e-6, 1.7e-6, 10.6e-6])
 def test_wavelengths_out_of_range_are_refused(wavelength):
-    with pytest.raises(ValueError, match=r"outside Ciddor's 0\.3 to 1\.69 um: give metres"):
+    with pytest.raises(ValueError, match=r"outside Ciddor's 0\.3 to 1\.69 um: choose another relation"):
         flow.ciddor_constant(wavelength)
+
+
+@pytest.mark.parametrize("wavelength", [905.0, 0.905, 0.0, math.nan])
+def test_wavelengths_in_the_wrong_unit_are_refused(wavelength):
+    for call in (flow.ciddor_constant, lambda length: flow.species_constant("N2", length)):
+        with pytest.raises(ValueError, match=r"wavelength .* give metres"):
+            call(wavelength)
+        with pytest.raises(TypeError, match="must be a number of metres"):
+            call("905 nm")
 
 
 def test_bad_air_is_refused():

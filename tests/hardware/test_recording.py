@@ -14,6 +14,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from aerokernels import Scene, compare_waveforms, estimate_range
+from aerokernels.echo import fwhm_from_pulse_tau
+from aerokernels.echo.pulses import pulse_of
 from aerokernels.hardware.board import run_board
 from aerokernels.hardware.echo_source import EchoSource
 from aerokernels.hardware.frames import EchoFrame, encode
@@ -30,8 +33,10 @@ pytestmark = needs_pseudo_terminals
 def test_board_to_store(tmp_path: Path, aerokernels):
     """`record --count 60` ends by itself with exactly 60 rows, numbered without a gap, that show the board's echo.
 
-    Formula: Gaussian of 2 V at 2 x 1.5 m / c = 10.007 ns. The mean of 60 frames with 20 mV of noise is off by
-    20 mV / sqrt(60) = 2.6 mV rms; 6 of those, and half a count of quantisation (33 uV), bound each of the 128 samples.
+    Formula: that of the static scene in vacuum, 1.994 V exp(-(t - t0)^2 / tau^2) with tau = 6 ns (10 ns wide at half
+    height) and t0 = 2 x 1.5 m / c = 10.007 ns, and 1 ps more for the spot's outer parts (below 1 mV on the edges, as is
+    the peak's rounding). The mean of 60 frames with 20 mV of noise is off by 20 mV / sqrt(60) = 2.6 mV rms; 6 of those,
+    those 2 mV, and half a count of quantisation (33 uV) bound each of the 128 samples.
     """
     link, path = tmp_path / "port", tmp_path / "echoes.sqlite"
     with board(link, "--rate", 500) as process:
@@ -50,9 +55,9 @@ def test_board_to_store(tmp_path: Path, aerokernels):
     times = [echo.frame.device_time_us for echo in echoes]
     assert times == sorted(times)
     time = echoes[0].frame.time
-    expected = 2.0 * np.exp(-4.0 * np.log(2.0) * ((time - 3.0 / 299_792_458.0) / 6e-9) ** 2)
+    expected = 1.994 * np.exp(-(((time - 3.0 / 299_792_458.0) / 6e-9) ** 2))
     mean = np.mean([echo.frame.voltage for echo in echoes], axis=0)
-    assert np.abs(mean - expected).max() < 6 * 0.02 / np.sqrt(60) + 4e-5
+    assert np.abs(mean - expected).max() < 6 * 0.02 / np.sqrt(60) + 2e-3 + 4e-5
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
@@ -266,6 +271,32 @@ def test_the_board_sends_the_echo_of_a_run(tmp_path: Path):
     frame = source.frame(0, 0, np.random.default_rng(0))
     expected = np.clip(0.8 - np.abs(np.arange(200) * 0.1 - 10.0) / 10.0, 0.0, None)
     assert np.abs(frame.voltage - expected).max() < 0.8 / 32767 / 2 + 1e-9
+
+
+@pytest.mark.parametrize("name", ["wind-tunnel-static", "sea-level-mach3"])
+def test_the_board_and_a_scenes_runs_have_one_definition_of_the_pulse(name):
+    """The plain board's echo is the one that the scene's rangefinder is calibrated on: it reads the true distance.
+
+    Set-up: the scene's echo in vacuum on the board's 250 ps, without noise. Expected: by the matched filter with the
+    scene's own pulse the target's distance, 0.15 mm more for the spot's outer parts (mean of r^2 / 2 R); the width at
+    half height 2 sqrt(ln 2) tau. Tolerance: 0.3 mm and a thousandth.
+    """
+    scene = Scene.load(name)
+    source = EchoSource.from_scene(name, noise=0.0)
+    time = np.arange(source.voltage.size) * 250e-12
+    found = estimate_range(time, source.voltage, "matched-filter", template=pulse_of(scene))
+    assert abs(found - scene.target.distance - 0.15e-3) < 0.3e-3
+    own = np.exp(-(((time - 2.0 * found / 299_792_458.0) / scene.beam.pulse_tau) ** 2))
+    wave = compare_waveforms(time, source.voltage, own * source.voltage.max())
+    assert wave.recorded_width == pytest.approx(fwhm_from_pulse_tau(scene.beam.pulse_tau), rel=1e-3)
+    assert wave.same_pulse is True
+
+
+def test_a_board_plays_a_run_or_a_scene_not_both(tmp_path: Path, aerokernels):
+    done = aerokernels("board", "--link", tmp_path / "port", "--echo", "run", "--scene", "wind-tunnel-static")
+    assert done.returncode == 2 and "not both" in done.stderr
+    done = aerokernels("board", "--link", tmp_path / "port", "--scene", "wind-tunel-static")
+    assert done.returncode == 2 and "did you mean wind-tunnel-static?" in done.stderr
 
 
 def test_a_board_with_a_count_waits_until_all_was_read(tmp_path: Path):

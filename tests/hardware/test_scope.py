@@ -47,7 +47,7 @@ def test_each_acquisition_once_in_volts(tmp_path: Path, aerokernels, dialect: st
     assert numbers[-1] - numbers[0] == 39 + missing
     frame = echoes[0].frame
     assert (frame.device_time_us, frame.sample_period_ps, frame.first_sample_time) == (None, 250, 0.0)
-    source = EchoSource.gaussian()
+    source = EchoSource.from_scene()
     np.testing.assert_allclose(frame.time, np.arange(128) * 250e-12, rtol=1e-12)
     half_count = 0.5 * source.full_scale / 220
     mean = np.mean([echo.frame.voltage for echo in echoes], axis=0)
@@ -94,7 +94,7 @@ def test_faults_on_the_line_are_kept_apart_and_the_rest_is_right(tmp_path: Path,
         process.terminate()
         said = process.communicate(timeout=30)[0]
     assert all(f" {kind}" in said for kind in ("torn", "flipped", "glued", "garbage", "gap")), said
-    echoes, source = recorded(path), EchoSource.gaussian(noise=0.0)
+    echoes, source = recorded(path), EchoSource.from_scene(noise=0.0)
     numbers = [(echo.session, echo.frame.sequence) for echo in echoes]
     assert len(set(numbers)) == len(numbers) == 60
     for echo in echoes:

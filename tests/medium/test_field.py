@@ -228,3 +228,28 @@ def test_from_mesh_wants_a_mesh():
 def test_a_uniform_field_has_no_mesh():
     with pytest.raises(ValueError, match="uniform grid, it has no mesh"):
         _ = noise_field("planar", "cubic").mesh
+
+
+@pytest.mark.parametrize(
+    ("spacing", "origin", "message"),
+    [
+        (1e9, 0.0, r"box is 4e\+09 by 4e\+09 m, which is no flow's.*give lengths in metres"),
+        (3e6, 0.0, r"box is 1\.2e\+07 by"),
+        (1e-10, 0.0, r"box is 4e-10 by"),
+        (1e-300, 0.0, r"box is 4e-300 by"),
+        (1e-6, 1e6, r"spacing of .* m is not resolved at coordinates of .*Give metres"),
+    ],
+)
+def test_a_box_that_is_no_flows_is_refused(spacing, origin, message):
+    """Lengths in another unit: sides beyond 1e7 m or below 1e-9 m, nodes that float64 does not tell apart."""
+    with pytest.raises(ValueError, match=message):
+        IndexField.from_samples(
+            np.zeros((5, 5)), origin=(origin, 0.0), spacing=(spacing, spacing), geometry="planar", ambient_index=1.0
+        )
+
+
+def test_a_mesh_in_another_unit_is_refused():
+    line = np.linspace(0.0, 1e8, 5)
+    mesh = QuadMesh.structured(*np.meshgrid(line, line, indexing="ij"), "planar")
+    with pytest.raises(ValueError, match="which is no flow's"):
+        IndexField.from_mesh(mesh, np.zeros((5, 5)))

@@ -45,7 +45,7 @@ def test_the_same_grid_is_the_same_field(interpolation):
     assert again.geometry == "planar" and again.interpolation == interpolation and again.is_uniform
 
 
-@pytest.mark.parametrize("spacing", [0.3, 0.17, (0.3, 0.1), 5.0])
+@pytest.mark.parametrize("spacing", [0.3, 0.17, (0.3, 0.1), (0.07, 0.25)])
 def test_a_constant_stays_constant_whatever_the_spacing(spacing):
     """No node may fall outside the box, where the air is ambient: spacings that do not divide the box are lessened."""
     field = constant()
@@ -184,8 +184,13 @@ def test_a_region():
         ({"spacing": (0.1, -0.1)}, "spacing must be positive"),
         ({"spacing": np.nan}, "spacing must be positive"),
         ({"tolerance": 0.0}, "must be positive, got 0.0"),
-        ({"tolerance": 1.0, "wavelength": -1.0}, "must be positive, got 1.0 and -1.0"),
+        ({"tolerance": 1.0, "wavelength": -1.0}, "must be a positive length in metres, got -1.0"),
         ({"spacing": 1e-6}, "needs 1e.12 nodes.*greater spacing or a smaller region"),
+        ({"spacing": 1e-300}, "spacing 1e-300 m needs .* nodes in the region of 1 by 1 m.*greater spacing"),
+        ({"spacing": 0.4}, "fewer than 4 cells .* region of 1 by 1 m.*give at most 0.25 m"),
+        ({"spacing": 1e9}, "spacing 1e.09 m leaves fewer than 4 cells.*in metres"),
+        ({"spacing": (0.01, 0.4)}, "spacing 0.01 by 0.4 m leaves fewer than 4 cells"),
+        ({"spacing": 0.15, "region": ((0.0, 0.0), (0.3, 0.3))}, "give at most 0.075 m"),
         ({"spacing": 0.1, "region": ((0.0,), (1.0,))}, "two corners of 2 coordinates"),
         ({"spacing": 0.1, "region": ((0.5, 0.5), (0.4, 0.6))}, "does not lie in the field's box"),
         ({"spacing": 0.1, "region": ((2.0, 0.0), (3.0, 1.0))}, "does not lie in the field's box"),
@@ -205,9 +210,9 @@ def test_an_axisymmetric_region_starts_on_the_axis():
 
 
 def test_a_tolerance_out_of_reach_is_refused(monkeypatch):
-    """A bilinear source has kinks that no spacing follows to 1e-13 wave; the limit on nodes is lowered to 1e5 here."""
+    """A bilinear source has kinks that no spacing follows to 1e-15 wave; the limit on nodes is lowered to 1e5 here."""
     module = import_module("aerokernels.medium.resample")
     monkeypatch.setattr(module, "NODE_LIMIT", 100_000)
     field = uniform(9, interpolation="linear", function=lambda y, z: 1e-3 * np.cos(9.0 * y * z))
-    with pytest.raises(ValueError, match=r"more than the tolerance of 1e-13: give a greater tolerance"):
-        field.resample(tolerance=1e-13, wavelength=1e-9)
+    with pytest.raises(ValueError, match=r"more than the tolerance of 1e-15: give a greater tolerance"):
+        field.resample(tolerance=1e-15, wavelength=1e-7)

@@ -14,7 +14,7 @@ from aerokernels.hardware.store import EchoStore
 from aerokernels.study.alignment import measured_offset
 from aerokernels.study.averages import average
 from aerokernels.study.comparison import CompareOptions, compare_recording
-from aerokernels.study.comparison_report import write_comparison
+from aerokernels.study.comparison_report import range_table, write_comparison
 from aerokernels.study.recorded import RecordedEcho, thinned
 from aerokernels.study.run_folder import match_runs, read_run
 
@@ -41,6 +41,38 @@ def make_run(folder: Path, mach: float, peak: float) -> Path:
 @pytest.fixture
 def runs(tmp_path: Path):
     return [read_run(str(make_run(tmp_path / f"run{mach}", mach, peak))) for mach, peak in PEAKS.items()]
+
+
+def test_a_run_without_a_range_leaves_the_spread(tmp_path: Path):
+    """Set-up: a run whose summary has null for the leading edge, as where its echo misses its own threshold.
+
+    Expected: no systematic error by that method and the random one all the same; the other methods as ever.
+    """
+    folder = make_run(tmp_path / "run", 3, PEAKS[3])
+    summary = json.loads((folder / "summary.json").read_text())
+    summary["ranges_m"]["leading-edge"] = None
+    summary |= {
+        "range_m": None,
+        "failures": {"range": "below the threshold"},
+        "errors": {"ranges_m": {"centroid": 1e-4}},
+    }
+    (folder / "summary.json").write_text(json.dumps(summary))
+    echoes = [echo for echo in noisy(40, 0.01) if echo.label == LABELS[3]]
+    found = compare_recording(write_store(tmp_path / "e.sqlite", echoes), [read_run(str(folder))])
+    ranges = found.labels[0].ranges
+    assert math.isnan(ranges["leading-edge"].systematic_error_m) and math.isnan(
+        ranges["leading-edge"].simulated_error_m
+    )
+    assert ranges["leading-edge"].random_error_m > 0.0 and ranges["leading-edge"].ranged_count == 40
+    assert abs(ranges["centroid"].systematic_error_m) < 5.0 * ranges["centroid"].systematic_standard_error_m
+    rows = {row[1]: row for row in range_table(found)[2]}
+    assert rows["leading-edge"][2].startswith("none") and " +- " in rows["leading-edge"][3]
+    assert rows["centroid"][4].endswith("+- 0.10") and rows["leading-edge"][4] == "none"
+    write_comparison(found, tmp_path / "out")
+    assert (
+        json.loads((tmp_path / "out" / "summary.json").read_text())["labels"][0]["leading_edge_systematic_error_m"]
+        is None
+    )
 
 
 def test_noise_free_echoes_are_exact(tmp_path: Path, runs):
@@ -256,3 +288,26 @@ def test_coarse_samples_on_both_sides_of_the_peak_meet_it(tmp_path: Path, runs):
     (tmp_path / "coarse.csv").write_text("time_s,mach=0\n" + "\n".join(rows))
     (found,) = compare_recording(tmp_path / "coarse.csv", runs[:1], CompareOptions()).labels
     assert found.waveform.correlation == pytest.approx(1.0, abs=1e-6)
+
+
+def test_another_pulse_is_said_loudly(tmp_path: Path, runs, aerokernels):
+    """Recorded pulses of tau 3.6 ns against 6 ns: they correlate highly, and their edges are 299 mm apart.
+
+    Expected: a warning with both widths and what they do to a range, c / 2 times half of their difference; a mark at
+    the degree and at the ranges read off the edge; the same in summary.json and the report. None for the run's pulse.
+    """
+    narrow = [RecordedEcho(LABELS[0], TIME, 2.0 * np.exp(-(((TIME - ARRIVAL) / (0.6 * TAU)) ** 2))) for _ in range(3)]
+    store = write_store(tmp_path / "narrow.sqlite", narrow)
+    (one,) = compare_recording(store, runs).labels
+    fwhm = 2.0 * math.sqrt(math.log(2.0)) * TAU
+    assert one.waveform.width_range == pytest.approx(-0.25 * C * 0.4 * fwhm, rel=1e-3)
+    (text,) = one.warnings
+    assert f"{0.6e9 * fwhm:.3f} ns wide" in text and "no ranges" in text and "beam.pulse_tau" in text
+    assert one.row()["same_pulse"] is False
+    done = aerokernels("compare", store, tmp_path / "run0", "--out", "found")
+    assert done.returncode == 0 and text in done.stderr
+    assert "highly correlated, but another pulse" in done.stdout
+    assert json.loads((tmp_path / "found" / "summary.json").read_text())["warnings"] == [text]
+    assert "is not the simulated one" in (tmp_path / "found" / "report.html").read_text(encoding="utf-8")
+    same = [RecordedEcho(LABELS[0], TIME, pulse(TIME, 2.0, 0.0)) for _ in range(3)]
+    assert compare_recording(write_store(tmp_path / "same.sqlite", same), runs).warnings == []

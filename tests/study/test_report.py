@@ -12,7 +12,7 @@ import xarray
 
 from aerokernels.study import plots
 from aerokernels.study.figure_layout import Panel, fitted_panel, panelled_figure
-from aerokernels.study.report import headline_rows, render_report
+from aerokernels.study.report import draw_pictures, headline_rows, render_report
 
 SUMMARY = {
     "scene": "trial <1>",
@@ -38,7 +38,7 @@ SUMMARY = {
 
 @pytest.fixture
 def page(dataset: xarray.Dataset) -> str:
-    return render_report(dataset, SUMMARY, 'name = "trial"\n[target]\ndistance = "1.5 m"')
+    return render_report(draw_pictures(dataset)[0], SUMMARY, 'name = "trial"\n[target]\ndistance = "1.5 m"')
 
 
 def test_report_holds_every_picture_and_loads_nothing(page: str):
@@ -67,6 +67,14 @@ def test_report_shows_numbers_plan_budget_and_citation(page: str):
 
 def test_a_range_that_was_not_found_is_told_as_such():
     assert ("Reported range", "none") in headline_rows(SUMMARY)
+
+
+def test_a_number_is_written_with_its_error():
+    told = SUMMARY | {"errors": {"strehl": 0.0042, "opd_rms_m": None, "boresight_x_rad": 3e-8, "boresight_y_rad": 3e-8}}
+    rows = dict(headline_rows(told))
+    assert rows["Strehl ratio"] == "0.912 +- 0.004"
+    assert rows["OPD, rms"] == "12.3 nm, error not known"
+    assert rows["Boresight error x, y"] == "+1.00 +- 0.03, -2.00 +- 0.03 µrad"
 
 
 @pytest.mark.parametrize("name", plots.FIGURES)

@@ -1,0 +1,57 @@
+"""What is known of a scene's echo before any ray is traced: its echo in vacuum, and whether that can be ranged."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from ..medium import IndexField
+from ..scene import Scene
+from .paths import target_plane, vacuum_paths
+from .pulse_curve import peak_height
+from .pupil_reduction import check_ahead
+from .rangefinder import Rangefinder
+from .simulate import vacuum_record
+from .target_points import target_points
+
+
+@dataclass(frozen=True)
+class EchoPrediction:
+    """A scene's echo in vacuum.
+
+    Attributes:
+        peak_power: Its peak power [W].
+        peak_voltage: Its peak voltage [V].
+        reasons: Why, for each ranging method that cannot read it; a scene has no range by such a method.
+        least_factor: What the flow must leave of the light, 0 to 1, for the scene's own method to find the echo; NaN
+            where that method does not hang on the amplitude, or finds none even in vacuum.
+    """
+
+    peak_power: float
+    peak_voltage: float
+    reasons: Mapping[str, str]
+    least_factor: float
+
+
+def predict_echo(scene: Scene, field: IndexField | None = None) -> EchoPrediction:
+    """The echo of a scene in vacuum, which costs no rays.
+
+    Args:
+        scene: The scene.
+        field: The refractive index, to check that the target lies ahead of it; None: not checked.
+
+    Raises:
+        ValueError: A scene that has no echo to compute: a target that reaches back to the aperture or into the flow's
+            box, one too deep for its pulse, or a record of millions of samples.
+    """
+    time, power, voltage = vacuum_record(scene)
+    if field is not None and scene.receiver.return_factor != "none":
+        check_ahead(field, vacuum_paths(target_points(scene), target_plane(scene)).landing)
+    rangefinder = Rangefinder.calibrated(scene, time, voltage)
+    peak = peak_height(voltage)
+    own = scene.detector.ranging
+    fixed = own == "leading-edge" and own not in rangefinder.blind
+    return EchoPrediction(
+        peak_height(power),
+        peak,
+        rangefinder.blind,
+        scene.detector.threshold / peak if fixed else float("nan"),
+    )

@@ -1,0 +1,45 @@
+"""Errors of the light over the receiver's pupil, for the errors of an echo."""
+
+import math
+
+import numpy as np
+
+from ..medium import IndexField
+from ..rays import Disc
+from ..scene import Scene
+from ..strehl import estimate_strehl
+from .paths import trace_options
+from .pupil_reduction import reduce_pupils
+
+# Enough for a mean within 1e-3 and an error budget, which takes rays of its own.
+ESTIMATE_RAYS = 4096
+
+
+def own_phase_error(scene: Scene, field: IndexField) -> float:
+    """Rms phase error [rad] of rays straight ahead through the receiver's pupil, from a small Strehl estimate.
+
+    NaN where that estimate is refused, as where none of its rays arrives: the error is then not known.
+    """
+    pupil = Disc(0.5 * scene.receiver.diameter, np.array([0.0, 0.0, scene.receiver.aperture_z]))
+    try:
+        return estimate_strehl(field, pupil, ray_count=ESTIMATE_RAYS, **trace_options(scene)).phase_error
+    except ValueError:
+        return math.nan
+
+
+def pupil_error(scene: Scene, field: IndexField) -> float:
+    """Change of the Strehl ratio of the target's centre when half of the rays over the pupil are left out.
+
+    The rule with all of them is better than that: its error is smaller. NaN where no ray gets out.
+    """
+    pupil = Disc(0.5 * scene.receiver.diameter, center=np.array([0.0, 0.0, scene.receiver.aperture_z]))
+    center = np.array([[0.0, 0.0, scene.receiver.aperture_z + scene.target.distance]])
+    count = scene.receiver.ray_count
+    try:
+        ratios = [
+            float(reduce_pupils(scene, field, center, *pupil.sample(rays, "gauss")).strehl[0])
+            for rays in (count, max(count // 2, 1))
+        ]
+    except ValueError:
+        return math.nan
+    return abs(ratios[0] - ratios[1])

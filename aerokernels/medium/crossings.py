@@ -1,0 +1,117 @@
+r"""Where straight lines in space cross the surface of a body: exact, in float64.
+
+Planar. In the plane of y and z a line crosses the segment between two corners that lie on different sides of it.
+
+Axisymmetric. Measured from where it is nearest to the axis, a line has at distance t the radius R and the height z
+
+    R^2 = R0^2 + A t^2,   z = z0 + D t,   A = dx^2 + dy^2,  D = dz
+
+and a corner (r, z) lies outside the surface that it sweeps about the axis where w = D^2 (r^2 - R0^2) - A (z - z0)^2 is
+positive. A segment whose corners have different signs of w is crossed once. One with both corners inside may be crossed
+twice, if it is less steep than the line, A Dz^2 > D^2 Dr^2: at the roots of the cone's quadratic equation,
+
+    (A Dz^2 - D^2 Dr^2) t^2 - 2 k Dr D t + R0^2 Dz^2 - k^2 = 0,   k = r1 Dz + (z0 - z1) Dr
+
+A corner's sign is one number, whichever segment asks for it: no line slips through between two segments, and the number
+of crossings of a closed body is even. The kernels (tracing/warp_wall.py, kernels/include/wall.h) do the same.
+"""
+
+import numpy as np
+
+# Lines whose direction is within 1e-12 rad of the axis are parallel to it: A is then below this.
+PARALLEL = 1e-24
+# Lines that are taken together: lines times segments.
+BLOCK = 1_000_000
+
+
+def crossings(start: np.ndarray, end: np.ndarray, geometry: str, position, direction) -> np.ndarray:
+    """Distances along lines [m] at which they cross segments, in order, shape (line_count, greatest number).
+
+    Rows are filled up with infinity. Distances are negative behind a line's point.
+
+    Args:
+        start: First corners of the segments [m], shape (w, 2).
+        end: Second corners [m], shape (w, 2).
+        geometry: "planar": corners are (y, z); "axisymmetric": (r, z).
+        position: A point on each line [m], shape (line_count, 3).
+        direction: Unit vectors, shape (line_count, 3).
+    """
+    position = np.atleast_2d(np.asarray(position, dtype=np.float64))
+    direction = np.atleast_2d(np.asarray(direction, dtype=np.float64))
+    position, direction = np.broadcast_arrays(position, direction)
+    function = _planar if geometry == "planar" else _axisymmetric
+    block = max(1, BLOCK // max(1, len(start)))
+    parts = []
+    for first in range(0, len(position), block):
+        rows = slice(first, first + block)
+        found = np.sort(function(start, end, position[rows], direction[rows]), axis=1)
+        parts.append(found[:, : np.isfinite(found).sum(axis=1).max(initial=0)])
+    result = np.full((len(position), max((part.shape[1] for part in parts), default=0)), np.inf)
+    for number, part in enumerate(parts):
+        result[number * block : number * block + len(part), : part.shape[1]] = part
+    return result
+
+
+def _planar(start, end, position, direction) -> np.ndarray:
+    """Distances (line_count, w), infinite where there is no crossing."""
+    y, z = (position[:, None, k] for k in (1, 2))
+    dy, dz = (direction[:, None, k] for k in (1, 2))
+
+    def side(corner):
+        return dy * (corner[:, 1] - z) - dz * (corner[:, 0] - y)
+
+    first, second = side(start), side(end)
+    crossed = (first > 0.0) != (second > 0.0)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        share = first / (first - second)
+        at = start + share[..., None] * (end - start)
+        distance = ((at[..., 0] - y) * dy + (at[..., 1] - z) * dz) / (dy * dy + dz * dz)
+    return np.where(crossed, distance, np.inf)
+
+
+def _axisymmetric(start, end, position, direction) -> np.ndarray:
+    """Distances (line_count, 2 w), infinite where there is no crossing."""
+    x, y, z = position.T[:, :, None]
+    dx, dy, d = direction.T[:, :, None]
+    a = dx * dx + dy * dy
+    parallel = a < PARALLEL
+    a = np.where(parallel, 0.0, a)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        nearest = np.where(parallel, 0.0, -(x * dx + y * dy) / a)
+        r0_square = np.where(parallel, x * x + y * y, (x * dy - y * dx) ** 2 / a)
+    z0 = z + nearest * d
+    (r1, z1), (r2, z2) = start.T, end.T
+    h1, h2 = z1 - z0, z2 - z0
+    w1, w2 = d * d * (r1 * r1 - r0_square) - a * h1 * h1, d * d * (r2 * r2 - r0_square) - a * h2 * h2
+    dr, dh = r2 - r1, z2 - z1
+    once = (w1 > 0.0) != (w2 > 0.0)
+    steepness = a * dh * dh - d * d * dr * dr
+    distance = np.full((2, *w1.shape), np.inf)
+
+    with np.errstate(divide="ignore", invalid="ignore"):
+        # Less steep than the line: the roots of the cone's equation.
+        k = r1 * dh - h1 * dr
+        half = k * dr * d
+        constant = r0_square * dh * dh - k * k
+        square = half * half - steepness * constant
+        root = np.sqrt(np.maximum(square, 0.0))
+        larger = half + np.where(half >= 0.0, root, -root)
+        one, other = larger / steepness, np.where(larger == 0.0, 0.0, constant / larger)
+        low, high = np.minimum(one, other), np.maximum(one, other)
+        # Crossed once: the root on the side of the corner inside.
+        wants_high = (np.where(w1 > 0.0, dh, -dh) * d) > 0.0
+        single = np.where(wants_high, high, low)
+        middle = z0 + d * (half / steepness)
+        twice = ~once & (w1 <= 0.0) & (square > 0.0) & ((z1 > middle) != (z2 > middle)) & (steepness > 0.0)
+        # As steep as the line or steeper: the place along the segment, by its own quadratic.
+        slope = d * d * r1 * dr - a * h1 * dh
+        root = np.sqrt(np.maximum(slope * slope + steepness * w1, 0.0))
+        rising = np.where(slope > 0.0, -w1 / (slope + root), (root - slope) / -steepness)
+        falling = w1 / (root - slope)
+        share = np.clip(np.where(w1 > 0.0, falling, rising), 0.0, 1.0)
+        steep = (z1 + share * dh - z) / d  # from the line's own point: where it is nearest to the axis may be far off
+    distance[0] = np.where(
+        once, np.where(steepness > 0.0, nearest + single, steep), np.where(twice, nearest + low, np.inf)
+    )
+    distance[1] = np.where(twice, nearest + high, np.inf)
+    return np.concatenate(list(distance), axis=1)

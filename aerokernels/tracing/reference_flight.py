@@ -1,0 +1,56 @@
+"""The rays of the reference on their way, and where a parabola first meets a surface."""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+
+@dataclass
+class Flight:
+    """Rays on their way; one entry for each.
+
+    Attributes: start [m], direction, and side (the sign of what is before the plane), which stay; along t [m], q [m],
+    momentum P, work W [m], stretch S [m], cell; lever [m] and gain, by which errors of direction and of place grow into
+    the optical path; error [m], steps, evaluations; stopped (at the user's stop), left (the box), hit (the body),
+    failed (not finite), spent (all its steps).
+    """
+
+    start: np.ndarray
+    direction: np.ndarray
+    side: np.ndarray
+    along: np.ndarray
+    lever: np.ndarray
+    gain: np.ndarray
+    cell: np.ndarray
+    q: np.ndarray = field(init=False)
+    momentum: np.ndarray = field(init=False)
+
+    def __post_init__(self):
+        """Start undisturbed."""
+        count = len(self.start)
+        self.q, self.momentum = np.zeros((count, 3)), np.zeros((count, 3))
+        self.work, self.stretch, self.error = np.zeros(count), np.zeros(count), np.zeros(count)
+        self.steps, self.evaluations, self.attempts = (np.zeros(count, dtype=np.int64) for _ in range(3))
+        self.stopped, self.left, self.hit, self.failed, self.spent = (np.zeros(count, dtype=bool) for _ in range(5))
+
+    @property
+    def going(self) -> np.ndarray:
+        """Rays that are still on their way."""
+        return np.flatnonzero(~(self.stopped | self.left | self.hit | self.failed | self.spent))
+
+
+def rising_root(v0, v1, v2, slack) -> np.ndarray:
+    """The first h >= 0 at which v0 + v1 h + v2 h^2 rises through zero; inf where it does not, 0 where it is above."""
+    known = np.isfinite(v0)
+    v0 = np.where(known, v0, -1.0)
+    disc = v1 * v1 - 4.0 * v2 * v0
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+        rest = np.sqrt(np.maximum(disc, 0.0))
+        forward = np.where(v1 + rest > 0.0, -2.0 * v0 / (v1 + rest), np.inf)
+        back = np.where(v2 > 0.0, (rest - v1) / (2.0 * v2), np.inf)
+        root = np.where(v1 >= 0.0, forward, back)
+    root = np.where(disc < 0.0, np.inf, root)
+    # Above by rounding only, and on the way in: not outside.
+    above = (v0 >= 0.0) & ((v1 > 0.0) | ((v1 == 0.0) & (v2 > 0.0)) | ((v0 > slack) & (disc < 0.0)))
+    root = np.where(above, 0.0, root)
+    return np.where(known, np.maximum(root, 0.0), np.inf)

@@ -1,0 +1,195 @@
+// Where straight lines cross the surface of the body, exactly. The formulas stand in aerokernels/medium/crossings.py, the
+// tree of boxes in aerokernels/medium/wall_tree.py. Warp's twin is aerokernels/tracing/warp_crossings.py.
+#ifndef CROSSINGS_H
+#define CROSSINGS_H
+
+#include "constants.h"
+#include "types.h"
+
+#define NEVER 1.0e300
+
+// A line p + t d as the body sees it; d need not be of length 1.
+typedef struct {
+    double first;    // planar: y of p; axisymmetric: square of the least distance from the axis
+    double across;   // planar: dy; axisymmetric: dx^2 + dy^2
+    double along;    // dz
+    double z;        // of p
+    double nearest;  // axisymmetric: t where it is nearest to the axis
+    double height;   // z there
+    double square;   // dy^2 + dz^2, of a planar line
+} WallLine;
+
+static inline WallLine wall_line(double3 p, double3 d)
+{
+    WallLine line;
+    line.along = d.z;
+    line.z = p.z;
+#if GEOMETRY == AXISYMMETRIC
+    const double a = d.x * d.x + d.y * d.y;
+    const int parallel = a < PARALLEL * (a + d.z * d.z);
+    const double moment = p.x * d.y - p.y * d.x;
+    line.across = parallel ? 0.0 : a;
+    line.nearest = parallel ? 0.0 : -(p.x * d.x + p.y * d.y) / a;
+    line.first = parallel ? p.x * p.x + p.y * p.y : moment * moment / a;
+    line.height = p.z + line.nearest * d.z;
+    line.square = 0.0;
+#else
+    line.across = d.y;
+    line.nearest = 0.0;
+    line.first = p.y;
+    line.height = p.z;
+    line.square = d.y * d.y + d.z * d.z;
+#endif
+    return line;
+}
+
+// Whether a line may pass a box, lowest and greatest (r, z), that is `margin` larger on every side, between t = from and to.
+static inline int passes_box(const WallLine *line, double4 box, double margin, double from, double to)
+{
+    double near = from, far = to;
+    if (line->along == 0.0) {
+        if (line->z < box.y - margin || line->z > box.w + margin) {
+            return 0;
+        }
+    } else {
+        const double one = (box.y - margin - line->z) / line->along, other = (box.w + margin - line->z) / line->along;
+        near = greater64(near, lesser64(one, other));
+        far = lesser64(far, greater64(one, other));
+    }
+#if GEOMETRY == AXISYMMETRIC
+    const double n = near - line->nearest, f = far - line->nearest;
+    const double low = box.x - margin, high = box.z + margin;
+    const double closest = greater64(n, 0.0) + lesser64(f, 0.0);
+    const double least = line->first + line->across * closest * closest;
+    const double most = line->first + line->across * greater64(n * n, f * f);
+    return near <= far && least <= high * high && (low <= 0.0 || !(most < low * low));
+#else
+    if (line->across == 0.0) {
+        return near <= far && line->first >= box.x - margin && line->first <= box.z + margin;
+    }
+    const double one = (box.x - margin - line->first) / line->across;
+    const double other = (box.z + margin - line->first) / line->across;
+    return greater64(near, lesser64(one, other)) <= lesser64(far, greater64(one, other));
+#endif
+}
+
+// Where a line crosses a segment r1, z1, r2, z2 (planar: y for r).
+typedef struct {
+    int count;    // 0, 1 or 2 crossings
+    int enters;   // whether the first one leads into the body, which lies to the left of the segment
+    double one;   // t of the first
+    double two;   // and of the second, which leads the other way
+} Crossings;
+
+#if GEOMETRY == AXISYMMETRIC
+// Positive where a corner lies outside the surface that the line sweeps about the axis.
+static inline double corner_side(const WallLine *line, double r, double height)
+{
+    return line->along * line->along * (r * r - line->first) - line->across * height * height;
+}
+#else
+// To which side of the line a corner lies.
+static inline double corner_side(const WallLine *line, double y, double z)
+{
+    return line->across * (z - line->z) - line->along * (y - line->first);
+}
+#endif
+
+static inline Crossings segment_crossings(const WallLine *line, double4 segment)
+{
+    Crossings out = {0, 0, 0.0, 0.0};
+    const double dr = segment.z - segment.x, dz = segment.w - segment.y;
+#if GEOMETRY == AXISYMMETRIC
+    const double d = line->along;
+    const double h1 = segment.y - line->height, h2 = segment.w - line->height;
+    const double w1 = corner_side(line, segment.x, h1), w2 = corner_side(line, segment.z, h2);
+    const int once = (w1 > 0.0) != (w2 > 0.0);
+    if (!once && w1 > 0.0) {
+        return out;
+    }
+    const double steepness = line->across * dz * dz - d * d * dr * dr;
+    if (steepness > 0.0) {
+        // Less steep than the line: the roots of the cone's equation.
+        const double k = segment.x * dz - h1 * dr;
+        const double mean = k * dr * d;
+        const double rest = line->first * dz * dz - k * k;
+        const double square = mean * mean - steepness * rest;
+        const double root = sqrt(greater64(square, 0.0));
+        const double larger = mean >= 0.0 ? mean + root : mean - root;
+        const double one = larger / steepness, other = larger == 0.0 ? 0.0 : rest / larger;
+        const double low = lesser64(one, other), high = greater64(one, other);
+        if (once) {
+            out.count = 1;
+            out.enters = w1 > 0.0 ? d < 0.0 : d > 0.0;
+            out.one = line->nearest + ((w1 > 0.0 ? dz : -dz) * d > 0.0 ? high : low);
+        } else {
+            const double middle = line->height + d * (mean / steepness);
+            if (square > 0.0 && (segment.y > middle) != (segment.w > middle)) {
+                out.count = 2;
+                out.enters = dz > 0.0;
+                out.one = line->nearest + low;
+                out.two = line->nearest + high;
+            }
+        }
+    } else if (once) {
+        // As steep as the line or steeper: the place along the segment.
+        const double slope = d * d * segment.x * dr - line->across * h1 * dz;
+        const double root = sqrt(greater64(slope * slope + steepness * w1, 0.0));
+        double share = w1 / (root - slope);
+        if (!(w1 > 0.0)) {
+            share = slope > 0.0 ? -w1 / (slope + root) : (root - slope) / -steepness;
+        }
+        out.count = 1;
+        out.enters = w1 > 0.0 ? d < 0.0 : d > 0.0;
+        out.one = (segment.y + lesser64(greater64(share, 0.0), 1.0) * dz - line->z) / d;
+    }
+#else
+    const double side = corner_side(line, segment.x, segment.y), other = corner_side(line, segment.z, segment.w);
+    if ((side > 0.0) != (other > 0.0)) {
+        const double share = side / (side - other);
+        const double y = segment.x + share * dr - line->first, z = segment.y + share * dz - line->z;
+        out.count = 1;
+        out.enters = side > other;
+        out.one = (y * line->across + z * line->along) / line->square;
+    }
+#endif
+    return out;
+}
+
+// What a line meets of the body between t = from and to: where it first enters and first leaves it, NEVER where it does
+// not, and whether it crosses the surface an odd number of times.
+typedef struct {
+    double entry;
+    double exit;
+    int odd;
+} WallMeeting;
+
+static inline WallMeeting meet_wall(
+    const Field *field, const Arrays *arrays, const WallLine *line, double from, double to)
+{
+    WallMeeting found = {NEVER, NEVER, 0};
+    int node = 0;
+    while (node < field->wall_count) {
+        const int3 links = vload3(node, arrays->wall_links);
+        int next = links.x;
+        if (passes_box(line, vload4(node, arrays->wall_boxes), 0.0, from, to)) {
+            next = node + 1;
+            for (int k = links.y; k < links.z; k++) {
+                const Crossings at = segment_crossings(line, vload4(k, arrays->wall));
+                for (int j = 0; j < at.count; j++) {
+                    const double t = j == 0 ? at.one : at.two;
+                    const int enters = j == 0 ? at.enters : !at.enters;
+                    if (t >= from && t <= to) {
+                        found.odd = !found.odd;
+                        found.entry = enters ? lesser64(found.entry, t) : found.entry;
+                        found.exit = enters ? found.exit : lesser64(found.exit, t);
+                    }
+                }
+            }
+        }
+        node = next;
+    }
+    return found;
+}
+
+#endif

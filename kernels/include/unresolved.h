@@ -1,0 +1,79 @@
+// What lies between a ray's even samples: the sum over its way of a table of bounds (aerokernels/tracing/unresolved.py).
+#ifndef UNRESOLVED_H
+#define UNRESOLVED_H
+
+#include "constants.h"
+#include "lanes.h"
+#include "types.h"
+
+// Block of the table along one of its axes, of places in cells.
+static inline ints block_of(const Control *control, int axis, reals place)
+{
+    const reals block = place * (R(1.0) / (real)control->block);
+    return TO_INTS(min(max(block, (reals)R(0.0)), (reals)((real)control->block_count[axis] - R(0.5))));
+}
+
+// A bound of the error of the path [m] of rays from (x0, y0, z0), in cells from the grid's first node (x, y from the axis),
+// along (dx, dy, dz) for `length` metres, that end (qx, qy, qz) metres beside that; 0 without a table, infinite where
+// samples are further apart than it holds for.
+static inline reals unresolved_of(
+    const Field *field,
+    const Arrays *arrays,
+    const Control *control,
+    reals x0,
+    reals y0,
+    reals z0,
+    reals dx,
+    reals dy,
+    reals dz,
+    reals length,
+    reals qx,
+    reals qy,
+    reals qz)
+{
+    if (arrays->reach_start[0] < 0) {
+        return (reals)R(0.0);
+    }
+    const real3 rate = VECTOR(field->inverse_spacing);
+    reals ahead = length * max(fabs(dy) * rate.y, fabs(dz) * rate.z);
+    if (GEOMETRY != PLANAR) {
+        ahead = max(ahead, length * fabs(dx) * rate.x);
+    }
+    const reals strides = ahead * (R(1.0) / (LOOKUP_STRIDE * (real)control->block));
+    int count = 1;
+    for (int lane = 0; lane < LANES; lane++) {
+        count = max(count, (int)ceil(REAL_AT(strides, lane)));
+    }
+    reals sum = (reals)R(0.0);
+    for (int k = 0; k < count; k++) {
+        const real share = ((real)k + R(0.5)) / (real)count;
+        const reals t = share * length;
+        const real bent = share * share;
+        const reals x = x0 + (t * dx + bent * qx) * rate.x, y = y0 + (t * dy + bent * qy) * rate.y;
+        const reals z = z0 + (t * dz + bent * qz) * rate.z;
+#if GEOMETRY == VOLUME
+        ints entry = block_of(control, 0, x) * control->block_count[1] + block_of(control, 1, y);
+        entry = entry * control->block_count[2] + block_of(control, 2, z);
+#elif GEOMETRY == PLANAR
+        const ints entry = block_of(control, 0, y) * control->block_count[1] + block_of(control, 1, z);
+#else
+        const reals radius = sqrt(x * x + y * y);
+        const ints entry = block_of(control, 0, radius) * control->block_count[1] + block_of(control, 1, z);
+#endif
+        for (int lane = 0; lane < LANES; lane++) {
+            REAL_AT(sum, lane) += arrays->reach[INT_AT(entry, lane)];
+        }
+    }
+    const reals spacing = length * (R(1.0) / (real)control->sample_count);
+    return CHOOSE(sum * length * (R(1.0) / (real)count), (reals)INFINITY, spacing > R(1.001) * control->step);
+}
+
+// By how much an error of the path counts more for the error of direction that comes with it, `onward` metres before a stop
+// that the ray meets at this cosine with its normal.
+static inline real with_lever(const Field *field, real missed, real onward, real cosine)
+{
+    const real tangent = sqrt(greater(R(1.0) - cosine * cosine, R(0.0))) / greater(cosine, (real)LEAST_COSINE);
+    return missed * (R(1.0) + MISSED_SLOPE * greatest(VECTOR(field->inverse_spacing)) * onward * tangent);
+}
+
+#endif

@@ -1,0 +1,92 @@
+"""Random bundles through random fields against the reference: what fails, by kind, and the worst with their seeds.
+
+The cases and what is held are those of tests/tracing/bundle_draws.py. A case is repeated by `--only SEED`.
+"""
+
+import argparse
+import collections
+import sys
+import time
+import traceback
+from pathlib import Path
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+
+from tests.tracing.bundle_draws import check, draw
+
+
+def parse(arguments=None) -> argparse.Namespace:
+    """The command line."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--count", type=int, default=10_000, help="bundles to draw")
+    parser.add_argument("--seed", type=int, default=0, help="the first one's seed; the others follow")
+    parser.add_argument("--backend", default="opencl", choices=("opencl", "warp", "reference"))
+    parser.add_argument("--sample", type=int, default=300, help="rays of a bundle that are compared")
+    parser.add_argument("--only", type=int, help="this seed alone, with every ray that fails")
+    parser.add_argument("--fix", action="append", default=[], metavar="NAME=VALUE", help="an entry of the kind to fix")
+    parser.add_argument("--worst", type=int, default=40, help="cases to list")
+    return parser.parse_args(arguments)
+
+
+def main() -> int:
+    """Draw, check, tell."""
+    asked = parse()
+    fixed = dict(entry.split("=", 1) for entry in asked.fix)
+    if asked.only is not None:
+        return one(asked, fixed)
+    start, rays, drawn, failed = time.perf_counter(), 0, collections.Counter(), collections.Counter()
+    wrong_rays, worst, errors = collections.Counter(), [], []
+    seeds = range(asked.seed, asked.seed + asked.count)
+    for number, seed in enumerate(seeds, 1):
+        case = draw(seed, **fixed)
+        try:
+            findings, compared, how = check(case, {"backend": asked.backend}, asked.sample)
+        except Exception:  # a case that cannot be traced is a finding too
+            errors.append((seed, traceback.format_exc().splitlines()[-1]))
+            continue
+        rays += compared
+        drawn[how] += 1
+        for what in {f.what for f in findings}:
+            group = [f for f in findings if f.what == what]
+            failed[how, what, case.kind["geometry"]] += 1
+            wrong_rays[what] += len(group)
+            greatest = max(group, key=lambda f: f.size)
+            worst.append((greatest.size, how, len(group), compared, greatest, case))
+            print(line(worst[-1]), file=sys.stderr, flush=True)
+        if number % 100 == 0:
+            print(f"{number} bundles, {rays} rays, {time.perf_counter() - start:.0f} s", file=sys.stderr, flush=True)
+    print(f"{asked.backend}: {len(seeds)} bundles, {rays} rays compared, {time.perf_counter() - start:.0f} s")
+    print("traced by: " + ", ".join(f"{how} {n}" for how, n in drawn.most_common()))
+    print("rays beyond what is allowed: " + (", ".join(f"{w} {n}" for w, n in wrong_rays.most_common()) or "none"))
+    for (how, what, geometry), n in sorted(failed.items(), key=lambda item: -item[1]):
+        print(f"  {n:5d} bundles: {what:9s} {how:9s} {geometry}")
+    for what in ("status", "opd", "end", "arc", "direction"):
+        some = sorted((w for w in worst if w[4].what == what), key=lambda w: -w[0])[: asked.worst]
+        if some:
+            print(f"worst by {what}:")
+        for entry in some:
+            print("  " + line(entry))
+    for seed, text in errors:
+        print(f"  seed {seed}: {text}")
+    return 1 if worst or errors else 0
+
+
+def line(entry) -> str:
+    """One failure of a case in words."""
+    size, how, n, compared, finding, case = entry
+    return f"{finding.what} {size:.2g} x, {n}/{compared} rays, {how}; {case}; ray {finding.ray}: {finding.text}"
+
+
+def one(asked: argparse.Namespace, fixed: dict) -> int:
+    """One case in full."""
+    case = draw(asked.only, **fixed)
+    print(case, case.settings, f"box {case.field.box}, spacing {case.field.spacing}", sep="\n")
+    findings, compared, how = check(case, {"backend": asked.backend}, asked.sample)
+    print(f"{how}, {compared} rays compared, {len(findings)} findings")
+    for finding in sorted(findings, key=lambda f: -f.size):
+        print(f"  {finding.what} {finding.size:.2g} x, ray {finding.ray}: {finding.text}")
+    return 1 if findings else 0
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())

@@ -1,0 +1,152 @@
+"""Features about a cell wide between the samples of nearly straight rays: bounded by the field, not by luck."""
+
+from dataclasses import replace
+from importlib import import_module
+
+import numpy as np
+import pytest
+
+from aerokernels.medium import IndexField
+from aerokernels.rays import RayBundle
+from aerokernels.tracing import Plane, trace
+from aerokernels.tracing.active import active_box
+from aerokernels.tracing.even import LEAST_RAYS, pilot_of
+from aerokernels.tracing.held import held_error
+from aerokernels.tracing.plan import TracePlan
+from aerokernels.tracing.unresolved import Sampling, greatest_error, lines_through, missed_along
+
+from .backends import ENGINES, WAVE, on
+from .fields import CELL
+
+KINDS = ("volume", "planar", "axisymmetric")
+FAR = Plane((0.0, 0.0, 11e-3), (0.0, 0.0, 1.0))
+COUNT = LEAST_RAYS + 37
+# Across the rays, where the needle stands [m]: away from the pilot's.
+NEEDLE = 1.5e-3
+
+
+def needle_field(geometry: str, width: float = 0.6, height: float = 5e-4) -> IndexField:
+    """Smooth air of 2 waves or so, and one blob `width` cells wide at x = 0, y = NEEDLE (r there), z = 5.03 mm."""
+    y, z = np.arange(-24, 25) * CELL, np.arange(101) * CELL
+    if geometry == "axisymmetric":
+        y = np.arange(31) * CELL
+
+    def contrast(x, y, z):
+        smooth = 2e-4 * np.exp(-(x**2 + y**2) / 1.4e-3**2 - ((z - 5e-3) / 1.4e-3) ** 2)
+        return smooth + height * np.exp(-(x**2 + (y - NEEDLE) ** 2 + (z - 5.03e-3) ** 2) / (width * CELL) ** 2)
+
+    if geometry == "volume":
+        x = np.arange(-8, 9) * CELL
+        samples = contrast(*np.meshgrid(x, y, z, indexing="ij"))
+        origin: tuple[float, ...] = (x[0], y[0], z[0])
+    else:
+        samples = contrast(0.0, *np.meshgrid(y, z, indexing="ij"))
+        origin = (y[0], z[0])
+    return IndexField.from_samples(samples, origin=origin, spacing=(CELL,) * len(origin), geometry=geometry)
+
+
+def bundle(slope: float) -> RayBundle:
+    """Rays that pass beside the needle, but for 61 of them, which run through it and are not in the pilot."""
+    rng = np.random.default_rng(2)
+    y = rng.uniform(-1.0e-3, 0.9e-3, COUNT)
+    x = rng.uniform(-0.3e-3, 0.3e-3, COUNT)
+    rows = np.arange(3, COUNT, 67)
+    pilot = np.linspace(0, COUNT - 1, 512).round().astype(int)
+    rows = rows[~np.isin(rows, pilot)]
+    y[rows], x[rows] = NEEDLE + rng.uniform(-0.5, 0.5, len(rows)) * CELL, rng.uniform(-0.5, 0.5, len(rows)) * CELL
+    # All through their place at z = 5 mm.
+    rays = RayBundle(np.c_[x, y - slope * 6e-3, np.full(COUNT, -1e-3)], (0.0, slope, 1.0))
+    assert np.abs(pilot_of(rays).position[:, 1] + slope * 6e-3 - NEEDLE).min() > 5 * CELL
+    return rays
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+@pytest.mark.parametrize("slope", [0.0, 0.06])
+@pytest.mark.parametrize("geometry", KINDS)
+def test_rays_through_a_needle_that_no_pilot_meets_are_right(engine, slope, geometry):
+    """Against error control in float64: 1e-3 wave asked for, 30 of it and more where only pilots are asked."""
+    field, rays = needle_field(geometry), bundle(slope)
+    result = trace(field, rays, until=FAR, method="straight", **on(engine))
+    assert result.plan.sample_count and result.ok.all()
+    through = slice(3, None, 67)
+    part = RayBundle(rays.position[through], rays.direction[through])
+    exact = trace(field, part, until=FAR, method="adaptive", precision="float64", tolerance=1e-6, backend="warp")
+    assert np.abs(result.opd[through] - exact.opd).max() < 1e-3 * WAVE
+
+
+def sampled(field: IndexField, rays: RayBundle, count: int, engine: str, with_table: bool):
+    """OPD and estimated errors [m] by so many samples, and how they are spaced; nothing else is taken for an error."""
+    low, high = active_box(field, held_error(field, WAVE * 1e-3))
+    lines = lines_through(field, rays, FAR, low, high)
+    steepness = tuple(float(size) for size in np.abs(rays.direction).max(axis=0))
+    sampling = Sampling(1.001 * float(lines.way.max()) / count, steepness, 0.0)
+    plan = TracePlan("straight", **on(engine), precision="float64", max_steps=1000, step=None, tolerance=1e-3)
+    plan = replace(plan, sample_count=count, sampling=sampling if with_table else None)
+    run = import_module(f"aerokernels.tracing.{plan.backend}_backend").trace
+    arrays, _ = run(field, rays, plan, FAR, WAVE, frozenset(("opd", "step_error")))
+    return arrays["opd"], arrays["step_error"], sampling, lines
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+@pytest.mark.parametrize("geometry", KINDS)
+def test_kernels_look_up_what_the_host_does(engine, geometry):
+    """A ray's own share of the table, straight, on the host and in the kernel: alike but for what bends the ray.
+
+    Blocks are 4 cells wide and a place is off by less than a tenth of one: rays may change blocks for a lookup or two
+    of twenty. Median and sum are asked to be within 2 and 10 %.
+    """
+    field, rays = needle_field(geometry), bundle(0.06)
+    _, error, sampling, lines = sampled(field, rays, 36, engine, with_table=True)
+    _, other, _, _ = sampled(field, rays, 36, engine, with_table=False)
+    expected = missed_along(field, sampling, lines)
+    found = (error - other)[error < np.inf]
+    assert len(found) == len(expected) == COUNT
+    assert abs(np.median(found / expected) - 1.0) < 0.02
+    assert abs(found.sum() / expected.sum() - 1.0) < 0.1
+
+
+@pytest.mark.parametrize("count", [36, 51])
+@pytest.mark.parametrize("geometry", KINDS)
+def test_no_ray_misses_more_than_the_bound(geometry, count):
+    """Truth: error control in float64 held to 1e-7 wave. Each ray's own bound holds for it, the bundle's for all."""
+    field, rays = needle_field(geometry), bundle(0.06)
+    through = slice(3, None, 67)
+    rays = RayBundle(rays.position[through], rays.direction[through])
+    opd, _, sampling, lines = sampled(field, rays, count, "warp-cpu", with_table=False)
+    exact = trace(field, rays, until=FAR, method="adaptive", precision="float64", tolerance=1e-7, backend="warp")
+    missed = np.abs(opd - exact.opd)
+    bound = missed_along(field, sampling, lines)
+    assert missed.max() > 3e-3 * WAVE  # there is something to miss
+    assert (missed <= bound).all()
+    assert missed.max() <= greatest_error(field, sampling, lines)
+
+
+@pytest.mark.parametrize("geometry", KINDS)
+def test_smooth_air_needs_no_lookup(geometry):
+    """Ten cells wide: the bound for the whole bundle is negligible, and no more samples are taken than before."""
+    field, rays = needle_field(geometry, height=0.0), bundle(0.06)
+    plan = trace(field, rays, until=FAR, method="straight", outputs=("opd",), backend="warp", device="cpu").plan
+    assert plan.sampling is None and 36 <= plan.sample_count <= 60
+
+
+def test_the_bound_falls_off_as_samples_come_closer():
+    """Smooth air is done with at 4 cells: 1e-6 wave is left, the spline's own. A needle takes a cell or less."""
+    low, high = np.array([-0.8e-3, -2.4e-3, 0.0]), np.array([0.8e-3, 2.4e-3, 10e-3])
+    smooth, rough = needle_field("volume", height=0.0), needle_field("volume")
+    lines = lines_through(smooth, bundle(0.0), FAR, low, high)
+    assert lines.way == pytest.approx(10e-3) and not lines.lever.any()
+    assert greatest_error(smooth, Sampling(4.0 * CELL, (0.0, 0.0, 1.0), 0.0), lines) < 1e-5 * WAVE
+    found = [greatest_error(rough, Sampling(h * CELL, (0.0, 0.0, 1.0), 0.0), lines) for h in (4.0, 0.5, 0.25)]
+    assert found[0] > 1e-7 and found[1] < 1e-2 * found[0] and found[2] < found[1] / 15.0
+
+
+def test_a_slanted_stop_makes_what_is_missed_count_more():
+    """The lever arm: 4 mm to a plane at 45 degrees counts as so many cells times the slope of what is missed."""
+    field = needle_field("volume")
+    rays = RayBundle([[0.0, 0.0, -1e-3]], (0.0, 0.0, 1.0))
+    low, high = field.samples.low, field.samples.high
+    flat = lines_through(field, rays, FAR, low, high)
+    steep = lines_through(field, rays, Plane((0.0, 0.0, 11e-3), (0.0, 1.0, 1.0)), low, high)
+    assert flat.lever == pytest.approx([0.0], abs=1e-12) and steep.lever == pytest.approx([11e-3])
+    sampling = Sampling(4.0 * CELL, (0.0, 0.0, 1.0), 0.0)
+    assert missed_along(field, sampling, steep) > 100.0 * missed_along(field, sampling, flat)
