@@ -123,6 +123,8 @@ def test_as_dict_is_json_and_gives_the_scene_back(write):
         ("detector.bandwidth", "200 MHz", 2e8),
         ("trace.device", "cuda:0", "cuda:0"),
         ("flow.gladstone_dale", "2.24e-4 m3/kg", 2.24e-4),
+        ("flow.relation", "ciddor", "ciddor"),
+        ("flow.relation", "paper", "paper"),
         ("target.tilt_axis", "[0, 1, 0]", (0.0, 1.0, 0.0)),
         ("receiver.strehl_node_count", "every", "every"),
         ("receiver.strehl_node_count", "11", 11),
@@ -222,6 +224,12 @@ def test_faults_in_a_file(write, line, words):
         ('source = "mach2"\ndensity = -1', ["flow.density = -1", "above 0"]),
         ('source = "mach2"\ndensity = nan', ["flow.density = nan", "'0.5 kg/m3'"]),
         ('density = "tunnel"', ["flow.source is missing"]),
+        ('source = "mach2"\nrelation = "edlen"', ["flow.relation = 'edlen'", "'ciddor'"]),
+        ('source = "mach2"\nrelation = "ciddor"\nwavelength = "1.7 um"', ["flow.relation 'ciddor'", "0.3 to 1.69 um"]),
+        (
+            'source = "mach2"\nrelation = "ciddor"\ngladstone_dale = "0.22 cm3/g"',
+            ["flow.relation 'ciddor'", "take 'gladstone-dale'"],
+        ),
     ],
 )
 def test_faults_in_the_flow(write, line, words):

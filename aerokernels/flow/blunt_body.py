@@ -90,7 +90,8 @@ def blunt_body(
     """The approximate flow over a hemisphere-cylinder, or over a slab with a round nose, as a density field.
 
     The shock is Billig's, whose stand-off is good to some per cent; the density between it and the wall is a model (see
-    the module), exact on the axis at both its ends only. Cells that the shock cuts hold averages of the model to 1e-6.
+    the module), exact on the axis at both its ends only. Cells that the shock cuts hold the model's average to 1e-13,
+    those at the wall, where it has a kink, to 1e-3.
 
     Args:
         mach: Mach number of the free stream, at least 1.5.

@@ -18,7 +18,7 @@ Reference: P. E. Ciddor, Refractive index of air: new equations for the visible 
 
 import math
 
-from ..wavelength import check_wavelength
+from ..wavelength import SAME, check_wavelength
 from .gas import positive
 
 # Wavelengths that the equations were made for [m].
@@ -125,7 +125,7 @@ def water_fraction(temperature: float, pressure: float, humidity: float) -> floa
 
 def _wavenumber_square(wavelength: float) -> float:
     wavelength, (low, high) = check_wavelength(wavelength), RANGE
-    if not low <= wavelength <= high:
+    if not low * (1.0 - SAME) <= wavelength <= high * (1.0 + SAME):
         raise ValueError(
             f"wavelength {wavelength:g} m is outside Ciddor's {low * 1e6:g} to {high * 1e6:g} um: "
             "choose another relation"

@@ -19,7 +19,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from ..wavelength import check_wavelength
+from ..wavelength import SAME, check_wavelength
 from . import ciddor
 
 GAS_CONSTANT = 8.314462618  # [J/(mol K)]
@@ -68,7 +68,7 @@ class Species:
             ValueError: A wavelength outside the formula's range.
         """
         wavelength, (low, high) = check_wavelength(wavelength), self.wavelength_range
-        if not low <= wavelength <= high:
+        if not low * (1.0 - SAME) <= wavelength <= high * (1.0 + SAME):
             raise ValueError(
                 f"wavelength {wavelength:g} m is outside {low * 1e6:g} to {high * 1e6:g} um, where the refractivity of "
                 f"{self.name} is known: {self.source}"
@@ -108,7 +108,6 @@ def _gas(name, grams, form, coefficients, micrometres, virial, uncertainty, sour
         molar_mass=grams * 1e-3,
         form=form,
         coefficients=coefficients,
-        # As decimals, so that the very ends of the range are inside it.
         wavelength_range=(float(f"{micrometres[0]}e-6"), float(f"{micrometres[1]}e-6")),
         temperature=state[0],
         pressure=state[1],

@@ -3,11 +3,11 @@ r"""The isentropic vortex: a steady swirl of one entropy, with its density in cl
     v(r) = a M (r / R) exp((1 - r^2 / R^2) / 2),       T / T1 = 1 - (g - 1) / 2 M^2 exp(1 - r^2 / R^2),
     rho / rho1 = (T / T1)^(1 / (g - 1)),               p / p1 = (T / T1)^(g / (g - 1))
 
-with a the sound speed far away: v is greatest, M a, at the radius R. It solves the Euler equations, dp / dr = rho v^2 /
-r.
+with a the sound speed far away: v is greatest, M a, at the radius R. It solves the Euler equations: dp / dr is
+rho v^2 / r.
 
-Reference: C.-W. Shu, in Advanced Numerical Approximation of Nonlinear Hyperbolic Equations, LNM 1697 (1998), 5.1 (there
-with beta = 2 pi M sqrt(e) in units of R and of the gas).
+Reference: C.-W. Shu, in Advanced Numerical Approximation of Nonlinear Hyperbolic Equations, LNM 1697 (1998), where its
+strength is epsilon = 2 pi M sqrt(g), in units of R and of p / rho far away.
 """
 
 import math

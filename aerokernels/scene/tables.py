@@ -10,7 +10,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import AfterValidator, BeforeValidator, model_validator
 
-from ..flow import gladstone_dale_constant, shipped_names
+from ..flow import gladstone_dale_constant, refractivity_model, shipped_names
 from ..flow.gas import check_density
 from ..flow.refractivity import refractivity
 from ..units import quantity
@@ -74,14 +74,24 @@ class FlowTable(Table):
         "905 nm",
         "Vacuum wavelength of the laser. The paper's.",
     )
-    relation: Literal["gladstone-dale", "lorentz-lorenz"] = key(
+    relation: Literal["paper", "ciddor", "gladstone-dale", "lorentz-lorenz"] = key(
         "gladstone-dale",
-        "Density to index: linear, as the paper uses, or the exact form; they differ by 1.3e-8 at sea level.",
+        'Density to index: "paper", linear with the paper\'s constant; "ciddor", that of standard dry air, 0.3 to '
+        '1.69 um; "gladstone-dale", linear, or "lorentz-lorenz", the exact form, with a constant that is given or else '
+        "the paper's; the two forms differ by 1.3e-8 at sea level.",
     )
     gladstone_dale: Annotated[GladstoneDale, AfterValidator(_constant)] | None = key(
         None,
         "Gladstone-Dale constant to use in place of the paper's K(wavelength), '2.24e-4 m3/kg' say.",
     )
+
+    @model_validator(mode="after")
+    def _relation_fits_the_rest(self) -> "FlowTable":
+        try:
+            refractivity_model(self.relation, constant=self.gladstone_dale).constant(self.wavelength)
+        except ValueError as fault:
+            raise ValueError(f"flow.relation {self.relation!r} does not go with the rest of [flow]: {fault}") from None
+        return self
 
 
 class GridTable(Table):
