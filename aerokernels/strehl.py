@@ -23,6 +23,7 @@ from .tracing.plan import TracePlan
 from .tracing.pupil_fan import SETTLED
 from .tracing.pupil_job import REPLICATES, find_job, make_job
 from .tracing.pupil_sums import fit_moments
+from .tracing.retrace import told_of_rejected
 from .tracing.trace import retracer
 from .wavefront import check_terms, check_wavefront, map_points, remove_terms
 
@@ -183,6 +184,7 @@ def estimate_strehl(
         plan = replace(plan, reasons=(*plan.reasons, more))
         evaluations += sums.evaluation_count
         seconds = {stage: spent + sums.seconds.get(stage, 0.0) for stage, spent in seconds.items()}
+    plan = told_of_rejected(plan, sums.rejected_count, sums.ray_count, sums.greatest_error, wavelength)
     estimate = _combine(sums.moments, sums.phasors, wavelength, remove)
 
     def budget(found: StrehlEstimate) -> dict[str, float]:

@@ -59,8 +59,8 @@ def constants() -> str:
             "Cosine of the least angle with a surface that is believed, and cells to go on at smaller ones (double)"
         ),
         *_defines({name: getattr(scheme, name) for name in ("LEAST_COSINE", "STEEPEST_COSINE", "GRAZING_REST")}),
-        *_group("Even samples: greatest angle with the first direction [rad]"),
-        *_reals({"EVEN_WEAK": scheme.EVEN_WEAK}),
+        *_group("Even samples: greatest angle with the first direction [rad], least share of what is left out"),
+        *_reals({name: getattr(scheme, name) for name in ("EVEN_WEAK", "LEFT_SHARE")}),
         *_group("Angle with the first direction up to which a ray counts as nearly straight [rad]"),
         *_reals({"NEARLY_STRAIGHT": tableau.NEARLY_STRAIGHT}),
         *_group("Radius about the axis of symmetry within which a kink is rounded off, in cells"),
@@ -73,7 +73,7 @@ def constants() -> str:
         *_defines(
             {
                 name: getattr(scheme, name)
-                for name in ("LANDED_ARC", "WALL_MARCH_LIMIT", "CLEAR_MARCH_LIMIT", "WALK_LIMIT")
+                for name in ("LANDED_ARC", "LANDED_FREE", "WALL_MARCH_LIMIT", "CLEAR_MARCH_LIMIT", "WALK_LIMIT")
             }
         ),
         *_group("Pupil: rays summed by one work-item and the sums it delivers, and the hash of the scramble"),
@@ -104,7 +104,9 @@ def _holds(path: Path, text: str) -> bool:
 
 
 def _by_precision(precision: str) -> list[str]:
-    return _reals({name: getattr(scheme, name)[precision] for name in ("NOISE", "TINY", "SLACK_CELLS")})
+    return _reals(
+        {name: getattr(scheme, name)[precision] for name in ("NOISE", "DIRECTION_NOISE", "TINY", "SLACK_CELLS")}
+    )
 
 
 def _row(what: str, letter: str, values: Sequence[float] | np.ndarray, first: int = 1) -> list[str]:

@@ -5,7 +5,8 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from ..medium import IndexField
-from .choice import choose_method
+from .choice import predict_evaluations
+from .levers import Levers
 
 METHODS = ("auto", "straight", "adaptive", "paper", "fixed")
 PRECISIONS = ("float32", "float64")
@@ -29,6 +30,7 @@ class TracePlan:
         sample_count: Samples of a ray whose samples are even, see even.py; 0 where they are not.
         even_share: The share of a sum's difference from that over every third sample that is taken for its error.
         bend_share: The share of int P^2 / w dt, P the momentum across the ray, that is taken for its course's error.
+        levers: How far the rays fly and at what angle they meet their stop, see levers.py; None where nobody asked.
         predicted_evaluations: Field evaluations of a ray across the box, predicted before any ray is traced.
         predicted_error: OPD error predicted [waves]: what a pilot bundle made, what tables estimate, or the tolerance.
     """
@@ -45,8 +47,14 @@ class TracePlan:
     sample_count: int = 0
     even_share: float = 0.0
     bend_share: float = 0.0
+    levers: Levers | None = None
     predicted_evaluations: float | None = None
     predicted_error: float | None = None
+
+    @property
+    def controls_error(self) -> bool:
+        """Whether the method itself keeps rays within the tolerance, or says which are not."""
+        return self.method in ("adaptive", "straight")
 
     def __str__(self) -> str:
         """One line of choices, then one line for each reason."""
@@ -85,12 +93,10 @@ def make_plan(
     wavelength,
     directions,
     columns: str | None = None,
-    lever: float = 0.0,
 ) -> TracePlan:
     """Check the caller's choices and fill in those left to "auto".
 
-    `columns` says why collimated rays may be looked up in tables, None that they may not; `lever` is that of the rays,
-    see `choice.lever_of`.
+    `columns` says why collimated rays may be looked up in tables, None that they may not.
 
     Raises:
         ValueError: An unknown name or a number that makes no sense, with the remedy.
@@ -121,9 +127,9 @@ def make_plan(
         method = "adaptive"
         reasons.append("method adaptive: the reference is the answer that others are measured against")
     elif method == "auto":
-        choice = choose_method(field, tolerance * wavelength, directions, lever)
-        method, step, predicted = choice.method, choice.step, choice.evaluations
-        reasons.append(choice.reason)
+        method = "adaptive"
+        predicted = predict_evaluations(field, tolerance * wavelength, directions)
+        reasons.append(f"method adaptive: error control, about {predicted:.0f} evaluations a ray across the box")
     backend, device, why = choose_backend(backend, device)
     reasons.append(why)
     dimension = {"volume": "a volume", "planar": "two axes, x is never expanded"}.get(

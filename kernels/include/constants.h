@@ -84,8 +84,9 @@
 #define STEEPEST_COSINE 0.002
 #define GRAZING_REST 0.01
 
-// Even samples: greatest angle with the first direction [rad].
+// Even samples: greatest angle with the first direction [rad], least share of what is left out.
 #define EVEN_WEAK R(0.05)
+#define LEFT_SHARE R(0.5)
 
 // Angle with the first direction up to which a ray counts as nearly straight [rad].
 #define NEARLY_STRAIGHT R(0.01)
@@ -103,6 +104,7 @@
 
 // Where a ray ends.
 #define LANDED_ARC 100
+#define LANDED_FREE 101
 #define WALL_MARCH_LIMIT 512
 #define CLEAR_MARCH_LIMIT 24
 #define WALK_LIMIT 6
@@ -120,10 +122,12 @@
 // By precision.
 #if REAL_IS_DOUBLE
 #define NOISE R(8.881784197001252e-16)
+#define DIRECTION_NOISE R(2.220446049250313e-16)
 #define TINY R(1e-290)
 #define SLACK_CELLS R(1e-10)
 #else
 #define NOISE R(4.76837158203125e-07)
+#define DIRECTION_NOISE R(1.1920928955078125e-07)
 #define TINY R(1e-30)
 #define SLACK_CELLS R(1e-09)
 #endif

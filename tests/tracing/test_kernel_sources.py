@@ -53,7 +53,7 @@ def test_headers_are_what_python_says(root: Path):
 
 def test_header_check_names_what_is_stale_and_writing_mends_it(root: Path, kernels: Path):
     include = kernels / "include"
-    replace_once(include / "ray_status.h", "RAY_HIT_BODY         3", "RAY_HIT_BODY         4")
+    replace_once(include / "ray_status.h", "RAY_HIT_BODY           3", "RAY_HIT_BODY           4")
     (include / "constants.h").unlink()
     before = sorted(include.iterdir())
     check = ("kernel_headers.py", "--check", "--folder", include)
