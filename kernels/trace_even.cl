@@ -101,7 +101,6 @@ __kernel void trace_even(
             const int quiet = is_quiet[lane];
             const double3 heading = d + convert_double3(rest * across);
             const double3 here = p + course.far * d + convert_double3(q);
-            double least_cosine = LEAST_COSINE;
             landed = surfaces[lane];
             if (quiet) {
                 if (far > 0.0 && !leaves_support(&bounds, here, heading)) {
@@ -110,7 +109,6 @@ __kernel void trace_even(
 #if STOP == PLANE
                 landed = LANDED_FREE;
                 normal = VECTOR64(bounds.plane_normal);
-                least_cosine = STEEPEST_COSINE;
 #else
                 more = exit_of(&bounds, here, heading, &landed);
 #endif
@@ -132,7 +130,7 @@ __kernel void trace_even(
             const real lead = quiet ? -dot(across, across) * rest / (R(1.0) / rest + (real)bounds.ambient)
                                     : REAL_AT(flight.off, lane);
             const double bow = 0.5 * more * more * (double)rest * dot(normal, convert_double3(force));
-            more -= !quiet && fabs(cosine) > least_cosine ? bow / cosine : 0.0;
+            more -= !quiet && fabs(cosine) > LEAST_COSINE ? bow / cosine : 0.0;
             const double climb = 0.5 * more * rise;
             const double added = more * (double)rest * (s + climb);
             path += added;
@@ -149,12 +147,14 @@ __kernel void trace_even(
             end = p + (course.enter + far) * d + convert_double3(q);
             const real angle = sqrt(REAL_AT(flight.bent, lane)) / (real)bounds.ambient;
             if (spoilt[lane] || !(angle <= EVEN_WEAK) || !isfinite(path) || !isfinite(off_course) ||
-                fabs(cosine) <= least_cosine) {
+                fabs(cosine) <= LEAST_COSINE ||
+                (STOP == PLANE && fabs(dot(VECTOR64(bounds.plane_normal), heading)) <= LEAST_COSINE)) {
                 off_course = (real)INFINITY;
             }
             // Where the box's end is the stop, the path is off by all of that way, else by what the field adds on it.
-            const double way = quiet ? 0.0 : overrun(&bounds, &control, landed, end, heading);
-            const double loss = STOP == NONE ? bounds.ambient : fmax(fabs(s) / bounds.ambient, 1.0e-30);
+            // One that has left the support must not have left the box before.
+            const double way = overrun(&bounds, &control, quiet ? -1 : landed, quiet ? here : end, heading);
+            const double loss = STOP == NONE && !quiet ? bounds.ambient : fmax(fabs(s) / bounds.ambient, 1.0e-30);
             off_course = greater(off_course, way > 0.0 ? (real)(way * loss) : R(0.0));
         }
         // In the tracer's sums: sigma, S, M and B, of which M - B is the deviation along the ray.

@@ -223,14 +223,12 @@ def build_even_kernel(precision: str, geometry: str, interpolation: str, stop: s
             beside = wp.vec3d(wp.float64(q[0]), wp.float64(q[1]), wp.float64(q[2]))
             tip = p0 + course.far * d0 + beside
             pull = slow * force
-            least_cosine = wp.float64(LEAST_COSINE)
             if quiet:
                 if length > real(0.0) and not leaves_support(bounds, tip, heading):
                     clear = bool(False)  # turned, it goes on through disturbed air
                 if wp.static(stop == "plane"):
                     landed = int(landed_free)
                     normal = bounds.plane_normal
-                    least_cosine = wp.float64(STEEPEST_COSINE)
                 else:
                     leave = exit_of(bounds, tip, heading)
                     more = leave[0]
@@ -241,7 +239,7 @@ def build_even_kernel(precision: str, geometry: str, interpolation: str, stop: s
                 miss = surface_distance(bounds, landed, tip + more * heading)
                 normal = wp.vec3d(miss[1], miss[2], miss[3])
             cosine = wp.dot(normal, heading)
-            if not quiet and wp.abs(cosine) > least_cosine:
+            if not quiet and wp.abs(cosine) > wp.float64(LEAST_COSINE):
                 # Along the parabola; what that leaves out, by the change of the slope over a cell, counts as an error.
                 line = more
                 inward = normal[0] * wp.float64(pull[0]) + normal[1] * wp.float64(pull[1])
@@ -260,14 +258,18 @@ def build_even_kernel(precision: str, geometry: str, interpolation: str, stop: s
             beside = wp.vec3d(wp.float64(q[0]), wp.float64(q[1]), wp.float64(q[2]))
             end = p0 + (course.enter + far) * d0 + beside
             fit = bool(wp.sqrt(bent) / ambient <= real(EVEN_WEAK))
-            fit = fit and wp.isfinite(path) and wp.isfinite(error) and wp.abs(cosine) > least_cosine
+            fit = fit and wp.isfinite(path) and wp.isfinite(error) and wp.abs(cosine) > wp.float64(LEAST_COSINE)
+            if wp.static(stop == "plane"):
+                fit = fit and wp.abs(wp.dot(bounds.plane_normal, heading)) > wp.float64(LEAST_COSINE)
             # Where the box's end is the stop, the path is off by all of that way, else by what the field adds on it.
-            way = wp.float64(0.0)
-            if not quiet:
-                way = overrun(bounds, control, landed, end, heading)
+            way = overrun(bounds, control, landed, end, heading)
             rise = bounds.ambient
             if wp.static(stop != "none"):
                 rise = wp.max(wp.abs(wp.float64(s)) / bounds.ambient, wp.float64(1.0e-30))
+            if quiet:
+                # One that has left the support must not have left the box before.
+                way = overrun(bounds, control, -1, tip, heading)
+                rise = wp.float64(1.0e-30)
             if way > wp.float64(0.0):
                 error = wp.max(error, real(way * rise))
             if not (fit and clear):
