@@ -10,6 +10,7 @@ fewer rays (tracing/pupil_fan.py).
 
 import math
 import time
+import warnings
 from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
 from typing import Any
@@ -21,13 +22,19 @@ from .quantities import Quantity, Verdict, judge_strehl, listed
 from .rays import Disc, RayBundle, as_unit_vector
 from .strehl_errors import estimate_quantities, main_cause, phase_error, strehl_error
 from .tracing.budget import CAUSES, SAFETY, SUBSET, combine, float64_rounding, opd_errors
+from .tracing.lines import box_size
+from .tracing.meeting import greatest_contrast
 from .tracing.plan import TracePlan
+from .tracing.pupil_air import PupilAir
 from .tracing.pupil_fan import SETTLED
 from .tracing.pupil_job import REPLICATES, find_job, make_job
 from .tracing.pupil_sums import fit_moments
 from .tracing.trace import retracer
 from .wavefront import check_terms, check_wavefront, map_points, remove_terms
 from .wavelength import check_wavelength
+
+# The share of the tolerance below which an optical path difference is none.
+UNSEEN = 1e-3
 
 
 def strehl(opd, wavelength: float, weights=None, remove=("piston",), *, points=None) -> float:
@@ -102,7 +109,8 @@ class StrehlEstimate:
         """Error budget, each entry an error of `value`; computed when first read.
 
         "step", "interpolation", "resampling" and "precision" from rays traced again, see tracing/budget.py, "sampling"
-        from the replicates, and "total", their root sum of squares.
+        from the replicates, "truncation" from what rays may have lost where the known air ends (known_air.py), and
+        "total", their root sum of squares.
         """
         return self.budget(self) if self.budget is not None else {}
 
@@ -163,6 +171,7 @@ def estimate_strehl(
     direction=None,
     seed: int = 0,
     symmetry: str | bool = "auto",
+    allow_truncation: bool = False,
 ) -> StrehlEstimate:
     """Strehl ratio of a plane wave seen through a field by a pupil.
 
@@ -186,11 +195,14 @@ def estimate_strehl(
         seed: Seed of the scrambling.
         symmetry: "auto" traces a fan of rays instead of the disc where field, pupil and rays are symmetric about the z
             axis; "off" or False never does; True refuses a set-up that is not symmetric.
+        allow_truncation: Whether more than a thousandth of the pupil may look through disturbed air that ends at the
+            field's box, or pass beside it there; a warning is issued then, and error["truncation"] says what it may
+            cost.
 
     Raises:
         TypeError: `field` or `pupil` of the wrong kind.
-        ValueError: A name or number that makes no sense; another wavelength than the field's; no ray that arrives;
-            symmetry=True without symmetry.
+        ValueError: A name or number that makes no sense; another wavelength than the field's; no ray that meets the
+            field, or that arrives; symmetry=True without symmetry; a truncated view without `allow_truncation`.
     """
     start = time.perf_counter()
     if not isinstance(field, IndexField):
@@ -219,6 +231,9 @@ def estimate_strehl(
         tolerance=tolerance,
         max_steps=max_steps,
     )
+    job.air.check(allow_truncation)
+    if job.air.is_truncated:
+        warnings.warn(f"{job.air.described}: the Strehl ratio is that of the known air only", stacklevel=2)
     sums = job.run()
     traced, plan = job.traced_ray_count, job.plan
     evaluations, seconds = sums.evaluation_count, dict(sums.seconds)
@@ -232,10 +247,16 @@ def estimate_strehl(
         evaluations += sums.evaluation_count
         seconds = {stage: spent + sums.seconds.get(stage, 0.0) for stage, spent in seconds.items()}
     estimate = _combine(sums.moments, sums.phasors, wavelength, remove)
+    if _met_nothing(field, sums.moments, wavelength, tolerance):
+        warnings.warn(
+            "every ray of the pupil passes through undisturbed air only, though the field holds other: the Strehl "
+            "ratio is 1; check the units (metres are expected), the direction and the position of the pupil",
+            stacklevel=2,
+        )
 
     def budget(found: StrehlEstimate) -> dict[str, float]:
         probe = RayBundle.collimated(pupil, SUBSET, direction=look, seed=seed)
-        return _budget(field, probe, found, job.until, wavelength)
+        return _budget(field, probe, found, job.until, wavelength, job.air)
 
     spread = partial(
         estimate_quantities,
@@ -263,10 +284,14 @@ def plan_strehl(field: IndexField, pupil: Disc, **options) -> tuple[TracePlan, i
     """The plan that `estimate_strehl` would follow with these options, and how many rays it would start with.
 
     Rays of a pilot bundle are traced for it, some hundred, but nothing else.
+
+    Raises:
+        ValueError: As for `estimate_strehl`.
     """
     asked = {"wavelength": None, "ray_count": 1_000_000, "direction": None, "seed": 0, "symmetry": "auto"}
     given = {**asked, **options}
     given.pop("remove", None)
+    allowed = given.pop("allow_truncation", False)
     direction = given.pop("direction")
     look = pupil.normal if direction is None else as_unit_vector(direction, "direction")
     wavelength = field.wavelength_for(given.pop("wavelength"))
@@ -274,6 +299,7 @@ def plan_strehl(field: IndexField, pupil: Disc, **options) -> tuple[TracePlan, i
     defaults = {"method": "auto", "backend": "auto", "device": None, "precision": "float32"}
     choices = {**defaults, "step": None, "tolerance": 1e-3, "max_steps": None, **given}
     job = make_job(field, pupil, look, *task, choices)
+    job.air.check(allowed)
     return job.plan, job.traced_ray_count
 
 
@@ -296,6 +322,14 @@ def _combine(moments, phasor, wavelength, remove) -> dict:
     }
 
 
+def _met_nothing(field: IndexField, moments, wavelength: float, tolerance: float) -> bool:
+    """Whether no ray saw any of the field's contrast, though that could count."""
+    mean, _, rms, _ = fit_moments(moments.sum(axis=0))
+    if max(abs(mean), rms) > UNSEEN * tolerance * wavelength:
+        return False
+    return greatest_contrast(field) * box_size(field) > tolerance * wavelength
+
+
 def _standard_error(moments: np.ndarray, phasor: np.ndarray) -> float:
     """Standard error of the Strehl ratio from the spread of the replicates; nan where no ray arrived."""
     counts = moments[:, 0].tolist()
@@ -306,7 +340,7 @@ def _standard_error(moments: np.ndarray, phasor: np.ndarray) -> float:
     return math.sqrt(sum((ratio - mean) ** 2 for ratio in ratios) / (len(ratios) - 1) / len(ratios))
 
 
-def _budget(field, probe, found: StrehlEstimate, until, wavelength) -> dict[str, float]:
+def _budget(field, probe, found: StrehlEstimate, until, wavelength, air: PupilAir) -> dict[str, float]:
     """The OPD errors of some rays of the pupil, turned into errors of the Strehl ratio.
 
     A phase error of rms e radians about its mean changes the mean phasor A by at most e but for its phase, and |A|^2 by
@@ -319,6 +353,7 @@ def _budget(field, probe, found: StrehlEstimate, until, wavelength) -> dict[str,
     errors = opd_errors(field, probe, found.plan, retracer(until, wavelength))
     spread = {cause: SAFETY * float(np.std(error)) if len(error) else float("nan") for cause, error in errors.items()}
     spread["precision"] += float64_rounding(field, probe)
-    of_path = combine(spread, field.resampling, ("source_opd_rms", "opd_rms"))
+    spread["truncation"] = SAFETY * air.lost_rms
+    of_path = combine(spread)
     causes = {cause: of_strehl(of_path[cause]) for cause in CAUSES}
-    return combine({**causes, "sampling": 2.0 * found.standard_error}, None, ("", ""))
+    return combine({**causes, "sampling": 2.0 * found.standard_error})

@@ -11,6 +11,8 @@ import numpy as np
 from .wavelength import check_wavelength
 
 TERMS = ("piston", "tilt")
+# A thousand waves and more about the mean: nanometres, or waves, that were taken for metres.
+GREATEST_OPD = 1e-2
 
 
 @dataclass(frozen=True)
@@ -37,14 +39,25 @@ def check_wavefront(opd, weights) -> tuple[np.ndarray, np.ndarray]:
         bad = int((~np.isfinite(opd)).sum())
         raise ValueError(f"the wavefront must be finite and not empty, got {bad} bad of {opd.size} samples")
     if weights is None:
-        return opd, np.full(opd.size, 1.0 / opd.size)
+        return _in_metres(opd, np.full(opd.size, 1.0 / opd.size))
     weights = np.asarray(weights, dtype=np.float64).ravel()
     if weights.shape != opd.shape or not np.isfinite(weights).all() or (weights < 0).any() or weights.sum() <= 0.0:
         raise ValueError(
             f"weights must be finite, not negative, not all zero, one for each of the {opd.size} samples; "
             f"got {weights.size}"
         )
-    return opd, weights / weights.sum()
+    return _in_metres(opd, weights / weights.sum())
+
+
+def _in_metres(opd: np.ndarray, weights: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """A wavefront as it is, unless it is so many waves that its unit must be another one."""
+    rms = float(np.sqrt(weights @ np.square(opd - weights @ opd)))
+    if rms > GREATEST_OPD:
+        raise ValueError(
+            f"the wavefront's rms is {rms:.3g} m, more than {GREATEST_OPD:g} m: give metres, 50e-9 for 50 nm, waves "
+            "times the wavelength"
+        )
+    return opd, weights
 
 
 def fit_tilt(opd, points, weights=None) -> TiltFit:

@@ -1,13 +1,20 @@
 """The Strehl ratio: closed forms, Marechal's limit, and the estimator against exact wavefronts of analytic fields."""
 
+from functools import partial
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.special import j1, ndtri
 
-from aerokernels import Body, Disc, IndexField, available_backends, estimate_strehl, strehl, strehl_marechal
+import aerokernels
+from aerokernels import Body, Disc, IndexField, available_backends, strehl, strehl_marechal
 from aerokernels.rays import unit_disc_samples
+
+# The media of this page end at the faces of their boxes: what lies beyond is known to be ambient.
+estimate_strehl = partial(aerokernels.estimate_strehl, allow_truncation=True)
+pytestmark = pytest.mark.filterwarnings("ignore:.* of the pupil looks through disturbed air:UserWarning")
 
 WAVELENGTH = 905e-9
 WAVE_NUMBER = 2.0 * np.pi / WAVELENGTH
@@ -129,6 +136,11 @@ def gaussian_rod(peak: float = PEAK, body: Body | None = None, node_count: int =
     )
 
 
+def total_but_truncation(error: dict) -> float:
+    """Root sum of squares of the causes of an error but the end of the known air, which is the medium's own end."""
+    return float(np.sqrt(sum(error[cause] ** 2 for cause in error if cause not in ("truncation", "total"))))
+
+
 def exact_wavefront(r: np.ndarray, peak: float = PEAK, beyond: float = 0.0) -> np.ndarray:
     """OPD of the rod [m] at a plane `beyond` its end, over start radii, to second order in the contrast.
 
@@ -157,7 +169,7 @@ def test_estimate_against_exact_quadrature(precision):
     estimate = estimate_strehl(gaussian_rod(), Disc(PUPIL), **asked)
     # The plane lies a pupil radius and a thousandth of the box beyond the rod.
     exact = exact_strehl(beyond=PUPIL)
-    assert abs(estimate.value - exact) < estimate.error["total"] < 1e-4
+    assert abs(estimate.value - exact) < total_but_truncation(estimate.error) < 1e-4
     assert estimate.error["sampling"] == pytest.approx(2.0 * estimate.standard_error)
     assert estimate.ray_count == 65_536 and estimate.blocked == 0.0
     assert estimate.evaluation_count >= estimate.ray_count
@@ -193,7 +205,7 @@ def test_a_prism_bends_the_boresight():
     )
     assert whole.boresight == pytest.approx([0.0, slope * length], abs=1e-8)
     v = WAVE_NUMBER * slope * length * radius
-    assert whole.value == pytest.approx((2.0 * j1(v) / v) ** 2, abs=max(whole.error["total"], 1e-4))
+    assert whole.value == pytest.approx((2.0 * j1(v) / v) ** 2, abs=max(total_but_truncation(whole.error), 1e-4))
     assert whole.opd_rms == pytest.approx(0.5 * slope * length * radius, rel=1e-3)
     assert rest.value == pytest.approx(1.0, abs=1e-6)
     assert rest.opd_rms < 1e-11 and rest.boresight == pytest.approx(whole.boresight)
@@ -290,7 +302,7 @@ def test_the_reference_backend_agrees():
     slow = estimate_strehl(field, pupil, ray_count=32, backend="reference", remove="tilt", method="fixed", step=5e-4)
     fast = estimate_strehl(field, pupil, ray_count=16_384, backend="warp", device="cpu", remove="tilt", symmetry="off")
     assert slow.plan.backend == "reference" and slow.ray_count == 32
-    assert abs(slow.value - fast.value) < 2.0 * (slow.error["total"] + fast.error["total"])
+    assert abs(slow.value - fast.value) < 2.0 * sum(total_but_truncation(each.error) for each in (slow, fast))
     assert slow.error["step"] == 0.0 and slow.evaluation_count > 32
 
 

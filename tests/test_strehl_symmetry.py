@@ -1,14 +1,20 @@
 """A symmetric set-up traced as a fan: the same Strehl ratio as the disc and the exact one, and only where it may."""
 
 import weakref
+from functools import partial
 
 import numpy as np
 import pytest
 
-from aerokernels import Body, Disc, IndexField, Plane, RayBundle, available_backends, estimate_strehl, flow, trace
+import aerokernels
+from aerokernels import Body, Disc, IndexField, Plane, RayBundle, available_backends, flow, trace
 from aerokernels.tracing import reference_strehl, warp_strehl
 from aerokernels.tracing.pupil_fan import FAN_RAYS, LEAST_RAYS, fan_points
 from aerokernels.tracing.pupil_sums import PupilTask
+
+# The lens of this page ends at the faces of its box: what lies beyond is known to be ambient.
+estimate_strehl = partial(aerokernels.estimate_strehl, allow_truncation=True)
+pytestmark = pytest.mark.filterwarnings("ignore:.* of the pupil looks through disturbed air:UserWarning")
 
 WAVELENGTH = 905e-9
 WAVE_NUMBER = 2.0 * np.pi / WAVELENGTH
@@ -112,7 +118,8 @@ def test_a_lens_against_its_exact_strehl_ratio(name, precision, remove):
     """
     options = engine(name) | {"precision": precision, "remove": remove, "tolerance": 1e-4}
     estimate = estimate_strehl(lens(), Disc(PUPIL), symmetry=True, **options)
-    assert abs(estimate.value - exact_strehl()) < estimate.error["total"] + 1e-7 < 1e-4
+    told = np.sqrt(sum(estimate.error[cause] ** 2 for cause in ("step", "interpolation", "precision", "sampling")))
+    assert abs(estimate.value - exact_strehl()) < told + 1e-7 < 1e-4
     assert estimate.standard_error < 1e-7
     assert estimate.traced_ray_count == REPLICATES * FAN_RAYS and estimate.blocked == pytest.approx(0.0, abs=1e-12)
     assert estimate.evaluation_count >= estimate.traced_ray_count

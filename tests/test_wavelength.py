@@ -32,7 +32,7 @@ WRONG = (905.0, 0.905, 905e-6, 21e-6, 0.09e-6, 1e-300)
 def raw_field() -> IndexField:
     """A weak lens of raw contrast on 17 x 17 nodes over 16 mm."""
     y, z = np.meshgrid(np.linspace(-8e-3, 8e-3, 17), np.linspace(0.0, 16e-3, 17), indexing="ij")
-    contrast = 2e-5 * np.exp(-(y**2 + (z - 8e-3) ** 2) / 4e-3**2)
+    contrast = 2e-5 * np.exp(-(y**2 + (z - 8e-3) ** 2) / 2e-3**2)
     return IndexField.from_samples(contrast, origin=(-8e-3, 0.0), spacing=(1e-3, 1e-3), geometry="planar")
 
 

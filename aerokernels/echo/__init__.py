@@ -11,11 +11,13 @@ from .range_walk import RangeWalk, range_walk
 from .ranging import RANGING_METHODS, estimate_range
 from .reflectors import Reflector
 from .result import EchoResult
+from .sampling_error import CoarseSamplingWarning
 from .simulate import echo
 from .waveform import fwhm_from_pulse_tau, gaussian_pulse, pulse_energy, pulse_tau_from_fwhm
 
 __all__ = [
     "RANGING_METHODS",
+    "CoarseSamplingWarning",
     "DetectorChain",
     "Digitiser",
     "EchoResult",

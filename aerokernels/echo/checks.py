@@ -6,6 +6,8 @@ import numpy as np
 
 # Spacing of samples may differ by this share of a sample period before the record counts as uneven.
 UNEVENNESS = 1e-3
+# A sample period above this is no rangefinder's: nanoseconds, or sample numbers, that were taken for seconds.
+LONGEST_PERIOD = 1e-3
 
 
 def check_positive(value: float, name: str, unit: str = "") -> float:
@@ -61,6 +63,19 @@ def check_tilt(value: float, name: str = "tilt") -> float:
     return number
 
 
+def check_aperture(diameter: float, distance: float) -> None:
+    """Refuse a receiver that is wider than its target is far: more light would come back than left.
+
+    Raises:
+        ValueError: As said.
+    """
+    if diameter > distance:
+        raise ValueError(
+            f"a receiver of {diameter:g} m diameter is wider than its target is far, {distance:g} m: give both in "
+            "metres, 12e-3 for 12 mm"
+        )
+
+
 def check_choice(value: str, name: str, choices: tuple[str, ...]) -> str:
     """Return `value`, one of `choices`.
 
@@ -103,7 +118,7 @@ def as_waveform(time, voltage, least_count: int = 4) -> tuple[np.ndarray, np.nda
 
     Raises:
         ValueError: Shapes that disagree, too few samples, numbers that are not finite, times that do not increase
-            evenly.
+            evenly, or in steps that are no seconds.
         TypeError: Values that are not real numbers.
     """
     times, values = as_finite_array(time, "time"), as_finite_array(voltage, "voltage")
@@ -115,6 +130,11 @@ def as_waveform(time, voltage, least_count: int = 4) -> tuple[np.ndarray, np.nda
     if not (steps > 0.0).all():
         raise ValueError(f"time must increase: it does not after sample {int(np.argmin(steps > 0.0))}; sort the record")
     period = float((times[-1] - times[0]) / (times.size - 1))
+    if period > LONGEST_PERIOD:
+        raise ValueError(
+            f"time steps by {period:.3g} from sample to sample, and light goes {299_792_458.0 * period:.2g} m in so "
+            "many seconds: give seconds, 1e-9 for 1 ns"
+        )
     uneven = np.abs(steps - period) > UNEVENNESS * period
     if uneven.any():
         raise ValueError(

@@ -25,7 +25,7 @@ import math
 
 import numpy as np
 
-from .checks import as_finite_array, check_choice, check_positive, check_share, check_tilt
+from .checks import as_finite_array, check_aperture, check_choice, check_positive, check_share, check_tilt
 from .pulses import GaussianPulse, PulseShape, as_pulse
 from .reflectors import Reflector
 from .waveform import SPEED_OF_LIGHT
@@ -128,6 +128,7 @@ def plane_target_echo(
         check_positive(receiver_diameter, "receiver_diameter", "m"),
     )
     radius, reach = check_positive(beam_radius, "beam_radius", "m"), check_positive(distance, "distance", "m")
+    check_aperture(diameter, reach)
     angle, pulse = check_tilt(tilt), as_pulse(pulse_tau)
     air = check_share(atmospheric_transmission, "atmospheric_transmission")
     optics = check_share(system_efficiency, "system_efficiency")

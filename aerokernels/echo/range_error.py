@@ -8,14 +8,15 @@ time has a variance of at least s^2 / sum (dv/dt)^2 (Cramer-Rao), so that
 
 import contextlib
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from .chain import DetectorChain
 from .checks import as_waveform, check_at_least, check_positive, check_share
 from .pulse_curve import PulseCurve
-from .ranging import Template, estimate_range
+from .ranging import Template, read_range, sampling_error_of
+from .sampling_error import warn_of_sampling
 from .waveform import SPEED_OF_LIGHT
 
 
@@ -34,6 +35,9 @@ class RangeStatistics:
         confidence: Probability that each of the intervals below covers what it is for.
         systematic_interval: Confidence interval of `systematic_error` [m], Student's t.
         random_interval: Confidence interval of `random_error` [m], chi-squared.
+        sampling_error: Greatest systematic error [m] that the place of the pulse between the samples makes, 0 where
+            there are enough of them; `systematic_error` holds it for one such place, or not at all where it counts from
+            the method's own reading. nan where it was not measured. See sampling_error.py.
     """
 
     systematic_error: float
@@ -46,6 +50,7 @@ class RangeStatistics:
     confidence: float = 0.95
     systematic_interval: tuple[float, float] = (float("nan"), float("nan"))
     random_interval: tuple[float, float] = (float("nan"), float("nan"))
+    sampling_error: float = float("nan")
 
 
 def cramer_rao_range(time, voltage, noise_rms: float) -> float:
@@ -97,6 +102,9 @@ def range_statistics(
         fraction: As for `estimate_range`.
         confidence: Probability of the confidence intervals, between 0 and 1.
 
+    Warns:
+        CoarseSamplingWarning: As for `estimate_range`.
+
     Returns:
         The errors. Standard error and interval of the random error assume normally distributed ranges.
 
@@ -104,19 +112,22 @@ def range_statistics(
         ValueError: As `estimate_range` for the waveform without noise; also fewer than two trials, or fewer than two
             that gave a range.
     """
-    times, volts, _ = as_waveform(time, voltage)
+    times, volts, period = as_waveform(time, voltage)
     bound = cramer_rao_range(times, volts, noise_rms)
     check_trials(trial_count, confidence)
     if true_range is not None:
         true_range = check_at_least(true_range, "true_range")
 
     def read(samples: np.ndarray) -> float:
-        return estimate_range(times, samples, method, threshold=threshold, template=template, fraction=fraction)
+        return read_range(times, samples, method, threshold=threshold, template=template, fraction=fraction)
 
     clean = read(volts)  # an argument that is wrong shows here, before a trial could pass for a missed one
+    sampling = sampling_error_of(volts, period, method, threshold=threshold, template=template, fraction=fraction)
+    warn_of_sampling(volts, period, method, sampling, template is not None)
     generator = np.random.default_rng(seed)
     ranges = _trials(read, lambda: volts + generator.normal(scale=noise_rms, size=volts.size), trial_count)
-    return summarise_ranges(ranges, trial_count, clean if true_range is None else true_range, bound, confidence)
+    found = summarise_ranges(ranges, trial_count, clean if true_range is None else true_range, bound, confidence)
+    return replace(found, sampling_error=sampling)
 
 
 def chain_range_statistics(

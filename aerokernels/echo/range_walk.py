@@ -62,19 +62,20 @@ class RangeWalk:
             )
         return float(self._interpolated(self.width, time))
 
-    def correct(self, time, voltage, reading: float) -> float:
+    def correct(self, time, voltage, reading: float, *, peak: float | None = None) -> float:
         """A leading-edge range [m] less the error of an echo of this waveform's peak.
 
         Args:
             time: Sample times [s], shape (n,), in even steps.
             voltage: Samples [V], shape (n,).
             reading: What the leading edge reads [m].
+            peak: Height of the pulse [V], where it is known better than from the samples.
 
         Raises:
             ValueError: A peak outside of the curve, a waveform without a peak.
         """
         _, volts, _ = as_waveform(time, voltage)
-        return reading - self.at_peak(peak_height(volts))
+        return reading - self.at_peak(peak_height(volts) if peak is None else peak)
 
     def _interpolated(self, places: np.ndarray, place: float) -> np.ndarray:
         from scipy.interpolate import PchipInterpolator

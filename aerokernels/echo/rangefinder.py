@@ -7,8 +7,10 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from ..scene import Scene
+from .checks import as_waveform
 from .range_walk import RangeWalk, range_walk
-from .ranging import RANGING_METHODS, estimate_range
+from .ranging import RANGING_METHODS, read_range, template_curve
+from .shaped_curve import Shape, shaped_curve
 
 
 @dataclass(frozen=True, eq=False)
@@ -18,7 +20,8 @@ class Rangefinder:
     Attributes:
         threshold: Level of the leading edge [V].
         fraction: Share of the peak of the constant fraction.
-        reference: Samples of the echo in vacuum [V], shape (n,): the matched filter's template.
+        shape: The echo in vacuum as a function of time [s], zero at its greatest sample: the matched filter's template,
+            and what all methods go by between few samples.
         calibration: What is subtracted from each method's reading [m]; methods that cannot read the
             reference are absent.
         walk: The curve that the leading edge is corrected by, or None.
@@ -27,36 +30,46 @@ class Rangefinder:
 
     threshold: float
     fraction: float
-    reference: np.ndarray
+    shape: Shape
     calibration: Mapping[str, float]
     walk: RangeWalk | None = None
     blind: Mapping[str, str] = field(default_factory=dict)
 
     @classmethod
-    def calibrated(cls, scene: Scene, time: np.ndarray, reference: np.ndarray) -> "Rangefinder":
+    def calibrated(
+        cls, scene: Scene, time: np.ndarray, reference: np.ndarray, fine: tuple[np.ndarray, np.ndarray] | None = None
+    ) -> "Rangefinder":
         """Calibrate on the echo in vacuum.
 
         Args:
             scene: The scene.
             time: Sample times [s], shape (n,).
             reference: Samples [V], shape (n,).
+            fine: Times [s] and voltage [V] of the same echo where it was computed, fine enough to show all of the
+                pulse however slow the digitiser; None: the samples.
         """
         detector = scene.detector
+        known = (time, reference) if fine is None else fine
         walk, offsets, blind = None, {}, {}
         methods = dict.fromkeys(RANGING_METHODS, 0.0)
+        try:
+            shape = template_curve(known[1], as_waveform(*known)[2])
+        except ValueError as fault:
+            reason = f"the echo in vacuum, without flow, cannot be ranged: {fault}"
+            return cls(detector.threshold, detector.fraction, np.zeros_like, {}, None, dict.fromkeys(methods, reason))
         if detector.walk_correction:
             try:
-                walk = range_walk(time, reference, detector.threshold)
+                walk = range_walk(*known, detector.threshold)
             except ValueError as fault:
                 blind["leading-edge"] = f"the echo in vacuum gives no range walk curve: {fault}"
                 del methods["leading-edge"]
-        bare = cls(detector.threshold, detector.fraction, reference, methods, walk)
+        bare = cls(detector.threshold, detector.fraction, shape, methods, walk)
         for method in methods:
             try:
                 offsets[method] = bare.range(time, reference, method) - scene.target.distance
             except ValueError as fault:
                 blind[method] = f"the echo in vacuum, without flow, cannot be ranged: {fault}"
-        return cls(detector.threshold, detector.fraction, reference, offsets, walk, blind)
+        return cls(detector.threshold, detector.fraction, shape, offsets, walk, blind)
 
     def range(self, time: np.ndarray, voltage: np.ndarray, method: str) -> float:
         """Range by one method [m].
@@ -64,12 +77,19 @@ class Rangefinder:
         Raises:
             ValueError: The method finds no echo.
         """
-        template = self.reference if method == "matched-filter" else None
-        reading = estimate_range(
-            time, voltage, method, threshold=self.threshold, template=template, fraction=self.fraction
+        reading = read_range(
+            time,
+            voltage,
+            method,
+            threshold=self.threshold,
+            template=self.shape if method == "matched-filter" else None,
+            fraction=self.fraction,
+            shape=self.shape,
         )
         if method == "leading-edge" and self.walk is not None:
-            reading = self.walk.correct(time, voltage, reading)
+            _, volts, period = as_waveform(time, voltage)
+            curve, finer = shaped_curve(volts, self.shape, period)
+            reading = self.walk.correct(time, voltage, reading, peak=curve.peak if finer > 1 else None)
         return reading - self.calibration[method]
 
     def ranges(self, time: np.ndarray, voltage: np.ndarray) -> tuple[dict[str, float], dict[str, str]]:

@@ -10,7 +10,9 @@ t = 0 is the moment at which the pulse's peak leaves, and range = c t / 2.
 | "matched-filter"    | greatest correlation with a template: least variance in white noise | no                       |
 
 A Gaussian pulse of peak V and 1/e half-width tau, arriving at t0, crosses a threshold T at t0 - tau sqrt(ln(V / T)).
-All four work between the samples (see `pulse_curve.py`). No offset is removed from the voltage: take the
+All four work between the samples: by the spline through them (see `pulse_curve.py`), and where the pulse's shape is
+given as a function by that shape (see `shaped_curve.py`), which is right however few samples there are. Too few without
+it are warned of, with the size of the error (see `sampling_error.py`). No offset is removed from the voltage: take the
 baseline off first.
 """
 
@@ -20,12 +22,13 @@ import numpy as np
 
 from .checks import as_finite_array, as_waveform, check_choice, check_positive
 from .pulse_curve import PulseCurve
+from .sampling_error import sampling_error, warn_of_sampling
+from .shaped_curve import Shape, best_match, shaped_curve
 from .waveform import SPEED_OF_LIGHT
 
 RANGING_METHODS = ("leading-edge", "constant-fraction", "centroid", "matched-filter")
-ROUNDING = 1e-13
 
-Template = Callable[[np.ndarray], np.ndarray] | np.ndarray
+Template = Shape | np.ndarray
 
 
 def estimate_range(
@@ -48,30 +51,90 @@ def estimate_range(
             waveform's own period, whose time zero is the greatest sample. Its amplitude does not matter. Needed by
             "matched-filter". "constant-fraction" and "centroid" subtract the template's own reading, so that an echo
             of the template's shape reads the time of its zero; without a template they give the bare time of the
-            crossing or of the centroid. "leading-edge" does not use it: its offset depends on the amplitude, so that
-            it is calibrated against a known echo instead.
+            crossing or of the centroid. "leading-edge" subtracts nothing: its offset depends on the amplitude, so that
+            it is calibrated against a known echo instead. A function is also what all of them go by between the samples
+            of a record that has few across its pulse.
         fraction: Share of the peak at which "constant-fraction" triggers, between 0 and 1.
 
     Returns:
         Range [m].
+
+    Warns:
+        CoarseSamplingWarning: Too few samples across the pulse for the method, with the error that this makes.
 
     Raises:
         ValueError: The signal never crosses the threshold (the message says its peak), the record cuts the pulse, an
             argument that the method needs is missing, uneven times, shapes that disagree, an unknown method.
         TypeError: An argument that is not a number.
     """
+    reading = read_range(time, voltage, method, threshold=threshold, template=template, fraction=fraction)
+    _, volts, period = as_waveform(time, voltage)
+    error = sampling_error_of(volts, period, method, threshold=threshold, template=template, fraction=fraction)
+    warn_of_sampling(volts, period, method, error, template is not None)
+    return reading
+
+
+def read_range(
+    time,
+    voltage,
+    method: str,
+    *,
+    threshold: float | None = None,
+    template: Template | None = None,
+    fraction: float = 0.5,
+    shape: Shape | None = None,
+) -> float:
+    """As `estimate_range`, without a warning: for many records of one kind.
+
+    `shape` is the pulse as a function of time [s], by which the samples are interpolated; None: the template, where
+    that is a function.
+    """
     check_choice(method, "method", RANGING_METHODS)
     times, volts, period = as_waveform(time, voltage)
+    place = _place(volts, period, method, threshold, template, fraction, shape)
+    return 0.5 * SPEED_OF_LIGHT * (float(times[0]) + place * period)
+
+
+def sampling_error_of(
+    volts: np.ndarray,
+    period: float,
+    method: str,
+    *,
+    threshold: float | None = None,
+    template: Template | None = None,
+    fraction: float = 0.5,
+) -> float:
+    """Greatest error [m] that the place of a record's pulse between its samples makes: see sampling_error.py."""
+    if template is not None and not callable(template):
+        template = _checked_samples(template)
+
+    def read(samples: np.ndarray, known: Template | None) -> float:
+        return _place(samples, period, method, threshold, known, fraction, None)
+
+    return sampling_error(volts, period, read, template, method != "leading-edge")
+
+
+def _place(
+    volts: np.ndarray,
+    period: float,
+    method: str,
+    threshold: float | None,
+    template: Template | None,
+    fraction: float,
+    shape: Shape | None,
+) -> float:
+    """Place of arrival [samples]."""
     if method == "matched-filter":
         if template is None:
             raise ValueError("method 'matched-filter' needs a template: a function of time, or samples of the pulse")
-        place = _best_match(volts, template_curve(template, period), period)
-    else:
-        place = _arrival(PulseCurve(volts), method, threshold, fraction)
-        if template is not None and method != "leading-edge":
-            samples, zero = _template_samples(template, volts.size, period)
-            place -= _arrival(PulseCurve(samples), method, None, fraction) - zero
-    return 0.5 * SPEED_OF_LIGHT * (float(times[0]) + place * period)
+        return best_match(volts, template_curve(template, period), period)[0]
+    known = template if callable(template) else None
+    curve, finer = shaped_curve(volts, shape or known, period)
+    place = _arrival(curve, method, threshold, fraction) / finer
+    if template is None or method == "leading-edge":
+        return place
+    samples, zero, finer = _template_samples(template, volts.size, period, finer)
+    return place - (_arrival(PulseCurve(samples), method, None, fraction) - zero) / finer
 
 
 def _arrival(curve: PulseCurve, method: str, threshold: float | None, fraction: float) -> float:
@@ -121,39 +184,10 @@ def _checked_samples(template) -> np.ndarray:
     return samples
 
 
-def _template_samples(template: Template, count: int, period: float) -> tuple[np.ndarray, int]:
-    """The template's samples at the waveform's period, and the place of its time zero."""
+def _template_samples(template: Template, count: int, period: float, finer: int) -> tuple[np.ndarray, int, int]:
+    """The template's samples, the place of its time zero, and how many of them make one period of the waveform."""
     if callable(template):
-        places = np.arange(-count, count + 1)
-        return _checked_samples(template(places * period)), count
+        places = np.arange(-count * finer, count * finer + 1)
+        return _checked_samples(template(places * (period / finer))), count * finer, finer
     samples = _checked_samples(template)
-    return samples, int(np.argmax(samples))
-
-
-def _best_match(volts: np.ndarray, curve: Callable[[np.ndarray], np.ndarray], period: float) -> float:
-    """Place of the template's zero [samples] at which its correlation with the samples is greatest."""
-    from scipy.fft import irfft, next_fast_len, rfft
-    from scipy.optimize import minimize_scalar
-
-    count = volts.size
-    samples = np.asarray(curve(np.arange(-(count - 1), count) * period), dtype=np.float64)
-    if samples.shape != (2 * count - 1,) or not np.isfinite(samples).all():
-        raise ValueError(f"the template must return one finite value for each time, got shape {samples.shape}")
-    # Entry k of "valid" is the sum over i of volts[i] template(i - (count - 1 - k)): turned round, entry j is delay j.
-    size = next_fast_len(samples.size, real=True)
-    coarse = irfft(rfft(samples, size) * np.conj(rfft(volts, size)), size)[:count][::-1]
-    start = int(np.argmax(coarse))
-    # Less than this is rounding of the sum.
-    least = ROUNDING * float(np.linalg.norm(volts)) * float(np.linalg.norm(samples))
-    if coarse[start] <= least:
-        raise ValueError("the waveform has no positive correlation with the template anywhere: is a sign turned?")
-    places = np.arange(count) - start
-
-    def mismatch(shift: float) -> float:
-        # Over its norm: a pulse of few samples has more or less of them near its peak as it moves between the samples.
-        expected = curve((places - shift) * period)
-        return -float(volts @ expected) / (float(np.linalg.norm(expected)) or 1.0)
-
-    low, high = max(-1.0, -float(start)), min(1.0, float(count - 1 - start))
-    found = minimize_scalar(mismatch, bounds=(low, high), method="bounded", options={"xatol": 1e-10})
-    return start + float(found.x)
+    return samples, int(np.argmax(samples)), 1

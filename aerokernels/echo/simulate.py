@@ -24,6 +24,7 @@ from ..medium import IndexField
 from ..prepare import prepare_field
 from ..scene import Scene
 from .chain import chain_of
+from .checks import check_aperture
 from .detector import sample_times
 from .echo_errors import EchoProbe, echo_errors
 from .paths import TransmitPaths, target_plane, transmit_paths, vacuum_paths
@@ -98,12 +99,13 @@ def echo(
     reference = _vacuum_power(scene, pulse, points.weight, vacuum, fine)
     peak = np.where(out.arrived, _point_power(scene, points.weight, out, back.factor), 0.0)
     power = sum_of_pulses(fine, 2.0 * np.where(out.arrived, out.path, 0.0) / SPEED_OF_LIGHT, peak, pulse)
-    reference_voltage = chain.voltage(fine, reference)[::stride]
+    fine_voltage = chain.voltage(fine, reference)
+    reference_voltage = fine_voltage[::stride]
     clean = chain.voltage(fine, power)[::stride]
     noisy = scene.detector.noise
     voltage = chain.record(fine, power, scene.detector.seed, stride) if noisy else chain.digitise(clean)
 
-    rangefinder = Rangefinder.calibrated(scene, time, reference_voltage)
+    rangefinder = Rangefinder.calibrated(scene, time, reference_voltage, (fine, fine_voltage))
     ranges, reasons = rangefinder.ranges(time, voltage)
     share = np.where(out.arrived, points.weight, 0.0)
 
@@ -166,17 +168,21 @@ def vacuum_echo(scene: Scene) -> tuple[np.ndarray, np.ndarray]:
     Raises:
         ValueError: The target reaches back to the aperture, or a record of millions of samples.
     """
-    time, _, voltage = vacuum_record(scene)
+    time, _, voltage, _ = vacuum_record(scene)
     return time, voltage
 
 
-def vacuum_record(scene: Scene) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """The same with the received power: sample times [s], power [W] and voltage [V], each of shape (n,)."""
+def vacuum_record(scene: Scene) -> tuple[np.ndarray, np.ndarray, np.ndarray, tuple[np.ndarray, np.ndarray]]:
+    """The same with the received power: sample times [s], power [W] and voltage [V], each of shape (n,).
+
+    Last, the times [s] and the voltage [V] where the echo is computed, finely enough for its pulse.
+    """
     pulse, points = pulse_of(scene), target_points(scene, None)
     vacuum = vacuum_paths(points, target_plane(scene))
     time, fine, stride = _record_times(scene, pulse, vacuum.path, vacuum.path)
     power = _vacuum_power(scene, pulse, points.weight, vacuum, fine)
-    return time, power[::stride], chain_of(scene).voltage(fine, power)[::stride]
+    voltage = chain_of(scene).voltage(fine, power)
+    return time, power[::stride], voltage[::stride], (fine, voltage)
 
 
 def _vacuum_power(
@@ -189,6 +195,7 @@ def _vacuum_power(
 
 def _point_power(scene: Scene, weight: np.ndarray, paths: TransmitPaths, factor: np.ndarray) -> np.ndarray:
     """Peak power of each point's pulse at the receiver [W], shape (m,)."""
+    check_aperture(scene.receiver.diameter, scene.target.distance)
     to_receiver = np.array([0.0, 0.0, scene.receiver.aperture_z]) - paths.landing
     to_receiver = to_receiver / np.linalg.norm(to_receiver, axis=1, keepdims=True)
     lobe = lobe_cosine(paths.direction, scene.target.orientation[:, 2], to_receiver)

@@ -14,7 +14,7 @@ from ..medium import Body, IndexField
 from ..wavelength import DEFAULT_WAVELENGTH, check_wavelength
 from .conical_averages import bell, cell_averages
 from .conical_profile import ConeShock
-from .gas import GAMMA_AIR, SEA_LEVEL_DENSITY, positive
+from .gas import GAMMA_AIR, SEA_LEVEL_DENSITY, check_density, positive
 from .refractivity import gladstone_dale_constant, index_contrast, refractivity
 from .taylor_maccoll import cone_shock
 
@@ -72,7 +72,7 @@ class ConicalFlow:
 
     def scaled(self, ambient_density: float) -> "ConicalFlow":
         """The same flow at another ambient density [kg/m3], every density ratio kept."""
-        return replace(self, ambient_density=positive(ambient_density, "ambient_density"))
+        return replace(self, ambient_density=check_density(ambient_density, "ambient_density"))
 
     def density_at(self, points) -> np.ndarray:
         """Exact density [kg/m3] at points (x, y, z) [m], shape (n, 3): shape (n,), NaN inside the body."""
@@ -194,4 +194,4 @@ def cone(
     reach = least if radius is None else positive(radius, "radius")
     if reach < least:
         raise ValueError(f"radius {reach:g} m cuts the flow: the shock reaches {least:g} m at the base of the cone")
-    return ConicalFlow(shock, positive(density, "density"), float(length), reach)
+    return ConicalFlow(shock, check_density(density, "density"), float(length), reach)

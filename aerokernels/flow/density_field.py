@@ -6,7 +6,7 @@ import numpy as np
 
 from ..medium import Body, IndexField, QuadMesh
 from ..wavelength import DEFAULT_WAVELENGTH, check_wavelength
-from .gas import SEA_LEVEL_DENSITY, FreeStream, positive
+from .gas import GREATEST_DENSITY, SEA_LEVEL_DENSITY, FreeStream, check_density, positive
 from .refractivity import gladstone_dale_constant, index_contrast, refractivity
 
 
@@ -24,8 +24,8 @@ class DensityField:
 
     Raises:
         TypeError: The mesh is no QuadMesh.
-        ValueError: Densities that are not positive and finite (how many, and where the first is), or another number of
-            them than of cells.
+        ValueError: Densities that are not positive and finite, or no gas's (how many, and where the first is), or
+            another number of them than of cells.
     """
 
     mesh: QuadMesh
@@ -39,7 +39,7 @@ class DensityField:
         """Check the densities."""
         if not isinstance(self.mesh, QuadMesh):
             raise TypeError(f"mesh must be a QuadMesh, got {type(self.mesh).__name__}: see QuadMesh.structured")
-        positive(self.ambient_density, "ambient_density")
+        check_density(self.ambient_density, "ambient_density")
         density = np.array(self.density, dtype=np.float64)
         shapes: list[tuple[int, ...]] = [(len(self.mesh.cells),)]
         if self.mesh.shape is not None:
@@ -52,6 +52,7 @@ class DensityField:
         density = density.ravel()
         self._refuse(~np.isfinite(density), density, "not finite")
         self._refuse(density <= 0.0, density, "not positive")
+        self._refuse(density > GREATEST_DENSITY, density, f"no gas's, above {GREATEST_DENSITY:g} kg/m3")
         density.setflags(write=False)
         object.__setattr__(self, "density", density)
         object.__setattr__(self, "ambient_density", float(self.ambient_density))

@@ -13,6 +13,9 @@ GAMMA_AIR = 1.4
 # Universal gas constant over the molar mass of dry air, 8314.4626 / 28.9644 [J/(kg K)].
 GAS_CONSTANT_AIR = 8314.4626 / 28.9644
 SEA_LEVEL_DENSITY = 1.225  # [kg/m3], International Standard Atmosphere
+GREATEST_DENSITY = 1000.0  # [kg/m3], a liquid's: grams a cubic metre that were taken for kilograms
+# Of a tunnel's gas at rest: below, degrees Celsius or megapascals were meant.
+LEAST_STAGNATION_TEMPERATURE, LEAST_STAGNATION_PRESSURE = 45.0, 10.0
 
 
 @dataclass(frozen=True)
@@ -105,11 +108,20 @@ def tunnel_conditions(
             published. Temperature and velocity stay; both pressures scale with the density.
 
     Raises:
-        ValueError: A value that is not positive and finite, or gamma not above 1.
+        ValueError: A value that is not positive and finite, a pressure below 10 Pa or a temperature below 45 K at rest,
+            or gamma not above 1.
     """
     positive(mach, "mach")
     positive(stagnation_pressure, "stagnation_pressure")
     positive(stagnation_temperature, "stagnation_temperature")
+    if stagnation_pressure < LEAST_STAGNATION_PRESSURE:
+        raise ValueError(
+            f"stagnation_pressure of {stagnation_pressure:g} Pa is no tunnel's: give pascals, 630e3 for 0.63 MPa"
+        )
+    if stagnation_temperature < LEAST_STAGNATION_TEMPERATURE:
+        raise ValueError(
+            f"stagnation_temperature of {stagnation_temperature:g} K is no gas's: give kelvins, 288 for 15 degC"
+        )
     positive(gas_constant, "gas_constant")
     ratio = isentropic(mach, gamma=gamma)
     temperature = stagnation_temperature * ratio.temperature_ratio
@@ -135,6 +147,20 @@ def positive(value: float, name: str) -> float:
     if not (math.isfinite(value) and value > 0.0):
         raise ValueError(f"{name} must be positive and finite, got {value!r}")
     return float(value)
+
+
+def check_density(density: float, name: str) -> float:
+    """A gas density [kg/m3], or a refusal of what is none.
+
+    Raises:
+        ValueError: It is not positive and finite, or that of a liquid.
+    """
+    value = positive(density, name)
+    if value > GREATEST_DENSITY:
+        raise ValueError(
+            f"{name} of {value:g} kg/m3 is no gas's (up to {GREATEST_DENSITY:g}): give kg/m3, 1.225 for 1225 g/m3"
+        )
+    return value
 
 
 def check_gamma(gamma: float) -> None:

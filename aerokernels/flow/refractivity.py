@@ -17,6 +17,8 @@ from ..wavelength import check_wavelength
 RELATIONS = ("gladstone-dale", "lorentz-lorenz")
 # Eq 2 was fitted in the visible; below this, air absorbs and its index rises faster.
 SHORTEST_WAVELENGTH = 200e-9
+# Gases lie between xenon's 1.2e-4 and hydrogen's 1.6e-3 m3/kg, with room: beyond, the unit is another one.
+LEAST_CONSTANT, GREATEST_CONSTANT = 1e-5, 1e-2
 
 
 def gladstone_dale_constant(wavelength: float) -> float:
@@ -47,7 +49,7 @@ def refractivity(density, gladstone_dale: float, relation: str = "gladstone-dale
         relation: "gladstone-dale" or "lorentz-lorenz".
 
     Raises:
-        ValueError: An unknown relation, or a constant that is not positive and finite.
+        ValueError: An unknown relation, or a constant that no gas has.
     """
     return index_contrast(density, 0.0, gladstone_dale, relation)
 
@@ -60,7 +62,7 @@ def index_contrast(density, ambient_density: float, gladstone_dale: float, relat
     difference, that of the densities.
 
     Raises:
-        ValueError: An unknown relation, or a constant that is not positive and finite.
+        ValueError: An unknown relation, or a constant that no gas has.
     """
     _check(gladstone_dale, relation)
     density = np.asarray(density, dtype=np.float64)
@@ -79,3 +81,8 @@ def _check(gladstone_dale: float, relation: str) -> None:
         raise ValueError(f"relation {relation!r} is not known: choose one of {', '.join(RELATIONS)}")
     if not (math.isfinite(gladstone_dale) and gladstone_dale > 0.0):
         raise ValueError(f"the Gladstone-Dale constant must be positive and finite, got {gladstone_dale!r} m3/kg")
+    if not LEAST_CONSTANT <= gladstone_dale <= GREATEST_CONSTANT:
+        raise ValueError(
+            f"a Gladstone-Dale constant of {gladstone_dale:g} m3/kg is no gas's ({LEAST_CONSTANT:g} to "
+            f"{GREATEST_CONSTANT:g} m3/kg): air has 2.25e-4 m3/kg, which is 0.225 cm3/g"
+        )

@@ -1,7 +1,7 @@
-"""A solid body in the flow: its profile, and the signed distance to it on a uniform grid.
+"""A solid body in the flow: its profile, its surface, and which points and lines lie in it.
 
-Kernels need one answer only, how far a point is from the wall and on which side. A sampled signed distance gives
-that for any profile at the price of one lookup, in the same way on every backend.
+Rays meet the surface exactly: straight lines are crossed with its segments (`Body.crossings`, crossings.py), in the
+kernels under a tree of boxes (wall_tree.py). No table stands between, so a body may be as thin as it likes.
 """
 
 from dataclasses import dataclass

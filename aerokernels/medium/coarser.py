@@ -4,6 +4,8 @@ With f_h the optical path through all nodes, and f_2h, f_4h through every second
 p = log2 |f_4h - f_2h| / |f_2h - f_h| and what is left in f_h about |f_2h - f_h| / (2^p - 1) (L. F. Richardson, Phil.
 Trans. A 210 (1911) 307). A shock inside a cell shows order 1, noise of the samples order 1/2; an order above the
 interpolant's own is not believed.
+
+A mesh of which no vertices can be left out is judged the other way round, by four times the cells: see refined.py.
 """
 
 from dataclasses import dataclass, replace
@@ -12,12 +14,15 @@ from typing import Any
 import numpy as np
 
 from .mesh import QuadMesh
+from .refined import refined
 
 ORDER = {"cubic": 4.0, "linear": 2.0, "monotone": 2.0, "bilinear": 2.0, "bilinear-barron": 2.0, "idw": 1.0}
 # Of noise: the error of a sum over the nodes of a line goes with the square root of their spacing.
 LOWEST_ORDER = 0.5
 # Another interpolant of the same kind, for fields of too few nodes to leave any out.
-OTHER = {"cubic": "linear", "linear": "cubic", "monotone": "cubic", "bilinear": "bilinear-barron"}
+OTHER = {"cubic": "linear", "linear": "cubic", "monotone": "cubic"}
+# What is left in a field over its change under four times the cells: slopes, whose error is halved, decide.
+REFINED_SHARE = 2.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -26,19 +31,21 @@ class Ladder:
 
     Attributes:
         fine: The field, cut by up to three rows of nodes where the coarser ones end earlier.
-        coarse: With every second node, or under another interpolant where there are too few nodes.
+        coarse: With every second node, or under another interpolant where there are too few nodes, or on finer cells.
         coarser: With every fourth node, or None.
+        share: Without a coarser field, the error of `fine` over its change against `coarse`.
     """
 
     fine: Any
     coarse: Any
     coarser: Any
+    share: float = 1.0
 
     def remainder(self, fine: np.ndarray, coarse: np.ndarray, coarser: np.ndarray | None) -> np.ndarray:
         """Estimated error of the values `fine` of some quantity, from its values through the three fields."""
         change = fine - coarse
         if coarser is None:
-            return change
+            return self.share * change
         before = float(np.sqrt(np.mean((coarse - coarser) ** 2)))
         after = float(np.sqrt(np.mean(change**2)))
         highest = ORDER[self.fine.interpolation]
@@ -47,12 +54,14 @@ class Ladder:
 
 
 def ladder(field) -> Ladder | None:
-    """The field and its coarser versions; None on an unstructured mesh under an interpolant that has no other."""
+    """The field and its coarser versions, or a finer one; None on a mesh that can be neither thinned nor refined."""
     rungs = _of_grid(field) if field.is_uniform else _of_mesh(field)
     if rungs is not None:
         return Ladder(*rungs)
-    other = OTHER.get(field.interpolation)
-    return None if other is None else Ladder(field, field.with_interpolation(other), None)
+    if field.is_uniform:
+        return Ladder(field, field.with_interpolation(OTHER[field.interpolation]), None)
+    finer = refined(field)
+    return None if finer is None else Ladder(field, finer, None, REFINED_SHARE)
 
 
 def _of_grid(field):

@@ -2,10 +2,13 @@
 
 Inside the body there is no flow; the nodes there carry on the flow's values across the wall (to first order near it,
 constant deeper), so that the interpolant near the wall sees no jump. The error is measured against the field that was
-resampled: pointwise at random points of the flow, and in optical path along lines parallel to the axis.
+resampled: pointwise at random points of the flow, and in optical path along lines parallel to the axis. That is what
+chooses a spacing. What resampling costs the rays of a trace depends on their lines and on their stop: the result keeps
+the field it came from, and the budget of a trace sends the trace's own rays through both (tracing/budget.py).
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 
@@ -15,8 +18,6 @@ from .resample_grid import NODE_LIMIT, node_counts
 
 PROBE_COUNT = 4096
 LINE_COUNT = 64
-SOURCE_LINE_COUNT = 32
-SOURCE_POINT_COUNT = 1024
 
 
 @dataclass(frozen=True)
@@ -30,9 +31,7 @@ class ResamplingError:
         opd_rms: Root mean square change of the optical path along lines parallel to z [m].
         opd_max: Greatest change of that [m].
         direction_rms: Root mean square change of the deflection along those lines [rad].
-        source_opd_rms: Root mean square error of the optical path that the source's own nodes leave, estimated along
-            some of those lines from coarser versions of the source [m] (see coarser.py); nan where that is not known.
-        source_opd_max: Greatest of those estimates [m].
+        source: The field that was resampled; None where it was not kept, and budgets are then not known.
     """
 
     spacing: tuple[float, ...]
@@ -41,8 +40,7 @@ class ResamplingError:
     opd_rms: float
     opd_max: float
     direction_rms: float
-    source_opd_rms: float = float("nan")
-    source_opd_max: float = float("nan")
+    source: Any = field(default=None, repr=False, compare=False)
 
 
 def resample(field, spacing=None, *, tolerance=None, wavelength=None, region=None, interpolation="cubic"):
@@ -165,10 +163,8 @@ def _measure(source, result) -> ResamplingError:
     weight = (high - low)[-1] / line_points
     opd = weight * found.value.reshape(LINE_COUNT, line_points).sum(axis=1)
     deflection = weight * found.slope.reshape(LINE_COUNT, line_points).sum(axis=1)
-    own = _source_error(source, lines, found) * (high - low)[-1]
     return ResamplingError(
-        source_opd_rms=float(np.sqrt(np.mean(own**2))),
-        source_opd_max=float(np.abs(own).max()),
+        source=source,
         spacing=tuple(float(s) for s in result.samples.spacing),
         contrast_rms=float(np.sqrt(np.mean(change**2))),
         contrast_max=float(max(np.abs(change).max(), np.abs(found.value).max())),
@@ -183,14 +179,10 @@ class _Difference:
     """Both fields compared at some points; inside the body, where there is no flow, everything is zero.
 
     Attributes:
-        flowing: Rows of the points that lie outside the body.
-        before: Contrast of the source, shape (n,).
         value: Change of the contrast, shape (n,).
         slope: Change of its slope across the lines [1/m], shape (n,).
     """
 
-    flowing: np.ndarray
-    before: np.ndarray
     value: np.ndarray
     slope: np.ndarray
 
@@ -199,34 +191,9 @@ def _difference(source, result, points) -> _Difference:
     """Compare two fields at local points (n, d)."""
     solid = np.zeros(len(points), dtype=bool) if source.body is None else source.body.contains(points)
     flowing = np.flatnonzero(~solid)
-    found = _Difference(flowing, *np.zeros((3, len(points))))
-    found.before[flowing], slope_before = source.samples.evaluate(points[flowing])
+    found = _Difference(*np.zeros((2, len(points))))
+    before, slope_before = source.samples.evaluate(points[flowing])
     after, slope_after = result.samples.evaluate(points[flowing])
-    found.value[flowing] = after - found.before[flowing]
+    found.value[flowing] = after - before
     found.slope[flowing] = (slope_after - slope_before)[:, 0]
     return found
-
-
-def _source_error(source, lines: np.ndarray, found: _Difference) -> np.ndarray:
-    """Estimated error of the mean contrast along some of the lines that the source's own nodes leave."""
-    rungs = source.ladder
-    if rungs is None:
-        return np.full(1, np.nan)
-    shape = LINE_COUNT, len(lines) // LINE_COUNT
-    some = np.arange(len(lines)).reshape(shape)[
-        :: LINE_COUNT // SOURCE_LINE_COUNT, :: max(1, shape[1] // SOURCE_POINT_COUNT)
-    ]
-    flowing = np.zeros(len(lines), dtype=bool)
-    flowing[found.flowing] = True
-    rows = some[flowing[some]]
-    means: list = []
-    for rung in (rungs.fine, rungs.coarse, rungs.coarser):
-        if rung is None:
-            means.append(None)
-            continue
-        value = found.before
-        if rung is not source:
-            value = np.zeros(len(lines))
-            value[rows] = _local_contrast(rung, lines[rows])
-        means.append(value[some].mean(axis=1))
-    return rungs.remainder(*means)

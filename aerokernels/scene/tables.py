@@ -11,6 +11,8 @@ from typing import Annotated, Any, Literal
 from pydantic import AfterValidator, BeforeValidator, model_validator
 
 from ..flow import gladstone_dale_constant, shipped_names
+from ..flow.gas import check_density
+from ..flow.refractivity import refractivity
 from ..units import quantity
 from .values import (
     Count,
@@ -40,13 +42,16 @@ def _density(value: Any) -> float | str:
         number = quantity(value, "density")
     except (TypeError, ValueError):
         raise ValueError("give 'tunnel', 'sea-level' or a density such as '0.5 kg/m3'") from None
-    if number <= 0.0:
-        raise ValueError("a density must be above 0 kg/m3")
-    return number
+    return check_density(number, "a density")
 
 
 def _wavelength(value: float) -> float:
     gladstone_dale_constant(value)
+    return value
+
+
+def _constant(value: float) -> float:
+    refractivity(1.0, value)
     return value
 
 
@@ -71,7 +76,7 @@ class FlowTable(Table):
         "gladstone-dale",
         "Density to index: linear, as the paper uses, or the exact form; they differ by 1.3e-8 at sea level.",
     )
-    gladstone_dale: GladstoneDale | None = key(
+    gladstone_dale: Annotated[GladstoneDale, AfterValidator(_constant)] | None = key(
         None,
         "Gladstone-Dale constant to use in place of the paper's K(wavelength), '2.24e-4 m3/kg' say.",
     )
@@ -156,6 +161,11 @@ class TraceTable(Table):
     max_steps: Count | None = key(
         None,
         "Steps after which a ray is given up; the tracer chooses if absent.",
+    )
+    allow_truncation: bool = key(
+        False,
+        "Whether more than a thousandth of the pupil may look through disturbed air that ends at the edge of the "
+        "computed flow; refused otherwise, since what lies beyond is unknown.",
     )
 
     @model_validator(mode="after")

@@ -145,7 +145,7 @@ def line_of_sight(
     stretch = np.sum(deflection**2, axis=-1) / (cosine * (1.0 + cosine))
     moved = traced.position.reshape(*shape, 3) - start
     displacement = np.stack([moved @ right, moved @ up], axis=-1) - back * deflection / cosine[..., None]
-    blocked = traced.status == RayStatus.HIT_BODY
+    blocked = traced.traced_status == RayStatus.HIT_BODY
     if field.body is not None and field.geometry == "planar":  # light along the body never meets its side
         blocked |= field.body.contains(field.local_coordinates(start.reshape(-1, 3)))
     through = (traced.ok & ~blocked).reshape(shape)

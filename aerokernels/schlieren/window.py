@@ -110,6 +110,12 @@ def _pixels(low, high, right, up, extent, pixel_count) -> tuple[np.ndarray, np.n
         raise ValueError(f"pixel_count {pixel_count!r}: give one whole number of at least 1, or two")
     if counts.shape == ():
         counts = np.maximum(1, np.rint(counts * size / size.max())).astype(int)
+    spans = np.array([np.ptp(_span(low, high, axis)) for axis in (right, up)])
+    if (size > counts * spans).any():
+        raise ValueError(
+            f"extent {extent!r} has pixels of {size[0] / counts[0]:.3g} by {size[1] / counts[1]:.3g} m, the field "
+            f"is {spans[0]:.3g} by {spans[1]:.3g} m: give metres, or more pixels"
+        )
     step = size / counts
     horizontal, vertical = (extent[2 * k] + (np.arange(counts[k]) + 0.5) * step[k] for k in range(2))
     return horizontal, vertical, (float(step[0]), float(step[1]))

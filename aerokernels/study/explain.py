@@ -25,7 +25,13 @@ def explanation(scene: Scene) -> list[tuple[str, str]]:
     """
     prepared = prepare_field(scene)
     pupil = forward_pupil(scene)
-    plan, count = plan_strehl(prepared.field, pupil, **trace_options(scene), ray_count=scene.strehl.ray_count)
+    plan, count = plan_strehl(
+        prepared.field,
+        pupil,
+        **trace_options(scene),
+        ray_count=scene.strehl.ray_count,
+        allow_truncation=scene.trace.allow_truncation,
+    )
     low, high = prepared.region
     axes = "r, z" if prepared.field.geometry == "axisymmetric" else "y, z"
     wavelength = scene.flow.wavelength
@@ -84,11 +90,11 @@ def _predicted_ratio(plan: TracePlan, resampling: ResamplingError | None, wavele
     """The error that the Strehl ratio will have at most: that of a ratio of 1 under the phase errors known before."""
     if plan.predicted_error is None:
         return []
-    lengths = [] if resampling is None else [resampling.opd_rms, resampling.source_opd_rms]
+    lengths = [] if resampling is None else [resampling.opd_rms]
     phase = 2.0 * math.pi * root_sum_square([plan.predicted_error, *(length / wavelength for length in lengths)])
     error = strehl_error(1.0, phase)
-    left_out = "" if lengths else ", without that of the flow's own mesh"
-    rows = [("predicted, Strehl ratio", f"error +- {error:.2g} at most{left_out}")]
+    left_out = ", without that of the flow's own mesh"
+    rows = [("predicted, Strehl ratio", f"error +- {error:.2g}{left_out}")]
     if error > 1.0:
         rows.append(
             ("warning", f"an error of {error:.2g} answers nothing: {main_cause(_shares(plan, resampling, wavelength))}")
@@ -104,10 +110,7 @@ def _shares(plan: TracePlan, resampling: ResamplingError | None, wavelength: flo
     """Errors known before, in waves, by the causes of a budget."""
     shares = {"step": plan.predicted_error or 0.0}
     if resampling is not None:
-        shares |= {
-            "resampling": resampling.opd_rms / wavelength,
-            "interpolation": resampling.source_opd_rms / wavelength,
-        }
+        shares["resampling"] = resampling.opd_rms / wavelength
     return shares
 
 

@@ -15,7 +15,8 @@ from dataclasses import asdict, dataclass
 
 import numpy as np
 
-from aerokernels.echo import RANGING_METHODS, estimate_range
+from aerokernels.echo import RANGING_METHODS
+from aerokernels.echo.ranging import read_range
 from aerokernels.study.run_folder import RunFolder
 
 
@@ -68,13 +69,14 @@ def range_errors(
     for method in RANGING_METHODS:
 
         def read(times: np.ndarray, volts: np.ndarray, method: str = method) -> float:
-            return estimate_range(
+            return read_range(
                 times,
                 volts,
                 method,
                 threshold=threshold,
                 template=template if method == "matched-filter" else None,
                 fraction=float(run.detector.get("fraction", 0.5)),
+                shape=template,
             )
 
         try:

@@ -106,6 +106,7 @@ def scene_strehl(field: IndexField, scene: Scene) -> StrehlEstimate:
         backend=table.backend,
         device=table.device,
         precision=table.precision,
+        allow_truncation=table.allow_truncation,
     )
 
 

@@ -3,26 +3,31 @@ r"""The error budget of a trace's optical path difference, by cause, measured on
     precision       the run's own steps in the run's precision against the same steps in float64
     step            those against float64 steps held to a far smaller tolerance (of the full ray, if it was straight)
     interpolation   through every second and every fourth node of the field, extrapolated (medium/coarser.py)
-    resampling      measured when the field was resampled
+    resampling      through the field that was resampled, to the same stop
     sampling        0: a trace is no mean over rays (an estimate over a pupil fills it in)
+    truncation      what rays may have lost where the known air ends (known_air.py)
     total           root sum of squares
 
-Every cause of a trace is the greatest over the rays of the subset, times SAFETY for the rays outside it. Where a cause
-cannot be measured (no ray arrived; an unstructured mesh) it is nan, and so is the total. A field that was resampled has
-as its "interpolation" that of the field it came from.
+Every cause of a trace but the last is the greatest over the rays of the subset; all of them are taken times SAFETY, for
+the rays outside it and for what an estimate does not see. Rays are traced to the run's own stop: a direction that is a
+little off counts as it does there. Where a cause cannot be measured (no ray arrived; the field that was resampled is
+not kept) it is nan, and so is the total. A field that was resampled has as its "interpolation" that of the field it
+came from.
 
 The reference backend stands in for no others: its own step error is that of SciPy at 1e-11.
 """
 
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..medium import IndexField, ResamplingError
+from ..medium import IndexField
 from ..rays import RayBundle
+from .lines import SIDE, box_span
 from .plan import TracePlan, step_allowance
 from .status import reached
+from .stop import Plane
 
 SUBSET = 192
 SAFETY = 3.0
@@ -31,9 +36,24 @@ SAFETY = 3.0
 TIGHTER = {"linear": 1.0 / 8.0, "bilinear": 1.0 / 8.0}
 TIGHTER_ELSEWHERE = 1.0 / 64.0
 TIGHTEST_ASKED = 1e-3
-CAUSES = ("step", "interpolation", "resampling", "precision", "sampling")
-# (field, rays, plan) -> OPD [m] and status, each of shape (ray_count,)
-Retrace = Callable[[IndexField, RayBundle, TracePlan], tuple[np.ndarray, np.ndarray]]
+CAUSES = ("step", "interpolation", "resampling", "precision", "sampling", "truncation")
+# Rays out through the curved side of a field's box that are each traced to a plane of their own.
+SIDE_RAYS = 16
+# (field, rays, plan, until, wavelength) -> OPD [m] and status, each of shape (ray_count,)
+Run = Callable[[IndexField, RayBundle, TracePlan, object, float], tuple[np.ndarray, np.ndarray]]
+
+
+@dataclass(frozen=True, eq=False)
+class Retrace:
+    """How a budget traces rays again: `run` to the stop `until`, at a wavelength [m]."""
+
+    run: Run
+    until: object
+    wavelength: float
+
+    def __call__(self, field: IndexField, rays: RayBundle, plan: TracePlan) -> tuple[np.ndarray, np.ndarray]:
+        """OPD [m] and status, each of shape (ray_count,)."""
+        return self.run(field, rays, plan, self.until, self.wavelength)
 
 
 def subset(rays: RayBundle, good: np.ndarray) -> RayBundle:
@@ -44,11 +64,26 @@ def subset(rays: RayBundle, good: np.ndarray) -> RayBundle:
 
 
 def opd_errors(field: IndexField, rays: RayBundle, plan: TracePlan, retrace: Retrace) -> dict[str, np.ndarray]:
-    """Estimated OPD errors [m] of the rays, by cause: "step", "precision", "interpolation".
+    """Estimated OPD errors [m] of the rays, by cause: "step", "precision", "interpolation", "resampling".
 
     Rays that do not arrive in every trace are left out, so arrays may differ in length; an empty one is not known.
     """
-    tight = replace(
+    tight = _tight(field, plan)
+    truth = retrace(field, rays, tight)
+    if plan.backend == "reference":
+        found = {"step": np.zeros(1), "precision": np.zeros(1)}
+    else:
+        run = retrace(field, rays, plan)
+        exact = run if plan.precision == "float64" else retrace(field, rays, replace(plan, precision="float64"))
+        found = {"step": _change(exact, truth), "precision": _change(run, exact)}
+    if field.resampling is None:
+        return {**found, "interpolation": _interpolation(field, rays, plan, retrace, truth), "resampling": np.zeros(1)}
+    return {**found, **_against_source(field, rays, plan, retrace, truth)}
+
+
+def _tight(field: IndexField, plan: TracePlan) -> TracePlan:
+    """The plan of a trace that stands for the truth in this field."""
+    return replace(
         plan,
         method="adaptive",
         columns=False,
@@ -59,25 +94,61 @@ def opd_errors(field: IndexField, rays: RayBundle, plan: TracePlan, retrace: Ret
         tolerance=TIGHTER.get(field.interpolation, TIGHTER_ELSEWHERE) * min(plan.tolerance, TIGHTEST_ASKED),
         max_steps=max(plan.max_steps, step_allowance(field, "adaptive", None, None)),
     )
-    truth = retrace(field, rays, tight)
-    if plan.backend == "reference":
-        found = {"step": np.zeros(1), "precision": np.zeros(1)}
-    else:
-        run = retrace(field, rays, plan)
-        exact = run if plan.precision == "float64" else retrace(field, rays, replace(plan, precision="float64"))
-        found = {"step": _change(exact, truth), "precision": _change(run, exact)}
-    if field.resampling is not None:
-        return found
+
+
+def _interpolation(field: IndexField, rays: RayBundle, plan: TracePlan, retrace: Retrace, truth) -> np.ndarray:
+    """What the field's own samples leave, from its coarser versions; `truth` is its own trace."""
     rungs = field.ladder
     if rungs is None:
-        found["interpolation"] = np.zeros(0)
-        return found
-    traces = [truth if rungs.fine is field else retrace(rungs.fine, rays, tight)]
-    traces += [retrace(rung, rays, tight) for rung in (rungs.coarse, rungs.coarser) if rung is not None]
+        return np.zeros(0)
+    traces = [truth if rungs.fine is field else retrace(rungs.fine, rays, _tight(rungs.fine, plan))]
+    traces += [retrace(rung, rays, _tight(rung, plan)) for rung in (rungs.coarse, rungs.coarser) if rung is not None]
     good = np.logical_and.reduce([reached(status) for _, status in traces])
     opd = [path[good] for path, _ in traces]
-    found["interpolation"] = rungs.remainder(opd[0], opd[1], opd[2] if len(opd) > 2 else None) if good.any() else opd[0]
-    return found
+    return np.asarray(rungs.remainder(opd[0], opd[1], opd[2] if len(opd) > 2 else None) if good.any() else opd[0])
+
+
+def _against_source(field: IndexField, rays: RayBundle, plan: TracePlan, retrace: Retrace, truth) -> dict:
+    """The change against the field that was resampled, first of all, and what that field's own samples leave."""
+    source: IndexField | None = field
+    while source is not None and source.resampling is not None:
+        source = getattr(source.resampling, "source", None)
+    if source is None:
+        return {"interpolation": np.zeros(0), "resampling": np.zeros(0)}
+    changes, left = [], []
+    for rows, until in _common_stops(field, rays, retrace.until):
+        again = retrace if until is retrace.until else replace(retrace, until=until)
+        some = rays[rows]
+        here = (truth[0][rows], truth[1][rows]) if again is retrace else again(field, some, _tight(field, plan))
+        there = again(source, some, _tight(source, plan))
+        changes.append(_change(here, there))
+        left.append(_interpolation(source, some, plan, again, there))
+    return {
+        "interpolation": np.concatenate([np.zeros(0), *left]),
+        "resampling": np.concatenate([np.zeros(0), *changes]),
+    }
+
+
+def _common_stops(field: IndexField, rays: RayBundle, until) -> list[tuple[np.ndarray, object]]:
+    """Rows of the rays, and the stops at which two fields of different boxes can be compared.
+
+    Without a stop rays end on the faces of a box, which the other field does not have: they are compared on the planes
+    of those faces. Some of the rays that leave through a curved side stand for all that do.
+    """
+    if until is not None:
+        return [(np.arange(rays.ray_count), until)]
+    span = box_span(field, rays.position, rays.direction)
+    face = np.where(span.meets, span.exit_face, -1)
+    end = rays.position + np.where(span.meets, span.leave, 0.0)[:, None] * rays.direction
+    stops: list[tuple[np.ndarray, object]] = []
+    for number in np.unique(face[face >= 0]):
+        rows = np.flatnonzero(face == number)
+        if number != SIDE:
+            stops.append((rows, Plane(end[rows[0]], np.eye(3)[number // 2])))
+            continue
+        for row in rows[np.linspace(0, len(rows) - 1, min(SIDE_RAYS, len(rows))).round().astype(int)]:
+            stops.append((np.array([row]), Plane(end[row], end[row] * [1.0, 1.0, 0.0])))
+    return stops
 
 
 def float64_rounding(field: IndexField, rays: RayBundle) -> float:
@@ -93,23 +164,25 @@ def _change(one, other) -> np.ndarray:
 
 
 def error_budget(
-    field: IndexField, rays: RayBundle, good: np.ndarray, plan: TracePlan, retrace: Retrace
+    field: IndexField, rays: RayBundle, good: np.ndarray, plan: TracePlan, retrace: Retrace, lost: np.ndarray
 ) -> dict[str, float]:
-    """The budget of a trace [m of OPD]: the greatest error of each cause over the rays that arrived."""
+    """The budget of a trace [m of OPD]: the greatest error of each cause over the rays that arrived.
+
+    `good` says which arrived, `lost` what each may have lost where the known air ends [m], both of shape (ray_count,).
+    """
     chosen = subset(rays, good) if good.any() else None
     if chosen is None:
         return dict.fromkeys((*CAUSES, "total"), float("nan"))
     found = opd_errors(field, chosen, plan, retrace)
     causes = {cause: SAFETY * _greatest(array) for cause, array in found.items()}
     causes["precision"] += float64_rounding(field, chosen)
-    return combine(causes, field.resampling, ("source_opd_max", "opd_max"))
+    causes["truncation"] = SAFETY * _greatest(lost[good])
+    return combine(causes)
 
 
-def combine(causes: dict[str, float], resampling, names: tuple[str, str]) -> dict[str, float]:
-    """All causes and their root sum of squares; `names` are the attributes of a ResamplingError to take."""
+def combine(causes: dict[str, float]) -> dict[str, float]:
+    """All causes, 0 for those that are not given, and their root sum of squares."""
     budget = {**dict.fromkeys(CAUSES, 0.0), **causes}
-    if isinstance(resampling, ResamplingError):
-        budget["interpolation"], budget["resampling"] = (float(getattr(resampling, name)) for name in names)
     budget["total"] = float(np.sqrt(sum(v * v for v in budget.values())))
     return budget
 

@@ -81,7 +81,7 @@ def choose_method(field: IndexField, budget: float, directions: np.ndarray, leve
     if lever > GREATEST_LEVER * extent:
         why = "method adaptive: a plane that is far off and met at a slant needs directions that error control holds"
         return Choice("adaptive", None, why, adaptive)
-    turn = _greatest_turn(grid)
+    turn = greatest_turn(grid)
     if field.body is not None:
         return Choice("adaptive", None, "method adaptive: a fixed step could jump over the body", adaptive)
     if turn > WEAK:
@@ -95,7 +95,7 @@ def choose_method(field: IndexField, budget: float, directions: np.ndarray, leve
     return Choice("adaptive", None, f"method adaptive: the field is rough in places, {costs}", adaptive)
 
 
-def _greatest_turn(grid: UniformGrid) -> float:
+def greatest_turn(grid: UniformGrid) -> float:
     """A bound on the angle by which a ray across the box can turn [rad]."""
     steepest = max(
         float(np.abs(np.diff(grid.samples, axis=axis)).max()) / grid.spacing[axis] for axis in range(grid.samples.ndim)

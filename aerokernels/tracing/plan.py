@@ -71,6 +71,13 @@ class TracePlan:
         }
 
 
+def check_tolerance(tolerance: float) -> float:
+    """The tolerance [waves], or a refusal of one that is not a positive number."""
+    if not (np.isfinite(tolerance) and tolerance > 0.0):
+        raise ValueError(f"tolerance must be positive (waves of OPD error), got {tolerance!r}")
+    return tolerance
+
+
 def make_plan(
     field: IndexField,
     *,
@@ -101,8 +108,7 @@ def make_plan(
         raise ValueError(f"method {method!r} is not known: choose one of {', '.join(METHODS)}")
     if precision not in PRECISIONS:
         raise ValueError(f"precision {precision!r} is not known: choose 'float32' or 'float64'")
-    if not (np.isfinite(tolerance) and tolerance > 0.0):
-        raise ValueError(f"tolerance must be positive (waves of OPD error), got {tolerance!r}")
+    check_tolerance(tolerance)
     if method == "fixed":
         if step is None or not (np.isfinite(step) and step > 0.0):
             raise ValueError(f"method 'fixed' needs step, a positive length of arc in metres, got {step!r}")

@@ -14,7 +14,8 @@ from ..medium import IndexField
 from ..rays import Disc, RayBundle
 from .device_choice import VARIABLES
 from .even import PILOT_RAYS
-from .plan import TracePlan
+from .plan import TracePlan, check_tolerance
+from .pupil_air import PupilAir, pupil_air
 from .pupil_fan import choose_fan, fan_points
 from .pupil_sums import PupilSums, PupilTask
 from .stop import Plane
@@ -23,6 +24,8 @@ from .trace import plan_rays
 REPLICATES = 16
 # Pupils that are kept ready for a field.
 JOBS_KEPT = 4
+# A pupil's radius over half of the diagonal of the field's box.
+GREATEST_RATIO = 10.0
 
 _jobs: weakref.WeakKeyDictionary = weakref.WeakKeyDictionary()
 
@@ -36,12 +39,14 @@ class PupilJob:
         until: Where its rays stop.
         per_replicate: Rays of a replicate that were asked for.
         task: What is traced; fewer rays where it is a fan.
+        air: What its rays may lose where the known air ends.
     """
 
     plan: TracePlan
     until: Plane
     per_replicate: int
     task: PupilTask
+    air: PupilAir
 
     @property
     def traced_ray_count(self) -> int:
@@ -104,8 +109,11 @@ def make_job(field, pupil, look, wavelength, ray_count, seed, with_tilt, symmetr
     """A new job; `choices` are those of `make_plan`.
 
     Raises:
-        ValueError: A name or number that makes no sense; symmetry=True without symmetry.
+        ValueError: A name or number that makes no sense; symmetry=True without symmetry; no ray that meets the field.
     """
+    _check_size(field, pupil)
+    tolerance = check_tolerance(choices["tolerance"])
+    air = pupil_air(field, pupil, look, tolerance * wavelength)
     until = Plane(_beyond(field, pupil, look), look)
     per_replicate = _per_replicate(ray_count)
     fan_rays, why = choose_fan(field, pupil, look, per_replicate, REPLICATES, symmetry)
@@ -136,7 +144,22 @@ def make_job(field, pupil, look, wavelength, ray_count, seed, with_tilt, symmetr
         by_radius=field.geometry == "axisymmetric" and float(np.hypot(*pupil.center[:2])) < 0.05 * pupil.radius,
         fan=fan_points(count, REPLICATES, seed) if fan_rays else None,
     )
-    return PupilJob(plan, until, per_replicate, task)
+    return PupilJob(plan, until, per_replicate, task, air)
+
+
+def _check_size(field: IndexField, pupil: Disc) -> None:
+    """Refuse a pupil beside which the field is a speck: of its rays hardly one in a hundred would meet it.
+
+    Raises:
+        ValueError: As said.
+    """
+    low, high = field.box
+    size = 0.5 * float(np.linalg.norm(np.where(np.isfinite(high - low), high - low, 0.0)))
+    if pupil.radius > GREATEST_RATIO * size:
+        raise ValueError(
+            f"the pupil's radius of {pupil.radius:g} m is {pupil.radius / size:.0f} times the field's {size:.3g} m: "
+            "hardly any ray meets the field; give metres, 6e-3 for 6 mm"
+        )
 
 
 def _runner(task: PupilTask) -> Callable[[], PupilSums]:

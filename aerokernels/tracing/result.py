@@ -36,14 +36,14 @@ class TraceResult:
         step_error: OPD error of the steps as the embedded formula sees it [m].
         step_count: Accepted steps.
         evaluation_count: Field evaluations.
-        status: RayStatus codes, first failure wins.
+        traced_status: RayStatus codes as the tracer left them, first failure wins; `status` knows more.
         plan: What was chosen, skipped and why.
         seconds: Time spent: at least "compile", "kernel", "total".
         wavelength: Wavelength of the tolerance [m].
         weight: Share of each ray in means over the bundle.
     """
 
-    status: np.ndarray
+    traced_status: np.ndarray
     plan: Any
     seconds: dict[str, float]
     wavelength: float
@@ -57,11 +57,37 @@ class TraceResult:
     step_count: np.ndarray | None = None
     evaluation_count: np.ndarray | None = None
     budget: Any = field(default=None, repr=False)
+    known_air: Any = field(default=None, repr=False)
 
     @property
     def ray_count(self) -> int:
         """Number of rays."""
-        return len(self.status)
+        return len(self.traced_status)
+
+    @cached_property
+    def truncation(self) -> np.ndarray:
+        """What each ray may have lost where the known air ends [m], shape (ray_count,): see known_air.py.
+
+        On straight lines; where the field bends rays by more than a cell, by their traced ends if both `position` and
+        `direction` were asked for. Computed when first read.
+        """
+        if self.known_air is None:
+            return np.zeros(self.ray_count)
+        known = self.position is not None and self.direction is not None
+        return np.asarray(self.known_air.lost((self.position, self.direction) if known else None))
+
+    @cached_property
+    def status(self) -> np.ndarray:
+        """RayStatus codes, first failure wins, shape (ray_count,).
+
+        LEFT_DISTURBED_AIR are rays that reached the stop and may have lost more than the tolerance: see `truncation`.
+        Computed when first read.
+        """
+        status = np.array(self.traced_status)
+        if self.known_air is not None:
+            doubtful = (status == RayStatus.OK) & (self.truncation > self.known_air.tolerance)
+            status[doubtful] = RayStatus.LEFT_DISTURBED_AIR
+        return status
 
     @property
     def ok(self) -> np.ndarray:
@@ -69,7 +95,7 @@ class TraceResult:
 
         Those of status LEFT_DISTURBED_AIR and TOLERANCE_NOT_MET did, besides OK: `status` tells them apart.
         """
-        return reached(self.status)
+        return reached(self.traced_status)
 
     @cached_property
     def error(self) -> dict[str, float]:

@@ -7,10 +7,12 @@ import numpy as np
 
 from ..medium import IndexField
 from ..rays import RayBundle
-from .budget import error_budget
+from .budget import Retrace, error_budget
 from .choice import lever_of
 from .collimated import columns_hold, find_columns, is_collimated, is_worth_it
 from .even import fit_even, may_be_even, pilot_of
+from .known_air import KnownAir
+from .meeting import check_meeting
 from .plan import TracePlan, make_plan
 from .result import RAY_OUTPUTS, TraceResult
 from .stop import ArcLength, Plane
@@ -56,8 +58,8 @@ def trace(
 
     Raises:
         TypeError: `field`, `rays` or `until` of the wrong kind.
-        ValueError: A name or number that makes no sense, another wavelength than the field's, or a backend or device
-            that is not there.
+        ValueError: A name or number that makes no sense, another wavelength than the field's, a backend or device that
+            is not there, or rays none of which meets the field.
     """
     start = time.perf_counter()
     if not isinstance(field, IndexField):
@@ -68,6 +70,7 @@ def trace(
         raise TypeError(f"until must be None, a Plane or an ArcLength, got {type(until).__name__}")
     wavelength = field.wavelength_for(wavelength)
     wanted = check_outputs(outputs)
+    check_meeting(field, rays, "ray of the bundle")
     plan = plan_rays(
         field,
         partial(pilot_of, rays),
@@ -88,12 +91,20 @@ def trace(
     arrays, seconds = run_plan(field, rays, plan, until, wavelength, wanted)
     seconds["total"] = time.perf_counter() - start
 
-    def budget(result: TraceResult) -> dict[str, float]:
-        return error_budget(field, rays, result.ok, plan, retracer(until, wavelength))
-
     return TraceResult(
-        plan=plan, seconds=seconds, wavelength=wavelength, weight=np.asarray(rays.weight), budget=budget, **arrays
+        plan=plan,
+        seconds=seconds,
+        wavelength=wavelength,
+        weight=np.asarray(rays.weight),
+        budget=partial(_budget, field, rays, retracer(until, wavelength)),
+        known_air=KnownAir(field, rays, until, tolerance * wavelength),
+        traced_status=arrays.pop("status"),
+        **arrays,
     )
+
+
+def _budget(field: IndexField, rays: RayBundle, retrace: Retrace, result: TraceResult) -> dict[str, float]:
+    return error_budget(field, rays, result.ok, result.plan, retrace, result.truncation)
 
 
 def plan_rays(field: IndexField, pilot, ray_count: int, until, *, method, wavelength, **choices) -> TracePlan:
@@ -147,14 +158,14 @@ def run_plan(field: IndexField, rays: RayBundle, plan: TracePlan, until, wavelen
     return run(field, rays, plan, until, wavelength, outputs)
 
 
-def retracer(until, wavelength: float):
-    """The function by which an error budget traces rays again: (field, rays, plan) -> (OPD [m], status)."""
+def retracer(until, wavelength: float) -> Retrace:
+    """How an error budget traces rays again, to this stop."""
+    return Retrace(_retrace, until, wavelength)
 
-    def retrace(field: IndexField, rays: RayBundle, plan: TracePlan) -> tuple[np.ndarray, np.ndarray]:
-        arrays, _ = run_plan(field, rays, plan, until, wavelength, BUDGET_OUTPUTS)
-        return arrays["opd"], arrays["status"]
 
-    return retrace
+def _retrace(field: IndexField, rays: RayBundle, plan: TracePlan, until, wavelength: float):
+    arrays, _ = run_plan(field, rays, plan, until, wavelength, BUDGET_OUTPUTS)
+    return arrays["opd"], arrays["status"]
 
 
 def check_outputs(outputs) -> frozenset:

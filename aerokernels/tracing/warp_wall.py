@@ -146,7 +146,7 @@ def build_wall_share(precision: str, geometry: str):
     @wp.func
     def wall_share(field: Field, control: Control, here: wp.vec3d, flown: vec3, kick: vec3, back: wp.float64):
         one = wp.float64(1.0)
-        sag = wp.length(wp.cw_mul(kick, control.cell_rate)) / real(4.0 * WALL_SAG)
+        sag = wp.length(wp.cw_mul(kick, control.cell_rate)) / (real(4.0) * real(WALL_SAG))
         pieces = int(1)
         if sag > real(1.0):
             pieces = 1 + int(wp.min(wp.sqrt(sag), real(15.0)))

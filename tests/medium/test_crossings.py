@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 from aerokernels import Body
-
-from .bodies import lines, local, plate, star, stepped
+from tests.bodies import lines, local, plate, star, stepped
 
 MAKERS = {"star": star, "stepped": stepped, "plate": plate}
 

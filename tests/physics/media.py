@@ -12,7 +12,7 @@ import numpy as np
 
 from aerokernels.medium import IndexField
 from aerokernels.rays import RayBundle
-from aerokernels.tracing import Plane, RayStatus, TraceResult, trace
+from aerokernels.tracing import Plane, TraceResult, trace
 
 Index = Callable[[np.ndarray], np.ndarray]
 
@@ -51,7 +51,7 @@ class Case:
 
 def worst_errors(case: Case, result: TraceResult) -> dict[str, float]:
     """The greatest error over the rays, by output, in units of a ray's length; every ray must have arrived."""
-    assert (result.status == RayStatus.OK).all(), result.status_summary()
+    assert result.ok.all(), result.status_summary()
     ends, path, rays, plane = case.ends, case.ends.arc_length, case.rays, case.until
     undisturbed = (plane.point - rays.position) @ plane.normal / (rays.direction @ plane.normal)
     off = {

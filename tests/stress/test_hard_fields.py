@@ -216,9 +216,10 @@ def test_contrasts_of_any_strength(size, precision):
     result = keeps_promises(trace(field, RayBundle(start, heading), **settings_), 33)
     beside = np.abs(height) > 5e-4
     assert result.ok[beside].all() and (result.opd[beside] == 0.0).all()
-    assert set(result.status_summary()) <= {"OK", "STOP_NOT_REACHED"} or size > 1.0
+    assert set(result.status_summary()) <= {"OK", "LEFT_DISTURBED_AIR", "STOP_NOT_REACHED"} or size > 1.0
     assert (result.arc_length[result.ok] > 11e-3).all() and (result.optical_path[result.ok] > 11e-3).all()
-    assert_same_bits(result, trace(field, RayBundle(start[beside], heading[beside]), **settings_), beside)
+    some = beside | (np.arange(33) == 16)  # rays none of which meets the box are refused: one that does comes along
+    assert_same_bits(result, trace(field, RayBundle(start[some], heading[some]), **settings_), some)
 
 
 @pytest.mark.parametrize("precision", PRECISIONS)

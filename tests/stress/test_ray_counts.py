@@ -97,6 +97,8 @@ def test_a_slice_of_a_bundle_has_the_bundle_s_own_rays():
 def test_ten_million_rays():
     """A weak field of 3 by 3 cells, the OPD only: every ray arrives, as in a small bundle, in bounded memory.
 
+    Its box ends in disturbed air, 1e-7 over 1 m, a hundred tolerances.
+
     So many rays may be sampled evenly where few are traced under error control: they agree to the tolerance.
 
     OPD: contrast 1e-7 (1 +- 0.2) over 1 m of depth at slopes up to 0.05. Memory: the kernel's own copy of positions
@@ -106,7 +108,7 @@ def test_ten_million_rays():
         [sys.executable, "-c", TEN_MILLION, str(RAY_COUNT)], capture_output=True, text=True, check=True, timeout=600
     )
     said = json.loads(done.stdout)
-    assert said["length"] == RAY_COUNT and said["summary"] == {"OK": RAY_COUNT}
+    assert said["length"] == RAY_COUNT and said["summary"] == {"LEFT_DISTURBED_AIR": RAY_COUNT}
     assert said["finite"] and said["same"] and said["others"] == []
     assert said["apart"] < 1e-3 * 905e-9
     assert 0.8e-7 < said["least"] < said["greatest"] < 1.21e-7

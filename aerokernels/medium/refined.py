@@ -1,0 +1,43 @@
+r"""The same field on a mesh of four times the cells: what the bilinear interpolant of a mesh is judged by.
+
+The values between the vertices are those of a cubic along every edge, of a Coons patch in every cell (S. A. Coons,
+MIT MAC-TR-41 (1967)), made from the values a, b and the vertex gradients g of the mesh:
+
+    middle of an edge    (a + b) / 2 + (g_a - g_b) . (x_b - x_a) / 8
+    middle of a cell     half the sum of its four edges' middles less the mean of its corners
+
+Where the samples resolve the field the new values are right to fourth order, or to the order of the gradients, and the
+bilinear error of the finer cells is a quarter, that of their slopes a half. In a linear field nothing changes.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+
+from .mesh import QuadMesh
+
+
+def refined(field):
+    """The field on cells cut in four; None where the cut cells make no mesh."""
+    mesh, values, gradient = field.mesh, field.samples.values, field.samples.gradients
+    vertex, cells = mesh.vertices, mesh.cells
+    ends = np.sort(np.stack([cells, np.roll(cells, -1, axis=1)], axis=-1).reshape(-1, 2).astype(np.int64), axis=1)
+    _, first, of_edge = np.unique(ends[:, 0] * len(vertex) + ends[:, 1], return_index=True, return_inverse=True)
+    a, b = ends[first].T
+    edge_middle = 0.5 * (vertex[a] + vertex[b])
+    rise = np.sum((gradient[a] - gradient[b]) * (vertex[b] - vertex[a]), axis=1)
+    edge_value = 0.5 * (values[a] + values[b]) + 0.125 * rise
+    of_edge = of_edge.reshape(-1, 4)
+    cell_middle = vertex[cells].mean(axis=1)
+    cell_value = 0.5 * edge_value[of_edge].sum(axis=1) - values[cells].mean(axis=1)
+    edge = len(vertex) + of_edge
+    middle = len(vertex) + len(edge_middle) + np.arange(len(cells))[:, None]
+    # Corner k, the middle of the edge after it, the middle of the cell, the middle of the edge before it.
+    quarters = [np.concatenate([cells[:, [k]], edge[:, [k]], middle, edge[:, [k - 1]]], axis=1) for k in range(4)]
+    points = np.concatenate([vertex, edge_middle, cell_middle])
+    try:
+        finer = QuadMesh(points, np.stack(quarters, axis=1).reshape(-1, 4), mesh.geometry)
+    except ValueError:  # a seam has two vertices in each place
+        return None
+    finer_values = np.concatenate([values, edge_value, cell_value])
+    return replace(field, samples=replace(field.samples, mesh=finer, values=finer_values))

@@ -1,0 +1,302 @@
+r"""Where the known air ends: what rays may lose there, ray by ray.
+
+Outside its samples a field is ambient. Where the air at a face of the box (or at the rim of a mesh) is still disturbed,
+it does not end there in truth: the optical path of a ray that crosses this face holds the known part only. What may be
+missing is estimated on straight lines from the contrast m just inside the face, at a depth x below it:
+
+    A0 = max |m| over 0 <= x <= s,   A1 = max |m| over s <= x <= 2 s
+    lost = A0 min(s / ln(A1 / A0), D, w)        the first of the three where A1 > A0, where the disturbance falls off
+
+s is two cells; D is the box's own extent along the line: air that does not fall off is taken to go on for as much
+again; w is the length of the way that lies outside. An exponential tail has A0 s / ln(A1 / A0) left from the depth s
+on, and a steeper one less. A ray that passes beside the box, no farther away than the box is large, may lose as much as
+one that leaves through the nearest point of it, less what falls off on the way to the ray.
+
+Lines are straight, but for rays that a field may bend by more than a cell: of those the traced ends count, drawn
+straight back to the box, where they are known.
+
+A box whose faces are all undisturbed costs nothing: no ray is looked at. Neither is a wall an end of known air, nor the
+axis, nor the missing ends of a planar field in x.
+"""
+
+import weakref
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from itertools import product
+
+import numpy as np
+
+from ..medium import IndexField
+from ..medium.grid import UniformGrid
+from ..rays import RayBundle
+from .backend_info import thread_count
+from .choice import greatest_turn
+from .lines import FACES, SIDE, box_size, box_span
+from .mesh_rim import mesh_crossings, mesh_rim, rim_contrast
+from .stop import ArcLength, Plane
+
+# The share of the tolerance, and of the greatest tolerance that counts here [m], that all that could be lost must stay
+# below for no ray to be looked at.
+NOTHING = 0.1
+GREATEST_TOLERANCE = 1e-9
+WINDOW_CELLS = 2.0
+DEPTHS = np.array([0.0, 0.5, 1.0, 1.5, 2.0])  # over s; the middle one belongs to both windows
+# By how much less than the box's size an end may lie outside it and still count as lying on its face.
+ON_FACE = 1e-6
+# Rays that are looked at together: their arrays stay in a core's cache.
+CHUNK = 1 << 13
+BESIDE = -1  # instead of a face: of a ray that passes beside the box, or crosses the rim of a mesh
+
+_strengths: weakref.WeakKeyDictionary = weakref.WeakKeyDictionary()
+
+
+@dataclass(frozen=True, eq=False)
+class KnownAir:
+    """The known air about some rays, looked at when it is asked for.
+
+    Attributes:
+        field: The refractive index.
+        rays: The rays.
+        until: Their stop.
+        tolerance: OPD error asked for [m].
+    """
+
+    field: IndexField
+    rays: RayBundle
+    until: Plane | ArcLength | None
+    tolerance: float
+
+    def lost(self, ends: tuple[np.ndarray, np.ndarray] | None = None) -> np.ndarray:
+        """What each ray may have lost [m], shape (ray_count,); `ends` are traced end points [m] and directions."""
+        # Where straight lines will do they are taken always: the answer must not hang on the outputs asked for.
+        ends = ends if ends is not None and may_bend(self.field) else None
+        return may_be_lost(self.field, self.rays, self.until, self.tolerance, ends)[0]
+
+
+def may_bend(field: IndexField) -> bool:
+    """Whether rays across a field on a uniform grid may be displaced by more than a cell; on a mesh none is looked at.
+
+    The displacement is at most half the greatest turn times the box's size.
+    """
+    if not isinstance(field.samples, UniformGrid):
+        return False
+    return 0.5 * greatest_turn(field.samples) * box_size(field) > float(field.spacing.min())
+
+
+def face_strengths(field: IndexField) -> np.ndarray:
+    """Greatest |contrast| in the two outermost layers of samples at each of FACES; 0 where the field has no such face.
+
+    Of a mesh the last entry is that of its rim.
+    """
+    if not isinstance(field.samples, UniformGrid):
+        return np.append(np.zeros(len(FACES) - 1), mesh_rim(field).strength.max(initial=0.0))
+    if field.samples not in _strengths:
+        found = np.zeros(len(FACES))
+        samples = field.samples.samples
+        first_axis = 3 - samples.ndim
+        for axis in range(samples.ndim):
+            for side, layers in ((0, samples.take([0, 1], axis)), (1, samples.take([-2, -1], axis))):
+                found[2 * (first_axis + axis) + side] = np.abs(layers).max()
+        if field.geometry == "axisymmetric":
+            found[SIDE], found[:4] = found[3], 0.0
+        _strengths[field.samples] = found
+    return _strengths[field.samples]
+
+
+def may_be_lost(
+    field: IndexField, rays: RayBundle, until, tolerance: float, ends: tuple[np.ndarray, np.ndarray] | None = None
+) -> tuple[np.ndarray, np.ndarray]:
+    """What each ray may lose [m] where the known air ends, and the face in question; both of shape (ray_count,).
+
+    Args:
+        field: The refractive index.
+        rays: The rays.
+        until: Their stop; None for rays that go on for ever once they have left the field.
+        tolerance: OPD error asked for [m].
+        ends: Where the traced rays ended [m] and their directions there, both (ray_count, 3), if known; else rays are
+            taken to be straight.
+    """
+    lost, face = np.zeros(rays.ray_count), np.full(rays.ray_count, BESIDE)
+    weakest = NOTHING * min(tolerance, GREATEST_TOLERANCE) / box_size(field)
+    if not (face_strengths(field) > weakest).any():
+        return lost, face
+
+    def look_at(first: int) -> None:
+        rows = slice(first, first + CHUNK)
+        here = None if ends is None else (ends[0][rows], ends[1][rows])
+        lost[rows], face[rows] = _lost_by(field, rays.position[rows], rays.direction[rows], until, here, weakest)
+
+    starts = range(0, rays.ray_count, CHUNK)
+    if len(starts) < 2 * thread_count():
+        for first in starts:
+            look_at(first)
+    else:
+        with ThreadPoolExecutor(thread_count()) as pool:
+            list(pool.map(look_at, starts))
+    return lost, face
+
+
+def _lost_by(field, position, direction, until, ends, weakest: float) -> tuple[np.ndarray, np.ndarray]:
+    """Of some rays: what each may lose [m], and at which face most of it."""
+    span = box_span(field, position, direction)
+    stop = stop_distance(position, direction, until)
+    lost, face = np.zeros(len(position)), np.full(len(position), BESIDE)
+
+    def add(*crossing: np.ndarray) -> None:
+        rows, point, inward, chord, way, faces = crossing
+        amount = _tail(field, point, inward, chord, way)
+        face[rows] = np.where(amount > lost[rows], faces, face[rows])
+        lost[rows] += amount
+
+    if field.is_uniform:
+        strong = face_strengths(field) > weakest
+        entering = np.flatnonzero(span.meets & (span.entry_face >= 0) & (stop > span.enter) & strong[span.entry_face])
+        enter = span.enter[entering]
+        chord = span.leave[entering] - enter
+        point = position[entering] + enter[:, None] * direction[entering]
+        add(entering, point, direction[entering], chord, enter, span.entry_face[entering])
+        for crossing in _exits(field, position, direction, span, stop, until, ends):
+            kept = strong[crossing[-1]]
+            add(*(array[kept] for array in crossing))
+    else:
+        found = mesh_crossings(field, position, direction, stop, weakest)
+        chord = np.full(len(found.ray), np.inf)
+        amount = _tail(field, found.point, found.inward, chord, found.way, found.cell, found.contrast)
+        np.add.at(lost, found.ray, amount)
+    aside = np.flatnonzero(~span.meets | (stop <= span.enter) & (span.enter > 0.0))
+    lost[aside] = _beside(field, position[aside], direction[aside], stop[aside])
+    return lost, face
+
+
+def _exits(field, position, direction, span, stop, until, ends):
+    """Rows of the rays that leave the box, where and in which direction back, the chord, the way outside, the face.
+
+    By the traced ends where they are known, drawn straight back to the box.
+    """
+    margin = ON_FACE * box_size(field)
+    straight = span.meets & (span.exit_face >= 0) & (stop > span.leave + margin)
+    if ends is not None:
+        beyond = ends[0] + margin * ends[1]
+        back = box_span(field, beyond, -ends[1])
+        outside = back.meets & (back.entry_face >= 0) & span.meets
+        if until is not None:
+            outside &= back.enter > 2.0 * margin
+        rows = np.flatnonzero(outside)
+        point = beyond[rows] - back.enter[rows, None] * ends[1][rows]
+        way = np.full(len(rows), np.inf) if until is None else back.enter[rows] - margin
+        chord = back.leave[rows] - back.enter[rows]
+        yield rows, point, -ends[1][rows], chord, way, back.entry_face[rows]
+        straight &= ~(outside if until is None else back.meets)
+    rows = np.flatnonzero(straight)
+    point = position[rows] + span.leave[rows, None] * direction[rows]
+    chord, way = span.leave[rows] - span.enter[rows], stop[rows] - span.leave[rows]
+    yield rows, point, -direction[rows], chord, way, span.exit_face[rows]
+
+
+def _beside(field: IndexField, position, direction, stop) -> np.ndarray:
+    """What rays may lose that do not meet the box [m]: at the point of the box that they pass nearest."""
+    if len(position) == 0:
+        return np.zeros(0)
+    size = box_size(field)
+    along = np.zeros(len(position))
+    for _ in range(24):  # projections on the line and on the box in turn
+        place = position + along[:, None] * direction
+        nearest = _into_box(field, place)
+        along = np.clip(np.sum((nearest - position) * direction, axis=1), 0.0, stop)
+    place = position + along[:, None] * direction
+    nearest = _into_box(field, place)
+    distance = np.linalg.norm(nearest - place, axis=1)
+    lost = np.zeros(len(position))
+    rows = np.flatnonzero(distance <= size)
+    inward = (nearest - place)[rows] / np.maximum(distance[rows], 1e-300)[:, None]
+    strength, scale = _tail_shape(field, nearest[rows], inward, np.full(len(rows), np.inf))
+    faded = np.exp(-distance[rows] / scale)
+    lost[rows] = strength * faded * np.minimum(extent(field, direction[rows]), stop[rows])
+    return lost
+
+
+def _into_box(field: IndexField, point: np.ndarray) -> np.ndarray:
+    """The point of the box nearest to each point, both (n, 3)."""
+    low, high = field.box
+    if field.geometry != "axisymmetric":
+        return np.clip(point, low, high)
+    radius = np.hypot(point[:, 0], point[:, 1])
+    shrink = np.minimum(1.0, high[0] / np.maximum(radius, 1e-300))
+    return np.stack([point[:, 0] * shrink, point[:, 1] * shrink, np.clip(point[:, 2], low[2], high[2])], axis=1)
+
+
+def _tail(field, point, inward, chord, way, cell=None, contrast=None) -> np.ndarray:
+    """What lies beyond some points of the boundary [m], of a way of the length `way` [m] in the direction -inward."""
+    strength, scale = _tail_shape(field, point, inward, chord, cell, contrast)
+    return strength * np.minimum(np.minimum(scale, extent(field, inward)), np.maximum(way, 0.0))
+
+
+def _tail_shape(field, point, inward, chord, cell=None, contrast=None) -> tuple[np.ndarray, np.ndarray]:
+    """A0, and the length s / ln(A1 / A0) by which the disturbance falls off [m], infinite where it does not.
+
+    Args:
+        field: The refractive index.
+        point: Points of the boundary [m], shape (n, 3).
+        inward: Unit vectors into the known air, shape (n, 3).
+        chord: How far the known air goes on that way [m], shape (n,).
+        cell: Size of the cells there [m], shape (n,); None for the field's own.
+        contrast: |contrast| at the points, shape (n,), where it is known already.
+    """
+    if len(point) == 0:
+        return np.zeros(0), np.zeros(0)
+    step = WINDOW_CELLS * (float(np.max(field.spacing)) if cell is None else cell[:, None])
+    depth = np.minimum(step * DEPTHS, chord[:, None])
+    if field.is_uniform:
+        places = point[:, None] + depth[..., None] * inward[:, None]
+        found = np.abs(_contrast(field, places.reshape(-1, 3))).reshape(depth.shape)
+    else:  # a point on the rim may lie a rounding outside of it
+        found = np.empty_like(depth)
+        found[:, 0] = rim_contrast(field, point) if contrast is None else contrast
+        places = point[:, None] + depth[:, 1:, None] * inward[:, None]
+        found[:, 1:] = np.abs(field.contrast_at(places.reshape(-1, 3))).reshape(depth[:, 1:].shape)
+    if field.body is not None:
+        found[field.body.contains(field.local_coordinates(point))] = 0.0
+    middle = len(DEPTHS) // 2
+    last, before = found[:, : middle + 1].max(axis=1), found[:, middle:].max(axis=1)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        scale = np.where((before > last) & (last > 0.0), np.ravel(step) / np.log(before / last), np.inf)
+    return last, scale
+
+
+def _contrast(field: IndexField, points: np.ndarray) -> np.ndarray:
+    """Contrast at points (n, 3) of a uniform grid, linear between its samples; beyond a face that of the face."""
+    grid = field.samples
+    start = np.zeros(len(points), dtype=np.int64)
+    shares, strides = [], np.array(grid.samples.strides) // grid.samples.itemsize
+    for axis, (column, count) in enumerate(zip(field.local_coordinates(points).T, grid.shape, strict=True)):
+        place = np.clip((column - grid.origin[axis]) / grid.spacing[axis], 0.0, count - 1.0)
+        cell = np.minimum(place.astype(np.int64), count - 2)
+        start += strides[axis] * cell
+        shares.append(place - cell)
+    flat = grid.samples.ravel(order="K")  # in the order of memory, as the strides are
+    values = [flat[start + int(strides @ corner)] for corner in product((0, 1), repeat=len(shares))]
+    for share in reversed(shares):  # the last axis is the first to vary
+        values = [low + share * (high - low) for low, high in zip(values[::2], values[1::2], strict=True)]
+    return values[0]
+
+
+def extent(field: IndexField, direction: np.ndarray) -> np.ndarray:
+    """Length of the box along lines through its middle [m], at most its diagonal; directions (n, 3)."""
+    low, high = field.box
+    middle = np.zeros(3)
+    ends = np.isfinite(high - low)
+    middle[ends] = 0.5 * (low[ends] + high[ends])
+    leave = box_span(field, np.broadcast_to(middle, direction.shape), direction).leave
+    return np.minimum(2.0 * leave, box_size(field))
+
+
+def stop_distance(position: np.ndarray, direction: np.ndarray, until) -> np.ndarray:
+    """How far along straight lines the stop is [m], infinite where they never meet it, shape (n,)."""
+    if isinstance(until, ArcLength):
+        return np.full(len(position), until.length)
+    if not isinstance(until, Plane):
+        return np.full(len(position), np.inf)
+    height = (until.point - position) @ until.normal
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+        distance = height / (direction @ until.normal)
+    return np.where(distance >= 0.0, distance, np.inf)

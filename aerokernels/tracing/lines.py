@@ -1,0 +1,116 @@
+"""Straight lines and the box of a field: where each line enters it, where it leaves it, and through which face.
+
+The box of a volume field has six faces, that of a planar field four (it has no ends in x), and that of an axisymmetric
+field is a cylinder: its side r = R and its two ends. A line p + t d touches the box over t_enter <= t <= t_leave; a
+start inside the box is no entry, so t_enter is at least 0 there.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..medium import IndexField
+
+# Names of the faces by number: 2 axis + (0 low, 1 high); the side of a cylinder is SIDE.
+FACES = ("low x", "high x", "low y", "high y", "low z", "high z", "r")
+SIDE = 6
+# Share of the box's size by which a line may lie outside a face and still counts as running in it: rounding.
+ROUNDING = 1e-9
+
+
+@dataclass(frozen=True, eq=False)
+class BoxSpan:
+    """Where lines cross a box, forward of their starts.
+
+    Attributes:
+        enter: Distance to the entry [m], 0 for a start inside, shape (n,).
+        leave: Distance to the exit [m], less than `enter` for a line that misses the box, shape (n,).
+        entry_face: Number of the face of the entry in FACES, -1 for a start inside, shape (n,).
+        exit_face: That of the exit, -1 where the line never leaves, shape (n,).
+    """
+
+    enter: np.ndarray
+    leave: np.ndarray
+    entry_face: np.ndarray
+    exit_face: np.ndarray
+
+    @property
+    def meets(self) -> np.ndarray:
+        """Which lines meet the box, shape (n,)."""
+        return self.leave >= self.enter
+
+
+def box_size(field: IndexField) -> float:
+    """Diagonal of the field's box [m]; an axis without ends counts as nothing."""
+    low, high = field.box
+    return float(np.linalg.norm(np.where(np.isfinite(high - low), high - low, 0.0)))
+
+
+def box_span(field: IndexField, position: np.ndarray, direction: np.ndarray) -> BoxSpan:
+    """Where straight lines from `position` [m] along unit vectors `direction`, both (n, 3), cross the field's box."""
+    low, high = field.box
+    slack = ROUNDING * box_size(field)
+    round_box = field.geometry == "axisymmetric"
+    count = len(position)
+    near, far = np.full(count, -np.inf), np.full(count, np.inf)
+    near_face, far_face = np.full(count, -1), np.full(count, -1)
+
+    def narrow(first: np.ndarray, last: np.ndarray, first_face, last_face) -> None:
+        later, sooner = first > near, last < far
+        near[later], far[sooner] = first[later], last[sooner]
+        near_face[later] = np.broadcast_to(first_face, count)[later]
+        far_face[sooner] = np.broadcast_to(last_face, count)[sooner]
+
+    for axis in (2,) if round_box else (0, 1, 2):
+        if not np.isfinite(low[axis]):
+            continue
+        rate = direction[:, axis]
+        first, last = slab_span(position[:, axis], rate, low[axis], high[axis], slack)
+        forward = rate > 0.0
+        narrow(first, last, 2 * axis + np.where(forward, 0, 1), 2 * axis + np.where(forward, 1, 0))
+    if round_box:
+        narrow(*cylinder_span(position, direction, float(high[0]), slack), SIDE, SIDE)
+    # A line in a face, or past an edge by no more than rounding, meets the box there.
+    with np.errstate(invalid="ignore"):  # inf - inf of a miss is no touch
+        rounding = 2.0 * slack + 16.0 * np.finfo(np.float64).eps * np.abs(near)
+        touched = (far < near) & (near - far <= rounding) & np.isfinite(near)
+    far = np.where(touched, near, far)
+    inside = near <= 0.0
+    return BoxSpan(np.maximum(near, 0.0), far, np.where(inside, -1, near_face), far_face)
+
+
+def slab_span(place: np.ndarray, rate: np.ndarray, low: float, high: float, slack: float = 0.0):
+    """Where lines place + t rate enter and leave the slab from `low` to `high`; (inf, -inf) for a miss.
+
+    Only a line along the slab is given `slack` on either side.
+    """
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+        to_low, to_high = (low - place) / rate, (high - place) / rate
+    still = rate == 0.0
+    aside = still & ((place < low - slack) | (place > high + slack))
+    first = np.where(still, np.where(aside, np.inf, -np.inf), np.minimum(to_low, to_high))
+    last = np.where(still, np.where(aside, -np.inf, np.inf), np.maximum(to_low, to_high))
+    return first, last
+
+
+def cylinder_span(position, direction, radius: float, slack: float) -> tuple[np.ndarray, np.ndarray]:
+    """Where lines enter and leave an endless cylinder about the z axis [m]; (inf, -inf) for a miss."""
+    px, py, dx, dy = position[:, 0], position[:, 1], direction[:, 0], direction[:, 1]
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore", under="ignore"):
+        square = dx * dx + dy * dy
+        middle = -(px * dx + py * dy) / square
+        closest = np.hypot(px + middle * dx, py + middle * dy)
+        half = np.sqrt(np.maximum((radius - closest) * (radius + closest), 0.0) / square)
+    along = ~(square > 0.0)
+    off = np.where(along, np.hypot(px, py), closest) > radius + slack
+    first = np.where(along, -np.inf, middle - half)
+    last = np.where(along, np.inf, middle + half)
+    return np.where(off, np.inf, first), np.where(off, -np.inf, last)
+
+
+def face_text(field: IndexField, face: int) -> str:
+    """A face in words, such as "z = 6 mm"."""
+    low, high = field.box
+    if face == SIDE:
+        return f"r = {1e3 * high[0]:.6g} mm"
+    return f"{'xyz'[face // 2]} = {1e3 * (high if face % 2 else low)[face // 2]:.6g} mm"

@@ -1,0 +1,45 @@
+"""Refuses rays none of which meets the field: their answer would be that of empty air."""
+
+import weakref
+
+import numpy as np
+
+from ..medium import IndexField
+from ..rays import RayBundle
+from .lines import box_span
+
+CHUNK = 1 << 14
+
+_greatest: weakref.WeakKeyDictionary = weakref.WeakKeyDictionary()
+
+
+def greatest_contrast(field: IndexField) -> float:
+    """Greatest |contrast| of the field's samples."""
+    if field.samples not in _greatest:
+        values = field.samples.samples if field.is_uniform else field.samples.values
+        _greatest[field.samples] = float(max(values.max(), -values.min()))
+    return _greatest[field.samples]
+
+
+def check_meeting(field: IndexField, rays: RayBundle, what: str) -> None:
+    """Refuse rays none of which meets the field's box, ahead of their starts; a field of no contrast has none to meet.
+
+    Raises:
+        ValueError: No ray does, with where the box and the rays are and what to check.
+    """
+    for first in range(0, rays.ray_count, CHUNK):
+        rows = slice(first, first + CHUNK)
+        if box_span(field, rays.position[rows], rays.direction[rows]).meets.any():
+            return
+    if greatest_contrast(field) == 0.0:
+        return
+    low, high = field.box
+    box = ", ".join(
+        f"{axis} from {a:.4g} to {b:.4g} m" for axis, a, b in zip("xyz", low, high, strict=True) if np.isfinite(b - a)
+    )
+    place, along = rays.position.mean(axis=0), rays.direction.mean(axis=0)
+    raise ValueError(
+        f"no {what} meets the field, whose box is {box}: the rays start about ({place[0]:.4g}, {place[1]:.4g}, "
+        f"{place[2]:.4g}) m and go toward ({along[0]:.3g}, {along[1]:.3g}, {along[2]:.3g}); check the units (metres "
+        "are expected), the direction and the position"
+    )

@@ -1,0 +1,297 @@
+"""Where the known air ends: statuses, the budget's "truncation", and pupils that are refused.
+
+Set-up of most: a constant contrast c in a box, and as truth the same contrast in a box that goes on. The optical path
+of a straight ray is c times the length of its way through the box, so what it loses is c times the way between both
+boxes, which is known exactly.
+"""
+
+import pickle
+import warnings
+
+import numpy as np
+import pytest
+
+from aerokernels import Disc, IndexField, QuadMesh, estimate_strehl, flow, trace
+from aerokernels.medium import Body
+from aerokernels.rays import RayBundle
+from aerokernels.tracing import ArcLength, Plane, RayStatus
+from aerokernels.tracing.budget import SAFETY
+from aerokernels.tracing.known_air import may_be_lost
+from aerokernels.tracing.lines import FACES, box_span
+from aerokernels.tracing.pupil_air import PupilAir
+
+from .backends import ENGINES, on
+
+WAVE = 905e-9
+CONTRAST = 1e-5
+HALF, LENGTH = 4e-3, 8e-3
+UP = (0.0, 0.0, 1.0)
+GEOMETRIES = ("volume", "planar", "axisymmetric")
+
+
+def box(geometry: str = "volume", scale: float = 1.0, value=None, on_mesh: bool = False) -> IndexField:
+    """Contrast CONTRAST (or `value` of the places) within 4 mm of the axis and of z = 0, times `scale`; 9 nodes."""
+    across = np.linspace(0.0 if geometry == "axisymmetric" else -HALF, HALF, 9) * scale
+    along = np.linspace(-0.5 * LENGTH, 0.5 * LENGTH, 9) * scale
+    axes = (across, across, along) if geometry == "volume" else (across, along)
+    places = np.meshgrid(*axes, indexing="ij")
+    samples = np.full(places[0].shape, CONTRAST) if value is None else value(*places)
+    if on_mesh:
+        return IndexField.from_mesh(QuadMesh.structured(*places, geometry), samples)
+    origin, spacing = [axis[0] for axis in axes], [axis[1] - axis[0] for axis in axes]
+    return IndexField.from_samples(samples, origin=origin, spacing=spacing, geometry=geometry)
+
+
+def fan(count: int = 40, start_z: float = -2e-3, slope: float = 0.4) -> RayBundle:
+    """Rays from inside the box, up to a slope to the axis."""
+    rng = np.random.default_rng(7)
+    position = np.c_[rng.uniform(-2e-3, 2e-3, (count, 2)), np.full(count, start_z)]
+    return RayBundle(position, np.c_[rng.uniform(-slope, slope, (count, 2)), np.ones(count)])
+
+
+def lost(field: IndexField, rays: RayBundle, until) -> np.ndarray:
+    """What rays may lose [m], on straight lines, at a tolerance of 1e-3 wave."""
+    return may_be_lost(field, rays, until, 1e-3 * WAVE)[0]
+
+
+# --- rays ------------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+@pytest.mark.parametrize("geometry", GEOMETRIES)
+def test_rays_that_leave_disturbed_air_say_so_and_the_budget_covers_it(geometry, engine):
+    """To a plane 6 mm beyond the box, where the air in truth goes on: all have the status, and enough."""
+    rays, until = fan(), Plane((0.0, 0.0, 10e-3), UP)
+    known = trace(box(geometry), rays, until=until, tolerance=1e-3, **on(engine))
+    truth = trace(box(geometry, 4.0), rays, until=until, tolerance=1e-3, **on(engine))
+    assert known.ok.all() and (known.status == RayStatus.LEFT_DISTURBED_AIR).all()
+    assert (truth.status == RayStatus.OK).all() and truth.error["truncation"] == 0.0
+    lost = truth.opd - known.opd
+    assert lost.min() > 5e-3 * CONTRAST
+    # One box is taken to go on for its own extent: 8 mm and more, beyond which these rays do not go.
+    assert (known.truncation >= lost - 1e-3 * WAVE).all()
+    assert known.error["truncation"] == pytest.approx(SAFETY * known.truncation.max())
+    assert known.error["total"] >= known.error["truncation"] >= lost.max()
+    assert known.status_summary() == {"LEFT_DISTURBED_AIR": 40}
+
+
+@pytest.mark.parametrize("on_mesh", [False, True], ids=["grid", "mesh"])
+@pytest.mark.parametrize("geometry", ["planar", "axisymmetric"])
+def test_the_way_that_is_missing_is_known_to_the_stop(geometry, on_mesh):
+    """A plane 0.7 mm beyond the box, an arc 0.3 mm beyond it, a start 0.5 mm ahead of it: c times that, to rounding."""
+    field = box(geometry, on_mesh=on_mesh)
+    inside, ahead = RayBundle([[0.0, 1e-3, 0.0]], UP), RayBundle([[0.0, 1e-3, -4.5e-3]], UP)
+    for rays, until, way in (
+        (inside, Plane((0.0, 0.0, 4.7e-3), UP), 0.7e-3),
+        (inside, ArcLength(4.3e-3), 0.3e-3),
+        (ahead, Plane((0.0, 0.0, 3e-3), UP), 0.5e-3),
+        (ahead, Plane((0.0, 0.0, 4.7e-3), UP), 1.2e-3),
+    ):
+        assert lost(field, rays, until)[0] == pytest.approx(CONTRAST * way, rel=1e-5)
+    result = trace(field, ahead, until=Plane((0.0, 0.0, 4.7e-3), UP))
+    assert result.status[0] == RayStatus.LEFT_DISTURBED_AIR
+    assert result.error["truncation"] == pytest.approx(SAFETY * CONTRAST * 1.2e-3, rel=1e-5)
+
+
+@pytest.mark.parametrize("on_mesh", [False, True], ids=["grid", "mesh"])
+@pytest.mark.parametrize("geometry", ["planar", "axisymmetric"])
+def test_a_stop_in_the_known_air_loses_nothing(geometry, on_mesh):
+    """In the box, on its last face, and a start on its first one."""
+    field = box(geometry, on_mesh=on_mesh)
+    rays = RayBundle(np.c_[np.zeros(5), np.linspace(-3e-3, 3e-3, 5), np.full(5, -0.5 * LENGTH)], UP)
+    for until in (Plane((0.0, 0.0, 1e-3), UP), Plane((0.0, 0.0, 0.5 * LENGTH), UP), ArcLength(7e-3)):
+        assert not lost(field, rays, until).any()
+    result = trace(field, rays, until=Plane((0.0, 0.0, 0.5 * LENGTH), UP))
+    assert (result.status == RayStatus.OK).all() and not result.truncation.any()
+    assert result.error["truncation"] == 0.0 < result.error["total"]
+
+
+@pytest.mark.parametrize("geometry", GEOMETRIES)
+def test_without_a_stop_rays_leave_what_is_known(geometry):
+    """until=None ends on the face of the box, behind which the air is as disturbed."""
+    result = trace(box(geometry), fan())
+    assert (result.status == RayStatus.LEFT_DISTURBED_AIR).all() and result.ok.all()
+    assert result.error["truncation"] >= SAFETY * CONTRAST * 7e-3
+
+
+@pytest.mark.parametrize("geometry", GEOMETRIES)
+def test_air_that_fades_out_costs_nothing(geometry):
+    """A blob whose contrast at the faces is exp(-64) of its peak: no status and no entry, whatever the stop."""
+
+    def blob(*places):
+        return CONTRAST * np.exp(-sum(place**2 for place in places) / (HALF / 8.0) ** 2)
+
+    field = box(geometry, value=blob)
+    for until in (None, Plane((0.0, 0.0, 50e-3), UP), ArcLength(30e-3)):
+        assert not lost(field, fan(), until).any()
+    result = trace(field, fan(), until=Plane((0.0, 0.0, 10e-3), UP))
+    assert (result.status == RayStatus.OK).all() and result.error["truncation"] == 0.0
+
+
+def test_a_tail_counts_by_how_fast_it_falls_off():
+    """Contrast exp(-(z + 4 mm) / L), L = 2 mm: beyond z = 4 mm it holds L exp(-4) of it; reported up to twice that."""
+    field = box(value=lambda x, y, z: CONTRAST * np.exp(-(z + 4e-3) / 2e-3))
+    result = trace(field, RayBundle([[0.0, 0.0, 0.0]], UP), until=Plane((0.0, 0.0, 1.0), UP))
+    left = CONTRAST * 2e-3 * np.exp(-4.0)
+    # The greatest contrast of two cells, 2 mm, is e times that at the face.
+    assert left <= result.truncation[0] < 1.2 * np.e * left
+
+
+def test_rays_beside_the_box_run_through_unknown_air():
+    """Beside a box full of disturbed air: a status as far away as the box is large, none farther off."""
+    rays = RayBundle([[0.0, y, -20e-3] for y in (0.0, 4.5e-3, 9e-3, 0.1)], UP)
+    result = trace(box("volume"), rays, until=Plane((0.0, 0.0, 20e-3), UP))
+    assert list(result.status) == [RayStatus.LEFT_DISTURBED_AIR] * 3 + [RayStatus.OK]
+    assert result.truncation[1] == pytest.approx(CONTRAST * LENGTH) and result.truncation[3] == 0.0
+    assert (result.opd[1:] == 0.0).all()
+
+
+def test_bent_rays_are_told_by_where_they_ended():
+    """A strong lens turns a ray out of the side of the box, to which straight ahead there is the quiet end only.
+
+    Without positions among the outputs the straight line is all that is known: OK.
+    """
+
+    def prism(x, y, z):
+        return 0.05 * (y / HALF) * np.where(z < 2e-3, 1.0, 0.0) + 0.05
+
+    field = box(value=prism)
+    rays = RayBundle([[0.0, 3.95e-3, -4e-3]], UP)
+    until = Plane((0.0, 0.0, 3.9e-3), UP)
+    known = trace(field, rays, until=until)
+    assert known.position[0, 1] > 1.01 * HALF and known.status[0] == RayStatus.LEFT_DISTURBED_AIR
+    assert trace(field, rays, until=until, outputs=("opd",)).status[0] == RayStatus.OK
+
+
+def test_a_wall_and_the_axis_are_no_ends_of_known_air():
+    """A mesh about a ball: rays from its inside cross the wall; the rim is the outer edge alone, faded out or not."""
+    angle, shell = np.linspace(0.0, np.pi, 61), np.linspace(1e-3, 4e-3, 31)
+    profile = 1e-3 * np.stack([np.sin(angle), np.cos(angle)], axis=1)
+    profile[[0, -1], 0] = 0.0
+    r, z = np.outer(np.sin(angle), shell), np.outer(np.cos(angle), shell)
+    r[[0, -1]] = 0.0
+    rays = RayBundle([[2e-4, 1e-4, 0.0], [0.0, 0.0, 0.0]], [[0.0, 0.0, 1.0], [1.0, 0.0, 0.3]])
+    for depth, status in ((2e-4, RayStatus.OK), (1.0, RayStatus.LEFT_DISTURBED_AIR)):
+        contrast = CONTRAST * np.exp(-(np.hypot(r, z) - 1e-3) / depth)
+        mesh = QuadMesh.structured(r, z, "axisymmetric")
+        field = IndexField.from_mesh(mesh, contrast, body=Body(profile))
+        result = trace(field, rays, until=Plane((0.0, 0.0, 9e-3), UP))
+        assert (result.status == status).all(), result.status_summary()
+
+
+def test_lines_and_boxes():
+    """Entries, exits and faces of a box and of a cylinder, starts inside, on faces, beside and far away."""
+    position = np.array([[0, 0, -9e-3], [0, 1e-3, 0], [0, 9e-3, 0], [0, 4e-3, -9e-3], [0, 0, -1e15]])
+    direction = np.array([UP, (0, 1, 0), (0, 1, 0), UP, UP])
+    for geometry, side in (("volume", "high y"), ("axisymmetric", "r")):
+        span = box_span(box(geometry), position, direction)
+        assert list(span.meets) == [True, True, False, True, True]
+        assert span.enter[:2] == pytest.approx([5e-3, 0.0]) and span.leave[:2] == pytest.approx([13e-3, 3e-3])
+        assert [FACES[face] for face in span.exit_face[:2]] == ["high z", side]
+        assert FACES[span.entry_face[0]] == "low z" and span.entry_face[1] == -1
+
+
+def test_results_pickle_with_their_budgets():
+    result = trace(box(), fan(), until=Plane((0.0, 0.0, 10e-3), UP), outputs=("opd",))
+    again = pickle.loads(pickle.dumps(result))
+    assert np.array_equal(again.status, result.status) and again.error == result.error
+
+
+# --- none meets the field --------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("geometry", GEOMETRIES)
+def test_rays_none_of_which_meets_the_field_are_refused(geometry):
+    """Looking away, aside, in millimetres; one that meets it is enough, and still air has nothing to be met."""
+    until = Plane((0.0, 0.0, 1.0), UP)
+    for position, direction in (([0, 0, 5e-3], UP), ([0, 9e-3, -1e-2], UP), ([0, 0, -1e-2], (0, 1, 0))):
+        rays = RayBundle([position], direction)
+        with pytest.raises(ValueError, match=r"no ray of the bundle meets the field.*check the units.*direction"):
+            trace(box(geometry), rays, until=until)
+        both = RayBundle([position, [0, 0, 0]], [direction, UP])
+        assert trace(box(geometry), both, until=until).ok[1]
+        still = box(geometry, value=lambda *places: 0.0 * places[0])
+        assert trace(still, rays, until=until).opd[0] == 0.0
+    for pupil in (Disc(1e-3, (0, 0, 5e-3)), Disc(4.0, (0, 9.0, -8.0)), Disc(1e-3, (0, 0, -8e-3), (0, 0, -1))):
+        with pytest.raises(ValueError, match=r"no ray of the pupil meets the field.*units \(metres.*position"):
+            estimate_strehl(box(geometry), pupil, ray_count=64)
+
+
+def test_a_pupil_in_undisturbed_air_is_told_so():
+    """Inside the box, but ahead of all that is disturbed there: Strehl ratio 1, and a warning."""
+    field = box(value=lambda x, y, z: CONTRAST * 10 * ((np.abs(y) < 2e-3) & (np.abs(x) < 2e-3) & (np.abs(z) < 2e-3)))
+    with pytest.warns(UserWarning, match="undisturbed air only.*check the units"):
+        seen = estimate_strehl(field.with_interpolation("linear"), Disc(1e-3, (0, 0, 3.1e-3)), ray_count=64)
+    assert seen.value == pytest.approx(1.0, abs=1e-12)
+
+
+# --- pupils ----------------------------------------------------------------------------------------------------------
+
+
+def layered(geometry: str, scale: float = 1.0) -> IndexField:
+    """Contrast that changes along y (r) only, like a wave of 8 mm, and does not end with the box."""
+    return box(geometry, scale, value=lambda *places: CONTRAST * np.cos(np.pi * places[-2] / (2.0 * HALF)))
+
+
+@pytest.mark.parametrize(
+    ("pupil", "place"),
+    [
+        (Disc(2e-3, (0, 0, -2e-3)), "at the face z = 4 mm"),
+        (Disc(2e-3, (0, 0, 0), (1, 0, 0)), "at the face x = 4 mm"),
+        (Disc(8e-3, (0, 0, 5e-3), (0, 0, -1)), "beside the field's box|at the face z = -4 mm"),
+        (Disc(2e-3, (0, 0, -9e-3)), "at the face z = -?4 mm"),
+    ],
+    ids=["ahead", "turned", "twice as wide", "outside"],
+)
+def test_truncated_pupils_are_refused_unless_allowed(pupil, place):
+    """A box full of disturbed air: refused with share, place and remedy; allowed, it warns and is charged."""
+    with pytest.raises(
+        ValueError, match=rf"% of the pupil looks through disturbed air that ends ({place}).*allow_trunc"
+    ):
+        estimate_strehl(layered("volume"), pupil, ray_count=1024)
+    with pytest.warns(UserWarning, match="of the pupil looks through disturbed air"):
+        seen = estimate_strehl(layered("volume"), pupil, ray_count=1024, allow_truncation=True)
+    assert seen.error["total"] >= seen.error["truncation"] > 0.0
+
+
+def test_the_error_of_a_truncated_pupil_covers_the_truth():
+    """The layered field cut to a box, and twice as long as the truth (which itself ends there): the error covers it."""
+    pupil = Disc(3e-3, (0.0, 0.0, -2e-3))
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        seen = estimate_strehl(layered("volume"), pupil, ray_count=4096, allow_truncation=True)
+        longer = box(value=lambda x, y, z: CONTRAST * np.cos(np.pi * y / (2.0 * HALF)), scale=2.0)
+        truth = estimate_strehl(longer, pupil, ray_count=4096, allow_truncation=True)
+    assert abs(seen.value - truth.value) > 0.005
+    assert abs(seen.value - truth.value) < seen.error["truncation"]
+
+
+def test_a_thousandth_of_a_pupil_may_lose_something():
+    """No refusal up to there."""
+    PupilAir(1e-3, 1e-9, "at the face z = 4 mm").check(allowed=False)
+    with pytest.raises(ValueError, match=r"0\.11 % of the pupil .* ends at the face z = 4 mm"):
+        PupilAir(1.1e-3, 1e-9, "at the face z = 4 mm").check(allowed=False)
+
+
+@pytest.fixture(scope="module")
+def mach3():
+    """The shipped Mach 3 flow as the README uses it, on a coarser grid."""
+    air = flow.shipped("mach3").scaled(1.225)
+    return air.index_field(wavelength=WAVE).resample(2e-4, region=((0, -9e-3), (9e-3, 6e-3)))
+
+
+def test_the_shipped_flow_straight_ahead_is_not_truncated(mach3):
+    """It ends in the free stream there: no word, nothing in the budget; rays across it are another matter."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        seen = estimate_strehl(mach3, Disc(6e-3, (0, 0, -8e-3)), ray_count=1024)
+    assert seen.error["truncation"] == 0.0
+    across = trace(mach3, RayBundle([[-20e-3, 8.5e-3, -5e-3], [-20e-3, 2e-3, 5e-3]], [1.0, 0.0, 0.0]))
+    assert list(across.status)[1] == RayStatus.OK and across.status[0] == RayStatus.LEFT_DISTURBED_AIR
+
+
+@pytest.mark.parametrize("pupil", [Disc(6e-3, (0, 0, -8e-3), (0, 1, 1)), Disc(10e-3, (0, 0, -8e-3))])
+def test_the_shipped_flow_cut_short_is_refused(mach3, pupil):
+    """Turned by 45 degrees, 38 % of the pupil leaves through the side of the region; a wider one looks past it."""
+    with pytest.raises(ValueError, match=r"(3[5-9]|4\d|19|18|2\d)(\.\d+)? % of the pupil looks through disturbed air"):
+        estimate_strehl(mach3, pupil, ray_count=1024)
