@@ -29,6 +29,7 @@ from .tracing.pupil_air import PupilAir
 from .tracing.pupil_fan import SETTLED
 from .tracing.pupil_job import REPLICATES, find_job, make_job
 from .tracing.pupil_sums import fit_moments
+from .tracing.retrace import told_of_rejected
 from .tracing.trace import retracer
 from .wavefront import check_metres, check_terms, check_wavefront, map_points, remove_terms
 from .wavelength import check_wavelength
@@ -248,6 +249,7 @@ def estimate_strehl(
         plan = replace(plan, reasons=(*plan.reasons, more))
         evaluations += sums.evaluation_count
         seconds = {stage: spent + sums.seconds.get(stage, 0.0) for stage, spent in seconds.items()}
+    plan = told_of_rejected(plan, sums.rejected_count, sums.ray_count, sums.greatest_error, wavelength)
     estimate = _combine(sums.moments, sums.phasors, wavelength, remove)
     if _met_nothing(field, sums.moments, wavelength, tolerance):
         warnings.warn(

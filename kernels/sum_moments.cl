@@ -31,7 +31,7 @@ __kernel void sum_moments(
     }
     for (int ray = span.x + item; ray < span.y; ray += WORK_GROUP) {
         part[11] += (double)evaluation_count_in[ray];
-        if (status_in[ray] == RAY_OK) {
+        if (HAS_ARRIVED(status_in[ray])) {
             const double share = weight_in[weight_count > 1 ? ray : 0];
             const double2 p = pupil_in[ray];
             const double w = opd_in[ray];

@@ -27,7 +27,7 @@ __kernel void sum_phasors(
     const int2 span = group_span(group, group_count, per_replicate);
     double2 part = (double2)(0.0, 0.0);
     for (int ray = span.x + item; ray < span.y; ray += WORK_GROUP) {
-        if (status_in[ray] == RAY_OK) {
+        if (HAS_ARRIVED(status_in[ray])) {
             const double2 p = pupil_in[ray];
             const double phase = wave_number * (opd_in[ray] - plane.x - plane.y * p.x - plane.z * p.y);
             part += weight_in[weight_count > 1 ? ray : 0] * (double2)(cos(phase), sin(phase));

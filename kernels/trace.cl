@@ -75,11 +75,10 @@ __kernel void trace_kernel(
         real3 force = FORCE(s);
         momentum = contrast(ambient, pot) * d;
         const int cone = cone_of(d0);
-        const real reach = lesser((real)lesser64(course.far - course.enter, 1.0e30), control.extent);
-        const real slant = CONTROLLED ? (real)slant_of(&bounds, &course, p0, d0) : R(0.0);
+        const Lever lever_here = lever_of(&bounds, &control, &course, p0, d0);
+        const real slant = lever_here.slant, arm = lever_here.arm, reach = lever_here.reach, caution = lever_here.caution;
         real slant_left = slant;
-        // How far on a direction's error grows.
-        const real arm = reach + (STOP == PLANE ? (real)greater64(course.stop_distance - course.far, 0.0) : R(0.0));
+        const real first_momentum = size3(momentum);
         const real arc_left = (real)(bounds.length - course.enter);
         real h_next = control.extent / ambient;
         real h_cap = h_next;  // shorter after a step that would have ended well behind a surface
@@ -91,7 +90,7 @@ __kernel void trace_kernel(
             const real h_cell = R(1.0) / greater(size3(total * cell_rate), TINY);
             const real h_least = LEAST_STEP / (greatest(cell_rate) * size3(total));
             const Stride ahead = stride(
-                &field, &arrays, &control, home, cone, cell, frac, rate, total, force, index, h_cell, h_next,
+                &field, &arrays, &control, home, cone, cell, frac, rate, total, force, index, caution, h_cell, h_next,
                 h_cap);
             const real3 shown = IS_STRAIGHT ? frac + q * rate : frac;
             int land;
@@ -245,10 +244,15 @@ __kernel void trace_kernel(
                 status = RAY_NOT_FINITE;
             }
         }
+        if (CONTROLLED) {
+            used = stop_error(used, &bounds, d0, ambient, momentum, first_momentum, bent, slant, arm);
+        }
     }
 
     const Arrival arrival = end_of(
         &bounds, &control, p0, d0, &course, status, landed, q, q_carry, momentum, sums, sums_carry, bent);
+    // Such a ray is traced again, if that may help (retrace.py).
+    const int is_rejected = CONTROLLED && arrival.status == RAY_OK && !(used <= control.budget);
 #if WANT_POSITION
     vstore3(arrival.position, ray, position_out);
 #endif
@@ -273,5 +277,5 @@ __kernel void trace_kernel(
 #if WANT_EVALUATION_COUNT
     evaluation_count_out[ray] = evaluations;
 #endif
-    status_out[ray] = arrival.status;
+    status_out[ray] = is_rejected ? RAY_TOLERANCE_NOT_MET : arrival.status;
 }

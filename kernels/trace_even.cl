@@ -7,40 +7,8 @@
 #include "ends.h"
 #include "flight.h"
 #include "flight_in_plane.h"
+#include "support.h"
 #include "unresolved.h"
-
-// How far a ray that ends at p with this heading has run on outside the box, after a face other than `landed`; infinite
-// where that is more than a hair's breadth away.
-static inline double overrun(const Bounds *bounds, const Control *control, int landed, double3 p, double3 heading)
-{
-    const double hair = HAIR / (double)greatest(VECTOR(control->cell_rate));
-    double way = 0.0;
-    for (int k = 0; k < FACE_COUNT; k++) {
-        if (GEOMETRY == AXISYMMETRIC && k == 2 && dot(p.xy, p.xy) <= bounds->radius * bounds->radius) {
-            continue;
-        }
-        double3 normal;
-        const double beyond = surface_distance(bounds, k, p, &normal);
-        if (k != landed && beyond > 0.0) {
-            way = beyond > hair ? (double)INFINITY : fmax(way, beyond / fmax(fabs(dot(normal, heading)), 1.0e-9));
-        }
-    }
-    return way;
-}
-
-// Leaves of a ray's way through the box the part in which the air is not uniform; whether it ends in uniform air.
-static inline int keep_active(const Bounds *bounds, double3 p, double3 d, Course *course)
-{
-    const double2 span =
-        crossing(VECTOR64(bounds->active_low), VECTOR64(bounds->active_high), bounds->active_radius, p, d);
-    const double first = lesser64(greater64(span.x, course->enter), course->far);
-    const double last = greater64(lesser64(span.y, course->far), first);
-    const int meets = span.x <= span.y;
-    const int ends_before = !meets || last < course->far;
-    course->far = meets ? last : course->enter;
-    course->enter = meets ? first : course->enter;
-    return ends_before;
-}
 
 __kernel void trace_even(
     const Field field,
@@ -87,7 +55,7 @@ __kernel void trace_even(
     // Each lane's ray; spare lanes repeat the last one.
     Course courses[LANES];
     double2 wholes[LANES];  // where their ways through the box begin and end, the uniform air's part too
-    int statuses[LANES], surfaces[LANES], is_quiet[LANES];
+    int statuses[LANES], spoilt[LANES], surfaces[LANES], is_quiet[LANES];
     reals x0, y0, z0, dx, dy, dz, length;
     for (int lane = 0; lane < LANES; lane++) {
         const int ray = min(first + lane, ray_count - 1);
@@ -95,9 +63,11 @@ __kernel void trace_even(
         Course course;
         statuses[lane] = start_of(&field, &arrays, &bounds, p, d, &course);
         const int runs = course.meets && statuses[lane] == RAY_OK;
+        spoilt[lane] = 0;
         wholes[lane] = (double2)(course.enter, course.far);
-        surfaces[lane] = runs ? surface_of(&bounds, &course, p, d) : -1;
+        const Course whole = course;
         is_quiet[lane] = runs && keep_active(&bounds, p, d, &course);
+        surfaces[lane] = runs && !is_quiet[lane] ? surface_of(&bounds, &whole, p, d) : -1;
         const double3 place = (p + course.enter * d - VECTOR64(bounds.origin)) / VECTOR64(bounds.spacing);
         REAL_AT(x0, lane) = runs ? (real)place.x : R(0.0);
         REAL_AT(y0, lane) = runs ? (real)place.y : R(0.0);
@@ -129,25 +99,43 @@ __kernel void trace_even(
         real3 momentum = (real3)R(0.0);
         double far = (double)REAL_AT(length, lane);
         double3 normal = (double3)(0.0), end = p;
+        double more = 0.0;
         int landed = -1;
         if (runs) {
-            landed = surfaces[lane];
             // What is left to the surface, which the ray meets a little beside the undisturbed one.
+            const int quiet = is_quiet[lane];
             const double3 heading = d + convert_double3(rest * across);
-            const double miss = surface_distance(&bounds, landed, p + course.far * d + convert_double3(q), &normal);
+            const double3 here = p + course.far * d + convert_double3(q);
+            landed = surfaces[lane];
+            if (quiet) {
+                if (far > 0.0 && !leaves_support(&bounds, here, heading)) {
+                    spoilt[lane] = 1;  // turned, it goes on through disturbed air
+                }
+#if STOP == PLANE
+                landed = LANDED_FREE;
+                normal = VECTOR64(bounds.plane_normal);
+#else
+                more = exit_of(&bounds, here, heading, &landed);
+#endif
+            }
+            if (landed != LANDED_FREE) {
+                if (!quiet) {
+                    more = line_to(&bounds, landed, here, heading);
+                }
+                surface_distance(&bounds, landed, here + more * heading, &normal);
+            }
             const double cosine = dot(normal, heading);
             // Along the parabola; what that leaves out, by the change of the slope over a cell, counts as an error.
             // In uniform air there is nothing to leave out.
-            const real there = is_quiet[lane] ? R(0.0) : R(1.0);
+            const real there = quiet ? R(0.0) : R(1.0);
             const real3 force =
                 there * rest * (real3)(REAL_AT(flight.fx, lane), REAL_AT(flight.fy, lane), REAL_AT(flight.fz, lane));
             const double rise = there * (double)REAL_AT(flight.ahead, lane);
             const double s = there * (double)REAL_AT(flight.s, lane);
-            const real lead = is_quiet[lane] ? -dot(across, across) * rest / (R(1.0) / rest + (real)bounds.ambient)
-                                             : REAL_AT(flight.off, lane);
-            const double line = fabs(cosine) > LEAST_COSINE ? -miss / cosine : 0.0;
-            const double bow = 0.5 * line * line * (double)rest * dot(normal, convert_double3(force));
-            const double more = fabs(cosine) > LEAST_COSINE ? line - bow / cosine : 0.0;
+            const real lead = quiet ? -dot(across, across) * rest / (R(1.0) / rest + (real)bounds.ambient)
+                                    : REAL_AT(flight.off, lane);
+            const double bow = 0.5 * more * more * (double)rest * dot(normal, convert_double3(force));
+            more -= !quiet && fabs(cosine) > LEAST_COSINE ? bow / cosine : 0.0;
             const double climb = 0.5 * more * rise;
             const double added = more * (double)rest * (s + climb);
             path += added;
@@ -164,16 +152,20 @@ __kernel void trace_even(
             end = p + (course.enter + far) * d + convert_double3(q);
             const real angle = sqrt(REAL_AT(flight.bent, lane)) / (real)bounds.ambient;
             // Beside the undisturbed ray it stays within that angle of it.
-            const double way = wholes[lane].y - wholes[lane].x;
-            const int spoilt = HAS_BODY && !stays_clear(&field, &arrays, p, d, wholes[lane].x, wholes[lane].y, way * angle);
-            if (spoilt || !(angle <= EVEN_WEAK) || !isfinite(path) || !isfinite(off_course) ||
-                fabs(cosine) <= LEAST_COSINE) {
+            const double chord = wholes[lane].y - wholes[lane].x;
+            if (HAS_BODY && !stays_clear(&field, &arrays, p, d, wholes[lane].x, wholes[lane].y, chord * angle)) {
+                spoilt[lane] = 1;
+            }
+            if (spoilt[lane] || !(angle <= EVEN_WEAK) || !isfinite(path) || !isfinite(off_course) ||
+                fabs(cosine) <= LEAST_COSINE ||
+                (STOP == PLANE && fabs(dot(VECTOR64(bounds.plane_normal), heading)) <= LEAST_COSINE)) {
                 off_course = (real)INFINITY;
             }
             // Where the box's end is the stop, the path is off by all of that way, else by what the field adds on it.
-            const double over = overrun(&bounds, &control, landed, end, heading);
-            const double loss = STOP == NONE ? bounds.ambient : fmax(fabs(s) / bounds.ambient, 1.0e-30);
-            off_course = greater(off_course, over > 0.0 ? (real)(over * loss) : R(0.0));
+            // One that has left the support must not have left the box before.
+            const double way = overrun(&bounds, &control, quiet ? -1 : landed, quiet ? here : end, heading);
+            const double loss = STOP == NONE && !quiet ? bounds.ambient : fmax(fabs(s) / bounds.ambient, 1.0e-30);
+            off_course = greater(off_course, way > 0.0 ? (real)(way * loss) : R(0.0));
         }
         // In the tracer's sums: sigma, S, M and B, of which M - B is the deviation along the ray.
         const double4 sums64 = (double4)((far - lag) / bounds.ambient, path, arc, arc - lag);
@@ -186,17 +178,27 @@ __kernel void trace_even(
         if (runs && arrival.status != RAY_OK) {
             off_course = (real)INFINITY;  // at a plane on the box's edge a bent ray may fare otherwise
         } else if (runs) {
-            // How far place and direction are off counts where the stop is met at a slant.
+            // How far place and direction are off counts where the stop is met at a slant, and so does what the air
+            // outside the field's support does to them.
             const double3 off_place =
                 (double3)(REAL_AT(flight.twistx, lane), REAL_AT(flight.twisty, lane), REAL_AT(flight.twistz, lane));
             const double3 off_turn =
                 (double3)(REAL_AT(flight.offx, lane), REAL_AT(flight.offy, lane), REAL_AT(flight.offz, lane));
+            const double onward = STOP == PLANE ? arrival.flight : arrival.flight + more;
             if (STOP == PLANE) {
                 normal = VECTOR64(bounds.plane_normal);
             }
-            const double slant = dot(normal, off_place + (arrival.flight * (double)rest) * off_turn);
-            const double further = fabs(slant) / fmax(fabs(dot(normal, d)), STEEPEST_COSINE);
-            off_course = greater(off_course, control.even_share * (real)(bounds.ambient * further));
+            const double slant = fabs(dot(normal, off_place + (onward * (double)rest) * off_turn));
+            const double cosine = fmax(fabs(dot(normal, d)), STEEPEST_COSINE);
+            off_course = greater(off_course, control.even_share * (real)(bounds.ambient * slant / cosine));
+            const double tangent = sqrt(fmax(1.0 - cosine * cosine, 0.0)) / cosine;
+            const double chord = wholes[lane].y - wholes[lane].x;
+            const double lever = (chord + onward) * (tangent + (double)sqrt(REAL_AT(flight.bent, lane)));
+            const double outside = fmax(chord - (double)REAL_AT(length, lane), 0.0);
+            const real left = (real)(outside * ((double)control.left_potential + lever * (double)control.left_slope));
+            if (left > LEFT_SHARE * control.budget) {
+                off_course = greater(off_course, left);
+            }
         }
         if (runs && REAL_AT(missed, lane) > R(0.0)) {
             const double onward = arrival.flight + course.far - course.enter;

@@ -278,7 +278,7 @@ def _check_pupil(scene: Scene, backend: str, step: float) -> list[Finding]:
     with warnings.catch_warnings(record=True) as said:
         warnings.simplefilter("always")
         try:
-            seen = estimate_strehl(scene.field, scene.pupil, ray_count=8192, backend=backend)
+            seen = estimate_strehl(scene.field, scene.pupil, ray_count=8192, backend=backend, allow_truncation=True)
         except ValueError:
             return []  # refused: the flow's disturbed air is not met, or everything is blocked
         total = seen.error["total"]

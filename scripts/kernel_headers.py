@@ -60,8 +60,8 @@ def constants() -> str:
             "Cosine of the least angle with a surface that is believed, and cells to go on at smaller ones (double)"
         ),
         *_defines({name: getattr(scheme, name) for name in ("LEAST_COSINE", "STEEPEST_COSINE", "GRAZING_REST")}),
-        *_group("Even samples: greatest angle with the first direction [rad]"),
-        *_reals({name: getattr(scheme, name) for name in ("EVEN_WEAK", "LOOKUP_STRIDE", "MISSED_SLOPE")}),
+        *_group("Even samples: greatest angle with the first direction [rad], least share of what is left out"),
+        *_reals({name: getattr(scheme, name) for name in ("EVEN_WEAK", "LOOKUP_STRIDE", "MISSED_SLOPE", "LEFT_SHARE")}),
         *_group("Angle with the first direction up to which a ray counts as nearly straight [rad]"),
         *_reals({"NEARLY_STRAIGHT": tableau.NEARLY_STRAIGHT}),
         *_group("Radius about the axis of symmetry within which a kink is rounded off, in cells"),
@@ -71,7 +71,7 @@ def constants() -> str:
         *_group("Cosines of the angles at which rays have turned out of their cones"),
         *_reals({"NARROW_COSINE": np.cos(CONES[1].spread), "WIDE_COSINE": np.cos(CONES[2].spread)}),
         *_group("Where a ray ends"),
-        *_defines({name: getattr(scheme, name) for name in ("LANDED_ARC", "WALK_LIMIT")}),
+        *_defines({name: getattr(scheme, name) for name in ("LANDED_ARC", "LANDED_FREE", "WALK_LIMIT")}),
         *_group("The body: chords, closeness and room in cells, and A of lines parallel to the axis (double)"),
         *_reals({name: getattr(scheme, name) for name in ("WALL_SAG", "WALL_CLOSE", "WALL_BACK")}),
         *_defines({"PARALLEL": PARALLEL}),
@@ -106,7 +106,9 @@ def _holds(path: Path, text: str) -> bool:
 
 
 def _by_precision(precision: str) -> list[str]:
-    return _reals({name: getattr(scheme, name)[precision] for name in ("NOISE", "TINY", "SLACK_CELLS")})
+    return _reals(
+        {name: getattr(scheme, name)[precision] for name in ("NOISE", "DIRECTION_NOISE", "TINY", "SLACK_CELLS")}
+    )
 
 
 def _row(what: str, letter: str, values: Sequence[float] | np.ndarray, first: int = 1) -> list[str]:

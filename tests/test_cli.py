@@ -212,10 +212,12 @@ def test_a_terminal_sees_progress_and_a_table(tmp_path: Path):
 
 def test_an_answer_worth_nothing_ends_with_status_3_and_its_reason(aerokernels, tmp_path: Path):
     """A grid of 5 mm on a shock layer of 2 mm: number, error, reason, status 3; `run` writes its files."""
-    done = aerokernels("strehl", "wind-tunnel-mach3", "--rays", "4096", "--set", "grid.spacing=5 mm")
+    # The lumps between so few nodes reach the box's end: without the second setting that is refused before.
+    coarse = ("--set", "grid.spacing=5 mm", "--set", "trace.allow_truncation=true")
+    done = aerokernels("strehl", "wind-tunnel-mach3", "--rays", "4096", *coarse)
     assert done.returncode == 3 and re.fullmatch(r"[\d.]+ \+- [\d.]+\n", done.stdout), done.stdout
-    assert done.stderr.startswith("worth nothing: ") and "smaller spacing" in done.stderr
-    done = aerokernels("run", "wind-tunnel-mach3", "--out", "out", *SMALL, "--set", "grid.spacing=5 mm")
+    assert "worth nothing: " in done.stderr and "answers nothing" in done.stderr
+    done = aerokernels("run", "wind-tunnel-mach3", "--out", "out", *SMALL, *coarse)
     assert done.returncode == 3 and "worth nothing: " in done.stderr and "Worth nothing\t" in done.stdout
     assert sorted(path.name for path in (tmp_path / "out").iterdir()) == ["report.html", "result.nc", "summary.json"]
     assert json.loads((tmp_path / "out" / "summary.json").read_text())["verdict"] == "worthless"

@@ -42,10 +42,10 @@ def predict_echo(scene: Scene, field: IndexField | None = None) -> EchoPredictio
         ValueError: A scene that has no echo to compute: a target that reaches back to the aperture or into the flow's
             box, one too deep for its pulse, or a record of millions of samples.
     """
-    time, power, voltage = vacuum_record(scene)
+    time, power, voltage, fine = vacuum_record(scene)
     if field is not None and scene.receiver.return_factor != "none":
         check_ahead(field, vacuum_paths(target_points(scene), target_plane(scene)).landing)
-    rangefinder = Rangefinder.calibrated(scene, time, voltage)
+    rangefinder = Rangefinder.calibrated(scene, time, voltage, fine)
     peak = peak_height(voltage)
     own = scene.detector.ranging
     fixed = own == "leading-edge" and own not in rangefinder.blind

@@ -22,7 +22,9 @@ def own_phase_error(scene: Scene, field: IndexField) -> float:
     """
     pupil = Disc(0.5 * scene.receiver.diameter, np.array([0.0, 0.0, scene.receiver.aperture_z]))
     try:
-        return estimate_strehl(field, pupil, ray_count=ESTIMATE_RAYS, **trace_options(scene)).phase_error
+        # The echo itself was computed: what is lost where the known air ends belongs to its error, and is no refusal.
+        options = trace_options(scene)
+        return estimate_strehl(field, pupil, ray_count=ESTIMATE_RAYS, allow_truncation=True, **options).phase_error
     except ValueError:
         return math.nan
 

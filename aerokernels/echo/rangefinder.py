@@ -50,9 +50,13 @@ class Rangefinder:
         """
         detector = scene.detector
         known = (time, reference) if fine is None else fine
-        shape = template_curve(known[1], as_waveform(*known)[2])
         walk, offsets, blind = None, {}, {}
         methods = dict.fromkeys(RANGING_METHODS, 0.0)
+        try:
+            shape = template_curve(known[1], as_waveform(*known)[2])
+        except ValueError as fault:
+            reason = f"the echo in vacuum, without flow, cannot be ranged: {fault}"
+            return cls(detector.threshold, detector.fraction, np.zeros_like, {}, None, dict.fromkeys(methods, reason))
         if detector.walk_correction:
             try:
                 walk = range_walk(*known, detector.threshold)

@@ -168,17 +168,21 @@ def vacuum_echo(scene: Scene) -> tuple[np.ndarray, np.ndarray]:
     Raises:
         ValueError: The target reaches back to the aperture, or a record of millions of samples.
     """
-    time, _, voltage = vacuum_record(scene)
+    time, _, voltage, _ = vacuum_record(scene)
     return time, voltage
 
 
-def vacuum_record(scene: Scene) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """The same with the received power: sample times [s], power [W] and voltage [V], each of shape (n,)."""
+def vacuum_record(scene: Scene) -> tuple[np.ndarray, np.ndarray, np.ndarray, tuple[np.ndarray, np.ndarray]]:
+    """The same with the received power: sample times [s], power [W] and voltage [V], each of shape (n,).
+
+    Last, the times [s] and the voltage [V] where the echo is computed, finely enough for its pulse.
+    """
     pulse, points = pulse_of(scene), target_points(scene, None)
     vacuum = vacuum_paths(points, target_plane(scene))
     time, fine, stride = _record_times(scene, pulse, vacuum.path, vacuum.path)
     power = _vacuum_power(scene, pulse, points.weight, vacuum, fine)
-    return time, power[::stride], chain_of(scene).voltage(fine, power)[::stride]
+    voltage = chain_of(scene).voltage(fine, power)
+    return time, power[::stride], voltage[::stride], (fine, voltage)
 
 
 def _vacuum_power(

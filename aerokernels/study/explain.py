@@ -93,7 +93,8 @@ def _predicted_ratio(plan: TracePlan, resampling: ResamplingError | None, wavele
     lengths = [] if resampling is None else [resampling.opd_rms]
     phase = 2.0 * math.pi * root_sum_square([plan.predicted_error, *(length / wavelength for length in lengths)])
     error = strehl_error(1.0, phase)
-    rows = [("predicted, Strehl ratio", f"error +- {error:.2g} at most, without that of the flow's own mesh")]
+    left_out = ", without that of the flow's own mesh"
+    rows = [("predicted, Strehl ratio", f"error +- {error:.2g}{left_out}")]
     if error > 1.0:
         rows.append(
             ("warning", f"an error of {error:.2g} answers nothing: {main_cause(_shares(plan, resampling, wavelength))}")

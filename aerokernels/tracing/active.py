@@ -1,4 +1,9 @@
-"""The part of a field's box in which there is anything to integrate: around it the air is as uniform as matters."""
+"""The part of a field's box in which there is anything to integrate: around it the air is as uniform as matters.
+
+What is left out may cost a share of the tolerance, by its own optical path and by what its slopes turn a ray: over a
+way L through the box the potential s outside is below share / L, and where errors of direction count in the path by a
+lever arm A (levers.py), its slope is below share / (L A).
+"""
 
 import weakref
 
@@ -6,6 +11,8 @@ import numpy as np
 
 from ..medium import IndexField
 from ..medium.grid import UniformGrid
+from .levers import Levers
+from .scheme import EVEN_WEAK
 
 # The share of the tolerance that may be lost by taking the air outside for uniform.
 QUIET_SHARE = 0.05
@@ -13,27 +20,31 @@ QUIET_SHARE = 0.05
 MARGIN_NODES = 3
 
 _peaks: weakref.WeakKeyDictionary = weakref.WeakKeyDictionary()
+_slopes: weakref.WeakKeyDictionary = weakref.WeakKeyDictionary()
 
 
-def active_box(field: IndexField, tolerance: float) -> tuple[np.ndarray, np.ndarray]:
+def active_box(field: IndexField, tolerance: float, levers: Levers | None = None) -> tuple[np.ndarray, np.ndarray]:
     """Corners of it along the local axes [m], each of shape (2,) or (3,); of a cubic uniform grid.
 
     Outside, the optical potential is so small that the path along any line through the box is off by less than
-    QUIET_SHARE of the tolerance [m]. Without any such part both corners are the box's middle.
+    QUIET_SHARE of the tolerance [m], and by no more for what the ray is turned. Without any such part both corners are
+    the box's middle.
+
+    Args:
+        field: The refractive index, on a cubic uniform grid.
+        tolerance: OPD error allowed for a ray [m].
+        levers: How far the rays fly and at what angle they meet their stop; None takes a line across the box that ends
+            on a surface across it.
     """
     grid = field.samples
     assert isinstance(grid, UniformGrid)
-    if grid not in _peaks:
-        size = np.abs(grid.coefficients)
-        axes = range(size.ndim)
-        _peaks[grid] = [size.max(axis=tuple(other for other in axes if other != axis)) for axis in axes]
-    extent = np.asarray(grid.high) - np.asarray(grid.low)
-    # A chord of the box of revolution is longer than its half-plane.
-    longest = float(np.linalg.norm(extent * ([2.0, 1.0] if field.geometry == "axisymmetric" else 1.0)))
-    threshold = QUIET_SHARE * tolerance / longest
+    potential, slope = left_out(field, tolerance, levers)
     low, high = np.array(grid.low, dtype=float), np.array(grid.high, dtype=float)
-    for axis, peaks in enumerate(_peaks[grid]):
-        found = np.flatnonzero(peaks > threshold)
+    for axis, peaks in enumerate(_potential_peaks(grid)):
+        active = peaks > potential
+        if np.isfinite(slope):
+            active |= _slope_peaks(grid)[axis] > slope
+        found = np.flatnonzero(active)
         if not len(found):
             middle = 0.5 * (low + high)
             return middle, middle
@@ -41,3 +52,53 @@ def active_box(field: IndexField, tolerance: float) -> tuple[np.ndarray, np.ndar
         ends = grid.low[axis] + grid.spacing[axis] * (found[[0, -1]] - 1 + np.array([-MARGIN_NODES, MARGIN_NODES]))
         low[axis], high[axis] = max(low[axis], ends[0]), min(high[axis], ends[1])
     return low, high
+
+
+def left_out(field: IndexField, tolerance: float, levers: Levers | None) -> tuple[float, float]:
+    """The greatest potential [1] and slope of it [1/m] that may be left out; infinite where slopes do not count."""
+    grid = field.samples
+    assert isinstance(grid, UniformGrid)
+    extent = np.asarray(grid.high) - np.asarray(grid.low)
+    # A chord of the box of revolution is longer than its half-plane.
+    longest = float(np.linalg.norm(extent * ([2.0, 1.0] if field.geometry == "axisymmetric" else 1.0)))
+    if levers is None:
+        return QUIET_SHARE * tolerance / longest, np.inf
+    way = max(levers.way, longest)
+    potential = QUIET_SHARE * tolerance / way
+    # A ray's own deflection is a slant too, of second order in the contrast: it counts on far flights only.
+    beyond = max(levers.reach - 2.0 * way, 0.0)
+    # Slopes of splines are below twice their greatest coefficient over the spacing.
+    if levers.arm + beyond * EVEN_WEAK <= 0.5 * float(np.min(grid.spacing)):
+        return potential, np.inf
+    turn = min(EVEN_WEAK, way * max(float(peaks.max(initial=0.0)) for peaks in _slope_peaks(grid)))
+    arm = levers.arm + beyond * turn
+    return potential, QUIET_SHARE * tolerance / (way * arm) if arm > 0.0 else np.inf
+
+
+def _potential_peaks(grid: UniformGrid) -> list[np.ndarray]:
+    """Along each axis, the greatest size of the coefficients of each plane across it."""
+    if grid not in _peaks:
+        _peaks[grid] = _peaks_along_axes(np.abs(grid.coefficients))
+    return _peaks[grid]
+
+
+def _slope_peaks(grid: UniformGrid) -> list[np.ndarray]:
+    """The same of the slope: the greatest difference of neighbouring coefficients over the spacing [1/m]."""
+    if grid not in _slopes:
+        peaks = [np.zeros(count) for count in grid.coefficients.shape]
+        for axis, spacing in enumerate(grid.spacing):
+            change = np.abs(np.diff(grid.coefficients, axis=axis)) / spacing
+            for other, found in enumerate(_peaks_along_axes(change)):
+                # A difference belongs to both of its coefficients.
+                if other == axis:
+                    np.maximum(peaks[axis][:-1], found, out=peaks[axis][:-1])
+                    np.maximum(peaks[axis][1:], found, out=peaks[axis][1:])
+                else:
+                    np.maximum(peaks[other], found, out=peaks[other])
+        _slopes[grid] = peaks
+    return _slopes[grid]
+
+
+def _peaks_along_axes(size: np.ndarray) -> list[np.ndarray]:
+    axes = range(size.ndim)
+    return [size.max(axis=tuple(other for other in axes if other != axis)) for axis in axes]

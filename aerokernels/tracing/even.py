@@ -1,9 +1,9 @@
-"""How many even samples a bundle of nearly straight rays takes, see warp_even.py, and what becomes of the rest.
+"""How many even samples a bundle of nearly straight rays takes, see warp_even.py.
 
 A pilot of some of the rays is traced with N, 3 N and 9 N samples. From their differences follow the order of
 convergence and the least N that holds the tolerance; it is traced too, and compared with the finest. The estimate of
 each ray's error, which costs nothing, is scaled by what the pilot's errors are beside it, with room for the rays that
-are not in the pilot. Rays whose estimate is above the tolerance all the same are traced under error control.
+are not in the pilot. Rays whose estimate is above the tolerance all the same are traced again (retrace.py).
 """
 
 import math
@@ -16,9 +16,11 @@ from ..medium import IndexField
 from ..medium.grid import UniformGrid
 from ..rays import RayBundle
 from .active import active_box
-from .choice import choose_method
+from .choice import predict_evaluations
 from .held import greatest_path, held_error
+from .levers import Levers, levers_of
 from .plan import TracePlan
+from .retrace import backend_of
 from .status import reached
 from .stop import ArcLength
 from .unresolved import Sampling, greatest_error, lines_through, missed_along
@@ -99,6 +101,7 @@ def fit_even(
     store = _kept.setdefault(field, {})
     stop = None if until is None else (until.point.tobytes(), until.normal.tobytes())
     bundle = hash((pilot.position.tobytes(), pilot.direction.tobytes()))
+    plan = replace(plan, levers=levers_of(field, pilot, until))
     key = (bundle, stop, plan.tolerance, wavelength, plan.backend, plan.device, plan.precision)
     if key not in store:
         store[key] = _fit(field, pilot, plan, until, wavelength, spread())
@@ -133,14 +136,14 @@ def _fit(
     held = held_error(field, plan.tolerance * wavelength)
     budget = held / MARGIN
     nothing = 0, (), 0.0, None
-    least = _least_samples(field, pilot, held)
+    least = _least_samples(field, pilot, held, plan.levers)
     if not _is_worth_it(field, pilot, plan, wavelength, least):
         return nothing
     between = _Between(field, spread, until, held)
     least = between.least_count(
         least,
         lambda count: _is_worth_it(field, pilot, plan, wavelength, count),
-        lambda: max(CHEAP[plan.backend], WORTH[plan.backend] * choose_method(field, held, pilot.direction).evaluations),
+        lambda: max(CHEAP[plan.backend], WORTH[plan.backend] * predict_evaluations(field, held, pilot.direction)),
     )
     if not least:
         return nothing
@@ -222,7 +225,7 @@ class _Rung:
     def __init__(
         self, field: IndexField, pilot: RayBundle, plan: TracePlan, until, wavelength: float, count: int, share=1.0
     ):
-        run = _backend(plan.backend)
+        run = backend_of(plan.backend)
         trial = replace(plan, sample_count=count, even_share=share)
         arrays, _ = run(field, pilot, trial, until, wavelength, frozenset(("opd", "step_error")))
         self.count = count
@@ -238,10 +241,10 @@ class _Rung:
         return float(np.abs(self.opd - finer.opd)[good].max()) if good.any() else math.inf
 
 
-def _least_samples(field: IndexField, pilot: RayBundle, tolerance: float) -> int:
+def _least_samples(field: IndexField, pilot: RayBundle, tolerance: float, levers: Levers | None) -> int:
     """Samples that are WIDEST cells apart on the longest way through the part of the box where the field is active."""
     grid = field.samples
-    low, high = active_box(field, tolerance)
+    low, high = active_box(field, tolerance, levers)
     size = np.zeros(3)
     size[-len(low) :] = high - low
     if field.geometry == "axisymmetric":
@@ -260,51 +263,9 @@ def _is_worth_it(field: IndexField, pilot: RayBundle, plan: TracePlan, wavelengt
     """Whether so many samples cost less than error control, whose cost is only predicted where it may matter."""
     if count <= CHEAP[plan.backend] or count > MOST_SAMPLES:
         return count <= MOST_SAMPLES
-    predicted = choose_method(field, held_error(field, plan.tolerance * wavelength), pilot.direction).evaluations
+    predicted = predict_evaluations(field, held_error(field, plan.tolerance * wavelength), pilot.direction)
     return count <= WORTH[plan.backend] * predicted
 
 
 def _in_threes(count: float) -> int:
     return 3 * math.ceil(count / 3.0 - 1e-9)
-
-
-def _backend(name: str):
-    if name == "opencl":
-        from .opencl_backend import trace
-    else:
-        from .warp_backend import trace
-    return trace
-
-
-def trace(field: IndexField, rays: RayBundle, plan: TracePlan, until, wavelength: float, outputs: frozenset):
-    """Trace by even samples, and the rays that they do not hold for otherwise: per-ray arrays by name, and seconds."""
-    arrays, seconds = _backend(plan.backend)(field, rays, plan, until, wavelength, outputs)
-    if "step_error" in arrays:
-        more = mend_rough(field, rays.position, rays.direction, plan, until, wavelength, arrays)
-        seconds = {name: seconds.get(name, 0.0) + more.get(name, 0.0) for name in {**seconds, **more}}
-        if "step_error" not in outputs:
-            del arrays["step_error"]
-    return arrays, seconds
-
-
-def mend_rough(field, position, direction, plan: TracePlan, until, wavelength: float, arrays: dict) -> dict[str, float]:
-    """Trace the rays again whose "step_error" is above the tolerance, under error control; returns the seconds spent.
-
-    Args:
-        field: The refractive index.
-        position: Starts [m], shape (ray_count, 3).
-        direction: Unit vectors, shape (ray_count, 3).
-        plan: That of even samples.
-        until: The stop.
-        wavelength: Vacuum wavelength [m].
-        arrays: Per-ray results by name, "step_error" among them, which are changed.
-    """
-    rough = np.flatnonzero(arrays["step_error"] > held_error(field, plan.tolerance * wavelength))
-    if not len(rough):
-        return {}
-    again = replace(plan, method="adaptive", sample_count=0, sampling=None)
-    part = RayBundle(position[rough], direction[rough])
-    others, seconds = _backend(plan.backend)(field, part, again, until, wavelength, frozenset(arrays) - {"status"})
-    for name, array in arrays.items():
-        array[rough] = others[name]
-    return seconds

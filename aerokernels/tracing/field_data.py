@@ -12,7 +12,7 @@ import numpy as np
 from ..medium import IndexField
 from ..medium.grid import UniformGrid
 from ..medium.wall_tree import wall_tree
-from .active import active_box
+from .active import active_box, left_out
 from .held import held_error
 from .plan import TracePlan
 from .quiet import CONES, cones_of, reach
@@ -97,6 +97,8 @@ STRUCTS = {
         ("even_share", 1, "r"),
         ("bend_share", 1, "r"),
         ("sample_count", 1, "i"),
+        ("left_potential", 1, "r"),
+        ("left_slope", 1, "r"),
     ),
 }
 
@@ -263,6 +265,7 @@ def trace_members(field: IndexField, data: FieldData, plan: TracePlan, until, wa
         "bend_share": plan.bend_share,
         "sample_count": plan.sample_count,
     }
+    control |= _left_members(field, plan, wavelength)
     if isinstance(until, Plane):
         bounds |= {"plane_point": until.point, "plane_normal": until.normal}
         control["plane_normal"] = until.normal * data.spacing
@@ -276,13 +279,25 @@ def _active_members(field: IndexField, data: FieldData, plan: TracePlan, wavelen
     """Only even samples ask where the field is active."""
     if not plan.sample_count:
         return {"active_low": np.zeros(3), "active_high": np.zeros(3), "active_radius": 0.0}
-    low, high = active_box(field, held_error(field, plan.tolerance * wavelength))
+    low, high = active_box(field, held_error(field, plan.tolerance * wavelength), plan.levers)
     radius = float(high[0]) if field.geometry == "axisymmetric" else 0.0
     missing = np.zeros(3 - len(low))
     return {
         "active_low": np.concatenate([missing, low]),
         "active_high": np.concatenate([missing, high]),
         "active_radius": radius,
+    }
+
+
+def _left_members(field: IndexField, plan: TracePlan, wavelength: float) -> dict[str, object]:
+    """What even samples leave out, at most: the potential outside the active part, and its slope [1/m]."""
+    if not plan.sample_count:
+        return {"left_potential": 0.0, "left_slope": 0.0}
+    potential, slope = left_out(field, held_error(field, plan.tolerance * wavelength), plan.levers)
+    # A spline's slope is below twice its greatest coefficient over the spacing.
+    return {
+        "left_potential": potential,
+        "left_slope": min(slope, 2.0 * potential / float(np.min(field.samples.spacing))),
     }
 
 

@@ -24,6 +24,7 @@ from .opencl_devices import Session, session
 from .opencl_program import WORK_GROUP, build, build_options, lane_count
 from .opencl_tables import may_be_packed, packed_table
 from .plan import TracePlan
+from .status import is_any_rejected
 
 # Per-ray outputs of the kernel, in the order of its arguments: numbers for a ray, and their type.
 OUTPUT_TYPES: dict[str, tuple[int, type]] = {
@@ -131,7 +132,7 @@ def prepare(
         method=plan.method,
         stop=stop_kind(until),
         has_body=field.body is not None,
-        outputs=outputs | {"step_error"} if even else outputs,
+        outputs=outputs | {"step_error"} if plan.controls_error else outputs,
         lanes=lanes,
         packed=packed,
         in_plane=in_plane,
@@ -234,7 +235,7 @@ def fetch(opened: Session, results: dict, arrays: dict, outputs: frozenset, rows
 def trace(field: IndexField, rays: RayBundle, plan: TracePlan, until, wavelength: float, outputs: frozenset):
     """Trace with OpenCL: per-ray arrays by name, and seconds.
 
-    Of even samples, "step_error" comes along where some rays are to be traced otherwise.
+    Where some rays are above the tolerance, "step_error" comes along.
     """
     ready = prepare(field, plan, until, wavelength, outputs, rays.direction)
     opened = ready.session
@@ -242,7 +243,7 @@ def trace(field: IndexField, rays: RayBundle, plan: TracePlan, until, wavelength
     seconds = dict(ready.seconds, kernel=0.0, download=0.0)
     rough = 0
     chunk = chunk_size(opened, rays.ray_count)
-    results = allocate(opened, outputs | {"step_error"} if plan.sample_count else outputs, chunk)
+    results = allocate(opened, outputs | {"step_error"} if plan.controls_error else outputs, chunk)
     for first in range(0, rays.ray_count, chunk):
         rows = slice(first, min(first + chunk, rays.ray_count))
         start = time.perf_counter()
@@ -253,7 +254,7 @@ def trace(field: IndexField, rays: RayBundle, plan: TracePlan, until, wavelength
         ran = time.perf_counter()
         fetch(opened, results, arrays, outputs, rows, rays.ray_count)
         rough, before = rough_count(ready), rough
-        if rough > before:
+        if rough > before or is_any_rejected(arrays["status"][rows]):
             if "step_error" not in arrays:
                 arrays["step_error"] = np.zeros(rays.ray_count)
             cl.enqueue_copy(opened.queue, arrays["step_error"][rows], results["step_error"], is_blocking=True)

@@ -8,7 +8,6 @@ import numpy as np
 import pyopencl as cl
 from pyopencl.cltypes import make_double3
 
-from .even import mend_rough
 from .opencl_backend import RAY_BYTES, allocate, enqueue, launch_trace, prepare, to_device, whole_size
 from .opencl_devices import Session
 from .opencl_program import WORK_GROUP, build
@@ -22,11 +21,14 @@ from .pupil_sums import (
     fan_rays,
     fit_plane,
     group_count,
+    holds_tolerance,
     joined_counts,
     moments_in_metres,
     point_order,
     replicate_seeds,
 )
+from .retrace import retrace_rejected
+from .status import RayStatus
 
 KERNELS = ("launch_pupil", "sum_moments", "sum_phasors", "join_sums")
 # Bytes for a ray that stay on the device for the second sum: pupil coordinates, OPD and status.
@@ -68,6 +70,7 @@ class PupilRun:
             self.order = to_device(self.opened, point_order(task.per_replicate, task.by_radius))
             seeds = replicate_seeds(task.seed, task.replicates)
             self.seeds = [to_device(self.opened, seeds[rows]) for rows in self.batches]
+        self.rejected = 0  # rays above the tolerance still
         self.one = to_device(self.opened, np.ones(1))
         self.fan: SimpleNamespace | None = None  # that of one batch stays on the device
         # The only batch and the launches that it takes, whose kernels keep their arguments: they are started again.
@@ -77,13 +80,14 @@ class PupilRun:
         """Trace and sum."""
         task, seconds, start = self.task, self.seconds, time.perf_counter()
         self.seconds = dict.fromkeys(seconds, 0.0)  # what was made ready is ready the next time
+        self.rejected = 0
         sums = self._sums_again()
         if sums is None:
             sums = self._sums_of_batches()
         moments = moments_in_metres(sums[:, :MOMENT_COUNT], task)
         phasors = sums[:, MOMENT_COUNT] + 1j * sums[:, MOMENT_COUNT + 1]
         seconds["kernel"] = time.perf_counter() - start
-        return PupilSums(moments, phasors, seconds, task.replicates * task.per_replicate)
+        return PupilSums(moments, phasors, seconds, task.replicates * task.per_replicate, self.rejected)
 
     def _sums_again(self) -> np.ndarray | None:
         """As the last time, by the same launches; None where there is no last time or its buffers are gone."""
@@ -92,7 +96,7 @@ class PupilRun:
         batch, launches = self.again
         for kernel, size in launches:
             cl.enqueue_nd_range_kernel(self.opened.queue, kernel, size, (WORK_GROUP,))
-        return self._fetch_mended(batch)
+        return self._fetch_retraced(batch)
 
     def _sums_of_batches(self) -> np.ndarray:
         """Sums of all replicates, (replicates, SUM_COUNT)."""
@@ -109,7 +113,7 @@ class PupilRun:
             launch_trace(self.ready, rays.position, rays.direction, scratch.results, count)
             batch = SimpleNamespace(rows=rows, replicates=replicates, rays=rays, scratch=scratch)
             self._sum(batch, np.zeros(3))
-            sums[rows] = self._fetch_mended(batch)
+            sums[rows] = self._fetch_retraced(batch)
             kept.append(batch)
         if task.with_tilt:
             plane = fit_plane(sums[:, :MOMENT_COUNT], True)
@@ -132,11 +136,11 @@ class PupilRun:
         sizes = [whole_size(batch.replicates * rows * SUM_COUNT) for rows in joined]
         return [*launches, *zip(self.joiners, sizes, strict=True)]
 
-    def _fetch_mended(self, batch: SimpleNamespace) -> np.ndarray:
-        """Sums of the replicates of a batch, after rays were traced again that even samples do not hold for."""
-        sums, rough = self._fetch(batch)
-        if rough:
-            self._mend(batch.rays, batch.scratch, batch.replicates * self.task.per_replicate)
+    def _fetch_retraced(self, batch: SimpleNamespace) -> np.ndarray:
+        """Sums of the replicates of a batch, after rays above the tolerance were traced again."""
+        sums, unfit = self._fetch(batch)
+        if unfit or not holds_tolerance(sums, self.task):
+            self.rejected += self._retrace(batch.rays, batch.scratch, batch.replicates * self.task.per_replicate)
             self._sum(batch, np.zeros(3))
             sums, _ = self._fetch(batch)
         return sums
@@ -229,8 +233,8 @@ class PupilRun:
             cl.enqueue_copy(queue, self.ready.rough, np.zeros(1, np.int32), is_blocking=True)
         return values, int(rough[0])
 
-    def _mend(self, rays: SimpleNamespace, scratch: SimpleNamespace, count: int) -> None:
-        """Trace again the rays of a batch that even samples do not hold for."""
+    def _retrace(self, rays: SimpleNamespace, scratch: SimpleNamespace, count: int) -> int:
+        """Trace again the rays of a batch that are above the tolerance; returns how many are so still."""
         task, queue = self.task, self.opened.queue
         arrays: dict[str, np.ndarray] = {name: np.empty(count) for name in ("opd", "step_error")}
         arrays |= {name: np.empty(count, np.int32) for name in ("status", "evaluation_count")}
@@ -239,9 +243,10 @@ class PupilRun:
             cl.enqueue_copy(queue, array, scratch.results[name], is_blocking=True)
         cl.enqueue_copy(queue, position, rays.position, is_blocking=True)
         cl.enqueue_copy(queue, direction, rays.direction, is_blocking=True)
-        mend_rough(task.field, position, direction, task.plan, task.until, task.wavelength, arrays)
+        retrace_rejected(task.field, position, direction, task.plan, task.until, task.wavelength, arrays)
         for name, array in arrays.items():
             cl.enqueue_copy(queue, scratch.results[name], array, is_blocking=True)
+        return int(np.count_nonzero(arrays["status"] == RayStatus.TOLERANCE_NOT_MET))
 
 
 def _empty(opened: Session, size: int):

@@ -5,8 +5,9 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from ..medium import IndexField
-from .choice import choose_method
+from .choice import predict_evaluations
 from .held import held_error
+from .levers import Levers
 from .unresolved import Sampling
 
 METHODS = ("auto", "straight", "adaptive", "paper", "fixed")
@@ -33,6 +34,7 @@ class TracePlan:
         bend_share: The share of int P^2 / w dt, P the momentum across the ray, that is taken for its course's error.
         sampling: How far apart even samples are, for a ray's share of what lies between them, see unresolved.py; None
             where all of that is negligible.
+        levers: How far the rays fly and at what angle they meet their stop, see levers.py; None where nobody asked.
         predicted_evaluations: Field evaluations of a ray across the box, predicted before any ray is traced.
         predicted_error: OPD error predicted [waves]: what a pilot bundle made, what tables estimate, or the tolerance.
     """
@@ -50,8 +52,14 @@ class TracePlan:
     even_share: float = 0.0
     bend_share: float = 0.0
     sampling: Sampling | None = None
+    levers: Levers | None = None
     predicted_evaluations: float | None = None
     predicted_error: float | None = None
+
+    @property
+    def controls_error(self) -> bool:
+        """Whether the method itself keeps rays within the tolerance, or says which are not."""
+        return self.method in ("adaptive", "straight")
 
     def __str__(self) -> str:
         """One line of choices, then one line for each reason."""
@@ -97,12 +105,10 @@ def make_plan(
     wavelength,
     directions,
     columns: str | None = None,
-    lever: float = 0.0,
 ) -> TracePlan:
     """Check the caller's choices and fill in those left to "auto".
 
-    `columns` says why collimated rays may be looked up in tables, None that they may not; `lever` is that of the rays,
-    see `choice.lever_of`.
+    `columns` says why collimated rays may be looked up in tables, None that they may not.
 
     Raises:
         ValueError: An unknown name or a number that makes no sense, with the remedy.
@@ -132,9 +138,9 @@ def make_plan(
         method = "adaptive"
         reasons.append("method adaptive: the reference is the answer that others are measured against")
     elif method == "auto":
-        choice = choose_method(field, held_error(field, tolerance * wavelength), directions, lever)
-        method, step, predicted = choice.method, choice.step, choice.evaluations
-        reasons.append(choice.reason)
+        method = "adaptive"
+        predicted = predict_evaluations(field, held_error(field, tolerance * wavelength), directions)
+        reasons.append(f"method adaptive: error control, about {predicted:.0f} evaluations a ray across the box")
     backend, device, why = choose_backend(backend, device)
     reasons.append(why)
     dimension = {"volume": "a volume", "planar": "two axes, x is never expanded"}.get(

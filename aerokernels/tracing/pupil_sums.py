@@ -16,6 +16,7 @@ from .stop import Plane
 # Per replicate: count, x, y, W, xx, xy, yy, xW, yW, WW over the rays that arrived, then the greatest step error and
 # the field evaluations of all rays.
 MOMENT_COUNT = 12
+GREATEST_ERROR = 10
 # A row of sums: the moments, then real and imaginary part of the phasor.
 SUM_COUNT = MOMENT_COUNT + 2
 # Rays that are on a device together, but for whole replicates: what a ray takes there times this bounds the memory.
@@ -80,17 +81,30 @@ class PupilSums:
         phasors: Sums of exp(i k (OPD - plane)), shape (replicates,).
         seconds: Time spent, by stage.
         ray_count: Rays that were traced.
+        rejected_count: How many of them are above the tolerance by their own error estimate, though traced again.
     """
 
     moments: np.ndarray
     phasors: np.ndarray
     seconds: dict[str, float]
     ray_count: int
+    rejected_count: int = 0
 
     @property
     def evaluation_count(self) -> int:
         """Field evaluations of all rays."""
         return int(self.moments[:, 11].sum())
+
+    @property
+    def greatest_error(self) -> float:
+        """The greatest error estimate of a ray that arrived [m]."""
+        return float(self.moments[:, GREATEST_ERROR].max())
+
+
+def holds_tolerance(sums: np.ndarray, task: PupilTask) -> bool:
+    """Whether no ray that arrived is above the tolerance, by rows of sums; true for steps of the caller's own."""
+    budget = task.plan.tolerance * task.wavelength
+    return not task.plan.controls_error or bool(sums[:, GREATEST_ERROR].max() <= budget)
 
 
 @functools.lru_cache(maxsize=8)

@@ -109,7 +109,7 @@ class Ends:
             stopped = stops[inside] & (stop[inside] <= enter[inside])
             meets[inside[stopped]] = False
             status[inside] = np.where(stopped, RayStatus.OK, status[inside])
-            status[inside[~stopped & (out > leave[inside])]] = RayStatus.INSIDE_BODY
+            status[inside[~stopped & ~(np.isfinite(out) & (out <= leave[inside]))]] = RayStatus.INSIDE_BODY
         if self.until is None:
             status[~meets & (status == RayStatus.OK)] = RayStatus.MISSED_FIELD
         return Course(enter, leave, stop, has_stop, meets, status)

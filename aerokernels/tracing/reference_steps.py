@@ -175,6 +175,8 @@ class Integrator:
         there = np.abs(value1[at]) <= slack
         off = lands & ~(np.abs(miss) <= CLOSE * h) & ~there
         miss = np.where(np.isfinite(miss) & ~(there & (np.abs(miss) > CLOSE * h)), miss, 0.0)  # on a face it grazes
+        if nearest is not None:  # the lines of walls that are not ahead are no walls
+            value[~np.isfinite(nearest), -1] = value1[~np.isfinite(nearest), -1] = -np.inf
         others = np.where(turning, -np.inf, value1)
         others[at] = np.where(lands, -np.inf, others[at])
         passed = (others > slack[:, None]).any(axis=1)

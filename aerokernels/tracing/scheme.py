@@ -25,6 +25,8 @@ STEP_SHARE = 0.02
 NOISE_STEP = 0.5
 # Rounding in the error estimate, in units in the last place: error control does not chase it.
 NOISE = {"float32": 8.0 * 2.0**-24, "float64": 8.0 * 2.0**-53}
+# Rounding of a ray's momentum over its whole way, as a share of its greatest: an error of direction at a far stop.
+DIRECTION_NOISE = {"float32": 2.0**-23, "float64": 2.0**-52}
 # A direction error counts with at least this share of the field's length, besides the ray's own slope.
 DIRECTION_SHARE = 0.01
 # The slant at which the undisturbed ray meets its stop counts less the more the ray has turned, up to this angle [rad].
@@ -45,6 +47,9 @@ EVEN_WEAK = 0.05
 LOOKUP_STRIDE = 1.5
 # What lies between them changes from cell to cell by so many times its size, at most.
 MISSED_SLOPE = 2.0
+# What the air outside the field's support may do to a ray counts as an error from this share of the tolerance on: below
+# it is what the support was chosen for (active.py).
+LEFT_SHARE = 0.5
 
 # Where a ray ends.
 # Cosines of the angle with a surface's normal: above the first the place where a ray meets it is solved for along the
@@ -54,6 +59,8 @@ LEAST_COSINE, STEEPEST_COSINE = 0.05, 0.002
 GRAZING_REST = 1e-2
 # The number of the "surface" at which a stop at a length of arc ends a ray; those of space are numbered from 0.
 LANDED_ARC = 100
+# The same for a ray that flies on from where it left the field's support.
+LANDED_FREE = 101
 # A ray that runs in a face is not thrown out by rounding: it is behind a surface when it is so by this many cells.
 SLACK_CELLS = {"float32": 1e-9, "float64": 1e-10}
 # Steps of the search for the place where a ray leaves the body; each is as long as the wall is away.

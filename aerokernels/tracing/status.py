@@ -73,3 +73,8 @@ REACHED = (RayStatus.OK, RayStatus.LEFT_DISTURBED_AIR, RayStatus.TOLERANCE_NOT_M
 def reached(status: np.ndarray) -> np.ndarray:
     """Which of the status codes belong to rays that reached the stop, as booleans of the same shape."""
     return np.isin(status, REACHED)
+
+
+def is_any_rejected(status: np.ndarray) -> bool:
+    """Whether any of the status codes is that of a ray above the tolerance."""
+    return bool((status == RayStatus.TOLERANCE_NOT_MET).any())

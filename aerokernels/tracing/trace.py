@@ -8,13 +8,15 @@ import numpy as np
 from ..medium import IndexField
 from ..rays import RayBundle
 from .budget import Retrace, error_budget
-from .choice import lever_of
 from .collimated import columns_hold, find_columns, is_collimated, is_worth_it
 from .even import fit_even, may_be_even, pilot_of, spread_of
 from .known_air import KnownAir
+from .levers import levers_of
 from .meeting import check_meeting
 from .plan import TracePlan, make_plan
 from .result import RAY_OUTPUTS, TraceResult
+from .retrace import backend_of, retrace_rejected, told_of_rejected
+from .status import RayStatus
 from .stop import ArcLength, Plane
 
 # Those of the pupil's kernels, so that a budget needs no kernel of its own.
@@ -90,10 +92,15 @@ def trace(
         spread=partial(spread_of, rays),
     )
     arrays, seconds = run_plan(field, rays, plan, until, wavelength, wanted)
+    rejected = _rejected_rows(arrays)
+    greatest = float(arrays["step_error"][rejected].max()) if rejected.any() and "step_error" in arrays else None
+    done = told_of_rejected(plan, int(rejected.sum()), rays.ray_count, greatest, wavelength)
+    if "step_error" not in wanted:
+        arrays.pop("step_error", None)
     seconds["total"] = time.perf_counter() - start
 
     return TraceResult(
-        plan=plan,
+        plan=done,
         seconds=seconds,
         wavelength=wavelength,
         weight=np.asarray(rays.weight),
@@ -120,14 +127,17 @@ def plan_rays(
     Raises:
         ValueError: An unknown name or a number that makes no sense, with the remedy.
     """
+    if field.geometry == "planar" and choices["path_length"] is None:
+        # Along x the box is endless: a ray may fly far longer through it than across its other axes.
+        levers = levers_of(field, pilot(), until)
+        choices["path_length"] = None if levers is None else levers.way
     if method in ("auto", "straight") and may_be_even(field, ray_count, until):
         plan = make_plan(field, method="straight", wavelength=wavelength, **choices)
         if not plan.columns and plan.backend != "reference":
             plan = fit_even(field, pilot(), plan, until, wavelength, spread or pilot) or plan
         if plan.columns or plan.sample_count:
             return plan
-    lever = lever_of(pilot(), until) if method == "auto" else 0.0
-    return make_plan(field, method=method, wavelength=wavelength, lever=lever, **choices)
+    return make_plan(field, method=method, wavelength=wavelength, **choices)
 
 
 def _columns(field: IndexField, rays: RayBundle, until, method: str, tolerance: float, wavelength: float) -> str | None:
@@ -145,22 +155,27 @@ def _columns(field: IndexField, rays: RayBundle, until, method: str, tolerance: 
 
 
 def run_plan(field: IndexField, rays: RayBundle, plan: TracePlan, until, wavelength: float, outputs: frozenset):
-    """What a plan says on its backend: per-ray arrays by name, and seconds."""
+    """What a plan says on its backend: per-ray arrays by name, and seconds.
+
+    Rays whose own error estimate is above the tolerance are traced again; where that is no help, "step_error" comes
+    along.
+    """
     if plan.columns:
         from .collimated import trace as by_columns
 
         return by_columns(field, rays, plan, until, wavelength, outputs, run_plan)
-    if plan.sample_count:
-        from .even import trace as by_samples
+    arrays, seconds = backend_of(plan.backend)(field, rays, plan, until, wavelength, outputs)
+    if not plan.controls_error or plan.backend == "reference" or "step_error" not in arrays:
+        return arrays, seconds
+    more = retrace_rejected(field, rays.position, rays.direction, plan, until, wavelength, arrays)
+    seconds = {name: seconds.get(name, 0.0) + more.get(name, 0.0) for name in {**seconds, **more}}
+    if "step_error" not in outputs and not _rejected_rows(arrays).any():
+        del arrays["step_error"]
+    return arrays, seconds
 
-        return by_samples(field, rays, plan, until, wavelength, outputs)
-    if plan.backend == "reference":
-        from .reference import trace as run
-    elif plan.backend == "opencl":
-        from .opencl_backend import trace as run
-    else:
-        from .warp_backend import trace as run
-    return run(field, rays, plan, until, wavelength, outputs)
+
+def _rejected_rows(arrays: dict) -> np.ndarray:
+    return np.asarray(arrays["status"] == RayStatus.TOLERANCE_NOT_MET)
 
 
 def retracer(until, wavelength: float) -> Retrace:

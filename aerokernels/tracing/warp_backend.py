@@ -22,6 +22,7 @@ from .field_data import (
     trace_members,
 )
 from .plan import TracePlan
+from .status import is_any_rejected
 from .warp_devices import start_warp
 from .warp_even import build_even_kernel
 from .warp_tracer import build_kernel
@@ -106,8 +107,9 @@ def prepare(
     control.reach_start = wp.array(tables["reach_start"], dtype=wp.int32, device=plan.device)
     stop, has_body = stop_kind(until), field.body is not None
     rough = None
-    if plan.sample_count:
+    if plan.controls_error:
         outputs = outputs | {"step_error"}
+    if plan.sample_count:
         kernel = build_even_kernel(plan.precision, field.geometry, field.interpolation, stop, has_body, outputs)
         rough = wp.zeros(1, dtype=wp.int32, device=plan.device)
     else:
@@ -189,22 +191,22 @@ def fetch(results: dict, outputs: frozenset) -> dict[str, np.ndarray]:
 def trace(field: IndexField, rays: RayBundle, plan: TracePlan, until, wavelength: float, outputs: frozenset):
     """Trace with Warp: per-ray arrays by name, and seconds.
 
-    Of even samples, "step_error" comes along where some rays are to be traced otherwise.
+    Where some rays are above the tolerance, "step_error" comes along.
     """
     ready = prepare(field, plan, until, wavelength, outputs, rays.direction)
     start = time.perf_counter()
     position = wp.array(rays.position, dtype=wp.vec3d, device=plan.device)
     direction = wp.array(rays.direction, dtype=wp.vec3d, device=plan.device)
-    computed = outputs | {"step_error"} if plan.sample_count else outputs
+    computed = outputs | {"step_error"} if plan.controls_error else outputs
     results = allocate(computed, rays.ray_count, plan.device)
     placed = time.perf_counter()
     kernel = seconds_of(
         lambda: launch_trace(ready, position, direction, results, rays.ray_count, plan.device), plan.device
     )
     ran = time.perf_counter()
-    if ready.rough is not None and int(ready.rough.numpy()[0]):
-        outputs = computed
     arrays = fetch(results, outputs)
+    if (ready.rough is not None and int(ready.rough.numpy()[0])) or is_any_rejected(arrays["status"]):
+        arrays |= fetch(results, computed - outputs)
     seconds = dict(ready.seconds)
     seconds["upload"] += placed - start
     seconds["kernel"] = kernel

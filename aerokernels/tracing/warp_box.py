@@ -192,12 +192,14 @@ def build_detour(precision: str, geometry: str):
         further = -wp.dot(normal, q) / cosine
         if wp.static(geometry == "axisymmetric"):
             if k == 2:
-                # |c + (further d + q)|^2 = |c|^2 across the axis, c of length `radius`
-                across = wp.vec2d(normal[0], normal[1])
-                for _trial in range(3):
-                    shift = wp.vec2d(further * d[0] + q[0], further * d[1] + q[1])
-                    bulge = wp.dot(shift, shift) / (wp.float64(2.0) * bounds.radius)
-                    further = -(across[0] * q[0] + across[1] * q[1] + bulge) / cosine
+                # |c + (further d + q)|^2 = |c|^2 across the axis, c of length `radius`: the root that q = 0 makes 0
+                a = d[0] * d[0] + d[1] * d[1]
+                b = (at[0] + q[0]) * d[0] + (at[1] + q[1]) * d[1]
+                c = (wp.float64(2.0) * at[0] + q[0]) * q[0] + (wp.float64(2.0) * at[1] + q[1]) * q[1]
+                square = b * b - a * c
+                if b <= wp.float64(0.0) or square < wp.float64(0.0):
+                    return other
+                further = -c / (b + wp.sqrt(square))
         return further
 
     return detour

@@ -141,6 +141,34 @@ def build_slant(precision: str, geometry: str, stop: str):
 
 
 @functools.cache
+def build_lever(precision: str, geometry: str, stop: str, controlled: bool):
+    """A function -> (slant of the stop, how far on a direction's error grows, the part of that in the box, caution).
+
+    The last is a share of the safe steps of quiet.py, which know nothing of what such an error does on the way to a far
+    stop. Its arguments: bounds, control, the undisturbed course, start and direction. Lengths in metres.
+    """
+    t = types(precision)
+    real, vec4, Bounds, Control, Course = t.real, t.vec4, t.Bounds, t.Control, t.Course
+    slant_of = build_slant(precision, geometry, stop)
+
+    @wp.func
+    def lever_of(bounds: Bounds, control: Control, course: Course, p: wp.vec3d, d: wp.vec3d):
+        reach = control.extent  # along x a planar box has no end
+        if course.far - course.enter < wp.float64(1.0e30):
+            reach = real(course.far - course.enter)
+        slant = real(0.0)
+        if wp.static(controlled):
+            slant = slant_of(bounds, course, p, d)
+        beyond = real(0.0)
+        if wp.static(stop == "plane"):
+            beyond = real(wp.max(course.stop_distance - course.far, wp.float64(0.0)))
+        caution = wp.pow(real(1.0) + real(0.25) * slant * beyond * wp.max(control.cell_rate), real(-0.25))
+        return vec4(slant, reach + beyond, reach, caution)
+
+    return lever_of
+
+
+@functools.cache
 def build_end(precision: str, geometry: str, interpolation: str, stop: str):
     """A function -> (position, direction, optical path, OPD, arc length, status) at the stop, in float64.
 

@@ -4,22 +4,23 @@ import functools
 
 import warp as wp
 
-from .scheme import BLUNTED, DIRECTION_SHARE, NOISE, ROUGH, SMOOTH, TINY
+from .scheme import BLUNTED, DIRECTION_NOISE, DIRECTION_SHARE, NOISE, ROUGH, SMOOTH, STEEPEST_COSINE, TINY
 from .tableau import B_ERROR, BT_ERROR, NEARLY_STRAIGHT, PATH_ERROR_SLOPE, PATH_ERROR_VALUE, C, is_one_scalar
 from .warp_motion import build_contrast
 from .warp_types import types
 
 
 @functools.cache
-def build_step_error(precision: str, geometry: str, interpolation: str):
-    """Functions of a step: its error, the greatest turn so far, a direction's lever; the rounding in it."""
+def build_step_error(precision: str, geometry: str, interpolation: str, stop: str):
+    """Functions of a step: its error, the greatest turn so far, a direction's lever; its rounding; a ray's error."""
     t = types(precision)
-    real, vec3, vec4, Control = t.real, t.vec3, t.vec4, t.Control
+    real, vec3, vec4, Bounds, Control = t.real, t.vec3, t.vec4, t.Bounds, t.Control
     contrast = build_contrast(precision)
     tiny = TINY[precision]
     one_scalar = is_one_scalar(interpolation)
     sharpened = interpolation in ("cubic", "linear")
     noise = NOISE[precision]
+    direction_noise = DIRECTION_NOISE[precision]
     c2, c3 = (float(v) for v in C[1:3])
     e1, e2, e3, e4 = (float(v) for v in B_ERROR)
     f1, f2, f3, f4 = (float(v) for v in BT_ERROR)
@@ -77,7 +78,9 @@ def build_step_error(precision: str, geometry: str, interpolation: str):
         off_p -= wp.dot(off_p, d) * d
         weight = turn + sharp * real(DIRECTION_SHARE)
         # The stop is met at a slant (warp_ends.py), `arm` further on.
-        tilt = sharp * slant
+        # Far stops are met at the slant of the ray's own deflection too, and a direction's error is not believed to be
+        # as much overestimated as the path's: it is no sum along the ray.
+        tilt = wp.max(sharp, real(ROUGH)) * (slant + turn)
         off += wp.length(off_p) * (weight * reach + tilt * arm) + ambient * wp.length(off_q) * (weight + tilt)
         return vec3(off, turn, weight * (reach + ambient * h) + slant * (arm + ambient * h))
 
@@ -100,4 +103,29 @@ def build_step_error(precision: str, geometry: str, interpolation: str):
         steep = wp.max(wp.length(force), size * wp.max(control.cell_rate))
         return real(noise) * h * (real(2.0) * size + steep * lever)
 
-    return step_error, step_rounding
+    @wp.func
+    def stop_error(
+        used: real,
+        bounds: Bounds,
+        direction: wp.vec3d,
+        ambient: real,
+        momentum: vec3,
+        first_momentum: real,
+        bent: real,
+        slant: real,
+        arm: real,
+    ):
+        """The error of a ray at its stop: that of its steps, and the rounding of the direction in which it flies there.
+
+        Rounded is its greatest momentum, and what it had at first, along d. A plane may be met at a smaller angle than
+        `slant` allows for.
+        """
+        size = wp.length(momentum) + first_momentum + ambient * bent
+        error = used + real(direction_noise) * size * (slant + bent) * arm
+        if wp.static(stop == "plane"):
+            cosine = wp.abs(wp.dot(bounds.plane_normal, direction))
+            steepest = wp.float64(STEEPEST_COSINE)
+            error *= real(steepest / wp.clamp(cosine, wp.float64(1.0e-9), steepest))
+        return error
+
+    return step_error, step_rounding, stop_error

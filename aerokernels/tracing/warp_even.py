@@ -21,19 +21,22 @@ the error, both as a pilot bundle has it (even.py). Where that is above
 the budget, where a ray turns by more than EVEN_WEAK, comes near a body or leaves by an edge of the box, the ray is
 "rough", and to be traced by another method.
 
-Stop. The rest of the way from the undisturbed ray's last point to the surface is flown along a parabola; what that
-leaves out counts as an error too, since a ray may meet a face at a small angle.
+Stop. A ray that has left the field's support flies straight on: to a plane (warp_ends.py), or to where that very line
+leaves the box. In disturbed air the rest of the way from the undisturbed ray's last point to its surface is flown along
+a parabola; what that leaves out counts as an error too, since a ray may meet a face at a small angle. So does the air
+outside the support, by the ray's own way through it and its own lever arm (active.py).
 """
 
 import functools
 
 import warp as wp
 
-from .scheme import EVEN_WEAK, HAIR, LEAST_COSINE, STEEPEST_COSINE, TINY
+from .scheme import EVEN_WEAK, LANDED_FREE, LEAST_COSINE, LEFT_SHARE, STEEPEST_COSINE, TINY
 from .status import RayStatus
-from .warp_box import FACE_COUNT, build_crossing, build_surface_distance
+from .warp_box import build_surface_distance
 from .warp_ends import build_end, build_last_surface, build_start
 from .warp_grid import build_sample
+from .warp_support import build_exit, build_keep_active, build_leaves_support, build_line_to, build_overrun
 from .warp_types import types
 from .warp_unresolved import build_unresolved, build_with_lever
 from .warp_wall import build_stays_clear
@@ -54,57 +57,6 @@ def even_weight(k: int, count: int):
 
 
 @functools.cache
-def build_overrun(precision: str, geometry: str):
-    """A function: how far a ray that ends at p has run on outside the box, after a face other than `landed`.
-
-    Infinite where it is more than a hair's breadth outside.
-    """
-    t = types(precision)
-    Bounds, Control = t.Bounds, t.Control
-    surface_distance = build_surface_distance(precision, geometry)
-    faces = wp.constant(FACE_COUNT[geometry])
-
-    @wp.func
-    def overrun(bounds: Bounds, control: Control, landed: int, p: wp.vec3d, heading: wp.vec3d):
-        hair = wp.float64(HAIR) / wp.float64(wp.max(control.cell_rate))
-        way = wp.float64(0.0)
-        for k in range(faces):
-            beyond = surface_distance(bounds, k, p)
-            if k != landed and beyond[0] > wp.float64(0.0):
-                slope = wp.abs(wp.dot(wp.vec3d(beyond[1], beyond[2], beyond[3]), heading))
-                way = wp.max(way, beyond[0] / wp.max(slope, wp.float64(1.0e-9)))
-                if beyond[0] > hair:
-                    way = wp.float64(wp.inf)
-        return way
-
-    return overrun
-
-
-@functools.cache
-def build_keep_active(precision: str, geometry: str):
-    """A function (bounds, position, direction, enter, far) -> the same of the part in which the air is not uniform.
-
-    And, as a third number, 1 if the ray ends in uniform air.
-    """
-    Bounds = types(precision).Bounds
-    crossing = build_crossing(precision, geometry)
-
-    @wp.func
-    def keep_active(bounds: Bounds, p: wp.vec3d, d: wp.vec3d, enter: wp.float64, far: wp.float64):
-        span = crossing(bounds.active_low, bounds.active_high, bounds.active_radius, p, d)
-        if span[0] > span[1]:
-            return wp.vec3d(enter, enter, wp.float64(1.0))
-        first = wp.min(wp.max(span[0], enter), far)
-        last = wp.max(wp.min(span[1], far), first)
-        quiet = wp.float64(0.0)
-        if last < far:
-            quiet = wp.float64(1.0)
-        return wp.vec3d(first, last, quiet)
-
-    return keep_active
-
-
-@functools.cache
 def build_even_kernel(precision: str, geometry: str, interpolation: str, stop: str, has_body: bool, outputs: frozenset):
     """Build the kernel for one kind of scene; its arguments are the tracer's, and the count of rough rays."""
     t = types(precision)
@@ -118,9 +70,13 @@ def build_even_kernel(precision: str, geometry: str, interpolation: str, stop: s
     keep_active = build_keep_active(precision, geometry)
     unresolved = build_unresolved(precision, geometry)
     with_lever = build_with_lever(precision)
+    leaves_support = build_leaves_support(precision, geometry)
+    exit_of = build_exit(precision, geometry)
+    line_to = build_line_to(precision, geometry)
     stays_clear = build_stays_clear(precision, geometry)
     ok = int(RayStatus.OK)
     tiny = TINY[precision]
+    landed_free = wp.constant(LANDED_FREE)
 
     @wp.func
     def gather(total: vec4, carry: vec4, term: vec4):
@@ -183,15 +139,19 @@ def build_even_kernel(precision: str, geometry: str, interpolation: str, stop: s
         whole = wp.vec2d(wp.float64(0.0), wp.float64(0.0))  # its way through the box, the uniform air's part too
         missed = real(0.0)
         start = none
+        clear = bool(True)
         landed = int(-1)
         quiet = bool(False)
+        chord = wp.float64(0.0)  # of the undisturbed ray through the box, up to its stop
         if runs:
             whole = wp.vec2d(course.enter, course.far)
-            landed = surface_of(bounds, course, p0, d0)
+            chord = course.far - course.enter
             active = keep_active(bounds, p0, d0, course.enter, course.far)
+            quiet = bool(active[2] > wp.float64(0.0))
+            if not quiet:
+                landed = surface_of(bounds, course, p0, d0)
             course.enter = active[0]
             course.far = active[1]
-            quiet = bool(active[2] > wp.float64(0.0))
             entry = wp.cw_div(p0 + course.enter * d0 - bounds.origin, bounds.spacing)
             start = vec3(real(entry[0]), real(entry[1]), real(entry[2]))
             length = real(course.far - course.enter)
@@ -261,21 +221,36 @@ def build_even_kernel(precision: str, geometry: str, interpolation: str, stop: s
         far = wp.float64(length)
         turned = none
         normal = wp.vec3d(wp.float64(0.0), wp.float64(0.0), wp.float64(0.0))
+        more = wp.float64(0.0)
         end = p0
         if runs:
             # What is left to the surface, which the ray meets a little beside the undisturbed one.
             slant = slow * momentum
             heading = d0 + wp.vec3d(wp.float64(slant[0]), wp.float64(slant[1]), wp.float64(slant[2]))
             beside = wp.vec3d(wp.float64(q[0]), wp.float64(q[1]), wp.float64(q[2]))
-            miss = surface_distance(bounds, landed, p0 + course.far * d0 + beside)
-            normal = wp.vec3d(miss[1], miss[2], miss[3])
-            cosine = wp.dot(normal, heading)
-            # Along the parabola; what that leaves out, by the change of the slope over a cell, counts as an error.
+            tip = p0 + course.far * d0 + beside
             pull = slow * force
-            more = wp.float64(0.0)
-            if wp.abs(cosine) > wp.float64(LEAST_COSINE):
-                line = -miss[0] / cosine
-                inward = miss[1] * wp.float64(pull[0]) + miss[2] * wp.float64(pull[1]) + miss[3] * wp.float64(pull[2])
+            if quiet:
+                if length > real(0.0) and not leaves_support(bounds, tip, heading):
+                    clear = bool(False)  # turned, it goes on through disturbed air
+                if wp.static(stop == "plane"):
+                    landed = int(landed_free)
+                    normal = bounds.plane_normal
+                else:
+                    leave = exit_of(bounds, tip, heading)
+                    more = leave[0]
+                    landed = int(leave[1])
+            if landed != landed_free:
+                if not quiet:
+                    more = line_to(bounds, landed, tip, heading)
+                miss = surface_distance(bounds, landed, tip + more * heading)
+                normal = wp.vec3d(miss[1], miss[2], miss[3])
+            cosine = wp.dot(normal, heading)
+            if not quiet and wp.abs(cosine) > wp.float64(LEAST_COSINE):
+                # Along the parabola; what that leaves out, by the change of the slope over a cell, counts as an error.
+                line = more
+                inward = normal[0] * wp.float64(pull[0]) + normal[1] * wp.float64(pull[1])
+                inward += normal[2] * wp.float64(pull[2])
                 more = line - wp.float64(0.5) * line * line * wp.float64(slow) * inward / cosine
                 beyond = real(wp.abs(more)) * wp.max(rate)
                 error = wp.max(error, steep * real(more * more / wp.abs(cosine)) * wp.min(beyond, real(1.0)))
@@ -291,18 +266,24 @@ def build_even_kernel(precision: str, geometry: str, interpolation: str, stop: s
             end = p0 + (course.enter + far) * d0 + beside
             fit = bool(wp.sqrt(bent) / ambient <= real(EVEN_WEAK))
             fit = fit and wp.isfinite(path) and wp.isfinite(error) and wp.abs(cosine) > wp.float64(LEAST_COSINE)
+            if wp.static(stop == "plane"):
+                fit = fit and wp.abs(wp.dot(bounds.plane_normal, heading)) > wp.float64(LEAST_COSINE)
             # Where the box's end is the stop, the path is off by all of that way, else by what the field adds on it.
             way = overrun(bounds, control, landed, end, heading)
             rise = bounds.ambient
             if wp.static(stop != "none"):
                 rise = wp.max(wp.abs(wp.float64(s)) / bounds.ambient, wp.float64(1.0e-30))
+            if quiet:
+                # One that has left the support must not have left the box before.
+                way = overrun(bounds, control, -1, tip, heading)
+                rise = wp.float64(1.0e-30)
             if way > wp.float64(0.0):
                 error = wp.max(error, real(way * rise))
             if wp.static(has_body):
                 # Beside the undisturbed ray it stays within the greatest angle of it.
                 margin = (whole[1] - whole[0]) * wp.float64(wp.sqrt(bent) / ambient)
                 fit = fit and stays_clear(field, p0, d0, whole[0], whole[1], margin)
-            if not fit:
+            if not (fit and clear):
                 error = real(wp.inf)
         # In the tracer's sums: sigma, S, M and B, of which M - B is the deviation along the ray.
         exact = wp.vec4d((far - lag) / bounds.ambient, path, arc, arc - lag)
@@ -319,15 +300,24 @@ def build_even_kernel(precision: str, geometry: str, interpolation: str, stop: s
         if runs and final != ok:
             error = real(wp.inf)  # at a plane on the box's edge a bent ray may fare otherwise
         elif runs:
-            # How far place and direction are off counts where the stop is met at a slant.
+            # How far place and direction are off counts where the stop is met at a slant, and so does what the air
+            # outside the field's support does to them.
             flight = wp.length(position - end)
-            if wp.static(stop == "plane"):
-                normal = bounds.plane_normal
             beside = wp.vec3d(wp.float64(off_place[0]), wp.float64(off_place[1]), wp.float64(off_place[2]))
             aside = wp.vec3d(wp.float64(off_turn[0]), wp.float64(off_turn[1]), wp.float64(off_turn[2]))
+            if wp.static(stop == "plane"):
+                normal = bounds.plane_normal
+            else:
+                flight += more
             slant_off = wp.dot(normal, beside + flight * wp.float64(slow) * aside)
-            further = wp.abs(slant_off) / wp.max(wp.abs(wp.dot(normal, d0)), wp.float64(STEEPEST_COSINE))
-            error = wp.max(error, control.even_share * real(bounds.ambient * further))
+            cosine = wp.max(wp.abs(wp.dot(normal, d0)), wp.float64(STEEPEST_COSINE))
+            error = wp.max(error, control.even_share * real(bounds.ambient * wp.abs(slant_off) / cosine))
+            tangent = wp.sqrt(wp.max(wp.float64(1.0) - cosine * cosine, wp.float64(0.0))) / cosine
+            lever = (chord + flight) * (tangent + wp.float64(wp.sqrt(bent)))
+            outside = wp.max(chord - wp.float64(length), wp.float64(0.0))
+            left = real(outside * (wp.float64(control.left_potential) + lever * wp.float64(control.left_slope)))
+            if left > real(LEFT_SHARE) * control.budget:
+                error = wp.max(error, left)
         if missed > real(0.0):
             onward = real(wp.length(position - end) + course.far - course.enter)
             error += with_lever(field, missed, onward, real(wp.abs(wp.dot(normal, d0))))

@@ -18,6 +18,8 @@ _HASH_3 = wp.constant(wp.uint32(HASHES[2]))
 _HASH_4 = wp.constant(wp.uint32(HASHES[3]))
 _TOP_BIT = wp.constant(wp.uint32(0x80000000))
 _OK = wp.constant(int(RayStatus.OK))
+_LEFT_DISTURBED_AIR = wp.constant(int(RayStatus.LEFT_DISTURBED_AIR))
+_TOLERANCE_NOT_MET = wp.constant(int(RayStatus.TOLERANCE_NOT_MET))
 _GROUP = wp.constant(GROUP)
 _MOMENTS = wp.constant(MOMENT_COUNT)
 _SUMS = wp.constant(SUM_COUNT)
@@ -94,6 +96,12 @@ def launch_pupil(
 
 
 @wp.func
+def has_arrived(status: int):
+    """Whether a ray of this status reached the stop, see status.py."""
+    return status == _OK or status == _LEFT_DISTURBED_AIR or status == _TOLERANCE_NOT_MET
+
+
+@wp.func
 def weight_of(weight_count: int, weight_in: wp.array(dtype=wp.float64), ray: int):
     """What a ray counts: a number of its own, or one for all."""
     if weight_count == 1:
@@ -141,7 +149,7 @@ def sum_moments(
     looked = wp.float64(0.0)
     for ray in range(begin, stop):
         looked += wp.float64(evaluation_count_in[ray])
-        if status_in[ray] == _OK:
+        if has_arrived(status_in[ray]):
             p = pupil_in[ray]
             w = opd_in[ray]
             share = weight_of(weight_count, weight_in, ray)
@@ -188,7 +196,7 @@ def sum_phasors(
     begin, stop = group_span(group, per_replicate)
     total = wp.vec2d(wp.float64(0.0), wp.float64(0.0))
     for ray in range(begin, stop):
-        if status_in[ray] == _OK:
+        if has_arrived(status_in[ray]):
             p = pupil_in[ray]
             phase = wave_number * (opd_in[ray] - plane[0] - plane[1] * p[0] - plane[2] * p[1])
             total += weight_of(weight_count, weight_in, ray) * wp.vec2d(wp.cos(phase), wp.sin(phase))

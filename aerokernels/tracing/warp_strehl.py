@@ -9,7 +9,6 @@ import numpy as np
 import warp as wp
 
 from . import warp_pupil
-from .even import mend_rough
 from .pupil_sums import (
     MOMENT_COUNT,
     PUPIL_OUTPUTS,
@@ -20,11 +19,14 @@ from .pupil_sums import (
     fan_rays,
     fit_plane,
     group_count,
+    holds_tolerance,
     joined_counts,
     moments_in_metres,
     point_order,
     replicate_seeds,
 )
+from .retrace import retrace_rejected
+from .status import RayStatus
 from .warp_backend import allocate, launch, launch_trace, prepare
 from .warp_pupil import join_sums, launch_pupil, sum_moments, sum_phasors
 
@@ -66,7 +68,7 @@ class PupilRun:
         task, seconds, start = self.task, self.seconds, time.perf_counter()
         self.seconds = dict.fromkeys(seconds, 0.0)  # what was made ready is ready the next time
         sums = np.empty((task.replicates, SUM_COUNT))
-        kept = []
+        kept, rejected = [], 0
         for number, rows in enumerate(self.batches):
             replicates = rows.stop - rows.start
             count = replicates * task.per_replicate
@@ -77,8 +79,9 @@ class PupilRun:
             launch_trace(self.ready, rays.position, rays.direction, results, count, self.device)
             batch = SimpleNamespace(rows=rows, replicates=replicates, rays=rays, results=results)
             sums[rows] = self._sums(batch, np.zeros(3))
-            if self.ready.rough is not None and int(self.ready.rough.numpy()[0]):
-                self._mend(rays, results)
+            unfit = self.ready.rough is not None and int(self.ready.rough.numpy()[0])
+            if unfit or not holds_tolerance(sums[rows], task):
+                rejected += self._retrace(rays, results)
                 sums[rows] = self._sums(batch, np.zeros(3))
             if task.with_tilt:
                 kept.append(batch)
@@ -88,9 +91,8 @@ class PupilRun:
                 sums[batch.rows] = self._sums(batch, plane)
         moments = moments_in_metres(sums[:, :MOMENT_COUNT], task)
         phasors = sums[:, MOMENT_COUNT] + 1j * sums[:, MOMENT_COUNT + 1]
-        return PupilSums(
-            moments, phasors, {**seconds, "kernel": time.perf_counter() - start}, task.replicates * task.per_replicate
-        )
+        seconds = {**seconds, "kernel": time.perf_counter() - start}
+        return PupilSums(moments, phasors, seconds, task.replicates * task.per_replicate, rejected)
 
     def _launch(self, number: int, rows: slice, count: int) -> SimpleNamespace:
         """The rays of some replicates, on the device: start, direction, place on the pupil and weight."""
@@ -132,12 +134,13 @@ class PupilRun:
             sums = whole
         return sums.numpy().reshape(batch.replicates, SUM_COUNT)
 
-    def _mend(self, rays: SimpleNamespace, results: dict) -> None:
-        """Trace again the rays of a batch that even samples do not hold for."""
+    def _retrace(self, rays: SimpleNamespace, results: dict) -> int:
+        """Trace again the rays of a batch that are above the tolerance; returns how many are so still."""
         task = self.task
         names = ("opd", "step_error", "status", "evaluation_count")
         arrays = {name: np.array(results[name].numpy()) for name in names}
         position, direction = rays.position.numpy(), rays.direction.numpy()
-        mend_rough(task.field, position, direction, task.plan, task.until, task.wavelength, arrays)
+        retrace_rejected(task.field, position, direction, task.plan, task.until, task.wavelength, arrays)
         for name, array in arrays.items():
             results[name].assign(array)
+        return int(np.count_nonzero(arrays["status"] == RayStatus.TOLERANCE_NOT_MET))

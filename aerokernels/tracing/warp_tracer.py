@@ -27,8 +27,8 @@ how much they can matter further on. On a nearly straight ray the error of S is 
 that also uses the slopes along the ray. How far a step may look ahead says the table of quiet.py; the faces of cells
 are the ends of steps where the interpolant has kinks there.
 
-Stop. The step is shortened to where its parabola first meets a surface, by the root of the quadratic; the rest, of
-third order in the step, is flown along the tangent; the distance along d is then solved for in float64.
+Stop. The step is shortened to where its parabola first meets a surface (warp_landing.py); the rest, of third order in
+the step, is flown along the tangent; the distance along d is then solved for in float64.
 """
 
 import functools
@@ -39,7 +39,7 @@ from . import warp_grid, warp_mesh
 from .scheme import HAIR, LANDED_ARC, LEAST_STEP, SLANT_KEPT, TINY, WALL_BACK, WALL_CLOSE
 from .status import RayStatus
 from .tableau import BT, START_FROM_LATER, A, B, C, is_one_scalar
-from .warp_ends import build_end, build_slant, build_start
+from .warp_ends import build_end, build_lever, build_start
 from .warp_error import build_step_error
 from .warp_landing import build_arc_landing, build_landing
 from .warp_motion import advance, build_cells, build_contrast, build_mend, build_sums
@@ -63,20 +63,21 @@ def build_kernel(
     """Build the kernel for one kind of scene; Warp compiles it at its first launch and keeps it on disk."""
     t = types(precision)
     real, vec3, Field, Bounds, Control = t.real, t.vec3, t.Field, t.Bounds, t.Control
+    controlled = method in ("adaptive", "straight")
     source = warp_mesh if on_mesh else warp_grid
     kind = "mesh" if on_mesh else geometry
     sample = source.build_sample(precision, geometry, interpolation)
     paper_step = source.build_paper_step(precision, geometry)
     find_home = source.build_find_home(precision, geometry)
     start_of = build_start(precision, geometry, stop, has_body)
-    slant_of = build_slant(precision, geometry, stop)
+    lever_of = build_lever(precision, geometry, stop, controlled)
     end_of = build_end(precision, geometry, interpolation, stop)
     in_cells, carry_over = build_cells(precision, kind)
     cone_of = build_cone(geometry)
     reach_of = build_reach(precision, kind)
     before_face = build_before_face(precision, geometry, interpolation)
     look = build_look(precision, sample, method == "straight")
-    step_error, step_rounding = build_step_error(precision, geometry, interpolation)
+    step_error, step_rounding, stop_error = build_step_error(precision, geometry, interpolation, stop)
     verdict = build_verdict(precision)
     contrast = build_contrast(precision)
     mend = build_mend(precision)
@@ -89,7 +90,6 @@ def build_kernel(
     tiny = TINY[precision]
     straight = method == "straight"
     one_scalar = is_one_scalar(interpolation)
-    controlled = method in ("adaptive", "straight")
     kinked = interpolation in ("linear", "monotone") and controlled
     at_faces = interpolation == "linear" and controlled
 
@@ -100,6 +100,7 @@ def build_kernel(
     v1, v2, v3, v4 = (float(v) for v in BT)
     ok, hit_body = int(RayStatus.OK), int(RayStatus.HIT_BODY)
     too_many, not_finite = int(RayStatus.MAX_STEPS), int(RayStatus.NOT_FINITE)
+    rejected = int(RayStatus.TOLERANCE_NOT_MET)
 
     @wp.kernel(module="unique", enable_backward=False)
     def trace_kernel(
@@ -149,14 +150,10 @@ def build_kernel(
             force = vec3(s[1], s[2], s[3])
             momentum = contrast(ambient, pot) * d
             cone = cone_of(d0)
-            reach = wp.min(real(wp.min(course.far - course.enter, wp.float64(1.0e30))), control.extent)
-            slant = real(0.0)
-            if wp.static(controlled):
-                slant = slant_of(bounds, course, p0, d0)
+            lever = lever_of(bounds, control, course, p0, d0)
+            slant, arm, reach, caution = lever[0], lever[1], lever[2], lever[3]
             slant_left = slant
-            arm = reach  # how far on a direction's error grows
-            if wp.static(stop == "plane"):
-                arm += real(wp.max(course.stop_distance - course.far, wp.float64(0.0)))
+            first_momentum = wp.length(momentum)
             arc_left = real(bounds.length - course.enter)
             h_next = control.extent / ambient
             h_cap = h_next  # shorter after a step that would have ended well behind a surface
@@ -180,7 +177,7 @@ def build_kernel(
                         # The interpolant has kinks at the cells' faces: no step across one.
                         limit, shy = before_face(cell, frac, rate, total, force)
                     # Short of the face at which the first rough block may begin.
-                    safe = reach_of(control, cone, cell, frac, total) - real(10.0 * HAIR) * h_cell
+                    safe = caution * reach_of(control, cone, cell, frac, total) - real(10.0 * HAIR) * h_cell
                     h = wp.min(h, wp.max(limit, safe))
                 h = wp.min(h, h_cap)
                 shown = frac
@@ -328,9 +325,15 @@ def build_kernel(
                     running = bool(False)
                     status = int(not_finite)
 
+            if wp.static(controlled):
+                used = stop_error(used, bounds, d0, ambient, momentum, first_momentum, bent, slant, arm)
+
         position, direction, optical_path, opd, arc, final = end_of(
             bounds, control, p0, d0, course, status, landed, q, q_carry, momentum, sums, sums_carry, bent
         )
+        if wp.static(controlled):
+            if final == ok and not (used <= control.budget):
+                final = int(rejected)  # to be traced again, see retrace.py
         if wp.static("position" in outputs):
             position_out[ray] = position
         if wp.static("direction" in outputs):

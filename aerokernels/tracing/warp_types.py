@@ -81,6 +81,8 @@ def types(precision: str) -> SimpleNamespace:
         even_share: real  # even samples: the share of a difference that is taken for the error
         bend_share: real  # and that of int P^2 / w dt
         sample_count: wp.int32  # of a ray whose samples are even, a multiple of three
+        left_potential: real  # greatest potential outside the active part, and its slope [1/m]
+        left_slope: real
 
     class Course:  # of the undisturbed ray; distances along it [m]
         enter: wp.float64  # where the first step begins

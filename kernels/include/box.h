@@ -139,12 +139,14 @@ static inline double detour(const Bounds *bounds, int k, double3 p, double3 d, d
     }
     double further = -dot(normal, q) / cosine;
     if (GEOMETRY == AXISYMMETRIC && k == 2) {
-        // |c + (further d + q)|^2 = |c|^2 across the axis, c of length `radius`
-        for (int trial = 0; trial < 3; trial++) {
-            const double2 shift = further * d.xy + q.xy;
-            const double bulge = dot(shift, shift) / (2.0 * bounds->radius);
-            further = -(normal.x * q.x + normal.y * q.y + bulge) / cosine;
+        // |c + (further d + q)|^2 = |c|^2 across the axis, c of length `radius`: the root that q = 0 makes 0
+        const double2 at = p.xy + leave * d.xy;
+        const double a = dot(d.xy, d.xy), b = dot(at + q.xy, d.xy), c = dot(2.0 * at + q.xy, q.xy);
+        const double square = b * b - a * c;
+        if (b <= 0.0 || square < 0.0) {
+            return other;
         }
+        further = -c / (b + sqrt(square));
     }
     return further;
 }

@@ -84,10 +84,11 @@
 #define STEEPEST_COSINE 0.002
 #define GRAZING_REST 0.01
 
-// Even samples: greatest angle with the first direction [rad].
+// Even samples: greatest angle with the first direction [rad], least share of what is left out.
 #define EVEN_WEAK R(0.05)
 #define LOOKUP_STRIDE R(1.5)
 #define MISSED_SLOPE R(2.0)
+#define LEFT_SHARE R(0.5)
 
 // Angle with the first direction up to which a ray counts as nearly straight [rad].
 #define NEARLY_STRAIGHT R(0.01)
@@ -105,6 +106,7 @@
 
 // Where a ray ends.
 #define LANDED_ARC 100
+#define LANDED_FREE 101
 #define WALK_LIMIT 6
 
 // The body: chords, closeness and room in cells, and A of lines parallel to the axis (double).
@@ -126,10 +128,12 @@
 // By precision.
 #if REAL_IS_DOUBLE
 #define NOISE R(8.881784197001252e-16)
+#define DIRECTION_NOISE R(2.220446049250313e-16)
 #define TINY R(1e-290)
 #define SLACK_CELLS R(1e-10)
 #else
 #define NOISE R(4.76837158203125e-07)
+#define DIRECTION_NOISE R(1.1920928955078125e-07)
 #define TINY R(1e-30)
 #define SLACK_CELLS R(1e-09)
 #endif

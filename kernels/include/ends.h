@@ -110,6 +110,27 @@ static inline double3 place_of(
     return p + (course->enter + ambient * sigma) * d + (convert_double3(q) - convert_double3(q_carry));
 }
 
+// What a direction's error does on the way to the stop. Lengths in metres.
+typedef struct {
+    real slant;    // of the stop
+    real arm;      // how far on the error grows
+    real reach;    // the part of that in the box
+    real caution;  // a share of the safe steps of quiet.py, which know nothing of the way to a far stop
+} Lever;
+
+static inline Lever lever_of(
+    const Bounds *bounds, const Control *control, const Course *course, double3 p, double3 d)
+{
+    const double chord = course->far - course->enter;
+    Lever out;
+    out.reach = chord < 1.0e30 ? (real)chord : control->extent;  // along x a planar box has no end
+    out.slant = CONTROLLED ? (real)slant_of(bounds, course, p, d) : R(0.0);
+    const real beyond = STOP == PLANE ? (real)greater64(course->stop_distance - course->far, 0.0) : R(0.0);
+    out.arm = out.reach + beyond;
+    out.caution = pow(R(1.0) + R(0.25) * out.slant * beyond * greatest(VECTOR(control->cell_rate)), R(-0.25));
+    return out;
+}
+
 // A ray at its stop.
 typedef struct {
     double3 position;

@@ -55,7 +55,9 @@ static inline real step_error(
     off_q -= dot(off_q, d) * d;
     off_p -= dot(off_p, d) * d;
     const real weight = *turn + sharp * DIRECTION_SHARE;
-    const real tilt = sharp * slant;
+    // Far stops are met at the slant of the ray's own deflection too, and a direction's error is not believed to be as
+    // much overestimated as the path's: it is no sum along the ray.
+    const real tilt = greater(sharp, ROUGH) * (slant + *turn);
     *lever = weight * (reach + ambient * h) + slant * (arm + ambient * h);
     return off + size3(off_p) * (weight * reach + tilt * arm) + ambient * size3(off_q) * (weight + tilt);
 }
@@ -78,6 +80,28 @@ static inline real step_rounding(
     }
     const real steep = greater(size3(force), size * greatest(VECTOR(control->cell_rate)));
     return NOISE * h * (R(2.0) * size + steep * lever);
+}
+
+// The error of a ray at its stop: that of its steps, and the rounding of the direction in which it flies there, of its
+// greatest momentum and of what it had at first, along d. A plane may be met at a smaller angle than `slant` allows for.
+static inline real stop_error(
+    real used,
+    const Bounds *bounds,
+    double3 direction,
+    real ambient,
+    real3 momentum,
+    real first_momentum,
+    real bent,
+    real slant,
+    real arm)
+{
+    const real size = size3(momentum) + first_momentum + ambient * bent;
+    real error = used + DIRECTION_NOISE * size * (slant + bent) * arm;
+    if (STOP == PLANE) {
+        const double cosine = fabs(dot(VECTOR64(bounds->plane_normal), direction));
+        error *= (real)(STEEPEST_COSINE / fmin(fmax(cosine, 1.0e-9), STEEPEST_COSINE));
+    }
+    return error;
 }
 
 #endif

@@ -13,6 +13,10 @@
 
 #define WORST 10  // the moment that is no sum
 
+// Whether a ray of this status reached the stop, see aerokernels/tracing/status.py.
+#define HAS_ARRIVED(status) \
+    ((status) == RAY_OK || (status) == RAY_LEFT_DISTURBED_AIR || (status) == RAY_TOLERANCE_NOT_MET)
+
 // First ray of a group, and one past its last; they are the same where there is no such group.
 int2 group_span(int group, int group_count, int per_replicate)
 {

@@ -30,6 +30,7 @@ static inline Stride stride(
     real3 total,
     real3 force,
     real index,
+    real caution,
     real h_cell,
     real h_next,
     real h_cap)
@@ -57,7 +58,7 @@ static inline Stride stride(
         limit = to_face(frac, pace, pull, R(10.0) * out.shy) - out.shy / size3(pace);
     }
     // Short of the face at which the first rough block may begin.
-    out.safe = reach_of(control, arrays, cone, cell, frac, total) - R(10.0) * HAIR * h_cell;
+    out.safe = caution * reach_of(control, arrays, cone, cell, frac, total) - R(10.0) * HAIR * h_cell;
     out.h = lesser(out.h, greater(limit, out.safe));
 #endif
     out.h = lesser(out.h, h_cap);

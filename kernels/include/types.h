@@ -54,6 +54,8 @@ typedef struct {
     real even_share;          // even samples: the share of a difference that is taken for the error
     real bend_share;          // and that of int P^2 / w dt
     int sample_count;         // of a ray whose samples are even, a multiple of three
+    real left_potential;      // greatest potential outside the active part, and its slope [1/m]
+    real left_slope;
 } Control;
 
 typedef struct {

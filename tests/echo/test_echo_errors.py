@@ -71,9 +71,11 @@ def test_few_samples_a_pulse_are_in_the_errors(rate):
         echo(scene(**{"detector.sample_rate": at}), field=lump(0.0), phase_error=lambda: 0.0) for at in (rate, "10 GHz")
     )
     for method, one in slow.errors.ranges.items():
-        assert abs(slow.ranges[method] - fast.ranges[method]) <= one.systematic + 1e-7, method
+        assert (
+            abs(slow.ranges[method] - fast.ranges[method]) <= one.systematic + fast.errors.ranges[method].systematic
+        ), method
     assert abs(slow.peak_voltage - fast.peak_voltage) <= slow.quantities["peak_voltage"].error
-    assert fast.errors.ranges["centroid"].systematic < 1e-6 < slow.errors.ranges["centroid"].systematic
+    assert fast.quantities["peak_voltage"].error < 1e-4 < slow.quantities["peak_voltage"].error
 
 
 def test_noise_is_the_random_part():

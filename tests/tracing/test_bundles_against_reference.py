@@ -17,7 +17,6 @@ PRECISION = {"volume": "float32", "planar": "float64", "axisymmetric": "float32"
 BUNDLES = 20
 
 
-@pytest.mark.xfail(reason="waits for the repairs of leapfrog's ends, retracing and unseen features", strict=False)
 @pytest.mark.parametrize("engine", ENGINES)
 @pytest.mark.parametrize("geometry", list(PRECISION))
 def test_bundles(geometry, engine):

@@ -1,4 +1,4 @@
-"""What "auto" takes: a fixed step where the field is smooth and weak all over, error control elsewhere."""
+"""What "auto" takes for few rays: error control, whatever the field is like, and never a fixed step."""
 
 import numpy as np
 import pytest
@@ -31,29 +31,23 @@ END = Plane((0.0, 0.0, 191 * CELL), (0.0, 0.0, 1.0))
 
 
 @pytest.mark.parametrize("tolerance", [1e-1, 1e-2, 1e-3])
-def test_smooth_weak_fields_take_a_fixed_step(tolerance):
-    """It keeps the tolerance, and costs at most 1.4 times the evaluations of error control, each of them cheaper."""
+def test_smooth_weak_fields_take_error_control(tolerance):
+    """It keeps the tolerance; a fixed step chosen for the roughest place missed it 2 to 4 times on such fields."""
     field = turbulence()
     exact = trace(field, RAYS, until=END, method="adaptive", tolerance=1e-7, precision="float64")
     chosen = trace(field, RAYS, until=END, tolerance=tolerance, precision="float64")
-    assert chosen.plan.method == "fixed" and "smooth and weak" in chosen.plan.reasons[0]
+    assert chosen.plan.method == "adaptive" and "error control" in chosen.plan.reasons[0]
+    assert chosen.plan.step is None and (chosen.step_error <= tolerance * WAVE).all()
     assert np.abs(chosen.opd - exact.opd).max() < tolerance * WAVE
-    forced = trace(field, RAYS, until=END, tolerance=tolerance, precision="float64", method="adaptive")
-    assert chosen.evaluation_count.mean() <= 1.4 * forced.evaluation_count.mean()
 
 
 @pytest.mark.parametrize(
-    ("field", "word"),
-    [
-        (turbulence(strip=2), "rough in places"),
-        (turbulence(interpolation="linear"), "kinks"),
-        (turbulence(amplitude=0.3, size=12.0), "turn"),
-    ],
+    "field",
+    [turbulence(strip=2), turbulence(interpolation="linear"), turbulence(amplitude=0.3, size=12.0)],
     ids=["shock", "kinks", "strong"],
 )
-def test_the_others_take_error_control(field, word):
-    plan = trace(field, RAYS[np.arange(2)], until=END).plan
-    assert plan.method == "adaptive" and word in plan.reasons[0]
+def test_the_others_take_it_too(field):
+    assert trace(field, RAYS[np.arange(2)], until=END).plan.method == "adaptive"
 
 
 def test_a_body_takes_error_control():

@@ -5,7 +5,7 @@ import pytest
 
 from aerokernels.rays import RayBundle
 from aerokernels.tracing import trace
-from aerokernels.tracing.choice import choose_method
+from aerokernels.tracing.choice import predict_evaluations
 
 from .backends import WAVE
 from .fields import mesh_field, uniform_field
@@ -25,7 +25,7 @@ def test_evaluations_under_error_control(interpolation):
     """A prediction along the diagonal of the box, by averages: right within a factor of three."""
     field = mesh_field() if interpolation == "bilinear" else uniform_field("volume", interpolation)
     rays = through(400)
-    predicted = choose_method(field, 1e-3 * WAVE, rays.direction).evaluations
+    predicted = predict_evaluations(field, 1e-3 * WAVE, rays.direction)
     found = np.median(trace(field, rays, method="adaptive", outputs=("evaluation_count",), **HERE).evaluation_count)
     assert found / 3.0 < predicted < 3.0 * found
 

@@ -84,8 +84,8 @@ def test_float32_lands_on_surfaces_that_it_grazes(engine, geometry):
 
 
 @pytest.mark.parametrize("engine", ENGINES)
-def test_auto_takes_no_fixed_step_to_a_far_slanted_plane(engine):
-    """The step that is short enough for the paths in the field leaves directions too much in error."""
+def test_auto_holds_the_tolerance_on_a_far_slanted_plane(engine):
+    """A step short enough for the paths in the field would leave directions too much in error: error control holds."""
     noise = gaussian_filter(np.random.default_rng(8).standard_normal((96, 192)), 6.0, mode="wrap")
     contrast = 1e-5 * noise / np.abs(noise).max()
     field = IndexField.from_samples(contrast, origin=(-48 * CELL, 0.0), spacing=(CELL, CELL), geometry="planar")
@@ -96,6 +96,5 @@ def test_auto_takes_no_fixed_step_to_a_far_slanted_plane(engine):
         plane = Plane((0.0, 0.0, 3.0), normal)
         chosen[name] = trace(field, rays, until=plane, tolerance=1e-3, precision="float64", **on(engine))
         exact = trace(field, rays, until=plane, method="adaptive", tolerance=1e-6, precision="float64", **on(engine))
-        assert np.abs(chosen[name].opd - exact.opd).max() < 2e-3 * WAVE, name
-    assert chosen["across"].plan.method == "fixed"
-    assert chosen["slanted"].plan.method == "adaptive" and "slant" in chosen["slanted"].plan.reasons[0]
+        assert np.abs(chosen[name].opd - exact.opd).max() < 1e-3 * WAVE, name
+        assert chosen[name].plan.method == "adaptive"

@@ -1,0 +1,91 @@
+"""How far rays fly through a field and beyond it, and how much of an error in their direction ends up in their path.
+
+A stop that is met at an angle with its normal turns an error of a ray's direction into one of its optical path: the
+distance from the error to the stop, times the tangent of that angle. Air that is left out of a trace must be judged by
+that lever arm as well, not by its own optical path alone (active.py).
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..medium import IndexField
+from ..rays import RayBundle
+from .scheme import LEAST_COSINE
+from .stop import ArcLength, Plane
+
+
+@dataclass(frozen=True)
+class Levers:
+    """The greatest lengths over a bundle of undisturbed rays [m].
+
+    Attributes:
+        way: Way through the field's box, up to the stop if that lies in it.
+        reach: Distance from where a ray enters the box to its stop.
+        arm: That distance times the tangent of the angle between the ray and the stop's normal, of rays that do not
+            graze the stop (LEAST_COSINE).
+    """
+
+    way: float
+    reach: float
+    arm: float
+
+
+def levers_of(field: IndexField, rays: RayBundle, until) -> Levers | None:
+    """The lever arms of a bundle on its way to a stop; None where no ray meets the field's box before it.
+
+    Args:
+        field: The refractive index.
+        rays: The rays, undisturbed.
+        until: None (the end of the box), a Plane or an ArcLength.
+    """
+    enter, far, cosine = _through_box(field, rays)
+    stop = far
+    if isinstance(until, Plane):
+        cosine = rays.direction @ until.normal
+        height = (until.point - rays.position) @ until.normal
+        with np.errstate(divide="ignore", invalid="ignore"):
+            stop = np.where(height * cosine > 0.0, height / cosine, np.inf)
+    elif isinstance(until, ArcLength):
+        cosine, stop = np.ones(len(far)), np.full(len(far), until.length)
+    far = np.minimum(far, stop)
+    good = (far > enter) & np.isfinite(far)
+    if not good.any():
+        return None
+    reach = np.where(np.isfinite(stop), stop, far)[good] - enter[good]
+    steep = np.abs(cosine[good])
+    tangent = np.sqrt(np.maximum(1.0 - steep**2, 0.0)) / np.maximum(steep, LEAST_COSINE)
+    arm = np.where((steep > LEAST_COSINE) & np.isfinite(stop[good]), reach * tangent, 0.0)
+    return Levers(float((far - enter)[good].max()), float(reach.max()), float(arm.max()))
+
+
+def _through_box(field: IndexField, rays: RayBundle) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Where rays enter and leave the box [m along them], and the cosine with the normal of the face they leave by."""
+    low, high = (np.asarray(corner, dtype=float) for corner in field.box)
+    p, d = rays.position, rays.direction
+    flat = (2,) if field.geometry == "axisymmetric" else (0, 1, 2)
+    enter, far = np.zeros(len(p)), np.full(len(p), np.inf)
+    cosine = np.ones(len(p))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        for axis in flat:
+            if not np.isfinite(low[axis]):
+                continue
+            ends = np.sort([(low[axis] - p[:, axis]) / d[:, axis], (high[axis] - p[:, axis]) / d[:, axis]], axis=0)
+            runs = d[:, axis] != 0.0
+            within = (p[:, axis] >= low[axis]) & (p[:, axis] <= high[axis])
+            first = np.where(runs, ends[0], np.where(within, -np.inf, np.inf))
+            last = np.where(runs, ends[1], np.where(within, np.inf, -np.inf))
+            cosine = np.where(last < far, np.abs(d[:, axis]), cosine)
+            enter, far = np.maximum(enter, first), np.minimum(far, last)
+        if field.geometry == "axisymmetric":
+            radius = float(high[0])
+            a = (d[:, :2] ** 2).sum(axis=1)
+            middle = -(p[:, :2] * d[:, :2]).sum(axis=1) / a
+            rest = radius**2 - ((p[:, :2] + middle[:, None] * d[:, :2]) ** 2).sum(axis=1)
+            half = np.sqrt(np.maximum(rest, 0.0) / a)
+            within = (p[:, :2] ** 2).sum(axis=1) <= radius**2
+            first = np.where(a > 0.0, np.where(rest >= 0.0, middle - half, np.inf), np.where(within, -np.inf, np.inf))
+            last = np.where(a > 0.0, np.where(rest >= 0.0, middle + half, -np.inf), np.where(within, np.inf, -np.inf))
+            cosine = np.where(last < far, np.sqrt(np.maximum(rest, 0.0) * a) / radius, cosine)
+            enter, far = np.maximum(enter, first), np.minimum(far, last)
+    return enter, far, cosine

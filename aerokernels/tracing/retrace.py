@@ -1,0 +1,100 @@
+"""Rays whose own error estimate is above the tolerance: traced again in one place, and told of where that is no help.
+
+Every method estimates the error of each ray's optical path; but of "fixed" and "paper", whose steps are the caller's,
+a ray above the tolerance is traced again under error control: in the precision asked for, if it was not so already, and
+then in float64 with RETRACE_SHARE of the tolerance. What is above the tolerance even then has the status
+TOLERANCE_NOT_MET.
+"""
+
+import warnings
+from dataclasses import replace
+
+import numpy as np
+
+from ..medium import IndexField
+from ..rays import RayBundle
+from .held import held_error
+from .plan import TracePlan
+from .status import RayStatus, reached
+
+# The share of the tolerance that is asked for the last time: error control may end a little above what it is asked for.
+RETRACE_SHARE = 0.25
+
+
+class ToleranceWarning(RuntimeWarning):
+    """Rays whose own error estimate is above the tolerance asked for, though they were traced again."""
+
+
+def retrace_rejected(
+    field: IndexField, position, direction, plan: TracePlan, until, wavelength: float, arrays: dict
+) -> dict[str, float]:
+    """Trace the rays again whose "step_error" is above the tolerance; returns the seconds spent.
+
+    Args:
+        field: The refractive index.
+        position: Starts [m], shape (ray_count, 3).
+        direction: Unit vectors, shape (ray_count, 3).
+        plan: How the rays were traced; of a method that controls its error.
+        until: The stop.
+        wavelength: Vacuum wavelength [m].
+        arrays: Per-ray results by name, "step_error" and "status" among them, which are changed.
+    """
+    held = held_error(field, plan.tolerance * wavelength)
+    spent: dict[str, float] = {}
+    controlled = replace(plan, method="adaptive", columns=False, sample_count=0, sampling=None)
+    attempts = [replace(controlled, precision="float64", tolerance=RETRACE_SHARE * plan.tolerance)]
+    if plan.sample_count or plan.columns:
+        attempts.insert(0, controlled)
+    run = backend_of(plan.backend)
+    for attempt in attempts:
+        rows = np.flatnonzero(_rejected(arrays, held))
+        if not len(rows):
+            break
+        part = RayBundle(position[rows], direction[rows])
+        outputs = frozenset(arrays) - {"status"}
+        others, seconds = run(field, part, attempt, until, wavelength, outputs)
+        for name, array in arrays.items():
+            array[rows] = others[name]
+        spent = {name: spent.get(name, 0.0) + seconds.get(name, 0.0) for name in {**spent, **seconds}}
+    status, holds = arrays["status"], arrays["step_error"] <= plan.tolerance * wavelength
+    status[(status == RayStatus.OK) & ~holds] = RayStatus.TOLERANCE_NOT_MET
+    status[(status == RayStatus.TOLERANCE_NOT_MET) & holds] = RayStatus.OK
+    return spent
+
+
+def _rejected(arrays: dict, budget: float) -> np.ndarray:
+    """Rays that are to be traced again: above the budget [m], or not held by the method at all (infinite)."""
+    error = arrays["step_error"]
+    return ~(error <= budget) & (reached(arrays["status"]) | np.isinf(error))
+
+
+def backend_of(name: str):
+    """The function of a backend that traces a bundle as a plan says."""
+    if name == "reference":
+        from .reference import trace
+    elif name == "opencl":
+        from .opencl_backend import trace
+    else:
+        from .warp_backend import trace
+    return trace
+
+
+def told_of_rejected(plan: TracePlan, count: int, ray_count: int, greatest: float | None, wavelength: float):
+    """The plan with a sentence about rays that are above the tolerance still, after a warning; as it is without any.
+
+    Args:
+        plan: The plan.
+        count: How many rays have the status TOLERANCE_NOT_MET.
+        ray_count: Of how many.
+        greatest: Their greatest error estimate [m]; None where nobody kept it.
+        wavelength: Vacuum wavelength [m].
+    """
+    if not count:
+        return plan
+    size = "" if greatest is None else f", the greatest of them {greatest / wavelength:.2g} waves"
+    sentence = (
+        f"{count} of {ray_count} rays have error estimates above the tolerance of {plan.tolerance:g} waves{size}, "
+        "though they were traced again in float64: their status is TOLERANCE_NOT_MET"
+    )
+    warnings.warn(f"{sentence}; loosen the tolerance, or read step_error", ToleranceWarning, stacklevel=3)
+    return replace(plan, reasons=(*plan.reasons, sentence))
