@@ -49,6 +49,9 @@ SLOPE = 3.0
 # Components of a direction below which no neighbouring block is met within half a stride.
 LEAST_SLANT = 0.05
 
+# Lines that are looked at beside a body, and the outermost rays at the end of a bundle's spread (even.spread_of).
+BESIDE_BODY, OUTERMOST = 192, 12
+
 # Tables kept for a grid.
 KEPT = 8
 
@@ -92,7 +95,16 @@ class Lines:
 def lines_through(field: IndexField, rays: RayBundle, until, low: np.ndarray, high: np.ndarray) -> Lines:
     """The ways of those rays that meet the part of the field from `low` to `high` [m along its own axes] at all."""
     p, d = rays.position, rays.direction
+    if field.body is not None and len(p) > BESIDE_BODY:  # each costs a look at every segment of the body
+        rows = np.r_[np.linspace(0, len(p) - 1, BESIDE_BODY).astype(int), np.arange(len(p) - OUTERMOST, len(p))]
+        p, d = p[rows], d[rows]
     enter, leave, _ = _crossing(p, d, low, high, field.geometry)
+    if field.body is not None:
+        # A ray that begins inside the body is traced from where it leaves it.
+        wall = field.body.crossings(p, d)
+        inside = (np.count_nonzero(wall <= 0.0, axis=1) % 2).astype(bool)
+        first = np.where(wall > 0.0, wall, np.inf).min(axis=1, initial=np.inf)
+        enter = np.where(inside, np.maximum(enter, first), enter)
     with np.errstate(divide="ignore", invalid="ignore"):
         if isinstance(until, Plane):
             stop, cosine = ((until.point - p) @ until.normal) / (d @ until.normal), np.abs(d @ until.normal)
