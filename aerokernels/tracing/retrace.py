@@ -41,7 +41,9 @@ def retrace_rejected(
     """
     held = held_error(field, plan.tolerance * wavelength)
     spent: dict[str, float] = {}
-    controlled = replace(plan, method="adaptive", columns=False, sample_count=0, sampling=None)
+    # What was asked for along the undisturbed line stays so; leapfrog and tables stand for full rays.
+    asked = "straight" if plan.method == "straight" and not (plan.sample_count or plan.columns) else "adaptive"
+    controlled = replace(plan, method=asked, columns=False, sample_count=0, sampling=None)
     attempts = [replace(controlled, precision="float64", tolerance=RETRACE_SHARE * plan.tolerance)]
     if plan.sample_count or plan.columns:
         attempts.insert(0, controlled)

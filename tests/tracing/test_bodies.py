@@ -77,7 +77,7 @@ def assert_exact(body: Body, rays: RayBundle, result: TraceResult, contrast: flo
     """Statuses; OPD within 1e-3 wave; hits on the surface and on the ray within 1e-6 of the box."""
     truth = expected(body, rays)
     assert truth.sure.mean() > 0.99
-    assert np.array_equal(result.status[truth.sure], truth.status[truth.sure])
+    assert np.array_equal(result.traced_status[truth.sure], truth.status[truth.sure])
     through = truth.sure & (truth.status == RayStatus.OK)
     way = truth.end - truth.begin
     assert np.abs(result.opd - contrast * way)[through].max(initial=0.0) < 1e-3 * WAVE
@@ -135,7 +135,7 @@ def test_double_precision(engine):
     rays = spread(np.random.default_rng(7), 400, "planar", along_z=False)
     result = trace(constant(body, 20), rays, precision="float64", **on(engine))
     truth = expected(body, rays)
-    assert np.array_equal(result.status[truth.sure], truth.status[truth.sure])
+    assert np.array_equal(result.traced_status[truth.sure], truth.status[truth.sure])
     through = truth.sure & result.ok
     assert np.abs(result.opd - 2e-4 * (truth.end - truth.begin))[through].max() < 1e-9 * WAVE
     hit = truth.sure & (result.status == RayStatus.HIT_BODY)
@@ -240,4 +240,4 @@ def test_even_samples_see_an_edge_beside_the_undisturbed_ray(engine):
     assert (there - y).min() > 8.9e-6
     sure = np.abs(there - edge) > 2e-8
     expected_status = np.where(there > edge, RayStatus.HIT_BODY, RayStatus.OK)
-    assert np.array_equal(result.status[sure], expected_status[sure])
+    assert np.array_equal(result.traced_status[sure], expected_status[sure])

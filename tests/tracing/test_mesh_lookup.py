@@ -179,7 +179,7 @@ def test_the_walk_and_the_bins_find_the_same(scene, precision, engine):
     backend, field, rays = on(engine), make(), across(300, middle, half, start, 6)
     settings = {"until": Plane((0, 0, stop), (0, 0, 1)), "method": "fixed", "step": step, "precision": precision}
     walked, binned = (trace(one, rays, **settings, **backend) for one in (field, without_neighbours(field)))
-    assert np.array_equal(walked.status, binned.status) and walked.ok.mean() > 0.9
+    assert np.array_equal(walked.traced_status, binned.traced_status) and walked.ok.mean() > 0.9
     off = np.abs(walked.opd - binned.opd)
     assert (off == 0.0).mean() > 0.97
     assert (off < 1e-3 * WAVE).mean() > 0.99
