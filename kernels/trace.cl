@@ -61,6 +61,7 @@ __kernel void trace_kernel(
     real used = R(0.0);
     real bent = R(0.0);  // greatest angle with d so far
     int steps = 0, evaluations = 0, landed = -1;
+    real slant_first = R(0.0), harm = R(0.0);
 
     if (course.meets && status == RAY_OK) {
         int3 cell;
@@ -145,7 +146,8 @@ __kernel void trace_kernel(
             if (accept && land >= 0 && land != LANDED_ARC) {
                 const real close = R(0.05) * greater(ahead.h * size3(total * rate), R(0.01));
                 const real3 there = shown + (h * tangent + kick) * rate;
-                if (overshot(&control, land, course.side, cell, there, close)) {
+                const real3 swung = (tangent + h * FORCE(s4)) * rate;
+                if (h > h_least && overshot(&control, land, course.side, cell, there, swung, h, close)) {
                     accept = 0;
                     h_cap = R(0.5) * h;
                 }
@@ -219,7 +221,8 @@ __kernel void trace_kernel(
                     } else {
                         const real3 now = IS_STRAIGHT ? frac + q * rate : frac;
                         const real3 velocity = (ambient * d + momentum) * rate;
-                        back = touchdown(&control, land, course.side, cell, now, velocity, h, h_cell, &done);
+                        back = touchdown(
+                            &control, land, course.side, cell, now, velocity, force * rate, h, h_cell, &done);
                     }
                     if (done) {
                         running = 0;
@@ -246,11 +249,16 @@ __kernel void trace_kernel(
         }
         if (CONTROLLED) {
             used = stop_error(used, &bounds, d0, ambient, momentum, first_momentum, bent, slant, arm);
+            slant_first = slant;
+            harm = fabs(pot) / ambient + size3(force) * (slant + bent) * arm;
         }
     }
 
     const Arrival arrival = end_of(
         &bounds, &control, p0, d0, &course, status, landed, q, q_carry, momentum, sums, sums_carry, bent);
+    if (CONTROLLED && arrival.status == RAY_OK && landed >= 0) {
+        used = landing_error(used, ambient, landed, arrival.grazing, slant_first, harm);
+    }
     // Such a ray is traced again, if that may help (retrace.py).
     const int is_rejected = CONTROLLED && arrival.status == RAY_OK && !(used <= control.budget);
 #if WANT_POSITION

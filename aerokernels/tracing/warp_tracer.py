@@ -77,7 +77,7 @@ def build_kernel(
     reach_of = build_reach(precision, kind)
     before_face = build_before_face(precision, geometry, interpolation)
     look = build_look(precision, sample, method == "straight")
-    step_error, step_rounding, stop_error = build_step_error(precision, geometry, interpolation, stop)
+    step_error, step_rounding, stop_error, landing_error = build_step_error(precision, geometry, interpolation, stop)
     verdict = build_verdict(precision)
     contrast = build_contrast(precision)
     mend = build_mend(precision)
@@ -138,6 +138,8 @@ def build_kernel(
         steps = int(0)
         evaluations = int(0)
         landed = int(-1)
+        slant_first = real(0.0)
+        harm = real(0.0)
 
         if course.meets and status == ok:
             cell, frac = in_cells(bounds, p0 + course.enter * d0)
@@ -234,7 +236,8 @@ def build_kernel(
                 if accept and land >= 0 and land != landed_arc:
                     close = real(0.05) * wp.max(wanted * wp.length(wp.cw_mul(total, rate)), real(0.01))
                     there = shown + wp.cw_mul(h * (ambient * d + momentum) + kick, rate)
-                    if overshot(control, land, course.side, cell, there, close):
+                    swung = wp.cw_mul(ambient * d + momentum + h * force4, rate)
+                    if h > h_least and overshot(control, land, course.side, cell, there, swung, h, close):
                         accept = bool(False)
                         h_cap = real(0.5) * h
                 if crossed:
@@ -306,7 +309,9 @@ def build_kernel(
                             if wp.static(straight):
                                 shown = frac + wp.cw_mul(q, rate)
                             velocity = wp.cw_mul(ambient * d + momentum, rate)
-                            back, done = touchdown(control, land, course.side, cell, shown, velocity, h, h_cell)
+                            back, done = touchdown(
+                                control, land, course.side, cell, shown, velocity, wp.cw_mul(force, rate), h, h_cell
+                            )
                         if done:
                             running = bool(False)
                             landed = land
@@ -327,11 +332,15 @@ def build_kernel(
 
             if wp.static(controlled):
                 used = stop_error(used, bounds, d0, ambient, momentum, first_momentum, bent, slant, arm)
+                slant_first = slant
+                harm = wp.abs(pot) / ambient + wp.length(force) * (slant + bent) * arm
 
-        position, direction, optical_path, opd, arc, final = end_of(
+        position, direction, optical_path, opd, arc, final, grazing = end_of(
             bounds, control, p0, d0, course, status, landed, q, q_carry, momentum, sums, sums_carry, bent
         )
         if wp.static(controlled):
+            if final == ok and landed >= 0:
+                used = landing_error(used, ambient, landed, grazing, slant_first, harm)
             if final == ok and not (used <= control.budget):
                 final = int(rejected)  # to be traced again, see retrace.py
         if wp.static("position" in outputs):
