@@ -59,7 +59,11 @@ def constants() -> str:
         *_group(
             "Cosine of the least angle with a surface that is believed, and cells to go on at smaller ones (double)"
         ),
-        *_defines({name: getattr(scheme, name) for name in ("LEAST_COSINE", "STEEPEST_COSINE", "GRAZING_REST")}),
+        *_defines(
+            {name: getattr(scheme, name) for name in ("LEAST_COSINE", "STEEPEST_COSINE", "GRAZING_REST", "LEAST_SLOPE")}
+        ),
+        *_group("Landing: the share of a step that may be left to a surface"),
+        *_reals({"LANDING_SHARE": scheme.LANDING_SHARE}),
         *_group("Even samples: greatest angle with the first direction [rad], least share of what is left out"),
         *_reals({name: getattr(scheme, name) for name in ("EVEN_WEAK", "LOOKUP_STRIDE", "MISSED_SLOPE", "LEFT_SHARE")}),
         *_group("Angle with the first direction up to which a ray counts as nearly straight [rad]"),
@@ -106,9 +110,8 @@ def _holds(path: Path, text: str) -> bool:
 
 
 def _by_precision(precision: str) -> list[str]:
-    return _reals(
-        {name: getattr(scheme, name)[precision] for name in ("NOISE", "DIRECTION_NOISE", "TINY", "SLACK_CELLS")}
-    )
+    names = ("NOISE", "DIRECTION_NOISE", "TINY", "LANDING_NOISE", "SLACK_CELLS")
+    return _reals({name: getattr(scheme, name)[precision] for name in names})
 
 
 def _row(what: str, letter: str, values: Sequence[float] | np.ndarray, first: int = 1) -> list[str]:

@@ -57,6 +57,12 @@ LEFT_SHARE = 0.5
 LEAST_COSINE, STEEPEST_COSINE = 0.05, 0.002
 # A ray that lands at a smaller angle is moved on to the surface by no more than this, in cells: what rounding leaves.
 GRAZING_REST = 1e-2
+# A ray that flies on to a plane comes nearer to it by more than this a metre: what rounding leaves of a parallel one.
+LEAST_SLOPE = 1e-15
+# Landing: what is left to a surface is flown by the last step's parabola if it is below this share of that step, or
+# below rounding of the ray's place, in cells (of the plane and the cylinder: times their distance from the origin).
+LANDING_SHARE = 0.02
+LANDING_NOISE = {"float32": 1e-5, "float64": 1e-13}
 # The number of the "surface" at which a stop at a length of arc ends a ray; those of space are numbered from 0.
 LANDED_ARC = 100
 # The same for a ray that flies on from where it left the field's support.

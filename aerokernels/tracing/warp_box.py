@@ -146,10 +146,11 @@ def build_meeting(precision: str, geometry: str):
 
 @functools.cache
 def build_grazing_rest(precision: str, geometry: str):
-    """A function (bounds, control, k, point, direction, heading) -> what a ray on surface k lacks of it [m].
+    """A function (bounds, control, k, point, direction, heading) -> what a ray on surface k lacks of it.
 
-    That is measured along its tangent `heading`. 0 where it is more than rounding of the ray's place leaves, or where
-    the surface was met along the direction already: see `build_meeting`.
+    Three numbers: that length along its tangent `heading` [m], 0 where it is more than rounding of the ray's place
+    leaves, or where the surface was met along the direction already (see `build_meeting`); the length that is left
+    for that reason; the cosine of the angle with the normal.
     """
     t = types(precision)
     Bounds, Control = t.Bounds, t.Control
@@ -163,9 +164,12 @@ def build_grazing_rest(precision: str, geometry: str):
         most = wp.float64(GRAZING_REST) / wp.float64(wp.max(control.cell_rate))
         grazes = wp.abs(wp.dot(normal, d)) <= wp.float64(LEAST_COSINE) and wp.abs(miss[0]) < most * wp.abs(cosine)
         rest = wp.float64(0.0)
+        lack = wp.float64(0.0)
         if grazes:
             rest = -miss[0] / cosine
-        return rest
+        elif wp.abs(wp.dot(normal, d)) <= wp.float64(LEAST_COSINE):
+            lack = wp.abs(miss[0]) / wp.max(wp.abs(cosine), wp.float64(1.0e-200))
+        return wp.vec3d(rest, lack, wp.abs(cosine))
 
     return grazing_rest
 

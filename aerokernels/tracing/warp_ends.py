@@ -4,7 +4,7 @@ import functools
 
 import warp as wp
 
-from .scheme import LANDED_ARC, LEAST_COSINE, STEEPEST_COSINE
+from .scheme import LANDED_ARC, LEAST_COSINE, LEAST_SLOPE, STEEPEST_COSINE
 from .status import RayStatus
 from .tableau import NEARLY_STRAIGHT, is_one_scalar
 from .warp_box import (
@@ -170,11 +170,12 @@ def build_lever(precision: str, geometry: str, stop: str, controlled: bool):
 
 @functools.cache
 def build_end(precision: str, geometry: str, interpolation: str, stop: str):
-    """A function -> (position, direction, optical path, OPD, arc length, status) at the stop, in float64.
+    """A function -> (position, direction, optical path, OPD, arc length, status, grazing) at the stop, in float64.
 
     It puts the sums of the steps back onto the straight ray and flies on to a stop outside the box. Its arguments:
     bounds, control, start, direction, course and status as `build_start` has them, the surface landed on or -1,
     deviation, its carry, momentum, the sums (sigma, S, M, B), their carry, and the greatest angle with the direction.
+    The last answer is the length that a ray which grazes its last surface lacks of it, and its cosine there.
     """
     t = types(precision)
     real, vec3, vec4, Bounds, Control, Course = t.real, t.vec3, t.vec4, t.Bounds, t.Control, t.Course
@@ -218,11 +219,13 @@ def build_end(precision: str, geometry: str, interpolation: str, stop: str):
         turn = deflection(ambient, d, p64)
         heading = d + turn
         along = course.enter + ambient * sigma  # distance along the straight ray
+        grazing = wp.vec2d(none, wp.float64(1.0))
         if landed >= 0 and landed < wp.static(LANDED_ARC):
             along = meeting(bounds, landed, p + q64, d, along)
             rest = grazing_rest(bounds, control, landed, p + along * d + q64, d, heading)
-            along += rest
-            q64 += rest * turn
+            along += rest[0]
+            q64 += rest[0] * turn
+            grazing = wp.vec2d(rest[1], rest[2])
         stop_distance = course.stop_distance
         if not course.meets:
             along = none
@@ -239,7 +242,8 @@ def build_end(precision: str, geometry: str, interpolation: str, stop: str):
                     slope = wp.dot(bounds.plane_normal, heading)
                     # A plane on a face of the box: rounding may put the ray a hair behind it.
                     hair = wp.float64(1.0e-3) / wp.float64(wp.max(control.cell_rate))
-                    if height * slope < none or (course.meets and wp.abs(height) < hair * wp.abs(slope)):
+                    toward = height * slope < none and wp.abs(slope) > wp.float64(LEAST_SLOPE)
+                    if toward or (course.meets and wp.abs(height) < hair * wp.abs(slope)):
                         flight = -height / slope
                     elif height != none:
                         status = int(not_reached)
@@ -267,6 +271,6 @@ def build_end(precision: str, geometry: str, interpolation: str, stop: str):
         direction = heading / wp.length(heading)
         optical_path = wp.max(ambient * along + work, none)
         arc = wp.max(along + stretch, none)  # a ray that leaves where it starts may end a rounding before it
-        return position, direction, optical_path, opd, arc, status
+        return position, direction, optical_path, opd, arc, status, grazing
 
     return end_of

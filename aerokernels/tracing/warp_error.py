@@ -6,13 +6,14 @@ import warp as wp
 
 from .scheme import BLUNTED, DIRECTION_NOISE, DIRECTION_SHARE, NOISE, ROUGH, SMOOTH, STEEPEST_COSINE, TINY
 from .tableau import B_ERROR, BT_ERROR, NEARLY_STRAIGHT, PATH_ERROR_SLOPE, PATH_ERROR_VALUE, C, is_one_scalar
+from .warp_box import FACE_COUNT
 from .warp_motion import build_contrast
 from .warp_types import types
 
 
 @functools.cache
 def build_step_error(precision: str, geometry: str, interpolation: str, stop: str):
-    """Functions of a step: its error, the greatest turn so far, a direction's lever; its rounding; a ray's error."""
+    """Functions: a step's error, the greatest turn, a direction's lever; its rounding; a ray's error; its landing."""
     t = types(precision)
     real, vec3, vec4, Bounds, Control = t.real, t.vec3, t.vec4, t.Bounds, t.Control
     contrast = build_contrast(precision)
@@ -21,6 +22,7 @@ def build_step_error(precision: str, geometry: str, interpolation: str, stop: st
     sharpened = interpolation in ("cubic", "linear")
     noise = NOISE[precision]
     direction_noise = DIRECTION_NOISE[precision]
+    plane = wp.constant(FACE_COUNT[geometry])
     c2, c3 = (float(v) for v in C[1:3])
     e1, e2, e3, e4 = (float(v) for v in B_ERROR)
     f1, f2, f3, f4 = (float(v) for v in BT_ERROR)
@@ -128,4 +130,19 @@ def build_step_error(precision: str, geometry: str, interpolation: str, stop: st
             error *= real(steepest / wp.clamp(cosine, wp.float64(1.0e-9), steepest))
         return error
 
-    return step_error, step_rounding, stop_error
+    @wp.func
+    def landing_error(used: real, ambient: real, landed: int, grazing: wp.vec2d, slant: real, harm: real):
+        """The error of a ray that ended on surface `landed`, with what it lacks of it and at which cosine.
+
+        A ray may end at a smaller angle, or on another surface, than the undisturbed one, for which `slant` is. Where
+        it flies on from the surface, it costs `harm` per metre to be beside it.
+        """
+        lack = real(wp.min(grazing[0], wp.float64(1.0e30)))
+        if wp.static(stop == "none"):
+            cosine = real(wp.max(grazing[1], wp.float64(1.0e-15)))
+            return wp.max(used * wp.max(real(1.0) / (cosine * (real(1.0) + slant)), real(1.0)), ambient * lack)
+        if landed == plane:
+            return wp.max(used, ambient * lack)
+        return used + harm * lack
+
+    return step_error, step_rounding, stop_error, landing_error

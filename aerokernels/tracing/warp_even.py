@@ -294,7 +294,7 @@ def build_even_kernel(precision: str, geometry: str, interpolation: str, stop: s
             real(wp.float64(rounded[2]) - exact[2]),
             real(wp.float64(rounded[3]) - exact[3]),
         )
-        position, direction, optical_path, opd, arc_length, final = end_of(
+        position, direction, optical_path, opd, arc_length, final, _grazing = end_of(
             bounds, control, p0, d0, course, status, landed, q, none, turned, rounded, rest, real(0.0)
         )
         if runs and final != ok:

@@ -1,14 +1,15 @@
 """Device functions: ending a ray on the surfaces of its box, on a plane, or at a length of arc.
 
 The step is shortened to where its parabola first meets a surface, by the root of the quadratic; what is left, of third
-order in the step, is flown along the tangent.
+order in the step, is flown along the parabola at its end. A ray that grazes a surface is far from where it meets
+it even if it is close to it: what is left must be short beside the step, or as close as rounding has it.
 """
 
 import functools
 
 import warp as wp
 
-from .scheme import LANDED_ARC, SLACK_CELLS
+from .scheme import LANDED_ARC, LANDING_NOISE, LANDING_SHARE, SLACK_CELLS
 from .warp_box import FACE_COUNT, build_surface
 from .warp_types import types
 
@@ -22,6 +23,7 @@ def build_landing(precision: str, geometry: str, stop: str):
     face_count = wp.constant(FACE_COUNT[geometry])
     surface_count = wp.constant(FACE_COUNT[geometry] + (1 if stop == "plane" else 0))
     slack_cells = SLACK_CELLS[precision]
+    landing_noise = LANDING_NOISE[precision]
     none = 1e30
 
     @wp.func
@@ -88,25 +90,51 @@ def build_landing(precision: str, geometry: str, stop: str):
         return best, which
 
     @wp.func
-    def overshot(control: Control, k: int, side: real, cell: wp.vec3i, frac: vec3, close: real):
-        """Whether a point is further behind surface k than `close` cells."""
+    def rounding_of(control: Control, k: int):
+        """What rounding leaves of a place's distance from surface k, in its unit."""
+        room = real(landing_noise) * surface_unit(control, k)
+        if k == face_count:
+            room += real(landing_noise) * wp.abs(control.plane_offset)
+        if wp.static(geometry == "axisymmetric"):
+            if k == 2:
+                room *= real(1.0) + control.radius
+        return wp.min(room, real(1.0e-5) * surface_unit(control, k))
+
+    @wp.func
+    def overshot(
+        control: Control, k: int, side: real, cell: wp.vec3i, frac: vec3, velocity: vec3, h: real, close: real
+    ):
+        """Whether the end of a step h is further behind surface k than `close` cells, or than a share of the step."""
         ahead = oriented(control, k, side, cell, frac)
-        return ahead[0] > close * surface_unit(control, k)
+        speed = wp.max(wp.dot(vec3(ahead[1], ahead[2], ahead[3]), velocity), real(0.0))
+        far = ahead[0] > real(2.5 * LANDING_SHARE) * speed * h and ahead[0] > rounding_of(control, k)
+        return far or ahead[0] > close * surface_unit(control, k)
 
     @wp.func
     def touchdown(
-        control: Control, k: int, side: real, cell: wp.vec3i, frac: vec3, velocity: vec3, h: real, h_cell: real
+        control: Control,
+        k: int,
+        side: real,
+        cell: wp.vec3i,
+        frac: vec3,
+        velocity: vec3,
+        pull: vec3,
+        h: real,
+        h_cell: real,
     ):
-        """After a step to surface k: (sigma still to go along the tangent, negative to go back; whether that ends it).
+        """After a step to surface k: (sigma still to go along its parabola, negative to go back; whether that is all).
 
-        The velocity is in cells. What is neither behind the surface nor close to it has to land once more.
+        The velocity and its derivative are in cells. What is neither behind the surface nor close to it has to land
+        once more.
         """
         now = oriented(control, k, side, cell, frac)
         speed = wp.dot(vec3(now[1], now[2], now[3]), velocity)
-        # Behind it, or close enough to fly the rest along the tangent.
+        # Behind it, or close enough to fly the rest along the parabola.
         unit = surface_unit(control, k)
-        if speed > real(0.0) and now[0] >= real(-0.02) * speed * h - real(1.0e-5) * unit:
-            return -now[0] / speed, bool(True)
+        if speed > real(0.0) and now[0] >= real(-LANDING_SHARE) * speed * h - rounding_of(control, k):
+            curve = wp.dot(vec3(now[1], now[2], now[3]), pull)
+            root = wp.sqrt(wp.max(speed * speed - real(2.0) * curve * now[0], real(0.0)))
+            return real(-2.0) * now[0] / (speed + root), bool(True)
         # Outside, and coming back or not moving.
         return real(0.0), bool(h <= real(1.0e-9) * h_cell or now[0] > real(1.0e-3) * unit)
 

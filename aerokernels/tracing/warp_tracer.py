@@ -44,7 +44,7 @@ from .warp_error import build_step_error
 from .warp_landing import build_arc_landing, build_landing
 from .warp_motion import advance, build_cells, build_contrast, build_mend, build_sums
 from .warp_reach import build_cone, build_reach
-from .warp_step import build_before_face, build_look, build_verdict
+from .warp_step import build_before_face, build_look, build_two_faces, build_verdict
 from .warp_types import types
 from .warp_wall import build_behind_wall, build_place
 
@@ -76,8 +76,9 @@ def build_kernel(
     cone_of = build_cone(geometry)
     reach_of = build_reach(precision, kind)
     before_face = build_before_face(precision, geometry, interpolation)
+    two_faces = build_two_faces(precision, geometry)
     look = build_look(precision, sample, method == "straight")
-    step_error, step_rounding, stop_error = build_step_error(precision, geometry, interpolation, stop)
+    step_error, step_rounding, stop_error, landing_error = build_step_error(precision, geometry, interpolation, stop)
     verdict = build_verdict(precision)
     contrast = build_contrast(precision)
     mend = build_mend(precision)
@@ -138,6 +139,8 @@ def build_kernel(
         steps = int(0)
         evaluations = int(0)
         landed = int(-1)
+        slant_first = real(0.0)
+        harm = real(0.0)
 
         if course.meets and status == ok:
             cell, frac = in_cells(bounds, p0 + course.enter * d0)
@@ -157,6 +160,7 @@ def build_kernel(
             arc_left = real(bounds.length - course.enter)
             h_next = control.extent / ambient
             h_cap = h_next  # shorter after a step that would have ended well behind a surface
+            early = real(0.0)  # how far before a face the ray was turned by the slope behind it
             running = bool(True)
             while running:
                 total = ambient * d + momentum
@@ -202,6 +206,7 @@ def build_kernel(
                 force4 = vec3(s4[1], s4[2], s4[3])
                 evaluations += 3
                 crossed = bool(False)
+                kink = real(0.0)  # what a step that is too short to be taken anew may be turned too much or too little
                 if wp.static(at_faces):
                     if h > safe:
                         # The slope at the start, a jump, by the parabola through the others, which lie in one cell:
@@ -209,6 +214,8 @@ def build_kernel(
                         first = real(w2) * force2 + real(w3) * force3 + real(w4) * force4
                         odd = real(0.01) * wp.length(force) + real(1.0e-4) * wp.abs(pot) * wp.max(control.cell_rate)
                         crossed = bool(wp.length(first - force) > odd and h > real(4.0) * h_least)
+                        if wp.length(first - force) > odd:
+                            kink = h * wp.length(first - force)
                         force = first
                         kick = hh * (real(b1) * force + real(b2) * force2 + real(b3) * force3)
 
@@ -234,7 +241,8 @@ def build_kernel(
                 if accept and land >= 0 and land != landed_arc:
                     close = real(0.05) * wp.max(wanted * wp.length(wp.cw_mul(total, rate)), real(0.01))
                     there = shown + wp.cw_mul(h * (ambient * d + momentum) + kick, rate)
-                    if overshot(control, land, course.side, cell, there, close):
+                    swung = wp.cw_mul(ambient * d + momentum + h * force4, rate)
+                    if h > h_least and overshot(control, land, course.side, cell, there, swung, h, close):
                         accept = bool(False)
                         h_cap = real(0.5) * h
                 if crossed:
@@ -255,7 +263,7 @@ def build_kernel(
                 if accept:
                     h_cap = control.extent / ambient
                     steps += 1
-                    used += off
+                    used += off + kink * (turn_now * reach + (slant_left + turn_now) * arm)
                     bent = turn_now
                     # Where the ray has turned, the slant is another one, and the turn counts instead.
                     slant_left = slant * wp.max(real(1.0) - bent / real(SLANT_KEPT), real(0.0))
@@ -279,7 +287,17 @@ def build_kernel(
                         # The slope jumps at the face just reached: the next step is to have the one behind it.
                         over = real(3.0) * shy / wp.length(wp.cw_mul(total, rate))
                         beyond = sample(field, cell, frac + over * wp.cw_mul(total, rate), home)
-                        force = vec3(beyond[1], beyond[2], beyond[3])
+                        # Up to that face the ray is still turned by the slope before it.
+                        gap, next_gap = two_faces(cell, frac, wp.cw_mul(total, rate), wp.cw_mul(force, rate), over)
+                        leap = force - vec3(beyond[1], beyond[2], beyond[3])
+                        early -= h
+                        if gap < over and early <= real(0.0):
+                            momentum += gap * leap
+                            early = gap
+                            if next_gap < real(4.0) * over:  # near an edge of the cell: another face is passed unseen
+                                loose = turn_now * reach + (slant_left + turn_now) * arm
+                                used += real(4.0) * over * wp.length(leap) * loose
+                        force -= leap
                         pot = beyond[0] - over * wp.dot(force, total)
                         if wp.static(straight):
                             pot += wp.dot(force, q)
@@ -306,7 +324,9 @@ def build_kernel(
                             if wp.static(straight):
                                 shown = frac + wp.cw_mul(q, rate)
                             velocity = wp.cw_mul(ambient * d + momentum, rate)
-                            back, done = touchdown(control, land, course.side, cell, shown, velocity, h, h_cell)
+                            back, done = touchdown(
+                                control, land, course.side, cell, shown, velocity, wp.cw_mul(force, rate), h, h_cell
+                            )
                         if done:
                             running = bool(False)
                             landed = land
@@ -327,11 +347,15 @@ def build_kernel(
 
             if wp.static(controlled):
                 used = stop_error(used, bounds, d0, ambient, momentum, first_momentum, bent, slant, arm)
+                slant_first = slant
+                harm = wp.abs(pot) / ambient + wp.length(force) * (slant + bent) * arm
 
-        position, direction, optical_path, opd, arc, final = end_of(
+        position, direction, optical_path, opd, arc, final, grazing = end_of(
             bounds, control, p0, d0, course, status, landed, q, q_carry, momentum, sums, sums_carry, bent
         )
         if wp.static(controlled):
+            if final == ok and landed >= 0:
+                used = landing_error(used, ambient, landed, grazing, slant_first, harm)
             if final == ok and not (used <= control.budget):
                 final = int(rejected)  # to be traced again, see retrace.py
         if wp.static("position" in outputs):

@@ -83,6 +83,10 @@
 #define LEAST_COSINE 0.05
 #define STEEPEST_COSINE 0.002
 #define GRAZING_REST 0.01
+#define LEAST_SLOPE 1e-15
+
+// Landing: the share of a step that may be left to a surface.
+#define LANDING_SHARE R(0.02)
 
 // Even samples: greatest angle with the first direction [rad], least share of what is left out.
 #define EVEN_WEAK R(0.05)
@@ -130,11 +134,13 @@
 #define NOISE R(8.881784197001252e-16)
 #define DIRECTION_NOISE R(2.220446049250313e-16)
 #define TINY R(1e-290)
+#define LANDING_NOISE R(1e-13)
 #define SLACK_CELLS R(1e-10)
 #else
 #define NOISE R(4.76837158203125e-07)
 #define DIRECTION_NOISE R(1.1920928955078125e-07)
 #define TINY R(1e-30)
+#define LANDING_NOISE R(1e-05)
 #define SLACK_CELLS R(1e-09)
 #endif
 

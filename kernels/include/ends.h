@@ -139,6 +139,7 @@ typedef struct {
     double opd;
     double arc_length;
     double flight;  // beyond the box [m]
+    double2 grazing;  // the length [m] that a ray which grazes its last surface lacks of it, and its cosine there
     int status;
 } Arrival;
 
@@ -172,9 +173,10 @@ static inline Arrival end_of(
     const double3 turn = deflection(ambient, d, convert_double3(momentum));
     const double3 heading = d + turn;
     double along = course->enter + ambient * sigma;  // distance along the straight ray
+    double2 grazing = (double2)(0.0, 1.0);
     if (landed >= 0 && landed < LANDED_ARC) {
         along = meeting(bounds, landed, p + q64, d, along);
-        const double rest = grazing_rest(bounds, control, landed, p + along * d + q64, d, heading);
+        const double rest = grazing_rest(bounds, control, landed, p + along * d + q64, d, heading, &grazing);
         along += rest;
         q64 += rest * turn;
     }
@@ -195,7 +197,8 @@ static inline Arrival end_of(
             const double slope = dot(VECTOR64(bounds->plane_normal), heading);
             // A plane on a face of the box: rounding may put the ray a hair behind it.
             const double hair = 1.0e-3 / (double)greatest(VECTOR(control->cell_rate));
-            if (height * slope < 0.0 || (course->meets && fabs(height) < hair * fabs(slope))) {
+            const int toward = height * slope < 0.0 && fabs(slope) > LEAST_SLOPE;
+            if (toward || (course->meets && fabs(height) < hair * fabs(slope))) {
                 flight = -height / slope;
             } else if (height != 0.0) {
                 status = RAY_STOP_NOT_REACHED;
@@ -231,6 +234,7 @@ static inline Arrival end_of(
     out.opd = opd;
     out.arc_length = greater64(along + stretch, 0.0);  // one that leaves where it starts may end a rounding before it
     out.flight = flight;
+    out.grazing = grazing;
     out.status = status;
     return out;
 }

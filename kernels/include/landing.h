@@ -1,6 +1,7 @@
 // Ending a ray on the surfaces of its box, on a plane, or at a length of arc: the step is shortened to where its parabola
 // first meets a surface, by the root of the quadratic; what is left, of third order in the step, is flown along the
-// tangent.
+// parabola at its end. A ray that grazes a surface is far from where it meets it even if it is close to it: what is left
+// must be short beside the step, or as close as rounding has it.
 #ifndef LANDING_H
 #define LANDING_H
 
@@ -77,24 +78,43 @@ static inline real landing(
     return best;
 }
 
-// Whether a point is further behind surface k than `close` cells.
-static inline int overshot(const Control *control, int k, real side, int3 cell, real3 frac, real close)
+// What rounding leaves of a place's distance from surface k, in its unit.
+static inline real rounding_of(const Control *control, int k)
 {
-    return oriented(control, k, side, cell, frac).x > close * surface_unit(control, k);
+    real room = LANDING_NOISE * surface_unit(control, k);
+    if (k == FACE_COUNT) {
+        room += LANDING_NOISE * fabs(control->plane_offset);
+    }
+    if (GEOMETRY == AXISYMMETRIC && k == 2) {
+        room *= R(1.0) + control->radius;
+    }
+    return lesser(room, R(1.0e-5) * surface_unit(control, k));
 }
 
-// After a step to surface k: sigma still to go along the tangent, negative to go back, and whether that ends the ray. The
-// velocity is in cells. What is neither behind the surface nor close to it has to land once more.
+// Whether the end of a step h is further behind surface k than `close` cells, or than a share of the step.
+static inline int overshot(
+    const Control *control, int k, real side, int3 cell, real3 frac, real3 velocity, real h, real close)
+{
+    const real4 ahead = oriented(control, k, side, cell, frac);
+    const real speed = greater(dot(ahead.yzw, velocity), R(0.0));
+    const int far = ahead.x > R(2.5) * LANDING_SHARE * speed * h && ahead.x > rounding_of(control, k);
+    return far || ahead.x > close * surface_unit(control, k);
+}
+
+// After a step to surface k: sigma still to go along the parabola, negative to go back, and whether that ends the ray. The
+// velocity and its derivative are in cells. What is neither behind the surface nor close to it has to land once more.
 static inline real touchdown(
-    const Control *control, int k, real side, int3 cell, real3 frac, real3 velocity, real h, real h_cell, int *done)
+    const Control *control, int k, real side, int3 cell, real3 frac, real3 velocity, real3 pull, real h, real h_cell,
+    int *done)
 {
     const real4 now = oriented(control, k, side, cell, frac);
     const real speed = dot(now.yzw, velocity);
     const real unit = surface_unit(control, k);
-    // Behind it, or close enough to fly the rest along the tangent.
-    if (speed > R(0.0) && now.x >= R(-0.02) * speed * h - R(1.0e-5) * unit) {
+    // Behind it, or close enough to fly the rest along the parabola.
+    if (speed > R(0.0) && now.x >= -LANDING_SHARE * speed * h - rounding_of(control, k)) {
         *done = 1;
-        return -now.x / speed;
+        const real root = sqrt(greater(speed * speed - R(2.0) * dot(now.yzw, pull) * now.x, R(0.0)));
+        return R(-2.0) * now.x / (speed + root);
     }
     // Outside, and coming back or not moving.
     *done = h <= R(1.0e-9) * h_cell || now.x > R(1.0e-3) * unit;

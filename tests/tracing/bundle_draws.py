@@ -292,9 +292,12 @@ def check(case: Case, engine: dict[str, str], sample: int = 300) -> tuple[list[F
 def _decided(case: Case, rays, opd, settings) -> np.ndarray:
     """Whether the answers stand when the starts move by 1e-9 cells: rays in a face of the box may leave it or not."""
     rng = np.random.default_rng(case.seed)
-    moved = rays.position + 1e-9 * np.min(case.field.spacing) * rng.uniform(-1.0, 1.0, rays.position.shape)
-    other = trace(case.field, RayBundle(moved, rays.direction), backend="reference", **settings)
-    return reached(other.status) & (np.abs(other.opd - opd) < 0.1 * case.settings["tolerance"] * WAVE)
+    move = 1e-9 * np.min(case.field.spacing) * rng.uniform(-1.0, 1.0, rays.position.shape)
+    decided = np.ones(rays.ray_count, dtype=bool)
+    for moved in (rays.position + move, rays.position - move):
+        other = trace(case.field, RayBundle(moved, rays.direction), backend="reference", **settings)
+        decided &= reached(other.status) & (np.abs(other.opd - opd) < 0.1 * case.settings["tolerance"] * WAVE)
+    return decided
 
 
 def _hopeless(case: Case, rays) -> np.ndarray:
@@ -334,10 +337,11 @@ def _statuses(case: Case, rows, rays, told, right, settings) -> list[Finding]:
     if not len(wrong):
         return []
     rng, few = np.random.default_rng(case.seed), rays[wrong]
+    aside, turn = rng.uniform(-1.0, 1.0, (2, *few.position.shape))
     decided = np.ones(len(wrong), dtype=bool)
-    for size in (1e-9, 1e-5, 1e-5):
-        moved = few.position + size * np.min(case.field.spacing) * rng.uniform(-1.0, 1.0, few.position.shape)
-        turned = few.direction + 1e-3 * size * rng.uniform(-1.0, 1.0, few.position.shape)
+    for size, swing in ((1e-9, 0.0), (-1e-9, 0.0), (1e-5, 1e-8), (-1e-5, -1e-8)):
+        moved = few.position + size * np.min(case.field.spacing) * aside
+        turned = few.direction + swing * turn
         other = trace(case.field, RayBundle(moved, turned), backend="reference", **settings).status
         decided &= other == right[wrong]
     return [

@@ -67,7 +67,7 @@ def test_rays_of_every_direction_end_where_they_should(engine, geometry):
     """
     field = blob(geometry, at=(8e-3, -12e-3), contrast=-5e-5)
     for inside in (True, False):
-        rays = every_way(geometry, inside, 3)
+        rays = every_way(geometry, inside, 4)
         exact = truth(field, rays, None)
         found = trace(field, rays, **on(engine), precision="float64")
         assert found.plan.sample_count > 0
