@@ -110,9 +110,7 @@ def _interpolation(field: IndexField, rays: RayBundle, plan: TracePlan, retrace:
 
 def _against_source(field: IndexField, rays: RayBundle, plan: TracePlan, retrace: Retrace, truth) -> dict:
     """The change against the field that was resampled, first of all, and what that field's own samples leave."""
-    source: IndexField | None = field
-    while source is not None and source.resampling is not None:
-        source = getattr(source.resampling, "source", None)
+    source = field.source
     if source is None:
         return {"interpolation": np.zeros(0), "resampling": np.zeros(0)}
     changes, left = [], []
