@@ -21,7 +21,8 @@ from .medium import IndexField
 from .quantities import Quantity, Verdict, judge_strehl, listed
 from .rays import Disc, RayBundle, as_unit_vector
 from .strehl_errors import estimate_quantities, main_cause, phase_error, strehl_error
-from .tracing.budget import CAUSES, SAFETY, SUBSET, combine, float64_rounding, opd_errors
+from .tracing.budget import CAUSES, SAFETY, combine, faintly_lost, float64_rounding, opd_errors
+from .tracing.budget_rays import SUBSET
 from .tracing.lines import box_size
 from .tracing.meeting import greatest_contrast
 from .tracing.plan import TracePlan
@@ -357,7 +358,8 @@ def _budget(field, probe, found: StrehlEstimate, until, wavelength, air: PupilAi
     errors = opd_errors(field, probe, found.plan, retracer(until, wavelength))
     spread = {cause: SAFETY * float(np.std(error)) if len(error) else float("nan") for cause, error in errors.items()}
     spread["precision"] += float64_rounding(field, probe)
-    spread["truncation"] = SAFETY * air.lost_rms
+    faint = float(np.sqrt(np.mean(faintly_lost(field, probe, None) ** 2)))
+    spread["truncation"] = SAFETY * max(air.lost_rms, faint)
     of_path = combine(spread)
     causes = {cause: of_strehl(of_path[cause]) for cause in CAUSES}
     return combine({**causes, "sampling": 2.0 * found.standard_error})

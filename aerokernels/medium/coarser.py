@@ -17,6 +17,8 @@ from .mesh import QuadMesh
 from .refined import refined
 
 ORDER = {"cubic": 4.0, "linear": 2.0, "monotone": 2.0, "bilinear": 2.0, "bilinear-barron": 2.0, "idw": 1.0}
+# Values that change most have an order of their own: a feature about one cell wide shows none where all else is smooth.
+SHARP_SHARE, LEAST_SHARP = 1.0 / 8.0, 4
 # Of noise: the error of a sum over the nodes of a line goes with the square root of their spacing.
 LOWEST_ORDER = 0.5
 # Another interpolant of the same kind, for fields of too few nodes to leave any out.
@@ -46,11 +48,19 @@ class Ladder:
         change = fine - coarse
         if coarser is None:
             return self.share * change
-        before = float(np.sqrt(np.mean((coarse - coarser) ** 2)))
-        after = float(np.sqrt(np.mean(change**2)))
+        before, after = np.abs(coarse - coarser), np.abs(change)
+        factor = np.full(np.shape(change), self._left(before, after))
+        if len(after) >= LEAST_SHARP / SHARP_SHARE:
+            sharp = after >= np.quantile(after, 1.0 - SHARP_SHARE)
+            factor[sharp] = max(factor[0], self._left(before[sharp], after[sharp]))
+        return np.asarray(change * factor)
+
+    def _left(self, before: np.ndarray, after: np.ndarray) -> float:
+        """What is left over the change `after`, by the order that is seen in the rms of two changes."""
+        first, second = (float(np.sqrt(np.mean(values**2))) for values in (before, after))
         highest = ORDER[self.fine.interpolation]
-        order = highest if after == 0.0 else float(np.clip(np.log2(max(before / after, 1.0)), LOWEST_ORDER, highest))
-        return np.asarray(change / (2.0**order - 1.0))
+        order = highest if second == 0.0 else float(np.clip(np.log2(max(first / second, 1.0)), LOWEST_ORDER, highest))
+        return 1.0 / (2.0**order - 1.0)
 
 
 def ladder(field) -> Ladder | None:

@@ -158,6 +158,14 @@ class IndexField:
         return isinstance(self.samples, UniformGrid)
 
     @property
+    def source(self) -> "IndexField | None":
+        """The field that this one was resampled from, first of all; itself if it was not, None if that was not kept."""
+        if self.resampling is None:
+            return self
+        before = getattr(self.resampling, "source", None)
+        return None if before is None else before.source
+
+    @property
     def interpolation(self) -> str:
         """Name of the interpolant."""
         return self.samples.interpolation

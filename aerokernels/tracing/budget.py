@@ -14,7 +14,8 @@ little off counts as it does there. Where a cause cannot be measured (no ray arr
 not kept) it is nan, and so is the total. A field that was resampled has as its "interpolation" that of the field it
 came from.
 
-The reference backend stands in for no others: its own step error is that of SciPy at 1e-11.
+The steps of the reference backend are better than those that would stand for the truth: what it says of them itself,
+the sum of what its embedded formulae see, is their error where it chooses them.
 """
 
 from collections.abc import Callable
@@ -24,12 +25,13 @@ import numpy as np
 
 from ..medium import IndexField
 from ..rays import RayBundle
+from .budget_rays import subset
+from .known_air import may_be_lost
 from .lines import SIDE, box_span
 from .plan import TracePlan, step_allowance
 from .status import reached
 from .stop import Plane
 
-SUBSET = 192
 SAFETY = 3.0
 # The tolerance that stands for the truth, as a share of the one asked for, and the greatest one that is taken for asked
 # for [waves]. Where the gradient jumps at every cell a far smaller one is out of reach.
@@ -39,8 +41,10 @@ TIGHTEST_ASKED = 1e-3
 CAUSES = ("step", "interpolation", "resampling", "precision", "sampling", "truncation")
 # Rays out through the curved side of a field's box that are each traced to a plane of their own.
 SIDE_RAYS = 16
-# (field, rays, plan, until, wavelength) -> OPD [m] and status, each of shape (ray_count,)
-Run = Callable[[IndexField, RayBundle, TracePlan, object, float], tuple[np.ndarray, np.ndarray]]
+# (field, rays, plan, until, wavelength) -> OPD [m], status and the trace's own estimate of its error [m], each of shape
+# (ray_count,)
+Traced = tuple[np.ndarray, np.ndarray, np.ndarray]
+Run = Callable[[IndexField, RayBundle, TracePlan, object, float], Traced]
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,16 +55,9 @@ class Retrace:
     until: object
     wavelength: float
 
-    def __call__(self, field: IndexField, rays: RayBundle, plan: TracePlan) -> tuple[np.ndarray, np.ndarray]:
-        """OPD [m] and status, each of shape (ray_count,)."""
+    def __call__(self, field: IndexField, rays: RayBundle, plan: TracePlan) -> Traced:
+        """OPD [m], status and own error [m], each of shape (ray_count,)."""
         return self.run(field, rays, plan, self.until, self.wavelength)
-
-
-def subset(rays: RayBundle, good: np.ndarray) -> RayBundle:
-    """Up to SUBSET of the rays that arrived, evenly spread over the bundle's order."""
-    rows = np.flatnonzero(good)
-    rows = rows[np.linspace(0, len(rows) - 1, min(SUBSET, len(rows))).round().astype(int)] if len(rows) else rows
-    return RayBundle(rays.position[rows], rays.direction[rows])
 
 
 def opd_errors(field: IndexField, rays: RayBundle, plan: TracePlan, retrace: Retrace) -> dict[str, np.ndarray]:
@@ -70,10 +67,12 @@ def opd_errors(field: IndexField, rays: RayBundle, plan: TracePlan, retrace: Ret
     """
     tight = _tight(field, plan)
     truth = retrace(field, rays, tight)
+    run = retrace(field, rays, plan)
     if plan.backend == "reference":
-        found = {"step": np.zeros(1), "precision": np.zeros(1)}
+        found = {"step": run[2][reached(run[1])], "precision": np.zeros(1)}
+        if plan.method != "adaptive":  # the steps, or the line, are not the method's own choice
+            found["step"] = np.maximum(_greatest(found["step"]), np.abs(_change(run, truth)))
     else:
-        run = retrace(field, rays, plan)
         exact = run if plan.precision == "float64" else retrace(field, rays, replace(plan, precision="float64"))
         found = {"step": _change(exact, truth), "precision": _change(run, exact)}
     if field.resampling is None:
@@ -103,23 +102,21 @@ def _interpolation(field: IndexField, rays: RayBundle, plan: TracePlan, retrace:
         return np.zeros(0)
     traces = [truth if rungs.fine is field else retrace(rungs.fine, rays, _tight(rungs.fine, plan))]
     traces += [retrace(rung, rays, _tight(rung, plan)) for rung in (rungs.coarse, rungs.coarser) if rung is not None]
-    good = np.logical_and.reduce([reached(status) for _, status in traces])
-    opd = [path[good] for path, _ in traces]
+    good = np.logical_and.reduce([reached(status) for _, status, _ in traces])
+    opd = [path[good] for path, _, _ in traces]
     return np.asarray(rungs.remainder(opd[0], opd[1], opd[2] if len(opd) > 2 else None) if good.any() else opd[0])
 
 
 def _against_source(field: IndexField, rays: RayBundle, plan: TracePlan, retrace: Retrace, truth) -> dict:
     """The change against the field that was resampled, first of all, and what that field's own samples leave."""
-    source: IndexField | None = field
-    while source is not None and source.resampling is not None:
-        source = getattr(source.resampling, "source", None)
+    source = field.source
     if source is None:
         return {"interpolation": np.zeros(0), "resampling": np.zeros(0)}
     changes, left = [], []
     for rows, until in _common_stops(field, rays, retrace.until):
         again = retrace if until is retrace.until else replace(retrace, until=until)
         some = rays[rows]
-        here = (truth[0][rows], truth[1][rows]) if again is retrace else again(field, some, _tight(field, plan))
+        here = tuple(array[rows] for array in truth) if again is retrace else again(field, some, _tight(field, plan))
         there = again(source, some, _tight(source, plan))
         changes.append(_change(here, there))
         left.append(_interpolation(source, some, plan, again, there))
@@ -170,14 +167,19 @@ def error_budget(
 
     `good` says which arrived, `lost` what each may have lost where the known air ends [m], both of shape (ray_count,).
     """
-    chosen = subset(rays, good) if good.any() else None
+    chosen = subset(field, rays, good) if good.any() else None
     if chosen is None:
         return dict.fromkeys((*CAUSES, "total"), float("nan"))
     found = opd_errors(field, chosen, plan, retrace)
     causes = {cause: SAFETY * _greatest(array) for cause, array in found.items()}
     causes["precision"] += float64_rounding(field, chosen)
-    causes["truncation"] = SAFETY * _greatest(lost[good])
+    causes["truncation"] = SAFETY * max(_greatest(lost[good]), _greatest(faintly_lost(field, chosen, retrace.until)))
     return combine(causes)
+
+
+def faintly_lost(field: IndexField, rays: RayBundle, until) -> np.ndarray:
+    """What each ray of a few may lose where the known air ends [m], however little it is, shape (ray_count,)."""
+    return may_be_lost(field, rays, until, float64_rounding(field, rays))[0]
 
 
 def combine(causes: dict[str, float]) -> dict[str, float]:

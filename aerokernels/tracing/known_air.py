@@ -17,6 +17,9 @@ straight back to the box, where they are known.
 
 A box whose faces are all undisturbed costs nothing: no ray is looked at. Neither is a wall an end of known air, nor the
 axis, nor the missing ends of a planar field in x.
+
+Whether the air at a face is disturbed is for the field to say that was resampled, if one was: what a grid that is too
+coarse makes of undisturbed air beside a shock layer is an error of resampling, and charged as such.
 """
 
 import weakref
@@ -244,16 +247,20 @@ def _tail_shape(field, point, inward, chord, cell=None, contrast=None) -> tuple[
     """
     if len(point) == 0:
         return np.zeros(0), np.zeros(0)
+    source = field.source
+    if source is not None and source is not field:
+        smaller = min(float(np.max(field.spacing)), float(np.max(source.spacing)))
+        return _tail_shape(source, point, inward, chord, np.full(len(point), smaller))
     step = WINDOW_CELLS * (float(np.max(field.spacing)) if cell is None else cell[:, None])
     depth = np.minimum(step * DEPTHS, chord[:, None])
+    places = point[:, None] + depth[..., None] * inward[:, None]
     if field.is_uniform:
-        places = point[:, None] + depth[..., None] * inward[:, None]
         found = np.abs(_contrast(field, places.reshape(-1, 3))).reshape(depth.shape)
-    else:  # a point on the rim may lie a rounding outside of it
-        found = np.empty_like(depth)
-        found[:, 0] = rim_contrast(field, point) if contrast is None else contrast
-        places = point[:, None] + depth[:, 1:, None] * inward[:, None]
-        found[:, 1:] = np.abs(field.contrast_at(places.reshape(-1, 3))).reshape(depth[:, 1:].shape)
+    else:
+        found = np.abs(field.contrast_at(places.reshape(-1, 3))).reshape(depth.shape)
+        # A point on the rim may lie a rounding outside of it.
+        on_rim = rim_contrast(field, point) if contrast is None else contrast
+        found[:, 0] = np.where(found[:, 0] > 0.0, found[:, 0], on_rim)
     if field.body is not None:
         found[field.body.contains(field.local_coordinates(point))] = 0.0
     middle = len(DEPTHS) // 2

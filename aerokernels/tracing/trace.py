@@ -185,7 +185,7 @@ def retracer(until, wavelength: float) -> Retrace:
 
 def _retrace(field: IndexField, rays: RayBundle, plan: TracePlan, until, wavelength: float):
     arrays, _ = run_plan(field, rays, plan, until, wavelength, BUDGET_OUTPUTS)
-    return arrays["opd"], arrays["status"]
+    return arrays["opd"], arrays["status"], arrays["step_error"]
 
 
 def check_outputs(outputs) -> frozenset:

@@ -71,9 +71,7 @@ def test_explain_predicts_how_much_the_flow_may_take():
     told = dict(explanation(Scene.load("wind-tunnel-static", SMALL)))
     share = float(re.search(r"leaves ([\d.]+) of the peak", told["predicted, range"])[1])
     assert share == pytest.approx(1.0 / 1.9948, abs=2e-3)  # the threshold of 1 V over the peak
-    coarse = dict(
-        explanation(Scene.load("wind-tunnel-mach3", {**SMALL, "grid.spacing": "5 mm", "trace.allow_truncation": True}))
-    )
+    coarse = dict(explanation(Scene.load("wind-tunnel-mach3", {**SMALL, "grid.spacing": "5 mm"})))
     assert "answers nothing" in coarse["warning"] and "smaller spacing" in coarse["warning"]
 
 
@@ -145,9 +143,7 @@ def test_every_estimate_of_the_summary_has_its_error(tmp_path: Path):
 
 def test_a_coarse_grid_is_worth_nothing_and_the_page_says_so_at_its_top(tmp_path: Path):
     """Set-up: 5 mm between the nodes of a shock layer of 2 mm. Expected: the verdict first, the numbers below."""
-    result = simulate(
-        Scene.load("wind-tunnel-mach3", {**SMALL, "grid.spacing": "5 mm", "trace.allow_truncation": True})
-    )
+    result = simulate(Scene.load("wind-tunnel-mach3", {**SMALL, "grid.spacing": "5 mm"}))
     summary, page = written(result, tmp_path / "out")
     assert summary["verdict"] == "worthless" and len(summary["warnings"]) == 1
     assert page.index("class='alarm'") < page.index("class='cards'")
