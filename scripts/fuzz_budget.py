@@ -21,6 +21,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from aerokernels import Body, Disc, IndexField, Plane, RayBundle, RayStatus, estimate_strehl, trace
+from aerokernels.tracing.pupil_job import _beyond
 
 WAVELENGTH = 905e-9
 RAYS = 5000
@@ -192,7 +193,8 @@ def draw(seed: int) -> Scene:
     slant = rng.choice([0.0, 0.0, 0.3, 1.0])
     normal = np.array([0.0, np.sin(slant), np.cos(slant)])
     stop = Plane((0.0, 0.0, 0.5 * length * margin * rng.uniform(1.0, 1.5) + half * np.tan(slant)), normal)
-    far = Plane(centre + (1.5 * long + 2.0 * half) * look, look)
+    # The wavefront of a pupil is that on the plane of the estimate, just beyond the box: farther on it is another one.
+    far = Plane(_beyond(field, Disc(radius, centre, look), look), look)
     described = f"{geometry} {field.interpolation} {nodes} nodes{' cut' * cut}{' body' * (body is not None)} {kind}"
     return Scene(seed, air, field, rays, Disc(radius, centre, look), look, stop, far, sphere, described)
 
