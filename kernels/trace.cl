@@ -83,7 +83,6 @@ __kernel void trace_kernel(
         const real arc_left = (real)(bounds.length - course.enter);
         real h_next = control.extent / ambient;
         real h_cap = h_next;  // shorter after a step that would have ended well behind a surface
-        real early = R(0.0);  // how far before a face the ray was turned by the slope behind it
         int running = 1;
         while (running) {
             const real3 tangent = ambient * d + momentum;
@@ -111,14 +110,12 @@ __kernel void trace_kernel(
                 &field, &arrays, home, cell, frac, rate, h, total, momentum, q, kick_of(h, force, s2, s3));
             evaluations += 3;
             int crossed = 0;
-            real kink = R(0.0);  // what a step that is too short to be taken anew may be turned too much or too little
             if (AT_FACES && h > ahead.safe) {
                 // The slope at the start, a jump, by the parabola through the others, which lie in one cell: if that is
                 // not what was found behind the face, the step went on into the next cell.
                 const real3 first = first_force(s2, s3, s4);
                 const real odd = R(0.01) * size3(force) + R(1.0e-4) * fabs(pot) * greatest(cell_rate);
                 crossed = size3(first - force) > odd && h > R(4.0) * h_least;
-                kink = size3(first - force) > odd ? h * size3(first - force) : R(0.0);
                 force = first;
             }
             const real3 kick = kick_of(h, force, s2, s3);
@@ -175,7 +172,7 @@ __kernel void trace_kernel(
             if (accept) {
                 h_cap = control.extent / ambient;
                 steps++;
-                used += off + kink * (turn_now * reach + (slant_left + turn_now) * arm);
+                used += off;
                 bent = turn_now;
                 // Where the ray has turned, the slant is another one, and the turn counts instead.
                 slant_left = slant * greater(R(1.0) - bent / SLANT_KEPT, R(0.0));
@@ -194,17 +191,6 @@ __kernel void trace_kernel(
                     // The slope jumps at the face just reached: the next step is to have the one behind it.
                     const real over = R(3.0) * ahead.shy / size3(total * rate);
                     const real4 beyond = sample(&field, &arrays, cell, frac + over * (total * rate), home);
-                    // Up to that face the ray is still turned by the slope before it.
-                    const real2 gaps = two_faces(frac, total * rate, force * rate, over);
-                    const real3 leap = force - FORCE(beyond);
-                    early -= h;
-                    if (gaps.x < over && early <= R(0.0)) {
-                        momentum += gaps.x * leap;
-                        early = gaps.x;
-                        if (gaps.y < R(4.0) * over) {  // near an edge of the cell: another face is passed unseen
-                            used += R(4.0) * over * size3(leap) * (turn_now * reach + (slant_left + turn_now) * arm);
-                        }
-                    }
                     force = FORCE(beyond);
                     pot = beyond.x - over * dot(force, total);
                     if (IS_STRAIGHT) {

@@ -31,25 +31,6 @@ def build_before_face(precision: str, geometry: str, interpolation: str):
     return before_face
 
 
-@functools.cache
-def build_two_faces(precision: str, geometry: str):
-    """A function (cell, frac, velocity, its derivative, over) -> steps to the next face and to the one after it.
-
-    The second is looked for from a hundredth of `over` behind the first.
-    """
-    t = types(precision)
-    real, vec3 = t.real, t.vec3
-    to_face = build_to_face(precision, geometry)
-
-    @wp.func
-    def two_faces(cell: wp.vec3i, frac: vec3, velocity: vec3, pull: vec3, over: real):
-        first = to_face(cell, frac, velocity, pull, real(0.0))
-        start = wp.min(first, over) + real(0.01) * over
-        return first, first + to_face(cell, frac + start * velocity, velocity, pull, real(0.0))
-
-    return two_faces
-
-
 def build_look(precision: str, sample, straight: bool):
     """A function that looks the field up at a stage of a step."""
     t = types(precision)

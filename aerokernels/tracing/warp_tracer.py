@@ -44,7 +44,7 @@ from .warp_error import build_step_error
 from .warp_landing import build_arc_landing, build_landing
 from .warp_motion import advance, build_cells, build_contrast, build_mend, build_sums
 from .warp_reach import build_cone, build_reach
-from .warp_step import build_before_face, build_look, build_two_faces, build_verdict
+from .warp_step import build_before_face, build_look, build_verdict
 from .warp_types import types
 from .warp_wall import build_behind_wall, build_place
 
@@ -76,7 +76,6 @@ def build_kernel(
     cone_of = build_cone(geometry)
     reach_of = build_reach(precision, kind)
     before_face = build_before_face(precision, geometry, interpolation)
-    two_faces = build_two_faces(precision, geometry)
     look = build_look(precision, sample, method == "straight")
     step_error, step_rounding, stop_error, landing_error = build_step_error(precision, geometry, interpolation, stop)
     verdict = build_verdict(precision)
@@ -160,7 +159,6 @@ def build_kernel(
             arc_left = real(bounds.length - course.enter)
             h_next = control.extent / ambient
             h_cap = h_next  # shorter after a step that would have ended well behind a surface
-            early = real(0.0)  # how far before a face the ray was turned by the slope behind it
             running = bool(True)
             while running:
                 total = ambient * d + momentum
@@ -206,7 +204,6 @@ def build_kernel(
                 force4 = vec3(s4[1], s4[2], s4[3])
                 evaluations += 3
                 crossed = bool(False)
-                kink = real(0.0)  # what a step that is too short to be taken anew may be turned too much or too little
                 if wp.static(at_faces):
                     if h > safe:
                         # The slope at the start, a jump, by the parabola through the others, which lie in one cell:
@@ -214,8 +211,6 @@ def build_kernel(
                         first = real(w2) * force2 + real(w3) * force3 + real(w4) * force4
                         odd = real(0.01) * wp.length(force) + real(1.0e-4) * wp.abs(pot) * wp.max(control.cell_rate)
                         crossed = bool(wp.length(first - force) > odd and h > real(4.0) * h_least)
-                        if wp.length(first - force) > odd:
-                            kink = h * wp.length(first - force)
                         force = first
                         kick = hh * (real(b1) * force + real(b2) * force2 + real(b3) * force3)
 
@@ -263,7 +258,7 @@ def build_kernel(
                 if accept:
                     h_cap = control.extent / ambient
                     steps += 1
-                    used += off + kink * (turn_now * reach + (slant_left + turn_now) * arm)
+                    used += off
                     bent = turn_now
                     # Where the ray has turned, the slant is another one, and the turn counts instead.
                     slant_left = slant * wp.max(real(1.0) - bent / real(SLANT_KEPT), real(0.0))
@@ -287,17 +282,7 @@ def build_kernel(
                         # The slope jumps at the face just reached: the next step is to have the one behind it.
                         over = real(3.0) * shy / wp.length(wp.cw_mul(total, rate))
                         beyond = sample(field, cell, frac + over * wp.cw_mul(total, rate), home)
-                        # Up to that face the ray is still turned by the slope before it.
-                        gap, next_gap = two_faces(cell, frac, wp.cw_mul(total, rate), wp.cw_mul(force, rate), over)
-                        leap = force - vec3(beyond[1], beyond[2], beyond[3])
-                        early -= h
-                        if gap < over and early <= real(0.0):
-                            momentum += gap * leap
-                            early = gap
-                            if next_gap < real(4.0) * over:  # near an edge of the cell: another face is passed unseen
-                                loose = turn_now * reach + (slant_left + turn_now) * arm
-                                used += real(4.0) * over * wp.length(leap) * loose
-                        force -= leap
+                        force = vec3(beyond[1], beyond[2], beyond[3])
                         pot = beyond[0] - over * wp.dot(force, total)
                         if wp.static(straight):
                             pot += wp.dot(force, q)

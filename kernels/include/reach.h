@@ -132,12 +132,4 @@ static inline real to_face(real3 frac, real3 velocity, real3 pull, real hair)
     return step;
 }
 
-// Steps to the next face and to the one after it, which is looked for from a hundredth of `over` behind the first.
-static inline real2 two_faces(real3 frac, real3 velocity, real3 pull, real over)
-{
-    const real first = to_face(frac, velocity, pull, R(0.0));
-    const real start = lesser(first, over) + R(0.01) * over;
-    return (real2)(first, first + to_face(frac + start * velocity, velocity, pull, R(0.0)));
-}
-
 #endif

@@ -339,9 +339,9 @@ def _statuses(case: Case, rows, rays, told, right, settings) -> list[Finding]:
     rng, few = np.random.default_rng(case.seed), rays[wrong]
     aside, turn = rng.uniform(-1.0, 1.0, (2, *few.position.shape))
     decided = np.ones(len(wrong), dtype=bool)
-    for size, swing in ((1e-9, 0.0), (-1e-9, 0.0), (1e-5, 1e-8), (-1e-5, -1e-8)):
+    for size in (1e-9, -1e-9, 1e-5, -1e-5):
         moved = few.position + size * np.min(case.field.spacing) * aside
-        turned = few.direction + swing * turn
+        turned = few.direction + 1e-3 * size * turn
         other = trace(case.field, RayBundle(moved, turned), backend="reference", **settings).status
         decided &= other == right[wrong]
     return [
