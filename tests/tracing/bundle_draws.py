@@ -330,6 +330,10 @@ def _obliquity(case: Case, expected) -> np.ndarray:
     return 1.0 / np.maximum(cosine, 0.05)
 
 
+# Cosine with the plane's normal below which a ray counts as parallel to it.
+PARALLEL = 1e-9
+
+
 def _statuses(case: Case, rows, rays, told, right, settings) -> list[Finding]:
     """Rays whose status is another than the reference's, as far as rounding does not decide it."""
     same = (told == right) | (reached(told) & reached(right)) | (told == RayStatus.MAX_STEPS)
@@ -338,7 +342,10 @@ def _statuses(case: Case, rows, rays, told, right, settings) -> list[Finding]:
         return []
     rng, few = np.random.default_rng(case.seed), rays[wrong]
     aside, turn = rng.uniform(-1.0, 1.0, (2, *few.position.shape))
+    # Whether a ray that is parallel to its plane meets it at all, rounding decides.
     decided = np.ones(len(wrong), dtype=bool)
+    if isinstance(settings.get("until"), Plane):
+        decided = np.abs(few.direction @ settings["until"].normal) > PARALLEL
     for size in (1e-9, -1e-9, 1e-5, -1e-5):
         moved = few.position + size * np.min(case.field.spacing) * aside
         turned = few.direction + 1e-3 * size * turn

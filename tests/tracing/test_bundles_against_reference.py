@@ -25,7 +25,12 @@ def test_bundles(geometry, engine):
     findings = []
     for seed in range(BUNDLES):
         case = draw(1000 + seed, geometry=geometry, precision=PRECISION[geometry], interpolation="cubic")
-        findings += [f"{case}: {f.what} {f.size:.2g} x, {f.text}" for f in check(case, backend, sample=40)[0]]
+        try:
+            found = check(case, backend, sample=40)[0]
+        except ValueError as refusal:  # some draws miss the box with every ray
+            assert "meets the field" in str(refusal), case
+            continue
+        findings += [f"{case}: {f.what} {f.size:.2g} x, {f.text}" for f in found]
     assert not findings, "\n".join(findings)
 
 
