@@ -55,8 +55,12 @@ def retrace_rejected(
         part = RayBundle(position[rows], direction[rows])
         outputs = frozenset(arrays) - {"status"}
         others, seconds = run(field, part, attempt, until, wavelength, outputs)
+        # A ray that did not arrive this time, or fared worse, keeps what it had.
+        lost = ~reached(arrays["status"][rows]) | ~np.isfinite(arrays["step_error"][rows])
+        better = reached(others["status"]) & (others["step_error"] < arrays["step_error"][rows])
+        taken = lost | better
         for name, array in arrays.items():
-            array[rows] = others[name]
+            array[rows[taken]] = others[name][taken]
         spent = {name: spent.get(name, 0.0) + seconds.get(name, 0.0) for name in {**spent, **seconds}}
     status, holds = arrays["status"], arrays["step_error"] <= plan.tolerance * wavelength
     status[(status == RayStatus.OK) & ~holds] = RayStatus.TOLERANCE_NOT_MET
