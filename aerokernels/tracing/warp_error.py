@@ -82,7 +82,8 @@ def build_step_error(precision: str, geometry: str, interpolation: str, stop: st
         # The stop is met at a slant (warp_ends.py), `arm` further on.
         # Far stops are met at the slant of the ray's own deflection too, and a direction's error is not believed to be
         # as much overestimated as the path's: it is no sum along the ray.
-        tilt = wp.max(sharp, real(ROUGH)) * (slant + turn)
+        own = wp.where(arm > real(2.0) * reach, turn, real(0.0))
+        tilt = wp.max(sharp, real(ROUGH)) * (slant + own)
         off += wp.length(off_p) * (weight * reach + tilt * arm) + ambient * wp.length(off_q) * (weight + tilt)
         return vec3(off, turn, weight * (reach + ambient * h) + slant * (arm + ambient * h))
 
