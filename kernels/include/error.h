@@ -57,7 +57,7 @@ static inline real step_error(
     const real weight = *turn + sharp * DIRECTION_SHARE;
     // Far stops are met at the slant of the ray's own deflection too, and a direction's error is not believed to be as
     // much overestimated as the path's: it is no sum along the ray.
-    const real own = arm > R(2.0) * reach ? *turn : R(0.0);
+    const real own = arm > R(2.0) * reach && *turn < EVEN_WEAK ? *turn : R(0.0);
     const real tilt = greater(sharp, ROUGH) * (slant + own);
     *lever = weight * (reach + ambient * h) + slant * (arm + ambient * h);
     return off + size3(off_p) * (weight * reach + tilt * arm) + ambient * size3(off_q) * (weight + tilt);
