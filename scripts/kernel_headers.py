@@ -54,7 +54,10 @@ def constants() -> str:
         *_group("Error of a step"),
         *_reals({name: getattr(scheme, name) for name in ("STEP_SHARE", "NOISE_STEP")}),
         *_reals(
-            {name: getattr(scheme, name) for name in ("DIRECTION_SHARE", "SLANT_KEPT", "SMOOTH", "ROUGH", "BLUNTED")}
+            {
+                name: getattr(scheme, name)
+                for name in ("DIRECTION_SHARE", "SLANT_KEPT", "SMOOTH", "ROUGH", "BLUNTED", "MAGNIFIED")
+            }
         ),
         *_group(
             "Cosine of the least angle with a surface that is believed, and cells to go on at smaller ones (double)"

@@ -19,7 +19,7 @@ from .status import RayStatus, reached
 
 # The share of the tolerance that is asked for the last time: error control may end a little above what it is asked for.
 # Its powers are for rays that were above the tolerance by more, down to LEAST_SHARE: ten times the steps.
-RETRACE_SHARE = 0.25
+RETRACE_SHARE = 0.5
 LEAST_SHARE = 1e-4
 
 
@@ -90,7 +90,7 @@ def _powers(error: np.ndarray, held: float) -> np.ndarray:
     """
     with np.errstate(divide="ignore", invalid="ignore"):
         excess = np.where(np.isfinite(error), error, held) / held
-    return np.maximum(np.ceil(np.log(np.maximum(excess, 1.0)) / -np.log(RETRACE_SHARE) + 0.5), 1.0)
+    return np.maximum(np.ceil(np.log(np.maximum(excess, 1.0)) / -np.log(RETRACE_SHARE) + 0.4), 1.0)
 
 
 def _rejected(arrays: dict, budget: float) -> np.ndarray:

@@ -37,6 +37,8 @@ SLANT_KEPT = 0.25
 SMOOTH = 0.02
 ROUGH = 0.2
 BLUNTED = 30.0
+# Errors are multiplied by this before their components are squared: the squares of small ones would vanish.
+MAGNIFIED = 2.0**40
 # In place of a divisor that may be 0.
 TINY = {"float32": 1e-30, "float64": 1e-290}
 

@@ -4,7 +4,18 @@ import functools
 
 import warp as wp
 
-from .scheme import BLUNTED, DIRECTION_NOISE, DIRECTION_SHARE, EVEN_WEAK, NOISE, ROUGH, SMOOTH, STEEPEST_COSINE, TINY
+from .scheme import (
+    BLUNTED,
+    DIRECTION_NOISE,
+    DIRECTION_SHARE,
+    EVEN_WEAK,
+    MAGNIFIED,
+    NOISE,
+    ROUGH,
+    SMOOTH,
+    STEEPEST_COSINE,
+    TINY,
+)
 from .tableau import B_ERROR, BT_ERROR, NEARLY_STRAIGHT, PATH_ERROR_SLOPE, PATH_ERROR_VALUE, C, is_one_scalar
 from .warp_box import FACE_COUNT
 from .warp_motion import build_contrast
@@ -84,7 +95,9 @@ def build_step_error(precision: str, geometry: str, interpolation: str, stop: st
         # as much overestimated as the path's: it is no sum along the ray.
         own = wp.where(arm > real(2.0) * reach and turn < real(EVEN_WEAK), turn, real(0.0))
         tilt = wp.max(sharp, real(ROUGH)) * (slant + own)
-        off += wp.length(off_p) * (weight * reach + tilt * arm) + ambient * wp.length(off_q) * (weight + tilt)
+        off_p_size = wp.length(real(MAGNIFIED) * off_p) / real(MAGNIFIED)
+        off_q_size = wp.length(real(MAGNIFIED) * off_q) / real(MAGNIFIED)
+        off += off_p_size * (weight * reach + tilt * arm) + ambient * off_q_size * (weight + tilt)
         return vec3(off, turn, weight * (reach + ambient * h) + slant * (arm + ambient * h))
 
     @wp.func

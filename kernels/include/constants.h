@@ -78,6 +78,7 @@
 #define SMOOTH R(0.02)
 #define ROUGH R(0.2)
 #define BLUNTED R(30.0)
+#define MAGNIFIED R(1099511627776.0)
 
 // Cosine of the least angle with a surface that is believed, and cells to go on at smaller ones (double).
 #define LEAST_COSINE 0.05

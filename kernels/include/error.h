@@ -60,7 +60,8 @@ static inline real step_error(
     const real own = arm > R(2.0) * reach && *turn < EVEN_WEAK ? *turn : R(0.0);
     const real tilt = greater(sharp, ROUGH) * (slant + own);
     *lever = weight * (reach + ambient * h) + slant * (arm + ambient * h);
-    return off + size3(off_p) * (weight * reach + tilt * arm) + ambient * size3(off_q) * (weight + tilt);
+    const real off_p_size = size3(MAGNIFIED * off_p) / MAGNIFIED, off_q_size = size3(MAGNIFIED * off_q) / MAGNIFIED;
+    return off + off_p_size * (weight * reach + tilt * arm) + ambient * off_q_size * (weight + tilt);
 }
 
 static inline real step_rounding(

@@ -198,7 +198,7 @@ def test_a_start_on_a_face_that_the_field_pulls_out_of(gradient, precision):
 
     Expected: the ray leaves at once, keeps its direction and gains nothing, or, pulled inward, follows the parabola.
     A face that is touched only says nothing about which side counts: a tenth of a cell's path may be either. What may
-    not be is a failure, or a turn by more than that path gives.
+    not be is a failure, or a turn by more than that path gives; signs may be those of rounding.
     """
     ambient = 1.0 if gradient > 0.0 else 2.0
     field = linear_square_field(gradient, ambient=ambient)
@@ -208,8 +208,8 @@ def test_a_start_on_a_face_that_the_field_pulls_out_of(gradient, precision):
     assert keeps_promises(result, 1).ok[0]
     if gradient > 0.0:
         blurred = 0.1 / 16.0
-        assert 0.0 <= result.opd[0] < blurred * (np.sqrt(square) - 1.0)
-        assert 0.0 <= result.direction[0, 1] < blurred * 0.5 * gradient
+        assert -16.0 * UNIT["float64"] <= result.opd[0] < blurred * (np.sqrt(square) - 1.0)
+        assert -UNIT["float64"] <= result.direction[0, 1] < blurred * 0.5 * gradient
     else:
         sigma = 0.75 / np.sqrt(square)
         assert result.position[0, 1] == pytest.approx(1.0 + 0.25 * gradient * sigma**2, abs=32.0 * UNIT[precision])
@@ -260,7 +260,9 @@ def test_a_ray_that_turns_at_its_stop(lift, precision):
     result = keeps_promises(trace(field, rays, until=stop, method="adaptive", precision=precision), 1)
     if abs(lift) > 1e-6:
         assert result.traced_status[0] == (RayStatus.OK if lift < 0.0 else RayStatus.STOP_NOT_REACHED)
-    assert result.traced_status[0] in (RayStatus.OK, RayStatus.STOP_NOT_REACHED)
+    # Touched at an angle of nil, no estimate holds the tolerance.
+    told = (RayStatus.TOLERANCE_NOT_MET,) if abs(lift) < 1e-6 else ()
+    assert result.traced_status[0] in (RayStatus.OK, RayStatus.STOP_NOT_REACHED, *told)
     assert np.isfinite(result.position).all() and np.isfinite(result.opd).all()
     if result.ok[0]:
         assert result.position[0, 1] == pytest.approx(across + lift, abs=1e-12)

@@ -110,7 +110,7 @@ def test_a_planar_field_seen_along_its_span(engine):
     assert levers is not None and abs(levers.way - 2.0) < 1e-3
     exact = truth(field, rays, until)
     found = trace(field, rays, until=until, **on(engine), precision="float64")
-    assert (found.status == exact.status).all() and found.ok.all()
+    assert (found.traced_status == exact.traced_status).all() and found.ok.all()
     assert np.abs(found.opd - exact.opd).max() < TOLERANCE * WAVE
 
 
@@ -131,18 +131,18 @@ def test_a_far_plane_at_45_degrees(engine, precision):
         exact = truth(field, rays, until)
         for method in ("auto", "adaptive"):
             found = trace(field, rays, until=until, method=method, precision=precision, **on(engine))
-            held = found.status == RayStatus.OK
+            held = found.traced_status == RayStatus.OK
             assert held.mean() > 0.99
             assert np.abs(found.opd - exact.opd)[held].max() < TOLERANCE * WAVE, (distance, method)
 
 
 @pytest.mark.parametrize("engine", ENGINES)
 def test_rays_above_the_tolerance_are_told_of(engine):
-    """To a plane met at 1e-5 rad a direction's error counts 1e5 times: no steps hold it. Status, plan and a warning."""
+    """To a plane met at 1e-5 rad a direction's error counts 1e5 times: no steps hold 1e-8 wave. Status, plan and a warning."""
     field = uniform_field("planar", amplitude=3e-6)
     aim = np.linspace(-5e-7, 5e-8, 50)
     rays = RayBundle(np.c_[0 * aim, aim, 0 * aim - 1e-3], (0.0, 0.0, 1.0))
-    until, tolerance = GRAZED, 1e-4
+    until, tolerance = GRAZED, 1e-8
     with pytest.warns(ToleranceWarning, match="rays have error estimates above the tolerance"):
         found = trace(field, rays, until=until, tolerance=tolerance, **on(engine))
     count = found.status_summary()["TOLERANCE_NOT_MET"]
@@ -164,10 +164,10 @@ def test_a_pupil_counts_rays_above_the_tolerance(engine):
     field = uniform_field("planar", amplitude=3e-6)
     pupil = Disc(5e-8, center=(0.0, 0.0, -1e-3))
     here = on(engine)
-    plan = TracePlan("adaptive", **here, precision="float64", max_steps=10_000, step=None, tolerance=1e-4)
+    plan = TracePlan("adaptive", **here, precision="float64", max_steps=100_000, step=None, tolerance=1e-6)
     runner = import_module(f"aerokernels.tracing.{here['backend']}_strehl")
     for until, rejected in ((Plane((0.0, 0.0, 1.0), (0.0, 1.0, 1.0)), 0), (GRAZED, 320)):
         task = PupilTask(weakref.ref(field), pupil, pupil.normal, until, plan, WAVE, 20, 16, 3)
         sums = runner.PupilRun(task)()
         assert abs(sums.moments[:, 0].sum() - 320.0) < 1e-9 and sums.rejected_count == rejected
-        assert (sums.greatest_error > 1e-4 * WAVE) == (rejected > 0)
+        assert (sums.greatest_error > 1e-6 * WAVE) == (rejected > 0)

@@ -162,7 +162,10 @@ def test_rows_are_joined_by_replicate(device: Device, rows: int):
 
 @pytest.mark.parametrize("remove", [("piston",), ("piston", "tilt")])
 def test_strehl_estimate_is_that_of_warp(remove: tuple[str, ...]):
-    """A lens with coma in float64: same points, same steps, so the estimates differ by rounding only."""
+    """A lens with coma in float64: same points, same steps, so the estimates differ by rounding only.
+
+    At the faces of its box it is a two-hundredth of its middle, which is allowed here.
+    """
     need_opencl()
     pytest.importorskip("warp")
     axis = np.linspace(-1.0, 1.0, 25)
@@ -170,8 +173,9 @@ def test_strehl_estimate_is_that_of_warp(remove: tuple[str, ...]):
     contrast = 1e-6 * np.exp(-5.0 * (x**2 + 1.3 * y**2 + z**2)) * (1.0 + 0.3 * x)
     field = IndexField.from_samples(contrast, origin=(-1.0,) * 3, spacing=(axis[1] - axis[0],) * 3, geometry="volume")
     pupil = Disc(0.5, center=(0.0, 0.0, -1.5))
-    asked = {"ray_count": 16 * 1500, "precision": "float64", "seed": 3, "remove": remove}
-    warp, opencl = (estimate_strehl(field, pupil, backend=name, **asked) for name in ("warp", "opencl"))
+    asked = {"ray_count": 16 * 1500, "precision": "float64", "seed": 3, "remove": remove, "allow_truncation": True}
+    with pytest.warns(UserWarning, match="that of the known air only"):
+        warp, opencl = (estimate_strehl(field, pupil, backend=name, **asked) for name in ("warp", "opencl"))
     assert 0.05 < warp.value < 0.95
     assert opencl.plan.backend == "opencl" and opencl.evaluation_count == warp.evaluation_count
     for name in ("value", "marechal", "opd_rms", "standard_error", "blocked"):

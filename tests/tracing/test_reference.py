@@ -277,7 +277,7 @@ def test_thin_plates_and_stepped_bodies_are_met_exactly():
     )
     y = np.array([-3.001e-3, -2.999e-3, 0.0, 2.999e-3, 3.001e-3])
     result = by_reference(field, RayBundle(np.c_[np.zeros(5), y, np.full(5, -1e-3)], UP))
-    assert result.status.tolist() == [0, RayStatus.HIT_BODY, RayStatus.HIT_BODY, RayStatus.HIT_BODY, 0]
+    assert result.traced_status.tolist() == [0, RayStatus.HIT_BODY, RayStatus.HIT_BODY, RayStatus.HIT_BODY, 0]
     np.testing.assert_allclose(result.position[1:4, 2], 3e-3, atol=1e-15)
     step = Body([[0, 0], [2e-3, 0], [2e-3, -5e-3], [4e-3, -5e-3], [4e-3, -20e-3], [0, -20e-3]])
     field = IndexField.from_samples(
@@ -293,7 +293,8 @@ def test_one_ray_does_not_depend_on_the_others():
     """A bundle is traced in step, each ray with its own steps: alone it ends in the same place."""
     field = field_of("axisymmetric", noise((17, 17), 3e-4, 5, 1.0))
     rng = np.random.default_rng(4)
-    rays = RayBundle(rng.uniform(-1e-3, 1e-3, (40, 3)), rng.normal(0.0, 1.0, (40, 3)))
+    start = np.c_[rng.uniform(-1e-3, 1e-3, (40, 2)), rng.uniform(2e-4, 1.4e-3, 40)]
+    rays = RayBundle(start, rng.normal(0.0, 1.0, (40, 3)))
     together = by_reference(field, rays)
     for k in (0, 7, 23):
         alone = by_reference(field, rays[k : k + 1])
