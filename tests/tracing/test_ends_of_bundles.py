@@ -138,7 +138,10 @@ def test_a_far_plane_at_45_degrees(engine, precision):
 
 @pytest.mark.parametrize("engine", ENGINES)
 def test_rays_above_the_tolerance_are_told_of(engine):
-    """To a plane met at 1e-5 rad a direction's error counts 1e5 times: no steps hold 1e-8 wave. Status, plan and a warning."""
+    """To a plane met at 1e-5 rad a direction's error counts 1e5 times: no steps hold 1e-8 wave.
+
+    Status, plan and a warning say so.
+    """
     field = uniform_field("planar", amplitude=3e-6)
     aim = np.linspace(-5e-7, 5e-8, 50)
     rays = RayBundle(np.c_[0 * aim, aim, 0 * aim - 1e-3], (0.0, 0.0, 1.0))
@@ -160,14 +163,14 @@ def test_rays_above_the_tolerance_are_told_of(engine):
 
 @pytest.mark.parametrize("engine", ENGINES)
 def test_a_pupil_counts_rays_above_the_tolerance(engine):
-    """Those to the same plane: 320 in the sums, counted as above the tolerance."""
+    """Those to the same plane, in float32: 320 in the sums, counted as above the tolerance."""
     field = uniform_field("planar", amplitude=3e-6)
     pupil = Disc(5e-8, center=(0.0, 0.0, -1e-3))
     here = on(engine)
-    plan = TracePlan("adaptive", **here, precision="float64", max_steps=100_000, step=None, tolerance=1e-6)
+    plan = TracePlan("adaptive", **here, precision="float32", max_steps=10_000, step=None, tolerance=1e-4)
     runner = import_module(f"aerokernels.tracing.{here['backend']}_strehl")
     for until, rejected in ((Plane((0.0, 0.0, 1.0), (0.0, 1.0, 1.0)), 0), (GRAZED, 320)):
         task = PupilTask(weakref.ref(field), pupil, pupil.normal, until, plan, WAVE, 20, 16, 3)
         sums = runner.PupilRun(task)()
         assert abs(sums.moments[:, 0].sum() - 320.0) < 1e-9 and sums.rejected_count == rejected
-        assert (sums.greatest_error > 1e-6 * WAVE) == (rejected > 0)
+        assert (sums.greatest_error > 1e-4 * WAVE) == (rejected > 0)
