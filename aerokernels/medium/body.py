@@ -5,7 +5,7 @@ kernels under a tree of boxes (wall_tree.py). No table stands between, so a body
 """
 
 from dataclasses import dataclass
-from functools import cached_property, lru_cache
+from functools import cached_property
 
 import numpy as np
 
@@ -14,26 +14,6 @@ from .grid import check_finite
 from .walls import bounding_walls
 
 TILE_POINTS = 512  # points that look for the nearest wall together
-
-
-@dataclass(frozen=True, eq=False)
-class DistanceGrid:
-    """Signed distance to a wall [m] at the nodes of a uniform grid: negative inside the body."""
-
-    samples: np.ndarray
-    origin: np.ndarray
-    spacing: np.ndarray
-
-    def evaluate(self, points: np.ndarray) -> np.ndarray:
-        """Bilinear signed distance [m] at local points (n, 2); the nearest edge's value outside the grid."""
-        place = (points - self.origin) / self.spacing
-        cell = np.clip(np.floor(place).astype(np.int64), 0, np.array(self.samples.shape) - 2)
-        u, v = np.clip(place - cell, 0.0, 1.0).T
-        i, j = cell.T
-        s = self.samples
-        near = (1 - v) * s[i, j] + v * s[i, j + 1]
-        far = (1 - v) * s[i + 1, j] + v * s[i + 1, j + 1]
-        return (1 - u) * near + u * far
 
 
 @dataclass(frozen=True, eq=False)
@@ -151,25 +131,6 @@ class Body:
         """Distance to the wall [m], negative inside the body, at points (n, 2)."""
         distance = np.linalg.norm(points - self.nearest_wall(points), axis=1)
         return np.where(self.contains(points), -distance, distance)
-
-    def distance_grid(self, low: np.ndarray, high: np.ndarray, spacing: np.ndarray) -> DistanceGrid:
-        """The signed distance sampled from `low` to `high` [m]; the last few are kept, read-only."""
-        numbers = (low, high, spacing)
-        return _distance_grid(self.geometry, self.profile.tobytes(), *(tuple(np.asarray(n).tolist()) for n in numbers))
-
-
-@lru_cache(maxsize=8)
-def _distance_grid(geometry: str, profile: bytes, low: tuple, high: tuple, spacing: tuple) -> DistanceGrid:
-    """That of a body: known by its content, for flows about it come with bodies of their own."""
-    body = Body(np.frombuffer(profile).reshape(-1, 2), geometry)
-    extent = np.array(high) - np.array(low)
-    count = np.maximum(2, np.round(extent / np.array(spacing)).astype(int) + 1)
-    step = extent / (count - 1)
-    axes = [low[k] + step[k] * np.arange(count[k]) for k in range(2)]
-    nodes = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 2)
-    samples = body.signed_distance(nodes).reshape(count)
-    samples.setflags(write=False)
-    return DistanceGrid(samples, np.array(low), step)
 
 
 def _tiles(points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from ..wavelength import check_wavelength, field_wavelength
-from .body import Body, DistanceGrid
+from .body import Body
 from .cell_averages import node_values
 from .grid import AXIS_CORE, UniformGrid, check_box, check_finite
 from .mesh import GEOMETRIES, QuadMesh
@@ -231,19 +231,6 @@ class IndexField:
     def gradient_at(self, points) -> np.ndarray:
         """Gradient of the contrast [1/m] at points (n, 3), shape (n, 3)."""
         return self.evaluate(points)[1]
-
-    @cached_property
-    def wall_distance(self) -> DistanceGrid | None:
-        """Signed distance to the body over the box; None without a body.
-
-        On the field's own spacing, and at least 400 nodes along the longer side: a body may be finer than the flow.
-        """
-        if self.body is None:
-            return None
-        low, high = self.samples.low, self.samples.high
-        extent = float((high - low).max())
-        spacing = np.minimum(self.samples.spacing, extent / 400.0) if self.is_uniform else np.full(2, extent / 800.0)
-        return self.body.distance_grid(low, high, spacing)
 
     @cached_property
     def ladder(self):

@@ -13,8 +13,6 @@ from .meeting import check_meeting
 SAMPLE_RAYS = 4096
 # The greatest share of a pupil's weight that may see through the ends of the known air unasked.
 GREATEST_SHARE = 1e-3
-# Points along a ray at which the body is looked for in its way.
-WALL_POINTS = 256
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,14 +80,15 @@ def pupil_air(field: IndexField, pupil: Disc, look: np.ndarray, tolerance: float
 
 def _meets_wall(field: IndexField, position: np.ndarray, direction: np.ndarray) -> np.ndarray:
     """Which straight rays end on the body: they get into it, or never out of it where they start in it."""
-    found = np.zeros(len(position), dtype=bool)
+    assert field.body is not None
     span = box_span(field, position, direction)
-    rows = np.flatnonzero(span.meets & (span.leave < 1e30))
-    enter, leave = span.enter[rows, None], span.leave[rows, None]
-    distance = enter + (np.arange(WALL_POINTS) + 0.5) / WALL_POINTS * (leave - enter)
-    places = position[rows, None] + distance[..., None] * direction[rows, None]
-    assert field.wall_distance is not None
-    inside = field.wall_distance.evaluate(field.local_coordinates(places.reshape(-1, 3))).reshape(distance.shape) < 0.0
-    was_out = np.cumsum(~inside, axis=1) > 0
-    found[rows] = (inside & was_out).any(axis=1) | ~was_out[:, -1]
-    return found
+    walls = field.body.crossings(position, direction)
+    walls = np.pad(walls, ((0, 0), (0, 2)), constant_values=np.inf)
+    before = np.count_nonzero(walls <= span.enter[:, None], axis=1)
+    inside = before % 2 == 1
+    if field.geometry == "planar":
+        # Lines along x cross no wall.
+        inside |= field.body.contains(field.local_coordinates(position)) & (np.abs(direction[:, 0]) == 1.0)
+    rows = np.arange(len(walls))
+    leaves, enters = walls[rows, before], walls[rows, before + inside]
+    return span.meets & (span.leave < 1e30) & ((enters <= span.leave) | inside & (leaves > span.leave))

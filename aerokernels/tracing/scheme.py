@@ -71,8 +71,6 @@ LANDED_ARC = 100
 LANDED_FREE = 101
 # A ray that runs in a face is not thrown out by rounding: it is behind a surface when it is so by this many cells.
 SLACK_CELLS = {"float32": 1e-9, "float64": 1e-10}
-# Steps of the search for the place where a ray leaves the body; each is as long as the wall is away.
-WALL_MARCH_LIMIT = 512
 # A step looks for the wall along chords that keep so close to it, in cells.
 WALL_SAG = 1e-4
 # A step that ends so far inside the body at most, in cells, is flown back along the tangent; others are taken anew.

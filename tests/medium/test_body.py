@@ -106,33 +106,6 @@ def test_the_shipped_model():
     assert abs(body.signed_distance(np.array([[0.0, 3e-3]]))[0] - 3e-3) < 1e-15
 
 
-def test_distance_grid():
-    """Set-up: a circle sampled at h = 0.05. Error of bilinear interpolation: h^2 / 4 of d'' <= 1 / |p|, 0.25 h^2 / 0.5.
-
-    The sign is right wherever the distance exceeds that; beyond the grid the nearest edge's value holds.
-    """
-    body = Body(polygon(), "planar")
-    low, high, h = np.array([-1.5, -1.5]), np.array([1.5, 1.5]), 0.05
-    grid = body.distance_grid(low, high, np.array([h, h]))
-    assert grid.samples.shape == (61, 61) and grid.spacing == pytest.approx([h, h])
-    points = np.random.default_rng(3).uniform(low, high, (3000, 2))
-    points = points[np.linalg.norm(points, axis=1) > 0.5]
-    exact = np.linalg.norm(points, axis=1) - 1.0
-    bound = 0.5 * h**2 + 1e-5
-    sampled = grid.evaluate(points)
-    assert np.abs(sampled - exact).max() < bound
-    clear = np.abs(exact) > bound
-    assert np.array_equal(np.sign(sampled[clear]), np.sign(exact[clear]))
-    assert grid.evaluate(np.array([[9.0, 1.5]]))[0] == pytest.approx(np.hypot(1.5, 1.5) - 1.0, abs=1e-4)
-
-
-def test_distance_grid_keeps_its_corners_whatever_the_spacing():
-    """A spacing that does not divide the box is adjusted so that the last node lies on its far face."""
-    grid = Body(polygon(), "planar").distance_grid(np.zeros(2), np.array([1.0, 2.0]), np.array([0.3, 5.0]))
-    assert grid.samples.shape == (4, 2)
-    assert grid.origin + grid.spacing * (np.array(grid.samples.shape) - 1) == pytest.approx([1.0, 2.0])
-
-
 @pytest.mark.parametrize(
     ("profile", "geometry", "message"),
     [

@@ -148,23 +148,6 @@ def test_spacing():
     assert IndexField.from_mesh(mesh, np.zeros(25)).spacing.tolist() == [2.0, 2.0]
 
 
-def test_wall_distance():
-    """A coarse field does not coarsen its body: at least 400 nodes along the longer side, whatever the spacing."""
-    square = Body([[0.5, 0.5], [1.0, 0.5], [1.0, 1.0], [0.5, 1.0]], "planar")
-    field = IndexField.from_samples(
-        np.zeros((9, 3)), origin=(0, 0), spacing=(0.25, 2.0), geometry="planar", body=square
-    )
-    grid = field.wall_distance
-    assert grid.samples.shape == (201, 401) and grid.spacing == pytest.approx([0.01, 0.01])
-    points = np.array([[0.75, 0.75], [0.75, 0.0], [2.0, 0.75], [0.75, 0.997]])
-    assert grid.evaluate(points) == pytest.approx([-0.25, 0.5, 1.0, -0.003], abs=1e-12)
-    fine = IndexField.from_samples(
-        np.zeros((9, 501)), origin=(0, 0), spacing=(0.1, 0.01), geometry="planar", body=square
-    )
-    assert fine.wall_distance.samples.shape == (65, 501)
-    assert noise_field("planar", "cubic").wall_distance is None
-
-
 GOOD = {"contrast": np.zeros((4, 5)), "origin": (0.0, 0.0), "spacing": (1.0, 1.0), "geometry": "planar"}
 
 
