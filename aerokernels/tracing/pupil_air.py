@@ -84,7 +84,7 @@ def _meets_wall(field: IndexField, position: np.ndarray, direction: np.ndarray) 
     span = box_span(field, position, direction)
     walls = field.body.crossings(position, direction)
     walls = np.pad(walls, ((0, 0), (0, 2)), constant_values=np.inf)
-    before = np.count_nonzero(walls <= span.enter[:, None], axis=1)
+    before = np.count_nonzero((walls <= span.enter[:, None]) & np.isfinite(walls), axis=1)
     inside = before % 2 == 1
     if field.geometry == "planar":
         # Lines along x cross no wall.
