@@ -156,7 +156,17 @@ def build_behind_wall(precision: str, geometry: str):
         begin = here
         found = real(-1.0)
         first = -wp.float64(pieces) * wp.float64(room / h)
+        # Most steps come nowhere near the box around the whole body: they need no line.
+        whole = field.wall_boxes[0]
+        within = wp.float64(h + room) * wp.float64(wp.length(tangent)) + wp.float64(wp.length(kick))
+        beside = here[1]
+        if wp.static(geometry == "axisymmetric"):
+            beside = wp.sqrt(here[0] * here[0] + here[1] * here[1])
         k = int(0)
+        if here[2] - within > whole[3] or here[2] + within < whole[1]:
+            k = pieces
+        if beside - within > whole[2] or beside + within < whole[0]:
+            k = pieces
         while k < pieces:
             share = wp.float64(k + 1) / wp.float64(pieces)
             end = here + share * straight + (share * share) * bend

@@ -78,6 +78,14 @@ static inline real behind_wall(
     const real sag = size3(kick * VECTOR(control->cell_rate)) / (R(4.0) * WALL_SAG);
     const int pieces = sag > R(1.0) ? 1 + (int)lesser(sqrt(sag), R(15.0)) : 1;
     const double3 straight = convert_double3(h * tangent), bend = convert_double3(kick);
+    // Most steps come nowhere near the box around the whole body: they need no line.
+    const double4 whole = vload4(0, arrays->wall_boxes);
+    const double within = (double)(h + room) * (double)size3(tangent) + (double)size3(kick);
+    const double beside = GEOMETRY == AXISYMMETRIC ? sqrt(here.x * here.x + here.y * here.y) : here.y;
+    const int is_clear = here.z - within > whole.w || here.z + within < whole.y;
+    if (is_clear || beside - within > whole.z || beside + within < whole.x) {
+        return R(-1.0);
+    }
     double3 begin = here;
     double first = -(double)pieces * (double)(room / h);
     for (int k = 0; k < pieces; k++) {
