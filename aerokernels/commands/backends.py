@@ -8,7 +8,6 @@ def backends() -> None:
     from aerokernels.commands._table import print_table
     from aerokernels.tracing import available_backends
     from aerokernels.tracing.backends import choose_backend
-    from aerokernels.tracing.device_choice import NOT_MEASURED
 
     found = available_backends()
     print_table(
@@ -26,7 +25,5 @@ def backends() -> None:
             for info in found
         ],
     )
-    if any(info.reason == NOT_MEASURED for info in found):
-        typer.echo("measuring warp against opencl, once ...", err=True)
     backend, device, reason = choose_backend("auto", None)
     typer.echo(f"auto takes {backend} on {device}: {reason.removeprefix(f'backend {backend} on {device}: ')}")

@@ -1,6 +1,12 @@
-"""Which engines can trace here, and which one "auto" takes."""
+"""Which engines can trace here, and which one "auto" takes.
+
+The order is fixed, so that the same installation always does the same: a GPU before a CPU, and on either OpenCL where
+it has a device that can trace, else Warp. docs/backends.md has the speeds of both. AEROKERNELS_CPU_BACKEND and
+AEROKERNELS_GPU_BACKEND, "warp" or "opencl", put the other one first.
+"""
 
 import importlib.util
+import os
 import sys
 from contextlib import suppress
 from dataclasses import replace
@@ -9,10 +15,16 @@ from importlib.metadata import PackageNotFoundError, version
 from .backend_info import NO_CUDA, BackendInfo, cuda_driver_loads, host_memory, warp_processor
 
 BACKENDS = ("auto", "warp", "opencl", "reference")
+# Environment variables that decide between Warp and OpenCL on a kind of device.
+VARIABLES = {"cpu": "AEROKERNELS_CPU_BACKEND", "gpu": "AEROKERNELS_GPU_BACKEND"}
 
 
 def available_backends() -> list[BackendInfo]:
-    """Every backend and device found, the one that "auto" takes first, as far as that was measured already."""
+    """Every backend and device found, the one that "auto" takes first.
+
+    Raises:
+        ValueError: A variable that decides between Warp and OpenCL names neither.
+    """
     warp, opencl = _warp_devices(), _opencl_devices()
     gpus = _preferred([info for info in warp if info.available and info.device != "cpu"], _usable(opencl, gpu=True))
     processors = _preferred(
@@ -26,11 +38,12 @@ def available_backends() -> list[BackendInfo]:
 def choose_backend(backend: str, device: str | None) -> tuple[str, str, str]:
     """Backend, device, and why.
 
-    "auto" takes a GPU where there is one, else the CPU, and on either whichever of Warp and OpenCL is faster there,
-    which is measured once and remembered; with a device's name it takes the backend that has it.
+    "auto" takes a GPU where there is one, else the CPU, and on either OpenCL where a device of it can trace, else Warp;
+    with a device's name it takes the backend that has it.
 
     Raises:
-        ValueError: An unknown or absent backend or device; the message says what there is.
+        ValueError: An unknown or absent backend or device, the message says what there is; or a variable that decides
+            between Warp and OpenCL names neither.
     """
     if backend not in BACKENDS:
         raise ValueError(f"backend {backend!r} is not known: choose one of {', '.join(BACKENDS)}")
@@ -63,7 +76,7 @@ def _best(warp: list[BackendInfo], kind: str | None) -> tuple[str, str, str]:
         cuda = next((info for info in warp if info.available and info.device != "cpu"), None)
         gpus = _usable(opencl, gpu=True)
         if cuda and gpus:
-            return _faster(cuda, gpus[0])
+            return _one_of(cuda, gpus[0])
         if cuda:
             return "warp", cuda.device, f"backend warp on {cuda.device}: {cuda.reason}"
         if gpus:
@@ -76,7 +89,7 @@ def _best(warp: list[BackendInfo], kind: str | None) -> tuple[str, str, str]:
     processor = next((info for info in warp if info.available and info.device == "cpu"), None)
     others = _usable(opencl, gpu=False)
     if processor and others:
-        return _faster(processor, others[0])
+        return _one_of(processor, others[0])
     if processor:
         return "warp", "cpu", f"backend warp on cpu: {processor.reason}; {_why_not(opencl)}"
     if others:
@@ -87,11 +100,20 @@ def _best(warp: list[BackendInfo], kind: str | None) -> tuple[str, str, str]:
     )
 
 
-def _faster(warp: BackendInfo, opencl: BackendInfo) -> tuple[str, str, str]:
-    from .device_choice import faster_of
+def _one_of(warp: BackendInfo, opencl: BackendInfo) -> tuple[str, str, str]:
+    taken, reason = _first_of(warp, opencl)
+    return taken.backend, taken.device, f"backend {taken.backend} on {taken.device}: {reason}"
 
-    choice = faster_of(warp, opencl)
-    return choice.backend, choice.device, f"backend {choice.backend} on {choice.device}: {choice.reason}"
+
+def _first_of(warp: BackendInfo, opencl: BackendInfo) -> tuple[BackendInfo, str]:
+    """Which of two devices of one kind "auto" takes, and why."""
+    variable = VARIABLES["cpu" if warp.device == "cpu" else "gpu"]
+    forced = os.environ.get(variable)
+    if not forced:
+        return opencl, "OpenCL goes before Warp where it can trace: about as fast or faster (docs/backends.md)"
+    if forced not in ("warp", "opencl"):
+        raise ValueError(f"{variable} is {forced!r}: set it to 'warp' or 'opencl', or unset it")
+    return {"warp": warp, "opencl": opencl}[forced], f"{variable} says so"
 
 
 def _warp_named(warp: list[BackendInfo], device: str | None) -> tuple[str, str, str]:
@@ -139,17 +161,17 @@ def _usable(opencl: list[BackendInfo], gpu: bool) -> list[BackendInfo]:
 
 
 def _preferred(mine: list[BackendInfo], others: list[BackendInfo]) -> list[BackendInfo]:
-    """Warp's devices and OpenCL's of one kind, the one that "auto" takes first where that was measured."""
+    """Warp's devices and OpenCL's of one kind, the one that "auto" takes first."""
     if not (mine and others):
         return mine + others
-    from .device_choice import NOT_MEASURED, remembered_choice
-
-    choice = remembered_choice(mine[0], others[0])
-    reason = choice.reason if choice else NOT_MEASURED
-    pair = [replace(mine[0], reason=reason), replace(others[0], reason=reason)]
-    if choice and choice.backend == "opencl":
-        pair.reverse()
-    return pair + mine[1:] + others[1:]
+    taken, reason = _first_of(mine[0], others[0])
+    other = mine[0] if taken is others[0] else others[0]
+    return [
+        replace(taken, reason=reason),
+        replace(other, reason=f"{taken.backend} goes before it"),
+        *mine[1:],
+        *others[1:],
+    ]
 
 
 def _rest(warp: list[BackendInfo], opencl: list[BackendInfo]) -> list[BackendInfo]:

@@ -12,7 +12,7 @@ import numpy as np
 
 from ..medium import IndexField
 from ..rays import Disc, RayBundle
-from .device_choice import VARIABLES
+from .backends import VARIABLES
 from .even import PILOT_RAYS
 from .plan import TracePlan, check_tolerance
 from .pupil_air import PupilAir, pupil_air

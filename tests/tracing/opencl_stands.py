@@ -78,13 +78,13 @@ void *clGetExtensionFunctionAddress(const char *name) {
 """
 
 
-def need_opencl():
-    """An OpenCL device that can trace; the test is skipped, with the reason, where there is none."""
+def need_opencl(kind=None):
+    """An OpenCL device that can trace, of a kind if one is named; without one the test is skipped, with the reason."""
     from aerokernels.tracing.opencl_devices import OpenCLUnavailable, find_device
 
     try:
-        return find_device()
-    except OpenCLUnavailable as error:
+        return find_device(kind)
+    except (OpenCLUnavailable, ValueError) as error:
         pytest.skip(str(error))
 
 
@@ -93,7 +93,7 @@ def run_python(code: str, folder: Path, **environment: str) -> subprocess.Comple
     return subprocess.run(
         [sys.executable, "-c", code],
         cwd=folder,
-        env={**os.environ, "AEROKERNELS_CACHE_DIR": str(folder / "cache"), **environment},
+        env={**os.environ, **environment},
         stdin=subprocess.DEVNULL,
         capture_output=True,
         text=True,

@@ -297,7 +297,7 @@ def test_without_opencl_the_list_of_backends_says_so(tmp_path, without):
     done = subprocess.run(
         [sys.executable, "-m", "aerokernels", "backends"],
         cwd=tmp_path,
-        env={**os.environ, "PYTHONPATH": without, "COLUMNS": "400", "AEROKERNELS_CACHE_DIR": str(tmp_path / "cache")},
+        env={**os.environ, "PYTHONPATH": without, "COLUMNS": "400"},
         capture_output=True,
         text=True,
         timeout=300,
