@@ -89,6 +89,40 @@ def test_imports_run_from_later_stages_to_earlier_ones(path: Path):
         assert other == room or RANK[other] < RANK[room], f"{path}:{line}: {room} may not import {other}"
 
 
+def imported_modules(path: Path, modules: dict[tuple[str, ...], Path]) -> set[tuple[str, ...]]:
+    """Dotted names of the modules of this package that a module imports, wherever in the module it does so."""
+    here = dotted(path)
+    package = here if path.name == "__init__.py" else here[:-1]
+    found = set()
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.Import):
+            names = [tuple(alias.name.split(".")) for alias in node.names]
+        elif isinstance(node, ast.ImportFrom):
+            base = package[: len(package) - node.level + 1] if node.level else ()
+            base += tuple(node.module.split(".")) if node.module else ()
+            # A name in a package is a module of it, or one of its own.
+            names = [(*base, alias.name) if (*base, alias.name) in modules else base for alias in node.names]
+        else:
+            continue
+        found |= {name for name in names if name in modules}
+    return found - {here}
+
+
+def test_no_modules_import_each_other_in_a_circle():
+    """Inside packages too, and in functions: whoever wants to read one module can do so after those it imports."""
+    modules = {dotted(path): path for path in MODULES}
+    open_ends = {name: imported_modules(path, modules) for name, path in modules.items()}
+    while True:
+        free = [name for name, others in open_ends.items() if not others & open_ends.keys()]
+        if not free:
+            break
+        for name in free:
+            del open_ends[name]
+    circle = {".".join(name): sorted(".".join(other) for other in others & open_ends.keys())
+              for name, others in open_ends.items()}  # fmt: skip
+    assert not circle
+
+
 def test_the_import_reader_sees_every_form(tmp_path: Path):
     """The guard above is only as good as its reader: each way of writing an import is seen."""
     module = PACKAGE / "flow" / "imaginary_module.py"

@@ -1,18 +1,18 @@
 """A run as one labelled dataset with units: what result.nc holds and the pictures are drawn from."""
 
 import json
+from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from aerokernels.flow import DensityField
+from aerokernels.study.run_parts import RunParts
 from aerokernels.study.scene_text import scene_toml
 from aerokernels.study.store import plain
 
 if TYPE_CHECKING:
     import xarray
-
-    from aerokernels.study.run import RunResult
 
 RASTER_CELLS = 400  # along each side of the density picture of an unstructured mesh
 # These are attributes of their own beside the whole summary, because the pictures show them.
@@ -44,8 +44,8 @@ def _number(value: float | None) -> float:
     return float("nan") if value is None else value
 
 
-def run_dataset(result: "RunResult") -> "xarray.Dataset":
-    """Put a run's arrays together; those of a stage that failed are absent."""
+def run_dataset(result: RunParts, summary: Mapping[str, Any]) -> "xarray.Dataset":
+    """Put a run's arrays and its summary together; arrays of a stage that failed are absent."""
     import xarray
 
     density, corner_y, corner_z = density_cells(result.prepared.density)
@@ -87,25 +87,25 @@ def run_dataset(result: "RunResult") -> "xarray.Dataset":
     if body is not None:
         variables["body_y"] = variable("body_vertex", body.profile[:, 0], "m", "y of the body's outline")
         variables["body_z"] = variable("body_vertex", body.profile[:, 1], "m", "z of the body's outline")
-    summary = plain(result.summary)
+    numbers = plain(summary)
     attributes = {
         "title": result.scene.title or result.scene.name,
-        "source": f"aerokernels {summary['version']}",
+        "source": f"aerokernels {numbers['version']}",
         "geometry": result.prepared.field.geometry,
         "flow_front_m": result.prepared.front,
         "ambient_density": result.prepared.density.ambient_density,
         "threshold_v": result.scene.detector.threshold,
         "scene": scene_toml(result.scene),
-        "summary": json.dumps(summary),
-        **{name: _number(summary[name]) for name in SHOWN},
-        **{f"{name}_error": _number(summary["errors"][name]) for name in WITH_ERROR},
+        "summary": json.dumps(numbers),
+        **{name: _number(numbers[name]) for name in SHOWN},
+        **{f"{name}_error": _number(numbers["errors"][name]) for name in WITH_ERROR},
     }
     if result.scene.detector.ranging != "leading-edge":
         del attributes["threshold_v"]  # no level decides there
     if result.echo is None:
         return xarray.Dataset(variables, coordinates, attributes)
     echo = result.echo.to_xarray()
-    attributes |= {name: value for name, value in echo.attrs.items() if name not in summary}
+    attributes |= {name: value for name, value in echo.attrs.items() if name not in numbers}
     echo = echo.drop_vars("axis", errors="ignore")
     for name in echo.variables:
         echo[name].attrs.setdefault("units", "1")  # labels have no unit of their own

@@ -1,19 +1,19 @@
 """One run: a scene from its flow to the reported range."""
 
 import time
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from collections.abc import Callable
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
-from aerokernels.echo import EchoResult, echo
+from aerokernels.echo import echo
 from aerokernels.echo.prediction import predict_echo
 from aerokernels.medium import IndexField
-from aerokernels.prepare import Prepared, prepare_field
+from aerokernels.prepare import prepare_field
 from aerokernels.scene import Scene
 from aerokernels.strehl import StrehlEstimate, estimate_strehl
 from aerokernels.study.report import draw_pictures, render_report
+from aerokernels.study.run_parts import RunParts
 from aerokernels.study.scene_text import scene_toml
 from aerokernels.study.store import (
     REPORT_FILE,
@@ -24,7 +24,7 @@ from aerokernels.study.store import (
     write_summary,
 )
 from aerokernels.study.summary import summarise
-from aerokernels.study.views import PupilMap, RayFan, Spot, forward_pupil, pupil_map, ray_fan, spot
+from aerokernels.study.views import forward_pupil, pupil_map, ray_fan
 from aerokernels.tracing.backends import choose_backend
 
 if TYPE_CHECKING:
@@ -43,51 +43,19 @@ STAGES = {
 }
 
 
-@dataclass(frozen=True, eq=False)
-class RunResult:
-    """Everything that a run made.
-
-    Attributes:
-        scene: The scene.
-        prepared: Its flow and index fields.
-        strehl: The Strehl ratio of the view straight ahead.
-        pupil: The optical path difference over the receiver's pupil; None where that stage failed.
-        fan: Rays for the picture; None where that stage failed.
-        echo: The laser echo and its range; None where no light returns.
-        seconds: Wall time of each stage, and "total".
-        failed: Why, for each stage that failed: "wavefront", "rays", "echo".
-    """
-
-    scene: Scene
-    prepared: Prepared
-    strehl: StrehlEstimate
-    pupil: PupilMap | None
-    fan: RayFan | None
-    echo: EchoResult | None
-    seconds: Mapping[str, float]
-    failed: Mapping[str, str] = field(default_factory=dict)
-
-    @property
-    def failures(self) -> dict[str, str]:
-        """Why there is no result, for each stage without one; "range" is an echo that cannot be ranged."""
-        reason = self.echo.reason if self.echo is not None else None
-        return {**self.failed, **({"range": reason} if reason else {})}
+class RunResult(RunParts):
+    """Everything that a run made, and its two written forms."""
 
     @cached_property
     def summary(self) -> dict[str, Any]:
-        """The run in numbers, SI: what goes to summary.json."""
+        """The run in numbers, SI: what goes to summary.json; computed when it is first read."""
         return summarise(self)
-
-    @cached_property
-    def spot(self) -> Spot | None:
-        """The point spread function of the wavefront, where there is one."""
-        return None if self.pupil is None else spot(self.pupil, self.scene.flow.wavelength)
 
     def to_xarray(self) -> "xarray.Dataset":
         """The run as one dataset with units: what goes to result.nc."""
         from aerokernels.study.dataset import run_dataset
 
-        return run_dataset(self)
+        return run_dataset(self, self.summary)
 
 
 def scene_strehl(field: IndexField, scene: Scene) -> StrehlEstimate:

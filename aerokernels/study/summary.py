@@ -11,15 +11,13 @@ error                  the error budget of the Strehl ratio by cause
 
 import math
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from aerokernels import __version__
 from aerokernels.echo import EchoResult
-
-if TYPE_CHECKING:
-    from aerokernels.study.run import RunResult
+from aerokernels.study.run_parts import RunParts
 
 # Keys of the echo's numbers, and what they are called in `EchoResult.quantities`.
 ECHO_KEYS = {
@@ -31,7 +29,7 @@ ECHO_KEYS = {
 }
 
 
-def summarise(result: "RunResult") -> dict[str, Any]:
+def summarise(result: RunParts) -> dict[str, Any]:
     """The numbers of summary.json; lengths in m, angles in rad, powers in W; NaN where there is none."""
     scene, strehl = result.scene, result.strehl
     plan = strehl.plan.as_dict()
@@ -79,7 +77,7 @@ def summarise(result: "RunResult") -> dict[str, Any]:
     }
 
 
-def _strehl_errors(result: "RunResult") -> dict[str, float | None]:
+def _strehl_errors(result: RunParts) -> dict[str, float | None]:
     found = result.strehl.quantities
     return {
         "strehl": found["value"].error,

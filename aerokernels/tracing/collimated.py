@@ -4,9 +4,8 @@ The tables serve every ray that runs along z from one plane to another. Rays tha
 traced as ever, and the results put together.
 """
 
-import time
 import weakref
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -14,7 +13,6 @@ from ..medium import IndexField
 from ..medium.grid import UniformGrid
 from ..rays import RayBundle
 from .columns import FURTHEST, ColumnTables, between_columns, column_tables
-from .plan import TracePlan
 from .stop import Plane
 
 # Tables are made for at least so many rays a node of the grid: for fewer it is quicker to trace them.
@@ -140,32 +138,3 @@ def kernel_numbers(field: IndexField, columns: Columns) -> dict[str, float]:
 def packed(tables: ColumnTables) -> np.ndarray:
     """The kernel's array: for each (x, y) A, D and EXTRAS, flat."""
     return np.concatenate([np.stack([tables.path, tables.shift], axis=-1), tables.extra], axis=-1).ravel()
-
-
-def trace(field: IndexField, rays: RayBundle, plan: TracePlan, until, wavelength: float, outputs: frozenset, run):
-    """Trace with the tables: per-ray arrays by name, and seconds.
-
-    `run` traces the rays that they do not hold for: (field, rays, plan, until, wavelength, outputs).
-    """
-    start = time.perf_counter()
-    columns = find_columns(field, rays, until)
-    prepared = time.perf_counter() - start
-    rest = replace(plan, method="adaptive", columns=False, sample_count=0)
-    if columns is None or not columns.inside.any():
-        return run(field, rays, rest, until, wavelength, outputs)
-    if plan.backend == "opencl":
-        from .opencl_columns import trace_columns
-    else:
-        from .warp_column_backend import trace_columns
-    rows = columns.inside
-    if rows.all():
-        arrays, seconds = trace_columns(field, rays.position, columns, plan, outputs)
-        return arrays, {**seconds, "prepare": prepared}
-    arrays, seconds = trace_columns(field, rays.position[rows], columns, plan, outputs)
-    others, more = run(field, RayBundle(rays.position[~rows], rays.direction[~rows]), rest, until, wavelength, outputs)
-    merged = {}
-    for name, array in arrays.items():
-        merged[name] = np.empty((rays.ray_count, *array.shape[1:]), dtype=array.dtype)
-        merged[name][rows], merged[name][~rows] = array, others[name]
-    seconds["prepare"] = prepared
-    return merged, {name: seconds.get(name, 0.0) + more.get(name, 0.0) for name in {**seconds, **more}}

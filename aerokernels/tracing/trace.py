@@ -161,7 +161,7 @@ def run_plan(field: IndexField, rays: RayBundle, plan: TracePlan, until, wavelen
     along.
     """
     if plan.columns:
-        from .collimated import trace as by_columns
+        from .column_trace import trace as by_columns
 
         return by_columns(field, rays, plan, until, wavelength, outputs, run_plan)
     arrays, seconds = backend_of(plan.backend)(field, rays, plan, until, wavelength, outputs)
