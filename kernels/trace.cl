@@ -81,6 +81,10 @@ __kernel void trace_kernel(
         real slant_left = slant;
         const real first_momentum = size3(momentum);
         const real arc_left = (real)(bounds.length - course.enter);
+        real aside = R(0.0);  // so far beside its undisturbed line the ray meets no body
+        if (HAS_BODY && stays_clear(&field, &arrays, p0, d0, course.enter, NEVER, WALL_ASIDE / greatest(cell_rate))) {
+            aside = WALL_ASIDE / greatest(cell_rate);
+        }
         real h_next = control.extent / ambient;
         real h_cap = h_next;  // shorter after a step that would have ended well behind a surface
         int running = 1;
@@ -159,7 +163,7 @@ __kernel void trace_kernel(
 
             // A step into the body is taken again up to its surface, until what is left is flown along the tangent.
             real behind = R(-1.0);
-            if (HAS_BODY && accept) {
+            if (HAS_BODY && accept && !(size3(q + h * momentum + kick) < aside)) {
                 const double3 here = place_of(p0, d0, &course, bounds.ambient, q, q_carry, sums, sums_carry);
                 const real room = steps ? WALL_BACK * h_cell : R(0.0);
                 behind = behind_wall(&field, &arrays, &control, here, tangent, kick, h, room);

@@ -80,7 +80,7 @@ def constants() -> str:
         *_group("Where a ray ends"),
         *_defines({name: getattr(scheme, name) for name in ("LANDED_ARC", "LANDED_FREE", "WALK_LIMIT")}),
         *_group("The body: chords, closeness and room in cells, and A of lines parallel to the axis (double)"),
-        *_reals({name: getattr(scheme, name) for name in ("WALL_SAG", "WALL_CLOSE", "WALL_BACK")}),
+        *_reals({name: getattr(scheme, name) for name in ("WALL_SAG", "WALL_CLOSE", "WALL_ASIDE", "WALL_BACK")}),
         *_defines({"PARALLEL": PARALLEL}),
         *_group("Pupil: rays summed by one work-item and the sums it delivers, and the hash of the scramble"),
         *_defines({"GROUP": scheme.GROUP, "JOINED": scheme.JOINED}),

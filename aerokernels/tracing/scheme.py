@@ -75,6 +75,9 @@ SLACK_CELLS = {"float32": 1e-9, "float64": 1e-10}
 WALL_SAG = 1e-4
 # A step that ends so far inside the body at most, in cells, is flown back along the tangent; others are taken anew.
 WALL_CLOSE = 1e-2
+# Steps look for no wall while the ray keeps so near to its undisturbed line, in cells, if all that is as near to it is
+# clear of the body.
+WALL_ASIDE = 0.5
 # A wall counts that lies so far behind a step's start, in cells: the place is rounded between two steps.
 WALL_BACK = 1e-5
 

@@ -36,9 +36,10 @@ import functools
 import warp as wp
 
 from . import warp_grid, warp_mesh
-from .scheme import HAIR, LANDED_ARC, LEAST_STEP, SLANT_KEPT, TINY, WALL_BACK, WALL_CLOSE
+from .scheme import HAIR, LANDED_ARC, LEAST_STEP, SLANT_KEPT, TINY, WALL_ASIDE, WALL_BACK, WALL_CLOSE
 from .status import RayStatus
 from .tableau import BT, START_FROM_LATER, A, B, C, is_one_scalar
+from .warp_crossings import NEVER
 from .warp_ends import build_end, build_lever, build_start
 from .warp_error import build_step_error
 from .warp_landing import build_arc_landing, build_landing
@@ -46,7 +47,7 @@ from .warp_motion import advance, build_cells, build_contrast, build_mend, build
 from .warp_reach import build_cone, build_reach
 from .warp_step import build_before_face, build_look, build_verdict
 from .warp_types import types
-from .warp_wall import build_behind_wall, build_place
+from .warp_wall import build_behind_wall, build_place, build_stays_clear
 
 
 @functools.cache
@@ -86,6 +87,7 @@ def build_kernel(
     arc_landing, arc_touchdown = build_arc_landing(precision)
     place_of = build_place(precision)
     behind_wall = build_behind_wall(precision, geometry)
+    stays_clear = build_stays_clear(precision, geometry)
     landed_arc = wp.constant(LANDED_ARC)
     tiny = TINY[precision]
     straight = method == "straight"
@@ -157,6 +159,11 @@ def build_kernel(
             slant_left = slant
             first_momentum = wp.length(momentum)
             arc_left = real(bounds.length - course.enter)
+            aside = real(0.0)  # so far beside its undisturbed line the ray meets no body
+            if wp.static(has_body):
+                near = real(WALL_ASIDE) / wp.max(control.cell_rate)
+                if stays_clear(field, p0, d0, course.enter, wp.float64(NEVER), wp.float64(near)):
+                    aside = near
             h_next = control.extent / ambient
             h_cap = h_next  # shorter after a step that would have ended well behind a surface
             running = bool(True)
@@ -247,7 +254,7 @@ def build_kernel(
                 # A step into the body is taken again up to its surface, until the rest is flown along the tangent.
                 behind = real(-1.0)
                 if wp.static(has_body):
-                    if accept:
+                    if accept and not (wp.length(q + h * momentum + kick) < aside):
                         here = place_of(p0, d0, course, bounds.ambient, q, q_carry, sums, sums_carry)
                         room = real(wp.min(steps, 1)) * real(WALL_BACK) * h_cell
                         behind = behind_wall(field, control, here, ambient * d + momentum, kick, h, room)

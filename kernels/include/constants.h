@@ -117,6 +117,7 @@
 // The body: chords, closeness and room in cells, and A of lines parallel to the axis (double).
 #define WALL_SAG R(0.0001)
 #define WALL_CLOSE R(0.01)
+#define WALL_ASIDE R(0.5)
 #define WALL_BACK R(1e-05)
 #define PARALLEL 1e-24
 
