@@ -227,9 +227,10 @@ def _beside(field: IndexField, position, direction, stop, until) -> np.ndarray:
     chord, length = np.full(len(rows), np.inf), np.minimum(extent(field, direction[rows]), stop[rows])
     strength, scale = contrast_tail(field, nearest[rows], inward, chord)
     lost[rows] = strength * np.exp(-distance[rows] / scale) * length
-    strength, scale = slope_tail(field, nearest[rows], inward, chord, slant(direction[rows], until))
-    rest = np.where(np.isfinite(stop[rows]), stop[rows] - along[rows], 0.0)
-    lost[rows] += strength * np.exp(-distance[rows] / scale) * length * rest
+    if isinstance(until, Plane):  # any other stop is met without a slant
+        strength, scale = slope_tail(field, nearest[rows], inward, chord, slant(direction[rows], until))
+        rest = np.where(np.isfinite(stop[rows]), stop[rows] - along[rows], 0.0)
+        lost[rows] += strength * np.exp(-distance[rows] / scale) * length * rest
     return lost
 
 

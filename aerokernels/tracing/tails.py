@@ -26,6 +26,8 @@ from .lines import box_size, box_span
 from .mesh_rim import rim_contrast
 
 WINDOW_CELLS = 2.0
+# A slant that is rounding.
+NO_SLANT = 1e-12
 DEPTHS = np.array([0.0, 0.5, 1.0, 1.5, 2.0])  # over s; the middle one belongs to both windows
 
 
@@ -54,7 +56,7 @@ def drift_beyond(field: IndexField, point, inward, chord, way, until, distance, 
     """
     lost = np.zeros(len(point))
     across = slant(inward, until)
-    rows = np.flatnonzero(across.any(axis=1) & np.isfinite(distance))
+    rows = np.flatnonzero((np.abs(across).max(axis=1, initial=0.0) > NO_SLANT) & np.isfinite(distance))
     if len(rows) == 0:
         return lost
     cell = None if cell is None else cell[rows]

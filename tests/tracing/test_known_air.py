@@ -186,6 +186,17 @@ def test_the_budget_covers_the_drift_of_lost_air(engine):
     assert missed.max() <= known.truncation.min() <= 10.0 * missed.max()
 
 
+def test_air_beside_the_box_may_turn_rays_as_well():
+    """Contrast g y, a ray 0.5 mm beside the box of 8 mm: g 8 mm tan a times 6 mm or more from the box to the stop."""
+    slope, slant, aside = 1e-3, 0.7, HALF + 0.5e-3
+    field = box("planar", value=lambda y, z: slope * y)
+    rays = RayBundle([[0.0, aside, -10e-3]], UP)
+    tilts = ((0.0, np.sin(slant), np.cos(slant)), UP)
+    slanted, across = (lost(field, rays, Plane((0.0, aside, 10e-3), tilt))[0] for tilt in tilts)
+    least = slope * LENGTH * 6e-3 * np.tan(slant)
+    assert across > 0.0 and least <= slanted - across <= 20e-3 / 6e-3 * least
+
+
 def test_rays_beside_the_box_run_through_unknown_air():
     """Beside a box full of disturbed air: a status as far away as the box is large, none farther off."""
     rays = RayBundle([[0.0, y, -20e-3] for y in (0.0, 4.5e-3, 9e-3, 0.1)], UP)
