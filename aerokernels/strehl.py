@@ -20,7 +20,7 @@ import numpy as np
 from .medium import IndexField
 from .quantities import Quantity, Verdict, judge_strehl, listed
 from .rays import Disc, RayBundle, as_unit_vector
-from .strehl_errors import estimate_quantities, main_cause, phase_error, strehl_error
+from .strehl_errors import STANDARD_ERRORS, estimate_quantities, main_cause, phase_error, strehl_error
 from .tracing.budget import CAUSES, SAFETY, combine, faintly_lost, float64_rounding, opd_errors
 from .tracing.budget_rays import SUBSET
 from .tracing.lines import box_size
@@ -348,8 +348,8 @@ def _standard_error(moments: np.ndarray, phasor: np.ndarray) -> float:
 def _budget(field, probe, found: StrehlEstimate, until, wavelength, air: PupilAir) -> dict[str, float]:
     """The OPD errors of some rays of the pupil, turned into errors of the Strehl ratio.
 
-    A phase error of rms e radians about its mean changes the mean phasor A by at most e but for its phase, and |A|^2 by
-    at most 2 |A| e + e^2. Twice the standard error stands for the sampling.
+    What a phase error changes of the ratio at most is told in strehl_errors.py. So many standard errors stand for the
+    sampling.
     """
 
     def of_strehl(opd_rms: float) -> float:
@@ -362,4 +362,4 @@ def _budget(field, probe, found: StrehlEstimate, until, wavelength, air: PupilAi
     spread["truncation"] = SAFETY * max(air.lost_rms, faint)
     of_path = combine(spread)
     causes = {cause: of_strehl(of_path[cause]) for cause in CAUSES}
-    return combine({**causes, "sampling": 2.0 * found.standard_error})
+    return combine({**causes, "sampling": STANDARD_ERRORS * found.standard_error})

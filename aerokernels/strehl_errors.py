@@ -1,12 +1,19 @@
 r"""What a Strehl ratio's error budget says of the other numbers of the same rays.
 
-The budget gives errors of the Strehl ratio S, by cause. A phase error of rms e about its mean changes S by at most
-E = 2 sqrt(S) e + e^2 (strehl.py), so that each cause stands for a phase error
+The budget gives errors of the Strehl ratio S = |A|^2, A = <exp(i p)>, by cause. A phase error d of mean 0 and rms e,
+whatever it has to do with the phase p, changes A by a vector of a length of at most b, and S by
 
-    e = sqrt(S + E) - sqrt(S)
+    E = 2 sqrt(S) b + b^2,    b = min(e, sqrt(1 - S) e + sqrt(S) e^2 / 2)
+
+The first bound is that of |exp(i d) - 1| <= |d|. For the second, turn p so that A is real, and write exp(i p) = A + w
+with <w> = 0 and <|w|^2> = 1 - S: by Cauchy and Schwarz |<w (exp(i d) - 1)>| <= sqrt(1 - S) e, and
+|<exp(i d) - 1>| = |<exp(i d) - 1 - i d>| <= e^2 / 2. It is the smaller one where the wavefront is nearly flat: small
+phase errors of a flat wavefront change S in second order only. So each cause stands for a phase error
+
+    e = max(b, 2 b / (sqrt(1 - S) + sqrt(1 - S + 2 b sqrt(S)))),    b = sqrt(S + E) - sqrt(S)
 
 and that of all causes but the sampling is their root sum of squares. From it, and from the spread of the replicates
-(two standard errors, as in the budget) of what is a mean over rays:
+(three standard errors, as in the budget: 99 of 100 cases, of 16 replicates) of what is a mean over rays:
 
     S               the budget's total
     OPD rms s       s changes by at most e / k: the rms of a sum lies between the difference and the sum of the rms
@@ -24,6 +31,11 @@ import numpy as np
 from .quantities import Quantity, root_sum_square
 from .tracing.pupil_sums import fit_moments
 
+# The error of a mean over replicates that a budget tells is so many standard errors: two would be too few in one
+# estimate of sixteen, three are in one of a hundred (Student's t of 15 degrees of freedom).
+STANDARD_ERRORS = 3.0
+# Strehl ratios among which the one is looked for that a phase error changes most.
+RATIOS = 201
 # What an error mostly comes from, and what to do about it.
 REMEDIES = {
     "resampling": "the uniform grid: give it a smaller spacing",
@@ -37,16 +49,37 @@ REMEDIES = {
 
 def strehl_error(value: float, phase: float) -> float:
     """The greatest change of a Strehl ratio `value` by a phase error of rms `phase` [rad]."""
-    return 2.0 * math.sqrt(max(value, 0.0)) * phase + phase**2
+    root, rest = _roots(value)
+    change = min(phase, rest * phase + 0.5 * root * phase**2)
+    return phase if math.isnan(phase) else 2.0 * root * change + change**2
+
+
+def greatest_strehl_error(phase: float) -> float:
+    """The greatest change of any Strehl ratio by a phase error of rms `phase` [rad]."""
+    return max(strehl_error(float(value), phase) for value in np.linspace(0.0, 1.0, RATIOS))
+
+
+def phase_of_error(value: float, error: float) -> float:
+    """Rms phase error [rad] that changes a Strehl ratio `value` by up to `error`: undoes `strehl_error`."""
+    root, rest = _roots(value)
+    if not error > 0.0:
+        return error  # none, or not known
+    change = error / (math.sqrt(root**2 + error) + root)
+    return max(change, 2.0 * change / (rest + math.sqrt(rest**2 + 2.0 * change * root)))
+
+
+def _roots(value: float) -> tuple[float, float]:
+    """sqrt(S) and sqrt(1 - S); rounding may put S beyond 0 or 1."""
+    value = min(max(value, 0.0), 1.0)
+    return math.sqrt(value), math.sqrt(1.0 - value)
 
 
 def phase_error(value: float, budget: Mapping[str, float]) -> float:
     """Rms phase error [rad] that the budget of a Strehl ratio stands for, sampling left out; NaN where not known."""
     if "total" not in budget or math.isnan(value):
         return math.nan
-    root = math.sqrt(max(value, 0.0))
     causes = (error for cause, error in budget.items() if cause not in ("sampling", "total"))
-    return root_sum_square(math.sqrt(value + error) - root for error in causes)
+    return root_sum_square(phase_of_error(value, error) for error in causes)
 
 
 def main_cause(budget: Mapping[str, float]) -> str:
@@ -79,7 +112,7 @@ def estimate_quantities(
     wave_number = 2.0 * math.pi / wavelength
     opd_error = phase_error(estimate.value, budget) / wave_number
     fits = [fit_moments(row) for row in moments if row[0] > 0.0]
-    rms_error = math.hypot(opd_error, _twice_standard_error([float(fit[3 if "tilt" in remove else 2]) for fit in fits]))
+    rms_error = math.hypot(opd_error, _likely_error([float(fit[3 if "tilt" in remove else 2]) for fit in fits]))
     rms = estimate.opd_rms
 
     def marechal(opd_rms: float) -> float:
@@ -91,7 +124,7 @@ def estimate_quantities(
     slopes = [0.0, 0.0]
     if not symmetric:
         slopes = [
-            math.hypot(opd_error / extent, _twice_standard_error([float(fit[1][axis]) for fit in fits]))
+            math.hypot(opd_error / extent, _likely_error([float(fit[1][axis]) for fit in fits]))
             if extent > 0.0
             else 0.0
             for axis, extent in enumerate(_extents(moments.sum(axis=0)))
@@ -105,11 +138,11 @@ def estimate_quantities(
     }
 
 
-def _twice_standard_error(values: list[float]) -> float:
-    """Two standard errors of the mean of replicates; NaN for fewer than two."""
+def _likely_error(values: list[float]) -> float:
+    """STANDARD_ERRORS of the mean of replicates; NaN for fewer than two."""
     if len(values) < 2:
         return math.nan
-    return 2.0 * float(np.std(values, ddof=1)) / math.sqrt(len(values))
+    return STANDARD_ERRORS * float(np.std(values, ddof=1)) / math.sqrt(len(values))
 
 
 def _extents(total: np.ndarray) -> tuple[float, float]:

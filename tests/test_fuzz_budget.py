@@ -1,4 +1,4 @@
-"""scripts/fuzz_budget: its truth is right, and a dozen of its scenes are covered by their budgets, or flagged."""
+"""scripts/fuzz_budget: its truth is right, and some of its scenes are covered by their budgets, or flagged."""
 
 import warnings
 from pathlib import Path
@@ -7,8 +7,9 @@ from types import ModuleType
 import numpy as np
 import pytest
 
-# Drawn once; the even ones go to one engine, the odd ones to the other.
-SEEDS = (0, 1, 2, 4, 5, 6, 7, 19, 45, 81, 111, 208)
+# Quick ones of every kind, that each hold something of their own; the even ones go to one engine, the odd ones to the
+# other. Of 223, 245 and 267 the box cuts disturbed air, which would have turned rays ahead of a slanted stop.
+SEEDS = (223, 245, 267, 1011, 1024, 1078, 1104, 1220, 1252, 1261, 1288, 1294)
 
 
 @pytest.fixture

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from aerokernels import Disc, IndexField, RayBundle, estimate_strehl, trace
-from aerokernels.strehl_errors import main_cause, phase_error, strehl_error
+from aerokernels.strehl_errors import greatest_strehl_error, main_cause, phase_error, phase_of_error, strehl_error
 from aerokernels.tracing import Plane
 
 PUPIL = Disc(4e-3, (0.0, 1e-3, -12e-3))
@@ -27,9 +27,9 @@ def blob(spacing: float) -> IndexField:
 
 
 def test_phase_errors_come_back_out_of_a_budget():
-    """E = 2 sqrt(S) e + e^2 of each cause, root sum of squares of the e; the sampling and the total are no phases."""
+    """Each cause is the bound of a phase error e; root sum of squares of the e; the sampling and the total are none."""
     phases = {"step": 0.02, "interpolation": 0.1, "resampling": 0.3, "precision": 0.0}
-    for value in (0.0, 0.2, 1.0):
+    for value in (0.0, 0.2, 0.99, 1.0):
         budget = {cause: strehl_error(value, phase) for cause, phase in phases.items()} | {
             "sampling": 0.5,
             "total": 9.0,
@@ -38,6 +38,48 @@ def test_phase_errors_come_back_out_of_a_budget():
     assert np.isnan(phase_error(0.5, {}))
     assert "smaller spacing" in main_cause({"step": 0.1, "resampling": 0.2, "total": 0.3})
     assert "not known" in main_cause({"step": 0.1, "interpolation": np.nan, "total": np.nan})
+
+
+def phases_of(value: float, count: int = 400) -> np.ndarray:
+    """Phases of the Strehl ratio `value`: two levels, so that what changes them has its greatest lever."""
+    return np.where(np.arange(count) < count // 2, 1.0, -1.0) * np.arccos(np.sqrt(value))
+
+
+@pytest.mark.parametrize("value", [0.0, 1e-3, 0.1, 0.5, 0.9, 0.99, 0.9999, 1.0])
+def test_no_phase_error_changes_a_strehl_ratio_by_more_than_its_bound(value):
+    """Set-up: wavefronts of the ratio S, of two levels and random ones; phase errors of mean 0 and rms 1e-3 to 3.
+
+    Errors: random ones, ones that follow the phasor's imaginary part (which undo or deepen the wavefront) and its real
+    part, and steps. Expected: |S' - S| below the bound for all, and more than half of it for the errors that follow the
+    imaginary part, as long as they are small and the wavefront is not flat; at S = 1 the bound is e^2 + e^4 / 4.
+    """
+    generator = np.random.default_rng(11)
+    rough = generator.normal(size=400)
+    rough *= np.sqrt(-np.log(max(value, 1e-3)))
+    for phase in (phases_of(value), rough - rough.mean()):
+        phasor = np.exp(1j * phase)
+        mean = phasor.mean()
+        ratio = abs(mean) ** 2
+        turned = phasor * np.exp(-1j * np.angle(mean)) if ratio > 1e-12 else phasor
+        shapes = [generator.normal(size=400), turned.imag, turned.real, np.sign(generator.normal(size=400))]
+        shapes += [turned.imag + 0.3 * shapes[0], np.exp(generator.normal(size=400) * 2.0)]
+        for number, shape in enumerate(shapes):
+            if np.std(shape) < 1e-9:
+                continue
+            for rms in (1e-3, 1e-2, 0.1, 0.5, 1.0, 3.0):
+                error = (shape - shape.mean()) / np.std(shape) * rms
+                for sign in (1.0, -1.0):
+                    change = abs(abs(np.mean(phasor * np.exp(1j * sign * error))) ** 2 - ratio)
+                    bound = strehl_error(ratio, rms)
+                    assert change <= bound * (1.0 + 1e-9) + 1e-12
+                    if number == 1 and 0.05 < ratio < 0.95 and rms <= 1e-2:
+                        assert change > 0.5 * bound
+                    if ratio > 1.0 - 1e-12 and rms <= 1.0:
+                        assert bound == pytest.approx(rms**2 + rms**4 / 4.0, rel=1e-5)
+                    assert bound <= greatest_strehl_error(rms) * (1.0 + 1e-3)
+        for rms in (0.0, 1e-6, 1e-2, 1.0):
+            assert phase_of_error(ratio, strehl_error(ratio, rms)) == pytest.approx(rms, rel=1e-6)
+    assert np.isnan(strehl_error(value, np.nan)) and np.isnan(phase_of_error(value, np.nan))
 
 
 def test_an_opd_error_tilts_a_disc_by_no_more_than_twice_its_rms_over_the_radius():

@@ -1,7 +1,8 @@
 r"""What the numbers of an echo may be off by.
 
-    Strehl ratio   S: a phase error of rms e over the pupil changes it by at most 2 sqrt(S) e + e^2 (strehl_errors.py);
-                   to that the interpolation over the target, and what half of the rays over the pupil change
+    Strehl ratio   S: the most that a phase error of rms e over the pupil changes (strehl_errors.py; it is concave in S,
+                   so that the mean of it over points of the target is at most that of the mean S); to that the
+                   interpolation over the target, and what half of the rays over the pupil change
     peak power     P is proportional to the return factor: P x (error of the factor) / factor; and what the samples'
                    place under the pulse changes
     peak voltage   the same, the noise's standard deviation, and half a code of the digitiser

@@ -12,7 +12,7 @@ from aerokernels.prepare import prepare_field
 from aerokernels.quantities import GREAT_ERROR, root_sum_square
 from aerokernels.scene import Scene
 from aerokernels.strehl import plan_strehl
-from aerokernels.strehl_errors import main_cause, strehl_error
+from aerokernels.strehl_errors import greatest_strehl_error, main_cause
 from aerokernels.study.views import FAN_PLANES, FAN_RAYS, PUPIL_SAMPLES, forward_pupil, pupil_samples, trace_options
 from aerokernels.tracing.plan import TracePlan
 
@@ -87,12 +87,12 @@ def explanation(scene: Scene) -> list[tuple[str, str]]:
 
 
 def _predicted_ratio(plan: TracePlan, resampling: ResamplingError | None, wavelength: float) -> list[tuple[str, str]]:
-    """The error that the Strehl ratio will have at most: that of a ratio of 1 under the phase errors known before."""
+    """The error that the Strehl ratio will have at most: whatever it is, under the phase errors known before."""
     if plan.predicted_error is None:
         return []
     lengths = [] if resampling is None else [resampling.opd_rms]
     phase = 2.0 * math.pi * root_sum_square([plan.predicted_error, *(length / wavelength for length in lengths)])
-    error = strehl_error(1.0, phase)
+    error = greatest_strehl_error(phase)
     left_out = ", without that of the flow's own mesh"
     rows = [("predicted, Strehl ratio", f"error +- {error:.2g}{left_out}")]
     if error > 1.0:

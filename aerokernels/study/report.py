@@ -44,7 +44,7 @@ CAUSES = {
     "interpolation": "samples of the field, as the flow came",
     "resampling": "uniform grid that the flow was resampled to",
     "precision": "precision of the kernels",
-    "sampling": "number of rays, two standard errors",
+    "sampling": "number of rays, three standard errors",
     "truncation": "rays that leave the known air while it is disturbed",
     "total": "root sum of squares",
 }

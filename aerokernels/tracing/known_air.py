@@ -2,15 +2,10 @@ r"""Where the known air ends: what rays may lose there, ray by ray.
 
 Outside its samples a field is ambient. Where the air at a face of the box (or at the rim of a mesh) is still disturbed,
 it does not end there in truth: the optical path of a ray that crosses this face holds the known part only. What may be
-missing is estimated on straight lines from the contrast m just inside the face, at a depth x below it:
-
-    A0 = max |m| over 0 <= x <= s,   A1 = max |m| over s <= x <= 2 s
-    lost = A0 min(s / ln(A1 / A0), D, w)        the first of the three where A1 > A0, where the disturbance falls off
-
-s is two cells; D is the box's own extent along the line: air that does not fall off is taken to go on for as much
-again; w is the length of the way that lies outside. An exponential tail has A0 s / ln(A1 / A0) left from the depth s
-on, and a steeper one less. A ray that passes beside the box, no farther away than the box is large, may lose as much as
-one that leaves through the nearest point of it, less what falls off on the way to the ray.
+missing is estimated on straight lines from the air just inside the face (tails.py): the optical path through what lies
+beyond, and, where the stop is a plane at a slant with the ray, what the ray would have been turned there, by its lever
+arm (levers.py): all the way to the stop counts. A ray that passes beside the box, no farther away than the box is
+large, may lose as much as one that leaves through the nearest point of it, less what falls off on the way to the ray.
 
 Lines are straight, but for rays that a field may bend by more than a cell: of those the traced ends count, drawn
 straight back to the box, where they are known.
@@ -25,7 +20,6 @@ coarse makes of undisturbed air beside a shock layer is an error of resampling, 
 import weakref
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from itertools import product
 
 import numpy as np
 
@@ -34,16 +28,16 @@ from ..medium.grid import UniformGrid
 from ..rays import RayBundle
 from .backend_info import thread_count
 from .choice import greatest_turn
+from .levers import levers_of, slant
 from .lines import FACES, SIDE, box_size, box_span
-from .mesh_rim import mesh_crossings, mesh_rim, rim_contrast
+from .mesh_rim import mesh_crossings, mesh_rim
 from .stop import ArcLength, Plane
+from .tails import contrast_tail, drift_beyond, extent, path_beyond, slope_tail
 
 # The share of the tolerance, and of the greatest tolerance that counts here [m], that all that could be lost must stay
 # below for no ray to be looked at.
 NOTHING = 0.1
 GREATEST_TOLERANCE = 1e-9
-WINDOW_CELLS = 2.0
-DEPTHS = np.array([0.0, 0.5, 1.0, 1.5, 2.0])  # over s; the middle one belongs to both windows
 # By how much less than the box's size an end may lie outside it and still count as lying on its face.
 ON_FACE = 1e-6
 # Rays that are looked at together: their arrays stay in a core's cache.
@@ -120,8 +114,11 @@ def may_be_lost(
             taken to be straight.
     """
     lost, face = np.zeros(rays.ray_count), np.full(rays.ray_count, BESIDE)
-    weakest = NOTHING * min(tolerance, GREATEST_TOLERANCE) / box_size(field)
-    if not (face_strengths(field) > weakest).any():
+    strongest = face_strengths(field).max()
+    if not strongest > 0.0:
+        return lost, face
+    weakest = NOTHING * min(tolerance, GREATEST_TOLERANCE) / (box_size(field) * (1.0 + _leverage(field, rays, until)))
+    if not strongest > weakest:
         return lost, face
 
     def look_at(first: int) -> None:
@@ -139,15 +136,25 @@ def may_be_lost(
     return lost, face
 
 
+def _leverage(field: IndexField, rays: RayBundle, until) -> float:
+    """How many times what rays lose of their optical path they may lose by being turned: the lever arm over a cell.
+
+    It only decides whether air is disturbed enough to be looked at, so that some of the rays stand for all.
+    """
+    some = rays[:: -(-rays.ray_count // CHUNK)] if isinstance(until, Plane) and rays.ray_count else None
+    levers = None if some is None else levers_of(field, some, until)
+    return 0.0 if levers is None else levers.arm / float(np.min(field.spacing))
+
+
 def _lost_by(field, position, direction, until, ends, weakest: float) -> tuple[np.ndarray, np.ndarray]:
     """Of some rays: what each may lose [m], and at which face most of it."""
     span = box_span(field, position, direction)
     stop = stop_distance(position, direction, until)
     lost, face = np.zeros(len(position)), np.full(len(position), BESIDE)
 
-    def add(*crossing: np.ndarray) -> None:
-        rows, point, inward, chord, way, faces = crossing
-        amount = _tail(field, point, inward, chord, way)
+    def add(rows, point, inward, chord, way, faces, distance, leaves: bool) -> None:
+        amount = path_beyond(field, point, inward, chord, way)
+        amount += drift_beyond(field, point, inward, chord, way, until, distance, leaves)
         face[rows] = np.where(amount > lost[rows], faces, face[rows])
         lost[rows] += amount
 
@@ -157,17 +164,22 @@ def _lost_by(field, position, direction, until, ends, weakest: float) -> tuple[n
         enter = span.enter[entering]
         chord = span.leave[entering] - enter
         point = position[entering] + enter[:, None] * direction[entering]
-        add(entering, point, direction[entering], chord, enter, span.entry_face[entering])
+        rest = stop[entering] - enter
+        add(entering, point, direction[entering], chord, enter, span.entry_face[entering], rest, leaves=False)
         for crossing in _exits(field, position, direction, span, stop, until, ends):
             kept = strong[crossing[-1]]
-            add(*(array[kept] for array in crossing))
+            rows, point, inward, chord, way, faces = (array[kept] for array in crossing)
+            add(rows, point, inward, chord, way, faces, distance=way, leaves=True)
     else:
         found = mesh_crossings(field, position, direction, stop, weakest)
         chord = np.full(len(found.ray), np.inf)
-        amount = _tail(field, found.point, found.inward, chord, found.way, found.cell, found.contrast)
+        amount = path_beyond(field, found.point, found.inward, chord, found.way, found.cell, found.contrast)
+        leaves = np.sum(found.inward * direction[found.ray], axis=1) < 0.0
+        distance = np.where(leaves, found.way, stop[found.ray] - found.way)
+        amount += drift_beyond(field, found.point, found.inward, chord, found.way, until, distance, leaves, found.cell)
         np.add.at(lost, found.ray, amount)
     aside = np.flatnonzero(~span.meets | (stop <= span.enter) & (span.enter > 0.0))
-    lost[aside] = _beside(field, position[aside], direction[aside], stop[aside])
+    lost[aside] = _beside(field, position[aside], direction[aside], stop[aside], until)
     return lost, face
 
 
@@ -196,7 +208,7 @@ def _exits(field, position, direction, span, stop, until, ends):
     yield rows, point, -direction[rows], chord, way, span.exit_face[rows]
 
 
-def _beside(field: IndexField, position, direction, stop) -> np.ndarray:
+def _beside(field: IndexField, position, direction, stop, until) -> np.ndarray:
     """What rays may lose that do not meet the box [m]: at the point of the box that they pass nearest."""
     if len(position) == 0:
         return np.zeros(0)
@@ -212,9 +224,13 @@ def _beside(field: IndexField, position, direction, stop) -> np.ndarray:
     lost = np.zeros(len(position))
     rows = np.flatnonzero(distance <= size)
     inward = (nearest - place)[rows] / np.maximum(distance[rows], 1e-300)[:, None]
-    strength, scale = _tail_shape(field, nearest[rows], inward, np.full(len(rows), np.inf))
-    faded = np.exp(-distance[rows] / scale)
-    lost[rows] = strength * faded * np.minimum(extent(field, direction[rows]), stop[rows])
+    chord, length = np.full(len(rows), np.inf), np.minimum(extent(field, direction[rows]), stop[rows])
+    strength, scale = contrast_tail(field, nearest[rows], inward, chord)
+    lost[rows] = strength * np.exp(-distance[rows] / scale) * length
+    if isinstance(until, Plane):  # any other stop is met without a slant
+        strength, scale = slope_tail(field, nearest[rows], inward, chord, slant(direction[rows], until))
+        rest = np.where(np.isfinite(stop[rows]), stop[rows] - along[rows], 0.0)
+        lost[rows] += strength * np.exp(-distance[rows] / scale) * length * rest
     return lost
 
 
@@ -226,75 +242,6 @@ def _into_box(field: IndexField, point: np.ndarray) -> np.ndarray:
     radius = np.hypot(point[:, 0], point[:, 1])
     shrink = np.minimum(1.0, high[0] / np.maximum(radius, 1e-300))
     return np.stack([point[:, 0] * shrink, point[:, 1] * shrink, np.clip(point[:, 2], low[2], high[2])], axis=1)
-
-
-def _tail(field, point, inward, chord, way, cell=None, contrast=None) -> np.ndarray:
-    """What lies beyond some points of the boundary [m], of a way of the length `way` [m] in the direction -inward."""
-    strength, scale = _tail_shape(field, point, inward, chord, cell, contrast)
-    return strength * np.minimum(np.minimum(scale, extent(field, inward)), np.maximum(way, 0.0))
-
-
-def _tail_shape(field, point, inward, chord, cell=None, contrast=None) -> tuple[np.ndarray, np.ndarray]:
-    """A0, and the length s / ln(A1 / A0) by which the disturbance falls off [m], infinite where it does not.
-
-    Args:
-        field: The refractive index.
-        point: Points of the boundary [m], shape (n, 3).
-        inward: Unit vectors into the known air, shape (n, 3).
-        chord: How far the known air goes on that way [m], shape (n,).
-        cell: Size of the cells there [m], shape (n,); None for the field's own.
-        contrast: |contrast| at the points, shape (n,), where it is known already.
-    """
-    if len(point) == 0:
-        return np.zeros(0), np.zeros(0)
-    source = field.source
-    if source is not None and source is not field:
-        smaller = min(float(np.max(field.spacing)), float(np.max(source.spacing)))
-        return _tail_shape(source, point, inward, chord, np.full(len(point), smaller))
-    step = WINDOW_CELLS * (float(np.max(field.spacing)) if cell is None else cell[:, None])
-    depth = np.minimum(step * DEPTHS, chord[:, None])
-    places = point[:, None] + depth[..., None] * inward[:, None]
-    if field.is_uniform:
-        found = np.abs(_contrast(field, places.reshape(-1, 3))).reshape(depth.shape)
-    else:
-        found = np.abs(field.contrast_at(places.reshape(-1, 3))).reshape(depth.shape)
-        # A point on the rim may lie a rounding outside of it.
-        on_rim = rim_contrast(field, point) if contrast is None else contrast
-        found[:, 0] = np.where(found[:, 0] > 0.0, found[:, 0], on_rim)
-    if field.body is not None:
-        found[field.body.contains(field.local_coordinates(point))] = 0.0
-    middle = len(DEPTHS) // 2
-    last, before = found[:, : middle + 1].max(axis=1), found[:, middle:].max(axis=1)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        scale = np.where((before > last) & (last > 0.0), np.ravel(step) / np.log(before / last), np.inf)
-    return last, scale
-
-
-def _contrast(field: IndexField, points: np.ndarray) -> np.ndarray:
-    """Contrast at points (n, 3) of a uniform grid, linear between its samples; beyond a face that of the face."""
-    grid = field.samples
-    start = np.zeros(len(points), dtype=np.int64)
-    shares, strides = [], np.array(grid.samples.strides) // grid.samples.itemsize
-    for axis, (column, count) in enumerate(zip(field.local_coordinates(points).T, grid.shape, strict=True)):
-        place = np.clip((column - grid.origin[axis]) / grid.spacing[axis], 0.0, count - 1.0)
-        cell = np.minimum(place.astype(np.int64), count - 2)
-        start += strides[axis] * cell
-        shares.append(place - cell)
-    flat = grid.samples.ravel(order="K")  # in the order of memory, as the strides are
-    values = [flat[start + int(strides @ corner)] for corner in product((0, 1), repeat=len(shares))]
-    for share in reversed(shares):  # the last axis is the first to vary
-        values = [low + share * (high - low) for low, high in zip(values[::2], values[1::2], strict=True)]
-    return values[0]
-
-
-def extent(field: IndexField, direction: np.ndarray) -> np.ndarray:
-    """Length of the box along lines through its middle [m], at most its diagonal; directions (n, 3)."""
-    low, high = field.box
-    middle = np.zeros(3)
-    ends = np.isfinite(high - low)
-    middle[ends] = 0.5 * (low[ends] + high[ends])
-    leave = box_span(field, np.broadcast_to(middle, direction.shape), direction).leave
-    return np.minimum(2.0 * leave, box_size(field))
 
 
 def stop_distance(position: np.ndarray, direction: np.ndarray, until) -> np.ndarray:

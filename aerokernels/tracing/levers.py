@@ -59,6 +59,26 @@ def levers_of(field: IndexField, rays: RayBundle, until) -> Levers | None:
     return Levers(float((far - enter)[good].max()), float(reach.max()), float(arm.max()))
 
 
+def slant(direction: np.ndarray, until) -> np.ndarray:
+    """What a drift costs: a ray that meets its stop a vector x aside of itself has a way that is longer by x . slant.
+
+    It lies across the ray, and is as long as the tangent of the angle between the ray and the stop's normal, at most
+    that of rays that graze the stop (LEAST_COSINE). Its sign is that of rays that run against the normal.
+
+    Args:
+        direction: Unit vectors, shape (n, 3).
+        until: The stop. Only a Plane can be slanted.
+
+    Returns:
+        Shape (n, 3).
+    """
+    if not isinstance(until, Plane):
+        return np.zeros_like(direction)
+    cosine = (direction @ until.normal)[:, None]
+    steep = np.copysign(np.maximum(np.abs(cosine), LEAST_COSINE), cosine)
+    return np.asarray((cosine * direction - until.normal) / steep)
+
+
 def _through_box(field: IndexField, rays: RayBundle) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Where rays enter and leave the box [m along them], and the cosine with the normal of the face they leave by."""
     low, high = (np.asarray(corner, dtype=float) for corner in field.box)

@@ -114,7 +114,7 @@ def make_job(field, pupil, look, wavelength, ray_count, seed, with_tilt, symmetr
     _check_size(field, pupil)
     tolerance = check_tolerance(choices["tolerance"])
     air = pupil_air(field, pupil, look, tolerance * wavelength)
-    until = Plane(_beyond(field, pupil, look), look)
+    until = plane_beyond(field, pupil, look)
     per_replicate = _per_replicate(ray_count)
     fan_rays, why = choose_fan(field, pupil, look, per_replicate, REPLICATES, symmetry)
     count = fan_rays or per_replicate
@@ -167,15 +167,15 @@ def _runner(task: PupilTask) -> Callable[[], PupilSums]:
     return import_module(f".{task.plan.backend}_strehl", __package__).PupilRun(task)
 
 
-def _beyond(field: IndexField, pupil: Disc, look: np.ndarray) -> np.ndarray:
-    """A point on the look line such that the plane across it there lies beyond the box and the pupil."""
+def plane_beyond(field: IndexField, pupil: Disc, look: np.ndarray) -> Plane:
+    """Where the rays of a pupil stop: the plane across the unit vector `look` just beyond the box and the pupil."""
     low, high = field.box
     finite = np.isfinite(low) & np.isfinite(high)
     corner = np.where(finite, np.where(look > 0.0, high, low), pupil.center)
     reach = float((corner - pupil.center) @ look)
     # A hair beyond, so that the last face and the plane are never the same surface.
     size = float(np.linalg.norm(np.where(finite, high - low, 0.0)))
-    return pupil.center + (max(reach, 0.0) + pupil.radius + 1e-3 * size) * look
+    return Plane(pupil.center + (max(reach, 0.0) + pupil.radius + 1e-3 * size) * look, look)
 
 
 def _per_replicate(ray_count: int) -> int:

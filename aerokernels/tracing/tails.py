@@ -1,0 +1,185 @@
+r"""What may lie beyond a point at which the known air ends, estimated from the air just inside it.
+
+A quantity q along a ray, at a depth x below the end of the known air, is taken to go on beyond that end so that its
+integral there is
+
+    A0 = max q over 0 <= x <= s,   A1 = max q over s <= x <= 2 s
+    A0 min(s / ln(A1 / A0), D, w)        the first of the three where A1 > A0, where the disturbance falls off
+
+s is two cells; D is the box's own extent along the line: air that does not fall off is taken to go on for as much
+again; w is the length of the way that lies outside. An exponential tail has A0 s / ln(A1 / A0) left from the depth s
+on, and a steeper one less.
+
+Of q = |m|, the contrast, that integral is an optical path. Of q = |grad m . e| it is an angle by which the missing air
+would have turned the ray, times the slant e of the ray's stop (levers.py): the optical path changes by that times the
+distance from the middle of that air to the stop.
+"""
+
+from itertools import product
+
+import numpy as np
+
+from ..medium import IndexField
+from ..medium.grid import UniformGrid
+from .levers import slant
+from .lines import box_size, box_span
+from .mesh_rim import rim_contrast
+
+WINDOW_CELLS = 2.0
+# A slant that is rounding.
+NO_SLANT = 1e-12
+DEPTHS = np.array([0.0, 0.5, 1.0, 1.5, 2.0])  # over s; the middle one belongs to both windows
+
+
+def path_beyond(field: IndexField, point, inward, chord, way, cell=None, contrast=None) -> np.ndarray:
+    """Optical path beyond some points [m], of a way of the length `way` [m] in the direction -inward, shape (n,).
+
+    The other arguments are those of `contrast_tail`.
+    """
+    strength, scale = contrast_tail(field, point, inward, chord, cell, contrast)
+    return np.asarray(strength * _length(field, scale, inward, way))
+
+
+def drift_beyond(field: IndexField, point, inward, chord, way, until, distance, leaves, cell=None) -> np.ndarray:
+    """What the air beyond some points changes of optical paths to a slanted stop by turning rays [m], shape (n,).
+
+    Args:
+        field: The refractive index.
+        point: Points of the boundary [m], shape (n, 3).
+        inward: Unit vectors along the rays into the known air, shape (n, 3).
+        chord: How far the known air goes on that way [m], shape (n,).
+        way: Length of the way beyond [m], shape (n,).
+        until: The stop.
+        distance: From the points to the stop [m], shape (n,); rays for which that is not finite never meet it.
+        leaves: Whether rays leave the known air there, or enter it; one for all, or of shape (n,).
+        cell: Size of the cells there [m], shape (n,); None for the field's own.
+    """
+    lost = np.zeros(len(point))
+    across = slant(inward, until)
+    rows = np.flatnonzero((np.abs(across).max(axis=1, initial=0.0) > NO_SLANT) & np.isfinite(distance))
+    if len(rows) == 0:
+        return lost
+    cell = None if cell is None else cell[rows]
+    strength, scale = slope_tail(field, point[rows], inward[rows], chord[rows], across[rows], cell)
+    length = _length(field, scale, inward[rows], way[rows])
+    middle = np.where(np.broadcast_to(leaves, len(point))[rows], -0.5, 0.5) * length
+    lost[rows] = strength * length * np.maximum(distance[rows] + middle, 0.0)
+    return lost
+
+
+def contrast_tail(field: IndexField, point, inward, chord, cell=None, contrast=None) -> tuple[np.ndarray, np.ndarray]:
+    """A0 of |contrast|, and the length s / ln(A1 / A0) by which it falls off [m], infinite where it does not.
+
+    Args:
+        field: The refractive index.
+        point: Points of the boundary [m], shape (n, 3).
+        inward: Unit vectors into the known air, shape (n, 3).
+        chord: How far the known air goes on that way [m], shape (n,).
+        cell: Size of the cells there [m], shape (n,); None for the field's own.
+        contrast: |contrast| at the points, shape (n,), where it is known already.
+    """
+    field, cell = _original(field, cell, len(point))
+    places, step = _places(field, point, inward, chord, cell)
+    if field.is_uniform:
+        found = np.abs(contrast_in(field, places.reshape(-1, 3))).reshape(places.shape[:2])
+    else:
+        found = np.abs(field.contrast_at(places.reshape(-1, 3))).reshape(places.shape[:2])
+        # A point on the rim may lie a rounding outside of it.
+        on_rim = rim_contrast(field, point) if contrast is None else contrast
+        found[:, 0] = np.where(found[:, 0] > 0.0, found[:, 0], on_rim)
+    return _falls_off(field, found, point, step)
+
+
+def slope_tail(field: IndexField, point, inward, chord, across, cell=None) -> tuple[np.ndarray, np.ndarray]:
+    """A0 of |grad m . across| and the length by which it falls off, as `contrast_tail` has them; `across` is (n, 3)."""
+    field, cell = _original(field, cell, len(point))
+    places, step = _places(field, point, inward, chord, cell)
+    flat, along = places.reshape(-1, 3), np.repeat(across, len(DEPTHS), axis=0)
+    if field.is_uniform:
+        found = _slope_in(field, flat, along)
+    else:
+        found = np.sum(field.gradient_at(flat) * along, axis=1)
+    return _falls_off(field, np.abs(found).reshape(places.shape[:2]), point, step)
+
+
+def _original(field: IndexField, cell, count: int) -> tuple[IndexField, np.ndarray | None]:
+    """The field that this one was resampled from, if one is kept, and the smaller of their cells."""
+    while field.source is not None and field.source is not field:
+        smaller = min(float(np.max(field.spacing)), float(np.max(field.source.spacing)))
+        field, cell = field.source, np.full(count, smaller)
+    return field, cell
+
+
+def _places(field: IndexField, point, inward, chord, cell) -> tuple[np.ndarray, np.ndarray]:
+    """Points below the boundary [m], shape (n, 5, 3), and s [m], of a shape that goes with (n,)."""
+    step = np.atleast_1d(WINDOW_CELLS * (float(np.max(field.spacing)) if cell is None else cell))
+    depth = np.minimum(step[:, None] * DEPTHS, chord[:, None])
+    return point[:, None] + depth[..., None] * inward[:, None], step
+
+
+def _falls_off(field: IndexField, found: np.ndarray, point, step) -> tuple[np.ndarray, np.ndarray]:
+    """A0 and the length by which it falls off, of a quantity found at the depths, shape (n, 5)."""
+    if field.body is not None and len(point):
+        found[field.body.contains(field.local_coordinates(point))] = 0.0
+    middle = len(DEPTHS) // 2
+    last, before = found[:, : middle + 1].max(axis=1), found[:, middle:].max(axis=1)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        scale = np.where((before > last) & (last > 0.0), step / np.log(before / last), np.inf)
+    return last, scale
+
+
+def _length(field: IndexField, scale, inward, way) -> np.ndarray:
+    """Length of the air beyond [m]: min(s / ln(A1 / A0), D, w)."""
+    return np.minimum(np.minimum(scale, extent(field, inward)), np.maximum(way, 0.0))
+
+
+def contrast_in(field: IndexField, points: np.ndarray) -> np.ndarray:
+    """Contrast at points (n, 3) of a uniform grid, linear between its samples; beyond a face that of the face."""
+    assert isinstance(field.samples, UniformGrid)
+    return _linear(field.samples, field.local_coordinates(points))
+
+
+def _slope_in(field: IndexField, points: np.ndarray, along: np.ndarray) -> np.ndarray:
+    """Grad m . along at points of a uniform grid, both (n, 3), from differences over one cell, within the box."""
+    grid = field.samples
+    assert isinstance(grid, UniformGrid)
+    local = field.local_coordinates(points)
+    if field.geometry == "axisymmetric":
+        radius = np.where(local[:, 0] > 0.0, local[:, 0], 1.0)
+        along = np.stack([np.sum(points[:, :2] * along[:, :2], axis=1) / radius, along[:, 2]], axis=1)
+    else:
+        along = along[:, 1:] if field.geometry == "planar" else along
+    slope = np.zeros(len(points))
+    for axis, spacing in enumerate(grid.spacing):
+        low, high = local.copy(), local.copy()
+        low[:, axis] = np.maximum(local[:, axis] - 0.5 * spacing, grid.low[axis])
+        high[:, axis] = np.minimum(local[:, axis] + 0.5 * spacing, grid.high[axis])
+        apart = np.maximum(high[:, axis] - low[:, axis], 0.25 * spacing)  # less only a rounding outside the box
+        slope += along[:, axis] * (_linear(grid, high) - _linear(grid, low)) / apart
+    return slope
+
+
+def _linear(grid: UniformGrid, local: np.ndarray) -> np.ndarray:
+    """Samples at points along the grid's axes, linear between nodes; beyond a face that of the face."""
+    start = np.zeros(len(local), dtype=np.int64)
+    shares, strides = [], np.array(grid.samples.strides) // grid.samples.itemsize
+    for axis, (column, count) in enumerate(zip(local.T, grid.shape, strict=True)):
+        place = np.clip((column - grid.origin[axis]) / grid.spacing[axis], 0.0, count - 1.0)
+        cell = np.minimum(place.astype(np.int64), count - 2)
+        start += strides[axis] * cell
+        shares.append(place - cell)
+    flat = grid.samples.ravel(order="K")  # in the order of memory, as the strides are
+    values = [flat[start + int(strides @ corner)] for corner in product((0, 1), repeat=len(shares))]
+    for share in reversed(shares):  # the last axis is the first to vary
+        values = [low + share * (high - low) for low, high in zip(values[::2], values[1::2], strict=True)]
+    return np.asarray(values[0])
+
+
+def extent(field: IndexField, direction: np.ndarray) -> np.ndarray:
+    """Length of the box along lines through its middle [m], at most its diagonal; directions (n, 3)."""
+    low, high = field.box
+    middle = np.zeros(3)
+    ends = np.isfinite(high - low)
+    middle[ends] = 0.5 * (low[ends] + high[ends])
+    leave = box_span(field, np.broadcast_to(middle, direction.shape), direction).leave
+    return np.minimum(2.0 * leave, box_size(field))
