@@ -21,6 +21,8 @@ ORDER = {"cubic": 4.0, "linear": 2.0, "monotone": 2.0, "bilinear": 2.0, "bilinea
 SHARP_SHARE, LEAST_SHARP = 1.0 / 8.0, 4
 # Of noise: the error of a sum over the nodes of a line goes with the square root of their spacing.
 LOWEST_ORDER = 0.5
+# The greatest order believed where the two changes of the sharpest values have opposite signs.
+LEAST_ALIKE = 1.0
 # Another interpolant of the same kind, for fields of too few nodes to leave any out.
 OTHER = {"cubic": "linear", "linear": "cubic", "monotone": "cubic"}
 # What is left in a field over its change under four times the cells: slopes, whose error is halved, decide.
@@ -48,17 +50,20 @@ class Ladder:
         change = fine - coarse
         if coarser is None:
             return self.share * change
-        before, after = np.abs(coarse - coarser), np.abs(change)
-        factor = np.full(np.shape(change), self._left(before, after))
-        if len(after) >= LEAST_SHARP / SHARP_SHARE:
-            sharp = after >= np.quantile(after, 1.0 - SHARP_SHARE)
-            factor[sharp] = max(factor[0], self._left(before[sharp], after[sharp]))
+        before = coarse - coarser
+        factor = np.full(np.shape(change), self._left(before, change, ORDER[self.fine.interpolation]))
+        size = np.abs(change)
+        if len(size) >= LEAST_SHARP / SHARP_SHARE:
+            sharp = size >= np.quantile(size, 1.0 - SHARP_SHARE)
+            # Errors of one order have one sign at all spacings: where they have not, none of a high order is seen yet.
+            alike = float(np.mean(before[sharp] * change[sharp])) > 0.0
+            highest = ORDER[self.fine.interpolation] if alike else LEAST_ALIKE
+            factor[sharp] = max(factor[0], self._left(before[sharp], change[sharp], highest))
         return np.asarray(change * factor)
 
-    def _left(self, before: np.ndarray, after: np.ndarray) -> float:
-        """What is left over the change `after`, by the order that is seen in the rms of two changes."""
+    def _left(self, before: np.ndarray, after: np.ndarray, highest: float) -> float:
+        """What is left over the change `after`, by the order, at most `highest`, seen in the rms of two changes."""
         first, second = (float(np.sqrt(np.mean(values**2))) for values in (before, after))
-        highest = ORDER[self.fine.interpolation]
         order = highest if second == 0.0 else float(np.clip(np.log2(max(first / second, 1.0)), LOWEST_ORDER, highest))
         return 1.0 / (2.0**order - 1.0)
 
