@@ -46,8 +46,9 @@ GREATEST_BEND = 0.5
 # Of the pilot's rays, how many may be unfit for it.
 UNFIT = 0.1
 
-# What lies between samples may cost this share of the tolerance without each ray being asked for its own.
-NEGLIGIBLE = 0.5
+# What lies between samples may cost this share of the tolerance without each ray being asked for its own: what the
+# pilot leaves of it.
+NEGLIGIBLE = 1.0 - 1.0 / MARGIN
 # Elsewhere counts are tried that are so many times each other; a ray is expected to be rejected from this share on.
 FINER = 1.3
 REJECTED = 0.7
@@ -139,14 +140,6 @@ def _fit(
     least = _least_samples(field, pilot, held, plan.levers)
     if not _is_worth_it(field, pilot, plan, wavelength, least):
         return nothing
-    between = _Between(field, spread, until, held)
-    least = between.least_count(
-        least,
-        lambda count: _is_worth_it(field, pilot, plan, wavelength, count),
-        lambda: max(CHEAP[plan.backend], WORTH[plan.backend] * predict_evaluations(field, held, pilot.direction)),
-    )
-    if not least:
-        return nothing
     rungs = [_Rung(field, pilot, plan, until, wavelength, least * 3**power) for power in range(3)]
     if not rungs[-1].is_fit:
         return nothing
@@ -155,7 +148,13 @@ def _fit(
     if second > 0.0:
         order = min(max(math.log(first / second) / math.log(3.0), 1.0), 4.0) if first > second else 1.0
     count = _in_threes(least * max(1.0, (first / budget) ** (1.0 / order))) if first > 0.0 else least
-    while _is_worth_it(field, pilot, plan, wavelength, count):
+    between = _Between(field, spread, until, held)
+    count = between.least_count(
+        count,
+        lambda count: _is_worth_it(field, pilot, plan, wavelength, count),
+        lambda: max(CHEAP[plan.backend], WORTH[plan.backend] * predict_evaluations(field, held, pilot.direction)),
+    )
+    while count and _is_worth_it(field, pilot, plan, wavelength, count):
         rung = next((rung for rung in rungs if rung.count == count), None)
         if rung is None:
             rung = _Rung(field, pilot, plan, until, wavelength, count)
@@ -181,7 +180,6 @@ class _Between:
         self.field, self.held = field, held
         low, high = active_box(field, held)
         self.lines = lines_through(field, spread, until, low, high)
-        self.negligible_from = MOST_SAMPLES + 1  # samples a ray
 
     def _sampled(self, count: int) -> Sampling:
         way = float(self.lines.way.max(initial=0.0))
@@ -200,23 +198,37 @@ class _Between:
             cost_again: A function that predicts what a ray that is traced again costs, in samples.
         """
         best, best_cost = 0, math.inf
+        before = 0, math.inf
         while is_worth_it(count) and count < best_cost:
-            if not len(self.lines.way):
-                return count
-            sampled = self._sampled(count)
-            if greatest_error(self.field, sampled, self.lines) <= NEGLIGIBLE * self.held:
-                self.negligible_from = count
+            found = self._greatest(count)
+            if found <= NEGLIGIBLE * self.held:
+                count = self._between_counts(before, (count, found))
                 return count if count < best_cost else best
+            sampled = self._sampled(count)
             rejected = float((missed_along(self.field, sampled, self.lines) > REJECTED * self.held).mean())
             cost = count + (rejected * cost_again() if rejected > 0.0 else 0.0)
             if cost < best_cost:
                 best, best_cost = count, cost
+            before = count, found
             count = _in_threes(FINER * count)
         return best
 
+    def _between_counts(self, few: tuple[int, float], many: tuple[int, float]) -> int:
+        """The count between one of too few samples and one of enough, by a power law through what both miss."""
+        if few[0] and many[1] > 0.0:
+            order = math.log(few[1] / many[1]) / math.log(many[0] / few[0])
+            count = _in_threes(few[0] * (few[1] / (NEGLIGIBLE * self.held)) ** (1.0 / order))
+            if count < many[0] and self._greatest(count) <= NEGLIGIBLE * self.held:
+                return count
+        return many[0]
+
+    def _greatest(self, count: int) -> float:
+        """What any ray misses between so many samples, at most [m]."""
+        return greatest_error(self.field, self._sampled(count), self.lines) if len(self.lines.way) else 0.0
+
     def sampling(self, count: int) -> Sampling | None:
         """How the rays are sampled by so many samples; None where nothing lies between them."""
-        return None if count >= self.negligible_from or not len(self.lines.way) else self._sampled(count)
+        return None if self._greatest(count) <= NEGLIGIBLE * self.held else self._sampled(count)
 
 
 class _Rung:

@@ -7,18 +7,28 @@ The midpoint rule with samples H apart errs, on a line along which the potential
 with F the Fourier transform of f: by what the line holds at frequencies of 1 / H and above. No estimate from the
 samples themselves sees it, and neither do other rays (a pilot) that pass beside it: the bound comes from the field.
 
-It is split once into a part of low frequencies along the rays, for which the rule converges faster than any power of H,
+It is split once into a part of low frequencies along the rays, on which the rule converges faster than any power of H,
 and a remainder R, both even about the faces, as an axisymmetric field is about its axis. A component of frequency f
 [1/m] has along a unit vector u at most the frequency
 
     phi = min(|f|, sum |u_i| f_i),     in r and z: f_r sqrt(u_x^2 + u_y^2) + f_z |u_z|
 
 (cos(2 pi f sqrt(b^2 + t^2)) is an entire function of t of that type, so that this holds off the axis too), and is part
-of R from about phi = 1 / (2 H) on. The rule errs on R by no more than 2 int |R| dt along the ray. To that comes how far
-the spline itself is from smooth between nodes, its fourth difference over 384.
+of R from about phi = 0.9 / H on. The rule errs on R by no more than 2 int |R| dt along the ray.
+
+Samples h apart make a spline that holds, of what oscillates between them at f h cycles a cell, the share B(f h) at f
+and the share B(f h + m) at each image f + m / h,
+
+    B(v) = 3 (sin(pi v) / (pi v))^4 / (2 + cos(2 pi v)),
+
+and that is what counts: B falls off fast, above all where H is one to two cells, beyond what the nodes resolve.
+
+Where all rays run along one axis, within some 45 degrees, |R| is averaged along it over each block of cells: the sum
+over blocks is the integral. Across the rays the greatest counts.
 
 Where a field is smooth the remainder's bound is often beaten by the rule's own, H^4 / 720 int |f''''| dt, above all
-near the box's faces, where the even continuation has a kink: the lesser of the two counts in each block of cells.
+near the box's faces, where the even continuation has a kink: the lesser of the two counts in each block. Closer than
+half a cell, images without end would have to be added up, and the rule's own bound is taken alone.
 
 What a ray turns by is off by the slope of all that, which changes the path in the second order of the contrast, or by
 the lever arm with which a slanted stop is met: a factor.
@@ -26,6 +36,7 @@ the lever arm with which a slanted stop is met: a factor.
 
 import weakref
 from dataclasses import dataclass
+from itertools import product
 
 import numpy as np
 
@@ -36,21 +47,31 @@ from .quiet import block_maxima, potential_at_nodes, roughness_by_axis
 from .scheme import LEAST_COSINE, LOOKUP_STRIDE, MISSED_SLOPE
 from .stop import Plane
 
-# The remainder's share at phi H = x is (1 - exp(-STEEPNESS x^2))^16: 0.0045 at 1 / 2, 0.37 at 3 / 4, 0.9 at 1.
-STEEPNESS, DOUBLINGS = 5.0, 4
+# The remainder's share at phi H = x is 1 - exp(-(x / EDGE)^24): 0.03 at 0.8, 0.14 at 0.85, 0.99 at 0.98.
+EDGE, MOST_OVER_EDGE = 0.92, 2.0
 # The error over int |R| dt: of the sum, and of the integral.
 BOTH = 2.0
-# The greatest distance of a C2 cubic spline from what is smooth, over its fourth difference, twice.
-BETWEEN_NODES = BOTH / 384.0
+# Samples per cell of the way along an axis from which on the images of a spline are all counted by the rule's own bound,
+# and up to which the nearest image is the only one in reach.
+FINEST, COARSE = 0.5, 1.35
+# Less than this much of phi H is no frequency along the rays; images along an axis count from this much on.
+LEAST_ALONG, LEAST_IMAGED = 0.01, 0.5
 # Of the midpoint rule with mended ends: its kernel, the Bernoulli polynomial of degree 4 over 4!, is at most this.
 PEANO = 1.0 / 720.0
 # The slope of the remainder is at most so many of its own size in a cell.
 SLOPE = 3.0
 # Components of a direction below which no neighbouring block is met within half a stride.
 LEAST_SLANT = 0.05
+# Of an axis that all rays run along, the least component; others along which they move less than a cell in a block.
+LEAST_MAIN, LEVEL = 0.7, 0.25
+# A lookup stands for so many blocks along that axis; strides are shorter where a way ends, and find less of them.
+LOOKED_OVER, LOOKED_SHORT = 3, 1.1
 
 # Lines that are looked at beside a body, and the outermost rays at the end of a bundle's spread (even.spread_of).
 BESIDE_BODY, OUTERMOST = 192, 12
+
+# Blocks by which a ray may be bent aside, beside its slant.
+BENT = 0.5
 
 # Tables kept for a grid.
 KEPT = 8
@@ -165,13 +186,18 @@ def missed_in_blocks(field: IndexField, sampling: Sampling) -> tuple[int, np.nda
 
 
 def lookup_table(field: IndexField, sampling: Sampling) -> tuple[int, np.ndarray]:
-    """The same, in each block the greatest of what a ray meets within half a stride of any point in there."""
-    from scipy.ndimage import maximum_filter1d
+    """The same as kernels look it up, once within a stride: each ray finds as much as lies on its way."""
+    from scipy.ndimage import maximum_filter1d, uniform_filter1d
 
     block, missed = missed_in_blocks(field, sampling)
-    for axis, slant in enumerate(_along_axes(sampling.steepness, field.geometry)):
-        if slant > LEAST_SLANT:
-            missed = maximum_filter1d(missed, 3, axis=axis, mode="nearest")
+    slants, main = _along_axes(sampling.steepness, field.geometry), _main_axis(sampling.steepness, field.geometry)
+    for axis, slant in enumerate(slants):
+        if axis == main:
+            missed = LOOKED_SHORT * uniform_filter1d(missed, LOOKED_OVER, axis=axis, mode="nearest")
+        elif slant > LEAST_SLANT:
+            # What is found a block and a half away along the main axis is beside the ray by that slope.
+            wide = 3 if main is None or slant < 0.5 * slants[main] else 5
+            missed = maximum_filter1d(missed, wide, axis=axis, mode="nearest")
     return block, missed
 
 
@@ -192,12 +218,17 @@ def greatest_error(field: IndexField, sampling: Sampling, lines: Lines) -> float
     last = np.clip(np.floor((local[1] - grid.low) / size).astype(int) + 1, first, np.array(missed.shape) - 1)
     met = missed[tuple(slice(low, high + 1) for low, high in zip(first, last, strict=True))]
     found = float(met.max()) * float(lines.way.max(initial=0.0))
-    # Along an axis that all rays run along, one layer of blocks after the other.
+    # Along an axis that all rays run along, one layer of blocks after the other, as far beside as a ray may get.
+    components = np.abs(lines.direction[:, 3 - met.ndim :])
     for axis in range(field.geometry == "axisymmetric", met.ndim):
-        slant = float(np.abs(lines.direction[:, axis + 3 - met.ndim]).min(initial=1.0))
-        if slant > 0.0:
-            layers = met.max(axis=tuple(other for other in range(met.ndim) if other != axis))
-            found = min(found, float(layers.sum()) * float(size[axis]) / slant)
+        least = float(components[:, axis].min(initial=1.0))
+        if least > 0.0:
+            columns = met
+            for other, slant in enumerate(_along_axes(np.abs(lines.direction).max(axis=0, initial=0.0), field.geometry)):
+                if other != axis:
+                    drift = slant * float(lines.way.max(initial=0.0)) / float(size[other])
+                    columns = _greatest_of(columns, 1 + int(np.ceil(drift + BENT)), other)
+            found = min(found, float(columns.sum(axis=axis).max()) * float(size[axis]) / least)
     return found * float(_with_lever(field, lines).max(initial=1.0))
 
 
@@ -242,35 +273,87 @@ def _local_range(lines: Lines, geometry: str) -> np.ndarray:
 def _missed(grid: UniformGrid, geometry: str, sampling: Sampling) -> tuple[int, np.ndarray]:
     slant = _along_axes(sampling.steepness, geometry)
     block, fourth = roughness_by_axis(grid)
-    change = [g * h**4 for g, h in zip(fourth, grid.spacing, strict=True)]  # fourth differences
-    strides = [PEANO * (u * sampling.spacing / h) ** 4 for u, h in zip(slant, grid.spacing, strict=True)]
-    rule = _joined([stride * c for stride, c in zip(strides, change, strict=True)])
-    between = _joined([min(stride, BETWEEN_NODES) * c for stride, c in zip(strides, change, strict=True)])
-    rest = block_maxima(np.abs(_remainder(grid, slant, sampling)), grid, block)
-    factor = 1.0 + MISSED_SLOPE * sampling.lever / float(grid.spacing.min())
-    return block, factor * np.minimum(rule, BOTH * rest.astype(np.float64) + between)
+    strides = [PEANO * (u * sampling.spacing) ** 4 for u in slant]
+    missed = _joined([stride * change for stride, change in zip(strides, fourth, strict=True)])
+    if float((slant / grid.spacing).max()) * sampling.spacing >= FINEST:
+        size = np.abs(_remainder(grid, slant, sampling))
+        main = _main_axis(sampling.steepness, geometry)
+        if main is not None and np.delete(slant, main).max(initial=0.0) > LEVEL:
+            rest = _means(_maxima(size, block, [axis for axis in range(size.ndim) if axis != main]), block, main)
+        elif main is not None:
+            rest = _means(size, block, main)
+            rest = _maxima(rest, block, [axis for axis in range(size.ndim) if axis != main])
+        else:
+            rest = block_maxima(size, grid, block)
+        missed = np.minimum(missed, BOTH * rest.astype(np.float64))
+    return block, (1.0 + MISSED_SLOPE * sampling.lever / float(grid.spacing.min())) * missed
 
 
 def _remainder(grid: UniformGrid, slant: np.ndarray, sampling: Sampling) -> np.ndarray:
-    """What is left at the nodes of the potential over the ambient index without its low frequencies."""
+    """What is left at the nodes of the potential over the ambient index without its low frequencies along the rays."""
     from scipy.fft import dctn, idctn
 
     values = potential_at_nodes(grid).astype(np.float64 if sampling.is_fine else np.float32)
-    axes = [axis for axis, count in enumerate(values.shape) if count > 1]
-    square, along = np.zeros((), values.dtype), np.zeros((), values.dtype)
+    rates = slant * sampling.spacing / grid.spacing  # of phi H, by cycles a cell
+    axes = [axis for axis, count in enumerate(values.shape) if count > 1 and rates[axis] > LEAST_ALONG]
+    share = np.zeros((), values.dtype)
+    for images in product(*[_images(rates[axis]) for axis in axes]):
+        square, along, weight = np.zeros((), values.dtype), np.zeros((), values.dtype), np.ones((), values.dtype)
+        for axis, image in zip(axes, images, strict=True):
+            count = values.shape[axis]
+            # Frequencies of the cosines of a type I transform, in cycles a cell.
+            cycles = np.abs(np.arange(count) / (2.0 * (count - 1)) + image)
+            shape = [count if other == axis else 1 for other in range(values.ndim)]
+            scale = sampling.spacing / grid.spacing[axis]
+            square = square + ((scale * cycles) ** 2).astype(values.dtype).reshape(shape)
+            along = along + (rates[axis] * cycles).astype(values.dtype).reshape(shape)
+            if rates[axis] > LEAST_IMAGED:
+                weight = weight * _held_share(cycles).astype(values.dtype).reshape(shape)
+        over = np.minimum(np.minimum(square, along**2) / EDGE**2, MOST_OVER_EDGE)
+        over = over**4
+        share = share - weight * np.expm1(-over * over * over)
+    return idctn(share * dctn(values, 1, axes=axes), 1, axes=axes, overwrite_x=True)
+
+
+def _images(rate: float) -> tuple[int, ...]:
+    """Numbers m of the images f + m / h of frequencies below 1 / (2 h) that rays may see along an axis."""
+    if rate < LEAST_IMAGED:
+        return (0,)
+    return (0, -1) if rate > COARSE else (0, -1, 1, -2)
+
+
+def _held_share(cycles: np.ndarray) -> np.ndarray:
+    """B: what a cubic spline through samples holds of a cosine's `cycles` a cell, images too."""
+    return 3.0 * np.sinc(cycles) ** 4 / (2.0 + np.cos(2.0 * np.pi * cycles))
+
+
+def _means(values: np.ndarray, block: int, axis: int) -> np.ndarray:
+    """Means over the cells of each block along an axis of values at nodes; the last block's node repeated."""
+    moved = _whole_blocks(values, block, axis)
+    cells = 0.5 * (moved[:-1] + moved[1:])
+    return np.moveaxis(cells.reshape(-1, block, *moved.shape[1:]).mean(axis=1), 0, axis)
+
+
+def _maxima(values: np.ndarray, block: int, axes) -> np.ndarray:
+    """The greatest over the nodes of each block along some axes."""
     for axis in axes:
-        count = values.shape[axis]
-        # Frequencies of the cosines of a type I transform, in cycles from one sample to the next.
-        scale = sampling.spacing / (2.0 * (count - 1) * grid.spacing[axis])
-        frequency = np.arange(count, dtype=values.dtype) * values.dtype.type(scale)
-        shape = [count if other == axis else 1 for other in range(values.ndim)]
-        square = square + (frequency**2).reshape(shape)
-        along = along + (values.dtype.type(slant[axis]) * frequency).reshape(shape)
-    share = 1.0 - np.exp(-STEEPNESS * np.minimum(square, along**2))
-    for _ in range(DOUBLINGS):
-        share *= share
-    share *= dctn(values, 1, axes=axes)
-    return idctn(share, 1, axes=axes, overwrite_x=True)
+        moved = _whole_blocks(values, block, axis)
+        inner = moved[:-1].reshape(-1, block, *moved.shape[1:]).max(axis=1)
+        values = np.moveaxis(np.maximum(inner, moved[block::block]), 0, axis)
+    return values
+
+
+def _whole_blocks(values: np.ndarray, block: int, axis: int) -> np.ndarray:
+    """Nodes along an axis, that axis first, the last one repeated until blocks are whole."""
+    moved = np.moveaxis(values, axis, 0)
+    return np.pad(moved, [(0, (1 - len(moved)) % block)] + [(0, 0)] * (moved.ndim - 1), mode="edge")
+
+
+def _greatest_of(values: np.ndarray, count: int, axis: int) -> np.ndarray:
+    """The greatest of `count` neighbours along an axis, of each run of them."""
+    from numpy.lib.stride_tricks import sliding_window_view
+
+    return sliding_window_view(values, min(count, values.shape[axis]), axis=axis).max(axis=-1)
 
 
 def _joined(parts: list[np.ndarray]) -> np.ndarray:
@@ -282,3 +365,12 @@ def _along_axes(steepness, geometry: str) -> np.ndarray:
     """Greatest size of the components along the grid's own axes, r and z of an axisymmetric one."""
     x, y, z = steepness
     return np.array({"volume": (x, y, z), "planar": (y, z), "axisymmetric": (min(np.hypot(x, y), 1.0), z)}[geometry])
+
+
+def _main_axis(steepness, geometry: str) -> int | None:
+    """The grid's axis that all rays of that steepness run along, None where there is none."""
+    least = np.sqrt(np.maximum(1.0 - (np.sum(np.square(steepness)) - np.square(steepness)), 0.0))
+    first = {"volume": 0, "planar": 1, "axisymmetric": 2}[geometry]
+    axis = first + int(np.argmax(least[first:]))
+    shift = 1 if geometry != "volume" else 0
+    return axis - shift if least[axis] > LEAST_MAIN else None
