@@ -148,7 +148,7 @@ def _fit(
     if second > 0.0:
         order = min(max(math.log(first / second) / math.log(3.0), 1.0), 4.0) if first > second else 1.0
     count = _in_threes(least * max(1.0, (first / budget) ** (1.0 / order))) if first > 0.0 else least
-    between = _Between(field, spread, until, held)
+    between = _Between(field, spread, until, held, plan.levers)
     count = between.least_count(
         count,
         lambda count: _is_worth_it(field, pilot, plan, wavelength, count),
@@ -176,9 +176,9 @@ def _fit(
 class _Between:
     """What a bundle may miss between its samples."""
 
-    def __init__(self, field: IndexField, spread: RayBundle, until, held: float):
+    def __init__(self, field: IndexField, spread: RayBundle, until, held: float, levers: Levers | None):
         self.field, self.held = field, held
-        low, high = active_box(field, held)
+        low, high = active_box(field, held, levers)
         self.lines = lines_through(field, spread, until, low, high)
 
     def _sampled(self, count: int) -> Sampling:
@@ -191,6 +191,8 @@ class _Between:
 
     def least_count(self, count: int, is_worth_it, cost_again) -> int:
         """The number of samples, from `count` on, by which rays cost least, those that are traced again among them.
+
+        0 where all of them had better be traced in that other way.
 
         Args:
             count: The least that is thought of.
@@ -211,7 +213,7 @@ class _Between:
                 best, best_cost = count, cost
             before = count, found
             count = _in_threes(FINER * count)
-        return best
+        return best if best and best_cost <= cost_again() else 0
 
     def _between_counts(self, few: tuple[int, float], many: tuple[int, float]) -> int:
         """The count between one of too few samples and one of enough, by a power law through what both miss."""
