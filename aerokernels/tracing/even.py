@@ -23,7 +23,8 @@ from .plan import TracePlan
 from .retrace import backend_of
 from .status import reached
 from .stop import ArcLength
-from .unresolved import Sampling, greatest_error, lines_through, missed_along
+from .unresolved import Sampling, disturbed_ends, greatest_error, missed_along
+from .ways import lines_through
 
 # Fewer rays are traced under error control at once: a pilot would not pay.
 LEAST_RAYS = 4096
@@ -180,6 +181,7 @@ class _Between:
         self.field, self.held = field, held
         low, high = active_box(field, held, levers)
         self.lines = lines_through(field, spread, until, low, high)
+        self.ends = disturbed_ends(field, self.lines, held) if len(self.lines.way) else b""
 
     def _sampled(self, count: int) -> Sampling:
         way = float(self.lines.way.max(initial=0.0))
@@ -187,7 +189,8 @@ class _Between:
         x, y, z = (float(size) for size in np.minimum(steepness, 1.0))
         # What turns a ray counts in second order, too, where the stop is met head on.
         lever = math.sqrt(0.5 * self.held * way)
-        return Sampling(ROOM * way / count, (x, y, z), lever, self.held < FINE_SHARE * greatest_path(self.field))
+        is_fine = self.held < FINE_SHARE * greatest_path(self.field)
+        return Sampling(ROOM * way / count, (x, y, z), lever, is_fine, self.ends)
 
     def least_count(self, count: int, is_worth_it, cost_again) -> int:
         """The number of samples, from `count` on, by which rays cost least, those that are traced again among them.

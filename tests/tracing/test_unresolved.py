@@ -13,7 +13,8 @@ from aerokernels.tracing.active import active_box
 from aerokernels.tracing.even import LEAST_RAYS, pilot_of
 from aerokernels.tracing.held import held_error
 from aerokernels.tracing.plan import TracePlan
-from aerokernels.tracing.unresolved import Sampling, greatest_error, lines_through, missed_along
+from aerokernels.tracing.unresolved import Sampling, greatest_error, missed_along
+from aerokernels.tracing.ways import lines_through
 
 from .backends import ENGINES, WAVE, on
 from .fields import CELL
