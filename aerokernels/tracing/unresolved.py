@@ -39,7 +39,7 @@ from .scheme import LOOKUP_STRIDE, MISSED_SLOPE
 from .ways import Lines, local_coordinates, local_range
 
 # Frequencies along a ray, times H, from which on components are left in the remainder: on its way, and at its ends.
-EDGE, EDGE_AT_ENDS = 0.92, 0.55
+EDGE, EDGE_AT_ENDS = 0.92, 0.5
 # The error over int |R| dt: of the sum, and of the integral.
 BOTH = 2.0
 # Cells between samples below which the rule's own bound is taken alone.
