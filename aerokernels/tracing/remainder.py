@@ -48,6 +48,8 @@ def remainders(
     values = potential_at_nodes(grid).astype(np.float64 if is_fine else np.float32)
     rates = steepness * spacing / grid.spacing  # phi H by cycles a cell
     axes = [axis for axis, count in enumerate(values.shape) if count > 1 and rates[axis] > LEAST_ALONG]
+    if not axes:
+        return [np.zeros_like(values) for _ in edges]
     shares: list = [np.zeros((), values.dtype)] * len(edges)
     for images in product(*[_images(rates[axis]) for axis in axes]):
         square, along, weight = np.zeros((), values.dtype), np.zeros((), values.dtype), np.ones((), values.dtype)

@@ -18,8 +18,7 @@ A ray that begins or ends in the midst of something is not helped by what conver
 count from about half that frequency on, by the greatest in the block.
 
 Where a field is smooth the remainder's bound is often beaten by the rule's own, H^4 / 720 int |f''''| dt, above all
-near the box's faces, where the even continuation has a kink: the lesser of the two counts in each block. Closer than
-half a cell, images without end would have to be added up, and the rule's own bound is taken alone.
+near the box's faces, where the even continuation has a kink: the lesser of the two counts in each block.
 
 What a ray turns by is off by the slope of all that, which changes the path in the second order of the contrast, or by
 the lever arm with which a slanted stop is met: a factor.
@@ -42,8 +41,8 @@ from .ways import Lines, local_coordinates, local_range
 EDGE, EDGE_AT_ENDS = 0.92, 0.5
 # The error over int |R| dt: of the sum, and of the integral.
 BOTH = 2.0
-# Cells between samples below which the rule's own bound is taken alone.
-FINEST = 0.5
+# Cells between samples below which the remainder is that of so many, but for a factor: its images have no end.
+FINEST = 0.8
 # Of the midpoint rule with mended ends: its kernel, the Bernoulli polynomial of degree 4 over 4!, is at most this.
 PEANO = 1.0 / 720.0
 # Components of a direction below which no neighbouring block is met within half a stride.
@@ -194,21 +193,23 @@ def _missed(grid: UniformGrid, geometry: str, sampling: Sampling) -> tuple[int, 
     block, fourth = roughness_by_axis(grid)
     strides = [PEANO * (u * sampling.spacing) ** 4 for u in slant]
     missed = _joined([stride * change for stride, change in zip(strides, fourth, strict=True)])
-    if float((slant / grid.spacing).max()) * sampling.spacing >= FINEST:
-        edges = (EDGE, EDGE_AT_ENDS) if sampling.ends else (EDGE,)
-        sizes = [np.abs(part) for part in remainders(grid, slant, sampling.spacing, edges, sampling.is_fine)]
-        main = _main_axis(sampling.steepness, geometry)
-        across = [axis for axis in range(len(slant)) if axis != main]
-        if main is None:
-            rest = block_maxima(sizes[0], block)
-        elif slant[across].max(initial=0.0) > LEVEL:
-            rest = block_means(block_maxima(sizes[0], block, across), block, main)
-        else:
-            rest = block_maxima(block_means(sizes[0], block, main), block, across)
-        if sampling.ends:
-            is_end = np.unpackbits(np.frombuffer(sampling.ends, np.uint8), count=rest.size).reshape(rest.shape)
-            rest = np.maximum(rest, is_end * block_maxima(sizes[1], block))
-        missed = np.minimum(missed, BOTH * rest.astype(np.float64))
+    # Further on, what a spline holds of images falls off as the fourth power of their frequency.
+    finest = FINEST / max(float((slant / grid.spacing).max()), 1.0 / float((grid.high - grid.low).max()))
+    spacing, share = max(sampling.spacing, finest), min(sampling.spacing / finest, 1.0) ** 4
+    edges = (EDGE, EDGE_AT_ENDS) if sampling.ends else (EDGE,)
+    sizes = [np.abs(part) for part in remainders(grid, slant, spacing, edges, sampling.is_fine)]
+    main = _main_axis(sampling.steepness, geometry)
+    across = [axis for axis in range(len(slant)) if axis != main]
+    if main is None:
+        rest = block_maxima(sizes[0], block)
+    elif slant[across].max(initial=0.0) > LEVEL:
+        rest = block_means(block_maxima(sizes[0], block, across), block, main)
+    else:
+        rest = block_maxima(block_means(sizes[0], block, main), block, across)
+    if sampling.ends:
+        is_end = np.unpackbits(np.frombuffer(sampling.ends, np.uint8), count=rest.size).reshape(rest.shape)
+        rest = np.maximum(rest, is_end * block_maxima(sizes[1], block))
+    missed = np.minimum(missed, BOTH * share * rest.astype(np.float64))
     return block, (1.0 + MISSED_SLOPE * sampling.lever / float(grid.spacing.min())) * missed
 
 
