@@ -53,8 +53,6 @@ NEGLIGIBLE = 1.0 - 1.0 / MARGIN
 # Elsewhere counts are tried that are so many times each other; a ray is expected to be rejected from this share on.
 FINER = 1.3
 REJECTED = 0.7
-# Predictions are rough: even samples are given up where they are predicted to be so many times dearer.
-HARDLY_DEARER = 1.25
 # Single precision is seen in a bound for tolerances below this share of the field's greatest optical path difference.
 FINE_SHARE = 3e-5
 # The longest of the rays' ways may be longer than the longest seen by so much.
@@ -197,8 +195,6 @@ class _Between:
     def least_count(self, count: int, is_worth_it, cost_again) -> int:
         """The number of samples, from `count` on, by which rays cost least, those that are traced again among them.
 
-        0 where all of them had better be traced that other way.
-
         Args:
             count: The least that is thought of.
             is_worth_it: Whether a number is, as a function of it.
@@ -218,7 +214,7 @@ class _Between:
                 best, best_cost = count, cost
             before = count, found
             count = _in_threes(FINER * count)
-        return best if best and best_cost <= HARDLY_DEARER * cost_again() else 0
+        return best
 
     def _between_counts(self, few: tuple[int, float], many: tuple[int, float]) -> int:
         """The count between one of too few samples and one of enough, by a power law through what both miss."""

@@ -16,8 +16,6 @@ B(v) at that frequency and the share B(v + m) at each image v + m,
 and that is what rays meet: it falls off fast beyond what the nodes resolve, where H is below two cells.
 """
 
-from itertools import product
-
 import numpy as np
 
 from ..medium.grid import UniformGrid
@@ -28,7 +26,7 @@ MOST_OVER_EDGE = 2.0
 # Cells between samples from which on the nearest image is the only one that they do not resolve.
 COARSE = 1.35
 # Less than this much of phi H is no frequency along the rays; images along an axis count from this much a cycle on.
-LEAST_ALONG, LEAST_IMAGED = 0.01, 0.5
+LEAST_ALONG, LEAST_IMAGED = 0.01, 0.8
 
 
 def remainders(
@@ -50,31 +48,51 @@ def remainders(
     axes = [axis for axis, count in enumerate(values.shape) if count > 1 and rates[axis] > LEAST_ALONG]
     if not axes:
         return [np.zeros_like(values) for _ in edges]
-    shares: list = [np.zeros((), values.dtype)] * len(edges)
-    for images in product(*[_images(rates[axis]) for axis in axes]):
+    # Frequencies of the cosines of a type I transform, in cycles a cell, along the axes.
+    cycles = []
+    for axis in axes:
+        count = values.shape[axis]
+        shape = [count if other == axis else 1 for other in range(values.ndim)]
+        cycles.append((np.arange(count) / (2.0 * (count - 1))).reshape(shape))
+    shares = [np.zeros((), values.dtype) for _ in edges]
+    rest = np.ones((), values.dtype)  # what no image holds
+    for imaged, image in (*_images(rates[axes]), (None, 0)):
         square, along, weight = np.zeros((), values.dtype), np.zeros((), values.dtype), np.ones((), values.dtype)
-        for axis, image in zip(axes, images, strict=True):
-            count = values.shape[axis]
-            # Frequencies of the cosines of a type I transform, in cycles a cell.
-            cycles = np.abs(np.arange(count) / (2.0 * (count - 1)) + image)
-            shape = [count if other == axis else 1 for other in range(values.ndim)]
-            square = square + ((spacing / grid.spacing[axis] * cycles) ** 2).astype(values.dtype).reshape(shape)
-            along = along + (rates[axis] * cycles).astype(values.dtype).reshape(shape)
-            if len(_images(rates[axis])) > 1:
-                weight = weight * _held_share(cycles).astype(values.dtype).reshape(shape)
-        square = np.minimum(square, along**2)
+        for number, axis in enumerate(axes):
+            here = np.abs(cycles[number] + image) if number == imaged else cycles[number]
+            square = square + ((spacing / grid.spacing[axis] * here) ** 2).astype(values.dtype)
+            along = along + (rates[axis] * here).astype(values.dtype)
+            if imaged is not None and rates[axis] > LEAST_IMAGED:
+                weight = weight * _held_share(here).astype(values.dtype)
+        weight, rest = (rest, rest) if imaged is None else (weight, rest - weight)
+        along *= along
+        np.minimum(square, along, out=square)
         for number, edge in enumerate(edges):
-            over = np.minimum(square * values.dtype.type(edge**-2), values.dtype.type(MOST_OVER_EDGE)) ** 4
-            shares[number] = shares[number] - weight * np.expm1(-(over * over * over))
+            shares[number] = shares[number] + weight * _share_left(square, edge)
     found = dctn(values, 1, axes=axes)
     return [idctn(share * found, 1, axes=axes, overwrite_x=True) for share in shares]
 
 
-def _images(rate: float) -> tuple[int, ...]:
-    """Numbers m of the images that count along an axis, of phi H a cycle."""
-    if rate < LEAST_IMAGED:
-        return (0,)
-    return (0, -1) if rate > COARSE else (0, -1, 1, -2)
+def _share_left(square: np.ndarray, edge: float) -> np.ndarray:
+    """The share in the remainder of components of so great a (phi H)^2."""
+    over = np.minimum(square * square.dtype.type(edge**-2), square.dtype.type(MOST_OVER_EDGE))
+    over *= over
+    over *= over
+    cube = over * over
+    cube *= over
+    np.negative(cube, out=cube)
+    np.expm1(cube, out=cube)
+    return np.negative(cube, out=cube)
+
+
+def _images(rates: np.ndarray) -> list[tuple[int, int]]:
+    """Axes, and along each the numbers m of images that count, of phi H a cycle; those along two axes at once do not.
+
+    By interpolation all shares add up to 1: what they hold is counted at the frequency itself, which is hardly lower.
+    """
+    main = int(np.argmax(rates))
+    near = [(number, -1) for number, rate in enumerate(rates) if rate > LEAST_IMAGED]
+    return [*near, (main, 1), (main, -2)] if rates[main] < COARSE else near
 
 
 def _held_share(cycles: np.ndarray) -> np.ndarray:
