@@ -45,6 +45,8 @@ END, RULE_AT_ENDS = 0.5, 8.0
 BOTH = 2.0
 # Cells between samples below which the remainder is that of so many, but for a factor: its images have no end.
 FINEST = 0.8
+# What a spline through one node that stands out makes of it between the next two nodes, at most.
+LOBE = 0.15
 # Of the midpoint rule with mended ends: its kernel, the Bernoulli polynomial of degree 4 over 4!, is at most this.
 PEANO = 1.0 / 720.0
 # Components of a direction below which no neighbouring block is met within half a stride.
@@ -191,6 +193,8 @@ def _with_lever(field: IndexField, lines: Lines) -> np.ndarray:
 
 
 def _missed(grid: UniformGrid, geometry: str, sampling: Sampling) -> tuple[int, np.ndarray]:
+    from scipy.ndimage import maximum_filter1d
+
     slant = _along_axes(sampling.steepness, geometry)
     block, fourth = roughness_by_axis(grid)
     strides = [PEANO * (u * sampling.spacing) ** 4 for u in slant]
@@ -213,6 +217,8 @@ def _missed(grid: UniformGrid, geometry: str, sampling: Sampling) -> tuple[int, 
         length = block * float(grid.spacing.min() if main is None else grid.spacing[main])
         rest = rest + is_end * (END / BOTH * spacing / length) * block_maxima(sizes[1], block)
         missed = missed * np.where(is_end, RULE_AT_ENDS, 1.0)
+    for axis in across:
+        rest = np.maximum(rest, LOBE * maximum_filter1d(rest, 3, axis=axis, mode="nearest"))
     missed = np.minimum(missed, BOTH * share * rest.astype(np.float64))
     return block, (1.0 + MISSED_SLOPE * sampling.lever / float(grid.spacing.min())) * missed
 
