@@ -23,7 +23,8 @@ from .plan import TracePlan
 from .retrace import backend_of
 from .status import reached
 from .stop import ArcLength
-from .unresolved import Sampling, greatest_error, lines_through, missed_along
+from .unresolved import Sampling, disturbed_ends, greatest_error, missed_along
+from .ways import lines_through
 
 # Fewer rays are traced under error control at once: a pilot would not pay.
 LEAST_RAYS = 4096
@@ -46,8 +47,9 @@ GREATEST_BEND = 0.5
 # Of the pilot's rays, how many may be unfit for it.
 UNFIT = 0.1
 
-# What lies between samples may cost this share of the tolerance without each ray being asked for its own.
-NEGLIGIBLE = 0.5
+# What lies between samples may cost this share of the tolerance without each ray being asked for its own: what the
+# pilot leaves of it.
+NEGLIGIBLE = 1.0 - 1.0 / MARGIN
 # Elsewhere counts are tried that are so many times each other; a ray is expected to be rejected from this share on.
 FINER = 1.3
 REJECTED = 0.7
@@ -139,14 +141,6 @@ def _fit(
     least = _least_samples(field, pilot, held, plan.levers)
     if not _is_worth_it(field, pilot, plan, wavelength, least):
         return nothing
-    between = _Between(field, spread, until, held)
-    least = between.least_count(
-        least,
-        lambda count: _is_worth_it(field, pilot, plan, wavelength, count),
-        lambda: max(CHEAP[plan.backend], WORTH[plan.backend] * predict_evaluations(field, held, pilot.direction)),
-    )
-    if not least:
-        return nothing
     rungs = [_Rung(field, pilot, plan, until, wavelength, least * 3**power) for power in range(3)]
     if not rungs[-1].is_fit:
         return nothing
@@ -155,7 +149,13 @@ def _fit(
     if second > 0.0:
         order = min(max(math.log(first / second) / math.log(3.0), 1.0), 4.0) if first > second else 1.0
     count = _in_threes(least * max(1.0, (first / budget) ** (1.0 / order))) if first > 0.0 else least
-    while _is_worth_it(field, pilot, plan, wavelength, count):
+    between = _Between(field, spread, until, held, plan.levers)
+    count = between.least_count(
+        count,
+        lambda count: _is_worth_it(field, pilot, plan, wavelength, count),
+        lambda: max(CHEAP[plan.backend], WORTH[plan.backend] * predict_evaluations(field, held, pilot.direction)),
+    )
+    while count and _is_worth_it(field, pilot, plan, wavelength, count):
         rung = next((rung for rung in rungs if rung.count == count), None)
         if rung is None:
             rung = _Rung(field, pilot, plan, until, wavelength, count)
@@ -177,11 +177,11 @@ def _fit(
 class _Between:
     """What a bundle may miss between its samples."""
 
-    def __init__(self, field: IndexField, spread: RayBundle, until, held: float):
+    def __init__(self, field: IndexField, spread: RayBundle, until, held: float, levers: Levers | None):
         self.field, self.held = field, held
-        low, high = active_box(field, held)
+        low, high = active_box(field, held, levers)
         self.lines = lines_through(field, spread, until, low, high)
-        self.negligible_from = MOST_SAMPLES + 1  # samples a ray
+        self.ends = disturbed_ends(field, self.lines, held) if len(self.lines.way) else b""
 
     def _sampled(self, count: int) -> Sampling:
         way = float(self.lines.way.max(initial=0.0))
@@ -189,7 +189,8 @@ class _Between:
         x, y, z = (float(size) for size in np.minimum(steepness, 1.0))
         # What turns a ray counts in second order, too, where the stop is met head on.
         lever = math.sqrt(0.5 * self.held * way)
-        return Sampling(ROOM * way / count, (x, y, z), lever, self.held < FINE_SHARE * greatest_path(self.field))
+        is_fine = self.held < FINE_SHARE * greatest_path(self.field)
+        return Sampling(ROOM * way / count, (x, y, z), lever, is_fine, self.ends)
 
     def least_count(self, count: int, is_worth_it, cost_again) -> int:
         """The number of samples, from `count` on, by which rays cost least, those that are traced again among them.
@@ -200,23 +201,37 @@ class _Between:
             cost_again: A function that predicts what a ray that is traced again costs, in samples.
         """
         best, best_cost = 0, math.inf
+        before = 0, math.inf
         while is_worth_it(count) and count < best_cost:
-            if not len(self.lines.way):
-                return count
-            sampled = self._sampled(count)
-            if greatest_error(self.field, sampled, self.lines) <= NEGLIGIBLE * self.held:
-                self.negligible_from = count
+            found = self._greatest(count)
+            if found <= NEGLIGIBLE * self.held:
+                count = self._between_counts(before, (count, found))
                 return count if count < best_cost else best
+            sampled = self._sampled(count)
             rejected = float((missed_along(self.field, sampled, self.lines) > REJECTED * self.held).mean())
             cost = count + (rejected * cost_again() if rejected > 0.0 else 0.0)
             if cost < best_cost:
                 best, best_cost = count, cost
+            before = count, found
             count = _in_threes(FINER * count)
         return best
 
+    def _between_counts(self, few: tuple[int, float], many: tuple[int, float]) -> int:
+        """The count between one of too few samples and one of enough, by a power law through what both miss."""
+        if few[0] and many[1] > 0.0:
+            order = math.log(few[1] / many[1]) / math.log(many[0] / few[0])
+            count = _in_threes(few[0] * (few[1] / (NEGLIGIBLE * self.held)) ** (1.0 / order))
+            if count < many[0] and self._greatest(count) <= NEGLIGIBLE * self.held:
+                return count
+        return many[0]
+
+    def _greatest(self, count: int) -> float:
+        """What any ray misses between so many samples, at most [m]."""
+        return greatest_error(self.field, self._sampled(count), self.lines) if len(self.lines.way) else 0.0
+
     def sampling(self, count: int) -> Sampling | None:
         """How the rays are sampled by so many samples; None where nothing lies between them."""
-        return None if count >= self.negligible_from or not len(self.lines.way) else self._sampled(count)
+        return None if self._greatest(count) <= NEGLIGIBLE * self.held else self._sampled(count)
 
 
 class _Rung:

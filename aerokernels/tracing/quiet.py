@@ -21,6 +21,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..medium.grid import UniformGrid
+from .blocks import block_maxima
 
 BLOCK = 4
 BLOCK_COUNT_LIMIT = 300_000
@@ -196,11 +197,11 @@ def _roughness(grid: UniformGrid) -> tuple[int, list[np.ndarray], list[np.ndarra
         for axis in range(grid.samples.ndim):
             nodes = _stretched(grid, axis) / grid.ambient_index
             change = np.moveaxis(np.abs(np.diff(nodes, 4, axis=0)), 0, axis)
-            fourth.append(block_maxima(change, grid, block) / grid.spacing[axis] ** 4)
+            fourth.append(block_maxima(change, block) / grid.spacing[axis] ** 4)
             second.append(np.zeros_like(fourth[-1]))
             if grid.interpolation != "cubic":
                 change = np.moveaxis(np.abs(np.diff(nodes[1:-1], 2, axis=0)), 0, axis)
-                second[-1] = block_maxima(change, grid, block)
+                second[-1] = block_maxima(change, block)
         _known[grid] = (block, fourth, second)
     return _known[grid]
 
@@ -233,19 +234,6 @@ def _continued(values: np.ndarray, count: int) -> np.ndarray:
     for _ in range(count):
         ahead = np.concatenate([np.tensordot(rule, ahead[: len(rule)], 1)[None], ahead])
     return ahead[:count]
-
-
-def block_maxima(node_values: np.ndarray, grid: UniformGrid, block: int) -> np.ndarray:
-    """Greatest of the nodes of each block of cells."""
-    result = node_values
-    for axis, count in enumerate(grid.shape):
-        blocks = -(-(count - 1) // block)
-        moved = np.moveaxis(result, axis, 0)
-        moved = np.pad(moved, [(0, blocks * block + 1 - count)] + [(0, 0)] * (moved.ndim - 1), mode="edge")
-        inner = moved[:-1].reshape(blocks, block, *moved.shape[1:]).max(axis=1)
-        inner = np.maximum(inner, moved[block::block])
-        result = np.moveaxis(inner, 0, axis)
-    return result
 
 
 def _greatest(values: np.ndarray, low: np.ndarray, high: np.ndarray) -> np.ndarray:

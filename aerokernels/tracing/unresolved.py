@@ -7,18 +7,18 @@ The midpoint rule with samples H apart errs, on a line along which the potential
 with F the Fourier transform of f: by what the line holds at frequencies of 1 / H and above. No estimate from the
 samples themselves sees it, and neither do other rays (a pilot) that pass beside it: the bound comes from the field.
 
-It is split once into a part of low frequencies along the rays, for which the rule converges faster than any power of H,
-and a remainder R, both even about the faces, as an axisymmetric field is about its axis. A component of frequency f
-[1/m] has along a unit vector u at most the frequency
+It is split once into a part of low frequencies along the rays, on which the rule converges faster than any power of H,
+and a remainder R (remainder.py), what is left from about 0.9 / H on. The rule errs on R by no more than 2 int |R| dt
+along the ray.
 
-    phi = min(|f|, sum |u_i| f_i),     in r and z: f_r sqrt(u_x^2 + u_y^2) + f_z |u_z|
+Where all rays run along one axis, within some 45 degrees, |R| is averaged along it over each block of cells: the sum
+over blocks is the integral. Across the rays the greatest counts.
 
-(cos(2 pi f sqrt(b^2 + t^2)) is an entire function of t of that type, so that this holds off the axis too), and is part
-of R from about phi = 1 / (2 H) on. The rule errs on R by no more than 2 int |R| dt along the ray. To that comes how far
-the spline itself is from smooth between nodes, its fourth difference over 384.
+A ray that begins or ends in the midst of something is not helped by what converges on whole lines: a component
+a cos(2 pi phi t) makes the mended ends of the rule err by a H / 2 and, with x = phi H, 9.5 a H x^3 where x is small.
 
 Where a field is smooth the remainder's bound is often beaten by the rule's own, H^4 / 720 int |f''''| dt, above all
-near the box's faces, where the even continuation has a kink: the lesser of the two counts in each block of cells.
+near the box's faces, where the even continuation has a kink: the lesser of the two counts in each block.
 
 What a ray turns by is off by the slope of all that, which changes the path in the second order of the contrast, or by
 the lever arm with which a slanted stop is met: a factor.
@@ -31,26 +31,34 @@ import numpy as np
 
 from ..medium import IndexField
 from ..medium.grid import UniformGrid
-from ..rays import RayBundle
-from .quiet import block_maxima, potential_at_nodes, roughness_by_axis
-from .scheme import LEAST_COSINE, LOOKUP_STRIDE, MISSED_SLOPE
-from .stop import Plane
+from .blocks import block_maxima, block_means, greatest_of_neighbors
+from .quiet import potential_at_nodes, roughness_by_axis
+from .remainder import remainders
+from .scheme import LOOKUP_STRIDE, MISSED_SLOPE
+from .ways import Lines, local_coordinates, local_range
 
-# The remainder's share at phi H = x is (1 - exp(-STEEPNESS x^2))^16: 0.0045 at 1 / 2, 0.37 at 3 / 4, 0.9 at 1.
-STEEPNESS, DOUBLINGS = 5.0, 4
+# Frequencies along a ray, times H, from which on components are left in the remainder: on its way, and at its ends.
+EDGE, EDGE_AT_ENDS = 0.92, 0.4
+# The error of an end over H |R| there, and that of the rule's own bound over what it is elsewhere.
+END, RULE_AT_ENDS = 0.5, 8.0
 # The error over int |R| dt: of the sum, and of the integral.
 BOTH = 2.0
-# The greatest distance of a C2 cubic spline from what is smooth, over its fourth difference, twice.
-BETWEEN_NODES = BOTH / 384.0
+# Cells between samples below which the remainder is that of so many, but for a factor: its images have no end.
+FINEST = 0.8
+# What a spline through one node that stands out makes of it between the next two nodes, at most.
+LOBE = 0.15
 # Of the midpoint rule with mended ends: its kernel, the Bernoulli polynomial of degree 4 over 4!, is at most this.
 PEANO = 1.0 / 720.0
-# The slope of the remainder is at most so many of its own size in a cell.
-SLOPE = 3.0
 # Components of a direction below which no neighbouring block is met within half a stride.
 LEAST_SLANT = 0.05
-
-# Lines that are looked at beside a body, and the outermost rays at the end of a bundle's spread (even.spread_of).
-BESIDE_BODY, OUTERMOST = 192, 12
+# Of an axis that all rays run along, the least component; others along which they move less than a cell in a block.
+LEAST_MAIN, LEVEL = 0.7, 0.25
+# A lookup stands for so many blocks along that axis; strides are shorter where a way ends, and find less of them.
+LOOKED_OVER, LOOKED_SHORT = 3, 1.1
+# Blocks by which a ray may be bent aside, beside its slant.
+BENT = 0.5
+# Ends of rays count where a block's length of what is there is worth this share of the tolerance.
+ENDS_SHARE = 0.02
 
 # Tables kept for a grid.
 KEPT = 8
@@ -67,83 +75,37 @@ class Sampling:
         steepness: Greatest size of each component of the rays' unit vectors.
         lever: By how much an error of direction changes the path where the stop is met head on [m/rad].
         is_fine: Whether single precision would be seen in the bound.
+        ends: Blocks in which rays begin or end in disturbed air, see `disturbed_ends`; empty where they do not.
     """
 
     spacing: float
     steepness: tuple[float, float, float]
     lever: float
     is_fine: bool = True
+    ends: bytes = b""
 
 
-@dataclass(frozen=True, eq=False)
-class Lines:
-    """Undisturbed rays' ways through the active part of a field.
+def disturbed_ends(field: IndexField, lines: Lines, held: float) -> bytes:
+    """Blocks about those in which lines begin or end in air that counts, as packed bits; empty without any.
 
-    Attributes:
-        start: Where they begin [m], shape (line_count, 3).
-        direction: Unit vectors, shape (line_count, 3).
-        way: How far they go [m], shape (line_count,).
-        lever: How far it is from there to the stop, times the tangent of the angle at which they meet it [m].
+    Args:
+        field: One on a cubic uniform grid.
+        lines: Rays' ways through the active part of the field.
+        held: The OPD error that they are held to [m].
     """
+    from scipy.ndimage import maximum_filter
 
-    start: np.ndarray
-    direction: np.ndarray
-    way: np.ndarray
-    lever: np.ndarray
-
-
-def lines_through(field: IndexField, rays: RayBundle, until, low: np.ndarray, high: np.ndarray) -> Lines:
-    """The ways of those rays that meet the part of the field from `low` to `high` [m along its own axes] at all."""
-    p, d = rays.position, rays.direction
-    if field.body is not None and len(p) > BESIDE_BODY:  # each costs a look at every segment of the body
-        rows = np.r_[np.linspace(0, len(p) - 1, BESIDE_BODY).astype(int), np.arange(len(p) - OUTERMOST, len(p))]
-        p, d = p[rows], d[rows]
-    enter, leave, _ = _crossing(p, d, low, high, field.geometry)
-    if field.body is not None:
-        # A ray that begins inside the body is traced from where it leaves it.
-        wall = field.body.crossings(p, d)
-        inside = (np.count_nonzero(wall <= 0.0, axis=1) % 2).astype(bool)
-        first = np.where(wall > 0.0, wall, np.inf).min(axis=1, initial=np.inf)
-        enter = np.where(inside, np.maximum(enter, first), enter)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        if isinstance(until, Plane):
-            stop, cosine = ((until.point - p) @ until.normal) / (d @ until.normal), np.abs(d @ until.normal)
-            stop = np.where(stop > 0.0, stop, np.inf)
-            leave = np.minimum(leave, stop)
-        else:
-            grid = field.samples
-            assert isinstance(grid, UniformGrid)
-            _, stop, cosine = _crossing(p, d, grid.low, grid.high, field.geometry)
-        tangent = np.sqrt(np.maximum(1.0 - cosine**2, 0.0)) / np.maximum(cosine, LEAST_COSINE)
-        lever = np.where(np.isfinite(stop), tangent * (stop - enter), 0.0)
-    meets = (leave > enter) & np.isfinite(leave)
-    start = p[meets] + enter[meets, None] * d[meets]
-    return Lines(start, d[meets], (leave - enter)[meets], lever[meets])
-
-
-def _crossing(p: np.ndarray, d: np.ndarray, low: np.ndarray, high: np.ndarray, geometry: str):
-    """Where rays enter and leave a box [m along them], and the cosine with the normal of the face they leave by."""
-    enter, leave, cosine = np.zeros(len(p)), np.full(len(p), np.inf), np.ones(len(p))
-    with np.errstate(divide="ignore", invalid="ignore"):
-        for axis in range(geometry == "axisymmetric", len(low)):
-            across = axis + 3 - len(low)
-            ends = np.sort([(end - p[:, across]) / d[:, across] for end in (low[axis], high[axis])], axis=0)
-            within = (p[:, across] >= low[axis]) & (p[:, across] <= high[axis])
-            along = d[:, across] == 0.0
-            enter = np.maximum(enter, np.where(along, np.where(within, -np.inf, np.inf), ends[0]))
-            last = np.where(along, np.where(within, np.inf, -np.inf), ends[1])
-            cosine = np.where(last < leave, np.abs(d[:, across]), cosine)
-            leave = np.minimum(leave, last)
-        if geometry == "axisymmetric":
-            square = (d[:, :2] ** 2).sum(axis=1)
-            middle = np.where(square > 0.0, -(p[:, :2] * d[:, :2]).sum(axis=1) / square, 0.0)
-            rest = high[0] ** 2 - ((p[:, :2] + middle[:, None] * d[:, :2]) ** 2).sum(axis=1)
-            half = np.where(square > 0.0, np.sqrt(np.maximum(rest, 0.0) / square), np.inf)
-            enter = np.maximum(enter, middle - half)
-            last = np.where(rest < 0.0, -np.inf, middle + half)
-            cosine = np.where(last < leave, np.sqrt(np.maximum(rest, 0.0) * square) / high[0], cosine)
-            leave = np.minimum(leave, last)
-    return enter, leave, cosine
+    grid = field.samples
+    assert isinstance(grid, UniformGrid)
+    block, fourth = roughness_by_axis(grid)
+    near = np.zeros(fourth[0].shape, dtype=np.uint8)
+    size = block * np.asarray(grid.spacing)
+    ends = np.concatenate([lines.start, lines.start + lines.way[:, None] * lines.direction])
+    entry = np.floor((local_coordinates(ends, field.geometry) - grid.low) / size).astype(int)
+    near[tuple(np.clip(entry, 0, np.array(near.shape) - 1).T)] = 1
+    worth = block_maxima(np.abs(potential_at_nodes(grid)), block) * float(size.max())
+    near = maximum_filter(near, 3) * (worth > ENDS_SHARE * held)
+    return np.packbits(near).tobytes() if near.any() else b""
 
 
 def missed_in_blocks(field: IndexField, sampling: Sampling) -> tuple[int, np.ndarray]:
@@ -165,13 +127,18 @@ def missed_in_blocks(field: IndexField, sampling: Sampling) -> tuple[int, np.nda
 
 
 def lookup_table(field: IndexField, sampling: Sampling) -> tuple[int, np.ndarray]:
-    """The same, in each block the greatest of what a ray meets within half a stride of any point in there."""
-    from scipy.ndimage import maximum_filter1d
+    """The same as kernels look it up, once within a stride: each ray finds as much as lies on its way."""
+    from scipy.ndimage import maximum_filter1d, uniform_filter1d
 
     block, missed = missed_in_blocks(field, sampling)
-    for axis, slant in enumerate(_along_axes(sampling.steepness, field.geometry)):
-        if slant > LEAST_SLANT:
-            missed = maximum_filter1d(missed, 3, axis=axis, mode="nearest")
+    slants, main = _along_axes(sampling.steepness, field.geometry), _main_axis(sampling.steepness, field.geometry)
+    for axis, slant in enumerate(slants):
+        if axis == main:
+            missed = LOOKED_SHORT * uniform_filter1d(missed, LOOKED_OVER, axis=axis, mode="nearest")
+        elif slant > LEAST_SLANT:
+            # What is found a block and a half away along the main axis is beside the ray by that slope.
+            wide = 3 if main is None or slant < 0.5 * slants[main] else 5
+            missed = maximum_filter1d(missed, wide, axis=axis, mode="nearest")
     return block, missed
 
 
@@ -186,18 +153,24 @@ def greatest_error(field: IndexField, sampling: Sampling, lines: Lines) -> float
     grid = field.samples
     block, missed = missed_in_blocks(field, sampling)
     size = block * np.asarray(grid.spacing)
-    local = _local_range(lines, field.geometry)
+    local = local_range(lines, field.geometry)
     # A block to each side for what rays are bent, and for rays between those of `lines`.
     first = np.clip(np.floor((local[0] - grid.low) / size).astype(int) - 1, 0, np.array(missed.shape) - 1)
     last = np.clip(np.floor((local[1] - grid.low) / size).astype(int) + 1, first, np.array(missed.shape) - 1)
     met = missed[tuple(slice(low, high + 1) for low, high in zip(first, last, strict=True))]
     found = float(met.max()) * float(lines.way.max(initial=0.0))
-    # Along an axis that all rays run along, one layer of blocks after the other.
+    # Along an axis that all rays run along, one layer of blocks after the other, as far beside as a ray may get.
+    components = np.abs(lines.direction[:, 3 - met.ndim :])
+    steepest = np.abs(lines.direction).max(axis=0, initial=0.0)
+    drift = _along_axes(steepest, field.geometry) * float(lines.way.max(initial=0.0)) / size
     for axis in range(field.geometry == "axisymmetric", met.ndim):
-        slant = float(np.abs(lines.direction[:, axis + 3 - met.ndim]).min(initial=1.0))
-        if slant > 0.0:
-            layers = met.max(axis=tuple(other for other in range(met.ndim) if other != axis))
-            found = min(found, float(layers.sum()) * float(size[axis]) / slant)
+        least = float(components[:, axis].min(initial=1.0))
+        if least > 0.0:
+            columns = met
+            for other in range(met.ndim):
+                if other != axis:
+                    columns = greatest_of_neighbors(columns, 1 + int(np.ceil(drift[other] + BENT)), other)
+            found = min(found, float(columns.sum(axis=axis).max()) * float(size[axis]) / least)
     return found * float(_with_lever(field, lines).max(initial=1.0))
 
 
@@ -208,8 +181,8 @@ def missed_along(field: IndexField, sampling: Sampling, lines: Lines) -> np.ndar
     count = max(1, int(np.ceil(float(lines.way.max(initial=0.0)) / (LOOKUP_STRIDE * float(size.min())))))
     found = np.zeros(len(lines.way))
     for k in range(count):
-        place = _local(lines.start + ((k + 0.5) / count * lines.way)[:, None] * lines.direction, field.geometry)
-        entry = np.floor((place - field.samples.low) / size).astype(int)
+        place = lines.start + ((k + 0.5) / count * lines.way)[:, None] * lines.direction
+        entry = np.floor((local_coordinates(place, field.geometry) - field.samples.low) / size).astype(int)
         found += table[tuple(np.clip(entry, 0, np.array(table.shape) - 1).T)]
     return found * lines.way / count * _with_lever(field, lines)
 
@@ -219,58 +192,35 @@ def _with_lever(field: IndexField, lines: Lines) -> np.ndarray:
     return 1.0 + MISSED_SLOPE / float(np.min(field.spacing)) * lines.lever
 
 
-def _local(place: np.ndarray, geometry: str) -> np.ndarray:
-    """Coordinates along the grid's own axes of places (n, 3)."""
-    if geometry == "axisymmetric":
-        return np.stack([np.hypot(place[:, 0], place[:, 1]), place[:, 2]], axis=1)
-    return place[:, 1:] if geometry == "planar" else place
-
-
-def _local_range(lines: Lines, geometry: str) -> np.ndarray:
-    """Least and greatest of the lines' coordinates along the grid's own axes, shape (2, d)."""
-    ends = np.concatenate([lines.start, lines.start + lines.way[:, None] * lines.direction])
-    local = _local(ends, geometry)
-    low, high = local.min(axis=0), local.max(axis=0)
-    if geometry == "axisymmetric":
-        # Between its ends a line may come nearer to the axis.
-        square = np.maximum((lines.direction[:, :2] ** 2).sum(axis=1), 1e-300)
-        nearest = np.clip(-(lines.start[:, :2] * lines.direction[:, :2]).sum(axis=1) / square, 0.0, lines.way)
-        low[0] = np.hypot(*(lines.start[:, :2] + nearest[:, None] * lines.direction[:, :2]).T).min()
-    return np.stack([low, high])
-
-
 def _missed(grid: UniformGrid, geometry: str, sampling: Sampling) -> tuple[int, np.ndarray]:
+    from scipy.ndimage import maximum_filter1d
+
     slant = _along_axes(sampling.steepness, geometry)
     block, fourth = roughness_by_axis(grid)
-    change = [g * h**4 for g, h in zip(fourth, grid.spacing, strict=True)]  # fourth differences
-    strides = [PEANO * (u * sampling.spacing / h) ** 4 for u, h in zip(slant, grid.spacing, strict=True)]
-    rule = _joined([stride * c for stride, c in zip(strides, change, strict=True)])
-    between = _joined([min(stride, BETWEEN_NODES) * c for stride, c in zip(strides, change, strict=True)])
-    rest = block_maxima(np.abs(_remainder(grid, slant, sampling)), grid, block)
-    factor = 1.0 + MISSED_SLOPE * sampling.lever / float(grid.spacing.min())
-    return block, factor * np.minimum(rule, BOTH * rest.astype(np.float64) + between)
-
-
-def _remainder(grid: UniformGrid, slant: np.ndarray, sampling: Sampling) -> np.ndarray:
-    """What is left at the nodes of the potential over the ambient index without its low frequencies."""
-    from scipy.fft import dctn, idctn
-
-    values = potential_at_nodes(grid).astype(np.float64 if sampling.is_fine else np.float32)
-    axes = [axis for axis, count in enumerate(values.shape) if count > 1]
-    square, along = np.zeros((), values.dtype), np.zeros((), values.dtype)
-    for axis in axes:
-        count = values.shape[axis]
-        # Frequencies of the cosines of a type I transform, in cycles from one sample to the next.
-        scale = sampling.spacing / (2.0 * (count - 1) * grid.spacing[axis])
-        frequency = np.arange(count, dtype=values.dtype) * values.dtype.type(scale)
-        shape = [count if other == axis else 1 for other in range(values.ndim)]
-        square = square + (frequency**2).reshape(shape)
-        along = along + (values.dtype.type(slant[axis]) * frequency).reshape(shape)
-    share = 1.0 - np.exp(-STEEPNESS * np.minimum(square, along**2))
-    for _ in range(DOUBLINGS):
-        share *= share
-    share *= dctn(values, 1, axes=axes)
-    return idctn(share, 1, axes=axes, overwrite_x=True)
+    strides = [PEANO * (u * sampling.spacing) ** 4 for u in slant]
+    missed = _joined([stride * change for stride, change in zip(strides, fourth, strict=True)])
+    # Further on, what a spline holds of images falls off as the fourth power of their frequency.
+    finest = FINEST / max(float((slant / grid.spacing).max()), 1.0 / float((grid.high - grid.low).max()))
+    spacing, share = max(sampling.spacing, finest), min(sampling.spacing / finest, 1.0) ** 4
+    edges = (EDGE, EDGE_AT_ENDS) if sampling.ends else (EDGE,)
+    sizes = [np.abs(part) for part in remainders(grid, slant, spacing, edges, sampling.is_fine)]
+    main = _main_axis(sampling.steepness, geometry)
+    across = [axis for axis in range(len(slant)) if axis != main]
+    if main is None:
+        rest = block_maxima(sizes[0], block)
+    elif slant[across].max(initial=0.0) > LEVEL:
+        rest = block_means(block_maxima(sizes[0], block, across), block, main)
+    else:
+        rest = block_maxima(block_means(sizes[0], block, main), block, across)
+    if sampling.ends:
+        is_end = np.unpackbits(np.frombuffer(sampling.ends, np.uint8), count=rest.size).reshape(rest.shape)
+        length = block * float(grid.spacing.min() if main is None else grid.spacing[main])
+        rest = rest + is_end * (END / BOTH * spacing / length) * block_maxima(sizes[1], block)
+        missed = missed * np.where(is_end, RULE_AT_ENDS, 1.0)
+    for axis in across:
+        rest = np.maximum(rest, LOBE * maximum_filter1d(rest, 3, axis=axis, mode="nearest"))
+    missed = np.minimum(missed, BOTH * share * rest.astype(np.float64))
+    return block, (1.0 + MISSED_SLOPE * sampling.lever / float(grid.spacing.min())) * missed
 
 
 def _joined(parts: list[np.ndarray]) -> np.ndarray:
@@ -282,3 +232,12 @@ def _along_axes(steepness, geometry: str) -> np.ndarray:
     """Greatest size of the components along the grid's own axes, r and z of an axisymmetric one."""
     x, y, z = steepness
     return np.array({"volume": (x, y, z), "planar": (y, z), "axisymmetric": (min(np.hypot(x, y), 1.0), z)}[geometry])
+
+
+def _main_axis(steepness, geometry: str) -> int | None:
+    """The grid's axis that all rays of that steepness run along, None where there is none."""
+    least = np.sqrt(np.maximum(1.0 - (np.sum(np.square(steepness)) - np.square(steepness)), 0.0))
+    first = {"volume": 0, "planar": 1, "axisymmetric": 2}[geometry]
+    axis = first + int(np.argmax(least[first:]))
+    shift = 1 if geometry != "volume" else 0
+    return axis - shift if least[axis] > LEAST_MAIN else None

@@ -1,0 +1,38 @@
+"""What nodes of a uniform grid hold, block by block of its cells: the greatest, or the mean along an axis.
+
+A block's nodes are those of its cells, shared with its neighbours; the last node along an axis is repeated until blocks
+are whole.
+"""
+
+from collections.abc import Iterable
+
+import numpy as np
+
+
+def block_maxima(values: np.ndarray, block: int, axes: Iterable[int] | None = None) -> np.ndarray:
+    """The greatest over the nodes of each block of so many cells along some axes, all of them by default."""
+    for axis in range(values.ndim) if axes is None else axes:
+        moved = _whole_blocks(values, block, axis)
+        inner = moved[:-1].reshape(-1, block, *moved.shape[1:]).max(axis=1)
+        values = np.moveaxis(np.maximum(inner, moved[block::block]), 0, axis)
+    return values
+
+
+def block_means(values: np.ndarray, block: int, axis: int) -> np.ndarray:
+    """Means over the cells of each block along an axis, linear between nodes."""
+    moved = _whole_blocks(values, block, axis)
+    cells = 0.5 * (moved[:-1] + moved[1:])
+    return np.moveaxis(cells.reshape(-1, block, *moved.shape[1:]).mean(axis=1), 0, axis)
+
+
+def _whole_blocks(values: np.ndarray, block: int, axis: int) -> np.ndarray:
+    """Nodes along an axis, that axis first, the last one repeated until blocks are whole."""
+    moved = np.moveaxis(values, axis, 0)
+    return np.pad(moved, [(0, (1 - len(moved)) % block)] + [(0, 0)] * (moved.ndim - 1), mode="edge")
+
+
+def greatest_of_neighbors(values: np.ndarray, count: int, axis: int) -> np.ndarray:
+    """The greatest of each run of `count` entries along an axis, of all of them where there are no more."""
+    from numpy.lib.stride_tricks import sliding_window_view
+
+    return np.asarray(sliding_window_view(values, min(count, values.shape[axis]), axis=axis).max(axis=-1))

@@ -1,0 +1,105 @@
+"""Undisturbed rays' ways through a part of a field, from where they come into it to where they leave it or stop."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..medium import IndexField
+from ..medium.grid import UniformGrid
+from ..rays import RayBundle
+from .scheme import LEAST_COSINE
+from .stop import Plane
+
+# Lines that are looked at beside a body, and the outermost rays at the end of a bundle's spread (even.spread_of).
+BESIDE_BODY, OUTERMOST = 192, 12
+
+
+@dataclass(frozen=True, eq=False)
+class Lines:
+    """Undisturbed rays' ways through the active part of a field.
+
+    Attributes:
+        start: Where they begin [m], shape (line_count, 3).
+        direction: Unit vectors, shape (line_count, 3).
+        way: How far they go [m], shape (line_count,).
+        lever: How far it is from there to the stop, times the tangent of the angle at which they meet it [m].
+    """
+
+    start: np.ndarray
+    direction: np.ndarray
+    way: np.ndarray
+    lever: np.ndarray
+
+
+def lines_through(field: IndexField, rays: RayBundle, until, low: np.ndarray, high: np.ndarray) -> Lines:
+    """The ways of those rays that meet the part of the field from `low` to `high` [m along its own axes] at all."""
+    p, d = rays.position, rays.direction
+    if field.body is not None and len(p) > BESIDE_BODY:  # each costs a look at every segment of the body
+        rows = np.r_[np.linspace(0, len(p) - 1, BESIDE_BODY).astype(int), np.arange(len(p) - OUTERMOST, len(p))]
+        p, d = p[rows], d[rows]
+    enter, leave, _ = _crossing(p, d, low, high, field.geometry)
+    if field.body is not None:
+        # A ray that begins inside the body is traced from where it leaves it.
+        wall = field.body.crossings(p, d)
+        inside = (np.count_nonzero(wall <= 0.0, axis=1) % 2).astype(bool)
+        first = np.where(wall > 0.0, wall, np.inf).min(axis=1, initial=np.inf)
+        enter = np.where(inside, np.maximum(enter, first), enter)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        if isinstance(until, Plane):
+            stop, cosine = ((until.point - p) @ until.normal) / (d @ until.normal), np.abs(d @ until.normal)
+            stop = np.where(stop > 0.0, stop, np.inf)
+            leave = np.minimum(leave, stop)
+        else:
+            grid = field.samples
+            assert isinstance(grid, UniformGrid)
+            _, stop, cosine = _crossing(p, d, grid.low, grid.high, field.geometry)
+        tangent = np.sqrt(np.maximum(1.0 - cosine**2, 0.0)) / np.maximum(cosine, LEAST_COSINE)
+        lever = np.where(np.isfinite(stop), tangent * (stop - enter), 0.0)
+    meets = (leave > enter) & np.isfinite(leave)
+    start = p[meets] + enter[meets, None] * d[meets]
+    return Lines(start, d[meets], (leave - enter)[meets], lever[meets])
+
+
+def _crossing(p: np.ndarray, d: np.ndarray, low: np.ndarray, high: np.ndarray, geometry: str):
+    """Where rays enter and leave a box [m along them], and the cosine with the normal of the face they leave by."""
+    enter, leave, cosine = np.zeros(len(p)), np.full(len(p), np.inf), np.ones(len(p))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        for axis in range(geometry == "axisymmetric", len(low)):
+            across = axis + 3 - len(low)
+            ends = np.sort([(end - p[:, across]) / d[:, across] for end in (low[axis], high[axis])], axis=0)
+            within = (p[:, across] >= low[axis]) & (p[:, across] <= high[axis])
+            along = d[:, across] == 0.0
+            enter = np.maximum(enter, np.where(along, np.where(within, -np.inf, np.inf), ends[0]))
+            last = np.where(along, np.where(within, np.inf, -np.inf), ends[1])
+            cosine = np.where(last < leave, np.abs(d[:, across]), cosine)
+            leave = np.minimum(leave, last)
+        if geometry == "axisymmetric":
+            square = (d[:, :2] ** 2).sum(axis=1)
+            middle = np.where(square > 0.0, -(p[:, :2] * d[:, :2]).sum(axis=1) / square, 0.0)
+            rest = high[0] ** 2 - ((p[:, :2] + middle[:, None] * d[:, :2]) ** 2).sum(axis=1)
+            half = np.where(square > 0.0, np.sqrt(np.maximum(rest, 0.0) / square), np.inf)
+            enter = np.maximum(enter, middle - half)
+            last = np.where(rest < 0.0, -np.inf, middle + half)
+            cosine = np.where(last < leave, np.sqrt(np.maximum(rest, 0.0) * square) / high[0], cosine)
+            leave = np.minimum(leave, last)
+    return enter, leave, cosine
+
+
+def local_coordinates(place: np.ndarray, geometry: str) -> np.ndarray:
+    """Coordinates along the grid's own axes of places (n, 3)."""
+    if geometry == "axisymmetric":
+        return np.stack([np.hypot(place[:, 0], place[:, 1]), place[:, 2]], axis=1)
+    return place[:, 1:] if geometry == "planar" else place
+
+
+def local_range(lines: Lines, geometry: str) -> np.ndarray:
+    """Least and greatest of the lines' coordinates along the grid's own axes, shape (2, d)."""
+    ends = np.concatenate([lines.start, lines.start + lines.way[:, None] * lines.direction])
+    local = local_coordinates(ends, geometry)
+    low, high = local.min(axis=0), local.max(axis=0)
+    if geometry == "axisymmetric":
+        # Between its ends a line may come nearer to the axis.
+        square = np.maximum((lines.direction[:, :2] ** 2).sum(axis=1), 1e-300)
+        nearest = np.clip(-(lines.start[:, :2] * lines.direction[:, :2]).sum(axis=1) / square, 0.0, lines.way)
+        low[0] = np.hypot(*(lines.start[:, :2] + nearest[:, None] * lines.direction[:, :2]).T).min()
+    return np.stack([low, high])
