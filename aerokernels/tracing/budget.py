@@ -25,10 +25,11 @@ import numpy as np
 
 from ..medium import IndexField
 from ..rays import RayBundle
+from .allowance import step_allowance
 from .budget_rays import subset
 from .known_air import may_be_lost
 from .lines import SIDE, box_span
-from .plan import TracePlan, step_allowance
+from .plan import TracePlan
 from .status import reached
 from .stop import Plane
 

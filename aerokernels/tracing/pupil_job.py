@@ -12,14 +12,15 @@ import numpy as np
 
 from ..medium import IndexField
 from ..rays import Disc, RayBundle
+from .allowance import check_tolerance
 from .backends import VARIABLES
 from .even import PILOT_RAYS
-from .plan import TracePlan, check_tolerance
+from .plan import TracePlan
+from .planning import plan_rays
 from .pupil_air import PupilAir, pupil_air
 from .pupil_fan import choose_fan, fan_points
 from .pupil_sums import PupilSums, PupilTask
 from .stop import Plane
-from .trace import plan_rays
 
 REPLICATES = 16
 # Pupils that are kept ready for a field.

@@ -8,12 +8,11 @@ import numpy as np
 from ..medium import IndexField
 from ..rays import RayBundle
 from .budget import Retrace, error_budget
-from .collimated import columns_hold, find_columns, is_collimated, is_worth_it
-from .even import fit_even, may_be_even, pilot_of, spread_of
+from .even import pilot_of, spread_of
 from .known_air import KnownAir
-from .levers import levers_of
 from .meeting import check_meeting
-from .plan import TracePlan, make_plan
+from .plan import TracePlan
+from .planning import plan_rays, why_columns
 from .result import RAY_OUTPUTS, TraceResult
 from .retrace import backend_of, retrace_rejected, told_of_rejected
 from .status import RayStatus
@@ -88,7 +87,7 @@ def trace(
         path_length=until.length if isinstance(until, ArcLength) else None,
         wavelength=wavelength,
         directions=rays.direction,
-        columns=_columns(field, rays, until, method, tolerance, wavelength),
+        columns=why_columns(field, rays, until, method, tolerance, wavelength),
         spread=partial(spread_of, rays),
     )
     arrays, seconds = run_plan(field, rays, plan, until, wavelength, wanted)
@@ -113,45 +112,6 @@ def trace(
 
 def _budget(field: IndexField, rays: RayBundle, retrace: Retrace, result: TraceResult) -> dict[str, float]:
     return error_budget(field, rays, result.ok, result.plan, retrace, result.truncation)
-
-
-def plan_rays(
-    field: IndexField, pilot, ray_count: int, until, *, method, wavelength, spread=None, **choices
-) -> TracePlan:
-    """The plan of a bundle, by even samples where they hold its tolerance; `pilot()` makes some of its rays.
-
-    `spread()` makes as many as show where all of them go; None where the pilot does.
-
-    The other arguments are those of `make_plan`.
-
-    Raises:
-        ValueError: An unknown name or a number that makes no sense, with the remedy.
-    """
-    if field.geometry == "planar" and choices["path_length"] is None:
-        # Along x the box is endless: a ray may fly far longer through it than across its other axes.
-        levers = levers_of(field, pilot(), until)
-        choices["path_length"] = None if levers is None else levers.way
-    if method in ("auto", "straight") and may_be_even(field, ray_count, until):
-        plan = make_plan(field, method="straight", wavelength=wavelength, **choices)
-        if not plan.columns and plan.backend != "reference":
-            plan = fit_even(field, pilot(), plan, until, wavelength, spread or pilot) or plan
-        if plan.columns or plan.sample_count:
-            return plan
-    return make_plan(field, method=method, wavelength=wavelength, **choices)
-
-
-def _columns(field: IndexField, rays: RayBundle, until, method: str, tolerance: float, wavelength: float) -> str | None:
-    """Why these rays may be looked up in tables of columns; None where they may not, or where it does not pay."""
-    if method not in ("auto", "straight") or not (is_collimated(field, rays, until) and is_worth_it(field, rays)):
-        return None
-    columns = find_columns(field, rays, until)
-    if columns is None or (method == "auto" and not columns_hold(field, columns, tolerance * wavelength)):
-        return None
-    waves = columns.tables.greatest_error / wavelength
-    return (
-        "method straight, by columns: the rays are collimated along z, so what each gathers is a spline over x and y "
-        f"(bending to third order, estimated error {waves:.1g} waves)"
-    )
 
 
 def run_plan(field: IndexField, rays: RayBundle, plan: TracePlan, until, wavelength: float, outputs: frozenset):

@@ -1,0 +1,144 @@
+"""The one file that decides: from what the caller asked for to the plan of a trace.
+
+The order of "auto": tables of columns where rays run along z and the tables hold the tolerance; even samples where a
+pilot of the rays says so; error control otherwise. The backend is chosen by the fixed order of backends.py.
+"""
+
+import numpy as np
+
+from ..medium import IndexField
+from ..rays import RayBundle
+from .allowance import check_tolerance, diagonal_of, step_allowance
+from .backends import choose_backend
+from .choice import predict_evaluations
+from .collimated import columns_hold, find_columns, is_collimated, is_worth_it
+from .even import fit_even, may_be_even
+from .held import held_error
+from .levers import levers_of
+from .plan import METHODS, PRECISIONS, TracePlan
+
+
+def plan_rays(
+    field: IndexField, pilot, ray_count: int, until, *, method, wavelength, spread=None, **choices
+) -> TracePlan:
+    """The plan of a bundle, by even samples where they hold its tolerance; `pilot()` makes some of its rays.
+
+    `spread()` makes as many as show where all of them go; None where the pilot does.
+
+    The other arguments are those of `make_plan`.
+
+    Raises:
+        ValueError: An unknown name or a number that makes no sense, with the remedy.
+    """
+    if field.geometry == "planar" and choices["path_length"] is None:
+        # Along x the box is endless: a ray may fly far longer through it than across its other axes.
+        levers = levers_of(field, pilot(), until)
+        choices["path_length"] = None if levers is None else levers.way
+    if method in ("auto", "straight") and may_be_even(field, ray_count, until):
+        plan = make_plan(field, method="straight", wavelength=wavelength, **choices)
+        if not plan.columns and plan.backend != "reference":
+            plan = fit_even(field, pilot(), plan, until, wavelength, spread or pilot) or plan
+        if plan.columns or plan.sample_count:
+            return plan
+    return make_plan(field, method=method, wavelength=wavelength, **choices)
+
+
+def why_columns(
+    field: IndexField, rays: RayBundle, until, method: str, tolerance: float, wavelength: float
+) -> str | None:
+    """Why these rays may be looked up in tables of columns; None where they may not, or where it does not pay."""
+    if method not in ("auto", "straight") or not (is_collimated(field, rays, until) and is_worth_it(field, rays)):
+        return None
+    columns = find_columns(field, rays, until)
+    if columns is None or (method == "auto" and not columns_hold(field, columns, tolerance * wavelength)):
+        return None
+    waves = columns.tables.greatest_error / wavelength
+    return (
+        "method straight, by columns: the rays are collimated along z, so what each gathers is a spline over x and y "
+        f"(bending to third order, estimated error {waves:.1g} waves)"
+    )
+
+
+def make_plan(
+    field: IndexField,
+    *,
+    method,
+    backend,
+    device,
+    precision,
+    step,
+    tolerance,
+    max_steps,
+    path_length,
+    wavelength,
+    directions,
+    columns: str | None = None,
+) -> TracePlan:
+    """Check the caller's choices and fill in those left to "auto".
+
+    `columns` says why collimated rays may be looked up in tables, None that they may not.
+
+    Raises:
+        ValueError: An unknown name or a number that makes no sense, with the remedy.
+    """
+    if method not in METHODS:
+        raise ValueError(f"method {method!r} is not known: choose one of {', '.join(METHODS)}")
+    if precision not in PRECISIONS:
+        raise ValueError(f"precision {precision!r} is not known: choose 'float32' or 'float64'")
+    check_tolerance(tolerance)
+    if method == "fixed":
+        if step is None or not (np.isfinite(step) and step > 0.0):
+            raise ValueError(f"method 'fixed' needs step, a positive length of arc in metres, got {step!r}")
+    elif step is not None:
+        raise ValueError(f"step belongs to method 'fixed', not to {method!r}: leave it out or choose 'fixed'")
+    # Names may come from an array as NumPy's strings, which are other keys to the caches of kernels.
+    method, precision = str(method), str(precision)
+    reasons = []
+    by_columns = False
+    predicted = None
+    if columns is not None and method in ("auto", "straight") and backend != "reference":
+        method = "straight"
+        reasons.append(columns)
+        by_columns = True
+    elif method == "auto" and backend == "reference":
+        method = "adaptive"
+        reasons.append("method adaptive: the reference is the answer that others are measured against")
+    elif method == "auto":
+        method = "adaptive"
+        predicted = predict_evaluations(field, held_error(field, tolerance * wavelength), directions)
+        reasons.append(f"method adaptive: error control, about {predicted:.0f} evaluations a ray across the box")
+    backend, device, why = choose_backend(backend, device)
+    reasons.append(why)
+    dimension = {"volume": "a volume", "planar": "two axes, x is never expanded"}.get(
+        field.geometry, "r and z, never expanded to a volume"
+    )
+    reasons.append(f"{field.geometry} field: looked up in {dimension}")
+    reasons.append("outside the field's box rays fly free in one step")
+    if field.body is None:
+        reasons.append("no body: no wall test in the kernel")
+    if method == "fixed" and max_steps is None and step < 1e-8 * diagonal_of(field):
+        raise ValueError(
+            f"a step of {step:g} m would take more than 1e8 steps through a box of {diagonal_of(field):.3g} m: give a "
+            "longer one, or let method 'adaptive' choose"
+        )
+    if max_steps is None:
+        max_steps = step_allowance(field, method, step, path_length)
+    elif not isinstance(max_steps, (int, np.integer)) or max_steps < 1:
+        raise ValueError(f"max_steps must be a whole number of at least 1, got {max_steps!r}")
+    if by_columns:
+        predicted = 1.0
+    elif predicted is None and method == "fixed":
+        predicted = 3.0 * diagonal_of(field) / step
+    return TracePlan(
+        method,
+        backend,
+        device,
+        precision,
+        int(max_steps),
+        step,
+        float(tolerance),
+        tuple(reasons),
+        by_columns,
+        predicted_evaluations=predicted,
+        predicted_error=None if method in ("paper", "fixed") or by_columns else float(tolerance),
+    )
