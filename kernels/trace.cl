@@ -261,7 +261,8 @@ __kernel void trace_kernel(
     const Arrival arrival = end_of(
         &bounds, &control, p0, d0, &course, status, landed, q, q_carry, momentum, sums, sums_carry, bent);
     if (CONTROLLED && arrival.status == RAY_OK && landed >= 0) {
-        used = landing_error(used, ambient, landed, arrival.grazing, slant_first, harm);
+        const real cell_size = R(1.0) / greatest(VECTOR(control.cell_rate));
+        used = landing_error(used, ambient, cell_size, landed, arrival.grazing, slant_first, harm);
     }
     // Such a ray is traced again, if that may help (retrace.py).
     const int is_rejected = CONTROLLED && arrival.status == RAY_OK && !(used <= control.budget);

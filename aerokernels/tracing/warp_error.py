@@ -9,6 +9,8 @@ from .scheme import (
     DIRECTION_NOISE,
     DIRECTION_SHARE,
     EVEN_WEAK,
+    LANDING_NOISE,
+    LEAST_COSINE,
     MAGNIFIED,
     NOISE,
     ROUGH,
@@ -33,6 +35,7 @@ def build_step_error(precision: str, geometry: str, interpolation: str, stop: st
     sharpened = interpolation in ("cubic", "linear")
     noise = NOISE[precision]
     direction_noise = DIRECTION_NOISE[precision]
+    landing_noise = LANDING_NOISE[precision]
     plane = wp.constant(FACE_COUNT[geometry])
     c2, c3 = (float(v) for v in C[1:3])
     e1, e2, e3, e4 = (float(v) for v in B_ERROR)
@@ -145,18 +148,22 @@ def build_step_error(precision: str, geometry: str, interpolation: str, stop: st
         return error
 
     @wp.func
-    def landing_error(used: real, ambient: real, landed: int, grazing: wp.vec2d, slant: real, harm: real):
+    def landing_error(used: real, ambient: real, cell: real, landed: int, grazing: wp.vec2d, slant: real, harm: real):
         """The error of a ray that ended on surface `landed`, with what it lacks of it and at which cosine.
 
         A ray may end at a smaller angle, or on another surface, than the undisturbed one, for which `slant` is. Where
-        it flies on from the surface, it costs `harm` per metre to be beside it.
+        it flies on from the surface, it costs `harm` per metre to be beside it. Its place across the surface is rounded
+        by a share of a `cell` [m], along the ray by that over the cosine.
         """
         lack = real(wp.min(grazing[0], wp.float64(1.0e30)))
+        cosine = real(wp.max(grazing[1], wp.float64(1.0e-15)))
+        rounded = real(landing_noise) * cell / cosine
         if wp.static(stop == "none"):
-            cosine = real(wp.max(grazing[1], wp.float64(1.0e-15)))
+            if cosine < real(LEAST_COSINE):
+                lack += rounded
             return wp.max(used * wp.max(real(1.0) / (cosine * (real(1.0) + slant)), real(1.0)), ambient * lack)
         if landed == plane:
             return wp.max(used, ambient * lack)
-        return used + harm * lack
+        return used + harm * (lack + rounded)
 
     return step_error, step_rounding, stop_error, landing_error

@@ -347,7 +347,8 @@ def build_kernel(
         )
         if wp.static(controlled):
             if final == ok and landed >= 0:
-                used = landing_error(used, ambient, landed, grazing, slant_first, harm)
+                cell_size = real(1.0) / wp.max(control.cell_rate)
+                used = landing_error(used, ambient, cell_size, landed, grazing, slant_first, harm)
             if final == ok and not (used <= control.budget):
                 final = int(rejected)  # to be traced again, see retrace.py
         if wp.static("position" in outputs):

@@ -108,15 +108,19 @@ static inline real stop_error(
 
 // The error of a ray that ended on surface `landed`, with what it lacks of it and at which cosine. A ray may end at a
 // smaller angle, or on another surface, than the undisturbed one, for which `slant` is. Where it flies on from the
-// surface, it costs `harm` per metre to be beside it.
-static inline real landing_error(real used, real ambient, int landed, double2 grazing, real slant, real harm)
+// surface, it costs `harm` per metre to be beside it. Its place across the surface is rounded by a share of a `cell`
+// [m], along the ray by that over the cosine.
+static inline real landing_error(
+    real used, real ambient, real cell, int landed, double2 grazing, real slant, real harm)
 {
-    const real lack = (real)fmin(grazing.x, 1.0e30);
+    real lack = (real)fmin(grazing.x, 1.0e30);
+    const real cosine = (real)fmax(grazing.y, 1.0e-15);
+    const real rounded = LANDING_NOISE * cell / cosine;
     if (STOP == NONE) {
-        const real cosine = (real)fmax(grazing.y, 1.0e-15);
+        lack += cosine < (real)LEAST_COSINE ? rounded : R(0.0);
         return greater(used * greater(R(1.0) / (cosine * (R(1.0) + slant)), R(1.0)), ambient * lack);
     }
-    return landed == FACE_COUNT ? greater(used, ambient * lack) : used + harm * lack;
+    return landed == FACE_COUNT ? greater(used, ambient * lack) : used + harm * (lack + rounded);
 }
 
 #endif
