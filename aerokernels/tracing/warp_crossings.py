@@ -119,7 +119,10 @@ def build_passes_box(geometry: str):
 
 @functools.cache
 def build_segment_crossings(geometry: str):
-    """A function (line, segment) -> Crossings."""
+    """A function (line, segment, entries_only) -> Crossings.
+
+    With `entries_only`, a single crossing that leads out of the body is passed over: it costs a root and a division.
+    """
 
     @wp.func
     def corner_side(line: WallLine, first: wp.float64, height: wp.float64):
@@ -129,7 +132,7 @@ def build_segment_crossings(geometry: str):
         return line.across * (height - line.z) - line.along * (first - line.first)
 
     @wp.func
-    def cone_crossings(line: WallLine, segment: wp.vec4d):
+    def cone_crossings(line: WallLine, segment: wp.vec4d, entries_only: bool):
         none = wp.float64(0.0)
         out = Crossings()
         out.count = 0
@@ -144,12 +147,14 @@ def build_segment_crossings(geometry: str):
         once = from_outside != (w2 > none)
         if from_outside and not once:
             return out
-        steepness = line.across * dz * dz - d * d * dr * dr
         if once:
-            out.count = 1
             out.enters = d > none
             if from_outside:
                 out.enters = d < none
+            if entries_only and not out.enters:
+                return out
+            out.count = 1
+        steepness = line.across * dz * dz - d * d * dr * dr
         if steepness > none:
             # Less steep than the line: the roots of the cone's equation.
             k = segment[0] * dz - h1 * dr
@@ -194,12 +199,12 @@ def build_segment_crossings(geometry: str):
         return out
 
     @wp.func
-    def plane_crossings(line: WallLine, segment: wp.vec4d):
+    def plane_crossings(line: WallLine, segment: wp.vec4d, entries_only: bool):
         out = Crossings()
         out.count = 0
         side = corner_side(line, segment[0], segment[1])
         other = corner_side(line, segment[2], segment[3])
-        if (side > wp.float64(0.0)) != (other > wp.float64(0.0)):
+        if (side > wp.float64(0.0)) != (other > wp.float64(0.0)) and (side > other or not entries_only):
             share = side / (side - other)
             y = segment[0] + share * (segment[2] - segment[0]) - line.first
             z = segment[1] + share * (segment[3] - segment[1]) - line.z
@@ -231,7 +236,7 @@ def build_meet_wall(precision: str, geometry: str):
             if passes_box(line, field.wall_boxes[node], wp.float64(0.0), first, last):
                 onward = node + 1
                 for k in range(links[1], links[2]):
-                    at = segment_crossings(line, field.wall[k])
+                    at = segment_crossings(line, field.wall[k], bool(False))
                     for j in range(at.count):
                         t = at.one
                         enters = at.enters

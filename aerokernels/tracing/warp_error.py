@@ -94,10 +94,11 @@ def build_step_error(precision: str, geometry: str, interpolation: str, stop: st
         off_p -= wp.dot(off_p, d) * d
         weight = turn + sharp * real(DIRECTION_SHARE)
         # The stop is met at a slant (warp_ends.py), `arm` further on.
-        # Far stops are met at the slant of the ray's own deflection too, and a direction's error is not believed to be
-        # as much overestimated as the path's: it is no sum along the ray.
-        own = wp.where(arm > real(2.0) * reach and turn < real(EVEN_WEAK), turn, real(0.0))
-        tilt = wp.max(sharp, real(ROUGH)) * (slant + own)
+        tilt = sharp * slant
+        if arm > real(2.0) * reach:
+            # Far stops are met at the slant of the ray's own deflection too, and a direction's error is not believed to
+            # be as much overestimated as the path's: it is no sum along the ray.
+            tilt = wp.max(sharp, real(ROUGH)) * (slant + wp.where(turn < real(EVEN_WEAK), turn, real(0.0)))
         off_p_size = wp.length(real(MAGNIFIED) * off_p) / real(MAGNIFIED)
         off_q_size = wp.length(real(MAGNIFIED) * off_q) / real(MAGNIFIED)
         off += off_p_size * (weight * reach + tilt * arm) + ambient * off_q_size * (weight + tilt)

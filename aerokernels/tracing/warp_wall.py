@@ -89,7 +89,7 @@ def build_stays_clear(precision: str, geometry: str):
                                 z = margin
                             if side == 4:
                                 z = -margin
-                            at = segment_crossings(line, moved_segment(s, r, z))
+                            at = segment_crossings(line, moved_segment(s, r, z), bool(True))
                             t = at.two
                             there = at.count > 1
                             if at.enters:

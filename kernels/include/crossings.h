@@ -95,7 +95,8 @@ static inline double corner_side(const WallLine *line, double y, double z)
 }
 #endif
 
-static inline Crossings segment_crossings(const WallLine *line, double4 segment)
+// With `entries_only`, a single crossing that leads out of the body is passed over: it costs a root and a division.
+static inline Crossings segment_crossings(const WallLine *line, double4 segment, int entries_only)
 {
     Crossings out = {0, 0, 0.0, 0.0};
     const double dr = segment.z - segment.x, dz = segment.w - segment.y;
@@ -104,7 +105,8 @@ static inline Crossings segment_crossings(const WallLine *line, double4 segment)
     const double h1 = segment.y - line->height, h2 = segment.w - line->height;
     const double w1 = corner_side(line, segment.x, h1), w2 = corner_side(line, segment.z, h2);
     const int once = (w1 > 0.0) != (w2 > 0.0);
-    if (!once && w1 > 0.0) {
+    const int enters = w1 > 0.0 ? d < 0.0 : d > 0.0;
+    if (once ? entries_only && !enters : w1 > 0.0) {
         return out;
     }
     const double steepness = line->across * dz * dz - d * d * dr * dr;
@@ -120,7 +122,7 @@ static inline Crossings segment_crossings(const WallLine *line, double4 segment)
         const double low = lesser64(one, other), high = greater64(one, other);
         if (once) {
             out.count = 1;
-            out.enters = w1 > 0.0 ? d < 0.0 : d > 0.0;
+            out.enters = enters;
             out.one = line->nearest + ((w1 > 0.0 ? dz : -dz) * d > 0.0 ? high : low);
         } else {
             const double middle = line->height + d * (mean / steepness);
@@ -140,12 +142,12 @@ static inline Crossings segment_crossings(const WallLine *line, double4 segment)
             share = slope > 0.0 ? -w1 / (slope + root) : (root - slope) / -steepness;
         }
         out.count = 1;
-        out.enters = w1 > 0.0 ? d < 0.0 : d > 0.0;
+        out.enters = enters;
         out.one = (segment.y + lesser64(greater64(share, 0.0), 1.0) * dz - line->z) / d;
     }
 #else
     const double side = corner_side(line, segment.x, segment.y), other = corner_side(line, segment.z, segment.w);
-    if ((side > 0.0) != (other > 0.0)) {
+    if ((side > 0.0) != (other > 0.0) && (side > other || !entries_only)) {
         const double share = side / (side - other);
         const double y = segment.x + share * dr - line->first, z = segment.y + share * dz - line->z;
         out.count = 1;
@@ -175,7 +177,7 @@ static inline WallMeeting meet_wall(
         if (passes_box(line, vload4(node, arrays->wall_boxes), 0.0, from, to)) {
             next = node + 1;
             for (int k = links.y; k < links.z; k++) {
-                const Crossings at = segment_crossings(line, vload4(k, arrays->wall));
+                const Crossings at = segment_crossings(line, vload4(k, arrays->wall), 0);
                 for (int j = 0; j < at.count; j++) {
                     const double t = j == 0 ? at.one : at.two;
                     const int enters = j == 0 ? at.enters : !at.enters;

@@ -49,7 +49,7 @@ static inline int stays_clear(
                     const double r = side == 1 ? margin : side == 2 ? -margin : 0.0;
                     const double z = side == 3 ? margin : side == 4 ? -margin : 0.0;
                     const double4 moved = moved_segment(s, r, z);
-                    const Crossings at = segment_crossings(&line, moved);
+                    const Crossings at = segment_crossings(&line, moved, 1);
                     const double t = at.enters ? at.one : at.two;
                     if ((at.enters ? at.count > 0 : at.count > 1) && t > enter && t < far) {
                         return 0;
