@@ -15,6 +15,7 @@ least 99 % of the scenes.
 """
 
 import argparse
+import time
 import warnings
 from dataclasses import dataclass
 
@@ -314,10 +315,14 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--backend", default="both", choices=["opencl", "warp", "both"])
     parser.add_argument("--only", type=int, help="one scene by its seed")
+    parser.add_argument("--seconds", type=float, default=float("inf"), help="draw no further scene after this long")
     given = parser.parse_args()
     seeds = [given.only] if given.only is not None else range(given.seed, given.seed + given.count)
     outcomes: dict[str, list[Finding]] = {}
+    start = time.perf_counter()
     for seed in seeds:
+        if time.perf_counter() - start > given.seconds:
+            break
         scene = draw(seed)
         backend = given.backend if given.backend != "both" else ("opencl", "warp")[seed % 2]
         for finding in check(scene, backend):

@@ -24,6 +24,7 @@ def parse(arguments=None) -> argparse.Namespace:
     parser.add_argument("--sample", type=int, default=300, help="rays of a bundle that are compared")
     parser.add_argument("--only", type=int, help="this seed alone, with every ray that fails")
     parser.add_argument("--fix", action="append", default=[], metavar="NAME=VALUE", help="an entry of the kind to fix")
+    parser.add_argument("--seconds", type=float, default=float("inf"), help="draw no further bundle after this long")
     parser.add_argument("--worst", type=int, default=40, help="cases to list")
     return parser.parse_args(arguments)
 
@@ -37,7 +38,11 @@ def main() -> int:
     start, rays, drawn, failed = time.perf_counter(), 0, collections.Counter(), collections.Counter()
     wrong_rays, worst, errors = collections.Counter(), [], []
     seeds = range(asked.seed, asked.seed + asked.count)
+    done = 0
     for number, seed in enumerate(seeds, 1):
+        if time.perf_counter() - start > asked.seconds:
+            break
+        done = number
         case = draw(seed, **fixed)
         try:
             findings, compared, how = check(case, {"backend": asked.backend}, asked.sample)
@@ -55,7 +60,7 @@ def main() -> int:
             print(line(worst[-1]), file=sys.stderr, flush=True)
         if number % 100 == 0:
             print(f"{number} bundles, {rays} rays, {time.perf_counter() - start:.0f} s", file=sys.stderr, flush=True)
-    print(f"{asked.backend}: {len(seeds)} bundles, {rays} rays compared, {time.perf_counter() - start:.0f} s")
+    print(f"{asked.backend}: {done} bundles, {rays} rays compared, {time.perf_counter() - start:.0f} s")
     print("traced by: " + ", ".join(f"{how} {n}" for how, n in drawn.most_common()))
     print("rays beyond what is allowed: " + (", ".join(f"{w} {n}" for w, n in wrong_rays.most_common()) or "none"))
     for (how, what, geometry), n in sorted(failed.items(), key=lambda item: -item[1]):
