@@ -254,7 +254,7 @@ __kernel void trace_kernel(
         if (CONTROLLED) {
             used = stop_error(used, &bounds, d0, ambient, momentum, first_momentum, bent, slant, arm);
             slant_first = slant;
-            harm = fabs(pot) / ambient + size3(force) * (slant + bent) * arm;
+            harm = (fabs(pot) + size3(force) * (slant + bent) * arm) / ambient;
         }
     }
 

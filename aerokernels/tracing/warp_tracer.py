@@ -340,7 +340,7 @@ def build_kernel(
             if wp.static(controlled):
                 used = stop_error(used, bounds, d0, ambient, momentum, first_momentum, bent, slant, arm)
                 slant_first = slant
-                harm = wp.abs(pot) / ambient + wp.length(force) * (slant + bent) * arm
+                harm = (wp.abs(pot) + wp.length(force) * (slant + bent) * arm) / ambient
 
         position, direction, optical_path, opd, arc, final, grazing = end_of(
             bounds, control, p0, d0, course, status, landed, q, q_carry, momentum, sums, sums_carry, bent
