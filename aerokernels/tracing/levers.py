@@ -11,6 +11,7 @@ import numpy as np
 
 from ..medium import IndexField
 from ..rays import RayBundle
+from .lines import crossing_of_box
 from .scheme import LEAST_COSINE
 from .stop import ArcLength, Plane
 
@@ -39,7 +40,8 @@ def levers_of(field: IndexField, rays: RayBundle, until) -> Levers | None:
         rays: The rays, undisturbed.
         until: None (the end of the box), a Plane or an ArcLength.
     """
-    enter, far, cosine = _through_box(field, rays)
+    low, high = (np.asarray(corner, dtype=float)[0 if field.geometry == "volume" else 1 :] for corner in field.box)
+    enter, far, cosine = crossing_of_box(rays.position, rays.direction, low, high, field.geometry)
     stop = far
     if isinstance(until, Plane):
         cosine = rays.direction @ until.normal
@@ -77,35 +79,3 @@ def slant(direction: np.ndarray, until) -> np.ndarray:
     cosine = (direction @ until.normal)[:, None]
     steep = np.copysign(np.maximum(np.abs(cosine), LEAST_COSINE), cosine)
     return np.asarray((cosine * direction - until.normal) / steep)
-
-
-def _through_box(field: IndexField, rays: RayBundle) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Where rays enter and leave the box [m along them], and the cosine with the normal of the face they leave by."""
-    low, high = (np.asarray(corner, dtype=float) for corner in field.box)
-    p, d = rays.position, rays.direction
-    flat = (2,) if field.geometry == "axisymmetric" else (0, 1, 2)
-    enter, far = np.zeros(len(p)), np.full(len(p), np.inf)
-    cosine = np.ones(len(p))
-    with np.errstate(divide="ignore", invalid="ignore"):
-        for axis in flat:
-            if not np.isfinite(low[axis]):
-                continue
-            ends = np.sort([(low[axis] - p[:, axis]) / d[:, axis], (high[axis] - p[:, axis]) / d[:, axis]], axis=0)
-            runs = d[:, axis] != 0.0
-            within = (p[:, axis] >= low[axis]) & (p[:, axis] <= high[axis])
-            first = np.where(runs, ends[0], np.where(within, -np.inf, np.inf))
-            last = np.where(runs, ends[1], np.where(within, np.inf, -np.inf))
-            cosine = np.where(last < far, np.abs(d[:, axis]), cosine)
-            enter, far = np.maximum(enter, first), np.minimum(far, last)
-        if field.geometry == "axisymmetric":
-            radius = float(high[0])
-            a = (d[:, :2] ** 2).sum(axis=1)
-            middle = -(p[:, :2] * d[:, :2]).sum(axis=1) / a
-            rest = radius**2 - ((p[:, :2] + middle[:, None] * d[:, :2]) ** 2).sum(axis=1)
-            half = np.sqrt(np.maximum(rest, 0.0) / a)
-            within = (p[:, :2] ** 2).sum(axis=1) <= radius**2
-            first = np.where(a > 0.0, np.where(rest >= 0.0, middle - half, np.inf), np.where(within, -np.inf, np.inf))
-            last = np.where(a > 0.0, np.where(rest >= 0.0, middle + half, -np.inf), np.where(within, np.inf, -np.inf))
-            cosine = np.where(last < far, np.sqrt(np.maximum(rest, 0.0) * a) / radius, cosine)
-            enter, far = np.maximum(enter, first), np.minimum(far, last)
-    return enter, far, cosine

@@ -114,3 +114,31 @@ def face_text(field: IndexField, face: int) -> str:
     if face == SIDE:
         return f"r = {1e3 * high[0]:.6g} mm"
     return f"{'xyz'[face // 2]} = {1e3 * (high if face % 2 else low)[face // 2]:.6g} mm"
+
+
+def crossing_of_box(p: np.ndarray, d: np.ndarray, low: np.ndarray, high: np.ndarray, geometry: str):
+    """Where rays enter and leave a box [m along them], and the cosine with the normal of the face they leave by.
+
+    As `box_span`, but of any box, given by its corners along the field's own axes: r and z, y and z, or x, y and z.
+    """
+    enter, leave, cosine = np.zeros(len(p)), np.full(len(p), np.inf), np.ones(len(p))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        for axis in range(geometry == "axisymmetric", len(low)):
+            across = axis + 3 - len(low)
+            ends = np.sort([(end - p[:, across]) / d[:, across] for end in (low[axis], high[axis])], axis=0)
+            within = (p[:, across] >= low[axis]) & (p[:, across] <= high[axis])
+            along = d[:, across] == 0.0
+            enter = np.maximum(enter, np.where(along, np.where(within, -np.inf, np.inf), ends[0]))
+            last = np.where(along, np.where(within, np.inf, -np.inf), ends[1])
+            cosine = np.where(last < leave, np.abs(d[:, across]), cosine)
+            leave = np.minimum(leave, last)
+        if geometry == "axisymmetric":
+            square = (d[:, :2] ** 2).sum(axis=1)
+            middle = np.where(square > 0.0, -(p[:, :2] * d[:, :2]).sum(axis=1) / square, 0.0)
+            rest = high[0] ** 2 - ((p[:, :2] + middle[:, None] * d[:, :2]) ** 2).sum(axis=1)
+            half = np.where(square > 0.0, np.sqrt(np.maximum(rest, 0.0) / square), np.inf)
+            enter = np.maximum(enter, middle - half)
+            last = np.where(rest < 0.0, -np.inf, middle + half)
+            cosine = np.where(last < leave, np.sqrt(np.maximum(rest, 0.0) * square) / high[0], cosine)
+            leave = np.minimum(leave, last)
+    return enter, leave, cosine

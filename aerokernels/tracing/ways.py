@@ -7,6 +7,7 @@ import numpy as np
 from ..medium import IndexField
 from ..medium.grid import UniformGrid
 from ..rays import RayBundle
+from .lines import crossing_of_box
 from .scheme import LEAST_COSINE
 from .stop import Plane
 
@@ -37,7 +38,7 @@ def lines_through(field: IndexField, rays: RayBundle, until, low: np.ndarray, hi
     if field.body is not None and len(p) > BESIDE_BODY:  # each costs a look at every segment of the body
         rows = np.r_[np.linspace(0, len(p) - 1, BESIDE_BODY).astype(int), np.arange(len(p) - OUTERMOST, len(p))]
         p, d = p[rows], d[rows]
-    enter, leave, _ = _crossing(p, d, low, high, field.geometry)
+    enter, leave, _ = crossing_of_box(p, d, low, high, field.geometry)
     if field.body is not None:
         # A ray that begins inside the body is traced from where it leaves it.
         wall = field.body.crossings(p, d)
@@ -52,37 +53,12 @@ def lines_through(field: IndexField, rays: RayBundle, until, low: np.ndarray, hi
         else:
             grid = field.samples
             assert isinstance(grid, UniformGrid)
-            _, stop, cosine = _crossing(p, d, grid.low, grid.high, field.geometry)
+            _, stop, cosine = crossing_of_box(p, d, grid.low, grid.high, field.geometry)
         tangent = np.sqrt(np.maximum(1.0 - cosine**2, 0.0)) / np.maximum(cosine, LEAST_COSINE)
         lever = np.where(np.isfinite(stop), tangent * (stop - enter), 0.0)
     meets = (leave > enter) & np.isfinite(leave)
     start = p[meets] + enter[meets, None] * d[meets]
     return Lines(start, d[meets], (leave - enter)[meets], lever[meets])
-
-
-def _crossing(p: np.ndarray, d: np.ndarray, low: np.ndarray, high: np.ndarray, geometry: str):
-    """Where rays enter and leave a box [m along them], and the cosine with the normal of the face they leave by."""
-    enter, leave, cosine = np.zeros(len(p)), np.full(len(p), np.inf), np.ones(len(p))
-    with np.errstate(divide="ignore", invalid="ignore"):
-        for axis in range(geometry == "axisymmetric", len(low)):
-            across = axis + 3 - len(low)
-            ends = np.sort([(end - p[:, across]) / d[:, across] for end in (low[axis], high[axis])], axis=0)
-            within = (p[:, across] >= low[axis]) & (p[:, across] <= high[axis])
-            along = d[:, across] == 0.0
-            enter = np.maximum(enter, np.where(along, np.where(within, -np.inf, np.inf), ends[0]))
-            last = np.where(along, np.where(within, np.inf, -np.inf), ends[1])
-            cosine = np.where(last < leave, np.abs(d[:, across]), cosine)
-            leave = np.minimum(leave, last)
-        if geometry == "axisymmetric":
-            square = (d[:, :2] ** 2).sum(axis=1)
-            middle = np.where(square > 0.0, -(p[:, :2] * d[:, :2]).sum(axis=1) / square, 0.0)
-            rest = high[0] ** 2 - ((p[:, :2] + middle[:, None] * d[:, :2]) ** 2).sum(axis=1)
-            half = np.where(square > 0.0, np.sqrt(np.maximum(rest, 0.0) / square), np.inf)
-            enter = np.maximum(enter, middle - half)
-            last = np.where(rest < 0.0, -np.inf, middle + half)
-            cosine = np.where(last < leave, np.sqrt(np.maximum(rest, 0.0) * square) / high[0], cosine)
-            leave = np.minimum(leave, last)
-    return enter, leave, cosine
 
 
 def local_coordinates(place: np.ndarray, geometry: str) -> np.ndarray:
