@@ -16,7 +16,7 @@ RANK = {
     room: rank
     for rank, rooms in enumerate(
         [
-            ("units", "quantities", "sobol", "wavelength"),
+            ("units", "quantities", "sobol", "wavelength", "derived"),
             ("rays",),
             ("strehl_sums",),
             ("medium",),
@@ -25,7 +25,7 @@ RANK = {
             ("tracing",),
             ("wavefront", "strehl_errors"),
             ("strehl", "schlieren"),
-            ("prepare",),
+            ("strehl_estimate", "prepare"),
             ("echo",),
             ("hardware", "compare"),
             ("study",),

@@ -11,7 +11,8 @@ from aerokernels.echo.prediction import predict_echo
 from aerokernels.medium import IndexField
 from aerokernels.prepare import prepare_field
 from aerokernels.scene import Scene
-from aerokernels.strehl import StrehlEstimate, estimate_strehl
+from aerokernels.strehl import StrehlEstimate
+from aerokernels.strehl_estimate import estimate_strehl
 from aerokernels.study.report import draw_pictures, render_report
 from aerokernels.study.run_parts import RunParts
 from aerokernels.study.scene_text import scene_toml

@@ -24,8 +24,6 @@ GREATEST_EXTRA = 100.0
 # A bound of what comes between columns is not looked into below this share of the tolerance.
 NEGLIGIBLE = 0.05
 
-_last: weakref.WeakKeyDictionary = weakref.WeakKeyDictionary()
-
 
 @dataclass(frozen=True, eq=False)
 class Columns:
@@ -69,12 +67,11 @@ def is_worth_it(field: IndexField, rays: RayBundle) -> bool:
 def find_columns(field: IndexField, rays: RayBundle, until) -> Columns | None:
     """The tables for a bundle that `is_collimated`; None where rays begin in different planes, or bend too much.
 
-    The last answer is kept with the bundle: a plan asks before the trace does.
+    The last answer is kept with the field: a plan asks before the trace does.
     """
-    kept = _last.get(rays)
-    if kept is None or kept[0]() is not field or kept[1] is not until:
-        kept = _last[rays] = (weakref.ref(field), until, _find_columns(field, rays, until))
-    return kept[2]
+    key = ("columns of the last bundle", weakref.ref(rays), until)
+    found: Columns | None = field.derive(key, lambda: _find_columns(field, rays, until), 1)
+    return found
 
 
 def _find_columns(field: IndexField, rays: RayBundle, until) -> Columns | None:

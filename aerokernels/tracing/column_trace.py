@@ -8,6 +8,8 @@ import numpy as np
 from ..medium import IndexField
 from ..rays import RayBundle
 from .collimated import find_columns
+from .engines import engine_of
+from .launch import in_chunks
 from .plan import TracePlan
 
 
@@ -22,15 +24,12 @@ def trace(field: IndexField, rays: RayBundle, plan: TracePlan, until, wavelength
     rest = replace(plan, method="adaptive", columns=False, sample_count=0)
     if columns is None or not columns.inside.any():
         return run(field, rays, rest, until, wavelength, outputs)
-    if plan.backend == "opencl":
-        from .opencl_columns import trace_columns
-    else:
-        from .warp_column_backend import trace_columns
+    ready = engine_of(plan.backend, plan.device).prepare_columns(field, columns, plan, outputs)
     rows = columns.inside
     if rows.all():
-        arrays, seconds = trace_columns(field, rays.position, columns, plan, outputs)
+        arrays, seconds = in_chunks(ready, (rays.position,), outputs)
         return arrays, {**seconds, "prepare": prepared}
-    arrays, seconds = trace_columns(field, rays.position[rows], columns, plan, outputs)
+    arrays, seconds = in_chunks(ready, (rays.position[rows],), outputs)
     others, more = run(field, RayBundle(rays.position[~rows], rays.direction[~rows]), rest, until, wavelength, outputs)
     merged = {}
     for name, array in arrays.items():

@@ -4,7 +4,6 @@ Names are those of the kernels' structs Field, Bounds and Control (warp_types.py
 those of the kernels' array arguments. Numbers are float64 here and rounded once, by the backend.
 """
 
-import weakref
 from dataclasses import dataclass
 
 import numpy as np
@@ -102,8 +101,6 @@ STRUCTS = {
     ),
 }
 
-_kept: weakref.WeakKeyDictionary = weakref.WeakKeyDictionary()
-
 
 @dataclass(frozen=True, eq=False)
 class FieldData:
@@ -132,11 +129,8 @@ def field_data(field: IndexField, precision: str, with_paper_step: bool) -> Fiel
     Raises:
         ValueError: More coefficients than the kernels' 32-bit index can count.
     """
-    store = _kept.setdefault(field, {})
-    key = (precision, with_paper_step)
-    if key not in store:
-        store[key] = _field_data(field, precision, with_paper_step)
-    return store[key]
+    key = ("kernel data", precision, with_paper_step)
+    return field.derive(key, lambda: _field_data(field, precision, with_paper_step))
 
 
 def _field_data(field: IndexField, precision: str, with_paper_step: bool) -> FieldData:

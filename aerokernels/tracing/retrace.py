@@ -14,6 +14,7 @@ import numpy as np
 from ..medium import IndexField
 from ..rays import RayBundle
 from .held import held_error
+from .launch import launch
 from .plan import TracePlan
 from .status import RayStatus, reached
 
@@ -49,9 +50,7 @@ def retrace_rejected(
 
     def trace_again(rows: np.ndarray, attempt: TracePlan) -> None:
         part = RayBundle(position[rows], direction[rows])
-        others, seconds = backend_of(plan.backend)(
-            field, part, attempt, until, wavelength, frozenset(arrays) - {"status"}
-        )
+        others, seconds = launch(field, part, attempt, until, wavelength, frozenset(arrays) - {"status"})
         # A ray that did not arrive this time, or fared worse, keeps what it had.
         lost = ~reached(arrays["status"][rows]) | ~np.isfinite(arrays["step_error"][rows])
         better = reached(others["status"]) & (others["step_error"] < arrays["step_error"][rows])
@@ -97,17 +96,6 @@ def _rejected(arrays: dict, budget: float) -> np.ndarray:
     """Rays that are to be traced again: above the budget [m], or not held by the method at all (infinite)."""
     error = arrays["step_error"]
     return ~(error <= budget) & (reached(arrays["status"]) | np.isinf(error))
-
-
-def backend_of(name: str):
-    """The function of a backend that traces a bundle as a plan says."""
-    if name == "reference":
-        from .reference import trace
-    elif name == "opencl":
-        from .opencl_backend import trace
-    else:
-        from .warp_backend import trace
-    return trace
 
 
 def told_of_rejected(plan: TracePlan, count: int, ray_count: int, greatest: float | None, wavelength: float):

@@ -10,11 +10,12 @@ from ..rays import RayBundle
 from .budget import Retrace, error_budget
 from .even import pilot_of, spread_of
 from .known_air import KnownAir
+from .launch import launch
 from .meeting import check_meeting
 from .plan import TracePlan
 from .planning import plan_rays, why_columns
 from .result import RAY_OUTPUTS, TraceResult
-from .retrace import backend_of, retrace_rejected, told_of_rejected
+from .retrace import retrace_rejected, told_of_rejected
 from .status import RayStatus
 from .stop import ArcLength, Plane
 
@@ -124,7 +125,7 @@ def run_plan(field: IndexField, rays: RayBundle, plan: TracePlan, until, wavelen
         from .column_trace import trace as by_columns
 
         return by_columns(field, rays, plan, until, wavelength, outputs, run_plan)
-    arrays, seconds = backend_of(plan.backend)(field, rays, plan, until, wavelength, outputs)
+    arrays, seconds = launch(field, rays, plan, until, wavelength, outputs)
     if not plan.controls_error or plan.backend == "reference" or "step_error" not in arrays:
         return arrays, seconds
     more = retrace_rejected(field, rays.position, rays.direction, plan, until, wavelength, arrays)

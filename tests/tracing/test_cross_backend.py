@@ -2,15 +2,18 @@
 
 import gc
 import os
+import pickle
 import subprocess
 import sys
 import weakref
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
+from aerokernels.medium import IndexField
 from aerokernels.rays import RayBundle
-from aerokernels.tracing import Plane, RayStatus, trace
+from aerokernels.tracing import Plane, RayStatus, launch, trace
 from aerokernels.tracing.result import RAY_OUTPUTS
 
 from .backends import (
@@ -146,16 +149,14 @@ def test_any_number_of_rays(engine, count):
     assert_same_bits(trace(field, rays, **settings), trace(field, few, **settings), slice(count))
 
 
-@pytest.mark.parametrize("engine", OPENCL)
+@pytest.mark.parametrize("engine", ENGINES)
 @pytest.mark.parametrize("kind", [("volume", "cubic"), ("axisymmetric", "bilinear")])
 def test_chunks_of_a_bundle_change_nothing(monkeypatch, engine, kind):
     """Chunks of 128 and a last one of 44 against one chunk: the same bits, whatever outputs are wanted."""
-    from aerokernels.tracing import opencl_backend
-
     backend, field, rays = on(engine), field_of(*kind), slanted_rays(300)
     settings = {"until": FAR, "method": "adaptive", **backend}
     whole = trace(field, rays, **settings)
-    monkeypatch.setattr(opencl_backend, "CHUNK", 128)
+    monkeypatch.setattr(launch, "CHUNK", 128)
     chunked = trace(field, rays, **settings)
     assert_same_bits(whole, chunked)
     assert np.array_equal(whole.evaluation_count, chunked.evaluation_count)
@@ -176,47 +177,41 @@ def test_each_output_comes_alone(engine, name):
     assert [other for other in RAY_OUTPUTS if getattr(part, other) is not None] == [name] * (name in RAY_OUTPUTS)
 
 
+def uploads(field: IndexField, backend: str) -> dict:
+    """What an engine holds of a field on its device, by what it is for."""
+    return {key: held for key, held in vars(field).get("_derived", {}).items() if key[0] == backend}
+
+
 @pytest.mark.parametrize("engine", ENGINES)
 def test_a_field_stays_on_the_device_as_long_as_it_lives(engine):
-    """A second trace uploads nothing; another precision does; the store lets a dead field go."""
+    """A second trace uploads nothing; another precision does; copies and pickles begin with nothing."""
     backend = on(engine)
-    if backend["backend"] == "opencl":
-        from aerokernels.tracing.opencl_backend import _uploaded
-    else:
-        from aerokernels.tracing.warp_backend import _uploaded
     field, rays = uniform_field("planar", amplitude=2e-4), slanted_rays(5)
     settings = {"until": FAR, "method": "adaptive", **backend}
     first = trace(field, rays, **settings)
-    (key, held), *others = _uploaded[field].items()
-    buffers = list(held.values()) if isinstance(held, dict) else list(held)
-    assert not others
+    ((key, held),) = uploads(field, backend["backend"]).items()
     second = trace(field, rays, **settings)
     assert_same_bits(first, second)
-    again = _uploaded[field][key]
-    again = list(again.values()) if isinstance(again, dict) else list(again)
-    assert len(_uploaded[field]) == 1 and all(a is b for a, b in zip(buffers, again, strict=True))
+    assert uploads(field, backend["backend"]) == {key: held}
     trace(field, rays, precision="float64", **settings)
-    assert len(_uploaded[field]) == 2
-    alive, store = weakref.ref(field), len(_uploaded)
-    del field, first, second, held, again, buffers
-    gc.collect()
-    assert alive() is None and len(_uploaded) < store
+    assert len(uploads(field, backend["backend"])) == 2
+    for other in (replace(field), pickle.loads(pickle.dumps(field))):
+        assert not uploads(other, backend["backend"])
+        assert_same_bits(first, trace(other, rays, **settings))
 
 
-@pytest.mark.parametrize("engine", OPENCL)
+@pytest.mark.parametrize("engine", ENGINES)
 def test_device_memory_is_given_back_with_the_field(engine):
     """The buffers of a dead field die with it: nothing else holds them."""
-    from aerokernels.tracing.opencl_backend import _uploaded
-
     backend = on(engine)
     field = uniform_field("planar", amplitude=1e-4)
     result = trace(field, slanted_rays(5), until=FAR, method="adaptive", **backend)
-    (buffers,) = _uploaded[field].values()
+    (buffers,) = uploads(field, backend["backend"]).values()
     watched = weakref.ref(field)
     del field, result
     gc.collect()
     assert watched() is None
-    for buffer in buffers:
+    for buffer in buffers.values() if isinstance(buffers, dict) else buffers:
         assert all(holder is buffers for holder in gc.get_referrers(buffer))
 
 
