@@ -1,10 +1,10 @@
 // Collimated rays along z through a volume, by the tables of aerokernels/tracing/columns.py: one lookup a ray.
 //
 // coefficients: for each (x, y) of the splines eight reals, EXTRAS, after two, A and D. first_plane and length [m]: where
-// along z the tables begin and how far they reach; flight [m]: from there to the stop. Outputs that the build does not
-// want are left alone.
+// along z the tables begin and how far they reach; flight [m]: from there to the stop. Outputs that are not
+// wanted are left alone.
 
-#include "real.h"
+#include "constants.h"
 #include "ray_status.h"
 
 static inline real4 values(real u)
@@ -26,6 +26,24 @@ static inline real4 slopes(real u)
 
 #define LANE(v, k) (((const real *)&(v))[k])
 
+// An entry of the table, splined, and its slopes per cell: `row` is where it first stands.
+static inline real3 with_slopes(__global const real *row, int pitch, real4 wx, real4 sx, real4 wy, real4 sy)
+{
+    real3 found = (real3)R(0.0);
+#pragma unroll
+    for (int a = 0; a < 4; a++) {
+        real sheet = R(0.0), bend = R(0.0);
+#pragma unroll
+        for (int b = 0; b < 4; b++) {
+            const real entry = row[a * pitch + 10 * b];
+            sheet += LANE(wy, b) * entry;
+            bend += LANE(sy, b) * entry;
+        }
+        found += (real3)(LANE(wx, a) * sheet, LANE(sx, a) * sheet, LANE(wx, a) * bend);
+    }
+    return found;
+}
+
 __kernel void trace_columns(
     __global const real *coefficients,
     const int cells_x,
@@ -39,6 +57,7 @@ __kernel void trace_columns(
     const double first_plane,
     const double length,
     const double flight,
+    const int outputs,
     const int first_ray,
     const int ray_count,
     __global const double *position_in,
@@ -65,30 +84,24 @@ __kernel void trace_columns(
     const real v = (real)(place_y - (double)j);
     const real4 wx = values(u), sx = slopes(u), wy = values(v), sy = slopes(v);
 
-    real2 first = (real2)R(0.0), first_x = first, first_y = first;  // A and D, and their slopes per cell
+    // A with its slopes per cell, and EXTRAS: optical path, arc, momentum, shift, potential, error.
+    __global const real *row = coefficients + 10 * (i * (cells_y + 3) + j);
+    const int pitch = 10 * (cells_y + 3);
+    const real3 path = with_slopes(row, pitch, wx, sx, wy, sy);
     real8 extra = (real8)R(0.0);
 #pragma unroll
     for (int a = 0; a < 4; a++) {
-        __global const real *row = coefficients + 10 * ((i + a) * (cells_y + 3) + j);
-        real2 sheet = (real2)R(0.0), bend = sheet;
         real8 more = (real8)R(0.0);
 #pragma unroll
         for (int b = 0; b < 4; b++) {
-            const real2 pair = vload2(0, row + 10 * b);
-            sheet += LANE(wy, b) * pair;
-            bend += LANE(sy, b) * pair;
-            more += LANE(wy, b) * vload8(0, row + 10 * b + 2);
+            more += LANE(wy, b) * vload8(0, row + a * pitch + 10 * b + 2);
         }
-        first += LANE(wx, a) * sheet;
-        first_x += LANE(sx, a) * sheet;
-        first_y += LANE(wx, a) * bend;
         extra += LANE(wx, a) * more;
     }
 
-    // EXTRAS: optical path, arc, momentum, shift, potential, error
-    const double opd_box = (double)first.s0 + (double)extra.s0;
-    const double px = (double)first_x.s0 * rate_x + (double)extra.s2;
-    const double py = (double)first_y.s0 * rate_y + (double)extra.s3;
+    const double opd_box = (double)path.x + (double)extra.s0;
+    const double px = (double)path.y * rate_x + (double)extra.s2;
+    const double py = (double)path.z * rate_y + (double)extra.s3;
     const double across = px * px + py * py;
     const double square = ambient * ambient + 2.0 * (double)extra.s6;
     const double index = sqrt(square);
@@ -97,34 +110,35 @@ __kernel void trace_columns(
     const double before = (first_plane - p.z) * sign;
     const double straight = before + length + flight;
     const double opd = opd_box + ambient * slant;
-#if WANT_POSITION
-    const double qx = (double)first_x.s1 * rate_x + (double)extra.s4;
-    const double qy = (double)first_y.s1 * rate_y + (double)extra.s5;
-    vstore3(
-        (double3)(p.x + qx + flight * px / w, p.y + qy + flight * py / w, first_plane + sign * (length + flight)),
-        ray,
-        position_out);
-#endif
-#if WANT_DIRECTION
-    vstore3((double3)(px / index, py / index, sign * w / index), ray, direction_out);
-#endif
-#if WANT_OPTICAL_PATH
-    optical_path_out[ray] = ambient * straight + opd;
-#endif
-#if WANT_OPD
-    opd_out[ray] = opd;
-#endif
-#if WANT_ARC_LENGTH
-    arc_length_out[ray] = straight + (double)extra.s1 + slant;
-#endif
-#if WANT_STEP_ERROR
-    step_error_out[ray] = fabs((double)extra.s7);
-#endif
-#if WANT_STEP_COUNT
-    step_count_out[ray] = 1;
-#endif
-#if WANT_EVALUATION_COUNT
-    evaluation_count_out[ray] = 1;
-#endif
+    if (outputs & WANT_POSITION) {
+        const real3 shift = with_slopes(row + 1, pitch, wx, sx, wy, sy);
+        const double qx = (double)shift.y * rate_x + (double)extra.s4;
+        const double qy = (double)shift.z * rate_y + (double)extra.s5;
+        vstore3(
+            (double3)(p.x + qx + flight * px / w, p.y + qy + flight * py / w, first_plane + sign * (length + flight)),
+            ray,
+            position_out);
+    }
+    if (outputs & WANT_DIRECTION) {
+        vstore3((double3)(px / index, py / index, sign * w / index), ray, direction_out);
+    }
+    if (outputs & WANT_OPTICAL_PATH) {
+        optical_path_out[ray] = ambient * straight + opd;
+    }
+    if (outputs & WANT_OPD) {
+        opd_out[ray] = opd;
+    }
+    if (outputs & WANT_ARC_LENGTH) {
+        arc_length_out[ray] = straight + (double)extra.s1 + slant;
+    }
+    if (outputs & WANT_STEP_ERROR) {
+        step_error_out[ray] = fabs((double)extra.s7);
+    }
+    if (outputs & WANT_STEP_COUNT) {
+        step_count_out[ray] = 1;
+    }
+    if (outputs & WANT_EVALUATION_COUNT) {
+        evaluation_count_out[ray] = 1;
+    }
     status_out[ray] = RAY_OK;
 }

@@ -13,6 +13,7 @@ from ..medium import IndexField
 from ..medium.grid import UniformGrid
 from ..rays import RayBundle
 from .columns import FURTHEST, ColumnTables, between_columns, column_tables
+from .result import output_mask
 from .stop import Plane
 
 # Tables are made for at least so many rays a node of the grid: for fewer it is quicker to trace them.
@@ -114,22 +115,13 @@ def columns_hold(field: IndexField, columns: Columns, budget: float) -> bool:
     return MARGIN * max(between.path, turned) <= budget and between.extra <= GREATEST_EXTRA * budget
 
 
-def kernel_numbers(field: IndexField, columns: Columns) -> dict[str, float]:
-    """The scalar arguments of the kernel up to the rays, in their order."""
+def kernel_numbers(field: IndexField, columns: Columns, outputs: frozenset) -> list[float]:
+    """The scalar arguments of the kernel up to the rays: from cells_x to outputs."""
     grid = field.samples
-    return {
-        "cells_x": grid.shape[0] - 1,
-        "cells_y": grid.shape[1] - 1,
-        "origin_x": float(grid.origin[0]),
-        "origin_y": float(grid.origin[1]),
-        "rate_x": 1.0 / float(grid.spacing[0]),
-        "rate_y": 1.0 / float(grid.spacing[1]),
-        "ambient": field.ambient_index,
-        "sign": columns.sign,
-        "first_plane": columns.first,
-        "length": columns.length,
-        "flight": columns.flight,
-    }
+    cells = [count - 1 for count in grid.shape[:2]]
+    place = [*map(float, grid.origin[:2]), *(1.0 / float(h) for h in grid.spacing[:2])]
+    way = [columns.sign, columns.first, columns.length, columns.flight]
+    return [*cells, *place, field.ambient_index, *way, output_mask(outputs)]
 
 
 def packed(tables: ColumnTables) -> np.ndarray:

@@ -75,8 +75,10 @@ class Engine:
             ValueError: A field that does not fit the device.
         """
         start = time.perf_counter()
+        if plan.controls_error:
+            outputs = outputs | {"step_error"}
         data = field_data(field, plan.precision, plan.method == "paper")
-        bounds, control = trace_members(field, data, plan, until, wavelength)
+        bounds, control = trace_members(field, data, plan, until, wavelength, outputs)
         tables, blocks = reach_tables(field, plan, wavelength, directions)
         even = plan.sample_count > 0
         lanes = lane_count(self.session, plan.precision) if even else 1
@@ -91,8 +93,6 @@ class Engine:
             self.put(tables["reach_start"]),
         ]
         uploaded = time.perf_counter()
-        if plan.controls_error:
-            outputs = outputs | {"step_error"}
         options = build_options(
             precision=plan.precision,
             geometry=field.geometry,
@@ -101,7 +101,7 @@ class Engine:
             method=plan.method,
             stop=stop_kind(until),
             has_body=field.body is not None,
-            outputs=outputs,
+            measured="step_error" in outputs,
             lanes=lanes,
             packed=packs,
             in_plane=in_plane,
@@ -124,10 +124,10 @@ class Engine:
             lambda: self.put(packed(columns.tables).astype(REAL_TYPES[plan.precision])),
         )
         uploaded = time.perf_counter()
-        options = build_options(precision=plan.precision, method="straight", outputs=outputs)
+        options = build_options(precision=plan.precision, method="straight")
         kernel = Kernel(cl.Kernel(build(self.session, "trace_columns.cl", options), "trace_columns"))
         seconds = {"upload": uploaded - start, "compile": time.perf_counter() - uploaded}
-        return Prepared(self, kernel, [table, *kernel_numbers(field, columns).values()], outputs, None, seconds)
+        return Prepared(self, kernel, [table, *kernel_numbers(field, columns, outputs)], outputs, None, seconds)
 
     def pupil_kernels(self) -> dict[str, Kernel]:
         """The kernels of a pupil, by name."""

@@ -20,6 +20,13 @@ RAY_OUTPUTS = {
     "step_count": ("1", "accepted steps"),
     "evaluation_count": ("1", "field evaluations"),
 }
+# How kernels are told which of them are wanted: a bit each.
+OUTPUT_BITS = {name: 1 << bit for bit, name in enumerate(RAY_OUTPUTS)}
+
+
+def output_mask(outputs: frozenset) -> int:
+    """The bits of those wanted."""
+    return sum(bit for name, bit in OUTPUT_BITS.items() if name in outputs)
 
 
 @dataclass(eq=False, repr=False)

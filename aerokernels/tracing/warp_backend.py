@@ -56,8 +56,10 @@ class Engine:
     ) -> Prepared:
         """A field made ready for a plan, a stop and outputs; `directions` are those of the rays (n, 3)."""
         start = time.perf_counter()
+        if plan.controls_error:
+            outputs = outputs | {"step_error"}
         data = field_data(field, plan.precision, plan.method == "paper")
-        stop_bounds, stop_control = trace_members(field, data, plan, until, wavelength)
+        stop_bounds, stop_control = trace_members(field, data, plan, until, wavelength, outputs)
         tables, blocks = reach_tables(field, plan, wavelength, directions)
         t = types(plan.precision)
         device_field, bounds, control = t.Field(), t.Bounds(), t.Control()
@@ -70,15 +72,14 @@ class Engine:
         control.reach_start = wp.array(tables["reach_start"], dtype=wp.int32, device=self.device)
         stop, has_body = stop_kind(until), field.body is not None
         rejected = None
-        if plan.controls_error:
-            outputs = outputs | {"step_error"}
         if plan.sample_count:
-            kernel = build_even_kernel(plan.precision, field.geometry, field.interpolation, stop, has_body, outputs)
+            kernel = build_even_kernel(plan.precision, field.geometry, field.interpolation, stop, has_body)
             rejected = wp.zeros(1, dtype=wp.int32, device=self.device)
         else:
             on_mesh = not field.is_uniform
+            measured = "step_error" in outputs
             kernel = build_kernel(
-                plan.precision, field.geometry, field.interpolation, on_mesh, plan.method, stop, has_body, outputs
+                plan.precision, field.geometry, field.interpolation, on_mesh, plan.method, stop, has_body, measured
             )
         uploaded = time.perf_counter()
         self._load(kernel.module)
@@ -93,10 +94,10 @@ class Engine:
             lambda: wp.array(packed(columns.tables), dtype=types(plan.precision).real, device=self.device),
         )
         uploaded = time.perf_counter()
-        kernel = build_column_kernel(plan.precision, outputs)
+        kernel = build_column_kernel(plan.precision, bool(outputs & {"position", "arc_length", "step_error"}))
         self._load(kernel.module)
         seconds = {"upload": uploaded - start, "compile": time.perf_counter() - uploaded}
-        return Prepared(self, kernel, [table, *kernel_numbers(field, columns).values()], outputs, None, seconds)
+        return Prepared(self, kernel, [table, *kernel_numbers(field, columns, outputs)], outputs, None, seconds)
 
     def pupil_kernels(self) -> dict[str, Any]:
         """The kernels of a pupil, by name."""
