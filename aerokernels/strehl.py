@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 
+from .clock import clocked, stage
 from .quantities import Quantity, Verdict, judge_strehl, listed
 from .strehl_errors import main_cause, phase_error
 from .wavefront import check_metres, check_terms, check_wavefront, map_points, remove_terms
@@ -69,7 +70,7 @@ class StrehlEstimate:
             error is no greater.
         blocked: Share of the rays that did not arrive; they carry no light into `value`'s mean.
         plan: What was chosen, skipped and why.
-        seconds: Time spent: "compile", "kernel", "total".
+        seconds: Wall time by stage: see STAGES in clock.py.
         evaluation_count: Field evaluations in all.
         budget: Makes the error budget from the estimate; `error` calls it.
         spread: Makes the numbers with their errors from the estimate; `quantities` calls it.
@@ -91,13 +92,16 @@ class StrehlEstimate:
 
     @cached_property
     def error(self) -> dict[str, float]:
-        """Error budget, each entry an error of `value`; computed when first read.
+        """Error budget, each entry an error of `value`; computed when first read, in the time of seconds["error"].
 
         "step", "interpolation", "resampling" and "precision" from rays traced again, see tracing/budget.py, "sampling"
         from the replicates, "truncation" from what rays may have lost where the known air ends (known_air.py), and
         "total", their root sum of squares.
         """
-        return self.budget(self) if self.budget is not None else {}
+        with clocked() as spent, stage("error"):
+            found = self.budget(self) if self.budget is not None else {}
+        self.seconds["error"] = spent["total"]
+        return found
 
     @cached_property
     def quantities(self) -> dict[str, Quantity]:

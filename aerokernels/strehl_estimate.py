@@ -2,13 +2,13 @@
 
 import math
 import sys
-import time
 import warnings
 from dataclasses import replace
 from functools import partial
 
 import numpy as np
 
+from .clock import clocked, stage
 from .medium import IndexField
 from .rays import Disc, RayBundle, as_unit_vector
 from .strehl import StrehlEstimate
@@ -80,27 +80,26 @@ def estimate_strehl(
         ValueError: A name or number that makes no sense; another wavelength than the field's; no ray that meets the
             field, or that arrives; symmetry=True without symmetry; a truncated view without `allow_truncation`.
     """
-    start = time.perf_counter()
-    prepared = prepare_strehl(
-        field,
-        pupil,
-        wavelength=wavelength,
-        ray_count=ray_count,
-        tolerance=tolerance,
-        remove=remove,
-        backend=backend,
-        device=device,
-        precision=precision,
-        method=method,
-        step=step,
-        max_steps=max_steps,
-        direction=direction,
-        symmetry=symmetry,
-        allow_truncation=allow_truncation,
-    )
-    found = prepared(seed)
-    spent = {stage: prepared.seconds.get(stage, 0.0) + more for stage, more in found.seconds.items()}
-    return replace(found, seconds={**prepared.seconds, **spent, "total": time.perf_counter() - start})
+    with clocked() as seconds:
+        prepared = prepare_strehl(
+            field,
+            pupil,
+            wavelength=wavelength,
+            ray_count=ray_count,
+            tolerance=tolerance,
+            remove=remove,
+            backend=backend,
+            device=device,
+            precision=precision,
+            method=method,
+            step=step,
+            max_steps=max_steps,
+            direction=direction,
+            symmetry=symmetry,
+            allow_truncation=allow_truncation,
+        )
+        found = prepared(seed)
+    return replace(found, seconds=seconds)
 
 
 def prepare_strehl(field: IndexField, pupil: Disc, **options) -> "PreparedStrehl":
@@ -115,10 +114,12 @@ def prepare_strehl(field: IndexField, pupil: Disc, **options) -> "PreparedStrehl
         TypeError: As for `estimate_strehl`; an option that it does not have.
         ValueError: As for `estimate_strehl`.
     """
-    prepared = PreparedStrehl(field, pupil, **options)
-    if prepared.job.air.is_truncated:
-        _warn(f"{prepared.job.air.described}: the Strehl ratio is that of the known air only")
-    prepared.load()
+    with clocked() as seconds:
+        prepared = PreparedStrehl(field, pupil, **options)
+        if prepared.job.air.is_truncated:
+            _warn(f"{prepared.job.air.described}: the Strehl ratio is that of the known air only")
+        _ = prepared.job.run  # uploads and compiles
+    prepared.seconds = seconds
     return prepared
 
 
@@ -143,7 +144,7 @@ class PreparedStrehl:
 
     Attributes:
         plan: What was chosen, skipped and why.
-        seconds: Time spent on making it ready: "plan", "upload", "compile" and, by the wall, "total".
+        seconds: Wall time by stage of making it ready: see STAGES in clock.py.
     """
 
     def __init__(
@@ -166,7 +167,6 @@ class PreparedStrehl:
         max_steps: int | None = None,
     ):
         """Check the arguments and plan."""
-        self._start = time.perf_counter()
         if not isinstance(field, IndexField):
             raise TypeError(f"field must be an IndexField, got {type(field).__name__}")
         if not isinstance(pupil, Disc):
@@ -177,30 +177,26 @@ class PreparedStrehl:
         if not isinstance(ray_count, (int, np.integer)) or ray_count < REPLICATES:
             raise ValueError(f"ray_count must be a whole number of at least {REPLICATES}, got {ray_count!r}")
         self.look = pupil.normal if direction is None else as_unit_vector(direction, "direction")
-        self.job = make_job(
-            field,
-            pupil,
-            self.look,
-            self.wavelength,
-            int(ray_count),
-            "tilt" in self.remove,
-            symmetry,
-            method=method,
-            backend=backend,
-            device=device,
-            precision=precision,
-            step=step,
-            tolerance=tolerance,
-            max_steps=max_steps,
-        )
+        with stage("plan"):
+            self.job = make_job(
+                field,
+                pupil,
+                self.look,
+                self.wavelength,
+                int(ray_count),
+                "tilt" in self.remove,
+                symmetry,
+                method=method,
+                backend=backend,
+                device=device,
+                precision=precision,
+                step=step,
+                tolerance=tolerance,
+                max_steps=max_steps,
+            )
         self.job.air.check(allow_truncation)
         self.plan = self.job.plan
-        self.seconds = {"plan": time.perf_counter() - self._start}
-
-    def load(self) -> None:
-        """Upload and compile what the plan needs."""
-        self.seconds |= self.job.run.seconds
-        self.seconds["total"] = time.perf_counter() - self._start
+        self.seconds: dict[str, float] = {}
 
     def __call__(self, seed: int = 0) -> StrehlEstimate:
         """Launch the points of a seed, trace them and sum.
@@ -208,23 +204,23 @@ class PreparedStrehl:
         Raises:
             ValueError: No ray arrived beyond the field.
         """
-        start = time.perf_counter()
+        with clocked() as seconds:
+            found = self._estimate(seed)
+        return replace(found, seconds=seconds)
+
+    def _estimate(self, seed: int) -> StrehlEstimate:
         job, plan, wavelength = self.job, self.plan, self.wavelength
         sums = job.run(seed)
         traced, evaluations = job.traced_ray_count, sums.evaluation_count
-        seconds = {"upload": 0.0, "compile": 0.0, **sums.seconds}
         standard_error = _standard_error(sums.moments, sums.phasors)
         if job.may_be_refined and not standard_error <= SETTLED:
-            is_ready = "refined" in vars(job)
             sums = job.refined(seed)
-            more_seconds = sums.seconds if is_ready else {**job.refined.seconds, **sums.seconds}
             standard_error = _standard_error(sums.moments, sums.phasors)
             traced += job.per_replicate * REPLICATES
             finer = f"one of {REPLICATES} x {job.per_replicate}"
             more = f"standard error of that fan above {SETTLED:g}, as at an edge: {finer}"
             plan = replace(plan, reasons=(*plan.reasons, more))
             evaluations += sums.evaluation_count
-            seconds = {stage: spent + more_seconds.get(stage, 0.0) for stage, spent in seconds.items()}
         plan = told_of_rejected(plan, sums.rejected_count, sums.ray_count, sums.greatest_error, wavelength)
         estimate = _combine(sums.moments, sums.phasors, wavelength, self.remove)
         if _met_nothing(self.field, sums.moments, wavelength, self.tolerance):
@@ -244,7 +240,6 @@ class PreparedStrehl:
             remove=self.remove,
             symmetric=job.is_fan,
         )
-        seconds["total"] = time.perf_counter() - start
         return StrehlEstimate(
             ray_count=job.per_replicate * REPLICATES,
             traced_ray_count=traced,
@@ -252,7 +247,6 @@ class PreparedStrehl:
             plan=plan,
             budget=budget,
             spread=spread,
-            seconds=seconds,
             standard_error=standard_error,
             evaluation_count=evaluations,
             **estimate,

@@ -281,7 +281,7 @@ __kernel void trace_kernel(
     if (control.outputs & WANT_ARC_LENGTH) {
         arc_length_out[ray] = arrival.arc_length;
     }
-    if (MEASURED && control.outputs & WANT_STEP_ERROR) {
+    if (MEASURED && (control.outputs & WANT_STEP_ERROR)) {
         step_error_out[ray] = (double)used;
     }
     if (control.outputs & WANT_STEP_COUNT) {

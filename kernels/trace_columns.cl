@@ -5,6 +5,7 @@
 // wanted are left alone.
 
 #include "constants.h"
+#include "options.h"
 #include "ray_status.h"
 
 static inline real4 values(real u)
@@ -25,24 +26,6 @@ static inline real4 slopes(real u)
 }
 
 #define LANE(v, k) (((const real *)&(v))[k])
-
-// An entry of the table, splined, and its slopes per cell: `row` is where it first stands.
-static inline real3 with_slopes(__global const real *row, int pitch, real4 wx, real4 sx, real4 wy, real4 sy)
-{
-    real3 found = (real3)R(0.0);
-#pragma unroll
-    for (int a = 0; a < 4; a++) {
-        real sheet = R(0.0), bend = R(0.0);
-#pragma unroll
-        for (int b = 0; b < 4; b++) {
-            const real entry = row[a * pitch + 10 * b];
-            sheet += LANE(wy, b) * entry;
-            bend += LANE(sy, b) * entry;
-        }
-        found += (real3)(LANE(wx, a) * sheet, LANE(sx, a) * sheet, LANE(wx, a) * bend);
-    }
-    return found;
-}
 
 __kernel void trace_columns(
     __global const real *coefficients,
@@ -84,24 +67,30 @@ __kernel void trace_columns(
     const real v = (real)(place_y - (double)j);
     const real4 wx = values(u), sx = slopes(u), wy = values(v), sy = slopes(v);
 
-    // A with its slopes per cell, and EXTRAS: optical path, arc, momentum, shift, potential, error.
-    __global const real *row = coefficients + 10 * (i * (cells_y + 3) + j);
-    const int pitch = 10 * (cells_y + 3);
-    const real3 path = with_slopes(row, pitch, wx, sx, wy, sy);
+    real2 first = (real2)R(0.0), first_x = first, first_y = first;  // A and D, and their slopes per cell
     real8 extra = (real8)R(0.0);
 #pragma unroll
     for (int a = 0; a < 4; a++) {
+        __global const real *row = coefficients + 10 * ((i + a) * (cells_y + 3) + j);
+        real2 sheet = (real2)R(0.0), bend = sheet;
         real8 more = (real8)R(0.0);
 #pragma unroll
         for (int b = 0; b < 4; b++) {
-            more += LANE(wy, b) * vload8(0, row + a * pitch + 10 * b + 2);
+            const real2 pair = vload2(0, row + 10 * b);
+            sheet += LANE(wy, b) * pair;
+            bend += LANE(sy, b) * pair;
+            more += LANE(wy, b) * vload8(0, row + 10 * b + 2);
         }
+        first += LANE(wx, a) * sheet;
+        first_x += LANE(sx, a) * sheet;
+        first_y += LANE(wx, a) * bend;
         extra += LANE(wx, a) * more;
     }
 
-    const double opd_box = (double)path.x + (double)extra.s0;
-    const double px = (double)path.y * rate_x + (double)extra.s2;
-    const double py = (double)path.z * rate_y + (double)extra.s3;
+    // EXTRAS: optical path, arc, momentum, shift, potential, error
+    const double opd_box = (double)first.s0 + (double)extra.s0;
+    const double px = (double)first_x.s0 * rate_x + (double)extra.s2;
+    const double py = (double)first_y.s0 * rate_y + (double)extra.s3;
     const double across = px * px + py * py;
     const double square = ambient * ambient + 2.0 * (double)extra.s6;
     const double index = sqrt(square);
@@ -110,10 +99,9 @@ __kernel void trace_columns(
     const double before = (first_plane - p.z) * sign;
     const double straight = before + length + flight;
     const double opd = opd_box + ambient * slant;
-    if (outputs & WANT_POSITION) {
-        const real3 shift = with_slopes(row + 1, pitch, wx, sx, wy, sy);
-        const double qx = (double)shift.y * rate_x + (double)extra.s4;
-        const double qy = (double)shift.z * rate_y + (double)extra.s5;
+    if (WITH_ENDS && (outputs & WANT_POSITION)) {
+        const double qx = (double)first_x.s1 * rate_x + (double)extra.s4;
+        const double qy = (double)first_y.s1 * rate_y + (double)extra.s5;
         vstore3(
             (double3)(p.x + qx + flight * px / w, p.y + qy + flight * py / w, first_plane + sign * (length + flight)),
             ray,
@@ -128,10 +116,10 @@ __kernel void trace_columns(
     if (outputs & WANT_OPD) {
         opd_out[ray] = opd;
     }
-    if (outputs & WANT_ARC_LENGTH) {
+    if (WITH_ENDS && (outputs & WANT_ARC_LENGTH)) {
         arc_length_out[ray] = straight + (double)extra.s1 + slant;
     }
-    if (outputs & WANT_STEP_ERROR) {
+    if (WITH_ENDS && (outputs & WANT_STEP_ERROR)) {
         step_error_out[ray] = fabs((double)extra.s7);
     }
     if (outputs & WANT_STEP_COUNT) {

@@ -16,7 +16,7 @@ RANK = {
     room: rank
     for rank, rooms in enumerate(
         [
-            ("units", "quantities", "sobol", "wavelength", "derived"),
+            ("units", "quantities", "sobol", "wavelength", "derived", "clock"),
             ("rays",),
             ("strehl_sums",),
             ("medium",),

@@ -6,6 +6,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
+from aerokernels.clock import clocked
 from aerokernels.echo import echo
 from aerokernels.echo.prediction import predict_echo
 from aerokernels.medium import IndexField
@@ -41,6 +42,7 @@ STAGES = {
     "wavefront": ("tracing the wavefront", 0.5),
     "fan": ("tracing the picture's rays", 0.6),
     "echo": ("tracing the echo", 0.7),
+    "error": ("estimating errors", 0.85),
 }
 
 
@@ -96,7 +98,6 @@ def simulate(scene: Scene, *, progress: Progress | None = None) -> RunResult:
     """
     seconds: dict[str, float] = {}
     failed: dict[str, str] = {}
-    start = time.perf_counter()
 
     def staged(name: str, work: Callable[[], Made]) -> Made:
         if progress is not None:
@@ -115,23 +116,18 @@ def simulate(scene: Scene, *, progress: Progress | None = None) -> RunResult:
             failed[result or name] = str(fault)
             return None
 
-    choose_backend(scene.trace.backend, scene.trace.device)  # refused here, before anything is computed
-    prepared = staged("prepare", lambda: prepare_field(scene))
-    index = prepared.field
-    predict_echo(scene, index)  # so is a scene whose echo cannot be computed, whatever the flow does
-    strehl = staged("strehl", lambda: scene_strehl(index, scene))
-    result = RunResult(
-        scene=scene,
-        prepared=prepared,
-        strehl=strehl,
-        pupil=tried("wavefront", lambda: pupil_map(index, scene)),
-        fan=tried("fan", lambda: ray_fan(index, scene, prepared.front), "rays"),
-        echo=tried("echo", lambda: echo(scene, field=index, phase_error=lambda: strehl.phase_error)),
-        seconds=seconds,
-        failed=failed,
-    )
-    seconds["total"] = time.perf_counter() - start
-    return result
+    with clocked() as stages:
+        choose_backend(scene.trace.backend, scene.trace.device)  # refused here, before anything is computed
+        prepared = staged("prepare", lambda: prepare_field(scene))
+        index = prepared.field
+        predict_echo(scene, index)  # so is a scene whose echo cannot be computed, whatever the flow does
+        strehl = staged("strehl", lambda: scene_strehl(index, scene))
+        pupil = tried("wavefront", lambda: pupil_map(index, scene))
+        fan = tried("fan", lambda: ray_fan(index, scene, prepared.front), "rays")
+        found = tried("echo", lambda: echo(scene, field=index, phase_error=lambda: strehl.phase_error))
+        staged("error", lambda: [part.quantities for part in (strehl, found) if part is not None])
+    seconds["total"] = stages["total"]
+    return RunResult(scene, prepared, strehl, pupil, fan, found, seconds, stages, failed)
 
 
 def write_run(result: RunResult, out: Path) -> dict[str, Any]:

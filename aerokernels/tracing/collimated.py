@@ -22,6 +22,8 @@ RAYS_PER_NODE = 0.15
 # order, which are splined from columns, are below so many tolerances.
 MARGIN = 3.0
 GREATEST_EXTRA = 100.0
+# Outputs for which a kernel looks up twice as much, so that it is built with and without them.
+ENDS = frozenset(("position", "arc_length", "step_error"))
 # A bound of what comes between columns is not looked into below this share of the tolerance.
 NEGLIGIBLE = 0.05
 

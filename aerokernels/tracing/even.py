@@ -235,9 +235,8 @@ class _Rung:
     def __init__(
         self, field: IndexField, pilot: RayBundle, plan: TracePlan, until, wavelength: float, count: int, share=1.0
     ):
-        run = launch
         trial = replace(plan, sample_count=count, even_share=share)
-        arrays, _ = run(field, pilot, trial, until, wavelength, frozenset(("opd", "step_error")))
+        arrays = launch(field, pilot, trial, until, wavelength, frozenset(("opd", "step_error")))
         self.count = count
         self.opd = arrays["opd"]
         self.good = reached(arrays["status"]) & np.isfinite(arrays["step_error"])

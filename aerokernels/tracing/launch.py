@@ -1,9 +1,8 @@
 """A bundle on the engine of its plan: uploaded in chunks that its memory holds, launched, and fetched."""
 
-import time
-
 import numpy as np
 
+from ..clock import stage
 from ..medium import IndexField
 from ..rays import RayBundle
 from .engines import OUTPUT_TYPES, Prepared, engine_of
@@ -17,21 +16,24 @@ CHUNK, LEAST_CHUNK = 1 << 21, 64
 MEMORY_SHARE = 0.25
 
 
-def launch(field: IndexField, rays: RayBundle, plan: TracePlan, until, wavelength: float, outputs: frozenset):
-    """Trace a bundle as its plan says, each ray once: per-ray arrays by name, and seconds.
+def launch(
+    field: IndexField, rays: RayBundle, plan: TracePlan, until, wavelength: float, outputs: frozenset
+) -> dict[str, np.ndarray]:
+    """Trace a bundle as its plan says, each ray once: per-ray arrays by name.
 
     Where some rays are above the tolerance, "step_error" comes along.
     """
     if plan.backend == "reference":
         from .reference import trace
 
-        return trace(field, rays, plan, until, wavelength, outputs)
+        with stage("kernel"):
+            return trace(field, rays, plan, until, wavelength, outputs)
     prepared = engine_of(plan.backend, plan.device).prepare(field, plan, until, wavelength, outputs, rays.direction)
     return in_chunks(prepared, (rays.position, rays.direction), outputs)
 
 
-def in_chunks(prepared: Prepared, starts: tuple[np.ndarray, ...], outputs: frozenset):
-    """Launch a kernel over rays, chunk by chunk: per-ray arrays by name, and seconds.
+def in_chunks(prepared: Prepared, starts: tuple[np.ndarray, ...], outputs: frozenset) -> dict[str, np.ndarray]:
+    """Launch a kernel over rays, chunk by chunk: per-ray arrays by name.
 
     Args:
         prepared: The kernel.
@@ -41,7 +43,6 @@ def in_chunks(prepared: Prepared, starts: tuple[np.ndarray, ...], outputs: froze
     engine, ray_count = prepared.engine, len(starts[0])
     chunk = chunk_size(engine.memory, ray_count)
     arrays: dict[str, np.ndarray] = {}
-    seconds = {**prepared.seconds, "kernel": 0.0, "download": 0.0}
     results = prepared.allocate(chunk)
 
     def fetch(name: str, rows: slice) -> None:
@@ -52,20 +53,19 @@ def in_chunks(prepared: Prepared, starts: tuple[np.ndarray, ...], outputs: froze
 
     for first in range(0, max(ray_count, 1), chunk):
         rows = slice(first, min(first + chunk, ray_count))
-        begin = time.perf_counter()
-        given = [engine.put(array[rows]) for array in starts]
-        placed = time.perf_counter()
-        seconds["kernel"] += engine.seconds_of(lambda: prepared.launch(given, results, rows.stop - rows.start))  # noqa: B023
-        ran = time.perf_counter()
-        for name in OUTPUT_TYPES:
-            if name in outputs or name == "status":
-                fetch(name, rows)
-        if "step_error" in prepared.outputs - outputs:
-            if prepared.take_rejected() or is_any_rejected(arrays["status"][rows]):
-                fetch("step_error", rows)
-        seconds["upload"] += placed - begin
-        seconds["download"] += time.perf_counter() - ran
-    return arrays, seconds
+        with stage("upload"):
+            given = [engine.put(array[rows]) for array in starts]
+        with stage("kernel"):
+            prepared.launch(given, results, rows.stop - rows.start)
+            engine.wait()
+        with stage("download"):
+            for name in OUTPUT_TYPES:
+                if name in outputs or name == "status":
+                    fetch(name, rows)
+            if "step_error" in prepared.outputs - outputs:
+                if prepared.take_rejected() or is_any_rejected(arrays["status"][rows]):
+                    fetch("step_error", rows)
+    return arrays
 
 
 def chunk_size(memory: tuple[float, float], ray_count: int) -> int:

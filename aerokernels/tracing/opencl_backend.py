@@ -1,7 +1,5 @@
 """The OpenCL engine: fields uploaded once, kernels built for what they are to do, launches in order."""
 
-import time
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -9,8 +7,9 @@ import numpy as np
 import pyopencl as cl
 from pyopencl.cltypes import make_double3
 
+from ..clock import stage
 from ..medium import IndexField
-from .collimated import Columns, kernel_numbers, packed
+from .collimated import ENDS, Columns, kernel_numbers, packed
 from .engines.interface import Prepared
 from .field_data import (
     FIELD_ARRAYS,
@@ -74,25 +73,24 @@ class Engine:
         Raises:
             ValueError: A field that does not fit the device.
         """
-        start = time.perf_counter()
         if plan.controls_error:
             outputs = outputs | {"step_error"}
-        data = field_data(field, plan.precision, plan.method == "paper")
-        bounds, control = trace_members(field, data, plan, until, wavelength, outputs)
-        tables, blocks = reach_tables(field, plan, wavelength, directions)
-        even = plan.sample_count > 0
-        lanes = lane_count(self.session, plan.precision) if even else 1
-        packs = even and may_be_packed(field, REAL_TYPES[plan.precision], lanes, int(self.memory[1]))
-        in_plane = even and field.geometry != "volume" and not np.any(directions[:, :2])
-        arguments = [
-            pack("field", plan.precision, data.field),
-            pack("bounds", plan.precision, {**data.bounds, **bounds}),
-            pack("control", plan.precision, {**data.control, **control, **blocks}),
-            *self._upload(field, data, plan.precision, plan.method == "paper", packs),
-            self.put(tables["reach"].astype(REAL_TYPES[plan.precision])),
-            self.put(tables["reach_start"]),
-        ]
-        uploaded = time.perf_counter()
+        with stage("upload"):
+            data = field_data(field, plan.precision, plan.method == "paper")
+            bounds, control = trace_members(field, data, plan, until, wavelength, outputs)
+            tables, blocks = reach_tables(field, plan, wavelength, directions)
+            even = plan.sample_count > 0
+            lanes = lane_count(self.session, plan.precision) if even else 1
+            packs = even and may_be_packed(field, REAL_TYPES[plan.precision], lanes, int(self.memory[1]))
+            in_plane = even and field.geometry != "volume" and not np.any(directions[:, :2])
+            arguments = [
+                pack("field", plan.precision, data.field),
+                pack("bounds", plan.precision, {**data.bounds, **bounds}),
+                pack("control", plan.precision, {**data.control, **control, **blocks}),
+                *self._upload(field, data, plan.precision, plan.method == "paper", packs),
+                self.put(tables["reach"].astype(REAL_TYPES[plan.precision])),
+                self.put(tables["reach_start"]),
+            ]
         options = build_options(
             precision=plan.precision,
             geometry=field.geometry,
@@ -108,33 +106,33 @@ class Engine:
         )
         if even and lanes == 1 and plan.precision == "float32":
             options = (*options, FLUSH)
-        program = build(self.session, "trace_even.cl" if even else "trace.cl", options)
-        kernel = Kernel(cl.Kernel(program, "trace_even" if even else "trace_kernel"), lanes)
-        rejected = self.put(np.zeros(1, np.int32)) if even else None
-        prepared = Prepared(self, kernel, arguments, outputs, rejected, {})
-        self._finish_compiling(prepared, program)
-        prepared.seconds |= {"upload": uploaded - start, "compile": time.perf_counter() - uploaded}
-        return prepared
+        with stage("compile"):
+            program = build(self.session, "trace_even.cl" if even else "trace.cl", options)
+            kernel = Kernel(cl.Kernel(program, "trace_even" if even else "trace_kernel"), lanes)
+            rejected = self.put(np.zeros(1, np.int32)) if even else None
+            prepared = Prepared(self, kernel, arguments, outputs, rejected)
+            self._finish_compiling(prepared, program)
+            return prepared
 
     def prepare_columns(self, field: IndexField, columns: Columns, plan: TracePlan, outputs: frozenset) -> Prepared:
         """Tables of columns made ready for outputs of rays that only have a place."""
-        start = time.perf_counter()
-        table = columns.tables.derive(
-            ("opencl", self.session, plan.precision),
-            lambda: self.put(packed(columns.tables).astype(REAL_TYPES[plan.precision])),
-        )
-        uploaded = time.perf_counter()
-        options = build_options(precision=plan.precision, method="straight")
-        kernel = Kernel(cl.Kernel(build(self.session, "trace_columns.cl", options), "trace_columns"))
-        seconds = {"upload": uploaded - start, "compile": time.perf_counter() - uploaded}
-        return Prepared(self, kernel, [table, *kernel_numbers(field, columns, outputs)], outputs, None, seconds)
+        with stage("upload"):
+            table = columns.tables.derive(
+                ("opencl", self.session, plan.precision),
+                lambda: self.put(packed(columns.tables).astype(REAL_TYPES[plan.precision])),
+            )
+        with stage("compile"):
+            options = build_options(precision=plan.precision, method="straight", with_ends=bool(outputs & ENDS))
+            kernel = Kernel(cl.Kernel(build(self.session, "trace_columns.cl", options), "trace_columns"))
+        return Prepared(self, kernel, [table, *kernel_numbers(field, columns, outputs)], outputs, None)
 
     def pupil_kernels(self) -> dict[str, Kernel]:
         """The kernels of a pupil, by name."""
-        return {
-            name: Kernel(cl.Kernel(build(self.session, f"{name}.cl"), name), items=items)
-            for name, items in PUPIL_KERNELS.items()
-        }
+        with stage("compile"):
+            return {
+                name: Kernel(cl.Kernel(build(self.session, f"{name}.cl"), name), items=items)
+                for name, items in PUPIL_KERNELS.items()
+            }
 
     def put(self, array: np.ndarray):
         """A buffer that holds a copy of the array when this returns.
@@ -166,11 +164,9 @@ class Engine:
         given = [*map(_by_value, before), np.int32(0), np.int32(count), *map(_by_value, after)]
         return kernel.kernel(self.session.queue, kernel.size(count), (WORK_GROUP,), *given)
 
-    def seconds_of(self, start: Callable[[], Any]) -> float:
-        """Start a kernel, wait for it, and say how long it took, by the device's own clock."""
-        event = start()
-        event.wait()
-        return 1e-9 * (event.profile.end - event.profile.start)
+    def wait(self) -> None:
+        """Wait for what was launched."""
+        self.session.queue.finish()
 
     def _finish_compiling(self, prepared: Prepared, program) -> None:
         """Launch the kernel on no rays, once for a program: PoCL compiles the last part of it at the first launch."""

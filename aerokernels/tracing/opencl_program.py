@@ -93,6 +93,7 @@ def build_options(
     stop: str = "none",
     has_body: bool = False,
     measured: bool = True,
+    with_ends: bool = True,
     lanes: int = 1,
     packed: bool = False,
     in_plane: bool = False,
@@ -108,6 +109,7 @@ def build_options(
         stop: Where a ray ends.
         has_body: Whether the field has a body.
         measured: Whether the errors of steps are estimated and given out; error control needs them.
+        with_ends: Whether tables of columns give positions, arc lengths and errors, too.
         lanes: Rays that a work-item of even samples moves in step, see `lane_count`.
         packed: Whether coefficients are packed, for even samples.
         in_plane: Whether rays of even samples run along z, in a field of two dimensions.
@@ -126,6 +128,7 @@ def build_options(
         f"-DON_MESH={int(on_mesh)}",
         f"-DHAS_BODY={int(has_body)}",
         f"-DMEASURED={int(measured)}",
+        f"-DWITH_ENDS={int(with_ends)}",
         f"-DLANES={lanes}",
         f"-DPACKED={int(packed)}",
         f"-DIN_PLANE={int(in_plane)}",

@@ -1,12 +1,12 @@
 """The million-ray pupil on the engine of its plan: launch, trace and sums, nothing per ray coming back."""
 
-import time
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any
 
 import numpy as np
 
+from ..clock import stage
 from .engines import OUTPUT_TYPES, engine_of
 from .launch import RAY_BYTES
 from .pupil_sums import (
@@ -61,9 +61,6 @@ class PupilRun:
     Some replicates at a time are traced. Phasors are summed at once but where the tilt, which all replicates decide,
     is taken out first: what they need then stays on the device.
 
-    Attributes:
-        seconds: What making it ready took: "upload" and "compile".
-
     Raises:
         ValueError: A device that does not open; a field, or so many rays, that do not fit it.
     """
@@ -80,19 +77,21 @@ class PupilRun:
         together = self.widest * task.per_replicate
         kept = task.replicates * task.per_replicate if task.with_tilt else together
         check_memory(engine.device, engine.memory, together, kept)
-        start = time.perf_counter()
         self.kernels = engine.pupil_kernels()
-        self.seconds = dict(self.prepared.seconds)
-        self.seconds["compile"] += time.perf_counter() - start
-        self.one = engine.put(np.ones(1))
-        if not task.is_fan:
-            self.order = engine.put(point_order(task.per_replicate, task.by_radius))
+        with stage("upload"):
+            self.one = engine.put(np.ones(1))
+            if not task.is_fan:
+                self.order = engine.put(point_order(task.per_replicate, task.by_radius))
         self.sums = [engine.empty(SUM_COUNT * self.widest * rows) for rows in joined_counts(task.per_replicate)]
         self.buffers: list[dict[str, Any]] = []  # of each batch whose rays are still needed
 
     def __call__(self, seed: int | None) -> PupilSums:
         """Trace the points of a seed, and sum."""
-        task, start = self.task, time.perf_counter()
+        with stage("kernel"):
+            return self._run(seed)
+
+    def _run(self, seed: int | None) -> PupilSums:
+        task = self.task
         sums = np.empty((task.replicates, SUM_COUNT))
         kept, rejected = [], 0
         points = task.points(seed)
@@ -110,8 +109,7 @@ class PupilRun:
                 sums[batch.rows] = self._sums(batch, plane)
         moments = moments_in_metres(sums[:, :MOMENT_COUNT], task)
         phasors = sums[:, MOMENT_COUNT] + 1j * sums[:, MOMENT_COUNT + 1]
-        seconds = {"kernel": time.perf_counter() - start}
-        return PupilSums(moments, phasors, seconds, task.replicates * task.per_replicate, rejected)
+        return PupilSums(moments, phasors, task.replicates * task.per_replicate, rejected)
 
     def _buffers(self, number: int) -> dict[str, Any]:
         """Buffers of a batch: the later ones have only what the second sum needs for themselves."""

@@ -75,14 +75,12 @@ class PupilSums:
     Attributes:
         moments: Shape (replicates, MOMENT_COUNT); x and y in metres.
         phasors: Sums of exp(i k (OPD - plane)), shape (replicates,).
-        seconds: Time spent, by stage.
         ray_count: Rays that were traced.
         rejected_count: How many of them are above the tolerance by their own error estimate, though traced again.
     """
 
     moments: np.ndarray
     phasors: np.ndarray
-    seconds: dict[str, float]
     ray_count: int
     rejected_count: int = 0
 

@@ -1,7 +1,5 @@
 """A pupil by the reference backend: the sums of the other backends' kernels, in NumPy."""
 
-import time
-
 import numpy as np
 
 from ..rays import RayBundle
@@ -16,16 +14,15 @@ class PupilRun:
     def __init__(self, task: PupilTask):
         """Nothing is to be made ready."""
         self.task = task
-        self.seconds = {"upload": 0.0, "compile": 0.0}
 
     def __call__(self, seed: int) -> PupilSums:
         """Trace and sum."""
-        task, start = self.task, time.perf_counter()
+        task = self.task
         moments = np.zeros((task.replicates, MOMENT_COUNT))
         kept = []
         for replicate in range(task.replicates):
             position, direction, place, weight = self._rays(replicate, seed)
-            arrays, _ = run_plan(
+            arrays = run_plan(
                 task.field, RayBundle(position, direction), task.plan, task.until, task.wavelength, PUPIL_OUTPUTS
             )
             good = reached(arrays["status"])
@@ -38,9 +35,8 @@ class PupilRun:
         piston, *tilt = fit_plane(moments, task.with_tilt)
         wave = 2j * np.pi / task.wavelength
         phasors = [share @ np.exp(wave * (w - piston - tilt[0] * x - tilt[1] * y)) for x, y, share, w in kept]
-        seconds = {"kernel": time.perf_counter() - start}
         ray_count = task.replicates * task.per_replicate
-        return PupilSums(moments_in_metres(moments, task), np.array(phasors), seconds, ray_count)
+        return PupilSums(moments_in_metres(moments, task), np.array(phasors), ray_count)
 
     def _rays(self, replicate: int, seed: int) -> tuple[np.ndarray, ...]:
         task = self.task

@@ -1,17 +1,16 @@
 """The Warp engine: fields uploaded once, launches over all cores of a CPU or on a GPU."""
 
-import time
-from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
 import numpy as np
 import warp as wp
 
+from ..clock import stage
 from ..medium import IndexField
 from . import warp_pupil
 from .backend_info import host_memory, thread_count
-from .collimated import Columns, kernel_numbers, packed
+from .collimated import ENDS, Columns, kernel_numbers, packed
 from .engines.interface import Prepared
 from .field_data import (
     STRUCTS,
@@ -55,53 +54,51 @@ class Engine:
         self, field: IndexField, plan: TracePlan, until, wavelength: float, outputs: frozenset, directions: np.ndarray
     ) -> Prepared:
         """A field made ready for a plan, a stop and outputs; `directions` are those of the rays (n, 3)."""
-        start = time.perf_counter()
         if plan.controls_error:
             outputs = outputs | {"step_error"}
-        data = field_data(field, plan.precision, plan.method == "paper")
-        stop_bounds, stop_control = trace_members(field, data, plan, until, wavelength, outputs)
-        tables, blocks = reach_tables(field, plan, wavelength, directions)
-        t = types(plan.precision)
-        device_field, bounds, control = t.Field(), t.Bounds(), t.Control()
-        _fill(device_field, "field", data.field, plan.precision)
-        _fill(bounds, "bounds", data.bounds | stop_bounds, plan.precision)
-        _fill(control, "control", data.control | stop_control | blocks, plan.precision)
-        for name, array in self._upload(field, data, plan.precision, plan.method == "paper").items():
-            setattr(device_field, name, array)
-        control.reach = wp.array(tables["reach"], dtype=t.real, device=self.device)
-        control.reach_start = wp.array(tables["reach_start"], dtype=wp.int32, device=self.device)
+        with stage("upload"):
+            data = field_data(field, plan.precision, plan.method == "paper")
+            stop_bounds, stop_control = trace_members(field, data, plan, until, wavelength, outputs)
+            tables, blocks = reach_tables(field, plan, wavelength, directions)
+            t = types(plan.precision)
+            device_field, bounds, control = t.Field(), t.Bounds(), t.Control()
+            _fill(device_field, "field", data.field, plan.precision)
+            _fill(bounds, "bounds", data.bounds | stop_bounds, plan.precision)
+            _fill(control, "control", data.control | stop_control | blocks, plan.precision)
+            for name, array in self._upload(field, data, plan.precision, plan.method == "paper").items():
+                setattr(device_field, name, array)
+            control.reach = wp.array(tables["reach"], dtype=t.real, device=self.device)
+            control.reach_start = wp.array(tables["reach_start"], dtype=wp.int32, device=self.device)
         stop, has_body = stop_kind(until), field.body is not None
-        rejected = None
-        if plan.sample_count:
-            kernel = build_even_kernel(plan.precision, field.geometry, field.interpolation, stop, has_body)
-            rejected = wp.zeros(1, dtype=wp.int32, device=self.device)
-        else:
-            on_mesh = not field.is_uniform
-            measured = "step_error" in outputs
-            kernel = build_kernel(
-                plan.precision, field.geometry, field.interpolation, on_mesh, plan.method, stop, has_body, measured
-            )
-        uploaded = time.perf_counter()
-        self._load(kernel.module)
-        seconds = {"upload": uploaded - start, "compile": time.perf_counter() - uploaded}
-        return Prepared(self, kernel, [device_field, bounds, control], outputs, rejected, seconds)
+        with stage("compile"):
+            if plan.sample_count:
+                kernel = build_even_kernel(plan.precision, field.geometry, field.interpolation, stop, has_body)
+            else:
+                on_mesh = not field.is_uniform
+                measured = "step_error" in outputs
+                kernel = build_kernel(
+                    plan.precision, field.geometry, field.interpolation, on_mesh, plan.method, stop, has_body, measured
+                )
+            self._load(kernel.module)
+        rejected = wp.zeros(1, dtype=wp.int32, device=self.device) if plan.sample_count else None
+        return Prepared(self, kernel, [device_field, bounds, control], outputs, rejected)
 
     def prepare_columns(self, field: IndexField, columns: Columns, plan: TracePlan, outputs: frozenset) -> Prepared:
         """Tables of columns made ready for outputs of rays that only have a place."""
-        start = time.perf_counter()
-        table = columns.tables.derive(
-            ("warp", self.device, plan.precision),
-            lambda: wp.array(packed(columns.tables), dtype=types(plan.precision).real, device=self.device),
-        )
-        uploaded = time.perf_counter()
-        kernel = build_column_kernel(plan.precision, bool(outputs & {"position", "arc_length", "step_error"}))
-        self._load(kernel.module)
-        seconds = {"upload": uploaded - start, "compile": time.perf_counter() - uploaded}
-        return Prepared(self, kernel, [table, *kernel_numbers(field, columns, outputs)], outputs, None, seconds)
+        with stage("upload"):
+            table = columns.tables.derive(
+                ("warp", self.device, plan.precision),
+                lambda: wp.array(packed(columns.tables), dtype=types(plan.precision).real, device=self.device),
+            )
+        with stage("compile"):
+            kernel = build_column_kernel(plan.precision, bool(outputs & ENDS))
+            self._load(kernel.module)
+        return Prepared(self, kernel, [table, *kernel_numbers(field, columns, outputs)], outputs, None)
 
     def pupil_kernels(self) -> dict[str, Any]:
         """The kernels of a pupil, by name."""
-        self._load(warp_pupil.launch_pupil.module)
+        with stage("compile"):
+            self._load(warp_pupil.launch_pupil.module)
         names = ("launch_pupil", "sum_moments", "sum_phasors", "join_sums")
         return {name: getattr(warp_pupil, name) for name in names}
 
@@ -146,18 +143,10 @@ class Engine:
         with ThreadPoolExecutor(threads) as pool:
             list(pool.map(run, starts))
 
-    def seconds_of(self, start: Callable[[], Any]) -> float:
-        """Start launches, wait for them, and say how long they took: on a GPU by its own clock."""
-        if self.device == "cpu":
-            begin = time.perf_counter()
-            start()
-            return time.perf_counter() - begin
-        stream = wp.get_stream(self.device)
-        before, after = (wp.Event(self.device, enable_timing=True) for _ in range(2))
-        stream.record_event(before)
-        start()
-        stream.record_event(after)
-        return 1e-3 * float(wp.get_event_elapsed_time(before, after))
+    def wait(self) -> None:
+        """Wait for what was launched; on the CPU a launch has ended when it returns."""
+        if self.device != "cpu":
+            wp.synchronize_stream(self.device)
 
     def _load(self, module) -> None:
         # The block size of a default launch on the CPU is 1; another one would be compiled again at the launch.

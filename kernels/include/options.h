@@ -61,6 +61,10 @@
 #ifndef MEASURED
 #define MEASURED 1
 #endif
+// Whether the tables of columns give positions, arc lengths and errors, too.
+#ifndef WITH_ENDS
+#define WITH_ENDS 1
+#endif
 
 // What follows from them.
 #define CONTROLLED (METHOD == ADAPTIVE || METHOD == STRAIGHT)

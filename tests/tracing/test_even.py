@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from aerokernels.clock import clocked
 from aerokernels.medium import Body, IndexField
 from aerokernels.rays import Disc, RayBundle
 from aerokernels.strehl_estimate import estimate_strehl
@@ -81,7 +82,7 @@ def even_opd(field: IndexField, rays: RayBundle, count: int, precision: str = "f
     """OPD [m] by so many samples, whatever they are worth."""
     device = on(f"{backend}-cpu")["device"]
     plan = TracePlan("straight", backend, device, precision, 1000, None, 1e-12, sample_count=count, even_share=1.0)
-    arrays, _ = launch(field, rays, plan, None, WAVE, frozenset(("opd", "step_error")))
+    arrays = launch(field, rays, plan, None, WAVE, frozenset(("opd", "step_error")))
     return arrays["opd"], arrays["step_error"]
 
 
@@ -115,7 +116,7 @@ def test_rays_along_z_are_those_of_any_direction(geometry, precision, forward):
         plan = TracePlan("straight", **on(engine), precision=precision, max_steps=1000, step=None, tolerance=1e3)
         plan = replace(plan, sample_count=99, even_share=0.1, bend_share=0.1)
         outputs = frozenset(("position", "direction", "optical_path", "opd", "arc_length", "step_error"))
-        results.append(launch(field, rays, plan, None, WAVE, outputs)[0])
+        results.append(launch(field, rays, plan, None, WAVE, outputs))
     one, other = results
     assert (one["status"] == other["status"]).all()
     close = {"float32": 1e-6, "float64": 1e-11}[precision]
@@ -177,7 +178,8 @@ def test_rays_that_it_does_not_hold_for_are_traced_otherwise(engine):
 
     plan = replace(plan, sample_count=240, even_share=0.125, bend_share=0.01)
     outputs = frozenset(("opd", "direction", "evaluation_count"))
-    arrays, seconds = run_plan(field, rays, plan, None, WAVE, outputs)
+    with clocked() as seconds:
+        arrays = run_plan(field, rays, plan, None, WAVE, outputs)
     again = arrays["evaluation_count"] != 240
     assert 0.01 < again.mean() < 0.5 and set(arrays) == outputs | {"status"}
     assert (np.hypot(*(across - 4e-3).T)[again] < 5e-3).all()
@@ -185,7 +187,7 @@ def test_rays_that_it_does_not_hold_for_are_traced_otherwise(engine):
     assert (arrays["status"][::23] == expected.traced_status).all()
     assert np.abs(arrays["opd"][::23] - expected.opd).max() < 2e-3 * WAVE
     assert np.abs(arrays["direction"][::23] - expected.direction).max() < 1e-5
-    assert seconds["kernel"] > 0.0
+    assert 0.0 < seconds["kernel"] < seconds["total"]
 
 
 @pytest.mark.parametrize("engine", ENGINES)

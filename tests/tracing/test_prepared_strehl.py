@@ -41,7 +41,7 @@ def test_a_call_compiles_and_uploads_nothing(engine):
     """Clocks: making it ready has those stages, a call has none of them; an estimate has both."""
     options = {**on(engine), "ray_count": 16 * 300, "allow_truncation": True}
     seen = prepare_strehl(lens(), PUPIL, **options)
-    assert {"plan", "upload", "compile", "total"} == set(seen.seconds)
+    assert seen.seconds["total"] >= seen.seconds["plan"] + seen.seconds["upload"] + seen.seconds["compile"] > 0.0
     found = seen(seed=1)
     assert found.seconds["compile"] == found.seconds["upload"] == 0.0
     assert 0.0 < found.seconds["kernel"] <= found.seconds["total"]

@@ -86,7 +86,7 @@ def sampled(field: IndexField, rays: RayBundle, count: int, engine: str, with_ta
     sampling = Sampling(1.001 * float(lines.way.max()) / count, steepness, 0.0)
     plan = TracePlan("straight", **on(engine), precision="float64", max_steps=1000, step=None, tolerance=1e-3)
     plan = replace(plan, sample_count=count, sampling=sampling if with_table else None)
-    arrays, _ = launch(field, rays, plan, until, WAVE, frozenset(("opd", "step_error")))
+    arrays = launch(field, rays, plan, until, WAVE, frozenset(("opd", "step_error")))
     return arrays["opd"], arrays["step_error"], sampling, lines
 
 

@@ -4,7 +4,6 @@ Kernels have the same names and arguments in Warp and in OpenCL (scripts/kernel_
 written with these few functions is written once: a bundle in chunks (launch.py), a pupil and its sums (pupil_run.py).
 """
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, Protocol
 
@@ -44,6 +43,8 @@ class Engine(Protocol):
     ) -> "Prepared":
         """A field made ready for a plan, a stop and outputs; `directions` are those of the rays (n, 3).
 
+        Clocked as "upload" and "compile".
+
         Raises:
             ValueError: The device is not there, or too small for the field.
         """
@@ -72,8 +73,8 @@ class Engine(Protocol):
         The kernel's arguments are `before`, the number of the first of them, and `after`.
         """
 
-    def seconds_of(self, start: Callable[[], Any]) -> float:
-        """Call what launches a kernel, wait for it, and say how long it ran, by the device's clock if it has one."""
+    def wait(self) -> None:
+        """Wait for what was launched."""
 
 
 @dataclass(eq=False)
@@ -86,7 +87,6 @@ class Prepared:
         arguments: What it is given before the rays.
         outputs: What it computes for each ray, besides the status.
         rejected: Buffer in which it counts rays that it does not hold for; None where it holds for all.
-        seconds: What making it ready took: "upload" and "compile".
     """
 
     engine: Engine
@@ -94,7 +94,6 @@ class Prepared:
     arguments: list
     outputs: frozenset
     rejected: Any
-    seconds: dict[str, float]
 
     def launch(self, starts: list, results: dict, count: int) -> Any:
         """Start the kernel on rays whose `starts` are on the device; see `Engine.launch`."""
