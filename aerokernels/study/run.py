@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from aerokernels.clock import clocked
-from aerokernels.echo import echo
+from aerokernels.echo import EchoResult, echo
 from aerokernels.echo.prediction import predict_echo
 from aerokernels.medium import IndexField
 from aerokernels.prepare import prepare_field
@@ -41,8 +41,8 @@ STAGES = {
     "strehl": ("tracing for the Strehl ratio", 0.1),
     "wavefront": ("tracing the wavefront", 0.5),
     "fan": ("tracing the picture's rays", 0.6),
-    "echo": ("tracing the echo", 0.7),
-    "error": ("estimating errors", 0.85),
+    "error": ("estimating errors", 0.65),
+    "echo": ("tracing the echo", 0.75),
 }
 
 
@@ -79,6 +79,13 @@ def scene_strehl(field: IndexField, scene: Scene) -> StrehlEstimate:
         precision=table.precision,
         allow_truncation=table.allow_truncation,
     )
+
+
+def echo_with_errors(scene: Scene, field: IndexField, strehl: StrehlEstimate) -> EchoResult:
+    """The echo of a scene, its errors computed."""
+    found = echo(scene, field=field, phase_error=lambda: strehl.phase_error)
+    _ = found.quantities
+    return found
 
 
 def simulate(scene: Scene, *, progress: Progress | None = None) -> RunResult:
@@ -124,8 +131,8 @@ def simulate(scene: Scene, *, progress: Progress | None = None) -> RunResult:
         strehl = staged("strehl", lambda: scene_strehl(index, scene))
         pupil = tried("wavefront", lambda: pupil_map(index, scene))
         fan = tried("fan", lambda: ray_fan(index, scene, prepared.front), "rays")
-        found = tried("echo", lambda: echo(scene, field=index, phase_error=lambda: strehl.phase_error))
-        staged("error", lambda: [part.quantities for part in (strehl, found) if part is not None])
+        staged("error", lambda: strehl.quantities)
+        found = tried("echo", lambda: echo_with_errors(scene, index, strehl))
     seconds["total"] = stages["total"]
     return RunResult(scene, prepared, strehl, pupil, fan, found, seconds, stages, failed)
 
