@@ -1,4 +1,4 @@
-// The ray tracer; what it computes, and why so, stands in aerokernels/tracing/warp_tracer.py, its Warp twin.
+// The ray tracer; what it computes, and why so, stands in aerokernels/tracing/engines/warp/kernels/trace.py, its Warp twin.
 //
 // One ray a work-item. Lengths along the ray inside the field are in sigma, d sigma = ds / n; positions are whole cells
 // and a fraction of one; q, momentum and the sums are deviations from the undisturbed ray, summed with compensation.

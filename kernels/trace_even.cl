@@ -1,5 +1,5 @@
 // Nearly straight rays by equally many, evenly spaced samples; what it computes, and why so, stands in
-// aerokernels/tracing/warp_even.py, its Warp twin.
+// aerokernels/tracing/engines/warp/kernels/trace_even.py, its Warp twin.
 //
 // A work-item moves a packet of LANES rays in step. Arguments are those of the tracer; rough_count_out counts the rays
 // that are to be traced otherwise: their step_error_out is above the budget, infinite where this method does not hold.

@@ -19,11 +19,11 @@ from pathlib import Path
 
 import warp as wp
 
-from aerokernels.tracing import warp_pupil
-from aerokernels.tracing.warp_columns import build_column_kernel
-from aerokernels.tracing.warp_even import build_even_kernel
-from aerokernels.tracing.warp_tracer import build_kernel
-from aerokernels.tracing.warp_types import types
+from aerokernels.tracing.engines.warp.kernels import pupil
+from aerokernels.tracing.engines.warp.kernels.trace import build_kernel
+from aerokernels.tracing.engines.warp.kernels.trace_columns import build_column_kernel
+from aerokernels.tracing.engines.warp.kernels.trace_even import build_even_kernel
+from aerokernels.tracing.engines.warp.types import types
 
 KERNELS = Path(__file__).resolve().parents[1] / "kernels"
 # The first of a launch's work-items, and what bounds them.
@@ -53,7 +53,7 @@ class Argument:
 
 def warp_kernels() -> dict[str, wp.Kernel]:
     """Every Warp kernel by name; the tracer's arguments do not depend on what it is built for."""
-    kernels = [kernel for kernel in vars(warp_pupil).values() if isinstance(kernel, wp.Kernel)]
+    kernels = [kernel for kernel in vars(pupil).values() if isinstance(kernel, wp.Kernel)]
     kernels.append(build_kernel("float32", "volume", "cubic", False, "adaptive", "none", False, True))
     kernels.append(build_column_kernel("float32", True))
     kernels.append(build_even_kernel("float32", "volume", "cubic", "none", False))

@@ -24,7 +24,7 @@ HEADING = ["skip", "without", "with", "without [s]", "with [s]", "ratio", "chang
 
 def no_tables(backend: str, work: Callable) -> Callable:
     """The same work without tables of safe steps: no step of more than STEP_LIMIT cells."""
-    module = import_module(f"aerokernels.tracing.{backend}_backend")
+    module = import_module(f"aerokernels.tracing.engines.{backend}.engine")
 
     def run():
         real = module.reach_tables

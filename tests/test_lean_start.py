@@ -8,7 +8,7 @@ import sys
 
 import pytest
 
-from aerokernels.tracing.backend_info import cuda_driver_loads
+from aerokernels.tracing.engines.info import cuda_driver_loads
 
 # What the parser of the command line brings along.
 COMMAND_LINE = {"typer", "rich", "shellingham", "annotated_doc", "markdown_it", "mdurl", "pygments", "click"}
@@ -76,7 +76,7 @@ def test_rays_are_launched_without_statistics():
 def test_without_a_cuda_driver_the_choice_of_a_backend_does_not_import_warp():
     """Set-up: no CUDA driver. Expected: Warp's processor is told as Warp tells it, and only the latter imports Warp."""
     code = (
-        "import sys\nfrom aerokernels.tracing.backends import _warp_devices\n"
+        "import sys\nfrom aerokernels.tracing.engines.choice import _warp_devices\n"
         "quick = _warp_devices(quick=True)\nassert 'warp' not in sys.modules\n"
         "assert quick == _warp_devices() and 'warp' in sys.modules, (quick, _warp_devices())"
     )

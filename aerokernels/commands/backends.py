@@ -7,7 +7,7 @@ def backends() -> None:
     """Show the backends and devices of this machine, and which one `auto` takes and why."""
     from aerokernels.commands._table import print_table
     from aerokernels.tracing import available_backends
-    from aerokernels.tracing.backends import choose_backend
+    from aerokernels.tracing.engines.choice import choose_backend
 
     found = available_backends()
     print_table(

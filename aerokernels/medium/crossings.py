@@ -13,7 +13,7 @@ twice, if it is less steep than the line, A Dz^2 > D^2 Dr^2: at the roots of the
     (A Dz^2 - D^2 Dr^2) t^2 - 2 k Dr D t + R0^2 Dz^2 - k^2 = 0,   k = r1 Dz + (z0 - z1) Dr
 
 A corner's sign is one number, whichever segment asks for it: no line slips through between two segments, and the number
-of crossings of a closed body is even. The kernels (tracing/warp_wall.py, kernels/include/wall.h) do the same.
+of crossings of a closed body is even. The kernels (engines/warp/kernels/wall.py, kernels/include/wall.h) do the same.
 """
 
 import numpy as np

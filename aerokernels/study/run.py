@@ -27,7 +27,7 @@ from aerokernels.study.store import (
 )
 from aerokernels.study.summary import summarise
 from aerokernels.study.views import forward_pupil, pupil_map, ray_fan
-from aerokernels.tracing.backends import choose_backend
+from aerokernels.tracing.engines.choice import choose_backend
 
 if TYPE_CHECKING:
     import xarray

@@ -1,7 +1,7 @@
 """Rays through a field: plan, trace, result and status, one module per backend."""
 
-from .backend_info import BackendInfo
-from .backends import available_backends
+from .engines.choice import available_backends
+from .engines.info import BackendInfo
 from .result import TraceResult
 from .status import RayStatus
 from .stop import ArcLength, Plane

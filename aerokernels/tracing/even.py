@@ -1,4 +1,4 @@
-"""How many even samples a bundle of nearly straight rays takes, see warp_even.py.
+"""How many even samples a bundle of nearly straight rays takes, see engines/warp/kernels/trace_even.py.
 
 A pilot of some of the rays is traced with N, 3 N and 9 N samples. From their differences follow the order of
 convergence and the least N that holds the tolerance; it is traced too, and compared with the finest. The estimate of

@@ -25,8 +25,8 @@ import numpy as np
 from ..medium import IndexField
 from ..medium.grid import UniformGrid
 from ..rays import RayBundle
-from .backend_info import thread_count
 from .choice import greatest_turn
+from .engines.info import thread_count
 from .levers import levers_of, slant
 from .lines import FACES, SIDE, box_size, box_span
 from .mesh_rim import mesh_crossings, mesh_rim

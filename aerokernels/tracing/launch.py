@@ -24,7 +24,7 @@ def launch(
     Where some rays are above the tolerance, "step_error" comes along.
     """
     if plan.backend == "reference":
-        from .reference import trace
+        from .engines.reference.engine import trace
 
         with stage("kernel"):
             return trace(field, rays, plan, until, wavelength, outputs)

@@ -9,9 +9,9 @@ import numpy as np
 from ..medium import IndexField
 from ..rays import RayBundle
 from .allowance import check_tolerance, diagonal_of, step_allowance
-from .backends import choose_backend
 from .choice import predict_evaluations
 from .collimated import columns_hold, find_columns, is_collimated, is_worth_it
+from .engines.choice import choose_backend
 from .even import fit_even, may_be_even
 from .held import held_error
 from .levers import levers_of

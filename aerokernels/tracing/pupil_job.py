@@ -127,7 +127,7 @@ def _check_size(field: IndexField, pupil: Disc) -> None:
 def _runner(task: PupilTask):
     """A task made ready on the backend of its plan."""
     if task.plan.backend == "reference":
-        from .reference_strehl import PupilRun as ReferencePupilRun
+        from .engines.reference.pupil import PupilRun as ReferencePupilRun
 
         return ReferencePupilRun(task)
     return PupilRun(task)

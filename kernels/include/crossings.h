@@ -1,5 +1,5 @@
 // Where straight lines cross the surface of the body, exactly. The formulas stand in aerokernels/medium/crossings.py, the
-// tree of boxes in aerokernels/medium/wall_tree.py. Warp's twin is aerokernels/tracing/warp_crossings.py.
+// tree of boxes in aerokernels/medium/wall_tree.py. Warp's twin is aerokernels/tracing/engines/warp/kernels/crossings.py.
 #ifndef CROSSINGS_H
 #define CROSSINGS_H
 

@@ -1,4 +1,4 @@
-// What a kernel is built for. The host sets these as -D options, see aerokernels/tracing/opencl_program.py; the
+// What a kernel is built for. The host sets these as -D options, see aerokernels/tracing/engines/opencl/program.py; the
 // defaults stand here so that a kernel without options still compiles.
 #ifndef OPTIONS_H
 #define OPTIONS_H

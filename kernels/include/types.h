@@ -1,4 +1,4 @@
-// What a kernel gets besides the rays: the scalars of Warp's structs in aerokernels/tracing/warp_types.py, name by name
+// What a kernel gets besides the rays: the scalars of Warp's structs in aerokernels/tracing/engines/warp/types.py, name by name
 // in their order (a test compares them); their arrays are arguments of the kernel, gathered in Arrays.
 //
 // Vectors are plain arrays: their layout is then the same for every compiler and for NumPy.

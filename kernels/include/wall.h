@@ -1,5 +1,5 @@
 // The body: where a ray leaves it, whether it keeps out of it, where a step enters it. Warp's twin is
-// aerokernels/tracing/warp_wall.py.
+// aerokernels/tracing/engines/warp/kernels/wall.py.
 #ifndef WALL_H
 #define WALL_H
 

@@ -80,7 +80,7 @@ void *clGetExtensionFunctionAddress(const char *name) {
 
 def need_opencl(kind=None):
     """An OpenCL device that can trace, of a kind if one is named; without one the test is skipped, with the reason."""
-    from aerokernels.tracing.opencl_devices import OpenCLUnavailable, find_device
+    from aerokernels.tracing.engines.opencl.devices import OpenCLUnavailable, find_device
 
     try:
         return find_device(kind)

@@ -5,8 +5,8 @@ from dataclasses import replace
 import pytest
 
 from aerokernels.tracing import available_backends
-from aerokernels.tracing.backend_info import BackendInfo
-from aerokernels.tracing.backends import VARIABLES, _first_of, choose_backend
+from aerokernels.tracing.engines.choice import VARIABLES, _first_of, choose_backend
+from aerokernels.tracing.engines.info import BackendInfo
 
 from .opencl_stands import bare_pyopencl, before_path, driver, need_opencl, run_python, vendors
 
@@ -15,7 +15,7 @@ OPENCL = BackendInfo("opencl", "Some CPU", "CPU, 2 compute units", "2026.1", Tru
 
 # Takes "auto" and traces with it.
 AUTO = (
-    "import numpy as np\nfrom aerokernels.tracing.backends import choose_backend\nfrom aerokernels import *\n"
+    "import numpy as np\nfrom aerokernels.tracing.engines.choice import choose_backend\nfrom aerokernels import *\n"
     "print(*choose_backend('auto', None), sep='|')\n"
     "field = IndexField.from_samples(np.zeros((9, 9)), origin=(0, 0), spacing=(1e-3, 1e-3), geometry='planar')\n"
     "result = trace(field, RayBundle([[0, 4e-3, -1e-3]], [[0, 0, 1]]))\n"
@@ -91,7 +91,7 @@ def test_without_warp_opencl_is_taken(tmp_path):
 def test_without_either_the_message_has_both_remedies(tmp_path):
     code = (
         "import sys; sys.modules['warp'] = sys.modules['pyopencl'] = None\n"
-        "from aerokernels.tracing.backends import *\n"
+        "from aerokernels.tracing.engines.choice import *\n"
         "for backend in ('auto', 'warp', 'opencl'):\n"
         "    try: choose_backend(backend, None)\n"
         "    except ValueError as error: print(error)\n"

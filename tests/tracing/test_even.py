@@ -12,9 +12,9 @@ from aerokernels.medium import Body, IndexField
 from aerokernels.rays import Disc, RayBundle
 from aerokernels.strehl_estimate import estimate_strehl
 from aerokernels.tracing import ArcLength, Plane, RayStatus, trace
+from aerokernels.tracing.engines.opencl.tables import cell_polynomials
 from aerokernels.tracing.even import LEAST_RAYS
 from aerokernels.tracing.launch import launch
-from aerokernels.tracing.opencl_tables import cell_polynomials
 from aerokernels.tracing.plan import TracePlan
 from aerokernels.tracing.pupil_run import PupilRun
 from aerokernels.tracing.pupil_sums import BATCH_RAYS, PupilTask, batches_of, point_order

@@ -170,6 +170,6 @@ def test_launches_of_the_pupil_take_one_work_item_a_moment(root: Path):
     """sum_moments writes its moments by one work-item each, and groups.h leaves the work-group's size to the host."""
     from aerokernels.tracing.pupil_sums import MOMENT_COUNT
 
-    text = (root / "aerokernels" / "tracing" / "opencl_program.py").read_text(encoding="utf-8")
+    text = (root / "aerokernels" / "tracing" / "engines/opencl/program.py").read_text(encoding="utf-8")
     found = re.search(r"^WORK_GROUP = (\d+)$", text, flags=re.MULTILINE)
     assert found is not None and int(found[1]) >= MOMENT_COUNT

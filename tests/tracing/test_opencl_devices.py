@@ -7,14 +7,21 @@ from pathlib import Path
 
 import pytest
 
-from aerokernels.tracing import opencl_devices, opencl_pocl
-from aerokernels.tracing.backend_info import BackendInfo
-from aerokernels.tracing.opencl_devices import FoundDevice, OpenCLUnavailable, find_device, list_devices, session
+from aerokernels.tracing.engines.info import BackendInfo
+from aerokernels.tracing.engines.opencl import devices as opencl_devices
+from aerokernels.tracing.engines.opencl import pocl_workaround as opencl_pocl
+from aerokernels.tracing.engines.opencl.devices import (
+    FoundDevice,
+    OpenCLUnavailable,
+    find_device,
+    list_devices,
+    session,
+)
 
 from .opencl_stands import bare_pyopencl, before_path, driver, need_opencl, run_python, vendors
 
 LIST = (
-    "from aerokernels.tracing.opencl_devices import *\n"
+    "from aerokernels.tracing.engines.opencl.devices import *\n"
     "for info in list_devices(): print(info.available, info.float64, info.device, info.reason, sep='|')\n"
     "for name in (None, 'cpu'):\n"
     "    try: print('found', find_device(name).info.device)\n"
@@ -98,7 +105,7 @@ def test_one_session_a_device_for_all_threads():
 def test_released_sessions_are_opened_again(tmp_path):
     need_opencl()
     code = (
-        "from aerokernels.tracing.opencl_devices import *\n"
+        "from aerokernels.tracing.engines.opencl.devices import *\n"
         "first = session(); release_all(); second = session()\n"
         "assert first is not second and second is session(); release_all(); release_all(); print('clean')"
     )
@@ -111,8 +118,8 @@ def test_a_forked_process_is_refused_and_leaves_the_parents_session_alone(tmp_pa
     """Drivers' threads do not survive a fork: without the refusal the child hangs in its first build."""
     need_opencl()
     code = (
-        "import os, sys\nfrom aerokernels.tracing.opencl_devices import *\n"
-        "from aerokernels.tracing.backends import choose_backend\n"
+        "import os, sys\nfrom aerokernels.tracing.engines.opencl.devices import *\n"
+        "from aerokernels.tracing.engines.choice import choose_backend\n"
         "opened = session()\n"
         "if os.fork() == 0:\n"
         "    try: session()\n"

@@ -10,8 +10,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from aerokernels.tracing import opencl_program
-from aerokernels.tracing.opencl_program import OPTION_VALUES, WORK_GROUP, build, build_options, expand, kernel_folder
+from aerokernels.tracing.engines.opencl import program as opencl_program
+from aerokernels.tracing.engines.opencl.program import (
+    OPTION_VALUES,
+    WORK_GROUP,
+    build,
+    build_options,
+    expand,
+    kernel_folder,
+)
 
 from .opencl_stands import need_opencl, run_python
 
@@ -38,7 +45,7 @@ def folder(tmp_path: Path) -> Path:
 
 def opened():
     """A session on the best device."""
-    from aerokernels.tracing.opencl_devices import session
+    from aerokernels.tracing.engines.opencl.devices import session
 
     return session(need_opencl().info.device)
 
@@ -103,7 +110,7 @@ def test_installed_sources_are_found_and_missing_ones_name_both_places(root: Pat
         root / "aerokernels", tmp_path / "aerokernels", ignore=shutil.ignore_patterns("__pycache__", "data")
     )
     shutil.copytree(root / "kernels", tmp_path / "aerokernels" / "kernels")
-    code = "from aerokernels.tracing.opencl_program import *\nprint(kernel_folder())"
+    code = "from aerokernels.tracing.engines.opencl.program import *\nprint(kernel_folder())"
     done = run_python(code, tmp_path, PYTHONPATH=str(tmp_path))
     assert done.stdout.strip() == str(tmp_path / "aerokernels" / "kernels"), done.stderr
     shutil.rmtree(tmp_path / "aerokernels" / "kernels")
@@ -187,8 +194,8 @@ def test_warnings_of_the_compiler_stay_away_from_users(folder, tmp_path):
 
 BUILD = (
     "import os, pathlib, numpy as np\n"
-    "from aerokernels.tracing.opencl_devices import import_pyopencl, session\n"
-    "from aerokernels.tracing.opencl_program import *\n"
+    "from aerokernels.tracing.engines.opencl.devices import import_pyopencl, session\n"
+    "from aerokernels.tracing.engines.opencl.program import *\n"
     "cl = import_pyopencl()\n"
     "on = session(); out = np.empty(128, np.float32)\n"
     "program = build(on, 'fill.cl', (), pathlib.Path(os.environ['SOURCES']))\n"
@@ -238,7 +245,7 @@ def test_a_cache_of_pyopencl_that_cannot_be_written_does_not_stop_a_launch(folde
         (tmp_path / "xdg").mkdir()
         (tmp_path / "xdg" / "pyopencl").write_text("no folder")
     code = (
-        "from aerokernels.tracing.opencl_devices import import_pyopencl; import_pyopencl()\n"
+        "from aerokernels.tracing.engines.opencl.devices import import_pyopencl; import_pyopencl()\n"
         "import pyopencl.characterize as c; c.has_src_build_cache = lambda device: False\n"
     )
     settings = {"SOURCES": str(folder), "XDG_CACHE_HOME": place, "POCL_CACHE_DIR": str(tmp_path)}

@@ -22,7 +22,7 @@ class Device:
         need_opencl()
         import pyopencl.array
 
-        from aerokernels.tracing.opencl_devices import session
+        from aerokernels.tracing.engines.opencl.devices import session
 
         self.opened = session()
         self.arrays = pyopencl.array
@@ -39,8 +39,8 @@ class Device:
     def run(self, name: str, items: int, *arguments) -> None:
         import pyopencl as cl
 
-        from aerokernels.tracing.opencl_backend import Kernel
-        from aerokernels.tracing.opencl_program import WORK_GROUP, build
+        from aerokernels.tracing.engines.opencl.engine import Kernel
+        from aerokernels.tracing.engines.opencl.program import WORK_GROUP, build
 
         kernel = Kernel(cl.Kernel(build(self.opened, f"{name}.cl"), name))
         given = [a.data if hasattr(a, "data") else a for a in arguments]
@@ -76,8 +76,8 @@ def rays(count: int) -> dict[str, np.ndarray]:
 def test_points_are_those_of_warp(device: Device):
     """Three replicates of 333 points, launched in two parts: the same bits, up to sine and cosine of the angle."""
     wp = pytest.importorskip("warp")
-    from aerokernels.tracing.warp_devices import start_warp
-    from aerokernels.tracing.warp_pupil import launch_pupil
+    from aerokernels.tracing.engines.warp.devices import start_warp
+    from aerokernels.tracing.engines.warp.kernels.pupil import launch_pupil
 
     start_warp()
     per, count = 333, 999

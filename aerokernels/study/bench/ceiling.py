@@ -94,7 +94,7 @@ def measure_ceiling(backend: str, device: str) -> dict:
 
     Warp's "cpu" and the reference stand for OpenCL's CPU, Warp's GPUs for the first GPU that OpenCL finds.
     """
-    from aerokernels.tracing.opencl_devices import OpenCLUnavailable, session
+    from aerokernels.tracing.engines.opencl.devices import OpenCLUnavailable, session
 
     if backend != "opencl":
         device = "cpu" if device == "cpu" else "gpu"
@@ -109,7 +109,7 @@ def measure_ceiling(backend: str, device: str) -> dict:
 
 
 def _measure(opened: Any) -> dict:
-    from aerokernels.tracing.opencl_devices import import_pyopencl
+    from aerokernels.tracing.engines.opencl.devices import import_pyopencl
 
     cl = import_pyopencl()
     on_cpu = bool(opened.device.type & cl.device_type.CPU)

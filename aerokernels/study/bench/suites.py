@@ -19,7 +19,7 @@ from aerokernels.study.bench.scenes import WAVELENGTH, PupilScene, cone_field, c
 from aerokernels.study.bench.targets import Settings, on_processor
 from aerokernels.study.bench.truth import chosen_rays, errors, integrate
 from aerokernels.tracing import Plane, trace
-from aerokernels.tracing.backends import choose_backend
+from aerokernels.tracing.engines.choice import choose_backend
 
 OUTPUTS = ("direction", "optical_path")
 # Of the fan whose Strehl ratio stands for the truth.

@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from aerokernels.tracing.backends import available_backends, choose_backend
+from aerokernels.tracing.engines.choice import available_backends, choose_backend
 from aerokernels.tracing.plan import METHODS, PRECISIONS
 
 SUITES = ("cone", "strehl", "sweep")

@@ -1,12 +1,15 @@
-"""Engines: what computes, behind one small interface. `engine_of` gives the one of a plan."""
+"""Engines: what computes, behind one small interface (interface.py); which there are, and which goes first (choice.py).
+
+`engine_of` gives the one of a plan; the oracle of reference/ traces whole bundles by itself.
+"""
 
 from importlib import import_module
 
+from .choice import available_backends, choose_backend
+from .info import BackendInfo
 from .interface import OUTPUT_TYPES, Engine, Prepared
 
-__all__ = ["OUTPUT_TYPES", "Engine", "Prepared", "engine_of"]
-
-MODULES = {"warp": "..warp_backend", "opencl": "..opencl_backend"}
+__all__ = ["OUTPUT_TYPES", "BackendInfo", "Engine", "Prepared", "available_backends", "choose_backend", "engine_of"]
 
 
 def engine_of(backend: str, device: str) -> Engine:
@@ -15,5 +18,5 @@ def engine_of(backend: str, device: str) -> Engine:
     Raises:
         ValueError: The device is not there, or does not open.
     """
-    engine: Engine = import_module(MODULES[backend], __package__).Engine(device)
+    engine: Engine = import_module(f".{backend}.engine", __package__).Engine(device)
     return engine

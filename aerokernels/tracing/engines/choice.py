@@ -1,0 +1,193 @@
+"""Which engines can trace here, and which one "auto" takes.
+
+The order is fixed, so that the same installation always does the same: a GPU before a CPU, and on either OpenCL where
+it has a device that can trace, else Warp. docs/backends.md has the speeds of both. AEROKERNELS_CPU_BACKEND and
+AEROKERNELS_GPU_BACKEND, "warp" or "opencl", put the other one first.
+"""
+
+import importlib.util
+import os
+import sys
+from contextlib import suppress
+from dataclasses import replace
+from importlib.metadata import PackageNotFoundError, version
+
+from .info import NO_CUDA, BackendInfo, cuda_driver_loads, host_memory, warp_processor
+
+BACKENDS = ("auto", "warp", "opencl", "reference")
+# Environment variables that decide between Warp and OpenCL on a kind of device.
+VARIABLES = {"cpu": "AEROKERNELS_CPU_BACKEND", "gpu": "AEROKERNELS_GPU_BACKEND"}
+
+
+def available_backends() -> list[BackendInfo]:
+    """Every backend and device found, the one that "auto" takes first.
+
+    Raises:
+        ValueError: A variable that decides between Warp and OpenCL names neither.
+    """
+    warp, opencl = _warp_devices(), _opencl_devices()
+    gpus = _preferred([info for info in warp if info.available and info.device != "cpu"], _usable(opencl, gpu=True))
+    processors = _preferred(
+        [info for info in warp if info.available and info.device == "cpu"], _usable(opencl, gpu=False)
+    )
+    if gpus:
+        processors = [replace(info, reason="a GPU goes before it") for info in processors]
+    return [*gpus, *processors, _reference(), *_rest(warp, opencl)]
+
+
+def choose_backend(backend: str, device: str | None) -> tuple[str, str, str]:
+    """Backend, device, and why.
+
+    "auto" takes a GPU where there is one, else the CPU, and on either OpenCL where a device of it can trace, else Warp;
+    with a device's name it takes the backend that has it.
+
+    Raises:
+        ValueError: An unknown or absent backend or device, the message says what there is; or a variable that decides
+            between Warp and OpenCL names neither.
+    """
+    if backend not in BACKENDS:
+        raise ValueError(f"backend {backend!r} is not known: choose one of {', '.join(BACKENDS)}")
+    if backend == "reference":
+        if device not in (None, "cpu"):
+            raise ValueError(f"backend 'reference' runs on 'cpu' only, got device {device!r}")
+        return "reference", "cpu", "backend reference: asked for"
+    if backend == "opencl":
+        return _opencl_named(device)
+    if backend == "warp":
+        return _warp_named(_warp_devices(), device)
+    warp = _warp_devices(quick=True)
+    if device is None or device.lower() in ("cpu", "gpu"):
+        return _best(warp, device and device.lower())
+    if any(info.available and info.device == device for info in warp):
+        return "warp", device, f"backend warp on {device}: asked for"
+    try:
+        return _opencl_named(device)
+    except ValueError as error:
+        names = ", ".join(info.device for info in warp if info.available) or "none"
+        raise ValueError(
+            f"device {device!r} is not there: backend 'warp' has {names}; by backend 'opencl': {error}"
+        ) from error
+
+
+def _best(warp: list[BackendInfo], kind: str | None) -> tuple[str, str, str]:
+    """The best device of a kind ("cpu", "gpu" or None for any)."""
+    opencl = _opencl_devices()
+    if kind != "cpu":
+        cuda = next((info for info in warp if info.available and info.device != "cpu"), None)
+        gpus = _usable(opencl, gpu=True)
+        if cuda and gpus:
+            return _one_of(cuda, gpus[0])
+        if cuda:
+            return "warp", cuda.device, f"backend warp on {cuda.device}: {cuda.reason}"
+        if gpus:
+            return "opencl", gpus[0].device, f"backend opencl on {gpus[0].device}: a GPU is taken where there is one"
+        if kind == "gpu":
+            raise ValueError(
+                "device 'gpu' is not there: Warp finds no CUDA device and OpenCL no GPU that can trace; see "
+                "`aerokernels backends`, or choose device 'cpu'"
+            )
+    processor = next((info for info in warp if info.available and info.device == "cpu"), None)
+    others = _usable(opencl, gpu=False)
+    if processor and others:
+        return _one_of(processor, others[0])
+    if processor:
+        return "warp", "cpu", f"backend warp on cpu: {processor.reason}; {_why_not(opencl)}"
+    if others:
+        return "opencl", others[0].device, f"backend opencl on {others[0].device}: {warp[0].reason}"
+    raise ValueError(
+        f"no backend can trace here: warp: {warp[0].reason}; {_why_not(opencl)}; backend 'reference' needs neither, "
+        "and is slow"
+    )
+
+
+def _one_of(warp: BackendInfo, opencl: BackendInfo) -> tuple[str, str, str]:
+    taken, reason = _first_of(warp, opencl)
+    return taken.backend, taken.device, f"backend {taken.backend} on {taken.device}: {reason}"
+
+
+def _first_of(warp: BackendInfo, opencl: BackendInfo) -> tuple[BackendInfo, str]:
+    """Which of two devices of one kind "auto" takes, and why."""
+    variable = VARIABLES["cpu" if warp.device == "cpu" else "gpu"]
+    forced = os.environ.get(variable)
+    if not forced:
+        return opencl, "OpenCL goes before Warp where it can trace: about as fast or faster (docs/backends.md)"
+    if forced not in ("warp", "opencl"):
+        raise ValueError(f"{variable} is {forced!r}: set it to 'warp' or 'opencl', or unset it")
+    return {"warp": warp, "opencl": opencl}[forced], f"{variable} says so"
+
+
+def _warp_named(warp: list[BackendInfo], device: str | None) -> tuple[str, str, str]:
+    if not warp[0].available:
+        raise ValueError(f"backend 'warp' cannot trace here: {warp[0].reason}")
+    if device is None:
+        return "warp", warp[0].device, f"backend warp on {warp[0].device}: {warp[0].reason}"
+    names = [info.device for info in warp]
+    if device not in names:
+        raise ValueError(f"device {device!r} is not there: backend 'warp' has {', '.join(names)}")
+    return "warp", device, f"backend warp on {device}: asked for"
+
+
+def _opencl_named(device: str | None) -> tuple[str, str, str]:
+    from .opencl.devices import OpenCLUnavailable, find_device
+
+    try:
+        name = find_device(device).info.device
+    except OpenCLUnavailable as error:
+        raise OpenCLUnavailable(f"backend 'opencl' cannot trace here: {error}") from error
+    return "opencl", name, f"backend opencl on {name}: asked for"
+
+
+def _warp_devices(quick: bool = False) -> list[BackendInfo]:
+    """Warp's devices; a quick look tells without importing Warp what it has where there is no CUDA driver."""
+    if importlib.util.find_spec("warp") is None:
+        return [_absent("warp", "the package warp-lang is not installed: pip install warp-lang")]
+    if quick and "warp" not in sys.modules and not cuda_driver_loads():
+        with suppress(PackageNotFoundError):
+            return [warp_processor(version("warp-lang"), NO_CUDA)]
+    from .warp.devices import list_devices
+
+    return list_devices()
+
+
+def _opencl_devices() -> list[BackendInfo]:
+    from .opencl.devices import list_devices
+
+    return list_devices()
+
+
+def _usable(opencl: list[BackendInfo], gpu: bool) -> list[BackendInfo]:
+    """The devices of OpenCL that can trace: GPUs, or all others."""
+    return [info for info in opencl if info.available and info.description.startswith("GPU") == gpu]
+
+
+def _preferred(mine: list[BackendInfo], others: list[BackendInfo]) -> list[BackendInfo]:
+    """Warp's devices and OpenCL's of one kind, the one that "auto" takes first."""
+    if not (mine and others):
+        return mine + others
+    taken, reason = _first_of(mine[0], others[0])
+    other = mine[0] if taken is others[0] else others[0]
+    return [
+        replace(taken, reason=reason),
+        replace(other, reason=f"{taken.backend} goes before it"),
+        *mine[1:],
+        *others[1:],
+    ]
+
+
+def _rest(warp: list[BackendInfo], opencl: list[BackendInfo]) -> list[BackendInfo]:
+    return [info for info in (*warp, *opencl) if not info.available]
+
+
+def _reference() -> BackendInfo:
+    import scipy
+
+    text = "float64 NumPy (DOP853, step by smooth piece of the field): the oracle, slow"
+    return BackendInfo("reference", "cpu", text, scipy.__version__, True, True, host_memory(), "never taken by auto")
+
+
+def _why_not(opencl: list[BackendInfo]) -> str:
+    return "no OpenCL: " + "; ".join(info.reason for info in opencl if not info.available)
+
+
+def _absent(backend: str, reason: str) -> BackendInfo:
+    return BackendInfo(backend, "-", "-", "-", False, False, None, reason)

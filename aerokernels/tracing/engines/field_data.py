@@ -1,0 +1,327 @@
+"""What a kernel needs of a field, a plan and a stop, in NumPy: the same for every backend.
+
+Names are those of the kernels' structs Field, Bounds and Control (warp/types.py, kernels/include/types.h); arrays are
+those of the kernels' array arguments. Numbers are float64 here and rounded once, by the backend.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ...medium import IndexField
+from ...medium.grid import UniformGrid
+from ...medium.wall_tree import wall_tree
+from ..active import active_box, left_out
+from ..held import held_error
+from ..plan import TracePlan
+from ..quiet import CONES, cones_of, reach
+from ..result import output_mask
+from ..scheme import LAXEST, MESH_STEP_LIMIT, STEP_LIMIT
+from ..stop import ArcLength, Plane
+from ..unresolved import lookup_table
+
+# Arrays of whole numbers; the others but for the next are of the kernel's precision.
+INTEGER_ARRAYS = ("neighbors", "bin_start", "bin_cell", "wall_links", "reach_start")
+# Arrays of double precision whatever the kernel's: a wall has no cells to be near to.
+DOUBLE_ARRAYS = ("wall", "wall_boxes")
+# A backend's arrays of a field, in the order of the kernel's arguments.
+FIELD_ARRAYS = (
+    "coefficients",
+    "corners",
+    "values",
+    "gradients",
+    "neighbors",
+    "bin_start",
+    "bin_cell",
+    "paper_step",
+    "wall",
+    "wall_boxes",
+    "wall_links",
+)
+
+REAL_TYPES: dict[str, type] = {"float32": np.float32, "float64": np.float64}
+
+
+def number_type(array: str, precision: str) -> type:
+    """NumPy's type of the numbers in one of the kernels' arrays."""
+    if array in INTEGER_ARRAYS:
+        return np.int32
+    return np.float64 if array in DOUBLE_ARRAYS else REAL_TYPES[precision]
+
+
+# Scalars and vectors of the kernels' structs in their order: name, how many numbers, and of what kind ("i" int, "d"
+# double, "r" of the kernel's precision).
+STRUCTS = {
+    "field": (
+        ("row", 3, "i"),
+        ("pitch", 3, "i"),
+        ("inverse_spacing", 3, "r"),
+        ("ambient", 1, "r"),
+        ("mesh_low", 2, "r"),
+        ("mesh_high", 2, "r"),
+        ("bin_count", 2, "i"),
+        ("bin_origin", 2, "r"),
+        ("bin_rate", 2, "r"),
+        ("slack", 1, "r"),
+        ("cell_count", 1, "i"),
+        ("wall_count", 1, "i"),
+    ),
+    "bounds": (
+        ("origin", 3, "d"),
+        ("spacing", 3, "d"),
+        ("low", 3, "d"),
+        ("high", 3, "d"),
+        ("radius", 1, "d"),
+        ("active_low", 3, "d"),
+        ("active_high", 3, "d"),
+        ("active_radius", 1, "d"),
+        ("ambient", 1, "d"),
+        ("plane_point", 3, "d"),
+        ("plane_normal", 3, "d"),
+        ("length", 1, "d"),
+    ),
+    "control": (
+        ("face_low", 3, "r"),
+        ("face_high", 3, "r"),
+        ("radius", 1, "r"),
+        ("plane_normal", 3, "r"),
+        ("plane_offset", 1, "r"),
+        ("cell_rate", 3, "r"),
+        ("step", 1, "r"),
+        ("step_limit", 1, "r"),
+        ("block_count", 3, "i"),
+        ("block", 1, "i"),
+        ("budget", 1, "r"),
+        ("extent", 1, "r"),
+        ("max_steps", 1, "i"),
+        ("even_share", 1, "r"),
+        ("bend_share", 1, "r"),
+        ("sample_count", 1, "i"),
+        ("left_potential", 1, "r"),
+        ("left_slope", 1, "r"),
+        ("outputs", 1, "i"),
+    ),
+}
+
+
+@dataclass(frozen=True, eq=False)
+class FieldData:
+    """A field as kernels see it.
+
+    Attributes:
+        arrays: FIELD_ARRAYS by name; those that the field has no use for have one row.
+        field: Scalars and short vectors of struct Field, by name.
+        bounds: Those of struct Bounds but for the stop.
+        control: Those of struct Control but for the stop, the plan and the table of safe steps.
+        origin: Where cell 0 lies in x, y, z [m].
+        spacing: Metres per cell along x, y, z.
+    """
+
+    arrays: dict[str, np.ndarray]
+    field: dict[str, object]
+    bounds: dict[str, object]
+    control: dict[str, object]
+    origin: np.ndarray
+    spacing: np.ndarray
+
+
+def field_data(field: IndexField, precision: str, with_paper_step: bool) -> FieldData:
+    """The data of a field for one precision (mesh slack depends on it); kept as long as the field lives.
+
+    Raises:
+        ValueError: More coefficients than the kernels' 32-bit index can count.
+    """
+    key = ("kernel data", precision, with_paper_step)
+    return field.derive(key, lambda: _field_data(field, precision, with_paper_step))
+
+
+def _field_data(field: IndexField, precision: str, with_paper_step: bool) -> FieldData:
+    samples = field.samples
+    low, high = field.box
+    finite = np.nan_to_num(np.stack([low, high]), posinf=0.0, neginf=0.0)
+    arrays: dict[str, np.ndarray] = {name: np.zeros((1, 2)) for name in ("corners", "gradients")}
+    arrays |= {name: np.zeros(1) for name in ("coefficients", "values", "paper_step")}
+    arrays |= {name: np.zeros(1, dtype=np.int32) for name in ("neighbors", "bin_start", "bin_cell")}
+    members: dict[str, object] = {
+        "row": np.zeros(3, dtype=int),
+        "pitch": np.ones(3, dtype=int),
+        "ambient": field.ambient_index,
+        "mesh_low": np.zeros(2),
+        "mesh_high": np.zeros(2),
+        "bin_count": np.ones(2, dtype=int),
+        "bin_origin": np.zeros(2),
+        "bin_rate": np.ones(2),
+        "slack": 0.0,
+        "cell_count": 0,
+    }
+    if isinstance(samples, UniformGrid):
+        spacing, origin = _per_position_axis(field.geometry, samples.spacing, samples.origin)
+        members |= _grid_members(samples)
+        arrays["coefficients"] = samples.coefficients.ravel()
+        if with_paper_step:
+            arrays["paper_step"] = samples.paper_step.ravel()
+        cell_rate = 1.0 / spacing
+    else:
+        mesh = samples.mesh
+        spacing, origin = np.ones(3), np.zeros(3)
+        members |= _mesh_members(mesh, precision)
+        gradients = samples.gradients if field.interpolation != "bilinear" else np.zeros_like(mesh.vertices)
+        arrays |= {
+            "corners": mesh.corners.reshape(-1, 2),
+            "values": samples.values[mesh.cells].ravel(),
+            "gradients": gradients[mesh.cells].reshape(-1, 2),
+            "neighbors": mesh.neighbors.ravel(),
+            "bin_start": mesh.bins.start,
+            "bin_cell": mesh.bins.cell,
+        }
+        if with_paper_step:
+            arrays["paper_step"] = np.append(samples.paper_step, np.median(samples.paper_step))
+        cell_rate = np.full(3, 1.0 / float(np.median(mesh.cell_size)))
+    members["inverse_spacing"] = 1.0 / spacing
+    arrays |= {"wall": np.zeros((1, 4)), "wall_boxes": np.zeros((1, 4)), "wall_links": np.zeros((1, 3), np.int32)}
+    members["wall_count"] = 0
+    if field.body is not None:
+        walls = wall_tree(*field.body.surface)
+        arrays |= {"wall": walls.segments, "wall_boxes": walls.boxes, "wall_links": walls.links}
+        members["wall_count"] = len(walls.boxes)
+    radius = float(samples.high[0]) if field.geometry == "axisymmetric" else 0.0
+    bounds = {
+        "origin": origin,
+        "spacing": spacing,
+        "low": finite[0],
+        "high": finite[1],
+        "radius": radius,
+        "ambient": field.ambient_index,
+    }
+    control = {
+        "face_low": (finite[0] - origin) / spacing,
+        "face_high": _whole((finite[1] - origin) / spacing),
+        "radius": radius / spacing[0],
+        "cell_rate": cell_rate,
+        "extent": 4.0 * float(np.linalg.norm(finite[1] - finite[0])),
+        "step_limit": STEP_LIMIT if field.is_uniform else MESH_STEP_LIMIT,
+    }
+    return FieldData(arrays, members, bounds, control, origin, spacing)
+
+
+def _grid_members(samples: UniformGrid) -> dict[str, object]:
+    shape = samples.coefficients.shape
+    if np.prod(shape) >= 2**31:
+        raise ValueError(f"{np.prod(shape)} coefficients do not fit the kernel's 32-bit index: use a coarser grid")
+    pitch = [1] * 3
+    for axis in range(len(shape) - 2, -1, -1):
+        pitch[axis] = pitch[axis + 1] * shape[axis + 1]
+    row = [n - 2 for n in samples.shape] + [0] * (3 - len(samples.shape))
+    return {"row": np.array(row), "pitch": np.array(pitch)}
+
+
+def _mesh_members(mesh, precision: str) -> dict[str, object]:
+    extent = float(np.abs(np.stack(mesh.box)).max())
+    return {
+        "mesh_low": mesh.box[0],
+        "mesh_high": mesh.box[1],
+        "bin_count": np.array(mesh.bins.count),
+        "bin_origin": mesh.bins.origin,
+        "bin_rate": 1.0 / mesh.bins.size,
+        "slack": extent * (4e-7 if precision == "float32" else 1e-13),
+        "cell_count": len(mesh.cells),
+    }
+
+
+def _per_position_axis(geometry: str, spacing, origin) -> tuple[np.ndarray, np.ndarray]:
+    if geometry == "volume":
+        return np.array(spacing), np.array(origin)
+    if geometry == "planar":
+        return np.array([spacing[0], *spacing]), np.array([0.0, *origin])
+    return np.array([spacing[0], spacing[0], spacing[1]]), np.array([0.0, 0.0, origin[1]])
+
+
+def _whole(cells: np.ndarray) -> np.ndarray:
+    """Cell counts that are whole but for rounding, made whole."""
+    near = np.round(cells)
+    return np.where(np.abs(cells - near) < 1e-9 * np.maximum(near, 1.0), near, cells)
+
+
+def stop_kind(until) -> str:
+    """Name of the kind of stop: "none", "plane" or "arc"."""
+    return {Plane: "plane", ArcLength: "arc"}.get(type(until), "none")
+
+
+def trace_members(
+    field: IndexField, data: FieldData, plan: TracePlan, until, wavelength: float, outputs: frozenset
+) -> tuple[dict, dict]:
+    """Members of Bounds and of Control that the plan, the stop and the outputs wanted set, by name."""
+    bounds: dict[str, object] = {"plane_point": np.zeros(3), "plane_normal": np.zeros(3), "length": 0.0}
+    bounds |= _active_members(field, data, plan, wavelength)
+    control: dict[str, object] = {
+        "plane_normal": np.zeros(3),
+        "plane_offset": 0.0,
+        "step": plan.sampling.spacing if plan.sample_count and plan.sampling else plan.step or 0.0,
+        "budget": held_error(field, plan.tolerance * wavelength),
+        "max_steps": plan.max_steps,
+        "even_share": plan.even_share,
+        "bend_share": plan.bend_share,
+        "sample_count": plan.sample_count,
+        "outputs": output_mask(outputs),
+    }
+    control |= _left_members(field, plan, wavelength)
+    if isinstance(until, Plane):
+        bounds |= {"plane_point": until.point, "plane_normal": until.normal}
+        control["plane_normal"] = until.normal * data.spacing
+        control["plane_offset"] = float(until.normal @ (until.point - data.origin))
+    elif isinstance(until, ArcLength):
+        bounds["length"] = until.length
+    return bounds, control
+
+
+def _active_members(field: IndexField, data: FieldData, plan: TracePlan, wavelength: float) -> dict[str, object]:
+    """Only even samples ask where the field is active."""
+    if not plan.sample_count:
+        return {"active_low": np.zeros(3), "active_high": np.zeros(3), "active_radius": 0.0}
+    low, high = active_box(field, held_error(field, plan.tolerance * wavelength), plan.levers)
+    radius = float(high[0]) if field.geometry == "axisymmetric" else 0.0
+    missing = np.zeros(3 - len(low))
+    return {
+        "active_low": np.concatenate([missing, low]),
+        "active_high": np.concatenate([missing, high]),
+        "active_radius": radius,
+    }
+
+
+def _left_members(field: IndexField, plan: TracePlan, wavelength: float) -> dict[str, object]:
+    """What even samples leave out, at most: the potential outside the active part, and its slope [1/m]."""
+    if not plan.sample_count:
+        return {"left_potential": 0.0, "left_slope": 0.0}
+    potential, slope = left_out(field, held_error(field, plan.tolerance * wavelength), plan.levers)
+    # A spline's slope is below twice its greatest coefficient over the spacing.
+    return {
+        "left_potential": potential,
+        "left_slope": min(slope, 2.0 * potential / float(np.min(field.samples.spacing))),
+    }
+
+
+def reach_tables(field: IndexField, plan: TracePlan, wavelength: float, directions: np.ndarray) -> tuple[dict, dict]:
+    """The tables of safe steps of the cones that the directions lie in; none without error control or on a mesh.
+
+    Even samples have in their place the one of what lies between them (unresolved.py), where that counts: the first
+    entry of "reach_start" is then 0.
+
+    Returns:
+        Arrays "reach" [m], flat, and "reach_start", -1 for a cone without a table; members of Control.
+    """
+    budget = held_error(field, min(plan.tolerance, LAXEST) * wavelength)
+    start = np.full(len(CONES), -1, dtype=np.int32)
+    lengths = [np.zeros(1)]
+    members: dict[str, object] = {"block_count": np.ones(3, dtype=int), "block": 1}
+    if plan.sample_count and plan.sampling is not None:
+        block, missed = lookup_table(field, plan.sampling)
+        start[0], lengths = 0, [missed.ravel()]
+        members = {"block_count": np.array([*missed.shape, *[1] * (3 - missed.ndim)]), "block": block}
+    if isinstance(field.samples, UniformGrid) and plan.method in ("adaptive", "straight") and not plan.sample_count:
+        for cone in np.unique(cones_of(directions, field.geometry)):
+            table = reach(field.samples, field.geometry, budget, CONES[cone])
+            start[cone] = sum(part.size for part in lengths)
+            lengths.append(table.length.ravel())
+            shape = table.length.shape
+            members = {"block_count": np.array([*shape, *[1] * (3 - len(shape))]), "block": table.block}
+    return {"reach": np.concatenate(lengths), "reach_start": start}, members

@@ -1,0 +1,1 @@
+"""OpenCL: kernels in C, on any device with a driver."""

@@ -1,0 +1,336 @@
+"""OpenCL's platforms and devices, and one open session a device.
+
+The only way to PyOpenCL: it is imported here, late, so that every way in which OpenCL can be missing or broken ends in
+`OpenCLUnavailable` with a remedy, and a broken driver does not take the others with it.
+"""
+
+import atexit
+import functools
+import importlib
+import importlib.util
+import os
+import re
+import sys
+import threading
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+from ..info import BackendInfo
+from .drivers import broken_drivers
+from .pocl_workaround import name_processor
+
+POCL = "Portable Computing Language"
+KINDS = ("gpu", "cpu", "accelerator")  # in the order in which they are taken
+
+
+class OpenCLUnavailable(ValueError):
+    """OpenCL cannot be used here; the message says why and what to do."""
+
+
+@dataclass(frozen=True)
+class FoundDevice:
+    """A device: what is told of it, PyOpenCL's object, its kind ("gpu", "cpu" or "accelerator") and its compute units.
+
+    `options` are compile options that this device needs.
+    """
+
+    info: BackendInfo
+    device: Any
+    kind: str
+    compute_units: int
+    options: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, eq=False)
+class Session:
+    """An open device: its context, its queue (in order), the programs built for it, and those launched already."""
+
+    name: str
+    device: Any
+    context: Any
+    queue: Any
+    options: tuple[str, ...] = ()
+    programs: dict = field(default_factory=dict, repr=False)
+    launched: set = field(default_factory=set, repr=False)
+    lock: Any = field(default_factory=threading.RLock, repr=False)
+
+
+_sessions: dict[tuple[int, str], Session] = {}
+_lock = threading.RLock()
+_opened_by: int | None = None  # the process that started the drivers' threads
+
+
+def import_pyopencl():
+    """PyOpenCL.
+
+    Raises:
+        OpenCLUnavailable: It is not installed, or its import fails.
+    """
+    try:
+        spec = importlib.util.find_spec("pyopencl")
+    except (ImportError, ValueError):
+        spec = None
+    if spec is None:
+        raise OpenCLUnavailable("the package pyopencl is not installed: pip install 'aerokernels[opencl]'")
+    try:
+        if "pyopencl" not in sys.modules and not _cache_is_writable():
+            # Its first launch of a kernel would fail; it reads this variable once, when it is imported.
+            os.environ.setdefault("PYOPENCL_NO_CACHE", "1")
+        return importlib.import_module("pyopencl")
+    except Exception as error:  # a foreign package and a C extension: anything may come
+        raise OpenCLUnavailable(
+            f"pyopencl is installed ({spec.origin}) but its import fails with {type(error).__name__}: {error}; "
+            "pip install --force-reinstall 'pyopencl[pocl]'"
+        ) from error
+
+
+def _cache_is_writable() -> bool:
+    """Whether PyOpenCL has a place for the code by which it launches kernels."""
+    import platformdirs  # PyOpenCL's own dependency, and the folder it uses
+
+    folder = platformdirs.user_cache_dir("pytools", "pytools")
+    try:
+        os.makedirs(folder, exist_ok=True)
+    except OSError:
+        return False
+    return os.access(folder, os.W_OK)
+
+
+def list_devices() -> list[BackendInfo]:
+    """Every device of every platform, the best first, then what is broken and why.
+
+    Never raises for a missing or broken OpenCL: an entry that is not available tells the reason.
+    """
+    try:
+        devices, troubles = survey()
+    except OpenCLUnavailable as error:
+        return [_absent(str(error))]
+    return [found.info for found in devices] + [_absent(trouble) for trouble in troubles]
+
+
+def find_device(name: str | None = None) -> FoundDevice:
+    """The device of that name.
+
+    Args:
+        name: None takes the best (a GPU before a CPU, then the most compute units), "gpu" and "cpu" the best of the
+            kind; otherwise a name from `list_devices`, in any case of letters, or a part of it that no other has.
+
+    Raises:
+        OpenCLUnavailable: There is no OpenCL here, or the device cannot trace.
+        ValueError: No device, or more than one, has that name; the message lists what there is.
+    """
+    devices, troubles = survey()
+    if name is None or name.lower() in KINDS:
+        matching = [found for found in devices if name is None or found.kind == name.lower()]
+        usable = [found for found in matching if found.info.available]
+        if usable:
+            return usable[0]
+        if matching or name is None:
+            reasons = [f"{found.info.device}: {found.info.reason}" for found in matching] + troubles
+            raise OpenCLUnavailable("no OpenCL device here can trace: " + "; ".join(reasons))
+    else:
+        wanted = name.strip().lower()
+        matching = [found for found in devices if found.info.device.lower() == wanted]
+        matching = matching or [found for found in devices if wanted and wanted in found.info.device.lower()]
+        if len(matching) == 1:
+            if not matching[0].info.available:
+                raise OpenCLUnavailable(f"OpenCL device {matching[0].info.device!r}: {matching[0].info.reason}")
+            return matching[0]
+        if matching:
+            names = ", ".join(repr(found.info.device) for found in matching)
+            raise ValueError(f"device {name!r} is ambiguous: it may be {names}; give the whole name")
+    names = ", ".join(repr(found.info.device) for found in devices) or "none"
+    raise ValueError(f"device {name!r} is not there: backend 'opencl' has {names}")
+
+
+def session(name: str | None = None) -> Session:
+    """The open session of a device (see `find_device`), one for the process; thread-safe.
+
+    Raises:
+        OpenCLUnavailable: There is no OpenCL here, or the device cannot be opened.
+        ValueError: No device, or more than one, has that name.
+    """
+    with _lock:
+        found = find_device(name)
+        key = os.getpid(), found.info.device
+        if key not in _sessions:
+            cl = import_pyopencl()
+            try:
+                context = cl.Context([found.device])
+                clocked = cl.command_queue_properties.PROFILING_ENABLE
+                queue = cl.CommandQueue(context, found.device, properties=clocked)
+            except cl.Error as error:
+                raise OpenCLUnavailable(
+                    f"OpenCL device {found.info.device!r} is listed but does not open ({error}): is it in use, or its "
+                    "memory full? Choose another one, or backend 'warp'"
+                ) from error
+            _sessions[key] = Session(found.info.device, found.device, context, queue, found.options)
+        return _sessions[key]
+
+
+@atexit.register
+def release_all() -> None:
+    """Finish and let go every session of this process; those that a fork inherited are left alone."""
+    with _lock:
+        for key in [key for key in _sessions if key[0] == os.getpid()]:
+            released = _sessions.pop(key)
+            released.programs.clear()
+            released.launched.clear()
+            try:
+                released.queue.finish()
+            except import_pyopencl().Error:
+                pass  # a lost device has nothing left to wait for
+
+
+def survey() -> tuple[list[FoundDevice], list[str]]:
+    """The devices, best first, and what is wrong with platforms and drivers.
+
+    Raises:
+        OpenCLUnavailable: PyOpenCL is missing or broken, nothing at all was found, or this process is a fork of one
+            that uses OpenCL.
+    """
+    with _lock:
+        if _opened_by not in (None, os.getpid()):
+            raise OpenCLUnavailable(
+                "this process was forked from one in which OpenCL was open already, and its drivers' threads do not "
+                "survive that: start worker processes with multiprocessing's method 'spawn', or choose backend 'warp'"
+            )
+        devices, troubles = _survey()
+        if not devices:
+            raise OpenCLUnavailable("; ".join(troubles))
+        return devices, troubles
+
+
+@functools.cache
+def _survey() -> tuple[list[FoundDevice], list[str]]:
+    """As `survey`; no devices where OpenCL is missing: a process looks once, as the driver loader itself does."""
+    global _opened_by
+    try:
+        cl = import_pyopencl()
+    except OpenCLUnavailable as error:
+        return [], [str(error)]
+    troubles = broken_drivers()
+    try:
+        platforms = cl.get_platforms()
+    except cl.Error as error:
+        platforms = []
+        if "PLATFORM_NOT_FOUND" not in str(error):
+            troubles.append(f"the platforms cannot be listed: {error}")
+    if not platforms:
+        return [], [_no_platform(), *troubles]
+    _opened_by = os.getpid()  # drivers start their threads when asked for devices
+    devices: list[FoundDevice] = []
+    for index, platform in enumerate(platforms):
+        title = f"platform {index}"
+        try:
+            title = f"platform {platform.name.strip()!r}"
+            present = platform.get_devices()
+            if not present:
+                troubles.append(f"{title} has no devices: {_why_no_devices(title)}")
+        except cl.Error as error:
+            found_none = "DEVICE_NOT_FOUND" in str(error)
+            troubles.append(
+                f"{title} has no devices: {_why_no_devices(title)}" if found_none else f"{title} fails: {error}"
+            )
+            continue
+        for device in present:
+            try:
+                devices.append(_describe(cl, platform, device))
+            except (cl.Error, ValueError) as error:
+                troubles.append(f"{title} has a device that does not describe itself: {error}")
+    if not devices:
+        return [], ["no OpenCL device is here", *troubles]
+    devices.sort(key=lambda found: (not found.info.available, KINDS.index(found.kind), -found.compute_units))
+    return _with_unique_names(devices), troubles
+
+
+def _describe(cl, platform, device) -> FoundDevice:
+    name = " ".join(device.name.split())
+    units = int(device.max_compute_units)
+    kind = "gpu" if device.type & cl.device_type.GPU else "cpu" if device.type & cl.device_type.CPU else "accelerator"
+    float64 = has_float64(cl, device)
+    options: tuple[str, ...] = ()
+    reason = ""
+    if not float64:
+        reason = (
+            f"float64 is missing on {name}, and ray ends and path sums are always computed in float64: take a device "
+            "whose float64 column says yes in `aerokernels backends`, or backend 'warp'"
+        )
+    elif not (device.available and device.compiler_available):
+        reason = f"{name} says it is not available now" if not device.available else f"{name} has no compiler"
+    elif platform.name.strip() == POCL:
+        # PoCL brings its own compiler, which may be older than the processor: other drivers know their device.
+        options = name_processor(device)
+        trouble = _trial(cl, device, options)
+        if trouble:
+            reason = (
+                f"the compiler of PoCL builds nothing for this processor ({trouble}): install a newer PoCL as the "
+                "system's OpenCL driver, or take backend 'warp'"
+            )
+    # PoCL goes on with how it was compiled.
+    version = f"{platform.name.strip()} {re.split(r'  |,', platform.version.strip())[0]}"
+    info = BackendInfo(
+        "opencl",
+        name,
+        f"{kind.upper() if kind != 'accelerator' else kind}, {units} compute units; {version}, driver "
+        f"{device.driver_version.strip()}",
+        cl.VERSION_TEXT,
+        not reason,
+        float64,
+        int(device.global_mem_size),
+        reason or "OpenCL can trace on it",
+    )
+    return FoundDevice(info, device, kind, units, options)
+
+
+def has_float64(cl, device) -> bool:
+    """Whether a device computes in float64."""
+    try:
+        return bool(device.double_fp_config) or "cl_khr_fp64" in device.extensions.split()
+    except cl.Error:
+        return False
+
+
+def _trial(cl, device, options: tuple[str, ...]) -> str:
+    """The compiler's first complaint about a kernel of one line, "" where it builds."""
+    try:
+        context = cl.Context([device])
+        trial = cl.Program(context, "__kernel void trial(__global float *x) { x[get_global_id(0)] = 0.0f; }")
+        trial.build(list(options), cache_dir=False)
+    except (cl.Error, cl.RuntimeError) as error:
+        lines = [line.strip() for line in str(error).splitlines() if "error:" in line]
+        return lines[0] if lines else " ".join(str(error).split())[:200]
+    return ""
+
+
+def _with_unique_names(devices: list[FoundDevice]) -> list[FoundDevice]:
+    seen: dict[str, int] = {}
+    named = []
+    for found in devices:
+        name = found.info.device
+        seen[name] = seen.get(name, 0) + 1
+        if seen[name] > 1:
+            found = replace(found, info=replace(found.info, device=f"{name} #{seen[name]}"))
+        named.append(found)
+    return named
+
+
+def _why_no_devices(title: str) -> str:
+    if POCL in title:
+        return "it needs a folder to write to for its cache: set POCL_CACHE_DIR to one"
+    return "for a GPU, check that its driver is loaded"
+
+
+def _no_platform() -> str:
+    message = (
+        "pyopencl is installed but finds no OpenCL platform: pip install 'pyopencl[pocl]' brings one for CPUs, or "
+        "install your device's OpenCL driver (on Debian and Ubuntu pocl-opencl-icd for CPUs)"
+    )
+    vendors = os.environ.get("OCL_ICD_VENDORS")
+    if vendors is not None:
+        message += f"; OCL_ICD_VENDORS is set to {vendors!r} and drivers are looked for there: unset it, or mend it"
+    return message
+
+
+def _absent(reason: str) -> BackendInfo:
+    return BackendInfo("opencl", "-", "-", "-", False, False, None, reason)

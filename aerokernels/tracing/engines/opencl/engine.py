@@ -1,0 +1,224 @@
+"""The OpenCL engine: fields uploaded once, kernels built for what they are to do, launches in order."""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import pyopencl as cl
+from pyopencl.cltypes import make_double3
+
+from ....clock import stage
+from ....medium import IndexField
+from ...collimated import ENDS, Columns, kernel_numbers, packed
+from ...plan import TracePlan
+from ..field_data import (
+    FIELD_ARRAYS,
+    REAL_TYPES,
+    STRUCTS,
+    FieldData,
+    field_data,
+    number_type,
+    reach_tables,
+    stop_kind,
+    trace_members,
+)
+from ..interface import Prepared
+from .devices import session
+from .program import WORK_GROUP, build, build_options, lane_count
+from .tables import may_be_packed, packed_table
+
+# On a GPU, numbers below 1e-38 are zero: roots and quotients then take fewer instructions.
+FLUSH = "-cl-denorms-are-zero"
+# Kernels of a pupil: work-items that each of what it is launched over takes.
+PUPIL_KERNELS = {"launch_pupil": 1, "sum_moments": WORK_GROUP, "sum_phasors": WORK_GROUP, "join_sums": 1}
+
+
+@dataclass(frozen=True, eq=False)
+class Kernel:
+    """A kernel object, which belongs to one caller: its arguments are set one by one.
+
+    Attributes:
+        kernel: PyOpenCL's.
+        lanes: Rays that a work-item moves.
+        items: Work-items that one of what it is launched over takes.
+    """
+
+    kernel: Any
+    lanes: int = 1
+    items: int = 1
+
+    def size(self, count: int) -> tuple[int]:
+        """Work-items of a launch: whole work-groups, at least one; the kernel itself knows where to stop."""
+        return (max(1, -(-(-(-count // self.lanes) * self.items) // WORK_GROUP)) * WORK_GROUP,)
+
+
+class Engine:
+    """OpenCL on one device; see interface.py."""
+
+    def __init__(self, device: str | None):
+        """Open the device.
+
+        Raises:
+            OpenCLUnavailable: It cannot be opened.
+        """
+        self.session = session(device)
+        self.device = self.session.name
+        self.memory = float(self.session.device.global_mem_size), float(self.session.device.max_mem_alloc_size)
+
+    def prepare(
+        self, field: IndexField, plan: TracePlan, until, wavelength: float, outputs: frozenset, directions: np.ndarray
+    ) -> Prepared:
+        """A field made ready for a plan, a stop and outputs; `directions` are those of the rays (n, 3).
+
+        Raises:
+            ValueError: A field that does not fit the device.
+        """
+        if plan.controls_error:
+            outputs = outputs | {"step_error"}
+        with stage("upload"):
+            data = field_data(field, plan.precision, plan.method == "paper")
+            bounds, control = trace_members(field, data, plan, until, wavelength, outputs)
+            tables, blocks = reach_tables(field, plan, wavelength, directions)
+            even = plan.sample_count > 0
+            lanes = lane_count(self.session, plan.precision) if even else 1
+            packs = even and may_be_packed(field, REAL_TYPES[plan.precision], lanes, int(self.memory[1]))
+            in_plane = even and field.geometry != "volume" and not np.any(directions[:, :2])
+            arguments = [
+                pack("field", plan.precision, data.field),
+                pack("bounds", plan.precision, {**data.bounds, **bounds}),
+                pack("control", plan.precision, {**data.control, **control, **blocks}),
+                *self._upload(field, data, plan.precision, plan.method == "paper", packs),
+                self.put(tables["reach"].astype(REAL_TYPES[plan.precision])),
+                self.put(tables["reach_start"]),
+            ]
+        options = build_options(
+            precision=plan.precision,
+            geometry=field.geometry,
+            interpolation=field.interpolation,
+            on_mesh=not field.is_uniform,
+            method=plan.method,
+            stop=stop_kind(until),
+            has_body=field.body is not None,
+            measured="step_error" in outputs,
+            lanes=lanes,
+            packed=packs,
+            in_plane=in_plane,
+        )
+        if even and lanes == 1 and plan.precision == "float32":
+            options = (*options, FLUSH)
+        with stage("compile"):
+            program = build(self.session, "trace_even.cl" if even else "trace.cl", options)
+            kernel = Kernel(cl.Kernel(program, "trace_even" if even else "trace_kernel"), lanes)
+            rejected = self.put(np.zeros(1, np.int32)) if even else None
+            prepared = Prepared(self, kernel, arguments, outputs, rejected)
+            self._finish_compiling(prepared, program)
+            return prepared
+
+    def prepare_columns(self, field: IndexField, columns: Columns, plan: TracePlan, outputs: frozenset) -> Prepared:
+        """Tables of columns made ready for outputs of rays that only have a place."""
+        with stage("upload"):
+            table = columns.tables.derive(
+                ("opencl", self.session, plan.precision),
+                lambda: self.put(packed(columns.tables).astype(REAL_TYPES[plan.precision])),
+            )
+        with stage("compile"):
+            options = build_options(precision=plan.precision, method="straight", with_ends=bool(outputs & ENDS))
+            kernel = Kernel(cl.Kernel(build(self.session, "trace_columns.cl", options), "trace_columns"))
+        return Prepared(self, kernel, [table, *kernel_numbers(field, columns, outputs)], outputs, None)
+
+    def pupil_kernels(self) -> dict[str, Kernel]:
+        """The kernels of a pupil, by name."""
+        with stage("compile"):
+            return {
+                name: Kernel(cl.Kernel(build(self.session, f"{name}.cl"), name), items=items)
+                for name, items in PUPIL_KERNELS.items()
+            }
+
+    def put(self, array: np.ndarray):
+        """A buffer that holds a copy of the array when this returns.
+
+        (COPY_HOST_PTR would do it in one call, but NVIDIA's driver then copies only when a kernel asks for the buffer.)
+        """
+        array = np.ascontiguousarray(array)
+        buffer = cl.Buffer(self.session.context, cl.mem_flags.READ_WRITE, max(array.nbytes, 1))
+        self.put_into(buffer, array)
+        return buffer
+
+    def put_into(self, buffer, array: np.ndarray) -> None:
+        """Copy an array over the first rows of a buffer."""
+        if array.nbytes:
+            cl.enqueue_copy(self.session.queue, buffer, np.ascontiguousarray(array), is_blocking=True)
+
+    def empty(self, count: int, width: int = 1, kind: type = np.float64):
+        """A buffer of `count` rows of `width` numbers."""
+        size = max(1, count) * width * np.dtype(kind).itemsize
+        return cl.Buffer(self.session.context, cl.mem_flags.READ_WRITE, size)
+
+    def get(self, buffer, array: np.ndarray) -> None:
+        """Wait for what was launched, and copy the first rows of a buffer into the array."""
+        if array.nbytes:
+            cl.enqueue_copy(self.session.queue, array, buffer, is_blocking=True)
+
+    def launch(self, kernel: Kernel, before: list, after: list, count: int):
+        """Start a kernel over all rays, or groups of rays; returns its event."""
+        given = [*map(_by_value, before), np.int32(0), np.int32(count), *map(_by_value, after)]
+        return kernel.kernel(self.session.queue, kernel.size(count), (WORK_GROUP,), *given)
+
+    def wait(self) -> None:
+        """Wait for what was launched."""
+        self.session.queue.finish()
+
+    def _finish_compiling(self, prepared: Prepared, program) -> None:
+        """Launch the kernel on no rays, once for a program: PoCL compiles the last part of it at the first launch."""
+        if program not in self.session.launched:
+            nowhere = self.put(np.zeros(3))
+            prepared.launch([nowhere, nowhere], prepared.allocate(0), 0).wait()
+            self.session.launched.add(program)
+
+    def _upload(
+        self, field: IndexField, data: FieldData, precision: str, with_paper_step: bool, packs: bool
+    ) -> list:
+        """Buffers of FIELD_ARRAYS, the coefficients packed for even samples or not; kept as long as the field lives."""
+
+        def upload() -> list:
+            limit = int(self.memory[1])
+            buffers = []
+            for name in FIELD_ARRAYS:
+                values: np.ndarray = np.asarray(data.arrays[name], number_type(name, precision))
+                if values.nbytes > limit:
+                    raise ValueError(
+                        f"the field's {name} take {values.nbytes / 2**20:.0f} MiB in {precision}, device "
+                        f"{self.device!r} gives {limit / 2**20:.0f} MiB in one piece: use a coarser grid, or another "
+                        "device"
+                    )
+                buffers.append(self.put(values))
+            return buffers
+
+        plain: list = field.derive(("opencl", self.session, precision, with_paper_step), upload)
+        if not packs:
+            return plain
+        table = field.derive(
+            ("opencl packed", self.session, precision), lambda: self.put(packed_table(field, REAL_TYPES[precision]))
+        )
+        return [table, *plain[1:]]
+
+
+def pack(struct: str, precision: str, members: dict) -> np.ndarray:
+    """One of STRUCTS as the kernel's compiler lays it out, to be passed by value."""
+    kinds = {"i": np.int32, "d": np.float64, "r": REAL_TYPES[precision]}
+    layout = np.dtype([(name, kinds[kind], (count,)) for name, count, kind in STRUCTS[struct]], align=True)
+    packed = np.zeros((), dtype=layout)
+    for name, _, _ in STRUCTS[struct]:
+        packed[name] = members[name]
+    return packed
+
+
+def _by_value(value):
+    """A kernel's argument as OpenCL takes it: whole numbers are int, others double, three in an array double3."""
+    if isinstance(value, int):
+        return np.int32(value)
+    if isinstance(value, float):
+        return np.float64(value)
+    if isinstance(value, np.ndarray) and value.shape == (3,):
+        return make_double3(*value)
+    return value

@@ -1,0 +1,201 @@
+"""From the OpenCL C sources to built programs: found, expanded, specialised by options, built once.
+
+Programs are kept in memory with their session and on disk across processes: PoCL and NVIDIA's driver keep what they
+built by source and options, for other drivers PyOpenCL does. Headers are written into the source before it is built, so
+a changed header changes the source and is never missed.
+"""
+
+import functools
+import re
+import warnings
+from collections.abc import Iterable
+from pathlib import Path
+
+from .devices import Session, import_pyopencl
+
+# Work-items of a work-group. Global sizes are rounded up to whole groups, and kernels test `ray < ray_count`.
+WORK_GROUP = 64
+
+# What every kernel is built with: no warnings, whose number PoCL would print past any Python stream, and nothing that
+# relaxes the arithmetic, since compensated sums would be optimised away. Kernels are told the work-group's size.
+BASE_OPTIONS = ("-cl-std=CL1.2", "-w", f"-DWORK_GROUP={WORK_GROUP}")
+# What each option may be, as kernels/include/options.h numbers it; in C the names are upper-case with underscores.
+OPTION_VALUES = {
+    "geometry": ("volume", "planar", "axisymmetric"),
+    "interpolation": ("cubic", "linear", "monotone", "bilinear", "bilinear-barron", "idw"),
+    "method": ("adaptive", "straight", "fixed", "paper"),
+    "stop": ("none", "plane", "arc"),
+}
+_INCLUDE = re.compile(r'^[ \t]*#[ \t]*include[ \t]+"([^"\n]+)"[ \t]*(?://.*)?$')
+
+
+def kernel_folder() -> Path:
+    """The folder of the OpenCL C sources: in an installed package, or beside it in a checkout.
+
+    Raises:
+        RuntimeError: They are in neither place.
+    """
+    package = Path(__file__).resolve().parents[3]
+    places = (package / "kernels", package.parent / "kernels")
+    for place in places:
+        if (place / "include").is_dir():
+            return place
+    raise RuntimeError(
+        f"the OpenCL kernel sources are neither in {places[0]} (an installed package) nor in {places[1]} (a checkout): "
+        "install aerokernels again"
+    )
+
+
+def expand(kernel_file: str, folder: Path | None = None) -> str:
+    """A kernel's source with every `#include "..."` written in place, each header once.
+
+    Headers are looked for in `include/` and in the folder itself; `#line` directives keep the compiler's messages on
+    file and line of the original. An include stands for itself: not inside an #if that does not always hold.
+
+    Raises:
+        RuntimeError: A source or header that is not there, by name and by the line that asked for it.
+    """
+    folder = kernel_folder() if folder is None else folder
+    lines: list[str] = []
+    _expand(folder, folder / kernel_file, f"kernel source {kernel_file}", set(), lines)
+    return "\n".join(lines) + "\n"
+
+
+def _expand(folder: Path, path: Path, asked: str, seen: set[Path], lines: list[str]) -> None:
+    try:
+        text = path.read_text(encoding="utf-8")
+    except OSError as error:
+        raise RuntimeError(f"{asked} cannot be read at {path} ({error.strerror}): install aerokernels again") from error
+    seen.add(path)
+    name = path.relative_to(folder).as_posix()
+    lines.append(f'#line 1 "{name}"')
+    for number, line in enumerate(text.splitlines(), start=1):
+        match = _INCLUDE.match(line)
+        if match is None:
+            lines.append(line)
+            continue
+        places = (folder / "include" / match[1], folder / match[1])
+        header = next((place for place in places if place.is_file()), None)
+        if header is None:
+            raise RuntimeError(f"{name}, line {number}: header {match[1]!r} is neither {places[0]} nor {places[1]}")
+        if header not in seen:
+            _expand(folder, header, f"{name}, line {number}: header {match[1]!r}", seen, lines)
+        lines.append(f'#line {number + 1} "{name}"')
+
+
+def build_options(
+    *,
+    precision: str = "float32",
+    geometry: str = "volume",
+    interpolation: str = "cubic",
+    on_mesh: bool = False,
+    method: str = "adaptive",
+    stop: str = "none",
+    has_body: bool = False,
+    measured: bool = True,
+    with_ends: bool = True,
+    lanes: int = 1,
+    packed: bool = False,
+    in_plane: bool = False,
+) -> tuple[str, ...]:
+    """The compile options of one kind of scene: the only place where they are made (options.h lists them).
+
+    Args:
+        precision: "float32" or "float64".
+        geometry: See OPTION_VALUES, as for interpolation, method and stop.
+        interpolation: Between samples.
+        on_mesh: Whether samples are on a mesh.
+        method: "auto" must have been decided before.
+        stop: Where a ray ends.
+        has_body: Whether the field has a body.
+        measured: Whether the errors of steps are estimated and given out; error control needs them.
+        with_ends: Whether tables of columns give positions, arc lengths and errors, too.
+        lanes: Rays that a work-item of even samples moves in step, see `lane_count`.
+        packed: Whether coefficients are packed, for even samples.
+        in_plane: Whether rays of even samples run along z, in a field of two dimensions.
+
+    Raises:
+        ValueError: A name that is not known.
+    """
+    if precision not in ("float32", "float64"):
+        raise ValueError(f"precision {precision!r} is not known: choose 'float32' or 'float64'")
+    chosen = {"geometry": geometry, "interpolation": interpolation, "method": method, "stop": stop}
+    for option, value in chosen.items():
+        if value not in OPTION_VALUES[option]:
+            raise ValueError(f"{option} {value!r} is not known: choose one of {', '.join(OPTION_VALUES[option])}")
+    return (
+        f"-DREAL_IS_DOUBLE={int(precision == 'float64')}",
+        f"-DON_MESH={int(on_mesh)}",
+        f"-DHAS_BODY={int(has_body)}",
+        f"-DMEASURED={int(measured)}",
+        f"-DWITH_ENDS={int(with_ends)}",
+        f"-DLANES={lanes}",
+        f"-DPACKED={int(packed)}",
+        f"-DIN_PLANE={int(in_plane)}",
+        *(f"-D{option.upper()}={_in_c(value)}" for option, value in chosen.items()),
+    )
+
+
+def lane_count(session: Session, precision: str) -> int:
+    """Rays to a work-item of even samples: what fills a CPU's vectors; on a GPU each lane is a work-item of its own."""
+    if not session.device.type & import_pyopencl().device_type.CPU:
+        return 1
+    return 16 if precision == "float32" else 8
+
+
+def _in_c(name: str) -> str:
+    return name.upper().replace("-", "_")
+
+
+def build(session: Session, kernel_file: str, options: Iterable[str] = (), folder: Path | None = None):
+    """The built program of a source file; thread-safe, and built once for a session, a source and its options.
+
+    Args:
+        session: An open device.
+        kernel_file: Name of the source in the folder.
+        options: See `build_options`.
+        folder: Where sources are; None takes `kernel_folder()`.
+
+    Returns:
+        A pyopencl.Program. Make a kernel of your own by `pyopencl.Kernel(program, name)`: a kernel holds its
+        arguments, so it is not to be shared between threads.
+
+    Raises:
+        RuntimeError: The source is not there or does not build; with the compiler's messages and the options.
+    """
+    folder = kernel_folder() if folder is None else folder
+    source = _expanded(kernel_file, folder, _stamp(folder))
+    options = (*BASE_OPTIONS, *options, *session.options)
+    key = (source, options)
+    with session.lock:
+        if key not in session.programs:
+            session.programs[key] = _build(session, kernel_file, source, list(options))
+        return session.programs[key]
+
+
+def _stamp(folder: Path) -> tuple:
+    """What changes when a source changes, so that a running process notices too."""
+    files = [*folder.glob("*.cl"), *folder.glob("include/*.h")]
+    return tuple(sorted((path.name, path.stat().st_mtime_ns, path.stat().st_size) for path in files))
+
+
+@functools.lru_cache(maxsize=64)
+def _expanded(kernel_file: str, folder: Path, stamp: tuple) -> str:
+    return expand(kernel_file, folder)
+
+
+def _build(session: Session, kernel_file: str, source: str, options: list[str]):
+    cl = import_pyopencl()
+    with warnings.catch_warnings():
+        # What a compiler says of a program that it does build is no news to users.
+        warnings.simplefilter("ignore", cl.CompilerWarning)
+        try:
+            try:
+                return cl.Program(session.context, source).build(options)
+            except (OSError, KeyError):  # PyOpenCL's cache folder cannot be written: build without it
+                return cl.Program(session.context, source).build(options, cache_dir=False)
+        except (cl.Error, cl.RuntimeError) as error:
+            raise RuntimeError(
+                f"OpenCL kernel {kernel_file} does not build for device {session.name!r}:\n{str(error).strip()}\n"
+                f"options: {' '.join(options)}"
+            ) from error

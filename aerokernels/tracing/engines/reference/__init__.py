@@ -1,0 +1,1 @@
+"""The oracle in float64 NumPy and SciPy."""

@@ -1,0 +1,55 @@
+r"""The oracle: whole bundles in float64 NumPy, written to be read, sharing no formula with the kernels.
+
+"adaptive" and "straight" integrate by steps.py, DOP853 within one smooth piece of the field after the other,
+to the tolerance asked for and never more loosely than TIGHTEST. "fixed" and "paper" take the steps of their rule by
+rule.py. `step_error` is the sum of what the embedded formulae say of each step, grown by its lever to the
+stop, and of rounding.
+"""
+
+import numpy as np
+
+from ....medium import IndexField
+from ....rays import RayBundle
+from ...plan import TracePlan
+from ...result import RAY_OUTPUTS
+from ...status import RayStatus
+from .ends import Ends
+from .medium import GridAir
+from .mesh import MeshAir
+from .rule import march
+from .steps import Integrator
+
+# The laxest tolerance that is taken [waves], and the share of it that the steps may use up.
+TIGHTEST = 1e-9
+SHARE = 0.1
+
+
+def trace(field: IndexField, rays: RayBundle, plan: TracePlan, until, wavelength: float, outputs: frozenset):
+    """Trace a bundle: per-ray arrays by name."""
+    start, heading = np.array(rays.position), np.array(rays.direction)
+    ends = Ends(field, until)
+    course = ends.course(start, heading)
+    rows = np.flatnonzero(course.meets & (course.status == RayStatus.OK))
+    flight, turn = None, np.zeros((0, 3))
+    if len(rows):
+        air = GridAir(field) if field.is_uniform else MeshAir(field)
+        some = type(course)(*(getattr(course, name)[rows] for name in course.__dataclass_fields__))
+        entry = start[rows] + some.enter[:, None] * heading[rows]
+        flight = ends.flight(start[rows], heading[rows], some, air.cell_at(entry, heading[rows]))
+        integrator = Integrator(
+            air,
+            field.ambient_index,
+            ends,
+            SHARE * min(plan.tolerance, TIGHTEST) * wavelength,
+            plan.max_steps,
+            plan.method == "straight",
+        )
+        if plan.method in ("fixed", "paper"):
+            turn = march(field, ends, integrator, flight, plan)
+        else:
+            inside = np.flatnonzero(~air.in_gap(flight.cell))
+            integrator.enter(flight, inside)
+            integrator.run(flight)
+            turn = integrator.turn(flight.direction, flight.momentum)
+    found = ends.finish(course, rows, flight, turn, start, heading)
+    return {name: found[name] for name in [*RAY_OUTPUTS, "status"] if name in outputs | {"status"}}

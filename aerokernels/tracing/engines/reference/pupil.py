@@ -1,0 +1,48 @@
+"""A pupil by the reference backend: the sums of the other backends' kernels, in NumPy."""
+
+import numpy as np
+
+from ....rays import RayBundle
+from ...pupil_sums import MOMENT_COUNT, PUPIL_OUTPUTS, PupilSums, PupilTask, fan_rays, fit_plane, moments_in_metres
+from ...status import reached
+from ...trace import run_plan
+
+
+class PupilRun:
+    """A pupil, to be traced any number of times; its points are those of `RayBundle.collimated`, a seed a replicate."""
+
+    def __init__(self, task: PupilTask):
+        """Nothing is to be made ready."""
+        self.task = task
+
+    def __call__(self, seed: int) -> PupilSums:
+        """Trace and sum."""
+        task = self.task
+        moments = np.zeros((task.replicates, MOMENT_COUNT))
+        kept = []
+        for replicate in range(task.replicates):
+            position, direction, place, weight = self._rays(replicate, seed)
+            arrays = run_plan(
+                task.field, RayBundle(position, direction), task.plan, task.until, task.wavelength, PUPIL_OUTPUTS
+            )
+            good = reached(arrays["status"])
+            (x, y), share, opd = place[good].T, weight[good], arrays["opd"][good]
+            terms = (np.ones_like(x), x, y, opd, x * x, x * y, y * y, x * opd, y * opd, opd * opd)
+            worst = arrays["step_error"][good].max(initial=0.0)
+            moments[replicate] = [*(share @ term for term in terms), worst, arrays["evaluation_count"].sum()]
+            kept.append((x, y, share, opd))
+        # Phases from the mean on: what is left of them is small, and so is their rounding.
+        piston, *tilt = fit_plane(moments, task.with_tilt)
+        wave = 2j * np.pi / task.wavelength
+        phasors = [share @ np.exp(wave * (w - piston - tilt[0] * x - tilt[1] * y)) for x, y, share, w in kept]
+        ray_count = task.replicates * task.per_replicate
+        return PupilSums(moments_in_metres(moments, task), np.array(phasors), ray_count)
+
+    def _rays(self, replicate: int, seed: int) -> tuple[np.ndarray, ...]:
+        task = self.task
+        if task.is_fan:
+            return fan_rays(task, task.points(seed), slice(replicate, replicate + 1))
+        seed = seed * task.replicates + replicate
+        rays = RayBundle.collimated(task.pupil, task.per_replicate, direction=task.look, seed=seed)
+        place = (rays.position - task.pupil.center) @ np.stack(task.pupil.axes, axis=1) / task.pupil.radius
+        return rays.position, rays.direction, place, np.ones(task.per_replicate)

@@ -1,0 +1,100 @@
+"""Straight rays against segments in the plane of a field: the walls of a body, the rim of a mesh.
+
+In an axisymmetric field a segment is a piece of a cone. Along a straight ray p + t d its equation, with the radius
+r^2 = A + 2 B t + C t^2 and the cone's r = g0 + g1 t, is the quadratic
+
+    (g1^2 - C) t^2 + 2 (g0 g1 - B) t + (g0 - r(0)) (g0 + r(0)) = 0,    g0 + g1 t >= 0.
+"""
+
+import numpy as np
+
+from .medium import dot, plane_motion
+
+PAIRS = 200_000  # rays times segments that are looked at together
+# Share of a segment's length by which a crossing may lie beyond its ends, so that no ray slips through a corner.
+BEYOND = 1e-10
+
+
+class Segments:
+    """Segments from `start` to `end` [m], each (w, 2), in the plane (y, z) or (r, z); their left side is inside."""
+
+    def __init__(self, start: np.ndarray, end: np.ndarray, axisymmetric: bool):
+        """Keep directions and lengths."""
+        self.start, self.axisymmetric = np.asarray(start, dtype=np.float64), axisymmetric
+        self.step = np.asarray(end, dtype=np.float64) - self.start
+        self.length = np.linalg.norm(self.step, axis=1)
+        self.normal = np.stack([self.step[:, 1], -self.step[:, 0]], axis=1) / self.length[:, None]  # outward
+
+    def __len__(self) -> int:
+        """Number of segments."""
+        return len(self.start)
+
+    def depth(self, which, place, tangent, force) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """How far inside segment `which` (n,) each ray is [m], with the rate and curvature over sigma, each (n,)."""
+        there, velocity, bend = plane_motion(place, tangent, force, self.axisymmetric)
+        normal = -self.normal[which]
+        return dot(normal, there - self.start[which]), dot(normal, velocity), dot(normal, bend)
+
+    def crossings(self, place, heading) -> tuple[np.ndarray, np.ndarray]:
+        """Distances [m] at which straight rays meet the segments, nan where they do not, and rates outward; (n, w, 2).
+
+        A ray meets a cone twice at most; in a planar field the second is always nan.
+        """
+        there = plane_motion(place, heading, np.zeros_like(place), self.axisymmetric)[0]
+        apart = np.einsum("nwk,wk->nw", there[:, None] - self.start, self.normal)
+        n0, n1 = self.normal.T
+        with np.errstate(divide="ignore", invalid="ignore"):
+            if self.axisymmetric:
+                root = self._cone_roots(place, heading, there[:, 0], apart)
+            else:
+                flat = -apart / (heading[:, 1:] @ self.normal.T)
+                root = np.stack([flat, np.full_like(flat, np.nan)], axis=2)
+            root = np.where(np.isfinite(root), root, np.nan)
+            met = place[:, None, None] + root[..., None] * heading[:, None, None]
+            if self.axisymmetric:
+                radius = np.hypot(met[..., 0], met[..., 1])
+                rise = met[..., 0] * heading[:, None, None, 0] + met[..., 1] * heading[:, None, None, 1]
+                rise = rise / np.where(radius > 0.0, radius, 1.0)
+                first, rate = radius, n0[:, None] * rise + n1[:, None] * heading[:, None, None, 2]
+            else:
+                first = met[..., 1]
+                rate = np.broadcast_to((heading[:, 1:] @ self.normal.T)[..., None], root.shape)
+            share = (first - self.start[:, None, 0]) * self.step[:, None, 0]
+            share = (share + (met[..., 2] - self.start[:, None, 1]) * self.step[:, None, 1]) / self.length[:, None] ** 2
+            # A root on the other nappe of the cone has the wrong radius: its distance from the segment tells.
+            off = n0[:, None] * (first - self.start[:, None, 0]) + n1[:, None] * (met[..., 2] - self.start[:, None, 1])
+            size = self.length[:, None] + np.abs(self.start).max()
+            good = (share >= -BEYOND) & (share <= 1.0 + BEYOND) & (np.abs(off) <= 1e-9 * size)
+        return np.where(good, root, np.nan), rate
+
+    def _cone_roots(self, place, heading, radius, apart) -> np.ndarray:
+        n0, n1 = self.normal.T
+        square = dot(heading[:, :2], heading[:, :2])[:, None]
+        middle = dot(place[:, :2], heading[:, :2])[:, None]
+        climb = heading[:, 2:]
+        g0 = radius[:, None] - apart / n0
+        g1 = -n1 / n0 * climb
+        a, b, c = g1**2 - square, g0 * g1 - middle, -apart / n0 * (g0 + radius[:, None])
+        rest = np.sqrt(b * b - a * c)
+        big = -(b + np.where(b >= 0.0, rest, -rest))
+        flat = np.abs(n0) < 1e-12
+        across = -apart / (n1 * climb)
+        one = np.where(flat, across, big / a)
+        other = np.where(flat, np.nan, c / big)
+        return np.stack([one, other], axis=2)
+
+    def first_crossing(self, place, heading, inward: bool, least: float) -> tuple[np.ndarray, np.ndarray]:
+        """Distance [m] to the first segment that a straight ray crosses inward (or outward), and which one.
+
+        Crossings nearer than `least` do not count; inf and 0 where there is none.
+        """
+        distance, which = np.full(len(place), np.inf), np.zeros(len(place), dtype=np.int64)
+        block = max(1, PAIRS // max(len(self), 1))
+        for first in range(0, len(place), block):
+            rows = slice(first, first + block)
+            root, rate = self.crossings(place[rows], heading[rows])
+            good = (root >= least) & ((rate < 0.0) if inward else (rate > 0.0))
+            near = np.where(good, root, np.inf).min(axis=2)
+            which[rows] = near.argmin(axis=1)
+            distance[rows] = near.min(axis=1)
+        return distance, which

@@ -1,0 +1,1 @@
+"""Warp: kernels in Python, on the CPU and on CUDA devices."""

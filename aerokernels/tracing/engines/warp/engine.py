@@ -1,0 +1,190 @@
+"""The Warp engine: fields uploaded once, launches over all cores of a CPU or on a GPU."""
+
+from concurrent.futures import ThreadPoolExecutor
+from typing import Any
+
+import numpy as np
+import warp as wp
+
+from ....clock import stage
+from ....medium import IndexField
+from ...collimated import ENDS, Columns, kernel_numbers, packed
+from ...plan import TracePlan
+from ..field_data import (
+    STRUCTS,
+    FieldData,
+    field_data,
+    number_type,
+    reach_tables,
+    stop_kind,
+    trace_members,
+)
+from ..info import host_memory, thread_count
+from ..interface import Prepared
+from .devices import start_warp
+from .kernels import pupil
+from .kernels.trace import build_kernel
+from .kernels.trace_columns import build_column_kernel
+from .kernels.trace_even import build_even_kernel
+from .types import types
+
+# Rays in one launch of a host thread; small enough to balance threads, large enough to hide the launch.
+CHUNK = 4096
+SCALARS: dict[Any, type] = {
+    np.dtype(np.float64): wp.float64,
+    np.dtype(np.float32): wp.float32,
+    np.dtype(np.int32): wp.int32,
+    np.dtype(np.uint32): wp.uint32,
+}
+VECTORS = {2: wp.vec2d, 3: wp.vec3d}
+
+
+class Engine:
+    """Warp on one device; see interface.py."""
+
+    def __init__(self, device: str):
+        """Start Warp."""
+        start_warp()
+        self.device = device
+        found = wp.get_device(device)
+        memory = float(found.total_memory if found.is_cuda else host_memory() or np.inf)
+        self.memory = memory, memory
+
+    def prepare(
+        self, field: IndexField, plan: TracePlan, until, wavelength: float, outputs: frozenset, directions: np.ndarray
+    ) -> Prepared:
+        """A field made ready for a plan, a stop and outputs; `directions` are those of the rays (n, 3)."""
+        if plan.controls_error:
+            outputs = outputs | {"step_error"}
+        with stage("upload"):
+            data = field_data(field, plan.precision, plan.method == "paper")
+            stop_bounds, stop_control = trace_members(field, data, plan, until, wavelength, outputs)
+            tables, blocks = reach_tables(field, plan, wavelength, directions)
+            t = types(plan.precision)
+            device_field, bounds, control = t.Field(), t.Bounds(), t.Control()
+            _fill(device_field, "field", data.field, plan.precision)
+            _fill(bounds, "bounds", data.bounds | stop_bounds, plan.precision)
+            _fill(control, "control", data.control | stop_control | blocks, plan.precision)
+            for name, array in self._upload(field, data, plan.precision, plan.method == "paper").items():
+                setattr(device_field, name, array)
+            control.reach = wp.array(tables["reach"], dtype=t.real, device=self.device)
+            control.reach_start = wp.array(tables["reach_start"], dtype=wp.int32, device=self.device)
+        stop, has_body = stop_kind(until), field.body is not None
+        with stage("compile"):
+            if plan.sample_count:
+                kernel = build_even_kernel(plan.precision, field.geometry, field.interpolation, stop, has_body)
+            else:
+                on_mesh = not field.is_uniform
+                measured = "step_error" in outputs
+                kernel = build_kernel(
+                    plan.precision, field.geometry, field.interpolation, on_mesh, plan.method, stop, has_body, measured
+                )
+            self._load(kernel.module)
+        rejected = wp.zeros(1, dtype=wp.int32, device=self.device) if plan.sample_count else None
+        return Prepared(self, kernel, [device_field, bounds, control], outputs, rejected)
+
+    def prepare_columns(self, field: IndexField, columns: Columns, plan: TracePlan, outputs: frozenset) -> Prepared:
+        """Tables of columns made ready for outputs of rays that only have a place."""
+        with stage("upload"):
+            table = columns.tables.derive(
+                ("warp", self.device, plan.precision),
+                lambda: wp.array(packed(columns.tables), dtype=types(plan.precision).real, device=self.device),
+            )
+        with stage("compile"):
+            kernel = build_column_kernel(plan.precision, bool(outputs & ENDS))
+            self._load(kernel.module)
+        return Prepared(self, kernel, [table, *kernel_numbers(field, columns, outputs)], outputs, None)
+
+    def pupil_kernels(self) -> dict[str, Any]:
+        """The kernels of a pupil, by name."""
+        with stage("compile"):
+            self._load(pupil.launch_pupil.module)
+        names = ("launch_pupil", "sum_moments", "sum_phasors", "join_sums")
+        return {name: getattr(pupil, name) for name in names}
+
+    def put(self, array: np.ndarray) -> wp.array:
+        """A buffer with a copy of the array; rows of float64 are places or directions."""
+        kind = SCALARS[array.dtype]
+        if array.ndim == 2 and kind is wp.float64:
+            kind = VECTORS[array.shape[1]]
+        return wp.array(np.ascontiguousarray(array), dtype=kind, device=self.device)
+
+    def put_into(self, buffer: wp.array, array: np.ndarray) -> None:
+        """Copy an array over the first rows of a buffer."""
+        wp.copy(buffer, self.put(array), count=len(array))
+
+    def empty(self, count: int, width: int = 1, kind: type = np.float64) -> wp.array:
+        """A buffer of `count` rows of `width` numbers."""
+        dtype = VECTORS[width] if width > 1 else SCALARS[np.dtype(kind)]
+        return wp.empty(count, dtype=dtype, device=self.device)
+
+    def get(self, buffer: wp.array, array: np.ndarray) -> None:
+        """Wait for what was launched, and copy the first rows of a buffer into the array."""
+        array[...] = buffer[: len(array)].numpy() if len(array) < len(buffer) else buffer.numpy()
+
+    def launch(self, kernel, before: list, after: list, count: int) -> None:
+        """Run a kernel over all rays: one launch on a GPU, not waited for; chunks over host threads on the CPU."""
+        before = [wp.vec3d(*value) if isinstance(value, np.ndarray) else value for value in before]
+        if self.device != "cpu":
+            wp.launch(kernel, dim=count, inputs=[*before, 0, *after], device=self.device)
+            return
+
+        def run(first: int) -> None:
+            some = min(chunk, count - first)
+            wp.launch(kernel, dim=some, inputs=[*before, first, *after], device=self.device)
+
+        threads = thread_count()
+        chunk = max(1, min(CHUNK, -(-count // threads)))
+        starts = range(0, count, chunk)
+        if len(starts) == 1 or threads == 1:
+            for first in starts:
+                run(first)
+            return
+        with ThreadPoolExecutor(threads) as pool:
+            list(pool.map(run, starts))
+
+    def wait(self) -> None:
+        """Wait for what was launched; on the CPU a launch has ended when it returns."""
+        if self.device != "cpu":
+            wp.synchronize_stream(self.device)
+
+    def _load(self, module) -> None:
+        # The block size of a default launch on the CPU is 1; another one would be compiled again at the launch.
+        module.load(self.device, 1 if self.device == "cpu" else None)
+
+    def _upload(self, field: IndexField, data: FieldData, precision: str, with_paper_step: bool) -> dict[str, wp.array]:
+        """The field's arrays on the device, by name; kept as long as the field lives."""
+        t = types(precision)
+        vectors = {
+            "corners": t.vec2,
+            "gradients": t.vec2,
+            "wall": wp.vec4d,
+            "wall_boxes": wp.vec4d,
+            "wall_links": wp.vec3i,
+        }
+
+        def upload() -> dict[str, wp.array]:
+            arrays = {}
+            for name, values in data.arrays.items():
+                numbers: np.ndarray = np.ascontiguousarray(values, number_type(name, precision))
+                arrays[name] = wp.array(
+                    numbers, dtype=vectors.get(name, SCALARS[numbers.dtype]), device=self.device
+                )
+            return arrays
+
+        return field.derive(("warp", self.device, precision, with_paper_step), upload)
+
+
+def _fill(struct, name: str, members: dict, precision: str) -> None:
+    """Set the scalars and vectors of one of STRUCTS; Warp takes vectors of the very type only."""
+    t = types(precision)
+    vectors = {
+        ("i", 2): wp.vec2i,
+        ("i", 3): wp.vec3i,
+        ("d", 3): wp.vec3d,
+        ("r", 2): t.vec2,
+        ("r", 3): t.vec3,
+    }
+    for member, count, kind in STRUCTS[name]:
+        value = members[member]
+        setattr(struct, member, value if count == 1 else vectors[kind, count](*value))

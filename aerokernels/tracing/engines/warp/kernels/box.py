@@ -1,0 +1,209 @@
+"""Device functions in float64: where a straight ray meets the field's box, and the box's faces as stop surfaces."""
+
+import functools
+
+import warp as wp
+
+from ....scheme import GRAZING_REST, LEAST_COSINE
+from ..types import types
+
+FACE_COUNT = {"volume": 6, "planar": 4, "axisymmetric": 3}
+
+
+@functools.cache
+def build_crossing(precision: str, geometry: str):
+    """A function (low, high, radius, position, direction) -> (entry, exit) of a box; entry > exit means a miss."""
+
+    @wp.func
+    def slab(low: wp.float64, high: wp.float64, p: wp.float64, d: wp.float64, span: wp.vec2d):
+        if d == wp.float64(0.0):
+            if p < low or p > high:
+                return wp.vec2d(wp.float64(1.0), wp.float64(-1.0))
+            return span
+        near = (low - p) / d
+        far = (high - p) / d
+        return wp.vec2d(wp.max(span[0], wp.min(near, far)), wp.min(span[1], wp.max(near, far)))
+
+    @wp.func
+    def cylinder(radius: wp.float64, p: wp.vec3d, d: wp.vec3d, span: wp.vec2d):
+        a = d[0] * d[0] + d[1] * d[1]
+        if a == wp.float64(0.0):
+            if p[0] * p[0] + p[1] * p[1] > radius * radius:
+                return wp.vec2d(wp.float64(1.0), wp.float64(-1.0))
+            return span
+        middle = -(p[0] * d[0] + p[1] * d[1]) / a
+        x = p[0] + middle * d[0]
+        y = p[1] + middle * d[1]
+        rest = radius * radius - x * x - y * y
+        if rest < wp.float64(0.0):
+            return wp.vec2d(wp.float64(1.0), wp.float64(-1.0))
+        half = wp.sqrt(rest / a)
+        return wp.vec2d(wp.max(span[0], middle - half), wp.min(span[1], middle + half))
+
+    @wp.func
+    def crossing(low: wp.vec3d, high: wp.vec3d, radius: wp.float64, p: wp.vec3d, d: wp.vec3d):
+        span = wp.vec2d(wp.float64(-1.0e300), wp.float64(1.0e300))
+        span = slab(low[2], high[2], p[2], d[2], span)
+        if wp.static(geometry == "axisymmetric"):
+            span = cylinder(radius, p, d, span)
+        else:
+            span = slab(low[1], high[1], p[1], d[1], span)
+        if wp.static(geometry == "volume"):
+            span = slab(low[0], high[0], p[0], d[0], span)
+        return span
+
+    return crossing
+
+
+@functools.cache
+def build_surface(precision: str, geometry: str):
+    """A function (control, k, cell, frac) -> how far outside surface k, and the gradient of that per cell.
+
+    Surfaces 0 and 1 are the z faces; then the cylinder, or the y faces, or the y and x faces; the last is the plane.
+    """
+    t = types(precision)
+    real, vec3, vec4, Control = t.real, t.vec3, t.vec4, t.Control
+    faces = FACE_COUNT[geometry]
+
+    @wp.func
+    def surface(control: Control, k: int, cell: wp.vec3i, frac: vec3):
+        if k == faces:
+            n = control.plane_normal
+            place = real(cell[0]) * n[0] + real(cell[1]) * n[1] + real(cell[2]) * n[2] - control.plane_offset
+            return vec4(place + wp.dot(n, frac), n[0], n[1], n[2])
+        if wp.static(geometry == "axisymmetric"):
+            if k == 2:
+                radius = control.radius
+                value = (frac[0] * frac[0] + frac[1] * frac[1] - radius * radius) / (real(2.0) * radius)
+                return vec4(value, frac[0] / radius, frac[1] / radius, real(0.0))
+        axis = 2 - k // 2
+        grad = vec4(real(0.0), real(0.0), real(0.0), real(0.0))
+        if k % 2 == 0:
+            grad[0] = (control.face_low[axis] - real(cell[axis])) - frac[axis]
+            grad[axis + 1] = real(-1.0)
+        else:
+            grad[0] = (real(cell[axis]) - control.face_high[axis]) + frac[axis]
+            grad[axis + 1] = real(1.0)
+        return grad
+
+    return surface
+
+
+@functools.cache
+def build_surface_distance(precision: str, geometry: str):
+    """A function (bounds, k, point) -> (distance outside surface k [m], unit normal), in float64."""
+    Bounds = types(precision).Bounds
+    faces = FACE_COUNT[geometry]
+
+    @wp.func
+    def surface_distance(bounds: Bounds, k: int, p: wp.vec3d):
+        if k == faces:
+            n = bounds.plane_normal
+            return wp.vec4d(wp.dot(n, p - bounds.plane_point), n[0], n[1], n[2])
+        if wp.static(geometry == "axisymmetric"):
+            if k == 2:
+                square = p[0] * p[0] + p[1] * p[1]
+                inverse = wp.float64(1.0) / wp.sqrt(square)
+                return wp.vec4d(square * inverse - bounds.radius, p[0] * inverse, p[1] * inverse, wp.float64(0.0))
+        axis = 2 - k // 2
+        out = wp.vec4d(wp.float64(0.0), wp.float64(0.0), wp.float64(0.0), wp.float64(0.0))
+        if k % 2 == 0:
+            out[0] = bounds.low[axis] - p[axis]
+            out[axis + 1] = wp.float64(-1.0)
+        else:
+            out[0] = p[axis] - bounds.high[axis]
+            out[axis + 1] = wp.float64(1.0)
+        return out
+
+    return surface_distance
+
+
+@functools.cache
+def build_meeting(precision: str, geometry: str):
+    """A function (bounds, k, point, direction, guess) -> distance at which a line meets surface k.
+
+    A line that grazes the surface keeps its guess.
+    """
+    Bounds = types(precision).Bounds
+    surface_distance = build_surface_distance(precision, geometry)
+
+    @wp.func
+    def meeting(bounds: Bounds, k: int, p: wp.vec3d, d: wp.vec3d, guess: wp.float64):
+        along = wp.float64(guess)
+        trials = int(1)
+        if wp.static(geometry == "axisymmetric"):
+            if k == 2:
+                trials = int(3)  # the others are flat
+        for _trial in range(trials):
+            miss = surface_distance(bounds, k, p + along * d)
+            cosine = wp.dot(wp.vec3d(miss[1], miss[2], miss[3]), d)
+            if wp.abs(cosine) > wp.float64(LEAST_COSINE):
+                along -= miss[0] / cosine
+        return along
+
+    return meeting
+
+
+@functools.cache
+def build_grazing_rest(precision: str, geometry: str):
+    """A function (bounds, control, k, point, direction, heading) -> what a ray on surface k lacks of it.
+
+    Three numbers: that length along its tangent `heading` [m], 0 where it is more than rounding of the ray's place
+    leaves, or where the surface was met along the direction already (see `build_meeting`); the length that is left
+    for that reason; the cosine of the angle with the normal.
+    """
+    t = types(precision)
+    Bounds, Control = t.Bounds, t.Control
+    surface_distance = build_surface_distance(precision, geometry)
+
+    @wp.func
+    def grazing_rest(bounds: Bounds, control: Control, k: int, p: wp.vec3d, d: wp.vec3d, heading: wp.vec3d):
+        miss = surface_distance(bounds, k, p)
+        normal = wp.vec3d(miss[1], miss[2], miss[3])
+        cosine = wp.dot(normal, heading)
+        most = wp.float64(GRAZING_REST) / wp.float64(wp.max(control.cell_rate))
+        grazes = wp.abs(wp.dot(normal, d)) <= wp.float64(LEAST_COSINE) and wp.abs(miss[0]) < most * wp.abs(cosine)
+        rest = wp.float64(0.0)
+        lack = wp.float64(0.0)
+        if grazes:
+            rest = -miss[0] / cosine
+        elif wp.abs(wp.dot(normal, d)) <= wp.float64(LEAST_COSINE):
+            lack = wp.abs(miss[0]) / wp.max(wp.abs(cosine), wp.float64(1.0e-200))
+        return wp.vec3d(rest, lack, wp.abs(cosine))
+
+    return grazing_rest
+
+
+@functools.cache
+def build_detour(precision: str, geometry: str):
+    """A function -> how much further along d a line shifted by `q` meets face k than the line itself.
+
+    Its arguments: bounds, k, start, direction, q, the distance at which the line itself leaves the box, and what to
+    answer where it leaves by another face or at a grazing angle.
+    """
+    Bounds = types(precision).Bounds
+    surface_distance = build_surface_distance(precision, geometry)
+
+    @wp.func
+    def detour(bounds: Bounds, k: int, p: wp.vec3d, d: wp.vec3d, q: wp.vec3d, leave: wp.float64, other: wp.float64):
+        at = p + leave * d
+        miss = surface_distance(bounds, k, at)
+        normal = wp.vec3d(miss[1], miss[2], miss[3])
+        cosine = wp.dot(normal, d)
+        size = wp.length(bounds.high - bounds.low) + wp.length(p)
+        if wp.abs(miss[0]) > wp.float64(1.0e-14) * size or wp.abs(cosine) < wp.float64(LEAST_COSINE):
+            return other
+        further = -wp.dot(normal, q) / cosine
+        if wp.static(geometry == "axisymmetric"):
+            if k == 2:
+                # |c + (further d + q)|^2 = |c|^2 across the axis, c of length `radius`: the root that q = 0 makes 0
+                a = d[0] * d[0] + d[1] * d[1]
+                b = (at[0] + q[0]) * d[0] + (at[1] + q[1]) * d[1]
+                c = (wp.float64(2.0) * at[0] + q[0]) * q[0] + (wp.float64(2.0) * at[1] + q[1]) * q[1]
+                square = b * b - a * c
+                if b <= wp.float64(0.0) or square < wp.float64(0.0):
+                    return other
+                further = -c / (b + wp.sqrt(square))
+        return further
+
+    return detour

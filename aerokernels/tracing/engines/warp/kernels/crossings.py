@@ -1,0 +1,255 @@
+"""Device functions: where straight lines cross the surface of the body, exactly.
+
+The formulas stand in medium/crossings.py, the tree of boxes in medium/wall_tree.py; all in float64. A line p + t d is
+nine numbers here, see `build_wall_line`; d need not be of length 1. The OpenCL twin is kernels/include/crossings.h.
+"""
+
+import functools
+
+import warp as wp
+
+from .....medium.crossings import PARALLEL
+from ..types import types
+
+# Of a distance that is not there.
+NEVER = 1e300
+
+
+@wp.struct
+class WallLine:
+    """A line as the body sees it."""
+
+    first: wp.float64  # planar: y of p; axisymmetric: square of the least distance from the axis
+    across: wp.float64  # planar: dy; axisymmetric: dx^2 + dy^2
+    along: wp.float64  # dz
+    z: wp.float64  # of p
+    nearest: wp.float64  # axisymmetric: t where it is nearest to the axis
+    height: wp.float64  # z there
+    square: wp.float64  # dy^2 + dz^2, of a planar line
+
+
+@wp.struct
+class Crossings:
+    """Where a line crosses a segment r1, z1, r2, z2 (planar: y for r)."""
+
+    count: wp.int32  # 0, 1 or 2 crossings
+    enters: wp.bool  # whether the first one leads into the body, which lies to the left of the segment
+    one: wp.float64  # t of the first
+    two: wp.float64  # and of the second, which leads the other way
+
+
+@wp.struct
+class WallMeeting:
+    """What a line meets of the body between two of its points."""
+
+    entry: wp.float64  # where it first enters it, NEVER if it does not
+    exit: wp.float64  # where it first leaves it
+    odd: wp.bool  # whether it crosses the surface an odd number of times
+
+
+@functools.cache
+def build_wall_line(geometry: str):
+    """A function (position, direction) -> WallLine."""
+
+    @wp.func
+    def wall_line(p: wp.vec3d, d: wp.vec3d):
+        line = WallLine()
+        line.along = d[2]
+        line.z = p[2]
+        if wp.static(geometry == "axisymmetric"):
+            a = d[0] * d[0] + d[1] * d[1]
+            if a < wp.float64(PARALLEL) * (a + d[2] * d[2]):
+                line.across = wp.float64(0.0)
+                line.nearest = wp.float64(0.0)
+                line.first = p[0] * p[0] + p[1] * p[1]
+            else:
+                moment = p[0] * d[1] - p[1] * d[0]
+                line.across = a
+                line.nearest = -(p[0] * d[0] + p[1] * d[1]) / a
+                line.first = moment * moment / a
+            line.height = p[2] + line.nearest * d[2]
+            line.square = wp.float64(0.0)
+        else:
+            line.across = d[1]
+            line.nearest = wp.float64(0.0)
+            line.first = p[1]
+            line.height = p[2]
+            line.square = d[1] * d[1] + d[2] * d[2]
+        return line
+
+    return wall_line
+
+
+@functools.cache
+def build_passes_box(geometry: str):
+    """A function: whether a line may pass a box, `margin` larger on every side, between t = from and to."""
+
+    @wp.func
+    def passes_box(line: WallLine, box: wp.vec4d, margin: wp.float64, first: wp.float64, last: wp.float64):
+        none = wp.float64(0.0)
+        near = wp.float64(first)
+        far = wp.float64(last)
+        if line.along == none:
+            if line.z < box[1] - margin or line.z > box[3] + margin:
+                return False
+        else:
+            one = (box[1] - margin - line.z) / line.along
+            other = (box[3] + margin - line.z) / line.along
+            near = wp.max(near, wp.min(one, other))
+            far = wp.min(far, wp.max(one, other))
+        if near > far:
+            return False
+        low = box[0] - margin
+        high = box[2] + margin
+        if wp.static(geometry == "axisymmetric"):
+            n = near - line.nearest
+            f = far - line.nearest
+            closest = wp.max(n, none) + wp.min(f, none)
+            least = line.first + line.across * closest * closest
+            most = line.first + line.across * wp.max(n * n, f * f)
+            return least <= high * high and (low <= none or not (most < low * low))
+        if line.across == none:
+            return line.first >= low and line.first <= high
+        one = (low - line.first) / line.across
+        other = (high - line.first) / line.across
+        return wp.max(near, wp.min(one, other)) <= wp.min(far, wp.max(one, other))
+
+    return passes_box
+
+
+@functools.cache
+def build_segment_crossings(geometry: str):
+    """A function (line, segment, entries_only) -> Crossings.
+
+    With `entries_only`, a single crossing that leads out of the body is passed over: it costs a root and a division.
+    """
+
+    @wp.func
+    def corner_side(line: WallLine, first: wp.float64, height: wp.float64):
+        """Axisymmetric: positive outside the surface that the line sweeps; planar: the side of the line."""
+        if wp.static(geometry == "axisymmetric"):
+            return line.along * line.along * (first * first - line.first) - line.across * height * height
+        return line.across * (height - line.z) - line.along * (first - line.first)
+
+    @wp.func
+    def cone_crossings(line: WallLine, segment: wp.vec4d, entries_only: bool):
+        none = wp.float64(0.0)
+        out = Crossings()
+        out.count = 0
+        dr = segment[2] - segment[0]
+        dz = segment[3] - segment[1]
+        d = line.along
+        h1 = segment[1] - line.height
+        h2 = segment[3] - line.height
+        w1 = corner_side(line, segment[0], h1)
+        w2 = corner_side(line, segment[2], h2)
+        from_outside = w1 > none
+        once = from_outside != (w2 > none)
+        if from_outside and not once:
+            return out
+        if once:
+            out.enters = d > none
+            if from_outside:
+                out.enters = d < none
+            if entries_only and not out.enters:
+                return out
+            out.count = 1
+        steepness = line.across * dz * dz - d * d * dr * dr
+        if steepness > none:
+            # Less steep than the line: the roots of the cone's equation.
+            k = segment[0] * dz - h1 * dr
+            mean = k * dr * d
+            rest = line.first * dz * dz - k * k
+            square = mean * mean - steepness * rest
+            root = wp.sqrt(wp.max(square, none))
+            larger = mean - root
+            if mean >= none:
+                larger = mean + root
+            other = wp.float64(0.0)
+            if larger != none:
+                other = rest / larger
+            low = wp.min(larger / steepness, other)
+            high = wp.max(larger / steepness, other)
+            if once:
+                toward = -dz * d
+                if from_outside:
+                    toward = dz * d
+                out.one = line.nearest + low
+                if toward > none:
+                    out.one = line.nearest + high
+            else:
+                middle = line.height + d * (mean / steepness)
+                if square > none and (segment[1] > middle) != (segment[3] > middle):
+                    out.count = 2
+                    out.enters = dz > none
+                    out.one = line.nearest + low
+                    out.two = line.nearest + high
+        elif once:
+            # As steep as the line or steeper: the place along the segment.
+            slope = d * d * segment[0] * dr - line.across * h1 * dz
+            root = wp.sqrt(wp.max(slope * slope + steepness * w1, none))
+            share = wp.float64(0.0)
+            if from_outside:
+                share = w1 / (root - slope)
+            elif slope > none:
+                share = -w1 / (slope + root)
+            else:
+                share = (root - slope) / -steepness
+            out.one = (segment[1] + wp.min(wp.max(share, none), wp.float64(1.0)) * dz - line.z) / d
+        return out
+
+    @wp.func
+    def plane_crossings(line: WallLine, segment: wp.vec4d, entries_only: bool):
+        out = Crossings()
+        out.count = 0
+        side = corner_side(line, segment[0], segment[1])
+        other = corner_side(line, segment[2], segment[3])
+        if (side > wp.float64(0.0)) != (other > wp.float64(0.0)) and (side > other or not entries_only):
+            share = side / (side - other)
+            y = segment[0] + share * (segment[2] - segment[0]) - line.first
+            z = segment[1] + share * (segment[3] - segment[1]) - line.z
+            out.count = 1
+            out.enters = side > other
+            out.one = (y * line.across + z * line.along) / line.square
+        return out
+
+    return cone_crossings if geometry == "axisymmetric" else plane_crossings
+
+
+@functools.cache
+def build_meet_wall(precision: str, geometry: str):
+    """A function (field, line, from, to) -> WallMeeting."""
+    Field = types(precision).Field
+    passes_box = build_passes_box(geometry)
+    segment_crossings = build_segment_crossings(geometry)
+
+    @wp.func
+    def meet_wall(field: Field, line: WallLine, first: wp.float64, last: wp.float64):
+        found = WallMeeting()
+        found.entry = wp.float64(NEVER)
+        found.exit = wp.float64(NEVER)
+        found.odd = False
+        node = int(0)
+        while node < field.wall_count:
+            links = field.wall_links[node]
+            onward = links[0]
+            if passes_box(line, field.wall_boxes[node], wp.float64(0.0), first, last):
+                onward = node + 1
+                for k in range(links[1], links[2]):
+                    at = segment_crossings(line, field.wall[k], bool(False))
+                    for j in range(at.count):
+                        t = at.one
+                        enters = at.enters
+                        if j == 1:
+                            t = at.two
+                            enters = not at.enters
+                        if t >= first and t <= last:
+                            found.odd = not found.odd
+                            if enters:
+                                found.entry = wp.min(found.entry, t)
+                            else:
+                                found.exit = wp.min(found.exit, t)
+            node = onward
+        return found
+
+    return meet_wall

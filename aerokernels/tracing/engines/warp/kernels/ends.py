@@ -1,0 +1,276 @@
+"""Device functions in float64: both ends of a ray, before its first step and after its last one."""
+
+import functools
+
+import warp as wp
+
+from ....scheme import LANDED_ARC, LEAST_COSINE, LEAST_SLOPE, STEEPEST_COSINE
+from ....status import RayStatus
+from ....tableau import NEARLY_STRAIGHT, is_one_scalar
+from ..types import types
+from .box import (
+    FACE_COUNT,
+    build_crossing,
+    build_detour,
+    build_grazing_rest,
+    build_meeting,
+    build_surface_distance,
+)
+from .crossings import NEVER
+from .motion import deflection
+from .wall import build_way_out
+
+
+@functools.cache
+def build_start(precision: str, geometry: str, stop: str, has_body: bool):
+    """A function (field, bounds, position, direction) -> (course of the undisturbed ray, status)."""
+    t = types(precision)
+    real, Field, Bounds, Course = t.real, t.Field, t.Bounds, t.Course
+    crossing = build_crossing(precision, geometry)
+    way_out = build_way_out(precision, geometry)
+    ok, not_reached = int(RayStatus.OK), int(RayStatus.STOP_NOT_REACHED)
+    inside_body = int(RayStatus.INSIDE_BODY)
+
+    @wp.func
+    def start_of(field: Field, bounds: Bounds, p: wp.vec3d, d: wp.vec3d):
+        none = wp.float64(0.0)
+        status = int(ok)
+
+        # Where the undisturbed ray stops, and whether it meets the box before.
+        span = crossing(bounds.low, bounds.high, bounds.radius, p, d)
+        enter = wp.max(span[0], none)
+        meets = span[0] <= span[1] and span[1] >= none
+        stop_distance = span[1]
+        has_stop = bool(True)
+        side = real(1.0)
+        if wp.static(stop == "plane"):
+            height = wp.dot(bounds.plane_normal, p - bounds.plane_point)
+            slope = wp.dot(bounds.plane_normal, d)
+            stop_distance = none
+            if height != none:
+                has_stop = bool(height * slope < none)
+                if has_stop:
+                    stop_distance = -height / slope
+            if height > none:
+                side = real(-1.0)
+        if wp.static(stop == "arc"):
+            stop_distance = bounds.length
+        if meets and has_stop and wp.static(stop != "none"):
+            meets = stop_distance > enter
+        if wp.static(stop == "none"):
+            if meets and span[1] > wp.float64(1.0e299):
+                status = int(not_reached)  # along x in a planar field, which has no end there
+
+        # A ray that starts behind the body's surface begins where it leaves it.
+        if wp.static(has_body):
+            if meets:
+                leaves = way_out(field, p, d, enter)
+                if has_stop and wp.static(stop != "none") and stop_distance <= leaves:
+                    meets = bool(False)
+                elif leaves > span[1] or leaves >= wp.float64(NEVER):
+                    status = int(inside_body)
+                else:
+                    enter = leaves
+
+        far = span[1]
+        if has_stop and wp.static(stop != "none"):
+            far = wp.min(far, stop_distance)
+
+        course = Course()
+        course.enter = enter
+        course.far = far
+        course.stop_distance = stop_distance
+        course.has_stop = has_stop
+        course.meets = meets
+        course.side = side
+        return course, status
+
+    return start_of
+
+
+@functools.cache
+def build_last_surface(precision: str, geometry: str, stop: str):
+    """A function: the surface on which the undisturbed ray stops."""
+    t = types(precision)
+    Bounds, Course = t.Bounds, t.Course
+    surface_distance = build_surface_distance(precision, geometry)
+    faces = wp.constant(FACE_COUNT[geometry])
+
+    @wp.func
+    def surface_of(bounds: Bounds, course: Course, p: wp.vec3d, d: wp.vec3d):
+        nearest = int(0)
+        least = wp.float64(1.0e300)
+        for k in range(faces):
+            miss = wp.abs(surface_distance(bounds, k, p + course.far * d)[0])
+            if miss < least:
+                least = miss
+                nearest = k
+        if wp.static(stop == "plane"):
+            if course.has_stop and course.far == course.stop_distance:
+                nearest = faces
+        return nearest
+
+    return surface_of
+
+
+@functools.cache
+def build_slant(precision: str, geometry: str, stop: str):
+    """A function: how much further along d the stop is met per length that the ray is beside its place.
+
+    The tangent of the angle at which it meets the stop; no more than that of the smallest angle believed.
+    """
+    t = types(precision)
+    real, Bounds, Course = t.real, t.Bounds, t.Course
+    surface_distance = build_surface_distance(precision, geometry)
+    surface_of = build_last_surface(precision, geometry, stop)
+
+    @wp.func
+    def slant_of(bounds: Bounds, course: Course, p: wp.vec3d, d: wp.vec3d):
+        slant = real(0.0)
+        if wp.static(stop != "arc"):
+            if course.has_stop:
+                normal = bounds.plane_normal
+                if wp.static(stop == "none"):
+                    miss = surface_distance(bounds, surface_of(bounds, course, p, d), p + course.far * d)
+                    normal = wp.vec3d(miss[1], miss[2], miss[3])
+                cosine = wp.dot(normal, d)
+                slant = real(wp.length(normal - cosine * d) / wp.max(wp.abs(cosine), wp.float64(STEEPEST_COSINE)))
+        return slant
+
+    return slant_of
+
+
+@functools.cache
+def build_lever(precision: str, geometry: str, stop: str, controlled: bool):
+    """A function -> (slant of the stop, how far on a direction's error grows, the part of that in the box, caution).
+
+    The last is a share of the safe steps of quiet.py, which know nothing of what such an error does on the way to a far
+    stop. Its arguments: bounds, control, the undisturbed course, start and direction. Lengths in metres.
+    """
+    t = types(precision)
+    real, vec4, Bounds, Control, Course = t.real, t.vec4, t.Bounds, t.Control, t.Course
+    slant_of = build_slant(precision, geometry, stop)
+
+    @wp.func
+    def lever_of(bounds: Bounds, control: Control, course: Course, p: wp.vec3d, d: wp.vec3d):
+        reach = control.extent  # along x a planar box has no end
+        if course.far - course.enter < wp.float64(1.0e30):
+            reach = real(course.far - course.enter)
+        slant = real(0.0)
+        if wp.static(controlled):
+            slant = slant_of(bounds, course, p, d)
+        beyond = real(0.0)
+        if wp.static(stop == "plane"):
+            beyond = real(wp.max(course.stop_distance - course.far, wp.float64(0.0)))
+        caution = wp.pow(real(1.0) + real(0.25) * slant * beyond * wp.max(control.cell_rate), real(-0.25))
+        return vec4(slant, reach + beyond, reach, caution)
+
+    return lever_of
+
+
+@functools.cache
+def build_end(precision: str, geometry: str, interpolation: str, stop: str):
+    """A function -> (position, direction, optical path, OPD, arc length, status, grazing) at the stop, in float64.
+
+    It puts the sums of the steps back onto the straight ray and flies on to a stop outside the box. Its arguments:
+    bounds, control, start, direction, course and status as `build_start` has them, the surface landed on or -1,
+    deviation, its carry, momentum, the sums (sigma, S, M, B), their carry, and the greatest angle with the direction.
+    The last answer is the length that a ray which grazes its last surface lacks of it, and its cosine there.
+    """
+    t = types(precision)
+    real, vec3, vec4, Bounds, Control, Course = t.real, t.vec3, t.vec4, t.Bounds, t.Control, t.Course
+    meeting = build_meeting(precision, geometry)
+    grazing_rest = build_grazing_rest(precision, geometry)
+    detour = build_detour(precision, geometry)
+    face_count = wp.constant(FACE_COUNT[geometry])
+    one_scalar = is_one_scalar(interpolation)
+    ok, missed, not_reached = int(RayStatus.OK), int(RayStatus.MISSED_FIELD), int(RayStatus.STOP_NOT_REACHED)
+
+    @wp.func
+    def end_of(
+        bounds: Bounds,
+        control: Control,
+        p: wp.vec3d,
+        d: wp.vec3d,
+        course: Course,
+        status_before: int,
+        landed: int,
+        q: vec3,
+        q_carry: vec3,
+        momentum: vec3,
+        sums: vec4,
+        sums_carry: vec4,
+        bent: real,
+    ):
+        ambient = bounds.ambient
+        none = wp.float64(0.0)
+        status = int(status_before)
+        q64 = wp.vec3d(wp.float64(q[0]), wp.float64(q[1]), wp.float64(q[2])) - wp.vec3d(
+            wp.float64(q_carry[0]), wp.float64(q_carry[1]), wp.float64(q_carry[2])
+        )
+        p64 = wp.vec3d(wp.float64(momentum[0]), wp.float64(momentum[1]), wp.float64(momentum[2]))
+        sigma = wp.float64(sums[0]) - wp.float64(sums_carry[0])
+        work = wp.float64(2.0) * (wp.float64(sums[1]) - wp.float64(sums_carry[1]))
+        stretch = wp.float64(sums[2]) - wp.float64(sums_carry[2])
+        if wp.static(one_scalar) and bent <= real(NEARLY_STRAIGHT):
+            # Along d the deviation is int (T . d - a) d sigma = M - B: sums of what the path itself is summed of.
+            lagging = wp.float64(sums[3]) - wp.float64(sums_carry[3])
+            q64 += (stretch - lagging - wp.dot(q64, d)) * d
+        turn = deflection(ambient, d, p64)
+        heading = d + turn
+        along = course.enter + ambient * sigma  # distance along the straight ray
+        grazing = wp.vec2d(none, wp.float64(1.0))
+        if landed >= 0 and landed < wp.static(LANDED_ARC):
+            along = meeting(bounds, landed, p + q64, d, along)
+            rest = grazing_rest(bounds, control, landed, p + along * d + q64, d, heading)
+            along += rest[0]
+            q64 += rest[0] * turn
+            grazing = wp.vec2d(rest[1], rest[2])
+        stop_distance = course.stop_distance
+        if not course.meets:
+            along = none
+            if wp.static(stop == "none"):
+                status = int(missed)
+                stop_distance = none
+
+        flight = none
+        if status == ok:
+            if wp.static(stop == "plane"):
+                if not course.meets or (landed >= 0 and landed != face_count):
+                    here = p + along * d + q64
+                    height = wp.dot(bounds.plane_normal, here - bounds.plane_point)
+                    slope = wp.dot(bounds.plane_normal, heading)
+                    # A plane on a face of the box: rounding may put the ray a hair behind it.
+                    hair = wp.float64(1.0e-3) / wp.float64(wp.max(control.cell_rate))
+                    toward = height * slope < none and wp.abs(slope) > wp.float64(LEAST_SLOPE)
+                    if toward or (course.meets and wp.abs(height) < hair * wp.abs(slope)):
+                        flight = -height / slope
+                    elif height != none:
+                        status = int(not_reached)
+            elif wp.static(stop == "arc"):
+                flight = bounds.length - (along + stretch)
+        deviation = q64 + flight * turn
+        along += flight
+
+        opd = wp.float64(0.0)
+        if status == ok and course.has_stop and wp.static(stop != "arc"):
+            # How much further along d the stop is met than by the undisturbed ray: from the deviation where that is
+            # exact, since the difference of two distances would lose its last digits.
+            further = along - stop_distance
+            if wp.static(stop == "plane"):
+                descent = wp.dot(bounds.plane_normal, d)
+                if wp.abs(descent) > wp.float64(LEAST_COSINE):
+                    further = -wp.dot(bounds.plane_normal, deviation) / descent
+            elif landed >= 0:
+                further = detour(bounds, landed, p, d, deviation, stop_distance, further)
+            opd = work + ambient * further
+        else:
+            opd = work - ambient * stretch
+
+        position = p + along * d + deviation
+        direction = heading / wp.length(heading)
+        optical_path = wp.max(ambient * along + work, none)
+        arc = wp.max(along + stretch, none)  # a ray that leaves where it starts may end a rounding before it
+        return position, direction, optical_path, opd, arc, status, grazing
+
+    return end_of

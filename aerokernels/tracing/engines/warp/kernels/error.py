@@ -1,0 +1,170 @@
+"""Device functions: the error of a step, as optical path, and what of it may be rounding."""
+
+import functools
+
+import warp as wp
+
+from ....scheme import (
+    BLUNTED,
+    DIRECTION_NOISE,
+    DIRECTION_SHARE,
+    EVEN_WEAK,
+    LANDING_NOISE,
+    LEAST_COSINE,
+    MAGNIFIED,
+    NOISE,
+    ROUGH,
+    SMOOTH,
+    STEEPEST_COSINE,
+    TINY,
+)
+from ....tableau import B_ERROR, BT_ERROR, NEARLY_STRAIGHT, PATH_ERROR_SLOPE, PATH_ERROR_VALUE, C, is_one_scalar
+from ..types import types
+from .box import FACE_COUNT
+from .motion import build_contrast
+
+
+@functools.cache
+def build_step_error(precision: str, geometry: str, interpolation: str, stop: str):
+    """Functions: a step's error, the greatest turn, a direction's lever; its rounding; a ray's error; its landing."""
+    t = types(precision)
+    real, vec3, vec4, Bounds, Control = t.real, t.vec3, t.vec4, t.Bounds, t.Control
+    contrast = build_contrast(precision)
+    tiny = TINY[precision]
+    one_scalar = is_one_scalar(interpolation)
+    sharpened = interpolation in ("cubic", "linear")
+    noise = NOISE[precision]
+    direction_noise = DIRECTION_NOISE[precision]
+    landing_noise = LANDING_NOISE[precision]
+    plane = wp.constant(FACE_COUNT[geometry])
+    c2, c3 = (float(v) for v in C[1:3])
+    e1, e2, e3, e4 = (float(v) for v in B_ERROR)
+    f1, f2, f3, f4 = (float(v) for v in BT_ERROR)
+    g1, g2, g3, g4 = (float(v) for v in PATH_ERROR_VALUE)
+    k1, k2, k3, k4 = (float(v) for v in PATH_ERROR_SLOPE)
+
+    @wp.func
+    def step_error(
+        ambient: real,
+        d: vec3,
+        total: vec3,
+        momentum: vec3,
+        h: real,
+        reach: real,
+        is_smooth: bool,
+        bent: real,
+        slant: real,
+        arm: real,
+        pot: real,
+        force: vec3,
+        s2: vec4,
+        s3: vec4,
+        s4: vec4,
+    ):
+        force2 = vec3(s2[1], s2[2], s2[3])
+        force3 = vec3(s3[1], s3[2], s3[3])
+        force4 = vec3(s4[1], s4[2], s4[3])
+        off_s = h * (real(f1) * pot + real(f2) * s2[0] + real(f3) * s3[0] + real(f4) * s4[0])
+        off_q = (h * h) * (real(e1) * force + real(e2) * force2 + real(e3) * force3 + real(e4) * force4)
+        off_p = h * (real(f1) * force + real(f2) * force2 + real(f3) * force3 + real(f4) * force4)
+        swung = momentum + h * force4
+        turn = wp.max(bent, wp.length(swung - wp.dot(swung, d) * d) / ambient)
+        sharp = real(1.0)
+        if wp.static(sharpened):
+            # On a nearly straight ray the path's error is known better, by a rule of higher order with the slopes
+            # along the ray; the other errors are taken to be overestimated alike.
+            slope1 = wp.dot(force, total)
+            slope2 = wp.dot(force2, total + (real(0.5) * real(c2) * h) * (force + force2))
+            slope3 = wp.dot(force3, total + (real(0.5) * real(c3) * h) * (force + force3))
+            slope4 = wp.dot(force4, total + (real(0.5) * h) * (force + force4))
+            fine = h * (real(g1) * pot + real(g2) * s2[0] + real(g3) * s3[0] + real(g4) * s4[0])
+            fine += (h * h) * (real(k1) * slope1 + real(k2) * slope2 + real(k3) * slope3 + real(k4) * slope4)
+            sharp = wp.abs(fine) / wp.max(wp.abs(off_s), real(tiny))
+            blunt = real(ROUGH)
+            if wp.static(interpolation == "linear" and geometry != "axisymmetric") or is_smooth:
+                blunt = real(SMOOTH)
+            sharp = wp.clamp(sharp, wp.min(blunt + real(BLUNTED) * turn, real(1.0)), real(1.0))
+        off = real(4.0) * sharp * wp.abs(off_s)
+        if wp.static(not one_scalar) or turn > real(NEARLY_STRAIGHT):
+            # Along d, and in arc length.
+            off_m = real(f1) * contrast(ambient, pot) + real(f2) * contrast(ambient, s2[0])
+            off_m += real(f3) * contrast(ambient, s3[0]) + real(f4) * contrast(ambient, s4[0])
+            off += ambient * (wp.abs(wp.dot(off_q, d)) + h * wp.abs(off_m))
+        off_q -= wp.dot(off_q, d) * d
+        off_p -= wp.dot(off_p, d) * d
+        weight = turn + sharp * real(DIRECTION_SHARE)
+        # The stop is met at a slant (engines/warp/kernels/ends.py), `arm` further on.
+        tilt = sharp * slant
+        if arm > real(2.0) * reach:
+            # Far stops are met at the slant of the ray's own deflection too, and a direction's error is not believed to
+            # be as much overestimated as the path's: it is no sum along the ray.
+            tilt = wp.max(sharp, real(ROUGH)) * (slant + wp.where(turn < real(EVEN_WEAK), turn, real(0.0)))
+        off_p_size = wp.length(real(MAGNIFIED) * off_p) / real(MAGNIFIED)
+        off_q_size = wp.length(real(MAGNIFIED) * off_q) / real(MAGNIFIED)
+        off += off_p_size * (weight * reach + tilt * arm) + ambient * off_q_size * (weight + tilt)
+        return vec3(off, turn, weight * (reach + ambient * h) + slant * (arm + ambient * h))
+
+    @wp.func
+    def step_rounding(
+        control: Control,
+        ambient: real,
+        h: real,
+        lever: real,
+        rate: vec3,
+        frac: vec3,
+        pot: real,
+        force: vec3,
+        s3: vec4,
+    ):
+        size = wp.max(wp.abs(pot), wp.abs(s3[0]))
+        if wp.static(geometry == "axisymmetric"):
+            # Places across the axis are kept from the axis on, and rounded like their distance from it.
+            size += wp.length(force) * wp.length(vec3(frac[0], frac[1], real(0.0))) / rate[0]
+        steep = wp.max(wp.length(force), size * wp.max(control.cell_rate))
+        return real(noise) * h * (real(2.0) * size + steep * lever)
+
+    @wp.func
+    def stop_error(
+        used: real,
+        bounds: Bounds,
+        direction: wp.vec3d,
+        ambient: real,
+        momentum: vec3,
+        first_momentum: real,
+        bent: real,
+        slant: real,
+        arm: real,
+    ):
+        """The error of a ray at its stop: that of its steps, and the rounding of the direction in which it flies there.
+
+        Rounded is its greatest momentum, and what it had at first, along d. A plane may be met at a smaller angle than
+        `slant` allows for.
+        """
+        size = wp.length(momentum) + first_momentum + ambient * bent
+        error = used + real(direction_noise) * size * (slant + bent) * arm
+        if wp.static(stop == "plane"):
+            cosine = wp.abs(wp.dot(bounds.plane_normal, direction))
+            steepest = wp.float64(STEEPEST_COSINE)
+            error *= real(steepest / wp.clamp(cosine, wp.float64(1.0e-9), steepest))
+        return error
+
+    @wp.func
+    def landing_error(used: real, ambient: real, cell: real, landed: int, grazing: wp.vec2d, slant: real, harm: real):
+        """The error of a ray that ended on surface `landed`, with what it lacks of it and at which cosine.
+
+        A ray may end at a smaller angle, or on another surface, than the undisturbed one, for which `slant` is. Where
+        it flies on from the surface, it costs `harm` per metre to be beside it. Its place across the surface is rounded
+        by a share of a `cell` [m], along the ray by that over the cosine.
+        """
+        lack = real(wp.min(grazing[0], wp.float64(1.0e30)))
+        cosine = real(wp.max(grazing[1], wp.float64(1.0e-15)))
+        rounded = real(landing_noise) * cell / cosine
+        if wp.static(stop == "none"):
+            if cosine < real(LEAST_COSINE):
+                lack += rounded
+            return wp.max(used * wp.max(real(1.0) / (cosine * (real(1.0) + slant)), real(1.0)), ambient * lack)
+        if landed == plane:
+            return wp.max(used, ambient * lack)
+        return used + harm * (lack + rounded)
+
+    return step_error, step_rounding, stop_error, landing_error

@@ -1,0 +1,219 @@
+"""Device functions: the optical potential on a uniform grid. The interpolants are those of medium/spline.py."""
+
+import functools
+
+import warp as wp
+
+from .....medium.grid import AXIS_CORE
+from .....medium.spline import STRIDE, SUPPORT
+from ..types import types
+
+
+@functools.cache
+def build_weights(precision: str, interpolation: str):
+    """Functions u -> weights and u -> slopes of the weights, as vectors of four (two used if linear)."""
+    t = types(precision)
+    real, vec4 = t.real, t.vec4
+    one_sixth = 1.0 / 6.0  # a quotient written inside a kernel would be taken in float32
+
+    if interpolation == "linear":
+
+        @wp.func
+        def value(u: real):
+            return vec4(real(1.0) - u, u, real(0.0), real(0.0))
+
+        @wp.func
+        def slope(u: real):
+            return vec4(real(-1.0), real(1.0), real(0.0), real(0.0))
+
+    elif interpolation == "cubic":
+
+        @wp.func
+        def value(u: real):
+            v = real(1.0) - u
+            sixth = real(one_sixth)
+            return vec4(
+                sixth * v * v * v,
+                sixth * (real(4.0) + u * u * (real(3.0) * u - real(6.0))),
+                sixth * (real(4.0) + v * v * (real(3.0) * v - real(6.0))),
+                sixth * u * u * u,
+            )
+
+        @wp.func
+        def slope(u: real):
+            v = real(1.0) - u
+            return vec4(
+                real(-0.5) * v * v,
+                u * (real(1.5) * u - real(2.0)),
+                -v * (real(1.5) * v - real(2.0)),
+                real(0.5) * u * u,
+            )
+
+    else:
+
+        @wp.func
+        def value(u: real):
+            v = real(1.0) - u
+            return vec4((real(1.0) + real(2.0) * u) * v * v, u * v * v, u * u * (real(3.0) - real(2.0) * u), -u * u * v)
+
+        @wp.func
+        def slope(u: real):
+            v = real(1.0) - u
+            return vec4(
+                real(-6.0) * u * v, v * (real(1.0) - real(3.0) * u), real(6.0) * u * v, u * (real(3.0) * u - real(2.0))
+            )
+
+    return value, slope
+
+
+@functools.cache
+def build_sample(precision: str, geometry: str, interpolation: str):
+    """A function (field, cell, frac, home) -> (potential s = (n^2 - a^2) / 2, its gradient in x, y, z [1/m])."""
+    t = types(precision)
+    real, vec3, vec4, Field = t.real, t.vec3, t.vec4, t.Field
+    value, slope = build_weights(precision, interpolation)
+    support, stride = SUPPORT[interpolation], STRIDE[interpolation]
+
+    @wp.func
+    def split(place: real, base: int, last: int):
+        """Clamped cell along one axis and the fraction in it, which may leave [0, 1] at the box's edge."""
+        shift = int(wp.floor(place))
+        cell = wp.clamp(base + shift, 0, last)
+        return cell, place - real(cell - base)
+
+    @wp.func
+    def plane_sample(field: Field, a: int, u: real, b: int, v: real):
+        """Value and slopes per cell at fraction (u, v) of cell (a, b) of a two-axis grid."""
+        wa = value(u)
+        sa = slope(u)
+        wb = value(v)
+        sb = slope(v)
+        start = (a * field.pitch[0] + b) * stride
+        total = real(0.0)
+        first = real(0.0)
+        second = real(0.0)
+        for i in range(support):
+            row = real(0.0)
+            bend = real(0.0)
+            for j in range(support):
+                c = field.coefficients[start + i * field.pitch[0] + j]
+                row += wb[j] * c
+                bend += sb[j] * c
+            total += wa[i] * row
+            first += sa[i] * row
+            second += wa[i] * bend
+        return vec3(total, first, second)
+
+    if geometry == "volume":
+
+        @wp.func
+        def sample(field: Field, cell: wp.vec3i, frac: vec3, home: int):
+            a, u = split(frac[0], cell[0], field.row[0])
+            b, v = split(frac[1], cell[1], field.row[1])
+            c, w = split(frac[2], cell[2], field.row[2])
+            wa = value(u)
+            sa = slope(u)
+            wb = value(v)
+            sb = slope(v)
+            wc = value(w)
+            sc = slope(w)
+            start = (a * field.pitch[0] + b * field.pitch[1] + c) * stride
+            total = real(0.0)
+            first = real(0.0)
+            second = real(0.0)
+            third = real(0.0)
+            for i in range(support):
+                sheet = real(0.0)
+                sheet_second = real(0.0)
+                sheet_third = real(0.0)
+                for j in range(support):
+                    at = start + i * field.pitch[0] + j * field.pitch[1]
+                    row = real(0.0)
+                    bend = real(0.0)
+                    for k in range(support):
+                        picked = field.coefficients[at + k]
+                        row += wc[k] * picked
+                        bend += sc[k] * picked
+                    sheet += wb[j] * row
+                    sheet_second += sb[j] * row
+                    sheet_third += wb[j] * bend
+                total += wa[i] * sheet
+                first += sa[i] * sheet
+                second += wa[i] * sheet_second
+                third += wa[i] * sheet_third
+            rate = field.inverse_spacing
+            return vec4(total, first * rate[0], second * rate[1], third * rate[2])
+
+    elif geometry == "planar":
+
+        @wp.func
+        def sample(field: Field, cell: wp.vec3i, frac: vec3, home: int):
+            a, u = split(frac[1], cell[1], field.row[0])
+            b, v = split(frac[2], cell[2], field.row[1])
+            s = plane_sample(field, a, u, b, v)
+            return vec4(s[0], real(0.0), s[1] * field.inverse_spacing[1], s[2] * field.inverse_spacing[2])
+
+    else:
+
+        @wp.func
+        def sample(field: Field, cell: wp.vec3i, frac: vec3, home: int):
+            radius = wp.sqrt(frac[0] * frac[0] + frac[1] * frac[1])
+            a, u = split(radius, 0, field.row[0])
+            b, v = split(frac[2], cell[2], field.row[1])
+            s = plane_sample(field, a, u, b, v)
+            outward = real(0.0)
+            if wp.static(interpolation == "linear"):
+                outward = s[1] * field.inverse_spacing[0] / wp.max(radius, real(AXIS_CORE))
+            elif radius > real(0.0):
+                outward = s[1] * field.inverse_spacing[0] / radius
+            return vec4(s[0], outward * frac[0], outward * frac[1], s[2] * field.inverse_spacing[2])
+
+    return sample
+
+
+@functools.cache
+def build_paper_step(precision: str, geometry: str):
+    """A function (field, cell, frac, home) -> step length of eq 5 in the cell that holds the point [m]."""
+    t = types(precision)
+    vec3, Field = t.vec3, t.Field
+
+    if geometry == "volume":
+
+        @wp.func
+        def paper_step(field: Field, cell: wp.vec3i, frac: vec3, home: int):
+            a = wp.clamp(cell[0] + int(wp.floor(frac[0])), 0, field.row[0])
+            b = wp.clamp(cell[1] + int(wp.floor(frac[1])), 0, field.row[1])
+            c = wp.clamp(cell[2] + int(wp.floor(frac[2])), 0, field.row[2])
+            return field.paper_step[(a * (field.row[1] + 1) + b) * (field.row[2] + 1) + c]
+
+    elif geometry == "planar":
+
+        @wp.func
+        def paper_step(field: Field, cell: wp.vec3i, frac: vec3, home: int):
+            a = wp.clamp(cell[1] + int(wp.floor(frac[1])), 0, field.row[0])
+            b = wp.clamp(cell[2] + int(wp.floor(frac[2])), 0, field.row[1])
+            return field.paper_step[a * (field.row[1] + 1) + b]
+
+    else:
+
+        @wp.func
+        def paper_step(field: Field, cell: wp.vec3i, frac: vec3, home: int):
+            radius = wp.sqrt(frac[0] * frac[0] + frac[1] * frac[1])
+            a = wp.clamp(int(wp.floor(radius)), 0, field.row[0])
+            b = wp.clamp(cell[2] + int(wp.floor(frac[2])), 0, field.row[1])
+            return field.paper_step[a * (field.row[1] + 1) + b]
+
+    return paper_step
+
+
+@functools.cache
+def build_find_home(precision: str, geometry: str):
+    """A function (field, frac, home) -> home: only a mesh has cells to be remembered."""
+    t = types(precision)
+    vec3, Field = t.vec3, t.Field
+
+    @wp.func
+    def find_home(field: Field, frac: vec3, home: int):
+        return home
+
+    return find_home

@@ -1,0 +1,166 @@
+"""Device functions: ending a ray on the surfaces of its box, on a plane, or at a length of arc.
+
+The step is shortened to where its parabola first meets a surface, by the root of the quadratic; what is left, of third
+order in the step, is flown along the parabola at its end. A ray that grazes a surface is far from where it meets
+it even if it is close to it: what is left must be short beside the step, or as close as rounding has it.
+"""
+
+import functools
+
+import warp as wp
+
+from ....scheme import LANDED_ARC, LANDING_NOISE, LANDING_SHARE, SLACK_CELLS
+from ..types import types
+from .box import FACE_COUNT, build_surface
+
+
+@functools.cache
+def build_landing(precision: str, geometry: str, stop: str):
+    """Functions about the surfaces a ray can end on: the step that ends on one, whether it overshot, touching down."""
+    t = types(precision)
+    real, vec3, Control = t.real, t.vec3, t.Control
+    surface = build_surface(precision, geometry)
+    face_count = wp.constant(FACE_COUNT[geometry])
+    surface_count = wp.constant(FACE_COUNT[geometry] + (1 if stop == "plane" else 0))
+    slack_cells = SLACK_CELLS[precision]
+    landing_noise = LANDING_NOISE[precision]
+    none = 1e30
+
+    @wp.func
+    def oriented(control: Control, k: int, side: real, cell: wp.vec3i, frac: vec3):
+        s = surface(control, k, cell, frac)
+        if k == face_count:
+            s = side * s
+        return s
+
+    @wp.func
+    def surface_unit(control: Control, k: int):
+        """Size of a cell in the unit of surface k: faces are measured in cells, the plane in metres."""
+        if k == face_count:
+            return real(1.0) / wp.max(control.cell_rate)
+        return real(1.0)
+
+    @wp.func
+    def rising_root(v0: real, v1: real, v2: real):
+        """The first positive h at which v0 + v1 h + v2 h^2 rises through zero; 0 if it is above and stays there."""
+        disc = v1 * v1 - real(4.0) * v2 * v0
+        if v0 > real(0.0):
+            if v1 >= real(0.0) or disc < real(0.0):
+                return real(0.0)
+        elif disc < real(0.0):
+            return real(none)
+        root = wp.sqrt(disc)
+        if v1 >= real(0.0):
+            if v1 + root <= real(0.0):
+                return real(none)
+            return real(-2.0) * v0 / (v1 + root)
+        if v2 <= real(0.0):
+            return real(none)
+        return (root - v1) / (real(2.0) * v2)
+
+    @wp.func
+    def landing(
+        control: Control, rate: vec3, side: real, cell: wp.vec3i, frac: vec3, momentum: vec3, force: vec3, h: real
+    ):
+        """The step that ends where the parabola first meets a surface, no longer than h, and that surface or -1."""
+        best = h
+        which = int(-1)
+        along = wp.cw_mul(momentum, rate)
+        bend = wp.cw_mul(force, rate)
+        for k in range(surface_count):
+            s = oriented(control, k, side, cell, frac)
+            normal = vec3(s[1], s[2], s[3])
+            curve = wp.dot(normal, bend)
+            if wp.static(geometry == "axisymmetric"):
+                if k == 2:
+                    curve += (along[0] * along[0] + along[1] * along[1]) / control.radius
+            rise = wp.dot(normal, along)
+            slack = real(slack_cells) * surface_unit(control, k)
+            outside = s[0]
+            grazing = real(1.0e-4) * wp.length(along) * surface_unit(control, k)
+            if rise >= real(0.0) and rise <= grazing and outside >= -slack:
+                outside -= slack
+            # Most surfaces are out of reach.
+            rising = wp.max(rise, real(0.0)) + wp.max(real(0.5) * curve, real(0.0)) * best
+            if outside + rising * best >= real(0.0):
+                root = rising_root(outside, rise, real(0.5) * curve)
+                if root <= best:
+                    best = root
+                    which = k
+        return best, which
+
+    @wp.func
+    def rounding_of(control: Control, k: int):
+        """What rounding leaves of a place's distance from surface k, in its unit."""
+        room = real(landing_noise) * surface_unit(control, k)
+        if k == face_count:
+            room += real(landing_noise) * wp.abs(control.plane_offset)
+        if wp.static(geometry == "axisymmetric"):
+            if k == 2:
+                room *= real(1.0) + control.radius
+        return wp.min(room, real(1.0e-5) * surface_unit(control, k))
+
+    @wp.func
+    def overshot(
+        control: Control, k: int, side: real, cell: wp.vec3i, frac: vec3, velocity: vec3, h: real, close: real
+    ):
+        """Whether the end of a step h is further behind surface k than `close` cells, or than a share of the step."""
+        ahead = oriented(control, k, side, cell, frac)
+        speed = wp.max(wp.dot(vec3(ahead[1], ahead[2], ahead[3]), velocity), real(0.0))
+        far = ahead[0] > real(2.5 * LANDING_SHARE) * speed * h and ahead[0] > rounding_of(control, k)
+        return far or ahead[0] > close * surface_unit(control, k)
+
+    @wp.func
+    def touchdown(
+        control: Control,
+        k: int,
+        side: real,
+        cell: wp.vec3i,
+        frac: vec3,
+        velocity: vec3,
+        pull: vec3,
+        h: real,
+        h_cell: real,
+    ):
+        """After a step to surface k: (sigma still to go along its parabola, negative to go back; whether that is all).
+
+        The velocity and its derivative are in cells. What is neither behind the surface nor close to it has to land
+        once more.
+        """
+        now = oriented(control, k, side, cell, frac)
+        speed = wp.dot(vec3(now[1], now[2], now[3]), velocity)
+        # Behind it, or close enough to fly the rest along the parabola.
+        unit = surface_unit(control, k)
+        if speed > real(0.0) and now[0] >= real(-LANDING_SHARE) * speed * h - rounding_of(control, k):
+            curve = wp.dot(vec3(now[1], now[2], now[3]), pull)
+            root = wp.sqrt(wp.max(speed * speed - real(2.0) * curve * now[0], real(0.0)))
+            return real(-2.0) * now[0] / (speed + root), bool(True)
+        # Outside, and coming back or not moving.
+        return real(0.0), bool(h <= real(1.0e-9) * h_cell or now[0] > real(1.0e-3) * unit)
+
+    return landing, overshot, touchdown
+
+
+@functools.cache
+def build_arc_landing(precision: str):
+    """The same for a stop at a length of arc: the step that ends there, and touching down."""
+    t = types(precision)
+    real, vec3 = t.real, t.vec3
+    landed_arc = wp.constant(LANDED_ARC)
+
+    @wp.func
+    def arc_landing(rest: real, index: real, total: vec3, force: vec3, h: real, land: int):
+        """The step that flies `rest`, if it is no longer than h; the index grows along it."""
+        bend = wp.dot(force, total) / index
+        if h * (index + real(0.5) * bend * h) >= rest:
+            h_arc = wp.min(rest / index, h)
+            return wp.clamp(rest / (index + real(0.5) * bend * h_arc), real(0.0), h), int(landed_arc)
+        return h, int(land)
+
+    @wp.func
+    def arc_touchdown(rest: real, index: real, length: real, h: real):
+        if wp.abs(rest) <= real(1.0e-4) * h * index + real(1.0e-6) * length:
+            return rest / index, bool(True)
+        return real(0.0), bool(False)
+
+    return arc_landing, arc_touchdown

@@ -1,0 +1,239 @@
+"""Device functions: the optical potential on a quadrilateral mesh.
+
+The cell that holds a point is found from the one that held the ray at the start of its step, walking over edges; where
+that leads nowhere, through the uniform bins.
+"""
+
+import functools
+
+import warp as wp
+
+from ....scheme import WALK_LIMIT
+from ..types import types
+
+
+@functools.cache
+def build_locate(precision: str):
+    """A function (field, point, home) -> index of the cell that holds the point, -1 if none does.
+
+    `home` is a cell nearby, or -1: the walk starts there, and goes over the edge that the point lies furthest behind.
+    """
+    t = types(precision)
+    vec2, Field = t.vec2, t.Field
+
+    @wp.func
+    def way_from(field: Field, cell: int, p: vec2):
+        """-1 if the cell holds the point, edges included, else the edge that it lies furthest behind."""
+        way = int(-1)
+        furthest = -field.slack
+        for k in range(4):
+            start = field.corners[4 * cell + k]
+            edge = field.corners[4 * cell + (k + 1) % 4] - start
+            toward = p - start
+            left = edge[0] * toward[1] - edge[1] * toward[0]
+            length = wp.length(edge)
+            if left < furthest * length:
+                furthest = left / length
+                way = k
+        return way
+
+    @wp.func
+    def locate(field: Field, p: vec2, home: int):
+        found = int(-1)
+        cell = int(home)
+        trial = int(0)
+        while cell >= 0 and found < 0 and trial < wp.static(WALK_LIMIT):
+            way = way_from(field, cell, p)
+            if way < 0:
+                found = cell
+            else:
+                cell = field.neighbors[4 * cell + way]
+            trial += 1
+        if found < 0:
+            place = wp.cw_mul(p - field.bin_origin, field.bin_rate)
+            i = wp.clamp(int(wp.floor(place[0])), 0, field.bin_count[0] - 1)
+            j = wp.clamp(int(wp.floor(place[1])), 0, field.bin_count[1] - 1)
+            key = i * field.bin_count[1] + j
+            at = int(field.bin_start[key])
+            stop = int(field.bin_start[key + 1])
+            while found < 0 and at < stop:
+                if way_from(field, field.bin_cell[at], p) < 0:
+                    found = field.bin_cell[at]
+                at += 1
+        return found
+
+    return locate
+
+
+@functools.cache
+def build_plane_point(precision: str, geometry: str):
+    """A function (frac) -> point in the plane of the mesh (mesh positions are in metres)."""
+    t = types(precision)
+    vec2, vec3 = t.vec2, t.vec3
+
+    if geometry == "planar":
+
+        @wp.func
+        def plane_point(frac: vec3):
+            return vec2(frac[1], frac[2])
+
+    else:
+
+        @wp.func
+        def plane_point(frac: vec3):
+            return vec2(wp.sqrt(frac[0] * frac[0] + frac[1] * frac[1]), frac[2])
+
+    return plane_point
+
+
+@functools.cache
+def build_within_box(precision: str):
+    """A function (field, point) -> the point, moved into the mesh's box.
+
+    Stages of the last step may look beyond it: the field goes on linearly there.
+    """
+    t = types(precision)
+    vec2, Field = t.vec2, t.Field
+
+    @wp.func
+    def within_box(field: Field, p: vec2):
+        return vec2(
+            wp.clamp(p[0], field.mesh_low[0], field.mesh_high[0]), wp.clamp(p[1], field.mesh_low[1], field.mesh_high[1])
+        )
+
+    return within_box
+
+
+@functools.cache
+def build_find_home(precision: str, geometry: str):
+    """A function (field, frac, home) -> the cell to remember for a ray at this place."""
+    t = types(precision)
+    vec3, Field = t.vec3, t.Field
+    locate = build_locate(precision)
+    plane_point = build_plane_point(precision, geometry)
+    within_box = build_within_box(precision)
+
+    @wp.func
+    def find_home(field: Field, frac: vec3, home: int):
+        return locate(field, within_box(field, plane_point(frac)), home)
+
+    return find_home
+
+
+@functools.cache
+def build_sample(precision: str, geometry: str, interpolation: str):
+    """A function (field, cell, frac, home) -> (potential s, its gradient in x, y, z [1/m]); zero outside the mesh.
+
+    On a mesh the contrast m is interpolated, and s = m (a + m / 2), grad s = (a + m) grad m.
+    """
+    t = types(precision)
+    real, vec2, vec3, vec4, Field = t.real, t.vec2, t.vec3, t.vec4, t.Field
+    locate = build_locate(precision)
+    plane_point = build_plane_point(precision, geometry)
+    within_box = build_within_box(precision)
+
+    @wp.func
+    def blend(field: Field, first: int, w: vec4):
+        """Value and node gradient under four weights."""
+        m = real(0.0)
+        g = vec2(real(0.0), real(0.0))
+        for k in range(4):
+            m += w[k] * field.values[first + k]
+            g += w[k] * field.gradients[first + k]
+        return vec3(m, g[0], g[1])
+
+    if interpolation == "idw":
+
+        @wp.func
+        def in_cell(field: Field, cell: int, p: vec2):
+            first = 4 * cell
+            size = wp.length(field.corners[first + 2] - field.corners[first])
+            d = vec4(
+                wp.length(p - field.corners[first]) / size,
+                wp.length(p - field.corners[first + 1]) / size,
+                wp.length(p - field.corners[first + 2]) / size,
+                wp.length(p - field.corners[first + 3]) / size,
+            )
+            w = vec4(d[1] * d[2] * d[3], d[0] * d[2] * d[3], d[0] * d[1] * d[3], d[0] * d[1] * d[2])
+            return blend(field, first, w / (w[0] + w[1] + w[2] + w[3]))
+
+    else:
+
+        @wp.func
+        def in_cell(field: Field, cell: int, p: vec2):
+            first = 4 * cell
+            origin = field.corners[first]
+            b = field.corners[first + 1] - origin
+            c = field.corners[first + 2] - origin
+            d = field.corners[first + 3] - origin
+            target = p - origin
+            xi = real(0.5)
+            eta = real(0.5)
+            along = b
+            across = d
+            det = real(1.0)
+            # Newton's method; the last pass leaves the Jacobian of the solution for the gradient.
+            for trial in range(8):
+                along = (real(1.0) - eta) * b + eta * (c - d)
+                across = (real(1.0) - xi) * d + xi * (c - b)
+                det = along[0] * across[1] - along[1] * across[0]
+                if trial < 7:
+                    miss = xi * (real(1.0) - eta) * b + xi * eta * c + (real(1.0) - xi) * eta * d - target
+                    step_xi = (miss[0] * across[1] - miss[1] * across[0]) / det
+                    step_eta = (along[0] * miss[1] - along[1] * miss[0]) / det
+                    xi = wp.clamp(xi - step_xi, real(-0.5), real(1.5))
+                    eta = wp.clamp(eta - step_eta, real(-0.5), real(1.5))
+            if wp.static(interpolation == "bilinear-barron"):
+                w = vec4((real(1.0) - xi) * (real(1.0) - eta), xi * (real(1.0) - eta), xi * eta, (real(1.0) - xi) * eta)
+                return blend(field, first, w)
+            else:
+                base = field.values[first]
+                vb = field.values[first + 1] - base
+                vc = field.values[first + 2] - base
+                vd = field.values[first + 3] - base
+                m = base + xi * (real(1.0) - eta) * vb + xi * eta * vc + (real(1.0) - xi) * eta * vd
+                rise = (real(1.0) - eta) * vb + eta * (vc - vd)
+                lift = (real(1.0) - xi) * vd + xi * (vc - vb)
+                return vec3(m, (rise * across[1] - lift * along[1]) / det, (lift * along[0] - rise * across[0]) / det)
+
+    @wp.func
+    def sample(field: Field, cell: wp.vec3i, frac: vec3, home: int):
+        p = plane_point(frac)
+        edge = within_box(field, p)
+        inside = locate(field, edge, home)
+        if inside < 0:
+            return vec4(real(0.0), real(0.0), real(0.0), real(0.0))
+        s = in_cell(field, inside, edge)
+        s[0] += s[1] * (p[0] - edge[0]) + s[2] * (p[1] - edge[1])
+        index = field.ambient + s[0]
+        s = vec3(s[0] * (field.ambient + real(0.5) * s[0]), index * s[1], index * s[2])
+        if wp.static(geometry == "planar"):
+            return vec4(s[0], real(0.0), s[1], s[2])
+        else:
+            outward = real(0.0)
+            if p[0] > real(0.0):
+                outward = s[1] / p[0]
+            return vec4(s[0], outward * frac[0], outward * frac[1], s[2])
+
+    return sample
+
+
+@functools.cache
+def build_paper_step(precision: str, geometry: str):
+    """A function (field, cell, frac, home) -> step length of eq 5 in the cell that holds the point [m].
+
+    Outside the mesh the median over all cells, kept behind the last cell's entry, is taken.
+    """
+    t = types(precision)
+    vec3, Field = t.vec3, t.Field
+    locate = build_locate(precision)
+    plane_point = build_plane_point(precision, geometry)
+
+    @wp.func
+    def paper_step(field: Field, cell: wp.vec3i, frac: vec3, home: int):
+        inside = locate(field, plane_point(frac), home)
+        if inside < 0:
+            return field.paper_step[field.cell_count]
+        return field.paper_step[inside]
+
+    return paper_step

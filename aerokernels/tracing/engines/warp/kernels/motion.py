@@ -1,0 +1,150 @@
+"""Device functions of the tracer: positions in cells, compensated sums, and what a step adds to them."""
+
+import functools
+from typing import Any
+
+import warp as wp
+
+from ....tableau import BT, STAGE_MOMENTUM
+from ..types import types
+
+# Axes along which a position is kept as cell + fraction.
+SHIFTED = {"volume": (0, 1, 2), "planar": (1, 2), "axisymmetric": (2,), "mesh": ()}
+
+
+@wp.func
+def advance(total: Any, carry: Any, term: Any):
+    """Kahan's compensated sum: (sum, carry, term) -> (sum, carry)."""
+    y = term - carry
+    s = total + y
+    return s, (s - total) - y
+
+
+@wp.func
+def deflection(ambient: wp.float64, d: wp.vec3d, p: wp.vec3d):
+    """Change of the unit tangent from d when the momentum is ambient d + p, without cancellation."""
+    speed = wp.length(ambient * d + p)
+    excess = (wp.float64(2.0) * ambient * wp.dot(d, p) + wp.dot(p, p)) / (speed + ambient)
+    return (p - excess * d) / speed
+
+
+@functools.cache
+def build_contrast(precision: str):
+    """A function (ambient, potential) -> contrast."""
+    real = types(precision).real
+
+    @wp.func
+    def contrast(ambient: real, potential: real):
+        """M from s without cancellation."""
+        square = wp.max(ambient * ambient + real(2.0) * potential, real(0.0))
+        return real(2.0) * potential / (wp.sqrt(square) + ambient)
+
+    return contrast
+
+
+@functools.cache
+def build_sums(precision: str):
+    """Functions -> what a step, and what flying on along the tangent, adds to (sigma, S, M, B)."""
+    t = types(precision)
+    real, vec3, vec4 = t.real, t.vec3, t.vec4
+    contrast = build_contrast(precision)
+    v1, v2, v3, v4 = (float(v) for v in BT)
+    p1, p2, p3, p4 = (float(v) for v in STAGE_MOMENTUM[1])
+    r1, r2, r3, r4 = (float(v) for v in STAGE_MOMENTUM[2])
+
+    @wp.func
+    def lag(ambient: real, d: vec3, momentum: vec3, potential: real):
+        """|T|^2 - (T . d)^2 over the sum of both: of second order on a nearly straight ray."""
+        ahead = wp.dot(momentum, d)
+        across = momentum - ahead * d
+        return wp.dot(across, across) / (real(2.0) * ambient + contrast(ambient, potential) + ahead)
+
+    @wp.func
+    def lag_sum(ambient: real, d: vec3, momentum: vec3, h: real, pot: real, force: vec3, s2: vec4, s3: vec4, s4: vec4):
+        force2 = vec3(s2[1], s2[2], s2[3])
+        force3 = vec3(s3[1], s3[2], s3[3])
+        force4 = vec3(s4[1], s4[2], s4[3])
+        swung2 = momentum + h * (real(p1) * force + real(p2) * force2 + real(p3) * force3 + real(p4) * force4)
+        swung3 = momentum + h * (real(r1) * force + real(r2) * force2 + real(r3) * force3 + real(r4) * force4)
+        swung4 = momentum + h * (real(v1) * force + real(v2) * force2 + real(v3) * force3 + real(v4) * force4)
+        total = real(v1) * lag(ambient, d, momentum, pot) + real(v2) * lag(ambient, d, swung2, s2[0])
+        return h * (total + real(v3) * lag(ambient, d, swung3, s3[0]) + real(v4) * lag(ambient, d, swung4, s4[0]))
+
+    @wp.func
+    def step_sums(
+        ambient: real, d: vec3, momentum: vec3, m: real, h: real, pot: real, force: vec3, s2: vec4, s3: vec4, s4: vec4
+    ):
+        """By the rule of the path: momentum, contrast, potential and force are those at the start of the step."""
+        return vec4(
+            h,
+            h * (real(v1) * pot + real(v2) * s2[0] + real(v3) * s3[0] + real(v4) * s4[0]),
+            h
+            * (
+                real(v1) * m
+                + real(v2) * contrast(ambient, s2[0])
+                + real(v3) * contrast(ambient, s3[0])
+                + real(v4) * contrast(ambient, s4[0])
+            ),
+            lag_sum(ambient, d, momentum, h, pot, force, s2, s3, s4),
+        )
+
+    @wp.func
+    def tangent_sums(ambient: real, d: vec3, momentum: vec3, back: real, pot: real, force: vec3):
+        half = real(0.5) * back * back
+        climb = wp.dot(force, ambient * d + momentum)
+        m = contrast(ambient, pot)
+        return vec4(
+            back,
+            back * pot + half * climb,
+            back * m + half * climb / (ambient + m),
+            back * lag(ambient, d, momentum, pot),
+        )
+
+    return step_sums, tangent_sums
+
+
+@functools.cache
+def build_mend(precision: str):
+    """A function (ambient, direction, momentum, potential) -> what brings the momentum back onto |T| = n, along T."""
+    t = types(precision)
+    real, vec3 = t.real, t.vec3
+
+    @wp.func
+    def mend(ambient: real, d: vec3, momentum: vec3, pot: real):
+        surplus = real(2.0) * pot - wp.dot(momentum, real(2.0) * ambient * d + momentum)
+        tangent = ambient * d + momentum
+        square = wp.dot(tangent, tangent)
+        root = wp.sqrt(wp.max(square * (square + surplus), real(0.0)))
+        return (surplus / (square + root)) * tangent
+
+    return mend
+
+
+@functools.cache
+def build_cells(precision: str, kind: str):
+    """Functions (bounds, point) -> (cell, frac), and (cell, frac) -> the same with frac in [0, 1)."""
+    t = types(precision)
+    real, vec3, Bounds = t.real, t.vec3, t.Bounds
+    shift = wp.vec3i(*(int(axis in SHIFTED[kind]) for axis in range(3)))
+
+    @wp.func
+    def whole(place: Any):
+        """Whole cells in a place, zero along axes without cells of their own."""
+        floors = wp.vec3i(int(wp.floor(place[0])), int(wp.floor(place[1])), int(wp.floor(place[2])))
+        return wp.cw_mul(floors, shift)
+
+    @wp.func
+    def in_cells(bounds: Bounds, p: wp.vec3d):
+        """Split a point into whole cells and fractions, in float64."""
+        g = wp.cw_div(p - bounds.origin, bounds.spacing)
+        cell = whole(g)
+        rest = g - wp.vec3d(wp.float64(cell[0]), wp.float64(cell[1]), wp.float64(cell[2]))
+        return cell, vec3(real(rest[0]), real(rest[1]), real(rest[2]))
+
+    @wp.func
+    def carry_over(cell: wp.vec3i, frac: vec3):
+        """Move whole cells from the fraction into the cell, exactly."""
+        moved = whole(frac)
+        return cell + moved, frac - vec3(real(moved[0]), real(moved[1]), real(moved[2]))
+
+    return in_cells, carry_over

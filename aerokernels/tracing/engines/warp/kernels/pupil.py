@@ -1,0 +1,229 @@
+"""Kernels of the million-ray pupil: scrambled Sobol points, and sums over groups of rays.
+
+Points are the two-dimensional Sobol sequence (bit reversal, and the sequence of x + 1) with a nested uniform scramble
+by hashing (B. Burley, Practical hash-based Owen scrambling, JCGT 9-4 (2020)), one seed per replicate and axis; equal
+areas of the square map to equal areas of the disc.
+"""
+
+import warp as wp
+
+from ....pupil_sums import MOMENT_COUNT, SUM_COUNT
+from ....scheme import GROUP, HASHES, JOINED
+from ....status import RayStatus
+
+# Constants of 32 bits are typed here: a literal inside a kernel would pass through a signed integer.
+_HASH_1 = wp.constant(wp.uint32(HASHES[0]))
+_HASH_2 = wp.constant(wp.uint32(HASHES[1]))
+_HASH_3 = wp.constant(wp.uint32(HASHES[2]))
+_HASH_4 = wp.constant(wp.uint32(HASHES[3]))
+_TOP_BIT = wp.constant(wp.uint32(0x80000000))
+_OK = wp.constant(int(RayStatus.OK))
+_LEFT_DISTURBED_AIR = wp.constant(int(RayStatus.LEFT_DISTURBED_AIR))
+_TOLERANCE_NOT_MET = wp.constant(int(RayStatus.TOLERANCE_NOT_MET))
+_GROUP = wp.constant(GROUP)
+_MOMENTS = wp.constant(MOMENT_COUNT)
+_SUMS = wp.constant(SUM_COUNT)
+_JOINED = wp.constant(JOINED)
+
+
+@wp.func
+def reverse_bits(x: wp.uint32):
+    """Mirror the 32 bits of x."""
+    x = ((x >> wp.uint32(1)) & wp.uint32(0x55555555)) | ((x & wp.uint32(0x55555555)) << wp.uint32(1))
+    x = ((x >> wp.uint32(2)) & wp.uint32(0x33333333)) | ((x & wp.uint32(0x33333333)) << wp.uint32(2))
+    x = ((x >> wp.uint32(4)) & wp.uint32(0x0F0F0F0F)) | ((x & wp.uint32(0x0F0F0F0F)) << wp.uint32(4))
+    x = ((x >> wp.uint32(8)) & wp.uint32(0x00FF00FF)) | ((x & wp.uint32(0x00FF00FF)) << wp.uint32(8))
+    return (x >> wp.uint32(16)) | (x << wp.uint32(16))
+
+
+@wp.func
+def scramble(x: wp.uint32, seed: wp.uint32):
+    """Nested uniform scramble of a 32-bit fraction."""
+    x = reverse_bits(x)
+    x = x + seed
+    x = x ^ (x * _HASH_1)
+    x = x ^ (x * _HASH_2)
+    x = x ^ (x * _HASH_3)
+    x = x ^ (x * _HASH_4)
+    return reverse_bits(x)
+
+
+@wp.func
+def second_axis(index: wp.uint32):
+    """Second coordinate of the Sobol sequence."""
+    result = wp.uint32(0)
+    column = _TOP_BIT
+    rest = wp.uint32(index)
+    while rest != wp.uint32(0):
+        if (rest & wp.uint32(1)) != wp.uint32(0):
+            result = result ^ column
+        column = column ^ (column >> wp.uint32(1))
+        rest = rest >> wp.uint32(1)
+    return result
+
+
+@wp.kernel(enable_backward=False)
+def launch_pupil(
+    center: wp.vec3d,
+    first: wp.vec3d,
+    second: wp.vec3d,
+    look: wp.vec3d,
+    seeds: wp.array(dtype=wp.uint32, ndim=2),
+    order_in: wp.array(dtype=wp.int32),
+    per_replicate: int,
+    first_ray: int,
+    position_out: wp.array(dtype=wp.vec3d),
+    direction_out: wp.array(dtype=wp.vec3d),
+    pupil_out: wp.array(dtype=wp.vec2d),
+):
+    """Points of the pupil; `first` and `second` are its axes times its radius.
+
+    Ray r of a replicate is its point order_in[r]: neighbours in the launch are then neighbours on the disc.
+    """
+    ray = wp.tid() + first_ray
+    replicate = ray // per_replicate
+    index = wp.uint32(order_in[ray - replicate * per_replicate])
+    unit = wp.float64(2.3283064365386963e-10)
+    u = (wp.float64(scramble(reverse_bits(index), seeds[replicate, 0])) + wp.float64(0.5)) * unit
+    v = (wp.float64(scramble(second_axis(index), seeds[replicate, 1])) + wp.float64(0.5)) * unit
+    radius = wp.sqrt(u)
+    angle = wp.float64(6.283185307179586) * v
+    x = radius * wp.cos(angle)
+    y = radius * wp.sin(angle)
+    position_out[ray] = center + x * first + y * second
+    direction_out[ray] = look
+    pupil_out[ray] = wp.vec2d(x, y)
+
+
+@wp.func
+def has_arrived(status: int):
+    """Whether a ray of this status reached the stop, see status.py."""
+    return status == _OK or status == _LEFT_DISTURBED_AIR or status == _TOLERANCE_NOT_MET
+
+
+@wp.func
+def weight_of(weight_count: int, weight_in: wp.array(dtype=wp.float64), ray: int):
+    """What a ray counts: a number of its own, or one for all."""
+    if weight_count == 1:
+        return weight_in[0]
+    return weight_in[ray]
+
+
+@wp.func
+def group_span(group: int, per_replicate: int):
+    """First ray of a group and one past its last; a replicate begins with a new group."""
+    groups = (per_replicate + _GROUP - 1) // _GROUP
+    replicate = group // groups
+    begin = (group - replicate * groups) * _GROUP
+    first = replicate * per_replicate
+    return first + begin, first + wp.min(begin + _GROUP, per_replicate)
+
+
+@wp.kernel(enable_backward=False)
+def sum_moments(
+    per_replicate: int,
+    first_group: int,
+    weight_count: int,
+    weight_in: wp.array(dtype=wp.float64),
+    pupil_in: wp.array(dtype=wp.vec2d),
+    opd_in: wp.array(dtype=wp.float64),
+    step_error_in: wp.array(dtype=wp.float64),
+    evaluation_count_in: wp.array(dtype=wp.int32),
+    status_in: wp.array(dtype=wp.int32),
+    sums_out: wp.array(dtype=wp.float64),
+):
+    """Moments of one group of rays, those that arrived."""
+    group = wp.tid() + first_group
+    begin, stop = group_span(group, per_replicate)
+    count = wp.float64(0.0)
+    sx = wp.float64(0.0)
+    sy = wp.float64(0.0)
+    sw = wp.float64(0.0)
+    sxx = wp.float64(0.0)
+    sxy = wp.float64(0.0)
+    syy = wp.float64(0.0)
+    sxw = wp.float64(0.0)
+    syw = wp.float64(0.0)
+    sww = wp.float64(0.0)
+    worst = wp.float64(0.0)
+    looked = wp.float64(0.0)
+    for ray in range(begin, stop):
+        looked += wp.float64(evaluation_count_in[ray])
+        if has_arrived(status_in[ray]):
+            p = pupil_in[ray]
+            w = opd_in[ray]
+            share = weight_of(weight_count, weight_in, ray)
+            count += share
+            sx += share * p[0]
+            sy += share * p[1]
+            sw += share * w
+            sxx += share * p[0] * p[0]
+            sxy += share * p[0] * p[1]
+            syy += share * p[1] * p[1]
+            sxw += share * p[0] * w
+            syw += share * p[1] * w
+            sww += share * w * w
+            worst = wp.max(worst, step_error_in[ray])
+    sums_out[group * _SUMS + 0] = count
+    sums_out[group * _SUMS + 1] = sx
+    sums_out[group * _SUMS + 2] = sy
+    sums_out[group * _SUMS + 3] = sw
+    sums_out[group * _SUMS + 4] = sxx
+    sums_out[group * _SUMS + 5] = sxy
+    sums_out[group * _SUMS + 6] = syy
+    sums_out[group * _SUMS + 7] = sxw
+    sums_out[group * _SUMS + 8] = syw
+    sums_out[group * _SUMS + 9] = sww
+    sums_out[group * _SUMS + 10] = worst
+    sums_out[group * _SUMS + 11] = looked
+
+
+@wp.kernel(enable_backward=False)
+def sum_phasors(
+    wave_number: wp.float64,
+    plane: wp.vec3d,
+    per_replicate: int,
+    first_group: int,
+    weight_count: int,
+    weight_in: wp.array(dtype=wp.float64),
+    pupil_in: wp.array(dtype=wp.vec2d),
+    opd_in: wp.array(dtype=wp.float64),
+    status_in: wp.array(dtype=wp.int32),
+    sums_out: wp.array(dtype=wp.float64),
+):
+    """Sum of exp(i k (OPD - plane)) over one group of rays, those that arrived."""
+    group = wp.tid() + first_group
+    begin, stop = group_span(group, per_replicate)
+    total = wp.vec2d(wp.float64(0.0), wp.float64(0.0))
+    for ray in range(begin, stop):
+        if has_arrived(status_in[ray]):
+            p = pupil_in[ray]
+            phase = wave_number * (opd_in[ray] - plane[0] - plane[1] * p[0] - plane[2] * p[1])
+            total += weight_of(weight_count, weight_in, ray) * wp.vec2d(wp.cos(phase), wp.sin(phase))
+    sums_out[group * _SUMS + _MOMENTS] = total[0]
+    sums_out[group * _SUMS + _MOMENTS + 1] = total[1]
+
+
+@wp.kernel(enable_backward=False)
+def join_sums(
+    row_count: int,
+    joined_count: int,
+    first_sum: int,
+    sums_in: wp.array(dtype=wp.float64),
+    sums_out: wp.array(dtype=wp.float64),
+):
+    """Rows of sums joined: row_count of each replicate become joined_count, JOINED rows to one, in their order."""
+    index = wp.tid() + first_sum
+    joined = index // _SUMS
+    k = index - joined * _SUMS
+    replicate = joined // joined_count
+    first = (joined - replicate * joined_count) * _JOINED
+    stop = wp.min(first + _JOINED, row_count)
+    whole = wp.float64(0.0)
+    for row in range(replicate * row_count + first, replicate * row_count + stop):
+        part = sums_in[row * _SUMS + k]
+        if k == 10:  # the greatest error, no sum
+            whole = wp.max(whole, part)
+        else:
+            whole += part
+    sums_out[index] = whole

@@ -1,0 +1,156 @@
+"""Device functions about the length of a step on a uniform grid: the table of safe steps, and the faces of cells."""
+
+import functools
+
+import numpy as np
+import warp as wp
+
+from .....medium.grid import AXIS_CORE
+from ....quiet import CONE_SINES, CONES
+from ..types import types
+
+
+@functools.cache
+def build_cone(geometry: str):
+    """A function (direction) -> number of its cone in quiet.CONES."""
+    narrow, wide = (float(sine) ** 2 for sine in CONE_SINES)
+
+    @wp.func
+    def cone(d: wp.vec3d):
+        axis = int(0)
+        if wp.abs(d[1]) > wp.abs(d[0]):
+            axis = int(1)
+        if wp.abs(d[2]) > wp.max(wp.abs(d[0]), wp.abs(d[1])):
+            axis = int(2)
+        if wp.static(geometry == "axisymmetric"):
+            if axis < 2:
+                return int(0)
+        elif wp.static(geometry != "volume"):
+            if axis < 1:
+                return int(0)
+        square = wp.dot(d, d) - d[axis] * d[axis]
+        if square > wp.float64(wide):
+            return int(0)
+        number = 1 + 4 * axis
+        if d[axis] < wp.float64(0.0):
+            number += 2
+        if square > wp.float64(narrow):
+            number += 1
+        return number
+
+    return cone
+
+
+@functools.cache
+def build_reach(precision: str, geometry: str):
+    """A function (control, cone, cell, frac, total) -> safe step where the point lies [sigma].
+
+    Zero where none is known: on a mesh, and for a ray that turned out of the cone that it started in.
+    """
+    t = types(precision)
+    real, vec3, Control = t.real, t.vec3, t.Control
+    cosines = tuple(float(np.cos(cone.spread)) for cone in CONES[1:3])
+    narrow, wide = cosines
+
+    @wp.func
+    def block(control: Control, axis: int, cell: int, place: real):
+        return wp.clamp((cell + int(wp.floor(place))) // control.block, 0, control.block_count[axis] - 1)
+
+    @wp.func
+    def entry(control: Control, cell: wp.vec3i, frac: vec3):
+        if wp.static(geometry == "volume"):
+            row = block(control, 0, cell[0], frac[0]) * control.block_count[1] + block(control, 1, cell[1], frac[1])
+            return row * control.block_count[2] + block(control, 2, cell[2], frac[2])
+        elif wp.static(geometry == "planar"):
+            return block(control, 0, cell[1], frac[1]) * control.block_count[1] + block(control, 1, cell[2], frac[2])
+        else:
+            row = block(control, 0, 0, wp.sqrt(frac[0] * frac[0] + frac[1] * frac[1]))
+            return row * control.block_count[1] + block(control, 1, cell[2], frac[2])
+
+    @wp.func
+    def reach(control: Control, cone: int, cell: wp.vec3i, frac: vec3, total: vec3):
+        if wp.static(geometry == "mesh"):
+            return real(0.0)
+        else:
+            start = control.reach_start[cone]
+            if start < 0:
+                return real(0.0)
+            speed = wp.length(total)
+            if cone > 0:
+                ahead = total[(cone - 1) // 4]
+                if ((cone - 1) // 2) % 2 == 1:
+                    ahead = -ahead
+                cosine = real(narrow)
+                if (cone - 1) % 2 == 1:
+                    cosine = real(wide)
+                if ahead < cosine * speed:
+                    return real(0.0)
+            return control.reach[start + entry(control, cell, frac)] / speed
+
+    return reach
+
+
+@functools.cache
+def build_to_face(precision: str, geometry: str):
+    """A function (cell, frac, velocity, its derivative, hair) -> step to the next face of a cell beyond a hair."""
+    t = types(precision)
+    real, vec3 = t.real, t.vec3
+    axes = {"volume": (0, 1, 2), "planar": (1, 2), "axisymmetric": (2,)}[geometry]
+    none = 1e30
+
+    @wp.func
+    def meet(gap: real, speed: real, pull: real):
+        """First t > 0 with speed t + pull t^2 / 2 = gap, gap above 0."""
+        disc = speed * speed + real(2.0) * pull * gap
+        if disc < real(0.0):
+            return real(none)
+        toward = speed + wp.sqrt(disc)
+        if toward <= real(0.0):
+            return real(none)
+        return real(2.0) * gap / toward
+
+    @wp.func
+    def flat(place: real, speed: real, pull: real, hair: real):
+        """Along an axis with faces at whole numbers."""
+        ahead = place - wp.floor(place)
+        behind = ahead
+        ahead = real(1.0) - ahead
+        if ahead < hair:
+            ahead += real(1.0)
+        if behind < hair:
+            behind += real(1.0)
+        return wp.min(meet(ahead, speed, pull), meet(behind, -speed, -pull))
+
+    @wp.func
+    def round_face(frac: vec3, velocity: vec3, pull: vec3, hair: real):
+        """To the next cylinder of whole radius; (r^2 - R^2) / 2 along the parabola, its quartic term left out."""
+        square = frac[0] * frac[0] + frac[1] * frac[1]
+        b = frac[0] * velocity[0] + frac[1] * velocity[1]
+        a = velocity[0] * velocity[0] + velocity[1] * velocity[1]
+        c = a + frac[0] * pull[0] + frac[1] * pull[1]
+        radius = wp.sqrt(square)
+        inner = wp.floor(radius)
+        if radius - inner < hair:
+            inner -= real(1.0)
+        outer = wp.floor(radius + hair) + real(1.0)
+        step = meet(real(0.5) * (outer * outer - square), b, c)
+        if inner > real(0.0):
+            step = wp.min(step, meet(real(0.5) * (square - inner * inner), -b, -c))
+        elif radius > real(AXIS_CORE) and b < real(-AXIS_CORE) * wp.sqrt(a):
+            step = wp.min(step, -b / a)  # to where the ray is nearest to the axis, a kink if it meets it
+        return step
+
+    @wp.func
+    def to_face(cell: wp.vec3i, frac: vec3, velocity: vec3, pull: vec3, hair: real):
+        step = real(none)
+        if wp.static(0 in axes):
+            step = wp.min(step, flat(frac[0], velocity[0], pull[0], hair))
+        if wp.static(1 in axes):
+            step = wp.min(step, flat(frac[1], velocity[1], pull[1], hair))
+        if wp.static(2 in axes):
+            step = wp.min(step, flat(frac[2], velocity[2], pull[2], hair))
+        if wp.static(geometry == "axisymmetric"):
+            step = wp.min(step, round_face(frac, velocity, pull, hair))
+        return step
+
+    return to_face

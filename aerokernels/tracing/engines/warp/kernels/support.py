@@ -1,0 +1,150 @@
+"""Device functions about the part of the box in which the air is not uniform, the field's support, and ways out of it.
+
+A ray outside the support flies a straight line, whose meeting with the faces of the box is solved for exactly.
+"""
+
+import functools
+
+import warp as wp
+
+from ....scheme import HAIR
+from ..types import types
+from .box import FACE_COUNT, build_crossing, build_surface_distance
+
+
+@functools.cache
+def build_overrun(precision: str, geometry: str):
+    """A function: how far a ray that ends at p has run on outside the box, after a face other than `landed`.
+
+    Infinite where it is more than a hair's breadth outside.
+    """
+    t = types(precision)
+    Bounds, Control = t.Bounds, t.Control
+    surface_distance = build_surface_distance(precision, geometry)
+    faces = wp.constant(FACE_COUNT[geometry])
+
+    @wp.func
+    def overrun(bounds: Bounds, control: Control, landed: int, p: wp.vec3d, heading: wp.vec3d):
+        hair = wp.float64(HAIR) / wp.float64(wp.max(control.cell_rate))
+        way = wp.float64(0.0)
+        for k in range(faces):
+            beyond = surface_distance(bounds, k, p)
+            if k != landed and beyond[0] > wp.float64(0.0):
+                slope = wp.abs(wp.dot(wp.vec3d(beyond[1], beyond[2], beyond[3]), heading))
+                way = wp.max(way, beyond[0] / wp.max(slope, wp.float64(1.0e-9)))
+                if beyond[0] > hair:
+                    way = wp.float64(wp.inf)
+        return way
+
+    return overrun
+
+
+@functools.cache
+def build_keep_active(precision: str, geometry: str):
+    """A function (bounds, position, direction, enter, far) -> the same of the part in which the air is not uniform.
+
+    And, as a third number, 1 if the ray ends in uniform air.
+    """
+    Bounds = types(precision).Bounds
+    crossing = build_crossing(precision, geometry)
+
+    @wp.func
+    def keep_active(bounds: Bounds, p: wp.vec3d, d: wp.vec3d, enter: wp.float64, far: wp.float64):
+        span = crossing(bounds.active_low, bounds.active_high, bounds.active_radius, p, d)
+        if span[0] > span[1]:
+            return wp.vec3d(enter, enter, wp.float64(1.0))
+        first = wp.min(wp.max(span[0], enter), far)
+        last = wp.max(wp.min(span[1], far), first)
+        quiet = wp.float64(0.0)
+        if last < far:
+            quiet = wp.float64(1.0)
+        return wp.vec3d(first, last, quiet)
+
+    return keep_active
+
+
+@functools.cache
+def build_leaves_support(precision: str, geometry: str):
+    """A function: whether the straight line from p along `heading` stays out of the field's support.
+
+    It does beyond one of the support's faces unless it comes back to that. A support that ends within the box has a
+    cell to spare at each side (active.py).
+    """
+    Bounds = types(precision).Bounds
+    flat = {"volume": (0, 1, 2), "planar": (1, 2), "axisymmetric": (2,)}[geometry]
+    first_axis = flat[0]
+
+    @wp.func
+    def leaves_support(bounds: Bounds, p: wp.vec3d, heading: wp.vec3d):
+        none = wp.float64(0.0)
+        leaves = bool(False)
+        for axis in range(wp.static(first_axis), 3):
+            below = wp.min(bounds.active_low[axis] - bounds.low[axis], bounds.spacing[axis])
+            above = wp.min(bounds.high[axis] - bounds.active_high[axis], bounds.spacing[axis])
+            if p[axis] <= bounds.active_low[axis] + below and heading[axis] <= none:
+                leaves = bool(True)
+            if p[axis] >= bounds.active_high[axis] - above and heading[axis] >= none:
+                leaves = bool(True)
+        if wp.static(geometry == "axisymmetric"):
+            inner = bounds.active_radius - wp.min(bounds.radius - bounds.active_radius, bounds.spacing[0])
+            outward = p[0] * heading[0] + p[1] * heading[1]
+            if p[0] * p[0] + p[1] * p[1] >= inner * inner and outward >= none:
+                leaves = bool(True)
+        return leaves
+
+    return leaves_support
+
+
+@functools.cache
+def build_exit(precision: str, geometry: str):
+    """A function (bounds, p, heading) -> (how far on the line from p leaves the box, in `heading`; by which face).
+
+    Not a number where the line misses the box.
+    """
+    Bounds = types(precision).Bounds
+    crossing = build_crossing(precision, geometry)
+    surface_distance = build_surface_distance(precision, geometry)
+    faces = wp.constant(FACE_COUNT[geometry])
+
+    @wp.func
+    def exit_of(bounds: Bounds, p: wp.vec3d, heading: wp.vec3d):
+        span = crossing(bounds.low, bounds.high, bounds.radius, p, heading)
+        nearest = int(0)
+        least = wp.float64(1.0e300)
+        for k in range(faces):
+            miss = wp.abs(surface_distance(bounds, k, p + span[1] * heading)[0])
+            if miss < least:
+                least = miss
+                nearest = k
+        leave = wp.vec2d(span[1], wp.float64(nearest))
+        if span[0] > span[1]:
+            leave = wp.vec2d(wp.float64(wp.nan), wp.float64(0.0))
+        return leave
+
+    return exit_of
+
+
+@functools.cache
+def build_line_to(precision: str, geometry: str):
+    """A function (bounds, k, p, heading) -> how far on, in `heading`, the line from p meets surface k on its way out.
+
+    Not a number where it never does.
+    """
+    Bounds = types(precision).Bounds
+    surface_distance = build_surface_distance(precision, geometry)
+
+    @wp.func
+    def line_to(bounds: Bounds, k: int, p: wp.vec3d, heading: wp.vec3d):
+        if wp.static(geometry == "axisymmetric"):
+            if k == 2:
+                a = heading[0] * heading[0] + heading[1] * heading[1]
+                b = p[0] * heading[0] + p[1] * heading[1]
+                c = p[0] * p[0] + p[1] * p[1] - bounds.radius * bounds.radius
+                root = wp.sqrt(b * b - a * c)
+                if b > wp.float64(0.0):
+                    return -c / (b + root)
+                return (root - b) / a
+        miss = surface_distance(bounds, k, p)
+        return -miss[0] / wp.dot(wp.vec3d(miss[1], miss[2], miss[3]), heading)
+
+    return line_to

@@ -1,0 +1,377 @@
+r"""The ray tracer as a Warp kernel.
+
+Equation. r'' = grad s with the optical potential s = (n^2 - a^2) / 2, T = r' = n dr/ds, d sigma = ds / n,
+optical path' = n^2 = a^2 + 2 s (A. Sharma, D. V. Kumar, A. K. Ghatak, Appl. Opt. 21 (1982) 984), moved by the
+Runge-Kutta-Nystrom pair of tableau.py: order 4, three field evaluations a step.
+
+Deviation form. With n = a + m (ambient + contrast) and the straight ray p + d a sigma:
+
+    r = p + d a sigma + q,   T = a d + P,   q' = P,   P' = grad s,   P(0) = m d
+    optical path = a^2 sigma + 2 S,   S = int s d sigma
+    arc length   = a sigma + M,       M = int m d sigma,   m = 2 s / (n + a)
+
+q, P, S and M are small and summed with compensation, so float32 loses nothing that matters; a ray's start, the free
+flight outside the box and the meeting with the stop are float64. After each step T is brought back to |T| = n. The
+optical path difference against the undisturbed ray at the same stop is 2 S + a (distance along d at the stop - that of
+the undisturbed ray).
+
+Method "straight" looks the field up along p + d a sigma and adds grad s . q: the optical path is right to second order
+in the contrast, position and direction to first order.
+
+Along d. On a nearly straight ray q . d enters the path difference in first order and, as a twofold sum of slopes, would
+bring in their error. It is int (T . d - a) d sigma = M - B with B = int (n - T . d) d sigma of second order: sums of
+values, taken by the rule of the path itself. So the OPD of a ray through a shock is as good as the quadrature of S.
+
+Error control. A step's error is the embedded formula's in S, in position and in momentum, the latter two weighted by
+how much they can matter further on. On a nearly straight ray the error of S is known better, from a rule of degree 7
+that also uses the slopes along the ray. How far a step may look ahead says the table of quiet.py; the faces of cells
+are the ends of steps where the interpolant has kinks there.
+
+Stop. The step is shortened to where its parabola first meets a surface (landing.py); the rest, of third order in
+the step, is flown along the tangent; the distance along d is then solved for in float64.
+"""
+
+import functools
+
+import warp as wp
+
+from ....result import OUTPUT_BITS
+from ....scheme import HAIR, LANDED_ARC, LEAST_STEP, SLANT_KEPT, TINY, WALL_ASIDE, WALL_BACK, WALL_CLOSE
+from ....status import RayStatus
+from ....tableau import BT, START_FROM_LATER, A, B, C, is_one_scalar
+from ..types import types
+from . import grid, mesh
+from .crossings import NEVER
+from .ends import build_end, build_lever, build_start
+from .error import build_step_error
+from .landing import build_arc_landing, build_landing
+from .motion import advance, build_cells, build_contrast, build_mend, build_sums
+from .reach import build_cone, build_reach
+from .step import build_before_face, build_look, build_verdict
+from .wall import build_behind_wall, build_place, build_stays_clear
+
+
+@functools.cache
+def build_kernel(
+    precision: str,
+    geometry: str,
+    interpolation: str,
+    on_mesh: bool,
+    method: str,
+    stop: str,
+    has_body: bool,
+    measured: bool,
+):
+    """Build the kernel for one kind of scene; Warp compiles it at its first launch and keeps it on disk.
+
+    Where steps are not `measured`, their errors are neither estimated nor given out; error control needs them.
+    """
+    t = types(precision)
+    real, vec3, Field, Bounds, Control = t.real, t.vec3, t.Field, t.Bounds, t.Control
+    controlled = method in ("adaptive", "straight")
+    source = mesh if on_mesh else grid
+    kind = "mesh" if on_mesh else geometry
+    sample = source.build_sample(precision, geometry, interpolation)
+    paper_step = source.build_paper_step(precision, geometry)
+    find_home = source.build_find_home(precision, geometry)
+    start_of = build_start(precision, geometry, stop, has_body)
+    lever_of = build_lever(precision, geometry, stop, controlled)
+    end_of = build_end(precision, geometry, interpolation, stop)
+    in_cells, carry_over = build_cells(precision, kind)
+    cone_of = build_cone(geometry)
+    reach_of = build_reach(precision, kind)
+    before_face = build_before_face(precision, geometry, interpolation)
+    look = build_look(precision, sample, method == "straight")
+    step_error, step_rounding, stop_error, landing_error = build_step_error(precision, geometry, interpolation, stop)
+    verdict = build_verdict(precision)
+    contrast = build_contrast(precision)
+    mend = build_mend(precision)
+    step_sums, tangent_sums = build_sums(precision)
+    landing, overshot, touchdown = build_landing(precision, geometry, stop)
+    arc_landing, arc_touchdown = build_arc_landing(precision)
+    place_of = build_place(precision)
+    behind_wall = build_behind_wall(precision, geometry)
+    stays_clear = build_stays_clear(precision, geometry)
+    landed_arc = wp.constant(LANDED_ARC)
+    tiny = TINY[precision]
+    straight = method == "straight"
+    one_scalar = is_one_scalar(interpolation)
+    kinked = interpolation in ("linear", "monotone") and controlled
+    at_faces = interpolation == "linear" and controlled
+
+    c2, c3 = (float(v) for v in C[1:3])
+    a21, a31, a32 = float(A[1, 0]), float(A[2, 0]), float(A[2, 1])
+    w2, w3, w4 = (float(v) for v in START_FROM_LATER)
+    b1, b2, b3 = (float(v) for v in B[:3])
+    v1, v2, v3, v4 = (float(v) for v in BT)
+    ok, hit_body = int(RayStatus.OK), int(RayStatus.HIT_BODY)
+    too_many, not_finite = int(RayStatus.MAX_STEPS), int(RayStatus.NOT_FINITE)
+    rejected = int(RayStatus.TOLERANCE_NOT_MET)
+
+    @wp.kernel(module="unique", enable_backward=False)
+    def trace_kernel(
+        field: Field,
+        bounds: Bounds,
+        control: Control,
+        first_ray: int,
+        position_in: wp.array(dtype=wp.vec3d),
+        direction_in: wp.array(dtype=wp.vec3d),
+        position_out: wp.array(dtype=wp.vec3d),
+        direction_out: wp.array(dtype=wp.vec3d),
+        optical_path_out: wp.array(dtype=wp.float64),
+        opd_out: wp.array(dtype=wp.float64),
+        arc_length_out: wp.array(dtype=wp.float64),
+        step_error_out: wp.array(dtype=wp.float64),
+        step_count_out: wp.array(dtype=wp.int32),
+        evaluation_count_out: wp.array(dtype=wp.int32),
+        status_out: wp.array(dtype=wp.int32),
+    ):
+        ray = wp.tid() + first_ray
+        p0 = position_in[ray]
+        d0 = direction_in[ray]
+        course, status = start_of(field, bounds, p0, d0)
+
+        d = vec3(real(d0[0]), real(d0[1]), real(d0[2]))
+        ambient = real(bounds.ambient)
+        q = vec3(real(0.0), real(0.0), real(0.0))
+        q_carry = q
+        momentum = q  # P, the deviation of T
+        momentum_carry = q
+        sums = t.vec4(real(0.0), real(0.0), real(0.0), real(0.0))  # sigma, S, M, B
+        sums_carry = sums
+        used = real(0.0)
+        bent = real(0.0)  # greatest angle with d so far
+        steps = int(0)
+        evaluations = int(0)
+        landed = int(-1)
+        slant_first = real(0.0)
+        harm = real(0.0)
+
+        if course.meets and status == ok:
+            cell, frac = in_cells(bounds, p0 + course.enter * d0)
+            frac_carry = vec3(real(0.0), real(0.0), real(0.0))
+            rate = field.inverse_spacing
+            home = find_home(field, frac, -1)  # the cell of a mesh
+            s = sample(field, cell, frac, home)
+            evaluations += 1
+            pot = s[0]
+            force = vec3(s[1], s[2], s[3])
+            momentum = contrast(ambient, pot) * d
+            cone = cone_of(d0)
+            lever = lever_of(bounds, control, course, p0, d0)
+            slant, arm, reach, caution = lever[0], lever[1], lever[2], lever[3]
+            slant_left = slant
+            first_momentum = wp.length(momentum)
+            arc_left = real(bounds.length - course.enter)
+            aside = real(0.0)  # so far beside its undisturbed line the ray meets no body
+            if wp.static(has_body):
+                near = real(WALL_ASIDE) / wp.max(control.cell_rate)
+                if stays_clear(field, p0, d0, course.enter, wp.float64(NEVER), wp.float64(near)):
+                    aside = near
+            h_next = control.extent / ambient
+            h_cap = h_next  # shorter after a step that would have ended well behind a surface
+            running = bool(True)
+            while running:
+                total = ambient * d + momentum
+                m = contrast(ambient, pot)
+                if wp.static(straight):
+                    total = ambient * d
+                h_cell = real(1.0) / wp.max(wp.length(wp.cw_mul(total, control.cell_rate)), real(tiny))
+                h_least = real(LEAST_STEP) / (wp.max(control.cell_rate) * wp.length(total))
+                h = h_next
+                safe = real(0.0)
+                if wp.static(method == "fixed"):
+                    h = control.step / (ambient + m)
+                elif wp.static(method == "paper"):
+                    h = paper_step(field, cell, frac, home) / (ambient + m)
+                else:
+                    limit = control.step_limit * h_cell
+                    if wp.static(kinked):
+                        # The interpolant has kinks at the cells' faces: no step across one.
+                        limit, shy = before_face(cell, frac, rate, total, force)
+                    # Short of the face at which the first rough block may begin.
+                    safe = caution * reach_of(control, cone, cell, frac, total) - real(10.0 * HAIR) * h_cell
+                    h = wp.min(h, wp.max(limit, safe))
+                h = wp.min(h, h_cap)
+                shown = frac
+                if wp.static(straight):
+                    shown = frac + wp.cw_mul(q, rate)
+                wanted = h
+                h, land = landing(control, rate, course.side, cell, shown, ambient * d + momentum, force, h)
+                if wp.static(stop == "arc"):
+                    rest = arc_left - (ambient * sums[0] + sums[2])
+                    h, land = arc_landing(rest, ambient + m, total, force, h, land)
+
+                # The field at the step's later stages: here, for in a function of its own it is slower.
+                hh = h * h
+                kick2 = (real(a21) * hh) * force
+                s2 = look(field, home, cell, frac, rate, real(c2) * h, total, momentum, q, kick2)
+                force2 = vec3(s2[1], s2[2], s2[3])
+                kick3 = hh * (real(a31) * force + real(a32) * force2)
+                s3 = look(field, home, cell, frac, rate, real(c3) * h, total, momentum, q, kick3)
+                force3 = vec3(s3[1], s3[2], s3[3])
+                kick = hh * (real(b1) * force + real(b2) * force2 + real(b3) * force3)
+                s4 = look(field, home, cell, frac, rate, h, total, momentum, q, kick)
+                force4 = vec3(s4[1], s4[2], s4[3])
+                evaluations += 3
+                crossed = bool(False)
+                if wp.static(at_faces):
+                    if h > safe:
+                        # The slope at the start, a jump, by the parabola through the others, which lie in one cell:
+                        # if that is not what was found behind the face, the step went on into the next cell.
+                        first = real(w2) * force2 + real(w3) * force3 + real(w4) * force4
+                        odd = real(0.01) * wp.length(force) + real(1.0e-4) * wp.abs(pot) * wp.max(control.cell_rate)
+                        crossed = bool(wp.length(first - force) > odd and h > real(4.0) * h_least)
+                        force = first
+                        kick = hh * (real(b1) * force + real(b2) * force2 + real(b3) * force3)
+
+                judged = step_error(
+                    ambient, d, total, momentum, h, reach, h <= safe, bent, slant_left, arm, pot, force, s2, s3, s4
+                )
+                off = judged[0]
+                turn_now = judged[1]
+
+                accept = bool(True)
+                if wp.static(controlled):
+                    rounding = step_rounding(control, ambient, h, judged[2], rate, frac, pot, force, s3)
+                    accept, ratio = verdict(control, off, rounding, used, h, h_cell, h_least, ambient + m, reach)
+                    if accept:
+                        # A step cut short by a surface says nothing against the length wanted.
+                        h_next = wp.max(h * ratio, h_least)
+                        if land >= 0:
+                            h_next = wp.max(h_next, wanted)
+                    else:
+                        h_next = wp.max(h * wp.min(ratio, real(0.8)), h_least)
+
+                # Where the force changes along the step, the parabola may miss the surface: come closer first.
+                if accept and land >= 0 and land != landed_arc:
+                    close = real(0.05) * wp.max(wanted * wp.length(wp.cw_mul(total, rate)), real(0.01))
+                    there = shown + wp.cw_mul(h * (ambient * d + momentum) + kick, rate)
+                    swung = wp.cw_mul(ambient * d + momentum + h * force4, rate)
+                    if h > h_least and overshot(control, land, course.side, cell, there, swung, h, close):
+                        accept = bool(False)
+                        h_cap = real(0.5) * h
+                if crossed:
+                    accept = bool(False)
+                    h_cap = real(0.5) * h
+
+                # A step into the body is taken again up to its surface, until the rest is flown along the tangent.
+                behind = real(-1.0)
+                if wp.static(has_body):
+                    if accept and not (wp.length(q + h * momentum + kick) < aside):
+                        here = place_of(p0, d0, course, bounds.ambient, q, q_carry, sums, sums_carry)
+                        room = real(wp.min(steps, 1)) * real(WALL_BACK) * h_cell
+                        behind = behind_wall(field, control, here, ambient * d + momentum, kick, h, room)
+                        if behind > real(WALL_CLOSE) * h_cell:
+                            accept = bool(False)
+                            h_cap = (h - behind) + real(0.5) * real(WALL_CLOSE) * h_cell
+
+                if accept:
+                    h_cap = control.extent / ambient
+                    steps += 1
+                    used += off
+                    bent = turn_now
+                    # Where the ray has turned, the slant is another one, and the turn counts instead.
+                    slant_left = slant * wp.max(real(1.0) - bent / real(SLANT_KEPT), real(0.0))
+                    added = step_sums(ambient, d, momentum, m, h, pot, force, s2, s3, s4)
+                    sums, sums_carry = advance(sums, sums_carry, added)
+                    q, q_carry = advance(q, q_carry, h * momentum + kick)
+                    momentum, momentum_carry = advance(
+                        momentum,
+                        momentum_carry,
+                        h * (real(v1) * force + real(v2) * force2 + real(v3) * force3 + real(v4) * force4),
+                    )
+                    flown = h * total
+                    if wp.static(not straight):
+                        flown += kick
+                    frac, frac_carry = advance(frac, frac_carry, wp.cw_mul(flown, rate))
+                    cell, frac = carry_over(cell, frac)
+                    home = find_home(field, frac, home)
+                    pot = s4[0]
+                    force = force4
+                    if wp.static(at_faces):
+                        # The slope jumps at the face just reached: the next step is to have the one behind it.
+                        over = real(3.0) * shy / wp.length(wp.cw_mul(total, rate))
+                        beyond = sample(field, cell, frac + over * wp.cw_mul(total, rate), home)
+                        force = vec3(beyond[1], beyond[2], beyond[3])
+                        pot = beyond[0] - over * wp.dot(force, total)
+                        if wp.static(straight):
+                            pot += wp.dot(force, q)
+                        evaluations += 1
+                    if wp.static(one_scalar):
+                        # Back onto |T| = n: the error along the ray, which the path would feel in full, is gone.
+                        mending = mend(ambient, d, momentum, pot)
+                        momentum += mending
+                        if wp.static(straight):
+                            q += (real(0.5) * h) * mending  # it grew over the step
+
+                    back = real(0.0)  # sigma still to go along the tangent, negative to go back
+                    if behind >= real(0.0):
+                        back = -behind
+                        running = bool(False)
+                        status = int(hit_body)
+                    if running and land >= 0:
+                        done = bool(False)
+                        if land == landed_arc:
+                            rest = arc_left - (ambient * sums[0] + sums[2])
+                            back, done = arc_touchdown(rest, ambient + contrast(ambient, pot), arc_left, h)
+                        else:
+                            shown = frac
+                            if wp.static(straight):
+                                shown = frac + wp.cw_mul(q, rate)
+                            velocity = wp.cw_mul(ambient * d + momentum, rate)
+                            back, done = touchdown(
+                                control, land, course.side, cell, shown, velocity, wp.cw_mul(force, rate), h, h_cell
+                            )
+                        if done:
+                            running = bool(False)
+                            landed = land
+                    if back != real(0.0):
+                        added = tangent_sums(ambient, d, momentum, back, pot, force)
+                        sums, sums_carry = advance(sums, sums_carry, added)
+                        q, q_carry = advance(q, q_carry, back * momentum + (real(0.5) * back * back) * force)
+                        momentum, momentum_carry = advance(momentum, momentum_carry, back * force)
+                    if running and steps >= control.max_steps:
+                        running = bool(False)
+                        status = int(too_many)
+                elif evaluations // 12 > control.max_steps:
+                    running = bool(False)
+                    status = int(too_many)
+                if not (wp.isfinite(wp.length(q)) and wp.isfinite(sums[1])):
+                    running = bool(False)
+                    status = int(not_finite)
+
+            if wp.static(controlled):
+                used = stop_error(used, bounds, d0, ambient, momentum, first_momentum, bent, slant, arm)
+                slant_first = slant
+                harm = (wp.abs(pot) + wp.length(force) * (slant + bent) * arm) / ambient
+
+        position, direction, optical_path, opd, arc, final, grazing = end_of(
+            bounds, control, p0, d0, course, status, landed, q, q_carry, momentum, sums, sums_carry, bent
+        )
+        if wp.static(controlled):
+            if final == ok and landed >= 0:
+                cell_size = real(1.0) / wp.max(control.cell_rate)
+                used = landing_error(used, ambient, cell_size, landed, grazing, slant_first, harm)
+            if final == ok and not (used <= control.budget):
+                final = int(rejected)  # to be traced again, see retrace.py
+        if (control.outputs & wp.static(OUTPUT_BITS["position"])) != 0:
+            position_out[ray] = position
+        if (control.outputs & wp.static(OUTPUT_BITS["direction"])) != 0:
+            direction_out[ray] = direction
+        if (control.outputs & wp.static(OUTPUT_BITS["optical_path"])) != 0:
+            optical_path_out[ray] = optical_path
+        if (control.outputs & wp.static(OUTPUT_BITS["opd"])) != 0:
+            opd_out[ray] = opd
+        if (control.outputs & wp.static(OUTPUT_BITS["arc_length"])) != 0:
+            arc_length_out[ray] = arc
+        if wp.static(measured):
+            if (control.outputs & wp.static(OUTPUT_BITS["step_error"])) != 0:
+                step_error_out[ray] = wp.float64(used)
+        if (control.outputs & wp.static(OUTPUT_BITS["step_count"])) != 0:
+            step_count_out[ray] = steps
+        if (control.outputs & wp.static(OUTPUT_BITS["evaluation_count"])) != 0:
+            evaluation_count_out[ray] = evaluations
+        status_out[ray] = final
+
+    return trace_kernel

@@ -1,0 +1,348 @@
+r"""Nearly straight rays by equally many, evenly spaced samples: the Warp kernel.
+
+Equation. With t the distance along the undisturbed ray p + d t, P the part of the momentum n dr/ds across d, q that of
+the deviation, s = (n^2 - a^2) / 2 and w the momentum along d,
+
+    q' = P / w,   P' = grad s / w across d,   w = sqrt(a^2 + 2 s - P^2)
+    optical path - a t = int (2 s - a (w - a)) / w dt
+
+These are the full ray equations for as long as a ray does not turn away from d. Every ray takes the same number N of
+samples, in the middles of N equal parts of its way: a step of the leapfrog is one lookup, without a branch, so that
+neighbours stay together (on a CPU in the lanes of a vector, on a GPU in a warp).
+
+Order. The sums are the midpoint rule with the weights 13/12, 7/8, 25/24, 1, 1 ... at both ends, fourth order; on fields
+that fade out at both ends it converges faster than any power. P and q at the end are such sums, q that of P' times the
+way still to go. The leapfrog's own P and q, of second order in t / N, decide where samples are taken, which matters in
+the second order of the contrast only.
+
+Error. The same sums over every third sample are the rule with N / 3 samples: a share of the differences (those of place
+and direction as far as they matter at a slanted stop), and a share of int P^2 / w dt for the leapfrog, are taken for
+the error, both as a pilot bundle has it (even.py). Where that is above
+the budget, where a ray turns by more than EVEN_WEAK, comes near a body or leaves by an edge of the box, the ray is
+"rough", and to be traced by another method.
+
+Stop. A ray that has left the field's support flies straight on: to a plane (ends.py), or to where that very line
+leaves the box. In disturbed air the rest of the way from the undisturbed ray's last point to its surface is flown along
+a parabola; what that leaves out counts as an error too, since a ray may meet a face at a small angle. So does the air
+outside the support, by the ray's own way through it and its own lever arm (active.py).
+"""
+
+import functools
+
+import warp as wp
+
+from ....result import OUTPUT_BITS
+from ....scheme import EVEN_WEAK, LANDED_FREE, LEAST_COSINE, LEFT_SHARE, STEEPEST_COSINE, TINY
+from ....status import RayStatus
+from ..types import types
+from .box import build_surface_distance
+from .ends import build_end, build_last_surface, build_start
+from .grid import build_sample
+from .support import build_exit, build_keep_active, build_leaves_support, build_line_to, build_overrun
+from .unresolved import build_unresolved, build_with_lever
+from .wall import build_stays_clear
+
+
+@wp.func
+def even_weight(k: int, count: int):
+    """Weight of sample k of `count`: the midpoint rule with its ends mended."""
+    end = wp.min(k, count - 1 - k)
+    weight = wp.float64(1.0)
+    if end == 0:
+        weight = wp.float64(13.0) / wp.float64(12.0)
+    elif end == 1:
+        weight = wp.float64(0.875)
+    elif end == 2:
+        weight = wp.float64(25.0) / wp.float64(24.0)
+    return weight
+
+
+@functools.cache
+def build_even_kernel(precision: str, geometry: str, interpolation: str, stop: str, has_body: bool):
+    """Build the kernel for one kind of scene; its arguments are the tracer's, and the count of rough rays."""
+    t = types(precision)
+    real, vec3, vec4, Field, Bounds, Control = t.real, t.vec3, t.vec4, t.Field, t.Bounds, t.Control
+    sample = build_sample(precision, geometry, interpolation)
+    start_of = build_start(precision, geometry, stop, has_body)
+    end_of = build_end(precision, geometry, interpolation, stop)
+    surface_distance = build_surface_distance(precision, geometry)
+    surface_of = build_last_surface(precision, geometry, stop)
+    overrun = build_overrun(precision, geometry)
+    keep_active = build_keep_active(precision, geometry)
+    unresolved = build_unresolved(precision, geometry)
+    with_lever = build_with_lever(precision)
+    leaves_support = build_leaves_support(precision, geometry)
+    exit_of = build_exit(precision, geometry)
+    line_to = build_line_to(precision, geometry)
+    stays_clear = build_stays_clear(precision, geometry)
+    ok = int(RayStatus.OK)
+    tiny = TINY[precision]
+    landed_free = wp.constant(LANDED_FREE)
+
+    @wp.func
+    def gather(total: vec4, carry: vec4, term: vec4):
+        """A compensated sum."""
+        y = term - carry
+        s = total + y
+        return s, (s - total) - y
+
+    # On a GPU roots and quotients are its own, right to two units in the last place or so: here they are factors of
+    # what is itself a small deviation. Sums are compensated as written: the compiler does not change their order.
+    @wp.kernel(module="unique", enable_backward=False, module_options={"fast_math": True})
+    def trace_even(
+        field: Field,
+        bounds: Bounds,
+        control: Control,
+        first_ray: int,
+        position_in: wp.array(dtype=wp.vec3d),
+        direction_in: wp.array(dtype=wp.vec3d),
+        position_out: wp.array(dtype=wp.vec3d),
+        direction_out: wp.array(dtype=wp.vec3d),
+        optical_path_out: wp.array(dtype=wp.float64),
+        opd_out: wp.array(dtype=wp.float64),
+        arc_length_out: wp.array(dtype=wp.float64),
+        step_error_out: wp.array(dtype=wp.float64),
+        step_count_out: wp.array(dtype=wp.int32),
+        evaluation_count_out: wp.array(dtype=wp.int32),
+        status_out: wp.array(dtype=wp.int32),
+        rough_count_out: wp.array(dtype=wp.int32),
+    ):
+        ray = wp.tid() + first_ray
+        p0 = position_in[ray]
+        d0 = direction_in[ray]
+        course, status = start_of(field, bounds, p0, d0)
+        runs = bool(course.meets and status == ok)
+
+        d = vec3(real(d0[0]), real(d0[1]), real(d0[2]))
+        rate = field.inverse_spacing
+        pace = wp.cw_mul(d, rate)
+        ambient = real(bounds.ambient)
+        count = control.sample_count
+        none = vec3(real(0.0), real(0.0), real(0.0))
+        momentum = none  # across the ray
+        q = none  # deviation across it
+        turn = none  # the momentum's sum with the ends mended
+        arm = none  # that of its moments about the start
+        off_turn = none  # how far the momentum from every third sample is off
+        off_place = none  # and that one's moments
+        sigma = real(0.0)  # int 1 / w dt
+        bend = real(0.0)  # of P^2 / w
+        slow = real(1.0) / ambient  # 1 / w
+        sums = vec4(real(0.0), real(0.0), real(0.0), real(0.0))  # of s / w, (w - a) / w, m / w, and every third sample
+        carry = sums
+        bent = real(0.0)
+        s = real(0.0)  # of the last sample: the potential, its slope along the ray, and that across it
+        ahead = real(0.0)
+        force = none
+        length = real(0.0)
+        h = real(0.0)
+        error = real(0.0)
+        whole = wp.vec2d(wp.float64(0.0), wp.float64(0.0))  # its way through the box, the uniform air's part too
+        missed = real(0.0)
+        start = none
+        clear = bool(True)
+        landed = int(-1)
+        quiet = bool(False)
+        chord = wp.float64(0.0)  # of the undisturbed ray through the box, up to its stop
+        if runs:
+            whole = wp.vec2d(course.enter, course.far)
+            chord = course.far - course.enter
+            active = keep_active(bounds, p0, d0, course.enter, course.far)
+            quiet = bool(active[2] > wp.float64(0.0))
+            if not quiet:
+                landed = surface_of(bounds, course, p0, d0)
+            course.enter = active[0]
+            course.far = active[1]
+            entry = wp.cw_div(p0 + course.enter * d0 - bounds.origin, bounds.spacing)
+            start = vec3(real(entry[0]), real(entry[1]), real(entry[2]))
+            length = real(course.far - course.enter)
+            h = length / real(count)
+            corner = wp.vec3i(0, 0, 0)
+            for triple in range(count // 3):
+                added = vec4(real(0.0), real(0.0), real(0.0), real(0.0))
+                for j in range(3):
+                    k = 3 * triple + j
+                    weight = real(even_weight(k, count))
+                    along = (real(k) + real(0.5)) * h
+                    middle = real(0.5) * h * slow
+                    at = sample(field, corner, start + along * pace + wp.cw_mul(q + middle * momentum, rate), 0)
+                    s = at[0]
+                    force = vec3(at[1], at[2], at[3])
+                    ahead = wp.dot(force, d)
+                    force -= ahead * d
+                    here = momentum + middle * force
+                    across = wp.dot(here, here)
+                    surplus = real(2.0) * s - across
+                    w = wp.sqrt(wp.max(ambient * ambient + surplus, real(tiny)))
+                    slow = real(1.0) / w
+                    off = surplus / (w + ambient) * slow
+                    stretch = real(0.0)
+                    if (control.outputs & wp.static(OUTPUT_BITS["arc_length"])) != 0:
+                        index = wp.sqrt(wp.max(ambient * ambient + real(2.0) * s, real(0.0)))
+                        stretch = slow * (real(2.0) * s / (index + ambient))
+                    added += weight * vec4(s * slow, off, stretch, real(0.0))
+                    pace_now = h * slow
+                    momentum += pace_now * force
+                    q += pace_now * here
+                    kick = weight * pace_now
+                    turn += kick * force
+                    place = sigma + real(0.5) * pace_now
+                    arm += (kick * place) * force
+                    if j == 1:
+                        third = real(even_weight(triple, count // 3))
+                        added += vec4(real(0.0), real(0.0), real(0.0), third * (real(2.0) * s * slow - ambient * off))
+                        lack = real(3.0) * third * pace_now
+                        off_turn -= lack * force
+                        off_place -= (lack * place) * force
+                    sigma += pace_now
+                    bend += across * slow
+                    bent = wp.max(bent, across)
+                sums, carry = gather(sums, carry, added)
+            difference = wp.abs(h * ((real(2.0) * sums[0] - ambient * sums[1]) - real(3.0) * sums[3]))
+            error = wp.max(difference * control.even_share, h * bend * control.bend_share)
+
+        # At the end, half a step behind the last sample: what momentum and deviation are in fourth order.
+        momentum = turn
+        q = sigma * turn - arm
+        off_turn += turn
+        off_place = sigma * off_turn - (off_place + arm)
+        if runs:
+            missed = unresolved(field, control, start, d, length, q)
+        steep = wp.sqrt(ahead * ahead + wp.dot(force, force))
+        s += real(0.5) * h * ahead
+        if quiet:  # in uniform air there is nothing to leave out
+            s = real(0.0)
+            ahead = real(0.0)
+            steep = real(0.0)
+            force = none
+        lead = (real(2.0) * s - wp.dot(momentum, momentum)) * slow / (real(1.0) / slow + ambient)
+        path = wp.float64(h) * (wp.float64(sums[0]) - wp.float64(carry[0]))
+        lag = wp.float64(h) * (wp.float64(sums[1]) - wp.float64(carry[1]))
+        arc = wp.float64(h) * (wp.float64(sums[2]) - wp.float64(carry[2]))
+        far = wp.float64(length)
+        turned = none
+        normal = wp.vec3d(wp.float64(0.0), wp.float64(0.0), wp.float64(0.0))
+        more = wp.float64(0.0)
+        end = p0
+        if runs:
+            # What is left to the surface, which the ray meets a little beside the undisturbed one.
+            slant = slow * momentum
+            heading = d0 + wp.vec3d(wp.float64(slant[0]), wp.float64(slant[1]), wp.float64(slant[2]))
+            beside = wp.vec3d(wp.float64(q[0]), wp.float64(q[1]), wp.float64(q[2]))
+            tip = p0 + course.far * d0 + beside
+            pull = slow * force
+            if quiet:
+                if length > real(0.0) and not leaves_support(bounds, tip, heading):
+                    clear = bool(False)  # turned, it goes on through disturbed air
+                if wp.static(stop == "plane"):
+                    landed = int(landed_free)
+                    normal = bounds.plane_normal
+                else:
+                    leave = exit_of(bounds, tip, heading)
+                    more = leave[0]
+                    landed = int(leave[1])
+            if landed != landed_free:
+                if not quiet:
+                    more = line_to(bounds, landed, tip, heading)
+                miss = surface_distance(bounds, landed, tip + more * heading)
+                normal = wp.vec3d(miss[1], miss[2], miss[3])
+            cosine = wp.dot(normal, heading)
+            if not quiet and wp.abs(cosine) > wp.float64(LEAST_COSINE):
+                # Along the parabola; what that leaves out, by the change of the slope over a cell, counts as an error.
+                line = more
+                inward = normal[0] * wp.float64(pull[0]) + normal[1] * wp.float64(pull[1])
+                inward += normal[2] * wp.float64(pull[2])
+                more = line - wp.float64(0.5) * line * line * wp.float64(slow) * inward / cosine
+                beyond = real(wp.abs(more)) * wp.max(rate)
+                error = wp.max(error, steep * real(more * more / wp.abs(cosine)) * wp.min(beyond, real(1.0)))
+            climb = wp.float64(0.5) * more * wp.float64(ahead)
+            extra = more * wp.float64(slow) * (wp.float64(s) + climb)
+            path += extra
+            lag += more * (wp.float64(lead) + wp.float64(slow) * climb / bounds.ambient)
+            arc += extra / bounds.ambient
+            q += real(more) * (slant + (real(0.5) * real(more) * slow) * pull)
+            far += more
+            turned = momentum + real(more) * pull + (lead / slow) * d
+            beside = wp.vec3d(wp.float64(q[0]), wp.float64(q[1]), wp.float64(q[2]))
+            end = p0 + (course.enter + far) * d0 + beside
+            fit = bool(wp.sqrt(bent) / ambient <= real(EVEN_WEAK))
+            fit = fit and wp.isfinite(path) and wp.isfinite(error) and wp.abs(cosine) > wp.float64(LEAST_COSINE)
+            if wp.static(stop == "plane"):
+                fit = fit and wp.abs(wp.dot(bounds.plane_normal, heading)) > wp.float64(LEAST_COSINE)
+            # Where the box's end is the stop, the path is off by all of that way, else by what the field adds on it.
+            way = overrun(bounds, control, landed, end, heading)
+            rise = bounds.ambient
+            if wp.static(stop != "none"):
+                rise = wp.max(wp.abs(wp.float64(s)) / bounds.ambient, wp.float64(1.0e-30))
+            if quiet:
+                # One that has left the support must not have left the box before.
+                way = overrun(bounds, control, -1, tip, heading)
+                rise = wp.float64(1.0e-30)
+            if way > wp.float64(0.0):
+                error = wp.max(error, real(way * rise))
+            if wp.static(has_body):
+                # Beside the undisturbed ray it stays within the greatest angle of it.
+                margin = (whole[1] - whole[0]) * wp.float64(wp.sqrt(bent) / ambient)
+                fit = fit and stays_clear(field, p0, d0, whole[0], whole[1], margin)
+            if not (fit and clear):
+                error = real(wp.inf)
+        # In the tracer's sums: sigma, S, M and B, of which M - B is the deviation along the ray.
+        exact = wp.vec4d((far - lag) / bounds.ambient, path, arc, arc - lag)
+        rounded = vec4(real(exact[0]), real(exact[1]), real(exact[2]), real(exact[3]))
+        rest = vec4(
+            real(wp.float64(rounded[0]) - exact[0]),
+            real(wp.float64(rounded[1]) - exact[1]),
+            real(wp.float64(rounded[2]) - exact[2]),
+            real(wp.float64(rounded[3]) - exact[3]),
+        )
+        position, direction, optical_path, opd, arc_length, final, _grazing = end_of(
+            bounds, control, p0, d0, course, status, landed, q, none, turned, rounded, rest, real(0.0)
+        )
+        if runs and final != ok:
+            error = real(wp.inf)  # at a plane on the box's edge a bent ray may fare otherwise
+        elif runs:
+            # How far place and direction are off counts where the stop is met at a slant, and so does what the air
+            # outside the field's support does to them.
+            flight = wp.length(position - end)
+            beside = wp.vec3d(wp.float64(off_place[0]), wp.float64(off_place[1]), wp.float64(off_place[2]))
+            aside = wp.vec3d(wp.float64(off_turn[0]), wp.float64(off_turn[1]), wp.float64(off_turn[2]))
+            if wp.static(stop == "plane"):
+                normal = bounds.plane_normal
+            else:
+                flight += more
+            slant_off = wp.dot(normal, beside + flight * wp.float64(slow) * aside)
+            cosine = wp.max(wp.abs(wp.dot(normal, d0)), wp.float64(STEEPEST_COSINE))
+            error = wp.max(error, control.even_share * real(bounds.ambient * wp.abs(slant_off) / cosine))
+            tangent = wp.sqrt(wp.max(wp.float64(1.0) - cosine * cosine, wp.float64(0.0))) / cosine
+            lever = (chord + flight) * (tangent + wp.float64(wp.sqrt(bent)))
+            outside = wp.max(chord - wp.float64(length), wp.float64(0.0))
+            left = real(outside * (wp.float64(control.left_potential) + lever * wp.float64(control.left_slope)))
+            if left > real(LEFT_SHARE) * control.budget:
+                error = wp.max(error, left)
+        if missed > real(0.0):
+            onward = real(wp.length(position - end) + course.far - course.enter)
+            error += with_lever(field, missed, onward, real(wp.abs(wp.dot(normal, d0))))
+        if error > control.budget:
+            wp.atomic_add(rough_count_out, 0, 1)
+        if (control.outputs & wp.static(OUTPUT_BITS["position"])) != 0:
+            position_out[ray] = position
+        if (control.outputs & wp.static(OUTPUT_BITS["direction"])) != 0:
+            direction_out[ray] = direction
+        if (control.outputs & wp.static(OUTPUT_BITS["optical_path"])) != 0:
+            optical_path_out[ray] = optical_path
+        if (control.outputs & wp.static(OUTPUT_BITS["opd"])) != 0:
+            opd_out[ray] = opd
+        if (control.outputs & wp.static(OUTPUT_BITS["arc_length"])) != 0:
+            arc_length_out[ray] = arc_length
+        if (control.outputs & wp.static(OUTPUT_BITS["step_error"])) != 0:
+            step_error_out[ray] = wp.float64(error)
+        samples = int(0)
+        if runs:
+            samples = count
+        if (control.outputs & wp.static(OUTPUT_BITS["step_count"])) != 0:
+            step_count_out[ray] = samples
+        if (control.outputs & wp.static(OUTPUT_BITS["evaluation_count"])) != 0:
+            evaluation_count_out[ray] = samples
+        status_out[ray] = final
+
+    return trace_even

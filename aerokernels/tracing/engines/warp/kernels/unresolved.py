@@ -1,0 +1,69 @@
+"""A device function: what lies between a ray's even samples, the sum over its way of a table (see unresolved.py)."""
+
+import functools
+
+import warp as wp
+
+from ....scheme import LEAST_COSINE, LOOKUP_STRIDE, MISSED_SLOPE
+from ..types import types
+
+
+@functools.cache
+def build_unresolved(precision: str, geometry: str):
+    """A function (field, control, start, direction, length, beside) -> a bound of the error of a ray's path [m].
+
+    From `start`, in cells from the grid's first node (x, y from the axis), `length` metres along the unit vector, to
+    `beside` [m] from there. 0 without a table, infinite where samples are further apart than it holds for.
+    """
+    t = types(precision)
+    real, vec3, Field, Control = t.real, t.vec3, t.Field, t.Control
+
+    @wp.func
+    def block(control: Control, axis: int, place: real):
+        return wp.clamp(int(wp.floor(place / real(control.block))), 0, control.block_count[axis] - 1)
+
+    @wp.func
+    def unresolved(field: Field, control: Control, start: vec3, d: vec3, length: real, beside: vec3):
+        if control.reach_start[0] < 0:
+            return real(0.0)
+        rate = field.inverse_spacing
+        if length > real(1.001) * control.step * real(control.sample_count):
+            return real(wp.inf)
+        ahead = wp.max(wp.abs(d[1]) * rate[1], wp.abs(d[2]) * rate[2]) * length
+        if wp.static(geometry != "planar"):
+            ahead = wp.max(ahead, wp.abs(d[0]) * rate[0] * length)
+        count = wp.max(int(wp.ceil(ahead / (real(LOOKUP_STRIDE) * real(control.block)))), 1)
+        total = real(0.0)
+        for k in range(count):
+            share = (real(k) + real(0.5)) / real(count)
+            p = start + wp.cw_mul(share * length * d + share * share * beside, rate)
+            entry = int(0)
+            if wp.static(geometry == "volume"):
+                entry = block(control, 0, p[0]) * control.block_count[1] + block(control, 1, p[1])
+                entry = entry * control.block_count[2] + block(control, 2, p[2])
+            elif wp.static(geometry == "planar"):
+                entry = block(control, 0, p[1]) * control.block_count[1] + block(control, 1, p[2])
+            else:
+                entry = block(control, 0, wp.sqrt(p[0] * p[0] + p[1] * p[1])) * control.block_count[1]
+                entry += block(control, 1, p[2])
+            total += control.reach[entry]
+        return total * length / real(count)
+
+    return unresolved
+
+
+@functools.cache
+def build_with_lever(precision: str):
+    """A function (field, missed, onward, cosine) -> the error of the path that the one of direction adds to [m].
+
+    `onward` metres before a stop that the ray meets at this cosine with its normal.
+    """
+    t = types(precision)
+    real, Field = t.real, t.Field
+
+    @wp.func
+    def with_lever(field: Field, missed: real, onward: real, cosine: real):
+        tangent = wp.sqrt(wp.max(real(1.0) - cosine * cosine, real(0.0))) / wp.max(cosine, real(LEAST_COSINE))
+        return missed * (real(1.0) + real(MISSED_SLOPE) * wp.max(field.inverse_spacing) * onward * tangent)
+
+    return with_lever

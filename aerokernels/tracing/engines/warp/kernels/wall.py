@@ -1,0 +1,182 @@
+"""Device functions about the body: where a ray leaves it, whether it keeps out of it, where a step enters it.
+
+All by the crossings of straight lines with its surface, see engines/warp/kernels/crossings.py.
+"""
+
+import functools
+
+import warp as wp
+
+from ....scheme import WALL_SAG
+from ..types import types
+from .crossings import NEVER, build_meet_wall, build_passes_box, build_segment_crossings, build_wall_line
+
+
+@functools.cache
+def build_way_out(precision: str, geometry: str):
+    """A function (field, position, direction, from) -> where a ray that starts behind the surface leaves it.
+
+    NEVER if it does not; `from` for other rays.
+    """
+    Field = types(precision).Field
+    wall_line = build_wall_line(geometry)
+    meet_wall = build_meet_wall(precision, geometry)
+
+    @wp.func
+    def way_out(field: Field, p: wp.vec3d, d: wp.vec3d, first: wp.float64):
+        none = wp.float64(0.0)
+        toward = d
+        begin = wp.float64(first)
+        along_x = bool(False)
+        if wp.static(geometry == "planar"):
+            if d[1] == none and d[2] == none:
+                # Along x it stays where it is, in the body or beside it: any other line tells which.
+                toward = wp.vec3d(none, none, wp.float64(1.0))
+                begin = none
+                along_x = bool(True)
+        met = meet_wall(field, wall_line(p, toward), begin, wp.float64(NEVER))
+        out = wp.float64(first)
+        if met.odd:
+            out = met.exit
+            if along_x:
+                out = wp.float64(NEVER)
+        return out
+
+    return way_out
+
+
+@functools.cache
+def build_stays_clear(precision: str, geometry: str):
+    """A function (field, position, direction, enter, far, margin): whether a straight ray keeps out of the body there.
+
+    All rays beside it do too that are moved across the surface by `margin` [m]. Where they leave the body does not
+    matter, so a ray may begin on the wall.
+    """
+    Field = types(precision).Field
+    wall_line = build_wall_line(geometry)
+    passes_box = build_passes_box(geometry)
+    segment_crossings = build_segment_crossings(geometry)
+    least = 0.0 if geometry == "axisymmetric" else -NEVER
+
+    @wp.func
+    def moved_segment(s: wp.vec4d, r: wp.float64, z: wp.float64):
+        """A segment moved in r and z; in an axisymmetric field it stays on its side of the axis."""
+        return wp.vec4d(wp.max(s[0] + r, wp.float64(least)), s[1] + z, wp.max(s[2] + r, wp.float64(least)), s[3] + z)
+
+    @wp.func
+    def stays_clear(field: Field, p: wp.vec3d, d: wp.vec3d, enter: wp.float64, far: wp.float64, margin: wp.float64):
+        line = wall_line(p, d)
+        clear = bool(True)
+        node = int(0)
+        while node < field.wall_count and clear:
+            links = field.wall_links[node]
+            onward = links[0]
+            if passes_box(line, field.wall_boxes[node], margin, enter, far):
+                onward = node + 1
+                for k in range(links[1], links[2]):
+                    s = field.wall[k]
+                    box = wp.vec4d(wp.min(s[0], s[2]), wp.min(s[1], s[3]), wp.max(s[0], s[2]), wp.max(s[1], s[3]))
+                    if passes_box(line, box, margin, enter, far):
+                        for side in range(5):
+                            # The segment where it is, then moved up and down in r and in z.
+                            r = wp.float64(0.0)
+                            z = wp.float64(0.0)
+                            if side == 1:
+                                r = margin
+                            if side == 2:
+                                r = -margin
+                            if side == 3:
+                                z = margin
+                            if side == 4:
+                                z = -margin
+                            at = segment_crossings(line, moved_segment(s, r, z), bool(True))
+                            t = at.two
+                            there = at.count > 1
+                            if at.enters:
+                                t = at.one
+                                there = at.count > 0
+                            if there and t > enter and t < far:
+                                clear = bool(False)
+            node = onward
+        return clear
+
+    return stays_clear
+
+
+@functools.cache
+def build_place(precision: str):
+    """A function: where a ray is, from the sums of its steps so far."""
+    t = types(precision)
+    vec3, vec4, Course = t.vec3, t.vec4, t.Course
+
+    @wp.func
+    def place_of(
+        p: wp.vec3d,
+        d: wp.vec3d,
+        course: Course,
+        ambient: wp.float64,
+        q: vec3,
+        q_carry: vec3,
+        sums: vec4,
+        sums_carry: vec4,
+    ):
+        sigma = wp.float64(sums[0]) - wp.float64(sums_carry[0])
+        beside = wp.vec3d(
+            wp.float64(q[0]) - wp.float64(q_carry[0]),
+            wp.float64(q[1]) - wp.float64(q_carry[1]),
+            wp.float64(q[2]) - wp.float64(q_carry[2]),
+        )
+        return p + (course.enter + ambient * sigma) * d + beside
+
+    return place_of
+
+
+@functools.cache
+def build_behind_wall(precision: str, geometry: str):
+    """A function -> how much of a step of length h lies behind the place where it enters the body; -1 for none of it.
+
+    Its arguments: field, control, where the step begins, its first tangent, its bend [m], h, and how far behind its
+    start a wall counts, in the unit of h. Chords that stay within WALL_SAG cells of the step stand for it.
+    """
+    t = types(precision)
+    real, vec3, Field, Control = t.real, t.vec3, t.Field, t.Control
+    wall_line = build_wall_line(geometry)
+    meet_wall = build_meet_wall(precision, geometry)
+
+    @wp.func
+    def behind_wall(field: Field, control: Control, here: wp.vec3d, tangent: vec3, kick: vec3, h: real, room: real):
+        one = wp.float64(1.0)
+        sag = wp.length(wp.cw_mul(kick, control.cell_rate)) / (real(4.0) * real(WALL_SAG))
+        pieces = int(1)
+        if sag > real(1.0):
+            pieces = 1 + int(wp.min(wp.sqrt(sag), real(15.0)))
+        flown = h * tangent
+        straight = wp.vec3d(wp.float64(flown[0]), wp.float64(flown[1]), wp.float64(flown[2]))
+        bend = wp.vec3d(wp.float64(kick[0]), wp.float64(kick[1]), wp.float64(kick[2]))
+        begin = here
+        found = real(-1.0)
+        first = -wp.float64(pieces) * wp.float64(room / h)
+        # Most steps come nowhere near the box around the whole body: they need no line.
+        whole = field.wall_boxes[0]
+        within = wp.float64(h + room) * wp.float64(wp.length(tangent)) + wp.float64(wp.length(kick))
+        beside = here[1]
+        if wp.static(geometry == "axisymmetric"):
+            beside = wp.sqrt(here[0] * here[0] + here[1] * here[1])
+        k = int(0)
+        if here[2] - within > whole[3] or here[2] + within < whole[1]:
+            k = pieces
+        if beside - within > whole[2] or beside + within < whole[0]:
+            k = pieces
+        while k < pieces:
+            share = wp.float64(k + 1) / wp.float64(pieces)
+            end = here + share * straight + (share * share) * bend
+            met = meet_wall(field, wall_line(begin, end - begin), first, one)
+            if met.entry <= one:
+                found = real(one - (wp.float64(k) + met.entry) / wp.float64(pieces)) * h
+                k = pieces
+            begin = end
+            first = wp.float64(-1.0e-9)
+            k += 1
+        return found
+
+    return behind_wall
