@@ -16,7 +16,7 @@ RANK = {
     room: rank
     for rank, rooms in enumerate(
         [
-            ("units", "quantities", "sobol", "wavelength"),
+            ("units", "quantities", "read_only", "sobol", "wavelength"),
             ("rays",),
             ("strehl_sums",),
             ("medium",),
@@ -24,6 +24,7 @@ RANK = {
             ("scene", "scenes"),
             ("tracing",),
             ("wavefront", "strehl_errors"),
+            ("strehl_budget",),
             ("strehl", "schlieren"),
             ("prepare",),
             ("echo",),

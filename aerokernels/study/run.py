@@ -125,7 +125,7 @@ def simulate(scene: Scene, *, progress: Progress | None = None) -> RunResult:
         strehl=strehl,
         pupil=tried("wavefront", lambda: pupil_map(index, scene)),
         fan=tried("fan", lambda: ray_fan(index, scene, prepared.front), "rays"),
-        echo=tried("echo", lambda: echo(scene, field=index, phase_error=lambda: strehl.phase_error)),
+        echo=tried("echo", lambda: echo(scene, field=index, phase_error=strehl)),
         seconds=seconds,
         failed=failed,
     )
