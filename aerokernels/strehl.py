@@ -17,6 +17,7 @@ from typing import Any
 
 import numpy as np
 
+from .callable_module import make_callable
 from .medium import IndexField
 from .quantities import Quantity, Verdict, judge_strehl, listed
 from .rays import Disc, as_unit_vector
@@ -336,3 +337,6 @@ def _standard_error(moments: np.ndarray, phasor: np.ndarray) -> float:
     ratios = [abs(sum_ / count) ** 2 if count else 0.0 for sum_, count in zip(phasor.tolist(), counts, strict=True)]
     mean = sum(ratios) / len(ratios)
     return math.sqrt(sum((ratio - mean) ** 2 for ratio in ratios) / (len(ratios) - 1) / len(ratios))
+
+
+make_callable(__name__)
