@@ -74,7 +74,7 @@ class DensityField(ReadOnly, ABC):
         """
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class CellDensity(DensityField):
     """Density on a quadrilateral mesh, in the optical frame (z looks upstream), surrounded by ambient gas.
 

@@ -25,7 +25,7 @@ class Solution(Protocol):
         ...
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class ExactField(CellDensity):
     """A density field whose cell averages were made from a formula. See CellDensity for what it shares with that.
 

@@ -20,6 +20,8 @@ from .held import held_error
 from .levers import levers_of
 from .plan import LEAPFROG, METHODS, PRECISIONS, PROJECTION_TABLES, TracePlan
 
+STRAIGHT = "; along the undisturbed line, with the second-order correction of the optical path"
+
 
 def plan_rays(
     field: IndexField, pilot, ray_count: int, until, *, method, wavelength, spread=None, **choices
@@ -40,7 +42,7 @@ def plan_rays(
     if method == "auto" and choices.get("columns") is None and may_be_even(field, ray_count, until):
         trial = make_plan(field, method="straight", wavelength=wavelength, **choices)  # predicts nothing: a pilot will
         if trial.backend != "reference":
-            trial = replace(trial, method=LEAPFROG)
+            trial = replace(trial, method=LEAPFROG, reasons=trial.reasons[1:])  # without that of the method
             plan = fit_even(field, pilot(), trial, until, wavelength, spread or pilot)
             if plan is not None:
                 return plan
@@ -113,6 +115,8 @@ def make_plan(
         method = "adaptive"
         predicted = predict_evaluations(field, held_error(field, tolerance * wavelength), directions)
         reasons.append(f"method adaptive: error control, about {predicted:.0f} evaluations a ray across the box")
+    else:
+        reasons.append(f"method {method}: asked for{STRAIGHT if method == 'straight' else ''}")
     backend, device, why = choose_backend(backend, device)
     reasons.append(why)
     dimension = {"volume": "a volume", "planar": "two axes, x is never expanded"}.get(

@@ -67,8 +67,8 @@ def test_the_plan_names_what_ran(engine):
         assert plan.method == method == plan.as_dict()["method"]
         assert str(plan).startswith(f"{method} on ")
         assert (plan.sample_count > 0) == (method == "leapfrog") and plan.columns == (method == "projection-tables")
-        if not options:
-            assert any(reason.startswith(f"method {method}") for reason in plan.reasons)
+        assert plan.reasons[0].startswith(f"method {method}: ")
+        assert sum(reason.startswith("method ") for reason in plan.reasons) == 1
 
 
 def test_the_plan_says_which_rays_the_tables_do_not_hold_for():
