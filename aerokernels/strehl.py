@@ -17,21 +17,19 @@ from typing import Any
 
 import numpy as np
 
+from .callable_module import make_callable
 from .medium import IndexField
 from .quantities import Quantity, Verdict, judge_strehl, listed
-from .rays import Disc, RayBundle, as_unit_vector
-from .strehl_errors import STANDARD_ERRORS, estimate_quantities, main_cause, phase_error, strehl_error
-from .tracing.budget import CAUSES, SAFETY, combine, faintly_lost, float64_rounding, opd_errors
-from .tracing.budget_rays import SUBSET
+from .rays import Disc, as_unit_vector
+from .strehl_budget import StrehlBudget
+from .strehl_errors import estimate_quantities, main_cause, phase_error
 from .tracing.lines import box_size
 from .tracing.meeting import greatest_contrast
 from .tracing.plan import TracePlan
-from .tracing.pupil_air import PupilAir
 from .tracing.pupil_fan import SETTLED
 from .tracing.pupil_job import REPLICATES, find_job, make_job
 from .tracing.pupil_sums import fit_moments
 from .tracing.retrace import told_of_rejected
-from .tracing.trace import retracer
 from .wavefront import check_metres, check_terms, check_wavefront, map_points, remove_terms
 from .wavelength import check_wavelength
 
@@ -259,10 +257,6 @@ def estimate_strehl(
             stacklevel=2,
         )
 
-    def budget(found: StrehlEstimate) -> dict[str, float]:
-        probe = RayBundle.collimated(pupil, SUBSET, direction=look, seed=seed)
-        return _budget(field, probe, found, job.until, wavelength, job.air)
-
     spread = partial(
         estimate_quantities,
         moments=sums.moments,
@@ -276,7 +270,7 @@ def estimate_strehl(
         traced_ray_count=traced,
         blocked=float(1.0 - sums.moments[:, 0].sum() / (sums.ray_count)),
         plan=plan,
-        budget=budget,
+        budget=StrehlBudget(field, pupil, look, seed, job.until, wavelength, job.air),
         spread=spread,
         seconds=seconds,
         standard_error=standard_error,
@@ -345,21 +339,4 @@ def _standard_error(moments: np.ndarray, phasor: np.ndarray) -> float:
     return math.sqrt(sum((ratio - mean) ** 2 for ratio in ratios) / (len(ratios) - 1) / len(ratios))
 
 
-def _budget(field, probe, found: StrehlEstimate, until, wavelength, air: PupilAir) -> dict[str, float]:
-    """The OPD errors of some rays of the pupil, turned into errors of the Strehl ratio.
-
-    What a phase error changes of the ratio at most is told in strehl_errors.py. So many standard errors stand for the
-    sampling.
-    """
-
-    def of_strehl(opd_rms: float) -> float:
-        return strehl_error(found.value, 2.0 * np.pi * opd_rms / wavelength)
-
-    errors = opd_errors(field, probe, found.plan, retracer(until, wavelength))
-    spread = {cause: SAFETY * float(np.std(error)) if len(error) else float("nan") for cause, error in errors.items()}
-    spread["precision"] += float64_rounding(field, probe)
-    faint = float(np.sqrt(np.mean(faintly_lost(field, probe, None) ** 2)))
-    spread["truncation"] = SAFETY * max(air.lost_rms, faint)
-    of_path = combine(spread)
-    causes = {cause: of_strehl(of_path[cause]) for cause in CAUSES}
-    return combine({**causes, "sampling": STANDARD_ERRORS * found.standard_error})
+make_callable(__name__)

@@ -14,6 +14,7 @@ from functools import cached_property
 
 import numpy as np
 
+from ..read_only import ReadOnly
 from .grid import eq5_step
 from .mesh import QuadMesh
 from .vertex_values import vertex_gradients
@@ -22,7 +23,7 @@ MESH_INTERPOLATIONS = ("bilinear", "bilinear-barron", "idw")
 
 
 @dataclass(frozen=True, eq=False)
-class MeshSamples:
+class MeshSamples(ReadOnly):
     """Vertex values on a mesh.
 
     Attributes:

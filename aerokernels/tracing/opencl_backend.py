@@ -129,7 +129,7 @@ def prepare(
         geometry=field.geometry,
         interpolation=field.interpolation,
         on_mesh=not field.is_uniform,
-        method=plan.method,
+        method=plan.compiled_method,
         stop=stop_kind(until),
         has_body=field.body is not None,
         outputs=outputs | {"step_error"} if plan.controls_error else outputs,

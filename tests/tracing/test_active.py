@@ -62,7 +62,7 @@ def test_uniform_air_leaves_rays_alone(engine):
     rng = np.random.default_rng(6)
     position = np.c_[rng.uniform(-4e-4, 4e-4, (LEAST_RAYS, 2)), np.full(LEAST_RAYS, -1e-3)]
     rays = RayBundle(position, np.c_[rng.normal(0.0, 0.02, (LEAST_RAYS, 2)), np.ones(LEAST_RAYS)])
-    result = trace(field, rays, until=Plane((0.0, 0.0, 5e-3), (0.0, 0.0, 1.0)), method="straight", **on(engine))
+    result = trace(field, rays, until=Plane((0.0, 0.0, 5e-3), (0.0, 0.0, 1.0)), **on(engine))
     assert result.ok.all() and not result.opd.any()
     assert np.abs(result.direction - rays.direction).max() < 1e-15
     there = rays.position + rays.direction * (6e-3 / rays.direction[:, 2])[:, None]

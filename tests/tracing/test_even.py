@@ -60,7 +60,7 @@ def test_every_ray_is_within_the_tolerance(engine, precision, geometry):
     for name, stop in STOPS.items():
         result = trace(field, rays, until=stop, precision=precision, **on(engine))
         if name != "behind":  # which no ray reaches
-            assert result.plan.sample_count >= 36 and result.plan.method == "straight"
+            assert result.plan.sample_count >= 36 and result.plan.method == "leapfrog"
             assert any("even samples" in reason for reason in result.plan.reasons)
             assert (result.evaluation_count == result.plan.sample_count).mean() > 0.5
         sample = slice(None, None, 41)
@@ -86,7 +86,7 @@ def even_opd(field: IndexField, rays: RayBundle, count: int, precision: str = "f
         from aerokernels.tracing.opencl_backend import trace as run
 
         device = on("opencl-cpu")["device"]
-    plan = TracePlan("straight", backend, device, precision, 1000, None, 1e-12, sample_count=count, even_share=1.0)
+    plan = TracePlan("leapfrog", backend, device, precision, 1000, None, 1e-12, sample_count=count, even_share=1.0)
     arrays, _ = run(field, rays, plan, None, WAVE, frozenset(("opd", "step_error")))
     return arrays["opd"], arrays["step_error"]
 
@@ -118,7 +118,7 @@ def test_rays_along_z_are_those_of_any_direction(geometry, precision, forward):
     )
     results = []
     for engine in ("warp-cpu", "opencl-cpu"):
-        plan = TracePlan("straight", **on(engine), precision=precision, max_steps=1000, step=None, tolerance=1e3)
+        plan = TracePlan("leapfrog", **on(engine), precision=precision, max_steps=1000, step=None, tolerance=1e3)
         backend = import_module(f"aerokernels.tracing.{plan.backend}_backend")
         plan = replace(plan, sample_count=99, even_share=0.1, bend_share=0.1)
         outputs = frozenset(("position", "direction", "optical_path", "opd", "arc_length", "step_error"))
@@ -179,7 +179,7 @@ def test_rays_that_it_does_not_hold_for_are_traced_otherwise(engine):
     )
     across = np.random.default_rng(3).uniform(-8e-3, 8e-3, (COUNT, 2))
     rays = RayBundle(np.c_[across, np.full(COUNT, -2e-2)], [0.0, 0.01, 1.0])
-    plan = TracePlan("straight", **on(engine), precision="float64", max_steps=100_000, step=None, tolerance=1e-3)
+    plan = TracePlan("leapfrog", **on(engine), precision="float64", max_steps=100_000, step=None, tolerance=1e-3)
     from aerokernels.tracing.trace import run_plan
 
     plan = replace(plan, sample_count=240, even_share=0.125, bend_share=0.01)
@@ -206,7 +206,7 @@ def test_a_body_in_the_way_is_met(engine):
     position = np.c_[rng.uniform(-1.4e-3, 1.4e-3, (COUNT, 2)), np.where(rng.random(COUNT) < 0.5, -1e-3, 2.2e-3)]
     rays = RayBundle(position, np.c_[rng.normal(0.0, 0.02, (COUNT, 2)), np.ones(COUNT)])
     stop = Plane((0.0, 0.0, 8e-3), (0.0, 0.0, 1.0))
-    result = trace(field, rays, until=stop, method="straight", **on(engine))
+    result = trace(field, rays, until=stop, **on(engine))
     expected = adaptive(field, rays, stop, 1e-4)
     assert result.plan.sample_count > 0
     assert (result.status == RayStatus.HIT_BODY).mean() > 0.005
@@ -276,7 +276,7 @@ def test_a_pupil_by_even_samples_is_that_of_single_rays(engine, with_tilt):
     pupil, stop = Disc(0.6, center=(0.0, 0.0, -1.5)), Plane((0.0, 0.0, 2.0), (0.0, 0.0, 1.0))
     here = on(engine)
     plan = TracePlan("adaptive", **here, precision="float64", max_steps=100_000, step=None, tolerance=1e-3)
-    even = replace(plan, method="straight", sample_count=300, even_share=0.125, bend_share=0.01)
+    even = replace(plan, method="leapfrog", sample_count=300, even_share=0.125, bend_share=0.01)
     runner = import_module(f"aerokernels.tracing.{here['backend']}_strehl")
     found = []
     for how in (plan, even):

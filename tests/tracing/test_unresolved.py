@@ -70,7 +70,7 @@ def bundle(slope: float) -> RayBundle:
 def test_rays_through_a_needle_that_no_pilot_meets_are_right(engine, slope, geometry):
     """Against error control in float64: 1e-3 wave asked for, 30 of it and more where only pilots are asked."""
     field, rays = needle_field(geometry), bundle(slope)
-    result = trace(field, rays, until=FAR, method="straight", **on(engine))
+    result = trace(field, rays, until=FAR, **on(engine))
     assert result.plan.sample_count and result.ok.all()
     through = slice(3, None, 67)
     part = RayBundle(rays.position[through], rays.direction[through])
@@ -84,7 +84,7 @@ def sampled(field: IndexField, rays: RayBundle, count: int, engine: str, with_ta
     lines = lines_through(field, rays, until, low, high)
     steepness = tuple(float(size) for size in np.abs(rays.direction).max(axis=0))
     sampling = Sampling(1.001 * float(lines.way.max()) / count, steepness, 0.0)
-    plan = TracePlan("straight", **on(engine), precision="float64", max_steps=1000, step=None, tolerance=1e-3)
+    plan = TracePlan("leapfrog", **on(engine), precision="float64", max_steps=1000, step=None, tolerance=1e-3)
     plan = replace(plan, sample_count=count, sampling=sampling if with_table else None)
     run = import_module(f"aerokernels.tracing.{plan.backend}_backend").trace
     arrays, _ = run(field, rays, plan, until, WAVE, frozenset(("opd", "step_error")))
@@ -96,7 +96,7 @@ def test_rays_that_end_within_a_needle_are_right(width):
     """The same, the plane they stop at 0.6 cells behind its middle: ends count, not what is left of a whole line."""
     end = 5.03e-3 + 0.6 * CELL
     field, rays, stop = needle_field("planar", width, height=1e-4), bundle(0.0), Plane((0.0, 0.0, end), (0.0, 0.0, 1.0))
-    result = trace(field, rays, until=stop, method="straight", backend="warp", device="cpu")
+    result = trace(field, rays, until=stop, backend="warp", device="cpu")
     assert result.plan.sample_count and result.ok.all()
     through = slice(3, None, 67)
     part = RayBundle(rays.position[through], rays.direction[through])
@@ -186,7 +186,7 @@ def test_a_pupil_behind_a_captured_shock_takes_the_samples_that_its_pilot_asks_f
 def test_smooth_air_needs_no_lookup(geometry):
     """Ten cells wide: the bound for the whole bundle is negligible, and no more samples are taken than before."""
     field, rays = needle_field(geometry, height=0.0), bundle(0.06)
-    plan = trace(field, rays, until=FAR, method="straight", outputs=("opd",), backend="warp", device="cpu").plan
+    plan = trace(field, rays, until=FAR, outputs=("opd",), backend="warp", device="cpu").plan
     assert plan.sampling is None and 36 <= plan.sample_count <= 60
 
 
