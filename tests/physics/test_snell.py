@@ -63,6 +63,7 @@ def refracted(rays: RayBundle, normal, before: float, behind: float) -> np.ndarr
     return along + np.sqrt(1.0 - np.sum(along**2, axis=1))[:, None] * normal
 
 
+@pytest.mark.usefixtures("both_backends")
 @pytest.mark.parametrize("interpolation", INTERPOLATIONS)
 @pytest.mark.parametrize("axis", ["z", "y"])
 @pytest.mark.parametrize(

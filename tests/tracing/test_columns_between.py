@@ -37,7 +37,7 @@ def bundle(count: int = 6000) -> RayBundle:
 
 
 def exact(field: IndexField, rays: RayBundle):
-    return trace(field, rays, until=FAR, method="adaptive", precision="float64", tolerance=1e-6, backend="warp")
+    return trace(field, rays, until=FAR, method="adaptive", precision="float64", tolerance=1e-6)
 
 
 @pytest.mark.parametrize("engine", ENGINES)
@@ -67,7 +67,7 @@ def test_the_bound_and_what_is_found_between_columns_hold(name):
     columns = find_columns(field, rays, FAR)
     assert columns is not None and not columns_hold(field, columns, budget)
     found = projection.between_columns(field, 1.0, columns.first, columns.last)
-    plan_straight = trace(field, rays, until=FAR, method="straight", precision="float64", backend="warp", device="cpu")
+    plan_straight = trace(field, rays, until=FAR, method="straight", precision="float64")
     assert plan_straight.plan.columns
     part = RayBundle(rays.position[::6], rays.direction[::6])
     error = np.abs(plan_straight.opd[::6] - exact(field, part).opd).max()
@@ -78,7 +78,7 @@ def test_the_bound_and_what_is_found_between_columns_hold(name):
 def test_smooth_columns_are_taken_without_a_second_look():
     """Seven cells wide: the bound is below 2 % of the tolerance, so that nothing is gathered between columns."""
     field, rays = volume(SMOOTH), bundle()
-    result = trace(field, rays, until=FAR, backend="warp", device="cpu")
+    result = trace(field, rays, until=FAR)
     columns = find_columns(field, rays, FAR)
     assert result.plan.columns and columns is not None
     assert columns.tables.between_bound < 2e-5 * WAVE
