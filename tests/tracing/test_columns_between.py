@@ -5,7 +5,7 @@ import pytest
 
 from aerokernels.medium import IndexField
 from aerokernels.rays import RayBundle
-from aerokernels.tracing import Plane, trace
+from aerokernels.tracing import Plane, collimated, trace
 from aerokernels.tracing import columns as projection
 from aerokernels.tracing.collimated import columns_hold, find_columns
 
@@ -75,11 +75,21 @@ def test_the_bound_and_what_is_found_between_columns_hold(name):
     assert error < columns.tables.between_bound
 
 
-def test_smooth_columns_are_taken_without_a_second_look():
+def test_smooth_columns_are_taken_without_a_second_look(monkeypatch):
     """Seven cells wide: the bound is below 2 % of the tolerance, so that nothing is gathered between columns."""
+    looked: list[IndexField] = []
+
+    def between_columns(field, *rest):
+        looked.append(field)
+        return projection.between_columns(field, *rest)
+
+    monkeypatch.setattr(collimated, "between_columns", between_columns)
     field, rays = volume(SMOOTH), bundle()
     result = trace(field, rays, until=FAR)
     columns = find_columns(field, rays, FAR)
     assert result.plan.columns and columns is not None
     assert columns.tables.between_bound < 2e-5 * WAVE
-    assert field not in projection._between
+    assert not looked
+    rough = volume(ROUGH[next(iter(ROUGH))])
+    trace(rough, rays, until=FAR)
+    assert looked == [rough]
