@@ -46,7 +46,7 @@ def test_rays_through_a_cloud_in_a_long_box(engine, geometry):
             result = trace(field, rays, until=until, **on(engine))
             if until is None and direction.ndim == 1:
                 assert result.plan.columns or 0 < result.plan.sample_count <= 60
-            steps = {"method": "fixed", "step": CELL / 4, "precision": "float64", "backend": "warp", "device": "cpu"}
+            steps = {"method": "fixed", "step": CELL / 4, "precision": "float64"}
             expected = trace(field, rays[part], until=until, **steps)
             assert (result.traced_status[part] == expected.traced_status).all()
             assert np.abs(result.opd[part] - expected.opd)[expected.ok].max() < 1e-3 * WAVE

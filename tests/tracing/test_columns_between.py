@@ -5,7 +5,7 @@ import pytest
 
 from aerokernels.medium import IndexField
 from aerokernels.rays import RayBundle
-from aerokernels.tracing import Plane, planning, trace
+from aerokernels.tracing import Plane, collimated, planning, trace
 from aerokernels.tracing import columns as projection
 from aerokernels.tracing.collimated import columns_hold, find_columns
 
@@ -37,7 +37,7 @@ def bundle(count: int = 6000) -> RayBundle:
 
 
 def exact(field: IndexField, rays: RayBundle):
-    return trace(field, rays, until=FAR, method="adaptive", precision="float64", tolerance=1e-6, backend="warp")
+    return trace(field, rays, until=FAR, method="adaptive", precision="float64", tolerance=1e-6)
 
 
 @pytest.mark.parametrize("engine", ENGINES)
@@ -69,7 +69,7 @@ def test_the_bound_and_what_is_found_between_columns_hold(name):
     found = projection.between_columns(field, 1.0, columns.first, columns.last)
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(planning, "columns_hold", lambda *_: True)
-        by_tables = trace(field, rays, until=FAR, precision="float64", backend="warp", device="cpu")
+        by_tables = trace(field, rays, until=FAR, precision="float64")
     assert by_tables.plan.columns
     part = RayBundle(rays.position[::6], rays.direction[::6])
     error = np.abs(by_tables.opd[::6] - exact(field, part).opd).max()
@@ -77,11 +77,21 @@ def test_the_bound_and_what_is_found_between_columns_hold(name):
     assert error < columns.tables.between_bound
 
 
-def test_smooth_columns_are_taken_without_a_second_look():
+def test_smooth_columns_are_taken_without_a_second_look(monkeypatch):
     """Seven cells wide: the bound is below 2 % of the tolerance, so that nothing is gathered between columns."""
+    looked: list[IndexField] = []
+
+    def between_columns(field, *rest):
+        looked.append(field)
+        return projection.between_columns(field, *rest)
+
+    monkeypatch.setattr(collimated, "between_columns", between_columns)
     field, rays = volume(SMOOTH), bundle()
-    result = trace(field, rays, until=FAR, backend="warp", device="cpu")
+    result = trace(field, rays, until=FAR)
     columns = find_columns(field, rays, FAR)
     assert result.plan.columns and columns is not None
     assert columns.tables.between_bound < 2e-5 * WAVE
-    assert field not in projection._between
+    assert not looked
+    rough = volume(ROUGH[next(iter(ROUGH))])
+    trace(rough, rays, until=FAR)
+    assert looked == [rough]

@@ -43,7 +43,7 @@ def part(rays: RayBundle, every: int) -> RayBundle:
 
 def adaptive(field: IndexField, rays: RayBundle, until, tolerance: float = 1e-6):
     """The same rays, in float64, held to far less than the tolerance asked for here."""
-    options = {"method": "adaptive", "precision": "float64", "backend": "warp", "device": "cpu"}
+    options = {"method": "adaptive", "precision": "float64"}
     return trace(field, rays, until=until, tolerance=tolerance, **options)
 
 
@@ -219,17 +219,16 @@ def test_a_body_in_the_way_is_met(engine):
 
 def test_who_is_sampled_evenly():
     field, rays = uniform_field("volume", amplitude=1e-4), bundle()
-    here = {"backend": "warp", "device": "cpu"}
-    assert trace(field, rays, **here).plan.sample_count > 0
+    assert trace(field, rays).plan.sample_count > 0
     few = RayBundle(rays.position[: LEAST_RAYS - 1], rays.direction[: LEAST_RAYS - 1])
-    assert trace(field, few, **here).plan.sample_count == 0
-    assert trace(field, rays, until=ArcLength(1e-3), **here).plan.sample_count == 0
-    assert trace(field, rays, method="adaptive", **here).plan.sample_count == 0
-    assert trace(uniform_field("volume", "linear"), rays, **here).plan.sample_count == 0
+    assert trace(field, few).plan.sample_count == 0
+    assert trace(field, rays, until=ArcLength(1e-3)).plan.sample_count == 0
+    assert trace(field, rays, method="adaptive").plan.sample_count == 0
+    assert trace(uniform_field("volume", "linear"), rays).plan.sample_count == 0
     wild = IndexField.from_samples(
         noise((25, 25, 25), 0.4, width=1.0), origin=(-12e-4,) * 3, spacing=(CELL,) * 3, geometry="volume"
     )
-    assert trace(wild, rays, **here).plan.sample_count == 0
+    assert trace(wild, rays).plan.sample_count == 0
 
 
 def test_a_smaller_tolerance_takes_more_samples_and_errs_less():
@@ -237,7 +236,7 @@ def test_a_smaller_tolerance_takes_more_samples_and_errs_less():
     expected = adaptive(field, part(rays, 41), None, 1e-7)
     counts = []
     for tolerance in (1e-2, 1e-3, 1e-4):
-        result = trace(field, rays, tolerance=tolerance, precision="float64", backend="warp", device="cpu")
+        result = trace(field, rays, tolerance=tolerance, precision="float64")
         # Rays that leave by an edge are traced under error control, which takes the tolerance for a target.
         even = result.evaluation_count[::41] == result.plan.sample_count
         assert even.mean() > 0.5
@@ -291,12 +290,13 @@ def test_a_pupil_by_even_samples_is_that_of_single_rays(engine, with_tilt):
     assert mixed.evaluation_count > 300 * 9000 and mixed.evaluation_count != 300 * 9600
 
 
+@pytest.mark.usefixtures("both_backends")
 def test_a_job_is_kept_for_its_own_question_only():
     """A second estimate answers its own arguments, and the field is let go with what was made for it."""
     field = uniform_field("axisymmetric", amplitude=1e-4)
     pupil = Disc(1e-3, center=(0.0, 0.0, -1e-3))
     # Noise up to the faces of the box: every pupil here is truncated.
-    here = {"backend": "warp", "device": "cpu", "ray_count": 16 * 400, "symmetry": "off", "allow_truncation": True}
+    here = {"ray_count": 16 * 400, "symmetry": "off", "allow_truncation": True}
     first = estimate_strehl(field, pupil, **here)
     others = [
         estimate_strehl(field, pupil, **{**here, "seed": 1}),

@@ -18,9 +18,7 @@ from .fields import CELL, uniform_field
 
 def right(field: IndexField, rays: RayBundle, until):
     """The same rays in float64, by steps of a twentieth of a cell."""
-    return trace(
-        field, rays, until=until, method="fixed", step=CELL / 20, precision="float64", backend="warp", device="cpu"
-    )
+    return trace(field, rays, until=until, method="fixed", step=CELL / 20, precision="float64")
 
 
 @pytest.mark.parametrize("engine", ENGINES)
