@@ -30,11 +30,12 @@ _HOME = {
     "compare_waveforms": "compare",
     "echo": "",
     "estimate_range": "echo",
-    "estimate_strehl": "strehl",
+    "estimate_strehl": "strehl_estimate",
     "flow": "",
     "interferogram": "schlieren",
     "plane_target_echo": "echo",
     "point_spread_function": "wavefront",
+    "prepare_strehl": "strehl_estimate",
     "range_statistics": "echo",
     "schlieren": "",
     "shadowgraph": "schlieren",
@@ -69,6 +70,7 @@ __all__ = [
     "interferogram",
     "plane_target_echo",
     "point_spread_function",
+    "prepare_strehl",
     "range_statistics",
     "schlieren",
     "shadowgraph",
@@ -106,7 +108,8 @@ if TYPE_CHECKING:
     from .rays import Disc, RayBundle
     from .scene import Scene
     from .schlieren import interferogram, schlieren, shadowgraph
-    from .strehl import StrehlEstimate, estimate_strehl, strehl, strehl_marechal
+    from .strehl import StrehlEstimate, strehl, strehl_marechal
+    from .strehl_estimate import estimate_strehl, prepare_strehl
     from .study.run import RunResult, simulate
     from .tracing import ArcLength, BackendInfo, Plane, RayStatus, TraceResult, available_backends
     from .tracing.trace import trace

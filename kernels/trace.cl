@@ -2,8 +2,8 @@
 //
 // One ray a work-item. Lengths along the ray inside the field are in sigma, d sigma = ds / n; positions are whole cells
 // and a fraction of one; q, momentum and the sums are deviations from the undisturbed ray, summed with compensation.
-// Rays first_ray to ray_count: position_in [m] and direction_in (ray_count, 3), packed; outputs that the build does not
-// want are left alone.
+// Rays first_ray to ray_count: position_in [m] and direction_in (ray_count, 3), packed; outputs that are not
+// wanted are left alone.
 
 #include "ends.h"
 #include "error.h"
@@ -266,29 +266,29 @@ __kernel void trace_kernel(
     }
     // Such a ray is traced again, if that may help (retrace.py).
     const int is_rejected = CONTROLLED && arrival.status == RAY_OK && !(used <= control.budget);
-#if WANT_POSITION
-    vstore3(arrival.position, ray, position_out);
-#endif
-#if WANT_DIRECTION
-    vstore3(arrival.direction, ray, direction_out);
-#endif
-#if WANT_OPTICAL_PATH
-    optical_path_out[ray] = arrival.optical_path;
-#endif
-#if WANT_OPD
-    opd_out[ray] = arrival.opd;
-#endif
-#if WANT_ARC_LENGTH
-    arc_length_out[ray] = arrival.arc_length;
-#endif
-#if WANT_STEP_ERROR
-    step_error_out[ray] = (double)used;
-#endif
-#if WANT_STEP_COUNT
-    step_count_out[ray] = steps;
-#endif
-#if WANT_EVALUATION_COUNT
-    evaluation_count_out[ray] = evaluations;
-#endif
+    if (control.outputs & WANT_POSITION) {
+        vstore3(arrival.position, ray, position_out);
+    }
+    if (control.outputs & WANT_DIRECTION) {
+        vstore3(arrival.direction, ray, direction_out);
+    }
+    if (control.outputs & WANT_OPTICAL_PATH) {
+        optical_path_out[ray] = arrival.optical_path;
+    }
+    if (control.outputs & WANT_OPD) {
+        opd_out[ray] = arrival.opd;
+    }
+    if (control.outputs & WANT_ARC_LENGTH) {
+        arc_length_out[ray] = arrival.arc_length;
+    }
+    if (MEASURED && (control.outputs & WANT_STEP_ERROR)) {
+        step_error_out[ray] = (double)used;
+    }
+    if (control.outputs & WANT_STEP_COUNT) {
+        step_count_out[ray] = steps;
+    }
+    if (control.outputs & WANT_EVALUATION_COUNT) {
+        evaluation_count_out[ray] = evaluations;
+    }
     status_out[ray] = is_rejected ? RAY_TOLERANCE_NOT_MET : arrival.status;
 }

@@ -1,10 +1,11 @@
 // Collimated rays along z through a volume, by the tables of aerokernels/tracing/columns.py: one lookup a ray.
 //
 // coefficients: for each (x, y) of the splines eight reals, EXTRAS, after two, A and D. first_plane and length [m]: where
-// along z the tables begin and how far they reach; flight [m]: from there to the stop. Outputs that the build does not
-// want are left alone.
+// along z the tables begin and how far they reach; flight [m]: from there to the stop. Outputs that are not
+// wanted are left alone.
 
-#include "real.h"
+#include "constants.h"
+#include "options.h"
 #include "ray_status.h"
 
 static inline real4 values(real u)
@@ -39,6 +40,7 @@ __kernel void trace_columns(
     const double first_plane,
     const double length,
     const double flight,
+    const int outputs,
     const int first_ray,
     const int ray_count,
     __global const double *position_in,
@@ -97,34 +99,34 @@ __kernel void trace_columns(
     const double before = (first_plane - p.z) * sign;
     const double straight = before + length + flight;
     const double opd = opd_box + ambient * slant;
-#if WANT_POSITION
-    const double qx = (double)first_x.s1 * rate_x + (double)extra.s4;
-    const double qy = (double)first_y.s1 * rate_y + (double)extra.s5;
-    vstore3(
-        (double3)(p.x + qx + flight * px / w, p.y + qy + flight * py / w, first_plane + sign * (length + flight)),
-        ray,
-        position_out);
-#endif
-#if WANT_DIRECTION
-    vstore3((double3)(px / index, py / index, sign * w / index), ray, direction_out);
-#endif
-#if WANT_OPTICAL_PATH
-    optical_path_out[ray] = ambient * straight + opd;
-#endif
-#if WANT_OPD
-    opd_out[ray] = opd;
-#endif
-#if WANT_ARC_LENGTH
-    arc_length_out[ray] = straight + (double)extra.s1 + slant;
-#endif
-#if WANT_STEP_ERROR
-    step_error_out[ray] = fabs((double)extra.s7);
-#endif
-#if WANT_STEP_COUNT
-    step_count_out[ray] = 1;
-#endif
-#if WANT_EVALUATION_COUNT
-    evaluation_count_out[ray] = 1;
-#endif
+    if (WITH_ENDS && (outputs & WANT_POSITION)) {
+        const double qx = (double)first_x.s1 * rate_x + (double)extra.s4;
+        const double qy = (double)first_y.s1 * rate_y + (double)extra.s5;
+        vstore3(
+            (double3)(p.x + qx + flight * px / w, p.y + qy + flight * py / w, first_plane + sign * (length + flight)),
+            ray,
+            position_out);
+    }
+    if (outputs & WANT_DIRECTION) {
+        vstore3((double3)(px / index, py / index, sign * w / index), ray, direction_out);
+    }
+    if (outputs & WANT_OPTICAL_PATH) {
+        optical_path_out[ray] = ambient * straight + opd;
+    }
+    if (outputs & WANT_OPD) {
+        opd_out[ray] = opd;
+    }
+    if (WITH_ENDS && (outputs & WANT_ARC_LENGTH)) {
+        arc_length_out[ray] = straight + (double)extra.s1 + slant;
+    }
+    if (WITH_ENDS && (outputs & WANT_STEP_ERROR)) {
+        step_error_out[ray] = fabs((double)extra.s7);
+    }
+    if (outputs & WANT_STEP_COUNT) {
+        step_count_out[ray] = 1;
+    }
+    if (outputs & WANT_EVALUATION_COUNT) {
+        evaluation_count_out[ray] = 1;
+    }
     status_out[ray] = RAY_OK;
 }

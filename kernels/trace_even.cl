@@ -207,30 +207,30 @@ __kernel void trace_even(
         if (off_course > control.budget) {
             atomic_inc(rough_count_out);
         }
-#if WANT_POSITION
-        vstore3(arrival.position, ray, position_out);
-#endif
-#if WANT_DIRECTION
-        vstore3(arrival.direction, ray, direction_out);
-#endif
-#if WANT_OPTICAL_PATH
-        optical_path_out[ray] = arrival.optical_path;
-#endif
-#if WANT_OPD
-        opd_out[ray] = arrival.opd;
-#endif
-#if WANT_ARC_LENGTH
-        arc_length_out[ray] = arrival.arc_length;
-#endif
-#if WANT_STEP_ERROR
-        step_error_out[ray] = (double)off_course;
-#endif
-#if WANT_STEP_COUNT
-        step_count_out[ray] = runs ? count : 0;
-#endif
-#if WANT_EVALUATION_COUNT
-        evaluation_count_out[ray] = runs ? count : 0;
-#endif
+        if (control.outputs & WANT_POSITION) {
+            vstore3(arrival.position, ray, position_out);
+        }
+        if (control.outputs & WANT_DIRECTION) {
+            vstore3(arrival.direction, ray, direction_out);
+        }
+        if (control.outputs & WANT_OPTICAL_PATH) {
+            optical_path_out[ray] = arrival.optical_path;
+        }
+        if (control.outputs & WANT_OPD) {
+            opd_out[ray] = arrival.opd;
+        }
+        if (control.outputs & WANT_ARC_LENGTH) {
+            arc_length_out[ray] = arrival.arc_length;
+        }
+        if (control.outputs & WANT_STEP_ERROR) {
+            step_error_out[ray] = (double)off_course;
+        }
+        if (control.outputs & WANT_STEP_COUNT) {
+            step_count_out[ray] = runs ? count : 0;
+        }
+        if (control.outputs & WANT_EVALUATION_COUNT) {
+            evaluation_count_out[ray] = runs ? count : 0;
+        }
         status_out[ray] = arrival.status;
     }
 }

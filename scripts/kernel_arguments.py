@@ -54,9 +54,9 @@ class Argument:
 def warp_kernels() -> dict[str, wp.Kernel]:
     """Every Warp kernel by name; the tracer's arguments do not depend on what it is built for."""
     kernels = [kernel for kernel in vars(warp_pupil).values() if isinstance(kernel, wp.Kernel)]
-    kernels.append(build_kernel("float32", "volume", "cubic", False, "adaptive", "none", False, frozenset()))
-    kernels.append(build_column_kernel("float32", frozenset()))
-    kernels.append(build_even_kernel("float32", "volume", "cubic", "none", False, frozenset()))
+    kernels.append(build_kernel("float32", "volume", "cubic", False, "adaptive", "none", False, True))
+    kernels.append(build_column_kernel("float32", True))
+    kernels.append(build_even_kernel("float32", "volume", "cubic", "none", False))
     return {kernel.func.__name__: kernel for kernel in kernels}
 
 

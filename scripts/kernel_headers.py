@@ -16,6 +16,7 @@ from aerokernels.medium.grid import AXIS_CORE
 from aerokernels.tracing import scheme, tableau
 from aerokernels.tracing.pupil_sums import MOMENT_COUNT, SUM_COUNT
 from aerokernels.tracing.quiet import CONE_SINES, CONES
+from aerokernels.tracing.result import OUTPUT_BITS
 from aerokernels.tracing.status import RayStatus
 
 INCLUDE = Path(__file__).resolve().parents[1] / "kernels" / "include"
@@ -83,6 +84,8 @@ def constants() -> str:
         *_defines({"GROUP": scheme.GROUP, "JOINED": scheme.JOINED}),
         *_defines({"MOMENT_COUNT": MOMENT_COUNT, "SUM_COUNT": SUM_COUNT}),
         *_defines({f"HASH_{k}": f"0x{value:08X}u" for k, value in enumerate(scheme.HASHES, start=1)}),
+        *_group("Outputs of a ray that are wanted, a bit each"),
+        *_defines({f"WANT_{name.upper()}": bit for name, bit in OUTPUT_BITS.items()}),
         *_group("By precision"),
         "#if REAL_IS_DOUBLE",
         *_by_precision("float64"),
@@ -91,8 +94,8 @@ def constants() -> str:
         "#endif",
     ]
     source = (
-        "scheme.py, tableau.py, quiet.py and pupil_sums.py in aerokernels/tracing, and\n"
-        "// crossings.py and grid.py in medium"
+        "scheme.py, tableau.py, quiet.py, result.py and pupil_sums.py in aerokernels/tracing,\n"
+        "// and crossings.py and grid.py in medium"
     )
     return _header("CONSTANTS_H", "Constants of the scheme.", source, ['#include "real.h"', *lines])
 

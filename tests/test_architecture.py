@@ -16,7 +16,7 @@ RANK = {
     room: rank
     for rank, rooms in enumerate(
         [
-            ("units", "quantities", "callable_module", "read_only", "sobol", "wavelength"),
+            ("units", "quantities", "callable_module", "read_only", "sobol", "wavelength", "derived", "clock"),
             ("rays",),
             ("strehl_sums",),
             ("medium",),
@@ -26,7 +26,7 @@ RANK = {
             ("wavefront", "strehl_errors"),
             ("strehl_budget",),
             ("strehl", "schlieren"),
-            ("prepare",),
+            ("strehl_estimate", "prepare"),
             ("echo",),
             ("hardware", "compare"),
             ("study",),

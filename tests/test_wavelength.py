@@ -21,7 +21,7 @@ from aerokernels import (
     trace,
 )
 from aerokernels.schlieren import line_of_sight
-from aerokernels.strehl import plan_strehl
+from aerokernels.strehl_estimate import plan_strehl
 from aerokernels.wavelength import DEFAULT_WAVELENGTH, check_wavelength, field_wavelength
 
 GREEN = 532e-9

@@ -7,7 +7,7 @@ import numpy as np
 from ..medium import IndexField
 from ..rays import Disc
 from ..scene import Scene
-from ..strehl import estimate_strehl
+from ..strehl_estimate import estimate_strehl
 from .paths import trace_options
 from .pupil_reduction import reduce_pupils
 

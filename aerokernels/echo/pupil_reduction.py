@@ -38,7 +38,7 @@ class PupilSums:
         phasor: Sum of w exp(i k OPD) over those rays, complex, shape (k,).
         ray_count: Rays traced.
         evaluation_count: Field evaluations.
-        seconds: Time of the traces [s].
+        seconds: Time in kernels [s].
         statuses: Number of rays by status name.
     """
 
@@ -102,7 +102,7 @@ def reduce_pupils(
             of_target - begin, light.imag
         )
         evaluation_count += 0 if result.evaluation_count is None else int(result.evaluation_count.sum())
-        seconds += result.seconds["total"]
+        seconds += result.seconds["kernel"]
         for name, count in result.status_summary().items():
             statuses[name] = statuses.get(name, 0) + count
     if not open_share.any():

@@ -217,5 +217,5 @@ def _information(weight: np.ndarray, share: np.ndarray, out: TransmitPaths, back
         "pair_count": back.pair_count,
         "ray_count": outward.ray_count + (back.sums.ray_count if back.sums else 0),
         "evaluation_count": evaluations + (back.sums.evaluation_count if back.sums else 0),
-        "trace_seconds": outward.seconds["total"] + (back.sums.seconds if back.sums else 0.0),
+        "trace_seconds": outward.seconds["kernel"] + (back.sums.seconds if back.sums else 0.0),
     }

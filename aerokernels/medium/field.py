@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from ..read_only import ReadOnly
+from ..derived import Derived
 from ..wavelength import check_wavelength, field_wavelength
 from .body import Body
 from .cell_averages import node_values
@@ -26,7 +26,7 @@ def check_ambient(ambient_index: float) -> None:
 
 
 @dataclass(frozen=True, eq=False)
-class IndexField(ReadOnly):
+class IndexField(Derived):
     """A refractive index field. Build one with `from_samples` or `from_mesh`.
 
     Attributes:

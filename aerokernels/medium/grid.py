@@ -11,7 +11,7 @@ from itertools import product
 
 import numpy as np
 
-from ..read_only import ReadOnly
+from ..derived import Derived
 from . import spline
 
 # Radius in cells within which the kink that a linear interpolant may have at r = 0 is rounded off in its gradient: rays
@@ -50,7 +50,7 @@ def check_box(low: np.ndarray, high: np.ndarray) -> None:
 
 
 @dataclass(frozen=True, eq=False)
-class UniformGrid(ReadOnly):
+class UniformGrid(Derived):
     """Samples on a uniform grid of two or three local axes.
 
     Attributes:

@@ -14,7 +14,7 @@ from functools import cached_property
 
 import numpy as np
 
-from ..read_only import ReadOnly
+from ..derived import Derived
 from .grid import eq5_step
 from .mesh import QuadMesh
 from .vertex_values import vertex_gradients
@@ -23,7 +23,7 @@ MESH_INTERPOLATIONS = ("bilinear", "bilinear-barron", "idw")
 
 
 @dataclass(frozen=True, eq=False)
-class MeshSamples(ReadOnly):
+class MeshSamples(Derived):
     """Vertex values on a mesh.
 
     Attributes:

@@ -11,8 +11,8 @@ from aerokernels.medium.grid import UniformGrid
 from aerokernels.prepare import prepare_field
 from aerokernels.quantities import GREAT_ERROR, root_sum_square
 from aerokernels.scene import Scene
-from aerokernels.strehl import plan_strehl
 from aerokernels.strehl_errors import greatest_strehl_error, main_cause
+from aerokernels.strehl_estimate import plan_strehl
 from aerokernels.study.views import FAN_PLANES, FAN_RAYS, PUPIL_SAMPLES, forward_pupil, pupil_samples, trace_options
 from aerokernels.tracing.plan import TracePlan
 

@@ -6,13 +6,15 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
-from aerokernels.echo import echo
+from aerokernels.clock import clocked
+from aerokernels.echo import EchoResult, echo
 from aerokernels.echo.prediction import predict_echo
 from aerokernels.flow import DensityField
 from aerokernels.medium import IndexField
 from aerokernels.prepare import prepare_field
 from aerokernels.scene import Scene
-from aerokernels.strehl import StrehlEstimate, estimate_strehl
+from aerokernels.strehl import StrehlEstimate
+from aerokernels.strehl_estimate import estimate_strehl
 from aerokernels.study.report import draw_pictures, render_report
 from aerokernels.study.run_parts import RunParts
 from aerokernels.study.scene_text import scene_toml
@@ -40,7 +42,8 @@ STAGES = {
     "strehl": ("tracing for the Strehl ratio", 0.1),
     "wavefront": ("tracing the wavefront", 0.5),
     "fan": ("tracing the picture's rays", 0.6),
-    "echo": ("tracing the echo", 0.7),
+    "error": ("estimating errors", 0.65),
+    "echo": ("tracing the echo", 0.75),
 }
 
 
@@ -79,6 +82,13 @@ def scene_strehl(field: IndexField, scene: Scene) -> StrehlEstimate:
     )
 
 
+def echo_with_errors(scene: Scene, field: IndexField, strehl: StrehlEstimate) -> EchoResult:
+    """The echo of a scene, its errors computed."""
+    found = echo(scene, field=field, phase_error=strehl)
+    _ = found.quantities
+    return found
+
+
 def simulate(
     scene: Scene | str | Path,
     *,
@@ -109,7 +119,6 @@ def simulate(
         raise TypeError(f"scene must be a Scene, a path or a shipped scene's name, got {type(scene).__name__}")
     seconds: dict[str, float] = {}
     failed: dict[str, str] = {}
-    start = time.perf_counter()
 
     def staged(name: str, work: Callable[[], Made]) -> Made:
         if progress is not None:
@@ -128,23 +137,18 @@ def simulate(
             failed[result or name] = str(fault)
             return None
 
-    choose_backend(scene.trace.backend, scene.trace.device)  # refused here, before anything is computed
-    prepared = staged("prepare", lambda: prepare_field(scene, field))
-    index = prepared.field
-    predict_echo(scene, index)  # so is a scene whose echo cannot be computed, whatever the flow does
-    strehl = staged("strehl", lambda: scene_strehl(index, scene))
-    result = RunResult(
-        scene=scene,
-        prepared=prepared,
-        strehl=strehl,
-        pupil=tried("wavefront", lambda: pupil_map(index, scene)),
-        fan=tried("fan", lambda: ray_fan(index, scene, prepared.front), "rays"),
-        echo=tried("echo", lambda: echo(scene, field=index, phase_error=strehl)),
-        seconds=seconds,
-        failed=failed,
-    )
-    seconds["total"] = time.perf_counter() - start
-    return result
+    with clocked() as stages:
+        choose_backend(scene.trace.backend, scene.trace.device)  # refused here, before anything is computed
+        prepared = staged("prepare", lambda: prepare_field(scene, field))
+        index = prepared.field
+        predict_echo(scene, index)  # so is a scene whose echo cannot be computed, whatever the flow does
+        strehl = staged("strehl", lambda: scene_strehl(index, scene))
+        pupil = tried("wavefront", lambda: pupil_map(index, scene))
+        fan = tried("fan", lambda: ray_fan(index, scene, prepared.front), "rays")
+        staged("error", lambda: strehl.quantities)
+        found = tried("echo", lambda: echo_with_errors(scene, index, strehl))
+    seconds["total"] = stages["total"]
+    return RunResult(scene, prepared, strehl, pupil, fan, found, seconds, stages, failed)
 
 
 def write_run(result: RunResult, out: Path) -> dict[str, Any]:

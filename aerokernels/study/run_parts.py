@@ -22,7 +22,8 @@ class RunParts:
         pupil: The optical path difference over the receiver's pupil; None where that stage failed.
         fan: Rays for the picture; None where that stage failed.
         echo: The laser echo and its range; None where no light returns.
-        seconds: Wall time of each stage, and "total".
+        seconds: Wall time of each part ("prepare", "strehl", "wavefront", "fan", "echo", "error"), and "total".
+        stages: Wall time of all of it by what was done, kernels compiled or run: see STAGES in clock.py.
         failed: Why, for each stage that failed: "wavefront", "rays", "echo".
     """
 
@@ -33,6 +34,7 @@ class RunParts:
     fan: RayFan | None
     echo: EchoResult | None
     seconds: Mapping[str, float]
+    stages: Mapping[str, float]
     failed: Mapping[str, str] = field(default_factory=dict)
 
     @property

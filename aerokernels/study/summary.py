@@ -7,10 +7,12 @@ range_uncertainty_m    by ranging method: the systematic and the random part of 
 verdict, warnings      what the Strehl ratio's error makes of it ("fine", "warning", "worthless"), and why
 failures               by stage ("wavefront", "rays", "echo", "range", "picture echo", ...): why there is no result
 error                  the error budget of the Strehl ratio by cause
+seconds                wall time of each part of the run, and of "prepare" by its own parts; "total" is that of the run
+stage_seconds          the same time by what was done, each moment counted once (clock.py): trace_seconds is its
+"kernel", compile_seconds its "compile"; the time of the error budget's own rays is in them
 """
 
 import math
-from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -33,9 +35,6 @@ def summarise(result: RunParts) -> dict[str, Any]:
     """The numbers of summary.json; lengths in m, angles in rad, powers in W; NaN where there is none."""
     scene, strehl = result.scene, result.strehl
     plan = strehl.plan.as_dict()
-    traces: list[Mapping[str, float]] = [strehl.seconds]
-    traces += [result.pupil.trace.seconds] if result.pupil else []
-    traces += [result.fan.seconds] if result.fan else []
     density = result.prepared.density
     verdict = strehl.verdict
     echo_numbers, echo_errors = _echo_numbers(result.echo)
@@ -62,9 +61,8 @@ def summarise(result: RunParts) -> dict[str, Any]:
         "ray_count": strehl.ray_count,
         "traced_ray_count": strehl.traced_ray_count,
         "evaluation_count": strehl.evaluation_count,
-        "trace_seconds": sum(seconds["kernel"] for seconds in traces)
-        + (result.echo.information["trace_seconds"] if result.echo else 0.0),
-        "compile_seconds": sum(seconds["compile"] for seconds in traces),
+        "trace_seconds": result.stages["kernel"],
+        "compile_seconds": result.stages["compile"],
         "total_seconds": result.seconds["total"],
         "backend": plan["backend"],
         "device": plan["device"],
@@ -72,6 +70,7 @@ def summarise(result: RunParts) -> dict[str, Any]:
         "plan": plan,
         "error": dict(strehl.error),
         "seconds": {**result.seconds, "prepare": dict(result.prepared.seconds)},
+        "stage_seconds": dict(result.stages),
         "provenance": result.prepared.provenance,
         "version": __version__,
     }

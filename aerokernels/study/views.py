@@ -1,6 +1,5 @@
 """The rays that are traced to be looked at: a map over the pupil, and a fan that crosses the flow."""
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -143,12 +142,10 @@ class RayFan:
     Attributes:
         position: Where each ray crosses each plane [m], shape (ray_count, plane_count, 3); NaN once a ray has ended.
         deviation: Displacement in y from the undisturbed ray there [m], shape (ray_count, plane_count).
-        seconds: Time spent in kernels.
     """
 
     position: np.ndarray
     deviation: np.ndarray
-    seconds: Mapping[str, float]
 
 
 def ray_fan(field: IndexField, scene: Scene, front: float) -> RayFan:
@@ -161,12 +158,10 @@ def ray_fan(field: IndexField, scene: Scene, front: float) -> RayFan:
     planes = np.linspace(aperture, front + 0.1 * (front - aperture), FAN_PLANES)
     position = np.full((FAN_RAYS, FAN_PLANES, 3), np.nan)
     position[:, 0] = start
-    seconds = {"compile": 0.0, "kernel": 0.0}
     for column, z in enumerate(planes[1:], start=1):
         plane = Plane(np.array([0.0, 0.0, z]), np.array([0.0, 0.0, 1.0]))
         traced = trace(field, rays, **trace_options(scene), until=plane, outputs=("position",))
         assert traced.position is not None  # asked for
         arrived = traced.ok
         position[arrived, column] = traced.position[arrived]
-        seconds = {stage: time + traced.seconds.get(stage, 0.0) for stage, time in seconds.items()}
-    return RayFan(position, position[..., 1] - start[:, None, 1], seconds)
+    return RayFan(position, position[..., 1] - start[:, None, 1])

@@ -5,7 +5,6 @@ way L through the box the potential s outside is below share / L, and where erro
 lever arm A (levers.py), its slope is below share / (L A).
 """
 
-import weakref
 
 import numpy as np
 
@@ -18,9 +17,6 @@ from .scheme import EVEN_WEAK
 QUIET_SHARE = 0.05
 # Nodes to each side whose spline a coefficient is part of, and one to spare.
 MARGIN_NODES = 3
-
-_peaks: weakref.WeakKeyDictionary = weakref.WeakKeyDictionary()
-_slopes: weakref.WeakKeyDictionary = weakref.WeakKeyDictionary()
 
 
 def active_box(field: IndexField, tolerance: float, levers: Levers | None = None) -> tuple[np.ndarray, np.ndarray]:
@@ -77,26 +73,26 @@ def left_out(field: IndexField, tolerance: float, levers: Levers | None) -> tupl
 
 def _potential_peaks(grid: UniformGrid) -> list[np.ndarray]:
     """Along each axis, the greatest size of the coefficients of each plane across it."""
-    if grid not in _peaks:
-        _peaks[grid] = _peaks_along_axes(np.abs(grid.coefficients))
-    return _peaks[grid]
+    return grid.derive("potential peaks", lambda: _peaks_along_axes(np.abs(grid.coefficients)))
 
 
 def _slope_peaks(grid: UniformGrid) -> list[np.ndarray]:
     """The same of the slope: the greatest difference of neighbouring coefficients over the spacing [1/m]."""
-    if grid not in _slopes:
-        peaks = [np.zeros(count) for count in grid.coefficients.shape]
-        for axis, spacing in enumerate(grid.spacing):
-            change = np.abs(np.diff(grid.coefficients, axis=axis)) / spacing
-            for other, found in enumerate(_peaks_along_axes(change)):
-                # A difference belongs to both of its coefficients.
-                if other == axis:
-                    np.maximum(peaks[axis][:-1], found, out=peaks[axis][:-1])
-                    np.maximum(peaks[axis][1:], found, out=peaks[axis][1:])
-                else:
-                    np.maximum(peaks[other], found, out=peaks[other])
-        _slopes[grid] = peaks
-    return _slopes[grid]
+    return grid.derive("slope peaks", lambda: _find_slope_peaks(grid))
+
+
+def _find_slope_peaks(grid: UniformGrid) -> list[np.ndarray]:
+    peaks = [np.zeros(count) for count in grid.coefficients.shape]
+    for axis, spacing in enumerate(grid.spacing):
+        change = np.abs(np.diff(grid.coefficients, axis=axis)) / spacing
+        for other, found in enumerate(_peaks_along_axes(change)):
+            # A difference belongs to both of its coefficients.
+            if other == axis:
+                np.maximum(peaks[axis][:-1], found, out=peaks[axis][:-1])
+                np.maximum(peaks[axis][1:], found, out=peaks[axis][1:])
+            else:
+                np.maximum(peaks[other], found, out=peaks[other])
+    return peaks
 
 
 def _peaks_along_axes(size: np.ndarray) -> list[np.ndarray]:

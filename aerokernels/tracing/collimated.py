@@ -13,6 +13,7 @@ from ..medium import IndexField
 from ..medium.grid import UniformGrid
 from ..rays import RayBundle
 from .columns import FURTHEST, ColumnTables, between_columns, column_tables
+from .result import output_mask
 from .stop import Plane
 
 # Tables are made for at least so many rays a node of the grid: for fewer it is quicker to trace them.
@@ -21,10 +22,10 @@ RAYS_PER_NODE = 0.15
 # order, which are splined from columns, are below so many tolerances.
 MARGIN = 3.0
 GREATEST_EXTRA = 100.0
+# Outputs for which a kernel looks up twice as much, so that it is built with and without them.
+ENDS = frozenset(("position", "arc_length", "step_error"))
 # A bound of what comes between columns is not looked into below this share of the tolerance.
 NEGLIGIBLE = 0.05
-
-_last: weakref.WeakKeyDictionary = weakref.WeakKeyDictionary()
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,12 +70,11 @@ def is_worth_it(field: IndexField, rays: RayBundle) -> bool:
 def find_columns(field: IndexField, rays: RayBundle, until) -> Columns | None:
     """The tables for a bundle that `is_collimated`; None where rays begin in different planes, or bend too much.
 
-    The last answer is kept with the bundle: a plan asks before the trace does.
+    The last answer is kept with the field: a plan asks before the trace does.
     """
-    kept = _last.get(rays)
-    if kept is None or kept[0]() is not field or kept[1] is not until:
-        kept = _last[rays] = (weakref.ref(field), until, _find_columns(field, rays, until))
-    return kept[2]
+    key = ("columns of the last bundle", weakref.ref(rays), until)
+    found: Columns | None = field.derive(key, lambda: _find_columns(field, rays, until), 1)
+    return found
 
 
 def _find_columns(field: IndexField, rays: RayBundle, until) -> Columns | None:
@@ -117,22 +117,13 @@ def columns_hold(field: IndexField, columns: Columns, budget: float) -> bool:
     return MARGIN * max(between.path, turned) <= budget and between.extra <= GREATEST_EXTRA * budget
 
 
-def kernel_numbers(field: IndexField, columns: Columns) -> dict[str, float]:
-    """The scalar arguments of the kernel up to the rays, in their order."""
+def kernel_numbers(field: IndexField, columns: Columns, outputs: frozenset) -> list[float]:
+    """The scalar arguments of the kernel up to the rays: from cells_x to outputs."""
     grid = field.samples
-    return {
-        "cells_x": grid.shape[0] - 1,
-        "cells_y": grid.shape[1] - 1,
-        "origin_x": float(grid.origin[0]),
-        "origin_y": float(grid.origin[1]),
-        "rate_x": 1.0 / float(grid.spacing[0]),
-        "rate_y": 1.0 / float(grid.spacing[1]),
-        "ambient": field.ambient_index,
-        "sign": columns.sign,
-        "first_plane": columns.first,
-        "length": columns.length,
-        "flight": columns.flight,
-    }
+    cells = [count - 1 for count in grid.shape[:2]]
+    place = [*map(float, grid.origin[:2]), *(1.0 / float(h) for h in grid.spacing[:2])]
+    way = [columns.sign, columns.first, columns.length, columns.flight]
+    return [*cells, *place, field.ambient_index, *way, output_mask(outputs)]
 
 
 def packed(tables: ColumnTables) -> np.ndarray:

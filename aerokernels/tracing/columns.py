@@ -22,13 +22,13 @@ p = grad A and d its differences from node to node,
 the same sums are made in the middles of cells and of their edges too, and compared with the spline there.
 """
 
-import weakref
 from dataclasses import dataclass
 from dataclasses import field as member
 from types import SimpleNamespace
 
 import numpy as np
 
+from ..derived import Derived
 from ..medium import IndexField
 from ..medium import spline as splines
 from .column_splines import at_places, integrals
@@ -46,12 +46,9 @@ FURTHEST = 0.25
 # What is splined from the columns, in this order.
 EXTRAS = ("opd", "arc", "momentum_x", "momentum_y", "shift_x", "shift_y", "potential", "error")
 
-_kept: weakref.WeakKeyDictionary = weakref.WeakKeyDictionary()
-_between: weakref.WeakKeyDictionary = weakref.WeakKeyDictionary()
-
 
 @dataclass(frozen=True, eq=False)
-class ColumnTables:
+class ColumnTables(Derived):
     """Splines over x and y of what rays along z gather between two planes.
 
     Attributes:
@@ -96,24 +93,15 @@ def column_tables(field: IndexField, sign: float, first: float, last: float) -> 
         first: Where the rays begin [m], in the box.
         last: Where they end [m], in the box, further along.
     """
-    store = _kept.setdefault(field, {})
-    key = (sign, first, last)
-    if key not in store:
-        while len(store) >= KEPT:
-            del store[next(iter(store))]
-        store[key] = _column_tables(field, sign, first, last)
-    return store[key]
+    key = ("columns", sign, first, last)
+    return field.derive(key, lambda: _column_tables(field, sign, first, last), KEPT)
 
 
 def between_columns(field: IndexField, sign: float, first: float, last: float) -> BetweenErrors:
     """What the tables of `column_tables`, whose arguments these are, miss between columns; kept with the field."""
-    store = _between.setdefault(field, {})
-    key = (sign, first, last)
-    if key not in store:
-        while len(store) >= KEPT:
-            del store[next(iter(store))]
-        store[key] = _between_columns(field, column_tables(field, sign, first, last), *key)
-    return store[key]
+    key = ("between columns", sign, first, last)
+    tables = column_tables(field, sign, first, last)
+    return field.derive(key, lambda: _between_columns(field, tables, sign, first, last), KEPT)
 
 
 def _between_columns(field: IndexField, tables: ColumnTables, sign, first: float, last: float) -> BetweenErrors:

@@ -7,7 +7,6 @@ are not in the pilot. Rays whose estimate is above the tolerance all the same ar
 """
 
 import math
-import weakref
 from dataclasses import replace
 
 import numpy as np
@@ -18,9 +17,9 @@ from ..rays import RayBundle
 from .active import active_box
 from .choice import predict_evaluations
 from .held import greatest_path, held_error
+from .launch import launch
 from .levers import Levers, levers_of
 from .plan import TracePlan
-from .retrace import backend_of
 from .status import reached
 from .stop import ArcLength
 from .unresolved import Sampling, disturbed_ends, greatest_error, missed_along
@@ -60,8 +59,6 @@ ROOM = 1.02
 # Rays of a bundle whose ways are looked at.
 SPREAD_RAYS = 8192
 
-_kept: weakref.WeakKeyDictionary = weakref.WeakKeyDictionary()
-
 
 def may_be_even(field: IndexField, ray_count: int, until) -> bool:
     """Whether so many rays may be sampled evenly: a cubic uniform grid, out of the box or to a plane."""
@@ -100,14 +97,12 @@ def fit_even(
         wavelength: Vacuum wavelength [m].
         spread: Makes as many of the rays as show where the bundle goes.
     """
-    store = _kept.setdefault(field, {})
     stop = None if until is None else (until.point.tobytes(), until.normal.tobytes())
     bundle = hash((pilot.position.tobytes(), pilot.direction.tobytes()))
     plan = replace(plan, levers=levers_of(field, pilot, until))
-    key = (bundle, stop, plan.tolerance, wavelength, plan.backend, plan.device, plan.precision)
-    if key not in store:
-        store[key] = _fit(field, pilot, plan, until, wavelength, spread())
-    count, shares, worst, sampling = store[key]
+    key = ("even", bundle, stop, plan.tolerance, wavelength, plan.backend, plan.device, plan.precision)
+    fitted = field.derive(key, lambda: _fit(field, pilot, plan, until, wavelength, spread()))
+    count, shares, worst, sampling = fitted
     if not count:
         return None
     reason = (
@@ -240,9 +235,8 @@ class _Rung:
     def __init__(
         self, field: IndexField, pilot: RayBundle, plan: TracePlan, until, wavelength: float, count: int, share=1.0
     ):
-        run = backend_of(plan.backend)
         trial = replace(plan, sample_count=count, even_share=share)
-        arrays, _ = run(field, pilot, trial, until, wavelength, frozenset(("opd", "step_error")))
+        arrays = launch(field, pilot, trial, until, wavelength, frozenset(("opd", "step_error")))
         self.count = count
         self.opd = arrays["opd"]
         self.good = reached(arrays["status"]) & np.isfinite(arrays["step_error"])

@@ -4,7 +4,6 @@ Names are those of the kernels' structs Field, Bounds and Control (warp_types.py
 those of the kernels' array arguments. Numbers are float64 here and rounded once, by the backend.
 """
 
-import weakref
 from dataclasses import dataclass
 
 import numpy as np
@@ -16,6 +15,7 @@ from .active import active_box, left_out
 from .held import held_error
 from .plan import TracePlan
 from .quiet import CONES, cones_of, reach
+from .result import output_mask
 from .scheme import LAXEST, MESH_STEP_LIMIT, STEP_LIMIT
 from .stop import ArcLength, Plane
 from .unresolved import lookup_table
@@ -99,10 +99,9 @@ STRUCTS = {
         ("sample_count", 1, "i"),
         ("left_potential", 1, "r"),
         ("left_slope", 1, "r"),
+        ("outputs", 1, "i"),
     ),
 }
-
-_kept: weakref.WeakKeyDictionary = weakref.WeakKeyDictionary()
 
 
 @dataclass(frozen=True, eq=False)
@@ -132,11 +131,8 @@ def field_data(field: IndexField, precision: str, with_paper_step: bool) -> Fiel
     Raises:
         ValueError: More coefficients than the kernels' 32-bit index can count.
     """
-    store = _kept.setdefault(field, {})
-    key = (precision, with_paper_step)
-    if key not in store:
-        store[key] = _field_data(field, precision, with_paper_step)
-    return store[key]
+    key = ("kernel data", precision, with_paper_step)
+    return field.derive(key, lambda: _field_data(field, precision, with_paper_step))
 
 
 def _field_data(field: IndexField, precision: str, with_paper_step: bool) -> FieldData:
@@ -251,8 +247,10 @@ def stop_kind(until) -> str:
     return {Plane: "plane", ArcLength: "arc"}.get(type(until), "none")
 
 
-def trace_members(field: IndexField, data: FieldData, plan: TracePlan, until, wavelength: float) -> tuple[dict, dict]:
-    """Members of Bounds and of Control that the plan and the stop set, by name."""
+def trace_members(
+    field: IndexField, data: FieldData, plan: TracePlan, until, wavelength: float, outputs: frozenset
+) -> tuple[dict, dict]:
+    """Members of Bounds and of Control that the plan, the stop and the outputs wanted set, by name."""
     bounds: dict[str, object] = {"plane_point": np.zeros(3), "plane_normal": np.zeros(3), "length": 0.0}
     bounds |= _active_members(field, data, plan, wavelength)
     control: dict[str, object] = {
@@ -264,6 +262,7 @@ def trace_members(field: IndexField, data: FieldData, plan: TracePlan, until, wa
         "even_share": plan.even_share,
         "bend_share": plan.bend_share,
         "sample_count": plan.sample_count,
+        "outputs": output_mask(outputs),
     }
     control |= _left_members(field, plan, wavelength)
     if isinstance(until, Plane):

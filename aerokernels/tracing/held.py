@@ -5,7 +5,6 @@ would be passed over as a whole, and its rays be "right" with an OPD of 0. So a 
 greatest line integral that the field itself has, however weak it is: the answer is then right to that share.
 """
 
-import weakref
 
 import numpy as np
 
@@ -17,8 +16,6 @@ SHARE = 1e-3
 # Numbers below this are no optical paths [m]: their products in single precision vanish.
 LEAST = 1e-24
 
-_kept: weakref.WeakKeyDictionary = weakref.WeakKeyDictionary()
-
 
 def held_error(field: IndexField, tolerance: float) -> float:
     """The OPD error [m] that a ray is held to, at most `tolerance` [m], the one asked for."""
@@ -28,12 +25,13 @@ def held_error(field: IndexField, tolerance: float) -> float:
 
 def greatest_path(field: IndexField) -> float:
     """The greatest optical path difference of a line along one of the grid's axes [m]; 0 where that is not known."""
-    if not isinstance(field.samples, UniformGrid):
+    grid = field.samples
+    if not isinstance(grid, UniformGrid):
         return 0.0
-    if field not in _kept:
-        grid = field.samples
-        size = np.abs(grid.samples)
-        _kept[field] = max(
-            float(size.sum(axis=axis).max()) * float(spacing) for axis, spacing in enumerate(grid.spacing)
-        )
-    return _kept[field]
+    greatest: float = field.derive("greatest path", lambda: _find_greatest_path(grid))
+    return greatest
+
+
+def _find_greatest_path(grid: UniformGrid) -> float:
+    size = np.abs(grid.samples)
+    return max(float(size.sum(axis=axis).max()) * float(spacing) for axis, spacing in enumerate(grid.spacing))

@@ -17,7 +17,6 @@ Whether the air at a face is disturbed is for the field to say that was resample
 coarse makes of undisturbed air beside a shock layer is an error of resampling, and charged as such.
 """
 
-import weakref
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
@@ -43,8 +42,6 @@ ON_FACE = 1e-6
 # Rays that are looked at together: their arrays stay in a core's cache.
 CHUNK = 1 << 13
 BESIDE = -1  # instead of a face: of a ray that passes beside the box, or crosses the rim of a mesh
-
-_strengths: weakref.WeakKeyDictionary = weakref.WeakKeyDictionary()
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,17 +84,19 @@ def face_strengths(field: IndexField) -> np.ndarray:
     """
     if not isinstance(field.samples, UniformGrid):
         return np.append(np.zeros(len(FACES) - 1), mesh_rim(field).strength.max(initial=0.0))
-    if field.samples not in _strengths:
-        found = np.zeros(len(FACES))
-        samples = field.samples.samples
-        first_axis = 3 - samples.ndim
-        for axis in range(samples.ndim):
-            for side, layers in ((0, samples.take([0, 1], axis)), (1, samples.take([-2, -1], axis))):
-                found[2 * (first_axis + axis) + side] = np.abs(layers).max()
-        if field.geometry == "axisymmetric":
-            found[SIDE], found[:4] = found[3], 0.0
-        _strengths[field.samples] = found
-    return _strengths[field.samples]
+    return field.derive("face strengths", lambda: _find_face_strengths(field))
+
+
+def _find_face_strengths(field: IndexField) -> np.ndarray:
+    found = np.zeros(len(FACES))
+    samples = field.samples.samples
+    first_axis = 3 - samples.ndim
+    for axis in range(samples.ndim):
+        for side, layers in ((0, samples.take([0, 1], axis)), (1, samples.take([-2, -1], axis))):
+            found[2 * (first_axis + axis) + side] = np.abs(layers).max()
+    if field.geometry == "axisymmetric":
+        found[SIDE], found[:4] = found[3], 0.0
+    return found
 
 
 def may_be_lost(

@@ -1,6 +1,5 @@
 """Refuses rays none of which meets the field: their answer would be that of empty air."""
 
-import weakref
 
 import numpy as np
 
@@ -10,15 +9,11 @@ from .lines import box_span
 
 CHUNK = 1 << 14
 
-_greatest: weakref.WeakKeyDictionary = weakref.WeakKeyDictionary()
-
 
 def greatest_contrast(field: IndexField) -> float:
     """Greatest |contrast| of the field's samples."""
-    if field.samples not in _greatest:
-        values = field.samples.samples if field.is_uniform else field.samples.values
-        _greatest[field.samples] = float(max(values.max(), -values.min()))
-    return _greatest[field.samples]
+    values = field.samples.samples if field.is_uniform else field.samples.values
+    return field.samples.derive("greatest contrast", lambda: float(max(values.max(), -values.min())))
 
 
 def check_meeting(field: IndexField, rays: RayBundle, what: str) -> None:

@@ -7,7 +7,6 @@ undisturbed. A ray from p along d crosses the edge from a to b, with e = b - a, 
     axisymmetric    r e_z = (z - a_z) e_r + a_r e_z,  r^2 = x^2 + y^2                       a quadratic in t
 """
 
-import weakref
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -21,8 +20,6 @@ PAIRS = 1_000_000
 # An edge both of whose ends are this near to the wall, over its length, lies on the wall.
 ON_WALL = 0.2
 SAME_PLACE = 1e-8
-
-_rims: weakref.WeakKeyDictionary = weakref.WeakKeyDictionary()
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,9 +74,7 @@ class Crossings:
 
 def mesh_rim(field: IndexField) -> MeshRim:
     """The rim of a field's mesh; kept as long as the field lives."""
-    if field not in _rims:
-        _rims[field] = _find_rim(field)
-    return _rims[field]
+    return field.derive("mesh rim", lambda: _find_rim(field))
 
 
 def _find_rim(field: IndexField) -> MeshRim:

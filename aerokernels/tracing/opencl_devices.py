@@ -41,19 +41,18 @@ class FoundDevice:
     options: tuple[str, ...] = ()
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Session:
-    """An open device: its context, its queue (in order), and the programs built for it."""
+    """An open device: its context, its queue (in order), the programs built for it, and those launched already."""
 
     name: str
     device: Any
     context: Any
     queue: Any
     options: tuple[str, ...] = ()
-    programs: dict = field(default_factory=dict, repr=False, compare=False)
-    # Buffers of a thread's last pupil, for its next one.
-    scratch: Any = field(default_factory=threading.local, repr=False, compare=False)
-    lock: Any = field(default_factory=threading.RLock, repr=False, compare=False)
+    programs: dict = field(default_factory=dict, repr=False)
+    launched: set = field(default_factory=set, repr=False)
+    lock: Any = field(default_factory=threading.RLock, repr=False)
 
 
 _sessions: dict[tuple[int, str], Session] = {}
@@ -176,6 +175,7 @@ def release_all() -> None:
         for key in [key for key in _sessions if key[0] == os.getpid()]:
             released = _sessions.pop(key)
             released.programs.clear()
+            released.launched.clear()
             try:
                 released.queue.finish()
             except import_pyopencl().Error:

@@ -12,7 +12,6 @@ from collections.abc import Iterable
 from pathlib import Path
 
 from .opencl_devices import Session, import_pyopencl
-from .result import RAY_OUTPUTS
 
 # Work-items of a work-group. Global sizes are rounded up to whole groups, and kernels test `ray < ray_count`.
 WORK_GROUP = 64
@@ -93,7 +92,8 @@ def build_options(
     method: str = "adaptive",
     stop: str = "none",
     has_body: bool = False,
-    outputs: Iterable[str] = (),
+    measured: bool = True,
+    with_ends: bool = True,
     lanes: int = 1,
     packed: bool = False,
     in_plane: bool = False,
@@ -108,7 +108,8 @@ def build_options(
         method: "auto" must have been decided before.
         stop: Where a ray ends.
         has_body: Whether the field has a body.
-        outputs: Names of the per-ray arrays wanted, of RAY_OUTPUTS; "status" is always there.
+        measured: Whether the errors of steps are estimated and given out; error control needs them.
+        with_ends: Whether tables of columns give positions, arc lengths and errors, too.
         lanes: Rays that a work-item of even samples moves in step, see `lane_count`.
         packed: Whether coefficients are packed, for even samples.
         in_plane: Whether rays of even samples run along z, in a field of two dimensions.
@@ -118,10 +119,6 @@ def build_options(
     """
     if precision not in ("float32", "float64"):
         raise ValueError(f"precision {precision!r} is not known: choose 'float32' or 'float64'")
-    outputs = frozenset(outputs)
-    unknown = sorted(outputs - set(RAY_OUTPUTS) - {"status"})
-    if unknown:
-        raise ValueError(f"outputs {unknown} are not known: choose from {', '.join(RAY_OUTPUTS)}")
     chosen = {"geometry": geometry, "interpolation": interpolation, "method": method, "stop": stop}
     for option, value in chosen.items():
         if value not in OPTION_VALUES[option]:
@@ -130,11 +127,12 @@ def build_options(
         f"-DREAL_IS_DOUBLE={int(precision == 'float64')}",
         f"-DON_MESH={int(on_mesh)}",
         f"-DHAS_BODY={int(has_body)}",
+        f"-DMEASURED={int(measured)}",
+        f"-DWITH_ENDS={int(with_ends)}",
         f"-DLANES={lanes}",
         f"-DPACKED={int(packed)}",
         f"-DIN_PLANE={int(in_plane)}",
         *(f"-D{option.upper()}={_in_c(value)}" for option, value in chosen.items()),
-        *(f"-DWANT_{_in_c(name)}={int(name in outputs)}" for name in RAY_OUTPUTS),
     )
 
 

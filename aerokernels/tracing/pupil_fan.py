@@ -70,7 +70,7 @@ def choose_fan(
     return 0, f"rays over the whole disc: {obstacle}"
 
 
-def fan_points(count: int, replicates: int, seed: int) -> tuple[np.ndarray, np.ndarray]:
+def fan_points(count: int, replicates: int, seed: int | None) -> tuple[np.ndarray, np.ndarray]:
     """Squared distances from the axis over the pupil's radius, ascending, and weights; both (replicates, count)."""
     offset = np.random.default_rng(seed).random((replicates, 1))
     t = (np.arange(count) + offset) / count

@@ -1,39 +1,30 @@
-"""A pupil from question to sums: planned, made ready on its backend, kept with its field for the next time."""
+"""A pupil from question to sums: planned, and made ready on its backend."""
 
-import os
-import threading
-import weakref
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
-from importlib import import_module
 
 import numpy as np
 
 from ..medium import IndexField
 from ..rays import Disc, RayBundle
 from .allowance import check_tolerance
-from .backends import VARIABLES
 from .even import PILOT_RAYS
 from .plan import TracePlan
 from .planning import plan_rays
 from .pupil_air import PupilAir, pupil_air
-from .pupil_fan import choose_fan, fan_points
-from .pupil_sums import PupilSums, PupilTask
+from .pupil_fan import choose_fan
+from .pupil_run import PupilRun
+from .pupil_sums import PupilTask
 from .stop import Plane
 
 REPLICATES = 16
-# Pupils that are kept ready for a field.
-JOBS_KEPT = 4
 # A pupil's radius over half of the diagonal of the field's box.
 GREATEST_RATIO = 10.0
-
-_jobs: weakref.WeakKeyDictionary = weakref.WeakKeyDictionary()
 
 
 @dataclass(eq=False)
 class PupilJob:
-    """A pupil made ready to be traced.
+    """A pupil to be traced, for any number of seeds.
 
     Attributes:
         plan: How.
@@ -57,57 +48,28 @@ class PupilJob:
     @property
     def is_fan(self) -> bool:
         """Whether a fan of rays stands for the pupil: field, pupil and rays are symmetric about the axis."""
-        return self.task.fan is not None
+        return self.task.is_fan
 
     @property
     def may_be_refined(self) -> bool:
         """Whether it is a fan of fewer rays than were asked for."""
-        return self.task.fan is not None and self.task.per_replicate < self.per_replicate
+        return self.task.is_fan and self.task.per_replicate < self.per_replicate
 
     @cached_property
-    def run(self) -> Callable[[], PupilSums]:
-        """Traces and sums."""
+    def run(self) -> PupilRun:
+        """Traces the points of a seed and sums; uploads and compiles when it is first asked for."""
         return _runner(self.task)
 
-    def refined(self) -> PupilSums:
-        """The sums of a fan of as many rays as were asked for."""
-        points = fan_points(self.per_replicate, REPLICATES, self.task.seed)
-        return _runner(replace(self.task, per_replicate=self.per_replicate, fan=points))()
+    @cached_property
+    def refined(self) -> PupilRun:
+        """The same for a fan of as many rays as were asked for."""
+        return _runner(replace(self.task, per_replicate=self.per_replicate))
 
 
-def find_job(
-    field: IndexField,
-    pupil: Disc,
-    look: np.ndarray,
-    wavelength: float,
-    ray_count: int,
-    seed: int | None,
-    with_tilt: bool,
-    symmetry,
-    **choices,
+def make_job(
+    field: IndexField, pupil: Disc, look: np.ndarray, wavelength: float, ray_count: int, with_tilt, symmetry, **choices
 ) -> PupilJob:
-    """The job of an estimate; the last few are kept with the field, on their devices, each for one thread."""
-    place = (pupil.center.tobytes(), pupil.normal.tobytes(), pupil.radius, look.tobytes())
-    # True is no 1 here: that is refused.
-    asked = (wavelength, ray_count, seed, with_tilt, symmetry, type(symmetry), *choices.values())
-    key = (threading.get_ident(), *map(os.environ.get, VARIABLES.values()), *place, *asked)
-    store = _jobs.setdefault(field, {})
-    try:
-        return store[key]
-    except KeyError:
-        job = make_job(field, pupil, look, wavelength, ray_count, seed, with_tilt, symmetry, choices)
-    except TypeError:  # a choice that is no name or number, to be refused by name
-        return make_job(field, pupil, look, wavelength, ray_count, seed, with_tilt, symmetry, choices)
-    if seed is None:  # other points every time
-        return job
-    while len(store) >= JOBS_KEPT:
-        del store[next(iter(store))]
-    store[key] = job
-    return job
-
-
-def make_job(field, pupil, look, wavelength, ray_count, seed, with_tilt, symmetry, choices: dict) -> PupilJob:
-    """A new job; `choices` are those of `make_plan`.
+    """A pupil planned; `choices` are those of `make_plan`.
 
     Raises:
         ValueError: A name or number that makes no sense; symmetry=True without symmetry; no ray that meets the field.
@@ -131,7 +93,7 @@ def make_job(field, pupil, look, wavelength, ray_count, seed, with_tilt, symmetr
     )
     plan = replace(plan, reasons=(*plan.reasons, why))
     task = PupilTask(
-        weakref.ref(field),
+        field,
         pupil,
         look,
         until,
@@ -139,11 +101,10 @@ def make_job(field, pupil, look, wavelength, ray_count, seed, with_tilt, symmetr
         wavelength,
         count,
         REPLICATES,
-        seed,
         with_tilt=with_tilt and not fan_rays,  # a symmetric wavefront has none
         # About the axis of an axisymmetric field neighbours are rays of one radius, wherever they lie.
         by_radius=field.geometry == "axisymmetric" and float(np.hypot(*pupil.center[:2])) < 0.05 * pupil.radius,
-        fan=fan_points(count, REPLICATES, seed) if fan_rays else None,
+        is_fan=fan_rays > 0,
     )
     return PupilJob(plan, until, per_replicate, task, air)
 
@@ -163,9 +124,13 @@ def _check_size(field: IndexField, pupil: Disc) -> None:
         )
 
 
-def _runner(task: PupilTask) -> Callable[[], PupilSums]:
+def _runner(task: PupilTask):
     """A task made ready on the backend of its plan."""
-    return import_module(f".{task.plan.backend}_strehl", __package__).PupilRun(task)
+    if task.plan.backend == "reference":
+        from .reference_strehl import PupilRun as ReferencePupilRun
+
+        return ReferencePupilRun(task)
+    return PupilRun(task)
 
 
 def plane_beyond(field: IndexField, pupil: Disc, look: np.ndarray) -> Plane:

@@ -2,14 +2,15 @@
 
 import functools
 import math
-import weakref
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
 from ..medium import IndexField
 from ..rays import Disc
 from .plan import TracePlan
+from .pupil_fan import fan_points
 from .scheme import GROUP, JOINED
 from .stop import Plane
 
@@ -25,7 +26,7 @@ BATCH_RAYS = 1 << 21
 PUPIL_OUTPUTS = frozenset(("opd", "step_error", "evaluation_count"))
 
 
-def replicate_seeds(seed: int, replicates: int) -> np.ndarray:
+def replicate_seeds(seed: int | None, replicates: int) -> np.ndarray:
     """Seeds of the scramble, uint32, shape (replicates, 2): one for each axis of each replicate."""
     return np.random.default_rng(seed).integers(0, 2**32, size=(replicates, 2), dtype=np.uint32)
 
@@ -35,7 +36,7 @@ class PupilTask:
     """A pupil to be traced and summed.
 
     Attributes:
-        field_held: The refractive index.
+        field: The refractive index.
         pupil: The pupil.
         look: Direction of its rays, a unit vector, shape (3,).
         until: The plane on which they stop.
@@ -43,14 +44,12 @@ class PupilTask:
         wavelength: Vacuum wavelength [m].
         per_replicate: Rays of a replicate.
         replicates: How many there are.
-        seed: Of their points.
         with_tilt: Whether phases are measured from the plane that fits best, or as they are.
         by_radius: Whether rays are neighbours by their distance from the pupil's centre alone, see `point_order`.
-        fan: Points and weights where the rays are those of a fan (pupil_fan.py), both (replicates, per_replicate):
-            squared distances from the axis over the pupil's radius; None for a disc.
+        is_fan: Whether the rays are those of a fan (pupil_fan.py), along one radius of the pupil.
     """
 
-    field_held: weakref.ref  # weakly: tasks are kept with their field
+    field: IndexField
     pupil: Disc
     look: np.ndarray
     until: Plane
@@ -58,18 +57,15 @@ class PupilTask:
     wavelength: float
     per_replicate: int
     replicates: int
-    seed: int
     with_tilt: bool = False
     by_radius: bool = False
-    fan: tuple[np.ndarray, np.ndarray] | None = None
+    is_fan: bool = False
 
-    @property
-    def field(self) -> IndexField:
-        """The refractive index."""
-        held = self.field_held()
-        if held is None:
-            raise RuntimeError("the field of this pupil is gone: keep it as long as it is traced")
-        return held
+    def points(self, seed: int | None) -> Any:
+        """What a seed makes: seeds of the scramble (replicates, 2), or the points and weights of a fan."""
+        if self.is_fan:
+            return fan_points(self.per_replicate, self.replicates, seed)
+        return replicate_seeds(seed, self.replicates)
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,14 +75,12 @@ class PupilSums:
     Attributes:
         moments: Shape (replicates, MOMENT_COUNT); x and y in metres.
         phasors: Sums of exp(i k (OPD - plane)), shape (replicates,).
-        seconds: Time spent, by stage.
         ray_count: Rays that were traced.
         rejected_count: How many of them are above the tolerance by their own error estimate, though traced again.
     """
 
     moments: np.ndarray
     phasors: np.ndarray
-    seconds: dict[str, float]
     ray_count: int
     rejected_count: int = 0
 
@@ -145,13 +139,12 @@ def _second_axis(index: np.ndarray) -> np.ndarray:
     return result
 
 
-def fan_rays(task: PupilTask, rows: slice) -> tuple[np.ndarray, ...]:
+def fan_rays(task: PupilTask, points: tuple[np.ndarray, np.ndarray], rows: slice) -> tuple[np.ndarray, ...]:
     """Starts [m] (n, 3), directions (n, 3), places on the pupil (n, 2) and weights (n,) of some replicates of a fan.
 
-    The rays leave the pupil along its first axis.
+    The rays leave the pupil along its first axis; `points` are those of `fan_points`.
     """
-    assert task.fan is not None
-    squared, weight = (array[rows].reshape(-1, 1) for array in task.fan)
+    squared, weight = (array[rows].reshape(-1, 1) for array in points)
     place = np.sqrt(squared)
     position = task.pupil.center + task.pupil.radius * place * task.pupil.axes[0]
     direction = np.repeat(task.look[None], len(position), axis=0)
@@ -191,19 +184,14 @@ def fit_plane(moments: np.ndarray, with_tilt: bool) -> np.ndarray:
     return np.array([piston, *(tilt if with_tilt else (0.0, 0.0))])
 
 
-@functools.lru_cache(maxsize=64)
-def _metres(radius: float) -> np.ndarray:
-    return np.array([1, radius, radius, 1, *[radius**2] * 3, radius, radius, 1, 1, 1])
-
-
 def moments_in_metres(moments: np.ndarray, task: PupilTask) -> np.ndarray:
     """Moments (replicates, MOMENT_COUNT) whose x and y are in units of the pupil's radius, in metres.
 
     Those of a fan, whose points all lie along x, are turned into those of the disc that it stands for.
     """
     radius = task.pupil.radius
-    moments = moments * _metres(radius)
-    if task.fan is not None:
+    moments = moments * np.array([1, radius, radius, 1, *[radius**2] * 3, radius, radius, 1, 1, 1])
+    if task.is_fan:
         moments[:, [1, 2, 5, 7, 8]] = 0.0
         moments[:, [4, 6]] = 0.5 * moments[:, [4]]
     return moments

@@ -15,7 +15,6 @@ further apart than a sample's support.
 With k_i = G_i^(1/4) along axis i, G along a direction u of a structure with one normal is (sum |u_i| k_i)^4.
 """
 
-import weakref
 from dataclasses import dataclass
 
 import numpy as np
@@ -39,9 +38,6 @@ CONE_SINES = (0.02, 0.2)
 
 # Tables kept for a grid: of two precisions, some tolerances, some cones.
 KEPT = 32
-
-_known: weakref.WeakKeyDictionary = weakref.WeakKeyDictionary()
-_tables: weakref.WeakKeyDictionary = weakref.WeakKeyDictionary()
 
 
 @dataclass(frozen=True)
@@ -109,13 +105,8 @@ def reach(grid: UniformGrid, geometry: str, budget: float, cone: Cone) -> ReachT
         budget: OPD error allowed for a whole ray [m].
         cone: Where the rays point.
     """
-    kept = _tables.setdefault(grid, {})
-    key = (geometry, budget, cone)
-    if key not in kept:
-        while len(kept) >= KEPT:
-            del kept[next(iter(kept))]
-        kept[key] = _reach(grid, geometry, budget, cone)
-    return kept[key]
+    key = ("reach", geometry, budget, cone)
+    return grid.derive(key, lambda: _reach(grid, geometry, budget, cone), KEPT)
 
 
 def _reach(grid: UniformGrid, geometry: str, budget: float, cone: Cone) -> ReachTable:
@@ -189,21 +180,23 @@ def _roughness(grid: UniformGrid) -> tuple[int, list[np.ndarray], list[np.ndarra
 
     Of the potential over the ambient index, which is the contrast where that is small.
     """
-    if grid not in _known:
-        block = BLOCK
-        while np.prod(-(-(np.array(grid.shape) - 1) // block)) > BLOCK_COUNT_LIMIT:
-            block *= 2
-        fourth, second = [], []
-        for axis in range(grid.samples.ndim):
-            nodes = _stretched(grid, axis) / grid.ambient_index
-            change = np.moveaxis(np.abs(np.diff(nodes, 4, axis=0)), 0, axis)
-            fourth.append(block_maxima(change, block) / grid.spacing[axis] ** 4)
-            second.append(np.zeros_like(fourth[-1]))
-            if grid.interpolation != "cubic":
-                change = np.moveaxis(np.abs(np.diff(nodes[1:-1], 2, axis=0)), 0, axis)
-                second[-1] = block_maxima(change, block)
-        _known[grid] = (block, fourth, second)
-    return _known[grid]
+    return grid.derive("roughness", lambda: _roughness_of(grid))
+
+
+def _roughness_of(grid: UniformGrid) -> tuple[int, list[np.ndarray], list[np.ndarray]]:
+    block = BLOCK
+    while np.prod(-(-(np.array(grid.shape) - 1) // block)) > BLOCK_COUNT_LIMIT:
+        block *= 2
+    fourth, second = [], []
+    for axis in range(grid.samples.ndim):
+        nodes = _stretched(grid, axis) / grid.ambient_index
+        change = np.moveaxis(np.abs(np.diff(nodes, 4, axis=0)), 0, axis)
+        fourth.append(block_maxima(change, block) / grid.spacing[axis] ** 4)
+        second.append(np.zeros_like(fourth[-1]))
+        if grid.interpolation != "cubic":
+            change = np.moveaxis(np.abs(np.diff(nodes[1:-1], 2, axis=0)), 0, axis)
+            second[-1] = block_maxima(change, block)
+    return block, fourth, second
 
 
 def _stretched(grid: UniformGrid, axis: int) -> np.ndarray:

@@ -1,7 +1,5 @@
 """A pupil by the reference backend: the sums of the other backends' kernels, in NumPy."""
 
-import time
-
 import numpy as np
 
 from ..rays import RayBundle
@@ -17,14 +15,14 @@ class PupilRun:
         """Nothing is to be made ready."""
         self.task = task
 
-    def __call__(self) -> PupilSums:
+    def __call__(self, seed: int) -> PupilSums:
         """Trace and sum."""
-        task, start = self.task, time.perf_counter()
+        task = self.task
         moments = np.zeros((task.replicates, MOMENT_COUNT))
         kept = []
         for replicate in range(task.replicates):
-            position, direction, place, weight = self._rays(replicate)
-            arrays, _ = run_plan(
+            position, direction, place, weight = self._rays(replicate, seed)
+            arrays = run_plan(
                 task.field, RayBundle(position, direction), task.plan, task.until, task.wavelength, PUPIL_OUTPUTS
             )
             good = reached(arrays["status"])
@@ -37,15 +35,14 @@ class PupilRun:
         piston, *tilt = fit_plane(moments, task.with_tilt)
         wave = 2j * np.pi / task.wavelength
         phasors = [share @ np.exp(wave * (w - piston - tilt[0] * x - tilt[1] * y)) for x, y, share, w in kept]
-        seconds = {"compile": 0.0, "kernel": time.perf_counter() - start}
         ray_count = task.replicates * task.per_replicate
-        return PupilSums(moments_in_metres(moments, task), np.array(phasors), seconds, ray_count)
+        return PupilSums(moments_in_metres(moments, task), np.array(phasors), ray_count)
 
-    def _rays(self, replicate: int) -> tuple[np.ndarray, ...]:
+    def _rays(self, replicate: int, seed: int) -> tuple[np.ndarray, ...]:
         task = self.task
-        if task.fan is not None:
-            return fan_rays(task, slice(replicate, replicate + 1))
-        seed = task.seed * task.replicates + replicate
+        if task.is_fan:
+            return fan_rays(task, task.points(seed), slice(replicate, replicate + 1))
+        seed = seed * task.replicates + replicate
         rays = RayBundle.collimated(task.pupil, task.per_replicate, direction=task.look, seed=seed)
         place = (rays.position - task.pupil.center) @ np.stack(task.pupil.axes, axis=1) / task.pupil.radius
         return rays.position, rays.direction, place, np.ones(task.per_replicate)

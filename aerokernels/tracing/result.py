@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from ..clock import clocked, stage
 from ..quantities import Quantity
 from .status import RayStatus, reached
 
@@ -20,6 +21,13 @@ RAY_OUTPUTS = {
     "step_count": ("1", "accepted steps"),
     "evaluation_count": ("1", "field evaluations"),
 }
+# How kernels are told which of them are wanted: a bit each.
+OUTPUT_BITS = {name: 1 << bit for bit, name in enumerate(RAY_OUTPUTS)}
+
+
+def output_mask(outputs: frozenset) -> int:
+    """The bits of those wanted."""
+    return sum(bit for name, bit in OUTPUT_BITS.items() if name in outputs)
 
 
 @dataclass(eq=False, repr=False)
@@ -38,7 +46,7 @@ class TraceResult:
         evaluation_count: Field evaluations.
         traced_status: RayStatus codes as the tracer left them, first failure wins; `status` knows more.
         plan: What was chosen, skipped and why.
-        seconds: Time spent: at least "compile", "kernel", "total".
+        seconds: Wall time by stage: see STAGES in clock.py.
         wavelength: Wavelength of the tolerance [m].
         weight: Share of each ray in means over the bundle.
     """
@@ -99,8 +107,14 @@ class TraceResult:
 
     @cached_property
     def error(self) -> dict[str, float]:
-        """The error budget of the optical path difference [m], by cause: see budget.py. Computed when first read."""
-        return self.budget(self) if self.budget is not None else {}
+        """The error budget of the optical path difference [m], by cause: see budget.py.
+
+        Some rays are traced again for it when it is first read; seconds["error"] is the time of that.
+        """
+        with clocked() as spent, stage("error"):
+            found = self.budget(self) if self.budget is not None else {}
+        self.seconds["error"] = spent["total"]
+        return found
 
     @property
     def quantities(self) -> dict[str, Quantity]:

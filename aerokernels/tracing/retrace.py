@@ -14,6 +14,7 @@ import numpy as np
 from ..medium import IndexField
 from ..rays import RayBundle
 from .held import held_error
+from .launch import launch
 from .plan import TracePlan
 from .status import RayStatus, reached
 
@@ -29,8 +30,8 @@ class ToleranceWarning(RuntimeWarning):
 
 def retrace_rejected(
     field: IndexField, position, direction, plan: TracePlan, until, wavelength: float, arrays: dict
-) -> dict[str, float]:
-    """Trace the rays again whose "step_error" is above the tolerance; returns the seconds spent.
+) -> None:
+    """Trace the rays again whose "step_error" is above the tolerance.
 
     Args:
         field: The refractive index.
@@ -45,21 +46,16 @@ def retrace_rejected(
     # What was asked for along the undisturbed line stays so; leapfrog and tables stand for full rays.
     asked = "straight" if plan.method == "straight" and not (plan.sample_count or plan.columns) else "adaptive"
     controlled = replace(plan, method=asked, columns=False, sample_count=0, sampling=None)
-    spent: dict[str, float] = {}
 
     def trace_again(rows: np.ndarray, attempt: TracePlan) -> None:
         part = RayBundle(position[rows], direction[rows])
-        others, seconds = backend_of(plan.backend)(
-            field, part, attempt, until, wavelength, frozenset(arrays) - {"status"}
-        )
+        others = launch(field, part, attempt, until, wavelength, frozenset(arrays) - {"status"})
         # A ray that did not arrive this time, or fared worse, keeps what it had.
         lost = ~reached(arrays["status"][rows]) | ~np.isfinite(arrays["step_error"][rows])
         better = reached(others["status"]) & (others["step_error"] < arrays["step_error"][rows])
         taken = lost | better
         for name, array in arrays.items():
             array[rows[taken]] = others[name][taken]
-        for name, value in seconds.items():
-            spent[name] = spent.get(name, 0.0) + value
 
     if plan.sample_count or plan.columns:
         rows = np.flatnonzero(_rejected(arrays, held))
@@ -79,7 +75,6 @@ def retrace_rejected(
     status, holds = arrays["status"], arrays["step_error"] <= plan.tolerance * wavelength
     status[(status == RayStatus.OK) & ~holds] = RayStatus.TOLERANCE_NOT_MET
     status[(status == RayStatus.TOLERANCE_NOT_MET) & holds] = RayStatus.OK
-    return spent
 
 
 def _powers(error: np.ndarray, held: float) -> np.ndarray:
@@ -97,17 +92,6 @@ def _rejected(arrays: dict, budget: float) -> np.ndarray:
     """Rays that are to be traced again: above the budget [m], or not held by the method at all (infinite)."""
     error = arrays["step_error"]
     return ~(error <= budget) & (reached(arrays["status"]) | np.isinf(error))
-
-
-def backend_of(name: str):
-    """The function of a backend that traces a bundle as a plan says."""
-    if name == "reference":
-        from .reference import trace
-    elif name == "opencl":
-        from .opencl_backend import trace
-    else:
-        from .warp_backend import trace
-    return trace
 
 
 def told_of_rejected(plan: TracePlan, count: int, ray_count: int, greatest: float | None, wavelength: float):

@@ -1,20 +1,21 @@
 """The one entry: rays through a field."""
 
-import time
 from functools import partial
 
 import numpy as np
 
+from ..clock import clocked, stage
 from ..medium import IndexField
 from ..rays import RayBundle
 from .budget import Retrace, error_budget
 from .even import pilot_of, spread_of
 from .known_air import KnownAir
+from .launch import launch
 from .meeting import check_meeting
 from .plan import TracePlan
 from .planning import plan_rays, why_columns
 from .result import RAY_OUTPUTS, TraceResult
-from .retrace import backend_of, retrace_rejected, told_of_rejected
+from .retrace import retrace_rejected, told_of_rejected
 from .status import RayStatus
 from .stop import ArcLength, Plane
 
@@ -62,7 +63,6 @@ def trace(
         ValueError: A name or number that makes no sense, another wavelength than the field's, a backend or device that
             is not there, or rays none of which meets the field.
     """
-    start = time.perf_counter()
     if not isinstance(field, IndexField):
         raise TypeError(f"field must be an IndexField, got {type(field).__name__}")
     if not isinstance(rays, RayBundle):
@@ -71,32 +71,33 @@ def trace(
         raise TypeError(f"until must be None, a Plane or an ArcLength, got {type(until).__name__}")
     wavelength = field.wavelength_for(wavelength)
     wanted = check_outputs(outputs)
-    check_meeting(field, rays, "ray of the bundle")
-    plan = plan_rays(
-        field,
-        partial(pilot_of, rays),
-        rays.ray_count,
-        until,
-        method=method,
-        backend=backend,
-        device=device,
-        precision=precision,
-        step=step,
-        tolerance=tolerance,
-        max_steps=max_steps,
-        path_length=until.length if isinstance(until, ArcLength) else None,
-        wavelength=wavelength,
-        directions=rays.direction,
-        columns=why_columns(field, rays, until, method, tolerance, wavelength),
-        spread=partial(spread_of, rays),
-    )
-    arrays, seconds = run_plan(field, rays, plan, until, wavelength, wanted)
-    rejected = _rejected_rows(arrays)
-    greatest = float(arrays["step_error"][rejected].max()) if rejected.any() and "step_error" in arrays else None
-    done = told_of_rejected(plan, int(rejected.sum()), rays.ray_count, greatest, wavelength)
-    if "step_error" not in wanted:
-        arrays.pop("step_error", None)
-    seconds["total"] = time.perf_counter() - start
+    with clocked() as seconds:
+        with stage("plan"):
+            check_meeting(field, rays, "ray of the bundle")
+            plan = plan_rays(
+                field,
+                partial(pilot_of, rays),
+                rays.ray_count,
+                until,
+                method=method,
+                backend=backend,
+                device=device,
+                precision=precision,
+                step=step,
+                tolerance=tolerance,
+                max_steps=max_steps,
+                path_length=until.length if isinstance(until, ArcLength) else None,
+                wavelength=wavelength,
+                directions=rays.direction,
+                columns=why_columns(field, rays, until, method, tolerance, wavelength),
+                spread=partial(spread_of, rays),
+            )
+        arrays = run_plan(field, rays, plan, until, wavelength, wanted)
+        rejected = _rejected_rows(arrays)
+        greatest = float(arrays["step_error"][rejected].max()) if rejected.any() and "step_error" in arrays else None
+        done = told_of_rejected(plan, int(rejected.sum()), rays.ray_count, greatest, wavelength)
+        if "step_error" not in wanted:
+            arrays.pop("step_error", None)
 
     return TraceResult(
         plan=done,
@@ -114,8 +115,8 @@ def _budget(field: IndexField, rays: RayBundle, retrace: Retrace, result: TraceR
     return error_budget(field, rays, result.ok, result.plan, retrace, result.truncation)
 
 
-def run_plan(field: IndexField, rays: RayBundle, plan: TracePlan, until, wavelength: float, outputs: frozenset):
-    """What a plan says on its backend: per-ray arrays by name, and seconds.
+def run_plan(field: IndexField, rays: RayBundle, plan: TracePlan, until, wavelength: float, outputs: frozenset) -> dict:
+    """What a plan says on its backend: per-ray arrays by name.
 
     Rays whose own error estimate is above the tolerance are traced again; where that is no help, "step_error" comes
     along.
@@ -124,14 +125,13 @@ def run_plan(field: IndexField, rays: RayBundle, plan: TracePlan, until, wavelen
         from .column_trace import trace as by_columns
 
         return by_columns(field, rays, plan, until, wavelength, outputs, run_plan)
-    arrays, seconds = backend_of(plan.backend)(field, rays, plan, until, wavelength, outputs)
+    arrays = launch(field, rays, plan, until, wavelength, outputs)
     if not plan.controls_error or plan.backend == "reference" or "step_error" not in arrays:
-        return arrays, seconds
-    more = retrace_rejected(field, rays.position, rays.direction, plan, until, wavelength, arrays)
-    seconds = {name: seconds.get(name, 0.0) + more.get(name, 0.0) for name in {**seconds, **more}}
+        return arrays
+    retrace_rejected(field, rays.position, rays.direction, plan, until, wavelength, arrays)
     if "step_error" not in outputs and not _rejected_rows(arrays).any():
         del arrays["step_error"]
-    return arrays, seconds
+    return arrays
 
 
 def _rejected_rows(arrays: dict) -> np.ndarray:
@@ -144,7 +144,7 @@ def retracer(until, wavelength: float) -> Retrace:
 
 
 def _retrace(field: IndexField, rays: RayBundle, plan: TracePlan, until, wavelength: float):
-    arrays, _ = run_plan(field, rays, plan, until, wavelength, BUDGET_OUTPUTS)
+    arrays = run_plan(field, rays, plan, until, wavelength, BUDGET_OUTPUTS)
     return arrays["opd"], arrays["status"], arrays["step_error"]
 
 

@@ -24,7 +24,6 @@ What a ray turns by is off by the slope of all that, which changes the path in t
 the lever arm with which a slanted stop is met: a factor.
 """
 
-import weakref
 from dataclasses import dataclass
 
 import numpy as np
@@ -62,8 +61,6 @@ ENDS_SHARE = 0.02
 
 # Tables kept for a grid.
 KEPT = 8
-
-_kept: weakref.WeakKeyDictionary = weakref.WeakKeyDictionary()
 
 
 @dataclass(frozen=True)
@@ -117,13 +114,8 @@ def missed_in_blocks(field: IndexField, sampling: Sampling) -> tuple[int, np.nda
     """
     grid = field.samples
     assert isinstance(grid, UniformGrid)
-    store = _kept.setdefault(grid, {})
-    key = (field.geometry, sampling)
-    if key not in store:
-        while len(store) >= KEPT:
-            del store[next(iter(store))]
-        store[key] = _missed(grid, field.geometry, sampling)
-    return store[key]
+    key = ("missed", field.geometry, sampling)
+    return grid.derive(key, lambda: _missed(grid, field.geometry, sampling), KEPT)
 
 
 def lookup_table(field: IndexField, sampling: Sampling) -> tuple[int, np.ndarray]:

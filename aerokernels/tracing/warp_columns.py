@@ -4,14 +4,18 @@ import functools
 
 import warp as wp
 
+from .result import OUTPUT_BITS
 from .status import RayStatus
 from .warp_grid import build_weights
 from .warp_types import types
 
 
 @functools.cache
-def build_column_kernel(precision: str, outputs: frozenset):
-    """Build the kernel; `coefficients` holds, for each (x, y) of the splines, A, D and then EXTRAS."""
+def build_column_kernel(precision: str, with_ends: bool):
+    """Build the kernel; `coefficients` holds, for each (x, y) of the splines, A, D and then EXTRAS.
+
+    Without ends it makes no positions, arc lengths and errors, and looks up half as much.
+    """
     t = types(precision)
     real = t.real
     value, slope = build_weights(precision, "cubic")
@@ -32,6 +36,7 @@ def build_column_kernel(precision: str, outputs: frozenset):
         first_plane: wp.float64,
         length: wp.float64,
         flight: wp.float64,
+        outputs: int,
         first_ray: int,
         position_in: wp.array(dtype=wp.vec3d),
         position_out: wp.array(dtype=wp.vec3d),
@@ -89,25 +94,28 @@ def build_column_kernel(precision: str, outputs: frozenset):
         before = (first_plane - p[2]) * sign
         straight = before + length + flight
         opd = opd_box + ambient * slant
-        if wp.static("position" in outputs):
-            qx = wp.float64(first_x[1]) * rate_x + wp.float64(extra[4])
-            qy = wp.float64(first_y[1]) * rate_y + wp.float64(extra[5])
-            position_out[ray] = wp.vec3d(
-                p[0] + qx + flight * px / w, p[1] + qy + flight * py / w, first_plane + sign * (length + flight)
-            )
-        if wp.static("direction" in outputs):
+        if wp.static(with_ends):
+            if (outputs & wp.static(OUTPUT_BITS["position"])) != 0:
+                qx = wp.float64(first_x[1]) * rate_x + wp.float64(extra[4])
+                qy = wp.float64(first_y[1]) * rate_y + wp.float64(extra[5])
+                position_out[ray] = wp.vec3d(
+                    p[0] + qx + flight * px / w, p[1] + qy + flight * py / w, first_plane + sign * (length + flight)
+                )
+        if (outputs & wp.static(OUTPUT_BITS["direction"])) != 0:
             direction_out[ray] = wp.vec3d(px / index, py / index, sign * w / index)
-        if wp.static("optical_path" in outputs):
+        if (outputs & wp.static(OUTPUT_BITS["optical_path"])) != 0:
             optical_path_out[ray] = ambient * straight + opd
-        if wp.static("opd" in outputs):
+        if (outputs & wp.static(OUTPUT_BITS["opd"])) != 0:
             opd_out[ray] = opd
-        if wp.static("arc_length" in outputs):
-            arc_length_out[ray] = straight + wp.float64(extra[1]) + slant
-        if wp.static("step_error" in outputs):
-            step_error_out[ray] = wp.abs(wp.float64(extra[7]))
-        if wp.static("step_count" in outputs):
+        if wp.static(with_ends):
+            if (outputs & wp.static(OUTPUT_BITS["arc_length"])) != 0:
+                arc_length_out[ray] = straight + wp.float64(extra[1]) + slant
+        if wp.static(with_ends):
+            if (outputs & wp.static(OUTPUT_BITS["step_error"])) != 0:
+                step_error_out[ray] = wp.abs(wp.float64(extra[7]))
+        if (outputs & wp.static(OUTPUT_BITS["step_count"])) != 0:
             step_count_out[ray] = 1
-        if wp.static("evaluation_count" in outputs):
+        if (outputs & wp.static(OUTPUT_BITS["evaluation_count"])) != 0:
             evaluation_count_out[ray] = 1
         status_out[ray] = ok
 

@@ -31,6 +31,7 @@ import functools
 
 import warp as wp
 
+from .result import OUTPUT_BITS
 from .scheme import EVEN_WEAK, LANDED_FREE, LEAST_COSINE, LEFT_SHARE, STEEPEST_COSINE, TINY
 from .status import RayStatus
 from .warp_box import build_surface_distance
@@ -57,7 +58,7 @@ def even_weight(k: int, count: int):
 
 
 @functools.cache
-def build_even_kernel(precision: str, geometry: str, interpolation: str, stop: str, has_body: bool, outputs: frozenset):
+def build_even_kernel(precision: str, geometry: str, interpolation: str, stop: str, has_body: bool):
     """Build the kernel for one kind of scene; its arguments are the tracer's, and the count of rough rays."""
     t = types(precision)
     real, vec3, vec4, Field, Bounds, Control = t.real, t.vec3, t.vec4, t.Field, t.Bounds, t.Control
@@ -176,7 +177,7 @@ def build_even_kernel(precision: str, geometry: str, interpolation: str, stop: s
                     slow = real(1.0) / w
                     off = surplus / (w + ambient) * slow
                     stretch = real(0.0)
-                    if wp.static("arc_length" in outputs):
+                    if (control.outputs & wp.static(OUTPUT_BITS["arc_length"])) != 0:
                         index = wp.sqrt(wp.max(ambient * ambient + real(2.0) * s, real(0.0)))
                         stretch = slow * (real(2.0) * s / (index + ambient))
                     added += weight * vec4(s * slow, off, stretch, real(0.0))
@@ -323,24 +324,24 @@ def build_even_kernel(precision: str, geometry: str, interpolation: str, stop: s
             error += with_lever(field, missed, onward, real(wp.abs(wp.dot(normal, d0))))
         if error > control.budget:
             wp.atomic_add(rough_count_out, 0, 1)
-        if wp.static("position" in outputs):
+        if (control.outputs & wp.static(OUTPUT_BITS["position"])) != 0:
             position_out[ray] = position
-        if wp.static("direction" in outputs):
+        if (control.outputs & wp.static(OUTPUT_BITS["direction"])) != 0:
             direction_out[ray] = direction
-        if wp.static("optical_path" in outputs):
+        if (control.outputs & wp.static(OUTPUT_BITS["optical_path"])) != 0:
             optical_path_out[ray] = optical_path
-        if wp.static("opd" in outputs):
+        if (control.outputs & wp.static(OUTPUT_BITS["opd"])) != 0:
             opd_out[ray] = opd
-        if wp.static("arc_length" in outputs):
+        if (control.outputs & wp.static(OUTPUT_BITS["arc_length"])) != 0:
             arc_length_out[ray] = arc_length
-        if wp.static("step_error" in outputs):
+        if (control.outputs & wp.static(OUTPUT_BITS["step_error"])) != 0:
             step_error_out[ray] = wp.float64(error)
         samples = int(0)
         if runs:
             samples = count
-        if wp.static("step_count" in outputs):
+        if (control.outputs & wp.static(OUTPUT_BITS["step_count"])) != 0:
             step_count_out[ray] = samples
-        if wp.static("evaluation_count" in outputs):
+        if (control.outputs & wp.static(OUTPUT_BITS["evaluation_count"])) != 0:
             evaluation_count_out[ray] = samples
         status_out[ray] = final
 

@@ -36,6 +36,7 @@ import functools
 import warp as wp
 
 from . import warp_grid, warp_mesh
+from .result import OUTPUT_BITS
 from .scheme import AT_FACE, HAIR, LANDED_ARC, LEAST_STEP, SLANT_KEPT, TINY, WALL_ASIDE, WALL_BACK, WALL_CLOSE
 from .status import RayStatus
 from .tableau import BT, A, B, C, is_one_scalar
@@ -59,9 +60,12 @@ def build_kernel(
     method: str,
     stop: str,
     has_body: bool,
-    outputs: frozenset,
+    measured: bool,
 ):
-    """Build the kernel for one kind of scene; Warp compiles it at its first launch and keeps it on disk."""
+    """Build the kernel for one kind of scene; Warp compiles it at its first launch and keeps it on disk.
+
+    Where steps are not `measured`, their errors are neither estimated nor given out; error control needs them.
+    """
     t = types(precision)
     real, vec3, Field, Bounds, Control = t.real, t.vec3, t.Field, t.Bounds, t.Control
     controlled = method in ("adaptive", "straight")
@@ -359,21 +363,22 @@ def build_kernel(
                 used = landing_error(used, ambient, cell_size, landed, grazing, slant_first, harm)
             if final == ok and not (used <= control.budget):
                 final = int(rejected)  # to be traced again, see retrace.py
-        if wp.static("position" in outputs):
+        if (control.outputs & wp.static(OUTPUT_BITS["position"])) != 0:
             position_out[ray] = position
-        if wp.static("direction" in outputs):
+        if (control.outputs & wp.static(OUTPUT_BITS["direction"])) != 0:
             direction_out[ray] = direction
-        if wp.static("optical_path" in outputs):
+        if (control.outputs & wp.static(OUTPUT_BITS["optical_path"])) != 0:
             optical_path_out[ray] = optical_path
-        if wp.static("opd" in outputs):
+        if (control.outputs & wp.static(OUTPUT_BITS["opd"])) != 0:
             opd_out[ray] = opd
-        if wp.static("arc_length" in outputs):
+        if (control.outputs & wp.static(OUTPUT_BITS["arc_length"])) != 0:
             arc_length_out[ray] = arc
-        if wp.static("step_error" in outputs):
-            step_error_out[ray] = wp.float64(used)
-        if wp.static("step_count" in outputs):
+        if wp.static(measured):
+            if (control.outputs & wp.static(OUTPUT_BITS["step_error"])) != 0:
+                step_error_out[ray] = wp.float64(used)
+        if (control.outputs & wp.static(OUTPUT_BITS["step_count"])) != 0:
             step_count_out[ray] = steps
-        if wp.static("evaluation_count" in outputs):
+        if (control.outputs & wp.static(OUTPUT_BITS["evaluation_count"])) != 0:
             evaluation_count_out[ray] = evaluations
         status_out[ray] = final
 

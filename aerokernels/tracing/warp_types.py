@@ -83,6 +83,7 @@ def types(precision: str) -> SimpleNamespace:
         sample_count: wp.int32  # of a ray whose samples are even, a multiple of three
         left_potential: real  # greatest potential outside the active part, and its slope [1/m]
         left_slope: real
+        outputs: wp.int32  # of a ray that are wanted, a bit each, see result.py
 
     class Course:  # of the undisturbed ray; distances along it [m]
         enter: wp.float64  # where the first step begins

@@ -1,6 +1,6 @@
 // Constants of the scheme.
-// Written by scripts/kernel_headers from scheme.py, tableau.py, quiet.py and pupil_sums.py in aerokernels/tracing, and
-// crossings.py and grid.py in medium: change it there.
+// Written by scripts/kernel_headers from scheme.py, tableau.py, quiet.py, result.py and pupil_sums.py in aerokernels/tracing,
+// and crossings.py and grid.py in medium: change it there.
 #ifndef CONSTANTS_H
 #define CONSTANTS_H
 
@@ -125,6 +125,16 @@
 #define HASH_2 0xB82F1E52u
 #define HASH_3 0xC7AFE638u
 #define HASH_4 0x8D22F6E6u
+
+// Outputs of a ray that are wanted, a bit each.
+#define WANT_POSITION 1
+#define WANT_DIRECTION 2
+#define WANT_OPTICAL_PATH 4
+#define WANT_OPD 8
+#define WANT_ARC_LENGTH 16
+#define WANT_STEP_ERROR 32
+#define WANT_STEP_COUNT 64
+#define WANT_EVALUATION_COUNT 128
 
 // By precision.
 #if REAL_IS_DOUBLE

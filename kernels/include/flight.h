@@ -66,9 +66,9 @@ static inline Flight fly(
             const reals off = lag_of(ambient, surplus, &slow);
             path += weight * s * slow;
             lag += weight * off;
-#if WANT_ARC_LENGTH
-            arc += weight * slow * (R(2.0) * s / (sqrt(max(ambient * ambient + R(2.0) * s, (reals)R(0.0))) + ambient));
-#endif
+            if (control->outputs & WANT_ARC_LENGTH) {
+                arc += weight * slow * (R(2.0) * s / (sqrt(max(ambient * ambient + R(2.0) * s, (reals)R(0.0))) + ambient));
+            }
             const reals pace = h * slow;
             px += pace * fx;
             py += pace * fy;
@@ -103,9 +103,9 @@ static inline Flight fly(
         }
         gather(&paths, &paths_carry, path);
         gather(&lags, &lags_carry, lag);
-#if WANT_ARC_LENGTH
-        gather(&arcs, &arcs_carry, arc);
-#endif
+        if (control->outputs & WANT_ARC_LENGTH) {
+            gather(&arcs, &arcs_carry, arc);
+        }
     }
     // At the end, half a step behind the last sample: what momentum and deviation are in fourth order.
     px = turnx;

@@ -83,9 +83,9 @@ static inline Flight fly(
             const reals share = weight * slow;
             path += share * s;
             lag += weight * off;
-#if WANT_ARC_LENGTH
-            arc += share * (R(2.0) * s / (sqrt(max(ambient * ambient + R(2.0) * s, zero)) + ambient));
-#endif
+            if (control->outputs & WANT_ARC_LENGTH) {
+                arc += share * (R(2.0) * s / (sqrt(max(ambient * ambient + R(2.0) * s, zero)) + ambient));
+            }
             const reals middle = sigma + R(0.5) * slow;
             const reals kick = share * f;
             turn += kick;
@@ -104,9 +104,9 @@ static inline Flight fly(
         }
         gather(&paths, &paths_carry, path);
         gather(&lags, &lags_carry, lag);
-#if WANT_ARC_LENGTH
-        gather(&arcs, &arcs_carry, arc);
-#endif
+        if (control->outputs & WANT_ARC_LENGTH) {
+            gather(&arcs, &arcs_carry, arc);
+        }
     }
     // At the end, half a step behind the last sample: what momentum and deviation are in fourth order.
     p = turn;

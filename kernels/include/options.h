@@ -57,29 +57,13 @@
 #ifndef HAS_BODY
 #define HAS_BODY 0
 #endif
-#ifndef WANT_POSITION
-#define WANT_POSITION 0
+// Whether the errors of steps are estimated; error control needs them.
+#ifndef MEASURED
+#define MEASURED 1
 #endif
-#ifndef WANT_DIRECTION
-#define WANT_DIRECTION 0
-#endif
-#ifndef WANT_OPTICAL_PATH
-#define WANT_OPTICAL_PATH 0
-#endif
-#ifndef WANT_OPD
-#define WANT_OPD 0
-#endif
-#ifndef WANT_ARC_LENGTH
-#define WANT_ARC_LENGTH 0
-#endif
-#ifndef WANT_STEP_ERROR
-#define WANT_STEP_ERROR 0
-#endif
-#ifndef WANT_STEP_COUNT
-#define WANT_STEP_COUNT 0
-#endif
-#ifndef WANT_EVALUATION_COUNT
-#define WANT_EVALUATION_COUNT 0
+// Whether the tables of columns give positions, arc lengths and errors, too.
+#ifndef WITH_ENDS
+#define WITH_ENDS 1
 #endif
 
 // What follows from them.

@@ -56,6 +56,7 @@ typedef struct {
     int sample_count;         // of a ray whose samples are even, a multiple of three
     real left_potential;      // greatest potential outside the active part, and its slope [1/m]
     real left_slope;
+    int outputs;              // of a ray that are wanted, a bit each
 } Control;
 
 typedef struct {

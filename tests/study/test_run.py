@@ -1,6 +1,7 @@
 """One run in the library: stages, the views it draws, and what it keeps of the scene."""
 
 from dataclasses import replace
+from importlib import import_module
 
 import numpy as np
 import pytest
@@ -37,6 +38,20 @@ def test_progress_names_every_stage_once_and_never_goes_back():
     simulate(Scene.load("wind-tunnel-static", SMALL), progress=lambda stage, fraction: heard.append((stage, fraction)))
     assert heard == list(STAGES.values())
     assert [fraction for _, fraction in heard] == sorted(fraction for _, fraction in heard)
+
+
+def test_a_run_computes_all_before_its_clock_stops(monkeypatch):
+    """Reading and writing what it made traces nothing more, and its stages add up to its total at most."""
+    made = simulate(Scene.load("wind-tunnel-static", SMALL))
+    for module in ("trace", "retrace", "even"):
+        tracing = import_module(f"aerokernels.tracing.{module}")
+        monkeypatch.setattr(tracing, "launch", lambda *_: pytest.fail("rays were traced"))
+    made.to_xarray()
+    summary = made.summary
+    stages = {name: spent for name, spent in summary["stage_seconds"].items() if name != "total"}
+    assert stages["kernel"] == summary["trace_seconds"] > 0.0 and stages["error"] > 0.0
+    assert sum(stages.values()) <= summary["total_seconds"] == summary["stage_seconds"]["total"]
+    assert summary["seconds"]["error"] >= 0.0
 
 
 def test_every_variable_of_the_dataset_has_a_unit_and_a_meaning(still: RunResult):

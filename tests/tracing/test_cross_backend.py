@@ -13,7 +13,7 @@ import pytest
 
 from aerokernels.medium import IndexField
 from aerokernels.rays import RayBundle
-from aerokernels.tracing import Plane, RayStatus, trace
+from aerokernels.tracing import Plane, RayStatus, launch, trace
 from aerokernels.tracing.result import RAY_OUTPUTS
 
 from .backends import (
@@ -149,16 +149,14 @@ def test_any_number_of_rays(engine, count):
     assert_same_bits(trace(field, rays, **settings), trace(field, few, **settings), slice(count))
 
 
-@pytest.mark.parametrize("engine", OPENCL)
+@pytest.mark.parametrize("engine", ENGINES)
 @pytest.mark.parametrize("kind", [("volume", "cubic"), ("axisymmetric", "bilinear")])
 def test_chunks_of_a_bundle_change_nothing(monkeypatch, engine, kind):
     """Chunks of 128 and a last one of 44 against one chunk: the same bits, whatever outputs are wanted."""
-    from aerokernels.tracing import opencl_backend
-
     backend, field, rays = on(engine), field_of(*kind), slanted_rays(300)
     settings = {"until": FAR, "method": "adaptive", **backend}
     whole = trace(field, rays, **settings)
-    monkeypatch.setattr(opencl_backend, "CHUNK", 128)
+    monkeypatch.setattr(launch, "CHUNK", 128)
     chunked = trace(field, rays, **settings)
     assert_same_bits(whole, chunked)
     assert np.array_equal(whole.evaluation_count, chunked.evaluation_count)

@@ -12,7 +12,6 @@ import pytest
 
 from aerokernels.tracing import opencl_program
 from aerokernels.tracing.opencl_program import OPTION_VALUES, WORK_GROUP, build, build_options, expand, kernel_folder
-from aerokernels.tracing.result import RAY_OUTPUTS
 
 from .opencl_stands import need_opencl, run_python
 
@@ -128,10 +127,11 @@ def test_options_are_distinct_and_each_has_a_number_in_the_header():
         {"precision": "float64"},
         {"on_mesh": True},
         {"has_body": True},
-        *({"outputs": [n]} for n in RAY_OUTPUTS),
+        {"measured": False},
+        {"with_ends": False},
     ):
         made.add(build_options(**change))
-    assert len(made) == np.prod([len(values) for values in OPTION_VALUES.values()]) + 3 + len(RAY_OUTPUTS)
+    assert len(made) == np.prod([len(values) for values in OPTION_VALUES.values()]) + 5
     assert not [option for option in opencl_program.BASE_OPTIONS if "math" in option or "mad" in option]
 
 
@@ -141,7 +141,6 @@ def test_options_are_distinct_and_each_has_a_number_in_the_header():
         ({"precision": "float16"}, "float32"),
         ({"geometry": "sphere"}, "geometry 'sphere'.*axisymmetric"),
         ({"method": "auto"}, "method 'auto'.*adaptive"),
-        ({"outputs": ["colour"]}, "colour.*opd"),
     ],
 )
 def test_unknown_options_are_refused(wrong, words):

@@ -5,6 +5,7 @@ import pytest
 
 from aerokernels import Disc, estimate_strehl
 from aerokernels.medium import IndexField
+from aerokernels.tracing.pupil_run import check_memory
 from aerokernels.tracing.pupil_sums import MOMENT_COUNT, SUM_COUNT
 from aerokernels.tracing.scheme import GROUP, JOINED
 from aerokernels.tracing.status import RayStatus
@@ -38,11 +39,12 @@ class Device:
     def run(self, name: str, items: int, *arguments) -> None:
         import pyopencl as cl
 
-        from aerokernels.tracing.opencl_backend import enqueue
-        from aerokernels.tracing.opencl_program import build
+        from aerokernels.tracing.opencl_backend import Kernel
+        from aerokernels.tracing.opencl_program import WORK_GROUP, build
 
-        kernel = cl.Kernel(build(self.opened, f"{name}.cl"), name)
-        enqueue(self.opened, kernel, [a.data if hasattr(a, "data") else a for a in arguments], items).wait()
+        kernel = Kernel(cl.Kernel(build(self.opened, f"{name}.cl"), name))
+        given = [a.data if hasattr(a, "data") else a for a in arguments]
+        kernel.kernel(self.opened.queue, kernel.size(items), (WORK_GROUP,), *given).wait()
 
 
 def double3(vector):
@@ -185,13 +187,6 @@ def test_strehl_estimate_is_that_of_warp(remove: tuple[str, ...]):
 
 
 def test_more_rays_than_the_device_holds_are_refused():
-    need_opencl()
-    from types import SimpleNamespace
-
-    from aerokernels.tracing.opencl_strehl import _check_memory
-
-    device = SimpleNamespace(global_mem_size=2**30, max_mem_alloc_size=2**28)
-    opened = SimpleNamespace(device=device, name="Small")
-    _check_memory(opened, 1_000_000, 16)
+    check_memory("Small", (2.0**30, 2.0**28), 1_000_000, 16)
     with pytest.raises(ValueError, match=r"'Small' has 1\.0 GiB.*fewer rays"):
-        _check_memory(opened, 10_000_000, 16)
+        check_memory("Small", (2.0**30, 2.0**28), 10_000_000, 16)

@@ -1,19 +1,19 @@
 """Features about a cell wide between the samples of nearly straight rays: bounded by the field, not by luck."""
 
 from dataclasses import replace
-from importlib import import_module
 
 import numpy as np
 import pytest
 
 from aerokernels.medium import IndexField
 from aerokernels.rays import RayBundle
-from aerokernels.strehl import estimate_strehl
+from aerokernels.strehl_estimate import estimate_strehl
 from aerokernels.study.bench.scenes import strehl_scene
 from aerokernels.tracing import Plane, trace
 from aerokernels.tracing.active import active_box
 from aerokernels.tracing.even import LEAST_RAYS, pilot_of
 from aerokernels.tracing.held import held_error
+from aerokernels.tracing.launch import launch
 from aerokernels.tracing.plan import TracePlan
 from aerokernels.tracing.unresolved import Sampling, greatest_error, missed_along
 from aerokernels.tracing.ways import lines_through
@@ -86,8 +86,7 @@ def sampled(field: IndexField, rays: RayBundle, count: int, engine: str, with_ta
     sampling = Sampling(1.001 * float(lines.way.max()) / count, steepness, 0.0)
     plan = TracePlan("leapfrog", **on(engine), precision="float64", max_steps=1000, step=None, tolerance=1e-3)
     plan = replace(plan, sample_count=count, sampling=sampling if with_table else None)
-    run = import_module(f"aerokernels.tracing.{plan.backend}_backend").trace
-    arrays, _ = run(field, rays, plan, until, WAVE, frozenset(("opd", "step_error")))
+    arrays = launch(field, rays, plan, until, WAVE, frozenset(("opd", "step_error")))
     return arrays["opd"], arrays["step_error"], sampling, lines
 
 

@@ -11,7 +11,8 @@ import numpy as np
 from aerokernels.flow import shipped, shipped_names
 from aerokernels.medium import IndexField
 from aerokernels.rays import RayBundle
-from aerokernels.strehl import StrehlEstimate, estimate_strehl, strehl
+from aerokernels.strehl import StrehlEstimate, strehl
+from aerokernels.strehl_estimate import estimate_strehl
 from aerokernels.study.bench.ceiling import share
 from aerokernels.study.bench.measuring import Timing, core_count, measure, rate, spread
 from aerokernels.study.bench.scenes import WAVELENGTH, PupilScene, cone_field, cone_rays, strehl_scene

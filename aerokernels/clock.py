@@ -1,0 +1,55 @@
+"""One clock: the wall time of what is computed, by stage, each moment counted once.
+
+A stage that begins within another one interrupts it: a kernel compiled while a plan is made counts as "compile". Times
+are the host's; that of a launch ends when the device is done. So the stages of a mapping of seconds, STAGES, add up to
+at most its "total", which is the wall time of the whole call; what lies between them is Python.
+"""
+
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from contextvars import ContextVar
+
+# What the entries of a mapping `seconds` mean.
+STAGES = {
+    "plan": "checks, and choosing how to trace, the tables for that included",
+    "upload": "fields and rays to the device",
+    "compile": "building kernels",
+    "kernel": "launches, from the first to the end of the last",
+    "download": "results to the host",
+    "error": "the error budget, once it has been asked for; not part of the total of a trace or an estimate",
+    "total": "wall time of the call",
+}
+
+# The clocks that run, and for the stage that is open the time that stages within it took.
+_running: ContextVar[tuple[dict[str, float], ...]] = ContextVar("running", default=())
+_within: ContextVar[list[float] | None] = ContextVar("within", default=None)
+
+
+@contextmanager
+def clocked() -> Iterator[dict[str, float]]:
+    """The seconds of every stage in this block, and when it ends their "total"; those of an inner block count too."""
+    seconds = dict.fromkeys(("plan", "upload", "compile", "kernel", "download"), 0.0)
+    begin, running = time.perf_counter(), _running.get()
+    token = _running.set((*running, seconds))
+    try:
+        yield seconds
+    finally:
+        _running.reset(token)
+        seconds["total"] = time.perf_counter() - begin
+
+
+@contextmanager
+def stage(name: str) -> Iterator[None]:
+    """This block is that stage, but for the stages within it."""
+    begin, outer, within = time.perf_counter(), _within.get(), [0.0]
+    token = _within.set(within)
+    try:
+        yield
+    finally:
+        _within.reset(token)
+        spent = time.perf_counter() - begin
+        for seconds in _running.get():
+            seconds[name] = seconds.get(name, 0.0) + max(spent - within[0], 0.0)
+        if outer is not None:
+            outer[0] += spent

@@ -1,0 +1,35 @@
+"""Objects that never change, and hold what others have worked out of them."""
+
+from collections.abc import Callable, Hashable
+from typing import Any
+
+from .read_only import ReadOnly
+
+
+class Derived(ReadOnly):
+    """A base of immutable data classes whose data is worked on by later stages: bounds, tables, copies on a device.
+
+    Each such result is made once, and lives as long as the object that it was made of and no longer. Copies made by
+    `dataclasses.replace` and by pickling begin without any.
+    """
+
+    def derive(self, key: Hashable, make: Callable[[], Any], most: int | None = None) -> Any:
+        """What `make()` returns, made when it is first asked for under this key.
+
+        Args:
+            key: Names the result among all of this object's; where it is a tuple, its first entry names the kind.
+            make: Works it out of this object.
+            most: How many results of the kind are kept at most, the latest; None for all.
+        """
+        held: dict[Hashable, Any] = self.__dict__.setdefault("_derived", {})
+        if key not in held:
+            if most is not None:
+                alike = [other for other in list(held) if _kind(other) == _kind(key)]
+                for other in alike[: max(len(alike) + 1 - most, 0)]:
+                    held.pop(other, None)
+            held[key] = make()
+        return held[key]
+
+
+def _kind(key: Hashable) -> Hashable:
+    return key[0] if isinstance(key, tuple) else key

@@ -1,0 +1,291 @@
+"""The Strehl ratio of a pupil, estimated over millions of rays: planned, made ready on a device, traced, summed."""
+
+import math
+import sys
+import warnings
+from dataclasses import replace
+from functools import partial
+
+import numpy as np
+
+from .clock import clocked, stage
+from .medium import IndexField
+from .rays import Disc, as_unit_vector
+from .strehl import StrehlEstimate
+from .strehl_budget import StrehlBudget
+from .strehl_errors import estimate_quantities
+from .tracing.lines import box_size
+from .tracing.meeting import greatest_contrast
+from .tracing.plan import TracePlan
+from .tracing.pupil_fan import SETTLED
+from .tracing.pupil_job import REPLICATES, make_job
+from .tracing.pupil_sums import fit_moments
+from .tracing.retrace import told_of_rejected
+from .wavefront import check_terms
+
+# The share of the tolerance below which an optical path difference is none.
+UNSEEN = 1e-3
+
+
+def estimate_strehl(
+    field: IndexField,
+    pupil: Disc,
+    *,
+    wavelength: float | None = None,
+    ray_count: int = 1_000_000,
+    tolerance: float = 1e-3,
+    remove=("piston",),
+    backend: str = "auto",
+    device: str | None = None,
+    precision: str = "float32",
+    method: str = "auto",
+    step: float | None = None,
+    max_steps: int | None = None,
+    direction=None,
+    seed: int = 0,
+    symmetry: str | bool = "auto",
+    allow_truncation: bool = False,
+) -> StrehlEstimate:
+    """Strehl ratio of a plane wave seen through a field by a pupil.
+
+    Rays leave the pupil along its normal (or `direction`): by the reversibility of light that is the wavefront a
+    distant point on that line sends in. They stop on a plane across the line, beyond the field's box.
+
+    Args:
+        field: The refractive index.
+        pupil: The pupil; it looks along its normal.
+        wavelength: Vacuum wavelength [m]; None takes the field's own, or 905 nm where it has none.
+        ray_count: Rays over the disc, in 16 replicates. A fan traces fewer, for at least the same accuracy.
+        tolerance: OPD error asked for [waves].
+        remove: Terms taken out of the wavefront: "piston", "tilt".
+        backend: See `trace`; likewise device, precision, method, step and max_steps.
+        device: Device of the backend.
+        precision: "float32" or "float64".
+        method: Tracing method.
+        step: Step of method "fixed" [m].
+        max_steps: Steps after which a ray is given up.
+        direction: Look direction, if not along the pupil's normal.
+        seed: Seed of the scrambling.
+        symmetry: "auto" traces a fan of rays instead of the disc where field, pupil and rays are symmetric about the z
+            axis; "off" or False never does; True refuses a set-up that is not symmetric.
+        allow_truncation: Whether more than a thousandth of the pupil may look through disturbed air that ends at the
+            field's box, or pass beside it there; a warning is issued then, and error["truncation"] says what it may
+            cost.
+
+    Raises:
+        TypeError: `field` or `pupil` of the wrong kind.
+        ValueError: A name or number that makes no sense; another wavelength than the field's; no ray that meets the
+            field, or that arrives; symmetry=True without symmetry; a truncated view without `allow_truncation`.
+    """
+    with clocked() as seconds:
+        prepared = prepare_strehl(
+            field,
+            pupil,
+            wavelength=wavelength,
+            ray_count=ray_count,
+            tolerance=tolerance,
+            remove=remove,
+            backend=backend,
+            device=device,
+            precision=precision,
+            method=method,
+            step=step,
+            max_steps=max_steps,
+            direction=direction,
+            symmetry=symmetry,
+            allow_truncation=allow_truncation,
+        )
+        found = prepared(seed)
+    return replace(found, seconds=seconds)
+
+
+def prepare_strehl(field: IndexField, pupil: Disc, **options) -> "PreparedStrehl":
+    """A pupil planned, uploaded and compiled for, to be held by a caller who estimates its Strehl ratio repeatedly.
+
+    Args:
+        field: The refractive index.
+        pupil: The pupil; it looks along its normal.
+        options: Those of `estimate_strehl` but the seed.
+
+    Raises:
+        TypeError: As for `estimate_strehl`; an option that it does not have.
+        ValueError: As for `estimate_strehl`.
+    """
+    with clocked() as seconds:
+        prepared = PreparedStrehl(field, pupil, **options)
+        if prepared.job.air.is_truncated:
+            _warn(f"{prepared.job.air.described}: the Strehl ratio is that of the known air only")
+        _ = prepared.job.run  # uploads and compiles
+    prepared.seconds = seconds
+    return prepared
+
+
+def plan_strehl(field: IndexField, pupil: Disc, **options) -> tuple[TracePlan, int]:
+    """The plan that `estimate_strehl` would follow with these options, and how many rays it would start with.
+
+    Rays of a pilot bundle are traced for it, some hundred, but nothing else.
+
+    Raises:
+        ValueError: As for `estimate_strehl`.
+    """
+    options.pop("seed", None)
+    job = PreparedStrehl(field, pupil, **options).job
+    return job.plan, job.traced_ray_count
+
+
+class PreparedStrehl:
+    """What `prepare_strehl` returns: called with a seed, it gives a StrehlEstimate.
+
+    The field is on the device and the kernels are built; a call launches, sums and returns. One thread at a time may
+    call it.
+
+    Attributes:
+        plan: What was chosen, skipped and why.
+        seconds: Wall time by stage of making it ready: see STAGES in clock.py.
+    """
+
+    def __init__(
+        self,
+        field: IndexField,
+        pupil: Disc,
+        *,
+        wavelength: float | None = None,
+        ray_count: int = 1_000_000,
+        tolerance: float = 1e-3,
+        remove=("piston",),
+        direction=None,
+        symmetry: str | bool = "auto",
+        allow_truncation: bool = False,
+        method: str = "auto",
+        backend: str = "auto",
+        device: str | None = None,
+        precision: str = "float32",
+        step: float | None = None,
+        max_steps: int | None = None,
+    ):
+        """Check the arguments and plan."""
+        if not isinstance(field, IndexField):
+            raise TypeError(f"field must be an IndexField, got {type(field).__name__}")
+        if not isinstance(pupil, Disc):
+            raise TypeError(f"pupil must be a Disc, got {type(pupil).__name__}")
+        self.field, self.pupil, self.tolerance = field, pupil, tolerance
+        self.wavelength = field.wavelength_for(wavelength)
+        self.remove = check_terms(remove)
+        if not isinstance(ray_count, (int, np.integer)) or ray_count < REPLICATES:
+            raise ValueError(f"ray_count must be a whole number of at least {REPLICATES}, got {ray_count!r}")
+        self.look = pupil.normal if direction is None else as_unit_vector(direction, "direction")
+        with stage("plan"):
+            self.job = make_job(
+                field,
+                pupil,
+                self.look,
+                self.wavelength,
+                int(ray_count),
+                "tilt" in self.remove,
+                symmetry,
+                method=method,
+                backend=backend,
+                device=device,
+                precision=precision,
+                step=step,
+                tolerance=tolerance,
+                max_steps=max_steps,
+            )
+        self.job.air.check(allow_truncation)
+        self.plan = self.job.plan
+        self.seconds: dict[str, float] = {}
+
+    def __call__(self, seed: int = 0) -> StrehlEstimate:
+        """Launch the points of a seed, trace them and sum.
+
+        Raises:
+            ValueError: No ray arrived beyond the field.
+        """
+        with clocked() as seconds:
+            found = self._estimate(seed)
+        return replace(found, seconds=seconds)
+
+    def _estimate(self, seed: int) -> StrehlEstimate:
+        job, plan, wavelength = self.job, self.plan, self.wavelength
+        sums = job.run(seed)
+        traced, evaluations = job.traced_ray_count, sums.evaluation_count
+        standard_error = _standard_error(sums.moments, sums.phasors)
+        if job.may_be_refined and not standard_error <= SETTLED:
+            sums = job.refined(seed)
+            standard_error = _standard_error(sums.moments, sums.phasors)
+            traced += job.per_replicate * REPLICATES
+            finer = f"one of {REPLICATES} x {job.per_replicate}"
+            more = f"standard error of that fan above {SETTLED:g}, as at an edge: {finer}"
+            plan = replace(plan, reasons=(*plan.reasons, more))
+            evaluations += sums.evaluation_count
+        plan = told_of_rejected(plan, sums.rejected_count, sums.ray_count, sums.greatest_error, wavelength)
+        estimate = _combine(sums.moments, sums.phasors, wavelength, self.remove)
+        if _met_nothing(self.field, sums.moments, wavelength, self.tolerance):
+            _warn(
+                "every ray of the pupil passes through undisturbed air only, though the field holds other: the Strehl "
+                "ratio is 1; check the units (metres are expected), the direction and the position of the pupil"
+            )
+
+        spread = partial(
+            estimate_quantities,
+            moments=sums.moments,
+            wavelength=wavelength,
+            remove=self.remove,
+            symmetric=job.is_fan,
+        )
+        return StrehlEstimate(
+            ray_count=job.per_replicate * REPLICATES,
+            traced_ray_count=traced,
+            blocked=float(1.0 - sums.moments[:, 0].sum() / (sums.ray_count)),
+            plan=plan,
+            budget=StrehlBudget(self.field, self.pupil, self.look, seed, job.until, wavelength, job.air),
+            spread=spread,
+            standard_error=standard_error,
+            evaluation_count=evaluations,
+            **estimate,
+        )
+
+
+def _warn(message: str) -> None:
+    """Warn whoever called into this module."""
+    level, frame = 1, sys._getframe()
+    while frame.f_back is not None and frame.f_globals["__name__"] == __name__:
+        level, frame = level + 1, frame.f_back
+    warnings.warn(message, stacklevel=level)
+
+
+def _combine(moments, phasor, wavelength, remove) -> dict:
+    """Values from replicate sums."""
+    total = moments.sum(axis=0)
+    if total[0] == 0:
+        raise ValueError(
+            "no ray of the pupil arrived beyond the field: all met the body or left the way; "
+            "move the pupil, or turn its normal toward the flow"
+        )
+    _, tilt, about_piston, about_plane = fit_moments(total)
+    rms = about_plane if "tilt" in remove else about_piston
+    value = float(np.abs(phasor.sum() / total[0]) ** 2)
+    return {
+        "value": value,
+        "marechal": float(np.exp(-((2.0 * np.pi * rms / wavelength) ** 2))),
+        "opd_rms": rms,
+        "boresight": tilt,
+    }
+
+
+def _met_nothing(field: IndexField, moments, wavelength: float, tolerance: float) -> bool:
+    """Whether no ray saw any of the field's contrast, though that could count."""
+    mean, _, rms, _ = fit_moments(moments.sum(axis=0))
+    if max(abs(mean), rms) > UNSEEN * tolerance * wavelength:
+        return False
+    return greatest_contrast(field) * box_size(field) > tolerance * wavelength
+
+
+def _standard_error(moments: np.ndarray, phasor: np.ndarray) -> float:
+    """Standard error of the Strehl ratio from the spread of the replicates; nan where no ray arrived."""
+    counts = moments[:, 0].tolist()
+    if not any(counts):
+        return float("nan")
+    ratios = [abs(sum_ / count) ** 2 if count else 0.0 for sum_, count in zip(phasor.tolist(), counts, strict=True)]
+    mean = sum(ratios) / len(ratios)
+    return math.sqrt(sum((ratio - mean) ** 2 for ratio in ratios) / (len(ratios) - 1) / len(ratios))

@@ -1,0 +1,119 @@
+"""What every engine offers: memory on its device, kernels launched on it, and a field made ready for them.
+
+Kernels have the same names and arguments in Warp and in OpenCL (scripts/kernel_arguments compares them), so what is
+written with these few functions is written once: a bundle in chunks (launch.py), a pupil and its sums (pupil_run.py).
+"""
+
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+import numpy as np
+
+from ...medium import IndexField
+from ..collimated import Columns
+from ..plan import TracePlan
+
+# Per-ray outputs of the tracer's kernels, in the order of their arguments: numbers for a ray, and their type.
+OUTPUT_TYPES: dict[str, tuple[int, type]] = {
+    "position": (3, np.float64),
+    "direction": (3, np.float64),
+    "optical_path": (1, np.float64),
+    "opd": (1, np.float64),
+    "arc_length": (1, np.float64),
+    "step_error": (1, np.float64),
+    "step_count": (1, np.int32),
+    "evaluation_count": (1, np.int32),
+    "status": (1, np.int32),
+}
+
+
+class Engine(Protocol):
+    """One way to compute on one device. Buffers are the engine's own objects; a row is what belongs to one ray.
+
+    Attributes:
+        device: Name of the device.
+        memory: Bytes that the device has, and that it gives in one piece.
+    """
+
+    device: str
+    memory: tuple[float, float]
+
+    def prepare(
+        self, field: IndexField, plan: TracePlan, until, wavelength: float, outputs: frozenset, directions: np.ndarray
+    ) -> "Prepared":
+        """A field made ready for a plan, a stop and outputs; `directions` are those of the rays (n, 3).
+
+        Clocked as "upload" and "compile".
+
+        Raises:
+            ValueError: The device is not there, or too small for the field.
+        """
+
+    def prepare_columns(self, field: IndexField, columns: Columns, plan: TracePlan, outputs: frozenset) -> "Prepared":
+        """Tables of columns made ready for outputs of rays that only have a place."""
+
+    def pupil_kernels(self) -> dict[str, Any]:
+        """The kernels of a pupil, by name: launch_pupil, sum_moments, sum_phasors, join_sums."""
+
+    def put(self, array: np.ndarray) -> Any:
+        """A buffer with a copy of the array, whose rows are numbers, places or directions."""
+
+    def put_into(self, buffer: Any, array: np.ndarray) -> None:
+        """Copy an array over the first rows of a buffer."""
+
+    def empty(self, count: int, width: int = 1, kind: type = np.float64) -> Any:
+        """A buffer of `count` rows of `width` numbers."""
+
+    def get(self, buffer: Any, array: np.ndarray) -> None:
+        """Wait for what was launched, and copy the first rows of a buffer into the array."""
+
+    def launch(self, kernel: Any, before: list, after: list, count: int) -> Any:
+        """Start a kernel over `count` rays, or groups of rays, without waiting for it.
+
+        The kernel's arguments are `before`, the number of the first of them, and `after`.
+        """
+
+    def wait(self) -> None:
+        """Wait for what was launched."""
+
+
+@dataclass(eq=False)
+class Prepared:
+    """A field made ready on an engine: uploaded, with the kernel for a plan, a stop and outputs.
+
+    Attributes:
+        engine: Whose.
+        kernel: What traces.
+        arguments: What it is given before the rays.
+        outputs: What it computes for each ray, besides the status.
+        rejected: Buffer in which it counts rays that it does not hold for; None where it holds for all.
+    """
+
+    engine: Engine
+    kernel: Any
+    arguments: list
+    outputs: frozenset
+    rejected: Any
+
+    def launch(self, starts: list, results: dict, count: int) -> Any:
+        """Start the kernel on rays whose `starts` are on the device; see `Engine.launch`."""
+        counted = [] if self.rejected is None else [self.rejected]
+        return self.engine.launch(self.kernel, self.arguments, [*starts, *results.values(), *counted], count)
+
+    def allocate(self, count: int) -> dict[str, Any]:
+        """Buffers for the outputs of so many rays; one row for those that are not computed."""
+        computed = self.outputs | {"status"}
+        return {
+            name: self.engine.empty(count if name in computed else 1, width, kind)
+            for name, (width, kind) in OUTPUT_TYPES.items()
+        }
+
+    def take_rejected(self) -> int:
+        """How many rays the kernel did not hold for since this was last asked."""
+        if self.rejected is None:
+            return 0
+        count = np.zeros(1, np.int32)
+        self.engine.get(self.rejected, count)
+        if count[0]:
+            self.engine.put_into(self.rejected, np.zeros(1, np.int32))
+        return int(count[0])

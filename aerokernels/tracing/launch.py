@@ -1,0 +1,74 @@
+"""A bundle on the engine of its plan: uploaded in chunks that its memory holds, launched, and fetched."""
+
+import numpy as np
+
+from ..clock import stage
+from ..medium import IndexField
+from ..rays import RayBundle
+from .engines import OUTPUT_TYPES, Prepared, engine_of
+from .plan import TracePlan
+from .status import is_any_rejected
+
+# Bytes for one ray when all is asked for, and its start.
+RAY_BYTES = 6 * 8 + sum(width * np.dtype(kind).itemsize for width, kind in OUTPUT_TYPES.values())
+# Rays in one chunk at most, and at least; and the share of the device's memory that a chunk may take.
+CHUNK, LEAST_CHUNK = 1 << 21, 64
+MEMORY_SHARE = 0.25
+
+
+def launch(
+    field: IndexField, rays: RayBundle, plan: TracePlan, until, wavelength: float, outputs: frozenset
+) -> dict[str, np.ndarray]:
+    """Trace a bundle as its plan says, each ray once: per-ray arrays by name.
+
+    Where some rays are above the tolerance, "step_error" comes along.
+    """
+    if plan.backend == "reference":
+        from .reference import trace
+
+        with stage("kernel"):
+            return trace(field, rays, plan, until, wavelength, outputs)
+    prepared = engine_of(plan.backend, plan.device).prepare(field, plan, until, wavelength, outputs, rays.direction)
+    return in_chunks(prepared, (rays.position, rays.direction), outputs)
+
+
+def in_chunks(prepared: Prepared, starts: tuple[np.ndarray, ...], outputs: frozenset) -> dict[str, np.ndarray]:
+    """Launch a kernel over rays, chunk by chunk: per-ray arrays by name.
+
+    Args:
+        prepared: The kernel.
+        starts: What it is told of the rays, each of shape (ray_count, 3).
+        outputs: Names of the arrays to be fetched; the status always is, and "step_error" where rays are rejected.
+    """
+    engine, ray_count = prepared.engine, len(starts[0])
+    chunk = chunk_size(engine.memory, ray_count)
+    arrays: dict[str, np.ndarray] = {}
+    results = prepared.allocate(chunk)
+
+    def fetch(name: str, rows: slice) -> None:
+        width, kind = OUTPUT_TYPES[name]
+        if name not in arrays:
+            arrays[name] = np.zeros((ray_count, width) if width > 1 else ray_count, dtype=kind)
+        engine.get(results[name], arrays[name][rows])
+
+    for first in range(0, max(ray_count, 1), chunk):
+        rows = slice(first, min(first + chunk, ray_count))
+        with stage("upload"):
+            given = [engine.put(array[rows]) for array in starts]
+        with stage("kernel"):
+            prepared.launch(given, results, rows.stop - rows.start)
+            engine.wait()
+        with stage("download"):
+            for name in OUTPUT_TYPES:
+                if name in outputs or name == "status":
+                    fetch(name, rows)
+            if "step_error" in prepared.outputs - outputs:
+                if prepared.take_rejected() or is_any_rejected(arrays["status"][rows]):
+                    fetch("step_error", rows)
+    return arrays
+
+
+def chunk_size(memory: tuple[float, float], ray_count: int) -> int:
+    """Rays in one chunk, all of whose arrays are on the device together; `memory` as of an Engine."""
+    whole, piece = memory
+    return max(LEAST_CHUNK, int(min(ray_count, CHUNK, MEMORY_SHARE * whole / RAY_BYTES, piece / (3 * 8))))

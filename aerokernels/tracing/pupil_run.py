@@ -1,0 +1,182 @@
+"""The million-ray pupil on the engine of its plan: launch, trace and sums, nothing per ray coming back."""
+
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+
+from ..clock import stage
+from .engines import OUTPUT_TYPES, engine_of
+from .launch import RAY_BYTES
+from .pupil_sums import (
+    MOMENT_COUNT,
+    PUPIL_OUTPUTS,
+    SUM_COUNT,
+    PupilSums,
+    PupilTask,
+    batches_of,
+    fan_rays,
+    fit_plane,
+    group_count,
+    holds_tolerance,
+    joined_counts,
+    moments_in_metres,
+    point_order,
+)
+from .retrace import retrace_rejected
+from .status import RayStatus
+
+# Bytes for a ray that stay on the device for the second sum: pupil coordinates, OPD and status.
+KEPT_BYTES = 16 + 8 + 4
+
+
+@dataclass(eq=False)
+class Batch:
+    """Some replicates, and their rays on the device.
+
+    Attributes:
+        rows: Which replicates.
+        count: How many rays.
+        position: Where they start.
+        direction: Where they point.
+        place: Where on the pupil.
+        weight: Their shares, `weight_count` of them: one for all, or one a ray.
+        results: Outputs by name.
+    """
+
+    rows: slice
+    count: int
+    position: Any
+    direction: Any
+    place: Any
+    weight: Any
+    weight_count: int
+    results: dict[str, Any]
+
+
+class PupilRun:
+    """A pupil made ready on a device, to be traced any number of times, each with points of another seed.
+
+    Some replicates at a time are traced. Phasors are summed at once but where the tilt, which all replicates decide,
+    is taken out first: what they need then stays on the device.
+
+    Raises:
+        ValueError: A device that does not open; a field, or so many rays, that do not fit it.
+    """
+
+    def __init__(self, task: PupilTask):
+        """Upload and compile what the task needs."""
+        self.task = task
+        self.engine = engine = engine_of(task.plan.backend, task.plan.device)
+        self.prepared = engine.prepare(
+            task.field, task.plan, task.until, task.wavelength, PUPIL_OUTPUTS, task.look[None]
+        )
+        self.batches = batches_of(task.replicates, task.per_replicate)
+        self.widest = self.batches[0].stop - self.batches[0].start
+        together = self.widest * task.per_replicate
+        kept = task.replicates * task.per_replicate if task.with_tilt else together
+        check_memory(engine.device, engine.memory, together, kept)
+        self.kernels = engine.pupil_kernels()
+        with stage("upload"):
+            self.one = engine.put(np.ones(1))
+            if not task.is_fan:
+                self.order = engine.put(point_order(task.per_replicate, task.by_radius))
+        self.sums = [engine.empty(SUM_COUNT * self.widest * rows) for rows in joined_counts(task.per_replicate)]
+        self.buffers: list[dict[str, Any]] = []  # of each batch whose rays are still needed
+
+    def __call__(self, seed: int | None) -> PupilSums:
+        """Trace the points of a seed, and sum."""
+        with stage("kernel"):
+            return self._run(seed)
+
+    def _run(self, seed: int | None) -> PupilSums:
+        task = self.task
+        sums = np.empty((task.replicates, SUM_COUNT))
+        kept, rejected = [], 0
+        points = task.points(seed)
+        for number, rows in enumerate(self.batches):
+            batch = self._launch(rows, points, self._buffers(number if task.with_tilt else 0))
+            self.prepared.launch([batch.position, batch.direction], batch.results, batch.count)
+            sums[rows] = self._sums(batch, np.zeros(3))
+            if self.prepared.take_rejected() or not holds_tolerance(sums[rows], task):
+                rejected += self._retrace(batch)
+                sums[rows] = self._sums(batch, np.zeros(3))
+            kept.append(batch)
+        if task.with_tilt:
+            plane = fit_plane(sums[:, :MOMENT_COUNT], True)
+            for batch in kept:
+                sums[batch.rows] = self._sums(batch, plane)
+        moments = moments_in_metres(sums[:, :MOMENT_COUNT], task)
+        phasors = sums[:, MOMENT_COUNT] + 1j * sums[:, MOMENT_COUNT + 1]
+        return PupilSums(moments, phasors, task.replicates * task.per_replicate, rejected)
+
+    def _buffers(self, number: int) -> dict[str, Any]:
+        """Buffers of a batch: the later ones have only what the second sum needs for themselves."""
+        engine, rays = self.engine, self.widest * self.task.per_replicate
+        if number == len(self.buffers):
+            fresh = {"place": engine.empty(rays, 2)}
+            if not number:
+                fresh |= {name: engine.empty(rays, 3) for name in ("start", "heading")} | self.prepared.allocate(rays)
+            fresh |= {name: engine.empty(rays, *OUTPUT_TYPES[name]) for name in ("opd", "status") if number}
+            self.buffers.append({**(self.buffers[0] if number else {}), **fresh})
+        return self.buffers[number]
+
+    def _launch(self, rows: slice, points: Any, buffers: dict[str, Any]) -> Batch:
+        """The rays of some replicates, on the device."""
+        task, engine = self.task, self.engine
+        count = (rows.stop - rows.start) * task.per_replicate
+        results = {name: buffers[name] for name in OUTPUT_TYPES}
+        if task.is_fan:
+            position, direction, place, weight = (engine.put(array) for array in fan_rays(task, points, rows))
+            return Batch(rows, count, position, direction, place, weight, count, results)
+        pupil = task.pupil
+        vectors = [pupil.center, *(pupil.radius * axis for axis in pupil.axes), task.look]
+        position, direction, place = (buffers[name] for name in ("start", "heading", "place"))
+        before = [*vectors, engine.put(points[rows]), self.order, task.per_replicate]
+        engine.launch(self.kernels["launch_pupil"], before, [position, direction, place], count)
+        return Batch(rows, count, position, direction, place, self.one, 1, results)
+
+    def _sums(self, batch: Batch, plane: np.ndarray) -> np.ndarray:
+        """Sums of the replicates of a batch, (n, SUM_COUNT): of groups, then of groups of groups."""
+        per_replicate, engine, results = self.task.per_replicate, self.engine, batch.results
+        replicates = batch.rows.stop - batch.rows.start
+        groups = replicates * group_count(per_replicate)
+        shared = [batch.weight_count, batch.weight, batch.place]
+        per_ray = [results[name] for name in ("opd", "step_error", "evaluation_count", "status")]
+        engine.launch(self.kernels["sum_moments"], [per_replicate], [*shared, *per_ray, self.sums[0]], groups)
+        numbers = [2.0 * np.pi / self.task.wavelength, plane, per_replicate]
+        per_ray = [results["opd"], results["status"]]
+        engine.launch(self.kernels["sum_phasors"], numbers, [*shared, *per_ray, self.sums[0]], groups)
+        for (rows, joined), sums in zip(pairwise(joined_counts(per_replicate)), pairwise(self.sums), strict=True):
+            engine.launch(self.kernels["join_sums"], [rows, joined], [*sums], replicates * joined * SUM_COUNT)
+        values = np.empty(replicates * SUM_COUNT)
+        engine.get(self.sums[-1], values)
+        return values.reshape(replicates, SUM_COUNT)
+
+    def _retrace(self, batch: Batch) -> int:
+        """Trace again the rays of a batch that are above the tolerance; returns how many are so still."""
+        task, engine = self.task, self.engine
+        arrays: dict[str, np.ndarray] = {}
+        for name in ("opd", "step_error", "status", "evaluation_count"):
+            arrays[name] = np.empty(batch.count, OUTPUT_TYPES[name][1])
+            engine.get(batch.results[name], arrays[name])
+        position, direction = np.empty((batch.count, 3)), np.empty((batch.count, 3))
+        engine.get(batch.position, position)
+        engine.get(batch.direction, direction)
+        retrace_rejected(task.field, position, direction, task.plan, task.until, task.wavelength, arrays)
+        for name, array in arrays.items():
+            engine.put_into(batch.results[name], array)
+        return int(np.count_nonzero(arrays["status"] == RayStatus.TOLERANCE_NOT_MET))
+
+
+def check_memory(device: str, memory: tuple[float, float], together: int, kept: int) -> None:
+    """Refuse rays that the device has no room for, before it fails half-way; `memory` as of an Engine."""
+    whole, piece = memory
+    needed = together * RAY_BYTES + kept * KEPT_BYTES
+    if needed > whole or 24 * together > piece:
+        raise ValueError(
+            f"rays of a pupil take {needed / 2**30:.1f} GiB, and {24 * together / 2**30:.1f} GiB in one piece; "
+            f"device {device!r} has {whole / 2**30:.1f} GiB and gives {piece / 2**30:.1f} GiB in one piece: use fewer "
+            "rays, or another device"
+        )

@@ -1,0 +1,82 @@
+"""A pupil made ready once and traced many times: the same numbers as when it is made ready each time."""
+
+import numpy as np
+import pytest
+
+from aerokernels import Disc, IndexField, estimate_strehl, prepare_strehl
+from aerokernels.tracing import launch
+
+from .backends import ENGINES, on
+
+
+def lens(peak: float = 1e-6) -> IndexField:
+    """A blob in a volume that fades to nothing at the faces."""
+    axis = np.linspace(-1.0, 1.0, 25)
+    x, y, z = np.meshgrid(axis, axis, axis, indexing="ij")
+    contrast = peak * np.exp(-12.0 * (x**2 + 1.3 * y**2 + z**2)) * (1.0 + 0.3 * x)
+    return IndexField.from_samples(contrast, origin=(-1.0,) * 3, spacing=(axis[1] - axis[0],) * 3, geometry="volume")
+
+
+PUPIL = Disc(0.4, center=(0.0, 0.0, -1.5))
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+@pytest.mark.parametrize("remove", [("piston",), ("piston", "tilt")])
+def test_each_call_is_an_estimate_of_its_own_seed(engine, remove):
+    """The same bits as `estimate_strehl` with that seed, in any order; other seeds, other points."""
+    options = {**on(engine), "ray_count": 16 * 300, "remove": remove, "allow_truncation": True}
+    seen = prepare_strehl(lens(), PUPIL, **options)
+    first, other, again = seen(seed=1), seen(seed=2), seen(seed=1)
+    assert first.value == again.value and first.standard_error == again.standard_error
+    assert first.value != other.value
+    for seed, found in ((1, first), (2, other)):
+        alone = estimate_strehl(lens(), PUPIL, seed=seed, **options)
+        assert (alone.value, alone.standard_error, alone.opd_rms) == (found.value, found.standard_error, found.opd_rms)
+        assert (alone.boresight == found.boresight).all() and alone.error == found.error
+        assert alone.plan == found.plan == seen.plan
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+def test_a_call_compiles_and_uploads_nothing(engine):
+    """Clocks: making it ready has those stages, a call has none of them; an estimate has both."""
+    options = {**on(engine), "ray_count": 16 * 300, "allow_truncation": True}
+    seen = prepare_strehl(lens(), PUPIL, **options)
+    assert seen.seconds["total"] >= seen.seconds["plan"] + seen.seconds["upload"] + seen.seconds["compile"] > 0.0
+    found = seen(seed=1)
+    assert found.seconds["compile"] == found.seconds["upload"] == 0.0
+    assert 0.0 < found.seconds["kernel"] <= found.seconds["total"]
+    alone = estimate_strehl(lens(), PUPIL, seed=1, **options)
+    assert alone.seconds["total"] >= alone.seconds["plan"] + alone.seconds["kernel"]
+
+
+def test_a_fan_is_prepared_too():
+    """A symmetric set-up: the fan's points follow the seed."""
+    axis = np.linspace(0.0, 1.0, 33)
+    r, z = np.meshgrid(axis, axis, indexing="ij")
+    contrast = 2e-6 * np.exp(-12.0 * (r**2 + 4.0 * (z - 0.5) ** 2))
+    field = IndexField.from_samples(contrast, origin=(0.0, 0.0), spacing=(axis[1],) * 2, geometry="axisymmetric")
+    options = {"ray_count": 16 * 400, "backend": "warp", "device": "cpu", "allow_truncation": True}
+    seen = prepare_strehl(field, Disc(0.3, center=(0.0, 0.0, -0.5)), **options)
+    assert any("a fan of" in reason for reason in seen.plan.reasons)
+    for seed in (4, 5, 4):
+        alone = estimate_strehl(field, Disc(0.3, center=(0.0, 0.0, -0.5)), seed=seed, **options)
+        assert seen(seed=seed).value == alone.value
+    assert seen(seed=4).value != seen(seed=5).value
+
+
+def test_what_estimate_refuses_is_refused_when_it_is_prepared():
+    with pytest.raises(TypeError, match="pupil must be a Disc"):
+        prepare_strehl(lens(), 0.4)
+    with pytest.raises(ValueError, match="ray_count must be a whole number"):
+        prepare_strehl(lens(), PUPIL, ray_count=3)
+    with pytest.raises(TypeError, match="rays"):
+        prepare_strehl(lens(), PUPIL, rays=100)
+
+
+def test_bundles_are_cut_to_the_memory_of_any_engine():
+    """A quarter of the memory over the bytes of a ray, a piece of three doubles a ray; 64 rays at least."""
+    assert launch.chunk_size((1e12, 1e12), 5000) == 5000
+    assert launch.chunk_size((1e12, 1e12), 1 << 24) == launch.CHUNK
+    assert launch.chunk_size((4.0 * launch.RAY_BYTES * 1000, 1e12), 5000) == 1000
+    assert launch.chunk_size((1e12, 24 * 700), 5000) == 700
+    assert launch.chunk_size((1.0, 1.0), 5000) == launch.LEAST_CHUNK
