@@ -1,19 +1,20 @@
 """aerokernels: light through the refractive index of supersonic air flow.
 
-The public names; each is imported when it is first used, so that importing the package costs nothing.
+The public names; each is imported when it is first used, so that importing the package costs nothing. `echo`,
+`schlieren` and `strehl` are modules that can be called as the functions of these names: see callable_module.py.
 """
 
-import sys
 from importlib import import_module
-from types import ModuleType
 from typing import TYPE_CHECKING
 
 __version__ = "0.1.0"
 
+# Where each name lives; "" for the modules.
 _HOME = {
     "ArcLength": "tracing",
     "BackendInfo": "tracing",
     "Body": "medium",
+    "DensityField": "flow",
     "Disc": "rays",
     "EchoResult": "echo",
     "IndexField": "medium",
@@ -21,12 +22,13 @@ _HOME = {
     "QuadMesh": "medium",
     "RayBundle": "rays",
     "RayStatus": "tracing",
+    "RunResult": "study.run",
     "Scene": "scene",
     "StrehlEstimate": "strehl",
     "TraceResult": "tracing",
     "available_backends": "tracing",
     "compare_waveforms": "compare",
-    "echo": "echo",
+    "echo": "",
     "estimate_range": "echo",
     "estimate_strehl": "strehl_estimate",
     "flow": "",
@@ -35,9 +37,10 @@ _HOME = {
     "point_spread_function": "wavefront",
     "prepare_strehl": "strehl_estimate",
     "range_statistics": "echo",
-    "schlieren": "schlieren",
+    "schlieren": "",
     "shadowgraph": "schlieren",
-    "strehl": "strehl",
+    "simulate": "study.run",
+    "strehl": "",
     "strehl_marechal": "strehl",
     "trace": "tracing",
 }
@@ -46,6 +49,7 @@ __all__ = [
     "ArcLength",
     "BackendInfo",
     "Body",
+    "DensityField",
     "Disc",
     "EchoResult",
     "IndexField",
@@ -53,6 +57,7 @@ __all__ = [
     "QuadMesh",
     "RayBundle",
     "RayStatus",
+    "RunResult",
     "Scene",
     "StrehlEstimate",
     "TraceResult",
@@ -69,6 +74,7 @@ __all__ = [
     "range_statistics",
     "schlieren",
     "shadowgraph",
+    "simulate",
     "strehl",
     "strehl_marechal",
     "trace",
@@ -88,18 +94,6 @@ def __getattr__(name: str):
     return value
 
 
-class _Package(ModuleType):
-    """A package some of whose functions share their name with the module they live in: the function wins."""
-
-    def __setattr__(self, name, value):
-        if _HOME.get(name) == name and isinstance(value, ModuleType):
-            value = getattr(value, name)
-        super().__setattr__(name, value)
-
-
-sys.modules[__name__].__class__ = _Package
-
-
 def __dir__() -> list[str]:
     """The public names."""
     return [*__all__, "__version__"]
@@ -109,12 +103,14 @@ if TYPE_CHECKING:
     from . import flow
     from .compare import compare_waveforms
     from .echo import EchoResult, echo, estimate_range, plane_target_echo, range_statistics
+    from .flow import DensityField
     from .medium import Body, IndexField, QuadMesh
     from .rays import Disc, RayBundle
     from .scene import Scene
     from .schlieren import interferogram, schlieren, shadowgraph
     from .strehl import StrehlEstimate, strehl, strehl_marechal
     from .strehl_estimate import estimate_strehl, prepare_strehl
+    from .study.run import RunResult, simulate
     from .tracing import ArcLength, BackendInfo, Plane, RayStatus, TraceResult, available_backends
     from .tracing.trace import trace
     from .wavefront import point_spread_function

@@ -3,9 +3,11 @@
 from collections.abc import Callable, Hashable
 from typing import Any
 
+from .read_only import ReadOnly
 
-class Derived:
-    """A base of immutable objects whose data is worked on by later stages: bounds, tables, copies on a device.
+
+class Derived(ReadOnly):
+    """A base of immutable data classes whose data is worked on by later stages: bounds, tables, copies on a device.
 
     Each such result is made once, and lives as long as the object that it was made of and no longer. Copies made by
     `dataclasses.replace` and by pickling begin without any.
@@ -27,10 +29,6 @@ class Derived:
                     held.pop(other, None)
             held[key] = make()
         return held[key]
-
-    def __getstate__(self) -> dict[str, Any]:
-        """What is pickled: all but what was derived."""
-        return {name: value for name, value in self.__dict__.items() if name != "_derived"}
 
 
 def _kind(key: Hashable) -> Hashable:

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from aerokernels.flow import DensityField
+from aerokernels.flow import CellDensity, ConicalFlow, DensityField
 from aerokernels.medium import IndexField, ResamplingError
 from aerokernels.scene import Scene
 
@@ -27,14 +27,14 @@ class Prepared:
     """What a scene's rays are traced through, and how it was made.
 
     Attributes:
-        density: The flow, on its own mesh.
-        mesh_field: The refractive index on the flow's own mesh, the whole of it.
+        density: The flow; None where an index field was given.
+        mesh_field: The refractive index of the whole flow, on the flow's own mesh where it has one.
         field: The refractive index that is traced: `mesh_field` itself (route "mesh") or its resampled part.
         region: Lowest and highest (r, z) or (y, z) of `field` [m].
         seconds: Time for each stage.
     """
 
-    density: DensityField
+    density: DensityField | None
     mesh_field: IndexField
     field: IndexField
     region: Region
@@ -44,6 +44,13 @@ class Prepared:
     def resampling(self) -> ResamplingError | None:
         """What resampling changed, as measured; None on route "mesh"."""
         return self.field.resampling if isinstance(self.field.resampling, ResamplingError) else None
+
+    @property
+    def provenance(self) -> str:
+        """Where the flow comes from, in words."""
+        if self.density is not None:
+            return self.density.provenance
+        return f"index field given by the caller, {self.mesh_field.geometry}, {self.mesh_field.interpolation}"
 
     @property
     def front(self) -> float:
@@ -92,45 +99,62 @@ def ray_region(scene: Scene, mesh_field: IndexField) -> Region:
     )
 
 
-def prepare_field(scene: Scene) -> Prepared:
+def prepare_field(scene: Scene, field: IndexField | DensityField | None = None) -> Prepared:
     """Make the index field of a scene.
 
     Args:
         scene: The scene.
+        field: A flow to take in place of the scene's, as it is: the scene's flow.source and flow.density count for
+            nothing then. The index of a density field is made at the scene's wavelength, by its relation.
 
     Returns:
         The density field, the index on its mesh, and the index that is traced, resampled to `grid.spacing` unless
-        `grid.route` is "mesh"; the error of resampling is measured.
+        `grid.route` is "mesh"; the error of resampling is measured. A field that lies on a uniform grid is traced as
+        it is.
 
     Raises:
-        ValueError: A pupil ahead of the flow, or a spacing that the region or the memory cannot take.
+        TypeError: `field` is no field.
+        ValueError: A pupil ahead of the flow, a spacing that the region or the memory cannot take, an index field of
+            another wavelength than the scene's.
     """
+    if field is not None and not isinstance(field, (IndexField, DensityField)):
+        raise TypeError(f"field must be an IndexField or a DensityField, got {type(field).__name__}")
     seconds = {}
     start = time.perf_counter()
-    density = scene.density_field()
+    density = None if isinstance(field, IndexField) else scene.density_field() if field is None else field
     seconds["flow"] = time.perf_counter() - start
 
     start = time.perf_counter()
-    uniform = scene.grid.route == "uniform"
-    mesh_field = density.index_field(
-        scene.flow.wavelength,
-        scene.flow.relation,
-        gladstone_dale=scene.flow.gladstone_dale,
-        interpolation="bilinear" if uniform else scene.grid.interpolation,
-    )
+    whole = field if isinstance(field, IndexField) else _index_of(scene, density)
+    whole.wavelength_for(scene.flow.wavelength)
     seconds["index"] = time.perf_counter() - start
 
     start = time.perf_counter()
-    region = ray_region(scene, mesh_field)
-    field = mesh_field
-    if uniform:
+    traced = whole
+    if scene.grid.route == "uniform" and not whole.is_uniform:
+        region = ray_region(scene, whole)
         try:
-            field = mesh_field.resample(scene.grid.spacing, region=region, interpolation=scene.grid.interpolation)
+            traced = whole.resample(scene.grid.spacing, region=region, interpolation=scene.grid.interpolation)
         except ValueError as fault:
             raise ValueError(f"grid.spacing = {scene.grid.spacing:g} m: {fault}") from fault
     else:
-        low, high = (corner[1:] for corner in mesh_field.box)
-        first = 0.0 if mesh_field.geometry == "axisymmetric" else float(low[0])
+        low, high = (corner[1:] for corner in whole.box)
+        first = 0.0 if whole.geometry == "axisymmetric" else float(low[0])
         region = ((first, float(low[1])), (float(high[0]), float(high[1])))
     seconds["resample"] = time.perf_counter() - start
-    return Prepared(density, mesh_field, field, region, seconds)
+    return Prepared(density, whole, traced, region, seconds)
+
+
+def _index_of(scene: Scene, density: DensityField | None) -> IndexField:
+    """The index of a flow by the scene's [flow] and [grid]: on the flow's mesh, or, where it has none, on a grid."""
+    flow, grid = scene.flow, scene.grid
+    constant = flow.gladstone_dale
+    if isinstance(density, CellDensity):
+        interpolation = "bilinear" if grid.route == "uniform" else grid.interpolation
+        return density.index_field(flow.wavelength, flow.relation, constant=constant, interpolation=interpolation)
+    assert isinstance(density, ConicalFlow)  # there is no other kind
+    if grid.route == "mesh":
+        raise ValueError("grid.route = 'mesh' needs a flow on a mesh, and this one is a formula: take 'uniform'")
+    return density.index_field(
+        flow.wavelength, flow.relation, constant=constant, spacing=grid.spacing, interpolation=grid.interpolation
+    )

@@ -4,6 +4,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from .read_only import ReadOnly
 from .sobol import sobol_points
 
 SAMPLINGS = ("sobol", "gauss", "grid", "random")
@@ -118,7 +119,7 @@ class Disc:
 
 
 @dataclass(frozen=True, eq=False)
-class RayBundle:
+class RayBundle(ReadOnly):
     """Rays to trace.
 
     Attributes:

@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 
+from .callable_module import make_callable
 from .clock import clocked, stage
 from .quantities import Quantity, Verdict, judge_strehl, listed
 from .strehl_errors import main_cause, phase_error
@@ -141,3 +142,6 @@ class StrehlEstimate:
         ]
         verdict = self.verdict
         return "\n".join([*lines, f"  {verdict.level}: {verdict.reason}"] if verdict else lines)
+
+
+make_callable(__name__)

@@ -10,20 +10,17 @@ import numpy as np
 
 from .clock import clocked, stage
 from .medium import IndexField
-from .rays import Disc, RayBundle, as_unit_vector
+from .rays import Disc, as_unit_vector
 from .strehl import StrehlEstimate
-from .strehl_errors import STANDARD_ERRORS, estimate_quantities, strehl_error
-from .tracing.budget import CAUSES, SAFETY, combine, faintly_lost, float64_rounding, opd_errors
-from .tracing.budget_rays import SUBSET
+from .strehl_budget import StrehlBudget
+from .strehl_errors import estimate_quantities
 from .tracing.lines import box_size
 from .tracing.meeting import greatest_contrast
 from .tracing.plan import TracePlan
-from .tracing.pupil_air import PupilAir
 from .tracing.pupil_fan import SETTLED
 from .tracing.pupil_job import REPLICATES, make_job
 from .tracing.pupil_sums import fit_moments
 from .tracing.retrace import told_of_rejected
-from .tracing.trace import retracer
 from .wavefront import check_terms
 
 # The share of the tolerance below which an optical path difference is none.
@@ -229,10 +226,6 @@ class PreparedStrehl:
                 "ratio is 1; check the units (metres are expected), the direction and the position of the pupil"
             )
 
-        def budget(found: StrehlEstimate) -> dict[str, float]:
-            probe = RayBundle.collimated(self.pupil, SUBSET, direction=self.look, seed=seed)
-            return _budget(self.field, probe, found, job.until, wavelength, job.air)
-
         spread = partial(
             estimate_quantities,
             moments=sums.moments,
@@ -245,7 +238,7 @@ class PreparedStrehl:
             traced_ray_count=traced,
             blocked=float(1.0 - sums.moments[:, 0].sum() / (sums.ray_count)),
             plan=plan,
-            budget=budget,
+            budget=StrehlBudget(self.field, self.pupil, self.look, seed, job.until, wavelength, job.air),
             spread=spread,
             standard_error=standard_error,
             evaluation_count=evaluations,
@@ -296,23 +289,3 @@ def _standard_error(moments: np.ndarray, phasor: np.ndarray) -> float:
     ratios = [abs(sum_ / count) ** 2 if count else 0.0 for sum_, count in zip(phasor.tolist(), counts, strict=True)]
     mean = sum(ratios) / len(ratios)
     return math.sqrt(sum((ratio - mean) ** 2 for ratio in ratios) / (len(ratios) - 1) / len(ratios))
-
-
-def _budget(field, probe, found: StrehlEstimate, until, wavelength, air: PupilAir) -> dict[str, float]:
-    """The OPD errors of some rays of the pupil, turned into errors of the Strehl ratio.
-
-    What a phase error changes of the ratio at most is told in strehl_errors.py. So many standard errors stand for the
-    sampling.
-    """
-
-    def of_strehl(opd_rms: float) -> float:
-        return strehl_error(found.value, 2.0 * np.pi * opd_rms / wavelength)
-
-    errors = opd_errors(field, probe, found.plan, retracer(until, wavelength))
-    spread = {cause: SAFETY * float(np.std(error)) if len(error) else float("nan") for cause, error in errors.items()}
-    spread["precision"] += float64_rounding(field, probe)
-    faint = float(np.sqrt(np.mean(faintly_lost(field, probe, None) ** 2)))
-    spread["truncation"] = SAFETY * max(air.lost_rms, faint)
-    of_path = combine(spread)
-    causes = {cause: of_strehl(of_path[cause]) for cause in CAUSES}
-    return combine({**causes, "sampling": STANDARD_ERRORS * found.standard_error})

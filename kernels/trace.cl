@@ -77,7 +77,10 @@ __kernel void trace_kernel(
         momentum = contrast(ambient, pot) * d;
         const int cone = cone_of(d0);
         const Lever lever_here = lever_of(&bounds, &control, &course, p0, d0);
-        const real slant = lever_here.slant, arm = lever_here.arm, reach = lever_here.reach, caution = lever_here.caution;
+        const real slant = lever_here.slant, arm = lever_here.arm, reach = lever_here.reach;
+        // The table of safe steps weighs the kinks that a step may pass by the path, not by what they turn a ray aside.
+        const real caution =
+            AT_FACES && slant * arm * greatest(cell_rate) > R(1.0) ? R(0.0) : lever_here.caution;
         real slant_left = slant;
         const real first_momentum = size3(momentum);
         const real arc_left = (real)(bounds.length - course.enter);
@@ -113,15 +116,6 @@ __kernel void trace_kernel(
             const real4 s4 = look(
                 &field, &arrays, home, cell, frac, rate, h, total, momentum, q, kick_of(h, force, s2, s3));
             evaluations += 3;
-            int crossed = 0;
-            if (AT_FACES && h > ahead.safe) {
-                // The slope at the start, a jump, by the parabola through the others, which lie in one cell: if that is
-                // not what was found behind the face, the step went on into the next cell.
-                const real3 first = first_force(s2, s3, s4);
-                const real odd = R(0.01) * size3(force) + R(1.0e-4) * fabs(pot) * greatest(cell_rate);
-                crossed = size3(first - force) > odd && h > R(4.0) * h_least;
-                force = first;
-            }
             const real3 kick = kick_of(h, force, s2, s3);
 
             real turn_now, lever;
@@ -156,10 +150,6 @@ __kernel void trace_kernel(
                     h_cap = R(0.5) * h;
                 }
             }
-            if (crossed) {
-                accept = 0;
-                h_cap = R(0.5) * h;
-            }
 
             // A step into the body is taken again up to its surface, until what is left is flown along the tangent.
             real behind = R(-1.0);
@@ -192,11 +182,21 @@ __kernel void trace_kernel(
                 pot = s4.x;
                 force = FORCE(s4);
                 if (AT_FACES) {
-                    // The slope jumps at the face just reached: the next step is to have the one behind it.
-                    const real over = R(3.0) * ahead.shy / size3(total * rate);
-                    const real4 beyond = sample(&field, &arrays, cell, frac + over * (total * rate), home);
+                    // The slope jumps at the face before which the step stopped: the rest is flown along the tangent,
+                    // and the next step is to have the slope behind it.
+                    const real3 bearing = IS_STRAIGHT ? ambient * d : ambient * d + momentum;
+                    const real3 curve = IS_STRAIGHT ? (real3)R(0.0) : force;
+                    const real rest =
+                        land >= 0 ? R(0.0) : rest_to_face(frac, bearing * rate, curve * rate, ahead.shy, h);
+                    advance4(&sums, &sums_carry, tangent_sums(ambient, d, momentum, rest, pot, force));
+                    advance3(&q, &q_carry, rest * momentum + (R(0.5) * rest * rest) * force);
+                    advance3(&momentum, &momentum_carry, rest * force);
+                    advance3(&frac, &frac_carry, (rest * bearing + (R(0.5) * rest * rest) * curve) * rate);
+                    carry_over(&cell, &frac);
+                    const real over = AT_FACE / size3(bearing * rate);
+                    const real4 beyond = sample(&field, &arrays, cell, frac + over * (bearing * rate), home);
                     force = FORCE(beyond);
-                    pot = beyond.x - over * dot(force, total);
+                    pot = beyond.x - over * dot(force, bearing);
                     if (IS_STRAIGHT) {
                         pot += dot(force, q);
                     }

@@ -45,9 +45,6 @@ def constants() -> str:
         *_row("Error of the momentum and of the sums, from the embedded formula", "F", tableau.BT_ERROR),
         *_row("Error of the optical path, from the rule of degree 7: values", "G", tableau.PATH_ERROR_VALUE),
         *_row("The same: slopes along the ray", "K", tableau.PATH_ERROR_SLOPE),
-        *_row(
-            "A value at the start of a step by the parabola through the later stages", "W", tableau.START_FROM_LATER, 2
-        ),
         *_row("Momentum at the second stage", "P", tableau.STAGE_MOMENTUM[1]),
         *_row("Momentum at the third stage", "Q", tableau.STAGE_MOMENTUM[2]),
         *_group("Length of a step"),
@@ -116,7 +113,7 @@ def _holds(path: Path, text: str) -> bool:
 
 
 def _by_precision(precision: str) -> list[str]:
-    names = ("NOISE", "DIRECTION_NOISE", "TINY", "LANDING_NOISE", "SLACK_CELLS")
+    names = ("NOISE", "DIRECTION_NOISE", "TINY", "LANDING_NOISE", "AT_FACE", "RADIUS_NOISE", "SLACK_CELLS")
     return _reals({name: getattr(scheme, name)[precision] for name in names})
 
 

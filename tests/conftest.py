@@ -11,15 +11,43 @@ import pytest
 ROOT = Path(__file__).resolve().parents[1]
 # Processes that tests start, in other folders, take this checkout too where it is not installed.
 os.environ["PYTHONPATH"] = os.pathsep.join(filter(None, [str(ROOT), os.environ.get("PYTHONPATH")]))
-# Where a test leaves the backend to "auto", it is the same one in every run; tests of OpenCL ask for it by name.
-os.environ.setdefault("AEROKERNELS_CPU_BACKEND", "warp")
-os.environ.setdefault("AEROKERNELS_GPU_BACKEND", "warp")
+
+# Files that take longest, first: with two processes none of them is left to one alone at the end (see scripts/test).
+LONGEST = (
+    "tests/tracing/test_active.py",
+    "tests/tracing/test_cross_backend.py",
+    "tests/tracing/test_even.py",
+    "tests/tracing/test_bundles_against_reference.py",
+    "tests/tracing/test_budget_coverage.py",
+    "tests/tracing/test_exact_rays.py",
+    "tests/tracing/test_random_fields_backends.py",
+    "tests/tracing/test_backends_agree.py",
+)
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Longest files first, each as a whole; the others in their own order."""
+    rank = {name: place for place, name in enumerate(LONGEST)}
+    items.sort(key=lambda item: rank.get(item.nodeid.split("::")[0], len(rank)))
 
 
 @pytest.fixture(scope="session")
 def root() -> Path:
     """The checkout."""
     return ROOT
+
+
+@pytest.fixture(params=["opencl", "warp"])
+def both_backends(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> str:
+    """The test runs twice, and "auto" takes OpenCL at first and then Warp; skipped where there is only one of them."""
+    from aerokernels.tracing.engines.choice import VARIABLES, choose_backend
+
+    for variable in VARIABLES.values():
+        monkeypatch.setenv(variable, request.param)
+    taken, _, reason = choose_backend("auto", None)
+    if taken != request.param:
+        pytest.skip(reason)
+    return taken
 
 
 @pytest.fixture

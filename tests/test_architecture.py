@@ -16,7 +16,8 @@ RANK = {
     room: rank
     for rank, rooms in enumerate(
         [
-            ("units", "quantities", "sobol", "wavelength", "derived", "clock"),
+            ("read_only",),
+            ("units", "quantities", "callable_module", "sobol", "wavelength", "derived", "clock"),
             ("rays",),
             ("strehl_sums",),
             ("medium",),
@@ -24,6 +25,7 @@ RANK = {
             ("scene", "scenes"),
             ("tracing",),
             ("wavefront", "strehl_errors"),
+            ("strehl_budget",),
             ("strehl", "schlieren"),
             ("strehl_estimate", "prepare"),
             ("echo",),
@@ -179,7 +181,7 @@ def test_public_names_are_there_and_documented():
 
 
 def test_public_names_do_not_depend_on_what_was_imported_before():
-    """`echo`, `strehl` and `schlieren` name a function and the module it lives in: the function is handed out."""
+    """`echo`, `strehl` and `schlieren` name a function and the module it lives in: a module that can be called."""
     code = (
         "import importlib, pkgutil, types, aerokernels\n"
         "for module in pkgutil.iter_modules(aerokernels.__path__):\n"
@@ -190,7 +192,37 @@ def test_public_names_do_not_depend_on_what_was_imported_before():
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
-    assert done.stdout.split() == ["flow"]
+    assert done.stdout.split() == ["echo", "flow", "schlieren", "strehl"]
+
+
+IMPORTS = {
+    "a module's name": "from aerokernels.echo import plane_target_echo; assert callable(plane_target_echo)",
+    "a module by another name": "import aerokernels.schlieren as m; assert callable(m.shadowgraph)",
+    "a module of a module": "import aerokernels.echo.ranging as m; assert m.RANGING_METHODS",
+    "a name of the package": "from aerokernels import echo, schlieren, strehl",
+    "another stage": "import aerokernels.study.run",
+    "a module of one file": "from aerokernels.strehl import strehl_marechal, StrehlEstimate",
+}
+CALLS = (
+    "import aerokernels as ak, inspect, pickle\n"
+    "for name in ('echo', 'schlieren', 'strehl'):\n"
+    "    thing = getattr(ak, name)\n"
+    "    function = getattr(thing, name)\n"
+    "    assert inspect.isfunction(function) and inspect.signature(thing) == inspect.signature(function)\n"
+    "    assert pickle.loads(pickle.dumps(thing)) is thing\n"
+    "    try: thing()\n"
+    "    except TypeError as fault: assert f'{name}() missing' in str(fault), fault\n"
+    "assert abs(ak.strehl([0.0, 0.0], 1e-6) - 1.0) < 1e-12\n"
+)
+
+
+@pytest.mark.parametrize("first", IMPORTS)
+def test_modules_are_modules_and_functions_in_any_order(first: str):
+    """Each way of importing alone before and after the calls, and all the others after it, in a process of its own."""
+    others = [line for name, line in IMPORTS.items() if name != first]
+    code = "\n".join([IMPORTS[first], CALLS, *others, CALLS, IMPORTS[first]])
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
 
 
 def test_all_equals_the_documented_names(root: Path):

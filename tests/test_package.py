@@ -85,3 +85,39 @@ def test_every_package_that_is_imported_is_declared(root: Path):
                     continue
                 known = {normalised(name) for name in providers[top]}
                 assert known & declared, f"{path}:{node.lineno}: {top} comes with {known}, which pyproject.toml lacks"
+
+
+@pytest.mark.parametrize(
+    ("system", "machine", "version", "expected"),
+    [
+        ("linux", "x86_64", "3.11", True),
+        ("linux", "x86_64", "3.14", True),
+        ("linux", "x86_64", "3.15", False),
+        ("linux", "aarch64", "3.12", False),
+        ("darwin", "arm64", "3.12", False),
+        ("darwin", "x86_64", "3.12", False),
+        ("win32", "AMD64", "3.12", False),
+    ],
+)
+def test_opencl_is_installed_where_wheels_are(root: Path, system: str, machine: str, version: str, expected: bool):
+    """PyPI has PoCL for 64-bit Linux on x86 only: asked for elsewhere, nothing at all would be installed."""
+    from packaging.requirements import Requirement
+
+    place = {"sys_platform": system, "platform_machine": machine, "python_version": version}
+    project = tomllib.loads((root / "pyproject.toml").read_text())["project"]
+    core = {line.name: line for line in map(Requirement, project["dependencies"])}
+    assert core["pyopencl"].extras == {"pocl"} and core["pyopencl"].marker.evaluate(place) == expected
+    assert core["warp-lang"].marker is None
+    extra = [Requirement(line) for line in project["optional-dependencies"]["opencl"]]
+    assert not [line for line in extra if line.extras], "the old extra asks for no more than a wheel that is everywhere"
+
+
+def test_extras_install_only_what_is_imported(root: Path):
+    """Beside the tools of `dev`, whatever an extra brings is imported somewhere in the package."""
+    project = tomllib.loads((root / "pyproject.toml").read_text())["project"]
+    assert {"opencl", "cfd", "dask", "plot", "dev", "all"} <= set(project["optional-dependencies"])
+    sources = [path.read_text(encoding="utf-8") for path in (root / "aerokernels").rglob("*.py")]
+    for extra, lines in project["optional-dependencies"].items():
+        for line in lines if extra not in ("dev", "all") else []:
+            name = re.match(r"[\w-]+", line)[0].replace("-", "_")  # type: ignore[index]
+            assert any(re.search(rf"\bimport {name}\b|\bfrom {name}\b|\"{name}\"", text) for text in sources), line

@@ -300,7 +300,7 @@ def test_the_reference_backend_agrees():
     """A few rays through the same field in SciPy, another sample of the pupil: equal within twice both told errors."""
     field, pupil = gaussian_rod(node_count=21), Disc(PUPIL)
     slow = estimate_strehl(field, pupil, ray_count=32, backend="reference", remove="tilt", method="fixed", step=5e-4)
-    fast = estimate_strehl(field, pupil, ray_count=16_384, backend="warp", device="cpu", remove="tilt", symmetry="off")
+    fast = estimate_strehl(field, pupil, ray_count=16_384, remove="tilt", symmetry="off")
     assert slow.plan.backend == "reference" and slow.ray_count == 32
     assert abs(slow.value - fast.value) < 2.0 * sum(total_but_truncation(each.error) for each in (slow, fast))
     assert slow.error["step"] == 0.0 and slow.evaluation_count > 32

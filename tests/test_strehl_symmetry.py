@@ -134,7 +134,7 @@ def test_either_way_along_the_axis(normal, direction):
     along = normal if direction is None else direction
     pupil = Disc(PUPIL, (0.0, 0.0, 0.0 if along > 0.0 else LENGTH), (0.0, 0.0, normal))
     direction = None if direction is None else (0.0, 0.0, direction)
-    estimate = estimate_strehl(lens(), pupil, direction=direction, symmetry=True, tolerance=1e-4, backend="warp")
+    estimate = estimate_strehl(lens(), pupil, direction=direction, symmetry=True, tolerance=1e-4)
     assert estimate.value == pytest.approx(exact_strehl(), abs=1e-4)
 
 
@@ -188,7 +188,7 @@ def test_the_standard_error_covers_the_error(mach3):
 
     A binomial of 40 at 0.936 has a spread of 1.5: 37.4 expected, at least 32 asked for (3.5 of them).
     """
-    options = {"ray_count": 16 * 256, "backend": "warp", "device": "cpu", "precision": "float64"}
+    options = {"ray_count": 16 * 256, "precision": "float64"}
     estimates = [estimate_strehl(mach3, DOME, seed=seed, **options) for seed in range(40)]
     finer = [estimate_strehl(mach3, DOME, seed=seed, **options | {"ray_count": 10**6}) for seed in range(100, 110)]
     truth = float(np.mean([estimate.value for estimate in finer]))
@@ -226,7 +226,7 @@ def volume() -> IndexField:
     ids=["volume", "planar", "offset", "tilted pupil", "edge on", "tilted look"],
 )
 def test_not_where_the_set_up_is_not_symmetric(field, pupil, direction, reason):
-    options = {"direction": direction, "ray_count": 2048, "backend": "warp", "device": "cpu"}
+    options = {"direction": direction, "ray_count": 2048}
     estimate = estimate_strehl(field(), pupil, **options)
     assert estimate.traced_ray_count == 2048
     assert any(reason in why for why in estimate.plan.reasons)
@@ -252,7 +252,7 @@ def test_rounding_does_not_break_the_symmetry():
     ],
 )
 def test_what_was_done_is_told(symmetry, asked, traced, reason):
-    estimate = estimate_strehl(lens(), Disc(PUPIL), ray_count=asked, symmetry=symmetry, backend="warp", device="cpu")
+    estimate = estimate_strehl(lens(), Disc(PUPIL), ray_count=asked, symmetry=symmetry)
     assert estimate.traced_ray_count == traced
     assert any(reason in why for why in estimate.plan.reasons)
     assert estimate.value == pytest.approx(exact_strehl(), abs=3e-2)

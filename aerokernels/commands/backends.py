@@ -4,7 +4,7 @@ import typer
 
 
 def backends() -> None:
-    """Show the backends and devices of this machine, and which one `auto` takes and why."""
+    """Show the backends and devices of this machine, work-arounds in force, and which one `auto` takes and why."""
     from aerokernels.commands._table import print_table
     from aerokernels.tracing import available_backends
     from aerokernels.tracing.engines.choice import choose_backend
@@ -25,5 +25,8 @@ def backends() -> None:
             for info in found
         ],
     )
+    for info in found:
+        if info.workaround:
+            typer.echo(f"work-around on {info.device}: {info.workaround}")
     backend, device, reason = choose_backend("auto", None)
     typer.echo(f"auto takes {backend} on {device}: {reason.removeprefix(f'backend {backend} on {device}: ')}")

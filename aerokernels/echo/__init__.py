@@ -1,5 +1,6 @@
 """The laser echo of a target behind a flow: radiometry, waveform, detector, ranging."""
 
+from ..callable_module import make_callable
 from .chain import DetectorChain
 from .detector import detect
 from .digitiser import Digitiser
@@ -43,3 +44,5 @@ __all__ = [
     "range_walk",
     "tilted_pulse_tau",
 ]
+
+make_callable(__name__)

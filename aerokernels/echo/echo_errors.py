@@ -14,15 +14,25 @@ A number's error is the root sum of squares of its parts. Return factors "bucket
 """
 
 import math
-from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
 
+from ..medium import IndexField
 from ..quantities import root_sum_square
+from ..scene import Scene
+from ..strehl import StrehlEstimate
 from ..strehl_errors import strehl_error
+from .chain import chain_of
+from .paths import TransmitPaths
+from .pulse_curve import peak_height
+from .pulses import pulse_of
+from .pupil_errors import own_phase_error, pupil_error
+from .rangefinder import Rangefinder
+from .received_power import vacuum_power
 from .result import EchoResult
 from .uncertainty import EchoErrors, RangeUncertainty
+from .waveform import SPEED_OF_LIGHT
 
 # The sum over the beam's points is that good (target_points.py).
 QUADRATURE = 1e-7
@@ -32,30 +42,92 @@ SHIFTS = (0.25, 0.5, 0.75)
 TRIAL_COUNT = 32
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class EchoProbe:
-    """What the errors of one echo are measured with; all of it is called when they are asked for.
+    """What the errors of one echo are measured with: what the echo was made of. Nothing is computed until it is asked.
 
     Attributes:
-        phase_error: Rms phase error of rays over the receiver's pupil [rad].
-        pupil_error: Change of the Strehl ratio of the view straight ahead when half of the pupil's rays are left out.
-        read_scaled: Ranges by method [m] of the waveform without noise times a factor.
-        read_shifted: What the vacuum's echo reads when it comes a share of a sample later: relative changes of its
-            peak power and voltage, and the errors of its ranges by method [m].
-        random_errors: Standard deviation of the range by method [m], and how many records it was read off.
-        code_step: Voltage between two codes of the digitiser [V], 0 without one.
-        wavelength: Wavelength [m].
-        factor_of_phase: Whether the return factor is a Strehl ratio.
+        scene: The scene.
+        field: The refractive index of its flow.
+        known_phase_error: Rms phase error of rays over the receiver's pupil [rad], or an estimate that knows it; None
+            for one of its own.
+        weight: Share of the beam in each target point, shape (m,).
+        vacuum: The ways out without flow.
+        time: Sample times [s].
+        fine: Times at which power is computed [s], shape (n,).
+        stride: How many of these make one sample period.
+        power: Received power at them [W], shape (n,).
+        clean: Voltage of the samples without noise [V].
+        rangefinder: Reads ranges.
+        vacuum_peaks: Peak power [W] and voltage [V] of the echo in vacuum.
     """
 
-    phase_error: Callable[[], float]
-    pupil_error: Callable[[], float]
-    read_scaled: Callable[[float], Mapping[str, float]]
-    read_shifted: Callable[[float], tuple[tuple[float, float], Mapping[str, float]]]
-    random_errors: Callable[[int], Mapping[str, float]]
-    code_step: float
-    wavelength: float
-    factor_of_phase: bool
+    scene: Scene
+    field: IndexField
+    known_phase_error: float | StrehlEstimate | None
+    weight: np.ndarray
+    vacuum: TransmitPaths
+    time: np.ndarray
+    fine: np.ndarray
+    stride: int
+    power: np.ndarray
+    clean: np.ndarray
+    rangefinder: Rangefinder
+    vacuum_peaks: tuple[float, float]
+
+    @property
+    def wavelength(self) -> float:
+        """Wavelength [m]."""
+        return self.scene.flow.wavelength
+
+    @property
+    def factor_of_phase(self) -> bool:
+        """Whether the return factor is a Strehl ratio."""
+        return self.scene.receiver.return_factor == "strehl"
+
+    @property
+    def code_step(self) -> float:
+        """Voltage between two codes of the digitiser [V], 0 without one."""
+        digitiser = chain_of(self.scene).digitiser
+        return 0.0 if digitiser is None else digitiser.step
+
+    def phase_error(self) -> float:
+        """Rms phase error of rays over the receiver's pupil [rad]."""
+        known = self.known_phase_error
+        if isinstance(known, StrehlEstimate):
+            return known.phase_error
+        return own_phase_error(self.scene, self.field) if known is None else float(known)
+
+    def pupil_error(self) -> float:
+        """Change of the Strehl ratio of the view straight ahead when half of the pupil's rays are left out."""
+        return pupil_error(self.scene, self.field)
+
+    def read_scaled(self, factor: float) -> dict[str, float]:
+        """Ranges by method [m] of the waveform without noise times a factor."""
+        return self.rangefinder.ranges(self.time, factor * self.clean)[0]
+
+    def read_shifted(self, share: float) -> tuple[tuple[float, float], dict[str, float]]:
+        """What the vacuum's echo reads when it comes a share of a sample later.
+
+        Returns:
+            Relative changes of its peak power and voltage, and the errors of its ranges by method [m].
+        """
+        shift = share * (self.time[1] - self.time[0])
+        moved = vacuum_power(self.scene, pulse_of(self.scene), self.weight, self.vacuum, self.fine, shift)
+        volts = chain_of(self.scene).voltage(self.fine, moved)[:: self.stride]
+        power, voltage = (
+            peak_height(values) / peak - 1.0
+            for values, peak in zip((moved[:: self.stride], volts), self.vacuum_peaks, strict=True)
+        )
+        true = self.scene.target.distance + 0.5 * SPEED_OF_LIGHT * shift
+        return (power, voltage), {
+            name: read - true for name, read in self.rangefinder.ranges(self.time, volts)[0].items()
+        }
+
+    def random_errors(self, count: int) -> dict[str, float]:
+        """Standard deviation of the range by method [m], read off so many noisy records."""
+        found = self.rangefinder.statistics(self.scene, self.fine, self.power, self.stride, count)
+        return {name: one.random_error for name, one in found.items()}
 
 
 def echo_errors(result: EchoResult, probe: EchoProbe) -> EchoErrors:

@@ -3,11 +3,14 @@
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import partial
 
 import numpy as np
 
 from ..scene import Scene
+from .chain import chain_of
 from .checks import as_waveform
+from .range_error import RangeStatistics, chain_range_statistics
 from .range_walk import RangeWalk, range_walk
 from .ranging import RANGING_METHODS, read_range, template_curve
 from .shaped_curve import Shape, shaped_curve
@@ -105,3 +108,32 @@ class Rangefinder:
             except ValueError as fault:  # the flow, or the noise, left too little of the echo for this method
                 reasons[method] = f"the echo cannot be ranged: {fault}"
         return found, reasons
+
+    def statistics(
+        self, scene: Scene, time: np.ndarray, power: np.ndarray, stride: int, trial_count: int
+    ) -> dict[str, RangeStatistics]:
+        """Errors of each calibrated method over noisy records; of those methods that read enough of them.
+
+        Args:
+            scene: The scene, whose detector makes the records.
+            time: Times at which power is computed [s], shape (n,).
+            power: Received power [W], shape (n,).
+            stride: How many of these times make one sample period.
+            trial_count: Records; 0 for none.
+        """
+        found = {}
+        for method in self.calibration if trial_count else ():
+            try:
+                found[method] = chain_range_statistics(
+                    chain_of(scene),
+                    time,
+                    power,
+                    partial(self.range, method=method),
+                    true_range=scene.target.distance,
+                    stride=stride,
+                    trial_count=trial_count,
+                    seed=scene.detector.seed,
+                )
+            except ValueError:
+                continue  # fewer than two trials gave a range
+        return found

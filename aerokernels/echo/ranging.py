@@ -17,6 +17,8 @@ baseline off first.
 """
 
 from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -151,6 +153,30 @@ def _arrival(curve: PulseCurve, method: str, threshold: float | None, fraction: 
     return curve.rise_before_peak(share * curve.peak)
 
 
+@dataclass(frozen=True, eq=False)
+class SampledTemplate:
+    """A template's samples as a function of time [s], zero at the greatest of them; 0 outside of them.
+
+    Attributes:
+        samples: The samples, shape (k,).
+        period: Sample period [s].
+    """
+
+    samples: np.ndarray
+    period: float
+
+    @cached_property
+    def _curve(self) -> PulseCurve:
+        return PulseCurve(self.samples)
+
+    def __call__(self, time: np.ndarray) -> np.ndarray:
+        """The template at times [s]."""
+        last = self.samples.size - 1
+        place = np.asarray(time) / self.period + int(np.argmax(self.samples))
+        inside = (place >= 0.0) & (place <= last)
+        return np.where(inside, self._curve.spline(np.clip(place, 0.0, last)), 0.0)
+
+
 def template_curve(template: Template, period: float) -> Callable[[np.ndarray], np.ndarray]:
     """The template as a function of time [s], zero at its peak; 0 outside of given samples.
 
@@ -163,16 +189,7 @@ def template_curve(template: Template, period: float) -> Callable[[np.ndarray], 
     """
     if callable(template):
         return template
-    samples = _checked_samples(template)
-    curve = PulseCurve(samples)
-    zero, last = int(np.argmax(samples)), samples.size - 1
-
-    def evaluate(time: np.ndarray) -> np.ndarray:
-        place = np.asarray(time) / period + zero
-        inside = (place >= 0.0) & (place <= last)
-        return np.where(inside, curve.spline(np.clip(place, 0.0, last)), 0.0)
-
-    return evaluate
+    return SampledTemplate(_checked_samples(template), period)
 
 
 def _checked_samples(template) -> np.ndarray:

@@ -15,7 +15,6 @@ amplitude above all, and the air's optical path (0.4 mm over 1.5 m at sea level)
 """
 
 import math
-from collections.abc import Callable
 from functools import partial
 
 import numpy as np
@@ -23,18 +22,15 @@ import numpy as np
 from ..medium import IndexField
 from ..prepare import prepare_field
 from ..scene import Scene
+from ..strehl import StrehlEstimate
 from .chain import chain_of
-from .checks import check_aperture
 from .detector import sample_times
 from .echo_errors import EchoProbe, echo_errors
 from .paths import TransmitPaths, target_plane, transmit_paths, vacuum_paths
 from .pulse_curve import peak_height
 from .pulses import PulseShape, pulse_of
-from .pupil_errors import own_phase_error, pupil_error
-from .radiometry import plane_echo_power
-from .range_error import RangeStatistics, chain_range_statistics
 from .rangefinder import Rangefinder
-from .reflectors import lobe_cosine, reflector_of
+from .received_power import point_power, vacuum_power
 from .result import EchoResult
 from .return_paths import return_paths
 from .target_points import target_points
@@ -58,7 +54,7 @@ def echo(
     limits: str | None = None,
     strehl_node_count: int | str | None = None,
     symmetry: bool = True,
-    phase_error: Callable[[], float] | None = None,
+    phase_error: float | StrehlEstimate | None = None,
 ) -> EchoResult:
     """The echo that a scene's laser rangefinder receives, and the range that it reads.
 
@@ -70,8 +66,8 @@ def echo(
         strehl_node_count: Points a side of the target at which the return factor is computed, odd; it is interpolated
             between them, and the error of that is in `information`. "every": at each target point. None: the scene's.
         symmetry: Whether to use the symmetry of a field, pupil and target that look the same all round the axis.
-        phase_error: Gives the rms phase error of rays over the receiver's pupil [rad], where it is known already, as
-            a Strehl estimate of the scene knows it; None: from an estimate of its own, when `errors` is first read.
+        phase_error: The rms phase error of rays over the receiver's pupil [rad], or the Strehl estimate of the scene
+            that knows it, which is asked when `errors` is first read; None: one is made then.
 
     Returns:
         The echo, with a range or the reason why there is none. `receiver.ray_count` x `strehl_node_count`^2 pairs of
@@ -96,8 +92,8 @@ def echo(
     back = return_paths(scene, flow, out.landing, plane, node_count, symmetry)
     time, fine, stride = _record_times(scene, pulse, vacuum.path, out.path)
 
-    reference = _vacuum_power(scene, pulse, points.weight, vacuum, fine)
-    peak = np.where(out.arrived, _point_power(scene, points.weight, out, back.factor), 0.0)
+    reference = vacuum_power(scene, pulse, points.weight, vacuum, fine)
+    peak = np.where(out.arrived, point_power(scene, points.weight, out, back.factor), 0.0)
     power = sum_of_pulses(fine, 2.0 * np.where(out.arrived, out.path, 0.0) / SPEED_OF_LIGHT, peak, pulse)
     fine_voltage = chain.voltage(fine, reference)
     reference_voltage = fine_voltage[::stride]
@@ -111,26 +107,19 @@ def echo(
 
     peaks = peak_height(reference[::stride]), peak_height(reference_voltage)
 
-    def later(part: float) -> tuple[tuple[float, float], dict[str, float]]:
-        shift = part * (time[1] - time[0])
-        moved = _vacuum_power(scene, pulse, points.weight, vacuum, fine, shift)
-        volts = chain.voltage(fine, moved)[::stride]
-        heights = peak_height(moved[::stride]) / peaks[0] - 1.0, peak_height(volts) / peaks[1] - 1.0
-        true = scene.target.distance + 0.5 * SPEED_OF_LIGHT * shift
-        return heights, {name: read - true for name, read in rangefinder.ranges(time, volts)[0].items()}
-
     probe = EchoProbe(
-        phase_error=phase_error or partial(own_phase_error, scene, flow),
-        pupil_error=partial(pupil_error, scene, flow),
-        read_scaled=lambda factor: rangefinder.ranges(time, factor * clean)[0],
-        read_shifted=later,
-        random_errors=lambda count: {
-            name: one.random_error
-            for name, one in _statistics(scene, chain, fine, power, stride, rangefinder, count).items()
-        },
-        code_step=0.0 if chain.digitiser is None else chain.digitiser.step,
-        wavelength=scene.flow.wavelength,
-        factor_of_phase=scene.receiver.return_factor == "strehl",
+        scene=scene,
+        field=flow,
+        known_phase_error=phase_error,
+        weight=points.weight,
+        vacuum=vacuum,
+        time=time,
+        fine=fine,
+        stride=stride,
+        power=power,
+        clean=clean,
+        rangefinder=rangefinder,
+        vacuum_peaks=peaks,
     )
     return EchoResult(
         time=time,
@@ -151,7 +140,7 @@ def echo(
         ranges=ranges,
         reasons=reasons,
         calibration=rangefinder.calibration,
-        statistics=_statistics(scene, chain, fine, power, stride, rangefinder, scene.detector.trial_count),
+        statistics=rangefinder.statistics(scene, fine, power, stride, scene.detector.trial_count),
         vacuum_peak_power=peaks[0],
         vacuum_peak_voltage=peaks[1],
         information=_information(points.weight, share, out, back),
@@ -180,35 +169,9 @@ def vacuum_record(scene: Scene) -> tuple[np.ndarray, np.ndarray, np.ndarray, tup
     pulse, points = pulse_of(scene), target_points(scene, None)
     vacuum = vacuum_paths(points, target_plane(scene))
     time, fine, stride = _record_times(scene, pulse, vacuum.path, vacuum.path)
-    power = _vacuum_power(scene, pulse, points.weight, vacuum, fine)
+    power = vacuum_power(scene, pulse, points.weight, vacuum, fine)
     voltage = chain_of(scene).voltage(fine, power)
     return time, power[::stride], voltage[::stride], (fine, voltage)
-
-
-def _vacuum_power(
-    scene: Scene, pulse: PulseShape, weight: np.ndarray, vacuum: TransmitPaths, time: np.ndarray, later: float = 0.0
-) -> np.ndarray:
-    """Received power [W] of the scene's echo in vacuum, of the shape of `time` [s]; `later` by that time [s]."""
-    peak = _point_power(scene, weight, vacuum, np.ones(len(weight)))
-    return sum_of_pulses(time, 2.0 * vacuum.path / SPEED_OF_LIGHT + later, peak, pulse)
-
-
-def _point_power(scene: Scene, weight: np.ndarray, paths: TransmitPaths, factor: np.ndarray) -> np.ndarray:
-    """Peak power of each point's pulse at the receiver [W], shape (m,)."""
-    check_aperture(scene.receiver.diameter, scene.target.distance)
-    to_receiver = np.array([0.0, 0.0, scene.receiver.aperture_z]) - paths.landing
-    to_receiver = to_receiver / np.linalg.norm(to_receiver, axis=1, keepdims=True)
-    lobe = lobe_cosine(paths.direction, scene.target.orientation[:, 2], to_receiver)
-    whole = plane_echo_power(
-        scene.beam.peak_power,
-        scene.receiver.diameter,
-        paths.path,
-        np.maximum(paths.incidence_cosine, 0.0),
-        reflector_of(scene).reflectance(lobe),
-        scene.atmosphere.transmission,
-        scene.receiver.efficiency,
-    )
-    return weight * factor * whole
 
 
 def _record_times(
@@ -240,28 +203,6 @@ def _record_times(
     time = sample_times(start, stop, rate)
     fine = time[0] + np.arange((time.size - 1) * stride + 1) / (rate * stride)
     return time, fine, stride
-
-
-def _statistics(
-    scene, chain, fine, power, stride: int, rangefinder: Rangefinder, trial_count: int
-) -> dict[str, RangeStatistics]:
-    """Errors of each method over so many noisy records; of those methods that read enough of them."""
-    found = {}
-    for method in rangefinder.calibration if trial_count else ():
-        try:
-            found[method] = chain_range_statistics(
-                chain,
-                fine,
-                power,
-                partial(rangefinder.range, method=method),
-                true_range=scene.target.distance,
-                stride=stride,
-                trial_count=trial_count,
-                seed=scene.detector.seed,
-            )
-        except ValueError:
-            continue  # fewer than two trials gave a range
-    return found
 
 
 def _information(weight: np.ndarray, share: np.ndarray, out: TransmitPaths, back) -> dict[str, float]:

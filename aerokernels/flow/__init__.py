@@ -11,7 +11,7 @@ from .blunt_body import BluntBodyFlow, blunt_body
 from .ciddor import ciddor_constant, ciddor_refractivity, moist_air_density, water_fraction
 from .conical_field import ConicalFlow, cone
 from .conical_profile import ConeShock
-from .density_field import DensityField, uniform_air
+from .density_field import CellDensity, DensityField, uniform_air
 from .exact_field import ExactField
 from .fan_field import ExpansionFan, expansion, expansion_fan, mach_after_turn, maximum_expansion
 from .gas import (
@@ -45,6 +45,7 @@ __all__ = [
     "SPECIES_NAMES",
     "BluntBodyFlow",
     "BowShock",
+    "CellDensity",
     "Composition",
     "ConeShock",
     "ConicalFlow",

@@ -14,6 +14,7 @@ from ..medium import Body, IndexField
 from ..wavelength import DEFAULT_WAVELENGTH, check_wavelength
 from .conical_averages import bell, cell_averages
 from .conical_profile import ConeShock
+from .density_field import DensityField
 from .gas import GAMMA_AIR, SEA_LEVEL_DENSITY, check_density, positive
 from .models import one_constant, refractivity_model
 from .taylor_maccoll import cone_shock
@@ -25,7 +26,7 @@ DEFAULT_SHARE = 1.0 / 400.0
 
 
 @dataclass(frozen=True, eq=False)
-class ConicalFlow:
+class ConicalFlow(DensityField):
     """The flow over a sharp cone at zero incidence, in the optical frame: tip at the origin, body along -z.
 
     The free stream comes from +z. The flow is given down to the base of the body; behind it, and beyond `radius`, the
@@ -57,6 +58,11 @@ class ConicalFlow:
     def geometry(self) -> str:
         """Always "axisymmetric"."""
         return "axisymmetric"
+
+    @property
+    def box(self) -> tuple[np.ndarray, np.ndarray]:
+        """Lowest and highest (r, z) [m]: from the base of the body to its tip."""
+        return np.array([0.0, -self.length]), np.array([self.radius, 0.0])
 
     @property
     def provenance(self) -> str:

@@ -1,17 +1,81 @@
-"""A density field: what a flow solver or a flow relation hands to the optics."""
+"""Density fields: what a flow solver or a flow relation hands to the optics.
 
+`DensityField` is what all of them have in common; `CellDensity` is the one on a mesh.
+"""
+
+from abc import ABC, abstractmethod
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ..medium import Body, IndexField, QuadMesh
+from ..read_only import ReadOnly
 from ..wavelength import DEFAULT_WAVELENGTH, check_wavelength
 from .gas import GREATEST_DENSITY, SEA_LEVEL_DENSITY, FreeStream, check_density, positive
 from .models import one_constant, refractivity_model
 
 
-@dataclass(frozen=True)
-class DensityField:
+class DensityField(ReadOnly, ABC):
+    """Density in the optical frame (z looks upstream), surrounded by ambient gas: what every flow has.
+
+    `DensityField(mesh, density, ambient_density, ...)` makes a `CellDensity`, as `pathlib.Path` makes a path of the
+    system it runs on; `isinstance(flow, DensityField)` holds for whatever `aerokernels.flow` makes.
+
+    Attributes:
+        geometry: "planar" or "axisymmetric".
+        ambient_density: Density around the field [kg/m3].
+        body: Solid body in the flow, or None.
+        provenance: Where the field comes from, in words.
+        mach: Mach number of the free stream; 0 where the gas is at rest, or it is not known.
+        box: Lowest and highest corner of the field, (y, z) or (r, z) [m].
+    """
+
+    if TYPE_CHECKING:  # fields of some flows, properties of others
+
+        @property
+        def geometry(self) -> str: ...  # noqa: D102
+        @property
+        def ambient_density(self) -> float: ...  # noqa: D102
+        @property
+        def body(self) -> Body | None: ...  # noqa: D102
+        @property
+        def provenance(self) -> str: ...  # noqa: D102
+        @property
+        def mach(self) -> float: ...  # noqa: D102
+        @property
+        def box(self) -> tuple[np.ndarray, np.ndarray]: ...  # noqa: D102
+
+    def __new__(cls, *args, **kwargs):
+        """A density field; the common base itself stands for `CellDensity`."""
+        return super().__new__(CellDensity if cls is DensityField else cls)
+
+    @abstractmethod
+    def density_at(self, points) -> np.ndarray:
+        """Density [kg/m3] at points (x, y, z) [m], shape (n, 3): shape (n,), NaN inside the body."""
+
+    @abstractmethod
+    def scaled(self, ambient_density: float) -> "DensityField":
+        """The same flow at another ambient density [kg/m3], every density ratio kept."""
+
+    @abstractmethod
+    def index_field(
+        self,
+        wavelength: float = DEFAULT_WAVELENGTH,
+        relation: str = "gladstone-dale",
+        *,
+        constant: float | None = None,
+        composition=None,
+        gladstone_dale: float | None = None,
+    ) -> IndexField:
+        """The refractive index of the flow at a vacuum wavelength [m], which the field keeps.
+
+        See `CellDensity.index_field` for the arguments; each flow has options of its own beside them.
+        """
+
+
+@dataclass(frozen=True, eq=False)
+class CellDensity(DensityField):
     """Density on a quadrilateral mesh, in the optical frame (z looks upstream), surrounded by ambient gas.
 
     Attributes:
@@ -76,7 +140,38 @@ class DensityField:
         """The mesh's geometry: "planar" or "axisymmetric"."""
         return self.mesh.geometry
 
-    def scaled(self, ambient_density: float) -> "DensityField":
+    @property
+    def mach(self) -> float:
+        """Mach number of the free stream; 0 where the gas is at rest, or it is not known."""
+        return 0.0 if self.conditions is None else self.conditions.mach
+
+    @property
+    def box(self) -> tuple[np.ndarray, np.ndarray]:
+        """Lowest and highest corner of the mesh, (y, z) or (r, z) [m]."""
+        return self.mesh.box
+
+    def density_at(self, points) -> np.ndarray:
+        """Density [kg/m3] of the cells that hold points (x, y, z) [m], shape (n, 3): shape (n,).
+
+        NaN inside the body; the ambient density outside the mesh.
+
+        Raises:
+            ValueError: Points of another shape.
+        """
+        local = self._in_plane(points)
+        cell = self.mesh.locate(local)
+        density = np.where(cell >= 0, self.density[cell], self.ambient_density)
+        return density if self.body is None else np.where(self.body.contains(local), np.nan, density)
+
+    def _in_plane(self, points) -> np.ndarray:
+        """Points (x, y, z) as (y, z) or (r, z) [m], shape (n, 2)."""
+        points = np.atleast_2d(np.asarray(points, dtype=np.float64))
+        if points.ndim != 2 or points.shape[1] != 3:
+            raise ValueError(f"points must have shape (n, 3), got {points.shape}")
+        first = np.hypot(points[:, 0], points[:, 1]) if self.geometry == "axisymmetric" else points[:, 1]
+        return np.stack([first, points[:, 2]], axis=1)
+
+    def scaled(self, ambient_density: float) -> "CellDensity":
         """The same flow at another ambient density [kg/m3], every density ratio kept.
 
         The Euler equations keep their solution, at the same Mach number and temperature, when density and pressure are
@@ -140,7 +235,7 @@ def uniform_air(
     body: Body | None = None,
     radius: float = 0.04,
     z_range: tuple[float, float] = (-0.04, 0.01),
-) -> DensityField:
+) -> CellDensity:
     """Air at rest, the same everywhere: what a tunnel holds before it is started.
 
     Args:
@@ -160,4 +255,4 @@ def uniform_air(
     r, z = np.meshgrid(np.linspace(0.0, radius, 9), np.linspace(low, high, 9), indexing="ij")
     mesh = QuadMesh.structured(r, z, "axisymmetric")
     ambient = positive(density, "density")
-    return DensityField(mesh, np.full(len(mesh.cells), ambient), ambient, body, None, f"air at rest, {ambient:g} kg/m3")
+    return CellDensity(mesh, np.full(len(mesh.cells), ambient), ambient, body, None, f"air at rest, {ambient:g} kg/m3")

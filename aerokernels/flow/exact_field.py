@@ -7,7 +7,7 @@ from typing import Protocol
 import numpy as np
 
 from ..medium import QuadMesh
-from .density_field import DensityField
+from .density_field import CellDensity
 from .gas import positive
 
 # More cells than a machine's memory should be asked for by a spacing given in the wrong unit.
@@ -25,9 +25,9 @@ class Solution(Protocol):
         ...
 
 
-@dataclass(frozen=True)
-class ExactField(DensityField):
-    """A density field whose cell averages were made from a formula. See DensityField for what it shares with that.
+@dataclass(frozen=True, eq=False)
+class ExactField(CellDensity):
+    """A density field whose cell averages were made from a formula. See CellDensity for what it shares with that.
 
     Attributes:
         solution: The flow, with its relations.
@@ -43,15 +43,11 @@ class ExactField(DensityField):
         Raises:
             ValueError: Points of another shape.
         """
-        points = np.atleast_2d(np.asarray(points, dtype=np.float64))
-        if points.ndim != 2 or points.shape[1] != 3:
-            raise ValueError(f"points must have shape (n, 3), got {points.shape}")
-        first = np.hypot(points[:, 0], points[:, 1]) if self.geometry == "axisymmetric" else points[:, 1]
-        local = np.stack([first, points[:, 2]], axis=1)
+        local = self._in_plane(points)
         low, high = self.mesh.box
         inside = np.all((local >= low) & (local <= high), axis=1)
         assert self.solution is not None
-        ratio = np.where(inside, self.solution.density_ratio_at(first, points[:, 2]), 1.0)
+        ratio = np.where(inside, self.solution.density_ratio_at(local[:, 0], local[:, 1]), 1.0)
         if self.body is not None:
             ratio = np.where(self.body.contains(local), np.nan, ratio)
         return self.ambient_density * ratio

@@ -5,7 +5,7 @@ from importlib.resources import files
 import numpy as np
 
 from ..medium import Body, QuadMesh
-from .density_field import DensityField
+from .density_field import CellDensity
 from .gas import FreeStream, tunnel_conditions
 
 _DATA = files(__package__) / "data"
@@ -17,7 +17,7 @@ def shipped_names() -> tuple[str, ...]:
     return _NAMES
 
 
-def shipped(name: str) -> DensityField:
+def shipped(name: str) -> CellDensity:
     """A shipped CFD field of the wind-tunnel model.
 
     Steady axisymmetric inviscid air, 250 x 80 cells, with the model as its body. The files count x downstream from the
@@ -36,7 +36,7 @@ def shipped(name: str) -> DensityField:
         density, ambient_density, conditions = data["rho"], float(data["rho_inf"]), _free_stream(data)
     z[z == 0.0] = 0.0  # no negative zero at the nose tip
     mesh = QuadMesh.structured(radius, z, "axisymmetric")
-    return DensityField(
+    return CellDensity(
         mesh=mesh,
         density=density,
         ambient_density=ambient_density,

@@ -9,6 +9,7 @@ from functools import cached_property
 
 import numpy as np
 
+from ..read_only import ReadOnly
 from .crossings import crossings
 from .grid import check_finite
 from .walls import bounding_walls
@@ -17,7 +18,7 @@ TILE_POINTS = 512  # points that look for the nearest wall together
 
 
 @dataclass(frozen=True, eq=False)
-class Body:
+class Body(ReadOnly):
     """A solid body.
 
     Attributes:

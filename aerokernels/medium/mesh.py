@@ -9,6 +9,7 @@ from functools import cached_property
 
 import numpy as np
 
+from ..read_only import ReadOnly
 from .bilinear import EDGE_SLACK, bilinear_point, contains, invert_bilinear
 from .grid import check_finite
 
@@ -29,7 +30,7 @@ class CellBins:
 
 
 @dataclass(frozen=True, eq=False)
-class QuadMesh:
+class QuadMesh(ReadOnly):
     """A mesh of convex quadrilaterals.
 
     Attributes:

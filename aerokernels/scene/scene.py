@@ -6,7 +6,7 @@ from typing import Any
 
 from pydantic import Field, ValidationError
 
-from ..flow import SEA_LEVEL_DENSITY, DensityField, shipped, shipped_names, uniform_air
+from ..flow import SEA_LEVEL_DENSITY, CellDensity, shipped, shipped_names, uniform_air
 from .detector_table import DetectorTable
 from .echo_tables import AtmosphereTable, BeamTable, ReceiverTable, TargetTable
 from .errors import SceneError, scene_error
@@ -54,7 +54,7 @@ class Scene(Table):
         except ValidationError as fault:
             raise scene_error(fault, tables, label, changes, cls) from None
 
-    def density_field(self) -> DensityField:
+    def density_field(self) -> CellDensity:
         """The flow of the scene at its density; "static" is air at rest around the model, sea-level air unless told."""
         own = self.flow.density == "tunnel"
         density = SEA_LEVEL_DENSITY if self.flow.density == "sea-level" or own else float(self.flow.density)

@@ -1,5 +1,6 @@
 """What an optical bench would show of a field: schlieren, shadowgraph and interferogram, and what is read off them."""
 
+from ..callable_module import make_callable
 from .fringes import Interferogram, fringe_picture, interferogram
 from .halves import HalfComparison, compare_halves
 from .knife_edge import SchlierenImage, knife_edge_picture, schlieren
@@ -32,3 +33,5 @@ __all__ = [
     "shadowgraph",
     "write_picture",
 ]
+
+make_callable(__name__)

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from aerokernels.flow import DensityField
+from aerokernels.flow import CellDensity, DensityField
 from aerokernels.study.run_parts import RunParts
 from aerokernels.study.scene_text import scene_toml
 from aerokernels.study.store import plain
@@ -27,15 +27,16 @@ def variable(dims: str | tuple[str, ...], values: Any, units: str, long_name: st
 
 def density_cells(field: DensityField) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Density of cells (i, j) [kg/m3], and y and z of their corners (i + 1, j + 1) [m], in the plane x = 0."""
-    mesh = field.mesh
-    if mesh.shape is not None:
-        corners = mesh.vertices.reshape(*mesh.shape, 2)
-        return field.density.reshape(mesh.shape[0] - 1, mesh.shape[1] - 1), corners[..., 0], corners[..., 1]
-    low, high = mesh.box
+    if isinstance(field, CellDensity) and field.mesh.shape is not None:
+        shape = field.mesh.shape
+        corners = field.mesh.vertices.reshape(*shape, 2)
+        return field.density.reshape(shape[0] - 1, shape[1] - 1), corners[..., 0], corners[..., 1]
+    low, high = field.box
     axes = [np.linspace(low[k], high[k], RASTER_CELLS + 1) for k in range(2)]
     middle = np.meshgrid(*(0.5 * (axis[1:] + axis[:-1]) for axis in axes), indexing="ij")
-    cell = mesh.locate(np.stack(middle, axis=-1).reshape(-1, 2))
-    density = np.where(cell >= 0, field.density[cell], field.ambient_density)
+    y, z = (axis.ravel() for axis in middle)
+    density = field.density_at(np.stack([np.zeros(y.size), y, z], axis=1))
+    density = np.where(np.isnan(density), field.ambient_density, density)  # in the body, which is drawn over it
     corner_y, corner_z = np.meshgrid(*axes, indexing="ij")
     return density.reshape(RASTER_CELLS, RASTER_CELLS), corner_y, corner_z
 
@@ -48,13 +49,16 @@ def run_dataset(result: RunParts, summary: Mapping[str, Any]) -> "xarray.Dataset
     """Put a run's arrays and its summary together; arrays of a stage that failed are absent."""
     import xarray
 
-    density, corner_y, corner_z = density_cells(result.prepared.density)
+    flow = result.prepared.density
     pupil, fan, spot = result.pupil, result.fan, result.spot
-    variables = {
-        "density": variable(("cell_i", "cell_j"), density, "kg m-3", "density, cell averages"),
-        "density_y": variable(("corner_i", "corner_j"), corner_y, "m", "y of the cells' corners"),
-        "density_z": variable(("corner_i", "corner_j"), corner_z, "m", "z of the cells' corners"),
-    }
+    variables: dict[str, Any] = {}
+    if flow is not None:
+        density, corner_y, corner_z = density_cells(flow)
+        variables = {
+            "density": variable(("cell_i", "cell_j"), density, "kg m-3", "density, cell averages"),
+            "density_y": variable(("corner_i", "corner_j"), corner_y, "m", "y of the cells' corners"),
+            "density_z": variable(("corner_i", "corner_j"), corner_z, "m", "z of the cells' corners"),
+        }
     coordinates = {"axis": variable("axis", np.array(["x", "y", "z"]), "1", "component")}
     if fan is not None:
         variables |= {
@@ -83,7 +87,7 @@ def run_dataset(result: RunParts, summary: Mapping[str, Any]) -> "xarray.Dataset
             "angle_x": variable("angle_x", spot.angle, "rad", "angle toward x"),
             "angle_y": variable("angle_y", spot.angle, "rad", "angle toward y"),
         }
-    body = result.prepared.density.body
+    body = result.prepared.field.body
     if body is not None:
         variables["body_y"] = variable("body_vertex", body.profile[:, 0], "m", "y of the body's outline")
         variables["body_z"] = variable("body_vertex", body.profile[:, 1], "m", "z of the body's outline")
@@ -93,7 +97,7 @@ def run_dataset(result: RunParts, summary: Mapping[str, Any]) -> "xarray.Dataset
         "source": f"aerokernels {numbers['version']}",
         "geometry": result.prepared.field.geometry,
         "flow_front_m": result.prepared.front,
-        "ambient_density": result.prepared.density.ambient_density,
+        **({} if flow is None else {"ambient_density": flow.ambient_density}),
         "threshold_v": result.scene.detector.threshold,
         "scene": scene_toml(result.scene),
         "summary": json.dumps(numbers),

@@ -23,7 +23,8 @@ def explanation(scene: Scene) -> list[tuple[str, str]]:
     Raises:
         ValueError: A backend or device that is not there, or a region or spacing that cannot be had.
     """
-    prepared = prepare_field(scene)
+    flow = scene.density_field()
+    prepared = prepare_field(scene, flow)
     pupil = forward_pupil(scene)
     plan, count = plan_strehl(
         prepared.field,
@@ -37,9 +38,9 @@ def explanation(scene: Scene) -> list[tuple[str, str]]:
     wavelength = scene.flow.wavelength
     rows = [
         ("scene", f"{scene.name}: {scene.title}" if scene.title else scene.name),
-        ("flow", prepared.density.provenance),
-        ("free stream", f"{prepared.density.ambient_density:.5g} kg/m3"),
-        ("flow mesh", f"{len(prepared.density.mesh.cells)} cells, {prepared.density.geometry}"),
+        ("flow", flow.provenance),
+        ("free stream", f"{flow.ambient_density:.5g} kg/m3"),
+        ("flow mesh", f"{len(flow.mesh.cells)} cells, {flow.geometry}"),
         (
             "part that rays can meet",
             f"{axes} from {low[0] * 1e3:.3g}, {low[1] * 1e3:.3g} mm to {high[0] * 1e3:.3g}, {high[1] * 1e3:.3g} mm",

@@ -142,7 +142,7 @@ class BenchPictures:
         flow = self.density
         summary: dict[str, Any] = {
             "scene": self.scene.name,
-            "mach": flow.conditions.mach if flow.conditions else 0.0,
+            "mach": flow.mach,
             "ambient_density_kg_m3": flow.ambient_density,
             "wavelength_m": self.sight.wavelength,
             "pixel_size_m": list(self.sight.window.pitch),

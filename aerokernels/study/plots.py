@@ -254,10 +254,11 @@ FIGURES: dict[str, tuple[str, "Callable[[xarray.Dataset], Figure]"]] = {
     "echo": ("The pulse that comes back from the reflector.", echo_figure),
 }
 
-# Variables of a run's dataset that each picture is drawn from: a run whose stage failed lacks some.
+# Variables of a run's dataset that each picture is drawn from: a run whose stage failed, or whose flow is an
+# index field, lacks some.
 NEEDED: dict[str, set[str]] = {
     "density": {"density"},
-    "rays": {"ray_position", "ray_deviation"},
+    "rays": {"density", "ray_position", "ray_deviation"},
     "opd": {"opd", "opd_without_tilt"},
     "point-spread": {"point_spread", "point_spread_perfect"},
     "echo": {"time", "echo_power", "echo_voltage"},

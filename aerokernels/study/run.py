@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 from aerokernels.clock import clocked
 from aerokernels.echo import EchoResult, echo
 from aerokernels.echo.prediction import predict_echo
+from aerokernels.flow import DensityField
 from aerokernels.medium import IndexField
 from aerokernels.prepare import prepare_field
 from aerokernels.scene import Scene
@@ -83,16 +84,23 @@ def scene_strehl(field: IndexField, scene: Scene) -> StrehlEstimate:
 
 def echo_with_errors(scene: Scene, field: IndexField, strehl: StrehlEstimate) -> EchoResult:
     """The echo of a scene, its errors computed."""
-    found = echo(scene, field=field, phase_error=lambda: strehl.phase_error)
+    found = echo(scene, field=field, phase_error=strehl)
     _ = found.quantities
     return found
 
 
-def simulate(scene: Scene, *, progress: Progress | None = None) -> RunResult:
+def simulate(
+    scene: Scene | str | Path,
+    *,
+    field: IndexField | DensityField | None = None,
+    progress: Progress | None = None,
+) -> RunResult:
     """Run a scene: flow, index, Strehl ratio, wavefront, echo, range.
 
     Args:
-        scene: The scene.
+        scene: The scene, the path of its TOML file, or the name of a shipped one.
+        field: A flow to take in place of the scene's, as it is: the scene's flow.source and flow.density count for
+            nothing then. The index of a density field is made at the scene's wavelength, by its relation.
         progress: Called with the stage that begins, in words, and the fraction of the job done before it.
 
     Returns:
@@ -100,9 +108,15 @@ def simulate(scene: Scene, *, progress: Progress | None = None) -> RunResult:
         does not return, is None and among the `failures`, and an echo that cannot be ranged has no range.
 
     Raises:
-        ValueError: Something in the scene that only shows when it is computed: an absent backend or device, a target
-            inside the flow, a pupil that no ray leaves.
+        TypeError: `scene` or `field` of the wrong kind.
+        ValueError: Something wrong with the scene's file; or what only shows when it is computed: an absent backend or
+            device, a target inside the flow, a pupil that no ray leaves, an index field of another wavelength than the
+            scene's.
     """
+    if isinstance(scene, (str, Path)):
+        scene = Scene.load(scene)
+    if not isinstance(scene, Scene):
+        raise TypeError(f"scene must be a Scene, a path or a shipped scene's name, got {type(scene).__name__}")
     seconds: dict[str, float] = {}
     failed: dict[str, str] = {}
 
@@ -125,7 +139,7 @@ def simulate(scene: Scene, *, progress: Progress | None = None) -> RunResult:
 
     with clocked() as stages:
         choose_backend(scene.trace.backend, scene.trace.device)  # refused here, before anything is computed
-        prepared = staged("prepare", lambda: prepare_field(scene))
+        prepared = staged("prepare", lambda: prepare_field(scene, field))
         index = prepared.field
         predict_echo(scene, index)  # so is a scene whose echo cannot be computed, whatever the flow does
         strehl = staged("strehl", lambda: scene_strehl(index, scene))

@@ -55,8 +55,8 @@ def summarise(result: RunParts) -> dict[str, Any]:
         "failures": dict(result.failures),
         "return_factor": scene.receiver.return_factor,
         "true_range_m": float(scene.target.distance),
-        "mach": density.conditions.mach if density.conditions else 0.0,
-        "ambient_density_kg_m3": density.ambient_density,
+        "mach": math.nan if density is None else density.mach,
+        "ambient_density_kg_m3": math.nan if density is None else density.ambient_density,
         "wavelength_m": scene.flow.wavelength,
         "ray_count": strehl.ray_count,
         "traced_ray_count": strehl.traced_ray_count,
@@ -71,7 +71,7 @@ def summarise(result: RunParts) -> dict[str, Any]:
         "error": dict(strehl.error),
         "seconds": {**result.seconds, "prepare": dict(result.prepared.seconds)},
         "stage_seconds": dict(result.stages),
-        "provenance": density.provenance,
+        "provenance": result.prepared.provenance,
         "version": __version__,
     }
 

@@ -4,7 +4,8 @@ import numpy as np
 
 from ..medium import IndexField
 
-PIECEWISE_LINEAR = ("linear", "bilinear", "bilinear-barron")
+# Average step, in cells, that a ray may need even where light runs along a ridge of a piecewise linear index.
+FINEST = 0.02
 
 
 def check_tolerance(tolerance: float) -> float:
@@ -19,9 +20,7 @@ def step_allowance(field: IndexField, method: str, step, path_length) -> int:
     diagonal = diagonal_of(field)
     if path_length is not None:
         diagonal = max(diagonal, path_length)
-    # Where the gradient jumps at every cell, light can run along a ridge of the index in steps of a few LEAST_STEP.
-    cells = 0.002 if field.interpolation in PIECEWISE_LINEAR else 0.02
-    finest = float(field.samples.paper_step.min()) if method == "paper" else float(np.min(field.spacing)) * cells
+    finest = float(field.samples.paper_step.min()) if method == "paper" else float(np.min(field.spacing)) * FINEST
     if method == "fixed":
         finest = step
     return int(min(10.0 * diagonal / finest + 1000.0, 2_000_000_000.0))

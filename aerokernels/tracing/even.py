@@ -92,7 +92,7 @@ def fit_even(
     Args:
         field: One that `may_be_even`.
         pilot: Some of the rays.
-        plan: Backend, device, precision and tolerance; method "straight".
+        plan: Backend, device, precision and tolerance; method "leapfrog".
         until: The stop.
         wavelength: Vacuum wavelength [m].
         spread: Makes as many of the rays as show where the bundle goes.
@@ -106,7 +106,7 @@ def fit_even(
     if not count:
         return None
     reason = (
-        f"method straight by {count} even samples a ray, bending included: a pilot of {pilot.ray_count} rays is right "
+        f"method leapfrog: {count} even samples a ray, bending included; a pilot of {pilot.ray_count} rays is right "
         f"to {worst / wavelength:.1g} waves; rays whose own error estimate is above the tolerance are traced again"
     )
     if sampling is not None:

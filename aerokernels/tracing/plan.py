@@ -5,7 +5,11 @@ from dataclasses import dataclass, field
 from .levers import Levers
 from .unresolved import Sampling
 
+# What a caller may ask for.
 METHODS = ("auto", "straight", "adaptive", "paper", "fixed")
+# What "auto" may take besides "adaptive": a fixed count of leapfrog steps a ray (even.py), and tables of what
+# collimated rays gather (columns.py).
+LEAPFROG, PROJECTION_TABLES = "leapfrog", "projection-tables"
 PRECISIONS = ("float32", "float64")
 
 
@@ -14,8 +18,10 @@ class TracePlan:
     """The choices for one trace.
 
     Attributes:
-        method: "straight", "adaptive", "paper" or "fixed".
-        backend: "warp" or "reference".
+        method: What runs: "straight", "adaptive", "paper" or "fixed", whichever was asked for, or what "auto" took:
+            "adaptive", "leapfrog" (as many steps for every ray, bending included) or "projection-tables" (collimated
+            rays looked up in tables). Single rays that the last two do not hold for are traced as by "adaptive".
+        backend: "warp", "opencl" or "reference".
         device: Device of the backend.
         precision: "float32" or "float64".
         max_steps: Steps after which a ray is given up.
@@ -53,7 +59,12 @@ class TracePlan:
     @property
     def controls_error(self) -> bool:
         """Whether the method itself keeps rays within the tolerance, or says which are not."""
-        return self.method in ("adaptive", "straight")
+        return self.method not in ("fixed", "paper")
+
+    @property
+    def compiled_method(self) -> str:
+        """The method that kernels are compiled for: those of leapfrog and of tables are not told apart by it."""
+        return "straight" if self.method in (LEAPFROG, PROJECTION_TABLES) else self.method
 
     def __str__(self) -> str:
         """One line of choices, then one line for each reason."""

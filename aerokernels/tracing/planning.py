@@ -1,8 +1,11 @@
 """The one file that decides: from what the caller asked for to the plan of a trace.
 
-The order of "auto": tables of columns where rays run along z and the tables hold the tolerance; even samples where a
-pilot of the rays says so; error control otherwise. The backend is chosen by the fixed order of backends.py.
+The order of "auto": projection tables where rays run along z and the tables hold the tolerance; leapfrog where a pilot
+of the rays says so; error control otherwise. Any other method is what it is, however many rays there are. The backend
+is chosen by the fixed order of backends.py.
 """
+
+from dataclasses import replace
 
 import numpy as np
 
@@ -15,13 +18,15 @@ from .engines.choice import choose_backend
 from .even import fit_even, may_be_even
 from .held import held_error
 from .levers import levers_of
-from .plan import METHODS, PRECISIONS, TracePlan
+from .plan import LEAPFROG, METHODS, PRECISIONS, PROJECTION_TABLES, TracePlan
+
+STRAIGHT = "; along the undisturbed line, with the second-order correction of the optical path"
 
 
 def plan_rays(
     field: IndexField, pilot, ray_count: int, until, *, method, wavelength, spread=None, **choices
 ) -> TracePlan:
-    """The plan of a bundle, by even samples where they hold its tolerance; `pilot()` makes some of its rays.
+    """The plan of a bundle, by leapfrog where that holds its tolerance; `pilot()` makes some of its rays.
 
     `spread()` makes as many as show where all of them go; None where the pilot does.
 
@@ -34,12 +39,13 @@ def plan_rays(
         # Along x the box is endless: a ray may fly far longer through it than across its other axes.
         levers = levers_of(field, pilot(), until)
         choices["path_length"] = None if levers is None else levers.way
-    if method in ("auto", "straight") and may_be_even(field, ray_count, until):
-        plan = make_plan(field, method="straight", wavelength=wavelength, **choices)
-        if not plan.columns and plan.backend != "reference":
-            plan = fit_even(field, pilot(), plan, until, wavelength, spread or pilot) or plan
-        if plan.columns or plan.sample_count:
-            return plan
+    if method == "auto" and choices.get("columns") is None and may_be_even(field, ray_count, until):
+        trial = make_plan(field, method="straight", wavelength=wavelength, **choices)  # predicts nothing: a pilot will
+        if trial.backend != "reference":
+            trial = replace(trial, method=LEAPFROG, reasons=trial.reasons[1:])  # without that of the method
+            plan = fit_even(field, pilot(), trial, until, wavelength, spread or pilot)
+            if plan is not None:
+                return plan
     return make_plan(field, method=method, wavelength=wavelength, **choices)
 
 
@@ -47,15 +53,17 @@ def why_columns(
     field: IndexField, rays: RayBundle, until, method: str, tolerance: float, wavelength: float
 ) -> str | None:
     """Why these rays may be looked up in tables of columns; None where they may not, or where it does not pay."""
-    if method not in ("auto", "straight") or not (is_collimated(field, rays, until) and is_worth_it(field, rays)):
+    if method != "auto" or not (is_collimated(field, rays, until) and is_worth_it(field, rays)):
         return None
     columns = find_columns(field, rays, until)
-    if columns is None or (method == "auto" and not columns_hold(field, columns, tolerance * wavelength)):
+    if columns is None or not columns.inside.any() or not columns_hold(field, columns, tolerance * wavelength):
         return None
     waves = columns.tables.greatest_error / wavelength
+    others = int(np.count_nonzero(~columns.inside))
+    beside = f"; {others} of {rays.ray_count} rays come near a side of the box: they are traced as by adaptive"
     return (
-        "method straight, by columns: the rays are collimated along z, so what each gathers is a spline over x and y "
-        f"(bending to third order, estimated error {waves:.1g} waves)"
+        f"method {PROJECTION_TABLES}: the rays are collimated along z, so what each gathers is a spline over x and y "
+        f"(bending to third order, estimated error {waves:.1g} waves){beside if others else ''}"
     )
 
 
@@ -96,8 +104,8 @@ def make_plan(
     reasons = []
     by_columns = False
     predicted = None
-    if columns is not None and method in ("auto", "straight") and backend != "reference":
-        method = "straight"
+    if columns is not None and method == "auto" and backend != "reference":
+        method = PROJECTION_TABLES
         reasons.append(columns)
         by_columns = True
     elif method == "auto" and backend == "reference":
@@ -107,6 +115,8 @@ def make_plan(
         method = "adaptive"
         predicted = predict_evaluations(field, held_error(field, tolerance * wavelength), directions)
         reasons.append(f"method adaptive: error control, about {predicted:.0f} evaluations a ray across the box")
+    else:
+        reasons.append(f"method {method}: asked for{STRAIGHT if method == 'straight' else ''}")
     backend, device, why = choose_backend(backend, device)
     reasons.append(why)
     dimension = {"volume": "a volume", "planar": "two axes, x is never expanded"}.get(

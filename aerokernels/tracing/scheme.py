@@ -17,6 +17,11 @@ LEAST_STEP = 1e-4
 HAIR = 1e-4
 # Greatest distance before a face, in cells, at which a step across a kinked interpolant's cell may stop.
 SHIEST = 1e-3
+# Where the slope jumps at the faces of cells: a face that is nearer than this, in cells, has been reached; the slope
+# behind it is looked up so far beyond it.
+AT_FACE = {"float32": 1e-6, "float64": 1e-9}
+# Rounding of a distance to the axis, as a share of it: four units in the last place.
+RADIUS_NOISE = {"float32": 2.0**-22, "float64": 2.0**-51}
 
 # The error of a step.
 # The share of the remaining error budget that one step may use up, however short it is.

@@ -102,9 +102,6 @@ def stage_integrals(nodes: tuple) -> np.ndarray:
     return np.array([[float(v) for v in row] for row in rows])
 
 
-# A value at the start of a step by the parabola through the three later stages.
-_LATER = PAIR.c[1:]
-START_FROM_LATER = np.array([float(v) for v in _solve([[c**k for c in _LATER] for k in range(3)], [F(1), F(0), F(0)])])
 # Momentum at the stages, for sums over a step that need it there.
 STAGE_MOMENTUM = stage_integrals(PAIR.c)
 # The optical path's rule against the one that also takes the slopes along the ray, exact to degree 7: a sharp estimate

@@ -48,11 +48,6 @@
 #define RKN_K3 R(0.006665413568915711)
 #define RKN_K4 R(0.005849500293944738)
 
-// A value at the start of a step by the parabola through the later stages.
-#define RKN_W2 R(2.074074074074074)
-#define RKN_W3 R(-1.8518518518518519)
-#define RKN_W4 R(0.7777777777777778)
-
 // Momentum at the second stage.
 #define RKN_P1 R(0.1015625)
 #define RKN_P2 R(0.16589506172839505)
@@ -147,12 +142,16 @@
 #define DIRECTION_NOISE R(2.220446049250313e-16)
 #define TINY R(1e-290)
 #define LANDING_NOISE R(1e-13)
+#define AT_FACE R(1e-09)
+#define RADIUS_NOISE R(4.440892098500626e-16)
 #define SLACK_CELLS R(1e-10)
 #else
 #define NOISE R(4.76837158203125e-07)
 #define DIRECTION_NOISE R(1.1920928955078125e-07)
 #define TINY R(1e-30)
 #define LANDING_NOISE R(1e-05)
+#define AT_FACE R(1e-06)
+#define RADIUS_NOISE R(2.384185791015625e-07)
 #define SLACK_CELLS R(1e-09)
 #endif
 

@@ -59,7 +59,7 @@ static inline real step_error(
     // much overestimated as the path's: it is no sum along the ray.
     const int is_far = arm > R(2.0) * reach;
     const real own = is_far && *turn < EVEN_WEAK ? *turn : R(0.0);
-    const real tilt = (is_far ? greater(sharp, ROUGH) : sharp) * (slant + own);
+    const real tilt = (is_far || INTERPOLATION == LINEAR ? greater(sharp, ROUGH) : sharp) * (slant + own);
     *lever = weight * (reach + ambient * h) + slant * (arm + ambient * h);
     const real off_p_size = size3(MAGNIFIED * off_p) / MAGNIFIED, off_q_size = size3(MAGNIFIED * off_q) / MAGNIFIED;
     return off + off_p_size * (weight * reach + tilt * arm) + ambient * off_q_size * (weight + tilt);

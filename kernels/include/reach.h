@@ -103,14 +103,15 @@ static inline real round_face(real3 frac, real3 velocity, real3 pull, real hair)
     const real a = velocity.x * velocity.x + velocity.y * velocity.y;
     const real c = a + frac.x * pull.x + frac.y * pull.y;
     const real radius = sqrt(square);
+    const real close = hair + RADIUS_NOISE * radius;
     real inner = floor(radius);
-    if (radius - inner < hair) {
+    if (radius - inner < close) {
         inner -= R(1.0);
     }
-    const real outer = floor(radius + hair) + R(1.0);
-    real step = meet_face(R(0.5) * (outer * outer - square), b, c);
+    const real outer = floor(radius + close) + R(1.0);
+    real step = meet_face(R(0.5) * (outer - radius) * (outer + radius), b, c);
     if (inner > R(0.0)) {
-        step = lesser(step, meet_face(R(0.5) * (square - inner * inner), -b, -c));
+        step = lesser(step, meet_face(R(0.5) * (radius - inner) * (radius + inner), -b, -c));
     } else if (radius > AXIS_CORE && b < -AXIS_CORE * sqrt(a)) {
         step = lesser(step, -b / a);  // to where the ray is nearest to the axis, a kink if it meets it
     }

@@ -46,16 +46,17 @@ static inline Stride stride(
 #else
     real limit = control->step_limit * h_cell;
     if (KINKED) {
-        // The interpolant has kinks at the cells' faces: no step across one.
-        const real3 pace = total * rate;
-        const real3 pull = force * rate;
+        // The interpolant has kinks at the cells' faces: no step across one. On a linear grid the rest is flown along
+        // the tangent (rest_to_face); elsewhere a face that is nearer than it is to be approached counts as reached.
+        const real3 pace = total * rate, pull = force * rate;
         if (INTERPOLATION == LINEAR) {
             // In cells, how far before a face to stop: a share of the bend over a cell, whose change over the step the
             // parabola does not know.
             const real bend = R(0.15) * size3(pull) / dot(pace, pace);
             out.shy = R(0.1) * HAIR + lesser(bend, SHIEST);
         }
-        limit = to_face(frac, pace, pull, R(10.0) * out.shy) - out.shy / size3(pace);
+        const real face = to_face(frac, pace, pull, INTERPOLATION == LINEAR ? AT_FACE : R(10.0) * out.shy);
+        limit = greater(face - out.shy / size3(pace), R(0.5) * face);
     }
     // Short of the face at which the first rough block may begin.
     out.safe = caution * reach_of(control, arrays, cone, cell, frac, total) - R(10.0) * HAIR * h_cell;
@@ -63,6 +64,13 @@ static inline Stride stride(
 #endif
     out.h = lesser(out.h, h_cap);
     return out;
+}
+
+// What is left to the face before which a step of length h stopped, `shy` cells of it; 0 where it stopped elsewhere.
+static inline real rest_to_face(real3 frac, real3 pace, real3 pull, real shy, real h)
+{
+    const real rest = to_face(frac, pace, pull, R(0.0));
+    return rest <= h && rest * size3(pace) <= R(4.0) * shy ? rest : R(0.0);
 }
 
 // The field at a stage; on a straight line the contrast beside it is first order in the deviation.
@@ -92,12 +100,6 @@ static inline real4 look(
 static inline real3 kick_of(real h, real3 force, real4 s2, real4 s3)
 {
     return (h * h) * (RKN_B1 * force + RKN_B2 * FORCE(s2) + RKN_B3 * FORCE(s3));
-}
-
-// The first force by the parabola through the later ones.
-static inline real3 first_force(real4 s2, real4 s3, real4 s4)
-{
-    return RKN_W2 * FORCE(s2) + RKN_W3 * FORCE(s3) + RKN_W4 * FORCE(s4);
 }
 
 // Whether a step with this error counts; `ratio` is how many times longer to go on.

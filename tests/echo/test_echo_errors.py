@@ -31,7 +31,7 @@ def test_a_phase_error_walks_the_leading_edge():
     the pupil's rays, which the told error holds too: within 3 % above.
     The other methods do not hang on the amplitude: e as a length, lambda e / 2 pi, and what samples of 100 ps cost.
     """
-    found = echo(scene(), field=lump(2e-5), phase_error=lambda: 0.05)
+    found = echo(scene(), field=lump(2e-5), phase_error=0.05)
     ratio, peak = found.mean_strehl, found.peak_voltage
     bound = math.sqrt(1.0 - ratio) * 0.05 + 0.5 * math.sqrt(ratio) * 0.05**2
     change = 2.0 * math.sqrt(ratio) * bound + bound**2
@@ -58,7 +58,7 @@ def test_its_own_phase_error_is_that_of_its_rays():
 def test_an_edge_near_the_threshold_may_be_lost():
     """The peak is above the threshold by less than its error: the range is read, its error is without bound."""
     peak = echo(scene(), field=lump(2e-5)).peak_voltage
-    found = echo(scene(**{"detector.threshold": 0.97 * peak}), field=lump(2e-5), phase_error=lambda: 0.1)
+    found = echo(scene(**{"detector.threshold": 0.97 * peak}), field=lump(2e-5), phase_error=0.1)
     assert math.isfinite(found.range) and math.isinf(found.quantities["range"].error)
     assert "error without bound" in repr(found)
 
@@ -70,7 +70,7 @@ def test_few_samples_a_pulse_are_in_the_errors(rate):
     Tolerance: 0.1 um, the rounding of interpolated curves, beside errors of millimetres.
     """
     slow, fast = (
-        echo(scene(**{"detector.sample_rate": at}), field=lump(0.0), phase_error=lambda: 0.0) for at in (rate, "10 GHz")
+        echo(scene(**{"detector.sample_rate": at}), field=lump(0.0), phase_error=0.0) for at in (rate, "10 GHz")
     )
     for method, one in slow.errors.ranges.items():
         assert (
@@ -83,8 +83,8 @@ def test_few_samples_a_pulse_are_in_the_errors(rate):
 def test_noise_is_the_random_part():
     """Set-up: white noise, no trials asked for. Expected: the spread of 32 records, that of 300 within half."""
     noisy = {"detector.noise": True, "detector.bandwidth": "200 MHz", "detector.sample_rate": "2 GHz"}
-    found = echo(scene(**noisy), field=lump(0.0), phase_error=lambda: 0.0)
-    many = echo(scene(**noisy, **{"detector.trial_count": 300}), field=lump(0.0), phase_error=lambda: 0.0)
+    found = echo(scene(**noisy), field=lump(0.0), phase_error=0.0)
+    many = echo(scene(**noisy, **{"detector.trial_count": 300}), field=lump(0.0), phase_error=0.0)
     for method, one in found.errors.ranges.items():
         assert one.random == pytest.approx(many.statistics[method].random_error, rel=0.5), method
         assert one.total == pytest.approx(math.hypot(one.systematic, one.random))

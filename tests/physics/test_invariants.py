@@ -132,6 +132,7 @@ def test_the_exact_length_leads_to_the_exact_end(name):
         assert abs(result.optical_path[0] - ends.optical_path[ray]) < 1e-8 * length
 
 
+@pytest.mark.usefixtures("both_backends")
 @pytest.mark.parametrize("name", list(CASES))
 def test_default_tolerance(name):
     """Every medium at the default tolerance, 1e-3 wave, in float64: within 1e-8 of the path in all outputs.

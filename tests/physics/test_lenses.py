@@ -83,6 +83,7 @@ def test_fish_eye_rays_are_circles(name):
         assert np.abs(result.direction - (start * np.cos(turn) + inward * np.sin(turn))).max() < 3e-9 * length
 
 
+@pytest.mark.usefixtures("both_backends")
 @pytest.mark.parametrize("name", LUNEBURG[:3] + FISH_EYE[:2])
 def test_float32(name):
     """The lenses in float32; tolerance: see assert_float32."""

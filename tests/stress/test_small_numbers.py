@@ -6,7 +6,7 @@ import pytest
 from aerokernels.rays import RayBundle
 from aerokernels.tracing import ArcLength, Plane, trace
 
-from .checks import PRECISIONS, UP, keeps_promises, random_field, slab
+from .checks import PRECISIONS, UNIT, UP, keeps_promises, random_field, slab
 
 FAR = Plane((0.0, 0.0, 10e-3), UP)
 GEOMETRIES = ("volume", "planar", "axisymmetric")
@@ -49,14 +49,18 @@ def test_directions_with_tiny_components(geometry, precision):
 @pytest.mark.parametrize("geometry", GEOMETRIES)
 @pytest.mark.parametrize("precision", PRECISIONS)
 def test_starts_at_tiny_coordinates(geometry, precision):
-    """A start at (e, -e, e), inside the box's entry face by e: as from 0 exactly, within the roundings of the path."""
+    """A start at (e, -e, e), inside the box's entry face by e: as from 0 exactly, within the roundings of the path.
+
+    In float32 the OPD itself may be rounded the other way: one unit of it, relative.
+    """
     field = random_field(geometry)
     tiny = np.array([*TINY, 0.0])
+    unit = 2.0 * UNIT[precision]
     for sign in (1.0, -1.0):
         rays = RayBundle(np.c_[tiny, -tiny, sign * tiny], [[0.05, 0.02, 1.0]])
         result = keeps_promises(trace(field, rays, until=FAR, method="adaptive", precision=precision), 13)
         assert result.ok.all()
-        assert (np.abs(result.opd - result.opd[-1]) <= 4.0 * 2.0**-53 * 11e-3).all()
+        assert (np.abs(result.opd - result.opd[-1]) <= 4.0 * 2.0**-53 * 11e-3 + unit * np.abs(result.opd)).all()
 
 
 @pytest.mark.parametrize("precision", PRECISIONS)

@@ -121,7 +121,10 @@ def test_failing_rays_leave_their_neighbours_alone(precision):
 
 @pytest.mark.filterwarnings("ignore:overflow encountered")
 def test_a_ray_that_overflows_leaves_its_neighbours_alone():
-    """One half of a float32 field overflows: its rays fail, those through the other half are as if it were not."""
+    """One half of a float32 field overflows: its rays fail, those through the other half are as if it were not.
+
+    The tolerance is below a thousandth of the calm field's greatest path, to which rays of so weak a field are held.
+    """
     calm = random_field("planar", "linear")
     wild = np.array(calm.samples.samples)
     wild[:10] = 1e30
@@ -131,7 +134,7 @@ def test_a_ray_that_overflows_leaves_its_neighbours_alone():
     )  # fmt: skip
     height = np.linspace(-1.3e-3, 1.3e-3, 40)
     rays = RayBundle(np.c_[0.0 * height, height, np.full(40, -1e-3)], [UP])
-    settings_ = {"until": Plane((0, 0, 6e-3), UP), "method": "adaptive", "max_steps": 2000}
+    settings_ = {"until": Plane((0, 0, 6e-3), UP), "method": "adaptive", "max_steps": 2000, "tolerance": 4e-4}
     with_overflow, without = trace(field, rays, **settings_), trace(calm, rays, **settings_)
     keeps_promises(with_overflow, 40)
     calm_rows = height > -2e-4

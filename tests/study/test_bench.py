@@ -24,6 +24,7 @@ from aerokernels.study.bench.scenes import (
 from aerokernels.study.bench.suites import fan_strehl
 from aerokernels.study.bench.truth import chosen_rays, errors, integrate
 from aerokernels.tracing import trace
+from aerokernels.tracing.engines.choice import choose_backend
 
 MEASURED = {"median", "standard_error"}
 
@@ -39,9 +40,10 @@ def numbers(value: Any) -> list[float]:
 
 @pytest.fixture(scope="module")
 def measured() -> dict[str, Any]:
-    """Every suite with few rays on Warp's CPU, and the peers that are here."""
+    """Every suite with few rays on the processor, by what "auto" takes on it, and the peers that are here."""
+    backend, device, _ = choose_backend("auto", "cpu")
     return run_bench(
-        Settings(backends=("warp",), device="cpu", methods=("adaptive",), ray_count=64, repeats=2, peers=True)
+        Settings(backends=(backend,), device=device, methods=("adaptive",), ray_count=64, repeats=2, peers=True)
     )
 
 
@@ -77,9 +79,7 @@ def test_cone_errors_are_small_at_a_tight_tolerance(precision: str):
     """
     rays = cone_rays(64)
     truth = integrate(rays)
-    found = trace(
-        cone_field(), rays, method="adaptive", tolerance=1e-5, precision=precision, backend="warp", device="cpu"
-    )
+    found = trace(cone_field(), rays, method="adaptive", tolerance=1e-5, precision=precision)
     error = errors(truth, found.direction, found.optical_path, found.ok)
     assert error["ray_count"] == 64 and error["lost_ray_count"] == 0
     assert error["direction_max_urad"] < 1.0 and error["opd_max_waves"] < 1e-3
@@ -115,7 +115,7 @@ def test_every_suite_is_in_the_file(measured: dict[str, Any]):
     assert measured["schema"] == SCHEMA
     assert {run["suite"] for run in measured["runs"]} == set(SUITES)
     assert measured["machine"].keys() >= {"cpu", "cores", "python", "versions", "devices", "load_average"}
-    assert measured["ceilings"].keys() == {"warp cpu"}
+    assert measured["ceilings"].keys() == {" ".join(choose_backend("auto", "cpu")[:2])}
 
 
 def test_file_holds_json_without_nan(measured: dict[str, Any]):
@@ -170,8 +170,8 @@ def test_fan_is_converged():
     scene = strehl_scene()
     from aerokernels.strehl_estimate import estimate_strehl
 
-    found = estimate_strehl(scene.field, scene.pupil, ray_count=4096, precision="float64", backend="warp", device="cpu")
-    assert abs(fan_strehl(scene, ("warp", "cpu")) - found.value) < 1e-4 + 4.0 * found.standard_error
+    found = estimate_strehl(scene.field, scene.pupil, ray_count=4096, precision="float64")
+    assert abs(fan_strehl(scene, choose_backend("auto", None)[:2]) - found.value) < 1e-4 + 4.0 * found.standard_error
 
 
 def test_sweep_run(measured: dict[str, Any]):
@@ -280,7 +280,7 @@ def test_the_command_refuses_in_one_line(aerokernels, arguments: tuple[str, ...]
 
 
 def test_the_command_writes_the_file_and_a_table(aerokernels, tmp_path: Path):
-    few = ("--backend", "warp", "--device", "cpu", "--method", "straight", "--rays", 16, "--repeats", 1)
+    few = ("--device", "cpu", "--method", "straight", "--rays", 16, "--repeats", 1)
     done = aerokernels("bench", "cone", *few, "--out", "bench.json")
     assert done.returncode == 0, done.stderr
     held = json.loads((tmp_path / "bench.json").read_text(encoding="utf-8"))

@@ -285,8 +285,7 @@ def check(case: Case, engine: dict[str, str], sample: int = 300) -> tuple[list[F
                 f"end by {np.linalg.norm(away):.1e} m"
             )
             findings.append(Finding(what, int(rows[k]), float(size[k]), text))
-    how = "columns" if result.plan.columns else "leapfrog" if result.plan.sample_count else result.plan.method
-    return findings, len(rows), how
+    return findings, len(rows), result.plan.method
 
 
 def _decided(case: Case, rays, opd, settings) -> np.ndarray:

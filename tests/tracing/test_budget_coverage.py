@@ -19,10 +19,12 @@ from scipy.integrate import solve_ivp
 from aerokernels.medium import IndexField
 from aerokernels.rays import RayBundle
 from aerokernels.tracing import Plane, trace
+from aerokernels.tracing.even import LEAST_RAYS
 
 WAVE = 905e-9
 CELL = 1e-4
 FIELD_COUNT = 200
+COMPARED = 24  # rays of a bundle whose truth is known
 outcomes: list[tuple[str, float, float]] = []
 
 
@@ -63,10 +65,11 @@ def exact_opd(value, rays: RayBundle, length: float, thinnest: float) -> np.ndar
     def rate(z, state):
         x, y, px, py, _ = state.reshape(5, ray_count)
         hair = 1e-20
-        ahead = [value(x + 1j * hair, y + 0j, z), value(x + 0j, y + 1j * hair, z)]
+        # Both slopes by one call: for few rays it is calls that cost.
+        ahead = value(np.stack([x + 1j * hair, x + 0j]), np.stack([y + 0j, y + 1j * hair]), z)
         index = 1.0 + ahead[0].real
         pz = np.sqrt(index**2 - px**2 - py**2)
-        slopes = [a.imag / hair for a in ahead]
+        slopes = ahead.imag / hair
         # L' less its value on the straight ray: the small number itself is integrated.
         return np.concatenate(
             [
@@ -123,14 +126,16 @@ def collect(kind, in_volume, number):
     field = IndexField.from_samples(
         samples, origin=origin, spacing=(CELL,) * samples.ndim, geometry=geometry, interpolation=interpolation
     )
-    ray_count = 12
+    # Every other time on a cubic grid as many as take the way of a million rays, by even samples; else a few, which go
+    # one by one, as all do on other grids.
+    ray_count = LEAST_RAYS if interpolation == "cubic" and number % 2 else COMPARED
     position = np.c_[rng.uniform(-0.3, 0.3, (ray_count, 2)) * size, np.zeros(ray_count)]
     slope = rng.uniform(-0.1, 0.1, (ray_count, 2))
     rays = RayBundle(position, np.c_[slope, np.ones(ray_count)])
     result = trace(field, rays, until=Plane((0.0, 0.0, float(z[-1])), (0.0, 0.0, 1.0)))
     assert result.ok.all()
-    exact = exact_opd(value, rays, float(z[-1]), thickness)
-    true = float(np.abs(result.opd - exact).max())
+    exact = exact_opd(value, rays[:COMPARED], float(z[-1]), thickness)
+    true = float(np.abs(result.opd[:COMPARED] - exact).max())
     outcomes.append((kind + " " + interpolation, result.error["total"], true))
 
 

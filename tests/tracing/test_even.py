@@ -45,7 +45,7 @@ def part(rays: RayBundle, every: int) -> RayBundle:
 
 def adaptive(field: IndexField, rays: RayBundle, until, tolerance: float = 1e-6):
     """The same rays, in float64, held to far less than the tolerance asked for here."""
-    options = {"method": "adaptive", "precision": "float64", "backend": "warp", "device": "cpu"}
+    options = {"method": "adaptive", "precision": "float64"}
     return trace(field, rays, until=until, tolerance=tolerance, **options)
 
 
@@ -62,7 +62,7 @@ def test_every_ray_is_within_the_tolerance(engine, precision, geometry):
     for name, stop in STOPS.items():
         result = trace(field, rays, until=stop, precision=precision, **on(engine))
         if name != "behind":  # which no ray reaches
-            assert result.plan.sample_count >= 36 and result.plan.method == "straight"
+            assert result.plan.sample_count >= 36 and result.plan.method == "leapfrog"
             assert any("even samples" in reason for reason in result.plan.reasons)
             assert (result.evaluation_count == result.plan.sample_count).mean() > 0.5
         sample = slice(None, None, 41)
@@ -81,7 +81,7 @@ def test_every_ray_is_within_the_tolerance(engine, precision, geometry):
 def even_opd(field: IndexField, rays: RayBundle, count: int, precision: str = "float64", backend: str = "warp"):
     """OPD [m] by so many samples, whatever they are worth."""
     device = on(f"{backend}-cpu")["device"]
-    plan = TracePlan("straight", backend, device, precision, 1000, None, 1e-12, sample_count=count, even_share=1.0)
+    plan = TracePlan("leapfrog", backend, device, precision, 1000, None, 1e-12, sample_count=count, even_share=1.0)
     arrays = launch(field, rays, plan, None, WAVE, frozenset(("opd", "step_error")))
     return arrays["opd"], arrays["step_error"]
 
@@ -113,7 +113,7 @@ def test_rays_along_z_are_those_of_any_direction(geometry, precision, forward):
     )
     results = []
     for engine in ("warp-cpu", "opencl-cpu"):
-        plan = TracePlan("straight", **on(engine), precision=precision, max_steps=1000, step=None, tolerance=1e3)
+        plan = TracePlan("leapfrog", **on(engine), precision=precision, max_steps=1000, step=None, tolerance=1e3)
         plan = replace(plan, sample_count=99, even_share=0.1, bend_share=0.1)
         outputs = frozenset(("position", "direction", "optical_path", "opd", "arc_length", "step_error"))
         results.append(launch(field, rays, plan, None, WAVE, outputs))
@@ -173,7 +173,7 @@ def test_rays_that_it_does_not_hold_for_are_traced_otherwise(engine):
     )
     across = np.random.default_rng(3).uniform(-8e-3, 8e-3, (COUNT, 2))
     rays = RayBundle(np.c_[across, np.full(COUNT, -2e-2)], [0.0, 0.01, 1.0])
-    plan = TracePlan("straight", **on(engine), precision="float64", max_steps=100_000, step=None, tolerance=1e-3)
+    plan = TracePlan("leapfrog", **on(engine), precision="float64", max_steps=100_000, step=None, tolerance=1e-3)
     from aerokernels.tracing.trace import run_plan
 
     plan = replace(plan, sample_count=240, even_share=0.125, bend_share=0.01)
@@ -201,7 +201,7 @@ def test_a_body_in_the_way_is_met(engine):
     position = np.c_[rng.uniform(-1.4e-3, 1.4e-3, (COUNT, 2)), np.where(rng.random(COUNT) < 0.5, -1e-3, 2.2e-3)]
     rays = RayBundle(position, np.c_[rng.normal(0.0, 0.02, (COUNT, 2)), np.ones(COUNT)])
     stop = Plane((0.0, 0.0, 8e-3), (0.0, 0.0, 1.0))
-    result = trace(field, rays, until=stop, method="straight", **on(engine))
+    result = trace(field, rays, until=stop, **on(engine))
     expected = adaptive(field, rays, stop, 1e-4)
     assert result.plan.sample_count > 0
     assert (result.status == RayStatus.HIT_BODY).mean() > 0.005
@@ -214,17 +214,16 @@ def test_a_body_in_the_way_is_met(engine):
 
 def test_who_is_sampled_evenly():
     field, rays = uniform_field("volume", amplitude=1e-4), bundle()
-    here = {"backend": "warp", "device": "cpu"}
-    assert trace(field, rays, **here).plan.sample_count > 0
+    assert trace(field, rays).plan.sample_count > 0
     few = RayBundle(rays.position[: LEAST_RAYS - 1], rays.direction[: LEAST_RAYS - 1])
-    assert trace(field, few, **here).plan.sample_count == 0
-    assert trace(field, rays, until=ArcLength(1e-3), **here).plan.sample_count == 0
-    assert trace(field, rays, method="adaptive", **here).plan.sample_count == 0
-    assert trace(uniform_field("volume", "linear"), rays, **here).plan.sample_count == 0
+    assert trace(field, few).plan.sample_count == 0
+    assert trace(field, rays, until=ArcLength(1e-3)).plan.sample_count == 0
+    assert trace(field, rays, method="adaptive").plan.sample_count == 0
+    assert trace(uniform_field("volume", "linear"), rays).plan.sample_count == 0
     wild = IndexField.from_samples(
         noise((25, 25, 25), 0.4, width=1.0), origin=(-12e-4,) * 3, spacing=(CELL,) * 3, geometry="volume"
     )
-    assert trace(wild, rays, **here).plan.sample_count == 0
+    assert trace(wild, rays).plan.sample_count == 0
 
 
 def test_a_smaller_tolerance_takes_more_samples_and_errs_less():
@@ -232,7 +231,7 @@ def test_a_smaller_tolerance_takes_more_samples_and_errs_less():
     expected = adaptive(field, part(rays, 41), None, 1e-7)
     counts = []
     for tolerance in (1e-2, 1e-3, 1e-4):
-        result = trace(field, rays, tolerance=tolerance, precision="float64", backend="warp", device="cpu")
+        result = trace(field, rays, tolerance=tolerance, precision="float64")
         # Rays that leave by an edge are traced under error control, which takes the tolerance for a target.
         even = result.evaluation_count[::41] == result.plan.sample_count
         assert even.mean() > 0.5
@@ -271,7 +270,7 @@ def test_a_pupil_by_even_samples_is_that_of_single_rays(engine, with_tilt):
     pupil, stop = Disc(0.6, center=(0.0, 0.0, -1.5)), Plane((0.0, 0.0, 2.0), (0.0, 0.0, 1.0))
     here = on(engine)
     plan = TracePlan("adaptive", **here, precision="float64", max_steps=100_000, step=None, tolerance=1e-3)
-    even = replace(plan, method="straight", sample_count=300, even_share=0.125, bend_share=0.01)
+    even = replace(plan, method="leapfrog", sample_count=300, even_share=0.125, bend_share=0.01)
     found = []
     for how in (plan, even):
         run = PupilRun(PupilTask(field, pupil, pupil.normal, stop, how, WAVE, 600, 16, with_tilt=with_tilt))
@@ -284,12 +283,13 @@ def test_a_pupil_by_even_samples_is_that_of_single_rays(engine, with_tilt):
     assert mixed.evaluation_count > 300 * 9000 and mixed.evaluation_count != 300 * 9600
 
 
+@pytest.mark.usefixtures("both_backends")
 def test_an_estimate_answers_its_own_question_and_lets_the_field_go():
     """A second estimate answers its own arguments, and the field is let go with what was made for it."""
     field = uniform_field("axisymmetric", amplitude=1e-4)
     pupil = Disc(1e-3, center=(0.0, 0.0, -1e-3))
     # Noise up to the faces of the box: every pupil here is truncated.
-    here = {"backend": "warp", "device": "cpu", "ray_count": 16 * 400, "symmetry": "off", "allow_truncation": True}
+    here = {"ray_count": 16 * 400, "symmetry": "off", "allow_truncation": True}
     first = estimate_strehl(field, pupil, **here)
     others = [
         estimate_strehl(field, pupil, **{**here, "seed": 1}),

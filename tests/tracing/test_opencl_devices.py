@@ -1,12 +1,18 @@
 """OpenCL's devices by name, sessions, and the ways in which OpenCL can be missing or broken, for real, in processes."""
 
+import ctypes
 import os
+import platform
+import sys
 import threading
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
+from aerokernels import tracing
+from aerokernels.commands.backends import backends
 from aerokernels.tracing.engines.info import BackendInfo
 from aerokernels.tracing.engines.opencl import devices as opencl_devices
 from aerokernels.tracing.engines.opencl import pocl_workaround as opencl_pocl
@@ -206,3 +212,61 @@ def test_a_processor_that_pocl_does_not_know_is_named_for_it(tmp_path):
 
 def test_the_level_of_a_processor_is_one_of_four():
     assert opencl_pocl.processor_name() in ("x86-64", *(name for name, _ in opencl_pocl.PROCESSORS))
+
+
+def unknown_device(kept: list):
+    """What PoCL 3.0 shows of a processor that it does not know, with a record that holds the name's address."""
+    word = ctypes.create_string_buffer(b"generic")
+    record = (ctypes.c_uint64 * opencl_pocl.RECORD_WORDS)()
+    record[80] = ctypes.addressof(word)
+    kept += [word, record]
+    version = "OpenCL 3.0 PoCL HSTR: pthread-x86_64-unknown-linux-gnu-generic"
+    platform = SimpleNamespace(version="OpenCL 3.0 PoCL 3.0-rc2  Linux, RelWithDebInfo, LLVM 14.0.6")
+    return SimpleNamespace(version=version, platform=platform, int_ptr=ctypes.addressof(record)), record
+
+
+@pytest.mark.skipif(sys.platform != "linux" or platform.machine() != "x86_64", reason="the work-around is for these")
+def test_the_work_around_is_told_and_one_variable_turns_it_off(monkeypatch):
+    """Expected: the name in the record is exchanged and told; "off" leaves the record alone, and that is told too."""
+    kept: list = []
+    monkeypatch.setenv("AEROKERNELS_POCL_CPU", "haswell")
+    device, record = unknown_device(kept)
+    options = opencl_pocl.name_processor(device)
+    assert options == ("-DPROCESSOR_haswell",) and ctypes.string_at(record[80]) == b"haswell"
+    told = opencl_pocl.workaround(device, options)
+    assert "'haswell'" in told and "AEROKERNELS_POCL_CPU=off" in told and "\n" not in told
+    monkeypatch.setenv("AEROKERNELS_POCL_CPU", "off")
+    device, record = unknown_device(kept)
+    options = opencl_pocl.name_processor(device)
+    assert options == () and ctypes.string_at(record[80]) == b"generic"
+    assert "left alone: AEROKERNELS_POCL_CPU is 'off'" in opencl_pocl.workaround(device, options)
+    known = SimpleNamespace(version=device.version.replace("generic", "haswell"), platform=device.platform)
+    assert opencl_pocl.workaround(known, ()) == ""
+
+
+def test_backends_shows_a_work_around(monkeypatch, capsys):
+    """One line for the device that it is for, none where there is none."""
+    told = BackendInfo("opencl", "Some CPU", "", "1", True, True, None, "", workaround="PoCL is told something")
+    for found, lines in (
+        ([told], ["work-around on Some CPU: PoCL is told something"]),
+        ([replace(told, workaround="")], []),
+    ):
+        monkeypatch.setattr(tracing, "available_backends", lambda found=found: found)
+        backends()
+        shown = capsys.readouterr().out.splitlines()
+        assert [line for line in shown if line.startswith("work-around")] == lines
+        assert sum(line.startswith("auto takes ") for line in shown) == 1
+
+
+def test_without_opencl_backends_says_so_in_one_line(tmp_path):
+    """The last line names Warp, and why it is not OpenCL; the plan of a trace says the same."""
+    code = (
+        "from aerokernels.commands.backends import backends; backends()\n"
+        "from aerokernels.tracing.engines.choice import choose_backend; print(choose_backend('auto', 'cpu')[2])"
+    )
+    done = run_python("import sys; sys.modules['pyopencl'] = None\n" + code, tmp_path)
+    assert done.returncode == 0, done.stderr
+    auto, reason = done.stdout.splitlines()[-2:]
+    assert "no OpenCL: the package pyopencl is not installed: pip install 'aerokernels[opencl]'" in reason
+    if auto.startswith("auto takes warp on cpu: "):  # no GPU goes before it
+        assert reason.removeprefix("backend warp on cpu: ") in auto

@@ -10,8 +10,6 @@ from aerokernels.tracing.choice import predict_evaluations
 from .backends import WAVE
 from .fields import mesh_field, uniform_field
 
-HERE = {"backend": "warp", "device": "cpu"}
-
 
 def through(count: int) -> RayBundle:
     """Rays through the whole box, within some 0.1 rad of the axis."""
@@ -26,18 +24,18 @@ def test_evaluations_under_error_control(interpolation):
     field = mesh_field() if interpolation == "bilinear" else uniform_field("volume", interpolation)
     rays = through(400)
     predicted = predict_evaluations(field, 1e-3 * WAVE, rays.direction)
-    found = np.median(trace(field, rays, method="adaptive", outputs=("evaluation_count",), **HERE).evaluation_count)
+    found = np.median(trace(field, rays, method="adaptive").evaluation_count)
     assert found / 3.0 < predicted < 3.0 * found
 
 
 def test_even_samples_keep_what_they_promise():
     """Evaluations are those predicted, but for rays traced again; the error is the pilot's, and a few times it."""
     field, rays = uniform_field("volume", amplitude=1e-4), through(5000)
-    result = trace(field, rays, outputs=("opd", "evaluation_count"), **HERE)
+    result = trace(field, rays)
     plan = result.plan
     assert plan.sample_count == plan.predicted_evaluations == np.median(result.evaluation_count)
     assert 0.0 < plan.predicted_error < plan.tolerance
-    exact = trace(field, rays[::20], method="adaptive", tolerance=1e-6, precision="float64", outputs=("opd",), **HERE)
+    exact = trace(field, rays[::20], method="adaptive", tolerance=1e-6, precision="float64")
     error = np.abs(result.opd[::20] - exact.opd).max() / WAVE
     assert error < 4.0 * plan.predicted_error + 1e-5
     told = plan.as_dict()
@@ -46,7 +44,7 @@ def test_even_samples_keep_what_they_promise():
 
 def test_a_fixed_step_predicts_its_cost():
     field, rays = uniform_field("volume", amplitude=1e-5), through(100)
-    result = trace(field, rays, method="fixed", step=2e-4, outputs=("evaluation_count",), **HERE)
+    result = trace(field, rays, method="fixed", step=2e-4)
     found = np.median(result.evaluation_count)
     assert found / 3.0 < result.plan.predicted_evaluations < 3.0 * found
     assert result.plan.predicted_error is None

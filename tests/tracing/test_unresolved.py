@@ -70,11 +70,11 @@ def bundle(slope: float) -> RayBundle:
 def test_rays_through_a_needle_that_no_pilot_meets_are_right(engine, slope, geometry):
     """Against error control in float64: 1e-3 wave asked for, 30 of it and more where only pilots are asked."""
     field, rays = needle_field(geometry), bundle(slope)
-    result = trace(field, rays, until=FAR, method="straight", **on(engine))
+    result = trace(field, rays, until=FAR, **on(engine))
     assert result.plan.sample_count and result.ok.all()
     through = slice(3, None, 67)
     part = RayBundle(rays.position[through], rays.direction[through])
-    exact = trace(field, part, until=FAR, method="adaptive", precision="float64", tolerance=1e-6, backend="warp")
+    exact = trace(field, part, until=FAR, method="adaptive", precision="float64", tolerance=1e-6)
     assert np.abs(result.opd[through] - exact.opd).max() < 1e-3 * WAVE
 
 
@@ -84,7 +84,7 @@ def sampled(field: IndexField, rays: RayBundle, count: int, engine: str, with_ta
     lines = lines_through(field, rays, until, low, high)
     steepness = tuple(float(size) for size in np.abs(rays.direction).max(axis=0))
     sampling = Sampling(1.001 * float(lines.way.max()) / count, steepness, 0.0)
-    plan = TracePlan("straight", **on(engine), precision="float64", max_steps=1000, step=None, tolerance=1e-3)
+    plan = TracePlan("leapfrog", **on(engine), precision="float64", max_steps=1000, step=None, tolerance=1e-3)
     plan = replace(plan, sample_count=count, sampling=sampling if with_table else None)
     arrays = launch(field, rays, plan, until, WAVE, frozenset(("opd", "step_error")))
     return arrays["opd"], arrays["step_error"], sampling, lines
@@ -95,11 +95,11 @@ def test_rays_that_end_within_a_needle_are_right(width):
     """The same, the plane they stop at 0.6 cells behind its middle: ends count, not what is left of a whole line."""
     end = 5.03e-3 + 0.6 * CELL
     field, rays, stop = needle_field("planar", width, height=1e-4), bundle(0.0), Plane((0.0, 0.0, end), (0.0, 0.0, 1.0))
-    result = trace(field, rays, until=stop, method="straight", backend="warp", device="cpu")
+    result = trace(field, rays, until=stop)
     assert result.plan.sample_count and result.ok.all()
     through = slice(3, None, 67)
     part = RayBundle(rays.position[through], rays.direction[through])
-    exact = trace(field, part, until=stop, method="adaptive", precision="float64", tolerance=1e-6, backend="warp")
+    exact = trace(field, part, until=stop, method="adaptive", precision="float64", tolerance=1e-6)
     assert np.abs(result.opd[through] - exact.opd).max() < 1e-3 * WAVE
 
 
@@ -129,7 +129,7 @@ def test_no_ray_misses_more_than_the_bound(geometry, count):
     through = slice(3, None, 67)
     rays = RayBundle(rays.position[through], rays.direction[through])
     opd, _, sampling, lines = sampled(field, rays, count, "warp-cpu", with_table=False)
-    exact = trace(field, rays, until=FAR, method="adaptive", precision="float64", tolerance=1e-7, backend="warp")
+    exact = trace(field, rays, until=FAR, method="adaptive", precision="float64", tolerance=1e-7)
     missed = np.abs(opd - exact.opd)
     bound = missed_along(field, sampling, lines)
     assert missed.max() > 3e-3 * WAVE  # there is something to miss
@@ -157,7 +157,7 @@ def test_a_captured_shock_is_not_taken_for_more_than_it_is(count):
     """
     field = shock_field(1.5)
     rays = RayBundle(np.c_[np.zeros(300), np.linspace(-2e-3, 2e-3, 300), np.full(300, -1e-3)], (0.0, 0.0, 1.0))
-    exact = trace(field, rays, until=BEHIND, method="adaptive", precision="float64", tolerance=1e-7, backend="warp")
+    exact = trace(field, rays, until=BEHIND, method="adaptive", precision="float64", tolerance=1e-7)
     missed = np.zeros(300)
     for more in (0, 3, 6, 9):
         opd, _, sampling, lines = sampled(field, rays, count + more, "warp-cpu", with_table=False, until=BEHIND)
@@ -174,7 +174,7 @@ def test_a_pupil_behind_a_captured_shock_takes_the_samples_that_its_pilot_asks_f
     99 were taken where half of 1 / H counted; the Strehl ratio is that of rays held to a hundredth of the tolerance.
     """
     scene = strehl_scene()
-    options = {"ray_count": 1 << 14, "symmetry": False, "backend": "warp", "device": "cpu"}
+    options = {"ray_count": 1 << 14, "symmetry": False}
     found = estimate_strehl(scene.field, scene.pupil, **options)
     assert found.plan.sampling is None and 36 <= found.plan.sample_count <= 66
     fine = estimate_strehl(scene.field, scene.pupil, tolerance=1e-5, **options)
@@ -185,7 +185,7 @@ def test_a_pupil_behind_a_captured_shock_takes_the_samples_that_its_pilot_asks_f
 def test_smooth_air_needs_no_lookup(geometry):
     """Ten cells wide: the bound for the whole bundle is negligible, and no more samples are taken than before."""
     field, rays = needle_field(geometry, height=0.0), bundle(0.06)
-    plan = trace(field, rays, until=FAR, method="straight", outputs=("opd",), backend="warp", device="cpu").plan
+    plan = trace(field, rays, until=FAR, outputs=("opd",)).plan
     assert plan.sampling is None and 36 <= plan.sample_count <= 60
 
 

@@ -78,7 +78,7 @@ def _best(warp: list[BackendInfo], kind: str | None) -> tuple[str, str, str]:
         if cuda and gpus:
             return _one_of(cuda, gpus[0])
         if cuda:
-            return "warp", cuda.device, f"backend warp on {cuda.device}: {cuda.reason}"
+            return "warp", cuda.device, f"backend warp on {cuda.device}: {cuda.reason}; {_why_not(opencl)}"
         if gpus:
             return "opencl", gpus[0].device, f"backend opencl on {gpus[0].device}: a GPU is taken where there is one"
         if kind == "gpu":
@@ -186,7 +186,9 @@ def _reference() -> BackendInfo:
 
 
 def _why_not(opencl: list[BackendInfo]) -> str:
-    return "no OpenCL: " + "; ".join(info.reason for info in opencl if not info.available)
+    """Why Warp is taken and not OpenCL, in one line."""
+    broken = "; ".join(info.reason for info in opencl if not info.available)
+    return " ".join(f"no OpenCL: {broken}".split()) if broken else "OpenCL has no device of that kind"
 
 
 def _absent(backend: str, reason: str) -> BackendInfo:

@@ -22,6 +22,7 @@ class BackendInfo:
         float64: Whether it computes in float64.
         memory: Memory of the device [bytes], or None where unknown.
         reason: Why it is taken or not.
+        workaround: What is done to the driver so that it works, and how to leave that; empty where nothing is.
     """
 
     backend: str
@@ -32,6 +33,7 @@ class BackendInfo:
     float64: bool
     memory: int | None
     reason: str
+    workaround: str = ""
 
 
 def host_memory() -> int | None:

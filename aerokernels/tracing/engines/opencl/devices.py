@@ -17,7 +17,7 @@ from typing import Any
 
 from ..info import BackendInfo
 from .drivers import broken_drivers
-from .pocl_workaround import name_processor
+from .pocl_workaround import name_processor, workaround
 
 POCL = "Portable Computing Language"
 KINDS = ("gpu", "cpu", "accelerator")  # in the order in which they are taken
@@ -250,7 +250,7 @@ def _describe(cl, platform, device) -> FoundDevice:
     kind = "gpu" if device.type & cl.device_type.GPU else "cpu" if device.type & cl.device_type.CPU else "accelerator"
     float64 = has_float64(cl, device)
     options: tuple[str, ...] = ()
-    reason = ""
+    reason = done = ""
     if not float64:
         reason = (
             f"float64 is missing on {name}, and ray ends and path sums are always computed in float64: take a device "
@@ -261,6 +261,7 @@ def _describe(cl, platform, device) -> FoundDevice:
     elif platform.name.strip() == POCL:
         # PoCL brings its own compiler, which may be older than the processor: other drivers know their device.
         options = name_processor(device)
+        done = workaround(device, options)
         trouble = _trial(cl, device, options)
         if trouble:
             reason = (
@@ -279,6 +280,7 @@ def _describe(cl, platform, device) -> FoundDevice:
         float64,
         int(device.global_mem_size),
         reason or "OpenCL can trace on it",
+        done,
     )
     return FoundDevice(info, device, kind, units, options)
 
@@ -323,8 +325,8 @@ def _why_no_devices(title: str) -> str:
 
 def _no_platform() -> str:
     message = (
-        "pyopencl is installed but finds no OpenCL platform: pip install 'pyopencl[pocl]' brings one for CPUs, or "
-        "install your device's OpenCL driver (on Debian and Ubuntu pocl-opencl-icd for CPUs)"
+        "pyopencl is installed but finds no OpenCL platform: pip install 'pyopencl[pocl]' brings one for CPUs "
+        "(64-bit Linux on x86), or install your device's OpenCL driver (on Debian and Ubuntu pocl-opencl-icd for CPUs)"
     )
     vendors = os.environ.get("OCL_ICD_VENDORS")
     if vendors is not None:

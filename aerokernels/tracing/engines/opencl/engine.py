@@ -96,7 +96,7 @@ class Engine:
             geometry=field.geometry,
             interpolation=field.interpolation,
             on_mesh=not field.is_uniform,
-            method=plan.method,
+            method=plan.compiled_method,
             stop=stop_kind(until),
             has_body=field.body is not None,
             measured="step_error" in outputs,

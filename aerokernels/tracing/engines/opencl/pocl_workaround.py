@@ -15,6 +15,7 @@ import platform
 import re
 import sys
 
+VARIABLE = "AEROKERNELS_POCL_CPU"
 RECORD_WORDS = 256  # words of a device's record that are looked through; the name is near word 80
 
 # Processors that PoCL's own library of built-in functions is compiled for, and which instructions a compiler would use
@@ -34,7 +35,7 @@ def name_processor(device) -> tuple[str, ...]:
     """
     if not _is_unknown(device):
         return ()
-    name = os.environ.get("AEROKERNELS_POCL_CPU") or processor_name()
+    name = os.environ.get(VARIABLE) or processor_name()
     if name == "off" or not re.fullmatch(r"[\w.-]{1,40}", name):
         return ()
     readable = _readable_ranges()
@@ -50,6 +51,20 @@ def name_processor(device) -> tuple[str, ...]:
             break
     # PoCL's cache goes by source, options and "generic": the name makes it one of this kind of processor.
     return ("-DPROCESSOR_" + re.sub(r"\W", "_", name),)
+
+
+def workaround(device, options: tuple[str, ...]) -> str:
+    """What `name_processor` did to a device, by the options that it gave, in words; empty where nothing is amiss."""
+    if not _is_unknown(device):
+        return ""
+    asked = os.environ.get(VARIABLE)
+    if options:
+        return (
+            f"PoCL 3.0 does not know this processor: it is told of {asked or processor_name()!r} before anything is "
+            f"compiled; {VARIABLE}=off leaves PoCL alone, {VARIABLE}=NAME tells it of another one"
+        )
+    why = f"{VARIABLE} is {asked!r}; unset it" if asked else "its record of the device is another one than expected"
+    return f"PoCL 3.0 does not know this processor, and it is left alone: {why}"
 
 
 def processor_name() -> str:

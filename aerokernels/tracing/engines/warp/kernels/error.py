@@ -95,6 +95,8 @@ def build_step_error(precision: str, geometry: str, interpolation: str, stop: st
         weight = turn + sharp * real(DIRECTION_SHARE)
         # The stop is met at a slant (engines/warp/kernels/ends.py), `arm` further on.
         tilt = sharp * slant
+        if wp.static(interpolation == "linear"):
+            tilt = wp.max(sharp, real(ROUGH)) * slant
         if arm > real(2.0) * reach:
             # Far stops are met at the slant of the ray's own deflection too, and a direction's error is not believed to
             # be as much overestimated as the path's: it is no sum along the ray.

@@ -7,6 +7,7 @@ import warp as wp
 
 from .....medium.grid import AXIS_CORE
 from ....quiet import CONE_SINES, CONES
+from ....scheme import RADIUS_NOISE
 from ..types import types
 
 
@@ -97,6 +98,7 @@ def build_to_face(precision: str, geometry: str):
     real, vec3 = t.real, t.vec3
     axes = {"volume": (0, 1, 2), "planar": (1, 2), "axisymmetric": (2,)}[geometry]
     none = 1e30
+    radius_noise = RADIUS_NOISE[precision]
 
     @wp.func
     def meet(gap: real, speed: real, pull: real):
@@ -129,13 +131,14 @@ def build_to_face(precision: str, geometry: str):
         a = velocity[0] * velocity[0] + velocity[1] * velocity[1]
         c = a + frac[0] * pull[0] + frac[1] * pull[1]
         radius = wp.sqrt(square)
+        close = hair + real(radius_noise) * radius
         inner = wp.floor(radius)
-        if radius - inner < hair:
+        if radius - inner < close:
             inner -= real(1.0)
-        outer = wp.floor(radius + hair) + real(1.0)
-        step = meet(real(0.5) * (outer * outer - square), b, c)
+        outer = wp.floor(radius + close) + real(1.0)
+        step = meet(real(0.5) * (outer - radius) * (outer + radius), b, c)
         if inner > real(0.0):
-            step = wp.min(step, meet(real(0.5) * (square - inner * inner), -b, -c))
+            step = wp.min(step, meet(real(0.5) * (radius - inner) * (radius + inner), -b, -c))
         elif radius > real(AXIS_CORE) and b < real(-AXIS_CORE) * wp.sqrt(a):
             step = wp.min(step, -b / a)  # to where the ray is nearest to the axis, a kink if it meets it
         return step

@@ -4,31 +4,45 @@ import functools
 
 import warp as wp
 
-from ....scheme import HAIR, NOISE_STEP, SHIEST, STEP_SHARE
+from ....scheme import AT_FACE, HAIR, NOISE_STEP, SHIEST, STEP_SHARE
 from ..types import types
 from .reach import build_to_face
 
 
 @functools.cache
 def build_before_face(precision: str, geometry: str, interpolation: str):
-    """A function (cell, frac, rate, total, force) -> (step to short of the next face, by how much short in cells)."""
+    """Functions: the step to short of the next face, and by how much short; what is left to that face."""
     t = types(precision)
     real, vec3 = t.real, t.vec3
     to_face = build_to_face(precision, geometry)
+    linear = interpolation == "linear"
+    at_face = AT_FACE[precision]
 
     @wp.func
     def before_face(cell: wp.vec3i, frac: vec3, rate: vec3, total: vec3, force: vec3):
+        """On a linear grid the rest is flown along the tangent; elsewhere a face that near counts as reached."""
         pace = wp.cw_mul(total, rate)
         pull = wp.cw_mul(force, rate)
         shy = real(0.1 * HAIR)
-        if wp.static(interpolation == "linear"):
+        close = real(10.0) * shy
+        if wp.static(linear):
             # How far before a face to stop: a share of the bend over a cell, whose change over the step the parabola
             # does not know.
             bend = real(0.15) * wp.length(pull) / wp.dot(pace, pace)
             shy = real(0.1 * HAIR) + wp.min(bend, real(SHIEST))
-        return to_face(cell, frac, pace, pull, real(10.0) * shy) - shy / wp.length(pace), shy
+            close = real(at_face)
+        face = to_face(cell, frac, pace, pull, close)
+        return wp.max(face - shy / wp.length(pace), real(0.5) * face), shy
 
-    return before_face
+    @wp.func
+    def rest_to_face(cell: wp.vec3i, frac: vec3, pace: vec3, pull: vec3, shy: real, h: real):
+        """What is left to the face before which a step of length h stopped, `shy` cells; 0 if it stopped elsewhere."""
+        rest = to_face(cell, frac, pace, pull, real(0.0))
+        if rest <= h and rest * wp.length(pace) <= real(4.0) * shy:
+            return rest
+        return real(0.0)
+
+    return before_face, rest_to_face
 
 
 def build_look(precision: str, sample, straight: bool):

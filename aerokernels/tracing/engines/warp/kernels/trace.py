@@ -36,9 +36,9 @@ import functools
 import warp as wp
 
 from ....result import OUTPUT_BITS
-from ....scheme import HAIR, LANDED_ARC, LEAST_STEP, SLANT_KEPT, TINY, WALL_ASIDE, WALL_BACK, WALL_CLOSE
+from ....scheme import AT_FACE, HAIR, LANDED_ARC, LEAST_STEP, SLANT_KEPT, TINY, WALL_ASIDE, WALL_BACK, WALL_CLOSE
 from ....status import RayStatus
-from ....tableau import BT, START_FROM_LATER, A, B, C, is_one_scalar
+from ....tableau import BT, A, B, C, is_one_scalar
 from ..types import types
 from . import grid, mesh
 from .crossings import NEVER
@@ -80,7 +80,7 @@ def build_kernel(
     in_cells, carry_over = build_cells(precision, kind)
     cone_of = build_cone(geometry)
     reach_of = build_reach(precision, kind)
-    before_face = build_before_face(precision, geometry, interpolation)
+    before_face, rest_to_face = build_before_face(precision, geometry, interpolation)
     look = build_look(precision, sample, method == "straight")
     step_error, step_rounding, stop_error, landing_error = build_step_error(precision, geometry, interpolation, stop)
     verdict = build_verdict(precision)
@@ -98,10 +98,10 @@ def build_kernel(
     one_scalar = is_one_scalar(interpolation)
     kinked = interpolation in ("linear", "monotone") and controlled
     at_faces = interpolation == "linear" and controlled
+    at_face = AT_FACE[precision]
 
     c2, c3 = (float(v) for v in C[1:3])
     a21, a31, a32 = float(A[1, 0]), float(A[2, 0]), float(A[2, 1])
-    w2, w3, w4 = (float(v) for v in START_FROM_LATER)
     b1, b2, b3 = (float(v) for v in B[:3])
     v1, v2, v3, v4 = (float(v) for v in BT)
     ok, hit_body = int(RayStatus.OK), int(RayStatus.HIT_BODY)
@@ -160,6 +160,11 @@ def build_kernel(
             cone = cone_of(d0)
             lever = lever_of(bounds, control, course, p0, d0)
             slant, arm, reach, caution = lever[0], lever[1], lever[2], lever[3]
+            if wp.static(at_faces):
+                # The table of safe steps weighs the kinks that a step may pass by the path, not by what they turn a ray
+                # aside.
+                if slant * arm * wp.max(control.cell_rate) > real(1.0):
+                    caution = real(0.0)
             slant_left = slant
             first_momentum = wp.length(momentum)
             arc_left = real(bounds.length - course.enter)
@@ -214,17 +219,6 @@ def build_kernel(
                 s4 = look(field, home, cell, frac, rate, h, total, momentum, q, kick)
                 force4 = vec3(s4[1], s4[2], s4[3])
                 evaluations += 3
-                crossed = bool(False)
-                if wp.static(at_faces):
-                    if h > safe:
-                        # The slope at the start, a jump, by the parabola through the others, which lie in one cell:
-                        # if that is not what was found behind the face, the step went on into the next cell.
-                        first = real(w2) * force2 + real(w3) * force3 + real(w4) * force4
-                        odd = real(0.01) * wp.length(force) + real(1.0e-4) * wp.abs(pot) * wp.max(control.cell_rate)
-                        crossed = bool(wp.length(first - force) > odd and h > real(4.0) * h_least)
-                        force = first
-                        kick = hh * (real(b1) * force + real(b2) * force2 + real(b3) * force3)
-
                 judged = step_error(
                     ambient, d, total, momentum, h, reach, h <= safe, bent, slant_left, arm, pot, force, s2, s3, s4
                 )
@@ -251,9 +245,6 @@ def build_kernel(
                     if h > h_least and overshot(control, land, course.side, cell, there, swung, h, close):
                         accept = bool(False)
                         h_cap = real(0.5) * h
-                if crossed:
-                    accept = bool(False)
-                    h_cap = real(0.5) * h
 
                 # A step into the body is taken again up to its surface, until the rest is flown along the tangent.
                 behind = real(-1.0)
@@ -290,11 +281,28 @@ def build_kernel(
                     pot = s4[0]
                     force = force4
                     if wp.static(at_faces):
-                        # The slope jumps at the face just reached: the next step is to have the one behind it.
-                        over = real(3.0) * shy / wp.length(wp.cw_mul(total, rate))
-                        beyond = sample(field, cell, frac + over * wp.cw_mul(total, rate), home)
+                        # The slope jumps at the face before which the step stopped: the rest is flown along the
+                        # tangent, and the next step is to have the slope behind it.
+                        bearing = ambient * d + momentum
+                        curve = force
+                        if wp.static(straight):
+                            bearing = ambient * d
+                            curve = vec3(real(0.0), real(0.0), real(0.0))
+                        pace = wp.cw_mul(bearing, rate)
+                        rest = real(0.0)
+                        if land < 0:
+                            rest = rest_to_face(cell, frac, pace, wp.cw_mul(curve, rate), shy, h)
+                        added = tangent_sums(ambient, d, momentum, rest, pot, force)
+                        sums, sums_carry = advance(sums, sums_carry, added)
+                        q, q_carry = advance(q, q_carry, rest * momentum + (real(0.5) * rest * rest) * force)
+                        momentum, momentum_carry = advance(momentum, momentum_carry, rest * force)
+                        flown = rest * bearing + (real(0.5) * rest * rest) * curve
+                        frac, frac_carry = advance(frac, frac_carry, wp.cw_mul(flown, rate))
+                        cell, frac = carry_over(cell, frac)
+                        over = real(at_face) / wp.length(pace)
+                        beyond = sample(field, cell, frac + over * pace, home)
                         force = vec3(beyond[1], beyond[2], beyond[3])
-                        pot = beyond[0] - over * wp.dot(force, total)
+                        pot = beyond[0] - over * wp.dot(force, bearing)
                         if wp.static(straight):
                             pot += wp.dot(force, q)
                         evaluations += 1

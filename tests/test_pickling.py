@@ -1,0 +1,124 @@
+"""Results, fields and scenes travel: pickled, and to and from processes of a pool that is started afresh."""
+
+import pickle
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import fields, is_dataclass
+from multiprocessing import get_context
+
+import numpy as np
+import pytest
+
+import aerokernels as ak
+from aerokernels import flow
+from aerokernels.schlieren import interferogram, shadowgraph
+
+SMALL = {"strehl.ray_count": 160, "beam.ray_count": 25, "receiver.ray_count": 64, "grid.spacing": "0.4 mm"}
+HERE = {"backend": "warp", "device": "cpu"}
+
+
+def same(one, other, path: str = "") -> None:
+    """Asserts that two objects hold the same, bit for bit, whatever they are made of."""
+    assert type(one) is type(other), path
+    if isinstance(one, np.ndarray):
+        assert one.dtype == other.dtype and np.array_equal(one, other, equal_nan=one.dtype.kind == "f"), path
+    elif is_dataclass(one):
+        for entry in fields(one):
+            same(getattr(one, entry.name), getattr(other, entry.name), f"{path}.{entry.name}")
+    elif isinstance(one, dict):
+        assert one.keys() == other.keys(), path
+        for key in one:
+            same(one[key], other[key], f"{path}[{key!r}]")
+    elif isinstance(one, tuple):
+        assert len(one) == len(other), path
+        for number, (left, right) in enumerate(zip(one, other, strict=True)):
+            same(left, right, f"{path}[{number}]")
+    elif isinstance(one, float):
+        assert one == other or (one != one and other != other), path
+    elif isinstance(one, (str, int, type(None), ak.Scene, np.generic)):
+        assert one == other, path
+
+
+def again(thing):
+    return pickle.loads(pickle.dumps(thing))
+
+
+@pytest.fixture(scope="module")
+def field() -> ak.IndexField:
+    """The flow over a cone, on a coarse grid."""
+    return flow.cone(3.0, 0.3).index_field(spacing=2e-3)
+
+
+PUPIL = ak.Disc(4e-3, (0.0, 0.0, -0.03))
+RAYS = ak.RayBundle.collimated(ak.Disc(4e-3, (0.0, 0.02, -0.03)), 32)
+
+
+def test_fields_rays_and_scenes_come_back_equal(field: ak.IndexField):
+    """Read-only arrays stay so; what was computed from the fields and kept (splines, ladders) is not in the pickle."""
+    mesh = flow.shipped("mach3").index_field()
+    bare = len(pickle.dumps(field))
+    _ = field.ladder, mesh.ladder, mesh.samples.gradients, field.samples.coefficients
+    flows = (flow.shipped("mach2"), flow.wedge(2.0, 0.1, spacing=2e-3), flow.cone(3.0, 0.3), flow.vortex(0.3))
+    for thing in (field, mesh, mesh.resample(1e-3), *flows, RAYS, PUPIL, ak.Scene.load("wind-tunnel-mach3")):
+        same(again(thing), thing, type(thing).__name__)
+    assert len(pickle.dumps(field)) == bare
+    assert not again(field).samples.samples.flags.writeable and not again(mesh).mesh.vertices.flags.writeable
+    with pytest.raises(ValueError, match="read-only"):
+        again(RAYS).position[0] = 0.0
+
+
+def test_a_trace_comes_back_and_still_knows_its_error(field: ak.IndexField):
+    result = ak.trace(field, RAYS, **HERE)
+    found = again(result)
+    same(found, result, "TraceResult")
+    assert np.array_equal(found.status, result.status) and np.array_equal(found.truncation, result.truncation)
+    assert found.error == result.error and np.isfinite(found.error["total"])
+    assert again(result).error == result.error  # computed before, and carried along
+
+
+def test_an_estimate_comes_back_and_still_knows_its_error(field: ak.IndexField):
+    estimate = ak.estimate_strehl(field, PUPIL, ray_count=160, allow_truncation=True, **HERE)
+    found = again(estimate)
+    same(found, estimate, "StrehlEstimate")
+    assert found.error == estimate.error and np.isfinite(found.error["total"])
+    assert found.quantities == estimate.quantities and repr(found) == repr(estimate)
+
+
+def test_pictures_come_back(field: ak.IndexField):
+    options = {"view": "x", "pixel_count": 16, **HERE}
+    for make, more in ((ak.schlieren, {}), (shadowgraph, {"distance": 0.1}), (interferogram, {})):
+        picture = make(field, **more, **options)
+        same(again(picture), picture, type(picture).__name__)
+        assert again(picture).to_xarray().identical(picture.to_xarray())
+
+
+def run_small(settings: dict) -> ak.RunResult:
+    """One run of a sweep, as a worker makes it."""
+    return ak.simulate(ak.Scene.load("wind-tunnel-mach3", settings))
+
+
+def error_of(result) -> dict:
+    """The budget of a result that was sent to a worker."""
+    return dict(result.error)
+
+
+def test_results_travel_through_a_pool(field: ak.IndexField):
+    """A run made in a worker is the one made here; a result sent to a worker knows its error there.
+
+    Workers are started afresh ("spawn"), so that nothing is inherited. Times differ, and are left out.
+    """
+    settings = {**SMALL, "trace.backend": "warp", "trace.device": "cpu"}
+    mine = run_small(settings)
+    estimate = ak.estimate_strehl(field, PUPIL, ray_count=160, allow_truncation=True, **HERE)
+    with ProcessPoolExecutor(1, mp_context=get_context("spawn")) as pool:
+        theirs, error = pool.submit(run_small, settings), pool.submit(error_of, estimate)
+        made, error = theirs.result(timeout=300), error.result(timeout=300)
+    assert error == estimate.error
+    assert isinstance(made, ak.RunResult) and isinstance(made.echo, ak.EchoResult)
+    same(made.scene, mine.scene, "scene")
+    assert made.strehl.value == mine.strehl.value and made.strehl.error == mine.strehl.error
+    assert np.array_equal(made.echo.voltage, mine.echo.voltage)
+    assert made.echo.errors == mine.echo.errors
+    mine_numbers, their_numbers = mine.summary, made.summary
+    for key in ("strehl", "range_m", "errors", "error", "verdict", "failures", "plan"):
+        assert their_numbers[key] == mine_numbers[key], key
+    assert made.to_xarray()["opd"].identical(mine.to_xarray()["opd"])
