@@ -234,7 +234,9 @@ def _draw_stop(kind, medium, rays, rng):
     if kind["stop"] == "face":
         axis = int(np.abs(along).argmax())
         return Plane(np.where(along > 0.0, high, low), np.eye(3)[axis])
-    way = diagonal * (rng.uniform(0.5, 3.0) if kind["stop"] == "beyond" else 10.0 ** rng.uniform(1.0, 4.0))
+    # Along the span the whole way may lie in the field: the farthest planes are for others.
+    farthest = 1.5 if kind["bundle"] == "spanwise" else 4.0
+    way = diagonal * (rng.uniform(0.5, 3.0) if kind["stop"] == "beyond" else 10.0 ** rng.uniform(1.0, farthest))
     return Plane(middle + way * along, normal)
 
 
