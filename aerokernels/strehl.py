@@ -5,7 +5,7 @@ r"""The Strehl ratio: exact, by Marechal's approximation, and estimated over mil
 
 `estimate_strehl` (strehl_estimate.py) launches scrambled Sobol points over the pupil in independent replicates, traces
 and reduces them where the rays are; the spread of the replicates gives the standard error. A symmetric set-up is traced
-as a fan of far fewer rays (tracing/pupil_fan.py).
+as a fan of far fewer rays (tracing/radial_quadrature.py).
 """
 
 from dataclasses import dataclass, field

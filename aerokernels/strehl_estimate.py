@@ -17,9 +17,9 @@ from .strehl_errors import estimate_quantities
 from .tracing.lines import box_size
 from .tracing.meeting import greatest_contrast
 from .tracing.plan import TracePlan
-from .tracing.pupil_fan import SETTLED
 from .tracing.pupil_job import REPLICATES, make_job
 from .tracing.pupil_sums import fit_moments
+from .tracing.radial_quadrature import SETTLED
 from .tracing.retrace import told_of_rejected
 from .wavefront import check_terms
 
@@ -231,7 +231,7 @@ class PreparedStrehl:
             moments=sums.moments,
             wavelength=wavelength,
             remove=self.remove,
-            symmetric=job.is_fan,
+            symmetric=job.is_radial,
         )
         return StrehlEstimate(
             ray_count=job.per_replicate * REPLICATES,

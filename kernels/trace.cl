@@ -7,7 +7,7 @@
 
 #include "ends.h"
 #include "error.h"
-#include "landing.h"
+#include "event_location.h"
 #include "step.h"
 
 __kernel void trace_kernel(
@@ -25,8 +25,8 @@ __kernel void trace_kernel(
     __global const double *wall,
     __global const double *wall_boxes,
     __global const int *wall_links,
-    __global const real *reach,
-    __global const int *reach_start,
+    __global const real *step_bound,
+    __global const int *step_bound_start,
     const int first_ray,
     const int ray_count,
     __global const double *position_in,
@@ -47,7 +47,7 @@ __kernel void trace_kernel(
     }
     const Arrays arrays = {
         coefficients, corners, values, gradients, neighbors, bin_start, bin_cell, paper_step, wall, wall_boxes,
-        wall_links, reach, reach_start};
+        wall_links, step_bound, step_bound_start};
     const double3 p0 = vload3(ray, position_in);
     const double3 d0 = vload3(ray, direction_in);
     Course course;
@@ -59,9 +59,9 @@ __kernel void trace_kernel(
     real3 momentum = q, momentum_carry = q;  // P, the deviation of T
     real4 sums = (real4)R(0.0), sums_carry = sums;  // sigma, S, M, B
     real used = R(0.0);
-    real bent = R(0.0);  // greatest angle with d so far
+    real greatest_deflection = R(0.0);  // greatest angle with d so far
     int steps = 0, evaluations = 0, landed = -1;
-    real slant_first = R(0.0), harm = R(0.0);
+    real obliquity_first = R(0.0), harm = R(0.0);
 
     if (course.meets && status == RAY_OK) {
         int3 cell;
@@ -69,19 +69,20 @@ __kernel void trace_kernel(
         real3 frac = in_cells(&bounds, entry, &cell), frac_carry = (real3)R(0.0);
         const real3 rate = VECTOR(field.inverse_spacing);
         const real3 cell_rate = VECTOR(control.cell_rate);
-        int home = find_home(&field, &arrays, frac, -1);
-        const real4 s = sample(&field, &arrays, cell, frac, home);
+        int current_cell = find_current_cell(&field, &arrays, frac, -1);
+        const real4 s = sample(&field, &arrays, cell, frac, current_cell);
         evaluations++;
         real pot = s.x;
         real3 force = FORCE(s);
         momentum = contrast(ambient, pot) * d;
         const int cone = cone_of(d0);
         const Lever lever_here = lever_of(&bounds, &control, &course, p0, d0);
-        const real slant = lever_here.slant, arm = lever_here.arm, reach = lever_here.reach;
-        // The table of safe steps weighs the kinks that a step may pass by the path, not by what they turn a ray aside.
+        const real obliquity = lever_here.obliquity, lever_arm = lever_here.lever_arm, reach = lever_here.reach;
+        // The table of step bounds weighs the kinks that a step may pass by the path, not by what they turn a ray
+        // aside.
         const real caution =
-            AT_FACES && slant * arm * greatest(cell_rate) > R(1.0) ? R(0.0) : lever_here.caution;
-        real slant_left = slant;
+            AT_FACES && obliquity * lever_arm * greatest(cell_rate) > R(1.0) ? R(0.0) : lever_here.caution;
+        real obliquity_left = obliquity;
         const real first_momentum = size3(momentum);
         const real arc_left = (real)(bounds.length - course.enter);
         real aside = R(0.0);  // so far beside its undisturbed line the ray meets no body
@@ -98,37 +99,38 @@ __kernel void trace_kernel(
             const real h_cell = R(1.0) / greater(size3(total * cell_rate), TINY);
             const real h_least = LEAST_STEP / (greatest(cell_rate) * size3(total));
             const Stride ahead = stride(
-                &field, &arrays, &control, home, cone, cell, frac, rate, total, force, index, caution, h_cell, h_next,
-                h_cap);
+                &field, &arrays, &control, current_cell, cone, cell, frac, rate, total, force, index, caution, h_cell,
+                h_next, h_cap);
             const real3 shown = IS_STRAIGHT ? frac + q * rate : frac;
             int land;
-            real h = landing(&control, rate, course.side, cell, shown, tangent, force, ahead.h, &land);
+            real h = event_location(&control, rate, course.side, cell, shown, tangent, force, ahead.h, &land);
             if (STOP == ARC) {
-                h = arc_landing(arc_left - (ambient * sums.x + sums.z), index, total, force, h, &land);
+                h = arc_event_location(arc_left - (ambient * sums.x + sums.z), index, total, force, h, &land);
             }
 
             const real hh = h * h;
-            const real4 s2 = look(
-                &field, &arrays, home, cell, frac, rate, RKN_C2 * h, total, momentum, q, (RKN_A21 * hh) * force);
-            const real4 s3 = look(
-                &field, &arrays, home, cell, frac, rate, RKN_C3 * h, total, momentum, q,
+            const real4 s2 = sample_at_stage(
+                &field, &arrays, current_cell, cell, frac, rate, RKN_C2 * h, total, momentum, q,
+                (RKN_A21 * hh) * force);
+            const real4 s3 = sample_at_stage(
+                &field, &arrays, current_cell, cell, frac, rate, RKN_C3 * h, total, momentum, q,
                 hh * (RKN_A31 * force + RKN_A32 * FORCE(s2)));
-            const real4 s4 = look(
-                &field, &arrays, home, cell, frac, rate, h, total, momentum, q, kick_of(h, force, s2, s3));
+            const real4 s4 = sample_at_stage(
+                &field, &arrays, current_cell, cell, frac, rate, h, total, momentum, q, kick_of(h, force, s2, s3));
             evaluations += 3;
             const real3 kick = kick_of(h, force, s2, s3);
 
             real turn_now, lever;
             const real off = step_error(
-                ambient, d, total, momentum, h, reach, h <= ahead.safe, bent, slant_left,
-                arm, pot, force, s2, s3, s4, &turn_now, &lever);
+                ambient, d, total, momentum, h, reach, h <= ahead.safe, greatest_deflection, obliquity_left,
+                lever_arm, pot, force, s2, s3, s4, &turn_now, &lever);
 
             int accept = 1;
             if (CONTROLLED) {
                 const real rounding =
                     step_rounding(&control, ambient, h, lever, rate, frac, pot, force, s3);
                 real ratio;
-                accept = verdict(&control, off, rounding, used, h, h_cell, h_least, index, reach, &ratio);
+                accept = step_acceptance(&control, off, rounding, used, h, h_cell, h_least, index, reach, &ratio);
                 if (accept) {
                     // A step cut short by a surface says nothing against the length wanted.
                     h_next = greater(h * ratio, h_least);
@@ -167,9 +169,9 @@ __kernel void trace_kernel(
                 h_cap = control.extent / ambient;
                 steps++;
                 used += off;
-                bent = turn_now;
-                // Where the ray has turned, the slant is another one, and the turn counts instead.
-                slant_left = slant * greater(R(1.0) - bent / SLANT_KEPT, R(0.0));
+                greatest_deflection = turn_now;
+                // Where the ray has turned, the obliquity is another one, and the turn counts instead.
+                obliquity_left = obliquity * greater(R(1.0) - greatest_deflection / OBLIQUITY_KEPT, R(0.0));
                 advance4(&sums, &sums_carry, step_sums(ambient, d, momentum, h, pot, force, s2, s3, s4));
                 advance3(&q, &q_carry, h * momentum + kick);
                 advance3(
@@ -178,7 +180,7 @@ __kernel void trace_kernel(
                     h * (RKN_V1 * force + RKN_V2 * FORCE(s2) + RKN_V3 * FORCE(s3) + RKN_V4 * FORCE(s4)));
                 advance3(&frac, &frac_carry, (IS_STRAIGHT ? h * total : h * total + kick) * rate);
                 carry_over(&cell, &frac);
-                home = find_home(&field, &arrays, frac, home);
+                current_cell = find_current_cell(&field, &arrays, frac, current_cell);
                 pot = s4.x;
                 force = FORCE(s4);
                 if (AT_FACES) {
@@ -187,14 +189,14 @@ __kernel void trace_kernel(
                     const real3 bearing = IS_STRAIGHT ? ambient * d : ambient * d + momentum;
                     const real3 curve = IS_STRAIGHT ? (real3)R(0.0) : force;
                     const real rest =
-                        land >= 0 ? R(0.0) : rest_to_face(frac, bearing * rate, curve * rate, ahead.shy, h);
+                        land >= 0 ? R(0.0) : rest_to_face(frac, bearing * rate, curve * rate, ahead.stand_off, h);
                     advance4(&sums, &sums_carry, tangent_sums(ambient, d, momentum, rest, pot, force));
                     advance3(&q, &q_carry, rest * momentum + (R(0.5) * rest * rest) * force);
                     advance3(&momentum, &momentum_carry, rest * force);
                     advance3(&frac, &frac_carry, (rest * bearing + (R(0.5) * rest * rest) * curve) * rate);
                     carry_over(&cell, &frac);
                     const real over = AT_FACE / size3(bearing * rate);
-                    const real4 beyond = sample(&field, &arrays, cell, frac + over * (bearing * rate), home);
+                    const real4 beyond = sample(&field, &arrays, cell, frac + over * (bearing * rate), current_cell);
                     force = FORCE(beyond);
                     pot = beyond.x - over * dot(force, bearing);
                     if (IS_STRAIGHT) {
@@ -204,10 +206,10 @@ __kernel void trace_kernel(
                 }
                 if (ONE_SCALAR) {
                     // Back onto |T| = n: the error along the ray, which the path would feel in full, is gone.
-                    const real3 mending = mend(ambient, d, momentum, pot);
-                    momentum += mending;
+                    const real3 projecting = project_momentum(ambient, d, momentum, pot);
+                    momentum += projecting;
                     if (IS_STRAIGHT) {
-                        q += (R(0.5) * h) * mending;  // it grew over the step
+                        q += (R(0.5) * h) * projecting;  // it grew over the step
                     }
                 }
 
@@ -221,11 +223,11 @@ __kernel void trace_kernel(
                     int done = 0;
                     if (STOP == ARC && land == LANDED_ARC) {
                         const real rest = arc_left - (ambient * sums.x + sums.z);
-                        back = arc_touchdown(rest, ambient + contrast(ambient, pot), arc_left, h, &done);
+                        back = arc_surface_intersection(rest, ambient + contrast(ambient, pot), arc_left, h, &done);
                     } else {
                         const real3 now = IS_STRAIGHT ? frac + q * rate : frac;
                         const real3 velocity = (ambient * d + momentum) * rate;
-                        back = touchdown(
+                        back = surface_intersection(
                             &control, land, course.side, cell, now, velocity, force * rate, h, h_cell, &done);
                     }
                     if (done) {
@@ -252,20 +254,22 @@ __kernel void trace_kernel(
             }
         }
         if (CONTROLLED) {
-            used = stop_error(used, &bounds, d0, ambient, momentum, first_momentum, bent, slant, arm);
-            slant_first = slant;
-            harm = (fabs(pot) + size3(force) * (slant + bent) * arm) / ambient;
+            used = stop_error(used, &bounds, d0, ambient, momentum, first_momentum, greatest_deflection,
+                obliquity, lever_arm);
+            obliquity_first = obliquity;
+            harm = (fabs(pot) + size3(force) * (obliquity + greatest_deflection) * lever_arm) / ambient;
         }
     }
 
     const Arrival arrival = end_of(
-        &bounds, &control, p0, d0, &course, status, landed, q, q_carry, momentum, sums, sums_carry, bent);
+        &bounds, &control, p0, d0, &course, status, landed, q, q_carry, momentum, sums, sums_carry,
+        greatest_deflection);
     if (CONTROLLED && arrival.status == RAY_OK && landed >= 0) {
         const real cell_size = R(1.0) / greatest(VECTOR(control.cell_rate));
-        used = landing_error(used, ambient, cell_size, landed, arrival.grazing, slant_first, harm);
+        used = event_location_error(used, ambient, cell_size, landed, arrival.grazing, obliquity_first, harm);
     }
     // Such a ray is traced again, if that may help (retrace.py).
-    const int is_rejected = CONTROLLED && arrival.status == RAY_OK && !(used <= control.budget);
+    const int is_rejected = CONTROLLED && arrival.status == RAY_OK && !(used <= control.tolerance);
     if (control.outputs & WANT_POSITION) {
         vstore3(arrival.position, ray, position_out);
     }

@@ -20,9 +20,9 @@ from pathlib import Path
 import warp as wp
 
 from aerokernels.tracing.engines.warp.kernels import pupil
+from aerokernels.tracing.engines.warp.kernels.leapfrog import build_leapfrog_kernel
 from aerokernels.tracing.engines.warp.kernels.trace import build_kernel
-from aerokernels.tracing.engines.warp.kernels.trace_columns import build_column_kernel
-from aerokernels.tracing.engines.warp.kernels.trace_even import build_even_kernel
+from aerokernels.tracing.engines.warp.kernels.trace_projection import build_projection_kernel
 from aerokernels.tracing.engines.warp.types import types
 
 KERNELS = Path(__file__).resolve().parents[1] / "kernels"
@@ -55,8 +55,8 @@ def warp_kernels() -> dict[str, wp.Kernel]:
     """Every Warp kernel by name; the tracer's arguments do not depend on what it is built for."""
     kernels = [kernel for kernel in vars(pupil).values() if isinstance(kernel, wp.Kernel)]
     kernels.append(build_kernel("float32", "volume", "cubic", False, "adaptive", "none", False, True))
-    kernels.append(build_column_kernel("float32", True))
-    kernels.append(build_even_kernel("float32", "volume", "cubic", "none", False))
+    kernels.append(build_projection_kernel("float32", True))
+    kernels.append(build_leapfrog_kernel("float32", "volume", "cubic", "none", False))
     return {kernel.func.__name__: kernel for kernel in kernels}
 
 

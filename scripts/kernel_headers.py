@@ -15,9 +15,9 @@ from aerokernels.medium.crossings import PARALLEL
 from aerokernels.medium.grid import AXIS_CORE
 from aerokernels.tracing import scheme, tableau
 from aerokernels.tracing.pupil_sums import MOMENT_COUNT, SUM_COUNT
-from aerokernels.tracing.quiet import CONE_SINES, CONES
 from aerokernels.tracing.result import OUTPUT_BITS
 from aerokernels.tracing.status import RayStatus
+from aerokernels.tracing.step_bound import CONE_SINES, CONES
 
 INCLUDE = Path(__file__).resolve().parents[1] / "kernels" / "include"
 NOTE = "Written by scripts/kernel_headers from {source}: change it there."
@@ -48,13 +48,13 @@ def constants() -> str:
         *_row("Momentum at the second stage", "P", tableau.STAGE_MOMENTUM[1]),
         *_row("Momentum at the third stage", "Q", tableau.STAGE_MOMENTUM[2]),
         *_group("Length of a step"),
-        *_reals({name: getattr(scheme, name) for name in ("LEAST_STEP", "HAIR", "SHIEST")}),
+        *_reals({name: getattr(scheme, name) for name in ("LEAST_STEP", "FACE_TOLERANCE", "GREATEST_STAND_OFF")}),
         *_group("Error of a step"),
         *_reals({name: getattr(scheme, name) for name in ("STEP_SHARE", "NOISE_STEP")}),
         *_reals(
             {
                 name: getattr(scheme, name)
-                for name in ("DIRECTION_SHARE", "SLANT_KEPT", "SMOOTH", "ROUGH", "BLUNTED", "MAGNIFIED")
+                for name in ("DIRECTION_SHARE", "OBLIQUITY_KEPT", "SMOOTH", "ROUGH", "BLUNTED", "MAGNIFIED")
             }
         ),
         *_group(
@@ -64,9 +64,11 @@ def constants() -> str:
             {name: getattr(scheme, name) for name in ("LEAST_COSINE", "STEEPEST_COSINE", "GRAZING_REST", "LEAST_SLOPE")}
         ),
         *_group("Landing: the share of a step that may be left to a surface"),
-        *_reals({"LANDING_SHARE": scheme.LANDING_SHARE}),
-        *_group("Even samples: greatest angle with the first direction [rad], least share of what is left out"),
-        *_reals({name: getattr(scheme, name) for name in ("EVEN_WEAK", "LOOKUP_STRIDE", "MISSED_SLOPE", "LEFT_SHARE")}),
+        *_reals({"EVENT_LOCATION_SHARE": scheme.EVENT_LOCATION_SHARE}),
+        *_group("Leapfrog samples: greatest angle with the first direction [rad], least share of what is left out"),
+        *_reals(
+            {name: getattr(scheme, name) for name in ("LEAPFROG_ANGLE", "LOOKUP_STRIDE", "MISSED_SLOPE", "LEFT_SHARE")}
+        ),
         *_group("Angle with the first direction up to which a ray counts as nearly straight [rad]"),
         *_reals({"NEARLY_STRAIGHT": tableau.NEARLY_STRAIGHT}),
         *_group("Radius about the axis of symmetry within which a kink is rounded off, in cells"),
@@ -94,7 +96,7 @@ def constants() -> str:
         "#endif",
     ]
     source = (
-        "scheme.py, tableau.py, quiet.py, result.py and pupil_sums.py in aerokernels/tracing,\n"
+        "scheme.py, tableau.py, step_bound.py, result.py and pupil_sums.py in aerokernels/tracing,\n"
         "// and crossings.py and grid.py in medium"
     )
     return _header("CONSTANTS_H", "Constants of the scheme.", source, ['#include "real.h"', *lines])
@@ -113,7 +115,7 @@ def _holds(path: Path, text: str) -> bool:
 
 
 def _by_precision(precision: str) -> list[str]:
-    names = ("NOISE", "DIRECTION_NOISE", "TINY", "LANDING_NOISE", "AT_FACE", "RADIUS_NOISE", "SLACK_CELLS")
+    names = ("NOISE", "DIRECTION_NOISE", "TINY", "EVENT_LOCATION_NOISE", "AT_FACE", "RADIUS_NOISE", "SLACK_CELLS")
     return _reals({name: getattr(scheme, name)[precision] for name in names})
 
 

@@ -2,7 +2,7 @@
 
 Both sides of a row take turns, and each pair of neighbours gives one ratio, so that what else the machine does hits
 both alike; the error is that of the mean ratio. Times are end to end, compiled and uploaded before. The plain tracer is
-the adaptive one with every ray of the disc, its table of safe steps off.
+the adaptive one with every ray of the disc, its table of step bounds off.
 """
 
 import argparse
@@ -23,17 +23,17 @@ HEADING = ["skip", "without", "with", "without [s]", "with [s]", "ratio", "chang
 
 
 def no_tables(backend: str, work: Callable) -> Callable:
-    """The same work without tables of safe steps: no step of more than STEP_LIMIT cells."""
+    """The same work without tables of step bounds: no step of more than STEP_LIMIT cells."""
     module = import_module(f"aerokernels.tracing.engines.{backend}.engine")
 
     def run():
-        real = module.reach_tables
-        shut = {"reach": np.zeros(1), "reach_start": np.full(64, -1, dtype=np.int32)}
-        module.reach_tables = lambda *_: (shut, {"block_count": np.ones(3, dtype=int), "block": 1})
+        real = module.step_bound_tables
+        shut = {"step_bound": np.zeros(1), "step_bound_start": np.full(64, -1, dtype=np.int32)}
+        module.step_bound_tables = lambda *_: (shut, {"block_count": np.ones(3, dtype=int), "block": 1})
         try:
             return work()
         finally:
-            module.reach_tables = real
+            module.step_bound_tables = real
 
     return run
 
@@ -71,16 +71,16 @@ def rows(ray_count: int, repeats: int, backend: str) -> list[list[str]]:
     part = partial(whole, region=prepared.region)
     cases = [
         (
-            "quiet blocks in one step",
+            "smooth regions in one step",
             "none",
-            "table of safe steps",
+            "table of step bounds",
             plain,
             partial(estimate, method="adaptive", symmetry="off"),
         ),
         (
             "nearly straight rays",
             "adaptive",
-            "even samples",
+            "leapfrog samples",
             partial(estimate, method="adaptive", symmetry="off"),
             partial(estimate, symmetry="off"),
         ),

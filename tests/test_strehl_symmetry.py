@@ -9,8 +9,8 @@ import aerokernels
 from aerokernels import Body, Disc, IndexField, Plane, RayBundle, available_backends, flow, trace
 from aerokernels.tracing import pupil_run
 from aerokernels.tracing.engines.reference import pupil as reference_pupil
-from aerokernels.tracing.pupil_fan import FAN_RAYS, LEAST_RAYS, fan_points
 from aerokernels.tracing.pupil_sums import PupilTask
+from aerokernels.tracing.radial_quadrature import LEAST_RAYS, RADIAL_RAYS, radial_points
 
 # The lens of this page ends at the faces of its box: what lies beyond is known to be ambient.
 estimate_strehl = partial(aerokernels.estimate_strehl, allow_truncation=True)
@@ -78,7 +78,7 @@ def test_points_weigh_the_disc():
 
     Error: the offsets' share of the end terms, of order n^-3.
     """
-    squared, weight = fan_points(256, REPLICATES, seed=1)
+    squared, weight = radial_points(256, REPLICATES, seed=1)
     assert squared.shape == weight.shape == (REPLICATES, 256)
     assert (np.diff(squared, axis=1) > 0.0).all() and squared.min() >= 0.0 and squared.max() <= 1.0
     assert weight.sum(axis=1) == pytest.approx(np.full(REPLICATES, 256.0), rel=1e-14)
@@ -100,7 +100,7 @@ def test_the_error_falls_as_said(shape, order):
     counts = 2 ** np.arange(5, 12)
     spread = []
     for count in counts:
-        squared, weight = fan_points(int(count), 64, seed=3)
+        squared, weight = radial_points(int(count), 64, seed=3)
         spread.append(np.std((weight * shape(squared)).mean(axis=1)))
     assert -np.polyfit(np.log(counts), np.log(spread), 1)[0] == pytest.approx(order, abs=0.2)
 
@@ -121,7 +121,7 @@ def test_a_lens_against_its_exact_strehl_ratio(name, precision, remove):
     told = np.sqrt(sum(estimate.error[cause] ** 2 for cause in ("step", "interpolation", "precision", "sampling")))
     assert abs(estimate.value - exact_strehl()) < told + 1e-7 < 1e-4
     assert estimate.standard_error < 1e-7
-    assert estimate.traced_ray_count == REPLICATES * FAN_RAYS and estimate.blocked == pytest.approx(0.0, abs=1e-12)
+    assert estimate.traced_ray_count == REPLICATES * RADIAL_RAYS and estimate.blocked == pytest.approx(0.0, abs=1e-12)
     assert estimate.evaluation_count >= estimate.traced_ray_count
     assert (estimate.boresight == 0.0).all()
     assert {"compile", "kernel", "total"} <= set(estimate.seconds)
@@ -144,7 +144,7 @@ def test_the_shipped_field_gives_what_the_disc_gives(mach3, name, precision):
     """Same rays' errors on both, so within the standard errors; the other moments follow."""
     options = engine(name) | {"precision": precision, "ray_count": 65_536}
     fan, disc = (estimate_strehl(mach3, DOME, symmetry=way, **options) for way in ("auto", "off"))
-    assert fan.traced_ray_count == REPLICATES * FAN_RAYS and disc.traced_ray_count == 65_536
+    assert fan.traced_ray_count == REPLICATES * RADIAL_RAYS and disc.traced_ray_count == 65_536
     assert abs(fan.value - disc.value) < 4.0 * np.hypot(fan.standard_error, disc.standard_error)
     assert fan.standard_error < disc.standard_error
     assert fan.opd_rms == pytest.approx(disc.opd_rms, rel=1e-4)
@@ -161,7 +161,7 @@ def test_blocked_rays_carry_no_light():
     """
     field, asked = lens(body=ball(3.1e-3)), 16 * 7000
     fan, disc = (estimate_strehl(field, Disc(PUPIL), ray_count=asked, symmetry=way) for way in (True, False))
-    assert fan.traced_ray_count == asked + REPLICATES * FAN_RAYS
+    assert fan.traced_ray_count == asked + REPLICATES * RADIAL_RAYS
     assert any("as at an edge" in reason for reason in fan.plan.reasons)
     assert fan.blocked == pytest.approx((3.1 / 6.0) ** 2, abs=2e-3)
     assert fan.value == pytest.approx(exact_strehl(inner=3.1e-3), abs=1e-3)
@@ -243,7 +243,7 @@ def test_rounding_does_not_break_the_symmetry():
 @pytest.mark.parametrize(
     ("symmetry", "asked", "traced", "reason"),
     [
-        ("auto", 1_000_000, REPLICATES * FAN_RAYS, f"16 x {FAN_RAYS} rays instead of 1,000,000 over the disc"),
+        ("auto", 1_000_000, REPLICATES * RADIAL_RAYS, f"16 x {RADIAL_RAYS} rays instead of 1,000,000 over the disc"),
         (True, 4096, 4096, "a fan of 16 x 256 rays instead of 4,096"),
         ("auto", 16 * LEAST_RAYS - 16, 16 * LEAST_RAYS - 16, f"a fan takes at least {16 * LEAST_RAYS} rays"),
         (True, 16, 16 * LEAST_RAYS, f"a fan of 16 x {LEAST_RAYS} rays instead of 16"),
@@ -271,7 +271,7 @@ def test_the_reference_backend_traces_the_same_fan():
     for backend, runner in (("reference", reference_pupil), ("warp", pupil_run)):
         options = {"backend": backend, "device": "cpu", "precision": "float64", "method": "fixed", "step": 1e-3}
         plan = trace(field, RayBundle((0.0, 0.0, 0.0), pupil.normal), until=stop, **options).plan
-        task = PupilTask(field, pupil, pupil.normal, stop, plan, WAVELENGTH, 4, 2, is_fan=True)
+        task = PupilTask(field, pupil, pupil.normal, stop, plan, WAVELENGTH, 4, 2, is_radial=True)
         sums.append(runner.PupilRun(task)(7))
     slow, fast = sums
     assert slow.moments.shape == fast.moments.shape

@@ -234,11 +234,11 @@ class IndexField(Derived):
         return self.evaluate(points)[1]
 
     @cached_property
-    def ladder(self):
-        """This field and its coarser versions, by which its interpolation error is judged: see coarser.py."""
-        from .coarser import ladder
+    def refinement(self):
+        """This field and its coarser versions, by which its interpolation error is judged: see levels.py."""
+        from .levels import refinement
 
-        return ladder(self)
+        return refinement(self)
 
     def resample(self, spacing=None, *, tolerance=None, wavelength=None, region=None, interpolation="cubic"):
         """The same field on a uniform grid, with the error of doing so measured: see `resample.resample`."""

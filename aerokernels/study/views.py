@@ -9,7 +9,7 @@ from aerokernels.medium import IndexField
 from aerokernels.rays import Disc, RayBundle
 from aerokernels.scene import Scene
 from aerokernels.tracing import Plane, TraceResult, trace
-from aerokernels.tracing.pupil_fan import asymmetry
+from aerokernels.tracing.radial_quadrature import asymmetry
 from aerokernels.wavefront import point_spread_function, remove_terms
 
 PUPIL_SAMPLES = 201  # across the pupil

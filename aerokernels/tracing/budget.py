@@ -2,7 +2,7 @@ r"""The error budget of a trace's optical path difference, by cause, measured on
 
     precision       the run's own steps in the run's precision against the same steps in float64
     step            those against float64 steps held to a far smaller tolerance (of the full ray, if it was straight)
-    interpolation   through every second and every fourth node of the field, extrapolated (medium/coarser.py)
+    interpolation   through every second and every fourth node of the field, extrapolated (medium/levels.py)
     resampling      through the field that was resampled, to the same stop
     sampling        0: a trace is no mean over rays (an estimate over a pupil fills it in)
     truncation      what rays may have lost where the known air ends (known_air.py)
@@ -98,14 +98,16 @@ def _tight(field: IndexField, plan: TracePlan) -> TracePlan:
 
 def _interpolation(field: IndexField, rays: RayBundle, plan: TracePlan, retrace: Retrace, truth) -> np.ndarray:
     """What the field's own samples leave, from its coarser versions; `truth` is its own trace."""
-    rungs = field.ladder
-    if rungs is None:
+    levels = field.refinement
+    if levels is None:
         return np.zeros(0)
-    traces = [truth if rungs.fine is field else retrace(rungs.fine, rays, _tight(rungs.fine, plan))]
-    traces += [retrace(rung, rays, _tight(rung, plan)) for rung in (rungs.coarse, rungs.coarser) if rung is not None]
+    traces = [truth if levels.fine is field else retrace(levels.fine, rays, _tight(levels.fine, plan))]
+    traces += [
+        retrace(level, rays, _tight(level, plan)) for level in (levels.coarse, levels.coarser) if level is not None
+    ]
     good = np.logical_and.reduce([reached(status) for _, status, _ in traces])
     opd = [path[good] for path, _, _ in traces]
-    return np.asarray(rungs.remainder(opd[0], opd[1], opd[2] if len(opd) > 2 else None) if good.any() else opd[0])
+    return np.asarray(levels.remainder(opd[0], opd[1], opd[2] if len(opd) > 2 else None) if good.any() else opd[0])
 
 
 def _against_source(field: IndexField, rays: RayBundle, plan: TracePlan, retrace: Retrace, truth) -> dict:

@@ -1,15 +1,15 @@
 """What error control costs, predicted before any ray is traced.
 
-    evaluations   OVERHEAD 3 int dl / (safe step there) + FIRST along the diagonal of the box
+    evaluations   OVERHEAD 3 int dl / (step bound there) + FIRST along the diagonal of the box
 
-with the safe steps of quiet.py; OVERHEAD and FIRST were set by hand after traces of five fields.
+with the step bounds of step_bound.py; OVERHEAD and FIRST were set by hand after traces of five fields.
 """
 
 import numpy as np
 
 from ..medium import IndexField
 from ..medium.grid import UniformGrid
-from .quiet import CONES, cones_of, reach
+from .step_bound import CONES, cones_of, step_bound
 
 OVERHEAD = 1.5
 FIRST = 15.0
@@ -35,7 +35,7 @@ def predict_evaluations(field: IndexField, budget: float, directions: np.ndarray
     extent = float(np.linalg.norm(grid.high - grid.low))
     evaluations = 0.0
     for number in np.unique(cones_of(directions, field.geometry)):
-        safe = np.clip(reach(grid, field.geometry, budget, CONES[number]).length, 2.0 * grid.spacing.min(), extent)
+        safe = np.clip(step_bound(grid, field.geometry, budget, CONES[number]).length, 2.0 * grid.spacing.min(), extent)
         evaluations = max(evaluations, OVERHEAD * 3.0 * extent * float(np.mean(1.0 / safe)) + FIRST)
     return evaluations
 

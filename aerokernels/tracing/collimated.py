@@ -1,4 +1,4 @@
-"""When a bundle is collimated along z in a volume, and what its kernel needs then: see columns.py.
+"""When a bundle is collimated along z in a volume, and what its kernel needs then: see projection_tables.py.
 
 The tables serve every ray that runs along z from one plane to another. Rays that would come near a side of the box are
 traced as ever, and the results put together.
@@ -12,7 +12,7 @@ import numpy as np
 from ..medium import IndexField
 from ..medium.grid import UniformGrid
 from ..rays import RayBundle
-from .columns import FURTHEST, ColumnTables, between_columns, column_tables
+from .projection_tables import FURTHEST, ProjectionTables, between_projections, projection_tables
 from .result import output_mask
 from .stop import Plane
 
@@ -29,7 +29,7 @@ NEGLIGIBLE = 0.05
 
 
 @dataclass(frozen=True, eq=False)
-class Columns:
+class Projection:
     """Rays along z, and the tables they need.
 
     Attributes:
@@ -42,7 +42,7 @@ class Columns:
         inside: Which rays the tables hold for, shape (ray_count,).
     """
 
-    tables: ColumnTables
+    tables: ProjectionTables
     sign: float
     first: float
     last: float
@@ -67,17 +67,17 @@ def is_worth_it(field: IndexField, rays: RayBundle) -> bool:
     return rays.ray_count >= RAYS_PER_NODE * field.samples.samples.size
 
 
-def find_columns(field: IndexField, rays: RayBundle, until) -> Columns | None:
+def find_projection(field: IndexField, rays: RayBundle, until) -> Projection | None:
     """The tables for a bundle that `is_collimated`; None where rays begin in different planes, or bend too much.
 
     The last answer is kept with the field: a plan asks before the trace does.
     """
     key = ("columns of the last bundle", weakref.ref(rays), until)
-    found: Columns | None = field.derive(key, lambda: _find_columns(field, rays, until), 1)
+    found: Projection | None = field.derive(key, lambda: _find_projection(field, rays, until), 1)
     return found
 
 
-def _find_columns(field: IndexField, rays: RayBundle, until) -> Columns | None:
+def _find_projection(field: IndexField, rays: RayBundle, until) -> Projection | None:
     grid = field.samples
     sign = float(rays.direction[0, 2])
     near, far = (grid.low[2], grid.high[2]) if sign > 0.0 else (grid.high[2], grid.low[2])
@@ -90,17 +90,17 @@ def _find_columns(field: IndexField, rays: RayBundle, until) -> Columns | None:
     last = min(stop * sign, far * sign) * sign
     if (last - first) * sign <= 1e-9 * abs(far - near):
         return None
-    tables = column_tables(field, sign, first, last)
+    tables = projection_tables(field, sign, first, last)
     if not tables.greatest_shift <= FURTHEST:
         return None
     # A ray may not leave by a side: it keeps twice the greatest shift away from it.
     keep = 2.0 * tables.greatest_shift * grid.spacing[:2]
     across = rays.position[:, :2]
     inside = np.asarray(((across >= grid.low[:2] + keep) & (across <= grid.high[:2] - keep)).all(axis=1))
-    return Columns(tables, sign, first, last, abs(last - first), (stop - last) * sign, inside)
+    return Projection(tables, sign, first, last, abs(last - first), (stop - last) * sign, inside)
 
 
-def columns_hold(field: IndexField, columns: Columns, budget: float) -> bool:
+def projection_holds(field: IndexField, columns: Projection, budget: float) -> bool:
     """Whether the estimated errors leave room in an OPD error of `budget` [m].
 
     That of a direction is one of the path's slope, which a path that is right to the budget leaves open by so much over
@@ -112,12 +112,12 @@ def columns_hold(field: IndexField, columns: Columns, budget: float) -> bool:
         return False
     if tables.between_bound <= NEGLIGIBLE * budget:
         return True
-    between = between_columns(field, columns.sign, columns.first, columns.last)
+    between = between_projections(field, columns.sign, columns.first, columns.last)
     turned = between.direction * float(np.min(field.samples.spacing[:2]))
     return MARGIN * max(between.path, turned) <= budget and between.extra <= GREATEST_EXTRA * budget
 
 
-def kernel_numbers(field: IndexField, columns: Columns, outputs: frozenset) -> list[float]:
+def kernel_numbers(field: IndexField, columns: Projection, outputs: frozenset) -> list[float]:
     """The scalar arguments of the kernel up to the rays: from cells_x to outputs."""
     grid = field.samples
     cells = [count - 1 for count in grid.shape[:2]]
@@ -126,6 +126,6 @@ def kernel_numbers(field: IndexField, columns: Columns, outputs: frozenset) -> l
     return [*cells, *place, field.ambient_index, *way, output_mask(outputs)]
 
 
-def packed(tables: ColumnTables) -> np.ndarray:
+def packed(tables: ProjectionTables) -> np.ndarray:
     """The kernel's array: for each (x, y) A, D and EXTRAS, flat."""
     return np.concatenate([np.stack([tables.path, tables.shift], axis=-1), tables.extra], axis=-1).ravel()

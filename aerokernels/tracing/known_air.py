@@ -27,7 +27,7 @@ from ..medium.grid import UniformGrid
 from ..rays import RayBundle
 from .choice import greatest_turn
 from .engines.info import thread_count
-from .levers import levers_of, slant
+from .levers import levers_of, obliquity
 from .lines import FACES, SIDE, box_size, box_span
 from .mesh_rim import mesh_crossings, mesh_rim
 from .stop import ArcLength, Plane
@@ -142,7 +142,7 @@ def _leverage(field: IndexField, rays: RayBundle, until) -> float:
     """
     some = rays[:: -(-rays.ray_count // CHUNK)] if isinstance(until, Plane) and rays.ray_count else None
     levers = None if some is None else levers_of(field, some, until)
-    return 0.0 if levers is None else levers.arm / float(np.min(field.spacing))
+    return 0.0 if levers is None else levers.lever_arm / float(np.min(field.spacing))
 
 
 def _lost_by(field, position, direction, until, ends, weakest: float) -> tuple[np.ndarray, np.ndarray]:
@@ -227,7 +227,7 @@ def _beside(field: IndexField, position, direction, stop, until) -> np.ndarray:
     strength, scale = contrast_tail(field, nearest[rows], inward, chord)
     lost[rows] = strength * np.exp(-distance[rows] / scale) * length
     if isinstance(until, Plane):  # any other stop is met without a slant
-        strength, scale = slope_tail(field, nearest[rows], inward, chord, slant(direction[rows], until))
+        strength, scale = slope_tail(field, nearest[rows], inward, chord, obliquity(direction[rows], until))
         rest = np.where(np.isfinite(stop[rows]), stop[rows] - along[rows], 0.0)
         lost[rows] += strength * np.exp(-distance[rows] / scale) * length * rest
     return lost

@@ -2,7 +2,7 @@
 
 A stop that is met at an angle with its normal turns an error of a ray's direction into one of its optical path: the
 distance from the error to the stop, times the tangent of that angle. Air that is left out of a trace must be judged by
-that lever arm as well, not by its own optical path alone (active.py).
+that lever arm as well, not by its own optical path alone (support.py).
 """
 
 from dataclasses import dataclass
@@ -29,7 +29,7 @@ class Levers:
 
     way: float
     reach: float
-    arm: float
+    lever_arm: float
 
 
 def levers_of(field: IndexField, rays: RayBundle, until) -> Levers | None:
@@ -57,11 +57,11 @@ def levers_of(field: IndexField, rays: RayBundle, until) -> Levers | None:
     reach = np.where(np.isfinite(stop), stop, far)[good] - enter[good]
     steep = np.abs(cosine[good])
     tangent = np.sqrt(np.maximum(1.0 - steep**2, 0.0)) / np.maximum(steep, LEAST_COSINE)
-    arm = np.where((steep > LEAST_COSINE) & np.isfinite(stop[good]), reach * tangent, 0.0)
-    return Levers(float((far - enter)[good].max()), float(reach.max()), float(arm.max()))
+    lever_arm = np.where((steep > LEAST_COSINE) & np.isfinite(stop[good]), reach * tangent, 0.0)
+    return Levers(float((far - enter)[good].max()), float(reach.max()), float(lever_arm.max()))
 
 
-def slant(direction: np.ndarray, until) -> np.ndarray:
+def obliquity(direction: np.ndarray, until) -> np.ndarray:
     """What a drift costs: a ray that meets its stop a vector x aside of itself has a way that is longer by x . slant.
 
     It lies across the ray, and is as long as the tangent of the angle between the ray and the stop's normal, at most

@@ -7,8 +7,8 @@ from .unresolved import Sampling
 
 # What a caller may ask for.
 METHODS = ("auto", "straight", "adaptive", "paper", "fixed")
-# What "auto" may take besides "adaptive": a fixed count of leapfrog steps a ray (even.py), and tables of what
-# collimated rays gather (columns.py).
+# What "auto" may take besides "adaptive": a fixed count of leapfrog steps a ray (leapfrog.py), and tables of what
+# collimated rays gather (projection_tables.py).
 LEAPFROG, PROJECTION_TABLES = "leapfrog", "projection-tables"
 PRECISIONS = ("float32", "float64")
 
@@ -28,12 +28,14 @@ class TracePlan:
         step: Step of "fixed" [m of arc length], else None.
         tolerance: OPD error asked for [waves].
         reasons: Why, one sentence for each choice.
-        columns: Whether collimated rays are looked up in tables of what each column gathers, see columns.py.
-        sample_count: Samples of a ray whose samples are even, see even.py; 0 where they are not.
-        even_share: The share of a sum's difference from that over every third sample that is taken for its error.
-        bend_share: The share of int P^2 / w dt, P the momentum across the ray, that is taken for its course's error.
-        sampling: How far apart even samples are, for a ray's share of what lies between them, see unresolved.py; None
-            where all of that is negligible.
+        columns: Whether collimated rays are looked up in tables of what each column gathers, see projection_tables.py.
+        sample_count: Samples of a ray whose samples are even, see leapfrog.py; 0 where they are not.
+        quadrature_error_scale: The share of a sum's difference from that over every third sample that is taken for its
+            error.
+        trajectory_error_scale: The share of int P^2 / w dt, P the momentum across the ray, that is taken for its
+            course's error.
+        sampling: How far apart leapfrog samples are, for a ray's share of what lies between them, see unresolved.py;
+            None where all of that is negligible.
         levers: How far the rays fly and at what angle they meet their stop, see levers.py; None where nobody asked.
         predicted_evaluations: Field evaluations of a ray across the box, predicted before any ray is traced.
         predicted_error: OPD error predicted [waves]: what a pilot bundle made, what tables estimate, or the tolerance.
@@ -49,8 +51,8 @@ class TracePlan:
     reasons: tuple[str, ...] = field(default=())
     columns: bool = False
     sample_count: int = 0
-    even_share: float = 0.0
-    bend_share: float = 0.0
+    quadrature_error_scale: float = 0.0
+    trajectory_error_scale: float = 0.0
     sampling: Sampling | None = None
     levers: Levers | None = None
     predicted_evaluations: float | None = None

@@ -13,10 +13,10 @@ from ..medium import IndexField
 from ..rays import RayBundle
 from .allowance import check_tolerance, diagonal_of, step_allowance
 from .choice import predict_evaluations
-from .collimated import columns_hold, find_columns, is_collimated, is_worth_it
+from .collimated import find_projection, is_collimated, is_worth_it, projection_holds
 from .engines.choice import choose_backend
-from .even import fit_even, may_be_even
 from .held import held_error
+from .leapfrog import fit_leapfrog, may_be_leapfrog
 from .levers import levers_of
 from .plan import LEAPFROG, METHODS, PRECISIONS, PROJECTION_TABLES, TracePlan
 
@@ -39,24 +39,24 @@ def plan_rays(
         # Along x the box is endless: a ray may fly far longer through it than across its other axes.
         levers = levers_of(field, pilot(), until)
         choices["path_length"] = None if levers is None else levers.way
-    if method == "auto" and choices.get("columns") is None and may_be_even(field, ray_count, until):
+    if method == "auto" and choices.get("columns") is None and may_be_leapfrog(field, ray_count, until):
         trial = make_plan(field, method="straight", wavelength=wavelength, **choices)  # predicts nothing: a pilot will
         if trial.backend != "reference":
             trial = replace(trial, method=LEAPFROG, reasons=trial.reasons[1:])  # without that of the method
-            plan = fit_even(field, pilot(), trial, until, wavelength, spread or pilot)
+            plan = fit_leapfrog(field, pilot(), trial, until, wavelength, spread or pilot)
             if plan is not None:
                 return plan
     return make_plan(field, method=method, wavelength=wavelength, **choices)
 
 
-def why_columns(
+def why_projection(
     field: IndexField, rays: RayBundle, until, method: str, tolerance: float, wavelength: float
 ) -> str | None:
     """Why these rays may be looked up in tables of columns; None where they may not, or where it does not pay."""
     if method != "auto" or not (is_collimated(field, rays, until) and is_worth_it(field, rays)):
         return None
-    columns = find_columns(field, rays, until)
-    if columns is None or not columns.inside.any() or not columns_hold(field, columns, tolerance * wavelength):
+    columns = find_projection(field, rays, until)
+    if columns is None or not columns.inside.any() or not projection_holds(field, columns, tolerance * wavelength):
         return None
     waves = columns.tables.greatest_error / wavelength
     others = int(np.count_nonzero(~columns.inside))
@@ -102,12 +102,12 @@ def make_plan(
     # Names may come from an array as NumPy's strings, which are other keys to the caches of kernels.
     method, precision = str(method), str(precision)
     reasons = []
-    by_columns = False
+    by_projection = False
     predicted = None
     if columns is not None and method == "auto" and backend != "reference":
         method = PROJECTION_TABLES
         reasons.append(columns)
-        by_columns = True
+        by_projection = True
     elif method == "auto" and backend == "reference":
         method = "adaptive"
         reasons.append("method adaptive: the reference is the answer that others are measured against")
@@ -135,7 +135,7 @@ def make_plan(
         max_steps = step_allowance(field, method, step, path_length)
     elif not isinstance(max_steps, (int, np.integer)) or max_steps < 1:
         raise ValueError(f"max_steps must be a whole number of at least 1, got {max_steps!r}")
-    if by_columns:
+    if by_projection:
         predicted = 1.0
     elif predicted is None and method == "fixed":
         predicted = 3.0 * diagonal_of(field) / step
@@ -148,7 +148,7 @@ def make_plan(
         step,
         float(tolerance),
         tuple(reasons),
-        by_columns,
+        by_projection,
         predicted_evaluations=predicted,
-        predicted_error=None if method in ("paper", "fixed") or by_columns else float(tolerance),
+        predicted_error=None if method in ("paper", "fixed") or by_projection else float(tolerance),
     )

@@ -8,13 +8,13 @@ import numpy as np
 from ..medium import IndexField
 from ..rays import Disc, RayBundle
 from .allowance import check_tolerance
-from .even import PILOT_RAYS
+from .leapfrog import PILOT_RAYS
 from .plan import TracePlan
 from .planning import plan_rays
 from .pupil_air import PupilAir, pupil_air
-from .pupil_fan import choose_fan
 from .pupil_run import PupilRun
 from .pupil_sums import PupilTask
+from .radial_quadrature import choose_radial
 from .stop import Plane
 
 REPLICATES = 16
@@ -46,14 +46,14 @@ class PupilJob:
         return self.task.per_replicate * REPLICATES
 
     @property
-    def is_fan(self) -> bool:
+    def is_radial(self) -> bool:
         """Whether a fan of rays stands for the pupil: field, pupil and rays are symmetric about the axis."""
-        return self.task.is_fan
+        return self.task.is_radial
 
     @property
     def may_be_refined(self) -> bool:
         """Whether it is a fan of fewer rays than were asked for."""
-        return self.task.is_fan and self.task.per_replicate < self.per_replicate
+        return self.task.is_radial and self.task.per_replicate < self.per_replicate
 
     @cached_property
     def run(self) -> PupilRun:
@@ -79,8 +79,8 @@ def make_job(
     air = pupil_air(field, pupil, look, tolerance * wavelength)
     until = plane_beyond(field, pupil, look)
     per_replicate = _per_replicate(ray_count)
-    fan_rays, why = choose_fan(field, pupil, look, per_replicate, REPLICATES, symmetry)
-    count = fan_rays or per_replicate
+    radial_rays, why = choose_radial(field, pupil, look, per_replicate, REPLICATES, symmetry)
+    count = radial_rays or per_replicate
     plan = plan_rays(
         field,
         partial(RayBundle.collimated, pupil, PILOT_RAYS, direction=look),
@@ -101,10 +101,10 @@ def make_job(
         wavelength,
         count,
         REPLICATES,
-        with_tilt=with_tilt and not fan_rays,  # a symmetric wavefront has none
+        with_tilt=with_tilt and not radial_rays,  # a symmetric wavefront has none
         # About the axis of an axisymmetric field neighbours are rays of one radius, wherever they lie.
         by_radius=field.geometry == "axisymmetric" and float(np.hypot(*pupil.center[:2])) < 0.05 * pupil.radius,
-        is_fan=fan_rays > 0,
+        is_radial=radial_rays > 0,
     )
     return PupilJob(plan, until, per_replicate, task, air)
 

@@ -16,13 +16,13 @@ from .pupil_sums import (
     PupilSums,
     PupilTask,
     batches_of,
-    fan_rays,
     fit_plane,
     group_count,
     holds_tolerance,
     joined_counts,
     moments_in_metres,
     point_order,
+    radial_rays,
 )
 from .retrace import retrace_rejected
 from .status import RayStatus
@@ -80,7 +80,7 @@ class PupilRun:
         self.kernels = engine.pupil_kernels()
         with stage("upload"):
             self.one = engine.put(np.ones(1))
-            if not task.is_fan:
+            if not task.is_radial:
                 self.order = engine.put(point_order(task.per_replicate, task.by_radius))
         self.sums = [engine.empty(SUM_COUNT * self.widest * rows) for rows in joined_counts(task.per_replicate)]
         self.buffers: list[dict[str, Any]] = []  # of each batch whose rays are still needed
@@ -127,8 +127,8 @@ class PupilRun:
         task, engine = self.task, self.engine
         count = (rows.stop - rows.start) * task.per_replicate
         results = {name: buffers[name] for name in OUTPUT_TYPES}
-        if task.is_fan:
-            position, direction, place, weight = (engine.put(array) for array in fan_rays(task, points, rows))
+        if task.is_radial:
+            position, direction, place, weight = (engine.put(array) for array in radial_rays(task, points, rows))
             return Batch(rows, count, position, direction, place, weight, count, results)
         pupil = task.pupil
         vectors = [pupil.center, *(pupil.radius * axis for axis in pupil.axes), task.look]

@@ -10,7 +10,7 @@ import numpy as np
 from ..medium import IndexField
 from ..rays import Disc
 from .plan import TracePlan
-from .pupil_fan import fan_points
+from .radial_quadrature import radial_points
 from .scheme import GROUP, JOINED
 from .stop import Plane
 
@@ -46,7 +46,7 @@ class PupilTask:
         replicates: How many there are.
         with_tilt: Whether phases are measured from the plane that fits best, or as they are.
         by_radius: Whether rays are neighbours by their distance from the pupil's centre alone, see `point_order`.
-        is_fan: Whether the rays are those of a fan (pupil_fan.py), along one radius of the pupil.
+        is_radial: Whether the rays are those of a fan (radial_quadrature.py), along one radius of the pupil.
     """
 
     field: IndexField
@@ -59,12 +59,12 @@ class PupilTask:
     replicates: int
     with_tilt: bool = False
     by_radius: bool = False
-    is_fan: bool = False
+    is_radial: bool = False
 
     def points(self, seed: int | None) -> Any:
         """What a seed makes: seeds of the scramble (replicates, 2), or the points and weights of a fan."""
-        if self.is_fan:
-            return fan_points(self.per_replicate, self.replicates, seed)
+        if self.is_radial:
+            return radial_points(self.per_replicate, self.replicates, seed)
         return replicate_seeds(seed, self.replicates)
 
 
@@ -139,10 +139,10 @@ def _second_axis(index: np.ndarray) -> np.ndarray:
     return result
 
 
-def fan_rays(task: PupilTask, points: tuple[np.ndarray, np.ndarray], rows: slice) -> tuple[np.ndarray, ...]:
+def radial_rays(task: PupilTask, points: tuple[np.ndarray, np.ndarray], rows: slice) -> tuple[np.ndarray, ...]:
     """Starts [m] (n, 3), directions (n, 3), places on the pupil (n, 2) and weights (n,) of some replicates of a fan.
 
-    The rays leave the pupil along its first axis; `points` are those of `fan_points`.
+    The rays leave the pupil along its first axis; `points` are those of `radial_points`.
     """
     squared, weight = (array[rows].reshape(-1, 1) for array in points)
     place = np.sqrt(squared)
@@ -191,7 +191,7 @@ def moments_in_metres(moments: np.ndarray, task: PupilTask) -> np.ndarray:
     """
     radius = task.pupil.radius
     moments = moments * np.array([1, radius, radius, 1, *[radius**2] * 3, radius, radius, 1, 1, 1])
-    if task.is_fan:
+    if task.is_radial:
         moments[:, [1, 2, 5, 7, 8]] = 0.0
         moments[:, [4, 6]] = 0.5 * moments[:, [4]]
     return moments

@@ -19,7 +19,7 @@ and that is what rays meet: it falls off fast beyond what the nodes resolve, whe
 import numpy as np
 
 from ..medium.grid import UniformGrid
-from .quiet import potential_at_nodes
+from .step_bound import potential_at_nodes
 
 # A component's share in the remainder at phi H = x is 1 - exp(-(x / edge)^24): of edge 0.92 0.03 at 0.8, 0.99 at 0.98.
 MOST_OVER_EDGE = 2.0

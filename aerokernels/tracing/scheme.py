@@ -5,8 +5,8 @@ Numbers that depend on the precision are mappings from its name.
 """
 
 # The length of a step.
-# Steps of so many cells need no leave from the table of safe steps (quiet.py): four samples a step are then less far
-# apart than the support of a sample. On a mesh, which has no table, they are the longest.
+# Steps of so many cells need no leave from the table of step bounds (step_bound.py): four samples a step are then less
+# far apart than the support of a sample. On a mesh, which has no table, they are the longest.
 STEP_LIMIT = 2.0
 MESH_STEP_LIMIT = 4.0
 # Greatest tolerance [waves] for which the field's structure may be stepped over.
@@ -14,9 +14,9 @@ LAXEST = 0.3
 # Shortest step, in cells, that error control asks for.
 LEAST_STEP = 1e-4
 # Cell faces that a ray has passed but for rounding, or is about to pass in so little, in cells: not worth a step.
-HAIR = 1e-4
+FACE_TOLERANCE = 1e-4
 # Greatest distance before a face, in cells, at which a step across a kinked interpolant's cell may stop.
-SHIEST = 1e-3
+GREATEST_STAND_OFF = 1e-3
 # Where the slope jumps at the faces of cells: a face that is nearer than this, in cells, has been reached; the slope
 # behind it is looked up so far beyond it.
 AT_FACE = {"float32": 1e-6, "float64": 1e-9}
@@ -35,7 +35,7 @@ DIRECTION_NOISE = {"float32": 2.0**-23, "float64": 2.0**-52}
 # A direction error counts with at least this share of the field's length, besides the ray's own slope.
 DIRECTION_SHARE = 0.01
 # The slant at which the undisturbed ray meets its stop counts less the more the ray has turned, up to this angle [rad].
-SLANT_KEPT = 0.25
+OBLIQUITY_KEPT = 0.25
 # Errors are believed to be smaller than the embedded formula says by these factors at most: where the table of safe
 # steps says that the field is smooth over the step (or the step stays in one cell of a linear field), and elsewhere;
 # less so on bent rays: 1 from an angle of 1 / BLUNTED on.
@@ -47,15 +47,15 @@ MAGNIFIED = 2.0**40
 # In place of a divisor that may be 0.
 TINY = {"float32": 1e-30, "float64": 1e-290}
 
-# Even samples.
+# Leapfrog samples.
 # Greatest angle with the first direction for which they hold [rad].
-EVEN_WEAK = 0.05
+LEAPFROG_ANGLE = 0.05
 # Blocks that a ray moves on by, along any axis, between two lookups of what lies between its samples.
 LOOKUP_STRIDE = 1.5
 # What lies between them changes from cell to cell by so many times its size, at most.
 MISSED_SLOPE = 2.0
 # What the air outside the field's support may do to a ray counts as an error from this share of the tolerance on: below
-# it is what the support was chosen for (active.py).
+# it is what the support was chosen for (support.py).
 LEFT_SHARE = 0.5
 
 # Where a ray ends.
@@ -68,8 +68,8 @@ GRAZING_REST = 1e-2
 LEAST_SLOPE = 1e-15
 # Landing: what is left to a surface is flown by the last step's parabola if it is below this share of that step, or
 # below rounding of the ray's place, in cells (of the plane and the cylinder: times their distance from the origin).
-LANDING_SHARE = 0.02
-LANDING_NOISE = {"float32": 1e-5, "float64": 1e-13}
+EVENT_LOCATION_SHARE = 0.02
+EVENT_LOCATION_NOISE = {"float32": 1e-5, "float64": 1e-13}
 # The number of the "surface" at which a stop at a length of arc ends a ray; those of space are numbered from 0.
 LANDED_ARC = 100
 # The same for a ray that flies on from where it left the field's support.

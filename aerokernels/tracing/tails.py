@@ -21,13 +21,13 @@ import numpy as np
 
 from ..medium import IndexField
 from ..medium.grid import UniformGrid
-from .levers import slant
+from .levers import obliquity
 from .lines import box_size, box_span
 from .mesh_rim import rim_contrast
 
 WINDOW_CELLS = 2.0
 # A slant that is rounding.
-NO_SLANT = 1e-12
+NO_OBLIQUITY = 1e-12
 DEPTHS = np.array([0.0, 0.5, 1.0, 1.5, 2.0])  # over s; the middle one belongs to both windows
 
 
@@ -55,8 +55,8 @@ def drift_beyond(field: IndexField, point, inward, chord, way, until, distance, 
         cell: Size of the cells there [m], shape (n,); None for the field's own.
     """
     lost = np.zeros(len(point))
-    across = slant(inward, until)
-    rows = np.flatnonzero((np.abs(across).max(axis=1, initial=0.0) > NO_SLANT) & np.isfinite(distance))
+    across = obliquity(inward, until)
+    rows = np.flatnonzero((np.abs(across).max(axis=1, initial=0.0) > NO_OBLIQUITY) & np.isfinite(distance))
     if len(rows) == 0:
         return lost
     cell = None if cell is None else cell[rows]

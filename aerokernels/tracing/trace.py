@@ -8,12 +8,12 @@ from ..clock import clocked, stage
 from ..medium import IndexField
 from ..rays import RayBundle
 from .budget import Retrace, error_budget
-from .even import pilot_of, spread_of
 from .known_air import KnownAir
 from .launch import launch
+from .leapfrog import pilot_of, spread_of
 from .meeting import check_meeting
 from .plan import TracePlan
-from .planning import plan_rays, why_columns
+from .planning import plan_rays, why_projection
 from .result import RAY_OUTPUTS, TraceResult
 from .retrace import retrace_rejected, told_of_rejected
 from .status import RayStatus
@@ -89,7 +89,7 @@ def trace(
                 path_length=until.length if isinstance(until, ArcLength) else None,
                 wavelength=wavelength,
                 directions=rays.direction,
-                columns=why_columns(field, rays, until, method, tolerance, wavelength),
+                columns=why_projection(field, rays, until, method, tolerance, wavelength),
                 spread=partial(spread_of, rays),
             )
         arrays = run_plan(field, rays, plan, until, wavelength, wanted)
@@ -122,9 +122,9 @@ def run_plan(field: IndexField, rays: RayBundle, plan: TracePlan, until, wavelen
     along.
     """
     if plan.columns:
-        from .column_trace import trace as by_columns
+        from .projection_trace import trace as by_projection
 
-        return by_columns(field, rays, plan, until, wavelength, outputs, run_plan)
+        return by_projection(field, rays, plan, until, wavelength, outputs, run_plan)
     arrays = launch(field, rays, plan, until, wavelength, outputs)
     if not plan.controls_error or plan.backend == "reference" or "step_error" not in arrays:
         return arrays

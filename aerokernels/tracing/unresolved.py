@@ -1,4 +1,4 @@
-r"""What a field holds between even samples, block by block, so that no ray passes it unseen.
+r"""What a field holds between leapfrog samples, block by block, so that no ray passes it unseen.
 
 The midpoint rule with samples H apart errs, on a line along which the potential is f, by
 
@@ -31,9 +31,9 @@ import numpy as np
 from ..medium import IndexField
 from ..medium.grid import UniformGrid
 from .blocks import block_maxima, block_means, greatest_of_neighbors
-from .quiet import potential_at_nodes, roughness_by_axis
 from .remainder import remainders
 from .scheme import LOOKUP_STRIDE, MISSED_SLOPE
+from .step_bound import potential_at_nodes, roughness_by_axis
 from .ways import Lines, local_coordinates, local_range
 
 # Frequencies along a ray, times H, from which on components are left in the remainder: on its way, and at its ends.
@@ -49,7 +49,7 @@ LOBE = 0.15
 # Of the midpoint rule with mended ends: its kernel, the Bernoulli polynomial of degree 4 over 4!, is at most this.
 PEANO = 1.0 / 720.0
 # Components of a direction below which no neighbouring block is met within half a stride.
-LEAST_SLANT = 0.05
+LEAST_OBLIQUITY = 0.05
 # Of an axis that all rays run along, the least component; others along which they move less than a cell in a block.
 LEAST_MAIN, LEVEL = 0.7, 0.25
 # A lookup stands for so many blocks along that axis; strides are shorter where a way ends, and find less of them.
@@ -87,7 +87,7 @@ def disturbed_ends(field: IndexField, lines: Lines, held: float) -> bytes:
 
     Args:
         field: One on a cubic uniform grid.
-        lines: Rays' ways through the active part of the field.
+        lines: Rays' ways through the support of the field.
         held: The OPD error that they are held to [m].
     """
     from scipy.ndimage import maximum_filter
@@ -123,13 +123,13 @@ def lookup_table(field: IndexField, sampling: Sampling) -> tuple[int, np.ndarray
     from scipy.ndimage import maximum_filter1d, uniform_filter1d
 
     block, missed = missed_in_blocks(field, sampling)
-    slants, main = _along_axes(sampling.steepness, field.geometry), _main_axis(sampling.steepness, field.geometry)
-    for axis, slant in enumerate(slants):
+    obliquities, main = _along_axes(sampling.steepness, field.geometry), _main_axis(sampling.steepness, field.geometry)
+    for axis, obliquity in enumerate(obliquities):
         if axis == main:
             missed = LOOKED_SHORT * uniform_filter1d(missed, LOOKED_OVER, axis=axis, mode="nearest")
-        elif slant > LEAST_SLANT:
+        elif obliquity > LEAST_OBLIQUITY:
             # What is found a block and a half away along the main axis is beside the ray by that slope.
-            wide = 3 if main is None or slant < 0.5 * slants[main] else 5
+            wide = 3 if main is None or obliquity < 0.5 * obliquities[main] else 5
             missed = maximum_filter1d(missed, wide, axis=axis, mode="nearest")
     return block, missed
 
@@ -140,7 +140,7 @@ def greatest_error(field: IndexField, sampling: Sampling, lines: Lines) -> float
     Args:
         field: One on a cubic uniform grid.
         sampling: How its rays are sampled.
-        lines: Their ways through the active part of the field.
+        lines: Their ways through the support of the field.
     """
     grid = field.samples
     block, missed = missed_in_blocks(field, sampling)
@@ -187,20 +187,20 @@ def _with_lever(field: IndexField, lines: Lines) -> np.ndarray:
 def _missed(grid: UniformGrid, geometry: str, sampling: Sampling) -> tuple[int, np.ndarray]:
     from scipy.ndimage import maximum_filter1d
 
-    slant = _along_axes(sampling.steepness, geometry)
+    obliquity = _along_axes(sampling.steepness, geometry)
     block, fourth = roughness_by_axis(grid)
-    strides = [PEANO * (u * sampling.spacing) ** 4 for u in slant]
+    strides = [PEANO * (u * sampling.spacing) ** 4 for u in obliquity]
     missed = _joined([stride * change for stride, change in zip(strides, fourth, strict=True)])
     # Further on, what a spline holds of images falls off as the fourth power of their frequency.
-    finest = FINEST / max(float((slant / grid.spacing).max()), 1.0 / float((grid.high - grid.low).max()))
+    finest = FINEST / max(float((obliquity / grid.spacing).max()), 1.0 / float((grid.high - grid.low).max()))
     spacing, share = max(sampling.spacing, finest), min(sampling.spacing / finest, 1.0) ** 4
     edges = (EDGE, EDGE_AT_ENDS) if sampling.ends else (EDGE,)
-    sizes = [np.abs(part) for part in remainders(grid, slant, spacing, edges, sampling.is_fine)]
+    sizes = [np.abs(part) for part in remainders(grid, obliquity, spacing, edges, sampling.is_fine)]
     main = _main_axis(sampling.steepness, geometry)
-    across = [axis for axis in range(len(slant)) if axis != main]
+    across = [axis for axis in range(len(obliquity)) if axis != main]
     if main is None:
         rest = block_maxima(sizes[0], block)
-    elif slant[across].max(initial=0.0) > LEVEL:
+    elif obliquity[across].max(initial=0.0) > LEVEL:
         rest = block_means(block_maxima(sizes[0], block, across), block, main)
     else:
         rest = block_maxima(block_means(sizes[0], block, main), block, across)
@@ -216,7 +216,7 @@ def _missed(grid: UniformGrid, geometry: str, sampling: Sampling) -> tuple[int, 
 
 
 def _joined(parts: list[np.ndarray]) -> np.ndarray:
-    """Of a structure with one normal, from what each axis shows of its fourth derivative: see quiet.py."""
+    """Of a structure with one normal, from what each axis shows of its fourth derivative: see step_bound.py."""
     return np.sum([part**0.25 for part in parts], axis=0) ** 4
 
 

@@ -11,13 +11,13 @@ from .lines import crossing_of_box
 from .scheme import LEAST_COSINE
 from .stop import Plane
 
-# Lines that are looked at beside a body, and the outermost rays at the end of a bundle's spread (even.spread_of).
+# Lines that are looked at beside a body, and the outermost rays at the end of a bundle's spread (leapfrog.spread_of).
 BESIDE_BODY, OUTERMOST = 192, 12
 
 
 @dataclass(frozen=True, eq=False)
 class Lines:
-    """Undisturbed rays' ways through the active part of a field.
+    """Undisturbed rays' ways through the support of a field.
 
     Attributes:
         start: Where they begin [m], shape (line_count, 3).

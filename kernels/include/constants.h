@@ -1,5 +1,5 @@
 // Constants of the scheme.
-// Written by scripts/kernel_headers from scheme.py, tableau.py, quiet.py, result.py and pupil_sums.py in aerokernels/tracing,
+// Written by scripts/kernel_headers from scheme.py, tableau.py, step_bound.py, result.py and pupil_sums.py in aerokernels/tracing,
 // and crossings.py and grid.py in medium: change it there.
 #ifndef CONSTANTS_H
 #define CONSTANTS_H
@@ -62,14 +62,14 @@
 
 // Length of a step.
 #define LEAST_STEP R(0.0001)
-#define HAIR R(0.0001)
-#define SHIEST R(0.001)
+#define FACE_TOLERANCE R(0.0001)
+#define GREATEST_STAND_OFF R(0.001)
 
 // Error of a step.
 #define STEP_SHARE R(0.02)
 #define NOISE_STEP R(0.5)
 #define DIRECTION_SHARE R(0.01)
-#define SLANT_KEPT R(0.25)
+#define OBLIQUITY_KEPT R(0.25)
 #define SMOOTH R(0.02)
 #define ROUGH R(0.2)
 #define BLUNTED R(30.0)
@@ -82,10 +82,10 @@
 #define LEAST_SLOPE 1e-15
 
 // Landing: the share of a step that may be left to a surface.
-#define LANDING_SHARE R(0.02)
+#define EVENT_LOCATION_SHARE R(0.02)
 
-// Even samples: greatest angle with the first direction [rad], least share of what is left out.
-#define EVEN_WEAK R(0.05)
+// Leapfrog samples: greatest angle with the first direction [rad], least share of what is left out.
+#define LEAPFROG_ANGLE R(0.05)
 #define LOOKUP_STRIDE R(1.5)
 #define MISSED_SLOPE R(2.0)
 #define LEFT_SHARE R(0.5)
@@ -141,7 +141,7 @@
 #define NOISE R(8.881784197001252e-16)
 #define DIRECTION_NOISE R(2.220446049250313e-16)
 #define TINY R(1e-290)
-#define LANDING_NOISE R(1e-13)
+#define EVENT_LOCATION_NOISE R(1e-13)
 #define AT_FACE R(1e-09)
 #define RADIUS_NOISE R(4.440892098500626e-16)
 #define SLACK_CELLS R(1e-10)
@@ -149,7 +149,7 @@
 #define NOISE R(4.76837158203125e-07)
 #define DIRECTION_NOISE R(1.1920928955078125e-07)
 #define TINY R(1e-30)
-#define LANDING_NOISE R(1e-05)
+#define EVENT_LOCATION_NOISE R(1e-05)
 #define AT_FACE R(1e-06)
 #define RADIUS_NOISE R(2.384185791015625e-07)
 #define SLACK_CELLS R(1e-09)

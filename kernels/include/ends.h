@@ -88,18 +88,18 @@ static inline int surface_of(const Bounds *bounds, const Course *course, double3
 
 // How much further along d the stop is met per length that the ray is beside its place: the tangent of the angle at which
 // it meets the stop; no more than that of the smallest angle believed.
-static inline double slant_of(const Bounds *bounds, const Course *course, double3 p, double3 d)
+static inline double obliquity_of(const Bounds *bounds, const Course *course, double3 p, double3 d)
 {
-    double slant = 0.0;
+    double obliquity = 0.0;
     if (STOP != ARC && course->has_stop) {
         double3 normal = VECTOR64(bounds->plane_normal);
         if (STOP == NONE) {
             surface_distance(bounds, surface_of(bounds, course, p, d), p + course->far * d, &normal);
         }
         const double cosine = dot(normal, d);
-        slant = size64(normal - cosine * d) / greater64(fabs(cosine), STEEPEST_COSINE);
+        obliquity = size64(normal - cosine * d) / greater64(fabs(cosine), STEEPEST_COSINE);
     }
-    return slant;
+    return obliquity;
 }
 
 // Where a ray is, from the sums of its steps so far.
@@ -112,10 +112,10 @@ static inline double3 place_of(
 
 // What a direction's error does on the way to the stop. Lengths in metres.
 typedef struct {
-    real slant;    // of the stop
-    real arm;      // how far on the error grows
-    real reach;    // the part of that in the box
-    real caution;  // a share of the safe steps of quiet.py, which know nothing of the way to a far stop
+    real obliquity;  // of the stop
+    real lever_arm;  // how far on the error grows
+    real reach;      // the part of that in the box
+    real caution;    // a share of the step bounds of step_bound.py, which know nothing of the way to a far stop
 } Lever;
 
 static inline Lever lever_of(
@@ -124,10 +124,10 @@ static inline Lever lever_of(
     const double chord = course->far - course->enter;
     Lever out;
     out.reach = chord < 1.0e30 ? (real)chord : control->extent;  // along x a planar box has no end
-    out.slant = CONTROLLED ? (real)slant_of(bounds, course, p, d) : R(0.0);
+    out.obliquity = CONTROLLED ? (real)obliquity_of(bounds, course, p, d) : R(0.0);
     const real beyond = STOP == PLANE ? (real)greater64(course->stop_distance - course->far, 0.0) : R(0.0);
-    out.arm = out.reach + beyond;
-    out.caution = pow(R(1.0) + R(0.25) * out.slant * beyond * greatest(VECTOR(control->cell_rate)), R(-0.25));
+    out.lever_arm = out.reach + beyond;
+    out.caution = pow(R(1.0) + R(0.25) * out.obliquity * beyond * greatest(VECTOR(control->cell_rate)), R(-0.25));
     return out;
 }
 
@@ -158,14 +158,14 @@ static inline Arrival end_of(
     real3 momentum,
     real4 sums,
     real4 sums_carry,
-    real bent)
+    real greatest_deflection)
 {
     const double ambient = bounds->ambient;
     double3 q64 = convert_double3(q) - convert_double3(q_carry);
     const double sigma = (double)sums.x - (double)sums_carry.x;
     const double work = 2.0 * ((double)sums.y - (double)sums_carry.y);
     const double stretch = (double)sums.z - (double)sums_carry.z;
-    if (ONE_SCALAR && bent <= NEARLY_STRAIGHT) {
+    if (ONE_SCALAR && greatest_deflection <= NEARLY_STRAIGHT) {
         // Along d the deviation is int (T . d - a) d sigma = M - B: sums of what the path itself is summed of.
         const double lagging = (double)sums.w - (double)sums_carry.w;
         q64 += (stretch - lagging - dot(q64, d)) * d;
@@ -196,9 +196,9 @@ static inline Arrival end_of(
             const double height = dot(VECTOR64(bounds->plane_normal), here - VECTOR64(bounds->plane_point));
             const double slope = dot(VECTOR64(bounds->plane_normal), heading);
             // A plane on a face of the box: rounding may put the ray a hair behind it.
-            const double hair = 1.0e-3 / (double)greatest(VECTOR(control->cell_rate));
+            const double face_tolerance = 1.0e-3 / (double)greatest(VECTOR(control->cell_rate));
             const int toward = height * slope < 0.0 && fabs(slope) > LEAST_SLOPE;
-            if (toward || (course->meets && fabs(height) < hair * fabs(slope))) {
+            if (toward || (course->meets && fabs(height) < face_tolerance * fabs(slope))) {
                 flight = -height / slope;
             } else if (height != 0.0) {
                 status = RAY_STOP_NOT_REACHED;

@@ -5,7 +5,7 @@
 #include "motion.h"
 
 // The error in metres; `turn` is the greatest angle with d so far, `lever` the length by which a direction's error counts.
-// The stop is met at a `slant` (ends.h), `arm` further on.
+// The stop is met at an `obliquity` (ends.h), `lever_arm` further on.
 static inline real step_error(
     real ambient,
     real3 d,
@@ -14,9 +14,9 @@ static inline real step_error(
     real h,
     real reach,
     int is_smooth,
-    real bent,
-    real slant,
-    real arm,
+    real greatest_deflection,
+    real obliquity,
+    real lever_arm,
     real pot,
     real3 force,
     real4 s2,
@@ -30,7 +30,7 @@ static inline real step_error(
     real3 off_q = (h * h) * (RKN_E1 * force + RKN_E2 * f2 + RKN_E3 * f3 + RKN_E4 * f4);
     real3 off_p = h * (RKN_F1 * force + RKN_F2 * f2 + RKN_F3 * f3 + RKN_F4 * f4);
     const real3 swung = momentum + h * f4;
-    *turn = greater(bent, size3(swung - dot(swung, d) * d) / ambient);
+    *turn = greater(greatest_deflection, size3(swung - dot(swung, d) * d) / ambient);
     real sharp = R(1.0);
     if (INTERPOLATION == CUBIC || INTERPOLATION == LINEAR) {
         // On a nearly straight ray the path's error is known better, by a rule of higher order with the slopes along
@@ -57,12 +57,12 @@ static inline real step_error(
     const real weight = *turn + sharp * DIRECTION_SHARE;
     // Far stops are met at the slant of the ray's own deflection too, and a direction's error is not believed to be as
     // much overestimated as the path's: it is no sum along the ray.
-    const int is_far = arm > R(2.0) * reach;
-    const real own = is_far && *turn < EVEN_WEAK ? *turn : R(0.0);
-    const real tilt = (is_far || INTERPOLATION == LINEAR ? greater(sharp, ROUGH) : sharp) * (slant + own);
-    *lever = weight * (reach + ambient * h) + slant * (arm + ambient * h);
+    const int is_far = lever_arm > R(2.0) * reach;
+    const real own = is_far && *turn < LEAPFROG_ANGLE ? *turn : R(0.0);
+    const real tilt = (is_far || INTERPOLATION == LINEAR ? greater(sharp, ROUGH) : sharp) * (obliquity + own);
+    *lever = weight * (reach + ambient * h) + obliquity * (lever_arm + ambient * h);
     const real off_p_size = size3(MAGNIFIED * off_p) / MAGNIFIED, off_q_size = size3(MAGNIFIED * off_q) / MAGNIFIED;
-    return off + off_p_size * (weight * reach + tilt * arm) + ambient * off_q_size * (weight + tilt);
+    return off + off_p_size * (weight * reach + tilt * lever_arm) + ambient * off_q_size * (weight + tilt);
 }
 
 static inline real step_rounding(
@@ -86,7 +86,8 @@ static inline real step_rounding(
 }
 
 // The error of a ray at its stop: that of its steps, and the rounding of the direction in which it flies there, of its
-// greatest momentum and of what it had at first, along d. A plane may be met at a smaller angle than `slant` allows for.
+// greatest momentum and of what it had at first, along d. A plane may be met at a smaller angle than the
+// `obliquity` allows for.
 static inline real stop_error(
     real used,
     const Bounds *bounds,
@@ -94,12 +95,12 @@ static inline real stop_error(
     real ambient,
     real3 momentum,
     real first_momentum,
-    real bent,
-    real slant,
-    real arm)
+    real greatest_deflection,
+    real obliquity,
+    real lever_arm)
 {
-    const real size = size3(momentum) + first_momentum + ambient * bent;
-    real error = used + DIRECTION_NOISE * size * (slant + bent) * arm;
+    const real size = size3(momentum) + first_momentum + ambient * greatest_deflection;
+    real error = used + DIRECTION_NOISE * size * (obliquity + greatest_deflection) * lever_arm;
     if (STOP == PLANE) {
         const double cosine = fabs(dot(VECTOR64(bounds->plane_normal), direction));
         error *= (real)(STEEPEST_COSINE / fmin(fmax(cosine, 1.0e-9), STEEPEST_COSINE));
@@ -108,18 +109,18 @@ static inline real stop_error(
 }
 
 // The error of a ray that ended on surface `landed`, with what it lacks of it and at which cosine. A ray may end at a
-// smaller angle, or on another surface, than the undisturbed one, for which `slant` is. Where it flies on from the
+// smaller angle, or on another surface, than the undisturbed one, for which `obliquity` is. Where it flies on from the
 // surface, it costs `harm` per metre to be beside it. Its place across the surface is rounded by a share of a `cell`
 // [m], along the ray by that over the cosine.
-static inline real landing_error(
-    real used, real ambient, real cell, int landed, double2 grazing, real slant, real harm)
+static inline real event_location_error(
+    real used, real ambient, real cell, int landed, double2 grazing, real obliquity, real harm)
 {
     real lack = (real)fmin(grazing.x, 1.0e30);
     const real cosine = (real)fmax(grazing.y, 1.0e-15);
-    const real rounded = LANDING_NOISE * cell / cosine;
+    const real rounded = EVENT_LOCATION_NOISE * cell / cosine;
     if (STOP == NONE) {
         lack += cosine < (real)LEAST_COSINE ? rounded : R(0.0);
-        return greater(used * greater(R(1.0) / (cosine * (R(1.0) + slant)), R(1.0)), ambient * lack);
+        return greater(used * greater(R(1.0) / (cosine * (R(1.0) + obliquity)), R(1.0)), ambient * lack);
     }
     return landed == FACE_COUNT ? greater(used, ambient * lack) : used + harm * (lack + rounded);
 }

@@ -1,4 +1,4 @@
-// Nearly straight rays of any direction, by even samples: one leapfrog step a sample.
+// Nearly straight rays of any direction, by leapfrog samples: one leapfrog step a sample.
 #ifndef FLIGHT_H
 #define FLIGHT_H
 
@@ -27,23 +27,23 @@ static inline Flight fly(
     reals px = zero, py = zero, pz = zero;  // momentum across the ray
     reals qx = zero, qy = zero, qz = zero;  // deviation across it
     reals turnx = zero, turny = zero, turnz = zero;  // the momentum's sum with the ends mended
-    reals armx = zero, army = zero, armz = zero;  // that of its moments about the start
+    reals momentx = zero, momenty = zero, momentz = zero;  // that of its moments about the start
     reals sigma = zero;  // int 1 / w dt
     reals bend = zero;  // of P^2 / w
     reals slow = (reals)(R(1.0) / ambient);  // 1 / w, w the momentum along the ray
     reals paths = zero, paths_carry = zero;  // sums of s / w, of (w - a) / w and of m / w
-    reals lags = zero, lags_carry = zero;
+    reals deficits = zero, deficits_carry = zero;
     reals arcs = zero, arcs_carry = zero;
     reals coarse = zero, coarse_carry = zero;  // of every third sample
     reals offx = zero, offy = zero, offz = zero;  // how far its momentum is off, and that one's moments
     reals twistx = zero, twisty = zero, twistz = zero;
-    reals bent = zero;
+    reals greatest_deflection = zero;
     reals s = zero, ahead = zero;  // of the last sample: the potential, its slope along the ray, and that across it
     reals fx = zero, fy = zero, fz = zero;
     const int triples = count / 3;
     real middle_of = R(0.5);  // of the sample's part of the way, in h
     for (int triple = 0; triple < triples; triple++) {
-        reals path = zero, lag = zero, arc = zero;
+        reals path = zero, longitudinal_deficit = zero, arc = zero;
         real weights[3];
         triple_weights(triple, triples, weights);
 #pragma unroll
@@ -63,9 +63,9 @@ static inline Flight fly(
             const reals mx = px + by_half * fx, my = py + by_half * fy, mz = pz + by_half * fz;
             const reals across = mx * mx + my * my + mz * mz;
             const reals surplus = R(2.0) * s - across;
-            const reals off = lag_of(ambient, surplus, &slow);
+            const reals off = longitudinal_deficit_of(ambient, surplus, &slow);
             path += weight * s * slow;
-            lag += weight * off;
+            longitudinal_deficit += weight * off;
             if (control->outputs & WANT_ARC_LENGTH) {
                 arc += weight * slow * (R(2.0) * s / (sqrt(max(ambient * ambient + R(2.0) * s, (reals)R(0.0))) + ambient));
             }
@@ -78,9 +78,9 @@ static inline Flight fly(
             qz += pace * mz;
             const reals kick = weight * pace;
             const reals place = sigma + R(0.5) * pace;
-            const reals arm = kick * place;
+            const reals moment = kick * place;
             if (j == 1) {
-                const real third = even_weight(triple, triples);
+                const real third = quadrature_weight(triple, triples);
                 gather(&coarse, &coarse_carry, third * (R(2.0) * s * slow - ambient * off));
                 const reals lack = R(3.0) * third * pace;
                 offx -= lack * fx;
@@ -94,15 +94,15 @@ static inline Flight fly(
             turnx += kick * fx;
             turny += kick * fy;
             turnz += kick * fz;
-            armx += arm * fx;
-            army += arm * fy;
-            armz += arm * fz;
+            momentx += moment * fx;
+            momenty += moment * fy;
+            momentz += moment * fz;
             sigma += pace;
             bend += across * slow;
-            bent = max(bent, across);
+            greatest_deflection = max(greatest_deflection, across);
         }
         gather(&paths, &paths_carry, path);
-        gather(&lags, &lags_carry, lag);
+        gather(&deficits, &deficits_carry, longitudinal_deficit);
         if (control->outputs & WANT_ARC_LENGTH) {
             gather(&arcs, &arcs_carry, arc);
         }
@@ -111,22 +111,23 @@ static inline Flight fly(
     px = turnx;
     py = turny;
     pz = turnz;
-    qx = sigma * turnx - armx;
-    qy = sigma * turny - army;
-    qz = sigma * turnz - armz;
+    qx = sigma * turnx - momentx;
+    qy = sigma * turny - momenty;
+    qz = sigma * turnz - momentz;
     offx += turnx;
     offy += turny;
     offz += turnz;
-    twistx = sigma * offx - (twistx + armx);
-    twisty = sigma * offy - (twisty + army);
-    twistz = sigma * offz - (twistz + armz);
+    twistx = sigma * offx - (twistx + momentx);
+    twisty = sigma * offy - (twisty + momenty);
+    twistz = sigma * offz - (twistz + momentz);
     s += R(0.5) * h * ahead;
     const reals off = (R(2.0) * s - (px * px + py * py + pz * pz)) * slow / (R(1.0) / slow + ambient);
-    const reals difference = fabs(h * ((R(2.0) * paths - ambient * lags) - R(3.0) * coarse));
+    const reals difference = fabs(h * ((R(2.0) * paths - ambient * deficits) - R(3.0) * coarse));
     const Flight flight = {
-        h, px, py, pz, qx, qy, qz, offx, offy, offz, twistx, twisty, twistz, slow, paths, paths_carry, lags, lags_carry,
-        arcs, arcs_carry, max(difference * control->even_share, h * bend * control->bend_share), bent, s, ahead, fx, fy,
-        fz, sqrt(ahead * ahead + fx * fx + fy * fy + fz * fz), off};
+        h, px, py, pz, qx, qy, qz, offx, offy, offz, twistx, twisty, twistz, slow, paths, paths_carry, deficits,
+        deficits_carry, arcs, arcs_carry,
+        max(difference * control->quadrature_error_scale, h * bend * control->trajectory_error_scale),
+        greatest_deflection, s, ahead, fx, fy, fz, sqrt(ahead * ahead + fx * fx + fy * fy + fz * fz), off};
     return flight;
 }
 

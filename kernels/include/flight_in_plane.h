@@ -37,16 +37,16 @@ static inline Flight fly(
     const reals reach = h * rate;                             // the same across the ray, at a slope of 1
     // Lengths along the ray and deviations are in h here, forces times h.
     reals p = zero, q = zero;                   // momentum across the ray, and deviation
-    reals turn = zero, arm = zero;              // the momentum's sum with the ends mended; its moments about the start
+    reals turn = zero, moment = zero;           // the momentum's sum with the ends mended; its moments about the start
     reals off_turn = zero, off_place = zero;    // how far those by every third sample are from them
     reals sigma = zero;                         // int 1 / w dt
     reals bend = zero;                          // of P^2 / w
     reals slow = (reals)(R(1.0) / ambient);     // 1 / w, w the momentum along the ray
     reals paths = zero, paths_carry = zero;     // sums of s / w, of (w - a) / w and of m / w
-    reals lags = zero, lags_carry = zero;
+    reals deficits = zero, deficits_carry = zero;
     reals arcs = zero, arcs_carry = zero;
     reals coarse = zero, coarse_carry = zero;   // of every third sample
-    reals bent = zero;
+    reals greatest_deflection = zero;
     reals place = r0, along = z0;               // of the last sample, in cells
     const int triples = count / 3;
     real middle_of = R(0.5);                    // of the sample's part of the way, in h
@@ -54,10 +54,10 @@ static inline Flight fly(
     CellAhead now = cell_ahead(field, arrays, r0, z0 + R(0.5) * stride);
 #endif
     for (int triple = 0; triple < triples; triple++) {
-        reals path = zero, lag = zero, arc = zero;
+        reals path = zero, longitudinal_deficit = zero, arc = zero;
         real weights[3];
         triple_weights(triple, triples, weights);
-        const real third = even_weight(triple, triples);
+        const real third = quadrature_weight(triple, triples);
 #pragma unroll
         for (int j = 0; j < 3; j++) {
             const real weight = weights[j];
@@ -79,17 +79,17 @@ static inline Flight fly(
             const reals f = climb * reach;
             const reals here = p + half_slow * f;
             const reals across = here * here;
-            const reals off = lag_of(ambient, R(2.0) * s - across, &slow);
+            const reals off = longitudinal_deficit_of(ambient, R(2.0) * s - across, &slow);
             const reals share = weight * slow;
             path += share * s;
-            lag += weight * off;
+            longitudinal_deficit += weight * off;
             if (control->outputs & WANT_ARC_LENGTH) {
                 arc += share * (R(2.0) * s / (sqrt(max(ambient * ambient + R(2.0) * s, zero)) + ambient));
             }
             const reals middle = sigma + R(0.5) * slow;
             const reals kick = share * f;
             turn += kick;
-            arm += kick * middle;
+            moment += kick * middle;
             if (j == 1) {
                 gather(&coarse, &coarse_carry, third * (R(2.0) * s * slow - ambient * off));
                 const reals lack = (R(3.0) * third) * slow * f;
@@ -100,28 +100,29 @@ static inline Flight fly(
             q += slow * here;
             sigma += slow;
             bend += across * slow;
-            bent = max(bent, across);
+            greatest_deflection = max(greatest_deflection, across);
         }
         gather(&paths, &paths_carry, path);
-        gather(&lags, &lags_carry, lag);
+        gather(&deficits, &deficits_carry, longitudinal_deficit);
         if (control->outputs & WANT_ARC_LENGTH) {
             gather(&arcs, &arcs_carry, arc);
         }
     }
     // At the end, half a step behind the last sample: what momentum and deviation are in fourth order.
     p = turn;
-    q = h * (sigma * turn - arm);
+    q = h * (sigma * turn - moment);
     off_turn += turn;
-    off_place = h * (sigma * off_turn - (off_place + arm));
+    off_place = h * (sigma * off_turn - (off_place + moment));
     const Potential last = sample_packet(field, arrays, place * ex, place * ey, along);
     const reals ahead = last.z * dz;
     const reals s = last.value + R(0.5) * h * ahead;
     const reals off = (R(2.0) * s - p * p) * slow / (R(1.0) / slow + ambient);
-    const reals difference = fabs(h * ((R(2.0) * paths - ambient * lags) - R(3.0) * coarse));
+    const reals difference = fabs(h * ((R(2.0) * paths - ambient * deficits) - R(3.0) * coarse));
     const Flight flight = {
         h, p * ex, p * ey, zero, q * ex, q * ey, zero, off_turn * ex, off_turn * ey, zero, off_place * ex, off_place * ey,
-        zero, slow, paths, paths_carry, lags, lags_carry, arcs, arcs_carry,
-        max(difference * control->even_share, h * bend * control->bend_share), bent, s, ahead, last.x, last.y, zero,
+        zero, slow, paths, paths_carry, deficits, deficits_carry, arcs, arcs_carry,
+        max(difference * control->quadrature_error_scale, h * bend * control->trajectory_error_scale),
+        greatest_deflection, s, ahead, last.x, last.y, zero,
         sqrt(ahead * ahead + last.x * last.x + last.y * last.y), off};
     return flight;
 }

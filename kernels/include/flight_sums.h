@@ -1,4 +1,4 @@
-// What nearly straight rays gather on their way by even samples, and how samples are weighted.
+// What nearly straight rays gather on their way by leapfrog samples, and how samples are weighted.
 #ifndef FLIGHT_SUMS_H
 #define FLIGHT_SUMS_H
 
@@ -13,15 +13,15 @@ typedef struct {
     reals twistx, twisty, twistz;                        // and that deviation
     reals slow;                                          // 1 / w, w the momentum along the ray
     reals paths, paths_carry;                            // sums of s / w, of (w - a) / w and of m / w
-    reals lags, lags_carry;
+    reals deficits, deficits_carry;
     reals arcs, arcs_carry;
-    reals error, bent;                                   // estimate of the error [m], greatest momentum across, squared
+    reals error, greatest_deflection;                    // estimate of the error [m], greatest momentum across, squared
     reals s, ahead, fx, fy, fz;                          // potential, its slope along the ray and that across it
     reals steep, off;                                    // size of its slope; (w - a) / w
 } Flight;
 
 // Weight of sample k of `count`: the midpoint rule with its ends mended, of fourth order.
-static inline real even_weight(int k, int count)
+static inline real quadrature_weight(int k, int count)
 {
     const int end = min(k, count - 1 - k);
     return end == 0 ? R(13.0 / 12.0) : end == 1 ? R(7.0 / 8.0) : end == 2 ? R(25.0 / 24.0) : R(1.0);
@@ -37,7 +37,7 @@ static inline void triple_weights(int triple, int triples, real *weights)
 }
 
 // (w - a) / w and 1 / w of w = sqrt(a^2 + surplus), by one root and one quotient and without a difference of near numbers.
-static inline reals lag_of(real ambient, reals surplus, reals *slow)
+static inline reals longitudinal_deficit_of(real ambient, reals surplus, reals *slow)
 {
     const reals square = max(ambient * ambient + surplus, (reals)TINY);
 #if LANES == 1 && !REAL_IS_DOUBLE

@@ -95,7 +95,7 @@ static inline real4 volume_sample(const Field *field, const Arrays *arrays, int3
     return (real4)(dot(wc, total), dot(wc, first), dot(wc, second), dot(sc, total));
 }
 
-static real4 sample(const Field *field, const Arrays *arrays, int3 cell, real3 frac, int home)
+static real4 sample(const Field *field, const Arrays *arrays, int3 cell, real3 frac, int current_cell)
 {
     real u, v, w;
     const int a = split(frac.x, cell.x, field->row[0], &u);
@@ -133,7 +133,7 @@ static inline real3 plane_sample(const Field *field, const Arrays *arrays, int a
     return (real3)(dot(wb, total), dot(wb, first), dot(sb, total));
 }
 
-static real4 sample(const Field *field, const Arrays *arrays, int3 cell, real3 frac, int home)
+static real4 sample(const Field *field, const Arrays *arrays, int3 cell, real3 frac, int current_cell)
 {
     real u, v;
 #if GEOMETRY == PLANAR
@@ -171,15 +171,15 @@ static inline int table_entry(const Field *field, int3 cell, real3 frac)
 #endif
 
 // Step length of eq 5 in the cell that holds the point [m].
-static inline real paper_step(const Field *field, const Arrays *arrays, int3 cell, real3 frac, int home)
+static inline real paper_step(const Field *field, const Arrays *arrays, int3 cell, real3 frac, int current_cell)
 {
     return arrays->paper_step[table_entry(field, cell, frac)];
 }
 
 // Only a mesh has cells to be remembered.
-static inline int find_home(const Field *field, const Arrays *arrays, real3 frac, int home)
+static inline int find_current_cell(const Field *field, const Arrays *arrays, real3 frac, int current_cell)
 {
-    return home;
+    return current_cell;
 }
 
 #endif

@@ -41,10 +41,10 @@ static inline int way_from(const Field *field, const Arrays *arrays, int cell, r
     return way;
 }
 
-// Index of the cell that holds a point, -1 if none does; `home` is a cell nearby, or -1.
-static inline int locate(const Field *field, const Arrays *arrays, real2 p, int home)
+// Index of the cell that holds a point, -1 if none does; `current_cell` is a cell nearby, or -1.
+static inline int locate(const Field *field, const Arrays *arrays, real2 p, int current_cell)
 {
-    int cell = home;
+    int cell = current_cell;
     for (int trial = 0; trial < WALK_LIMIT && cell >= 0; trial++) {
         const int way = way_from(field, arrays, cell, p);
         if (way < 0) {
@@ -83,9 +83,9 @@ static inline real2 within_box(const Field *field, real2 p)
 }
 
 // The cell to remember for a ray at this place.
-static inline int find_home(const Field *field, const Arrays *arrays, real3 frac, int home)
+static inline int find_current_cell(const Field *field, const Arrays *arrays, real3 frac, int current_cell)
 {
-    return locate(field, arrays, within_box(field, plane_point(frac)), home);
+    return locate(field, arrays, within_box(field, plane_point(frac)), current_cell);
 }
 
 #if INTERPOLATION == BILINEAR_BARRON || INTERPOLATION == IDW
@@ -148,11 +148,11 @@ static inline real3 in_cell(const Arrays *arrays, int cell, real2 p)
 
 // Potential s and its gradient in x, y, z [1/m]; zero outside the mesh. The contrast m is interpolated, and
 // s = m (a + m / 2), grad s = (a + m) grad m.
-static real4 sample(const Field *field, const Arrays *arrays, int3 cell, real3 frac, int home)
+static real4 sample(const Field *field, const Arrays *arrays, int3 cell, real3 frac, int current_cell)
 {
     const real2 p = plane_point(frac);
     const real2 edge = within_box(field, p);
-    const int inside = locate(field, arrays, edge, home);
+    const int inside = locate(field, arrays, edge, current_cell);
     if (inside < 0) {
         return (real4)R(0.0);
     }
@@ -170,9 +170,9 @@ static real4 sample(const Field *field, const Arrays *arrays, int3 cell, real3 f
 
 // Step length of eq 5 in the cell that holds the point [m]; outside the mesh the median over all cells, which stands
 // behind the last one's.
-static inline real paper_step(const Field *field, const Arrays *arrays, int3 cell, real3 frac, int home)
+static inline real paper_step(const Field *field, const Arrays *arrays, int3 cell, real3 frac, int current_cell)
 {
-    const int inside = locate(field, arrays, plane_point(frac), home);
+    const int inside = locate(field, arrays, plane_point(frac), current_cell);
     return arrays->paper_step[inside < 0 ? field->cell_count : inside];
 }
 

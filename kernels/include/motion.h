@@ -44,7 +44,7 @@ static inline real4 contrasts(real ambient, real4 potential)
 }
 
 // Index less the momentum along d: |T|^2 - (T . d)^2 over the sum of both, of second order on a nearly straight ray.
-static inline real lag(real ambient, real3 d, real3 momentum, real potential)
+static inline real longitudinal_deficit(real ambient, real3 d, real3 momentum, real potential)
 {
     const real ahead = dot(momentum, d);
     const real3 across = momentum - ahead * d;
@@ -69,8 +69,8 @@ static inline real4 step_sums(
     const real4 m = contrasts(ambient, pots);
     const real4 ahead = px * d.x + py * d.y + pz * d.z;
     const real4 qx = px - ahead * d.x, qy = py - ahead * d.y, qz = pz - ahead * d.z;
-    const real4 lags = (qx * qx + qy * qy + qz * qz) / (R(2.0) * ambient + m + ahead);
-    return (real4)(h, h * dot(rule, pots), h * dot(rule, m), h * dot(rule, lags));
+    const real4 deficits = (qx * qx + qy * qy + qz * qz) / (R(2.0) * ambient + m + ahead);
+    return (real4)(h, h * dot(rule, pots), h * dot(rule, m), h * dot(rule, deficits));
 }
 
 // The same for flying on along the tangent.
@@ -83,11 +83,11 @@ static inline real4 tangent_sums(real ambient, real3 d, real3 momentum, real bac
         back,
         back * pot + half_square * climb,
         back * m + half_square * climb / (ambient + m),
-        back * lag(ambient, d, momentum, pot));
+        back * longitudinal_deficit(ambient, d, momentum, pot));
 }
 
 // What brings the momentum back onto |T| = n, along T.
-static inline real3 mend(real ambient, real3 d, real3 momentum, real pot)
+static inline real3 project_momentum(real ambient, real3 d, real3 momentum, real pot)
 {
     const real surplus = R(2.0) * pot - dot(momentum, R(2.0) * ambient * d + momentum);
     const real3 tangent = ambient * d + momentum;

@@ -42,15 +42,15 @@
 #ifndef STOP
 #define STOP NONE
 #endif
-// Rays that a work-item of even samples moves in step.
+// Rays that a work-item of leapfrog samples moves in step.
 #ifndef LANES
 #define LANES 1
 #endif
-// Whether a node's entry of the coefficients holds all that even samples take from there, see packet.h.
+// Whether a node's entry of the coefficients holds all that leapfrog samples take from there, see packet.h.
 #ifndef PACKED
 #define PACKED 0
 #endif
-// Whether all rays of even samples run along z, in a field of two dimensions.
+// Whether all rays of leapfrog samples run along z, in a field of two dimensions.
 #ifndef IN_PLANE
 #define IN_PLANE 0
 #endif

@@ -3,7 +3,7 @@
 #define STEP_H
 
 #include "motion.h"
-#include "reach.h"
+#include "step_bound.h"
 #include "wall.h"
 #if ON_MESH
 #include "mesh.h"
@@ -13,16 +13,16 @@
 
 // What a step is to be.
 typedef struct {
-    real h;       // to try [sigma]
-    real safe;    // in quiet air
-    real shy;     // distance to keep from faces, in cells
+    real h;          // to try [sigma]
+    real safe;       // in quiet air
+    real stand_off;  // distance to keep from faces, in cells
 } Stride;
 
 static inline Stride stride(
     const Field *field,
     const Arrays *arrays,
     const Control *control,
-    int home,
+    int current_cell,
     int cone,
     int3 cell,
     real3 frac,
@@ -38,11 +38,11 @@ static inline Stride stride(
     Stride out;
     out.h = h_next;
     out.safe = R(0.0);
-    out.shy = R(0.1) * HAIR;
+    out.stand_off = R(0.1) * FACE_TOLERANCE;
 #if METHOD == FIXED
     out.h = control->step / index;
 #elif METHOD == PAPER
-    out.h = paper_step(field, arrays, cell, frac, home) / index;
+    out.h = paper_step(field, arrays, cell, frac, current_cell) / index;
 #else
     real limit = control->step_limit * h_cell;
     if (KINKED) {
@@ -53,31 +53,32 @@ static inline Stride stride(
             // In cells, how far before a face to stop: a share of the bend over a cell, whose change over the step the
             // parabola does not know.
             const real bend = R(0.15) * size3(pull) / dot(pace, pace);
-            out.shy = R(0.1) * HAIR + lesser(bend, SHIEST);
+            out.stand_off = R(0.1) * FACE_TOLERANCE + lesser(bend, GREATEST_STAND_OFF);
         }
-        const real face = to_face(frac, pace, pull, INTERPOLATION == LINEAR ? AT_FACE : R(10.0) * out.shy);
-        limit = greater(face - out.shy / size3(pace), R(0.5) * face);
+        const real face = to_face(frac, pace, pull, INTERPOLATION == LINEAR ? AT_FACE : R(10.0) * out.stand_off);
+        limit = greater(face - out.stand_off / size3(pace), R(0.5) * face);
     }
     // Short of the face at which the first rough block may begin.
-    out.safe = caution * reach_of(control, arrays, cone, cell, frac, total) - R(10.0) * HAIR * h_cell;
+    out.safe = caution * step_bound_of(control, arrays, cone, cell, frac, total) - R(10.0) * FACE_TOLERANCE * h_cell;
     out.h = lesser(out.h, greater(limit, out.safe));
 #endif
     out.h = lesser(out.h, h_cap);
     return out;
 }
 
-// What is left to the face before which a step of length h stopped, `shy` cells of it; 0 where it stopped elsewhere.
-static inline real rest_to_face(real3 frac, real3 pace, real3 pull, real shy, real h)
+// What is left to the face before which a step of length h stopped, `stand_off` cells of it; 0 where it stopped
+// elsewhere.
+static inline real rest_to_face(real3 frac, real3 pace, real3 pull, real stand_off, real h)
 {
     const real rest = to_face(frac, pace, pull, R(0.0));
-    return rest <= h && rest * size3(pace) <= R(4.0) * shy ? rest : R(0.0);
+    return rest <= h && rest * size3(pace) <= R(4.0) * stand_off ? rest : R(0.0);
 }
 
 // The field at a stage; on a straight line the contrast beside it is first order in the deviation.
-static inline real4 look(
+static inline real4 sample_at_stage(
     const Field *field,
     const Arrays *arrays,
-    int home,
+    int current_cell,
     int3 cell,
     real3 frac,
     real3 rate,
@@ -88,11 +89,11 @@ static inline real4 look(
     real3 kick)
 {
 #if IS_STRAIGHT
-    real4 s = sample(field, arrays, cell, frac + h * (total * rate), home);
+    real4 s = sample(field, arrays, cell, frac + h * (total * rate), current_cell);
     s.x += dot(FORCE(s), q + h * momentum + kick);
     return s;
 #else
-    return sample(field, arrays, cell, frac + (h * total + kick) * rate, home);
+    return sample(field, arrays, cell, frac + (h * total + kick) * rate, current_cell);
 #endif
 }
 
@@ -103,7 +104,7 @@ static inline real3 kick_of(real h, real3 force, real4 s2, real4 s3)
 }
 
 // Whether a step with this error counts; `ratio` is how many times longer to go on.
-static inline int verdict(
+static inline int step_acceptance(
     const Control *control,
     real off,
     real rounding,
@@ -115,8 +116,8 @@ static inline int verdict(
     real reach,
     real *ratio)
 {
-    const real left = greater(control->budget - used, R(0.0));
-    real allowed = greater(STEP_SHARE * left, control->budget * h * index / reach);
+    const real left = greater(control->tolerance - used, R(0.0));
+    real allowed = greater(STEP_SHARE * left, control->tolerance * h * index / reach);
     if (h <= NOISE_STEP * h_cell) {
         allowed = greater(allowed, rounding);
     }

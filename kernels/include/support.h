@@ -9,7 +9,7 @@
 // where that is more than a hair's breadth away.
 static inline double overrun(const Bounds *bounds, const Control *control, int landed, double3 p, double3 heading)
 {
-    const double hair = HAIR / (double)greatest(VECTOR(control->cell_rate));
+    const double face_tolerance = FACE_TOLERANCE / (double)greatest(VECTOR(control->cell_rate));
     double way = 0.0;
     for (int k = 0; k < FACE_COUNT; k++) {
         if (GEOMETRY == AXISYMMETRIC && k == 2 && dot(p.xy, p.xy) <= bounds->radius * bounds->radius) {
@@ -18,17 +18,18 @@ static inline double overrun(const Bounds *bounds, const Control *control, int l
         double3 normal;
         const double beyond = surface_distance(bounds, k, p, &normal);
         if (k != landed && beyond > 0.0) {
-            way = beyond > hair ? (double)INFINITY : fmax(way, beyond / fmax(fabs(dot(normal, heading)), 1.0e-9));
+            way = beyond > face_tolerance ? (double)INFINITY
+                                          : fmax(way, beyond / fmax(fabs(dot(normal, heading)), 1.0e-9));
         }
     }
     return way;
 }
 
 // Leaves of a ray's way through the box the part in which the air is not uniform; whether it ends in uniform air.
-static inline int keep_active(const Bounds *bounds, double3 p, double3 d, Course *course)
+static inline int keep_support(const Bounds *bounds, double3 p, double3 d, Course *course)
 {
     const double2 span =
-        crossing(VECTOR64(bounds->active_low), VECTOR64(bounds->active_high), bounds->active_radius, p, d);
+        crossing(VECTOR64(bounds->support_low), VECTOR64(bounds->support_high), bounds->support_radius, p, d);
     const double first = lesser64(greater64(span.x, course->enter), course->far);
     const double last = greater64(lesser64(span.y, course->far), first);
     const int meets = span.x <= span.y;
@@ -39,18 +40,18 @@ static inline int keep_active(const Bounds *bounds, double3 p, double3 d, Course
 }
 
 // Whether the straight line from p along `heading` stays out of the field's support: beyond one of its faces, unless it
-// comes back to that. A support that ends within the box has a cell to spare at each side (active.py).
+// comes back to that. A support that ends within the box has a cell to spare at each side (support.py).
 static inline int leaves_support(const Bounds *bounds, double3 p, double3 heading)
 {
     int leaves = 0;
     for (int axis = GEOMETRY == VOLUME ? 0 : GEOMETRY == PLANAR ? 1 : 2; axis < 3; axis++) {
-        const double low = bounds->active_low[axis], high = bounds->active_high[axis], cell = bounds->spacing[axis];
+        const double low = bounds->support_low[axis], high = bounds->support_high[axis], cell = bounds->spacing[axis];
         const double at = pick64(p, axis), ahead = pick64(heading, axis);
         leaves |= at <= low + lesser64(low - bounds->low[axis], cell) && ahead <= 0.0;
         leaves |= at >= high - lesser64(bounds->high[axis] - high, cell) && ahead >= 0.0;
     }
     if (GEOMETRY == AXISYMMETRIC) {
-        const double radius = bounds->active_radius;
+        const double radius = bounds->support_radius;
         const double inner = radius - lesser64(bounds->radius - radius, bounds->spacing[0]);
         leaves |= dot(p.xy, p.xy) >= inner * inner && dot(p.xy, heading.xy) >= 0.0;
     }

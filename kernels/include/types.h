@@ -28,9 +28,9 @@ typedef struct {
     double low[3];            // box [m]
     double high[3];
     double radius;            // of an axisymmetric box
-    double active_low[3];     // the part of it outside which the air is uniform [m]
-    double active_high[3];
-    double active_radius;
+    double support_low[3];    // the part of it outside which the air is uniform [m]
+    double support_high[3];
+    double support_radius;
     double ambient;
     double plane_point[3];
     double plane_normal[3];
@@ -44,17 +44,18 @@ typedef struct {
     real plane_normal[3];     // per cell, so that plane_normal . cells - plane_offset is in metres
     real plane_offset;
     real cell_rate[3];        // typical cells per metre, for limits on the step
-    real step;                // "fixed": metres of arc length; even samples: greatest distance that `reach` holds for
-    real step_limit;          // step in cells that needs no leave from `reach`
-    int block_count[3];       // blocks of the table of safe steps along each local axis
+    // "fixed": metres of arc length; leapfrog samples: greatest distance that `step_bound` holds for
+    real step;
+    real step_limit;          // step in cells that needs no leave from `step_bound`
+    int block_count[3];       // blocks of the table of step bounds along each local axis
     int block;                // cells in a block
-    real budget;              // OPD error allowed for the whole ray [m]
+    real tolerance;           // OPD error allowed for the whole ray [m]
     real extent;              // a few diagonals of the box, longer than any step [m]
     int max_steps;
-    real even_share;          // even samples: the share of a difference that is taken for the error
-    real bend_share;          // and that of int P^2 / w dt
+    real quadrature_error_scale;  // leapfrog samples: the share of a difference that is taken for the error
+    real trajectory_error_scale;  // and that of int P^2 / w dt
     int sample_count;         // of a ray whose samples are even, a multiple of three
-    real left_potential;      // greatest potential outside the active part, and its slope [1/m]
+    real left_potential;      // greatest potential outside the support, and its slope [1/m]
     real left_slope;
     int outputs;              // of a ray that are wanted, a bit each
 } Control;
@@ -71,8 +72,8 @@ typedef struct {
     __global const double *wall;
     __global const double *wall_boxes;
     __global const int *wall_links;
-    __global const real *reach;
-    __global const int *reach_start;
+    __global const real *step_bound;
+    __global const int *step_bound_start;
 } Arrays;
 
 // Course of the undisturbed ray; distances along it [m].

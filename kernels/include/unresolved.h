@@ -1,4 +1,5 @@
-// What lies between a ray's even samples: the sum over its way of a table of bounds (aerokernels/tracing/unresolved.py).
+// What lies between a ray's leapfrog samples: the sum over its way of a table of bounds
+// (aerokernels/tracing/unresolved.py).
 #ifndef UNRESOLVED_H
 #define UNRESOLVED_H
 
@@ -31,7 +32,7 @@ static inline reals unresolved_of(
     reals qy,
     reals qz)
 {
-    if (arrays->reach_start[0] < 0) {
+    if (arrays->step_bound_start[0] < 0) {
         return (reals)R(0.0);
     }
     const real3 rate = VECTOR(field->inverse_spacing);
@@ -48,9 +49,9 @@ static inline reals unresolved_of(
     for (int k = 0; k < count; k++) {
         const real share = ((real)k + R(0.5)) / (real)count;
         const reals t = share * length;
-        const real bent = share * share;
-        const reals x = x0 + (t * dx + bent * qx) * rate.x, y = y0 + (t * dy + bent * qy) * rate.y;
-        const reals z = z0 + (t * dz + bent * qz) * rate.z;
+        const real deflected = share * share;
+        const reals x = x0 + (t * dx + deflected * qx) * rate.x, y = y0 + (t * dy + deflected * qy) * rate.y;
+        const reals z = z0 + (t * dz + deflected * qz) * rate.z;
 #if GEOMETRY == VOLUME
         ints entry = block_of(control, 0, x) * control->block_count[1] + block_of(control, 1, y);
         entry = entry * control->block_count[2] + block_of(control, 2, z);
@@ -61,7 +62,7 @@ static inline reals unresolved_of(
         const ints entry = block_of(control, 0, radius) * control->block_count[1] + block_of(control, 1, z);
 #endif
         for (int lane = 0; lane < LANES; lane++) {
-            REAL_AT(sum, lane) += arrays->reach[INT_AT(entry, lane)];
+            REAL_AT(sum, lane) += arrays->step_bound[INT_AT(entry, lane)];
         }
     }
     const reals spacing = length * (R(1.0) / (real)control->sample_count);

@@ -19,7 +19,7 @@ from scipy.integrate import solve_ivp
 from aerokernels.medium import IndexField
 from aerokernels.rays import RayBundle
 from aerokernels.tracing import Plane, trace
-from aerokernels.tracing.even import LEAST_RAYS
+from aerokernels.tracing.leapfrog import LEAST_RAYS
 
 WAVE = 905e-9
 CELL = 1e-4
@@ -126,8 +126,8 @@ def collect(kind, in_volume, number):
     field = IndexField.from_samples(
         samples, origin=origin, spacing=(CELL,) * samples.ndim, geometry=geometry, interpolation=interpolation
     )
-    # Every other time on a cubic grid as many as take the way of a million rays, by even samples; else a few, which go
-    # one by one, as all do on other grids.
+    # Every other time on a cubic grid as many as take the way of a million rays, by leapfrog samples; else a few, which
+    # go one by one, as all do on other grids.
     ray_count = LEAST_RAYS if interpolation == "cubic" and number % 2 else COMPARED
     position = np.c_[rng.uniform(-0.3, 0.3, (ray_count, 2)) * size, np.zeros(ray_count)]
     slope = rng.uniform(-0.1, 0.1, (ray_count, 2))

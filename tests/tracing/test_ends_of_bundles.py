@@ -11,7 +11,7 @@ import pytest
 from aerokernels.medium import IndexField
 from aerokernels.rays import Disc, RayBundle
 from aerokernels.tracing import Plane, RayStatus, trace
-from aerokernels.tracing.even import LEAST_RAYS
+from aerokernels.tracing.leapfrog import LEAST_RAYS
 from aerokernels.tracing.levers import levers_of
 from aerokernels.tracing.plan import TracePlan
 from aerokernels.tracing.pupil_run import PupilRun

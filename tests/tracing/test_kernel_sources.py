@@ -74,7 +74,7 @@ def test_a_changed_constant_makes_its_header_stale(root: Path, monkeypatch: pyte
     from aerokernels.tracing import scheme
 
     assert kernel_headers.stale(kernel_headers.INCLUDE) == []
-    monkeypatch.setattr(scheme, "HAIR", 2.0 * scheme.HAIR)
+    monkeypatch.setattr(scheme, "FACE_TOLERANCE", 2.0 * scheme.FACE_TOLERANCE)
     assert kernel_headers.stale(kernel_headers.INCLUDE) == ["constants.h"]
 
 

@@ -6,7 +6,7 @@ import pytest
 from aerokernels.rays import Disc, RayBundle
 from aerokernels.strehl_estimate import estimate_strehl
 from aerokernels.tracing import Plane, trace
-from aerokernels.tracing.even import LEAST_RAYS
+from aerokernels.tracing.leapfrog import LEAST_RAYS
 
 from .backends import ENGINES, on
 from .fields import uniform_field

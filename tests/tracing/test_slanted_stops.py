@@ -55,7 +55,7 @@ def test_rays_that_just_miss_an_edge_of_the_box(engine):
     start = aim + np.linspace(-4e-3, 4e-3, count) * CELL
     rays = RayBundle(np.c_[np.zeros(count), start, np.zeros(count)], (0.0, slope, 1.0))
     plan = TracePlan("leapfrog", **on(engine), precision="float32", max_steps=100_000, step=None, tolerance=1e-3)
-    plan = replace(plan, sample_count=36, even_share=0.125, bend_share=0.01)
+    plan = replace(plan, sample_count=36, quadrature_error_scale=0.125, trajectory_error_scale=0.01)
     arrays = run_plan(field, rays, plan, None, WAVE, frozenset(("opd", "evaluation_count")))
     assert 0.1 < (arrays["evaluation_count"] == 36).mean() < 1.0
     expected = right(field, rays, None)

@@ -10,11 +10,11 @@ from aerokernels.rays import RayBundle
 from aerokernels.strehl_estimate import estimate_strehl
 from aerokernels.study.bench.scenes import strehl_scene
 from aerokernels.tracing import Plane, trace
-from aerokernels.tracing.active import active_box
-from aerokernels.tracing.even import LEAST_RAYS, pilot_of
 from aerokernels.tracing.held import held_error
 from aerokernels.tracing.launch import launch
+from aerokernels.tracing.leapfrog import LEAST_RAYS, pilot_of
 from aerokernels.tracing.plan import TracePlan
+from aerokernels.tracing.support import support_box
 from aerokernels.tracing.unresolved import Sampling, greatest_error, missed_along
 from aerokernels.tracing.ways import lines_through
 
@@ -80,7 +80,7 @@ def test_rays_through_a_needle_that_no_pilot_meets_are_right(engine, slope, geom
 
 def sampled(field: IndexField, rays: RayBundle, count: int, engine: str, with_table: bool, until=FAR):
     """OPD and estimated errors [m] by so many samples, and how they are spaced; nothing else is taken for an error."""
-    low, high = active_box(field, held_error(field, WAVE * 1e-3))
+    low, high = support_box(field, held_error(field, WAVE * 1e-3))
     lines = lines_through(field, rays, until, low, high)
     steepness = tuple(float(size) for size in np.abs(rays.direction).max(axis=0))
     sampling = Sampling(1.001 * float(lines.way.max()) / count, steepness, 0.0)

@@ -13,7 +13,7 @@ out, so the share is a lower bound):
     linear volume         8 loads; 2 x 8 + 3 x 4 + 4 x 2 multiply-adds = 72 operations, 3 x 1 for the weights: 75
     linear, two axes      4 loads; 2 x 4 + 3 x 2 multiply-adds = 28 operations, 2 x 1 for the weights: 30
     monotone              as cubic
-    even samples          the same and the ray equation, which is as much for every sample (kernels/trace_even.cl):
+    leapfrog samples      the same and the ray equation, which is as much for every sample (kernels/leapfrog.cl):
                           place 20, force 16, momentum and w 15, sums 15, course 21, fourth-order ends 18, and the third
                           of 36 that comes with every third sample: 117
     on a mesh             not counted: the share is null
@@ -30,7 +30,7 @@ from aerokernels.medium import IndexField
 
 # (axes, interpolation) -> float32 operations and loads of one evaluation
 COSTS = {(3, "cubic"): (456, 64), (2, "cubic"): (136, 16), (3, "linear"): (75, 8), (2, "linear"): (30, 4)}
-EVEN_OPERATIONS = 117
+LEAPFROG_OPERATIONS = 117
 GROUP = 64
 CHAINS = 8  # independent sums, to hide the latency of a multiply-add
 LOADED = 1024  # float32 values that are loaded again and again: 4 KiB
@@ -165,18 +165,18 @@ def share(
     precision: str,
     evaluations_per_second: float | None,
     ceiling: dict,
-    even: bool = False,
+    leapfrog: bool = False,
 ) -> dict:
     """The share of the ceilings that so many evaluations of a field a second are, or None with a reason.
 
-    `field` is None where rays are not traced through a field but looked up in tables made of it; `even` where samples
-    are even, so that the ray equation is counted too.
+    `field` is None where rays are not traced through a field but looked up in tables made of it; `leapfrog` where
+    samples are even, so that the ray equation is counted too.
 
     A ceiling belongs to all cores of a device; Warp's CPU device uses one thread a launch and shows it.
     """
     cost = evaluation_cost(field) if field is not None else None
-    if cost is not None and even:
-        cost = (cost[0] + EVEN_OPERATIONS, cost[1])
+    if cost is not None and leapfrog:
+        cost = (cost[0] + LEAPFROG_OPERATIONS, cost[1])
     reason = ceiling["reason"]
     if cost is None:
         reason = "a lookup on a mesh, or in tables made of the field, is not counted"

@@ -205,5 +205,5 @@ def _share(field: IndexField, options: dict, evaluations: float, timing: Timing,
         options["precision"],
         None if per_second is None else per_second["median"],
         ceilings[f"{options['backend']} {options['device']}"],
-        even=getattr(plan, "sample_count", 0) > 0,
+        leapfrog=getattr(plan, "sample_count", 0) > 0,
     )

@@ -11,17 +11,17 @@ import numpy as np
 from ...medium import IndexField
 from ...medium.grid import UniformGrid
 from ...medium.wall_tree import wall_tree
-from ..active import active_box, left_out
 from ..held import held_error
 from ..plan import TracePlan
-from ..quiet import CONES, cones_of, reach
 from ..result import output_mask
 from ..scheme import LAXEST, MESH_STEP_LIMIT, STEP_LIMIT
+from ..step_bound import CONES, cones_of, step_bound
 from ..stop import ArcLength, Plane
+from ..support import left_out, support_box
 from ..unresolved import lookup_table
 
 # Arrays of whole numbers; the others but for the next are of the kernel's precision.
-INTEGER_ARRAYS = ("neighbors", "bin_start", "bin_cell", "wall_links", "reach_start")
+INTEGER_ARRAYS = ("neighbors", "bin_start", "bin_cell", "wall_links", "step_bound_start")
 # Arrays of double precision whatever the kernel's: a wall has no cells to be near to.
 DOUBLE_ARRAYS = ("wall", "wall_boxes")
 # A backend's arrays of a field, in the order of the kernel's arguments.
@@ -72,9 +72,9 @@ STRUCTS = {
         ("low", 3, "d"),
         ("high", 3, "d"),
         ("radius", 1, "d"),
-        ("active_low", 3, "d"),
-        ("active_high", 3, "d"),
-        ("active_radius", 1, "d"),
+        ("support_low", 3, "d"),
+        ("support_high", 3, "d"),
+        ("support_radius", 1, "d"),
         ("ambient", 1, "d"),
         ("plane_point", 3, "d"),
         ("plane_normal", 3, "d"),
@@ -91,11 +91,11 @@ STRUCTS = {
         ("step_limit", 1, "r"),
         ("block_count", 3, "i"),
         ("block", 1, "i"),
-        ("budget", 1, "r"),
+        ("tolerance", 1, "r"),
         ("extent", 1, "r"),
         ("max_steps", 1, "i"),
-        ("even_share", 1, "r"),
-        ("bend_share", 1, "r"),
+        ("quadrature_error_scale", 1, "r"),
+        ("trajectory_error_scale", 1, "r"),
         ("sample_count", 1, "i"),
         ("left_potential", 1, "r"),
         ("left_slope", 1, "r"),
@@ -112,7 +112,7 @@ class FieldData:
         arrays: FIELD_ARRAYS by name; those that the field has no use for have one row.
         field: Scalars and short vectors of struct Field, by name.
         bounds: Those of struct Bounds but for the stop.
-        control: Those of struct Control but for the stop, the plan and the table of safe steps.
+        control: Those of struct Control but for the stop, the plan and the table of step bounds.
         origin: Where cell 0 lies in x, y, z [m].
         spacing: Metres per cell along x, y, z.
     """
@@ -252,15 +252,15 @@ def trace_members(
 ) -> tuple[dict, dict]:
     """Members of Bounds and of Control that the plan, the stop and the outputs wanted set, by name."""
     bounds: dict[str, object] = {"plane_point": np.zeros(3), "plane_normal": np.zeros(3), "length": 0.0}
-    bounds |= _active_members(field, data, plan, wavelength)
+    bounds |= _support_members(field, data, plan, wavelength)
     control: dict[str, object] = {
         "plane_normal": np.zeros(3),
         "plane_offset": 0.0,
         "step": plan.sampling.spacing if plan.sample_count and plan.sampling else plan.step or 0.0,
-        "budget": held_error(field, plan.tolerance * wavelength),
+        "tolerance": held_error(field, plan.tolerance * wavelength),
         "max_steps": plan.max_steps,
-        "even_share": plan.even_share,
-        "bend_share": plan.bend_share,
+        "quadrature_error_scale": plan.quadrature_error_scale,
+        "trajectory_error_scale": plan.trajectory_error_scale,
         "sample_count": plan.sample_count,
         "outputs": output_mask(outputs),
     }
@@ -274,22 +274,22 @@ def trace_members(
     return bounds, control
 
 
-def _active_members(field: IndexField, data: FieldData, plan: TracePlan, wavelength: float) -> dict[str, object]:
-    """Only even samples ask where the field is active."""
+def _support_members(field: IndexField, data: FieldData, plan: TracePlan, wavelength: float) -> dict[str, object]:
+    """Only leapfrog samples ask for the field's support."""
     if not plan.sample_count:
-        return {"active_low": np.zeros(3), "active_high": np.zeros(3), "active_radius": 0.0}
-    low, high = active_box(field, held_error(field, plan.tolerance * wavelength), plan.levers)
+        return {"support_low": np.zeros(3), "support_high": np.zeros(3), "support_radius": 0.0}
+    low, high = support_box(field, held_error(field, plan.tolerance * wavelength), plan.levers)
     radius = float(high[0]) if field.geometry == "axisymmetric" else 0.0
     missing = np.zeros(3 - len(low))
     return {
-        "active_low": np.concatenate([missing, low]),
-        "active_high": np.concatenate([missing, high]),
-        "active_radius": radius,
+        "support_low": np.concatenate([missing, low]),
+        "support_high": np.concatenate([missing, high]),
+        "support_radius": radius,
     }
 
 
 def _left_members(field: IndexField, plan: TracePlan, wavelength: float) -> dict[str, object]:
-    """What even samples leave out, at most: the potential outside the active part, and its slope [1/m]."""
+    """What leapfrog samples leave out, at most: the potential outside the support, and its slope [1/m]."""
     if not plan.sample_count:
         return {"left_potential": 0.0, "left_slope": 0.0}
     potential, slope = left_out(field, held_error(field, plan.tolerance * wavelength), plan.levers)
@@ -300,14 +300,16 @@ def _left_members(field: IndexField, plan: TracePlan, wavelength: float) -> dict
     }
 
 
-def reach_tables(field: IndexField, plan: TracePlan, wavelength: float, directions: np.ndarray) -> tuple[dict, dict]:
-    """The tables of safe steps of the cones that the directions lie in; none without error control or on a mesh.
+def step_bound_tables(
+    field: IndexField, plan: TracePlan, wavelength: float, directions: np.ndarray
+) -> tuple[dict, dict]:
+    """The tables of step bounds of the cones that the directions lie in; none without error control or on a mesh.
 
-    Even samples have in their place the one of what lies between them (unresolved.py), where that counts: the first
-    entry of "reach_start" is then 0.
+    Leapfrog samples have in their place the one of what lies between them (unresolved.py), where that counts: the first
+    entry of "step_bound_start" is then 0.
 
     Returns:
-        Arrays "reach" [m], flat, and "reach_start", -1 for a cone without a table; members of Control.
+        Arrays "step_bound" [m], flat, and "step_bound_start", -1 for a cone without a table; members of Control.
     """
     budget = held_error(field, min(plan.tolerance, LAXEST) * wavelength)
     start = np.full(len(CONES), -1, dtype=np.int32)
@@ -319,9 +321,9 @@ def reach_tables(field: IndexField, plan: TracePlan, wavelength: float, directio
         members = {"block_count": np.array([*missed.shape, *[1] * (3 - missed.ndim)]), "block": block}
     if isinstance(field.samples, UniformGrid) and plan.method in ("adaptive", "straight") and not plan.sample_count:
         for cone in np.unique(cones_of(directions, field.geometry)):
-            table = reach(field.samples, field.geometry, budget, CONES[cone])
+            table = step_bound(field.samples, field.geometry, budget, CONES[cone])
             start[cone] = sum(part.size for part in lengths)
             lengths.append(table.length.ravel())
             shape = table.length.shape
             members = {"block_count": np.array([*shape, *[1] * (3 - len(shape))]), "block": table.block}
-    return {"reach": np.concatenate(lengths), "reach_start": start}, members
+    return {"step_bound": np.concatenate(lengths), "step_bound_start": start}, members

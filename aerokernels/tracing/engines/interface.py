@@ -10,7 +10,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from ...medium import IndexField
-from ..collimated import Columns
+from ..collimated import Projection
 from ..plan import TracePlan
 
 # Per-ray outputs of the tracer's kernels, in the order of their arguments: numbers for a ray, and their type.
@@ -49,7 +49,9 @@ class Engine(Protocol):
             ValueError: The device is not there, or too small for the field.
         """
 
-    def prepare_columns(self, field: IndexField, columns: Columns, plan: TracePlan, outputs: frozenset) -> "Prepared":
+    def prepare_projection(
+        self, field: IndexField, columns: Projection, plan: TracePlan, outputs: frozenset
+    ) -> "Prepared":
         """Tables of columns made ready for outputs of rays that only have a place."""
 
     def pupil_kernels(self) -> dict[str, Any]:

@@ -9,7 +9,7 @@ from pyopencl.cltypes import make_double3
 
 from ....clock import stage
 from ....medium import IndexField
-from ...collimated import ENDS, Columns, kernel_numbers, packed
+from ...collimated import ENDS, Projection, kernel_numbers, packed
 from ...plan import TracePlan
 from ..field_data import (
     FIELD_ARRAYS,
@@ -18,7 +18,7 @@ from ..field_data import (
     FieldData,
     field_data,
     number_type,
-    reach_tables,
+    step_bound_tables,
     stop_kind,
     trace_members,
 )
@@ -78,18 +78,18 @@ class Engine:
         with stage("upload"):
             data = field_data(field, plan.precision, plan.method == "paper")
             bounds, control = trace_members(field, data, plan, until, wavelength, outputs)
-            tables, blocks = reach_tables(field, plan, wavelength, directions)
-            even = plan.sample_count > 0
-            lanes = lane_count(self.session, plan.precision) if even else 1
-            packs = even and may_be_packed(field, REAL_TYPES[plan.precision], lanes, int(self.memory[1]))
-            in_plane = even and field.geometry != "volume" and not np.any(directions[:, :2])
+            tables, blocks = step_bound_tables(field, plan, wavelength, directions)
+            leapfrog = plan.sample_count > 0
+            lanes = lane_count(self.session, plan.precision) if leapfrog else 1
+            packs = leapfrog and may_be_packed(field, REAL_TYPES[plan.precision], lanes, int(self.memory[1]))
+            in_plane = leapfrog and field.geometry != "volume" and not np.any(directions[:, :2])
             arguments = [
                 pack("field", plan.precision, data.field),
                 pack("bounds", plan.precision, {**data.bounds, **bounds}),
                 pack("control", plan.precision, {**data.control, **control, **blocks}),
                 *self._upload(field, data, plan.precision, plan.method == "paper", packs),
-                self.put(tables["reach"].astype(REAL_TYPES[plan.precision])),
-                self.put(tables["reach_start"]),
+                self.put(tables["step_bound"].astype(REAL_TYPES[plan.precision])),
+                self.put(tables["step_bound_start"]),
             ]
         options = build_options(
             precision=plan.precision,
@@ -104,17 +104,19 @@ class Engine:
             packed=packs,
             in_plane=in_plane,
         )
-        if even and lanes == 1 and plan.precision == "float32":
+        if leapfrog and lanes == 1 and plan.precision == "float32":
             options = (*options, FLUSH)
         with stage("compile"):
-            program = build(self.session, "trace_even.cl" if even else "trace.cl", options)
-            kernel = Kernel(cl.Kernel(program, "trace_even" if even else "trace_kernel"), lanes)
-            rejected = self.put(np.zeros(1, np.int32)) if even else None
+            program = build(self.session, "leapfrog.cl" if leapfrog else "trace.cl", options)
+            kernel = Kernel(cl.Kernel(program, "leapfrog" if leapfrog else "trace_kernel"), lanes)
+            rejected = self.put(np.zeros(1, np.int32)) if leapfrog else None
             prepared = Prepared(self, kernel, arguments, outputs, rejected)
             self._finish_compiling(prepared, program)
             return prepared
 
-    def prepare_columns(self, field: IndexField, columns: Columns, plan: TracePlan, outputs: frozenset) -> Prepared:
+    def prepare_projection(
+        self, field: IndexField, columns: Projection, plan: TracePlan, outputs: frozenset
+    ) -> Prepared:
         """Tables of columns made ready for outputs of rays that only have a place."""
         with stage("upload"):
             table = columns.tables.derive(
@@ -123,7 +125,7 @@ class Engine:
             )
         with stage("compile"):
             options = build_options(precision=plan.precision, method="straight", with_ends=bool(outputs & ENDS))
-            kernel = Kernel(cl.Kernel(build(self.session, "trace_columns.cl", options), "trace_columns"))
+            kernel = Kernel(cl.Kernel(build(self.session, "trace_projection.cl", options), "trace_projection"))
         return Prepared(self, kernel, [table, *kernel_numbers(field, columns, outputs)], outputs, None)
 
     def pupil_kernels(self) -> dict[str, Kernel]:
@@ -175,10 +177,8 @@ class Engine:
             prepared.launch([nowhere, nowhere], prepared.allocate(0), 0).wait()
             self.session.launched.add(program)
 
-    def _upload(
-        self, field: IndexField, data: FieldData, precision: str, with_paper_step: bool, packs: bool
-    ) -> list:
-        """Buffers of FIELD_ARRAYS, the coefficients packed for even samples or not; kept as long as the field lives."""
+    def _upload(self, field: IndexField, data: FieldData, precision: str, with_paper_step: bool, packs: bool) -> list:
+        """Buffers of FIELD_ARRAYS, the coefficients packed for leapfrog or not; kept as long as the field lives."""
 
         def upload() -> list:
             limit = int(self.memory[1])

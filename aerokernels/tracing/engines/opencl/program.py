@@ -110,9 +110,9 @@ def build_options(
         has_body: Whether the field has a body.
         measured: Whether the errors of steps are estimated and given out; error control needs them.
         with_ends: Whether tables of columns give positions, arc lengths and errors, too.
-        lanes: Rays that a work-item of even samples moves in step, see `lane_count`.
-        packed: Whether coefficients are packed, for even samples.
-        in_plane: Whether rays of even samples run along z, in a field of two dimensions.
+        lanes: Rays that a work-item of leapfrog samples moves in step, see `lane_count`.
+        packed: Whether coefficients are packed, for leapfrog samples.
+        in_plane: Whether rays of leapfrog samples run along z, in a field of two dimensions.
 
     Raises:
         ValueError: A name that is not known.
@@ -137,7 +137,7 @@ def build_options(
 
 
 def lane_count(session: Session, precision: str) -> int:
-    """Rays to a work-item of even samples: what fills a CPU's vectors; on a GPU each lane is a work-item of its own."""
+    """Rays to a work-item of leapfrog: what fills a CPU's vectors; on a GPU each lane is a work-item of its own."""
     if not session.device.type & import_pyopencl().device_type.CPU:
         return 1
     return 16 if precision == "float32" else 8

@@ -1,4 +1,4 @@
-"""Tables of spline coefficients for even samples: all that a lookup takes, side by side (kernels/include/cell.h)."""
+"""Tables of spline coefficients for leapfrog samples: all that a lookup takes side by side (kernels/include/cell.h)."""
 
 import numpy as np
 

@@ -3,7 +3,7 @@
 import numpy as np
 
 from ....rays import RayBundle
-from ...pupil_sums import MOMENT_COUNT, PUPIL_OUTPUTS, PupilSums, PupilTask, fan_rays, fit_plane, moments_in_metres
+from ...pupil_sums import MOMENT_COUNT, PUPIL_OUTPUTS, PupilSums, PupilTask, fit_plane, moments_in_metres, radial_rays
 from ...status import reached
 from ...trace import run_plan
 
@@ -40,8 +40,8 @@ class PupilRun:
 
     def _rays(self, replicate: int, seed: int) -> tuple[np.ndarray, ...]:
         task = self.task
-        if task.is_fan:
-            return fan_rays(task, task.points(seed), slice(replicate, replicate + 1))
+        if task.is_radial:
+            return radial_rays(task, task.points(seed), slice(replicate, replicate + 1))
         seed = seed * task.replicates + replicate
         rays = RayBundle.collimated(task.pupil, task.per_replicate, direction=task.look, seed=seed)
         place = (rays.position - task.pupil.center) @ np.stack(task.pupil.axes, axis=1) / task.pupil.radius

@@ -180,11 +180,11 @@ class _Rule:
         across = swung - dot(swung, heading)[:, None] * heading
         for b, row, n in zip(BT, STAGE_MOMENTUM, indices, strict=True):
             there = momentum + step * sum(w * f for w, f in zip(row, forces, strict=True))
-            after[:, LAG] += h * b * _lag(there, heading, n)
+            after[:, LAG] += h * b * _longitudinal_deficit(there, heading, n)
         return after, np.linalg.norm(across, axis=1) / self.ambient
 
 
-def _lag(momentum, heading, index) -> np.ndarray:
+def _longitudinal_deficit(momentum, heading, index) -> np.ndarray:
     """Index less the momentum along the first direction."""
     ahead = dot(momentum, heading)
     across = momentum - ahead[:, None] * heading

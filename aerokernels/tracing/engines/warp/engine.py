@@ -8,14 +8,14 @@ import warp as wp
 
 from ....clock import stage
 from ....medium import IndexField
-from ...collimated import ENDS, Columns, kernel_numbers, packed
+from ...collimated import ENDS, Projection, kernel_numbers, packed
 from ...plan import TracePlan
 from ..field_data import (
     STRUCTS,
     FieldData,
     field_data,
     number_type,
-    reach_tables,
+    step_bound_tables,
     stop_kind,
     trace_members,
 )
@@ -23,9 +23,9 @@ from ..info import host_memory, thread_count
 from ..interface import Prepared
 from .devices import start_warp
 from .kernels import pupil
+from .kernels.leapfrog import build_leapfrog_kernel
 from .kernels.trace import build_kernel
-from .kernels.trace_columns import build_column_kernel
-from .kernels.trace_even import build_even_kernel
+from .kernels.trace_projection import build_projection_kernel
 from .types import types
 
 # Rays in one launch of a host thread; small enough to balance threads, large enough to hide the launch.
@@ -59,7 +59,7 @@ class Engine:
         with stage("upload"):
             data = field_data(field, plan.precision, plan.method == "paper")
             stop_bounds, stop_control = trace_members(field, data, plan, until, wavelength, outputs)
-            tables, blocks = reach_tables(field, plan, wavelength, directions)
+            tables, blocks = step_bound_tables(field, plan, wavelength, directions)
             t = types(plan.precision)
             device_field, bounds, control = t.Field(), t.Bounds(), t.Control()
             _fill(device_field, "field", data.field, plan.precision)
@@ -67,12 +67,12 @@ class Engine:
             _fill(control, "control", data.control | stop_control | blocks, plan.precision)
             for name, array in self._upload(field, data, plan.precision, plan.method == "paper").items():
                 setattr(device_field, name, array)
-            control.reach = wp.array(tables["reach"], dtype=t.real, device=self.device)
-            control.reach_start = wp.array(tables["reach_start"], dtype=wp.int32, device=self.device)
+            control.step_bound = wp.array(tables["step_bound"], dtype=t.real, device=self.device)
+            control.step_bound_start = wp.array(tables["step_bound_start"], dtype=wp.int32, device=self.device)
         stop, has_body = stop_kind(until), field.body is not None
         with stage("compile"):
             if plan.sample_count:
-                kernel = build_even_kernel(plan.precision, field.geometry, field.interpolation, stop, has_body)
+                kernel = build_leapfrog_kernel(plan.precision, field.geometry, field.interpolation, stop, has_body)
             else:
                 on_mesh = not field.is_uniform
                 measured = "step_error" in outputs
@@ -83,7 +83,9 @@ class Engine:
         rejected = wp.zeros(1, dtype=wp.int32, device=self.device) if plan.sample_count else None
         return Prepared(self, kernel, [device_field, bounds, control], outputs, rejected)
 
-    def prepare_columns(self, field: IndexField, columns: Columns, plan: TracePlan, outputs: frozenset) -> Prepared:
+    def prepare_projection(
+        self, field: IndexField, columns: Projection, plan: TracePlan, outputs: frozenset
+    ) -> Prepared:
         """Tables of columns made ready for outputs of rays that only have a place."""
         with stage("upload"):
             table = columns.tables.derive(
@@ -91,7 +93,7 @@ class Engine:
                 lambda: wp.array(packed(columns.tables), dtype=types(plan.precision).real, device=self.device),
             )
         with stage("compile"):
-            kernel = build_column_kernel(plan.precision, bool(outputs & ENDS))
+            kernel = build_projection_kernel(plan.precision, bool(outputs & ENDS))
             self._load(kernel.module)
         return Prepared(self, kernel, [table, *kernel_numbers(field, columns, outputs)], outputs, None)
 
@@ -167,9 +169,7 @@ class Engine:
             arrays = {}
             for name, values in data.arrays.items():
                 numbers: np.ndarray = np.ascontiguousarray(values, number_type(name, precision))
-                arrays[name] = wp.array(
-                    numbers, dtype=vectors.get(name, SCALARS[numbers.dtype]), device=self.device
-                )
+                arrays[name] = wp.array(numbers, dtype=vectors.get(name, SCALARS[numbers.dtype]), device=self.device)
             return arrays
 
         return field.derive(("warp", self.device, precision, with_paper_step), upload)

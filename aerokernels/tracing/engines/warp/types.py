@@ -52,9 +52,9 @@ def types(precision: str) -> SimpleNamespace:
         low: wp.vec3d  # box [m]
         high: wp.vec3d
         radius: wp.float64  # of an axisymmetric box
-        active_low: wp.vec3d  # the part of it outside which the air is uniform [m]
-        active_high: wp.vec3d
-        active_radius: wp.float64
+        support_low: wp.vec3d  # the part of it outside which the air is uniform [m]
+        support_high: wp.vec3d
+        support_radius: wp.float64
         ambient: wp.float64
         plane_point: wp.vec3d
         plane_normal: wp.vec3d
@@ -67,21 +67,24 @@ def types(precision: str) -> SimpleNamespace:
         plane_normal: vec3  # per cell, so that plane_normal . cells - plane_offset is in metres
         plane_offset: real
         cell_rate: vec3  # typical cells per metre, for limits on the step
-        step: real  # "fixed": metres of arc length; even samples: greatest distance between two that `reach` holds for
-        step_limit: real  # step in cells that needs no leave from `reach`
-        # Uniform grid: length of a safe step in each block [m], see quiet.py; for even samples the error of the path
-        # per metre of it in each block, see unresolved.py.
-        reach: wp.array(dtype=real)
-        reach_start: wp.array(dtype=wp.int32)  # where each cone's table starts in `reach`; -1 where it has none
+        # "fixed": metres of arc length; leapfrog samples: greatest distance between two that `step_bound` holds for
+        step: real
+        step_limit: real  # step in cells that needs no leave from `step_bound`
+        # Uniform grid: step bound in each block [m], see step_bound.py; for leapfrog samples the error of
+        # the path per metre of it in each block, see unresolved.py.
+        step_bound: wp.array(dtype=real)
+        step_bound_start: wp.array(
+            dtype=wp.int32
+        )  # where each cone's table starts in `step_bound`; -1 where it has none
         block_count: wp.vec3i  # blocks along each local axis
         block: wp.int32  # cells in a block
-        budget: real  # OPD error allowed for the whole ray [m]
+        tolerance: real  # OPD error allowed for the whole ray [m]
         extent: real  # a few diagonals of the box, longer than any step [m]
         max_steps: wp.int32
-        even_share: real  # even samples: the share of a difference that is taken for the error
-        bend_share: real  # and that of int P^2 / w dt
+        quadrature_error_scale: real  # leapfrog samples: the share of a difference that is taken for the error
+        trajectory_error_scale: real  # and that of int P^2 / w dt
         sample_count: wp.int32  # of a ray whose samples are even, a multiple of three
-        left_potential: real  # greatest potential outside the active part, and its slope [1/m]
+        left_potential: real  # greatest potential outside the support, and its slope [1/m]
         left_slope: real
         outputs: wp.int32  # of a ray that are wanted, a bit each, see result.py
 

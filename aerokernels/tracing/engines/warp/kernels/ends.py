@@ -114,7 +114,7 @@ def build_last_surface(precision: str, geometry: str, stop: str):
 
 
 @functools.cache
-def build_slant(precision: str, geometry: str, stop: str):
+def build_obliquity(precision: str, geometry: str, stop: str):
     """A function: how much further along d the stop is met per length that the ray is beside its place.
 
     The tangent of the angle at which it meets the stop; no more than that of the smallest angle believed.
@@ -125,8 +125,8 @@ def build_slant(precision: str, geometry: str, stop: str):
     surface_of = build_last_surface(precision, geometry, stop)
 
     @wp.func
-    def slant_of(bounds: Bounds, course: Course, p: wp.vec3d, d: wp.vec3d):
-        slant = real(0.0)
+    def obliquity_of(bounds: Bounds, course: Course, p: wp.vec3d, d: wp.vec3d):
+        obliquity = real(0.0)
         if wp.static(stop != "arc"):
             if course.has_stop:
                 normal = bounds.plane_normal
@@ -134,36 +134,36 @@ def build_slant(precision: str, geometry: str, stop: str):
                     miss = surface_distance(bounds, surface_of(bounds, course, p, d), p + course.far * d)
                     normal = wp.vec3d(miss[1], miss[2], miss[3])
                 cosine = wp.dot(normal, d)
-                slant = real(wp.length(normal - cosine * d) / wp.max(wp.abs(cosine), wp.float64(STEEPEST_COSINE)))
-        return slant
+                obliquity = real(wp.length(normal - cosine * d) / wp.max(wp.abs(cosine), wp.float64(STEEPEST_COSINE)))
+        return obliquity
 
-    return slant_of
+    return obliquity_of
 
 
 @functools.cache
 def build_lever(precision: str, geometry: str, stop: str, controlled: bool):
-    """A function -> (slant of the stop, how far on a direction's error grows, the part of that in the box, caution).
+    """A function -> (obliquity of the stop, how far on a direction's error grows, its part in the box, caution).
 
-    The last is a share of the safe steps of quiet.py, which know nothing of what such an error does on the way to a far
-    stop. Its arguments: bounds, control, the undisturbed course, start and direction. Lengths in metres.
+    The last is a share of the step bounds of step_bound.py, which know nothing of what such an error does on the way to
+    a far stop. Its arguments: bounds, control, the undisturbed course, start and direction. Lengths in metres.
     """
     t = types(precision)
     real, vec4, Bounds, Control, Course = t.real, t.vec4, t.Bounds, t.Control, t.Course
-    slant_of = build_slant(precision, geometry, stop)
+    obliquity_of = build_obliquity(precision, geometry, stop)
 
     @wp.func
     def lever_of(bounds: Bounds, control: Control, course: Course, p: wp.vec3d, d: wp.vec3d):
         reach = control.extent  # along x a planar box has no end
         if course.far - course.enter < wp.float64(1.0e30):
             reach = real(course.far - course.enter)
-        slant = real(0.0)
+        obliquity = real(0.0)
         if wp.static(controlled):
-            slant = slant_of(bounds, course, p, d)
+            obliquity = obliquity_of(bounds, course, p, d)
         beyond = real(0.0)
         if wp.static(stop == "plane"):
             beyond = real(wp.max(course.stop_distance - course.far, wp.float64(0.0)))
-        caution = wp.pow(real(1.0) + real(0.25) * slant * beyond * wp.max(control.cell_rate), real(-0.25))
-        return vec4(slant, reach + beyond, reach, caution)
+        caution = wp.pow(real(1.0) + real(0.25) * obliquity * beyond * wp.max(control.cell_rate), real(-0.25))
+        return vec4(obliquity, reach + beyond, reach, caution)
 
     return lever_of
 
@@ -200,7 +200,7 @@ def build_end(precision: str, geometry: str, interpolation: str, stop: str):
         momentum: vec3,
         sums: vec4,
         sums_carry: vec4,
-        bent: real,
+        greatest_deflection: real,
     ):
         ambient = bounds.ambient
         none = wp.float64(0.0)
@@ -212,7 +212,7 @@ def build_end(precision: str, geometry: str, interpolation: str, stop: str):
         sigma = wp.float64(sums[0]) - wp.float64(sums_carry[0])
         work = wp.float64(2.0) * (wp.float64(sums[1]) - wp.float64(sums_carry[1]))
         stretch = wp.float64(sums[2]) - wp.float64(sums_carry[2])
-        if wp.static(one_scalar) and bent <= real(NEARLY_STRAIGHT):
+        if wp.static(one_scalar) and greatest_deflection <= real(NEARLY_STRAIGHT):
             # Along d the deviation is int (T . d - a) d sigma = M - B: sums of what the path itself is summed of.
             lagging = wp.float64(sums[3]) - wp.float64(sums_carry[3])
             q64 += (stretch - lagging - wp.dot(q64, d)) * d
@@ -241,9 +241,9 @@ def build_end(precision: str, geometry: str, interpolation: str, stop: str):
                     height = wp.dot(bounds.plane_normal, here - bounds.plane_point)
                     slope = wp.dot(bounds.plane_normal, heading)
                     # A plane on a face of the box: rounding may put the ray a hair behind it.
-                    hair = wp.float64(1.0e-3) / wp.float64(wp.max(control.cell_rate))
+                    face_tolerance = wp.float64(1.0e-3) / wp.float64(wp.max(control.cell_rate))
                     toward = height * slope < none and wp.abs(slope) > wp.float64(LEAST_SLOPE)
-                    if toward or (course.meets and wp.abs(height) < hair * wp.abs(slope)):
+                    if toward or (course.meets and wp.abs(height) < face_tolerance * wp.abs(slope)):
                         flight = -height / slope
                     elif height != none:
                         status = int(not_reached)

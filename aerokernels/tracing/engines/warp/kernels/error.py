@@ -8,8 +8,8 @@ from ....scheme import (
     BLUNTED,
     DIRECTION_NOISE,
     DIRECTION_SHARE,
-    EVEN_WEAK,
-    LANDING_NOISE,
+    EVENT_LOCATION_NOISE,
+    LEAPFROG_ANGLE,
     LEAST_COSINE,
     MAGNIFIED,
     NOISE,
@@ -35,7 +35,7 @@ def build_step_error(precision: str, geometry: str, interpolation: str, stop: st
     sharpened = interpolation in ("cubic", "linear")
     noise = NOISE[precision]
     direction_noise = DIRECTION_NOISE[precision]
-    landing_noise = LANDING_NOISE[precision]
+    event_location_noise = EVENT_LOCATION_NOISE[precision]
     plane = wp.constant(FACE_COUNT[geometry])
     c2, c3 = (float(v) for v in C[1:3])
     e1, e2, e3, e4 = (float(v) for v in B_ERROR)
@@ -52,9 +52,9 @@ def build_step_error(precision: str, geometry: str, interpolation: str, stop: st
         h: real,
         reach: real,
         is_smooth: bool,
-        bent: real,
-        slant: real,
-        arm: real,
+        greatest_deflection: real,
+        obliquity: real,
+        lever_arm: real,
         pot: real,
         force: vec3,
         s2: vec4,
@@ -68,7 +68,7 @@ def build_step_error(precision: str, geometry: str, interpolation: str, stop: st
         off_q = (h * h) * (real(e1) * force + real(e2) * force2 + real(e3) * force3 + real(e4) * force4)
         off_p = h * (real(f1) * force + real(f2) * force2 + real(f3) * force3 + real(f4) * force4)
         swung = momentum + h * force4
-        turn = wp.max(bent, wp.length(swung - wp.dot(swung, d) * d) / ambient)
+        turn = wp.max(greatest_deflection, wp.length(swung - wp.dot(swung, d) * d) / ambient)
         sharp = real(1.0)
         if wp.static(sharpened):
             # On a nearly straight ray the path's error is known better, by a rule of higher order with the slopes
@@ -93,18 +93,18 @@ def build_step_error(precision: str, geometry: str, interpolation: str, stop: st
         off_q -= wp.dot(off_q, d) * d
         off_p -= wp.dot(off_p, d) * d
         weight = turn + sharp * real(DIRECTION_SHARE)
-        # The stop is met at a slant (engines/warp/kernels/ends.py), `arm` further on.
-        tilt = sharp * slant
+        # The stop is met at a slant (engines/warp/kernels/ends.py), `lever_arm` further on.
+        tilt = sharp * obliquity
         if wp.static(interpolation == "linear"):
-            tilt = wp.max(sharp, real(ROUGH)) * slant
-        if arm > real(2.0) * reach:
+            tilt = wp.max(sharp, real(ROUGH)) * obliquity
+        if lever_arm > real(2.0) * reach:
             # Far stops are met at the slant of the ray's own deflection too, and a direction's error is not believed to
             # be as much overestimated as the path's: it is no sum along the ray.
-            tilt = wp.max(sharp, real(ROUGH)) * (slant + wp.where(turn < real(EVEN_WEAK), turn, real(0.0)))
+            tilt = wp.max(sharp, real(ROUGH)) * (obliquity + wp.where(turn < real(LEAPFROG_ANGLE), turn, real(0.0)))
         off_p_size = wp.length(real(MAGNIFIED) * off_p) / real(MAGNIFIED)
         off_q_size = wp.length(real(MAGNIFIED) * off_q) / real(MAGNIFIED)
-        off += off_p_size * (weight * reach + tilt * arm) + ambient * off_q_size * (weight + tilt)
-        return vec3(off, turn, weight * (reach + ambient * h) + slant * (arm + ambient * h))
+        off += off_p_size * (weight * reach + tilt * lever_arm) + ambient * off_q_size * (weight + tilt)
+        return vec3(off, turn, weight * (reach + ambient * h) + obliquity * (lever_arm + ambient * h))
 
     @wp.func
     def step_rounding(
@@ -133,17 +133,17 @@ def build_step_error(precision: str, geometry: str, interpolation: str, stop: st
         ambient: real,
         momentum: vec3,
         first_momentum: real,
-        bent: real,
-        slant: real,
-        arm: real,
+        greatest_deflection: real,
+        obliquity: real,
+        lever_arm: real,
     ):
         """The error of a ray at its stop: that of its steps, and the rounding of the direction in which it flies there.
 
         Rounded is its greatest momentum, and what it had at first, along d. A plane may be met at a smaller angle than
-        `slant` allows for.
+        `obliquity` allows for.
         """
-        size = wp.length(momentum) + first_momentum + ambient * bent
-        error = used + real(direction_noise) * size * (slant + bent) * arm
+        size = wp.length(momentum) + first_momentum + ambient * greatest_deflection
+        error = used + real(direction_noise) * size * (obliquity + greatest_deflection) * lever_arm
         if wp.static(stop == "plane"):
             cosine = wp.abs(wp.dot(bounds.plane_normal, direction))
             steepest = wp.float64(STEEPEST_COSINE)
@@ -151,22 +151,24 @@ def build_step_error(precision: str, geometry: str, interpolation: str, stop: st
         return error
 
     @wp.func
-    def landing_error(used: real, ambient: real, cell: real, landed: int, grazing: wp.vec2d, slant: real, harm: real):
+    def event_location_error(
+        used: real, ambient: real, cell: real, landed: int, grazing: wp.vec2d, obliquity: real, harm: real
+    ):
         """The error of a ray that ended on surface `landed`, with what it lacks of it and at which cosine.
 
-        A ray may end at a smaller angle, or on another surface, than the undisturbed one, for which `slant` is. Where
-        it flies on from the surface, it costs `harm` per metre to be beside it. Its place across the surface is rounded
-        by a share of a `cell` [m], along the ray by that over the cosine.
+        A ray may end at a smaller angle, or on another surface, than the undisturbed one, for which `obliquity` is.
+        Where it flies on from the surface, it costs `harm` per metre to be beside it. Its place across the surface is
+        rounded by a share of a `cell` [m], along the ray by that over the cosine.
         """
         lack = real(wp.min(grazing[0], wp.float64(1.0e30)))
         cosine = real(wp.max(grazing[1], wp.float64(1.0e-15)))
-        rounded = real(landing_noise) * cell / cosine
+        rounded = real(event_location_noise) * cell / cosine
         if wp.static(stop == "none"):
             if cosine < real(LEAST_COSINE):
                 lack += rounded
-            return wp.max(used * wp.max(real(1.0) / (cosine * (real(1.0) + slant)), real(1.0)), ambient * lack)
+            return wp.max(used * wp.max(real(1.0) / (cosine * (real(1.0) + obliquity)), real(1.0)), ambient * lack)
         if landed == plane:
             return wp.max(used, ambient * lack)
         return used + harm * (lack + rounded)
 
-    return step_error, step_rounding, stop_error, landing_error
+    return step_error, step_rounding, stop_error, event_location_error

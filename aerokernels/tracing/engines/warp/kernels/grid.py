@@ -68,7 +68,7 @@ def build_weights(precision: str, interpolation: str):
 
 @functools.cache
 def build_sample(precision: str, geometry: str, interpolation: str):
-    """A function (field, cell, frac, home) -> (potential s = (n^2 - a^2) / 2, its gradient in x, y, z [1/m])."""
+    """A function (field, cell, frac, current_cell) -> (potential s = (n^2 - a^2) / 2, its gradient [1/m])."""
     t = types(precision)
     real, vec3, vec4, Field = t.real, t.vec3, t.vec4, t.Field
     value, slope = build_weights(precision, interpolation)
@@ -107,7 +107,7 @@ def build_sample(precision: str, geometry: str, interpolation: str):
     if geometry == "volume":
 
         @wp.func
-        def sample(field: Field, cell: wp.vec3i, frac: vec3, home: int):
+        def sample(field: Field, cell: wp.vec3i, frac: vec3, current_cell: int):
             a, u = split(frac[0], cell[0], field.row[0])
             b, v = split(frac[1], cell[1], field.row[1])
             c, w = split(frac[2], cell[2], field.row[2])
@@ -147,7 +147,7 @@ def build_sample(precision: str, geometry: str, interpolation: str):
     elif geometry == "planar":
 
         @wp.func
-        def sample(field: Field, cell: wp.vec3i, frac: vec3, home: int):
+        def sample(field: Field, cell: wp.vec3i, frac: vec3, current_cell: int):
             a, u = split(frac[1], cell[1], field.row[0])
             b, v = split(frac[2], cell[2], field.row[1])
             s = plane_sample(field, a, u, b, v)
@@ -156,7 +156,7 @@ def build_sample(precision: str, geometry: str, interpolation: str):
     else:
 
         @wp.func
-        def sample(field: Field, cell: wp.vec3i, frac: vec3, home: int):
+        def sample(field: Field, cell: wp.vec3i, frac: vec3, current_cell: int):
             radius = wp.sqrt(frac[0] * frac[0] + frac[1] * frac[1])
             a, u = split(radius, 0, field.row[0])
             b, v = split(frac[2], cell[2], field.row[1])
@@ -173,14 +173,14 @@ def build_sample(precision: str, geometry: str, interpolation: str):
 
 @functools.cache
 def build_paper_step(precision: str, geometry: str):
-    """A function (field, cell, frac, home) -> step length of eq 5 in the cell that holds the point [m]."""
+    """A function (field, cell, frac, current_cell) -> step length of eq 5 in the cell that holds the point [m]."""
     t = types(precision)
     vec3, Field = t.vec3, t.Field
 
     if geometry == "volume":
 
         @wp.func
-        def paper_step(field: Field, cell: wp.vec3i, frac: vec3, home: int):
+        def paper_step(field: Field, cell: wp.vec3i, frac: vec3, current_cell: int):
             a = wp.clamp(cell[0] + int(wp.floor(frac[0])), 0, field.row[0])
             b = wp.clamp(cell[1] + int(wp.floor(frac[1])), 0, field.row[1])
             c = wp.clamp(cell[2] + int(wp.floor(frac[2])), 0, field.row[2])
@@ -189,7 +189,7 @@ def build_paper_step(precision: str, geometry: str):
     elif geometry == "planar":
 
         @wp.func
-        def paper_step(field: Field, cell: wp.vec3i, frac: vec3, home: int):
+        def paper_step(field: Field, cell: wp.vec3i, frac: vec3, current_cell: int):
             a = wp.clamp(cell[1] + int(wp.floor(frac[1])), 0, field.row[0])
             b = wp.clamp(cell[2] + int(wp.floor(frac[2])), 0, field.row[1])
             return field.paper_step[a * (field.row[1] + 1) + b]
@@ -197,7 +197,7 @@ def build_paper_step(precision: str, geometry: str):
     else:
 
         @wp.func
-        def paper_step(field: Field, cell: wp.vec3i, frac: vec3, home: int):
+        def paper_step(field: Field, cell: wp.vec3i, frac: vec3, current_cell: int):
             radius = wp.sqrt(frac[0] * frac[0] + frac[1] * frac[1])
             a = wp.clamp(int(wp.floor(radius)), 0, field.row[0])
             b = wp.clamp(cell[2] + int(wp.floor(frac[2])), 0, field.row[1])
@@ -207,13 +207,13 @@ def build_paper_step(precision: str, geometry: str):
 
 
 @functools.cache
-def build_find_home(precision: str, geometry: str):
-    """A function (field, frac, home) -> home: only a mesh has cells to be remembered."""
+def build_find_current_cell(precision: str, geometry: str):
+    """A function (field, frac, current_cell) -> current_cell: only a mesh has cells to be remembered."""
     t = types(precision)
     vec3, Field = t.vec3, t.Field
 
     @wp.func
-    def find_home(field: Field, frac: vec3, home: int):
-        return home
+    def find_current_cell(field: Field, frac: vec3, current_cell: int):
+        return current_cell
 
-    return find_home
+    return find_current_cell

@@ -14,9 +14,10 @@ from ..types import types
 
 @functools.cache
 def build_locate(precision: str):
-    """A function (field, point, home) -> index of the cell that holds the point, -1 if none does.
+    """A function (field, point, current_cell) -> index of the cell that holds the point, -1 if none does.
 
-    `home` is a cell nearby, or -1: the walk starts there, and goes over the edge that the point lies furthest behind.
+    `current_cell` is a cell nearby, or -1: the walk starts there, and goes over the edge that the point lies furthest
+    behind.
     """
     t = types(precision)
     vec2, Field = t.vec2, t.Field
@@ -38,9 +39,9 @@ def build_locate(precision: str):
         return way
 
     @wp.func
-    def locate(field: Field, p: vec2, home: int):
+    def locate(field: Field, p: vec2, current_cell: int):
         found = int(-1)
-        cell = int(home)
+        cell = int(current_cell)
         trial = int(0)
         while cell >= 0 and found < 0 and trial < wp.static(WALK_LIMIT):
             way = way_from(field, cell, p)
@@ -105,8 +106,8 @@ def build_within_box(precision: str):
 
 
 @functools.cache
-def build_find_home(precision: str, geometry: str):
-    """A function (field, frac, home) -> the cell to remember for a ray at this place."""
+def build_find_current_cell(precision: str, geometry: str):
+    """A function (field, frac, current_cell) -> the cell to remember for a ray at this place."""
     t = types(precision)
     vec3, Field = t.vec3, t.Field
     locate = build_locate(precision)
@@ -114,15 +115,15 @@ def build_find_home(precision: str, geometry: str):
     within_box = build_within_box(precision)
 
     @wp.func
-    def find_home(field: Field, frac: vec3, home: int):
-        return locate(field, within_box(field, plane_point(frac)), home)
+    def find_current_cell(field: Field, frac: vec3, current_cell: int):
+        return locate(field, within_box(field, plane_point(frac)), current_cell)
 
-    return find_home
+    return find_current_cell
 
 
 @functools.cache
 def build_sample(precision: str, geometry: str, interpolation: str):
-    """A function (field, cell, frac, home) -> (potential s, its gradient in x, y, z [1/m]); zero outside the mesh.
+    """A function (field, cell, frac, current_cell) -> (potential s, its gradient [1/m]); zero outside the mesh.
 
     On a mesh the contrast m is interpolated, and s = m (a + m / 2), grad s = (a + m) grad m.
     """
@@ -197,10 +198,10 @@ def build_sample(precision: str, geometry: str, interpolation: str):
                 return vec3(m, (rise * across[1] - lift * along[1]) / det, (lift * along[0] - rise * across[0]) / det)
 
     @wp.func
-    def sample(field: Field, cell: wp.vec3i, frac: vec3, home: int):
+    def sample(field: Field, cell: wp.vec3i, frac: vec3, current_cell: int):
         p = plane_point(frac)
         edge = within_box(field, p)
-        inside = locate(field, edge, home)
+        inside = locate(field, edge, current_cell)
         if inside < 0:
             return vec4(real(0.0), real(0.0), real(0.0), real(0.0))
         s = in_cell(field, inside, edge)
@@ -220,7 +221,7 @@ def build_sample(precision: str, geometry: str, interpolation: str):
 
 @functools.cache
 def build_paper_step(precision: str, geometry: str):
-    """A function (field, cell, frac, home) -> step length of eq 5 in the cell that holds the point [m].
+    """A function (field, cell, frac, current_cell) -> step length of eq 5 in the cell that holds the point [m].
 
     Outside the mesh the median over all cells, kept behind the last cell's entry, is taken.
     """
@@ -230,8 +231,8 @@ def build_paper_step(precision: str, geometry: str):
     plane_point = build_plane_point(precision, geometry)
 
     @wp.func
-    def paper_step(field: Field, cell: wp.vec3i, frac: vec3, home: int):
-        inside = locate(field, plane_point(frac), home)
+    def paper_step(field: Field, cell: wp.vec3i, frac: vec3, current_cell: int):
+        inside = locate(field, plane_point(frac), current_cell)
         if inside < 0:
             return field.paper_step[field.cell_count]
         return field.paper_step[inside]

@@ -53,22 +53,30 @@ def build_sums(precision: str):
     r1, r2, r3, r4 = (float(v) for v in STAGE_MOMENTUM[2])
 
     @wp.func
-    def lag(ambient: real, d: vec3, momentum: vec3, potential: real):
+    def longitudinal_deficit(ambient: real, d: vec3, momentum: vec3, potential: real):
         """|T|^2 - (T . d)^2 over the sum of both: of second order on a nearly straight ray."""
         ahead = wp.dot(momentum, d)
         across = momentum - ahead * d
         return wp.dot(across, across) / (real(2.0) * ambient + contrast(ambient, potential) + ahead)
 
     @wp.func
-    def lag_sum(ambient: real, d: vec3, momentum: vec3, h: real, pot: real, force: vec3, s2: vec4, s3: vec4, s4: vec4):
+    def longitudinal_deficit_sum(
+        ambient: real, d: vec3, momentum: vec3, h: real, pot: real, force: vec3, s2: vec4, s3: vec4, s4: vec4
+    ):
         force2 = vec3(s2[1], s2[2], s2[3])
         force3 = vec3(s3[1], s3[2], s3[3])
         force4 = vec3(s4[1], s4[2], s4[3])
         swung2 = momentum + h * (real(p1) * force + real(p2) * force2 + real(p3) * force3 + real(p4) * force4)
         swung3 = momentum + h * (real(r1) * force + real(r2) * force2 + real(r3) * force3 + real(r4) * force4)
         swung4 = momentum + h * (real(v1) * force + real(v2) * force2 + real(v3) * force3 + real(v4) * force4)
-        total = real(v1) * lag(ambient, d, momentum, pot) + real(v2) * lag(ambient, d, swung2, s2[0])
-        return h * (total + real(v3) * lag(ambient, d, swung3, s3[0]) + real(v4) * lag(ambient, d, swung4, s4[0]))
+        total = real(v1) * longitudinal_deficit(ambient, d, momentum, pot) + real(v2) * longitudinal_deficit(
+            ambient, d, swung2, s2[0]
+        )
+        return h * (
+            total
+            + real(v3) * longitudinal_deficit(ambient, d, swung3, s3[0])
+            + real(v4) * longitudinal_deficit(ambient, d, swung4, s4[0])
+        )
 
     @wp.func
     def step_sums(
@@ -85,7 +93,7 @@ def build_sums(precision: str):
                 + real(v3) * contrast(ambient, s3[0])
                 + real(v4) * contrast(ambient, s4[0])
             ),
-            lag_sum(ambient, d, momentum, h, pot, force, s2, s3, s4),
+            longitudinal_deficit_sum(ambient, d, momentum, h, pot, force, s2, s3, s4),
         )
 
     @wp.func
@@ -97,27 +105,27 @@ def build_sums(precision: str):
             back,
             back * pot + half * climb,
             back * m + half * climb / (ambient + m),
-            back * lag(ambient, d, momentum, pot),
+            back * longitudinal_deficit(ambient, d, momentum, pot),
         )
 
     return step_sums, tangent_sums
 
 
 @functools.cache
-def build_mend(precision: str):
+def build_project_momentum(precision: str):
     """A function (ambient, direction, momentum, potential) -> what brings the momentum back onto |T| = n, along T."""
     t = types(precision)
     real, vec3 = t.real, t.vec3
 
     @wp.func
-    def mend(ambient: real, d: vec3, momentum: vec3, pot: real):
+    def project_momentum(ambient: real, d: vec3, momentum: vec3, pot: real):
         surplus = real(2.0) * pot - wp.dot(momentum, real(2.0) * ambient * d + momentum)
         tangent = ambient * d + momentum
         square = wp.dot(tangent, tangent)
         root = wp.sqrt(wp.max(square * (square + surplus), real(0.0)))
         return (surplus / (square + root)) * tangent
 
-    return mend
+    return project_momentum
 
 
 @functools.cache

@@ -7,7 +7,7 @@ import functools
 
 import warp as wp
 
-from ....scheme import HAIR
+from ....scheme import FACE_TOLERANCE
 from ..types import types
 from .box import FACE_COUNT, build_crossing, build_surface_distance
 
@@ -25,14 +25,14 @@ def build_overrun(precision: str, geometry: str):
 
     @wp.func
     def overrun(bounds: Bounds, control: Control, landed: int, p: wp.vec3d, heading: wp.vec3d):
-        hair = wp.float64(HAIR) / wp.float64(wp.max(control.cell_rate))
+        face_tolerance = wp.float64(FACE_TOLERANCE) / wp.float64(wp.max(control.cell_rate))
         way = wp.float64(0.0)
         for k in range(faces):
             beyond = surface_distance(bounds, k, p)
             if k != landed and beyond[0] > wp.float64(0.0):
                 slope = wp.abs(wp.dot(wp.vec3d(beyond[1], beyond[2], beyond[3]), heading))
                 way = wp.max(way, beyond[0] / wp.max(slope, wp.float64(1.0e-9)))
-                if beyond[0] > hair:
+                if beyond[0] > face_tolerance:
                     way = wp.float64(wp.inf)
         return way
 
@@ -40,7 +40,7 @@ def build_overrun(precision: str, geometry: str):
 
 
 @functools.cache
-def build_keep_active(precision: str, geometry: str):
+def build_keep_support(precision: str, geometry: str):
     """A function (bounds, position, direction, enter, far) -> the same of the part in which the air is not uniform.
 
     And, as a third number, 1 if the ray ends in uniform air.
@@ -49,18 +49,18 @@ def build_keep_active(precision: str, geometry: str):
     crossing = build_crossing(precision, geometry)
 
     @wp.func
-    def keep_active(bounds: Bounds, p: wp.vec3d, d: wp.vec3d, enter: wp.float64, far: wp.float64):
-        span = crossing(bounds.active_low, bounds.active_high, bounds.active_radius, p, d)
+    def keep_support(bounds: Bounds, p: wp.vec3d, d: wp.vec3d, enter: wp.float64, far: wp.float64):
+        span = crossing(bounds.support_low, bounds.support_high, bounds.support_radius, p, d)
         if span[0] > span[1]:
             return wp.vec3d(enter, enter, wp.float64(1.0))
         first = wp.min(wp.max(span[0], enter), far)
         last = wp.max(wp.min(span[1], far), first)
-        quiet = wp.float64(0.0)
+        uniform = wp.float64(0.0)
         if last < far:
-            quiet = wp.float64(1.0)
-        return wp.vec3d(first, last, quiet)
+            uniform = wp.float64(1.0)
+        return wp.vec3d(first, last, uniform)
 
-    return keep_active
+    return keep_support
 
 
 @functools.cache
@@ -68,7 +68,7 @@ def build_leaves_support(precision: str, geometry: str):
     """A function: whether the straight line from p along `heading` stays out of the field's support.
 
     It does beyond one of the support's faces unless it comes back to that. A support that ends within the box has a
-    cell to spare at each side (active.py).
+    cell to spare at each side (support.py).
     """
     Bounds = types(precision).Bounds
     flat = {"volume": (0, 1, 2), "planar": (1, 2), "axisymmetric": (2,)}[geometry]
@@ -79,14 +79,14 @@ def build_leaves_support(precision: str, geometry: str):
         none = wp.float64(0.0)
         leaves = bool(False)
         for axis in range(wp.static(first_axis), 3):
-            below = wp.min(bounds.active_low[axis] - bounds.low[axis], bounds.spacing[axis])
-            above = wp.min(bounds.high[axis] - bounds.active_high[axis], bounds.spacing[axis])
-            if p[axis] <= bounds.active_low[axis] + below and heading[axis] <= none:
+            below = wp.min(bounds.support_low[axis] - bounds.low[axis], bounds.spacing[axis])
+            above = wp.min(bounds.high[axis] - bounds.support_high[axis], bounds.spacing[axis])
+            if p[axis] <= bounds.support_low[axis] + below and heading[axis] <= none:
                 leaves = bool(True)
-            if p[axis] >= bounds.active_high[axis] - above and heading[axis] >= none:
+            if p[axis] >= bounds.support_high[axis] - above and heading[axis] >= none:
                 leaves = bool(True)
         if wp.static(geometry == "axisymmetric"):
-            inner = bounds.active_radius - wp.min(bounds.radius - bounds.active_radius, bounds.spacing[0])
+            inner = bounds.support_radius - wp.min(bounds.radius - bounds.support_radius, bounds.spacing[0])
             outward = p[0] * heading[0] + p[1] * heading[1]
             if p[0] * p[0] + p[1] * p[1] >= inner * inner and outward >= none:
                 leaves = bool(True)

@@ -24,10 +24,10 @@ values, taken by the rule of the path itself. So the OPD of a ray through a shoc
 
 Error control. A step's error is the embedded formula's in S, in position and in momentum, the latter two weighted by
 how much they can matter further on. On a nearly straight ray the error of S is known better, from a rule of degree 7
-that also uses the slopes along the ray. How far a step may look ahead says the table of quiet.py; the faces of cells
-are the ends of steps where the interpolant has kinks there.
+that also uses the slopes along the ray. How far a step may look ahead says the table of step_bound.py; the faces of
+cells are the ends of steps where the interpolant has kinks there.
 
-Stop. The step is shortened to where its parabola first meets a surface (landing.py); the rest, of third order in
+Stop. The step is shortened to where its parabola first meets a surface (event_location.py); the rest, of third order in
 the step, is flown along the tangent; the distance along d is then solved for in float64.
 """
 
@@ -36,7 +36,17 @@ import functools
 import warp as wp
 
 from ....result import OUTPUT_BITS
-from ....scheme import AT_FACE, HAIR, LANDED_ARC, LEAST_STEP, SLANT_KEPT, TINY, WALL_ASIDE, WALL_BACK, WALL_CLOSE
+from ....scheme import (
+    AT_FACE,
+    FACE_TOLERANCE,
+    LANDED_ARC,
+    LEAST_STEP,
+    OBLIQUITY_KEPT,
+    TINY,
+    WALL_ASIDE,
+    WALL_BACK,
+    WALL_CLOSE,
+)
 from ....status import RayStatus
 from ....tableau import BT, A, B, C, is_one_scalar
 from ..types import types
@@ -44,10 +54,10 @@ from . import grid, mesh
 from .crossings import NEVER
 from .ends import build_end, build_lever, build_start
 from .error import build_step_error
-from .landing import build_arc_landing, build_landing
-from .motion import advance, build_cells, build_contrast, build_mend, build_sums
-from .reach import build_cone, build_reach
-from .step import build_before_face, build_look, build_verdict
+from .event_location import build_arc_event_location, build_event_location
+from .motion import advance, build_cells, build_contrast, build_project_momentum, build_sums
+from .step import build_before_face, build_sample_at_stage, build_step_acceptance
+from .step_bound import build_cone, build_step_bound
 from .wall import build_behind_wall, build_place, build_stays_clear
 
 
@@ -73,22 +83,24 @@ def build_kernel(
     kind = "mesh" if on_mesh else geometry
     sample = source.build_sample(precision, geometry, interpolation)
     paper_step = source.build_paper_step(precision, geometry)
-    find_home = source.build_find_home(precision, geometry)
+    find_current_cell = source.build_find_current_cell(precision, geometry)
     start_of = build_start(precision, geometry, stop, has_body)
     lever_of = build_lever(precision, geometry, stop, controlled)
     end_of = build_end(precision, geometry, interpolation, stop)
     in_cells, carry_over = build_cells(precision, kind)
     cone_of = build_cone(geometry)
-    reach_of = build_reach(precision, kind)
+    step_bound_of = build_step_bound(precision, kind)
     before_face, rest_to_face = build_before_face(precision, geometry, interpolation)
-    look = build_look(precision, sample, method == "straight")
-    step_error, step_rounding, stop_error, landing_error = build_step_error(precision, geometry, interpolation, stop)
-    verdict = build_verdict(precision)
+    sample_at_stage = build_sample_at_stage(precision, sample, method == "straight")
+    step_error, step_rounding, stop_error, event_location_error = build_step_error(
+        precision, geometry, interpolation, stop
+    )
+    step_acceptance = build_step_acceptance(precision)
     contrast = build_contrast(precision)
-    mend = build_mend(precision)
+    project_momentum = build_project_momentum(precision)
     step_sums, tangent_sums = build_sums(precision)
-    landing, overshot, touchdown = build_landing(precision, geometry, stop)
-    arc_landing, arc_touchdown = build_arc_landing(precision)
+    event_location, overshot, surface_intersection = build_event_location(precision, geometry, stop)
+    arc_event_location, arc_surface_intersection = build_arc_event_location(precision)
     place_of = build_place(precision)
     behind_wall = build_behind_wall(precision, geometry)
     stays_clear = build_stays_clear(precision, geometry)
@@ -140,32 +152,32 @@ def build_kernel(
         sums = t.vec4(real(0.0), real(0.0), real(0.0), real(0.0))  # sigma, S, M, B
         sums_carry = sums
         used = real(0.0)
-        bent = real(0.0)  # greatest angle with d so far
+        greatest_deflection = real(0.0)  # greatest angle with d so far
         steps = int(0)
         evaluations = int(0)
         landed = int(-1)
-        slant_first = real(0.0)
+        obliquity_first = real(0.0)
         harm = real(0.0)
 
         if course.meets and status == ok:
             cell, frac = in_cells(bounds, p0 + course.enter * d0)
             frac_carry = vec3(real(0.0), real(0.0), real(0.0))
             rate = field.inverse_spacing
-            home = find_home(field, frac, -1)  # the cell of a mesh
-            s = sample(field, cell, frac, home)
+            current_cell = find_current_cell(field, frac, -1)  # the cell of a mesh
+            s = sample(field, cell, frac, current_cell)
             evaluations += 1
             pot = s[0]
             force = vec3(s[1], s[2], s[3])
             momentum = contrast(ambient, pot) * d
             cone = cone_of(d0)
             lever = lever_of(bounds, control, course, p0, d0)
-            slant, arm, reach, caution = lever[0], lever[1], lever[2], lever[3]
+            obliquity, lever_arm, reach, caution = lever[0], lever[1], lever[2], lever[3]
             if wp.static(at_faces):
-                # The table of safe steps weighs the kinks that a step may pass by the path, not by what they turn a ray
-                # aside.
-                if slant * arm * wp.max(control.cell_rate) > real(1.0):
+                # The table of step bounds weighs the kinks that a step may pass by the path, not by what they turn a
+                # ray aside.
+                if obliquity * lever_arm * wp.max(control.cell_rate) > real(1.0):
                     caution = real(0.0)
-            slant_left = slant
+            obliquity_left = obliquity
             first_momentum = wp.length(momentum)
             arc_left = real(bounds.length - course.enter)
             aside = real(0.0)  # so far beside its undisturbed line the ray meets no body
@@ -188,39 +200,55 @@ def build_kernel(
                 if wp.static(method == "fixed"):
                     h = control.step / (ambient + m)
                 elif wp.static(method == "paper"):
-                    h = paper_step(field, cell, frac, home) / (ambient + m)
+                    h = paper_step(field, cell, frac, current_cell) / (ambient + m)
                 else:
                     limit = control.step_limit * h_cell
                     if wp.static(kinked):
                         # The interpolant has kinks at the cells' faces: no step across one.
-                        limit, shy = before_face(cell, frac, rate, total, force)
+                        limit, stand_off = before_face(cell, frac, rate, total, force)
                     # Short of the face at which the first rough block may begin.
-                    safe = caution * reach_of(control, cone, cell, frac, total) - real(10.0 * HAIR) * h_cell
+                    safe = (
+                        caution * step_bound_of(control, cone, cell, frac, total) - real(10.0 * FACE_TOLERANCE) * h_cell
+                    )
                     h = wp.min(h, wp.max(limit, safe))
                 h = wp.min(h, h_cap)
                 shown = frac
                 if wp.static(straight):
                     shown = frac + wp.cw_mul(q, rate)
                 wanted = h
-                h, land = landing(control, rate, course.side, cell, shown, ambient * d + momentum, force, h)
+                h, land = event_location(control, rate, course.side, cell, shown, ambient * d + momentum, force, h)
                 if wp.static(stop == "arc"):
                     rest = arc_left - (ambient * sums[0] + sums[2])
-                    h, land = arc_landing(rest, ambient + m, total, force, h, land)
+                    h, land = arc_event_location(rest, ambient + m, total, force, h, land)
 
                 # The field at the step's later stages: here, for in a function of its own it is slower.
                 hh = h * h
                 kick2 = (real(a21) * hh) * force
-                s2 = look(field, home, cell, frac, rate, real(c2) * h, total, momentum, q, kick2)
+                s2 = sample_at_stage(field, current_cell, cell, frac, rate, real(c2) * h, total, momentum, q, kick2)
                 force2 = vec3(s2[1], s2[2], s2[3])
                 kick3 = hh * (real(a31) * force + real(a32) * force2)
-                s3 = look(field, home, cell, frac, rate, real(c3) * h, total, momentum, q, kick3)
+                s3 = sample_at_stage(field, current_cell, cell, frac, rate, real(c3) * h, total, momentum, q, kick3)
                 force3 = vec3(s3[1], s3[2], s3[3])
                 kick = hh * (real(b1) * force + real(b2) * force2 + real(b3) * force3)
-                s4 = look(field, home, cell, frac, rate, h, total, momentum, q, kick)
+                s4 = sample_at_stage(field, current_cell, cell, frac, rate, h, total, momentum, q, kick)
                 force4 = vec3(s4[1], s4[2], s4[3])
                 evaluations += 3
                 judged = step_error(
-                    ambient, d, total, momentum, h, reach, h <= safe, bent, slant_left, arm, pot, force, s2, s3, s4
+                    ambient,
+                    d,
+                    total,
+                    momentum,
+                    h,
+                    reach,
+                    h <= safe,
+                    greatest_deflection,
+                    obliquity_left,
+                    lever_arm,
+                    pot,
+                    force,
+                    s2,
+                    s3,
+                    s4,
                 )
                 off = judged[0]
                 turn_now = judged[1]
@@ -228,7 +256,9 @@ def build_kernel(
                 accept = bool(True)
                 if wp.static(controlled):
                     rounding = step_rounding(control, ambient, h, judged[2], rate, frac, pot, force, s3)
-                    accept, ratio = verdict(control, off, rounding, used, h, h_cell, h_least, ambient + m, reach)
+                    accept, ratio = step_acceptance(
+                        control, off, rounding, used, h, h_cell, h_least, ambient + m, reach
+                    )
                     if accept:
                         # A step cut short by a surface says nothing against the length wanted.
                         h_next = wp.max(h * ratio, h_least)
@@ -261,9 +291,11 @@ def build_kernel(
                     h_cap = control.extent / ambient
                     steps += 1
                     used += off
-                    bent = turn_now
-                    # Where the ray has turned, the slant is another one, and the turn counts instead.
-                    slant_left = slant * wp.max(real(1.0) - bent / real(SLANT_KEPT), real(0.0))
+                    greatest_deflection = turn_now
+                    # Where the ray has turned, the obliquity is another one, and the turn counts instead.
+                    obliquity_left = obliquity * wp.max(
+                        real(1.0) - greatest_deflection / real(OBLIQUITY_KEPT), real(0.0)
+                    )
                     added = step_sums(ambient, d, momentum, m, h, pot, force, s2, s3, s4)
                     sums, sums_carry = advance(sums, sums_carry, added)
                     q, q_carry = advance(q, q_carry, h * momentum + kick)
@@ -277,7 +309,7 @@ def build_kernel(
                         flown += kick
                     frac, frac_carry = advance(frac, frac_carry, wp.cw_mul(flown, rate))
                     cell, frac = carry_over(cell, frac)
-                    home = find_home(field, frac, home)
+                    current_cell = find_current_cell(field, frac, current_cell)
                     pot = s4[0]
                     force = force4
                     if wp.static(at_faces):
@@ -291,7 +323,7 @@ def build_kernel(
                         pace = wp.cw_mul(bearing, rate)
                         rest = real(0.0)
                         if land < 0:
-                            rest = rest_to_face(cell, frac, pace, wp.cw_mul(curve, rate), shy, h)
+                            rest = rest_to_face(cell, frac, pace, wp.cw_mul(curve, rate), stand_off, h)
                         added = tangent_sums(ambient, d, momentum, rest, pot, force)
                         sums, sums_carry = advance(sums, sums_carry, added)
                         q, q_carry = advance(q, q_carry, rest * momentum + (real(0.5) * rest * rest) * force)
@@ -300,7 +332,7 @@ def build_kernel(
                         frac, frac_carry = advance(frac, frac_carry, wp.cw_mul(flown, rate))
                         cell, frac = carry_over(cell, frac)
                         over = real(at_face) / wp.length(pace)
-                        beyond = sample(field, cell, frac + over * pace, home)
+                        beyond = sample(field, cell, frac + over * pace, current_cell)
                         force = vec3(beyond[1], beyond[2], beyond[3])
                         pot = beyond[0] - over * wp.dot(force, bearing)
                         if wp.static(straight):
@@ -308,10 +340,10 @@ def build_kernel(
                         evaluations += 1
                     if wp.static(one_scalar):
                         # Back onto |T| = n: the error along the ray, which the path would feel in full, is gone.
-                        mending = mend(ambient, d, momentum, pot)
-                        momentum += mending
+                        projecting = project_momentum(ambient, d, momentum, pot)
+                        momentum += projecting
                         if wp.static(straight):
-                            q += (real(0.5) * h) * mending  # it grew over the step
+                            q += (real(0.5) * h) * projecting  # it grew over the step
 
                     back = real(0.0)  # sigma still to go along the tangent, negative to go back
                     if behind >= real(0.0):
@@ -322,13 +354,13 @@ def build_kernel(
                         done = bool(False)
                         if land == landed_arc:
                             rest = arc_left - (ambient * sums[0] + sums[2])
-                            back, done = arc_touchdown(rest, ambient + contrast(ambient, pot), arc_left, h)
+                            back, done = arc_surface_intersection(rest, ambient + contrast(ambient, pot), arc_left, h)
                         else:
                             shown = frac
                             if wp.static(straight):
                                 shown = frac + wp.cw_mul(q, rate)
                             velocity = wp.cw_mul(ambient * d + momentum, rate)
-                            back, done = touchdown(
+                            back, done = surface_intersection(
                                 control, land, course.side, cell, shown, velocity, wp.cw_mul(force, rate), h, h_cell
                             )
                         if done:
@@ -350,18 +382,20 @@ def build_kernel(
                     status = int(not_finite)
 
             if wp.static(controlled):
-                used = stop_error(used, bounds, d0, ambient, momentum, first_momentum, bent, slant, arm)
-                slant_first = slant
-                harm = (wp.abs(pot) + wp.length(force) * (slant + bent) * arm) / ambient
+                used = stop_error(
+                    used, bounds, d0, ambient, momentum, first_momentum, greatest_deflection, obliquity, lever_arm
+                )
+                obliquity_first = obliquity
+                harm = (wp.abs(pot) + wp.length(force) * (obliquity + greatest_deflection) * lever_arm) / ambient
 
         position, direction, optical_path, opd, arc, final, grazing = end_of(
-            bounds, control, p0, d0, course, status, landed, q, q_carry, momentum, sums, sums_carry, bent
+            bounds, control, p0, d0, course, status, landed, q, q_carry, momentum, sums, sums_carry, greatest_deflection
         )
         if wp.static(controlled):
             if final == ok and landed >= 0:
                 cell_size = real(1.0) / wp.max(control.cell_rate)
-                used = landing_error(used, ambient, cell_size, landed, grazing, slant_first, harm)
-            if final == ok and not (used <= control.budget):
+                used = event_location_error(used, ambient, cell_size, landed, grazing, obliquity_first, harm)
+            if final == ok and not (used <= control.tolerance):
                 final = int(rejected)  # to be traced again, see retrace.py
         if (control.outputs & wp.static(OUTPUT_BITS["position"])) != 0:
             position_out[ray] = position

@@ -1,4 +1,4 @@
-"""A device function: what lies between a ray's even samples, the sum over its way of a table (see unresolved.py)."""
+"""A device function: what lies between a ray's leapfrog samples, its way's sum of a table (see unresolved.py)."""
 
 import functools
 
@@ -24,7 +24,7 @@ def build_unresolved(precision: str, geometry: str):
 
     @wp.func
     def unresolved(field: Field, control: Control, start: vec3, d: vec3, length: real, beside: vec3):
-        if control.reach_start[0] < 0:
+        if control.step_bound_start[0] < 0:
             return real(0.0)
         rate = field.inverse_spacing
         if length > real(1.001) * control.step * real(control.sample_count):
@@ -46,7 +46,7 @@ def build_unresolved(precision: str, geometry: str):
             else:
                 entry = block(control, 0, wp.sqrt(p[0] * p[0] + p[1] * p[1])) * control.block_count[1]
                 entry += block(control, 1, p[2])
-            total += control.reach[entry]
+            total += control.step_bound[entry]
         return total * length / real(count)
 
     return unresolved

@@ -30,7 +30,7 @@ REFINED_SHARE = 2.0
 
 
 @dataclass(frozen=True, eq=False)
-class Ladder:
+class RefinementLevels:
     """A field and its coarser versions, all in one box.
 
     Attributes:
@@ -68,15 +68,15 @@ class Ladder:
         return 1.0 / (2.0**order - 1.0)
 
 
-def ladder(field) -> Ladder | None:
+def refinement(field) -> RefinementLevels | None:
     """The field and its coarser versions, or a finer one; None on a mesh that can be neither thinned nor refined."""
-    rungs = _of_grid(field) if field.is_uniform else _of_mesh(field)
-    if rungs is not None:
-        return Ladder(*rungs)
+    levels = _of_grid(field) if field.is_uniform else _of_mesh(field)
+    if levels is not None:
+        return RefinementLevels(*levels)
     if field.is_uniform:
-        return Ladder(field, field.with_interpolation(OTHER[field.interpolation]), None)
+        return RefinementLevels(field, field.with_interpolation(OTHER[field.interpolation]), None)
     finer = refined(field)
-    return None if finer is None else Ladder(field, finer, None, REFINED_SHARE)
+    return None if finer is None else RefinementLevels(field, finer, None, REFINED_SHARE)
 
 
 def _of_grid(field):
@@ -96,14 +96,14 @@ def _of_grid(field):
         cut.append(slice(low, count - surplus + low))
         strides.append(coarsest)
 
-    def rung(greatest: int):
+    def level(greatest: int):
         every = [min(s, greatest) for s in strides]
         samples = grid.samples[tuple(cut)][tuple(slice(None, None, s) for s in every)]
         low = np.array([c.start for c in cut])
         origin, spacing = grid.origin + low * grid.spacing, grid.spacing * np.array(every)
         return replace(field, samples=replace(grid, samples=samples, origin=origin, spacing=spacing))
 
-    return rung(1), rung(2), rung(4) if max(strides) == 4 else None
+    return level(1), level(2), level(4) if max(strides) == 4 else None
 
 
 def _of_mesh(field):
@@ -113,7 +113,7 @@ def _of_mesh(field):
     vertices = mesh.vertices.reshape(*mesh.shape, 2)
     values = field.samples.values.reshape(mesh.shape)
 
-    def rung(stride: int):
+    def level(stride: int):
         rows, columns = (
             np.unique(np.append(np.arange(0, n, stride if n > 2 * stride else 1), n - 1)) for n in mesh.shape
         )
@@ -122,6 +122,6 @@ def _of_mesh(field):
         return replace(field, samples=replace(field.samples, mesh=thinned, values=values[kept].ravel()))
 
     try:
-        return field, rung(2), rung(4) if max(mesh.shape) > 8 else None
+        return field, level(2), level(4) if max(mesh.shape) > 8 else None
     except ValueError:  # thinning a strongly curved mesh can leave cells that are not convex
         return None

@@ -1,5 +1,5 @@
 // Nearly straight rays by equally many, evenly spaced samples; what it computes, and why so, stands in
-// aerokernels/tracing/engines/warp/kernels/trace_even.py, its Warp twin.
+// aerokernels/tracing/engines/warp/kernels/leapfrog.py, its Warp twin.
 //
 // A work-item moves a packet of LANES rays in step. Arguments are those of the tracer; rough_count_out counts the rays
 // that are to be traced otherwise: their step_error_out is above the budget, infinite where this method does not hold.
@@ -10,7 +10,7 @@
 #include "support.h"
 #include "unresolved.h"
 
-__kernel void trace_even(
+__kernel void leapfrog(
     const Field field,
     const Bounds bounds,
     const Control control,
@@ -25,8 +25,8 @@ __kernel void trace_even(
     __global const double *wall,
     __global const double *wall_boxes,
     __global const int *wall_links,
-    __global const real *reach,
-    __global const int *reach_start,
+    __global const real *step_bound,
+    __global const int *step_bound_start,
     const int first_ray,
     const int ray_count,
     __global const double *position_in,
@@ -48,14 +48,14 @@ __kernel void trace_even(
     }
     const Arrays arrays = {
         coefficients, corners, values, gradients, neighbors, bin_start, bin_cell, paper_step, wall, wall_boxes,
-        wall_links, reach, reach_start};
+        wall_links, step_bound, step_bound_start};
     const real3 rate = VECTOR(field.inverse_spacing);
     const int count = control.sample_count;
 
     // Each lane's ray; spare lanes repeat the last one.
     Course courses[LANES];
     double2 wholes[LANES];  // where their ways through the box begin and end, the uniform air's part too
-    int statuses[LANES], spoilt[LANES], surfaces[LANES], is_quiet[LANES];
+    int statuses[LANES], spoilt[LANES], surfaces[LANES], is_uniform[LANES];
     reals x0, y0, z0, dx, dy, dz, length;
     for (int lane = 0; lane < LANES; lane++) {
         const int ray = min(first + lane, ray_count - 1);
@@ -66,8 +66,8 @@ __kernel void trace_even(
         spoilt[lane] = 0;
         wholes[lane] = (double2)(course.enter, course.far);
         const Course whole = course;
-        is_quiet[lane] = runs && keep_active(&bounds, p, d, &course);
-        surfaces[lane] = runs && !is_quiet[lane] ? surface_of(&bounds, &whole, p, d) : -1;
+        is_uniform[lane] = runs && keep_support(&bounds, p, d, &course);
+        surfaces[lane] = runs && !is_uniform[lane] ? surface_of(&bounds, &whole, p, d) : -1;
         const double3 place = (p + course.enter * d - VECTOR64(bounds.origin)) / VECTOR64(bounds.spacing);
         REAL_AT(x0, lane) = runs ? (real)place.x : R(0.0);
         REAL_AT(y0, lane) = runs ? (real)place.y : R(0.0);
@@ -93,7 +93,8 @@ __kernel void trace_even(
         const real rest = REAL_AT(flight.slow, lane);
         real3 q = (real3)(REAL_AT(flight.qx, lane), REAL_AT(flight.qy, lane), REAL_AT(flight.qz, lane));
         double path = (double)step * ((double)REAL_AT(flight.paths, lane) - (double)REAL_AT(flight.paths_carry, lane));
-        double lag = (double)step * ((double)REAL_AT(flight.lags, lane) - (double)REAL_AT(flight.lags_carry, lane));
+        double longitudinal_deficit =
+            (double)step * ((double)REAL_AT(flight.deficits, lane) - (double)REAL_AT(flight.deficits_carry, lane));
         double arc = (double)step * ((double)REAL_AT(flight.arcs, lane) - (double)REAL_AT(flight.arcs_carry, lane));
         real off_course = REAL_AT(flight.error, lane);
         real3 momentum = (real3)R(0.0);
@@ -103,11 +104,11 @@ __kernel void trace_even(
         int landed = -1;
         if (runs) {
             // What is left to the surface, which the ray meets a little beside the undisturbed one.
-            const int quiet = is_quiet[lane];
+            const int uniform = is_uniform[lane];
             const double3 heading = d + convert_double3(rest * across);
             const double3 here = p + course.far * d + convert_double3(q);
             landed = surfaces[lane];
-            if (quiet) {
+            if (uniform) {
                 if (far > 0.0 && !leaves_support(&bounds, here, heading)) {
                     spoilt[lane] = 1;  // turned, it goes on through disturbed air
                 }
@@ -119,7 +120,7 @@ __kernel void trace_even(
 #endif
             }
             if (landed != LANDED_FREE) {
-                if (!quiet) {
+                if (!uniform) {
                     more = line_to(&bounds, landed, here, heading);
                 }
                 surface_distance(&bounds, landed, here + more * heading, &normal);
@@ -127,19 +128,19 @@ __kernel void trace_even(
             const double cosine = dot(normal, heading);
             // Along the parabola; what that leaves out, by the change of the slope over a cell, counts as an error.
             // In uniform air there is nothing to leave out.
-            const real there = quiet ? R(0.0) : R(1.0);
+            const real there = uniform ? R(0.0) : R(1.0);
             const real3 force =
                 there * rest * (real3)(REAL_AT(flight.fx, lane), REAL_AT(flight.fy, lane), REAL_AT(flight.fz, lane));
             const double rise = there * (double)REAL_AT(flight.ahead, lane);
             const double s = there * (double)REAL_AT(flight.s, lane);
-            const real lead = quiet ? -dot(across, across) * rest / (R(1.0) / rest + (real)bounds.ambient)
+            const real lead = uniform ? -dot(across, across) * rest / (R(1.0) / rest + (real)bounds.ambient)
                                     : REAL_AT(flight.off, lane);
             const double bow = 0.5 * more * more * (double)rest * dot(normal, convert_double3(force));
-            more -= !quiet && fabs(cosine) > LEAST_COSINE ? bow / cosine : 0.0;
+            more -= !uniform && fabs(cosine) > LEAST_COSINE ? bow / cosine : 0.0;
             const double climb = 0.5 * more * rise;
             const double added = more * (double)rest * (s + climb);
             path += added;
-            lag += more * ((double)lead + (double)rest * climb / bounds.ambient);
+            longitudinal_deficit += more * ((double)lead + (double)rest * climb / bounds.ambient);
             arc += added / bounds.ambient;
             off_course = greater(
                 off_course,
@@ -150,25 +151,26 @@ __kernel void trace_even(
             across += (real)more * force;
             momentum = across + (lead / rest) * convert_real3(d);
             end = p + (course.enter + far) * d + convert_double3(q);
-            const real angle = sqrt(REAL_AT(flight.bent, lane)) / (real)bounds.ambient;
+            const real angle = sqrt(REAL_AT(flight.greatest_deflection, lane)) / (real)bounds.ambient;
             // Beside the undisturbed ray it stays within that angle of it.
             const double chord = wholes[lane].y - wholes[lane].x;
             if (HAS_BODY && !stays_clear(&field, &arrays, p, d, wholes[lane].x, wholes[lane].y, chord * angle)) {
                 spoilt[lane] = 1;
             }
-            if (spoilt[lane] || !(angle <= EVEN_WEAK) || !isfinite(path) || !isfinite(off_course) ||
+            if (spoilt[lane] || !(angle <= LEAPFROG_ANGLE) || !isfinite(path) || !isfinite(off_course) ||
                 fabs(cosine) <= LEAST_COSINE ||
                 (STOP == PLANE && fabs(dot(VECTOR64(bounds.plane_normal), heading)) <= LEAST_COSINE)) {
                 off_course = (real)INFINITY;
             }
             // Where the box's end is the stop, the path is off by all of that way, else by what the field adds on it.
             // One that has left the support must not have left the box before.
-            const double way = overrun(&bounds, &control, quiet ? -1 : landed, quiet ? here : end, heading);
-            const double loss = STOP == NONE && !quiet ? bounds.ambient : fmax(fabs(s) / bounds.ambient, 1.0e-30);
+            const double way = overrun(&bounds, &control, uniform ? -1 : landed, uniform ? here : end, heading);
+            const double loss = STOP == NONE && !uniform ? bounds.ambient : fmax(fabs(s) / bounds.ambient, 1.0e-30);
             off_course = greater(off_course, way > 0.0 ? (real)(way * loss) : R(0.0));
         }
         // In the tracer's sums: sigma, S, M and B, of which M - B is the deviation along the ray.
-        const double4 sums64 = (double4)((far - lag) / bounds.ambient, path, arc, arc - lag);
+        const double4 sums64 =
+            (double4)((far - longitudinal_deficit) / bounds.ambient, path, arc, arc - longitudinal_deficit);
         const real4 sums = (real4)((real)sums64.x, (real)sums64.y, (real)sums64.z, (real)sums64.w);
         const real4 carry = (real4)(
             (real)((double)sums.x - sums64.x), (real)((double)sums.y - sums64.y), (real)((double)sums.z - sums64.z),
@@ -188,15 +190,16 @@ __kernel void trace_even(
             if (STOP == PLANE) {
                 normal = VECTOR64(bounds.plane_normal);
             }
-            const double slant = fabs(dot(normal, off_place + (onward * (double)rest) * off_turn));
+            const double obliquity = fabs(dot(normal, off_place + (onward * (double)rest) * off_turn));
             const double cosine = fmax(fabs(dot(normal, d)), STEEPEST_COSINE);
-            off_course = greater(off_course, control.even_share * (real)(bounds.ambient * slant / cosine));
+            off_course =
+                greater(off_course, control.quadrature_error_scale * (real)(bounds.ambient * obliquity / cosine));
             const double tangent = sqrt(fmax(1.0 - cosine * cosine, 0.0)) / cosine;
             const double chord = wholes[lane].y - wholes[lane].x;
-            const double lever = (chord + onward) * (tangent + (double)sqrt(REAL_AT(flight.bent, lane)));
+            const double lever = (chord + onward) * (tangent + (double)sqrt(REAL_AT(flight.greatest_deflection, lane)));
             const double outside = fmax(chord - (double)REAL_AT(length, lane), 0.0);
             const real left = (real)(outside * ((double)control.left_potential + lever * (double)control.left_slope));
-            if (left > LEFT_SHARE * control.budget) {
+            if (left > LEFT_SHARE * control.tolerance) {
                 off_course = greater(off_course, left);
             }
         }
@@ -204,7 +207,7 @@ __kernel void trace_even(
             const double onward = arrival.flight + course.far - course.enter;
             off_course += with_lever(&field, REAL_AT(missed, lane), (real)onward, (real)fabs(dot(normal, d)));
         }
-        if (off_course > control.budget) {
+        if (off_course > control.tolerance) {
             atomic_inc(rough_count_out);
         }
         if (control.outputs & WANT_POSITION) {

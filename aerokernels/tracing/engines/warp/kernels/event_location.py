@@ -9,13 +9,13 @@ import functools
 
 import warp as wp
 
-from ....scheme import LANDED_ARC, LANDING_NOISE, LANDING_SHARE, SLACK_CELLS
+from ....scheme import EVENT_LOCATION_NOISE, EVENT_LOCATION_SHARE, LANDED_ARC, SLACK_CELLS
 from ..types import types
 from .box import FACE_COUNT, build_surface
 
 
 @functools.cache
-def build_landing(precision: str, geometry: str, stop: str):
+def build_event_location(precision: str, geometry: str, stop: str):
     """Functions about the surfaces a ray can end on: the step that ends on one, whether it overshot, touching down."""
     t = types(precision)
     real, vec3, Control = t.real, t.vec3, t.Control
@@ -23,7 +23,7 @@ def build_landing(precision: str, geometry: str, stop: str):
     face_count = wp.constant(FACE_COUNT[geometry])
     surface_count = wp.constant(FACE_COUNT[geometry] + (1 if stop == "plane" else 0))
     slack_cells = SLACK_CELLS[precision]
-    landing_noise = LANDING_NOISE[precision]
+    event_location_noise = EVENT_LOCATION_NOISE[precision]
     none = 1e30
 
     @wp.func
@@ -59,7 +59,7 @@ def build_landing(precision: str, geometry: str, stop: str):
         return (root - v1) / (real(2.0) * v2)
 
     @wp.func
-    def landing(
+    def event_location(
         control: Control, rate: vec3, side: real, cell: wp.vec3i, frac: vec3, momentum: vec3, force: vec3, h: real
     ):
         """The step that ends where the parabola first meets a surface, no longer than h, and that surface or -1."""
@@ -92,9 +92,9 @@ def build_landing(precision: str, geometry: str, stop: str):
     @wp.func
     def rounding_of(control: Control, k: int):
         """What rounding leaves of a place's distance from surface k, in its unit."""
-        room = real(landing_noise) * surface_unit(control, k)
+        room = real(event_location_noise) * surface_unit(control, k)
         if k == face_count:
-            room += real(landing_noise) * wp.abs(control.plane_offset)
+            room += real(event_location_noise) * wp.abs(control.plane_offset)
         if wp.static(geometry == "axisymmetric"):
             if k == 2:
                 room *= real(1.0) + control.radius
@@ -107,11 +107,11 @@ def build_landing(precision: str, geometry: str, stop: str):
         """Whether the end of a step h is further behind surface k than `close` cells, or than a share of the step."""
         ahead = oriented(control, k, side, cell, frac)
         speed = wp.max(wp.dot(vec3(ahead[1], ahead[2], ahead[3]), velocity), real(0.0))
-        far = ahead[0] > real(2.5 * LANDING_SHARE) * speed * h and ahead[0] > rounding_of(control, k)
+        far = ahead[0] > real(2.5 * EVENT_LOCATION_SHARE) * speed * h and ahead[0] > rounding_of(control, k)
         return far or ahead[0] > close * surface_unit(control, k)
 
     @wp.func
-    def touchdown(
+    def surface_intersection(
         control: Control,
         k: int,
         side: real,
@@ -131,25 +131,25 @@ def build_landing(precision: str, geometry: str, stop: str):
         speed = wp.dot(vec3(now[1], now[2], now[3]), velocity)
         # Behind it, or close enough to fly the rest along the parabola.
         unit = surface_unit(control, k)
-        if speed > real(0.0) and now[0] >= real(-LANDING_SHARE) * speed * h - rounding_of(control, k):
+        if speed > real(0.0) and now[0] >= real(-EVENT_LOCATION_SHARE) * speed * h - rounding_of(control, k):
             curve = wp.dot(vec3(now[1], now[2], now[3]), pull)
             root = wp.sqrt(wp.max(speed * speed - real(2.0) * curve * now[0], real(0.0)))
             return real(-2.0) * now[0] / (speed + root), bool(True)
         # Outside, and coming back or not moving.
         return real(0.0), bool(h <= real(1.0e-9) * h_cell or now[0] > real(1.0e-3) * unit)
 
-    return landing, overshot, touchdown
+    return event_location, overshot, surface_intersection
 
 
 @functools.cache
-def build_arc_landing(precision: str):
+def build_arc_event_location(precision: str):
     """The same for a stop at a length of arc: the step that ends there, and touching down."""
     t = types(precision)
     real, vec3 = t.real, t.vec3
     landed_arc = wp.constant(LANDED_ARC)
 
     @wp.func
-    def arc_landing(rest: real, index: real, total: vec3, force: vec3, h: real, land: int):
+    def arc_event_location(rest: real, index: real, total: vec3, force: vec3, h: real, land: int):
         """The step that flies `rest`, if it is no longer than h; the index grows along it."""
         bend = wp.dot(force, total) / index
         if h * (index + real(0.5) * bend * h) >= rest:
@@ -158,9 +158,9 @@ def build_arc_landing(precision: str):
         return h, int(land)
 
     @wp.func
-    def arc_touchdown(rest: real, index: real, length: real, h: real):
+    def arc_surface_intersection(rest: real, index: real, length: real, h: real):
         if wp.abs(rest) <= real(1.0e-4) * h * index + real(1.0e-6) * length:
             return rest / index, bool(True)
         return real(0.0), bool(False)
 
-    return arc_landing, arc_touchdown
+    return arc_event_location, arc_surface_intersection

@@ -1,6 +1,6 @@
-// The length of a step on a uniform grid: the table of safe steps (quiet.py), and the faces of cells.
-#ifndef REACH_H
-#define REACH_H
+// The length of a step on a uniform grid: the table of step bounds (step_bound.py), and the faces of cells.
+#ifndef STEP_BOUND_H
+#define STEP_BOUND_H
 
 #include "constants.h"
 #include "types.h"
@@ -8,7 +8,7 @@
 // Longer than any step.
 #define NO_STEP R(1e30)
 
-// Number of a direction's cone in quiet.CONES.
+// Number of a direction's cone in step_bound.CONES.
 static inline int cone_of(double3 d)
 {
     int axis = 0;
@@ -29,7 +29,7 @@ static inline int cone_of(double3 d)
     return 1 + 4 * axis + (ahead < 0.0 ? 2 : 0) + (square > NARROW_SQUARE ? 1 : 0);
 }
 
-static inline int reach_block(const Control *control, int axis, int cell, real place)
+static inline int step_bound_block(const Control *control, int axis, int cell, real place)
 {
     const int whole = cell + (int)floor(place);
     // Blocks ahead of the first are clamped to it: the quotient's rounding toward zero does no harm.
@@ -38,13 +38,13 @@ static inline int reach_block(const Control *control, int axis, int cell, real p
 
 // Safe step where the point lies [sigma]; zero where none is known: on a mesh, and for a ray that turned out of the cone
 // that it started in.
-static inline real reach_of(
+static inline real step_bound_of(
     const Control *control, const Arrays *arrays, int cone, int3 cell, real3 frac, real3 total)
 {
 #if ON_MESH
     return R(0.0);
 #else
-    const int start = arrays->reach_start[cone];
+    const int start = arrays->step_bound_start[cone];
     if (start < 0) {
         return R(0.0);
     }
@@ -58,18 +58,18 @@ static inline real reach_of(
         }
     }
 #if GEOMETRY == VOLUME
-    int entry = reach_block(control, 0, cell.x, frac.x) * control->block_count[1];
-    entry = (entry + reach_block(control, 1, cell.y, frac.y)) * control->block_count[2];
-    entry += reach_block(control, 2, cell.z, frac.z);
+    int entry = step_bound_block(control, 0, cell.x, frac.x) * control->block_count[1];
+    entry = (entry + step_bound_block(control, 1, cell.y, frac.y)) * control->block_count[2];
+    entry += step_bound_block(control, 2, cell.z, frac.z);
 #elif GEOMETRY == PLANAR
-    int entry = reach_block(control, 0, cell.y, frac.y) * control->block_count[1];
-    entry += reach_block(control, 1, cell.z, frac.z);
+    int entry = step_bound_block(control, 0, cell.y, frac.y) * control->block_count[1];
+    entry += step_bound_block(control, 1, cell.z, frac.z);
 #else
     const real radius = sqrt(frac.x * frac.x + frac.y * frac.y);
-    int entry = reach_block(control, 0, 0, radius) * control->block_count[1];
-    entry += reach_block(control, 1, cell.z, frac.z);
+    int entry = step_bound_block(control, 0, 0, radius) * control->block_count[1];
+    entry += step_bound_block(control, 1, cell.z, frac.z);
 #endif
-    return arrays->reach[start + entry] / speed;
+    return arrays->step_bound[start + entry] / speed;
 #endif
 }
 
@@ -82,28 +82,28 @@ static inline real meet_face(real gap, real speed, real pull)
 }
 
 // Along an axis with faces at whole numbers.
-static inline real flat_face(real place, real speed, real pull, real hair)
+static inline real flat_face(real place, real speed, real pull, real face_tolerance)
 {
     real behind = place - floor(place);
     real ahead = R(1.0) - behind;
-    if (ahead < hair) {
+    if (ahead < face_tolerance) {
         ahead += R(1.0);
     }
-    if (behind < hair) {
+    if (behind < face_tolerance) {
         behind += R(1.0);
     }
     return lesser(meet_face(ahead, speed, pull), meet_face(behind, -speed, -pull));
 }
 
 // To the next cylinder of whole radius; (r^2 - R^2) / 2 along the parabola, its quartic term left out.
-static inline real round_face(real3 frac, real3 velocity, real3 pull, real hair)
+static inline real round_face(real3 frac, real3 velocity, real3 pull, real face_tolerance)
 {
     const real square = frac.x * frac.x + frac.y * frac.y;
     const real b = frac.x * velocity.x + frac.y * velocity.y;
     const real a = velocity.x * velocity.x + velocity.y * velocity.y;
     const real c = a + frac.x * pull.x + frac.y * pull.y;
     const real radius = sqrt(square);
-    const real close = hair + RADIUS_NOISE * radius;
+    const real close = face_tolerance + RADIUS_NOISE * radius;
     real inner = floor(radius);
     if (radius - inner < close) {
         inner -= R(1.0);
@@ -119,16 +119,16 @@ static inline real round_face(real3 frac, real3 velocity, real3 pull, real hair)
 }
 
 // Step to the next face of a cell beyond a hair; velocity and its derivative are per cell.
-static inline real to_face(real3 frac, real3 velocity, real3 pull, real hair)
+static inline real to_face(real3 frac, real3 velocity, real3 pull, real face_tolerance)
 {
-    real step = flat_face(frac.z, velocity.z, pull.z, hair);
+    real step = flat_face(frac.z, velocity.z, pull.z, face_tolerance);
     if (GEOMETRY == VOLUME) {
-        step = lesser(step, flat_face(frac.x, velocity.x, pull.x, hair));
+        step = lesser(step, flat_face(frac.x, velocity.x, pull.x, face_tolerance));
     }
     if (GEOMETRY != AXISYMMETRIC) {
-        step = lesser(step, flat_face(frac.y, velocity.y, pull.y, hair));
+        step = lesser(step, flat_face(frac.y, velocity.y, pull.y, face_tolerance));
     } else {
-        step = lesser(step, round_face(frac, velocity, pull, hair));
+        step = lesser(step, round_face(frac, velocity, pull, face_tolerance));
     }
     return step;
 }

@@ -1,4 +1,4 @@
-"""The table of safe steps, and that no ray is blind to what lies between two samples."""
+"""The table of step bounds, and that no ray is blind to what lies between two samples."""
 
 import numpy as np
 import pytest
@@ -6,7 +6,7 @@ import pytest
 from aerokernels.medium import IndexField
 from aerokernels.rays import RayBundle
 from aerokernels.tracing import Plane, trace
-from aerokernels.tracing.quiet import CONES, cones_of, reach
+from aerokernels.tracing.step_bound import CONES, cones_of, step_bound
 
 WAVE = 905e-9
 CELL = 1e-4
@@ -44,7 +44,7 @@ def test_cones_hold_the_directions_that_pick_them():
 def test_a_constant_field_is_crossed_in_one_step():
     """Nothing to see: the table allows the whole box, and a ray takes one step and the landing."""
     field = planar(np.full((33, 129), 3e-4))
-    assert reach(field.samples, "planar", 1e-9, FORWARD).length.min() > 0.9 * CELL * np.hypot(32, 128)
+    assert step_bound(field.samples, "planar", 1e-9, FORWARD).length.min() > 0.9 * CELL * np.hypot(32, 128)
     result = trace(
         field, RayBundle([[0, 0, 0]], [[0, 0.01, 1]]), until=Plane((0, 0, 12.8e-3), (0, 0, 1)), method="adaptive"
     )
@@ -59,7 +59,7 @@ def test_the_table_never_reaches_over_a_shock(slope):
     (The layer of 1.2e-4 over half a cell: its fourth differences fall below the rounding of the samples there.)
     """
     field = planar(layer(slope, 150.0))
-    table = reach(field.samples, "planar", 1e-3 * WAVE, FORWARD)
+    table = step_bound(field.samples, "planar", 1e-3 * WAVE, FORWARD)
     half = 0.5 * 64
     for row in range(table.length.shape[0]):
         # The layer's place at the row's two edges; the cone opens by its spread on the way.

@@ -17,14 +17,14 @@ the second order of the contrast only.
 
 Error. The same sums over every third sample are the rule with N / 3 samples: a share of the differences (those of place
 and direction as far as they matter at a slanted stop), and a share of int P^2 / w dt for the leapfrog, are taken for
-the error, both as a pilot bundle has it (even.py). Where that is above
-the budget, where a ray turns by more than EVEN_WEAK, comes near a body or leaves by an edge of the box, the ray is
+the error, both as a pilot bundle has it (leapfrog.py). Where that is above
+the budget, where a ray turns by more than LEAPFROG_ANGLE, comes near a body or leaves by an edge of the box, the ray is
 "rough", and to be traced by another method.
 
 Stop. A ray that has left the field's support flies straight on: to a plane (ends.py), or to where that very line
 leaves the box. In disturbed air the rest of the way from the undisturbed ray's last point to its surface is flown along
 a parabola; what that leaves out counts as an error too, since a ray may meet a face at a small angle. So does the air
-outside the support, by the ray's own way through it and its own lever arm (active.py).
+outside the support, by the ray's own way through it and its own lever arm (support.py).
 """
 
 import functools
@@ -32,19 +32,19 @@ import functools
 import warp as wp
 
 from ....result import OUTPUT_BITS
-from ....scheme import EVEN_WEAK, LANDED_FREE, LEAST_COSINE, LEFT_SHARE, STEEPEST_COSINE, TINY
+from ....scheme import LANDED_FREE, LEAPFROG_ANGLE, LEAST_COSINE, LEFT_SHARE, STEEPEST_COSINE, TINY
 from ....status import RayStatus
 from ..types import types
 from .box import build_surface_distance
 from .ends import build_end, build_last_surface, build_start
 from .grid import build_sample
-from .support import build_exit, build_keep_active, build_leaves_support, build_line_to, build_overrun
+from .support import build_exit, build_keep_support, build_leaves_support, build_line_to, build_overrun
 from .unresolved import build_unresolved, build_with_lever
 from .wall import build_stays_clear
 
 
 @wp.func
-def even_weight(k: int, count: int):
+def quadrature_weight(k: int, count: int):
     """Weight of sample k of `count`: the midpoint rule with its ends mended."""
     end = wp.min(k, count - 1 - k)
     weight = wp.float64(1.0)
@@ -58,7 +58,7 @@ def even_weight(k: int, count: int):
 
 
 @functools.cache
-def build_even_kernel(precision: str, geometry: str, interpolation: str, stop: str, has_body: bool):
+def build_leapfrog_kernel(precision: str, geometry: str, interpolation: str, stop: str, has_body: bool):
     """Build the kernel for one kind of scene; its arguments are the tracer's, and the count of rough rays."""
     t = types(precision)
     real, vec3, vec4, Field, Bounds, Control = t.real, t.vec3, t.vec4, t.Field, t.Bounds, t.Control
@@ -68,7 +68,7 @@ def build_even_kernel(precision: str, geometry: str, interpolation: str, stop: s
     surface_distance = build_surface_distance(precision, geometry)
     surface_of = build_last_surface(precision, geometry, stop)
     overrun = build_overrun(precision, geometry)
-    keep_active = build_keep_active(precision, geometry)
+    keep_support = build_keep_support(precision, geometry)
     unresolved = build_unresolved(precision, geometry)
     with_lever = build_with_lever(precision)
     leaves_support = build_leaves_support(precision, geometry)
@@ -89,7 +89,7 @@ def build_even_kernel(precision: str, geometry: str, interpolation: str, stop: s
     # On a GPU roots and quotients are its own, right to two units in the last place or so: here they are factors of
     # what is itself a small deviation. Sums are compensated as written: the compiler does not change their order.
     @wp.kernel(module="unique", enable_backward=False, module_options={"fast_math": True})
-    def trace_even(
+    def leapfrog(
         field: Field,
         bounds: Bounds,
         control: Control,
@@ -122,7 +122,7 @@ def build_even_kernel(precision: str, geometry: str, interpolation: str, stop: s
         momentum = none  # across the ray
         q = none  # deviation across it
         turn = none  # the momentum's sum with the ends mended
-        arm = none  # that of its moments about the start
+        moment = none  # that of its moments about the start
         off_turn = none  # how far the momentum from every third sample is off
         off_place = none  # and that one's moments
         sigma = real(0.0)  # int 1 / w dt
@@ -130,7 +130,7 @@ def build_even_kernel(precision: str, geometry: str, interpolation: str, stop: s
         slow = real(1.0) / ambient  # 1 / w
         sums = vec4(real(0.0), real(0.0), real(0.0), real(0.0))  # of s / w, (w - a) / w, m / w, and every third sample
         carry = sums
-        bent = real(0.0)
+        greatest_deflection = real(0.0)
         s = real(0.0)  # of the last sample: the potential, its slope along the ray, and that across it
         ahead = real(0.0)
         force = none
@@ -142,17 +142,17 @@ def build_even_kernel(precision: str, geometry: str, interpolation: str, stop: s
         start = none
         clear = bool(True)
         landed = int(-1)
-        quiet = bool(False)
+        uniform = bool(False)
         chord = wp.float64(0.0)  # of the undisturbed ray through the box, up to its stop
         if runs:
             whole = wp.vec2d(course.enter, course.far)
             chord = course.far - course.enter
-            active = keep_active(bounds, p0, d0, course.enter, course.far)
-            quiet = bool(active[2] > wp.float64(0.0))
-            if not quiet:
+            support = keep_support(bounds, p0, d0, course.enter, course.far)
+            uniform = bool(support[2] > wp.float64(0.0))
+            if not uniform:
                 landed = surface_of(bounds, course, p0, d0)
-            course.enter = active[0]
-            course.far = active[1]
+            course.enter = support[0]
+            course.far = support[1]
             entry = wp.cw_div(p0 + course.enter * d0 - bounds.origin, bounds.spacing)
             start = vec3(real(entry[0]), real(entry[1]), real(entry[2]))
             length = real(course.far - course.enter)
@@ -162,7 +162,7 @@ def build_even_kernel(precision: str, geometry: str, interpolation: str, stop: s
                 added = vec4(real(0.0), real(0.0), real(0.0), real(0.0))
                 for j in range(3):
                     k = 3 * triple + j
-                    weight = real(even_weight(k, count))
+                    weight = real(quadrature_weight(k, count))
                     along = (real(k) + real(0.5)) * h
                     middle = real(0.5) * h * slow
                     at = sample(field, corner, start + along * pace + wp.cw_mul(q + middle * momentum, rate), 0)
@@ -187,37 +187,37 @@ def build_even_kernel(precision: str, geometry: str, interpolation: str, stop: s
                     kick = weight * pace_now
                     turn += kick * force
                     place = sigma + real(0.5) * pace_now
-                    arm += (kick * place) * force
+                    moment += (kick * place) * force
                     if j == 1:
-                        third = real(even_weight(triple, count // 3))
+                        third = real(quadrature_weight(triple, count // 3))
                         added += vec4(real(0.0), real(0.0), real(0.0), third * (real(2.0) * s * slow - ambient * off))
                         lack = real(3.0) * third * pace_now
                         off_turn -= lack * force
                         off_place -= (lack * place) * force
                     sigma += pace_now
                     bend += across * slow
-                    bent = wp.max(bent, across)
+                    greatest_deflection = wp.max(greatest_deflection, across)
                 sums, carry = gather(sums, carry, added)
             difference = wp.abs(h * ((real(2.0) * sums[0] - ambient * sums[1]) - real(3.0) * sums[3]))
-            error = wp.max(difference * control.even_share, h * bend * control.bend_share)
+            error = wp.max(difference * control.quadrature_error_scale, h * bend * control.trajectory_error_scale)
 
         # At the end, half a step behind the last sample: what momentum and deviation are in fourth order.
         momentum = turn
-        q = sigma * turn - arm
+        q = sigma * turn - moment
         off_turn += turn
-        off_place = sigma * off_turn - (off_place + arm)
+        off_place = sigma * off_turn - (off_place + moment)
         if runs:
             missed = unresolved(field, control, start, d, length, q)
         steep = wp.sqrt(ahead * ahead + wp.dot(force, force))
         s += real(0.5) * h * ahead
-        if quiet:  # in uniform air there is nothing to leave out
+        if uniform:  # in uniform air there is nothing to leave out
             s = real(0.0)
             ahead = real(0.0)
             steep = real(0.0)
             force = none
         lead = (real(2.0) * s - wp.dot(momentum, momentum)) * slow / (real(1.0) / slow + ambient)
         path = wp.float64(h) * (wp.float64(sums[0]) - wp.float64(carry[0]))
-        lag = wp.float64(h) * (wp.float64(sums[1]) - wp.float64(carry[1]))
+        longitudinal_deficit = wp.float64(h) * (wp.float64(sums[1]) - wp.float64(carry[1]))
         arc = wp.float64(h) * (wp.float64(sums[2]) - wp.float64(carry[2]))
         far = wp.float64(length)
         turned = none
@@ -226,12 +226,12 @@ def build_even_kernel(precision: str, geometry: str, interpolation: str, stop: s
         end = p0
         if runs:
             # What is left to the surface, which the ray meets a little beside the undisturbed one.
-            slant = slow * momentum
-            heading = d0 + wp.vec3d(wp.float64(slant[0]), wp.float64(slant[1]), wp.float64(slant[2]))
+            obliquity = slow * momentum
+            heading = d0 + wp.vec3d(wp.float64(obliquity[0]), wp.float64(obliquity[1]), wp.float64(obliquity[2]))
             beside = wp.vec3d(wp.float64(q[0]), wp.float64(q[1]), wp.float64(q[2]))
             tip = p0 + course.far * d0 + beside
             pull = slow * force
-            if quiet:
+            if uniform:
                 if length > real(0.0) and not leaves_support(bounds, tip, heading):
                     clear = bool(False)  # turned, it goes on through disturbed air
                 if wp.static(stop == "plane"):
@@ -242,12 +242,12 @@ def build_even_kernel(precision: str, geometry: str, interpolation: str, stop: s
                     more = leave[0]
                     landed = int(leave[1])
             if landed != landed_free:
-                if not quiet:
+                if not uniform:
                     more = line_to(bounds, landed, tip, heading)
                 miss = surface_distance(bounds, landed, tip + more * heading)
                 normal = wp.vec3d(miss[1], miss[2], miss[3])
             cosine = wp.dot(normal, heading)
-            if not quiet and wp.abs(cosine) > wp.float64(LEAST_COSINE):
+            if not uniform and wp.abs(cosine) > wp.float64(LEAST_COSINE):
                 # Along the parabola; what that leaves out, by the change of the slope over a cell, counts as an error.
                 line = more
                 inward = normal[0] * wp.float64(pull[0]) + normal[1] * wp.float64(pull[1])
@@ -258,14 +258,14 @@ def build_even_kernel(precision: str, geometry: str, interpolation: str, stop: s
             climb = wp.float64(0.5) * more * wp.float64(ahead)
             extra = more * wp.float64(slow) * (wp.float64(s) + climb)
             path += extra
-            lag += more * (wp.float64(lead) + wp.float64(slow) * climb / bounds.ambient)
+            longitudinal_deficit += more * (wp.float64(lead) + wp.float64(slow) * climb / bounds.ambient)
             arc += extra / bounds.ambient
-            q += real(more) * (slant + (real(0.5) * real(more) * slow) * pull)
+            q += real(more) * (obliquity + (real(0.5) * real(more) * slow) * pull)
             far += more
             turned = momentum + real(more) * pull + (lead / slow) * d
             beside = wp.vec3d(wp.float64(q[0]), wp.float64(q[1]), wp.float64(q[2]))
             end = p0 + (course.enter + far) * d0 + beside
-            fit = bool(wp.sqrt(bent) / ambient <= real(EVEN_WEAK))
+            fit = bool(wp.sqrt(greatest_deflection) / ambient <= real(LEAPFROG_ANGLE))
             fit = fit and wp.isfinite(path) and wp.isfinite(error) and wp.abs(cosine) > wp.float64(LEAST_COSINE)
             if wp.static(stop == "plane"):
                 fit = fit and wp.abs(wp.dot(bounds.plane_normal, heading)) > wp.float64(LEAST_COSINE)
@@ -274,7 +274,7 @@ def build_even_kernel(precision: str, geometry: str, interpolation: str, stop: s
             rise = bounds.ambient
             if wp.static(stop != "none"):
                 rise = wp.max(wp.abs(wp.float64(s)) / bounds.ambient, wp.float64(1.0e-30))
-            if quiet:
+            if uniform:
                 # One that has left the support must not have left the box before.
                 way = overrun(bounds, control, -1, tip, heading)
                 rise = wp.float64(1.0e-30)
@@ -282,12 +282,12 @@ def build_even_kernel(precision: str, geometry: str, interpolation: str, stop: s
                 error = wp.max(error, real(way * rise))
             if wp.static(has_body):
                 # Beside the undisturbed ray it stays within the greatest angle of it.
-                margin = (whole[1] - whole[0]) * wp.float64(wp.sqrt(bent) / ambient)
+                margin = (whole[1] - whole[0]) * wp.float64(wp.sqrt(greatest_deflection) / ambient)
                 fit = fit and stays_clear(field, p0, d0, whole[0], whole[1], margin)
             if not (fit and clear):
                 error = real(wp.inf)
         # In the tracer's sums: sigma, S, M and B, of which M - B is the deviation along the ray.
-        exact = wp.vec4d((far - lag) / bounds.ambient, path, arc, arc - lag)
+        exact = wp.vec4d((far - longitudinal_deficit) / bounds.ambient, path, arc, arc - longitudinal_deficit)
         rounded = vec4(real(exact[0]), real(exact[1]), real(exact[2]), real(exact[3]))
         rest = vec4(
             real(wp.float64(rounded[0]) - exact[0]),
@@ -310,19 +310,21 @@ def build_even_kernel(precision: str, geometry: str, interpolation: str, stop: s
                 normal = bounds.plane_normal
             else:
                 flight += more
-            slant_off = wp.dot(normal, beside + flight * wp.float64(slow) * aside)
+            obliquity_off = wp.dot(normal, beside + flight * wp.float64(slow) * aside)
             cosine = wp.max(wp.abs(wp.dot(normal, d0)), wp.float64(STEEPEST_COSINE))
-            error = wp.max(error, control.even_share * real(bounds.ambient * wp.abs(slant_off) / cosine))
+            error = wp.max(
+                error, control.quadrature_error_scale * real(bounds.ambient * wp.abs(obliquity_off) / cosine)
+            )
             tangent = wp.sqrt(wp.max(wp.float64(1.0) - cosine * cosine, wp.float64(0.0))) / cosine
-            lever = (chord + flight) * (tangent + wp.float64(wp.sqrt(bent)))
+            lever = (chord + flight) * (tangent + wp.float64(wp.sqrt(greatest_deflection)))
             outside = wp.max(chord - wp.float64(length), wp.float64(0.0))
             left = real(outside * (wp.float64(control.left_potential) + lever * wp.float64(control.left_slope)))
-            if left > real(LEFT_SHARE) * control.budget:
+            if left > real(LEFT_SHARE) * control.tolerance:
                 error = wp.max(error, left)
         if missed > real(0.0):
             onward = real(wp.length(position - end) + course.far - course.enter)
             error += with_lever(field, missed, onward, real(wp.abs(wp.dot(normal, d0))))
-        if error > control.budget:
+        if error > control.tolerance:
             wp.atomic_add(rough_count_out, 0, 1)
         if (control.outputs & wp.static(OUTPUT_BITS["position"])) != 0:
             position_out[ray] = position
@@ -345,4 +347,4 @@ def build_even_kernel(precision: str, geometry: str, interpolation: str, stop: s
             evaluation_count_out[ray] = samples
         status_out[ray] = final
 
-    return trace_even
+    return leapfrog

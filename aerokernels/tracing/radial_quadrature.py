@@ -18,7 +18,7 @@ from ..medium import IndexField
 from ..rays import Disc
 
 # Rays of a replicate: on the shipped fields their sampling error is below that of a million rays over the disc.
-FAN_RAYS = 512
+RADIAL_RAYS = 512
 # Fewer rays than this do not know the sum of the weights to 1e-6: the disc is then as good.
 LEAST_RAYS = 32
 # A standard error of the Strehl ratio above this tells of an edge: then the fan takes as many rays as were asked for.
@@ -41,7 +41,7 @@ def asymmetry(field: IndexField, pupil: Disc, look: np.ndarray) -> str | None:
     return None
 
 
-def choose_fan(
+def choose_radial(
     field: IndexField, pupil: Disc, look: np.ndarray, per_replicate: int, replicates: int, symmetry
 ) -> tuple[int, str]:
     """Rays of a replicate's fan, 0 for a disc, and why.
@@ -58,7 +58,7 @@ def choose_fan(
     if obstacle is None and per_replicate < LEAST_RAYS and not forced:
         obstacle = f"a fan takes at least {replicates * LEAST_RAYS} rays"
     elif obstacle is None:
-        count = int(np.clip(per_replicate, LEAST_RAYS, FAN_RAYS))
+        count = int(np.clip(per_replicate, LEAST_RAYS, RADIAL_RAYS))
         return count, (
             f"axisymmetric field, pupil and rays on the axis: a fan of {replicates} x {count} rays instead of "
             f"{per_replicate * replicates:,} over the disc"
@@ -70,7 +70,7 @@ def choose_fan(
     return 0, f"rays over the whole disc: {obstacle}"
 
 
-def fan_points(count: int, replicates: int, seed: int | None) -> tuple[np.ndarray, np.ndarray]:
+def radial_points(count: int, replicates: int, seed: int | None) -> tuple[np.ndarray, np.ndarray]:
     """Squared distances from the axis over the pupil's radius, ascending, and weights; both (replicates, count)."""
     offset = np.random.default_rng(seed).random((replicates, 1))
     t = (np.arange(count) + offset) / count

@@ -1,4 +1,4 @@
-"""Nearly straight rays by even samples: as right as they say, on every backend, and the rest traced otherwise."""
+"""Nearly straight rays by leapfrog samples: as right as they say, on every backend, and the rest traced otherwise."""
 
 import gc
 import weakref
@@ -13,8 +13,8 @@ from aerokernels.rays import Disc, RayBundle
 from aerokernels.strehl_estimate import estimate_strehl
 from aerokernels.tracing import ArcLength, Plane, RayStatus, trace
 from aerokernels.tracing.engines.opencl.tables import cell_polynomials
-from aerokernels.tracing.even import LEAST_RAYS
 from aerokernels.tracing.launch import launch
+from aerokernels.tracing.leapfrog import LEAST_RAYS
 from aerokernels.tracing.plan import TracePlan
 from aerokernels.tracing.pupil_run import PupilRun
 from aerokernels.tracing.pupil_sums import BATCH_RAYS, PupilTask, batches_of, point_order
@@ -63,7 +63,7 @@ def test_every_ray_is_within_the_tolerance(engine, precision, geometry):
         result = trace(field, rays, until=stop, precision=precision, **on(engine))
         if name != "behind":  # which no ray reaches
             assert result.plan.sample_count >= 36 and result.plan.method == "leapfrog"
-            assert any("even samples" in reason for reason in result.plan.reasons)
+            assert any("leapfrog samples" in reason for reason in result.plan.reasons)
             assert (result.evaluation_count == result.plan.sample_count).mean() > 0.5
         sample = slice(None, None, 41)
         expected = adaptive(field, part(rays, 41), stop)
@@ -78,10 +78,12 @@ def test_every_ray_is_within_the_tolerance(engine, precision, geometry):
         assert (result.step_error[held] <= 1e-3 * WAVE).all() and (result.ok & ~held).sum() <= 2
 
 
-def even_opd(field: IndexField, rays: RayBundle, count: int, precision: str = "float64", backend: str = "warp"):
+def leapfrog_opd(field: IndexField, rays: RayBundle, count: int, precision: str = "float64", backend: str = "warp"):
     """OPD [m] by so many samples, whatever they are worth."""
     device = on(f"{backend}-cpu")["device"]
-    plan = TracePlan("leapfrog", backend, device, precision, 1000, None, 1e-12, sample_count=count, even_share=1.0)
+    plan = TracePlan(
+        "leapfrog", backend, device, precision, 1000, None, 1e-12, sample_count=count, quadrature_error_scale=1.0
+    )
     arrays = launch(field, rays, plan, None, WAVE, frozenset(("opd", "step_error")))
     return arrays["opd"], arrays["step_error"]
 
@@ -92,7 +94,7 @@ def test_warp_and_opencl_are_one_at_equal_samples(geometry, precision):
     """The same sums in another order: 2e-4 wave in float32 are asked for, 1e-9 in float64."""
     on("opencl-cpu")
     field, rays = uniform_field(geometry), bundle(1000)
-    warp, opencl = (even_opd(field, rays, 60, precision, backend)[0] for backend in ("warp", "opencl"))
+    warp, opencl = (leapfrog_opd(field, rays, 60, precision, backend)[0] for backend in ("warp", "opencl"))
     assert np.nanmax(np.abs(warp - opencl)) < {"float32": 2e-5, "float64": 1e-9}[precision] * WAVE
 
 
@@ -114,7 +116,7 @@ def test_rays_along_z_are_those_of_any_direction(geometry, precision, forward):
     results = []
     for engine in ("warp-cpu", "opencl-cpu"):
         plan = TracePlan("leapfrog", **on(engine), precision=precision, max_steps=1000, step=None, tolerance=1e3)
-        plan = replace(plan, sample_count=99, even_share=0.1, bend_share=0.1)
+        plan = replace(plan, sample_count=99, quadrature_error_scale=0.1, trajectory_error_scale=0.1)
         outputs = frozenset(("position", "direction", "optical_path", "opd", "arc_length", "step_error"))
         results.append(launch(field, rays, plan, None, WAVE, outputs))
     one, other = results
@@ -157,8 +159,8 @@ def test_it_is_of_fourth_order():
     rng = np.random.default_rng(2)
     rays = RayBundle(np.c_[rng.uniform(0.3, 0.7, (200, 2)), -np.ones(200)], [0.1, 0.05, 1.0])
     counts = np.array([9, 12, 18, 24])
-    truth = even_opd(field, rays, 900)[0]
-    errors = [np.sqrt(np.mean((even_opd(field, rays, int(count))[0] - truth) ** 2)) for count in counts]
+    truth = leapfrog_opd(field, rays, 900)[0]
+    errors = [np.sqrt(np.mean((leapfrog_opd(field, rays, int(count))[0] - truth) ** 2)) for count in counts]
     order = -np.polyfit(np.log(counts), np.log(errors), 1)[0]
     assert abs(order - 4.0) < 0.2, (order, errors)
 
@@ -176,7 +178,7 @@ def test_rays_that_it_does_not_hold_for_are_traced_otherwise(engine):
     plan = TracePlan("leapfrog", **on(engine), precision="float64", max_steps=100_000, step=None, tolerance=1e-3)
     from aerokernels.tracing.trace import run_plan
 
-    plan = replace(plan, sample_count=240, even_share=0.125, bend_share=0.01)
+    plan = replace(plan, sample_count=240, quadrature_error_scale=0.125, trajectory_error_scale=0.01)
     outputs = frozenset(("opd", "direction", "evaluation_count"))
     with clocked() as seconds:
         arrays = run_plan(field, rays, plan, None, WAVE, outputs)
@@ -270,7 +272,7 @@ def test_a_pupil_by_even_samples_is_that_of_single_rays(engine, with_tilt):
     pupil, stop = Disc(0.6, center=(0.0, 0.0, -1.5)), Plane((0.0, 0.0, 2.0), (0.0, 0.0, 1.0))
     here = on(engine)
     plan = TracePlan("adaptive", **here, precision="float64", max_steps=100_000, step=None, tolerance=1e-3)
-    even = replace(plan, method="leapfrog", sample_count=300, even_share=0.125, bend_share=0.01)
+    even = replace(plan, method="leapfrog", sample_count=300, quadrature_error_scale=0.125, trajectory_error_scale=0.01)
     found = []
     for how in (plan, even):
         run = PupilRun(PupilTask(field, pupil, pupil.normal, stop, how, WAVE, 600, 16, with_tilt=with_tilt))

@@ -1,4 +1,4 @@
-"""Even samples are taken only where the air is not uniform; what is left out is less than a share of the tolerance."""
+"""Leapfrog takes samples only where the air is not uniform; what is left out is less than a share of the tolerance."""
 
 import numpy as np
 import pytest
@@ -8,8 +8,8 @@ from hypothesis import strategies as st
 from aerokernels.medium import IndexField
 from aerokernels.rays import RayBundle
 from aerokernels.tracing import Plane, trace
-from aerokernels.tracing.active import QUIET_SHARE, active_box
-from aerokernels.tracing.even import LEAST_RAYS
+from aerokernels.tracing.leapfrog import LEAST_RAYS
+from aerokernels.tracing.support import SUPPORT_SHARE, support_box
 
 from .backends import ENGINES, WAVE, on
 
@@ -81,7 +81,7 @@ def test_what_lies_outside_is_less_than_its_share(seed, geometry, exponent):
     origin = (0.0,) * len(shape)
     field = IndexField.from_samples(samples, origin=origin, spacing=(CELL,) * len(shape), geometry=geometry)
     tolerance = 10.0**exponent
-    low, high = active_box(field, tolerance)
+    low, high = support_box(field, tolerance)
     box_low, box_high = np.array(field.samples.low), np.array(field.samples.high)
     assert (low >= box_low).all() and (high <= box_high).all() and (low <= high).all()
     points = rng.uniform(box_low, box_high, (400, len(shape)))
@@ -92,4 +92,4 @@ def test_what_lies_outside_is_less_than_its_share(seed, geometry, exponent):
         position = np.c_[points[:, 0], np.zeros(400), points[:, 1]]
     contrast = np.abs(field.contrast_at(position[outside]))
     size = np.linalg.norm(box_high - box_low)
-    assert contrast.max(initial=0.0) * size <= 1.001 * QUIET_SHARE * tolerance
+    assert contrast.max(initial=0.0) * size <= 1.001 * SUPPORT_SHARE * tolerance

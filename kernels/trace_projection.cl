@@ -1,4 +1,5 @@
-// Collimated rays along z through a volume, by the tables of aerokernels/tracing/columns.py: one lookup a ray.
+// Collimated rays along z through a volume, by the tables of aerokernels/tracing/projection_tables.py: one lookup a
+// ray.
 //
 // coefficients: for each (x, y) of the splines eight reals, EXTRAS, after two, A and D. first_plane and length [m]: where
 // along z the tables begin and how far they reach; flight [m]: from there to the stop. Outputs that are not
@@ -27,7 +28,7 @@ static inline real4 slopes(real u)
 
 #define LANE(v, k) (((const real *)&(v))[k])
 
-__kernel void trace_columns(
+__kernel void trace_projection(
     __global const real *coefficients,
     const int cells_x,
     const int cells_y,
@@ -95,10 +96,10 @@ __kernel void trace_columns(
     const double square = ambient * ambient + 2.0 * (double)extra.s6;
     const double index = sqrt(square);
     const double w = sqrt(square - across);
-    const double slant = flight * across / (w * (index + w));  // how much further it is to fly than along z
+    const double obliquity = flight * across / (w * (index + w));  // how much further it is to fly than along z
     const double before = (first_plane - p.z) * sign;
     const double straight = before + length + flight;
-    const double opd = opd_box + ambient * slant;
+    const double opd = opd_box + ambient * obliquity;
     if (WITH_ENDS && (outputs & WANT_POSITION)) {
         const double qx = (double)first_x.s1 * rate_x + (double)extra.s4;
         const double qy = (double)first_y.s1 * rate_y + (double)extra.s5;
@@ -117,7 +118,7 @@ __kernel void trace_columns(
         opd_out[ray] = opd;
     }
     if (WITH_ENDS && (outputs & WANT_ARC_LENGTH)) {
-        arc_length_out[ray] = straight + (double)extra.s1 + slant;
+        arc_length_out[ray] = straight + (double)extra.s1 + obliquity;
     }
     if (WITH_ENDS && (outputs & WANT_STEP_ERROR)) {
         step_error_out[ray] = fabs((double)extra.s7);

@@ -6,8 +6,8 @@ import pytest
 from aerokernels.medium import IndexField
 from aerokernels.rays import RayBundle
 from aerokernels.tracing import Plane, collimated, planning, trace
-from aerokernels.tracing import columns as projection
-from aerokernels.tracing.collimated import columns_hold, find_columns
+from aerokernels.tracing import projection_tables as projection
+from aerokernels.tracing.collimated import find_projection, projection_holds
 
 from .backends import ENGINES, WAVE, on
 
@@ -64,11 +64,11 @@ def test_the_bound_and_what_is_found_between_columns_hold(name):
     x, y = (part.ravel() for part in np.meshgrid(places, places, indexing="ij"))
     places = np.repeat(np.c_[x, y, np.full(len(x), -1e-3)], 6, axis=0)
     rays = RayBundle(places, (0.0, 0.0, 1.0))
-    columns = find_columns(field, rays, FAR)
-    assert columns is not None and not columns_hold(field, columns, budget)
-    found = projection.between_columns(field, 1.0, columns.first, columns.last)
+    columns = find_projection(field, rays, FAR)
+    assert columns is not None and not projection_holds(field, columns, budget)
+    found = projection.between_projections(field, 1.0, columns.first, columns.last)
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(planning, "columns_hold", lambda *_: True)
+        patch.setattr(planning, "projection_holds", lambda *_: True)
         by_tables = trace(field, rays, until=FAR, precision="float64")
     assert by_tables.plan.columns
     part = RayBundle(rays.position[::6], rays.direction[::6])
@@ -81,14 +81,14 @@ def test_smooth_columns_are_taken_without_a_second_look(monkeypatch):
     """Seven cells wide: the bound is below 2 % of the tolerance, so that nothing is gathered between columns."""
     looked: list[IndexField] = []
 
-    def between_columns(field, *rest):
+    def between_projections(field, *rest):
         looked.append(field)
-        return projection.between_columns(field, *rest)
+        return projection.between_projections(field, *rest)
 
-    monkeypatch.setattr(collimated, "between_columns", between_columns)
+    monkeypatch.setattr(collimated, "between_projections", between_projections)
     field, rays = volume(SMOOTH), bundle()
     result = trace(field, rays, until=FAR)
-    columns = find_columns(field, rays, FAR)
+    columns = find_projection(field, rays, FAR)
     assert result.plan.columns and columns is not None
     assert columns.tables.between_bound < 2e-5 * WAVE
     assert not looked

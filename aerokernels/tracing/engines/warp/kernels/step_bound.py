@@ -1,4 +1,4 @@
-"""Device functions about the length of a step on a uniform grid: the table of safe steps, and the faces of cells."""
+"""Device functions about the length of a step on a uniform grid: the table of step bounds, and the faces of cells."""
 
 import functools
 
@@ -6,14 +6,14 @@ import numpy as np
 import warp as wp
 
 from .....medium.grid import AXIS_CORE
-from ....quiet import CONE_SINES, CONES
 from ....scheme import RADIUS_NOISE
+from ....step_bound import CONE_SINES, CONES
 from ..types import types
 
 
 @functools.cache
 def build_cone(geometry: str):
-    """A function (direction) -> number of its cone in quiet.CONES."""
+    """A function (direction) -> number of its cone in step_bound.CONES."""
     narrow, wide = (float(sine) ** 2 for sine in CONE_SINES)
 
     @wp.func
@@ -43,8 +43,8 @@ def build_cone(geometry: str):
 
 
 @functools.cache
-def build_reach(precision: str, geometry: str):
-    """A function (control, cone, cell, frac, total) -> safe step where the point lies [sigma].
+def build_step_bound(precision: str, geometry: str):
+    """A function (control, cone, cell, frac, total) -> step bound where the point lies [sigma].
 
     Zero where none is known: on a mesh, and for a ray that turned out of the cone that it started in.
     """
@@ -69,11 +69,11 @@ def build_reach(precision: str, geometry: str):
             return row * control.block_count[1] + block(control, 1, cell[2], frac[2])
 
     @wp.func
-    def reach(control: Control, cone: int, cell: wp.vec3i, frac: vec3, total: vec3):
+    def step_bound(control: Control, cone: int, cell: wp.vec3i, frac: vec3, total: vec3):
         if wp.static(geometry == "mesh"):
             return real(0.0)
         else:
-            start = control.reach_start[cone]
+            start = control.step_bound_start[cone]
             if start < 0:
                 return real(0.0)
             speed = wp.length(total)
@@ -86,14 +86,14 @@ def build_reach(precision: str, geometry: str):
                     cosine = real(wide)
                 if ahead < cosine * speed:
                     return real(0.0)
-            return control.reach[start + entry(control, cell, frac)] / speed
+            return control.step_bound[start + entry(control, cell, frac)] / speed
 
-    return reach
+    return step_bound
 
 
 @functools.cache
 def build_to_face(precision: str, geometry: str):
-    """A function (cell, frac, velocity, its derivative, hair) -> step to the next face of a cell beyond a hair."""
+    """A function (cell, frac, velocity, its derivative, face_tolerance) -> step to the next face beyond that."""
     t = types(precision)
     real, vec3 = t.real, t.vec3
     axes = {"volume": (0, 1, 2), "planar": (1, 2), "axisymmetric": (2,)}[geometry]
@@ -112,26 +112,26 @@ def build_to_face(precision: str, geometry: str):
         return real(2.0) * gap / toward
 
     @wp.func
-    def flat(place: real, speed: real, pull: real, hair: real):
+    def flat(place: real, speed: real, pull: real, face_tolerance: real):
         """Along an axis with faces at whole numbers."""
         ahead = place - wp.floor(place)
         behind = ahead
         ahead = real(1.0) - ahead
-        if ahead < hair:
+        if ahead < face_tolerance:
             ahead += real(1.0)
-        if behind < hair:
+        if behind < face_tolerance:
             behind += real(1.0)
         return wp.min(meet(ahead, speed, pull), meet(behind, -speed, -pull))
 
     @wp.func
-    def round_face(frac: vec3, velocity: vec3, pull: vec3, hair: real):
+    def round_face(frac: vec3, velocity: vec3, pull: vec3, face_tolerance: real):
         """To the next cylinder of whole radius; (r^2 - R^2) / 2 along the parabola, its quartic term left out."""
         square = frac[0] * frac[0] + frac[1] * frac[1]
         b = frac[0] * velocity[0] + frac[1] * velocity[1]
         a = velocity[0] * velocity[0] + velocity[1] * velocity[1]
         c = a + frac[0] * pull[0] + frac[1] * pull[1]
         radius = wp.sqrt(square)
-        close = hair + real(radius_noise) * radius
+        close = face_tolerance + real(radius_noise) * radius
         inner = wp.floor(radius)
         if radius - inner < close:
             inner -= real(1.0)
@@ -144,16 +144,16 @@ def build_to_face(precision: str, geometry: str):
         return step
 
     @wp.func
-    def to_face(cell: wp.vec3i, frac: vec3, velocity: vec3, pull: vec3, hair: real):
+    def to_face(cell: wp.vec3i, frac: vec3, velocity: vec3, pull: vec3, face_tolerance: real):
         step = real(none)
         if wp.static(0 in axes):
-            step = wp.min(step, flat(frac[0], velocity[0], pull[0], hair))
+            step = wp.min(step, flat(frac[0], velocity[0], pull[0], face_tolerance))
         if wp.static(1 in axes):
-            step = wp.min(step, flat(frac[1], velocity[1], pull[1], hair))
+            step = wp.min(step, flat(frac[1], velocity[1], pull[1], face_tolerance))
         if wp.static(2 in axes):
-            step = wp.min(step, flat(frac[2], velocity[2], pull[2], hair))
+            step = wp.min(step, flat(frac[2], velocity[2], pull[2], face_tolerance))
         if wp.static(geometry == "axisymmetric"):
-            step = wp.min(step, round_face(frac, velocity, pull, hair))
+            step = wp.min(step, round_face(frac, velocity, pull, face_tolerance))
         return step
 
     return to_face

@@ -1,4 +1,4 @@
-"""How many even samples a bundle of nearly straight rays takes, see engines/warp/kernels/trace_even.py.
+"""How many leapfrog samples a bundle of nearly straight rays takes, see engines/warp/kernels/leapfrog.py.
 
 A pilot of some of the rays is traced with N, 3 N and 9 N samples. From their differences follow the order of
 convergence and the least N that holds the tolerance; it is traced too, and compared with the finest. The estimate of
@@ -14,7 +14,6 @@ import numpy as np
 from ..medium import IndexField
 from ..medium.grid import UniformGrid
 from ..rays import RayBundle
-from .active import active_box
 from .choice import predict_evaluations
 from .held import greatest_path, held_error
 from .launch import launch
@@ -22,6 +21,7 @@ from .levers import Levers, levers_of
 from .plan import TracePlan
 from .status import reached
 from .stop import ArcLength
+from .support import support_box
 from .unresolved import Sampling, disturbed_ends, greatest_error, missed_along
 from .ways import lines_through
 
@@ -60,7 +60,7 @@ ROOM = 1.02
 SPREAD_RAYS = 8192
 
 
-def may_be_even(field: IndexField, ray_count: int, until) -> bool:
+def may_be_leapfrog(field: IndexField, ray_count: int, until) -> bool:
     """Whether so many rays may be sampled evenly: a cubic uniform grid, out of the box or to a plane."""
     if not (isinstance(field.samples, UniformGrid) and field.interpolation == "cubic"):
         return False
@@ -84,13 +84,13 @@ def spread_of(rays: RayBundle) -> RayBundle:
     return RayBundle(rays.position[rows], rays.direction[rows])
 
 
-def fit_even(
+def fit_leapfrog(
     field: IndexField, pilot: RayBundle, plan: TracePlan, until, wavelength: float, spread
 ) -> TracePlan | None:
-    """The plan with the number of even samples that holds its tolerance; None where none does at less cost.
+    """The plan with the number of leapfrog samples that holds its tolerance; None where none does at less cost.
 
     Args:
-        field: One that `may_be_even`.
+        field: One that `may_be_leapfrog`.
         pilot: Some of the rays.
         plan: Backend, device, precision and tolerance; method "leapfrog".
         until: The stop.
@@ -106,16 +106,17 @@ def fit_even(
     if not count:
         return None
     reason = (
-        f"method leapfrog: {count} even samples a ray, bending included; a pilot of {pilot.ray_count} rays is right "
-        f"to {worst / wavelength:.1g} waves; rays whose own error estimate is above the tolerance are traced again"
+        f"method leapfrog: {count} leapfrog samples a ray, bending included; a pilot of {pilot.ray_count} rays is "
+        f"right to {worst / wavelength:.1g} waves; rays whose own error estimate is above the tolerance are "
+        "traced again"
     )
     if sampling is not None:
         reason += "; the field has structure between samples, so what each ray may miss is bounded along its way"
     return replace(
         plan,
         sample_count=count,
-        even_share=shares[0],
-        bend_share=shares[1],
+        quadrature_error_scale=shares[0],
+        trajectory_error_scale=shares[1],
         sampling=sampling,
         reasons=(reason, *plan.reasons),
         predicted_evaluations=float(count),
@@ -136,10 +137,10 @@ def _fit(
     least = _least_samples(field, pilot, held, plan.levers)
     if not _is_worth_it(field, pilot, plan, wavelength, least):
         return nothing
-    rungs = [_Rung(field, pilot, plan, until, wavelength, least * 3**power) for power in range(3)]
-    if not rungs[-1].is_fit:
+    levels = [_Level(field, pilot, plan, until, wavelength, least * 3**power) for power in range(3)]
+    if not levels[-1].is_fit:
         return nothing
-    first, second = rungs[0].error(rungs[1]), rungs[1].error(rungs[2])
+    first, second = levels[0].error(levels[1]), levels[1].error(levels[2])
     order = 1.0
     if second > 0.0:
         order = min(max(math.log(first / second) / math.log(3.0), 1.0), 4.0) if first > second else 1.0
@@ -151,19 +152,21 @@ def _fit(
         lambda: max(CHEAP[plan.backend], WORTH[plan.backend] * predict_evaluations(field, held, pilot.direction)),
     )
     while count and _is_worth_it(field, pilot, plan, wavelength, count):
-        rung = next((rung for rung in rungs if rung.count == count), None)
-        if rung is None:
-            rung = _Rung(field, pilot, plan, until, wavelength, count)
-        finest = rungs[-1]
+        level = next((level for level in levels if level.count == count), None)
+        if level is None:
+            level = _Level(field, pilot, plan, until, wavelength, count)
+        finest = levels[-1]
         if 2 * count > finest.count:
-            finest = _Rung(field, pilot, plan, until, wavelength, 3 * count)
-            rungs.append(finest)
-        worst = rung.error(finest)
-        if rung.is_fit and worst <= budget:
-            share = SAFETY * worst / rung.difference if rung.difference > 0.0 else GREATEST_SHARE
-            bends = _Rung(field, pilot, replace(plan, bend_share=1.0), until, wavelength, count, 0.0).difference
-            bend_share = SAFETY * worst / bends if bends > 0.0 else 0.0
-            shares = min(max(share, LEAST_SHARE), GREATEST_SHARE), min(bend_share, GREATEST_BEND)
+            finest = _Level(field, pilot, plan, until, wavelength, 3 * count)
+            levels.append(finest)
+        worst = level.error(finest)
+        if level.is_fit and worst <= budget:
+            share = SAFETY * worst / level.difference if level.difference > 0.0 else GREATEST_SHARE
+            bends = _Level(
+                field, pilot, replace(plan, trajectory_error_scale=1.0), until, wavelength, count, 0.0
+            ).difference
+            trajectory_error_scale = SAFETY * worst / bends if bends > 0.0 else 0.0
+            shares = min(max(share, LEAST_SHARE), GREATEST_SHARE), min(trajectory_error_scale, GREATEST_BEND)
             return count, shares, worst, between.sampling(count)
         count = _in_threes(1.25 * count)
     return nothing
@@ -174,7 +177,7 @@ class _Between:
 
     def __init__(self, field: IndexField, spread: RayBundle, until, held: float, levers: Levers | None):
         self.field, self.held = field, held
-        low, high = active_box(field, held, levers)
+        low, high = support_box(field, held, levers)
         self.lines = lines_through(field, spread, until, low, high)
         self.ends = disturbed_ends(field, self.lines, held) if len(self.lines.way) else b""
 
@@ -229,13 +232,13 @@ class _Between:
         return None if self._greatest(count) <= NEGLIGIBLE * self.held else self._sampled(count)
 
 
-class _Rung:
+class _Level:
     """The pilot, traced with `count` samples a ray."""
 
     def __init__(
         self, field: IndexField, pilot: RayBundle, plan: TracePlan, until, wavelength: float, count: int, share=1.0
     ):
-        trial = replace(plan, sample_count=count, even_share=share)
+        trial = replace(plan, sample_count=count, quadrature_error_scale=share)
         arrays = launch(field, pilot, trial, until, wavelength, frozenset(("opd", "step_error")))
         self.count = count
         self.opd = arrays["opd"]
@@ -244,16 +247,16 @@ class _Rung:
         self.is_fit = bool(self.good.any() and lost.mean() <= UNFIT)
         self.difference = float(arrays["step_error"][self.good].max()) if self.good.any() else 0.0
 
-    def error(self, finer: "_Rung") -> float:
+    def error(self, finer: "_Level") -> float:
         """Greatest change of the optical path difference from here to a finer one [m]."""
         good = self.good & finer.good
         return float(np.abs(self.opd - finer.opd)[good].max()) if good.any() else math.inf
 
 
 def _least_samples(field: IndexField, pilot: RayBundle, tolerance: float, levers: Levers | None) -> int:
-    """Samples that are WIDEST cells apart on the longest way through the part of the box where the field is active."""
+    """Samples that are WIDEST cells apart on the longest way through the field's support."""
     grid = field.samples
-    low, high = active_box(field, tolerance, levers)
+    low, high = support_box(field, tolerance, levers)
     size = np.zeros(3)
     size[-len(low) :] = high - low
     if field.geometry == "axisymmetric":

@@ -5,26 +5,25 @@ way L through the box the potential s outside is below share / L, and where erro
 lever arm A (levers.py), its slope is below share / (L A).
 """
 
-
 import numpy as np
 
 from ..medium import IndexField
 from ..medium.grid import UniformGrid
 from .levers import Levers
-from .scheme import EVEN_WEAK
+from .scheme import LEAPFROG_ANGLE
 
 # The share of the tolerance that may be lost by taking the air outside for uniform.
-QUIET_SHARE = 0.05
+SUPPORT_SHARE = 0.05
 # Nodes to each side whose spline a coefficient is part of, and one to spare.
 MARGIN_NODES = 3
 
 
-def active_box(field: IndexField, tolerance: float, levers: Levers | None = None) -> tuple[np.ndarray, np.ndarray]:
+def support_box(field: IndexField, tolerance: float, levers: Levers | None = None) -> tuple[np.ndarray, np.ndarray]:
     """Corners of it along the local axes [m], each of shape (2,) or (3,); of a cubic uniform grid.
 
     Outside, the optical potential is so small that the path along any line through the box is off by less than
-    QUIET_SHARE of the tolerance [m], and by no more for what the ray is turned. Without any such part both corners are
-    the box's middle.
+    SUPPORT_SHARE of the tolerance [m], and by no more for what the ray is turned. Without any such part both corners
+    are the box's middle.
 
     Args:
         field: The refractive index, on a cubic uniform grid.
@@ -37,10 +36,10 @@ def active_box(field: IndexField, tolerance: float, levers: Levers | None = None
     potential, slope = left_out(field, tolerance, levers)
     low, high = np.array(grid.low, dtype=float), np.array(grid.high, dtype=float)
     for axis, peaks in enumerate(_potential_peaks(grid)):
-        active = peaks > potential
+        supported = peaks > potential
         if np.isfinite(slope):
-            active |= _slope_peaks(grid)[axis] > slope
-        found = np.flatnonzero(active)
+            supported |= _slope_peaks(grid)[axis] > slope
+        found = np.flatnonzero(supported)
         if not len(found):
             middle = 0.5 * (low + high)
             return middle, middle
@@ -58,17 +57,17 @@ def left_out(field: IndexField, tolerance: float, levers: Levers | None) -> tupl
     # A chord of the box of revolution is longer than its half-plane.
     longest = float(np.linalg.norm(extent * ([2.0, 1.0] if field.geometry == "axisymmetric" else 1.0)))
     if levers is None:
-        return QUIET_SHARE * tolerance / longest, np.inf
+        return SUPPORT_SHARE * tolerance / longest, np.inf
     way = max(levers.way, longest)
-    potential = QUIET_SHARE * tolerance / way
+    potential = SUPPORT_SHARE * tolerance / way
     # A ray's own deflection is a slant too, of second order in the contrast: it counts on far flights only.
     beyond = max(levers.reach - 2.0 * way, 0.0)
     # Slopes of splines are below twice their greatest coefficient over the spacing.
-    if levers.arm + beyond * EVEN_WEAK <= 0.5 * float(np.min(grid.spacing)):
+    if levers.lever_arm + beyond * LEAPFROG_ANGLE <= 0.5 * float(np.min(grid.spacing)):
         return potential, np.inf
-    turn = min(EVEN_WEAK, way * max(float(peaks.max(initial=0.0)) for peaks in _slope_peaks(grid)))
-    arm = levers.arm + beyond * turn
-    return potential, QUIET_SHARE * tolerance / (way * arm) if arm > 0.0 else np.inf
+    turn = min(LEAPFROG_ANGLE, way * max(float(peaks.max(initial=0.0)) for peaks in _slope_peaks(grid)))
+    lever_arm = levers.lever_arm + beyond * turn
+    return potential, SUPPORT_SHARE * tolerance / (way * lever_arm) if lever_arm > 0.0 else np.inf
 
 
 def _potential_peaks(grid: UniformGrid) -> list[np.ndarray]:

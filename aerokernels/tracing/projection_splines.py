@@ -1,4 +1,4 @@
-"""Integrals along z of a grid's spline coefficients, and splines over x and y at nodes and midway: see columns.py."""
+"""Integrals along z of spline coefficients, and splines over x and y at nodes and midway: see projection_tables.py."""
 
 from functools import reduce
 

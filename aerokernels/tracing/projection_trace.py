@@ -6,7 +6,7 @@ import numpy as np
 
 from ..medium import IndexField
 from ..rays import RayBundle
-from .collimated import find_columns
+from .collimated import find_projection
 from .engines import engine_of
 from .launch import in_chunks
 from .plan import TracePlan
@@ -17,11 +17,11 @@ def trace(field: IndexField, rays: RayBundle, plan: TracePlan, until, wavelength
 
     `run` traces the rays that they do not hold for: (field, rays, plan, until, wavelength, outputs).
     """
-    columns = find_columns(field, rays, until)
+    columns = find_projection(field, rays, until)
     rest = replace(plan, method="adaptive", columns=False, sample_count=0)
     if columns is None or not columns.inside.any():
         return run(field, rays, rest, until, wavelength, outputs)
-    ready = engine_of(plan.backend, plan.device).prepare_columns(field, columns, plan, outputs)
+    ready = engine_of(plan.backend, plan.device).prepare_projection(field, columns, plan, outputs)
     rows = columns.inside
     if rows.all():
         return in_chunks(ready, (rays.position,), outputs)

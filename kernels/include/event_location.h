@@ -2,8 +2,8 @@
 // first meets a surface, by the root of the quadratic; what is left, of third order in the step, is flown along the
 // parabola at its end. A ray that grazes a surface is far from where it meets it even if it is close to it: what is left
 // must be short beside the step, or as close as rounding has it.
-#ifndef LANDING_H
-#define LANDING_H
+#ifndef EVENT_LOCATION_H
+#define EVENT_LOCATION_H
 
 #include "box.h"
 #include "constants.h"
@@ -42,7 +42,7 @@ static inline real rising_root(real v0, real v1, real v2)
 }
 
 // The step that ends where the parabola first meets a surface, no longer than h, and that surface or -1.
-static inline real landing(
+static inline real event_location(
     const Control *control, real3 rate, real side, int3 cell, real3 frac, real3 momentum, real3 force, real h, int *land)
 {
     real best = h;
@@ -81,9 +81,9 @@ static inline real landing(
 // What rounding leaves of a place's distance from surface k, in its unit.
 static inline real rounding_of(const Control *control, int k)
 {
-    real room = LANDING_NOISE * surface_unit(control, k);
+    real room = EVENT_LOCATION_NOISE * surface_unit(control, k);
     if (k == FACE_COUNT) {
-        room += LANDING_NOISE * fabs(control->plane_offset);
+        room += EVENT_LOCATION_NOISE * fabs(control->plane_offset);
     }
     if (GEOMETRY == AXISYMMETRIC && k == 2) {
         room *= R(1.0) + control->radius;
@@ -97,13 +97,13 @@ static inline int overshot(
 {
     const real4 ahead = oriented(control, k, side, cell, frac);
     const real speed = greater(dot(ahead.yzw, velocity), R(0.0));
-    const int far = ahead.x > R(2.5) * LANDING_SHARE * speed * h && ahead.x > rounding_of(control, k);
+    const int far = ahead.x > R(2.5) * EVENT_LOCATION_SHARE * speed * h && ahead.x > rounding_of(control, k);
     return far || ahead.x > close * surface_unit(control, k);
 }
 
 // After a step to surface k: sigma still to go along the parabola, negative to go back, and whether that ends the ray. The
 // velocity and its derivative are in cells. What is neither behind the surface nor close to it has to land once more.
-static inline real touchdown(
+static inline real surface_intersection(
     const Control *control, int k, real side, int3 cell, real3 frac, real3 velocity, real3 pull, real h, real h_cell,
     int *done)
 {
@@ -111,7 +111,7 @@ static inline real touchdown(
     const real speed = dot(now.yzw, velocity);
     const real unit = surface_unit(control, k);
     // Behind it, or close enough to fly the rest along the parabola.
-    if (speed > R(0.0) && now.x >= -LANDING_SHARE * speed * h - rounding_of(control, k)) {
+    if (speed > R(0.0) && now.x >= -EVENT_LOCATION_SHARE * speed * h - rounding_of(control, k)) {
         *done = 1;
         const real root = sqrt(greater(speed * speed - R(2.0) * dot(now.yzw, pull) * now.x, R(0.0)));
         return R(-2.0) * now.x / (speed + root);
@@ -122,7 +122,7 @@ static inline real touchdown(
 }
 
 // The step that flies `rest` of arc, if it is no longer than h; the index grows along it.
-static inline real arc_landing(real rest, real index, real3 total, real3 force, real h, int *land)
+static inline real arc_event_location(real rest, real index, real3 total, real3 force, real h, int *land)
 {
     const real bend = dot(force, total) / index;
     if (h * (index + R(0.5) * bend * h) < rest) {
@@ -133,7 +133,7 @@ static inline real arc_landing(real rest, real index, real3 total, real3 force, 
     return bounded(rest / (index + R(0.5) * bend * h_arc), R(0.0), h);
 }
 
-static inline real arc_touchdown(real rest, real index, real arc_left, real h, int *done)
+static inline real arc_surface_intersection(real rest, real index, real arc_left, real h, int *done)
 {
     *done = fabs(rest) <= R(1.0e-4) * h * index + R(1.0e-6) * arc_left;
     return *done ? rest / index : R(0.0);

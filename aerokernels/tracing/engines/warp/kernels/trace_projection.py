@@ -1,4 +1,4 @@
-"""The Warp kernel of collimated rays along z through a volume: one lookup a ray in the tables of columns.py."""
+"""The Warp kernel of collimated rays along z through a volume: one lookup a ray in projection_tables.py's."""
 
 import functools
 
@@ -11,7 +11,7 @@ from .grid import build_weights
 
 
 @functools.cache
-def build_column_kernel(precision: str, with_ends: bool):
+def build_projection_kernel(precision: str, with_ends: bool):
     """Build the kernel; `coefficients` holds, for each (x, y) of the splines, A, D and then EXTRAS.
 
     Without ends it makes no positions, arc lengths and errors, and looks up half as much.
@@ -23,7 +23,7 @@ def build_column_kernel(precision: str, with_ends: bool):
     ok = int(RayStatus.OK)
 
     @wp.kernel(module="unique", enable_backward=False)
-    def trace_columns(
+    def trace_projection(
         coefficients: wp.array(dtype=real),
         cells_x: int,
         cells_y: int,
@@ -90,10 +90,10 @@ def build_column_kernel(precision: str, with_ends: bool):
         square = ambient * ambient + wp.float64(2.0) * wp.float64(extra[6])
         index = wp.sqrt(square)
         w = wp.sqrt(square - across)
-        slant = flight * across / (w * (index + w))  # how much further it is to fly than along z
+        obliquity = flight * across / (w * (index + w))  # how much further it is to fly than along z
         before = (first_plane - p[2]) * sign
         straight = before + length + flight
-        opd = opd_box + ambient * slant
+        opd = opd_box + ambient * obliquity
         if wp.static(with_ends):
             if (outputs & wp.static(OUTPUT_BITS["position"])) != 0:
                 qx = wp.float64(first_x[1]) * rate_x + wp.float64(extra[4])
@@ -109,7 +109,7 @@ def build_column_kernel(precision: str, with_ends: bool):
             opd_out[ray] = opd
         if wp.static(with_ends):
             if (outputs & wp.static(OUTPUT_BITS["arc_length"])) != 0:
-                arc_length_out[ray] = straight + wp.float64(extra[1]) + slant
+                arc_length_out[ray] = straight + wp.float64(extra[1]) + obliquity
         if wp.static(with_ends):
             if (outputs & wp.static(OUTPUT_BITS["step_error"])) != 0:
                 step_error_out[ray] = wp.abs(wp.float64(extra[7]))
@@ -119,4 +119,4 @@ def build_column_kernel(precision: str, with_ends: bool):
             evaluation_count_out[ray] = 1
         status_out[ray] = ok
 
-    return trace_columns
+    return trace_projection

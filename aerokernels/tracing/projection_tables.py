@@ -31,7 +31,7 @@ import numpy as np
 from ..derived import Derived
 from ..medium import IndexField
 from ..medium import spline as splines
-from .column_splines import at_places, integrals
+from .projection_splines import at_places, integrals
 
 # Points in a cell at which the small terms are summed (midpoint rule).
 SUBCELLS = 2
@@ -48,7 +48,7 @@ EXTRAS = ("opd", "arc", "momentum_x", "momentum_y", "shift_x", "shift_y", "poten
 
 
 @dataclass(frozen=True, eq=False)
-class ColumnTables(Derived):
+class ProjectionTables(Derived):
     """Splines over x and y of what rays along z gather between two planes.
 
     Attributes:
@@ -84,7 +84,7 @@ class BetweenErrors:
     direction: float
 
 
-def column_tables(field: IndexField, sign: float, first: float, last: float) -> ColumnTables:
+def projection_tables(field: IndexField, sign: float, first: float, last: float) -> ProjectionTables:
     """The tables for rays along sign * z from plane z = first to plane z = last; the last few are kept with the field.
 
     Args:
@@ -94,17 +94,17 @@ def column_tables(field: IndexField, sign: float, first: float, last: float) -> 
         last: Where they end [m], in the box, further along.
     """
     key = ("columns", sign, first, last)
-    return field.derive(key, lambda: _column_tables(field, sign, first, last), KEPT)
+    return field.derive(key, lambda: _projection_tables(field, sign, first, last), KEPT)
 
 
-def between_columns(field: IndexField, sign: float, first: float, last: float) -> BetweenErrors:
-    """What the tables of `column_tables`, whose arguments these are, miss between columns; kept with the field."""
+def between_projections(field: IndexField, sign: float, first: float, last: float) -> BetweenErrors:
+    """What the tables of `projection_tables`, whose arguments these are, miss between columns; kept with the field."""
     key = ("between columns", sign, first, last)
-    tables = column_tables(field, sign, first, last)
-    return field.derive(key, lambda: _between_columns(field, tables, sign, first, last), KEPT)
+    tables = projection_tables(field, sign, first, last)
+    return field.derive(key, lambda: _between_projections(field, tables, sign, first, last), KEPT)
 
 
-def _between_columns(field: IndexField, tables: ColumnTables, sign, first: float, last: float) -> BetweenErrors:
+def _between_projections(field: IndexField, tables: ProjectionTables, sign, first: float, last: float) -> BetweenErrors:
     spacing = field.samples.spacing[:2]
     gathered = _gather(
         field, sign, first, last, (_March(half) for half in ((True, True), (True, False), (False, True)))
@@ -120,14 +120,14 @@ def _between_columns(field: IndexField, tables: ColumnTables, sign, first: float
     return BetweenErrors(path, extra, direction)
 
 
-def _column_tables(field: IndexField, sign: float, first: float, last: float) -> ColumnTables:
+def _projection_tables(field: IndexField, sign: float, first: float, last: float) -> ProjectionTables:
     spacing = field.samples.spacing[:2]
     gathered = _gather(field, sign, first, last, (_March((False, False)),))
     state = gathered.marches[0]
     column = state.finish(gathered.path, gathered.shift, gathered.end, spacing, field.ambient_index)
     extra = np.stack([splines.coefficients(column[name], "cubic", False) for name in EXTRAS], axis=-1)
     furthest = max(float(np.abs(q).max()) / h for q, h in zip((state.qx, state.qy), spacing, strict=True))
-    return ColumnTables(
+    return ProjectionTables(
         gathered.path,
         gathered.shift,
         extra,
@@ -140,7 +140,7 @@ def _column_tables(field: IndexField, sign: float, first: float, last: float) ->
 def _gather(field: IndexField, sign: float, first: float, last: float, marches) -> SimpleNamespace:
     """Coefficients of A, D and the last plane's potential, the marches when they are through, and bounds from A and D.
 
-    The bounds are the greatest shift by grad D, in cells, and the ColumnTables' `between_bound`.
+    The bounds are the greatest shift by grad D, in cells, and the ProjectionTables' `between_bound`.
     """
     grid = field.samples
     ambient = field.ambient_index

@@ -89,15 +89,15 @@ def cones_of(directions: np.ndarray, geometry: str) -> np.ndarray:
 
 
 @dataclass(frozen=True, eq=False)
-class ReachTable:
+class StepBound:
     """Safe steps [m], one axis per axis of the grid, each entry for a block of `block` cells a side."""
 
     length: np.ndarray
     block: int
 
 
-def reach(grid: UniformGrid, geometry: str, budget: float, cone: Cone) -> ReachTable:
-    """The table of safe steps; zero where STEP_LIMIT rules. The last few are kept as long as the grid lives.
+def step_bound(grid: UniformGrid, geometry: str, budget: float, cone: Cone) -> StepBound:
+    """The table of step bounds; zero where STEP_LIMIT rules. The last few are kept as long as the grid lives.
 
     Args:
         grid: The field's samples.
@@ -105,11 +105,11 @@ def reach(grid: UniformGrid, geometry: str, budget: float, cone: Cone) -> ReachT
         budget: OPD error allowed for a whole ray [m].
         cone: Where the rays point.
     """
-    key = ("reach", geometry, budget, cone)
-    return grid.derive(key, lambda: _reach(grid, geometry, budget, cone), KEPT)
+    key = ("step_bound", geometry, budget, cone)
+    return grid.derive(key, lambda: _step_bound(grid, geometry, budget, cone), KEPT)
 
 
-def _reach(grid: UniformGrid, geometry: str, budget: float, cone: Cone) -> ReachTable:
+def _step_bound(grid: UniformGrid, geometry: str, budget: float, cone: Cone) -> StepBound:
     block, smooth, kink = roughness_along(grid, geometry, cone)
     way = _local(cone.way, geometry)
     extent = float(np.linalg.norm(grid.high - grid.low))
@@ -130,7 +130,7 @@ def _reach(grid: UniformGrid, geometry: str, budget: float, cone: Cone) -> Reach
         if not (allowed >= far).any():
             break
         near, far = far, far + max(least, 0.15 * far)
-    return ReachTable(result, block)
+    return StepBound(result, block)
 
 
 def smooth_step(fourth, rate: float):

@@ -6,7 +6,7 @@ import pytest
 from aerokernels.medium import Body, IndexField
 from aerokernels.rays import RayBundle
 from aerokernels.tracing import ArcLength, Plane, RayStatus, planning, trace
-from aerokernels.tracing.columns import SUBCELLS, column_tables
+from aerokernels.tracing.projection_tables import SUBCELLS, projection_tables
 
 from .backends import ENGINES, on
 from .fields import noise, uniform_field
@@ -36,7 +36,7 @@ def part(rays: RayBundle, every: int) -> RayBundle:
 def by_tables(field: IndexField, rays: RayBundle, **options):
     """Traced by "auto" as if the tables held the tolerance, whatever they are worth."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(planning, "columns_hold", lambda *_: True)
+        patch.setattr(planning, "projection_holds", lambda *_: True)
         return trace(field, rays, **options)
 
 
@@ -82,7 +82,7 @@ def test_columns_are_as_good_as_traced_rays(engine, precision, sign, start, unti
 def test_the_first_order_is_exact():
     """A is the integral of the spline itself: against 3 Gauss points a cell, exact for its cubics, to rounding."""
     field = volume()
-    tables = column_tables(field, 1.0, 0.0, 28e-4)
+    tables = projection_tables(field, 1.0, 0.0, 28e-4)
     grid = field.samples
     node, weight = np.polynomial.legendre.leggauss(3)
     z = np.concatenate([(cell + 0.5 + 0.5 * node) * CELL for cell in range(28)])
@@ -104,7 +104,7 @@ def test_the_third_order_is_in(amplitude):
     field = IndexField.from_samples(
         fine, origin=LOW, spacing=(CELL / 4, CELL / 4, CELL / 2), geometry="volume", ambient_index=1.3
     )
-    tables = column_tables(field, 1.0, 0.0, 28e-4)
+    tables = projection_tables(field, 1.0, 0.0, 28e-4)
     rays = bundle(1.0, 0.0, count=int(0.2 * fine.size), half_width=6e-4)
     result = by_tables(field, rays, precision="float64")
     assert result.plan.columns
