@@ -5,7 +5,6 @@ would be passed over as a whole, and its rays be "right" with an OPD of 0. So a 
 greatest line integral that the field itself has, however weak it is: the answer is then right to that share.
 """
 
-
 import numpy as np
 
 from ..medium import IndexField

@@ -1,6 +1,5 @@
 """Refuses rays none of which meets the field: their answer would be that of empty air."""
 
-
 import numpy as np
 
 from ..medium import IndexField
