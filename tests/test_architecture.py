@@ -239,3 +239,18 @@ def test_nothing_reads_outside_the_checkout(root: Path):
     for path in [*MODULES, *(root / "scripts").iterdir(), *(root / ".ci").iterdir()]:
         if path.is_file():
             assert not re.search(r"\.\./shared|/work/|shared/flows", path.read_text(encoding="utf-8")), path
+
+
+def test_every_name_on_the_architecture_page_is_a_name_of_the_code():
+    """Paths exist, in words and in pictures; names in backticks are defined in the package."""
+    root = PACKAGE.parent
+    page = (root / "docs" / "architecture.md").read_text(encoding="utf-8")
+    paths = {path.rstrip("./") for path in re.findall(r"\b(?:aerokernels|kernels|scripts|tests)/[\w./]+", page)}
+    inner = root / "aerokernels" / "tracing" / "engines"
+    assert len(paths) > 25
+    homes = [root, inner / "warp", inner.parent]
+    assert not [path for path in sorted(paths) if not any((home / path).exists() for home in homes)]
+    sources = "".join(path.read_text(encoding="utf-8") for path in MODULES)
+    words = set(re.findall(r"\b(?:def|class) (\w+)", sources))
+    told = {name for name in re.findall(r"`([A-Za-z_]\w+)`", page) if name not in ("engines",)}
+    assert len(told) > 5 and not sorted(told - words)
