@@ -13,6 +13,7 @@ from work_precision_fields import CASES, Case, radial_parallel, sech
 from work_precision_figures import draw, evaluations
 from work_precision_runs import HEADING, INTERPOLATIONS, PRECISIONS, Bench, Error, Run, Setting, measure_times
 from work_precision_tables import (
+    TIGHTER,
     check_table,
     default_table,
     floor_table,
@@ -112,6 +113,9 @@ def main() -> None:
 
     tables = {
         "evaluations-rms": need_table(runs, lambda run: run.evaluations, "opd_rms"),
+        "evaluations-tighter": need_table(
+            runs, lambda run: run.evaluations, "opd_rms", targets=TIGHTER, precisions=("float64",)
+        ),
         "evaluations-max": need_table(runs, lambda run: run.evaluations, "opd_max"),
         "time": need_table(runs, lambda run: run.microseconds()[0], "opd_rms"),
         "default": default_table(runs),
@@ -122,6 +126,7 @@ def main() -> None:
         tables |= {"peers": peer_table(measure_peers(options.rays)), "checks": check_table(checks)}
     captions = {
         "evaluations-rms": "Field evaluations per ray for an rms tracing error [waves]",
+        "evaluations-tighter": "The same for tighter targets, float64",
         "evaluations-max": "Field evaluations per ray for a greatest tracing error [waves]",
         "time": "Kernel time per ray [µs] for an rms tracing error [waves]",
         "default": "The default call: method auto, tolerance 1e-3 waves, float32; errors in waves",

@@ -9,6 +9,8 @@ from tables import markdown_table
 from work_precision_runs import Error, Run
 
 TARGETS = (1e-2, 1e-3, 1e-4)  # [waves]
+TIGHTER = (1e-5, 1e-6, 1e-7, 1e-8)  # [waves]
+PRECISIONS = ("float64", "float32")
 DEFAULT_TOLERANCE = 1e-3  # [waves]
 
 
@@ -72,19 +74,21 @@ def names(runs: Iterable[Run]) -> list[str]:
     return list(dict.fromkeys(run.case for run in runs))
 
 
-def need_table(runs: list[Run], amount: Callable[[Run], float], error: str) -> str:
+def need_table(
+    runs: list[Run], amount: Callable[[Run], float], error: str, targets=TARGETS, precisions=PRECISIONS
+) -> str:
     """What each target takes with error control and with the best fixed step, cubic interpolant."""
     heading = ["field", "precision"]
-    for target in TARGETS:
+    for target in targets:
         heading += [f"adaptive, {target:.0e}", f"fixed, {target:.0e}", "ratio"]
     rows = []
     for case in names(runs):
-        for precision in ("float64", "float32"):
+        for precision in precisions:
             some = select(runs, case=case, precision=precision, interpolation="cubic")
             if not some:
                 continue
             row = [case, precision]
-            for target in TARGETS:
+            for target in targets:
                 adaptive, fixed = (
                     need([amount(r) for r in chosen], [getattr(r.tracing, error) for r in chosen], target)
                     if (chosen := of_method(some, method))

@@ -2,7 +2,7 @@
 
 The order of "auto": projection tables where rays run along z and the tables hold the tolerance; leapfrog where a pilot
 of the rays says so; error control otherwise. Any other method is what it is, however many rays there are. The backend
-is chosen by the fixed order of backends.py.
+is chosen by the fixed order of engines/choice.py.
 """
 
 from dataclasses import replace

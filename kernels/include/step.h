@@ -14,7 +14,7 @@
 // What a step is to be.
 typedef struct {
     real h;          // to try [sigma]
-    real safe;       // in quiet air
+    real safe;       // in smooth air
     real stand_off;  // distance to keep from faces, in cells
 } Stride;
 
