@@ -101,6 +101,7 @@ __kernel void leapfrog(
         double far = (double)REAL_AT(length, lane);
         double3 normal = (double3)(0.0), end = p;
         double more = 0.0;
+        real off_tail = R(0.0);  // how far the way from the last sample to the surface is off in direction
         int landed = -1;
         if (runs) {
             // What is left to the surface, which the ray meets a little beside the undisturbed one.
@@ -142,10 +143,11 @@ __kernel void leapfrog(
             path += added;
             longitudinal_deficit += more * ((double)lead + (double)rest * climb / bounds.ambient);
             arc += added / bounds.ambient;
+            const real tail = (real)fabs(more);
+            const real steep_tail = there * REAL_AT(flight.steep, lane) * tail;
             off_course = greater(
-                off_course,
-                there * REAL_AT(flight.steep, lane) * (real)(more * more / fabs(cosine)) *
-                    lesser((real)fabs(more) * greatest(rate), R(1.0)));
+                off_course, steep_tail * (tail / (real)fabs(cosine)) * lesser(tail * greatest(rate), R(1.0)));
+            off_tail = rest * steep_tail * lesser((tail + R(0.5) * step) * greatest(rate), R(1.0));
             q += (real)more * rest * (across + (R(0.5) * (real)more) * force);
             far += more;
             across += (real)more * force;
@@ -190,13 +192,17 @@ __kernel void leapfrog(
             if (STOP == PLANE) {
                 normal = VECTOR64(bounds.plane_normal);
             }
-            const double obliquity = fabs(dot(normal, off_place + (onward * (double)rest) * off_turn));
+            // A turned ray's error of direction also has a part along d, by which it meets a far stop earlier.
+            const double3 astray = off_place + (onward * (double)rest) * off_turn;
+            const double obliquity = fabs(dot(normal, astray)) + fabs(dot(convert_double3(rest * momentum), astray));
             const double cosine = fmax(fabs(dot(normal, d)), STEEPEST_COSINE);
             off_course =
                 greater(off_course, control.quadrature_error_scale * (real)(bounds.ambient * obliquity / cosine));
             const double tangent = sqrt(fmax(1.0 - cosine * cosine, 0.0)) / cosine;
+            const double slant = tangent + (double)sqrt(REAL_AT(flight.greatest_deflection, lane));
+            off_course = greater(off_course, off_tail * (real)(bounds.ambient * onward * slant));
             const double chord = wholes[lane].y - wholes[lane].x;
-            const double lever = (chord + onward) * (tangent + (double)sqrt(REAL_AT(flight.greatest_deflection, lane)));
+            const double lever = (chord + onward) * slant;
             const double outside = fmax(chord - (double)REAL_AT(length, lane), 0.0);
             const real left = (real)(outside * ((double)control.left_potential + lever * (double)control.left_slope));
             if (left > LEFT_SHARE * control.tolerance) {

@@ -62,6 +62,7 @@ __kernel void trace_kernel(
     real greatest_deflection = R(0.0);  // greatest angle with d so far
     int steps = 0, evaluations = 0, landed = -1;
     real obliquity_first = R(0.0), harm = R(0.0);
+    real astray = R(0.0), doubt = R(0.0);  // how far beside its place the ray may be; what it may gain behind a face
 
     if (course.meets && status == RAY_OK) {
         int3 cell;
@@ -103,7 +104,8 @@ __kernel void trace_kernel(
                 h_next, h_cap);
             const real3 shown = IS_STRAIGHT ? frac + q * rate : frac;
             int land;
-            real h = event_location(&control, rate, course.side, cell, shown, tangent, force, ahead.h, &land);
+            real late;
+            real h = event_location(&control, rate, course.side, cell, shown, tangent, force, ahead.h, &land, &late);
             if (STOP == ARC) {
                 h = arc_event_location(arc_left - (ambient * sums.x + sums.z), index, total, force, h, &land);
             }
@@ -120,10 +122,10 @@ __kernel void trace_kernel(
             evaluations += 3;
             const real3 kick = kick_of(h, force, s2, s3);
 
-            real turn_now, lever;
+            real turn_now, lever, strays;
             const real off = step_error(
                 ambient, d, total, momentum, h, reach, h <= ahead.safe, greatest_deflection, obliquity_left,
-                lever_arm, pot, force, s2, s3, s4, &turn_now, &lever);
+                lever_arm, pot, force, s2, s3, s4, &turn_now, &lever, &strays);
 
             int accept = 1;
             if (CONTROLLED) {
@@ -143,11 +145,17 @@ __kernel void trace_kernel(
             }
 
             // Where the force changes along the step, the parabola may miss the surface: come closer first.
-            if (accept && land >= 0 && land != LANDED_ARC) {
-                const real close = R(0.05) * greater(ahead.h * size3(total * rate), R(0.01));
+            if (accept && h > h_least) {
                 const real3 there = shown + (h * tangent + kick) * rate;
-                const real3 swung = (tangent + h * FORCE(s4)) * rate;
-                if (h > h_least && overshot(&control, land, course.side, cell, there, swung, h, close)) {
+                int missed;
+                if (land >= 0 && land != LANDED_ARC) {
+                    const real close = R(0.05) * greater(ahead.h * size3(total * rate), R(0.01));
+                    const real3 swung = (tangent + h * FORCE(s4)) * rate;
+                    missed = overshot(&control, land, course.side, cell, there, swung, h, close);
+                } else {
+                    missed = passed_surface(&control, course.side, cell, there);
+                }
+                if (missed) {
                     accept = 0;
                     h_cap = R(0.5) * h;
                 }
@@ -169,6 +177,8 @@ __kernel void trace_kernel(
                 h_cap = control.extent / ambient;
                 steps++;
                 used += off;
+                doubt += fabs(pot) * late;
+                astray += strays;
                 greatest_deflection = turn_now;
                 // Where the ray has turned, the obliquity is another one, and the turn counts instead.
                 obliquity_left = obliquity * greater(R(1.0) - greatest_deflection / OBLIQUITY_KEPT, R(0.0));
@@ -254,7 +264,7 @@ __kernel void trace_kernel(
             }
         }
         if (CONTROLLED) {
-            used = stop_error(used, &bounds, d0, ambient, momentum, first_momentum, greatest_deflection,
+            used = stop_error(used + doubt, &bounds, d0, ambient, momentum, first_momentum, greatest_deflection,
                 obliquity, lever_arm);
             obliquity_first = obliquity;
             harm = (fabs(pot) + size3(force) * (obliquity + greatest_deflection) * lever_arm) / ambient;
@@ -266,7 +276,7 @@ __kernel void trace_kernel(
         greatest_deflection);
     if (CONTROLLED && arrival.status == RAY_OK && landed >= 0) {
         const real cell_size = R(1.0) / greatest(VECTOR(control.cell_rate));
-        used = event_location_error(used, ambient, cell_size, landed, arrival.grazing, obliquity_first, harm);
+        used = event_location_error(used, ambient, cell_size, landed, arrival.grazing, obliquity_first, harm, astray);
     }
     // Such a ray is traced again, if that may help (retrace.py).
     const int is_rejected = CONTROLLED && arrival.status == RAY_OK && !(used <= control.tolerance);

@@ -58,8 +58,10 @@ def main() -> int:
             greatest = max(group, key=lambda f: f.size)
             worst.append((greatest.size, how, len(group), compared, greatest, case))
             print(line(worst[-1]), file=sys.stderr, flush=True)
-        if number % 100 == 0:
-            print(f"{number} bundles, {rays} rays, {time.perf_counter() - start:.0f} s", file=sys.stderr, flush=True)
+        if number % 20 == 0:  # one that is cut off has still counted
+            found = ", ".join(f"{w} {n}" for w, n in wrong_rays.most_common()) or "none"
+            seconds = time.perf_counter() - start
+            print(f"{number} bundles, {rays} rays, wrong: {found}, {seconds:.0f} s", file=sys.stderr, flush=True)
     print(f"{asked.backend}: {done} bundles, {rays} rays compared, {time.perf_counter() - start:.0f} s")
     print("traced by: " + ", ".join(f"{how} {n}" for how, n in drawn.most_common()))
     print("rays beyond what is allowed: " + (", ".join(f"{w} {n}" for w, n in wrong_rays.most_common()) or "none"))

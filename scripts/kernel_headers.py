@@ -64,7 +64,7 @@ def constants() -> str:
             {name: getattr(scheme, name) for name in ("LEAST_COSINE", "STEEPEST_COSINE", "GRAZING_REST", "LEAST_SLOPE")}
         ),
         *_group("Landing: the share of a step that may be left to a surface"),
-        *_reals({"EVENT_LOCATION_SHARE": scheme.EVENT_LOCATION_SHARE}),
+        *_reals({name: getattr(scheme, name) for name in ("EVENT_LOCATION_SHARE", "SLACK_COUNTED")}),
         *_group("Leapfrog samples: greatest angle with the first direction [rad], least share of what is left out"),
         *_reals(
             {name: getattr(scheme, name) for name in ("LEAPFROG_ANGLE", "LOOKUP_STRIDE", "MISSED_SLOPE", "LEFT_SHARE")}

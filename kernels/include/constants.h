@@ -83,6 +83,7 @@
 
 // Landing: the share of a step that may be left to a surface.
 #define EVENT_LOCATION_SHARE R(0.02)
+#define SLACK_COUNTED R(0.001)
 
 // Leapfrog samples: greatest angle with the first direction [rad], least share of what is left out.
 #define LEAPFROG_ANGLE R(0.05)

@@ -4,8 +4,9 @@
 
 #include "motion.h"
 
-// The error in metres; `turn` is the greatest angle with d so far, `lever` the length by which a direction's error counts.
-// The stop is met at an `obliquity` (ends.h), `lever_arm` further on.
+// The error in metres; `turn` is the greatest angle with d so far, `lever` the length by which a direction's error counts,
+// `strays` how far beside its place the ray may leave the field. The stop is met at an `obliquity` (ends.h), `lever_arm`
+// further on.
 static inline real step_error(
     real ambient,
     real3 d,
@@ -23,7 +24,8 @@ static inline real step_error(
     real4 s3,
     real4 s4,
     real *turn,
-    real *lever)
+    real *lever,
+    real *strays)
 {
     const real3 f2 = FORCE(s2), f3 = FORCE(s3), f4 = FORCE(s4);
     const real off_s = h * (RKN_F1 * pot + RKN_F2 * s2.x + RKN_F3 * s3.x + RKN_F4 * s4.x);
@@ -62,6 +64,7 @@ static inline real step_error(
     const real tilt = (is_far || INTERPOLATION == LINEAR ? greater(sharp, ROUGH) : sharp) * (obliquity + own);
     *lever = weight * (reach + ambient * h) + obliquity * (lever_arm + ambient * h);
     const real off_p_size = size3(MAGNIFIED * off_p) / MAGNIFIED, off_q_size = size3(MAGNIFIED * off_q) / MAGNIFIED;
+    *strays = greater(sharp, ROUGH) * (off_q_size + reach * off_p_size / ambient);
     return off + off_p_size * (weight * reach + tilt * lever_arm) + ambient * off_q_size * (weight + tilt);
 }
 
@@ -111,9 +114,10 @@ static inline real stop_error(
 // The error of a ray that ended on surface `landed`, with what it lacks of it and at which cosine. A ray may end at a
 // smaller angle, or on another surface, than the undisturbed one, for which `obliquity` is. Where it flies on from the
 // surface, it costs `harm` per metre to be beside it. Its place across the surface is rounded by a share of a `cell`
-// [m], along the ray by that over the cosine.
+// [m] and `astray` by its steps, along the ray by that over the cosine.
 static inline real event_location_error(
-    real used, real ambient, real cell, int landed, double2 grazing, real obliquity, real harm)
+    real used, real ambient, real cell, int landed, double2 grazing, real obliquity, real harm,
+    real astray)
 {
     real lack = (real)fmin(grazing.x, 1.0e30);
     const real cosine = (real)fmax(grazing.y, 1.0e-15);
@@ -122,7 +126,7 @@ static inline real event_location_error(
         lack += cosine < (real)LEAST_COSINE ? rounded : R(0.0);
         return greater(used * greater(R(1.0) / (cosine * (R(1.0) + obliquity)), R(1.0)), ambient * lack);
     }
-    return landed == FACE_COUNT ? greater(used, ambient * lack) : used + harm * (lack + rounded);
+    return landed == FACE_COUNT ? greater(used, ambient * lack) : used + harm * (lack + rounded + (cosine < (real)LEAST_COSINE ? astray / cosine : R(0.0)));
 }
 
 #endif

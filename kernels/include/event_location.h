@@ -41,11 +41,13 @@ static inline real rising_root(real v0, real v1, real v2)
     return v2 <= R(0.0) ? NO_ROOT : (root - v1) / (R(2.0) * v2);
 }
 
-// The step that ends where the parabola first meets a surface, no longer than h, and that surface or -1.
+// The step that ends where the parabola first meets a surface, no longer than h, and that surface or -1; `late` is how
+// much of it may lie behind a face in which the ray runs, so near that rounding decides.
 static inline real event_location(
-    const Control *control, real3 rate, real side, int3 cell, real3 frac, real3 momentum, real3 force, real h, int *land)
+    const Control *control, real3 rate, real side, int3 cell, real3 frac, real3 momentum, real3 force, real h, int *land,
+    real *late)
 {
-    real best = h;
+    real best = h, first = h;
     *land = -1;
     const real3 along = momentum * rate;
     const real3 bend = force * rate;
@@ -63,7 +65,13 @@ static inline real event_location(
         real outside = s.x;
         const real grazing = R(1.0e-4) * size3(along) * surface_unit(control, k);
         if (rise >= R(0.0) && rise <= grazing && outside >= -slack) {
+            const real bare = rising_root(outside - SLACK_COUNTED * slack, rise, R(0.5) * curve);
+            first = bare > R(0.0) && k < FACE_COUNT ? lesser(first, bare) : first;
             outside -= slack;
+        }
+        if (sizeof(real) == 4 && k < FACE_COUNT &&
+            greater(fabs(outside), fabs(outside + (rise + R(0.5) * curve * best) * best)) <= EVENT_LOCATION_NOISE) {
+            first = R(0.0);
         }
         // Most surfaces are out of reach.
         const real rising = greater(rise, R(0.0)) + greater(R(0.5) * curve, R(0.0)) * best;
@@ -75,6 +83,7 @@ static inline real event_location(
             }
         }
     }
+    *late = greater(best - first, R(0.0));
     return best;
 }
 
@@ -99,6 +108,18 @@ static inline int overshot(
     const real speed = greater(dot(ahead.yzw, velocity), R(0.0));
     const int far = ahead.x > R(2.5) * EVENT_LOCATION_SHARE * speed * h && ahead.x > rounding_of(control, k);
     return far || ahead.x > close * surface_unit(control, k);
+}
+
+// Whether a place is behind a surface, by more than rounding.
+static inline int passed_surface(const Control *control, real side, int3 cell, real3 frac)
+{
+    int is_behind = 0;
+#pragma unroll
+    for (int k = 0; k < SURFACE_COUNT; k++) {
+        const real room = rounding_of(control, k) + R(2.0) * SLACK_CELLS * surface_unit(control, k);
+        is_behind |= oriented(control, k, side, cell, frac).x > room;
+    }
+    return is_behind;
 }
 
 // After a step to surface k: sigma still to go along the parabola, negative to go back, and whether that ends the ray. The

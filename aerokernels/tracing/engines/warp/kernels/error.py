@@ -26,7 +26,7 @@ from .motion import build_contrast
 
 @functools.cache
 def build_step_error(precision: str, geometry: str, interpolation: str, stop: str):
-    """Functions: a step's error, the greatest turn, a direction's lever; its rounding; a ray's error; its landing."""
+    """Functions: a step's error, turn, direction's lever, place's error; its rounding; a ray's error; its landing."""
     t = types(precision)
     real, vec3, vec4, Bounds, Control = t.real, t.vec3, t.vec4, t.Bounds, t.Control
     contrast = build_contrast(precision)
@@ -104,7 +104,9 @@ def build_step_error(precision: str, geometry: str, interpolation: str, stop: st
         off_p_size = wp.length(real(MAGNIFIED) * off_p) / real(MAGNIFIED)
         off_q_size = wp.length(real(MAGNIFIED) * off_q) / real(MAGNIFIED)
         off += off_p_size * (weight * reach + tilt * lever_arm) + ambient * off_q_size * (weight + tilt)
-        return vec3(off, turn, weight * (reach + ambient * h) + obliquity * (lever_arm + ambient * h))
+        lever = weight * (reach + ambient * h) + obliquity * (lever_arm + ambient * h)
+        strays = wp.max(sharp, real(ROUGH)) * (off_q_size + reach * off_p_size / ambient)
+        return vec4(off, turn, lever, strays)
 
     @wp.func
     def step_rounding(
@@ -152,13 +154,20 @@ def build_step_error(precision: str, geometry: str, interpolation: str, stop: st
 
     @wp.func
     def event_location_error(
-        used: real, ambient: real, cell: real, landed: int, grazing: wp.vec2d, obliquity: real, harm: real
+        used: real,
+        ambient: real,
+        cell: real,
+        landed: int,
+        grazing: wp.vec2d,
+        obliquity: real,
+        harm: real,
+        astray: real,
     ):
         """The error of a ray that ended on surface `landed`, with what it lacks of it and at which cosine.
 
         A ray may end at a smaller angle, or on another surface, than the undisturbed one, for which `obliquity` is.
         Where it flies on from the surface, it costs `harm` per metre to be beside it. Its place across the surface is
-        rounded by a share of a `cell` [m], along the ray by that over the cosine.
+        rounded by a share of a `cell` [m] and `astray` by its steps, along the ray by that over the cosine.
         """
         lack = real(wp.min(grazing[0], wp.float64(1.0e30)))
         cosine = real(wp.max(grazing[1], wp.float64(1.0e-15)))
@@ -169,6 +178,8 @@ def build_step_error(precision: str, geometry: str, interpolation: str, stop: st
             return wp.max(used * wp.max(real(1.0) / (cosine * (real(1.0) + obliquity)), real(1.0)), ambient * lack)
         if landed == plane:
             return wp.max(used, ambient * lack)
+        if cosine < real(LEAST_COSINE):
+            rounded += astray / cosine
         return used + harm * (lack + rounded)
 
     return step_error, step_rounding, stop_error, event_location_error

@@ -9,7 +9,7 @@ import functools
 
 import warp as wp
 
-from ....scheme import EVENT_LOCATION_NOISE, EVENT_LOCATION_SHARE, LANDED_ARC, SLACK_CELLS
+from ....scheme import EVENT_LOCATION_NOISE, EVENT_LOCATION_SHARE, LANDED_ARC, SLACK_CELLS, SLACK_COUNTED
 from ..types import types
 from .box import FACE_COUNT, build_surface
 
@@ -62,8 +62,12 @@ def build_event_location(precision: str, geometry: str, stop: str):
     def event_location(
         control: Control, rate: vec3, side: real, cell: wp.vec3i, frac: vec3, momentum: vec3, force: vec3, h: real
     ):
-        """The step that ends where the parabola first meets a surface, no longer than h, and that surface or -1."""
+        """The step, at most h, that ends where the parabola first meets a surface; that surface or -1; the excess.
+
+        The excess is how much of the step may lie behind a face in which the ray runs, so near that rounding decides.
+        """
         best = h
+        first = h
         which = int(-1)
         along = wp.cw_mul(momentum, rate)
         bend = wp.cw_mul(force, rate)
@@ -79,7 +83,14 @@ def build_event_location(precision: str, geometry: str, stop: str):
             outside = s[0]
             grazing = real(1.0e-4) * wp.length(along) * surface_unit(control, k)
             if rise >= real(0.0) and rise <= grazing and outside >= -slack:
+                bare = rising_root(outside - real(SLACK_COUNTED) * slack, rise, real(0.5) * curve)
+                if bare > real(0.0) and k < face_count:
+                    first = wp.min(first, bare)
                 outside -= slack
+            if wp.static(precision == "float32"):
+                there = outside + (rise + real(0.5) * curve * best) * best
+                if k < face_count and wp.max(wp.abs(outside), wp.abs(there)) <= real(event_location_noise):
+                    first = real(0.0)
             # Most surfaces are out of reach.
             rising = wp.max(rise, real(0.0)) + wp.max(real(0.5) * curve, real(0.0)) * best
             if outside + rising * best >= real(0.0):
@@ -87,7 +98,7 @@ def build_event_location(precision: str, geometry: str, stop: str):
                 if root <= best:
                     best = root
                     which = k
-        return best, which
+        return best, which, wp.max(best - first, real(0.0))
 
     @wp.func
     def rounding_of(control: Control, k: int):
@@ -109,6 +120,15 @@ def build_event_location(precision: str, geometry: str, stop: str):
         speed = wp.max(wp.dot(vec3(ahead[1], ahead[2], ahead[3]), velocity), real(0.0))
         far = ahead[0] > real(2.5 * EVENT_LOCATION_SHARE) * speed * h and ahead[0] > rounding_of(control, k)
         return far or ahead[0] > close * surface_unit(control, k)
+
+    @wp.func
+    def passed_surface(control: Control, side: real, cell: wp.vec3i, frac: vec3):
+        """Whether a place is behind a surface, by more than rounding."""
+        is_behind = bool(False)
+        for k in range(surface_count):
+            room = rounding_of(control, k) + real(2.0 * slack_cells) * surface_unit(control, k)
+            is_behind = is_behind or oriented(control, k, side, cell, frac)[0] > room
+        return is_behind
 
     @wp.func
     def surface_intersection(
@@ -138,7 +158,7 @@ def build_event_location(precision: str, geometry: str, stop: str):
         # Outside, and coming back or not moving.
         return real(0.0), bool(h <= real(1.0e-9) * h_cell or now[0] > real(1.0e-3) * unit)
 
-    return event_location, overshot, surface_intersection
+    return event_location, overshot, passed_surface, surface_intersection
 
 
 @functools.cache

@@ -223,6 +223,7 @@ def build_leapfrog_kernel(precision: str, geometry: str, interpolation: str, sto
         turned = none
         normal = wp.vec3d(wp.float64(0.0), wp.float64(0.0), wp.float64(0.0))
         more = wp.float64(0.0)
+        off_tail = real(0.0)  # how far the way from the last sample to the surface is off in direction
         end = p0
         if runs:
             # What is left to the surface, which the ray meets a little beside the undisturbed one.
@@ -253,8 +254,10 @@ def build_leapfrog_kernel(precision: str, geometry: str, interpolation: str, sto
                 inward = normal[0] * wp.float64(pull[0]) + normal[1] * wp.float64(pull[1])
                 inward += normal[2] * wp.float64(pull[2])
                 more = line - wp.float64(0.5) * line * line * wp.float64(slow) * inward / cosine
-                beyond = real(wp.abs(more)) * wp.max(rate)
-                error = wp.max(error, steep * real(more * more / wp.abs(cosine)) * wp.min(beyond, real(1.0)))
+                tail = real(wp.abs(more))
+                cells = wp.max(rate)
+                error = wp.max(error, steep * tail * (tail / real(wp.abs(cosine))) * wp.min(tail * cells, real(1.0)))
+                off_tail = slow * steep * tail * wp.min((tail + real(0.5) * h) * cells, real(1.0))
             climb = wp.float64(0.5) * more * wp.float64(ahead)
             extra = more * wp.float64(slow) * (wp.float64(s) + climb)
             path += extra
@@ -310,13 +313,16 @@ def build_leapfrog_kernel(precision: str, geometry: str, interpolation: str, sto
                 normal = bounds.plane_normal
             else:
                 flight += more
-            obliquity_off = wp.dot(normal, beside + flight * wp.float64(slow) * aside)
+            # A turned ray's error of direction also has a part along d, by which it meets a far stop earlier.
+            swerve = wp.vec3d(wp.float64(turned[0]), wp.float64(turned[1]), wp.float64(turned[2]))
+            astray = beside + flight * wp.float64(slow) * aside
+            off_stop = wp.abs(wp.dot(normal, astray)) + wp.abs(wp.dot(wp.float64(slow) * swerve, astray))
             cosine = wp.max(wp.abs(wp.dot(normal, d0)), wp.float64(STEEPEST_COSINE))
-            error = wp.max(
-                error, control.quadrature_error_scale * real(bounds.ambient * wp.abs(obliquity_off) / cosine)
-            )
+            error = wp.max(error, control.quadrature_error_scale * real(bounds.ambient * off_stop / cosine))
             tangent = wp.sqrt(wp.max(wp.float64(1.0) - cosine * cosine, wp.float64(0.0))) / cosine
-            lever = (chord + flight) * (tangent + wp.float64(wp.sqrt(greatest_deflection)))
+            slant = tangent + wp.float64(wp.sqrt(greatest_deflection))
+            error = wp.max(error, off_tail * real(bounds.ambient * flight * slant))
+            lever = (chord + flight) * slant
             outside = wp.max(chord - wp.float64(length), wp.float64(0.0))
             left = real(outside * (wp.float64(control.left_potential) + lever * wp.float64(control.left_slope)))
             if left > real(LEFT_SHARE) * control.tolerance:

@@ -99,7 +99,7 @@ def build_kernel(
     contrast = build_contrast(precision)
     project_momentum = build_project_momentum(precision)
     step_sums, tangent_sums = build_sums(precision)
-    event_location, overshot, surface_intersection = build_event_location(precision, geometry, stop)
+    event_location, overshot, passed_surface, surface_intersection = build_event_location(precision, geometry, stop)
     arc_event_location, arc_surface_intersection = build_arc_event_location(precision)
     place_of = build_place(precision)
     behind_wall = build_behind_wall(precision, geometry)
@@ -158,6 +158,8 @@ def build_kernel(
         landed = int(-1)
         obliquity_first = real(0.0)
         harm = real(0.0)
+        astray = real(0.0)  # how far beside its place the ray may be
+        doubt = real(0.0)  # what it may gain behind a face
 
         if course.meets and status == ok:
             cell, frac = in_cells(bounds, p0 + course.enter * d0)
@@ -216,7 +218,9 @@ def build_kernel(
                 if wp.static(straight):
                     shown = frac + wp.cw_mul(q, rate)
                 wanted = h
-                h, land = event_location(control, rate, course.side, cell, shown, ambient * d + momentum, force, h)
+                h, land, late = event_location(
+                    control, rate, course.side, cell, shown, ambient * d + momentum, force, h
+                )
                 if wp.static(stop == "arc"):
                     rest = arc_left - (ambient * sums[0] + sums[2])
                     h, land = arc_event_location(rest, ambient + m, total, force, h, land)
@@ -268,11 +272,16 @@ def build_kernel(
                         h_next = wp.max(h * wp.min(ratio, real(0.8)), h_least)
 
                 # Where the force changes along the step, the parabola may miss the surface: come closer first.
-                if accept and land >= 0 and land != landed_arc:
-                    close = real(0.05) * wp.max(wanted * wp.length(wp.cw_mul(total, rate)), real(0.01))
+                if accept and h > h_least:
                     there = shown + wp.cw_mul(h * (ambient * d + momentum) + kick, rate)
-                    swung = wp.cw_mul(ambient * d + momentum + h * force4, rate)
-                    if h > h_least and overshot(control, land, course.side, cell, there, swung, h, close):
+                    missed = bool(False)
+                    if land >= 0 and land != landed_arc:
+                        close = real(0.05) * wp.max(wanted * wp.length(wp.cw_mul(total, rate)), real(0.01))
+                        swung = wp.cw_mul(ambient * d + momentum + h * force4, rate)
+                        missed = overshot(control, land, course.side, cell, there, swung, h, close)
+                    else:
+                        missed = passed_surface(control, course.side, cell, there)
+                    if missed:
                         accept = bool(False)
                         h_cap = real(0.5) * h
 
@@ -291,6 +300,8 @@ def build_kernel(
                     h_cap = control.extent / ambient
                     steps += 1
                     used += off
+                    doubt += wp.abs(pot) * late
+                    astray += judged[3]
                     greatest_deflection = turn_now
                     # Where the ray has turned, the obliquity is another one, and the turn counts instead.
                     obliquity_left = obliquity * wp.max(
@@ -383,7 +394,15 @@ def build_kernel(
 
             if wp.static(controlled):
                 used = stop_error(
-                    used, bounds, d0, ambient, momentum, first_momentum, greatest_deflection, obliquity, lever_arm
+                    used + doubt,
+                    bounds,
+                    d0,
+                    ambient,
+                    momentum,
+                    first_momentum,
+                    greatest_deflection,
+                    obliquity,
+                    lever_arm,
                 )
                 obliquity_first = obliquity
                 harm = (wp.abs(pot) + wp.length(force) * (obliquity + greatest_deflection) * lever_arm) / ambient
@@ -394,7 +413,7 @@ def build_kernel(
         if wp.static(controlled):
             if final == ok and landed >= 0:
                 cell_size = real(1.0) / wp.max(control.cell_rate)
-                used = event_location_error(used, ambient, cell_size, landed, grazing, obliquity_first, harm)
+                used = event_location_error(used, ambient, cell_size, landed, grazing, obliquity_first, harm, astray)
             if final == ok and not (used <= control.tolerance):
                 final = int(rejected)  # to be traced again, see retrace.py
         if (control.outputs & wp.static(OUTPUT_BITS["position"])) != 0:
