@@ -159,6 +159,9 @@ __kernel void leapfrog(
             if (HAS_BODY && !stays_clear(&field, &arrays, p, d, wholes[lane].x, wholes[lane].y, chord * angle)) {
                 spoilt[lane] = 1;
             }
+            if (may_have_left(&bounds, p + course.far * d, d, (double)REAL_AT(length, lane), (double)angle)) {
+                spoilt[lane] = 1;
+            }
             if (spoilt[lane] || !(angle <= LEAPFROG_ANGLE) || !isfinite(path) || !isfinite(off_course) ||
                 fabs(cosine) <= LEAST_COSINE ||
                 (STOP == PLANE && fabs(dot(VECTOR64(bounds.plane_normal), heading)) <= LEAST_COSINE)) {

@@ -177,7 +177,10 @@ __kernel void trace_kernel(
                 h_cap = control.extent / ambient;
                 steps++;
                 used += off;
-                doubt += fabs(pot) * late;
+                if (late > R(0.0)) {
+                    const real steep = greater(size3(force), size3(FORCE(s3)));
+                    doubt += late * (greater(fabs(pot), fabs(s3.x)) + steep * (obliquity + turn_now) * lever_arm);
+                }
                 astray += strays;
                 greatest_deflection = turn_now;
                 // Where the ray has turned, the obliquity is another one, and the turn counts instead.

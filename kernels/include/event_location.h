@@ -66,7 +66,7 @@ static inline real event_location(
         const real grazing = R(1.0e-4) * size3(along) * surface_unit(control, k);
         if (rise >= R(0.0) && rise <= grazing && outside >= -slack) {
             const real bare = rising_root(outside - SLACK_COUNTED * slack, rise, R(0.5) * curve);
-            first = bare > R(0.0) && k < FACE_COUNT ? lesser(first, bare) : first;
+            first = k < FACE_COUNT ? lesser(first, bare) : first;
             outside -= slack;
         }
         if (sizeof(real) == 4 && k < FACE_COUNT &&

@@ -25,6 +25,22 @@ static inline double overrun(const Bounds *bounds, const Control *control, int l
     return way;
 }
 
+// Whether a ray that runs along a face, and ends its way of length `way` on a straight line at p, may have left the box by
+// that face and come back: `angle` is the greatest by which it is turned.
+static inline int may_have_left(const Bounds *bounds, double3 p, double3 d, double way, double angle)
+{
+    int may = 0;
+    for (int k = 0; k < FACE_COUNT; k++) {
+        if (GEOMETRY == AXISYMMETRIC && k == 2 && dot(p.xy, p.xy) <= 0.25 * bounds->radius * bounds->radius) {
+            continue;
+        }
+        double3 normal;
+        const double beyond = surface_distance(bounds, k, p, &normal);
+        may |= fabs(dot(normal, d)) <= angle && beyond > -way * angle;
+    }
+    return may;
+}
+
 // Leaves of a ray's way through the box the part in which the air is not uniform; whether it ends in uniform air.
 static inline int keep_support(const Bounds *bounds, double3 p, double3 d, Course *course)
 {

@@ -84,7 +84,7 @@ def build_event_location(precision: str, geometry: str, stop: str):
             grazing = real(1.0e-4) * wp.length(along) * surface_unit(control, k)
             if rise >= real(0.0) and rise <= grazing and outside >= -slack:
                 bare = rising_root(outside - real(SLACK_COUNTED) * slack, rise, real(0.5) * curve)
-                if bare > real(0.0) and k < face_count:
+                if k < face_count:
                     first = wp.min(first, bare)
                 outside -= slack
             if wp.static(precision == "float32"):

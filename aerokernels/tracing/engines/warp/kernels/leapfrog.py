@@ -38,7 +38,14 @@ from ..types import types
 from .box import build_surface_distance
 from .ends import build_end, build_last_surface, build_start
 from .grid import build_sample
-from .support import build_exit, build_keep_support, build_leaves_support, build_line_to, build_overrun
+from .support import (
+    build_exit,
+    build_keep_support,
+    build_leaves_support,
+    build_line_to,
+    build_may_have_left,
+    build_overrun,
+)
 from .unresolved import build_unresolved, build_with_lever
 from .wall import build_stays_clear
 
@@ -68,6 +75,7 @@ def build_leapfrog_kernel(precision: str, geometry: str, interpolation: str, sto
     surface_distance = build_surface_distance(precision, geometry)
     surface_of = build_last_surface(precision, geometry, stop)
     overrun = build_overrun(precision, geometry)
+    may_have_left = build_may_have_left(precision, geometry)
     keep_support = build_keep_support(precision, geometry)
     unresolved = build_unresolved(precision, geometry)
     with_lever = build_with_lever(precision)
@@ -269,6 +277,8 @@ def build_leapfrog_kernel(precision: str, geometry: str, interpolation: str, sto
             beside = wp.vec3d(wp.float64(q[0]), wp.float64(q[1]), wp.float64(q[2]))
             end = p0 + (course.enter + far) * d0 + beside
             fit = bool(wp.sqrt(greatest_deflection) / ambient <= real(LEAPFROG_ANGLE))
+            angle = wp.float64(wp.sqrt(greatest_deflection) / ambient)
+            fit = fit and not may_have_left(bounds, p0 + course.far * d0, d0, wp.float64(length), angle)
             fit = fit and wp.isfinite(path) and wp.isfinite(error) and wp.abs(cosine) > wp.float64(LEAST_COSINE)
             if wp.static(stop == "plane"):
                 fit = fit and wp.abs(wp.dot(bounds.plane_normal, heading)) > wp.float64(LEAST_COSINE)

@@ -40,6 +40,33 @@ def build_overrun(precision: str, geometry: str):
 
 
 @functools.cache
+def build_may_have_left(precision: str, geometry: str):
+    """A function: whether a ray along a face, which is turned by `angle` at most, may have left the box and come back.
+
+    Undisturbed, it ends its way of length `way` at p.
+    """
+    Bounds = types(precision).Bounds
+    surface_distance = build_surface_distance(precision, geometry)
+    faces = wp.constant(FACE_COUNT[geometry])
+
+    @wp.func
+    def may_have_left(bounds: Bounds, p: wp.vec3d, d: wp.vec3d, way: wp.float64, angle: wp.float64):
+        may = bool(False)
+        for k in range(faces):
+            is_far = bool(False)
+            if wp.static(geometry == "axisymmetric"):
+                if k == 2:
+                    is_far = p[0] * p[0] + p[1] * p[1] <= wp.float64(0.25) * bounds.radius * bounds.radius
+            if not is_far:
+                beyond = surface_distance(bounds, k, p)
+                slope = wp.abs(wp.dot(wp.vec3d(beyond[1], beyond[2], beyond[3]), d))
+                may = may or (slope <= angle and beyond[0] > -way * angle)
+        return may
+
+    return may_have_left
+
+
+@functools.cache
 def build_keep_support(precision: str, geometry: str):
     """A function (bounds, position, direction, enter, far) -> the same of the part in which the air is not uniform.
 

@@ -300,7 +300,10 @@ def build_kernel(
                     h_cap = control.extent / ambient
                     steps += 1
                     used += off
-                    doubt += wp.abs(pot) * late
+                    if late > real(0.0):
+                        steep = wp.max(wp.length(force), wp.length(force3))
+                        aslant = steep * (obliquity + turn_now) * lever_arm
+                        doubt += late * (wp.max(wp.abs(pot), wp.abs(s3[0])) + aslant)
                     astray += judged[3]
                     greatest_deflection = turn_now
                     # Where the ray has turned, the obliquity is another one, and the turn counts instead.
