@@ -10,8 +10,8 @@ import pytest
 
 from aerokernels.tracing.engines.info import cuda_driver_loads
 
-# What the parser of the command line brings along.
-COMMAND_LINE = {"typer", "rich", "shellingham", "annotated_doc", "markdown_it", "mdurl", "pygments", "click"}
+# What the parser of the command line brings along (rich imports attrs where that is installed).
+COMMAND_LINE = {"typer", "rich", "shellingham", "annotated_doc", "markdown_it", "mdurl", "pygments", "click", "attr", "attrs"}
 PARSED = COMMAND_LINE | {"typing_extensions", "pydantic", "pydantic_core", "annotated_types", "typing_inspection"}
 # Packages, and parts of packages, that take a tenth of a second and more.
 SLOW = ("warp", "pyopencl", "matplotlib", "pandas", "xarray", "h5py", "scipy.stats", "scipy.signal", "scipy.optimize")

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from aerokernels.hardware.patient_file import PatientFile
+from aerokernels.hardware.retrying_file import RetryingFile
 from aerokernels.hardware.store import EchoStore, StoredEcho
 from aerokernels.hardware.transaction import StoreError
 
@@ -128,7 +128,7 @@ def _write_netcdf(store: EchoStore, draft: Path, extent: _Extent, label: Mapping
 
     text = h5py.string_dtype()
     label_names = _label_names(extent.keys)
-    with PatientFile(draft) as disk, h5netcdf.File(disk, "w") as file:
+    with RetryingFile(draft) as disk, h5netcdf.File(disk, "w") as file:
         file.dimensions = {"echo": extent.count, "sample": extent.sample_count}
         file.attrs["title"] = "recorded echoes"
         file.attrs["source"] = f"aerokernels, store {store.path.name}"

@@ -233,8 +233,8 @@ def test_the_work_around_is_told_and_one_variable_turns_it_off(monkeypatch):
     device, record = unknown_device(kept)
     options = opencl_pocl.name_processor(device)
     assert options == ("-DPROCESSOR_haswell",) and ctypes.string_at(record[80]) == b"haswell"
-    told = opencl_pocl.workaround(device, options)
-    assert "'haswell'" in told and "AEROKERNELS_POCL_CPU=off" in told and "\n" not in told
+    reported = opencl_pocl.workaround(device, options)
+    assert "'haswell'" in reported and "AEROKERNELS_POCL_CPU=off" in reported and "\n" not in reported
     monkeypatch.setenv("AEROKERNELS_POCL_CPU", "off")
     device, record = unknown_device(kept)
     options = opencl_pocl.name_processor(device)
@@ -246,10 +246,10 @@ def test_the_work_around_is_told_and_one_variable_turns_it_off(monkeypatch):
 
 def test_backends_shows_a_work_around(monkeypatch, capsys):
     """One line for the device that it is for, none where there is none."""
-    told = BackendInfo("opencl", "Some CPU", "", "1", True, True, None, "", workaround="PoCL is told something")
+    reported = BackendInfo("opencl", "Some CPU", "", "1", True, True, None, "", workaround="PoCL is told something")
     for found, lines in (
-        ([told], ["work-around on Some CPU: PoCL is told something"]),
-        ([replace(told, workaround="")], []),
+        ([reported], ["work-around on Some CPU: PoCL is told something"]),
+        ([replace(reported, workaround="")], []),
     ):
         monkeypatch.setattr(tracing, "available_backends", lambda found=found: found)
         backends()
