@@ -11,10 +11,11 @@ import pytest
 from aerokernels.benchmark import SCHEMA, SUITES, Settings, find_targets, run_bench
 from aerokernels.benchmark import ceiling as ceiling_module
 from aerokernels.benchmark.errors import UNDISTURBED, chosen_rays, errors
-from aerokernels.benchmark.measuring import clean, spread
+from aerokernels.benchmark.measuring import spread
 from aerokernels.benchmark.peers import peer_runs
 from aerokernels.benchmark.scenes import WAVELENGTH, strehl_scene
 from aerokernels.benchmark.suites import fan_strehl
+from aerokernels.jobs.store import to_json
 from aerokernels.tracing import trace
 from aerokernels.tracing.engines.choice import choose_backend
 from aerokernels.validation.cone import CONE_AMBIENT, CONE_HALF, cone_contrast, cone_field, cone_rays, cone_truth
@@ -223,10 +224,10 @@ def test_a_share_that_is_not_known_has_a_reason():
     assert "tables" in ceiling_module.share(None, "float32", 1.0, half)["reason"]
 
 
-def test_spread_and_clean():
+def test_spread_and_what_json_holds():
     assert spread([3.0, 1.0, 2.0]) == {"median": 2.0, "standard_error": pytest.approx(1.0 / math.sqrt(3.0))}
     assert spread([3.0]) == {"median": 3.0, "standard_error": None}
-    assert clean({"a": [np.float64("nan"), np.int32(2)], "b": (math.inf, np.bool_(True))}) == {
+    assert to_json({"a": [np.float64("nan"), np.int32(2)], "b": (math.inf, np.bool_(True))}) == {
         "a": [None, 2],
         "b": [None, True],
     }

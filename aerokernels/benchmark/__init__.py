@@ -32,9 +32,10 @@ def run_bench(settings: Settings, report: Callable[[str], None] = lambda line: N
         ValueError: A backend or device that is not here, before anything is measured.
     """
     from aerokernels.benchmark.ceiling import measure_ceiling
-    from aerokernels.benchmark.measuring import clean, machine
+    from aerokernels.benchmark.measuring import machine
     from aerokernels.benchmark.peers import peer_runs
     from aerokernels.benchmark.suites import RUNS
+    from aerokernels.jobs.store import to_json
 
     targets = find_targets(settings)
     begun = datetime.now(UTC).isoformat(timespec="seconds")
@@ -53,6 +54,6 @@ def run_bench(settings: Settings, report: Callable[[str], None] = lambda line: N
         for peer in peer_runs(settings):
             report(f"  peer {peer['peer']}: {peer['scheme'] if peer['available'] else peer['reason']}")
             peers.append(peer)
-    return clean(
+    return to_json(
         {"schema": SCHEMA, "begun": begun, "machine": machine(), "ceilings": ceilings, "runs": runs, "peers": peers}
     )

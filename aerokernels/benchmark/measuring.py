@@ -1,6 +1,5 @@
 """Clocks, their spread, the machine, and numbers that JSON can hold."""
 
-import math
 import os
 import platform
 import time
@@ -60,26 +59,6 @@ def rate(count: float, seconds: Sequence[float]) -> dict | None:
     return spread([count / value for value in seconds]) if all(value > 0.0 for value in seconds) else None
 
 
-def clean(value: Any) -> Any:
-    """The value as JSON holds it: NumPy's numbers as Python's, numbers that are not finite as None."""
-    if isinstance(value, dict):
-        return {str(key): clean(entry) for key, entry in value.items()}
-    if isinstance(value, (list, tuple)):
-        return [clean(entry) for entry in value]
-    if isinstance(value, np.ndarray):
-        return clean(value.tolist())
-    if isinstance(value, np.generic):
-        return clean(value.item())
-    if isinstance(value, float) and not math.isfinite(value):
-        return None
-    return value
-
-
-def core_count() -> int:
-    """Cores that this process may use."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else (os.cpu_count() or 1)
-
-
 def installed(package: str) -> str | None:
     """Version of an installed distribution, None where it is absent."""
     try:
@@ -91,10 +70,11 @@ def installed(package: str) -> str | None:
 def machine() -> dict:
     """What was measured on."""
     from aerokernels.tracing import available_backends
+    from aerokernels.tracing.engines.info import thread_count
 
     return {
         "cpu": _cpu_model(),
-        "cores": core_count(),
+        "cores": thread_count(),
         "load_average": list(os.getloadavg()) if hasattr(os, "getloadavg") else None,
         "system": platform.platform(),
         "python": platform.python_version(),

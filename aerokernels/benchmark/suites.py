@@ -10,7 +10,7 @@ import numpy as np
 
 from aerokernels.benchmark.ceiling import share
 from aerokernels.benchmark.errors import UNDISTURBED, chosen_rays, errors
-from aerokernels.benchmark.measuring import Timing, core_count, measure, rate, spread
+from aerokernels.benchmark.measuring import Timing, measure, rate, spread
 from aerokernels.benchmark.scenes import WAVELENGTH, PupilScene, strehl_scene
 from aerokernels.benchmark.targets import Settings, on_processor
 from aerokernels.flow import shipped, shipped_names
@@ -20,6 +20,7 @@ from aerokernels.strehl import StrehlEstimate, strehl
 from aerokernels.strehl_estimate import estimate_strehl
 from aerokernels.tracing import Plane, trace
 from aerokernels.tracing.engines.choice import choose_backend
+from aerokernels.tracing.engines.info import thread_count
 from aerokernels.validation.cone import cone_field, cone_rays, cone_truth
 
 OUTPUTS = ("direction", "optical_path")
@@ -190,7 +191,7 @@ def _clocks(timing: Timing, ray_count: int, on_cpu: bool) -> dict:
         "wall_seconds": spread(timing.wall_seconds),
         "cpu_seconds": spread(timing.cpu_seconds),
         "kernel_rays_per_second": rate(ray_count, kernel),
-        "kernel_rays_per_core_second": rate(ray_count / core_count(), kernel) if on_cpu else None,
+        "kernel_rays_per_core_second": rate(ray_count / thread_count(), kernel) if on_cpu else None,
         "rays_per_second": rate(ray_count, timing.wall_seconds),
         "rays_per_cpu_second": rate(ray_count, timing.cpu_seconds),
     }

@@ -15,7 +15,7 @@ from aerokernels.hardware.retrying_file import RetryingFile
 from aerokernels.hardware.store import EchoStore, StoredEcho
 from aerokernels.hardware.transaction import StoreError
 
-_BLOCK = 1024  # echoes written at a time
+ECHOES_AT_ONCE = 1024  # echoes written at a time
 
 
 @dataclass(frozen=True)
@@ -150,8 +150,8 @@ def _write_netcdf(store: EchoStore, draft: Path, extent: _Extent, label: Mapping
         }
         volts = _variable(
             file, "voltage", ("echo", "sample"), "f4", "V", "echo; NaN beyond its own samples",
-            chunks=(min(extent.count, _BLOCK), max(extent.sample_count, 1)), compression="gzip", compression_opts=1,
-            shuffle=True, fillvalue=np.float32("nan"),
+            chunks=(min(extent.count, ECHOES_AT_ONCE), max(extent.sample_count, 1)), compression="gzip",
+            compression_opts=1, shuffle=True, fillvalue=np.float32("nan"),
         )  # fmt: skip
         coordinates = ["sequence", "host_time", *label_names.values()]
         if extent.time is not None:
@@ -215,7 +215,7 @@ def _label_names(keys: tuple[str, ...]) -> dict[str, str]:
 
 
 def _blocks(echoes: Iterator[StoredEcho]) -> Iterator[list[StoredEcho]]:
-    while block := list(itertools.islice(echoes, _BLOCK)):
+    while block := list(itertools.islice(echoes, ECHOES_AT_ONCE)):
         yield block
 
 

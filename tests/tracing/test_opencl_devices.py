@@ -68,7 +68,7 @@ def several(monkeypatch) -> list[FoundDevice]:
         reason = "" if available else f"float64 is missing on {name}"
         return FoundDevice(replace(blank, device=name, available=available, reason=reason), None, kind, units)
 
-    devices = opencl_devices._with_unique_names(
+    devices = opencl_devices.with_unique_names(
         [
             device("Large GPU", "gpu", 100),
             device("Small GPU", "gpu", 10),
@@ -202,7 +202,7 @@ def test_a_real_device_without_float64_is_listed_and_refused(tmp_path):
 def test_a_processor_that_pocl_does_not_know_is_named_for_it(tmp_path):
     """Left alone, this PoCL builds nothing, and that is said; named, it is what the other tests run on."""
     found = need_opencl()
-    if not opencl_pocl._is_unknown(found.device):
+    if not opencl_pocl.workaround(found.device, found.options):
         pytest.skip("this PoCL knows this processor, or is no PoCL 3.0")
     assert found.options == ("-DPROCESSOR_" + opencl_pocl.processor_name().replace("-", "_"),)
     assert opencl_pocl.name_processor(found.device) == found.options
