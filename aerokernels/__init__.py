@@ -22,7 +22,7 @@ _HOME = {
     "QuadMesh": "medium",
     "RayBundle": "rays",
     "RayStatus": "tracing",
-    "RunResult": "study.run",
+    "RunResult": "jobs.run",
     "Scene": "scene",
     "StrehlEstimate": "strehl",
     "TraceResult": "tracing",
@@ -39,7 +39,7 @@ _HOME = {
     "range_statistics": "echo",
     "schlieren": "",
     "shadowgraph": "schlieren",
-    "simulate": "study.run",
+    "simulate": "jobs.run",
     "strehl": "",
     "strehl_marechal": "strehl",
     "trace": "tracing",
@@ -104,13 +104,13 @@ if TYPE_CHECKING:
     from .compare import compare_waveforms
     from .echo import EchoResult, echo, estimate_range, plane_target_echo, range_statistics
     from .flow import DensityField
+    from .jobs.run import RunResult, simulate
     from .medium import Body, IndexField, QuadMesh
     from .rays import Disc, RayBundle
     from .scene import Scene
     from .schlieren import interferogram, schlieren, shadowgraph
     from .strehl import StrehlEstimate, strehl, strehl_marechal
     from .strehl_estimate import estimate_strehl, prepare_strehl
-    from .study.run import RunResult, simulate
     from .tracing import ArcLength, BackendInfo, Plane, RayStatus, TraceResult, available_backends
     from .tracing.trace import trace
     from .wavefront import point_spread_function

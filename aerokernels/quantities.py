@@ -58,15 +58,15 @@ class Quantity:
         if math.isnan(self.value):
             return "none"
         sign = "+" if signed and self.value else ""
-        plain = f"{self.value:{sign}.{PLAIN_DIGITS}g}{unit}"
+        text = f"{self.value:{sign}.{PLAIN_DIGITS}g}{unit}"
         if self.error is None:
-            return plain
+            return text
         if math.isnan(self.error):
-            return f"{plain}, error not known"
+            return f"{text}, error not known"
         if math.isinf(self.error) or math.isinf(self.value):
-            return f"{plain}, error without bound"
+            return f"{text}, error without bound"
         if self.error == 0.0:
-            return f"{plain}, error below rounding"
+            return f"{text}, error below rounding"
         return _joined(self.value, self.error, sign, self.unit)
 
     def __str__(self) -> str:

@@ -7,9 +7,9 @@ that what else the machine does hits both alike. Compilation, upload and downloa
 import argparse
 
 import numpy as np
-from tables import markdown_table
 
 from aerokernels import IndexField, Plane, QuadMesh, RayBundle, trace
+from aerokernels.validation.report import markdown_table
 
 AMBIENT = 1.00027
 CELL = 1e-4

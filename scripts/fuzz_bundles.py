@@ -1,6 +1,6 @@
 """Random bundles through random fields against the reference: what fails, by kind, and the worst with their seeds.
 
-The cases and what is held are those of tests/tracing/bundle_draws.py. A case is repeated by `--only SEED`.
+The cases and what is held are those of aerokernels/validation/bundle_draws.py. A case is repeated by `--only SEED`.
 """
 
 import argparse
@@ -8,11 +8,9 @@ import collections
 import sys
 import time
 import traceback
-from pathlib import Path
 
-sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
-
-from tests.tracing.bundle_draws import check, draw
+from aerokernels.validation.bundle_check import check
+from aerokernels.validation.bundle_draws import draw
 
 
 def parse(arguments=None) -> argparse.Namespace:

@@ -82,7 +82,7 @@ def traced(field: IndexField, bundle: RayBundle, **options) -> dict[str, np.ndar
     return {"status": result.status, **{name: getattr(result, name) for name in TRACED}}
 
 
-def plain_cases() -> Iterator[Case]:
+def method_cases() -> Iterator[Case]:
     """Each geometry, interpolation and method; stop, precision and engine take turns."""
     fields = [(g, i, lambda g=g, i=i: grid_field(g, i)) for g, i in product(GRIDS, ("cubic", "linear", "monotone"))]
     meshes = product(("planar", "axisymmetric"), ("bilinear", "idw"))
@@ -164,7 +164,7 @@ def scene_cases() -> Iterator[Case]:
 
 def all_cases() -> Iterator[Case]:
     """Every case, by name."""
-    yield from plain_cases()
+    yield from method_cases()
     yield from bundle_cases()
     yield from pupil_cases()
     yield from scene_cases()

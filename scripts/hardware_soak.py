@@ -10,10 +10,9 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 
-import hardware_soak_faults as faults
-import hardware_soak_load as load
-from hardware_soak_line import Outcome
-from tables import markdown_table
+from aerokernels.validation.recording import faults, load
+from aerokernels.validation.recording.line import Outcome
+from aerokernels.validation.report import markdown_table
 
 PARTS: dict[str, tuple[Callable[[Path, float], Outcome], float, float]] = {
     # name: what runs it, its size in full and in quick runs

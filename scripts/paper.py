@@ -7,34 +7,18 @@ docs/paper.md, between its markers. Nothing is tuned: the scenes are those that 
 import argparse
 from pathlib import Path
 
-import figure1
 import numpy as np
-import paper_figures
-import paper_tables
-from paper_cases import MACH, run_cases, shadow
-from tables import write_csv
+
+from aerokernels.validation.paper import figure1, figures, tables
+from aerokernels.validation.paper.cases import run_cases, shadow
+from aerokernels.validation.paper.printed import MACH
+from aerokernels.validation.report import filled, write_csv
 
 ROOT = Path(__file__).resolve().parents[1]
 PAGE = ROOT / "docs" / "paper.md"
 TABLES = ("figure1", "table2", "figure5", "table3", "table4", "table5", "table6", "walk", "ranges")
 # One setting of the bench for all of Figure 5: what the strongest flow, Mach 2, nearly saturates [1/rad].
 SENSITIVITY = 400.0
-
-
-def filled(page: str, tables: dict[str, paper_tables.Table]) -> str:
-    """The page with every table between its markers `<!-- name:begin -->` and `<!-- name:end -->`.
-
-    Raises:
-        ValueError: A table without its markers.
-    """
-    for name, table in tables.items():
-        begin, end = f"<!-- {name}:begin -->", f"<!-- {name}:end -->"
-        head, found, rest = page.partition(begin)
-        _, closed, tail = rest.partition(end)
-        if not (found and closed):
-            raise ValueError(f"no lines {begin} and {end} to put the table between: add them, or drop --page")
-        page = f"{head}{begin}\n{table.markdown}{end}{tail}"
-    return page
 
 
 def write_waveforms(cases: dict, path: Path) -> None:
@@ -65,7 +49,7 @@ def main() -> None:
 
     try:
         if options.page:  # before the work, not after it
-            filled(PAGE.read_text(encoding="utf-8"), dict.fromkeys(TABLES, paper_tables.Table("", [])))
+            filled(PAGE, dict.fromkeys(TABLES, ""))
         say("figure 1")
         height = np.array([0.5e-3, *(h for h in figure1.HEIGHTS if h != 0.5e-3)])
         z = np.linspace(0.0, figure1.LENGTH, planes + 1)[1:]
@@ -77,31 +61,31 @@ def main() -> None:
             thin[mach] = shadow(mach, pixels, spacing, sensitivity=SENSITIVITY)
             tuned[mach] = shadow(mach, pixels, spacing)
             dense[mach] = shadow(mach, pixels, spacing, density=1.225)
-        tables = {
-            "figure1": paper_tables.table_figure1(outcomes),
-            "table2": paper_tables.table_2(),
-            "figure5": paper_tables.table_shadows(thin),
-            "table3": paper_tables.table_3(cases),
-            "table4": paper_tables.table_4(cases),
-            "table5": paper_tables.table_5(),
-            "table6": paper_tables.table_6(cases),
-            "walk": paper_tables.table_walk(),
-            "ranges": paper_tables.table_ranges(cases),
+        made = {
+            "figure1": tables.table_figure1(outcomes),
+            "table2": tables.table_2(),
+            "figure5": tables.table_shadows(thin),
+            "table3": tables.table_3(cases),
+            "table4": tables.table_4(cases),
+            "table5": tables.table_5(),
+            "table6": tables.table_6(cases),
+            "walk": tables.table_walk(),
+            "ranges": tables.table_ranges(cases),
         }
-        page = filled(PAGE.read_text(encoding="utf-8"), tables) if options.page else None
+        page = filled(PAGE, {name: table.markdown for name, table in made.items()}) if options.page else None
     except (OSError, ValueError) as fault:
         parser.error(str(fault))
 
     out = options.out
     out.mkdir(parents=True, exist_ok=True)
     figure1.draw(outcomes, height, z, out / "figure1.png")
-    paper_figures.draw_figure5(thin, out / "figure5.png")
-    paper_figures.draw_figure6(dense, tuned, out / "figure6.png")
-    paper_figures.draw_figure7(cases, out / "figure7.png")
-    paper_figures.draw_figure8(cases, out / "figure8.png")
-    write_csv(out / "paper.csv", paper_tables.HEADING, [row for table in tables.values() for row in table.rows])
+    figures.draw_figure5(thin, out / "figure5.png")
+    figures.draw_figure6(dense, tuned, out / "figure6.png")
+    figures.draw_figure7(cases, out / "figure7.png")
+    figures.draw_figure8(cases, out / "figure8.png")
+    write_csv(out / "paper.csv", tables.HEADING, [row for table in made.values() for row in table.rows])
     write_waveforms(cases, out / "waveforms.csv")
-    text = "\n".join(f"## {name}\n\n{table.markdown}" for name, table in tables.items())
+    text = "\n".join(f"## {name}\n\n{table.markdown}" for name, table in made.items())
     (out / "tables.md").write_text(text, encoding="utf-8")
     if page is not None:
         PAGE.write_text(page, encoding="utf-8")

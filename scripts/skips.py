@@ -12,12 +12,12 @@ from functools import partial
 from importlib import import_module
 
 import numpy as np
-from tables import markdown_table
 
 from aerokernels import Plane, RayBundle, estimate_strehl, flow, trace
+from aerokernels.jobs.views import forward_pupil
 from aerokernels.prepare import prepare_field
 from aerokernels.scene import Scene
-from aerokernels.study.views import forward_pupil
+from aerokernels.validation.report import markdown_table
 
 HEADING = ["skip", "without", "with", "without [s]", "with [s]", "ratio", "change of the result"]
 

@@ -1,148 +1,14 @@
-"""Every shipped scene against Mach number, in the tunnel's thin air and at sea level, beside the paper's Table 3.
-
-The paper gives test peaks (Table 3) and their relative errors against its simulation (Table 4); the peaks that its
-simulation must have had follow from both: test / (1 + error). The scale of the voltage is set on its peak without flow,
-and nothing else is.
-"""
+"""Every shipped scene against Mach number; see aerokernels/validation/paper/mach_sweep.py."""
 
 import argparse
-from dataclasses import dataclass
 from pathlib import Path
 
-import numpy as np
-from tables import STYLE, markdown_table, write_csv
-
-from aerokernels import Scene
-from aerokernels.study.run import simulate
+from aerokernels.validation.paper.mach_sweep import SCENES, draw, run_scene, table
+from aerokernels.validation.paper.printed import SIMULATED, TABLE_3
+from aerokernels.validation.report import filled, write_csv
 
 ROOT = Path(__file__).resolve().parents[1]
-BEGIN, END = "<!-- sweep_mach:begin -->", "<!-- sweep_mach:end -->"
-TEST_PEAK = {0: 2.019, 2: 1.878, 3: 1.809, 4: 1.738}  # Table 3 [V]
-SIMULATED_PEAK = {0: 1.994, 2: 1.731, 3: 1.589, 4: 1.465}  # Tables 3 and 4 [V]
-SCENES = ["wind-tunnel-static", *(f"{air}-mach{mach}" for air in ("wind-tunnel", "sea-level") for mach in (2, 3, 4))]
-LOOK = {"wind-tunnel": ("#0b6e99", "tunnel density"), "sea-level": ("#c2410c", "sea-level density")}
-
-
-@dataclass(frozen=True)
-class Point:
-    """One scene's numbers, SI."""
-
-    scene: str
-    mach: int
-    density: float
-    true_range: float
-    strehl: float
-    marechal: float
-    opd_rms: float
-    boresight: float
-    peak: float
-    leading_edge: float
-    constant_fraction: float
-
-
-def run_scene(name: str, ray_count: int | None) -> Point:
-    """Simulate one scene."""
-    scene = Scene.load(name, None if ray_count is None else {"strehl.ray_count": ray_count})
-    result = simulate(scene)
-    summary = result.summary
-    return Point(
-        scene=name,
-        mach=round(summary["mach"]),
-        density=summary["ambient_density_kg_m3"],
-        true_range=summary["true_range_m"],
-        strehl=summary["strehl"],
-        marechal=summary["strehl_marechal"],
-        opd_rms=summary["opd_rms_m"],
-        boresight=float(np.hypot(*result.strehl.boresight)),
-        peak=summary["echo_peak_v"],
-        leading_edge=summary["ranges_m"].get("leading-edge", np.nan),
-        constant_fraction=summary["ranges_m"].get("constant-fraction", np.nan),
-    )
-
-
-def read_range(distance: float) -> str:
-    """A range [m] for the table; "none" where the echo could not be ranged."""
-    return f"{distance:.4f}" if np.isfinite(distance) else "none"
-
-
-def table(points: list[Point]) -> str:
-    """The table of the docs and the README."""
-    heading = ["scene", "Strehl ratio", "Maréchal", "OPD rms [nm]", "boresight [µrad]", "peak [V]", "paper, test [V]"]
-    heading += ["paper, simulated [V]", "range, leading edge [m]", "range, constant fraction [m]"]
-    rows = [
-        [
-            point.scene,
-            f"{point.strehl:.4f}",
-            f"{point.marechal:.4f}",
-            f"{1e9 * point.opd_rms:.1f}",
-            # Both flow and pupil are symmetric about the axis: what is left is the sampling's.
-            f"{1e6 * point.boresight:.3f}" if point.boresight >= 1e-9 else "< 0.001",
-            f"{point.peak:.3f}",
-            f"{TEST_PEAK[point.mach]:.3f}",
-            f"{SIMULATED_PEAK[point.mach]:.3f}",
-            read_range(point.leading_edge),
-            read_range(point.constant_fraction),
-        ]
-        for point in points
-    ]
-    return markdown_table(heading, rows)
-
-
-def draw(points: list[Point], path: Path) -> None:
-    """Strehl ratio, peak voltage and range error against Mach number."""
-    from matplotlib import rc_context
-    from matplotlib.figure import Figure
-
-    with rc_context(STYLE):
-        figure = Figure(figsize=(12.0, 4.6), layout="constrained", dpi=130)
-        strehl, peak, ranges = figure.subplots(1, 3)
-        static = points[0]
-        for air, (colour, words) in LOOK.items():
-            series = [static, *(point for point in points[1:] if point.scene.startswith(air))]
-            mach = [point.mach for point in series]
-            line = {"color": colour, "marker": "o", "markersize": 5, "linewidth": 1.8}
-            hollow = {**line, "linestyle": "--", "markerfacecolor": "white"}
-            strehl.plot(mach, [point.strehl for point in series], label=words, **line)
-            peak.plot(mach, [point.peak for point in series], label=f"ours, {words}", **line)
-            for rows, kind, look in (
-                ([1e3 * (point.leading_edge - point.true_range) for point in series], "leading edge", line),
-                ([1e3 * (point.constant_fraction - point.true_range) for point in series], "constant fraction", hollow),
-            ):
-                ranges.plot(mach, rows, label=f"{kind}, {words}", **look)
-        for values, words, marker, colour in (
-            (TEST_PEAK, "paper, measured (Table 3)", "s", "#1f2933"),
-            (SIMULATED_PEAK, "paper, its simulation (from Table 4)", "^", "#8a94a0"),
-        ):
-            peak.plot([*values], [*values.values()], ":", marker=marker, color=colour, linewidth=1.2, label=words)
-        strehl.set(
-            ylabel="Strehl ratio", title="Strehl ratio, 12 mm pupil", ylim=(min(0.6, strehl.get_ylim()[0]), 1.02)
-        )
-        peak.set(ylabel="peak of the echo [V]", title="Echo peak")
-        ranges.set(ylabel="reported − true range [mm]", title="Range error at 1.5 m")
-        for axes in (strehl, peak, ranges):
-            axes.set(xlabel="Mach number (0: no flow)", xticks=[0, 2, 3, 4])
-            axes.legend(fontsize=8.5)
-        figure.savefig(path)
-
-
-def around_markers(readme: Path) -> tuple[str, str]:
-    """The README up to and including its first marker, and from its second on.
-
-    Raises:
-        ValueError: No README, or no pair of markers in it.
-    """
-    text = readme.read_text(encoding="utf-8") if readme.is_file() else ""
-    head, begin, rest = text.partition(BEGIN)
-    _, end, tail = rest.partition(END)
-    if not (begin and end):
-        raise ValueError(f"{readme}: no lines {BEGIN} and {END} to put the table between: add them, or drop --readme")
-    return head + begin, end + tail
-
-
-def replace_between_markers(readme: Path, text: str) -> None:
-    """Put the table between the README's two markers."""
-    head, tail = around_markers(readme)
-    readme.write_text(f"{head}\n{text}{tail}", encoding="utf-8")
+README = ROOT / "README.md"
 
 
 def main() -> None:
@@ -155,13 +21,13 @@ def main() -> None:
     points = []
     try:
         if options.readme:  # before the work, not after it
-            around_markers(ROOT / "README.md")
+            filled(README, {"sweep_mach": ""})
         for number, name in enumerate(SCENES, start=1):
             print(f"{number}/{len(SCENES)} {name}", flush=True)
             points.append(run_scene(name, options.rays))
         text = table(points)
         if options.readme:
-            replace_between_markers(ROOT / "README.md", text)
+            README.write_text(filled(README, {"sweep_mach": text}), encoding="utf-8")
     except ValueError as fault:
         parser.error(str(fault))
     options.out.mkdir(parents=True, exist_ok=True)
@@ -169,7 +35,7 @@ def main() -> None:
     heading = ["scene", "mach", "ambient_density_kg_m3", "true_range_m", "strehl", "strehl_marechal", "opd_rms_m"]
     heading += ["boresight_rad", "echo_peak_v", "range_leading_edge_m", "range_constant_fraction_m"]
     heading += ["paper_test_peak_v", "paper_simulated_peak_v"]
-    rows = [[*vars(point).values(), TEST_PEAK[point.mach], SIMULATED_PEAK[point.mach]] for point in points]
+    rows = [[*vars(point).values(), TABLE_3[point.mach], round(SIMULATED[point.mach], 3)] for point in points]
     write_csv(options.out / "table.csv", heading, rows)
     draw(points, options.out / "sweep_mach.png")
     print(f"\n{text}\nwrote {options.out}/table.md, table.csv and sweep_mach.png")

@@ -1,81 +1,35 @@
 """Error against run time and field evaluations, for methods x precisions x interpolants x tolerances on five fields.
 
-The fields are those of work_precision_fields.py, the two kinds of error those of work_precision_runs.py. Writes
-runs.csv, one row for each setting; table.md; and for each field two pictures, error against evaluations and time.
+The fields and the two kinds of error are those of aerokernels/validation/work_precision. Writes runs.csv, one row for
+each setting; table.md; and for each field two pictures, error against evaluations and against time.
 """
 
 import argparse
 import time
 from pathlib import Path
 
-from tables import write_csv
-from work_precision_fields import CASES, Case, radial_parallel, sech
-from work_precision_figures import draw, evaluations
-from work_precision_runs import HEADING, INTERPOLATIONS, PRECISIONS, Bench, Error, Run, Setting, measure_times
-from work_precision_tables import (
+from aerokernels.validation.report import filled, write_csv
+from aerokernels.validation.work_precision.fields import CASES
+from aerokernels.validation.work_precision.figures import draw, evaluations
+from aerokernels.validation.work_precision.measuring import measure, measure_peers
+from aerokernels.validation.work_precision.runs import HEADING, Error, Run
+from aerokernels.validation.work_precision.tables import (
     TIGHTER,
     check_table,
     default_table,
     floor_table,
     need_table,
     peer_table,
-    put_between_marks,
     report_table,
 )
 
 ROOT = Path(__file__).resolve().parents[1]
-# From coarser than anyone wants, so that the loosest target lies inside every curve.
-TOLERANCES = (1.0, 1e-1, 1e-2, 1e-3, 1e-4, 1e-5, 1e-6)  # [waves]
-STEPS = (32.0, 16.0, 8.0, 4.0, 2.0, 1.0, 0.5, 0.25, 0.125)  # [cells]
-SETTINGS = [
-    *(Setting("adaptive", tolerance) for tolerance in TOLERANCES),
-    *(Setting("fixed", step) for step in STEPS),
-    Setting("paper"),
-    *(Setting("straight", tolerance) for tolerance in TOLERANCES),
-    *(Setting("auto", tolerance) for tolerance in TOLERANCES),
-]
-QUICK_SETTINGS = [
-    *(Setting("adaptive", tolerance) for tolerance in (1e-1, 1e-3, 1e-5)),
-    *(Setting("fixed", step) for step in (8.0, 2.0, 1.0)),
-    Setting("auto", 1e-3),
-]
 QUICK_FIELDS = ("radial", "shock")
-PEER_SETTINGS = [Setting("adaptive", tolerance) for tolerance in (1e-2, 1e-3)]
 
 
 def say(text: str) -> None:
     """Progress, at once."""
     print(text, flush=True)
-
-
-def measure(
-    case: Case, ray_count: int, timed_count: int, repeats: int, quick: bool
-) -> tuple[list[Run], dict[tuple[str, str], tuple[Error, Error]]]:
-    """All runs of a case, and how well its tight traces are confirmed."""
-    rays = case.bundle(ray_count)
-    truth = None if case.exact is None else case.exact(rays)
-    paired, checks = [], {}
-    # Where rays bend through the whole field "straight" means nothing.
-    settings = [setting for setting in SETTINGS if not (case.bends and setting.method == "straight")]
-    # Nor do the kinked interpolants: on that grid their own error is a wave and more.
-    for interpolation in INTERPOLATIONS[: 1 if quick or case.bends else None]:
-        bench = Bench.prepare(case, interpolation, rays, truth)
-        if not quick:
-            checks[case.name, interpolation] = bench.check()
-        for precision in ("float64",) if quick else PRECISIONS:
-            paired += [(bench, bench.run(setting, precision)) for setting in (QUICK_SETTINGS if quick else settings)]
-    measure_times(paired, case.bundle(timed_count), repeats, lambda k: say(f"  times, {k + 1} of {repeats}"))
-    return [run for _, run in paired], checks
-
-
-def measure_peers(ray_count: int) -> list[Run]:
-    """The rays that others' figures are for."""
-    runs = []
-    for case in (radial_parallel(), sech(0.25e-3), sech(0.05e-3)):
-        rays = case.bundle(ray_count)
-        bench = Bench.prepare(case, "cubic", rays, case.exact(rays))
-        runs += [bench.run(setting, precision) for precision in PRECISIONS for setting in PEER_SETTINGS]
-    return runs
 
 
 def main() -> None:
@@ -103,7 +57,7 @@ def main() -> None:
         start = time.perf_counter()
         case = CASES[name]()
         say(f"{name}: {case.title}")
-        some, confirmed = measure(case, *counts, options.quick)
+        some, confirmed = measure(case, *counts, options.quick, say)
         runs += some
         checks |= confirmed
         draw(some, case.title, "field evaluations per ray", evaluations, options.out / f"{name}_evaluations.png")
@@ -139,7 +93,7 @@ def main() -> None:
     (options.out / "table.md").write_text(text, encoding="utf-8")
     if options.page is not None:
         try:
-            put_between_marks(options.page, tables)
+            options.page.write_text(filled(options.page, tables), encoding="utf-8")
         except ValueError as fault:
             parser.error(f"--page: {fault}")
     say(f"\n{text}\nwrote {options.out}/table.md, runs.csv and two pictures for each field")

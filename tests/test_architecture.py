@@ -30,7 +30,9 @@ RANK = {
             ("strehl_estimate", "prepare"),
             ("echo",),
             ("hardware", "compare"),
-            ("study",),
+            ("jobs",),
+            ("validation",),
+            ("benchmark",),
             ("commands",),
             ("cli",),
             ("__main__",),
@@ -129,7 +131,7 @@ def test_the_import_reader_sees_every_form(tmp_path: Path):
     """The guard above is only as good as its reader: each way of writing an import is seen."""
     module = PACKAGE / "flow" / "imaginary_module.py"
     text = (
-        "import aerokernels.echo\nfrom aerokernels.study import run\nfrom aerokernels import tracing\n"
+        "import aerokernels.echo\nfrom aerokernels.jobs import run\nfrom aerokernels import tracing\n"
         "from ..medium import mesh\nfrom .. import strehl\nfrom . import gas\nfrom .gas import x\n"
         "def late():\n    from aerokernels.cli import main\nimport numpy\nfrom scipy import stats\n"
     )
@@ -147,7 +149,7 @@ def test_the_import_reader_sees_every_form(tmp_path: Path):
 
     assert {room for _, room in imported(Source)} == {  # type: ignore[arg-type]
         "echo",
-        "study",
+        "jobs",
         "tracing",
         "medium",
         "strehl",
@@ -200,7 +202,7 @@ IMPORTS = {
     "a module by another name": "import aerokernels.schlieren as m; assert callable(m.shadowgraph)",
     "a module of a module": "import aerokernels.echo.ranging as m; assert m.RANGING_METHODS",
     "a name of the package": "from aerokernels import echo, schlieren, strehl",
-    "another stage": "import aerokernels.study.run",
+    "another stage": "import aerokernels.jobs.run",
     "a module of one file": "from aerokernels.strehl import strehl_marechal, StrehlEstimate",
 }
 CALLS = (
@@ -252,5 +254,5 @@ def test_every_name_on_the_architecture_page_is_a_name_of_the_code():
     assert not [path for path in sorted(paths) if not any((home / path).exists() for home in homes)]
     sources = "".join(path.read_text(encoding="utf-8") for path in MODULES)
     words = set(re.findall(r"\b(?:def|class) (\w+)", sources))
-    told = {name for name in re.findall(r"`([A-Za-z_]\w+)`", page) if name not in ("engines",)}
-    assert len(told) > 5 and not sorted(told - words)
+    reported = {name for name in re.findall(r"`([A-Za-z_]\w+)`", page) if name not in ("engines",)}
+    assert len(reported) > 5 and not sorted(reported - words)

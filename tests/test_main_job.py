@@ -5,9 +5,9 @@ import pytest
 
 from aerokernels import Disc, estimate_strehl, flow
 from aerokernels.echo.simulate import echo
+from aerokernels.jobs.run import scene_strehl
 from aerokernels.prepare import prepare_field
 from aerokernels.scene import Scene
-from aerokernels.study.run import scene_strehl
 
 FEW = {"strehl.ray_count": "65536"}
 

@@ -6,9 +6,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from aerokernels.echo.target_points import target_points
+from aerokernels.jobs.run import scene_strehl
 from aerokernels.prepare import prepare_field, ray_region, view_radius
 from aerokernels.scene import Scene
-from aerokernels.study.run import scene_strehl
 
 
 @settings(max_examples=60, deadline=None)

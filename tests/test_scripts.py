@@ -10,6 +10,9 @@ import pytest
 from scipy.integrate import solve_ivp
 from scipy.interpolate import make_interp_spline
 
+from aerokernels.validation.paper import figure1 as schemes
+from aerokernels.validation.report import filled, marks
+
 
 def run_script(root: Path, name: str, *arguments: object) -> subprocess.CompletedProcess[str]:
     return subprocess.run(
@@ -73,7 +76,7 @@ def test_figure1_errors(figure1: Path):
             assert error["ours, float64: adaptive 1e-4 waves"] < 1e-8
 
 
-def test_figure1_control_shows_the_splines_own_error(root: Path, monkeypatch: pytest.MonkeyPatch):
+def test_figure1_control_shows_the_splines_own_error():
     """In a medium that no polynomial fits, what is left of our error is that of cubic splines, and not the tracer's.
 
     Set-up: n = n0 sech(g y), 0.25 mm cells, rays from 0.5 mm (a row of nodes) and 1.6 mm (between rows), 0.2 mm steps.
@@ -81,13 +84,10 @@ def test_figure1_control_shows_the_splines_own_error(root: Path, monkeypatch: py
     Expected: the greatest error of the independent route, 1.67e-5 and 2.73e-6; steps add less than 1e-9.
     Tolerance: 1 %, for the two splines' ends.
     """
-    monkeypatch.syspath_prepend(str(root / "scripts"))
-    import figure1
-
     height, planes = np.array([0.5e-3, 1.6e-3]), np.linspace(0.0, 62e-3, 32)[1:]
-    scheme = next(s for s in figure1.SCHEMES if (s.name, s.rule) == ("ours, float64", "fixed 0.2 mm"))
-    medium = figure1.SECH
-    ours = figure1.run_scheme(scheme, medium, figure1.sampled_field(medium, "cubic"), height, planes).error.max(axis=0)
+    scheme = next(s for s in schemes.SCHEMES if (s.name, s.rule) == ("ours, float64", "fixed 0.2 mm"))
+    medium = schemes.SECH
+    ours = schemes.run_scheme(scheme, medium, schemes.sampled_field(medium, "cubic"), height, planes).error.max(axis=0)
 
     y = np.arange(-16, 17) * 0.25e-3
     spline = make_interp_spline(y, 0.5 * (1.5 / np.cosh(100.0 * y)) ** 2, k=3)
@@ -189,33 +189,30 @@ def test_paper_says_what_is_known_without_it(paper: Path):
         assert all(peak[mach] / peak[0] == pytest.approx(strehl[mach], rel=1e-3) for mach in (2, 3, 4))
 
 
-def test_paper_fills_its_page(root: Path, monkeypatch: pytest.MonkeyPatch):
-    monkeypatch.syspath_prepend(str(root / "scripts"))
-    import paper
-    import paper_tables
-
-    page = (root / "docs" / "paper.md").read_text(encoding="utf-8")
-    names = ["figure1", "table2", "figure5", "table3", "table4", "table5", "table6", "walk", "ranges"]
-    tables = {name: paper_tables.Table(f"| {name} |\n", []) for name in names}
-    filled = paper.filled(page, tables)
-    assert filled != page and paper.filled(filled, tables) == filled
-    assert all(f"-->\n| {name} |\n<!--" in filled for name in names)
-    with pytest.raises(ValueError, match="no lines"):
-        paper.filled(page, {"table9": tables["walk"]})
-
-
-def test_readme_table_goes_between_its_markers(root: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
-    monkeypatch.syspath_prepend(str(root / "scripts"))
-    import sweep_mach
-
-    readme = tmp_path / "README.md"
-    readme.write_text(f"before\n{sweep_mach.BEGIN}\nold\n{sweep_mach.END}\nafter\n", encoding="utf-8")
+def test_tables_go_between_their_marks(tmp_path: Path):
+    page = tmp_path / "page.md"
+    (a, b), (c, d) = marks("one"), marks("two")
+    page.write_text(f"before\n{a}\nold\n{b}\nbetween\n{c}\n{d}\nafter\n", encoding="utf-8")
+    expected = f"before\n{a}\n| 1 |\n{b}\nbetween\n{c}\n| 2 |\n{d}\nafter\n"
     for _ in range(2):  # again gives the same
-        sweep_mach.replace_between_markers(readme, "| new |\n")
-        expected = f"before\n{sweep_mach.BEGIN}\n| new |\n{sweep_mach.END}\nafter\n"
-        assert readme.read_text(encoding="utf-8") == expected
-    readme.write_text(f"{sweep_mach.END}\n{sweep_mach.BEGIN}\n", encoding="utf-8")
-    with pytest.raises(ValueError, match="no lines"):
-        sweep_mach.replace_between_markers(readme, "| new |\n")
-    with pytest.raises(ValueError, match="no lines"):
-        sweep_mach.replace_between_markers(tmp_path / "absent.md", "| new |\n")
+        page.write_text(filled(page, {"one": "| 1 |\n", "two": "| 2 |\n"}), encoding="utf-8")
+        assert page.read_text(encoding="utf-8") == expected
+    with pytest.raises(ValueError, match="three"):
+        filled(page, {"one": "| new |\n", "three": ""})
+    page.write_text(f"{b}\n{a}\n", encoding="utf-8")
+    for wrong in (page, tmp_path / "absent.md"):
+        with pytest.raises(ValueError, match="no lines"):
+            filled(wrong, {"one": "| new |\n"})
+
+
+PAGES = {
+    "docs/paper.md": ("figure1", "table2", "figure5", "table3", "table4", "table5", "table6", "walk", "ranges"),
+    "docs/accuracy.md": ("evaluations-rms", "evaluations-tighter", "evaluations-max", "time", "default", "reported"),
+    "README.md": ("sweep_mach",),
+}
+
+
+@pytest.mark.parametrize("name", PAGES)
+def test_pages_have_a_place_for_each_table(root: Path, name: str):
+    page = filled(root / name, {table: f"| {table} |\n" for table in PAGES[name]})
+    assert all(f"-->\n| {table} |\n<!--" in page for table in PAGES[name])

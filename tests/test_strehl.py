@@ -227,13 +227,13 @@ def test_the_standard_error_is_honest_and_falls_faster_than_random():
     Expected: equal within a factor of two (chi-square of 11 and of 15 degrees of freedom); 16 times the rays lower the
     error by more than the 4 of independent points.
     """
-    field, pupil, told, scatter = gaussian_rod(), Disc(PUPIL), [], []
+    field, pupil, reported, scatter = gaussian_rod(), Disc(PUPIL), [], []
     for count in (1024, 16_384):
         estimates = [estimate_strehl(field, pupil, ray_count=count, seed=seed, symmetry="off") for seed in range(12)]
-        told.append(np.sqrt(np.mean([e.standard_error**2 for e in estimates])))
+        reported.append(np.sqrt(np.mean([e.standard_error**2 for e in estimates])))
         scatter.append(np.std([e.value for e in estimates], ddof=1))
-    assert all(0.5 < a / b < 2.0 for a, b in zip(told, scatter, strict=True))
-    assert told[0] / told[1] > 8.0
+    assert all(0.5 < a / b < 2.0 for a, b in zip(reported, scatter, strict=True))
+    assert reported[0] / reported[1] > 8.0
 
 
 def ball(radius: float, z: float) -> Body:

@@ -118,8 +118,8 @@ def test_a_lens_against_its_exact_strehl_ratio(name, precision, remove):
     """
     options = engine(name) | {"precision": precision, "remove": remove, "tolerance": 1e-4}
     estimate = estimate_strehl(lens(), Disc(PUPIL), symmetry=True, **options)
-    told = np.sqrt(sum(estimate.error[cause] ** 2 for cause in ("step", "interpolation", "precision", "sampling")))
-    assert abs(estimate.value - exact_strehl()) < told + 1e-7 < 1e-4
+    reported = np.sqrt(sum(estimate.error[cause] ** 2 for cause in ("step", "interpolation", "precision", "sampling")))
+    assert abs(estimate.value - exact_strehl()) < reported + 1e-7 < 1e-4
     assert estimate.standard_error < 1e-7
     assert estimate.traced_ray_count == REPLICATES * RADIAL_RAYS and estimate.blocked == pytest.approx(0.0, abs=1e-12)
     assert estimate.evaluation_count >= estimate.traced_ray_count
@@ -193,9 +193,9 @@ def test_the_standard_error_covers_the_error(mach3):
     finer = [estimate_strehl(mach3, DOME, seed=seed, **options | {"ray_count": 10**6}) for seed in range(100, 110)]
     truth = float(np.mean([estimate.value for estimate in finer]))
     values = np.array([estimate.value for estimate in estimates])
-    told = np.array([estimate.standard_error for estimate in estimates])
-    assert (np.abs(values - truth) < 2.0 * told).sum() >= 32
-    assert 0.5 < np.sqrt(np.mean(told**2)) / np.std(values, ddof=1) < 2.0
+    reported = np.array([estimate.standard_error for estimate in estimates])
+    assert (np.abs(values - truth) < 2.0 * reported).sum() >= 32
+    assert 0.5 < np.sqrt(np.mean(reported**2)) / np.std(values, ddof=1) < 2.0
     assert len(np.unique(values)) == 40
 
 

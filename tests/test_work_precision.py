@@ -4,44 +4,29 @@ import csv
 import subprocess
 import sys
 from pathlib import Path
-from types import ModuleType
 
 import numpy as np
 import pytest
 
+from aerokernels import RayBundle
+from aerokernels.validation.truth import integrate, potential_of
+from aerokernels.validation.work_precision import fields, tables
+
 WAVE = 905e-9
-
-
-@pytest.fixture
-def truth(root: Path, monkeypatch: pytest.MonkeyPatch) -> ModuleType:
-    monkeypatch.syspath_prepend(str(root / "scripts"))
-    import work_precision_truth
-
-    return work_precision_truth
-
-
-@pytest.fixture
-def tables(root: Path, monkeypatch: pytest.MonkeyPatch) -> ModuleType:
-    monkeypatch.syspath_prepend(str(root / "scripts"))
-    import work_precision_tables
-
-    return work_precision_tables
 
 
 def lens_rays(slope: float):
     """A few rays from z = 0, within 2 mm of the axis."""
-    from aerokernels import RayBundle
-
     rng = np.random.default_rng(4)
     across, slopes = rng.uniform(-1.4e-3, 1.4e-3, (12, 2)), slope * rng.uniform(-1.0, 1.0, (12, 2))
     return RayBundle(np.c_[across, np.zeros(12)], np.c_[slopes, np.ones(12)])
 
 
 @pytest.mark.parametrize("medium", ["parabola", "sech"])
-def test_two_truths_agree(truth: ModuleType, medium: str):
+def test_two_truths_agree(medium: str):
     """The closed forms and the integrator know nothing of each other, so an error of either would show.
 
-    Set-up: n0 = 1.5, g = 0.1 / mm, 62 mm as in work_precision_fields; skew rays in the parabola, parallel ones in sech.
+    Set-up: n0 = 1.5, g = 0.1 / mm, 62 mm as in fields.py; skew rays in the parabola, parallel ones in sech.
     Expected: the same position, direction and OPD.
     Tolerance: some 70 steps of a relative 1e-12 on 2 mm, 0.3 rad and 900 waves are 1.4e-13 m, 2e-11 rad and 6e-8 waves;
         ten times that.
@@ -58,23 +43,21 @@ def test_two_truths_agree(truth: ModuleType, medium: str):
         return index - n0, -g * np.tanh(g * r) * index * np.stack([x, y]) / r
 
     formula, rays = (parabola, lens_rays(0.1)) if medium == "parabola" else (sech, lens_rays(0.0))
-    exact = getattr(truth, f"{medium}_truth")(n0, g, length, rays)
-    found = truth.integrate(formula, n0, length, 1e-3, rays)
+    exact = getattr(fields, f"{medium}_truth")(rays)
+    found = integrate(potential_of(formula, n0), n0, length, 1e-3, rays)
     assert np.abs(found.position - exact.position).max() < 1e-12
     assert np.abs(found.direction - exact.direction).max() < 1e-10
     assert np.abs(found.opd - exact.opd).max() < 6e-7 * WAVE
     assert np.ptp(exact.opd) > WAVE  # rays that differ, or the comparison would be an empty one
 
 
-def test_integrator_refuses_rays_from_different_planes(truth: ModuleType):
-    from aerokernels import RayBundle
-
+def test_integrator_refuses_rays_from_different_planes():
     rays = RayBundle([[0.0, 0.0, 0.0], [0.0, 0.0, 1e-3]], [[0.0, 0.0, 1.0]])
     with pytest.raises(ValueError, match="one plane"):
-        truth.integrate(lambda x, y, z: (0.0 * x, np.zeros((2, 2))), 1.0, 2e-3, 1e-3, rays)
+        integrate(lambda x, y, z: (0.0 * x, np.zeros((2, 2))), 1.0, 2e-3, 1e-3, rays)
 
 
-def test_what_a_target_takes(tables: ModuleType):
+def test_what_a_target_takes():
     """Fourth order: error = 1e3 / evaluations^4, so 1e-5 takes 100 evaluations whatever settings were tried."""
     evaluations = np.array([20.0, 70.0, 640.0, 3000.0])[::-1]
     error = 1e3 / evaluations**4
@@ -87,25 +70,12 @@ def test_what_a_target_takes(tables: ModuleType):
     assert tables.need([10.0, 20.0, 40.0], [1e-2, 1e-6, 1e-4], 1e-4).amount < 20.0
 
 
-def test_ratio_says_when_it_is_a_bound(tables: ModuleType):
+def test_ratio_says_when_it_is_a_bound():
     need = tables.Need
     assert tables.ratio(need(300.0), need(100.0)) == "3"
     assert tables.ratio(need(300.0), need(100.0, True)) == "≥ 3"
     assert tables.ratio(need(300.0, True), need(100.0)) == "≤ 3"
     assert tables.ratio(need(300.0, True), need(100.0, True)) == tables.ratio(None, need(1.0)) == "–"
-
-
-def test_tables_go_between_their_marks(tables: ModuleType, tmp_path: Path):
-    page = tmp_path / "page.md"
-    (a, b), (c, d) = tables.marks("one"), tables.marks("two")
-    page.write_text(f"before\n{a}\nold\n{b}\nbetween\n{c}\n{d}\nafter\n", encoding="utf-8")
-    for _ in range(2):  # again gives the same
-        tables.put_between_marks(page, {"one": "| 1 |\n", "two": "| 2 |\n"})
-        expected = f"before\n{a}\n| 1 |\n{b}\nbetween\n{c}\n| 2 |\n{d}\nafter\n"
-        assert page.read_text(encoding="utf-8") == expected
-    with pytest.raises(ValueError, match="three"):
-        tables.put_between_marks(page, {"one": "| new |\n", "three": ""})
-    assert page.read_text(encoding="utf-8") == expected
 
 
 @pytest.fixture(scope="module")

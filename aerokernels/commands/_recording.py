@@ -90,18 +90,18 @@ def reporter() -> Iterator[Callable[["RecordingStatus"], None]]:
                 Text(describe(status, meter.rate(status.stored_count)), no_wrap=True, overflow="ellipsis")
             )
         return
-    told_at = -1.0
-    told: RecordingStatus | None = None
+    shown_at = -1.0
+    shown: RecordingStatus | None = None
 
     def tell(status: "RecordingStatus") -> None:
-        nonlocal told_at, told
+        nonlocal shown_at, shown
         rate, now = meter.rate(status.stored_count), time.monotonic()
-        port_changed = told is not None and (status.port_open, status.reconnect_count) != (
-            told.port_open,
-            told.reconnect_count,
+        port_changed = shown is not None and (status.port_open, status.reconnect_count) != (
+            shown.port_open,
+            shown.reconnect_count,
         )
-        if status != told and (port_changed or now - told_at >= 1.0):
-            told_at, told = now, status
+        if status != shown and (port_changed or now - shown_at >= 1.0):
+            shown_at, shown = now, status
             try:
                 print(describe(status, rate), flush=True)
             except OSError:  # its reader has left, or the log's disk is full: no reason to stop recording

@@ -24,9 +24,9 @@ def bench(
     peers: Annotated[bool, typer.Option("--peers", help="Also SciPy, diffrax and Dr.Jit on the cone scene.")] = False,
 ) -> None:
     """Measure speed with the error beside it: rays per second, CPU seconds, share of what the hardware could do."""
+    from aerokernels.benchmark import Settings, run_bench
+    from aerokernels.benchmark.table import COLUMNS, table_rows
     from aerokernels.commands._table import print_table
-    from aerokernels.study.bench import Settings, run_bench
-    from aerokernels.study.bench.table import COLUMNS, table_rows
 
     settings = Settings(
         suites=tuple(suites or ()),

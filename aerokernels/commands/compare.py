@@ -36,11 +36,11 @@ def compare(
     """Compare recorded echoes with simulated ones, by label: peaks, relative errors, correlation, ranges."""
     from aerokernels.commands._progress import shown_progress
     from aerokernels.commands._table import print_table
-    from aerokernels.study.comparison import CompareOptions, compare_recording
-    from aerokernels.study.comparison_report import TABLES, write_comparison
-    from aerokernels.study.recorded import label_text
-    from aerokernels.study.run_folder import read_run
-    from aerokernels.study.store import check_output_folder
+    from aerokernels.jobs.comparison import CompareOptions, compare_recording
+    from aerokernels.jobs.comparison_report import TABLES, write_comparison
+    from aerokernels.jobs.recorded import label_text
+    from aerokernels.jobs.run_folder import read_run
+    from aerokernels.jobs.store import check_output_folder
     from aerokernels.units import quantity
 
     options = CompareOptions(

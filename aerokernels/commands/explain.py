@@ -13,7 +13,7 @@ def explain(
 ) -> None:
     """Show what would be done and why: flow, region, grid, method, ray counts, and the error of the grid."""
     from aerokernels.commands._table import print_table
-    from aerokernels.study.explain import explanation
+    from aerokernels.jobs.explain import explanation
 
     loaded = load_scene(scene, backend, device, precision, rays, settings)
     with blamed_on(scene):

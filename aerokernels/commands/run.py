@@ -25,9 +25,9 @@ def run(
     from aerokernels.commands._progress import shown_progress
     from aerokernels.commands._table import print_table
     from aerokernels.commands._verdict import leave_with
-    from aerokernels.study.report import headline_rows, remark_rows
-    from aerokernels.study.run import simulate, write_run
-    from aerokernels.study.store import check_output_folder
+    from aerokernels.jobs.report import headline_rows, remark_rows
+    from aerokernels.jobs.run import simulate, write_run
+    from aerokernels.jobs.store import check_output_folder
 
     loaded = load_scene(scene, backend, device, precision, rays, settings)
     check_output_folder(out)

@@ -78,10 +78,10 @@ def schlieren(
     """Make schlieren pictures, shadowgraphs and interferograms of a flow by tracing light through it."""
     from aerokernels.commands._progress import shown_progress
     from aerokernels.commands._table import print_table
+    from aerokernels.jobs.pictures import KINDS, PictureOptions, make_pictures, picture_scene, write_pictures
+    from aerokernels.jobs.store import check_output_folder
     from aerokernels.quantities import Quantity
     from aerokernels.schlieren import read_picture
-    from aerokernels.study.pictures import KINDS, PictureOptions, make_pictures, picture_scene, write_pictures
-    from aerokernels.study.store import check_output_folder
 
     options = PictureOptions(
         kinds=tuple(kind or KINDS),
@@ -123,7 +123,7 @@ def schlieren(
             made = make_pictures(scene, options, measured=photograph, progress=progress)
         progress("writing the pictures", 0.9)
         files = write_pictures(made, out)
-    rows = [("Pictures", ", ".join(made.pictures)), ("Pixel", f"{1e3 * made.sight.window.pitch[0]:.4g} mm")]
+    rows = [("Pictures", ", ".join(made.pictures)), ("Pixel", f"{1e3 * made.line_of_sight.window.pitch[0]:.4g} mm")]
     for words, found in (("Shock angle", made.shock), ("Shock angle, photograph", made.measured_shock)):
         if found is not None:
             angle = Quantity(math.degrees(found.angle), math.degrees(found.standard_error), "deg")

@@ -18,8 +18,8 @@ def strehl(
     The error takes some hundred rays more, below a second. Exit status 3: an error greater than the ratio or than 1.
     """
     from aerokernels.commands._verdict import leave_with
+    from aerokernels.jobs.run import scene_strehl
     from aerokernels.prepare import prepare_field
-    from aerokernels.study.run import scene_strehl
 
     loaded = load_scene(scene, backend, device, precision, rays, settings)
     with blamed_on(scene):

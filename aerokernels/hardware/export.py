@@ -11,11 +11,11 @@ from typing import Any
 
 import numpy as np
 
-from aerokernels.hardware.patient_file import PatientFile
+from aerokernels.hardware.retrying_file import RetryingFile
 from aerokernels.hardware.store import EchoStore, StoredEcho
 from aerokernels.hardware.transaction import StoreError
 
-_BLOCK = 1024  # echoes written at a time
+ECHOES_AT_ONCE = 1024  # echoes written at a time
 
 
 @dataclass(frozen=True)
@@ -128,7 +128,7 @@ def _write_netcdf(store: EchoStore, draft: Path, extent: _Extent, label: Mapping
 
     text = h5py.string_dtype()
     label_names = _label_names(extent.keys)
-    with PatientFile(draft) as disk, h5netcdf.File(disk, "w") as file:
+    with RetryingFile(draft) as disk, h5netcdf.File(disk, "w") as file:
         file.dimensions = {"echo": extent.count, "sample": extent.sample_count}
         file.attrs["title"] = "recorded echoes"
         file.attrs["source"] = f"aerokernels, store {store.path.name}"
@@ -150,8 +150,8 @@ def _write_netcdf(store: EchoStore, draft: Path, extent: _Extent, label: Mapping
         }
         volts = _variable(
             file, "voltage", ("echo", "sample"), "f4", "V", "echo; NaN beyond its own samples",
-            chunks=(min(extent.count, _BLOCK), max(extent.sample_count, 1)), compression="gzip", compression_opts=1,
-            shuffle=True, fillvalue=np.float32("nan"),
+            chunks=(min(extent.count, ECHOES_AT_ONCE), max(extent.sample_count, 1)), compression="gzip",
+            compression_opts=1, shuffle=True, fillvalue=np.float32("nan"),
         )  # fmt: skip
         coordinates = ["sequence", "host_time", *label_names.values()]
         if extent.time is not None:
@@ -215,7 +215,7 @@ def _label_names(keys: tuple[str, ...]) -> dict[str, str]:
 
 
 def _blocks(echoes: Iterator[StoredEcho]) -> Iterator[list[StoredEcho]]:
-    while block := list(itertools.islice(echoes, _BLOCK)):
+    while block := list(itertools.islice(echoes, ECHOES_AT_ONCE)):
         yield block
 
 

@@ -17,7 +17,7 @@ from aerokernels.hardware.preamble import ScopeCurve
 from aerokernels.hardware.rows import READ_ECHOES, WRITE_ECHO, echo_of, row_of, signed
 from aerokernels.hardware.schema import APPLICATION_ID, SCHEMA_VERSION, create, upgrade
 from aerokernels.hardware.store_file import store_address
-from aerokernels.hardware.transaction import StoreError, Transaction, told
+from aerokernels.hardware.transaction import StoreError, Transaction, described_errors
 
 _BUSY_TIME = 30.0  # [s] to wait for another recorder that is just committing to the same store
 _CHECKPOINT_PAGES = 4000  # of the write-ahead log, 16 MB, before they are moved into the file
@@ -253,7 +253,7 @@ class EchoStore:
         return Transaction(self._connection, "BEGIN IMMEDIATE", self.path)
 
     def _rows(self, query: str, values: tuple = ()) -> Iterator[tuple]:
-        with told(self.path):
+        with described_errors(self.path):
             yield from self._connection.execute(query, values)
 
     def _is_stored(self, key: tuple[int, int, int]) -> bool:
@@ -261,7 +261,7 @@ class EchoStore:
         try:  # asked for each frame: what costs nothing where nothing goes wrong
             return self._connection.execute(query, key).fetchone() is not None
         except sqlite3.DatabaseError:
-            with told(self.path):
+            with described_errors(self.path):
                 raise
 
     def _last_echo(self, port: str, protocol: str) -> tuple[int, int, int | None, int] | None:

@@ -1,4 +1,4 @@
-"""What goes wrong with the file of an echo store, told in words, and its transactions."""
+"""What goes wrong with the file of an echo store, described in words, and its transactions."""
 
 import sqlite3
 from collections.abc import Iterator
@@ -15,7 +15,7 @@ class DamagedStoreError(StoreError, ValueError):
 
 
 @contextmanager
-def told(path: Path) -> Iterator[None]:
+def described_errors(path: Path) -> Iterator[None]:
     """Name the file, and say what to do, where SQLite gives up on it.
 
     Raises:
@@ -46,7 +46,7 @@ class Transaction:
         path: the file, for the message.
 
     Raises:
-        StoreError: as `told`.
+        StoreError: as `described_errors`.
     """
 
     def __init__(self, connection: sqlite3.Connection, begin: str, path: Path) -> None:
@@ -55,18 +55,18 @@ class Transaction:
 
     def __enter__(self) -> None:
         """Begin."""
-        with told(self._path):
+        with described_errors(self._path):
             self._connection.execute(self._begin)
 
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, _: object) -> None:
         """Commit, or go back where something went wrong."""
         try:
             if error is None:
-                with told(self._path):
+                with described_errors(self._path):
                     self._connection.execute("COMMIT")
         finally:
             if self._connection.in_transaction:
                 self._connection.execute("ROLLBACK")
         if isinstance(error, sqlite3.DatabaseError):
-            with told(self._path):
+            with described_errors(self._path):
                 raise error

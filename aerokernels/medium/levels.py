@@ -45,7 +45,7 @@ class RefinementLevels:
     coarser: Any
     share: float = 1.0
 
-    def remainder(self, fine: np.ndarray, coarse: np.ndarray, coarser: np.ndarray | None) -> np.ndarray:
+    def richardson_error(self, fine: np.ndarray, coarse: np.ndarray, coarser: np.ndarray | None) -> np.ndarray:
         """Estimated error of the values `fine` of some quantity, from its values through the three fields."""
         change = fine - coarse
         if coarser is None:

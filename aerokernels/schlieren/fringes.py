@@ -19,8 +19,8 @@ import numpy as np
 
 from aerokernels.medium import IndexField
 
+from .line_of_sight import LineOfSight, check_exposure, line_of_sight
 from .picture import picture_dataset
-from .sight import LineOfSight, check_exposure, line_of_sight
 
 if TYPE_CHECKING:
     import xarray
@@ -119,7 +119,7 @@ def interferogram(
 
 
 def fringe_picture(
-    sight: LineOfSight,
+    traced: LineOfSight,
     *,
     fringe_spacing: float | None = None,
     fringe_angle: float = 0.5 * math.pi,
@@ -133,28 +133,28 @@ def fringe_picture(
         ValueError: as in `interferogram`; and fringes that are too fine for the pixels.
     """
     check_fringes(fringe_spacing, fringe_angle, phase, visibility, exposure)
-    window = sight.window
-    waves = sight.opd / sight.wavelength + phase
+    window = traced.window
+    waves = traced.opd / traced.wavelength + phase
     if fringe_spacing is not None:
         if fringe_spacing < 2.0 * max(window.pitch):
             raise ValueError(
                 f"fringe_spacing = {fringe_spacing:g} m is less than two pixels of {max(window.pitch):g} m: "
                 "widen the fringes or raise pixel_count"
             )
-        across, along = sight.ray_grid
+        across, along = traced.ray_grid
         middle = 0.5 * (window.horizontal[0] + window.horizontal[-1]), 0.5 * (window.vertical[0] + window.vertical[-1])
         place = (across - middle[0]) * math.cos(fringe_angle) + (along - middle[1]) * math.sin(fringe_angle)
         waves = waves + place / fringe_spacing
-    light = np.where(sight.through, 0.5 * (1.0 + visibility * np.cos(2.0 * np.pi * waves)), 0.0)
+    light = np.where(traced.through, 0.5 * (1.0 + visibility * np.cos(2.0 * np.pi * waves)), 0.0)
     return Interferogram(
-        intensity=np.clip(exposure * sight.pixel_mean(light), 0.0, 1.0),
+        intensity=np.clip(exposure * traced.pixel_mean(light), 0.0, 1.0),
         horizontal=window.horizontal,
         vertical=window.vertical,
-        opd=sight.pixel_mean(sight.opd),
-        blocked=sight.blocked_pixels,
+        opd=traced.pixel_mean(traced.opd),
+        blocked=traced.blocked_pixels,
         right=window.right,
         up=window.up,
-        wavelength=sight.wavelength,
+        wavelength=traced.wavelength,
         fringe_spacing=None if fringe_spacing is None else float(fringe_spacing),
         fringe_angle=float(fringe_angle),
         phase=float(phase),

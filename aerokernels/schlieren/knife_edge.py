@@ -7,7 +7,7 @@ bench images the source, of height h, onto a knife edge with a lens of focal len
     I / I_open = (1 - cut_off) + (f / h) e_cut,    cut to 0 .. 1
 
 e_cut is the component across the edge: a "vertical" edge sees e_right, a "horizontal" one e_up, an edge at any angle
-e_right cos a + e_up sin a. f / h is the `sensitivity` [1/rad]. Rays are traced with their bending (see `sight.py`).
+e_right cos a + e_up sin a. f / h is the `sensitivity` [1/rad]. Rays bend on their way (see `line_of_sight.py`).
 
 Reference: G. S. Settles, Schlieren and Shadowgraph Techniques (Springer, 2001), sections 2.3 and 3.2.
 """
@@ -20,8 +20,8 @@ import numpy as np
 
 from aerokernels.medium import IndexField
 
+from .line_of_sight import LineOfSight, check_exposure, line_of_sight
 from .picture import picture_dataset
-from .sight import LineOfSight, check_exposure, line_of_sight
 
 if TYPE_CHECKING:
     import xarray
@@ -119,7 +119,7 @@ def schlieren(
 
 
 def knife_edge_picture(
-    sight: LineOfSight,
+    traced: LineOfSight,
     *,
     knife_edge: str | float = "vertical",
     cut_off: float = 0.5,
@@ -128,19 +128,19 @@ def knife_edge_picture(
 ) -> SchlierenImage:
     """The schlieren picture of light that was traced already; arguments and errors as in `schlieren`."""
     bright = check_knife_edge(knife_edge, cut_off, sensitivity, exposure)
-    cut = _across(sight.deflection, bright)
+    cut = _across(traced.deflection, bright)
     if sensitivity is None:
-        sensitivity = _full_range_sensitivity(cut[sight.through], cut_off)
-    passed = np.where(sight.through, np.clip(1.0 - cut_off + sensitivity * cut, 0.0, 1.0), 0.0)
+        sensitivity = _full_range_sensitivity(cut[traced.through], cut_off)
+    passed = np.where(traced.through, np.clip(1.0 - cut_off + sensitivity * cut, 0.0, 1.0), 0.0)
     return SchlierenImage(
-        intensity=np.clip(exposure * sight.pixel_mean(passed), 0.0, 1.0),
-        horizontal=sight.window.horizontal,
-        vertical=sight.window.vertical,
-        deflection=sight.pixel_mean(sight.deflection),
-        opd=sight.pixel_mean(sight.opd),
-        blocked=sight.blocked_pixels,
-        right=sight.window.right,
-        up=sight.window.up,
+        intensity=np.clip(exposure * traced.pixel_mean(passed), 0.0, 1.0),
+        horizontal=traced.window.horizontal,
+        vertical=traced.window.vertical,
+        deflection=traced.pixel_mean(traced.deflection),
+        opd=traced.pixel_mean(traced.opd),
+        blocked=traced.blocked_pixels,
+        right=traced.window.right,
+        up=traced.window.up,
         knife_edge=knife_edge,
         cut_off=float(cut_off),
         sensitivity=float(sensitivity),

@@ -107,7 +107,9 @@ def _interpolation(field: IndexField, rays: RayBundle, plan: TracePlan, retrace:
     ]
     good = np.logical_and.reduce([reached(status) for _, status, _ in traces])
     opd = [path[good] for path, _, _ in traces]
-    return np.asarray(levels.remainder(opd[0], opd[1], opd[2] if len(opd) > 2 else None) if good.any() else opd[0])
+    if not good.any():
+        return np.asarray(opd[0])
+    return np.asarray(levels.richardson_error(opd[0], opd[1], opd[2] if len(opd) > 2 else None))
 
 
 def _against_source(field: IndexField, rays: RayBundle, plan: TracePlan, retrace: Retrace, truth) -> dict:

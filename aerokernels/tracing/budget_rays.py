@@ -33,8 +33,8 @@ def subset(field: IndexField, rays: RayBundle, good: np.ndarray) -> RayBundle:
     rows = _evenly(arrived, SUBSET)
     if len(arrived) > SUBSET and field.is_uniform:
         compared = _evenly(arrived, COMPARED)
-        rough = roughness(field, rays.position[compared], rays.direction[compared])
-        sharpest = compared[np.argsort(rough, kind="stable")[-SHARPEST:]]
+        strength = roughness(field, rays.position[compared], rays.direction[compared])
+        sharpest = compared[np.argsort(strength, kind="stable")[-SHARPEST:]]
         rows = np.union1d(_evenly(arrived, SUBSET - SHARPEST), sharpest)
     return RayBundle(rays.position[rows], rays.direction[rows])
 

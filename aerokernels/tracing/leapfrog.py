@@ -41,7 +41,7 @@ MARGIN = 4.0
 SAFETY = 3.0
 # The share of a difference from every third sample that is the error: of the rule's own order 4, and of order 2.
 LEAST_SHARE, GREATEST_SHARE = 1.0 / 80.0, 1.0 / 8.0
-# The same of int P^2 / w dt, for the course: no error is greater than what bending adds to the path.
+# The same of int P^2 / p_t dt, for the trajectory: no error is greater than what bending adds to the path.
 GREATEST_BEND = 0.5
 # Of the pilot's rays, how many may be unfit for it.
 UNFIT = 0.1

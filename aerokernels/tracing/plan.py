@@ -33,7 +33,7 @@ class TracePlan:
         quadrature_error_scale: The share of a sum's difference from that over every third sample that is taken for its
             error.
         trajectory_error_scale: The share of int P^2 / w dt, P the momentum across the ray, that is taken for its
-            course's error.
+            trajectory's error.
         sampling: How far apart leapfrog samples are, for a ray's share of what lies between them, see unresolved.py;
             None where all of that is negligible.
         levers: How far the rays fly and at what angle they meet their stop, see levers.py; None where nobody asked.

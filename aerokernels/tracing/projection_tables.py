@@ -2,7 +2,7 @@ r"""What collimated rays along z gather in a volume, as functions of where they 
 
 With z as the variable, p the transverse part of the momentum n dr/ds and s = (n^2 - a^2) / 2,
 
-    x' = p / w,   p' = grad_xy s / w,   w = sqrt(n^2 - p^2),      optical path = int n^2 / w dz
+    x' = p / p_z,   p' = grad_xy s / p_z,   p_z = sqrt(n^2 - p^2),      optical path = int n^2 / p_z dz
 
 so that in first order, along the straight line, optical path less a L is A = int s / a dz, p = grad A, and the ray's
 shift is grad D with D = int A / a dz. Where s is a cubic spline, A and D are cubic splines of x and y with the same
@@ -238,7 +238,7 @@ class _March:
         ax, ay, dx, dy = at(a_mid, 1, 0), at(a_mid, 0, 1), at(d_mid, 1, 0), at(d_mid, 0, 1)
 
         def turned(qx, qy, px, py):
-            """Potential, force and the share w of the index along z on a shifted ray."""
+            """Twice the potential plus a^2, p_z and the force on a shifted ray."""
             there = value + gx * qx + gy * qy + 0.5 * (hxx * qx**2 + 2.0 * hxy * qx * qy + hyy * qy**2)
             square = ambient**2 + 2.0 * there
             return square, np.sqrt(square - px**2 - py**2), gx + hxx * qx + hxy * qy, gy + hxy * qx + hyy * qy
@@ -248,19 +248,19 @@ class _March:
             total = before + h * np.cumsum(rate, axis=0)
             return total - 0.5 * h * rate, total[-1]
 
-        square, w, fx, fy = turned(dx, dy, ax, ay)
-        first = square / w - ambient - value / ambient
-        more_px, self.px = middles(fx / w - gx / ambient, self.px)
-        more_py, self.py = middles(fy / w - gy / ambient, self.py)
+        square, pz, fx, fy = turned(dx, dy, ax, ay)
+        first = square / pz - ambient - value / ambient
+        more_px, self.px = middles(fx / pz - gx / ambient, self.px)
+        more_py, self.py = middles(fy / pz - gy / ambient, self.py)
         px, py = ax + more_px, ay + more_py
-        more_qx, self.sx = middles(px / w - ax / ambient, self.sx)
-        more_qy, self.sy = middles(py / w - ay / ambient, self.sy)
-        square, w, _, _ = turned(dx + more_qx, dy + more_qy, px, py)
+        more_qx, self.sx = middles(px / pz - ax / ambient, self.sx)
+        more_qy, self.sy = middles(py / pz - ay / ambient, self.sy)
+        square, pz, _, _ = turned(dx + more_qx, dy + more_qy, px, py)
         self.qx = np.maximum(self.qx, np.abs(dx + more_qx).max(axis=0))
         self.qy = np.maximum(self.qy, np.abs(dy + more_qy).max(axis=0))
-        self.opd = self.opd + h * np.sum(square / w - ambient - value / ambient, axis=0)
+        self.opd = self.opd + h * np.sum(square / pz - ambient - value / ambient, axis=0)
         self.first_opd = self.first_opd + h * np.sum(first, axis=0)
-        self.arc = self.arc + h * np.sum(np.sqrt(square) / w - 1.0, axis=0)
+        self.arc = self.arc + h * np.sum(np.sqrt(square) / pz - 1.0, axis=0)
 
     def finish(self, path, shift, end, spacing, ambient: float) -> dict[str, np.ndarray]:
         """EXTRAS on the columns."""

@@ -8,8 +8,8 @@ with F the Fourier transform of f: by what the line holds at frequencies of 1 / 
 samples themselves sees it, and neither do other rays (a pilot) that pass beside it: the bound comes from the field.
 
 It is split once into a part of low frequencies along the rays, on which the rule converges faster than any power of H,
-and a remainder R (remainder.py), what is left from about 0.9 / H on. The rule errs on R by no more than 2 int |R| dt
-along the ray.
+and a high-passed part R (high_pass.py), what is left from about 0.9 / H on. The rule errs on R by no more than
+2 int |R| dt along the ray.
 
 Where all rays run along one axis, within some 45 degrees, |R| is averaged along it over each block of cells: the sum
 over blocks is the integral. Across the rays the greatest counts.
@@ -17,7 +17,7 @@ over blocks is the integral. Across the rays the greatest counts.
 A ray that begins or ends in the midst of something is not helped by what converges on whole lines: a component
 a cos(2 pi phi t) makes the mended ends of the rule err by a H / 2 and, with x = phi H, 9.5 a H x^3 where x is small.
 
-Where a field is smooth the remainder's bound is often beaten by the rule's own, H^4 / 720 int |f''''| dt, above all
+Where a field is smooth the bound by R is often beaten by the rule's own, H^4 / 720 int |f''''| dt, above all
 near the box's faces, where the even continuation has a kink: the lesser of the two counts in each block.
 
 What a ray turns by is off by the slope of all that, which changes the path in the second order of the contrast, or by
@@ -31,18 +31,18 @@ import numpy as np
 from ..medium import IndexField
 from ..medium.grid import UniformGrid
 from .blocks import block_maxima, block_means, greatest_of_neighbors
-from .remainder import remainders
+from .high_pass import high_pass
 from .scheme import LOOKUP_STRIDE, MISSED_SLOPE
 from .step_bound import potential_at_nodes, roughness_by_axis
 from .ways import Lines, local_coordinates, local_range
 
-# Frequencies along a ray, times H, from which on components are left in the remainder: on its way, and at its ends.
+# Frequencies along a ray, times H, from which on components are passed: along its way, and at its ends.
 EDGE, EDGE_AT_ENDS = 0.92, 0.4
 # The error of an end over H |R| there, and that of the rule's own bound over what it is elsewhere.
 END, RULE_AT_ENDS = 0.5, 8.0
 # The error over int |R| dt: of the sum, and of the integral.
 BOTH = 2.0
-# Cells between samples below which the remainder is that of so many, but for a factor: its images have no end.
+# Cells between samples below which R is that of so many, but for a factor: its images have no end.
 FINEST = 0.8
 # What a spline through one node that stands out makes of it between the next two nodes, at most.
 LOBE = 0.15
@@ -195,7 +195,7 @@ def _missed(grid: UniformGrid, geometry: str, sampling: Sampling) -> tuple[int, 
     finest = FINEST / max(float((obliquity / grid.spacing).max()), 1.0 / float((grid.high - grid.low).max()))
     spacing, share = max(sampling.spacing, finest), min(sampling.spacing / finest, 1.0) ** 4
     edges = (EDGE, EDGE_AT_ENDS) if sampling.ends else (EDGE,)
-    sizes = [np.abs(part) for part in remainders(grid, obliquity, spacing, edges, sampling.is_fine)]
+    sizes = [np.abs(part) for part in high_pass(grid, obliquity, spacing, edges, sampling.is_fine)]
     main = _main_axis(sampling.steepness, geometry)
     across = [axis for axis in range(len(obliquity)) if axis != main]
     if main is None:

@@ -67,7 +67,7 @@ def test_without_the_shape_the_error_is_told(method):
     """
     period = TAU / 1.2
     shape, truth = SHAPES["gaussian"], exact(SHAPES["gaussian"], method)
-    off, told = [], []
+    off, reported = [], []
     for phase in PHASES:
         time, volts, arrival = record(shape, period, phase)
         with pytest.warns(
@@ -75,12 +75,12 @@ def test_without_the_shape_the_error_is_told(method):
         ):
             reading = estimate_range(time, volts, method, threshold=1.0)
         off.append(abs(reading - HALF_C * (arrival + truth)))
-        told.append(sampling_error_of(volts, period, method, threshold=1.0))
-    assert (np.array(off) <= told).all()
-    assert 3e-3 < max(off) < 40e-3 and max(told) < 3.0 * max(off)
+        reported.append(sampling_error_of(volts, period, method, threshold=1.0))
+    assert (np.array(off) <= reported).all()
+    assert 3e-3 < max(off) < 40e-3 and max(reported) < 3.0 * max(off)
     with pytest.warns(CoarseSamplingWarning):
         found = range_statistics(time, volts, method, noise_rms=1e-3, trial_count=2, threshold=1.0)
-    assert found.sampling_error == told[-1]
+    assert found.sampling_error == reported[-1]
 
 
 @pytest.mark.parametrize("method", RANGING_METHODS)

@@ -38,7 +38,7 @@ def store(tmp_path):
 
 
 def test_netcdf_holds_every_echo(store: EchoStore, tmp_path, monkeypatch):
-    monkeypatch.setattr(module, "_BLOCK", 4)  # several blocks, the last one not full
+    monkeypatch.setattr(module, "ECHOES_AT_ONCE", 4)  # several blocks, the last one not full
     assert export(store, tmp_path / "echoes.nc") == 13
     with xarray.open_dataset(tmp_path / "echoes.nc", engine="h5netcdf") as data:
         expected = [echo.frame.voltage for echo in store.echoes()]
@@ -88,16 +88,15 @@ def test_echoes_of_different_shapes(store: EchoStore, tmp_path):
 
 def test_a_recording_goes_on_meanwhile(store: EchoStore, tmp_path, monkeypatch):
     """Echoes that are committed between the two looks at the store are not half in the file."""
-    survey = module._survey
-
-    def survey_and_record(reader, label):
-        found = survey(reader, label)
-        store.add(frame(30, 9), 0)
-        store.commit()
-        return found
-
-    monkeypatch.setattr(module, "_survey", survey_and_record)
     with EchoStore(store.path, read_only=True) as reader:
+        gaps = reader.gaps
+
+        def record_and_list_gaps():  # the file's first entries, between the two looks
+            store.add(frame(30, 9), 0)
+            store.commit()
+            return gaps()
+
+        monkeypatch.setattr(reader, "gaps", record_and_list_gaps)
         assert export(reader, tmp_path / "echoes.nc") == 13
         assert reader.echo_count == 14
     with xarray.open_dataset(tmp_path / "echoes.nc", engine="h5netcdf") as data:

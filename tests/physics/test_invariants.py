@@ -4,9 +4,10 @@ import numpy as np
 import pytest
 
 from aerokernels.tracing import ArcLength, trace
+from aerokernels.validation.closed_forms import Case
+from aerokernels.validation.media import CASES, case
 
-from .cases import CASES, case
-from .media import Case, assert_float64
+from .checks import assert_float64
 
 TIGHT = {"precision": "float64", "tolerance": 1e-6}
 

@@ -5,9 +5,10 @@ import pytest
 
 from aerokernels.rays import RayBundle
 from aerokernels.tracing import ArcLength, Plane, trace
+from aerokernels.validation.closed_forms import layered_direction
+from aerokernels.validation.media import N0, case
 
-from .cases import N0, case
-from .media import assert_float32, assert_float64, layered_direction
+from .checks import assert_float32, assert_float64
 
 LINEAR = ("linear planar", "linear axisymmetric", "linear volume")
 

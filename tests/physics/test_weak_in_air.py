@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 from aerokernels.tracing import trace
-
-from .cases import parabolic, sech
+from aerokernels.validation.media import parabolic, sech
 
 WAVE = 905e-9
 

@@ -84,6 +84,6 @@ def test_standard_error_tells_the_scatter():
         noisy = np.clip(clean.intensity + 0.05 * random.standard_normal(clean.intensity.shape), 0.0, 1.0)
         found.append(measure_shock_angle(Picture(noisy, clean.horizontal, clean.vertical), WINDOW))
     scatter = np.std([one.angle for one in found], ddof=1)
-    told = np.sqrt(np.mean([one.standard_error**2 for one in found]))
-    assert 0.7 * scatter < told < 2.5 * scatter
+    reported = np.sqrt(np.mean([one.standard_error**2 for one in found]))
+    assert 0.7 * scatter < reported < 2.5 * scatter
     assert scatter < math.radians(0.3)

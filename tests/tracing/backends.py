@@ -7,8 +7,7 @@ import pytest
 
 from aerokernels.rays import RayBundle
 from aerokernels.tracing import ArcLength, Plane, TraceResult, available_backends, trace
-
-from .fields import mesh_field, random_field, slanted_rays, uniform_field
+from aerokernels.validation.random_fields import mesh_field, random_field, slanted_rays, uniform_field
 
 WAVE = 905e-9
 # What is asked of every backend against the float64 reference: OPD [m] and direction [rad].
@@ -48,8 +47,7 @@ def _found(engine: str) -> dict[str, str] | str:
     backend, _, kind = engine.partition("-")
     there = [info for info in available_backends() if info.backend == backend]
     for info in there:
-        is_gpu = info.device.startswith("cuda") if backend == "warp" else info.description.startswith("GPU")
-        if info.available and is_gpu == (kind == "gpu"):
+        if info.available and info.is_gpu == (kind == "gpu"):
             return {"backend": backend, "device": info.device}
     missing = "; ".join(info.reason for info in there if not info.available)
     return f"no {kind.upper()} for backend {backend} here" + (f": {missing}" if missing else "")

@@ -5,7 +5,7 @@ from dataclasses import replace
 import pytest
 
 from aerokernels.tracing import available_backends
-from aerokernels.tracing.engines.choice import VARIABLES, _first_of, choose_backend
+from aerokernels.tracing.engines.choice import VARIABLES, choose_backend, preferred
 from aerokernels.tracing.engines.info import BackendInfo
 
 from .opencl_stands import bare_pyopencl, before_path, driver, need_opencl, run_python, vendors
@@ -121,12 +121,13 @@ def test_a_variable_decides(monkeypatch, backend):
 def test_a_gpu_has_a_variable_of_its_own(monkeypatch):
     cuda, gpu = replace(WARP, device="cuda:0"), replace(OPENCL, device="Some GPU", description="GPU, some driver")
     monkeypatch.setenv("AEROKERNELS_CPU_BACKEND", "warp")
-    assert _first_of(cuda, gpu)[0] is gpu and _first_of(WARP, OPENCL)[0] is WARP
+    assert [info.backend for info in preferred([cuda], [gpu])] == ["opencl", "warp"]
+    assert [info.backend for info in preferred([WARP], [OPENCL])] == ["warp", "opencl"]
     monkeypatch.setenv("AEROKERNELS_GPU_BACKEND", "warp")
-    assert _first_of(cuda, gpu)[0] is cuda
+    assert [info.backend for info in preferred([cuda], [gpu])] == ["warp", "opencl"]
 
 
 def test_a_variable_that_names_no_backend_is_refused(monkeypatch):
     monkeypatch.setenv("AEROKERNELS_CPU_BACKEND", "cuda")
     with pytest.raises(ValueError, match="'warp' or 'opencl'"):
-        _first_of(WARP, OPENCL)
+        preferred([WARP], [OPENCL])

@@ -7,6 +7,7 @@ import pytest
 
 from aerokernels.rays import RayBundle
 from aerokernels.tracing import Plane, trace
+from aerokernels.validation.random_fields import slanted_rays, uniform_field
 
 from .backends import (
     DIRECTION_LIMIT,
@@ -25,7 +26,6 @@ from .backends import (
     small_rays,
     stepped,
 )
-from .fields import slanted_rays, uniform_field
 
 PRECISIONS = ("float32", "float64")
 

@@ -1,17 +1,18 @@
 """Random bundles through random fields on both engines: status, end, direction, length and OPD by the reference.
 
-What is drawn and what is held stand in bundle_draws.py; scripts/fuzz_bundles draws thousands, these are some. Each
-geometry keeps to one precision and one interpolant, so that few kernels are built.
+What is drawn and what is held stand in aerokernels/validation; scripts/fuzz_bundles draws thousands, these are some.
+Each geometry keeps to one precision and one interpolant, so that few kernels are built.
 """
 
 import numpy as np
 import pytest
 
 from aerokernels.tracing import trace
+from aerokernels.validation import bundle_check
+from aerokernels.validation.bundle_check import check
+from aerokernels.validation.bundle_draws import WAVE, draw
 
-from . import bundle_draws
 from .backends import ENGINES, on
-from .bundle_draws import WAVE, check, draw
 
 PRECISION = {"volume": "float32", "planar": "float64", "axisymmetric": "float32"}
 BUNDLES = 20
@@ -50,7 +51,7 @@ def test_an_error_that_is_planted_is_found(monkeypatch, name, amount, what):
             getattr(result, name)[7] += amount
         return result
 
-    monkeypatch.setattr(bundle_draws, "trace", spoiled)
+    monkeypatch.setattr(bundle_check, "trace", spoiled)
     findings, compared, _ = check(case, {"backend": "spoiled"})
     assert compared == 300 and [(f.what, f.ray) for f in findings] == [(what, 7)]
 

@@ -15,6 +15,7 @@ from aerokernels.medium import IndexField
 from aerokernels.rays import RayBundle
 from aerokernels.tracing import Plane, RayStatus, launch, trace
 from aerokernels.tracing.result import RAY_OUTPUTS
+from aerokernels.validation.random_fields import mesh_field, slanted_rays, uniform_field
 
 from .backends import (
     ENGINES,
@@ -32,7 +33,6 @@ from .backends import (
     small_field,
     small_rays,
 )
-from .fields import mesh_field, slanted_rays, uniform_field
 from .opencl_stands import before_path, need_opencl, run_python
 
 PRECISIONS = ("float32", "float64")

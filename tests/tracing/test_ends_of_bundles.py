@@ -17,9 +17,9 @@ from aerokernels.tracing.plan import TracePlan
 from aerokernels.tracing.pupil_run import PupilRun
 from aerokernels.tracing.pupil_sums import PupilTask
 from aerokernels.tracing.retrace import ToleranceWarning
+from aerokernels.validation.random_fields import uniform_field
 
 from .backends import ENGINES, WAVE, on
-from .fields import uniform_field
 
 COUNT = LEAST_RAYS + 37
 TOLERANCE = 1e-3

@@ -9,9 +9,9 @@ from aerokernels import flow
 from aerokernels.medium import IndexField, QuadMesh
 from aerokernels.rays import RayBundle
 from aerokernels.tracing import Plane, trace
+from aerokernels.validation.random_fields import mesh_field
 
 from .backends import ENGINES, WAVE, on
-from .fields import mesh_field
 
 # --- neighbours ------------------------------------------------------------------------------------------------------
 

@@ -7,9 +7,9 @@ from aerokernels.rays import Disc, RayBundle
 from aerokernels.strehl_estimate import estimate_strehl
 from aerokernels.tracing import Plane, trace
 from aerokernels.tracing.leapfrog import LEAST_RAYS
+from aerokernels.validation.random_fields import uniform_field
 
 from .backends import ENGINES, on
-from .fields import uniform_field
 
 WAVE = 905e-9
 FAR = Plane((0.0, 0.0, 5e-3), (0.0, 0.0, 1.0))

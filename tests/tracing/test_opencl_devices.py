@@ -68,7 +68,7 @@ def several(monkeypatch) -> list[FoundDevice]:
         reason = "" if available else f"float64 is missing on {name}"
         return FoundDevice(replace(blank, device=name, available=available, reason=reason), None, kind, units)
 
-    devices = opencl_devices._with_unique_names(
+    devices = opencl_devices.with_unique_names(
         [
             device("Large GPU", "gpu", 100),
             device("Small GPU", "gpu", 10),
@@ -202,7 +202,7 @@ def test_a_real_device_without_float64_is_listed_and_refused(tmp_path):
 def test_a_processor_that_pocl_does_not_know_is_named_for_it(tmp_path):
     """Left alone, this PoCL builds nothing, and that is said; named, it is what the other tests run on."""
     found = need_opencl()
-    if not opencl_pocl._is_unknown(found.device):
+    if not opencl_pocl.workaround(found.device, found.options):
         pytest.skip("this PoCL knows this processor, or is no PoCL 3.0")
     assert found.options == ("-DPROCESSOR_" + opencl_pocl.processor_name().replace("-", "_"),)
     assert opencl_pocl.name_processor(found.device) == found.options
@@ -233,8 +233,8 @@ def test_the_work_around_is_told_and_one_variable_turns_it_off(monkeypatch):
     device, record = unknown_device(kept)
     options = opencl_pocl.name_processor(device)
     assert options == ("-DPROCESSOR_haswell",) and ctypes.string_at(record[80]) == b"haswell"
-    told = opencl_pocl.workaround(device, options)
-    assert "'haswell'" in told and "AEROKERNELS_POCL_CPU=off" in told and "\n" not in told
+    reported = opencl_pocl.workaround(device, options)
+    assert "'haswell'" in reported and "AEROKERNELS_POCL_CPU=off" in reported and "\n" not in reported
     monkeypatch.setenv("AEROKERNELS_POCL_CPU", "off")
     device, record = unknown_device(kept)
     options = opencl_pocl.name_processor(device)
@@ -246,10 +246,10 @@ def test_the_work_around_is_told_and_one_variable_turns_it_off(monkeypatch):
 
 def test_backends_shows_a_work_around(monkeypatch, capsys):
     """One line for the device that it is for, none where there is none."""
-    told = BackendInfo("opencl", "Some CPU", "", "1", True, True, None, "", workaround="PoCL is told something")
+    reported = BackendInfo("opencl", "Some CPU", "", "1", True, True, None, "", workaround="PoCL is told something")
     for found, lines in (
-        ([told], ["work-around on Some CPU: PoCL is told something"]),
-        ([replace(told, workaround="")], []),
+        ([reported], ["work-around on Some CPU: PoCL is told something"]),
+        ([replace(reported, workaround="")], []),
     ):
         monkeypatch.setattr(tracing, "available_backends", lambda found=found: found)
         backends()

@@ -10,6 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from aerokernels.tracing import trace
+from aerokernels.validation.random_fields import random_field
 
 from .backends import (
     ENGINES,
@@ -24,7 +25,6 @@ from .backends import (
     small_field,
     small_rays,
 )
-from .fields import random_field
 
 PRECISIONS = ("float32", "float64")
 SMOOTH, ROUGH = 3.0, 1.2  # cells over which samples are smooth

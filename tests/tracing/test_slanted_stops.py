@@ -11,9 +11,9 @@ from aerokernels.rays import RayBundle
 from aerokernels.tracing import Plane, trace
 from aerokernels.tracing.plan import TracePlan
 from aerokernels.tracing.trace import run_plan
+from aerokernels.validation.random_fields import CELL, uniform_field
 
 from .backends import ENGINES, WAVE, on
-from .fields import CELL, uniform_field
 
 
 def right(field: IndexField, rays: RayBundle, until):

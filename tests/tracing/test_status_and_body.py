@@ -6,9 +6,9 @@ import pytest
 from aerokernels.medium import Body, IndexField
 from aerokernels.rays import RayBundle
 from aerokernels.tracing import ArcLength, Plane, RayStatus, trace
+from aerokernels.validation.random_fields import slanted_rays, uniform_field
 
 from .backends import ENGINES, on
-from .fields import slanted_rays, uniform_field
 
 UP = (0.0, 0.0, 1.0)
 

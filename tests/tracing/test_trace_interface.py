@@ -8,9 +8,9 @@ from aerokernels.rays import RayBundle
 from aerokernels.tracing import ArcLength, Plane, trace
 from aerokernels.tracing.result import RAY_OUTPUTS
 from aerokernels.tracing.tableau import PAIR, NystromPair
+from aerokernels.validation.random_fields import slanted_rays, uniform_field
 
 from .backends import ENGINES, on
-from .fields import slanted_rays, uniform_field
 
 FAR = Plane((0.0, 0.0, 10e-3), (0.0, 0.0, 1.0))
 

@@ -5,10 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from aerokernels.benchmark.scenes import strehl_scene
 from aerokernels.medium import IndexField
 from aerokernels.rays import RayBundle
 from aerokernels.strehl_estimate import estimate_strehl
-from aerokernels.study.bench.scenes import strehl_scene
 from aerokernels.tracing import Plane, trace
 from aerokernels.tracing.held import held_error
 from aerokernels.tracing.launch import launch
@@ -17,9 +17,9 @@ from aerokernels.tracing.plan import TracePlan
 from aerokernels.tracing.support import support_box
 from aerokernels.tracing.unresolved import Sampling, greatest_error, missed_along
 from aerokernels.tracing.ways import lines_through
+from aerokernels.validation.random_fields import CELL
 
 from .backends import ENGINES, WAVE, on
-from .fields import CELL
 
 KINDS = ("volume", "planar", "axisymmetric")
 FAR = Plane((0.0, 0.0, 11e-3), (0.0, 0.0, 1.0))

@@ -17,6 +17,7 @@ from .info import NO_CUDA, BackendInfo, cuda_driver_loads, host_memory, warp_pro
 BACKENDS = ("auto", "warp", "opencl", "reference")
 # Environment variables that decide between Warp and OpenCL on a kind of device.
 VARIABLES = {"cpu": "AEROKERNELS_CPU_BACKEND", "gpu": "AEROKERNELS_GPU_BACKEND"}
+KINDS = ("gpu", "cpu")
 
 
 def available_backends() -> list[BackendInfo]:
@@ -26,13 +27,10 @@ def available_backends() -> list[BackendInfo]:
         ValueError: A variable that decides between Warp and OpenCL names neither.
     """
     warp, opencl = _warp_devices(), _opencl_devices()
-    gpus = _preferred([info for info in warp if info.available and info.device != "cpu"], _usable(opencl, gpu=True))
-    processors = _preferred(
-        [info for info in warp if info.available and info.device == "cpu"], _usable(opencl, gpu=False)
-    )
+    gpus, processors = (preferred(_of_kind(warp, kind), _of_kind(opencl, kind)) for kind in KINDS)
     if gpus:
         processors = [replace(info, reason="a GPU goes before it") for info in processors]
-    return [*gpus, *processors, _reference(), *_rest(warp, opencl)]
+    return [*gpus, *processors, _reference(), *(info for info in (*warp, *opencl) if not info.available)]
 
 
 def choose_backend(backend: str, device: str | None) -> tuple[str, str, str]:
@@ -69,51 +67,51 @@ def choose_backend(backend: str, device: str | None) -> tuple[str, str, str]:
         ) from error
 
 
-def _best(warp: list[BackendInfo], kind: str | None) -> tuple[str, str, str]:
+def _best(warp: list[BackendInfo], wanted: str | None) -> tuple[str, str, str]:
     """The best device of a kind ("cpu", "gpu" or None for any)."""
     opencl = _opencl_devices()
-    if kind != "cpu":
-        cuda = next((info for info in warp if info.available and info.device != "cpu"), None)
-        gpus = _usable(opencl, gpu=True)
-        if cuda and gpus:
-            return _one_of(cuda, gpus[0])
-        if cuda:
-            return "warp", cuda.device, f"backend warp on {cuda.device}: {cuda.reason}; {_why_not(opencl)}"
-        if gpus:
-            return "opencl", gpus[0].device, f"backend opencl on {gpus[0].device}: a GPU is taken where there is one"
-        if kind == "gpu":
-            raise ValueError(
-                "device 'gpu' is not there: Warp finds no CUDA device and OpenCL no GPU that can trace; see "
-                "`aerokernels backends`, or choose device 'cpu'"
-            )
-    processor = next((info for info in warp if info.available and info.device == "cpu"), None)
-    others = _usable(opencl, gpu=False)
-    if processor and others:
-        return _one_of(processor, others[0])
-    if processor:
-        return "warp", "cpu", f"backend warp on cpu: {processor.reason}; {_why_not(opencl)}"
-    if others:
-        return "opencl", others[0].device, f"backend opencl on {others[0].device}: {warp[0].reason}"
+    for kind in KINDS if wanted is None else (wanted,):
+        mine, others = _of_kind(warp, kind), _of_kind(opencl, kind)
+        if mine or others:
+            taken = preferred(mine, others)[0]
+            if not others:
+                reason = f"{taken.reason}; {_why_not(opencl)}"
+            elif mine:
+                reason = taken.reason
+            else:
+                reason = "a GPU is taken where there is one" if kind == "gpu" else warp[0].reason
+            return taken.backend, taken.device, f"backend {taken.backend} on {taken.device}: {reason}"
+    if wanted == "gpu":
+        raise ValueError(
+            "device 'gpu' is not there: Warp finds no CUDA device and OpenCL no GPU that can trace; see "
+            "`aerokernels backends`, or choose device 'cpu'"
+        )
     raise ValueError(
         f"no backend can trace here: warp: {warp[0].reason}; {_why_not(opencl)}; backend 'reference' needs neither, "
         "and is slow"
     )
 
 
-def _one_of(warp: BackendInfo, opencl: BackendInfo) -> tuple[str, str, str]:
-    taken, reason = _first_of(warp, opencl)
-    return taken.backend, taken.device, f"backend {taken.backend} on {taken.device}: {reason}"
+def preferred(warp: list[BackendInfo], opencl: list[BackendInfo]) -> list[BackendInfo]:
+    """Devices of one kind ("cpu" or "gpu") of both backends, the one that "auto" takes first, each with the reason.
 
-
-def _first_of(warp: BackendInfo, opencl: BackendInfo) -> tuple[BackendInfo, str]:
-    """Which of two devices of one kind "auto" takes, and why."""
-    variable = VARIABLES["cpu" if warp.device == "cpu" else "gpu"]
+    Raises:
+        ValueError: The variable that decides between Warp and OpenCL on this kind names neither.
+    """
+    if not (warp and opencl):
+        return warp + opencl
+    variable = VARIABLES["cpu" if warp[0].device == "cpu" else "gpu"]
     forced = os.environ.get(variable)
-    if not forced:
-        return opencl, "OpenCL goes before Warp where it can trace: about as fast or faster (docs/backends.md)"
-    if forced not in ("warp", "opencl"):
+    if forced not in (None, "", "warp", "opencl"):
         raise ValueError(f"{variable} is {forced!r}: set it to 'warp' or 'opencl', or unset it")
-    return {"warp": warp, "opencl": opencl}[forced], f"{variable} says so"
+    reason = "OpenCL goes before Warp where it can trace: about as fast or faster (docs/backends.md)"
+    taken, other = (warp[0], opencl[0]) if forced == "warp" else (opencl[0], warp[0])
+    return [
+        replace(taken, reason=f"{variable} says so" if forced else reason),
+        replace(other, reason=f"{taken.backend} goes before it"),
+        *warp[1:],
+        *opencl[1:],
+    ]
 
 
 def _warp_named(warp: list[BackendInfo], device: str | None) -> tuple[str, str, str]:
@@ -155,27 +153,9 @@ def _opencl_devices() -> list[BackendInfo]:
     return list_devices()
 
 
-def _usable(opencl: list[BackendInfo], gpu: bool) -> list[BackendInfo]:
-    """The devices of OpenCL that can trace: GPUs, or all others."""
-    return [info for info in opencl if info.available and info.description.startswith("GPU") == gpu]
-
-
-def _preferred(mine: list[BackendInfo], others: list[BackendInfo]) -> list[BackendInfo]:
-    """Warp's devices and OpenCL's of one kind, the one that "auto" takes first."""
-    if not (mine and others):
-        return mine + others
-    taken, reason = _first_of(mine[0], others[0])
-    other = mine[0] if taken is others[0] else others[0]
-    return [
-        replace(taken, reason=reason),
-        replace(other, reason=f"{taken.backend} goes before it"),
-        *mine[1:],
-        *others[1:],
-    ]
-
-
-def _rest(warp: list[BackendInfo], opencl: list[BackendInfo]) -> list[BackendInfo]:
-    return [info for info in (*warp, *opencl) if not info.available]
+def _of_kind(devices: list[BackendInfo], kind: str) -> list[BackendInfo]:
+    """Those of one backend's devices that can trace and are GPUs, or those that are not."""
+    return [info for info in devices if info.available and info.is_gpu == (kind == "gpu")]
 
 
 def _reference() -> BackendInfo:

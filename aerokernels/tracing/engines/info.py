@@ -35,6 +35,11 @@ class BackendInfo:
     reason: str
     workaround: str = ""
 
+    @property
+    def is_gpu(self) -> bool:
+        """Whether the device is a GPU."""
+        return self.device != "cpu" if self.backend == "warp" else self.description.startswith("GPU")
+
 
 def host_memory() -> int | None:
     """Memory of this machine [bytes], or None where it does not say."""

@@ -241,7 +241,7 @@ def _survey() -> tuple[list[FoundDevice], list[str]]:
     if not devices:
         return [], ["no OpenCL device is here", *troubles]
     devices.sort(key=lambda found: (not found.info.available, KINDS.index(found.kind), -found.compute_units))
-    return _with_unique_names(devices), troubles
+    return with_unique_names(devices), troubles
 
 
 def _describe(cl, platform, device) -> FoundDevice:
@@ -305,7 +305,8 @@ def _trial(cl, device, options: tuple[str, ...]) -> str:
     return ""
 
 
-def _with_unique_names(devices: list[FoundDevice]) -> list[FoundDevice]:
+def with_unique_names(devices: list[FoundDevice]) -> list[FoundDevice]:
+    """The devices, with a number behind the names that come again."""
     seen: dict[str, int] = {}
     named = []
     for found in devices:

@@ -194,13 +194,13 @@ class Engine:
                 buffers.append(self.put(values))
             return buffers
 
-        plain: list = field.derive(("opencl", self.session, precision, with_paper_step), upload)
+        unpacked: list = field.derive(("opencl", self.session, precision, with_paper_step), upload)
         if not packs:
-            return plain
+            return unpacked
         table = field.derive(
             ("opencl packed", self.session, precision), lambda: self.put(packed_table(field, REAL_TYPES[precision]))
         )
-        return [table, *plain[1:]]
+        return [table, *unpacked[1:]]
 
 
 def pack(struct: str, precision: str, members: dict) -> np.ndarray:

@@ -255,18 +255,18 @@ class Ends:
         way = np.where(slope != 0.0, -height / np.where(slope != 0.0, slope, 1.0), 0.0)
         return np.where(close & (np.abs(slope) < LEAST_COSINE), 0.0, way), reaches
 
-    def further(self, stop, start, heading, q, plain) -> np.ndarray:
+    def further(self, stop, start, heading, q, difference) -> np.ndarray:
         """How much further along its first direction each ray ends than undisturbed, from its deviation q [m].
 
-        `plain` is the difference of the two distances, which has lost digits; it stands where the ray ends on another
+        `difference` is that of the two distances, which has lost digits; it stands where the ray ends on another
         face than the undisturbed one, or where that is met too obliquely.
         """
-        best = plain.copy()
+        best = difference.copy()
         if isinstance(self.until, Plane):
             _take(best, True, -(q @ self.until.normal), heading @ self.until.normal)
             return best
         ideal = start + stop[:, None] * heading
-        real = ideal + plain[:, None] * heading + q
+        real = ideal + difference[:, None] * heading + q
         close = 1e-12 * (self.extent + np.abs(ideal).max(axis=1, initial=0.0))
 
         def on_both(distance) -> np.ndarray:

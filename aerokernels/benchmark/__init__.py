@@ -1,0 +1,59 @@
+"""The measuring instrument: speed, with the error beside it, on any device; written as JSON and as a table.
+
+    suite     what is done again and again
+    cone      a million rays along z through the cone's volume: `trace(..., outputs=("direction", "optical_path"))`
+    strehl    the Strehl ratio of the shipped Mach 3 field, from launch to value
+    sweep     a Strehl ratio for every shipped flow at three densities, each field uploaded anew
+
+docs/performance-bench.md describes the file. The modules: `scenes` (what is traced) and `errors` (against the true
+rays), `targets` (what runs where), `measuring` (clocks), `ceiling` (what the device could do), `suites`, `peers`,
+`table`.
+"""
+
+from collections.abc import Callable
+from datetime import UTC, datetime
+from typing import Any
+
+from aerokernels.benchmark.targets import SUITES, Settings, find_targets
+
+SCHEMA = "aerokernels-bench/1"
+
+__all__ = ["SCHEMA", "SUITES", "Settings", "find_targets", "run_bench"]
+
+
+def run_bench(settings: Settings, report: Callable[[str], None] = lambda line: None) -> dict[str, Any]:
+    """Measure what was asked for; a dictionary that JSON holds, described in docs/performance-bench.md.
+
+    Args:
+        settings: What to run.
+        report: Told what begins, one line each.
+
+    Raises:
+        ValueError: A backend or device that is not here, before anything is measured.
+    """
+    from aerokernels.benchmark.ceiling import measure_ceiling
+    from aerokernels.benchmark.measuring import machine
+    from aerokernels.benchmark.peers import peer_runs
+    from aerokernels.benchmark.suites import RUNS
+    from aerokernels.jobs.store import to_json
+
+    targets = find_targets(settings)
+    begun = datetime.now(UTC).isoformat(timespec="seconds")
+    ceilings = {}
+    for backend, device in targets:
+        report(f"ceiling of {device}")
+        ceilings[f"{backend} {device}"] = measure_ceiling(backend, device)
+    runs, peers = [], []
+    for suite in settings.wanted:
+        report(f"suite {suite}")
+        for run in RUNS[suite](settings, targets, ceilings):
+            made = run["settings"]
+            report(f"  {made['method']}, {made['precision']} on {made['backend']} {made['device']}: done")
+            runs.append(run)
+    if settings.peers:
+        for peer in peer_runs(settings):
+            report(f"  peer {peer['peer']}: {peer['scheme'] if peer['available'] else peer['reason']}")
+            peers.append(peer)
+    return to_json(
+        {"schema": SCHEMA, "begun": begun, "machine": machine(), "ceilings": ceilings, "runs": runs, "peers": peers}
+    )

@@ -1,0 +1,47 @@
+"""How far a tracer is from the true rays of the cone scene."""
+
+from typing import Any
+
+import numpy as np
+
+from aerokernels.benchmark.scenes import WAVELENGTH
+from aerokernels.validation.cone import CONE_AMBIENT, CONE_HALF
+from aerokernels.validation.truth import Truth
+
+TRUTH_RAYS = 256
+# Optical path of an undisturbed ray from face to face [m].
+UNDISTURBED = CONE_AMBIENT * 2.0 * CONE_HALF[2]
+
+
+def chosen_rays(ray_count: int) -> np.ndarray:
+    """Up to TRUTH_RAYS row numbers, in order: those that are compared with the truth, the same ones at every call."""
+    return np.sort(np.random.default_rng(905).choice(ray_count, min(TRUTH_RAYS, ray_count), replace=False))
+
+
+def errors(truth: Truth, direction: Any, opd: Any, good: Any = None) -> dict:
+    """OPD errors in waves, no piston taken out, and the greatest angle error [urad], over the rays that are good.
+
+    Args:
+        truth: The true ends.
+        direction: Unit tangents of the same rays, shape (n, 3).
+        opd: Their optical paths less the undisturbed ones [m], shape (n,).
+        good: Which rays arrived, shape (n,); None for all.
+    """
+    good = np.ones(len(opd), dtype=bool) if good is None else np.asarray(good)
+    if not good.any():
+        return {
+            "opd_rms_waves": None,
+            "opd_max_waves": None,
+            "direction_max_urad": None,
+            "ray_count": 0,
+            "lost_ray_count": len(good),
+        }
+    waves = (np.asarray(opd) - truth.opd)[good] / WAVELENGTH
+    angle = np.linalg.norm((np.asarray(direction) - truth.direction)[good], axis=1)
+    return {
+        "opd_rms_waves": float(np.sqrt(np.mean(waves**2))),
+        "opd_max_waves": float(np.abs(waves).max()),
+        "direction_max_urad": float(1e6 * angle.max()),
+        "ray_count": int(good.sum()),
+        "lost_ray_count": int((~good).sum()),
+    }

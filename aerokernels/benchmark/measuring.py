@@ -1,0 +1,96 @@
+"""Clocks, their spread, the machine, and numbers that JSON can hold."""
+
+import os
+import platform
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+PACKAGES = ("aerokernels", "numpy", "scipy", "warp-lang", "pyopencl", "pocl-binary-distribution")
+
+
+@dataclass(frozen=True, eq=False)
+class Timing:
+    """One call made several times, after a first one that may compile.
+
+    Attributes:
+        first_seconds: Wall time of the first call.
+        wall_seconds: Wall time of each other call.
+        cpu_seconds: Processor time of each, all threads of this process.
+        results: What each returned.
+        first: What the first returned.
+    """
+
+    first_seconds: float
+    wall_seconds: list[float]
+    cpu_seconds: list[float]
+    results: list[Any]
+    first: Any
+
+
+def measure(call: Callable[[], Any], repeats: int) -> Timing:
+    """Call once, then `repeats` times by the clock."""
+    begin = time.perf_counter()
+    first = call()
+    first_seconds = time.perf_counter() - begin
+    wall, processor, results = [], [], []
+    for _ in range(repeats):
+        begin, spent = time.perf_counter(), time.process_time()
+        results.append(call())
+        processor.append(time.process_time() - spent)
+        wall.append(time.perf_counter() - begin)
+    return Timing(first_seconds, wall, processor, results, first)
+
+
+def spread(values: Sequence[float]) -> dict:
+    """Median and standard error of the mean; the error is None where there is one value only."""
+    numbers = np.asarray(values, dtype=np.float64)
+    error = float(numbers.std(ddof=1) / np.sqrt(len(numbers))) if len(numbers) > 1 else None
+    return {"median": float(np.median(numbers)), "standard_error": error}
+
+
+def rate(count: float, seconds: Sequence[float]) -> dict | None:
+    """`count` per second, spread over the repeats; None where a clock saw no time pass."""
+    return spread([count / value for value in seconds]) if all(value > 0.0 for value in seconds) else None
+
+
+def installed(package: str) -> str | None:
+    """Version of an installed distribution, None where it is absent."""
+    try:
+        return version(package)
+    except PackageNotFoundError:
+        return None
+
+
+def machine() -> dict:
+    """What was measured on."""
+    from aerokernels.tracing import available_backends
+    from aerokernels.tracing.engines.info import thread_count
+
+    return {
+        "cpu": _cpu_model(),
+        "cores": thread_count(),
+        "load_average": list(os.getloadavg()) if hasattr(os, "getloadavg") else None,
+        "system": platform.platform(),
+        "python": platform.python_version(),
+        "versions": {package: installed(package) for package in PACKAGES},
+        "devices": [
+            {"backend": info.backend, "device": info.device, "description": info.description}
+            for info in available_backends()
+            if info.available
+        ],
+    }
+
+
+def _cpu_model() -> str:
+    try:
+        lines = Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines()
+    except OSError:
+        lines = []
+    named = [line.partition(":")[2].strip() for line in lines if line.startswith("model name")]
+    return named[0] if named else platform.processor() or platform.machine()

@@ -1,0 +1,211 @@
+"""The suites: the cone scene ray by ray, one Strehl ratio of a million rays, and many of them over flow and density."""
+
+import inspect
+from collections.abc import Iterator
+from dataclasses import replace
+from functools import partial
+from typing import Any
+
+import numpy as np
+
+from aerokernels.benchmark.ceiling import share
+from aerokernels.benchmark.errors import UNDISTURBED, chosen_rays, errors
+from aerokernels.benchmark.measuring import Timing, measure, rate, spread
+from aerokernels.benchmark.scenes import WAVELENGTH, PupilScene, strehl_scene
+from aerokernels.benchmark.targets import Settings, on_processor
+from aerokernels.flow import shipped, shipped_names
+from aerokernels.medium import IndexField
+from aerokernels.rays import RayBundle
+from aerokernels.strehl import StrehlEstimate, strehl
+from aerokernels.strehl_estimate import estimate_strehl
+from aerokernels.tracing import Plane, trace
+from aerokernels.tracing.engines.choice import choose_backend
+from aerokernels.tracing.engines.info import thread_count
+from aerokernels.validation.cone import cone_field, cone_rays, cone_truth
+
+OUTPUTS = ("direction", "optical_path")
+# Of the fan whose Strehl ratio stands for the truth.
+FAN_RAYS = 1 << 15
+FAN_TOLERANCE = 1e-5  # [waves]
+# Free-stream densities of the sweep, as multiples of the shipped flow's.
+DENSITIES = (0.5, 1.0, 2.0)
+Targets = list[tuple[str, str]]
+
+
+def cone_runs(settings: Settings, targets: Targets, ceilings: dict[str, dict]) -> Iterator[dict]:
+    """The cone scene by every method, precision and target."""
+    field, rays = cone_field(), cone_rays(settings.ray_count)
+    rows = chosen_rays(rays.ray_count)
+    truth = cone_truth(rays[rows])
+    for options in _choices(settings, targets):
+        timing = measure(partial(trace, field, rays, outputs=OUTPUTS, **options), settings.repeats)
+        result = timing.results[-1]
+        # The counts are an output of their own, which the timed calls do not ask for.
+        counted = trace(field, rays, outputs=("evaluation_count",), **options)
+        assert counted.evaluation_count is not None
+        evaluations = float(counted.evaluation_count.mean())
+        yield {
+            "suite": "cone",
+            "settings": _settings(options, settings),
+            "plan": _plan(result),
+            **_clocks(timing, rays.ray_count, on_processor(options["backend"], options["device"])),
+            "fresh_field_seconds": measure(
+                partial(trace, cone_field(), rays, outputs=OUTPUTS, **options), 0
+            ).first_seconds,
+            "rays_traced": rays.ray_count,
+            "evaluations_per_ray": evaluations,
+            "error": errors(truth, result.direction[rows], result.optical_path[rows] - UNDISTURBED, result.ok[rows]),
+            "ceiling": _share(field, options, evaluations * rays.ray_count, timing, ceilings),
+        }
+
+
+def strehl_runs(settings: Settings, targets: Targets, ceilings: dict[str, dict]) -> Iterator[dict]:
+    """The Strehl ratio of the shipped Mach 3 field, from launch to value, with symmetry taken and not."""
+    scene = strehl_scene()
+    # The reference would take an hour for the fan.
+    fast = [target for target in targets if target[0] != "reference"]
+    true_value = fan_strehl(scene, fast[0] if fast else choose_backend("auto", "cpu")[:2])
+    for options in _choices(settings, targets):
+        for symmetry in symmetries():
+            extra = {} if symmetry is None else {"symmetry": symmetry}
+            estimate = partial(estimate_strehl, ray_count=settings.ray_count, **options, **extra)
+            timing = measure(partial(estimate, scene.field, scene.pupil), settings.repeats)
+            fresh = strehl_scene()
+            found = timing.results[-1]
+            yield {
+                "suite": "strehl",
+                "settings": {**_settings(options, settings), "symmetry": symmetry},
+                "plan": _plan(found),
+                **_clocks(timing, found.traced_ray_count, on_processor(options["backend"], options["device"])),
+                "fresh_field_seconds": measure(partial(estimate, fresh.field, fresh.pupil), 0).first_seconds,
+                "rays_traced": found.traced_ray_count,
+                "evaluations_per_ray": found.evaluation_count / found.traced_ray_count,
+                "value": found.value,
+                "converged_value": true_value,
+                "error": {"value": found.value - true_value, "budget": found.error},
+                "blocked": found.blocked,
+                "ceiling": _share(scene.field, options, found.evaluation_count, timing, ceilings),
+            }
+
+
+def sweep_runs(settings: Settings, targets: Targets, ceilings: dict[str, dict]) -> Iterator[dict]:
+    """A Strehl ratio for every shipped flow and some densities, each with a field of its own that is uploaded anew."""
+    cases = [
+        (name, shipped(name).ambient_density * factor if factor != 1.0 else None)
+        for name in shipped_names()
+        for factor in DENSITIES
+    ]
+    scenes = [strehl_scene(name, density) for name, density in cases]
+    for options in _choices(settings, targets):
+        timing = measure(partial(_estimates, scenes, ray_count=settings.ray_count, **options), settings.repeats)
+        found = timing.results[-1]
+        yield {
+            "suite": "sweep",
+            "settings": _settings(options, settings),
+            "plan": _plan(found[0]),
+            "first_call_seconds": timing.first_seconds,
+            "compile_seconds": sum(each.seconds["compile"] for each in timing.first),
+            "kernel_seconds": spread([sum(each.seconds["kernel"] for each in many) for many in timing.results]),
+            "wall_seconds": spread(timing.wall_seconds),
+            "cpu_seconds": spread(timing.cpu_seconds),
+            "ratios_per_second": rate(len(cases), timing.wall_seconds),
+            "rays_traced": (traced := sum(each.traced_ray_count for each in found)),
+            "evaluations_per_ray": sum(each.evaluation_count for each in found) / traced,
+            "cases": [
+                {"flow": name, "ambient_density": density or shipped(name).ambient_density, "value": each.value}
+                for (name, density), each in zip(cases, found, strict=True)
+            ],
+        }
+
+
+def _estimates(scenes: list[PupilScene], **options: Any) -> list[StrehlEstimate]:
+    """A Strehl ratio of each scene; a new object is a new field to every cache of uploads."""
+    return [estimate_strehl(replace(scene.field), scene.pupil, **options) for scene in scenes]
+
+
+RUNS = {"cone": cone_runs, "strehl": strehl_runs, "sweep": sweep_runs}
+
+
+def fan_strehl(scene: PupilScene, target: tuple[str, str]) -> float:
+    """The Strehl ratio of an axisymmetric scene from a fan: rays along a radius, equal shares of the area.
+
+    By a route of its own: single rays in float64 held to FAN_TOLERANCE, summed here by the midpoint rule in r^2.
+    """
+    pupil, (low, high) = scene.pupil, scene.field.box
+    radius = pupil.radius * np.sqrt((np.arange(FAN_RAYS) + 0.5) / FAN_RAYS)
+    start = pupil.center + np.c_[np.zeros(FAN_RAYS), radius, np.zeros(FAN_RAYS)]
+    # The plane on which `estimate_strehl` stops rays: a pupil's radius and a hair beyond the box.
+    beyond = float(high[2] + pupil.radius + 1e-3 * np.linalg.norm(high - low))
+    result = trace(
+        scene.field,
+        RayBundle(start, pupil.normal[None]),
+        method="adaptive",
+        precision="float64",
+        tolerance=FAN_TOLERANCE,
+        until=Plane(np.array([0.0, 0.0, beyond]), pupil.normal),
+        backend=target[0],
+        device=target[1],
+        outputs=("opd",),
+    )
+    assert result.opd is not None
+    return strehl(result.opd[result.ok], WAVELENGTH)
+
+
+def symmetries() -> tuple[Any, ...]:
+    """What the keyword `symmetry` of `estimate_strehl` may be, taken and not; (None,) where it has none."""
+    keyword = inspect.signature(estimate_strehl).parameters.get("symmetry")
+    if keyword is None:
+        return (None,)
+    return (True, False) if isinstance(keyword.default, bool) else ("auto", "off")
+
+
+def _choices(settings: Settings, targets: Targets) -> Iterator[dict]:
+    for backend, device in targets:
+        for precision in settings.precisions:
+            for method in settings.methods:
+                yield {
+                    "method": method,
+                    "precision": precision,
+                    "backend": backend,
+                    "device": device,
+                    "tolerance": settings.tolerance,
+                    "wavelength": WAVELENGTH,
+                }
+
+
+def _settings(options: dict, settings: Settings) -> dict:
+    return {**options, "ray_count": settings.ray_count, "repeats": settings.repeats}
+
+
+def _plan(result: Any) -> dict:
+    plan = result.plan
+    return {"method": plan.method, "step": plan.step, "reasons": list(plan.reasons)}
+
+
+def _clocks(timing: Timing, ray_count: int, on_cpu: bool) -> dict:
+    kernel = [result.seconds["kernel"] for result in timing.results]
+    return {
+        "first_call_seconds": timing.first_seconds,
+        "compile_seconds": timing.first.seconds["compile"],
+        "kernel_seconds": spread(kernel),
+        "wall_seconds": spread(timing.wall_seconds),
+        "cpu_seconds": spread(timing.cpu_seconds),
+        "kernel_rays_per_second": rate(ray_count, kernel),
+        "kernel_rays_per_core_second": rate(ray_count / thread_count(), kernel) if on_cpu else None,
+        "rays_per_second": rate(ray_count, timing.wall_seconds),
+        "rays_per_cpu_second": rate(ray_count, timing.cpu_seconds),
+    }
+
+
+def _share(field: IndexField, options: dict, evaluations: float, timing: Timing, ceilings: dict[str, dict]) -> dict:
+    per_second = rate(evaluations, [result.seconds["kernel"] for result in timing.results])
+    # A table of columns is no field: what its lookup takes is not what ceiling.py counts.
+    plan = timing.results[-1].plan
+    columns = getattr(plan, "columns", False)
+    return share(
+        None if columns else field,
+        options["precision"],
+        None if per_second is None else per_second["median"],
+        ceilings[f"{options['backend']} {options['device']}"],
+        leapfrog=getattr(plan, "sample_count", 0) > 0,
+    )

@@ -1,0 +1,48 @@
+"""A file for HDF5 to write to that does not fail when the disk is full, but says so afterwards."""
+
+import io
+from pathlib import Path
+from typing import Any
+
+
+class RetryingFile(io.FileIO):
+    """Takes every byte; those for which there is no room are dropped, and why is kept.
+
+    HDF5 cannot close a file to which it cannot write: it complains at length, and ends the process with a segmentation
+    fault. With this file it can, and its user raises `failure` instead.
+
+    Args:
+        path: the file, made or emptied.
+    """
+
+    def __init__(self, path: Path) -> None:
+        """Make the file."""
+        super().__init__(path, "w+")
+        self.failure: OSError | None = None
+        """What went wrong first."""
+
+    def write(self, data: Any) -> int:
+        """Write all of `data`, or drop it."""
+        rest = memoryview(data).cast("B")
+        size = len(rest)
+        try:
+            while rest:
+                rest = rest[super().write(rest) :]
+        except OSError as error:
+            self.failure = self.failure or error
+        return size
+
+    def truncate(self, size: int | None = None) -> int:
+        """Cut or lengthen the file, where there is room."""
+        try:
+            return super().truncate(size)
+        except OSError as error:
+            self.failure = self.failure or error
+            return size or 0
+
+    def readinto(self, buffer: Any) -> int:
+        """What was written; zeros where it was dropped."""
+        room = memoryview(buffer).cast("B")
+        count = super().readinto(room)
+        room[count:] = bytes(len(room) - count)
+        return len(room)

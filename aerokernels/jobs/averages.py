@@ -1,0 +1,89 @@
+"""The mean waveform and spread of many recorded echoes, in one pass and bounded memory."""
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import numpy as np
+
+from aerokernels.jobs.recorded import LEAST_SAMPLES, RecordedEcho
+
+# Times of an echo may differ from the first one's by this share of a sample before it is resampled.
+SAME_TIME = 1e-6
+
+
+@dataclass(frozen=True, eq=False)
+class AverageEcho:
+    """The mean of a group of echoes.
+
+    Attributes:
+        time: sample times of the group's first echo [s], shape (n,).
+        mean: mean voltage [V], shape (n,).
+        spread: standard deviation of one echo in each sample [V], shape (n,); 0 for a single echo.
+        count: echoes in the mean.
+        peak_mean: mean of the echoes' own greatest samples [V]; noise makes it higher than the mean's peak.
+        peak_spread: standard deviation of those [V].
+        resampled_count: echoes whose times differed from the first one's.
+    """
+
+    time: np.ndarray
+    mean: np.ndarray
+    spread: np.ndarray
+    count: int
+    peak_mean: float
+    peak_spread: float
+    resampled_count: int
+
+
+def average(echoes: Iterable[RecordedEcho]) -> AverageEcho:
+    """Average echoes on the time axis of the first.
+
+    An echo on other times is drawn on that axis by the cubic spline through its samples, and only where it has some.
+    The spline follows a pulse of six samples a rise to 1e-3 of its height, and leaves the noise nearly as it is.
+
+    Raises:
+        ValueError: no echoes, or an echo whose times do not meet those of the first.
+    """
+    time: np.ndarray | None = None
+    peaks = []
+    resampled = 0
+    for echo in echoes:
+        volts = echo.voltage
+        peaks.append(float(volts.max()))
+        if time is None:
+            time = echo.time
+            period = float(time[-1] - time[0]) / (time.size - 1)
+            number, mean, square = np.zeros(time.size), np.zeros(time.size), np.zeros(time.size)
+        elif echo.time.shape != time.shape or np.abs(echo.time - time).max() > SAME_TIME * period:
+            resampled += 1
+            volts = _on(time, echo)
+        there = np.isfinite(volts)
+        if not there.any():
+            raise ValueError(
+                f"an echo runs from {1e9 * echo.time[0]:.3f} to {1e9 * echo.time[-1]:.3f} ns, the first one from "
+                f"{1e9 * time[0]:.3f} to {1e9 * time[-1]:.3f} ns: record settings that differ under labels that differ"
+            )
+        number += there  # Welford's recurrence, for each sample by itself
+        step = np.where(there, volts - mean, 0.0)
+        mean += step / np.maximum(number, 1.0)
+        square += step * np.where(there, volts - mean, 0.0)
+    if time is None:
+        raise ValueError(f"there are no echoes to average: each needs {LEAST_SAMPLES} samples and a sample period")
+    return AverageEcho(
+        time=time,
+        mean=mean,
+        spread=np.sqrt(square / np.maximum(number - 1.0, 1.0)),
+        count=len(peaks),
+        peak_mean=float(np.mean(peaks)),
+        peak_spread=float(np.std(peaks, ddof=1)) if len(peaks) > 1 else 0.0,
+        resampled_count=resampled,
+    )
+
+
+def _on(time: np.ndarray, echo: RecordedEcho) -> np.ndarray:
+    """The echo's voltage at other times, NaN outside its own."""
+    from scipy.interpolate import make_interp_spline
+
+    inside = (time >= echo.time[0]) & (time <= echo.time[-1])
+    volts = np.full(time.size, np.nan)
+    volts[inside] = make_interp_spline(echo.time - echo.time[0], echo.voltage, k=3)(time[inside] - echo.time[0])
+    return volts

@@ -1,0 +1,324 @@
+"""Recorded echoes against simulated runs, label by label: peaks, relative errors, correlation, range errors.
+
+A trigger offset, the time by which the recorded axis is late, is not guessed: it is 0 unless the caller gives it, or
+asks to measure it, on one label for all of them (what then differs between labels is real) or on each label by itself
+(only shapes are compared then, and systematic range errors say nothing).
+"""
+
+import contextlib
+import math
+from collections import Counter
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from aerokernels import __version__
+from aerokernels.compare import WaveformComparison, compare_waveforms, pearson_correlation
+from aerokernels.jobs.alignment import measured_offset, overlap, simulated_on
+from aerokernels.jobs.averages import AverageEcho, average
+from aerokernels.jobs.range_errors import RangeErrors, range_errors
+from aerokernels.jobs.recorded import Label, label_text, recorded_echoes, recorded_labels, thinned
+from aerokernels.jobs.run_folder import RunFolder, match_runs
+
+if TYPE_CHECKING:
+    import xarray
+
+NO_ALIGNMENT, EACH = "none", "each"
+
+
+@dataclass(frozen=True)
+class CompareOptions:
+    """How to compare.
+
+    Attributes:
+        align: "none", "each", or the label on which the trigger offset is measured, as "mach=0".
+        trigger_offset: time by which the recorded axis is late, where it is known [s].
+        threshold: level of the leading edge [V]; None takes the run's own.
+        ranged_count: at most so many echoes of a label are ranged one by one, drawn at random.
+        seed: of that draw.
+    """
+
+    align: str = NO_ALIGNMENT
+    trigger_offset: float = 0.0
+    threshold: float | None = None
+    ranged_count: int = 300
+    seed: int = 0
+
+    def __post_init__(self) -> None:
+        """Check.
+
+        Raises:
+            ValueError: an option that makes no sense.
+        """
+        if self.align not in (NO_ALIGNMENT, EACH) and "=" not in self.align:
+            raise ValueError(f"align {self.align!r}: give none, each, or a label such as mach=0")
+        if not np.isfinite(self.trigger_offset):
+            raise ValueError(f"trigger_offset = {self.trigger_offset}: give a time in seconds")
+        if self.trigger_offset and self.align != NO_ALIGNMENT:
+            raise ValueError(f"trigger_offset and align {self.align}: give the offset, or have it measured, not both")
+        if self.threshold is not None and not (np.isfinite(self.threshold) and self.threshold > 0.0):
+            raise ValueError(f"threshold = {self.threshold}: give a positive voltage")
+        if self.ranged_count < 2:
+            raise ValueError(f"ranged_count = {self.ranged_count}: at least 2 echoes are needed for a spread")
+
+
+@dataclass(frozen=True, eq=False)
+class LabelComparison:
+    """One label against its run.
+
+    Attributes:
+        label: the label.
+        run: the run.
+        recorded: mean and spread of the recorded echoes, on their own time axis.
+        unfit_count: echoes with too few samples, which were passed over.
+        time: recorded sample times less the trigger offset, where they are compared [s], shape (n,).
+        mean: recorded mean there [V], shape (n,).
+        spread: spread of one echo there [V], shape (n,).
+        simulated: simulated voltage there [V], shape (n,).
+        waveform: what the mean and the simulation have in common.
+        echo_correlation: mean r at zero lag of single echoes, those that were ranged.
+        trigger_offset: what was taken off the recorded times [s].
+        ranges: range errors by method.
+    """
+
+    label: Label
+    run: RunFolder
+    recorded: AverageEcho
+    unfit_count: int
+    time: np.ndarray
+    mean: np.ndarray
+    spread: np.ndarray
+    simulated: np.ndarray
+    waveform: WaveformComparison
+    echo_correlation: float
+    trigger_offset: float
+    ranges: dict[str, RangeErrors]
+
+    @property
+    def peak_standard_error(self) -> float:
+        """Standard error of the mean waveform's peak [V]."""
+        return float(self.spread[int(np.argmax(self.mean))] / np.sqrt(self.recorded.count))
+
+    @property
+    def warnings(self) -> list[str]:
+        """What makes the numbers below mean something else than they seem to, in words."""
+        wave, name = self.waveform, label_text(self.label)
+        widths = (
+            f"{1e9 * wave.recorded_width:.3f} ns wide at half height, the simulated {1e9 * wave.simulated_width:.3f} ns"
+        )
+        if wave.same_pulse is None:
+            return [
+                f"{name}: the record holds too little of the pulse, or too much noise, to compare its width with the "
+                "simulated one's: record more echoes, from before the pulse to after it"
+            ]
+        if wave.same_pulse:
+            return []
+        moved = f", {1e3 * abs(wave.width_range):.0f} mm by the width alone" if math.isfinite(wave.width_range) else ""
+        return [
+            f"{name}: the recorded pulse is not the simulated one ({widths}): differences of leading edge and constant "
+            f"fraction are the pulses' shapes, no ranges{moved}, and a high correlation says little; put the recorded "
+            'pulse into the scene (beam.pulse_tau, or beam.pulse = "sampled") or compare with the run of its own scene'
+        ]
+
+    def row(self) -> dict[str, Any]:
+        """The comparison in numbers, SI: one line of the table."""
+        wave = self.waveform
+        numbers: dict[str, Any] = {
+            "label": label_text(self.label),
+            "run": self.run.name,
+            "run_folder": str(self.run.path),
+            "echo_count": self.recorded.count,
+            "recorded_peak_v": wave.recorded_peak,
+            "recorded_peak_standard_error_v": self.peak_standard_error,
+            "single_peak_mean_v": self.recorded.peak_mean,
+            "single_peak_spread_v": self.recorded.peak_spread,
+            "simulated_peak_v": wave.simulated_peak,
+            "peak_error": wave.peak_error,
+            "peak_error_of_recorded": wave.peak_error_of_recorded,
+            "correlation": wave.correlation,
+            "degree": wave.degree,
+            "greatest_correlation": wave.best_correlation,
+            "lag_s": wave.lag,
+            "greatest_degree": wave.best_degree,
+            "single_correlation_mean": self.echo_correlation,
+            "edge_level_v": wave.edge_level,
+            "edge_shift_s": wave.edge_shift,
+            "range_difference_m": wave.range_difference,
+            "recorded_width_s": wave.recorded_width,
+            "simulated_width_s": wave.simulated_width,
+            "same_pulse": wave.same_pulse,
+            "trigger_offset_s": self.trigger_offset,
+            "resampled_count": self.recorded.resampled_count,
+            "unfit_count": self.unfit_count,
+        }
+        for method, found in self.ranges.items():
+            numbers |= {f"{method.replace('-', '_')}_{name}": value for name, value in found.as_dict().items()}
+        return numbers
+
+
+@dataclass(frozen=True, eq=False)
+class BenchComparison:
+    """All labels of a recording against runs.
+
+    Attributes:
+        source: the recording's file.
+        options: how it was compared.
+        labels: one comparison for each label that has a run.
+        left_out: labels without one.
+    """
+
+    source: Path
+    options: CompareOptions
+    labels: tuple[LabelComparison, ...]
+    left_out: tuple[Label, ...]
+
+    @property
+    def warnings(self) -> list[str]:
+        """Those of all labels."""
+        return [text for one in self.labels for text in one.warnings]
+
+    def to_xarray(self) -> "xarray.Dataset":
+        """Waveforms over (label, sample), NaN beyond a label's own samples, and every number over label."""
+        import xarray
+
+        size = max(one.time.size for one in self.labels)
+
+        def padded(name: str) -> np.ndarray:
+            return np.stack(
+                [np.pad(getattr(one, name), (0, size - one.time.size), constant_values=np.nan) for one in self.labels]
+            )
+
+        words = {
+            "time": ("s", "time after the pulse's peak left"),
+            "mean": ("V", "mean recorded voltage"),
+            "spread": ("V", "standard deviation of one recorded echo"),
+            "simulated": ("V", "simulated voltage"),
+        }
+        variables: dict[str, Any] = {
+            name: (("label", "sample"), padded(name), {"units": unit, "long_name": text})
+            for name, (unit, text) in words.items()
+        }
+        rows = [one.row() for one in self.labels]
+        for name in rows[0]:
+            values = [row.get(name) for row in rows]
+            if name != "label" and not any(isinstance(value, str) for value in values):
+                numbers = [np.nan if value is None else value for value in values]
+                variables[name] = ("label", np.array(numbers, dtype=np.float64), {"units": _unit(name)})
+        coordinates = {"label": ("label", [row["label"] for row in rows], {"units": "1"})}
+        attributes = {
+            "source": f"aerokernels {__version__}",
+            "recording": str(self.source),
+            "align": self.options.align,
+        }
+        return xarray.Dataset(variables, coordinates, attributes)
+
+
+def compare_recording(
+    source: Path,
+    runs: Sequence[RunFolder],
+    options: CompareOptions | None = None,
+    progress: Callable[[str, float], None] = lambda stage, fraction: None,
+) -> BenchComparison:
+    """Compare every label of a recording that has a run.
+
+    Args:
+        source: the recorder's store, a CSV or a NetCDF file (see `recorded.py`).
+        runs: finished runs; see `match_runs` for which label goes to which.
+        options: how to compare.
+        progress: told the name of each stage and the share of the job before it.
+
+    Raises:
+        ValueError: files that cannot be read, no run for any label, or times that do not meet; names the label.
+    """
+    options = options or CompareOptions()
+    labels = recorded_labels(source)
+    matched = match_runs(labels, runs)
+    averages: dict[Label, AverageEcho] = {}
+    unfit: Counter[Label] = Counter()
+    for number, label in enumerate(matched):
+        progress(f"averaging {label_text(label)}", 0.5 * number / len(matched))
+        with _blamed_on(source, label):
+            averages[label] = average(recorded_echoes(source, label, unfit))
+    offset = options.trigger_offset
+    if options.align not in (NO_ALIGNMENT, EACH):
+        reference = _reference(options.align, matched)
+        with _blamed_on(source, reference):
+            offset = measured_offset(averages[reference], matched[reference])
+    found = []
+    for number, (label, run) in enumerate(matched.items()):
+        progress(f"comparing {label_text(label)}", 0.5 + 0.5 * number / len(matched))
+        with _blamed_on(source, label):
+            own = measured_offset(averages[label], run) if options.align == EACH else offset
+            found.append(_compare_label(source, label, run, averages[label], unfit[label], own, options))
+    return BenchComparison(source, options, tuple(found), tuple(label for label in labels if label not in matched))
+
+
+def _compare_label(
+    source: Path,
+    label: Label,
+    run: RunFolder,
+    recorded: AverageEcho,
+    unfit_count: int,
+    offset: float,
+    options: CompareOptions,
+) -> LabelComparison:
+    threshold = options.threshold or float(run.detector.get("threshold", 0.0)) or None
+    time, mean, spread, simulated = overlap(recorded, run, offset)
+    waveform = compare_waveforms(time, mean, simulated, threshold=threshold)
+    echoes = thinned(recorded_echoes(source, label), options.ranged_count, options.seed)
+    correlations = [_correlation(echo.voltage, simulated_on(run, echo.time - offset)) for echo in echoes]
+    ranges = range_errors(
+        [(echo.time - offset, echo.voltage) for echo in echoes], run, time, simulated, waveform.edge_level
+    )
+    return LabelComparison(
+        label=label,
+        run=run,
+        recorded=recorded,
+        unfit_count=unfit_count,
+        time=time,
+        mean=mean,
+        spread=spread,
+        simulated=simulated,
+        waveform=waveform,
+        echo_correlation=float(np.nanmean(correlations)) if np.isfinite(correlations).any() else float("nan"),
+        trigger_offset=offset,
+        ranges=ranges,
+    )
+
+
+def _correlation(recorded: np.ndarray, simulated: np.ndarray) -> float:
+    """Pearson's r where both are known; NaN where one of them is constant."""
+    there = np.isfinite(simulated)
+    try:
+        return pearson_correlation(recorded[there], simulated[there])
+    except ValueError:
+        return float("nan")
+
+
+def _reference(text: str, matched: dict[Label, RunFolder]) -> Label:
+    key, _, value = (part.strip() for part in text.partition("="))
+    fitting = [label for label in matched if (key, value) in label]
+    if len(fitting) != 1:
+        raise ValueError(
+            f"align {text}: {len(fitting)} labels with a run have it; give one of {', '.join(map(label_text, matched))}"
+        )
+    return fitting[0]
+
+
+def _unit(name: str) -> str:
+    """The SI unit that a number's name ends with."""
+    return {"_v": "V", "_s": "s", "_m": "m"}.get(name[-2:], "1")
+
+
+@contextlib.contextmanager
+def _blamed_on(source: Path, label: Label) -> Iterator[None]:
+    """Name file and label in what goes wrong with them."""
+    try:
+        yield
+    except ValueError as error:
+        if str(error).startswith(str(source)):
+            raise
+        raise ValueError(f"{source}, label {label_text(label)}: {error}") from error

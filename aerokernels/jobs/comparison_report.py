@@ -1,0 +1,257 @@
+"""A comparison of recorded echoes with runs as files: table, waveforms, pictures and one HTML page that tells it."""
+
+import base64
+import csv
+import html
+import math
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from aerokernels import __version__
+from aerokernels.compare import DEGREES
+from aerokernels.jobs.comparison import EACH, NO_ALIGNMENT, BenchComparison, LabelComparison
+from aerokernels.jobs.comparison_figure import ranges_figure, waveforms_figure
+from aerokernels.jobs.plots import png
+from aerokernels.jobs.recorded import LEAST_SAMPLES, label_text
+from aerokernels.jobs.report import CSS
+from aerokernels.jobs.store import REPORT_FILE, SUMMARY_FILE, staged_folder, to_json, write_result, write_summary
+from aerokernels.quantities import Quantity
+
+TABLE_FILE, WAVEFORM_FILE, FIGURE_FILE = "compare.csv", "compare.nc", "compare.png"
+
+# Ranging methods that read a pulse's edge, which is elsewhere on a pulse of another shape.
+EDGE_METHODS = ("leading-edge", "constant-fraction")
+
+Table = tuple[str, tuple[str, ...], list[tuple[str, ...]]]
+
+
+def peak_table(found: BenchComparison) -> Table:
+    """Table 3 of the paper: peak voltages."""
+    rows: list[tuple[str, ...]] = []
+    for one in found.labels:
+        wave = one.waveform
+        rows.append(
+            (
+                label_text(one.label),
+                str(one.recorded.count),
+                str(Quantity(wave.recorded_peak, one.peak_standard_error)),
+                str(Quantity(one.recorded.peak_mean, one.recorded.peak_spread)),
+                str(Quantity(wave.simulated_peak, one.run.error_of("echo_peak_v"))),
+            )
+        )
+    columns = (
+        "label",
+        "echoes",
+        "recorded peak of the mean [V]",
+        "peak of one echo, its spread [V]",
+        "simulated peak [V]",
+    )
+    return "Peak voltages (Table 3)", columns, rows
+
+
+def error_table(found: BenchComparison) -> Table:
+    """Table 4: relative peak errors, in both conventions, and the leading edge.
+
+    A ratio of peaks is off by the root sum of squares of what each of them is off by, relative to itself.
+    """
+    rows: list[tuple[str, ...]] = []
+    for one in found.labels:
+        wave = one.waveform
+        share = math.hypot(
+            one.peak_standard_error / wave.recorded_peak, one.run.error_of("echo_peak_v") / wave.simulated_peak
+        )
+        ratio = wave.recorded_peak / wave.simulated_peak
+        rows.append(
+            (
+                label_text(one.label),
+                Quantity(100.0 * wave.peak_error, 100.0 * share * ratio, "%").text(signed=True),
+                Quantity(100.0 * wave.peak_error_of_recorded, 100.0 * share / ratio, "%").text(signed=True),
+                f"{wave.edge_level:.3f} V",
+                _told(1e12 * wave.edge_shift, "+.1f"),
+                _told(1e3 * wave.range_difference, "+.2f"),
+            )
+        )
+    columns = ("label", "of the simulated peak", "of the recorded peak", "edge at", "edge shift [ps]", "as range [mm]")
+    return "Relative peak errors (Table 4) and leading edge", columns, rows
+
+
+def correlation_table(found: BenchComparison) -> Table:
+    """Table 6: correlation coefficients, with the degrees of Table 5."""
+    rows: list[tuple[str, ...]] = []
+    for one in found.labels:
+        wave = one.waveform
+        rows.append(
+            (
+                label_text(one.label),
+                f"{wave.correlation:.4f}",
+                wave.degree + _caveat(one),
+                f"{wave.best_correlation:.4f}",
+                f"{1e12 * wave.lag:+.1f}",
+                _told(one.echo_correlation, ".4f"),
+                f"{_told(1e9 * wave.recorded_width, '.3f')} / {_told(1e9 * wave.simulated_width, '.3f')}",
+            )
+        )
+    columns = (
+        "label",
+        "r at zero lag",
+        "degree",
+        "greatest r",
+        "its lag [ps]",
+        "r of one echo, mean",
+        "width recorded / simulated [ns]",
+    )
+    return "Correlation (Table 6; degrees by Table 5)", columns, rows
+
+
+def range_table(found: BenchComparison) -> Table:
+    """Systematic and random range errors, by label and method."""
+    rows: list[tuple[str, ...]] = []
+    for one in found.labels:
+        for method, errors in one.ranges.items():
+            rows.append(
+                (
+                    label_text(one.label),
+                    method,
+                    # What the run's range is off by is in its reading too, and goes out (range_errors.py).
+                    _millimetres(errors.systematic_error_m, errors.systematic_standard_error_m)
+                    + (_caveat(one) if method in EDGE_METHODS else ""),
+                    Quantity(1e3 * errors.random_error_m, 1e3 * errors.random_standard_error_m).text(),
+                    _millimetres(errors.simulated_error_m, one.run.error_of("ranges_m", method)),
+                    f"{errors.ranged_count} of {errors.ranged_count + errors.missed_count}",
+                )
+            )
+    columns = ("label", "method", "systematic error [mm]", "random error [mm]", "simulated error [mm]", "echoes ranged")
+    return "Range errors", columns, rows
+
+
+def _caveat(one: LabelComparison) -> str:
+    """What goes with a number that another pulse than the simulated one has spoilt."""
+    return ", but another pulse" if one.waveform.same_pulse is False else ""
+
+
+def _told(value: float, digits: str) -> str:
+    """A number; "none" where there is none."""
+    return f"{value:{digits}}" if math.isfinite(value) else "none"
+
+
+def _millimetres(value: float, error: float) -> str:
+    """A signed length in millimetres with its error, both given in metres."""
+    return Quantity(1e3 * value, 1e3 * error).text(signed=True)
+
+
+TABLES = (peak_table, error_table, correlation_table, range_table)
+
+
+def notes(found: BenchComparison) -> list[str]:
+    """How the comparison was made, in words."""
+    bounds = [bound for bound, _ in DEGREES]
+    degrees = "; ".join(
+        f"{name} from |r| = {bound:g} to {upper:g}"
+        for (bound, name), upper in zip(DEGREES, [1.0, *bounds], strict=False)
+    )
+    alignment = {
+        NO_ALIGNMENT: "The recorded times were taken as they are, but for the trigger offset given.",
+        EACH: "Each label was shifted to its greatest correlation: shapes are compared, and systematic "
+        "range errors and edge shifts say nothing about the range.",
+    }.get(
+        found.options.align,
+        f"The trigger offset was measured on {found.options.align} and taken off every label: what differs "
+        "between labels is real, the systematic error of that label is not.",
+    )
+    lines = [
+        *(f"Warning: {text}." for text in found.warnings),
+        alignment,
+        "Trigger offsets: "
+        + ", ".join(f"{label_text(one.label)} {1e9 * one.trigger_offset:.4f} ns" for one in found.labels),
+        "The simulation is drawn on the recorded times by a spline, because it is smooth and finely sampled; "
+        "recorded samples are left as they are.",
+        "Both peak errors are recorded less simulated peak; the paper's Table 4 divides by the simulated one.",
+        f"Degrees of correlation: {degrees}.",
+        f"At most {found.options.ranged_count} echoes of a label, drawn at random, were ranged one by one.",
+    ]
+    resampled = sum(one.recorded.resampled_count for one in found.labels)
+    if resampled:
+        lines.append(
+            f"{resampled} echoes had other times than their label's first and were drawn on those by a spline."
+        )
+    unfit = sum(one.unfit_count for one in found.labels)
+    if unfit:
+        lines.append(f"{unfit} echoes had fewer than {LEAST_SAMPLES} samples, or no sample period: passed over.")
+    if found.left_out:
+        lines.append(f"Labels without a run: {', '.join(map(label_text, found.left_out))}.")
+    return lines
+
+
+def write_comparison(found: BenchComparison, out: Path) -> list[str]:
+    """Write compare.csv, compare.nc, compare.png, summary.json and report.html to `out`: all of them, or none.
+
+    Returns:
+        Names of the files written.
+    """
+    rows = [one.row() for one in found.labels]
+    pictures = {
+        "Mean recorded and simulated waveform; below, their difference with the mean's standard error (dark) and the "
+        "spread of one echo (light).": png(waveforms_figure(found)),
+        "Peaks, correlation and range errors by label.": png(ranges_figure(found)),
+    }
+    with staged_folder(out) as folder:
+        _write_csv(folder / TABLE_FILE, rows)
+        (folder / FIGURE_FILE).write_bytes(next(iter(pictures.values())))
+        write_result(folder / WAVEFORM_FILE, found.to_xarray())
+        summary = {
+            "recording": str(found.source),
+            "align": found.options.align,
+            "labels": rows,
+            "warnings": found.warnings,
+            "left_out": [label_text(label) for label in found.left_out],
+            "version": __version__,
+        }
+        write_summary(folder / SUMMARY_FILE, summary)
+        (folder / REPORT_FILE).write_text(_page(found, pictures), encoding="utf-8")
+        return sorted(path.name for path in folder.iterdir())
+
+
+def _write_csv(path: Path, rows: Sequence[dict[str, Any]]) -> None:
+    columns = list(dict.fromkeys(name for row in rows for name in row))
+    with path.open("w", encoding="utf-8", newline="") as file:
+        writer = csv.DictWriter(file, columns, restval="")
+        writer.writeheader()
+        for row in rows:
+            writer.writerow({name: "" if to_json(value) is None else to_json(value) for name, value in row.items()})
+
+
+def _page(found: BenchComparison, pictures: dict[str, bytes]) -> str:
+    parts = [
+        f"<h1>Recorded against simulated</h1><p class='lead'>{html.escape(str(found.source))}, "
+        f"{len(found.labels)} labels, aerokernels {html.escape(__version__)}</p>"
+    ]
+    parts += [f"<p class='warning'><strong>Warning: {html.escape(text)}</strong></p>" for text in found.warnings]
+    for make in TABLES:
+        title, columns, rows = make(found)
+        parts.append(f"<h2>{html.escape(title)}</h2>{_html_table(columns, rows)}")
+    parts.append("<h2>Pictures</h2>")
+    for caption, data in pictures.items():
+        image = base64.b64encode(data).decode("ascii")
+        parts.append(
+            f'<figure><img alt="{html.escape(caption)}" src="data:image/png;base64,{image}">'
+            f"<figcaption>{html.escape(caption)}</figcaption></figure>"
+        )
+    parts.append(
+        "<h2>How it was done</h2><ul>" + "".join(f"<li>{html.escape(line)}</li>" for line in notes(found)) + "</ul>"
+    )
+    runs = [(label_text(one.label), one.run.name, str(one.run.path)) for one in found.labels]
+    parts.append("<h2>Runs</h2>" + _html_table(("label", "scene", "folder"), runs))
+    return (
+        "<!doctype html>\n<html lang='en'><head><meta charset='utf-8'>"
+        "<meta name='viewport' content='width=device-width'>"
+        f"<title>Recorded against simulated · aerokernels</title><style>{CSS}</style></head>\n<body>"
+        + "\n".join(parts)
+        + "</body></html>\n"
+    )
+
+
+def _html_table(columns: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+    head = "".join(f"<th>{html.escape(name)}</th>" for name in columns)
+    body = "".join("<tr>" + "".join(f"<td>{html.escape(cell)}</td>" for cell in row) + "</tr>" for row in rows)
+    return f"<table><tr>{head}</tr>{body}</table>"

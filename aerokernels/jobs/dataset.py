@@ -1,0 +1,116 @@
+"""A run as one labelled dataset with units: what result.nc holds and the pictures are drawn from."""
+
+import json
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from aerokernels.flow import CellDensity, DensityField
+from aerokernels.jobs.run_parts import RunParts
+from aerokernels.jobs.scene_text import scene_toml
+from aerokernels.jobs.store import to_json
+
+if TYPE_CHECKING:
+    import xarray
+
+RASTER_CELLS = 400  # along each side of the density picture of an unstructured mesh
+# These are attributes of their own beside the whole summary, because the pictures show them.
+SHOWN = ("strehl", "range_m", "true_range_m")
+WITH_ERROR = ("strehl", "opd_rms_m", "range_m")  # and their errors, as NAME_error
+
+
+def variable(dims: str | tuple[str, ...], values: Any, units: str, long_name: str) -> tuple[Any, ...]:
+    """A variable with its unit and meaning, as xarray takes it."""
+    return dims, values, {"units": units, "long_name": long_name}
+
+
+def density_cells(field: DensityField) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Density of cells (i, j) [kg/m3], and y and z of their corners (i + 1, j + 1) [m], in the plane x = 0."""
+    if isinstance(field, CellDensity) and field.mesh.shape is not None:
+        shape = field.mesh.shape
+        corners = field.mesh.vertices.reshape(*shape, 2)
+        return field.density.reshape(shape[0] - 1, shape[1] - 1), corners[..., 0], corners[..., 1]
+    low, high = field.box
+    axes = [np.linspace(low[k], high[k], RASTER_CELLS + 1) for k in range(2)]
+    middle = np.meshgrid(*(0.5 * (axis[1:] + axis[:-1]) for axis in axes), indexing="ij")
+    y, z = (axis.ravel() for axis in middle)
+    density = field.density_at(np.stack([np.zeros(y.size), y, z], axis=1))
+    density = np.where(np.isnan(density), field.ambient_density, density)  # in the body, which is drawn over it
+    corner_y, corner_z = np.meshgrid(*axes, indexing="ij")
+    return density.reshape(RASTER_CELLS, RASTER_CELLS), corner_y, corner_z
+
+
+def _number(value: float | None) -> float:
+    return float("nan") if value is None else value
+
+
+def run_dataset(result: RunParts, summary: Mapping[str, Any]) -> "xarray.Dataset":
+    """Put a run's arrays and its summary together; arrays of a stage that failed are absent."""
+    import xarray
+
+    flow = result.prepared.density
+    pupil, fan, spot = result.pupil, result.fan, result.spot
+    variables: dict[str, Any] = {}
+    if flow is not None:
+        density, corner_y, corner_z = density_cells(flow)
+        variables = {
+            "density": variable(("cell_i", "cell_j"), density, "kg m-3", "density, cell averages"),
+            "density_y": variable(("corner_i", "corner_j"), corner_y, "m", "y of the cells' corners"),
+            "density_z": variable(("corner_i", "corner_j"), corner_z, "m", "z of the cells' corners"),
+        }
+    coordinates = {"axis": variable("axis", np.array(["x", "y", "z"]), "1", "component")}
+    if fan is not None:
+        variables |= {
+            "ray_position": variable(("ray", "plane", "axis"), fan.position, "m", "rays of the picture"),
+            "ray_deviation": variable(("ray", "plane"), fan.deviation, "m", "displacement in y from the straight ray"),
+        }
+    if pupil is not None:
+        variables |= {
+            "opd": variable(("pupil_y", "pupil_x"), pupil.opd, "m", "optical path difference, piston removed"),
+            "opd_without_tilt": variable(
+                ("pupil_y", "pupil_x"), pupil.without_tilt, "m", "optical path difference, piston and tilt removed"
+            ),
+        }
+        coordinates |= {
+            "pupil_x": variable("pupil_x", pupil.coordinate, "m", "x in the pupil"),
+            "pupil_y": variable("pupil_y", pupil.coordinate, "m", "y in the pupil"),
+        }
+    if spot is not None:
+        variables |= {
+            "point_spread": variable(
+                ("angle_y", "angle_x"), spot.intensity, "1", "intensity over the undisturbed peak"
+            ),
+            "point_spread_perfect": variable(("angle_y", "angle_x"), spot.perfect, "1", "the same without flow"),
+        }
+        coordinates |= {
+            "angle_x": variable("angle_x", spot.angle, "rad", "angle toward x"),
+            "angle_y": variable("angle_y", spot.angle, "rad", "angle toward y"),
+        }
+    body = result.prepared.field.body
+    if body is not None:
+        variables["body_y"] = variable("body_vertex", body.profile[:, 0], "m", "y of the body's outline")
+        variables["body_z"] = variable("body_vertex", body.profile[:, 1], "m", "z of the body's outline")
+    numbers = to_json(summary)
+    attributes = {
+        "title": result.scene.title or result.scene.name,
+        "source": f"aerokernels {numbers['version']}",
+        "geometry": result.prepared.field.geometry,
+        "flow_front_m": result.prepared.front,
+        **({} if flow is None else {"ambient_density": flow.ambient_density}),
+        "threshold_v": result.scene.detector.threshold,
+        "scene": scene_toml(result.scene),
+        "summary": json.dumps(numbers),
+        **{name: _number(numbers[name]) for name in SHOWN},
+        **{f"{name}_error": _number(numbers["errors"][name]) for name in WITH_ERROR},
+    }
+    if result.scene.detector.ranging != "leading-edge":
+        del attributes["threshold_v"]  # no level decides there
+    if result.echo is None:
+        return xarray.Dataset(variables, coordinates, attributes)
+    echo = result.echo.to_xarray()
+    attributes |= {name: value for name, value in echo.attrs.items() if name not in numbers}
+    echo = echo.drop_vars("axis", errors="ignore")
+    for name in echo.variables:
+        echo[name].attrs.setdefault("units", "1")  # labels have no unit of their own
+    return xarray.Dataset(variables, coordinates, attributes).merge(echo, combine_attrs="override")

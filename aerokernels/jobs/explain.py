@@ -1,0 +1,163 @@
+"""What a run of a scene would do, in words: region, grid, method, ray counts, and the error of the grid."""
+
+import math
+
+from aerokernels.echo import RANGING_METHODS
+from aerokernels.echo.paths import target_plane
+from aerokernels.echo.prediction import predict_echo
+from aerokernels.echo.return_paths import is_symmetric
+from aerokernels.jobs.views import FAN_PLANES, FAN_RAYS, PUPIL_SAMPLES, forward_pupil, pupil_samples, trace_options
+from aerokernels.medium import IndexField, ResamplingError
+from aerokernels.medium.grid import UniformGrid
+from aerokernels.prepare import prepare_field
+from aerokernels.quantities import GREAT_ERROR, root_sum_square
+from aerokernels.scene import Scene
+from aerokernels.strehl_errors import greatest_strehl_error, main_cause
+from aerokernels.strehl_estimate import plan_strehl
+from aerokernels.tracing.plan import TracePlan
+
+
+def explanation(scene: Scene) -> list[tuple[str, str]]:
+    """Pairs of what and how. The flow is read and resampled, since that takes a second and gives measured errors.
+
+    Raises:
+        ValueError: A backend or device that is not there, or a region or spacing that cannot be had.
+    """
+    flow = scene.density_field()
+    prepared = prepare_field(scene, flow)
+    pupil = forward_pupil(scene)
+    plan, count = plan_strehl(
+        prepared.field,
+        pupil,
+        **trace_options(scene),
+        ray_count=scene.strehl.ray_count,
+        allow_truncation=scene.trace.allow_truncation,
+    )
+    low, high = prepared.region
+    axes = "r, z" if prepared.field.geometry == "axisymmetric" else "y, z"
+    wavelength = scene.flow.wavelength
+    rows = [
+        ("scene", f"{scene.name}: {scene.title}" if scene.title else scene.name),
+        ("flow", flow.provenance),
+        ("free stream", f"{flow.ambient_density:.5g} kg/m3"),
+        ("flow mesh", f"{len(flow.mesh.cells)} cells, {flow.geometry}"),
+        (
+            "part that rays can meet",
+            f"{axes} from {low[0] * 1e3:.3g}, {low[1] * 1e3:.3g} mm to {high[0] * 1e3:.3g}, {high[1] * 1e3:.3g} mm",
+        ),
+    ]
+    resampling = prepared.resampling
+    samples = prepared.field.samples
+    if resampling is None or not isinstance(samples, UniformGrid):
+        rows.append(("grid", f"none: samples are looked up on the flow's mesh, {scene.grid.interpolation}"))
+    else:
+        shape = " x ".join(str(count) for count in samples.shape)
+        rows += [
+            ("grid", f"{shape} nodes, {scene.grid.spacing * 1e3:g} mm apart, {scene.grid.interpolation}"),
+            (
+                "error of the grid",
+                f"OPD {resampling.opd_rms * 1e9:.3g} nm rms, {resampling.opd_max * 1e9:.3g} nm at most, measured "
+                f"({resampling.opd_rms / wavelength:.2g} and {resampling.opd_max / wavelength:.2g} waves)",
+            ),
+        ]
+    inside, sampled, _ = pupil_samples(prepared.field, scene, PUPIL_SAMPLES)
+    shared = ", those at one distance from the axis share a ray" if len(sampled) < inside.sum() else ""
+    rows += [
+        ("tracing", str(plan).splitlines()[0]),
+        *(("", reason) for reason in plan.reasons),
+        ("error asked for", f"{scene.trace.tolerance:g} wave at {wavelength * 1e9:g} nm"),
+        (
+            "rays, Strehl ratio",
+            f"{scene.strehl.ray_count:,} asked for, {count:,} traced, pupil of {scene.receiver.diameter * 1e3:g} mm",
+        ),
+        ("predicted", _prediction(plan, count)),
+        *_predicted_ratio(plan, resampling, wavelength),
+        (
+            "rays, OPD map",
+            f"{len(sampled):,} for {int(inside.sum()):,} samples, {PUPIL_SAMPLES} across the pupil{shared}",
+        ),
+        ("rays, picture", f"{FAN_RAYS}, to {FAN_PLANES - 1} planes"),
+        (
+            "rays, echo",
+            f"{scene.beam.ray_count:,} target points; {_way_back(scene, prepared.field)}",
+        ),
+        ("ranging", f"{scene.detector.ranging}, {scene.detector.sample_rate / 1e9:g} GHz samples"),
+        *_predicted_echo(scene, prepared.field),
+    ]
+    return rows
+
+
+def _predicted_ratio(plan: TracePlan, resampling: ResamplingError | None, wavelength: float) -> list[tuple[str, str]]:
+    """The error that the Strehl ratio will have at most: whatever it is, under the phase errors known before."""
+    if plan.predicted_error is None:
+        return []
+    lengths = [] if resampling is None else [resampling.opd_rms]
+    phase = 2.0 * math.pi * root_sum_square([plan.predicted_error, *(length / wavelength for length in lengths)])
+    error = greatest_strehl_error(phase)
+    left_out = ", without that of the flow's own mesh"
+    rows = [("predicted, Strehl ratio", f"error +- {error:.2g}{left_out}")]
+    if error > 1.0:
+        rows.append(
+            ("warning", f"an error of {error:.2g} answers nothing: {main_cause(_shares(plan, resampling, wavelength))}")
+        )
+    elif error > GREAT_ERROR:
+        rows.append(
+            ("warning", f"an error of {error:.2g} is great: {main_cause(_shares(plan, resampling, wavelength))}")
+        )
+    return rows
+
+
+def _shares(plan: TracePlan, resampling: ResamplingError | None, wavelength: float) -> dict[str, float]:
+    """Errors known before, in waves, by the causes of a budget."""
+    shares = {"step": plan.predicted_error or 0.0}
+    if resampling is not None:
+        shares["resampling"] = resampling.opd_rms / wavelength
+    return shares
+
+
+def _predicted_echo(scene: Scene, field: IndexField) -> list[tuple[str, str]]:
+    """The echo that comes back where the flow takes nothing off it, and whether it can be ranged."""
+    found, own = predict_echo(scene, field), scene.detector.ranging
+    rows = [
+        ("predicted, echo", f"{found.peak_voltage:.4g} V without flow, {found.peak_power * 1e6:.4g} µW; less with it")
+    ]
+    if own in found.reasons:
+        rows.append(("predicted, range", f"none: {found.reasons[own]}; all else is computed"))
+    elif found.least_factor <= 1.0:
+        rows.append(
+            ("predicted, range", f"read as long as the flow leaves {found.least_factor:.3f} of the peak or more")
+        )
+    else:
+        rows.append(("predicted, range", "read"))
+    readable = [method for method in RANGING_METHODS if method not in found.reasons]
+    if own in found.reasons and readable:
+        rows.append(("", f"detector.ranging that reads this echo: {', '.join(readable)}"))
+    return rows
+
+
+def _prediction(plan: TracePlan, ray_count: int) -> str:
+    """Cost and error of the Strehl ratio's rays, in words."""
+    each, error = plan.predicted_evaluations, plan.predicted_error
+    cost = (
+        "cost not known before"
+        if each is None
+        else f"{each:.0f} field evaluations a ray, {each * ray_count:.2g} in all"
+    )
+    if error is None:
+        return f"{cost}; error not known before"
+    return f"{cost}; OPD error {error:.1g} waves"
+
+
+def _way_back(scene: Scene, field: IndexField) -> str:
+    """How the light's way back is traced, in words."""
+    receiver = scene.receiver
+    if receiver.return_factor == "none":
+        return "none traced back (return factor none)"
+    nodes = receiver.strehl_node_count
+    start = f"return factor {receiver.return_factor} at "
+    if nodes == "every":
+        return f"{start}each of them, {receiver.ray_count:,} rays over the pupil each"
+    if is_symmetric(field, target_plane(scene)):
+        count = int(nodes) // 2 + 1
+        return f"{start}{count} places of a radius, half of {receiver.ray_count:,} rays over the pupil each: symmetric"
+    return f"{start}{nodes} x {nodes} places, {receiver.ray_count:,} rays over the pupil each"

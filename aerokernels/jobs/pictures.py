@@ -1,0 +1,303 @@
+"""The pictures that optical benches would show of a scene's flow: made, measured, compared, written."""
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from pydantic import ValidationError
+
+from aerokernels import __version__
+from aerokernels.flow import DensityField, shipped_names
+from aerokernels.jobs.picture_figure import comparison_figure, pictures_figure
+from aerokernels.jobs.plots import png
+from aerokernels.jobs.store import SUMMARY_FILE, staged_folder, write_result, write_summary
+from aerokernels.medium import IndexField
+from aerokernels.scene import Scene
+from aerokernels.scene.errors import SceneError, scene_error
+from aerokernels.scene.loading import override, shipped_scenes
+from aerokernels.schlieren import (
+    HalfComparison,
+    Interferogram,
+    LineOfSight,
+    Picture,
+    SchlierenImage,
+    Shadowgraph,
+    ShockAngle,
+    compare_halves,
+    fringe_picture,
+    knife_edge_picture,
+    line_of_sight,
+    measure_shock_angle,
+    shadow_picture,
+    write_picture,
+)
+from aerokernels.schlieren.fringes import check_fringes
+from aerokernels.schlieren.knife_edge import check_knife_edge
+from aerokernels.schlieren.shadowgraph import check_screen
+
+if TYPE_CHECKING:
+    import xarray
+
+KINDS = ("schlieren", "shadowgraph", "interferogram")
+DATASET_FILE, FIGURE_FILE, COMPARISON_FILE = "pictures.nc", "figure.png", "comparison.png"
+# Nodes of the uniform grid that the flow is resampled to, for each pixel.
+NODES_PER_PIXEL = 2.0
+
+
+@dataclass(frozen=True)
+class PictureOptions:
+    """What pictures to make; see `schlieren`, `shadowgraph` and `interferogram` for the meaning of each.
+
+    Attributes:
+        kinds: out of `KINDS`.
+        view: direction of the light.
+        extent: right from, to, up from, to [m]; None for the whole flow.
+        width: length of the light's way through a planar flow [m].
+        pixel_count: pixels along the longer side.
+        rays_per_pixel: k of k x k rays a pixel.
+        spacing: node spacing of the grid that the flow is resampled to [m]; None for half a pixel.
+        knife_edge: of the schlieren picture.
+        cut_off: of the same.
+        sensitivity: of the same [1/rad].
+        exposure: of the same.
+        screen_distance: of the shadowgraph [m].
+        source_angle: of the same [rad].
+        fringe_spacing: of the interferogram [m].
+        fringe_angle: of the same [rad].
+        shock_window: stretch of the horizontal on which the outermost shock's angle is read [m]; None: not at all.
+    """
+
+    kinds: tuple[str, ...] = KINDS
+    view: str | tuple[float, float, float] = "x"
+    extent: tuple[float, float, float, float] | None = None
+    width: float | None = None
+    pixel_count: int = 512
+    rays_per_pixel: int = 1
+    spacing: float | None = None
+    knife_edge: str | float = "horizontal"
+    cut_off: float = 0.5
+    sensitivity: float | None = None
+    exposure: float = 1.0
+    screen_distance: float = 0.5
+    source_angle: float = 0.0
+    fringe_spacing: float | None = None
+    fringe_angle: float = 0.5 * math.pi
+    shock_window: tuple[float, float] | None = None
+
+    def __post_init__(self) -> None:
+        """Check, before anything is read or traced.
+
+        Raises:
+            ValueError: an option that makes no sense; the message names it and the remedy.
+        """
+        unknown = [kind for kind in self.kinds if kind not in KINDS]
+        if unknown or not self.kinds:
+            raise ValueError(f"picture {', '.join(unknown) or 'none'} is not known: choose from {', '.join(KINDS)}")
+        if self.spacing is not None and not self.spacing > 0.0:
+            raise ValueError(f"spacing = {self.spacing}: give a positive length in metres")
+        if self.pixel_count < 1 or self.rays_per_pixel < 1:
+            raise ValueError(
+                f"pixels = {self.pixel_count}, rays_per_pixel = {self.rays_per_pixel}: give whole numbers of at least 1"
+            )
+        if self.extent is not None and not (self.extent[0] < self.extent[1] and self.extent[2] < self.extent[3]):
+            raise ValueError(f"extent {self.extent}: give right from, to, up from, to in metres, increasing")
+        if self.shock_window is not None and not self.shock_window[0] < self.shock_window[1]:
+            raise ValueError(f"shock window {self.shock_window}: give from and to in metres, increasing")
+        check_knife_edge(self.knife_edge, self.cut_off, self.sensitivity, self.exposure)
+        check_screen(self.screen_distance, self.source_angle, 1.0)
+        check_fringes(self.fringe_spacing, self.fringe_angle, 0.0, 1.0, 1.0)
+        if self.shock_window is not None and "schlieren" not in self.kinds:
+            raise ValueError("the shock's angle is read off the schlieren picture: ask for that kind too")
+
+
+@dataclass(frozen=True, eq=False)
+class BenchPictures:
+    """Pictures of a scene's flow.
+
+    Attributes:
+        scene: the scene.
+        density: its flow.
+        line_of_sight: the light that was traced.
+        pictures: by kind.
+        shock: the outermost shock, where it was asked for.
+        comparison: against a photograph, where one was given.
+        measured_shock: the photograph's shock, where both were asked for.
+    """
+
+    scene: Scene
+    density: DensityField
+    line_of_sight: LineOfSight
+    pictures: Mapping[str, SchlierenImage | Shadowgraph | Interferogram]
+    shock: ShockAngle | None
+    comparison: HalfComparison | None
+    measured_shock: ShockAngle | None
+
+    @cached_property
+    def summary(self) -> dict[str, Any]:
+        """The pictures in numbers, SI: what goes to summary.json."""
+        flow = self.density
+        summary: dict[str, Any] = {
+            "scene": self.scene.name,
+            "mach": flow.mach,
+            "ambient_density_kg_m3": flow.ambient_density,
+            "wavelength_m": self.line_of_sight.wavelength,
+            "pixel_size_m": list(self.line_of_sight.window.pitch),
+            "rays_per_pixel": self.line_of_sight.rays_per_pixel,
+            "kinds": list(self.pictures),
+            "provenance": flow.provenance,
+            "version": __version__,
+        }
+        for name, shock in (("shock", self.shock), ("measured_shock", self.measured_shock)):
+            if shock is not None:
+                summary |= {
+                    f"{name}_angle_rad": shock.angle,
+                    f"{name}_angle_standard_error_rad": shock.standard_error,
+                    f"{name}_place_m": shock.place,
+                }
+        if self.comparison is not None:
+            summary |= {"correlation": self.comparison.correlation, "covered": self.comparison.covered}
+        return summary
+
+    def to_xarray(self) -> "xarray.Dataset":
+        """All pictures as one dataset with units: each by the name of its kind, and what was traced."""
+        import xarray
+
+        merged = xarray.Dataset()
+        attributes: dict[str, Any] = {}
+        for kind, picture in self.pictures.items():
+            one = picture.to_xarray()
+            attributes |= {
+                f"{kind}_{key}": value for key, value in one.attrs.items() if key not in ("kind", "right", "up")
+            }
+            merged = merged.merge(one.rename(intensity=kind).drop_attrs(deep=False), compat="override")
+        if self.comparison is not None:
+            merged["comparison"] = self.comparison.to_xarray()["intensity"]
+        window = self.line_of_sight.window
+        merged.attrs = {
+            "title": self.scene.title or self.scene.name,
+            "source": f"aerokernels {__version__}",
+            "wavelength_m": self.line_of_sight.wavelength,
+            "right": window.right,
+            "up": window.up,
+            **attributes,
+        }
+        return merged
+
+
+def picture_scene(place: str, settings: Mapping[str, Any]) -> Scene:
+    """A scene by its file or name, or a shipped flow by its name with all else at its default.
+
+    Raises:
+        SceneError: neither, or anything wrong with the scene or the settings.
+    """
+    if place in shipped_names():
+        tables: dict[str, Any] = {"name": place, "flow": {"source": place}}
+        override(tables, settings, place)
+        try:
+            return Scene.model_validate(tables)
+        except ValidationError as fault:
+            raise scene_error(fault, tables, place, dict(settings), Scene) from None
+    if not Path(place).exists() and place not in shipped_scenes():
+        raise SceneError(
+            f"{place}: there is no such scene file; give a TOML file, a shipped scene ({', '.join(shipped_scenes())}) "
+            f"or a shipped flow ({', '.join(shipped_names())})"
+        )
+    return Scene.load(place, settings)
+
+
+def picture_field(density: DensityField, scene: Scene, options: PictureOptions) -> IndexField:
+    """The whole flow of a scene as a refractive index on a uniform grid."""
+    mesh_field = density.index_field(
+        scene.flow.wavelength, scene.flow.relation, gladstone_dale=scene.flow.gladstone_dale
+    )
+    spacing = options.spacing
+    if spacing is None:
+        low, high = mesh_field.box
+        size = high - low
+        extent = options.extent or (0.0, float(size[np.isfinite(size)].max()), 0.0, 0.0)
+        spacing = max(extent[1] - extent[0], extent[3] - extent[2]) / options.pixel_count / NODES_PER_PIXEL
+    return mesh_field.resample(spacing, interpolation=scene.grid.interpolation)
+
+
+def make_pictures(
+    scene: Scene,
+    options: PictureOptions,
+    *,
+    measured: Picture | None = None,
+    progress: Callable[[str, float], None] = lambda stage, fraction: None,
+) -> BenchPictures:
+    """Make the pictures.
+
+    Args:
+        scene: the scene; its [flow], [grid] interpolation and [trace] are used.
+        options: which pictures, and how.
+        measured: a schlieren photograph to put below the synthetic one.
+        progress: told the name of each stage and the share of the job before it.
+
+    Raises:
+        ValueError: options that make no sense, or a shock that is not found in its window.
+    """
+    if measured is not None and "schlieren" not in options.kinds:
+        raise ValueError("a measured picture is compared with the schlieren picture: ask for that kind too")
+    progress("reading and resampling the flow", 0.0)
+    density = scene.density_field()
+    field = picture_field(density, scene, options)
+    progress("tracing the light", 0.3)
+    traced = line_of_sight(
+        field,
+        view=options.view,
+        extent=options.extent,
+        width=options.width,
+        pixel_count=options.pixel_count,
+        rays_per_pixel=options.rays_per_pixel,
+        tolerance=scene.trace.tolerance,
+        wavelength=scene.flow.wavelength,
+        backend=scene.trace.backend,
+        device=scene.trace.device,
+        precision=scene.trace.precision,
+    )
+    progress("making the pictures", 0.8)
+    makers: dict[str, Callable[[], SchlierenImage | Shadowgraph | Interferogram]] = {
+        "schlieren": lambda: knife_edge_picture(
+            traced,
+            knife_edge=options.knife_edge,
+            cut_off=options.cut_off,
+            sensitivity=options.sensitivity,
+            exposure=options.exposure,
+        ),
+        "shadowgraph": lambda: shadow_picture(
+            traced, distance=options.screen_distance, source_angle=options.source_angle
+        ),
+        "interferogram": lambda: fringe_picture(
+            traced, fringe_spacing=options.fringe_spacing, fringe_angle=options.fringe_angle
+        ),
+    }
+    pictures = {kind: makers[kind]() for kind in KINDS if kind in options.kinds}
+    shock = measured_shock = None
+    if options.shock_window is not None:
+        shock = measure_shock_angle(pictures["schlieren"], options.shock_window, half="both", degree=2)
+        if measured is not None:
+            measured_shock = measure_shock_angle(measured, options.shock_window, half="lower", degree=2)
+    comparison = None if measured is None else compare_halves(pictures["schlieren"], measured)
+    return BenchPictures(scene, density, traced, pictures, shock, comparison, measured_shock)
+
+
+def write_pictures(made: BenchPictures, out: Path) -> list[str]:
+    """Write pictures.nc, figure.png, a grey PNG of each kind and summary.json to `out`: all of them, or none.
+
+    Returns:
+        Names of the files written.
+    """
+    with staged_folder(out) as folder:
+        for kind, picture in made.pictures.items():
+            write_picture(folder / f"{kind}.png", picture)
+        (folder / FIGURE_FILE).write_bytes(png(pictures_figure(made.pictures, made.shock)))
+        if made.comparison is not None:
+            (folder / COMPARISON_FILE).write_bytes(png(comparison_figure(made.comparison)))
+        write_result(folder / DATASET_FILE, made.to_xarray())
+        write_summary(folder / SUMMARY_FILE, made.summary)
+        return sorted(path.name for path in folder.iterdir())

@@ -1,0 +1,272 @@
+"""The pictures of a run, drawn from its stored dataset alone, so that a `result.nc` can be drawn again at any time.
+
+Each function returns a Matplotlib figure that belongs to no window and no global state. Lengths are drawn in mm, um
+or nm and times in ns; the dataset holds SI.
+"""
+
+import io
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from aerokernels.jobs.figure_layout import Panel, fitted_panel, panelled_figure
+from aerokernels.quantities import Quantity
+
+if TYPE_CHECKING:
+    import xarray
+    from matplotlib.axes import Axes
+    from matplotlib.axis import Axis
+    from matplotlib.colorbar import Colorbar
+    from matplotlib.figure import Figure
+
+SPEED_OF_LIGHT = 299_792_458.0  # [m/s]
+BODY_COLOUR, RAY_COLOUR, ACCENT, MUTED = "#5b6470", "#0b6e99", "#c2410c", "#8a94a0"
+RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+SQUARE = 3.6  # side of the panels of two-panel pictures [in]
+STYLE: dict[Any, Any] = {
+    "font.size": 10.0,
+    "axes.titlesize": 11.0,
+    "axes.titleweight": "bold",
+    "axes.edgecolor": "#8a94a0",
+    "axes.linewidth": 0.8,
+    "axes.grid": False,
+    "grid.color": "#e3e7eb",
+    "xtick.color": "#4a5460",
+    "ytick.color": "#4a5460",
+    "legend.frameon": False,
+    "figure.facecolor": "white",
+}
+
+
+def _figure(*panels: Panel) -> "tuple[Figure, list[tuple[Axes, Axes | None]]]":
+    from matplotlib import rc_context
+
+    with rc_context(STYLE):
+        return panelled_figure(panels)
+
+
+def _colour_bar(figure: "Figure", mappable: Any, bar_axes: "Axes | None", label: str) -> "Colorbar":
+    bar = figure.colorbar(mappable, cax=bar_axes, label=label)
+    bar.outline.set_visible(False)
+    return bar
+
+
+def _powers_of_ten(axis: "Axis") -> None:
+    """Label the decades of an axis in plain characters: the parser of formulas takes as long as a whole picture."""
+    from matplotlib.ticker import FuncFormatter, NullLocator
+
+    axis.set_major_formatter(FuncFormatter(lambda value, _: "10" + f"{np.log10(value):.0f}".translate(RAISED)))
+    axis.set_minor_locator(NullLocator())
+
+
+def _title(axes: "Axes", text: str) -> None:
+    axes.set_title(text, y=1.0)  # a title without a place of its own measures all labels of its axes to find one
+
+
+def _draw_body(axes: "Axes", dataset: "xarray.Dataset") -> None:
+    if "body_z" not in dataset:
+        return
+    z, y = 1e3 * dataset["body_z"].values, 1e3 * dataset["body_y"].values
+    if dataset.attrs.get("geometry") == "axisymmetric":  # one outline for both halves: no seam along the axis
+        z, y = np.concatenate([z, z[::-1]]), np.concatenate([y, -y[::-1]])
+    axes.fill(z, y, facecolor=BODY_COLOUR, linewidth=0.0, zorder=3)
+
+
+def _draw_density(axes: "Axes", dataset: "xarray.Dataset") -> Any:
+    from matplotlib import colormaps
+
+    z, y = 1e3 * dataset["density_z"].values, 1e3 * dataset["density_y"].values
+    density = dataset["density"].values
+    low, high = float(density.min()), float(density.max())
+    if high - low <= 1e-9 * abs(high):  # a uniform field still deserves a scale with its value in the middle
+        low, high = 0.9 * low, 1.1 * high
+    ambient = (float(dataset.attrs.get("ambient_density", density.flat[-1])) - low) / (high - low)
+    axes.set_facecolor(colormaps["viridis"](min(max(ambient, 0.0), 1.0)))  # the free stream goes on beyond the mesh
+    mesh = None
+    for side in (1.0, -1.0) if dataset.attrs.get("geometry") == "axisymmetric" else (1.0,):
+        mesh = axes.pcolormesh(z, side * y, density, cmap="viridis", vmin=low, vmax=high, shading="flat")
+    return mesh
+
+
+def density_figure(dataset: "xarray.Dataset") -> "Figure":
+    """Density of the whole flow in the plane x = 0, with the body and the rays' bundle drawn in."""
+    z, y = 1e3 * dataset["density_z"].values, 1e3 * dataset["density_y"].values
+    low, high, top = z.min(), z.max() + 0.12 * np.ptp(z), y.max() + 0.05 * np.ptp(y)
+    bottom = -top if dataset.attrs.get("geometry") == "axisymmetric" else y.min() - 0.05 * np.ptp(y)
+    figure, [(axes, bar_axes)] = _figure(fitted_panel((top - bottom) / (high - low), 6.6, 4.6, bar=True))
+    mesh = _draw_density(axes, dataset)
+    _draw_body(axes, dataset)
+    if "ray_position" in dataset:
+        position = 1e3 * dataset["ray_position"].values  # (ray, plane, axis)
+        axes.plot(position[..., 2].T, position[..., 1].T, color="white", linewidth=0.7, alpha=0.9, zorder=4)
+    axes.set(xlim=(low, high), ylim=(bottom, top), aspect="equal")
+    axes.set(xlabel="z, optical axis looking forward [mm]", ylabel="y [mm]")
+    _title(axes, "Density of the flow, body and rays")
+    _colour_bar(figure, mesh, bar_axes, "density [kg/m³]")
+    return figure
+
+
+def rays_figure(dataset: "xarray.Dataset") -> "Figure":
+    """The fan of rays where it crosses the flow, and how far each strays from its straight line."""
+    from matplotlib import colormaps
+
+    position = 1e3 * dataset["ray_position"].values  # (ray, plane, axis)
+    z, y = position[..., 2], position[..., 1]
+    half = 1.6 * max(np.nanmax(np.abs(y[:, 0])), 1.0)
+    start, nose = float(np.nanmin(z)), float(dataset.attrs.get("flow_front_m", 0.0)) * 1e3
+    low, high = start - 0.15 * half, max(nose, start + half) + 0.35 * half
+    shown = fitted_panel(2.0 * half / (high - low), 4.2, SQUARE, bar=True)
+    figure, [(near, bar_axes), (stray, _)] = _figure(shown, Panel(4.4, shown.height))
+    mesh = _draw_density(near, dataset)
+    _draw_body(near, dataset)
+    near.plot(z.T, y.T, color="white", linewidth=0.9, zorder=4)
+    near.set(xlim=(low, high), ylim=(-half, half), aspect="equal")
+    near.set(xlabel="z [mm]", ylabel="y [mm]")
+    _title(near, "Rays in the flow")
+    _colour_bar(figure, mesh, bar_axes, "density [kg/m³]")
+
+    deviation = 1e6 * dataset["ray_deviation"].values  # (ray, plane)
+    start_y = dataset["ray_position"].values[:, 0, 1]
+    scale = max(np.nanmax(np.abs(start_y)), 1e-12)
+    for y0, along, off in zip(start_y, z, deviation, strict=True):
+        stray.plot(along, off, color=colormaps["coolwarm"](0.5 + 0.5 * y0 / scale), linewidth=1.1)
+    stray.axhline(0.0, color=MUTED, linewidth=0.6)
+    stray.grid(True, color="#e3e7eb")
+    stray.set(xlabel="z [mm]", ylabel="displacement in y [µm]")
+    _title(stray, "Displacement from the straight line (red: upper rays)")
+    return figure
+
+
+def opd_figure(dataset: "xarray.Dataset") -> "Figure":
+    """Optical path difference over the receiver's pupil: piston removed, then tilt removed as well."""
+    square = Panel(SQUARE, SQUARE, bar=True)
+    figure, panels = _figure(square, square)
+    for (axes, bar_axes), name, title in zip(
+        panels, ("opd", "opd_without_tilt"), ("Piston removed", "Piston, tilt removed"), strict=True
+    ):
+        opd = 1e9 * dataset[name].values
+        x, y = 1e3 * dataset["pupil_x"].values, 1e3 * dataset["pupil_y"].values
+        limit = float(np.nanmax(np.abs(opd))) if np.isfinite(opd).any() else 0.0
+        limit = limit or 1.0
+        image = axes.imshow(
+            opd,
+            origin="lower",
+            extent=(x[0], x[-1], y[0], y[-1]),
+            cmap="RdBu_r",
+            vmin=-limit,
+            vmax=limit,
+            interpolation="nearest",  # samples as they are
+        )
+        rms = float(np.sqrt(np.nanmean(opd**2))) if np.isfinite(opd).any() else float("nan")
+        axes.set(xlabel="x [mm]", ylabel="y [mm]")
+        measured = Quantity(rms, 1e9 * dataset.attrs.get("opd_rms_m_error", float("nan")), "nm")
+        _title(axes, f"{title}: {measured if np.isfinite(measured.error or 0.0) else f'{rms:.3g} nm'} rms")
+        _colour_bar(figure, image, bar_axes, "OPD [nm]")
+    return figure
+
+
+def point_spread_figure(dataset: "xarray.Dataset") -> "Figure":
+    """Point spread function relative to the undisturbed peak: the spot, and cuts through it beside the perfect one."""
+    from matplotlib.colors import LogNorm
+
+    figure, [(spot, bar_axes), (cut, _)] = _figure(Panel(SQUARE, SQUARE, bar=True), Panel(SQUARE, SQUARE))
+    angle_x, angle_y = 1e6 * dataset["angle_x"].values, 1e6 * dataset["angle_y"].values
+    spread, perfect = dataset["point_spread"].values, dataset["point_spread_perfect"].values
+    extent = (angle_x[0], angle_x[-1], angle_y[0], angle_y[-1])
+    image = spot.imshow(
+        np.maximum(spread, 1e-6),
+        origin="lower",
+        extent=extent,
+        cmap="magma",
+        norm=LogNorm(1e-4, 1.0),
+        interpolation="nearest",
+    )
+    spot.set(xlabel="angle in x [µrad]", ylabel="angle in y [µrad]")
+    _title(spot, "Point spread function")
+    _powers_of_ten(_colour_bar(figure, image, bar_axes, "intensity / undisturbed peak").ax.yaxis)
+    middle = spread.shape[0] // 2, spread.shape[1] // 2
+    cut.plot(angle_x, perfect[middle[0]], color=MUTED, linestyle="--", linewidth=1.2, label="undisturbed")
+    cut.plot(angle_x, spread[middle[0]], color=RAY_COLOUR, linewidth=1.6, label="along x")
+    cut.plot(angle_y, spread[:, middle[1]], color=ACCENT, linewidth=1.2, linestyle=":", label="along y")
+    ratio = dataset.attrs.get("strehl")
+    title = "Cuts through the axis"
+    if ratio is not None:
+        title = f"Cuts, Strehl ratio {Quantity(ratio, dataset.attrs.get('strehl_error', float('nan')))}"
+    cut.set(xlabel="angle [µrad]", ylabel="intensity / undisturbed peak", yscale="log", ylim=(1e-5, 2.0))
+    _title(cut, title)
+    _powers_of_ten(cut.yaxis)
+    cut.grid(True, color="#e3e7eb")
+    cut.legend()
+    return figure
+
+
+def echo_figure(dataset: "xarray.Dataset") -> "Figure":
+    """Received power, and the detector's voltage with the threshold and the reported range."""
+    figure, [(axes, _)] = _figure(Panel(6.9, 3.3, scale=True))
+    time, power, voltage = (dataset[name].values for name in ("time", "echo_power", "echo_voltage"))
+    shown = _around_pulse(power, dataset.get("echo_voltage_clean", dataset["echo_voltage"]).values)
+    nanoseconds = 1e9 * time[shown]
+    clean = dataset["echo_voltage_clean"].values if "echo_voltage_clean" in dataset else voltage
+    if np.array_equal(clean, voltage):
+        axes.plot(nanoseconds, voltage[shown], color=RAY_COLOUR, linewidth=1.8, label="detector voltage")
+    else:
+        axes.plot(nanoseconds, voltage[shown], color="#9ec5d8", linewidth=0.9, label="recorded voltage")
+        axes.plot(nanoseconds, clean[shown], color=RAY_COLOUR, linewidth=1.8, label="without noise")
+    axes.set(xlabel="time after the pulse's peak left [ns]", ylabel="voltage [V]")
+    threshold = dataset.attrs.get("threshold_v")
+    if threshold is not None and np.isfinite(threshold):
+        axes.axhline(threshold, color=MUTED, linewidth=1.0, linestyle="--", label=f"threshold {threshold:.4g} V")
+    for key, words, colour, line in (
+        ("true_range_m", "target at", MUTED, ":"),
+        ("range_m", "reported range", ACCENT, "-"),
+    ):
+        distance = dataset.attrs.get(key)
+        if distance is not None and np.isfinite(distance):
+            nanosecond = 2e9 * distance / SPEED_OF_LIGHT
+            measured = Quantity(distance, dataset.attrs.get(f"{key}_error"), "m")
+            axes.axvline(nanosecond, color=colour, linewidth=1.1, linestyle=line, label=f"{words} {measured}")
+    second = axes.twinx()
+    second.plot(nanoseconds, 1e6 * power[shown], color="#2f9e6e", linewidth=1.2, linestyle="-.", label="received power")
+    second.set(ylabel="received power [µW]", ylim=(None, 1.25 * second.get_ylim()[1]))  # clear of the voltage's curve
+    handles = [pair for part in (axes, second) for pair in zip(*part.get_legend_handles_labels(), strict=True)]
+    axes.legend([handle for handle, _ in handles], [label for _, label in handles], loc="upper right", fontsize=9)
+    axes.grid(True, color="#e3e7eb")
+    _title(axes, "Laser echo")
+    return figure
+
+
+def _around_pulse(power: np.ndarray, voltage: np.ndarray) -> slice:
+    """The samples around the pulse, with half its width to spare; all of them if there is no pulse."""
+    parts = [np.abs(signal) / max(np.abs(signal).max(), 1e-300) for signal in (power, voltage)]
+    above = np.flatnonzero(np.maximum(*parts) > 1e-3)
+    if above.size == 0:
+        return slice(None)
+    margin = max((above[-1] - above[0]) // 8, 2)
+    return slice(max(above[0] - margin, 0), above[-1] + margin + 1)
+
+
+FIGURES: dict[str, tuple[str, "Callable[[xarray.Dataset], Figure]"]] = {
+    "density": ("The air density around the body, with the rays that leave the receiver's pupil.", density_figure),
+    "rays": ("The fan of rays near the pupil, and how far refraction moves each of them aside.", rays_figure),
+    "opd": ("The wavefront that a distant point on the axis leaves on the receiver's pupil.", opd_figure),
+    "point-spread": ("What the wavefront makes of the focus.", point_spread_figure),
+    "echo": ("The pulse that comes back from the reflector.", echo_figure),
+}
+
+# Variables of a run's dataset that each picture is drawn from: a run whose stage failed, or whose flow is an
+# index field, lacks some.
+NEEDED: dict[str, set[str]] = {
+    "density": {"density"},
+    "rays": {"density", "ray_position", "ray_deviation"},
+    "opd": {"opd", "opd_without_tilt"},
+    "point-spread": {"point_spread", "point_spread_perfect"},
+    "echo": {"time", "echo_power", "echo_voltage"},
+}
+
+
+def png(figure: "Figure") -> bytes:
+    """`figure` as a PNG file."""
+    buffer = io.BytesIO()
+    figure.savefig(buffer, format="png", pil_kwargs={"compress_level": 4})
+    return buffer.getvalue()

@@ -1,0 +1,120 @@
+"""Systematic and random range errors of recorded echoes, by method, beside the simulation's.
+
+A reading is calibrated through the simulation, drawn on the recorded times: what a method reads on it stands for the
+range that the run reports by it (which is free of the method's own offset, see `echo`), so that
+
+    range = reading - reading of the simulation + range of the run
+
+Where the run has no range by a method, its systematic error is not known; the random one is.
+What the record's ends cut off the pulse then shifts both readings alike.
+"""
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, dataclass
+
+import numpy as np
+
+from aerokernels.echo import RANGING_METHODS
+from aerokernels.echo.ranging import read_range
+from aerokernels.jobs.run_folder import RunFolder
+
+
+@dataclass(frozen=True)
+class RangeErrors:
+    """Errors of the ranges read off recorded echoes.
+
+    Attributes:
+        systematic_error_m: mean range less the true distance [m].
+        systematic_standard_error_m: of that mean [m].
+        random_error_m: standard deviation of the range of one echo [m].
+        random_standard_error_m: of that, for normally distributed ranges [m].
+        simulated_error_m: the run's range less the true distance [m]; NaN where the run has no range by the method.
+        ranged_count: echoes that gave a range.
+        missed_count: echoes that gave none.
+    """
+
+    systematic_error_m: float
+    systematic_standard_error_m: float
+    random_error_m: float
+    random_standard_error_m: float
+    simulated_error_m: float
+    ranged_count: int
+    missed_count: int
+
+    def as_dict(self) -> dict[str, float]:
+        """By name."""
+        return asdict(self)
+
+
+def range_errors(
+    echoes: Sequence[tuple[np.ndarray, np.ndarray]],
+    run: RunFolder,
+    time: np.ndarray,
+    simulated: np.ndarray,
+    threshold: float,
+) -> dict[str, RangeErrors]:
+    """Range errors of echoes by method; a method that cannot read the simulation is left out.
+
+    Args:
+        echoes: times [s] and voltages [V] of each.
+        run: what they are compared with.
+        time: times on which the simulation was drawn [s], shape (n,).
+        simulated: the simulation there [V], shape (n,).
+        threshold: level of the leading edge [V].
+    """
+    template = _template(run)
+    reported = run.summary.get("ranges_m") or {}
+    found = {}
+    for method in RANGING_METHODS:
+
+        def read(times: np.ndarray, volts: np.ndarray, method: str = method) -> float:
+            return read_range(
+                times,
+                volts,
+                method,
+                threshold=threshold,
+                template=template if method == "matched-filter" else None,
+                fraction=float(run.detector.get("fraction", 0.5)),
+                shape=template,
+            )
+
+        try:
+            own = read(time, simulated)
+        except ValueError:
+            continue
+        distance = reported.get(method, run.distance)
+        # A run that could not range its echo by this method, below its own threshold say, knows the spread alone.
+        simulated_error = math.nan if distance is None else float(distance) - run.distance
+        errors = []
+        for times, volts in echoes:
+            try:
+                errors.append(read(times, volts) - own)
+            except ValueError:  # a threshold that is never crossed, a pulse that the record cuts
+                continue
+        found[method] = _summed_up(errors, len(echoes), simulated_error)
+    return found
+
+
+def _summed_up(errors: Sequence[float], count: int, simulated_error: float) -> RangeErrors:
+    number = len(errors)
+    spread = float(np.std(errors, ddof=1)) if number > 1 else math.nan
+    return RangeErrors(
+        systematic_error_m=float(np.mean(errors)) + simulated_error if number else math.nan,
+        systematic_standard_error_m=spread / math.sqrt(number) if number else math.nan,
+        random_error_m=spread,
+        random_standard_error_m=spread / math.sqrt(2.0 * (number - 1)) if number > 1 else math.nan,
+        simulated_error_m=simulated_error,
+        ranged_count=number,
+        missed_count=count - number,
+    )
+
+
+def _template(run: RunFolder) -> Callable[[np.ndarray], np.ndarray]:
+    """The simulated pulse about its greatest sample, 0 beyond its record."""
+    from scipy.interpolate import make_interp_spline
+
+    zero = float(run.time[np.argmax(run.voltage)])
+    first, last = float(run.time[0]) - zero, float(run.time[-1]) - zero
+    spline = make_interp_spline(run.time - zero, run.voltage, k=5)
+    return lambda time: np.where((time >= first) & (time <= last), spline(np.clip(time, first, last)), 0.0)

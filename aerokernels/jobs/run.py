@@ -1,0 +1,168 @@
+"""One run: a scene from its flow to the reported range."""
+
+import time
+from collections.abc import Callable
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, TypeVar
+
+from aerokernels.clock import clocked
+from aerokernels.echo import EchoResult, echo
+from aerokernels.echo.prediction import predict_echo
+from aerokernels.flow import DensityField
+from aerokernels.jobs.report import draw_pictures, render_report
+from aerokernels.jobs.run_parts import RunParts
+from aerokernels.jobs.scene_text import scene_toml
+from aerokernels.jobs.store import (
+    REPORT_FILE,
+    RESULT_FILE,
+    SUMMARY_FILE,
+    staged_folder,
+    write_result,
+    write_summary,
+)
+from aerokernels.jobs.summary import summarise
+from aerokernels.jobs.views import forward_pupil, pupil_map, ray_fan
+from aerokernels.medium import IndexField
+from aerokernels.prepare import prepare_field
+from aerokernels.scene import Scene
+from aerokernels.strehl import StrehlEstimate
+from aerokernels.strehl_estimate import estimate_strehl
+from aerokernels.tracing.engines.choice import choose_backend
+
+if TYPE_CHECKING:
+    import xarray
+
+Progress = Callable[[str, float], None]
+Made = TypeVar("Made")
+
+# Name of each stage, what to call it, and the fraction of the job that lies before it.
+STAGES = {
+    "prepare": ("reading and resampling the flow", 0.0),
+    "strehl": ("tracing for the Strehl ratio", 0.1),
+    "wavefront": ("tracing the wavefront", 0.5),
+    "fan": ("tracing the picture's rays", 0.6),
+    "error": ("estimating errors", 0.65),
+    "echo": ("tracing the echo", 0.75),
+}
+
+
+class RunResult(RunParts):
+    """Everything that a run made, and its two written forms."""
+
+    @cached_property
+    def summary(self) -> dict[str, Any]:
+        """The run in numbers, SI: what goes to summary.json; computed when it is first read."""
+        return summarise(self)
+
+    def to_xarray(self) -> "xarray.Dataset":
+        """The run as one dataset with units: what goes to result.nc."""
+        from aerokernels.jobs.dataset import run_dataset
+
+        return run_dataset(self, self.summary)
+
+
+def scene_strehl(field: IndexField, scene: Scene) -> StrehlEstimate:
+    """The Strehl ratio of a plane wave that looks forward through the receiver's pupil of a scene."""
+    table = scene.trace
+    return estimate_strehl(
+        field,
+        forward_pupil(scene),
+        wavelength=scene.flow.wavelength,
+        ray_count=scene.strehl.ray_count,
+        method=table.method,
+        tolerance=table.tolerance,
+        step=table.step,
+        max_steps=table.max_steps,
+        remove=scene.strehl.remove,
+        backend=table.backend,
+        device=table.device,
+        precision=table.precision,
+        allow_truncation=table.allow_truncation,
+    )
+
+
+def echo_with_errors(scene: Scene, field: IndexField, strehl: StrehlEstimate) -> EchoResult:
+    """The echo of a scene, its errors computed."""
+    found = echo(scene, field=field, phase_error=strehl)
+    _ = found.quantities
+    return found
+
+
+def simulate(
+    scene: Scene | str | Path,
+    *,
+    field: IndexField | DensityField | None = None,
+    progress: Progress | None = None,
+) -> RunResult:
+    """Run a scene: flow, index, Strehl ratio, wavefront, echo, range.
+
+    Args:
+        scene: The scene, the path of its TOML file, or the name of a shipped one.
+        field: A flow to take in place of the scene's, as it is: the scene's flow.source and flow.density count for
+            nothing then. The index of a density field is made at the scene's wavelength, by its relation.
+        progress: Called with the stage that begins, in words, and the fraction of the job done before it.
+
+    Returns:
+        The run. What can be finished is finished: a stage after the Strehl ratio that finds nothing, such as light that
+        does not return, is None and among the `failures`, and an echo that cannot be ranged has no range.
+
+    Raises:
+        TypeError: `scene` or `field` of the wrong kind.
+        ValueError: Something wrong with the scene's file; or what only shows when it is computed: an absent backend or
+            device, a target inside the flow, a pupil that no ray leaves, an index field of another wavelength than the
+            scene's.
+    """
+    if isinstance(scene, (str, Path)):
+        scene = Scene.load(scene)
+    if not isinstance(scene, Scene):
+        raise TypeError(f"scene must be a Scene, a path or a shipped scene's name, got {type(scene).__name__}")
+    seconds: dict[str, float] = {}
+    failed: dict[str, str] = {}
+
+    def staged(name: str, work: Callable[[], Made]) -> Made:
+        if progress is not None:
+            progress(*STAGES[name])
+        begin = time.perf_counter()
+        made = work()
+        seconds[name] = time.perf_counter() - begin
+        return made
+
+    def tried(name: str, work: Callable[[], Made], result: str | None = None) -> Made | None:
+        begin = time.perf_counter()
+        try:
+            return staged(name, work)
+        except ValueError as fault:  # bad input was refused before: the scene leaves nothing to find here
+            seconds[name] = time.perf_counter() - begin
+            failed[result or name] = str(fault)
+            return None
+
+    with clocked() as stages:
+        choose_backend(scene.trace.backend, scene.trace.device)  # refused here, before anything is computed
+        prepared = staged("prepare", lambda: prepare_field(scene, field))
+        index = prepared.field
+        predict_echo(scene, index)  # so is a scene whose echo cannot be computed, whatever the flow does
+        strehl = staged("strehl", lambda: scene_strehl(index, scene))
+        pupil = tried("wavefront", lambda: pupil_map(index, scene))
+        fan = tried("fan", lambda: ray_fan(index, scene, prepared.front), "rays")
+        staged("error", lambda: strehl.quantities)
+        found = tried("echo", lambda: echo_with_errors(scene, index, strehl))
+    seconds["total"] = stages["total"]
+    return RunResult(scene, prepared, strehl, pupil, fan, found, seconds, stages, failed)
+
+
+def write_run(result: RunResult, out: Path) -> dict[str, Any]:
+    """Write summary.json, result.nc and report.html to the folder `out`: all of them, or none.
+
+    Returns:
+        The summary as it was written: a picture that could not be drawn is among its failures.
+    """
+    dataset = result.to_xarray()
+    pictures, undrawn = draw_pictures(dataset)
+    summary = {**result.summary, "failures": {**result.summary["failures"], **undrawn}}
+    with staged_folder(out) as folder:
+        write_result(folder / RESULT_FILE, dataset)
+        page = render_report(pictures, summary, scene_toml(result.scene))
+        (folder / REPORT_FILE).write_text(page, encoding="utf-8")
+        write_summary(folder / SUMMARY_FILE, summary)
+    return summary

@@ -1,0 +1,116 @@
+"""Where a run's results go: NetCDF and JSON, all of them or none.
+
+Everything is first written to a hidden folder beside the one asked for and moved into place at the end, so that a
+failure, an interrupt or a full disk leaves what was there before.
+"""
+
+import contextlib
+import json
+import math
+import os
+import shutil
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+if TYPE_CHECKING:
+    import xarray
+
+RESULT_FILE, SUMMARY_FILE, REPORT_FILE = "result.nc", "summary.json", "report.html"
+
+
+def check_output_folder(out: Path) -> None:
+    """Refuse, before anything is computed, a place that cannot take results.
+
+    Raises:
+        ValueError: `out` or a parent of it is a file, or it may not be written.
+    """
+    for folder in (out, *out.absolute().parents):
+        if folder.is_dir():
+            if not os.access(folder, os.W_OK | os.X_OK):
+                raise ValueError(f"--out {out}: no permission to write in {folder}; choose another folder")
+            return
+        if folder.exists() or folder.is_symlink():
+            raise ValueError(f"--out {out}: {folder} is not a folder; choose another name")
+
+
+@contextlib.contextmanager
+def staged_folder(out: Path) -> Iterator[Path]:
+    """Give a hidden folder beside `out` to write in; on success its files replace those of the same names in `out`.
+
+    Each file is replaced in one step, after all of them are complete; whatever else lies in `out` stays. On any
+    exception, an interrupt included, the hidden folder goes and `out` is as it was: absent, if it was absent.
+
+    Args:
+        out: The folder that the files are for. It and its parents are made if they are not there.
+
+    Yields:
+        The hidden folder, empty, on the same file system as `out`.
+    """
+    out = out.absolute()
+    made = [parent for parent in out.parents if not parent.exists()]
+    staging = out.parent / f".{out.name}.partial-{os.getpid()}"
+    try:
+        staging.mkdir(parents=True)
+        yield staging
+        if not out.exists():
+            staging.rename(out)
+            return
+        for file in sorted(staging.iterdir()):
+            file.replace(out / file.name)
+        staging.rmdir()
+    except BaseException:
+        shutil.rmtree(staging, ignore_errors=True)
+        for parent in made:
+            with contextlib.suppress(OSError):
+                parent.rmdir()
+        raise
+
+
+def to_json(value: Any) -> Any:
+    """`value` in terms of what JSON has: NumPy scalars and arrays unpacked, NaN and infinity as null."""
+    if isinstance(value, Mapping):
+        return {str(key): to_json(item) for key, item in value.items()}
+    if isinstance(value, np.ndarray):
+        return to_json(value.tolist())
+    if isinstance(value, (list, tuple, set, frozenset)):
+        return [to_json(item) for item in value]
+    if isinstance(value, np.generic):
+        return to_json(value.item())
+    if isinstance(value, float):
+        return value if math.isfinite(value) else None
+    if value is None or isinstance(value, (bool, int, str)):
+        return value
+    return str(value)
+
+
+def write_summary(path: Path, summary: Mapping[str, Any]) -> None:
+    """Write `summary` as JSON that every reader takes: what is not a number is null, never NaN."""
+    text = json.dumps(to_json(summary), indent=2, allow_nan=False, ensure_ascii=False)
+    path.write_text(text + "\n", encoding="utf-8")
+
+
+def write_result(path: Path, dataset: "xarray.Dataset") -> None:
+    """Write `dataset` as NetCDF-4, arrays compressed.
+
+    Raises:
+        ValueError: A variable without a `units` attribute.
+    """
+    lacking = sorted(str(name) for name, variable in dataset.variables.items() if "units" not in variable.attrs)
+    if lacking:
+        raise ValueError(f"every variable of a result needs a `units` attribute; these have none: {', '.join(lacking)}")
+    encoding = {
+        str(name): {"zlib": True, "complevel": 4}
+        for name, variable in dataset.variables.items()
+        if variable.size > 1000 and variable.dtype.kind in "fiu"
+    }
+    dataset.to_netcdf(path, engine="h5netcdf", encoding=encoding)
+
+
+def read_result(path: Path) -> "xarray.Dataset":
+    """Read a `result.nc` into memory and close the file."""
+    import xarray
+
+    return xarray.load_dataset(path, engine="h5netcdf")

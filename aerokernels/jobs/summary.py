@@ -1,0 +1,119 @@
+"""The numbers of a run, each with its error: what summary.json holds.
+
+strehl, range_m, ...   the numbers, SI; null where there is none
+errors                 by the same keys: what each may be off by, in the same unit; null where that is not known, and
+no entry for what is no estimate (counts, settings, times)
+range_uncertainty_m    by ranging method: the systematic and the random part of the range's error
+verdict, warnings      what the Strehl ratio's error makes of it ("fine", "warning", "worthless"), and why
+failures               by stage ("wavefront", "rays", "echo", "range", "picture echo", ...): why there is no result
+error                  the error budget of the Strehl ratio by cause
+seconds                wall time of each part of the run, and of "prepare" by its own parts; "total" is that of the run
+stage_seconds          the same time by what was done, each moment counted once (clock.py): trace_seconds is its
+"kernel", compile_seconds its "compile"; the time of the error budget's own rays is in them
+"""
+
+import math
+from typing import Any
+
+import numpy as np
+
+from aerokernels import __version__
+from aerokernels.echo import EchoResult
+from aerokernels.jobs.run_parts import RunParts
+
+# Keys of the echo's numbers, and what they are called in `EchoResult.quantities`.
+ECHO_KEYS = {
+    "echo_strehl": "strehl",
+    "echo_peak_w": "peak_power",
+    "echo_peak_v": "peak_voltage",
+    "range_m": "range",
+    "range_error_m": "range_error",
+}
+
+
+def summarise(result: RunParts) -> dict[str, Any]:
+    """The numbers of summary.json; lengths in m, angles in rad, powers in W; NaN where there is none."""
+    scene, strehl = result.scene, result.strehl
+    plan = strehl.plan.as_dict()
+    density = result.prepared.density
+    verdict = strehl.verdict
+    echo_numbers, echo_errors = _echo_numbers(result.echo)
+    return {
+        "scene": scene.name,
+        "title": scene.title,
+        "strehl": strehl.value,
+        "strehl_standard_error": strehl.standard_error,
+        "strehl_marechal": strehl.marechal,
+        "opd_rms_m": strehl.opd_rms,
+        "boresight_rad": float(np.hypot(*strehl.boresight)),
+        "boresight_x_rad": float(strehl.boresight[0]),
+        "boresight_y_rad": float(strehl.boresight[1]),
+        **echo_numbers,
+        "errors": {**_strehl_errors(result), **echo_errors},
+        "verdict": verdict.level,
+        "warnings": [verdict.reason] if verdict else [],
+        "failures": dict(result.failures),
+        "return_factor": scene.receiver.return_factor,
+        "true_range_m": float(scene.target.distance),
+        "mach": math.nan if density is None else density.mach,
+        "ambient_density_kg_m3": math.nan if density is None else density.ambient_density,
+        "wavelength_m": scene.flow.wavelength,
+        "ray_count": strehl.ray_count,
+        "traced_ray_count": strehl.traced_ray_count,
+        "evaluation_count": strehl.evaluation_count,
+        "trace_seconds": result.stages["kernel"],
+        "compile_seconds": result.stages["compile"],
+        "total_seconds": result.seconds["total"],
+        "backend": plan["backend"],
+        "device": plan["device"],
+        "precision": plan["precision"],
+        "plan": plan,
+        "error": dict(strehl.error),
+        "seconds": {**result.seconds, "prepare": dict(result.prepared.seconds)},
+        "stage_seconds": dict(result.stages),
+        "provenance": result.prepared.provenance,
+        "version": __version__,
+    }
+
+
+def _strehl_errors(result: RunParts) -> dict[str, float | None]:
+    found = result.strehl.quantities
+    return {
+        "strehl": found["value"].error,
+        "strehl_marechal": found["marechal"].error,
+        "opd_rms_m": found["opd_rms"].error,
+        # The length of the vector of both changes by no more than the length of their errors'.
+        "boresight_rad": math.hypot(*(found[f"boresight_{axis}"].error or 0.0 for axis in "xy")),
+        "boresight_x_rad": found["boresight_x"].error,
+        "boresight_y_rad": found["boresight_y"].error,
+    }
+
+
+def _echo_numbers(echo: EchoResult | None) -> tuple[dict[str, Any], dict[str, Any]]:
+    """The numbers of the echo, NaN if there is none, and their errors."""
+    if echo is None:
+        nothing = dict.fromkeys(ECHO_KEYS, math.nan)
+        empty = {"ranges_m": {}, "range_uncertainty_m": {}, "range_statistics_m": {}, "noise_rms_v": math.nan}
+        return {**nothing, **empty}, {**nothing, "ranges_m": {}}
+    found = echo.quantities
+    parts = echo.errors.ranges or {}
+    numbers = {
+        **{key: found[name].value for key, name in ECHO_KEYS.items()},
+        "ranges_m": dict(echo.ranges),
+        "range_uncertainty_m": {
+            method: {"systematic": one.systematic, "random": one.random} for method, one in parts.items()
+        },
+        "range_statistics_m": {
+            method: {
+                "systematic_error": one.systematic_error,
+                "random_error": one.random_error,
+                "random_error_interval": one.random_interval,
+                "cramer_rao_bound": one.cramer_rao_bound,
+                "missed_count": one.missed_count,
+            }
+            for method, one in echo.statistics.items()
+        },
+        "noise_rms_v": echo.noise_rms,
+    }
+    errors = {key: found[name].error for key, name in ECHO_KEYS.items()}
+    return numbers, {**errors, "ranges_m": {method: echo.errors.of_range(method) for method in echo.ranges}}

@@ -1,0 +1,230 @@
+"""Shadowgraph: the light on a screen behind the field, or on the plane that a camera is focused on.
+
+Each ray leaves the field at a place and in a direction and goes straight on to the screen:
+
+    landing = exit + (screen - exit coordinate) d_perp / d_forward
+
+Four neighbouring rays carry the light of the square between them. It is spread evenly over the quadrilateral into which
+the rays map that square, whether it is stretched, squeezed, or folded over others (a caustic), so light is conserved:
+irradiance = (light that lands) / (light that would land without field). To first order in the distance L this is
+1 - L (d e_right / d right + d e_up / d up), the second derivative of the index that textbooks give; the mapping also
+holds where rays have crossed. Diffraction is left out.
+
+Each quadrilateral is cut into parts of at most a third of a pixel, and each part counts as an upright rectangle of its
+size: exact where light is stretched along the picture's axes, of second order in a shear.
+
+Reference: G. S. Settles, Schlieren and Shadowgraph Techniques (Springer, 2001), chapter 6.
+"""
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from aerokernels.medium import IndexField
+
+from .line_of_sight import LineOfSight, check_exposure, line_of_sight
+from .picture import picture_dataset
+from .window import Window, ray_lines
+
+if TYPE_CHECKING:
+    import xarray
+
+PARTS_PER_PIXEL = 3
+MOST_PARTS = 64  # along each side of a quadrilateral
+
+
+@dataclass(frozen=True, eq=False)
+class Shadowgraph:
+    """A shadowgraph, rows from the lowest up, and what it was made of.
+
+    Attributes:
+        intensity: irradiance times the exposure, 1 for white; shape (ny, nx).
+        horizontal: pixel centres along `right` [m], shape (nx,).
+        vertical: pixel centres along `up` [m], shape (ny,).
+        irradiance: light on the screen, 1 where there is no field, shape (ny, nx).
+        blocked: pixels that the body hides when there is no field, shape (ny, nx).
+        right: direction of the picture's horizontal axis, shape (3,).
+        up: direction of its vertical axis, shape (3,).
+        distance: from the field's middle to the screen, along the light [m].
+        source_angle: full angle that the source subtends [rad].
+        exposure: brightness of undisturbed light, 1 for white.
+    """
+
+    intensity: np.ndarray
+    horizontal: np.ndarray
+    vertical: np.ndarray
+    irradiance: np.ndarray
+    blocked: np.ndarray
+    right: np.ndarray
+    up: np.ndarray
+    distance: float
+    source_angle: float
+    exposure: float
+
+    def to_xarray(self) -> "xarray.Dataset":
+        """The picture as a dataset with units."""
+        return picture_dataset(
+            self,
+            {
+                "irradiance": ("pixel", self.irradiance, "1", "light on the screen over undisturbed light"),
+                "blocked": ("pixel", self.blocked.astype(np.int8), "1", "1 where the body hides the light"),
+            },
+            {
+                "kind": "shadowgraph",
+                "distance_m": self.distance,
+                "source_angle_rad": self.source_angle,
+                "exposure": self.exposure,
+                "right": self.right,
+                "up": self.up,
+            },
+        )
+
+
+def shadowgraph(
+    field: IndexField, *, distance: float, source_angle: float = 0.0, exposure: float = 0.5, **options: Any
+) -> Shadowgraph:
+    """Make a shadowgraph of a field.
+
+    Args:
+        field: any field; a planar one needs `width` and a view along x.
+        distance: from the field's middle to the screen, along the light [m]. A camera may be focused on a plane within
+            the field or before it: then this is small or negative, and the rays are drawn straight back.
+        source_angle: full angle that the source subtends seen from the field [rad]: it blurs by distance times angle.
+        exposure: brightness of undisturbed light, 1 for white.
+        **options: view, extent, pixel_count, rays_per_pixel, width, tolerance, wavelength, backend, device, precision:
+            as in `line_of_sight`.
+
+    Raises:
+        ValueError: an argument that makes no sense; the message names it and the remedy.
+    """
+    check_screen(distance, source_angle, exposure)
+    traced = line_of_sight(field, **options)
+    return shadow_picture(traced, distance=distance, source_angle=source_angle, exposure=exposure)
+
+
+def shadow_picture(
+    traced: LineOfSight, *, distance: float, source_angle: float = 0.0, exposure: float = 0.5
+) -> Shadowgraph:
+    """The shadowgraph of light that was traced already; arguments and errors as in `shadowgraph`."""
+    check_screen(distance, source_angle, exposure)
+    window = traced.window
+    if min(traced.through.shape) < 2:
+        raise ValueError(f"a shadowgraph needs at least 2 x 2 rays, got {traced.through.shape}: raise pixel_count")
+    # `displacement` is the ray's place in the focal plane: from there to the screen it is a straight line.
+    sine = traced.deflection
+    tangent = sine / np.sqrt(1.0 - np.sum(sine**2, axis=-1, keepdims=True))
+    irradiance = _spread(*_with_border(traced, traced.displacement + distance * tangent), window)
+    irradiance /= traced.rays_per_pixel**2
+    if source_angle > 0.0:
+        irradiance = _blurred(irradiance, abs(distance) * source_angle, window.pitch)
+    return Shadowgraph(
+        intensity=np.clip(exposure * irradiance, 0.0, 1.0),
+        horizontal=window.horizontal,
+        vertical=window.vertical,
+        irradiance=irradiance,
+        blocked=traced.blocked_pixels,
+        right=window.right,
+        up=window.up,
+        distance=float(distance),
+        source_angle=float(source_angle),
+        exposure=float(exposure),
+    )
+
+
+def check_screen(distance: float, source_angle: float, exposure: float) -> None:
+    """Refuse what makes no sense."""
+    if not np.isfinite(distance):
+        raise ValueError(f"distance = {distance}: give the place of the screen in metres from the field's middle")
+    if not 0.0 <= source_angle < 0.5:
+        raise ValueError(f"source_angle = {source_angle}: give an angle in radians, 0 for a point source")
+    check_exposure(exposure)
+
+
+def _with_border(traced: LineOfSight, shift: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Places of the rays and their shifts [m], with rays added around the picture that are shifted like its border.
+
+    Light from beside the picture is shifted into it as light is shifted out.
+    """
+    k, window = traced.rays_per_pixel, traced.window
+    greatest = np.nan_to_num(np.abs(shift), nan=0.0).max(axis=(0, 1)) / np.asarray(window.pitch)
+    border = k * int(min(2.0 + np.ceil(greatest.max()), 100.0))
+    lines = []
+    for line, pitch in zip(ray_lines(window, k), window.pitch, strict=True):
+        outside = pitch / k * np.arange(1, border + 1)
+        lines.append(np.concatenate([line[0] - outside[::-1], line, line[-1] + outside]))
+    rest = np.stack(np.meshgrid(*lines), axis=-1)
+    return rest, np.pad(shift, ((border, border), (border, border), (0, 0)), mode="edge")
+
+
+def _spread(rest: np.ndarray, shift: np.ndarray, window: Window) -> np.ndarray:
+    """Light in each pixel, shape (ny, nx), of the squares between rays.
+
+    Args:
+        rest: undisturbed places (right, up) of the rays [m], shape (rows, columns, 2).
+        shift: where they land less where they would, NaN for rays that do not land: their squares carry no light.
+        window: the pixels.
+
+    Returns:
+        Light in units of one square between rays.
+    """
+    landing = rest + shift
+    first = np.array([window.horizontal[0], window.vertical[0]])
+    place = (landing - first) / np.asarray(window.pitch)
+    corners = np.stack([place[:-1, :-1], place[:-1, 1:], place[1:, :-1], place[1:, 1:]], axis=2).reshape(-1, 4, 2)
+    corners = corners[np.isfinite(corners).all(axis=(1, 2))]
+    # Rounded up to powers of two, so that there are few sizes to go through.
+    size = np.ptp(corners, axis=1).max(axis=1)
+    parts = np.exp2(np.ceil(np.log2(np.clip(PARTS_PER_PIXEL * size, 1.0, MOST_PARTS)))).astype(int)
+    shape = (len(window.vertical), len(window.horizontal))
+    light = np.zeros(shape[0] * shape[1])
+    for count in np.unique(parts):
+        share = (np.arange(count) + 0.5) / count
+        u, v = (grid.ravel() for grid in np.meshgrid(share, share))
+        weights = np.stack([(1 - u) * (1 - v), u * (1 - v), (1 - u) * v, u * v])
+        chosen = corners[parts == count]
+        rightward, upward = chosen[:, [1, 3]] - chosen[:, [0, 2]], chosen[:, 2:] - chosen[:, :2]
+        sides = np.maximum(np.abs(rightward.mean(axis=1)), np.abs(upward.mean(axis=1)))
+        sides = np.repeat(sides[:, None] / count, count**2, axis=1)
+        block = max(1, 2_000_000 // count**2)  # as many points at a time as memory does not feel
+        for start in range(0, len(chosen), block):
+            part = slice(start, start + block)
+            middle = np.einsum("qcd,cp->qpd", chosen[part], weights).reshape(-1, 2)
+            _deposit(middle, sides[part].reshape(-1, 2), 1.0 / count**2, light, shape)
+    return light.reshape(shape)
+
+
+def _deposit(middle: np.ndarray, size: np.ndarray, amount: float, light: np.ndarray, shape: tuple[int, int]) -> None:
+    """Add `amount` for each rectangle, spread evenly over it.
+
+    Args:
+        middle: (column, row) of the rectangles [pixels], shape (n, 2).
+        size: their width and height [pixels], shape (n, 2); those above one pixel count as one.
+        amount: light of one rectangle.
+        light: of each pixel, shape (ny nx,); changed.
+        shape: (ny, nx).
+    """
+    size = np.clip(size, 1e-9, 1.0)
+    low = np.floor(middle - 0.5 * size + 0.5)  # the pixel in which the rectangle begins
+    first = np.clip((low + 0.5 - (middle - 0.5 * size)) / size, 0.0, 1.0)  # its share there; the rest is in the next
+    column, row = low.astype(np.int64).T
+    for d_row in (0, 1):
+        for d_column in (0, 1):
+            i, j = row + d_row, column + d_column
+            inside = (i >= 0) & (i < shape[0]) & (j >= 0) & (j < shape[1])
+            across = 1.0 - first[:, 0] if d_column else first[:, 0]
+            along = 1.0 - first[:, 1] if d_row else first[:, 1]
+            weight = amount * (across * along)[inside]
+            light += np.bincount((i * shape[1] + j)[inside], weights=weight, minlength=light.size)
+
+
+def _blurred(irradiance: np.ndarray, diameter: float, pitch: tuple[float, float]) -> np.ndarray:
+    """The mean over a disc of `diameter` [m] about each pixel."""
+    from scipy.ndimage import convolve
+
+    half = [int(np.ceil(0.5 * diameter / step)) for step in (pitch[1], pitch[0])]
+    y, x = np.ogrid[-half[0] : half[0] + 1, -half[1] : half[1] + 1]
+    # The disc's edge runs through pixels: each counts by how much of it lies inside, to about a tenth.
+    distance = np.hypot(y * pitch[1], x * pitch[0])
+    disc = np.clip((0.5 * diameter - distance) / float(np.mean(pitch)) + 0.5, 0.0, 1.0)
+    return convolve(irradiance, disc / disc.sum(), mode="nearest")

@@ -1,0 +1,105 @@
+r"""The part of a field's potential that evenly spaced samples along a ray do not resolve: a high pass on its grid.
+
+A component of frequency f [1/m] has along a unit vector u at most the frequency
+
+    phi = min(|f|, sum |u_i| f_i),     in r and z: f_r sqrt(u_x^2 + u_y^2) + f_z |u_z|
+
+(cos(2 pi f sqrt(b^2 + t^2)) is an entire function of t of that type, so that this holds off the axis too), and by
+samples H apart it is passed from about phi = edge / H on. The field is even about its faces, as an
+axisymmetric one is about its axis.
+
+Through nodes h apart a cubic spline holds, of what oscillates between them at v cycles a cell, v below 1 / 2, the share
+B(v) at that frequency and the share B(v + m) at each image v + m,
+
+    B(v) = 3 (sin(pi v) / (pi v))^4 / (2 + cos(2 pi v)),
+
+and that is what rays meet: it falls off fast beyond what the nodes resolve, where H is below two cells.
+"""
+
+import numpy as np
+
+from ..medium.grid import UniformGrid
+from .step_bound import potential_at_nodes
+
+# The share of a component that is passed at phi H = x is 1 - exp(-(x / edge)^24): for edge = 0.92 it is 0.03 at
+# x = 0.8 and 0.99 at x = 0.98.
+MOST_OVER_EDGE = 2.0
+# With lower edges it is 1 - exp(-(x / edge)^3): as the error of a rule of fourth order at a line's end grows.
+STEEP_FROM = 0.5
+# Cells between samples from which on the nearest image is the only one that they do not resolve.
+COARSE = 1.35
+# Less than this much of phi H is no frequency along the rays; images along an axis count from this much a cycle on.
+LEAST_ALONG, LEAST_IMAGED = 0.01, 0.8
+
+
+def high_pass(
+    grid: UniformGrid, steepness: np.ndarray, spacing: float, edges: tuple[float, ...], is_fine: bool
+) -> list[np.ndarray]:
+    """For each edge, what is left of the potential over the ambient index without low frequencies along the rays [1].
+
+    Args:
+        grid: The samples.
+        steepness: Greatest size of the components of the rays' unit vectors along the grid's axes.
+        spacing: H, distance of samples [m].
+        edges: Frequencies times H from about which on components are left.
+        is_fine: Whether single precision would be seen.
+    """
+    from scipy.fft import dctn, idctn
+
+    values = potential_at_nodes(grid).astype(np.float64 if is_fine else np.float32)
+    rates = steepness * spacing / grid.spacing  # phi H by cycles a cell
+    axes = [axis for axis, count in enumerate(values.shape) if count > 1 and rates[axis] > LEAST_ALONG]
+    if not axes:
+        return [np.zeros_like(values) for _ in edges]
+    # Frequencies of the cosines of a type I transform, in cycles a cell, along the axes.
+    cycles = []
+    for axis in axes:
+        count = values.shape[axis]
+        shape = [count if other == axis else 1 for other in range(values.ndim)]
+        cycles.append((np.arange(count) / (2.0 * (count - 1))).reshape(shape))
+    shares = [np.zeros((), values.dtype) for _ in edges]
+    rest = np.ones((), values.dtype)  # what no image holds
+    for imaged, image in (*_images(rates[axes]), (None, 0)):
+        square, along, weight = np.zeros((), values.dtype), np.zeros((), values.dtype), np.ones((), values.dtype)
+        for number, axis in enumerate(axes):
+            here = np.abs(cycles[number] + image) if number == imaged else cycles[number]
+            square = square + ((spacing / grid.spacing[axis] * here) ** 2).astype(values.dtype)
+            along = along + (rates[axis] * here).astype(values.dtype)
+            if imaged is not None and rates[axis] > LEAST_IMAGED:
+                weight = weight * _held_share(here).astype(values.dtype)
+        weight, rest = (rest, rest) if imaged is None else (weight, rest - weight)
+        along *= along
+        np.minimum(square, along, out=square)
+        for number, edge in enumerate(edges):
+            shares[number] = shares[number] + weight * _share_left(square, edge)
+    found = dctn(values, 1, axes=axes)
+    return [idctn(share * found, 1, axes=axes, overwrite_x=True) for share in shares]
+
+
+def _share_left(square: np.ndarray, edge: float) -> np.ndarray:
+    """The share of components of this (phi H)^2 that is passed."""
+    over = np.minimum(square * square.dtype.type(edge**-2), square.dtype.type(MOST_OVER_EDGE))
+    if edge < STEEP_FROM:
+        over = over * np.sqrt(over)
+    else:
+        over *= over
+        over *= over
+        over = over * over * over
+    np.negative(over, out=over)
+    np.expm1(over, out=over)
+    return np.negative(over, out=over)
+
+
+def _images(rates: np.ndarray) -> list[tuple[int, int]]:
+    """Axes, and along each the numbers m of images that count, of phi H a cycle; those along two axes at once do not.
+
+    By interpolation all shares add up to 1: what they hold is counted at the frequency itself, which is hardly lower.
+    """
+    main = int(np.argmax(rates))
+    near = [(number, -1) for number, rate in enumerate(rates) if rate > LEAST_IMAGED]
+    return [*near, (main, 1), (main, -2)] if rates[main] < COARSE else near
+
+
+def _held_share(cycles: np.ndarray) -> np.ndarray:
+    """B: what a cubic spline through nodes holds of a cosine of so many cycles a cell, an image of slower ones too."""
+    return 3.0 * np.sinc(cycles) ** 4 / (2.0 + np.cos(2.0 * np.pi * cycles))

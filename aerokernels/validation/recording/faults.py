@@ -1,0 +1,177 @@
+"""Parts of the soak test in which something goes wrong: on the line, to the recorder, to the port."""
+
+import signal
+import time
+from pathlib import Path
+
+import numpy as np
+
+from aerokernels.hardware.blocks import BlockDecoder
+from aerokernels.hardware.decoder import FrameDecoder
+from aerokernels.hardware.faults import FaultPlan
+from aerokernels.hardware.frames import EchoFrame, encode
+from aerokernels.hardware.pseudo_terminal import PseudoTerminal
+
+from .line import Outcome, RecorderProcess, counts, is_whole, made_frames, stored, wait_for_reader
+
+DAMAGE = {"torn": 0.0125, "flipped": 0.0125, "glued": 0.0125, "garbage": 0.0125}
+
+
+def damage(folder: Path, size: float) -> Outcome:
+    """`size` frames, 5 % of them torn, flipped, glued or behind garbage: what is stored is what was left whole."""
+    link, path, plan = folder / "port", folder / "echoes.sqlite", FaultPlan(DAMAGE, seed=1)
+    frames = made_frames(int(size))
+    good: dict[int, bytes] = {}
+    pieces = 0
+    wire, follows_glued = bytearray(), False
+    for frame in frames:
+        last = frame.sequence == len(frames) - 1
+        fault = None if last else plan.draw()
+        wire += plan.on_the_line(fault, encode(frame))
+        pieces += fault in DAMAGE
+        if fault in (None, "garbage") and not follows_glued:
+            good[frame.sequence] = frame.samples.tobytes()
+        follows_glued = fault == "glued"
+    with PseudoTerminal(link) as terminal:
+        recorder = RecorderProcess(link, path, "--count", len(good))
+        wait_for_reader(recorder)
+        terminal.write(bytes(wire))
+        said = recorder.wait(120.0)
+    found, (rows, damaged, missing) = stored(path), counts(path)
+    expected_missing = len(frames) - len(good) - min(good)
+    fine = found == good and (rows, damaged, missing) == (len(good), pieces, expected_missing) and is_whole(path)
+    return Outcome(
+        fine,
+        f"{len(frames)} frames sent, {len(good)} of them whole; {rows} stored, {damaged} damaged pieces "
+        f"(expected {pieces}), {missing} missing (expected {expected_missing})" + ("" if fine else f"; {said}"),
+    )
+
+
+def fuzz(folder: Path, size: float) -> Outcome:
+    """`size` mutated streams for each decoder, whole and in chunks: the chunks do not matter, little is held back."""
+    random = np.random.default_rng(2)
+    frames = [encode(frame) for frame in made_frames(20, 40)]
+    blocks = [
+        b':WFMOUTPRE:BYT_NR 1;WFID "Ch1; #1";YMULT 1.0E-3\n',
+        b":CURVE #240" + bytes(range(40)) + b"\n",
+        b"#15\n#19\n\n",
+        b"12\r\n",
+    ]
+    longest = byte_count = 0
+    start = time.perf_counter()
+    for _ in range(int(size)):
+        for make, parts, bound in ((FrameDecoder, frames, 2**18), (lambda: BlockDecoder(4096), blocks, 3 * 4096)):
+            stream = _mutated(b"".join(parts[k] for k in random.integers(len(parts), size=6)), random)
+            whole, pieces = make(), make()
+            expected = whole.feed(stream) + whole.finish()
+            cuts = np.sort(random.integers(0, len(stream) + 1, 8))
+            found: list = []
+            for chunk in np.split(np.frombuffer(stream, np.uint8), cuts):
+                found += pieces.feed(chunk.tobytes())
+                longest = max(longest, pieces.pending_length)
+                if pieces.pending_length > bound:
+                    return Outcome(False, f"{pieces.pending_length} bytes held back")
+            found += pieces.finish()
+            if [_seen(one) for one in found] != [_seen(one) for one in expected]:
+                return Outcome(False, f"the chunks matter in {stream!r}")
+            byte_count += 2 * len(stream)
+    rate = byte_count / (time.perf_counter() - start) / 1e6
+    return Outcome(True, f"2 x {int(size)} streams, {byte_count / 1e6:.0f} MB at {rate:.1f} MB/s, {longest} bytes held")
+
+
+def _mutated(stream: bytes, random: np.random.Generator) -> bytes:
+    data = np.frombuffer(stream, np.uint8).copy()
+    for _ in range(int(random.integers(0, 6))):
+        kind, place = random.integers(4), int(random.integers(len(data)))
+        if kind == 0:
+            data[place] ^= np.uint8(1 << random.integers(8))
+        elif kind == 1:
+            data = np.delete(data, slice(place, place + int(random.integers(1, 60))))
+        elif kind == 2:
+            data = np.insert(data, place, random.integers(0, 256, random.integers(1, 60)).astype(np.uint8))
+        else:
+            data = np.insert(data, place, data[place : place + 50])
+        if not data.size:
+            return b""
+    return data.tobytes()
+
+
+def _seen(one: object) -> tuple:
+    if isinstance(one, EchoFrame):
+        return one.sequence, one.crc, one.raw
+    return tuple(vars(one).values())
+
+
+def kills(folder: Path, size: float) -> Outcome:
+    """`size` times SIGKILL while frames stream in: all that was acknowledged is there, and a restart goes on."""
+    link, path, random = folder / "port", folder / "echoes.sqlite", np.random.default_rng(3)
+    acknowledged: set[int] = set()
+    before: dict[int, bytes] = {}
+    problems = []
+    with PseudoTerminal(link) as terminal:
+        number = 0
+        for kill in range(int(size) + 1):
+            last_one = kill == int(size)
+            recorder = RecorderProcess(
+                link, path, "--commit-interval", 0.02, *(("--count", 500) if last_one else ("--stall", 0))
+            )
+            wait_for_reader(recorder)
+            until = time.monotonic() + 1.2 + random.random()
+            while recorder.process.poll() is None:
+                if not last_one and time.monotonic() > until and recorder.acknowledged():
+                    break
+                frames = made_frames(50, first=number)
+                number += 50
+                terminal.write(b"".join(map(encode, frames)))
+                time.sleep(0.01)
+            if not last_one:
+                recorder.process.send_signal(signal.SIGKILL)
+            said = recorder.wait(30.0)
+            for count, last in recorder.acknowledged()[-1:]:
+                acknowledged |= set(range(last - count + 1, last + 1))
+            found = stored(path)
+            if not is_whole(path):
+                problems.append(f"the file is broken after kill {kill}")
+            if not acknowledged <= found.keys() or not before.items() <= found.items():
+                problems.append(f"lost after kill {kill}: {sorted(acknowledged - found.keys())[:5]}")
+            before = found
+    rows = counts(path)[0]
+    if rows != len(before) or "done" not in said:
+        problems.append(f"{rows} rows for {len(before)} numbers; {said}")
+    wrong = [k for k, samples in before.items() if made_frames(1, first=k)[0].samples.tobytes() != samples]
+    fine = not problems and not wrong
+    text = (
+        f"{int(size)} kills, {len(acknowledged)} frames acknowledged, all there; {rows} stored, none twice, file whole"
+    )
+    return Outcome(fine, text if fine else f"{problems} {wrong[:5]}")
+
+
+def unplugs(folder: Path, size: float) -> Outcome:
+    """`size` times the port goes away in mid-frame and comes back with garbage: each whole frame is stored once."""
+    link, path, random = folder / "port", folder / "echoes.sqlite", np.random.default_rng(4)
+    pulls, batch = int(size), 200
+    frames = made_frames(batch * (pulls + 1))
+    with PseudoTerminal(link) as terminal:
+        recorder = RecorderProcess(link, path, "--count", len(frames))
+        for pull in range(pulls + 1):
+            wait_for_reader(recorder, pull + 1)
+            if pull:
+                terminal.write(b"\x07garbage after the plug went in\x00")
+            wire = [encode(frame) for frame in frames[batch * pull : batch * (pull + 1)]]
+            terminal.write(b"".join(wire))
+            if pull < pulls:
+                terminal.write(wire[-1][:30])  # a frame of which the rest never comes
+                terminal.drain()
+                terminal.close()
+                time.sleep(random.random())
+                terminal.open()
+        said = recorder.wait(60.0)
+    found, (rows, damaged, missing) = stored(path), counts(path)
+    good = found == {frame.sequence: frame.samples.tobytes() for frame in frames}
+    fine = good and rows == len(frames) and damaged == 2 * pulls and missing == 0 and is_whole(path)
+    fine &= f"reconnected {pulls}" in said
+    return Outcome(
+        fine,
+        f"{pulls} times unplugged; {rows} of {len(frames)} frames stored, {missing} missing, {damaged} damaged pieces "
+        f"(expected {2 * pulls})" + ("" if fine else f"; {said}"),
+    )

@@ -1,0 +1,116 @@
+"""The line between a part of the soak test and a recorder in a process of its own, and what the store holds."""
+
+import re
+import sqlite3
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Callable
+from contextlib import closing
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+
+from aerokernels.hardware.frames import EchoFrame
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """Whether a part came out as it must, and its figures."""
+
+    good: bool
+    text: str
+
+
+class RecorderProcess:
+    """`aerokernels record` in a process of its own; what it says is kept as it comes."""
+
+    def __init__(self, port: Path, store: Path, *options: object, prepare: Callable[[], None] | None = None) -> None:
+        """Start it; `prepare` runs in the new process first."""
+        command = [sys.executable, "-m", "aerokernels", "record", "--port", port, "--store", store, *options]
+        self.process = subprocess.Popen(
+            list(map(str, command)),
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            text=True,
+            preexec_fn=prepare,
+        )
+        self.lines: list[str] = []
+        self._thread = threading.Thread(target=self._listen, daemon=True)
+        self._thread.start()
+
+    def _listen(self) -> None:
+        assert self.process.stdout is not None
+        for line in self.process.stdout:
+            self.lines.append(line)
+
+    def acknowledged(self) -> list[tuple[int, int]]:
+        """(stored, last sequence) of every line so far."""
+        return [
+            (int(count), int(last))
+            for line in self.lines
+            for count, last in re.findall(r"stored (\d+), last sequence (\d+)", line)
+        ]
+
+    def wait(self, timeout: float) -> str:
+        """Its last words; killed when it does not end in time."""
+        try:
+            self.process.wait(timeout)
+        except subprocess.TimeoutExpired:
+            self.process.kill()
+            self.process.wait()
+        self._thread.join(10.0)
+        return self.lines[-1].strip() if self.lines else ""
+
+
+def wait_for_reader(recorder: RecorderProcess, opened: int = 1) -> None:
+    """Until the recorder has opened the port `opened` times; what is sent from now on is read."""
+    while not any(_has_opened(line, opened) for line in list(recorder.lines)):
+        if recorder.process.poll() is not None:
+            raise RuntimeError(f"the recorder ended: {recorder.lines[-1:]}")
+        time.sleep(0.01)
+
+
+def _has_opened(line: str, times: int) -> bool:
+    if times == 1:
+        return line.startswith("recording ")
+    return f"reconnected {times - 1}, port open" in line
+
+
+@cache
+def _noise(sample_count: int) -> np.ndarray:
+    return np.random.default_rng(1).integers(-3000, 3000, (512, sample_count)).astype(np.int16)
+
+
+def made_frames(count: int, sample_count: int = 128, first: int = 0, period_us: int = 20_000) -> list[EchoFrame]:
+    """Frames whose samples are noise that follows from their number."""
+    noise = _noise(sample_count)
+    return [
+        EchoFrame(k % 2**32, period_us * k, 250, 1e-3, 0.0, noise[k % len(noise)] ^ np.int16(k % 1021))
+        for k in range(first, first + count)
+    ]
+
+
+def stored(path: Path) -> dict[int, bytes]:
+    """Samples by number."""
+    with closing(sqlite3.connect(path)) as connection:
+        return dict(connection.execute("SELECT sequence, samples FROM echoes ORDER BY id"))
+
+
+def counts(path: Path) -> tuple[int, int, int]:
+    """Echoes, damaged pieces, missing numbers."""
+    with closing(sqlite3.connect(path)) as connection:
+        return connection.execute(
+            "SELECT (SELECT count(*) FROM echoes), (SELECT count(*) FROM damaged), "
+            "(SELECT coalesce(sum(missing_count), 0) FROM gaps)"
+        ).fetchone()
+
+
+def is_whole(path: Path) -> bool:
+    """Whether SQLite finds nothing wrong with the file."""
+    with closing(sqlite3.connect(path)) as connection:
+        return connection.execute("PRAGMA integrity_check").fetchone()[0] == "ok"

@@ -1,0 +1,1 @@
+"""Error against run time and field evaluations: the fields, the runs, and their tables and pictures."""

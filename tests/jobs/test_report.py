@@ -1,0 +1,141 @@
+"""The report stands alone and shows the data it was given."""
+
+import base64
+import io
+import itertools
+import re
+
+import matplotlib.image
+import numpy as np
+import pytest
+import xarray
+
+from aerokernels.jobs import plots
+from aerokernels.jobs.figure_layout import Panel, fitted_panel, panelled_figure
+from aerokernels.jobs.report import draw_pictures, headline_rows, render_report
+
+SUMMARY = {
+    "scene": "trial <1>",
+    "strehl": 0.91234,
+    "strehl_marechal": 0.9,
+    "opd_rms_m": 12.3e-9,
+    "boresight_rad": 5.0**0.5 * 1e-6,
+    "boresight_x_rad": 1e-6,
+    "boresight_y_rad": -2e-6,
+    "echo_peak_w": 2e-6,
+    "echo_peak_v": 0.2,
+    "range_m": None,
+    "range_error_m": None,
+    "backend": "reference",
+    "device": "cpu",
+    "precision": "float64",
+    "plan": {"skipped": ["smooth regions"]},
+    "error": {"step": 1.5e-4},
+    "seconds": {"total": 1.0},
+    "version": "0",
+}
+
+
+@pytest.fixture
+def page(dataset: xarray.Dataset) -> str:
+    return render_report(draw_pictures(dataset)[0], SUMMARY, 'name = "trial"\n[target]\ndistance = "1.5 m"')
+
+
+def test_report_holds_every_picture_and_loads_nothing(page: str):
+    images = re.findall(r'<img alt="([^"]+)" src="data:image/png;base64,([^"]+)"', page)
+    assert len(images) == len(plots.FIGURES) == 5
+    for _, data in images:
+        pixels = matplotlib.image.imread(io.BytesIO(base64.b64decode(data)), format="png")
+        assert pixels.shape[0] > 300 and pixels.shape[1] > 600
+        assert np.unique(pixels[..., :3].reshape(-1, 3), axis=0).shape[0] > 20, "a blank picture"
+    assert not re.search(r"(src|href)\s*=\s*['\"](?!data:)|@import|<script", page)
+
+
+def test_report_shows_numbers_plan_budget_and_citation(page: str):
+    for words in (
+        "0.91234",
+        "12.3 nm",
+        "+1, -2 µrad",
+        "smooth regions",
+        "0.00015",
+        "distance = &quot;1.5 m",
+        "Missile-Borne",
+    ):
+        assert words in page, words
+    assert "trial &lt;1&gt;" in page and "<1>" not in page
+
+
+def test_a_range_that_was_not_found_is_told_as_such():
+    assert ("Reported range", "none") in headline_rows(SUMMARY)
+
+
+def test_a_number_is_written_with_its_error():
+    errors = {"strehl": 0.0042, "opd_rms_m": None, "boresight_x_rad": 3e-8, "boresight_y_rad": 3e-8}
+    reported = SUMMARY | {"errors": errors}
+    rows = dict(headline_rows(reported))
+    assert rows["Strehl ratio"] == "0.912 +- 0.004"
+    assert rows["OPD, rms"] == "12.3 nm, error not known"
+    assert rows["Boresight error x, y"] == "+1.00 +- 0.03, -2.00 +- 0.03 µrad"
+
+
+@pytest.mark.parametrize("name", plots.FIGURES)
+def test_pictures_carry_units(name: str, dataset: xarray.Dataset):
+    figure = plots.FIGURES[name][1](dataset)
+    labels = [text for axes in figure.axes for text in (axes.get_xlabel(), axes.get_ylabel()) if text]
+    unit = re.compile(r"\[(mm|nm|µm|ns|V|µW|µrad|kg/m³)\]|/ undisturbed peak")
+    assert labels and all(unit.search(label) for label in labels), labels
+
+
+@pytest.mark.parametrize("name", plots.FIGURES)
+def test_nothing_that_is_written_is_cut_off(name: str, dataset: xarray.Dataset):
+    """Panels have fixed room around them. Expected: the box of all that is drawn lies in the picture, and no formula.
+
+    Also with large numbers on the scales, whose labels are the widest.
+    """
+    wide = dataset.assign(density=1234.5 * dataset["density"], echo_power=1e3 * dataset["echo_power"])
+    wide = wide.assign(opd=-900.0 * dataset["opd"], ray_deviation=-12.0 * dataset["ray_deviation"])
+    for data in (dataset, wide):
+        figure = plots.FIGURES[name][1](data)
+        plots.png(figure)
+        drawn = figure.get_tightbbox()  # [in]
+        width, height = figure.get_size_inches()
+        assert drawn.x0 >= 0.0 and drawn.y0 >= 0.0 and drawn.x1 <= width and drawn.y1 <= height, drawn
+        for axes in figure.axes:
+            labels = [label.get_text() for label in (*axes.get_xticklabels(), *axes.get_yticklabels())]
+            assert not any("$" in label for label in labels), labels
+
+
+def test_panels_lie_beside_each_other():
+    """Expected: axes in the sizes asked for, none over another, colour bars beside their own."""
+    panels = [Panel(2.0, 3.0, bar=True), fitted_panel(2.0, 3.0, 4.0), fitted_panel(0.5, 3.0, 4.0)]
+    assert (panels[1].width, panels[1].height) == (2.0, 4.0) and (panels[2].width, panels[2].height) == (3.0, 1.5)
+    figure, made = panelled_figure(panels)
+    size = figure.get_size_inches()
+    boxes = []
+    for panel, (axes, bar) in zip(panels, made, strict=True):
+        box = axes.get_position()
+        inches = axes.get_position().bounds * np.tile(size, 2)
+        np.testing.assert_allclose(inches[2:], [panel.width, panel.height], rtol=1e-12)
+        assert (bar is not None) == panel.bar
+        boxes += [box] if bar is None else [box, bar.get_position()]
+    assert [box.x0 for box in boxes] == sorted(box.x0 for box in boxes)
+    assert all(first.x1 < second.x0 for first, second in itertools.pairwise(boxes))
+
+
+def test_the_density_picture_draws_the_data(dataset: xarray.Dataset):
+    """Set-up: a blob of known cell values. Expected: those values are drawn, once above and once below the axis."""
+    figure = plots.density_figure(dataset)
+    drawn = [mesh.get_array() for mesh in figure.axes[0].collections if mesh.get_array() is not None]
+    assert len(drawn) == 2
+    for values in drawn:
+        np.testing.assert_array_equal(np.asarray(values).ravel(), dataset["density"].values.ravel())
+
+
+def test_a_uniform_field_and_a_flat_wavefront_can_be_drawn(dataset: xarray.Dataset):
+    still = dataset.drop_vars(["body_y", "body_z"])
+    still["density"] = still["density"] * 0.0 + 1.2
+    still["opd"], still["opd_without_tilt"] = still["opd"] * 0.0, still["opd_without_tilt"] * 0.0
+    still["echo_power"], still["echo_voltage"] = still["echo_power"] * 0.0, still["echo_voltage"] * 0.0
+    still.attrs |= {"range_m": float("nan"), "geometry": "planar"}
+    for _, draw in plots.FIGURES.values():
+        assert plots.png(draw(still)).startswith(b"\x89PNG")

@@ -1,0 +1,284 @@
+"""The benchmark: its scene and truth are right, its file holds what the docs say, and bad choices are refused."""
+
+import json
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from aerokernels.benchmark import SCHEMA, SUITES, Settings, find_targets, run_bench
+from aerokernels.benchmark import ceiling as ceiling_module
+from aerokernels.benchmark.errors import UNDISTURBED, chosen_rays, errors
+from aerokernels.benchmark.measuring import spread
+from aerokernels.benchmark.peers import peer_runs
+from aerokernels.benchmark.scenes import WAVELENGTH, strehl_scene
+from aerokernels.benchmark.suites import fan_strehl
+from aerokernels.jobs.store import to_json
+from aerokernels.tracing import trace
+from aerokernels.tracing.engines.choice import choose_backend
+from aerokernels.validation.cone import CONE_AMBIENT, CONE_HALF, cone_contrast, cone_field, cone_rays, cone_truth
+
+MEASURED = {"median", "standard_error"}
+
+
+def numbers(value: Any) -> list[float]:
+    """Every number in nested lists and dictionaries."""
+    if isinstance(value, dict):
+        return [number for entry in value.values() for number in numbers(entry)]
+    if isinstance(value, list):
+        return [number for entry in value for number in numbers(entry)]
+    return [value] if isinstance(value, (int, float)) else []
+
+
+@pytest.fixture(scope="module")
+def measured() -> dict[str, Any]:
+    """Every suite with few rays on the processor, by what "auto" takes on it, and the peers that are here."""
+    backend, device, _ = choose_backend("auto", "cpu")
+    return run_bench(
+        Settings(backends=(backend,), device=device, methods=("adaptive",), ray_count=64, repeats=2, peers=True)
+    )
+
+
+def test_cone_contrast_is_the_formula():
+    """Index 1 + 2.4e-4 (1 + 0.5 tanh((r - a tan 25 deg) / 0.5 mm)); its gradient is that of central differences.
+
+    Error: of n, rounding of 1 + m, 2e-16; of the differences, h^2 m''' / 6 with m''' < 16 * 1.2e-4 / (0.5 mm)^3 and
+    h = 0.1 um: 3e-8 per metre, and rounding 1e-19 / 1e-7: nothing; of gradients of 0.24 per metre.
+    """
+    x, y, z = np.random.default_rng(3).uniform(-1.0, 1.0, (3, 200)) * np.array(CONE_HALF)[:, None]
+    index = 1.0 + 2.4e-4 * (1.0 + 0.5 * np.tanh((np.hypot(x, z) - (y + 6e-3) * math.tan(math.radians(25.0))) / 5e-4))
+    contrast, gradient = cone_contrast(x, y, z)
+    assert np.abs(CONE_AMBIENT + contrast - index).max() < 1e-15
+    h = 1e-7
+    for axis, step in enumerate(np.eye(3) * h):
+        up, down = (cone_contrast(x + s * step[0], y + s * step[1], z + s * step[2])[0] for s in (1.0, -1.0))
+        assert np.abs((up - down) / (2.0 * h) - gradient[axis]).max() < 1e-6
+
+
+def test_cone_contrast_fades_at_the_faces_where_rays_come_and_go():
+    across = np.linspace(-1.5e-3, 1.5e-3, 31)
+    x, y = (axis.ravel() for axis in np.meshgrid(across, across))
+    for face in (-CONE_HALF[2], CONE_HALF[2]):
+        assert np.abs(cone_contrast(x, y, np.full_like(x, face))[0]).max() < 1e-10
+
+
+@pytest.mark.parametrize("precision", ["float32", "float64"])
+def test_cone_errors_are_small_at_a_tight_tolerance(precision: str):
+    """64 rays through the gridded field against the formula's rays.
+
+    Expected: what cubic interpolation of a tanh of 0.5 mm on 1/16 mm leaves, about (h / w)^4 / 384 = 6e-7 of an OPD of
+    one wave, and (h / w)^3 / 24 of its slope, 8e-5 of 200 urad: 0.02 urad. Asked for: 1 urad and 1e-3 wave.
+    """
+    rays = cone_rays(64)
+    truth = cone_truth(rays)
+    found = trace(cone_field(), rays, method="adaptive", tolerance=1e-5, precision=precision)
+    error = errors(truth, found.direction, found.optical_path - UNDISTURBED, found.ok)
+    assert error["ray_count"] == 64 and error["lost_ray_count"] == 0
+    assert error["direction_max_urad"] < 1.0 and error["opd_max_waves"] < 1e-3
+    # The scene is no trivial one: rays turn by far more, and the OPD is waves.
+    assert np.abs(truth.direction[:, :2]).max() > 100e-6
+    assert np.ptp(truth.opd) > 0.3 * WAVELENGTH
+
+
+def test_truth_does_not_depend_on_its_tolerance():
+    rays = cone_rays(16)
+    fine, coarse = cone_truth(rays), cone_truth(rays, tolerance=1e-10)
+    error = errors(fine, coarse.direction, coarse.opd)
+    assert error["opd_max_waves"] < 1e-7 and error["direction_max_urad"] < 1e-4
+
+
+def test_errors_see_what_is_wrong():
+    truth = cone_truth(cone_rays(16))
+    turned = truth.direction + np.array([3e-6, 0.0, 0.0])
+    late = truth.opd + 0.25 * WAVELENGTH
+    found = errors(truth, turned, late, np.arange(16) < 12)
+    assert found["direction_max_urad"] == pytest.approx(3.0) and found["opd_rms_waves"] == pytest.approx(0.25, rel=1e-6)
+    assert (found["ray_count"], found["lost_ray_count"]) == (12, 4)
+    assert errors(truth, turned, late, np.zeros(16, dtype=bool))["opd_rms_waves"] is None
+
+
+def test_chosen_rays_are_the_same_ones_again():
+    rows = chosen_rays(1000)
+    assert len(set(rows)) == 256 and (rows == chosen_rays(1000)).all()
+    assert (chosen_rays(64) == np.arange(64)).all()
+
+
+def test_every_suite_is_in_the_file(measured: dict[str, Any]):
+    assert measured["schema"] == SCHEMA
+    assert {run["suite"] for run in measured["runs"]} == set(SUITES)
+    assert measured["machine"].keys() >= {"cpu", "cores", "python", "versions", "devices", "load_average"}
+    assert measured["ceilings"].keys() == {" ".join(choose_backend("auto", "cpu")[:2])}
+
+
+def test_file_holds_json_without_nan(measured: dict[str, Any]):
+    again = json.loads(json.dumps(measured, allow_nan=False))
+    assert again == measured
+    assert all(math.isfinite(number) for number in numbers(measured))
+
+
+def test_runs_hold_the_documented_keys(measured: dict[str, Any], root: Path):
+    page = (root / "docs" / "performance-bench.md").read_text(encoding="utf-8")
+    for run in measured["runs"]:
+        for key in ("kernel_seconds", "wall_seconds", "cpu_seconds"):
+            assert run[key].keys() == MEASURED and run[key]["median"] > 0.0 and run[key]["standard_error"] >= 0.0
+        assert run["settings"].keys() >= {
+            "method",
+            "precision",
+            "backend",
+            "device",
+            "tolerance",
+            "ray_count",
+            "repeats",
+        }
+        assert run["plan"]["method"] == "adaptive" and run["plan"]["reasons"]
+        assert run["rays_traced"] >= 64 and run["evaluations_per_ray"] > 10.0
+    for part in (measured, *measured["runs"], *measured["peers"]):
+        for key in part:
+            assert f"`{key}`" in page, f"docs/performance-bench.md does not tell of {key}"
+
+
+def test_cone_run(measured: dict[str, Any]):
+    (run,) = (run for run in measured["runs"] if run["suite"] == "cone")
+    assert run["rays_traced"] == 64 and run["error"]["ray_count"] == 64
+    assert run["error"]["direction_max_urad"] < 1.0 and run["error"]["opd_rms_waves"] < 1e-3
+    ceiling = run["ceiling"]
+    assert ceiling["loads_per_evaluation"] == 64
+    if ceiling["reason"] is None:
+        assert 0.0 < ceiling["arithmetic_share"] < 1.0 and 0.0 < ceiling["load_share"] < 1.0
+    else:
+        assert ceiling["arithmetic_share"] is None and ceiling["load_share"] is None
+
+
+def test_strehl_run(measured: dict[str, Any]):
+    """Expected: the fan's value; 64 rays of a smooth wavefront of 0.02 waves rms are good to 1e-2."""
+    for run in (run for run in measured["runs"] if run["suite"] == "strehl"):
+        assert abs(run["value"] - run["converged_value"]) < 1e-2
+        assert run["error"]["value"] == pytest.approx(run["value"] - run["converged_value"])
+        assert "total" in run["error"]["budget"]
+
+
+def test_fan_is_converged():
+    """The value that stands for the truth, against a disc of rays: 4096 Sobol points, whose error is below 1e-4."""
+    scene = strehl_scene()
+    from aerokernels.strehl_estimate import estimate_strehl
+
+    found = estimate_strehl(scene.field, scene.pupil, ray_count=4096, precision="float64")
+    assert abs(fan_strehl(scene, choose_backend("auto", None)[:2]) - found.value) < 1e-4 + 4.0 * found.standard_error
+
+
+def test_sweep_run(measured: dict[str, Any]):
+    (run,) = (run for run in measured["runs"] if run["suite"] == "sweep")
+    assert len(run["cases"]) == 9 and run["ratios_per_second"]["median"] > 0.0
+    by_flow: dict[str, list[float]] = {}
+    for case in run["cases"]:
+        assert 0.0 < case["value"] <= 1.0
+        by_flow.setdefault(case["flow"], []).append(case["value"])
+    for values in by_flow.values():  # denser air spoils more
+        assert values == sorted(values, reverse=True)
+
+
+def test_peers_that_are_here_trace_the_same_scene(measured: dict[str, Any]):
+    names = [peer["peer"] for peer in measured["peers"]]
+    assert {"scipy", "diffrax", "drjit"} == set(names)
+    for peer in measured["peers"]:
+        if not peer["available"]:
+            assert "pip install" in peer["reason"] or "failed" in peer["reason"]
+            continue
+        assert peer["error"]["lost_ray_count"] == 0 and peer["error"]["opd_rms_waves"] < 0.1
+        if peer["peer"] == "scipy":
+            assert peer["error"]["direction_max_urad"] < 0.1 and peer["error"]["opd_max_waves"] < 1e-4
+
+
+def test_absent_peers_say_how_to_get_them(monkeypatch: pytest.MonkeyPatch):
+    from aerokernels.benchmark import peers
+
+    monkeypatch.setattr(peers, "NEEDS", dict.fromkeys(peers.NEEDS, ("no_such_package",)))
+    found = list(peer_runs(Settings(ray_count=16, repeats=1)))
+    assert len(found) == 3
+    for peer in found:
+        assert not peer["available"] and "no_such_package" in peer["reason"] and "pip install" in peer["reason"]
+
+
+def test_ceiling_is_measured_or_says_why(monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr(ceiling_module, "LEAST_SECONDS", 1e-3)
+    found = ceiling_module.measure_ceiling("warp", "cpu")
+    if found["reason"] is None:
+        assert found["flops_per_second"] > 1e8 and found["loads_per_second"] > 1e8
+    else:
+        assert found["flops_per_second"] is None and found["loads_per_second"] is None
+    nowhere = ceiling_module.measure_ceiling("opencl", "no such device")
+    assert nowhere["flops_per_second"] is None and nowhere["reason"]
+
+
+def test_a_share_that_is_not_known_has_a_reason():
+    field = cone_field()
+    nothing = ceiling_module.absent("no device")
+    half = {"flops_per_second": 912.0, "loads_per_second": 640.0, "reason": None}
+    share = ceiling_module.share(field, "float32", 1.0, half)
+    assert share["arithmetic_share"] == pytest.approx(0.5) and share["load_share"] == pytest.approx(0.1)
+    for precision, per_second, ceiling in (("float32", 1.0, nothing), ("float64", 1.0, half), ("float32", None, half)):
+        share = ceiling_module.share(field, precision, per_second, ceiling)
+        assert share["arithmetic_share"] is None and share["load_share"] is None and share["reason"]
+    assert "tables" in ceiling_module.share(None, "float32", 1.0, half)["reason"]
+
+
+def test_spread_and_what_json_holds():
+    assert spread([3.0, 1.0, 2.0]) == {"median": 2.0, "standard_error": pytest.approx(1.0 / math.sqrt(3.0))}
+    assert spread([3.0]) == {"median": 3.0, "standard_error": None}
+    assert to_json({"a": [np.float64("nan"), np.int32(2)], "b": (math.inf, np.bool_(True))}) == {
+        "a": [None, 2],
+        "b": [None, True],
+    }
+
+
+@pytest.mark.parametrize(
+    ("choices", "words"),
+    [
+        ({"suites": ("cones",)}, ("cones", "strehl")),
+        ({"methods": ("fixed",)}, ("fixed", "adaptive")),
+        ({"precisions": ("float16",)}, ("float16", "float32")),
+        ({"backends": ("cray",)}, ("cray", "warp")),
+        ({"repeats": 0}, ("repeats",)),
+        ({"ray_count": 3}, ("16",)),
+        ({"tolerance": float("nan")}, ("tolerance",)),
+        ({"backends": ("reference",)}, ("reference", "10000")),
+    ],
+)
+def test_choices_that_make_no_sense_are_refused(choices: dict[str, Any], words: tuple[str, ...]):
+    with pytest.raises(ValueError) as refused:
+        Settings(**choices)
+    for word in words:
+        assert word in str(refused.value)
+
+
+def test_a_device_that_is_not_here_is_refused():
+    for backends in ((), ("warp",)):
+        with pytest.raises(ValueError, match="cuda:99"):
+            find_targets(Settings(backends=backends, device="cuda:99"))
+
+
+@pytest.mark.parametrize(
+    ("arguments", "word"),
+    [
+        (("nonsense",), "nonsense"),
+        (("cone", "--device", "cuda:99"), "cuda:99"),
+        (("cone", "--out", "no/x.json"), "--out"),
+    ],
+)
+def test_the_command_refuses_in_one_line(aerokernels, arguments: tuple[str, ...], word: str, tmp_path: Path):
+    done = aerokernels("bench", *arguments)
+    assert done.returncode == 2 and done.stderr.count("\n") == 1 and word in done.stderr, done.stderr
+    assert not list(tmp_path.iterdir())
+
+
+def test_the_command_writes_the_file_and_a_table(aerokernels, tmp_path: Path):
+    few = ("--device", "cpu", "--method", "straight", "--rays", 16, "--repeats", 1)
+    done = aerokernels("bench", "cone", *few, "--out", "bench.json")
+    assert done.returncode == 0, done.stderr
+    held = json.loads((tmp_path / "bench.json").read_text(encoding="utf-8"))
+    assert held["schema"] == SCHEMA
+    backends = [run["settings"]["backend"] for run in held["runs"]]
+    assert backends and set(backends) <= {"warp", "opencl"} and len(set(backends)) == len(backends)
+    assert [line.split("\t")[0] for line in done.stdout.splitlines()[:2]] == ["suite", "cone"]
