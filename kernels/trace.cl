@@ -5,49 +5,21 @@
 // Rays first_ray to ray_count: position_in [m] and direction_in (ray_count, 3), packed; outputs that are not
 // wanted are left alone.
 
+#include "arguments.h"
 #include "ends.h"
 #include "error.h"
 #include "event_location.h"
+#include "outputs.h"
 #include "step.h"
 
-__kernel void trace_kernel(
-    const Field field,
-    const Bounds bounds,
-    const Control control,
-    __global const real *coefficients,
-    __global const real *corners,
-    __global const real *values,
-    __global const real *gradients,
-    __global const int *neighbors,
-    __global const int *bin_start,
-    __global const int *bin_cell,
-    __global const real *paper_step,
-    __global const double *wall,
-    __global const double *wall_boxes,
-    __global const int *wall_links,
-    __global const real *step_bound,
-    __global const int *step_bound_start,
-    const int first_ray,
-    const int ray_count,
-    __global const double *position_in,
-    __global const double *direction_in,
-    __global double *position_out,
-    __global double *direction_out,
-    __global double *optical_path_out,
-    __global double *opd_out,
-    __global double *arc_length_out,
-    __global double *step_error_out,
-    __global int *step_count_out,
-    __global int *evaluation_count_out,
-    __global int *status_out)
+__kernel void trace_kernel(TRACE_KERNEL_ARGUMENTS)
 {
     const int ray = (int)get_global_id(0) + first_ray;
     if (ray >= ray_count) {
         return;
     }
-    const Arrays arrays = {
-        coefficients, corners, values, gradients, neighbors, bin_start, bin_cell, paper_step, wall, wall_boxes,
-        wall_links, step_bound, step_bound_start};
+    const Arrays arrays = ARRAYS;
+    const RayOutputs outputs = RAY_OUTPUTS;
     const double3 p0 = vload3(ray, position_in);
     const double3 d0 = vload3(ray, direction_in);
     Course course;
@@ -271,38 +243,16 @@ __kernel void trace_kernel(
         }
     }
 
-    const Arrival arrival = end_of(
+    Arrival arrival = end_of(
         &bounds, &control, p0, d0, &course, status, landed, q, q_carry, momentum, sums, sums_carry,
         greatest_deflection);
     if (CONTROLLED && arrival.status == RAY_OK && landed >= 0) {
         const real cell_size = R(1.0) / greatest(VECTOR(control.cell_rate));
         used = event_location_error(used, ambient, cell_size, landed, arrival.grazing, obliquity_first, harm, astray);
     }
-    // Such a ray is traced again, if that may help (retrace.py).
-    const int is_rejected = CONTROLLED && arrival.status == RAY_OK && !(used <= control.tolerance);
-    if (control.outputs & WANT_POSITION) {
-        vstore3(arrival.position, ray, position_out);
+    if (CONTROLLED && arrival.status == RAY_OK && !(used <= control.tolerance)) {
+        arrival.status = RAY_TOLERANCE_NOT_MET;  // to be traced again, see retrace.py
     }
-    if (control.outputs & WANT_DIRECTION) {
-        vstore3(arrival.direction, ray, direction_out);
-    }
-    if (control.outputs & WANT_OPTICAL_PATH) {
-        optical_path_out[ray] = arrival.optical_path;
-    }
-    if (control.outputs & WANT_OPD) {
-        opd_out[ray] = arrival.opd;
-    }
-    if (control.outputs & WANT_ARC_LENGTH) {
-        arc_length_out[ray] = arrival.arc_length;
-    }
-    if (MEASURED && (control.outputs & WANT_STEP_ERROR)) {
-        step_error_out[ray] = (double)used;
-    }
-    if (control.outputs & WANT_STEP_COUNT) {
-        step_count_out[ray] = steps;
-    }
-    if (control.outputs & WANT_EVALUATION_COUNT) {
-        evaluation_count_out[ray] = evaluations;
-    }
-    status_out[ray] = is_rejected ? RAY_TOLERANCE_NOT_MET : arrival.status;
+    write_outputs(
+        &outputs, control.outputs, ray, &arrival, MEASURED ? (double)used : 0.0, steps, evaluations);
 }

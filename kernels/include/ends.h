@@ -131,18 +131,6 @@ static inline Lever lever_of(
     return out;
 }
 
-// A ray at its stop.
-typedef struct {
-    double3 position;
-    double3 direction;
-    double optical_path;
-    double opd;
-    double arc_length;
-    double flight;  // beyond the box [m]
-    double2 grazing;  // the length [m] that a ray which grazes its last surface lacks of it, and its cosine there
-    int status;
-} Arrival;
-
 // Puts the sums of the steps, (sigma, S, M, B), back onto the straight ray and flies on to a stop outside the box. `landed`
 // is the surface that the ray ended on, or -1.
 static inline Arrival end_of(

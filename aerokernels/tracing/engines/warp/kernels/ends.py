@@ -170,15 +170,15 @@ def build_lever(precision: str, geometry: str, stop: str, controlled: bool):
 
 @functools.cache
 def build_end(precision: str, geometry: str, interpolation: str, stop: str):
-    """A function -> (position, direction, optical path, OPD, arc length, status, grazing) at the stop, in float64.
+    """A function -> Arrival, the ray at its stop.
 
     It puts the sums of the steps back onto the straight ray and flies on to a stop outside the box. Its arguments:
     bounds, control, start, direction, course and status as `build_start` has them, the surface landed on or -1,
     deviation, its carry, momentum, the sums (sigma, S, M, B), their carry, and the greatest angle with the direction.
-    The last answer is the length that a ray which grazes its last surface lacks of it, and its cosine there.
     """
     t = types(precision)
     real, vec3, vec4, Bounds, Control, Course = t.real, t.vec3, t.vec4, t.Bounds, t.Control, t.Course
+    Arrival = t.Arrival
     meeting = build_meeting(precision, geometry)
     grazing_rest = build_grazing_rest(precision, geometry)
     detour = build_detour(precision, geometry)
@@ -267,10 +267,15 @@ def build_end(precision: str, geometry: str, interpolation: str, stop: str):
         else:
             opd = work - ambient * stretch
 
-        position = p + along * d + deviation
-        direction = heading / wp.length(heading)
-        optical_path = wp.max(ambient * along + work, none)
-        arc = wp.max(along + stretch, none)  # a ray that leaves where it starts may end a rounding before it
-        return position, direction, optical_path, opd, arc, status, grazing
+        arrival = Arrival()
+        arrival.position = p + along * d + deviation
+        arrival.direction = heading / wp.length(heading)
+        arrival.optical_path = wp.max(ambient * along + work, none)
+        arrival.opd = opd
+        arrival.arc_length = wp.max(along + stretch, none)  # a ray that leaves where it starts ends a rounding before
+        arrival.flight = flight
+        arrival.grazing = grazing
+        arrival.status = status
+        return arrival
 
     return end_of

@@ -35,7 +35,6 @@ import functools
 
 import warp as wp
 
-from ....result import OUTPUT_BITS
 from ....scheme import (
     AT_FACE,
     FACE_TOLERANCE,
@@ -49,13 +48,14 @@ from ....scheme import (
 )
 from ....status import RayStatus
 from ....tableau import BT, A, B, C, is_one_scalar
-from ..types import types
+from ..types import takes, types
 from . import grid, mesh
 from .crossings import NEVER
 from .ends import build_end, build_lever, build_start
 from .error import build_step_error
 from .event_location import build_arc_event_location, build_event_location
 from .motion import advance, build_cells, build_contrast, build_project_momentum, build_sums
+from .outputs import build_write_outputs
 from .step import build_before_face, build_sample_at_stage, build_step_acceptance
 from .step_bound import build_cone, build_step_bound
 from .wall import build_behind_wall, build_place, build_stays_clear
@@ -77,7 +77,7 @@ def build_kernel(
     Where steps are not `measured`, their errors are neither estimated nor given out; error control needs them.
     """
     t = types(precision)
-    real, vec3, Field, Bounds, Control = t.real, t.vec3, t.Field, t.Bounds, t.Control
+    real, vec3 = t.real, t.vec3
     controlled = method in ("adaptive", "straight")
     source = mesh if on_mesh else grid
     kind = "mesh" if on_mesh else geometry
@@ -104,6 +104,7 @@ def build_kernel(
     place_of = build_place(precision)
     behind_wall = build_behind_wall(precision, geometry)
     stays_clear = build_stays_clear(precision, geometry)
+    write_outputs = build_write_outputs(precision)
     landed_arc = wp.constant(LANDED_ARC)
     tiny = TINY[precision]
     straight = method == "straight"
@@ -121,23 +122,8 @@ def build_kernel(
     rejected = int(RayStatus.TOLERANCE_NOT_MET)
 
     @wp.kernel(module="unique", enable_backward=False)
-    def trace_kernel(
-        field: Field,
-        bounds: Bounds,
-        control: Control,
-        first_ray: int,
-        position_in: wp.array(dtype=wp.vec3d),
-        direction_in: wp.array(dtype=wp.vec3d),
-        position_out: wp.array(dtype=wp.vec3d),
-        direction_out: wp.array(dtype=wp.vec3d),
-        optical_path_out: wp.array(dtype=wp.float64),
-        opd_out: wp.array(dtype=wp.float64),
-        arc_length_out: wp.array(dtype=wp.float64),
-        step_error_out: wp.array(dtype=wp.float64),
-        step_count_out: wp.array(dtype=wp.int32),
-        evaluation_count_out: wp.array(dtype=wp.int32),
-        status_out: wp.array(dtype=wp.int32),
-    ):
+    @takes("trace_kernel", precision)
+    def trace_kernel(field, bounds, control, first_ray, position_in, direction_in, outputs):
         ray = wp.tid() + first_ray
         p0 = position_in[ray]
         d0 = direction_in[ray]
@@ -407,32 +393,20 @@ def build_kernel(
                 obliquity_first = obliquity
                 harm = (wp.abs(pot) + wp.length(force) * (obliquity + greatest_deflection) * lever_arm) / ambient
 
-        position, direction, optical_path, opd, arc, final, grazing = end_of(
+        arrival = end_of(
             bounds, control, p0, d0, course, status, landed, q, q_carry, momentum, sums, sums_carry, greatest_deflection
         )
+        step_error_out = wp.float64(0.0)
         if wp.static(controlled):
-            if final == ok and landed >= 0:
+            if arrival.status == ok and landed >= 0:
                 cell_size = real(1.0) / wp.max(control.cell_rate)
-                used = event_location_error(used, ambient, cell_size, landed, grazing, obliquity_first, harm, astray)
-            if final == ok and not (used <= control.tolerance):
-                final = int(rejected)  # to be traced again, see retrace.py
-        if (control.outputs & wp.static(OUTPUT_BITS["position"])) != 0:
-            position_out[ray] = position
-        if (control.outputs & wp.static(OUTPUT_BITS["direction"])) != 0:
-            direction_out[ray] = direction
-        if (control.outputs & wp.static(OUTPUT_BITS["optical_path"])) != 0:
-            optical_path_out[ray] = optical_path
-        if (control.outputs & wp.static(OUTPUT_BITS["opd"])) != 0:
-            opd_out[ray] = opd
-        if (control.outputs & wp.static(OUTPUT_BITS["arc_length"])) != 0:
-            arc_length_out[ray] = arc
+                used = event_location_error(
+                    used, ambient, cell_size, landed, arrival.grazing, obliquity_first, harm, astray
+                )
+            if arrival.status == ok and not (used <= control.tolerance):
+                arrival.status = int(rejected)  # to be traced again, see retrace.py
         if wp.static(measured):
-            if (control.outputs & wp.static(OUTPUT_BITS["step_error"])) != 0:
-                step_error_out[ray] = wp.float64(used)
-        if (control.outputs & wp.static(OUTPUT_BITS["step_count"])) != 0:
-            step_count_out[ray] = steps
-        if (control.outputs & wp.static(OUTPUT_BITS["evaluation_count"])) != 0:
-            evaluation_count_out[ray] = evaluations
-        status_out[ray] = final
+            step_error_out = wp.float64(used)
+        write_outputs(outputs, control.outputs, ray, arrival, step_error_out, steps, evaluations)
 
     return trace_kernel
