@@ -37,7 +37,7 @@ __kernel void leapfrog(LEAPFROG_ARGUMENTS)
         spoilt[lane] = 0;
         wholes[lane] = (double2)(course.enter, course.far);
         const Course whole = course;
-        is_uniform[lane] = runs && keep_support(&bounds, p, d, &course);
+        is_uniform[lane] = runs && keep_support(&bounds, p, d, &course.enter, &course.far);
         surfaces[lane] = runs && !is_uniform[lane] ? surface_of(&bounds, &whole, p, d) : -1;
         const double3 place = (p + course.enter * d - VECTOR64(bounds.origin)) / VECTOR64(bounds.spacing);
         REAL_AT(x0, lane) = runs ? (real)place.x : R(0.0);

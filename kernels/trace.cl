@@ -49,13 +49,12 @@ __kernel void trace_kernel(TRACE_KERNEL_ARGUMENTS)
         real3 force = FORCE(s);
         momentum = contrast(ambient, pot) * d;
         const int cone = cone_of(d0);
-        const Lever lever_here = lever_of(&bounds, &control, &course, p0, d0);
-        const real obliquity = lever_here.obliquity, lever_arm = lever_here.lever_arm, reach = lever_here.reach;
+        const Lever lever = lever_of(&bounds, &control, &course, p0, d0);
+        const real obliquity = lever.obliquity, lever_arm = lever.lever_arm;
         // The table of step bounds weighs the kinks that a step may pass by the path, not by what they turn a ray
         // aside.
         const real caution =
-            AT_FACES && obliquity * lever_arm * greatest(cell_rate) > R(1.0) ? R(0.0) : lever_here.caution;
-        real obliquity_left = obliquity;
+            AT_FACES && obliquity * lever_arm * greatest(cell_rate) > R(1.0) ? R(0.0) : lever.caution;
         const real first_momentum = size3(momentum);
         const real arc_left = (real)(bounds.length - course.enter);
         real aside = R(0.0);  // so far beside its undisturbed line the ray meets no body
@@ -72,8 +71,8 @@ __kernel void trace_kernel(TRACE_KERNEL_ARGUMENTS)
             const real h_cell = R(1.0) / greater(size3(total * cell_rate), TINY);
             const real h_least = LEAST_STEP / (greatest(cell_rate) * size3(total));
             const Stride ahead = stride(
-                &field, &arrays, &control, current_cell, cone, cell, frac, rate, total, force, index, caution, h_cell,
-                h_next, h_cap);
+                &field, &arrays, &control, current_cell, cone, cell, frac, total, force, index, caution, h_cell, h_next,
+                h_cap);
             const real3 shown = IS_STRAIGHT ? frac + q * rate : frac;
             int land;
             real late;
@@ -94,17 +93,16 @@ __kernel void trace_kernel(TRACE_KERNEL_ARGUMENTS)
             evaluations += 3;
             const real3 kick = kick_of(h, force, s2, s3);
 
-            real turn_now, lever, strays;
+            real turn_now, leverage, strays;
             const real off = step_error(
-                ambient, d, total, momentum, h, reach, h <= ahead.safe, greatest_deflection, obliquity_left,
-                lever_arm, pot, force, s2, s3, s4, &turn_now, &lever, &strays);
+                ambient, d, total, momentum, h, h <= ahead.safe, greatest_deflection, &lever, pot, force, s2, s3, s4,
+                &turn_now, &leverage, &strays);
 
             int accept = 1;
             if (CONTROLLED) {
-                const real rounding =
-                    step_rounding(&control, ambient, h, lever, rate, frac, pot, force, s3);
+                const real rounding = step_rounding(&control, ambient, h, leverage, rate, frac, pot, force, s3);
                 real ratio;
-                accept = step_acceptance(&control, off, rounding, used, h, h_cell, h_least, index, reach, &ratio);
+                accept = step_acceptance(&control, off, rounding, used, h, h_cell, h_least, index, lever.reach, &ratio);
                 if (accept) {
                     // A step cut short by a surface says nothing against the length wanted.
                     h_next = greater(h * ratio, h_least);
@@ -152,14 +150,9 @@ __kernel void trace_kernel(TRACE_KERNEL_ARGUMENTS)
                 doubt += fabs(pot) * late;
                 astray += strays;
                 greatest_deflection = turn_now;
-                // Where the ray has turned, the obliquity is another one, and the turn counts instead.
-                obliquity_left = obliquity * greater(R(1.0) - greatest_deflection / OBLIQUITY_KEPT, R(0.0));
                 advance4(&sums, &sums_carry, step_sums(ambient, d, momentum, h, pot, force, s2, s3, s4));
                 advance3(&q, &q_carry, h * momentum + kick);
-                advance3(
-                    &momentum,
-                    &momentum_carry,
-                    h * (RKN_V1 * force + RKN_V2 * FORCE(s2) + RKN_V3 * FORCE(s3) + RKN_V4 * FORCE(s4)));
+                advance3(&momentum, &momentum_carry, impulse_of(h, force, s2, s3, s4));
                 advance3(&frac, &frac_carry, (IS_STRAIGHT ? h * total : h * total + kick) * rate);
                 carry_over(&cell, &frac);
                 current_cell = find_current_cell(&field, &arrays, frac, current_cell);

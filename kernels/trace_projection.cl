@@ -6,28 +6,9 @@
 // wanted are left alone.
 
 #include "arguments.h"
-#include "constants.h"
+#include "grid.h"
 #include "outputs.h"
 #include "ray_status.h"
-
-static inline real4 values(real u)
-{
-    const real v = R(1.0) - u;
-    const real sixth = R(1.0 / 6.0);
-    return (real4)(
-        sixth * v * v * v,
-        sixth * (R(4.0) + u * u * (R(3.0) * u - R(6.0))),
-        sixth * (R(4.0) + v * v * (R(3.0) * v - R(6.0))),
-        sixth * u * u * u);
-}
-
-static inline real4 slopes(real u)
-{
-    const real v = R(1.0) - u;
-    return (real4)(R(-0.5) * v * v, u * (R(1.5) * u - R(2.0)), -v * (R(1.5) * v - R(2.0)), R(0.5) * u * u);
-}
-
-#define LANE(v, k) (((const real *)&(v))[k])
 
 __kernel void trace_projection(TRACE_PROJECTION_ARGUMENTS)
 {
@@ -43,7 +24,7 @@ __kernel void trace_projection(TRACE_PROJECTION_ARGUMENTS)
     const int j = clamp((int)place_y, 0, cells_y - 1);
     const real u = (real)(place_x - (double)i);
     const real v = (real)(place_y - (double)j);
-    const real4 wx = values(u), sx = slopes(u), wy = values(v), sy = slopes(v);
+    const row_t wx = value_weights(u), sx = slope_weights(u), wy = value_weights(v), sy = slope_weights(v);
 
     real2 first = (real2)R(0.0), first_x = first, first_y = first;  // A and D, and their slopes per cell
     real8 extra = (real8)R(0.0);
@@ -55,14 +36,14 @@ __kernel void trace_projection(TRACE_PROJECTION_ARGUMENTS)
 #pragma unroll
         for (int b = 0; b < 4; b++) {
             const real2 pair = vload2(0, row + 10 * b);
-            sheet += LANE(wy, b) * pair;
-            bend += LANE(sy, b) * pair;
-            more += LANE(wy, b) * vload8(0, row + 10 * b + 2);
+            sheet += ROW_ENTRY(wy, b) * pair;
+            bend += ROW_ENTRY(sy, b) * pair;
+            more += ROW_ENTRY(wy, b) * vload8(0, row + 10 * b + 2);
         }
-        first += LANE(wx, a) * sheet;
-        first_x += LANE(sx, a) * sheet;
-        first_y += LANE(wx, a) * bend;
-        extra += LANE(wx, a) * more;
+        first += ROW_ENTRY(wx, a) * sheet;
+        first_x += ROW_ENTRY(sx, a) * sheet;
+        first_y += ROW_ENTRY(wx, a) * bend;
+        extra += ROW_ENTRY(wx, a) * more;
     }
 
     // EXTRAS: optical path, arc, momentum, shift, potential, error

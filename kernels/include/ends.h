@@ -110,14 +110,6 @@ static inline double3 place_of(
     return p + (course->enter + ambient * sigma) * d + (convert_double3(q) - convert_double3(q_carry));
 }
 
-// What a direction's error does on the way to the stop. Lengths in metres.
-typedef struct {
-    real obliquity;  // of the stop
-    real lever_arm;  // how far on the error grows
-    real reach;      // the part of that in the box
-    real caution;    // a share of the step bounds of step_bound.py, which know nothing of the way to a far stop
-} Lever;
-
 static inline Lever lever_of(
     const Bounds *bounds, const Control *control, const Course *course, double3 p, double3 d)
 {

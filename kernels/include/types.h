@@ -78,6 +78,42 @@ typedef struct {
 } Arrival;
 
 typedef struct {
+    real obliquity;  // of the stop
+    real lever_arm;  // how far on the error grows
+    real reach;      // the part of that in the box
+    real caution;    // share of the step bounds of step_bound.py, which know nothing of the way to a far stop
+} Lever;
+
+typedef struct {
+    real h;          // to try [sigma]
+    real safe;       // in smooth air
+    real stand_off;  // distance to keep from faces, in cells
+} Stride;
+
+typedef struct {
+    double first;    // planar: y of p; axisymmetric: square of the least distance from the axis
+    double across;   // planar: dy; axisymmetric: dx^2 + dy^2
+    double along;    // dz
+    double z;        // of p
+    double nearest;  // axisymmetric: t where it is nearest to the axis
+    double height;   // z there
+    double square;   // dy^2 + dz^2, of a planar line
+} WallLine;
+
+typedef struct {
+    int count;   // 0, 1 or 2 crossings
+    int enters;  // whether the first one leads into the body, which lies to the left of the segment
+    double one;  // t of the first
+    double two;  // and of the second, which leads the other way
+} Crossings;
+
+typedef struct {
+    double entry;  // where it first enters it, NEVER if it does not
+    double exit;   // where it first leaves it
+    int odd;       // whether it crosses the surface an odd number of times
+} WallMeeting;
+
+typedef struct {
     __global const real *coefficients;     // uniform grid: of the potential, see medium/spline.py, flat
     __global const real *corners;          // mesh: four corners of each cell
     __global const real *values;           // mesh: contrast at those corners

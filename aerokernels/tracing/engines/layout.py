@@ -124,6 +124,46 @@ STRUCTS: dict[str, tuple[Value, ...]] = {
         Value("grazing", "double2", "what a ray that grazes its last surface lacks of it, and its cosine there"),
         Value("status", "int"),
     ),
+    # What a direction's error does on the way to the stop.
+    "Lever": (
+        Value("obliquity", "real", "of the stop"),
+        Value("lever_arm", "real", "how far on the error grows"),
+        Value("reach", "real", "the part of that in the box"),
+        Value(
+            "caution",
+            "real",
+            "share of the step bounds of step_bound.py, which know nothing of the way to a far stop",
+        ),
+    ),
+    # What a step is to be.
+    "Stride": (
+        Value("h", "real", "to try [sigma]"),
+        Value("safe", "real", "in smooth air"),
+        Value("stand_off", "real", "distance to keep from faces, in cells"),
+    ),
+    # A line p + t d as the body sees it; d need not be of length 1.
+    "WallLine": (
+        Value("first", "double", "planar: y of p; axisymmetric: square of the least distance from the axis"),
+        Value("across", "double", "planar: dy; axisymmetric: dx^2 + dy^2"),
+        Value("along", "double", "dz"),
+        Value("z", "double", "of p"),
+        Value("nearest", "double", "axisymmetric: t where it is nearest to the axis"),
+        Value("height", "double", "z there"),
+        Value("square", "double", "dy^2 + dz^2, of a planar line"),
+    ),
+    # Where a line crosses a segment r1, z1, r2, z2 (planar: y for r).
+    "Crossings": (
+        Value("count", "int", "0, 1 or 2 crossings"),
+        Value("enters", "bool", "whether the first one leads into the body, which lies to the left of the segment"),
+        Value("one", "double", "t of the first"),
+        Value("two", "double", "and of the second, which leads the other way"),
+    ),
+    # What a line meets of the body between two of its points.
+    "WallMeeting": (
+        Value("entry", "double", "where it first enters it, NEVER if it does not"),
+        Value("exit", "double", "where it first leaves it"),
+        Value("odd", "bool", "whether it crosses the surface an odd number of times"),
+    ),
     # What is told of each ray; arrays that are not wanted have one row.
     "RayOutputs": (
         Value("position", "double3*"),

@@ -66,21 +66,12 @@ class Engine:
         """
         if plan.controls_error:
             outputs = outputs | {"step_error"}
+        leapfrog = plan.sample_count > 0
+        lanes = lane_count(self.session, plan.precision) if leapfrog else 1
+        packs = leapfrog and may_be_packed(field, REAL_TYPES[plan.precision], lanes, int(self.memory[1]))
+        in_plane = leapfrog and field.geometry != "volume" and not np.any(directions[:, :2])
         with stage("upload"):
-            data = field_data(field, plan.precision, plan.method == "paper")
-            bounds, control = trace_members(field, data, plan, until, wavelength, outputs)
-            tables, blocks = step_bound_tables(field, plan, wavelength, directions)
-            leapfrog = plan.sample_count > 0
-            lanes = lane_count(self.session, plan.precision) if leapfrog else 1
-            packs = leapfrog and may_be_packed(field, REAL_TYPES[plan.precision], lanes, int(self.memory[1]))
-            in_plane = leapfrog and field.geometry != "volume" and not np.any(directions[:, :2])
-            arguments = [
-                pack("Field", plan.precision, data.field),
-                pack("Bounds", plan.precision, data.bounds | bounds),
-                pack("Control", plan.precision, data.control | control | blocks),
-                *self._upload(field, data, plan.precision, plan.method == "paper", packs),
-                *(self._buffer(member, tables[member.name], plan.precision) for member in arrays_of("Control")),
-            ]
+            arguments = self.arguments(field, plan, until, wavelength, outputs, directions, packs)
         options = build_options(
             precision=plan.precision,
             geometry=field.geometry,
@@ -103,6 +94,28 @@ class Engine:
             prepared = Prepared(self, kernel, arguments, outputs, rejected)
             self._finish_compiling(prepared, program)
             return prepared
+
+    def arguments(
+        self,
+        field: IndexField,
+        plan: TracePlan,
+        until,
+        wavelength: float,
+        outputs: frozenset,
+        directions: np.ndarray,
+        packs: bool = False,
+    ) -> list:
+        """The structs Field, Bounds and Control, and their arrays, as `prepare` has them; see `_upload` for `packs`."""
+        data = field_data(field, plan.precision, plan.method == "paper")
+        bounds, control = trace_members(field, data, plan, until, wavelength, outputs)
+        tables, blocks = step_bound_tables(field, plan, wavelength, directions)
+        return [
+            pack("Field", plan.precision, data.field),
+            pack("Bounds", plan.precision, data.bounds | bounds),
+            pack("Control", plan.precision, data.control | control | blocks),
+            *self._upload(field, data, plan.precision, plan.method == "paper", packs),
+            *(self._buffer(member, tables[member.name], plan.precision) for member in arrays_of("Control")),
+        ]
 
     def prepare_projection(
         self, field: IndexField, columns: Projection, plan: TracePlan, outputs: frozenset

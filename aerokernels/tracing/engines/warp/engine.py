@@ -52,16 +52,7 @@ class Engine:
         if plan.controls_error:
             outputs = outputs | {"step_error"}
         with stage("upload"):
-            data = field_data(field, plan.precision, plan.method == "paper")
-            stop_bounds, stop_control = trace_members(field, data, plan, until, wavelength, outputs)
-            tables, blocks = step_bound_tables(field, plan, wavelength, directions)
-            arrays = self._upload(field, data, plan.precision, plan.method == "paper")
-            bound_arrays = {m.name: self._array(m, tables[m.name], plan.precision) for m in arrays_of("Control")}
-            structs = [
-                _filled("Field", data.field | arrays, plan.precision),
-                _filled("Bounds", data.bounds | stop_bounds, plan.precision),
-                _filled("Control", data.control | stop_control | blocks | bound_arrays, plan.precision),
-            ]
+            structs = self.arguments(field, plan, until, wavelength, outputs, directions)
         stop, has_body = stop_kind(until), field.body is not None
         with stage("compile"):
             if plan.sample_count:
@@ -75,6 +66,21 @@ class Engine:
             self._load(kernel.module)
         rejected = wp.zeros(1, dtype=wp.int32, device=self.device) if plan.sample_count else None
         return Prepared(self, kernel, structs, outputs, rejected)
+
+    def arguments(
+        self, field: IndexField, plan: TracePlan, until, wavelength: float, outputs: frozenset, directions: np.ndarray
+    ) -> list:
+        """The structs Field, Bounds and Control, as `prepare` has them."""
+        data = field_data(field, plan.precision, plan.method == "paper")
+        bounds, control = trace_members(field, data, plan, until, wavelength, outputs)
+        tables, blocks = step_bound_tables(field, plan, wavelength, directions)
+        arrays = self._upload(field, data, plan.precision, plan.method == "paper")
+        bound_arrays = {m.name: self._array(m, tables[m.name], plan.precision) for m in arrays_of("Control")}
+        return [
+            _filled("Field", data.field | arrays, plan.precision),
+            _filled("Bounds", data.bounds | bounds, plan.precision),
+            _filled("Control", data.control | control | blocks | bound_arrays, plan.precision),
+        ]
 
     def prepare_projection(
         self, field: IndexField, columns: Projection, plan: TracePlan, outputs: frozenset
@@ -145,7 +151,7 @@ class Engine:
             wp.synchronize_stream(self.device)
 
     def _outputs(self, results: dict[str, wp.array]):
-        """The struct of the outputs' buffers: that of the last launch where they are the same, since one takes 20 us."""
+        """The struct of the buffers: that of the last launch where they are the same, since to make one takes 20 us."""
         buffers = list(results.values())
         if len(self.outputs[0]) != len(buffers) or not all(map(is_, self.outputs[0], buffers)):
             self.outputs = buffers, _filled("RayOutputs", results)

@@ -29,7 +29,11 @@ def types(precision: str) -> SimpleNamespace:
     real = REAL[precision]
     vectors = {f"real{size}": wp.types.vector(size, real) for size in (2, 3, 4)}
     kinds = {**PLAIN, "real": real, **vectors}
+    shared = types("float64").kinds if precision != "float64" else {}
     for name, members in STRUCTS.items():
+        if name in shared and not any(member.parts[0] == "real" for member in members):
+            kinds[name] = shared[name]
+            continue
         annotations = {member.name: type_of(member, kinds) for member in members}
         kinds[name] = wp.struct(type(name, (), {"__annotations__": annotations, "__module__": __name__}))
     structs = {name: kinds[name] for name in STRUCTS}

@@ -70,7 +70,7 @@ def build_leapfrog_kernel(precision: str, geometry: str, interpolation: str, sto
     surface_of = build_last_surface(precision, geometry, stop)
     overrun = build_overrun(precision, geometry)
     keep_support = build_keep_support(precision, geometry)
-    unresolved = build_unresolved(precision, geometry)
+    unresolved_of = build_unresolved(precision, geometry)
     with_lever = build_with_lever(precision)
     leaves_support = build_leaves_support(precision, geometry)
     exit_of = build_exit(precision, geometry)
@@ -96,7 +96,7 @@ def build_leapfrog_kernel(precision: str, geometry: str, interpolation: str, sto
         ray = wp.tid() + first_ray
         p0 = position_in[ray]
         d0 = direction_in[ray]
-        course, status = start_of(field, bounds, p0, d0)
+        status, course = start_of(field, bounds, p0, d0)
         runs = bool(course.meets and status == ok)
 
         d = vec3(real(d0[0]), real(d0[1]), real(d0[2]))
@@ -133,12 +133,11 @@ def build_leapfrog_kernel(precision: str, geometry: str, interpolation: str, sto
         if runs:
             whole = wp.vec2d(course.enter, course.far)
             chord = course.far - course.enter
-            support = keep_support(bounds, p0, d0, course.enter, course.far)
-            uniform = bool(support[2] > wp.float64(0.0))
+            uniform, enter, last = keep_support(bounds, p0, d0, course.enter, course.far)
             if not uniform:
                 landed = surface_of(bounds, course, p0, d0)
-            course.enter = support[0]
-            course.far = support[1]
+            course.enter = enter
+            course.far = last
             entry = wp.cw_div(p0 + course.enter * d0 - bounds.origin, bounds.spacing)
             start = vec3(real(entry[0]), real(entry[1]), real(entry[2]))
             length = real(course.far - course.enter)
@@ -193,7 +192,7 @@ def build_leapfrog_kernel(precision: str, geometry: str, interpolation: str, sto
         off_turn += turn
         off_place = sigma * off_turn - (off_place + moment)
         if runs:
-            missed = unresolved(field, control, start, d, length, q)
+            missed = unresolved_of(field, control, start, d, length, q)
         steep = wp.sqrt(ahead * ahead + wp.dot(force, force))
         s += real(0.5) * h * ahead
         if uniform:  # in uniform air there is nothing to leave out
@@ -225,9 +224,7 @@ def build_leapfrog_kernel(precision: str, geometry: str, interpolation: str, sto
                     landed = int(landed_free)
                     normal = bounds.plane_normal
                 else:
-                    leave = exit_of(bounds, tip, heading)
-                    more = leave[0]
-                    landed = int(leave[1])
+                    more, landed = exit_of(bounds, tip, heading)
             if landed != landed_free:
                 if not uniform:
                     more = line_to(bounds, landed, tip, heading)

@@ -18,7 +18,7 @@ def build_projection_kernel(precision: str, with_ends: bool):
     """
     t = types(precision)
     real, Arrival = t.real, t.Arrival
-    value, slope = build_weights(precision, "cubic")
+    value_weights, slope_weights = build_weights(precision, "cubic")
     vec2, vec8 = t.vec2, wp.types.vector(8, real)
     write_outputs = build_write_outputs(precision)
     ok = int(RayStatus.OK)
@@ -51,10 +51,10 @@ def build_projection_kernel(precision: str, with_ends: bool):
         j = wp.clamp(int(place_y), 0, cells_y - 1)
         u = real(place_x - wp.float64(i))
         v = real(place_y - wp.float64(j))
-        wx = value(u)
-        sx = slope(u)
-        wy = value(v)
-        sy = slope(v)
+        wx = value_weights(u)
+        sx = slope_weights(u)
+        wy = value_weights(v)
+        sy = slope_weights(v)
 
         first = vec2(real(0.0), real(0.0))  # A and D
         first_x = vec2(real(0.0), real(0.0))  # their slopes per cell
