@@ -4,15 +4,10 @@
 // Of the numbers first_sum up to sum_count: sums_in (replicates * row_count, SUM_COUNT), and
 // sums_out (replicates * joined_count, SUM_COUNT).
 
+#include "arguments.h"
 #include "groups.h"
 
-__kernel void join_sums(
-    const int row_count,
-    const int joined_count,
-    const int first_sum,
-    const int sum_count,
-    __global const double *sums_in,
-    __global double *sums_out)
+__kernel void join_sums(JOIN_SUMS_ARGUMENTS)
 {
     const int sum = (int)get_global_id(0) + first_sum;
     if (sum >= sum_count) {

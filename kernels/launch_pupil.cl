@@ -7,21 +7,10 @@
 // Rays from first_ray up to ray_count: position_out [m] and direction_out (ray_count, 3), packed;
 // pupil_out (ray_count), coordinates on the disc in units of its radius.
 
+#include "arguments.h"
 #include "sobol.h"
 
-__kernel void launch_pupil(
-    const double3 center,
-    const double3 first,
-    const double3 second,
-    const double3 look,
-    __global const uint *seeds,
-    __global const int *order_in,
-    const int per_replicate,
-    const int first_ray,
-    const int ray_count,
-    __global double *position_out,
-    __global double *direction_out,
-    __global double2 *pupil_out)
+__kernel void launch_pupil(LAUNCH_PUPIL_ARGUMENTS)
 {
     const int ray = (int)get_global_id(0) + first_ray;
     if (ray >= ray_count) {
@@ -38,5 +27,5 @@ __kernel void launch_pupil(
     const double y = radius * sin(angle);
     vstore3(center + x * first + y * second, ray, position_out);
     vstore3(look, ray, direction_out);
-    pupil_out[ray] = (double2)(x, y);
+    vstore2((double2)(x, y), ray, pupil_out);
 }

@@ -4,51 +4,22 @@
 // A work-item moves a packet of LANES rays in step. Arguments are those of the tracer; rough_count_out counts the rays
 // that are to be traced otherwise: their step_error_out is above the budget, infinite where this method does not hold.
 
+#include "arguments.h"
 #include "ends.h"
 #include "flight.h"
 #include "flight_in_plane.h"
+#include "outputs.h"
 #include "support.h"
 #include "unresolved.h"
 
-__kernel void leapfrog(
-    const Field field,
-    const Bounds bounds,
-    const Control control,
-    __global const real *coefficients,
-    __global const real *corners,
-    __global const real *values,
-    __global const real *gradients,
-    __global const int *neighbors,
-    __global const int *bin_start,
-    __global const int *bin_cell,
-    __global const real *paper_step,
-    __global const double *wall,
-    __global const double *wall_boxes,
-    __global const int *wall_links,
-    __global const real *step_bound,
-    __global const int *step_bound_start,
-    const int first_ray,
-    const int ray_count,
-    __global const double *position_in,
-    __global const double *direction_in,
-    __global double *position_out,
-    __global double *direction_out,
-    __global double *optical_path_out,
-    __global double *opd_out,
-    __global double *arc_length_out,
-    __global double *step_error_out,
-    __global int *step_count_out,
-    __global int *evaluation_count_out,
-    __global int *status_out,
-    __global int *rough_count_out)
+__kernel void leapfrog(LEAPFROG_ARGUMENTS)
 {
     const int first = (int)get_global_id(0) * LANES + first_ray;
     if (first >= ray_count) {
         return;
     }
-    const Arrays arrays = {
-        coefficients, corners, values, gradients, neighbors, bin_start, bin_cell, paper_step, wall, wall_boxes,
-        wall_links, step_bound, step_bound_start};
+    const Arrays arrays = ARRAYS;
+    const RayOutputs outputs = RAY_OUTPUTS;
     const real3 rate = VECTOR(field.inverse_spacing);
     const int count = control.sample_count;
 
@@ -66,7 +37,7 @@ __kernel void leapfrog(
         spoilt[lane] = 0;
         wholes[lane] = (double2)(course.enter, course.far);
         const Course whole = course;
-        is_uniform[lane] = runs && keep_support(&bounds, p, d, &course);
+        is_uniform[lane] = runs && keep_support(&bounds, p, d, &course.enter, &course.far);
         surfaces[lane] = runs && !is_uniform[lane] ? surface_of(&bounds, &whole, p, d) : -1;
         const double3 place = (p + course.enter * d - VECTOR64(bounds.origin)) / VECTOR64(bounds.spacing);
         REAL_AT(x0, lane) = runs ? (real)place.x : R(0.0);
@@ -219,30 +190,7 @@ __kernel void leapfrog(
         if (off_course > control.tolerance) {
             atomic_inc(rough_count_out);
         }
-        if (control.outputs & WANT_POSITION) {
-            vstore3(arrival.position, ray, position_out);
-        }
-        if (control.outputs & WANT_DIRECTION) {
-            vstore3(arrival.direction, ray, direction_out);
-        }
-        if (control.outputs & WANT_OPTICAL_PATH) {
-            optical_path_out[ray] = arrival.optical_path;
-        }
-        if (control.outputs & WANT_OPD) {
-            opd_out[ray] = arrival.opd;
-        }
-        if (control.outputs & WANT_ARC_LENGTH) {
-            arc_length_out[ray] = arrival.arc_length;
-        }
-        if (control.outputs & WANT_STEP_ERROR) {
-            step_error_out[ray] = (double)off_course;
-        }
-        if (control.outputs & WANT_STEP_COUNT) {
-            step_count_out[ray] = runs ? count : 0;
-        }
-        if (control.outputs & WANT_EVALUATION_COUNT) {
-            evaluation_count_out[ray] = runs ? count : 0;
-        }
-        status_out[ray] = arrival.status;
+        const int samples = runs ? count : 0;
+        write_outputs(&outputs, control.outputs, ray, &arrival, (double)off_course, samples, samples);
     }
 }

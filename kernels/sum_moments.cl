@@ -6,20 +6,10 @@
 // x, y, W, xx, xy, yy, xW, yW, WW over the rays that arrived, their greatest step error, and the field evaluations of
 // all rays.
 
+#include "arguments.h"
 #include "groups.h"
 
-__kernel void sum_moments(
-    const int per_replicate,
-    const int first_group,
-    const int group_count,
-    const int weight_count,
-    __global const double *weight_in,
-    __global const double2 *pupil_in,
-    __global const double *opd_in,
-    __global const double *step_error_in,
-    __global const int *evaluation_count_in,
-    __global const int *status_in,
-    __global double *sums_out)
+__kernel void sum_moments(SUM_MOMENTS_ARGUMENTS)
 {
     __local double parts[WORK_GROUP][MOMENT_COUNT];
     const int item = (int)get_local_id(0);
@@ -33,7 +23,7 @@ __kernel void sum_moments(
         part[11] += (double)evaluation_count_in[ray];
         if (HAS_ARRIVED(status_in[ray])) {
             const double share = weight_in[weight_count > 1 ? ray : 0];
-            const double2 p = pupil_in[ray];
+            const double2 p = vload2(ray, pupil_in);
             const double w = opd_in[ray];
             part[0] += share;
             part[1] += share * p.x;

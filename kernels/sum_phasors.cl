@@ -6,20 +6,10 @@
 // Groups from first_group up to group_count: real and imaginary part, the last two of sums_out (group_count,
 // SUM_COUNT).
 
+#include "arguments.h"
 #include "groups.h"
 
-__kernel void sum_phasors(
-    const double wave_number,
-    const double3 plane,
-    const int per_replicate,
-    const int first_group,
-    const int group_count,
-    const int weight_count,
-    __global const double *weight_in,
-    __global const double2 *pupil_in,
-    __global const double *opd_in,
-    __global const int *status_in,
-    __global double *sums_out)
+__kernel void sum_phasors(SUM_PHASORS_ARGUMENTS)
 {
     __local double2 parts[WORK_GROUP];
     const int item = (int)get_local_id(0);
@@ -28,7 +18,7 @@ __kernel void sum_phasors(
     double2 part = (double2)(0.0, 0.0);
     for (int ray = span.x + item; ray < span.y; ray += WORK_GROUP) {
         if (HAS_ARRIVED(status_in[ray])) {
-            const double2 p = pupil_in[ray];
+            const double2 p = vload2(ray, pupil_in);
             const double phase = wave_number * (opd_in[ray] - plane.x - plane.y * p.x - plane.z * p.y);
             part += weight_in[weight_count > 1 ? ray : 0] * (double2)(cos(phase), sin(phase));
         }

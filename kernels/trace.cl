@@ -5,49 +5,21 @@
 // Rays first_ray to ray_count: position_in [m] and direction_in (ray_count, 3), packed; outputs that are not
 // wanted are left alone.
 
+#include "arguments.h"
 #include "ends.h"
 #include "error.h"
 #include "event_location.h"
+#include "outputs.h"
 #include "step.h"
 
-__kernel void trace_kernel(
-    const Field field,
-    const Bounds bounds,
-    const Control control,
-    __global const real *coefficients,
-    __global const real *corners,
-    __global const real *values,
-    __global const real *gradients,
-    __global const int *neighbors,
-    __global const int *bin_start,
-    __global const int *bin_cell,
-    __global const real *paper_step,
-    __global const double *wall,
-    __global const double *wall_boxes,
-    __global const int *wall_links,
-    __global const real *step_bound,
-    __global const int *step_bound_start,
-    const int first_ray,
-    const int ray_count,
-    __global const double *position_in,
-    __global const double *direction_in,
-    __global double *position_out,
-    __global double *direction_out,
-    __global double *optical_path_out,
-    __global double *opd_out,
-    __global double *arc_length_out,
-    __global double *step_error_out,
-    __global int *step_count_out,
-    __global int *evaluation_count_out,
-    __global int *status_out)
+__kernel void trace_kernel(TRACE_KERNEL_ARGUMENTS)
 {
     const int ray = (int)get_global_id(0) + first_ray;
     if (ray >= ray_count) {
         return;
     }
-    const Arrays arrays = {
-        coefficients, corners, values, gradients, neighbors, bin_start, bin_cell, paper_step, wall, wall_boxes,
-        wall_links, step_bound, step_bound_start};
+    const Arrays arrays = ARRAYS;
+    const RayOutputs outputs = RAY_OUTPUTS;
     const double3 p0 = vload3(ray, position_in);
     const double3 d0 = vload3(ray, direction_in);
     Course course;
@@ -77,13 +49,12 @@ __kernel void trace_kernel(
         real3 force = FORCE(s);
         momentum = contrast(ambient, pot) * d;
         const int cone = cone_of(d0);
-        const Lever lever_here = lever_of(&bounds, &control, &course, p0, d0);
-        const real obliquity = lever_here.obliquity, lever_arm = lever_here.lever_arm, reach = lever_here.reach;
+        const Lever lever = lever_of(&bounds, &control, &course, p0, d0);
+        const real obliquity = lever.obliquity, lever_arm = lever.lever_arm;
         // The table of step bounds weighs the kinks that a step may pass by the path, not by what they turn a ray
         // aside.
         const real caution =
-            AT_FACES && obliquity * lever_arm * greatest(cell_rate) > R(1.0) ? R(0.0) : lever_here.caution;
-        real obliquity_left = obliquity;
+            AT_FACES && obliquity * lever_arm * greatest(cell_rate) > R(1.0) ? R(0.0) : lever.caution;
         const real first_momentum = size3(momentum);
         const real arc_left = (real)(bounds.length - course.enter);
         real aside = R(0.0);  // so far beside its undisturbed line the ray meets no body
@@ -100,8 +71,8 @@ __kernel void trace_kernel(
             const real h_cell = R(1.0) / greater(size3(total * cell_rate), TINY);
             const real h_least = LEAST_STEP / (greatest(cell_rate) * size3(total));
             const Stride ahead = stride(
-                &field, &arrays, &control, current_cell, cone, cell, frac, rate, total, force, index, caution, h_cell,
-                h_next, h_cap);
+                &field, &arrays, &control, current_cell, cone, cell, frac, total, force, index, caution, h_cell, h_next,
+                h_cap);
             const real3 shown = IS_STRAIGHT ? frac + q * rate : frac;
             int land;
             real late;
@@ -122,17 +93,16 @@ __kernel void trace_kernel(
             evaluations += 3;
             const real3 kick = kick_of(h, force, s2, s3);
 
-            real turn_now, lever, strays;
+            real turn_now, leverage, strays;
             const real off = step_error(
-                ambient, d, total, momentum, h, reach, h <= ahead.safe, greatest_deflection, obliquity_left,
-                lever_arm, pot, force, s2, s3, s4, &turn_now, &lever, &strays);
+                ambient, d, total, momentum, h, h <= ahead.safe, greatest_deflection, &lever, pot, force, s2, s3, s4,
+                &turn_now, &leverage, &strays);
 
             int accept = 1;
             if (CONTROLLED) {
-                const real rounding =
-                    step_rounding(&control, ambient, h, lever, rate, frac, pot, force, s3);
+                const real rounding = step_rounding(&control, ambient, h, leverage, rate, frac, pot, force, s3);
                 real ratio;
-                accept = step_acceptance(&control, off, rounding, used, h, h_cell, h_least, index, reach, &ratio);
+                accept = step_acceptance(&control, off, rounding, used, h, h_cell, h_least, index, lever.reach, &ratio);
                 if (accept) {
                     // A step cut short by a surface says nothing against the length wanted.
                     h_next = greater(h * ratio, h_least);
@@ -183,14 +153,9 @@ __kernel void trace_kernel(
                 }
                 astray += strays;
                 greatest_deflection = turn_now;
-                // Where the ray has turned, the obliquity is another one, and the turn counts instead.
-                obliquity_left = obliquity * greater(R(1.0) - greatest_deflection / OBLIQUITY_KEPT, R(0.0));
                 advance4(&sums, &sums_carry, step_sums(ambient, d, momentum, h, pot, force, s2, s3, s4));
                 advance3(&q, &q_carry, h * momentum + kick);
-                advance3(
-                    &momentum,
-                    &momentum_carry,
-                    h * (RKN_V1 * force + RKN_V2 * FORCE(s2) + RKN_V3 * FORCE(s3) + RKN_V4 * FORCE(s4)));
+                advance3(&momentum, &momentum_carry, impulse_of(h, force, s2, s3, s4));
                 advance3(&frac, &frac_carry, (IS_STRAIGHT ? h * total : h * total + kick) * rate);
                 carry_over(&cell, &frac);
                 current_cell = find_current_cell(&field, &arrays, frac, current_cell);
@@ -274,38 +239,16 @@ __kernel void trace_kernel(
         }
     }
 
-    const Arrival arrival = end_of(
+    Arrival arrival = end_of(
         &bounds, &control, p0, d0, &course, status, landed, q, q_carry, momentum, sums, sums_carry,
         greatest_deflection);
     if (CONTROLLED && arrival.status == RAY_OK && landed >= 0) {
         const real cell_size = R(1.0) / greatest(VECTOR(control.cell_rate));
         used = event_location_error(used, ambient, cell_size, landed, arrival.grazing, obliquity_first, harm, astray);
     }
-    // Such a ray is traced again, if that may help (retrace.py).
-    const int is_rejected = CONTROLLED && arrival.status == RAY_OK && !(used <= control.tolerance);
-    if (control.outputs & WANT_POSITION) {
-        vstore3(arrival.position, ray, position_out);
+    if (CONTROLLED && arrival.status == RAY_OK && !(used <= control.tolerance)) {
+        arrival.status = RAY_TOLERANCE_NOT_MET;  // to be traced again, see retrace.py
     }
-    if (control.outputs & WANT_DIRECTION) {
-        vstore3(arrival.direction, ray, direction_out);
-    }
-    if (control.outputs & WANT_OPTICAL_PATH) {
-        optical_path_out[ray] = arrival.optical_path;
-    }
-    if (control.outputs & WANT_OPD) {
-        opd_out[ray] = arrival.opd;
-    }
-    if (control.outputs & WANT_ARC_LENGTH) {
-        arc_length_out[ray] = arrival.arc_length;
-    }
-    if (MEASURED && (control.outputs & WANT_STEP_ERROR)) {
-        step_error_out[ray] = (double)used;
-    }
-    if (control.outputs & WANT_STEP_COUNT) {
-        step_count_out[ray] = steps;
-    }
-    if (control.outputs & WANT_EVALUATION_COUNT) {
-        evaluation_count_out[ray] = evaluations;
-    }
-    status_out[ray] = is_rejected ? RAY_TOLERANCE_NOT_MET : arrival.status;
+    write_outputs(
+        &outputs, control.outputs, ray, &arrival, MEASURED ? (double)used : 0.0, steps, evaluations);
 }

@@ -5,60 +5,18 @@
 // along z the tables begin and how far they reach; flight [m]: from there to the stop. Outputs that are not
 // wanted are left alone.
 
-#include "constants.h"
-#include "options.h"
+#include "arguments.h"
+#include "grid.h"
+#include "outputs.h"
 #include "ray_status.h"
 
-static inline real4 values(real u)
-{
-    const real v = R(1.0) - u;
-    const real sixth = R(1.0 / 6.0);
-    return (real4)(
-        sixth * v * v * v,
-        sixth * (R(4.0) + u * u * (R(3.0) * u - R(6.0))),
-        sixth * (R(4.0) + v * v * (R(3.0) * v - R(6.0))),
-        sixth * u * u * u);
-}
-
-static inline real4 slopes(real u)
-{
-    const real v = R(1.0) - u;
-    return (real4)(R(-0.5) * v * v, u * (R(1.5) * u - R(2.0)), -v * (R(1.5) * v - R(2.0)), R(0.5) * u * u);
-}
-
-#define LANE(v, k) (((const real *)&(v))[k])
-
-__kernel void trace_projection(
-    __global const real *coefficients,
-    const int cells_x,
-    const int cells_y,
-    const double origin_x,
-    const double origin_y,
-    const double rate_x,
-    const double rate_y,
-    const double ambient,
-    const double sign,
-    const double first_plane,
-    const double length,
-    const double flight,
-    const int outputs,
-    const int first_ray,
-    const int ray_count,
-    __global const double *position_in,
-    __global double *position_out,
-    __global double *direction_out,
-    __global double *optical_path_out,
-    __global double *opd_out,
-    __global double *arc_length_out,
-    __global double *step_error_out,
-    __global int *step_count_out,
-    __global int *evaluation_count_out,
-    __global int *status_out)
+__kernel void trace_projection(TRACE_PROJECTION_ARGUMENTS)
 {
     const int ray = (int)get_global_id(0) + first_ray;
     if (ray >= ray_count) {
         return;
     }
+    const RayOutputs outputs = RAY_OUTPUTS;
     const double3 p = vload3(ray, position_in);
     const double place_x = (p.x - origin_x) * rate_x;
     const double place_y = (p.y - origin_y) * rate_y;
@@ -66,7 +24,7 @@ __kernel void trace_projection(
     const int j = clamp((int)place_y, 0, cells_y - 1);
     const real u = (real)(place_x - (double)i);
     const real v = (real)(place_y - (double)j);
-    const real4 wx = values(u), sx = slopes(u), wy = values(v), sy = slopes(v);
+    const row_t wx = value_weights(u), sx = slope_weights(u), wy = value_weights(v), sy = slope_weights(v);
 
     real2 first = (real2)R(0.0), first_x = first, first_y = first;  // A and D, and their slopes per cell
     real8 extra = (real8)R(0.0);
@@ -78,14 +36,14 @@ __kernel void trace_projection(
 #pragma unroll
         for (int b = 0; b < 4; b++) {
             const real2 pair = vload2(0, row + 10 * b);
-            sheet += LANE(wy, b) * pair;
-            bend += LANE(sy, b) * pair;
-            more += LANE(wy, b) * vload8(0, row + 10 * b + 2);
+            sheet += ROW_ENTRY(wy, b) * pair;
+            bend += ROW_ENTRY(sy, b) * pair;
+            more += ROW_ENTRY(wy, b) * vload8(0, row + 10 * b + 2);
         }
-        first += LANE(wx, a) * sheet;
-        first_x += LANE(sx, a) * sheet;
-        first_y += LANE(wx, a) * bend;
-        extra += LANE(wx, a) * more;
+        first += ROW_ENTRY(wx, a) * sheet;
+        first_x += ROW_ENTRY(sx, a) * sheet;
+        first_y += ROW_ENTRY(wx, a) * bend;
+        extra += ROW_ENTRY(wx, a) * more;
     }
 
     // EXTRAS: optical path, arc, momentum, shift, potential, error
@@ -100,34 +58,16 @@ __kernel void trace_projection(
     const double before = (first_plane - p.z) * sign;
     const double straight = before + length + flight;
     const double opd = opd_box + ambient * obliquity;
-    if (WITH_ENDS && (outputs & WANT_POSITION)) {
-        const double qx = (double)first_x.s1 * rate_x + (double)extra.s4;
-        const double qy = (double)first_y.s1 * rate_y + (double)extra.s5;
-        vstore3(
-            (double3)(p.x + qx + flight * px / w, p.y + qy + flight * py / w, first_plane + sign * (length + flight)),
-            ray,
-            position_out);
-    }
-    if (outputs & WANT_DIRECTION) {
-        vstore3((double3)(px / index, py / index, sign * w / index), ray, direction_out);
-    }
-    if (outputs & WANT_OPTICAL_PATH) {
-        optical_path_out[ray] = ambient * straight + opd;
-    }
-    if (outputs & WANT_OPD) {
-        opd_out[ray] = opd;
-    }
-    if (WITH_ENDS && (outputs & WANT_ARC_LENGTH)) {
-        arc_length_out[ray] = straight + (double)extra.s1 + obliquity;
-    }
-    if (WITH_ENDS && (outputs & WANT_STEP_ERROR)) {
-        step_error_out[ray] = fabs((double)extra.s7);
-    }
-    if (outputs & WANT_STEP_COUNT) {
-        step_count_out[ray] = 1;
-    }
-    if (outputs & WANT_EVALUATION_COUNT) {
-        evaluation_count_out[ray] = 1;
-    }
-    status_out[ray] = RAY_OK;
+    Arrival arrival = {0};
+    arrival.direction = (double3)(px / index, py / index, sign * w / index);
+    arrival.optical_path = ambient * straight + opd;
+    arrival.opd = opd;
+    arrival.status = RAY_OK;
+#if WITH_ENDS
+    const double x = p.x + ((double)first_x.s1 * rate_x + (double)extra.s4) + flight * px / w;
+    const double y = p.y + ((double)first_y.s1 * rate_y + (double)extra.s5) + flight * py / w;
+    arrival.position = (double3)(x, y, first_plane + sign * (length + flight));
+    arrival.arc_length = straight + (double)extra.s1 + obliquity;
+#endif
+    write_outputs(&outputs, wanted, ray, &arrival, WITH_ENDS ? fabs((double)extra.s7) : 0.0, 1, 1);
 }

@@ -1,11 +1,12 @@
-"""Compares the arguments of the Warp kernels with those of their OpenCL twins: names, order and types.
+"""Compares the device functions that Warp's kernels and their OpenCL twins share: names, arguments, order and types.
 
-A kernel of one backend needs a namesake in the other. Members of the structs Field, Bounds and Control are compared
-too. OpenCL differs from Warp in these ways only:
+Kernels' own arguments come from one table (aerokernels/tracing/engines/layout.py); what is checked of them is that each
+kernel is there on both sides and takes them from the table. Functions differ in these ways only:
 
-- arrays in Warp's structs are arguments of their own, after the structs and in their order;
-- `ray_count` follows `first_ray`, `group_count` `first_group`, `sum_count` `first_sum`: its launches are rounded up;
-- vectors are plain arrays in structs, and three of them are packed in arrays.
+- arrays of structs are gathered in struct Arrays in OpenCL, which stands for the field where no more is needed;
+- OpenCL is told what bounds a launch;
+- what OpenCL gives back by pointers, Warp returns after the value, or has as an argument of the same name, too;
+- functions of a packet of rays (lanes.h) take a number for each ray where Warp takes vectors of one.
 
 Prints what differs; exit status 1 where something does. Reads the OpenCL sources as text: no OpenCL is needed.
 """
@@ -13,179 +14,152 @@ Prints what differs; exit status 1 where something does. Reads the OpenCL source
 import argparse
 import re
 import sys
-from dataclasses import dataclass
-from difflib import ndiff
+from collections.abc import Iterator
+from itertools import product
 from pathlib import Path
+from typing import Any, NamedTuple
 
 import warp as wp
 
+from aerokernels.tracing.engines.layout import BOUNDS, KERNELS
 from aerokernels.tracing.engines.warp.kernels import pupil
 from aerokernels.tracing.engines.warp.kernels.leapfrog import build_leapfrog_kernel
 from aerokernels.tracing.engines.warp.kernels.trace import build_kernel
 from aerokernels.tracing.engines.warp.kernels.trace_projection import build_projection_kernel
 from aerokernels.tracing.engines.warp.types import types
 
-KERNELS = Path(__file__).resolve().parents[1] / "kernels"
-# The first of a launch's work-items, and what bounds them.
-BOUNDS = {"first_ray": "ray_count", "first_group": "group_count", "first_sum": "sum_count"}
-STRUCTS = ("Field", "Bounds", "Control")
-# float32 stands for the kernel's precision: that is what the Warp kernels are built for here.
-SCALARS = {
-    wp.float32: "real",
-    wp.float64: "double",
-    wp.int32: "int",
-    int: "int",
-    wp.uint32: "uint",
-}
+FOLDER = Path(__file__).resolve().parents[1] / "kernels"
+GRIDS = ("volume", "planar", "axisymmetric")
+# Types of numbers for each ray of a packet.
+LANES = ("reals", "ints", "mask")
+
+Arguments = list[tuple[str, str]]
 
 
-@dataclass(frozen=True)
-class Argument:
-    """An argument of a kernel or a member of a struct; the type in OpenCL's words."""
+class Declared(NamedTuple):
+    """A device function of OpenCL: the type it returns, and its arguments with their types, pointers with a star."""
 
-    name: str
-    type: str
+    result: str
+    arguments: Arguments
 
-    def __str__(self) -> str:
-        """As it is declared."""
-        return f"{self.type} {self.name}"
+    @property
+    def given(self) -> Arguments:
+        """What its twin has as arguments: without pointers, arrays in their struct."""
+        arguments = self.arguments
+        if not {"const Field*", "const Control*"} & {kind for _, kind in arguments}:
+            arguments = [("field", "Field") if "Arrays" in kind else (word, kind) for word, kind in arguments]
+        return [
+            (word, kind.removeprefix("const ").rstrip("*"))
+            for word, kind in arguments
+            if "Arrays" not in kind and word not in BOUNDS.values()
+        ]
+
+    @property
+    def back(self) -> Arguments:
+        """What it gives back by pointers."""
+        return [(word, kind[:-1]) for word, kind in self.arguments if kind.endswith("*") and "const" not in kind]
 
 
-def warp_kernels() -> dict[str, wp.Kernel]:
-    """Every Warp kernel by name; the tracer's arguments do not depend on what it is built for."""
+def warp_kernels() -> list[wp.Kernel]:
+    """Every Warp kernel, the tracers for all geometries and stops."""
     kernels = [kernel for kernel in vars(pupil).values() if isinstance(kernel, wp.Kernel)]
-    kernels.append(build_kernel("float32", "volume", "cubic", False, "adaptive", "none", False, True))
     kernels.append(build_projection_kernel("float32", True))
-    kernels.append(build_leapfrog_kernel("float32", "volume", "cubic", "none", False))
-    return {kernel.func.__name__: kernel for kernel in kernels}
-
-
-def expected_arguments(kernel: wp.Kernel) -> list[Argument]:
-    """The arguments that the OpenCL twin of a Warp kernel needs."""
-    given = [(variable.label, variable.type) for variable in kernel.adj.args]
-    structs = [Argument(name, kind.cls.__name__) for name, kind in given if _is_struct(kind)]
-    arrays = [
-        Argument(name, _array_type(member))
-        for _, kind in given
-        if _is_struct(kind)
-        for name, member in _members(kind)
-        if _is_array(member)
-    ]
-    others = []
-    for name, kind in given:
-        if not _is_struct(kind):
-            others.append(Argument(name, _array_type(kind) if _is_array(kind) else _value_type(kind)))
-        if name in BOUNDS:
-            others.append(Argument(BOUNDS[name], "int"))
-    return [*structs, *arrays, *others]
-
-
-def expected_members(struct) -> list[Argument]:
-    """The members that the OpenCL twin of a Warp struct needs."""
-    members = []
-    for name, kind in _members(struct):
-        if not _is_array(kind):
-            members.append(Argument(name, _value_type(kind, in_struct=True)))
-    return members
-
-
-def _is_struct(kind) -> bool:
-    return hasattr(kind, "vars") and hasattr(kind, "key")
-
-
-def _is_array(kind) -> bool:
-    return isinstance(kind, wp.array)
-
-
-def _members(struct) -> list[tuple]:
-    return [(name, variable.type) for name, variable in struct.vars.items()]
-
-
-def _vector(kind) -> tuple[str, int]:
-    """OpenCL's name of the scalar, and the length; 1 for a scalar."""
-    if kind in SCALARS:
-        return SCALARS[kind], 1
-    return SCALARS[kind._wp_scalar_type_], kind._length_
-
-
-def _value_type(kind, in_struct: bool = False) -> str:
-    scalar, length = _vector(kind)
-    if length == 1:
-        return scalar
-    return f"{scalar}[{length}]" if in_struct else f"{scalar}{length}"
-
-
-def _array_type(kind) -> str:
-    return f"{_vector(kind.dtype)[0]}*"
-
-
-def opencl_kernels(folder: Path) -> dict[str, list[Argument]]:
-    """The arguments of every kernel in a folder's *.cl files, by its name."""
-    kernels = {}
-    for path in sorted(folder.glob("*.cl")):
-        for name, inside in re.findall(r"__kernel\s+void\s+(\w+)\s*\(([^)]*)\)", _plain(path)):
-            kernels[name] = [_declared(declaration) for declaration in inside.split(",")]
+    for geometry, stop in product(GRIDS, ("none", "plane", "arc")):
+        kernels.append(build_kernel("float32", geometry, "linear", False, "adaptive", stop, True, True))
+        kernels.append(build_leapfrog_kernel("float32", geometry, "cubic", stop, True))
+    kernels.append(build_kernel("float32", "planar", "bilinear-barron", True, "paper", "none", False, True))
     return kernels
 
 
-def opencl_structs(folder: Path) -> dict[str, list[Argument]]:
-    """The members of every struct in include/types.h, by its name."""
-    found = re.findall(r"typedef\s+struct\s*\{([^}]*)\}\s*(\w+)\s*;", _plain(folder / "include" / "types.h"))
-    return {name: [_declared(text) for text in inside.split(";") if text.strip()] for inside, name in found}
+def warp_functions() -> dict[str, Arguments]:
+    """The arguments of every device function of the Warp kernels, by its name."""
+    kinds = {kind: name for name, kind in types("float32").kinds.items()} | {int: "int", bool: "int", wp.bool: "int"}
+    found: dict[str, Arguments] = {}
+    for kernel in warp_kernels():
+        for function in reached(kernel.func):
+            variables = function.adj.args
+            found[function.func.__name__] = [(v.label, kinds.get(v.type, "any")) for v in variables]
+    return found
 
 
-def _plain(path: Path) -> str:
+def reached(function: Any) -> Iterator[wp.Function]:
+    """The device functions that a function calls, and those that these call."""
+    cells = [cell.cell_contents for cell in function.__closure__ or ()]
+    for name in function.__code__.co_names:
+        cells.append(function.__globals__.get(name))
+    for called in cells:
+        if isinstance(called, wp.Function) and called.func is not None and called.adj is not None:
+            yield called
+            yield from reached(called.func)
+
+
+def opencl_functions(folder: Path) -> dict[str, Declared]:
+    """Every device function of a folder's sources, by its name."""
+    found = {}
+    for path in sorted((*folder.glob("*.cl"), *folder.glob("include/*.h"))):
+        pattern = r"^(?:static )?(?:inline )?(\w+)\s+(\w+)\(([^)]*)\)\s*\{"
+        for result, name, inside in re.findall(pattern, plain(path), flags=re.MULTILINE):
+            found[name] = Declared(result, [declared(text) for text in inside.split(",")])
+    return found
+
+
+def plain(path: Path) -> str:
     """A source without comments and lines for the preprocessor."""
     text = re.sub(r"//[^\n]*|/\*.*?\*/", " ", path.read_text(encoding="utf-8"), flags=re.DOTALL)
     return re.sub(r"^[ \t]*#(?:[^\n]*\\\n)*[^\n]*$", "", text, flags=re.MULTILINE)
 
 
-def _declared(declaration: str) -> Argument:
-    """An argument from a declaration such as "__global const double *x" or "int row[3]"."""
-    words = re.findall(r"\w+|[*\[\],]", declaration)
-    words = [word for word in words if word not in ("__global", "global", "const", "restrict", "__restrict")]
-    match words:
-        case [kind, name]:
-            return Argument(name, kind)
-        case [kind, "*", name]:
-            # A vector of two is packed like two numbers.
-            return Argument(name, re.sub(r"2$", "", kind) + "*")
-        case [kind, name, "[", length, "]"]:
-            return Argument(name, f"{kind}[{length}]")
-    raise ValueError(f"cannot read the declaration {' '.join(declaration.split())!r}: one name each, no macros")
+def declared(declaration: str) -> tuple[str, str]:
+    """Name and type of an argument such as "const Field *field"."""
+    words = re.findall(r"\w+|\*", declaration.replace("__global", ""))
+    return words[-1], f"{' '.join(words[:-1])}".replace(" *", "*")
 
 
 def differences(folder: Path) -> list[str]:
-    """What differs between the Warp kernels and the OpenCL ones of a folder, for people; empty where nothing does."""
+    """What differs between the twins, for people; empty where nothing does."""
     found = []
-    ours, theirs = warp_kernels(), opencl_kernels(folder)
-    found += [f"kernel {name}: Warp has it, OpenCL does not\n" for name in sorted(ours.keys() - theirs.keys())]
-    found += [f"kernel {name}: OpenCL has it, Warp does not\n" for name in sorted(theirs.keys() - ours.keys())]
-    for name in sorted(ours.keys() & theirs.keys()):
-        found += _compare(f"kernel {name}", expected_arguments(ours[name]), theirs[name])
-    structs = opencl_structs(folder)
-    for name in STRUCTS:
-        found += _compare(f"struct {name}", expected_members(getattr(types("float32"), name)), structs.get(name, []))
+    heads = dict(re.findall(r"__kernel\s+void\s+(\w+)\s*\(([^)]*)\)", "".join(map(plain, sorted(folder.glob("*.cl"))))))
+    ours = {kernel.func.__name__ for kernel in warp_kernels()}
+    for name in sorted(ours | heads.keys() | KERNELS.keys()):
+        for side, there in (("Warp", ours), ("OpenCL", heads), ("layout.py", KERNELS)):
+            if name not in there:
+                found.append(f"kernel {name}: {side} does not have it")
+        if name in heads and heads[name].strip() != f"{name.upper()}_ARGUMENTS":
+            found.append(f"kernel {name}: its arguments are not {name.upper()}_ARGUMENTS, but {heads[name].strip()}")
+    warp = warp_functions()
+    for name, function in opencl_functions(folder).items():
+        if name in warp and not any(kind in LANES for _, kind in function.arguments):
+            found += compare(name, warp[name], function)
     return found
 
 
-def _compare(title: str, warp: list[Argument], opencl: list[Argument]) -> list[str]:
-    if warp == opencl:
+def compare(name: str, warp: Arguments, opencl: Declared) -> list[str]:
+    """What differs between the arguments of a function's twins."""
+    names = [word for word, _ in warp]
+    theirs = [argument for argument in opencl.given if argument not in opencl.back or argument[0] in names]
+    if [word for word, _ in theirs] == names and all(
+        kind in (other, "any") for (_, kind), (_, other) in zip(warp, theirs, strict=True)
+    ):
         return []
-    lines = [line for line in ndiff([f"{a}" for a in warp], [f"{a}" for a in opencl]) if not line.startswith("?")]
-    return ["\n".join([f"{title}: '-' Warp only, '+' OpenCL only", *(f"    {line}" for line in lines), ""])]
+    return [f"function {name}:\n    Warp   {told(warp)}\n    OpenCL {told(theirs)}"]
+
+
+def told(arguments: Arguments) -> str:
+    """As they are declared."""
+    return ", ".join(f"{kind} {word}" for word, kind in arguments)
 
 
 def main() -> int:
     """Compare and tell."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--kernels", type=Path, default=KERNELS, help="the OpenCL sources (default: %(default)s)")
+    parser.add_argument("--kernels", type=Path, default=FOLDER, help="the OpenCL sources (default: %(default)s)")
     folder = parser.parse_args().kernels
     if not (folder / "include" / "types.h").is_file():
         print(f"error: {folder} has no include/types.h: name the folder of the OpenCL sources", file=sys.stderr)
         return 2
     found = differences(folder)
-    print("\n".join(found) if found else "the arguments of the Warp and the OpenCL kernels agree")
+    shared = warp_functions().keys() & opencl_functions(folder).keys()
+    print("\n".join(found) if found else f"the twins agree: {len(KERNELS)} kernels, {len(shared)} device functions")
     return 1 if found else 0
 
 

@@ -1,14 +1,15 @@
-"""The headers of the OpenCL kernels that repeat numbers from Python: status codes and the scheme's constants.
+"""The headers of the OpenCL kernels that repeat what Python says: layout, status codes and the scheme's constants.
 
-scripts/kernel_headers            writes kernels/include/ray_status.h and kernels/include/constants.h
+scripts/kernel_headers            writes those headers in kernels/include, see TEXTS
 scripts/kernel_headers --check    writes nothing; exit status 1 where one of them is not what it would write
 """
 
 import argparse
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
+import kernel_layout
 import numpy as np
 
 from aerokernels.medium.crossings import PARALLEL
@@ -20,6 +21,7 @@ from aerokernels.tracing.status import RayStatus
 from aerokernels.tracing.step_bound import CONE_SINES, CONES
 
 INCLUDE = Path(__file__).resolve().parents[1] / "kernels" / "include"
+LAYOUT = "aerokernels/tracing/engines/layout.py"
 NOTE = "Written by scripts/kernel_headers from {source}: change it there."
 
 
@@ -102,7 +104,29 @@ def constants() -> str:
     return _header("CONSTANTS_H", "Constants of the scheme.", source, ['#include "real.h"', *lines])
 
 
-TEXTS = {"ray_status.h": ray_status, "constants.h": constants}
+def options() -> str:
+    """The text of options.h."""
+    what = "What a kernel is built for: the host sets these as -D options, see opencl/program.py."
+    return _header("OPTIONS_H", what, LAYOUT, kernel_layout.options())
+
+
+def types() -> str:
+    """The text of types.h."""
+    return _header("TYPES_H", "Structs: what the host fills, and what kernels make.", LAYOUT, kernel_layout.types())
+
+
+def arguments() -> str:
+    """The text of arguments.h."""
+    return _header("ARGUMENTS_H", "Arguments of the kernels, as macros.", LAYOUT, kernel_layout.arguments())
+
+
+TEXTS: dict[str, Callable[[], str]] = {
+    "ray_status.h": ray_status,
+    "constants.h": constants,
+    "options.h": options,
+    "types.h": types,
+    "arguments.h": arguments,
+}
 
 
 def stale(folder: Path) -> list[str]:

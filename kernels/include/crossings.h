@@ -8,17 +8,6 @@
 
 #define NEVER 1.0e300
 
-// A line p + t d as the body sees it; d need not be of length 1.
-typedef struct {
-    double first;    // planar: y of p; axisymmetric: square of the least distance from the axis
-    double across;   // planar: dy; axisymmetric: dx^2 + dy^2
-    double along;    // dz
-    double z;        // of p
-    double nearest;  // axisymmetric: t where it is nearest to the axis
-    double height;   // z there
-    double square;   // dy^2 + dz^2, of a planar line
-} WallLine;
-
 static inline WallLine wall_line(double3 p, double3 d)
 {
     WallLine line;
@@ -43,10 +32,10 @@ static inline WallLine wall_line(double3 p, double3 d)
     return line;
 }
 
-// Whether a line may pass a box, lowest and greatest (r, z), that is `margin` larger on every side, between t = from and to.
-static inline int passes_box(const WallLine *line, double4 box, double margin, double from, double to)
+// Whether a line may pass a box, lowest and greatest (r, z), that is `margin` larger on every side, between t = first and last.
+static inline int passes_box(const WallLine *line, double4 box, double margin, double first, double last)
 {
-    double near = from, far = to;
+    double near = first, far = last;
     if (line->along == 0.0) {
         if (line->z < box.y - margin || line->z > box.w + margin) {
             return 0;
@@ -73,25 +62,17 @@ static inline int passes_box(const WallLine *line, double4 box, double margin, d
 #endif
 }
 
-// Where a line crosses a segment r1, z1, r2, z2 (planar: y for r).
-typedef struct {
-    int count;    // 0, 1 or 2 crossings
-    int enters;   // whether the first one leads into the body, which lies to the left of the segment
-    double one;   // t of the first
-    double two;   // and of the second, which leads the other way
-} Crossings;
-
 #if GEOMETRY == AXISYMMETRIC
 // Positive where a corner lies outside the surface that the line sweeps about the axis.
-static inline double corner_side(const WallLine *line, double r, double height)
+static inline double corner_side(const WallLine *line, double place, double height)
 {
-    return line->along * line->along * (r * r - line->first) - line->across * height * height;
+    return line->along * line->along * (place * place - line->first) - line->across * height * height;
 }
 #else
 // To which side of the line a corner lies.
-static inline double corner_side(const WallLine *line, double y, double z)
+static inline double corner_side(const WallLine *line, double place, double height)
 {
-    return line->across * (z - line->z) - line->along * (y - line->first);
+    return line->across * (height - line->z) - line->along * (place - line->first);
 }
 #endif
 
@@ -158,30 +139,23 @@ static inline Crossings segment_crossings(const WallLine *line, double4 segment,
     return out;
 }
 
-// What a line meets of the body between t = from and to: where it first enters and first leaves it, NEVER where it does
-// not, and whether it crosses the surface an odd number of times.
-typedef struct {
-    double entry;
-    double exit;
-    int odd;
-} WallMeeting;
-
+// What a line meets of the body between t = first and last.
 static inline WallMeeting meet_wall(
-    const Field *field, const Arrays *arrays, const WallLine *line, double from, double to)
+    const Field *field, const Arrays *arrays, const WallLine *line, double first, double last)
 {
     WallMeeting found = {NEVER, NEVER, 0};
     int node = 0;
     while (node < field->wall_count) {
         const int3 links = vload3(node, arrays->wall_links);
         int next = links.x;
-        if (passes_box(line, vload4(node, arrays->wall_boxes), 0.0, from, to)) {
+        if (passes_box(line, vload4(node, arrays->wall_boxes), 0.0, first, last)) {
             next = node + 1;
             for (int k = links.y; k < links.z; k++) {
                 const Crossings at = segment_crossings(line, vload4(k, arrays->wall), 0);
                 for (int j = 0; j < at.count; j++) {
                     const double t = j == 0 ? at.one : at.two;
                     const int enters = j == 0 ? at.enters : !at.enters;
-                    if (t >= from && t <= to) {
+                    if (t >= first && t <= last) {
                         found.odd = !found.odd;
                         found.entry = enters ? lesser64(found.entry, t) : found.entry;
                         found.exit = enters ? found.exit : lesser64(found.exit, t);

@@ -110,14 +110,6 @@ static inline double3 place_of(
     return p + (course->enter + ambient * sigma) * d + (convert_double3(q) - convert_double3(q_carry));
 }
 
-// What a direction's error does on the way to the stop. Lengths in metres.
-typedef struct {
-    real obliquity;  // of the stop
-    real lever_arm;  // how far on the error grows
-    real reach;      // the part of that in the box
-    real caution;    // a share of the step bounds of step_bound.py, which know nothing of the way to a far stop
-} Lever;
-
 static inline Lever lever_of(
     const Bounds *bounds, const Control *control, const Course *course, double3 p, double3 d)
 {
@@ -130,18 +122,6 @@ static inline Lever lever_of(
     out.caution = pow(R(1.0) + R(0.25) * out.obliquity * beyond * greatest(VECTOR(control->cell_rate)), R(-0.25));
     return out;
 }
-
-// A ray at its stop.
-typedef struct {
-    double3 position;
-    double3 direction;
-    double optical_path;
-    double opd;
-    double arc_length;
-    double flight;  // beyond the box [m]
-    double2 grazing;  // the length [m] that a ray which grazes its last surface lacks of it, and its cosine there
-    int status;
-} Arrival;
 
 // Puts the sums of the steps, (sigma, S, M, B), back onto the straight ray and flies on to a stop outside the box. `landed`
 // is the surface that the ray ended on, or -1.

@@ -4,7 +4,7 @@
 
 #include "motion.h"
 
-// The error in metres; `turn` is the greatest angle with d so far, `lever` the length by which a direction's error counts,
+// The error in metres; `turn` is the greatest angle with d so far, `leverage` the length by which a direction's error counts,
 // `strays` how far beside its place the ray may leave the field. The stop is met at an `obliquity` (ends.h), `lever_arm`
 // further on.
 static inline real step_error(
@@ -13,20 +13,21 @@ static inline real step_error(
     real3 total,
     real3 momentum,
     real h,
-    real reach,
     int is_smooth,
     real greatest_deflection,
-    real obliquity,
-    real lever_arm,
+    const Lever *lever,
     real pot,
     real3 force,
     real4 s2,
     real4 s3,
     real4 s4,
     real *turn,
-    real *lever,
+    real *leverage,
     real *strays)
 {
+    const real reach = lever->reach, lever_arm = lever->lever_arm;
+    // Where the ray has turned, the obliquity is another one, and the turn counts instead.
+    const real obliquity = lever->obliquity * greater(R(1.0) - greatest_deflection / OBLIQUITY_KEPT, R(0.0));
     const real3 f2 = FORCE(s2), f3 = FORCE(s3), f4 = FORCE(s4);
     const real off_s = h * (RKN_F1 * pot + RKN_F2 * s2.x + RKN_F3 * s3.x + RKN_F4 * s4.x);
     real3 off_q = (h * h) * (RKN_E1 * force + RKN_E2 * f2 + RKN_E3 * f3 + RKN_E4 * f4);
@@ -62,7 +63,7 @@ static inline real step_error(
     const int is_far = lever_arm > R(2.0) * reach;
     const real own = is_far && *turn < LEAPFROG_ANGLE ? *turn : R(0.0);
     const real tilt = (is_far || INTERPOLATION == LINEAR ? greater(sharp, ROUGH) : sharp) * (obliquity + own);
-    *lever = weight * (reach + ambient * h) + obliquity * (lever_arm + ambient * h);
+    *leverage = weight * (reach + ambient * h) + obliquity * (lever_arm + ambient * h);
     const real off_p_size = size3(MAGNIFIED * off_p) / MAGNIFIED, off_q_size = size3(MAGNIFIED * off_q) / MAGNIFIED;
     *strays = greater(sharp, ROUGH) * (off_q_size + reach * off_p_size / ambient);
     return off + off_p_size * (weight * reach + tilt * lever_arm) + ambient * off_q_size * (weight + tilt);
@@ -72,7 +73,7 @@ static inline real step_rounding(
     const Control *control,
     real ambient,
     real h,
-    real lever,
+    real leverage,
     real3 rate,
     real3 frac,
     real pot,
@@ -85,7 +86,7 @@ static inline real step_rounding(
         size += size3(force) * size2(frac.xy) / rate.x;
     }
     const real steep = greater(size3(force), size * greatest(VECTOR(control->cell_rate)));
-    return NOISE * h * (R(2.0) * size + steep * lever);
+    return NOISE * h * (R(2.0) * size + steep * leverage);
 }
 
 // The error of a ray at its stop: that of its steps, and the rounding of the direction in which it flies there, of its

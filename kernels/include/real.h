@@ -2,7 +2,7 @@
 #ifndef REAL_H
 #define REAL_H
 
-#include "options.h"
+#include "kinds.h"
 
 #ifdef cl_khr_fp64
 #pragma OPENCL EXTENSION cl_khr_fp64 : enable
@@ -26,6 +26,10 @@ typedef float8 real8;
 
 // A number of this precision; the literal is read in double first.
 #define R(literal) ((real)(literal))
+
+// A vector in a struct that the host fills.
+#define VECTOR(a) ((real3)((a)[0], (a)[1], (a)[2]))
+#define VECTOR64(a) ((double3)((a)[0], (a)[1], (a)[2]))
 
 // Plain comparisons: fmin and fmax also look after NaN, which costs several instructions on a CPU.
 static inline real lesser(real a, real b) { return a < b ? a : b; }

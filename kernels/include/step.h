@@ -11,13 +11,6 @@
 #include "grid.h"
 #endif
 
-// What a step is to be.
-typedef struct {
-    real h;          // to try [sigma]
-    real safe;       // in smooth air
-    real stand_off;  // distance to keep from faces, in cells
-} Stride;
-
 static inline Stride stride(
     const Field *field,
     const Arrays *arrays,
@@ -26,7 +19,6 @@ static inline Stride stride(
     int cone,
     int3 cell,
     real3 frac,
-    real3 rate,
     real3 total,
     real3 force,
     real index,
@@ -48,7 +40,7 @@ static inline Stride stride(
     if (KINKED) {
         // The interpolant has kinks at the cells' faces: no step across one. On a linear grid the rest is flown along
         // the tangent (rest_to_face); elsewhere a face that is nearer than it is to be approached counts as reached.
-        const real3 pace = total * rate, pull = force * rate;
+        const real3 rate = VECTOR(field->inverse_spacing), pace = total * rate, pull = force * rate;
         if (INTERPOLATION == LINEAR) {
             // In cells, how far before a face to stop: a share of the bend over a cell, whose change over the step the
             // parabola does not know.
@@ -101,6 +93,12 @@ static inline real4 sample_at_stage(
 static inline real3 kick_of(real h, real3 force, real4 s2, real4 s3)
 {
     return (h * h) * (RKN_B1 * force + RKN_B2 * FORCE(s2) + RKN_B3 * FORCE(s3));
+}
+
+// What a step adds to the momentum.
+static inline real3 impulse_of(real h, real3 force, real4 s2, real4 s3, real4 s4)
+{
+    return h * (RKN_V1 * force + RKN_V2 * FORCE(s2) + RKN_V3 * FORCE(s3) + RKN_V4 * FORCE(s4));
 }
 
 // Whether a step with this error counts; `ratio` is how many times longer to go on.

@@ -42,16 +42,16 @@ static inline int may_have_left(const Bounds *bounds, double3 p, double3 d, doub
 }
 
 // Leaves of a ray's way through the box the part in which the air is not uniform; whether it ends in uniform air.
-static inline int keep_support(const Bounds *bounds, double3 p, double3 d, Course *course)
+static inline int keep_support(const Bounds *bounds, double3 p, double3 d, double *enter, double *far)
 {
     const double2 span =
         crossing(VECTOR64(bounds->support_low), VECTOR64(bounds->support_high), bounds->support_radius, p, d);
-    const double first = lesser64(greater64(span.x, course->enter), course->far);
-    const double last = greater64(lesser64(span.y, course->far), first);
+    const double first = lesser64(greater64(span.x, *enter), *far);
+    const double last = greater64(lesser64(span.y, *far), first);
     const int meets = span.x <= span.y;
-    const int ends_before = !meets || last < course->far;
-    course->far = meets ? last : course->enter;
-    course->enter = meets ? first : course->enter;
+    const int ends_before = !meets || last < *far;
+    *far = meets ? last : *enter;
+    *enter = meets ? first : *enter;
     return ends_before;
 }
 

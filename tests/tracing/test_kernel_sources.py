@@ -109,59 +109,114 @@ def test_kernel_arguments_agree(root: Path):
 
 
 MUTATIONS = {
-    "renamed": ("launch_pupil.cl", "const int per_replicate,", "const int replicate_size,", "replicate_size"),
-    "left out": ("sum_moments.cl", "__global const double *step_error_in,", "", "step_error_in"),
-    "no bound": ("trace.cl", "    const int ray_count,\n", "", "int ray_count"),
-    "of another type": ("sum_phasors.cl", "const double wave_number", "const float wave_number", "float wave_number"),
+    "argument renamed": (
+        "include/wall.h",
+        "double enter, double far, double margin",
+        "double enter, double far, double by",
+    ),
+    "argument left out": ("include/box.h", "double3 p, double3 d, double guess)", "double3 p, double3 d)"),
+    "of another type": (
+        "include/event_location.h",
+        "rising_root(real v0, real v1, real v2)",
+        "rising_root(int v0, real v1, real v2)",
+    ),
     "of another width": (
-        "trace.cl",
-        "__global int *step_count_out",
-        "__global long *step_count_out",
-        "long* step_count",
+        "include/motion.h",
+        "deflection(double ambient, double3 d,",
+        "deflection(double ambient, double4 d,",
     ),
     "swapped": (
-        "sum_moments.cl",
-        "__global const double *opd_in,\n    __global const double *step_error_in,",
-        "__global const double *step_error_in,\n    __global const double *opd_in,",
-        "double* opd_in",
+        "include/grid.h",
+        "real place, int base, int last, real *fraction",
+        "real place, int last, int base, real *fraction",
     ),
-    "swapped in a struct": (
-        "include/types.h",
-        "double low[3];            // box [m]\n    double high[3];",
-        "double high[3];\n    double low[3];",
-        "struct Bounds",
-    ),
-    "shorter in a struct": ("include/types.h", "real face_low[3];", "real face_low[2];", "real[2] face_low"),
-    "kernel renamed": ("sum_phasors.cl", "__kernel void sum_phasors(", "__kernel void add_phasors(", "add_phasors"),
+    "arguments of its own": ("sum_phasors.cl", "SUM_PHASORS_ARGUMENTS", "__global double *sums_out"),
+    "kernel renamed": ("sum_phasors.cl", "__kernel void sum_phasors(", "__kernel void add_phasors("),
 }
 
 
 @pytest.mark.parametrize("name", MUTATIONS)
 def test_a_changed_argument_is_reported(name: str, arguments: ModuleType, kernels: Path):
-    """Each change brings a finding that names it, and only in the kernel or struct where it was made."""
-    file, old, new, word = MUTATIONS[name]
-    before = set(arguments.differences(kernels))
+    """Each change brings a finding about the function or kernel where it was made, and none elsewhere."""
+    file, old, new = MUTATIONS[name]
+    assert arguments.differences(kernels) == []
     replace_once(kernels / file, old, new)
-    found = [text for text in arguments.differences(kernels) if text not in before]
-    assert len(found) == (2 if name == "kernel renamed" else 1)
-    assert any(word in text for text in found)
+    found = arguments.differences(kernels)
+    told = re.findall(r"(?:kernel|function) (\w+)", " ".join(found))
+    expected = {
+        "argument renamed": {"stays_clear"},
+        "argument left out": {"meeting"},
+        "of another type": {"rising_root"},
+        "of another width": {"deflection"},
+        "swapped": {"split"},
+        "arguments of its own": {"sum_phasors"},
+        "kernel renamed": {"sum_phasors", "add_phasors"},
+    }
+    assert found and set(told) == expected[name]
+
+
+LAYOUT_CHANGES = {
+    "member": ("STRUCTS", "Bounds", -1, "types.h"),
+    "argument": ("KERNELS", "join_sums", -1, "arguments.h"),
+}
+
+
+@pytest.mark.parametrize("name", LAYOUT_CHANGES)
+@pytest.mark.parametrize("change", ["renamed", "of another type", "left out"])
+def test_a_changed_layout_makes_its_header_stale(name: str, change: str, root: Path, monkeypatch: pytest.MonkeyPatch):
+    """The headers follow from layout.py, and so do Warp's structs; a kernel of Warp with other arguments is refused."""
+    monkeypatch.syspath_prepend(str(root / "scripts"))
+    import kernel_headers
+
+    from aerokernels.tracing.engines import layout
+
+    table, key, number, header = LAYOUT_CHANGES[name]
+    values = list(getattr(layout, table)[key])
+    last = values.pop(number)
+    if change == "renamed":
+        values.append(last._replace(name="another"))
+    elif change == "of another type":
+        values.append(last._replace(kind="int"))
+    monkeypatch.setitem(getattr(layout, table), key, tuple(values))
+    assert kernel_headers.stale(kernel_headers.INCLUDE) == [header]
+
+
+def test_a_warp_kernel_with_arguments_of_its_own_is_refused():
+    pytest.importorskip("warp")
+    from aerokernels.tracing.engines.warp.types import takes
+
+    with pytest.raises(TypeError, match=r"join_sums are row_count, .*layout\.py"):
+        takes("join_sums")(lambda row_count, first_sum, joined_count, sums_in, sums_out: None)
+
+
+def test_structs_are_laid_out_as_the_table_says():
+    """Warp's structs have the members of the table in its order, in both precisions."""
+    pytest.importorskip("warp")
+    from aerokernels.tracing.engines.layout import STRUCTS
+    from aerokernels.tracing.engines.warp.types import types
+
+    for precision in ("float32", "float64"):
+        for name, members in STRUCTS.items():
+            struct = getattr(types(precision), name)
+            assert list(struct.vars) == [member.name for member in members]
 
 
 def test_comments_layout_and_conditions_do_not_matter(arguments: ModuleType, kernels: Path):
-    before = arguments.differences(kernels)
     replace_once(
-        kernels / "sum_phasors.cl",
-        "const double3 plane,",
-        "/* of the\n wavefront, */ double3\n#if 0 \\\n + 1\n   const plane, // at the pupil,\n#endif\n",
+        kernels / "include" / "wall.h",
+        "double enter, double far, double margin",
+        "/* between\n two */ double enter,\n#if 0 \\\n + 1\n   double far, // distances\n#endif\n double margin",
     )
-    assert arguments.differences(kernels) == before
+    assert arguments.differences(kernels) == []
 
 
 def test_script_reports_and_refuses(root: Path, kernels: Path, tmp_path: Path):
-    replace_once(kernels / "launch_pupil.cl", "const double3 look,", "const double3 gaze,")
+    replace_once(
+        kernels / "include" / "box.h", "double3 p, double3 d, double guess)", "double3 p, double3 d, double gaze)"
+    )
     done = run_script(root, "kernel_arguments.py", "--kernels", kernels)
     assert done.returncode == 1
-    assert "- double3 look" in done.stdout and "+ double3 gaze" in done.stdout
+    assert "double guess" in done.stdout and "double gaze" in done.stdout
     done = run_script(root, "kernel_arguments.py", "--kernels", tmp_path)
     assert done.returncode == 2 and "types.h" in done.stderr
 

@@ -1,7 +1,7 @@
 """What a kernel needs of a field, a plan and a stop, in NumPy: the same for every backend.
 
-Names are those of the kernels' structs Field, Bounds and Control (warp/types.py, kernels/include/types.h); arrays are
-those of the kernels' array arguments. Numbers are float64 here and rounded once, by the backend.
+Names are those of the kernels' structs Field, Bounds and Control, see layout.py. Numbers are float64 here and rounded
+once, by the backend.
 """
 
 from dataclasses import dataclass
@@ -20,96 +20,13 @@ from ..stop import ArcLength, Plane
 from ..support import left_out, support_box
 from ..unresolved import lookup_table
 
-# Arrays of whole numbers; the others but for the next are of the kernel's precision.
-INTEGER_ARRAYS = ("neighbors", "bin_start", "bin_cell", "wall_links", "step_bound_start")
-# Arrays of double precision whatever the kernel's: a wall has no cells to be near to.
-DOUBLE_ARRAYS = ("wall", "wall_boxes")
-# A backend's arrays of a field, in the order of the kernel's arguments.
-FIELD_ARRAYS = (
-    "coefficients",
-    "corners",
-    "values",
-    "gradients",
-    "neighbors",
-    "bin_start",
-    "bin_cell",
-    "paper_step",
-    "wall",
-    "wall_boxes",
-    "wall_links",
-)
-
-REAL_TYPES: dict[str, type] = {"float32": np.float32, "float64": np.float64}
-
-
-def number_type(array: str, precision: str) -> type:
-    """NumPy's type of the numbers in one of the kernels' arrays."""
-    if array in INTEGER_ARRAYS:
-        return np.int32
-    return np.float64 if array in DOUBLE_ARRAYS else REAL_TYPES[precision]
-
-
-# Scalars and vectors of the kernels' structs in their order: name, how many numbers, and of what kind ("i" int, "d"
-# double, "r" of the kernel's precision).
-STRUCTS = {
-    "field": (
-        ("row", 3, "i"),
-        ("pitch", 3, "i"),
-        ("inverse_spacing", 3, "r"),
-        ("ambient", 1, "r"),
-        ("mesh_low", 2, "r"),
-        ("mesh_high", 2, "r"),
-        ("bin_count", 2, "i"),
-        ("bin_origin", 2, "r"),
-        ("bin_rate", 2, "r"),
-        ("slack", 1, "r"),
-        ("cell_count", 1, "i"),
-        ("wall_count", 1, "i"),
-    ),
-    "bounds": (
-        ("origin", 3, "d"),
-        ("spacing", 3, "d"),
-        ("low", 3, "d"),
-        ("high", 3, "d"),
-        ("radius", 1, "d"),
-        ("support_low", 3, "d"),
-        ("support_high", 3, "d"),
-        ("support_radius", 1, "d"),
-        ("ambient", 1, "d"),
-        ("plane_point", 3, "d"),
-        ("plane_normal", 3, "d"),
-        ("length", 1, "d"),
-    ),
-    "control": (
-        ("face_low", 3, "r"),
-        ("face_high", 3, "r"),
-        ("radius", 1, "r"),
-        ("plane_normal", 3, "r"),
-        ("plane_offset", 1, "r"),
-        ("cell_rate", 3, "r"),
-        ("step", 1, "r"),
-        ("step_limit", 1, "r"),
-        ("block_count", 3, "i"),
-        ("block", 1, "i"),
-        ("tolerance", 1, "r"),
-        ("extent", 1, "r"),
-        ("max_steps", 1, "i"),
-        ("quadrature_error_scale", 1, "r"),
-        ("trajectory_error_scale", 1, "r"),
-        ("sample_count", 1, "i"),
-        ("left_potential", 1, "r"),
-        ("left_slope", 1, "r"),
-        ("outputs", 1, "i"),
-    ),
-}
-
 
 @dataclass(frozen=True, eq=False)
 class FieldData:
     """A field as kernels see it.
 
     Attributes:
-        arrays: FIELD_ARRAYS by name; those that the field has no use for have one row.
+        arrays: Those of struct Field, by name; those that the field has no use for have one row.
         field: Scalars and short vectors of struct Field, by name.
         bounds: Those of struct Bounds but for the stop.
         control: Those of struct Control but for the stop, the plan and the table of step bounds.

@@ -1,6 +1,6 @@
 """What every engine offers: memory on its device, kernels launched on it, and a field made ready for them.
 
-Kernels have the same names and arguments in Warp and in OpenCL (scripts/kernel_arguments compares them), so what is
+Kernels have the same names and arguments in Warp and in OpenCL (layout.py has them), so what is
 written with these few functions is written once: a bundle in chunks (launch.py), a pupil and its sums (pupil_run.py).
 """
 
@@ -12,19 +12,10 @@ import numpy as np
 from ...medium import IndexField
 from ..collimated import Projection
 from ..plan import TracePlan
+from .layout import STRUCTS
 
-# Per-ray outputs of the tracer's kernels, in the order of their arguments: numbers for a ray, and their type.
-OUTPUT_TYPES: dict[str, tuple[int, type]] = {
-    "position": (3, np.float64),
-    "direction": (3, np.float64),
-    "optical_path": (1, np.float64),
-    "opd": (1, np.float64),
-    "arc_length": (1, np.float64),
-    "step_error": (1, np.float64),
-    "step_count": (1, np.int32),
-    "evaluation_count": (1, np.int32),
-    "status": (1, np.int32),
-}
+# Per-ray outputs of the tracer's kernels, in their order: numbers for a ray, and their type.
+OUTPUT_TYPES = {member.name: (member.parts[1], member.number_type()) for member in STRUCTS["RayOutputs"]}
 
 
 class Engine(Protocol):
@@ -72,7 +63,8 @@ class Engine(Protocol):
     def launch(self, kernel: Any, before: list, after: list, count: int) -> Any:
         """Start a kernel over `count` rays, or groups of rays, without waiting for it.
 
-        The kernel's arguments are `before`, the number of the first of them, and `after`.
+        The kernel's arguments are `before`, the number of the first of them, and `after`; a dictionary of
+        buffers stands for the struct of outputs.
         """
 
     def wait(self) -> None:
@@ -100,7 +92,7 @@ class Prepared:
     def launch(self, starts: list, results: dict, count: int) -> Any:
         """Start the kernel on rays whose `starts` are on the device; see `Engine.launch`."""
         counted = [] if self.rejected is None else [self.rejected]
-        return self.engine.launch(self.kernel, self.arguments, [*starts, *results.values(), *counted], count)
+        return self.engine.launch(self.kernel, self.arguments, [*starts, results, *counted], count)
 
     def allocate(self, count: int) -> dict[str, Any]:
         """Buffers for the outputs of so many rays; one row for those that are not computed."""

@@ -11,18 +11,9 @@ from ....clock import stage
 from ....medium import IndexField
 from ...collimated import ENDS, Projection, kernel_numbers, packed
 from ...plan import TracePlan
-from ..field_data import (
-    FIELD_ARRAYS,
-    REAL_TYPES,
-    STRUCTS,
-    FieldData,
-    field_data,
-    number_type,
-    step_bound_tables,
-    stop_kind,
-    trace_members,
-)
+from ..field_data import FieldData, field_data, step_bound_tables, stop_kind, trace_members
 from ..interface import Prepared
+from ..layout import REAL_TYPES, Value, arrays_of, values_of
 from .devices import session
 from .program import WORK_GROUP, build, build_options, lane_count
 from .tables import may_be_packed, packed_table
@@ -75,22 +66,12 @@ class Engine:
         """
         if plan.controls_error:
             outputs = outputs | {"step_error"}
+        leapfrog = plan.sample_count > 0
+        lanes = lane_count(self.session, plan.precision) if leapfrog else 1
+        packs = leapfrog and may_be_packed(field, REAL_TYPES[plan.precision], lanes, int(self.memory[1]))
+        in_plane = leapfrog and field.geometry != "volume" and not np.any(directions[:, :2])
         with stage("upload"):
-            data = field_data(field, plan.precision, plan.method == "paper")
-            bounds, control = trace_members(field, data, plan, until, wavelength, outputs)
-            tables, blocks = step_bound_tables(field, plan, wavelength, directions)
-            leapfrog = plan.sample_count > 0
-            lanes = lane_count(self.session, plan.precision) if leapfrog else 1
-            packs = leapfrog and may_be_packed(field, REAL_TYPES[plan.precision], lanes, int(self.memory[1]))
-            in_plane = leapfrog and field.geometry != "volume" and not np.any(directions[:, :2])
-            arguments = [
-                pack("field", plan.precision, data.field),
-                pack("bounds", plan.precision, {**data.bounds, **bounds}),
-                pack("control", plan.precision, {**data.control, **control, **blocks}),
-                *self._upload(field, data, plan.precision, plan.method == "paper", packs),
-                self.put(tables["step_bound"].astype(REAL_TYPES[plan.precision])),
-                self.put(tables["step_bound_start"]),
-            ]
+            arguments = self.arguments(field, plan, until, wavelength, outputs, directions, packs)
         options = build_options(
             precision=plan.precision,
             geometry=field.geometry,
@@ -113,6 +94,28 @@ class Engine:
             prepared = Prepared(self, kernel, arguments, outputs, rejected)
             self._finish_compiling(prepared, program)
             return prepared
+
+    def arguments(
+        self,
+        field: IndexField,
+        plan: TracePlan,
+        until,
+        wavelength: float,
+        outputs: frozenset,
+        directions: np.ndarray,
+        packs: bool = False,
+    ) -> list:
+        """The structs Field, Bounds and Control, and their arrays, as `prepare` has them; see `_upload` for `packs`."""
+        data = field_data(field, plan.precision, plan.method == "paper")
+        bounds, control = trace_members(field, data, plan, until, wavelength, outputs)
+        tables, blocks = step_bound_tables(field, plan, wavelength, directions)
+        return [
+            pack("Field", plan.precision, data.field),
+            pack("Bounds", plan.precision, data.bounds | bounds),
+            pack("Control", plan.precision, data.control | control | blocks),
+            *self._upload(field, data, plan.precision, plan.method == "paper", packs),
+            *(self._buffer(member, tables[member.name], plan.precision) for member in arrays_of("Control")),
+        ]
 
     def prepare_projection(
         self, field: IndexField, columns: Projection, plan: TracePlan, outputs: frozenset
@@ -163,7 +166,8 @@ class Engine:
 
     def launch(self, kernel: Kernel, before: list, after: list, count: int):
         """Start a kernel over all rays, or groups of rays; returns its event."""
-        given = [*map(_by_value, before), np.int32(0), np.int32(count), *map(_by_value, after)]
+        outputs = [buffer for value in after for buffer in (value.values() if isinstance(value, dict) else [value])]
+        given = [*map(_by_value, before), np.int32(0), np.int32(count), *map(_by_value, outputs)]
         return kernel.kernel(self.session.queue, kernel.size(count), (WORK_GROUP,), *given)
 
     def wait(self) -> None:
@@ -177,22 +181,22 @@ class Engine:
             prepared.launch([nowhere, nowhere], prepared.allocate(0), 0).wait()
             self.session.launched.add(program)
 
+    def _buffer(self, member: Value, values: np.ndarray, precision: str):
+        """An array of a struct on the device."""
+        numbers: np.ndarray = np.asarray(values, member.number_type(precision))
+        limit = int(self.memory[1])
+        if numbers.nbytes > limit:
+            raise ValueError(
+                f"the field's {member.name} take {numbers.nbytes / 2**20:.0f} MiB in {precision}, device "
+                f"{self.device!r} gives {limit / 2**20:.0f} MiB in one piece: use a coarser grid, or another device"
+            )
+        return self.put(numbers)
+
     def _upload(self, field: IndexField, data: FieldData, precision: str, with_paper_step: bool, packs: bool) -> list:
-        """Buffers of FIELD_ARRAYS, the coefficients packed for leapfrog or not; kept as long as the field lives."""
+        """Buffers of the arrays of Field, coefficients packed for leapfrog or not; kept as long as the field lives."""
 
         def upload() -> list:
-            limit = int(self.memory[1])
-            buffers = []
-            for name in FIELD_ARRAYS:
-                values: np.ndarray = np.asarray(data.arrays[name], number_type(name, precision))
-                if values.nbytes > limit:
-                    raise ValueError(
-                        f"the field's {name} take {values.nbytes / 2**20:.0f} MiB in {precision}, device "
-                        f"{self.device!r} gives {limit / 2**20:.0f} MiB in one piece: use a coarser grid, or another "
-                        "device"
-                    )
-                buffers.append(self.put(values))
-            return buffers
+            return [self._buffer(member, data.arrays[member.name], precision) for member in arrays_of("Field")]
 
         unpacked: list = field.derive(("opencl", self.session, precision, with_paper_step), upload)
         if not packs:
@@ -204,12 +208,12 @@ class Engine:
 
 
 def pack(struct: str, precision: str, members: dict) -> np.ndarray:
-    """One of STRUCTS as the kernel's compiler lays it out, to be passed by value."""
-    kinds = {"i": np.int32, "d": np.float64, "r": REAL_TYPES[precision]}
-    layout = np.dtype([(name, kinds[kind], (count,)) for name, count, kind in STRUCTS[struct]], align=True)
-    packed = np.zeros((), dtype=layout)
-    for name, _, _ in STRUCTS[struct]:
-        packed[name] = members[name]
+    """The values of one of the kernels' structs as the kernel's compiler lays them out, to be passed by value."""
+    values = values_of(struct)
+    layout = [(value.name, value.number_type(precision), (value.parts[1],)) for value in values]
+    packed = np.zeros((), dtype=np.dtype(layout, align=True))
+    for value in values:
+        packed[value.name] = members[value.name]
     return packed
 
 

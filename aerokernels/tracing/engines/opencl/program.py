@@ -11,6 +11,7 @@ import warnings
 from collections.abc import Iterable
 from pathlib import Path
 
+from ..layout import OPTIONS, REAL_TYPES
 from .devices import Session, import_pyopencl
 
 # Work-items of a work-group. Global sizes are rounded up to whole groups, and kernels test `ray < ray_count`.
@@ -19,13 +20,8 @@ WORK_GROUP = 64
 # What every kernel is built with: no warnings, whose number PoCL would print past any Python stream, and nothing that
 # relaxes the arithmetic, since compensated sums would be optimised away. Kernels are told the work-group's size.
 BASE_OPTIONS = ("-cl-std=CL1.2", "-w", f"-DWORK_GROUP={WORK_GROUP}")
-# What each option may be, as kernels/include/options.h numbers it; in C the names are upper-case with underscores.
-OPTION_VALUES = {
-    "geometry": ("volume", "planar", "axisymmetric"),
-    "interpolation": ("cubic", "linear", "monotone", "bilinear", "bilinear-barron", "idw"),
-    "method": ("adaptive", "straight", "fixed", "paper"),
-    "stop": ("none", "plane", "arc"),
-}
+# The names that an option may have; in C they and the options are upper-case with underscores.
+OPTION_VALUES = {name: option.choices for name, option in OPTIONS.items() if isinstance(option.choices, tuple)}
 _INCLUDE = re.compile(r'^[ \t]*#[ \t]*include[ \t]+"([^"\n]+)"[ \t]*(?://.*)?$')
 
 
@@ -83,57 +79,32 @@ def _expand(folder: Path, path: Path, asked: str, seen: set[Path], lines: list[s
         lines.append(f'#line {number + 1} "{name}"')
 
 
-def build_options(
-    *,
-    precision: str = "float32",
-    geometry: str = "volume",
-    interpolation: str = "cubic",
-    on_mesh: bool = False,
-    method: str = "adaptive",
-    stop: str = "none",
-    has_body: bool = False,
-    measured: bool = True,
-    with_ends: bool = True,
-    lanes: int = 1,
-    packed: bool = False,
-    in_plane: bool = False,
-) -> tuple[str, ...]:
-    """The compile options of one kind of scene: the only place where they are made (options.h lists them).
+def build_options(*, precision: str = "float32", **chosen: str | int) -> tuple[str, ...]:
+    """The compile options of one kind of scene: the only place where they are made.
 
     Args:
         precision: "float32" or "float64".
-        geometry: See OPTION_VALUES, as for interpolation, method and stop.
-        interpolation: Between samples.
-        on_mesh: Whether samples are on a mesh.
-        method: "auto" must have been decided before.
-        stop: Where a ray ends.
-        has_body: Whether the field has a body.
-        measured: Whether the errors of steps are estimated and given out; error control needs them.
-        with_ends: Whether tables of columns give positions, arc lengths and errors, too.
-        lanes: Rays that a work-item of leapfrog samples moves in step, see `lane_count`.
-        packed: Whether coefficients are packed, for leapfrog samples.
-        in_plane: Whether rays of leapfrog samples run along z, in a field of two dimensions.
+        chosen: Names or numbers for OPTIONS in layout.py, by name; the others have their defaults.
 
     Raises:
         ValueError: A name that is not known.
     """
-    if precision not in ("float32", "float64"):
+    if precision not in REAL_TYPES:
         raise ValueError(f"precision {precision!r} is not known: choose 'float32' or 'float64'")
-    chosen = {"geometry": geometry, "interpolation": interpolation, "method": method, "stop": stop}
-    for option, value in chosen.items():
-        if value not in OPTION_VALUES[option]:
-            raise ValueError(f"{option} {value!r} is not known: choose one of {', '.join(OPTION_VALUES[option])}")
-    return (
-        f"-DREAL_IS_DOUBLE={int(precision == 'float64')}",
-        f"-DON_MESH={int(on_mesh)}",
-        f"-DHAS_BODY={int(has_body)}",
-        f"-DMEASURED={int(measured)}",
-        f"-DWITH_ENDS={int(with_ends)}",
-        f"-DLANES={lanes}",
-        f"-DPACKED={int(packed)}",
-        f"-DIN_PLANE={int(in_plane)}",
-        *(f"-D{option.upper()}={_in_c(value)}" for option, value in chosen.items()),
-    )
+    chosen["real_is_double"] = precision == "float64"
+    made = []
+    for option, (choices, _) in OPTIONS.items():
+        if not isinstance(choices, tuple):
+            value: str | int = int(chosen.pop(option, choices))
+        else:
+            value = str(chosen.pop(option, choices[0]))
+            if value not in choices:
+                raise ValueError(f"{option} {value!r} is not known: choose one of {', '.join(choices)}")
+            value = in_c(value)
+        made.append(f"-D{in_c(option)}={value}")
+    if chosen:
+        raise ValueError(f"option {next(iter(chosen))!r} is not known: choose one of {', '.join(OPTIONS)}")
+    return tuple(made)
 
 
 def lane_count(session: Session, precision: str) -> int:
@@ -143,7 +114,8 @@ def lane_count(session: Session, precision: str) -> int:
     return 16 if precision == "float32" else 8
 
 
-def _in_c(name: str) -> str:
+def in_c(name: str) -> str:
+    """An option or one of its names, as a macro."""
     return name.upper().replace("-", "_")
 
 

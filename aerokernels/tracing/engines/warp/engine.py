@@ -1,6 +1,7 @@
 """The Warp engine: fields uploaded once, launches over all cores of a CPU or on a GPU."""
 
 from concurrent.futures import ThreadPoolExecutor
+from operator import is_
 from typing import Any
 
 import numpy as np
@@ -10,17 +11,10 @@ from ....clock import stage
 from ....medium import IndexField
 from ...collimated import ENDS, Projection, kernel_numbers, packed
 from ...plan import TracePlan
-from ..field_data import (
-    STRUCTS,
-    FieldData,
-    field_data,
-    number_type,
-    step_bound_tables,
-    stop_kind,
-    trace_members,
-)
+from ..field_data import FieldData, field_data, step_bound_tables, stop_kind, trace_members
 from ..info import host_memory, thread_count
 from ..interface import Prepared
+from ..layout import STRUCTS, Value, arrays_of
 from .devices import start_warp
 from .kernels import pupil
 from .kernels.leapfrog import build_leapfrog_kernel
@@ -49,6 +43,7 @@ class Engine:
         found = wp.get_device(device)
         memory = float(found.total_memory if found.is_cuda else host_memory() or np.inf)
         self.memory = memory, memory
+        self.outputs: tuple[list, Any] = [], None
 
     def prepare(
         self, field: IndexField, plan: TracePlan, until, wavelength: float, outputs: frozenset, directions: np.ndarray
@@ -57,18 +52,7 @@ class Engine:
         if plan.controls_error:
             outputs = outputs | {"step_error"}
         with stage("upload"):
-            data = field_data(field, plan.precision, plan.method == "paper")
-            stop_bounds, stop_control = trace_members(field, data, plan, until, wavelength, outputs)
-            tables, blocks = step_bound_tables(field, plan, wavelength, directions)
-            t = types(plan.precision)
-            device_field, bounds, control = t.Field(), t.Bounds(), t.Control()
-            _fill(device_field, "field", data.field, plan.precision)
-            _fill(bounds, "bounds", data.bounds | stop_bounds, plan.precision)
-            _fill(control, "control", data.control | stop_control | blocks, plan.precision)
-            for name, array in self._upload(field, data, plan.precision, plan.method == "paper").items():
-                setattr(device_field, name, array)
-            control.step_bound = wp.array(tables["step_bound"], dtype=t.real, device=self.device)
-            control.step_bound_start = wp.array(tables["step_bound_start"], dtype=wp.int32, device=self.device)
+            structs = self.arguments(field, plan, until, wavelength, outputs, directions)
         stop, has_body = stop_kind(until), field.body is not None
         with stage("compile"):
             if plan.sample_count:
@@ -81,7 +65,22 @@ class Engine:
                 )
             self._load(kernel.module)
         rejected = wp.zeros(1, dtype=wp.int32, device=self.device) if plan.sample_count else None
-        return Prepared(self, kernel, [device_field, bounds, control], outputs, rejected)
+        return Prepared(self, kernel, structs, outputs, rejected)
+
+    def arguments(
+        self, field: IndexField, plan: TracePlan, until, wavelength: float, outputs: frozenset, directions: np.ndarray
+    ) -> list:
+        """The structs Field, Bounds and Control, as `prepare` has them."""
+        data = field_data(field, plan.precision, plan.method == "paper")
+        bounds, control = trace_members(field, data, plan, until, wavelength, outputs)
+        tables, blocks = step_bound_tables(field, plan, wavelength, directions)
+        arrays = self._upload(field, data, plan.precision, plan.method == "paper")
+        bound_arrays = {m.name: self._array(m, tables[m.name], plan.precision) for m in arrays_of("Control")}
+        return [
+            _filled("Field", data.field | arrays, plan.precision),
+            _filled("Bounds", data.bounds | bounds, plan.precision),
+            _filled("Control", data.control | control | blocks | bound_arrays, plan.precision),
+        ]
 
     def prepare_projection(
         self, field: IndexField, columns: Projection, plan: TracePlan, outputs: frozenset
@@ -127,6 +126,7 @@ class Engine:
     def launch(self, kernel, before: list, after: list, count: int) -> None:
         """Run a kernel over all rays: one launch on a GPU, not waited for; chunks over host threads on the CPU."""
         before = [wp.vec3d(*value) if isinstance(value, np.ndarray) else value for value in before]
+        after = [self._outputs(value) if isinstance(value, dict) else value for value in after]
         if self.device != "cpu":
             wp.launch(kernel, dim=count, inputs=[*before, 0, *after], device=self.device)
             return
@@ -150,41 +150,40 @@ class Engine:
         if self.device != "cpu":
             wp.synchronize_stream(self.device)
 
+    def _outputs(self, results: dict[str, wp.array]):
+        """The struct of the buffers: that of the last launch where they are the same, since to make one takes 20 us."""
+        buffers = list(results.values())
+        if len(self.outputs[0]) != len(buffers) or not all(map(is_, self.outputs[0], buffers)):
+            self.outputs = buffers, _filled("RayOutputs", results)
+        return self.outputs[1]
+
     def _load(self, module) -> None:
         # The block size of a default launch on the CPU is 1; another one would be compiled again at the launch.
         module.load(self.device, 1 if self.device == "cpu" else None)
 
+    def _array(self, member: Value, values: np.ndarray, precision: str) -> wp.array:
+        """An array of a struct on the device."""
+        numbers: np.ndarray = np.ascontiguousarray(values, member.number_type(precision))
+        return wp.array(numbers, dtype=types(precision).kinds[member.kind.rstrip("*")], device=self.device)
+
     def _upload(self, field: IndexField, data: FieldData, precision: str, with_paper_step: bool) -> dict[str, wp.array]:
         """The field's arrays on the device, by name; kept as long as the field lives."""
-        t = types(precision)
-        vectors = {
-            "corners": t.vec2,
-            "gradients": t.vec2,
-            "wall": wp.vec4d,
-            "wall_boxes": wp.vec4d,
-            "wall_links": wp.vec3i,
-        }
 
         def upload() -> dict[str, wp.array]:
-            arrays = {}
-            for name, values in data.arrays.items():
-                numbers: np.ndarray = np.ascontiguousarray(values, number_type(name, precision))
-                arrays[name] = wp.array(numbers, dtype=vectors.get(name, SCALARS[numbers.dtype]), device=self.device)
-            return arrays
+            return {
+                member.name: self._array(member, data.arrays[member.name], precision) for member in arrays_of("Field")
+            }
 
         return field.derive(("warp", self.device, precision, with_paper_step), upload)
 
 
-def _fill(struct, name: str, members: dict, precision: str) -> None:
-    """Set the scalars and vectors of one of STRUCTS; Warp takes vectors of the very type only."""
+def _filled(name: str, members: dict, precision: str = "float64"):
+    """One of the kernels' structs; Warp takes vectors of the very type only."""
     t = types(precision)
-    vectors = {
-        ("i", 2): wp.vec2i,
-        ("i", 3): wp.vec3i,
-        ("d", 3): wp.vec3d,
-        ("r", 2): t.vec2,
-        ("r", 3): t.vec3,
-    }
-    for member, count, kind in STRUCTS[name]:
-        value = members[member]
-        setattr(struct, member, value if count == 1 else vectors[kind, count](*value))
+    struct = getattr(t, name)()
+    for member in STRUCTS[name]:
+        value = members[member.name]
+        _, width, indices = member.parts
+        is_vector = width > 1 and not indices
+        setattr(struct, member.name, t.kinds[member.kind](*value) if is_vector else value)
+    return struct

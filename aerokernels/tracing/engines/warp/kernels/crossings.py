@@ -15,36 +15,8 @@ from ..types import types
 NEVER = 1e300
 
 
-@wp.struct
-class WallLine:
-    """A line as the body sees it."""
-
-    first: wp.float64  # planar: y of p; axisymmetric: square of the least distance from the axis
-    across: wp.float64  # planar: dy; axisymmetric: dx^2 + dy^2
-    along: wp.float64  # dz
-    z: wp.float64  # of p
-    nearest: wp.float64  # axisymmetric: t where it is nearest to the axis
-    height: wp.float64  # z there
-    square: wp.float64  # dy^2 + dz^2, of a planar line
-
-
-@wp.struct
-class Crossings:
-    """Where a line crosses a segment r1, z1, r2, z2 (planar: y for r)."""
-
-    count: wp.int32  # 0, 1 or 2 crossings
-    enters: wp.bool  # whether the first one leads into the body, which lies to the left of the segment
-    one: wp.float64  # t of the first
-    two: wp.float64  # and of the second, which leads the other way
-
-
-@wp.struct
-class WallMeeting:
-    """What a line meets of the body between two of its points."""
-
-    entry: wp.float64  # where it first enters it, NEVER if it does not
-    exit: wp.float64  # where it first leaves it
-    odd: wp.bool  # whether it crosses the surface an odd number of times
+# Structs without numbers of the kernels' precision.
+WallLine, Crossings, WallMeeting = (types("float64").kinds[name] for name in ("WallLine", "Crossings", "WallMeeting"))
 
 
 @functools.cache
@@ -125,95 +97,99 @@ def build_segment_crossings(geometry: str):
     """
 
     @wp.func
-    def corner_side(line: WallLine, first: wp.float64, height: wp.float64):
+    def corner_side(line: WallLine, place: wp.float64, height: wp.float64):
         """Axisymmetric: positive outside the surface that the line sweeps; planar: the side of the line."""
         if wp.static(geometry == "axisymmetric"):
-            return line.along * line.along * (first * first - line.first) - line.across * height * height
-        return line.across * (height - line.z) - line.along * (first - line.first)
+            return line.along * line.along * (place * place - line.first) - line.across * height * height
+        return line.across * (height - line.z) - line.along * (place - line.first)
 
-    @wp.func
-    def cone_crossings(line: WallLine, segment: wp.vec4d, entries_only: bool):
-        none = wp.float64(0.0)
-        out = Crossings()
-        out.count = 0
-        dr = segment[2] - segment[0]
-        dz = segment[3] - segment[1]
-        d = line.along
-        h1 = segment[1] - line.height
-        h2 = segment[3] - line.height
-        w1 = corner_side(line, segment[0], h1)
-        w2 = corner_side(line, segment[2], h2)
-        from_outside = w1 > none
-        once = from_outside != (w2 > none)
-        if from_outside and not once:
-            return out
-        if once:
-            out.enters = d > none
-            if from_outside:
-                out.enters = d < none
-            if entries_only and not out.enters:
+    if geometry == "axisymmetric":
+
+        @wp.func
+        def segment_crossings(line: WallLine, segment: wp.vec4d, entries_only: bool):
+            none = wp.float64(0.0)
+            out = Crossings()
+            out.count = 0
+            dr = segment[2] - segment[0]
+            dz = segment[3] - segment[1]
+            d = line.along
+            h1 = segment[1] - line.height
+            h2 = segment[3] - line.height
+            w1 = corner_side(line, segment[0], h1)
+            w2 = corner_side(line, segment[2], h2)
+            from_outside = w1 > none
+            once = from_outside != (w2 > none)
+            if from_outside and not once:
                 return out
-            out.count = 1
-        steepness = line.across * dz * dz - d * d * dr * dr
-        if steepness > none:
-            # Less steep than the line: the roots of the cone's equation.
-            k = segment[0] * dz - h1 * dr
-            mean = k * dr * d
-            rest = line.first * dz * dz - k * k
-            square = mean * mean - steepness * rest
-            root = wp.sqrt(wp.max(square, none))
-            larger = mean - root
-            if mean >= none:
-                larger = mean + root
-            other = wp.float64(0.0)
-            if larger != none:
-                other = rest / larger
-            low = wp.min(larger / steepness, other)
-            high = wp.max(larger / steepness, other)
             if once:
-                toward = -dz * d
+                out.enters = d > none
                 if from_outside:
-                    toward = dz * d
-                out.one = line.nearest + low
-                if toward > none:
-                    out.one = line.nearest + high
-            else:
-                middle = line.height + d * (mean / steepness)
-                if square > none and (segment[1] > middle) != (segment[3] > middle):
-                    out.count = 2
-                    out.enters = dz > none
+                    out.enters = d < none
+                if entries_only and not out.enters:
+                    return out
+                out.count = 1
+            steepness = line.across * dz * dz - d * d * dr * dr
+            if steepness > none:
+                # Less steep than the line: the roots of the cone's equation.
+                k = segment[0] * dz - h1 * dr
+                mean = k * dr * d
+                rest = line.first * dz * dz - k * k
+                square = mean * mean - steepness * rest
+                root = wp.sqrt(wp.max(square, none))
+                larger = mean - root
+                if mean >= none:
+                    larger = mean + root
+                other = wp.float64(0.0)
+                if larger != none:
+                    other = rest / larger
+                low = wp.min(larger / steepness, other)
+                high = wp.max(larger / steepness, other)
+                if once:
+                    toward = -dz * d
+                    if from_outside:
+                        toward = dz * d
                     out.one = line.nearest + low
-                    out.two = line.nearest + high
-        elif once:
-            # As steep as the line or steeper: the place along the segment.
-            slope = d * d * segment[0] * dr - line.across * h1 * dz
-            root = wp.sqrt(wp.max(slope * slope + steepness * w1, none))
-            share = wp.float64(0.0)
-            if from_outside:
-                share = w1 / (root - slope)
-            elif slope > none:
-                share = -w1 / (slope + root)
-            else:
-                share = (root - slope) / -steepness
-            out.one = (segment[1] + wp.min(wp.max(share, none), wp.float64(1.0)) * dz - line.z) / d
-        return out
+                    if toward > none:
+                        out.one = line.nearest + high
+                else:
+                    middle = line.height + d * (mean / steepness)
+                    if square > none and (segment[1] > middle) != (segment[3] > middle):
+                        out.count = 2
+                        out.enters = dz > none
+                        out.one = line.nearest + low
+                        out.two = line.nearest + high
+            elif once:
+                # As steep as the line or steeper: the place along the segment.
+                slope = d * d * segment[0] * dr - line.across * h1 * dz
+                root = wp.sqrt(wp.max(slope * slope + steepness * w1, none))
+                share = wp.float64(0.0)
+                if from_outside:
+                    share = w1 / (root - slope)
+                elif slope > none:
+                    share = -w1 / (slope + root)
+                else:
+                    share = (root - slope) / -steepness
+                out.one = (segment[1] + wp.min(wp.max(share, none), wp.float64(1.0)) * dz - line.z) / d
+            return out
 
-    @wp.func
-    def plane_crossings(line: WallLine, segment: wp.vec4d, entries_only: bool):
-        out = Crossings()
-        out.count = 0
-        side = corner_side(line, segment[0], segment[1])
-        other = corner_side(line, segment[2], segment[3])
-        if (side > wp.float64(0.0)) != (other > wp.float64(0.0)) and (side > other or not entries_only):
-            share = side / (side - other)
-            y = segment[0] + share * (segment[2] - segment[0]) - line.first
-            z = segment[1] + share * (segment[3] - segment[1]) - line.z
-            out.count = 1
-            out.enters = side > other
-            out.one = (y * line.across + z * line.along) / line.square
-        return out
+    else:
 
-    return cone_crossings if geometry == "axisymmetric" else plane_crossings
+        @wp.func
+        def segment_crossings(line: WallLine, segment: wp.vec4d, entries_only: bool):
+            out = Crossings()
+            out.count = 0
+            side = corner_side(line, segment[0], segment[1])
+            other = corner_side(line, segment[2], segment[3])
+            if (side > wp.float64(0.0)) != (other > wp.float64(0.0)) and (side > other or not entries_only):
+                share = side / (side - other)
+                y = segment[0] + share * (segment[2] - segment[0]) - line.first
+                z = segment[1] + share * (segment[3] - segment[1]) - line.z
+                out.count = 1
+                out.enters = side > other
+                out.one = (y * line.across + z * line.along) / line.square
+            return out
+
+    return segment_crossings
 
 
 @functools.cache

@@ -23,7 +23,7 @@ from .wall import build_way_out
 
 @functools.cache
 def build_start(precision: str, geometry: str, stop: str, has_body: bool):
-    """A function (field, bounds, position, direction) -> (course of the undisturbed ray, status)."""
+    """A function (field, bounds, position, direction) -> (status, course of the undisturbed ray)."""
     t = types(precision)
     real, Field, Bounds, Course = t.real, t.Field, t.Bounds, t.Course
     crossing = build_crossing(precision, geometry)
@@ -83,7 +83,7 @@ def build_start(precision: str, geometry: str, stop: str, has_body: bool):
         course.has_stop = has_stop
         course.meets = meets
         course.side = side
-        return course, status
+        return status, course
 
     return start_of
 
@@ -142,13 +142,9 @@ def build_obliquity(precision: str, geometry: str, stop: str):
 
 @functools.cache
 def build_lever(precision: str, geometry: str, stop: str, controlled: bool):
-    """A function -> (obliquity of the stop, how far on a direction's error grows, its part in the box, caution).
-
-    The last is a share of the step bounds of step_bound.py, which know nothing of what such an error does on the way to
-    a far stop. Its arguments: bounds, control, the undisturbed course, start and direction. Lengths in metres.
-    """
+    """A function -> Lever; its arguments: bounds, control, the undisturbed course, start and direction."""
     t = types(precision)
-    real, vec4, Bounds, Control, Course = t.real, t.vec4, t.Bounds, t.Control, t.Course
+    real, Lever, Bounds, Control, Course = t.real, t.Lever, t.Bounds, t.Control, t.Course
     obliquity_of = build_obliquity(precision, geometry, stop)
 
     @wp.func
@@ -163,22 +159,22 @@ def build_lever(precision: str, geometry: str, stop: str, controlled: bool):
         if wp.static(stop == "plane"):
             beyond = real(wp.max(course.stop_distance - course.far, wp.float64(0.0)))
         caution = wp.pow(real(1.0) + real(0.25) * obliquity * beyond * wp.max(control.cell_rate), real(-0.25))
-        return vec4(obliquity, reach + beyond, reach, caution)
+        return Lever(obliquity, reach + beyond, reach, caution)
 
     return lever_of
 
 
 @functools.cache
 def build_end(precision: str, geometry: str, interpolation: str, stop: str):
-    """A function -> (position, direction, optical path, OPD, arc length, status, grazing) at the stop, in float64.
+    """A function -> Arrival, the ray at its stop.
 
     It puts the sums of the steps back onto the straight ray and flies on to a stop outside the box. Its arguments:
     bounds, control, start, direction, course and status as `build_start` has them, the surface landed on or -1,
     deviation, its carry, momentum, the sums (sigma, S, M, B), their carry, and the greatest angle with the direction.
-    The last answer is the length that a ray which grazes its last surface lacks of it, and its cosine there.
     """
     t = types(precision)
     real, vec3, vec4, Bounds, Control, Course = t.real, t.vec3, t.vec4, t.Bounds, t.Control, t.Course
+    Arrival = t.Arrival
     meeting = build_meeting(precision, geometry)
     grazing_rest = build_grazing_rest(precision, geometry)
     detour = build_detour(precision, geometry)
@@ -193,7 +189,7 @@ def build_end(precision: str, geometry: str, interpolation: str, stop: str):
         p: wp.vec3d,
         d: wp.vec3d,
         course: Course,
-        status_before: int,
+        status: int,
         landed: int,
         q: vec3,
         q_carry: vec3,
@@ -204,7 +200,7 @@ def build_end(precision: str, geometry: str, interpolation: str, stop: str):
     ):
         ambient = bounds.ambient
         none = wp.float64(0.0)
-        status = int(status_before)
+        status = int(status)
         q64 = wp.vec3d(wp.float64(q[0]), wp.float64(q[1]), wp.float64(q[2])) - wp.vec3d(
             wp.float64(q_carry[0]), wp.float64(q_carry[1]), wp.float64(q_carry[2])
         )
@@ -267,10 +263,15 @@ def build_end(precision: str, geometry: str, interpolation: str, stop: str):
         else:
             opd = work - ambient * stretch
 
-        position = p + along * d + deviation
-        direction = heading / wp.length(heading)
-        optical_path = wp.max(ambient * along + work, none)
-        arc = wp.max(along + stretch, none)  # a ray that leaves where it starts may end a rounding before it
-        return position, direction, optical_path, opd, arc, status, grazing
+        arrival = Arrival()
+        arrival.position = p + along * d + deviation
+        arrival.direction = heading / wp.length(heading)
+        arrival.optical_path = wp.max(ambient * along + work, none)
+        arrival.opd = opd
+        arrival.arc_length = wp.max(along + stretch, none)  # a ray that leaves where it starts ends a rounding before
+        arrival.flight = flight
+        arrival.grazing = grazing
+        arrival.status = status
+        return arrival
 
     return end_of

@@ -1,4 +1,9 @@
-"""Device functions: the error of a step, as optical path, and what of it may be rounding."""
+"""Device functions: the error of a step, as optical path, and what of it may be rounding.
+
+A step's error is the embedded formula's in S, in position and in momentum, the latter two weighted by how much they can
+matter further on. On a nearly straight ray the error of S is known better, from a rule of degree 7 that also uses the
+slopes along the ray.
+"""
 
 import functools
 
@@ -13,6 +18,7 @@ from ....scheme import (
     LEAST_COSINE,
     MAGNIFIED,
     NOISE,
+    OBLIQUITY_KEPT,
     ROUGH,
     SMOOTH,
     STEEPEST_COSINE,
@@ -28,7 +34,7 @@ from .motion import build_contrast
 def build_step_error(precision: str, geometry: str, interpolation: str, stop: str):
     """Functions: a step's error, turn, direction's lever, place's error; its rounding; a ray's error; its landing."""
     t = types(precision)
-    real, vec3, vec4, Bounds, Control = t.real, t.vec3, t.vec4, t.Bounds, t.Control
+    real, vec3, vec4, Bounds, Control, Lever = t.real, t.vec3, t.vec4, t.Bounds, t.Control, t.Lever
     contrast = build_contrast(precision)
     tiny = TINY[precision]
     one_scalar = is_one_scalar(interpolation)
@@ -50,17 +56,18 @@ def build_step_error(precision: str, geometry: str, interpolation: str, stop: st
         total: vec3,
         momentum: vec3,
         h: real,
-        reach: real,
         is_smooth: bool,
         greatest_deflection: real,
-        obliquity: real,
-        lever_arm: real,
+        lever: Lever,
         pot: real,
         force: vec3,
         s2: vec4,
         s3: vec4,
         s4: vec4,
     ):
+        reach, lever_arm = lever.reach, lever.lever_arm
+        # Where the ray has turned, the obliquity is another one, and the turn counts instead.
+        obliquity = lever.obliquity * wp.max(real(1.0) - greatest_deflection / real(OBLIQUITY_KEPT), real(0.0))
         force2 = vec3(s2[1], s2[2], s2[3])
         force3 = vec3(s3[1], s3[2], s3[3])
         force4 = vec3(s4[1], s4[2], s4[3])
@@ -104,16 +111,16 @@ def build_step_error(precision: str, geometry: str, interpolation: str, stop: st
         off_p_size = wp.length(real(MAGNIFIED) * off_p) / real(MAGNIFIED)
         off_q_size = wp.length(real(MAGNIFIED) * off_q) / real(MAGNIFIED)
         off += off_p_size * (weight * reach + tilt * lever_arm) + ambient * off_q_size * (weight + tilt)
-        lever = weight * (reach + ambient * h) + obliquity * (lever_arm + ambient * h)
+        leverage = weight * (reach + ambient * h) + obliquity * (lever_arm + ambient * h)
         strays = wp.max(sharp, real(ROUGH)) * (off_q_size + reach * off_p_size / ambient)
-        return vec4(off, turn, lever, strays)
+        return vec4(off, turn, leverage, strays)
 
     @wp.func
     def step_rounding(
         control: Control,
         ambient: real,
         h: real,
-        lever: real,
+        leverage: real,
         rate: vec3,
         frac: vec3,
         pot: real,
@@ -125,7 +132,7 @@ def build_step_error(precision: str, geometry: str, interpolation: str, stop: st
             # Places across the axis are kept from the axis on, and rounded like their distance from it.
             size += wp.length(force) * wp.length(vec3(frac[0], frac[1], real(0.0))) / rate[0]
         steep = wp.max(wp.length(force), size * wp.max(control.cell_rate))
-        return real(noise) * h * (real(2.0) * size + steep * lever)
+        return real(noise) * h * (real(2.0) * size + steep * leverage)
 
     @wp.func
     def stop_error(

@@ -178,8 +178,8 @@ def build_arc_event_location(precision: str):
         return h, int(land)
 
     @wp.func
-    def arc_surface_intersection(rest: real, index: real, length: real, h: real):
-        if wp.abs(rest) <= real(1.0e-4) * h * index + real(1.0e-6) * length:
+    def arc_surface_intersection(rest: real, index: real, arc_left: real, h: real):
+        if wp.abs(rest) <= real(1.0e-4) * h * index + real(1.0e-6) * arc_left:
             return rest / index, bool(True)
         return real(0.0), bool(False)
 

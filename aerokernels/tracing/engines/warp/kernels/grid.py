@@ -19,17 +19,17 @@ def build_weights(precision: str, interpolation: str):
     if interpolation == "linear":
 
         @wp.func
-        def value(u: real):
+        def value_weights(u: real):
             return vec4(real(1.0) - u, u, real(0.0), real(0.0))
 
         @wp.func
-        def slope(u: real):
+        def slope_weights(u: real):
             return vec4(real(-1.0), real(1.0), real(0.0), real(0.0))
 
     elif interpolation == "cubic":
 
         @wp.func
-        def value(u: real):
+        def value_weights(u: real):
             v = real(1.0) - u
             sixth = real(one_sixth)
             return vec4(
@@ -40,7 +40,7 @@ def build_weights(precision: str, interpolation: str):
             )
 
         @wp.func
-        def slope(u: real):
+        def slope_weights(u: real):
             v = real(1.0) - u
             return vec4(
                 real(-0.5) * v * v,
@@ -52,18 +52,18 @@ def build_weights(precision: str, interpolation: str):
     else:
 
         @wp.func
-        def value(u: real):
+        def value_weights(u: real):
             v = real(1.0) - u
             return vec4((real(1.0) + real(2.0) * u) * v * v, u * v * v, u * u * (real(3.0) - real(2.0) * u), -u * u * v)
 
         @wp.func
-        def slope(u: real):
+        def slope_weights(u: real):
             v = real(1.0) - u
             return vec4(
                 real(-6.0) * u * v, v * (real(1.0) - real(3.0) * u), real(6.0) * u * v, u * (real(3.0) * u - real(2.0))
             )
 
-    return value, slope
+    return value_weights, slope_weights
 
 
 @functools.cache
@@ -71,7 +71,7 @@ def build_sample(precision: str, geometry: str, interpolation: str):
     """A function (field, cell, frac, current_cell) -> (potential s = (n^2 - a^2) / 2, its gradient [1/m])."""
     t = types(precision)
     real, vec3, vec4, Field = t.real, t.vec3, t.vec4, t.Field
-    value, slope = build_weights(precision, interpolation)
+    value_weights, slope_weights = build_weights(precision, interpolation)
     support, stride = SUPPORT[interpolation], STRIDE[interpolation]
 
     @wp.func
@@ -84,10 +84,10 @@ def build_sample(precision: str, geometry: str, interpolation: str):
     @wp.func
     def plane_sample(field: Field, a: int, u: real, b: int, v: real):
         """Value and slopes per cell at fraction (u, v) of cell (a, b) of a two-axis grid."""
-        wa = value(u)
-        sa = slope(u)
-        wb = value(v)
-        sb = slope(v)
+        wa = value_weights(u)
+        sa = slope_weights(u)
+        wb = value_weights(v)
+        sb = slope_weights(v)
         start = (a * field.pitch[0] + b) * stride
         total = real(0.0)
         first = real(0.0)
@@ -111,12 +111,12 @@ def build_sample(precision: str, geometry: str, interpolation: str):
             a, u = split(frac[0], cell[0], field.row[0])
             b, v = split(frac[1], cell[1], field.row[1])
             c, w = split(frac[2], cell[2], field.row[2])
-            wa = value(u)
-            sa = slope(u)
-            wb = value(v)
-            sb = slope(v)
-            wc = value(w)
-            sc = slope(w)
+            wa = value_weights(u)
+            sa = slope_weights(u)
+            wb = value_weights(v)
+            sb = slope_weights(v)
+            wc = value_weights(w)
+            sc = slope_weights(w)
             start = (a * field.pitch[0] + b * field.pitch[1] + c) * stride
             total = real(0.0)
             first = real(0.0)

@@ -34,10 +34,11 @@ import warp as wp
 from ....result import OUTPUT_BITS
 from ....scheme import LANDED_FREE, LEAPFROG_ANGLE, LEAST_COSINE, LEFT_SHARE, STEEPEST_COSINE, TINY
 from ....status import RayStatus
-from ..types import types
+from ..types import takes, types
 from .box import build_surface_distance
 from .ends import build_end, build_last_surface, build_start
 from .grid import build_sample
+from .outputs import build_write_outputs
 from .support import (
     build_exit,
     build_keep_support,
@@ -68,7 +69,7 @@ def quadrature_weight(k: int, count: int):
 def build_leapfrog_kernel(precision: str, geometry: str, interpolation: str, stop: str, has_body: bool):
     """Build the kernel for one kind of scene; its arguments are the tracer's, and the count of rough rays."""
     t = types(precision)
-    real, vec3, vec4, Field, Bounds, Control = t.real, t.vec3, t.vec4, t.Field, t.Bounds, t.Control
+    real, vec3, vec4 = t.real, t.vec3, t.vec4
     sample = build_sample(precision, geometry, interpolation)
     start_of = build_start(precision, geometry, stop, has_body)
     end_of = build_end(precision, geometry, interpolation, stop)
@@ -77,12 +78,13 @@ def build_leapfrog_kernel(precision: str, geometry: str, interpolation: str, sto
     overrun = build_overrun(precision, geometry)
     may_have_left = build_may_have_left(precision, geometry)
     keep_support = build_keep_support(precision, geometry)
-    unresolved = build_unresolved(precision, geometry)
+    unresolved_of = build_unresolved(precision, geometry)
     with_lever = build_with_lever(precision)
     leaves_support = build_leaves_support(precision, geometry)
     exit_of = build_exit(precision, geometry)
     line_to = build_line_to(precision, geometry)
     stays_clear = build_stays_clear(precision, geometry)
+    write_outputs = build_write_outputs(precision)
     ok = int(RayStatus.OK)
     tiny = TINY[precision]
     landed_free = wp.constant(LANDED_FREE)
@@ -97,28 +99,12 @@ def build_leapfrog_kernel(precision: str, geometry: str, interpolation: str, sto
     # On a GPU roots and quotients are its own, right to two units in the last place or so: here they are factors of
     # what is itself a small deviation. Sums are compensated as written: the compiler does not change their order.
     @wp.kernel(module="unique", enable_backward=False, module_options={"fast_math": True})
-    def leapfrog(
-        field: Field,
-        bounds: Bounds,
-        control: Control,
-        first_ray: int,
-        position_in: wp.array(dtype=wp.vec3d),
-        direction_in: wp.array(dtype=wp.vec3d),
-        position_out: wp.array(dtype=wp.vec3d),
-        direction_out: wp.array(dtype=wp.vec3d),
-        optical_path_out: wp.array(dtype=wp.float64),
-        opd_out: wp.array(dtype=wp.float64),
-        arc_length_out: wp.array(dtype=wp.float64),
-        step_error_out: wp.array(dtype=wp.float64),
-        step_count_out: wp.array(dtype=wp.int32),
-        evaluation_count_out: wp.array(dtype=wp.int32),
-        status_out: wp.array(dtype=wp.int32),
-        rough_count_out: wp.array(dtype=wp.int32),
-    ):
+    @takes("leapfrog", precision)
+    def leapfrog(field, bounds, control, first_ray, position_in, direction_in, outputs, rough_count_out):
         ray = wp.tid() + first_ray
         p0 = position_in[ray]
         d0 = direction_in[ray]
-        course, status = start_of(field, bounds, p0, d0)
+        status, course = start_of(field, bounds, p0, d0)
         runs = bool(course.meets and status == ok)
 
         d = vec3(real(d0[0]), real(d0[1]), real(d0[2]))
@@ -155,12 +141,11 @@ def build_leapfrog_kernel(precision: str, geometry: str, interpolation: str, sto
         if runs:
             whole = wp.vec2d(course.enter, course.far)
             chord = course.far - course.enter
-            support = keep_support(bounds, p0, d0, course.enter, course.far)
-            uniform = bool(support[2] > wp.float64(0.0))
+            uniform, enter, last = keep_support(bounds, p0, d0, course.enter, course.far)
             if not uniform:
                 landed = surface_of(bounds, course, p0, d0)
-            course.enter = support[0]
-            course.far = support[1]
+            course.enter = enter
+            course.far = last
             entry = wp.cw_div(p0 + course.enter * d0 - bounds.origin, bounds.spacing)
             start = vec3(real(entry[0]), real(entry[1]), real(entry[2]))
             length = real(course.far - course.enter)
@@ -215,7 +200,7 @@ def build_leapfrog_kernel(precision: str, geometry: str, interpolation: str, sto
         off_turn += turn
         off_place = sigma * off_turn - (off_place + moment)
         if runs:
-            missed = unresolved(field, control, start, d, length, q)
+            missed = unresolved_of(field, control, start, d, length, q)
         steep = wp.sqrt(ahead * ahead + wp.dot(force, force))
         s += real(0.5) * h * ahead
         if uniform:  # in uniform air there is nothing to leave out
@@ -247,9 +232,7 @@ def build_leapfrog_kernel(precision: str, geometry: str, interpolation: str, sto
                     landed = int(landed_free)
                     normal = bounds.plane_normal
                 else:
-                    leave = exit_of(bounds, tip, heading)
-                    more = leave[0]
-                    landed = int(leave[1])
+                    more, landed = exit_of(bounds, tip, heading)
             if landed != landed_free:
                 if not uniform:
                     more = line_to(bounds, landed, tip, heading)
@@ -308,15 +291,13 @@ def build_leapfrog_kernel(precision: str, geometry: str, interpolation: str, sto
             real(wp.float64(rounded[2]) - exact[2]),
             real(wp.float64(rounded[3]) - exact[3]),
         )
-        position, direction, optical_path, opd, arc_length, final, _grazing = end_of(
-            bounds, control, p0, d0, course, status, landed, q, none, turned, rounded, rest, real(0.0)
-        )
-        if runs and final != ok:
+        arrival = end_of(bounds, control, p0, d0, course, status, landed, q, none, turned, rounded, rest, real(0.0))
+        if runs and arrival.status != ok:
             error = real(wp.inf)  # at a plane on the box's edge a bent ray may fare otherwise
         elif runs:
             # How far place and direction are off counts where the stop is met at a slant, and so does what the air
             # outside the field's support does to them.
-            flight = wp.length(position - end)
+            flight = wp.length(arrival.position - end)
             beside = wp.vec3d(wp.float64(off_place[0]), wp.float64(off_place[1]), wp.float64(off_place[2]))
             aside = wp.vec3d(wp.float64(off_turn[0]), wp.float64(off_turn[1]), wp.float64(off_turn[2]))
             if wp.static(stop == "plane"):
@@ -338,29 +319,11 @@ def build_leapfrog_kernel(precision: str, geometry: str, interpolation: str, sto
             if left > real(LEFT_SHARE) * control.tolerance:
                 error = wp.max(error, left)
         if missed > real(0.0):
-            onward = real(wp.length(position - end) + course.far - course.enter)
+            onward = real(wp.length(arrival.position - end) + course.far - course.enter)
             error += with_lever(field, missed, onward, real(wp.abs(wp.dot(normal, d0))))
         if error > control.tolerance:
             wp.atomic_add(rough_count_out, 0, 1)
-        if (control.outputs & wp.static(OUTPUT_BITS["position"])) != 0:
-            position_out[ray] = position
-        if (control.outputs & wp.static(OUTPUT_BITS["direction"])) != 0:
-            direction_out[ray] = direction
-        if (control.outputs & wp.static(OUTPUT_BITS["optical_path"])) != 0:
-            optical_path_out[ray] = optical_path
-        if (control.outputs & wp.static(OUTPUT_BITS["opd"])) != 0:
-            opd_out[ray] = opd
-        if (control.outputs & wp.static(OUTPUT_BITS["arc_length"])) != 0:
-            arc_length_out[ray] = arc_length
-        if (control.outputs & wp.static(OUTPUT_BITS["step_error"])) != 0:
-            step_error_out[ray] = wp.float64(error)
-        samples = int(0)
-        if runs:
-            samples = count
-        if (control.outputs & wp.static(OUTPUT_BITS["step_count"])) != 0:
-            step_count_out[ray] = samples
-        if (control.outputs & wp.static(OUTPUT_BITS["evaluation_count"])) != 0:
-            evaluation_count_out[ray] = samples
-        status_out[ray] = final
+        samples = wp.where(runs, count, 0)
+        write_outputs(outputs, control.outputs, ray, arrival, wp.float64(error), samples, samples)
 
     return leapfrog

@@ -1,4 +1,9 @@
-"""Device functions of the tracer: positions in cells, compensated sums, and what a step adds to them."""
+"""Device functions of the tracer: positions in cells, compensated sums, and what a step adds to them.
+
+Along d. On a nearly straight ray q . d enters the path difference in first order and, as a twofold sum of slopes, would
+bring in their error. It is int (T . d - a) d sigma = M - B with B = int (n - T . d) d sigma of second order: sums of
+values, taken by the rule of the path itself. So the OPD of a ray through a shock is as good as the quadrature of S.
+"""
 
 import functools
 from typing import Any
@@ -80,15 +85,15 @@ def build_sums(precision: str):
 
     @wp.func
     def step_sums(
-        ambient: real, d: vec3, momentum: vec3, m: real, h: real, pot: real, force: vec3, s2: vec4, s3: vec4, s4: vec4
+        ambient: real, d: vec3, momentum: vec3, h: real, pot: real, force: vec3, s2: vec4, s3: vec4, s4: vec4
     ):
-        """By the rule of the path: momentum, contrast, potential and force are those at the start of the step."""
+        """By the rule of the path: momentum, potential and force are those at the start of the step."""
         return vec4(
             h,
             h * (real(v1) * pot + real(v2) * s2[0] + real(v3) * s3[0] + real(v4) * s4[0]),
             h
             * (
-                real(v1) * m
+                real(v1) * contrast(ambient, pot)
                 + real(v2) * contrast(ambient, s2[0])
                 + real(v3) * contrast(ambient, s3[0])
                 + real(v4) * contrast(ambient, s4[0])
@@ -130,13 +135,13 @@ def build_project_momentum(precision: str):
 
 @functools.cache
 def build_cells(precision: str, kind: str):
-    """Functions (bounds, point) -> (cell, frac), and (cell, frac) -> the same with frac in [0, 1)."""
+    """Functions (bounds, point) -> (frac, cell), and (cell, frac) -> the same with frac in [0, 1)."""
     t = types(precision)
     real, vec3, Bounds = t.real, t.vec3, t.Bounds
     shift = wp.vec3i(*(int(axis in SHIFTED[kind]) for axis in range(3)))
 
     @wp.func
-    def whole(place: Any):
+    def whole_cells(place: Any):
         """Whole cells in a place, zero along axes without cells of their own."""
         floors = wp.vec3i(int(wp.floor(place[0])), int(wp.floor(place[1])), int(wp.floor(place[2])))
         return wp.cw_mul(floors, shift)
@@ -145,14 +150,14 @@ def build_cells(precision: str, kind: str):
     def in_cells(bounds: Bounds, p: wp.vec3d):
         """Split a point into whole cells and fractions, in float64."""
         g = wp.cw_div(p - bounds.origin, bounds.spacing)
-        cell = whole(g)
+        cell = whole_cells(g)
         rest = g - wp.vec3d(wp.float64(cell[0]), wp.float64(cell[1]), wp.float64(cell[2]))
-        return cell, vec3(real(rest[0]), real(rest[1]), real(rest[2]))
+        return vec3(real(rest[0]), real(rest[1]), real(rest[2])), cell
 
     @wp.func
     def carry_over(cell: wp.vec3i, frac: vec3):
         """Move whole cells from the fraction into the cell, exactly."""
-        moved = whole(frac)
+        moved = whole_cells(frac)
         return cell + moved, frac - vec3(real(moved[0]), real(moved[1]), real(moved[2]))
 
     return in_cells, carry_over

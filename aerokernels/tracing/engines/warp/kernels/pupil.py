@@ -10,6 +10,7 @@ import warp as wp
 from ....pupil_sums import MOMENT_COUNT, SUM_COUNT
 from ....scheme import GROUP, HASHES, JOINED
 from ....status import RayStatus
+from ..types import takes
 
 # Constants of 32 bits are typed here: a literal inside a kernel would pass through a signed integer.
 _HASH_1 = wp.constant(wp.uint32(HASHES[0]))
@@ -63,18 +64,9 @@ def second_axis(index: wp.uint32):
 
 
 @wp.kernel(enable_backward=False)
+@takes("launch_pupil")
 def launch_pupil(
-    center: wp.vec3d,
-    first: wp.vec3d,
-    second: wp.vec3d,
-    look: wp.vec3d,
-    seeds: wp.array(dtype=wp.uint32, ndim=2),
-    order_in: wp.array(dtype=wp.int32),
-    per_replicate: int,
-    first_ray: int,
-    position_out: wp.array(dtype=wp.vec3d),
-    direction_out: wp.array(dtype=wp.vec3d),
-    pupil_out: wp.array(dtype=wp.vec2d),
+    center, first, second, look, seeds, order_in, per_replicate, first_ray, position_out, direction_out, pupil_out
 ):
     """Points of the pupil; `first` and `second` are its axes times its radius.
 
@@ -120,17 +112,18 @@ def group_span(group: int, per_replicate: int):
 
 
 @wp.kernel(enable_backward=False)
+@takes("sum_moments")
 def sum_moments(
-    per_replicate: int,
-    first_group: int,
-    weight_count: int,
-    weight_in: wp.array(dtype=wp.float64),
-    pupil_in: wp.array(dtype=wp.vec2d),
-    opd_in: wp.array(dtype=wp.float64),
-    step_error_in: wp.array(dtype=wp.float64),
-    evaluation_count_in: wp.array(dtype=wp.int32),
-    status_in: wp.array(dtype=wp.int32),
-    sums_out: wp.array(dtype=wp.float64),
+    per_replicate,
+    first_group,
+    weight_count,
+    weight_in,
+    pupil_in,
+    opd_in,
+    step_error_in,
+    evaluation_count_in,
+    status_in,
+    sums_out,
 ):
     """Moments of one group of rays, those that arrived."""
     group = wp.tid() + first_group
@@ -179,17 +172,9 @@ def sum_moments(
 
 
 @wp.kernel(enable_backward=False)
+@takes("sum_phasors")
 def sum_phasors(
-    wave_number: wp.float64,
-    plane: wp.vec3d,
-    per_replicate: int,
-    first_group: int,
-    weight_count: int,
-    weight_in: wp.array(dtype=wp.float64),
-    pupil_in: wp.array(dtype=wp.vec2d),
-    opd_in: wp.array(dtype=wp.float64),
-    status_in: wp.array(dtype=wp.int32),
-    sums_out: wp.array(dtype=wp.float64),
+    wave_number, plane, per_replicate, first_group, weight_count, weight_in, pupil_in, opd_in, status_in, sums_out
 ):
     """Sum of exp(i k (OPD - plane)) over one group of rays, those that arrived."""
     group = wp.tid() + first_group
@@ -205,13 +190,8 @@ def sum_phasors(
 
 
 @wp.kernel(enable_backward=False)
-def join_sums(
-    row_count: int,
-    joined_count: int,
-    first_sum: int,
-    sums_in: wp.array(dtype=wp.float64),
-    sums_out: wp.array(dtype=wp.float64),
-):
+@takes("join_sums")
+def join_sums(row_count, joined_count, first_sum, sums_in, sums_out):
     """Rows of sums joined: row_count of each replicate become joined_count, JOINED rows to one, in their order."""
     index = wp.tid() + first_sum
     joined = index // _SUMS

@@ -5,44 +5,79 @@ import functools
 import warp as wp
 
 from ....scheme import AT_FACE, FACE_TOLERANCE, GREATEST_STAND_OFF, NOISE_STEP, STEP_SHARE
+from ....tableau import BT, B
 from ..types import types
-from .step_bound import build_to_face
+from . import grid, mesh
+from .step_bound import build_step_bound, build_to_face
 
 
 @functools.cache
-def build_before_face(precision: str, geometry: str, interpolation: str):
-    """Functions: the step to short of the next face, and by how much short; what is left to that face."""
+def build_stride(precision: str, geometry: str, interpolation: str, on_mesh: bool, method: str):
+    """Functions: what a step is to be, and what is left to the face before which one stopped."""
     t = types(precision)
-    real, vec3 = t.real, t.vec3
+    real, vec3, Field, Control, Stride = t.real, t.vec3, t.Field, t.Control, t.Stride
+    paper_step = (mesh if on_mesh else grid).build_paper_step(precision, geometry)
+    step_bound_of = build_step_bound(precision, "mesh" if on_mesh else geometry)
     to_face = build_to_face(precision, geometry)
-    linear = interpolation == "linear"
+    linear, kinked = interpolation == "linear", interpolation in ("linear", "monotone")
     at_face = AT_FACE[precision]
 
     @wp.func
-    def before_face(cell: wp.vec3i, frac: vec3, rate: vec3, total: vec3, force: vec3):
-        """On a linear grid the rest is flown along the tangent; elsewhere a face that near counts as reached."""
-        pace = wp.cw_mul(total, rate)
-        pull = wp.cw_mul(force, rate)
-        stand_off = real(0.1 * FACE_TOLERANCE)
-        close = real(10.0) * stand_off
-        if wp.static(linear):
-            # How far before a face to stop: a share of the bend over a cell, whose change over the step the parabola
-            # does not know.
-            bend = real(0.15) * wp.length(pull) / wp.dot(pace, pace)
-            stand_off = real(0.1 * FACE_TOLERANCE) + wp.min(bend, real(GREATEST_STAND_OFF))
-            close = real(at_face)
-        face = to_face(cell, frac, pace, pull, close)
-        return wp.max(face - stand_off / wp.length(pace), real(0.5) * face), stand_off
+    def stride(
+        field: Field,
+        control: Control,
+        current_cell: int,
+        cone: int,
+        cell: wp.vec3i,
+        frac: vec3,
+        total: vec3,
+        force: vec3,
+        index: real,
+        caution: real,
+        h_cell: real,
+        h_next: real,
+        h_cap: real,
+    ):
+        out = Stride()
+        out.h = h_next
+        out.stand_off = real(0.1 * FACE_TOLERANCE)
+        if wp.static(method == "fixed"):
+            out.h = control.step / index
+        elif wp.static(method == "paper"):
+            out.h = paper_step(field, cell, frac, current_cell) / index
+        else:
+            limit = control.step_limit * h_cell
+            if wp.static(kinked):
+                # The interpolant has kinks at the cells' faces: no step across one. On a linear grid the rest is flown
+                # along the tangent (rest_to_face); elsewhere a face that is nearer than it is to be approached counts
+                # as reached.
+                pace = wp.cw_mul(total, field.inverse_spacing)
+                pull = wp.cw_mul(force, field.inverse_spacing)
+                close = real(10.0) * out.stand_off
+                if wp.static(linear):
+                    # How far before a face to stop: a share of the bend over a cell, whose change over the step the
+                    # parabola does not know.
+                    bend = real(0.15) * wp.length(pull) / wp.dot(pace, pace)
+                    out.stand_off += wp.min(bend, real(GREATEST_STAND_OFF))
+                    close = real(at_face)
+                face = to_face(frac, pace, pull, close)
+                limit = wp.max(face - out.stand_off / wp.length(pace), real(0.5) * face)
+            # Short of the face at which the first rough block may begin.
+            bound = caution * step_bound_of(control, cone, cell, frac, total)
+            out.safe = bound - real(10.0 * FACE_TOLERANCE) * h_cell
+            out.h = wp.min(out.h, wp.max(limit, out.safe))
+        out.h = wp.min(out.h, h_cap)
+        return out
 
     @wp.func
-    def rest_to_face(cell: wp.vec3i, frac: vec3, pace: vec3, pull: vec3, stand_off: real, h: real):
+    def rest_to_face(frac: vec3, pace: vec3, pull: vec3, stand_off: real, h: real):
         """What is left to the face before which a step of length h stopped, `stand_off` cells; 0 if elsewhere."""
-        rest = to_face(cell, frac, pace, pull, real(0.0))
+        rest = to_face(frac, pace, pull, real(0.0))
         if rest <= h and rest * wp.length(pace) <= real(4.0) * stand_off:
             return rest
         return real(0.0)
 
-    return before_face, rest_to_face
+    return stride, rest_to_face
 
 
 def build_sample_at_stage(precision: str, sample, straight: bool):
@@ -72,6 +107,30 @@ def build_sample_at_stage(precision: str, sample, straight: bool):
             return sample(field, cell, frac + wp.cw_mul(h * total + kick, rate), current_cell)
 
     return sample_at_stage
+
+
+@functools.cache
+def build_kick(precision: str):
+    """Functions of a step and its forces: h^2 times the mean one, and what the step adds to the momentum."""
+    t = types(precision)
+    real, vec3, vec4 = t.real, t.vec3, t.vec4
+    b1, b2, b3 = (float(v) for v in B[:3])
+    v1, v2, v3, v4 = (float(v) for v in BT)
+
+    @wp.func
+    def kick_of(h: real, force: vec3, s2: vec4, s3: vec4):
+        force2 = vec3(s2[1], s2[2], s2[3])
+        force3 = vec3(s3[1], s3[2], s3[3])
+        return (h * h) * (real(b1) * force + real(b2) * force2 + real(b3) * force3)
+
+    @wp.func
+    def impulse_of(h: real, force: vec3, s2: vec4, s3: vec4, s4: vec4):
+        force2 = vec3(s2[1], s2[2], s2[3])
+        force3 = vec3(s3[1], s3[2], s3[3])
+        force4 = vec3(s4[1], s4[2], s4[3])
+        return h * (real(v1) * force + real(v2) * force2 + real(v3) * force3 + real(v4) * force4)
+
+    return kick_of, impulse_of
 
 
 @functools.cache

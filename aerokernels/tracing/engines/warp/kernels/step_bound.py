@@ -17,7 +17,7 @@ def build_cone(geometry: str):
     narrow, wide = (float(sine) ** 2 for sine in CONE_SINES)
 
     @wp.func
-    def cone(d: wp.vec3d):
+    def cone_of(d: wp.vec3d):
         axis = int(0)
         if wp.abs(d[1]) > wp.abs(d[0]):
             axis = int(1)
@@ -39,7 +39,7 @@ def build_cone(geometry: str):
             number += 1
         return number
 
-    return cone
+    return cone_of
 
 
 @functools.cache
@@ -52,24 +52,27 @@ def build_step_bound(precision: str, geometry: str):
     real, vec3, Control = t.real, t.vec3, t.Control
     cosines = tuple(float(np.cos(cone.spread)) for cone in CONES[1:3])
     narrow, wide = cosines
+    axes = 3 if geometry == "volume" else 2
 
     @wp.func
-    def block(control: Control, axis: int, cell: int, place: real):
+    def step_bound_block(control: Control, axis: int, cell: int, place: real):
         return wp.clamp((cell + int(wp.floor(place))) // control.block, 0, control.block_count[axis] - 1)
 
     @wp.func
     def entry(control: Control, cell: wp.vec3i, frac: vec3):
+        c = step_bound_block(control, wp.static(axes - 1), cell[2], frac[2])
         if wp.static(geometry == "volume"):
-            row = block(control, 0, cell[0], frac[0]) * control.block_count[1] + block(control, 1, cell[1], frac[1])
-            return row * control.block_count[2] + block(control, 2, cell[2], frac[2])
+            a = step_bound_block(control, 0, cell[0], frac[0])
+            b = step_bound_block(control, 1, cell[1], frac[1])
+            return (a * control.block_count[1] + b) * control.block_count[2] + c
         elif wp.static(geometry == "planar"):
-            return block(control, 0, cell[1], frac[1]) * control.block_count[1] + block(control, 1, cell[2], frac[2])
+            return step_bound_block(control, 0, cell[1], frac[1]) * control.block_count[1] + c
         else:
-            row = block(control, 0, 0, wp.sqrt(frac[0] * frac[0] + frac[1] * frac[1]))
-            return row * control.block_count[1] + block(control, 1, cell[2], frac[2])
+            radius = wp.sqrt(frac[0] * frac[0] + frac[1] * frac[1])
+            return step_bound_block(control, 0, 0, radius) * control.block_count[1] + c
 
     @wp.func
-    def step_bound(control: Control, cone: int, cell: wp.vec3i, frac: vec3, total: vec3):
+    def step_bound_of(control: Control, cone: int, cell: wp.vec3i, frac: vec3, total: vec3):
         if wp.static(geometry == "mesh"):
             return real(0.0)
         else:
@@ -88,12 +91,12 @@ def build_step_bound(precision: str, geometry: str):
                     return real(0.0)
             return control.step_bound[start + entry(control, cell, frac)] / speed
 
-    return step_bound
+    return step_bound_of
 
 
 @functools.cache
 def build_to_face(precision: str, geometry: str):
-    """A function (cell, frac, velocity, its derivative, face_tolerance) -> step to the next face beyond that."""
+    """A function (frac, velocity, its derivative, face_tolerance) -> step to the next face beyond that."""
     t = types(precision)
     real, vec3 = t.real, t.vec3
     axes = {"volume": (0, 1, 2), "planar": (1, 2), "axisymmetric": (2,)}[geometry]
@@ -101,7 +104,7 @@ def build_to_face(precision: str, geometry: str):
     radius_noise = RADIUS_NOISE[precision]
 
     @wp.func
-    def meet(gap: real, speed: real, pull: real):
+    def meet_face(gap: real, speed: real, pull: real):
         """First t > 0 with speed t + pull t^2 / 2 = gap, gap above 0."""
         disc = speed * speed + real(2.0) * pull * gap
         if disc < real(0.0):
@@ -112,7 +115,7 @@ def build_to_face(precision: str, geometry: str):
         return real(2.0) * gap / toward
 
     @wp.func
-    def flat(place: real, speed: real, pull: real, face_tolerance: real):
+    def flat_face(place: real, speed: real, pull: real, face_tolerance: real):
         """Along an axis with faces at whole numbers."""
         ahead = place - wp.floor(place)
         behind = ahead
@@ -121,7 +124,7 @@ def build_to_face(precision: str, geometry: str):
             ahead += real(1.0)
         if behind < face_tolerance:
             behind += real(1.0)
-        return wp.min(meet(ahead, speed, pull), meet(behind, -speed, -pull))
+        return wp.min(meet_face(ahead, speed, pull), meet_face(behind, -speed, -pull))
 
     @wp.func
     def round_face(frac: vec3, velocity: vec3, pull: vec3, face_tolerance: real):
@@ -136,22 +139,22 @@ def build_to_face(precision: str, geometry: str):
         if radius - inner < close:
             inner -= real(1.0)
         outer = wp.floor(radius + close) + real(1.0)
-        step = meet(real(0.5) * (outer - radius) * (outer + radius), b, c)
+        step = meet_face(real(0.5) * (outer - radius) * (outer + radius), b, c)
         if inner > real(0.0):
-            step = wp.min(step, meet(real(0.5) * (radius - inner) * (radius + inner), -b, -c))
+            step = wp.min(step, meet_face(real(0.5) * (radius - inner) * (radius + inner), -b, -c))
         elif radius > real(AXIS_CORE) and b < real(-AXIS_CORE) * wp.sqrt(a):
             step = wp.min(step, -b / a)  # to where the ray is nearest to the axis, a kink if it meets it
         return step
 
     @wp.func
-    def to_face(cell: wp.vec3i, frac: vec3, velocity: vec3, pull: vec3, face_tolerance: real):
+    def to_face(frac: vec3, velocity: vec3, pull: vec3, face_tolerance: real):
         step = real(none)
         if wp.static(0 in axes):
-            step = wp.min(step, flat(frac[0], velocity[0], pull[0], face_tolerance))
+            step = wp.min(step, flat_face(frac[0], velocity[0], pull[0], face_tolerance))
         if wp.static(1 in axes):
-            step = wp.min(step, flat(frac[1], velocity[1], pull[1], face_tolerance))
+            step = wp.min(step, flat_face(frac[1], velocity[1], pull[1], face_tolerance))
         if wp.static(2 in axes):
-            step = wp.min(step, flat(frac[2], velocity[2], pull[2], face_tolerance))
+            step = wp.min(step, flat_face(frac[2], velocity[2], pull[2], face_tolerance))
         if wp.static(geometry == "axisymmetric"):
             step = wp.min(step, round_face(frac, velocity, pull, face_tolerance))
         return step

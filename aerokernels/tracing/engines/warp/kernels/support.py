@@ -68,9 +68,9 @@ def build_may_have_left(precision: str, geometry: str):
 
 @functools.cache
 def build_keep_support(precision: str, geometry: str):
-    """A function (bounds, position, direction, enter, far) -> the same of the part in which the air is not uniform.
+    """A function (bounds, position, direction, enter, far) -> (whether the ray ends in uniform air, enter, far).
 
-    And, as a third number, 1 if the ray ends in uniform air.
+    The last two are those of the part of the ray in which the air is not uniform.
     """
     Bounds = types(precision).Bounds
     crossing = build_crossing(precision, geometry)
@@ -79,13 +79,10 @@ def build_keep_support(precision: str, geometry: str):
     def keep_support(bounds: Bounds, p: wp.vec3d, d: wp.vec3d, enter: wp.float64, far: wp.float64):
         span = crossing(bounds.support_low, bounds.support_high, bounds.support_radius, p, d)
         if span[0] > span[1]:
-            return wp.vec3d(enter, enter, wp.float64(1.0))
+            return bool(True), enter, enter
         first = wp.min(wp.max(span[0], enter), far)
         last = wp.max(wp.min(span[1], far), first)
-        uniform = wp.float64(0.0)
-        if last < far:
-            uniform = wp.float64(1.0)
-        return wp.vec3d(first, last, uniform)
+        return bool(last < far), first, last
 
     return keep_support
 
@@ -143,10 +140,10 @@ def build_exit(precision: str, geometry: str):
             if miss < least:
                 least = miss
                 nearest = k
-        leave = wp.vec2d(span[1], wp.float64(nearest))
+        leave = span[1]
         if span[0] > span[1]:
-            leave = wp.vec2d(wp.float64(wp.nan), wp.float64(0.0))
-        return leave
+            leave = wp.float64(wp.nan)
+        return leave, nearest
 
     return exit_of
 

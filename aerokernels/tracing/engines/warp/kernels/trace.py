@@ -18,46 +18,27 @@ the undisturbed ray).
 Method "straight" looks the field up along p + d a sigma and adds grad s . q: the optical path is right to second order
 in the contrast, position and direction to first order.
 
-Along d. On a nearly straight ray q . d enters the path difference in first order and, as a twofold sum of slopes, would
-bring in their error. It is int (T . d - a) d sigma = M - B with B = int (n - T . d) d sigma of second order: sums of
-values, taken by the rule of the path itself. So the OPD of a ray through a shock is as good as the quadrature of S.
-
-Error control. A step's error is the embedded formula's in S, in position and in momentum, the latter two weighted by
-how much they can matter further on. On a nearly straight ray the error of S is known better, from a rule of degree 7
-that also uses the slopes along the ray. How far a step may look ahead says the table of step_bound.py; the faces of
-cells are the ends of steps where the interpolant has kinks there.
-
-Stop. The step is shortened to where its parabola first meets a surface (event_location.py); the rest, of third order in
-the step, is flown along the tangent; the distance along d is then solved for in float64.
+Along d the deviation is a sum of values (motion.py); a step's error is estimated in error.py; how far it may look ahead
+says the table of step_bound.py, and how it ends on a surface event_location.py.
 """
 
 import functools
 
 import warp as wp
 
-from ....result import OUTPUT_BITS
-from ....scheme import (
-    AT_FACE,
-    FACE_TOLERANCE,
-    LANDED_ARC,
-    LEAST_STEP,
-    OBLIQUITY_KEPT,
-    TINY,
-    WALL_ASIDE,
-    WALL_BACK,
-    WALL_CLOSE,
-)
+from ....scheme import AT_FACE, LANDED_ARC, LEAST_STEP, TINY, WALL_ASIDE, WALL_BACK, WALL_CLOSE
 from ....status import RayStatus
-from ....tableau import BT, A, B, C, is_one_scalar
-from ..types import types
+from ....tableau import A, C, is_one_scalar
+from ..types import takes, types
 from . import grid, mesh
 from .crossings import NEVER
 from .ends import build_end, build_lever, build_start
 from .error import build_step_error
 from .event_location import build_arc_event_location, build_event_location
 from .motion import advance, build_cells, build_contrast, build_project_momentum, build_sums
-from .step import build_before_face, build_sample_at_stage, build_step_acceptance
-from .step_bound import build_cone, build_step_bound
+from .outputs import build_write_outputs
+from .step import build_kick, build_sample_at_stage, build_step_acceptance, build_stride
+from .step_bound import build_cone
 from .wall import build_behind_wall, build_place, build_stays_clear
 
 
@@ -77,20 +58,19 @@ def build_kernel(
     Where steps are not `measured`, their errors are neither estimated nor given out; error control needs them.
     """
     t = types(precision)
-    real, vec3, Field, Bounds, Control = t.real, t.vec3, t.Field, t.Bounds, t.Control
+    real, vec3 = t.real, t.vec3
     controlled = method in ("adaptive", "straight")
     source = mesh if on_mesh else grid
     kind = "mesh" if on_mesh else geometry
     sample = source.build_sample(precision, geometry, interpolation)
-    paper_step = source.build_paper_step(precision, geometry)
     find_current_cell = source.build_find_current_cell(precision, geometry)
     start_of = build_start(precision, geometry, stop, has_body)
     lever_of = build_lever(precision, geometry, stop, controlled)
     end_of = build_end(precision, geometry, interpolation, stop)
     in_cells, carry_over = build_cells(precision, kind)
     cone_of = build_cone(geometry)
-    step_bound_of = build_step_bound(precision, kind)
-    before_face, rest_to_face = build_before_face(precision, geometry, interpolation)
+    stride, rest_to_face = build_stride(precision, geometry, interpolation, on_mesh, method)
+    kick_of, impulse_of = build_kick(precision)
     sample_at_stage = build_sample_at_stage(precision, sample, method == "straight")
     step_error, step_rounding, stop_error, event_location_error = build_step_error(
         precision, geometry, interpolation, stop
@@ -104,44 +84,27 @@ def build_kernel(
     place_of = build_place(precision)
     behind_wall = build_behind_wall(precision, geometry)
     stays_clear = build_stays_clear(precision, geometry)
+    write_outputs = build_write_outputs(precision)
     landed_arc = wp.constant(LANDED_ARC)
     tiny = TINY[precision]
     straight = method == "straight"
     one_scalar = is_one_scalar(interpolation)
-    kinked = interpolation in ("linear", "monotone") and controlled
     at_faces = interpolation == "linear" and controlled
     at_face = AT_FACE[precision]
 
     c2, c3 = (float(v) for v in C[1:3])
     a21, a31, a32 = float(A[1, 0]), float(A[2, 0]), float(A[2, 1])
-    b1, b2, b3 = (float(v) for v in B[:3])
-    v1, v2, v3, v4 = (float(v) for v in BT)
     ok, hit_body = int(RayStatus.OK), int(RayStatus.HIT_BODY)
     too_many, not_finite = int(RayStatus.MAX_STEPS), int(RayStatus.NOT_FINITE)
     rejected = int(RayStatus.TOLERANCE_NOT_MET)
 
     @wp.kernel(module="unique", enable_backward=False)
-    def trace_kernel(
-        field: Field,
-        bounds: Bounds,
-        control: Control,
-        first_ray: int,
-        position_in: wp.array(dtype=wp.vec3d),
-        direction_in: wp.array(dtype=wp.vec3d),
-        position_out: wp.array(dtype=wp.vec3d),
-        direction_out: wp.array(dtype=wp.vec3d),
-        optical_path_out: wp.array(dtype=wp.float64),
-        opd_out: wp.array(dtype=wp.float64),
-        arc_length_out: wp.array(dtype=wp.float64),
-        step_error_out: wp.array(dtype=wp.float64),
-        step_count_out: wp.array(dtype=wp.int32),
-        evaluation_count_out: wp.array(dtype=wp.int32),
-        status_out: wp.array(dtype=wp.int32),
-    ):
+    @takes("trace_kernel", precision)
+    def trace_kernel(field, bounds, control, first_ray, position_in, direction_in, outputs):
         ray = wp.tid() + first_ray
         p0 = position_in[ray]
         d0 = direction_in[ray]
-        course, status = start_of(field, bounds, p0, d0)
+        status, course = start_of(field, bounds, p0, d0)
 
         d = vec3(real(d0[0]), real(d0[1]), real(d0[2]))
         ambient = real(bounds.ambient)
@@ -162,7 +125,7 @@ def build_kernel(
         doubt = real(0.0)  # what it may gain behind a face
 
         if course.meets and status == ok:
-            cell, frac = in_cells(bounds, p0 + course.enter * d0)
+            frac, cell = in_cells(bounds, p0 + course.enter * d0)
             frac_carry = vec3(real(0.0), real(0.0), real(0.0))
             rate = field.inverse_spacing
             current_cell = find_current_cell(field, frac, -1)  # the cell of a mesh
@@ -173,13 +136,12 @@ def build_kernel(
             momentum = contrast(ambient, pot) * d
             cone = cone_of(d0)
             lever = lever_of(bounds, control, course, p0, d0)
-            obliquity, lever_arm, reach, caution = lever[0], lever[1], lever[2], lever[3]
+            obliquity, lever_arm, reach, caution = lever.obliquity, lever.lever_arm, lever.reach, real(lever.caution)
             if wp.static(at_faces):
                 # The table of step bounds weighs the kinks that a step may pass by the path, not by what they turn a
                 # ray aside.
                 if obliquity * lever_arm * wp.max(control.cell_rate) > real(1.0):
                     caution = real(0.0)
-            obliquity_left = obliquity
             first_momentum = wp.length(momentum)
             arc_left = real(bounds.length - course.enter)
             aside = real(0.0)  # so far beside its undisturbed line the ray meets no body
@@ -192,38 +154,23 @@ def build_kernel(
             running = bool(True)
             while running:
                 total = ambient * d + momentum
-                m = contrast(ambient, pot)
+                index = ambient + contrast(ambient, pot)
                 if wp.static(straight):
                     total = ambient * d
                 h_cell = real(1.0) / wp.max(wp.length(wp.cw_mul(total, control.cell_rate)), real(tiny))
                 h_least = real(LEAST_STEP) / (wp.max(control.cell_rate) * wp.length(total))
-                h = h_next
-                safe = real(0.0)
-                if wp.static(method == "fixed"):
-                    h = control.step / (ambient + m)
-                elif wp.static(method == "paper"):
-                    h = paper_step(field, cell, frac, current_cell) / (ambient + m)
-                else:
-                    limit = control.step_limit * h_cell
-                    if wp.static(kinked):
-                        # The interpolant has kinks at the cells' faces: no step across one.
-                        limit, stand_off = before_face(cell, frac, rate, total, force)
-                    # Short of the face at which the first rough block may begin.
-                    safe = (
-                        caution * step_bound_of(control, cone, cell, frac, total) - real(10.0 * FACE_TOLERANCE) * h_cell
-                    )
-                    h = wp.min(h, wp.max(limit, safe))
-                h = wp.min(h, h_cap)
+                ahead = stride(
+                    field, control, current_cell, cone, cell, frac, total, force, index, caution, h_cell, h_next, h_cap
+                )
                 shown = frac
                 if wp.static(straight):
                     shown = frac + wp.cw_mul(q, rate)
-                wanted = h
                 h, land, late = event_location(
-                    control, rate, course.side, cell, shown, ambient * d + momentum, force, h
+                    control, rate, course.side, cell, shown, ambient * d + momentum, force, ahead.h
                 )
                 if wp.static(stop == "arc"):
                     rest = arc_left - (ambient * sums[0] + sums[2])
-                    h, land = arc_event_location(rest, ambient + m, total, force, h, land)
+                    h, land = arc_event_location(rest, index, total, force, h, land)
 
                 # The field at the step's later stages: here, for in a function of its own it is slower.
                 hh = h * h
@@ -232,27 +179,12 @@ def build_kernel(
                 force2 = vec3(s2[1], s2[2], s2[3])
                 kick3 = hh * (real(a31) * force + real(a32) * force2)
                 s3 = sample_at_stage(field, current_cell, cell, frac, rate, real(c3) * h, total, momentum, q, kick3)
-                force3 = vec3(s3[1], s3[2], s3[3])
-                kick = hh * (real(b1) * force + real(b2) * force2 + real(b3) * force3)
+                kick = kick_of(h, force, s2, s3)
                 s4 = sample_at_stage(field, current_cell, cell, frac, rate, h, total, momentum, q, kick)
                 force4 = vec3(s4[1], s4[2], s4[3])
                 evaluations += 3
                 judged = step_error(
-                    ambient,
-                    d,
-                    total,
-                    momentum,
-                    h,
-                    reach,
-                    h <= safe,
-                    greatest_deflection,
-                    obliquity_left,
-                    lever_arm,
-                    pot,
-                    force,
-                    s2,
-                    s3,
-                    s4,
+                    ambient, d, total, momentum, h, h <= ahead.safe, greatest_deflection, lever, pot, force, s2, s3, s4
                 )
                 off = judged[0]
                 turn_now = judged[1]
@@ -260,14 +192,12 @@ def build_kernel(
                 accept = bool(True)
                 if wp.static(controlled):
                     rounding = step_rounding(control, ambient, h, judged[2], rate, frac, pot, force, s3)
-                    accept, ratio = step_acceptance(
-                        control, off, rounding, used, h, h_cell, h_least, ambient + m, reach
-                    )
+                    accept, ratio = step_acceptance(control, off, rounding, used, h, h_cell, h_least, index, reach)
                     if accept:
                         # A step cut short by a surface says nothing against the length wanted.
                         h_next = wp.max(h * ratio, h_least)
                         if land >= 0:
-                            h_next = wp.max(h_next, wanted)
+                            h_next = wp.max(h_next, ahead.h)
                     else:
                         h_next = wp.max(h * wp.min(ratio, real(0.8)), h_least)
 
@@ -276,7 +206,7 @@ def build_kernel(
                     there = shown + wp.cw_mul(h * (ambient * d + momentum) + kick, rate)
                     missed = bool(False)
                     if land >= 0 and land != landed_arc:
-                        close = real(0.05) * wp.max(wanted * wp.length(wp.cw_mul(total, rate)), real(0.01))
+                        close = real(0.05) * wp.max(ahead.h * wp.length(wp.cw_mul(total, rate)), real(0.01))
                         swung = wp.cw_mul(ambient * d + momentum + h * force4, rate)
                         missed = overshot(control, land, course.side, cell, there, swung, h, close)
                     else:
@@ -301,23 +231,16 @@ def build_kernel(
                     steps += 1
                     used += off
                     if late > real(0.0):
-                        steep = wp.max(wp.length(force), wp.length(force3))
+                        steep = wp.max(wp.length(force), wp.length(vec3(s3[1], s3[2], s3[3])))
                         aslant = steep * (obliquity + turn_now) * lever_arm
                         doubt += late * (wp.max(wp.abs(pot), wp.abs(s3[0])) + aslant)
                     astray += judged[3]
                     greatest_deflection = turn_now
-                    # Where the ray has turned, the obliquity is another one, and the turn counts instead.
-                    obliquity_left = obliquity * wp.max(
-                        real(1.0) - greatest_deflection / real(OBLIQUITY_KEPT), real(0.0)
-                    )
-                    added = step_sums(ambient, d, momentum, m, h, pot, force, s2, s3, s4)
+                    added = step_sums(ambient, d, momentum, h, pot, force, s2, s3, s4)
                     sums, sums_carry = advance(sums, sums_carry, added)
                     q, q_carry = advance(q, q_carry, h * momentum + kick)
-                    momentum, momentum_carry = advance(
-                        momentum,
-                        momentum_carry,
-                        h * (real(v1) * force + real(v2) * force2 + real(v3) * force3 + real(v4) * force4),
-                    )
+                    impulse = impulse_of(h, force, s2, s3, s4)
+                    momentum, momentum_carry = advance(momentum, momentum_carry, impulse)
                     flown = h * total
                     if wp.static(not straight):
                         flown += kick
@@ -337,7 +260,7 @@ def build_kernel(
                         pace = wp.cw_mul(bearing, rate)
                         rest = real(0.0)
                         if land < 0:
-                            rest = rest_to_face(cell, frac, pace, wp.cw_mul(curve, rate), stand_off, h)
+                            rest = rest_to_face(frac, pace, wp.cw_mul(curve, rate), ahead.stand_off, h)
                         added = tangent_sums(ambient, d, momentum, rest, pot, force)
                         sums, sums_carry = advance(sums, sums_carry, added)
                         q, q_carry = advance(q, q_carry, rest * momentum + (real(0.5) * rest * rest) * force)
@@ -396,46 +319,27 @@ def build_kernel(
                     status = int(not_finite)
 
             if wp.static(controlled):
+                used += doubt
                 used = stop_error(
-                    used + doubt,
-                    bounds,
-                    d0,
-                    ambient,
-                    momentum,
-                    first_momentum,
-                    greatest_deflection,
-                    obliquity,
-                    lever_arm,
+                    used, bounds, d0, ambient, momentum, first_momentum, greatest_deflection, obliquity, lever_arm
                 )
                 obliquity_first = obliquity
                 harm = (wp.abs(pot) + wp.length(force) * (obliquity + greatest_deflection) * lever_arm) / ambient
 
-        position, direction, optical_path, opd, arc, final, grazing = end_of(
+        arrival = end_of(
             bounds, control, p0, d0, course, status, landed, q, q_carry, momentum, sums, sums_carry, greatest_deflection
         )
+        step_error_out = wp.float64(0.0)
         if wp.static(controlled):
-            if final == ok and landed >= 0:
+            if arrival.status == ok and landed >= 0:
                 cell_size = real(1.0) / wp.max(control.cell_rate)
-                used = event_location_error(used, ambient, cell_size, landed, grazing, obliquity_first, harm, astray)
-            if final == ok and not (used <= control.tolerance):
-                final = int(rejected)  # to be traced again, see retrace.py
-        if (control.outputs & wp.static(OUTPUT_BITS["position"])) != 0:
-            position_out[ray] = position
-        if (control.outputs & wp.static(OUTPUT_BITS["direction"])) != 0:
-            direction_out[ray] = direction
-        if (control.outputs & wp.static(OUTPUT_BITS["optical_path"])) != 0:
-            optical_path_out[ray] = optical_path
-        if (control.outputs & wp.static(OUTPUT_BITS["opd"])) != 0:
-            opd_out[ray] = opd
-        if (control.outputs & wp.static(OUTPUT_BITS["arc_length"])) != 0:
-            arc_length_out[ray] = arc
+                used = event_location_error(
+                    used, ambient, cell_size, landed, arrival.grazing, obliquity_first, harm, astray
+                )
+            if arrival.status == ok and not (used <= control.tolerance):
+                arrival.status = int(rejected)  # to be traced again, see retrace.py
         if wp.static(measured):
-            if (control.outputs & wp.static(OUTPUT_BITS["step_error"])) != 0:
-                step_error_out[ray] = wp.float64(used)
-        if (control.outputs & wp.static(OUTPUT_BITS["step_count"])) != 0:
-            step_count_out[ray] = steps
-        if (control.outputs & wp.static(OUTPUT_BITS["evaluation_count"])) != 0:
-            evaluation_count_out[ray] = evaluations
-        status_out[ray] = final
+            step_error_out = wp.float64(used)
+        write_outputs(outputs, control.outputs, ray, arrival, step_error_out, steps, evaluations)
 
     return trace_kernel

@@ -4,10 +4,10 @@ import functools
 
 import warp as wp
 
-from ....result import OUTPUT_BITS
 from ....status import RayStatus
-from ..types import types
+from ..types import takes, types
 from .grid import build_weights
+from .outputs import build_write_outputs
 
 
 @functools.cache
@@ -17,37 +17,31 @@ def build_projection_kernel(precision: str, with_ends: bool):
     Without ends it makes no positions, arc lengths and errors, and looks up half as much.
     """
     t = types(precision)
-    real = t.real
-    value, slope = build_weights(precision, "cubic")
+    real, Arrival = t.real, t.Arrival
+    value_weights, slope_weights = build_weights(precision, "cubic")
     vec2, vec8 = t.vec2, wp.types.vector(8, real)
+    write_outputs = build_write_outputs(precision)
     ok = int(RayStatus.OK)
 
     @wp.kernel(module="unique", enable_backward=False)
+    @takes("trace_projection", precision)
     def trace_projection(
-        coefficients: wp.array(dtype=real),
-        cells_x: int,
-        cells_y: int,
-        origin_x: wp.float64,
-        origin_y: wp.float64,
-        rate_x: wp.float64,
-        rate_y: wp.float64,
-        ambient: wp.float64,
-        sign: wp.float64,
-        first_plane: wp.float64,
-        length: wp.float64,
-        flight: wp.float64,
-        outputs: int,
-        first_ray: int,
-        position_in: wp.array(dtype=wp.vec3d),
-        position_out: wp.array(dtype=wp.vec3d),
-        direction_out: wp.array(dtype=wp.vec3d),
-        optical_path_out: wp.array(dtype=wp.float64),
-        opd_out: wp.array(dtype=wp.float64),
-        arc_length_out: wp.array(dtype=wp.float64),
-        step_error_out: wp.array(dtype=wp.float64),
-        step_count_out: wp.array(dtype=wp.int32),
-        evaluation_count_out: wp.array(dtype=wp.int32),
-        status_out: wp.array(dtype=wp.int32),
+        coefficients,
+        cells_x,
+        cells_y,
+        origin_x,
+        origin_y,
+        rate_x,
+        rate_y,
+        ambient,
+        sign,
+        first_plane,
+        length,
+        flight,
+        wanted,
+        first_ray,
+        position_in,
+        outputs,
     ):
         ray = wp.tid() + first_ray
         p = position_in[ray]
@@ -57,10 +51,10 @@ def build_projection_kernel(precision: str, with_ends: bool):
         j = wp.clamp(int(place_y), 0, cells_y - 1)
         u = real(place_x - wp.float64(i))
         v = real(place_y - wp.float64(j))
-        wx = value(u)
-        sx = slope(u)
-        wy = value(v)
-        sy = slope(v)
+        wx = value_weights(u)
+        sx = slope_weights(u)
+        wy = value_weights(v)
+        sy = slope_weights(v)
 
         first = vec2(real(0.0), real(0.0))  # A and D
         first_x = vec2(real(0.0), real(0.0))  # their slopes per cell
@@ -94,29 +88,18 @@ def build_projection_kernel(precision: str, with_ends: bool):
         before = (first_plane - p[2]) * sign
         straight = before + length + flight
         opd = opd_box + ambient * obliquity
+        arrival = Arrival()
+        arrival.direction = wp.vec3d(px / index, py / index, sign * w / index)
+        arrival.optical_path = ambient * straight + opd
+        arrival.opd = opd
+        arrival.status = int(ok)
+        error = wp.float64(0.0)
         if wp.static(with_ends):
-            if (outputs & wp.static(OUTPUT_BITS["position"])) != 0:
-                qx = wp.float64(first_x[1]) * rate_x + wp.float64(extra[4])
-                qy = wp.float64(first_y[1]) * rate_y + wp.float64(extra[5])
-                position_out[ray] = wp.vec3d(
-                    p[0] + qx + flight * px / w, p[1] + qy + flight * py / w, first_plane + sign * (length + flight)
-                )
-        if (outputs & wp.static(OUTPUT_BITS["direction"])) != 0:
-            direction_out[ray] = wp.vec3d(px / index, py / index, sign * w / index)
-        if (outputs & wp.static(OUTPUT_BITS["optical_path"])) != 0:
-            optical_path_out[ray] = ambient * straight + opd
-        if (outputs & wp.static(OUTPUT_BITS["opd"])) != 0:
-            opd_out[ray] = opd
-        if wp.static(with_ends):
-            if (outputs & wp.static(OUTPUT_BITS["arc_length"])) != 0:
-                arc_length_out[ray] = straight + wp.float64(extra[1]) + obliquity
-        if wp.static(with_ends):
-            if (outputs & wp.static(OUTPUT_BITS["step_error"])) != 0:
-                step_error_out[ray] = wp.abs(wp.float64(extra[7]))
-        if (outputs & wp.static(OUTPUT_BITS["step_count"])) != 0:
-            step_count_out[ray] = 1
-        if (outputs & wp.static(OUTPUT_BITS["evaluation_count"])) != 0:
-            evaluation_count_out[ray] = 1
-        status_out[ray] = ok
+            x = p[0] + (wp.float64(first_x[1]) * rate_x + wp.float64(extra[4])) + flight * px / w
+            y = p[1] + (wp.float64(first_y[1]) * rate_y + wp.float64(extra[5])) + flight * py / w
+            arrival.position = wp.vec3d(x, y, first_plane + sign * (length + flight))
+            arrival.arc_length = straight + wp.float64(extra[1]) + obliquity
+            error = wp.abs(wp.float64(extra[7]))
+        write_outputs(outputs, wanted, ray, arrival, error, 1, 1)
 
     return trace_projection

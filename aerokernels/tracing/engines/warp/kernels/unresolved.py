@@ -19,11 +19,11 @@ def build_unresolved(precision: str, geometry: str):
     real, vec3, Field, Control = t.real, t.vec3, t.Field, t.Control
 
     @wp.func
-    def block(control: Control, axis: int, place: real):
+    def block_of(control: Control, axis: int, place: real):
         return wp.clamp(int(wp.floor(place / real(control.block))), 0, control.block_count[axis] - 1)
 
     @wp.func
-    def unresolved(field: Field, control: Control, start: vec3, d: vec3, length: real, beside: vec3):
+    def unresolved_of(field: Field, control: Control, start: vec3, d: vec3, length: real, beside: vec3):
         if control.step_bound_start[0] < 0:
             return real(0.0)
         rate = field.inverse_spacing
@@ -39,17 +39,17 @@ def build_unresolved(precision: str, geometry: str):
             p = start + wp.cw_mul(share * length * d + share * share * beside, rate)
             entry = int(0)
             if wp.static(geometry == "volume"):
-                entry = block(control, 0, p[0]) * control.block_count[1] + block(control, 1, p[1])
-                entry = entry * control.block_count[2] + block(control, 2, p[2])
+                entry = block_of(control, 0, p[0]) * control.block_count[1] + block_of(control, 1, p[1])
+                entry = entry * control.block_count[2] + block_of(control, 2, p[2])
             elif wp.static(geometry == "planar"):
-                entry = block(control, 0, p[1]) * control.block_count[1] + block(control, 1, p[2])
+                entry = block_of(control, 0, p[1]) * control.block_count[1] + block_of(control, 1, p[2])
             else:
-                entry = block(control, 0, wp.sqrt(p[0] * p[0] + p[1] * p[1])) * control.block_count[1]
-                entry += block(control, 1, p[2])
+                entry = block_of(control, 0, wp.sqrt(p[0] * p[0] + p[1] * p[1])) * control.block_count[1]
+                entry += block_of(control, 1, p[2])
             total += control.step_bound[entry]
         return total * length / real(count)
 
-    return unresolved
+    return unresolved_of
 
 
 @functools.cache

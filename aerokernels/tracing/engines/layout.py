@@ -1,0 +1,292 @@
+"""What the kernels are given: structs, compile options and arguments. Both engines take them from these tables.
+
+Warp's structs and the types of its kernels' arguments are made from them (warp/types.py); scripts/kernel_headers writes
+kernels/include/types.h, arguments.h and options.h from them.
+
+A kind is a type of OpenCL C: int, uint, bool, real (of the kernel's precision) or double, or a vector of 2 to 4 such
+numbers; a star makes it an array in the device's memory, two stars one with two indices. Structs are kinds, too.
+
+Positions inside kernels are in cells: a whole part `cell` and a fraction `frac` along each of x, y, z, so that a lookup
+is exact to a rounding of the cell and not of the box. Axes that have no cells of their own (x and y of an axisymmetric
+field, all of a mesh) keep cell = 0.
+"""
+
+import re
+from typing import NamedTuple
+
+import numpy as np
+
+REAL_TYPES: dict[str, type] = {"float32": np.float32, "float64": np.float64}
+
+
+class Value(NamedTuple):
+    """A member of a struct, or an argument of a kernel."""
+
+    name: str
+    kind: str
+    meaning: str = ""
+
+    @property
+    def parts(self) -> tuple[str, int, int]:
+        """Type of one number or struct, how many of them a vector has (1 for none), and how many indices."""
+        found = re.fullmatch(r"([A-Za-z]+)(\d?)(\**)", self.kind)
+        if found is None:
+            raise ValueError(f"{self.name}: {self.kind!r} is no kind, see layout.py")
+        return found[1], int(found[2] or 1), len(found[3])
+
+    def number_type(self, precision: str = "float64") -> type:
+        """NumPy's type of its numbers."""
+        plain = {"int": np.int32, "uint": np.uint32, "bool": np.int32, "double": np.float64}
+        return {**plain, "real": REAL_TYPES[precision]}[self.parts[0]]
+
+
+# Members in their order; lengths are in metres where nothing else is said.
+STRUCTS: dict[str, tuple[Value, ...]] = {
+    "Field": (
+        Value("coefficients", "real*", "uniform grid: of the potential, see medium/spline.py, flat"),
+        Value("row", "int3", "nodes less one along each local axis, for clamping"),
+        Value("pitch", "int3", "distance in the flat array of neighbours along each local axis"),
+        Value("inverse_spacing", "real3", "cells per metre along x, y, z"),
+        Value("ambient", "real"),
+        Value("corners", "real2*", "mesh: four corners of each cell"),
+        Value("values", "real*", "mesh: contrast at those corners"),
+        Value("gradients", "real2*", "mesh: node gradients at those corners"),
+        Value("neighbors", "int*", "mesh: cell behind each edge of each cell, or -1"),
+        Value("mesh_low", "real2", "bounding box of the mesh"),
+        Value("mesh_high", "real2"),
+        Value("bin_start", "int*"),
+        Value("bin_cell", "int*"),
+        Value("bin_count", "int2"),
+        Value("bin_origin", "real2"),
+        Value("bin_rate", "real2", "bins per metre"),
+        Value("slack", "real", "containment slack"),
+        Value("cell_count", "int", "of the mesh"),
+        Value("paper_step", "real*", "eq 5 for each cell"),
+        Value("wall", "double4*", "the body's surface in segments, see medium/wall_tree.py"),
+        Value("wall_boxes", "double4*", "boxes about them"),
+        Value("wall_links", "int3*"),
+        Value("wall_count", "int", "boxes about the body's surface"),
+    ),
+    "Bounds": (
+        Value("origin", "double3", "where cell = 0, frac = 0 lies"),
+        Value("spacing", "double3", "metres per cell"),
+        Value("low", "double3", "box"),
+        Value("high", "double3"),
+        Value("radius", "double", "of an axisymmetric box"),
+        Value("support_low", "double3", "the part of it outside which the air is uniform"),
+        Value("support_high", "double3"),
+        Value("support_radius", "double"),
+        Value("ambient", "double"),
+        Value("plane_point", "double3"),
+        Value("plane_normal", "double3"),
+        Value("length", "double"),
+    ),
+    "Control": (
+        Value("face_low", "real3", "box in cells"),
+        Value("face_high", "real3"),
+        Value("radius", "real", "in cells"),
+        Value("plane_normal", "real3", "per cell, so that plane_normal . cells - plane_offset is in metres"),
+        Value("plane_offset", "real"),
+        Value("cell_rate", "real3", "typical cells per metre, for limits on the step"),
+        Value("step", "real", '"fixed": arc length; leapfrog: greatest distance of samples that step_bound holds for'),
+        Value("step_limit", "real", "step in cells that needs no leave from step_bound"),
+        Value("step_bound", "real*", "of each block, see step_bound.py; leapfrog: error per metre, see unresolved.py"),
+        Value("step_bound_start", "int*", "where each cone's table starts in step_bound; -1 where it has none"),
+        Value("block_count", "int3", "blocks along each local axis"),
+        Value("block", "int", "cells in a block"),
+        Value("tolerance", "real", "OPD error allowed for the whole ray"),
+        Value("extent", "real", "a few diagonals of the box, longer than any step"),
+        Value("max_steps", "int"),
+        Value("quadrature_error_scale", "real", "leapfrog: the share of a difference that is taken for the error"),
+        Value("trajectory_error_scale", "real", "and that of int P^2 / w dt"),
+        Value("sample_count", "int", "of a ray whose samples are even, a multiple of three"),
+        Value("left_potential", "real", "greatest potential outside the support"),
+        Value("left_slope", "real", "and its slope [1/m]"),
+        Value("outputs", "int", "of a ray that are wanted, a bit each, see result.py"),
+    ),
+    # Of the undisturbed ray; distances along it.
+    "Course": (
+        Value("enter", "double", "where the first step begins"),
+        Value("far", "double", "where it leaves the box, or stops before that"),
+        Value("stop_distance", "double"),
+        Value("has_stop", "bool", "whether it ever gets to the stop"),
+        Value("meets", "bool", "whether it meets the box before the stop"),
+        Value("side", "real", "times this, the normal of the stop plane points away from where the ray starts"),
+    ),
+    # A ray at its stop.
+    "Arrival": (
+        Value("position", "double3"),
+        Value("direction", "double3"),
+        Value("optical_path", "double"),
+        Value("opd", "double"),
+        Value("arc_length", "double"),
+        Value("flight", "double", "beyond the box"),
+        Value("grazing", "double2", "what a ray that grazes its last surface lacks of it, and its cosine there"),
+        Value("status", "int"),
+    ),
+    # What a direction's error does on the way to the stop.
+    "Lever": (
+        Value("obliquity", "real", "of the stop"),
+        Value("lever_arm", "real", "how far on the error grows"),
+        Value("reach", "real", "the part of that in the box"),
+        Value(
+            "caution",
+            "real",
+            "share of the step bounds of step_bound.py, which know nothing of the way to a far stop",
+        ),
+    ),
+    # What a step is to be.
+    "Stride": (
+        Value("h", "real", "to try [sigma]"),
+        Value("safe", "real", "in smooth air"),
+        Value("stand_off", "real", "distance to keep from faces, in cells"),
+    ),
+    # A line p + t d as the body sees it; d need not be of length 1.
+    "WallLine": (
+        Value("first", "double", "planar: y of p; axisymmetric: square of the least distance from the axis"),
+        Value("across", "double", "planar: dy; axisymmetric: dx^2 + dy^2"),
+        Value("along", "double", "dz"),
+        Value("z", "double", "of p"),
+        Value("nearest", "double", "axisymmetric: t where it is nearest to the axis"),
+        Value("height", "double", "z there"),
+        Value("square", "double", "dy^2 + dz^2, of a planar line"),
+    ),
+    # Where a line crosses a segment r1, z1, r2, z2 (planar: y for r).
+    "Crossings": (
+        Value("count", "int", "0, 1 or 2 crossings"),
+        Value("enters", "bool", "whether the first one leads into the body, which lies to the left of the segment"),
+        Value("one", "double", "t of the first"),
+        Value("two", "double", "and of the second, which leads the other way"),
+    ),
+    # What a line meets of the body between two of its points.
+    "WallMeeting": (
+        Value("entry", "double", "where it first enters it, NEVER if it does not"),
+        Value("exit", "double", "where it first leaves it"),
+        Value("odd", "bool", "whether it crosses the surface an odd number of times"),
+    ),
+    # What is told of each ray; arrays that are not wanted have one row.
+    "RayOutputs": (
+        Value("position", "double3*"),
+        Value("direction", "double3*"),
+        Value("optical_path", "double*"),
+        Value("opd", "double*"),
+        Value("arc_length", "double*"),
+        Value("step_error", "double*"),
+        Value("step_count", "int*"),
+        Value("evaluation_count", "int*"),
+        Value("status", "int*"),
+    ),
+}
+
+TRACED = (
+    Value("field", "Field"),
+    Value("bounds", "Bounds"),
+    Value("control", "Control"),
+    Value("first_ray", "int"),
+    Value("position_in", "double3*"),
+    Value("direction_in", "double3*"),
+    Value("outputs", "RayOutputs"),
+)
+SUMMED = (
+    Value("per_replicate", "int"),
+    Value("first_group", "int"),
+    Value("weight_count", "int"),
+    Value("weight_in", "double*"),
+    Value("pupil_in", "double2*"),
+    Value("opd_in", "double*"),
+)
+# Arguments of the kernels. In OpenCL a struct's arrays are arguments of their own, which follow the structs of values,
+# and what bounds a launch follows the number of its first: see BOUNDS.
+KERNELS: dict[str, tuple[Value, ...]] = {
+    "trace_kernel": TRACED,
+    "leapfrog": (*TRACED, Value("rough_count_out", "int*")),
+    "trace_projection": (
+        Value("coefficients", "real*"),
+        Value("cells_x", "int"),
+        Value("cells_y", "int"),
+        Value("origin_x", "double"),
+        Value("origin_y", "double"),
+        Value("rate_x", "double"),
+        Value("rate_y", "double"),
+        Value("ambient", "double"),
+        Value("sign", "double"),
+        Value("first_plane", "double"),
+        Value("length", "double"),
+        Value("flight", "double"),
+        Value("wanted", "int"),
+        Value("first_ray", "int"),
+        Value("position_in", "double3*"),
+        Value("outputs", "RayOutputs"),
+    ),
+    "launch_pupil": (
+        Value("center", "double3"),
+        Value("first", "double3"),
+        Value("second", "double3"),
+        Value("look", "double3"),
+        Value("seeds", "uint**"),
+        Value("order_in", "int*"),
+        Value("per_replicate", "int"),
+        Value("first_ray", "int"),
+        Value("position_out", "double3*"),
+        Value("direction_out", "double3*"),
+        Value("pupil_out", "double2*"),
+    ),
+    "sum_moments": (
+        *SUMMED,
+        Value("step_error_in", "double*"),
+        Value("evaluation_count_in", "int*"),
+        Value("status_in", "int*"),
+        Value("sums_out", "double*"),
+    ),
+    "sum_phasors": (
+        Value("wave_number", "double"),
+        Value("plane", "double3"),
+        *SUMMED,
+        Value("status_in", "int*"),
+        Value("sums_out", "double*"),
+    ),
+    "join_sums": (
+        Value("row_count", "int"),
+        Value("joined_count", "int"),
+        Value("first_sum", "int"),
+        Value("sums_in", "double*"),
+        Value("sums_out", "double*"),
+    ),
+}
+# What bounds a launch of OpenCL, whose sizes are rounded up to whole work-groups.
+BOUNDS = {"first_ray": "ray_count", "first_group": "group_count", "first_sum": "sum_count"}
+
+
+class Option(NamedTuple):
+    """What a kernel is built for: one of the names, the first by default; or a number, whose default that is."""
+
+    choices: tuple[str, ...] | int
+    meaning: str
+
+
+OPTIONS: dict[str, Option] = {
+    "real_is_double": Option(0, "whether deviations are float64"),
+    "geometry": Option(("volume", "planar", "axisymmetric"), "of the field"),
+    "interpolation": Option(
+        ("cubic", "linear", "monotone", "bilinear", "bilinear-barron", "idw"), "on a grid, then on a mesh"
+    ),
+    "method": Option(("adaptive", "straight", "fixed", "paper"), "how long steps are"),
+    "stop": Option(("none", "plane", "arc"), "where rays end"),
+    "on_mesh": Option(0, "whether samples are on a mesh"),
+    "has_body": Option(0, "whether the field has a body"),
+    "measured": Option(1, "whether the errors of steps are estimated; error control needs them"),
+    "with_ends": Option(1, "whether projection tables give positions, arc lengths and errors, too"),
+    "lanes": Option(1, "rays that a work-item of leapfrog samples moves in step"),
+    "packed": Option(0, "whether a node's entry of the coefficients holds all that leapfrog samples take from there"),
+    "in_plane": Option(0, "whether all rays of leapfrog samples run along z, in a field of two dimensions"),
+}
+
+
+def arrays_of(struct: str) -> tuple[Value, ...]:
+    """The members of a struct that are arrays."""
+    return tuple(member for member in STRUCTS[struct] if member.parts[2])
+
+
+def values_of(struct: str) -> tuple[Value, ...]:
+    """The members of a struct that are numbers or vectors."""
+    return tuple(member for member in STRUCTS[struct] if not member.parts[2])

@@ -1,0 +1,65 @@
+// Arguments of the kernels, as macros.
+// Written by scripts/kernel_headers from aerokernels/tracing/engines/layout.py: change it there.
+#ifndef ARGUMENTS_H
+#define ARGUMENTS_H
+
+#include "types.h"
+
+#define ARRAY_ARGUMENTS \
+    __global const real *coefficients, __global const real *corners, __global const real *values, \
+    __global const real *gradients, __global const int *neighbors, __global const int *bin_start, \
+    __global const int *bin_cell, __global const real *paper_step, __global const double *wall, \
+    __global const double *wall_boxes, __global const int *wall_links, __global const real *step_bound, \
+    __global const int *step_bound_start
+
+#define ARRAYS \
+    {coefficients, corners, values, gradients, neighbors, bin_start, bin_cell, paper_step, wall, wall_boxes, \
+    wall_links, step_bound, step_bound_start}
+
+#define RAY_OUTPUT_ARGUMENTS \
+    __global double *position_out, __global double *direction_out, __global double *optical_path_out, \
+    __global double *opd_out, __global double *arc_length_out, __global double *step_error_out, \
+    __global int *step_count_out, __global int *evaluation_count_out, __global int *status_out
+
+#define RAY_OUTPUTS \
+    {position_out, direction_out, optical_path_out, opd_out, arc_length_out, step_error_out, step_count_out, \
+    evaluation_count_out, status_out}
+
+#define TRACE_KERNEL_ARGUMENTS \
+    const Field field, const Bounds bounds, const Control control, ARRAY_ARGUMENTS, const int first_ray, \
+    const int ray_count, __global const double *position_in, __global const double *direction_in, \
+    RAY_OUTPUT_ARGUMENTS
+
+#define LEAPFROG_ARGUMENTS \
+    const Field field, const Bounds bounds, const Control control, ARRAY_ARGUMENTS, const int first_ray, \
+    const int ray_count, __global const double *position_in, __global const double *direction_in, \
+    RAY_OUTPUT_ARGUMENTS, __global int *rough_count_out
+
+#define TRACE_PROJECTION_ARGUMENTS \
+    __global const real *coefficients, const int cells_x, const int cells_y, const double origin_x, \
+    const double origin_y, const double rate_x, const double rate_y, const double ambient, const double sign, \
+    const double first_plane, const double length, const double flight, const int wanted, const int first_ray, \
+    const int ray_count, __global const double *position_in, RAY_OUTPUT_ARGUMENTS
+
+#define LAUNCH_PUPIL_ARGUMENTS \
+    const double3 center, const double3 first, const double3 second, const double3 look, __global const uint *seeds, \
+    __global const int *order_in, const int per_replicate, const int first_ray, const int ray_count, \
+    __global double *position_out, __global double *direction_out, __global double *pupil_out
+
+#define SUM_MOMENTS_ARGUMENTS \
+    const int per_replicate, const int first_group, const int group_count, const int weight_count, \
+    __global const double *weight_in, __global const double *pupil_in, __global const double *opd_in, \
+    __global const double *step_error_in, __global const int *evaluation_count_in, __global const int *status_in, \
+    __global double *sums_out
+
+#define SUM_PHASORS_ARGUMENTS \
+    const double wave_number, const double3 plane, const int per_replicate, const int first_group, \
+    const int group_count, const int weight_count, __global const double *weight_in, \
+    __global const double *pupil_in, __global const double *opd_in, __global const int *status_in, \
+    __global double *sums_out
+
+#define JOIN_SUMS_ARGUMENTS \
+    const int row_count, const int joined_count, const int first_sum, const int sum_count, \
+    __global const double *sums_in, __global double *sums_out
+
+#endif
