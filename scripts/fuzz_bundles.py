@@ -42,6 +42,8 @@ def main() -> int:
             break
         done = number
         case = draw(seed, **fixed)
+        if case.kind["bundle"] == "spanwise" and "count" not in fixed:
+            case = draw(seed, count="300", **fixed)  # a thousand boxes along x: each ray costs as much as a bundle
         try:
             findings, compared, how = check(case, {"backend": asked.backend}, asked.sample)
         except Exception:  # a case that cannot be traced is a finding too
