@@ -63,7 +63,10 @@ def constants() -> str:
             "Cosine of the least angle with a surface that is believed, and cells to go on at smaller ones (double)"
         ),
         *_defines(
-            {name: getattr(scheme, name) for name in ("LEAST_COSINE", "STEEPEST_COSINE", "GRAZING_REST", "LEAST_SLOPE")}
+            {
+                name: getattr(scheme, name)
+                for name in ("LEAST_COSINE", "STEEPEST_COSINE", "GRAZING_REST", "LEAST_SLOPE", "ROUNDED_WAY")
+            }
         ),
         *_group("Landing: the share of a step that may be left to a surface"),
         *_reals({name: getattr(scheme, name) for name in ("EVENT_LOCATION_SHARE", "SLACK_COUNTED")}),

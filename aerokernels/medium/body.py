@@ -17,6 +17,10 @@ from .walls import bounding_walls
 TILE_POINTS = 512  # points that look for the nearest wall together
 
 
+# Points of an axisymmetric profile so near to the axis, as a share of the body's size, are on it.
+ON_AXIS = 1e-12
+
+
 @dataclass(frozen=True, eq=False)
 class Body(ReadOnly):
     """A solid body.
@@ -38,6 +42,10 @@ class Body(ReadOnly):
         if profile.ndim != 2 or profile.shape[1] != 2 or len(profile) < 3:
             raise ValueError(f"a body profile needs at least three points, shape (k, 2), got {profile.shape}")
         check_finite(profile, "the body profile")
+        if self.geometry == "axisymmetric":
+            # radius * sin(pi) is no zero: such a point is on the axis, or the body would have a hole there.
+            near_axis = np.abs(profile[:, 0]) <= ON_AXIS * np.ptp(profile, axis=0).max()
+            profile[near_axis, 0] = 0.0
         if self.geometry == "axisymmetric" and profile[:, 0].min() < 0.0:
             raise ValueError("an axisymmetric body profile must not have a negative radius")
         profile.setflags(write=False)

@@ -78,6 +78,8 @@ LANDED_FREE = 101
 SLACK_CELLS = {"float32": 1e-9, "float64": 1e-10}
 # From this share of that on, what such a ray may fly behind the face counts as an error.
 SLACK_COUNTED = 1e-3
+# Share of a ray's way to the box by which the wall may lie behind the box's face and still be met before it.
+ROUNDED_WAY = 1e-9
 # A step looks for the wall along chords that keep so close to it, in cells.
 WALL_SAG = 1e-4
 # A step that ends so far inside the body at most, in cells, is flown back along the tangent; others are taken anew.

@@ -80,6 +80,7 @@
 #define STEEPEST_COSINE 0.002
 #define GRAZING_REST 0.01
 #define LEAST_SLOPE 1e-15
+#define ROUNDED_WAY 1e-09
 
 // Landing: the share of a step that may be left to a surface.
 #define EVENT_LOCATION_SHARE R(0.02)

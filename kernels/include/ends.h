@@ -44,10 +44,15 @@ static inline int start_of(
         meets = stop_distance > enter;
     }
 #if HAS_BODY
-    // A ray that starts behind the body's surface begins where it leaves it.
+    // A ray that starts behind the body's surface begins where it leaves it. Where the body sticks out of the box, a ray
+    // may hit it on its way to the box.
     if (meets) {
         const double leaves = way_out(field, arrays, p, d, enter);
-        if (has_stop && STOP != NONE && stop_distance <= leaves) {
+        const double hits = way_in(field, arrays, p, d, enter);
+        if (hits < NEVER) {
+            status = RAY_HIT_BODY;
+            enter = hits;
+        } else if (has_stop && STOP != NONE && stop_distance <= leaves) {
             meets = 0;
         } else if (leaves > span.y || leaves >= NEVER) {
             status = RAY_INSIDE_BODY;

@@ -18,6 +18,16 @@ static inline double way_out(const Field *field, const Arrays *arrays, double3 p
     return met.odd ? met.exit : first;
 }
 
+// Where a ray from outside the box enters the body before it comes to the box at `last`; NEVER if it does not.
+static inline double way_in(const Field *field, const Arrays *arrays, double3 p, double3 d, double last)
+{
+    if (last <= 0.0 || (GEOMETRY == PLANAR && d.y == 0.0 && d.z == 0.0)) {
+        return NEVER;
+    }
+    const WallLine line = wall_line(p, d);
+    return meet_wall(field, arrays, &line, 0.0, (1.0 + ROUNDED_WAY) * last).entry;
+}
+
 // A segment moved in r and z; in an axisymmetric field it stays on its side of the axis.
 static inline double4 moved_segment(double4 s, double r, double z)
 {

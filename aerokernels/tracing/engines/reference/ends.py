@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ....medium import Body, IndexField
+from ...scheme import ROUNDED_WAY
 from ...status import RayStatus
 from ...stop import ArcLength, Plane
 from .flight import Flight
@@ -102,6 +103,12 @@ class Ends:
         meets &= ~(stops & (stop <= enter))
         if self.walls is not None:
             inside = np.flatnonzero(meets)
+            # Where the body sticks out of the box, a ray may hit it on its way to the box.
+            hits = self.walls.first_crossing(start[inside], heading[inside], inward=True, least=0.0)[0]
+            hit = (enter[inside] > 0.0) & (hits <= (1.0 + ROUNDED_WAY) * enter[inside])
+            enter[inside[hit]] = hits[hit]
+            status[inside[hit]] = RayStatus.HIT_BODY
+            inside = inside[~hit]
             inside = inside[self.walls.contains(start[inside] + enter[inside, None] * heading[inside])]
             entry = start[inside] + enter[inside, None] * heading[inside]
             out = enter[inside] + self.walls.first_crossing(entry, heading[inside], inward=False, least=0.0)[0]
@@ -201,6 +208,8 @@ class Ends:
         q, turned = np.zeros((count, 3)), np.zeros((count, 3))
         steps, evaluations = np.zeros(count, dtype=np.int64), np.zeros(count, dtype=np.int64)
         status, at_stop = course.status.copy(), np.zeros(count, dtype=bool)
+        hit = status == RayStatus.HIT_BODY
+        along[hit] = course.enter[hit]
         if flight is not None:
             along[rows], work[rows], stretch[rows], error[rows] = (
                 flight.along,

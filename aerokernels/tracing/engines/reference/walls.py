@@ -69,13 +69,15 @@ class Segments:
 
     def _cone_roots(self, place, heading, radius, apart) -> np.ndarray:
         n0, n1 = self.normal.T
-        square = dot(heading[:, :2], heading[:, :2])[:, None]
+        sideways = dot(heading[:, :2], heading[:, :2])[:, None]
         middle = dot(place[:, :2], heading[:, :2])[:, None]
         climb = heading[:, 2:]
         g0 = radius[:, None] - apart / n0
         g1 = -n1 / n0 * climb
-        a, b, c = g1**2 - square, g0 * g1 - middle, -apart / n0 * (g0 + radius[:, None])
-        rest = np.sqrt(b * b - a * c)
+        a, b, c = g1**2 - sideways, g0 * g1 - middle, -apart / n0 * (g0 + radius[:, None])
+        square = b * b - a * c
+        # On the axis both roots are one: rounding must not make it none.
+        rest = np.sqrt(np.where(np.abs(square) <= 1e-14 * b * b, 0.0, square))
         big = -(b + np.where(b >= 0.0, rest, -rest))
         flat = np.abs(n0) < 1e-12
         across = -apart / (n1 * climb)

@@ -18,7 +18,7 @@ from .box import (
 )
 from .crossings import NEVER
 from .motion import deflection
-from .wall import build_way_out
+from .wall import build_way_in, build_way_out
 
 
 @functools.cache
@@ -28,8 +28,9 @@ def build_start(precision: str, geometry: str, stop: str, has_body: bool):
     real, Field, Bounds, Course = t.real, t.Field, t.Bounds, t.Course
     crossing = build_crossing(precision, geometry)
     way_out = build_way_out(precision, geometry)
+    way_in = build_way_in(precision, geometry)
     ok, not_reached = int(RayStatus.OK), int(RayStatus.STOP_NOT_REACHED)
-    inside_body = int(RayStatus.INSIDE_BODY)
+    inside_body, hit_body = int(RayStatus.INSIDE_BODY), int(RayStatus.HIT_BODY)
 
     @wp.func
     def start_of(field: Field, bounds: Bounds, p: wp.vec3d, d: wp.vec3d):
@@ -61,11 +62,16 @@ def build_start(precision: str, geometry: str, stop: str, has_body: bool):
             if meets and span[1] > wp.float64(1.0e299):
                 status = int(not_reached)  # along x in a planar field, which has no end there
 
-        # A ray that starts behind the body's surface begins where it leaves it.
+        # A ray that starts behind the body's surface begins where it leaves it. Where the body sticks out of the box, a
+        # ray may hit it on its way to the box.
         if wp.static(has_body):
             if meets:
                 leaves = way_out(field, p, d, enter)
-                if has_stop and wp.static(stop != "none") and stop_distance <= leaves:
+                hits = way_in(field, p, d, enter)
+                if hits < wp.float64(NEVER):
+                    status = int(hit_body)
+                    enter = hits
+                elif has_stop and wp.static(stop != "none") and stop_distance <= leaves:
                     meets = bool(False)
                 elif leaves > span[1] or leaves >= wp.float64(NEVER):
                     status = int(inside_body)

@@ -7,7 +7,7 @@ import functools
 
 import warp as wp
 
-from ....scheme import WALL_SAG
+from ....scheme import ROUNDED_WAY, WALL_SAG
 from ..types import types
 from .crossings import NEVER, build_meet_wall, build_passes_box, build_segment_crossings, build_wall_line
 
@@ -43,6 +43,30 @@ def build_way_out(precision: str, geometry: str):
         return out
 
     return way_out
+
+
+@functools.cache
+def build_way_in(precision: str, geometry: str):
+    """A function (field, position, direction, to) -> where a ray from outside the box enters the body before that.
+
+    NEVER if it does not.
+    """
+    Field = types(precision).Field
+    wall_line = build_wall_line(geometry)
+    meet_wall = build_meet_wall(precision, geometry)
+
+    @wp.func
+    def way_in(field: Field, p: wp.vec3d, d: wp.vec3d, last: wp.float64):
+        none = wp.float64(0.0)
+        along_x = bool(False)
+        if wp.static(geometry == "planar"):
+            along_x = d[1] == none and d[2] == none
+        found = wp.float64(NEVER)
+        if last > none and not along_x:
+            found = meet_wall(field, wall_line(p, d), none, wp.float64(1.0 + ROUNDED_WAY) * last).entry
+        return found
+
+    return way_in
 
 
 @functools.cache
