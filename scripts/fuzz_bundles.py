@@ -36,7 +36,7 @@ def main() -> int:
     start, rays, drawn, failed = time.perf_counter(), 0, collections.Counter(), collections.Counter()
     wrong_rays, worst, errors = collections.Counter(), [], []
     seeds = range(asked.seed, asked.seed + asked.count)
-    done = 0
+    done = missed = 0
     for number, seed in enumerate(seeds, 1):
         if time.perf_counter() - start > asked.seconds:
             break
@@ -46,8 +46,11 @@ def main() -> int:
             case = draw(seed, count="300", **fixed)  # a thousand boxes along x: each ray costs as much as a bundle
         try:
             findings, compared, how = check(case, {"backend": asked.backend}, asked.sample)
-        except Exception:  # a case that cannot be traced is a finding too
-            errors.append((seed, traceback.format_exc().splitlines()[-1]))
+        except Exception:  # a case that cannot be traced is a finding too, but for bundles that miss the box
+            text = traceback.format_exc().splitlines()[-1]
+            missed += "meets the field" in text
+            if "meets the field" not in text:
+                errors.append((seed, text))
             continue
         rays += compared
         drawn[how] += 1
@@ -61,8 +64,16 @@ def main() -> int:
         if number % 20 == 0:  # one that is cut off has still counted
             found = ", ".join(f"{w} {n}" for w, n in wrong_rays.most_common()) or "none"
             seconds = time.perf_counter() - start
-            print(f"{number} bundles, {rays} rays, wrong: {found}, {seconds:.0f} s", file=sys.stderr, flush=True)
-    print(f"{asked.backend}: {done} bundles, {rays} rays compared, {time.perf_counter() - start:.0f} s")
+            print(
+                f"{sum(drawn.values())} bundles, {rays} rays, wrong: {found}, {seconds:.0f} s",
+                file=sys.stderr,
+                flush=True,
+            )
+    traced = sum(drawn.values())
+    print(
+        f"{asked.backend}: {traced} bundles traced, {missed} refused since no ray meets the field, "
+        f"{len(errors)} not traced, {rays} rays compared, {time.perf_counter() - start:.0f} s"
+    )
     print("traced by: " + ", ".join(f"{how} {n}" for how, n in drawn.most_common()))
     print("rays beyond what is allowed: " + (", ".join(f"{w} {n}" for w, n in wrong_rays.most_common()) or "none"))
     for (how, what, geometry), n in sorted(failed.items(), key=lambda item: -item[1]):
