@@ -36,11 +36,10 @@ def main() -> int:
     start, rays, drawn, failed = time.perf_counter(), 0, collections.Counter(), collections.Counter()
     wrong_rays, worst, errors = collections.Counter(), [], []
     seeds = range(asked.seed, asked.seed + asked.count)
-    done = missed = 0
+    missed = 0
     for number, seed in enumerate(seeds, 1):
         if time.perf_counter() - start > asked.seconds:
             break
-        done = number
         case = draw(seed, **fixed)
         if case.kind["bundle"] == "spanwise" and "count" not in fixed:
             case = draw(seed, count="300", **fixed)  # a thousand boxes along x: each ray costs as much as a bundle
