@@ -149,7 +149,8 @@ __kernel void trace_kernel(TRACE_KERNEL_ARGUMENTS)
                 used += off;
                 if (late > R(0.0)) {
                     const real steep = greater(size3(force), size3(FORCE(s3)));
-                    doubt += late * (greater(fabs(pot), fabs(s3.x)) + steep * (obliquity + turn_now) * lever_arm);
+                    const real gained = greater(fabs(pot), fabs(s3.x)) + steep * (obliquity + turn_now) * lever_arm;
+                    doubt += late * (STOP == NONE ? ambient * ambient : gained);  // the face may be the stop
                 }
                 astray += strays;
                 greatest_deflection = turn_now;

@@ -232,8 +232,10 @@ def build_kernel(
                     used += off
                     if late > real(0.0):
                         steep = wp.max(wp.length(force), wp.length(vec3(s3[1], s3[2], s3[3])))
-                        aslant = steep * (obliquity + turn_now) * lever_arm
-                        doubt += late * (wp.max(wp.abs(pot), wp.abs(s3[0])) + aslant)
+                        gained = wp.max(wp.abs(pot), wp.abs(s3[0])) + steep * (obliquity + turn_now) * lever_arm
+                        if wp.static(stop == "none"):
+                            gained = ambient * ambient  # the face may be the stop
+                        doubt += late * gained
                     astray += judged[3]
                     greatest_deflection = turn_now
                     added = step_sums(ambient, d, momentum, h, pot, force, s2, s3, s4)
