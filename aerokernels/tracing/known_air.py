@@ -25,11 +25,11 @@ import numpy as np
 from ..medium import IndexField
 from ..medium.grid import UniformGrid
 from ..rays import RayBundle
-from .choice import greatest_turn
 from .engines.info import thread_count
 from .levers import levers_of, obliquity
 from .lines import FACES, SIDE, box_size, box_span
 from .mesh_rim import mesh_crossings, mesh_rim
+from .prediction import greatest_turn
 from .stop import ArcLength, Plane
 from .tails import contrast_tail, drift_beyond, extent, path_beyond, slope_tail
 

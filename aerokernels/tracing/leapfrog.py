@@ -14,11 +14,11 @@ import numpy as np
 from ..medium import IndexField
 from ..medium.grid import UniformGrid
 from ..rays import RayBundle
-from .choice import predict_evaluations
 from .held import greatest_path, held_error
 from .launch import launch
 from .levers import Levers, levers_of
 from .plan import TracePlan
+from .prediction import predict_evaluations
 from .status import reached
 from .stop import ArcLength
 from .support import support_box

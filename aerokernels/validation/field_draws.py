@@ -1,8 +1,8 @@
 """Random fields that are formulas, sampled on grids: what the coverage of an error budget is counted on.
 
-Planar fields on 24 to 64 nodes a side and volumes on 24 to 40: "smooth" (random plane waves, 6 to 20 cells long), "shocked" (tanh
-layers, curved and aslant, 0.2 to 6 cells thick, over a smooth background) or "noisy" (smooth plus white noise of the
-samples, which the formula does not have). Rays from z = 0 within 0.1 rad of the axis.
+Planar fields on 24 to 64 nodes a side and volumes on 24 to 40: "smooth" (random plane waves, 6 to 20 cells long),
+"shocked" (tanh layers, curved and aslant, 0.2 to 6 cells thick, over a smooth background) or "noisy" (smooth plus white
+noise of the samples, which the formula does not have). Rays from z = 0 within 0.1 rad of the axis.
 """
 
 from collections.abc import Callable
