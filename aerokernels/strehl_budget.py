@@ -1,7 +1,6 @@
 """The error budget of a Strehl ratio over a pupil: OPD errors of some of its rays, as errors of the ratio.
 
-What a phase error changes of the ratio at most is told in strehl_errors.py. So many standard errors stand for the
-sampling.
+strehl_errors.py bounds the change of the ratio by a phase error. The sampling error is STANDARD_ERRORS standard errors.
 """
 
 from dataclasses import dataclass

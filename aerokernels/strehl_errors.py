@@ -20,7 +20,7 @@ and that of all causes but the sampling is their root sum of squares. From it, a
     Marechal's      the greatest change of exp(-(k s)^2) over s within its error
     boresight       the slope of the plane that fits the OPD best is <x OPD> / <x^2>; by Cauchy and Schwarz an OPD error
                     of rms e / k changes it by at most (e / k) / sqrt(<x^2>), or 2 e / (k a) on a disc of radius a.
-                    Traced as a fan, field, pupil and rays are symmetric about the axis: there is no tilt, and no error
+                    Radial quadrature is symmetric about the axis: there is no tilt, and no error
 """
 
 import math
@@ -103,7 +103,7 @@ def estimate_quantities(
         moments: Sums of the replicates, shape (replicate_count, at least 10), see pupil_sums.py.
         wavelength: Wavelength [m].
         remove: Terms taken off the wavefront.
-        symmetric: Whether the rays are a fan, which stands for a wavefront without tilt.
+        symmetric: Whether the rays are those of radial quadrature, which stands for a wavefront without tilt.
 
     Returns:
         "value", "marechal", "opd_rms" [m], "boresight_x" and "boresight_y" [rad].

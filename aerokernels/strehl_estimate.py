@@ -1,4 +1,4 @@
-"""The Strehl ratio of a pupil, estimated over millions of rays: planned, made ready on a device, traced, summed."""
+"""The Strehl ratio of a pupil, estimated over millions of rays that are traced and summed on the device."""
 
 import math
 import sys
@@ -20,7 +20,7 @@ from .tracing.plan import TracePlan
 from .tracing.pupil_job import REPLICATES, make_job
 from .tracing.pupil_sums import fit_moments
 from .tracing.radial_quadrature import SETTLED
-from .tracing.retrace import told_of_rejected
+from .tracing.retrace import report_rejected
 from .wavefront import check_terms
 
 # The share of the tolerance below which an optical path difference is none.
@@ -48,14 +48,15 @@ def estimate_strehl(
 ) -> StrehlEstimate:
     """Strehl ratio of a plane wave seen through a field by a pupil.
 
-    Rays leave the pupil along its normal (or `direction`): by the reversibility of light that is the wavefront a
-    distant point on that line sends in. They stop on a plane across the line, beyond the field's box.
+    Rays leave the pupil along its normal (or `direction`) and stop on a plane across that line, beyond the field's box.
+    Light is reversible: the wavefront is that of light from a distant point on the line.
 
     Args:
         field: The refractive index.
         pupil: The pupil; it looks along its normal.
         wavelength: Vacuum wavelength [m]; None takes the field's own, or 905 nm where it has none.
-        ray_count: Rays over the disc, in 16 replicates. A fan traces fewer, for at least the same accuracy.
+        ray_count: Rays over the disc, in 16 replicates. Radial quadrature (see symmetry) traces fewer, for at least the
+            same accuracy.
         tolerance: OPD error asked for [waves].
         remove: Terms taken out of the wavefront: "piston", "tilt".
         backend: See `trace`; likewise device, precision, method, step and max_steps.
@@ -66,11 +67,10 @@ def estimate_strehl(
         max_steps: Steps after which a ray is given up.
         direction: Look direction, if not along the pupil's normal.
         seed: Seed of the scrambling.
-        symmetry: "auto" traces a fan of rays instead of the disc where field, pupil and rays are symmetric about the z
-            axis; "off" or False never does; True refuses a set-up that is not symmetric.
+        symmetry: "auto" takes radial quadrature in place of the disc where field, pupil and rays are symmetric about
+            the z axis; "off" or False never does; True refuses a set-up that is not symmetric.
         allow_truncation: Whether more than a thousandth of the pupil may look through disturbed air that ends at the
-            field's box, or pass beside it there; a warning is issued then, and error["truncation"] says what it may
-            cost.
+            field's box, or pass beside it there. A warning is issued then, and error["truncation"] bounds the loss.
 
     Raises:
         TypeError: `field` or `pupil` of the wrong kind.
@@ -100,15 +100,15 @@ def estimate_strehl(
 
 
 def prepare_strehl(field: IndexField, pupil: Disc, **options) -> "PreparedStrehl":
-    """A pupil planned, uploaded and compiled for, to be held by a caller who estimates its Strehl ratio repeatedly.
+    """Plan, upload and compile a pupil's Strehl ratio once, for a caller who estimates it repeatedly.
 
     Args:
         field: The refractive index.
         pupil: The pupil; it looks along its normal.
-        options: Those of `estimate_strehl` but the seed.
+        options: Those of `estimate_strehl`, without the seed.
 
     Raises:
-        TypeError: As for `estimate_strehl`; an option that it does not have.
+        TypeError: As for `estimate_strehl`, or an unknown option.
         ValueError: As for `estimate_strehl`.
     """
     with clocked() as seconds:
@@ -123,7 +123,7 @@ def prepare_strehl(field: IndexField, pupil: Disc, **options) -> "PreparedStrehl
 def plan_strehl(field: IndexField, pupil: Disc, **options) -> tuple[TracePlan, int]:
     """The plan that `estimate_strehl` would follow with these options, and how many rays it would start with.
 
-    Rays of a pilot bundle are traced for it, some hundred, but nothing else.
+    Only a pilot bundle of some hundred rays is traced.
 
     Raises:
         ValueError: As for `estimate_strehl`.
@@ -134,7 +134,7 @@ def plan_strehl(field: IndexField, pupil: Disc, **options) -> tuple[TracePlan, i
 
 
 class PreparedStrehl:
-    """What `prepare_strehl` returns: called with a seed, it gives a StrehlEstimate.
+    """What `prepare_strehl` returns: a call with a seed gives a StrehlEstimate.
 
     The field is on the device and the kernels are built; a call launches, sums and returns. One thread at a time may
     call it.
@@ -218,7 +218,7 @@ class PreparedStrehl:
             more = f"standard error of that fan above {SETTLED:g}, as at an edge: {finer}"
             plan = replace(plan, reasons=(*plan.reasons, more))
             evaluations += sums.evaluation_count
-        plan = told_of_rejected(plan, sums.rejected_count, sums.ray_count, sums.greatest_error, wavelength)
+        plan = report_rejected(plan, sums.rejected_count, sums.ray_count, sums.greatest_error, wavelength)
         estimate = _combine(sums.moments, sums.phasors, wavelength, self.remove)
         if _met_nothing(self.field, sums.moments, wavelength, self.tolerance):
             _warn(

@@ -14,11 +14,12 @@ os.environ["PYTHONPATH"] = os.pathsep.join(filter(None, [str(ROOT), os.environ.g
 
 # Files that take longest, first: with two processes none of them is left to one alone at the end (see scripts/test).
 LONGEST = (
+    "tests/tracing/test_budget_coverage.py",
+    "tests/tracing/test_scene_budgets.py",
     "tests/tracing/test_support.py",
     "tests/tracing/test_cross_backend.py",
     "tests/tracing/test_leapfrog.py",
     "tests/tracing/test_bundles_against_reference.py",
-    "tests/tracing/test_budget_coverage.py",
     "tests/tracing/test_exact_rays.py",
     "tests/tracing/test_random_fields_backends.py",
     "tests/tracing/test_backends_agree.py",

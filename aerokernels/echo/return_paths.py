@@ -22,7 +22,6 @@ from ..scene import Scene
 from ..tracing import Plane
 from .pupil_reduction import PupilSums, receiver_pupil, reduce_pupils, upper_half
 
-RETURN_FACTORS = ("strehl", "bucket", "none")
 EVERY = "every"
 
 

@@ -28,18 +28,16 @@ Table = tuple[str, tuple[str, ...], list[tuple[str, ...]]]
 
 def peak_table(found: BenchComparison) -> Table:
     """Table 3 of the paper: peak voltages."""
-    rows: list[tuple[str, ...]] = []
-    for one in found.labels:
-        wave = one.waveform
-        rows.append(
-            (
-                label_text(one.label),
-                str(one.recorded.count),
-                str(Quantity(wave.recorded_peak, one.peak_standard_error)),
-                str(Quantity(one.recorded.peak_mean, one.recorded.peak_spread)),
-                str(Quantity(wave.simulated_peak, one.run.error_of("echo_peak_v"))),
-            )
+    rows: list[tuple[str, ...]] = [
+        (
+            label_text(one.label),
+            str(one.recorded.count),
+            str(Quantity(one.waveform.recorded_peak, one.peak_standard_error)),
+            str(Quantity(one.recorded.peak_mean, one.recorded.peak_spread)),
+            str(Quantity(one.waveform.simulated_peak, one.run.error_of("echo_peak_v"))),
         )
+        for one in found.labels
+    ]
     columns = (
         "label",
         "echoes",
@@ -68,8 +66,8 @@ def error_table(found: BenchComparison) -> Table:
                 Quantity(100.0 * wave.peak_error, 100.0 * share * ratio, "%").text(signed=True),
                 Quantity(100.0 * wave.peak_error_of_recorded, 100.0 * share / ratio, "%").text(signed=True),
                 f"{wave.edge_level:.3f} V",
-                _told(1e12 * wave.edge_shift, "+.1f"),
-                _told(1e3 * wave.range_difference, "+.2f"),
+                _number(1e12 * wave.edge_shift, "+.1f"),
+                _number(1e3 * wave.range_difference, "+.2f"),
             )
         )
     columns = ("label", "of the simulated peak", "of the recorded peak", "edge at", "edge shift [ps]", "as range [mm]")
@@ -78,20 +76,18 @@ def error_table(found: BenchComparison) -> Table:
 
 def correlation_table(found: BenchComparison) -> Table:
     """Table 6: correlation coefficients, with the degrees of Table 5."""
-    rows: list[tuple[str, ...]] = []
-    for one in found.labels:
-        wave = one.waveform
-        rows.append(
-            (
-                label_text(one.label),
-                f"{wave.correlation:.4f}",
-                wave.degree + _caveat(one),
-                f"{wave.best_correlation:.4f}",
-                f"{1e12 * wave.lag:+.1f}",
-                _told(one.echo_correlation, ".4f"),
-                f"{_told(1e9 * wave.recorded_width, '.3f')} / {_told(1e9 * wave.simulated_width, '.3f')}",
-            )
+    rows: list[tuple[str, ...]] = [
+        (
+            label_text(one.label),
+            f"{wave.correlation:.4f}",
+            wave.degree + _caveat(one),
+            f"{wave.best_correlation:.4f}",
+            f"{1e12 * wave.lag:+.1f}",
+            _number(one.echo_correlation, ".4f"),
+            f"{_number(1e9 * wave.recorded_width, '.3f')} / {_number(1e9 * wave.simulated_width, '.3f')}",
         )
+        for one, wave in ((one, one.waveform) for one in found.labels)
+    ]
     columns = (
         "label",
         "r at zero lag",
@@ -106,21 +102,20 @@ def correlation_table(found: BenchComparison) -> Table:
 
 def range_table(found: BenchComparison) -> Table:
     """Systematic and random range errors, by label and method."""
-    rows: list[tuple[str, ...]] = []
-    for one in found.labels:
-        for method, errors in one.ranges.items():
-            rows.append(
-                (
-                    label_text(one.label),
-                    method,
-                    # What the run's range is off by is in its reading too, and goes out (range_errors.py).
-                    _millimetres(errors.systematic_error_m, errors.systematic_standard_error_m)
-                    + (_caveat(one) if method in EDGE_METHODS else ""),
-                    Quantity(1e3 * errors.random_error_m, 1e3 * errors.random_standard_error_m).text(),
-                    _millimetres(errors.simulated_error_m, one.run.error_of("ranges_m", method)),
-                    f"{errors.ranged_count} of {errors.ranged_count + errors.missed_count}",
-                )
-            )
+    rows: list[tuple[str, ...]] = [
+        (
+            label_text(one.label),
+            method,
+            # The error of the run's range is in its reading too, and cancels (range_errors.py).
+            _millimetres(errors.systematic_error_m, errors.systematic_standard_error_m)
+            + (_caveat(one) if method in EDGE_METHODS else ""),
+            Quantity(1e3 * errors.random_error_m, 1e3 * errors.random_standard_error_m).text(),
+            _millimetres(errors.simulated_error_m, one.run.error_of("ranges_m", method)),
+            f"{errors.ranged_count} of {errors.ranged_count + errors.missed_count}",
+        )
+        for one in found.labels
+        for method, errors in one.ranges.items()
+    ]
     columns = ("label", "method", "systematic error [mm]", "random error [mm]", "simulated error [mm]", "echoes ranged")
     return "Range errors", columns, rows
 
@@ -130,7 +125,7 @@ def _caveat(one: LabelComparison) -> str:
     return ", but another pulse" if one.waveform.same_pulse is False else ""
 
 
-def _told(value: float, digits: str) -> str:
+def _number(value: float, digits: str) -> str:
     """A number; "none" where there is none."""
     return f"{value:{digits}}" if math.isfinite(value) else "none"
 

@@ -114,7 +114,7 @@ def match_runs(labels: Sequence[Label], runs: Sequence[RunFolder]) -> dict[Label
     if not matched:
         raise ValueError(
             f"no run fits a label: the recording has {', '.join(map(label_text, labels))}; the runs are "
-            f"{', '.join(_told(run) for run in runs)}; give KEY=VALUE=DIR to say which is for which"
+            f"{', '.join(_described(run) for run in runs)}; give KEY=VALUE=DIR to say which is for which"
         )
     return matched
 
@@ -131,7 +131,7 @@ def _same(text: str, value: Any) -> bool:
         return text == str(value)
 
 
-def _told(run: RunFolder) -> str:
+def _described(run: RunFolder) -> str:
     if run.label:
         return f"{run.path} ({label_text(run.label)})"
     return f"{run.path} (mach={run.summary['mach']:g})" if "mach" in run.summary else str(run.path)

@@ -33,7 +33,7 @@ def node_counts(field, low: np.ndarray, high: np.ndarray, step: np.ndarray) -> n
     if coarse.any():
         most = extent[coarse].min() / LEAST_CELLS
         raise ValueError(
-            f"spacing {_told(step)} m leaves fewer than {LEAST_CELLS} cells along a side of the region of {size}, on "
+            f"spacing {_text(step)} m leaves fewer than {LEAST_CELLS} cells along a side of the region of {size}, on "
             f"which nothing of the flow is left: give at most {most:.3g} m, better a hundredth of the region, in metres"
         )
     with np.errstate(over="ignore"):
@@ -42,7 +42,7 @@ def node_counts(field, low: np.ndarray, high: np.ndarray, step: np.ndarray) -> n
     if nodes > limit:
         least = float((extent.prod() / limit) ** (1.0 / len(extent)))
         raise ValueError(
-            f"spacing {_told(step)} m needs {nodes:.3g} nodes in the region of {size}, more than the {limit:.2g} "
+            f"spacing {_text(step)} m needs {nodes:.3g} nodes in the region of {size}, more than the {limit:.2g} "
             f"that the memory takes: give a greater spacing or a smaller region; this region takes {least:.2g} m"
         )
     return np.maximum(cells, 1.0).astype(int) + 1
@@ -56,6 +56,6 @@ def _memory() -> float:
         return float("inf")
 
 
-def _told(step: np.ndarray) -> str:
+def _text(step: np.ndarray) -> str:
     steps = [f"{value:g}" for value in step]
     return steps[0] if len(set(steps)) == 1 else " by ".join(steps)

@@ -20,7 +20,7 @@ import numpy as np
 from aerokernels.medium import IndexField
 
 from .line_of_sight import LineOfSight, check_exposure, line_of_sight
-from .picture import picture_dataset
+from .picture import traced_dataset
 
 if TYPE_CHECKING:
     import xarray
@@ -62,11 +62,10 @@ class Interferogram:
 
     def to_xarray(self) -> "xarray.Dataset":
         """The picture as a dataset with units."""
-        return picture_dataset(
+        return traced_dataset(
             self,
             {
                 "opd": ("pixel", self.opd, "m", "optical path difference against the ambient medium"),
-                "blocked": ("pixel", self.blocked.astype(np.int8), "1", "1 where the body hides the light"),
             },
             {
                 "kind": "interferogram",
@@ -75,9 +74,6 @@ class Interferogram:
                 "fringe_angle_rad": self.fringe_angle,
                 "phase_waves": self.phase,
                 "visibility": self.visibility,
-                "exposure": self.exposure,
-                "right": self.right,
-                "up": self.up,
             },
         )
 

@@ -21,7 +21,7 @@ import numpy as np
 from aerokernels.medium import IndexField
 
 from .line_of_sight import LineOfSight, check_exposure, line_of_sight
-from .picture import picture_dataset
+from .picture import traced_dataset
 
 if TYPE_CHECKING:
     import xarray
@@ -64,21 +64,17 @@ class SchlierenImage:
 
     def to_xarray(self) -> "xarray.Dataset":
         """The picture as a dataset with units."""
-        return picture_dataset(
+        return traced_dataset(
             self,
             {
                 "deflection": ("pixel direction", self.deflection, "rad", "deflection of the light"),
                 "opd": ("pixel", self.opd, "m", "optical path difference against the ambient medium"),
-                "blocked": ("pixel", self.blocked.astype(np.int8), "1", "1 where the body hides the light"),
             },
             {
                 "kind": "schlieren",
                 "knife_edge": self.knife_edge,
                 "cut_off": self.cut_off,
                 "sensitivity_per_rad": self.sensitivity,
-                "exposure": self.exposure,
-                "right": self.right,
-                "up": self.up,
             },
         )
 

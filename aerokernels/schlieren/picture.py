@@ -1,7 +1,7 @@
 """A picture with its scale: what every bench gives, and a photograph of one."""
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
@@ -86,3 +86,12 @@ def picture_dataset(
     if any(kind == "pixel direction" for kind, *_ in extra.values()):
         coordinates["direction"] = ("direction", np.array(["right", "up"]), {"units": "1", "long_name": "component"})
     return xarray.Dataset(variables, coordinates, attributes)
+
+
+def traced_dataset(
+    picture: Any, extra: dict[str, tuple[str, np.ndarray, str, str]], attributes: dict[str, object]
+) -> "xarray.Dataset":
+    """As `picture_dataset`, of a picture that was traced: with what the body hides, the exposure and the axes."""
+    blocked = ("pixel", picture.blocked.astype(np.int8), "1", "1 where the body hides the light")
+    own = {"exposure": picture.exposure, "right": picture.right, "up": picture.up}
+    return picture_dataset(picture, {**extra, "blocked": blocked}, {**attributes, **own})

@@ -24,7 +24,7 @@ import numpy as np
 from aerokernels.medium import IndexField
 
 from .line_of_sight import LineOfSight, check_exposure, line_of_sight
-from .picture import picture_dataset
+from .picture import traced_dataset
 from .window import Window, ray_lines
 
 if TYPE_CHECKING:
@@ -64,19 +64,15 @@ class Shadowgraph:
 
     def to_xarray(self) -> "xarray.Dataset":
         """The picture as a dataset with units."""
-        return picture_dataset(
+        return traced_dataset(
             self,
             {
                 "irradiance": ("pixel", self.irradiance, "1", "light on the screen over undisturbed light"),
-                "blocked": ("pixel", self.blocked.astype(np.int8), "1", "1 where the body hides the light"),
             },
             {
                 "kind": "shadowgraph",
                 "distance_m": self.distance,
                 "source_angle_rad": self.source_angle,
-                "exposure": self.exposure,
-                "right": self.right,
-                "up": self.up,
             },
         )
 

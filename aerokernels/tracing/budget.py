@@ -1,21 +1,21 @@
 r"""The error budget of a trace's optical path difference, by cause, measured on a subset of its rays.
 
     precision       the run's own steps in the run's precision against the same steps in float64
-    step            those against float64 steps held to a far smaller tolerance (of the full ray, if it was straight)
+    step            float64 steps against float64 steps with a far smaller tolerance (of the bent ray, also if the run
+                    was along straight lines)
     interpolation   through every second and every fourth node of the field, extrapolated (medium/levels.py)
     resampling      through the field that was resampled, to the same stop
     sampling        0: a trace is no mean over rays (an estimate over a pupil fills it in)
     truncation      what rays may have lost where the known air ends (known_air.py)
     total           root sum of squares
 
-Every cause of a trace but the last is the greatest over the rays of the subset; all of them are taken times SAFETY, for
-the rays outside it and for what an estimate does not see. Rays are traced to the run's own stop: a direction that is a
-little off counts as it does there. Where a cause cannot be measured (no ray arrived; the field that was resampled is
-not kept) it is nan, and so is the total. A field that was resampled has as its "interpolation" that of the field it
-came from.
+Each cause but the last is the greatest over the rays of the subset. All are multiplied by SAFETY, for the rays outside
+the subset and for what an estimate cannot see. Rays are traced to the run's own stop, so that an error of direction
+counts as it does there. A cause that cannot be measured (no ray arrived, or the field before resampling was not kept)
+is nan, and so is the total. For a resampled field "interpolation" is that of the field it was made from.
 
-The steps of the reference backend are better than those that would stand for the truth: what it says of them itself,
-the sum of what its embedded formulae see, is their error where it chooses them.
+The steps of the reference backend are better than those that would have to serve as the truth. Where it chooses them,
+their error is its own estimate: the sum of its embedded formulae.
 """
 
 from collections.abc import Callable
@@ -34,13 +34,13 @@ from .status import reached
 from .stop import Plane
 
 SAFETY = 3.0
-# The tolerance that stands for the truth, as a share of the one asked for, and the greatest one that is taken for asked
-# for [waves]. Where the gradient jumps at every cell a far smaller one is out of reach.
+# The tolerance of the trace that serves as the truth, as a share of the one asked for; a tolerance above
+# TIGHTEST_ASKED [waves] counts as that. Where the gradient jumps at every cell, a far smaller one cannot be reached.
 TIGHTER = {"linear": 1.0 / 8.0, "bilinear": 1.0 / 8.0}
 TIGHTER_ELSEWHERE = 1.0 / 64.0
 TIGHTEST_ASKED = 1e-3
 CAUSES = ("step", "interpolation", "resampling", "precision", "sampling", "truncation")
-# Rays out through the curved side of a field's box that are each traced to a plane of their own.
+# Rays that leave through the curved side of a field's box and are each traced to a plane of their own.
 SIDE_RAYS = 16
 # (field, rays, plan, until, wavelength) -> OPD [m], status and the trace's own estimate of its error [m], each of shape
 # (ray_count,)
@@ -82,7 +82,7 @@ def opd_errors(field: IndexField, rays: RayBundle, plan: TracePlan, retrace: Ret
 
 
 def _tight(field: IndexField, plan: TracePlan) -> TracePlan:
-    """The plan of a trace that stands for the truth in this field."""
+    """The plan of the trace that serves as the truth in this field."""
     return replace(
         plan,
         method="adaptive",
@@ -97,7 +97,7 @@ def _tight(field: IndexField, plan: TracePlan) -> TracePlan:
 
 
 def _interpolation(field: IndexField, rays: RayBundle, plan: TracePlan, retrace: Retrace, truth) -> np.ndarray:
-    """What the field's own samples leave, from its coarser versions; `truth` is its own trace."""
+    """The interpolation error of the field, from its coarser versions; `truth` is the trace through the field."""
     levels = field.refinement
     if levels is None:
         return np.zeros(0)

@@ -6,7 +6,7 @@ them. So rays are compared on straight lines by how sharp the samples are that t
     roughness = sum over places on the line, and over the axes, of |d4 m| (cubic) or |d2 m| (other interpolants)
 
 with d2 and d4 the second and fourth difference of the samples about the node nearest to the place: what the coarser
-versions of the field get wrong there, to lowest order. Of a field on a mesh that of its samples is not looked at.
+versions of the field get wrong there, to lowest order. For a field on a mesh the subset is evenly spread.
 """
 
 import numpy as np

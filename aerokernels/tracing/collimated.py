@@ -1,7 +1,7 @@
 """When a bundle is collimated along z in a volume, and what its kernel needs then: see projection_tables.py.
 
-The tables serve every ray that runs along z from one plane to another. Rays that would come near a side of the box are
-traced as ever, and the results put together.
+The tables serve every ray that runs along z from one plane to another. Rays that come near a side of the box are
+traced as usual, and the results are merged.
 """
 
 import weakref
@@ -52,7 +52,7 @@ class Projection:
 
 
 def is_collimated(field: IndexField, rays: RayBundle, until) -> bool:
-    """Whether tables could serve: all rays along z, in a cubic volume without a body, out or to a plane across z."""
+    """Whether the tables apply: all rays along z, in a cubic volume without a body, out of the box or to a plane."""
     if not (isinstance(field.samples, UniformGrid) and field.geometry == "volume" and field.body is None):
         return False
     if field.interpolation != "cubic" or not (until is None or isinstance(until, Plane)) or not rays.ray_count:
@@ -70,7 +70,7 @@ def is_worth_it(field: IndexField, rays: RayBundle) -> bool:
 def find_projection(field: IndexField, rays: RayBundle, until) -> Projection | None:
     """The tables for a bundle that `is_collimated`; None where rays begin in different planes, or bend too much.
 
-    The last answer is kept with the field: a plan asks before the trace does.
+    The last result is kept with the field, because the plan needs it before the trace does.
     """
     key = ("columns of the last bundle", weakref.ref(rays), until)
     found: Projection | None = field.derive(key, lambda: _find_projection(field, rays, until), 1)
@@ -101,10 +101,10 @@ def _find_projection(field: IndexField, rays: RayBundle, until) -> Projection | 
 
 
 def projection_holds(field: IndexField, columns: Projection, budget: float) -> bool:
-    """Whether the estimated errors leave room in an OPD error of `budget` [m].
+    """Whether the estimated errors of the tables are within an OPD error of `budget` [m].
 
-    That of a direction is one of the path's slope, which a path that is right to the budget leaves open by so much over
-    a cell. What comes between the grid's columns is looked at where it is not negligible at once.
+    A direction is the slope of the path. It may be off by the budget over a cell, which a path right to the budget does
+    not exclude. The error between the grid's columns is computed where its bound is not negligible.
     """
     tables = columns.tables
     beyond = float(np.abs(tables.extra[..., 0]).max())

@@ -1,8 +1,8 @@
-"""The OPD error that rays are held to: the tolerance asked for, or less where the whole field is worth hardly more.
+"""The OPD error that rays are held to: the tolerance asked for, or less in a field whose own OPD is hardly greater.
 
-A tolerance says how much of an optical path difference may be lost. A field whose greatest one is of that size or below
-would be passed over as a whole, and its rays be "right" with an OPD of 0. So a ray may lose no more than a share of the
-greatest line integral that the field itself has, however weak it is: the answer is then right to that share.
+The tolerance is the greatest OPD error allowed. In a field whose greatest OPD is no larger than the tolerance, an OPD
+of 0 would be within it, and the field would be ignored. The error is therefore also limited to a share of the greatest
+line integral of the field, however weak it is, and the result is right to that share.
 """
 
 import numpy as np

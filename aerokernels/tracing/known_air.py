@@ -1,11 +1,11 @@
-r"""Where the known air ends: what rays may lose there, ray by ray.
+r"""What each ray may lose of its optical path where the known air ends.
 
 Outside its samples a field is ambient. Where the air at a face of the box (or at the rim of a mesh) is still disturbed,
-it does not end there in truth: the optical path of a ray that crosses this face holds the known part only. What may be
-missing is estimated on straight lines from the air just inside the face (tails.py): the optical path through what lies
-beyond, and, where the stop is a plane at a slant with the ray, what the ray would have been turned there, by its lever
-arm (levers.py): all the way to the stop counts. A ray that passes beside the box, no farther away than the box is
-large, may lose as much as one that leaves through the nearest point of it, less what falls off on the way to the ray.
+the real air goes on beyond that face, and the optical path of a ray that crosses it holds the known part only. The loss
+is estimated on straight lines from the air just inside the face (tails.py). It is the optical path through the missing
+air and, where the stop is a plane at an angle to the ray, the deflection by that air times the lever arm up to the stop
+(levers.py). A ray that passes beside the box, no farther away than the box is large, may lose as much as one that
+leaves through the nearest point of the box, less what falls off between that point and the ray.
 
 Lines are straight, but for rays that a field may bend by more than a cell: of those the traced ends count, drawn
 straight back to the box, where they are known.
@@ -25,11 +25,11 @@ import numpy as np
 from ..medium import IndexField
 from ..medium.grid import UniformGrid
 from ..rays import RayBundle
-from .choice import greatest_turn
 from .engines.info import thread_count
 from .levers import levers_of, obliquity
 from .lines import FACES, SIDE, box_size, box_span
 from .mesh_rim import mesh_crossings, mesh_rim
+from .prediction import greatest_turn
 from .stop import ArcLength, Plane
 from .tails import contrast_tail, drift_beyond, extent, path_beyond, slope_tail
 
@@ -46,7 +46,7 @@ BESIDE = -1  # instead of a face: of a ray that passes beside the box, or crosse
 
 @dataclass(frozen=True, eq=False)
 class KnownAir:
-    """The known air about some rays, looked at when it is asked for.
+    """What some rays may lose where the known air ends, computed when it is asked for.
 
     Attributes:
         field: The refractive index.
@@ -68,7 +68,7 @@ class KnownAir:
 
 
 def may_bend(field: IndexField) -> bool:
-    """Whether rays across a field on a uniform grid may be displaced by more than a cell; on a mesh none is looked at.
+    """Whether a field on a uniform grid may displace rays by more than a cell; False for every field on a mesh.
 
     The displacement is at most half the greatest turn times the box's size.
     """
@@ -80,7 +80,7 @@ def may_bend(field: IndexField) -> bool:
 def face_strengths(field: IndexField) -> np.ndarray:
     """Greatest |contrast| in the two outermost layers of samples at each of FACES; 0 where the field has no such face.
 
-    Of a mesh the last entry is that of its rim.
+    For a mesh the last entry is that of its rim.
     """
     if not isinstance(field.samples, UniformGrid):
         return np.append(np.zeros(len(FACES) - 1), mesh_rim(field).strength.max(initial=0.0))
@@ -102,7 +102,7 @@ def _find_face_strengths(field: IndexField) -> np.ndarray:
 def may_be_lost(
     field: IndexField, rays: RayBundle, until, tolerance: float, ends: tuple[np.ndarray, np.ndarray] | None = None
 ) -> tuple[np.ndarray, np.ndarray]:
-    """What each ray may lose [m] where the known air ends, and the face in question; both of shape (ray_count,).
+    """What each ray may lose [m] where the known air ends, and the face where most of it is lost, both (ray_count,).
 
     Args:
         field: The refractive index.
@@ -136,9 +136,9 @@ def may_be_lost(
 
 
 def _leverage(field: IndexField, rays: RayBundle, until) -> float:
-    """How many times what rays lose of their optical path they may lose by being turned: the lever arm over a cell.
+    """The loss by missing deflections over the loss of optical path: at most the lever arm over a cell.
 
-    It only decides whether air is disturbed enough to be looked at, so that some of the rays stand for all.
+    It only decides whether the air is disturbed enough to matter, so that some of the rays are enough.
     """
     some = rays[:: -(-rays.ray_count // CHUNK)] if isinstance(until, Plane) and rays.ray_count else None
     levers = None if some is None else levers_of(field, some, until)
@@ -146,7 +146,7 @@ def _leverage(field: IndexField, rays: RayBundle, until) -> float:
 
 
 def _lost_by(field, position, direction, until, ends, weakest: float) -> tuple[np.ndarray, np.ndarray]:
-    """Of some rays: what each may lose [m], and at which face most of it."""
+    """What each of some rays may lose [m], and the face where most of it is lost."""
     span = box_span(field, position, direction)
     stop = stop_distance(position, direction, until)
     lost, face = np.zeros(len(position)), np.full(len(position), BESIDE)
@@ -208,7 +208,7 @@ def _exits(field, position, direction, span, stop, until, ends):
 
 
 def _beside(field: IndexField, position, direction, stop, until) -> np.ndarray:
-    """What rays may lose that do not meet the box [m]: at the point of the box that they pass nearest."""
+    """What rays beside the box may lose [m], estimated at the point of the box that they pass nearest."""
     if len(position) == 0:
         return np.zeros(0)
     size = box_size(field)

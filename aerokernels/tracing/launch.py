@@ -1,4 +1,4 @@
-"""A bundle on the engine of its plan: uploaded in chunks that its memory holds, launched, and fetched."""
+"""Launches a bundle on the engine of its plan: in chunks that fit the device's memory, uploaded, traced and fetched."""
 
 import numpy as np
 
@@ -19,9 +19,9 @@ MEMORY_SHARE = 0.25
 def launch(
     field: IndexField, rays: RayBundle, plan: TracePlan, until, wavelength: float, outputs: frozenset
 ) -> dict[str, np.ndarray]:
-    """Trace a bundle as its plan says, each ray once: per-ray arrays by name.
+    """Trace each ray of a bundle once as its plan says; returns per-ray arrays by name.
 
-    Where some rays are above the tolerance, "step_error" comes along.
+    Where some rays are above the tolerance, "step_error" is among the arrays.
     """
     if plan.backend == "reference":
         from .engines.reference.engine import trace
@@ -33,11 +33,11 @@ def launch(
 
 
 def in_chunks(prepared: Prepared, starts: tuple[np.ndarray, ...], outputs: frozenset) -> dict[str, np.ndarray]:
-    """Launch a kernel over rays, chunk by chunk: per-ray arrays by name.
+    """Launch a kernel over rays, chunk by chunk; returns per-ray arrays by name.
 
     Args:
         prepared: The kernel.
-        starts: What it is told of the rays, each of shape (ray_count, 3).
+        starts: What it takes of each ray (position, direction), each of shape (ray_count, 3).
         outputs: Names of the arrays to be fetched; the status always is, and "step_error" where rays are rejected.
     """
     engine, ray_count = prepared.engine, len(starts[0])
@@ -69,6 +69,6 @@ def in_chunks(prepared: Prepared, starts: tuple[np.ndarray, ...], outputs: froze
 
 
 def chunk_size(memory: tuple[float, float], ray_count: int) -> int:
-    """Rays in one chunk, all of whose arrays are on the device together; `memory` as of an Engine."""
+    """Number of rays in a chunk, so that all its arrays fit the device; `memory` is that of an Engine."""
     whole, piece = memory
     return max(LEAST_CHUNK, int(min(ray_count, CHUNK, MEMORY_SHARE * whole / RAY_BYTES, piece / (3 * 8))))

@@ -1,9 +1,9 @@
 """How many leapfrog samples a bundle of nearly straight rays takes, see engines/warp/kernels/leapfrog.py.
 
 A pilot of some of the rays is traced with N, 3 N and 9 N samples. From their differences follow the order of
-convergence and the least N that holds the tolerance; it is traced too, and compared with the finest. The estimate of
-each ray's error, which costs nothing, is scaled by what the pilot's errors are beside it, with room for the rays that
-are not in the pilot. Rays whose estimate is above the tolerance all the same are traced again (retrace.py).
+convergence and the least N that holds the tolerance; the pilot is traced with this N too and compared with the finest.
+Each ray's own error estimate, which costs nothing, is scaled so that it covers the pilot's errors with a margin for the
+other rays. Rays whose estimate is above the tolerance even so are traced again (retrace.py).
 """
 
 import math
@@ -14,11 +14,11 @@ import numpy as np
 from ..medium import IndexField
 from ..medium.grid import UniformGrid
 from ..rays import RayBundle
-from .choice import predict_evaluations
 from .held import greatest_path, held_error
 from .launch import launch
 from .levers import Levers, levers_of
 from .plan import TracePlan
+from .prediction import predict_evaluations
 from .status import reached
 from .stop import ArcLength
 from .support import support_box
@@ -39,9 +39,9 @@ MOST_SAMPLES = 3000
 # The pilot's greatest error is to be so many times below the tolerance, and a ray's estimate so many times the pilot's.
 MARGIN = 4.0
 SAFETY = 3.0
-# The share of a difference from every third sample that is the error: of the rule's own order 4, and of order 2.
+# The error as a share of the difference from the sum over every third sample: for order 4, the rule's own, and order 2.
 LEAST_SHARE, GREATEST_SHARE = 1.0 / 80.0, 1.0 / 8.0
-# The same of int P^2 / p_t dt, for the trajectory: no error is greater than what bending adds to the path.
+# The trajectory error as a share of int P^2 / p_t dt: it is never greater than what bending adds to the path.
 GREATEST_BEND = 0.5
 # Of the pilot's rays, how many may be unfit for it.
 UNFIT = 0.1
@@ -61,7 +61,7 @@ SPREAD_RAYS = 8192
 
 
 def may_be_leapfrog(field: IndexField, ray_count: int, until) -> bool:
-    """Whether so many rays may be sampled evenly: a cubic uniform grid, out of the box or to a plane."""
+    """Whether this many rays may take leapfrog samples: on a cubic uniform grid, out of the box or to a plane."""
     if not (isinstance(field.samples, UniformGrid) and field.interpolation == "cubic"):
         return False
     return ray_count >= LEAST_RAYS and not isinstance(until, ArcLength)
@@ -74,7 +74,7 @@ def pilot_of(rays: RayBundle) -> RayBundle:
 
 
 def spread_of(rays: RayBundle) -> RayBundle:
-    """More of the rays, the outermost in place and direction among them."""
+    """More of the rays, with the outermost in place and direction among them."""
     if rays.ray_count <= SPREAD_RAYS:
         return rays
     rows = np.linspace(0, rays.ray_count - 1, SPREAD_RAYS).round().astype(int)
@@ -87,7 +87,7 @@ def spread_of(rays: RayBundle) -> RayBundle:
 def fit_leapfrog(
     field: IndexField, pilot: RayBundle, plan: TracePlan, until, wavelength: float, spread
 ) -> TracePlan | None:
-    """The plan with the number of leapfrog samples that holds its tolerance; None where none does at less cost.
+    """The plan with the number of leapfrog samples that holds its tolerance; None where error control costs less.
 
     Args:
         field: One that `may_be_leapfrog`.
@@ -95,7 +95,7 @@ def fit_leapfrog(
         plan: Backend, device, precision and tolerance; method "leapfrog".
         until: The stop.
         wavelength: Vacuum wavelength [m].
-        spread: Makes as many of the rays as show where the bundle goes.
+        spread: Makes enough of the rays to show where the bundle goes.
     """
     stop = None if until is None else (until.point.tobytes(), until.normal.tobytes())
     bundle = hash((pilot.position.tobytes(), pilot.direction.tobytes()))
@@ -127,7 +127,7 @@ def fit_leapfrog(
 def _fit(
     field: IndexField, pilot: RayBundle, plan: TracePlan, until, wavelength: float, spread: RayBundle
 ) -> tuple[int, tuple, float, Sampling | None]:
-    """Samples a ray (0: none fit), the shares that make its error estimate, greatest error of the pilot [m].
+    """Samples of each ray (0: no number fits), the scales of its error estimate, and the pilot's greatest error [m].
 
     And how far apart the samples are, where what lies between them counts.
     """
@@ -173,7 +173,7 @@ def _fit(
 
 
 class _Between:
-    """What a bundle may miss between its samples."""
+    """What the rays of a bundle may miss between their samples."""
 
     def __init__(self, field: IndexField, spread: RayBundle, until, held: float, levers: Levers | None):
         self.field, self.held = field, held
@@ -191,12 +191,12 @@ class _Between:
         return Sampling(ROOM * way / count, (x, y, z), lever, is_fine, self.ends)
 
     def least_count(self, count: int, is_worth_it, cost_again) -> int:
-        """The number of samples, from `count` on, by which rays cost least, those that are traced again among them.
+        """The number of samples, at least `count`, with the least cost, rays that are traced again included.
 
         Args:
-            count: The least that is thought of.
-            is_worth_it: Whether a number is, as a function of it.
-            cost_again: A function that predicts what a ray that is traced again costs, in samples.
+            count: The least number.
+            is_worth_it: Whether a number of samples costs less than error control.
+            cost_again: Predicts the cost of a ray that is traced again, in samples.
         """
         best, best_cost = 0, math.inf
         before = 0, math.inf
@@ -215,7 +215,7 @@ class _Between:
         return best
 
     def _between_counts(self, few: tuple[int, float], many: tuple[int, float]) -> int:
-        """The count between one of too few samples and one of enough, by a power law through what both miss."""
+        """The number of samples between one too small and one great enough, by a power law through what both miss."""
         if few[0] and many[1] > 0.0:
             order = math.log(few[1] / many[1]) / math.log(many[0] / few[0])
             count = _in_threes(few[0] * (few[1] / (NEGLIGIBLE * self.held)) ** (1.0 / order))
@@ -224,11 +224,11 @@ class _Between:
         return many[0]
 
     def _greatest(self, count: int) -> float:
-        """What any ray misses between so many samples, at most [m]."""
+        """The most that any ray misses between this many samples [m]."""
         return greatest_error(self.field, self._sampled(count), self.lines) if len(self.lines.way) else 0.0
 
     def sampling(self, count: int) -> Sampling | None:
-        """How the rays are sampled by so many samples; None where nothing lies between them."""
+        """How this many samples lie along the rays; None where nothing lies between them."""
         return None if self._greatest(count) <= NEGLIGIBLE * self.held else self._sampled(count)
 
 
@@ -248,13 +248,13 @@ class _Level:
         self.difference = float(arrays["step_error"][self.good].max()) if self.good.any() else 0.0
 
     def error(self, finer: "_Level") -> float:
-        """Greatest change of the optical path difference from here to a finer one [m]."""
+        """Greatest change of the optical path difference from this level to a finer one [m]."""
         good = self.good & finer.good
         return float(np.abs(self.opd - finer.opd)[good].max()) if good.any() else math.inf
 
 
 def _least_samples(field: IndexField, pilot: RayBundle, tolerance: float, levers: Levers | None) -> int:
-    """Samples that are WIDEST cells apart on the longest way through the field's support."""
+    """The number of samples that are WIDEST cells apart on the longest path through the field's support."""
     grid = field.samples
     low, high = support_box(field, tolerance, levers)
     size = np.zeros(3)
@@ -272,7 +272,7 @@ def _least_samples(field: IndexField, pilot: RayBundle, tolerance: float, levers
 
 
 def _is_worth_it(field: IndexField, pilot: RayBundle, plan: TracePlan, wavelength: float, count: int) -> bool:
-    """Whether so many samples cost less than error control, whose cost is only predicted where it may matter."""
+    """Whether this many samples cost less than error control; that cost is predicted only where it may decide."""
     if count <= CHEAP[plan.backend] or count > MOST_SAMPLES:
         return count <= MOST_SAMPLES
     predicted = predict_evaluations(field, held_error(field, plan.tolerance * wavelength), pilot.direction)

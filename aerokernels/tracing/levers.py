@@ -1,8 +1,8 @@
 """How far rays fly through a field and beyond it, and how much of an error in their direction ends up in their path.
 
-A stop that is met at an angle with its normal turns an error of a ray's direction into one of its optical path: the
-distance from the error to the stop, times the tangent of that angle. Air that is left out of a trace must be judged by
-that lever arm as well, not by its own optical path alone (support.py).
+Where a ray meets its stop at an angle to the normal, an error of its direction becomes one of its optical path: it is
+multiplied by the distance from the error to the stop and the tangent of that angle. This product is the lever arm. Air
+that is left out of a trace must be judged by it as well, not by its own optical path alone (support.py).
 """
 
 from dataclasses import dataclass
@@ -21,10 +21,10 @@ class Levers:
     """The greatest lengths over a bundle of undisturbed rays [m].
 
     Attributes:
-        way: Way through the field's box, up to the stop if that lies in it.
+        way: Path through the field's box, up to the stop if that lies in it.
         reach: Distance from where a ray enters the box to its stop.
-        arm: That distance times the tangent of the angle between the ray and the stop's normal, of rays that do not
-            graze the stop (LEAST_COSINE).
+        lever_arm: That distance times the tangent of the angle between the ray and the stop's normal, of rays that do
+            not graze the stop (LEAST_COSINE).
     """
 
     way: float
@@ -62,10 +62,10 @@ def levers_of(field: IndexField, rays: RayBundle, until) -> Levers | None:
 
 
 def obliquity(direction: np.ndarray, until) -> np.ndarray:
-    """What a drift costs: a ray that meets its stop a vector x aside of itself has a way that is longer by x . slant.
+    """The change of a ray's path length to its stop for a displacement x of the ray: it is x . obliquity.
 
-    It lies across the ray, and is as long as the tangent of the angle between the ray and the stop's normal, at most
-    that of rays that graze the stop (LEAST_COSINE). Its sign is that of rays that run against the normal.
+    The vector lies across the ray. Its length is the tangent of the angle between the ray and the stop's normal, at
+    most that of rays that graze the stop (LEAST_COSINE).
 
     Args:
         direction: Unit vectors, shape (n, 3).

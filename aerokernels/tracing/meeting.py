@@ -1,4 +1,4 @@
-"""Refuses rays none of which meets the field: their answer would be that of empty air."""
+"""Refuses a bundle of which no ray meets the field: its result would be that of empty air."""
 
 import numpy as np
 
@@ -16,10 +16,10 @@ def greatest_contrast(field: IndexField) -> float:
 
 
 def check_meeting(field: IndexField, rays: RayBundle, what: str) -> None:
-    """Refuse rays none of which meets the field's box, ahead of their starts; a field of no contrast has none to meet.
+    """Refuse a bundle of which no ray meets the field's box ahead of its start; a field without contrast is accepted.
 
     Raises:
-        ValueError: No ray does, with where the box and the rays are and what to check.
+        ValueError: No ray meets the box; the message has the places of box and rays and says what to check.
     """
     for first in range(0, rays.ray_count, CHUNK):
         rows = slice(first, first + CHUNK)

@@ -1,4 +1,4 @@
-"""What a trace will do, and why, in words: data only. planning.py makes plans."""
+"""What a trace will do, and the reasons in words. This module holds data only; planning.py makes the plans."""
 
 from dataclasses import dataclass, field
 
@@ -20,23 +20,23 @@ class TracePlan:
     Attributes:
         method: What runs: "straight", "adaptive", "paper" or "fixed", whichever was asked for, or what "auto" took:
             "adaptive", "leapfrog" (as many steps for every ray, bending included) or "projection-tables" (collimated
-            rays looked up in tables). Single rays that the last two do not hold for are traced as by "adaptive".
+            rays looked up in tables). Rays that the last two cannot hold to the tolerance are traced by "adaptive".
         backend: "warp", "opencl" or "reference".
         device: Device of the backend.
         precision: "float32" or "float64".
         max_steps: Steps after which a ray is given up.
         step: Step of "fixed" [m of arc length], else None.
         tolerance: OPD error asked for [waves].
-        reasons: Why, one sentence for each choice.
+        reasons: One sentence for each choice.
         columns: Whether collimated rays are looked up in tables of what each column gathers, see projection_tables.py.
-        sample_count: Samples of a ray whose samples are even, see leapfrog.py; 0 where they are not.
-        quadrature_error_scale: The share of a sum's difference from that over every third sample that is taken for its
-            error.
-        trajectory_error_scale: The share of int P^2 / w dt, P the momentum across the ray, that is taken for its
-            trajectory's error.
-        sampling: How far apart leapfrog samples are, for a ray's share of what lies between them, see unresolved.py;
-            None where all of that is negligible.
-        levers: How far the rays fly and at what angle they meet their stop, see levers.py; None where nobody asked.
+        sample_count: Leapfrog samples of each ray, evenly spaced, see leapfrog.py; 0 for every other method.
+        quadrature_error_scale: Estimated error of a ray's sum, as a share of its difference from the sum over every
+            third sample.
+        trajectory_error_scale: Estimated error by the ray's displacement, as a share of int P^2 / p_t dt; P is the
+            momentum across the ray, p_t that along it.
+        sampling: Distance of the leapfrog samples, by which a ray's error includes what lies between them, see
+            unresolved.py; None where that is negligible.
+        levers: How far the rays fly and at what angle they meet the stop, see levers.py; None where it was not needed.
         predicted_evaluations: Field evaluations of a ray across the box, predicted before any ray is traced.
         predicted_error: OPD error predicted [waves]: what a pilot bundle made, what tables estimate, or the tolerance.
     """
@@ -65,7 +65,7 @@ class TracePlan:
 
     @property
     def compiled_method(self) -> str:
-        """The method that kernels are compiled for: those of leapfrog and of tables are not told apart by it."""
+        """The method that kernels are compiled for: "straight" for those of leapfrog and of projection tables."""
         return "straight" if self.method in (LEAPFROG, PROJECTION_TABLES) else self.method
 
     def __str__(self) -> str:

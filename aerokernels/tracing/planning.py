@@ -11,14 +11,15 @@ import numpy as np
 
 from ..medium import IndexField
 from ..rays import RayBundle
-from .allowance import check_tolerance, diagonal_of, step_allowance
-from .choice import predict_evaluations
+from .allowance import check_tolerance, step_allowance
 from .collimated import find_projection, is_collimated, is_worth_it, projection_holds
 from .engines.choice import choose_backend
 from .held import held_error
 from .leapfrog import fit_leapfrog, may_be_leapfrog
 from .levers import levers_of
+from .lines import box_size
 from .plan import LEAPFROG, METHODS, PRECISIONS, PROJECTION_TABLES, TracePlan
+from .prediction import predict_evaluations
 
 STRAIGHT = "; along the undisturbed line, with the second-order correction of the optical path"
 
@@ -52,7 +53,7 @@ def plan_rays(
 def why_projection(
     field: IndexField, rays: RayBundle, until, method: str, tolerance: float, wavelength: float
 ) -> str | None:
-    """Why these rays may be looked up in tables of columns; None where they may not, or where it does not pay."""
+    """The reason to look these rays up in projection tables; None where that is impossible or slower."""
     if method != "auto" or not (is_collimated(field, rays, until) and is_worth_it(field, rays)):
         return None
     columns = find_projection(field, rays, until)
@@ -60,7 +61,7 @@ def why_projection(
         return None
     waves = columns.tables.greatest_error / wavelength
     others = int(np.count_nonzero(~columns.inside))
-    beside = f"; {others} of {rays.ray_count} rays come near a side of the box: they are traced as by adaptive"
+    beside = f"; {others} of {rays.ray_count} rays come near a side of the box: they are traced by adaptive"
     return (
         f"method {PROJECTION_TABLES}: the rays are collimated along z, so what each gathers is a spline over x and y "
         f"(bending to third order, estimated error {waves:.1g} waves){beside if others else ''}"
@@ -84,7 +85,7 @@ def make_plan(
 ) -> TracePlan:
     """Check the caller's choices and fill in those left to "auto".
 
-    `columns` says why collimated rays may be looked up in tables, None that they may not.
+    `columns` is the reason for which collimated rays are looked up in projection tables; None: they are not.
 
     Raises:
         ValueError: An unknown name or a number that makes no sense, with the remedy.
@@ -99,7 +100,7 @@ def make_plan(
             raise ValueError(f"method 'fixed' needs step, a positive length of arc in metres, got {step!r}")
     elif step is not None:
         raise ValueError(f"step belongs to method 'fixed', not to {method!r}: leave it out or choose 'fixed'")
-    # Names may come from an array as NumPy's strings, which are other keys to the caches of kernels.
+    # Names from an array are NumPy's strings, which the caches of kernels would take for other keys.
     method, precision = str(method), str(precision)
     reasons = []
     by_projection = False
@@ -126,9 +127,9 @@ def make_plan(
     reasons.append("outside the field's box rays fly free in one step")
     if field.body is None:
         reasons.append("no body: no wall test in the kernel")
-    if method == "fixed" and max_steps is None and step < 1e-8 * diagonal_of(field):
+    if method == "fixed" and max_steps is None and step < 1e-8 * box_size(field):
         raise ValueError(
-            f"a step of {step:g} m would take more than 1e8 steps through a box of {diagonal_of(field):.3g} m: give a "
+            f"a step of {step:g} m would take more than 1e8 steps through a box of {box_size(field):.3g} m: give a "
             "longer one, or let method 'adaptive' choose"
         )
     if max_steps is None:
@@ -138,7 +139,7 @@ def make_plan(
     if by_projection:
         predicted = 1.0
     elif predicted is None and method == "fixed":
-        predicted = 3.0 * diagonal_of(field) / step
+        predicted = 3.0 * box_size(field) / step
     return TracePlan(
         method,
         backend,

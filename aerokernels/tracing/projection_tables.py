@@ -1,4 +1,4 @@
-r"""What collimated rays along z gather in a volume, as functions of where they start: two axes instead of three.
+r"""Projection tables: what collimated rays along z gather in a volume, as splines over where they start.
 
 With z as the variable, p the transverse part of the momentum n dr/ds and s = (n^2 - a^2) / 2,
 
@@ -6,7 +6,7 @@ With z as the variable, p the transverse part of the momentum n dr/ds and s = (n
 
 so that in first order, along the straight line, optical path less a L is A = int s / a dz, p = grad A, and the ray's
 shift is grad D with D = int A / a dz. Where s is a cubic spline, A and D are cubic splines of x and y with the same
-knots: their coefficients are integrals of those of s, and are exact. What comes on top is small and smooth. It is
+knots: their coefficients are integrals of those of s, and are exact. The higher orders are small and smooth. They are
 computed on the grid's own columns, with the field expanded about the straight line to second order and the path once
 corrected (so that only terms of fourth order in the contrast are missing), and splined from there.
 
@@ -71,7 +71,7 @@ class ProjectionTables(Derived):
 
 @dataclass(frozen=True)
 class BetweenErrors:
-    """What the splines miss in the middles of cells and of their edges.
+    """Errors of the splines in the middles of cells and of their edges.
 
     Attributes:
         path: Greatest error of the optical path [m], estimated as on the columns, and of its spline there.

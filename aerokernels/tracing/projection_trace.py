@@ -1,4 +1,4 @@
-"""Collimated rays along z, traced by tables of what each column of the grid gathers; the others as ever."""
+"""Collimated rays along z, looked up in projection tables; all other rays are traced as usual."""
 
 from dataclasses import replace
 
@@ -15,7 +15,7 @@ from .plan import TracePlan
 def trace(field: IndexField, rays: RayBundle, plan: TracePlan, until, wavelength: float, outputs: frozenset, run):
     """Trace with the tables: per-ray arrays by name.
 
-    `run` traces the rays that they do not hold for: (field, rays, plan, until, wavelength, outputs).
+    `run` traces the rays that the tables do not cover: (field, rays, plan, until, wavelength, outputs).
     """
     columns = find_projection(field, rays, until)
     rest = replace(plan, method="adaptive", columns=False, sample_count=0)

@@ -1,4 +1,4 @@
-"""How much of a pupil looks through the ends of the known air: from a sample of its rays, before any is traced."""
+"""The share of a pupil that looks through the ends of the known air, from a sample of its undisturbed rays."""
 
 from dataclasses import dataclass
 
@@ -31,19 +31,19 @@ class PupilAir:
 
     @property
     def is_truncated(self) -> bool:
-        """Whether it is more than may be unasked."""
+        """Whether the share is greater than is accepted without allow_truncation."""
         return self.share > GREATEST_SHARE
 
     @property
     def described(self) -> str:
-        """What is wrong, in words."""
+        """The truncation in words."""
         return f"{100.0 * self.share:.3g} % of the pupil looks through disturbed air that ends {self.place}"
 
     def check(self, allowed: bool) -> None:
         """Refuse a pupil that is truncated unless that is allowed.
 
         Raises:
-            ValueError: It is not, with the share, the face and the remedies.
+            ValueError: It is truncated and not allowed; the message has the share, the face and the remedies.
         """
         if self.is_truncated and not allowed:
             raise ValueError(

@@ -1,4 +1,4 @@
-"""A pupil from question to sums: planned, and made ready on its backend."""
+"""A pupil job: a pupil's rays planned, and made ready on the backend of the plan."""
 
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
@@ -9,6 +9,7 @@ from ..medium import IndexField
 from ..rays import Disc, RayBundle
 from .allowance import check_tolerance
 from .leapfrog import PILOT_RAYS
+from .lines import box_size
 from .plan import TracePlan
 from .planning import plan_rays
 from .pupil_air import PupilAir, pupil_air
@@ -30,8 +31,8 @@ class PupilJob:
         plan: How.
         until: Where its rays stop.
         per_replicate: Rays of a replicate that were asked for.
-        task: What is traced; fewer rays where it is a fan.
-        air: What its rays may lose where the known air ends.
+        task: What is traced; fewer rays where radial quadrature takes the place of the disc.
+        air: What the rays may lose where the known air ends.
     """
 
     plan: TracePlan
@@ -47,12 +48,12 @@ class PupilJob:
 
     @property
     def is_radial(self) -> bool:
-        """Whether a fan of rays stands for the pupil: field, pupil and rays are symmetric about the axis."""
+        """Whether radial quadrature takes the place of the disc: field, pupil and rays are symmetric about the axis."""
         return self.task.is_radial
 
     @property
     def may_be_refined(self) -> bool:
-        """Whether it is a fan of fewer rays than were asked for."""
+        """Whether radial quadrature takes fewer rays than were asked for."""
         return self.task.is_radial and self.task.per_replicate < self.per_replicate
 
     @cached_property
@@ -62,7 +63,7 @@ class PupilJob:
 
     @cached_property
     def refined(self) -> PupilRun:
-        """The same for a fan of as many rays as were asked for."""
+        """The same with as many rays as were asked for, in radial quadrature."""
         return _runner(replace(self.task, per_replicate=self.per_replicate))
 
 
@@ -110,13 +111,12 @@ def make_job(
 
 
 def _check_size(field: IndexField, pupil: Disc) -> None:
-    """Refuse a pupil beside which the field is a speck: of its rays hardly one in a hundred would meet it.
+    """Refuse a pupil so much larger than the field that hardly one ray in a hundred would meet it.
 
     Raises:
-        ValueError: As said.
+        ValueError: The pupil is more than ten times as large as the field.
     """
-    low, high = field.box
-    size = 0.5 * float(np.linalg.norm(np.where(np.isfinite(high - low), high - low, 0.0)))
+    size = 0.5 * box_size(field)
     if pupil.radius > GREATEST_RATIO * size:
         raise ValueError(
             f"the pupil's radius of {pupil.radius:g} m is {pupil.radius / size:.0f} times the field's {size:.3g} m: "
@@ -139,9 +139,8 @@ def plane_beyond(field: IndexField, pupil: Disc, look: np.ndarray) -> Plane:
     finite = np.isfinite(low) & np.isfinite(high)
     corner = np.where(finite, np.where(look > 0.0, high, low), pupil.center)
     reach = float((corner - pupil.center) @ look)
-    # A hair beyond, so that the last face and the plane are never the same surface.
-    size = float(np.linalg.norm(np.where(finite, high - low, 0.0)))
-    return Plane(pupil.center + (max(reach, 0.0) + pupil.radius + 1e-3 * size) * look, look)
+    # A little beyond, so that the last face and the plane are never the same surface.
+    return Plane(pupil.center + (max(reach, 0.0) + pupil.radius + 1e-3 * box_size(field)) * look, look)
 
 
 def _per_replicate(ray_count: int) -> int:

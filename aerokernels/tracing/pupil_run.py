@@ -1,4 +1,4 @@
-"""The million-ray pupil on the engine of its plan: launch, trace and sums, nothing per ray coming back."""
+"""A pupil of millions of rays on the engine of its plan: launched, traced and summed there; no ray is fetched."""
 
 from dataclasses import dataclass
 from itertools import pairwise
@@ -33,7 +33,7 @@ KEPT_BYTES = 16 + 8 + 4
 
 @dataclass(eq=False)
 class Batch:
-    """Some replicates, and their rays on the device.
+    """Some replicates with their rays on the device.
 
     Attributes:
         rows: Which replicates.
@@ -58,8 +58,8 @@ class Batch:
 class PupilRun:
     """A pupil made ready on a device, to be traced any number of times, each with points of another seed.
 
-    Some replicates at a time are traced. Phasors are summed at once but where the tilt, which all replicates decide,
-    is taken out first: what they need then stays on the device.
+    Replicates are traced in batches. Where the tilt is to be removed, all replicates are needed to find it: what the
+    phasor sums need then stays on the device. Otherwise phasors are summed batch by batch.
 
     Raises:
         ValueError: A device that does not open; a field, or so many rays, that do not fit it.
@@ -171,7 +171,7 @@ class PupilRun:
 
 
 def check_memory(device: str, memory: tuple[float, float], together: int, kept: int) -> None:
-    """Refuse rays that the device has no room for, before it fails half-way; `memory` as of an Engine."""
+    """Refuse more rays than the device has room for, before it fails half-way; `memory` is that of an Engine."""
     whole, piece = memory
     needed = together * RAY_BYTES + kept * KEPT_BYTES
     if needed > whole or 24 * together > piece:

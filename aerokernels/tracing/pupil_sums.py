@@ -44,9 +44,9 @@ class PupilTask:
         wavelength: Vacuum wavelength [m].
         per_replicate: Rays of a replicate.
         replicates: How many there are.
-        with_tilt: Whether phases are measured from the plane that fits best, or as they are.
-        by_radius: Whether rays are neighbours by their distance from the pupil's centre alone, see `point_order`.
-        is_radial: Whether the rays are those of a fan (radial_quadrature.py), along one radius of the pupil.
+        with_tilt: Whether phases are measured from the best-fitting plane; else they are taken as they are.
+        by_radius: Whether rays are ordered by their distance from the pupil's centre alone, see `point_order`.
+        is_radial: Whether the rays lie along one radius of the pupil, for radial quadrature (radial_quadrature.py).
     """
 
     field: IndexField
@@ -62,7 +62,7 @@ class PupilTask:
     is_radial: bool = False
 
     def points(self, seed: int | None) -> Any:
-        """What a seed makes: seeds of the scramble (replicates, 2), or the points and weights of a fan."""
+        """What a seed makes: seeds of the scramble (replicates, 2), or the points and weights of radial quadrature."""
         if self.is_radial:
             return radial_points(self.per_replicate, self.replicates, seed)
         return replicate_seeds(seed, self.replicates)
@@ -140,7 +140,7 @@ def _second_axis(index: np.ndarray) -> np.ndarray:
 
 
 def radial_rays(task: PupilTask, points: tuple[np.ndarray, np.ndarray], rows: slice) -> tuple[np.ndarray, ...]:
-    """Starts [m] (n, 3), directions (n, 3), places on the pupil (n, 2) and weights (n,) of some replicates of a fan.
+    """Starts [m] (n, 3), directions (n, 3), places on the pupil (n, 2), weights (n,) of some radial replicates.
 
     The rays leave the pupil along its first axis; `points` are those of `radial_points`.
     """
@@ -187,7 +187,7 @@ def fit_plane(moments: np.ndarray, with_tilt: bool) -> np.ndarray:
 def moments_in_metres(moments: np.ndarray, task: PupilTask) -> np.ndarray:
     """Moments (replicates, MOMENT_COUNT) whose x and y are in units of the pupil's radius, in metres.
 
-    Those of a fan, whose points all lie along x, are turned into those of the disc that it stands for.
+    Radial quadrature has all its points along x: its moments are turned into those of the disc.
     """
     radius = task.pupil.radius
     moments = moments * np.array([1, radius, radius, 1, *[radius**2] * 3, radius, radius, 1, 1, 1])

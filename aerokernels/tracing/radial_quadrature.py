@@ -1,4 +1,4 @@
-r"""A symmetric pupil as a fan of rays: axisymmetric field, pupil on its axis, rays along it.
+r"""Radial quadrature of a symmetric pupil: axisymmetric field, pupil on its axis, rays along it.
 
 The optical path difference W then depends on the distance r from the axis alone, and with u = (r / R)^2 a mean over the
 disc is one over a line, of which the smooth substitution u = p(t) makes one over a period:
@@ -21,7 +21,7 @@ from ..rays import Disc
 RADIAL_RAYS = 512
 # Fewer rays than this do not know the sum of the weights to 1e-6: the disc is then as good.
 LEAST_RAYS = 32
-# A standard error of the Strehl ratio above this tells of an edge: then the fan takes as many rays as were asked for.
+# A standard error of the Strehl ratio above this shows an edge: then as many rays are taken as were asked for.
 SETTLED = 1e-5
 # How far from the axis, over the pupil's radius, and how far off its direction [rad] counts as rounding.
 ROUNDING = 1e-9
@@ -44,7 +44,7 @@ def asymmetry(field: IndexField, pupil: Disc, look: np.ndarray) -> str | None:
 def choose_radial(
     field: IndexField, pupil: Disc, look: np.ndarray, per_replicate: int, replicates: int, symmetry
 ) -> tuple[int, str]:
-    """Rays of a replicate's fan, 0 for a disc, and why.
+    """Rays of a replicate in radial quadrature, 0 for the whole disc, and the reason in words.
 
     Raises:
         ValueError: `symmetry` is not "auto", "off", True or False; or True where the set-up is not symmetric.

@@ -21,12 +21,12 @@ RAY_OUTPUTS = {
     "step_count": ("1", "accepted steps"),
     "evaluation_count": ("1", "field evaluations"),
 }
-# How kernels are told which of them are wanted: a bit each.
+# Kernels are given the wanted outputs as a number with one bit for each.
 OUTPUT_BITS = {name: 1 << bit for bit, name in enumerate(RAY_OUTPUTS)}
 
 
 def output_mask(outputs: frozenset) -> int:
-    """The bits of those wanted."""
+    """The bits of the wanted outputs."""
     return sum(bit for name, bit in OUTPUT_BITS.items() if name in outputs)
 
 
@@ -39,12 +39,12 @@ class TraceResult:
         direction: Unit tangents at the stop, shape (ray_count, 3).
         optical_path: Integral of n ds [m], shape (ray_count,).
         opd: Optical path less ambient_index times the distance at which the undisturbed ray meets the same stop [m].
-            For a ray that did not reach the stop: against the same length of ambient path.
+            For a ray that did not reach the stop the same length of ambient path is subtracted.
         arc_length: Length of the ray [m].
-        step_error: OPD error of the steps as the embedded formula sees it [m].
+        step_error: OPD error of the steps, estimated by the embedded formula [m].
         step_count: Accepted steps.
         evaluation_count: Field evaluations.
-        traced_status: RayStatus codes as the tracer left them, first failure wins; `status` knows more.
+        traced_status: RayStatus codes set by the tracer, first failure wins; `status` adds LEFT_DISTURBED_AIR.
         plan: What was chosen, skipped and why.
         seconds: Wall time by stage: see STAGES in clock.py.
         wavelength: Wavelength of the tolerance [m].
@@ -76,8 +76,8 @@ class TraceResult:
     def truncation(self) -> np.ndarray:
         """What each ray may have lost where the known air ends [m], shape (ray_count,): see known_air.py.
 
-        On straight lines; where the field bends rays by more than a cell, by their traced ends if both `position` and
-        `direction` were asked for. Computed when first read.
+        It is estimated on straight lines. Where the field bends rays by more than a cell, it is estimated at the traced
+        ends, if both `position` and `direction` were asked for. Computed when first read.
         """
         if self.known_air is None:
             return np.zeros(self.ray_count)
@@ -88,7 +88,7 @@ class TraceResult:
     def status(self) -> np.ndarray:
         """RayStatus codes, first failure wins, shape (ray_count,).
 
-        LEFT_DISTURBED_AIR are rays that reached the stop and may have lost more than the tolerance: see `truncation`.
+        Rays with LEFT_DISTURBED_AIR reached the stop and may have lost more than the tolerance: see `truncation`.
         Computed when first read.
         """
         status = np.array(self.traced_status)
@@ -101,7 +101,7 @@ class TraceResult:
     def ok(self) -> np.ndarray:
         """Which rays reached the stop, shape (ray_count,).
 
-        Those of status LEFT_DISTURBED_AIR and TOLERANCE_NOT_MET did, besides OK: `status` tells them apart.
+        These are the rays of status OK, LEFT_DISTURBED_AIR and TOLERANCE_NOT_MET; `status` says which is which.
         """
         return reached(self.traced_status)
 
@@ -109,7 +109,7 @@ class TraceResult:
     def error(self) -> dict[str, float]:
         """The error budget of the optical path difference [m], by cause: see budget.py.
 
-        Some rays are traced again for it when it is first read; seconds["error"] is the time of that.
+        Some rays are traced again when it is first read; seconds["error"] is the time that this takes.
         """
         with clocked() as spent, stage("error"):
             found = self.budget(self) if self.budget is not None else {}
@@ -120,8 +120,9 @@ class TraceResult:
     def quantities(self) -> dict[str, Quantity]:
         """The bundle's numbers with their errors: "opd_rms" [m], where "opd" is among the outputs.
 
-        It is the rms of the OPD about its mean over the rays that reached the stop, by their shares of the bundle; NaN
-        where none did. Its error is the budget's total, the greatest OPD error of a ray: the rms changes by no more.
+        "opd_rms" is the rms of the OPD about its mean over the rays that reached the stop, weighted by their shares of
+        the bundle; NaN where no ray reached it. Its error is the budget's total: that is the greatest OPD error of a
+        ray, and the rms cannot be further off.
         """
         good = self.ok
         share = self.weight[good] if np.ndim(self.weight) else np.ones(int(good.sum()))
@@ -135,9 +136,9 @@ class TraceResult:
         return {"opd_rms": Quantity(rms, self.error.get("total", float("nan")), "m")}
 
     def __repr__(self) -> str:
-        """Rays, their status, the OPD with its error and the plan. Some rays are traced for the error, when first read.
+        """Rays, their status, the OPD with its error and the plan.
 
-        The error is that of `error`, computed once.
+        Reading `error` for the first time traces some rays again.
         """
         status = ", ".join(f"{count} {name}" for name, count in self.status_summary().items()) or "none"
         lines = [f"TraceResult of {self.ray_count} rays: {status}"]

@@ -1,9 +1,9 @@
-"""Rays whose own error estimate is above the tolerance: traced again in one place, and told of where that is no help.
+"""Rays whose own error estimate is above the tolerance are traced again here; those that stay above it are reported.
 
-Every method estimates the error of each ray's optical path; but of "fixed" and "paper", whose steps are the caller's,
-a ray above the tolerance is traced again under error control: in the precision asked for, if it was not so already, and
-then in float64 with a power of RETRACE_SHARE of the tolerance. What is above the tolerance even then has the status
-TOLERANCE_NOT_MET.
+Every method estimates the error of each ray's optical path. "fixed" and "paper" take the caller's steps, and their rays
+stay as they are. With every other method a ray above the tolerance is traced again under error control: first in the
+precision asked for, if it was not traced so already, then in float64 with the tolerance times a power of RETRACE_SHARE.
+A ray that is above the tolerance even then gets the status TOLERANCE_NOT_MET.
 """
 
 import warnings
@@ -18,32 +18,32 @@ from .launch import launch
 from .plan import TracePlan
 from .status import RayStatus, reached
 
-# The share of the tolerance that is asked for the last time: error control may end a little above what it is asked for.
-# Its powers are for rays that were above the tolerance by more, down to LEAST_SHARE: ten times the steps.
+# The last attempt asks for this share of the tolerance, since error control may end a little above what is asked for.
+# Rays that were further above the tolerance get a power of it, at least LEAST_SHARE: ten times the steps.
 RETRACE_SHARE = 0.5
 LEAST_SHARE = 1e-4
 
 
 class ToleranceWarning(RuntimeWarning):
-    """Rays whose own error estimate is above the tolerance asked for, though they were traced again."""
+    """Some rays were traced again, and their own error estimate is still above the tolerance asked for."""
 
 
 def retrace_rejected(
     field: IndexField, position, direction, plan: TracePlan, until, wavelength: float, arrays: dict
 ) -> None:
-    """Trace the rays again whose "step_error" is above the tolerance.
+    """Trace again those rays whose "step_error" is above the tolerance.
 
     Args:
         field: The refractive index.
         position: Starts [m], shape (ray_count, 3).
         direction: Unit vectors, shape (ray_count, 3).
-        plan: How the rays were traced; of a method that controls its error.
+        plan: How the rays were traced; its method controls its error.
         until: The stop.
         wavelength: Vacuum wavelength [m].
         arrays: Per-ray results by name, "step_error" and "status" among them, which are changed.
     """
     held = held_error(field, plan.tolerance * wavelength)
-    # What was asked for along the undisturbed line stays so; leapfrog and tables stand for full rays.
+    # A trace along undisturbed lines stays one; leapfrog and tables stand for bent rays.
     asked = "straight" if plan.method == "straight" and not (plan.sample_count or plan.columns) else "adaptive"
     controlled = replace(plan, method=asked, columns=False, sample_count=0, sampling=None)
 
@@ -80,8 +80,8 @@ def retrace_rejected(
 def _powers(error: np.ndarray, held: float) -> np.ndarray:
     """The power of RETRACE_SHARE that brings each ray's error estimate below what it is held to; 1 at least.
 
-    A step's share of the tolerance is its share of the undisturbed ray's way through the field. A ray that is turned so
-    much that it stays there a hundred times longer ends that much above the tolerance, and now its estimate is known.
+    Each step may use the share of the tolerance that it has of the undisturbed ray's path through the field. A ray that
+    is turned so far that its path is a hundred times longer ends a hundred times above the tolerance.
     """
     with np.errstate(divide="ignore", invalid="ignore"):
         excess = np.where(np.isfinite(error), error, held) / held
@@ -89,19 +89,21 @@ def _powers(error: np.ndarray, held: float) -> np.ndarray:
 
 
 def _rejected(arrays: dict, budget: float) -> np.ndarray:
-    """Rays that are to be traced again: above the budget [m], or not held by the method at all (infinite)."""
+    """Which rays are to be traced again: above the budget [m], or outside what the method can estimate (infinite)."""
     error = arrays["step_error"]
     return ~(error <= budget) & (reached(arrays["status"]) | np.isinf(error))
 
 
-def told_of_rejected(plan: TracePlan, count: int, ray_count: int, greatest: float | None, wavelength: float):
-    """The plan with a sentence about rays that are above the tolerance still, after a warning; as it is without any.
+def report_rejected(plan: TracePlan, count: int, ray_count: int, greatest: float | None, wavelength: float):
+    """Warn of rays that are still above the tolerance, and return the plan with a sentence about them.
+
+    Without such rays the plan is returned unchanged, and nobody is warned.
 
     Args:
         plan: The plan.
-        count: How many rays have the status TOLERANCE_NOT_MET.
-        ray_count: Of how many.
-        greatest: Their greatest error estimate [m]; None where nobody kept it.
+        count: Number of rays with the status TOLERANCE_NOT_MET.
+        ray_count: Number of all rays.
+        greatest: The greatest error estimate of the former [m]; None where it was not kept.
         wavelength: Vacuum wavelength [m].
     """
     if not count:

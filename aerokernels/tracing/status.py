@@ -66,7 +66,7 @@ _TEXT = {
     ),
 }
 
-# The rays of these statuses reached the stop: their results are numbers to be used, with what the status says in mind.
+# Rays with these statuses reached the stop: their numbers can be used, under the reservation that the status states.
 REACHED = (RayStatus.OK, RayStatus.LEFT_DISTURBED_AIR, RayStatus.TOLERANCE_NOT_MET)
 
 

@@ -1,4 +1,4 @@
-r"""How long a step may be, place by place, without being blind to what lies between its samples.
+r"""How long a step may be at each place, so that nothing between its samples is missed.
 
 The field is divided into blocks of some cells a side. In each the roughness is bounded by differences of the
 interpolant's coefficients: the fourth derivative G of the potential along the rays (for "cubic", whose third derivative
@@ -44,7 +44,7 @@ KEPT = 32
 class Cone:
     """A cone of directions about a coordinate axis that a ray's own first direction picks; axis None: all directions.
 
-    What a ray may do depends on nothing but the ray: not on the others of its bundle.
+    The cone, and so the steps, of a ray depend on this ray alone and not on the others of its bundle.
     """
 
     axis: int | None
@@ -157,7 +157,7 @@ def roughness_by_axis(grid: UniformGrid) -> tuple[int, list[np.ndarray]]:
 
 
 def potential_at_nodes(grid: UniformGrid) -> np.ndarray:
-    """The potential over the ambient index, which is the contrast where that is small."""
+    """The potential over the ambient index at the nodes; it equals the contrast where that is small."""
     return grid.samples * (grid.ambient_index + 0.5 * grid.samples) / grid.ambient_index
 
 

@@ -1,8 +1,8 @@
-"""The part of a field's box in which there is anything to integrate: around it the air is as uniform as matters.
+"""The support of a field: the part of its box outside which the air is so uniform that it need not be integrated.
 
-What is left out may cost a share of the tolerance, by its own optical path and by what its slopes turn a ray: over a
-way L through the box the potential s outside is below share / L, and where errors of direction count in the path by a
-lever arm A (levers.py), its slope is below share / (L A).
+The air outside may cost a share of the tolerance, by its optical path and by its deflection of rays. On a path of
+length L through the box the potential s outside is below share / L. Where errors of direction count with a lever arm A
+(levers.py), its slope is below share / (L A).
 """
 
 import numpy as np
@@ -19,11 +19,11 @@ MARGIN_NODES = 3
 
 
 def support_box(field: IndexField, tolerance: float, levers: Levers | None = None) -> tuple[np.ndarray, np.ndarray]:
-    """Corners of it along the local axes [m], each of shape (2,) or (3,); of a cubic uniform grid.
+    """Corners of the support along the local axes [m], each of shape (2,) or (3,).
 
     Outside, the optical potential is so small that the path along any line through the box is off by less than
-    SUPPORT_SHARE of the tolerance [m], and by no more for what the ray is turned. Without any such part both corners
-    are the box's middle.
+    SUPPORT_SHARE of the tolerance [m], and by no more than that for its deflection. Where the support is empty both
+    corners are the middle of the box.
 
     Args:
         field: The refractive index, on a cubic uniform grid.
@@ -76,7 +76,7 @@ def _potential_peaks(grid: UniformGrid) -> list[np.ndarray]:
 
 
 def _slope_peaks(grid: UniformGrid) -> list[np.ndarray]:
-    """The same of the slope: the greatest difference of neighbouring coefficients over the spacing [1/m]."""
+    """Along each axis, the greatest difference of neighbouring coefficients over the spacing [1/m]."""
     return grid.derive("slope peaks", lambda: _find_slope_peaks(grid))
 
 

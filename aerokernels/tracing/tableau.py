@@ -63,7 +63,6 @@ B = np.array([float(v) for v in PAIR.b])
 BT = np.array([float(v) for v in PAIR.bt])
 B_ERROR = np.array([float(v - w) for v, w in zip(PAIR.b, PAIR.b_low, strict=True)])
 BT_ERROR = np.array([float(v - w) for v, w in zip(PAIR.bt, PAIR.bt_low, strict=True)])
-EVALUATIONS_PER_STEP = 3
 # Up to this angle with the first direction [rad] the deviation along it is summed like the path (kernels/trace.py).
 NEARLY_STRAIGHT = 1e-2
 

@@ -15,11 +15,11 @@ from .meeting import check_meeting
 from .plan import TracePlan
 from .planning import plan_rays, why_projection
 from .result import RAY_OUTPUTS, TraceResult
-from .retrace import retrace_rejected, told_of_rejected
+from .retrace import report_rejected, retrace_rejected
 from .status import RayStatus
 from .stop import ArcLength, Plane
 
-# Those of the pupil's kernels, so that a budget needs no kernel of its own.
+# The same as for a pupil, so that an error budget needs no kernel of its own.
 BUDGET_OUTPUTS = frozenset(("opd", "step_error", "evaluation_count"))
 
 
@@ -95,7 +95,7 @@ def trace(
         arrays = run_plan(field, rays, plan, until, wavelength, wanted)
         rejected = _rejected_rows(arrays)
         greatest = float(arrays["step_error"][rejected].max()) if rejected.any() and "step_error" in arrays else None
-        done = told_of_rejected(plan, int(rejected.sum()), rays.ray_count, greatest, wavelength)
+        done = report_rejected(plan, int(rejected.sum()), rays.ray_count, greatest, wavelength)
         if "step_error" not in wanted:
             arrays.pop("step_error", None)
 
@@ -116,10 +116,10 @@ def _budget(field: IndexField, rays: RayBundle, retrace: Retrace, result: TraceR
 
 
 def run_plan(field: IndexField, rays: RayBundle, plan: TracePlan, until, wavelength: float, outputs: frozenset) -> dict:
-    """What a plan says on its backend: per-ray arrays by name.
+    """Trace as a plan says; returns per-ray arrays by name.
 
-    Rays whose own error estimate is above the tolerance are traced again; where that is no help, "step_error" comes
-    along.
+    Rays whose own error estimate is above the tolerance are traced again. Where some stay above it, "step_error" is
+    among the arrays.
     """
     if plan.columns:
         from .projection_trace import trace as by_projection
@@ -139,7 +139,7 @@ def _rejected_rows(arrays: dict) -> np.ndarray:
 
 
 def retracer(until, wavelength: float) -> Retrace:
-    """How an error budget traces rays again, to this stop."""
+    """What an error budget traces rays again with, to this stop."""
     return Retrace(_retrace, until, wavelength)
 
 

@@ -1,14 +1,14 @@
-r"""What a field holds between leapfrog samples, block by block, so that no ray passes it unseen.
+r"""A bound, block by block, of what a field holds between leapfrog samples, so that no ray misses it unnoticed.
 
 The midpoint rule with samples H apart errs, on a line along which the potential is f, by
 
     E = sum over k != 0 of (-1)^k F(k / H)
 
-with F the Fourier transform of f: by what the line holds at frequencies of 1 / H and above. No estimate from the
-samples themselves sees it, and neither do other rays (a pilot) that pass beside it: the bound comes from the field.
+with F the Fourier transform of f: by the components of f with frequencies of 1 / H and above. No estimate from the
+samples can see them, nor can other rays (a pilot) that pass elsewhere: the bound comes from the field.
 
-It is split once into a part of low frequencies along the rays, on which the rule converges faster than any power of H,
-and a high-passed part R (high_pass.py), what is left from about 0.9 / H on. The rule errs on R by no more than
+It is split into a part of low frequencies along the rays, on which the rule converges faster than any power of H, and
+a high-passed part R (high_pass.py), what is left from about 0.9 / H on. The rule errs on R by no more than
 2 int |R| dt along the ray.
 
 Where all rays run along one axis, within some 45 degrees, |R| is averaged along it over each block of cells: the sum

@@ -1,4 +1,4 @@
-"""Undisturbed rays' ways through a part of a field, from where they come into it to where they leave it or stop."""
+"""The straight lines of undisturbed rays through a part of a field: from where they enter it to where they end."""
 
 from dataclasses import dataclass
 
@@ -17,13 +17,13 @@ BESIDE_BODY, OUTERMOST = 192, 12
 
 @dataclass(frozen=True, eq=False)
 class Lines:
-    """Undisturbed rays' ways through the support of a field.
+    """The straight lines of undisturbed rays through the support of a field.
 
     Attributes:
         start: Where they begin [m], shape (line_count, 3).
         direction: Unit vectors, shape (line_count, 3).
-        way: How far they go [m], shape (line_count,).
-        lever: How far it is from there to the stop, times the tangent of the angle at which they meet it [m].
+        way: Lengths [m], shape (line_count,).
+        lever: Lever arms [m]: distance from `start` to the stop, times the tangent of the angle at which it is met.
     """
 
     start: np.ndarray
@@ -33,7 +33,7 @@ class Lines:
 
 
 def lines_through(field: IndexField, rays: RayBundle, until, low: np.ndarray, high: np.ndarray) -> Lines:
-    """The ways of those rays that meet the part of the field from `low` to `high` [m along its own axes] at all."""
+    """The lines of those rays that meet the part of the field from `low` to `high` [m, along the field's own axes]."""
     p, d = rays.position, rays.direction
     if field.body is not None and len(p) > BESIDE_BODY:  # each costs a look at every segment of the body
         rows = np.r_[np.linspace(0, len(p) - 1, BESIDE_BODY).astype(int), np.arange(len(p) - OUTERMOST, len(p))]

@@ -1,8 +1,8 @@
 """Random fields that are formulas, sampled on grids: what the coverage of an error budget is counted on.
 
-Planar and volume fields on 24 to 64 nodes a side: "smooth" (random plane waves, 6 to 20 cells long), "shocked" (tanh
-layers, curved and aslant, 0.2 to 6 cells thick, over a smooth background) or "noisy" (smooth plus white noise of the
-samples, which the formula does not have). Rays from z = 0 within 0.1 rad of the axis.
+Planar fields on 24 to 64 nodes a side and volumes on 24 to 40: "smooth" (random plane waves, 6 to 20 cells long),
+"shocked" (tanh layers, curved and aslant, 0.2 to 6 cells thick, over a smooth background) or "noisy" (smooth plus white
+noise of the samples, which the formula does not have). Rays from z = 0 within 0.1 rad of the axis.
 """
 
 from collections.abc import Callable
@@ -81,7 +81,7 @@ def shock_formula(rng, amplitude: float, thickness: float, middle: float):
 def draw(kind: str, in_volume: bool, seed: int) -> DrawnField:
     """The field of a kind and seed, a volume or planar."""
     rng = np.random.default_rng(seed)
-    count = rng.integers(24, 64)
+    count = rng.integers(24, 40 if in_volume else 64)
     amplitude = 10.0 ** rng.uniform(-5.0, -3.3)
     size = CELL * (count - 1)
     z = CELL * np.arange(count)

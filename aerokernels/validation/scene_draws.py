@@ -9,6 +9,7 @@ from where they leave the body (an exact circle) to the stop, through the air be
 """
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -18,6 +19,8 @@ from aerokernels.tracing import Plane
 from aerokernels.tracing.pupil_job import plane_beyond
 
 RAYS = 5000
+WAVELENGTH = 905e-9
+PUPIL_POINTS = 9600
 
 
 @dataclass(frozen=True)
@@ -135,6 +138,30 @@ class Scene:
         leave = np.where(inside, (-b + root) / a, 0.0)
         blocked = ~inside & (b * b > a * c) & (-b - root > 0.0)
         return start + leave[:, None] * direction, blocked
+
+    @property
+    def step(self) -> float:
+        """Step of the true rays [m]."""
+        return min(0.5 * self.air.thinnest, 0.5e-3)
+
+    @cached_property
+    def true_strehl(self) -> tuple[float, float] | None:
+        """The Strehl ratio over PUPIL_POINTS points, and its sampling error; None where the body blocks all of them."""
+        count = np.arange(PUPIL_POINTS) + 0.5
+        radius, angle = self.pupil.radius * np.sqrt(count / PUPIL_POINTS), np.pi * (1.0 + 5.0**0.5) * count
+        side = np.cross(self.look, [1.0, 0.0, 0.0])
+        side /= np.linalg.norm(side)
+        other = np.cross(self.look, side)
+        position = self.pupil.center + np.outer(radius * np.cos(angle), side) + np.outer(radius * np.sin(angle), other)
+        direction = np.tile(self.look, (PUPIL_POINTS, 1))
+        start, blocked = self.leave_body(position, direction)
+        if blocked.all():
+            return None
+        opd = true_opd(self.air, start[~blocked], direction[~blocked], self.far, self.step)
+        phasor = np.exp(2j * np.pi / WAVELENGTH * opd)
+        halves = [float(np.abs(phasor[k::2].mean()) ** 2) for k in (0, 1)]
+        # What sampling may be off by, with twice as many points as either half has.
+        return float(np.abs(phasor.mean()) ** 2), 0.5 * abs(halves[0] - halves[1])
 
 
 def draw(seed: int) -> Scene:

@@ -1,5 +1,6 @@
 """Random scenes full of traps: their truth is right, and each is covered by its budget, or flagged, on both engines."""
 
+import functools
 import warnings
 
 import numpy as np
@@ -33,6 +34,9 @@ def test_the_truth_is_that_of_a_formula():
         assert found == pytest.approx(expected, rel=1e-5, abs=1e-18)
 
 
+drawn = functools.cache(draw)  # both engines take one scene, and its truth
+
+
 @pytest.mark.parametrize("engine", ENGINES)
 @pytest.mark.parametrize("seed", SEEDS)
 def test_every_scene_is_covered_or_flagged(seed, engine, monkeypatch):
@@ -41,7 +45,7 @@ def test_every_scene_is_covered_or_flagged(seed, engine, monkeypatch):
     backend = on(engine)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
-        findings = check(draw(seed), **backend)
+        findings = check(drawn(seed), **backend)
     assert findings
     for finding in findings:
         assert finding.covered or finding.flagged, finding

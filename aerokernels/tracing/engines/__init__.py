@@ -1,4 +1,4 @@
-"""Engines: what computes, behind one small interface (interface.py); which there are, and which goes first (choice.py).
+"""Engines compute behind one small interface (interface.py); choice.py has their list and order.
 
 `engine_of` gives the one of a plan; the oracle of reference/ traces whole bundles by itself.
 """

@@ -136,7 +136,7 @@ def _opencl_named(device: str | None) -> tuple[str, str, str]:
 
 
 def _warp_devices(quick: bool = False) -> list[BackendInfo]:
-    """Warp's devices; a quick look tells without importing Warp what it has where there is no CUDA driver."""
+    """Warp's devices. A quick look does without importing Warp where there is no CUDA driver."""
     if importlib.util.find_spec("warp") is None:
         return [_absent("warp", "the package warp-lang is not installed: pip install warp-lang")]
     if quick and "warp" not in sys.modules and not cuda_driver_loads():

@@ -1,4 +1,4 @@
-"""What a backend tells of itself."""
+"""What is known of a backend and its device."""
 
 import ctypes
 import functools
@@ -22,7 +22,7 @@ class BackendInfo:
         float64: Whether it computes in float64.
         memory: Memory of the device [bytes], or None where unknown.
         reason: Why it is taken or not.
-        workaround: What is done to the driver so that it works, and how to leave that; empty where nothing is.
+        workaround: What is done to the driver so that it works, and how to switch that off; empty where nothing is.
     """
 
     backend: str

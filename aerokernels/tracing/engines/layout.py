@@ -164,7 +164,7 @@ STRUCTS: dict[str, tuple[Value, ...]] = {
         Value("exit", "double", "where it first leaves it"),
         Value("odd", "bool", "whether it crosses the surface an odd number of times"),
     ),
-    # What is told of each ray; arrays that are not wanted have one row.
+    # What is returned for each ray; arrays that are not wanted have one row.
     "RayOutputs": (
         Value("position", "double3*"),
         Value("direction", "double3*"),

@@ -29,7 +29,7 @@ class OpenCLUnavailable(ValueError):
 
 @dataclass(frozen=True)
 class FoundDevice:
-    """A device: what is told of it, PyOpenCL's object, its kind ("gpu", "cpu" or "accelerator") and its compute units.
+    """A device: its description, PyOpenCL's object, its kind ("gpu", "cpu" or "accelerator") and its compute units.
 
     `options` are compile options that this device needs.
     """

@@ -2,18 +2,19 @@
 
     evaluations   OVERHEAD 3 int dl / (step bound there) + FIRST along the diagonal of the box
 
-with the step bounds of step_bound.py; OVERHEAD and FIRST were set by hand after traces of five fields.
+with the step bounds of step_bound.py; OVERHEAD and FIRST were chosen to fit traces of five fields.
 """
 
 import numpy as np
 
 from ..medium import IndexField
 from ..medium.grid import UniformGrid
+from .lines import box_size
 from .step_bound import CONES, cones_of, step_bound
 
 OVERHEAD = 1.5
 FIRST = 15.0
-# Evaluations a cell where the interpolant has kinks between cells, by hand after the same fields.
+# Evaluations for each cell where the interpolant has kinks between cells, chosen to fit the same fields.
 KINKED_COST = {"linear": 2.0, "monotone": 3.0, "bilinear": 12.0}
 
 
@@ -26,9 +27,7 @@ def predict_evaluations(field: IndexField, budget: float, directions: np.ndarray
         directions: Unit vectors of the rays, shape (ray_count, 3).
     """
     if not isinstance(field.samples, UniformGrid):
-        low, high = field.box
-        across = float(np.linalg.norm(np.where(np.isfinite(high - low), high - low, 0.0)))
-        return KINKED_COST["bilinear"] * across / float(np.median(field.samples.mesh.cell_size))
+        return KINKED_COST["bilinear"] * box_size(field) / float(np.median(field.samples.mesh.cell_size))
     grid = field.samples
     if field.interpolation != "cubic":
         return KINKED_COST[field.interpolation] * float(np.sum((grid.high - grid.low) / grid.spacing))
