@@ -7,7 +7,6 @@
 #include "arguments.h"
 #include "ends.h"
 #include "flight.h"
-#include "flight_in_plane.h"
 #include "outputs.h"
 #include "support.h"
 #include "unresolved.h"
@@ -52,7 +51,7 @@ __kernel void leapfrog(LEAPFROG_ARGUMENTS)
 
     const Flight flight = fly(&field, &arrays, &control, (real)bounds.ambient, x0, y0, z0, dx, dy, dz, length);
     const reals missed = unresolved_of(
-        &field, &arrays, &control, x0, y0, z0, dx, dy, dz, length, flight.qx, flight.qy, flight.qz);
+        &field, &arrays, &control, x0, y0, z0, dx, dy, dz, length, flight.q[0], flight.q[1], flight.q[2]);
 
     for (int lane = 0; lane < LANES && first + lane < ray_count; lane++) {
         const int ray = first + lane;
@@ -60,9 +59,9 @@ __kernel void leapfrog(LEAPFROG_ARGUMENTS)
         Course course = courses[lane];
         const int runs = course.meets && statuses[lane] == RAY_OK;
         const real step = REAL_AT(flight.h, lane);
-        real3 across = (real3)(REAL_AT(flight.px, lane), REAL_AT(flight.py, lane), REAL_AT(flight.pz, lane));
+        real3 across = VECTOR_AT(flight.p, lane);
         const real rest = REAL_AT(flight.slow, lane);
-        real3 q = (real3)(REAL_AT(flight.qx, lane), REAL_AT(flight.qy, lane), REAL_AT(flight.qz, lane));
+        real3 q = VECTOR_AT(flight.q, lane);
         double path = (double)step * ((double)REAL_AT(flight.paths, lane) - (double)REAL_AT(flight.paths_carry, lane));
         double longitudinal_deficit =
             (double)step * ((double)REAL_AT(flight.deficits, lane) - (double)REAL_AT(flight.deficits_carry, lane));
@@ -101,12 +100,11 @@ __kernel void leapfrog(LEAPFROG_ARGUMENTS)
             // Along the parabola; what that leaves out, by the change of the slope over a cell, counts as an error.
             // In uniform air there is nothing to leave out.
             const real there = uniform ? R(0.0) : R(1.0);
-            const real3 force =
-                there * rest * (real3)(REAL_AT(flight.fx, lane), REAL_AT(flight.fy, lane), REAL_AT(flight.fz, lane));
+            const real3 force = there * rest * VECTOR_AT(flight.f, lane);
             const double rise = there * (double)REAL_AT(flight.ahead, lane);
             const double s = there * (double)REAL_AT(flight.s, lane);
             const real lead = uniform ? -dot(across, across) * rest / (R(1.0) / rest + (real)bounds.ambient)
-                                    : REAL_AT(flight.off, lane);
+                                    : REAL_AT(flight.lead, lane);
             const double bow = 0.5 * more * more * (double)rest * dot(normal, convert_double3(force));
             more -= !uniform && fabs(cosine) > LEAST_COSINE ? bow / cosine : 0.0;
             const double climb = 0.5 * more * rise;
@@ -158,10 +156,8 @@ __kernel void leapfrog(LEAPFROG_ARGUMENTS)
         } else if (runs) {
             // How far place and direction are off counts where the stop is met at a slant, and so does what the air
             // outside the field's support does to them.
-            const double3 off_place =
-                (double3)(REAL_AT(flight.twistx, lane), REAL_AT(flight.twisty, lane), REAL_AT(flight.twistz, lane));
-            const double3 off_turn =
-                (double3)(REAL_AT(flight.offx, lane), REAL_AT(flight.offy, lane), REAL_AT(flight.offz, lane));
+            const double3 off_place = convert_double3(VECTOR_AT(flight.off_place, lane));
+            const double3 off_turn = convert_double3(VECTOR_AT(flight.off_turn, lane));
             const double onward = STOP == PLANE ? arrival.flight : arrival.flight + more;
             if (STOP == PLANE) {
                 normal = VECTOR64(bounds.plane_normal);

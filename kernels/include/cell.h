@@ -13,18 +13,7 @@ typedef struct {
     reals third;
 } Local;
 
-#if GEOMETRY == VOLUME || !PACKED
-// Four neighbours along the last axis. Where they are PACKED, each node's entry holds them all, so that a GPU gets them by
-// one load of 16 bytes.
-static inline real4 row_at(__global const real *coefficients, int node)
-{
-#if PACKED
-    return ((__global const real4 *)coefficients)[node];
-#else
-    return vload4(0, coefficients + node);
-#endif
-}
-
+#if !PACKED
 // The four weights of the coefficients and of their slopes at fractions u of a cell.
 typedef struct {
     reals value[4];
@@ -72,7 +61,7 @@ static inline Local in_cell(__global const real *coefficients, int node, const F
         reals sheet = (reals)R(0.0), bend = (reals)R(0.0), tilt = (reals)R(0.0);
 #pragma unroll
         for (int j = 0; j < 4; j++) {
-            const real4 row = row_at(coefficients, node + i * field->pitch[0] + j * field->pitch[1]);
+            const real4 row = vload4(0, coefficients + node + i * field->pitch[0] + j * field->pitch[1]);
             const real c0 = row.x, c1 = row.y, c2 = row.z, c3 = row.w;
             const reals along = at->w.value[0] * c0 + at->w.value[1] * c1 + at->w.value[2] * c2 + at->w.value[3] * c3;
             const reals climb = at->w.slope[0] * c0 + at->w.slope[1] * c1 + at->w.slope[2] * c2 + at->w.slope[3] * c3;
@@ -95,7 +84,7 @@ static inline Local in_cell(__global const real *coefficients, int node, const F
     Local out = {(reals)R(0.0), (reals)R(0.0), (reals)R(0.0), (reals)R(0.0)};
 #pragma unroll
     for (int i = 0; i < 4; i++) {
-        const real4 row = row_at(coefficients, node + i * field->pitch[0]);
+        const real4 row = vload4(0, coefficients + node + i * field->pitch[0]);
         const real c0 = row.x, c1 = row.y, c2 = row.z, c3 = row.w;
         const reals along = at->v.value[0] * c0 + at->v.value[1] * c1 + at->v.value[2] * c2 + at->v.value[3] * c3;
         const reals climb = at->v.slope[0] * c0 + at->v.slope[1] * c1 + at->v.slope[2] * c2 + at->v.slope[3] * c3;

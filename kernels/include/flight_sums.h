@@ -7,17 +7,17 @@
 // At the end of the undisturbed ray, a number for each lane.
 typedef struct {
     reals h;                                             // distance between samples
-    reals px, py, pz;                                    // momentum across the ray
-    reals qx, qy, qz;                                    // deviation across it
-    reals offx, offy, offz;                              // how far that momentum is from the one by every third sample
-    reals twistx, twisty, twistz;                        // and that deviation
+    reals p[3];                                          // momentum across the ray
+    reals q[3];                                          // deviation across it
+    reals off_turn[3];                                   // how far that momentum is from the one by every third sample
+    reals off_place[3];                                  // and that deviation
     reals slow;                                          // 1 / w, w the momentum along the ray
     reals paths, paths_carry;                            // sums of s / w, of (w - a) / w and of m / w
     reals deficits, deficits_carry;
     reals arcs, arcs_carry;
     reals error, greatest_deflection;                    // estimate of the error [m], greatest momentum across, squared
-    reals s, ahead, fx, fy, fz;                          // potential, its slope along the ray and that across it
-    reals steep, off;                                    // size of its slope; (w - a) / w
+    reals s, ahead, f[3];                                // potential, its slope along the ray and that across it
+    reals steep, lead;                                   // size of its slope; (w - a) / w
 } Flight;
 
 // Weight of sample k of `count`: the midpoint rule with its ends mended, of fourth order.

@@ -49,6 +49,7 @@ typedef int16 mask;
 #endif
 
 #define REAL_AT(v, lane) (((real *)&(v))[lane])
+#define VECTOR_AT(v, lane) ((real3)(REAL_AT((v)[0], lane), REAL_AT((v)[1], lane), REAL_AT((v)[2], lane)))
 #define INT_AT(v, lane) (((int *)&(v))[lane])
 
 #endif

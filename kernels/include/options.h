@@ -69,7 +69,7 @@
 #define LANES 1
 #endif
 
-// PACKED: whether a node's entry of the coefficients holds all that leapfrog samples take from there.
+// PACKED: whether coefficients are the polynomials of cells, for leapfrog samples in two dimensions.
 #ifndef PACKED
 #define PACKED 0
 #endif

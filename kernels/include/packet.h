@@ -35,7 +35,7 @@ look_up(const Field *field, const Arrays *arrays, ints start, ints i, ints j, in
         inner.third = CHOOSE(inner.third, other.third, now);
         found |= now;
     }
-#if GEOMETRY != VOLUME && PACKED
+#if PACKED
     if (!all(found)) {
         inner = in_cells_of_their_own(arrays->coefficients, start, &at);
     }
@@ -109,7 +109,7 @@ static inline Potential sample_packet(const Field *field, const Arrays *arrays, 
 }
 
 // Whether a cell is asked for one sample before it is needed: on a GPU nothing else hides how long that takes.
-#define AHEAD (GEOMETRY != VOLUME && PACKED && LANES == 1)
+#define AHEAD (PACKED && LANES == 1)
 
 #if AHEAD
 

@@ -16,7 +16,7 @@ from ..interface import Prepared
 from ..layout import REAL_TYPES, Value, arrays_of, values_of
 from .devices import session
 from .program import WORK_GROUP, build, build_options, lane_count
-from .tables import may_be_packed, packed_table
+from .tables import cell_polynomials, may_be_packed
 
 # On a GPU, numbers below 1e-38 are zero: roots and quotients then take fewer instructions.
 FLUSH = "-cl-denorms-are-zero"
@@ -68,7 +68,7 @@ class Engine:
             outputs = outputs | {"step_error"}
         leapfrog = plan.sample_count > 0
         lanes = lane_count(self.session, plan.precision) if leapfrog else 1
-        packs = leapfrog and may_be_packed(field, REAL_TYPES[plan.precision], lanes, int(self.memory[1]))
+        packs = leapfrog and may_be_packed(field, REAL_TYPES[plan.precision], int(self.memory[1]))
         in_plane = leapfrog and field.geometry != "volume" and not np.any(directions[:, :2])
         with stage("upload"):
             arguments = self.arguments(field, plan, until, wavelength, outputs, directions, packs)
@@ -201,8 +201,9 @@ class Engine:
         unpacked: list = field.derive(("opencl", self.session, precision, with_paper_step), upload)
         if not packs:
             return unpacked
+        coefficients, kind = field.samples.coefficients, REAL_TYPES[precision]
         table = field.derive(
-            ("opencl packed", self.session, precision), lambda: self.put(packed_table(field, REAL_TYPES[precision]))
+            ("opencl packed", self.session, precision), lambda: self.put(cell_polynomials(coefficients, kind))
         )
         return [table, *unpacked[1:]]
 

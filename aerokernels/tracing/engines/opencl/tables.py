@@ -1,4 +1,4 @@
-"""Tables of spline coefficients for leapfrog samples: all that a lookup takes side by side (kernels/include/cell.h)."""
+"""Tables for leapfrog samples in two dimensions: all that a lookup takes side by side (kernels/include/cell.h)."""
 
 import numpy as np
 
@@ -12,25 +12,10 @@ SPLINE_POWERS = (
 )
 
 
-def may_be_packed(field: IndexField, kind: type, lanes: int, most_bytes: int) -> bool:
-    """Whether a uniform cubic grid has a table: not a volume on a CPU, whose lanes share what one of them loads."""
-    is_volume = field.geometry == "volume"
-    if is_volume and lanes > 1:
-        return False
-    size = field.samples.coefficients.size * (4 if is_volume else 16)
-    return size <= MOST_PACKED and size * np.dtype(kind).itemsize <= most_bytes
-
-
-def packed_table(field: IndexField, kind: type) -> np.ndarray:
-    """The table of a field: coefficients in fours, or the polynomials of cells; flat."""
-    pack = in_fours if field.geometry == "volume" else cell_polynomials
-    return pack(field.samples.coefficients, kind)
-
-
-def in_fours(coefficients: np.ndarray, kind: type) -> np.ndarray:
-    """Each number and the three after it, flat, shape (4 n,); zeros behind the end, where nothing is looked up."""
-    padded: np.ndarray = np.concatenate([coefficients.ravel(), np.zeros(3)]).astype(kind)
-    return np.lib.stride_tricks.sliding_window_view(padded, 4).ravel()
+def may_be_packed(field: IndexField, kind: type, most_bytes: int) -> bool:
+    """Whether a uniform cubic grid has a table, `cell_polynomials`; not a volume, whose would be too large."""
+    size = field.samples.coefficients.size * 16
+    return field.geometry != "volume" and size <= MOST_PACKED and size * np.dtype(kind).itemsize <= most_bytes
 
 
 def cell_polynomials(coefficients: np.ndarray, kind: type) -> np.ndarray:

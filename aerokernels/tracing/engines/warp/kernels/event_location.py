@@ -24,6 +24,7 @@ def build_event_location(precision: str, geometry: str, stop: str):
     surface_count = wp.constant(FACE_COUNT[geometry] + (1 if stop == "plane" else 0))
     slack_cells = SLACK_CELLS[precision]
     event_location_noise = EVENT_LOCATION_NOISE[precision]
+    most_behind = 2.5 * EVENT_LOCATION_SHARE  # a product inside a kernel would be taken in float32
     none = 1e30
 
     @wp.func
@@ -118,7 +119,7 @@ def build_event_location(precision: str, geometry: str, stop: str):
         """Whether the end of a step h is further behind surface k than `close` cells, or than a share of the step."""
         ahead = oriented(control, k, side, cell, frac)
         speed = wp.max(wp.dot(vec3(ahead[1], ahead[2], ahead[3]), velocity), real(0.0))
-        far = ahead[0] > real(2.5 * EVENT_LOCATION_SHARE) * speed * h and ahead[0] > rounding_of(control, k)
+        far = ahead[0] > real(most_behind) * speed * h and ahead[0] > rounding_of(control, k)
         return far or ahead[0] > close * surface_unit(control, k)
 
     @wp.func
@@ -126,7 +127,7 @@ def build_event_location(precision: str, geometry: str, stop: str):
         """Whether a place is behind a surface, by more than rounding."""
         is_behind = bool(False)
         for k in range(surface_count):
-            room = rounding_of(control, k) + real(2.0 * slack_cells) * surface_unit(control, k)
+            room = rounding_of(control, k) + real(2.0) * real(slack_cells) * surface_unit(control, k)
             is_behind = is_behind or oriented(control, k, side, cell, frac)[0] > room
         return is_behind
 

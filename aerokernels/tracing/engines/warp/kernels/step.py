@@ -21,6 +21,8 @@ def build_stride(precision: str, geometry: str, interpolation: str, on_mesh: boo
     to_face = build_to_face(precision, geometry)
     linear, kinked = interpolation == "linear", interpolation in ("linear", "monotone")
     at_face = AT_FACE[precision]
+    # Products of literals would be taken in float32 inside a kernel.
+    least_stand_off, clearance = 0.1 * FACE_TOLERANCE, 10.0 * FACE_TOLERANCE
 
     @wp.func
     def stride(
@@ -40,7 +42,7 @@ def build_stride(precision: str, geometry: str, interpolation: str, on_mesh: boo
     ):
         out = Stride()
         out.h = h_next
-        out.stand_off = real(0.1 * FACE_TOLERANCE)
+        out.stand_off = real(least_stand_off)
         if wp.static(method == "fixed"):
             out.h = control.step / index
         elif wp.static(method == "paper"):
@@ -64,7 +66,7 @@ def build_stride(precision: str, geometry: str, interpolation: str, on_mesh: boo
                 limit = wp.max(face - out.stand_off / wp.length(pace), real(0.5) * face)
             # Short of the face at which the first rough block may begin.
             bound = caution * step_bound_of(control, cone, cell, frac, total)
-            out.safe = bound - real(10.0 * FACE_TOLERANCE) * h_cell
+            out.safe = bound - real(clearance) * h_cell
             out.h = wp.min(out.h, wp.max(limit, out.safe))
         out.h = wp.min(out.h, h_cap)
         return out
