@@ -96,6 +96,11 @@ def quantity(value: float | str, dimension: str) -> float:
     return _finite(number, value, dimension)
 
 
+def si_unit(dimension: str) -> str:
+    """The SI unit of one of `DIMENSIONS`, as `quantity` writes it: "m" for "length", "" for "dimensionless"."""
+    return _DIMENSIONS[dimension][1]
+
+
 def _finite(number: float, value: float | str, dimension: str) -> float:
     if not math.isfinite(number):
         raise ValueError(f"{value!r} is not finite: {_accepted(dimension)}")

@@ -70,12 +70,13 @@ def override(tables: dict[str, Any], overrides: Mapping[str, Any], label: str) -
                 raise SceneError(
                     f"{label} (with --set): {key} = {value!r}: {held} is a value, not a table; set {held} itself"
                 )
-        table[leaf] = _toml_value(value) if isinstance(value, str) else value
+        table[leaf] = toml_value(value) if isinstance(value, str) else value
 
 
-def _toml_value(text: str) -> Any:
+def toml_value(text: str) -> Any:
+    """What a text says as a TOML value, or the text itself where it is none: "1e-4" is a number, "10 deg" a text."""
     try:
         parsed = tomllib.loads(f"value = {text}")
     except tomllib.TOMLDecodeError:
-        return text  # "10 deg", adaptive
+        return text
     return parsed["value"] if list(parsed) == ["value"] else text

@@ -27,6 +27,7 @@ def measured(dimension: str) -> BeforeValidator:
         except TypeError as fault:
             raise ValueError(str(fault)) from None
 
+    convert.dimension = dimension  # type: ignore[attr-defined]  # what changes.py tells of a key
     return BeforeValidator(convert)
 
 
