@@ -33,6 +33,7 @@ _HOME = {
     "estimate_strehl": "strehl_estimate",
     "flow": "",
     "interferogram": "schlieren",
+    "look_map": "series",
     "optical_series": "series",
     "plane_target_echo": "echo",
     "point_spread_function": "wavefront",
@@ -71,6 +72,7 @@ __all__ = [
     "estimate_strehl",
     "flow",
     "interferogram",
+    "look_map",
     "optical_series",
     "plane_target_echo",
     "point_spread_function",
@@ -116,7 +118,7 @@ if TYPE_CHECKING:
     from .rays import Disc, RayBundle
     from .scene import Scene
     from .schlieren import interferogram, schlieren, shadowgraph
-    from .series import optical_series, statistics
+    from .series import look_map, optical_series, statistics
     from .strehl import StrehlEstimate, strehl, strehl_marechal
     from .strehl_estimate import estimate_strehl, prepare_strehl
     from .tracing import ArcLength, BackendInfo, Plane, RayStatus, TraceResult, available_backends

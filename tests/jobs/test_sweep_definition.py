@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from aerokernels.commands._vary import split_at_commas, varied
-from aerokernels.scene import Scene, SceneError
-from aerokernels.scene.changes import changed_scene, key_dimension, key_unit, key_value
 from aerokernels.jobs.sweeps.definition import checked_scenes, coordinates, define
 from aerokernels.jobs.sweeps.records import Records, check_same
+from aerokernels.scene import Scene, SceneError
+from aerokernels.scene.changes import changed_scene, key_dimension, key_unit, key_value
 
 SCENE = "wind-tunnel-mach3"
 

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 from aerokernels import simulate
-from aerokernels.scene import Scene
 from aerokernels.jobs.sweeps.case import Case, Stages, make_cases
 from aerokernels.jobs.sweeps.gpus import worker_environments
 from aerokernels.jobs.sweeps.local import Queue
+from aerokernels.scene import Scene
 
 SMALL = {
     "strehl.ray_count": 1024,

@@ -15,11 +15,11 @@ from typing import Any
 from aerokernels import __version__
 from aerokernels.clock import clocked
 from aerokernels.echo.prediction import predict_echo
+from aerokernels.jobs.run import RunResult, echo_with_errors, scene_strehl
+from aerokernels.jobs.store import to_json
 from aerokernels.prepare import Prepared, prepare_field, view_extent, view_radius
 from aerokernels.scene import Scene
 from aerokernels.strehl import StrehlEstimate
-from aerokernels.jobs.run import RunResult, echo_with_errors, scene_strehl
-from aerokernels.jobs.store import plain
 from aerokernels.tracing.engines.choice import choose_backend
 
 KEPT = 2  # flows, index fields and Strehl ratios that a process keeps, the latest
@@ -160,7 +160,7 @@ def compute(case: Case) -> dict[str, Any]:
     """What a case gives, as plain JSON types: {"summary": ...}, or {"error": ...} where it cannot be computed."""
     try:
         result = _stages.run(case)
-        return plain({"summary": result.summary, "version": __version__})
+        return to_json({"summary": result.summary, "version": __version__})
     except Exception as fault:  # whatever it is, the other cases go on
         text = " ".join(str(fault).split())
         kind = "" if isinstance(fault, ValueError) and text else f"{type(fault).__name__}: "

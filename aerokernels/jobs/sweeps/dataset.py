@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from aerokernels.scene import Scene
 from aerokernels.jobs.sweeps.definition import CASE, Definition, coordinates
+from aerokernels.scene import Scene
 
 if TYPE_CHECKING:
     import xarray

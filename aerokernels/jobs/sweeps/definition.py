@@ -15,9 +15,9 @@ from typing import Any
 import numpy as np
 
 from aerokernels import __version__
+from aerokernels.jobs.store import to_json
 from aerokernels.scene import Scene, SceneError
 from aerokernels.scene.changes import changed_scene, key_unit, key_value
-from aerokernels.jobs.store import plain
 
 FORMAT = 1
 MOST_CASES = 100_000
@@ -106,7 +106,7 @@ class Definition:
             for name in tables:
                 table = table.get(name, {})
             table.pop(leaf, None)
-        return plain(
+        return to_json(
             {
                 "format": FORMAT,
                 "version": __version__,

@@ -11,7 +11,7 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
-from aerokernels.jobs.store import plain
+from aerokernels.jobs.store import to_json
 
 DEFINITION_FILE, CASES_FILE, DATASET_FILE, LOCK_FILE = "sweep.json", "cases.jsonl", "sweep.nc", ".lock"
 _REMEDY = "take another --out, or remove that folder"
@@ -138,7 +138,7 @@ class Records:
         """
         if case in self.done:
             return False
-        record = {"case": case, **plain(outcome)}
+        record = {"case": case, **to_json(outcome)}
         self._file.write(json.dumps(record, ensure_ascii=False, allow_nan=False).encode() + b"\n")
         self._file.flush()
         os.fsync(self._file.fileno())

@@ -9,7 +9,6 @@ from collections.abc import Callable, Generator, Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from aerokernels.scene import Scene
 from aerokernels.jobs.store import check_output_folder, read_result, write_result
 from aerokernels.jobs.sweeps.definition import Definition, checked_scenes, define
 from aerokernels.jobs.sweeps.records import (
@@ -20,6 +19,7 @@ from aerokernels.jobs.sweeps.records import (
     read_definition,
     write_definition,
 )
+from aerokernels.scene import Scene
 
 if TYPE_CHECKING:
     import xarray
