@@ -1,16 +1,11 @@
 """`aerokernels sweep`: a scene over many values of its keys."""
 
-import sys
-from collections.abc import Callable
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
 from aerokernels.commands._scene import Backend, Device, Precision, Rays, SceneName, Settings, scene_changes
-
-Progress = Callable[[str, float], None]
-LINE_EVERY = 0.1  # of the cases, where no terminal shows a bar
 
 
 def sweep(
@@ -51,9 +46,10 @@ def sweep(
         typer.echo(f"nothing to do: all {definition.case_count} cases of {out} are done")
     else:
         from aerokernels.commands._progress import shown_progress
+        from aerokernels.commands._sweeping import thinned
 
         with shown_progress(Path(scene).stem) as shown:
-            run_sweep(definition, out, executor, workers, scheduler, retry_failed, _thinned(shown))
+            run_sweep(definition, out, executor, workers, scheduler, retry_failed, thinned(shown))
     _finish(definition.case_count, out)
 
 
@@ -67,23 +63,9 @@ def _finish(total: int, out: Path) -> None:
 
     done = Records(out).done
     failed = {number: record["error"] for number, record in sorted(done.items()) if "error" in record}
-    typer.echo(f"{total - len(failed)} of {total} cases in {out / DATASET_FILE}")
+    typer.echo(f"{total - len(failed)} of {total} cases in {out / DATASET_FILE}, with report.html beside it")
     if failed:
         number, why = next(iter(failed.items()))
         typer.echo(f"warning: {len(failed)} of {total} cases failed; the first, case {number}: {why}", err=True)
     if len(failed) == total:
         raise typer.Exit(1)
-
-
-def _thinned(shown: Progress) -> Progress:
-    """Every step for the bar of a terminal; elsewhere a line for each tenth."""
-    if sys.stderr.isatty():
-        return shown
-    last = [-LINE_EVERY]
-
-    def line(text: str, share: float) -> None:
-        if share >= last[0] + LINE_EVERY or share >= 1.0:
-            last[0] = share
-            shown(text, share)
-
-    return line

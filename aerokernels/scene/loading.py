@@ -50,6 +50,13 @@ def read_scene(place: str | Path) -> tuple[str, str, dict[str, Any]]:
         ) from None
 
 
+def anchor_series(tables: dict[str, Any], place: str | Path) -> None:
+    """Make series.source, which is relative to the scene's file, what it is from here."""
+    table = tables.get("series")
+    if isinstance(table, dict) and isinstance(table.get("source"), str) and Path(place).is_file():
+        table["source"] = str(Path(place).parent / table["source"])
+
+
 def override(tables: dict[str, Any], overrides: Mapping[str, Any], label: str) -> None:
     """Set dotted keys in the tables. A text is read as a TOML value where it is one, otherwise as a text.
 

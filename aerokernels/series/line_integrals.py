@@ -91,6 +91,7 @@ class LineIntegrals:
         exit_point = start + ((last - start[:, space]) / along)[:, None] * direction
         entry = start + ((first - start[:, space]) / along)[:, None] * direction
         self.inside = self._within(self._lateral(entry)) & self._within(self._lateral(exit_point))
+        self.inside &= self.length > 0.0
         self._matrix = self._sparse_matrix()
 
     def __call__(self, samples: np.ndarray) -> np.ndarray:

@@ -9,7 +9,7 @@ import json
 import shutil
 import warnings
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -92,6 +92,7 @@ class ZarrStore:
         self.journal = path.with_name(f".{path.name}.journal")
         self.records: list[dict[str, float]] = []
         self._whole = 0
+        self._arrays: dict[str, Any] = {}
         if self.journal.is_file() and path.is_dir():
             self._read()
         elif path.exists() and (not path.is_dir() or any(path.iterdir())):
@@ -126,25 +127,33 @@ class ZarrStore:
 
     @contextmanager
     def writing(self) -> Iterator["ZarrStore"]:
-        """Make the store where there is none, and open the journal."""
-        if not self.journal.is_file():
-            self._create()
-        with self.journal.open("ab") as self._file:
-            self._file.truncate(self._whole)
-            group = self._group()
-            self._arrays = {name: group[name] for name in MAPS}
+        """Write to the store; it is made with the first snapshot, so that what fails at once leaves nothing."""
+        with ExitStack() as self._open:
             yield self
 
+    def _begin(self) -> None:
+        """Make the store where there is none, and open the journal."""
+        if not (self.journal.is_file() and self.path.is_dir()):
+            self._create()
+        self._file = self._open.enter_context(self.journal.open("ab"))
+        self._file.truncate(self._whole)
+        group = self._group()
+        self._arrays = {name: group[name] for name in MAPS}
+
     def _create(self) -> None:
-        """The store with all its arrays, empty, and the journal with what it is of: the journal last."""
+        """The store with all its arrays, empty, and the journal with what it is of.
+
+        The store is made under another name and gets its own last: there is none without a journal.
+        """
         import zarr
 
-        shutil.rmtree(self.path, ignore_errors=True)
+        making = self.path.with_name(f".{self.path.name}.partial")
+        shutil.rmtree(making, ignore_errors=True)
         self.path.parent.mkdir(parents=True, exist_ok=True)
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
-            self.template.to_zarr(self.path, mode="w", consolidated=False)
-        group = zarr.open_group(str(self.path), mode="r+")
+            self.template.to_zarr(making, mode="w", consolidated=False)
+        group = zarr.open_group(str(making), mode="r+")
         sizes = [self.template.sizes[name] for name in ("time", "y", "x")]
         for name, (kind, units, words) in MAPS.items():
             group.create_array(
@@ -166,14 +175,19 @@ class ZarrStore:
                 dimension_names=["time"],
                 attributes={"units": units, "long_name": words},
             )
-        _consolidate(self.path)
+        _consolidate(making)
         partial = self.journal.with_name(f"{self.journal.name}.partial")
         partial.write_text(json.dumps(self.definition) + "\n", encoding="utf-8")
         self._whole = partial.stat().st_size
         partial.replace(self.journal)
+        if self.path.is_dir():
+            self.path.rmdir()  # empty, or it would have been refused
+        making.rename(self.path)
 
     def add(self, maps: Mapping[str, np.ndarray], numbers: Mapping[str, float]) -> None:
         """Keep a snapshot: its maps first, and then the line that says so."""
+        if not self._arrays:
+            self._begin()
         for name, array in maps.items():
             self._arrays[name][len(self.records)] = array
         line = json.dumps([float(numbers[name]) for name in NUMBERS]) + "\n"

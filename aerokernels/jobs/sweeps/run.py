@@ -9,7 +9,7 @@ from collections.abc import Callable, Generator, Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from aerokernels.jobs.store import check_output_folder, read_result, write_result
+from aerokernels.jobs.store import REPORT_FILE, check_output_folder, read_result, write_result
 from aerokernels.jobs.sweeps.definition import Definition, checked_scenes, define
 from aerokernels.jobs.sweeps.records import (
     DATASET_FILE,
@@ -18,6 +18,7 @@ from aerokernels.jobs.sweeps.records import (
     only_one,
     read_definition,
     write_definition,
+    write_text,
 )
 from aerokernels.scene import Scene
 
@@ -247,3 +248,6 @@ def _write(
         partial.replace(folder / DATASET_FILE)
     finally:
         partial.unlink(missing_ok=True)
+    from aerokernels.jobs.sweeps.report import sweep_report
+
+    write_text(folder / REPORT_FILE, sweep_report(dataset, definition))
