@@ -193,6 +193,30 @@ def test_a_dead_dask_worker_is_made_up_for(unbroken, tmp_path: Path):
     assert "nothing to do" in done
 
 
+def test_the_workers_of_a_cluster_are_used(tmp_path: Path):
+    """A cluster of the caller's, one of whose two worker processes is killed while the sweep runs."""
+    distributed = pytest.importorskip("distributed")
+    tilts = [f"{tilt} deg" for tilt in range(6)]
+    killed: list[int] = []
+    with distributed.LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None) as cluster:
+        with distributed.Client(cluster) as client:
+            pids = list(client.run(os.getpid).values())
+
+            def kill_one(text: str, share: float) -> None:
+                if share > 0.0 and not killed:
+                    killed.append(pids[0])
+                    os.kill(pids[0], signal.SIGKILL)
+
+            found = aerokernels.sweep(
+                "wind-tunnel-static", {"target.tilt": tilts}, settings=SMALL, executor=client, out=tmp_path / "out",
+                progress=kill_one,
+            )  # fmt: skip
+    assert killed and not found.failed.any() and np.isfinite(found.range_m).all()
+    assert sorted(line["case"] for line in lines(tmp_path)) == list(range(6))
+    with pytest.raises(TypeError, match=r"distributed\.Client"):
+        aerokernels.sweep("wind-tunnel-static", {"target.tilt": tilts}, executor=3)
+
+
 def test_a_failed_case_is_recorded_and_the_others_go_on(tmp_path: Path):
     """A target nearer than the receiver is wide; the zip's second case. In Python, with a scene and keys in SI."""
     scene = aerokernels.Scene.load("wind-tunnel-mach3", SMALL)

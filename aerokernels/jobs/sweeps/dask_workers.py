@@ -43,8 +43,12 @@ def worker_version() -> str:
 
 
 @contextlib.contextmanager
-def connected(scheduler: str | None, environments: Sequence[dict[str, str]]) -> Iterator["Client"]:
-    """A client of the scheduler at an address, or of one started here with a worker for each environment.
+def connected(scheduler: Any, environments: Sequence[dict[str, str]]) -> Iterator["Client"]:
+    """A client of a scheduler, or of one started here with a worker for each environment.
+
+    Args:
+        scheduler: The address of a running scheduler, a client or a cluster; None: one is started.
+        environments: What to add to the environment of each worker that is started.
 
     Raises:
         ImportError: No Dask.
@@ -67,6 +71,9 @@ def connected(scheduler: str | None, environments: Sequence[dict[str, str]]) -> 
                 client.wait_for_workers(1, timeout=START_WITHIN)
             except TimeoutError:
                 raise RuntimeError(f"no Dask worker started within {START_WITHIN:g} s on this machine") from None
+        elif hasattr(scheduler, "submit"):
+            client = scheduler
+            _check_versions(client, str(client.scheduler.address if client.scheduler else client))
         else:
             try:
                 client = ending.enter_context(distributed.Client(scheduler, timeout=ANSWER_WITHIN))

@@ -35,7 +35,7 @@ def sweep(
     scene: Scene | str | Path,
     vary: Mapping[str, Iterable[Any]],
     *,
-    executor: str = "local",
+    executor: Any = "local",
     out: str | Path | None = None,
     workers: int | None = None,
     scheduler: str | None = None,
@@ -51,7 +51,8 @@ def sweep(
     Args:
         scene: The scene, the path of its TOML file, or the name of a shipped one.
         vary: Values by dotted key, {"target.tilt": ["0 deg", "10 deg"]}: numbers in SI units, or texts with a unit.
-        executor: "local": processes of this machine; "dask": Dask workers, of this machine or of a scheduler.
+        executor: "local": processes of this machine; "dask": Dask workers, of this machine or of a scheduler; or a
+            `distributed.Client` or cluster, whose workers are used.
         out: Folder for sweep.nc and for what is done so far. A sweep that was broken off goes on from there, and one
             that is finished is read from there. None: nothing is kept.
         workers: Processes on this machine; None: one for each GPU, or for each core where there is none.
@@ -74,6 +75,8 @@ def sweep(
             process is at work in; no such device or scheduler.
         ImportError: executor="dask" without Dask.
     """
+    if not isinstance(executor, str):
+        executor, scheduler = "dask", _given(executor, scheduler)
     check_options(executor, workers, scheduler)
     definition = define(scene, vary, settings=settings, together=zip, sample=sample, seed=seed)
     with contextlib.ExitStack() as ending:
@@ -81,6 +84,22 @@ def sweep(
         if not is_finished(definition, folder, retry_failed):
             run_sweep(definition, folder, executor, workers, scheduler, retry_failed, progress)
         return read_result(folder / DATASET_FILE)
+
+
+def _given(executor: Any, scheduler: Any) -> Any:
+    """What stands for a scheduler: a client or a cluster.
+
+    Raises:
+        TypeError: It is neither.
+        ValueError: There is a scheduler beside it.
+    """
+    if scheduler is not None:
+        raise ValueError("executor is a client or a cluster already: leave scheduler out")
+    if not (hasattr(executor, "submit") or hasattr(executor, "scheduler_address")):
+        raise TypeError(
+            f"executor must be 'local', 'dask', a distributed.Client or a cluster, got {type(executor).__name__}"
+        )
+    return executor
 
 
 def is_finished(definition: Definition, folder: Path, retry_failed: bool = False) -> bool:
@@ -105,7 +124,7 @@ def run_sweep(
     folder: Path,
     executor: str = "local",
     workers: int | None = None,
-    scheduler: str | None = None,
+    scheduler: Any = None,
     retry_failed: bool = False,
     progress: Progress | None = None,
 ) -> None:
@@ -174,7 +193,7 @@ def _duration(seconds: float) -> str:
 
 
 def _started(
-    cases: list["Case"], executor: str, workers: int | None, scheduler: str | None, devices: set[str | None]
+    cases: list["Case"], executor: str, workers: int | None, scheduler: Any, devices: set[str | None]
 ) -> Generator[Any, None, None]:
     """The outcomes of the cases, after a None once those who compute them are there."""
     if not cases:
@@ -196,7 +215,7 @@ def _started(
             yield from run_dask(client, cases)
 
 
-def check_options(executor: str, workers: int | None, scheduler: str | None) -> None:
+def check_options(executor: str, workers: int | None, scheduler: Any) -> None:
     """Refuse options that do not go together.
 
     Raises:
