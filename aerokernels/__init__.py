@@ -33,6 +33,8 @@ _HOME = {
     "estimate_strehl": "strehl_estimate",
     "flow": "",
     "interferogram": "schlieren",
+    "look_map": "series",
+    "optical_series": "series",
     "plane_target_echo": "echo",
     "point_spread_function": "wavefront",
     "prepare_strehl": "strehl_estimate",
@@ -40,8 +42,10 @@ _HOME = {
     "schlieren": "",
     "shadowgraph": "schlieren",
     "simulate": "jobs.run",
+    "statistics": "series",
     "strehl": "",
     "strehl_marechal": "strehl",
+    "sweep": "jobs.sweeps.run",
     "trace": "tracing",
 }
 
@@ -68,6 +72,8 @@ __all__ = [
     "estimate_strehl",
     "flow",
     "interferogram",
+    "look_map",
+    "optical_series",
     "plane_target_echo",
     "point_spread_function",
     "prepare_strehl",
@@ -75,8 +81,10 @@ __all__ = [
     "schlieren",
     "shadowgraph",
     "simulate",
+    "statistics",
     "strehl",
     "strehl_marechal",
+    "sweep",
     "trace",
 ]
 
@@ -105,10 +113,12 @@ if TYPE_CHECKING:
     from .echo import EchoResult, echo, estimate_range, plane_target_echo, range_statistics
     from .flow import DensityField
     from .jobs.run import RunResult, simulate
+    from .jobs.sweeps.run import sweep
     from .medium import Body, IndexField, QuadMesh
     from .rays import Disc, RayBundle
     from .scene import Scene
     from .schlieren import interferogram, schlieren, shadowgraph
+    from .series import look_map, optical_series, statistics
     from .strehl import StrehlEstimate, strehl, strehl_marechal
     from .strehl_estimate import estimate_strehl, prepare_strehl
     from .tracing import ArcLength, BackendInfo, Plane, RayStatus, TraceResult, available_backends

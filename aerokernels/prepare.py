@@ -64,6 +64,16 @@ def view_radius(scene: Scene, z: float) -> float:
     A point of the pupil, at most `a` off the axis, and a point of the target, at most `t` off it, are joined by a line
     that is at most (1 - f) a + f t off the axis at the fraction f of the way.
     """
+    pupil, edge, nearest = view_extent(scene)
+    fraction = float(np.clip((z - scene.receiver.aperture_z) / max(nearest, 1e-9), 0.0, 1.0))
+    return (1.0 - fraction) * pupil + fraction * max(edge, pupil)
+
+
+def view_extent(scene: Scene) -> tuple[float, float, float]:
+    """How far off the axis rays begin, how far off it they meet the target, and how near its nearest part is [m].
+
+    A scene whose first two are at least, and whose third is at most, those of another has the wider view.
+    """
     target = scene.target
     corner, depth = float(np.hypot(0.5 * target.width, 0.5 * target.height)), float(target.corners[:, 2].max())
     if target.limits == "paper":  # the beam is summed over whatever the reflector's size
@@ -72,9 +82,7 @@ def view_radius(scene: Scene, z: float) -> float:
         depth = float(edge @ normal[:2] / normal[2])
     # Target points are lit from points of the exit pupil that lie off the axis in the same ratio as the beam's radii.
     pupil = max(0.5 * scene.receiver.diameter, scene.beam.exit_radius * corner / scene.beam.radius)
-    nearest = target.distance - depth
-    fraction = float(np.clip((z - scene.receiver.aperture_z) / max(nearest, 1e-9), 0.0, 1.0))
-    return (1.0 - fraction) * pupil + fraction * max(corner, pupil)
+    return pupil, corner, target.distance - depth
 
 
 def ray_region(scene: Scene, mesh_field: IndexField) -> Region:

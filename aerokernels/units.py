@@ -28,6 +28,7 @@ _DIMENSIONS: dict[str, tuple[str, str, dict[str, float]]] = {
     ),
     "temperature": ("a temperature", "K", {"K": 1.0, "degC": 1.0}),
     "density": ("a density", "kg/m3", {"kg/m3": 1.0, "g/m3": 1e-3, "g/L": 1.0, "g/cm3": 1e3}),
+    "speed": ("a speed", "m/s", {"m/s": 1.0, "km/s": 1e3}),
     "frequency": ("a frequency", "Hz", {"Hz": 1.0, "kHz": 1e3, "MHz": 1e6, "GHz": 1e9}),
     "voltage": ("a voltage", "V", {"uV": 1e-6, "mV": 1e-3, "V": 1.0}),
     "responsivity": (
@@ -94,6 +95,11 @@ def quantity(value: float | str, dimension: str) -> float:
     except (DecimalException, OverflowError):
         number = math.inf
     return _finite(number, value, dimension)
+
+
+def si_unit(dimension: str) -> str:
+    """The SI unit of one of `DIMENSIONS`, as `quantity` writes it: "m" for "length", "" for "dimensionless"."""
+    return _DIMENSIONS[dimension][1]
 
 
 def _finite(number: float, value: float | str, dimension: str) -> float:

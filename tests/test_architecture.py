@@ -28,6 +28,7 @@ RANK = {
             ("strehl_budget",),
             ("strehl", "schlieren"),
             ("strehl_estimate", "prepare"),
+            ("series",),
             ("echo",),
             ("hardware", "compare"),
             ("jobs",),

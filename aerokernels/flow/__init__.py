@@ -27,6 +27,9 @@ from .gas import (
 from .models import MODELS, RefractivityModel, refractivity_model
 from .refractivity import RELATIONS, gladstone_dale_constant, index_contrast, refractivity
 from .riemann import GasState, Riemann, riemann
+from .sampled_density import GridDensity, VertexDensity
+from .series import GridMesh, Series
+from .series_sources import open_series
 from .shipped import shipped, shipped_names
 from .shock_tube import TubeAtTime, shock_tube
 from .shocks import PrandtlMeyer, Shock, maximum_deflection, normal_shock, oblique_shock, prandtl_meyer
@@ -54,14 +57,18 @@ __all__ = [
     "ExpansionFan",
     "FreeStream",
     "GasState",
+    "GridDensity",
+    "GridMesh",
     "Isentropic",
     "PlaneShock",
     "PrandtlMeyer",
     "RefractivityModel",
     "Riemann",
+    "Series",
     "Shock",
     "Species",
     "TubeAtTime",
+    "VertexDensity",
     "Vortex",
     "blunt_body",
     "bow_shock",
@@ -82,6 +89,7 @@ __all__ = [
     "moist_air_density",
     "normal_shock",
     "oblique_shock",
+    "open_series",
     "plane_shock",
     "prandtl_meyer",
     "refractivity",

@@ -49,7 +49,7 @@ def coefficients(samples: np.ndarray, interpolation: str, even_first_axis: bool)
     if interpolation == "cubic":
         result = np.asarray(samples, dtype=np.float64)
         for axis in range(samples.ndim):
-            result = _spline_along(result, axis, even_first_axis and axis == 0)
+            result = spline_along(result, axis, even_first_axis and axis == 0)
         return np.ascontiguousarray(result)
     return _limited_hermite(np.asarray(samples, dtype=np.float64), even_first_axis)
 
@@ -90,7 +90,7 @@ def solve_along(matrix: np.ndarray, values: np.ndarray, axis: int) -> np.ndarray
     return np.asarray(solved.reshape((len(moved) + 2, *moved.shape[1:])))
 
 
-def _spline_along(values: np.ndarray, axis: int, even_start: bool) -> np.ndarray:
+def spline_along(values: np.ndarray, axis: int, even_start: bool) -> np.ndarray:
     """Solve for the n + 2 uniform B-spline coefficients of the n values along one axis."""
     count = values.shape[axis]
     matrix = end_conditions(count, even_start)

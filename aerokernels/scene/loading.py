@@ -50,6 +50,13 @@ def read_scene(place: str | Path) -> tuple[str, str, dict[str, Any]]:
         ) from None
 
 
+def anchor_series(tables: dict[str, Any], place: str | Path) -> None:
+    """Make series.source, which is relative to the scene's file, what it is from here."""
+    table = tables.get("series")
+    if isinstance(table, dict) and isinstance(table.get("source"), str) and Path(place).is_file():
+        table["source"] = str(Path(place).parent / table["source"])
+
+
 def override(tables: dict[str, Any], overrides: Mapping[str, Any], label: str) -> None:
     """Set dotted keys in the tables. A text is read as a TOML value where it is one, otherwise as a text.
 
@@ -70,12 +77,13 @@ def override(tables: dict[str, Any], overrides: Mapping[str, Any], label: str) -
                 raise SceneError(
                     f"{label} (with --set): {key} = {value!r}: {held} is a value, not a table; set {held} itself"
                 )
-        table[leaf] = _toml_value(value) if isinstance(value, str) else value
+        table[leaf] = toml_value(value) if isinstance(value, str) else value
 
 
-def _toml_value(text: str) -> Any:
+def toml_value(text: str) -> Any:
+    """What a text says as a TOML value, or the text itself where it is none: "1e-4" is a number, "10 deg" a text."""
     try:
         parsed = tomllib.loads(f"value = {text}")
     except tomllib.TOMLDecodeError:
-        return text  # "10 deg", adaptive
+        return text
     return parsed["value"] if list(parsed) == ["value"] else text

@@ -4,13 +4,14 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from pydantic import Field, ValidationError
+from pydantic import Field, ValidationError, model_validator
 
 from ..flow import SEA_LEVEL_DENSITY, CellDensity, shipped, shipped_names, uniform_air
 from .detector_table import DetectorTable
 from .echo_tables import AtmosphereTable, BeamTable, ReceiverTable, TargetTable
 from .errors import SceneError, scene_error
-from .loading import override, read_scene
+from .loading import anchor_series, override, read_scene
+from .series_table import SeriesTable
 from .tables import STATIC, FlowTable, GridTable, StrehlTable, TraceTable
 from .values import Table
 
@@ -32,6 +33,17 @@ class Scene(Table):
     detector: DetectorTable = DetectorTable()
     strehl: StrehlTable = StrehlTable()
     trace: TraceTable = TraceTable()
+    series: SeriesTable = SeriesTable()
+
+    @model_validator(mode="before")
+    @classmethod
+    def _series_alone(cls, values: Any) -> Any:
+        """A scene of snapshots needs no other flow."""
+        series = values.get("series") if isinstance(values, dict) else None
+        if isinstance(series, dict) and series.get("source"):
+            flow = values.get("flow", {})
+            return {**values, "flow": {"source": STATIC, **flow}} if isinstance(flow, dict) else values
+        return values
 
     @classmethod
     def load(cls, place: str | Path, overrides: Mapping[str, Any] | None = None) -> "Scene":
@@ -46,6 +58,7 @@ class Scene(Table):
             SceneError: Anything wrong with the file or the overrides, in one line: file, key, value, remedy.
         """
         label, name, tables = read_scene(place)
+        anchor_series(tables, place)
         changes = dict(overrides or {})
         override(tables, changes, label)
         tables.setdefault("name", name)

@@ -47,6 +47,9 @@ def _density(value: Any) -> float | str:
     return check_density(number, "a density")
 
 
+_density.dimension = "density"  # type: ignore[attr-defined]  # what changes.py tells of the key
+
+
 def _wavelength(value: float) -> float:
     gladstone_dale_constant(value)
     return value

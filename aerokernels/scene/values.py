@@ -27,6 +27,7 @@ def measured(dimension: str) -> BeforeValidator:
         except TypeError as fault:
             raise ValueError(str(fault)) from None
 
+    convert.dimension = dimension  # type: ignore[attr-defined]  # what changes.py tells of a key
     return BeforeValidator(convert)
 
 
@@ -45,6 +46,7 @@ Length = Annotated[float, measured("length"), Field(gt=0.0)]
 Coordinate = Annotated[float, measured("length")]
 Time = Annotated[float, measured("time"), Field(gt=0.0)]
 Power = Annotated[float, measured("power"), Field(gt=0.0)]
+Speed = Annotated[float, measured("speed"), Field(gt=0.0)]
 Frequency = Annotated[float, measured("frequency"), Field(gt=0.0)]
 Voltage = Annotated[float, measured("voltage"), Field(gt=0.0)]
 Level = Annotated[float, measured("voltage")]

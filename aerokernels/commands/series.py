@@ -1,0 +1,41 @@
+"""`aerokernels series`: snapshots of a flow in time."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from aerokernels.commands._scene import Backend, Device, Precision, SceneName, Settings, blamed_on, load_scene
+
+
+def series(
+    scene: SceneName,
+    out: Annotated[Path, typer.Option(help="Folder for series.zarr, statistics.nc, summary.json and report.html.")],
+    backend: Backend = None,
+    device: Device = None,
+    precision: Precision = None,
+    settings: Settings = None,
+) -> None:
+    """Compute the optical path differences of the snapshots of a scene's [series], and their statistics, with a report.
+
+    A job that was broken off goes on with the snapshot at which it stopped.
+    """
+    from aerokernels.commands._progress import shown_progress
+    from aerokernels.commands._sweeping import thinned
+    from aerokernels.commands._table import print_table
+    from aerokernels.jobs.series_job import run_series
+    from aerokernels.jobs.series_report import HEADLINES
+    from aerokernels.quantities import Quantity
+
+    loaded = load_scene(scene, backend, device, precision, None, settings)
+    with shown_progress(loaded.name) as shown:
+        with blamed_on(scene):
+            summary = run_series(loaded, out, thinned(shown))
+    rows = []
+    for name, words, unit, factor in HEADLINES:
+        if summary.get(name) is not None:
+            error = summary["errors"][name]
+            rows.append((words, Quantity(summary[name], float("nan") if error is None else error)
+                         .scaled(factor, unit).text()))  # fmt: skip
+    print_table(loaded.title or loaded.name, ("quantity", "value"), rows)
+    typer.echo(f"wrote {out / 'report.html'}, summary.json, statistics.nc and series.zarr")

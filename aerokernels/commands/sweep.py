@@ -1,0 +1,71 @@
+"""`aerokernels sweep`: a scene over many values of its keys."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from aerokernels.commands._scene import Backend, Device, Precision, Rays, SceneName, Settings, scene_changes
+
+
+def sweep(
+    scene: SceneName,
+    vary: Annotated[
+        list[str],
+        typer.Option(metavar="KEY=V1,V2,...", help="A key and its values; LOW:HIGH:COUNT spaces them. Repeatable."),
+    ],
+    out: Annotated[Path, typer.Option(help="Folder for sweep.nc, report.html and what is done so far.")],
+    zip_: Annotated[bool, typer.Option("--zip", help="Keys go through their values together.")] = False,
+    sample: Annotated[
+        str | None, typer.Option(metavar="lhs:N", help="N cases of a Latin hypercube between each key's two values.")
+    ] = None,
+    seed: Annotated[int, typer.Option(help="Seed of its drawing.")] = 0,
+    executor: Annotated[str, typer.Option(help="local or dask.")] = "local",
+    workers: Annotated[int | None, typer.Option(help="Processes here; one a GPU or a core if left out.")] = None,
+    scheduler: Annotated[str | None, typer.Option(metavar="ADDRESS", help="A running Dask scheduler.")] = None,
+    retry_failed: Annotated[bool, typer.Option("--retry-failed", help="Compute again what failed.")] = False,
+    backend: Backend = None,
+    device: Device = None,
+    precision: Precision = None,
+    rays: Rays = None,
+    settings: Settings = None,
+) -> None:
+    """Run a scene for every combination of values of its keys, into one labelled dataset.
+
+    A sweep that was broken off goes on where it stopped, a finished one does nothing. A case that fails is recorded
+    with its error, and the others go on; exit status 1 where all of them failed.
+    """
+    from aerokernels.commands._vary import varied
+    from aerokernels.jobs.sweeps.definition import define
+    from aerokernels.jobs.sweeps.run import check_options, is_finished, run_sweep
+
+    check_options(executor, workers, scheduler)
+    changes = scene_changes(backend, device, precision, rays, settings)
+    definition = define(scene, varied(vary), settings=changes, together=zip_, sample=sample, seed=seed)
+    if is_finished(definition, out, retry_failed):
+        typer.echo(f"nothing to do: all {definition.case_count} cases of {out} are done")
+    else:
+        from aerokernels.commands._progress import shown_progress
+        from aerokernels.commands._sweeping import thinned
+
+        with shown_progress(Path(scene).stem) as shown:
+            run_sweep(definition, out, executor, workers, scheduler, retry_failed, thinned(shown))
+    _finish(definition.case_count, out)
+
+
+def _finish(total: int, out: Path) -> None:
+    """Say what came of it.
+
+    Raises:
+        typer.Exit: Every case failed.
+    """
+    from aerokernels.jobs.sweeps.records import DATASET_FILE, Records
+
+    done = Records(out).done
+    failed = {number: record["error"] for number, record in sorted(done.items()) if "error" in record}
+    typer.echo(f"{total - len(failed)} of {total} cases in {out / DATASET_FILE}, with report.html beside it")
+    if failed:
+        number, why = next(iter(failed.items()))
+        typer.echo(f"warning: {len(failed)} of {total} cases failed; the first, case {number}: {why}", err=True)
+    if len(failed) == total:
+        raise typer.Exit(1)

@@ -1,0 +1,245 @@
+"""Density fields from samples: at the vertices of a mesh, and on a uniform grid of two or three axes."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ..medium import Body, IndexField, QuadMesh
+from ..medium.grid import UniformGrid
+from ..medium.mesh import GEOMETRIES
+from ..medium.mesh_samples import MeshSamples
+from ..wavelength import DEFAULT_WAVELENGTH, check_wavelength
+from .density_field import DensityField
+from .gas import GREATEST_DENSITY, FreeStream, check_density, positive
+from .models import one_constant, refractivity_model
+
+
+def _checked(density, what: str) -> np.ndarray:
+    values = np.array(density, dtype=np.float64)
+    for fault, bad in (
+        ("not finite", ~np.isfinite(values)),
+        ("not positive", values <= 0.0),
+        (f"no gas's, above {GREATEST_DENSITY:g} kg/m3", values > GREATEST_DENSITY),
+    ):
+        if bad.any():
+            first = tuple(int(k) for k in np.argwhere(bad)[0])
+            raise ValueError(
+                f"{int(bad.sum())} of {values.size} densities {what} are {fault}: the first is "
+                f"{float(values[first])!r} kg/m3 at index {first}; repair the flow file"
+            )
+    values.setflags(write=False)
+    return values
+
+
+class _Sampled(DensityField):
+    """What both kinds have in common."""
+
+    conditions: FreeStream | None
+
+    @property
+    def mach(self) -> float:
+        """Mach number of the free stream; 0 where the gas is at rest, or it is not known."""
+        return 0.0 if self.conditions is None else self.conditions.mach
+
+    def scaled(self, ambient_density: float):
+        """The same flow at another ambient density [kg/m3], every density ratio kept."""
+        ratio = positive(ambient_density, "ambient_density") / self.ambient_density
+        return replace(  # type: ignore[type-var]
+            self,
+            density=self.density * ratio,  # type: ignore[attr-defined]
+            ambient_density=float(ambient_density),
+            conditions=None if self.conditions is None else self.conditions.at_density(self.conditions.density * ratio),
+            provenance=f"{self.provenance}; densities multiplied by {ratio:.8g}".lstrip("; "),
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class VertexDensity(_Sampled):
+    """Density at the vertices of a quadrilateral mesh, in the optical frame (z looks upstream), in ambient gas.
+
+    Attributes:
+        mesh: Mesh with columns (r, z) or (y, z) [m].
+        density: Densities at the vertices [kg/m3], shape (vertex_count,).
+        ambient_density: Density outside the mesh [kg/m3].
+        body: Solid body in the flow, or None.
+        conditions: The free stream, or None where it is not known.
+        provenance: Where the field comes from, in words.
+
+    Raises:
+        TypeError: The mesh is no QuadMesh.
+        ValueError: Densities that are no gas's, or another number of them than of vertices.
+    """
+
+    mesh: QuadMesh
+    density: np.ndarray
+    ambient_density: float
+    body: Body | None = None
+    conditions: FreeStream | None = None
+    provenance: str = ""
+
+    def __post_init__(self):
+        """Check the densities."""
+        if not isinstance(self.mesh, QuadMesh):
+            raise TypeError(f"mesh must be a QuadMesh, got {type(self.mesh).__name__}: see QuadMesh.structured")
+        check_density(self.ambient_density, "ambient_density")
+        density = _checked(self.density, "at vertices")
+        if density.size != len(self.mesh.vertices):
+            raise ValueError(f"density has shape {density.shape}, the mesh {len(self.mesh.vertices)} vertices")
+        object.__setattr__(self, "density", density.reshape(-1))
+        object.__setattr__(self, "ambient_density", float(self.ambient_density))
+
+    @property
+    def geometry(self) -> str:
+        """The mesh's geometry: "planar" or "axisymmetric"."""
+        return self.mesh.geometry
+
+    @property
+    def box(self) -> tuple[np.ndarray, np.ndarray]:
+        """Lowest and highest corner of the mesh, (y, z) or (r, z) [m]."""
+        return self.mesh.box
+
+    def density_at(self, points) -> np.ndarray:
+        """Density [kg/m3], bilinear between vertices, at points (x, y, z) [m], shape (n, 3): shape (n,).
+
+        NaN inside the body; the ambient density outside the mesh.
+        """
+        local = _in_plane(points, self.geometry)
+        excess = MeshSamples(self.mesh, self.density - self.ambient_density, "bilinear").evaluate(local)[0]
+        density = self.ambient_density + excess
+        return density if self.body is None else np.where(self.body.contains(local), np.nan, density)
+
+    def index_field(
+        self,
+        wavelength: float = DEFAULT_WAVELENGTH,
+        relation: str = "gladstone-dale",
+        *,
+        constant: float | None = None,
+        composition=None,
+        gladstone_dale: float | None = None,
+        interpolation: str = "bilinear",
+    ) -> IndexField:
+        """The refractive index on the same mesh, by its vertices. See `CellDensity.index_field`."""
+        wavelength = check_wavelength(wavelength)
+        model = refractivity_model(relation, constant=one_constant(constant, gladstone_dale), composition=composition)
+        return IndexField.from_mesh(
+            self.mesh,
+            _at_vertices(self.mesh, model.contrast(self.density, self.ambient_density, wavelength)),
+            ambient_index=model.ambient_index(self.ambient_density, wavelength),
+            interpolation=interpolation,
+            body=self.body,
+            wavelength=wavelength,
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class GridDensity(_Sampled):
+    """Density on a uniform grid, in the optical frame (z looks upstream), surrounded by ambient gas.
+
+    Attributes:
+        density: Densities [kg/m3], axes [x, y, z], [y, z] or [r, z].
+        origin: Coordinates of the first node [m], one per axis; r starts at 0.
+        spacing: Node spacing [m], one per axis.
+        geometry: "volume", "planar" or "axisymmetric".
+        ambient_density: Density outside the grid [kg/m3].
+        cell_averages: The samples are averages over cells centred on the nodes, not values at the nodes.
+        body: Solid body in the flow, or None; not in volumes.
+        conditions: The free stream, or None where it is not known.
+        provenance: Where the field comes from, in words.
+        resampling: What was measured when the grid was made from a mesh, or None.
+
+    Raises:
+        ValueError: Densities that are no gas's, shapes that disagree, or what `IndexField.from_samples` refuses.
+    """
+
+    density: np.ndarray
+    origin: np.ndarray
+    spacing: np.ndarray
+    geometry: str
+    ambient_density: float
+    cell_averages: bool = False
+    body: Body | None = None
+    conditions: FreeStream | None = None
+    provenance: str = ""
+    resampling: object = None
+
+    def __post_init__(self):
+        """Check the grid."""
+        if self.geometry not in GEOMETRIES:
+            raise ValueError(f"geometry {self.geometry!r} is not known: choose one of {', '.join(GEOMETRIES)}")
+        check_density(self.ambient_density, "ambient_density")
+        density = _checked(self.density, "on the grid")
+        if density.ndim != (3 if self.geometry == "volume" else 2):
+            raise ValueError(f"a {self.geometry} field cannot have densities of shape {density.shape}")
+        if self.body is not None and self.geometry == "volume":
+            raise ValueError("a body in a volume field is not supported: use a planar or axisymmetric field")
+        grid = self._grid(density - self.ambient_density, "linear")
+        for name, value in (("density", density), ("origin", grid.origin), ("spacing", grid.spacing)):
+            object.__setattr__(self, name, value)
+        object.__setattr__(self, "ambient_density", float(self.ambient_density))
+
+    def _grid(self, samples: np.ndarray, interpolation: str) -> UniformGrid:
+        even = self.geometry == "axisymmetric"
+        return UniformGrid(samples, self.origin, self.spacing, interpolation, even, 1.0)
+
+    @property
+    def box(self) -> tuple[np.ndarray, np.ndarray]:
+        """Lowest and highest corner of the grid, (x, y, z), (y, z) or (r, z) [m]."""
+        return self.origin.copy(), self.origin + self.spacing * (np.array(self.density.shape) - 1)
+
+    def density_at(self, points) -> np.ndarray:
+        """Density [kg/m3], linear between nodes, at points (x, y, z) [m], shape (n, 3): shape (n,).
+
+        NaN inside the body; the ambient density outside the grid.
+        """
+        points = np.atleast_2d(np.asarray(points, dtype=np.float64))
+        local = points if self.geometry == "volume" else _in_plane(points, self.geometry)
+        low, high = self.box
+        slack = 1e-12 * (high - low)
+        inside = np.all((local >= low - slack) & (local <= high + slack), axis=1)
+        density = np.full(len(local), self.ambient_density)
+        excess = self._grid(self.density - self.ambient_density, "linear").evaluate(np.clip(local[inside], low, high))[
+            0
+        ]
+        density[inside] += excess
+        return density if self.body is None else np.where(self.body.contains(local), np.nan, density)
+
+    def index_field(
+        self,
+        wavelength: float = DEFAULT_WAVELENGTH,
+        relation: str = "gladstone-dale",
+        *,
+        constant: float | None = None,
+        composition=None,
+        gladstone_dale: float | None = None,
+        interpolation: str = "cubic",
+    ) -> IndexField:
+        """The refractive index on the same grid: contrast n - n_ambient at its nodes.
+
+        See `CellDensity.index_field` for the arguments; `interpolation` is as in `IndexField.from_samples`.
+        """
+        wavelength = check_wavelength(wavelength)
+        model = refractivity_model(relation, constant=one_constant(constant, gladstone_dale), composition=composition)
+        return IndexField.from_samples(
+            model.contrast(self.density, self.ambient_density, wavelength),
+            origin=self.origin,
+            spacing=self.spacing,
+            geometry=self.geometry,
+            ambient_index=model.ambient_index(self.ambient_density, wavelength),
+            interpolation=interpolation,
+            body=self.body,
+            cell_averages=self.cell_averages,
+            wavelength=wavelength,
+        )
+
+
+def _in_plane(points, geometry: str) -> np.ndarray:
+    points = np.atleast_2d(np.asarray(points, dtype=np.float64))
+    if points.ndim != 2 or points.shape[1] != 3:
+        raise ValueError(f"points must have shape (n, 3), got {points.shape}")
+    first = np.hypot(points[:, 0], points[:, 1]) if geometry == "axisymmetric" else points[:, 1]
+    return np.stack([first, points[:, 2]], axis=1)
+
+
+def _at_vertices(mesh: QuadMesh, contrast: np.ndarray) -> np.ndarray:
+    """Vertex values in a shape that cannot be taken for cell averages."""
+    return contrast.reshape(mesh.shape) if mesh.shape is not None else contrast

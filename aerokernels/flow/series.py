@@ -1,0 +1,270 @@
+"""Series: snapshots of a flow in time, read when they are asked for.
+
+A series knows its times and, where all snapshots share it, its mesh; `series[i]` is a DensityField like any other, and
+`series.density(i)` the bare array that a stream of a hundred thousand snapshots is worked on as.
+"""
+
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from ..medium import Body, QuadMesh
+from ..medium.mesh import GEOMETRIES
+from .density_field import CellDensity, DensityField
+from .gas import FreeStream, check_density
+from .sampled_density import GridDensity, VertexDensity
+
+
+@dataclass(frozen=True, eq=False)
+class GridMesh:
+    """Where the samples of a series on a uniform grid lie, in the optical frame.
+
+    Attributes:
+        geometry: "volume" [x, y, z], "planar" [y, z] or "axisymmetric" [r, z].
+        origin: Coordinates of the first node [m], one per axis.
+        spacing: Node spacing [m], one per axis.
+        shape: Number of nodes along each axis.
+        cell_averages: The samples are averages over cells centred on the nodes, not values at the nodes.
+
+    Raises:
+        ValueError: An unknown geometry, entries that do not fit its axes, a spacing that is not positive.
+    """
+
+    geometry: str
+    origin: np.ndarray
+    spacing: np.ndarray
+    shape: tuple[int, ...]
+    cell_averages: bool = False
+
+    def __post_init__(self) -> None:
+        """Check."""
+        if self.geometry not in GEOMETRIES:
+            raise ValueError(f"geometry {self.geometry!r} is not known: choose one of {', '.join(GEOMETRIES)}")
+        dimension = 3 if self.geometry == "volume" else 2
+        if len(self.shape) != dimension:
+            raise ValueError(f"a {self.geometry} series has arrays of {dimension} axes, got shape {tuple(self.shape)}")
+        for name in ("origin", "spacing"):
+            value = np.array(getattr(self, name), dtype=np.float64).reshape(-1)
+            if value.shape != (dimension,) or not np.isfinite(value).all():
+                raise ValueError(f"{name} needs {dimension} finite entries, one per array axis, got {value!r}")
+            value.setflags(write=False)
+            object.__setattr__(self, name, value)
+        if not (self.spacing > 0.0).all():
+            raise ValueError(f"spacing must be positive along every axis, got {self.spacing!r}")
+        object.__setattr__(self, "shape", tuple(int(count) for count in self.shape))
+
+    @property
+    def box(self) -> tuple[np.ndarray, np.ndarray]:
+        """Lowest and highest corner [m]."""
+        return self.origin.copy(), self.origin + self.spacing * (np.array(self.shape) - 1)
+
+
+@dataclass(frozen=True, eq=False)
+class Series:
+    """Snapshots in time. Build one with `open_series`.
+
+    Attributes:
+        get: The density of a snapshot by its number: an array, or a whole DensityField.
+        time: Time of each snapshot [s], shape (n,).
+        mesh: Where the samples lie: a GridMesh, a QuadMesh, or None where each snapshot has its own.
+        ambient_density: Density around the field [kg/m3]; None where each snapshot has its own.
+        body: Solid body in the flow, or None.
+        conditions: The free stream, or None where it is not known.
+        provenance: Where the series comes from, in words.
+        identity: What tells this series from another, plain JSON types: a run that is broken off goes on with no other.
+        once: Whether the snapshots come once, in their order, as those of an iterator do.
+    """
+
+    get: Callable[[int], Any]
+    time: np.ndarray
+    mesh: GridMesh | QuadMesh | None
+    ambient_density: float | None
+    body: Body | None = None
+    conditions: FreeStream | None = None
+    provenance: str = ""
+    identity: Mapping[str, Any] = field(default_factory=dict)
+    once: bool = False
+
+    def __post_init__(self) -> None:
+        """Check.
+
+        Raises:
+            ValueError: Times that do not increase, or are not finite.
+        """
+        time = np.array(self.time, dtype=np.float64).reshape(-1)
+        if not np.isfinite(time).all():
+            raise ValueError("the times of a series must be finite numbers, in seconds")
+        if (np.diff(time) <= 0.0).any():
+            first = int(np.argmax(np.diff(time) <= 0.0)) + 1
+            raise ValueError(
+                f"the times of a series must increase: snapshot {first} is at {time[first]:g} s, after "
+                f"{time[first - 1]:g} s; sort the snapshots, or give time="
+            )
+        time.setflags(write=False)
+        object.__setattr__(self, "time", time)
+        if self.ambient_density is not None:
+            check_density(self.ambient_density, "ambient_density")
+
+    def __len__(self) -> int:
+        """Number of snapshots."""
+        return len(self.time)
+
+    def __getitem__(self, index: int) -> DensityField:
+        """A snapshot.
+
+        Raises:
+            IndexError: No such snapshot.
+            TypeError: Not a whole number.
+            ValueError: Densities that are no gas's, or another shape than the mesh's.
+        """
+        number = self._number(index)
+        found = self.get(number)
+        return found if isinstance(found, DensityField) else self._field(self._checked(found, number), number)
+
+    def __iter__(self) -> Iterator[DensityField]:
+        """The snapshots one after another."""
+        return (self[number] for number in range(len(self)))
+
+    def density(self, index: int) -> np.ndarray:
+        """The densities of a snapshot [kg/m3] as they are stored, float32 or float64, in the mesh's order.
+
+        Raises:
+            IndexError: No such snapshot.
+            ValueError: Another shape than the mesh's.
+        """
+        number = self._number(index)
+        found = self.get(number)
+        if isinstance(found, DensityField):
+            density = getattr(found, "density", None)
+            if density is None:
+                raise ValueError(f"snapshot {number} is a {type(found).__name__}, which has no samples")
+            return np.asarray(density)
+        return self._checked(found, number)
+
+    def _number(self, index: int) -> int:
+        if isinstance(index, bool) or not isinstance(index, (int, np.integer)):
+            raise TypeError(f"a series is indexed by whole numbers, got {index!r}")
+        number = int(index) + (len(self) if index < 0 else 0)
+        if not 0 <= number < len(self):
+            raise IndexError(f"snapshot {index} of a series of {len(self)}")
+        return number
+
+    def _checked(self, found: Any, number: int) -> np.ndarray:
+        array = host_array(found)
+        expected = self.mesh.shape if isinstance(self.mesh, GridMesh) else None
+        if expected is not None and array.shape != expected:
+            raise ValueError(
+                f"snapshot {number} has shape {array.shape}, the first one {expected}: one mesh, one shape"
+            )
+        return array
+
+    def _field(self, density: np.ndarray, number: int) -> DensityField:
+        assert self.ambient_density is not None  # open_series asks for it
+        told = f"{self.provenance}, snapshot {number} at {self.time[number]:g} s".lstrip(", ")
+        if isinstance(self.mesh, GridMesh):
+            return GridDensity(
+                density,
+                self.mesh.origin,
+                self.mesh.spacing,
+                self.mesh.geometry,
+                self.ambient_density,
+                self.mesh.cell_averages,
+                self.body,
+                self.conditions,
+                told,
+            )
+        assert isinstance(self.mesh, QuadMesh)
+        at_vertices = density.size == len(self.mesh.vertices) and density.size != len(self.mesh.cells)
+        kind = VertexDensity if at_vertices else CellDensity
+        return kind(self.mesh, density, self.ambient_density, self.body, self.conditions, told)
+
+
+def host_array(found: Any) -> np.ndarray:
+    """An array of any library as a NumPy array, float32 or float64; one on a device is copied from there.
+
+    Raises:
+        TypeError: No array.
+    """
+    if isinstance(found, np.ndarray):
+        array = found
+    elif hasattr(found, "__cuda_array_interface__") or _on_device(found):
+        import warp
+
+        array = warp.from_dlpack(found).numpy() if hasattr(found, "__dlpack__") else warp.array(found).numpy()
+    elif hasattr(found, "__dlpack__"):
+        array = np.from_dlpack(found)
+    else:
+        array = np.asarray(found)
+    if array.dtype == object or not np.issubdtype(array.dtype, np.number) or np.iscomplexobj(array):
+        raise TypeError(f"a snapshot must be an array of real numbers or a DensityField, got {type(found).__name__}")
+    return array if array.dtype in (np.float32, np.float64) else array.astype(np.float64)
+
+
+def _on_device(found: Any) -> bool:
+    """Whether an array says through DLPack that it is not the processor's (1), nor memory pinned for it (3)."""
+    device = getattr(found, "__dlpack_device__", None)
+    return device is not None and int(device()[0]) not in (1, 3)
+
+
+class InOrder:
+    """The items of an iterator by their number, each once, in their order."""
+
+    def __init__(self, items: Iterable[Any], what: str = "snapshot"):
+        """Begin."""
+        self._items, self._next, self._what = iter(items), 0, what
+        self._ahead: list[Any] = []
+
+    def first(self) -> Any:
+        """The first item, which stays to be had."""
+        if self._next:
+            raise ValueError(f"{self._what} 0 has gone by")
+        if not self._ahead:
+            self._ahead = [self._take(0)]
+        return self._ahead[0]
+
+    def __call__(self, number: int) -> Any:
+        """The item of that number.
+
+        Raises:
+            ValueError: It has gone by, or there are fewer.
+        """
+        if number < self._next:
+            raise ValueError(
+                f"{self._what} {number} has gone by: an iterator gives its snapshots once, in order; give a list, or "
+                "start it anew"
+            )
+        while True:
+            item = self._ahead.pop() if self._ahead else self._take(self._next)
+            self._next += 1
+            if self._next > number:
+                return item
+
+    def _take(self, number: int) -> Any:
+        try:
+            return next(self._items)
+        except StopIteration:
+            raise ValueError(f"the iterator ended before {self._what} {number}: fewer snapshots than times") from None
+
+
+def times_of(time: Sequence[float] | None, step: float | None, start: float, count: int | None) -> np.ndarray:
+    """The times of a series [s], from a list of them or a step.
+
+    Raises:
+        ValueError: Neither or both of them, a step that is not positive, more or fewer times than snapshots.
+    """
+    if time is not None and step is not None:
+        raise ValueError("give either time, one for each snapshot, or time_step")
+    if time is not None:
+        times = np.array(time, dtype=np.float64).reshape(-1)
+        if count is not None and len(times) != count:
+            raise ValueError(f"{len(times)} times for {count} snapshots: give one for each")
+        return times
+    if step is None:
+        raise ValueError("a series needs times: give time, one for each snapshot in seconds, or time_step")
+    if not (np.isfinite(step) and step > 0.0):
+        raise ValueError(f"time_step must be positive, got {step!r} s")
+    if count is None:
+        raise ValueError("an iterator does not say how many snapshots it has: give time, one for each, or count")
+    return start + step * np.arange(count)

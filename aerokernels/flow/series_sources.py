@@ -1,0 +1,251 @@
+"""Opening a series: from a file with a time axis, from numbered files, from arrays of a solver in this process."""
+
+import re
+import warnings
+from collections.abc import Callable, Iterable, Sequence
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ..medium import Body, QuadMesh
+from ..units import quantity
+from .density_field import DensityField
+from .gas import FreeStream
+from .series import GridMesh, InOrder, Series, host_array, times_of
+
+# Names under which density goes, in the order in which they are looked for.
+DENSITY_NAMES = ("density", "rho", "Density", "Rho", "RHO", "rhoMean")
+TIME_NAMES = ("time", "t", "Time")
+_AXES = {("x", "y", "z"): "volume", ("y", "z"): "planar", ("r", "z"): "axisymmetric"}
+# The share of a spacing by which nodes may lie off an even grid: what single precision makes of coordinates.
+UNEVEN = 1e-3
+
+
+def open_series(
+    source: Any,
+    *,
+    time: Sequence[float] | None = None,
+    time_step: float | None = None,
+    start_time: float = 0.0,
+    count: int | None = None,
+    density: str | None = None,
+    ambient_density: float | None = None,
+    geometry: str | None = None,
+    origin: Sequence[float] | None = None,
+    spacing: Sequence[float] | None = None,
+    mesh: QuadMesh | None = None,
+    cell_averages: bool = False,
+    body: Body | None = None,
+    conditions: FreeStream | None = None,
+    read: Callable[[Path], DensityField] | None = None,
+) -> Series:
+    """Open snapshots of a flow in time; each is read when it is asked for.
+
+    Args:
+        source: One of
+            a NetCDF file or a Zarr store with a time axis, or an xarray object: coordinates time and x, y, z, or y, z,
+            or r, z, on even grids in metres (a `units` attribute is heeded), and the density;
+            a pattern such as "run/flow_*.vtu", or a list of paths: numbered files, read by `read`;
+            a list or an iterator of arrays (NumPy, or any with DLPack), or of density fields. An iterator's snapshots
+            come once, in their order.
+        time: Time of each snapshot [s]; for numbered files and arrays. A file with a time axis has its own.
+        time_step: Time from one snapshot to the next [s], in place of `time`.
+        start_time: Time of the first one [s], with `time_step`.
+        count: How many snapshots an iterator gives, with `time_step`.
+        density: Name of the density in a file; None looks for density, rho and the like.
+        ambient_density: Density around the field [kg/m3]; None takes the file's attribute of that name.
+        geometry: "volume", "planar" or "axisymmetric", for arrays.
+        origin: Coordinates of their first node [m].
+        spacing: Their node spacing [m].
+        mesh: The mesh of arrays that are no uniform grid's: averages over its cells, or values at its vertices.
+        cell_averages: The samples are averages over cells centred on the nodes.
+        body: Solid body in the flow.
+        conditions: The free stream.
+        read: Reads a numbered file; None: `flow.read`.
+
+    Raises:
+        TypeError: A source of none of these kinds.
+        ValueError: No such file, no density or time in it, coordinates that are no even grid, times that do not
+            increase, or what else is missing, with the remedy.
+    """
+    own: dict[str, Any] = {"body": body, "conditions": conditions}
+    if isinstance(source, (str, Path)):
+        path = Path(source)
+        if any(letter in str(source) for letter in "*?["):
+            return _of_files(_matching(path), time, time_step, start_time, read)
+        return _of_file(path, density, ambient_density, cell_averages, own)
+    if type(source).__module__.partition(".")[0] == "xarray":
+        return _of_dataset(source, density, ambient_density, cell_averages, own, "xarray object", {})
+    if not isinstance(source, Iterable):
+        raise TypeError(
+            f"a series is opened from a path, a pattern, a list or an iterator of arrays, got {type(source).__name__}"
+        )
+    items: Any = source
+    listed = hasattr(source, "__len__") and hasattr(source, "__getitem__")
+    if listed and len(items) == 0:
+        raise ValueError("the series is empty: give at least one snapshot")
+    if listed and isinstance(items[0], (str, Path)):
+        return _of_files([Path(item) for item in items], time, time_step, start_time, read)
+    get = items.__getitem__ if listed else InOrder(items)
+    times = times_of(time, time_step, start_time, len(items) if listed else count)
+    first = items[0] if listed else get.first()
+    if isinstance(first, DensityField):
+        return Series(get, times, None, None, first.body, conditions, "density fields", once=not listed)
+    array = host_array(first)
+    where: GridMesh | QuadMesh
+    if mesh is not None:
+        if not isinstance(mesh, QuadMesh):
+            raise TypeError(f"mesh must be a QuadMesh, got {type(mesh).__name__}: see QuadMesh.structured")
+        where = mesh
+    else:
+        if geometry is None or origin is None or spacing is None:
+            raise ValueError("arrays need to know where they lie: give geometry, origin and spacing, or mesh")
+        where = GridMesh(geometry, np.asarray(origin), np.asarray(spacing), array.shape, cell_averages)
+    if ambient_density is None:
+        raise ValueError("arrays need an ambient_density, that of the air around them, in kg/m3")
+    return Series(get, times, where, float(ambient_density), **own, provenance="arrays", once=not listed)
+
+
+def _matching(pattern: Path) -> list[Path]:
+    """The files of a pattern by the numbers in their names."""
+    parts = pattern.parts
+    first = next(k for k, part in enumerate(parts) if any(letter in part for letter in "*?["))
+    root = Path(*parts[:first]) if first else Path()
+    found = list(root.glob(str(Path(*parts[first:]))))
+    if not found:
+        raise ValueError(f"{pattern}: no file matches; check the folder and the pattern")
+    return sorted(found, key=lambda path: [int(text) if text.isdigit() else text for text in _pieces(path.name)])
+
+
+def _pieces(name: str) -> list[str]:
+    return re.split(r"(\d+)", name)
+
+
+def _of_files(
+    paths: list[Path],
+    time: Sequence[float] | None,
+    step: float | None,
+    start: float,
+    read: Callable[[Path], DensityField] | None,
+) -> Series:
+    missing = [path for path in paths if not path.exists()]
+    if missing:
+        raise ValueError(f"{missing[0]}: no such file ({len(missing)} of {len(paths)} are missing)")
+    reader = _reader() if read is None else read
+    times = times_of(time, step, start, len(paths))
+    identity = {"files": [[path.name, path.stat().st_size] for path in paths]}
+    told = f"{len(paths)} files from {paths[0].name} to {paths[-1].name}"
+    return Series(
+        lambda number: reader(paths[number]), times, None, None, None, None, provenance=told, identity=identity
+    )
+
+
+def _reader() -> Callable[[Path], DensityField]:
+    found = getattr(import_module(__package__ or "aerokernels.flow"), "read", None)
+    if found is None:
+        raise ValueError("numbered files need a reader: give read, a function of a path that returns a DensityField")
+    return found
+
+
+def _of_file(path: Path, density: str | None, ambient: float | None, averages: bool, own: dict) -> Series:
+    import xarray
+
+    if not path.exists():
+        raise ValueError(f"{path}: no such file; give a NetCDF file, a Zarr store, or a pattern such as flow_*.vtu")
+    if path.is_dir() and not any((path / name).exists() for name in ("zarr.json", ".zgroup", ".zmetadata")):
+        raise ValueError(
+            f"{path}: a folder, but no Zarr store; numbered files are opened by a pattern, 'dir/flow_*.vtu'"
+        )
+    engine = "zarr" if path.is_dir() else "h5netcdf"
+    if engine == "zarr":
+        try:
+            import zarr  # noqa: F401
+        except ImportError:
+            raise ImportError(f"{path}: a Zarr store needs zarr: pip install 'aerokernels[dask]'") from None
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", RuntimeWarning)  # that a store without consolidated metadata opens slowly
+            dataset = xarray.open_dataset(path, engine=engine, chunks=None)
+    except Exception as fault:
+        raise ValueError(f"{path}: cannot be read as {'Zarr' if engine == 'zarr' else 'NetCDF'}: {fault}") from None
+    identity = {"file": path.name, "size": path.stat().st_size if path.is_file() else None}
+    return _of_dataset(dataset, density, ambient, averages, own, str(path), identity)
+
+
+def _of_dataset(data: Any, density: str | None, ambient: float | None, averages: bool, own: dict, name: str, identity):
+    """A series of an xarray object, of which one time is read at once."""
+    if hasattr(data, "data_vars"):
+        names = [density] if density is not None else [one for one in DENSITY_NAMES if one in data.data_vars]
+        if not names or names[0] not in data.data_vars:
+            wanted = density or "density, rho or the like"
+            held = ", ".join(map(str, data.data_vars)) or "nothing"
+            raise ValueError(f"{name}: no variable {wanted}; it holds {held}: give density=NAME")
+        array, attributes = data[names[0]], {**data.attrs, **data[names[0]].attrs}
+    else:
+        array, attributes = data, dict(data.attrs)
+    clock = next((one for one in TIME_NAMES if one in array.dims), None)
+    if clock is None:
+        raise ValueError(f"{name}: {array.name} has axes {', '.join(map(str, array.dims))} and no time")
+    axes = next((one for one in _AXES if {clock, *one} == set(array.dims)), None)
+    if axes is None:
+        raise ValueError(
+            f"{name}: {array.name} has axes {', '.join(map(str, array.dims))}: rename them to time and "
+            "x, y, z, or y, z, or r, z"
+        )
+    array = array.transpose(clock, *axes)
+    ends = [_even(name, axis, array.coords.get(axis)) for axis in axes]
+    where = GridMesh(
+        _AXES[axes],
+        np.array([first for first, _ in ends]),
+        np.array([step for _, step in ends]),
+        array.shape[1:],
+        averages,
+    )
+    times = _in_si(name, clock, array.coords.get(clock), "time")
+    factor = _factor(name, attributes.get("units"), "density", f"{array.name}")
+    around = attributes.get("ambient_density") if ambient is None else ambient
+    if around is None:
+        raise ValueError(f"{name}: give ambient_density, that of the air around the field, in kg/m3")
+
+    def get(number: int) -> np.ndarray:
+        values = np.asarray(array.isel({clock: number}).values)
+        return values if factor == 1.0 else values * factor
+
+    return Series(
+        get, times, where, float(around), **own, provenance=name, identity={**identity, "variable": array.name}
+    )
+
+
+def _in_si(name: str, axis: str, coordinate: Any, dimension: str) -> np.ndarray:
+    if coordinate is None:
+        raise ValueError(f"{name}: axis {axis} has no coordinate: add one")
+    values = np.asarray(coordinate.values)
+    if np.issubdtype(values.dtype, np.datetime64) or np.issubdtype(values.dtype, np.timedelta64):
+        since = values - values[0] if np.issubdtype(values.dtype, np.datetime64) else values
+        return since / np.timedelta64(1, "s")
+    return values.astype(np.float64) * _factor(name, coordinate.attrs.get("units"), dimension, axis)
+
+
+def _factor(name: str, unit: Any, dimension: str, what: str) -> float:
+    if unit is None or str(unit).strip() in ("", "1"):
+        return 1.0
+    text = str(unit).strip().replace(" m-3", "/m3").replace("kg m^-3", "kg/m3").replace("kg m**-3", "kg/m3")
+    text = {"seconds": "s", "second": "s", "meter": "m", "metre": "m", "meters": "m", "metres": "m"}.get(text, text)
+    try:
+        return quantity(f"1 {text}", dimension)
+    except ValueError as fault:
+        raise ValueError(f"{name}: the unit of {what}: {fault}") from None
+
+
+def _even(name: str, axis: str, coordinate: Any) -> tuple[float, float]:
+    """First node and spacing of an axis [m]."""
+    places = _in_si(name, axis, coordinate, "length")
+    if len(places) < 2:
+        raise ValueError(f"{name}: axis {axis} needs at least two nodes")
+    step = (places[-1] - places[0]) / (len(places) - 1)
+    off = np.abs(places - (places[0] + step * np.arange(len(places)))).max()
+    if not step > 0.0 or off > UNEVEN * step:
+        raise ValueError(f"{name}: the nodes of {axis} do not increase evenly: interpolate them on an even grid first")
+    return float(places[0]), float(step)

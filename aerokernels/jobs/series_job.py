@@ -1,0 +1,124 @@
+"""A series job: snapshots of a flow to OPD maps, their statistics, and a report.
+
+DIR/series.zarr holds the maps, DIR/statistics.nc what is published of them, DIR/summary.json the numbers without an
+axis, each with its standard error, DIR/report.html pictures and a film.
+"""
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from aerokernels import __version__
+from aerokernels.flow import GridMesh, Series, open_series
+from aerokernels.jobs.store import REPORT_FILE, SUMMARY_FILE, check_output_folder, to_json, write_result
+from aerokernels.jobs.sweeps.records import write_text
+from aerokernels.jobs.views import forward_pupil
+from aerokernels.scene import Scene, SceneError
+from aerokernels.series import optical_series, statistics
+from aerokernels.series.look import direction_of
+
+if TYPE_CHECKING:
+    import xarray
+
+Progress = Callable[[str, float], None]
+MAPS_FILE, STATISTICS_FILE = "series.zarr", "statistics.nc"
+MAPS_SHARE = 0.9  # of the job
+
+
+def scene_series(scene: Scene) -> Series:
+    """The snapshots of a scene.
+
+    Raises:
+        SceneError: None are named.
+        ValueError: They cannot be opened, with the key to blame.
+    """
+    table = scene.series
+    if table.source is None:
+        raise SceneError(
+            f'{scene.name}: series.source is missing: add a table [series] with source = "flow.nc", a file with a time '
+            "axis, or a pattern of numbered files"
+        )
+    options: dict[str, Any] = {"ambient_density": table.ambient_density, "density": table.density}
+    try:
+        return open_series(table.source, time_step=table.time_step, **options)
+    except ValueError as fault:
+        raise ValueError(f"series.source: {fault}") from fault
+
+
+def run_series(scene: Scene, out: Path, progress: Progress | None = None) -> dict[str, Any]:
+    """Do the whole job; maps that are there already from a run that was broken off are kept.
+
+    Returns:
+        The summary.
+
+    Raises:
+        ValueError: Something wrong with the scene, the snapshots or the folder; nothing is written then.
+        ImportError: No Zarr.
+    """
+    check_output_folder(out)
+    series, table, trace = scene_series(scene), scene.series, scene.trace
+
+    def told(text: str, share: float) -> None:
+        if progress is not None:
+            progress(text, MAPS_SHARE * share)
+
+    maps = optical_series(
+        series,
+        forward_pupil(scene),
+        direction=direction_of(table.azimuth, table.elevation),
+        remove=table.remove,
+        wavelength=scene.flow.wavelength,
+        relation=scene.flow.relation,
+        constant=scene.flow.gladstone_dale,
+        pixel_count=table.pixel_count,
+        tolerance=trace.tolerance,
+        backend=trace.backend,
+        device=trace.device,
+        precision=trace.precision,
+        out=out / MAPS_FILE,
+        progress=told,
+    )
+    if progress is not None:
+        progress("statistics", MAPS_SHARE)
+    again = series if isinstance(series.mesh, GridMesh) and len(series) > 1 else None
+    found = statistics(maps, velocity=table.velocity, length=table.length, series=again)
+    summary = summarise(scene, maps, found)
+    from aerokernels.jobs.series_report import series_report
+
+    if progress is not None:
+        progress("writing the report", 0.95)
+    partial = out / f".{STATISTICS_FILE}.partial"
+    try:
+        write_result(partial, found)
+        partial.replace(out / STATISTICS_FILE)
+    finally:
+        partial.unlink(missing_ok=True)
+    write_text(out / SUMMARY_FILE, json.dumps(summary, indent=2, ensure_ascii=False, allow_nan=False) + "\n")
+    write_text(out / REPORT_FILE, series_report(scene, maps, found, summary))
+    return summary
+
+
+def summarise(scene: Scene, maps: "xarray.Dataset", found: "xarray.Dataset") -> dict[str, Any]:
+    """The numbers without an axis, each with its standard error, and what was done; NaN as null."""
+    names = [str(name) for name in found.data_vars if found[name].ndim == 0 and not str(name).endswith("_error")]
+    errors = np.asarray(maps["error"].values)
+    return to_json(
+        {
+            "scene": scene.name,
+            "title": scene.title,
+            **{name: float(found[name]) for name in names},
+            "errors": {name: float(found[f"{name}_error"]) for name in names},
+            "drifting": found.attrs["drifting"],
+            "skipped": found.attrs["skipped"],
+            "snapshot_count": int(maps.sizes["time"]),
+            "traced_count": int(np.asarray(maps["traced"].values).sum()),
+            "opd_error_m": float(np.nanmax(errors)) if np.isfinite(errors).any() else None,
+            "wavelength_m": float(maps.attrs["wavelength"]),
+            "plan": maps.attrs["plan"],
+            "provenance": maps.attrs["provenance"],
+            "version": __version__,
+        }
+    )

@@ -1,0 +1,191 @@
+"""A series as one HTML page: numbers with errors, maps, modes, spectra, time traces, and a film."""
+
+import html
+import io
+import json
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from aerokernels.jobs.figure_layout import Panel, panelled_figure
+from aerokernels.jobs.page import Picture, cards, embedded, page, pictures, section, table, text_block
+from aerokernels.jobs.plots import STYLE
+from aerokernels.jobs.scene_text import scene_toml
+from aerokernels.quantities import Quantity
+from aerokernels.scene import Scene
+
+if TYPE_CHECKING:
+    import xarray
+    from matplotlib.figure import Figure
+
+MOST_FRAMES, FRAME_SIDE = 60, 320  # of the film: frames, and least pixels a side
+HEADLINES = (
+    ("opd_rms", "OPD, rms, tilt removed", "nm", 1e9),
+    ("opd_rms_with_tilt", "OPD, rms", "nm", 1e9),
+    ("strehl", "Strehl ratio, exact mean", "", 1.0),
+    ("strehl_large_aperture", "Strehl ratio, large-aperture approximation", "", 1.0),
+    ("jitter_x", "jitter along x", "µrad", 1e6),
+    ("jitter_y", "jitter along y", "µrad", 1e6),
+    ("correlation_length_x", "correlation length along x", "mm", 1e3),
+    ("correlation_length_y", "correlation length along y", "mm", 1e3),
+)
+SLIDER = """<script>
+const frames = FRAMES, times = TIMES, film = document.getElementById("film-frame");
+function show(k) { film.src = frames[k]; document.getElementById("film-time").textContent = times[k]; }
+document.getElementById("film-slider").addEventListener("input", event => show(event.target.value));
+show(0);
+</script>"""
+
+
+def series_report(scene: Scene, maps: "xarray.Dataset", found: "xarray.Dataset", summary: Mapping[str, Any]) -> str:
+    """The page of a finished series."""
+    shown = []
+    for name, words, unit, factor in HEADLINES:
+        if name in found:
+            quantity = Quantity(float(found[name]), float(found[f"{name}_error"]))
+            shown.append((words, quantity.scaled(factor, unit).text()))
+    lead = f"{summary['snapshot_count']} snapshots, {summary['traced_count']} of them traced in full; "
+    lead += f"{summary['provenance']}; aerokernels {summary['version']}"
+    remarks = "".join(
+        f"<p><b>{words}:</b> {html.escape(str(summary[key]))}</p>"
+        for key, words in (("drifting", "Drifts"), ("skipped", "Skipped"))
+        if summary[key]
+    )
+    numbers = [
+        (name, Quantity(float(found[name]), float(found[f"{name}_error"])).text(), str(found[name].attrs["units"]))
+        for name in map(str, found.data_vars)
+        if found[name].ndim == 0 and not name.endswith("_error")
+    ]
+    parts = [
+        (f"<div class='note'>{remarks}</div>" if remarks else "") + cards(shown),
+        section("Film of the optical path difference", film(maps)),
+        section("Pictures", pictures(_pictures(maps, found))),
+        section("Numbers (SI), each with its standard error", table(("quantity", "value", "unit"), numbers)),
+        section("How", f"<p>{html.escape(str(summary['plan']))}</p>"),
+        section("Scene as it was run", text_block(scene_toml(scene))),
+    ]
+    return page(scene.title or scene.name, lead, parts)
+
+
+def film(maps: "xarray.Dataset") -> str:
+    """Frames of the maps, evenly chosen, with a slider."""
+    count = maps.sizes["time"]
+    chosen = np.unique(np.linspace(0, count - 1, min(count, MOST_FRAMES)).round().astype(int))
+    values = np.stack([maps["opd"].isel(time=int(number)).values for number in chosen])
+    limit = float(np.nanpercentile(np.abs(values), 99.5)) if np.isfinite(values).any() else 0.0
+    limit = limit or 1e-12
+    frames = [embedded(_frame(one, limit)) for one in values]
+    times = [f"snapshot {number}, {float(maps.time[int(number)]):.6g} s" for number in chosen]
+    script = SLIDER.replace("FRAMES", json.dumps(frames)).replace("TIMES", json.dumps(times))
+    return (
+        '<figure id="film"><img id="film-frame" alt="optical path difference of a snapshot">'
+        f'<p><input id="film-slider" type="range" min="0" max="{len(frames) - 1}" value="0" '
+        f'style="width:{FRAME_SIDE}px"> <span id="film-time"></span></p>'
+        f"<figcaption>Blue to red: {-limit * 1e9:.3g} to {limit * 1e9:.3g} nm; x to the right, y upward."
+        f"</figcaption></figure>{script}"
+    )
+
+
+def _frame(values: np.ndarray, limit: float) -> bytes:
+    """A map as a PNG file, enlarged by whole pixels, y upward."""
+    from matplotlib import colormaps
+    from PIL import Image
+
+    colours = colormaps["RdBu_r"](0.5 + 0.5 * np.clip(values / limit, -1.0, 1.0))
+    colours[~np.isfinite(values)] = 1.0
+    pixels = (255.0 * colours[::-1, :, :3]).round().astype(np.uint8)
+    times = max(1, -(-FRAME_SIDE // max(pixels.shape[:2])))
+    buffer = io.BytesIO()
+    Image.fromarray(pixels.repeat(times, axis=0).repeat(times, axis=1)).save(buffer, "PNG", optimize=True)
+    return buffer.getvalue()
+
+
+def _pictures(maps: "xarray.Dataset", found: "xarray.Dataset") -> list[Picture]:
+    shown: list[Picture] = [
+        ("maps", "Steady map, and the rms in time about it", lambda: _maps_figure(found)),
+        ("time", "OPD rms and Strehl ratio of each snapshot", lambda: _time_figure(maps)),
+    ]
+    if "spectrum_opd" in found:
+        shown.append(("spectra", "Power spectra, with their standard errors", lambda: _spectra_figure(found)))
+    shown.append(("aperture", "OPD rms over round parts of the pupil", lambda: _aperture_figure(found)))
+    if "pod_mode" in found:
+        shown.append(("modes", "The first proper orthogonal modes", lambda: _modes_figure(found)))
+    return shown
+
+
+def _styled(*panels: Panel) -> Any:
+    from matplotlib import rc_context
+
+    with rc_context(STYLE):
+        return panelled_figure(panels)
+
+
+def _map(figure: "Figure", axes: Any, bar: Any, found: "xarray.Dataset", values: Any, label: str, even: bool) -> None:
+    """A map over the pupil, in mm."""
+    limit = float(np.nanmax(np.abs(values))) or 1.0
+    scale = {"vmin": -limit, "vmax": limit, "cmap": "RdBu_r"} if even else {"cmap": "viridis"}
+    mesh = axes.pcolormesh(1e3 * found.x.values, 1e3 * found.y.values, values, shading="nearest", **scale)
+    axes.set(xlabel="x [mm]", ylabel="y [mm]", aspect="equal")
+    figure.colorbar(mesh, cax=bar, label=label)
+
+
+def _maps_figure(found: "xarray.Dataset") -> "Figure":
+    figure, [(steady, first), (spread, second)] = _styled(Panel(3.4, 3.4, bar=True), Panel(3.4, 3.4, bar=True))
+    _map(figure, steady, first, found, 1e9 * found.opd_mean.values, "steady OPD [nm]", True)
+    _map(figure, spread, second, found, 1e9 * found.opd_std.values, "rms in time [nm]", False)
+    return figure
+
+
+def _time_figure(maps: "xarray.Dataset") -> "Figure":
+    figure, [(rms, _), (ratio, _)] = _styled(Panel(4.4, 2.8), Panel(4.4, 2.8))
+    time = 1e3 * maps.time.values
+    rms.plot(time, 1e9 * maps.opd_rms.values, color="#0b6e99", linewidth=1.0)
+    ratio.plot(time, maps.strehl.values, color="#c2410c", linewidth=1.0)
+    rms.set(xlabel="time [ms]", ylabel="OPD rms, tilt removed [nm]")
+    ratio.set(xlabel="time [ms]", ylabel="Strehl ratio")
+    return figure
+
+
+def _spectra_figure(found: "xarray.Dataset") -> "Figure":
+    figure, [(opd, _), (tilt, _)] = _styled(Panel(4.4, 3.2), Panel(4.4, 3.2))
+    strouhal = "strouhal" in found.coords
+    places = found["strouhal" if strouhal else "frequency"].values
+    rows: list[tuple[Any, str, str, str, float]] = [
+        (opd, "spectrum_opd", "OPD", "#0b6e99", 1e18),
+        (tilt, "spectrum_jitter_x", "tilt along x", "#0b6e99", 1e12),
+        (tilt, "spectrum_jitter_y", "tilt along y", "#c2410c", 1e12),
+    ]
+    for axes, name, words, colour, factor in rows:
+        values, error = (factor * found[one].values[1:] for one in (name, f"{name}_error"))
+        if not (values > 0.0).any():
+            continue
+        axes.loglog(places[1:], values, color=colour, linewidth=1.2, label=words)
+        axes.fill_between(places[1:], np.maximum(values - error, 0.1 * values), values + error, color=colour, alpha=0.2)
+    words = "Strouhal number f D / U" if strouhal else "frequency [Hz]"
+    opd.set(xlabel=words, ylabel="nm²/Hz")
+    tilt.set(xlabel=words, ylabel="µrad²/Hz")
+    for axes in (opd, tilt):
+        if axes.get_legend_handles_labels()[0]:
+            axes.legend()
+    return figure
+
+
+def _aperture_figure(found: "xarray.Dataset") -> "Figure":
+    figure, [(axes, _)] = _styled(Panel(6.0, 3.0))
+    error = 1e9 * np.nan_to_num(found.opd_rms_aperture_error.values)
+    axes.errorbar(
+        1e3 * found.aperture.values, 1e9 * found.opd_rms_aperture.values, error, marker="o", capsize=3, color="#0b6e99"
+    )
+    axes.set(xlabel="diameter [mm]", ylabel="OPD rms, tilt removed [nm]")
+    return figure
+
+
+def _modes_figure(found: "xarray.Dataset") -> "Figure":
+    count = min(3, found.sizes["mode"])
+    figure, panels = _styled(*[Panel(2.6, 2.6, bar=True)] * count)
+    for k, (axes, bar) in enumerate(panels):
+        share = Quantity(100.0 * float(found.pod_share[k]), 100.0 * float(found.pod_share_error[k])).text()
+        _map(figure, axes, bar, found, found.pod_mode.values[k], "", True)
+        axes.set_title(f"{share} %", y=1.0)
+    return figure

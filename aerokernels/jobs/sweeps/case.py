@@ -1,0 +1,167 @@
+"""One case of a sweep, and what a process keeps from one case to the next.
+
+A case is a run without its pictures: flow, index, Strehl ratio, echo, range. What does not depend on the keys that vary
+is not computed again: the flow for its own keys, the index field for [flow] and [grid], the Strehl ratio for the
+receiver's pupil, [strehl] and [trace]. Cases that share a flow are traced through one grid, as wide as the widest view
+among them needs, so that a tilt of the target does not build it anew.
+"""
+
+import json
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from aerokernels import __version__
+from aerokernels.clock import clocked
+from aerokernels.echo.prediction import predict_echo
+from aerokernels.jobs.run import RunResult, echo_with_errors, scene_strehl
+from aerokernels.jobs.store import to_json
+from aerokernels.prepare import Prepared, prepare_field, view_extent, view_radius
+from aerokernels.scene import Scene
+from aerokernels.strehl import StrehlEstimate
+from aerokernels.tracing.engines.choice import choose_backend
+
+KEPT = 2  # flows, index fields and Strehl ratios that a process keeps, the latest
+_INDEX_KEYS = ("wavelength", "relation", "gladstone_dale")  # of [flow]: they make the index, not the flow
+
+
+@dataclass(frozen=True)
+class Case:
+    """What a worker is given.
+
+    Attributes:
+        number: The case's number in the sweep.
+        scene: Its scene.
+        group: Names the index field that it shares with others.
+        widest: The scenes of that group among which the widest view is, wherever the flow's front lies.
+    """
+
+    number: int
+    scene: Scene
+    group: str
+    widest: tuple[Scene, ...]
+
+
+def make_cases(scenes: Sequence[Scene | None]) -> list[Case]:
+    """The cases that have a scene, those of a group one after another."""
+    groups: dict[str, list[int]] = {}
+    for number, scene in enumerate(scenes):
+        if scene is not None:
+            groups.setdefault(_field_key(scene), []).append(number)
+    cases = []
+    for key, numbers in groups.items():
+        members = [scene for number in numbers if (scene := scenes[number]) is not None]
+        widest = _widest(members)
+        cases += [Case(number, scene, key, widest) for number, scene in zip(numbers, members, strict=True)]
+    return cases
+
+
+def _widest(scenes: Sequence[Scene]) -> tuple[Scene, ...]:
+    """The scenes whose view no other one's holds: one for each kind of view."""
+    views = {view_extent(scene): scene for scene in scenes}
+    ahead: list[tuple[float, float, float]] = []
+    for view in sorted(views, key=lambda view: (-view[0], -view[1], view[2])):
+        if not any(one[1] >= view[1] and one[2] <= view[2] for one in ahead):
+            ahead.append(view)
+    return tuple(views[view] for view in ahead)
+
+
+def _key(*parts: Any) -> str:
+    return json.dumps(parts, sort_keys=True)
+
+
+def _field_key(scene: Scene) -> str:
+    tables = scene.as_dict()
+    return _key(tables["flow"], tables["grid"], scene.receiver.aperture_z)
+
+
+def _flow_key(scene: Scene) -> str:
+    return _key({name: value for name, value in scene.as_dict()["flow"].items() if name not in _INDEX_KEYS})
+
+
+def _strehl_key(scene: Scene, group: str) -> str:
+    tables = scene.as_dict()
+    return _key(group, scene.receiver.diameter, tables["strehl"], tables["trace"])
+
+
+class Stages:
+    """The stages that a process keeps.
+
+    Attributes:
+        made: How often each was computed: "flow", "index", "strehl", "echo".
+    """
+
+    def __init__(self) -> None:
+        """Begin without any."""
+        self.made = dict.fromkeys(("flow", "index", "strehl", "echo"), 0)
+        self._kept: dict[tuple[str, str], Any] = {}
+
+    def _held(self, kind: str, key: str, make: Callable[[], Any]) -> Any:
+        if (kind, key) in self._kept:
+            self._kept[kind, key] = self._kept.pop((kind, key))  # the latest is last
+            return self._kept[kind, key]
+        alike = [name for name in self._kept if name[0] == kind]
+        for name in alike[: max(0, len(alike) + 1 - KEPT)]:
+            del self._kept[name]  # before the next is made: fields can be large
+        made = self._kept[kind, key] = make()
+        self.made[kind] += 1
+        return made
+
+    def run(self, case: Case) -> RunResult:
+        """Compute a case.
+
+        Raises:
+            ValueError: The scene cannot be computed.
+        """
+        scene = case.scene
+        seconds: dict[str, float] = {}
+        failed: dict[str, str] = {}
+
+        def timed(name: str, work: Callable[[], Any]) -> Any:
+            begin = time.perf_counter()
+            try:
+                return work()
+            finally:
+                seconds[name] = time.perf_counter() - begin
+
+        with clocked() as stages:
+            choose_backend(scene.trace.backend, scene.trace.device)
+            prepared = timed("prepare", lambda: self._prepared(case))
+            predict_echo(scene, prepared.field)
+            strehl = timed("strehl", lambda: self._strehl(case, prepared))
+            timed("error", lambda: strehl.quantities)
+            try:
+                found = timed("echo", lambda: echo_with_errors(scene, prepared.field, strehl))
+            except ValueError as fault:
+                found, failed["echo"] = None, str(fault)
+            self.made["echo"] += 1
+        seconds["total"] = stages["total"]
+        return RunResult(scene, prepared, strehl, None, None, found, seconds, stages, failed)
+
+    def _prepared(self, case: Case) -> Prepared:
+        def make() -> Prepared:
+            density = self._held("flow", _flow_key(case.scene), case.scene.density_field)
+            front = float(density.box[1][-1])
+            widest = max(case.widest, key=lambda scene: view_radius(scene, front))
+            return prepare_field(widest, density)
+
+        return self._held("index", case.group, make)
+
+    def _strehl(self, case: Case, prepared: Prepared) -> StrehlEstimate:
+        key = _strehl_key(case.scene, case.group)
+        return self._held("strehl", key, lambda: scene_strehl(prepared.field, case.scene))
+
+
+_stages = Stages()
+
+
+def compute(case: Case) -> dict[str, Any]:
+    """What a case gives, as plain JSON types: {"summary": ...}, or {"error": ...} where it cannot be computed."""
+    try:
+        result = _stages.run(case)
+        return to_json({"summary": result.summary, "version": __version__})
+    except Exception as fault:  # whatever it is, the other cases go on
+        text = " ".join(str(fault).split())
+        kind = "" if isinstance(fault, ValueError) and text else f"{type(fault).__name__}: "
+        return {"error": f"{kind}{text}", "version": __version__}

@@ -1,0 +1,135 @@
+"""The cases of a sweep as one labelled dataset: numbers as in summary.json, a dimension for each key."""
+
+import json
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from aerokernels.jobs.sweeps.definition import CASE, Definition, coordinates
+from aerokernels.scene import Scene
+
+if TYPE_CHECKING:
+    import xarray
+
+# What is stored of a summary: unit and meaning. Numbers, NaN where a case has none.
+NUMBERS = {
+    "strehl": ("1", "Strehl ratio"),
+    "strehl_standard_error": ("1", "standard error of the Strehl ratio's sampling"),
+    "strehl_marechal": ("1", "Strehl ratio by Maréchal's approximation"),
+    "opd_rms_m": ("m", "optical path difference, rms over the pupil"),
+    "boresight_rad": ("rad", "boresight error"),
+    "boresight_x_rad": ("rad", "boresight error toward x"),
+    "boresight_y_rad": ("rad", "boresight error toward y"),
+    "echo_strehl": ("1", "Strehl ratio of the light on its way back"),
+    "echo_peak_w": ("W", "peak power of the echo"),
+    "echo_peak_v": ("V", "peak voltage of the echo"),
+    "range_m": ("m", "reported range"),
+    "range_error_m": ("m", "reported less true range"),
+    "true_range_m": ("m", "true range"),
+    "noise_rms_v": ("V", "noise of the recorded voltage, rms"),
+    "mach": ("1", "Mach number of the flow"),
+    "ambient_density_kg_m3": ("kg m-3", "free-stream density"),
+    "wavelength_m": ("m", "vacuum wavelength"),
+    "ray_count": ("1", "rays over the pupil asked for"),
+    "traced_ray_count": ("1", "rays traced for the Strehl ratio"),
+    "evaluation_count": ("1", "evaluations of the field for the Strehl ratio"),
+    "trace_seconds": ("s", "time in kernels, for this case alone"),
+    "compile_seconds": ("s", "time building kernels"),
+    "total_seconds": ("s", "wall time, stages taken over from other cases not counted"),
+}
+TEXTS = {
+    "verdict": "what the Strehl ratio's error makes of it",
+    "backend": "what ran the kernels",
+    "device": "the device",
+    "precision": "numbers in the kernels",
+    "provenance": "where the flow comes from",
+    "version": "version of aerokernels",
+}
+METHODS, CAUSES = "ranging_method", "cause"
+
+
+def sweep_dataset(
+    definition: Definition,
+    described: Mapping[str, Any],
+    scenes: Sequence[Scene | None],
+    records: Mapping[int, Mapping[str, Any]],
+    provenance: Mapping[str, str],
+) -> "xarray.Dataset":
+    """Put cases together.
+
+    Args:
+        definition: The sweep.
+        described: What it was made from, for provenance.
+        scenes: The scene of each case, None where it has none.
+        records: What each case gave, by its number.
+        provenance: Attributes besides.
+    """
+    import xarray
+
+    from aerokernels.jobs.scene_text import scene_toml
+
+    dims, shape = definition.dims, definition.shape
+    summaries = [records.get(k, {}).get("summary") or {} for k in range(definition.case_count)]
+    errors = [summary.get("errors") or {} for summary in summaries]
+
+    def shaped(values: Sequence[Any], dtype: Any = np.float64) -> np.ndarray:
+        flat = np.empty(len(values), dtype=dtype)
+        flat[:] = values
+        return flat.reshape(shape)
+
+    variables: dict[str, Any] = {}
+    for name, (units, words) in NUMBERS.items():
+        values = shaped([_number(summary.get(name)) for summary in summaries])
+        variables[name] = (dims, values, {"units": units, "long_name": words})
+        if any(name in one for one in errors):
+            found = shaped([_number(one.get(name)) for one in errors])
+            attributes = {"units": units, "long_name": f"{words}: what it may be off by"}
+            variables[f"{name}_error"] = (dims, found, attributes)
+    tables = {
+        "ranges_m": (METHODS, "m", "range by each method that read the echo"),
+        "error": (CAUSES, "1", "error budget of the Strehl ratio by cause"),
+    }
+    labels: dict[str, Any] = {}
+    for name, (dimension, units, words) in tables.items():
+        columns = sorted({key for summary in summaries for key in (summary.get(name) or {})})
+        if columns:
+            parts = [shaped([_number((one.get(name) or {}).get(key)) for one in summaries]) for key in columns]
+            variables[name] = ((*dims, dimension), np.stack(parts, axis=-1), {"units": units, "long_name": words})
+            labels[dimension] = (dimension, np.array(columns, dtype=object), {"units": "1"})
+    for name, words in TEXTS.items():
+        values = shaped([str(summary.get(name) or "") for summary in summaries], object)
+        variables[name] = (dims, values, {"units": "1", "long_name": words})
+    plans = shaped([json.dumps(summary["plan"]) if summary.get("plan") else "" for summary in summaries], object)
+    variables["plan"] = (dims, plans, {"units": "1", "long_name": "how the Strehl ratio's rays were traced, JSON"})
+    told = shaped([_failure(records.get(k, {})) for k in range(definition.case_count)], object)
+    variables["failures"] = (dims, told, {"units": "1", "long_name": "why a case, or a stage of it, gave nothing"})
+    failed = shaped([not summary for summary in summaries], bool)
+    variables["failed"] = (dims, failed, {"units": "1", "long_name": "whether the whole case failed"})
+
+    for key, (dimension, values, units) in coordinates(definition, scenes).items():
+        labels[key] = (dimension, values, {"units": units, "long_name": f"{key} of the scene"})
+    if definition.mode != "grid":
+        labels[CASE] = (CASE, np.arange(definition.case_count), {"units": "1", "long_name": "number of the case"})
+    first = next((scene for scene in scenes if scene is not None), None)
+    about: dict[str, Any] = {
+        "title": f"sweep of {first.title or first.name}" if first else "sweep",
+        "source": f"aerokernels {described['version']}",
+        "sweep": json.dumps(described, ensure_ascii=False),
+        "scene": scene_toml(first) if first else "",
+        "case_count": definition.case_count,
+        "failed_count": int(failed.sum()),
+        **provenance,
+    }
+    return xarray.Dataset(variables, labels, about)
+
+
+def _number(value: Any) -> float:
+    return float("nan") if value is None else float(value)
+
+
+def _failure(record: Mapping[str, Any]) -> str:
+    """Why a case gave nothing, or some stage of it: "stage: reason", one after another."""
+    if "summary" not in record:
+        return str(record.get("error", "not computed"))
+    return "; ".join(f"{stage}: {why}" for stage, why in (record["summary"].get("failures") or {}).items())

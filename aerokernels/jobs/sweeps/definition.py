@@ -1,0 +1,287 @@
+"""What is swept: the scene, the keys that vary, and the cases that they make.
+
+A "grid" is every combination, one dimension per key, the last key fastest. "zip" takes the first value of each key,
+then the second of each, and so on. "lhs:N" draws N cases of a Latin hypercube between two numbers per key: each of N
+equal slices of every key's range holds exactly one of them.
+"""
+
+import itertools
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from aerokernels import __version__
+from aerokernels.jobs.store import to_json
+from aerokernels.scene import Scene, SceneError
+from aerokernels.scene.changes import changed_scene, key_unit, key_value
+
+FORMAT = 1
+MOST_CASES = 100_000
+CASE = "case"  # the dimension of a sweep that is no grid
+
+
+@dataclass(frozen=True)
+class Definition:
+    """A sweep, as it is asked for.
+
+    Attributes:
+        scene: The scene, the path of its TOML file, or the name of a shipped one.
+        settings: What is changed in it for all cases, by dotted key.
+        vary: Values by dotted key, in their plainest form: quantities as SI numbers.
+        mode: "grid", "zip" or "lhs".
+        sample_count: Cases of a Latin hypercube.
+        seed: Seed of its drawing.
+    """
+
+    scene: Scene | str | Path
+    settings: Mapping[str, Any]
+    vary: Mapping[str, tuple[Any, ...]]
+    mode: str = "grid"
+    sample_count: int = 0
+    seed: int = 0
+
+    @property
+    def keys(self) -> tuple[str, ...]:
+        """The keys that vary, in the order given."""
+        return tuple(self.vary)
+
+    @property
+    def dims(self) -> tuple[str, ...]:
+        """Dimensions of the dataset."""
+        return self.keys if self.mode == "grid" else (CASE,)
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        """Their sizes."""
+        if self.mode == "grid":
+            return tuple(len(values) for values in self.vary.values())
+        return (self.sample_count if self.mode == "lhs" else len(next(iter(self.vary.values()))),)
+
+    @property
+    def case_count(self) -> int:
+        """Number of cases."""
+        return math.prod(self.shape)
+
+    def columns(self) -> dict[str, list[Any]]:
+        """Each key's values along its dimension: as given for a grid, one a case otherwise."""
+        if self.mode != "lhs":
+            return {key: list(values) for key, values in self.vary.items()}
+        from scipy.stats import qmc
+
+        draw = qmc.LatinHypercube(len(self.vary), seed=self.seed).random(self.sample_count)
+        return {key: _between(key, *values, draw[:, k]) for k, (key, values) in enumerate(self.vary.items())}
+
+    def cases(self) -> list[dict[str, Any]]:
+        """What each case changes in the scene, the last key fastest."""
+        columns = self.columns().values()
+        rows = itertools.product(*columns) if self.mode == "grid" else zip(*columns, strict=True)
+        return [dict(zip(self.keys, row, strict=True)) for row in rows]
+
+    def load(self, changes: Mapping[str, Any]) -> Scene:
+        """The scene of a case.
+
+        Raises:
+            SceneError: The scene does not take these values.
+        """
+        try:
+            return changed_scene(self.scene, {**self.settings, **changes})
+        except SceneError as fault:
+            raise SceneError(_blamed(str(fault), self.settings, changes)) from None
+
+    def described(self) -> dict[str, Any]:
+        """All that the numbers depend on, as plain JSON types: two sweeps that agree in it are the same.
+
+        Raises:
+            SceneError: No case makes a scene.
+        """
+        scene = self._first_scene()
+        base = {name: dict(part) if isinstance(part, dict) else part for name, part in scene.as_dict().items()}
+        for key in self.keys:
+            *tables, leaf = key.split(".")
+            table = base
+            for name in tables:
+                table = table.get(name, {})
+            table.pop(leaf, None)
+        return to_json(
+            {
+                "format": FORMAT,
+                "version": __version__,
+                "scene": base,
+                "vary": self.vary,
+                "mode": self.mode,
+                "sample_count": self.sample_count,
+                "seed": self.seed if self.mode == "lhs" else 0,
+            }
+        )
+
+    def _first_scene(self) -> Scene:
+        """The scene of the first case that makes one."""
+        fault = None
+        for changes in self.cases():
+            try:
+                return self.load(changes)
+            except SceneError as found:
+                fault = fault or found
+        assert fault is not None  # there is at least one case
+        raise fault
+
+
+def define(
+    scene: Scene | str | Path,
+    vary: Mapping[str, Iterable[Any]],
+    *,
+    settings: Mapping[str, Any] | None = None,
+    together: bool = False,
+    sample: str | int | None = None,
+    seed: int = 0,
+) -> Definition:
+    """Check what is asked for.
+
+    Args:
+        scene: The scene, the path of its TOML file, or the name of a shipped one.
+        vary: Values by dotted key: numbers in SI units, or texts with a unit such as "905 nm".
+        settings: What is changed in the scene for all cases.
+        together: Whether the keys go through their values together ("zip") instead of in every combination.
+        sample: "lhs:N", or N: a Latin hypercube of N cases between the two numbers of each key.
+        seed: Seed of its drawing.
+
+    Raises:
+        TypeError: `vary` is no mapping, or a value is one.
+        ValueError: Nothing to vary, a key without values or with one twice, keys of unequal counts to zip, what cannot
+            be drawn from, or too many cases.
+    """
+    if not isinstance(scene, (Scene, str, Path)):
+        raise TypeError(f"scene must be a Scene, a path or a shipped scene's name, got {type(scene).__name__}")
+    if not isinstance(vary, Mapping):
+        raise TypeError(f"vary must map keys to values, as in {{'target.tilt': [0.0, 0.1]}}, got {type(vary).__name__}")
+    if not vary:
+        raise ValueError("nothing to vary: give --vary KEY=V1,V2,..., such as --vary target.tilt='0 deg,10 deg'")
+    settings = dict(settings or {})
+    axes = {str(key).strip(): _values(str(key).strip(), values) for key, values in vary.items()}
+    for key in axes:
+        if key in settings:
+            raise ValueError(f"{key} is both set and varied: drop it from --set or from --vary")
+    if together and sample is not None:
+        raise ValueError("zip and sample exclude each other: a Latin hypercube draws its own values; give one of them")
+    if sample is not None:
+        definition = Definition(scene, settings, axes, "lhs", _sample_count(sample), int(seed))
+        for key, values in axes.items():
+            _check_range(key, values)
+    else:
+        for key, values in axes.items():
+            _check_distinct(key, values, together)
+        counts = {key: len(values) for key, values in axes.items()}
+        if together and len(set(counts.values())) > 1:
+            told = ", ".join(f"{key} has {count}" for key, count in counts.items())
+            raise ValueError(f"--zip takes as many values of each key: {told}; make them equal, or drop --zip")
+        definition = Definition(scene, settings, axes, "zip" if together else "grid")
+    if definition.case_count > MOST_CASES:
+        raise ValueError(
+            f"--vary {', '.join(axes)}: {definition.case_count:,} cases are more than {MOST_CASES:,}; vary fewer "
+            "values, or draw a sample with --sample lhs:N"
+        )
+    return definition
+
+
+def checked_scenes(definition: Definition) -> tuple[list[Scene | None], dict[int, str]]:
+    """The scene of each case, and why a case has none.
+
+    A value that makes no scene in any case is refused; a combination that makes none, of values that do otherwise, is
+    a case that fails.
+
+    Raises:
+        SceneError: A value that the scene does not take.
+    """
+    scenes: list[Scene | None] = []
+    faults: dict[int, str] = {}
+    cases = definition.cases()
+    for index, changes in enumerate(cases):
+        try:
+            scenes.append(definition.load(changes))
+        except SceneError as fault:
+            scenes.append(None)
+            faults[index] = str(fault)
+    good = [{(key, repr(value)) for key, value in cases[k].items()} for k in range(len(cases)) if k not in faults]
+    taken = set().union(*good) if good else set()
+    for index, text in faults.items():
+        if any((key, repr(value)) not in taken for key, value in cases[index].items()):
+            raise SceneError(text)
+    return scenes, faults
+
+
+def coordinates(definition: Definition, scenes: Sequence[Scene | None]) -> dict[str, tuple[str, np.ndarray, str]]:
+    """Dimension, values and unit of each key's coordinate: numbers where all are, else texts."""
+    found = {}
+    for key, values in definition.columns().items():
+        numbers = all(isinstance(value, (int, float)) and not isinstance(value, bool) for value in values)
+        array = np.array(values) if numbers else np.array([_written(value) for value in values], dtype=object)
+        found[key] = (key if definition.mode == "grid" else CASE, array, key_unit(key) if numbers else "1")
+    return found
+
+
+def _values(key: str, values: Any) -> tuple[Any, ...]:
+    """The values of a key, in their plainest form."""
+    if isinstance(values, (str, bytes, Mapping)) or not isinstance(values, Iterable):
+        raise TypeError(f"vary[{key!r}] must be a list of values, got {values!r}: write [{values!r}]")
+    plainly = []
+    for value in values:
+        value = value.tolist() if isinstance(value, (np.generic, np.ndarray)) else value
+        value = str(value) if isinstance(value, Path) else list(value) if isinstance(value, tuple) else value
+        if not isinstance(value, (str, bool, int, float, list)):
+            raise TypeError(f"vary[{key!r}]: {value!r} is no number, text or list")
+        if value == "":
+            raise ValueError(f"--vary {key}: an empty value; write KEY=V1,V2,... without gaps")
+        plainly.append(key_value(key, value))
+    if not plainly:
+        raise ValueError(f"--vary {key}: no values; write {key}=V1,V2,...")
+    return tuple(plainly)
+
+
+def _check_distinct(key: str, values: Sequence[Any], together: bool) -> None:
+    seen = set()
+    for value in values:
+        if repr(value) in seen and not together:
+            raise ValueError(f"--vary {key}: {_written(value)} is given twice; drop one of them")
+        seen.add(repr(value))
+
+
+def _check_range(key: str, values: Sequence[Any]) -> None:
+    """Refuse what a hypercube cannot draw from: it takes two numbers, or texts to choose among."""
+    numbers = [value for value in values if isinstance(value, (int, float)) and not isinstance(value, bool)]
+    if not numbers:
+        return
+    if len(numbers) != len(values) or len(numbers) != 2 or not numbers[0] < numbers[1]:
+        told = ",".join(map(_written, values))
+        raise ValueError(f"--vary {key}={told}: --sample draws between two numbers; write {key}=LOW,HIGH")
+
+
+def _between(key: str, *arguments: Any) -> list[Any]:
+    """Values of a key at places in [0, 1): between its two numbers, or one of its texts."""
+    *values, places = arguments
+    if not all(isinstance(value, (int, float)) and not isinstance(value, bool) for value in values):
+        return [values[int(place * len(values))] for place in places]
+    low, high = values
+    if isinstance(low, int) and isinstance(high, int) and key_unit(key) == "1":
+        return [low + int(place * (high - low + 1)) for place in places]  # counts, both ends among them
+    return [float(low + place * (high - low)) for place in places]
+
+
+def _sample_count(sample: str | int) -> int:
+    text = str(sample)
+    count = text.removeprefix("lhs:")
+    if isinstance(sample, bool) or not count.isdigit() or int(count) < 1:
+        raise ValueError(f"--sample {text}: write lhs:N, with N cases to draw, such as lhs:64")
+    return int(count)
+
+
+def _blamed(text: str, settings: Mapping[str, Any], changes: Mapping[str, Any]) -> str:
+    """The same fault of a scene, blamed on --vary where it is about a key that varies."""
+    return text.replace("(with --set)", "(with --vary)") if any(key in text for key in changes) else text
+
+
+def _written(value: Any) -> str:
+    return value if isinstance(value, str) else f"{value:g}" if isinstance(value, float) else str(value)

@@ -1,0 +1,48 @@
+"""The GPUs of this machine, one for each worker, without a library that would hold them."""
+
+import ctypes
+import os
+
+from aerokernels.tracing.engines.info import cuda_driver_loads, thread_count
+
+VISIBLE = "CUDA_VISIBLE_DEVICES"
+_LIBRARIES = ("libcuda.so.1", "libcuda.so", "nvcuda.dll")
+
+
+def visible_gpus() -> list[str]:
+    """What CUDA_VISIBLE_DEVICES has to be for each GPU alone that this process may use; none without a driver."""
+    if not cuda_driver_loads():
+        return []
+    named = os.environ.get(VISIBLE)
+    if named is not None:
+        return [name.strip() for name in named.split(",") if name.strip() not in ("", "-1")]
+    for name in _LIBRARIES:
+        try:
+            driver = ctypes.CDLL(name)
+        except OSError:
+            continue
+        count = ctypes.c_int(0)
+        if driver.cuInit(0) == 0 and driver.cuDeviceGetCount(ctypes.byref(count)) == 0:
+            return [str(k) for k in range(count.value)]
+    return []
+
+
+def worker_environments(workers: int | None, case_count: int, devices: set[str | None]) -> list[dict[str, str]]:
+    """What to add to the environment of each worker process of this machine.
+
+    Args:
+        workers: How many; None: one for each GPU, or for each core where there is none, eight at most.
+        case_count: Cases to compute; there are no more workers than that.
+        devices: The devices that the cases ask for; a case that names one is not moved to another.
+
+    Returns:
+        One mapping a worker. Each has a GPU of its own, in turn, and its share of the cores.
+    """
+    gpus = visible_gpus() if devices <= {None} else []
+    cores = thread_count()
+    count = workers if workers is not None else len(gpus) or min(cores, 8)
+    count = max(1, min(count, case_count))
+    share = str(max(1, cores // count))
+    threads = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "POCL_CPU_MAX_CU_COUNT"), share)
+    own = {name: value for name, value in threads.items() if name not in os.environ} if count > 1 else {}
+    return [{**own, **({VISIBLE: gpus[k % len(gpus)]} if gpus else {})} for k in range(count)]

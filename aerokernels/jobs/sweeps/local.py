@@ -1,0 +1,150 @@
+"""Cases on worker processes of this machine.
+
+A worker keeps to the cases of one index field as long as there are any. One that dies is replaced and its case begun
+again; a case at which two workers died has failed.
+"""
+
+import contextlib
+import os
+import socket
+import subprocess
+import sys
+import tempfile
+from collections import deque
+from collections.abc import Iterator, Sequence
+from multiprocessing.connection import Connection, wait
+from pathlib import Path
+from typing import IO, Any
+
+from aerokernels.jobs.sweeps.case import Case
+
+ATTEMPTS = 2  # workers that may die at a case, or one after another before any is ready
+_PACKAGE_PARENT = str(Path(__file__).resolve().parents[3])
+
+
+class Worker:
+    """A worker process and what it is at.
+
+    Attributes:
+        pipe: The way to it.
+        environment: What its environment has besides this process's.
+        ready: Whether it has said so.
+        case: The case that it computes.
+    """
+
+    def __init__(self, environment: dict[str, str]):
+        """Start it."""
+        self.environment, self.ready, self.case = environment, False, None
+        self._errors: IO[bytes] = tempfile.TemporaryFile()
+        near, far = socket.socketpair()
+        paths = filter(None, [_PACKAGE_PARENT, os.environ.get("PYTHONPATH")])
+        self.process = subprocess.Popen(
+            [sys.executable, "-m", "aerokernels.jobs.sweeps.worker", str(far.fileno())],
+            pass_fds=[far.fileno()],
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.DEVNULL,
+            stderr=self._errors,
+            env={**os.environ, **environment, "PYTHONPATH": os.pathsep.join(paths)},
+        )
+        far.close()
+        self.pipe = Connection(near.detach())
+
+    case: Case | None
+
+    def end(self) -> str:
+        """End it, and say how it ended: its exit status or signal, and the last line that it wrote."""
+        self.pipe.close()
+        if self.process.poll() is None:
+            self.process.terminate()
+        try:
+            status = self.process.wait(timeout=5.0)
+        except subprocess.TimeoutExpired:
+            self.process.kill()
+            status = self.process.wait()
+        self._errors.seek(0)
+        lines = self._errors.read().decode(errors="replace").split("\n")
+        self._errors.close()
+        last = next((line.strip() for line in reversed(lines) if line.strip()), "")
+        told = f"signal {-status}" if status < 0 else f"exit status {status}"
+        return f"{told}, {last}" if last else told
+
+
+def run_local(cases: Sequence[Case], environments: Sequence[dict[str, str]]) -> Iterator[tuple[int, dict[str, Any]]]:
+    """Compute cases; yields the number and the outcome of each as it is done.
+
+    Args:
+        cases: The cases, those of a group one after another.
+        environments: What to add to the environment of each worker.
+
+    Raises:
+        RuntimeError: Workers that die before they begin.
+    """
+    queue = Queue(cases)
+    deaths: dict[int, int] = {}
+    stillborn = 0
+    with contextlib.ExitStack() as ending:
+        workers = [Worker(environment) for environment in environments]
+        ending.callback(lambda: [worker.end() for worker in workers])
+        while queue.waiting or any(worker.case for worker in workers):
+            for pipe in wait([worker.pipe for worker in workers]):
+                worker = next(one for one in workers if one.pipe is pipe)
+                try:
+                    answer = worker.pipe.recv()
+                except (EOFError, OSError):
+                    case, how = worker.case, worker.end()
+                    workers.remove(worker)
+                    stillborn = 0 if worker.ready else stillborn + 1
+                    if stillborn >= ATTEMPTS * len(environments):
+                        raise RuntimeError(f"worker processes die as they start: {how}") from None
+                    if case is not None:
+                        deaths[case.number] = deaths.get(case.number, 0) + 1
+                        if deaths[case.number] < ATTEMPTS:
+                            queue.put_back(case)
+                        else:
+                            yield case.number, {"error": f"its worker process died, {ATTEMPTS} times: {how}"}
+                    if queue.waiting:
+                        workers.append(Worker(worker.environment))
+                    continue
+                done, worker.case, worker.ready = worker.case, None, True
+                following = queue.take(done.group if done else None)
+                if following is not None:
+                    worker.case = following
+                    with contextlib.suppress(BrokenPipeError, OSError):  # then it is dead, and the pipe says so next
+                        worker.pipe.send(following)
+                if done is not None:
+                    yield done.number, answer
+
+
+class Queue:
+    """Cases that wait, by group."""
+
+    def __init__(self, cases: Sequence[Case]):
+        """Sort them."""
+        self._groups: dict[str, deque[Case]] = {}
+        self._users: dict[str, int] = {}
+        for case in cases:
+            self._groups.setdefault(case.group, deque()).append(case)
+
+    @property
+    def waiting(self) -> bool:
+        """Whether there are any."""
+        return bool(self._groups)
+
+    def take(self, group: str | None) -> Case | None:
+        """The next case of that group; where there is none, of the one with most to do for each worker at it."""
+        if not self._groups:
+            return None
+        if group not in self._groups:
+            if group is not None:
+                self._users[group] = self._users.get(group, 1) - 1
+            group = max(self._groups, key=lambda name: len(self._groups[name]) / (1 + self._users.get(name, 0)))
+            self._users[group] = self._users.get(group, 0) + 1
+        assert group is not None
+        case = self._groups[group].popleft()
+        if not self._groups[group]:
+            del self._groups[group]
+        return case
+
+    def put_back(self, case: Case) -> None:
+        """Have a case computed again, before the others of its group."""
+        self._groups.setdefault(case.group, deque()).appendleft(case)

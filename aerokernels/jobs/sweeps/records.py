@@ -1,0 +1,154 @@
+"""What a sweep has done so far: one line of JSON a case, on disk before the next one is begun.
+
+A folder holds sweep.json, what is swept; cases.jsonl, a line for each case that is done; and sweep.nc, all of them,
+once all are done. A kill at any moment leaves at most half a line at the end, which is dropped.
+"""
+
+import contextlib
+import json
+import os
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+from aerokernels.jobs.store import to_json
+
+DEFINITION_FILE, CASES_FILE, DATASET_FILE, LOCK_FILE = "sweep.json", "cases.jsonl", "sweep.nc", ".lock"
+_REMEDY = "take another --out, or remove that folder"
+
+
+def read_definition(folder: Path) -> dict[str, Any] | None:
+    """What the sweep in a folder is of; None where there is none.
+
+    Raises:
+        ValueError: A file of that name that is none of ours.
+    """
+    path = folder / DEFINITION_FILE
+    if not path.is_file():
+        return None
+    try:
+        found = json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError) as fault:
+        raise ValueError(f"--out {folder}: {path.name} cannot be read ({fault}); {_REMEDY}") from None
+    if not isinstance(found, dict) or "vary" not in found:
+        raise ValueError(f"--out {folder}: {path.name} is no sweep's; {_REMEDY}")
+    return found
+
+
+def write_definition(folder: Path, described: Mapping[str, Any]) -> None:
+    """Write what is swept, in one step."""
+    write_text(folder / DEFINITION_FILE, json.dumps(described, indent=2, ensure_ascii=False) + "\n")
+
+
+def write_text(path: Path, text: str) -> None:
+    """Replace a file in one step: whoever reads it finds the old or the new one, whole."""
+    partial = path.with_name(f".{path.name}.partial")
+    partial.write_text(text, encoding="utf-8")
+    partial.replace(path)
+
+
+def check_same(folder: Path, found: Mapping[str, Any], asked: Mapping[str, Any]) -> None:
+    """Refuse to go on with a sweep of something else.
+
+    Raises:
+        ValueError: The folder's sweep is of another scene, of other values or by another version.
+    """
+    differences = list(_differences(found, asked))
+    if not differences:
+        return
+    key, old, new = differences[0]
+    more = f" (and {len(differences) - 1} more differences)" if len(differences) > 1 else ""
+    if key == "version":
+        old, new = old.strip('"'), new.strip('"')
+        raise ValueError(
+            f"--out {folder}: its sweep was made by aerokernels {old}, this is {new}, whose numbers may differ; "
+            f"{_REMEDY}"
+        )
+    raise ValueError(f"--out {folder}: it holds another sweep, {key} was {old} and is {new}{more}; {_REMEDY}")
+
+
+def _differences(old: Any, new: Any, key: str = "") -> Iterator[tuple[str, str, str]]:
+    if isinstance(old, dict) and isinstance(new, dict):
+        for name in [*old, *(name for name in new if name not in old)]:
+            inner = name if not key or key == "scene" else f"{key}.{name}"
+            yield from _differences(old.get(name), new.get(name), inner)
+        if key == "vary" and list(old) != list(new) and old.keys() == new.keys():
+            yield "the order of --vary", ", ".join(old), ", ".join(new)
+    elif old != new:
+        yield key.removeprefix("vary."), _short(old), _short(new)
+
+
+def _short(value: Any) -> str:
+    text = "absent" if value is None else json.dumps(value, ensure_ascii=False)
+    return text if len(text) <= 60 else text[:57] + "..."
+
+
+@contextlib.contextmanager
+def only_one(folder: Path) -> Iterator[None]:
+    """Hold a sweep's folder against another process that would write to it.
+
+    Raises:
+        ValueError: Another one is at work there.
+    """
+    try:
+        import fcntl
+    except ImportError:  # a system without such locks
+        yield
+        return
+    with (folder / LOCK_FILE).open("w") as file:
+        try:
+            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except OSError:
+            raise ValueError(f"--out {folder}: another sweep is at work there; wait for it, or take another") from None
+        yield
+
+
+class Records:
+    """The cases of a sweep that are done.
+
+    Attributes:
+        done: What each case gave, by its number: {"summary": ...} or {"error": "why there is none"}.
+    """
+
+    def __init__(self, folder: Path):
+        """Read what is there."""
+        self.path = folder / CASES_FILE
+        self.done: dict[int, dict[str, Any]] = {}
+        self._whole = 0  # bytes up to the end of the last whole line
+        if self.path.is_file():
+            data = self.path.read_bytes()
+            self._whole = data.rfind(b"\n") + 1
+            for line in data[: self._whole].splitlines():
+                with contextlib.suppress(ValueError, KeyError, TypeError):
+                    record = json.loads(line)
+                    self.done.setdefault(int(record["case"]), record)
+
+    @contextlib.contextmanager
+    def writing(self) -> Iterator["Records"]:
+        """Open the file to add to it; half a line at its end is cut off."""
+        with self.path.open("ab") as self._file:
+            self._file.truncate(self._whole)
+            yield self
+
+    def add(self, case: int, outcome: Mapping[str, Any]) -> bool:
+        """Keep what a case gave, on disk when this returns; a case that is there already is left as it is.
+
+        Returns:
+            Whether it was new.
+        """
+        if case in self.done:
+            return False
+        record = {"case": case, **to_json(outcome)}
+        self._file.write(json.dumps(record, ensure_ascii=False, allow_nan=False).encode() + b"\n")
+        self._file.flush()
+        os.fsync(self._file.fileno())
+        self.done[case] = record
+        return True
+
+    def forget_failed(self) -> None:
+        """Drop the cases that failed, so that they are computed again."""
+        kept = {case: record for case, record in self.done.items() if "error" not in record}
+        if len(kept) < len(self.done):
+            lines = [json.dumps(record, ensure_ascii=False) + "\n" for record in kept.values()]
+            write_text(self.path, "".join(lines))
+            self.done, self._whole = kept, self.path.stat().st_size

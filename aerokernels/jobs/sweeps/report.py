@@ -1,0 +1,177 @@
+"""A sweep as one HTML page: what varies, pictures over the keys, and the numbers of every case."""
+
+import math
+from collections.abc import Callable, Iterator
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from aerokernels.jobs.figure_layout import Panel, panelled_figure
+from aerokernels.jobs.page import Picture, page, pictures, section, table, text_block
+from aerokernels.jobs.plots import STYLE
+from aerokernels.jobs.sweeps.definition import CASE, Definition
+from aerokernels.quantities import Quantity
+
+if TYPE_CHECKING:
+    import xarray
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+MOST_ROWS = 500  # of the table of cases
+# Variable, words, unit shown, factor from SI.
+SHOWN = (
+    ("strehl", "Strehl ratio", "", 1.0),
+    ("opd_rms_m", "OPD, rms", "nm", 1e9),
+    ("boresight_rad", "boresight error", "µrad", 1e6),
+    ("echo_peak_v", "echo peak", "V", 1.0),
+    ("range_error_m", "range error", "mm", 1e3),
+)
+# Units of keys that are easier to read than SI, and their factor from SI.
+SCALES = {"rad": ("deg", 180.0 / math.pi)}
+
+
+def sweep_report(dataset: "xarray.Dataset", definition: Definition) -> str:
+    """The page of a finished sweep."""
+    shape = " x ".join(map(str, definition.shape))
+    failed = int(dataset.attrs["failed_count"])
+    lead = f"{definition.case_count} cases ({shape}) over {', '.join(definition.keys)}"
+    lead += f", {failed} failed" if failed else ""
+    lead += f"; {dataset.attrs['source']}, {dataset.attrs.get('created', '')}"
+    columns, rows = _cases(dataset, definition)
+    parts = [
+        section("Pictures", pictures(_pictures(dataset, definition)) or "<p>none</p>"),
+        section("Cases, each number with its error", table(columns, rows)),
+    ]
+    if definition.case_count > MOST_ROWS:
+        parts.append(f"<p>The first {MOST_ROWS} of {definition.case_count} cases; all of them are in sweep.nc.</p>")
+    parts.append(section("Scene of the first case", text_block(str(dataset.attrs["scene"]))))
+    return page(str(dataset.attrs["title"]), lead, parts)
+
+
+def _axis(dataset: "xarray.Dataset", key: str) -> tuple[np.ndarray, str]:
+    """Values of a key as they are drawn, and its label."""
+    values, unit = dataset[key].values, str(dataset[key].attrs.get("units", "1"))
+    if values.dtype.kind not in "fiu":
+        return values.astype(str), key
+    name, factor = SCALES.get(unit, (unit, 1.0))
+    return values * factor, key if name == "1" else f"{key} [{name}]"
+
+
+def _pictures(dataset: "xarray.Dataset", definition: Definition) -> Iterator[Picture]:
+    """Lines over one key, heat maps over two; of more keys the others stand at their first value."""
+    for name, words, unit, factor in SHOWN:
+        values = dataset[name] * factor
+        if not np.isfinite(values).any():
+            continue
+        label = f"{words} [{unit}]" if unit else words
+        if definition.mode != "grid":
+            for key in definition.keys:
+                yield f"{name}-{key}", f"{label} over {key}, case by case", _scatter(dataset, values, key, label)
+            continue
+        dims = sorted(definition.dims, key=lambda dim: -dataset.sizes[dim])[:2]
+        dims = [dim for dim in definition.dims if dim in dims]  # in the order given
+        rest = {dim: 0 for dim in definition.dims if dim not in dims}
+        told = ", ".join(f"{dim} = {_axis(dataset, dim)[0][0]}" for dim in rest)
+        caption = f"{label} over {' and '.join(dims)}" + (f", at {told}" if told else "")
+        drawn = values.isel(rest).transpose(*dims)
+        if len(dims) == 1 or 1 in drawn.shape:
+            longest = max(dims, key=lambda dim: dataset.sizes[dim])
+            error = dataset[f"{name}_error"].isel(rest).values.ravel() * factor
+            yield name, caption, _line(dataset, drawn.values.ravel(), error, longest, label)
+        else:
+            yield name, caption, _heat_map(dataset, drawn, label)
+
+
+def _places(values: np.ndarray) -> tuple[np.ndarray, np.ndarray | None]:
+    """Where values of a key are drawn, and texts to write there."""
+    return (values.astype(float), None) if values.dtype.kind == "f" else (np.arange(len(values), dtype=float), values)
+
+
+def _line(
+    dataset: "xarray.Dataset", values: np.ndarray, error: np.ndarray, key: str, label: str
+) -> "Callable[[], Figure]":
+    def draw() -> "Figure":
+        places, texts, words, axes, figure = _prepared(dataset, key)
+        axes.errorbar(places, values, np.where(np.isfinite(error), error, 0.0), marker="o", capsize=3, color="#0b6e99")
+        _labelled(axes, places, texts, words, label)
+        return figure
+
+    return draw
+
+
+def _scatter(dataset: "xarray.Dataset", values: Any, key: str, label: str) -> "Callable[[], Figure]":
+    def draw() -> "Figure":
+        places, texts, words, axes, figure = _prepared(dataset, key)
+        if texts is not None:
+            names = sorted(set(texts))
+            places, texts = np.array([names.index(text) for text in texts], dtype=float), np.array(names)
+        axes.plot(places, values.values, "o", color="#0b6e99")
+        _labelled(axes, np.arange(len(texts)) if texts is not None else places, texts, words, label)
+        return figure
+
+    return draw
+
+
+def _prepared(dataset: "xarray.Dataset", key: str) -> "tuple[np.ndarray, np.ndarray | None, str, Axes, Figure]":
+    from matplotlib import rc_context
+
+    values, words = _axis(dataset, key)
+    places, texts = _places(values)
+    with rc_context(STYLE):
+        figure, [(axes, _)] = panelled_figure([Panel(6.4, 3.4)])
+    return places, texts, words, axes, figure
+
+
+def _labelled(axes: "Axes", places: np.ndarray, texts: np.ndarray | None, words: str, label: str) -> None:
+    axes.set(xlabel=words, ylabel=label)
+    axes.grid(True)
+    if texts is not None:
+        axes.set_xticks(places, texts)
+
+
+def _heat_map(dataset: "xarray.Dataset", values: "xarray.DataArray", label: str) -> "Callable[[], Figure]":
+    def draw() -> "Figure":
+        from matplotlib import rc_context
+
+        rows, columns = (_axis(dataset, str(dim)) for dim in values.dims)
+        with rc_context(STYLE):
+            figure, [(axes, bar)] = panelled_figure([Panel(6.0, 3.8, bar=True)])
+        edges = [_edges(_places(axis)[0]) for axis, _ in (columns, rows)]
+        mesh = axes.pcolormesh(*edges, np.ma.masked_invalid(values.values), cmap="viridis", shading="flat")
+        axes.set_facecolor("#e3e7eb")  # a case that failed
+        axes.set(xlabel=columns[1], ylabel=rows[1])
+        for axis, set_ticks in ((columns[0], axes.set_xticks), (rows[0], axes.set_yticks)):
+            places, texts = _places(axis)
+            if texts is not None:
+                set_ticks(places, texts)
+        figure.colorbar(mesh, cax=bar, label=label)
+        return figure
+
+    return draw
+
+
+def _edges(places: np.ndarray) -> np.ndarray:
+    """Edges of the cells about places along an axis."""
+    if len(places) == 1:
+        return places[0] + np.array([-0.5, 0.5])
+    middle = 0.5 * (places[1:] + places[:-1])
+    return np.concatenate([[2.0 * places[0] - middle[0]], middle, [2.0 * places[-1] - middle[-1]]])
+
+
+def _cases(dataset: "xarray.Dataset", definition: Definition) -> tuple[list[str], list[list[str]]]:
+    """The table of cases."""
+    columns = [CASE, *(_axis(dataset, key)[1] for key in definition.keys)]
+    columns += [f"{words} [{unit}]" if unit else words for _, words, unit, _ in SHOWN] + ["failures"]
+    axes = {key: _axis(dataset, key)[0] for key in definition.keys}
+    rows = []
+    for number in range(min(definition.case_count, MOST_ROWS)):
+        place = np.unravel_index(number, definition.shape)
+        row = [str(number)]
+        for k, key in enumerate(definition.keys):
+            value = axes[key][place[k] if definition.mode == "grid" else place[0]]
+            row.append(f"{value:.6g}" if isinstance(value, float) else str(value))
+        for name, _, _, factor in SHOWN:
+            value, error = (float(dataset[one].values[place]) for one in (name, f"{name}_error"))
+            row.append(Quantity(value, error).scaled(factor, "").text() if math.isfinite(value) else "none")
+        rows.append([*row, str(dataset["failures"].values[place])])
+    return columns, rows

@@ -1,0 +1,272 @@
+"""Sweeps: a scene over many values of its keys, on many processes, into one dataset; broken off, they go on."""
+
+import contextlib
+import datetime
+import platform
+import tempfile
+import time
+from collections.abc import Callable, Generator, Iterable, Iterator, Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from aerokernels.jobs.store import REPORT_FILE, check_output_folder, read_result, write_result
+from aerokernels.jobs.sweeps.definition import Definition, checked_scenes, define
+from aerokernels.jobs.sweeps.records import (
+    DATASET_FILE,
+    Records,
+    check_same,
+    only_one,
+    read_definition,
+    write_definition,
+    write_text,
+)
+from aerokernels.scene import Scene
+
+if TYPE_CHECKING:
+    import xarray
+
+    from aerokernels.jobs.sweeps.case import Case
+
+Progress = Callable[[str, float], None]
+EXECUTORS = ("local", "dask")
+
+
+def sweep(
+    scene: Scene | str | Path,
+    vary: Mapping[str, Iterable[Any]],
+    *,
+    executor: Any = "local",
+    out: str | Path | None = None,
+    workers: int | None = None,
+    scheduler: str | None = None,
+    settings: Mapping[str, Any] | None = None,
+    zip: bool = False,
+    sample: str | int | None = None,
+    seed: int = 0,
+    retry_failed: bool = False,
+    progress: Progress | None = None,
+) -> "xarray.Dataset":
+    """Run a scene for every combination of values of its keys.
+
+    Args:
+        scene: The scene, the path of its TOML file, or the name of a shipped one.
+        vary: Values by dotted key, {"target.tilt": ["0 deg", "10 deg"]}: numbers in SI units, or texts with a unit.
+        executor: "local": processes of this machine; "dask": Dask workers, of this machine or of a scheduler; or a
+            `distributed.Client` or cluster, whose workers are used.
+        out: Folder for sweep.nc and for what is done so far. A sweep that was broken off goes on from there, and one
+            that is finished is read from there. None: nothing is kept.
+        workers: Processes on this machine; None: one for each GPU, or for each core where there is none.
+        scheduler: Address of a running Dask scheduler, "tcp://host:8786", whose workers are used.
+        settings: What is changed in the scene for all cases, by dotted key.
+        zip: Whether the keys go through their values together, instead of in every combination.
+        sample: "lhs:N": N cases of a Latin hypercube between the two numbers given for each key.
+        seed: Seed of its drawing.
+        retry_failed: Whether cases that failed before are computed again.
+        progress: Called with what is done, in words, and its share.
+
+    Returns:
+        One dataset: the numbers of summary.json with a dimension per key, or the dimension "case" for `zip` and
+        `sample`; coordinates are the keys, in SI units. A case that failed has NaN, `failed` and its reason in
+        `failures`.
+
+    Raises:
+        TypeError: An argument of the wrong kind.
+        ValueError: A value that the scene does not take; a folder with a sweep of something else, or that another
+            process is at work in; no such device or scheduler.
+        ImportError: executor="dask" without Dask.
+    """
+    if not isinstance(executor, str):
+        executor, scheduler = "dask", _given(executor, scheduler)
+    check_options(executor, workers, scheduler)
+    definition = define(scene, vary, settings=settings, together=zip, sample=sample, seed=seed)
+    with contextlib.ExitStack() as ending:
+        folder = Path(out) if out is not None else Path(ending.enter_context(tempfile.TemporaryDirectory()))
+        if not is_finished(definition, folder, retry_failed):
+            run_sweep(definition, folder, executor, workers, scheduler, retry_failed, progress)
+        return read_result(folder / DATASET_FILE)
+
+
+def _given(executor: Any, scheduler: Any) -> Any:
+    """What stands for a scheduler: a client or a cluster.
+
+    Raises:
+        TypeError: It is neither.
+        ValueError: There is a scheduler beside it.
+    """
+    if scheduler is not None:
+        raise ValueError("executor is a client or a cluster already: leave scheduler out")
+    if not (hasattr(executor, "submit") or hasattr(executor, "scheduler_address")):
+        raise TypeError(
+            f"executor must be 'local', 'dask', a distributed.Client or a cluster, got {type(executor).__name__}"
+        )
+    return executor
+
+
+def is_finished(definition: Definition, folder: Path, retry_failed: bool = False) -> bool:
+    """Whether a folder holds this very sweep, finished.
+
+    Raises:
+        ValueError: It holds another one.
+    """
+    check_output_folder(folder)
+    found = read_definition(folder)
+    if found is None:
+        return False
+    check_same(folder, found, definition.described())
+    records = Records(folder)
+    if retry_failed and any("error" in record for record in records.done.values()):
+        return False
+    return len(records.done) == definition.case_count and (folder / DATASET_FILE).is_file()
+
+
+def run_sweep(
+    definition: Definition,
+    folder: Path,
+    executor: str = "local",
+    workers: int | None = None,
+    scheduler: Any = None,
+    retry_failed: bool = False,
+    progress: Progress | None = None,
+) -> None:
+    """Compute what a folder lacks of a sweep, and write its dataset.
+
+    Raises:
+        ValueError: As for `sweep`; nothing is written then.
+    """
+    described = definition.described()
+    scenes, faults = checked_scenes(definition)
+    devices = _check_devices(scenes)
+    from aerokernels.jobs.sweeps.case import make_cases
+
+    cases = make_cases(scenes)
+    records = Records(folder)
+    finished = set(records.done)
+    if retry_failed:
+        finished = {number for number, record in records.done.items() if "error" not in record}
+    waiting = [case for case in cases if case.number not in finished]
+    outcomes = _started(waiting, executor, workers, scheduler, devices)
+    with contextlib.closing(outcomes):
+        next(outcomes)  # whatever is wrong with the executor shows here, before anything is written
+        folder.mkdir(parents=True, exist_ok=True)
+        with only_one(folder):
+            found = read_definition(folder)
+            if found is None:
+                write_definition(folder, described)
+            else:
+                check_same(folder, found, described)
+            records = Records(folder)
+            if retry_failed:
+                records.forget_failed()
+            with records.writing():
+                for number, text in faults.items():
+                    records.add(number, {"error": text})
+                _collect(outcomes, records, definition.case_count, progress)
+            if progress is not None:
+                progress("writing the dataset", 1.0)
+            _write(definition, described, scenes, records, folder, executor)
+
+
+def _collect(outcomes: Iterator, records: Records, total: int, progress: Progress | None) -> None:
+    """Keep each case as it is done, and say how far it is."""
+    begin, before = time.monotonic(), len(records.done)
+    if progress is not None:
+        progress(_told(records, total, None), before / total)
+    for number, outcome in outcomes:
+        if records.add(number, outcome) and progress is not None:
+            each = (time.monotonic() - begin) / (len(records.done) - before)
+            progress(_told(records, total, each * (total - len(records.done))), len(records.done) / total)
+
+
+def _told(records: Records, total: int, left: float | None) -> str:
+    failed = sum("error" in record for record in records.done.values())
+    text = f"{len(records.done)} of {total} cases" + (f", {failed} failed" if failed else "")
+    if left is None or len(records.done) == total:
+        return text
+    return f"{text}, about {_duration(left)} left"
+
+
+def _duration(seconds: float) -> str:
+    for size, unit in ((86400.0, "d"), (3600.0, "h"), (60.0, "min")):
+        if seconds >= 2.0 * size:
+            return f"{seconds / size:.0f} {unit}"
+    return f"{seconds:.0f} s"
+
+
+def _started(
+    cases: list["Case"], executor: str, workers: int | None, scheduler: Any, devices: set[str | None]
+) -> Generator[Any, None, None]:
+    """The outcomes of the cases, after a None once those who compute them are there."""
+    if not cases:
+        yield None
+        return
+    from aerokernels.jobs.sweeps.gpus import worker_environments
+
+    environments = [] if scheduler else worker_environments(workers, len(cases), devices)
+    if executor == "local":
+        from aerokernels.jobs.sweeps.local import run_local
+
+        yield None
+        yield from run_local(cases, environments)
+    else:
+        from aerokernels.jobs.sweeps.dask_workers import connected, run_dask
+
+        with connected(scheduler, environments) as client:
+            yield None
+            yield from run_dask(client, cases)
+
+
+def check_options(executor: str, workers: int | None, scheduler: Any) -> None:
+    """Refuse options that do not go together.
+
+    Raises:
+        ValueError: No such executor, a scheduler without Dask or with workers of its own, a number of workers below 1.
+    """
+    if executor not in EXECUTORS:
+        raise ValueError(f"executor {executor!r}: choose one of {', '.join(EXECUTORS)}")
+    if scheduler is not None and executor != "dask":
+        raise ValueError(f"--scheduler {scheduler} goes with --executor dask: add it, or drop --scheduler")
+    if scheduler is not None and workers is not None:
+        raise ValueError("--workers are started on this machine, and --scheduler has its own: give one of them")
+    if workers is not None and (isinstance(workers, bool) or not isinstance(workers, int) or workers < 1):
+        raise ValueError(f"--workers {workers}: give a whole number of at least 1, or leave it out")
+
+
+def _check_devices(scenes: list[Scene | None]) -> set[str | None]:
+    """Refuse a backend or device that is not there, for all cases at once; the devices named."""
+    from aerokernels.tracing.engines.choice import choose_backend
+
+    asked = {(scene.trace.backend, scene.trace.device) for scene in scenes if scene is not None}
+    for backend, device in sorted(asked, key=str):
+        try:
+            choose_backend(backend, device)
+        except ValueError as fault:
+            raise ValueError(f"trace.backend = {backend!r}, trace.device = {device!r}: {fault}") from None
+    return {device for _, device in asked}
+
+
+def _write(
+    definition: Definition,
+    described: Mapping[str, Any],
+    scenes: list[Scene | None],
+    records: Records,
+    folder: Path,
+    executor: str,
+) -> None:
+    from aerokernels.jobs.sweeps.dataset import sweep_dataset
+
+    now = datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds")
+    provenance = {
+        "created": now,
+        "machine": f"{platform.node()}, {platform.machine()}, Python {platform.python_version()}",
+        "executor": executor,
+    }
+    dataset = sweep_dataset(definition, described, scenes, records.done, provenance)
+    partial = folder / f".{DATASET_FILE}.partial"
+    try:
+        write_result(partial, dataset)
+        partial.replace(folder / DATASET_FILE)
+    finally:
+        partial.unlink(missing_ok=True)
+    from aerokernels.jobs.sweeps.report import sweep_report
+
+    write_text(folder / REPORT_FILE, sweep_report(dataset, definition))

@@ -1,0 +1,91 @@
+"""A scene changed by its keys, and what a key takes: what sweeps vary."""
+
+import typing
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from pydantic import BaseModel, BeforeValidator, ValidationError
+
+from ..units import quantity, si_unit
+from .errors import SceneError, scene_error
+from .loading import override, toml_value
+from .scene import Scene
+
+
+def changed_scene(scene: Scene | str | Path, changes: Mapping[str, Any]) -> Scene:
+    """A scene with other values for some of its keys, checked as a scene file is.
+
+    Args:
+        scene: The scene, the path of its TOML file, or the name of a shipped one.
+        changes: Values by dotted key, as `Scene.load` takes them.
+
+    Raises:
+        SceneError: Anything wrong with the file or the changes, in one line.
+    """
+    if not isinstance(scene, Scene):
+        return Scene.load(scene, changes)
+    tables = _without_none(scene.model_dump(mode="json", exclude_unset=True))
+    override(tables, changes, scene.name)
+    try:
+        return Scene.model_validate(tables)
+    except ValidationError as fault:
+        raise scene_error(fault, tables, scene.name, changes, Scene) from None
+
+
+def key_dimension(key: str) -> str | None:
+    """The dimension of a scene's key, "angle" for "target.tilt"; None for a key that takes no quantity, or for none."""
+    model: Any = Scene
+    *tables, leaf = key.split(".")
+    for name in tables:
+        field = getattr(model, "model_fields", {}).get(name)
+        model = field.annotation if field is not None else None
+    field = getattr(model, "model_fields", {}).get(leaf) if model is not None else None
+    if field is None or (isinstance(field.annotation, type) and issubclass(field.annotation, BaseModel)):
+        return None
+    return next(iter(_dimensions([*field.metadata, field.annotation])), None)
+
+
+def key_unit(key: str) -> str:
+    """The SI unit of a scene's key; "1" where it takes no quantity or a plain number."""
+    dimension = key_dimension(key)
+    return (si_unit(dimension) or "1") if dimension else "1"
+
+
+def key_value(key: str, value: Any) -> Any:
+    """A value for a key in its plainest form: a quantity as an SI number, a text that is TOML as what it says.
+
+    Whether the key takes that value is left to the scene.
+    """
+    if isinstance(value, str):
+        dimension = key_dimension(key)
+        if dimension is not None:
+            try:
+                return quantity(value, dimension)
+            except ValueError:
+                return value  # a word such as "tunnel"; anything else is the scene's to refuse
+        return toml_value(value)
+    return value
+
+
+def _dimensions(parts: list[Any]) -> list[str]:
+    """Dimensions of the validators among an annotation's parts, those of its own parts included."""
+    found = []
+    for part in parts:
+        if isinstance(part, BeforeValidator):
+            found += [name for name in [getattr(part.func, "dimension", None)] if name]
+        elif typing.get_args(part):
+            found += _dimensions([*typing.get_args(part), *getattr(part, "__metadata__", ())])
+    return found
+
+
+def _without_none(values: Mapping[str, Any]) -> dict[str, Any]:
+    """Tables without keys that have no value: TOML has no null, and a key that is absent means the same."""
+    return {
+        key: _without_none(value) if isinstance(value, Mapping) else value
+        for key, value in values.items()
+        if value is not None
+    }
+
+
+__all__ = ["SceneError", "changed_scene", "key_dimension", "key_unit", "key_value"]

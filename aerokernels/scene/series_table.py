@@ -1,0 +1,55 @@
+"""The table of a scene that describes snapshots of a flow in time. Defaults as in tables.py."""
+
+from typing import Annotated, Literal
+
+from pydantic import Field
+
+from .values import Count, Length, Speed, Table, Time, key, measured
+
+Angle = Annotated[float, measured("angle")]
+Density = Annotated[float, measured("density"), Field(gt=0.0)]
+
+
+class SeriesTable(Table):
+    """[series]: snapshots of a flow in time, for `aerokernels series`; a run of the scene takes no notice of it."""
+
+    source: str | None = key(
+        None,
+        "A NetCDF file or a Zarr store with a time axis, or a pattern of numbered files; relative to the scene's file.",
+    )
+    density: str | None = key(
+        None,
+        "Name of the density in it; density, rho or the like if absent.",
+    )
+    ambient_density: Density | None = key(
+        None,
+        "Density around the field; the file's attribute of that name if absent.",
+    )
+    time_step: Time | None = key(
+        None,
+        "Time from one numbered file to the next; a time axis has its own.",
+    )
+    azimuth: Angle = key(
+        "0 deg",
+        "Where the receiver's pupil looks: toward x.",
+    )
+    elevation: Annotated[Angle, Field(ge=-1.570797, le=1.570797)] = key(
+        "0 deg",
+        "And toward y.",
+    )
+    pixel_count: Annotated[Count, Field(ge=2)] = key(
+        64,
+        "Pixels across the pupil.",
+    )
+    remove: tuple[Literal["piston", "tilt"], ...] = key(
+        ("piston", "tilt"),
+        "What is taken off each map.",
+    )
+    velocity: Speed | None = key(
+        None,
+        "Speed that frequencies are scaled by for the Strouhal number, 'm/s'.",
+    )
+    length: Length | None = key(
+        None,
+        "Length that they are scaled by; the pupil's width if absent.",
+    )

@@ -1,0 +1,234 @@
+r"""Integrals along parallel straight rays through samples on a uniform grid, as a linear map of the samples.
+
+    I = \int f ds = sum over the planes k of nodes across the main axis of  w_k f(crossing of the ray with plane k)
+
+Within a plane f is the spline of medium/spline.py; w_k are the integrals of the spline through the values on the
+planes, from where the ray starts to where it leaves the box (for rays along an axis that is the exact integral of the
+tensor-product spline). Fourth order in the spacing for "cubic", second for "linear". What depends on where the rays
+run is worked out once; a set of samples then costs one pass over them where rays run along an axis, and a product with
+a sparse matrix, or an interpolation plane by plane where that would not fit, otherwise.
+
+Outside the box f is zero. A ray that leaves through a side takes nothing beyond it.
+"""
+
+from collections.abc import Callable
+
+import numpy as np
+from scipy import sparse
+
+from ..flow import GridMesh
+from ..medium import spline
+from ..medium.cell_averages import node_values
+
+LINEAR = ("cubic", "linear")  # interpolants that are linear in the samples
+MOST_ENTRIES = 30_000_000  # of the sparse matrix: 360 MB
+ALIGNED = 1e-12  # of the box that a ray along an axis may drift across it
+_EDGE = 1e-9  # of a cell that a point may lie outside and count as on the face
+
+
+class NotLinearError(ValueError):
+    """Integrals that are no linear map of the samples, or not by this way."""
+
+
+def main_axis(mesh: GridMesh, direction: np.ndarray) -> int:
+    """The array axis along which rays run mostly.
+
+    Raises:
+        NotLinearError: Rays across the planes of a planar or axisymmetric grid.
+    """
+    if mesh.geometry == "volume":
+        return int(np.argmax(np.abs(direction)))
+    if abs(direction[2]) < np.hypot(direction[0], direction[1]):
+        raise NotLinearError(f"rays of a {mesh.geometry} grid that run mostly across z are traced")
+    return 1
+
+
+class LineIntegrals:
+    """The map from samples to integrals.
+
+    Attributes:
+        inside: Whether a ray leaves the box through its end, and not through a side, shape (n,).
+        length: Length of each ray in the box, were it to leave through the end [m], shape (n,).
+        axis: The array axis along which the rays run mostly.
+    """
+
+    def __init__(self, mesh: GridMesh, start: np.ndarray, direction: np.ndarray, interpolation: str = "cubic"):
+        """Work out the geometry.
+
+        Args:
+            mesh: Where the samples lie.
+            start: Where the rays start [m], shape (n, 3).
+            direction: Their direction, a unit vector, shape (3,).
+            interpolation: "cubic" or "linear".
+
+        Raises:
+            NotLinearError: Another interpolant, or rays across the planes of a planar or axisymmetric grid.
+        """
+        if interpolation not in LINEAR:
+            raise NotLinearError(f"interpolation {interpolation!r} is not linear in the samples")
+        self.mesh, self.interpolation = mesh, interpolation
+        self.axis = main_axis(mesh, direction)
+        space = self.axis if mesh.geometry == "volume" else 2  # the same axis in space
+        along = direction[space]
+        low, high = (corner[self.axis] for corner in mesh.box)
+        first = np.clip(start[:, space], low, high)
+        last = high if along > 0.0 else low
+        self.length = np.abs(last - first) / abs(along)
+        places, self._which = np.unique(np.round((first - low) / mesh.spacing[self.axis], 12), return_inverse=True)
+        self._weights = self._plane_weights(places, along) * (mesh.spacing[self.axis] / abs(along))
+        self._others = [k for k in range(len(mesh.shape)) if k != self.axis]
+        node = low + mesh.spacing[self.axis] * np.arange(mesh.shape[self.axis])
+
+        def crossing(plane: int) -> np.ndarray:
+            points = start + ((node[plane] - start[:, space]) / along)[:, None] * direction
+            return self._lateral(points)
+
+        self._crossing: Callable[[int], np.ndarray] = crossing
+        ends = crossing(0), crossing(len(node) - 1)
+        drift = np.abs(ends[1] - ends[0]).max()
+        extent = min(mesh.spacing[k] * (mesh.shape[k] - 1) for k in self._others)
+        self.is_aligned = bool(len(places) == 1 and drift <= ALIGNED * extent)
+        exit_point = start + ((last - start[:, space]) / along)[:, None] * direction
+        entry = start + ((first - start[:, space]) / along)[:, None] * direction
+        self.inside = self._within(self._lateral(entry)) & self._within(self._lateral(exit_point))
+        self.inside &= self.length > 0.0
+        self._matrix = self._sparse_matrix()
+
+    def __call__(self, samples: np.ndarray) -> np.ndarray:
+        """The integrals of a set of samples, shape of the mesh: shape (n,), float64."""
+        if self.mesh.cell_averages:
+            samples = node_values(np.asarray(samples, np.float64), self.interpolation, self._is_even)
+        if self.is_aligned:
+            projected = _contracted(samples, self._weights[0], self.axis)
+            return np.asarray(self._matrix @ self._coefficients(projected).ravel())
+        moved = np.moveaxis(samples, self.axis, 0)
+        if self._matrix is not None:
+            planes = np.stack([self._coefficients(np.asarray(plane, np.float64)).ravel() for plane in moved])
+            return np.asarray(self._matrix @ planes.ravel())
+        total = np.zeros(len(self._which))
+        for plane in range(len(moved)):
+            weight = self._weights[:, plane][self._which]
+            rows = self._rows(self._crossing(plane))
+            total += weight * (rows @ self._coefficients(np.asarray(moved[plane], np.float64)).ravel())
+        return total
+
+    def along(self, samples: np.ndarray) -> np.ndarray:
+        """The samples where each ray crosses each plane, linear within the plane, shape (n, plane_count)."""
+        moved = np.moveaxis(samples, self.axis, 0)
+        columns = []
+        for plane in range(len(moved)):
+            rows = self._rows(self._crossing(plane))
+            columns.append(rows @ np.asarray(moved[plane], np.float64).ravel())
+        return np.stack(columns, axis=1)
+
+    def path_weights(self) -> np.ndarray:
+        """The length of each ray that each plane stands for [m], shape (n, plane_count)."""
+        return np.asarray(self._weights[self._which])
+
+    @property
+    def _is_even(self) -> bool:
+        return self.mesh.geometry == "axisymmetric"
+
+    def _lateral(self, points: np.ndarray) -> np.ndarray:
+        """Coordinates across the main axis [m], shape (n, 1 or 2)."""
+        if self.mesh.geometry == "volume":
+            return points[:, self._others]
+        if self.mesh.geometry == "planar":
+            return points[:, 1:2]
+        return np.hypot(points[:, :1], points[:, 1:2])
+
+    def _within(self, lateral: np.ndarray) -> np.ndarray:
+        low, high = (corner[self._others] for corner in self.mesh.box)
+        slack = _EDGE * self.mesh.spacing[self._others]
+        return np.asarray(((lateral >= low - slack) & (lateral <= high + slack)).all(axis=1))
+
+    def _coefficients(self, plane: np.ndarray) -> np.ndarray:
+        return spline.coefficients(np.asarray(plane, np.float64), self.interpolation, self._is_even)
+
+    def _plane_weights(self, places: np.ndarray, along: float) -> np.ndarray:
+        """Weights of the planes for rays that start at these places [cells], shape (len(places), plane_count)."""
+        count = self.mesh.shape[self.axis]
+        end = float(count - 1) if along > 0.0 else 0.0
+        difference = basis_integrals(np.array([end]), count, self.interpolation) - basis_integrals(
+            places, count, self.interpolation
+        )
+        signed = difference if along > 0.0 else -difference
+        if self.interpolation == "linear":
+            return signed
+        return signed @ spline.spline_along(np.eye(count), 0, False)
+
+    def _rows(self, lateral: np.ndarray) -> sparse.csr_matrix:
+        """The matrix that takes a plane's coefficients to its values at points; none outside the box."""
+        within = self._within(lateral)
+        support = spline.SUPPORT[self.interpolation]
+        extra = support - 2  # coefficients along an axis beyond its nodes
+        columns, values = np.zeros((len(lateral), 1), dtype=np.int64), within[:, None].astype(np.float64)
+        size = 1
+        for k, axis in enumerate(self._others):
+            count = self.mesh.shape[axis]
+            place = np.clip((lateral[:, k] - self.mesh.origin[axis]) / self.mesh.spacing[axis], 0.0, count - 1.0)
+            cell = np.minimum(place.astype(np.int64), count - 2)
+            weight = spline.weights(self.interpolation, place - cell)[0].T
+            column = cell[:, None] + np.arange(support)
+            columns = (columns[:, :, None] * (count + extra) + column[:, None, :]).reshape(len(lateral), -1)
+            values = (values[:, :, None] * weight[:, None, :]).reshape(len(lateral), -1)
+            size *= count + extra
+        starts = np.arange(len(lateral) + 1) * columns.shape[1]
+        return sparse.csr_matrix((values.ravel(), columns.ravel(), starts), shape=(len(lateral), size))
+
+    def _sparse_matrix(self) -> sparse.csr_matrix | None:
+        """The whole map of the planes' coefficients; None where it would be too large."""
+        if self.is_aligned:
+            return self._rows(self._crossing(0))
+        planes = self.mesh.shape[self.axis]
+        entries = len(self._which) * planes * spline.SUPPORT[self.interpolation] ** len(self._others)
+        if entries > MOST_ENTRIES:
+            return None
+        parts = []
+        for plane in range(planes):
+            weight = self._weights[:, plane][self._which]
+            parts.append(sparse.diags(weight) @ self._rows(self._crossing(plane)))
+        return sparse.csr_matrix(sparse.hstack(parts))
+
+
+def basis_integrals(places: np.ndarray, count: int, interpolation: str) -> np.ndarray:
+    """Integrals of the basis functions of an axis from its first node to places [cells], in cells.
+
+    Returns:
+        Shape (len(places), coefficient_count).
+    """
+    cell = np.minimum(np.maximum(places, 0.0).astype(np.int64), count - 2)
+    u = np.clip(places - cell, 0.0, 1.0)
+    v = 1.0 - u
+    if interpolation == "linear":
+        part, whole = np.stack([u - 0.5 * u**2, 0.5 * u**2]), np.array([0.5, 0.5])
+    else:
+        whole = np.array([1.0, 11.0, 11.0, 1.0]) / 24.0
+        part = np.stack(
+            [
+                (1.0 - v**4) / 24.0,
+                (0.75 * u**4 - 2.0 * u**3 + 4.0 * u) / 6.0,
+                11.0 / 24.0 - (0.75 * v**4 - 2.0 * v**3 + 4.0 * v) / 6.0,
+                u**4 / 24.0,
+            ]
+        )
+    support = len(whole)
+    # Whole cells before: cumulative over cells of what each of them adds to each coefficient.
+    each = np.zeros((count, count + support - 2))
+    for k in range(count - 1):
+        each[k + 1, k : k + support] = whole
+    found = np.cumsum(each, axis=0)[cell]
+    rows = np.arange(len(places))
+    for j in range(support):
+        found[rows, cell + j] += part[j]
+    return found
+
+
+def _contracted(samples: np.ndarray, weights: np.ndarray, axis: int) -> np.ndarray:
+    """Weighted sum along an axis, in the samples' own precision: one pass over them."""
+    weights = weights.astype(samples.dtype)
+    if axis == samples.ndim - 1:
+        return samples @ weights
+    if axis == 0:
+        return (weights @ samples.reshape(len(samples), -1)).reshape(samples.shape[1:])
+    return np.einsum("ijk,j->ik", samples, weights)

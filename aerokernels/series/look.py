@@ -1,0 +1,236 @@
+r"""Maps over look angles: what a pupil that is turned about its centre sees of a flow, direction by direction.
+
+    direction = (sin(azimuth) cos(elevation), sin(elevation), cos(azimuth) cos(elevation))
+
+At azimuth and elevation 0 it looks along +z, upstream; azimuth turns it toward +x, elevation toward +y. The
+directions from -90 to 90 degrees of both are the hemisphere ahead. Light that a body is in the way of counts as
+blocked; a pupil all of whose rays are blocked sees nothing, and one that the flow is not before sees no flow: a Strehl
+ratio of 1.
+"""
+
+import warnings
+from collections.abc import Callable
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from aerokernels import __version__
+
+from ..flow import DensityField, Series
+from ..medium import IndexField
+from ..strehl_estimate import PreparedStrehl
+from ..tracing.radial_quadrature import asymmetry
+from ..wavelength import DEFAULT_WAVELENGTH
+
+if TYPE_CHECKING:
+    import xarray
+
+Progress = Callable[[str, float], None]
+ALIKE = 12  # decimals of the cosine of the angle to the axis by which directions look alike in a symmetric flow
+VARIABLES = {
+    "strehl": ("1", "Strehl ratio"),
+    "strehl_standard_error": ("1", "standard error of its sampling"),
+    "opd_rms": ("m", "optical path difference, rms over the pupil"),
+    "boresight": ("rad", "boresight error"),
+    "boresight_azimuth": ("rad", "boresight error along growing azimuth"),
+    "boresight_elevation": ("rad", "boresight error along growing elevation"),
+    "blocked": ("1", "share of the pupil that the body shades"),
+    "known": ("1", "1 where the light stays in known air, 0 where the computed flow ends in disturbed air before it"),
+}
+
+
+def look_map(
+    field: IndexField | DensityField | Series,
+    azimuth: Any,
+    elevation: Any,
+    pupil: Any,
+    *,
+    wavelength: float | None = None,
+    relation: str = "gladstone-dale",
+    constant: float | None = None,
+    ray_count: int = 4096,
+    tolerance: float = 1e-3,
+    remove=("piston",),
+    backend: str = "auto",
+    device: str | None = None,
+    precision: str = "float32",
+    progress: Progress | None = None,
+) -> "xarray.Dataset":
+    """OPD, boresight error and Strehl ratio of a pupil over its look angles.
+
+    The pupil keeps its centre, and its normal is turned. In a flow that is symmetric about the axis, seen from a centre
+    on it by a round pupil, directions at one angle from the axis are one: each such angle is traced once.
+
+    Args:
+        field: The refractive index, or a density field or a series of which the index is made.
+        azimuth: Angles [rad], shape (n,): toward +x.
+        elevation: Angles [rad], shape (m,), from -pi/2 to pi/2: toward +y.
+        pupil: The pupil, in any direction.
+        wavelength: Vacuum wavelength [m]; None takes the field's own, or 905 nm.
+        relation: Density to index, see `flow.refractivity_model`; likewise `constant`.
+        constant: K [m3/kg].
+        ray_count: Rays over the pupil.
+        tolerance: OPD error asked for [waves].
+        remove: Terms taken out of the wavefront: "piston", "tilt".
+        backend: See `trace`; likewise `device` and `precision`.
+        device: Device of the backend.
+        precision: "float32" or "float64".
+        progress: Called with what is done, in words, and its share.
+
+    Returns:
+        A dataset (azimuth, elevation), with `time` before them for a series: `strehl` and its
+        `strehl_standard_error`, `opd_rms` [m], `boresight`, `boresight_azimuth` and `boresight_elevation` [rad],
+        `blocked`, the share in the body's shadow, and `known`. All but `blocked` and `known` are NaN where the whole
+        pupil is in the shadow. A direction from which the computed flow ends in disturbed air has `known` 0: its
+        numbers hold the known part only.
+
+    Raises:
+        TypeError: A field or a pupil of the wrong kind.
+        ValueError: Angles that are not finite or out of range, an option that makes no sense, or a pupil that the flow
+            is before in no direction.
+    """
+    angles = [_angles(name, values) for name, values in (("azimuth", azimuth), ("elevation", elevation))]
+    if (np.abs(angles[1]) > 0.5 * np.pi * (1.0 + 1e-12)).any():
+        raise ValueError(
+            "elevation lies between -pi/2 and pi/2, in radians (np.radians); to look over the top, turn the azimuth"
+        )
+    if not (hasattr(pupil, "center") and hasattr(pupil, "normal")):
+        raise TypeError(f"pupil must be a Disc or another pupil, got {type(pupil).__name__}")
+    options: dict[str, Any] = {"ray_count": ray_count, "tolerance": tolerance, "remove": remove}
+    options |= {"backend": backend, "device": device, "precision": precision}
+    length = DEFAULT_WAVELENGTH if wavelength is None else wavelength
+    if isinstance(field, IndexField):
+        fields, times = [field], None
+        options["wavelength"] = wavelength
+    elif isinstance(field, DensityField):
+        fields, times = [field.index_field(length, relation, constant=constant)], None
+    elif isinstance(field, Series):
+        fields, times = field, field.time  # type: ignore[assignment]
+    else:
+        raise TypeError(f"field must be an IndexField, a DensityField or a Series, got {type(field).__name__}")
+    maps = []
+    for number, one in enumerate(fields):
+        index = one if isinstance(one, IndexField) else one.index_field(length, relation, constant=constant)
+        share = (number / len(fields), 1.0 / len(fields))
+        maps.append(_hemisphere(index, angles[0], angles[1], pupil, options, progress, share))
+    return _dataset(maps, angles, times, pupil, length if options.get("wavelength") is None else wavelength)
+
+
+def _angles(name: str, values: Any) -> np.ndarray:
+    found = np.atleast_1d(np.asarray(values, dtype=np.float64))
+    if found.ndim != 1 or found.size == 0 or not np.isfinite(found).all():
+        raise ValueError(f"{name} must be finite angles in radians, shape (n,), got {values!r}")
+    if np.abs(found).max() > 4.0 * np.pi:
+        raise ValueError(f"{name} must be in radians, got {np.abs(found).max():g}: np.radians turns degrees into them")
+    return found
+
+
+def direction_of(azimuth: Any, elevation: Any) -> np.ndarray:
+    """Look directions, shape (..., 3)."""
+    flat = np.cos(elevation)
+    return np.stack(np.broadcast_arrays(np.sin(azimuth) * flat, np.sin(elevation), np.cos(azimuth) * flat), axis=-1)
+
+
+def _hemisphere(field, azimuth, elevation, pupil, options, progress, share) -> dict[str, np.ndarray]:
+    """The variables over (azimuth, elevation) of one field."""
+    columns, rows = np.meshgrid(azimuth, elevation, indexing="ij")
+    looks = direction_of(columns, rows).reshape(-1, 3)
+    turned, kind = looks, np.arange(len(looks))
+    symmetric = _looks_alike(field, pupil)
+    if symmetric:
+        _, first, kind = np.unique(np.round(looks[:, 2], ALIKE), return_index=True, return_inverse=True)
+        height = looks[first, 2]
+        turned = np.stack([np.zeros(len(first)), np.sqrt(np.maximum(1.0 - height**2, 0.0)), height], axis=1)
+    numbers, tilts = [], []
+    met = False
+    for count, look in enumerate(turned, start=1):
+        found, tilt, meets = _look(field, pupil, look, options)
+        numbers.append(found)
+        tilts.append(tilt)
+        met = met or meets
+        if progress is not None:
+            progress(f"{count} of {len(turned)} directions", share[0] + share[1] * count / len(turned))
+    if not met:
+        low, high = field.box
+        raise ValueError(
+            f"the flow, whose box is {low.tolist()} to {high.tolist()} m, is before the pupil at "
+            f"{pupil.center.tolist()} m in none of the {len(looks)} directions: check the units (metres are expected)"
+        )
+    tilt = np.array(tilts)[kind]
+    if symmetric:
+        tilt = _about_the_axis(tilt, looks)
+    # Unit vectors along growing azimuth and elevation.
+    along = np.stack([np.cos(columns), np.zeros(columns.shape), -np.sin(columns)], axis=-1).reshape(-1, 3)
+    up = np.stack([-np.sin(columns) * np.sin(rows), np.cos(rows), -np.cos(columns) * np.sin(rows)], axis=-1)
+    shape = columns.shape
+    maps = {name: np.array([one[name] for one in numbers])[kind].reshape(shape) for name in numbers[0]}
+    maps["boresight"] = np.linalg.norm(tilt, axis=1).reshape(shape)
+    maps["boresight_azimuth"] = np.einsum("nk,nk->n", tilt, along).reshape(shape)
+    maps["boresight_elevation"] = np.einsum("nk,nk->n", tilt, up.reshape(-1, 3)).reshape(shape)
+    return maps
+
+
+def _looks_alike(field: IndexField, pupil: Any) -> bool:
+    """Whether all directions at one angle from the z axis see the same."""
+    ahead = replace(pupil, normal=np.array([0.0, 0.0, 1.0]))
+    return asymmetry(field, ahead, ahead.normal) is None
+
+
+def _about_the_axis(tilt: np.ndarray, looks: np.ndarray) -> np.ndarray:
+    """Tilts seen in the plane x = 0 on the side of +y, turned about z to where each look is."""
+    across = np.hypot(looks[:, 0], looks[:, 1])
+    safe = np.where(across > 0.0, across, 1.0)
+    sine, cosine = looks[:, 0] / safe, np.where(across > 0.0, looks[:, 1] / safe, 1.0)
+    x, y = tilt[:, 0] * cosine + tilt[:, 1] * sine, -tilt[:, 0] * sine + tilt[:, 1] * cosine
+    return np.stack([x, y, tilt[:, 2]], axis=1)
+
+
+def _look(field: IndexField, pupil: Any, look: np.ndarray, options: dict[str, Any]):
+    """The numbers of one direction, its tilt as a vector in space [rad], and whether the flow is before the pupil."""
+    turned = replace(pupil, normal=look)
+    none = np.full(3, np.nan)
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # undisturbed and unknown air are told by the map
+            prepared = PreparedStrehl(field, turned, allow_truncation=True, **options)
+            known = float(not prepared.job.air.is_truncated)
+            found = prepared()
+    except ValueError as fault:
+        if "meets the field" in str(fault):
+            return _numbers(1.0, 0.0, 0.0, 0.0, 1.0), np.zeros(3), False
+        if "no ray of the pupil arrived" in str(fault):
+            return _numbers(np.nan, np.nan, np.nan, 1.0, 1.0), none, True
+        raise
+    first, second = turned.axes
+    tilt = found.boresight[0] * first + found.boresight[1] * second
+    numbers = _numbers(found.value, found.standard_error, found.opd_rms, found.blocked, known)
+    return numbers, tilt, True
+
+
+def _numbers(strehl: float, error: float, rms: float, blocked: float, known: float) -> dict[str, float]:
+    return {"strehl": strehl, "strehl_standard_error": error, "opd_rms": rms, "blocked": blocked, "known": known}
+
+
+def _dataset(maps: list[dict[str, np.ndarray]], angles: list[np.ndarray], times, pupil, wavelength):
+    import xarray
+
+    dims: tuple[str, ...] = ("azimuth", "elevation")
+    coordinates: dict[str, Any] = {
+        "azimuth": ("azimuth", angles[0], {"units": "rad", "long_name": "look angle toward x"}),
+        "elevation": ("elevation", angles[1], {"units": "rad", "long_name": "look angle toward y"}),
+    }
+    if times is not None:
+        dims = ("time", *dims)
+        coordinates["time"] = ("time", np.asarray(times), {"units": "s", "long_name": "time"})
+    variables = {}
+    for name, (units, words) in VARIABLES.items():
+        values = np.stack([one[name] for one in maps]) if times is not None else maps[0][name]
+        variables[name] = (dims, values, {"units": units, "long_name": words})
+    about = {
+        "title": "optics over look angles",
+        "source": f"aerokernels {__version__}",
+        "pupil": f"{type(pupil).__name__} at {pupil.center.tolist()} m",
+        "wavelength": wavelength,
+    }
+    return xarray.Dataset(variables, coordinates, about)

@@ -1,0 +1,98 @@
+"""Shapes of wavefronts in time: proper orthogonal decomposition, and two-point correlation."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+
+@dataclass(frozen=True, eq=False)
+class Modes:
+    """Proper orthogonal modes of maps about their mean.
+
+    Attributes:
+        shape: Modes of weighted mean square 1, shape (m, n).
+        energy: Mean square of each coefficient [m2], descending, shape (m,).
+        coefficient: Of each map [m], shape (t, m).
+        total: Mean square of all modes together [m2].
+    """
+
+    shape: np.ndarray
+    energy: np.ndarray
+    coefficient: np.ndarray
+    total: float
+
+
+def orthogonal_modes(maps: np.ndarray, weight: np.ndarray, count: int) -> Modes:
+    """The first modes of maps about their mean, shape (t, n), with pixels of weights that sum to 1, shape (n,).
+
+    The smaller of the two matrices is solved: over times, or over pixels.
+    """
+    from scipy.linalg import eigh
+
+    flat = (maps - maps.mean(axis=0)) * np.sqrt(weight)
+    times, pixels = flat.shape
+    total = float((flat**2).sum() / times)
+    count = min(count, max(times - 1, 1), pixels)
+    small = flat @ flat.T if times <= pixels else flat.T @ flat
+    size = len(small)
+    values, vectors = eigh(small, subset_by_index=[size - count, size - 1])
+    values, vectors = np.maximum(values[::-1], 0.0), vectors[:, ::-1]
+    root = np.sqrt(values)
+    if times <= pixels:
+        coefficient = vectors * root
+        rows = (flat.T @ vectors / np.where(root > 0.0, root, 1.0)).T
+    else:
+        rows = vectors.T
+        coefficient = flat @ vectors
+    shape = rows / np.sqrt(weight)
+    # A mode's sign is nobody's: its greatest entry is made positive.
+    sign = np.sign(shape[np.arange(count), np.abs(shape).argmax(axis=1)])
+    sign[sign == 0.0] = 1.0
+    return Modes(shape * sign[:, None], values / times, coefficient * sign, total)
+
+
+def two_point_correlation(maps: np.ndarray, lit: np.ndarray) -> np.ndarray:
+    """Correlation of maps about their mean at two pixels, by their distance, averaged over maps and pairs of pixels.
+
+    Args:
+        maps: Pixels that are lit, shape (t, n).
+        lit: Which pixels these are, shape (ny, nx).
+
+    Returns:
+        Mean product [square of the unit], shape (2 ny - 1, 2 nx - 1), the distance zero in the middle; NaN where no two
+        pixels are so far apart.
+    """
+    ny, nx = lit.shape
+    size = (2 * ny, 2 * nx)
+    flat = maps - maps.mean(axis=0)
+    power = np.zeros((size[0], size[1] // 2 + 1))
+    square = np.zeros(lit.shape)
+    for one in flat:
+        square[lit] = one
+        power += np.abs(np.fft.rfft2(square, size)) ** 2
+    pairs = np.fft.irfft2(np.abs(np.fft.rfft2(lit.astype(float), size)) ** 2, size)
+    products = np.fft.irfft2(power / len(flat), size)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        found = np.where(pairs > 0.5, products / np.round(pairs), np.nan)
+    shifted = np.fft.fftshift(found)
+    return np.asarray(shifted[1:, 1:])
+
+
+def integral_length(correlation: np.ndarray, pixel: float) -> float:
+    """Integral of a correlation over distance from zero to its first zero [m], the rest counting as nothing.
+
+    Args:
+        correlation: From distance zero on, shape (n,), any scale.
+        pixel: Distance of two entries [m].
+    """
+    if not correlation[0] > 0.0:
+        return float("nan")
+    ratio = correlation / correlation[0]
+    good = np.isfinite(ratio)
+    ratio = ratio[: int(np.argmin(good)) if not good.all() else len(ratio)]
+    below = ratio <= 0.0
+    if not below.any():
+        return float(pixel * np.trapezoid(ratio))
+    stop = int(np.argmax(below))
+    last = ratio[stop - 1] / (ratio[stop - 1] - ratio[stop])  # where the line between two entries meets zero
+    return float(pixel * (np.trapezoid(ratio[:stop]) + 0.5 * ratio[stop - 1] * last))

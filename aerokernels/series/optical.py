@@ -1,0 +1,223 @@
+"""Optical path differences of a series over a pupil: OPD(x, y, t), Strehl ratio and boresight of each snapshot."""
+
+from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from aerokernels import __version__
+
+from ..flow import GridMesh, Series
+from ..rays import as_unit_vector
+from ..wavefront import check_terms
+from ..wavelength import DEFAULT_WAVELENGTH, check_wavelength
+from .pupil_grid import MapReader, PupilGrid, Reading, pupil_grid
+from .snapshot import METHODS, Found, Snapshots, Way
+from .store import MemoryStore, ZarrStore
+
+if TYPE_CHECKING:
+    import xarray
+
+Progress = Callable[[str, float], None]
+
+
+def optical_series(
+    series: Series,
+    pupil: Any,
+    *,
+    direction=None,
+    remove=("piston", "tilt"),
+    wavelength: float = DEFAULT_WAVELENGTH,
+    relation: str = "gladstone-dale",
+    constant: float | None = None,
+    composition=None,
+    interpolation: str | None = None,
+    pixel_count: int = 64,
+    tolerance: float = 1e-3,
+    method: str = "auto",
+    backend: str = "auto",
+    device: str | None = None,
+    precision: str = "float32",
+    out: str | Path | None = None,
+    progress: Progress | None = None,
+) -> "xarray.Dataset":
+    """Maps of the optical path difference of every snapshot of a series over a pupil.
+
+    Where the rays are nearly straight, OPD is linear in the density: lines through the grid are worked out once, and a
+    snapshot costs one pass over its samples. The bending that this leaves out is measured on the first snapshot, and
+    again whenever it has grown; above the tolerance a snapshot is traced in full. The next snapshot is read while one
+    is computed, and no more than these two are in memory, unless the maps are.
+
+    Args:
+        series: The snapshots, as `flow.open_series` opens them.
+        pupil: The pupil; rays leave it along its normal, or along `direction`.
+        direction: Look direction, if not along the pupil's normal, shape (3,).
+        remove: Terms taken out of each map: "piston", "tilt".
+        wavelength: Vacuum wavelength [m].
+        relation: Density to index, see `flow.refractivity_model`; likewise `constant` and `composition`.
+        constant: K [m3/kg].
+        composition: Fractions of species.
+        interpolation: Interpolant of the samples: "cubic" on grids unless told, "linear", "monotone".
+        pixel_count: Pixels along the pupil's greater side.
+        tolerance: OPD error asked for [waves].
+        method: "auto", "linear" (straight lines, whatever they leave out), or "trace" (every snapshot in full).
+        backend: For what is traced, see `trace`; likewise `device` and `precision`.
+        device: Device of the backend.
+        precision: "float32" or "float64".
+        out: A Zarr store to write to, snapshot by snapshot; a run that was broken off goes on in it, and gives what it
+            would have given unbroken, bit for bit. None keeps all in memory.
+        progress: Called with what is done, in words, and its share.
+
+    Returns:
+        A dataset (time, y, x): `opd` [m], terms removed, NaN outside the pupil, and `valid`; over time `strehl`,
+        `boresight_x` and `boresight_y` [rad], `piston` [m], `opd_rms` and `opd_rms_with_tilt` [m], `error` [m], and
+        whether a snapshot was `traced`; over (y, x) `weight`, the pixels' shares of the pupil. Lazy where `out` is
+        given.
+
+    Raises:
+        TypeError: No series, or no pupil.
+        ValueError: A name or number that makes no sense, rays that miss the grid, a snapshot that cannot be used, or a
+            store of something else.
+        ImportError: `out` without Zarr.
+    """
+    if not isinstance(series, Series):
+        raise TypeError(f"series must be a Series, got {type(series).__name__}: see flow.open_series")
+    if method not in METHODS:
+        raise ValueError(f"method {method!r} is not known: choose one of {', '.join(METHODS)}")
+    if not (np.isfinite(tolerance) and tolerance > 0.0):
+        raise ValueError(f"tolerance must be positive, in waves, got {tolerance!r}")
+    if len(series) == 0:
+        raise ValueError("the series is empty: no snapshot")
+    grid = pupil_grid(pupil, pixel_count)
+    terms = check_terms(remove)
+    look = pupil.normal if direction is None else as_unit_vector(direction, "direction")
+    options = {"backend": backend, "device": device, "precision": precision}
+    wavelength = check_wavelength(wavelength)
+    way = Way(look, wavelength, relation, constant, composition, interpolation, tolerance, method, options)
+    snapshots = Snapshots(series, grid, way, terms)
+    if snapshots.lines is not None and not snapshots.lines.inside.any():
+        assert isinstance(series.mesh, GridMesh)
+        low, high = series.mesh.box
+        raise ValueError(
+            f"no ray of the pupil goes through the series' grid, {low.tolist()} to {high.tolist()} m, from end to end: "
+            "check the pupil's center, its normal and the units (metres are expected)"
+        )
+    template = _template(series, pupil, grid, way, terms, snapshots)
+    store: MemoryStore | ZarrStore
+    if out is None:
+        store = MemoryStore(template)
+    else:
+        store = ZarrStore(Path(out), template, _definition(series, template, way))
+        if store.is_finished if store.records else False:
+            return store.finish()
+    for record in store.records:
+        snapshots.resume(record["slope"], record["probe"], record["probe_interpolation"])
+    lit: np.ndarray | None = None
+    with store.writing():
+        for number, stored in _read_ahead(series, len(store.records), snapshots.lines is None):
+            found = snapshots(number, stored)
+            good = found.valid & np.isfinite(found.opd)
+            if not good.any():
+                raise ValueError(
+                    f"snapshot {number}: no ray of the pupil came through; move the pupil, or turn its normal"
+                )
+            if lit is None or not np.array_equal(good, lit):
+                lit = good
+                reader = MapReader(grid.coordinates[good], grid.weight[grid.lit][good], terms, wavelength)
+            store.add(*_entry(grid, found, good, reader(found.opd[good])))
+            if progress is not None:
+                progress(f"{number + 1} of {len(series)} snapshots", (number + 1) / len(series))
+    return store.finish()
+
+
+def _read_ahead(series: Series, first: int, whole: bool) -> Iterator[tuple[int, Any]]:
+    """Snapshots one after another, the next of which is read while one is worked on."""
+
+    def read(number: int) -> Any:
+        return series[number] if whole else series.density(number)
+
+    with ThreadPoolExecutor(1) as reader:
+        following = reader.submit(read, first) if first < len(series) else None
+        for number in range(first, len(series)):
+            assert following is not None
+            stored = following.result()
+            following = reader.submit(read, number + 1) if number + 1 < len(series) else None
+            yield number, stored
+
+
+def _entry(
+    grid: PupilGrid, found: Found, good: np.ndarray, read: Reading
+) -> tuple[dict[str, np.ndarray], dict[str, float]]:
+    """The maps and numbers of a snapshot."""
+    opd = np.full(len(good), np.nan)
+    opd[good] = read.opd
+    numbers = {
+        "strehl": read.strehl,
+        "boresight_x": float(read.tilt[0]),
+        "boresight_y": float(read.tilt[1]),
+        "piston": read.piston,
+        "opd_rms": read.rms_without_tilt,
+        "opd_rms_with_tilt": read.rms,
+        "error": found.error,
+        "traced": float(found.traced),
+        "slope": found.slope,
+        "probe": found.probe,
+        "probe_interpolation": found.interpolation,
+    }
+    return {"opd": grid.spread(opd), "valid": grid.spread(good, False)}, numbers
+
+
+def _template(series: Series, pupil: Any, grid: PupilGrid, way: Way, remove: tuple[str, ...], snapshots: Snapshots):
+    """Coordinates, weights and attributes: all that is known before the first snapshot."""
+    import xarray
+
+    def meaning(units: str, words: str) -> dict[str, str]:
+        return {"units": units, "long_name": words}
+
+    return xarray.Dataset(
+        {"weight": (("y", "x"), grid.weight, meaning("1", "share of the pixel in means over the pupil"))},
+        {
+            "time": ("time", np.asarray(series.time), meaning("s", "time")),
+            "y": ("y", grid.y, meaning("m", "along the pupil's second axis")),
+            "x": ("x", grid.x, meaning("m", "along the pupil's first axis")),
+        },
+        {
+            "title": "optical path difference in time",
+            "source": f"aerokernels {__version__}",
+            "provenance": series.provenance,
+            "wavelength": way.wavelength,
+            "remove": ",".join(remove),
+            "direction": way.direction.tolist(),
+            "pupil_center": pupil.center.tolist(),
+            "pupil_axes": np.concatenate(pupil.axes).tolist(),
+            "relation": way.relation,
+            **({} if way.constant is None else {"constant": way.constant}),
+            "pupil": f"{type(pupil).__name__} at {pupil.center.tolist()} m, normal {pupil.normal.tolist()}",
+            "tolerance": way.tolerance,
+            "plan": snapshots.reason
+            or "straight lines worked out once; the bending is measured, and a snapshot traced where it is too large",
+        },
+    )
+
+
+def _definition(series: Series, template: "xarray.Dataset", way: Way) -> dict[str, Any]:
+    """What tells one run from another."""
+    mesh = series.mesh
+    return {
+        "version": __version__,
+        "series": dict(series.identity),
+        "time": [len(series), float(series.time[0]), float(series.time[-1])],
+        "mesh": [mesh.geometry, mesh.origin.tolist(), mesh.spacing.tolist(), list(mesh.shape)]
+        if isinstance(mesh, GridMesh)
+        else str(type(mesh).__name__),
+        "ambient_density": series.ambient_density,
+        "pupil": template.attrs["pupil"],
+        "pixels": [template.sizes["y"], template.sizes["x"], float(template.x[0]), float(template.y[0])],
+        "direction": template.attrs["direction"],
+        "remove": template.attrs["remove"],
+        "wavelength": way.wavelength,
+        "relation": [way.relation, way.constant, str(way.composition), way.interpolation],
+        "method": [way.method, way.tolerance, *map(str, way.trace_options.values())],
+    }

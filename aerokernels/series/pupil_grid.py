@@ -1,0 +1,129 @@
+"""A pupil as a grid of pixels, and what is read off a map of optical path differences over it."""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from ..wavefront import remove_terms
+
+SUBPIXELS = 8  # a side, for the share of a pixel that a disc covers
+
+
+@dataclass(frozen=True, eq=False)
+class PupilGrid:
+    """Square pixels over a pupil.
+
+    Attributes:
+        x: Pixel centres along the pupil's first axis [m], shape (nx,).
+        y: Those along the second [m], shape (ny,).
+        weight: Share of each pixel in means over the pupil, sums to 1, shape (ny, nx).
+        points: Centres of the pixels with a weight, in space [m], shape (n, 3).
+    """
+
+    x: np.ndarray
+    y: np.ndarray
+    weight: np.ndarray
+    points: np.ndarray
+
+    @property
+    def lit(self) -> np.ndarray:
+        """Whether a pixel has a weight, shape (ny, nx)."""
+        return self.weight > 0.0
+
+    @property
+    def coordinates(self) -> np.ndarray:
+        """Coordinates x and y of the pixels with a weight [m], shape (n, 2)."""
+        x, y = np.meshgrid(self.x, self.y)
+        return np.stack([x[self.lit], y[self.lit]], axis=1)
+
+    def spread(self, values: np.ndarray, fill: Any = np.nan) -> np.ndarray:
+        """A map out of what each pixel with a weight has, shape (ny, nx)."""
+        found = np.full(self.weight.shape, fill, dtype=np.asarray(values).dtype)
+        found[self.lit] = values
+        return found
+
+
+def pupil_grid(pupil: Any, pixel_count: int) -> PupilGrid:
+    """Cover a pupil with `pixel_count` square pixels along its greater side.
+
+    Raises:
+        TypeError: No pupil.
+        ValueError: Fewer than 2 pixels.
+    """
+    if not (hasattr(pupil, "axes") and hasattr(pupil, "center") and hasattr(pupil, "normal")):
+        raise TypeError(f"pupil must be a Disc or another pupil, got {type(pupil).__name__}")
+    if isinstance(pixel_count, bool) or not isinstance(pixel_count, (int, np.integer)) or pixel_count < 2:
+        raise ValueError(f"pixel_count must be a whole number of at least 2, got {pixel_count!r}")
+    half = pupil.half_extent if hasattr(pupil, "half_extent") else (pupil.radius, pupil.radius)
+    pixel = 2.0 * max(half) / int(pixel_count)
+    counts = [max(1, round(2.0 * extent / pixel)) for extent in half]
+    edges = [pixel * (np.arange(count + 1) - 0.5 * count) for count in counts]
+    weight = pupil.coverage(*edges) if hasattr(pupil, "coverage") else disc_coverage(pupil.radius, *edges)
+    x, y = (0.5 * (edge[1:] + edge[:-1]) for edge in edges)
+    lit = weight > 0.0
+    columns, rows = np.meshgrid(x, y)
+    first, second = pupil.axes
+    points = pupil.center + columns[lit][:, None] * first + rows[lit][:, None] * second
+    return PupilGrid(x, y, weight / weight.sum(), points)
+
+
+def disc_coverage(radius: float, x_edges: np.ndarray, y_edges: np.ndarray) -> np.ndarray:
+    """Share of each pixel within a disc about the origin, counted on a finer grid, shape (ny, nx)."""
+    part = (np.arange(SUBPIXELS) + 0.5) / SUBPIXELS
+
+    def fine(edges: np.ndarray) -> np.ndarray:
+        return (edges[:-1, None] + np.diff(edges)[:, None] * part).ravel()
+
+    inside = np.hypot(fine(x_edges)[None, :], fine(y_edges)[:, None]) <= radius
+    rows, columns = len(y_edges) - 1, len(x_edges) - 1
+    return np.asarray(inside.reshape(rows, SUBPIXELS, columns, SUBPIXELS).mean(axis=(1, 3)))
+
+
+@dataclass(frozen=True, eq=False)
+class Reading:
+    """What is read off a map.
+
+    Attributes:
+        opd: The map less the terms removed [m], shape (n,).
+        piston: Mean optical path difference [m].
+        tilt: Slopes along x and y [rad], shape (2,).
+        rms: Root mean square of the map less its mean [m].
+        rms_without_tilt: And less its tilt [m].
+        strehl: |<exp(i k OPD)>|^2 of `opd`.
+    """
+
+    opd: np.ndarray
+    piston: float
+    tilt: np.ndarray
+    rms: float
+    rms_without_tilt: float
+    strehl: float
+
+
+class MapReader:
+    """Reads maps of the same pixels, one after another: what depends on the pixels alone is worked out once."""
+
+    def __init__(self, coordinates: np.ndarray, weight: np.ndarray, remove: tuple[str, ...], wavelength: float):
+        """Work it out from `coordinates` [m], shape (n, 2), and `weight`, shape (n,)."""
+        self.weight, self.remove, self.wavelength = weight / weight.sum(), remove, wavelength
+        self.coordinates = coordinates
+        self._centred = coordinates - self.weight @ coordinates
+        # Scaled, so that neither metres nor a pupil that is a line make trouble.
+        self._inverse = np.linalg.pinv((self._centred * self.weight[:, None]).T @ self._centred, rcond=1e-12)
+
+    def __call__(self, opd: np.ndarray) -> Reading:
+        """Read a map [m], shape (n,)."""
+        piston = float(self.weight @ opd)
+        flat = opd - piston
+        tilt = self._inverse @ (self._centred.T @ (self.weight * flat))
+        level = flat - self._centred @ tilt
+        if set(self.remove) <= {"piston", "tilt"}:
+            left = level if "tilt" in self.remove else flat
+            left = left if "piston" in self.remove else left + piston
+        else:
+            left = remove_terms(opd, self.remove, self.coordinates, self.weight)
+        phase = (2.0 * np.pi / self.wavelength) * left
+        phasor = complex(self.weight @ np.cos(phase), self.weight @ np.sin(phase))
+        rms, rms_without_tilt = (float(np.sqrt(self.weight @ one**2)) for one in (flat, level))
+        return Reading(left, piston, tilt, rms, rms_without_tilt, abs(phasor) ** 2)

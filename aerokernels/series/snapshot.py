@@ -1,0 +1,226 @@
+r"""The optical path differences of a snapshot: from straight lines where those are good enough, else traced.
+
+On straight rays OPD = K \int (rho - rho_ambient) ds is linear in the density (Gladstone-Dale), so a snapshot costs one
+pass over its samples. What that leaves out, the bending of rays and their displacement, is measured by tracing some of
+the rays in full; it grows with the square of the slopes of the wavefront, -1/2 \int theta^2 ds, and so it is measured
+again whenever these have grown. Where it is above the tolerance the snapshot is traced in full.
+"""
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from ..flow import DensityField, GridMesh, Series, refractivity_model
+from ..medium import IndexField
+from ..rays import RayBundle
+from ..tracing import Plane
+from ..tracing.trace import trace
+from ..wavefront import remove_terms
+from .line_integrals import LineIntegrals, NotLinearError
+from .pupil_grid import PupilGrid
+
+METHODS = ("auto", "linear", "trace")
+PROBES = 96  # rays traced in full beside the straight lines
+GROWN = 1.5  # the growth of the squared slopes after which that is measured again
+PROBE_TOLERANCE = 0.1  # of the tolerance
+
+
+@dataclass(frozen=True)
+class Way:
+    """How the rays of a series run.
+
+    Attributes:
+        direction: Their direction, a unit vector, shape (3,).
+        wavelength: Vacuum wavelength [m].
+        relation: See `flow.index_field`; so are the next two.
+        constant: K [m3/kg] or None.
+        composition: A composition or None.
+        interpolation: Interpolant of the samples; None takes that of the flow's kind.
+        tolerance: OPD error asked for [waves].
+        method: "auto", "linear" or "trace".
+        trace_options: backend, device and precision of what is traced.
+    """
+
+    direction: np.ndarray
+    wavelength: float
+    relation: str
+    constant: float | None
+    composition: Any
+    interpolation: str | None
+    tolerance: float
+    method: str
+    trace_options: dict[str, Any]
+
+    def index_field(self, flow: DensityField) -> IndexField:
+        """The index of a snapshot."""
+        options: dict[str, Any] = {"constant": self.constant, "composition": self.composition}
+        if self.interpolation is not None:
+            options["interpolation"] = self.interpolation
+        return flow.index_field(self.wavelength, self.relation, **options)
+
+
+@dataclass(frozen=True, eq=False)
+class Found:
+    """The optical path differences of a snapshot.
+
+    Attributes:
+        opd: [m], shape (n,); NaN where a ray failed.
+        valid: Whether a ray came through, all of its way in known air, shape (n,).
+        traced: Whether it was traced in full.
+        error: What it may be off by, rms over the pupil [m]: bending and interpolation, or the tracing's own budget.
+        slope: Mean square of the wavefront's slopes.
+        probe: The bending's part as measured on this snapshot, terms removed [m]; NaN where it was not.
+        interpolation: The interpolant's part, likewise.
+    """
+
+    opd: np.ndarray
+    valid: np.ndarray
+    traced: bool
+    error: float
+    slope: float
+    probe: float = np.nan
+    interpolation: float = np.nan
+
+
+class Snapshots:
+    """Turns the snapshots of a series into optical path differences, one after another, in their order.
+
+    Attributes:
+        reason: Why snapshots are traced in full, or "" where straight lines may do.
+    """
+
+    def __init__(self, series: Series, grid: PupilGrid, way: Way, remove: tuple[str, ...]):
+        """Work out the geometry."""
+        self.series, self.grid, self.way, self.remove = series, grid, way, remove
+        self.model = refractivity_model(way.relation, constant=way.constant, composition=way.composition)
+        self.lines: LineIntegrals | None = None
+        self.reason = ""
+        self._measured_slope, self._measured, self._interpolation = 0.0, np.nan, 0.0
+        try:
+            self.lines = self._lines()
+        except NotLinearError as fault:
+            if way.method == "linear":
+                raise ValueError(f"method 'linear' cannot be had: {fault}; take 'auto'") from None
+            self.reason = str(fault)
+
+    def _lines(self) -> LineIntegrals:
+        if self.way.method == "trace":
+            raise NotLinearError("method 'trace' was asked for")
+        mesh = self.series.mesh
+        if not isinstance(mesh, GridMesh):
+            raise NotLinearError("snapshots on a mesh are traced, those on one uniform grid are not")
+        if self.series.body is not None:
+            raise NotLinearError("rays past a body are traced")
+        if self.model.composition is not None:
+            raise NotLinearError("a composition of species is traced")
+        interpolation = self.way.interpolation or "cubic"
+        return LineIntegrals(mesh, self.grid.points, self.way.direction, interpolation)
+
+    def resume(self, slope: float, probe: float, interpolation: float) -> None:
+        """Take over what was measured before a break."""
+        if np.isfinite(probe):
+            self._measured_slope, self._measured, self._interpolation = slope, probe, interpolation
+
+    def __call__(self, number: int, stored: Any = None) -> Found:
+        """The optical path differences of a snapshot, whose array may have been read already."""
+        if self.lines is None:
+            flow = stored if isinstance(stored, DensityField) else self.series[number]
+            return self._traced(self.way.index_field(flow))
+        density = self.series.density(number) if stored is None else np.asarray(stored)
+        opd = self._straight(density)
+        valid = self.lines.inside & np.isfinite(opd)
+        if not np.isfinite(opd).all():
+            bad = int((~np.isfinite(density)).sum())
+            raise ValueError(f"snapshot {number}: {bad} of {density.size} densities are not finite; repair the file")
+        slope = self._slope(opd, valid)
+        probe = interpolation = np.nan
+        if self.way.method == "auto" and not (
+            np.isfinite(self._measured) and slope <= GROWN * self._measured_slope + 1e-30
+        ):
+            field = self.way.index_field(self._field_of(density, number))
+            probe, interpolation = self._probe(field, opd, valid)
+            self.resume(slope, probe, interpolation)
+        grown = max(1.0, slope / self._measured_slope) if self._measured_slope > 0.0 else 1.0
+        bending = self._measured * grown
+        if self.way.method == "auto" and bending > self.way.tolerance * self.way.wavelength:
+            found = self._traced(self.way.index_field(self._field_of(density, number)))
+            return replace(found, slope=slope, probe=probe, interpolation=interpolation)
+        error = float(np.hypot(bending, self._interpolation))
+        return Found(opd, valid, False, error, slope, probe, interpolation)
+
+    def _field_of(self, density: np.ndarray, number: int) -> DensityField:
+        return self.series._field(density, number)
+
+    def _straight(self, density: np.ndarray) -> np.ndarray:
+        """K times the integral of what the density has above the ambient one, a spline of which is that constant."""
+        assert self.lines is not None
+        ambient = float(self.series.ambient_density)  # type: ignore[arg-type]
+        if self.model.form == "gladstone-dale":
+            constant = float(self.model.constant(self.way.wavelength))
+            return constant * (self.lines(density) - ambient * self.lines.length)
+        return self.lines(self.model.contrast(density, ambient, self.way.wavelength))
+
+    def _slope(self, opd: np.ndarray, valid: np.ndarray) -> float:
+        """Mean square of the slopes of a wavefront, from neighbouring pixels."""
+        found = self.grid.spread(np.where(valid, opd, np.nan))
+        pixel = float(self.grid.x[1] - self.grid.x[0]) if len(self.grid.x) > 1 else 1.0
+        squares = [np.diff(found, axis=axis) ** 2 for axis in (0, 1)]
+        means = [float(np.nanmean(one)) if np.isfinite(one).any() else 0.0 for one in squares]
+        return sum(means) / pixel**2
+
+    def _rays(self, chosen: np.ndarray) -> tuple[RayBundle, np.ndarray]:
+        points = self.grid.points[chosen]
+        return RayBundle(points, np.broadcast_to(self.way.direction, points.shape)), points
+
+    def _stop(self, field: IndexField) -> Plane:
+        """A plane across the rays, beyond the field's box and the pupil."""
+        low, high = (np.where(np.isfinite(corner), corner, 0.0) for corner in field.box)
+        corners = np.array(np.meshgrid(*zip(low, high, strict=True))).reshape(3, -1).T
+        away = np.concatenate([corners, self.grid.points]) @ self.way.direction
+        return Plane((away.max() + 1e-3 * np.ptp(away)) * self.way.direction, self.way.direction)
+
+    def _probe(self, field: IndexField, opd: np.ndarray, valid: np.ndarray) -> tuple[float, float]:
+        """By how much straight lines differ from traced rays, rms over some rays of the pupil, terms removed [m].
+
+        And what the interpolant may be off by, of the same rays.
+        """
+        rows = np.flatnonzero(valid)
+        if not len(rows):
+            return 0.0, 0.0
+        rows = rows[np.unique(np.linspace(0, len(rows) - 1, PROBES).round().astype(int))]
+        rays, _ = self._rays(rows)
+        tolerance = PROBE_TOLERANCE * self.way.tolerance
+        traced = trace(
+            field,
+            rays,
+            until=self._stop(field),
+            tolerance=tolerance,
+            wavelength=self.way.wavelength,
+            outputs=("opd",),
+            **self.way.trace_options,
+        )
+        assert traced.opd is not None
+        good = traced.ok & np.isfinite(traced.opd)
+        if good.sum() < 3:
+            return 0.0, 0.0
+        difference = (traced.opd - opd[rows])[good]
+        points = self.grid.coordinates[rows][good]
+        bending = float(np.sqrt(np.mean(remove_terms(difference, self.remove, points) ** 2)))
+        return bending, float(traced.error.get("interpolation") or 0.0)
+
+    def _traced(self, field: IndexField) -> Found:
+        rays, _ = self._rays(np.arange(len(self.grid.points)))
+        traced = trace(
+            field,
+            rays,
+            until=self._stop(field),
+            tolerance=self.way.tolerance,
+            wavelength=self.way.wavelength,
+            outputs=("opd",),
+            **self.way.trace_options,
+        )
+        assert traced.opd is not None
+        reached = np.isfinite(traced.opd) & traced.ok
+        opd = np.where(reached, traced.opd, np.nan)
+        return Found(opd, reached, True, float(traced.error.get("total", np.nan)), self._slope(opd, reached))

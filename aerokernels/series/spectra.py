@@ -1,0 +1,66 @@
+"""Power spectra in time, by Welch's averaged periodograms, one-sided: their integral over frequency is the variance."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+EVEN = 1e-3  # of a step by which times may be off even ones
+LEAST_SEGMENT = 8
+SEGMENTS = 8  # by default, half overlapping
+
+
+@dataclass(frozen=True, eq=False)
+class Spectrum:
+    """A power spectral density.
+
+    Attributes:
+        frequency: [Hz], shape (f,).
+        density: [square of the unit / Hz], shape (f, ...).
+        error: Its standard error, likewise.
+        segment_count: Independent segments that it is a mean of.
+    """
+
+    frequency: np.ndarray
+    density: np.ndarray
+    error: np.ndarray
+    segment_count: float
+
+
+def sample_rate(time: np.ndarray) -> float:
+    """Samples per second of even times [s].
+
+    Raises:
+        ValueError: Times that are not even, or too few.
+    """
+    if len(time) < 2 * LEAST_SEGMENT:
+        raise ValueError(f"spectra need at least {2 * LEAST_SEGMENT} snapshots, there are {len(time)}")
+    steps = np.diff(time)
+    if np.abs(steps - steps.mean()).max() > EVEN * steps.mean():
+        raise ValueError("spectra need even times: interpolate the series in time first")
+    return float(1.0 / steps.mean())
+
+
+def welch(values: np.ndarray, rate: float, segment: int | None = None) -> Spectrum:
+    """The spectrum of samples along the first axis, their mean taken off.
+
+    Args:
+        values: Samples, shape (n, ...).
+        rate: Samples per second.
+        segment: Samples of a segment; None takes a length that gives about eight of them.
+
+    Raises:
+        ValueError: A segment that is longer than the series, or below eight samples.
+    """
+    from scipy import signal
+
+    count = len(values)
+    length = max(LEAST_SEGMENT, 2 * count // (SEGMENTS + 1)) if segment is None else int(segment)
+    if not LEAST_SEGMENT <= length <= count:
+        raise ValueError(f"a segment of {length} samples: give {LEAST_SEGMENT} to {count}")
+    frequency, density = signal.welch(
+        values - values.mean(axis=0), rate, "hann", length, length // 2, detrend=False, axis=0
+    )
+    # Half-overlapping Hann segments: (36 K^2) / (19 K - 1) / 2 independent pairs of a sine and a cosine.
+    segments = max(1, (count - length // 2) // (length - length // 2))
+    independent = max(1.0, 18.0 * segments**2 / (19.0 * segments - 1.0)) if segments > 1 else 1.0
+    return Spectrum(frequency, density, density / np.sqrt(independent), independent)

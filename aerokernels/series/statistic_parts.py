@@ -1,0 +1,182 @@
+"""The parts of the statistics of a series: each adds its variables, and their errors, to a table."""
+
+import math
+from typing import Any
+
+import numpy as np
+
+from .linking import linking_equation
+from .modes import integral_length, orthogonal_modes, two_point_correlation
+from .pupil_grid import MapReader, disc_coverage
+from .spectra import Spectrum, sample_rate, welch
+from .uncertainty import Mean, mean_of, root_of
+
+BLOCKS = 10  # of the series, whose differences are the error of what is no plain mean
+APERTURES = (0.25, 0.5, 0.75, 1.0)  # of the pupil, by default
+DRIFTS = 0.01  # probability below which a series is said to drift
+LEAST_PIXELS = 12  # of an aperture
+
+
+class Table:
+    """Variables as they come together."""
+
+    def __init__(self) -> None:
+        """Begin with none."""
+        self.variables: dict[str, Any] = {}
+        self.drifting: list[str] = []
+
+    def number(self, name: str, mean: Mean, units: str, words: str) -> None:
+        """A number, its error, and whether it drifts."""
+        attributes = {"units": units, "long_name": words, "effective_count": mean.effective_count, "trend": mean.trend}
+        self.variables[name] = ((), mean.value, attributes)
+        self.variables[f"{name}_error"] = ((), mean.error, {"units": units, "long_name": f"{words}: standard error"})
+        if mean.trend < DRIFTS:
+            self.drifting.append(name)
+
+    def array(self, name: str, dims: tuple[str, ...], values: Any, error: Any, units: str, words: str) -> None:
+        """An array and its error."""
+        self.variables[name] = (dims, np.asarray(values), {"units": units, "long_name": words})
+        if error is not None:
+            told = {"units": units, "long_name": f"{words}: standard error"}
+            self.variables[f"{name}_error"] = (dims, np.asarray(error), told)
+
+
+def spread_map(values: np.ndarray, lit: np.ndarray) -> np.ndarray:
+    """A map out of what each lit pixel has, NaN elsewhere."""
+    found = np.full(lit.shape, np.nan)
+    found[lit] = values
+    return found
+
+
+def pupil_width(x: np.ndarray, y: np.ndarray) -> float:
+    """The pupil's greater side [m]."""
+    sides = [float(axis[-1] - axis[0]) * len(axis) / (len(axis) - 1) for axis in (x, y) if len(axis) > 1]
+    return max(sides)
+
+
+def add_spectra(table, coordinates, time, opd, weight, tilts, segment, velocity, length) -> None:
+    """Power spectra of the maps, mean over the pupil, and of their tilts."""
+    rate = sample_rate(time)
+    ours: dict[str, tuple[Spectrum, str, str]] = {}
+    whole = welch(opd, rate, segment)
+    over = Spectrum(whole.frequency, whole.density @ weight, whole.error @ weight, whole.segment_count)
+    ours["spectrum_opd"] = (over, "m2 Hz-1", "power spectral density of opd, mean over the pupil")
+    for k, axis in enumerate("xy"):
+        one = welch(tilts[:, k], rate, segment)
+        ours[f"spectrum_jitter_{axis}"] = (one, "rad2 Hz-1", f"power spectral density of the tilt along {axis}")
+    for name, (spectrum, units, words) in ours.items():
+        table.array(name, ("frequency",), spectrum.density, spectrum.error, units, words)
+    coordinates["frequency"] = whole.frequency
+    if velocity is not None:
+        coordinates["strouhal"] = ("frequency", whole.frequency * length / velocity)
+
+
+def covers_of(x: np.ndarray, y: np.ndarray, lit: np.ndarray):
+    """A function of a diameter [m] that gives the share of each lit pixel in a disc of it about the pupil's centre."""
+    steps = [float(axis[1] - axis[0]) if len(axis) > 1 else 1.0 for axis in (x, y)]
+    edges = [np.append(axis - 0.5 * step, axis[-1] + 0.5 * step) for axis, step in zip((x, y), steps, strict=True)]
+    middle = [0.5 * (edge[0] + edge[-1]) for edge in edges]
+    return lambda diameter: disc_coverage(0.5 * diameter, *(e - m for e, m in zip(edges, middle, strict=True)))[lit]
+
+
+def add_apertures(table, coordinates, opd, points, weight, wavelength, apertures, covers) -> None:
+    """Concentric round parts of the pupil, mean and tilt over each removed."""
+    width = pupil_width(coordinates["x"], coordinates["y"])
+    asked = np.array([share * width for share in APERTURES] if apertures is None else apertures, dtype=np.float64)
+    if asked.ndim != 1 or not (np.isfinite(asked).all() and (asked > 0.0).all()):
+        raise ValueError(f"apertures must be positive diameters in metres, got {apertures!r}")
+    rows: list[list[float]] = []
+    for diameter in asked:
+        shares = np.minimum(covers(diameter), weight / weight.max())
+        inside = shares > 0.0
+        if inside.sum() < LEAST_PIXELS:
+            rows.append([math.nan] * 4)
+            continue
+        reader = MapReader(points[inside], shares[inside], ("piston", "tilt"), wavelength)
+        found = [reader(one[inside]) for one in opd]
+        rms = root_of(mean_of(np.array([one.rms_without_tilt**2 for one in found])))
+        ratio = mean_of(np.array([one.strehl for one in found]))
+        rows.append([rms.value, rms.error, ratio.value, ratio.error])
+    values = np.array(rows).reshape(len(asked), 4)
+    told = "over a round part of the pupil, its mean and tilt removed"
+    table.array(
+        "opd_rms_aperture", ("aperture",), values[:, 0], values[:, 1], "m", f"optical path difference {told}, rms"
+    )
+    table.array("strehl_aperture", ("aperture",), values[:, 2], values[:, 3], "1", f"Strehl ratio {told}")
+    coordinates["aperture"] = asked
+
+
+def add_modes(table, coordinates, opd, weight, lit, count) -> None:
+    """Proper orthogonal modes."""
+    if len(opd) < 2:
+        return
+    modes = orthogonal_modes(opd, weight, count)
+    squares = [mean_of(modes.coefficient[:, k] ** 2) for k in range(len(modes.energy))]
+    errors = np.array([one.error for one in squares])
+    table.array("pod_energy", ("mode",), modes.energy, errors, "m2", "mean square of a proper orthogonal mode")
+    share = modes.energy / modes.total if modes.total > 0.0 else np.full(len(errors), np.nan)
+    error = errors / modes.total if modes.total > 0.0 else np.full(len(errors), np.nan)
+    table.array("pod_share", ("mode",), share, error, "1", "share of the unsteady mean square in a mode")
+    shapes = np.stack([spread_map(one, lit) for one in modes.shape])
+    table.array("pod_mode", ("mode", "y", "x"), shapes, None, "1", "proper orthogonal mode, mean square 1")
+    table.array("pod_coefficient", ("time", "mode"), modes.coefficient, None, "m", "coefficient of a mode")
+    coordinates["mode"] = np.arange(len(modes.energy))
+
+
+def add_correlation(table, coordinates, opd, lit, x, y) -> None:
+    """Two-point correlation and its lengths; their errors from the differences of parts of the series."""
+    if len(opd) < 2:
+        return
+    found = two_point_correlation(opd, lit)
+    middle = tuple(size // 2 for size in found.shape)
+    steps = [float(axis[1] - axis[0]) if len(axis) > 1 else 1.0 for axis in (y, x)]
+    blocks = min(BLOCKS, len(opd) // 2)
+    parts = [two_point_correlation(part, lit) for part in np.array_split(opd, blocks)] if blocks >= 4 else []
+    power = found[middle]
+    ratio = found / power if power > 0.0 else np.full(found.shape, np.nan)
+    spread = [part / part[middle] for part in parts if part[middle] > 0.0]
+    error = (
+        np.std(spread, axis=0, ddof=1) / math.sqrt(len(spread)) if len(spread) >= 4 else np.full(found.shape, np.nan)
+    )
+    table.array("correlation", ("lag_y", "lag_x"), ratio, error, "1", "correlation of unsteady opd at two points")
+    lines = {"y": (slice(middle[0], None), middle[1]), "x": (middle[0], slice(middle[1], None))}
+    for axis, step in zip("yx", steps, strict=True):
+        value = integral_length(found[lines[axis]], step)
+        each = [integral_length(part[lines[axis]], step) for part in parts]
+        off = float(np.std(each, ddof=1) / math.sqrt(len(each))) if len(each) >= 4 else math.nan
+        words = f"correlation length along {axis}, integral to the first zero"
+        table.number(f"correlation_length_{axis}", Mean(value, off, float(len(each)), math.nan), "m", words)
+    coordinates["lag_y"] = steps[0] * (np.arange(found.shape[0]) - middle[0])
+    coordinates["lag_x"] = steps[1] * (np.arange(found.shape[1]) - middle[1])
+
+
+def add_linking(table, dataset, series, opd, points, weight, wavelength) -> None:
+    """The linking equation beside what the maps give."""
+    about = dataset.attrs
+    missing = [name for name in ("pupil_center", "pupil_axes", "direction") if name not in about]
+    if missing:
+        raise ValueError(f"series goes with a dataset of optical_series; this one has no {missing[0]}")
+    axes = np.asarray(about["pupil_axes"]).reshape(2, 3)
+    start = np.asarray(about["pupil_center"]) + points @ axes
+    found = linking_equation(
+        series,
+        start,
+        about["direction"],
+        wavelength,
+        relation=about.get("relation", "gladstone-dale"),
+        constant=about.get("constant"),
+    )
+    words = {"opd_rms_linking": "the linking equation", "opd_rms_path": "the covariance of density along the rays"}
+    for name, (value, error) in found.items():
+        mean = Mean(value, error, math.nan, math.nan)
+        table.number(name, mean, "m", f"rms of optical path differences in time at a point, by {words[name]}")
+    centred = points - weight @ points
+    whole = opd + 0.0
+    terms = str(about.get("remove", "")).split(",")
+    if "piston" in terms:
+        whole += dataset["piston"].values[:, None]
+    if "tilt" in terms:
+        whole += np.stack([dataset["boresight_x"].values, dataset["boresight_y"].values], axis=1) @ centred.T
+    unsteady = (whole - whole.mean(axis=0)) ** 2 @ weight * len(whole) / max(len(whole) - 1, 1)
+    told = "rms of optical path differences in time at a point, by the maps"
+    table.number("opd_rms_point", root_of(mean_of(unsteady)), "m", told)

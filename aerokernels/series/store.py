@@ -1,0 +1,222 @@
+"""Maps of a series as they are made: in memory, or in a Zarr store that a kill at any moment leaves whole.
+
+Each snapshot's map is a chunk of its own, written in one step, and then a line of a journal beside the store says that
+it is there, with the snapshot's numbers. After a break the maps that the journal names are kept, and what follows is
+what an unbroken run would have made, bit for bit.
+"""
+
+import json
+import shutil
+import warnings
+from collections.abc import Iterator, Mapping
+from contextlib import ExitStack, contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+if TYPE_CHECKING:
+    import xarray
+
+MAPS = {
+    "opd": ("f8", "m", "optical path difference, terms removed"),
+    "valid": ("?", "1", "whether the ray came through"),
+}
+NUMBERS = {
+    "strehl": ("1", "Strehl ratio of opd"),
+    "boresight_x": ("rad", "tilt of the wavefront along x"),
+    "boresight_y": ("rad", "tilt of the wavefront along y"),
+    "piston": ("m", "mean optical path difference"),
+    "opd_rms": ("m", "rms of the optical path difference, mean and tilt removed"),
+    "opd_rms_with_tilt": ("m", "rms of the optical path difference, mean removed"),
+    "error": ("m", "what opd may be off by, rms over the pupil"),
+    "traced": ("1", "1 where the snapshot was traced in full, 0 on straight lines"),
+    "slope": ("1", "mean square of the wavefront's slopes"),
+    "probe": ("m", "bending's part of opd where it was measured, rms"),
+    "probe_interpolation": ("m", "the interpolant's part where it was measured, rms"),
+}
+
+
+class MemoryStore:
+    """Everything in memory."""
+
+    def __init__(self, template: "xarray.Dataset"):
+        """Begin with nothing done."""
+        self.template = template
+        self.records: list[dict[str, float]] = []
+        shape = tuple(template.sizes[name] for name in ("time", "y", "x"))
+        self._maps = {name: np.empty(shape, kind) for name, (kind, _, _) in MAPS.items()}
+
+    @contextmanager
+    def writing(self) -> Iterator["MemoryStore"]:
+        """Nothing to open."""
+        yield self
+
+    def add(self, maps: Mapping[str, np.ndarray], numbers: Mapping[str, float]) -> None:
+        """Keep a snapshot."""
+        for name, array in maps.items():
+            self._maps[name][len(self.records)] = array
+        self.records.append(dict(numbers))
+
+    def finish(self) -> "xarray.Dataset":
+        """The dataset."""
+        found = self.template.copy()
+        for name, (_, units, words) in MAPS.items():
+            found[name] = (("time", "y", "x"), self._maps[name], {"units": units, "long_name": words})
+        for name, (units, words) in NUMBERS.items():
+            values = np.array([record[name] for record in self.records])
+            found[name] = (("time",), values, {"units": units, "long_name": words})
+        return found
+
+
+class ZarrStore:
+    """A Zarr store and its journal.
+
+    Attributes:
+        records: The numbers of the snapshots that are done, in their order.
+    """
+
+    def __init__(self, path: Path, template: "xarray.Dataset", definition: Mapping[str, Any]):
+        """Open a store, or prepare one that is made with the first snapshot.
+
+        Raises:
+            ValueError: Something else lies there, or a series of something else.
+            ImportError: No Zarr.
+        """
+        try:
+            import zarr  # noqa: F401
+        except ImportError:
+            raise ImportError("out needs Zarr: pip install 'aerokernels[dask]', or leave out= away") from None
+        self.path, self.template = path, template
+        self.definition = json.loads(json.dumps(definition, default=str))
+        self.journal = path.with_name(f".{path.name}.journal")
+        self.records: list[dict[str, float]] = []
+        self._whole = 0
+        self._arrays: dict[str, Any] = {}
+        if self.journal.is_file() and path.is_dir():
+            self._read()
+        elif path.exists() and (not path.is_dir() or any(path.iterdir())):
+            raise ValueError(f"out={path}: something else lies there; take another name, or remove it")
+
+    def _read(self) -> None:
+        data = self.journal.read_bytes()
+        self._whole = data.rfind(b"\n") + 1
+        lines = data[: self._whole].splitlines()
+        found = json.loads(lines[0]) if lines else None
+        if found != self.definition:
+            keys = [
+                key
+                for key in {**(found or {}), **self.definition}
+                if (found or {}).get(key) != self.definition.get(key)
+            ]
+            key = keys[0] if keys else "all"
+            told = f"{key} was {_short((found or {}).get(key))} and is {_short(self.definition.get(key))}"
+            raise ValueError(f"out={self.path}: it holds another series, {told}; take another name, or remove it")
+        self.records = [dict(zip(NUMBERS, json.loads(line), strict=True)) for line in lines[1:]]
+
+    @property
+    def is_finished(self) -> bool:
+        """Whether all snapshots are there, and the numbers in the store."""
+        done = len(self.records) == self.template.sizes["time"]
+        return done and self._group().attrs.get("finished", False) is True
+
+    def _group(self) -> Any:
+        import zarr
+
+        return zarr.open_group(str(self.path), mode="r+")
+
+    @contextmanager
+    def writing(self) -> Iterator["ZarrStore"]:
+        """Write to the store; it is made with the first snapshot, so that what fails at once leaves nothing."""
+        with ExitStack() as self._open:
+            yield self
+
+    def _begin(self) -> None:
+        """Make the store where there is none, and open the journal."""
+        if not (self.journal.is_file() and self.path.is_dir()):
+            self._create()
+        self._file = self._open.enter_context(self.journal.open("ab"))
+        self._file.truncate(self._whole)
+        group = self._group()
+        self._arrays = {name: group[name] for name in MAPS}
+
+    def _create(self) -> None:
+        """The store with all its arrays, empty, and the journal with what it is of.
+
+        The store is made under another name and gets its own last: there is none without a journal.
+        """
+        import zarr
+
+        making = self.path.with_name(f".{self.path.name}.partial")
+        shutil.rmtree(making, ignore_errors=True)
+        self.path.parent.mkdir(parents=True, exist_ok=True)
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            self.template.to_zarr(making, mode="w", consolidated=False)
+        group = zarr.open_group(str(making), mode="r+")
+        sizes = [self.template.sizes[name] for name in ("time", "y", "x")]
+        for name, (kind, units, words) in MAPS.items():
+            group.create_array(
+                name,
+                shape=tuple(sizes),
+                chunks=(1, *sizes[1:]),
+                dtype=np.dtype(kind),
+                fill_value=np.nan if kind == "f8" else False,
+                dimension_names=["time", "y", "x"],
+                attributes={"units": units, "long_name": words},
+            )
+        for name, (units, words) in NUMBERS.items():
+            group.create_array(
+                name,
+                shape=(sizes[0],),
+                chunks=(sizes[0],),
+                dtype=np.dtype("f8"),
+                fill_value=np.nan,
+                dimension_names=["time"],
+                attributes={"units": units, "long_name": words},
+            )
+        _consolidate(making)
+        partial = self.journal.with_name(f"{self.journal.name}.partial")
+        partial.write_text(json.dumps(self.definition) + "\n", encoding="utf-8")
+        self._whole = partial.stat().st_size
+        partial.replace(self.journal)
+        if self.path.is_dir():
+            self.path.rmdir()  # empty, or it would have been refused
+        making.rename(self.path)
+
+    def add(self, maps: Mapping[str, np.ndarray], numbers: Mapping[str, float]) -> None:
+        """Keep a snapshot: its maps first, and then the line that says so."""
+        if not self._arrays:
+            self._begin()
+        for name, array in maps.items():
+            self._arrays[name][len(self.records)] = array
+        line = json.dumps([float(numbers[name]) for name in NUMBERS]) + "\n"
+        self._file.write(line.encode())
+        self._file.flush()
+        self.records.append(dict(numbers))
+
+    def finish(self) -> "xarray.Dataset":
+        """Write the numbers, and open the whole lazily."""
+        group = self._group()
+        if not group.attrs.get("finished", False):
+            for name in NUMBERS:
+                group[name][:] = np.array([record[name] for record in self.records])
+            group.attrs["finished"] = True
+            _consolidate(self.path)
+        import xarray
+
+        return xarray.open_zarr(self.path, consolidated=False, chunks=None)
+
+
+def _consolidate(path: Path) -> None:
+    """Put what all arrays of a store are into one place, where xarray looks for it first."""
+    import zarr
+
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # that the third format of Zarr has no such place in its standard
+        zarr.consolidate_metadata(str(path))
+
+
+def _short(value: Any) -> str:
+    text = json.dumps(value)
+    return text if len(text) <= 60 else text[:57] + "..."

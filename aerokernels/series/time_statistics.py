@@ -1,0 +1,215 @@
+"""What is published of optical path differences in time, each number with its standard error."""
+
+import math
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from aerokernels import __version__
+
+from ..flow import Series
+from ..wavelength import DEFAULT_WAVELENGTH, check_wavelength
+from .modes import orthogonal_modes
+from .pupil_grid import MapReader
+from .statistic_parts import (
+    Table,
+    add_apertures,
+    add_correlation,
+    add_linking,
+    add_modes,
+    add_spectra,
+    covers_of,
+    pupil_width,
+    spread_map,
+)
+from .uncertainty import Mean, mean_of, root_of
+
+if TYPE_CHECKING:
+    import xarray
+
+
+def statistics(
+    dataset: "xarray.Dataset",
+    *,
+    velocity: float | None = None,
+    length: float | None = None,
+    apertures: Sequence[float] | None = None,
+    mode_count: int = 10,
+    segment: int | None = None,
+    wavelength: float | None = None,
+    series: Series | None = None,
+) -> "xarray.Dataset":
+    """Statistics of optical path differences in time.
+
+    A standard error heeds that neighbouring samples depend on one another (see uncertainty.py); what drifts is named in
+    the attribute `drifting`. Below four snapshots errors are NaN.
+
+    Args:
+        dataset: Of `optical_series`, or any with `opd` [m] over (time, y, x), NaN outside the pupil, in metres and
+            seconds.
+        velocity: Speed that frequencies are scaled by for the Strouhal number f D / U [m/s]; None: none.
+        length: D [m]; None: the pupil's width.
+        apertures: Diameters of concentric round parts of the pupil [m]; None: a quarter to all of it.
+        mode_count: Proper orthogonal modes.
+        segment: Samples of a segment of the spectra.
+        wavelength: Vacuum wavelength [m]; None: the dataset's.
+        series: The snapshots that the dataset was made of, for the linking equation; they are read once more.
+
+    Returns:
+        A dataset with NAME and NAME_error:
+        `opd_mean` (y, x), the steady map; `opd_std` (y, x), the unsteady part's rms in time;
+        `opd_rms` and `opd_rms_with_tilt`, root mean squares over pupil and time, mean and tilt of each map removed, or
+        its mean only; `opd_rms_steady`, of the steady map; `opd_rms_unsteady`, of the rest;
+        `boresight_x`, `boresight_y`, means, and `jitter_x`, `jitter_y`, rms about them [rad];
+        `strehl`, the exact mean, beside `strehl_large_aperture`, the mean of exp(-(2 pi opd_rms / wavelength)^2);
+        over `frequency` [Hz] (and `strouhal`): `spectrum_opd` [m2/Hz], the mean over the pupil, `spectrum_jitter_x`,
+        `spectrum_jitter_y` [rad2/Hz];
+        over `aperture` [m]: `opd_rms_aperture` and `strehl_aperture`, mean and tilt over that part removed;
+        `pod_energy` (mode) [m2], `pod_share`, `pod_mode` (mode, y, x), `pod_coefficient` (time, mode) [m];
+        `correlation` (lag_y, lag_x) and `correlation_length_x`, `correlation_length_y` [m];
+        with `series`: `opd_rms_linking`, the linking equation's, `opd_rms_path`, the double integral of which it is a
+        short form, and `opd_rms_point`, the same rms as the maps have it, their mean and tilt put back [m].
+
+    Raises:
+        TypeError: No dataset.
+        ValueError: No `opd` over (time, y, x), a pupil without pixels, or a number that makes no sense.
+    """
+    opd, weight, lit = _checked(dataset)
+    time, y, x = (np.asarray(dataset[name].values, dtype=np.float64) for name in ("time", "y", "x"))
+    wave = check_wavelength(dataset.attrs.get("wavelength", DEFAULT_WAVELENGTH) if wavelength is None else wavelength)
+    for name, value in (("velocity", velocity), ("length", length)):
+        if value is not None and not (np.isfinite(value) and value > 0.0):
+            raise ValueError(f"{name} must be positive, got {value!r}")
+    if isinstance(mode_count, bool) or not isinstance(mode_count, (int, np.integer)) or mode_count < 1:
+        raise ValueError(f"mode_count must be a whole number of at least 1, got {mode_count!r}")
+    grid_x, grid_y = np.meshgrid(x, y)
+    points = np.stack([grid_x[lit], grid_y[lit]], axis=1)
+    table, skipped = Table(), []
+    tilts, squares, ratios = _readings(dataset, opd, points, weight, wave)
+    _maps(table, opd, weight, lit)
+    table.number("opd_rms", root_of(mean_of(squares[:, 1])), "m", "optical path difference, mean and tilt removed, rms")
+    table.number(
+        "opd_rms_with_tilt", root_of(mean_of(squares[:, 0])), "m", "optical path difference, mean removed, rms"
+    )
+    for k, axis in enumerate("xy"):
+        table.number(f"boresight_{axis}", mean_of(tilts[:, k]), "rad", f"tilt along {axis}")
+        about = (tilts[:, k] - tilts[:, k].mean()) ** 2
+        table.number(f"jitter_{axis}", root_of(mean_of(about)), "rad", f"tilt along {axis} about its mean, rms")
+    table.number("strehl", mean_of(ratios), "1", "Strehl ratio, exact mean")
+    variance = squares[:, 1] if "tilt" in str(dataset.attrs.get("remove", "piston,tilt")) else squares[:, 0]
+    large = np.exp(-((2.0 * np.pi / wave) ** 2) * variance)
+    table.number("strehl_large_aperture", mean_of(large), "1", "Strehl ratio, large-aperture approximation")
+    coordinates: dict[str, Any] = {"time": time, "y": y, "x": x}
+    try:
+        add_spectra(table, coordinates, time, opd, weight, tilts, segment, velocity, length or pupil_width(x, y))
+    except ValueError as fault:
+        if segment is not None:
+            raise
+        skipped.append(str(fault))
+    add_apertures(table, coordinates, opd, points, weight, wave, apertures, covers_of(x, y, lit))
+    add_modes(table, coordinates, opd, weight, lit, int(mode_count))
+    add_correlation(table, coordinates, opd, lit, x, y)
+    if series is not None:
+        add_linking(table, dataset, series, opd, points, weight, wave)
+    return _dataset(table, coordinates, dataset, wave, skipped)
+
+
+def _checked(dataset: Any) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Maps of the pixels that are there at all times, shape (t, n), their weights, and which they are."""
+    import xarray
+
+    if not isinstance(dataset, xarray.Dataset):
+        raise TypeError(f"dataset must be an xarray.Dataset of optical_series, got {type(dataset).__name__}")
+    if "opd" not in dataset or set(dataset["opd"].dims) != {"time", "y", "x"}:
+        raise ValueError("the dataset has no opd over (time, y, x): give what optical_series returns")
+    maps = np.asarray(dataset["opd"].transpose("time", "y", "x").values, dtype=np.float64)
+    share = dataset["weight"].values if "weight" in dataset else np.ones(maps.shape[1:])
+    if len(maps) < 1:
+        raise ValueError("the dataset has no snapshot")
+    lit = np.isfinite(maps).all(axis=0) & (share > 0.0)
+    if lit.sum() < 3:
+        raise ValueError("fewer than 3 pixels of the pupil have a number at all times: is opd NaN?")
+    weight = share[lit] / share[lit].sum()
+    return maps[:, lit], weight, lit
+
+
+def _readings(dataset: Any, opd: np.ndarray, points: np.ndarray, weight: np.ndarray, wavelength: float):
+    """Tilts (t, 2), mean squares with and without tilt (t, 2), and Strehl ratios (t,), read off or kept."""
+    reader = MapReader(points, weight, ("piston",), wavelength)
+    found = [reader(one) for one in opd]
+    tilts = np.array([one.tilt for one in found])
+    squares = np.array([[one.rms**2, one.rms_without_tilt**2] for one in found])
+    ratios = np.array([one.strehl for one in found])
+    if {"boresight_x", "boresight_y"} <= set(dataset.data_vars):
+        tilts = np.stack([dataset["boresight_x"].values, dataset["boresight_y"].values], axis=1)
+    for k, name in enumerate(("opd_rms_with_tilt", "opd_rms")):
+        if name in dataset:
+            squares[:, k] = dataset[name].values ** 2
+    if "strehl" in dataset:
+        ratios = dataset["strehl"].values
+    return tilts, squares, ratios
+
+
+def _maps(table: Table, opd: np.ndarray, weight: np.ndarray, lit: np.ndarray) -> None:
+    """The steady map, and what is left."""
+    count = len(opd)
+    mean = opd.mean(axis=0)
+    left = opd - mean
+    spread = left.std(axis=0, ddof=1) if count > 1 else np.full(len(mean), np.nan)
+    unsteady = left**2 @ weight
+    # Maps as a whole are as independent as their mean square over the pupil, or as their first mode: the lesser.
+    first = orthogonal_modes(opd, weight, 1).coefficient[:, 0] if count > 1 else np.zeros(count)
+    effective = min(mean_of(unsteady).effective_count, mean_of(first).effective_count)
+    known = count >= 4
+    table.array(
+        "opd_mean",
+        ("y", "x"),
+        spread_map(mean, lit),
+        spread_map(spread / math.sqrt(effective) if known else np.full(len(mean), np.nan), lit),
+        "m",
+        "steady optical path difference, mean over time",
+    )
+    error = spread / math.sqrt(2.0 * effective) if known else np.full(len(mean), np.nan)
+    table.array(
+        "opd_std",
+        ("y", "x"),
+        spread_map(spread, lit),
+        spread_map(error, lit),
+        "m",
+        "unsteady optical path difference, rms in time",
+    )
+    steady = float(np.sqrt(weight @ (mean - weight @ mean) ** 2))
+    noise = float(np.sqrt(weight @ spread**2 / effective)) if known else math.nan
+    table.number("opd_rms_steady", Mean(steady, noise, effective, math.nan), "m", "steady optical path difference, rms")
+    table.number("opd_rms_unsteady", root_of(mean_of(unsteady)), "m", "unsteady optical path difference, rms")
+
+
+UNITS = {
+    "time": "s",
+    "y": "m",
+    "x": "m",
+    "frequency": "Hz",
+    "strouhal": "1",
+    "aperture": "m",
+    "lag_x": "m",
+    "lag_y": "m",
+}
+
+
+def _dataset(table: Table, coordinates: dict[str, Any], source: Any, wavelength: float, skipped: list[str]):
+    import xarray
+
+    about = {
+        "title": "statistics of optical path differences in time",
+        "source": f"aerokernels {__version__}",
+        "provenance": str(source.attrs.get("provenance", "")),
+        "wavelength": wavelength,
+        "snapshot_count": int(source.sizes["time"]),
+        "drifting": ", ".join(table.drifting),
+        "skipped": "; ".join(skipped),
+    }
+    found = xarray.Dataset(table.variables, coordinates, about)
+    for name in coordinates:
+        found[name].attrs["units"] = UNITS.get(name, "1")
+    return found

@@ -1,0 +1,103 @@
+"""`aerokernels series` as a user meets it: a scene with a [series] table, a NetCDF file, and what comes out."""
+
+import json
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+import xarray
+
+from aerokernels.scene import Scene
+from aerokernels.series import statistics
+from tests.series.fourier import Fourier
+
+SCENE = """
+title = "A frozen layer"
+[series]
+source = "layer.nc"
+velocity = "300 m/s"
+pixel_count = 12
+[receiver]
+diameter = "30 mm"
+aperture_z = "2 mm"
+"""
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A scene and its snapshots: 24 of them, 1 microsecond apart."""
+    pytest.importorskip("zarr")
+    place = tmp_path_factory.mktemp("series")
+    field, origin, spacing, shape = Fourier.random(7), (-0.02, -0.02, 0.0), 2e-3, (21, 21, 16)
+    time = 2e-5 * np.arange(24)
+    axes = {name: (name, origin[k] + spacing * np.arange(shape[k])) for k, name in enumerate("xyz")}
+    density = np.stack([field.on_grid(origin, spacing, shape, t) for t in time]).astype(np.float32)
+    data = xarray.Dataset({"rho": (("time", "x", "y", "z"), density)}, {"time": time, **axes}, {"ambient_density": 0.5})
+    data.to_netcdf(place / "layer.nc", engine="h5netcdf")
+    (place / "layer.toml").write_text(SCENE)
+    return place
+
+
+def run(folder: Path, *arguments: str):
+    import subprocess
+    import sys
+
+    command = [sys.executable, "-m", "aerokernels", "series", *arguments]
+    return subprocess.run(command, cwd=folder, capture_output=True, text=True, timeout=300, stdin=subprocess.DEVNULL)
+
+
+def test_a_series_gives_maps_statistics_and_a_report(folder: Path):
+    done = run(folder, "layer.toml", "--out", "out")
+    assert done.returncode == 0, done.stderr
+    assert "Strehl ratio, exact mean\t" in done.stdout and " +- " in done.stdout and not done.stderr
+    out = folder / "out"
+    assert {path.name for path in out.iterdir()} == {
+        ".series.zarr.journal",
+        "series.zarr",
+        "statistics.nc",
+        "summary.json",
+        "report.html",
+    }
+    summary = json.loads((out / "summary.json").read_text())
+    maps = xarray.open_zarr(out / "series.zarr", chunks=None)
+    assert dict(maps.opd.sizes) == {"time": 24, "y": 12, "x": 12} and summary["snapshot_count"] == 24
+    assert summary["opd_rms"] == pytest.approx(float(statistics(maps).opd_rms), rel=1e-12)
+    assert 0.0 < summary["errors"]["opd_rms"] and summary["opd_error_m"] < 1e-9
+    assert {"opd_rms_linking", "opd_rms_path", "opd_rms_point", "jitter_x", "strehl_large_aperture"} <= set(summary)
+    with xarray.open_dataset(out / "statistics.nc", engine="h5netcdf") as found:
+        assert "strouhal" in found.coords and all("units" in one.attrs for one in found.variables.values())
+    page = (out / "report.html").read_text()
+    assert re.findall(r'<figure id="([\w-]+)">', page) == ["film", "maps", "time", "spectra", "aperture", "modes"]
+    assert "No picture" not in page and not re.search(r'(src|href)="http', page)
+    frames = json.loads(re.search(r"const frames = (\[.*?\]), times", page)[1])  # type: ignore[index]
+    assert len(frames) == 24 and all(frame.startswith("data:image/png;base64,") for frame in frames)
+    before = (out / ".series.zarr.journal").read_bytes()
+    assert run(folder, "layer.toml", "--out", "out").returncode == 0
+    assert (out / ".series.zarr.journal").read_bytes() == before
+
+
+@pytest.mark.parametrize(
+    ("text", "arguments", "words"),
+    [
+        ('[flow]\nsource = "mach3"\n', [], ("series.source", "[series]")),
+        (SCENE.replace("layer.nc", "nothing.nc"), [], ("series.source", "nothing.nc", "no such file")),
+        (SCENE.replace('velocity = "300 m/s"', 'velocity = "300 m"'), [], ("series.velocity", "m/s")),
+        (SCENE.replace("pixel_count = 12", "pixels = 12"), [], ("series.pixels", "pixel_count")),
+        (SCENE, ["--set", "receiver.aperture_z=5 m"], ("no ray of the pupil", "metres")),
+        (SCENE, ["--set", "series.density=temperature"], ("series.source", "temperature", "rho")),
+    ],
+)
+def test_bad_input_ends_with_status_2_and_writes_nothing(folder: Path, text, arguments, words):
+    (folder / "bad.toml").write_text(text)
+    done = run(folder, "bad.toml", "--out", "refused", *arguments)
+    assert done.returncode == 2 and done.stderr.count("\n") == 1 and done.stderr.startswith("error: "), done.stderr
+    for word in words:
+        assert word in done.stderr
+    assert not (folder / "refused").exists()
+
+
+def test_a_scene_of_snapshots_needs_no_other_flow_and_finds_them_beside_itself(folder: Path):
+    scene = Scene.load(folder / "layer.toml")
+    assert scene.flow.source == "static" and Path(str(scene.series.source)) == folder / "layer.nc"
+    assert scene.series.velocity == 300.0 and Scene.load("wind-tunnel-mach3").series.source is None

@@ -1,0 +1,270 @@
+"""Sweeps as a user meets them: processes that are killed, goings-on, failures, refusals."""
+
+import itertools
+import json
+import os
+import re
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+import xarray
+
+import aerokernels
+from aerokernels.jobs.sweeps.records import CASES_FILE, DATASET_FILE
+
+SMALL = {
+    "strehl.ray_count": "1024",
+    "beam.ray_count": "16",
+    "receiver.ray_count": "16",
+    "receiver.return_factor": "none",
+    "grid.spacing": "0.4 mm",
+}
+OPTIONS = [part for key, value in SMALL.items() for part in ("--set", f"{key}={value}")]
+VARY = ["--vary", "flow.source=mach2,mach3", "--vary", "target.tilt=0 deg:25 deg:6"]
+COMMAND = ["sweep", "wind-tunnel-mach3", *VARY, *OPTIONS, "--out", "out"]
+
+
+def started(folder: Path, *arguments: str) -> subprocess.Popen:
+    return subprocess.Popen(
+        [sys.executable, "-m", "aerokernels", *arguments],
+        cwd=folder,
+        stdin=subprocess.DEVNULL,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+
+
+def lines(folder: Path) -> list[dict]:
+    path = folder / "out" / CASES_FILE
+    return [json.loads(line) for line in path.read_text().splitlines()] if path.is_file() else []
+
+
+def wait_for_cases(process: subprocess.Popen, folder: Path, count: int) -> None:
+    deadline = time.monotonic() + 120.0
+    while len(lines(folder)) < count:
+        assert process.poll() is None, process.communicate()
+        assert time.monotonic() < deadline
+        time.sleep(0.02)
+
+
+def children(pid: int, words: str) -> list[int]:
+    """Processes below one whose command line holds these words."""
+    found = []
+    listed = [path.read_text().split() for path in Path(f"/proc/{pid}/task").glob("*/children")]
+    for child in map(int, itertools.chain.from_iterable(listed)):
+        with open(f"/proc/{child}/cmdline") as file:
+            if words in file.read().replace("\0", " "):
+                found.append(child)
+        found += children(child, words)
+    return found
+
+
+def checked(folder: Path) -> xarray.Dataset:
+    """The dataset of the 12 cases: all there, none computed twice."""
+    assert sorted(line["case"] for line in lines(folder)) == list(range(12))
+    with xarray.open_dataset(folder / "out" / DATASET_FILE, engine="h5netcdf") as found:
+        found.load()
+    assert dict(found.strehl.sizes) == {"flow.source": 2, "target.tilt": 6}
+    np.testing.assert_allclose(np.degrees(found["target.tilt"]), [0, 5, 10, 15, 20, 25], atol=1e-12)
+    assert found["target.tilt"].attrs["units"] == "rad"
+    assert np.isfinite(found.strehl).all() and not found.failed.any()
+    return found
+
+
+@pytest.fixture(scope="module")
+def unbroken(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, xarray.Dataset]:
+    """The 12 cases, by two local workers, of which one was killed in the middle and replaced."""
+    folder = tmp_path_factory.mktemp("sweep")
+    process = started(folder, *COMMAND, "--workers", "2")
+    wait_for_cases(process, folder, 2)
+    workers = children(process.pid, "sweeps.worker")
+    assert len(workers) == 2
+    os.kill(workers[0], signal.SIGKILL)
+    told, faults = process.communicate(timeout=300)
+    assert process.returncode == 0, faults
+    assert "12 of 12 cases" in told and "left" in told and not faults
+    return folder, checked(folder)
+
+
+def test_variables_are_those_of_a_summary(unbroken):
+    _, found = unbroken
+    names = "strehl strehl_marechal opd_rms_m boresight_rad echo_peak_w echo_peak_v range_m range_error_m ray_count "
+    names += "evaluation_count trace_seconds total_seconds backend device precision plan error"
+    assert set(names.split()) <= set(found.variables)
+    assert {"strehl_error", "range_m_error"} <= set(found.variables)
+    assert all("units" in variable.attrs for variable in found.variables.values())
+    assert found.attrs["source"] == f"aerokernels {aerokernels.__version__}" and "[flow]" in found.attrs["scene"]
+    assert float(found.mach.sel({"flow.source": "mach2"})[0]) == 2.0
+    page = (unbroken[0] / "out" / "report.html").read_text()
+    assert re.findall(r'<figure id="([\w-]+)">', page)[0] == "strehl" and "No picture" not in page
+    assert page.count("<tr>") == 13 and not re.search(r'(src|href)="http', page)
+    falls = found.echo_peak_v.sel({"flow.source": "mach3"}).values  # a tilted Lambertian reflector returns less
+    assert np.all(np.diff(falls) < 0.0)
+
+
+def test_a_finished_sweep_does_nothing(unbroken, monkeypatch: pytest.MonkeyPatch):
+    folder, found = unbroken
+    before = {path: path.stat().st_mtime_ns for path in (folder / "out").iterdir()}
+    process = started(folder, *COMMAND)
+    told, _ = process.communicate(timeout=60)
+    assert process.returncode == 0 and "nothing to do" in told
+    assert {path: path.stat().st_mtime_ns for path in (folder / "out").iterdir()} == before
+    monkeypatch.setattr("aerokernels.jobs.sweeps.run.run_sweep", None)  # in Python: neither
+    tilts = [f"{tilt} deg" for tilt in range(0, 30, 5)]
+    again = aerokernels.sweep(
+        "wind-tunnel-mach3",
+        {"flow.source": ["mach2", "mach3"], "target.tilt": [0.0, *found["target.tilt"].values[1:]]},
+        settings=SMALL,
+        out=folder / "out",
+    )
+    assert again.equals(found) and len(tilts) == 6
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (["--set", "target.distance=2 m"], ("target.distance", "1.5", "--out")),
+        (["--vary", "target.width=100 mm,120 mm"], ("target.width", "--out")),
+        (["--zip"], ("--zip",)),
+    ],
+)
+def test_a_changed_sweep_is_refused(unbroken, change, words):
+    folder, _ = unbroken
+    before = (folder / "out" / CASES_FILE).read_bytes()
+    process = started(folder, *COMMAND, *change)
+    _, faults = process.communicate(timeout=60)
+    assert process.returncode == 2 and faults.count("\n") == 1 and faults.startswith("error: ")
+    for word in words:
+        assert word in faults
+    assert (folder / "out" / CASES_FILE).read_bytes() == before
+
+
+def test_another_version_is_refused(unbroken, tmp_path: Path):
+    folder, _ = unbroken
+    (tmp_path / "out").mkdir()
+    for path in (folder / "out").glob("*.json*"):
+        text = path.read_text()
+        if path.name == "sweep.json":
+            text = text.replace(f'"version": "{aerokernels.__version__}"', '"version": "0.0.9"')
+        (tmp_path / "out" / path.name).write_text(text)
+    process = started(tmp_path, *COMMAND)
+    _, faults = process.communicate(timeout=60)
+    assert process.returncode == 2 and "0.0.9" in faults and "--out" in faults
+
+
+def test_killed_in_the_middle_it_goes_on(unbroken, tmp_path: Path):
+    """SIGKILL after a few cases, then the same command: what was done stays, byte for byte, and the numbers agree."""
+    process = started(tmp_path, *COMMAND, "--workers", "1")
+    wait_for_cases(process, tmp_path, 3)
+    os.kill(process.pid, signal.SIGKILL)
+    process.communicate()
+    before = (tmp_path / "out" / CASES_FILE).read_bytes()
+    assert 3 <= before.count(b"\n") < 12 and not (tmp_path / "out" / DATASET_FILE).exists()
+    with (tmp_path / "out" / CASES_FILE).open("ab") as file:
+        file.write(b'{"case": 11, "summary": {"stre')  # as if it had died while writing
+    process = started(tmp_path, *COMMAND, "--workers", "1")
+    _, faults = process.communicate(timeout=300)
+    assert process.returncode == 0, faults
+    assert (tmp_path / "out" / CASES_FILE).read_bytes().startswith(before)
+    found, whole = checked(tmp_path), unbroken[1]
+    for name in ("strehl", "opd_rms_m", "range_m", "echo_peak_v", "strehl_error"):
+        np.testing.assert_array_equal(found[name], whole[name])
+
+
+def test_a_dead_dask_worker_is_made_up_for(unbroken, tmp_path: Path):
+    """Two Dask worker processes, one of them killed in the middle; run again, it does nothing."""
+    pytest.importorskip("distributed")
+    process = started(tmp_path, *COMMAND, "--executor", "dask", "--workers", "2")
+    wait_for_cases(process, tmp_path, 2)
+    nannies = children(process.pid, "dask_worker")
+    workers = [pid for nanny in nannies for pid in children(nanny, "spawn_main")]
+    assert len(nannies) == 2 and len(workers) == 2
+    os.kill(workers[0], signal.SIGKILL)
+    _, faults = process.communicate(timeout=300)
+    assert process.returncode == 0, faults
+    np.testing.assert_array_equal(checked(tmp_path).range_m, unbroken[1].range_m)
+    done = started(tmp_path, *COMMAND, "--executor", "dask", "--workers", "2").communicate(timeout=60)[0]
+    assert "nothing to do" in done
+
+
+def test_the_workers_of_a_cluster_are_used(tmp_path: Path):
+    """A cluster of the caller's, one of whose two worker processes is killed while the sweep runs."""
+    distributed = pytest.importorskip("distributed")
+    tilts = [f"{tilt} deg" for tilt in range(6)]
+    killed: list[int] = []
+    with distributed.LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None) as cluster:
+        with distributed.Client(cluster) as client:
+            pids = list(client.run(os.getpid).values())
+
+            def kill_one(text: str, share: float) -> None:
+                if share > 0.0 and not killed:
+                    killed.append(pids[0])
+                    os.kill(pids[0], signal.SIGKILL)
+
+            found = aerokernels.sweep(
+                "wind-tunnel-static", {"target.tilt": tilts}, settings=SMALL, executor=client, out=tmp_path / "out",
+                progress=kill_one,
+            )  # fmt: skip
+    assert killed and not found.failed.any() and np.isfinite(found.range_m).all()
+    assert sorted(line["case"] for line in lines(tmp_path)) == list(range(6))
+    with pytest.raises(TypeError, match=r"distributed\.Client"):
+        aerokernels.sweep("wind-tunnel-static", {"target.tilt": tilts}, executor=3)
+
+
+def test_a_failed_case_is_recorded_and_the_others_go_on(tmp_path: Path):
+    """A target nearer than the receiver is wide; the zip's second case. In Python, with a scene and keys in SI."""
+    scene = aerokernels.Scene.load("wind-tunnel-mach3", SMALL)
+    vary = {"target.distance": [1.5, 0.01], "target.tilt": [0.0, 0.1]}
+    steps: list[tuple[str, float]] = []
+    found = aerokernels.sweep(
+        scene, vary, out=tmp_path / "out", zip=True, workers=1, progress=lambda text, share: steps.append((text, share))
+    )
+    assert found.strehl.dims == ("case",) and list(found["target.distance"].values) == [1.5, 0.01]
+    assert list(found.failed.values) == [False, True] and found.attrs["failed_count"] == 1
+    assert "target" in str(found.failures.values[1]) and np.isnan(found.range_m.values[1])
+    assert np.isfinite(found.range_m.values[0]) and str(found.failures.values[0]) == ""
+    assert steps[-1][1] == 1.0 and any("1 failed" in text for text, _ in steps)
+    before = (tmp_path / "out" / CASES_FILE).read_bytes()
+    aerokernels.sweep(scene, vary, out=tmp_path / "out", zip=True)
+    assert (tmp_path / "out" / CASES_FILE).read_bytes() == before
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["--vary", "target.titl=1,2"], ("target.titl", "target.tilt")),
+        (["--vary", "target.tilt=1 kg,2 deg"], ("target.tilt", "deg")),
+        (["--vary", "flow.source=mach2,mach7"], ("flow.source", "mach7", "mach3")),
+        (["--vary", "target.tilt"], ("--vary", "KEY=V1,V2")),
+        (["--vary", "target.tilt=1,2", "--executor", "slurm"], ("slurm", "dask")),
+        (["--vary", "target.tilt=1,2", "--scheduler", "tcp://x:1"], ("--scheduler", "--executor dask")),
+        (["--vary", "target.tilt=1,1.2", "--device", "cuda:77"], ("cuda:77", "trace.device")),
+    ],
+)
+def test_bad_input_ends_with_status_2_and_writes_nothing(arguments, words, aerokernels, tmp_path: Path):
+    done = aerokernels("sweep", "wind-tunnel-mach3", *arguments, "--out", "out")
+    assert done.returncode == 2 and done.stderr.count("\n") == 1 and done.stderr.startswith("error: "), done.stderr
+    for word in words:
+        assert word in done.stderr
+    assert not list(tmp_path.iterdir())
+
+
+def test_two_sweeps_do_not_share_a_folder(unbroken):
+    import fcntl
+
+    folder, _ = unbroken
+    with (folder / "out" / ".lock").open("w") as file:
+        fcntl.flock(file, fcntl.LOCK_EX)
+        (folder / "out" / DATASET_FILE).rename(folder / "aside.nc")
+        try:
+            process = started(folder, *COMMAND)
+            _, faults = process.communicate(timeout=60)
+        finally:
+            (folder / "aside.nc").rename(folder / "out" / DATASET_FILE)
+    assert process.returncode == 2 and "another sweep is at work" in faults

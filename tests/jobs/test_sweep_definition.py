@@ -1,0 +1,171 @@
+"""What a sweep is asked for: keys, values, combinations, samples, and what is refused."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from aerokernels.commands._vary import split_at_commas, varied
+from aerokernels.jobs.sweeps.definition import checked_scenes, coordinates, define
+from aerokernels.jobs.sweeps.records import Records, check_same
+from aerokernels.scene import Scene, SceneError
+from aerokernels.scene.changes import changed_scene, key_dimension, key_unit, key_value
+
+SCENE = "wind-tunnel-mach3"
+
+
+def test_a_key_knows_its_unit_and_reads_it():
+    assert (key_dimension("target.tilt"), key_unit("target.tilt")) == ("angle", "rad")
+    assert (key_dimension("detector.bandwidth"), key_unit("flow.density")) == ("frequency", "kg/m3")
+    assert key_dimension("flow.source") is None and key_dimension("target") is None and key_dimension("a.b.c") is None
+    assert key_unit("target.reflectivity") == "1"
+    assert key_value("flow.wavelength", "905 nm") == 905e-9
+    assert key_value("strehl.ray_count", "4096") == 4096
+    assert key_value("flow.density", "tunnel") == "tunnel"
+    assert key_value("strehl.remove", '["piston", "tilt"]') == ["piston", "tilt"]
+
+
+def test_a_scene_is_changed_as_its_file_would_be():
+    """A default that follows from another key follows from the changed one too."""
+    scene = Scene.load(SCENE, {"target.tilt": "3 deg"})
+    changed = changed_scene(scene, {"grid.route": "mesh", "target.distance": "2 m"})
+    assert (changed.grid.interpolation, changed.target.distance, changed.target.tilt) == (
+        "bilinear",
+        2.0,
+        scene.target.tilt,
+    )
+    assert changed_scene(scene, {}) == scene
+
+
+def test_values_are_split_at_commas_outside_brackets_and_spans_are_spaced():
+    assert split_at_commas('["a", "b"],["c"]') == ['["a", "b"]', '["c"]']
+    assert varied(["flow.source=mach2, mach3"]) == {"flow.source": ["mach2", "mach3"]}
+    tilts = varied(["target.tilt=0 deg:30 deg:4"])["target.tilt"]
+    np.testing.assert_allclose(np.degrees(tilts), [0.0, 10.0, 20.0, 30.0], rtol=1e-15)
+
+
+def test_a_grid_holds_every_combination_the_last_key_fastest():
+    definition = define(SCENE, {"flow.source": ["mach2", "mach3"], "target.tilt": ["0 deg", "10 deg", 0.3]})
+    assert (definition.dims, definition.shape) == (("flow.source", "target.tilt"), (2, 3))
+    cases = definition.cases()
+    assert [case["flow.source"] for case in cases] == ["mach2"] * 3 + ["mach3"] * 3
+    assert cases[4]["target.tilt"] == pytest.approx(np.radians(10.0), rel=1e-15)
+    assert definition.load(cases[5]).target.tilt == 0.3
+    found = coordinates(definition, [])
+    assert found["target.tilt"][2] == "rad" and list(found["flow.source"][1]) == ["mach2", "mach3"]
+
+
+def test_zip_takes_values_together():
+    definition = define(SCENE, {"target.tilt": [0.0, 0.1], "target.distance": ["1 m", "2 m"]}, together=True)
+    assert definition.cases() == [
+        {"target.tilt": 0.0, "target.distance": 1.0},
+        {"target.tilt": 0.1, "target.distance": 2.0},
+    ]
+
+
+def test_a_latin_hypercube_has_one_case_in_each_slice_of_each_key():
+    """Set-up: 16 cases of two quantities, a count and a choice. Expected: sorted, the k-th lies in the k-th slice."""
+    vary = {
+        "target.tilt": ["0 deg", "32 deg"],
+        "target.distance": ["1 m", "2 m"],
+        "beam.ray_count": [1, 16],
+        "flow.source": ["mach2", "mach3"],
+    }
+    definition = define(SCENE, vary, sample="lhs:16", seed=3)
+    columns = definition.columns()
+    for key, low, high in (("target.tilt", 0.0, np.radians(32.0)), ("target.distance", 1.0, 2.0)):
+        place = (np.sort(columns[key]) - low) / (high - low) * 16
+        assert np.array_equal(np.floor(place), np.arange(16))
+    assert sorted(columns["beam.ray_count"]) == list(range(1, 17))
+    assert sorted(columns["flow.source"]) == ["mach2"] * 8 + ["mach3"] * 8
+    assert columns == define(SCENE, vary, sample=16, seed=3).columns() != define(SCENE, vary, sample=16).columns()
+    assert definition.dims == ("case",)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        ({"vary": {}}, "--vary"),
+        ({"vary": {"target.tilt": []}}, "target.tilt"),
+        ({"vary": {"target.tilt": [0.1, 0.1]}}, "twice"),
+        ({"vary": {"target.tilt": ["1 deg", "2 deg"], "target.distance": [1]}, "together": True}, "--zip"),
+        ({"vary": {"target.tilt": ["2 deg", "1 deg"]}, "sample": "lhs:4"}, "LOW,HIGH"),
+        ({"vary": {"target.tilt": [0.0, 0.1, 0.2]}, "sample": "lhs:4"}, "LOW,HIGH"),
+        ({"vary": {"target.tilt": [0.0, 0.1]}, "sample": "sobol:4"}, "lhs:N"),
+        ({"vary": {"target.tilt": [0.0, 0.1]}, "sample": 4, "together": True}, "exclude"),
+        ({"vary": {"target.tilt": [0.1]}, "settings": {"target.tilt": 0.2}}, "both set and varied"),
+        ({"vary": {"target.tilt": list(np.linspace(0, 1, 400)), "beam.ray_count": list(range(1, 400))}}, "lhs"),
+    ],
+)
+def test_what_makes_no_sweep_is_refused(arguments, words):
+    with pytest.raises(ValueError, match=words):
+        define(SCENE, **arguments)
+
+
+def test_the_wrong_kind_is_refused():
+    with pytest.raises(TypeError, match="list of values"):
+        define(SCENE, {"target.tilt": "0 deg"})
+    with pytest.raises(TypeError, match="map keys"):
+        define(SCENE, ["target.tilt"])  # type: ignore[arg-type]
+    with pytest.raises(TypeError, match="scene"):
+        define(3, {"target.tilt": [0.0]})  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(
+    ("vary", "words"),
+    [
+        ({"target.titl": [1]}, "target.tilt"),
+        ({"target.tilt": ["1 kg", "2 deg"]}, "target.tilt"),
+        ({"flow.source": ["mach3", "mach9"], "target.tilt": [0.0, 0.1]}, "mach9"),
+    ],
+)
+def test_a_value_that_no_case_takes_is_refused_and_blamed_on_vary(vary, words):
+    with pytest.raises(SceneError, match=words) as fault:
+        checked_scenes(define(SCENE, vary))
+    assert "(with --vary)" in str(fault.value)
+
+
+def test_a_combination_that_makes_no_scene_is_a_failed_case():
+    """The mesh's interpolations do not go with the uniform grid, nor the grid's with the mesh; two of four do."""
+    definition = define(SCENE, {"grid.route": ["uniform", "mesh"], "grid.interpolation": ["cubic", "idw"]})
+    scenes, faults = checked_scenes(definition)
+    assert sorted(faults) == [1, 2] and "grid.interpolation" in faults[1]
+    assert [scene is None for scene in scenes] == [False, True, True, False]
+
+
+def test_a_description_tells_sweeps_apart_by_what_differs():
+    """The same values in other units are the same sweep."""
+    first = define(SCENE, {"target.tilt": ["0 deg", "180 deg"]})
+    assert first.described() == define(SCENE, {"target.tilt": [0, "3.141592653589793 rad"]}).described()
+    for other, words in (
+        (define(SCENE, {"target.tilt": ["0 deg", "20 deg"]}), "target.tilt was"),
+        (
+            define(SCENE, {"target.tilt": ["0 deg", "180 deg"]}, settings={"target.distance": 2}),
+            "target.distance was 1.5",
+        ),
+        (define("sea-level-mach3", {"target.tilt": ["0 deg", "180 deg"]}), "name was"),
+        (define(SCENE, {"target.tilt": ["0 deg", "180 deg"]}, together=True), "mode was"),
+    ):
+        with pytest.raises(ValueError, match=words):
+            check_same(Path("x"), first.described(), other.described())
+    with pytest.raises(ValueError, match=r"aerokernels 0\.0\.0"):
+        check_same(Path("x"), {**first.described(), "version": "0.0.0"}, first.described())
+
+
+def test_half_a_line_is_dropped_and_no_case_is_kept_twice(tmp_path):
+    """A kill in the middle of a write: the case counts as not done, and what comes next stands on a line of its own."""
+    records = Records(tmp_path)
+    with records.writing():
+        assert records.add(3, {"summary": {"strehl": 0.5}}) and not records.add(3, {"summary": {"strehl": 0.6}})
+        records.add(1, {"error": "why"})
+    path = tmp_path / "cases.jsonl"
+    path.write_bytes(path.read_bytes() + b'{"case": 7, "summ')
+    again = Records(tmp_path)
+    assert sorted(again.done) == [1, 3]
+    with again.writing():
+        again.add(7, {"summary": {"strehl": 0.7}})
+    done = Records(tmp_path).done
+    assert sorted(done) == [1, 3, 7] and done[3]["summary"]["strehl"] == 0.5
+    assert path.read_bytes().count(b"\n") == 3
+    again.forget_failed()
+    assert sorted(Records(tmp_path).done) == [3, 7]

@@ -1,0 +1,89 @@
+"""What a process keeps from one case of a sweep to the next, and in which order cases come."""
+
+import numpy as np
+import pytest
+
+from aerokernels import simulate
+from aerokernels.jobs.sweeps.case import Case, Stages, make_cases
+from aerokernels.jobs.sweeps.gpus import worker_environments
+from aerokernels.jobs.sweeps.local import Queue
+from aerokernels.scene import Scene
+
+SMALL = {
+    "strehl.ray_count": 1024,
+    "beam.ray_count": 16,
+    "receiver.ray_count": 16,
+    "receiver.return_factor": "none",
+    "grid.spacing": "0.4 mm",
+}
+
+
+def scene(**changes) -> Scene:
+    return Scene.load("wind-tunnel-mach3", {**SMALL, **{key.replace("__", "."): v for key, v in changes.items()}})
+
+
+def test_tilts_share_flow_index_and_strehl_ratio():
+    """Three tilts of two receivers: one flow, one index field, a Strehl ratio a receiver, and six echoes."""
+    scenes = [
+        scene(receiver__diameter=diameter, target__tilt=tilt)
+        for diameter in ("10 mm", "12 mm")
+        for tilt in ("0 deg", "10 deg", "20 deg")
+    ]
+    stages = Stages()
+    found = [stages.run(case).summary for case in make_cases(scenes)]
+    assert stages.made == {"flow": 1, "index": 1, "strehl": 2, "echo": 6}
+    assert len({summary["strehl"] for summary in found[:3]}) == 1
+    assert found[0]["range_m"] != found[1]["range_m"]
+    for number in (0, 5):  # within the error that it reports, and far within it
+        alone = simulate(scenes[number]).summary
+        for key in ("strehl", "opd_rms_m", "echo_peak_v", "range_m"):
+            assert abs(found[number][key] - alone[key]) < 0.3 * alone["errors"][key], key
+
+
+def test_another_wavelength_takes_the_flow_and_another_density_does_not():
+    stages = Stages()
+    scenes = [scene(), scene(flow__wavelength="532 nm"), scene(flow__density="sea-level")]
+    for case in make_cases(scenes):
+        stages.run(case)
+    assert stages.made == {"flow": 2, "index": 3, "strehl": 3, "echo": 3}
+
+
+def test_the_widest_view_of_a_group_is_among_those_sent():
+    """A wide receiver with a near target, one with a far target, and a small one: the last one's view is held."""
+    scenes = [
+        scene(receiver__diameter="12 mm", target__distance="1 m"),
+        scene(receiver__diameter="12 mm", target__distance="3 m"),
+        scene(receiver__diameter="5 mm", target__distance="1 m"),
+        scene(receiver__diameter="5 mm", target__distance="0.5 m"),
+    ]
+    cases = make_cases(scenes)
+    assert len({case.group for case in cases}) == 1
+    distances = [(one.receiver.diameter, one.target.distance) for one in cases[0].widest]
+    assert sorted(distances) == [(0.005, 0.5), (0.012, 1.0)]
+
+
+def test_a_queue_keeps_a_worker_to_its_group_and_spreads_the_workers():
+    def case(number: int, group: str) -> Case:
+        return Case(number, scene(), group, ())
+
+    queue = Queue([case(k, "ab"[k // 3]) for k in range(6)])
+    first, second = queue.take(None), queue.take(None)
+    assert first is not None and second is not None and {first.group, second.group} == {"a", "b"}
+    following = queue.take(first.group)
+    assert following is not None and following.group == first.group
+    queue.put_back(following)
+    rest = [queue.take("a") for _ in range(4)]
+    assert sorted(one.number for one in rest if one) == [1, 2, 4, 5] and not queue.waiting
+    assert queue.take("a") is None
+
+
+def test_each_worker_has_a_gpu_of_its_own(monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr("aerokernels.jobs.sweeps.gpus.visible_gpus", lambda: ["0", "3"])
+    places = [one["CUDA_VISIBLE_DEVICES"] for one in worker_environments(None, 10, {None})]
+    assert places == ["0", "3"]
+    assert [one["CUDA_VISIBLE_DEVICES"] for one in worker_environments(4, 10, {None})] == ["0", "3", "0", "3"]
+    assert all("CUDA_VISIBLE_DEVICES" not in one for one in worker_environments(2, 10, {"cpu"}))
+    assert len(worker_environments(None, 1, {None})) == 1
+    monkeypatch.setattr("aerokernels.jobs.sweeps.gpus.visible_gpus", list)
+    assert 1 <= len(worker_environments(None, 100, {None})) <= 8
+    assert np.prod([len(one) for one in worker_environments(1, 10, {None})]) == 0

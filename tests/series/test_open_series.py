@@ -1,0 +1,143 @@
+"""Opening series: files with a time axis, numbered files, arrays and iterators; and what is refused."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+import xarray
+
+from aerokernels import DensityField, QuadMesh, flow
+
+TIME = [0.0, 1e-5, 2e-5]
+GRID = {"geometry": "volume", "origin": [0.0, 0.0, 0.0], "spacing": [1e-3] * 3, "ambient_density": 0.5}
+
+
+def arrays(count: int = 3) -> list[np.ndarray]:
+    return [np.full((4, 5, 6), 0.5 + 0.1 * k, dtype=np.float32) for k in range(count)]
+
+
+def dataset(units: str = "m", axes=("x", "y", "z"), scale: float = 1.0) -> xarray.Dataset:
+    shape = dict(zip(("x", "y", "z", "r"), (4, 5, 6, 4), strict=True))
+    places = {axis: (axis, scale * 1e-3 * np.arange(shape[axis]), {"units": units}) for axis in axes}
+    values = np.stack([np.full([shape[axis] for axis in axes], 0.5 + 0.1 * k) for k in range(3)])
+    return xarray.Dataset({"rho": (("time", *axes), values)}, {"time": TIME, **places}, {"ambient_density": 0.5})
+
+
+def test_arrays_become_density_fields():
+    series = flow.open_series(arrays(), time=TIME, **GRID)
+    assert len(series) == 3 and list(series.time) == TIME and series.mesh.shape == (4, 5, 6)
+    assert isinstance(series[1], DensityField)
+    assert series[1].density_at([[1e-3, 1e-3, 1e-3]]) == pytest.approx(0.6, rel=1e-6)
+    assert series[-1].density_at([[9.0, 0.0, 0.0]]) == 0.5
+    assert series.density(2).dtype == np.float32
+    assert [round(float(one.density_at([[0, 0, 0]])[0]), 6) for one in series] == [0.5, 0.6, 0.7]
+    with pytest.raises(IndexError, match="snapshot 3"):
+        series[3]
+    with pytest.raises(TypeError, match="whole numbers"):
+        series["a"]
+
+
+def test_an_iterator_is_read_once_and_in_order():
+    read = []
+
+    def items():
+        for k, array in enumerate(arrays()):
+            read.append(k)
+            yield array
+
+    series = flow.open_series(items(), time_step=1e-5, count=3, **GRID)
+    assert read == [0]  # its shape
+    series.density(0), series.density(2)
+    assert read == [0, 1, 2]
+    with pytest.raises(ValueError, match="has gone by"):
+        series.density(1)
+    short = flow.open_series(iter(arrays(1)), time=TIME, **GRID)
+    short.density(0)
+    with pytest.raises(ValueError, match="fewer snapshots than times"):
+        short.density(1)
+
+
+def test_an_array_of_another_library_comes_by_dlpack():
+    class Foreign:
+        def __init__(self, array):
+            self.array = array
+
+        def __dlpack__(self, **options):
+            return self.array.__dlpack__(**options)
+
+        def __dlpack_device__(self):
+            return self.array.__dlpack_device__()
+
+    series = flow.open_series([Foreign(array) for array in arrays()], time=TIME, **GRID)
+    assert np.array_equal(series.density(1), arrays()[1])
+
+
+@pytest.mark.parametrize("kind", ["nc", "zarr"])
+@pytest.mark.parametrize("axes", [("x", "y", "z"), ("y", "z"), ("r", "z")])
+def test_files_with_a_time_axis(kind: str, axes, tmp_path: Path):
+    path = tmp_path / f"flow.{kind}"
+    data = dataset("mm", axes, 1e3)
+    if kind == "nc":
+        data.to_netcdf(path, engine="h5netcdf")
+    else:
+        pytest.importorskip("zarr")
+        data.to_zarr(path, consolidated=False)
+    series = flow.open_series(path)
+    assert list(series.time) == TIME and series.ambient_density == 0.5
+    assert series.mesh.geometry == {3: "volume", 2: "planar" if axes[0] == "y" else "axisymmetric"}[len(axes)]
+    np.testing.assert_allclose(series.mesh.spacing, 1e-3, rtol=1e-12)
+    assert series[2].density_at([[0.0, 1e-3, 1e-3]]) == pytest.approx(0.7)
+
+
+def test_numbered_files_are_sorted_by_number_and_read_by_a_function(tmp_path: Path):
+    for k in (10, 2, 1):
+        np.save(tmp_path / f"flow_{k}.npy", np.full((4, 5, 6), 0.1 * k))
+
+    def read(path: Path) -> DensityField:
+        return flow.GridDensity(np.load(path), [0, 0, 0], [1e-3] * 3, "volume", 0.5)
+
+    series = flow.open_series(str(tmp_path / "flow_*.npy"), time=TIME, read=read)
+    assert [round(float(field.density.mean()), 9) for field in series] == [0.1, 0.2, 1.0]
+    again = flow.open_series([tmp_path / "flow_2.npy"], time=[0.0], read=read)
+    assert again.density(0).shape == (4, 5, 6)
+
+
+def test_cells_of_a_mesh():
+    y, z = np.meshgrid(np.linspace(0, 1e-2, 5), np.linspace(0, 2e-2, 6), indexing="ij")
+    mesh = QuadMesh.structured(y, z, "planar")
+    series = flow.open_series([np.full(20, 0.6)], time=[0.0], mesh=mesh, ambient_density=0.5)
+    assert isinstance(series[0], flow.CellDensity) and series.mesh is mesh
+
+
+@pytest.mark.parametrize(
+    ("source", "options", "words"),
+    [
+        ([], {"time": []}, "empty"),
+        (arrays(), {}, "time_step"),
+        (arrays(), {"time": [0.0, 1.0]}, "2 times for 3"),
+        (arrays(), {"time": [0.0, 2.0, 1.0]}, "must increase"),
+        (arrays(), {"time": TIME, "geometry": None}, "geometry"),
+        (arrays(), {"time": TIME, "ambient_density": None}, "ambient_density"),
+        (arrays(), {"time": TIME, "spacing": [1e-3, 0.0, 1e-3]}, "spacing"),
+        (iter(arrays()), {"time_step": 1e-5}, "count"),
+        ("nothing_*.vtu", {"time": TIME}, "no file matches"),
+        ("nothing.nc", {}, "no such file"),
+        ("tests", {}, "no Zarr store"),
+        (["nothing.vtu"], {"time": [0.0]}, "no such file"),
+        (dataset().rename(rho="temperature"), {"density": None}, "temperature"),
+        (dataset().rename(time="instant"), {}, "no time"),
+        (dataset().rename(x="u"), {}, "rename"),
+        (dataset("kg"), {}, "length"),
+    ],
+)
+def test_what_makes_no_series_is_refused(source, options, words):
+    with pytest.raises(ValueError, match=words):
+        flow.open_series(source, **{**GRID, **options})
+
+
+def test_a_snapshot_of_another_shape_is_refused():
+    series = flow.open_series([*arrays(1), np.ones((4, 5, 7))], time=[0.0, 1.0], **GRID)
+    with pytest.raises(ValueError, match="snapshot 1 has shape"):
+        series.density(1)
+    with pytest.raises(TypeError, match="path"):
+        flow.open_series(3, **GRID)

@@ -1,0 +1,249 @@
+"""OPD in time against fields whose line integrals are closed forms; stores that are broken off."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+import xarray
+
+from aerokernels import Disc, flow, optical_series
+from aerokernels.flow import GridMesh
+from aerokernels.series.line_integrals import LineIntegrals, NotLinearError
+from aerokernels.wavefront import remove_terms
+
+from .fourier import CONSTANT, WAVELENGTH, Fourier
+
+SHAPE, SPACING, ORIGIN = (41, 41, 31), 2.5e-3, (-0.05, -0.05, 0.0)
+TIME = np.arange(4) * 1e-5
+Z0 = 0.004
+
+
+def opened(field: Fourier, times=TIME) -> flow.Series:
+    arrays = [field.on_grid(ORIGIN, SPACING, SHAPE, t) for t in times]
+    options = {"geometry": "volume", "origin": ORIGIN, "spacing": [SPACING] * 3, "ambient_density": field.mean}
+    return flow.open_series(arrays, time=times, **options)
+
+
+def exact(field: Fourier, found: xarray.Dataset, direction, time: float, remove) -> np.ndarray:
+    """The exact map of the pixels with a weight, terms removed."""
+    lit = found.weight.values > 0.0
+    x, y = (axis[lit] for axis in np.meshgrid(found.x, found.y))
+    start = np.stack([x, y, np.full(x.size, Z0)], axis=1)
+    length = (ORIGIN[2] + SPACING * (SHAPE[2] - 1) - Z0) / direction[2]
+    opd = field.opd(start, direction, np.full(x.size, length), time)
+    return remove_terms(opd, remove, start[:, :2], found.weight.values[lit])
+
+
+@pytest.mark.parametrize("direction", [(0.0, 0.0, 1.0), (0.15, 0.1, 1.0)])
+@pytest.mark.parametrize("remove", [("piston",), ("piston", "tilt")])
+def test_a_frozen_field_carried_past_a_pupil_gives_the_shifted_map(direction, remove):
+    """Set-up: 12 modes of 60 rad/m on nodes 2.5 mm apart, carried at 300 m/s. Expected: the exact integral, shifted.
+
+    Error: the spline's, (k h)^4 / 720 ~ 1e-6 to 1e-4 of the amplitude for the fastest modes, and the bending's
+    1/2 L theta^2: both are in `error`, which is the tolerance; nearest-neighbour sums are worse by 30 times and more.
+    """
+    field = Fourier.random(1)
+    along = np.array(direction) / np.linalg.norm(direction)
+    found = optical_series(opened(field), Disc(0.02, [0.0, 0.0, Z0]), direction=along, remove=remove, pixel_count=32)
+    lit = found.weight.values > 0.0
+    assert found.opd.dims == ("time", "y", "x") and set(found.strehl.dims) == {"time"}
+    assert np.isnan(found.opd.values[:, ~lit]).all() and not found.valid.values[:, ~lit].any()
+    weight = found.weight.values[lit]
+    for number, t in enumerate(TIME):
+        truth = exact(field, found, along, t, remove)
+        off = np.sqrt(weight @ (found.opd.values[number][lit] - truth) ** 2)
+        rms = np.sqrt(weight @ truth**2)
+        assert rms > 1e-8 and off < float(found.error[number]) < 1e-3 * WAVELENGTH
+        assert float(found.strehl[number]) == pytest.approx(
+            abs(weight @ np.exp(2j * np.pi / WAVELENGTH * truth)) ** 2, abs=1e-3
+        )
+        assert off < 1e-3 * rms
+    assert not found.traced.any()
+
+
+def test_the_straight_lines_beat_nearest_neighbour_sums():
+    """On one grid, against the exact integral, at the same pixels: 30 times and more."""
+    field = Fourier.random(2)
+    found = optical_series(opened(field, TIME[:1]), Disc(0.02, [0, 0, Z0]), remove=("piston",), pixel_count=32)
+    lit = found.weight.values > 0.0
+    samples = field.on_grid(ORIGIN, SPACING, SHAPE, 0.0) - field.mean
+    x, y = (axis[lit] for axis in np.meshgrid(found.x, found.y))
+    i, j = np.rint((x - ORIGIN[0]) / SPACING).astype(int), np.rint((y - ORIGIN[1]) / SPACING).astype(int)
+    planes = ORIGIN[2] + SPACING * np.arange(SHAPE[2]) >= Z0
+    nearest = CONSTANT * SPACING * samples[i, j][:, planes].sum(axis=1)
+    truth = exact(field, found, np.array([0.0, 0.0, 1.0]), 0.0, ("piston",))
+    weight = found.weight.values[lit]
+    ours = np.sqrt(weight @ (found.opd.values[0][lit] - truth) ** 2)
+    theirs = np.sqrt(weight @ (nearest - weight @ nearest - truth) ** 2)
+    assert theirs > 30.0 * ours
+
+
+@pytest.mark.parametrize("interpolation", ["cubic", "linear"])
+@pytest.mark.parametrize("direction", [(0, 0, 1), (0.2, 0.1, -1), (1, 0.1, 0.2), (0.1, -1, 0)])
+def test_line_integrals_converge_at_the_order_of_the_interpolant(interpolation: str, direction):
+    """Halving the spacing: errors fall by 2^4 or 2^2, less a quarter for not being in the limit."""
+    along = np.array(direction) / np.linalg.norm(direction)
+    k = np.array([40.0, 30.0, 25.0])
+    errors = []
+    for halvings in (0, 1):
+        spacing, count = 5e-3 / 2**halvings, 40 * 2**halvings + 1
+        mesh = GridMesh("volume", [-0.1] * 3, [spacing] * 3, (count,) * 3)
+        nodes = -0.1 + spacing * np.arange(count)
+        parts = [np.exp(1j * k[axis] * nodes) for axis in range(3)]
+        samples = np.einsum("x,y,z->xyz", *parts).real
+        start = np.random.default_rng(0).uniform(-0.02, 0.02, (40, 3))
+        lines = LineIntegrals(mesh, start, along, interpolation)
+        assert lines.inside.all()
+        wave = k @ along
+        truth = (np.sin(start @ k + wave * lines.length) - np.sin(start @ k)) / wave
+        errors.append(np.abs(lines(samples) - truth).max())
+    order = {"cubic": 4.0, "linear": 2.0}[interpolation]
+    assert errors[0] / errors[1] > 0.75 * 2**order
+
+
+def test_planar_and_axisymmetric_grids():
+    """A parabola in z times cos in r or y: straight along z, and at a slant, against a fine sum."""
+    for geometry in ("planar", "axisymmetric"):
+        mesh = GridMesh(geometry, [0.0 if geometry == "axisymmetric" else -0.05, 0.0], [1e-3, 1e-3], (101, 41))
+        first, z = (mesh.origin[k] + mesh.spacing[k] * np.arange(mesh.shape[k]) for k in range(2))
+        samples = np.cos(60.0 * first)[:, None] * (1.0 + 50.0 * z**2)[None, :]
+        start = np.random.default_rng(1).uniform(-0.01, 0.01, (20, 3)) + np.array([0.0, 0.0, 0.015])
+        for direction in ([0.0, 0.0, 1.0], [0.1, 0.2, 1.0]):
+            along = np.array(direction) / np.linalg.norm(direction)
+            lines = LineIntegrals(mesh, start, along)
+            way = (np.arange(4000) + 0.5) / 4000 * lines.length[:, None]
+            points = start[:, None, :] + way[..., None] * along
+            across = np.hypot(points[..., 0], points[..., 1]) if geometry == "axisymmetric" else points[..., 1]
+            truth = (np.cos(60.0 * across) * (1.0 + 50.0 * points[..., 2] ** 2)).mean(axis=1) * lines.length
+            np.testing.assert_allclose(lines(samples), truth, rtol=2e-6)
+        with pytest.raises(NotLinearError):
+            LineIntegrals(mesh, start, np.array([0.0, 1.0, 0.0]))
+
+
+def test_a_dense_field_is_traced_where_straight_lines_are_not_good_enough():
+    """Density raised until the bending is above the tolerance; "linear" keeps to straight lines."""
+    field = Fourier.random(3, amplitude=0.25, wavenumber=90.0)
+    field.mean = 6.0
+    series, pupil = opened(field, TIME[:2]), Disc(0.02, [0, 0, Z0])
+    auto = optical_series(series, pupil, pixel_count=16)
+    traced = optical_series(series, pupil, pixel_count=16, method="trace")
+    linear = optical_series(series, pupil, pixel_count=16, method="linear")
+    assert auto.traced.all() and (auto.probe[0] > 1e-3 * WAVELENGTH) and not linear.traced.any()
+    np.testing.assert_array_equal(auto.opd, traced.opd)
+    weight = auto.weight
+    bending = float(np.sqrt(((linear.opd - traced.opd)[0] ** 2 * weight).sum()))
+    assert bending == pytest.approx(float(auto.probe[0]), rel=0.3)  # 96 rays of the pupil's 208
+    assert np.isnan(linear.error).all()  # not measured: nothing is claimed
+
+
+def test_snapshots_on_a_mesh_are_traced():
+    from aerokernels import QuadMesh
+
+    y, z = np.meshgrid(np.linspace(-0.02, 0.02, 21), np.linspace(0, 0.02, 21), indexing="ij")
+    mesh = QuadMesh.structured(y, z, "planar")
+    centres = mesh.corners.mean(axis=1)
+    densities = [0.5 + 0.01 * np.cos(300.0 * (centres[:, 0] - shift)) for shift in (0.0, 0.002)]
+    series = flow.open_series(densities, time=[0.0, 1.0], mesh=mesh, ambient_density=0.5)
+    found = optical_series(series, Disc(5e-3, [0, 0, -1e-3]), pixel_count=8, remove=("piston",))
+    assert found.traced.all() and "mesh" in found.attrs["plan"]
+    profile = CONSTANT * 0.02 * 0.01 * np.cos(300.0 * found.y)
+    off = found.opd[0].mean("x") - (profile - float((profile * found.weight).sum()))
+    assert float(np.abs(off).max()) < 0.05 * float(np.abs(profile).max())  # 21 cells for a third of a wave
+
+
+RUN = """
+import sys, time
+sys.path[:0] = [{root!r}]
+import numpy as np
+from aerokernels import Disc, flow, optical_series
+from tests.series.fourier import Fourier
+field = Fourier.random(4)
+def items():
+    for k in range(12):
+        time.sleep({pause})
+        yield field.on_grid((-0.05, -0.05, 0.0), 5e-3, (21, 21, 11), k * 1e-5)
+series = flow.open_series(items(), time_step=1e-5, count=12, geometry="volume", origin=[-0.05, -0.05, 0.0],
+                          spacing=[5e-3] * 3, ambient_density=0.5)
+optical_series(series, Disc(0.02, [0, 0, 0.004]), pixel_count=16, out={out!r})
+"""
+
+
+def test_killed_at_any_moment_it_goes_on_bit_for_bit(root: Path, tmp_path: Path):
+    """SIGKILL in the middle, half a line in the journal, again: the store equals the unbroken one, byte for byte."""
+    pytest.importorskip("zarr")
+
+    def run(name: str, pause: float) -> subprocess.Popen:
+        code = RUN.format(root=str(root), pause=pause, out=str(tmp_path / name))
+        return subprocess.Popen([sys.executable, "-c", code], stderr=subprocess.PIPE, text=True, cwd=tmp_path)
+
+    whole = run("whole.zarr", 0.0)
+    assert whole.wait(timeout=120) == 0, whole.communicate()
+    broken = run("broken.zarr", 0.3)
+    journal = tmp_path / ".broken.zarr.journal"
+    deadline = time.monotonic() + 120
+    while not journal.is_file() or journal.read_bytes().count(b"\n") < 5:
+        assert broken.poll() is None and time.monotonic() < deadline
+        time.sleep(0.01)
+    os.kill(broken.pid, signal.SIGKILL)
+    broken.communicate()
+    done = journal.read_bytes()
+    assert done.count(b"\n") < 13
+    journal.write_bytes(done + b"[0.5, ")
+    (tmp_path / "broken.zarr" / "opd" / "c" / "9").mkdir(parents=True, exist_ok=True)
+    again = run("broken.zarr", 0.0)
+    assert again.wait(timeout=120) == 0, again.communicate()
+    assert journal.read_bytes().startswith(done)
+    first, second = (xarray.open_zarr(tmp_path / name, chunks=None).load() for name in ("whole.zarr", "broken.zarr"))
+    assert first.identical(second) and np.isfinite(first.strehl).all()
+
+
+def test_a_finished_store_is_opened_and_another_series_refused(tmp_path: Path):
+    pytest.importorskip("zarr")
+    series, pupil = opened(Fourier.random(5), TIME[:2]), Disc(0.02, [0, 0, Z0])
+    first = optical_series(series, pupil, pixel_count=8, out=tmp_path / "s.zarr", method="linear")
+    before = {path: path.stat().st_mtime_ns for path in tmp_path.rglob("*") if path.is_file()}
+    again = optical_series(series, pupil, pixel_count=8, out=tmp_path / "s.zarr", method="linear")
+    assert again.identical(first)
+    assert {path: path.stat().st_mtime_ns for path in tmp_path.rglob("*") if path.is_file()} == before
+    with pytest.raises(ValueError, match="it holds another series, remove was"):
+        optical_series(series, pupil, pixel_count=8, out=tmp_path / "s.zarr", remove=("piston",), method="linear")
+    (tmp_path / "full").mkdir()
+    (tmp_path / "full" / "notes.txt").write_text("mine")
+    with pytest.raises(ValueError, match="something else lies there"):
+        optical_series(series, pupil, pixel_count=8, out=tmp_path / "full")
+
+
+def test_what_cannot_be_asked_for_is_refused():
+    series, pupil = opened(Fourier.random(6), TIME[:1]), Disc(0.02, [0, 0, Z0])
+    for options, words in (
+        ({"method": "fast"}, "method"),
+        ({"pixel_count": 1}, "pixel_count"),
+        ({"tolerance": 0.0}, "tolerance"),
+        ({"wavelength": 905.0}, "wavelength"),
+        ({"remove": "coma"}, "coma"),
+        ({"method": "linear", "interpolation": "monotone"}, "linear"),
+        ({"direction": (0, 0, 0)}, "direction"),
+    ):
+        with pytest.raises(ValueError, match=words):
+            optical_series(series, pupil, **options)
+    with pytest.raises(ValueError, match="no ray of the pupil goes through"):
+        optical_series(series, Disc(0.02, [3.0, 0.0, Z0]))
+    with pytest.raises(TypeError, match="open_series"):
+        optical_series([1], pupil)  # type: ignore[arg-type]
+    with pytest.raises(TypeError, match="pupil"):
+        optical_series(series, 3)
+    broken = flow.open_series(
+        [np.full(SHAPE, np.nan)],
+        time=[0.0],
+        geometry="volume",
+        origin=ORIGIN,
+        spacing=[SPACING] * 3,
+        ambient_density=0.5,
+    )
+    with pytest.raises(ValueError, match=r"snapshot 0.*not finite"):
+        optical_series(broken, pupil)

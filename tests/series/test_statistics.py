@@ -1,0 +1,207 @@
+"""Statistics against random fields of Fourier modes, whose every moment is a closed form, and their standard errors.
+
+A mode of wave vector q and random phase has at each point the variance A^2 / 2, and what removing terms leaves of it
+over a pupil is A^2 / 2 sum w |e - P e|^2, with e = exp(i q x) and P the weighted projection on these terms.
+"""
+
+import numpy as np
+import pytest
+import xarray
+
+from aerokernels import Disc, flow, optical_series, statistics
+from aerokernels.series.modes import integral_length
+from aerokernels.series.pupil_grid import disc_coverage, pupil_grid
+from aerokernels.series.spectra import welch
+from aerokernels.series.uncertainty import mean_of
+
+from .fourier import CONSTANT, WAVELENGTH, Fourier
+
+GRID = pupil_grid(Disc(0.02), 16)
+WAVES = np.array([[150.0, 40.0], [-60.0, 210.0], [330.0, -120.0], [90.0, 90.0]])
+AMPLITUDES = np.array([8e-9, 6e-9, 5e-9, 3e-9])
+
+
+def drawn(count: int, seed: int, scale: float = 1.0) -> xarray.Dataset:
+    """Independent draws of the phases."""
+    phase = np.random.default_rng(seed).uniform(0.0, 2.0 * np.pi, (count, len(WAVES)))
+    waves = np.exp(1j * GRID.coordinates @ WAVES.T)
+    return dataset(scale * ((np.exp(1j * phase) * AMPLITUDES) @ waves.T).real)
+
+
+def dataset(maps: np.ndarray, step: float = 1e-5) -> xarray.Dataset:
+    opd = np.stack([GRID.spread(one) for one in maps])
+    places = {"time": step * np.arange(len(maps)), "y": GRID.y, "x": GRID.x}
+    shares = {"opd": (("time", "y", "x"), opd), "weight": (("y", "x"), GRID.weight)}
+    return xarray.Dataset(shares, places, {"wavelength": WAVELENGTH})
+
+
+def left_over(points: np.ndarray, weight: np.ndarray, tilt: bool) -> float:
+    """Expected mean square over the pupil, mean, and tilt, removed [m2]."""
+    weight = weight / weight.sum()
+    basis = np.concatenate([np.ones((len(points), 1)), points], axis=1) if tilt else np.ones((len(points), 1))
+    root = np.sqrt(weight)[:, None]
+    ortho = np.linalg.qr(root * basis)[0]
+    waves = root * np.exp(1j * points @ WAVES.T)
+    rest = waves - ortho @ (ortho.T @ waves)
+    return float(0.5 * AMPLITUDES**2 @ (np.abs(rest) ** 2).sum(axis=0))
+
+
+def test_variance_and_aperture_filter_of_ten_thousand_draws():
+    """Expected: closed forms, within 3 standard errors and 0.5 %."""
+    found = statistics(drawn(10_000, 1), apertures=[0.02, 0.04], mode_count=8)
+    weight, points = GRID.weight[GRID.lit], GRID.coordinates
+    near = np.minimum(disc_coverage(0.01, *[np.linspace(-0.02, 0.02, 17)] * 2)[GRID.lit], weight / weight.max())
+    expected = {
+        "opd_rms": left_over(points, weight, True),
+        "opd_rms_with_tilt": left_over(points, weight, False),
+        "opd_rms_unsteady": 0.5 * (AMPLITUDES**2).sum(),
+    }
+    for name, square in expected.items():
+        value, error = float(found[name]), float(found[f"{name}_error"])
+        assert abs(value - np.sqrt(square)) < min(3.0 * error, 5e-3 * np.sqrt(square)), name
+    sweep = found.opd_rms_aperture.values
+    for k, (where, shares) in enumerate([(points[near > 0], near[near > 0]), (points, weight)]):
+        assert abs(sweep[k] - np.sqrt(left_over(where, shares, True))) < 3.0 * float(found.opd_rms_aperture_error[k])
+    assert found.opd_std.mean() == pytest.approx(np.sqrt(0.5 * (AMPLITUDES**2).sum()), rel=5e-3)
+    assert float(found.opd_rms_steady) < 3.0 * float(found.opd_rms_steady_error)  # there is none
+    # Two modes a wave, of one energy each, but for how the pupil mixes the waves.
+    assert float(found.pod_share.sum()) == pytest.approx(1.0, abs=1e-9)
+    correlation = found.correlation.sel(lag_x=0.0, method="nearest").sel(lag_y=0.0, method="nearest")
+    assert float(correlation) == 1.0
+
+
+def test_two_point_correlation_is_the_waves_own():
+    """Expected: sum of A^2 cos(q . lag) over sum of A^2, within 4 of its errors and 1 %; length to its first zero."""
+    found = statistics(drawn(4000, 2))
+    lag_x, lag_y = np.meshgrid(found.lag_x, found.lag_y)
+    lags = np.stack([lag_x, lag_y], axis=-1)
+    expected = np.cos(lags @ WAVES.T) @ AMPLITUDES**2 / (AMPLITUDES**2).sum()
+    near = np.hypot(lag_x, lag_y) < 0.02
+    off = np.abs(found.correlation.values - expected)[near]
+    assert off.max() < 0.05 and np.mean(off < 3.0 * found.correlation_error.values[near] + 1e-9) > 0.9
+    fine = np.linspace(0.0, 0.04, 4001)
+    exact = integral_length(np.cos(np.outer(fine, WAVES[:, 0])) @ AMPLITUDES**2, 1e-5)
+    assert float(found.correlation_length_x) == pytest.approx(exact, rel=0.05)  # 2.5 mm pixels, linear between them
+
+
+def test_the_spectrum_of_a_frozen_wave():
+    """Set-up: waves of 8 mm and 20 mm carried at 300 m/s past the pupil.
+
+    Expected: lines at U / wavelength; their area is the variance; Strouhal number D / wavelength.
+    """
+    step, count, speed = 2e-6, 2048, 300.0
+    lengths, heights = np.array([8e-3, 20e-3]), np.array([10e-9, 20e-9])
+    time = step * np.arange(count)
+    phase = 2.0 * np.pi * (GRID.coordinates[:, 0] - speed * time[:, None])[..., None] / lengths
+    found = statistics(dataset(np.cos(phase) @ heights, step), velocity=speed)
+    spectrum, frequency = found.spectrum_opd.values, found.frequency.values
+    assert np.trapezoid(spectrum, frequency) == pytest.approx(0.5 * (heights**2).sum(), rel=1e-2)
+    width = frequency[1]
+    for length, height in zip(lengths, heights, strict=True):
+        line = np.abs(frequency - speed / length) < 3.0 * width
+        assert np.trapezoid(spectrum[line], frequency[line]) == pytest.approx(0.5 * height**2, rel=0.02)
+        assert abs(frequency[line][spectrum[line].argmax()] - speed / length) <= width
+    np.testing.assert_allclose(found.strouhal, found.frequency * 0.04 / speed, rtol=1e-12)
+    # Each travelling wave is two modes of its own energy.
+    share = 0.5 * heights**2 / (heights**2).sum()
+    np.testing.assert_allclose(np.sort(found.pod_share[:4])[::-1], np.repeat(share[::-1], 2), rtol=0.15)
+    assert (found.spectrum_opd_error > 0.0).all()
+
+
+def test_standard_errors_of_dependent_samples():
+    """AR(1), correlation 0.9: the true error of a mean is sqrt(19 / n), so |mean| / error has the rms 1."""
+    draw = np.random.default_rng(3)
+    ratios = []
+    for _ in range(200):
+        noise = draw.normal(size=2200)
+        walk = np.empty(2200)
+        walk[0] = noise[0] / np.sqrt(1.0 - 0.81)
+        for k in range(1, 2200):
+            walk[k] = 0.9 * walk[k - 1] + noise[k]
+        found = mean_of(walk[200:])
+        ratios.append(found.value / found.error)
+    assert np.sqrt(np.mean(np.square(ratios))) == pytest.approx(1.0, abs=0.15)
+    assert found.effective_count == pytest.approx(2000 / 19, rel=0.5)
+
+
+def test_a_drift_is_told_and_none_where_there_is_none():
+    draw = np.random.default_rng(4)
+    flat = draw.normal(size=400)
+    assert mean_of(flat).trend > 0.01
+    assert mean_of(flat + np.linspace(0.0, 1.0, 400)).trend < 0.01
+    found = drawn(200, 5)
+    assert statistics(found).attrs["drifting"] == ""
+    growing = found.opd * xarray.DataArray(np.linspace(0.5, 1.5, 200), dims="time")
+    assert "opd_rms" in statistics(found.assign(opd=growing)).attrs["drifting"]
+
+
+def test_strehl_ratios_and_jitter():
+    """Expected: exact mean of |<exp>|^2 of each map; the large-aperture value beside it; jitter of the tilts."""
+    found = drawn(500, 6, scale=6.0)
+    opd, weight = found.opd.values[:, GRID.lit], GRID.weight[GRID.lit]
+    result = statistics(found)
+    exact = np.abs(np.exp(2j * np.pi / WAVELENGTH * opd) @ weight) ** 2
+    assert float(result.strehl) == pytest.approx(exact.mean(), rel=1e-12)
+    assert float(result.strehl_error) == pytest.approx(exact.std() / np.sqrt(500), rel=0.3)
+    assert 0.0 < float(result.strehl_large_aperture) < 1.0
+    points = GRID.coordinates
+    tilt = [np.linalg.lstsq(np.sqrt(weight)[:, None] * np.c_[np.ones(len(points)), points], np.sqrt(weight) * one)[0]
+            for one in opd[:50]]  # fmt: skip
+    np.testing.assert_allclose(statistics(found.isel(time=slice(50))).boresight_x, np.mean(tilt, axis=0)[1], rtol=1e-9)
+    assert float(result.jitter_x) > 0.0
+
+
+def test_the_linking_equation_beside_the_exact_variance():
+    """Set-up: isotropic waves of 250 rad/m through a path of 75 mm, 300 draws of phases.
+
+    Expected: the double integral is the closed form K^2 a^2 / 2 sum |2 sin(k S / 2) / k|^2, within 3 standard errors
+    and the trapezoid's 1 %, as is the rms of the maps. The linking equation takes the correlation to its first zero:
+    near it, not at it.
+    """
+    draw, count = np.random.default_rng(7), 300
+    origin, spacing, shape = (-0.01, -0.01, 0.0), 2.5e-3, (9, 9, 31)
+    wave = draw.normal(size=(40, 3))
+    wave *= 250.0 / np.linalg.norm(wave, axis=1)[:, None]
+    arrays = []
+    for _ in range(count):
+        arrays.append(Fourier(wave, draw.uniform(0, 2 * np.pi, 40), 1e-3).on_grid(origin, spacing, shape, 0.0))
+    options = {"geometry": "volume", "origin": origin, "spacing": [spacing] * 3, "ambient_density": 0.5}
+    series = flow.open_series(arrays, time_step=1e-5, **options)
+    maps = optical_series(series, Disc(8e-3), pixel_count=8, method="linear")
+    found = statistics(maps, series=series)
+    length = spacing * (shape[2] - 1)
+    factor = 2.0 * np.sin(0.5 * wave[:, 2] * length) / wave[:, 2]
+    exact = CONSTANT * 1e-3 * np.sqrt(0.5 * (factor**2).sum())
+    for name in ("opd_rms_path", "opd_rms_point"):
+        value, error = float(found[name]), float(found[f"{name}_error"])
+        assert abs(value - exact) < 3.0 * error + 0.02 * exact, name
+    assert float(found.opd_rms_linking) == pytest.approx(exact, rel=0.6)
+    assert float(found.opd_rms_linking_error) > 0.0
+
+
+def test_few_snapshots_and_uneven_times_say_so():
+    two = statistics(drawn(2, 8))
+    assert np.isnan(two.opd_rms_error) and np.isfinite(two.opd_rms) and "at least 16" in two.attrs["skipped"]
+    one = statistics(drawn(1, 8))
+    assert np.isfinite(one.opd_rms) and "pod_energy" not in one
+    uneven = drawn(40, 9).assign_coords(time=np.cumsum(np.linspace(1.0, 2.0, 40)))
+    assert "even times" in statistics(uneven).attrs["skipped"]
+
+
+def test_what_has_no_statistics_is_refused():
+    good = drawn(20, 10)
+    with pytest.raises(TypeError, match="Dataset"):
+        statistics(good.opd)
+    for bad, options, words in (
+        (good.drop_vars("opd"), {}, "opd"),
+        (good.assign(opd=good.opd * np.nan), {}, "NaN"),
+        (good, {"velocity": -1.0}, "velocity"),
+        (good, {"apertures": [0.0]}, "apertures"),
+        (good, {"mode_count": 0}, "mode_count"),
+        (good, {"segment": 21}, "segment"),
+        (good, {"wavelength": 905.0}, "wavelength"),
+    ):
+        with pytest.raises(ValueError, match=words):
+            statistics(bad, **options)
+    with pytest.raises(ValueError, match="segment"):
+        welch(np.zeros(100), 1.0, 4)
