@@ -13,7 +13,7 @@ from ..medium import Body, QuadMesh
 from ..units import quantity
 from .density_field import DensityField
 from .gas import FreeStream
-from .series import GridMesh, InOrder, Series, host_array, times_of
+from .series import GridMesh, InOrder, Series, host_array, mesh_of, times_of
 
 # Names under which density goes, in the order in which they are looked for.
 DENSITY_NAMES = ("density", "rho", "Density", "Rho", "RHO", "rhoMean")
@@ -92,7 +92,7 @@ def open_series(
     times = times_of(time, time_step, start_time, len(items) if listed else count)
     first = items[0] if listed else get.first()
     if isinstance(first, DensityField):
-        return Series(get, times, None, None, first.body, conditions, "density fields", once=not listed)
+        return _of_fields(get, times, first, "density fields", once=not listed)
     array = host_array(first)
     where: GridMesh | QuadMesh
     if mesh is not None:
@@ -137,9 +137,15 @@ def _of_files(
     times = times_of(time, step, start, len(paths))
     identity = {"files": [[path.name, path.stat().st_size] for path in paths]}
     told = f"{len(paths)} files from {paths[0].name} to {paths[-1].name}"
-    return Series(
-        lambda number: reader(paths[number]), times, None, None, None, None, provenance=told, identity=identity
-    )
+    return _of_fields(lambda number: reader(paths[number]), times, reader(paths[0]), told, identity=identity)
+
+
+def _of_fields(get: Callable[[int], Any], times: np.ndarray, first: Any, told: str, **more: Any) -> Series:
+    """A series of density fields: what the first one has counts for those that agree with it."""
+    if not isinstance(first, DensityField):
+        raise TypeError(f"{told}: read must return a DensityField, got {type(first).__name__}")
+    conditions = getattr(first, "conditions", None)
+    return Series(get, times, mesh_of(first), first.ambient_density, first.body, conditions, told, **more)
 
 
 def _reader() -> Callable[[Path], DensityField]:
