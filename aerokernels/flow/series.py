@@ -150,8 +150,8 @@ class Series:
         return found if isinstance(found, DensityField) else self._checked(found, number)
 
     def lies_here(self, flow: DensityField) -> bool:
-        """Whether the samples of a field lie where those of the series do, in the same air."""
-        if flow.ambient_density != self.ambient_density or self.mesh is None:
+        """Whether the samples of a field lie where those of the series do, beside the same body or none."""
+        if (flow.body is None) != (self.body is None):
             return False
         other = mesh_of(flow)
         if isinstance(self.mesh, GridMesh) and isinstance(other, GridMesh):

@@ -1,5 +1,6 @@
 """Optical path differences of a series over a pupil: OPD(x, y, t), Strehl ratio and boresight of each snapshot."""
 
+import hashlib
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
@@ -210,6 +211,7 @@ def _definition(series: Series, template: "xarray.Dataset", way: Way) -> dict[st
         else str(type(mesh).__name__),
         "ambient_density": series.ambient_density,
         "pupil": template.attrs["pupil"],
+        "weights": hashlib.sha256(template.weight.values.tobytes()).hexdigest()[:16],
         "pixels": [template.sizes["y"], template.sizes["x"], float(template.x[0]), float(template.y[0])],
         "direction": template.attrs["direction"],
         "remove": template.attrs["remove"],

@@ -134,7 +134,9 @@ class Snapshots:
         if self.lines is None or (flow is not None and not self.series.lies_here(flow)):
             return self._traced(self.way.index_field(self.series.field(stored, number)))
         density = np.asarray(stored if flow is None else flow.density)  # type: ignore[attr-defined]
-        opd = self._straight(density)
+        ambient = self.series.ambient_density if flow is None else flow.ambient_density
+        assert ambient is not None  # open_series asks for it
+        opd = self._straight(density, ambient)
         valid = self.lines.inside & np.isfinite(opd)
         if not np.isfinite(opd).all():
             bad = int((~np.isfinite(density)).sum())
@@ -155,10 +157,9 @@ class Snapshots:
         error = float(np.hypot(bending, self._interpolation))
         return Found(opd, valid, False, error, slope, probe, interpolation)
 
-    def _straight(self, density: np.ndarray) -> np.ndarray:
+    def _straight(self, density: np.ndarray, ambient: float) -> np.ndarray:
         """K times the integral of what the density has above the ambient one, a spline of which is that constant."""
         assert self.lines is not None
-        ambient = float(self.series.ambient_density)  # type: ignore[arg-type]
         if self.model.form == "gladstone-dale":
             constant = float(self.model.constant(self.way.wavelength))
             return constant * (self.lines(density) - ambient * self.lines.length)
