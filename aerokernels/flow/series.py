@@ -68,8 +68,9 @@ class Series:
     Attributes:
         get: The density of a snapshot by its number: an array, or a whole DensityField.
         time: Time of each snapshot [s], shape (n,).
-        mesh: Where the samples lie: a GridMesh, a QuadMesh, or None where each snapshot has its own.
-        ambient_density: Density around the field [kg/m3]; None where each snapshot has its own.
+        mesh: Where the samples lie, of the first snapshot at least: a GridMesh, a QuadMesh, or None where that is not
+            known, as of a formula.
+        ambient_density: Density around the field [kg/m3], likewise.
         body: Solid body in the flow, or None.
         conditions: The free stream, or None where it is not known.
         provenance: Where the series comes from, in words.
@@ -120,8 +121,7 @@ class Series:
             ValueError: Densities that are no gas's, or another shape than the mesh's.
         """
         number = self._number(index)
-        found = self.get(number)
-        return found if isinstance(found, DensityField) else self._field(self._checked(found, number), number)
+        return self.field(self.read(number), number)
 
     def __iter__(self) -> Iterator[DensityField]:
         """The snapshots one after another."""
@@ -143,6 +143,31 @@ class Series:
             return np.asarray(density)
         return self._checked(found, number)
 
+    def read(self, index: int) -> "np.ndarray | DensityField":
+        """A snapshot as it comes: its bare densities where they lie on the mesh, else a field of its own."""
+        number = self._number(index)
+        found = self.get(number)
+        return found if isinstance(found, DensityField) else self._checked(found, number)
+
+    def lies_here(self, flow: DensityField) -> bool:
+        """Whether the samples of a field lie where those of the series do, beside the same body or none."""
+        if (flow.body is None) != (self.body is None):
+            return False
+        other = mesh_of(flow)
+        if isinstance(self.mesh, GridMesh) and isinstance(other, GridMesh):
+            same = (self.mesh.geometry, self.mesh.shape, self.mesh.cell_averages)
+            if same != (other.geometry, other.shape, other.cell_averages):
+                return False
+            return np.array_equal(self.mesh.origin, other.origin) and np.array_equal(self.mesh.spacing, other.spacing)
+        if isinstance(self.mesh, QuadMesh) and isinstance(other, QuadMesh):
+            alike = self.mesh.geometry == other.geometry and self.mesh.shape == other.shape
+            return self.mesh is other or (
+                alike
+                and np.array_equal(self.mesh.vertices, other.vertices)
+                and np.array_equal(self.mesh.cells, other.cells)
+            )
+        return False
+
     def _number(self, index: int) -> int:
         if isinstance(index, bool) or not isinstance(index, (int, np.integer)):
             raise TypeError(f"a series is indexed by whole numbers, got {index!r}")
@@ -160,7 +185,10 @@ class Series:
             )
         return array
 
-    def _field(self, density: np.ndarray, number: int) -> DensityField:
+    def field(self, density: "np.ndarray | DensityField", number: int) -> DensityField:
+        """The density field of a snapshot that was read; `read` says how."""
+        if isinstance(density, DensityField):
+            return density
         assert self.ambient_density is not None  # open_series asks for it
         told = f"{self.provenance}, snapshot {number} at {self.time[number]:g} s".lstrip(", ")
         if isinstance(self.mesh, GridMesh):
@@ -179,6 +207,13 @@ class Series:
         at_vertices = density.size == len(self.mesh.vertices) and density.size != len(self.mesh.cells)
         kind = VertexDensity if at_vertices else CellDensity
         return kind(self.mesh, density, self.ambient_density, self.body, self.conditions, told)
+
+
+def mesh_of(flow: DensityField) -> GridMesh | QuadMesh | None:
+    """Where the samples of a density field lie; None for a formula."""
+    if isinstance(flow, GridDensity):
+        return GridMesh(flow.geometry, flow.origin, flow.spacing, flow.density.shape, flow.cell_averages)
+    return flow.mesh if isinstance(flow, (CellDensity, VertexDensity)) else None
 
 
 def host_array(found: Any) -> np.ndarray:

@@ -3,9 +3,11 @@
 import re
 import warnings
 from collections.abc import Callable, Iterable, Sequence
+from functools import partial
 from importlib import import_module
 from pathlib import Path
 from typing import Any
+from xml.etree import ElementTree
 
 import numpy as np
 
@@ -13,7 +15,7 @@ from ..medium import Body, QuadMesh
 from ..units import quantity
 from .density_field import DensityField
 from .gas import FreeStream
-from .series import GridMesh, InOrder, Series, host_array, times_of
+from .series import GridMesh, InOrder, Series, host_array, mesh_of, times_of
 
 # Names under which density goes, in the order in which they are looked for.
 DENSITY_NAMES = ("density", "rho", "Density", "Rho", "RHO", "rhoMean")
@@ -39,7 +41,8 @@ def open_series(
     cell_averages: bool = False,
     body: Body | None = None,
     conditions: FreeStream | None = None,
-    read: Callable[[Path], DensityField] | None = None,
+    read: Callable[..., DensityField] | None = None,
+    **options: Any,
 ) -> Series:
     """Open snapshots of a flow in time; each is read when it is asked for.
 
@@ -48,6 +51,7 @@ def open_series(
             a NetCDF file or a Zarr store with a time axis, or an xarray object: coordinates time and x, y, z, or y, z,
             or r, z, on even grids in metres (a `units` attribute is heeded), and the density;
             a pattern such as "run/flow_*.vtu", or a list of paths: numbered files, read by `read`;
+            a ParaView collection (.pvd) or an OpenFOAM case with time directories, which have their times, likewise;
             a list or an iterator of arrays (NumPy, or any with DLPack), or of density fields. An iterator's snapshots
             come once, in their order.
         time: Time of each snapshot [s]; for numbered files and arrays. A file with a time axis has its own.
@@ -63,7 +67,9 @@ def open_series(
         cell_averages: The samples are averages over cells centred on the nodes.
         body: Solid body in the flow.
         conditions: The free stream.
-        read: Reads a numbered file; None: `flow.read`.
+        read: Reads a numbered file, `read(path, **options)`, or a case at a time, `read(path, time=..., **options)`;
+            None: `flow.read`.
+        options: For `read`: the frame, the unit of length, and so on.
 
     Raises:
         TypeError: A source of none of these kinds.
@@ -74,7 +80,14 @@ def open_series(
     if isinstance(source, (str, Path)):
         path = Path(source)
         if any(letter in str(source) for letter in "*?["):
-            return _of_files(_matching(path), time, time_step, start_time, read)
+            return _of_files(_matching(path), time, time_step, start_time, _reader(read, options, density))
+        if path.suffix == ".pvd" and path.is_file():
+            paths, instants = _collection(path)
+            return _of_files(paths, instants, None, 0.0, _reader(read, options, density))
+        if path.is_dir() and (path / "system").is_dir():
+            return _of_case(path, _reader(read, options, density))
+        if options:
+            raise TypeError(f"{path} is no file of `read`: it does not take {', '.join(options)}")
         return _of_file(path, density, ambient_density, cell_averages, own)
     if type(source).__module__.partition(".")[0] == "xarray":
         return _of_dataset(source, density, ambient_density, cell_averages, own, "xarray object", {})
@@ -87,12 +100,12 @@ def open_series(
     if listed and len(items) == 0:
         raise ValueError("the series is empty: give at least one snapshot")
     if listed and isinstance(items[0], (str, Path)):
-        return _of_files([Path(item) for item in items], time, time_step, start_time, read)
+        return _of_files([Path(item) for item in items], time, time_step, start_time, _reader(read, options, density))
     get = items.__getitem__ if listed else InOrder(items)
     times = times_of(time, time_step, start_time, len(items) if listed else count)
     first = items[0] if listed else get.first()
     if isinstance(first, DensityField):
-        return Series(get, times, None, None, first.body, conditions, "density fields", once=not listed)
+        return _of_fields(get, times, first, "density fields", once=not listed)
     array = host_array(first)
     where: GridMesh | QuadMesh
     if mesh is not None:
@@ -128,25 +141,71 @@ def _of_files(
     time: Sequence[float] | None,
     step: float | None,
     start: float,
-    read: Callable[[Path], DensityField] | None,
+    reader: Callable[..., DensityField],
 ) -> Series:
     missing = [path for path in paths if not path.exists()]
     if missing:
         raise ValueError(f"{missing[0]}: no such file ({len(missing)} of {len(paths)} are missing)")
-    reader = _reader() if read is None else read
     times = times_of(time, step, start, len(paths))
     identity = {"files": [[path.name, path.stat().st_size] for path in paths]}
     told = f"{len(paths)} files from {paths[0].name} to {paths[-1].name}"
-    return Series(
-        lambda number: reader(paths[number]), times, None, None, None, None, provenance=told, identity=identity
-    )
+    return _of_fields(lambda number: reader(paths[number]), times, reader(paths[0]), told, identity=identity)
 
 
-def _reader() -> Callable[[Path], DensityField]:
+def _of_fields(get: Callable[[int], Any], times: np.ndarray, first: Any, told: str, **more: Any) -> Series:
+    """A series of density fields: what the first one has counts for those that agree with it."""
+    if not isinstance(first, DensityField):
+        raise TypeError(f"{told}: read must return a DensityField, got {type(first).__name__}")
+    conditions = getattr(first, "conditions", None)
+    return Series(get, times, mesh_of(first), first.ambient_density, first.body, conditions, told, **more)
+
+
+def _reader(read: Callable[..., DensityField] | None, options: dict[str, Any], density: str | None) -> Callable:
+    """What reads a file, its options put in."""
+    given: dict[str, Any] = options if density is None else {**options, "density": density}
+    return partial(read or _read_flow, **given)
+
+
+def _read_flow(path: Path, **options: Any) -> DensityField:
+    """`flow.read`, which is looked for when it is needed."""
     found = getattr(import_module(__package__ or "aerokernels.flow"), "read", None)
     if found is None:
         raise ValueError("numbered files need a reader: give read, a function of a path that returns a DensityField")
-    return found
+    return found(path, **options)
+
+
+def _collection(path: Path) -> tuple[list[Path], list[float]]:
+    """The files of a ParaView collection, and their times."""
+    try:
+        entries = ElementTree.parse(path).getroot().iter("DataSet")
+        found = sorted((float(one.attrib["timestep"]), one.attrib["file"]) for one in entries)
+    except (ElementTree.ParseError, KeyError, ValueError) as fault:
+        raise ValueError(f"{path}: no ParaView collection of files with their times: {fault}") from None
+    if not found:
+        raise ValueError(f"{path}: a collection without files")
+    return [path.parent / file for _, file in found], [time for time, _ in found]
+
+
+def _of_case(path: Path, reader: Callable[..., DensityField]) -> Series:
+    """An OpenFOAM case by its time directories; those of a case in parts are its first part's."""
+    root = path / "processor0" if (path / "processor0").is_dir() else path
+    times = []
+    for folder in root.iterdir():
+        try:
+            times += [float(folder.name)] if folder.is_dir() and any(folder.iterdir()) else []
+        except ValueError:
+            continue
+    if not times:
+        raise ValueError(f"{path}: an OpenFOAM case without time directories; run it, or reconstruct it")
+    times.sort()
+    identity = {"case": path.name, "times": times}
+    return _of_fields(
+        lambda number: reader(path, time=times[number]),
+        np.array(times),
+        reader(path, time=times[0]),
+        f"{path}, {len(times)} times",
+        identity=identity,
+    )
 
 
 def _of_file(path: Path, density: str | None, ambient: float | None, averages: bool, own: dict) -> Series:

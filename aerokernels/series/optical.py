@@ -1,5 +1,6 @@
 """Optical path differences of a series over a pupil: OPD(x, y, t), Strehl ratio and boresight of each snapshot."""
 
+import hashlib
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
@@ -98,10 +99,10 @@ def optical_series(
     way = Way(look, wavelength, relation, constant, composition, interpolation, tolerance, method, options)
     snapshots = Snapshots(series, grid, way, terms)
     if snapshots.lines is not None and not snapshots.lines.inside.any():
-        assert isinstance(series.mesh, GridMesh)
+        assert series.mesh is not None
         low, high = series.mesh.box
         raise ValueError(
-            f"no ray of the pupil goes through the series' grid, {low.tolist()} to {high.tolist()} m, from end to end: "
+            f"no ray of the pupil goes through the series' grid or mesh, {low.tolist()} to {high.tolist()} m: "
             "check the pupil's center, its normal and the units (metres are expected)"
         )
     template = _template(series, pupil, grid, way, terms, snapshots)
@@ -116,7 +117,7 @@ def optical_series(
         snapshots.resume(record["slope"], record["probe"], record["probe_interpolation"])
     lit: np.ndarray | None = None
     with store.writing():
-        for number, stored in _read_ahead(series, len(store.records), snapshots.lines is None):
+        for number, stored in _read_ahead(series, len(store.records)):
             found = snapshots(number, stored)
             good = found.valid & np.isfinite(found.opd)
             if not good.any():
@@ -132,18 +133,14 @@ def optical_series(
     return store.finish()
 
 
-def _read_ahead(series: Series, first: int, whole: bool) -> Iterator[tuple[int, Any]]:
+def _read_ahead(series: Series, first: int) -> Iterator[tuple[int, Any]]:
     """Snapshots one after another, the next of which is read while one is worked on."""
-
-    def read(number: int) -> Any:
-        return series[number] if whole else series.density(number)
-
     with ThreadPoolExecutor(1) as reader:
-        following = reader.submit(read, first) if first < len(series) else None
+        following = reader.submit(series.read, first) if first < len(series) else None
         for number in range(first, len(series)):
             assert following is not None
             stored = following.result()
-            following = reader.submit(read, number + 1) if number + 1 < len(series) else None
+            following = reader.submit(series.read, number + 1) if number + 1 < len(series) else None
             yield number, stored
 
 
@@ -214,6 +211,7 @@ def _definition(series: Series, template: "xarray.Dataset", way: Way) -> dict[st
         else str(type(mesh).__name__),
         "ambient_density": series.ambient_density,
         "pupil": template.attrs["pupil"],
+        "weights": hashlib.sha256(template.weight.values.tobytes()).hexdigest()[:16],
         "pixels": [template.sizes["y"], template.sizes["x"], float(template.x[0]), float(template.y[0])],
         "direction": template.attrs["direction"],
         "remove": template.attrs["remove"],

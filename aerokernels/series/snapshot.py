@@ -11,13 +11,14 @@ from typing import Any
 
 import numpy as np
 
-from ..flow import DensityField, GridMesh, Series, refractivity_model
-from ..medium import IndexField
+from ..flow import DensityField, Series, refractivity_model
+from ..medium import IndexField, QuadMesh
 from ..rays import RayBundle
 from ..tracing import Plane
 from ..tracing.trace import trace
 from ..wavefront import remove_terms
 from .line_integrals import LineIntegrals, NotLinearError
+from .mesh_integrals import MeshIntegrals
 from .pupil_grid import PupilGrid
 
 METHODS = ("auto", "linear", "trace")
@@ -94,7 +95,7 @@ class Snapshots:
         """Work out the geometry."""
         self.series, self.grid, self.way, self.remove = series, grid, way, remove
         self.model = refractivity_model(way.relation, constant=way.constant, composition=way.composition)
-        self.lines: LineIntegrals | None = None
+        self.lines: LineIntegrals | MeshIntegrals | None = None
         self.reason = ""
         self._measured_slope, self._measured, self._interpolation = 0.0, np.nan, 0.0
         try:
@@ -104,16 +105,20 @@ class Snapshots:
                 raise ValueError(f"method 'linear' cannot be had: {fault}; take 'auto'") from None
             self.reason = str(fault)
 
-    def _lines(self) -> LineIntegrals:
+    def _lines(self) -> LineIntegrals | MeshIntegrals:
         if self.way.method == "trace":
             raise NotLinearError("method 'trace' was asked for")
         mesh = self.series.mesh
-        if not isinstance(mesh, GridMesh):
-            raise NotLinearError("snapshots on a mesh are traced, those on one uniform grid are not")
+        if mesh is None:
+            raise NotLinearError("snapshots of formulas are traced, those of samples on one mesh are not")
         if self.series.body is not None:
             raise NotLinearError("rays past a body are traced")
         if self.model.composition is not None:
             raise NotLinearError("a composition of species is traced")
+        if isinstance(mesh, QuadMesh):
+            if self.way.interpolation not in (None, "bilinear"):
+                raise NotLinearError(f"interpolation {self.way.interpolation!r} of a mesh is traced")
+            return MeshIntegrals(mesh, self.grid.points, self.way.direction)
         interpolation = self.way.interpolation or "cubic"
         return LineIntegrals(mesh, self.grid.points, self.way.direction, interpolation)
 
@@ -124,11 +129,14 @@ class Snapshots:
 
     def __call__(self, number: int, stored: Any = None) -> Found:
         """The optical path differences of a snapshot, whose array may have been read already."""
-        if self.lines is None:
-            flow = stored if isinstance(stored, DensityField) else self.series[number]
-            return self._traced(self.way.index_field(flow))
-        density = self.series.density(number) if stored is None else np.asarray(stored)
-        opd = self._straight(density)
+        stored = self.series.read(number) if stored is None else stored
+        flow = stored if isinstance(stored, DensityField) else None
+        if self.lines is None or (flow is not None and not self.series.lies_here(flow)):
+            return self._traced(self.way.index_field(self.series.field(stored, number)))
+        density = np.asarray(stored if flow is None else flow.density)  # type: ignore[attr-defined]
+        ambient = self.series.ambient_density if flow is None else flow.ambient_density
+        assert ambient is not None  # open_series asks for it
+        opd = self._straight(density, ambient)
         valid = self.lines.inside & np.isfinite(opd)
         if not np.isfinite(opd).all():
             bad = int((~np.isfinite(density)).sum())
@@ -138,24 +146,20 @@ class Snapshots:
         if self.way.method == "auto" and not (
             np.isfinite(self._measured) and slope <= GROWN * self._measured_slope + 1e-30
         ):
-            field = self.way.index_field(self._field_of(density, number))
+            field = self.way.index_field(self.series.field(stored, number))
             probe, interpolation = self._probe(field, opd, valid)
             self.resume(slope, probe, interpolation)
         grown = max(1.0, slope / self._measured_slope) if self._measured_slope > 0.0 else 1.0
         bending = self._measured * grown
         if self.way.method == "auto" and bending > self.way.tolerance * self.way.wavelength:
-            found = self._traced(self.way.index_field(self._field_of(density, number)))
+            found = self._traced(self.way.index_field(self.series.field(stored, number)))
             return replace(found, slope=slope, probe=probe, interpolation=interpolation)
         error = float(np.hypot(bending, self._interpolation))
         return Found(opd, valid, False, error, slope, probe, interpolation)
 
-    def _field_of(self, density: np.ndarray, number: int) -> DensityField:
-        return self.series._field(density, number)
-
-    def _straight(self, density: np.ndarray) -> np.ndarray:
+    def _straight(self, density: np.ndarray, ambient: float) -> np.ndarray:
         """K times the integral of what the density has above the ambient one, a spline of which is that constant."""
         assert self.lines is not None
-        ambient = float(self.series.ambient_density)  # type: ignore[arg-type]
         if self.model.form == "gladstone-dale":
             constant = float(self.model.constant(self.way.wavelength))
             return constant * (self.lines(density) - ambient * self.lines.length)

@@ -8,6 +8,7 @@ import pytest
 from aerokernels.commands._vary import split_at_commas, varied
 from aerokernels.jobs.sweeps.definition import checked_scenes, coordinates, define
 from aerokernels.jobs.sweeps.records import Records, check_same
+from aerokernels.jobs.sweeps.sources import file_marks
 from aerokernels.scene import Scene, SceneError
 from aerokernels.scene.changes import changed_scene, key_dimension, key_unit, key_value
 
@@ -150,6 +151,19 @@ def test_a_description_tells_sweeps_apart_by_what_differs():
             check_same(Path("x"), first.described(), other.described())
     with pytest.raises(ValueError, match=r"aerokernels 0\.0\.0"):
         check_same(Path("x"), {**first.described(), "version": "0.0.0"}, first.described())
+
+
+def test_a_file_that_has_changed_is_noticed(tmp_path):
+    file = tmp_path / "flow.vtu"
+    file.write_bytes(b"one")
+    first = file_marks(["mach3", str(file)])
+    assert list(first) == [str(file)] and file_marks([str(file)]) == first
+    file.write_bytes(b"two")
+    assert file_marks([str(file)]) != first
+    assert file_marks([tmp_path]) != file_marks([str(file)])
+    described = define(SCENE, {"target.tilt": [0.0]}).described()
+    with pytest.raises(ValueError, match=r"flow\.vtu has changed"):
+        check_same(Path("x"), {**described, "content": first}, {**described, "content": file_marks([str(file)])})
 
 
 def test_half_a_line_is_dropped_and_no_case_is_kept_twice(tmp_path):

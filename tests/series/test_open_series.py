@@ -102,6 +102,34 @@ def test_numbered_files_are_sorted_by_number_and_read_by_a_function(tmp_path: Pa
     assert again.density(0).shape == (4, 5, 6)
 
 
+def test_collections_and_cases_have_their_times(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    """A .pvd file, and an OpenFOAM case of which the reader is asked for one time; options go to it."""
+    asked = []
+
+    def read(path: Path, time=None, **options) -> DensityField:
+        asked.append((path.name, time, options))
+        return flow.GridDensity(np.full((4, 5, 6), 0.6), [0, 0, 0], [1e-3] * 3, "volume", 0.5)
+
+    monkeypatch.setattr(flow, "read", read, raising=False)
+    for name in ("b.vtu", "a.vtu"):
+        (tmp_path / name).write_text("")
+    lines = [f'<DataSet timestep="{t}" file="{name}"/>' for t, name in ((2e-5, "b.vtu"), (1e-5, "a.vtu"))]
+    (tmp_path / "run.pvd").write_text(f"<VTKFile><Collection>{''.join(lines)}</Collection></VTKFile>")
+    series = flow.open_series(tmp_path / "run.pvd", length_unit="mm")
+    assert list(series.time) == [1e-5, 2e-5] and series.mesh.shape == (4, 5, 6)
+    series.density(1)
+    assert asked == [("a.vtu", None, {"length_unit": "mm"}), ("b.vtu", None, {"length_unit": "mm"})]
+    for folder in ("system", "constant", "0", "0.002", "0.0005"):
+        (tmp_path / "case" / folder).mkdir(parents=True)
+        (tmp_path / "case" / folder / "rho").write_text("")
+    case = flow.open_series(tmp_path / "case", density="rho")
+    assert list(case.time) == [0.0, 0.0005, 0.002] and isinstance(case[1], DensityField)
+    assert asked[-1] == ("case", 0.0005, {"density": "rho"})
+    (tmp_path / "bad.pvd").write_text("<VTKFile>")
+    with pytest.raises(ValueError, match="no ParaView collection"):
+        flow.open_series(tmp_path / "bad.pvd")
+
+
 def test_cells_of_a_mesh():
     y, z = np.meshgrid(np.linspace(0, 1e-2, 5), np.linspace(0, 2e-2, 6), indexing="ij")
     mesh = QuadMesh.structured(y, z, "planar")

@@ -141,19 +141,53 @@ def test_a_dense_field_is_traced_where_straight_lines_are_not_good_enough():
     assert np.isnan(linear.error).all()  # not measured: nothing is claimed
 
 
-def test_snapshots_on_a_mesh_are_traced():
+@pytest.mark.parametrize("geometry", ["planar", "axisymmetric"])
+def test_snapshots_on_a_mesh_are_straight_lines_too(geometry: str):
+    """Cell averages on a mesh of uneven cells, against every ray traced and a closed form."""
     from aerokernels import QuadMesh
 
-    y, z = np.meshgrid(np.linspace(-0.02, 0.02, 21), np.linspace(0, 0.02, 21), indexing="ij")
-    mesh = QuadMesh.structured(y, z, "planar")
-    centres = mesh.corners.mean(axis=1)
+    stretch = np.linspace(0.0, 1.0, 41)
+    first, z = np.meshgrid(0.02 * stretch**1.2 if geometry == "axisymmetric" else 0.04 * stretch - 0.02,
+                           0.02 * stretch + 2e-3 * np.sin(np.pi * stretch), indexing="ij")  # fmt: skip
+    mesh = QuadMesh.structured(first, z, geometry)
+    centres = mesh.cell_centroid
     densities = [0.5 + 0.01 * np.cos(300.0 * (centres[:, 0] - shift)) for shift in (0.0, 0.002)]
     series = flow.open_series(densities, time=[0.0, 1.0], mesh=mesh, ambient_density=0.5)
-    found = optical_series(series, Disc(5e-3, [0, 0, -1e-3]), pixel_count=8, remove=("piston",))
-    assert found.traced.all() and "mesh" in found.attrs["plan"]
-    profile = CONSTANT * 0.02 * 0.01 * np.cos(300.0 * found.y)
-    off = found.opd[0].mean("x") - (profile - float((profile * found.weight).sum()))
-    assert float(np.abs(off).max()) < 0.05 * float(np.abs(profile).max())  # 21 cells for a third of a wave
+    pupil = Disc(5e-3, [0, 0, -1e-3])
+    for direction in ((0.0, 0.0, 1.0), (0.05, 0.1, 1.0)):
+        found = optical_series(series, pupil, pixel_count=8, remove=("piston",), direction=direction)
+        traced = optical_series(series, pupil, pixel_count=8, remove=("piston",), direction=direction, method="trace")
+        assert not found.traced.any() and traced.traced.all()
+        scale = float(np.abs(traced.opd).max())
+        assert float(np.abs(found.opd - traced.opd).max()) < 0.01 * scale
+        assert float(found.probe[0]) < 1e-3 * WAVELENGTH
+    if geometry == "planar":
+        found = optical_series(series, pupil, pixel_count=8, remove=("piston",))
+        profile = CONSTANT * 0.02 * 0.01 * np.cos(300.0 * found.y)
+        off = found.opd[0].mean("x") - (profile - float((profile * found.weight).sum()))
+        assert float(np.abs(off).max()) < 0.02 * float(np.abs(profile).max())
+
+
+def test_density_fields_on_one_mesh_are_straight_lines_and_others_are_traced():
+    """Three fields, the last on a grid of another spacing; a formula; a flow with a body."""
+
+    def field(spacing: float, ambient: float = 0.5) -> flow.GridDensity:
+        density = np.full((9, 9, 9), 0.51)
+        density[4, 4] = 0.52
+        return flow.GridDensity(density, [-4 * spacing] * 3, [spacing] * 3, "volume", ambient)
+
+    series = flow.open_series(iter([field(5e-3), field(5e-3, 0.501), field(4e-3)]), time=[0.0, 1.0, 2.0])
+    pupil = Disc(5e-3, [0, 0, -15e-3])
+    found = optical_series(series, pupil, pixel_count=8, remove=("piston",))
+    assert list(found.traced.values) == [0.0, 0.0, 1.0]
+    np.testing.assert_allclose(found.opd[0], found.opd[1], atol=1e-15)
+    assert float(found.piston[1] - found.piston[0]) == pytest.approx(-CONSTANT * 1e-3 * 0.035, rel=1e-9)
+    formula = flow.open_series([flow.cone(3.0, 0.3)] * 2, time=[0.0, 1.0])
+    with pytest.raises(ValueError, match="'linear' cannot be had"):
+        optical_series(formula, pupil, method="linear")
+    body = flow.open_series([flow.shipped("mach3")], time=[0.0])
+    with pytest.raises(ValueError, match="past a body"):
+        optical_series(body, pupil, method="linear")
 
 
 RUN = """

@@ -16,6 +16,7 @@ import numpy as np
 
 from aerokernels import __version__
 from aerokernels.jobs.store import to_json
+from aerokernels.jobs.sweeps.sources import file_marks
 from aerokernels.scene import Scene, SceneError
 from aerokernels.scene.changes import changed_scene, key_unit, key_value
 
@@ -111,6 +112,7 @@ class Definition:
                 "format": FORMAT,
                 "version": __version__,
                 "scene": base,
+                "content": file_marks([scene.flow.source, *self.vary.get("flow.source", ())]),
                 "vary": self.vary,
                 "mode": self.mode,
                 "sample_count": self.sample_count,

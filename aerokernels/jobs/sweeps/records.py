@@ -58,6 +58,8 @@ def check_same(folder: Path, found: Mapping[str, Any], asked: Mapping[str, Any])
         return
     key, old, new = differences[0]
     more = f" (and {len(differences) - 1} more differences)" if len(differences) > 1 else ""
+    if key.startswith("content."):
+        raise ValueError(f"--out {folder}: {key.removeprefix('content.')} has changed since its sweep began; {_REMEDY}")
     if key == "version":
         old, new = old.strip('"'), new.strip('"')
         raise ValueError(
