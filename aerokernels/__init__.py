@@ -11,6 +11,7 @@ __version__ = "0.1.0"
 
 # Where each name lives; "" for the modules.
 _HOME = {
+    "Annulus": "rays",
     "ArcLength": "tracing",
     "BackendInfo": "tracing",
     "Body": "medium",
@@ -18,10 +19,13 @@ _HOME = {
     "Disc": "rays",
     "EchoResult": "echo",
     "IndexField": "medium",
+    "Mask": "rays",
     "Plane": "tracing",
+    "Polygon": "rays",
     "QuadMesh": "medium",
     "RayBundle": "rays",
     "RayStatus": "tracing",
+    "Rectangle": "rays",
     "RunResult": "jobs.run",
     "Scene": "scene",
     "StrehlEstimate": "strehl",
@@ -50,6 +54,7 @@ _HOME = {
 }
 
 __all__ = [
+    "Annulus",
     "ArcLength",
     "BackendInfo",
     "Body",
@@ -57,10 +62,13 @@ __all__ = [
     "Disc",
     "EchoResult",
     "IndexField",
+    "Mask",
     "Plane",
+    "Polygon",
     "QuadMesh",
     "RayBundle",
     "RayStatus",
+    "Rectangle",
     "RunResult",
     "Scene",
     "StrehlEstimate",
@@ -115,7 +123,7 @@ if TYPE_CHECKING:
     from .jobs.run import RunResult, simulate
     from .jobs.sweeps.run import sweep
     from .medium import Body, IndexField, QuadMesh
-    from .rays import Disc, RayBundle
+    from .rays import Annulus, Disc, Mask, Polygon, RayBundle, Rectangle
     from .scene import Scene
     from .schlieren import interferogram, schlieren, shadowgraph
     from .series import look_map, optical_series, statistics

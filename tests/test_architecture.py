@@ -18,6 +18,7 @@ RANK = {
         [
             ("read_only",),
             ("units", "quantities", "callable_module", "sobol", "wavelength", "derived", "clock"),
+            ("pupils",),
             ("rays",),
             ("strehl_sums",),
             ("medium",),
