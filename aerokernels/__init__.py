@@ -1,7 +1,8 @@
 """aerokernels: light through the refractive index of supersonic air flow.
 
 The public names; each is imported when it is first used, so that importing the package costs nothing. `echo`,
-`schlieren` and `strehl` are modules that can be called as the functions of these names: see callable_module.py.
+`schlieren`, `strehl` and `wavefront` are modules that can be called as the functions of these names: see
+callable_module.py.
 """
 
 from importlib import import_module
@@ -30,6 +31,7 @@ _HOME = {
     "Scene": "scene",
     "StrehlEstimate": "strehl",
     "TraceResult": "tracing",
+    "Wavefront": "wavefront",
     "available_backends": "tracing",
     "compare_waveforms": "compare",
     "echo": "",
@@ -51,6 +53,8 @@ _HOME = {
     "strehl_marechal": "strehl",
     "sweep": "jobs.sweeps.run",
     "trace": "tracing",
+    "wavefront": "",
+    "zernike": "",
 }
 
 __all__ = [
@@ -73,6 +77,7 @@ __all__ = [
     "Scene",
     "StrehlEstimate",
     "TraceResult",
+    "Wavefront",
     "available_backends",
     "compare_waveforms",
     "echo",
@@ -94,6 +99,8 @@ __all__ = [
     "strehl_marechal",
     "sweep",
     "trace",
+    "wavefront",
+    "zernike",
 ]
 
 
@@ -116,7 +123,7 @@ def __dir__() -> list[str]:
 
 
 if TYPE_CHECKING:
-    from . import flow
+    from . import flow, zernike
     from .compare import compare_waveforms
     from .echo import EchoResult, echo, estimate_range, plane_target_echo, range_statistics
     from .flow import DensityField
@@ -131,4 +138,4 @@ if TYPE_CHECKING:
     from .strehl_estimate import estimate_strehl, prepare_strehl
     from .tracing import ArcLength, BackendInfo, Plane, RayStatus, TraceResult, available_backends
     from .tracing.trace import trace
-    from .wavefront import point_spread_function
+    from .wavefront import Wavefront, point_spread_function, wavefront

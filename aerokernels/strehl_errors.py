@@ -54,6 +54,14 @@ def strehl_error(value: float, phase: float) -> float:
     return phase if math.isnan(phase) else 2.0 * root * change + change**2
 
 
+def strehl_errors(values: np.ndarray, phase: float) -> np.ndarray:
+    """`strehl_error` of an array of ratios, of the same shape."""
+    clipped = np.clip(values, 0.0, 1.0)
+    root, rest = np.sqrt(clipped), np.sqrt(1.0 - clipped)
+    change = np.minimum(phase, rest * phase + 0.5 * root * phase**2)
+    return np.asarray(2.0 * root * change + change**2)
+
+
 def greatest_strehl_error(phase: float) -> float:
     """The greatest change of any Strehl ratio by a phase error of rms `phase` [rad]."""
     return max(strehl_error(float(value), phase) for value in np.linspace(0.0, 1.0, RATIOS))

@@ -67,12 +67,13 @@ class Pupil(ABC):
         """How the unit square is mapped on it, in units of `reach`."""
 
     @abstractmethod
-    def coverage(self, x_edges: np.ndarray, y_edges: np.ndarray) -> np.ndarray:
-        """Mean transmission in each cell of a grid, exact, shape (y count, x count).
+    def coverage(self, x_edges: np.ndarray, y_edges: np.ndarray, power: int = 1) -> np.ndarray:
+        """Mean of the transmission's power in each cell of a grid, exact, shape (y count, x count).
 
         Args:
             x_edges: Edges of the cells along the first axis, ascending [m], shape (x count + 1,).
             y_edges: Those along the second, shape (y count + 1,).
+            power: 1 for the mean amplitude, 2 for the mean intensity.
         """
 
     def sample(self, count: int, sampling: str = "sobol", seed: int = 0) -> tuple[np.ndarray, np.ndarray]:
@@ -108,8 +109,10 @@ class Pupil(ABC):
         width, height = (2.0 * extent for extent in self.half_extent)
         cell = np.sqrt(self._lit_area / count)
         counts = max(1, round(width / cell)), max(1, round(height / cell))
-        edges = [np.linspace(-0.5 * size, 0.5 * size, n + 1) for size, n in zip((width, height), counts, strict=True)]
-        weight = self.coverage(*edges)
-        x, y = np.meshgrid(*(0.5 * (edge[1:] + edge[:-1]) / self.reach for edge in edges))
+        x_edges, y_edges = (
+            np.linspace(-0.5 * size, 0.5 * size, n + 1) for size, n in zip((width, height), counts, strict=True)
+        )
+        weight = self.coverage(x_edges, y_edges)
+        x, y = np.meshgrid(*(0.5 * (edge[1:] + edge[:-1]) / self.reach for edge in (x_edges, y_edges)))
         lit = weight > 0.0
         return np.stack([x[lit], y[lit]], axis=1), weight[lit] / weight[lit].sum()

@@ -86,7 +86,7 @@ class _Round(Pupil):
         """How the unit square is mapped on it, in units of `reach`."""
         return SquareMap(RING, 0, 0, np.array([(self._inner / self.radius) ** 2]))
 
-    def coverage(self, x_edges: np.ndarray, y_edges: np.ndarray) -> np.ndarray:
+    def coverage(self, x_edges: np.ndarray, y_edges: np.ndarray, power: int = 1) -> np.ndarray:
         """Share of each cell of a grid that lies in the pupil, exact: see `Pupil.coverage`."""
         covered = circle_cells(x_edges, y_edges, self.radius)
         if self._inner > 0.0:

@@ -53,7 +53,7 @@ class _Pixels(Pupil):
         shares = cumulative(self._weights.sum(axis=1)), cumulative(self._weights)
         return SquareMap(PIXELS, rows, columns, np.concatenate([-half, size, *(part.ravel() for part in shares)]))
 
-    def coverage(self, x_edges: np.ndarray, y_edges: np.ndarray) -> np.ndarray:
+    def coverage(self, x_edges: np.ndarray, y_edges: np.ndarray, power: int = 1) -> np.ndarray:
         """Mean transmission in each cell of a grid, exact: see `Pupil.coverage`."""
         along_x, along_y = (
             _overlap(np.asarray(edges), extent, size, count)
@@ -61,7 +61,7 @@ class _Pixels(Pupil):
                 (x_edges, y_edges), self.half_extent, self._size, self._weights.shape[::-1], strict=True
             )
         )
-        return np.asarray(along_y @ self._weights @ along_x.T)
+        return np.asarray(along_y @ self._weights**power @ along_x.T)
 
     def _gauss(self, count: int) -> tuple[np.ndarray, np.ndarray]:
         """A product rule in each pixel; where the pixels are too many for that, one through the map of the square."""

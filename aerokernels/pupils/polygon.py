@@ -79,7 +79,7 @@ class Polygon(Pupil):
         pieces = corner[np.array(_ears(corner))]
         return pieces[:, 0], pieces[:, 1] - pieces[:, 0], pieces[:, 2] - pieces[:, 0]
 
-    def coverage(self, x_edges: np.ndarray, y_edges: np.ndarray) -> np.ndarray:
+    def coverage(self, x_edges: np.ndarray, y_edges: np.ndarray, power: int = 1) -> np.ndarray:
         """Share of each cell of a grid that lies in the pupil, exact: see `Pupil.coverage`."""
         # By Green: the area left of x and below y is minus the sum over edges of the integral of min(edge's y, y) dx.
         below = np.zeros((len(y_edges), len(x_edges)))
