@@ -5,8 +5,6 @@ from typing import Any
 import numpy as np
 
 from .data import WavefrontMap
-from .point_spread import PointSpread
-from .transfer import EncircledEnergy, Transfer
 
 
 def _axes(axes: Any) -> Any:
@@ -31,8 +29,8 @@ def plot_opd(wavefront: WavefrontMap, axes: Any = None) -> Any:
     return axes
 
 
-def plot_point_spread(spread: PointSpread, axes: Any = None, decades: float = 4.0) -> Any:
-    """The intensity over field angles [urad], logarithmic."""
+def plot_point_spread(spread: Any, axes: Any = None, decades: float = 4.0) -> Any:
+    """The intensity of a PointSpread over field angles [urad], logarithmic."""
     axes = _axes(axes)
     low, high = 1e6 * spread.angle[0], 1e6 * spread.angle[-1]
     shown = np.log10(np.maximum(spread.intensity, spread.peak * 10.0**-decades))
@@ -42,8 +40,8 @@ def plot_point_spread(spread: PointSpread, axes: Any = None, decades: float = 4.
     return axes
 
 
-def plot_transfer(transfer: Transfer, axes: Any = None) -> Any:
-    """The MTF along both axes, beside that of the perfect pupil."""
+def plot_transfer(transfer: Any, axes: Any = None) -> Any:
+    """A Transfer's MTF along both axes, beside that of the perfect pupil."""
     axes = _axes(axes)
     for name, angle in (("x", 0.0), ("y", 0.5 * np.pi)):
         frequency, value = transfer.along(angle)
@@ -55,8 +53,8 @@ def plot_transfer(transfer: Transfer, axes: Any = None) -> Any:
     return axes
 
 
-def plot_encircled_energy(encircled: EncircledEnergy, axes: Any = None) -> Any:
-    """The share of the light within an angle."""
+def plot_encircled_energy(encircled: Any, axes: Any = None) -> Any:
+    """An EncircledEnergy: the share of the light within an angle."""
     axes = _axes(axes)
     axes.plot(np.ravel(encircled.angle) * 1e6, np.ravel(encircled.energy))
     axes.set(xlabel="angle [urad]", ylabel="encircled energy", ylim=(0.0, 1.05))
