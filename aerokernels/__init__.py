@@ -31,6 +31,8 @@ _HOME = {
     "Scene": "scene",
     "StrehlEstimate": "strehl",
     "TraceResult": "tracing",
+    "Validity": "waves",
+    "Wave": "waves",
     "Wavefront": "wavefront",
     "available_backends": "tracing",
     "compare_waveforms": "compare",
@@ -51,8 +53,10 @@ _HOME = {
     "statistics": "series",
     "strehl": "",
     "strehl_marechal": "strehl",
+    "split_step": "waves",
     "sweep": "jobs.sweeps.run",
     "trace": "tracing",
+    "validity": "waves",
     "wavefront": "",
     "zernike": "",
 }
@@ -77,6 +81,8 @@ __all__ = [
     "Scene",
     "StrehlEstimate",
     "TraceResult",
+    "Validity",
+    "Wave",
     "Wavefront",
     "available_backends",
     "compare_waveforms",
@@ -94,11 +100,13 @@ __all__ = [
     "schlieren",
     "shadowgraph",
     "simulate",
+    "split_step",
     "statistics",
     "strehl",
     "strehl_marechal",
     "sweep",
     "trace",
+    "validity",
     "wavefront",
     "zernike",
 ]
@@ -139,3 +147,4 @@ if TYPE_CHECKING:
     from .tracing import ArcLength, BackendInfo, Plane, RayStatus, TraceResult, available_backends
     from .tracing.trace import trace
     from .wavefront import Wavefront, point_spread_function, wavefront
+    from .waves import Validity, Wave, split_step, validity

@@ -31,6 +31,7 @@ RANK = {
             ("strehl", "schlieren"),
             ("strehl_estimate", "prepare"),
             ("series",),
+            ("waves",),
             ("echo",),
             ("hardware", "compare"),
             ("jobs",),

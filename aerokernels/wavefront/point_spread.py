@@ -74,6 +74,21 @@ class PointSpread:
         return plot_point_spread(self, axes, decades)
 
 
+def far_field(
+    wave: np.ndarray, coordinates: tuple[np.ndarray, np.ndarray], angle: np.ndarray, wavelength: float
+) -> np.ndarray:
+    """Sum of wave exp(-i k a x) at angles a of rows and columns [rad], shape (m, m).
+
+    Args:
+        wave: Complex amplitude, shape (rows, columns), axes [y, x].
+        coordinates: x of the columns and y of the rows [m].
+        angle: Angles [rad], shape (m,).
+        wavelength: Wavelength [m].
+    """
+    along_x, along_y = (np.exp(-2j * np.pi / wavelength * np.outer(angle, axis)) for axis in coordinates)
+    return np.asarray(along_y @ wave @ along_x.T)
+
+
 def point_spread_function(
     opd,
     mask,
@@ -118,8 +133,7 @@ def point_spread_function(
         if angle.ndim != 1 or not np.isfinite(angle).all():
             raise ValueError(f"angle must be finite angles [rad], shape (m,), got shape {angle.shape}")
         coordinate = pixel * (np.arange(count) - 0.5 * (count - 1))
-        transform = np.exp(-2j * np.pi / wavelength * np.outer(angle, coordinate))
-        amplitude = transform @ wave @ transform.T
+        amplitude = far_field(wave, (coordinate, coordinate), angle, wavelength)
         return PointSpread(np.abs(amplitude) ** 2 / mask.sum() ** 2, angle)
     angle = np.fft.fftshift(np.fft.fftfreq(size, pixel)) * wavelength
     if half_width is None:
