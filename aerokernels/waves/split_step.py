@@ -9,7 +9,6 @@ is sampled once, in layers no thicker than its cells, and the layers of a step a
 nothing but transforms, and the difference is the error.
 """
 
-import math
 from dataclasses import replace
 
 import numpy as np
@@ -17,15 +16,10 @@ import numpy as np
 from ..clock import clocked, stage
 from ..medium import IndexField
 from ..pupils import Pupil
-from ..tracing.lines import box_span
 from ..wavefront.traced import LEAST_COVER
 from .angular_spectrum import transfer_exponent
+from .layers import FEWEST_STEPS, check_memory, layer_count, path_range, sample_layers
 from .wave import Wave
-
-# Layers that the path through the box is sampled in, at most, and the fewest steps.
-MOST_LAYERS, FEWEST_STEPS = 512, 2
-# Bytes that the sampled layers may take.
-GREATEST_MEMORY = 2 << 30
 
 
 def split_step(
@@ -110,61 +104,6 @@ def plane_wave(pupil: Pupil, wavelength: float, pixel_count: int, window: float,
     amplitude = pupil.coverage(edges, edges)
     amplitude[amplitude < LEAST_COVER * amplitude.max()] = 0.0
     return Wave(amplitude, pixel, wavelength, pupil.center, pupil.normal, ambient_index)
-
-
-def path_range(field: IndexField, wave: Wave) -> tuple[float, float]:
-    """Distances along the wave's normal between which its window meets the field's box [m].
-
-    Raises:
-        ValueError: It does not.
-    """
-    x, y = (np.linspace(axis[0], axis[-1], min(len(axis), 33)) for axis in wave.coordinates)
-    first, second = wave.axes
-    x, y = (axis.ravel() for axis in np.meshgrid(x, y))
-    start = wave.center + x[:, None] * first + y[:, None] * second
-    span = box_span(field, start, np.broadcast_to(wave.normal, start.shape).copy())
-    meets = span.meets & (span.leave > 0.0) & (span.leave < 1e30)
-    if not meets.any():
-        raise ValueError("the wave does not meet the field: check its centre, its normal and the units (metres)")
-    return max(float(span.enter[meets].min()), 0.0), float(span.leave[meets].max())
-
-
-def layer_count(field: IndexField, length: float, step_count: int | None, most: int = MOST_LAYERS) -> int:
-    """Layers that a path of a length [m] is sampled in: a power of two, or a multiple of `step_count`.
-
-    As many as there are cells, or `most`.
-    """
-    cells = min(math.ceil(length / float(np.min(field.spacing))), most)
-    if step_count is None:
-        return 2 ** math.ceil(math.log2(max(cells, FEWEST_STEPS)))
-    return step_count * max(1, -(-cells // step_count))
-
-
-def check_memory(count: int, pixels: int) -> None:
-    """Refuse layers that would take too much memory, each of so many pixels.
-
-    Raises:
-        ValueError: As said.
-    """
-    memory = 4 * count * pixels
-    if memory > GREATEST_MEMORY:
-        raise ValueError(
-            f"{count} layers of {pixels} pixels take {memory / 2**30:.1f} GiB: take a smaller pixel_count, or a field "
-            "without the air that is at rest"
-        )
-
-
-def sample_layers(field: IndexField, wave: Wave, begin: float, end: float, count: int) -> np.ndarray:
-    """Optical path [m] of layers across the wave, float32, shape (count, rows, columns); their middles stand for them."""
-    x, y = (axis.ravel() for axis in np.meshgrid(*wave.coordinates))
-    first, second = wave.axes
-    plane = wave.center + x[:, None] * first + y[:, None] * second
-    thickness = (end - begin) / count
-    layers = np.empty((count, *wave.amplitude.shape), dtype=np.float32)
-    for number in range(count):
-        contrast = field.contrast_at(plane + (begin + (number + 0.5) * thickness) * wave.normal)
-        layers[number] = (thickness * contrast).reshape(wave.amplitude.shape)
-    return layers
 
 
 def _refined(wave: Wave, layers: np.ndarray, length: float, tolerance: float, step_count: int | None, paraxial: bool):

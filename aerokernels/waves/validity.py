@@ -21,7 +21,8 @@ from ..pupils import Pupil
 from ..wavefront import Wavefront
 from ..wavefront.transfer import complex_amplitude
 from .angular_spectrum import transfer_exponent
-from .split_step import layer_count, path_range, plane_wave, sample_layers, through_layers
+from .layers import layer_count, path_range, sample_layers
+from .split_step import plane_wave, through_layers
 from .wave import Wave
 
 # The greatest change of the Strehl ratio that rays may cost and still be good.
