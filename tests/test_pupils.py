@@ -5,8 +5,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from aerokernels import Annulus, Disc, IndexField, Mask, Polygon, RayBundle, Rectangle, estimate_strehl
+from aerokernels import Annulus, Disc, IndexField, Mask, Polygon, RayBundle, Rectangle, Scene, estimate_strehl
+from aerokernels.echo.pupil_reduction import receiver_pupil
+from aerokernels.prepare import prepare_field
 from aerokernels.pupils import Pupil
+from aerokernels.study.views import pupil_map
 from tests.phase_plates import WAVELENGTH, phase_plate
 from tests.tracing.backends import on
 
@@ -139,11 +142,11 @@ def test_strehl_ratio_of_a_phase_plate_through_every_shape(name: str, engine: st
     """Expected: the same mean over 401 x 401 cells; tolerance: 1e-3 of 16 x 1024 Sobol points, the plate's own 1e-5."""
     options = {"backend": "reference"} if engine == "reference" else on(engine)
     pupil = SHAPES[name]
-    ray_count = 512 if engine == "reference" else 1 << 14
+    ray_count = 256 if engine == "reference" else 1 << 14
     field = phase_plate(plate_opd, 4.2e-3)
     found = estimate_strehl(field, pupil, ray_count=ray_count, wavelength=WAVELENGTH, remove=remove, **options)
     ratio, rms = by_quadrature(pupil, remove)
-    allowed = 2e-2 if engine == "reference" else 1e-3
+    allowed = 3e-2 if engine == "reference" else 1e-3
     assert found.value == pytest.approx(ratio, abs=allowed)
     assert found.opd_rms == pytest.approx(rms, rel=allowed + 4e-3)
     assert found.blocked == 0.0
@@ -187,3 +190,46 @@ def test_an_annulus_on_the_axis_is_traced_as_a_fan():
 def test_what_is_refused(make, message):
     with pytest.raises(ValueError, match=message):
         make()
+
+
+@pytest.mark.parametrize("name", SHAPES)
+def test_transmission_at_points_is_that_of_fine_cells(name: str):
+    """Points in the middle of cells that the pupil covers evenly: the same transmission."""
+    pupil = SHAPES[name]
+    edges = np.linspace(-4e-3, 4e-3, 161)
+    middle = 0.5 * (edges[1:] + edges[:-1])
+    cover, square = pupil.coverage(edges, edges), pupil.coverage(edges, edges, 2)
+    found = pupil.transmission(middle[None, :], middle[:, None])
+    even = np.abs(square - cover**2) < 1e-9
+    assert even.mean() > 0.5 and np.abs(found - cover)[even].max() < 1e-6
+
+
+def test_a_scenes_receiver_has_a_shape():
+    """Area and centre of each; the disc of equal area collects as much; keys that do not go together are refused."""
+    disc = Scene.load("wind-tunnel-mach3").receiver
+    assert isinstance(disc.pupil, Disc) and disc.equal_diameter == disc.diameter == 12e-3
+    ring = Scene.load("wind-tunnel-mach3", {"receiver.shape": "annulus", "receiver.inner_diameter": "4 mm"}).receiver
+    assert isinstance(ring.pupil, Annulus) and ring.pupil.center[2] == -8e-3
+    assert ring.equal_diameter == pytest.approx(np.sqrt(144.0 - 16.0) * 1e-3)
+    wide = Scene.load("wind-tunnel-mach3", {"receiver.shape": "rectangle", "receiver.height": "3 mm"}).receiver
+    assert isinstance(wide.pupil, Rectangle) and wide.pupil.area == pytest.approx(36e-6)
+    for changes, message in (
+        ({"receiver.shape": "annulus"}, 'shape = "annulus" needs inner_diameter'),
+        ({"receiver.inner_diameter": "4 mm"}, "no other shape takes it"),
+        ({"receiver.shape": "annulus", "receiver.inner_diameter": "12 mm"}, "must be below receiver.diameter"),
+        ({"receiver.height": "4 mm"}, 'belongs to shape = "rectangle"'),
+    ):
+        with pytest.raises(ValueError, match=message):
+            Scene.load("wind-tunnel-mach3", changes)
+
+
+def test_an_annular_receiver_goes_through_the_job():
+    """Its map of the wavefront is dark in the middle; the echo's rays leave the ring; air at rest takes nothing off."""
+    changes = {"flow.source": "static", "receiver.shape": "annulus", "receiver.inner_diameter": "6 mm"}
+    scene = Scene.load("wind-tunnel-mach3", {**changes, "receiver.ray_count": "32", "grid.spacing": "0.4 mm"})
+    field = prepare_field(scene).field
+    opd = pupil_map(field, scene, 21).opd
+    assert np.isnan(opd[10, 7:14]).all() and np.isfinite(opd[10, [0, 1, 4, 5, 15, 20]]).all()
+    start, weight = receiver_pupil(scene)
+    assert np.hypot(*start[:, :2].T).min() > 3e-3 and weight.sum() == pytest.approx(1.0)
+    assert estimate_strehl(field, scene.receiver.pupil, ray_count=1024).value == pytest.approx(1.0, abs=1e-9)

@@ -76,6 +76,10 @@ class Pupil(ABC):
             power: 1 for the mean amplitude, 2 for the mean intensity.
         """
 
+    @abstractmethod
+    def transmission(self, x: np.ndarray, y: np.ndarray) -> np.ndarray:
+        """Transmission of the amplitude at points along both axes from the centre [m], of their shape; 0 outside."""
+
     def sample(self, count: int, sampling: str = "sobol", seed: int = 0) -> tuple[np.ndarray, np.ndarray]:
         """Points in the pupil [m], shape (n, 3), and weights that sum to 1, shape (n,).
 

@@ -93,6 +93,12 @@ class _Round(Pupil):
             covered = covered - circle_cells(x_edges, y_edges, self._inner)
         return np.clip(covered, 0.0, 1.0)
 
+    def transmission(self, x: np.ndarray, y: np.ndarray) -> np.ndarray:
+        """1 in the pupil, its rims included, 0 elsewhere: see `Pupil.transmission`."""
+        squared = np.asarray(x, dtype=np.float64) ** 2 + np.asarray(y, dtype=np.float64) ** 2
+        rim, hole = self.radius**2 * (1.0 + 1e-12), self._inner**2 * (1.0 - 1e-12)
+        return np.where((squared <= rim) & (squared >= hole), 1.0, 0.0)
+
     def _flat_sample(self, count: int, sampling: str, seed: int) -> tuple[np.ndarray, np.ndarray]:
         return _ring_samples(count, sampling, seed, self._inner / self.radius)
 

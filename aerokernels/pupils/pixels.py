@@ -63,6 +63,17 @@ class _Pixels(Pupil):
         )
         return np.asarray(along_y @ self._weights**power @ along_x.T)
 
+    def transmission(self, x: np.ndarray, y: np.ndarray) -> np.ndarray:
+        """That of the pixel that each point lies in: see `Pupil.transmission`."""
+        places, there = [], np.array(True)
+        for value, extent, size, count in zip(
+            (x, y), self.half_extent, self._size, self._weights.shape[::-1], strict=True
+        ):
+            value = np.asarray(value, dtype=np.float64)
+            there = there & (np.abs(value) <= extent * (1.0 + 1e-12))
+            places.append(np.clip(np.floor((value + extent) / size).astype(int), 0, count - 1))
+        return np.where(there, self._weights[places[1], places[0]], 0.0)
+
     def _gauss(self, count: int) -> tuple[np.ndarray, np.ndarray]:
         """A product rule in each pixel; where the pixels are too many for that, one through the map of the square."""
         row, column = np.nonzero(self._weights)

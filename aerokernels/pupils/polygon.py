@@ -88,6 +88,15 @@ class Polygon(Pupil):
         area = np.diff(np.diff(below, axis=0), axis=1)
         return np.clip(area / (np.diff(y_edges)[:, None] * np.diff(x_edges)[None, :]), 0.0, 1.0)
 
+    def transmission(self, x: np.ndarray, y: np.ndarray) -> np.ndarray:
+        """1 where a line to the right crosses an odd number of edges, 0 elsewhere: see `Pupil.transmission`."""
+        x, y = np.broadcast_arrays(np.asarray(x, dtype=np.float64), np.asarray(y, dtype=np.float64))
+        inside = np.zeros(x.shape, dtype=bool)
+        for (x0, y0), (x1, y1) in zip(self.vertices, np.roll(self.vertices, -1, axis=0), strict=True):
+            if y0 != y1:
+                inside ^= ((y0 > y) != (y1 > y)) & (x < x0 + (y - y0) * (x1 - x0) / (y1 - y0))
+        return np.where(inside, 1.0, 0.0)
+
     def _gauss(self, count: int) -> tuple[np.ndarray, np.ndarray]:
         """A product rule on each triangle, which stands for a square drawn together at one corner."""
         corner, first, second = self._triangles

@@ -30,7 +30,7 @@ GOOD = 1e-2
 # Phase [rad rms] that may be left out of what counts as the finest.
 UNSEEN = 0.03
 # Pixels of the window, least and most; the window over the pupil; layers of the field at most.
-LEAST_PIXELS, MOST_PIXELS, WINDOW, LAYERS = 48, 512, 1.5, 128
+LEAST_PIXELS, MOST_PIXELS, WINDOW, LAYERS = 48, 192, 1.5, 64
 
 
 @dataclass(frozen=True)
