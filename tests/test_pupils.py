@@ -7,9 +7,9 @@ from hypothesis import strategies as st
 
 from aerokernels import Annulus, Disc, IndexField, Mask, Polygon, RayBundle, Rectangle, Scene, estimate_strehl
 from aerokernels.echo.pupil_reduction import receiver_pupil
+from aerokernels.jobs.views import pupil_map
 from aerokernels.prepare import prepare_field
 from aerokernels.pupils import Pupil
-from aerokernels.study.views import pupil_map
 from tests.phase_plates import WAVELENGTH, phase_plate
 from tests.tracing.backends import on
 

@@ -5,10 +5,10 @@ import pytest
 from scipy.special import fresnel
 
 from aerokernels import Disc, IndexField, Rectangle, Wave, split_step, validity, wavefront
+from aerokernels.validation.random_fields import uniform_field
 from aerokernels.waves import angular_spectrum
 from aerokernels.waves.layers import sample_layers
 from tests.phase_plates import DEPTH, WAVELENGTH, phase_plate
-from tests.tracing.fields import uniform_field
 
 K = 2.0 * np.pi / WAVELENGTH
 
