@@ -1,5 +1,7 @@
 """Wavefronts over pupils: closed forms of what they make of the light, and traced ones."""
 
+import pickle
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -283,6 +285,16 @@ def test_a_slanted_look_sees_the_plate_from_aside():
     row = found.opd[12]
     good = np.isfinite(row)
     assert np.abs(row[good] - expected[good]).max() < 5e-9  # the plate is 2 mm thick: 0.2 mm of x
+
+
+def test_a_wavefront_and_what_it_makes_can_be_pickled():
+    """There and back with its error budget, which is measured where it is asked for."""
+    found = wavefront(phase_plate(modes({4: 5e-8}), 4e-3), Disc(1e-3, BEHIND), wavelength=WAVELENGTH, pixel_count=16)
+    back = pickle.loads(pickle.dumps(found))
+    assert back.strehl() == found.strehl() and back.opd_error == found.opd_error > 0.0
+    spread = pickle.loads(pickle.dumps(found.psf([0.0])))
+    assert spread.intensity == found.psf([0.0]).intensity and spread.error > 0.0
+    assert pickle.loads(pickle.dumps(found.mtf())).error.max() > 0.0
 
 
 def test_what_is_refused():

@@ -1,5 +1,7 @@
 """The wavefront of a field seen through a pupil: a ray from the centre of each pixel."""
 
+from functools import partial
+
 import numpy as np
 
 from ..medium import IndexField
@@ -7,6 +9,7 @@ from ..pupils import Mask, Pupil, as_unit_vector
 from ..rays import RayBundle
 from ..tracing.pupil_air import pupil_air
 from ..tracing.pupil_job import plane_beyond
+from ..tracing.result import TraceResult
 from ..tracing.trace import trace
 from .result import Wavefront
 
@@ -109,8 +112,12 @@ def wavefront(
         blocked=float(1.0 - arrived.sum() / weight.sum()),
         plan=traced.plan,
         seconds=dict(traced.seconds),
-        budget=lambda: traced.error,
+        budget=partial(_error_of, traced),
     )
+
+
+def _error_of(traced: TraceResult) -> dict[str, float]:
+    return traced.error
 
 
 def pupil_grid(pupil: Pupil, pixel_count: int | None) -> tuple[np.ndarray, float, np.ndarray, np.ndarray]:

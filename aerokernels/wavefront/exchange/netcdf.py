@@ -1,5 +1,6 @@
 """Wavefronts as labelled datasets, for NetCDF files with CF attributes."""
 
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -72,5 +73,5 @@ def from_xarray(dataset) -> dict[str, Any]:
         "blocked": float(attributes.get("blocked", 0.0)),
         "removed": tuple(str(attributes.get("removed", "")).split()),
         "direction": np.asarray(attributes["direction"]) if "direction" in attributes else None,
-        "budget": (lambda: {"total": error}) if np.isfinite(error) else None,
+        "budget": partial(dict, total=error) if np.isfinite(error) else None,
     }
