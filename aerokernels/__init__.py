@@ -1,7 +1,8 @@
 """aerokernels: light through the refractive index of supersonic air flow.
 
 The public names; each is imported when it is first used, so that importing the package costs nothing. `echo`,
-`schlieren` and `strehl` are modules that can be called as the functions of these names: see callable_module.py.
+`schlieren`, `strehl` and `wavefront` are modules that can be called as the functions of these names: see
+callable_module.py.
 """
 
 from importlib import import_module
@@ -11,6 +12,7 @@ __version__ = "0.1.0"
 
 # Where each name lives; "" for the modules.
 _HOME = {
+    "Annulus": "rays",
     "ArcLength": "tracing",
     "BackendInfo": "tracing",
     "Body": "medium",
@@ -18,14 +20,20 @@ _HOME = {
     "Disc": "rays",
     "EchoResult": "echo",
     "IndexField": "medium",
+    "Mask": "rays",
     "Plane": "tracing",
+    "Polygon": "rays",
     "QuadMesh": "medium",
     "RayBundle": "rays",
     "RayStatus": "tracing",
+    "Rectangle": "rays",
     "RunResult": "jobs.run",
     "Scene": "scene",
     "StrehlEstimate": "strehl",
     "TraceResult": "tracing",
+    "Validity": "waves",
+    "Wave": "waves",
+    "Wavefront": "wavefront",
     "available_backends": "tracing",
     "compare_waveforms": "compare",
     "echo": "",
@@ -45,11 +53,16 @@ _HOME = {
     "statistics": "series",
     "strehl": "",
     "strehl_marechal": "strehl",
+    "split_step": "waves",
     "sweep": "jobs.sweeps.run",
     "trace": "tracing",
+    "validity": "waves",
+    "wavefront": "",
+    "zernike": "",
 }
 
 __all__ = [
+    "Annulus",
     "ArcLength",
     "BackendInfo",
     "Body",
@@ -57,14 +70,20 @@ __all__ = [
     "Disc",
     "EchoResult",
     "IndexField",
+    "Mask",
     "Plane",
+    "Polygon",
     "QuadMesh",
     "RayBundle",
     "RayStatus",
+    "Rectangle",
     "RunResult",
     "Scene",
     "StrehlEstimate",
     "TraceResult",
+    "Validity",
+    "Wave",
+    "Wavefront",
     "available_backends",
     "compare_waveforms",
     "echo",
@@ -81,11 +100,15 @@ __all__ = [
     "schlieren",
     "shadowgraph",
     "simulate",
+    "split_step",
     "statistics",
     "strehl",
     "strehl_marechal",
     "sweep",
     "trace",
+    "validity",
+    "wavefront",
+    "zernike",
 ]
 
 
@@ -108,14 +131,14 @@ def __dir__() -> list[str]:
 
 
 if TYPE_CHECKING:
-    from . import flow
+    from . import flow, zernike
     from .compare import compare_waveforms
     from .echo import EchoResult, echo, estimate_range, plane_target_echo, range_statistics
     from .flow import DensityField
     from .jobs.run import RunResult, simulate
     from .jobs.sweeps.run import sweep
     from .medium import Body, IndexField, QuadMesh
-    from .rays import Disc, RayBundle
+    from .rays import Annulus, Disc, Mask, Polygon, RayBundle, Rectangle
     from .scene import Scene
     from .schlieren import interferogram, schlieren, shadowgraph
     from .series import look_map, optical_series, statistics
@@ -123,4 +146,5 @@ if TYPE_CHECKING:
     from .strehl_estimate import estimate_strehl, prepare_strehl
     from .tracing import ArcLength, BackendInfo, Plane, RayStatus, TraceResult, available_backends
     from .tracing.trace import trace
-    from .wavefront import point_spread_function
+    from .wavefront import Wavefront, point_spread_function, wavefront
+    from .waves import Validity, Wave, split_step, validity

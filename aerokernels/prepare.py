@@ -81,7 +81,7 @@ def view_extent(scene: Scene) -> tuple[float, float, float]:
         corner, normal = float(np.hypot(*edge)), np.abs(target.orientation[:, 2])
         depth = float(edge @ normal[:2] / normal[2])
     # Target points are lit from points of the exit pupil that lie off the axis in the same ratio as the beam's radii.
-    pupil = max(0.5 * scene.receiver.diameter, scene.beam.exit_radius * corner / scene.beam.radius)
+    pupil = max(scene.receiver.pupil.reach, scene.beam.exit_radius * corner / scene.beam.radius)
     return pupil, corner, target.distance - depth
 
 

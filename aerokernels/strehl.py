@@ -18,7 +18,7 @@ from .callable_module import make_callable
 from .clock import clocked, stage
 from .quantities import Quantity, Verdict, judge_strehl, listed
 from .strehl_errors import main_cause, phase_error
-from .wavefront import check_metres, check_terms, check_wavefront, map_points, remove_terms
+from .wavefront import check_metres, check_terms, check_wavefront, map_points, mean_phasor, remove_terms
 from .wavelength import check_wavelength
 
 
@@ -29,9 +29,9 @@ def strehl(opd, wavelength: float, weights=None, remove=("piston",), *, points=N
         opd: Optical path difference [m], any shape.
         wavelength: Wavelength [m].
         weights: Share of each sample, or None for equal shares; samples of weight 0 (outside the pupil) may be NaN.
-        remove: Terms taken out before: "piston" (which changes nothing) and "tilt".
-        points: Pupil coordinates of the samples [m], shape (n, 2); "tilt" needs them unless `opd` is a map, a
-            two-axis array of equal pixels.
+        remove: Terms taken out before: "piston" (which changes nothing), "tilt" and "focus".
+        points: Pupil coordinates of the samples [m], shape (n, 2); "tilt" and "focus" need them unless `opd` is a map,
+            a two-axis array of equal pixels.
 
     Raises:
         TypeError: The wavelength is not one number.
@@ -43,7 +43,7 @@ def strehl(opd, wavelength: float, weights=None, remove=("piston",), *, points=N
     opd, weights = check_wavefront(opd, weights)
     check_metres(opd, weights)
     opd = remove_terms(opd, remove, points, weights)
-    return float(np.abs(weights @ np.exp(2j * np.pi / wavelength * opd)) ** 2)
+    return abs(mean_phasor(opd, weights, wavelength)) ** 2
 
 
 def strehl_marechal(opd, wavelength: float, weights=None, remove=("piston",), *, points=None) -> float:

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from .medium import IndexField
-from .rays import Disc, RayBundle
+from .rays import Pupil, RayBundle
 from .strehl_errors import STANDARD_ERRORS, strehl_error
 from .tracing import Plane
 from .tracing.budget import CAUSES, SAFETY, combine, faintly_lost, float64_rounding, opd_errors
@@ -32,7 +32,7 @@ class StrehlBudget:
     """
 
     field: IndexField
-    pupil: Disc
+    pupil: Pupil
     look: np.ndarray
     seed: int | None
     until: Plane

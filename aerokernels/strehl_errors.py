@@ -29,7 +29,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from .quantities import Quantity, root_sum_square
-from .tracing.pupil_sums import fit_moments
+from .tracing.pupil_fit import fit_moments, fit_terms
 
 # The error of a mean over replicates that a budget tells is so many standard errors: two would be too few in one
 # estimate of sixteen, three are in one of a hundred (Student's t of 15 degrees of freedom).
@@ -52,6 +52,14 @@ def strehl_error(value: float, phase: float) -> float:
     root, rest = _roots(value)
     change = min(phase, rest * phase + 0.5 * root * phase**2)
     return phase if math.isnan(phase) else 2.0 * root * change + change**2
+
+
+def strehl_errors(values: np.ndarray, phase: float) -> np.ndarray:
+    """`strehl_error` of an array of ratios, of the same shape."""
+    clipped = np.clip(values, 0.0, 1.0)
+    root, rest = np.sqrt(clipped), np.sqrt(1.0 - clipped)
+    change = np.minimum(phase, rest * phase + 0.5 * root * phase**2)
+    return np.asarray(2.0 * root * change + change**2)
 
 
 def greatest_strehl_error(phase: float) -> float:
@@ -111,8 +119,9 @@ def estimate_quantities(
     budget = estimate.error
     wave_number = 2.0 * math.pi / wavelength
     opd_error = phase_error(estimate.value, budget) / wave_number
-    fits = [fit_moments(row) for row in moments if row[0] > 0.0]
-    rms_error = math.hypot(opd_error, _likely_error([float(fit[3 if "tilt" in remove else 2]) for fit in fits]))
+    arrived = [row for row in moments if row[0] > 0.0]
+    fits = [fit_moments(row) for row in arrived]
+    rms_error = math.hypot(opd_error, _likely_error([fit_terms(row, remove)[1] for row in arrived]))
     rms = estimate.opd_rms
 
     def marechal(opd_rms: float) -> float:

@@ -10,15 +10,15 @@ import numpy as np
 
 from .clock import clocked, stage
 from .medium import IndexField
-from .rays import Disc, as_unit_vector
+from .rays import Pupil, as_unit_vector
 from .strehl import StrehlEstimate
 from .strehl_budget import StrehlBudget
 from .strehl_errors import estimate_quantities
 from .tracing.lines import box_size
 from .tracing.meeting import greatest_contrast
 from .tracing.plan import TracePlan
+from .tracing.pupil_fit import fit_moments, fit_terms
 from .tracing.pupil_job import REPLICATES, make_job
-from .tracing.pupil_sums import fit_moments
 from .tracing.radial_quadrature import SETTLED
 from .tracing.retrace import report_rejected
 from .wavefront import check_terms
@@ -29,7 +29,7 @@ UNSEEN = 1e-3
 
 def estimate_strehl(
     field: IndexField,
-    pupil: Disc,
+    pupil: Pupil,
     *,
     wavelength: float | None = None,
     ray_count: int = 1_000_000,
@@ -58,7 +58,7 @@ def estimate_strehl(
         ray_count: Rays over the disc, in 16 replicates. Radial quadrature (see symmetry) traces fewer, for at least the
             same accuracy.
         tolerance: OPD error asked for [waves].
-        remove: Terms taken out of the wavefront: "piston", "tilt".
+        remove: Terms taken out of the wavefront: "piston", "tilt", "focus".
         backend: See `trace`; likewise device, precision, method, step and max_steps.
         device: Device of the backend.
         precision: "float32" or "float64".
@@ -99,7 +99,7 @@ def estimate_strehl(
     return replace(found, seconds=seconds)
 
 
-def prepare_strehl(field: IndexField, pupil: Disc, **options) -> "PreparedStrehl":
+def prepare_strehl(field: IndexField, pupil: Pupil, **options) -> "PreparedStrehl":
     """Plan, upload and compile a pupil's Strehl ratio once, for a caller who estimates it repeatedly.
 
     Args:
@@ -120,7 +120,7 @@ def prepare_strehl(field: IndexField, pupil: Disc, **options) -> "PreparedStrehl
     return prepared
 
 
-def plan_strehl(field: IndexField, pupil: Disc, **options) -> tuple[TracePlan, int]:
+def plan_strehl(field: IndexField, pupil: Pupil, **options) -> tuple[TracePlan, int]:
     """The plan that `estimate_strehl` would follow with these options, and how many rays it would start with.
 
     Only a pilot bundle of some hundred rays is traced.
@@ -147,7 +147,7 @@ class PreparedStrehl:
     def __init__(
         self,
         field: IndexField,
-        pupil: Disc,
+        pupil: Pupil,
         *,
         wavelength: float | None = None,
         ray_count: int = 1_000_000,
@@ -166,8 +166,8 @@ class PreparedStrehl:
         """Check the arguments and plan."""
         if not isinstance(field, IndexField):
             raise TypeError(f"field must be an IndexField, got {type(field).__name__}")
-        if not isinstance(pupil, Disc):
-            raise TypeError(f"pupil must be a Disc, got {type(pupil).__name__}")
+        if not isinstance(pupil, Pupil):
+            raise TypeError(f"pupil must be a Disc, Annulus, Rectangle, Polygon or Mask, got {type(pupil).__name__}")
         self.field, self.pupil, self.tolerance = field, pupil, tolerance
         self.wavelength = field.wavelength_for(wavelength)
         self.remove = check_terms(remove)
@@ -181,7 +181,7 @@ class PreparedStrehl:
                 self.look,
                 self.wavelength,
                 int(ray_count),
-                "tilt" in self.remove,
+                self.remove,
                 symmetry,
                 method=method,
                 backend=backend,
@@ -262,8 +262,8 @@ def _combine(moments, phasor, wavelength, remove) -> dict:
             "no ray of the pupil arrived beyond the field: all met the body or left the way; "
             "move the pupil, or turn its normal toward the flow"
         )
-    _, tilt, about_piston, about_plane = fit_moments(total)
-    rms = about_plane if "tilt" in remove else about_piston
+    _, tilt, _, _ = fit_moments(total)
+    _, rms = fit_terms(total, remove)
     value = float(np.abs(phasor.sum() / total[0]) ** 2)
     return {
         "value": value,

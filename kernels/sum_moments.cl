@@ -3,8 +3,8 @@
 // weight_in: what each ray counts, one number for each (weight_count = ray count) or the same for all (1).
 // Per ray: pupil_in, opd_in [m], step_error_in [m], evaluation_count_in, status_in; per_replicate of them to a
 // replicate. Groups from first_group up to group_count: of sums_out (group_count, SUM_COUNT) the sum of weights,
-// x, y, W, xx, xy, yy, xW, yW, WW over the rays that arrived, their greatest step error, and the field evaluations of
-// all rays.
+// x, y, W, xx, xy, yy, xW, yW, WW over the rays that arrived, their greatest step error, the field evaluations of all
+// rays, and over those that arrived xq, yq, qq, qW with q = xx + yy.
 
 #include "arguments.h"
 #include "groups.h"
@@ -35,6 +35,11 @@ __kernel void sum_moments(SUM_MOMENTS_ARGUMENTS)
             part[7] += share * p.x * w;
             part[8] += share * p.y * w;
             part[9] += share * w * w;
+            const double q = p.x * p.x + p.y * p.y;
+            part[12] += share * p.x * q;
+            part[13] += share * p.y * q;
+            part[14] += share * q * q;
+            part[15] += share * q * w;
             part[WORST] = fmax(part[WORST], step_error_in[ray]);
         }
     }

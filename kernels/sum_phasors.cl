@@ -1,7 +1,9 @@
-// Sums of exp(i k (OPD - plane)) over groups of GROUP rays, those that arrived: one work-group sums one group, in double.
+// Sums of exp(i k (OPD - surface)) over groups of GROUP rays, those that arrived: one work-group sums one group, in
+// double.
 //
-// wave_number k [1/m]; plane: its height [m] at the pupil's centre, and its rise [m] over the pupil's radius along both
-// axes. weight_in: what each ray counts, weight_count numbers, one for each ray or the same for all.
+// wave_number k [1/m]; plane: the surface's height [m] at the pupil's centre, and its rise [m] over the pupil's reach
+// along both axes; focus: its rise [m] with the square of the distance from the centre, over that of the reach.
+// weight_in: what each ray counts, weight_count numbers, one for each ray or the same for all.
 // Per ray: pupil_in, opd_in [m], status_in; per_replicate of them to a replicate.
 // Groups from first_group up to group_count: real and imaginary part, the last two of sums_out (group_count,
 // SUM_COUNT).
@@ -19,7 +21,8 @@ __kernel void sum_phasors(SUM_PHASORS_ARGUMENTS)
     for (int ray = span.x + item; ray < span.y; ray += WORK_GROUP) {
         if (HAS_ARRIVED(status_in[ray])) {
             const double2 p = vload2(ray, pupil_in);
-            const double phase = wave_number * (opd_in[ray] - plane.x - plane.y * p.x - plane.z * p.y);
+            const double surface = plane.x + plane.y * p.x + plane.z * p.y + focus * (p.x * p.x + p.y * p.y);
+            const double phase = wave_number * (opd_in[ray] - surface);
             part += weight_in[weight_count > 1 ? ray : 0] * (double2)(cos(phase), sin(phase));
         }
     }

@@ -14,6 +14,7 @@ import numpy as np
 
 from aerokernels.medium.crossings import PARALLEL
 from aerokernels.medium.grid import AXIS_CORE
+from aerokernels.pupils import square_map
 from aerokernels.tracing import scheme, tableau
 from aerokernels.tracing.pupil_sums import MOMENT_COUNT, SUM_COUNT
 from aerokernels.tracing.result import OUTPUT_BITS
@@ -91,6 +92,9 @@ def constants() -> str:
         *_defines({"GROUP": scheme.GROUP, "JOINED": scheme.JOINED}),
         *_defines({"MOMENT_COUNT": MOMENT_COUNT, "SUM_COUNT": SUM_COUNT}),
         *_defines({f"HASH_{k}": f"0x{value:08X}u" for k, value in enumerate(scheme.HASHES, start=1)}),
+        *_group("Shapes of pupils, and numbers of a table of pixels before its shares"),
+        *_defines({f"PUPIL_{name}": getattr(square_map, name) for name in ("RING", "PIXELS", "TRIANGLES")}),
+        *_defines({"PUPIL_PIXEL_HEADER": square_map.PIXEL_HEADER}),
         *_group("Outputs of a ray that are wanted, a bit each"),
         *_defines({f"WANT_{name.upper()}": bit for name, bit in OUTPUT_BITS.items()}),
         *_group("By precision"),
@@ -102,7 +106,7 @@ def constants() -> str:
     ]
     source = (
         "scheme.py, tableau.py, step_bound.py, result.py and pupil_sums.py in aerokernels/tracing,\n"
-        "// and crossings.py and grid.py in medium"
+        "// crossings.py and grid.py in medium, and square_map.py in pupils"
     )
     return _header("CONSTANTS_H", "Constants of the scheme.", source, ['#include "real.h"', *lines])
 

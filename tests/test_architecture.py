@@ -18,17 +18,20 @@ RANK = {
         [
             ("read_only",),
             ("units", "quantities", "callable_module", "sobol", "wavelength", "derived", "clock"),
+            ("pupils",),
             ("rays",),
             ("strehl_sums",),
             ("medium",),
             ("flow",),
             ("scene", "scenes"),
             ("tracing",),
-            ("wavefront", "strehl_errors"),
+            ("zernike", "strehl_errors"),
+            ("wavefront",),
             ("strehl_budget",),
             ("strehl", "schlieren"),
             ("strehl_estimate", "prepare"),
             ("series",),
+            ("waves",),
             ("echo",),
             ("hardware", "compare"),
             ("jobs",),
@@ -195,7 +198,7 @@ def test_public_names_do_not_depend_on_what_was_imported_before():
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
-    assert done.stdout.split() == ["echo", "flow", "schlieren", "strehl"]
+    assert done.stdout.split() == ["echo", "flow", "schlieren", "strehl", "wavefront", "zernike"]
 
 
 IMPORTS = {
@@ -208,7 +211,7 @@ IMPORTS = {
 }
 CALLS = (
     "import aerokernels as ak, inspect, pickle\n"
-    "for name in ('echo', 'schlieren', 'strehl'):\n"
+    "for name in ('echo', 'schlieren', 'strehl', 'wavefront'):\n"
     "    thing = getattr(ak, name)\n"
     "    function = getattr(thing, name)\n"
     "    assert inspect.isfunction(function) and inspect.signature(thing) == inspect.signature(function)\n"

@@ -196,7 +196,7 @@ def test_mesh_route_has_its_own_interpolation():
         ("[beam]\nray_count = 0", ["beam.ray_count = 0", "at least 1"]),
         ("[beam]\nray_count = 10.5", ["beam.ray_count = 10.5", "whole number"]),
         ("[beam]\nray_count = inf", ["beam.ray_count = inf", "whole number"]),
-        ('[strehl]\nremove = ["piston", "coma"]', ["strehl.remove = ['piston', 'coma']", "'piston' or 'tilt'"]),
+        ('[strehl]\nremove = ["piston", "coma"]', ["strehl.remove = ['piston', 'coma']", "'tilt' or 'focus'"]),
         ('[strehl]\nremove = "piston"', ["strehl.remove = 'piston'", "list"]),
         ('[trace]\nmethod = "fixed"', ["trace.method 'fixed'", "trace.step"]),
         ('[trace]\nbackend = "cuda"', ["trace.backend = 'cuda'", "'warp'"]),

@@ -5,7 +5,6 @@ import math
 import numpy as np
 
 from ..medium import IndexField
-from ..rays import Disc
 from ..scene import Scene
 from ..strehl_estimate import estimate_strehl
 from .paths import trace_options
@@ -20,7 +19,7 @@ def own_phase_error(scene: Scene, field: IndexField) -> float:
 
     NaN where that estimate is refused, as where none of its rays arrives: the error is then not known.
     """
-    pupil = Disc(0.5 * scene.receiver.diameter, np.array([0.0, 0.0, scene.receiver.aperture_z]))
+    pupil = scene.receiver.pupil
     try:
         # The echo itself was computed: what is lost where the known air ends belongs to its error, and is no refusal.
         options = trace_options(scene)
@@ -34,7 +33,7 @@ def pupil_error(scene: Scene, field: IndexField) -> float:
 
     The rule with all of them is better than that: its error is smaller. NaN where no ray gets out.
     """
-    pupil = Disc(0.5 * scene.receiver.diameter, center=np.array([0.0, 0.0, scene.receiver.aperture_z]))
+    pupil = scene.receiver.pupil
     center = np.array([[0.0, 0.0, scene.receiver.aperture_z + scene.target.distance]])
     count = scene.receiver.ray_count
     try:

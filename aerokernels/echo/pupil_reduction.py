@@ -18,7 +18,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from ..medium import IndexField
-from ..rays import Disc, RayBundle
+from ..rays import RayBundle
 from ..scene import Scene
 from ..tracing import Plane, TraceResult, trace
 from .paths import trace_options
@@ -58,8 +58,7 @@ class PupilSums:
 
 def receiver_pupil(scene: Scene) -> tuple[np.ndarray, np.ndarray]:
     """Gauss points over the receiver's pupil [m], shape (n, 3), and weights that sum to 1, shape (n,)."""
-    pupil = Disc(0.5 * scene.receiver.diameter, center=np.array([0.0, 0.0, scene.receiver.aperture_z]))
-    return pupil.sample(scene.receiver.ray_count, "gauss")
+    return scene.receiver.pupil.sample(scene.receiver.ray_count, "gauss")
 
 
 def upper_half(start: np.ndarray, weight: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -27,7 +27,7 @@ def point_power(scene: Scene, weight: np.ndarray, paths: TransmitPaths, factor: 
     lobe = lobe_cosine(paths.direction, scene.target.orientation[:, 2], to_receiver)
     whole = plane_echo_power(
         scene.beam.peak_power,
-        scene.receiver.diameter,
+        scene.receiver.equal_diameter,
         paths.path,
         np.maximum(paths.incidence_cosine, 0.0),
         reflector_of(scene).reflectance(lobe),

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from aerokernels.medium import IndexField
-from aerokernels.rays import Disc, RayBundle
+from aerokernels.rays import Pupil, RayBundle
 from aerokernels.scene import Scene
 from aerokernels.tracing import Plane, TraceResult, trace
 from aerokernels.tracing.radial_quadrature import asymmetry
@@ -34,9 +34,9 @@ def trace_options(scene: Scene) -> dict[str, Any]:
     }
 
 
-def forward_pupil(scene: Scene) -> Disc:
+def forward_pupil(scene: Scene) -> Pupil:
     """The receiver's pupil, looking forward."""
-    return Disc(0.5 * scene.receiver.diameter, np.array([0.0, 0.0, scene.receiver.aperture_z]))
+    return scene.receiver.pupil
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,8 +68,12 @@ def pupil_samples(field: IndexField, scene: Scene, sample_count: int) -> tuple[n
     # In halves of the spacing distances are whole numbers: equal ones are equal to the last bit.
     half = 2 * np.arange(sample_count) - (sample_count - 1)
     squared = half[:, None] ** 2 + half**2
-    inside = squared <= (sample_count - 1) ** 2
     pupil = forward_pupil(scene)
+    if scene.receiver.shape == "disc":
+        inside = squared <= (sample_count - 1) ** 2
+    else:
+        place = half * (max(pupil.half_extent) / (sample_count - 1))
+        inside = pupil.transmission(place[None, :], place[:, None]) > 0.0
     if asymmetry(field, pupil, pupil.normal) is not None:
         every = np.arange(int(inside.sum()))
         return inside, every, every
@@ -85,7 +89,7 @@ def pupil_map(field: IndexField, scene: Scene, sample_count: int = PUPIL_SAMPLES
     Raises:
         ValueError: No ray gets through.
     """
-    radius = 0.5 * scene.receiver.diameter
+    radius = max(forward_pupil(scene).half_extent)
     coordinate = np.linspace(-radius, radius, sample_count)
     x, y = np.meshgrid(coordinate, coordinate)
     inside, samples, ray = pupil_samples(field, scene, sample_count)

@@ -6,6 +6,7 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from pydantic import BeforeValidator, model_validator
 
+from ..pupils import Annulus, Disc, Pupil, Rectangle
 from .values import (
     Coordinate,
     Count,
@@ -187,6 +188,19 @@ class ReceiverTable(Table):
         "12 mm",
         "Diameter of the pupil. Not in the paper: the widest that a dome of 16 mm leaves room for.",
     )
+    shape: Literal["disc", "annulus", "rectangle"] = key(
+        "disc",
+        'Shape of the pupil. "disc"; "annulus", with a central obstruction of receiver.inner_diameter; "rectangle", '
+        "receiver.diameter wide and receiver.height high.",
+    )
+    inner_diameter: Length | None = key(
+        None,
+        'Diameter of the central obstruction, for shape "annulus".',
+    )
+    height: Length | None = key(
+        None,
+        'Extent of the pupil in y, for shape "rectangle"; absent: as wide as high.',
+    )
     ray_count: Count = key(
         256,
         "Rays over the pupil for each target point, for its Strehl ratio.",
@@ -211,6 +225,39 @@ class ReceiverTable(Table):
         "Place of the pupil's plane on the axis. The nose tip is at 0 and the dome's radius 8 mm, so this is "
         "the dome's centre, behind its surface: rays leave the dome along their way, where the flow begins.",
     )
+
+
+    @model_validator(mode="after")
+    def _shape_fits_the_rest(self) -> "ReceiverTable":
+        if (self.shape == "annulus") != (self.inner_diameter is not None):
+            raise ValueError(
+                f"receiver.shape {self.shape!r} and receiver.inner_diameter {self.inner_diameter!r} do not go "
+                'together: shape = "annulus" needs inner_diameter, and no other shape takes it'
+            )
+        if self.inner_diameter is not None and self.inner_diameter >= self.diameter:
+            raise ValueError(
+                f"receiver.inner_diameter, {self.inner_diameter:g} m, must be below receiver.diameter, "
+                f"{self.diameter:g} m"
+            )
+        if self.height is not None and self.shape != "rectangle":
+            raise ValueError(f'receiver.height belongs to shape = "rectangle", not to {self.shape!r}')
+        return self
+
+    @property
+    def pupil(self) -> Pupil:
+        """The pupil in its place, looking forward."""
+        center = np.array([0.0, 0.0, self.aperture_z])
+        if self.shape == "annulus":
+            assert self.inner_diameter is not None
+            return Annulus(0.5 * self.diameter, 0.5 * self.inner_diameter, center)
+        if self.shape == "rectangle":
+            return Rectangle(self.diameter, self.diameter if self.height is None else self.height, center)
+        return Disc(0.5 * self.diameter, center)
+
+    @property
+    def equal_diameter(self) -> float:
+        """Diameter of the disc of the pupil's area [m]: what the pupil collects, that disc does."""
+        return self.diameter if self.shape == "disc" else math.sqrt(4.0 * self.pupil.area / math.pi)
 
 
 class AtmosphereTable(Table):

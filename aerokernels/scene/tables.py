@@ -140,9 +140,9 @@ class StrehlTable(Table):
         1_000_000,
         "Rays over the receiver's pupil.",
     )
-    remove: tuple[Literal["piston", "tilt"], ...] = key(
+    remove: tuple[Literal["piston", "tilt", "focus"], ...] = key(
         ("piston",),
-        'What is taken off the wavefront first: ["piston"] or ["piston", "tilt"].',
+        'What is taken off the wavefront first: ["piston"], ["piston", "tilt"] or ["piston", "tilt", "focus"].',
     )
 
 

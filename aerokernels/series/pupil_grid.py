@@ -5,9 +5,9 @@ from typing import Any
 
 import numpy as np
 
+from ..pupils import Pupil
+from ..pupils.disc import circle_cells
 from ..wavefront import remove_terms
-
-SUBPIXELS = 8  # a side, for the share of a pixel that a disc covers
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,15 +51,15 @@ def pupil_grid(pupil: Any, pixel_count: int) -> PupilGrid:
         TypeError: No pupil.
         ValueError: Fewer than 2 pixels.
     """
-    if not (hasattr(pupil, "axes") and hasattr(pupil, "center") and hasattr(pupil, "normal")):
+    if not isinstance(pupil, Pupil):
         raise TypeError(f"pupil must be a Disc or another pupil, got {type(pupil).__name__}")
     if isinstance(pixel_count, bool) or not isinstance(pixel_count, (int, np.integer)) or pixel_count < 2:
         raise ValueError(f"pixel_count must be a whole number of at least 2, got {pixel_count!r}")
-    half = pupil.half_extent if hasattr(pupil, "half_extent") else (pupil.radius, pupil.radius)
+    half = pupil.half_extent
     pixel = 2.0 * max(half) / int(pixel_count)
     counts = [max(1, round(2.0 * extent / pixel)) for extent in half]
     edges = [pixel * (np.arange(count + 1) - 0.5 * count) for count in counts]
-    weight = pupil.coverage(*edges) if hasattr(pupil, "coverage") else disc_coverage(pupil.radius, *edges)
+    weight = pupil.coverage(edges[0], edges[1])
     x, y = (0.5 * (edge[1:] + edge[:-1]) for edge in edges)
     lit = weight > 0.0
     columns, rows = np.meshgrid(x, y)
@@ -69,15 +69,8 @@ def pupil_grid(pupil: Any, pixel_count: int) -> PupilGrid:
 
 
 def disc_coverage(radius: float, x_edges: np.ndarray, y_edges: np.ndarray) -> np.ndarray:
-    """Share of each pixel within a disc about the origin, counted on a finer grid, shape (ny, nx)."""
-    part = (np.arange(SUBPIXELS) + 0.5) / SUBPIXELS
-
-    def fine(edges: np.ndarray) -> np.ndarray:
-        return (edges[:-1, None] + np.diff(edges)[:, None] * part).ravel()
-
-    inside = np.hypot(fine(x_edges)[None, :], fine(y_edges)[:, None]) <= radius
-    rows, columns = len(y_edges) - 1, len(x_edges) - 1
-    return np.asarray(inside.reshape(rows, SUBPIXELS, columns, SUBPIXELS).mean(axis=(1, 3)))
+    """Share of each pixel within a disc about the origin, exact, shape (ny, nx)."""
+    return circle_cells(np.asarray(x_edges), np.asarray(y_edges), radius)
 
 
 @dataclass(frozen=True, eq=False)

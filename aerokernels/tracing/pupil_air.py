@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..medium import IndexField
-from ..rays import Disc, RayBundle
+from ..rays import Pupil, RayBundle
 from .known_air import BESIDE, may_be_lost
 from .lines import box_span, face_text
 from .meeting import check_meeting
@@ -53,7 +53,7 @@ class PupilAir:
             )
 
 
-def pupil_air(field: IndexField, pupil: Disc, look: np.ndarray, tolerance: float) -> PupilAir:
+def pupil_air(field: IndexField, pupil: Pupil, look: np.ndarray, tolerance: float) -> PupilAir:
     """What a pupil may lose along straight rays toward `look`; `tolerance` is the OPD error asked for [m].
 
     Raises:

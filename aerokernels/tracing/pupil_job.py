@@ -6,7 +6,7 @@ from functools import cached_property, partial
 import numpy as np
 
 from ..medium import IndexField
-from ..rays import Disc, RayBundle
+from ..rays import Pupil, RayBundle
 from .allowance import check_tolerance
 from .leapfrog import PILOT_RAYS
 from .lines import box_size
@@ -19,7 +19,7 @@ from .radial_quadrature import choose_radial
 from .stop import Plane
 
 REPLICATES = 16
-# A pupil's radius over half of the diagonal of the field's box.
+# A pupil's reach over half of the diagonal of the field's box.
 GREATEST_RATIO = 10.0
 
 
@@ -68,7 +68,7 @@ class PupilJob:
 
 
 def make_job(
-    field: IndexField, pupil: Disc, look: np.ndarray, wavelength: float, ray_count: int, with_tilt, symmetry, **choices
+    field: IndexField, pupil: Pupil, look: np.ndarray, wavelength: float, ray_count: int, remove, symmetry, **choices
 ) -> PupilJob:
     """A pupil planned; `choices` are those of `make_plan`.
 
@@ -102,24 +102,27 @@ def make_job(
         wavelength,
         count,
         REPLICATES,
-        with_tilt=with_tilt and not radial_rays,  # a symmetric wavefront has none
+        # A symmetric wavefront has no tilt, and the piston changes no Strehl ratio.
+        terms=tuple(term for term in remove if term == "focus" or (term == "tilt" and not radial_rays)),
         # About the axis of an axisymmetric field neighbours are rays of one radius, wherever they lie.
-        by_radius=field.geometry == "axisymmetric" and float(np.hypot(*pupil.center[:2])) < 0.05 * pupil.radius,
+        by_radius=field.geometry == "axisymmetric"
+        and pupil.inner_ratio is not None
+        and float(np.hypot(*pupil.center[:2])) < 0.05 * pupil.reach,
         is_radial=radial_rays > 0,
     )
     return PupilJob(plan, until, per_replicate, task, air)
 
 
-def _check_size(field: IndexField, pupil: Disc) -> None:
+def _check_size(field: IndexField, pupil: Pupil) -> None:
     """Refuse a pupil so much larger than the field that hardly one ray in a hundred would meet it.
 
     Raises:
         ValueError: The pupil is more than ten times as large as the field.
     """
     size = 0.5 * box_size(field)
-    if pupil.radius > GREATEST_RATIO * size:
+    if pupil.reach > GREATEST_RATIO * size:
         raise ValueError(
-            f"the pupil's radius of {pupil.radius:g} m is {pupil.radius / size:.0f} times the field's {size:.3g} m: "
+            f"the pupil's reach of {pupil.reach:g} m is {pupil.reach / size:.0f} times the field's {size:.3g} m: "
             "hardly any ray meets the field; give metres, 6e-3 for 6 mm"
         )
 
@@ -133,14 +136,14 @@ def _runner(task: PupilTask):
     return PupilRun(task)
 
 
-def plane_beyond(field: IndexField, pupil: Disc, look: np.ndarray) -> Plane:
+def plane_beyond(field: IndexField, pupil: Pupil, look: np.ndarray) -> Plane:
     """Where the rays of a pupil stop: the plane across the unit vector `look` just beyond the box and the pupil."""
     low, high = field.box
     finite = np.isfinite(low) & np.isfinite(high)
     corner = np.where(finite, np.where(look > 0.0, high, low), pupil.center)
     reach = float((corner - pupil.center) @ look)
     # A little beyond, so that the last face and the plane are never the same surface.
-    return Plane(pupil.center + (max(reach, 0.0) + pupil.radius + 1e-3 * box_size(field)) * look, look)
+    return Plane(pupil.center + (max(reach, 0.0) + pupil.reach + 1e-3 * box_size(field)) * look, look)
 
 
 def _per_replicate(ray_count: int) -> int:

@@ -9,6 +9,7 @@ import numpy as np
 from ..clock import stage
 from .engines import OUTPUT_TYPES, engine_of
 from .launch import RAY_BYTES
+from .pupil_fit import fit_surface, moments_in_metres
 from .pupil_sums import (
     MOMENT_COUNT,
     PUPIL_OUTPUTS,
@@ -16,11 +17,9 @@ from .pupil_sums import (
     PupilSums,
     PupilTask,
     batches_of,
-    fit_plane,
     group_count,
     holds_tolerance,
     joined_counts,
-    moments_in_metres,
     point_order,
     radial_rays,
 )
@@ -58,8 +57,8 @@ class Batch:
 class PupilRun:
     """A pupil made ready on a device, to be traced any number of times, each with points of another seed.
 
-    Replicates are traced in batches. Where the tilt is to be removed, all replicates are needed to find it: what the
-    phasor sums need then stays on the device. Otherwise phasors are summed batch by batch.
+    Replicates are traced in batches. Where tilt or focus is to be removed, all replicates are needed to find it: what
+    the phasor sums need then stays on the device. Otherwise phasors are summed batch by batch.
 
     Raises:
         ValueError: A device that does not open; a field, or so many rays, that do not fit it.
@@ -75,13 +74,14 @@ class PupilRun:
         self.batches = batches_of(task.replicates, task.per_replicate)
         self.widest = self.batches[0].stop - self.batches[0].start
         together = self.widest * task.per_replicate
-        kept = task.replicates * task.per_replicate if task.with_tilt else together
+        kept = task.replicates * task.per_replicate if task.terms else together
         check_memory(engine.device, engine.memory, together, kept)
         self.kernels = engine.pupil_kernels()
         with stage("upload"):
             self.one = engine.put(np.ones(1))
             if not task.is_radial:
                 self.order = engine.put(point_order(task.per_replicate, task.by_radius))
+                self.table = engine.put(task.pupil.square_map.table)
         self.sums = [engine.empty(SUM_COUNT * self.widest * rows) for rows in joined_counts(task.per_replicate)]
         self.buffers: list[dict[str, Any]] = []  # of each batch whose rays are still needed
 
@@ -96,17 +96,17 @@ class PupilRun:
         kept, rejected = [], 0
         points = task.points(seed)
         for number, rows in enumerate(self.batches):
-            batch = self._launch(rows, points, self._buffers(number if task.with_tilt else 0))
+            batch = self._launch(rows, points, self._buffers(number if task.terms else 0))
             self.prepared.launch([batch.position, batch.direction], batch.results, batch.count)
-            sums[rows] = self._sums(batch, np.zeros(3))
+            sums[rows] = self._sums(batch, np.zeros(4))
             if self.prepared.take_rejected() or not holds_tolerance(sums[rows], task):
                 rejected += self._retrace(batch)
-                sums[rows] = self._sums(batch, np.zeros(3))
+                sums[rows] = self._sums(batch, np.zeros(4))
             kept.append(batch)
-        if task.with_tilt:
-            plane = fit_plane(sums[:, :MOMENT_COUNT], True)
+        if task.terms:
+            surface = fit_surface(sums[:, :MOMENT_COUNT], task.terms)
             for batch in kept:
-                sums[batch.rows] = self._sums(batch, plane)
+                sums[batch.rows] = self._sums(batch, surface)
         moments = moments_in_metres(sums[:, :MOMENT_COUNT], task)
         phasors = sums[:, MOMENT_COUNT] + 1j * sums[:, MOMENT_COUNT + 1]
         return PupilSums(moments, phasors, task.replicates * task.per_replicate, rejected)
@@ -131,13 +131,15 @@ class PupilRun:
             position, direction, place, weight = (engine.put(array) for array in radial_rays(task, points, rows))
             return Batch(rows, count, position, direction, place, weight, count, results)
         pupil = task.pupil
-        vectors = [pupil.center, *(pupil.radius * axis for axis in pupil.axes), task.look]
+        vectors = [pupil.center, *(pupil.reach * axis for axis in pupil.axes), task.look]
+        of_square = pupil.square_map
+        shape = [of_square.shape, of_square.row_count, of_square.column_count, self.table]
         position, direction, place = (buffers[name] for name in ("start", "heading", "place"))
-        before = [*vectors, engine.put(points[rows]), self.order, task.per_replicate]
+        before = [*vectors, *shape, engine.put(points[rows]), self.order, task.per_replicate]
         engine.launch(self.kernels["launch_pupil"], before, [position, direction, place], count)
         return Batch(rows, count, position, direction, place, self.one, 1, results)
 
-    def _sums(self, batch: Batch, plane: np.ndarray) -> np.ndarray:
+    def _sums(self, batch: Batch, surface: np.ndarray) -> np.ndarray:
         """Sums of the replicates of a batch, (n, SUM_COUNT): of groups, then of groups of groups."""
         per_replicate, engine, results = self.task.per_replicate, self.engine, batch.results
         replicates = batch.rows.stop - batch.rows.start
@@ -145,7 +147,7 @@ class PupilRun:
         shared = [batch.weight_count, batch.weight, batch.place]
         per_ray = [results[name] for name in ("opd", "step_error", "evaluation_count", "status")]
         engine.launch(self.kernels["sum_moments"], [per_replicate], [*shared, *per_ray, self.sums[0]], groups)
-        numbers = [2.0 * np.pi / self.task.wavelength, plane, per_replicate]
+        numbers = [2.0 * np.pi / self.task.wavelength, surface[:3], float(surface[3]), per_replicate]
         per_ray = [results["opd"], results["status"]]
         engine.launch(self.kernels["sum_phasors"], numbers, [*shared, *per_ray, self.sums[0]], groups)
         for (rows, joined), sums in zip(pairwise(joined_counts(per_replicate)), pairwise(self.sums), strict=True):

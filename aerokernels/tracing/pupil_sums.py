@@ -1,22 +1,21 @@
-"""Sums over a pupil's rays that every backend delivers alike, the plane they define, and the order of the rays."""
+"""Sums over a pupil's rays that every backend delivers alike, and the order of the rays."""
 
 import functools
-import math
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from ..medium import IndexField
-from ..rays import Disc
+from ..rays import Pupil
 from .plan import TracePlan
 from .radial_quadrature import radial_points
 from .scheme import GROUP, JOINED
 from .stop import Plane
 
 # Per replicate: count, x, y, W, xx, xy, yy, xW, yW, WW over the rays that arrived, then the greatest step error and
-# the field evaluations of all rays.
-MOMENT_COUNT = 12
+# the field evaluations of all rays, and over those that arrived xq, yq, qq and qW with q = xx + yy.
+MOMENT_COUNT = 16
 GREATEST_ERROR = 10
 # A row of sums: the moments, then real and imaginary part of the phasor.
 SUM_COUNT = MOMENT_COUNT + 2
@@ -44,20 +43,20 @@ class PupilTask:
         wavelength: Vacuum wavelength [m].
         per_replicate: Rays of a replicate.
         replicates: How many there are.
-        with_tilt: Whether phases are measured from the best-fitting plane; else they are taken as they are.
+        terms: What phases are measured from, fitted best: "tilt", "focus", both, or nothing.
         by_radius: Whether rays are ordered by their distance from the pupil's centre alone, see `point_order`.
         is_radial: Whether the rays lie along one radius of the pupil, for radial quadrature (radial_quadrature.py).
     """
 
     field: IndexField
-    pupil: Disc
+    pupil: Pupil
     look: np.ndarray
     until: Plane
     plan: TracePlan
     wavelength: float
     per_replicate: int
     replicates: int
-    with_tilt: bool = False
+    terms: tuple[str, ...] = ()
     by_radius: bool = False
     is_radial: bool = False
 
@@ -74,7 +73,7 @@ class PupilSums:
 
     Attributes:
         moments: Shape (replicates, MOMENT_COUNT); x and y in metres.
-        phasors: Sums of exp(i k (OPD - plane)), shape (replicates,).
+        phasors: Sums of exp(i k (OPD - surface)), `terms` of the task being the surface, shape (replicates,).
         ray_count: Rays that were traced.
         rejected_count: How many of them are above the tolerance by their own error estimate, though traced again.
     """
@@ -145,8 +144,10 @@ def radial_rays(task: PupilTask, points: tuple[np.ndarray, np.ndarray], rows: sl
     The rays leave the pupil along its first axis; `points` are those of `radial_points`.
     """
     squared, weight = (array[rows].reshape(-1, 1) for array in points)
+    hole = (task.pupil.inner_ratio or 0.0) ** 2
+    squared = hole + (1.0 - hole) * squared
     place = np.sqrt(squared)
-    position = task.pupil.center + task.pupil.radius * place * task.pupil.axes[0]
+    position = task.pupil.center + task.pupil.reach * place * task.pupil.axes[0]
     direction = np.repeat(task.look[None], len(position), axis=0)
     return (
         position,
@@ -173,44 +174,3 @@ def batches_of(replicates: int, per_replicate: int) -> list[slice]:
     """Replicates that are traced together."""
     size = max(1, BATCH_RAYS // per_replicate)
     return [slice(first, min(first + size, replicates)) for first in range(0, replicates, size)]
-
-
-def fit_plane(moments: np.ndarray, with_tilt: bool) -> np.ndarray:
-    """Height and both rises of the plane that phases are measured from, shape (3,), from all replicates' moments.
-
-    The heights are in the unit of W, the rises in that over the unit of x and y.
-    """
-    piston, tilt, _, _ = fit_moments(moments.sum(axis=0))
-    return np.array([piston, *(tilt if with_tilt else (0.0, 0.0))])
-
-
-def moments_in_metres(moments: np.ndarray, task: PupilTask) -> np.ndarray:
-    """Moments (replicates, MOMENT_COUNT) whose x and y are in units of the pupil's radius, in metres.
-
-    Radial quadrature has all its points along x: its moments are turned into those of the disc.
-    """
-    radius = task.pupil.radius
-    moments = moments * np.array([1, radius, radius, 1, *[radius**2] * 3, radius, radius, 1, 1, 1])
-    if task.is_radial:
-        moments[:, [1, 2, 5, 7, 8]] = 0.0
-        moments[:, [4, 6]] = 0.5 * moments[:, [4]]
-    return moments
-
-
-def fit_moments(total: np.ndarray) -> tuple[float, np.ndarray, float, float]:
-    """Piston, tilt, rms about the piston and rms about the plane of a wavefront from its summed moments."""
-    # In Python's own numbers: an estimate of a symmetric pupil takes no longer than some NumPy calls.
-    count, *sums = total[:10].tolist()
-    if count == 0:
-        return 0.0, np.zeros(2), 0.0, 0.0
-    x, y, w, xx, xy, yy, xw, yw, ww = (number / count for number in sums)
-    a, b, c = xx - x * x, xy - x * y, yy - y * y
-    right, up = xw - x * w, yw - y * w
-    determinant = a * c - b * b
-    if determinant > 1e-12 * max(a, c) ** 2:
-        tilt = np.array([(c * right - b * up) / determinant, (a * up - b * right) / determinant])
-    else:  # points on a line, or one
-        tilt = np.linalg.lstsq(np.array([[a, b], [b, c]]), np.array([right, up]), rcond=1e-12)[0]
-    variance = max(ww - w * w, 0.0)
-    about_plane = variance - float(tilt[0]) * right - float(tilt[1]) * up
-    return w, tilt, math.sqrt(variance), math.sqrt(max(about_plane, 0.0))

@@ -6,8 +6,9 @@ disc is one over a line, of which the smooth substitution u = p(t) makes one ove
     1 / (pi R^2) \int f dA = \int_0^1 f(u) du = \int_0^1 f(p(t)) p'(t) dt,    p = t^3 (10 - 15 t + 6 t^2)
     <x> = <y> = <x y> = <x W> = <y W> = 0,    <x^2> = <y^2> = <r^2> / 2
 
-A replicate takes equidistant t at a random offset, which is free of bias, and weights p'(t), which are scaled to sum to
-the number of its rays. With n points the error falls as n^-3 where W is smooth, as n^-2 where it has a kink, and as
+On an annulus u runs from the square of its inner over its outer radius on. A replicate takes equidistant t at a random
+offset, which is free of bias, and weights p'(t), which are scaled to sum to the number of its rays. With n points the
+error falls as n^-3 where W is smooth, as n^-2 where it has a kink, and as
 n^-1 where it jumps or rays are lost at an edge (on such substitutions: I. H. Sloan, S. Joe, Lattice Methods for
 Multiple Integration (1994)).
 """
@@ -15,7 +16,7 @@ Multiple Integration (1994)).
 import numpy as np
 
 from ..medium import IndexField
-from ..rays import Disc
+from ..rays import Pupil
 
 # Rays of a replicate: on the shipped fields their sampling error is below that of a million rays over the disc.
 RADIAL_RAYS = 512
@@ -27,12 +28,14 @@ SETTLED = 1e-5
 ROUNDING = 1e-9
 
 
-def asymmetry(field: IndexField, pupil: Disc, look: np.ndarray) -> str | None:
+def asymmetry(field: IndexField, pupil: Pupil, look: np.ndarray) -> str | None:
     """What breaks the symmetry about the z axis, in words; None where nothing does."""
     if field.geometry != "axisymmetric":
         return f"the field is {'a volume' if field.geometry == 'volume' else field.geometry}, not axisymmetric"
+    if pupil.inner_ratio is None:
+        return f"the pupil is a {type(pupil).__name__}, not round"
     aside = float(np.hypot(*pupil.center[:2]))
-    if aside > ROUNDING * pupil.radius:
+    if aside > ROUNDING * pupil.reach:
         return f"the pupil's centre lies {aside:.3g} m from the axis of symmetry, x = y = 0"
     for name, vector in (("the pupil's normal", pupil.normal), ("the look direction", look)):
         angle = float(np.arctan2(np.hypot(*vector[:2]), abs(vector[2])))
@@ -42,7 +45,7 @@ def asymmetry(field: IndexField, pupil: Disc, look: np.ndarray) -> str | None:
 
 
 def choose_radial(
-    field: IndexField, pupil: Disc, look: np.ndarray, per_replicate: int, replicates: int, symmetry
+    field: IndexField, pupil: Pupil, look: np.ndarray, per_replicate: int, replicates: int, symmetry
 ) -> tuple[int, str]:
     """Rays of a replicate in radial quadrature, 0 for the whole disc, and the reason in words.
 

@@ -42,7 +42,8 @@
     const int ray_count, __global const double *position_in, RAY_OUTPUT_ARGUMENTS
 
 #define LAUNCH_PUPIL_ARGUMENTS \
-    const double3 center, const double3 first, const double3 second, const double3 look, __global const uint *seeds, \
+    const double3 center, const double3 first, const double3 second, const double3 look, const int shape, \
+    const int row_count, const int column_count, __global const double *table_in, __global const uint *seeds, \
     __global const int *order_in, const int per_replicate, const int first_ray, const int ray_count, \
     __global double *position_out, __global double *direction_out, __global double *pupil_out
 
@@ -53,8 +54,8 @@
     __global double *sums_out
 
 #define SUM_PHASORS_ARGUMENTS \
-    const double wave_number, const double3 plane, const int per_replicate, const int first_group, \
-    const int group_count, const int weight_count, __global const double *weight_in, \
+    const double wave_number, const double3 plane, const double focus, const int per_replicate, \
+    const int first_group, const int group_count, const int weight_count, __global const double *weight_in, \
     __global const double *pupil_in, __global const double *opd_in, __global const int *status_in, \
     __global double *sums_out
 

@@ -1,6 +1,6 @@
 // Constants of the scheme.
 // Written by scripts/kernel_headers from scheme.py, tableau.py, step_bound.py, result.py and pupil_sums.py in aerokernels/tracing,
-// and crossings.py and grid.py in medium: change it there.
+// crossings.py and grid.py in medium, and square_map.py in pupils: change it there.
 #ifndef CONSTANTS_H
 #define CONSTANTS_H
 
@@ -121,12 +121,18 @@
 // Pupil: rays summed by one work-item and the sums it delivers, and the hash of the scramble.
 #define GROUP 128
 #define JOINED 64
-#define MOMENT_COUNT 12
-#define SUM_COUNT 14
+#define MOMENT_COUNT 16
+#define SUM_COUNT 18
 #define HASH_1 0x6C50B47Cu
 #define HASH_2 0xB82F1E52u
 #define HASH_3 0xC7AFE638u
 #define HASH_4 0x8D22F6E6u
+
+// Shapes of pupils, and numbers of a table of pixels before its shares.
+#define PUPIL_RING 0
+#define PUPIL_PIXELS 1
+#define PUPIL_TRIANGLES 2
+#define PUPIL_PIXEL_HEADER 4
 
 // Outputs of a ray that are wanted, a bit each.
 #define WANT_POSITION 1

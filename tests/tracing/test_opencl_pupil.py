@@ -3,8 +3,9 @@
 import numpy as np
 import pytest
 
-from aerokernels import Disc, estimate_strehl
+from aerokernels import Annulus, Disc, Mask, Polygon, estimate_strehl
 from aerokernels.medium import IndexField
+from aerokernels.pupils.square_map import RING, SquareMap
 from aerokernels.tracing.pupil_run import check_memory
 from aerokernels.tracing.pupil_sums import MOMENT_COUNT, SUM_COUNT
 from aerokernels.tracing.scheme import GROUP, JOINED
@@ -73,8 +74,19 @@ def rays(count: int) -> dict[str, np.ndarray]:
     }
 
 
-def test_points_are_those_of_warp(device: Device):
-    """Three replicates of 333 points, launched in two parts: the same bits, up to sine and cosine of the angle."""
+SHAPES = {
+    "annulus": Annulus(1.0, 0.3),
+    "mask": Mask([[0.0, 1.0, 2.5], [3.0, 0.0, 1.0], [0.0, 0.0, 0.0], [0.2, 0.1, 0.0]], 0.5),
+    "polygon": Polygon([[0.0, 0.0], [3.0, 0.0], [3.0, 2.0], [1.0, 0.5], [0.0, 2.0]]),
+}
+
+
+@pytest.mark.parametrize("shape", SHAPES)
+def test_points_are_those_of_warp(device: Device, shape: str):
+    """Three replicates of 333 points, launched in two parts: the same bits, up to sine and cosine of the angle.
+
+    The places are NumPy's of the same points of the unit square, which their own map gives.
+    """
     wp = pytest.importorskip("warp")
     from aerokernels.tracing.engines.warp.devices import start_warp
     from aerokernels.tracing.engines.warp.kernels.pupil import launch_pupil
@@ -85,17 +97,32 @@ def test_points_are_those_of_warp(device: Device):
     seeds = np.random.default_rng(2).integers(0, 2**32, (3, 2), dtype=np.uint32)
     order = np.random.default_rng(3).permutation(per).astype(np.int32)
     out = [device.put(np.zeros((count, width))) for width in (3, 3, 2)]
+    of_square = SHAPES[shape].square_map
+    numbers_of_shape = of_square.shape, of_square.row_count, of_square.column_count
+    table = device.put(of_square.table)
     for first, stop in ((0, 500), (500, count)):
         numbers = [double3(v) for v in vectors]
         # Padded to whole work-groups, the last of them beyond the end.
         ends = np.int32(per), np.int32(first), np.int32(stop)
-        device.run("launch_pupil", stop - first, *numbers, device.put(seeds), device.put(order), *ends, *out)
+        of_shape = *(np.int32(number) for number in numbers_of_shape), table
+        device.run("launch_pupil", stop - first, *numbers, *of_shape, device.put(seeds), device.put(order), *ends, *out)
     expected = [wp.empty(count, dtype=kind, device="cpu") for kind in (wp.vec3d, wp.vec3d, wp.vec2d)]
     indices = [wp.array(seeds, dtype=wp.uint32, device="cpu"), wp.array(order, dtype=wp.int32, device="cpu")]
-    given = [*(wp.vec3d(*v) for v in vectors), *indices, per, 0, *expected]
+    warp_table = wp.array(of_square.table, dtype=wp.float64, device="cpu")
+    given = [*(wp.vec3d(*v) for v in vectors), *numbers_of_shape, warp_table, *indices, per, 0, *expected]
     wp.launch(launch_pupil, dim=count, inputs=given, device="cpu")
     for ours, theirs in zip(out, expected, strict=True):
         assert np.abs(device.get(ours) - theirs.numpy()).max() < 4e-15
+    place = device.get(out[2])
+    # The same points again by NumPy: those of the unit square from the disc's places, without a shape of their own.
+    ring = SquareMap(RING, 0, 0, np.zeros(1))
+    plain = device.put(np.zeros((count, 2)))
+    of_ring = np.int32(RING), np.int32(0), np.int32(0), device.put(ring.table)
+    ends = np.int32(per), np.int32(0), np.int32(count)
+    device.run("launch_pupil", count, *numbers, *of_ring, device.put(seeds), device.put(order), *ends, *out[:2], plain)
+    x, y = device.get(plain).T
+    square = np.stack([x * x + y * y, np.arctan2(y, x) / (2.0 * np.pi) % 1.0], axis=1)
+    assert np.abs(of_square.points(square) - place).max() < 1e-12
 
 
 @pytest.mark.parametrize("replicates", [1, 3])
@@ -124,6 +151,9 @@ def test_moments_are_sums_over_each_group(device: Device, count: int, replicates
         terms = (np.ones_like(x), x, y, w, x * x, x * y, y * y, x * w, y * w, w * w)
         for k, term in enumerate(share * np.array(terms)):
             assert abs(found[group, k] - term.sum()) <= GROUP * 2.0**-52 * np.abs(term).sum(), k
+        q = x * x + y * y
+        for k, term in enumerate(share * np.array((x * q, y * q, q * q, q * w)), start=12):
+            assert abs(found[group, k] - term.sum()) <= GROUP * 2.0**-52 * np.abs(term).sum(), k
         assert found[group, 10] == rows["step_error"][good].max(initial=0.0)
         assert found[group, 11] == rows["evaluation_count"].sum()
 
@@ -136,9 +166,19 @@ def test_groups_can_be_summed_in_parts(device: Device):
     names = ("pupil", "opd", "status")
     ends = np.int32(3 * GROUP), np.int32(1), np.int32(3), np.int32(1)
     one = device.put(np.ones(1))
-    device.run("sum_phasors", 64 * 2, number, plane, *ends, one, *(device.put(given[name]) for name in names), out)
+    device.run(
+        "sum_phasors",
+        64 * 2,
+        number,
+        plane,
+        np.float64(5e-8),
+        *ends,
+        one,
+        *(device.put(given[name]) for name in names),
+        out,
+    )
     found = device.get(out)
-    phase = 7e6 * (given["opd"] - 1e-7 - given["pupil"] @ [2e-8, -3e-8])
+    phase = 7e6 * (given["opd"] - 1e-7 - given["pupil"] @ [2e-8, -3e-8] - 5e-8 * np.sum(given["pupil"] ** 2, axis=1))
     phasor = np.where(given["status"] == RayStatus.OK, np.exp(1j * phase), 0.0).reshape(3, GROUP).sum(axis=1)
     assert (found[0] == 5.0).all()
     assert (found[:, :MOMENT_COUNT] == 5.0).all()

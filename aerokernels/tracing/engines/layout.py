@@ -223,6 +223,10 @@ KERNELS: dict[str, tuple[Value, ...]] = {
         Value("first", "double3"),
         Value("second", "double3"),
         Value("look", "double3"),
+        Value("shape", "int"),
+        Value("row_count", "int"),
+        Value("column_count", "int"),
+        Value("table_in", "double*"),
         Value("seeds", "uint**"),
         Value("order_in", "int*"),
         Value("per_replicate", "int"),
@@ -241,6 +245,7 @@ KERNELS: dict[str, tuple[Value, ...]] = {
     "sum_phasors": (
         Value("wave_number", "double"),
         Value("plane", "double3"),
+        Value("focus", "double"),
         *SUMMED,
         Value("status_in", "int*"),
         Value("sums_out", "double*"),

@@ -3,7 +3,8 @@
 import numpy as np
 
 from ....rays import RayBundle
-from ...pupil_sums import MOMENT_COUNT, PUPIL_OUTPUTS, PupilSums, PupilTask, fit_plane, moments_in_metres, radial_rays
+from ...pupil_fit import fit_surface, moments_in_metres
+from ...pupil_sums import MOMENT_COUNT, PUPIL_OUTPUTS, PupilSums, PupilTask, radial_rays
 from ...status import reached
 from ...trace import run_plan
 
@@ -29,12 +30,18 @@ class PupilRun:
             (x, y), share, opd = place[good].T, weight[good], arrays["opd"][good]
             terms = (np.ones_like(x), x, y, opd, x * x, x * y, y * y, x * opd, y * opd, opd * opd)
             worst = arrays["step_error"][good].max(initial=0.0)
-            moments[replicate] = [*(share @ term for term in terms), worst, arrays["evaluation_count"].sum()]
+            q = x * x + y * y
+            of_square = (share @ term for term in (x * q, y * q, q * q, q * opd))
+            evaluations = arrays["evaluation_count"].sum()
+            moments[replicate] = [*(share @ term for term in terms), worst, evaluations, *of_square]
             kept.append((x, y, share, opd))
         # Phases from the mean on: what is left of them is small, and so is their rounding.
-        piston, *tilt = fit_plane(moments, task.with_tilt)
+        height, right, up, focus = fit_surface(moments, task.terms)
         wave = 2j * np.pi / task.wavelength
-        phasors = [share @ np.exp(wave * (w - piston - tilt[0] * x - tilt[1] * y)) for x, y, share, w in kept]
+        phasors = [
+            share @ np.exp(wave * (w - height - right * x - up * y - focus * (x * x + y * y)))
+            for x, y, share, w in kept
+        ]
         ray_count = task.replicates * task.per_replicate
         return PupilSums(moments_in_metres(moments, task), np.array(phasors), ray_count)
 
@@ -44,5 +51,5 @@ class PupilRun:
             return radial_rays(task, task.points(seed), slice(replicate, replicate + 1))
         seed = seed * task.replicates + replicate
         rays = RayBundle.collimated(task.pupil, task.per_replicate, direction=task.look, seed=seed)
-        place = (rays.position - task.pupil.center) @ np.stack(task.pupil.axes, axis=1) / task.pupil.radius
+        place = (rays.position - task.pupil.center) @ np.stack(task.pupil.axes, axis=1) / task.pupil.reach
         return rays.position, rays.direction, place, np.ones(task.per_replicate)

@@ -2,7 +2,7 @@
 
 Points are the two-dimensional Sobol sequence (bit reversal, and the sequence of x + 1) with a nested uniform scramble
 by hashing (B. Burley, Practical hash-based Owen scrambling, JCGT 9-4 (2020)), one seed per replicate and axis; equal
-areas of the square map to equal areas of the disc.
+shares of the square map to equal shares of the pupil (pupil_shape.py).
 """
 
 import warp as wp
@@ -11,6 +11,7 @@ from ....pupil_sums import MOMENT_COUNT, SUM_COUNT
 from ....scheme import GROUP, HASHES, JOINED
 from ....status import RayStatus
 from ..types import takes
+from .pupil_shape import place_on_pupil
 
 # Constants of 32 bits are typed here: a literal inside a kernel would pass through a signed integer.
 _HASH_1 = wp.constant(wp.uint32(HASHES[0]))
@@ -66,11 +67,25 @@ def second_axis(index: wp.uint32):
 @wp.kernel(enable_backward=False)
 @takes("launch_pupil")
 def launch_pupil(
-    center, first, second, look, seeds, order_in, per_replicate, first_ray, position_out, direction_out, pupil_out
+    center,
+    first,
+    second,
+    look,
+    shape,
+    row_count,
+    column_count,
+    table_in,
+    seeds,
+    order_in,
+    per_replicate,
+    first_ray,
+    position_out,
+    direction_out,
+    pupil_out,
 ):
-    """Points of the pupil; `first` and `second` are its axes times its radius.
+    """Points of the pupil; `first` and `second` are its axes times its reach.
 
-    Ray r of a replicate is its point order_in[r]: neighbours in the launch are then neighbours on the disc.
+    Ray r of a replicate is its point order_in[r]: neighbours in the launch are then neighbours on the pupil.
     """
     ray = wp.tid() + first_ray
     replicate = ray // per_replicate
@@ -78,13 +93,10 @@ def launch_pupil(
     unit = wp.float64(2.3283064365386963e-10)
     u = (wp.float64(scramble(reverse_bits(index), seeds[replicate, 0])) + wp.float64(0.5)) * unit
     v = (wp.float64(scramble(second_axis(index), seeds[replicate, 1])) + wp.float64(0.5)) * unit
-    radius = wp.sqrt(u)
-    angle = wp.float64(6.283185307179586) * v
-    x = radius * wp.cos(angle)
-    y = radius * wp.sin(angle)
-    position_out[ray] = center + x * first + y * second
+    place = place_on_pupil(shape, row_count, column_count, table_in, u, v)
+    position_out[ray] = center + place[0] * first + place[1] * second
     direction_out[ray] = look
-    pupil_out[ray] = wp.vec2d(x, y)
+    pupil_out[ray] = place
 
 
 @wp.func
@@ -138,6 +150,10 @@ def sum_moments(
     sxw = wp.float64(0.0)
     syw = wp.float64(0.0)
     sww = wp.float64(0.0)
+    sxq = wp.float64(0.0)
+    syq = wp.float64(0.0)
+    sqq = wp.float64(0.0)
+    sqw = wp.float64(0.0)
     worst = wp.float64(0.0)
     looked = wp.float64(0.0)
     for ray in range(begin, stop):
@@ -156,6 +172,11 @@ def sum_moments(
             sxw += share * p[0] * w
             syw += share * p[1] * w
             sww += share * w * w
+            q = p[0] * p[0] + p[1] * p[1]
+            sxq += share * p[0] * q
+            syq += share * p[1] * q
+            sqq += share * q * q
+            sqw += share * q * w
             worst = wp.max(worst, step_error_in[ray])
     sums_out[group * _SUMS + 0] = count
     sums_out[group * _SUMS + 1] = sx
@@ -169,21 +190,36 @@ def sum_moments(
     sums_out[group * _SUMS + 9] = sww
     sums_out[group * _SUMS + 10] = worst
     sums_out[group * _SUMS + 11] = looked
+    sums_out[group * _SUMS + 12] = sxq
+    sums_out[group * _SUMS + 13] = syq
+    sums_out[group * _SUMS + 14] = sqq
+    sums_out[group * _SUMS + 15] = sqw
 
 
 @wp.kernel(enable_backward=False)
 @takes("sum_phasors")
 def sum_phasors(
-    wave_number, plane, per_replicate, first_group, weight_count, weight_in, pupil_in, opd_in, status_in, sums_out
+    wave_number,
+    plane,
+    focus,
+    per_replicate,
+    first_group,
+    weight_count,
+    weight_in,
+    pupil_in,
+    opd_in,
+    status_in,
+    sums_out,
 ):
-    """Sum of exp(i k (OPD - plane)) over one group of rays, those that arrived."""
+    """Sum of exp(i k (OPD - surface)) over one group of rays, those that arrived."""
     group = wp.tid() + first_group
     begin, stop = group_span(group, per_replicate)
     total = wp.vec2d(wp.float64(0.0), wp.float64(0.0))
     for ray in range(begin, stop):
         if has_arrived(status_in[ray]):
             p = pupil_in[ray]
-            phase = wave_number * (opd_in[ray] - plane[0] - plane[1] * p[0] - plane[2] * p[1])
+            surface = plane[0] + plane[1] * p[0] + plane[2] * p[1] + focus * (p[0] * p[0] + p[1] * p[1])
+            phase = wave_number * (opd_in[ray] - surface)
             total += weight_of(weight_count, weight_in, ray) * wp.vec2d(wp.cos(phase), wp.sin(phase))
     sums_out[group * _SUMS + _MOMENTS] = total[0]
     sums_out[group * _SUMS + _MOMENTS + 1] = total[1]

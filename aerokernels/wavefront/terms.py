@@ -1,16 +1,16 @@
-r"""Wavefronts over a pupil: piston and tilt, and the point spread function.
+r"""Terms of a wavefront: piston, tilt and focus, fitted by least squares and removed; and its Strehl ratio.
 
 A wavefront is the optical path difference at points of a pupil. Its tilt is fitted by least squares: OPD ~ c + a x + b
-y, with slopes a, b in radians, the angle by which the beam that leaves the pupil is deflected.
+y, with slopes a, b in radians, the angle by which the beam that leaves the pupil is deflected. Several terms are
+fitted together, the mean always with them: OPD ~ c + a x + b y + d (x^2 + y^2).
 """
 
 from dataclasses import dataclass
 
 import numpy as np
 
-from .wavelength import check_wavelength
-
-TERMS = ("piston", "tilt")
+# What can be removed.
+TERMS = ("piston", "tilt", "focus")
 # Ten thousand waves about the mean: nanometres, or waves, that were taken for metres.
 GREATEST_OPD = 1e-2
 
@@ -89,33 +89,56 @@ def fit_tilt(opd, points, weights=None) -> TiltFit:
 
 
 def map_points(opd, points):
-    """The points given, or the pixel coordinates of a wavefront that is a map (a two-axis array); else None."""
+    """The points given, or pixel coordinates about the middle of a map (a two-axis array); else None."""
     if points is None and np.ndim(opd) == 2:
         rows, columns = np.indices(np.shape(opd), dtype=np.float64)
-        return np.stack([rows.ravel(), columns.ravel()], axis=1)
+        height, width = np.shape(opd)
+        return np.stack([rows.ravel() - 0.5 * (height - 1), columns.ravel() - 0.5 * (width - 1)], axis=1)
     return points
 
 
 def remove_terms(opd, remove, points=None, weights=None) -> np.ndarray:
-    """The wavefront less the named terms [m].
+    """The wavefront less the named terms [m]: "piston", "tilt", "focus", fitted together.
+
+    "focus" is the square of the distance from the origin of `points`, the pupil's centre.
 
     Raises:
-        ValueError: An unknown term, or "tilt" without the points it is fitted over.
+        ValueError: An unknown term, or "tilt" or "focus" without the points that they are fitted over.
     """
     remove = check_terms(remove)
     opd, weights = check_wavefront(opd, weights)
-    if "tilt" in remove:
+    fitted = [term for term in remove if term != "piston"]
+    if fitted:
         if points is None:
             raise ValueError(
-                "removing 'tilt' needs to know where the samples lie: give the wavefront as a map (two axes), "
+                f"removing '{fitted[0]}' needs to know where the samples lie: give the wavefront as a map (two axes), "
                 "or points, the pupil coordinates of the samples, shape (n, 2)"
             )
-        fit = fit_tilt(opd, points, weights)
-        points = np.asarray(points, dtype=np.float64)
-        opd = opd - (points - weights @ points) @ fit.tilt
+        opd = opd - _surface(opd, points, weights, fitted)
     if "piston" in remove:
         opd = opd - weights @ opd
     return opd
+
+
+def _surface(opd: np.ndarray, points, weights: np.ndarray, terms: list[str]) -> np.ndarray:
+    """Tilt, focus or both of a wavefront, as fitted together with its mean, of weighted mean 0 [m], shape (n,)."""
+    fit = fit_tilt(opd, points, weights)  # checks the points too
+    points = np.asarray(points, dtype=np.float64)
+    centred = points - weights @ points
+    if "focus" not in terms:
+        return centred @ fit.tilt
+    size = np.sqrt(weights @ np.sum(centred**2, axis=1)) or 1.0
+    columns = [*(centred.T / size)] if "tilt" in terms else []
+    # About the points' mean where tilt goes along, which makes up for it; about the origin where focus goes alone.
+    square = np.sum((centred if "tilt" in terms else points) ** 2, axis=1) / size**2
+    basis = np.stack([*columns, square - weights @ square], axis=1)
+    weighted = (basis * weights[:, None]).T
+    return basis @ np.linalg.lstsq(weighted @ basis, weighted @ (opd - weights @ opd), rcond=1e-12)[0]
+
+
+def mean_phasor(opd: np.ndarray, weights: np.ndarray, wavelength: float) -> complex:
+    """<exp(i k OPD)> over samples whose weights sum to 1, both flat: its square is the Strehl ratio."""
+    return complex(weights @ np.exp(2j * np.pi / wavelength * opd))
 
 
 def check_terms(remove) -> tuple[str, ...]:
@@ -125,65 +148,3 @@ def check_terms(remove) -> tuple[str, ...]:
     if unknown:
         raise ValueError(f"cannot remove {unknown}: choose from {', '.join(TERMS)}")
     return remove
-
-
-@dataclass(frozen=True)
-class PointSpread:
-    """A point spread function.
-
-    Attributes:
-        intensity: Intensity over the peak of the undistorted pupil, shape (n, n); its greatest value is the Strehl
-            ratio when tilt is left out of account.
-        angle: Field angles of rows and columns [rad], shape (n,).
-    """
-
-    intensity: np.ndarray
-    angle: np.ndarray
-
-
-def point_spread_function(
-    opd, mask, pixel: float, wavelength: float, *, padding: int = 8, half_width: float | None = None
-) -> PointSpread:
-    """Point spread function of a wavefront on a square grid, by the discrete Fourier transform of the pupil.
-
-    A few rings need a small part of the transform only: with `half_width` that part is computed as two products with
-    matrices (R. Soummer et al., Opt. Express 15 (2007) 15935), which gives the same values.
-
-    Args:
-        opd: Optical path difference on a square grid [m], shape (n, n); values outside `mask` are ignored.
-        mask: Transmission of the pupil (0 to 1), shape (n, n).
-        pixel: Grid spacing [m].
-        wavelength: Wavelength [m].
-        padding: Samples per wavelength / diameter: the pupil is padded to this many times its size.
-        half_width: Greatest field angle wanted [rad], along either axis; None for all.
-
-    Raises:
-        TypeError: The wavelength is not one number.
-        ValueError: Shapes that disagree, an empty pupil, a wavelength outside 0.1 to 20 um, numbers that make no sense.
-    """
-    opd, mask = np.asarray(opd, dtype=np.float64), np.asarray(mask, dtype=np.float64)
-    if opd.ndim != 2 or opd.shape[0] != opd.shape[1] or opd.shape != mask.shape:
-        raise ValueError(f"opd and mask must be square and of one shape, got {opd.shape} and {mask.shape}")
-    wavelength = check_wavelength(wavelength)
-    if not (np.isfinite(pixel) and pixel > 0.0 and padding >= 1):
-        raise ValueError(f"pixel and padding must be positive, got {pixel!r} m and {padding!r}")
-    if half_width is not None and not half_width >= 0.0:
-        raise ValueError(f"half_width must be an angle of at least 0 rad, or None, got {half_width!r}")
-    lit = mask > 0.0
-    if not lit.any() or not np.isfinite(opd[lit]).all():
-        raise ValueError("the pupil must not be empty and the wavefront in it must be finite")
-    count = opd.shape[0]
-    size = int(count * padding)
-    field = mask * np.exp(2j * np.pi / wavelength * np.where(lit, opd, 0.0))
-    angle = np.fft.fftshift(np.fft.fftfreq(size, pixel)) * wavelength
-    if half_width is None:
-        amplitude = np.fft.fftshift(np.fft.fft2(field, (size, size)))
-    else:
-        shown = np.abs(angle) <= half_width
-        angle = angle[shown]
-        frequency = np.arange(size)[shown] - size // 2
-        # Whole turns are taken out in whole numbers, so that the phase is exact.
-        turn = np.outer(frequency, np.arange(count)) % size
-        transform = np.exp(-2j * np.pi / size * turn)
-        amplitude = transform @ field @ transform.T
-    return PointSpread(np.abs(amplitude) ** 2 / mask.sum() ** 2, angle)

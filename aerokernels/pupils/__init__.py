@@ -1,0 +1,22 @@
+"""Pupils: the apertures that rays leave or are seen through, each a map of the unit square with a transmission."""
+
+from .base import Pupil
+from .disc import Annulus, Disc, unit_disc_samples
+from .pixels import Mask, Rectangle
+from .polygon import Polygon
+from .square_map import SquareMap
+from .vectors import as_unit_vector, as_vector, transverse_axes
+
+__all__ = [
+    "Annulus",
+    "Disc",
+    "Mask",
+    "Polygon",
+    "Pupil",
+    "Rectangle",
+    "SquareMap",
+    "as_unit_vector",
+    "as_vector",
+    "transverse_axes",
+    "unit_disc_samples",
+]

@@ -1,0 +1,184 @@
+"""Round pupils: the disc and the annulus, and how the square grid's cells are covered by a circle."""
+
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+
+from ..sobol import sobol_points
+from .base import SAMPLINGS, Pupil
+from .square_map import RING, SquareMap
+from .vectors import check_count, check_length
+
+
+def unit_disc_samples(count: int, sampling: str, seed: int = 0) -> tuple[np.ndarray, np.ndarray]:
+    """Points in the unit disc, shape (n, 2), and weights that sum to 1, shape (n,).
+
+    "sobol" (scrambled, equal weights), "random" (equal weights) give exactly `count` points; "gauss" (Gauss-Legendre
+    in r^2, equispaced in angle: exact for polynomials) and "grid" (the cells of a square grid whose centres lie in
+    the disc) give about `count`.
+    """
+    count = check_count(count)
+    if sampling not in SAMPLINGS:
+        raise ValueError(f"sampling {sampling!r} is not known: choose one of {', '.join(SAMPLINGS)}")
+    return _ring_samples(count, sampling, seed, 0.0)
+
+
+def _ring_samples(count: int, sampling: str, seed: int, inner: float) -> tuple[np.ndarray, np.ndarray]:
+    """Those of the unit disc outside the circle of radius `inner`."""
+    hole = inner**2
+    if sampling == "grid":
+        side = max(1, round(np.sqrt(4.0 * count / (np.pi * (1.0 - hole)))))
+        axis = (np.arange(side) + 0.5) * 2.0 / side - 1.0
+        x, y = (a.ravel() for a in np.meshgrid(axis, axis, indexing="ij"))
+        squared = x**2 + y**2
+        inside = (squared <= 1.0) & (squared >= hole)
+        if not inside.any():  # a thin ring that no cell's centre lies in
+            return _ring_samples(count, "gauss", seed, inner)
+        points = np.stack([x[inside], y[inside]], axis=1)
+        return points, np.full(len(points), 1.0 / len(points))
+    if sampling == "gauss":
+        ring_count = max(1, round(np.sqrt(count / 4.0)))
+        angle_count = max(1, round(count / ring_count))
+        node, weight = np.polynomial.legendre.leggauss(ring_count)
+        radius = np.sqrt(0.5 * (node + 1.0) if not inner else hole + (1.0 - hole) * 0.5 * (node + 1.0))
+        angle = 2.0 * np.pi * (np.arange(angle_count) + 0.5) / angle_count
+        points = np.stack([np.outer(radius, np.cos(angle)).ravel(), np.outer(radius, np.sin(angle)).ravel()], axis=1)
+        return points, np.repeat(0.5 * weight / angle_count, angle_count)
+    if sampling == "sobol":
+        square = sobol_points(count, 2, seed)
+    else:
+        square = np.random.default_rng(seed).random((count, 2))
+    return SquareMap(RING, 0, 0, np.array([hole])).points(square), np.full(count, 1.0 / count)
+
+
+class _Round(Pupil):
+    """What the disc and the annulus share."""
+
+    radius: float
+
+    @property
+    def _inner(self) -> float:
+        return 0.0
+
+    @property
+    def reach(self) -> float:
+        """Its radius [m]."""
+        return self.radius
+
+    @property
+    def half_extent(self) -> tuple[float, float]:
+        """Its radius [m], twice."""
+        return self.radius, self.radius
+
+    @property
+    def area(self) -> float:
+        """Area [m2]."""
+        return float(np.pi * (self.radius**2 - self._inner**2))
+
+    @property
+    def inner_ratio(self) -> float | None:
+        """Inner over outer radius."""
+        return self._inner / self.radius
+
+    @cached_property
+    def square_map(self) -> SquareMap:
+        """How the unit square is mapped on it, in units of `reach`."""
+        return SquareMap(RING, 0, 0, np.array([(self._inner / self.radius) ** 2]))
+
+    def coverage(self, x_edges: np.ndarray, y_edges: np.ndarray, power: int = 1) -> np.ndarray:
+        """Share of each cell of a grid that lies in the pupil, exact: see `Pupil.coverage`."""
+        covered = circle_cells(x_edges, y_edges, self.radius)
+        if self._inner > 0.0:
+            covered = covered - circle_cells(x_edges, y_edges, self._inner)
+        return np.clip(covered, 0.0, 1.0)
+
+    def transmission(self, x: np.ndarray, y: np.ndarray) -> np.ndarray:
+        """1 in the pupil, its rims included, 0 elsewhere: see `Pupil.transmission`."""
+        squared = np.asarray(x, dtype=np.float64) ** 2 + np.asarray(y, dtype=np.float64) ** 2
+        rim, hole = self.radius**2 * (1.0 + 1e-12), self._inner**2 * (1.0 - 1e-12)
+        return np.where((squared <= rim) & (squared >= hole), 1.0, 0.0)
+
+    def _flat_sample(self, count: int, sampling: str, seed: int) -> tuple[np.ndarray, np.ndarray]:
+        return _ring_samples(count, sampling, seed, self._inner / self.radius)
+
+    def _gauss(self, count: int) -> tuple[np.ndarray, np.ndarray]:
+        return _ring_samples(count, "gauss", 0, self._inner / self.radius)
+
+
+@dataclass(frozen=True, eq=False)
+class Disc(_Round):
+    """A flat circular pupil.
+
+    Attributes:
+        radius: Radius [m].
+        center: Centre [m], shape (3,).
+        normal: Direction in which the pupil looks (made a unit vector), shape (3,).
+
+    Raises:
+        ValueError: A radius that is not positive, or a centre or normal that is not three finite numbers.
+    """
+
+    radius: float
+    center: np.ndarray = field(default_factory=lambda: np.zeros(3))
+    normal: np.ndarray = field(default_factory=lambda: np.array([0.0, 0.0, 1.0]))
+
+    def __post_init__(self):
+        """Check and normalise."""
+        check_length(self.radius, "radius of a Disc")
+        self._check_place()
+
+
+@dataclass(frozen=True, eq=False)
+class Annulus(_Round):
+    """A flat circular pupil with a central obstruction.
+
+    Attributes:
+        radius: Outer radius [m].
+        inner_radius: Radius of the obstruction [m], at least 0 and below `radius`.
+        center: Centre [m], shape (3,).
+        normal: Direction in which the pupil looks (made a unit vector), shape (3,).
+
+    Raises:
+        ValueError: Radii that make no ring, or a centre or normal that is not three finite numbers.
+    """
+
+    radius: float
+    inner_radius: float
+    center: np.ndarray = field(default_factory=lambda: np.zeros(3))
+    normal: np.ndarray = field(default_factory=lambda: np.array([0.0, 0.0, 1.0]))
+
+    def __post_init__(self):
+        """Check and normalise."""
+        check_length(self.radius, "radius of an Annulus")
+        if not (np.isfinite(self.inner_radius) and 0.0 <= self.inner_radius < self.radius):
+            raise ValueError(
+                f"the inner_radius of an Annulus must be at least 0 m and below its radius of {self.radius!r} m, got "
+                f"{self.inner_radius!r}"
+            )
+        self._check_place()
+
+    @property
+    def _inner(self) -> float:
+        return float(self.inner_radius)
+
+
+def circle_cells(x_edges: np.ndarray, y_edges: np.ndarray, radius: float) -> np.ndarray:
+    """Share of each cell of a grid that lies in the circle about the origin, shape (y count, x count)."""
+    x, y = np.clip(x_edges / radius, -1.0, 1.0), np.clip(y_edges / radius, -1.0, 1.0)
+    below = _area_below(x[None, :], y[:, None])
+    area = np.diff(np.diff(below, axis=0), axis=1) * radius**2
+    return np.clip(area / (np.diff(y_edges)[:, None] * np.diff(x_edges)[None, :]), 0.0, 1.0)
+
+
+def _area_below(x: np.ndarray, y: np.ndarray) -> np.ndarray:
+    r"""Area of the unit disc left of x and below y: \int_{-1}^x (clip(y, -s, s) + s) dt with s = sqrt(1 - t^2)."""
+
+    def primitive(t):
+        return 0.5 * (t * np.sqrt(1.0 - t * t) + np.arcsin(t))
+
+    turn = np.sqrt(1.0 - y * y)  # |t| at which the line y meets the circle
+    inside = np.clip(x, -turn, turn)
+    middle = y * (inside + turn) + primitive(inside) + primitive(turn)
+    ends = primitive(np.minimum(x, -turn)) + 0.25 * np.pi + primitive(np.maximum(x, turn)) - primitive(turn)
+    return middle + np.where(y > 0.0, 2.0 * ends, 0.0)

@@ -1,0 +1,184 @@
+"""Pupils made of pixels: a mask of any shape and apodisation, and the rectangle, which is one pixel."""
+
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+
+from .base import Pupil
+from .square_map import PIXELS, SquareMap, cumulative
+from .vectors import check_length
+
+
+class _Pixels(Pupil):
+    """Constant transmission in each pixel of a grid about the centre."""
+
+    @property
+    def _weights(self) -> np.ndarray:
+        raise NotImplementedError
+
+    @property
+    def _size(self) -> tuple[float, float]:
+        """Width and height of a pixel [m]."""
+        raise NotImplementedError
+
+    @property
+    def half_extent(self) -> tuple[float, float]:
+        """Half of the width and of the height of all pixels [m]."""
+        rows, columns = self._weights.shape
+        width, height = self._size
+        return 0.5 * columns * width, 0.5 * rows * height
+
+    @property
+    def reach(self) -> float:
+        """Distance of the corners from the centre [m]."""
+        return float(np.hypot(*self.half_extent))
+
+    @property
+    def area(self) -> float:
+        """Integral of the transmission [m2]."""
+        width, height = self._size
+        return float(self._weights.sum() * width * height)
+
+    @property
+    def _lit_area(self) -> float:
+        width, height = self._size
+        return float(np.count_nonzero(self._weights) * width * height)
+
+    @cached_property
+    def square_map(self) -> SquareMap:
+        """How the unit square is mapped on it, in units of `reach`."""
+        rows, columns = self._weights.shape
+        half, size = np.array(self.half_extent) / self.reach, np.array(self._size) / self.reach
+        shares = cumulative(self._weights.sum(axis=1)), cumulative(self._weights)
+        return SquareMap(PIXELS, rows, columns, np.concatenate([-half, size, *(part.ravel() for part in shares)]))
+
+    def coverage(self, x_edges: np.ndarray, y_edges: np.ndarray, power: int = 1) -> np.ndarray:
+        """Mean transmission in each cell of a grid, exact: see `Pupil.coverage`."""
+        along_x, along_y = (
+            _overlap(np.asarray(edges), extent, size, count)
+            for edges, extent, size, count in zip(
+                (x_edges, y_edges), self.half_extent, self._size, self._weights.shape[::-1], strict=True
+            )
+        )
+        return np.asarray(along_y @ self._weights**power @ along_x.T)
+
+    def transmission(self, x: np.ndarray, y: np.ndarray) -> np.ndarray:
+        """That of the pixel that each point lies in: see `Pupil.transmission`."""
+        places, there = [], np.array(True)
+        for value, extent, size, count in zip(
+            (x, y), self.half_extent, self._size, self._weights.shape[::-1], strict=True
+        ):
+            value = np.asarray(value, dtype=np.float64)
+            there = there & (np.abs(value) <= extent * (1.0 + 1e-12))
+            places.append(np.clip(np.floor((value + extent) / size).astype(int), 0, count - 1))
+        return np.where(there, self._weights[places[1], places[0]], 0.0)
+
+    def _gauss(self, count: int) -> tuple[np.ndarray, np.ndarray]:
+        """A product rule in each pixel; where the pixels are too many for that, one through the map of the square."""
+        row, column = np.nonzero(self._weights)
+        order = max(1, round(np.sqrt(count / len(row))))
+        if len(row) > 2 * count:
+            order = max(1, round(np.sqrt(count)))
+        node, weight = np.polynomial.legendre.leggauss(order)
+        u, v = (axis.ravel() for axis in np.meshgrid(0.5 * (node + 1.0), 0.5 * (node + 1.0)))
+        share = 0.25 * np.outer(weight, weight).ravel()
+        if len(row) > 2 * count:
+            return self.square_map.points(np.stack([u, v], axis=1)), share
+        half, size = np.array(self.half_extent), np.array(self._size)
+        corner = np.stack([column, row], axis=1)[:, None]
+        points = (corner + np.stack([u, v], axis=1)) * size - half
+        of_pixel = self._weights[row, column] / self._weights.sum()
+        return points.reshape(-1, 2) / self.reach, np.outer(of_pixel, share).ravel()
+
+
+def _overlap(edges: np.ndarray, extent: float, size: float, count: int) -> np.ndarray:
+    """Share of each cell between `edges` that each of `count` pixels covers, shape (cell count, count)."""
+    pixel = -extent + size * np.arange(count + 1)
+    high = np.minimum(edges[1:, None], pixel[None, 1:])
+    low = np.maximum(edges[:-1, None], pixel[None, :-1])
+    return np.maximum(high - low, 0.0) / np.diff(edges)[:, None]
+
+
+@dataclass(frozen=True, eq=False)
+class Rectangle(_Pixels):
+    """A flat rectangular pupil.
+
+    Attributes:
+        width: Extent along its first axis [m]: x where it looks along z.
+        height: Extent along its second axis [m].
+        center: Centre [m], shape (3,).
+        normal: Direction in which the pupil looks (made a unit vector), shape (3,).
+
+    Raises:
+        ValueError: A side that is not positive, or a centre or normal that is not three finite numbers.
+    """
+
+    width: float
+    height: float
+    center: np.ndarray = field(default_factory=lambda: np.zeros(3))
+    normal: np.ndarray = field(default_factory=lambda: np.array([0.0, 0.0, 1.0]))
+
+    def __post_init__(self):
+        """Check and normalise."""
+        check_length(self.width, "width of a Rectangle")
+        check_length(self.height, "height of a Rectangle")
+        self._check_place()
+
+    @property
+    def _weights(self) -> np.ndarray:
+        return np.ones((1, 1))
+
+    @property
+    def _size(self) -> tuple[float, float]:
+        return float(self.width), float(self.height)
+
+
+@dataclass(frozen=True, eq=False)
+class Mask(_Pixels):
+    """A flat pupil of any shape and transmission, constant in each of its pixels.
+
+    Attributes:
+        weights: Transmission of the amplitude, not negative, of any scale, shape (row count, column count): rows along
+            the pupil's second axis (y where it looks along z), columns along its first, both ascending.
+        pixel: Side of a pixel [m]; two numbers for width and height.
+        center: The middle of the array [m], shape (3,).
+        normal: Direction in which the pupil looks (made a unit vector), shape (3,).
+
+    Raises:
+        ValueError: Weights that are not a two-axis array of finite numbers, negative or all zero; a pixel that is not
+            positive; a centre or normal that is not three finite numbers.
+    """
+
+    weights: np.ndarray
+    pixel: float | tuple[float, float]
+    center: np.ndarray = field(default_factory=lambda: np.zeros(3))
+    normal: np.ndarray = field(default_factory=lambda: np.array([0.0, 0.0, 1.0]))
+
+    def __post_init__(self):
+        """Check and make a read-only copy."""
+        weights = np.array(self.weights, dtype=np.float64)
+        if weights.ndim != 2 or weights.size == 0:
+            raise ValueError(f"the weights of a Mask must be an array of two axes [y, x], got shape {weights.shape}")
+        bad = ~(np.isfinite(weights) & (weights >= 0.0))
+        if bad.any():
+            first = tuple(int(index) for index in np.argwhere(bad)[0])
+            raise ValueError(f"{bad.sum()} weights of a Mask are negative or not finite, the first is {first}")
+        if not weights.any():
+            raise ValueError("the weights of a Mask are all zero: no light gets through")
+        weights.setflags(write=False)
+        object.__setattr__(self, "weights", weights)
+        for size in np.atleast_1d(np.asarray(self.pixel, dtype=np.float64)):
+            check_length(size, "pixel of a Mask")
+        if np.shape(self.pixel) not in ((), (2,)):
+            raise ValueError(f"the pixel of a Mask must be one length or two, got {self.pixel!r}")
+        self._check_place()
+
+    @property
+    def _weights(self) -> np.ndarray:
+        return self.weights
+
+    @property
+    def _size(self) -> tuple[float, float]:
+        width, height = np.broadcast_to(np.asarray(self.pixel, dtype=np.float64), (2,))
+        return float(width), float(height)

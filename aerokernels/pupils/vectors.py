@@ -1,0 +1,44 @@
+"""Vectors as callers give them, checked by name."""
+
+import numpy as np
+
+
+def as_vector(value, name: str) -> np.ndarray:
+    """Return `value` as a finite float64 vector of shape (3,), or refuse it by name."""
+    vector = np.asarray(value, dtype=np.float64)
+    if vector.shape != (3,) or not np.isfinite(vector).all():
+        raise ValueError(f"{name} must be three finite numbers (x, y, z), got {value!r}")
+    return vector
+
+
+def as_unit_vector(value, name: str) -> np.ndarray:
+    """Return `value` normalised to length 1, shape (3,), or refuse a zero one by name."""
+    vector = as_vector(value, name)
+    greatest = np.abs(vector).max()
+    if greatest == 0.0:
+        raise ValueError(f"{name} must not be the zero vector")
+    # Scaled first: the square of a very long or short vector's length would overflow or vanish.
+    vector = vector / greatest
+    return vector / np.linalg.norm(vector)
+
+
+def transverse_axes(normal: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Two unit vectors that complete `normal` to a right-handed frame; x and y where `normal` is +z."""
+    helper = np.array([0.0, 1.0, 0.0]) if abs(normal[1]) < 0.9 else np.array([0.0, 0.0, 1.0])
+    first = np.cross(helper, normal)
+    first /= np.linalg.norm(first)
+    return first, np.cross(normal, first)
+
+
+def check_count(count: int, what: str = "ray_count") -> int:
+    """Return a whole number of at least 1, or refuse it by name."""
+    if not isinstance(count, (int, np.integer)) or count < 1:
+        raise ValueError(f"{what} must be a whole number of at least 1, got {count!r}")
+    return int(count)
+
+
+def check_length(value, name: str) -> float:
+    """Return a positive finite length [m], or refuse it by name."""
+    if not (np.ndim(value) == 0 and np.isreal(value) and np.isfinite(value) and value > 0.0):
+        raise ValueError(f"the {name} must be positive, got {value!r}")
+    return float(value)

@@ -1,0 +1,84 @@
+"""What the moments of a pupil's rays define: in metres, and the surface of piston, tilt and focus that fits best."""
+
+import math
+
+import numpy as np
+
+from .pupil_sums import MOMENT_COUNT, PupilTask
+
+# Coordinates of the surfaces: x, y and q = x^2 + y^2. Which of them a term is.
+COLUMNS = {"piston": (), "tilt": (0, 1), "focus": (2,)}
+# Powers of a length in each of the moments.
+LENGTHS = np.array([0, 1, 1, 0, 2, 2, 2, 1, 1, 0, 0, 0, 3, 3, 4, 2])
+assert len(LENGTHS) == MOMENT_COUNT
+
+
+def fit_surface(moments: np.ndarray, terms: tuple[str, ...]) -> np.ndarray:
+    """The surface that phases are measured from, from all replicates' moments: height, both rises, focus, shape (4,).
+
+    The height is in the unit of W, the rises in that over the unit of x and y, the focus in that over its square.
+    """
+    total = moments.sum(axis=0)
+    slopes, _ = fit_terms(total, terms)
+    height = total[3] / total[0] if total[0] else 0.0
+    return np.array([height, *slopes])
+
+
+def moments_in_metres(moments: np.ndarray, task: PupilTask) -> np.ndarray:
+    """Moments (replicates, MOMENT_COUNT) whose x and y are in units of the pupil's reach, in metres.
+
+    Those of a fan, whose points all lie along x, are turned into those of the disc that it stands for.
+    """
+    moments = moments * task.pupil.reach**LENGTHS
+    if task.is_radial:
+        moments[:, [1, 2, 5, 7, 8, 12, 13]] = 0.0
+        moments[:, [4, 6]] = 0.5 * moments[:, [4]]
+    return moments
+
+
+def fit_moments(total: np.ndarray) -> tuple[float, np.ndarray, float, float]:
+    """Piston, tilt, rms about the piston and rms about the plane of a wavefront from its summed moments."""
+    # In Python's own numbers: an estimate of a symmetric pupil takes no longer than some NumPy calls.
+    count, *sums = total[:10].tolist()
+    if count == 0:
+        return 0.0, np.zeros(2), 0.0, 0.0
+    x, y, w, xx, xy, yy, xw, yw, ww = (number / count for number in sums)
+    a, b, c = xx - x * x, xy - x * y, yy - y * y
+    right, up = xw - x * w, yw - y * w
+    determinant = a * c - b * b
+    if determinant > 1e-12 * max(a, c) ** 2:
+        tilt = np.array([(c * right - b * up) / determinant, (a * up - b * right) / determinant])
+    else:  # points on a line, or one
+        tilt = np.linalg.lstsq(np.array([[a, b], [b, c]]), np.array([right, up]), rcond=1e-12)[0]
+    variance = max(ww - w * w, 0.0)
+    about_plane = variance - float(tilt[0]) * right - float(tilt[1]) * up
+    return w, tilt, math.sqrt(variance), math.sqrt(max(about_plane, 0.0))
+
+
+def fit_terms(total: np.ndarray, terms: tuple[str, ...]) -> tuple[np.ndarray, float]:
+    """Slopes of the surface of these terms that fits best, along x, y and x^2 + y^2, shape (3,), and the rms about it.
+
+    Slopes of terms that are not named are 0. The mean is always fitted; whether "piston" is named changes nothing.
+    """
+    slopes = np.zeros(3)
+    if "focus" not in terms:
+        _, tilt, about_piston, about_plane = fit_moments(total)
+        if "tilt" not in terms:
+            return slopes, about_piston
+        slopes[:2] = tilt
+        return slopes, about_plane
+    if total[0] == 0:
+        return slopes, 0.0
+    chosen = [column for term in terms for column in COLUMNS[term]]
+    x, y, w, xx, xy, yy, xw, yw, ww = total[1:10] / total[0]
+    xq, yq, qq, qw = total[12:16] / total[0]
+    q = xx + yy
+    mean = np.array([x, y, q])
+    matrix = np.array([[xx, xy, xq], [xy, yy, yq], [xq, yq, qq]]) - np.outer(mean, mean)
+    right = np.array([xw, yw, qw]) - mean * w
+    size = math.sqrt(q) or 1.0  # in units of which all columns are alike
+    scale = np.array([size, size, size * size])
+    matrix, right = matrix / np.outer(scale, scale), right / scale
+    found = np.linalg.lstsq(matrix[np.ix_(chosen, chosen)], right[chosen], rcond=1e-12)[0]
+    slopes[chosen] = found / scale[chosen]
+    return slopes, math.sqrt(max(ww - w * w - float(found @ right[chosen]), 0.0))

@@ -1,0 +1,38 @@
+"""Wavefronts over a pupil and what they make of a focus: terms, pictures, modes, exchange."""
+
+from ..callable_module import make_callable
+from .point_spread import PointSpread, point_spread_function
+from .result import Wavefront
+from .terms import (
+    TERMS,
+    TiltFit,
+    check_metres,
+    check_terms,
+    check_wavefront,
+    fit_tilt,
+    map_points,
+    mean_phasor,
+    remove_terms,
+)
+from .traced import wavefront
+from .transfer import EncircledEnergy, Transfer
+
+__all__ = [
+    "TERMS",
+    "EncircledEnergy",
+    "PointSpread",
+    "TiltFit",
+    "Transfer",
+    "Wavefront",
+    "check_metres",
+    "check_terms",
+    "check_wavefront",
+    "fit_tilt",
+    "map_points",
+    "mean_phasor",
+    "point_spread_function",
+    "remove_terms",
+    "wavefront",
+]
+
+make_callable(__name__)

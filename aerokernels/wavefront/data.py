@@ -1,0 +1,135 @@
+"""The numbers of a wavefront on a square grid over its pupil, checked."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from ..clock import clocked, stage
+from ..pupils import Pupil
+from ..wavelength import check_wavelength
+
+SIGN_CONVENTION = "OPD is positive where light is delayed"
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class WavefrontMap:
+    """A wavefront's samples at the centres of square pixels, and what they were made with.
+
+    Attributes:
+        opd: Optical path difference [m], positive where light is delayed, shape (n, n), axes [y, x]: rows along the
+            pupil's second axis, columns along its first, both ascending; NaN where `weight` is 0.
+        weight: Transmission of the amplitude in each pixel, mean over its area, shape (n, n).
+        pixel: Side of a pixel [m].
+        wavelength: Vacuum wavelength [m].
+        intensity: Mean intensity in each pixel, shape (n, n), which is more than `weight` squared where an edge or an
+            apodisation crosses a pixel; None takes the latter.
+        radius: The radius that the Zernike polynomials' unit disc has [m]; None takes half of the map's width.
+        pupil: The pupil, where one was looked through.
+        direction: Direction in which the rays left it, shape (3,); its normal if None.
+        blocked: Share of the pupil's weight whose rays did not arrive.
+        removed: Terms that were taken out.
+        plan: How the rays were traced, where they were.
+        seconds: Wall time by stage: see STAGES in clock.py.
+        budget: Makes the error budget of the OPD [m]; `error` calls it.
+
+    Raises:
+        TypeError: The wavelength is not one number.
+        ValueError: Shapes that disagree, a pixel that is not positive, an empty pupil, an OPD in it that is not finite,
+            negative weights, a wavelength outside 0.1 to 20 um.
+    """
+
+    opd: np.ndarray
+    weight: np.ndarray
+    pixel: float
+    wavelength: float
+    intensity: np.ndarray | None = None
+    radius: float | None = None
+    pupil: Pupil | None = None
+    direction: np.ndarray | None = None
+    blocked: float = 0.0
+    removed: tuple[str, ...] = ()
+    plan: Any = None
+    seconds: dict[str, float] = field(default_factory=dict)
+    budget: Callable[[], dict[str, float]] | None = None
+
+    def __post_init__(self):
+        """Check, and make read-only copies."""
+        opd, weight = np.array(self.opd, dtype=np.float64), np.array(self.weight, dtype=np.float64)
+        if opd.ndim != 2 or opd.shape[0] != opd.shape[1] or opd.shape != weight.shape:
+            raise ValueError(f"opd and weight must be square and of one shape, got {opd.shape} and {weight.shape}")
+        if not (np.ndim(self.pixel) == 0 and np.isfinite(self.pixel) and self.pixel > 0.0):
+            raise ValueError(f"the pixel must be a positive length [m], got {self.pixel!r}")
+        if not np.isfinite(weight).all() or (weight < 0.0).any() or not weight.any():
+            raise ValueError("weights must be finite, not negative and not all zero")
+        lit = weight > 0.0
+        if not np.isfinite(opd[lit]).all():
+            raise ValueError(
+                f"the wavefront must be finite in the pupil, got {(~np.isfinite(opd[lit])).sum()} bad samples"
+            )
+        opd[~lit] = np.nan
+        radius = 0.5 * len(opd) * float(self.pixel) if self.radius is None else float(self.radius)
+        if not (np.isfinite(radius) and radius > 0.0):
+            raise ValueError(f"the radius must be a positive length [m], got {self.radius!r}")
+        intensity = weight**2 if self.intensity is None else np.where(lit, np.array(self.intensity, np.float64), 0.0)
+        if intensity.shape != weight.shape or not (intensity >= weight**2 * (1.0 - 1e-9)).all():
+            raise ValueError("the intensity must be of the weights' shape and nowhere below their square")
+        for array in (opd, weight, intensity):
+            array.setflags(write=False)
+        checked = {"opd": opd, "weight": weight, "intensity": intensity, "pixel": float(self.pixel), "radius": radius}
+        for name, value in {**checked, "wavelength": check_wavelength(self.wavelength)}.items():
+            object.__setattr__(self, name, value)
+
+    @property
+    def sign_convention(self) -> str:
+        """What a positive OPD means."""
+        return SIGN_CONVENTION
+
+    @property
+    def coordinate(self) -> np.ndarray:
+        """X of the columns and y of the rows from the pupil's centre [m], shape (n,)."""
+        return self.pixel * (np.arange(len(self.opd)) - 0.5 * (len(self.opd) - 1))
+
+    @property
+    def power(self) -> float:
+        """Sum of the intensity over the pixels."""
+        return float(np.asarray(self.intensity).sum())
+
+    @property
+    def lit(self) -> np.ndarray:
+        """Which pixels light gets through, shape (n, n)."""
+        return self.weight > 0.0
+
+    @cached_property
+    def points(self) -> np.ndarray:
+        """X and y of those pixels [m], shape (lit count, 2)."""
+        rows, columns = np.nonzero(self.lit)
+        return np.stack([self.coordinate[columns], self.coordinate[rows]], axis=1)
+
+    @property
+    def samples(self) -> tuple[np.ndarray, np.ndarray]:
+        """OPD [m] of those pixels, and weights that sum to 1, each of shape (lit count,)."""
+        weight = self.weight[self.lit]
+        return self.opd[self.lit], weight / weight.sum()
+
+    @cached_property
+    def error(self) -> dict[str, float]:
+        """Error budget of the OPD [m] by cause, and "total"; see tracing/budget.py. Empty where it is not known.
+
+        Some rays are traced again for it when it is first read; seconds["error"] is the time of that.
+        """
+        with clocked() as spent, stage("error"):
+            found = self.budget() if self.budget is not None else {}
+        self.seconds["error"] = spent["total"]
+        return found
+
+    @property
+    def opd_error(self) -> float:
+        """The greatest OPD error [m] that the budget leaves room for; NaN where it is not known."""
+        return self.error.get("total", float("nan"))
+
+    def phase_error(self) -> float:
+        """The same as a phase [rad]."""
+        return 2.0 * np.pi * self.opd_error / self.wavelength

@@ -1,0 +1,38 @@
+"""Wavefronts as FITS files that poppy.FITSOpticalElement reads, as `transmission` and, by the second file, as `opd`.
+
+poppy takes the first HDU of a file and its keywords: PIXELSCL or PUPLSCAL, metres a pixel, and BUNIT. So there are two
+files, PATH for the OPD in poppy's sign and PATH with "_amplitude" before its suffix for the transmission.
+"""
+
+from pathlib import Path
+
+import numpy as np
+
+from ..data import WavefrontMap
+from .poppy import poppy_opd
+
+
+def to_fits(wavefront: WavefrontMap, path) -> tuple[Path, Path]:
+    """Write the OPD [m], in poppy's sign, and the amplitude; returns both paths.
+
+    Raises:
+        ModuleNotFoundError: astropy is not there.
+    """
+    from astropy.io import fits
+
+    path = Path(path)
+    amplitude = path.with_name(f"{path.stem}_amplitude{path.suffix}")
+    for name, array, unit, kind in (
+        (path, poppy_opd(wavefront), "meter", "OPD"),
+        (amplitude, np.array(wavefront.weight), "", "AMPLITUD"),
+    ):
+        header = fits.Header()
+        header["PIXELSCL"] = (wavefront.pixel, "[m/pixel]")
+        header["PUPLSCAL"] = (wavefront.pixel, "[m/pixel]")
+        if unit:
+            header["BUNIT"] = unit
+        header["CONTENT"] = (kind, "what the pixels hold")
+        header["WAVELEN"] = (wavefront.wavelength, "[m] vacuum wavelength")
+        header["OPDSIGN"] = ("NEGATIVE", "where light is delayed (poppy's sign)")
+        fits.PrimaryHDU(array, header).writeto(name, overwrite=True)
+    return path, amplitude

@@ -1,0 +1,23 @@
+"""Wavefronts for HCIPy, whose signs and order of axes are ours."""
+
+import numpy as np
+
+from ..data import WavefrontMap
+from ..transfer import complex_amplitude
+
+
+def to_hcipy(wavefront: WavefrontMap):
+    """A hcipy.Wavefront of the field w exp(i k OPD) over a regular grid in metres, x running fastest.
+
+    Its `electric_field` is a hcipy.Field, which hcipy.write_field saves as ASDF in FITS.
+
+    Raises:
+        ModuleNotFoundError: hcipy is not there.
+    """
+    import hcipy
+
+    count, pixel = len(wavefront.opd), wavefront.pixel
+    first = float(wavefront.coordinate[0])
+    grid = hcipy.CartesianGrid(hcipy.RegularCoords([pixel, pixel], [count, count], [first, first]))
+    field = complex_amplitude(wavefront.opd, wavefront.weight, wavefront.wavelength)
+    return hcipy.Wavefront(hcipy.Field(np.ravel(field), grid), wavefront.wavelength)

@@ -1,0 +1,27 @@
+"""Wavefronts for poppy, whose OPD has the opposite sign (since 1.0: forward transforms of exp(+2 pi i x u))."""
+
+import numpy as np
+
+from ..data import WavefrontMap
+
+
+def to_poppy(wavefront: WavefrontMap):
+    """A poppy.ArrayOpticalElement: `transmission` the amplitude, `opd` [m] in poppy's sign, `pixelscale` [m / pixel].
+
+    Raises:
+        ModuleNotFoundError: poppy is not there.
+    """
+    import astropy.units as units
+    from poppy import ArrayOpticalElement
+
+    return ArrayOpticalElement(
+        name="aerokernels wavefront",
+        transmission=np.array(wavefront.weight),
+        opd=poppy_opd(wavefront),
+        pixelscale=wavefront.pixel * units.m / units.pixel,
+    )
+
+
+def poppy_opd(wavefront: WavefrontMap) -> np.ndarray:
+    """OPD in poppy's sign [m], 0 outside the pupil, shape (n, n)."""
+    return np.where(wavefront.lit, -wavefront.opd, 0.0)

@@ -1,0 +1,61 @@
+"""Pictures of wavefronts and what they make of the light, on matplotlib axes."""
+
+from typing import Any
+
+import numpy as np
+
+from .data import WavefrontMap
+
+
+def _axes(axes: Any) -> Any:
+    if axes is not None:
+        return axes
+    from matplotlib import pyplot
+
+    return pyplot.subplots(layout="constrained")[1]
+
+
+def plot_opd(wavefront: WavefrontMap, axes: Any = None) -> Any:
+    """The OPD map [nm] over the pupil [mm]."""
+    axes = _axes(axes)
+    half = 0.5e3 * len(wavefront.opd) * wavefront.pixel
+    extent = (-half, half, -half, half)
+    greatest = float(np.nanmax(np.abs(wavefront.opd))) * 1e9 or 1.0
+    picture = axes.imshow(
+        wavefront.opd * 1e9, origin="lower", extent=extent, cmap="RdBu_r", vmin=-greatest, vmax=greatest
+    )
+    axes.figure.colorbar(picture, ax=axes, label="OPD [nm], positive where light is delayed")
+    axes.set(xlabel="x in the pupil [mm]", ylabel="y in the pupil [mm]")
+    return axes
+
+
+def plot_point_spread(spread: Any, axes: Any = None, decades: float = 4.0) -> Any:
+    """The intensity of a PointSpread over field angles [urad], logarithmic."""
+    axes = _axes(axes)
+    low, high = 1e6 * spread.angle[0], 1e6 * spread.angle[-1]
+    shown = np.log10(np.maximum(spread.intensity, spread.peak * 10.0**-decades))
+    picture = axes.imshow(shown, origin="lower", extent=(low, high, low, high), cmap="inferno")
+    axes.figure.colorbar(picture, ax=axes, label="log10 of intensity over the perfect peak")
+    axes.set(xlabel="field angle x [urad]", ylabel="field angle y [urad]")
+    return axes
+
+
+def plot_transfer(transfer: Any, axes: Any = None) -> Any:
+    """A Transfer's MTF along both axes, beside that of the perfect pupil."""
+    axes = _axes(axes)
+    for name, angle in (("x", 0.0), ("y", 0.5 * np.pi)):
+        frequency, value = transfer.along(angle)
+        axes.plot(frequency * 1e-3, np.abs(value), label=f"along {name}")
+    middle = len(transfer.frequency) // 2
+    axes.plot(transfer.frequency[middle:] * 1e-3, transfer.perfect[middle, middle:], "k:", label="perfect")
+    axes.set(xlabel="spatial frequency [cycles / mrad]", ylabel="MTF", ylim=(0.0, 1.05))
+    axes.legend()
+    return axes
+
+
+def plot_encircled_energy(encircled: Any, axes: Any = None) -> Any:
+    """An EncircledEnergy: the share of the light within an angle."""
+    axes = _axes(axes)
+    axes.plot(np.ravel(encircled.angle) * 1e6, np.ravel(encircled.energy))
+    axes.set(xlabel="angle [urad]", ylabel="encircled energy", ylim=(0.0, 1.05))
+    return axes

@@ -1,0 +1,149 @@
+r"""The point spread function of a wavefront, by a discrete Fourier transform of which parts can be had by themselves.
+
+    A(a) = sum_x w exp(i k OPD) exp(-i k a x) / sum_x w,      PSF = |A|^2
+
+a being the angle at which light leaves the pupil: OPD = a0 x has its peak at a0. A part of the transform is two
+products with matrices (R. Soummer et al., Opt. Express 15 (2007) 15935), which give the same values.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+
+from ..strehl_errors import strehl_errors
+from ..wavelength import check_wavelength
+
+
+@dataclass(frozen=True)
+class PointSpread:
+    """A point spread function.
+
+    Attributes:
+        intensity: Intensity over the peak of the undistorted pupil, shape (n, n), axes [y, x] for a map of axes [y, x];
+            its greatest value is the Strehl ratio when tilt is left out of account.
+        angle: Field angles of rows and columns [rad], shape (n,).
+        phase_error: Makes the phase error of the wavefront [rad]; `error` calls it.
+    """
+
+    intensity: np.ndarray
+    angle: np.ndarray
+    phase_error: Callable[[], float] | None = field(default=None, repr=False, compare=False)
+
+    @cached_property
+    def error(self) -> np.ndarray:
+        """What each intensity may be off by, shape (n, n); NaN where that is not known. Computed when first read.
+
+        A phase error changes an intensity as it changes a Strehl ratio: it is one, of the wavefront less a tilt.
+        """
+        phase = float("nan") if self.phase_error is None else self.phase_error()
+        return strehl_errors(self.intensity, phase)
+
+    @property
+    def peak(self) -> float:
+        """The greatest intensity on the grid."""
+        return float(self.intensity.max())
+
+    @property
+    def fwhm(self) -> float:
+        """Full width at half maximum [rad]: the diameter of the circle with the area above half of the peak.
+
+        NaN where that area reaches the edge of what was computed.
+        """
+        from contourpy import contour_generator
+
+        half = 0.5 * self.peak
+        edge = max(
+            self.intensity[0].max(), self.intensity[-1].max(), self.intensity[:, 0].max(), self.intensity[:, -1].max()
+        )
+        if edge >= half:
+            return float("nan")
+        lines = contour_generator(self.angle, self.angle, self.intensity).lines(half)
+        # Closed lines run with the higher side to their left, so that holes count negative.
+        area = 0.0
+        for line in lines:
+            x, y = np.asarray(line).T
+            area += 0.5 * float(np.sum(x[:-1] * np.diff(y) - y[:-1] * np.diff(x)))
+        return 2.0 * float(np.sqrt(abs(area) / np.pi))
+
+    def plot(self, axes=None, *, decades: float = 4.0):
+        """Draw it on matplotlib axes, in a logarithmic scale of some decades; returns the axes."""
+        from .plots import plot_point_spread
+
+        return plot_point_spread(self, axes, decades)
+
+
+def far_field(
+    wave: np.ndarray, coordinates: tuple[np.ndarray, np.ndarray], angle: np.ndarray, wavelength: float
+) -> np.ndarray:
+    """Sum of wave exp(-i k a x) at angles a of rows and columns [rad], shape (m, m).
+
+    Args:
+        wave: Complex amplitude, shape (rows, columns), axes [y, x].
+        coordinates: x of the columns and y of the rows [m].
+        angle: Angles [rad], shape (m,).
+        wavelength: Wavelength [m].
+    """
+    along_x, along_y = (np.exp(-2j * np.pi / wavelength * np.outer(angle, axis)) for axis in coordinates)
+    return np.asarray(along_y @ wave @ along_x.T)
+
+
+def point_spread_function(
+    opd,
+    mask,
+    pixel: float,
+    wavelength: float,
+    *,
+    padding: int = 8,
+    half_width: float | None = None,
+    angle=None,
+) -> PointSpread:
+    """Point spread function of a wavefront on a square grid, by the discrete Fourier transform of the pupil.
+
+    Args:
+        opd: Optical path difference on a square grid [m], shape (n, n); values outside `mask` are ignored.
+        mask: Transmission of the pupil (0 to 1), shape (n, n).
+        pixel: Grid spacing [m].
+        wavelength: Wavelength [m].
+        padding: Samples per wavelength / diameter: the pupil is padded to this many times its size.
+        half_width: Greatest field angle wanted [rad], along either axis; None for all.
+        angle: Field angles wanted, those of rows and of columns [rad], shape (m,); in place of the two before.
+
+    Raises:
+        TypeError: The wavelength is not one number.
+        ValueError: Shapes that disagree, an empty pupil, a wavelength outside 0.1 to 20 um, numbers that make no sense.
+    """
+    opd, mask = np.asarray(opd, dtype=np.float64), np.asarray(mask, dtype=np.float64)
+    if opd.ndim != 2 or opd.shape[0] != opd.shape[1] or opd.shape != mask.shape:
+        raise ValueError(f"opd and mask must be square and of one shape, got {opd.shape} and {mask.shape}")
+    wavelength = check_wavelength(wavelength)
+    if not (np.isfinite(pixel) and pixel > 0.0 and padding >= 1):
+        raise ValueError(f"pixel and padding must be positive, got {pixel!r} m and {padding!r}")
+    if half_width is not None and not half_width >= 0.0:
+        raise ValueError(f"half_width must be an angle of at least 0 rad, or None, got {half_width!r}")
+    lit = mask > 0.0
+    if not lit.any() or not np.isfinite(opd[lit]).all():
+        raise ValueError("the pupil must not be empty and the wavefront in it must be finite")
+    count = opd.shape[0]
+    size = int(count * padding)
+    wave = mask * np.exp(2j * np.pi / wavelength * np.where(lit, opd, 0.0))
+    if angle is not None:
+        angle = np.atleast_1d(np.asarray(angle, dtype=np.float64))
+        if angle.ndim != 1 or not np.isfinite(angle).all():
+            raise ValueError(f"angle must be finite angles [rad], shape (m,), got shape {angle.shape}")
+        coordinate = pixel * (np.arange(count) - 0.5 * (count - 1))
+        amplitude = far_field(wave, (coordinate, coordinate), angle, wavelength)
+        return PointSpread(np.abs(amplitude) ** 2 / mask.sum() ** 2, angle)
+    angle = np.fft.fftshift(np.fft.fftfreq(size, pixel)) * wavelength
+    if half_width is None:
+        amplitude = np.fft.fftshift(np.fft.fft2(wave, (size, size)))
+    else:
+        shown = np.abs(angle) <= half_width
+        angle = angle[shown]
+        frequency = np.arange(size)[shown] - size // 2
+        # Whole turns are taken out in whole numbers, so that the phase is exact.
+        turn = np.outer(frequency, np.arange(count)) % size
+        transform = np.exp(-2j * np.pi / size * turn)
+        amplitude = transform @ wave @ transform.T
+    return PointSpread(np.abs(amplitude) ** 2 / mask.sum() ** 2, angle)

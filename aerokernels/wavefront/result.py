@@ -1,0 +1,240 @@
+"""A wavefront with what it makes of the light: the result of `wavefront`, and what others' packages take."""
+
+from dataclasses import replace
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from ..quantities import Quantity
+from ..strehl_errors import strehl_error
+from .data import WavefrontMap
+from .modes import StructureFunction, centroid, fit_zernike, structure_function, zernike_surface
+from .point_spread import PointSpread, point_spread_function
+from .terms import check_metres, mean_phasor, remove_terms
+from .transfer import EncircledEnergy, Transfer, encircled, normalised_sensitivity, transfer_function
+
+# Samples across the area above half of a point spread function's peak, and the spot's sizes that are tried for it.
+WIDTH_SAMPLES, WIDTH_TRIES = 129, 8
+
+
+class Wavefront(WavefrontMap):
+    """A wavefront on a square grid over its pupil; see `WavefrontMap` for its attributes.
+
+    Angles are those of the light that leaves the pupil along the look direction: OPD = a x, light delayed at +x, turns
+    it by +a toward +x, and there lies the peak of `psf`. A distant point seen through the same air appears at -a.
+    """
+
+    def remove(self, *terms: str) -> "Wavefront":
+        """The wavefront less "piston", "tilt", "focus" or several of them, fitted together by weighted least squares.
+
+        Raises:
+            ValueError: An unknown term.
+        """
+        opd, weight = self.samples
+        flat = np.full(self.opd.shape, np.nan)
+        flat[self.lit] = remove_terms(opd, terms, self.points, weight)
+        return replace(self, opd=flat, removed=tuple(dict.fromkeys((*self.removed, *terms))))
+
+    def without_zernike(self, *indices: int) -> "Wavefront":
+        """The wavefront less Zernike polynomials of these Noll indices, of a fit of all up to the greatest of them."""
+        coefficients = self.zernike(max(indices))
+        kept = np.zeros(len(coefficients))
+        for index in indices:
+            kept[index - 1] = coefficients[index - 1]
+        names = (*self.removed, *(f"Z{index}" for index in indices))
+        return replace(self, opd=self.opd - zernike_surface(self, kept), removed=names)
+
+    def at_wavelength(self, wavelength: float) -> "Wavefront":
+        """The same OPD at another wavelength [m]: air disperses little (Ciddor: 1 % of OPD from 0.5 to 1 um)."""
+        return replace(self, wavelength=wavelength)
+
+    def strehl(self) -> float:
+        """Exact Strehl ratio |<exp(i k OPD)>|^2; its error is that of `quantities`."""
+        opd, weight = self.samples
+        check_metres(opd, weight)
+        return abs(mean_phasor(opd, weight, self.wavelength)) ** 2
+
+    @property
+    def rms(self) -> float:
+        """Root mean square of the OPD about its mean, by weight [m]."""
+        opd, weight = self.samples
+        return float(np.sqrt(weight @ (opd - weight @ opd) ** 2))
+
+    @property
+    def peak_to_valley(self) -> float:
+        """Greatest less least OPD [m]."""
+        return float(np.nanmax(self.opd) - np.nanmin(self.opd))
+
+    @property
+    def tilt(self) -> np.ndarray:
+        """Slopes of the plane that fits best, along x and y [rad], shape (2,): the deflection of the beam."""
+        from .terms import fit_tilt
+
+        opd, weight = self.samples
+        return np.asarray(fit_tilt(opd, self.points, weight).tilt)
+
+    def zernike(self, count: int) -> np.ndarray:
+        """Coefficients [m] of the first `count` Zernike polynomials, shape (count,): Noll's index 1 comes first.
+
+        Polynomials are of rms 1 over the disc of `radius` (zernike.py), fitted together by weighted least squares: on a
+        pupil that is no disc they are not orthogonal. Each may be off by `opd_error`.
+
+        Raises:
+            ValueError: More polynomials than the pupil's samples tell apart.
+        """
+        return fit_zernike(self, count)
+
+    def psf(self, angle=None, *, half_width: float | None = None, padding: int = 8) -> PointSpread:
+        """Point spread function over the perfect one's peak; arguments as for `point_spread_function`."""
+        options: dict[str, Any] = {"half_width": half_width, "padding": padding, "angle": angle}
+        found = point_spread_function(self.opd, self.weight, self.pixel, self.wavelength, **options)
+        return replace(found, phase_error=self.phase_error)
+
+    def otf(self) -> Transfer:
+        """Optical transfer function, complex."""
+        return transfer_function(self)
+
+    def mtf(self) -> Transfer:
+        """Modulation transfer function, the magnitude of the OTF."""
+        otf = self.otf()
+        return replace(otf, value=np.abs(otf.value))
+
+    def encircled_energy(self, angle=None, *, center=None) -> EncircledEnergy:
+        """Share of the light within an angle about a point of the image, exact for the pixels of the map.
+
+        Args:
+            angle: Angles [rad], any shape; None for 65 up to eight times wavelength / width.
+            center: The point [rad], two numbers along x and y; None for the centroid.
+        """
+        width = len(self.opd) * self.pixel
+        angle = np.linspace(0.0, 8.0 * self.wavelength / width, 65) if angle is None else np.asarray(angle, dtype=float)
+        point = self.centroid if center is None else np.asarray(center, dtype=float)
+        return EncircledEnergy(angle, encircled(self.otf(), angle, point), point, self.phase_error)
+
+    @property
+    def centroid(self) -> np.ndarray:
+        """Centroid of the point spread function, along x and y [rad], shape (2,): the mean slope of the OPD."""
+        return centroid(self)
+
+    @cached_property
+    def fwhm(self) -> float:
+        """Full width at half maximum of the point spread function [rad]: see `PointSpread.fwhm`."""
+        resolution = self.wavelength / (len(self.opd) * self.pixel)
+        coarse = self.psf(padding=4)
+        place = np.unravel_index(int(np.argmax(coarse.intensity)), coarse.intensity.shape)
+        row, column = (float(coarse.angle[index]) for index in place)
+        tilted = self.opd - column * self.coordinate[None, :] - row * self.coordinate[:, None]
+        half_width = resolution
+        for _ in range(WIDTH_TRIES):
+            angle = np.linspace(-half_width, half_width, WIDTH_SAMPLES)
+            width = replace(self, opd=tilted).psf(angle).fwhm
+            if np.isfinite(width):
+                return width
+            half_width *= 2.0
+        return float("nan")
+
+    def structure_function(self) -> StructureFunction:
+        """Mean square OPD difference of pairs of points by their distance."""
+        return structure_function(self)
+
+    def pssn(self, fried: float = np.inf) -> float:
+        """Normalised point source sensitivity: 1 without aberrations; `fried` is the atmosphere's r0 [m]."""
+        if not fried > 0.0:
+            raise ValueError(f"fried, the atmosphere's r0, must be a positive length [m], got {fried!r}")
+        return normalised_sensitivity(self.otf(), self.wavelength, float(fried))
+
+    @cached_property
+    def quantities(self) -> dict[str, Quantity]:
+        """Numbers with their errors: "strehl", "opd_rms" [m], "peak_to_valley" [m], "tilt_x", "tilt_y" [rad].
+
+        From the OPD's budget; that of the Strehl ratio holds the spread of four interleaved grids too, which stands for
+        the grid's own error. A plane's slope changes by the OPD error over the rms extent of the pupil at most.
+        """
+        error, value = self.opd_error, self.strehl()
+        _, weight = self.samples
+        extent = np.sqrt(weight @ (self.points - weight @ self.points) ** 2)
+        tilt = self.tilt
+        of_grid = self._grid_error
+        return {
+            "strehl": Quantity(value, float(np.hypot(strehl_error(value, self.phase_error()), of_grid))),
+            "opd_rms": Quantity(self.rms, error, "m"),
+            "peak_to_valley": Quantity(self.peak_to_valley, 2.0 * error, "m"),
+            "tilt_x": Quantity(float(tilt[0]), error / float(extent[0]), "rad"),
+            "tilt_y": Quantity(float(tilt[1]), error / float(extent[1]), "rad"),
+        }
+
+    @property
+    def _grid_error(self) -> float:
+        """Standard error of the Strehl ratio's mean over four grids of every other row and column."""
+        values = []
+        for row in (0, 1):
+            for column in (0, 1):
+                opd, weight = self.opd[row::2, column::2], self.weight[row::2, column::2]
+                lit = weight > 0.0
+                if lit.any():
+                    values.append(abs(mean_phasor(opd[lit], weight[lit] / weight[lit].sum(), self.wavelength)) ** 2)
+        return float(np.std(values, ddof=1) / np.sqrt(len(values))) if len(values) > 1 else float("nan")
+
+    def __repr__(self) -> str:
+        """The numbers with their errors. Some rays are traced for them, when first asked for."""
+        found = self.quantities
+        count, removed = len(self.opd), ", ".join(self.removed) or "nothing"
+        nanometres = f"{self.wavelength * 1e9:.6g} nm"
+        return "\n".join(
+            [
+                f"Wavefront of {count} x {count} pixels of {self.pixel:.4g} m at {nanometres}: Strehl ratio "
+                f"{found['strehl']}",
+                f"  OPD rms {found['opd_rms'].scaled(1e9, 'nm')}, peak to valley "
+                f"{found['peak_to_valley'].scaled(1e9, 'nm')}; removed: {removed}",
+            ]
+        )
+
+    def to_xarray(self):
+        """An xarray.Dataset of OPD and weight over (y, x), with units and CF attributes; see `from_xarray`."""
+        from .exchange.netcdf import to_xarray
+
+        return to_xarray(self)
+
+    @classmethod
+    def from_xarray(cls, dataset) -> "Wavefront":
+        """The wavefront that `to_xarray` wrote, from a dataset or one read again from NetCDF."""
+        from .exchange.netcdf import from_xarray
+
+        return cls(**from_xarray(dataset))
+
+    def to_poppy(self):
+        """A poppy.ArrayOpticalElement of the pupil's amplitude and OPD, in poppy's sign."""
+        from .exchange.poppy import to_poppy
+
+        return to_poppy(self)
+
+    def to_hcipy(self):
+        """A hcipy.Wavefront: the electric field over a grid of the pupil's plane."""
+        from .exchange.hcipy import to_hcipy
+
+        return to_hcipy(self)
+
+    def to_prysm(self):
+        """A prysm.propagation.Wavefront of the pupil: dx in mm, wavelength in um."""
+        from .exchange.prysm import to_prysm
+
+        return to_prysm(self)
+
+    def to_fits(self, path) -> None:
+        """Write amplitude and OPD as FITS for poppy.FITSOpticalElement: see exchange/fits.py."""
+        from .exchange.fits import to_fits
+
+        to_fits(self, path)
+
+    def to_zemax(self, path, kind: str = "phase") -> None:
+        """Write a Zemax grid file: `kind` "phase" [rad] or "sag" [mm]; see exchange/zemax.py."""
+        from .exchange.zemax import to_zemax
+
+        to_zemax(self, path, kind)
+
+    def plot(self, axes=None):
+        """Draw the OPD map on matplotlib axes; returns the axes."""
+        from .plots import plot_opd
+
+        return plot_opd(self, axes)

@@ -1,0 +1,148 @@
+"""The wavefront of a field seen through a pupil: a ray from the centre of each pixel."""
+
+from functools import partial
+
+import numpy as np
+
+from ..medium import IndexField
+from ..pupils import Mask, Pupil, as_unit_vector
+from ..rays import RayBundle
+from ..tracing.pupil_air import pupil_air
+from ..tracing.pupil_job import plane_beyond
+from ..tracing.result import TraceResult
+from ..tracing.trace import trace
+from .result import Wavefront
+
+PIXEL_COUNT = 128
+# A pixel that the pupil covers less of is rounding.
+LEAST_COVER = 1e-9
+
+
+def wavefront(
+    field: IndexField,
+    pupil: Pupil,
+    *,
+    wavelength: float | None = None,
+    direction=None,
+    pixel_count: int | None = None,
+    tolerance: float = 1e-3,
+    backend: str = "auto",
+    device: str | None = None,
+    precision: str = "float32",
+    method: str = "auto",
+    step: float | None = None,
+    max_steps: int | None = None,
+    allow_truncation: bool = False,
+) -> Wavefront:
+    """Optical path difference over a pupil, as a map.
+
+    Rays leave the pupil along its normal (or `direction`) and stop on a plane across the line, beyond the field's box:
+    by the reversibility of light that is the wavefront a distant point on that line sends in. A pixel on the pupil's
+    edge counts by its exact share in the pupil.
+
+    Args:
+        field: The refractive index.
+        pupil: The pupil; it looks along its normal.
+        wavelength: Vacuum wavelength [m]; None takes the field's own, or 905 nm where it has none.
+        direction: Look direction, if not along the pupil's normal.
+        pixel_count: Pixels along a side of the square map, which just holds the pupil; None takes 128, or a Mask's own
+            pixels where they are square.
+        tolerance: OPD error asked for [waves].
+        backend: See `trace`; likewise device, precision, method, step and max_steps.
+        device: Device of the backend.
+        precision: "float32" or "float64".
+        method: Tracing method.
+        step: Step of method "fixed" [m].
+        max_steps: Steps after which a ray is given up.
+        allow_truncation: As for `estimate_strehl`: whether more than a thousandth of the pupil may look through
+            disturbed air that ends at the field's box.
+
+    Returns:
+        A Wavefront; pixels whose ray did not arrive have weight 0, and `blocked` is their share.
+
+    Raises:
+        TypeError: `field` or `pupil` of the wrong kind.
+        ValueError: A name or number that makes no sense; another wavelength than the field's; no ray that meets the
+            field, or that arrives; a truncated view without `allow_truncation`.
+    """
+    if not isinstance(field, IndexField):
+        raise TypeError(f"field must be an IndexField, got {type(field).__name__}")
+    if not isinstance(pupil, Pupil):
+        raise TypeError(f"pupil must be a Disc, Annulus, Rectangle, Polygon or Mask, got {type(pupil).__name__}")
+    wavelength = field.wavelength_for(wavelength)
+    look = pupil.normal if direction is None else as_unit_vector(direction, "direction")
+    pupil_air(field, pupil, look, tolerance * wavelength).check(allow_truncation)
+    coordinate, pixel, weight, intensity = pupil_grid(pupil, pixel_count)
+    lit = weight > 0.0
+    rows, columns = np.nonzero(lit)
+    first, second = pupil.axes
+    start = pupil.center + coordinate[columns, None] * first + coordinate[rows, None] * second
+    traced = trace(
+        field,
+        RayBundle(start, np.broadcast_to(look, start.shape), weight[lit]),
+        method=method,
+        tolerance=tolerance,
+        step=step,
+        until=plane_beyond(field, pupil, look),
+        wavelength=wavelength,
+        backend=backend,
+        device=device,
+        precision=precision,
+        max_steps=max_steps,
+        outputs=("opd",),
+    )
+    assert traced.opd is not None  # asked for
+    if not traced.ok.any():
+        raise ValueError(
+            f"no ray of the pupil arrived beyond the field ({traced.status_summary()}): move the pupil, or turn "
+            "its normal toward the flow"
+        )
+    opd, arrived = np.full(weight.shape, np.nan), np.zeros(weight.shape)
+    opd[lit] = traced.opd
+    arrived[lit] = np.where(traced.ok, weight[lit], 0.0)
+    return Wavefront(
+        opd,
+        arrived,
+        pixel,
+        wavelength,
+        intensity=np.where(arrived > 0.0, intensity, 0.0),
+        radius=pupil.reach,
+        pupil=pupil,
+        direction=look,
+        blocked=float(1.0 - arrived.sum() / weight.sum()),
+        plan=traced.plan,
+        seconds=dict(traced.seconds),
+        budget=partial(_error_of, traced),
+    )
+
+
+def _error_of(traced: TraceResult) -> dict[str, float]:
+    return traced.error
+
+
+def pupil_grid(pupil: Pupil, pixel_count: int | None) -> tuple[np.ndarray, float, np.ndarray, np.ndarray]:
+    """The square grid that just holds a pupil.
+
+    Returns:
+        x and y of its pixels [m], shape (n,); their side [m]; in each of them mean amplitude and mean intensity,
+        both of shape (n, n).
+
+    Raises:
+        ValueError: A pixel_count that is not a whole number of at least 2.
+    """
+    if pixel_count is None:
+        pixel_count = PIXEL_COUNT
+        if (
+            isinstance(pupil, Mask)
+            and np.ptp(np.broadcast_to(pupil.pixel, (2,))) == 0.0
+            and max(pupil.weights.shape) > 1
+        ):
+            pixel_count = max(pupil.weights.shape)
+    if not isinstance(pixel_count, (int, np.integer)) or pixel_count < 2:
+        raise ValueError(f"pixel_count must be a whole number of at least 2, got {pixel_count!r}")
+    half = max(pupil.half_extent)
+    edges = np.linspace(-half, half, int(pixel_count) + 1)
+    weight = pupil.coverage(edges, edges)
+    weight[weight < LEAST_COVER * weight.max()] = 0.0
+    intensity = np.where(weight > 0.0, pupil.coverage(edges, edges, 2), 0.0)
+    return 0.5 * (edges[1:] + edges[:-1]), 2.0 * half / int(pixel_count), weight, intensity

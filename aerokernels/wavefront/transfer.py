@@ -1,0 +1,157 @@
+r"""Optical transfer function of a wavefront on a square grid, and what is read off it: MTF, encircled energy, PSSn.
+
+With A = w exp(i k OPD) at the pixels x of a pupil, and frequencies f in cycles per radian of field angle,
+
+    OTF(f) = sum_x A(x) A*(x + lambda f) / P          the Fourier transform of the PSF; 1 at f = 0
+    E(a)   = p^2 sum_f OTF(f) exp(2 pi i f c) a J1(2 pi a |f|) / |f|      the light within the angle a about c
+
+P being the pupil's power (pixels that an edge crosses hold more of it than |A|^2), the second the exact integral of the
+pixels' PSF over a circle, with nothing cut off (p: spacing of f).
+PSSn = \int |OTF T|^2 / \int |OTF_perfect T|^2 with T that of the atmosphere (B.-J. Seo et al., Appl. Opt. 48 (2009)
+5997). A greatest phase error e [rad] changes the OTF by at most 2 e times that of the perfect pupil, and E by 2 e.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+
+from .data import WavefrontMap
+
+# Of the long-exposure exp(-3.44 (r / r0)^(5/3)): D. L. Fried, J. Opt. Soc. Am. 56 (1966) 1372.
+KOLMOGOROV = 3.44
+
+
+@dataclass(frozen=True, eq=False)
+class Transfer:
+    """A transfer function on a grid of frequencies.
+
+    Attributes:
+        value: OTF (complex) or MTF (real), shape (n, n), axes [y, x]; 1 at frequency 0.
+        frequency: Frequencies of rows and columns [cycles / rad], shape (n,), ascending about 0.
+        perfect: MTF of the same pupil without aberrations, shape (n, n).
+        phase_error: Makes the phase error of the wavefront [rad]; `error` calls it.
+    """
+
+    value: np.ndarray
+    frequency: np.ndarray
+    perfect: np.ndarray
+    phase_error: Callable[[], float] | None = field(default=None, repr=False)
+
+    @cached_property
+    def error(self) -> np.ndarray:
+        """What each value may be off by, shape (n, n); NaN where that is not known. Computed when first read."""
+        phase = float("nan") if self.phase_error is None else self.phase_error()
+        return np.minimum(2.0 * phase, 2.0) * self.perfect
+
+    def along(self, angle: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
+        """Frequencies [cycles / rad] and values on the line at this angle from x toward y [rad], both (n,)."""
+        from scipy.interpolate import RegularGridInterpolator
+
+        middle = len(self.frequency) // 2
+        frequency = self.frequency[middle:]
+        line = np.stack([frequency * np.sin(angle), frequency * np.cos(angle)], axis=1)
+        return frequency, RegularGridInterpolator((self.frequency, self.frequency), self.value)(line)
+
+    def plot(self, axes=None):
+        """Draw it along both axes, beside the perfect one, on matplotlib axes; returns the axes."""
+        from .plots import plot_transfer
+
+        return plot_transfer(self, axes)
+
+
+@dataclass(frozen=True, eq=False)
+class EncircledEnergy:
+    """Share of the light within an angle about a point of the image.
+
+    Attributes:
+        angle: Radius of the circle [rad], any shape.
+        energy: Share of all light that the pupil lets through, of the same shape.
+        center: The point [rad], shape (2,).
+        phase_error: Makes the phase error of the wavefront [rad]; `error` calls it.
+    """
+
+    angle: np.ndarray
+    energy: np.ndarray
+    center: np.ndarray
+    phase_error: Callable[[], float] | None = field(default=None, repr=False)
+
+    @cached_property
+    def error(self) -> float:
+        """What the shares may be off by; NaN where that is not known. Computed when first read."""
+        return float("nan") if self.phase_error is None else min(2.0 * self.phase_error(), 1.0)
+
+    def radius(self, share: float) -> float:
+        """The angle within which this share of the light lies [rad], interpolated; NaN beyond the angles given."""
+        order = np.argsort(self.angle, axis=None)
+        return float(np.interp(share, self.energy.ravel()[order], self.angle.ravel()[order], left=np.nan, right=np.nan))
+
+    def __array__(self, dtype=None, copy=None) -> np.ndarray:
+        """The shares."""
+        return np.array(self.energy, dtype=dtype)
+
+    def __float__(self) -> float:
+        """The share of a single angle."""
+        return float(self.energy)
+
+    def plot(self, axes=None):
+        """Draw it on matplotlib axes; returns the axes."""
+        from .plots import plot_encircled_energy
+
+        return plot_encircled_energy(self, axes)
+
+
+def complex_amplitude(opd: np.ndarray, weight: np.ndarray, wavelength: float) -> np.ndarray:
+    """W exp(i k OPD) of a map, 0 outside the pupil, shape (n, n)."""
+    lit = weight > 0.0
+    return weight * np.exp(2j * np.pi / wavelength * np.where(lit, opd, 0.0))
+
+
+def autocorrelation(wave: np.ndarray, other: np.ndarray | None = None) -> np.ndarray:
+    """sum_x a(x) b*(x + m) for all shifts m of maps of shape (n, n), shape (2 n - 1, 2 n - 1), 0 in the middle."""
+    from scipy.fft import fft2, fftshift, ifft2, next_fast_len
+
+    rows, columns = wave.shape
+    size = [next_fast_len(2 * count - 1) for count in (rows, columns)]
+    spectrum = fft2(wave, size)
+    second = spectrum if other is None else fft2(other, size)
+    whole = fftshift(np.conj(ifft2(np.conj(spectrum) * second)))
+    top, left = (n // 2 - (count - 1) for n, count in zip(size, (rows, columns), strict=True))
+    return whole[top : top + 2 * rows - 1, left : left + 2 * columns - 1]
+
+
+def transfer_function(wavefront: WavefrontMap) -> Transfer:
+    """Optical transfer function of a wavefront."""
+    wave = complex_amplitude(wavefront.opd, wavefront.weight, wavefront.wavelength)
+    value = autocorrelation(wave) / wavefront.power
+    perfect = np.abs(autocorrelation(np.array(wavefront.weight))) / wavefront.power
+    middle = len(wave) - 1
+    value[middle, middle] = perfect[middle, middle] = 1.0
+    frequency = wavefront.pixel / wavefront.wavelength * np.arange(-middle, middle + 1)
+    return Transfer(value, frequency, perfect, wavefront.phase_error)
+
+
+def encircled(transfer: Transfer, angle: np.ndarray, center: np.ndarray) -> np.ndarray:
+    """Share of the light within angles [rad], any shape, about the point `center` [rad], shape (2,)."""
+    from scipy.special import j1
+
+    fx, fy = transfer.frequency[None, :], transfer.frequency[:, None]
+    # E is real, and so is the part of the OTF that is even.
+    even = (transfer.value * np.exp(2j * np.pi * (fx * center[0] + fy * center[1]))).real
+    spacing = float(transfer.frequency[1] - transfer.frequency[0])
+    index = np.rint(transfer.frequency / spacing).astype(np.int64)
+    squared, place = np.unique((index[:, None] ** 2 + index[None, :] ** 2).ravel(), return_inverse=True)
+    summed = np.bincount(place, even.ravel())
+    frequency = spacing * np.sqrt(squared[1:])
+    flat = np.abs(np.ravel(angle))
+    energy = np.array([a * (j1(2.0 * np.pi * a * frequency) @ (summed[1:] / frequency)) for a in flat])
+    return (spacing**2 * (energy + np.pi * flat**2 * summed[0])).reshape(np.shape(angle))
+
+
+def normalised_sensitivity(transfer: Transfer, wavelength: float, fried: float) -> float:
+    """PSSn: 1 without aberrations, smaller with them; `fried` is the atmosphere's r0 [m], infinite without one."""
+    separation = wavelength * np.hypot(transfer.frequency[None, :], transfer.frequency[:, None])
+    with np.errstate(divide="ignore"):
+        air = np.exp(-2.0 * KOLMOGOROV * (separation / fried) ** (5.0 / 3.0))
+    return float((np.abs(transfer.value) ** 2 * air).sum() / (transfer.perfect**2 * air).sum())

@@ -1,0 +1,100 @@
+"""A field sampled in layers across a wave, through the same interpolant as the rays."""
+
+import math
+
+import numpy as np
+
+from ..medium import IndexField
+from ..medium.grid import UniformGrid
+from ..medium.tensor_points import contrast_on_axes
+from ..tracing.lines import box_span
+from .wave import Wave
+
+# Layers that the path through the box is sampled in, at most, and the fewest steps.
+MOST_LAYERS, FEWEST_STEPS = 512, 2
+# Bytes that the sampled layers may take.
+GREATEST_MEMORY = 2 << 30
+# Distances from the axis, over the greatest, that count as one.
+SAME_RADIUS = 1e-9
+
+
+def path_range(field: IndexField, wave: Wave) -> tuple[float, float]:
+    """Distances along the wave's normal between which its window meets the field's box [m].
+
+    Raises:
+        ValueError: It does not.
+    """
+    x, y = (np.linspace(axis[0], axis[-1], min(len(axis), 33)) for axis in wave.coordinates)
+    first, second = wave.axes
+    x, y = (axis.ravel() for axis in np.meshgrid(x, y))
+    start = wave.center + x[:, None] * first + y[:, None] * second
+    span = box_span(field, start, np.broadcast_to(wave.normal, start.shape).copy())
+    meets = span.meets & (span.leave > 0.0) & (span.leave < 1e30)
+    if not meets.any():
+        raise ValueError("the wave does not meet the field: check its centre, its normal and the units (metres)")
+    return max(float(span.enter[meets].min()), 0.0), float(span.leave[meets].max())
+
+
+def layer_count(field: IndexField, length: float, step_count: int | None, most: int = MOST_LAYERS) -> int:
+    """Layers that a path of a length [m] is sampled in: a power of two, or a multiple of `step_count`.
+
+    As many as there are cells, or `most`.
+    """
+    cells = min(math.ceil(length / float(np.min(field.spacing))), most)
+    if step_count is None:
+        return 2 ** math.ceil(math.log2(max(cells, FEWEST_STEPS)))
+    return step_count * max(1, -(-cells // step_count))
+
+
+def check_memory(count: int, pixels: int) -> None:
+    """Refuse layers that would take too much memory, each of so many pixels.
+
+    Raises:
+        ValueError: As said.
+    """
+    memory = 4 * count * pixels
+    if memory > GREATEST_MEMORY:
+        raise ValueError(
+            f"{count} layers of {pixels} pixels take {memory / 2**30:.1f} GiB: take a smaller pixel_count, or a field "
+            "without the air that is at rest"
+        )
+
+
+def sample_layers(field: IndexField, wave: Wave, begin: float, end: float, count: int) -> np.ndarray:
+    """Optical path [m] of layers between two distances along the wave's normal [m], whose middles stand for them.
+
+    Returns:
+        Paths, float32, shape (count, rows, columns).
+    """
+    thickness = (end - begin) / count
+    depth = begin + thickness * (np.arange(count) + 0.5)
+    along_z = abs(abs(float(wave.normal[2])) - 1.0) < 1e-15
+    if field.is_uniform and along_z:
+        return _along_z(field, wave, depth) * np.float32(thickness)
+    x, y = (axis.ravel() for axis in np.meshgrid(*wave.coordinates))
+    first, second = wave.axes
+    plane = wave.center + x[:, None] * first + y[:, None] * second
+    layers = np.empty((count, *wave.amplitude.shape), dtype=np.float32)
+    for number in range(count):
+        contrast = field.contrast_at(plane + depth[number] * wave.normal)
+        layers[number] = (thickness * contrast).reshape(wave.amplitude.shape)
+    return layers
+
+
+def _along_z(field: IndexField, wave: Wave, depth: np.ndarray) -> np.ndarray:
+    """Contrast of the layers of a wave along z, whose pixels run along the field's axes; float32."""
+    across, up = wave.coordinates
+    x = wave.center[0] + across * wave.axes[0][0]
+    y = wave.center[1] + up * wave.axes[1][1]
+    z = wave.center[2] + depth * wave.normal[2]
+    shape = (len(z), len(y), len(x))
+    assert isinstance(field.samples, UniformGrid)
+    if field.geometry == "volume":
+        return np.transpose(contrast_on_axes(field.samples, [x, y, z]), (2, 1, 0)).astype(np.float32)
+    if field.geometry == "planar":
+        found = contrast_on_axes(field.samples, [y, z]).T
+        return np.array(np.broadcast_to(found[:, :, None], shape), dtype=np.float32)
+    radius = np.hypot(y[:, None], x)
+    distinct, place = np.unique(np.rint(radius / (SAME_RADIUS * radius.max())), return_inverse=True)
+    found = contrast_on_axes(field.samples, [distinct * (SAME_RADIUS * radius.max()), z]).T
+    return found.astype(np.float32)[:, place.ravel()].reshape(shape)

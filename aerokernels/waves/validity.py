@@ -1,0 +1,193 @@
+r"""A verdict on ray optics: does light through this field do what its rays say?
+
+Three numbers of the wavefront W over the distance D that its light takes to leave the disturbed air tell why not:
+
+    Fresnel number     l^2 / (lambda D), l the half period of the finest phase that matters; below about 1 that phase
+                       turns into brightness before it is out
+    ray crossing       share of the pupil where det(1 + D grad grad W) < 0: behind a focus neighbours change places
+    curvature          the greatest D |W''|: near 1 there is a focus
+
+and one says how much: the Strehl ratio of a wave through the same air, less that of its straight rays through the same
+samples, on a window coarse enough to cost little and fine enough for that finest phase. What the samples lack is
+lacking in both, so the difference stands for diffraction alone.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..medium import IndexField
+from ..pupils import Pupil
+from ..wavefront import Wavefront
+from ..wavefront.transfer import complex_amplitude
+from .angular_spectrum import transfer_exponent
+from .layers import layer_count, path_range, sample_layers
+from .split_step import plane_wave, through_layers
+from .wave import Wave
+
+# The greatest change of the Strehl ratio that rays may cost and still be good.
+GOOD = 1e-2
+# Phase [rad rms] that may be left out of what counts as the finest.
+UNSEEN = 0.03
+# Pixels of the window, least and most; the window over the pupil; layers of the field at most.
+LEAST_PIXELS, MOST_PIXELS, WINDOW, LAYERS = 48, 192, 1.5, 64
+
+
+@dataclass(frozen=True)
+class Validity:
+    """What diffraction does that rays do not know of.
+
+    Attributes:
+        strehl_change: Strehl ratio by waves less that by rays, both through the same samples.
+        feature: Half period of the finest phase that matters [m]; infinite where none does.
+        distance: Length over which the light is disturbed, and has left the disturbance at its end [m].
+        fresnel_number: feature^2 / (wavelength distance).
+        crossed_share: Share of the pupil where rays have crossed.
+        curvature: The greatest product of that distance and a curvature of the wavefront, of the sign that focuses.
+        limit: The change of the Strehl ratio up to which rays are good.
+    """
+
+    strehl_change: float
+    feature: float
+    distance: float
+    fresnel_number: float
+    crossed_share: float
+    curvature: float
+    limit: float = GOOD
+
+    @property
+    def good(self) -> bool:
+        """Whether rays give the Strehl ratio to within `limit`."""
+        return abs(self.strehl_change) <= self.limit
+
+    @property
+    def reason(self) -> str:
+        """The verdict in a sentence."""
+        change = f"waves change the Strehl ratio by {self.strehl_change:+.2g}, {self.limit:g} being allowed"
+        if self.good:
+            return f"rays are good: {change}"
+        why = f"the Fresnel number of the finest phase is {self.fresnel_number:.2g}"
+        if self.crossed_share > 0.0:
+            why = f"rays cross over {100.0 * self.crossed_share:.2g} % of the pupil"
+        return f"rays are not good: {change}; {why}; see split_step"
+
+    def __bool__(self) -> bool:
+        """Whether rays are good."""
+        return self.good
+
+
+def validity(
+    field: IndexField,
+    pupil: Pupil,
+    *,
+    wavelength: float | None = None,
+    wavefront: Wavefront | None = None,
+    limit: float = GOOD,
+) -> Validity:
+    """Whether rays through a field give the Strehl ratio of a pupil, and what they leave out.
+
+    Args:
+        field: The refractive index.
+        pupil: The pupil; light leaves it along its normal.
+        wavelength: Vacuum wavelength [m]; None takes the field's own, or 905 nm where it has none.
+        wavefront: Its traced wavefront, whose finest phase is then looked at; None looks at straight rays.
+        limit: The change of the Strehl ratio up to which rays are good.
+
+    Raises:
+        TypeError: `field` or `pupil` of the wrong kind.
+        ValueError: A pupil that does not see the field; a number that makes no sense.
+    """
+    if not isinstance(field, IndexField):
+        raise TypeError(f"field must be an IndexField, got {type(field).__name__}")
+    if not isinstance(pupil, Pupil):
+        raise TypeError(f"pupil must be a Disc, Annulus, Rectangle, Polygon or Mask, got {type(pupil).__name__}")
+    if not (np.isfinite(limit) and limit > 0.0):
+        raise ValueError(f"limit must be positive, got {limit!r}")
+    wavelength = field.wavelength_for(wavelength)
+    feature = float("inf") if wavefront is None else finest_feature(_phase_map(wavefront), wavefront.pixel)
+    pixels = LEAST_PIXELS
+    while True:
+        wave = plane_wave(pupil, wavelength, pixels, WINDOW, field.ambient_index)
+        begin, end = path_range(field, wave)
+        layers = sample_layers(field, wave, begin, end, layer_count(field, end - begin, None, LAYERS))
+        path = layers.sum(axis=0, dtype=np.float64)
+        of_window = finest_feature(
+            2.0 * np.pi / wavelength * np.where(np.abs(wave.amplitude) > 0.0, path, np.nan), wave.pixel
+        )
+        feature = min(feature, of_window)
+        # Four pixels to the half period hold a phase well; a finer phase asks for a finer window.
+        if feature >= 4.0 * wave.pixel or pixels >= MOST_PIXELS:
+            break
+        pixels *= 2
+    distance = disturbed_length(layers, wave, end - begin)
+    crossed, curvature = _crossing(path, wave, distance)
+    return Validity(
+        strehl_change=_strehl_change(wave, layers, path, end - begin),
+        feature=feature,
+        distance=distance,
+        fresnel_number=feature**2 / (wavelength * distance) if distance > 0.0 else float("inf"),
+        crossed_share=crossed,
+        curvature=curvature,
+        limit=limit,
+    )
+
+
+def finest_feature(phase: np.ndarray, pixel: float) -> float:
+    """Half period of the finest phase [m] that holds UNSEEN rad of a map, NaN outside the pupil; infinite if none does.
+
+    By second differences at growing distance, which no tilt touches and no edge of the pupil: a component of period p
+    holds its whole at a distance of p / 2.
+    """
+    for stride in (2**power for power in range(int(np.log2(max(len(phase) // 2, 1))) + 1)):
+        squares = []
+        for axis in (0, 1):
+            moved = np.moveaxis(phase, axis, 0)
+            if len(moved) <= 2 * stride:
+                continue
+            second = moved[2 * stride :] - 2.0 * moved[stride:-stride] + moved[: -2 * stride]
+            there = second[np.isfinite(second)]
+            if there.size:
+                squares.append(float(np.mean(there**2)))
+        # Of a component that is sampled at its extremes the second difference is four times the amplitude.
+        if squares and np.sqrt(sum(squares) / 8.0) > 2.0 * UNSEEN:
+            return stride * pixel
+    return float("inf")
+
+
+def disturbed_length(layers: np.ndarray, wave: Wave, length: float) -> float:
+    """From the middle of what disturbs the phase, weighted by its square, on to the end, and its own spread [m]."""
+    lit = np.abs(wave.amplitude) > 0.0
+    inside = layers[:, lit].astype(np.float64)
+    weight = np.mean((inside - inside.mean(axis=1, keepdims=True)) ** 2, axis=1)
+    if not weight.any():
+        return 0.0
+    place = (np.arange(len(layers)) + 0.5) * length / len(layers)
+    middle = np.average(place, weights=weight)
+    return float(np.sqrt(12.0 * np.average((place - middle) ** 2, weights=weight) + (length / len(layers)) ** 2))
+
+
+def _phase_map(wavefront: Wavefront) -> np.ndarray:
+    return 2.0 * np.pi / wavefront.wavelength * wavefront.opd
+
+
+def _crossing(path: np.ndarray, wave: Wave, distance: float) -> tuple[float, float]:
+    """Share of the pupil where rays cross within a distance, and the greatest focusing curvature times it."""
+    lit = np.abs(wave.amplitude) > 0.0
+    row = np.gradient(np.gradient(path, wave.pixel, axis=0), wave.pixel, axis=0)
+    column = np.gradient(np.gradient(path, wave.pixel, axis=1), wave.pixel, axis=1)
+    mixed = np.gradient(np.gradient(path, wave.pixel, axis=0), wave.pixel, axis=1)
+    middle, spread = 0.5 * (row + column), np.hypot(0.5 * (row - column), mixed)
+    focusing = -distance * (middle - spread)[lit]  # light turns toward where it is delayed: a negative one focuses
+    least = 1.0 - focusing
+    greatest = 1.0 + distance * (middle + spread)[lit]
+    return float(np.mean(least * greatest < 0.0)), float(focusing.max(initial=0.0))
+
+
+def _strehl_change(wave: Wave, layers: np.ndarray, path: np.ndarray, length: float) -> float:
+    """Strehl ratio of the wave through the layers less that of straight rays."""
+    exponent = transfer_exponent(wave.amplitude.shape, wave.pixel, wave.wavelength, wave.ambient_index, False)
+    amplitude = np.array(wave.amplitude)
+    out = through_layers(amplitude, layers, length, len(layers), exponent, wave.wavelength)
+    straight = complex_amplitude(path, np.abs(amplitude), wave.wavelength)
+    whole = abs(amplitude.sum())
+    return float((abs(out.sum()) ** 2 - abs(straight.sum()) ** 2) / whole**2)

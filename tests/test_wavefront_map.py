@@ -1,0 +1,313 @@
+"""Wavefronts over pupils: closed forms of what they make of the light, and traced ones."""
+
+import pickle
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.special import j0, j1, jn_zeros
+
+from aerokernels import Annulus, Disc, Mask, Polygon, Rectangle, Wavefront, estimate_strehl, strehl, wavefront, zernike
+from aerokernels.wavefront.traced import pupil_grid
+from tests.phase_plates import WAVELENGTH, phase_plate
+
+RADIUS = 2e-3
+RESOLUTION = WAVELENGTH / (2.0 * RADIUS)
+BEHIND = (0.0, 0.0, -1e-3)
+
+
+def made(pupil, opd=lambda x, y: 0.0 * x, count: int = 128, error: float = 0.0) -> Wavefront:
+    """A wavefront without a trace, of any OPD(x, y) [m]."""
+    coordinate, pixel, weight, intensity = pupil_grid(pupil, count)
+    x, y = np.meshgrid(coordinate, coordinate)
+    return Wavefront(
+        opd(x, y),
+        weight,
+        pixel,
+        WAVELENGTH,
+        intensity=intensity,
+        radius=pupil.reach,
+        pupil=pupil,
+        budget=lambda: {"total": error},
+    )
+
+
+def modes(coefficients: dict[int, float]):
+    """OPD that is a sum of Zernike polynomials over RADIUS [m], by Noll's index."""
+
+    def opd(x, y):
+        orders = {index: zernike.noll_to_nm(index) for index in coefficients}
+        return sum(c * zernike.zernike_polynomial(*orders[j], x / RADIUS, y / RADIUS) for j, c in coefficients.items())
+
+    return opd
+
+
+# --- closed forms ----------------------------------------------------------------------------------------------------
+
+
+def test_airy_pattern_of_disc_and_annulus():
+    """(2 J1(v) / v)^2, and (A(v) - e^2 A(e v))^2 / (1 - e^2)^2 with A = 2 J1(v) / v; edge pixels: 3e-4 at N = 128."""
+    angle = np.linspace(-4.0, 4.0, 33) * RESOLUTION
+    v = np.pi * np.hypot(angle[:, None], angle) / RESOLUTION
+    safe = np.where(v == 0.0, 1.0, v)
+
+    def airy(scale):
+        return np.where(v == 0.0, 1.0, 2.0 * j1(scale * safe) / (scale * safe))
+
+    disc = made(Disc(RADIUS)).psf(angle)
+    assert np.abs(disc.intensity - airy(1.0) ** 2).max() < 3e-4
+    ring = made(Annulus(RADIUS, 0.4 * RADIUS)).psf(angle)
+    assert np.abs(ring.intensity - ((airy(1.0) - 0.16 * airy(0.4)) / 0.84) ** 2).max() < 6e-4
+
+
+def test_rectangle_has_a_sinc_pattern_exactly():
+    """Pixels of a square pupil: the sum over n pixels is Dirichlet's kernel, (sin(n t) / (n sin t))^2 each way."""
+    angle = np.linspace(-3.0, 3.0, 13) * RESOLUTION
+    found = made(Rectangle(2 * RADIUS, 2 * RADIUS), count=64).psf(angle).intensity
+    t = np.pi * angle / RESOLUTION / 64
+    kernel = np.where(t == 0.0, 1.0, np.sin(64 * t) / (64 * np.sin(np.where(t == 0.0, 1.0, t)))) ** 2
+    assert np.abs(found - np.outer(kernel, kernel)).max() < 1e-12
+
+
+def test_parts_of_the_transform_are_the_whole():
+    """The FFT, its middle by matrices, and given angles: the same to rounding."""
+    wave = made(Disc(RADIUS), modes({2: 1e-7, 5: 5e-8, 8: 4e-8}), count=32)
+    whole, middle = wave.psf(padding=4), wave.psf(padding=4, half_width=3.0 * RESOLUTION)
+    shown = np.abs(whole.angle) <= 3.0 * RESOLUTION
+    assert np.abs(whole.intensity[np.ix_(shown, shown)] - middle.intensity).max() < 1e-12
+    assert np.abs(wave.psf(middle.angle).intensity - middle.intensity).max() < 1e-12
+
+
+def test_mtf_of_a_circle_and_its_cut_off():
+    """2 / pi (acos s - s sqrt(1 - s^2)) with s over the cut-off D / lambda; edge pixels: 1e-3 at N = 128."""
+    mtf = made(Disc(RADIUS)).mtf()
+    for angle, allowed in ((0.0, 1e-3), (0.5 * np.pi, 1e-3), (np.pi / 3.0, 3e-3)):  # interpolated at the cusp of f = 0
+        frequency, value = mtf.along(angle)
+        s = np.clip(frequency * RESOLUTION, 0.0, 1.0)
+        assert np.abs(value - 2.0 / np.pi * (np.arccos(s) - s * np.sqrt(1.0 - s * s))).max() < allowed
+    assert mtf.value[mtf.value.shape[0] // 2, mtf.value.shape[1] // 2] == 1.0
+    assert np.abs(mtf.frequency[-1] * RESOLUTION - 1.0) < 0.01
+
+
+def test_otf_is_the_transform_of_the_psf():
+    """Sum over one period of the PSF of exp(-2 pi i f a), exact for the pixels; tilt turns its phase by -2 pi f a0."""
+    wave = made(Rectangle(2 * RADIUS, RADIUS), modes({2: 1.3e-7, 3: -4e-8, 7: 6e-8}), count=16)
+    otf = wave.otf()
+    spread = wave.psf(padding=2)
+    turn = np.exp(-2j * np.pi * np.outer(otf.frequency, spread.angle))
+    transformed = turn @ spread.intensity @ turn.T
+    transformed /= spread.intensity.sum()
+    assert np.abs(transformed - otf.value).max() < 1e-12
+    tilted = made(Disc(RADIUS), lambda x, y: 3e-4 * x - 1e-4 * y, count=16).otf()
+    fx, fy = np.meshgrid(tilted.frequency, tilted.frequency)
+    expected = tilted.perfect * np.exp(-2j * np.pi * (3e-4 * fx - 1e-4 * fy))
+    assert np.abs(tilted.value - expected).max() < 1e-12
+
+
+def test_encircled_energy_of_a_circle():
+    """1 - J0(v)^2 - J1(v)^2 (Rayleigh), 83.8 % in the first dark ring; edge pixels: 1e-4 at N = 128."""
+    angle = np.array([0.3, 0.7, float(jn_zeros(1, 1)[0]) / np.pi, 2.5, 6.0]) * RESOLUTION
+    v = np.pi * angle / RESOLUTION
+    wave = made(Disc(RADIUS))
+    assert np.abs(wave.encircled_energy(angle).energy - (1.0 - j0(v) ** 2 - j1(v) ** 2)).max() < 3e-4
+    assert wave.encircled_energy(0.0).energy == 0.0
+    fine = wave.encircled_energy(np.linspace(0.0, 2.0, 101) * RESOLUTION)
+    assert fine.radius(1.0 - j0(0.5 * np.pi) ** 2 - j1(0.5 * np.pi) ** 2) / RESOLUTION == pytest.approx(0.5, abs=1e-3)
+    assert np.isnan(fine.radius(0.99))
+    # About the centroid of a tilted beam it is the same; about the axis it is not.
+    tilted = made(Disc(RADIUS), lambda x, y: 2.0 * RESOLUTION * x)
+    assert np.abs(np.asarray(tilted.encircled_energy(angle)) - np.asarray(wave.encircled_energy(angle))).max() < 1e-9
+    assert float(tilted.encircled_energy(angle[0], center=(0.0, 0.0))) < 0.05
+
+
+def test_width_of_airys_disc():
+    """FWHM 1.02899 lambda / D; tilt does not change it; a Gaussian of w has sqrt(2 ln 2) lambda / (pi w)."""
+    assert made(Disc(RADIUS)).fwhm / RESOLUTION == pytest.approx(1.02899, rel=3e-3)
+    assert made(Disc(RADIUS), lambda x, y: 5.3 * RESOLUTION * y).fwhm / RESOLUTION == pytest.approx(1.02899, rel=3e-3)
+    waist = RADIUS / 4.0
+    axis = RADIUS * (np.arange(96) - 47.5) / 48
+    beam = Mask(np.exp(-(axis[:, None] ** 2 + axis**2) / waist**2), RADIUS / 48)
+    found = made(beam, count=96).fwhm
+    assert found == pytest.approx(np.sqrt(2.0 * np.log(2.0)) * WAVELENGTH / (np.pi * waist), rel=1e-3)
+
+
+@pytest.mark.parametrize("index", range(2, 12))
+def test_strehl_ratio_of_a_pure_zernike_aberration(index: int):
+    """exp(-(k a)^2) to second order for rms a: at k a = 0.05 what is left is of third order, below 2e-4."""
+    amplitude = 0.05 * WAVELENGTH / (2.0 * np.pi)
+    assert made(Disc(RADIUS), modes({index: amplitude})).strehl() == pytest.approx(np.exp(-0.0025), abs=2e-4)
+
+
+def test_strehl_ratio_of_pure_focus():
+    """W = b r^2: S = (sin(k b / 2) / (k b / 2))^2; midpoints: 2e-4 at N = 128."""
+    for waves in (0.25, 0.5, 0.8):
+        found = made(Disc(RADIUS), lambda x, y, b=waves: b * WAVELENGTH * (x * x + y * y) / RADIUS**2)
+        assert found.strehl() == pytest.approx(np.sinc(waves) ** 2, abs=3e-4)
+        assert found.remove("focus", "piston").strehl() == pytest.approx(1.0, abs=1e-12)
+        assert found.rms == pytest.approx(waves * WAVELENGTH / np.sqrt(12.0), rel=1e-3)
+        assert found.peak_to_valley == pytest.approx(waves * WAVELENGTH, rel=0.03)
+
+
+coefficients = st.lists(st.floats(-1e-7, 1e-7), min_size=15, max_size=15)
+
+
+@given(values=coefficients, shape=st.sampled_from([Disc(RADIUS), Annulus(RADIUS, 0.5 * RADIUS)]))
+@settings(max_examples=20, deadline=None)
+def test_zernike_coefficients_come_back(values, shape):
+    """A sum of 15 modes is fitted exactly on any round pupil; piston, tilt and focus removed are modes 1 to 4."""
+    wave = made(shape, modes(dict(enumerate(values, start=1))), count=40)
+    assert np.abs(wave.zernike(15) - values).max() < 1e-10 * 1e-7 + 1e-20
+    assert np.abs(wave.without_zernike(1, 2, 3, 4).zernike(4)).max() < 1e-17
+    assert np.abs(wave.without_zernike(*range(1, 16)).samples[0]).max() < 1e-17
+    assert wave.remove("piston", "tilt", "focus").removed == ("piston", "tilt", "focus")
+
+
+@given(a=st.floats(-1e-4, 1e-4), b=st.floats(-1e-4, 1e-4), c=st.floats(-1e-6, 1e-6), d=st.floats(-0.1, 0.1))
+@settings(max_examples=20, deadline=None)
+def test_terms_are_removed_from_any_pupil(a, b, c, d):
+    """Piston c, slopes a, b and focus d of a lopsided polygon leave nothing; the Strehl ratio is then 1."""
+    pupil = Polygon(1e-3 * np.array([[-1.0, -1.5], [2.0, -0.5], [0.5, 1.5]]))
+    wave = made(pupil, lambda x, y: c + a * x + b * y + d * (x * x + y * y), count=24)
+    rest = wave.remove("piston", "tilt", "focus")
+    assert rest.rms < 1e-19 + 1e-12 * wave.rms
+    assert rest.strehl() == pytest.approx(1.0, abs=1e-12)
+    with pytest.raises(ValueError, match="choose from piston, tilt, focus"):
+        wave.remove("coma")
+
+
+def test_centroid_is_the_mean_slope():
+    """Tilt moves the centroid and the peak by itself; coma c sqrt(8) (3 r^2 - 2) x moves the centroid by <dW/dx>.
+
+    <dW/dx> over the disc is sqrt(8) (9 x^2 + 3 y^2 - 2) c / R averaged, sqrt(8) c / R.
+    """
+    tilted = made(Disc(RADIUS), lambda x, y: 2e-4 * x - 1e-4 * y)
+    assert tilted.centroid == pytest.approx([2e-4, -1e-4], rel=1e-9)
+    assert tilted.tilt == pytest.approx([2e-4, -1e-4], rel=1e-9)
+    coma = made(Disc(RADIUS), modes({8: 3e-8}))
+    assert coma.centroid[0] == pytest.approx(np.sqrt(8.0) * 3e-8 / RADIUS, rel=0.02)
+    assert abs(coma.centroid[1]) < 1e-12
+
+
+def test_structure_function_of_a_tilt_and_of_noise():
+    """Tilt a on a square: D(r) = a^2 <dx^2>, a^2 r^2 / 2 about all directions; white noise of rms s: 2 s^2."""
+    tilted = made(Disc(RADIUS), lambda x, y: 1e-4 * x, count=32).structure_function()
+    near = (tilted.separation > 0.0) & (tilted.separation < 0.5 * RADIUS)
+    assert (tilted.value[near] / tilted.separation[near] ** 2) == pytest.approx(0.5e-8, rel=0.25)
+    rng = np.random.default_rng(7)
+    noise = made(Rectangle(2 * RADIUS, 2 * RADIUS), lambda x, y: 1e-8 * rng.normal(size=x.shape), count=96)
+    found = noise.structure_function()
+    assert found.value[0] < 1e-26 and found.pair_weight.sum() == pytest.approx(1.0)
+    assert found.value[1:60] == pytest.approx(2e-16, rel=0.1)
+    # By hand: every pair of pixels of a small map.
+    small = made(Disc(RADIUS), modes({5: 1e-7, 2: 3e-8}), count=6)
+    opd, weight = small.opd[small.lit], small.weight[small.lit]
+    distance = np.linalg.norm(small.points[:, None] - small.points, axis=2) / small.pixel
+    pairs = weight[:, None] * weight
+    found = small.structure_function()
+    for ring, value in enumerate(found.value):
+        chosen = np.rint(distance) == ring
+        assert value == pytest.approx(np.average((opd[:, None] - opd)[chosen] ** 2, weights=pairs[chosen]), abs=1e-24)
+
+
+def test_point_source_sensitivity():
+    """1 for a perfect pupil with or without air; less with aberrations, and less sensitive to them in bad air."""
+    assert made(Disc(RADIUS), count=32).pssn() == pytest.approx(1.0, abs=1e-12)
+    wave = made(Disc(RADIUS), modes({5: 5e-8, 8: 3e-8}), count=32)
+    values = [wave.pssn(fried) for fried in (np.inf, 4.0 * RADIUS, RADIUS, 0.2 * RADIUS)]
+    assert (np.diff(values) > 0.0).all() and 0.3 < values[0] < 0.9 and values[-1] > 0.97
+    with pytest.raises(ValueError, match="r0, must be a positive length"):
+        wave.pssn(0.0)
+
+
+def test_errors_hold_what_they_bound():
+    """An OPD off by up to e everywhere: every number stays within the error that it tells of."""
+    base = modes({4: 5e-8, 5: 3e-8, 8: 4e-8})
+    error = 4e-9
+    rng = np.random.default_rng(3)
+    wave = made(Disc(RADIUS), base, count=48, error=error)
+    other = made(Disc(RADIUS), lambda x, y: base(x, y) + error * rng.uniform(-1.0, 1.0, x.shape), count=48)
+    assert abs(other.strehl() - wave.strehl()) < wave.quantities["strehl"].error
+    assert abs(other.rms - wave.rms) < wave.quantities["opd_rms"].error
+    assert np.abs(other.tilt - wave.tilt).max() < wave.quantities["tilt_x"].error
+    assert np.abs(other.zernike(15) - wave.zernike(15)).max() < wave.opd_error
+    angle = np.linspace(-3.0, 3.0, 25) * RESOLUTION
+    spread = wave.psf(angle)
+    assert (np.abs(other.psf(angle).intensity - spread.intensity) <= spread.error).all()
+    assert (np.abs(other.otf().value - wave.otf().value) <= wave.otf().error + 1e-15).all()
+    energy = wave.encircled_energy(angle[13:])
+    assert np.abs(other.encircled_energy(angle[13:]).energy - energy.energy).max() < energy.error
+
+
+# --- traced ----------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    "pupil",
+    [Disc(RADIUS, BEHIND), Annulus(RADIUS, 1e-3, BEHIND), Rectangle(3e-3, 2e-3, BEHIND),
+     Mask(np.outer(np.hanning(18)[1:-1], np.hanning(18)[1:-1]), 2e-4, BEHIND)],
+    ids=lambda pupil: type(pupil).__name__,
+)  # fmt: skip
+def test_a_traced_wavefront_is_the_plates_and_the_estimates(pupil):
+    """The map is the plate's OPD but for the path that bending adds, angle^2 / 2 times 5 mm.
+
+    Its Strehl ratio is that of 16 x 1024 Sobol points to 2e-3.
+    """
+    opd = modes({3: 4e-8, 4: 5e-8, 5: -4e-8, 8: 3e-8})
+    field = phase_plate(opd, 4e-3)
+    found = wavefront(field, pupil, wavelength=WAVELENGTH, pixel_count=64)
+    x, y = np.meshgrid(found.coordinate, found.coordinate)
+    assert np.nanmax(np.abs(found.opd - opd(x, y))) < 1e-9
+    assert found.blocked == 0.0 and found.plan is not None and found.seconds["total"] > 0.0
+    estimate = estimate_strehl(field, pupil, wavelength=WAVELENGTH, ray_count=1 << 14)
+    assert found.strehl() == pytest.approx(estimate.value, abs=2e-3)
+    assert found.rms == pytest.approx(estimate.opd_rms, rel=1e-2)
+    assert found.tilt == pytest.approx(estimate.boresight, abs=3e-7)
+    assert found.strehl() == pytest.approx(
+        strehl(found.opd, WAVELENGTH, found.weight), abs=1e-14
+    )  # one formula, whatever the way
+    assert "Strehl ratio 0." in repr(found) and 0.0 < found.opd_error < 1e-8
+
+
+def test_a_mask_is_traced_on_its_own_pixels():
+    weights = np.random.default_rng(5).uniform(0.1, 1.0, (9, 9))
+    found = wavefront(phase_plate(modes({4: 5e-8}), 4e-3), Mask(weights, 2e-4, BEHIND), wavelength=WAVELENGTH)
+    assert found.weight == pytest.approx(weights, abs=1e-12) and found.pixel == pytest.approx(2e-4)
+
+
+def test_a_slanted_look_sees_the_plate_from_aside():
+    """Thin plate, rays along (a, 0, 1): what they gather at x is the plate at x + a (its depth's middle - start)."""
+    field = phase_plate(lambda x, y: 1e-7 * np.sin(1500.0 * x) + 0.0 * y, 4e-3, count=81)
+    slope = 0.2
+    found = wavefront(field, Disc(1e-3, BEHIND), direction=(slope, 0.0, 1.0), wavelength=WAVELENGTH, pixel_count=24)
+    depth = 1e-3 + 1e-3  # from the pupil to the middle of the plate
+    expected = 1e-7 * np.sin(1500.0 * (found.coordinate + slope * depth)) * np.sqrt(1.0 + slope**2)
+    row = found.opd[12]
+    good = np.isfinite(row)
+    assert np.abs(row[good] - expected[good]).max() < 5e-9  # the plate is 2 mm thick: 0.2 mm of x
+
+
+def test_a_wavefront_and_what_it_makes_can_be_pickled():
+    """There and back with its error budget, which is measured where it is asked for."""
+    found = wavefront(phase_plate(modes({4: 5e-8}), 4e-3), Disc(1e-3, BEHIND), wavelength=WAVELENGTH, pixel_count=16)
+    back = pickle.loads(pickle.dumps(found))
+    assert back.strehl() == found.strehl() and back.opd_error == found.opd_error > 0.0
+    spread = pickle.loads(pickle.dumps(found.psf([0.0])))
+    assert spread.intensity == found.psf([0.0]).intensity and spread.error > 0.0
+    assert pickle.loads(pickle.dumps(found.mtf())).error.max() > 0.0
+
+
+def test_what_is_refused():
+    field = phase_plate(modes({4: 5e-8}), 4e-3)
+    with pytest.raises(TypeError, match="pupil must be a Disc, Annulus, Rectangle, Polygon or Mask, got float"):
+        wavefront(field, 1e-3)
+    with pytest.raises(TypeError, match="field must be an IndexField"):
+        wavefront(1.0, Disc(1e-3))
+    with pytest.raises(ValueError, match="pixel_count must be a whole number of at least 2, got 1"):
+        wavefront(field, Disc(1e-3, BEHIND), pixel_count=1)
+    with pytest.raises(ValueError, match="opd and weight must be square and of one shape"):
+        Wavefront(np.zeros((2, 3)), np.ones((2, 3)), 1.0, WAVELENGTH)
+    with pytest.raises(ValueError, match="finite in the pupil, got 1 bad samples"):
+        Wavefront(np.array([[np.nan, 0.0], [0.0, 0.0]]), np.ones((2, 2)), 1.0, WAVELENGTH)
+    with pytest.raises(ValueError, match="more than the pupil's 4 samples tell apart"):
+        Wavefront(np.zeros((2, 2)), np.ones((2, 2)), 1.0, WAVELENGTH).zernike(10)

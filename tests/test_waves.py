@@ -1,0 +1,218 @@
+"""Wave optics: closed forms in free space and in fields, and the rays where they are good."""
+
+import numpy as np
+import pytest
+from scipy.special import fresnel
+
+from aerokernels import Disc, IndexField, Rectangle, Wave, split_step, validity, wavefront
+from aerokernels.validation.random_fields import uniform_field
+from aerokernels.waves import angular_spectrum
+from aerokernels.waves.layers import sample_layers
+from tests.phase_plates import DEPTH, WAVELENGTH, phase_plate
+
+K = 2.0 * np.pi / WAVELENGTH
+
+
+def line(count: int, pixel: float) -> np.ndarray:
+    return pixel * (np.arange(count) - count // 2)
+
+
+def gaussian(x, y, waist: float, z: float) -> np.ndarray:
+    """A paraxial Gaussian beam, its waist at z = 0: amplitude less exp(i k z)."""
+    q = 1.0 + 2j * z / (K * waist**2)
+    return np.exp(-(x**2 + y**2) / (waist**2 * q)) / q
+
+
+def test_gaussian_beam():
+    """Paraxial: the closed form to rounding. Helmholtz: that less its own corrections, (lambda / w)^2 k z / 8 about."""
+    x, waist, z = line(256, 2e-5), 4e-4, 0.3
+    start = gaussian(x[None, :], x[:, None], waist, -0.1)
+    found = angular_spectrum(start, 2e-5, WAVELENGTH, z + 0.1, paraxial=True)
+    expected = gaussian(x[None, :], x[:, None], waist, z)
+    assert np.abs(found - expected).max() < 1e-10
+    exact = angular_spectrum(start, 2e-5, WAVELENGTH, z + 0.1)
+    assert 1e-10 < np.abs(exact - expected).max() < K * 0.4 / 8.0 * (2.0 / (K * waist)) ** 4 * 3.0
+    back = angular_spectrum(exact, 2e-5, WAVELENGTH, -(z + 0.1))
+    assert np.abs(back - start).max() < 1e-12
+
+
+def slit(x: np.ndarray, half: float, z: float) -> np.ndarray:
+    """Fresnel's amplitude behind a slit under a plane wave."""
+    scale = np.sqrt(2.0 / (WAVELENGTH * z))
+    s = [fresnel((x + edge) * scale) for edge in (half, -half)]
+    upper, lower = (c + 1j * sine for sine, c in s)
+    return (upper - lower) / (1.0 + 1j)
+
+
+@pytest.mark.parametrize("half", [0.2e-3, 1.5e-3], ids=["slit", "knife-edge"])
+def test_slit_and_knife_edge(half: float):
+    """From Fresnel's own amplitude at 20 mm to 50 mm; a wide slit is two knife edges.
+
+    What is left: the window's periodic neighbours, whose share falls as 1 over their distance, sqrt(lambda z) / (pi d).
+    """
+    count, pixel = 1 << 15, 1e-6
+    x = line(count, pixel)
+    taper = 0.5 * (1.0 - np.tanh((np.abs(x) - 5e-3) / 5e-4))  # nothing jumps at the window's ends
+    start = slit(x, half, 20e-3) * taper
+    found = angular_spectrum(start[None, :], pixel, WAVELENGTH, 30e-3, paraxial=True)[0]
+    near = np.abs(x - half) < 1e-3
+    expected = slit(x, half, 50e-3)
+    assert np.abs(found - expected)[near].max() < 1e-4
+    # At the geometric shadow's edge of a half plane the amplitude is a half.
+    if half > 1e-3:
+        assert np.abs(found[np.argmin(np.abs(x - half))]) == pytest.approx(0.5, abs=0.03)
+
+
+def test_talbot():
+    """A grating comes back after 2 p^2 / lambda, half a period aside after half of that: exact in a periodic window."""
+    count, period = 240, 1e-3
+    x = line(count, period / 60.0)
+    grating = np.exp(1j * np.cos(2.0 * np.pi * x / period)) * (0.5 + 0.5 * (np.cos(2.0 * np.pi * x / period) > 0.3))
+    distance = 2.0 * period**2 / WAVELENGTH
+    again = angular_spectrum(grating[None, :], x[1] - x[0], WAVELENGTH, distance, paraxial=True)[0]
+    assert np.abs(again - grating).max() < 1e-10
+    aside = angular_spectrum(grating[None, :], x[1] - x[0], WAVELENGTH, 0.5 * distance, paraxial=True)[0]
+    assert np.abs(aside - np.roll(grating, 30)).max() < 1e-10
+
+
+def channel(gradient: float, half: float, length: float) -> IndexField:
+    """A light guide, contrast -g^2 y^2 / 2: planar, which a cubic spline holds exactly but beside the box's faces."""
+    y, z = np.linspace(-half, half, 81), np.linspace(0.0, length, 17)
+    contrast = np.broadcast_to(-0.5 * (gradient * y[:, None]) ** 2, (81, 17))
+    return IndexField.from_samples(contrast, origin=(-half, 0.0), spacing=(y[1] - y[0], z[1]), geometry="planar")
+
+
+def test_beam_in_a_light_guide():
+    """The mode of waist sqrt(2 / (k g)) put aside by a: its middle swings as a cos(g z), its shape stays.
+
+    Paraxial equation; the steps' error is of second order, and the wave says how large it is.
+    """
+    g, a = 5.0, 2e-4
+    waist, length = np.sqrt(2.0 / (K * g)), 0.2
+    x = line(256, 1.25e-5)
+    start = np.exp(-((x[:, None] - a) ** 2) / waist**2) * np.ones((1, 4))
+    field = channel(g, 1.7e-3, length)
+    light = Wave(start, 1.25e-5, WAVELENGTH)
+    errors = []
+    for steps in (8, 16, 32):
+        found = split_step(field, light, step_count=steps, paraxial=True)
+        power = found.intensity[:, 0]
+        middle = float(power @ x / power.sum())
+        spread = np.sqrt(4.0 * float(power @ (x - middle) ** 2) / power.sum())
+        errors.append(abs(middle - a * np.cos(g * length)))
+        assert spread == pytest.approx(waist, rel=2e-2)
+    assert errors[2] < 2e-4 * a
+    orders = np.log2(np.array(errors[:-1]) / errors[1:])
+    assert np.abs(orders - 2.0).max() < 0.2
+    # Phase and all: the mode on the axis keeps its form, and gains -g z / 2 in phase.
+    mode = Wave(np.exp(-(x[:, None] ** 2) / waist**2) * np.ones((1, 4)), 1.25e-5, WAVELENGTH)
+    found = split_step(field, mode, tolerance=1e-5, paraxial=True)
+    expected = np.array(mode.amplitude) * np.exp(-0.5j * g * length)
+    off = np.linalg.norm(found.amplitude - expected) / np.linalg.norm(expected)
+    assert off < 1e-4 and found.error < 1e-5
+    assert found.center[2] == pytest.approx(length)
+
+
+def test_a_thin_smooth_plate_is_what_the_rays_say():
+    """Strehl ratio of wave and rays of the same plate: 1e-3, the grid of the rays' pupil and the plate's 2 mm."""
+    field = phase_plate(lambda x, y: 2e-7 * (x * x + y * y) / 4e-6 + 2e-7 * x * y / 4e-6, 4.4e-3)
+    pupil = Disc(2e-3, (0.0, 0.0, -1e-3))
+    wave = split_step(field, pupil, wavelength=WAVELENGTH, pixel_count=128)
+    rays = wavefront(field, pupil, wavelength=WAVELENGTH)
+    assert wave.strehl() == pytest.approx(rays.strehl(), abs=1e-3)
+    angle = np.linspace(-2.0, 2.0, 9) * WAVELENGTH / 4e-3
+    assert np.abs(wave.psf(angle).intensity - rays.psf(angle).intensity).max() < 2e-3
+    told = validity(field, pupil, wavelength=WAVELENGTH, wavefront=rays)
+    assert told.good and bool(told) and abs(told.strehl_change) < 5e-4 and told.crossed_share == 0.0
+    assert "rays are good" in told.reason
+    # Free space leaves the Strehl ratio and the far field alone.
+    assert wave.propagate(5.0).strehl() == pytest.approx(wave.strehl(), abs=1e-12)
+
+
+def thick_grating(period: float, length: float, waves: float) -> IndexField:
+    """Phase of an amplitude of so many waves, cos(2 pi x / period) all along a length, at rest at both ends."""
+    x, z = np.linspace(-2.4e-3, 2.4e-3, 385), length / 24 * np.arange(-3, 28)
+    along = np.where((z > 0.0) & (z < length), np.sin(np.pi * z / length) ** 4, 0.0) / (0.375 * length)
+    contrast = waves * WAVELENGTH * np.cos(2.0 * np.pi * x / period)[:, None] * along
+    return IndexField.from_samples(contrast, origin=(x[0], z[0]), spacing=(x[1] - x[0], z[1] - z[0]), geometry="planar")
+
+
+def test_a_thick_grating_is_more_than_its_rays_say():
+    """Born: 1 - S = 2 |sum of order 1|^2: orders of layers at z add with phase K^2 z / (2 k), the rays' without.
+
+    With the profile p(z) = sin^4 its transform at Q = K^2 / (2 k) takes the place of its integral; phase 0.3 rad leaves
+    an error of fourth order, 0.3^4 / 32 about.
+    """
+    period, length, waves = 0.2e-3, 60e-3, 0.3 / (2.0 * np.pi)
+    field = thick_grating(period, length, waves)
+    pupil = Rectangle(3.2e-3, 3.2e-3, (0.0, 0.0, -1e-3))
+    z = np.linspace(0.0, length, 2001)
+    profile = np.sin(np.pi * z / length) ** 4 / (0.375 * length)
+    detuning = (2.0 * np.pi / period) ** 2 / (2.0 * K)
+    order = 0.5 * 0.3 * abs(np.trapezoid(profile * np.exp(1j * detuning * z), z))
+    wave = split_step(field, pupil, wavelength=WAVELENGTH, pixel_count=192, window=1.5)
+    assert wave.strehl() == pytest.approx(1.0 - 2.0 * order**2, abs=2e-3)
+    by_rays = 1.0 - 2.0 * (0.5 * 0.3) ** 2
+    told = validity(field, pupil, wavelength=WAVELENGTH)
+    assert told.strehl_change == pytest.approx(wave.strehl() - by_rays, abs=4e-3)
+    assert not told.good and told.fresnel_number < 1.0 and "rays are not good" in told.reason
+    assert told.feature == pytest.approx(0.5 * period, rel=0.5)
+    thin = validity(thick_grating(period, 0.6e-3, waves), pupil, wavelength=WAVELENGTH)
+    assert thin.good and thin.fresnel_number > 5.0
+
+
+def test_rays_that_cross_are_told_of():
+    """A strong lens all along a length of twice its focal length: behind the focus rays have crossed."""
+    x, z = np.linspace(-2e-3, 2e-3, 81), np.linspace(-2e-3, 42e-3, 45)
+    along = np.where((z > 0.0) & (z < 40e-3), np.sin(np.pi * z / 40e-3) ** 4, 0.0) / 15e-3
+    contrast = -(x[:, None] ** 2) / (2.0 * 8e-3) * np.exp(-((x[:, None] / 0.8e-3) ** 4)) * along
+    field = IndexField.from_samples(
+        contrast, origin=(x[0], z[0]), spacing=(x[1] - x[0], z[1] - z[0]), geometry="planar"
+    )
+    told = validity(field, Disc(0.5e-3, (0.0, 0.0, -3e-3)), wavelength=WAVELENGTH)
+    assert told.crossed_share > 0.3 and told.curvature > 1.0
+
+
+def test_what_is_refused():
+    field = phase_plate(lambda x, y: 1e-7 * x / 1e-3 + 0.0 * y, 4e-3)
+    pupil = Disc(1e-3, (0.0, 0.0, -1e-3))
+    with pytest.raises(TypeError, match="light must be a pupil or a Wave, got float"):
+        split_step(field, 1.0)
+    with pytest.raises(TypeError, match="pupil must be a Disc, Annulus"):
+        validity(field, None)
+    with pytest.raises(ValueError, match="the wave does not meet the field"):
+        split_step(field, Disc(1e-3, (0.0, 0.0, 10.0 * DEPTH)))
+    for options, message in (
+        ({"pixel_count": 4}, "pixel_count must be a whole number of at least 8"),
+        ({"window": 0.5}, "window must be at least 1"),
+        ({"tolerance": 0.0}, "tolerance must be positive"),
+        ({"step_count": 0}, "step_count must be a whole number of at least 1"),
+        ({"pixel_count": 1 << 15}, "GiB: take a smaller pixel_count"),
+    ):
+        with pytest.raises(ValueError, match=message):
+            split_step(field, pupil, **options)
+    with pytest.raises(ValueError, match="not dark everywhere"):
+        Wave(np.zeros((8, 8)), 1e-5, WAVELENGTH)
+    with pytest.raises(ValueError, match="limit must be positive"):
+        validity(field, pupil, limit=0.0)
+
+
+@pytest.mark.parametrize("geometry", ["volume", "planar", "axisymmetric"])
+@pytest.mark.parametrize("interpolation", ["cubic", "linear", "monotone"])
+@pytest.mark.parametrize("look", [1.0, -1.0])
+def test_layers_are_the_fields_own_interpolant(geometry: str, interpolation: str, look: float):
+    """Sampled by axes, they are what the field says at their points, float32; beyond the box, nothing."""
+    field = uniform_field(geometry, interpolation)
+    low, high = field.box
+    z = float(low[2] if look > 0.0 else high[2])
+    size = float(np.min(np.where(np.isfinite(high - low), high - low, np.inf)[:2]))
+    wave = Wave(np.ones((12, 10)), size / 8.0, WAVELENGTH, (1e-4, 2e-4, z), (0.0, 0.0, look))
+    length = float(high[2] - low[2])
+    found = sample_layers(field, wave, 0.0, length, 5)
+    x, y = np.meshgrid(*wave.coordinates)
+    first, second = wave.axes
+    for number in range(5):
+        depth = (number + 0.5) * length / 5
+        points = wave.center + x[..., None] * first + y[..., None] * second + depth * wave.normal
+        expected = field.contrast_at(points.reshape(-1, 3)).reshape(12, 10) * length / 5
+        assert np.abs(found[number] - expected).max() < 1e-6 * np.abs(expected).max() + 1e-20

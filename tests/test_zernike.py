@@ -1,0 +1,114 @@
+"""Zernike polynomials and their indices: orthonormality, the published orders, and other packages' own."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from aerokernels import zernike
+from aerokernels.pupils import unit_disc_samples
+
+# R. J. Noll (1976), table I, and the fringe order of the University of Arizona: (n, m), m negative for sines.
+NOLL = [(0, 0), (1, 1), (1, -1), (2, 0), (2, -2), (2, 2), (3, -1), (3, 1), (3, -3), (3, 3), (4, 0), (4, 2), (4, -2)]
+FRINGE = [(0, 0), (1, 1), (1, -1), (2, 0), (2, 2), (2, -2), (3, 1), (3, -1), (4, 0), (3, 3), (3, -3), (4, 2), (4, -2)]
+ANSI = [(0, 0), (1, -1), (1, 1), (2, -2), (2, 0), (2, 2), (3, -3), (3, -1), (3, 1), (3, 3), (4, -4), (4, -2), (4, 0)]
+
+
+def test_indices_are_those_published():
+    assert [zernike.noll_to_nm(j) for j in range(1, 14)] == NOLL
+    assert [zernike.fringe_to_nm(j) for j in range(1, 14)] == FRINGE
+    assert [zernike.ansi_to_nm(j) for j in range(13)] == ANSI
+
+
+@given(index=st.integers(1, 100_000))
+def test_indices_are_undone(index):
+    for there, back in (
+        (zernike.noll_to_nm, zernike.nm_to_noll),
+        (zernike.ansi_to_nm, zernike.nm_to_ansi),
+        (zernike.fringe_to_nm, zernike.nm_to_fringe),
+    ):
+        n, m = there(index)
+        assert n >= abs(m) and (n - m) % 2 == 0 and back(n, m) == index
+
+
+def test_polynomials_are_orthonormal_over_the_disc():
+    """Gauss points integrate polynomials of degree 40 exactly: the Gram matrix of 66 modes is the identity."""
+    points, weight = unit_disc_samples(4 * 30**2, "gauss")
+    modes = zernike.zernike_modes(66, *points.T)
+    assert np.abs((modes * weight) @ modes.T - np.eye(66)).max() < 1e-12
+
+
+def test_high_orders_keep_their_digits():
+    """Z(n, 0) at the rim is sqrt(n + 1), and rms 1: a sum of factorials has no digit left at n = 60."""
+    assert zernike.zernike_polynomial(60, 0, 1.0, 0.0) == pytest.approx(np.sqrt(61.0), rel=1e-12)
+    points, weight = unit_disc_samples(4 * 80**2, "gauss")
+    high = zernike.zernike_polynomial(60, -20, *points.T)
+    assert weight @ high**2 == pytest.approx(1.0, rel=1e-10)
+
+
+def test_closed_forms():
+    """Tilt 2 x, focus sqrt(3) (2 r^2 - 1), astigmatism 2 sqrt(6) x y, coma sqrt(8) (3 r^2 - 2) y."""
+    x, y = np.random.default_rng(0).uniform(-0.7, 0.7, (2, 50))
+    square = x * x + y * y
+    forms = {
+        1: 1.0 + 0.0 * x,
+        2: 2.0 * x,
+        3: 2.0 * y,
+        4: np.sqrt(3.0) * (2.0 * square - 1.0),
+        5: 2.0 * np.sqrt(6.0) * x * y,
+        6: np.sqrt(6.0) * (x * x - y * y),
+        7: np.sqrt(8.0) * (3.0 * square - 2.0) * y,
+        8: np.sqrt(8.0) * (3.0 * square - 2.0) * x,
+        11: np.sqrt(5.0) * (6.0 * square**2 - 6.0 * square + 1.0),
+    }
+    modes = zernike.zernike_modes(11, x, y)
+    for index, expected in forms.items():
+        assert np.abs(modes[index - 1] - expected).max() < 1e-13, index
+
+
+@pytest.mark.parametrize(
+    ("call", "message"),
+    [
+        (lambda: zernike.noll_to_nm(0), "a Noll index is a whole number of at least 1, got 0"),
+        (lambda: zernike.ansi_to_nm(-1), "an? ANSI index is a whole number of at least 0"),
+        (lambda: zernike.fringe_to_nm(1.0), "fringe index is a whole number"),
+        (lambda: zernike.nm_to_noll(2, 1), r"n - m even, got \(2, 1\)"),
+        (lambda: zernike.zernike_polynomial(1, 3, 0.0, 0.0), r"got \(1, 3\)"),
+    ],
+)
+def test_what_is_refused(call, message):
+    with pytest.raises(ValueError, match=message):
+        call()
+
+
+def test_prysm_has_the_same_polynomials_and_indices():
+    polynomials = pytest.importorskip("prysm.polynomials")
+    x, y = np.random.default_rng(1).uniform(-0.7, 0.7, (2, 200))
+    for index in range(1, 67):
+        n, m = zernike.noll_to_nm(index)
+        assert tuple(polynomials.noll_to_nm(index)) == (n, m)
+        assert polynomials.nm_to_fringe(n, m) == zernike.nm_to_fringe(n, m)
+        assert polynomials.nm_to_ansi_j(n, m) == zernike.nm_to_ansi(n, m)
+        theirs = polynomials.zernike_nm(n, m, np.hypot(x, y), np.arctan2(y, x), norm=True)
+        assert np.abs(theirs - zernike.zernike_polynomial(n, m, x, y)).max() < 1e-11
+
+
+def test_poppy_has_the_same_polynomials():
+    poppy = pytest.importorskip("poppy")
+    x, y = np.random.default_rng(2).uniform(-0.7, 0.7, (2, 20, 20))
+    ours = zernike.zernike_modes(36, x, y)
+    for index in range(1, 37):
+        assert tuple(poppy.zernike.noll_indices(index)) == zernike.noll_to_nm(index)
+        theirs = poppy.zernike.zernike1(index, rho=np.hypot(x, y), theta=np.arctan2(y, x), outside=0.0)
+        assert np.abs(theirs - ours[index - 1]).max() < 1e-11, index
+
+
+def test_hcipy_has_the_same_polynomials():
+    hcipy = pytest.importorskip("hcipy")
+    grid = hcipy.make_pupil_grid(20, 1.4)
+    ours = zernike.zernike_modes(36, np.asarray(grid.x), np.asarray(grid.y))
+    for index in range(1, 37):
+        n, m = hcipy.noll_to_zernike(index)
+        assert (n, m) == zernike.noll_to_nm(index)
+        theirs = hcipy.zernike(n, m, 2.0, radial_cutoff=False)(grid)
+        assert np.abs(np.asarray(theirs) - ours[index - 1]).max() < 1e-11, index
