@@ -5,7 +5,7 @@ plane, both cells that share it take the same one, so that nothing is between th
 """
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
@@ -74,7 +74,12 @@ class Chunk:
             else:
                 centre[:, number] += d[:, number]
                 centre[:, number] *= 0.25
-        return _finished(self.cell, area, centre, at.min(axis=1), at.max(axis=1), at.mean(axis=1))
+        found = _finished(self.cell, area, centre, at.min(axis=1), at.max(axis=1), at.mean(axis=1))
+        if self.kind != PRISM:
+            return found
+        # VTK counts the corners of a prism one way round in its interpolation, most programs the other: both are right.
+        turn = np.where(found.volume < 0.0, -1.0, 1.0)
+        return replace(found, area=turn * found.area, volume=turn * found.volume)
 
 
 @dataclass(frozen=True, eq=False)

@@ -57,10 +57,10 @@ def volume_field(reading, spacing=None, region=None) -> GridDensity:
     if len(moved) == 1 and spacing is None and region is None:
         grid = uniform_grid(dataset.blocks[0], moved[0], *reading.densities[0])
         if grid is not None:
-            density, low, step, averages = grid
+            density, low, step = grid
             ambient = reading.ambient or dataset.ambient or float(np.median(density[:, :, -1]))
             said.append(f"ambient {ambient:.6g} kg/m3")
-            return GridDensity(density, low, step, "volume", ambient, averages, provenance=f"{path}: {'; '.join(said)}")
+            return GridDensity(density, low, step, "volume", ambient, provenance=f"{path}: {'; '.join(said)}")
     for block in dataset.blocks:
         if block.cells is None and block.shape is None:
             raise ReadError(
@@ -72,7 +72,11 @@ def volume_field(reading, spacing=None, region=None) -> GridDensity:
 
 
 def uniform_grid(block: Block, points: np.ndarray, density: np.ndarray, where: str):
-    """Density [x, y, z], first node, spacing, and whether they are averages, of a uniform grid; None for another."""
+    """Density [x, y, z], first node and spacing of a uniform grid; None for another.
+
+    Averages over cells become nodes at the corners of the cells, each the mean of the cells about it: the grid covers
+    what the cells cover, and columns along its axes hold what the cells hold.
+    """
     if block.shape is None or min(block.shape) < 2 or (block.blank is not None and block.blank.any()):
         return None
     at = points.reshape(*block.shape[::-1], 3)
@@ -97,10 +101,19 @@ def uniform_grid(block: Block, points: np.ndarray, density: np.ndarray, where: s
     first, step = np.empty(3), np.empty(3)
     for i, axis in enumerate(along):
         step[axis] = abs(at.reshape(-1, 3)[-1, axis] - at.reshape(-1, 3)[0, axis]) / (block.shape[i] - 1)
-        first[axis] = points[:, axis].min() + (0.5 * step[axis] if cell else 0.0)
+        first[axis] = points[:, axis].min()
         if steps[i][axis] < 0.0:
             values = np.flip(values, axis)
-    return np.ascontiguousarray(values), first, step, cell
+    return np.ascontiguousarray(_at_corners(values) if cell else values), first, step
+
+
+def _at_corners(values: np.ndarray) -> np.ndarray:
+    """Means of the cells about each corner, one axis after the other; at the edge the cell itself."""
+    for axis in range(3):
+        ends = [(1, 1) if k == axis else (0, 0) for k in range(3)]
+        padded = np.moveaxis(np.pad(values, ends, mode="edge"), axis, 0)
+        values = np.moveaxis(0.5 * (padded[1:] + padded[:-1]), 0, axis)
+    return values
 
 
 def _resampled(reading, moved: list[np.ndarray], spacing, region, said: list[str]) -> GridDensity:

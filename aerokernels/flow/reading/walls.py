@@ -38,15 +38,25 @@ def hole_body(mesh: QuadMesh) -> Body | None:
     cell, side = np.nonzero(behind < 0)
     ends = np.stack([mesh.cells[cell, side], mesh.cells[cell, (side + 1) % 4]], axis=1)
     size = float(max(np.ptp(mesh.vertices, axis=0).max(), 1e-300))
-    loops = [
-        chain[:-1]
-        for chain in chains(mesh.vertices[ends], CLOSE * size)
-        if len(chain) > 3 and np.linalg.norm(chain[0] - chain[-1]) <= CLOSE * size
-    ]
+    edges = _without_seams(mesh.vertices[ends], CLOSE * size)
+    try:
+        found = chains(edges, CLOSE * size)
+    except ValueError:  # cells that touch in a corner only: what is a hole there, nobody can tell
+        return None
+    loops = [chain[:-1] for chain in found if len(chain) > 3 and np.linalg.norm(chain[0] - chain[-1]) <= CLOSE * size]
     if len(loops) < 2:
         return None
     loops.sort(key=lambda loop: -abs(_area(loop)))
     return _joined(loops[1:], mesh.geometry)
+
+
+def _without_seams(edges: np.ndarray, near: float) -> np.ndarray:
+    """Edges without those that are there twice, where a grid closes on itself with points of its own on either side."""
+    place = np.round(edges / near).astype(np.int64).reshape(len(edges), 2, 2)
+    swap = (place[:, 0, 0] > place[:, 1, 0]) | ((place[:, 0, 0] == place[:, 1, 0]) & (place[:, 0, 1] > place[:, 1, 1]))
+    place[swap] = place[swap][:, ::-1]
+    _, same, count = np.unique(place.reshape(len(edges), 4), axis=0, return_inverse=True, return_counts=True)
+    return np.asarray(edges[count[same.ravel()] == 1])
 
 
 def chains(edges: np.ndarray, near: float) -> list[np.ndarray]:

@@ -138,6 +138,24 @@ def test_reversed_cells_and_double_points_are_refused(tmp_path):
         flow.read(restart)
 
 
+def test_double_points_of_an_unstructured_grid_are_refused(tmp_path):
+    pytest.importorskip("vtkmodules")
+    data = writers.vtk_unstructured(writers.vtk_grid(cells=True))
+    data.GetPoints().SetPoint(100, data.GetPoints().GetPoint(101))
+    with pytest.raises(flow.ReadError, match=r"a\.vtu: its mesh cannot be used: .*(coincident|same place)"):
+        flow.read(writers.write_vtk(tmp_path / "a.vtu", data))
+
+
+def test_a_grid_around_a_body_closes_on_itself(tmp_path):
+    """Set-up: an O-grid about a circle of 10 mm, which closes in a seam. Expected: the circle is a body."""
+    angle, radius = np.meshgrid(np.linspace(0.0, 2.0 * np.pi, 41), np.linspace(0.01, 0.03, 9), indexing="ij")
+    x, y = radius * np.cos(angle), radius * np.sin(angle)
+    x[-1], y[-1] = x[0], y[0]
+    np.savez(tmp_path / "a.npz", x=x, y=y, rho=1.2 + 0.0 * x)
+    field = flow.read(tmp_path / "a.npz")
+    assert list(field.body.contains(np.array([[0.0, 0.0], [0.009, 0.0], [0.011, 0.0]]))) == [True, True, False]
+
+
 def test_triangles_and_quadrilaterals_mixed(tmp_path):
     """Set-up: every third cell of the grid cut in two. Expected: a linear density is kept exactly at any place."""
     restart = writers.su2(tmp_path, binary=False)

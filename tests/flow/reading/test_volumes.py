@@ -140,6 +140,35 @@ def test_uniform_grid_is_kept_and_turned_by_the_frame(tmp_path):
     assert turned.resampling is None
 
 
+def test_averages_on_a_uniform_grid_keep_their_columns(tmp_path):
+    """Set-up: random averages over 6 x 5 x 4 cells of a .vti. Expected: the grid holds what the cells hold, in sum."""
+    pytest.importorskip("vtkmodules")
+    from vtkmodules.util.numpy_support import numpy_to_vtk
+    from vtkmodules.vtkCommonDataModel import vtkImageData
+
+    cells = np.random.default_rng(6).uniform(1.0, 2.0, (4, 5, 6))  # z, y, x
+    data = vtkImageData()
+    data.SetDimensions(7, 6, 5)
+    values = numpy_to_vtk(cells.ravel(), deep=True)
+    values.SetName("rho")
+    data.GetCellData().AddArray(values)
+    found = flow.read(writers.write_vtk(tmp_path / "a.vti", data))
+    assert found.density.shape == (7, 6, 5)
+    for axis in range(3):
+        columns = np.trapezoid(found.density, axis=axis)
+        total = np.trapezoid(np.trapezoid(columns, axis=0), axis=0)
+        assert total == pytest.approx(cells.sum(), rel=1e-13)
+
+
+@pytest.mark.parametrize("turned", [False, True])
+def test_prisms_either_way_round(turned):
+    points, corners = split(PRISM, *cube(4)[::-1])
+    corners = corners[:, [0, 2, 1, 3, 5, 4]] if turned else corners
+    block = Block(points, Cells.of_one_type(PRISM, corners), point_data={"rho": linear(points)})
+    found = field(block)
+    assert found.resampling.outside_share == 0.0 and found.resampling.density_max < 1e-12
+
+
 def test_a_body_in_a_volume_is_carried_on_into():
     """Set-up: a cube of hexahedra without its middle ones. Expected: some nodes are outside, no jump to ambient."""
     points, corners = cube(8)
