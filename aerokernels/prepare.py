@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from aerokernels.flow import CellDensity, ConicalFlow, DensityField
+from aerokernels.flow import CellDensity, ConicalFlow, DensityField, GridDensity, VertexDensity
 from aerokernels.medium import IndexField, ResamplingError
 from aerokernels.scene import Scene
 
@@ -157,12 +157,14 @@ def _index_of(scene: Scene, density: DensityField | None) -> IndexField:
     """The index of a flow by the scene's [flow] and [grid]: on the flow's mesh, or, where it has none, on a grid."""
     flow, grid = scene.flow, scene.grid
     constant = flow.gladstone_dale
-    if isinstance(density, CellDensity):
+    if isinstance(density, (CellDensity, VertexDensity)):
         interpolation = "bilinear" if grid.route == "uniform" else grid.interpolation
         return density.index_field(flow.wavelength, flow.relation, constant=constant, interpolation=interpolation)
-    assert isinstance(density, ConicalFlow)  # there is no other kind
     if grid.route == "mesh":
-        raise ValueError("grid.route = 'mesh' needs a flow on a mesh, and this one is a formula: take 'uniform'")
+        raise ValueError("grid.route = 'mesh' needs a flow on a mesh, and this one has none: take 'uniform'")
+    if isinstance(density, GridDensity):
+        return density.index_field(flow.wavelength, flow.relation, constant=constant, interpolation=grid.interpolation)
+    assert isinstance(density, ConicalFlow)  # there is no other kind
     return density.index_field(
         flow.wavelength, flow.relation, constant=constant, spacing=grid.spacing, interpolation=grid.interpolation
     )

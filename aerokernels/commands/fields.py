@@ -1,8 +1,105 @@
-"""`aerokernels fields`: the flow fields that ship with the library."""
+"""`aerokernels fields`: the flow fields that ship with the library, or what a flow file of one's own holds."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+if TYPE_CHECKING:
+    from aerokernels.flow import Contents, DensityField
+
+Picture = Annotated[
+    Path | None, typer.Option("--picture", "--out", help="Write a picture of the density here (.png, .pdf, .svg).")
+]
 
 
-def fields() -> None:
-    """Show the shipped flow fields: Mach number, free stream, mesh and provenance."""
+def fields(
+    path: Annotated[Path | None, typer.Argument(help="A CFD file or case [default: the shipped fields].")] = None,
+    picture: Picture = None,
+    density: Annotated[str | None, typer.Option(help="Name of the density's array.")] = None,
+    optical: Annotated[str | None, typer.Option(help='Optical axis in the file\'s axes, "-x" say.')] = None,
+    up: Annotated[str | None, typer.Option(help="The axis y in the file's axes.")] = None,
+    length_unit: Annotated[str | None, typer.Option(help="Unit of the file's coordinates, mm say.")] = None,
+    time: Annotated[str | None, typer.Option(help="latest, first, or a time [s].")] = None,
+    walls: Annotated[list[str] | None, typer.Option(help="A patch that bounds the body; repeatable.")] = None,
+    geometry: Annotated[str | None, typer.Option(help="axisymmetric: x is the axis and y the radius.")] = None,
+) -> None:
+    """Show the shipped flow fields; or of a file: format, cells, extents, arrays with their ranges, times, patches."""
+    if path is None:
+        _shipped()
+        return
+    from aerokernels.commands._table import print_table
+    from aerokernels.flow import contents, read
+
+    when = _time(time)
+    found = contents(path, time=when)
+    rows = _rows(found)
+    try:
+        frame = {"optical": optical, "up": up}
+        flow = read(
+            path, density=density, frame=frame, length_unit=length_unit, time=when, geometry=geometry, walls=walls
+        )
+    except ValueError as fault:
+        if picture is not None or density is not None:
+            raise
+        rows.append(("as a density field", f"not yet: {str(fault).removeprefix(f'{path}: ')}"))
+        flow = None
+    if flow is not None:
+        rows += _field_rows(flow)
+    print_table(str(path), ("what", "value"), rows)
+    if flow is not None and picture is not None:
+        from aerokernels.jobs.flow_figure import save_flow_figure
+
+        save_flow_figure(flow, picture, path.name)
+        typer.echo(f"wrote {picture}")
+
+
+def _time(text: str | None) -> float | str | None:
+    if text is None or text in ("latest", "first"):
+        return text
+    try:
+        return float(text)
+    except ValueError:
+        raise ValueError(f"--time {text!r}: give latest, first or a time in seconds") from None
+
+
+def _rows(found: "Contents") -> list[tuple[str, str]]:
+    rows = [("format", found.format), ("geometry", found.geometry or "told by its points")]
+    rows += [("zone", zone) for zone in found.zones[:20]]
+    if len(found.zones) > 20:
+        rows.append(("zone", f"and {len(found.zones) - 20} more"))
+    rows += [
+        (f"extent in {axis}", f"{low:.6g} to {high:.6g}")
+        for axis, low, high in zip("xyz", found.low, found.high, strict=True)
+    ]
+    for array in found.arrays:
+        kind = "" if array.components == 1 else f", {array.components} components"
+        bad = f", {array.bad} not finite" if array.bad else ""
+        rows.append((f"array {array.name}", f"{array.low:.6g} to {array.high:.6g} ({array.where}{kind}{bad})"))
+    if found.times:
+        listed = ", ".join(f"{value:g}" for value in found.times[:12]) + (", ..." if len(found.times) > 12 else "")
+        rows.append(
+            ("times", f"{len(found.times)}: {listed}; shown: {found.time:g}" if found.time is not None else listed)
+        )
+    rows += [("patch", f"{name} ({kind})") for name, kind in found.patches]
+    rows += [("note", note) for note in found.notes]
+    return rows
+
+
+def _field_rows(flow: "DensityField") -> list[tuple[str, str]]:
+    low, high = flow.box
+    axes = {"volume": "xyz", "planar": "yz", "axisymmetric": "rz"}[flow.geometry]
+    rows = [("as a density field", flow.provenance)]
+    rows += [
+        (f"{axis} in the optical frame", f"{1e3 * a:.6g} to {1e3 * b:.6g} mm")
+        for axis, a, b in zip(axes, low, high, strict=True)
+    ]
+    rows.append(("ambient density", f"{flow.ambient_density:.6g} kg/m3"))
+    rows.append(("body", "none" if flow.body is None else f"{len(flow.body.profile)} points around it"))
+    return rows
+
+
+def _shipped() -> None:
     from aerokernels.commands._table import print_table
     from aerokernels.flow import shipped, shipped_names
 

@@ -25,6 +25,7 @@ from .gas import (
     tunnel_conditions,
 )
 from .models import MODELS, RefractivityModel, refractivity_model
+from .reading import Contents, Frame, ReadError, contents, read
 from .refractivity import RELATIONS, gladstone_dale_constant, index_contrast, refractivity
 from .riemann import GasState, Riemann, riemann
 from .sampled_density import GridDensity, VertexDensity
@@ -52,9 +53,11 @@ __all__ = [
     "Composition",
     "ConeShock",
     "ConicalFlow",
+    "Contents",
     "DensityField",
     "ExactField",
     "ExpansionFan",
+    "Frame",
     "FreeStream",
     "GasState",
     "GridDensity",
@@ -62,6 +65,7 @@ __all__ = [
     "Isentropic",
     "PlaneShock",
     "PrandtlMeyer",
+    "ReadError",
     "RefractivityModel",
     "Riemann",
     "Series",
@@ -76,6 +80,7 @@ __all__ = [
     "ciddor_refractivity",
     "cone",
     "cone_shock",
+    "contents",
     "expansion",
     "expansion_fan",
     "free_stream",
@@ -92,6 +97,7 @@ __all__ = [
     "open_series",
     "plane_shock",
     "prandtl_meyer",
+    "read",
     "refractivity",
     "refractivity_model",
     "riemann",

@@ -5,6 +5,7 @@
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass, replace
+from importlib import import_module
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -49,6 +50,33 @@ class DensityField(ReadOnly, ABC):
     def __new__(cls, *args, **kwargs):
         """A density field; the common base itself stands for `CellDensity`."""
         return super().__new__(CellDensity if cls is DensityField else cls)
+
+    @staticmethod
+    def from_xarray(array, **arguments) -> "DensityField":
+        """A density field from an xarray array or data set: see `aerokernels.flow.reading.given.from_xarray`.
+
+        Coordinates x, y, z make a volume, two of them a plane, r and z an axisymmetric field; their attribute `units`
+        names their unit. Arguments are those of `flow.read`: density, frame, reference, ambient_density, time,
+        geometry, gas_constant, length_unit.
+
+        Raises:
+            TypeError: No xarray object.
+            ValueError: Coordinates or densities that make no field.
+        """
+        return import_module(f"{__package__}.reading.given").from_xarray(array, **arguments)
+
+    @staticmethod
+    def from_pyvista(dataset, **arguments) -> "DensityField":
+        """A density field from a pyvista or VTK grid: see `aerokernels.flow.reading.given.from_pyvista`.
+
+        Arguments are those of `flow.read`: density, frame, reference, ambient_density, geometry, gas_constant,
+        length_unit, spacing, region.
+
+        Raises:
+            TypeError: No data set of pyvista or VTK.
+            ValueError: Cells or densities that make no field.
+        """
+        return import_module(f"{__package__}.reading.given").from_pyvista(dataset, **arguments)
 
     @abstractmethod
     def density_at(self, points) -> np.ndarray:

@@ -118,7 +118,7 @@ class VertexDensity(_Sampled):
         gladstone_dale: float | None = None,
         interpolation: str = "bilinear",
     ) -> IndexField:
-        """The refractive index on the same mesh, by its vertices. See `CellDensity.index_field`."""
+        """The refractive index on the same mesh: contrast at its vertices. See `CellDensity.index_field`."""
         wavelength = check_wavelength(wavelength)
         model = refractivity_model(relation, constant=one_constant(constant, gladstone_dale), composition=composition)
         return IndexField.from_mesh(
@@ -197,10 +197,7 @@ class GridDensity(_Sampled):
         slack = 1e-12 * (high - low)
         inside = np.all((local >= low - slack) & (local <= high + slack), axis=1)
         density = np.full(len(local), self.ambient_density)
-        excess = self._grid(self.density - self.ambient_density, "linear").evaluate(np.clip(local[inside], low, high))[
-            0
-        ]
-        density[inside] += excess
+        density[inside] = linear_between(self.density, self.origin, self.spacing, local[inside])
         return density if self.body is None else np.where(self.body.contains(local), np.nan, density)
 
     def index_field(
@@ -230,6 +227,14 @@ class GridDensity(_Sampled):
             cell_averages=self.cell_averages,
             wavelength=wavelength,
         )
+
+
+def linear_between(samples: np.ndarray, origin, spacing, points: np.ndarray) -> np.ndarray:
+    """Values at points (n, d), linear between the nodes of a grid; at its edge beyond it."""
+    from scipy.ndimage import map_coordinates
+
+    place = ((points - origin) / spacing).T
+    return np.asarray(map_coordinates(samples, place, order=1, mode="nearest", prefilter=False))
 
 
 def _in_plane(points, geometry: str) -> np.ndarray:

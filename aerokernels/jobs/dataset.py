@@ -31,7 +31,7 @@ def density_cells(field: DensityField) -> tuple[np.ndarray, np.ndarray, np.ndarr
         shape = field.mesh.shape
         corners = field.mesh.vertices.reshape(*shape, 2)
         return field.density.reshape(shape[0] - 1, shape[1] - 1), corners[..., 0], corners[..., 1]
-    low, high = field.box
+    low, high = (corner[-2:] for corner in field.box)
     axes = [np.linspace(low[k], high[k], RASTER_CELLS + 1) for k in range(2)]
     middle = np.meshgrid(*(0.5 * (axis[1:] + axis[:-1]) for axis in axes), indexing="ij")
     y, z = (axis.ravel() for axis in middle)

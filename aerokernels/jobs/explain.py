@@ -6,6 +6,7 @@ from aerokernels.echo import RANGING_METHODS
 from aerokernels.echo.paths import target_plane
 from aerokernels.echo.prediction import predict_echo
 from aerokernels.echo.return_paths import is_symmetric
+from aerokernels.flow import DensityField
 from aerokernels.jobs.views import FAN_PLANES, FAN_RAYS, PUPIL_SAMPLES, forward_pupil, pupil_samples, trace_options
 from aerokernels.medium import IndexField, ResamplingError
 from aerokernels.medium.grid import UniformGrid
@@ -40,7 +41,7 @@ def explanation(scene: Scene) -> list[tuple[str, str]]:
         ("scene", f"{scene.name}: {scene.title}" if scene.title else scene.name),
         ("flow", flow.provenance),
         ("free stream", f"{flow.ambient_density:.5g} kg/m3"),
-        ("flow mesh", f"{len(flow.mesh.cells)} cells, {flow.geometry}"),
+        ("flow mesh", _mesh_in_words(flow)),
         (
             "part that rays can meet",
             f"{axes} from {low[0] * 1e3:.3g}, {low[1] * 1e3:.3g} mm to {high[0] * 1e3:.3g}, {high[1] * 1e3:.3g} mm",
@@ -161,3 +162,13 @@ def _way_back(scene: Scene, field: IndexField) -> str:
         count = int(nodes) // 2 + 1
         return f"{start}{count} places of a radius, half of {receiver.ray_count:,} rays over the pupil each: symmetric"
     return f"{start}{nodes} x {nodes} places, {receiver.ray_count:,} rays over the pupil each"
+
+
+def _mesh_in_words(flow: DensityField) -> str:
+    """How many cells or nodes a flow has, and its geometry."""
+    mesh = getattr(flow, "mesh", None)
+    if mesh is not None:
+        return f"{len(mesh.cells)} cells, {flow.geometry}"
+    samples = getattr(flow, "density", None)
+    count = "a formula" if samples is None else f"{' x '.join(map(str, samples.shape))} nodes"
+    return f"{count}, {flow.geometry}"

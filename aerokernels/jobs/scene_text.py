@@ -17,6 +17,10 @@ def scene_toml(scene: Scene) -> str:
 
 def _lines(values: Mapping[str, Any]) -> str:
     # JSON's texts, numbers and lists are TOML's too; TOML has no null, and a key that is absent means the same.
-    return "\n".join(
-        f"{key} = {json.dumps(value, ensure_ascii=False)}" for key, value in values.items() if value is not None
-    )
+    return "\n".join(f"{key} = {_value(value)}" for key, value in values.items() if value is not None)
+
+
+def _value(value: Any) -> str:
+    if isinstance(value, Mapping):
+        return "{" + ", ".join(f"{key} = {_value(own)}" for key, own in value.items() if own is not None) + "}"
+    return json.dumps(value, ensure_ascii=False)

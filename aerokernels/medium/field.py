@@ -114,6 +114,21 @@ class IndexField(Derived):
         return cls(grid, geometry, ambient_index, body, wavelength=wavelength)
 
     @classmethod
+    def from_xarray(cls, array, *, body=None) -> "IndexField":
+        """A field from an xarray array of the contrast: dimensions x, y, z, or y, z, or r, z, with their coordinates.
+
+        Units of the coordinates are those of their attribute `units`, metres if they have none. The array's attributes
+        `ambient_index`, `interpolation`, `wavelength` [m] and `cell_averages` are taken where it has them.
+
+        Raises:
+            TypeError: No xarray array.
+            ValueError: Other dimensions, coordinates that are absent or not evenly spaced, units that are no length.
+        """
+        from .labelled_grid import grid_arguments
+
+        return cls.from_samples(**grid_arguments(array), body=body)
+
+    @classmethod
     def from_mesh(
         cls, mesh: QuadMesh, contrast, *, ambient_index=1.0, interpolation="bilinear", body=None, wavelength=None
     ) -> "IndexField":

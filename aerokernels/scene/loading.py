@@ -7,6 +7,7 @@ from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
+from ..flow.shipped import shipped_names
 from .errors import SceneError
 
 _SHIPPED = files("aerokernels") / "scenes"
@@ -55,6 +56,28 @@ def anchor_series(tables: dict[str, Any], place: str | Path) -> None:
     table = tables.get("series")
     if isinstance(table, dict) and isinstance(table.get("source"), str) and Path(place).is_file():
         table["source"] = str(Path(place).parent / table["source"])
+
+
+def beside_scene(tables: dict[str, Any], place: str | Path) -> None:
+    """Take paths in a scene file as relative to the file; names of shipped flows stay, and so do absolute paths.
+
+    What --set changes afterwards is relative to the working directory.
+    """
+    flow, folder = tables.get("flow"), Path(place).parent
+    if not isinstance(flow, dict) or not Path(place).is_file():
+        return
+    _move(flow, "source", folder)
+    if isinstance(flow.get("file"), dict):
+        for key in ("mesh", "solution"):
+            _move(flow["file"], key, folder)
+
+
+def _move(table: dict[str, Any], key: str, folder: Path) -> None:
+    value = table.get(key)
+    if isinstance(value, str) and value not in (*shipped_names(), "static"):
+        path = folder / Path(value).expanduser()
+        if path.exists():  # else the message shows what was written
+            table[key] = str(path.resolve())
 
 
 def override(tables: dict[str, Any], overrides: Mapping[str, Any], label: str) -> None:

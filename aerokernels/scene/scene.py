@@ -6,11 +6,11 @@ from typing import Any
 
 from pydantic import Field, ValidationError, model_validator
 
-from ..flow import SEA_LEVEL_DENSITY, CellDensity, shipped, shipped_names, uniform_air
+from ..flow import SEA_LEVEL_DENSITY, DensityField, read, shipped, shipped_names, uniform_air
 from .detector_table import DetectorTable
 from .echo_tables import AtmosphereTable, BeamTable, ReceiverTable, TargetTable
 from .errors import SceneError, scene_error
-from .loading import anchor_series, override, read_scene
+from .loading import anchor_series, beside_scene, override, read_scene
 from .series_table import SeriesTable
 from .tables import STATIC, FlowTable, GridTable, StrehlTable, TraceTable
 from .values import Table
@@ -60,6 +60,7 @@ class Scene(Table):
         label, name, tables = read_scene(place)
         anchor_series(tables, place)
         changes = dict(overrides or {})
+        beside_scene(tables, place)
         override(tables, changes, label)
         tables.setdefault("name", name)
         try:
@@ -67,13 +68,22 @@ class Scene(Table):
         except ValidationError as fault:
             raise scene_error(fault, tables, label, changes, cls) from None
 
-    def density_field(self) -> CellDensity:
-        """The flow of the scene at its density; "static" is air at rest around the model, sea-level air unless told."""
+    def density_field(self) -> DensityField:
+        """The flow of the scene at its density; "static" is air at rest around the model, sea-level air unless told.
+
+        Raises:
+            ValueError: A flow file that cannot be used, in one line: file, place and remedy.
+        """
         own = self.flow.density == "tunnel"
         density = SEA_LEVEL_DENSITY if self.flow.density == "sea-level" or own else float(self.flow.density)
         if self.flow.source == STATIC:
             return uniform_air(density, body=shipped(shipped_names()[0]).body)
-        field = shipped(self.flow.source)
+        source = self.flow.source
+        field = (
+            shipped(source)
+            if source in shipped_names()
+            else read(Path(source).expanduser(), **self.flow.file.read_options())
+        )
         return field if own else field.scaled(density)
 
     def as_dict(self) -> dict[str, Any]:

@@ -6,6 +6,7 @@ out, and the choice made here is explained where it stands. Beam, target and rec
 detector in detector_table.py.
 """
 
+from pathlib import Path
 from typing import Annotated, Any, Literal
 
 from pydantic import AfterValidator, BeforeValidator, model_validator
@@ -14,6 +15,7 @@ from ..flow import gladstone_dale_constant, refractivity_model, shipped_names
 from ..flow.gas import check_density
 from ..flow.refractivity import refractivity
 from ..units import quantity
+from .file_table import FileTable
 from .values import (
     Count,
     GladstoneDale,
@@ -30,8 +32,10 @@ MESH_INTERPOLATIONS = ("bilinear", "bilinear-barron", "idw")
 
 def _source(value: Any) -> str:
     choices = (*shipped_names(), STATIC)
-    if value not in choices:
-        raise ValueError(f"choose one of {', '.join(choices)}")
+    if value in choices:
+        return str(value)
+    if not isinstance(value, str) or not Path(value).expanduser().exists():
+        raise ValueError(f"choose one of {', '.join(choices)}, or the path of a flow file or case: nothing lies there")
     return value
 
 
@@ -65,8 +69,10 @@ class FlowTable(Table):
 
     source: Annotated[str, BeforeValidator(_source)] = key(
         ...,
-        '"mach2", "mach3", "mach4": the shipped CFD field of the wind-tunnel model; "static": air at rest.',
+        '"mach2", "mach3", "mach4": the shipped CFD field of the wind-tunnel model; "static": air at rest; or the path '
+        "of a CFD file or case of one's own, relative to the scene file.",
     )
+    file: FileTable = FileTable()
     density: Annotated[float | str, BeforeValidator(_density)] = key(
         "tunnel",
         'Free-stream density: "tunnel" is the field\'s own (at rest: sea level), "sea-level" is 1.225 kg/m3, '

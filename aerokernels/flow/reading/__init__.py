@@ -1,0 +1,8 @@
+"""Flow files of any solver: read them, or see what they hold."""
+
+from .contents import Contents, contents
+from .dataset import ReadError
+from .frame import Frame
+from .read import read
+
+__all__ = ["Contents", "Frame", "ReadError", "contents", "read"]

@@ -1,0 +1,129 @@
+"""What a flow file holds before anything is made of it: zones, cells, extents, arrays, their ranges, times, patches."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from .dataset import Block, Dataset, ReadError
+from .formats import load
+
+CELL_NAMES = {1: "points", 3: "lines", 5: "triangles", 7: "polygons", 9: "quadrilaterals", 10: "tetrahedra",
+              12: "hexahedra", 13: "prisms", 14: "pyramids", 42: "polyhedra"}  # fmt: skip
+
+
+@dataclass(frozen=True)
+class ArrayRange:
+    """An array of a file.
+
+    Attributes:
+        name: Its name.
+        where: "cells" or "points".
+        components: 1 for scalars, 3 for vectors.
+        low: Least finite value; NaN for none.
+        high: Greatest.
+        bad: Number of values that are not finite.
+    """
+
+    name: str
+    where: str
+    components: int
+    low: float
+    high: float
+    bad: int
+
+
+@dataclass(frozen=True)
+class Contents:
+    """What a file holds.
+
+    Attributes:
+        path: The file or case.
+        format: In words.
+        geometry: "planar", "axisymmetric", "volume", or None where the file leaves it to its points.
+        zones: Each zone in words: its name, shape or cells, and points.
+        low: Lowest corner in the file's unit and axes.
+        high: Highest corner.
+        arrays: The arrays.
+        times: The times for which there are fields; empty for one that has no time.
+        time: The one that was looked at, or None.
+        patches: Boundary patches: name and kind.
+        notes: What else there is to know.
+    """
+
+    path: str
+    format: str
+    geometry: str | None
+    zones: tuple[str, ...]
+    low: tuple[float, float, float]
+    high: tuple[float, float, float]
+    arrays: tuple[ArrayRange, ...]
+    times: tuple[float, ...]
+    time: float | None
+    patches: tuple[tuple[str, str], ...]
+    notes: tuple[str, ...]
+
+
+def contents(path, *, time: float | str | None = None, **options: Any) -> Contents:
+    """Look into a flow file or case.
+
+    Args:
+        path: As in `flow.read`.
+        time: Likewise.
+        options: `mesh`, `solution`, `variables`, as in `flow.read`.
+
+    Raises:
+        ValueError: A file that cannot be read (`ReadError`: file, place and remedy).
+    """
+    path = Path(path)
+    dataset = load(path, time, options)
+    points = np.concatenate([block.points for block in dataset.blocks]) if dataset.blocks else np.empty((0, 3))
+    if not len(points):
+        raise ReadError(path, "it holds no points", "give a file with a mesh and its arrays")
+    return Contents(
+        str(path),
+        dataset.format,
+        dataset.geometry,
+        tuple(_zone(block, number) for number, block in enumerate(dataset.blocks)),
+        tuple(float(v) for v in np.nanmin(points, axis=0)),  # type: ignore[arg-type]
+        tuple(float(v) for v in np.nanmax(points, axis=0)),  # type: ignore[arg-type]
+        tuple(_ranges(dataset)),
+        tuple(dataset.times),
+        dataset.time,
+        tuple((patch.name, patch.kind) for patch in dataset.patches),
+        tuple(dataset.notes),
+    )
+
+
+def _zone(block: Block, number: int) -> str:
+    name = block.name or f"zone {number + 1}"
+    if block.shape is not None:
+        return f"{name}: {' x '.join(map(str, block.shape))} points, structured"
+    if block.cells is None:
+        return f"{name}: {len(block.points)} points without cells"
+    kinds, counts = np.unique(block.cells.types, return_counts=True)
+    told = ", ".join(
+        f"{n} {CELL_NAMES.get(int(kind), f'cells of type {kind}')}" for kind, n in zip(kinds, counts, strict=True)
+    )
+    return f"{name}: {told}, {len(block.points)} points"
+
+
+def _ranges(dataset: Dataset):
+    for where in ("cell", "point"):
+        names: dict[str, None] = {}
+        for block in dataset.blocks:
+            names |= dict.fromkeys(block.cell_data if where == "cell" else block.point_data)
+        for name in names:
+            parts = []
+            for block in dataset.blocks:
+                arrays = block.cell_data if where == "cell" else block.point_data
+                if name in arrays and np.issubdtype(np.asarray(arrays[name]).dtype, np.number):
+                    parts.append(np.asarray(arrays[name]))
+            if not parts:
+                continue
+            width = parts[0].shape[1] if parts[0].ndim > 1 else 1
+            flat = np.concatenate([part.ravel() for part in parts]).astype(np.float64)
+            finite = flat[np.isfinite(flat)]
+            low, high = (float(finite.min()), float(finite.max())) if len(finite) else (float("nan"),) * 2
+            yield ArrayRange(name, f"{where}s", width, low, high, len(flat) - len(finite))

@@ -1,0 +1,201 @@
+"""Which array of a file is the density, and its values in kg/m3.
+
+Density is taken directly, or from pressure and temperature by the law of ideal gases, rho = p / (R T). Arrays of
+non-dimensional files are multiplied by their references.
+"""
+
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from ...units import quantity
+from ..gas import GAS_CONSTANT_AIR, GREATEST_DENSITY, positive
+from .dataset import Block, Dataset, ReadError
+
+# Names by which solvers call them, in lower case and without blanks, signs and units.
+DENSITY_NAMES = (
+    "rho",
+    "density",
+    "massdensity",
+    "dens",
+    "conservative1",
+    "rhomean",
+    "densitymean",
+    "meandensity",
+    "ro",
+    "q1",
+)
+PRESSURE_NAMES = ("p", "pressure", "staticpressure", "absolutepressure", "pres", "press", "pmean")
+TEMPERATURE_NAMES = ("t", "temperature", "statictemperature", "temp", "tmean")
+REFERENCES = {"density": "density", "pressure": "pressure", "temperature": "temperature", "length": "length"}
+
+
+@dataclass(frozen=True)
+class Reference:
+    """What one of a non-dimensional file is in SI: density [kg/m3], pressure [Pa], temperature [K], length [m]."""
+
+    density: float = 1.0
+    pressure: float = 1.0
+    temperature: float = 1.0
+    length: float = 1.0
+
+    @classmethod
+    def of(cls, given) -> "Reference":
+        """References from None, the density's alone, or a mapping by name; numbers in SI or texts with a unit.
+
+        Raises:
+            TypeError: Something else.
+            ValueError: A name that is not known, or a value that is not positive.
+        """
+        if given is None or isinstance(given, cls):
+            return given or cls()
+        if not isinstance(given, Mapping):
+            given = {"density": given}
+        if unknown := set(given) - set(REFERENCES):
+            raise ValueError(f"reference: {sorted(unknown)[0]!r} is not known: choose of {', '.join(REFERENCES)}")
+        return cls(**{name: positive(quantity(v, REFERENCES[name]), f"reference {name}") for name, v in given.items()})
+
+
+@dataclass(frozen=True)
+class DensityChoice:
+    """Where the density comes from.
+
+    Attributes:
+        density: Name of the density's array, or None for the other two:
+        pressure: name of the pressure's,
+        temperature: name of the temperature's,
+        gas_constant: and the gas constant [J/(kg K)].
+    """
+
+    density: str | None = None
+    pressure: str | None = None
+    temperature: str | None = None
+    gas_constant: float = GAS_CONSTANT_AIR
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The arrays that are needed."""
+        return tuple(name for name in (self.density, self.pressure, self.temperature) if name is not None)
+
+    def described(self) -> str:
+        """In words, for the provenance."""
+        if self.density is not None:
+            return f"density from {self.density!r}"
+        return f"density from {self.pressure!r} and {self.temperature!r} with R = {self.gas_constant:.6g} J/(kg K)"
+
+
+def choose_density(path, dataset: Dataset, given, gas_constant: float | None) -> DensityChoice:
+    """Find the arrays that hold the density, by their usual names or as a caller names them.
+
+    Args:
+        path: The file, for messages.
+        dataset: What it holds.
+        given: None, an array's name, or a mapping of "pressure", "temperature" and, if wanted, "gas_constant".
+        gas_constant: [J/(kg K)]; None takes the file's own, or air's.
+
+    Raises:
+        TypeError: `given` is something else.
+        ReadError: No such array.
+    """
+    names = dataset.array_names()
+    own = gas_constant if gas_constant is not None else dataset.gas_constant or GAS_CONSTANT_AIR
+    listed = ", ".join(names) if names else "none"
+    if isinstance(given, str):
+        return DensityChoice(_found(path, given, names, listed))
+    if isinstance(given, Mapping):
+        if not {"pressure", "temperature"} <= set(given) <= {"pressure", "temperature", "gas_constant"}:
+            raise ValueError(
+                f"density: give an array's name, or a mapping of 'pressure' and 'temperature', got {given!r}"
+            )
+        constant = positive(float(given.get("gas_constant", own)), "gas_constant")
+        pair = [_found(path, given[key], names, listed) for key in ("pressure", "temperature")]
+        return DensityChoice(None, pair[0], pair[1], constant)
+    if given is not None:
+        raise TypeError(f"density must be an array's name or a mapping, got {type(given).__name__}")
+    plain = {_plain(name): name for name in reversed(names)}
+    for known in DENSITY_NAMES:
+        if known in plain:
+            return DensityChoice(plain[known])
+    pressure = next((plain[known] for known in PRESSURE_NAMES if known in plain), None)
+    temperature = next((plain[known] for known in TEMPERATURE_NAMES if known in plain), None)
+    if pressure is None or temperature is None:
+        raise ReadError(
+            path,
+            f"no array is known for the density, nor for pressure and temperature (there are: {listed})",
+            "name it: density = 'NAME', or density = {pressure = 'NAME', temperature = 'NAME'}",
+        )
+    return DensityChoice(None, pressure, temperature, positive(own, "gas_constant"))
+
+
+def block_density(path, block: Block, choice: DensityChoice, reference: Reference) -> tuple[np.ndarray, str]:
+    """Density [kg/m3] of a block, and whether it is of its "cell"s or its "point"s.
+
+    Raises:
+        ReadError: Arrays of another shape, or densities that are no gas's, outside of blanked parts.
+    """
+    if choice.density is not None:
+        values, where = _array(path, block, choice.density)
+        values = values * reference.density
+    else:
+        assert choice.pressure is not None and choice.temperature is not None
+        pressure, where = _array(path, block, choice.pressure)
+        temperature, other = _array(path, block, choice.temperature, where)
+        if where != other:
+            raise ReadError(
+                path, f"{choice.pressure} and {choice.temperature} lie in different places", "give both in cells"
+            )
+        with np.errstate(all="ignore"):
+            values = pressure * reference.pressure / (choice.gas_constant * temperature * reference.temperature)
+    _refuse_no_gas(path, block, " and ".join(choice.names), values, where)
+    return values, where
+
+
+def _array(path, block: Block, name: str, where: str | None = None) -> tuple[np.ndarray, str]:
+    order = ("cell", "point") if where is None else (where, "cell", "point")
+    for place in order:
+        arrays = block.cell_data if place == "cell" else block.point_data
+        if name in arrays:
+            values = np.asarray(arrays[name])
+            count = block.cell_count if place == "cell" else len(block.points)
+            if values.shape not in ((count,), (count, 1)):
+                raise ReadError(
+                    path, f"array {name!r} has shape {values.shape} for {count} {place}s", "name a scalar array"
+                )
+            return values.reshape(-1).astype(np.float64), place
+    raise ReadError(path, f"block {block.name!r} has no array {name!r}", "name an array that all blocks have")
+
+
+def _refuse_no_gas(path, block: Block, name: str, values: np.ndarray, where: str) -> None:
+    blank = block.blank if block.blank is not None and len(block.blank) == len(values) else None
+    for fault, bad in (
+        ("not finite", ~np.isfinite(values)),
+        ("not positive", values <= 0.0),
+        (f"no gas's, above {GREATEST_DENSITY:g} kg/m3", values > GREATEST_DENSITY),
+    ):
+        if blank is not None:
+            bad = bad & ~blank
+        if bad.any():
+            first = int(np.argmax(bad))
+            remedy = "repair the file, or give the reference of non-dimensional data"
+            place = f"{where} {first}" + (f" of block {block.name!r}" if block.name else "")
+            raise ReadError(
+                path,
+                f"{int(bad.sum())} of {len(values)} densities from {name} are {fault}, the first is "
+                f"{float(values[first])!r} kg/m3 in {place}",
+                remedy,
+            )
+
+
+def _found(path, name: str, names: list[str], listed: str) -> str:
+    if name in names:
+        return name
+    alike = [other for other in names if _plain(other) == _plain(name)]
+    if len(alike) == 1:
+        return alike[0]
+    raise ReadError(path, f"there is no array {name!r}", f"take one of {listed}")
+
+
+def _plain(name: str) -> str:
+    return re.sub(r"[^a-z0-9]", "", re.sub(r"[\[(<{].*", "", name.lower()).rsplit("/", 1)[-1])

@@ -1,0 +1,228 @@
+"""OpenFOAM cases: serial and decomposed, ascii and binary, wedge, planar and 3-D, any time.
+
+Fields of finite volumes are averages over cells, and stay so. VTK's reader is not used: it keeps single precision.
+"""
+
+import re
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+
+import numpy as np
+
+from .dataset import POLYHEDRON, Block, Cells, Dataset, ReadError
+from .foam_file import FoamFile, find
+from .foam_mesh import FoamMesh, flat_block, plane_of, read_mesh
+
+UNIVERSAL_GAS_CONSTANT = 8314.4626  # [J/(kmol K)]
+_INTERNAL = re.compile(rb"\binternalField\s+(uniform|nonuniform)\b")
+_WIDTH = {"volScalarField": 1, "volVectorField": 3}
+_MOLAR_MASS = re.compile(r"\bmolWeight\s+([0-9.eE+-]+)\s*;")
+
+
+def is_case(path: Path) -> bool:
+    """Whether a path is an OpenFOAM case: a folder with a mesh, its controlDict, or a .foam file that marks one."""
+    folder = case_folder(path)
+    return (folder / "constant" / "polyMesh").is_dir() or (folder / "processor0").is_dir() or (
+        (folder / "system" / "controlDict").is_file()
+    )  # fmt: skip
+
+
+def case_folder(path: Path) -> Path:
+    """The folder of a case from the folder itself, a .foam file in it or its controlDict."""
+    if path.is_dir():
+        return path
+    return path.parent.parent if path.name == "controlDict" else path.parent
+
+
+def times_of(folder: Path) -> list[tuple[float, str]]:
+    """Times for which a folder holds fields, ascending, with the names of their folders."""
+    found = []
+    for entry in folder.iterdir():
+        try:
+            value = float(entry.name)
+        except ValueError:
+            continue
+        if entry.is_dir() and np.isfinite(value) and any(True for _ in fields_in(entry)):
+            found.append((value, entry.name))
+    return sorted(found)
+
+
+def fields_in(folder: Path) -> Iterator[str]:
+    """Names of the files in a time's folder."""
+    for entry in sorted(folder.iterdir()):
+        if entry.is_file() and not entry.name.startswith(".") and not entry.name.endswith("~"):
+            yield entry.name.removesuffix(".gz")
+
+
+class FoamFields(Mapping):
+    """The cell fields of one time by name, each read when it is first asked for."""
+
+    def __init__(self, folder: Path, cell_count: int):
+        """Look which files are fields of cells."""
+        self._folder, self._cell_count = folder, cell_count
+        self._read: dict[str, np.ndarray] = {}
+        self._names = [name for name in fields_in(folder) if self._width(name)] if folder.is_dir() else []
+
+    def _width(self, name: str) -> int:
+        file = find(self._folder / name)
+        try:
+            return _WIDTH.get(FoamFile(file).header.get("class", ""), 0) if file else 0
+        except ReadError:
+            return 1  # damaged: let it be told when it is asked for
+
+    def __iter__(self):
+        """Names of the fields."""
+        return iter(self._names)
+
+    def __len__(self) -> int:
+        """Number of fields."""
+        return len(self._names)
+
+    def __contains__(self, name) -> bool:
+        """Whether there is such a field, without reading it."""
+        return name in self._names
+
+    def __getitem__(self, name: str) -> np.ndarray:
+        """A field's averages over the cells, shape (cell_count,) or (cell_count, 3)."""
+        if name not in self._names:
+            raise KeyError(name)
+        if name not in self._read:
+            self._read[name] = read_field(self._folder / name, self._cell_count)
+        return self._read[name]
+
+
+def read_field(path: Path, cell_count: int) -> np.ndarray:
+    """The averages over the cells of a volScalarField or volVectorField.
+
+    Raises:
+        ReadError: No such field, or another number of entries than of cells.
+    """
+    file = FoamFile(path)
+    width = _WIDTH.get(file.header.get("class", ""))
+    if width is None:
+        raise file.fault(f"a {file.header.get('class', 'nameless')} is no field of cells", "name a volScalarField")
+    match = _INTERNAL.search(file.data, file.at)
+    if match is None:
+        raise file.fault("there is no internalField")
+    file.at = match.end()
+    if match[1] == b"uniform":
+        file.skip()
+        end = file.data.find(b";", file.at)
+        text = file.data[file.at : max(end, file.at)].translate(bytes.maketrans(b"()", b"  ")).split()
+        try:
+            values = np.array([float(word) for word in text])
+        except ValueError:
+            values = np.empty(0)
+        if values.size != width:
+            raise file.fault("the uniform value is no number")
+        return np.tile(values, (cell_count, 1)) if width > 1 else np.full(cell_count, values[0])
+    file.word()  # List<scalar>
+    values = file.numbers(file.scalar, width).astype(np.float64)
+    if len(values) != cell_count:
+        raise file.fault(f"the field has {len(values)} entries, the mesh {cell_count} cells")
+    return values
+
+
+def read(path: Path, time: float | str | None = None, options: dict | None = None) -> Dataset:
+    """Read an OpenFOAM case.
+
+    Args:
+        path: The case's folder, a .foam file in it, or its controlDict.
+        time: "latest" (None), "first", or the time itself.
+        options: None that this format knows.
+
+    Raises:
+        ReadError: No case, no such time, or a file that is missing or damaged.
+    """
+    folder = case_folder(path)
+    parts = sorted(folder.glob("processor[0-9]*"), key=lambda part: int(re.sub(r"\D", "", part.name) or 0))
+    serial = times_of(folder)
+    solved = [entry for entry in serial if entry[0] > 0.0]
+    whole = (folder / "constant" / "polyMesh").is_dir()
+    if parts and not (whole and solved):
+        times = times_of(parts[0])
+        folders = parts
+    elif whole:
+        times, folders = serial, [folder]
+    else:
+        raise ReadError(folder, "there is no constant/polyMesh", "make the mesh first, with blockMesh say")
+    if not times:
+        raise ReadError(folder, "the case holds no fields at any time", "run the solver, or restore its time folders")
+    value, name = _chosen(folder, times, time)
+    blocks, patches, geometries = [], [], []
+    for part in folders:
+        block, own, geometry = _part(part, name)
+        blocks.append(block)
+        patches += own
+        geometries.append(geometry)
+    if len(set(geometries)) > 1:
+        raise ReadError(folder, "some processors have another geometry than the others", "decompose the case again")
+    return Dataset(
+        blocks,
+        f"OpenFOAM case{f', decomposed in {len(parts)}' if folders is parts else ''}",
+        geometry=geometries[0],
+        patches=patches,
+        times=[entry for entry, _ in times],
+        time=value,
+        axis=_axis(blocks) if geometries[0] == "axisymmetric" else None,
+        gas_constant=_gas_constant(folder),
+    )
+
+
+def _chosen(folder: Path, times: list[tuple[float, str]], asked) -> tuple[float, str]:
+    if asked is None or asked == "latest":
+        return times[-1]
+    if asked == "first":
+        return times[0]
+    values = np.array([value for value, _ in times])
+    nearest = int(np.argmin(np.abs(values - float(asked))))
+    if abs(values[nearest] - float(asked)) > 1e-9 * max(abs(float(asked)), 1e-300):
+        some = ", ".join(name for _, name in times[:8]) + (", ..." if len(times) > 8 else "")
+        raise ReadError(folder, f"there is no time {asked!r}", f"take one of {some}")
+    return times[nearest]
+
+
+def _part(folder: Path, time: str) -> tuple[Block, list, str]:
+    """The block of a serial case or of one processor."""
+    moved = folder / time / "polyMesh"
+    mesh = read_mesh(folder / "constant" / "polyMesh")
+    if find(moved / "points") is not None:
+        raise ReadError(moved, "the mesh moves", "read a case whose mesh stands still")
+    fields = FoamFields(folder / time, mesh.cell_count)
+    plane = plane_of(mesh)
+    if plane is None:
+        return _solid_block(mesh, fields), [], "volume"
+    block, patches = flat_block(mesh, np.concatenate(plane[1]), fields)
+    return block, patches, plane[0]
+
+
+def _solid_block(mesh: FoamMesh, fields: FoamFields) -> Block:
+    count = mesh.cell_count
+    kinds, start = np.full(count, POLYHEDRON, np.uint8), np.zeros(count + 1, np.int64)
+    cells = Cells(kinds, start, np.empty(0, int), mesh.faces)
+    return Block(mesh.points, cells, cell_data=fields)
+
+
+def _axis(blocks: list[Block]) -> tuple[float, float, float]:
+    """The axis of a wedge: the coordinate axis that lies in its plane."""
+    points = np.concatenate([block.points for block in blocks])
+    centred = points - points.mean(axis=0)
+    normal = np.linalg.svd(centred.T @ centred)[0][:, 2]
+    # The plane holds the axis: the normal is across it. Of the two coordinate axes that are left, the plane
+    # of the wedge goes through one only.
+    across = np.abs(normal)
+    axis = [0.0, 0.0, 0.0]
+    axis[int(np.argmin(across))] = 1.0
+    return axis[0], axis[1], axis[2]
+
+
+def _gas_constant(folder: Path) -> float | None:
+    """The gas constant [J/(kg K)] from constant/thermophysicalProperties, where it names a molar mass."""
+    for name in ("thermophysicalProperties", "physicalProperties"):
+        path = folder / "constant" / name
+        for place in (path, folder.parent / "constant" / name):
+            if place.is_file():
+                masses = {float(word) for word in _MOLAR_MASS.findall(place.read_text("latin-1"))}
+                if len(masses) == 1 and (mass := masses.pop()) > 0.0:
+                    return UNIVERSAL_GAS_CONSTANT / mass
+    return None

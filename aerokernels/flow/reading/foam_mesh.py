@@ -1,0 +1,188 @@
+"""The mesh of an OpenFOAM case: points, faces, owner and neighbour of each face, and the boundary's patches."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from .dataset import Block, Faces, Patch, ReadError, check_points
+from .foam_file import FoamFile
+
+BAD_MESH = "run checkMesh on the case and make the mesh again"
+
+
+@dataclass(frozen=True)
+class FoamPatch:
+    """A patch: its name, its type in words, its first face and its number of faces."""
+
+    name: str
+    kind: str
+    first: int
+    count: int
+
+
+@dataclass(frozen=True, eq=False)
+class FoamMesh:
+    """A polyMesh folder.
+
+    Attributes:
+        folder: Where it lies.
+        points: Coordinates [m], shape (point_count, 3).
+        faces: The faces.
+        cell_count: Number of cells.
+        patches: The patches of the boundary.
+    """
+
+    folder: Path
+    points: np.ndarray
+    faces: Faces
+    cell_count: int
+    patches: list[FoamPatch]
+
+    def patch_faces(self, kind: str) -> list[np.ndarray]:
+        """Indices of the faces of each patch of a type that has any."""
+        return [np.arange(p.first, p.first + p.count) for p in self.patches if p.kind == kind and p.count]
+
+
+def read_mesh(folder: Path) -> FoamMesh:
+    """Read a polyMesh folder.
+
+    Raises:
+        ReadError: A file that is missing or damaged, or files that do not agree.
+    """
+    file = FoamFile(folder / "points")
+    points = file.numbers(file.scalar, 3).astype(np.float64)
+    check_points(file.path, points)
+    file = FoamFile(folder / "faces")
+    start, corners = file.faces()
+    if len(corners) and not (0 <= corners.min() and corners.max() < len(points)):
+        raise ReadError(file.path, f"faces refer to points beyond the {len(points)} that there are", BAD_MESH)
+    owner, neighbour = _cells_of_faces(folder, len(start) - 1)
+    cell_count = int(owner.max()) + 1 if len(owner) else 0
+    if not cell_count:
+        raise ReadError(folder, "the mesh has no cells", BAD_MESH)
+    patches = _patches(folder / "boundary", len(neighbour), len(start) - 1)
+    return FoamMesh(folder, points, Faces(start, corners, owner, neighbour), cell_count, patches)
+
+
+def _cells_of_faces(folder: Path, face_count: int) -> tuple[np.ndarray, np.ndarray]:
+    file = FoamFile(folder / "owner")
+    owner = file.numbers(file.label).astype(np.int64)
+    if len(owner) != face_count:
+        raise ReadError(file.path, f"it names owners of {len(owner)} faces, there are {face_count}", BAD_MESH)
+    file = FoamFile(folder / "neighbour")
+    neighbour = file.numbers(file.label).astype(np.int64)
+    neighbour = neighbour[neighbour >= 0]  # old versions list -1 for the boundary
+    fits = len(neighbour) <= face_count and len(owner) and owner.min() >= 0
+    if not fits or (len(neighbour) and neighbour.max() > owner.max()):
+        raise ReadError(file.path, "owners and neighbours of faces do not agree", BAD_MESH)
+    if (owner[: len(neighbour)] == neighbour).any():
+        raise ReadError(file.path, "a face lies between a cell and itself", BAD_MESH)
+    return owner, neighbour
+
+
+def _patches(path: Path, inner: int, face_count: int) -> list[FoamPatch]:
+    file = FoamFile(path)
+    patches = []
+    count = file.count()
+    file.expect(b"(")
+    for _ in range(count):
+        name, entries = file.word(), {}
+        file.expect(b"{")
+        while file.peek() != b"}":
+            key, depth, words = file.word(), 0, []
+            while depth or file.peek() != b";":
+                mark = file.peek()
+                if not mark:
+                    raise file.fault(f"patch {name} is not closed")
+                if mark in b"(){}":
+                    depth += 1 if mark in b"({" else -1
+                    file.at += 1
+                    if mark == b"}" and depth == 0:
+                        break
+                else:
+                    words.append(file.word())
+            if file.peek() == b";":
+                file.at += 1
+            entries[key] = words
+        file.at += 1
+        try:
+            patch = FoamPatch(name, entries["type"][0], int(entries["startFace"][0]), int(entries["nFaces"][0]))
+        except (KeyError, IndexError, ValueError):
+            raise file.fault(f"patch {name} has no type, startFace or nFaces", BAD_MESH) from None
+        if patch.first < inner or patch.count < 0 or patch.first + patch.count > face_count:
+            raise file.fault(f"patch {name} has faces that are not there", BAD_MESH)
+        patches.append(patch)
+    file.expect(b")")
+    return patches
+
+
+def plane_of(mesh: FoamMesh) -> tuple[str, list[np.ndarray]] | None:
+    """Whether the mesh is one cell thick: ("axisymmetric" or "planar", the faces of one side), or None.
+
+    The sides of a wedge are two patches of type "wedge"; those of a plane are one or two of type "empty". Every cell
+    has one face on either side.
+    """
+    wedges, empty = mesh.patch_faces("wedge"), mesh.patch_faces("empty")
+    if wedges:
+        return "axisymmetric", wedges[:1]
+    if not empty:
+        return None
+    faces = np.concatenate(empty)
+    centre = _face_means(mesh, faces)
+    normal = int(np.argmin([np.ptp(mesh.points[mesh.faces.points[_rows(mesh, faces[:1])]][:, k]) for k in range(3)]))
+    # Of the two faces of a cell, the lower one.
+    order = np.lexsort((centre[:, normal], mesh.faces.owner[faces]))
+    owner = mesh.faces.owner[faces][order]
+    return "planar", [faces[order[np.append(True, owner[1:] != owner[:-1])]]]
+
+
+def _rows(mesh: FoamMesh, faces: np.ndarray) -> np.ndarray:
+    """Places in `mesh.faces.points` of the points of some faces, concatenated."""
+    width = np.diff(mesh.faces.start)[faces]
+    before = np.cumsum(width) - width
+    return np.arange(int(width.sum())) + np.repeat(mesh.faces.start[faces] - before, width)
+
+
+def _face_means(mesh: FoamMesh, faces: np.ndarray) -> np.ndarray:
+    width = np.diff(mesh.faces.start)[faces]
+    corners = mesh.points[mesh.faces.points[_rows(mesh, faces)]]
+    return np.add.reduceat(corners, np.cumsum(width) - width, axis=0) / width[:, None]
+
+
+def flat_block(mesh: FoamMesh, faces: np.ndarray, cell_data) -> tuple[Block, list[Patch]]:
+    """The side of a mesh that is one cell thick as polygons, in the order of the cells, and the patches' edges."""
+    from .dataset import POLYGON, Cells
+
+    owner = mesh.faces.owner[faces]
+    order = np.argsort(owner, kind="stable")
+    faces, owner = faces[order], owner[order]
+    if len(owner) != mesh.cell_count or (owner != np.arange(mesh.cell_count)).any():
+        raise ReadError(
+            mesh.folder,
+            f"{mesh.cell_count} cells have {len(owner)} faces on a side of type wedge or empty: not one cell thick",
+            "give a case that is one cell thick, or one without such patches",
+        )
+    width = np.diff(mesh.faces.start)[faces]
+    corners = mesh.faces.points[_rows(mesh, faces)]
+    used, renumbered = np.unique(corners, return_inverse=True)
+    start = np.concatenate([[0], np.cumsum(width)])
+    cells = Cells(np.full(len(faces), POLYGON, np.uint8), start, renumbered.ravel())
+    block = Block(mesh.points[used], cells, cell_data=cell_data)
+    on_side = np.zeros(len(mesh.points), dtype=bool)
+    on_side[used] = True
+    patches = []
+    for patch in mesh.patches:
+        if patch.kind in ("wedge", "empty", "processor") or not patch.count:
+            continue
+        own = np.arange(patch.first, patch.first + patch.count)
+        face = np.repeat(own, np.diff(mesh.faces.start)[own])
+        point = mesh.faces.points[_rows(mesh, own)]
+        kept = on_side[point]
+        face, point = face[kept], point[kept]
+        pairs = np.unique(np.stack([face, point], axis=1), axis=0)
+        _, first, count = np.unique(pairs[:, 0], return_index=True, return_counts=True)
+        first = first[count == 2]
+        edges = np.stack([mesh.points[pairs[first, 1]], mesh.points[pairs[first + 1, 1]]], axis=1)
+        patches.append(Patch(patch.name, patch.kind, edges))
+    return block, patches

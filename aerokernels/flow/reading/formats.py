@@ -1,0 +1,132 @@
+"""Which reader reads a path: by what lies there, its first bytes and the end of its name.
+
+A reader is a function of (path, time, options) that returns a `Dataset`, or raises `ReadError`. Those that stand on
+libraries in C or C++ run in a child process (worker.py), which may crash without harm.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from .calling import read_here
+from .dataset import Dataset, ReadError
+from .worker import in_child
+
+
+@dataclass(frozen=True)
+class Format:
+    """A format: its name in words, the ends of its files' names, the module that reads it, and whether in a child.
+
+    Attributes:
+        name: In words.
+        suffixes: Ends of file names, in lower case.
+        module: Module of this package; it has a function `read(path, time, options)`.
+        fragile: Whether a damaged file may end the process that reads it.
+        library: What has to be installed, or "".
+    """
+
+    name: str
+    suffixes: tuple[str, ...]
+    module: str
+    fragile: bool = False
+    library: str = ""
+
+
+FORMATS = (
+    Format("OpenFOAM case", (".foam", ".openfoam"), "foam_case"),
+    Format(
+        "VTK",
+        (".vti", ".vtr", ".vts", ".vtu", ".vtp", ".vtk", ".pvti", ".pvtr", ".pvts", ".pvtu", ".vtm", ".vtmb", ".pvd"),
+        "vtk_files",
+        True,
+        "vtk",
+    ),
+    Format("CGNS", (".cgns",), "cgns_file", True, "vtk"),
+    Format("Plot3D", (".xyz", ".p3d", ".x", ".g", ".q", ".f", ".fun", ".p2d"), "plot3d"),
+    Format("Tecplot binary", (".plt",), "tecplot_binary"),
+    Format("Tecplot ASCII", (".tec", ".tp"), "tecplot_text"),
+    Format("SU2", (".su2",), "su2"),
+    Format("NumPy arrays", (".npz",), "named_arrays"),
+    Format("NetCDF", (".nc", ".nc4", ".netcdf"), "labelled", True),
+    Format("HDF5", (".h5", ".hdf5", ".hdf"), "named_arrays", True),
+    Format("table of points", (".csv", ".txt"), "point_table"),
+)
+_BY_NAME = {entry.name: entry for entry in FORMATS}
+HDF5_MAGIC, NETCDF_MAGIC = b"\x89HDF\r\n\x1a\n", b"CDF"
+SU2_MAGIC = (535532).to_bytes(4, "little"), (535532).to_bytes(4, "big")
+
+
+def format_of(path: Path, options: Mapping[str, Any]) -> Format:
+    """The format of what lies at a path; `options` as in `load`.
+
+    Raises:
+        ReadError: Nothing there, an empty file, or nothing that is known.
+    """
+    if not path.exists():
+        raise ReadError(path, "there is no such file or folder", "give the path of a flow file or case")
+    if path.is_dir() or path.suffix.lower() in (".foam", ".openfoam") or path.name == "controlDict":
+        from .foam_case import is_case
+
+        if is_case(path):
+            return _BY_NAME["OpenFOAM case"]
+        raise ReadError(path, "the folder is no OpenFOAM case", "give a case, or one of the files in the folder")
+    if not path.is_file():
+        raise ReadError(path, "it is neither a file nor a folder", "give the path of a flow file or case")
+    with path.open("rb") as stream:
+        head = stream.read(4096)
+    if not head:
+        raise ReadError(path, "the file is empty", "write it again")
+    suffix = path.suffix.lower()
+    if head.startswith((b"#!TDV", b"#!TDE")):
+        return _BY_NAME["Tecplot binary"]
+    if head[:4] in SU2_MAGIC:
+        return _BY_NAME["SU2"]
+    if suffix in (".dat", ".plt", ".tec", ".tp"):
+        if suffix == ".plt" and b"\0" in head:
+            return _BY_NAME["Tecplot binary"]
+        return _BY_NAME["Tecplot ASCII"]
+    if suffix == ".csv" and _su2_mesh_beside(path, head):
+        return _BY_NAME["SU2"]
+    for entry in FORMATS:
+        if suffix in entry.suffixes:
+            return entry
+    if head.startswith(HDF5_MAGIC):
+        return _BY_NAME["CGNS" if b"CGNS" in head else "HDF5"]
+    if "solution" in options:  # the grids of Plot3D end as their programs like
+        return _BY_NAME["Plot3D"]
+    known = ", ".join(sorted({end for entry in FORMATS for end in entry.suffixes} | {".dat"}))
+    raise ReadError(path, f"no format is known for the name's end {suffix!r}", f"known are OpenFOAM cases and {known}")
+
+
+def _su2_mesh_beside(path: Path, head: bytes) -> bool:
+    """Whether a CSV file is a restart of SU2: its first column says so, and a mesh lies beside it."""
+    first = head.split(b"\n", 1)[0].lower()
+    return b"pointid" in first.replace(b"_", b"") and any(path.parent.glob("*.su2"))
+
+
+def load(path: Path, time, options: dict[str, Any]) -> Dataset:
+    """Read what lies at a path.
+
+    Args:
+        path: File or folder.
+        time: "latest" (None), "first" or a time [s].
+        options: What single formats take beside it: "mesh" (SU2), "solution" (Plot3D), "variables" (named arrays).
+
+    Raises:
+        ReadError: A path that nothing reads, a library that is not installed, a damaged file.
+    """
+    entry = format_of(path, options)
+    _need(path, entry)
+    if entry.fragile:
+        return in_child(entry.module, path, time, options)
+    return read_here(entry.module, path, time, options)
+
+
+def _need(path: Path, entry: Format) -> None:
+    if not entry.library:
+        return
+    from importlib.util import find_spec
+
+    if find_spec(entry.library) is None:
+        raise ReadError(path, f"{entry.name} files need the package {entry.library}", "pip install 'aerokernels[cfd]'")

@@ -1,0 +1,174 @@
+"""From the file's axes to the optical frame: which way the light looks, which way is up, where the origin is.
+
+In the optical frame z is the optical axis and looks upstream, y is up (the direction of target tilt), x = y cross z. A
+frame says where these lie in the file. What it leaves out follows from the file's kind:
+
+    volume          the file's x, y, z are taken as they are
+    plane y-z       likewise
+    plane x-y       z = -x, y = y: the flow runs along +x, as in the shipped fields
+    plane x-z       z = -x, y = z
+    axisymmetric    z against the axis of symmetry (-x, if the file does not name one), r the distance from it
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, fields
+from typing import Any
+
+import numpy as np
+
+from ...units import quantity
+
+AXES = {"x": 0, "y": 1, "z": 2}
+FLAT_SHARE = 1e-6  # of the greatest extent: thinner is a plane
+
+
+@dataclass(frozen=True)
+class Frame:
+    """Where the optical frame lies in a file's axes.
+
+    Attributes:
+        optical: The optical axis z in the file's axes: "-x", "+y", ... or a vector; None follows from the file.
+        up: The axis y, likewise, at right angles to `optical`; None takes the first of y, z, x that is.
+        flow: The direction of the flow: another way to say `optical`, which looks against it.
+        origin: The point of the file that becomes the origin, in the file's unit.
+        rotation: Angle about x by which the optical axis is turned toward up [rad], or a text such as "10 deg".
+
+    Raises:
+        TypeError: Something that is no axis.
+        ValueError: An axis that is not known, both `optical` and `flow`, axes that are not at right angles.
+    """
+
+    optical: str | tuple[float, float, float] | None = None
+    up: str | tuple[float, float, float] | None = None
+    flow: str | tuple[float, float, float] | None = None
+    origin: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    rotation: float | str = 0.0
+
+    def __post_init__(self):
+        """Check what can be checked without a file."""
+        if self.optical is not None and self.flow is not None:
+            raise ValueError("frame: give either the optical axis or the flow's direction, not both")
+        origin = np.asarray(self.origin, dtype=np.float64)
+        if origin.shape != (3,) or not np.isfinite(origin).all():
+            raise ValueError(f"frame: origin must be three finite coordinates, got {self.origin!r}")
+        object.__setattr__(self, "origin", tuple(float(v) for v in origin))
+        object.__setattr__(self, "rotation", quantity(self.rotation, "angle"))
+        look, up = self.look, None if self.up is None else direction(self.up, "up")
+        if look is not None and up is not None and abs(look @ up) > 1e-9:
+            raise ValueError(
+                f"frame: up {self.up!r} is not at right angles to the optical axis {self.optical or self.flow!r}"
+            )
+
+    @classmethod
+    def of(cls, given) -> "Frame":
+        """A frame from what a caller may give: None, a Frame, the optical axis alone, or a mapping of its attributes.
+
+        Raises:
+            TypeError: Something else.
+            ValueError: A key that is not known, and what `Frame` refuses.
+        """
+        if isinstance(given, cls):
+            return given
+        if given is None:
+            return cls()
+        if isinstance(given, Mapping):
+            known = [entry.name for entry in fields(cls)]
+            if unknown := set(given) - set(known):
+                raise ValueError(f"frame: {sorted(unknown)[0]!r} is not known: choose of {', '.join(known)}")
+            values: dict[str, Any] = {key: tuple(v) if isinstance(v, list) else v for key, v in given.items()}
+            return cls(**values)
+        if isinstance(given, str):
+            return cls(optical=given)
+        raise TypeError(f"frame must be a Frame, a mapping or an optical axis such as '-x', got {type(given).__name__}")
+
+    @property
+    def look(self) -> np.ndarray | None:
+        """The optical axis in the file's axes before `rotation`, or None."""
+        if self.optical is not None:
+            return direction(self.optical, "optical")
+        return None if self.flow is None else -direction(self.flow, "flow")
+
+    def axes(self, flat_along: np.ndarray | None = None) -> np.ndarray:
+        """Unit vectors x, y, z of the optical frame in the file's axes, as rows, shape (3, 3).
+
+        Args:
+            flat_along: Normal of the plane in which a two-dimensional file lies; None for a volume.
+
+        Raises:
+            ValueError: An axis out of the plane.
+        """
+        look, up = self.look, None if self.up is None else direction(self.up, "up")
+        if flat_along is not None:
+            for name, axis in (("optical axis", look), ("up", up)):
+                if axis is not None and abs(axis @ flat_along) > 1e-6:
+                    raise ValueError(f"frame: {name} {axis.tolist()} points out of the plane that the file lies in")
+        if look is None:
+            if flat_along is None or abs(flat_along[0]) > 0.5:
+                look = np.array([0.0, 0.0, 1.0])
+                if flat_along is not None and abs(look @ flat_along) > 1e-6:
+                    look = _unit(look - flat_along * (look @ flat_along))
+            else:
+                look = _unit(-np.eye(3)[0] + flat_along * flat_along[0])
+            if up is not None and abs(up @ look) > 1e-9:
+                raise ValueError(f"frame: up {self.up!r} needs an optical axis beside it: give optical = '-x', say")
+        if up is None:
+            if flat_along is not None:
+                up = np.cross(look, flat_along)
+                up = up * (1.0 if up[int(np.argmax(np.abs(up)))] > 0.0 else -1.0)
+            else:
+                in_order = [np.eye(3)[k] for k in (1, 2, 0)]
+                up = next((e for e in in_order if abs(e @ look) < 1e-9), None)
+                if up is None:
+                    free = in_order[int(np.argmin([abs(e @ look) for e in in_order]))]
+                    up = _unit(free - look * (free @ look))
+        angle = float(self.rotation)
+        look, up = np.cos(angle) * look + np.sin(angle) * up, np.cos(angle) * up - np.sin(angle) * look
+        return np.stack([np.cross(up, look), up, look]) + 0.0
+
+    def described(self, axes: np.ndarray) -> str:
+        """The frame in words, for pictures and provenance: "z along -x, y along +y of the file"."""
+        named = []
+        for name, row in (("z", axes[2]), ("y", axes[1])):
+            k = int(np.argmax(np.abs(row)))
+            exact = abs(abs(row[k]) - 1.0) < 1e-12
+            named.append(
+                f"{name} along {'-' if row[k] < 0 else '+'}{'xyz'[k]}"
+                if exact
+                else f"{name} along {np.round(row, 6).tolist()}"
+            )
+        origin = "" if not any(self.origin) else f", origin at {list(self.origin)}"
+        return ", ".join(named) + " of the file" + origin
+
+
+def direction(value, name: str) -> np.ndarray:
+    """A unit vector from "+x", "-y", "z" or three numbers."""
+    if isinstance(value, str):
+        sign, axis = (-1.0, value[1:]) if value[:1] == "-" else (1.0, value.removeprefix("+"))
+        if axis.strip().lower() not in AXES:
+            raise ValueError(
+                f"frame: {name} {value!r} is no axis: give one of +x, -x, +y, -y, +z, -z, or three numbers"
+            )
+        return sign * np.eye(3)[AXES[axis.strip().lower()]]
+    try:
+        vector = np.asarray(value, dtype=np.float64)
+    except (TypeError, ValueError):
+        raise TypeError(f"frame: {name} must be an axis such as '-x' or three numbers, got {value!r}") from None
+    if vector.shape != (3,) or not np.isfinite(vector).all() or not vector.any():
+        raise ValueError(f"frame: {name} must be an axis such as '-x' or three numbers, got {value!r}")
+    return _unit(vector)
+
+
+def plane_normal(points: np.ndarray) -> np.ndarray | None:
+    """The normal of the plane that all points lie in, or None where they fill a volume."""
+    extent = np.ptp(points, axis=0)
+    if extent.min() <= FLAT_SHARE * extent.max():
+        return np.asarray(np.eye(3)[int(np.argmin(extent))])
+    centred = points - points.mean(axis=0)
+    value, vector = np.linalg.eigh(centred.T @ centred / len(points))
+    if value[0] > (1e-9 * extent.max()) ** 2:
+        return None
+    return np.asarray(vector[:, 0] * np.sign(vector[:, 0][int(np.argmax(np.abs(vector[:, 0])))]))
+
+
+def _unit(vector: np.ndarray) -> np.ndarray:
+    return np.asarray(vector / np.linalg.norm(vector))

@@ -1,0 +1,49 @@
+"""Flows that other libraries hold in memory: xarray's data sets and arrays, pyvista's and VTK's grids."""
+
+from .dataset import Dataset
+from .density import Reference
+from .frame import Frame
+from .read import field_of, reading_of, unit_of_length
+
+
+def from_xarray(array, *, density=None, frame=None, reference=None, ambient_density=None, time=None, geometry=None,
+                gas_constant=None, length_unit=None):  # fmt: skip
+    """A density field from an xarray data set or array; arguments as in `flow.read`.
+
+    Coordinates are x, y, z (volume), two of them (planar), or r, z (axisymmetric), in the unit that their attribute
+    `units` names. An array is the density itself, its attribute `ambient_density` [kg/m3] what surrounds it.
+    """
+    from .labelled import labelled_dataset
+
+    if not hasattr(array, "dims"):
+        raise TypeError(f"from_xarray takes an xarray DataArray or Dataset, got {type(array).__name__}")
+    attributes = dict(array.attrs)
+    if hasattr(array, "to_dataset") and hasattr(array, "values") and not hasattr(array, "data_vars"):
+        name = array.name or "density"
+        array, density = array.to_dataset(name=name), density or name
+    ambient = ambient_density if ambient_density is not None else attributes.get("ambient_density")
+    found = labelled_dataset("xarray data", array, None, time)
+    return _field(found, "xarray data", density, frame, reference, ambient, geometry, gas_constant, length_unit)
+
+
+def from_pyvista(dataset, *, density=None, frame=None, reference=None, ambient_density=None, geometry=None,
+                 gas_constant=None, length_unit=None, spacing=None, region=None):  # fmt: skip
+    """A density field from a pyvista (or VTK) grid or multi-block set; arguments as in `flow.read`."""
+    from .vtk_files import blocks_of
+
+    if not hasattr(dataset, "GetClassName"):
+        raise TypeError(f"from_pyvista takes a data set of pyvista or VTK, got {type(dataset).__name__}")
+    found = Dataset(blocks_of(f"{dataset.GetClassName()} given", dataset), "VTK data set")
+    return _field(found, "pyvista data", density, frame, reference, ambient_density, geometry, gas_constant,
+                  length_unit, spacing, region)  # fmt: skip
+
+
+def _field(found: Dataset, name, density, frame, reference, ambient, geometry, gas_constant, length_unit,
+           spacing=None, region=None):  # fmt: skip
+    references = Reference.of(reference)
+    scale = unit_of_length(length_unit) * references.length
+    taken = reading_of(
+        name, found, density, Frame.of(frame), scale, references, gas_constant, geometry,
+        None if ambient is None else float(ambient),
+    )  # fmt: skip
+    return field_of(taken, spacing, region)

@@ -1,0 +1,193 @@
+"""Arrays by name: NPZ and HDF5, with axes or coordinates of every sample.
+
+Coordinates are arrays called x, y, z or r, z (`variables` names others): one number for each index along an axis, or
+one for each sample. A field of r and z is axisymmetric. HDF5 files are read in the child of worker.py.
+"""
+
+import re
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from .coordinates import COLUMNS, metres
+from .dataset import Block, Dataset, ReadError
+
+DAMAGED = "the file is damaged: write it again"
+HDF5 = b"\x89HDF\r\n\x1a\n"
+
+
+def read(path: Path, time: Any = None, options: dict | None = None) -> Dataset:
+    """Read a file of named arrays.
+
+    Raises:
+        ReadError: A damaged file, or one without coordinates.
+    """
+    units: dict[str, str] = {}
+    variables = dict((options or {}).get("variables") or {})
+    with path.open("rb") as stream:
+        head = stream.read(8)
+    if path.suffix.lower() == ".npz":
+        arrays, kind = _npz(path), "NumPy arrays"
+    elif head == HDF5:
+        (arrays, units), kind = _hdf5(path), "HDF5"
+    else:
+        raise ReadError(path, "it does not begin like an HDF5 file", DAMAGED)
+    return dataset_of(path, arrays, units, variables, kind, time)
+
+
+def _npz(path: Path) -> dict[str, np.ndarray]:
+    import zipfile
+    import zlib
+
+    try:
+        with np.load(path, allow_pickle=False) as data:
+            return {name: np.asarray(data[name]) for name in data.files}
+    except (
+        zipfile.BadZipFile,
+        zlib.error,
+        ValueError,
+        KeyError,
+        OSError,
+        EOFError,
+        NotImplementedError,
+        SyntaxError,
+    ) as fault:
+        raise ReadError(path, f"it is no whole NPZ file ({fault})", DAMAGED) from None
+
+
+def _hdf5(path: Path) -> tuple[dict[str, np.ndarray], dict[str, str]]:
+    import h5py
+
+    arrays, units = {}, {}
+
+    def take(name: str, entry) -> None:
+        if isinstance(entry, h5py.Dataset) and entry.shape and np.issubdtype(entry.dtype, np.number):
+            arrays[name] = entry[...]
+            unit = entry.attrs.get("units")
+            units[name] = unit.decode() if isinstance(unit, bytes) else unit if isinstance(unit, str) else ""
+
+    try:
+        with h5py.File(path, "r") as file:
+            file.visititems(take)
+    except (OSError, RuntimeError, KeyError, ValueError) as fault:
+        raise ReadError(path, f"HDF5 cannot read it ({str(fault)[:120]})", DAMAGED) from None
+    return arrays, units
+
+
+def dataset_of(path, arrays, units, variables, kind: str, time) -> Dataset:
+    """A dataset from arrays by name; arguments as found, `variables` names coordinates by axis."""
+    plain = {_plain(name): name for name in reversed(list(arrays))}
+    chosen = {}
+    for axis, names in COLUMNS.items():
+        if axis in variables:
+            if variables[axis] not in arrays:
+                raise ReadError(path, f"there is no array {variables[axis]!r}", f"take one of {', '.join(arrays)}")
+            chosen[axis] = variables[axis]
+        elif found := next((plain[name] for name in names if name in plain), None):
+            chosen[axis] = found
+    if unknown := set(variables) - set(COLUMNS):
+        raise ReadError(path, f"variables: {sorted(unknown)[0]!r} is no coordinate", "name x, y, z or r, z")
+    axisymmetric = "r" in chosen and "y" not in chosen
+    axes = ("r", "z" if "z" in chosen else "x") if axisymmetric else tuple(a for a in "xyz" if a in chosen)
+    if len([axis for axis in axes if axis in chosen]) < 2:
+        raise ReadError(
+            path, f"no coordinates are known (there are: {', '.join(arrays) or 'no arrays'})",
+            "call them x, y, z or r, z, or name them: variables={'x': 'NAME', ...}",
+        )  # fmt: skip
+    times, arrays, taken = _at_time(path, arrays, chosen, time)
+    coordinates = [np.asarray(arrays[chosen[axis]], dtype=np.float64) for axis in axes]
+    scale = [_metres(path, units.get(chosen[axis], "")) for axis in axes]
+    coordinates = [own * factor for own, factor in zip(coordinates, scale, strict=True)]
+    block = _block(path, axes, coordinates, {n: a for n, a in arrays.items() if n not in chosen.values()})
+    along = {"z": (0.0, 0.0, -1.0), "x": (1.0, 0.0, 0.0)}
+    return Dataset([block], kind, "axisymmetric" if axisymmetric else None, times=times, time=taken,
+                   axis=along[axes[1]] if axisymmetric else None, units=units)  # fmt: skip
+
+
+def _block(path, axes, coordinates, arrays) -> Block:
+    """The samples as a structured block, the last axis of the arrays being the slowest of the block's."""
+    place = {"x": 0, "y": 1, "z": 2, "r": 1}
+    if all(own.ndim == 1 for own in coordinates) and not _is_cloud(coordinates, arrays):
+        counts = tuple(len(own) for own in coordinates)
+        cells = tuple(n - 1 for n in counts)
+        full = np.meshgrid(*coordinates, indexing="ij")
+    else:
+        shapes = {own.shape for own in coordinates}
+        if len(shapes) > 1:
+            raise ReadError(
+                path,
+                f"coordinates have shapes {sorted(shapes)}",
+                "give one for each index along an axis, or for each sample",
+            )
+        counts = shapes.pop()
+        if len(counts) == 1:
+            from .point_table import joined
+
+            points = np.zeros((counts[0], 3))
+            for axis, own in zip(axes, coordinates, strict=True):
+                points[:, place[axis]] = own
+            return joined(path, points, {n: np.asarray(a, float) for n, a in arrays.items() if a.shape == counts})[0]
+        cells = tuple(n - 1 for n in counts)
+        full = coordinates
+    points = np.zeros((int(np.prod(counts)), 3))
+    for axis, own in zip(axes, full, strict=True):
+        points[:, place[axis]] = own.ravel(order="F")
+    point_data, cell_data = {}, {}
+    for name, own in arrays.items():
+        turned = own
+        if own.ndim == len(counts) and own.shape not in (counts, cells) and own.shape[::-1] in (counts, cells):
+            turned = own.T  # as C programs and NetCDF write (z, y, x)
+        if turned.shape == counts:
+            point_data[name] = np.asarray(turned, dtype=np.float64).ravel(order="F")
+        elif turned.shape == cells and min(cells) > 0:
+            cell_data[name] = np.asarray(turned, dtype=np.float64).ravel(order="F")
+    shape = (*counts, 1)[:3] if len(counts) < 3 else counts
+    if not point_data and not cell_data:
+        raise ReadError(path, f"no array has a sample for each of the {counts} places", "see what the file holds")
+    return Block(points, None, (int(shape[0]), int(shape[1]), int(shape[2])), point_data, cell_data)
+
+
+def _is_cloud(coordinates, arrays) -> bool:
+    """Whether coordinates of one length are those of samples, not of axes."""
+    counts = tuple(len(own) for own in coordinates)
+    if len(set(counts)) > 1:
+        return False
+    grids = (counts, tuple(n - 1 for n in counts))
+    return not any(own.shape in grids for own in arrays.values()) and any(
+        own.shape == counts[:1] for own in arrays.values()
+    )
+
+
+def _at_time(path, arrays, chosen, asked):
+    """Arrays at one time, where there is an axis of time: it comes first."""
+    name = next((name for name in arrays if _plain(name) in ("time", "t") and arrays[name].ndim == 1), None)
+    rank = max((arrays[own].ndim for own in chosen.values()), default=1)
+    rank = len(chosen) if rank == 1 else rank
+    if name is None or not any(a.ndim == rank + 1 and a.shape[0] == len(arrays[name]) for a in arrays.values()):
+        if asked not in (None, "latest", "first"):
+            raise ReadError(path, f"it holds one time only, not t = {asked!r}", "leave time out")
+        return [], arrays, None
+    times = [float(value) for value in arrays[name]]
+    index = {None: -1, "latest": -1, "first": 0}.get(asked) if isinstance(asked, (str, type(None))) else None
+    if index is None:
+        index = int(np.argmin(np.abs(np.array(times) - float(asked))))
+        if abs(times[index] - float(asked)) > 1e-9 * max(abs(float(asked)), 1e-300):
+            raise ReadError(
+                path, f"there is no time {asked!r}", f"take one of {', '.join(f'{t:g}' for t in times[:8])}"
+            )
+    cut = {
+        n: a[index] if a.ndim == rank + 1 and a.shape[0] == len(times) else a for n, a in arrays.items() if n != name
+    }
+    return times, cut, times[index]
+
+
+def _metres(path, unit: str) -> float:
+    try:
+        return metres(unit)
+    except ValueError as fault:
+        raise ReadError(path, str(fault), "write the unit of length as m, mm, ...") from None
+
+
+def _plain(name: str) -> str:
+    return re.sub(r"[^a-z0-9]", "", re.sub(r"[\[(].*", "", name.lower()).rsplit("/", 1)[-1])

@@ -1,0 +1,92 @@
+"""CSV: a table of points, by its columns x, y, z (or r, z) and arrays.
+
+Points on a grid are put back on it. Points that lie on none are joined by Delaunay's triangles (in a plane) or
+tetrahedra (in space), which fill concave parts: cells much larger than their neighbours are left out.
+"""
+
+import re
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from .coordinates import COLUMNS
+from .dataset import TETRAHEDRON, TRIANGLE, Block, Cells, Dataset, ReadError, check_points
+from .text_tables import read_table
+
+SAME = 1e-9  # of the extent: nearer coordinates along an axis are one
+
+
+def read(path: Path, time: Any = None, options: dict | None = None) -> Dataset:
+    """Read a table of points.
+
+    Raises:
+        ReadError: A table without coordinates, or points that cannot be joined.
+    """
+    table = read_table(path)
+    plain = {re.sub(r"[^a-z0-9]", "", re.sub(r"[\[(].*", "", name.lower())): name for name in reversed(table)}
+    plain |= {re.sub(r"[^a-z0-9]", "", name.lower()): name for name in reversed(table)}
+    axes = {axis: next((plain[name] for name in names if name in plain), None) for axis, names in COLUMNS.items()}
+    geometry, axis = None, None
+    if axes["r"] is not None and axes["y"] is None and (axes["z"] is not None or axes["x"] is not None):
+        geometry, along = "axisymmetric", 2 if axes["z"] is not None else 0
+        # A table of r, z is in the optical frame already: z looks against the flow.
+        axis = (0.0, 0.0, -1.0) if along == 2 else (1.0, 0.0, 0.0)
+        columns: list[str | None] = [None, None, None]
+        columns[along] = axes["z"] or axes["x"]
+        columns[1] = axes["r"]
+    else:
+        columns = [axes["x"], axes["y"], axes["z"]]
+    if sum(name is not None for name in columns) < 2:
+        raise ReadError(
+            path, f"no columns are known for coordinates (there are: {', '.join(table)})", "call them x, y, z or r, z"
+        )
+    count = len(next(iter(table.values())))
+    points = np.stack([np.zeros(count) if name is None else table[name] for name in columns], axis=1)
+    check_points(path, points)
+    arrays = {name: values for name, values in table.items() if name not in columns}
+    block, note = joined(path, points, arrays)
+    return Dataset([block], "table of points", geometry=geometry, axis=axis, notes=note)
+
+
+def joined(path, points: np.ndarray, arrays: dict[str, np.ndarray]) -> tuple[Block, list[str]]:
+    """Points as a grid where they lie on one, else as the cells of a Delaunay triangulation."""
+    extent = np.ptp(points, axis=0)
+    if (extent > 0.0).sum() < 2:
+        raise ReadError(path, "its points lie on a line", "give points of a plane or a volume")
+    step = np.where(extent > 0.0, SAME * np.maximum(extent, 1e-300), 1.0)
+    places = [
+        np.unique(np.round((points[:, k] - points[:, k].min()) / step[k]).astype(np.int64), return_inverse=True)
+        for k in range(3)
+    ]
+    shape = (len(places[0][0]), len(places[1][0]), len(places[2][0]))
+    if np.prod(shape, dtype=float) == len(points):
+        number = np.ravel_multi_index([index.ravel() for _, index in places[::-1]], shape[::-1])
+        if len(np.unique(number)) == len(points):
+            order = np.argsort(number)
+            return Block(points[order], None, shape, {name: own[order] for name, own in arrays.items()}), []
+    return _triangulated(path, points, arrays, extent > 0.0)
+
+
+def _triangulated(path, points, arrays, wide) -> tuple[Block, list[str]]:
+    from scipy.spatial import Delaunay, QhullError
+
+    if len(np.unique(points, axis=0)) < len(points):
+        raise ReadError(
+            path,
+            f"{len(points) - len(np.unique(points, axis=0))} points lie in the same place as another",
+            "leave them out",
+        )
+    flat = points[:, wide]
+    try:
+        corners = Delaunay((flat - flat.min(axis=0)) / np.ptp(flat, axis=0)).simplices.astype(np.int64)
+    except (QhullError, ValueError):
+        raise ReadError(path, "its points cannot be joined to cells", "give points of a plane or a volume") from None
+    edge = flat[corners[:, 1:]] - flat[corners[:, :1]]
+    measure = np.linalg.det(edge)
+    corners = np.where((measure < 0.0)[:, None], corners[:, [1, 0, *range(2, corners.shape[1])]], corners)
+    size = np.abs(measure)
+    keep = size > 1e-9 * np.median(size)
+    kind = TRIANGLE if flat.shape[1] == 2 else TETRAHEDRON
+    note = "points that lie on no grid: joined by Delaunay's cells, which fill concave parts and bodies"
+    return Block(points, Cells.of_one_type(kind, corners[keep]), point_data=arrays), [note]

@@ -1,0 +1,183 @@
+"""Polygons to the quadrilaterals of `QuadMesh`: as they are where all are, otherwise cut so that they still join.
+
+Where a mesh holds triangles or polygons, every cell is cut from its middle to the middles of its edges: a polygon of n
+corners becomes n quadrilaterals, and neighbours agree on the middle of the edge that they share. Each part keeps the
+average of its cell. Linear functions of point data are kept exactly.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ...medium import QuadMesh
+from .logical import logical_rectangle
+
+STRAIGHT = 1e-7  # sine of the turn at a corner below which it is none: a neighbour's hanging node
+
+
+@dataclass(frozen=True, eq=False)
+class Polygons:
+    """Polygons in a plane with a value for each cell or each point.
+
+    Attributes:
+        points: Coordinates [m], shape (point_count, 2).
+        start: Where each polygon begins, shape (cell_count + 1,).
+        corners: Points around each polygon, concatenated.
+        values: Shape (cell_count,) or (point_count,).
+        where: "cell" or "point".
+    """
+
+    points: np.ndarray
+    start: np.ndarray
+    corners: np.ndarray
+    values: np.ndarray
+    where: str
+
+    @property
+    def width(self) -> np.ndarray:
+        """Number of corners of each polygon."""
+        return np.diff(self.start)
+
+    def used(self) -> "Polygons":
+        """The same without points that belong to no polygon."""
+        kept, corners = np.unique(self.corners, return_inverse=True)
+        values = self.values[kept] if self.where == "point" else self.values
+        return replace(self, points=self.points[kept], corners=corners.ravel(), values=values)
+
+    def kept(self, keep: np.ndarray) -> "Polygons":
+        """Some of the polygons."""
+        corners = self.corners[np.repeat(keep, self.width)]
+        start = np.concatenate([[0], np.cumsum(self.width[keep])])
+        values = self.values[keep] if self.where == "cell" else self.values
+        return replace(self, start=start, corners=corners, values=values).used()
+
+    def without_repeats(self) -> "Polygons":
+        """The same with corners left out that lie in the same place as the one before, as at the pole of a grid."""
+        following = self._following()
+        keep = (self.points[self.corners] != self.points[self.corners[following]]).any(axis=1)
+        width = np.add.reduceat(keep, self.start[:-1])
+        start = np.concatenate([[0], np.cumsum(width)])
+        return replace(self, start=start, corners=self.corners[keep]).kept(width > 2)
+
+    def _following(self) -> np.ndarray:
+        following = np.arange(1, len(self.corners) + 1)
+        following[self.start[1:] - 1] = self.start[:-1]
+        return following
+
+
+def merged(parts: list[Polygons]) -> Polygons:
+    """The polygons of several blocks as one mesh: points of different blocks in the same place become one.
+
+    Raises:
+        ValueError: Values of the cells in one block and of the points in another.
+    """
+    if len({part.where for part in parts}) > 1:
+        raise ValueError("some blocks have their values in cells and others at points: give all the same way")
+    if len(parts) == 1:
+        return parts[0]
+    points = np.concatenate([part.points for part in parts])
+    first_point = np.cumsum([0, *(len(part.points) for part in parts)])
+    first_corner = np.cumsum([0, *(len(part.corners) for part in parts)])
+    block = np.repeat(np.arange(len(parts)), np.diff(first_point))
+    step = 1e-9 * max(float(np.ptp(points, axis=0).max()), 1e-300)
+    place = np.round((points - points.min(axis=0)) / step).astype(np.int64)
+    # Twice in one block stays twice: that block is damaged, and the mesh will say so.
+    _, repeat = np.unique(np.column_stack([block, place]), axis=0, return_inverse=True)
+    order = np.argsort(repeat.ravel(), kind="stable")
+    sorted_repeat = repeat.ravel()[order]
+    begins = np.append(True, sorted_repeat[1:] != sorted_repeat[:-1])
+    rank = np.empty(len(points), dtype=np.int64)
+    rank[order] = np.arange(len(points)) - np.maximum.accumulate(np.where(begins, np.arange(len(points)), 0))
+    _, first, same = np.unique(np.column_stack([place, rank]), axis=0, return_index=True, return_inverse=True)
+    corners = np.concatenate([part.corners + shift for part, shift in zip(parts, first_point, strict=False)])
+    start = np.concatenate([[0], *(part.start[1:] + shift for part, shift in zip(parts, first_corner, strict=False))])
+    values = np.concatenate([part.values for part in parts])
+    values = values[first] if parts[0].where == "point" else values
+    return Polygons(points[first], start, same.ravel()[corners], values, parts[0].where).used()
+
+
+def quad_mesh(polygons: Polygons, geometry: str) -> tuple[QuadMesh, np.ndarray, str]:
+    """The mesh, its values, and a remark of what was done, empty for nothing.
+
+    Raises:
+        ValueError: What `QuadMesh` refuses: reversed, degenerate or double cells, duplicate points.
+    """
+    if (polygons.width == 4).all():
+        cells = polygons.corners.reshape(-1, 4)
+        turn = _turns(polygons).reshape(-1, 4)
+        if ((turn > STRAIGHT).all(axis=1) | (turn < -STRAIGHT).all(axis=1)).all():
+            rectangle = logical_rectangle(cells, len(polygons.points))
+            if rectangle is None:
+                return QuadMesh(polygons.points, cells, geometry), polygons.values, ""
+            grid, order = rectangle
+            y, z = polygons.points[grid].transpose(2, 0, 1)
+            values = polygons.values[order if polygons.where == "cell" else grid]
+            return QuadMesh.structured(y, z, geometry), values.ravel(), ""
+    whole = _cut_from_the_middle(_fans(polygons))
+    remark = "cells that are no quadrilaterals: each was cut into as many as it has corners"
+    return QuadMesh(whole.points, whole.corners.reshape(-1, 4), geometry), whole.values, remark
+
+
+def _turns(polygons: Polygons) -> np.ndarray:
+    """Sine of the turn at each corner."""
+    following = polygons._following()
+    point = polygons.points[polygons.corners]
+    step = point[following] - point
+    length = np.linalg.norm(step, axis=1)
+    after, longer = step[following], length[following]
+    turn = np.empty(len(point))
+    with np.errstate(all="ignore"):
+        turn[following] = (step[:, 0] * after[:, 1] - step[:, 1] * after[:, 0]) / (length * longer)
+    return np.nan_to_num(turn)
+
+
+def _means(polygons: Polygons, values: np.ndarray) -> np.ndarray:
+    """Mean of point values over the corners of each polygon."""
+    width = polygons.width if values.ndim == 1 else polygons.width[:, None]
+    return np.asarray(np.add.reduceat(values[polygons.corners], polygons.start[:-1], axis=0) / width)
+
+
+def _fans(polygons: Polygons) -> Polygons:
+    """Polygons with a corner that does not turn, or turns the wrong way, as triangles about their middles."""
+    turn = _turns(polygons)
+    least = np.minimum.reduceat(turn, polygons.start[:-1])
+    most = np.maximum.reduceat(turn, polygons.start[:-1])
+    poor = ~((least > STRAIGHT) | (most < -STRAIGHT)) & (polygons.width > 3)
+    if not poor.any():
+        return polygons
+    middle = np.full(len(poor), -1)
+    middle[poor] = len(polygons.points) + np.arange(int(poor.sum()))
+    points = np.concatenate([polygons.points, _means(polygons, polygons.points)[poor]])
+    cell = np.repeat(np.arange(len(poor)), polygons.width)
+    fan = np.flatnonzero(poor[cell])
+    triangles = np.stack(
+        [middle[cell[fan]], polygons.corners[fan], polygons.corners[polygons._following()[fan]]], axis=1
+    )
+    rest = ~poor
+    corners = np.concatenate([polygons.corners[rest[cell]], triangles.ravel()])
+    width = np.concatenate([polygons.width[rest], np.full(len(triangles), 3)])
+    if polygons.where == "cell":
+        values = np.concatenate([polygons.values[rest], polygons.values[cell[fan]]])
+    else:
+        values = np.concatenate([polygons.values, _means(polygons, polygons.values)[poor]])
+    return Polygons(points, np.concatenate([[0], np.cumsum(width)]), corners, values, polygons.where)
+
+
+def _cut_from_the_middle(polygons: Polygons) -> Polygons:
+    """Every polygon of n corners as n quadrilaterals: corner, middle of an edge, middle, middle of the edge before."""
+    following, count = polygons._following(), len(polygons.points)
+    ends = np.sort(np.stack([polygons.corners, polygons.corners[following]], axis=1), axis=1)
+    edge, at = np.unique(ends, axis=0, return_inverse=True)
+    at = at.ravel() + count
+    cell = np.repeat(np.arange(len(polygons.width)), polygons.width)
+    middle = count + len(edge) + cell
+    before = np.empty(len(following), dtype=np.int64)
+    before[following] = np.arange(len(following))
+    quads = np.stack([polygons.corners, at, middle, at[before]], axis=1)
+    points = np.concatenate([polygons.points, polygons.points[edge].mean(axis=1), _means(polygons, polygons.points)])
+    if polygons.where == "cell":
+        values = polygons.values[cell]
+    else:
+        own = polygons.values
+        values = np.concatenate([own, own[edge].mean(axis=1), _means(polygons, own)])
+    return Polygons(points, 4 * np.arange(len(quads) + 1), quads.ravel(), values, polygons.where)

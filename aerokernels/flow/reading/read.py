@@ -1,0 +1,241 @@
+"""`flow.read`: a CFD file or case as a density field."""
+
+import math
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ...medium import Body
+from ...units import quantity
+from ..density_field import CellDensity, DensityField
+from ..gas import check_density, positive
+from ..sampled_density import VertexDensity
+from .coordinates import INCHES
+from .dataset import Block, Dataset, ReadError, check_points
+from .density import Reference, block_density, choose_density
+from .formats import load
+from .frame import Frame, plane_normal
+from .plane import Plane, patch_edges, plane_mesh
+
+GEOMETRIES = ("planar", "axisymmetric", "volume")
+
+
+@dataclass(frozen=True, eq=False)
+class Reading:
+    """A file that was read, and how its density and its frame are to be taken.
+
+    Attributes:
+        path: The file or case.
+        dataset: What it holds.
+        densities: Density [kg/m3] of each block, and whether it is of its "cell"s or "point"s.
+        geometry: "planar", "axisymmetric" or "volume".
+        frame: The frame.
+        normal: Normal of the plane of a planar file in its own axes.
+        scale: The file's unit of length [m].
+        ambient: The density around the field that was asked for [kg/m3], or None.
+        said: What was taken, in words.
+    """
+
+    path: Path
+    dataset: Dataset
+    densities: list[tuple[np.ndarray, str]]
+    geometry: str
+    frame: Frame
+    normal: np.ndarray | None
+    scale: float
+    ambient: float | None
+    said: str
+
+
+def read(
+    path,
+    *,
+    density=None,
+    frame=None,
+    length_unit: str | float | None = None,
+    reference=None,
+    time: float | str | None = None,
+    gas_constant: float | None = None,
+    geometry: str | None = None,
+    ambient_density: float | None = None,
+    spacing: float | None = None,
+    region=None,
+    walls=None,
+    **options: Any,
+) -> DensityField:
+    """Read a CFD file or case as a density field in the optical frame.
+
+    Two-dimensional files keep their mesh; volumes are resampled to a uniform grid, and the error of that is measured.
+
+    Args:
+        path: An OpenFOAM case, or a file: VTK's family, CGNS, Plot3D, Tecplot, SU2, NPZ, NetCDF, HDF5, CSV.
+        density: Name of the density's array; or {"pressure": NAME, "temperature": NAME, "gas_constant": R}; None looks
+            for the usual names.
+        frame: A `Frame`, a mapping of its attributes, or the optical axis alone, such as "-x".
+        length_unit: Unit of the file's coordinates: "mm", or metres as a number. None is metres.
+        reference: What 1 is in a non-dimensional file: {"density": 1.225, "length": "50 mm", ...}, or a density alone.
+        time: "latest" (None), "first" or a time of the file.
+        gas_constant: [J/(kg K)], for pressure and temperature; None takes the file's, or air's.
+        geometry: "axisymmetric" for a plane file whose x is the axis and whose y is the radius; None tells by the file.
+        ambient_density: Density around the field [kg/m3]; None takes what prevails where the flow comes from.
+        spacing: Greatest node spacing of a volume's grid [m]; None follows from the cells.
+        region: Lowest and highest corner of a volume's grid [m], in the optical frame; None takes all.
+        walls: Names of the boundary patches that bound the body; None takes those that the file calls walls.
+        options: For single formats: `mesh` (a restart of SU2), `solution` (Plot3D), `variables` (NPZ, HDF5).
+
+    Returns:
+        A density field: its `provenance` says what was taken for what.
+
+    Raises:
+        TypeError: An argument of the wrong kind.
+        ValueError: A file that cannot be used (`ReadError`: file, place and remedy), or arguments that do not fit it.
+    """
+    return field_of(prepare(
+        path, density=density, frame=frame, length_unit=length_unit, reference=reference, time=time,
+        gas_constant=gas_constant, geometry=geometry, ambient_density=ambient_density, options=options,
+    ), spacing, region, walls)  # fmt: skip
+
+
+def prepare(
+    path, *, density, frame, length_unit, reference, time, gas_constant, geometry, ambient_density, options
+) -> Reading:
+    """Read a file and find out what is what in it; arguments and errors as in `read`."""
+    path = Path(path)
+    frame, reference = Frame.of(frame), Reference.of(reference)
+    scale = unit_of_length(length_unit) * reference.length
+    if geometry is not None and geometry not in GEOMETRIES:
+        raise ValueError(f"geometry {geometry!r} is not known: choose one of {', '.join(GEOMETRIES)}")
+    if ambient_density is not None:
+        check_density(ambient_density, "ambient_density")
+    if unknown := set(options) - {"mesh", "solution", "variables"}:
+        raise TypeError(f"flow.read has no argument {sorted(unknown)[0]!r}")
+    return reading_of(
+        path, load(path, time, options), density, frame, scale, reference, gas_constant, geometry, ambient_density
+    )
+
+
+def reading_of(path, dataset: Dataset, density, frame, scale, reference, gas_constant, geometry, ambient) -> Reading:
+    """What is what in a dataset; arguments and errors as in `read`."""
+    _check_blocks(path, dataset)
+    choice = choose_density(path, dataset, density, gas_constant)
+    densities = [block_density(path, block, choice, reference) for block in dataset.blocks]
+    normal = None
+    kind = dataset.geometry or geometry
+    if kind is None or kind == "planar" or geometry is not None:
+        normal = plane_normal(np.concatenate([block.points for block in dataset.blocks]))
+        kind = kind or ("volume" if normal is None else "planar")
+    if geometry is not None and geometry != kind:
+        if dataset.geometry is not None and geometry != "axisymmetric":
+            raise ReadError(path, f"the file is {kind}, not {geometry}", "leave geometry out")
+        kind = geometry
+    if kind == "volume" and normal is not None:
+        raise ReadError(path, "its points lie in a plane, it is no volume", "leave geometry out")
+    if (kind == "planar" or geometry == "axisymmetric") and normal is None and dataset.geometry != "axisymmetric":
+        raise ReadError(path, f"its points fill a volume, it is not {kind}", "leave geometry out")
+    said = choice.described()
+    return Reading(path, dataset, densities, kind, frame, normal, scale, ambient, said)
+
+
+def field_of(reading: Reading, spacing=None, region=None, walls=None) -> DensityField:
+    """The density field of what was read."""
+    if reading.geometry == "volume":
+        from .volume import volume_field
+
+        return volume_field(reading, spacing, region)
+    if spacing is not None or region is not None:
+        raise ValueError(f"spacing and region are a volume's grid; {reading.path} keeps its own mesh: leave them out")
+    return _plane_field(reading, walls)
+
+
+def _plane_field(reading: Reading, names=None) -> DensityField:
+    path, dataset = reading.path, reading.dataset
+    plane = Plane.of(path, dataset, reading.geometry, reading.frame, reading.scale, reading.normal)
+    mesh, density, where, remark = plane_mesh(path, list(dataset.blocks), plane, reading.densities)
+    body = _body(path, dataset, plane, mesh, names)
+    at = mesh.cell_centroid if where == "cell" else mesh.vertices
+    ambient = reading.ambient or _ambient(dataset, at, density)
+    said = [dataset.format, *([f"t = {dataset.time:g}"] if dataset.time is not None else []), reading.said,
+            plane_in_words(plane, reading.frame), f"ambient {ambient:.6g} kg/m3", *([remark] if remark else []),
+            *dataset.notes]  # fmt: skip
+    kind = CellDensity if where == "cell" else VertexDensity
+    try:
+        return kind(mesh, density, ambient, body, None, f"{path}: {'; '.join(said)}")
+    except ValueError as fault:
+        raise ReadError(path, str(fault), "see what the file holds with `aerokernels fields`") from None
+
+
+def _body(path, dataset: Dataset, plane: Plane, mesh, names) -> Body | None:
+    from .walls import hole_body, wall_body
+
+    known = {patch.name for patch in dataset.patches}
+    if names is not None and (unknown := set([names] if isinstance(names, str) else names) - known):
+        raise ReadError(
+            path, f"there is no patch {sorted(unknown)[0]!r}", f"walls are of {', '.join(sorted(known)) or 'none'}"
+        )
+    try:
+        walls = patch_edges(list(dataset.patches), plane, names)
+        if walls:
+            return wall_body(np.concatenate([edges for _, edges in walls]), mesh)
+        return hole_body(mesh)
+    except ValueError as fault:
+        raise ReadError(path, f"its walls make no body: {fault}", "repair the boundary's patches") from None
+
+
+def _ambient(dataset: Dataset, at: np.ndarray, density: np.ndarray) -> float:
+    """The density that prevails where the flow comes from: the median over the foremost tenth of the field."""
+    if dataset.ambient is not None:
+        return dataset.ambient
+    front = float(np.quantile(at[:, -1], 0.95))
+    return float(np.median(density[at[:, -1] >= front]))
+
+
+def plane_in_words(plane: Plane, frame: Frame) -> str:
+    """The frame in words."""
+    words = frame.described(plane.axes)
+    return (
+        f"axisymmetric, {words.split(',')[0]} of the file" if plane.geometry == "axisymmetric" else f"planar, {words}"
+    )
+
+
+def unit_of_length(unit: str | float | None) -> float:
+    """A unit of length [m] from its name, a quantity such as "2.5 mm", or metres.
+
+    Raises:
+        ValueError: No length, or one that is not positive.
+    """
+    if unit is None:
+        return 1.0
+    if isinstance(unit, str) and unit.strip() in INCHES:
+        return INCHES[unit.strip()]
+    if isinstance(unit, str) and not any(c.isdigit() for c in unit):
+        unit = f"1 {unit}"
+    return positive(quantity(unit, "length"), "length_unit")
+
+
+def _check_blocks(path, dataset: Dataset) -> None:
+    if not dataset.blocks or not any(len(block.points) for block in dataset.blocks):
+        raise ReadError(path, "it holds no points", "give a file with a mesh and its arrays")
+    for block in dataset.blocks:
+        if block.points.ndim != 2 or block.points.shape[1] != 3:
+            raise ReadError(path, f"block {block.name!r} has points of shape {block.points.shape}", "write it again")
+        check_points(path, block.points, block.name)
+        if block.shape is not None and math.prod(block.shape) != len(block.points):
+            raise ReadError(path, f"a grid of {block.shape} points has {len(block.points)}", "write it again")
+        if block.cells is not None:
+            _check_cells(path, block)
+
+
+def _check_cells(path, block: Block) -> None:
+    cells = block.cells
+    assert cells is not None
+    start, points = cells.start, cells.points
+    fits = len(start) == len(cells.types) + 1 and (not len(start) or (start[0] == 0 and start[-1] == len(points)))
+    if not fits or (np.diff(start) < 0).any():
+        raise ReadError(path, f"the cells of block {block.name!r} do not agree with their own counts", "write it again")
+    if len(points) and not (0 <= points.min() and points.max() < len(block.points)):
+        cell = int(np.searchsorted(start, int(np.argmax((points < 0) | (points >= len(block.points)))), "right")) - 1
+        raise ReadError(
+            path, f"cell {cell} has corners beyond the {len(block.points)} points that there are", "write it again"
+        )

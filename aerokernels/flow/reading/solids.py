@@ -1,0 +1,205 @@
+"""Solid cells in chunks: faces, volumes and middles, of every type alike.
+
+A face is the plane through its middle at right angles to its area; where the four corners of a face do not lie in a
+plane, both cells that share it take the same one, so that nothing is between them.
+"""
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+from functools import partial
+
+import numpy as np
+
+from .dataset import HEXAHEDRON, POLYHEDRON, PRISM, PYRAMID, TETRAHEDRON, Block
+
+# Faces by their corners, looking from outside counter-clockwise; a triangle names its last corner twice.
+FACES = {
+    TETRAHEDRON: [(0, 2, 1, 1), (0, 1, 3, 3), (1, 2, 3, 3), (2, 0, 3, 3)],
+    HEXAHEDRON: [(0, 3, 2, 1), (4, 5, 6, 7), (0, 1, 5, 4), (1, 2, 6, 5), (2, 3, 7, 6), (3, 0, 4, 7)],
+    PRISM: [(0, 1, 2, 2), (3, 5, 4, 4), (0, 3, 4, 1), (1, 4, 5, 2), (2, 5, 3, 0)],
+    PYRAMID: [(0, 3, 2, 1), (0, 1, 4, 4), (1, 2, 4, 4), (2, 3, 4, 4), (3, 0, 4, 4)],
+}
+CORNER_COUNT = {TETRAHEDRON: 4, HEXAHEDRON: 8, PRISM: 6, PYRAMID: 5}
+CHUNK = 16_384  # cells that are looked at together: what fits a core's cache
+
+
+@dataclass(frozen=True, eq=False)
+class Solids:
+    """Some cells of a block; the components of vectors come first, and cells last.
+
+    Attributes:
+        cell: Their numbers in the block, shape (n,).
+        area: Area vectors of their faces [m2], pointing out, shape (3, f, n).
+        centre: Middles of their faces [m], shape (3, f, n).
+        low: Lowest corner of the box around each [m], shape (3, n).
+        high: Highest corner [m], shape (3, n).
+        volume: [m3], negative for cells that are inside out, shape (n,).
+        middle: Centroids [m], shape (3, n).
+    """
+
+    cell: np.ndarray
+    area: np.ndarray
+    centre: np.ndarray
+    low: np.ndarray
+    high: np.ndarray
+    volume: np.ndarray
+    middle: np.ndarray
+
+
+@dataclass(frozen=True, eq=False)
+class Chunk:
+    """Some cells of one type, by their corners, before anything is worked out.
+
+    Attributes:
+        kind: VTK's number of the type.
+        cell: Their numbers in the block, shape (n,).
+        corners: Points of each, shape (k, n).
+    """
+
+    kind: int
+    cell: np.ndarray
+    corners: np.ndarray
+
+    def solids(self, across: np.ndarray) -> Solids:
+        """Faces, volumes and middles, from the coordinates of all points [m], shape (3, point_count)."""
+        at = across[:, self.corners]
+        table = FACES[self.kind]
+        a, b, c, d = (at[:, [face[k] for face in table]] for k in range(4))
+        area = 0.5 * _cross(c - a, d - b)
+        centre = a + b
+        centre += c
+        for number, face in enumerate(table):
+            if face[2] == face[3]:
+                centre[:, number] /= 3.0
+            else:
+                centre[:, number] += d[:, number]
+                centre[:, number] *= 0.25
+        found = _finished(self.cell, area, centre, at.min(axis=1), at.max(axis=1), at.mean(axis=1))
+        if self.kind != PRISM:
+            return found
+        # VTK counts the corners of a prism one way round in its interpolation, most programs the other: both are right.
+        turn = np.where(found.volume < 0.0, -1.0, 1.0)
+        return replace(found, area=turn * found.area, volume=turn * found.volume)
+
+
+@dataclass(frozen=True, eq=False)
+class _Polyhedra:
+    """Polyhedra sorted by their number of faces.
+
+    Attributes:
+        face_area: Area vectors, out of the owner, shape (face_count, 3).
+        face_centre: Shape (face_count, 3).
+        face_box: Lowest and highest corner of each face, shape (face_count, 2, 3).
+        incident: Faces of the cells, sorted by cell, with the bits inverted for those that look inward.
+        start: Where each cell's faces begin, shape (cell_count + 1,).
+    """
+
+    face_area: np.ndarray
+    face_centre: np.ndarray
+    face_box: np.ndarray
+    incident: np.ndarray
+    start: np.ndarray
+
+
+def corner_chunks(block: Block) -> Iterator[Chunk]:
+    """The solid cells of a block that are no polyhedra, some at a time."""
+    if block.shape is not None:
+        yield from _structured(block.shape)
+        return
+    cells = block.cells
+    if cells is None:
+        return
+    for kind, count in CORNER_COUNT.items():
+        own = np.flatnonzero(cells.types == kind)
+        for first in range(0, len(own), CHUNK):
+            cell = own[first : first + CHUNK]
+            yield Chunk(kind, cell, cells.points[cells.start[cell] + np.arange(count)[:, None]])
+
+
+def solid_chunks(block: Block, across: np.ndarray) -> Iterator[Callable[[], Solids]]:
+    """The solid cells of a block, some at a time, each as work still to be done.
+
+    Args:
+        block: The block.
+        across: Its points in the optical frame [m], shape (3, point_count).
+    """
+    for chunk in corner_chunks(block):
+        yield partial(chunk.solids, across)
+    cells = block.cells
+    if cells is not None and cells.faces is not None and (own := np.flatnonzero(cells.types == POLYHEDRON)).size:
+        faces = _polyhedra(block, across.T)
+        width = np.diff(faces.start)[own]
+        for face_count in np.unique(width):
+            same = own[width == face_count]
+            for first in range(0, len(same), CHUNK):
+                yield partial(_of_faces, faces, same[first : first + CHUNK], int(face_count))
+
+
+def _structured(shape: tuple[int, int, int]) -> Iterator[Chunk]:
+    ni, nj, nk = shape
+    across = ni - 1
+    plane = across * (nj - 1)
+    step = max(1, CHUNK // max(plane, 1))
+    offsets = np.array([0, 1, ni + 1, ni, ni * nj, ni * nj + 1, ni * nj + ni + 1, ni * nj + ni])[:, None]
+    i, j = np.meshgrid(np.arange(across), np.arange(nj - 1))
+    base = (i + ni * j).ravel()
+    for first in range(0, nk - 1, step):
+        layers = np.arange(first, min(first + step, nk - 1))
+        corner = (base + ni * nj * layers[:, None]).ravel()
+        cell = (np.arange(plane) + plane * layers[:, None]).ravel()
+        yield Chunk(HEXAHEDRON, cell, corner + offsets)
+
+
+def _cross(one: np.ndarray, other: np.ndarray) -> np.ndarray:
+    result = np.empty_like(one)
+    for k in range(3):
+        i, j = (k + 1) % 3, (k + 2) % 3
+        np.subtract(one[i] * other[j], one[j] * other[i], out=result[k])
+    return result
+
+
+def _finished(cell, area, centre, low, high, inner) -> Solids:
+    """Volumes and centroids, as sums over the pyramids from a point inside to each face."""
+    height = centre - inner[:, None]
+    part = (height * area).sum(axis=0) / 3.0
+    volume = part.sum(axis=0)
+    with np.errstate(all="ignore"):
+        shift = 0.75 * (part * height).sum(axis=1) / volume
+    return Solids(cell, area, centre, low, high, volume, inner + np.where(np.isfinite(shift), shift, 0.0))
+
+
+def _polyhedra(block: Block, points: np.ndarray) -> _Polyhedra:
+    assert block.cells is not None and block.cells.faces is not None
+    faces, count = block.cells.faces, len(block.cells)
+    width = np.diff(faces.start)
+    at = points[faces.points]
+    begin = faces.start[:-1]
+    mean = np.add.reduceat(at, begin, axis=0) / width[:, None]
+    following = np.arange(1, len(at) + 1)
+    following[faces.start[1:] - 1] = begin
+    spoke = at - np.repeat(mean, width, axis=0)
+    triangle = 0.5 * np.cross(spoke, spoke[following])
+    area = np.add.reduceat(triangle, begin, axis=0)
+    # The centroid of the face: of the triangles about its mean, weighted by their share of the area.
+    unit = area / np.maximum(np.linalg.norm(area, axis=1), 1e-300)[:, None]
+    share = np.einsum("nk,nk->n", triangle, np.repeat(unit, width, axis=0))
+    third = (spoke + spoke[following]) / 3.0
+    shift = np.add.reduceat(share[:, None] * third, begin, axis=0)
+    centre = mean + shift / np.maximum(np.add.reduceat(share, begin), 1e-300)[:, None]
+    box = np.stack([np.minimum.reduceat(at, begin, axis=0), np.maximum.reduceat(at, begin, axis=0)], axis=1)
+    inner = len(faces.neighbour)
+    cell = np.concatenate([faces.owner, faces.neighbour])
+    face = np.concatenate([np.arange(len(faces.owner)), ~np.arange(inner)])
+    order = np.argsort(cell, kind="stable")
+    start = np.searchsorted(cell[order], np.arange(count + 1))
+    return _Polyhedra(area, centre, box, face[order], start)
+
+
+def _of_faces(faces: _Polyhedra, cell: np.ndarray, face_count: int) -> Solids:
+    face = faces.incident[faces.start[cell] + np.arange(face_count)[:, None]]
+    inward = face < 0
+    face = np.where(inward, ~face, face)
+    area = np.where(inward, -1.0, 1.0) * np.moveaxis(faces.face_area[face], -1, 0)
+    centre, box = np.moveaxis(faces.face_centre[face], -1, 0), faces.face_box[face]
+    low, high = box[:, :, 0].min(axis=0).T, box[:, :, 1].max(axis=0).T
+    return _finished(cell, area, centre, low, high, centre.mean(axis=1))

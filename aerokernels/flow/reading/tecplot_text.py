@@ -1,0 +1,224 @@
+"""Tecplot's ASCII data (.dat): ordered and finite-element zones, POINT and BLOCK packing, values at nodes or in cells.
+
+VTK's reader keeps single precision; this one keeps what is written.
+"""
+
+import re
+import warnings
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from .coordinates import COLUMNS
+from .dataset import HEXAHEDRON, QUAD, TETRAHEDRON, TRIANGLE, Block, Cells, Dataset, ReadError
+
+DAMAGED = "the file is damaged or was not written to its end: write it again"
+ELEMENTS = {
+    "FETRIANGLE": (TRIANGLE, 3),
+    "TRIANGLE": (TRIANGLE, 3),
+    "FEQUADRILATERAL": (QUAD, 4),
+    "QUADRILATERAL": (QUAD, 4),
+    "FETETRAHEDRON": (TETRAHEDRON, 4),
+    "TETRAHEDRON": (TETRAHEDRON, 4),
+    "FEBRICK": (HEXAHEDRON, 8),
+    "BRICK": (HEXAHEDRON, 8),
+}
+_PAIR = re.compile(r'([A-Za-z][\w ]*?)\s*=\s*("[^"]*"|\((?:[^()]|\([^()]*\))*\)|[^\s,=]+)')
+_NUMBER = re.compile(r"^\s*[-+.\d]")
+_REPEAT = re.compile(r"(\d+)\*(\S+)")
+
+
+def read(path: Path, time: Any = None, options: dict | None = None) -> Dataset:
+    """Read a Tecplot ASCII file.
+
+    Raises:
+        ReadError: No Tecplot file, or zones that do not hold what they announce.
+    """
+    data = path.read_bytes()
+    if b"\0" in data:
+        raise ReadError(path, "it is no text: it holds zero bytes", DAMAGED)
+    variables, zones = _parts(path, data.decode("latin-1"))
+    blocks: list[Block] = []
+    times: list[str | None] = []
+    for number, (head, numbers) in enumerate(zones):
+        blocks.append(zone_block(path, variables, head, numbers, number + 1, blocks))
+        times.append(head.get("SOLUTIONTIME"))
+    return at_time(path, blocks, times, "Tecplot ASCII", time)
+
+
+def at_time(path: Path, blocks: list[Block], times: list, name: str, asked) -> Dataset:
+    """The zones of one solution time; zones without a time belong to all."""
+    values = sorted({float(t) for t in times if t is not None})
+    if len(values) < 2:
+        if asked not in (None, "latest", "first") and (
+            not values or abs(values[0] - float(asked)) > 1e-9 * abs(float(asked))
+        ):
+            raise ReadError(path, f"it holds one time only, not t = {asked!r}", "leave time out")
+        return Dataset(blocks, name, times=values, time=values[0] if values else None)
+    if asked in (None, "latest", "first"):
+        chosen = values[0 if asked == "first" else -1]
+    else:
+        chosen = min(values, key=lambda value: abs(value - float(asked)))
+        if abs(chosen - float(asked)) > 1e-9 * max(abs(float(asked)), 1e-300):
+            raise ReadError(
+                path, f"there is no time {asked!r}", f"take one of {', '.join(f'{t:g}' for t in values[:8])}"
+            )
+    kept = [block for block, t in zip(blocks, times, strict=True) if t is None or float(t) == chosen]
+    return Dataset(kept, name, times=values, time=chosen)
+
+
+def _parts(path: Path, text: str):
+    """The variables' names, and the head and numbers of each zone."""
+    variables: list[str] = []
+    zones: list[tuple[dict[str, str], str]] = []
+    head: list[str] | None = None
+    body: list[str] = []
+    where = ""
+
+    def close() -> None:
+        if head is not None:
+            zones.append((_pairs(" ".join(head)), "\n".join(body)))
+
+    for line in text.splitlines():
+        plain = line.strip()
+        if not plain or plain.startswith("#"):
+            continue
+        upper = plain.upper()
+        if upper.startswith("ZONE"):
+            close()
+            head, body, where = [plain[4:]], [], "zone"
+        elif upper.startswith(
+            ("TITLE", "FILETYPE", "DATASETAUXDATA", "TEXT", "GEOMETRY", "VARAUXDATA", "CUSTOMLABELS")
+        ):
+            where = "other"
+        elif upper.startswith("VARIABLES"):
+            variables, where = _names(plain.split("=", 1)[-1]), "variables"
+        elif _NUMBER.match(plain) and where in ("zone", "numbers"):
+            body.append(plain)
+            where = "numbers"
+        elif where == "variables":
+            variables += _names(plain)
+        elif where == "zone" and head is not None:
+            if not upper.startswith("AUXDATA"):
+                head.append(plain)
+        elif where == "numbers":
+            raise ReadError(path, f"{plain[:40]!r} stands among the numbers of zone {len(zones) + 1}", DAMAGED)
+    close()
+    if not variables or not zones:
+        raise ReadError(path, "it has no VARIABLES or no ZONE", "give a data file of Tecplot")
+    return variables, zones
+
+
+def _names(text: str) -> list[str]:
+    quoted = re.findall(r'"([^"]*)"', text)
+    return quoted or [word for word in re.split(r"[\s,]+", text.strip()) if word]
+
+
+def _pairs(text: str) -> dict[str, str]:
+    return {re.sub(r"\s", "", key.split()[-1]).upper(): value.strip('"') for key, value in _PAIR.findall(text)}
+
+
+def zone_block(
+    path: Path, variables: list[str], head: dict[str, str], text: str, number: int, before: list[Block]
+) -> Block:
+    """The block of a zone."""
+    name = f"zone {number}" + (f" ({head['T']})" if head.get("T") else "")
+    kind = (head.get("ZONETYPE") or head.get("ET") or "ORDERED").upper()
+    packing = (head.get("DATAPACKING") or head.get("F", "POINT")).upper().removeprefix("FE")
+    if any(key in head for key in ("VARSHARELIST", "CONNECTIVITYSHAREZONE", "PASSIVEVARLIST")):
+        raise ReadError(path, f"{name} shares data with other zones", "write the file with all data in every zone")
+    in_cells = _cell_variables(path, head.get("VARLOCATION", ""), len(variables))
+    if in_cells and packing != "BLOCK":
+        raise ReadError(path, f"{name} has values in cells without BLOCK packing", DAMAGED)
+    ordered = kind == "ORDERED"
+    if ordered:
+        shape = tuple(_count(path, name, head.get(key, "1")) for key in "IJK")
+        nodes, cells, corners = int(np.prod(shape)), int(np.prod([max(n - 1, 1) for n in shape])), 0
+    else:
+        if kind not in ELEMENTS:
+            raise ReadError(path, f"{name} is of type {kind}", f"known are ORDERED, {', '.join(ELEMENTS)}")
+        nodes = _count(path, name, head.get("NODES") or head.get("N", ""))
+        cells = _count(path, name, head.get("ELEMENTS") or head.get("E", ""))
+        shape, corners = None, ELEMENTS[kind][1]
+    numbers = _numbers(path, name, text)
+    width = [cells if k in in_cells else nodes for k in range(len(variables))]
+    expected = sum(width) + cells * corners
+    if len(numbers) != expected:
+        raise ReadError(path, f"{name} announces {expected} numbers and holds {len(numbers)}", DAMAGED)
+    if packing == "BLOCK":
+        cuts = np.cumsum([0, *width])
+        arrays = [numbers[cuts[k] : cuts[k + 1]] for k in range(len(variables))]
+    else:
+        arrays = list(numbers[: nodes * len(variables)].reshape(nodes, len(variables)).T)
+    connectivity = numbers[sum(width) :]
+    whole = None
+    if corners:
+        index = connectivity.astype(np.int64) - 1
+        if (index + 1 != connectivity).any() or index.min() < 0 or index.max() >= nodes:
+            raise ReadError(path, f"elements of {name} refer to nodes beyond the {nodes} that there are", DAMAGED)
+        whole = element_cells(ELEMENTS[kind][0], index.reshape(cells, corners))
+    return assembled(path, variables, arrays, in_cells, shape, whole, name)
+
+
+def element_cells(kind: int, corners: np.ndarray) -> Cells:
+    """Cells of an element type; quadrilaterals that name a corner twice are triangles."""
+    if kind == QUAD and (twice := corners[:, 3] == corners[:, 2]).any():
+        width = np.where(twice, 3, 4)
+        flat = corners[np.arange(4) < width[:, None]]
+        return Cells(np.where(twice, TRIANGLE, QUAD).astype(np.uint8), np.concatenate([[0], np.cumsum(width)]), flat)
+    return Cells.of_one_type(kind, corners)
+
+
+def assembled(path, variables, arrays, in_cells, shape, cells, name) -> Block:
+    """A block from its arrays: coordinates by their names, the rest as data."""
+    plain = [re.sub(r"[^a-z0-9]", "", re.sub(r"[\[(].*", "", v.lower())) for v in variables]
+    place = {}
+    for axis, index in (("x", 0), ("y", 1), ("z", 2), ("r", 1)):
+        found = next((k for k, v in enumerate(plain) if v in COLUMNS[axis]), None)
+        if found is not None and index not in place:
+            place[index] = found
+    if len(place) < 2 or any(k in in_cells for k in place.values()):
+        raise ReadError(path, f"no coordinates are known (there are: {', '.join(variables)})", "call them X, Y, Z")
+    points = np.zeros((len(arrays[next(iter(place.values()))]), 3))
+    for index, k in place.items():
+        points[:, index] = arrays[k]
+    data = {v: np.asarray(arrays[k], np.float64) for k, v in enumerate(variables) if k not in place.values()}
+    cell = {v: own for v, own in data.items() if variables.index(v) in in_cells}
+    point = {v: own for v, own in data.items() if v not in cell}
+    blank = next((own for v, own in point.items() if v.lower() == "iblank"), None)
+    hidden = None if blank is None or (blank != 0).all() else blank == 0
+    return Block(points, cells, shape, point, cell, hidden, name)
+
+
+def _cell_variables(path: Path, text: str, count: int) -> set[int]:
+    found: set[int] = set()
+    for numbers, place in re.findall(r"\[([\d,\-\s]+)\]\s*=\s*(\w+)", text):
+        if place.upper() != "CELLCENTERED":
+            continue
+        for part in numbers.split(","):
+            low, _, high = part.strip().partition("-")
+            found |= set(range(int(low) - 1, int(high or low)))
+    listed = re.fullmatch(r"\(((?:\s*(?:NODAL|CELLCENTERED)\s*,?)+)\)", text.strip(), re.IGNORECASE)
+    if listed:
+        found |= {k for k, word in enumerate(re.findall(r"\w+", listed[1])) if word.upper() == "CELLCENTERED"}
+    if found and max(found) >= count:
+        raise ReadError(path, f"VARLOCATION names variable {max(found) + 1} of {count}", DAMAGED)
+    return found
+
+
+def _count(path: Path, name: str, word: str) -> int:
+    if not word.isdigit() or not 0 < int(word) < 2**40:
+        raise ReadError(path, f"{name} has the count {word[:20]!r}", DAMAGED)
+    return int(word)
+
+
+def _numbers(path: Path, name: str, text: str) -> np.ndarray:
+    if "*" in text:
+        text = _REPEAT.sub(lambda match: f"{match[2]} " * min(int(match[1]), 10**7), text)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        try:
+            return np.fromstring(text.replace(",", " ").replace("D", "E").replace("d", "e"), sep=" ")
+        except (DeprecationWarning, ValueError):
+            raise ReadError(path, f"{name} holds something that is no number", DAMAGED) from None

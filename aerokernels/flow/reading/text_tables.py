@@ -1,0 +1,59 @@
+"""Tables in text: a line of names, then lines of numbers, parted by commas, tabs or blanks."""
+
+import csv
+from pathlib import Path
+
+import numpy as np
+
+from .dataset import ReadError
+
+DAMAGED = "write it again with a line of names and as many numbers in every line"
+
+
+def read_table(path: Path, data: bytes | None = None) -> dict[str, np.ndarray]:
+    """The columns of a table by name.
+
+    Raises:
+        ReadError: No text, no names, lines of unequal length, or entries that are no numbers.
+    """
+    data = path.read_bytes() if data is None else data
+    try:
+        text = data.decode("utf-8-sig")
+    except UnicodeDecodeError as fault:
+        raise ReadError(path, f"it is no text (byte {fault.start})", DAMAGED) from None
+    if "\0" in text:
+        raise ReadError(path, "it is no text: it holds zero bytes", DAMAGED)
+    lines = [
+        (k + 1, line) for k, line in enumerate(text.splitlines()) if line.strip() and not line.lstrip().startswith("#")
+    ]
+    if len(lines) < 2:
+        raise ReadError(path, "it has no line of names with lines of numbers below it", DAMAGED)
+    head = lines[0][1]
+    mark = next((mark for mark in (",", ";", "\t") if mark in head), None)
+    names = [
+        word.strip().strip('"').strip() for word in (next(csv.reader([head], delimiter=mark)) if mark else _words(head))
+    ]
+    if len(set(names)) < len(names) or not all(names) or all(_is_number(name) for name in names):
+        raise ReadError(path, f"its first line has no names that are all different: {head[:80]!r}", DAMAGED)
+    rows = np.empty((len(lines) - 1, len(names)))
+    for k, (number, line) in enumerate(lines[1:]):
+        words = line.split(mark) if mark else line.split()
+        if len(words) == len(names) + 1 and not words[-1].strip():
+            words.pop()  # some programs end every line with a comma
+        try:
+            rows[k] = [float(word) for word in words]
+        except ValueError:
+            raise ReadError(path, f"line {number}: expected {len(names)} numbers, got {line[:60]!r}", DAMAGED) from None
+    return {name: rows[:, k].copy() for k, name in enumerate(names)}
+
+
+def _words(line: str) -> list[str]:
+    return next(csv.reader([" ".join(line.split())], delimiter=" "))
+
+
+def _is_number(word: str) -> bool:
+    try:
+        float(word)
+    except ValueError:
+        return False
+    return True

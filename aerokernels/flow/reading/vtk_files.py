@@ -1,0 +1,298 @@
+"""VTK's family of files, by VTK itself: .vti .vtr .vts .vtu .vtk, their parallel and multi-block forms, .pvd series.
+
+VTK prints an error and hands on what it has; here every error that it prints is one, and counts are compared with what
+the file announces. Runs in the child of worker.py.
+"""
+
+import re
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from .dataset import Block, Cells, Dataset, Faces, ReadError
+
+DAMAGED = "the file is damaged or of another version: write it again"
+READERS = {
+    ".vti": "vtkXMLImageDataReader",
+    ".vtr": "vtkXMLRectilinearGridReader",
+    ".vts": "vtkXMLStructuredGridReader",
+    ".vtu": "vtkXMLUnstructuredGridReader",
+    ".vtp": "vtkXMLPolyDataReader",
+    ".pvti": "vtkXMLPImageDataReader",
+    ".pvtr": "vtkXMLPRectilinearGridReader",
+    ".pvts": "vtkXMLPStructuredGridReader",
+    ".pvtu": "vtkXMLPUnstructuredGridReader",
+    ".vtm": "vtkXMLMultiBlockDataReader",
+    ".vtmb": "vtkXMLMultiBlockDataReader",
+}
+HIDDEN = 2 | 8  # vtkDataSetAttributes: cells duplicated in or refined away from this piece; hidden cells are 32
+BLANK = 32
+STRUCTURED_ORDER = {11: [0, 1, 3, 2, 4, 5, 7, 6], 8: [0, 1, 3, 2]}  # voxel and pixel corners, in the order of their kin
+LINEAR = {11: 12, 8: 9}
+
+
+def read(path: Path, time: Any = None, options: dict | None = None) -> Dataset:
+    """Read a file of VTK's family.
+
+    Raises:
+        ReadError: Whatever VTK reports, or a file that is not what it announces.
+    """
+    suffix = path.suffix.lower()
+    if suffix == ".pvd":
+        return _series(path, time)
+    if time not in (None, "latest", "first"):
+        raise ReadError(
+            path, f"it holds one time only, not t = {time!r}", "leave time out, or give the .pvd of a series"
+        )
+    data = vtk_output(path, suffix)
+    name = {".vtk": "legacy VTK file"}.get(suffix, f"VTK file ({suffix})")
+    return Dataset(blocks_of(path, data), name, ambient=None)
+
+
+def vtk_output(path: Path, suffix: str):
+    """What VTK's reader of a suffix makes of a file."""
+    from vtkmodules import vtkIOLegacy, vtkIOXML
+
+    reader: Any
+    if suffix == ".vtk":
+        reader = vtkIOLegacy.vtkGenericDataObjectReader()
+        reader.ReadAllScalarsOn()
+        reader.ReadAllVectorsOn()
+        reader.ReadAllTensorsOn()
+        reader.ReadAllFieldsOn()
+    else:
+        reader = getattr(vtkIOXML, READERS[suffix])()
+    return run(path, reader)
+
+
+def run(path: Path, reader):
+    """Run a VTK reader on a file: its output, or what it reports as an error."""
+    from vtkmodules.vtkCommonCore import vtkOutputWindow, vtkStringOutputWindow
+
+    window = vtkStringOutputWindow()
+    vtkOutputWindow.SetInstance(window)
+    reader.SetFileName(str(path))
+    reader.Update()
+    said = re.sub(r" ?\(0x[0-9a-f]+\)", "", " ".join(window.GetOutput().split()))
+    if "ERR" in said or "rror" in said or reader.GetErrorCode():
+        what = said.split("): ", 1)[-1][:200] or f"error {reader.GetErrorCode()}"
+        raise ReadError(path, f"VTK cannot read it ({what})", DAMAGED)
+    data = reader.GetOutputDataObject(0)
+    if data is None:
+        raise ReadError(path, "VTK finds nothing in it", DAMAGED)
+    return data
+
+
+def _series(path: Path, time) -> Dataset:
+    """A .pvd file: an XML list of files with their times."""
+    from dataclasses import replace
+    from xml.etree import ElementTree
+
+    try:
+        root = ElementTree.parse(path).getroot()
+        entries = [(float(e.attrib.get("timestep", 0.0)), e.attrib["file"]) for e in root.iter("DataSet")]
+    except (ElementTree.ParseError, KeyError, ValueError) as fault:
+        raise ReadError(path, f"it is no list of data sets ({fault})", DAMAGED) from None
+    if not entries:
+        raise ReadError(path, "it lists no data sets", DAMAGED)
+    times = sorted({value for value, _ in entries})
+    chosen = chosen_time(path, times, time)
+    parts = []
+    for value, name in entries:
+        if value == chosen:
+            part = path.parent / name
+            if part.suffix.lower() not in READERS or not part.is_file():
+                raise ReadError(path, f"it lists {name}, which is not there or no file of VTK", "restore that file")
+            parts.append(read(part))
+    blocks = [block for part in parts for block in part.blocks]
+    return replace(parts[0], blocks=blocks, times=times, time=chosen, format=f"VTK series of {len(times)} times")
+
+
+def chosen_time(path: Path, times: list[float], asked) -> float:
+    """The time asked for out of ascending ones."""
+    if asked in (None, "latest"):
+        return times[-1]
+    if asked == "first":
+        return times[0]
+    nearest = min(times, key=lambda value: abs(value - float(asked)))
+    if abs(nearest - float(asked)) > 1e-9 * max(abs(float(asked)), 1e-300):
+        raise ReadError(path, f"there is no time {asked!r}", f"take one of {', '.join(f'{t:g}' for t in times[:8])}")
+    return nearest
+
+
+def blocks_of(path: Path | str, data, name: str = "") -> list[Block]:
+    """The blocks of a data object, parts of parts included."""
+    from vtkmodules.vtkCommonDataModel import vtkCompositeDataSet, vtkDataSet
+
+    if isinstance(data, vtkCompositeDataSet):
+        found = []
+        iterator = data.NewIterator()
+        iterator.InitTraversal()
+        while not iterator.IsDoneWithTraversal():
+            own = ""
+            if iterator.HasCurrentMetaData():
+                own = iterator.GetCurrentMetaData().Get(vtkCompositeDataSet.NAME()) or ""
+            part = iterator.GetCurrentDataObject()
+            if isinstance(part, vtkDataSet) and part.GetNumberOfPoints():
+                found.append(_block(path, part, own))
+            iterator.GoToNextItem()
+        if not found:
+            raise ReadError(path, "it has no block with points", DAMAGED)
+        return found
+    if not isinstance(data, vtkDataSet):
+        raise ReadError(path, f"a {data.GetClassName()} is no mesh", "give a grid with point or cell data")
+    if not data.GetNumberOfPoints():
+        raise ReadError(path, "it holds no points", DAMAGED)
+    return [_block(path, data, name)]
+
+
+def _block(path: Path | str, data, name: str) -> Block:
+    from vtkmodules.vtkCommonDataModel import vtkImageData, vtkRectilinearGrid, vtkStructuredGrid
+
+    shape = None
+    if isinstance(data, (vtkImageData, vtkRectilinearGrid, vtkStructuredGrid)):
+        counts = [0, 0, 0]
+        data.GetDimensions(counts)
+        shape = (counts[0], counts[1], counts[2])
+    point_data = _arrays(path, data.GetPointData(), data.GetNumberOfPoints())
+    cell_data = _arrays(path, data.GetCellData(), data.GetNumberOfCells())
+    ghosts = cell_data.pop("vtkGhostType", None)
+    point_ghosts = point_data.pop("vtkGhostType", None)
+    blank = None
+    if ghosts is not None and (ghosts.astype(int) & (BLANK | HIDDEN | 1)).any():
+        blank = (ghosts.astype(int) & (BLANK | HIDDEN | 1)) != 0
+    elif point_ghosts is not None and (point_ghosts.astype(int) & 2).any():
+        blank = (point_ghosts.astype(int) & 2) != 0
+    cells = None if shape is not None else _cells(path, data)
+    return Block(_points(data), cells, shape, point_data, cell_data, blank, name)
+
+
+def _points(data) -> np.ndarray:
+    from vtkmodules.util.numpy_support import vtk_to_numpy
+    from vtkmodules.vtkCommonDataModel import vtkImageData, vtkRectilinearGrid
+
+    if isinstance(data, vtkImageData):
+        low, step, count = data.GetExtent()[::2], np.array(data.GetSpacing()), data.GetDimensions()
+        nodes = np.meshgrid(*(first + np.arange(n) for first, n in zip(low, count, strict=True)), indexing="ij")
+        index = np.stack([axis.ravel(order="F") for axis in nodes], axis=1)
+        matrix = data.GetDirectionMatrix()
+        turn = np.array([[matrix.GetElement(i, j) for j in range(3)] for i in range(3)])
+        return np.array(data.GetOrigin()) + (index * step) @ turn.T
+    if isinstance(data, vtkRectilinearGrid):
+        axes = [vtk_to_numpy(axis).astype(np.float64) for axis in
+                (data.GetXCoordinates(), data.GetYCoordinates(), data.GetZCoordinates())]  # fmt: skip
+        return np.stack([axis.ravel(order="F") for axis in np.meshgrid(*axes, indexing="ij")], axis=1)
+    return vtk_to_numpy(data.GetPoints().GetData()).astype(np.float64)
+
+
+def _arrays(path: Path | str, attributes, count: int) -> dict[str, np.ndarray]:
+    from vtkmodules.util.numpy_support import vtk_to_numpy
+
+    found = {}
+    for k in range(attributes.GetNumberOfArrays()):
+        array = attributes.GetArray(k)
+        if array is None:  # texts
+            continue
+        values = vtk_to_numpy(array)
+        if len(values) != count:
+            raise ReadError(path, f"array {array.GetName()!r} has {len(values)} entries instead of {count}", DAMAGED)
+        found[array.GetName() or f"array {k}"] = np.array(values)
+    return found
+
+
+def _cells(path: Path | str, data) -> Cells | None:
+    from vtkmodules.util.numpy_support import vtk_to_numpy
+    from vtkmodules.vtkCommonDataModel import vtkPolyData
+
+    if not data.GetNumberOfCells():
+        return None
+    if isinstance(data, vtkPolyData):
+        return _polygons(path, data)
+    array = data.GetCells()
+    start = vtk_to_numpy(array.GetOffsetsArray()).astype(np.int64)
+    points = vtk_to_numpy(array.GetConnectivityArray()).astype(np.int64)
+    kinds = np.array([data.GetCellType(0)]) if len(start) == 2 else vtk_to_numpy(_types(data))
+    kinds = kinds.astype(np.uint8)
+    start, points, kinds = _linear(start, points, kinds)
+    faces = None
+    if (kinds == 42).any():
+        faces = _polyhedra(data, kinds)
+    return Cells(kinds, start, points, faces)
+
+
+def _types(data):
+    # VTK 9.6 gave the array another name.
+    return data.GetCellTypesArray() if hasattr(data, "GetCellTypesArray") else data.GetCellTypes()
+
+
+def _polygons(path: Path | str, data) -> Cells | None:
+    from vtkmodules.util.numpy_support import vtk_to_numpy
+
+    array = data.GetPolys()
+    count = array.GetNumberOfCells()
+    if not count:
+        return None
+    if count != data.GetNumberOfCells():
+        raise ReadError(path, "it mixes polygons with lines or points", "give a surface of polygons, or a grid")
+    start = vtk_to_numpy(array.GetOffsetsArray()).astype(np.int64)
+    return Cells(np.full(count, 7, np.uint8), start, vtk_to_numpy(array.GetConnectivityArray()).astype(np.int64))
+
+
+def _linear(start, points, kinds):
+    """Voxels and pixels as hexahedra and quadrilaterals; quadratic cells by their corners."""
+    for kind, order in STRUCTURED_ORDER.items():
+        own = np.flatnonzero(kinds == kind)
+        if len(own):
+            place = start[own][:, None] + np.array(order)
+            points = points.copy()
+            points[start[own][:, None] + np.arange(len(order))] = points[place]
+            kinds = np.where(kinds == kind, LINEAR[kind], kinds).astype(np.uint8)
+    corners = {
+        21: (3, 2),
+        22: (5, 3),
+        23: (9, 4),
+        28: (9, 4),
+        24: (10, 4),
+        25: (12, 8),
+        29: (12, 8),
+        26: (13, 6),
+        27: (14, 5),
+    }
+    if np.isin(kinds, list(corners)).any():
+        width = np.diff(start)
+        keep = width.copy()
+        for kind, (plain, count) in corners.items():
+            keep[kinds == kind] = count
+            kinds = np.where(kinds == kind, plain, kinds).astype(np.uint8)
+        within = np.arange(len(points)) - np.repeat(start[:-1], width)
+        points = points[within < np.repeat(keep, width)]
+        start = np.concatenate([[0], np.cumsum(keep)])
+    return start, points, kinds
+
+
+def _polyhedra(data, kinds: np.ndarray) -> Faces:
+    """Faces of all cells, each of a face of its own: two cells that share one are not told so."""
+    from vtkmodules.vtkCommonCore import vtkIdList
+
+    start, points, owner = [0], [], []
+    ids = vtkIdList()
+    for cell in range(len(kinds)):
+        if kinds[cell] == 42:
+            data.GetFaceStream(cell, ids)
+            flat = [ids.GetId(k) for k in range(ids.GetNumberOfIds())]
+            at = 1
+            for _ in range(flat[0]):
+                own = flat[at + 1 : at + 1 + flat[at]]
+                at += 1 + flat[at]
+                points += own
+                start.append(len(points))
+                owner.append(cell)
+        else:
+            solid = data.GetCell(cell)
+            for k in range(solid.GetNumberOfFaces()):
+                face = solid.GetFace(k).GetPointIds()
+                points += [face.GetId(n) for n in range(face.GetNumberOfIds())]
+                start.append(len(points))
+                owner.append(cell)
+    return Faces(np.array(start), np.array(points), np.array(owner), np.empty(0, np.int64))

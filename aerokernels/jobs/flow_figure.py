@@ -1,0 +1,55 @@
+"""A picture of a flow's density in the optical frame, with its body and axes."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from aerokernels.flow import DensityField
+from aerokernels.jobs.dataset import density_cells
+from aerokernels.jobs.plots import BODY_COLOUR, STYLE
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+
+def flow_figure(flow: DensityField, title: str = "") -> "Figure":
+    """The density in the plane x = 0, z to the right and y (or r) upward; the optical axis is drawn as an arrow."""
+    from matplotlib import rc_context
+    from matplotlib.figure import Figure
+
+    density, y, z = density_cells(flow)
+    with rc_context(STYLE):
+        ratio = float(np.clip(np.ptp(y) / np.ptp(z), 0.15, 1.5))
+        figure = Figure(figsize=(7.2, 1.6 + 5.2 * ratio), layout="constrained", dpi=120)
+        axes = figure.subplots()
+        shown = axes.pcolormesh(1e3 * z, 1e3 * y, density, cmap="viridis", shading="flat", rasterized=True)
+        figure.colorbar(shown, ax=axes, label="density [kg/m3]").outline.set_visible(False)
+        if flow.body is not None:
+            axes.fill(1e3 * flow.body.profile[:, 1], 1e3 * flow.body.profile[:, 0], color=BODY_COLOUR)
+        axes.set_aspect("equal")
+        axes.set_xlim(1e3 * float(np.min(z)), 1e3 * float(np.max(z)))
+        axes.set_ylim(1e3 * float(np.min(y)), 1e3 * float(np.max(y)))
+        axes.set_xlabel("z [mm], the optical axis")
+        axes.set_ylabel(f"{'r' if flow.geometry == 'axisymmetric' else 'y'} [mm]")
+        axes.annotate(
+            "looks this way", (0.62, 1.04), (0.38, 1.04), xycoords="axes fraction", textcoords="axes fraction",
+            arrowprops={"arrowstyle": "->", "color": "#4a5460"}, color="#4a5460", va="center", fontsize=8.0,
+        )  # fmt: skip
+        if title:
+            figure.suptitle(title, fontsize=10.0)
+    return figure
+
+
+def save_flow_figure(flow: DensityField, place: Path, title: str = "") -> None:
+    """Write the picture to a file; its name's end tells the format.
+
+    Raises:
+        ValueError: An end that no format has.
+    """
+    figure = flow_figure(flow, title)
+    known = figure.canvas.get_supported_filetypes()
+    if place.suffix[1:].lower() not in known:
+        raise ValueError(f"{place}: no picture ends in {place.suffix!r}: take .png, .pdf or .svg")
+    place.parent.mkdir(parents=True, exist_ok=True)
+    figure.savefig(place)

@@ -1,0 +1,49 @@
+"""An xarray array on an even grid as the arguments of `IndexField.from_samples`."""
+
+import numpy as np
+
+from ..units import quantity
+
+GEOMETRIES = {("x", "y", "z"): "volume", ("y", "z"): "planar", ("r", "z"): "axisymmetric"}
+EVEN = 1e-6  # share of the spacing by which nodes may be off an even grid
+METRES = ("", "m", "metre", "meter", "metres", "meters")
+
+
+def grid_arguments(array) -> dict:
+    """The arguments; see `IndexField.from_xarray`.
+
+    Raises:
+        TypeError: No xarray array.
+        ValueError: Other dimensions, coordinates that are absent or not even, units that are no length.
+    """
+    if not hasattr(array, "dims") or not hasattr(array, "coords") or hasattr(array, "data_vars"):
+        raise TypeError(f"from_xarray takes an xarray DataArray, got {type(array).__name__}: choose one of a Dataset")
+    names = {str(dim): dim for dim in array.dims}
+    order = next((axes for axes in GEOMETRIES if set(axes) == set(names)), None)
+    if order is None:
+        raise ValueError(f"dimensions {', '.join(names)} make no field: call them x, y, z, or y, z, or r, z")
+    array = array.transpose(*(names[axis] for axis in order))
+    origin, spacing = [], []
+    for axis in order:
+        if names[axis] not in array.coords:
+            raise ValueError(f"dimension {axis} has no coordinates: assign them, in metres or with an attribute units")
+        unit = str(array.coords[names[axis]].attrs.get("units", "")).strip()
+        place = np.asarray(array.coords[names[axis]].values, dtype=np.float64)
+        place = place * (1.0 if unit.lower() in METRES else quantity(f"1 {unit}", "length"))
+        if len(place) < 2:
+            raise ValueError(f"dimension {axis} has {len(place)} nodes: a field needs at least two")
+        if place[-1] < place[0]:
+            array, place = array.isel({names[axis]: slice(None, None, -1)}), place[::-1]
+        step = (place[-1] - place[0]) / (len(place) - 1)
+        off = np.abs(place - (place[0] + step * np.arange(len(place))))
+        if not off.max() <= EVEN * step:
+            raise ValueError(
+                f"coordinates {axis} are not even: node {int(np.argmax(off))} is {off.max():.3g} m off; "
+                "interpolate to an even grid, or make a mesh of them with QuadMesh.structured"
+            )
+        origin.append(float(place[0]))
+        spacing.append(float(step))
+    known = ("ambient_index", "interpolation", "wavelength", "cell_averages")
+    given = {name: array.attrs[name] for name in known if name in array.attrs}
+    samples = np.asarray(array.values)
+    return {"contrast": samples, "origin": origin, "spacing": spacing, "geometry": GEOMETRIES[order], **given}

@@ -1,0 +1,99 @@
+"""[flow.file]: how a flow file of one's own is read, where it does not say so itself. See `aerokernels.flow.read`."""
+
+from typing import Annotated, Any, Literal
+
+from pydantic import AfterValidator, BeforeValidator, model_validator
+
+from .values import Length, Number, Table, key, measured
+
+Angle = Annotated[float, measured("angle")]
+Pressure = Annotated[float, measured("pressure")]
+Temperature = Annotated[float, measured("temperature")]
+Density = Annotated[float, measured("density")]
+
+
+def _axis(value: str) -> str:
+    from ..flow.reading.frame import direction
+
+    direction(value, "axis")
+    return value
+
+
+def _length_unit(value: Any) -> str:
+    from ..flow.reading.read import unit_of_length
+
+    if not isinstance(value, (str, float, int)) or isinstance(value, bool):
+        raise ValueError("give a unit such as 'mm', or a length such as '2.5 mm'")
+    unit_of_length(value)
+    return str(value) if isinstance(value, str) else f"{value} m"
+
+
+def _time(value: Any) -> str | float:
+    if value in ("latest", "first"):
+        return value
+    if isinstance(value, bool) or not isinstance(value, (int, float)):
+        raise ValueError("give 'latest', 'first' or one of the file's times in seconds")
+    return float(value)
+
+
+Axis = Annotated[str, AfterValidator(_axis)]
+
+
+class FileTable(Table):
+    """[flow.file]: what is what in a flow file of one's own; all of it may be left out where the file tells."""
+
+    density: str | None = key(None, "Name of the density's array; found by its usual names if absent.")
+    pressure: str | None = key(None, "Name of the pressure's array: the density then follows from it and")
+    temperature: str | None = key(None, "the name of the temperature's array.")
+    gas_constant: Number | None = key(None, "Gas constant [J/(kg K)] for these; the file's, or that of dry air.")
+    optical: Axis | None = key(None, 'The optical axis in the file\'s axes: "-x" looks against a flow along +x.')
+    up: Axis | None = key(None, "The axis y in the file's axes, at right angles to the optical axis.")
+    origin: tuple[float, float, float] = key(
+        (0.0, 0.0, 0.0), "The point of the file that becomes the origin, in its unit."
+    )
+    rotation: Angle = key("0 deg", "Angle about x by which the optical axis is turned toward up.")
+    length_unit: Annotated[str, BeforeValidator(_length_unit)] = key("m", "Unit of the file's coordinates.")
+    reference_density: Density | None = key(None, "What a density of 1 is in a non-dimensional file.")
+    reference_pressure: Pressure | None = key(None, "What a pressure of 1 is.")
+    reference_temperature: Temperature | None = key(None, "What a temperature of 1 is.")
+    reference_length: Length | None = key(None, "What a length of 1 is.")
+    time: Annotated[str | float, BeforeValidator(_time)] = key("latest", '"latest", "first" or a time [s].')
+    geometry: Literal["planar", "axisymmetric", "volume"] | None = key(
+        None, '"axisymmetric" for a plane file whose x is the axis and whose y is the radius; else the file tells.'
+    )
+    ambient_density: Density | None = key(None, "Density around the field; what prevails where the flow comes from.")
+    walls: tuple[str, ...] | None = key(None, "Names of the boundary patches that bound the body; the file's walls.")
+    spacing: Length | None = key(None, "Greatest node spacing of the grid that a volume is resampled to.")
+    mesh: str | None = key(None, "The mesh that belongs to a restart of SU2.")
+    solution: str | None = key(None, "The solution that belongs to a grid of Plot3D.")
+
+    @model_validator(mode="after")
+    def _density_from_one_source(self) -> "FileTable":
+        if (self.pressure is None) != (self.temperature is None):
+            raise ValueError("flow.file.pressure and flow.file.temperature go together: name both arrays")
+        if self.density is not None and self.pressure is not None:
+            raise ValueError("flow.file.density is one source, pressure and temperature are another: name either")
+        return self
+
+    def read_options(self) -> dict[str, Any]:
+        """The arguments of `flow.read`."""
+        density: Any = self.density
+        if self.pressure is not None:
+            density = {"pressure": self.pressure, "temperature": self.temperature}
+        names = ("density", "pressure", "temperature", "length")
+        reference = {name: getattr(self, f"reference_{name}") for name in names}
+        given = {name: value for name, value in reference.items() if value is not None}
+        options = {
+            "density": density,
+            "frame": {"optical": self.optical, "up": self.up, "origin": self.origin, "rotation": self.rotation},
+            "length_unit": self.length_unit,
+            "reference": given or None,
+            "time": self.time,
+            "gas_constant": self.gas_constant,
+            "geometry": self.geometry,
+            "ambient_density": self.ambient_density,
+            "walls": self.walls,
+            "spacing": self.spacing,
+        }
+        beside = {"mesh": self.mesh, "solution": self.solution}
+        return options | {name: value for name, value in beside.items() if value is not None}

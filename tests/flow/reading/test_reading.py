@@ -1,0 +1,228 @@
+"""What `flow.read` takes for what: density, references, units, frames; what it refuses, with file, place and remedy."""
+
+import fuzzing
+import numpy as np
+import pytest
+import writers
+
+import aerokernels
+from aerokernels import flow
+
+
+@pytest.fixture
+def grid_file(tmp_path):
+    """An even grid in x and y with rho, p, T and a scaled density."""
+    x, y = np.linspace(0.0, 0.1, 13), np.linspace(0.0, 0.04, 9)
+    values = writers.rho(*np.meshgrid(x, y, indexing="ij"))
+    pressure = 287.0 * 250.0 * values
+    np.savez(tmp_path / "a.npz", x=x, y=y, rho=values, p=pressure, T=np.full_like(values, 250.0), scaled=values / 0.5)
+    return tmp_path / "a.npz"
+
+
+AT = np.array([[0.0, 0.01, -0.05]])  # x = 0.05, y = 0.01 of the file: a node
+TRUTH = float(writers.rho(0.05, 0.01))
+
+
+@pytest.mark.parametrize(
+    "given",
+    [
+        {},
+        {"density": "rho"},
+        {"density": {"pressure": "p", "temperature": "T", "gas_constant": 287.0}},
+        {"density": {"pressure": "p", "temperature": "T"}, "gas_constant": 287.0},
+        {"density": "scaled", "reference": 0.5},
+        {"density": "scaled", "reference": {"density": "0.5 kg/m3"}},
+    ],
+    ids=str,
+)
+def test_density(grid_file, given):
+    assert flow.read(grid_file, **given).density_at(AT) == pytest.approx(TRUTH, rel=1e-14)
+
+
+@pytest.mark.parametrize(
+    ("given", "at"),
+    [
+        ({"length_unit": "mm"}, 1e-3 * AT),
+        ({"length_unit": 2.0}, 2.0 * AT),
+        ({"reference": {"length": "50 mm"}}, 0.05 * AT),
+        ({"frame": "-x"}, AT),
+        ({"frame": {"flow": "x", "origin": (0.01, 0.0, 0.0)}}, AT + np.array([0.0, 0.0, 0.01])),
+        ({"frame": {"optical": "+x"}}, -AT * [[1, -1, 1]]),
+        ({"frame": {"optical": "y"}}, [[0.0, 0.05, 0.01]]),
+        ({"frame": {"optical": "-y", "up": "-x"}}, [[0.0, -0.05, -0.01]]),
+        ({"frame": {"optical": "-x", "rotation": "90 deg"}}, [[0.0, 0.05, 0.01]]),
+        ({"frame": flow.Frame(optical=(0.6, 0.8, 0.0))}, None),
+        ({"geometry": "axisymmetric"}, [[0.006, 0.008, -0.05]]),
+    ],
+    ids=str,
+)
+def test_frame_and_units(grid_file, given, at):
+    field = flow.read(grid_file, **given)
+    if at is None:  # z = 0.6 x + 0.8 y, y = 0.8 x - 0.6 y of the file: `up` turns so that its greatest part is positive
+        at = [[0.0, 0.8 * 0.05 - 0.6 * 0.01, 0.6 * 0.05 + 0.8 * 0.01]]
+    assert field.density_at(at) == pytest.approx(TRUTH, rel=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("given", "message"),
+    [
+        ({"density": "roh"}, "there is no array 'roh': take one of rho, p, T, scaled"),
+        ({"density": 3}, "density must be an array's name"),
+        ({"frame": {"optical": "-w"}}, "'-w' is no axis"),
+        ({"frame": {"optical": "z"}}, "out of the plane"),
+        ({"frame": {"optical": "x", "flow": "x"}}, "not both"),
+        ({"frame": {"optical": "x", "up": "x"}}, "right angles"),
+        ({"frame": {"look": "x"}}, "'look' is not known"),
+        ({"frame": "y", "geometry": "axisymmetric"}, "axis of symmetry"),
+        ({"length_unit": "kg"}, "kg"),
+        ({"length_unit": -1.0}, "length_unit"),
+        ({"reference": {"speed": 1.0}}, "'speed' is not known"),
+        ({"ambient_density": -1.0}, "ambient_density"),
+        ({"time": 3.0}, "one time only"),
+        ({"geometry": "round"}, "'round' is not known"),
+        ({"geometry": "volume"}, "lie in a plane"),
+        ({"walls": ["dome"]}, "no patch 'dome'"),
+        ({"spacing": 1e-3}, "keeps its own mesh"),
+        ({"tiem": 3.0}, "no argument 'tiem'"),
+    ],
+    ids=lambda value: str(value)[:40],
+)
+def test_refusals(grid_file, given, message):
+    with pytest.raises((ValueError, TypeError), match=message):
+        flow.read(grid_file, **given)
+
+
+@pytest.mark.parametrize(
+    ("name", "text", "message"),
+    [
+        ("nothing.vtu", None, "no such file"),
+        ("empty.vtu", b"", "empty"),
+        ("a.docx", b"text", "no format is known"),
+        ("a.csv", b"x,y,rho\n0,0\n", "line 2"),
+        ("a.csv", b"x,y,rho\n0,0,1\n1,0,nan\n0,1,1\n1,1,1\n", "not finite.*point 1"),
+        ("a.csv", b"x,y,rho\n0,0,1\n1,0,-1\n0,1,1\n1,1,1\n", "not positive.*-1.0 kg/m3"),
+        ("a.csv", b"x,y,rho\n0,0,1\n1,0,1\n0,1,1\n0,1,1\n", "same place"),
+        ("a.su2", b"NDIME= 2\nNELEM= 1\n9 0 1 2 7\nNPOIN= 3\n0 0\n1 0\n0 1\n", "points beyond the 3"),
+        (
+            "a.dat",
+            b'VARIABLES = "X" "Y" "rho"\nZONE I=2, J=2\n0 0 1\n1 0 1\n0 1 1\n',
+            "announces 12 numbers and holds 9",
+        ),
+        ("a.plt", b"#!TDV112\1\0\0\0", "the file ends before"),
+        ("a.npz", b"PK\3\4rest", "no whole NPZ"),
+    ],
+)
+def test_damaged_files_are_refused(tmp_path, name, text, message):
+    if text is not None:
+        (tmp_path / name).write_bytes(text)
+    with pytest.raises(flow.ReadError, match=message) as caught:
+        flow.read(tmp_path / name)
+    assert name in str(caught.value) and str(caught.value).count("\n") == 0
+
+
+def test_reversed_cells_and_double_points_are_refused(tmp_path):
+    """Set-up: a mesh of SU2 with one quadrilateral the other way round; then with two points in one place."""
+    restart = writers.su2(tmp_path)
+    mesh = tmp_path / "mesh.su2"
+    text = mesh.read_text().splitlines()
+    kind, *corners, number = text[5].split()
+    reversed_cell = [*text[:5], " ".join([kind, *corners[::-1], number]), *text[6:]]
+    mesh.write_text("\n".join(reversed_cell) + "\n")
+    with pytest.raises(flow.ReadError, match="inverted"):
+        flow.read(restart)
+    first = next(k for k, line in enumerate(text) if line.startswith("NPOIN")) + 1
+    double = [*text]
+    double[first + 40] = double[first + 41]
+    mesh.write_text("\n".join(double) + "\n")
+    with pytest.raises(flow.ReadError, match=r"not where the mesh has them|coincident|same place"):
+        flow.read(restart)
+
+
+def test_double_points_of_an_unstructured_grid_are_refused(tmp_path):
+    pytest.importorskip("vtkmodules")
+    data = writers.vtk_unstructured(writers.vtk_grid(cells=True))
+    data.GetPoints().SetPoint(100, data.GetPoints().GetPoint(101))
+    with pytest.raises(flow.ReadError, match=r"a\.vtu: its mesh cannot be used: .*(coincident|same place)"):
+        flow.read(writers.write_vtk(tmp_path / "a.vtu", data))
+
+
+def test_a_grid_around_a_body_closes_on_itself(tmp_path):
+    """Set-up: an O-grid about a circle of 10 mm, which closes in a seam. Expected: the circle is a body."""
+    angle, radius = np.meshgrid(np.linspace(0.0, 2.0 * np.pi, 41), np.linspace(0.01, 0.03, 9), indexing="ij")
+    x, y = radius * np.cos(angle), radius * np.sin(angle)
+    x[-1], y[-1] = x[0], y[0]
+    np.savez(tmp_path / "a.npz", x=x, y=y, rho=1.2 + 0.0 * x)
+    field = flow.read(tmp_path / "a.npz")
+    assert list(field.body.contains(np.array([[0.0, 0.0], [0.009, 0.0], [0.011, 0.0]]))) == [True, True, False]
+
+
+def test_triangles_and_quadrilaterals_mixed(tmp_path):
+    """Set-up: every third cell of the grid cut in two. Expected: a linear density is kept exactly at any place."""
+    restart = writers.su2(tmp_path, binary=False)
+    mesh = tmp_path / "mesh.su2"
+    lines = mesh.read_text().splitlines()
+    count = int(lines[1].split("=")[1])
+    cells = []
+    for k, line in enumerate(lines[2 : 2 + count]):
+        a, b, c, d = line.split()[1:5]
+        cells += [f"5 {a} {b} {c}", f"5 {a} {c} {d}"] if k % 3 == 0 else [f"9 {a} {b} {c} {d}"]
+    mesh.write_text("\n".join([lines[0], f"NELEM= {len(cells)}", *cells, *lines[2 + count :]]) + "\n")
+    field = flow.read(restart, density="Energy")  # 2 + x
+    random = np.random.default_rng(2)
+    corners = field.mesh.corners[random.integers(0, len(field.mesh.cells), 300)]
+    at = np.einsum("nkd,nk->nd", corners, random.dirichlet(np.ones(4), 300))
+    points = np.column_stack([np.zeros(300), at])
+    assert np.abs(field.density_at(points) - (2.0 - at[:, 1])).max() < 1e-12
+
+
+def test_index_from_xarray():
+    """A linear contrast in mm, axes in another order and one of them descending: the same as from samples."""
+    xarray = pytest.importorskip("xarray")
+    r, z = np.linspace(0.0, 20.0, 9), np.linspace(10.0, -30.0, 11)
+    contrast = 1e-5 * (1.0 + 0.0 * r) + 1e-6 * z[:, None]
+    axes = {"r": ("r", r, {"units": "mm"}), "z": ("z", z, {"units": "mm"})}
+    array = xarray.DataArray(
+        contrast, dims=("z", "r"), coords=axes, attrs={"ambient_index": 1.0002, "interpolation": "linear"}
+    )
+    field = aerokernels.IndexField.from_xarray(array)
+    assert field.geometry == "axisymmetric" and field.ambient_index == 1.0002
+    assert field.contrast_at([[0.003, 0.0, 0.0013]]) == pytest.approx(
+        1e-5 + 1.3e-6, rel=1e-6
+    )  # linear in the optical potential
+    with pytest.raises(ValueError, match="not even: node"):
+        aerokernels.IndexField.from_xarray(array.assign_coords(r=r**2))
+    with pytest.raises(ValueError, match="make no field"):
+        aerokernels.IndexField.from_xarray(array.rename(r="radius"))
+    with pytest.raises(TypeError, match="DataArray"):
+        aerokernels.IndexField.from_xarray(contrast)
+
+
+def test_density_from_memory():
+    """From xarray (an array is the density) and from a grid of VTK, as pyvista's are."""
+    xarray = pytest.importorskip("xarray")
+    y, z = np.linspace(-0.02, 0.02, 9), np.linspace(0.0, 0.1, 11)
+    values = 1.2 + y[:, None] + 2.0 * z
+    array = xarray.DataArray(values, dims=("y", "z"), coords={"y": y, "z": z}, attrs={"ambient_density": 1.1})
+    field = aerokernels.DensityField.from_xarray(array)
+    assert field.ambient_density == 1.1
+    assert field.density_at([[5.0, 0.01, 0.05]]) == pytest.approx(1.31, rel=1e-12)
+    pytest.importorskip("vtkmodules")
+    field = aerokernels.DensityField.from_pyvista(writers.vtk_grid(cells=True), density="rho")
+    assert isinstance(field, flow.CellDensity)
+    with pytest.raises(TypeError, match="pyvista"):
+        aerokernels.DensityField.from_pyvista(values)
+
+
+@pytest.mark.parametrize("kind", fuzzing.KINDS)
+def test_damaged_copies_are_read_or_refused(tmp_path, kind):
+    """Set-up: 40 damaged copies of a sound file. Expected: a field of a gas, or a ValueError in one line."""
+    counts = fuzzing.fuzz(tmp_path, kind, range(1000, 1040))
+    assert counts["refused"] > counts["read"] / 2
+
+
+@pytest.mark.parametrize("kind", ["vtu", "vts", "vti", "vtk", "hdf5", "netcdf", "netcdf-classic"])
+def test_damaged_copies_of_what_libraries_read(tmp_path, kind):
+    """The same where a library in C or C++ reads: its crash is the child's, and what it prints is an error."""
+    pytest.importorskip("vtkmodules")
+    counts = fuzzing.fuzz(tmp_path, kind, range(2015, 2030))
+    assert counts["refused"] > 0
