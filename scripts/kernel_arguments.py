@@ -23,6 +23,7 @@ import warp as wp
 
 from aerokernels.tracing.engines.layout import BOUNDS, KERNELS
 from aerokernels.tracing.engines.warp.kernels import pupil
+from aerokernels.tracing.engines.warp.kernels.deliver_bundle import build_bundle_kernel
 from aerokernels.tracing.engines.warp.kernels.leapfrog import build_leapfrog_kernel
 from aerokernels.tracing.engines.warp.kernels.trace import build_kernel
 from aerokernels.tracing.engines.warp.kernels.trace_projection import build_projection_kernel
@@ -68,6 +69,7 @@ def warp_kernels() -> list[wp.Kernel]:
         kernels.append(build_kernel("float32", geometry, "linear", False, "adaptive", stop, True, True))
         kernels.append(build_leapfrog_kernel("float32", geometry, "cubic", stop, True))
     kernels.append(build_kernel("float32", "planar", "bilinear-barron", True, "paper", "none", False, True))
+    kernels.append(build_bundle_kernel(8))
     return kernels
 
 

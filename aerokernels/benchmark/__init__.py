@@ -4,6 +4,7 @@
     cone      a million rays along z through the cone's volume: `trace(..., outputs=("direction", "optical_path"))`
     strehl    the Strehl ratio of the shipped Mach 3 field, from launch to value
     sweep     a Strehl ratio for every shipped flow at three densities, each field uploaded anew
+    bundles   a million rays of any kind through the cone's volume and a turbulent one, interpolated and ray by ray
 
 docs/performance-bench.md describes the file. The modules: `scenes` (what is traced) and `errors` (against the true
 rays), `targets` (what runs where), `measuring` (clocks), `ceiling` (what the device could do), `suites`, `peers`,
@@ -50,7 +51,7 @@ def run_bench(settings: Settings, report: Callable[[str], None] = lambda line: N
             made = run["settings"]
             report(f"  {made['method']}, {made['precision']} on {made['backend']} {made['device']}: done")
             runs.append(run)
-    if settings.peers:
+    if settings.peers and settings.wanted != ("bundles",):  # those of the bundles are in their suite
         for peer in peer_runs(settings):
             report(f"  peer {peer['peer']}: {peer['scheme'] if peer['available'] else peer['reason']}")
             peers.append(peer)

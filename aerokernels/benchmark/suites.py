@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from aerokernels.benchmark.bundle_suite import bundle_runs
 from aerokernels.benchmark.ceiling import share
 from aerokernels.benchmark.errors import UNDISTURBED, chosen_rays, errors
 from aerokernels.benchmark.measuring import Timing, measure, rate, spread
@@ -123,7 +124,7 @@ def _estimates(scenes: list[PupilScene], **options: Any) -> list[StrehlEstimate]
     return [estimate_strehl(replace(scene.field), scene.pupil, **options) for scene in scenes]
 
 
-RUNS = {"cone": cone_runs, "strehl": strehl_runs, "sweep": sweep_runs}
+RUNS = {"cone": cone_runs, "strehl": strehl_runs, "sweep": sweep_runs, "bundles": bundle_runs}
 
 
 def fan_strehl(scene: PupilScene, target: tuple[str, str]) -> float:

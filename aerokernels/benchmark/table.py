@@ -25,6 +25,8 @@ def _run_row(run: dict) -> tuple[str, ...]:
     made, chosen = run["settings"], run["plan"]["method"]
     method = made["method"] if made["method"] == chosen else f"{made['method']}: {chosen}"
     symmetry = made.get("symmetry")
+    if run["suite"] == "bundles":
+        method = f"{made['kind']}, bundle {made['bundle']}: {chosen}"
     how = f"{method}, {made['precision']}" + (f", symmetry {symmetry}" if symmetry is not None else "")
     return (
         run["suite"],
@@ -41,7 +43,7 @@ def _run_row(run: dict) -> tuple[str, ...]:
 
 
 def _end_to_end(run: dict) -> str:
-    if run["suite"] == "cone":
+    if run["suite"] in ("cone", "bundles"):
         return _millions(run["rays_per_second"])
     if run["suite"] == "strehl":
         return _spread(run["wall_seconds"], 1e3, "ms")
@@ -49,7 +51,7 @@ def _end_to_end(run: dict) -> str:
 
 
 def _error(run: dict) -> str:
-    if run["suite"] == "cone":
+    if run["suite"] in ("cone", "bundles"):
         return _cone_error(run["error"])
     if run["suite"] == "strehl":
         return f"{run['error']['value']:+.1e}"

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from aerokernels.tracing.engines.choice import available_backends, choose_backend
 from aerokernels.tracing.plan import METHODS, PRECISIONS
 
-SUITES = ("cone", "strehl", "sweep")
+SUITES = ("cone", "strehl", "sweep", "bundles")
 DEFAULT_METHODS = ("auto", "adaptive", "straight")
 RAY_COUNT = 1_000_000
 # One ray at a time in Python: more would take hours.

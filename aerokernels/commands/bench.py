@@ -8,7 +8,9 @@ import typer
 
 
 def bench(
-    suites: Annotated[list[str] | None, typer.Argument(metavar="[SUITE]...", help="cone, strehl, sweep [all].")] = None,
+    suites: Annotated[
+        list[str] | None, typer.Argument(metavar="[SUITE]...", help="cone, strehl, sweep, bundles [all].")
+    ] = None,
     backend: Annotated[
         list[str] | None, typer.Option(help="warp, opencl or reference; repeatable [default: what is here].")
     ] = None,

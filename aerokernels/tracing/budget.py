@@ -6,13 +6,15 @@ r"""The error budget of a trace's optical path difference, by cause, measured on
     interpolation   through every second and every fourth node of the field, extrapolated (medium/levels.py)
     resampling      through the field that was resampled, to the same stop
     sampling        0: a trace is no mean over rays (an estimate over a pupil fills it in)
+    bundle          what interpolating between traced rays leaves, as estimated while they were chosen (bundle/)
     truncation      what rays may have lost where the known air ends (known_air.py)
     total           root sum of squares
 
-Each cause but the last is the greatest over the rays of the subset. All are multiplied by SAFETY, for the rays outside
-the subset and for what an estimate cannot see. Rays are traced to the run's own stop, so that an error of direction
-counts as it does there. A cause that cannot be measured (no ray arrived, or the field before resampling was not kept)
-is nan, and so is the total. For a resampled field "interpolation" is that of the field it was made from.
+Each cause but the last two is the greatest over the rays of the subset. All but "bundle", which has a factor of its
+own, are multiplied by SAFETY, for the rays outside the subset and for what an estimate cannot see. Rays are traced to
+the run's own stop, so that an error of direction counts as it does there. A cause that cannot be measured (no ray
+arrived, or the field before resampling was not kept) is nan, and so is the total. For a resampled field "interpolation"
+is that of the field it was made from.
 
 The steps of the reference backend are better than those that would have to serve as the truth. Where it chooses them,
 their error is its own estimate: the sum of its embedded formulae.
@@ -39,7 +41,7 @@ SAFETY = 3.0
 TIGHTER = {"linear": 1.0 / 8.0, "bilinear": 1.0 / 8.0}
 TIGHTER_ELSEWHERE = 1.0 / 64.0
 TIGHTEST_ASKED = 1e-3
-CAUSES = ("step", "interpolation", "resampling", "precision", "sampling", "truncation")
+CAUSES = ("step", "interpolation", "resampling", "precision", "sampling", "bundle", "truncation")
 # Rays that leave through the curved side of a field's box and are each traced to a plane of their own.
 SIDE_RAYS = 16
 # (field, rays, plan, until, wavelength) -> OPD [m], status and the trace's own estimate of its error [m], each of shape
@@ -178,6 +180,7 @@ def error_budget(
     found = opd_errors(field, chosen, plan, retrace)
     causes = {cause: SAFETY * _greatest(array) for cause, array in found.items()}
     causes["precision"] += float64_rounding(field, chosen)
+    causes["bundle"] = 0.0 if plan.bundle is None else plan.bundle.error
     causes["truncation"] = SAFETY * max(_greatest(lost[good]), _greatest(faintly_lost(field, chosen, retrace.until)))
     return combine(causes)
 

@@ -30,7 +30,7 @@ from .levers import levers_of, obliquity
 from .lines import FACES, SIDE, box_size, box_span
 from .mesh_rim import mesh_crossings, mesh_rim
 from .prediction import greatest_turn
-from .stop import ArcLength, Plane
+from .stop import ArcLength, Plane, stop_distance
 from .tails import contrast_tail, drift_beyond, extent, path_beyond, slope_tail
 
 # The share of the tolerance, and of the greatest tolerance that counts here [m], that all that could be lost must stay
@@ -241,15 +241,3 @@ def _into_box(field: IndexField, point: np.ndarray) -> np.ndarray:
     radius = np.hypot(point[:, 0], point[:, 1])
     shrink = np.minimum(1.0, high[0] / np.maximum(radius, 1e-300))
     return np.stack([point[:, 0] * shrink, point[:, 1] * shrink, np.clip(point[:, 2], low[2], high[2])], axis=1)
-
-
-def stop_distance(position: np.ndarray, direction: np.ndarray, until) -> np.ndarray:
-    """How far along straight lines the stop is [m], infinite where they never meet it, shape (n,)."""
-    if isinstance(until, ArcLength):
-        return np.full(len(position), until.length)
-    if not isinstance(until, Plane):
-        return np.full(len(position), np.inf)
-    height = (until.point - position) @ until.normal
-    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-        distance = height / (direction @ until.normal)
-    return np.where(distance >= 0.0, distance, np.inf)

@@ -1,6 +1,6 @@
 """What a trace will do, and the reasons in words. This module holds data only; planning.py makes the plans."""
 
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 
 from .levers import Levers
 from .unresolved import Sampling
@@ -11,6 +11,36 @@ METHODS = ("auto", "straight", "adaptive", "paper", "fixed")
 # collimated rays gather (projection_tables.py).
 LEAPFROG, PROJECTION_TABLES = "leapfrog", "projection-tables"
 PRECISIONS = ("float32", "float64")
+
+
+@dataclass(frozen=True)
+class BundleCounts:
+    """How many rays of a bundle were traced and how many were interpolated between those (bundle/).
+
+    Attributes:
+        traced: Rays traced to interpolate between; they need not be rays of the bundle.
+        delivered: Rays of the bundle that were interpolated.
+        one_by_one: Rays of the bundle that were traced.
+        error: Greatest estimated OPD error of the interpolation [m].
+        refused: Why rays were traced one by one, and about how many, by reason.
+    """
+
+    traced: int
+    delivered: int
+    one_by_one: int
+    error: float
+    refused: dict[str, float] = field(default_factory=dict)
+
+    def sentence(self, converges: bool, wavelength: float) -> str:
+        """One for the reasons of a plan."""
+        kind = "lines through a point" if converges else "parallel lines"
+        text = (
+            f"bundle: the rays are {kind}, a map of two parameters: {self.traced} lines were traced, {self.delivered} "
+            f"rays interpolated between them (estimated error {self.error / wavelength:.1g} waves), {self.one_by_one} "
+            "traced one by one"
+        )
+        causes = "; ".join(f"{name}: about {count:.0f}" for name, count in self.refused.items() if count >= 1.0)
+        return f"{text} ({causes})" if self.one_by_one and causes else text
 
 
 @dataclass(frozen=True)
@@ -39,6 +69,7 @@ class TracePlan:
         levers: How far the rays fly and at what angle they meet the stop, see levers.py; None where it was not needed.
         predicted_evaluations: Field evaluations of a ray across the box, predicted before any ray is traced.
         predicted_error: OPD error predicted [waves]: what a pilot bundle made, what tables estimate, or the tolerance.
+        bundle: How many rays were traced and how many interpolated; None where each was traced.
     """
 
     method: str
@@ -57,6 +88,7 @@ class TracePlan:
     levers: Levers | None = None
     predicted_evaluations: float | None = None
     predicted_error: float | None = None
+    bundle: BundleCounts | None = None
 
     @property
     def controls_error(self) -> bool:
@@ -87,5 +119,6 @@ class TracePlan:
             "sample_count": self.sample_count,
             "predicted_evaluations": self.predicted_evaluations,
             "predicted_error": self.predicted_error,
+            "bundle": None if self.bundle is None else asdict(self.bundle),
             "reasons": list(self.reasons),
         }

@@ -66,6 +66,9 @@ _TEXT = {
     ),
 }
 
+# What the kernels that interpolate rays say of one that they have nothing for, until it is traced: no RayStatus.
+NOT_DELIVERED = -1
+
 # Rays with these statuses reached the stop: their numbers can be used, under the reservation that the status states.
 REACHED = (RayStatus.OK, RayStatus.LEFT_DISTURBED_AIR, RayStatus.TOLERANCE_NOT_MET)
 

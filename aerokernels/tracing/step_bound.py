@@ -156,6 +156,11 @@ def roughness_by_axis(grid: UniformGrid) -> tuple[int, list[np.ndarray]]:
     return block, fourth
 
 
+def roughness_of_blocks(grid: UniformGrid) -> tuple[int, list[np.ndarray], list[np.ndarray]]:
+    """Cells in a block, and the greatest |fourth derivative| [1/m4] and kink [1] along each axis in each."""
+    return _roughness(grid)
+
+
 def potential_at_nodes(grid: UniformGrid) -> np.ndarray:
     """The potential over the ambient index at the nodes; it equals the contrast where that is small."""
     return grid.samples * (grid.ambient_index + 0.5 * grid.samples) / grid.ambient_index

@@ -30,3 +30,15 @@ class ArcLength:
         """Check the length."""
         if not (np.isfinite(self.length) and self.length >= 0.0):
             raise ValueError(f"ArcLength needs a finite length of at least 0 m, got {self.length!r}")
+
+
+def stop_distance(position: np.ndarray, direction: np.ndarray, until) -> np.ndarray:
+    """How far along straight lines the stop is [m], infinite where they never meet it, shape (n,)."""
+    if isinstance(until, ArcLength):
+        return np.full(len(position), until.length)
+    if not isinstance(until, Plane):
+        return np.full(len(position), np.inf)
+    height = (until.point - position) @ until.normal
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+        distance = height / (direction @ until.normal)
+    return np.where(distance >= 0.0, distance, np.inf)

@@ -1,6 +1,8 @@
 """The one entry: rays through a field."""
 
+from dataclasses import replace
 from functools import partial
+from typing import Any
 
 import numpy as np
 
@@ -8,6 +10,7 @@ from ..clock import clocked, stage
 from ..medium import IndexField
 from ..rays import RayBundle
 from .budget import Retrace, error_budget
+from .bundle.run import Asked, trace_bundle
 from .known_air import KnownAir
 from .launch import launch
 from .leapfrog import pilot_of, spread_of
@@ -19,6 +22,8 @@ from .retrace import report_rejected, retrace_rejected
 from .status import RayStatus
 from .stop import ArcLength, Plane
 
+# What `bundle` may be.
+BUNDLES = ("auto", "off")
 # The same as for a pupil, so that an error budget needs no kernel of its own.
 BUDGET_OUTPUTS = frozenset(("opd", "step_error", "evaluation_count"))
 
@@ -37,6 +42,7 @@ def trace(
     precision: str = "float32",
     max_steps: int | None = None,
     outputs=None,
+    bundle: str = "auto",
 ) -> TraceResult:
     """Trace rays through a field.
 
@@ -54,6 +60,10 @@ def trace(
         precision: "float32" or "float64" inside the kernel.
         max_steps: Steps after which a ray is given up; None takes a generous number.
         outputs: Names of the per-ray arrays wanted (see RAY_OUTPUTS); None for all.
+        bundle: "auto": of many rays that are a smooth map of two parameters (parallel, or through one point), method
+            "auto" traces as many as it takes to interpolate the others within the tolerance; `plan.bundle` says how
+            many. "off" traces every ray. Steps and evaluations of interpolated rays are those of the rays that were
+            traced about them, at most; their `step_error` holds the interpolation's.
 
     Returns:
         A TraceResult; a ray that fails has a status and leaves the others alone.
@@ -71,28 +81,42 @@ def trace(
         raise TypeError(f"until must be None, a Plane or an ArcLength, got {type(until).__name__}")
     wavelength = field.wavelength_for(wavelength)
     wanted = check_outputs(outputs)
+    if bundle not in BUNDLES:
+        raise ValueError(f"bundle {bundle!r} is not known: choose one of {', '.join(BUNDLES)}")
+    choices = {
+        "backend": backend,
+        "device": device,
+        "precision": precision,
+        "tolerance": tolerance,
+        "max_steps": max_steps,
+        "path_length": until.length if isinstance(until, ArcLength) else None,
+    }
     with clocked() as seconds:
         with stage("plan"):
             check_meeting(field, rays, "ray of the bundle")
-            plan = plan_rays(
-                field,
-                partial(pilot_of, rays),
-                rays.ray_count,
-                until,
-                method=method,
-                backend=backend,
-                device=device,
-                precision=precision,
-                step=step,
-                tolerance=tolerance,
-                max_steps=max_steps,
-                path_length=until.length if isinstance(until, ArcLength) else None,
-                wavelength=wavelength,
-                directions=rays.direction,
-                columns=why_projection(field, rays, until, method, tolerance, wavelength),
-                spread=partial(spread_of, rays),
-            )
-        arrays = run_plan(field, rays, plan, until, wavelength, wanted)
+            columns = why_projection(field, rays, until, method, tolerance, wavelength)
+            made: Any = "every ray is traced: asked for" if bundle == "off" else None
+            if bundle == "auto" and method == "auto" and columns is None and backend != "reference":
+                made = trace_bundle(Asked(field, rays, until, wavelength, wanted, choices, run_plan))
+            if isinstance(made, tuple):
+                plan, arrays = made
+            else:
+                plan = plan_rays(
+                    field,
+                    partial(pilot_of, rays),
+                    rays.ray_count,
+                    until,
+                    method=method,
+                    step=step,
+                    wavelength=wavelength,
+                    directions=rays.direction,
+                    columns=columns,
+                    spread=partial(spread_of, rays),
+                    **choices,
+                )
+                plan = plan if made is None else replace(plan, reasons=(*plan.reasons, made))
+        if not isinstance(made, tuple):
+            arrays = run_plan(field, rays, plan, until, wavelength, wanted)
         rejected = _rejected_rows(arrays)
         greatest = float(arrays["step_error"][rejected].max()) if rejected.any() and "step_error" in arrays else None
         done = report_rejected(plan, int(rejected.sum()), rays.ray_count, greatest, wavelength)

@@ -41,6 +41,13 @@
     const double first_plane, const double length, const double flight, const int wanted, const int first_ray, \
     const int ray_count, __global const double *position_in, RAY_OUTPUT_ARGUMENTS
 
+#define DELIVER_BUNDLE_ARGUMENTS \
+    __global const int *block_map, __global const double *header, __global const double *patches, \
+    __global const double *frame, const int map_u, const int map_v, const int converges, const int stop, \
+    const int shape, const int checks_way, const int faces_that_matter, const int wanted, const int first_ray, \
+    const int ray_count, __global const double *position_in, __global const double *direction_in, \
+    RAY_OUTPUT_ARGUMENTS
+
 #define LAUNCH_PUPIL_ARGUMENTS \
     const double3 center, const double3 first, const double3 second, const double3 look, const int shape, \
     const int row_count, const int column_count, __global const double *table_in, __global const uint *seeds, \

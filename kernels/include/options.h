@@ -79,4 +79,9 @@
 #define IN_PLANE 0
 #endif
 
+// CHANNELS: how many numbers are interpolated between traced rays.
+#ifndef CHANNELS
+#define CHANNELS 8
+#endif
+
 #endif

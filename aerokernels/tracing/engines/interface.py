@@ -10,6 +10,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from ...medium import IndexField
+from ..bundle.table import BundleTable
 from ..collimated import Projection
 from ..plan import TracePlan
 from .layout import STRUCTS
@@ -44,6 +45,9 @@ class Engine(Protocol):
         self, field: IndexField, columns: Projection, plan: TracePlan, outputs: frozenset
     ) -> "Prepared":
         """Tables of columns made ready for outputs of rays that only have a place."""
+
+    def prepare_bundle(self, table: BundleTable, outputs: frozenset) -> "Prepared":
+        """Patches between traced rays made ready for outputs of rays of their family."""
 
     def pupil_kernels(self) -> dict[str, Any]:
         """The kernels of a pupil, by name: launch_pupil, sum_moments, sum_phasors, join_sums."""

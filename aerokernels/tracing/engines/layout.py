@@ -218,6 +218,24 @@ KERNELS: dict[str, tuple[Value, ...]] = {
         Value("position_in", "double3*"),
         Value("outputs", "RayOutputs"),
     ),
+    "deliver_bundle": (
+        Value("block_map", "int*"),
+        Value("header", "double*"),
+        Value("patches", "double*"),
+        Value("frame", "double*"),
+        Value("map_u", "int"),
+        Value("map_v", "int"),
+        Value("converges", "int"),
+        Value("stop", "int"),
+        Value("shape", "int"),
+        Value("checks_way", "int"),
+        Value("faces_that_matter", "int"),
+        Value("wanted", "int"),
+        Value("first_ray", "int"),
+        Value("position_in", "double3*"),
+        Value("direction_in", "double3*"),
+        Value("outputs", "RayOutputs"),
+    ),
     "launch_pupil": (
         Value("center", "double3"),
         Value("first", "double3"),
@@ -284,6 +302,7 @@ OPTIONS: dict[str, Option] = {
     "lanes": Option(1, "rays that a work-item of leapfrog samples moves in step"),
     "packed": Option(0, "whether coefficients are the polynomials of cells, for leapfrog samples in two dimensions"),
     "in_plane": Option(0, "whether all rays of leapfrog samples run along z, in a field of two dimensions"),
+    "channels": Option(8, "how many numbers are interpolated between traced rays"),
 }
 
 

@@ -9,6 +9,9 @@ from pyopencl.cltypes import make_double3
 
 from ....clock import stage
 from ....medium import IndexField
+from ...bundle.frame import kernel_arrays
+from ...bundle.frame import kernel_numbers as bundle_numbers
+from ...bundle.table import BundleTable
 from ...collimated import ENDS, Projection, kernel_numbers, packed
 from ...plan import TracePlan
 from ..field_data import FieldData, field_data, step_bound_tables, stop_kind, trace_members
@@ -130,6 +133,15 @@ class Engine:
             options = build_options(precision=plan.precision, method="straight", with_ends=bool(outputs & ENDS))
             kernel = Kernel(cl.Kernel(build(self.session, "trace_projection.cl", options), "trace_projection"))
         return Prepared(self, kernel, [table, *kernel_numbers(field, columns, outputs)], outputs, None)
+
+    def prepare_bundle(self, table: BundleTable, outputs: frozenset) -> Prepared:
+        """Patches between traced rays made ready for outputs of rays of their family."""
+        with stage("upload"):
+            arrays = table.derive(("opencl", self.session), lambda: [self.put(array) for array in kernel_arrays(table)])
+        with stage("compile"):
+            options = build_options(precision="float64", channels=table.channels)
+            kernel = Kernel(cl.Kernel(build(self.session, "deliver_bundle.cl", options), "deliver_bundle"))
+        return Prepared(self, kernel, [*arrays, *bundle_numbers(table, outputs)], outputs, None)
 
     def pupil_kernels(self) -> dict[str, Kernel]:
         """The kernels of a pupil, by name."""

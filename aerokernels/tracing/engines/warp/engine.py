@@ -9,6 +9,9 @@ import warp as wp
 
 from ....clock import stage
 from ....medium import IndexField
+from ...bundle.frame import kernel_arrays
+from ...bundle.frame import kernel_numbers as bundle_numbers
+from ...bundle.table import BundleTable
 from ...collimated import ENDS, Projection, kernel_numbers, packed
 from ...plan import TracePlan
 from ..field_data import FieldData, field_data, step_bound_tables, stop_kind, trace_members
@@ -17,6 +20,7 @@ from ..interface import Prepared
 from ..layout import STRUCTS, Value, arrays_of
 from .devices import start_warp
 from .kernels import pupil
+from .kernels.deliver_bundle import build_bundle_kernel
 from .kernels.leapfrog import build_leapfrog_kernel
 from .kernels.trace import build_kernel
 from .kernels.trace_projection import build_projection_kernel
@@ -95,6 +99,15 @@ class Engine:
             kernel = build_projection_kernel(plan.precision, bool(outputs & ENDS))
             self._load(kernel.module)
         return Prepared(self, kernel, [table, *kernel_numbers(field, columns, outputs)], outputs, None)
+
+    def prepare_bundle(self, table: BundleTable, outputs: frozenset) -> Prepared:
+        """Patches between traced rays made ready for outputs of rays of their family."""
+        with stage("upload"):
+            arrays = table.derive(("warp", self.device), lambda: [self.put(array) for array in kernel_arrays(table)])
+        with stage("compile"):
+            kernel = build_bundle_kernel(table.channels)
+            self._load(kernel.module)
+        return Prepared(self, kernel, [*arrays, *bundle_numbers(table, outputs)], outputs, None)
 
     def pupil_kernels(self) -> dict[str, Any]:
         """The kernels of a pupil, by name."""

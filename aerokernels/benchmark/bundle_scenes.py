@@ -1,0 +1,135 @@
+"""Bundles of rays of any kind: through the cone scene, whose truth is a formula, and through a turbulent volume.
+
+The bundles of the cone scene start on the face z = -8 mm and end on z = +8 mm: "along z", "slanted" by 0.05 and 0.02,
+"divergent" from a point 60 mm ahead, and "incoherent" with slopes of 0.02 rms. The turbulent volume has the spectrum of
+Kolmogorov's turbulence between its own size and its cells, 0.4 wave rms along z; rays through it are slanted.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from aerokernels.benchmark.scenes import WAVELENGTH
+from aerokernels.medium import IndexField
+from aerokernels.rays import RayBundle
+from aerokernels.tracing import Plane
+from aerokernels.validation.cone import CONE_AMBIENT, CONE_HALF, cone_contrast, cone_field
+from aerokernels.validation.truth import Truth
+
+KINDS = ("along z", "slanted", "divergent", "incoherent", "turbulence")
+APERTURE = 1.2e-3  # half the width of the square of rays where they cross z = 0, or start [m]
+SLOPE = np.array([0.05, 0.02, 1.0])
+APEX = np.array([0.1e-3, -0.2e-3, -60e-3])
+TURBULENT_NODES, TURBULENT_SPACING, TURBULENT_WAVES = 96, 1e-3, 0.4
+TURBULENT_SLOPE = np.array([0.1, -0.05, 1.0])
+TURBULENT_AMBIENT = 1.00027
+
+
+@dataclass(frozen=True, eq=False)
+class BundleScene:
+    """What is traced.
+
+    Attributes:
+        kind: Of KINDS.
+        make_field: Makes the field, anew at every call.
+        make_rays: Makes rays of the same bundle by a seed: (ray_count, seed).
+        until: Where they stop.
+    """
+
+    kind: str
+    make_field: Callable[[], IndexField]
+    make_rays: Callable[[int, int], RayBundle]
+    until: Plane
+
+
+def bundle_scene(kind: str) -> BundleScene:
+    """One of KINDS."""
+    if kind == "turbulence":
+        end = 0.5 * TURBULENT_NODES * TURBULENT_SPACING
+        return BundleScene(kind, turbulent_field, turbulent_rays, Plane(np.array([0.0, 0.0, end]), TURBULENT_SLOPE))
+    stop = Plane(np.array([0.0, 0.0, CONE_HALF[2]]), np.array([0.0, 0.0, 1.0]))
+    return BundleScene(kind, cone_field, lambda count, seed: bundle_rays(kind, count, seed), stop)
+
+
+def bundle_rays(kind: str, ray_count: int, seed: int) -> RayBundle:
+    """Rays of a bundle through the cone scene, at random places."""
+    rng = np.random.default_rng(seed)
+    across = rng.uniform(-APERTURE, APERTURE, (ray_count, 2))
+    start = np.c_[across, np.full(ray_count, -CONE_HALF[2])]
+    if kind == "along z":
+        return RayBundle(start, np.array([[0.0, 0.0, 1.0]]))
+    if kind == "slanted":
+        return RayBundle(start - CONE_HALF[2] * SLOPE * [1.0, 1.0, 0.0], SLOPE[None])
+    middle = start * [1.0, 1.0, 0.0]
+    way = middle - APEX if kind == "divergent" else np.c_[rng.normal(0.0, 0.02, (ray_count, 2)), np.ones(ray_count)]
+    return RayBundle(middle - CONE_HALF[2] * way / way[:, 2:], way)
+
+
+def turbulent_field() -> IndexField:
+    """Random phases under |k|^(-11/6), faded out at the faces of the box."""
+    count, spacing = TURBULENT_NODES, TURBULENT_SPACING
+    cycles = np.fft.fftfreq(count) * count
+    size = np.sqrt(sum(axis**2 for axis in np.meshgrid(cycles, cycles, cycles, indexing="ij")))
+    size[0, 0, 0] = 1.0
+    noise = np.random.default_rng(5).normal(size=(count,) * 3)
+    made = np.fft.ifftn(np.fft.fftn(noise) * size ** (-11.0 / 6.0)).real
+    edge = np.clip(np.minimum(np.arange(count), count - 1 - np.arange(count)) / 8.0, 0.0, 1.0)
+    edge = edge**2 * (3.0 - 2.0 * edge)
+    made *= edge[:, None, None] * edge[:, None] * edge
+    inner = slice(count // 4, 3 * count // 4)
+    made *= TURBULENT_WAVES * WAVELENGTH / (made.sum(axis=2)[inner, inner].std() * spacing)
+    return IndexField.from_samples(
+        made,
+        origin=(-0.5 * (count - 1) * spacing,) * 3,
+        spacing=(spacing,) * 3,
+        geometry="volume",
+        ambient_index=TURBULENT_AMBIENT,
+    )
+
+
+def turbulent_rays(ray_count: int, seed: int) -> RayBundle:
+    """Slanted rays through the middle of the turbulent volume, at random places."""
+    half = 0.5 * TURBULENT_NODES * TURBULENT_SPACING
+    across = np.random.default_rng(seed).uniform(-0.6 * half, 0.6 * half, (ray_count, 2))
+    start = np.c_[across, np.full(ray_count, -half)]
+    return RayBundle(start - half * TURBULENT_SLOPE * [1.0, 1.0, 0.0], TURBULENT_SLOPE[None])
+
+
+def cone_ends(rays: RayBundle) -> Truth:
+    """Where rays through the cone scene truly end on z = +8 mm: DOP853 on the formula, in deviation form, float64.
+
+    The state is the displacement from the straight line and the momentum beyond A d, both across z, and the OPD.
+    """
+    from scipy.integrate import solve_ivp
+
+    count, a, depth = rays.ray_count, CONE_AMBIENT, CONE_HALF[2]
+    (x0, y0, _), (dx, dy, dz) = rays.position.T, rays.direction.T
+
+    def rate(z: float, state: np.ndarray) -> np.ndarray:
+        qx, qy, mx, my, _ = state.reshape(5, count)
+        x, y = x0 + dx / dz * (z + depth) + qx, y0 + dy / dz * (z + depth) + qy
+        contrast, gradient = cone_contrast(x, y, np.full(count, z))
+        index, square = a + contrast, 2.0 * contrast * (a + 0.5 * contrast)
+        more = square - 2.0 * a * (dx * mx + dy * my) - mx**2 - my**2
+        pz = np.sqrt((a * dz) ** 2 + more)
+        lag = more / (pz + a * dz)
+        return np.concatenate(
+            [
+                (mx * dz - dx * lag) / (pz * dz),
+                (my * dz - dy * lag) / (pz * dz),
+                index * gradient[0] / pz,
+                index * gradient[1] / pz,
+                (square * dz - a * lag) / (pz * dz),
+            ]
+        )
+
+    first, _ = cone_contrast(x0, y0, np.full(count, -depth))
+    start = np.concatenate([np.zeros(2 * count), first * dx, first * dy, np.zeros(count)])
+    found = solve_ivp(rate, (-depth, depth), start, method="DOP853", rtol=1e-11, atol=1e-16, max_step=1e-4)
+    qx, qy, mx, my, opd = found.y[:, -1].reshape(5, count)
+    x, y = x0 + dx / dz * 2.0 * depth + qx, y0 + dy / dz * 2.0 * depth + qy
+    index = a + cone_contrast(x, y, np.full(count, depth))[0]
+    px, py = a * dx + mx, a * dy + my
+    direction = np.stack([px, py, np.sqrt(index**2 - px**2 - py**2)], axis=1) / index[:, None]
+    return Truth(np.stack([x, y, np.full(count, depth)], axis=1), direction, opd, int(found.nfev))

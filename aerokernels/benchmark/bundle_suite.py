@@ -1,0 +1,143 @@
+"""The suite "bundles": rays of any kind, interpolated between traced ones and traced one by one, beside Dr.Jit.
+
+Three clocks for each: a new field (all is worked out anew, kernels are compiled), a new seed (other rays of the same
+bundle), and the same call again. Kernel and processor times are those of the last.
+"""
+
+import importlib.util
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from functools import partial
+from itertools import count
+from typing import Any
+
+import numpy as np
+
+from aerokernels.benchmark.bundle_peer import drjit_runs
+from aerokernels.benchmark.bundle_scenes import KINDS, BundleScene, bundle_scene, cone_ends
+from aerokernels.benchmark.errors import chosen_rays, errors
+from aerokernels.benchmark.measuring import measure, rate, spread
+from aerokernels.benchmark.scenes import WAVELENGTH
+from aerokernels.benchmark.targets import Settings, on_processor
+from aerokernels.medium import IndexField
+from aerokernels.rays import RayBundle
+from aerokernels.tracing import TraceResult, trace
+from aerokernels.tracing.engines.info import thread_count
+from aerokernels.validation.truth import Truth
+
+OUTPUTS = ("direction", "opd")
+# The tolerance of the float64 traces that stand for the truth where there is no formula, as a share of that asked for.
+TIGHT = 0.02
+WAYS = ("auto", "off")
+
+
+def bundle_runs(settings: Settings, targets: list[tuple[str, str]], ceilings: dict[str, dict]) -> Iterator[dict]:
+    """Every bundle on every target, interpolated and ray by ray; by Dr.Jit where it is installed and asked for."""
+    for kind in KINDS:
+        scene = bundle_scene(kind)
+        field, rays = scene.make_field(), scene.make_rays(settings.ray_count, 1)
+        rows = chosen_rays(rays.ray_count)
+        truth = _truth(scene, rays[rows], settings, targets)
+        for backend, device in targets:
+            for bundle in WAYS:
+                yield _run(scene, field, rays, rows, truth, settings, (backend, device), bundle)
+        if settings.peers and kind != "turbulence" and importlib.util.find_spec("drjit") is not None:
+            for found in drjit_runs(rays, settings.repeats):
+                yield {
+                    "suite": "bundles",
+                    "settings": {"method": found.scheme, "precision": "float32", "backend": "peer",
+                                 "device": found.device, "kind": kind, "bundle": "every ray",
+                                 "ray_count": rays.ray_count},
+                    "plan": {"method": found.scheme, "step": None, "reasons": []},
+                    "kernel_seconds": spread(found.seconds),
+                    "kernel_rays_per_second": rate(rays.ray_count, found.seconds),
+                    "rays_per_second": None,
+                    "rays_per_cpu_second": rate(rays.ray_count, found.cpu_seconds),
+                    "rays_traced": rays.ray_count,
+                    "evaluations_per_ray": float(found.steps),
+                    "error": errors(truth, found.direction[rows], found.opd[rows]),
+                    "ceiling": None,
+                }  # fmt: skip
+
+
+def _run(
+    scene: BundleScene,
+    field: IndexField,
+    rays: RayBundle,
+    rows: np.ndarray,
+    truth: Truth,
+    settings: Settings,
+    target: tuple[str, str],
+    bundle: str,
+) -> dict:
+    backend, device = target
+    options: dict[str, Any] = {
+        "until": scene.until,
+        "tolerance": settings.tolerance,
+        "wavelength": WAVELENGTH,
+        "backend": backend,
+        "device": device,
+        "precision": settings.precisions[0],
+        "bundle": bundle,
+    }
+    call: Callable[..., TraceResult] = partial(trace, outputs=OUTPUTS, **options)
+    compiled = measure(lambda: call(field, rays), 0)
+    fresh = measure(lambda: call(replace(field), rays), 0)
+    others = (scene.make_rays(settings.ray_count, seed) for seed in count(2))
+    seeds = [next(others) for _ in range(settings.repeats)]
+    again = iter(seeds)
+    seeded = [measure(lambda: call(field, next(again)), 0).first_seconds for _ in seeds]
+    timing = measure(lambda: call(field, rays), settings.repeats)
+    result = timing.results[-1]
+    assert result.direction is not None and result.opd is not None
+    kernel = [each.seconds["kernel"] for each in timing.results]
+    counts = result.plan.bundle
+    traced = rays.ray_count if counts is None else counts.traced + counts.one_by_one
+    predicted = result.plan.predicted_evaluations
+    return {
+        "suite": "bundles",
+        "settings": {
+            **{name: options[name] for name in ("backend", "device", "precision", "tolerance", "bundle")},
+            "method": "auto",
+            "kind": scene.kind,
+            "ray_count": rays.ray_count,
+            "repeats": settings.repeats,
+        },
+        "plan": {"method": result.plan.method, "step": None, "reasons": list(result.plan.reasons)},
+        "first_call_seconds": compiled.first_seconds,
+        "compile_seconds": compiled.first.seconds["compile"],
+        "fresh_field_seconds": fresh.first_seconds,
+        "new_seed_seconds": spread(seeded),
+        "kernel_seconds": spread(kernel),
+        "wall_seconds": spread(timing.wall_seconds),
+        "cpu_seconds": spread(timing.cpu_seconds),
+        "kernel_rays_per_second": rate(rays.ray_count, kernel),
+        "kernel_rays_per_core_second": (
+            rate(rays.ray_count / thread_count(), kernel) if on_processor(backend, device) else None
+        ),
+        "rays_per_second": rate(rays.ray_count, timing.wall_seconds),
+        "rays_per_cpu_second": rate(rays.ray_count, timing.cpu_seconds),
+        "rays_traced": traced,
+        "evaluations_per_ray": predicted if predicted is not None else float("nan"),
+        "error": errors(truth, result.direction[rows], result.opd[rows], result.ok[rows]),
+        "ceiling": None,
+    }
+
+
+def _truth(scene: BundleScene, rays: RayBundle, settings: Settings, targets: list[tuple[str, str]]) -> Truth:
+    if scene.kind != "turbulence":
+        return cone_ends(rays)
+    backend, device = targets[0]
+    found = trace(
+        scene.make_field(),
+        rays,
+        until=scene.until,
+        method="adaptive",
+        precision="float64",
+        tolerance=TIGHT * settings.tolerance,
+        wavelength=WAVELENGTH,
+        backend=backend,
+        device=device,
+    )
+    assert found.position is not None and found.direction is not None and found.opd is not None
+    return Truth(found.position, found.direction, found.opd)

@@ -1,0 +1,210 @@
+r"""Recognises rays that are a family of two parameters: parallel ones, and those whose lines meet in one point.
+
+Of parallel lines the parameters are the two coordinates across them [m], of lines through an apex the slopes about the
+family's axis. What a ray gathers is a smooth function of them where its start is one too: all rays start in one plane
+or in one point, or all ahead of the field's box, so that they may be moved along their lines through uniform air.
+
+A family is found from some of the rays. Whether a ray belongs to it is asked again of every ray when it is delivered
+(delivery.py): its line must pass within CLOSE cells of the line that its parameters stand for, and so must its start.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ...medium import IndexField
+from ...rays import RayBundle, transverse_axes
+from ..stop import ArcLength
+
+# Lines, and planes of starts, that differ by this share of a cell are the same: less is rounding.
+CLOSE = 1e-6
+# Directions that differ by no more than this are equal.
+EQUAL = 4e-15
+# The least cosine of a line's angle with the axis of a family.
+LEAST_COSINE = 0.3
+# The frame is rounded to so many digits, the range of parameters to so many parts, so that another sample of the same
+# rays is the same family.
+AXIS_DIGITS, NORMAL_DIGITS, PARTS = 2, 12, 64
+ROUNDED = 8.0  # parts of what is CLOSE
+# Rays from which a family is found, and rays that are counted block by block.
+SAMPLE, COUNTED = 1 << 13, 1 << 16
+# Room about the parameters of the sample, of its own range: the outermost rays need not be in it.
+ROOM = 0.01
+GOLDEN = 0.6180339887498949
+
+
+@dataclass(frozen=True, eq=False)
+class Family:
+    """Lines in two parameters.
+
+    Attributes:
+        converges: Whether the lines meet in a point; else they are parallel.
+        origin: That point, or one of the plane in which the parameters are measured [m].
+        axes: Unit vectors along the first and second parameter and along the lines, or their axis; shape (3, 3).
+        low: Least parameters [m, or 1], shape (2,).
+        high: Greatest parameters, shape (2,).
+        start_point: A point of the plane in which rays start [m]; None where they all start in `origin`.
+        start_normal: That plane's unit normal.
+        ahead: Rays that start no further along the axis than this [m] may be moved along their lines: they start ahead
+            of the box. Minus infinity where none may.
+        close: What is no difference between two lines or starts [m].
+    """
+
+    converges: bool
+    origin: np.ndarray
+    axes: np.ndarray
+    low: np.ndarray
+    high: np.ndarray
+    start_point: np.ndarray | None
+    start_normal: np.ndarray
+    ahead: float
+    close: float
+
+    def parameters(self, position: np.ndarray, direction: np.ndarray) -> np.ndarray:
+        """Parameters of rays, both of shape (n, 3): shape (n, 2)."""
+        if self.converges:
+            along = direction @ self.axes.T
+            return np.asarray(along[:, :2] / along[:, 2:])
+        return np.asarray((position - self.origin) @ self.axes[:2].T)
+
+    def rays(self, parameters: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Starts [m] and unit vectors of the lines with these parameters (n, 2), each of shape (n, 3)."""
+        across = parameters @ self.axes[:2]
+        if self.converges:
+            direction = self.axes[2] + across
+            direction /= np.linalg.norm(direction, axis=1)[:, None]
+            place = np.broadcast_to(self.origin, across.shape)
+        else:
+            direction = np.broadcast_to(self.axes[2], across.shape)
+            place = self.origin + across
+        if self.start_point is not None:
+            ahead = ((self.start_point - place) @ self.start_normal) / (direction @ self.start_normal)
+            place = place + ahead[:, None] * direction
+        return np.array(place), np.array(direction)
+
+    def holds_for(self, position: np.ndarray, direction: np.ndarray) -> np.ndarray:
+        """Which rays belong to the family, shape (n,)."""
+        if self.converges:
+            way = self.origin - position
+            beside = way - np.einsum("ij,ij->i", way, direction)[:, None] * direction
+            good = np.einsum("ij,ij->i", beside, beside) <= self.close**2
+            good &= direction @ self.axes[2] >= LEAST_COSINE
+        else:
+            good = np.abs(direction - self.axes[2]).max(axis=1) <= EQUAL
+        if self.start_point is None:
+            starts = np.abs(position - self.origin).max(axis=1) <= self.close
+        else:
+            starts = np.abs((position - self.start_point) @ self.start_normal) <= self.close
+        starts |= position @ self.axes[2] <= self.ahead
+        return np.asarray(good & starts)
+
+    @property
+    def key(self) -> bytes:
+        """The same for the same family."""
+        start = b"" if self.start_point is None else self.start_point.tobytes()
+        numbers = (self.origin, self.axes, self.low, self.high, self.start_normal)
+        kind = f"{self.converges} {self.ahead!r} ".encode()
+        return b"".join([kind, start, *(array.tobytes() for array in numbers)])
+
+
+def some_rows(ray_count: int, most: int) -> np.ndarray:
+    """Up to `most` of the rays, spread over the bundle's order without following any of its periods."""
+    if ray_count <= most:
+        return np.arange(ray_count)
+    return np.unique((np.modf(GOLDEN * np.arange(most))[0] * ray_count).astype(np.int64))
+
+
+def find_family(field: IndexField, rays: RayBundle, until) -> Family | str:
+    """The family that the rays belong to, or a sentence why they are none."""
+    rows = some_rows(rays.ray_count, SAMPLE)
+    position, direction = rays.position[rows], rays.direction[rows]
+    close = CLOSE * float(np.min(field.spacing))
+    parallel = bool(np.abs(direction - direction[0]).max() <= EQUAL)
+    if parallel:
+        axis, origin = direction[0], np.zeros(3)
+    else:
+        axis = np.round(direction.mean(axis=0), AXIS_DIGITS) + 0.0  # no negative zero
+        if not np.linalg.norm(axis) > 0.1:
+            return "their directions have no common axis"
+        axis = axis / np.linalg.norm(axis)
+        apex = position[0] if np.abs(position - position[0]).max() == 0.0 else _apex(position, direction, close)
+        if apex is None:
+            return "their lines are neither parallel nor meet in one point"
+        origin = _rounded_apex(apex, direction, axis, close)
+    least = _least_of_box(field, axis)
+    furthest = float((position @ axis).max())
+    ahead = least if not isinstance(until, ArcLength) and np.isfinite(least) and furthest <= least else -np.inf
+    point: np.ndarray | None
+    if not parallel and np.abs(position - origin).max() <= close:
+        point, normal = None, axis
+    else:
+        plane = _common_plane(position, axis, close)
+        if plane is None and not np.isfinite(ahead):
+            return "they start neither in one plane nor ahead of the field's box"
+        point, normal = plane or (axis * min(least, float((position @ axis).min())), axis)
+        if not parallel and abs((origin - point) @ normal) <= close:
+            return "their apex lies in the plane in which they start"
+    axes = np.stack([*transverse_axes(axis), axis])
+    family = Family(not parallel, origin, axes, np.zeros(2), np.zeros(2), point, normal, ahead, close)
+    if not family.holds_for(position, direction).all():
+        return "they spread over too wide an angle"
+    parameters = family.parameters(position, direction)
+    low, high = parameters.min(axis=0), parameters.max(axis=0)
+    extent = high - low
+    if not extent.max() > 0.0:
+        return "they are one ray"
+    extent = np.maximum(extent, 1e-3 * extent.max())
+    part, room = 2.0 ** np.ceil(np.log2(extent / PARTS)), ROOM * extent
+    return replace(family, low=np.floor((low - room) / part) * part, high=np.ceil((high + room) / part) * part)
+
+
+def _apex(position: np.ndarray, direction: np.ndarray, close: float) -> np.ndarray | None:
+    """The point in which all lines meet [m], by least squares; None where there is none."""
+    middle = position.mean(axis=0)
+    p = position - middle
+    matrix = len(p) * np.eye(3) - direction.T @ direction
+    along = np.einsum("ij,ij->i", direction, p)
+    found, *_ = np.linalg.lstsq(matrix, p.sum(axis=0) - direction.T @ along, rcond=1e-15)
+    way = found - p
+    beside = way - np.einsum("ij,ij->i", way, direction)[:, None] * direction
+    if not np.einsum("ij,ij->i", beside, beside).max() <= (0.5 * close) ** 2:
+        return None
+    return np.asarray(middle + found)
+
+
+def _rounded_apex(apex: np.ndarray, direction: np.ndarray, axis: np.ndarray, close: float) -> np.ndarray:
+    """An apex rounded to what moves no line by more than rounding: along the axis that is more than across it."""
+    frame = np.stack([*transverse_axes(axis), axis])
+    spread = float(np.abs(direction @ frame[:2].T).max())
+    coarser = 2.0 ** np.floor(np.log2(1.0 / max(spread, 1e-6)))
+    return np.asarray(_rounded(frame @ apex, close * np.array([1.0, 1.0, max(coarser, 1.0)])) @ frame)
+
+
+def _common_plane(position: np.ndarray, axis: np.ndarray, close: float) -> tuple[np.ndarray, np.ndarray] | None:
+    """A point and the unit normal of the plane in which all rays start; None where there is none."""
+    # Where several planes hold the starts, as of points on a line, that across the rays is taken.
+    fitted = np.linalg.svd(position - position.mean(axis=0), full_matrices=False)[2][-1]
+    for normal in (axis, np.round(fitted * np.copysign(1.0, fitted @ axis), NORMAL_DIGITS)):
+        height = position @ normal
+        if np.ptp(height) <= close and normal @ axis >= 0.05:
+            middle = _rounded(0.5 * (height.max() + height.min()), close)
+            return middle * normal / (normal @ normal), np.array(normal)
+    return None
+
+
+def _rounded(value, close):
+    return np.round(value * (ROUNDED / close)) / (ROUNDED / close)
+
+
+def _least_of_box(field: IndexField, axis: np.ndarray) -> float:
+    """The least distance along a unit vector of any point of the box [m]; minus infinity where it has no end there."""
+    low, high = field.box
+    with np.errstate(invalid="ignore"):
+        ends = np.where(axis == 0.0, 0.0, np.minimum(low * axis, high * axis))
+    return float(ends.sum())
+
+
+def counted_parameters(family: Family, rays: RayBundle) -> tuple[np.ndarray, float]:
+    """Parameters of some of the rays, and how many rays each of them stands for."""
+    rows = some_rows(rays.ray_count, COUNTED)
+    return family.parameters(rays.position[rows], rays.direction[rows]), rays.ray_count / len(rows)

@@ -1,0 +1,63 @@
+"""What kernels are told of a family, its stop and the field's box: numbers in one order, and a few that are whole."""
+
+import numpy as np
+
+from ..engines.layout import OPTIONS
+from ..result import output_mask
+from ..stop import ArcLength, Plane
+from .family import LEAST_COSINE
+from .nodes import FAR
+from .table import BundleTable
+
+
+def _numbered(option: str) -> dict[str, int]:
+    """The choices of an option as kernels/include/options.h numbers them."""
+    choices = OPTIONS[option].choices
+    assert isinstance(choices, tuple)
+    return {name: number for number, name in enumerate(choices, start=1)}
+
+
+STOPS, SHAPES = _numbered("stop"), _numbered("geometry")
+# Numbers of `frame`.
+FRAME_SIZE = 41
+
+
+def frame_of(table: BundleTable) -> np.ndarray:
+    """The kernels' array `frame`, shape (41,); kernels/include/bundle_family.h has the order."""
+    family, until, field = table.family, table.ways.until, table.ways.field
+    has_plane = family.start_point is not None
+    is_plane = isinstance(until, Plane)
+    low, high = field.box
+    numbers = [
+        family.low,
+        table.rate,
+        family.origin,
+        family.axes,
+        family.start_point if has_plane else np.zeros(3),
+        family.start_normal,
+        [has_plane, family.ahead, family.close, LEAST_COSINE],
+        until.point if is_plane else np.zeros(3),
+        until.normal if is_plane else np.array([0.0, 0.0, 1.0]),
+        [until.length if isinstance(until, ArcLength) else 0.0],
+        low,
+        high,
+        [field.ambient_index, table.ways.margin],
+    ]
+    frame = np.concatenate([np.ravel(np.asarray(part, dtype=np.float64)) for part in numbers])
+    assert len(frame) == FRAME_SIZE
+    return np.clip(frame, -FAR, FAR)
+
+
+def kernel_arrays(table: BundleTable) -> list[np.ndarray]:
+    """The kernels' arrays, flat: block_map, header, patches, frame."""
+    return [table.map.ravel(), table.header.ravel(), table.values.ravel(), frame_of(table)]
+
+
+def kernel_numbers(table: BundleTable, outputs: frozenset) -> list[int]:
+    """The scalar arguments of the kernel up to the rays: from map_u to outputs."""
+    until = table.ways.until
+    stop = STOPS["plane" if isinstance(until, Plane) else "none" if until is None else "arc"]
+    faces = sum(1 << face for face, matters in enumerate(table.ways.matters) if matters)
+    shape = SHAPES[table.ways.field.geometry]
+    checks = not table.ways.are_all_alike
+    return [*table.map.shape, int(table.family.converges), stop, shape, int(checks), faces, output_mask(outputs)]

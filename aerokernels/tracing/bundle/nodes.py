@@ -1,0 +1,133 @@
+"""The rays of a family that are traced: what they have beyond their undisturbed lines, and which way they come and go.
+
+Only what a ray has beyond its own undisturbed line is interpolated, since only that is small and smooth:
+
+    CHANNELS    optical path difference [m]; direction less the line's (3); end point less the line's [m] (3);
+                arc length less the line's [m]
+
+each as a function of the family's parameters. It is one as long as the lines come into the box and leave it by the same
+faces, where that matters: by any face that ends the trace, and by those at which the air is still disturbed.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from ...medium import IndexField
+from ...rays import RayBundle
+from ..lines import FACES, SIDE, BoxSpan, box_span
+from ..status import RayStatus
+from ..stop import stop_distance
+from .family import CLOSE, Family
+
+CHANNELS = 8
+# Channels that outputs need.
+OPD, WITH_DIRECTION = 1, 4
+# Outputs that traced rays are asked for.
+TRACED = frozenset(
+    ("opd", "direction", "position", "arc_length", "step_error", "step_count", "evaluation_count", "optical_path")
+)
+# What stands for infinity in kernels.
+FAR = 1e300
+# (rays) -> per-ray arrays by name
+Tracer = Callable[[RayBundle], dict[str, np.ndarray]]
+
+
+def channels_of(outputs: frozenset) -> int:
+    """How many of the channels these outputs need."""
+    if outputs & {"position", "arc_length"}:
+        return CHANNELS
+    return WITH_DIRECTION if "direction" in outputs else OPD
+
+
+@dataclass(frozen=True, eq=False)
+class Ways:
+    """How lines come into a field's box and leave it.
+
+    Attributes:
+        field: The refractive index.
+        until: The stop.
+        matters: Whether it matters by which of FACES a line leaves or enters, shape (7,).
+        margin: How close to another face a line may leave the box [m]: a bent ray might leave by that one.
+    """
+
+    field: IndexField
+    until: Any
+    matters: np.ndarray
+    margin: float = 0.0
+
+    @property
+    def are_all_alike(self) -> bool:
+        """Whether no face matters: rays end elsewhere, and come and go through uniform air."""
+        return self.until is not None and not self.matters.any()
+
+    def numbers(self, position: np.ndarray, direction: np.ndarray) -> np.ndarray:
+        """A number for each line, shape (n,): lines of one number come and go alike; negative where none is known."""
+        if self.are_all_alike:
+            return np.zeros(len(position), dtype=np.int64)
+        span = box_span(self.field, position, direction)
+        count, close = len(FACES), CLOSE * float(np.min(self.field.spacing))
+        enter = np.where(self.matters[span.entry_face], span.entry_face, count + 1)
+        enter = np.where(span.enter <= close, count, enter)
+        leaves, near = span.exit_face, self._is_near_edge(position, direction, span)
+        if self.until is not None:
+            leaves = np.where(self.matters[span.exit_face], span.exit_face, count)
+            # A line that stops in the box does not leave it.
+            stop = stop_distance(position, direction, self.until)
+            leaves = np.where(stop < span.leave - close, count + 1, leaves)
+            near &= leaves <= count
+        beside = -1 if self.until is None else (count + 2) * (count + 3)
+        number = np.where(near, -1, (count + 2) * leaves + enter)
+        return np.where(span.meets, number, beside)
+
+    def _is_near_edge(self, position: np.ndarray, direction: np.ndarray, span: BoxSpan) -> np.ndarray:
+        """Whether lines leave the box within `margin` of another face than that by which they do, shape (n,)."""
+        low, high = self.field.box
+        place = position + np.where(span.meets, np.minimum(span.leave, FAR), 0.0)[:, None] * direction
+        depth = np.minimum(place - low, high - place)
+        if self.field.geometry == "axisymmetric":
+            depth[:, 0] = high[0] - np.hypot(place[:, 0], place[:, 1])
+            depth[:, 1] = np.inf
+        own = np.where(span.exit_face == SIDE, 0, span.exit_face // 2)
+        depth[np.arange(len(own)), own] = np.inf
+        return np.asarray(depth.min(axis=1) < self.margin)
+
+
+def undisturbed_length(field: IndexField, position: np.ndarray, direction: np.ndarray, until) -> np.ndarray:
+    """How far undisturbed lines go to their stop [m], shape (n,)."""
+    if until is None:
+        return box_span(field, position, direction).leave
+    return stop_distance(position, direction, until)
+
+
+@dataclass(frozen=True, eq=False)
+class Traced:
+    """Some lines of a family, traced.
+
+    Attributes:
+        values: CHANNELS of each, shape (n, 8); NaN where a ray is not OK.
+        way: Its number in `Ways`, shape (n,).
+        costs: Its step error [m], steps and evaluations, shape (n, 3).
+    """
+
+    values: np.ndarray
+    way: np.ndarray
+    costs: np.ndarray
+
+
+def trace_lines(family: Family, ways: Ways, tracer: Tracer, parameters: np.ndarray) -> Traced:
+    """Trace the lines with these parameters, shape (n, 2)."""
+    position, direction = family.rays(parameters)
+    arrays = tracer(RayBundle(position, direction))
+    length = undisturbed_length(ways.field, position, direction, ways.until)
+    values = np.full((len(position), CHANNELS), np.nan)
+    way = ways.numbers(position, direction)
+    good = (arrays["status"] == RayStatus.OK) & np.isfinite(length) & (way >= 0)
+    values[good, 0] = arrays["opd"][good]
+    values[good, 1:4] = (arrays["direction"] - direction)[good]
+    values[good, 4:7] = (arrays["position"] - position)[good] - length[good, None] * direction[good]
+    values[good, 7] = arrays["arc_length"][good] - length[good]
+    costs = np.stack([arrays[name] for name in ("step_error", "step_count", "evaluation_count")], axis=1)
+    return Traced(values, way, costs)

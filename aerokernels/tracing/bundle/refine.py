@@ -1,0 +1,274 @@
+r"""Which lines of a family are traced so that patches between them hold the tolerance.
+
+From a coarse lattice on, each block of four by four cells is looked at. It is refused where its lines do not all arrive
+the same way. Where the field may hold what its lines pass by (tubes.py), where the patches of the block before missed
+the lines of this one by more than the order of convergence makes up for, or where they miss some more lines that are
+traced for that, it is divided in four. With S the greatest miss of a block's patches at and about the nodes of a
+quarter, S' that of the block before,
+
+    error of a quarter  ~  SAFETY S / min(S' / S, ORDER)
+
+A block is divided as long as that costs less than to trace its rays one by one.
+"""
+
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from .clearance import Clearance
+from .family import Family
+from .lattice import Lattice
+from .nodes import Tracer, Ways, trace_lines
+from .table import BundleTable, map_of
+from .tubes import RESOLVED, Tubes
+
+# Levels that are divided in any case: 33 x 33 lines on a square.
+LEAST_LEVEL = 2
+# Nodes of the finest lattice along an axis at most.
+MOST_NODES = 1025
+SAFETY = 1.5
+# The order of convergence that is believed, as the quotient of two misses: 16 for a smooth function.
+ORDER, LEAST_ORDER = 12.0, 2.0
+# That of the levels to come, by which it is predicted whether they pay: misses fall faster once all is resolved.
+ORDER_AHEAD = 8.0
+# The nodes of a block's quarters at which it is checked, of 9 x 9: the middles of some cells.
+CHECKED = np.array([(1, 3), (3, 7), (5, 1), (7, 5)])
+# Misses above so many times the limit need no check.
+HOPELESS = 3.0
+# Rays may be bent aside by so many times what the first lines are.
+MARGIN = 2.0
+# Lines that a quarter takes, its share of checks among them, and the share of its rays above which that does not pay.
+COST, WORTH = 18.0, 0.8
+
+
+@dataclass(frozen=True, eq=False)
+class Limits:
+    """What patches are held to.
+
+    Attributes:
+        error: OPD error [m].
+        scale: Error of each of the channels, shape (8,).
+    """
+
+    error: float
+    scale: np.ndarray
+
+
+@dataclass(eq=False)
+class _Level:
+    """Blocks of one level, in step: what they are expected to err by, and what is known of the level before."""
+
+    lattice: Lattice
+    blocks: np.ndarray  # (n, 2)
+    miss: np.ndarray  # over the limit, of the blocks that these are quarters of; NaN where there is none
+    order: np.ndarray  # by which that fell
+
+
+@dataclass(eq=False)
+class Refinement:
+    """The search for a table; see this page.
+
+    Attributes:
+        family: The lines.
+        ways: How they come and go.
+        tracer: Traces rays.
+        tubes: What the field holds between lines; None where that is not known.
+        clearance: Tells which blocks stay clear of the body; None without a body.
+        limits: What patches are held to.
+        channels: How many channels are wanted.
+    """
+
+    family: Family
+    ways: Ways
+    tracer: Tracer
+    tubes: Tubes | None
+    clearance: Clearance | None
+    limits: Limits
+    channels: int
+    traced: int = 0
+    error: float = 0.0
+    refused: dict[str, float] = field(default_factory=dict)
+
+    def run(self, counted: np.ndarray, share: float) -> BundleTable | None:
+        """The table; None where no block holds.
+
+        Args:
+            counted: Parameters of some rays, shape (n, 2).
+            share: How many rays each of them stands for.
+        """
+        level = self._first(counted)
+        accepted: list[tuple[Lattice, np.ndarray, np.ndarray]] = []
+        number = 0
+        while len(level.blocks):
+            finer = level.lattice.halved()
+            good, divided, miss = self._judge(level, finer, number, self._counts(level.lattice, counted, share))
+            if good.any():
+                blocks = level.blocks[good]
+                errors = miss[good] * self.limits.error
+                self.error = max(self.error, float(errors.max(initial=0.0)))
+                accepted.append((level.lattice, blocks, errors))
+            level = self._divided(level, finer, divided, counted)
+            number += 1
+        return self._table(accepted) if accepted else None
+
+    def _trace(self, lattice: Lattice, nodes: np.ndarray) -> None:
+        if len(nodes):
+            lattice.put(nodes, trace_lines(self.family, self.ways, self.tracer, lattice.parameters(nodes)))
+            self.traced += len(nodes)
+
+    def _first(self, counted: np.ndarray) -> _Level:
+        """The coarsest lattice, with all nodes of the least level traced at once."""
+        family = self.family
+        lattices = [Lattice.coarsest(family.low, family.high)]
+        for _ in range(LEAST_LEVEL):
+            lattices.append(lattices[-1].halved())
+        finest = lattices[-1]
+        nodes = finest.missing(_occupied(finest, counted))
+        self._trace(finest, nodes)
+        if not self.ways.are_all_alike:
+            self.ways = replace(self.ways, margin=MARGIN * self._bent(finest))
+            finest.way[tuple(nodes.T)] = self.ways.numbers(*family.rays(finest.parameters(nodes)))
+        for coarse, fine in zip(lattices[-2::-1], lattices[:0:-1], strict=True):
+            coarse.take_over(fine)
+        blocks = _occupied(lattices[0], counted)
+        return _Level(lattices[0], blocks, np.full(len(blocks), np.nan), np.full(len(blocks), np.nan))
+
+    def _counts(self, lattice: Lattice, counted: np.ndarray, share: float) -> np.ndarray:
+        """Rays in each block of a lattice, about, shape (bu, bv)."""
+        place = _block_of(lattice, counted)
+        flat = np.ravel_multi_index(tuple(place.T), lattice.blocks)
+        return np.asarray(share * np.bincount(flat, minlength=np.prod(lattice.blocks)).reshape(lattice.blocks))
+
+    def _judge(self, level: _Level, finer: Lattice, number: int, counts: np.ndarray):
+        """Which blocks hold, which are divided, and the error expected of each over the limit."""
+        lattice, blocks = level.lattice, level.blocks
+        count = len(blocks)
+        good, miss = np.zeros(count, bool), np.full(count, np.inf)
+        uniform = lattice.are_uniform(blocks)
+        why = np.where(uniform, "smooth", "edges and rays that do not arrive")
+        expected = np.where(np.isfinite(level.miss), SAFETY * level.miss / level.order, 0.0)
+        levels_to_go = np.ones(count)
+        if number >= LEAST_LEVEL:
+            rows = np.flatnonzero(uniform)
+            near = self._near_body(lattice, blocks[rows])
+            why[rows[near]] = "air near the body"
+            rows = rows[~near]
+            bound = self._bound(lattice, blocks[rows]) / self.limits.error
+            held = bound <= 1.0
+            why[rows[~held]] = "structure narrower than the spacing of traced rays"
+            levels_to_go[rows[~held]] = self._until_resolved(lattice, blocks[rows])[~held]
+            rows = rows[held]
+            close = expected[rows] <= HOPELESS
+            measured = np.full(len(rows), np.inf)
+            measured[close] = self._check(lattice, finer, blocks[rows[close]])
+            miss[rows] = np.maximum(expected[rows], SAFETY * measured)
+            good[rows] = miss[rows] <= 1.0
+            rough = rows[~good[rows]]
+            why[rough] = "rough results"
+            size = np.where(np.isfinite(miss[rough]), miss[rough], np.maximum(expected[rough], 1.0))
+            levels_to_go[rough] = np.maximum(np.ceil(np.log(np.maximum(size, 1.01)) / np.log(ORDER_AHEAD)), 1.0)
+            levels_to_go[~uniform] = 1.0
+        rays = counts[tuple(blocks.T)]
+        fits = 4 * 2 * max(lattice.blocks) + 1 <= MOST_NODES
+        pays = fits & (COST * 4.0 ** np.minimum(levels_to_go, 12.0) <= WORTH * rays)
+        divided = ~good & (pays | (number < LEAST_LEVEL))
+        left = ~good & ~divided
+        for name in np.unique(why[left]):
+            found = float(rays[left & (why == name)].sum())
+            self.refused[str(name)] = self.refused.get(str(name), 0.0) + found
+        return good, divided, miss
+
+    def _near_body(self, lattice: Lattice, blocks: np.ndarray) -> np.ndarray:
+        if self.clearance is None or not len(blocks):
+            return np.zeros(len(blocks), bool)
+        return ~self.clearance.of_blocks(*_middles(lattice, blocks), self._bent(lattice))
+
+    def _bound(self, lattice: Lattice, blocks: np.ndarray) -> np.ndarray:
+        if self.tubes is None or not len(blocks):
+            return np.zeros(len(blocks))
+        middle, half = _middles(lattice, blocks)
+        return self.tubes.missed(middle, half, lattice.step, np.full(len(blocks), self._bent(lattice)))
+
+    @staticmethod
+    def _bent(lattice: Lattice) -> float:
+        """How far aside the lines of a lattice are bent at most [m]."""
+        return float(np.nanmax(np.abs(lattice.values[..., 4:7]), initial=0.0))
+
+    def _until_resolved(self, lattice: Lattice, blocks: np.ndarray) -> np.ndarray:
+        assert self.tubes is not None
+        middle, _ = _middles(lattice, blocks)
+        spacing = np.maximum(self.tubes.greatest_spacing(middle, lattice.step), RESOLVED)
+        return np.maximum(np.ceil(np.log2(spacing / RESOLVED)), 1.0)
+
+    def _check(self, lattice: Lattice, finer: Lattice, blocks: np.ndarray) -> np.ndarray:
+        """By how much patches miss some more lines, over the limit."""
+        if not len(blocks):
+            return np.zeros(0)
+        nodes = (8 * blocks[:, None] + CHECKED).reshape(-1, 2)
+        nodes = nodes[~finer.is_traced[tuple(nodes.T)]]
+        self._trace(finer, nodes)
+        made = lattice.patches(blocks, self.channels)
+        return lattice.surplus(blocks, made, finer, self.limits.scale).max(axis=(1, 2))
+
+    def _divided(self, level: _Level, finer: Lattice, divided: np.ndarray, counted: np.ndarray) -> _Level:
+        """The quarters of divided blocks, traced, with what their parents missed."""
+        blocks = level.blocks[divided]
+        quarters = (2 * blocks[:, None] + np.array([(0, 0), (0, 1), (1, 0), (1, 1)])).reshape(-1, 2)
+        parents = np.repeat(np.arange(len(blocks)), 4)
+        there = np.zeros(finer.blocks, bool)
+        there[tuple(_occupied(finer, counted).T)] = True
+        kept = there[tuple(quarters.T)] if len(quarters) else np.zeros(0, bool)
+        quarters, parents = quarters[kept], parents[kept]
+        self._trace(finer, finer.missing(quarters))
+        uniform = level.lattice.are_uniform(blocks)
+        missed = np.full(len(quarters), np.nan)
+        if uniform.any():
+            made = level.lattice.patches(blocks[uniform], self.channels)
+            surplus = level.lattice.surplus(blocks[uniform], made, finer, self.limits.scale)
+            known = uniform[parents]
+            missed[known] = level.lattice.spread(blocks[uniform], surplus, finer, quarters[known])
+        before = level.miss[divided][parents]
+        with np.errstate(divide="ignore", invalid="ignore"):
+            order = np.where(missed > 0.0, np.clip(before / missed, 1.0, ORDER), ORDER)
+        order = np.where(np.isfinite(before) & np.isfinite(missed), order, LEAST_ORDER)
+        return _Level(finer, quarters, missed, order)
+
+    def _table(self, accepted: list[tuple[Lattice, np.ndarray, np.ndarray]]) -> BundleTable:
+        finest = accepted[-1][0].blocks
+        made = map_of(finest, [(finest[0] // lattice.blocks[0], blocks) for lattice, blocks, _ in accepted])
+        headers, values = [], []
+        for lattice, blocks, errors in accepted:
+            costs = lattice.block_costs(blocks)
+            costs[:, 0] += errors
+            first = lattice.parameters(4 * blocks)
+            rate = np.broadcast_to(1.0 / lattice.step, first.shape)
+            headers.append(np.concatenate([first, rate, lattice.block_ways(blocks)[:, None], costs], axis=1))
+            values.append(lattice.patches(blocks, self.channels))
+        return BundleTable(
+            self.family,
+            self.ways,
+            self.channels,
+            made,
+            np.concatenate(headers),
+            np.concatenate(values),
+            self.traced,
+            self.error,
+            self.refused,
+        )
+
+
+def _middles(lattice: Lattice, blocks: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Parameters of the middles of blocks (n, 2), and half their width."""
+    return lattice.low + (4.0 * blocks + 2.0) * lattice.step, 2.0 * lattice.step
+
+
+def _block_of(lattice: Lattice, parameters: np.ndarray) -> np.ndarray:
+    place = np.floor((parameters - lattice.low) / (4.0 * lattice.step)).astype(np.int64)
+    return np.asarray(np.clip(place, 0, np.array(lattice.blocks) - 1))
+
+
+def _occupied(lattice: Lattice, counted: np.ndarray) -> np.ndarray:
+    """Blocks (n, 2) in which there are rays."""
+    held = np.zeros(lattice.blocks, bool)
+    held[tuple(_block_of(lattice, counted).T)] = True
+    return np.argwhere(held)

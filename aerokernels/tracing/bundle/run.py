@@ -1,0 +1,185 @@
+"""A bundle as a map of two parameters: whether it pays, the lines that are traced, delivery, and the rays left over."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import partial
+from typing import Any
+
+import numpy as np
+
+from ...medium import IndexField
+from ...rays import RayBundle
+from ..engines import engine_of
+from ..held import held_error
+from ..known_air import face_strengths
+from ..launch import in_chunks
+from ..leapfrog import LEAST_RAYS, pilot_of, spread_of
+from ..levers import levers_of
+from ..lines import box_size
+from ..plan import BundleCounts, TracePlan
+from ..planning import make_plan, plan_rays
+from ..status import NOT_DELIVERED
+from .clearance import Clearance
+from .family import Family, counted_parameters, find_family
+from .nodes import CHANNELS, TRACED, Ways, channels_of
+from .refine import Limits, Refinement
+from .table import BundleTable
+from .tubes import Tubes
+
+# Fewer rays are traced one by one at once.
+LEAST_BUNDLE = 10_000
+# Shares of the tolerance: of the lines that are traced, and of the patches between them.
+TRACED_SHARE, PATCH_SHARE = 0.25, 0.6
+# The share of the rays below which patches are not worth delivering.
+LEAST_SHARE = 0.5
+# The share of the tolerance that the air at a face of the box may be worth, over a way as long as the box.
+UNDISTURBED = 0.02
+# Tables kept for a field.
+KEPT = 4
+# (field, rays, plan, until, wavelength, outputs) -> per-ray arrays by name
+Run = Callable[[IndexField, RayBundle, TracePlan, Any, float, frozenset], dict[str, np.ndarray]]
+
+
+@dataclass(frozen=True, eq=False)
+class Asked:
+    """What is asked of a bundle.
+
+    Attributes:
+        field: The refractive index.
+        rays: The rays.
+        until: Their stop.
+        wavelength: Vacuum wavelength [m].
+        outputs: Names of the per-ray arrays wanted.
+        choices: The other arguments of `planning.make_plan`.
+        run: Traces rays one by one.
+    """
+
+    field: IndexField
+    rays: RayBundle
+    until: Any
+    wavelength: float
+    outputs: frozenset
+    choices: dict[str, Any]
+    run: Run
+
+    @property
+    def held(self) -> float:
+        """The OPD error that rays are held to [m]."""
+        return held_error(self.field, self.choices["tolerance"] * self.wavelength)
+
+
+def trace_bundle(asked: Asked) -> tuple[TracePlan, dict[str, np.ndarray]] | str:
+    """The plan and the per-ray arrays of a bundle; or a sentence why its rays are all traced one by one."""
+    field, rays = asked.field, asked.rays
+    if rays.ray_count < LEAST_BUNDLE:
+        return f"fewer than {LEAST_BUNDLE} rays are traced one by one"
+    family = find_family(field, rays, asked.until)
+    if isinstance(family, str):
+        return f"rays are traced one by one: {family}"
+    if not field.is_uniform:
+        return "rays are traced one by one: the field lies on a mesh"
+    table = find_table(asked, family)
+    if table is None:
+        return "rays are traced one by one: nothing between traced rays is smooth enough"
+    plan = _line_plan(asked, 1.0)
+    ready = engine_of(plan.backend, plan.device).prepare_bundle(table, asked.outputs)
+    arrays = in_chunks(ready, (rays.position, rays.direction), asked.outputs)
+    left = np.flatnonzero(arrays["status"] == NOT_DELIVERED)
+    if len(left) > (1.0 - LEAST_SHARE) * rays.ray_count:
+        return f"rays are traced one by one: patches between traced rays would hold for {rays.ray_count - len(left)}"
+    if len(left):
+        _trace_left(asked, left, arrays)
+    counts = BundleCounts(table.traced, rays.ray_count - len(left), len(left), table.error, dict(table.refused))
+    share = (table.traced + len(left)) / rays.ray_count
+    predicted = None if plan.predicted_evaluations is None else plan.predicted_evaluations * share
+    reasons = (counts.sentence(family.converges, asked.wavelength), *plan.reasons)
+    return replace(plan, bundle=counts, reasons=reasons, predicted_evaluations=predicted), arrays
+
+
+def find_table(asked: Asked, family: Family) -> BundleTable | None:
+    """The patches of a family, kept with the field; None where there is no use in them."""
+    until = asked.until
+    stop = None if until is None else tuple(np.concatenate([np.ravel(v) for v in vars(until).values()]).tolist())
+    channels = channels_of(asked.outputs)
+    choices = tuple(asked.choices[name] for name in ("backend", "device", "precision", "tolerance", "max_steps"))
+    key = ("bundle", family.key, type(until).__name__, stop, asked.wavelength, channels, choices)
+    found: BundleTable | None = asked.field.derive(key, lambda: _find_table(asked, family, channels), KEPT)
+    return found
+
+
+def _find_table(asked: Asked, family: Family, channels: int) -> BundleTable | None:
+    field, held = asked.field, asked.held
+    counted, share = counted_parameters(family, asked.rays)
+    refinement = Refinement(
+        family=family,
+        ways=Ways(field, asked.until, face_strengths(field) * box_size(field) > UNDISTURBED * held),
+        tracer=_Tracer(asked),
+        tubes=Tubes.of(field, family, asked.until, channels > 1),
+        clearance=None if field.body is None else Clearance(field, family, asked.until),
+        limits=_limits(asked, held),
+        channels=channels,
+    )
+    return refinement.run(counted, share)
+
+
+def _limits(asked: Asked, held: float) -> Limits:
+    """Directions are held to what a path within the tolerance leaves open of its slope: so much over a cell."""
+    error = PATCH_SHARE * held
+    levers = levers_of(asked.field, pilot_of(asked.rays), asked.until)
+    turn = held / float(np.min(asked.field.spacing))
+    scale = np.full(CHANNELS, error)
+    scale[1:4] = turn
+    scale[4:7] = max(turn * (levers.reach if levers is not None else 0.0), error)
+    return Limits(error, scale)
+
+
+class _Tracer:
+    """Traces lines one by one within a share of the tolerance: many of them by leapfrog where that holds."""
+
+    def __init__(self, asked: Asked):
+        self.asked = asked
+        self.few = _line_plan(asked, TRACED_SHARE)
+        self.many: TracePlan | None = None
+
+    def __call__(self, rays: RayBundle) -> dict[str, np.ndarray]:
+        asked, plan = self.asked, self.few
+        if rays.ray_count >= LEAST_RAYS:
+            self.many = self.many or _plan_many(asked, rays, TRACED_SHARE)
+            plan = self.many
+        return asked.run(asked.field, rays, plan, asked.until, asked.wavelength, TRACED)
+
+
+def _line_plan(asked: Asked, share: float) -> TracePlan:
+    """The plan of rays under error control, of a share of the tolerance."""
+    choices = {**asked.choices, "tolerance": share * asked.choices["tolerance"]}
+    directions = pilot_of(asked.rays).direction
+    return make_plan(
+        asked.field, method="auto", step=None, wavelength=asked.wavelength, directions=directions, **choices
+    )
+
+
+def _plan_many(asked: Asked, rays: RayBundle, share: float) -> TracePlan:
+    choices = {**asked.choices, "tolerance": share * asked.choices["tolerance"]}
+    return plan_rays(
+        asked.field,
+        partial(pilot_of, rays),
+        rays.ray_count,
+        asked.until,
+        method="auto",
+        step=None,
+        wavelength=asked.wavelength,
+        directions=rays.direction,
+        spread=partial(spread_of, rays),
+        **choices,
+    )
+
+
+def _trace_left(asked: Asked, rows: np.ndarray, arrays: dict[str, np.ndarray]) -> None:
+    """Trace the rays of these rows one by one, and put them in their places."""
+    rays = RayBundle(asked.rays.position[rows], asked.rays.direction[rows])
+    plan = _plan_many(asked, rays, 1.0)
+    outputs = asked.outputs | {"step_error"}
+    found = asked.run(asked.field, rays, plan, asked.until, asked.wavelength, outputs)
+    for name, array in found.items():
+        if name in arrays:
+            arrays[name][rows] = array

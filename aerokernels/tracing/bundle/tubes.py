@@ -1,0 +1,136 @@
+r"""What lies between the traced lines of a block, bounded from the field: no line passes it unseen.
+
+A line integral of the contrast m, interpolated from lines s apart, errs by no more than
+
+    E <= K / 384 int s^4 (|d4 m / du^4| + |d4 m / dv^4|) dl + int (kinks) / 8 dl
+
+where the derivatives are the greatest in the tube about the block's lines. Where s is below RESOLVED cells a field of
+samples holds nothing that the lines do not meet, and what they say of each other is believed instead (refine.py).
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ...medium import IndexField
+from ..lines import box_span
+from ..ways import local_coordinates
+from .family import Family
+from .nodes import undisturbed_length
+from .roughness import Roughness, roughness_of
+
+# The distance of lines in cells below which they meet all that a grid holds.
+RESOLVED = 0.75
+# The error of a patch over s^4 f'''' of both axes, with the terms of both at once and those of slopes.
+CONSTANT = 2.0 / 384.0
+# The error of directions counts as that of the path over a cell: a structure's derivative is so much rougher.
+OF_DIRECTION = 2.0
+# Derivatives about the axis of a field of revolution, over those along its radius.
+ABOUT_AXIS = 2.0
+# Of a kink times the spacing, what an interpolant leaves.
+OF_KINK = 1.0 / 8.0
+
+
+@dataclass(frozen=True, eq=False)
+class Tubes:
+    """The tubes about blocks of a family's lines.
+
+    Attributes:
+        field: The refractive index.
+        family: The lines.
+        until: Their stop.
+        roughness: The field's.
+        counts_direction: Whether directions are wanted.
+    """
+
+    field: IndexField
+    family: Family
+    until: object
+    roughness: Roughness
+    counts_direction: bool
+
+    @classmethod
+    def of(cls, field: IndexField, family: Family, until, counts_direction: bool) -> "Tubes | None":
+        """Those of a field; None where it is not known how rough it is."""
+        roughness = roughness_of(field)
+        return None if roughness is None else cls(field, family, until, roughness, counts_direction)
+
+    def missed(self, middle: np.ndarray, half: np.ndarray, step: np.ndarray, bent: np.ndarray) -> np.ndarray:
+        """What patches of blocks may miss [m of OPD, or what directions are worth], shape (n,).
+
+        Args:
+            middle: Parameters of the blocks' middles, shape (n, 2).
+            half: Half their width in parameters, shape (2,).
+            step: Parameters from line to line, shape (2,).
+            bent: How far lines may be bent aside [m], shape (n,).
+        """
+        position, direction = self.family.rays(middle)
+        corners = [self.family.rays(middle + half * sign) for sign in np.array([(-1, -1), (-1, 1), (1, -1), (1, 1)])]
+        begin, end = self._span(position, direction)
+        for place, along in corners:
+            first, last = self._span(place, along)
+            begin, end = np.minimum(begin, first), np.maximum(end, last)
+        length = np.where(end > begin, end - begin, 0.0)
+        stride = float(self.roughness.size.min())
+        found = np.zeros(len(middle))
+        steps = int(np.ceil(length.max(initial=0.0) / stride))
+        for number in range(steps):
+            rows = np.flatnonzero(begin + number * stride < end)
+            at = begin[rows] + (number + 0.5) * stride
+            found[rows] += stride * self._rate(position[rows], direction[rows], at, half, step, bent[rows])
+        return found * (OF_DIRECTION if self.counts_direction else 1.0)
+
+    def greatest_spacing(self, middle: np.ndarray, step: np.ndarray) -> np.ndarray:
+        """How many cells apart the lines about middles (n, 2) are in the field at most, shape (n,)."""
+        position, direction = self.family.rays(middle)
+        begin, end = self._span(position, direction)
+        found = np.zeros(len(middle))
+        for at in (np.where(end > begin, begin, 0.0), np.where(end > begin, end, 0.0)):
+            apart = self._scale(position + at[:, None] * direction, direction)[:, None] * step
+            for axis, across in enumerate(self._across()):
+                found = np.maximum(found, apart[:, axis] * (across / self.roughness.cell).max())
+        return found
+
+    def _scale(self, place: np.ndarray, direction: np.ndarray) -> np.ndarray:
+        """Metres per parameter at places (n, 3) on lines."""
+        if not self.family.converges:
+            return np.ones(len(place))
+        axis = self.family.axes[2]
+        return np.asarray(np.abs((place - self.family.origin) @ axis) / (direction @ axis))
+
+    def _across(self) -> np.ndarray:
+        """Sizes of the components along the local axes of unit vectors along both parameters, shape (2, d)."""
+        return _local_sizes(np.abs(self.family.axes[:2]), self.field.geometry)
+
+    def _span(self, position: np.ndarray, direction: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        span = box_span(self.field, position, direction)
+        stop = undisturbed_length(self.field, position, direction, self.until)
+        end = np.minimum(span.leave, np.where(stop > 0.0, stop, np.inf))
+        meets = span.meets & np.isfinite(end)
+        return np.where(meets, span.enter, np.inf), np.where(meets, end, -np.inf)
+
+    def _rate(self, position, direction, at, half, step, bent) -> np.ndarray:
+        """The bound per metre of the lines at distances `at`."""
+        geometry = self.field.geometry
+        dimension = len(self.roughness.low)
+        place = position + at[:, None] * direction
+        scale = self._scale(place, direction)
+        apart = scale[:, None] * step
+        reach = (scale[:, None] * half) @ np.abs(self.family.axes[:2]) + bent[:, None]
+        reach, across = _local_sizes(reach, geometry), self._across()
+        rough = self.roughness.at(local_coordinates(place, geometry), reach)
+        fourth, kink = rough[:, :dimension], rough[:, dimension:].sum(axis=1)
+        factor = ABOUT_AXIS if geometry == "axisymmetric" else 1.0
+        found = np.zeros(len(at))
+        for axis in range(2):
+            resolved = apart[:, axis] * (across[axis] / self.roughness.cell).max() <= RESOLVED
+            rate = CONSTANT * factor * (apart[:, axis] * (fourth @ across[axis])) ** 4 + OF_KINK * kink
+            found += np.where(resolved, 0.0, rate)
+        return found
+
+
+def _local_sizes(size: np.ndarray, geometry: str) -> np.ndarray:
+    """Sizes along the field's own axes of vectors whose components are of these sizes, shape (n, 3)."""
+    if geometry == "axisymmetric":
+        return np.stack([np.hypot(size[:, 0], size[:, 1]), size[:, 2]], axis=1)
+    return size[:, 1:] if geometry == "planar" else size

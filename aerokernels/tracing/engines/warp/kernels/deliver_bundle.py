@@ -1,0 +1,117 @@
+"""The Warp kernel of a two-parameter family of rays, interpolated between traced ones: bundle/delivery.py in NumPy."""
+
+import functools
+
+import warp as wp
+
+from ....bundle.nodes import FAR
+from ....status import NOT_DELIVERED, RayStatus
+from ..types import takes, types
+from .bundle_family import family_parameters, undisturbed_length
+from .outputs import build_write_outputs
+
+
+@wp.func
+def hermite_weights(u: wp.float64) -> wp.vec4d:
+    """Weights of value and slope at 0 and at 1."""
+    one = wp.float64(1.0)
+    two = wp.float64(2.0)
+    v = one - u
+    return wp.vec4d((one + two * u) * v * v, u * v * v, u * u * (wp.float64(3.0) - two * u), -u * u * v)
+
+
+@functools.cache
+def build_bundle_kernel(channel_count: int):
+    """Build the kernel for patches of so many channels: 1, 4 or 8 (bundle/nodes.py)."""
+    vector = wp.types.vector(channel_count, wp.float64)
+    Arrival = types("float64").Arrival
+    write_outputs = build_write_outputs("float64")
+    ok = int(RayStatus.OK)
+
+    @wp.func
+    def node_share(
+        patches: wp.array(dtype=wp.float64),
+        at: int,
+        u: wp.float64,
+        du: wp.float64,
+        v: wp.float64,
+        dv: wp.float64,
+    ) -> vector:
+        found = vector()
+        first = at * channel_count
+        for k in range(channel_count):
+            found[k] = (
+                u * v * patches[first + k]
+                + du * v * patches[first + channel_count + k]
+                + u * dv * patches[first + 2 * channel_count + k]
+                + du * dv * patches[first + 3 * channel_count + k]
+            )
+        return found
+
+    @wp.kernel(module="unique", enable_backward=False)
+    @takes("deliver_bundle", "float64")
+    def deliver_bundle(
+        block_map,
+        header,
+        patches,
+        frame,
+        map_u,
+        map_v,
+        converges,
+        stop,
+        shape,
+        checks_way,
+        faces_that_matter,
+        wanted,
+        first_ray,
+        position_in,
+        direction_in,
+        outputs,
+    ):
+        ray = wp.tid() + first_ray
+        p = position_in[ray]
+        d = direction_in[ray]
+        zero = wp.float64(0.0)
+        parameters = family_parameters(frame, converges, p, d)
+        place_u = (parameters[0] - frame[0]) * frame[2]
+        place_v = (parameters[1] - frame[1]) * frame[3]
+        good = parameters[2] > zero and place_u >= zero and place_v >= zero
+        good = good and place_u < wp.float64(map_u) and place_v < wp.float64(map_v)
+        block = int(-1)
+        if good:
+            block = block_map[int(place_u) * map_v + int(place_v)]
+        length = zero
+        if block >= 0:
+            line = undisturbed_length(frame, stop, shape, checks_way, faces_that_matter, p, d)
+            length = line[0]
+            good = length > zero and length < wp.float64(wp.static(FAR))
+            good = good and (checks_way == 0 or line[1] == header[8 * block + 4])
+        if block < 0 or not good:
+            outputs.status[ray] = wp.static(NOT_DELIVERED)
+            return
+        head = 8 * block
+        u = (parameters[0] - header[head]) * header[head + 2]
+        v = (parameters[1] - header[head + 1]) * header[head + 3]
+        i = wp.clamp(int(u), 0, 3)
+        j = wp.clamp(int(v), 0, 3)
+        wu = hermite_weights(u - wp.float64(i))
+        wv = hermite_weights(v - wp.float64(j))
+        at = 4 * ((block * 5 + i) * 5 + j)
+        found = node_share(patches, at, wu[0], wu[1], wv[0], wv[1])
+        found += node_share(patches, at + 4, wu[0], wu[1], wv[2], wv[3])
+        found += node_share(patches, at + 20, wu[2], wu[3], wv[0], wv[1])
+        found += node_share(patches, at + 24, wu[2], wu[3], wv[2], wv[3])
+
+        arrival = Arrival()
+        arrival.opd = found[0]
+        if wp.static(channel_count > 1):
+            turned = d + wp.vec3d(found[1], found[2], found[3])
+            arrival.direction = turned / wp.sqrt(wp.dot(turned, turned))
+        if wp.static(channel_count > 4):
+            arrival.position = p + length * d + wp.vec3d(found[4], found[5], found[6])
+            arrival.arc_length = length + found[7]
+        arrival.optical_path = frame[39] * length + arrival.opd
+        arrival.status = int(ok)
+        write_outputs(outputs, wanted, ray, arrival, header[head + 5], int(header[head + 6]), int(header[head + 7]))
+
+    return deliver_bundle

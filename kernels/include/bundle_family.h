@@ -1,0 +1,175 @@
+// Whether a ray belongs to a family of two parameters, its parameters, and its undisturbed line: where it comes into the
+// field's box, where it leaves it, and how far it is to the stop. See aerokernels/tracing/bundle/family.py, nodes.py.
+#ifndef BUNDLE_FAMILY_H
+#define BUNDLE_FAMILY_H
+
+#include "options.h"
+#include "real.h"
+
+#define NOT_DELIVERED -1
+#define FAR 1e300
+#define EQUAL_DIRECTIONS 4e-15
+#define FACES 7
+
+// Numbers of `frame`, in the order of bundle/frame.py.
+#define FRAME_LOW_U frame[0]
+#define FRAME_LOW_V frame[1]
+#define FRAME_RATE_U frame[2]
+#define FRAME_RATE_V frame[3]
+#define FRAME_ORIGIN vload3(0, frame + 4)
+#define FRAME_AXIS_U vload3(0, frame + 7)
+#define FRAME_AXIS_V vload3(0, frame + 10)
+#define FRAME_AXIS vload3(0, frame + 13)
+#define FRAME_START_POINT vload3(0, frame + 16)
+#define FRAME_START_NORMAL vload3(0, frame + 19)
+#define FRAME_HAS_START_PLANE frame[22]
+#define FRAME_AHEAD frame[23]
+#define FRAME_CLOSE frame[24]
+#define FRAME_LEAST_COSINE frame[25]
+#define FRAME_STOP_POINT vload3(0, frame + 26)
+#define FRAME_STOP_NORMAL vload3(0, frame + 29)
+#define FRAME_STOP_LENGTH frame[32]
+#define FRAME_BOX_LOW(axis) frame[33 + (axis)]
+#define FRAME_BOX_HIGH(axis) frame[36 + (axis)]
+#define FRAME_AMBIENT frame[39]
+#define FRAME_MARGIN frame[40]
+
+// Whether a ray belongs to the family, and its parameters.
+static inline int family_parameters(
+    __global const double *frame, int converges, double3 p, double3 d, double2 *parameters)
+{
+    const double3 axis = FRAME_AXIS, from = p - FRAME_ORIGIN;
+    const double close = FRAME_CLOSE;
+    int good;
+    if (converges) {
+        const double along = dot(d, axis);
+        const double3 beside = from - dot(from, d) * d;
+        good = dot(beside, beside) <= close * close && along >= FRAME_LEAST_COSINE;
+        *parameters = (double2)(dot(d, FRAME_AXIS_U), dot(d, FRAME_AXIS_V)) / along;
+    } else {
+        const double3 turned = fabs(d - axis);
+        good = turned.x <= EQUAL_DIRECTIONS && turned.y <= EQUAL_DIRECTIONS && turned.z <= EQUAL_DIRECTIONS;
+        *parameters = (double2)(dot(from, FRAME_AXIS_U), dot(from, FRAME_AXIS_V));
+    }
+    int starts;
+    if (FRAME_HAS_START_PLANE > 0.0) {
+        starts = fabs(dot(p - FRAME_START_POINT, FRAME_START_NORMAL)) <= close;
+    } else {
+        starts = fabs(from.x) <= close && fabs(from.y) <= close && fabs(from.z) <= close;
+    }
+    return good && (starts || dot(p, axis) <= FRAME_AHEAD);
+}
+
+// Where a line is within the box [m along it], and the faces by which it comes and goes.
+typedef struct {
+    double enter;
+    double leave;
+    int entry_face;
+    int exit_face;
+} BoxWay;
+
+static inline BoxWay narrowed(BoxWay way, double first, double last, int first_face, int last_face)
+{
+    way.entry_face = first > way.enter ? first_face : way.entry_face;
+    way.enter = first > way.enter ? first : way.enter;
+    way.exit_face = last < way.leave ? last_face : way.exit_face;
+    way.leave = last < way.leave ? last : way.leave;
+    return way;
+}
+
+static inline BoxWay box_way(__global const double *frame, int shape, double3 p, double3 d)
+{
+    BoxWay way;
+    way.enter = -FAR;
+    way.leave = FAR;
+    way.entry_face = way.exit_face = -1;
+    for (int axis = shape == VOLUME ? 0 : shape == PLANAR ? 1 : 2; axis < 3; axis++) {
+        const double place = pick64(p, axis), rate = pick64(d, axis);
+        const double low = FRAME_BOX_LOW(axis), high = FRAME_BOX_HIGH(axis);
+        if (rate == 0.0) {
+            if (place < low || place > high) {
+                way.leave = -FAR;
+            }
+            continue;
+        }
+        const double to_low = (low - place) / rate, to_high = (high - place) / rate;
+        const int up = rate > 0.0;
+        way = narrowed(way, up ? to_low : to_high, up ? to_high : to_low, 2 * axis + !up, 2 * axis + up);
+    }
+    if (shape == AXISYMMETRIC) {
+        const double square = d.x * d.x + d.y * d.y, radius = FRAME_BOX_HIGH(0);
+        if (square > 0.0) {
+            const double middle = -(p.x * d.x + p.y * d.y) / square;
+            const double x = p.x + middle * d.x, y = p.y + middle * d.y;
+            const double rest = radius * radius - (x * x + y * y);
+            const double chord = sqrt(greater64(rest, 0.0) / square);
+            way = narrowed(way, middle - chord, middle + chord, 6, 6);
+            way.leave = rest < 0.0 ? -FAR : way.leave;
+        } else if (p.x * p.x + p.y * p.y > radius * radius) {
+            way.leave = -FAR;
+        }
+    }
+    return way;
+}
+
+// How far from the other faces a line leaves the box [m].
+static inline double depth_at_exit(__global const double *frame, int shape, double3 p, double3 d, BoxWay way)
+{
+    const double3 place = p + way.leave * d;
+    double depth = FAR;
+    for (int axis = shape == VOLUME ? 0 : shape == PLANAR ? 1 : 2; axis < 3; axis++) {
+        if (way.exit_face >> 1 != axis || way.exit_face == 6) {
+            const double at = pick64(place, axis);
+            depth = lesser64(depth, lesser64(at - FRAME_BOX_LOW(axis), FRAME_BOX_HIGH(axis) - at));
+        }
+    }
+    if (shape == AXISYMMETRIC && way.exit_face != 6) {
+        depth = lesser64(depth, FRAME_BOX_HIGH(0) - sqrt(place.x * place.x + place.y * place.y));
+    }
+    return depth;
+}
+
+// How far it is to the stop along the undisturbed line [m], not positive without one; and the number of its way.
+static inline double undisturbed_length(
+    __global const double *frame,
+    int stop,
+    int shape,
+    int checks_way,
+    int faces_that_matter,
+    double3 p,
+    double3 d,
+    int *number)
+{
+    double length = FRAME_STOP_LENGTH;
+    if (stop == PLANE) {
+        const double3 normal = FRAME_STOP_NORMAL;
+        length = dot(FRAME_STOP_POINT - p, normal) / dot(d, normal);
+    }
+    if (stop != NONE && !checks_way) {
+        return length;
+    }
+    const BoxWay way = box_way(frame, shape, p, d);
+    const double close = FRAME_CLOSE;
+    const double enter = greater64(way.enter, 0.0);
+    if (way.leave < enter) {
+        *number = stop == NONE ? -1 : (FACES + 2) * (FACES + 3);
+        return stop == NONE ? -1.0 : length;
+    }
+    const int enters = enter <= close ? FACES
+        : (faces_that_matter >> way.entry_face) & 1 ? way.entry_face : FACES + 1;
+    int leaves = way.exit_face;
+    if (stop == NONE) {
+        length = way.leave;
+    } else if (length < way.leave - close) {
+        leaves = FACES + 1;
+    } else if (!((faces_that_matter >> way.exit_face) & 1)) {
+        leaves = FACES;
+    }
+    *number = (FACES + 2) * leaves + enters;
+    if ((stop == NONE || leaves <= FACES) && depth_at_exit(frame, shape, p, d, way) < FRAME_MARGIN) {
+        *number = -1;
+    }
+    return length;
+}
+
+#endif
