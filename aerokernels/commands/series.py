@@ -16,7 +16,7 @@ def series(
     precision: Precision = None,
     settings: Settings = None,
 ) -> None:
-    """Compute the optical path differences of the snapshots of a scene's table series, and their statistics, with a report.
+    """Compute the OPD of the snapshots of a scene (its table "series"), and their statistics, with a report.
 
     A job that was broken off goes on with the snapshot at which it stopped.
     """
