@@ -1,5 +1,7 @@
 """What `flow.read` takes for what: density, references, units, frames; what it refuses, with file, place and remedy."""
 
+import pickle
+
 import fuzzing
 import numpy as np
 import pytest
@@ -136,6 +138,13 @@ def test_reversed_cells_and_double_points_are_refused(tmp_path):
     mesh.write_text("\n".join(double) + "\n")
     with pytest.raises(flow.ReadError, match=r"not where the mesh has them|coincident|same place"):
         flow.read(restart)
+
+
+def test_the_error_travels_between_processes(tmp_path):
+    with pytest.raises(flow.ReadError) as caught:
+        flow.read(tmp_path / "nothing.vtu")
+    again = pickle.loads(pickle.dumps(caught.value))
+    assert type(again) is flow.ReadError and str(again) == str(caught.value)
 
 
 def test_double_points_of_an_unstructured_grid_are_refused(tmp_path):
