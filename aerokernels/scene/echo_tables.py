@@ -226,7 +226,6 @@ class ReceiverTable(Table):
         "the dome's centre, behind its surface: rays leave the dome along their way, where the flow begins.",
     )
 
-
     @model_validator(mode="after")
     def _shape_fits_the_rest(self) -> "ReceiverTable":
         if (self.shape == "annulus") != (self.inner_diameter is not None):

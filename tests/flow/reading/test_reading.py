@@ -5,6 +5,7 @@ import pickle
 import fuzzing
 import numpy as np
 import pytest
+import vtk_writers
 import writers
 
 import aerokernels
@@ -149,10 +150,10 @@ def test_the_error_travels_between_processes(tmp_path):
 
 def test_double_points_of_an_unstructured_grid_are_refused(tmp_path):
     pytest.importorskip("vtkmodules")
-    data = writers.vtk_unstructured(writers.vtk_grid(cells=True))
+    data = vtk_writers.vtk_unstructured(vtk_writers.vtk_grid(cells=True))
     data.GetPoints().SetPoint(100, data.GetPoints().GetPoint(101))
     with pytest.raises(flow.ReadError, match=r"a\.vtu: its mesh cannot be used: .*(coincident|same place)"):
-        flow.read(writers.write_vtk(tmp_path / "a.vtu", data))
+        flow.read(vtk_writers.write_vtk(tmp_path / "a.vtu", data))
 
 
 def test_a_grid_around_a_body_closes_on_itself(tmp_path):
@@ -216,7 +217,7 @@ def test_density_from_memory():
     assert field.ambient_density == 1.1
     assert field.density_at([[5.0, 0.01, 0.05]]) == pytest.approx(1.31, rel=1e-12)
     pytest.importorskip("vtkmodules")
-    field = aerokernels.DensityField.from_pyvista(writers.vtk_grid(cells=True), density="rho")
+    field = aerokernels.DensityField.from_pyvista(vtk_writers.vtk_grid(cells=True), density="rho")
     assert isinstance(field, flow.CellDensity)
     with pytest.raises(TypeError, match="pyvista"):
         aerokernels.DensityField.from_pyvista(values)
