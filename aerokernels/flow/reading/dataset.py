@@ -17,6 +17,17 @@ class ReadError(ValueError):
         """Put file, fault and remedy together."""
         super().__init__(" ".join(f"{path}: {fault}: {remedy}".split()))
 
+    def __reduce__(self):
+        """Pickled as its message: it travels between processes."""
+        return ReadError.said, (str(self),)
+
+    @staticmethod
+    def said(message: str) -> "ReadError":
+        """The error of a whole message."""
+        error = ReadError.__new__(ReadError)
+        ValueError.__init__(error, message)
+        return error
+
 
 GREATEST_COORDINATE = 1e12  # of any unit: what is greater was never a length
 

@@ -137,7 +137,8 @@ def block_density(path, block: Block, choice: DensityChoice, reference: Referenc
     """
     if choice.density is not None:
         values, where = _array(path, block, choice.density)
-        values = values * reference.density
+        with np.errstate(all="ignore"):  # what comes out as no number is refused below
+            values = values * reference.density
     else:
         assert choice.pressure is not None and choice.temperature is not None
         pressure, where = _array(path, block, choice.pressure)

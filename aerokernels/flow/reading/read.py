@@ -92,10 +92,20 @@ def read(
         TypeError: An argument of the wrong kind.
         ValueError: A file that cannot be used (`ReadError`: file, place and remedy), or arguments that do not fit it.
     """
-    return field_of(prepare(
-        path, density=density, frame=frame, length_unit=length_unit, reference=reference, time=time,
-        gas_constant=gas_constant, geometry=geometry, ambient_density=ambient_density, options=options,
-    ), spacing, region, walls)  # fmt: skip
+    try:
+        reading = prepare(
+            path, density=density, frame=frame, length_unit=length_unit, reference=reference, time=time,
+            gas_constant=gas_constant, geometry=geometry, ambient_density=ambient_density, options=options,
+        )  # fmt: skip
+        return field_of(reading, spacing, region, walls)
+    except (ArithmeticError, LookupError) as fault:
+        # Counts and indices that do not fit are refused where they are read; what passes that is damaged all the same.
+        what = f"no field can be made of it ({type(fault).__name__}: {fault})"
+        raise ReadError(path, what, "the file is damaged: write it again") from fault
+    except MemoryError:
+        raise ReadError(
+            path, "it takes more memory than there is", "give a greater spacing or a smaller region"
+        ) from None
 
 
 def prepare(

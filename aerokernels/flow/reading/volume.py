@@ -138,6 +138,8 @@ def _resampled(reading, moved: list[np.ndarray], spacing, region, said: list[str
         first += block.cell_count
     linear = Linear.joined(parts)
     density, held = _node_density(grid, linear)
+    if not held.any():
+        raise ReadError(path, "no node of the grid lies in a cell of it", "repair the mesh, or give a smaller spacing")
     averages = all(where == "cell" for _, where in reading.densities)
     averaged = _average_small_cells(grid, linear, facts, blocks, density, held) if averages else 0.0
     ambient = reading.ambient or reading.dataset.ambient or _front_density(grid, density, held)

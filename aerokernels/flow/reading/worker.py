@@ -31,6 +31,7 @@ class _Child:
 
     def __init__(self):
         environment = {**os.environ, "PYTHONPATH": os.pathsep.join(path for path in sys.path if path)}
+        self.owner = os.getpid()
         self.process = subprocess.Popen(
             [sys.executable, "-m", f"{__package__}.worker"],
             stdin=subprocess.PIPE,
@@ -79,6 +80,8 @@ def in_child(module: str, path: Path, time, options: dict[str, Any]) -> Dataset:
         ReadError: What the reader raises, what its library prints as an error, and the child's end.
     """
     with _lock:
+        if _idle and _idle[-1].owner != os.getpid():
+            _idle.clear()  # this process was forked: the children, and the pipes to them, are its parent's
         child = _idle.pop() if _idle else _Child()
         if child.process.poll() is not None:
             child.end()
@@ -95,9 +98,7 @@ def in_child(module: str, path: Path, time, options: dict[str, Any]) -> Dataset:
     with _lock:
         _idle.append(child)
     if kind == "error":
-        error = ReadError.__new__(ReadError)
-        ValueError.__init__(error, answer)
-        raise error
+        raise ReadError.said(answer)
     assert isinstance(answer, Dataset)
     return answer
 
@@ -105,7 +106,9 @@ def in_child(module: str, path: Path, time, options: dict[str, Any]) -> Dataset:
 @atexit.register
 def _end_idle() -> None:
     while _idle:
-        _idle.pop().end()
+        child = _idle.pop()
+        if child.owner == os.getpid():
+            child.end()
 
 
 def time_limit(path: Path) -> float:

@@ -4,6 +4,7 @@ import shutil
 from pathlib import Path
 
 import numpy as np
+import vtk_writers
 import writers
 from numpy.random import Generator
 
@@ -35,7 +36,7 @@ def plain(folder: Path, kind: str) -> Path:
             return folder / "a.csv"
         if kind in ("hdf5", "netcdf", "netcdf-classic"):
             return _labelled(folder, kind, x, y, density)
-        return writers.vtk_file(folder / f"a.{kind.split('-')[0]}", kind)
+        return vtk_writers.vtk_file(folder / f"a.{kind.split('-')[0]}", kind)
     finally:
         writers.NI, writers.NJ = 31, 21
 

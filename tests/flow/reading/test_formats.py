@@ -8,6 +8,7 @@ corners of the same cell.
 
 import numpy as np
 import pytest
+import vtk_writers
 import writers
 
 from aerokernels import flow
@@ -117,7 +118,7 @@ def test_openfoam_times_and_pressure(tmp_path):
 @pytest.mark.parametrize("text", ["", "-ascii"], ids=["binary", "ascii"])
 def test_vtk(tmp_path, end, text):
     pytest.importorskip("vtkmodules")
-    field = flow.read(writers.vtk_file(tmp_path / f"a.{end}", end + text))
+    field = flow.read(vtk_writers.vtk_file(tmp_path / f"a.{end}", end + text))
     # VTK writes texts of 8 to 11 digits.
     assert_kept(field, CELLS if end == "vtu" else POINTS, 2e-7 if text else 0.0)
 
@@ -129,10 +130,10 @@ def test_pieces_of_vtk_become_one_mesh(tmp_path):
 
     for name, first, last in (("a", 0, 12), ("b", 12, writers.NI - 1)):
         cut = vtkExtractGrid()
-        cut.SetInputData(writers.vtk_grid())
+        cut.SetInputData(vtk_writers.vtk_grid())
         cut.SetVOI(first, last, 0, writers.NJ - 1, 0, 0)
         cut.Update()
-        writers.write_vtk(tmp_path / f"{name}.vts", cut.GetOutput())
+        vtk_writers.write_vtk(tmp_path / f"{name}.vts", cut.GetOutput())
     entries = "".join(f'<DataSet timestep="0.5" part="{k}" file="{n}.vts"/>' for k, n in enumerate("ab"))
     (tmp_path / "all.pvd").write_text(f'<VTKFile type="Collection"><Collection>{entries}</Collection></VTKFile>')
     field = flow.read(tmp_path / "all.pvd", time=0.5)

@@ -1,8 +1,11 @@
 """What `flow.read` takes for what: density, references, units, frames; what it refuses, with file, place and remedy."""
 
+import pickle
+
 import fuzzing
 import numpy as np
 import pytest
+import vtk_writers
 import writers
 
 import aerokernels
@@ -138,12 +141,19 @@ def test_reversed_cells_and_double_points_are_refused(tmp_path):
         flow.read(restart)
 
 
+def test_the_error_travels_between_processes(tmp_path):
+    with pytest.raises(flow.ReadError) as caught:
+        flow.read(tmp_path / "nothing.vtu")
+    again = pickle.loads(pickle.dumps(caught.value))
+    assert type(again) is flow.ReadError and str(again) == str(caught.value)
+
+
 def test_double_points_of_an_unstructured_grid_are_refused(tmp_path):
     pytest.importorskip("vtkmodules")
-    data = writers.vtk_unstructured(writers.vtk_grid(cells=True))
+    data = vtk_writers.vtk_unstructured(vtk_writers.vtk_grid(cells=True))
     data.GetPoints().SetPoint(100, data.GetPoints().GetPoint(101))
     with pytest.raises(flow.ReadError, match=r"a\.vtu: its mesh cannot be used: .*(coincident|same place)"):
-        flow.read(writers.write_vtk(tmp_path / "a.vtu", data))
+        flow.read(vtk_writers.write_vtk(tmp_path / "a.vtu", data))
 
 
 def test_a_grid_around_a_body_closes_on_itself(tmp_path):
@@ -207,7 +217,7 @@ def test_density_from_memory():
     assert field.ambient_density == 1.1
     assert field.density_at([[5.0, 0.01, 0.05]]) == pytest.approx(1.31, rel=1e-12)
     pytest.importorskip("vtkmodules")
-    field = aerokernels.DensityField.from_pyvista(writers.vtk_grid(cells=True), density="rho")
+    field = aerokernels.DensityField.from_pyvista(vtk_writers.vtk_grid(cells=True), density="rho")
     assert isinstance(field, flow.CellDensity)
     with pytest.raises(TypeError, match="pyvista"):
         aerokernels.DensityField.from_pyvista(values)

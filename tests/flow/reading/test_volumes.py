@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+import vtk_writers
 import writers
 
 from aerokernels import flow
@@ -129,7 +130,7 @@ def test_polyhedra_of_openfoam(tmp_path):
 def test_uniform_grid_is_kept_and_turned_by_the_frame(tmp_path):
     """Set-up: a .vti volume, rho + z. Expected: no resampling; with optical = -x each node lies where it should."""
     pytest.importorskip("vtkmodules")
-    path = writers.write_vtk(tmp_path / "a.vti", writers.vtk_even(three=True))
+    path = vtk_writers.write_vtk(tmp_path / "a.vti", vtk_writers.vtk_even(three=True))
     plain, turned = flow.read(path), flow.read(path, frame={"optical": "-x"}, length_unit="cm")
     at = np.array([[0.03, 0.03, 0.02], [0.06, 0.012, 0.01]])
     exact = writers.rho(at[:, 0], at[:, 1]) + at[:, 2]
@@ -152,7 +153,7 @@ def test_averages_on_a_uniform_grid_keep_their_columns(tmp_path):
     values = numpy_to_vtk(cells.ravel(), deep=True)
     values.SetName("rho")
     data.GetCellData().AddArray(values)
-    found = flow.read(writers.write_vtk(tmp_path / "a.vti", data))
+    found = flow.read(vtk_writers.write_vtk(tmp_path / "a.vti", data))
     assert found.density.shape == (7, 6, 5)
     for axis in range(3):
         columns = np.trapezoid(found.density, axis=axis)
