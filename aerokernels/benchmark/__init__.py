@@ -48,6 +48,10 @@ def run_bench(settings: Settings, report: Callable[[str], None] = lambda line: N
     for suite in settings.wanted:
         report(f"suite {suite}")
         for run in RUNS[suite](settings, targets, ceilings):
+            if "peer" in run:
+                peers.append(run)
+                report(f"  peer {run['peer']}: {run['scheme']}")
+                continue
             made = run["settings"]
             report(f"  {made['method']}, {made['precision']} on {made['backend']} {made['device']}: done")
             runs.append(run)

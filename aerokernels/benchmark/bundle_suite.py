@@ -16,7 +16,7 @@ import numpy as np
 from aerokernels.benchmark.bundle_peer import drjit_runs
 from aerokernels.benchmark.bundle_scenes import KINDS, BundleScene, bundle_scene, cone_ends
 from aerokernels.benchmark.errors import chosen_rays, errors
-from aerokernels.benchmark.measuring import measure, rate, spread
+from aerokernels.benchmark.measuring import installed, measure, rate, spread
 from aerokernels.benchmark.scenes import WAVELENGTH
 from aerokernels.benchmark.targets import Settings, on_processor
 from aerokernels.medium import IndexField
@@ -44,20 +44,24 @@ def bundle_runs(settings: Settings, targets: list[tuple[str, str]], ceilings: di
         if settings.peers and kind != "turbulence" and importlib.util.find_spec("drjit") is not None:
             for found in drjit_runs(rays, settings.repeats):
                 yield {
-                    "suite": "bundles",
-                    "settings": {"method": found.scheme, "precision": "float32", "backend": "peer",
-                                 "device": found.device, "kind": kind, "bundle": "every ray",
-                                 "ray_count": rays.ray_count},
-                    "plan": {"method": found.scheme, "step": None, "reasons": []},
-                    "kernel_seconds": spread(found.seconds),
-                    "kernel_rays_per_second": rate(rays.ray_count, found.seconds),
-                    "rays_per_second": None,
-                    "rays_per_cpu_second": rate(rays.ray_count, found.cpu_seconds),
+                    "peer": "drjit",
+                    "version": installed("drjit"),
+                    "available": True,
+                    "reason": None,
+                    "scheme": f"{kind}: {found.scheme}",
+                    "precision": "float32",
+                    "device": found.device,
                     "rays_traced": rays.ray_count,
+                    "repeats": settings.repeats,
+                    "kernel_seconds": spread(found.seconds),
+                    "wall_seconds": spread(found.seconds),
+                    "cpu_seconds": spread(found.cpu_seconds),
+                    "kernel_rays_per_second": rate(rays.ray_count, found.seconds),
+                    "rays_per_second": rate(rays.ray_count, found.seconds),
+                    "rays_per_cpu_second": rate(rays.ray_count, found.cpu_seconds),
                     "evaluations_per_ray": float(found.steps),
                     "error": errors(truth, found.direction[rows], found.opd[rows]),
-                    "ceiling": None,
-                }  # fmt: skip
+                }
 
 
 def _run(
