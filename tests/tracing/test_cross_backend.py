@@ -186,7 +186,7 @@ def memory() -> int:
 @pytest.mark.skipif(not Path("/proc/self/status").exists(), reason="memory is measured by Linux's /proc")
 @pytest.mark.parametrize("engine", [one for one in ENGINES if not one.marks])
 def test_a_field_is_kept_once_as_long_as_it_lives(engine):
-    """1.4 million nodes, traced five times: the same bits, kept once, and given back when the field is let go.
+    """1.4 million nodes, traced seven times: the same bits, kept once, and given back when the field is let go.
 
     Samples, and an engine's spline of them in float32, are at least 12 bytes a node; asked for are 8 of them kept
     at first, none more later, and half of all given back (allocators keep some).
@@ -205,6 +205,8 @@ def test_a_field_is_kept_once_as_long_as_it_lives(engine):
     before = memory()
     large = field(count)
     first = trace(large, rays, **settings)
+    for _ in range(2):  # the allocator keeps some of what has passed through it once or twice
+        assert_same_bits(first, trace(large, rays, **settings))
     gc.collect()
     kept = memory() - before
     for _ in range(4):
