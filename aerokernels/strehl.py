@@ -18,7 +18,7 @@ from .callable_module import make_callable
 from .clock import clocked, stage
 from .quantities import Quantity, Verdict, judge_strehl, listed
 from .strehl_errors import main_cause, phase_error
-from .wavefront import check_metres, check_terms, check_wavefront, map_points, mean_phasor, remove_terms
+from .wavefront import check_metres, check_terms, check_wavefront, map_points, mean_phasor, remove_terms, weighted_mean
 from .wavelength import check_wavelength
 
 
@@ -53,7 +53,7 @@ def strehl_marechal(opd, wavelength: float, weights=None, remove=("piston",), *,
     opd, weights = check_wavefront(opd, weights)
     check_metres(opd, weights)
     opd = remove_terms(opd, (*check_terms(remove), "piston"), points, weights)
-    return float(np.exp(-((2.0 * np.pi / wavelength) ** 2) * (weights @ opd**2)))
+    return float(np.exp(-((2.0 * np.pi / wavelength) ** 2) * weighted_mean(weights, opd**2)))
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -7,7 +7,7 @@ import numpy as np
 
 from ..pupils import Pupil
 from ..pupils.disc import circle_cells
-from ..wavefront import remove_terms
+from ..wavefront import remove_terms, weighted_mean
 
 
 @dataclass(frozen=True, eq=False)
@@ -101,13 +101,13 @@ class MapReader:
         """Work it out from `coordinates` [m], shape (n, 2), and `weight`, shape (n,)."""
         self.weight, self.remove, self.wavelength = weight / weight.sum(), remove, wavelength
         self.coordinates = coordinates
-        self._centred = coordinates - self.weight @ coordinates
+        self._centred = coordinates - weighted_mean(self.weight, coordinates)
         # Scaled, so that neither metres nor a pupil that is a line make trouble.
         self._inverse = np.linalg.pinv((self._centred * self.weight[:, None]).T @ self._centred, rcond=1e-12)
 
     def __call__(self, opd: np.ndarray) -> Reading:
         """Read a map [m], shape (n,)."""
-        piston = float(self.weight @ opd)
+        piston = float(weighted_mean(self.weight, opd))
         flat = opd - piston
         tilt = self._inverse @ (self._centred.T @ (self.weight * flat))
         level = flat - self._centred @ tilt
@@ -117,6 +117,6 @@ class MapReader:
         else:
             left = remove_terms(opd, self.remove, self.coordinates, self.weight)
         phase = (2.0 * np.pi / self.wavelength) * left
-        phasor = complex(self.weight @ np.cos(phase), self.weight @ np.sin(phase))
-        rms, rms_without_tilt = (float(np.sqrt(self.weight @ one**2)) for one in (flat, level))
+        phasor = complex(weighted_mean(self.weight, np.cos(phase)), weighted_mean(self.weight, np.sin(phase)))
+        rms, rms_without_tilt = (float(np.sqrt(weighted_mean(self.weight, one**2))) for one in (flat, level))
         return Reading(left, piston, tilt, rms, rms_without_tilt, abs(phasor) ** 2)

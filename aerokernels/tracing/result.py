@@ -131,7 +131,7 @@ class TraceResult:
         if not share.sum() > 0.0:
             return {"opd_rms": Quantity(float("nan"), unit="m")}
         opd = self.opd[good]
-        mean = float(share @ opd / share.sum())
+        mean = float(np.sum(share * opd) / share.sum())  # no BLAS: its last bits depend on the threads
         rms = float(np.sqrt(share @ (opd - mean) ** 2 / share.sum()))
         return {"opd_rms": Quantity(rms, self.error.get("total", float("nan")), "m")}
 

@@ -13,6 +13,7 @@ from .terms import (
     map_points,
     mean_phasor,
     remove_terms,
+    weighted_mean,
 )
 from .traced import wavefront
 from .transfer import EncircledEnergy, Transfer
@@ -33,6 +34,7 @@ __all__ = [
     "point_spread_function",
     "remove_terms",
     "wavefront",
+    "weighted_mean",
 ]
 
 make_callable(__name__)

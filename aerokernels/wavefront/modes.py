@@ -6,6 +6,7 @@ import numpy as np
 
 from ..zernike import zernike_modes
 from .data import WavefrontMap
+from .terms import weighted_mean
 from .transfer import autocorrelation
 
 
@@ -58,7 +59,7 @@ def structure_function(wavefront: WavefrontMap) -> StructureFunction:
     weight = wavefront.weight
     opd, share = wavefront.samples
     flat = np.zeros(weight.shape)
-    flat[wavefront.lit] = opd - share @ opd  # smaller numbers, smaller rounding
+    flat[wavefront.lit] = opd - weighted_mean(share, opd)  # smaller numbers, smaller rounding
     pairs = autocorrelation(weight).real
     square, cross = autocorrelation(weight * flat**2, weight).real, autocorrelation(weight * flat).real
     total = square + square[::-1, ::-1] - 2.0 * cross

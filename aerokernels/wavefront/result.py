@@ -11,7 +11,7 @@ from ..strehl_errors import strehl_error
 from .data import WavefrontMap
 from .modes import StructureFunction, centroid, fit_zernike, structure_function, zernike_surface
 from .point_spread import PointSpread, point_spread_function
-from .terms import check_metres, mean_phasor, remove_terms
+from .terms import check_metres, mean_phasor, remove_terms, weighted_mean
 from .transfer import EncircledEnergy, Transfer, encircled, normalised_sensitivity, transfer_function
 
 # Samples across the area above half of a point spread function's peak, and the spot's sizes that are tried for it.
@@ -59,7 +59,7 @@ class Wavefront(WavefrontMap):
     def rms(self) -> float:
         """Root mean square of the OPD about its mean, by weight [m]."""
         opd, weight = self.samples
-        return float(np.sqrt(weight @ (opd - weight @ opd) ** 2))
+        return float(np.sqrt(weighted_mean(weight, (opd - weighted_mean(weight, opd)) ** 2)))
 
     @property
     def peak_to_valley(self) -> float:
@@ -153,7 +153,7 @@ class Wavefront(WavefrontMap):
         """
         error, value = self.opd_error, self.strehl()
         _, weight = self.samples
-        extent = np.sqrt(weight @ (self.points - weight @ self.points) ** 2)
+        extent = np.sqrt(weighted_mean(weight, (self.points - weighted_mean(weight, self.points)) ** 2))
         tilt = self.tilt
         of_grid = self._grid_error
         return {

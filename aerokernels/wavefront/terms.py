@@ -55,12 +55,25 @@ def check_metres(opd: np.ndarray, weights: np.ndarray) -> None:
     Raises:
         ValueError: An rms above a hundredth of a metre.
     """
-    rms = float(np.sqrt(weights @ np.square(opd - weights @ opd)))
+    rms = float(np.sqrt(weighted_mean(weights, np.square(opd - weighted_mean(weights, opd)))))
     if rms > GREATEST_OPD:
         raise ValueError(
             f"the wavefront's rms is {rms:.3g} m, more than {GREATEST_OPD:g} m: give metres, 50e-9 for 50 nm, waves "
             "times the wavelength"
         )
+
+
+def weighted_mean(weights: np.ndarray, values: np.ndarray) -> np.ndarray:
+    """The mean of values, shape (n,) or (n, k), by weights that sum to 1.
+
+    NumPy's own sum: a product of BLAS has other last bits on another number of threads.
+    """
+    return np.sum(weights.reshape(-1, *[1] * (values.ndim - 1)) * values, axis=0)
+
+
+def _products(rows: np.ndarray, columns: np.ndarray) -> np.ndarray:
+    """The matrix product of (k, n) and (n, m) or (n,), the same on any number of threads."""
+    return np.einsum("kn,n...->k...", rows, columns)
 
 
 def fit_tilt(opd, points, weights=None) -> TiltFit:
@@ -78,14 +91,14 @@ def fit_tilt(opd, points, weights=None) -> TiltFit:
     points = np.asarray(points, dtype=np.float64)
     if points.shape != (opd.size, 2) or not np.isfinite(points).all():
         raise ValueError(f"points must be finite, of shape ({opd.size}, 2) like the wavefront, got {points.shape}")
-    piston = float(weights @ opd)
-    centred = points - weights @ points
+    piston = float(weighted_mean(weights, opd))
+    centred = points - weighted_mean(weights, points)
     flat = opd - piston
     # A pupil that is a line or a point has no slope across it: the least-norm solution is zero there.
     weighted = (centred * weights[:, None]).T
-    tilt = np.linalg.lstsq(weighted @ centred, weighted @ flat, rcond=1e-12)[0]
+    tilt = np.linalg.lstsq(_products(weighted, centred), _products(weighted, flat), rcond=1e-12)[0]
     residual = flat - centred @ tilt
-    return TiltFit(piston, tilt, float(np.sqrt(weights @ residual**2)))
+    return TiltFit(piston, tilt, float(np.sqrt(weighted_mean(weights, residual**2))))
 
 
 def map_points(opd, points):
@@ -116,7 +129,7 @@ def remove_terms(opd, remove, points=None, weights=None) -> np.ndarray:
             )
         opd = opd - _surface(opd, points, weights, fitted)
     if "piston" in remove:
-        opd = opd - weights @ opd
+        opd = opd - weighted_mean(weights, opd)
     return opd
 
 
@@ -124,21 +137,22 @@ def _surface(opd: np.ndarray, points, weights: np.ndarray, terms: list[str]) -> 
     """Tilt, focus or both of a wavefront, as fitted together with its mean, of weighted mean 0 [m], shape (n,)."""
     fit = fit_tilt(opd, points, weights)  # checks the points too
     points = np.asarray(points, dtype=np.float64)
-    centred = points - weights @ points
+    centred = points - weighted_mean(weights, points)
     if "focus" not in terms:
         return centred @ fit.tilt
-    size = np.sqrt(weights @ np.sum(centred**2, axis=1)) or 1.0
+    size = np.sqrt(weighted_mean(weights, np.sum(centred**2, axis=1))) or 1.0
     columns = [*(centred.T / size)] if "tilt" in terms else []
     # About the points' mean where tilt goes along, which makes up for it; about the origin where focus goes alone.
     square = np.sum((centred if "tilt" in terms else points) ** 2, axis=1) / size**2
-    basis = np.stack([*columns, square - weights @ square], axis=1)
+    basis = np.stack([*columns, square - weighted_mean(weights, square)], axis=1)
     weighted = (basis * weights[:, None]).T
-    return basis @ np.linalg.lstsq(weighted @ basis, weighted @ (opd - weights @ opd), rcond=1e-12)[0]
+    about = opd - weighted_mean(weights, opd)
+    return basis @ np.linalg.lstsq(_products(weighted, basis), _products(weighted, about), rcond=1e-12)[0]
 
 
 def mean_phasor(opd: np.ndarray, weights: np.ndarray, wavelength: float) -> complex:
     """<exp(i k OPD)> over samples whose weights sum to 1, both flat: its square is the Strehl ratio."""
-    return complex(weights @ np.exp(2j * np.pi / wavelength * opd))
+    return complex(weighted_mean(weights, np.exp(2j * np.pi / wavelength * opd)))
 
 
 def check_terms(remove) -> tuple[str, ...]:
