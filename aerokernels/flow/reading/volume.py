@@ -1,5 +1,6 @@
 """Volumes: a uniform grid as it is, everything else resampled to one, with the error of that measured by cause."""
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -219,7 +220,7 @@ def _check_solids(path, block: Block, points: np.ndarray, facts: CellFacts) -> N
 
 
 def _double_points(points: np.ndarray) -> tuple[int, int] | None:
-    key = points @ np.array([1.0, np.pi, np.e])
+    key = points @ np.array([1.0, math.pi, math.e])
     order = np.argsort(key, kind="stable")
     same = np.flatnonzero((points[order[1:]] == points[order[:-1]]).all(axis=1))
     return (int(order[same[0]]), int(order[same[0] + 1])) if len(same) else None
