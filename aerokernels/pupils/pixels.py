@@ -1,5 +1,6 @@
 """Pupils made of pixels: a mask of any shape and apodisation, and the rectangle, which is one pixel."""
 
+from abc import abstractmethod
 from dataclasses import dataclass, field
 from functools import cached_property
 
@@ -14,13 +15,14 @@ class _Pixels(Pupil):
     """Constant transmission in each pixel of a grid about the centre."""
 
     @property
+    @abstractmethod
     def _weights(self) -> np.ndarray:
-        raise NotImplementedError
+        """Transmission of each pixel, shape (rows, columns)."""
 
     @property
+    @abstractmethod
     def _size(self) -> tuple[float, float]:
         """Width and height of a pixel [m]."""
-        raise NotImplementedError
 
     @property
     def half_extent(self) -> tuple[float, float]:
