@@ -102,8 +102,67 @@ class DensityField(ReadOnly, ABC):
         """
 
 
+def in_plane(points, geometry: str) -> np.ndarray:
+    """Points (x, y, z), shape (n, 3), as (y, z) or (r, z) [m], shape (n, 2).
+
+    Raises:
+        ValueError: Points of another shape.
+    """
+    points = np.atleast_2d(np.asarray(points, dtype=np.float64))
+    if points.ndim != 2 or points.shape[1] != 3:
+        raise ValueError(f"points must have shape (n, 3), got {points.shape}")
+    first = np.hypot(points[:, 0], points[:, 1]) if geometry == "axisymmetric" else points[:, 1]
+    return np.stack([first, points[:, 2]], axis=1)
+
+
+class SampledDensity(DensityField):
+    """What density fields given by numbers have in common, on a mesh or a grid."""
+
+    conditions: FreeStream | None
+
+    @property
+    def mach(self) -> float:
+        """Mach number of the free stream; 0 where the gas is at rest, or it is not known."""
+        return 0.0 if self.conditions is None else self.conditions.mach
+
+    def scaled(self, ambient_density: float):
+        """The same flow at another ambient density [kg/m3], every density ratio kept.
+
+        The Euler equations keep their solution, at the same Mach number and temperature, when density and pressure are
+        multiplied by one factor; a viscous flow would not.
+        """
+        ratio = positive(ambient_density, "ambient_density") / self.ambient_density
+        return replace(  # type: ignore[type-var]
+            self,
+            density=self.density * ratio,  # type: ignore[attr-defined]
+            ambient_density=float(ambient_density),
+            conditions=None if self.conditions is None else self.conditions.at_density(self.conditions.density * ratio),
+            provenance=f"{self.provenance}; densities multiplied by {ratio:.8g}".lstrip("; "),
+        )
+
+
+class MeshDensity(SampledDensity):
+    """What density fields on a quadrilateral mesh have in common, averages over cells or values at vertices."""
+
+    mesh: QuadMesh
+
+    def _check_mesh(self) -> None:
+        if not isinstance(self.mesh, QuadMesh):
+            raise TypeError(f"mesh must be a QuadMesh, got {type(self.mesh).__name__}: see QuadMesh.structured")
+
+    @property
+    def geometry(self) -> str:
+        """The mesh's geometry: "planar" or "axisymmetric"."""
+        return self.mesh.geometry
+
+    @property
+    def box(self) -> tuple[np.ndarray, np.ndarray]:
+        """Lowest and highest corner of the mesh, (y, z) or (r, z) [m]."""
+        return self.mesh.box
+
+
 @dataclass(frozen=True, eq=False)
-class CellDensity(DensityField):
+class CellDensity(MeshDensity):
     """Density on a quadrilateral mesh, in the optical frame (z looks upstream), surrounded by ambient gas.
 
     Attributes:
@@ -129,8 +188,7 @@ class CellDensity(DensityField):
 
     def __post_init__(self):
         """Check the densities."""
-        if not isinstance(self.mesh, QuadMesh):
-            raise TypeError(f"mesh must be a QuadMesh, got {type(self.mesh).__name__}: see QuadMesh.structured")
+        self._check_mesh()
         check_density(self.ambient_density, "ambient_density")
         density = np.array(self.density, dtype=np.float64)
         shapes: list[tuple[int, ...]] = [(len(self.mesh.cells),)]
@@ -163,21 +221,6 @@ class CellDensity(DensityField):
             f"in {place} at {axes} = {centre[0]:.6g}, {centre[1]:.6g} m; repair the flow file"
         )
 
-    @property
-    def geometry(self) -> str:
-        """The mesh's geometry: "planar" or "axisymmetric"."""
-        return self.mesh.geometry
-
-    @property
-    def mach(self) -> float:
-        """Mach number of the free stream; 0 where the gas is at rest, or it is not known."""
-        return 0.0 if self.conditions is None else self.conditions.mach
-
-    @property
-    def box(self) -> tuple[np.ndarray, np.ndarray]:
-        """Lowest and highest corner of the mesh, (y, z) or (r, z) [m]."""
-        return self.mesh.box
-
     def density_at(self, points) -> np.ndarray:
         """Density [kg/m3] of the cells that hold points (x, y, z) [m], shape (n, 3): shape (n,).
 
@@ -186,33 +229,10 @@ class CellDensity(DensityField):
         Raises:
             ValueError: Points of another shape.
         """
-        local = self._in_plane(points)
+        local = in_plane(points, self.geometry)
         cell = self.mesh.locate(local)
         density = np.where(cell >= 0, self.density[cell], self.ambient_density)
         return density if self.body is None else np.where(self.body.contains(local), np.nan, density)
-
-    def _in_plane(self, points) -> np.ndarray:
-        """Points (x, y, z) as (y, z) or (r, z) [m], shape (n, 2)."""
-        points = np.atleast_2d(np.asarray(points, dtype=np.float64))
-        if points.ndim != 2 or points.shape[1] != 3:
-            raise ValueError(f"points must have shape (n, 3), got {points.shape}")
-        first = np.hypot(points[:, 0], points[:, 1]) if self.geometry == "axisymmetric" else points[:, 1]
-        return np.stack([first, points[:, 2]], axis=1)
-
-    def scaled(self, ambient_density: float) -> "CellDensity":
-        """The same flow at another ambient density [kg/m3], every density ratio kept.
-
-        The Euler equations keep their solution, at the same Mach number and temperature, when density and pressure are
-        multiplied by one factor; a viscous flow would not.
-        """
-        ratio = positive(ambient_density, "ambient_density") / self.ambient_density
-        return replace(
-            self,
-            density=self.density * ratio,
-            ambient_density=float(ambient_density),
-            conditions=None if self.conditions is None else self.conditions.at_density(self.conditions.density * ratio),
-            provenance=f"{self.provenance}; densities multiplied by {ratio:.8g}".lstrip("; "),
-        )
 
     def index_field(
         self,

@@ -7,7 +7,7 @@ from typing import Protocol
 import numpy as np
 
 from ..medium import QuadMesh
-from .density_field import CellDensity
+from .density_field import CellDensity, in_plane
 from .gas import positive
 
 # More cells than a machine's memory should be asked for by a spacing given in the wrong unit.
@@ -43,7 +43,7 @@ class ExactField(CellDensity):
         Raises:
             ValueError: Points of another shape.
         """
-        local = self._in_plane(points)
+        local = in_plane(points, self.geometry)
         low, high = self.mesh.box
         inside = np.all((local >= low) & (local <= high), axis=1)
         assert self.solution is not None

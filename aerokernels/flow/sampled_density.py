@@ -1,6 +1,6 @@
 """Density fields from samples: at the vertices of a mesh, and on a uniform grid of two or three axes."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -9,8 +9,8 @@ from ..medium.grid import UniformGrid
 from ..medium.mesh import GEOMETRIES
 from ..medium.mesh_samples import MeshSamples
 from ..wavelength import DEFAULT_WAVELENGTH, check_wavelength
-from .density_field import DensityField
-from .gas import GREATEST_DENSITY, FreeStream, check_density, positive
+from .density_field import MeshDensity, SampledDensity, in_plane
+from .gas import GREATEST_DENSITY, FreeStream, check_density
 from .models import one_constant, refractivity_model
 
 
@@ -31,30 +31,8 @@ def _checked(density, what: str) -> np.ndarray:
     return values
 
 
-class _Sampled(DensityField):
-    """What both kinds have in common."""
-
-    conditions: FreeStream | None
-
-    @property
-    def mach(self) -> float:
-        """Mach number of the free stream; 0 where the gas is at rest, or it is not known."""
-        return 0.0 if self.conditions is None else self.conditions.mach
-
-    def scaled(self, ambient_density: float):
-        """The same flow at another ambient density [kg/m3], every density ratio kept."""
-        ratio = positive(ambient_density, "ambient_density") / self.ambient_density
-        return replace(  # type: ignore[type-var]
-            self,
-            density=self.density * ratio,  # type: ignore[attr-defined]
-            ambient_density=float(ambient_density),
-            conditions=None if self.conditions is None else self.conditions.at_density(self.conditions.density * ratio),
-            provenance=f"{self.provenance}; densities multiplied by {ratio:.8g}".lstrip("; "),
-        )
-
-
 @dataclass(frozen=True, eq=False)
-class VertexDensity(_Sampled):
+class VertexDensity(MeshDensity):
     """Density at the vertices of a quadrilateral mesh, in the optical frame (z looks upstream), in ambient gas.
 
     Attributes:
@@ -79,8 +57,7 @@ class VertexDensity(_Sampled):
 
     def __post_init__(self):
         """Check the densities."""
-        if not isinstance(self.mesh, QuadMesh):
-            raise TypeError(f"mesh must be a QuadMesh, got {type(self.mesh).__name__}: see QuadMesh.structured")
+        self._check_mesh()
         check_density(self.ambient_density, "ambient_density")
         density = _checked(self.density, "at vertices")
         if density.size != len(self.mesh.vertices):
@@ -88,22 +65,12 @@ class VertexDensity(_Sampled):
         object.__setattr__(self, "density", density.reshape(-1))
         object.__setattr__(self, "ambient_density", float(self.ambient_density))
 
-    @property
-    def geometry(self) -> str:
-        """The mesh's geometry: "planar" or "axisymmetric"."""
-        return self.mesh.geometry
-
-    @property
-    def box(self) -> tuple[np.ndarray, np.ndarray]:
-        """Lowest and highest corner of the mesh, (y, z) or (r, z) [m]."""
-        return self.mesh.box
-
     def density_at(self, points) -> np.ndarray:
         """Density [kg/m3], bilinear between vertices, at points (x, y, z) [m], shape (n, 3): shape (n,).
 
         NaN inside the body; the ambient density outside the mesh.
         """
-        local = _in_plane(points, self.geometry)
+        local = in_plane(points, self.geometry)
         excess = MeshSamples(self.mesh, self.density - self.ambient_density, "bilinear").evaluate(local)[0]
         density = self.ambient_density + excess
         return density if self.body is None else np.where(self.body.contains(local), np.nan, density)
@@ -132,7 +99,7 @@ class VertexDensity(_Sampled):
 
 
 @dataclass(frozen=True, eq=False)
-class GridDensity(_Sampled):
+class GridDensity(SampledDensity):
     """Density on a uniform grid, in the optical frame (z looks upstream), surrounded by ambient gas.
 
     Attributes:
@@ -192,7 +159,7 @@ class GridDensity(_Sampled):
         NaN inside the body; the ambient density outside the grid.
         """
         points = np.atleast_2d(np.asarray(points, dtype=np.float64))
-        local = points if self.geometry == "volume" else _in_plane(points, self.geometry)
+        local = points if self.geometry == "volume" else in_plane(points, self.geometry)
         low, high = self.box
         slack = 1e-12 * (high - low)
         inside = np.all((local >= low - slack) & (local <= high + slack), axis=1)
@@ -235,14 +202,6 @@ def linear_between(samples: np.ndarray, origin, spacing, points: np.ndarray) -> 
 
     place = ((points - origin) / spacing).T
     return np.asarray(map_coordinates(samples, place, order=1, mode="nearest", prefilter=False))
-
-
-def _in_plane(points, geometry: str) -> np.ndarray:
-    points = np.atleast_2d(np.asarray(points, dtype=np.float64))
-    if points.ndim != 2 or points.shape[1] != 3:
-        raise ValueError(f"points must have shape (n, 3), got {points.shape}")
-    first = np.hypot(points[:, 0], points[:, 1]) if geometry == "axisymmetric" else points[:, 1]
-    return np.stack([first, points[:, 2]], axis=1)
 
 
 def _at_vertices(mesh: QuadMesh, contrast: np.ndarray) -> np.ndarray:

@@ -94,8 +94,8 @@ def test_only_the_density_knows_temperature_and_pressure(wavelength, temperature
 
     Expected: the constant times the whole density, to rounding. Partial densities by the molar masses' shares.
     """
-    if humidity * pressure < 1.1 * 0.9 * 9.1e4 and temperature > 330.0:
-        humidity = 0.0  # no more vapour than there is pressure
+    saturation = 1e6 * flow.water_fraction(temperature, 1e6, 1.0)
+    humidity = min(humidity, 0.95 * pressure / saturation)  # no more vapour than there is pressure
     water = flow.water_fraction(temperature, pressure, humidity)
     density = flow.moist_air_density(temperature, pressure, water=water)
     dry = (1.0 - water) * 28.9641005 / ((1.0 - water) * 28.9641005 + water * 18.015)
