@@ -35,6 +35,9 @@ __kernel void trace_kernel(TRACE_KERNEL_ARGUMENTS)
     int steps = 0, evaluations = 0, landed = -1;
     real obliquity_first = R(0.0), harm = R(0.0);
     real astray = R(0.0), doubt = R(0.0);  // how far beside its place the ray may be; what it may gain behind a face
+    int undecided = 0;  // whether it has run in a face: then it may have left there, with these
+    real4 left_sums = sums;
+    real3 left_momentum = q;
 
     if (course.meets && status == RAY_OK) {
         int3 cell;
@@ -115,6 +118,7 @@ __kernel void trace_kernel(TRACE_KERNEL_ARGUMENTS)
             }
 
             // Where the force changes along the step, the parabola may miss the surface: come closer first.
+            real nearest = R(-1.0);  // how far behind a face of the box it ends
             if (accept && h > h_least) {
                 const real3 there = shown + (h * tangent + kick) * rate;
                 int missed;
@@ -123,7 +127,7 @@ __kernel void trace_kernel(TRACE_KERNEL_ARGUMENTS)
                     const real3 swung = (tangent + h * FORCE(s4)) * rate;
                     missed = overshot(&control, land, course.side, cell, there, swung, h, close);
                 } else {
-                    missed = passed_surface(&control, course.side, cell, there);
+                    missed = passed_surface(&control, course.side, cell, there, &nearest);
                 }
                 if (missed) {
                     accept = 0;
@@ -192,6 +196,12 @@ __kernel void trace_kernel(TRACE_KERNEL_ARGUMENTS)
                     }
                 }
 
+                if (CONTROLLED && !undecided && in_face(&control, nearest, astray)) {
+                    undecided = 1;
+                    left_sums = sums;
+                    left_momentum = momentum;
+                }
+
                 real back = R(0.0);  // sigma still to go along the tangent, negative to go back
                 if (behind >= R(0.0)) {
                     back = -behind;
@@ -233,6 +243,13 @@ __kernel void trace_kernel(TRACE_KERNEL_ARGUMENTS)
             }
         }
         if (CONTROLLED) {
+            if (undecided) {
+                const real aside_then = size3(momentum - left_momentum);
+                const real gained =
+                    fabs(sums.y - left_sums.y) + aside_then * (obliquity + greatest_deflection) * lever_arm;
+                // The face may be the stop.
+                doubt += STOP == NONE ? ambient * ambient * (sums.x - left_sums.x) : gained;
+            }
             used = stop_error(used + doubt, &bounds, d0, ambient, momentum, first_momentum, greatest_deflection,
                 obliquity, lever_arm);
             obliquity_first = obliquity;

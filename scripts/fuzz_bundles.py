@@ -5,6 +5,7 @@ The cases and what is held are those of aerokernels/validation/bundle_draws.py. 
 
 import argparse
 import collections
+import signal
 import sys
 import time
 import traceback
@@ -23,8 +24,17 @@ def parse(arguments=None) -> argparse.Namespace:
     parser.add_argument("--only", type=int, help="this seed alone, with every ray that fails")
     parser.add_argument("--fix", action="append", default=[], metavar="NAME=VALUE", help="an entry of the kind to fix")
     parser.add_argument("--seconds", type=float, default=float("inf"), help="draw no further bundle after this long")
+    parser.add_argument("--patience", type=int, default=60, help="give a bundle up after so many seconds, and count it")
     parser.add_argument("--worst", type=int, default=40, help="cases to list")
     return parser.parse_args(arguments)
+
+
+class GivenUpError(Exception):
+    """A bundle took longer than the caller waits."""
+
+
+def _give_up(_signal, _frame):
+    raise GivenUpError
 
 
 def main() -> int:
@@ -36,21 +46,29 @@ def main() -> int:
     start, rays, drawn, failed = time.perf_counter(), 0, collections.Counter(), collections.Counter()
     wrong_rays, worst, errors = collections.Counter(), [], []
     seeds = range(asked.seed, asked.seed + asked.count)
-    missed = 0
+    missed = given_up = 0
+    signal.signal(signal.SIGALRM, _give_up)
     for number, seed in enumerate(seeds, 1):
         if time.perf_counter() - start > asked.seconds:
             break
         case = draw(seed, **fixed)
         if case.kind["bundle"] == "spanwise" and "count" not in fixed:
             case = draw(seed, count="300", **fixed)  # a thousand boxes along x: each ray costs as much as a bundle
+        signal.alarm(asked.patience)
         try:
             findings, compared, how = check(case, {"backend": asked.backend}, asked.sample)
+        except GivenUpError:
+            given_up += 1
+            print(f"given up: {case}", file=sys.stderr, flush=True)
+            continue
         except Exception:  # a case that cannot be traced is a finding too, but for bundles that miss the box
             text = traceback.format_exc().splitlines()[-1]
             missed += "meets the field" in text
             if "meets the field" not in text:
                 errors.append((seed, text))
             continue
+        finally:
+            signal.alarm(0)
         rays += compared
         drawn[how] += 1
         for what in {f.what for f in findings}:
@@ -71,7 +89,8 @@ def main() -> int:
     traced = sum(drawn.values())
     print(
         f"{asked.backend}: {traced} bundles traced, {missed} refused since no ray meets the field, "
-        f"{len(errors)} not traced, {rays} rays compared, {time.perf_counter() - start:.0f} s"
+        f"{given_up} given up after {asked.patience} s, {len(errors)} not traced, "
+        f"{rays} rays compared, {time.perf_counter() - start:.0f} s"
     )
     print("traced by: " + ", ".join(f"{how} {n}" for how, n in drawn.most_common()))
     print("rays beyond what is allowed: " + (", ".join(f"{w} {n}" for w, n in wrong_rays.most_common()) or "none"))

@@ -90,8 +90,9 @@ def _powers(error: np.ndarray, held: float) -> np.ndarray:
 
 def _rejected(arrays: dict, budget: float) -> np.ndarray:
     """Which rays are to be traced again: above the budget [m], or outside what the method can estimate (infinite)."""
-    error = arrays["step_error"]
-    return ~(error <= budget) & (reached(arrays["status"]) | np.isinf(error))
+    error, status = arrays["step_error"], arrays["status"]
+    # A ray that passes beside its stop by an error above the budget may meet it.
+    return ~(error <= budget) & (reached(status) | (status == RayStatus.STOP_NOT_REACHED) | np.isinf(error))
 
 
 def report_rejected(plan: TracePlan, count: int, ray_count: int, greatest: float | None, wavelength: float):

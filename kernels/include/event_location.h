@@ -110,16 +110,29 @@ static inline int overshot(
     return far || ahead.x > close * surface_unit(control, k);
 }
 
-// Whether a place is behind a surface, by more than rounding.
-static inline int passed_surface(const Control *control, real side, int3 cell, real3 frac)
+// Whether a place is behind a surface, by more than rounding; how far behind the nearest face [cells].
+static inline int passed_surface(const Control *control, real side, int3 cell, real3 frac, real *nearest)
 {
     int is_behind = 0;
+    *nearest = -NO_ROOT;
 #pragma unroll
     for (int k = 0; k < SURFACE_COUNT; k++) {
         const real room = rounding_of(control, k) + R(2.0) * SLACK_CELLS * surface_unit(control, k);
-        is_behind |= oriented(control, k, side, cell, frac).x > room;
+        const real outside = oriented(control, k, side, cell, frac).x;
+        is_behind |= outside > room;
+        if (k < FACE_COUNT) {
+            *nearest = greater(*nearest, outside);
+        }
     }
     return is_behind;
+}
+
+// Whether a ray runs so near a face, `nearest` cells behind it, that its error may put it on the other side; `astray` is
+// how far beside its place the ray may be [m]. A ray that stays exactly in a face is on no side.
+static inline int in_face(const Control *control, real nearest, real astray)
+{
+    const real room = EVENT_LOCATION_NOISE + R(2.0) * SLACK_CELLS + astray * greatest(VECTOR(control->cell_rate));
+    return fabs(nearest) <= room && fabs(nearest) > SLACK_COUNTED * SLACK_CELLS;
 }
 
 // After a step to surface k: sigma still to go along the parabola, negative to go back, and whether that ends the ray. The

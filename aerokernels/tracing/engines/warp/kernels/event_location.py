@@ -124,12 +124,25 @@ def build_event_location(precision: str, geometry: str, stop: str):
 
     @wp.func
     def passed_surface(control: Control, side: real, cell: wp.vec3i, frac: vec3):
-        """Whether a place is behind a surface, by more than rounding."""
+        """Whether a place is behind a surface, by more than rounding; how far behind the nearest face [cells]."""
         is_behind = bool(False)
+        nearest = real(-none)
         for k in range(surface_count):
             room = rounding_of(control, k) + real(2.0) * real(slack_cells) * surface_unit(control, k)
-            is_behind = is_behind or oriented(control, k, side, cell, frac)[0] > room
-        return is_behind
+            outside = oriented(control, k, side, cell, frac)[0]
+            is_behind = is_behind or outside > room
+            if k < face_count:
+                nearest = wp.max(nearest, outside)
+        return is_behind, nearest
+
+    @wp.func
+    def in_face(control: Control, nearest: real, astray: real):
+        """Whether a ray runs so near a face, `nearest` cells behind it, that its error may put it on the other side.
+
+        `astray` is how far beside its place the ray may be [m]. A ray that stays exactly in a face is on no side.
+        """
+        room = real(event_location_noise) + real(2.0) * real(slack_cells) + astray * wp.max(control.cell_rate)
+        return wp.abs(nearest) <= room and wp.abs(nearest) > real(SLACK_COUNTED) * real(slack_cells)
 
     @wp.func
     def surface_intersection(
@@ -159,7 +172,7 @@ def build_event_location(precision: str, geometry: str, stop: str):
         # Outside, and coming back or not moving.
         return real(0.0), bool(h <= real(1.0e-9) * h_cell or now[0] > real(1.0e-3) * unit)
 
-    return event_location, overshot, passed_surface, surface_intersection
+    return event_location, overshot, passed_surface, in_face, surface_intersection
 
 
 @functools.cache

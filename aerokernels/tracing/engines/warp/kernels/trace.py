@@ -79,7 +79,9 @@ def build_kernel(
     contrast = build_contrast(precision)
     project_momentum = build_project_momentum(precision)
     step_sums, tangent_sums = build_sums(precision)
-    event_location, overshot, passed_surface, surface_intersection = build_event_location(precision, geometry, stop)
+    event_location, overshot, passed_surface, in_face, surface_intersection = build_event_location(
+        precision, geometry, stop
+    )
     arc_event_location, arc_surface_intersection = build_arc_event_location(precision)
     place_of = build_place(precision)
     behind_wall = build_behind_wall(precision, geometry)
@@ -123,6 +125,9 @@ def build_kernel(
         harm = real(0.0)
         astray = real(0.0)  # how far beside its place the ray may be
         doubt = real(0.0)  # what it may gain behind a face
+        undecided = bool(False)  # whether it has run in a face: then it may have left there, with these
+        left_sums = sums
+        left_momentum = q
 
         if course.meets and status == ok:
             frac, cell = in_cells(bounds, p0 + course.enter * d0)
@@ -202,6 +207,7 @@ def build_kernel(
                         h_next = wp.max(h * wp.min(ratio, real(0.8)), h_least)
 
                 # Where the force changes along the step, the parabola may miss the surface: come closer first.
+                nearest = real(-1.0)  # how far behind a face of the box it ends
                 if accept and h > h_least:
                     there = shown + wp.cw_mul(h * (ambient * d + momentum) + kick, rate)
                     missed = bool(False)
@@ -210,7 +216,7 @@ def build_kernel(
                         swung = wp.cw_mul(ambient * d + momentum + h * force4, rate)
                         missed = overshot(control, land, course.side, cell, there, swung, h, close)
                     else:
-                        missed = passed_surface(control, course.side, cell, there)
+                        missed, nearest = passed_surface(control, course.side, cell, there)
                     if missed:
                         accept = bool(False)
                         h_cap = real(0.5) * h
@@ -284,6 +290,12 @@ def build_kernel(
                         if wp.static(straight):
                             q += (real(0.5) * h) * projecting  # it grew over the step
 
+                    if wp.static(controlled):
+                        if not undecided and in_face(control, nearest, astray):
+                            undecided = bool(True)
+                            left_sums = sums
+                            left_momentum = momentum
+
                     back = real(0.0)  # sigma still to go along the tangent, negative to go back
                     if behind >= real(0.0):
                         back = -behind
@@ -321,6 +333,13 @@ def build_kernel(
                     status = int(not_finite)
 
             if wp.static(controlled):
+                if undecided:
+                    gained = wp.abs(sums[1] - left_sums[1])
+                    aside_then = wp.length(momentum - left_momentum)
+                    gained += aside_then * (obliquity + greatest_deflection) * lever_arm
+                    if wp.static(stop == "none"):
+                        gained = ambient * ambient * (sums[0] - left_sums[0])  # the face may be the stop
+                    doubt += gained
                 used += doubt
                 used = stop_error(
                     used, bounds, d0, ambient, momentum, first_momentum, greatest_deflection, obliquity, lever_arm
