@@ -174,7 +174,8 @@ def _lost_by(field, position, direction, until, ends, weakest: float) -> tuple[n
         chord = np.full(len(found.ray), np.inf)
         amount = path_beyond(field, found.point, found.inward, chord, found.way, found.cell, found.contrast)
         leaves = np.sum(found.inward * direction[found.ray], axis=1) < 0.0
-        distance = np.where(leaves, found.way, stop[found.ray] - found.way)
+        distance = np.array(found.way)
+        distance[~leaves] = stop[found.ray[~leaves]] - found.way[~leaves]
         amount += drift_beyond(field, found.point, found.inward, chord, found.way, until, distance, leaves, found.cell)
         np.add.at(lost, found.ray, amount)
     aside = np.flatnonzero(~span.meets | (stop <= span.enter) & (span.enter > 0.0))
