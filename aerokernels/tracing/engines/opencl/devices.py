@@ -17,6 +17,8 @@ from typing import Any
 
 from ..info import BackendInfo
 from .drivers import broken_drivers
+from .linker import linker_trouble
+from .pocl_cache import cache_folder, make_safe, remove_damaged
 from .pocl_workaround import name_processor, workaround
 
 POCL = "Portable Computing Language"
@@ -174,12 +176,15 @@ def release_all() -> None:
     with _lock:
         for key in [key for key in _sessions if key[0] == os.getpid()]:
             released = _sessions.pop(key)
+            built = bool(released.programs)
             released.programs.clear()
             released.launched.clear()
             try:
                 released.queue.finish()
             except import_pyopencl().Error:
                 pass  # a lost device has nothing left to wait for
+            if built and POCL in released.device.platform.name:
+                remove_damaged(cache_folder())  # records the checksums of what was built
 
 
 def survey() -> tuple[list[FoundDevice], list[str]]:
@@ -210,6 +215,7 @@ def _survey() -> tuple[list[FoundDevice], list[str]]:
     except OpenCLUnavailable as error:
         return [], [str(error)]
     troubles = broken_drivers()
+    make_safe()
     try:
         platforms = cl.get_platforms()
     except cl.Error as error:
@@ -263,7 +269,9 @@ def _describe(cl, platform, device) -> FoundDevice:
         options = name_processor(device)
         done = workaround(device, options)
         trouble = _trial(cl, device, options)
-        if trouble:
+        if not trouble and (absent := linker_trouble(options)):
+            reason = absent
+        elif trouble:
             reason = (
                 f"the compiler of PoCL builds nothing for this processor ({trouble}): install a newer PoCL as the "
                 "system's OpenCL driver, or take backend 'warp'"

@@ -18,6 +18,7 @@ from ..field_data import FieldData, field_data, step_bound_tables, stop_kind, tr
 from ..interface import Prepared
 from ..layout import REAL_TYPES, Value, arrays_of, values_of
 from .devices import session
+from .launchers import make_kernel
 from .program import WORK_GROUP, build, build_options, lane_count
 from .tables import cell_polynomials, may_be_packed
 
@@ -92,7 +93,7 @@ class Engine:
             options = (*options, FLUSH)
         with stage("compile"):
             program = build(self.session, "leapfrog.cl" if leapfrog else "trace.cl", options)
-            kernel = Kernel(cl.Kernel(program, "leapfrog" if leapfrog else "trace_kernel"), lanes)
+            kernel = Kernel(make_kernel(program, "leapfrog" if leapfrog else "trace_kernel"), lanes)
             rejected = self.put(np.zeros(1, np.int32)) if leapfrog else None
             prepared = Prepared(self, kernel, arguments, outputs, rejected)
             self._finish_compiling(prepared, program)
@@ -131,7 +132,7 @@ class Engine:
             )
         with stage("compile"):
             options = build_options(precision=plan.precision, method="straight", with_ends=bool(outputs & ENDS))
-            kernel = Kernel(cl.Kernel(build(self.session, "trace_projection.cl", options), "trace_projection"))
+            kernel = Kernel(make_kernel(build(self.session, "trace_projection.cl", options), "trace_projection"))
         return Prepared(self, kernel, [table, *kernel_numbers(field, columns, outputs)], outputs, None)
 
     def prepare_bundle(self, table: BundleTable, outputs: frozenset) -> Prepared:
@@ -140,14 +141,14 @@ class Engine:
             arrays = table.derive(("opencl", self.session), lambda: [self.put(array) for array in kernel_arrays(table)])
         with stage("compile"):
             options = build_options(precision="float64", channels=table.channels)
-            kernel = Kernel(cl.Kernel(build(self.session, "deliver_bundle.cl", options), "deliver_bundle"))
+            kernel = Kernel(make_kernel(build(self.session, "deliver_bundle.cl", options), "deliver_bundle"))
         return Prepared(self, kernel, [*arrays, *bundle_numbers(table, outputs)], outputs, None)
 
     def pupil_kernels(self) -> dict[str, Kernel]:
         """The kernels of a pupil, by name."""
         with stage("compile"):
             return {
-                name: Kernel(cl.Kernel(build(self.session, f"{name}.cl"), name), items=items)
+                name: Kernel(make_kernel(build(self.session, f"{name}.cl"), name), items=items)
                 for name, items in PUPIL_KERNELS.items()
             }
 
@@ -180,7 +181,11 @@ class Engine:
         """Start a kernel over all rays, or groups of rays; returns its event."""
         outputs = [buffer for value in after for buffer in (value.values() if isinstance(value, dict) else [value])]
         given = [*map(_by_value, before), np.int32(0), np.int32(count), *map(_by_value, outputs)]
-        return kernel.kernel(self.session.queue, kernel.size(count), (WORK_GROUP,), *given)
+        # Set one by one: calling the kernel would go through PyOpenCL's launchers, which it keeps on disk, and which a
+        # damaged disk makes unusable.
+        for index, value in enumerate(given):
+            kernel.kernel.set_arg(index, value)
+        return cl.enqueue_nd_range_kernel(self.session.queue, kernel.kernel, kernel.size(count), (WORK_GROUP,))
 
     def wait(self) -> None:
         """Wait for what was launched."""

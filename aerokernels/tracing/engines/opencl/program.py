@@ -164,7 +164,9 @@ def _build(session: Session, kernel_file: str, source: str, options: list[str]):
         try:
             try:
                 return cl.Program(session.context, source).build(options)
-            except (OSError, KeyError):  # PyOpenCL's cache folder cannot be written: build without it
+            except (cl.Error, cl.RuntimeError):
+                raise
+            except Exception:  # what PyOpenCL keeps on disk cannot be written, or is damaged: build without it
                 return cl.Program(session.context, source).build(options, cache_dir=False)
         except (cl.Error, cl.RuntimeError) as error:
             raise RuntimeError(

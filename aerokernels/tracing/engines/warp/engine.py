@@ -24,6 +24,7 @@ from .kernels.deliver_bundle import build_bundle_kernel
 from .kernels.leapfrog import build_leapfrog_kernel
 from .kernels.trace import build_kernel
 from .kernels.trace_projection import build_projection_kernel
+from .loading import load_module
 from .types import types
 
 # Rays in one launch of a host thread; small enough to balance threads, large enough to hide the launch.
@@ -172,7 +173,7 @@ class Engine:
 
     def _load(self, module) -> None:
         # The block size of a default launch on the CPU is 1; another one would be compiled again at the launch.
-        module.load(self.device, 1 if self.device == "cpu" else None)
+        load_module(module, self.device, 1 if self.device == "cpu" else None)
 
     def _array(self, member: Value, values: np.ndarray, precision: str) -> wp.array:
         """An array of a struct on the device."""

@@ -1,0 +1,45 @@
+"""Kernel objects, made whatever state PyOpenCL's own cache is in.
+
+PyOpenCL writes a launcher in Python for each kernel and keeps it in an SQLite file of all programs of this user. This
+package sets arguments itself and needs no launcher, but PyOpenCL makes one with each kernel object, and a damaged file
+would end in an error of SQLite or of Python's unmarshalling ("co_varnames is too small") at this and every later start.
+"""
+
+import warnings
+from contextlib import suppress
+from pathlib import Path
+
+from .devices import import_pyopencl
+
+
+def make_kernel(program, name: str):
+    """The kernel of that name, a pyopencl.Kernel; a damaged cache is removed, with a RuntimeWarning, and left unused.
+
+    Raises:
+        pyopencl.Error: The program has no such kernel.
+    """
+    cl = import_pyopencl()
+    try:
+        return cl.Kernel(program, name)
+    except cl.Error:
+        raise
+    except Exception as error:  # SQLite's, pickle's and marshal's: whatever damaged bytes come to
+        removed = _remove_cache()
+        cl._PYOPENCL_NO_CACHE = True  # what PYOPENCL_NO_CACHE sets; looked at whenever a launcher is made
+        words = f"PyOpenCL's cache of launchers is damaged ({type(error).__name__}: {error})"
+        warnings.warn(
+            f"{words}: {'removed ' + removed[0].name if removed else 'it is not used'}", RuntimeWarning, stacklevel=2
+        )
+        return cl.Kernel(program, name)
+
+
+def _remove_cache() -> list[Path]:
+    """Remove the file; returns what was removed."""
+    import platformdirs  # PyOpenCL's own dependency, and the folder it uses
+
+    removed = []
+    with suppress(OSError):
+        for path in Path(platformdirs.user_cache_dir("pytools", "pytools")).glob("*pyopencl-invoker-cache*"):
+            path.unlink()
+            removed.append(path)
+    return removed

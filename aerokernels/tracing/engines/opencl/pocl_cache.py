@@ -1,0 +1,204 @@
+"""PoCL's kernel cache, looked through before PoCL reads it: a damaged file there ends the process, at every start.
+
+PoCL keeps for every program a folder with LLVM bitcode (`program.bc`) and a library for each kernel (`*.so`), and
+trusts what it finds: a file cut short by a full disk or a power failure ends in SIGABRT or SIGBUS inside the driver,
+which no `except` can catch. So before the driver is opened each file is compared with what is recorded of it, by size and time,
+and by checksum where these differ; of a file that is not recorded yet the structure is walked through, which finds one
+that is cut or partly zero. The folder of a program with a damaged file is removed, and PoCL builds it again.
+"""
+
+import json
+import os
+import shutil
+import struct
+import tempfile
+import time
+import warnings
+import zlib
+from collections.abc import Iterator
+from contextlib import suppress
+from pathlib import Path
+from typing import BinaryIO
+
+VARIABLE = "POCL_CACHE_DIR"
+RECORD = "aerokernels-checked.json"  # beside PoCL's folders, which have names of two letters
+LEAST_SPACE = 8 << 20  # [bytes] that kernels need to be built; PoCL aborts where it cannot write them
+READ_AT_MOST = 32 << 20  # [bytes] of files not recorded yet that are read for their checksums at one start
+CLOCK_STEP = 2.0  # [s] by which a file system's times may be coarse
+UNREAD = -1  # the checksum of those beyond that
+BITCODE, ELF = b"BC\xc0\xde", b"\x7fELF"
+
+
+def cache_folder() -> Path:
+    """The folder that PoCL will use, by its own rules."""
+    if named := os.environ.get(VARIABLE):
+        return Path(named)
+    if caches := os.environ.get("XDG_CACHE_HOME"):
+        return Path(caches) / "pocl" / "kcache"
+    if home := os.environ.get("HOME"):
+        return Path(home) / ".cache" / "pocl" / "kcache"
+    return Path("/tmp/pocl/kcache")
+
+
+def make_safe() -> None:
+    """Remove what is damaged in the cache, once for a process and before its driver is opened.
+
+    Where that cannot be done, or where the disk is full, this process gets a cache of its own in the folder for
+    temporary files. Either is told as a RuntimeWarning.
+    """
+    folder = cache_folder()
+    damaged = remove_damaged(folder)
+    left = [path for path in damaged if path.exists()]
+    if left or _free_space(folder) < LEAST_SPACE:
+        why = f"{left[0]} is damaged and cannot be removed" if left else f"the disk of {folder} is full"
+        place = tempfile.mkdtemp(prefix="aerokernels-pocl-")
+        os.environ[VARIABLE] = place
+        _tell(f"{why}: kernels are built in {place} for this process")
+    elif damaged:
+        count = f"{len(damaged)} programs" if len(damaged) > 1 else "a program"
+        _tell(f"PoCL's kernel cache in {folder} held {count} with damaged files: removed, and built anew")
+
+
+def remove_damaged(folder: Path) -> list[Path]:
+    """Remove the folders of programs with damaged files, and record what is whole; returns those folders.
+
+    What is recorded is looked at file by file; what is not is looked for where something was added since.
+    """
+    begun = time.time()
+    known, when = _read_record(folder)
+    groups = [entry for entry in _entries(folder) if len(entry.name) == 2 and _changed(entry) >= when - CLOCK_STEP]
+    added = dict.fromkeys(_code_files(folder, groups))
+    seen: dict[str, list[int]] = {}
+    damaged: dict[Path, None] = {}
+    room = READ_AT_MOST
+    for path in {**known, **added}:
+        place = os.path.join(folder, path)
+        recorded = known.get(path)
+        try:
+            state = os.stat(place)
+            stamp = [state.st_size, state.st_mtime_ns, UNREAD]
+            if recorded is not None and recorded[:2] == stamp[:2]:
+                seen[path] = recorded
+                continue
+            with open(place, "rb") as file:
+                whole = is_whole(file, state.st_size)
+                if whole and (room > 0 or recorded is not None):
+                    file.seek(0)
+                    stamp[2] = zlib.crc32(file.read())
+                    room -= state.st_size
+            if whole and (recorded is None or recorded[2] in (UNREAD, stamp[2])):
+                seen[path] = stamp
+                continue
+        except FileNotFoundError:  # another process removed it
+            continue
+        except OSError:  # a folder in its place, or no right to read it
+            pass
+        damaged[folder.joinpath(*Path(path).parts[:2])] = None
+    for program in damaged:
+        shutil.rmtree(program, ignore_errors=True)
+    if seen != known:
+        _write_record(folder, seen, begun)
+    return list(damaged)
+
+
+def is_whole(file: BinaryIO, size: int) -> bool:
+    """Whether bitcode or a library of that size [bytes] is there to its end, by its own account of its parts."""
+    try:
+        head = _read(file, 0, 64) if size >= 64 else b""
+        if head[:4] == BITCODE:
+            return _is_whole_bitcode(file, size)
+        return head[:5] == ELF + b"\x02" and _is_whole_elf(file, head, size)
+    except struct.error:
+        return False
+
+
+def _is_whole_bitcode(file: BinaryIO, size: int) -> bool:
+    """Blocks follow each other up to the end: a word that opens one (LLVM: abbreviation 1, of two bits), its length."""
+    place = 4
+    while place < size:
+        opening, words = struct.unpack("<II", _read(file, place, 8))
+        if opening & 3 != 1:
+            return False
+        place += 8 + 4 * words
+    return place == size
+
+
+def _is_whole_elf(file: BinaryIO, head: bytes, size: int) -> bool:
+    """The table of sections, which a linker writes last, and the names of sections lie in the file."""
+    (start,) = struct.unpack_from("<Q", head, 40)
+    width, count, names = struct.unpack_from("<HHH", head, 58)
+    if not start or not count or start + width * count > size:
+        return False
+    kind, _, _, offset, length = struct.unpack("<IQQQQ", _read(file, start + width * names + 4, 36))
+    return kind == 3 and offset + length <= size
+
+
+def _read(file: BinaryIO, place: int, count: int) -> bytes:
+    file.seek(place)
+    return file.read(count)
+
+
+def _code_files(folder: Path, groups: list[os.DirEntry]) -> Iterator[str]:
+    """Path within the cache of every file with code in some of its folders."""
+    start = len(os.fspath(folder)) + 1
+    for group in groups:
+        open_folders = [program.path for program in _entries(group.path)]
+        while open_folders:
+            for entry in _entries(open_folders.pop()):
+                if entry.name.endswith((".bc", ".so")):
+                    yield entry.path[start:]
+                elif entry.is_dir(follow_symlinks=False):
+                    open_folders.append(entry.path)
+
+
+def _changed(entry: os.DirEntry) -> float:
+    try:
+        return entry.stat().st_mtime
+    except OSError:
+        return 0.0
+
+
+def _entries(folder: str | Path) -> list[os.DirEntry]:
+    try:
+        with os.scandir(folder) as entries:
+            return list(entries)
+    except OSError:
+        return []
+
+
+def _read_record(folder: Path) -> tuple[dict[str, list[int]], float]:
+    """Size, time and checksum of files by their paths, and when that was written [s]."""
+    try:
+        when = (folder / RECORD).stat().st_mtime
+        record = json.loads((folder / RECORD).read_bytes())
+        for path, stamp in record.items():
+            if path.startswith("/") or ".." in path or [type(part) for part in stamp] != [int, int, int]:
+                return {}, 0.0
+        return record, when
+    except (OSError, ValueError, TypeError, AttributeError, RecursionError):
+        return {}, 0.0  # none yet, or damaged itself
+
+
+def _write_record(folder: Path, record: dict[str, list[int]], begun: float) -> None:
+    beside = folder / f"{RECORD}.{os.getpid()}"
+    with suppress(OSError):  # no right to write, or no space: the next start looks at structures again
+        try:
+            beside.write_text(json.dumps(record))
+            os.utime(beside, (begun, begun))
+            beside.replace(folder / RECORD)
+        finally:
+            beside.unlink(missing_ok=True)
+
+
+def _free_space(folder: Path) -> float:
+    """Free space [bytes] where the cache is or will be; infinite where that is not known."""
+    for place in (folder, *folder.parents):
+        try:
+            return shutil.disk_usage(place).free
+        except OSError:
+            continue
+    return float("inf")
+
+
+def _tell(note: str) -> None:
+    warnings.warn(note, RuntimeWarning, stacklevel=2)
