@@ -161,17 +161,11 @@ def _of_fields(get: Callable[[int], Any], times: np.ndarray, first: Any, told: s
 
 
 def _reader(read: Callable[..., DensityField] | None, options: dict[str, Any], density: str | None) -> Callable:
-    """What reads a file, its options put in."""
+    """What reads a file, its options put in; volumes on one mesh are drawn into their grid once."""
     given: dict[str, Any] = options if density is None else {**options, "density": density}
-    return partial(read or _read_flow, **given)
-
-
-def _read_flow(path: Path, **options: Any) -> DensityField:
-    """`flow.read`, which is looked for when it is needed."""
-    found = getattr(import_module(__package__ or "aerokernels.flow"), "read", None)
-    if found is None:
-        raise ValueError("numbered files need a reader: give read, a function of a path that returns a DensityField")
-    return found(path, **options)
+    if read is None:
+        return import_module(f"{__package__}.reading.reader").Reader(**given)
+    return partial(read, **given)
 
 
 def _collection(path: Path) -> tuple[list[Path], list[float]]:
