@@ -62,7 +62,7 @@ def open_series(
         ambient_density: Density around the field [kg/m3]; None takes the file's attribute of that name.
         geometry: "volume", "planar" or "axisymmetric", for arrays.
         origin: Coordinates of their first node [m].
-        spacing: Their node spacing [m].
+        spacing: Their node spacing [m]; of volumes that are read, the greatest one.
         mesh: The mesh of arrays that are no uniform grid's: averages over its cells, or values at its vertices.
         cell_averages: The samples are averages over cells centred on the nodes.
         body: Solid body in the flow.
@@ -77,15 +77,18 @@ def open_series(
             increase, or what else is missing, with the remedy.
     """
     own: dict[str, Any] = {"body": body, "conditions": conditions}
+    # What this function takes for arrays, `read` takes for files under the same names.
+    shared = {"ambient_density": ambient_density, "geometry": geometry, "spacing": spacing}
+    for_files = {**{name: value for name, value in shared.items() if value is not None}, **options}
     if isinstance(source, (str, Path)):
         path = Path(source)
         if any(letter in str(source) for letter in "*?["):
-            return _of_files(_matching(path), time, time_step, start_time, _reader(read, options, density))
+            return _of_files(_matching(path), time, time_step, start_time, _reader(read, for_files, density))
         if path.suffix == ".pvd" and path.is_file():
             paths, instants = _collection(path)
-            return _of_files(paths, instants, None, 0.0, _reader(read, options, density))
+            return _of_files(paths, instants, None, 0.0, _reader(read, for_files, density))
         if path.is_dir() and (path / "system").is_dir():
-            return _of_case(path, _reader(read, options, density))
+            return _of_case(path, _reader(read, for_files, density))
         if options:
             raise TypeError(f"{path} is no file of `read`: it does not take {', '.join(options)}")
         return _of_file(path, density, ambient_density, cell_averages, own)
@@ -100,7 +103,7 @@ def open_series(
     if listed and len(items) == 0:
         raise ValueError("the series is empty: give at least one snapshot")
     if listed and isinstance(items[0], (str, Path)):
-        return _of_files([Path(item) for item in items], time, time_step, start_time, _reader(read, options, density))
+        return _of_files([Path(item) for item in items], time, time_step, start_time, _reader(read, for_files, density))
     get = items.__getitem__ if listed else InOrder(items)
     times = times_of(time, time_step, start_time, len(items) if listed else count)
     first = items[0] if listed else get.first()
