@@ -17,7 +17,7 @@ RANK = {
     for rank, rooms in enumerate(
         [
             ("read_only",),
-            ("units", "quantities", "callable_module", "sobol", "wavelength", "derived", "clock"),
+            ("units", "quantities", "callable_module", "sobol", "wavelength", "derived", "clock", "quiet_warp"),
             ("pupils",),
             ("rays",),
             ("strehl_sums",),

@@ -25,7 +25,7 @@ from .gas import (
     tunnel_conditions,
 )
 from .models import MODELS, RefractivityModel, refractivity_model
-from .reading import Contents, Frame, ReadError, contents, read
+from .reading import Contents, Frame, Reader, ReadError, Resampling, VolumeResampling, contents, read
 from .refractivity import RELATIONS, gladstone_dale_constant, index_contrast, refractivity
 from .riemann import GasState, Riemann, riemann
 from .sampled_density import GridDensity, VertexDensity
@@ -66,13 +66,16 @@ __all__ = [
     "PlaneShock",
     "PrandtlMeyer",
     "ReadError",
+    "Reader",
     "RefractivityModel",
+    "Resampling",
     "Riemann",
     "Series",
     "Shock",
     "Species",
     "TubeAtTime",
     "VertexDensity",
+    "VolumeResampling",
     "Vortex",
     "blunt_body",
     "bow_shock",

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..medium import Body, IndexField, QuadMesh
-from ..medium.grid import UniformGrid
+from ..medium.grid import checked_axes
 from ..medium.mesh import GEOMETRIES
 from ..medium.mesh_samples import MeshSamples
 from ..wavelength import DEFAULT_WAVELENGTH, check_wavelength
@@ -15,7 +15,12 @@ from .models import one_constant, refractivity_model
 
 
 def _checked(density, what: str) -> np.ndarray:
-    values = np.array(density, dtype=np.float64)
+    ours = isinstance(density, np.ndarray) and density.dtype == np.float64 and density.flags.c_contiguous
+    # What nobody can write to is not copied: grids of 100 million nodes come here.
+    values = density if ours and not density.flags.writeable else np.array(density, dtype=np.float64)
+    if values.size and values.min() > 0.0 and values.max() <= GREATEST_DENSITY:  # not so with a NaN
+        values.setflags(write=False)
+        return values
     for fault, bad in (
         ("not finite", ~np.isfinite(values)),
         ("not positive", values <= 0.0),
@@ -139,14 +144,10 @@ class GridDensity(SampledDensity):
             raise ValueError(f"a {self.geometry} field cannot have densities of shape {density.shape}")
         if self.body is not None and self.geometry == "volume":
             raise ValueError("a body in a volume field is not supported: use a planar or axisymmetric field")
-        grid = self._grid(density - self.ambient_density, "linear")
-        for name, value in (("density", density), ("origin", grid.origin), ("spacing", grid.spacing)):
+        origin, spacing = checked_axes(density.shape, self.origin, self.spacing)
+        for name, value in (("density", density), ("origin", origin), ("spacing", spacing)):
             object.__setattr__(self, name, value)
         object.__setattr__(self, "ambient_density", float(self.ambient_density))
-
-    def _grid(self, samples: np.ndarray, interpolation: str) -> UniformGrid:
-        even = self.geometry == "axisymmetric"
-        return UniformGrid(samples, self.origin, self.spacing, interpolation, even, 1.0)
 
     @property
     def box(self) -> tuple[np.ndarray, np.ndarray]:

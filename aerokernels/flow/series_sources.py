@@ -62,7 +62,7 @@ def open_series(
         ambient_density: Density around the field [kg/m3]; None takes the file's attribute of that name.
         geometry: "volume", "planar" or "axisymmetric", for arrays.
         origin: Coordinates of their first node [m].
-        spacing: Their node spacing [m].
+        spacing: Their node spacing [m]; of volumes that are read, the greatest one.
         mesh: The mesh of arrays that are no uniform grid's: averages over its cells, or values at its vertices.
         cell_averages: The samples are averages over cells centred on the nodes.
         body: Solid body in the flow.
@@ -77,15 +77,18 @@ def open_series(
             increase, or what else is missing, with the remedy.
     """
     own: dict[str, Any] = {"body": body, "conditions": conditions}
+    # What this function takes for arrays, `read` takes for files under the same names.
+    shared = {"ambient_density": ambient_density, "geometry": geometry, "spacing": spacing}
+    for_files = {**{name: value for name, value in shared.items() if value is not None}, **options}
     if isinstance(source, (str, Path)):
         path = Path(source)
         if any(letter in str(source) for letter in "*?["):
-            return _of_files(_matching(path), time, time_step, start_time, _reader(read, options, density))
+            return _of_files(_matching(path), time, time_step, start_time, _reader(read, for_files, density))
         if path.suffix == ".pvd" and path.is_file():
             paths, instants = _collection(path)
-            return _of_files(paths, instants, None, 0.0, _reader(read, options, density))
+            return _of_files(paths, instants, None, 0.0, _reader(read, for_files, density))
         if path.is_dir() and (path / "system").is_dir():
-            return _of_case(path, _reader(read, options, density))
+            return _of_case(path, _reader(read, for_files, density))
         if options:
             raise TypeError(f"{path} is no file of `read`: it does not take {', '.join(options)}")
         return _of_file(path, density, ambient_density, cell_averages, own)
@@ -100,7 +103,7 @@ def open_series(
     if listed and len(items) == 0:
         raise ValueError("the series is empty: give at least one snapshot")
     if listed and isinstance(items[0], (str, Path)):
-        return _of_files([Path(item) for item in items], time, time_step, start_time, _reader(read, options, density))
+        return _of_files([Path(item) for item in items], time, time_step, start_time, _reader(read, for_files, density))
     get = items.__getitem__ if listed else InOrder(items)
     times = times_of(time, time_step, start_time, len(items) if listed else count)
     first = items[0] if listed else get.first()
@@ -161,17 +164,11 @@ def _of_fields(get: Callable[[int], Any], times: np.ndarray, first: Any, told: s
 
 
 def _reader(read: Callable[..., DensityField] | None, options: dict[str, Any], density: str | None) -> Callable:
-    """What reads a file, its options put in."""
+    """What reads a file, its options put in; volumes on one mesh are drawn into their grid once."""
     given: dict[str, Any] = options if density is None else {**options, "density": density}
-    return partial(read or _read_flow, **given)
-
-
-def _read_flow(path: Path, **options: Any) -> DensityField:
-    """`flow.read`, which is looked for when it is needed."""
-    found = getattr(import_module(__package__ or "aerokernels.flow"), "read", None)
-    if found is None:
-        raise ValueError("numbered files need a reader: give read, a function of a path that returns a DensityField")
-    return found(path, **options)
+    if read is None:
+        return import_module(f"{__package__}.reading.reader").Reader(**given)
+    return partial(read, **given)
 
 
 def _collection(path: Path) -> tuple[list[Path], list[float]]:

@@ -49,6 +49,36 @@ def check_box(low: np.ndarray, high: np.ndarray) -> None:
         )
 
 
+def checked_axes(shape: tuple[int, ...], origin, spacing) -> tuple[np.ndarray, np.ndarray]:
+    """First node and spacing [m] of a grid of a shape, as read-only arrays of float64.
+
+    Raises:
+        ValueError: Entries that do not fit the shape, are not finite or not told apart, or fewer than two nodes.
+    """
+    dimension, asked = len(shape), spacing
+    origin, given = np.array(origin, dtype=np.float64).reshape(-1), origin
+    spacing = np.array(spacing, dtype=np.float64).reshape(-1)
+    if origin.shape != (dimension,) or spacing.shape != (dimension,):
+        raise ValueError(
+            f"origin and spacing need one entry per array axis ({dimension}), got {origin.size} and {spacing.size}"
+        )
+    if not np.isfinite(origin).all():
+        raise ValueError(f"origin must be finite, got {given!r}")
+    if not (np.isfinite(spacing).all() and (spacing > 0.0).all()):
+        raise ValueError(f"spacing must be positive and finite along every axis, got {asked!r}")
+    farthest = np.maximum(np.abs(origin), np.abs(origin + spacing * (np.array(shape) - 1)))
+    if (spacing < LEAST_STEP_SHARE * farthest).any():
+        raise ValueError(
+            f"a spacing of {spacing.tolist()} m is not resolved at coordinates of {farthest.tolist()} m: "
+            "is one of them in another unit? Give metres, and put the origin near the flow"
+        )
+    if min(shape) < 2:
+        raise ValueError(f"every axis needs at least two nodes, got shape {shape}")
+    origin.setflags(write=False)
+    spacing.setflags(write=False)
+    return origin, spacing
+
+
 @dataclass(frozen=True, eq=False)
 class UniformGrid(Derived):
     """Samples on a uniform grid of two or three local axes.
@@ -72,25 +102,7 @@ class UniformGrid(Derived):
     def __post_init__(self):
         """Check shapes and numbers."""
         samples = np.array(self.samples, dtype=np.float64)
-        dimension = samples.ndim
-        origin = np.array(self.origin, dtype=np.float64).reshape(-1)
-        spacing = np.array(self.spacing, dtype=np.float64).reshape(-1)
-        if origin.shape != (dimension,) or spacing.shape != (dimension,):
-            raise ValueError(
-                f"origin and spacing need one entry per array axis ({dimension}), got {origin.size} and {spacing.size}"
-            )
-        if not np.isfinite(origin).all():
-            raise ValueError(f"origin must be finite, got {self.origin!r}")
-        if not (np.isfinite(spacing).all() and (spacing > 0.0).all()):
-            raise ValueError(f"spacing must be positive and finite along every axis, got {self.spacing!r}")
-        farthest = np.maximum(np.abs(origin), np.abs(origin + spacing * (np.array(samples.shape) - 1)))
-        if (spacing < LEAST_STEP_SHARE * farthest).any():
-            raise ValueError(
-                f"a spacing of {spacing.tolist()} m is not resolved at coordinates of {farthest.tolist()} m: "
-                "is one of them in another unit? Give metres, and put the origin near the flow"
-            )
-        if min(samples.shape) < 2:
-            raise ValueError(f"every axis needs at least two nodes, got shape {samples.shape}")
+        origin, spacing = checked_axes(samples.shape, self.origin, self.spacing)
         if self.interpolation not in spline.INTERPOLATIONS:
             raise ValueError(
                 f"interpolation {self.interpolation!r} is not known: choose one of {', '.join(spline.INTERPOLATIONS)}"

@@ -4,5 +4,7 @@ from .contents import Contents, contents
 from .dataset import ReadError
 from .frame import Frame
 from .read import read
+from .reader import Reader
+from .resampling import Resampling, VolumeResampling
 
-__all__ = ["Contents", "Frame", "ReadError", "contents", "read"]
+__all__ = ["Contents", "Frame", "ReadError", "Reader", "Resampling", "VolumeResampling", "contents", "read"]

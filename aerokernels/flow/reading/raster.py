@@ -4,6 +4,8 @@ import os
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
+from threading import Lock
+from typing import Any
 
 import numpy as np
 
@@ -23,12 +25,14 @@ class NodeGrid:
         spacing: [m], shape (3,).
         shape: Nodes along x, y, z.
         cell: The cell of each node, -1 for none, shape (node_count,) with z fastest.
+        lock: Held while nodes are given their cells.
     """
 
     low: np.ndarray
     spacing: np.ndarray
     shape: tuple[int, int, int]
     cell: np.ndarray = field(default_factory=lambda: np.empty(0, dtype=np.int32))
+    lock: Any = field(default_factory=Lock)
 
     def __post_init__(self):
         """No node has a cell yet."""
@@ -132,4 +136,6 @@ def _test(grid, cell, begin, span, pairs, middle, normal, bound) -> None:
         if len(inside) < len(own):
             own, node = own[inside], node[inside]
             place = [axis[inside] for axis in place]
-    grid.cell[node] = cell[own]
+    # Of the cells that share a node on their faces the last one has it, whichever thread comes first.
+    with grid.lock:
+        grid.cell[node] = np.maximum(grid.cell[node], cell[own])

@@ -3,7 +3,7 @@
 import math
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -18,6 +18,9 @@ from .density import Reference, block_density, choose_density
 from .formats import load
 from .frame import Frame, plane_normal
 from .plane import Plane, patch_edges, plane_mesh
+
+if TYPE_CHECKING:
+    from .resampling import Resampling
 
 GEOMETRIES = ("planar", "axisymmetric", "volume")
 
@@ -47,6 +50,23 @@ class Reading:
     scale: float
     ambient: float | None
     said: str
+
+    def described(self) -> list[str]:
+        """What was taken for what, in words: of a volume."""
+        dataset = self.dataset
+        time = [f"t = {dataset.time:g}"] if dataset.time is not None else []
+        return [dataset.format, *time, self.said, self.frame.described(self.frame.axes()), *dataset.notes]
+
+
+@dataclass(eq=False)
+class Kept:
+    """What is kept from one file to the next on the same mesh.
+
+    Attributes:
+        found: The map from the mesh of a volume to its grid.
+    """
+
+    found: "Resampling | None" = None
 
 
 def read(
@@ -92,12 +112,24 @@ def read(
         TypeError: An argument of the wrong kind.
         ValueError: A file that cannot be used (`ReadError`: file, place and remedy), or arguments that do not fit it.
     """
+    return read_onto(
+        None, path, density=density, frame=frame, length_unit=length_unit, reference=reference, time=time,
+        gas_constant=gas_constant, geometry=geometry, ambient_density=ambient_density, spacing=spacing, region=region,
+        walls=walls, **options,
+    )  # fmt: skip
+
+
+def read_onto(
+    kept: Kept | None, path, *, density=None, frame=None, length_unit=None, reference=None, time=None,
+    gas_constant=None, geometry=None, ambient_density=None, spacing=None, region=None, walls=None, **options: Any,
+) -> DensityField:  # fmt: skip
+    """`read`, with what the mesh decides taken from the last reading and kept for the next."""
     try:
         reading = prepare(
             path, density=density, frame=frame, length_unit=length_unit, reference=reference, time=time,
             gas_constant=gas_constant, geometry=geometry, ambient_density=ambient_density, options=options,
         )  # fmt: skip
-        return field_of(reading, spacing, region, walls)
+        return field_of(reading, spacing, region, walls, kept)
     except (ArithmeticError, LookupError) as fault:
         # Counts and indices that do not fit are refused where they are read; what passes that is damaged all the same.
         what = f"no field can be made of it ({type(fault).__name__}: {fault})"
@@ -148,12 +180,12 @@ def reading_of(path, dataset: Dataset, density, frame, scale, reference, gas_con
     return Reading(path, dataset, densities, kind, frame, normal, scale, ambient, said)
 
 
-def field_of(reading: Reading, spacing=None, region=None, walls=None) -> DensityField:
+def field_of(reading: Reading, spacing=None, region=None, walls=None, kept: Kept | None = None) -> DensityField:
     """The density field of what was read."""
     if reading.geometry == "volume":
         from .volume import volume_field
 
-        return volume_field(reading, spacing, region)
+        return volume_field(reading, spacing, region, kept)
     if spacing is not None or region is not None:
         raise ValueError(f"spacing and region are a volume's grid; {reading.path} keeps its own mesh: leave them out")
     return _plane_field(reading, walls)

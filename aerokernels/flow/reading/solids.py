@@ -116,6 +116,16 @@ def corner_chunks(block: Block) -> Iterator[Chunk]:
             yield Chunk(kind, cell, cells.points[cells.start[cell] + np.arange(count)[:, None]])
 
 
+def corner_counts(block: Block) -> np.ndarray:
+    """The number of corners of each solid cell of a block; 0 for polyhedra and for what is no solid."""
+    if block.shape is not None:
+        solid = min(block.shape) > 1
+        return np.full(block.cell_count, CORNER_COUNT[HEXAHEDRON] if solid else 0, np.int64)
+    count = np.zeros(256, np.int64)
+    count[list(CORNER_COUNT)] = list(CORNER_COUNT.values())
+    return count[block.cells.types] if block.cells is not None else np.zeros(0, np.int64)
+
+
 def solid_chunks(block: Block, across: np.ndarray) -> Iterator[Callable[[], Solids]]:
     """The solid cells of a block, some at a time, each as work still to be done.
 

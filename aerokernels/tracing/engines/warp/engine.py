@@ -9,6 +9,7 @@ import warp as wp
 
 from ....clock import stage
 from ....medium import IndexField
+from ....quiet_warp import start_warp
 from ...bundle.frame import kernel_arrays
 from ...bundle.frame import kernel_numbers as bundle_numbers
 from ...bundle.table import BundleTable
@@ -18,7 +19,6 @@ from ..field_data import FieldData, field_data, step_bound_tables, stop_kind, tr
 from ..info import host_memory, thread_count
 from ..interface import Prepared
 from ..layout import STRUCTS, Value, arrays_of
-from .devices import start_warp
 from .kernels import pupil
 from .kernels.deliver_bundle import build_bundle_kernel
 from .kernels.leapfrog import build_leapfrog_kernel

@@ -1,0 +1,134 @@
+"""Warp kernels of volumes on meshes, in float64: means at points, slopes in cells, values at the nodes of a grid.
+
+They run over host threads in chunks: Warp's CPU device runs a launch in one thread, and lets go of the interpreter.
+"""
+
+import os
+from concurrent.futures import ThreadPoolExecutor
+
+import numpy as np
+import warp as wp
+
+from ...quiet_warp import start_warp
+
+CHUNK = 1 << 18  # of what a kernel goes through, at a time
+LEAST_CHUNK = 1 << 10
+
+Numbers = wp.array[wp.float64]
+Vectors = wp.array[wp.vec3d]
+Starts = wp.array[wp.int64]
+Indices = wp.array[wp.int32]
+# Of a cell: its value at the origin, its slope, the least and the greatest value allowed: one look at memory.
+Function = wp.types.vector(length=6, dtype=wp.float64)
+Functions = wp.array[Function]
+
+
+@wp.kernel(enable_backward=False)
+def mean_of_listed(first: int, start_in: Starts, column_in: Indices, value_in: Numbers, mean_out: Numbers):
+    """The mean of the values that each row lists; 0 for a row that lists none."""
+    row = first + wp.tid()
+    k = start_in[row]
+    end = start_in[row + 1]
+    count = wp.float64(end - k)
+    total = wp.float64(0.0)
+    while k < end:
+        total += value_in[column_in[k]]
+        k += wp.int64(1)
+    mean_out[row] = total / wp.max(count, wp.float64(1.0))
+
+
+@wp.kernel(enable_backward=False)
+def linear_functions(
+    first: int,
+    start_in: Starts,
+    column_in: Indices,
+    weight_in: Vectors,
+    near_in: Numbers,
+    value_in: Numbers,
+    middle_in: Vectors,
+    origin: wp.vec3d,
+    function_out: Functions,
+):
+    """The slope in each cell, a weighted sum of the values that its row lists, and the range of these and its own."""
+    cell = first + wp.tid()
+    value = value_in[cell]
+    low = value
+    high = value
+    slope = wp.vec3d(wp.float64(0.0), wp.float64(0.0), wp.float64(0.0))
+    k = start_in[cell]
+    end = start_in[cell + 1]
+    while k < end:
+        near = near_in[column_in[k]]
+        # Weights add up to nothing: differences keep the digits of a nearly uniform density.
+        slope += (near - value) * weight_in[k]
+        low = wp.min(low, near)
+        high = wp.max(high, near)
+        k += wp.int64(1)
+    constant = value - wp.dot(middle_in[cell] - origin, slope)
+    function_out[cell] = Function(constant, slope[0], slope[1], slope[2], low, high)
+
+
+@wp.kernel(enable_backward=False)
+def node_values(
+    first: int,
+    cell_in: Indices,
+    row_count: int,
+    column_count: int,
+    spacing: wp.vec3d,
+    function_in: Functions,
+    density_out: Numbers,
+):
+    """The linear function of the cell that holds each node, kept within the cell's range; a row along z at a time."""
+    row = first + wp.tid()
+    x = spacing[0] * wp.float64(row / column_count)
+    y = spacing[1] * wp.float64(row % column_count)
+    last = int(-1)
+    start = wp.float64(0.0)
+    rise = wp.float64(0.0)
+    low = wp.float64(0.0)
+    high = wp.float64(0.0)
+    for k in range(row_count):
+        node = row * row_count + k
+        cell = cell_in[node]
+        if cell >= 0:
+            if cell != last:  # rows stay in a cell for some nodes
+                last = cell
+                function = function_in[cell]
+                start = function[0] + x * function[1] + y * function[2]
+                rise = spacing[2] * function[3]
+                low = function[4]
+                high = function[5]
+            density_out[node] = wp.clamp(start + wp.float64(k) * rise, low, high)
+
+
+def launch(kernel, count: int, *arguments) -> None:
+    """Run a kernel over `count` items on all cores; arrays are worked on where they are, vectors by their rows."""
+    start_warp()
+    given = [_shared(argument) for argument in arguments]
+    kernel.module.load("cpu", 1)  # once, before threads ask for it
+    threads = os.cpu_count() or 1
+    size = max(LEAST_CHUNK, min(CHUNK, -(-count // (4 * threads))))
+
+    def run(first: int) -> None:
+        wp.launch(kernel, dim=min(size, count - first), inputs=[first, *given], device="cpu")
+
+    if count <= size:
+        if count:
+            run(0)
+        return
+    with ThreadPoolExecutor(threads) as pool:
+        list(pool.map(run, range(0, count, size)))
+
+
+TYPES = {np.dtype(np.float64): wp.float64, np.dtype(np.int64): wp.int64, np.dtype(np.int32): wp.int32}
+
+
+def _shared(argument):
+    if isinstance(argument, tuple):
+        return wp.vec3d(*argument)
+    if not isinstance(argument, np.ndarray):
+        return argument
+    kind = {3: wp.vec3d, 6: Function}[argument.shape[1]] if argument.ndim == 2 else TYPES[argument.dtype]
+    if not len(argument):  # an array of nothing has no address
+        return wp.zeros(1, dtype=kind, device="cpu")
+    return wp.array(ptr=argument.ctypes.data, dtype=kind, shape=len(argument), device="cpu", copy=False)

@@ -1,0 +1,106 @@
+"""A mesh is drawn into its grid once: further densities on it give what a reading of their own would."""
+
+import numpy as np
+import pytest
+from test_volumes import cube, linear, split
+
+from aerokernels import flow
+from aerokernels.flow.reading.dataset import HEXAHEDRON, TETRAHEDRON, Block, Cells, Dataset
+from aerokernels.flow.reading.density import Reference
+from aerokernels.flow.reading.frame import Frame
+from aerokernels.flow.reading.read import Kept, field_of, reading_of
+
+
+def reading(blocks, frame=None):
+    return reading_of("test", Dataset(blocks, "test"), "rho", Frame.of(frame), 1.0, Reference(), None, None, None)
+
+
+def two_blocks(seed: int, where: str, points=None):
+    """Tetrahedra of one cube and hexahedra of the cube beside it, whose middle ones are missing."""
+    random = np.random.default_rng(seed)
+    first, corners = split(TETRAHEDRON, *cube(5)[::-1])
+    second, others = cube(8)
+    second = second + np.array([1.1, 0.0, 0.0])
+    middle = second[others].mean(axis=1) - [1.6, 0.5, 0.5]
+    others = others[np.abs(middle).max(axis=1) > 0.2]
+    first = first if points is None else first + points
+    made = []
+    for place, cells, kind in ((first, corners, TETRAHEDRON), (second, others, HEXAHEDRON)):
+        values = random.uniform(1.0, 2.0, len(cells) if where == "cell" else len(place))
+        data = {"cell_data" if where == "cell" else "point_data": {"rho": values}}
+        made.append(Block(place, Cells.of_one_type(kind, cells), **data))
+    return made
+
+
+@pytest.mark.parametrize("where", ["cell", "point"])
+def test_further_densities_on_a_kept_mesh(where):
+    """Set-up: two blocks, two sets of random densities. Expected: bit for bit what a map of its own gives."""
+    kept = Kept()
+    field_of(reading(two_blocks(1, where)), 0.03, kept=kept)
+    mapped, later = kept.found, reading(two_blocks(2, where))
+    alone = field_of(later, 0.03)
+    again = field_of(later, 0.03, kept=kept)
+    assert kept.found is mapped
+    assert again.density.tobytes() == alone.density.tobytes()
+    assert again.provenance == alone.provenance and again.resampling == alone.resampling
+    bare = mapped.apply([own for own, _ in later.densities], ambient_density=alone.ambient_density)
+    assert bare.density.tobytes() == alone.density.tobytes()
+
+
+@pytest.mark.parametrize("change", ["points", "frame", "spacing", "where"])
+def test_another_mesh_is_drawn_anew(change):
+    """Set-up: points moved by 1e-9, another frame, grid or kind of data. Expected: the kept map is not taken."""
+    kept = Kept()
+    field_of(reading(two_blocks(1, "cell")), 0.05, kept=kept)
+    first = kept.found
+    blocks = two_blocks(2, "point" if change == "where" else "cell", 1e-9 if change == "points" else None)
+    other = reading(blocks, {"optical": "-x"} if change == "frame" else None)
+    spacing = 0.06 if change == "spacing" else 0.05
+    found = field_of(other, spacing, kept=kept)
+    assert kept.found is not first
+    assert found.density.tobytes() == field_of(other, spacing).density.tobytes()
+
+
+def test_densities_that_do_not_fit_are_refused():
+    kept = Kept()
+    field_of(reading(two_blocks(1, "cell")[:1]), 0.05, kept=kept)
+    count = len(two_blocks(1, "cell")[0].cell_data["rho"])
+    with pytest.raises(ValueError, match=f"mesh {count} cells"):
+        kept.found.apply(np.ones(count - 1))
+    with pytest.raises(ValueError, match="not positive"):
+        kept.found.apply(np.full(count, -1.0), ambient_density=1.0)
+    assert kept.found.apply(np.full(count, 1.5)).density == pytest.approx(1.5, rel=1e-15)
+
+
+def test_a_reader_keeps_the_map_from_file_to_file(tmp_path):
+    """Set-up: a volume of tetrahedra in two .vtu files. Expected: one map, two fields; a series too."""
+    vtk = pytest.importorskip("vtkmodules.vtkIOXML")
+    from vtkmodules.util.numpy_support import numpy_to_vtk
+    from vtkmodules.vtkCommonCore import vtkPoints
+    from vtkmodules.vtkCommonDataModel import VTK_TETRA, vtkUnstructuredGrid
+
+    points, corners = split(TETRAHEDRON, *cube(3)[::-1])
+    for number, factor in enumerate((1.0, 1.5)):
+        grid, places = vtkUnstructuredGrid(), vtkPoints()
+        places.SetDataTypeToDouble()
+        places.SetData(numpy_to_vtk(points, deep=True))
+        grid.SetPoints(places)
+        for cell in corners:
+            grid.InsertNextCell(VTK_TETRA, 4, [int(k) for k in cell])
+        values = numpy_to_vtk(factor * linear(points), deep=True)
+        values.SetName("rho")
+        grid.GetPointData().AddArray(values)
+        writer = vtk.vtkXMLUnstructuredGridWriter()
+        writer.SetFileName(str(tmp_path / f"flow_{number}.vtu"))
+        writer.SetInputData(grid)
+        writer.Write()
+    reader = flow.Reader(spacing=0.1)
+    one = reader(tmp_path / "flow_0.vtu")
+    kept = reader.resampling
+    other = reader(tmp_path / "flow_1.vtu")
+    assert reader.resampling is kept
+    inside = np.random.default_rng(1).uniform(0.1, 0.9, (50, 3))
+    assert one.density_at(inside) == pytest.approx(linear(inside), rel=1e-12)
+    assert other.density_at(inside) == pytest.approx(1.5 * linear(inside), rel=1e-12)
+    series = flow.open_series(tmp_path / "flow_*.vtu", time_step=1.0, spacing=0.1)
+    assert series[1].density.tobytes() == other.density.tobytes()
