@@ -143,11 +143,17 @@ class Series:
             return np.asarray(density)
         return self._checked(found, number)
 
-    def read(self, index: int) -> "np.ndarray | DensityField":
-        """A snapshot as it comes: its bare densities where they lie on the mesh, else a field of its own."""
+    def read(self, index: int, on_device: bool = False) -> Any:
+        """A snapshot as it comes: its bare densities where they lie on the mesh, else a field of its own.
+
+        With `on_device` an array of float32 or float64 that lies on a GPU stays there, as an array of Warp's.
+        """
         number = self._number(index)
         found = self.get(number)
-        return found if isinstance(found, DensityField) else self._checked(found, number)
+        if isinstance(found, DensityField):
+            return found
+        kept = device_array(found) if on_device else None
+        return self._checked(found, number) if kept is None else self._of_shape(kept, number)
 
     def lies_here(self, flow: DensityField) -> bool:
         """Whether the samples of a field lie where those of the series do, beside the same body or none."""
@@ -177,18 +183,21 @@ class Series:
         return number
 
     def _checked(self, found: Any, number: int) -> np.ndarray:
-        array = host_array(found)
+        return self._of_shape(host_array(found), number)
+
+    def _of_shape(self, array: Any, number: int) -> Any:
         expected = self.mesh.shape if isinstance(self.mesh, GridMesh) else None
-        if expected is not None and array.shape != expected:
+        if expected is not None and tuple(array.shape) != expected:
             raise ValueError(
                 f"snapshot {number} has shape {array.shape}, the first one {expected}: one mesh, one shape"
             )
         return array
 
-    def field(self, density: "np.ndarray | DensityField", number: int) -> DensityField:
+    def field(self, density: Any, number: int) -> DensityField:
         """The density field of a snapshot that was read; `read` says how."""
         if isinstance(density, DensityField):
             return density
+        density = host_array(density)
         assert self.ambient_density is not None  # open_series asks for it
         told = f"{self.provenance}, snapshot {number} at {self.time[number]:g} s".lstrip(", ")
         if isinstance(self.mesh, GridMesh):
@@ -235,6 +244,19 @@ def host_array(found: Any) -> np.ndarray:
     if array.dtype == object or not np.issubdtype(array.dtype, np.number) or np.iscomplexobj(array):
         raise TypeError(f"a snapshot must be an array of real numbers or a DensityField, got {type(found).__name__}")
     return array if array.dtype in (np.float32, np.float64) else array.astype(np.float64)
+
+
+def device_array(found: Any) -> Any:
+    """An array on a GPU as one of Warp's, without a copy; None where it is no such array, or of whole numbers."""
+    if isinstance(found, np.ndarray) or not (hasattr(found, "__cuda_array_interface__") or _on_device(found)):
+        return None
+    import warp
+
+    if isinstance(found, warp.array):
+        array = found
+    else:
+        array = warp.from_dlpack(found) if hasattr(found, "__dlpack__") else warp.array(found, copy=False)
+    return array.contiguous() if array.dtype in (warp.float32, warp.float64) else None
 
 
 def _on_device(found: Any) -> bool:

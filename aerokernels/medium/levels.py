@@ -47,25 +47,30 @@ class RefinementLevels:
 
     def richardson_error(self, fine: np.ndarray, coarse: np.ndarray, coarser: np.ndarray | None) -> np.ndarray:
         """Estimated error of the values `fine` of some quantity, from its values through the three fields."""
-        change = fine - coarse
         if coarser is None:
-            return self.share * change
-        before = coarse - coarser
-        factor = np.full(np.shape(change), self._left(before, change, ORDER[self.fine.interpolation]))
-        size = np.abs(change)
-        if len(size) >= LEAST_SHARP / SHARP_SHARE:
-            sharp = size >= np.quantile(size, 1.0 - SHARP_SHARE)
-            # Errors of one order have one sign at all spacings: where they have not, none of a high order is seen yet.
-            alike = float(np.mean(before[sharp] * change[sharp])) > 0.0
-            highest = ORDER[self.fine.interpolation] if alike else LEAST_ALIKE
-            factor[sharp] = max(factor[0], self._left(before[sharp], change[sharp], highest))
-        return np.asarray(change * factor)
+            return self.share * (fine - coarse)
+        return richardson_error(fine, coarse, coarser, ORDER[self.fine.interpolation])
 
-    def _left(self, before: np.ndarray, after: np.ndarray, highest: float) -> float:
-        """What is left over the change `after`, by the order, at most `highest`, seen in the rms of two changes."""
-        first, second = (float(np.sqrt(np.mean(values**2))) for values in (before, after))
-        order = highest if second == 0.0 else float(np.clip(np.log2(max(first / second, 1.0)), LOWEST_ORDER, highest))
-        return 1.0 / (2.0**order - 1.0)
+
+def richardson_error(fine: np.ndarray, coarse: np.ndarray, coarser: np.ndarray, order: float) -> np.ndarray:
+    """Estimated error of values through all nodes, from those through every second and fourth; `order` at most."""
+    change, before = fine - coarse, coarse - coarser
+    factor = np.full(np.shape(change), _left(before, change, order))
+    size = np.abs(change)
+    if len(size) >= LEAST_SHARP / SHARP_SHARE:
+        sharp = size >= np.quantile(size, 1.0 - SHARP_SHARE)
+        # Errors of one order have one sign at all spacings: where they have not, none of a high order is seen yet.
+        alike = float(np.mean(before[sharp] * change[sharp])) > 0.0
+        highest = order if alike else LEAST_ALIKE
+        factor[sharp] = max(factor[0], _left(before[sharp], change[sharp], highest))
+    return np.asarray(change * factor)
+
+
+def _left(before: np.ndarray, after: np.ndarray, highest: float) -> float:
+    """What is left over the change `after`, by the order, at most `highest`, seen in the rms of two changes."""
+    first, second = (float(np.sqrt(np.mean(values**2))) for values in (before, after))
+    order = highest if second == 0.0 else float(np.clip(np.log2(max(first / second, 1.0)), LOWEST_ORDER, highest))
+    return 1.0 / (2.0**order - 1.0)
 
 
 def refinement(field) -> RefinementLevels | None:

@@ -6,22 +6,23 @@ Within a plane f is the spline of medium/spline.py; w_k are the integrals of the
 planes, from where the ray starts to where it leaves the box (for rays along an axis that is the exact integral of the
 tensor-product spline). Fourth order in the spacing for "cubic", second for "linear". What depends on where the rays
 run is worked out once; a set of samples then costs one pass over them where rays run along an axis, and a product with
-a sparse matrix, or an interpolation plane by plane where that would not fit, otherwise.
+a sparse matrix, or where that would not fit a sum over sheared planes (sheared_lattice.py), otherwise.
 
 Outside the box f is zero. A ray that leaves through a side takes nothing beyond it.
 """
 
 from collections.abc import Callable
+from functools import cached_property
 
 import numpy as np
 from scipy import sparse
 
 from ..flow import GridMesh
-from ..medium import spline
-from ..medium.cell_averages import node_values
+from .plane_values import PlaneValues, tensor_rows, thinned, to_coefficients
+from .sheared_lattice import ShearedLattice
 
 LINEAR = ("cubic", "linear")  # interpolants that are linear in the samples
-MOST_ENTRIES = 30_000_000  # of the sparse matrix: 360 MB
+MOST_ENTRIES = 8_000_000  # of the sparse matrix: 100 MB
 ALIGNED = 1e-12  # of the box that a ray along an axis may drift across it
 _EDGE = 1e-9  # of a cell that a point may lie outside and count as on the face
 
@@ -92,34 +93,81 @@ class LineIntegrals:
         entry = start + ((first - start[:, space]) / along)[:, None] * direction
         self.inside = self._within(self._lateral(entry)) & self._within(self._lateral(exit_point))
         self.inside &= self.length > 0.0
-        self._matrix = self._sparse_matrix()
+        self.direction, self.start, self._space = direction, start, space
 
     def __call__(self, samples: np.ndarray) -> np.ndarray:
         """The integrals of a set of samples, shape of the mesh: shape (n,), float64."""
-        if self.mesh.cell_averages:
-            samples = node_values(np.asarray(samples, np.float64), self.interpolation, self._is_even)
+        return self._sum(np.asarray(samples))
+
+    @cached_property
+    def _sum(self) -> Callable[[np.ndarray], np.ndarray]:
+        """How integrals are summed: along an axis, by one matrix, over a sheared lattice, or plane by plane."""
+        counts = [self.mesh.shape[k] for k in self._others]
+        averages = self.mesh.cell_averages
         if self.is_aligned:
-            projected = _contracted(samples, self._weights[0], self.axis)
-            return np.asarray(self._matrix @ self._coefficients(projected).ravel())
-        moved = np.moveaxis(samples, self.axis, 0)
-        if self._matrix is not None:
-            planes = np.stack([self._coefficients(np.asarray(plane, np.float64)).ravel() for plane in moved])
-            return np.asarray(self._matrix @ planes.ravel())
+            lateral = self._crossing(0)
+            values = PlaneValues(
+                self._cells(lateral), counts, self._within(lateral), self.interpolation, self._is_even, averages
+            )
+            return lambda samples: values(contracted(samples, self._weights[0], self.axis))
+        self._inverse = [
+            thinned(to_coefficients(count, self.interpolation, self._is_even and k == 0, averages))
+            for k, count in enumerate(counts)
+        ]
+        support = 4 if self.interpolation == "cubic" else 2
+        entries = len(self._which) * self.mesh.shape[self.axis] * support ** len(self._others)
+        if entries <= MOST_ENTRIES:
+            return self._by_matrix(self._sparse_matrix())
+        return self.lattice or self._by_planes
+
+    @cached_property
+    def lattice(self) -> ShearedLattice | None:
+        """The same map by lines through the nodes, which runs on a GPU too; None where it cannot be had so."""
+        if self.mesh.geometry != "volume" or self.interpolation != "cubic" or len(self._weights) != 1:
+            return None
+        if min(self.mesh.shape) < 4:
+            return None
+        slope = self.direction[self._others] / self.direction[self._space] * self.mesh.spacing[self.axis]
+        middle = self.mesh.shape[self.axis] // 2
+        return ShearedLattice(
+            self.mesh.shape,
+            self.axis,
+            self._cells(self._crossing(middle)),
+            slope / self.mesh.spacing[self._others],
+            middle,
+            self._weights[0],
+            self.inside,
+            self.mesh.cell_averages,
+        )
+
+    def _by_matrix(self, matrix: sparse.csr_matrix) -> Callable[[np.ndarray], np.ndarray]:
+        def total(samples: np.ndarray) -> np.ndarray:
+            planes = np.stack([self._coefficients(plane).ravel() for plane in np.moveaxis(samples, self.axis, 0)])
+            return np.asarray(matrix @ planes.ravel())
+
+        return total
+
+    def _by_planes(self, samples: np.ndarray) -> np.ndarray:
         total = np.zeros(len(self._which))
-        for plane in range(len(moved)):
-            weight = self._weights[:, plane][self._which]
+        for plane, values in enumerate(np.moveaxis(samples, self.axis, 0)):
             rows = self._rows(self._crossing(plane))
-            total += weight * (rows @ self._coefficients(np.asarray(moved[plane], np.float64)).ravel())
+            total += self._weights[:, plane][self._which] * (rows @ self._coefficients(values).ravel())
         return total
 
     def along(self, samples: np.ndarray) -> np.ndarray:
         """The samples where each ray crosses each plane, linear within the plane, shape (n, plane_count)."""
         moved = np.moveaxis(samples, self.axis, 0)
+        counts = moved[0].shape
         columns = []
         for plane in range(len(moved)):
-            rows = self._rows(self._crossing(plane))
+            lateral = self._crossing(plane)
+            rows = tensor_rows(self._cells(lateral), counts, "linear", self._within(lateral))
             columns.append(rows @ np.asarray(moved[plane], np.float64).ravel())
         return np.stack(columns, axis=1)
+
+    def crossings(self) -> np.ndarray:
+        """Where each ray crosses each plane, in cells from the first node, shape (n, plane_count, 1 or 2)."""
+        return np.stack([self._cells(self._crossing(k)) for k in range(self.mesh.shape[self.axis])], axis=1)
 
     def path_weights(self) -> np.ndarray:
         """The length of each ray that each plane stands for [m], shape (n, plane_count)."""
@@ -142,8 +190,16 @@ class LineIntegrals:
         slack = _EDGE * self.mesh.spacing[self._others]
         return np.asarray(((lateral >= low - slack) & (lateral <= high + slack)).all(axis=1))
 
+    def _cells(self, lateral: np.ndarray) -> np.ndarray:
+        """Coordinates across the main axis in cells from the first node."""
+        return np.asarray((lateral - self.mesh.origin[self._others]) / self.mesh.spacing[self._others])
+
     def _coefficients(self, plane: np.ndarray) -> np.ndarray:
-        return spline.coefficients(np.asarray(plane, np.float64), self.interpolation, self._is_even)
+        """Spline coefficients of the samples of a plane."""
+        found = np.asarray(plane, np.float64)
+        for axis, inverse in enumerate(self._inverse):
+            found = inverse @ found if axis == 0 else (inverse @ np.ascontiguousarray(found.T)).T
+        return found
 
     def _plane_weights(self, places: np.ndarray, along: float) -> np.ndarray:
         """Weights of the planes for rays that start at these places [cells], shape (len(places), plane_count)."""
@@ -153,39 +209,17 @@ class LineIntegrals:
             places, count, self.interpolation
         )
         signed = difference if along > 0.0 else -difference
-        if self.interpolation == "linear":
-            return signed
-        return signed @ spline.spline_along(np.eye(count), 0, False)
+        return signed @ to_coefficients(count, self.interpolation, False, self.mesh.cell_averages)
 
     def _rows(self, lateral: np.ndarray) -> sparse.csr_matrix:
         """The matrix that takes a plane's coefficients to its values at points; none outside the box."""
-        within = self._within(lateral)
-        support = spline.SUPPORT[self.interpolation]
-        extra = support - 2  # coefficients along an axis beyond its nodes
-        columns, values = np.zeros((len(lateral), 1), dtype=np.int64), within[:, None].astype(np.float64)
-        size = 1
-        for k, axis in enumerate(self._others):
-            count = self.mesh.shape[axis]
-            place = np.clip((lateral[:, k] - self.mesh.origin[axis]) / self.mesh.spacing[axis], 0.0, count - 1.0)
-            cell = np.minimum(place.astype(np.int64), count - 2)
-            weight = spline.weights(self.interpolation, place - cell)[0].T
-            column = cell[:, None] + np.arange(support)
-            columns = (columns[:, :, None] * (count + extra) + column[:, None, :]).reshape(len(lateral), -1)
-            values = (values[:, :, None] * weight[:, None, :]).reshape(len(lateral), -1)
-            size *= count + extra
-        starts = np.arange(len(lateral) + 1) * columns.shape[1]
-        return sparse.csr_matrix((values.ravel(), columns.ravel(), starts), shape=(len(lateral), size))
+        counts = [self.mesh.shape[k] for k in self._others]
+        return tensor_rows(self._cells(lateral), counts, self.interpolation, self._within(lateral))
 
-    def _sparse_matrix(self) -> sparse.csr_matrix | None:
-        """The whole map of the planes' coefficients; None where it would be too large."""
-        if self.is_aligned:
-            return self._rows(self._crossing(0))
-        planes = self.mesh.shape[self.axis]
-        entries = len(self._which) * planes * spline.SUPPORT[self.interpolation] ** len(self._others)
-        if entries > MOST_ENTRIES:
-            return None
+    def _sparse_matrix(self) -> sparse.csr_matrix:
+        """The whole map of the planes' coefficients."""
         parts = []
-        for plane in range(planes):
+        for plane in range(self.mesh.shape[self.axis]):
             weight = self._weights[:, plane][self._which]
             parts.append(sparse.diags(weight) @ self._rows(self._crossing(plane)))
         return sparse.csr_matrix(sparse.hstack(parts))
@@ -224,7 +258,7 @@ def basis_integrals(places: np.ndarray, count: int, interpolation: str) -> np.nd
     return found
 
 
-def _contracted(samples: np.ndarray, weights: np.ndarray, axis: int) -> np.ndarray:
+def contracted(samples: np.ndarray, weights: np.ndarray, axis: int) -> np.ndarray:
     """Weighted sum along an axis, in the samples' own precision: one pass over them."""
     weights = weights.astype(samples.dtype)
     if axis == samples.ndim - 1:

@@ -47,9 +47,9 @@ def optical_series(
     """Maps of the optical path difference of every snapshot of a series over a pupil.
 
     Where the rays are nearly straight, OPD is linear in the density: lines through the grid are worked out once, and a
-    snapshot costs one pass over its samples. The bending that this leaves out is measured on the first snapshot, and
-    again whenever it has grown; above the tolerance a snapshot is traced in full. The next snapshot is read while one
-    is computed, and no more than these two are in memory, unless the maps are.
+    snapshot costs one pass over its samples, on a GPU where there is one. The bending that this leaves out is measured
+    on the first snapshot, and again whenever it has grown; above the tolerance a snapshot is traced in full. The next
+    snapshot is read while one is computed, and no more than these two are in memory, unless the maps are.
 
     Args:
         series: The snapshots, as `flow.open_series` opens them.
@@ -117,7 +117,7 @@ def optical_series(
         snapshots.resume(record["slope"], record["probe"], record["probe_interpolation"])
     lit: np.ndarray | None = None
     with store.writing():
-        for number, stored in _read_ahead(series, len(store.records)):
+        for number, stored in _read_ahead(series, len(store.records), snapshots.device is not None):
             found = snapshots(number, stored)
             good = found.valid & np.isfinite(found.opd)
             if not good.any():
@@ -133,14 +133,14 @@ def optical_series(
     return store.finish()
 
 
-def _read_ahead(series: Series, first: int) -> Iterator[tuple[int, Any]]:
+def _read_ahead(series: Series, first: int, on_device: bool) -> Iterator[tuple[int, Any]]:
     """Snapshots one after another, the next of which is read while one is worked on."""
     with ThreadPoolExecutor(1) as reader:
-        following = reader.submit(series.read, first) if first < len(series) else None
+        following = reader.submit(series.read, first, on_device) if first < len(series) else None
         for number in range(first, len(series)):
             assert following is not None
             stored = following.result()
-            following = reader.submit(series.read, number + 1) if number + 1 < len(series) else None
+            following = reader.submit(series.read, number + 1, on_device) if number + 1 < len(series) else None
             yield number, stored
 
 

@@ -1,9 +1,10 @@
 r"""The optical path differences of a snapshot: from straight lines where those are good enough, else traced.
 
 On straight rays OPD = K \int (rho - rho_ambient) ds is linear in the density (Gladstone-Dale), so a snapshot costs one
-pass over its samples. What that leaves out, the bending of rays and their displacement, is measured by tracing some of
-the rays in full; it grows with the square of the slopes of the wavefront, -1/2 \int theta^2 ds, and so it is measured
-again whenever these have grown. Where it is above the tolerance the snapshot is traced in full.
+pass over its samples. What that leaves out, the bending of rays and their displacement, is worked out on some of the
+rays, to second order in volumes (bending.py), by tracing them in full elsewhere; it grows with the square of the slopes
+of the wavefront, -1/2 \int theta^2 ds, and so it is measured again whenever these have grown. Where it is above the
+tolerance the snapshot is traced in full.
 """
 
 from dataclasses import dataclass, replace
@@ -12,17 +13,20 @@ from typing import Any
 import numpy as np
 
 from ..flow import DensityField, Series, refractivity_model
+from ..flow.series import host_array
 from ..medium import IndexField, QuadMesh
 from ..rays import RayBundle
 from ..tracing import Plane
+from ..tracing.engines.info import cuda_driver_loads
 from ..tracing.trace import trace
 from ..wavefront import remove_terms
+from .bending import bending, interpolation_error
 from .line_integrals import LineIntegrals, NotLinearError
 from .mesh_integrals import MeshIntegrals
 from .pupil_grid import PupilGrid
 
 METHODS = ("auto", "linear", "trace")
-PROBES = 96  # rays traced in full beside the straight lines
+PROBES = 96  # rays whose bending is measured
 GROWN = 1.5  # the growth of the squared slopes after which that is measured again
 PROBE_TOLERANCE = 0.1  # of the tolerance
 
@@ -84,11 +88,28 @@ class Found:
     interpolation: float = np.nan
 
 
+def gpu_of(backend: str | None, device: str | None) -> str | None:
+    """The GPU that a backend and a device stand for, by its name at Warp; None for the processor, or OpenCL's GPUs."""
+    if backend not in (None, "auto", "warp") or not cuda_driver_loads():
+        return None
+    if device is not None and device.lower() != "gpu" and not device.startswith("cuda"):
+        return None
+    import warp
+
+    from ..tracing.engines.warp.devices import start_warp
+
+    start_warp()
+    if not warp.is_cuda_available():
+        return None
+    return device if device is not None and device.startswith("cuda") else "cuda:0"
+
+
 class Snapshots:
     """Turns the snapshots of a series into optical path differences, one after another, in their order.
 
     Attributes:
         reason: Why snapshots are traced in full, or "" where straight lines may do.
+        device: The GPU on which integrals along straight lines are summed, by its name at Warp; None: the processor.
     """
 
     def __init__(self, series: Series, grid: PupilGrid, way: Way, remove: tuple[str, ...]):
@@ -97,6 +118,7 @@ class Snapshots:
         self.model = refractivity_model(way.relation, constant=way.constant, composition=way.composition)
         self.lines: LineIntegrals | MeshIntegrals | None = None
         self.reason = ""
+        self.device = gpu_of(way.trace_options.get("backend"), way.trace_options.get("device"))
         self._measured_slope, self._measured, self._interpolation = 0.0, np.nan, 0.0
         try:
             self.lines = self._lines()
@@ -129,25 +151,25 @@ class Snapshots:
 
     def __call__(self, number: int, stored: Any = None) -> Found:
         """The optical path differences of a snapshot, whose array may have been read already."""
-        stored = self.series.read(number) if stored is None else stored
+        stored = self.series.read(number, self.device is not None) if stored is None else stored
         flow = stored if isinstance(stored, DensityField) else None
         if self.lines is None or (flow is not None and not self.series.lies_here(flow)):
             return self._traced(self.way.index_field(self.series.field(stored, number)))
-        density = np.asarray(stored if flow is None else flow.density)  # type: ignore[attr-defined]
+        density = stored if flow is None else np.asarray(flow.density)  # type: ignore[attr-defined]
         ambient = self.series.ambient_density if flow is None else flow.ambient_density
         assert ambient is not None  # open_series asks for it
         opd = self._straight(density, ambient)
         valid = self.lines.inside & np.isfinite(opd)
         if not np.isfinite(opd).all():
-            bad = int((~np.isfinite(density)).sum())
-            raise ValueError(f"snapshot {number}: {bad} of {density.size} densities are not finite; repair the file")
+            samples = host_array(density)
+            bad = int((~np.isfinite(samples)).sum())
+            raise ValueError(f"snapshot {number}: {bad} of {samples.size} densities are not finite; repair the file")
         slope = self._slope(opd, valid)
         probe = interpolation = np.nan
         if self.way.method == "auto" and not (
             np.isfinite(self._measured) and slope <= GROWN * self._measured_slope + 1e-30
         ):
-            field = self.way.index_field(self.series.field(stored, number))
-            probe, interpolation = self._probe(field, opd, valid)
+            probe, interpolation = self._probe(stored, number, opd, valid)
             self.resume(slope, probe, interpolation)
         grown = max(1.0, slope / self._measured_slope) if self._measured_slope > 0.0 else 1.0
         bending = self._measured * grown
@@ -157,13 +179,17 @@ class Snapshots:
         error = float(np.hypot(bending, self._interpolation))
         return Found(opd, valid, False, error, slope, probe, interpolation)
 
-    def _straight(self, density: np.ndarray, ambient: float) -> np.ndarray:
+    def _straight(self, density: Any, ambient: float) -> np.ndarray:
         """K times the integral of what the density has above the ambient one, a spline of which is that constant."""
         assert self.lines is not None
         if self.model.form == "gladstone-dale":
             constant = float(self.model.constant(self.way.wavelength))
-            return constant * (self.lines(density) - ambient * self.lines.length)
-        return self.lines(self.model.contrast(density, ambient, self.way.wavelength))
+            if self.device is not None and isinstance(self.lines, LineIntegrals) and self.lines.lattice is not None:
+                total = self.lines.lattice.on_gpu(density, self.device)
+            else:
+                total = self.lines(host_array(density))
+            return constant * (total - ambient * self.lines.length)
+        return self.lines(self.model.contrast(host_array(density), ambient, self.way.wavelength))
 
     def _slope(self, opd: np.ndarray, valid: np.ndarray) -> float:
         """Mean square of the slopes of a wavefront, from neighbouring pixels."""
@@ -177,15 +203,15 @@ class Snapshots:
         points = self.grid.points[chosen]
         return RayBundle(points, np.broadcast_to(self.way.direction, points.shape)), points
 
-    def _stop(self, field: IndexField) -> Plane:
-        """A plane across the rays, beyond the field's box and the pupil."""
-        low, high = (np.where(np.isfinite(corner), corner, 0.0) for corner in field.box)
+    def _stop(self, box: tuple[np.ndarray, np.ndarray]) -> Plane:
+        """A plane across the rays, beyond a box and the pupil."""
+        low, high = (np.where(np.isfinite(corner), corner, 0.0) for corner in box)
         corners = np.array(np.meshgrid(*zip(low, high, strict=True))).reshape(3, -1).T
         away = np.concatenate([corners, self.grid.points]) @ self.way.direction
         return Plane((away.max() + 1e-3 * np.ptp(away)) * self.way.direction, self.way.direction)
 
-    def _probe(self, field: IndexField, opd: np.ndarray, valid: np.ndarray) -> tuple[float, float]:
-        """By how much straight lines differ from traced rays, rms over some rays of the pupil, terms removed [m].
+    def _probe(self, stored: Any, number: int, opd: np.ndarray, valid: np.ndarray) -> tuple[float, float]:
+        """By how much straight lines differ from bent rays, rms over some rays of the pupil, terms removed [m].
 
         And what the interpolant may be off by, of the same rays.
         """
@@ -193,13 +219,15 @@ class Snapshots:
         if not len(rows):
             return 0.0, 0.0
         rows = rows[np.unique(np.linspace(0, len(rows) - 1, PROBES).round().astype(int))]
+        if isinstance(self.lines, LineIntegrals) and self.lines.mesh.geometry == "volume":
+            return self._second_order(stored, rows)
+        field = self.way.index_field(self.series.field(stored, number))
         rays, _ = self._rays(rows)
-        tolerance = PROBE_TOLERANCE * self.way.tolerance
         traced = trace(
             field,
             rays,
-            until=self._stop(field),
-            tolerance=tolerance,
+            until=self._stop(field.box),
+            tolerance=PROBE_TOLERANCE * self.way.tolerance,
             wavelength=self.way.wavelength,
             outputs=("opd",),
             **self.way.trace_options,
@@ -209,16 +237,40 @@ class Snapshots:
         if good.sum() < 3:
             return 0.0, 0.0
         difference = (traced.opd - opd[rows])[good]
-        points = self.grid.coordinates[rows][good]
-        bending = float(np.sqrt(np.mean(remove_terms(difference, self.remove, points) ** 2)))
-        return bending, float(traced.error.get("interpolation") or 0.0)
+        return self._rms(difference, rows[good]), float(traced.error.get("interpolation") or 0.0)
+
+    def _second_order(self, stored: Any, rows: np.ndarray) -> tuple[float, float]:
+        """The same through a volume, from what the rays see of its samples."""
+        assert isinstance(self.lines, LineIntegrals)
+        flow = stored if isinstance(stored, DensityField) else None
+        density = host_array(stored if flow is None else flow.density)  # type: ignore[attr-defined]
+        ambient = self.series.ambient_density if flow is None else flow.ambient_density
+        assert ambient is not None
+        wavelength, mesh = self.way.wavelength, self.lines.mesh
+        points, along = self.grid.points[rows], self.way.direction
+        lines = LineIntegrals(mesh, points, along, self.lines.interpolation)
+
+        def contrast(values: np.ndarray) -> np.ndarray:
+            return np.asarray(self.model.contrast(np.asarray(values, np.float64), ambient, wavelength))
+
+        axis = lines.axis
+        face = mesh.box[1 if along[axis] > 0.0 else 0][axis]
+        leave = points + ((face - points[:, axis]) / along[axis])[:, None] * along
+        beyond = self._stop(mesh.box).point @ along - leave @ along
+        bent = self._rms(bending(lines, density, contrast, beyond), rows)
+        return bent, self._rms(interpolation_error(lines, density, contrast), rows)
+
+    def _rms(self, values: np.ndarray, rows: np.ndarray) -> float:
+        """Root mean square over some rays, terms removed [m]."""
+        left = remove_terms(values, self.remove, self.grid.coordinates[rows])
+        return float(np.sqrt(np.mean(left**2)))
 
     def _traced(self, field: IndexField) -> Found:
         rays, _ = self._rays(np.arange(len(self.grid.points)))
         traced = trace(
             field,
             rays,
-            until=self._stop(field),
+            until=self._stop(field.box),
             tolerance=self.way.tolerance,
             wavelength=self.way.wavelength,
             outputs=("opd",),

@@ -1,0 +1,137 @@
+r"""What straight lines through a volume leave out, and what the spline through its nodes may be off by, on some rays.
+
+A ray that crosses the planes z = const with the slopes s would, bent, be displaced across them by xi(z). With
+N = sqrt(1 + s^2), Q = 1 / N - s s^T / N^3 and m the contrast, Fermat's principle gives to first order in m
+
+    Q xi' = \int N grad m dz - (m - m_entry) s / N,        grad across the axis, from where the ray enters the box,
+
+and what the optical path difference changes by, to second order,
+
+    \int (N grad m . xi + m s . xi' / N + 1/2 xi' . Q xi') dz,        on from the box to the stop with the last xi'.
+
+Along an axis that is [xi' . xi] - 1/2 \int theta^2 dz: what is left out is of third order, less by the box's length
+squared times the second derivatives of m. The gradients are those of the spline, from a window of the samples about
+each crossing; so a probe costs what its rays see of the samples, and not the whole of them.
+
+The interpolation error is Richardson's, from every second and fourth node (medium/levels.py).
+"""
+
+from collections.abc import Callable
+
+import numpy as np
+
+from ..flow import GridMesh
+from ..medium import spline
+from ..medium.levels import ORDER, richardson_error
+from .line_integrals import LineIntegrals
+from .plane_values import basis_rows, to_coefficients
+
+WINDOW = 20  # nodes along each axis of it: the spline's inverse has fallen to 1e-5 at its ends
+SAFETY = 3.0  # on the interpolation error, as in tracing/budget.py
+AT_ONCE = 8  # rays
+
+Contrast = Callable[[np.ndarray], np.ndarray]
+
+
+def bending(lines: LineIntegrals, samples: np.ndarray, contrast: Contrast, beyond: np.ndarray) -> np.ndarray:
+    """By how much the optical path differences of bent rays differ from those on straight lines [m], shape (n,).
+
+    Args:
+        lines: The rays, through a volume.
+        samples: Of the density, shape of the mesh.
+        contrast: The index contrast of densities.
+        beyond: How far the stop lies beyond the box, along each ray [m], shape (n,).
+    """
+    value, gradient = at_planes(lines, samples, contrast, True)
+    others = [k for k in range(3) if k != lines.axis]
+    along = lines.direction[lines.axis]
+    slope = lines.direction[others] / abs(along)
+    length = np.sqrt(1.0 + slope @ slope)
+    metric = np.eye(2) / length - np.outer(slope, slope) / length**3
+    step = lines.path_weights() / length
+    if along < 0.0:
+        value, gradient, step = value[:, ::-1], gradient[:, ::-1], step[:, ::-1]
+    reached = np.cumsum(np.abs(step), axis=1) > 0.0
+    entry = np.take_along_axis(value, np.argmax(reached, axis=1)[:, None], axis=1)
+    turned = length * _sum_to(gradient, step) - ((value - entry) * reached)[..., None] * slope / length
+    tilt = turned @ np.linalg.inv(metric)  # xi', and Q is symmetric
+    shift = _sum_to(tilt, step)
+    part = length * np.sum(gradient * shift, axis=-1) + value * (tilt @ slope) / length
+    part += 0.5 * np.sum(tilt * turned, axis=-1)
+    last = 0.5 * np.sum(tilt[:, -1] * turned[:, -1], axis=-1)
+    return np.asarray((part * step).sum(axis=1) + last * beyond / length)
+
+
+def interpolation_error(lines: LineIntegrals, samples: np.ndarray, contrast: Contrast) -> np.ndarray:
+    """What the integrals of the contrast along the rays may be off by between the nodes [m], shape (n,).
+
+    On grids of fewer than nine nodes along each axis their change against the linear interpolant is taken.
+    """
+    mesh = lines.mesh
+    every = [4 if count >= 9 else 2 if count >= 5 else 1 for count in mesh.shape]
+    cut = [slice(0, count - (count - 1) % stride) for count, stride in zip(mesh.shape, every, strict=True)]
+    if max(every) < 4:
+        other = LineIntegrals(mesh, lines.start, lines.direction, "linear")
+        return SAFETY * np.abs(lines(contrast(samples)) - other(contrast(samples)))
+    found = []
+    for greatest in (1, 2, 4):
+        strides = [min(one, greatest) for one in every]
+        some = samples[tuple(cut)][tuple(slice(None, None, one) for one in strides)]
+        thin = GridMesh("volume", mesh.origin, mesh.spacing * strides, some.shape, mesh.cell_averages)
+        level = LineIntegrals(thin, lines.start, lines.direction, lines.interpolation)
+        value, _ = at_planes(level, some, contrast, False)
+        found.append((value * level.path_weights()).sum(axis=1))
+    return SAFETY * np.abs(richardson_error(found[0], found[1], found[2], ORDER[lines.interpolation]))
+
+
+def _sum_to(values: np.ndarray, step: np.ndarray) -> np.ndarray:
+    """Integrals from the entry to each plane, shape (n, plane_count, 2)."""
+    parts = values * step[..., None]
+    return np.cumsum(parts, axis=1) - 0.5 * parts
+
+
+def at_planes(
+    lines: LineIntegrals, samples: np.ndarray, contrast: Contrast, slopes: bool
+) -> tuple[np.ndarray, np.ndarray]:
+    """The contrast where rays cross the planes of a volume, and its gradient across the main axis if asked for [1/m].
+
+    Shapes (n, plane_count) and (n, plane_count, 2).
+    """
+    others = [k for k in range(3) if k != lines.axis]
+    place = lines.crossings()
+    moved = np.moveaxis(samples, lines.axis, 2)
+    planes = np.arange(moved.shape[2])[None, :, None, None]
+    inverse = [to_coefficients(moved.shape[a], lines.interpolation, False, lines.mesh.cell_averages) for a in range(2)]
+    value = np.empty(place.shape[:2])
+    gradient = np.empty(place.shape if slopes else (0,))
+    for first in range(0, len(place), AT_ONCE):
+        rays = slice(first, first + AT_ONCE)
+        index, rows, slope = zip(
+            *[_window_rows(place[rays, :, a], lines.interpolation, inverse[a]) for a in range(2)],
+            strict=True,
+        )
+        seen = contrast(np.asarray(moved[index[0][:, :, :, None], index[1][:, :, None, :], planes], np.float64))
+        across = np.einsum("nkij,nkj->nki", seen, rows[1])
+        value[rays] = np.einsum("nki,nki->nk", across, rows[0])
+        if slopes:
+            first_slope = np.einsum("nki,nki->nk", across, slope[0])
+            second_slope = np.einsum("nkij,nki,nkj->nk", seen, rows[0], slope[1], optimize=True)
+            gradient[rays] = np.stack([first_slope, second_slope], axis=-1) / lines.mesh.spacing[others]
+    return value, gradient
+
+
+def _window_rows(place: np.ndarray, interpolation: str, inverse: np.ndarray):
+    """Nodes about places along an axis, and the weights of their samples in the value and in its slope by cells.
+
+    Each of shape (*place.shape, width).
+    """
+    count = inverse.shape[1]
+    cell, _ = basis_rows(place.ravel(), count, interpolation)
+    rest = np.clip(place.ravel(), 0.0, count - 1.0) - cell
+    value, slope = (one.T for one in spline.weights(interpolation, rest))
+    width = min(WINDOW, count)
+    low = np.clip(cell + 1 - width // 2, 0, count - width)
+    nodes = low[:, None] + np.arange(width)
+    terms = inverse[(cell[:, None] + np.arange(value.shape[1]))[:, :, None], nodes[:, None, :]]
+    shape = (*place.shape, width)
+    return nodes.reshape(shape), *(np.einsum("ns,nsw->nw", one, terms).reshape(shape) for one in (value, slope))
