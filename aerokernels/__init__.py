@@ -16,8 +16,10 @@ _HOME = {
     "ArcLength": "tracing",
     "BackendInfo": "tracing",
     "Body": "medium",
+    "Camera": "imaging",
     "DensityField": "flow",
     "Disc": "rays",
+    "DotPattern": "imaging",
     "EchoResult": "echo",
     "IndexField": "medium",
     "Mask": "rays",
@@ -29,17 +31,21 @@ _HOME = {
     "Rectangle": "rays",
     "RunResult": "jobs.run",
     "Scene": "scene",
+    "Sensor": "sensor",
     "StrehlEstimate": "strehl",
     "TraceResult": "tracing",
     "Validity": "waves",
     "Wave": "waves",
     "Wavefront": "wavefront",
     "available_backends": "tracing",
+    "background_displacement": "imaging",
+    "bos": "imaging",
     "compare_waveforms": "compare",
     "echo": "",
     "estimate_range": "echo",
     "estimate_strehl": "strehl_estimate",
     "flow": "",
+    "image_through": "imaging",
     "interferogram": "schlieren",
     "look_map": "series",
     "optical_series": "series",
@@ -50,10 +56,10 @@ _HOME = {
     "schlieren": "",
     "shadowgraph": "schlieren",
     "simulate": "jobs.run",
+    "split_step": "waves",
     "statistics": "series",
     "strehl": "",
     "strehl_marechal": "strehl",
-    "split_step": "waves",
     "sweep": "jobs.sweeps.run",
     "trace": "tracing",
     "validity": "waves",
@@ -66,8 +72,10 @@ __all__ = [
     "ArcLength",
     "BackendInfo",
     "Body",
+    "Camera",
     "DensityField",
     "Disc",
+    "DotPattern",
     "EchoResult",
     "IndexField",
     "Mask",
@@ -79,17 +87,21 @@ __all__ = [
     "Rectangle",
     "RunResult",
     "Scene",
+    "Sensor",
     "StrehlEstimate",
     "TraceResult",
     "Validity",
     "Wave",
     "Wavefront",
     "available_backends",
+    "background_displacement",
+    "bos",
     "compare_waveforms",
     "echo",
     "estimate_range",
     "estimate_strehl",
     "flow",
+    "image_through",
     "interferogram",
     "look_map",
     "optical_series",
@@ -135,12 +147,14 @@ if TYPE_CHECKING:
     from .compare import compare_waveforms
     from .echo import EchoResult, echo, estimate_range, plane_target_echo, range_statistics
     from .flow import DensityField
+    from .imaging import Camera, DotPattern, background_displacement, bos, image_through
     from .jobs.run import RunResult, simulate
     from .jobs.sweeps.run import sweep
     from .medium import Body, IndexField, QuadMesh
     from .rays import Annulus, Disc, Mask, Polygon, RayBundle, Rectangle
     from .scene import Scene
     from .schlieren import interferogram, schlieren, shadowgraph
+    from .sensor import Sensor
     from .series import look_map, optical_series, statistics
     from .strehl import StrehlEstimate, strehl, strehl_marechal
     from .strehl_estimate import estimate_strehl, prepare_strehl

@@ -17,7 +17,7 @@ RANK = {
     for rank, rooms in enumerate(
         [
             ("read_only",),
-            ("units", "quantities", "callable_module", "sobol", "wavelength", "derived", "clock", "quiet_warp"),
+            ("units", "quantities", "callable_module", "sobol", "wavelength", "derived", "clock", "quiet_warp", "sensor"),
             ("pupils",),
             ("rays",),
             ("strehl_sums",),
@@ -28,7 +28,7 @@ RANK = {
             ("zernike", "strehl_errors"),
             ("wavefront",),
             ("strehl_budget",),
-            ("strehl", "schlieren"),
+            ("strehl", "schlieren", "imaging"),
             ("strehl_estimate", "prepare"),
             ("series",),
             ("waves",),

@@ -71,7 +71,7 @@ class ShearedLattice:
             return self.on_gpu(samples, device)
         import warp as wp
 
-        from ..tracing.engines.warp.devices import start_warp
+        from ..quiet_warp import start_warp
 
         start_warp()
         found = np.ascontiguousarray(samples)
@@ -93,7 +93,7 @@ class ShearedLattice:
         """The same with all of the work on a device of Warp's; samples of the host are copied there."""
         import warp as wp
 
-        from ..tracing.engines.warp.devices import start_warp
+        from ..quiet_warp import start_warp
 
         start_warp()
         there = isinstance(samples, wp.array)

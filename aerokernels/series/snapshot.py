@@ -96,7 +96,7 @@ def gpu_of(backend: str | None, device: str | None) -> str | None:
         return None
     import warp
 
-    from ..tracing.engines.warp.devices import start_warp
+    from ..quiet_warp import start_warp
 
     start_warp()
     if not warp.is_cuda_available():

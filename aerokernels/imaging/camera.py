@@ -1,0 +1,121 @@
+"""A camera: an entrance pupil that a flow is looked through, a lens in it, and pixels behind.
+
+A pixel at the place p of the sensor looks along the tangent t = p / b from the pupil's middle, b the image distance of
+the plane in focus: 1 / b = 1 / f - 1 / focus. A ray of the pixel that starts at the place q of the pupil goes through
+the point of the plane in focus that the pixel looks at:
+
+    tangent = t - q / focus,      without a flow it meets a scene at the distance D at D t + q (1 - D / focus)
+
+The second term is the depth of field. Places are along the two axes of the pupil, x and y where it looks along +z.
+"""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from ..pupils import Pupil
+
+GREATEST_PIXELS = 100_000_000
+
+
+@dataclass(frozen=True)
+class Camera:
+    """A camera that looks along its pupil's normal.
+
+    Pictures have the axes [y, x], both ascending along the pupil's axes, as maps of wavefronts have.
+
+    Attributes:
+        pupil: The entrance pupil, with its place and the direction in which it looks.
+        focal_length: Focal length of the lens [m].
+        pixel: Side of a pixel [m].
+        pixel_count: Pixels: rows and columns, or one number for a square; None takes a scene's own.
+        distance: From the pupil to the plane of the scene, along the normal [m]; infinite for a far scene.
+        focus: Distance of the plane in focus [m]; None: the scene's.
+
+    Raises:
+        TypeError: `pupil` is no pupil.
+        ValueError: A number that makes no sense.
+    """
+
+    pupil: Pupil
+    focal_length: float
+    pixel: float
+    pixel_count: int | tuple[int, int] | None = None
+    distance: float = float("inf")
+    focus: float | None = None
+
+    def __post_init__(self):
+        """Check."""
+        if not isinstance(self.pupil, Pupil):
+            raise TypeError(
+                f"pupil must be a Disc, Annulus, Rectangle, Polygon or Mask, got {type(self.pupil).__name__}"
+            )
+        for name in ("focal_length", "pixel"):
+            value = getattr(self, name)
+            if not (np.ndim(value) == 0 and np.isfinite(value) and value > 0.0):
+                raise ValueError(f"{name} must be a positive length [m], got {value!r}")
+        if not (np.ndim(self.distance) == 0 and self.distance > 0.0):
+            raise ValueError(f"distance must be a positive length [m], or infinite, got {self.distance!r}")
+        if not self.focus_distance > self.focal_length:
+            raise ValueError(
+                f"focus = {self.focus_distance!r} m: the plane in focus must lie beyond the focal length of "
+                f"{self.focal_length:g} m"
+            )
+        if self.pixel_count is not None:
+            self.shape()
+
+    @property
+    def focus_distance(self) -> float:
+        """Distance of the plane in focus [m]."""
+        return float(self.distance if self.focus is None else self.focus)
+
+    @property
+    def image_distance(self) -> float:
+        """From the lens to the sensor [m]."""
+        return 1.0 / (1.0 / self.focal_length - 1.0 / self.focus_distance)
+
+    @property
+    def pixel_tangent(self) -> float:
+        """Tangent of the angle between neighbouring pixels on the axis."""
+        return self.pixel / self.image_distance
+
+    @property
+    def scene_pixel(self) -> float:
+        """Size of a pixel in the plane of the scene [m]; infinite for a far scene."""
+        return self.pixel_tangent * self.distance
+
+    def shape(self, scene: Any = None) -> tuple[int, int]:
+        """Rows and columns of the picture; those of a scene where the camera says none.
+
+        Raises:
+            ValueError: Neither says any, or numbers that make no sense.
+        """
+        if self.pixel_count is None and scene is None:
+            raise ValueError("the camera needs a pixel_count: rows and columns")
+        counts = np.asarray(np.shape(scene)[:2] if self.pixel_count is None else self.pixel_count)
+        if counts.dtype.kind not in "iu" or counts.shape not in ((), (2,)) or (counts < 1).any():
+            raise ValueError(f"pixel_count must be one whole number of at least 1, or two, got {self.pixel_count!r}")
+        rows, columns = (int(count) for count in np.broadcast_to(counts, (2,)))
+        if rows * columns > GREATEST_PIXELS:
+            raise ValueError(f"{rows} x {columns} pixels are more than {GREATEST_PIXELS:.0e}")
+        return rows, columns
+
+    def tangents(self, shape: tuple[int, int]) -> tuple[np.ndarray, np.ndarray]:
+        """Tangents toward which the pixels' columns and rows look: x, shape (columns,), and y, shape (rows,)."""
+        rows, columns = shape
+        x, y = (self.pixel_tangent * (np.arange(count) - 0.5 * (count - 1)) for count in (columns, rows))
+        return x, y
+
+    def directions(self, x: np.ndarray, y: np.ndarray) -> np.ndarray:
+        """Unit vectors toward tangents x and y, each of shape (n,): shape (n, 3)."""
+        first, second = self.pupil.axes
+        size = 1.0 / np.sqrt(1.0 + x**2 + y**2)
+        return np.asarray(
+            (x * size)[:, None] * first + (y * size)[:, None] * second + size[:, None] * self.pupil.normal
+        )
+
+    def across(self, vectors: np.ndarray) -> np.ndarray:
+        """Components of vectors (n, 3) along the pupil's axes, shape (n, 2)."""
+        first, second = self.pupil.axes
+        return np.stack([vectors @ first, vectors @ second], axis=1)

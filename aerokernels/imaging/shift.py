@@ -1,0 +1,238 @@
+"""Where in the scene the pixels of a camera look through a flow, by rays from points of its aperture.
+
+Rays of one point of the aperture are a bundle, of which `trace` traces few. A pixel's ray meets the scene at L with the
+flow and at L0 without it; in pixels of the picture, and over the aperture with its weights,
+
+    shift = mean (L - L0) / scene_pixel,      picture with the flow (pixel) = picture without it (pixel + shift)
+
+so what is seen in a pixel was displaced by minus the shift. Of a far scene, tangents take the place of L / D.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ..clock import clocked
+from ..medium import IndexField
+from ..rays import RayBundle
+from ..tracing import Plane, trace
+from .camera import Camera
+
+if TYPE_CHECKING:
+    import xarray
+
+# Points of the aperture: a ring of four has the exact mean of what changes by up to the third power across it.
+APERTURE_RAYS = 4
+# (point of the aperture [m], its share of the light, shifts [pixels] of shape (2, rows, columns), 1 where rays arrived)
+Visit = Callable[[np.ndarray, float, np.ndarray, np.ndarray], None]
+# Options that go on to `trace`.
+TRACE_OPTIONS = ("method", "tolerance", "wavelength", "backend", "device", "precision", "step", "max_steps")
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class BackgroundDisplacement:
+    """How a flow displaces what a camera sees, pixel by pixel.
+
+    Attributes:
+        displacement: Displacement of the picture's content through the flow, along x and y [pixels], at the place where
+            it is seen through the flow, shape (rows, columns, 2); NaN where nothing is seen.
+        blur: Root mean square distance of the aperture's rays from their mean in the scene, less what depth of field
+            alone makes, along x and y [pixels], shape (rows, columns, 2).
+        through: Share of the aperture whose rays reach the scene, shape (rows, columns).
+        camera: The camera.
+        wavelength: Vacuum wavelength [m].
+        plan: How the rays of one point of the aperture were traced.
+        seconds: Wall time by stage: see STAGES in clock.py.
+    """
+
+    displacement: np.ndarray
+    blur: np.ndarray
+    through: np.ndarray
+    camera: Camera
+    wavelength: float
+    plan: Any = None
+    seconds: dict[str, float] = field(default_factory=dict)
+
+    @property
+    def shift(self) -> np.ndarray:
+        """What a pixel sees less what it would see without the flow [pixels]: minus the displacement."""
+        return -self.displacement
+
+    @property
+    def angle(self) -> np.ndarray:
+        """The displacement as the angle seen from the camera [rad], shape (rows, columns, 2)."""
+        return self.displacement * self.camera.pixel_tangent
+
+    @property
+    def scene_displacement(self) -> np.ndarray:
+        """The displacement in the plane of the scene [m], shape (rows, columns, 2)."""
+        return self.displacement * self.camera.scene_pixel
+
+    def to_xarray(self) -> "xarray.Dataset":
+        """The maps as a dataset with units over (y, x)."""
+        import xarray
+
+        pair, one = ("y", "x", "component"), ("y", "x")
+        rows, columns = self.through.shape
+        return xarray.Dataset(
+            {
+                "displacement": (
+                    pair,
+                    self.displacement,
+                    {"units": "pixel", "long_name": "displacement through the flow"},
+                ),
+                "blur": (pair, self.blur, {"units": "pixel", "long_name": "rms spread of the aperture's rays"}),
+                "through": (
+                    one,
+                    self.through,
+                    {"units": "1", "long_name": "share of the aperture that sees the scene"},
+                ),
+            },
+            {
+                "component": ["x", "y"],
+                "x": ("x", np.arange(columns) - 0.5 * (columns - 1), {"units": "pixel"}),
+                "y": ("y", np.arange(rows) - 0.5 * (rows - 1), {"units": "pixel"}),
+            },
+            {
+                "pixel_tangent": self.camera.pixel_tangent,
+                "scene_pixel_m": self.camera.scene_pixel,
+                "wavelength": self.wavelength,
+                "sign_convention": "displacement of the picture's content, along x and y of the pupil",
+            },
+        )
+
+    def plot(self, axes=None):
+        """Draw the size of the displacement on matplotlib axes; returns the axes."""
+        from .plots import plot_displacement
+
+        return plot_displacement(self, axes)
+
+    def __repr__(self) -> str:
+        """Size and greatest displacement."""
+        rows, columns = self.through.shape
+        size = np.hypot(self.displacement[..., 0], self.displacement[..., 1])
+        seen = np.isfinite(size)
+        greatest = f"{size[seen].max():.4g}" if seen.any() else "none"
+        return f"BackgroundDisplacement of {rows} x {columns} pixels: up to {greatest} pixels"
+
+
+def background_displacement(
+    field: IndexField,
+    camera: Camera,
+    *,
+    aperture_rays: int = APERTURE_RAYS,
+    shape: tuple[int, int] | None = None,
+    **options: Any,
+) -> BackgroundDisplacement:
+    """Displacement of a camera's picture by a flow, for every pixel.
+
+    Args:
+        field: The refractive index.
+        camera: The camera; its scene may be far.
+        aperture_rays: Points of the aperture, about; 1 takes its middle alone.
+        shape: Rows and columns where the camera says none.
+        **options: method, tolerance [waves], wavelength, backend, device, precision, step, max_steps: as in `trace`.
+
+    Raises:
+        TypeError: `field` or `camera` of the wrong kind, or an unknown option.
+        ValueError: A number that makes no sense, or a camera none of whose rays meets the field.
+    """
+    check_view(field, camera, options)
+    return gather(field, camera, camera.shape() if shape is None else shape, aperture_rays, options)
+
+
+def gather(
+    field: IndexField,
+    camera: Camera,
+    shape: tuple[int, int],
+    aperture_rays: int,
+    options: dict[str, Any],
+    visit: Visit | None = None,
+) -> BackgroundDisplacement:
+    """The displacement, and a `visit` for every point of the aperture, while its rays are there."""
+    with clocked() as seconds:
+        points, weights = aperture(camera, aperture_rays)
+        total, square, through = np.zeros((2, *shape)), np.zeros((2, *shape)), np.zeros(shape)
+        for point, weight in zip(points, weights, strict=True):
+            moved, arrived, traced = landing_shift(field, camera, shape, point, options)
+            share = weight * arrived
+            through += share
+            for axis in (0, 1):
+                total[axis] += share * moved[axis]
+                square[axis] += share * moved[axis] ** 2
+            if visit is not None:
+                visit(point, float(weight), moved, arrived)
+        seen = np.maximum(through, 1e-300)
+        mean = np.where(through > 0.0, total / seen, np.nan)
+        spread = np.sqrt(np.maximum(square / seen - mean**2, 0.0))
+    return BackgroundDisplacement(
+        displacement=-np.moveaxis(mean, 0, -1),
+        blur=np.moveaxis(spread, 0, -1),
+        through=through,
+        camera=camera,
+        wavelength=traced.wavelength,
+        plan=traced.plan,
+        seconds=seconds,
+    )
+
+
+def check_view(field: IndexField, camera: Camera, options: dict[str, Any]) -> None:
+    """Refuse what is no field, no camera or no option of `trace`."""
+    if not isinstance(field, IndexField):
+        raise TypeError(f"field must be an IndexField, got {type(field).__name__}")
+    if not isinstance(camera, Camera):
+        raise TypeError(f"camera must be a Camera, got {type(camera).__name__}")
+    unknown = sorted(set(options) - set(TRACE_OPTIONS))
+    if unknown:
+        raise TypeError(f"options {unknown} are not known: choose from {', '.join(TRACE_OPTIONS)}")
+
+
+def aperture(camera: Camera, count: int) -> tuple[np.ndarray, np.ndarray]:
+    """Points of the aperture along its axes [m], shape (n, 2), and weights of their light, which sum to 1."""
+    if isinstance(count, bool) or not isinstance(count, (int, np.integer)) or count < 1:
+        raise ValueError(f"aperture_rays must be a whole number of at least 1, got {count!r}")
+    if count == 1:
+        return np.zeros((1, 2)), np.ones(1)
+    pupil = camera.pupil
+    points, weight = pupil.sample(int(count), "gauss")
+    flat = camera.across(points - pupil.center)
+    # The weights are those of the amplitude: light counts by its square.
+    light = weight * pupil.transmission(flat[:, 0], flat[:, 1])
+    return flat, light / light.sum()
+
+
+def landing_shift(
+    field: IndexField, camera: Camera, shape: tuple[int, int], point: np.ndarray, options: dict[str, Any]
+):
+    """Shifts of what the rays of one point of the aperture meet [pixels], shape (2, rows, columns).
+
+    Returns:
+        The shifts, 0 where a ray does not arrive; whether it does, shape (rows, columns); the TraceResult.
+    """
+    pupil = camera.pupil
+    x, y = (axis.ravel() for axis in np.meshgrid(*camera.tangents(shape)))
+    x, y = (t - place / camera.focus_distance for t, place in zip((x, y), point, strict=True))
+    first, second = pupil.axes
+    start = pupil.center + point[0] * first + point[1] * second
+    far = not np.isfinite(camera.distance)
+    traced = trace(
+        field,
+        RayBundle(np.broadcast_to(start, (len(x), 3)), camera.directions(x, y)),
+        until=None if far else Plane(pupil.center + camera.distance * pupil.normal, pupil.normal),
+        outputs=("direction",) if far else ("position",),
+        **options,
+    )
+    if far:
+        assert traced.direction is not None  # asked for
+        ends = camera.across(traced.direction) / (traced.direction @ pupil.normal)[:, None]
+    else:
+        assert traced.position is not None  # asked for
+        ends = (camera.across(traced.position - pupil.center) - point) / camera.distance
+    arrived = traced.ok
+    moved = [
+        np.where(arrived, end - t, 0.0).reshape(shape) / camera.pixel_tangent
+        for end, t in zip(ends.T, (x, y), strict=True)
+    ]
+    return np.stack(moved), arrived.reshape(shape).astype(np.float64), traced

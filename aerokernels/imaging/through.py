@@ -1,0 +1,241 @@
+"""A picture of an extended scene through a flow.
+
+The brightness of a pixel is that of the scene where the pixel looks, spread by the point spread function there:
+
+    picture(p) = sum over nodes of h(p) (K * scene)(p + shift(p) - shift(node)),     K centred on shift(node)
+
+with hats h between the nodes that add up to 1. A shift that is the same everywhere lies in the kernels alone, which the
+Fourier transform moves by fractions of a pixel exactly; only its change from node to pixel is interpolated. Radiance is
+kept along rays, so nothing brightens where the flow magnifies.
+"""
+
+from dataclasses import dataclass, field
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ..clock import clocked
+from ..medium import IndexField
+from ..sensor import Sensor, write_grey
+from ..wavefront.traced import pupil_grid
+from .camera import Camera
+from .shift import APERTURE_RAYS, BackgroundDisplacement, check_view, gather
+from .spreads import SpreadGrid, node_paths, pixel_spread, spread_grid
+
+# Nodes and pixels of point spread functions, and rays across the pupil, where not told.
+NODE_COUNT, SIZE, PUPIL_PIXELS = 9, 32, 32
+# Changes of the shift from a node to the pixels about it that count as none, and the greatest followed [pixels].
+SAME_SHIFT, GREATEST_CHANGE = 1e-6, 64.0
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class ImageThrough:
+    """A scene seen through a flow.
+
+    Attributes:
+        image: Brightness through the flow, shape (rows, columns), axes [y, x], rows from the lowest up; a third axis
+            of colours where the scene has one.
+        scene: The scene.
+        shift: Displacement and what goes with it, by pixel.
+        spreads: Point spread functions at nodes over the picture.
+        camera: The camera.
+        wavelength: Vacuum wavelength [m].
+        seconds: Wall time by stage: see STAGES in clock.py.
+    """
+
+    image: np.ndarray
+    scene: np.ndarray
+    shift: BackgroundDisplacement
+    spreads: SpreadGrid
+    camera: Camera
+    wavelength: float
+    seconds: dict[str, float] = field(default_factory=dict)
+
+    @property
+    def displacement(self) -> np.ndarray:
+        """Displacement of the picture's content, along x and y [pixels], shape (rows, columns, 2)."""
+        return self.shift.displacement
+
+    @cached_property
+    def reference(self) -> np.ndarray:
+        """The picture by the same camera without the flow, of the shape of `image`."""
+        shape, size = self.image.shape[:2], self.spreads.kernel.shape[-1]
+        coordinate, step, weight, _ = pupil_grid(self.camera.pupil, PUPIL_PIXELS)
+        lit = weight > 0.0
+        q = np.stack([axis[lit] for axis in np.meshgrid(coordinate, coordinate)], axis=1)
+        opd, _, _ = node_paths(None, self.camera, np.zeros((1, 2)), q, {"wavelength": self.wavelength})
+        wave = np.zeros(weight.shape, dtype=np.complex128)
+        wave[lit] = weight[lit] * np.exp(2j * np.pi / self.wavelength * opd[0])
+        zero = np.zeros(2)
+        kernel, _ = pixel_spread(wave, coordinate, step, zero, zero, self.camera, self.wavelength, size)
+        alone = SpreadGrid(
+            np.array([0]), np.array([0]), kernel[None, None], np.zeros((1, 1, 2), dtype=int), np.ones((1, 1))
+        )
+        return render(self.scene, alone, np.zeros((*shape, 2)), np.ones(shape))
+
+    def write(self, path: str | Path) -> None:
+        """Write the picture (a grey one) as 16 bits, TIFF or PNG, the uppermost row first."""
+        write_grey(path, self.image)
+
+    def to_xarray(self):
+        """Picture, displacement and blur as a dataset with units."""
+        dims = ("y", "x", "colour")[: self.image.ndim]
+        words = {"units": "1", "long_name": "brightness through the flow"}
+        return self.shift.to_xarray().assign(image=(dims, self.image, words))
+
+    def plot(self, axes=None):
+        """Draw the picture on matplotlib axes; returns the axes."""
+        from .plots import plot_picture
+
+        return plot_picture(self.image, axes)
+
+    def __repr__(self) -> str:
+        """Size, displacement and point spread functions."""
+        rows, columns = self.image.shape[:2]
+        m, n, size, _ = self.spreads.kernel.shape
+        return (
+            f"ImageThrough of {rows} x {columns} pixels, {m} x {n} point spread functions of {size} pixels that hold "
+            f"{100.0 * float(self.spreads.kept.min()):.4g} % of the light or more; {self.shift!r}"
+        )
+
+
+def image_through(
+    field: IndexField,
+    scene_image,
+    camera: Camera,
+    *,
+    psf_nodes: int = NODE_COUNT,
+    psf_pixels: int = SIZE,
+    pupil_pixels: int = PUPIL_PIXELS,
+    aperture_rays: int = APERTURE_RAYS,
+    sensor: Sensor | None = None,
+    seed: int = 0,
+    **options: Any,
+) -> ImageThrough:
+    """A picture of an extended scene through a flow: displaced by the shift map, blurred by its point spread functions.
+
+    A flow of constant OPD gradient a along x turns light that leaves the camera by +a, so the scene appears displaced
+    by -a: see docs/conventions.md.
+
+    Args:
+        field: The refractive index.
+        scene_image: Brightness that the camera's pixels would see of the scene with a perfect lens, shape (rows,
+            columns) or (rows, columns, colours), axes [y, x], rows from the lowest up. It may be larger than the
+            picture by an even number of pixels; beyond its border it goes on as there.
+        camera: The camera.
+        psf_nodes: Point spread functions along a side of the picture.
+        psf_pixels: Side of a point spread function [pixels].
+        pupil_pixels: Rays across the pupil for each of them.
+        aperture_rays: Points of the aperture that the shift is the mean of, about.
+        sensor: Makes grey levels and noise; None: brightness as it is.
+        seed: Draws the noise.
+        **options: method, tolerance [waves], wavelength, backend, device, precision, step, max_steps: as in `trace`.
+
+    Raises:
+        TypeError: An argument of the wrong kind, or an unknown option.
+        ValueError: A number that makes no sense, a scene of a shape that does not fit, no ray that meets the field.
+    """
+    check_view(field, camera, options)
+    for name, count in (("psf_nodes", psf_nodes), ("psf_pixels", psf_pixels)):
+        if isinstance(count, bool) or not isinstance(count, (int, np.integer)) or count < 1:
+            raise ValueError(f"{name} must be a whole number of at least 1, got {count!r}")
+    if sensor is not None and not isinstance(sensor, Sensor):
+        raise TypeError(f"sensor must be a Sensor, got {type(sensor).__name__}")
+    scene = np.asarray(scene_image, dtype=np.float64)
+    if scene.ndim not in (2, 3) or not np.isfinite(scene).all():
+        raise ValueError(f"the scene must be finite, (rows, columns) or (rows, columns, colours), got {scene.shape}")
+    shape = camera.shape(scene)
+    if any(n < m or (n - m) % 2 for n, m in zip(scene.shape, shape, strict=False)):
+        raise ValueError(
+            f"the scene has {scene.shape[0]} x {scene.shape[1]} pixels, the picture {shape[0]} x {shape[1]}: the scene "
+            "must be as large, or larger by an even number"
+        )
+    with clocked() as seconds:
+        found = gather(field, camera, shape, aperture_rays, options)
+        shift, dark = filled(found.shift)
+        grid = spread_grid(
+            field,
+            camera,
+            shape,
+            shift,
+            node_count=int(psf_nodes),
+            size=int(psf_pixels),
+            pupil_pixels=pupil_pixels,
+            options=options,
+        )
+        image = render(scene, grid, shift, np.where(dark, 0.0, found.through))
+    if sensor is not None:
+        image = sensor.expose(image, seed)
+    return ImageThrough(image, scene, found, grid, camera, found.wavelength, seconds)
+
+
+def filled(shift: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Shifts with those of the nearest pixel where nothing is seen, and where that is."""
+    from scipy.ndimage import distance_transform_edt
+
+    dark = ~np.isfinite(shift).all(axis=-1)
+    if dark.all():
+        return np.zeros(shift.shape), dark
+    if not dark.any():
+        return shift, dark
+    row, column = distance_transform_edt(dark, return_distances=False, return_indices=True)
+    return shift[row, column], dark
+
+
+def render(scene: np.ndarray, grid: SpreadGrid, shift: np.ndarray, through: np.ndarray) -> np.ndarray:
+    """The picture of a scene, by the kernels of nodes and the shift of each pixel [pixels] along x and y."""
+    if scene.ndim == 3:
+        return np.stack([render(colour, grid, shift, through) for colour in np.moveaxis(scene, 2, 0)], axis=2)
+    shape = through.shape
+    border = [(n - m) // 2 for n, m in zip(scene.shape, shape, strict=True)]
+    picture = np.zeros(shape)
+    for i in range(len(grid.rows)):
+        rows, up = hat(grid.rows, i, shape[0])
+        for j in range(len(grid.columns)):
+            columns, across = hat(grid.columns, j, shape[1])
+            part = np.ix_(rows, columns)
+            moved = shift[part] - shift[grid.rows[i], grid.columns[j]]
+            light = _node_light(scene, grid.kernel[i, j], grid.offset[i, j], rows, columns, moved[..., ::-1], border)
+            picture[part] += up[:, None] * across * light
+    return picture * through
+
+
+def hat(nodes: np.ndarray, index: int, count: int) -> tuple[np.ndarray, np.ndarray]:
+    """Pixels between the neighbours of a node, and its weight there; constant beyond the first and last node."""
+    pixels = np.arange(count)
+    weight = np.interp(pixels, nodes, np.eye(len(nodes))[index])
+    lit = weight > 0.0
+    return pixels[lit], weight[lit]
+
+
+def _node_light(
+    scene: np.ndarray,
+    kernel: np.ndarray,
+    offset: np.ndarray,
+    rows: np.ndarray,
+    columns: np.ndarray,
+    moved: np.ndarray,
+    border: list[int],
+) -> np.ndarray:
+    """The scene spread by a kernel, at pixels moved by (y, x) [pixels] of shape (rows, columns, 2)."""
+    from scipy.ndimage import map_coordinates
+    from scipy.signal import correlate
+
+    moved = np.clip(moved, -GREATEST_CHANGE, GREATEST_CHANGE)
+    greatest = float(np.abs(moved).max(initial=0.0))
+    still = greatest <= SAME_SHIFT
+    guard = 0 if still else int(np.ceil(greatest)) + 4
+    size = len(kernel)
+    needed = [
+        np.clip(
+            np.arange(pixels[0] - guard - size // 2, pixels[-1] + guard + size - size // 2) + whole + edge, 0, count - 1
+        )
+        for pixels, whole, edge, count in zip((rows, columns), offset, border, scene.shape, strict=True)
+    ]
+    spread = correlate(scene[np.ix_(*needed)], kernel, mode="valid", method="fft")
+    if still:
+        return np.asarray(spread)
+    place = np.stack(np.meshgrid(rows - rows[0] + guard, columns - columns[0] + guard, indexing="ij"))
+    return np.asarray(map_coordinates(spread, place + np.moveaxis(moved, -1, 0), order=3, mode="nearest"))

@@ -1,0 +1,86 @@
+"""What a camera's sensor makes of light: electrons with their shot noise, read noise, saturation, grey levels.
+
+Brightness 1 fills a pixel by `exposure` of its full well. Electrons are Poisson distributed about that, readout adds a
+Gaussian, and the sum is cut at the full well and rounded to 2^bits - 1 levels.
+"""
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+
+@dataclass(frozen=True)
+class Sensor:
+    """A sensor.
+
+    Attributes:
+        full_well: Electrons that a pixel holds.
+        exposure: Share of the full well that brightness 1 fills.
+        read_noise: Electrons rms that readout adds.
+        dark: Electrons of dark current in the exposure time.
+        bits: Bits of a grey level, 1 to 16.
+        shot_noise: Whether electrons are drawn; without them and with no read noise only levels are rounded.
+
+    Raises:
+        ValueError: A number that makes no sense.
+    """
+
+    full_well: float = 10_000.0
+    exposure: float = 0.8
+    read_noise: float = 2.5
+    dark: float = 0.0
+    bits: int = 12
+    shot_noise: bool = True
+
+    def __post_init__(self):
+        """Check."""
+        for name in ("full_well", "exposure"):
+            if not (np.isfinite(getattr(self, name)) and getattr(self, name) > 0.0):
+                raise ValueError(f"{name} = {getattr(self, name)!r}: give a positive number")
+        for name in ("read_noise", "dark"):
+            if not (np.isfinite(getattr(self, name)) and getattr(self, name) >= 0.0):
+                raise ValueError(f"{name} = {getattr(self, name)!r}: give a number of electrons, 0 or more")
+        if isinstance(self.bits, bool) or not isinstance(self.bits, (int, np.integer)) or not 1 <= self.bits <= 16:
+            raise ValueError(f"bits = {self.bits!r}: give a whole number from 1 to 16")
+
+    @property
+    def levels(self) -> int:
+        """The greatest grey level."""
+        return 2 ** int(self.bits) - 1
+
+    def expose(self, brightness, seed: int = 0) -> np.ndarray:
+        """Grey levels over the greatest one, 0 to 1, of a picture of any shape; the seed draws the noise."""
+        brightness = np.maximum(np.nan_to_num(np.asarray(brightness, dtype=np.float64)), 0.0)
+        electrons = self.full_well * self.exposure * brightness + self.dark
+        draw = np.random.default_rng(seed)
+        if self.shot_noise:
+            electrons = draw.poisson(np.minimum(electrons, 1e15)).astype(np.float64)
+        if self.read_noise > 0.0:
+            electrons = electrons + self.read_noise * draw.standard_normal(electrons.shape)
+        return np.asarray(np.rint(np.clip(electrons / self.full_well, 0.0, 1.0) * self.levels) / self.levels)
+
+
+def write_grey(path: "str | Path", brightness) -> None:
+    """Write brightness 0 to 1, rows from the lowest up, as 16 bits of grey, the uppermost row first.
+
+    TIFF or PNG by the ending.
+
+    Raises:
+        ValueError: Another ending, or an array that has not two axes.
+    """
+    from pathlib import Path
+
+    from PIL import Image
+
+    path, brightness = Path(path), np.asarray(brightness)
+    kinds = {".tif": "TIFF", ".tiff": "TIFF", ".png": "PNG"}
+    if path.suffix.lower() not in kinds:
+        raise ValueError(f"picture {path}: the ending must be one of {', '.join(kinds)}")
+    if brightness.ndim != 2:
+        raise ValueError(f"a picture must have two axes [y, x], got shape {brightness.shape}")
+    levels = np.rint(np.clip(np.nan_to_num(brightness), 0.0, 1.0) * 65535.0).astype(np.uint16)
+    Image.fromarray(np.ascontiguousarray(levels[::-1])).save(path, format=kinds[path.suffix.lower()])
