@@ -68,7 +68,7 @@ class StrehlEstimate:
         boresight: Deflection of the beam along the pupil's two axes [rad], shape (2,): slopes of the OPD's plane.
         ray_count: Rays that the estimate stands for: those asked for, rounded up to whole replicates.
         traced_ray_count: Rays really traced; far fewer where a symmetric set-up was traced as a fan, whose sampling
-            error is no greater.
+            error is no greater, or a smooth wavefront on lattices.
         blocked: Share of the rays that did not arrive; they carry no light into `value`'s mean.
         plan: What was chosen, skipped and why.
         seconds: Wall time by stage: see STAGES in clock.py.

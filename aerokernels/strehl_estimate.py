@@ -1,6 +1,5 @@
 """The Strehl ratio of a pupil, estimated over millions of rays that are traced and summed on the device."""
 
-import math
 import sys
 import warnings
 from dataclasses import replace
@@ -19,7 +18,6 @@ from .tracing.meeting import greatest_contrast
 from .tracing.plan import TracePlan
 from .tracing.pupil_fit import fit_moments, fit_terms
 from .tracing.pupil_job import REPLICATES, make_job
-from .tracing.radial_quadrature import SETTLED
 from .tracing.retrace import report_rejected
 from .wavefront import check_terms
 
@@ -44,6 +42,7 @@ def estimate_strehl(
     direction=None,
     seed: int = 0,
     symmetry: str | bool = "auto",
+    bundle: str = "auto",
     allow_truncation: bool = False,
 ) -> StrehlEstimate:
     """Strehl ratio of a plane wave seen through a field by a pupil.
@@ -55,8 +54,8 @@ def estimate_strehl(
         field: The refractive index.
         pupil: The pupil; it looks along its normal.
         wavelength: Vacuum wavelength [m]; None takes the field's own, or 905 nm where it has none.
-        ray_count: Rays over the disc, in 16 replicates. Radial quadrature (see symmetry) traces fewer, for at least the
-            same accuracy.
+        ray_count: Rays over the pupil, in 16 replicates. Where the wavefront is symmetric or smooth (see symmetry and
+            bundle) fewer are traced, for at least the same accuracy or one of 1e-5.
         tolerance: OPD error asked for [waves].
         remove: Terms taken out of the wavefront: "piston", "tilt", "focus".
         backend: See `trace`; likewise device, precision, method, step and max_steps.
@@ -69,6 +68,8 @@ def estimate_strehl(
         seed: Seed of the scrambling.
         symmetry: "auto" takes radial quadrature in place of the disc where field, pupil and rays are symmetric about
             the z axis; "off" or False never does; True refuses a set-up that is not symmetric.
+        bundle: "auto" takes as many rays as the wavefront needs for an error of 1e-5 (three standard errors), the
+            points of shifted lattices, where that is fewer: see tracing/lattice_quadrature.py. "off" takes `ray_count`.
         allow_truncation: Whether more than a thousandth of the pupil may look through disturbed air that ends at the
             field's box, or pass beside it there. A warning is issued then, and error["truncation"] bounds the loss.
 
@@ -93,6 +94,7 @@ def estimate_strehl(
             max_steps=max_steps,
             direction=direction,
             symmetry=symmetry,
+            bundle=bundle,
             allow_truncation=allow_truncation,
         )
         found = prepared(seed)
@@ -115,7 +117,7 @@ def prepare_strehl(field: IndexField, pupil: Pupil, **options) -> "PreparedStreh
         prepared = PreparedStrehl(field, pupil, **options)
         if prepared.job.air.is_truncated:
             _warn(f"{prepared.job.air.described}: the Strehl ratio is that of the known air only")
-        _ = prepared.job.run  # uploads and compiles
+        prepared.plan = prepared.job.planned()  # uploads and compiles
     prepared.seconds = seconds
     return prepared
 
@@ -130,7 +132,7 @@ def plan_strehl(field: IndexField, pupil: Pupil, **options) -> tuple[TracePlan, 
     """
     options.pop("seed", None)
     job = PreparedStrehl(field, pupil, **options).job
-    return job.plan, job.traced_ray_count
+    return job.plan, job.predicted_ray_count
 
 
 class PreparedStrehl:
@@ -155,6 +157,7 @@ class PreparedStrehl:
         remove=("piston",),
         direction=None,
         symmetry: str | bool = "auto",
+        bundle: str = "auto",
         allow_truncation: bool = False,
         method: str = "auto",
         backend: str = "auto",
@@ -183,6 +186,7 @@ class PreparedStrehl:
                 int(ray_count),
                 self.remove,
                 symmetry,
+                bundle,
                 method=method,
                 backend=backend,
                 device=device,
@@ -206,16 +210,17 @@ class PreparedStrehl:
         return replace(found, seconds=seconds)
 
     def _estimate(self, seed: int) -> StrehlEstimate:
-        job, plan, wavelength = self.job, self.plan, self.wavelength
+        job, plan, wavelength = self.job, self.job.planned(), self.wavelength
         sums = job.run(seed)
         traced, evaluations = job.traced_ray_count, sums.evaluation_count
-        standard_error = _standard_error(sums.moments, sums.phasors)
-        if job.may_be_refined and not standard_error <= SETTLED:
+        standard_error = sums.standard_error
+        if job.may_be_refined and not standard_error <= job.settled:
             sums = job.refined(seed)
-            standard_error = _standard_error(sums.moments, sums.phasors)
+            standard_error = sums.standard_error
             traced += job.per_replicate * REPLICATES
-            finer = f"one of {REPLICATES} x {job.per_replicate}"
-            more = f"standard error of that fan above {SETTLED:g}, as at an edge: {finer}"
+            points = "fan" if job.is_radial else "lattice"
+            finer = f"one of {REPLICATES} x {job.per_replicate}" if job.is_radial else "as many rays as were asked for"
+            more = f"standard error of that {points} above {job.settled:g}, as at an edge: {finer}"
             plan = replace(plan, reasons=(*plan.reasons, more))
             evaluations += sums.evaluation_count
         plan = report_rejected(plan, sums.rejected_count, sums.ray_count, sums.greatest_error, wavelength)
@@ -279,13 +284,3 @@ def _met_nothing(field: IndexField, moments, wavelength: float, tolerance: float
     if max(abs(mean), rms) > UNSEEN * tolerance * wavelength:
         return False
     return greatest_contrast(field) * box_size(field) > tolerance * wavelength
-
-
-def _standard_error(moments: np.ndarray, phasor: np.ndarray) -> float:
-    """Standard error of the Strehl ratio from the spread of the replicates; nan where no ray arrived."""
-    counts = moments[:, 0].tolist()
-    if not any(counts):
-        return float("nan")
-    ratios = [abs(sum_ / count) ** 2 if count else 0.0 for sum_, count in zip(phasor.tolist(), counts, strict=True)]
-    mean = sum(ratios) / len(ratios)
-    return math.sqrt(sum((ratio - mean) ** 2 for ratio in ratios) / (len(ratios) - 1) / len(ratios))

@@ -1,16 +1,30 @@
-// Rays of a pupil: scrambled Sobol points of the unit square, one seed per replicate and axis, mapped on the pupil so that
-// equal shares are equal shares. One work-item a ray, all in double.
+// Rays of a pupil: scrambled Sobol points of the unit square, or those of a lattice, one seed per replicate and axis,
+// mapped on the pupil so that equal shares are equal shares. One work-item a ray, all in double.
 //
 // center [m], and the pupil's axes times its reach, first and second [m]; look is the unit vector of all directions.
 // shape, row_count, column_count and table_in: the numbers of its map, see pupil_shape.h.
 // seeds (replicate_count, 2); ray r is point order_in[r % per_replicate] of replicate r / per_replicate: an order in which
 // neighbours in the launch are neighbours on the pupil.
+// generator: 0 for Sobol points; else that of a lattice of per_replicate points, whose axes in `smoothed`, a bit each, are
+// made periodic, and whose weights are weight_out (ray_count): aerokernels/tracing/lattice_quadrature.py.
 // Rays from first_ray up to ray_count: position_out [m] and direction_out (ray_count, 3), packed;
 // pupil_out (ray_count), coordinates on the pupil in units of its reach.
 
 #include "arguments.h"
 #include "pupil_shape.h"
 #include "sobol.h"
+
+// The substitution p(t) of aerokernels/tracing/lattice_quadrature.py, and its slope.
+static inline double periodic_place(double t)
+{
+    return t * t * t * (10.0 + t * (6.0 * t - 15.0));
+}
+
+static inline double periodic_weight(double t)
+{
+    const double half_way = t * (1.0 - t);
+    return 30.0 * half_way * half_way;
+}
 
 __kernel void launch_pupil(LAUNCH_PUPIL_ARGUMENTS)
 {
@@ -21,8 +35,26 @@ __kernel void launch_pupil(LAUNCH_PUPIL_ARGUMENTS)
     const int replicate = ray / per_replicate;
     const uint index = (uint)order_in[ray - replicate * per_replicate];
     const double unit = 0x1p-32;
-    const double u = ((double)scramble(reverse_bits(index), seeds[2 * replicate]) + 0.5) * unit;
-    const double v = ((double)scramble(second_axis(index), seeds[2 * replicate + 1]) + 0.5) * unit;
+    double u, v;
+    if (generator > 0) {
+        const double count = (double)per_replicate;
+        u = ((double)index + ((double)seeds[2 * replicate] + 0.5) * unit) / count;
+        v = (double)((long)index * generator % per_replicate) / count + ((double)seeds[2 * replicate + 1] + 0.5) * unit;
+        v = v >= 1.0 ? v - 1.0 : v;
+        double weight = 1.0;
+        if (smoothed & 1) {
+            weight *= periodic_weight(u);
+            u = periodic_place(u);
+        }
+        if (smoothed & 2) {
+            weight *= periodic_weight(v);
+            v = periodic_place(v);
+        }
+        weight_out[ray] = weight;
+    } else {
+        u = ((double)scramble(reverse_bits(index), seeds[2 * replicate]) + 0.5) * unit;
+        v = ((double)scramble(second_axis(index), seeds[2 * replicate + 1]) + 0.5) * unit;
+    }
     const double2 place = place_on_pupil(shape, row_count, column_count, table_in, u, v);
     vstore3(center + place.x * first + place.y * second, ray, position_out);
     vstore3(look, ray, direction_out);

@@ -93,11 +93,57 @@ def solve_along(matrix: np.ndarray, values: np.ndarray, axis: int) -> np.ndarray
 def spline_along(values: np.ndarray, axis: int, even_start: bool) -> np.ndarray:
     """Solve for the n + 2 uniform B-spline coefficients of the n values along one axis."""
     count = values.shape[axis]
+    if count >= 4:
+        return _eliminated(values, axis, even_start)
     matrix = end_conditions(count, even_start)
     node = np.arange(count)
     for offset, weight in enumerate((1 / 6, 4 / 6, 1 / 6)):
         matrix[BAND + 1 - offset, node + offset] = weight  # row node + 1, column node + offset
     return np.moveaxis(solve_along(matrix, values, axis), 0, axis)
+
+
+def _eliminated(values: np.ndarray, axis: int, even_start: bool) -> np.ndarray:
+    """`spline_along` of four nodes and more, by elimination, all lines at once: some twenty times LAPACK's speed.
+
+    With the equations c[i-1] + 4 c[i] + c[i+1] = 6 f[i] of three nodes the not-a-knot condition says what the
+    coefficient of the second node is, c = f - (second difference of f) / 6. Between two such nodes, or from the mirror
+    on, the equations are tridiagonal; those of the first and the last nodes give the outermost coefficients.
+    """
+    nodes = np.moveaxis(values, axis, 0)
+    if 0 < axis == values.ndim - 1:
+        nodes = np.ascontiguousarray(nodes)  # lines lie side by side then
+        made = np.empty((len(nodes) + 2, *nodes.shape[1:]))
+    else:
+        shape = list(values.shape)
+        shape[axis] += 2
+        made = np.moveaxis(np.empty(shape), axis, 0)
+    np.multiply(nodes, 6.0, out=made[1:-1])
+    last, spare = len(nodes) - 1, np.empty(nodes.shape[1:])
+    made[last] = nodes[-2] - (nodes[-3] - 2.0 * nodes[-2] + nodes[-1]) / 6.0
+    # What each equation's pivot is divided by, and by how much the next one is changed.
+    inverse = np.ones(last)
+    if even_start:
+        first, inverse[1] = 2, 0.25
+    else:
+        first = 3
+        made[2] = nodes[1] - (nodes[0] - 2.0 * nodes[1] + nodes[2]) / 6.0
+    for row in range(first, last):
+        np.multiply(made[row - 1], inverse[row - 1], out=spare)
+        made[row] -= spare
+        coupling = (2.0 if even_start else 0.0) if row == first else 1.0
+        inverse[row] = 1.0 / (4.0 - coupling * inverse[row - 1])
+    for row in range(last - 1, first - 1, -1):
+        made[row] -= made[row + 1]
+        made[row] *= inverse[row]
+    if even_start:
+        made[1] = 0.25 * (made[1] - 2.0 * made[2])
+        made[0] = made[2]
+    else:
+        for row in (1, 0):
+            made[row] = 6.0 * nodes[row] - 4.0 * made[row + 1] - made[row + 2]
+    for row in (last + 1, last + 2):
+        made[row] = 6.0 * nodes[row - 2] - 4.0 * made[row - 1] - made[row - 2]
+    return np.moveaxis(made, 0, axis)
 
 
 def _limited_slope(values: np.ndarray, axis: int, even_start: bool) -> np.ndarray:

@@ -8,6 +8,7 @@ import numpy as np
 from ..medium import IndexField
 from ..rays import Pupil, RayBundle
 from .allowance import check_tolerance
+from .lattice_quadrature import ACCEPTED, ENOUGH, LATTICES, lattice_sizes, may_still_settle
 from .leapfrog import PILOT_RAYS
 from .lines import box_size
 from .plan import TracePlan
@@ -15,10 +16,12 @@ from .planning import plan_rays
 from .pupil_air import PupilAir, pupil_air
 from .pupil_run import PupilRun
 from .pupil_sums import PupilTask
-from .radial_quadrature import choose_radial
+from .radial_quadrature import SETTLED, choose_radial
 from .stop import Plane
 
 REPLICATES = 16
+# The seed of the points by which a lattice is chosen.
+PILOT_SEED = 0x1A771CE
 # A pupil's reach over half of the diagonal of the field's box.
 GREATEST_RATIO = 10.0
 
@@ -33,6 +36,7 @@ class PupilJob:
         per_replicate: Rays of a replicate that were asked for.
         task: What is traced; fewer rays where radial quadrature takes the place of the disc.
         air: What the rays may lose where the known air ends.
+        sizes: Points of the lattices that may take the place of the points of `task`, see lattice_quadrature.py.
     """
 
     plan: TracePlan
@@ -40,11 +44,17 @@ class PupilJob:
     per_replicate: int
     task: PupilTask
     air: PupilAir
+    sizes: tuple[int, ...] = ()
+
+    @property
+    def predicted_ray_count(self) -> int:
+        """Rays of the first run, before any is traced."""
+        return (self.sizes[0] if self.sizes else self.task.per_replicate) * REPLICATES
 
     @property
     def traced_ray_count(self) -> int:
         """Rays of the first run."""
-        return self.task.per_replicate * REPLICATES
+        return self.run.task.per_replicate * REPLICATES
 
     @property
     def is_radial(self) -> bool:
@@ -53,22 +63,57 @@ class PupilJob:
 
     @property
     def may_be_refined(self) -> bool:
-        """Whether radial quadrature takes fewer rays than were asked for."""
-        return self.task.is_radial and self.task.per_replicate < self.per_replicate
+        """Whether fewer rays are taken than were asked for."""
+        return self.run.task.per_replicate < self.per_replicate
+
+    @property
+    def settled(self) -> float:
+        """The standard error of the Strehl ratio above which as many rays are taken as were asked for."""
+        return ACCEPTED if self.run.task.generator else SETTLED
 
     @cached_property
     def run(self) -> PupilRun:
-        """Traces the points of a seed and sums; uploads and compiles when it is first asked for."""
+        """Traces the points of a seed and sums; uploads and compiles when it is first asked for.
+
+        It takes the smallest lattice that is enough for the points of PILOT_SEED, so that no answer depends on others.
+        """
+        errors: dict[int, float] = {}
+        for size in self.sizes:
+            if may_still_settle(errors, size):
+                tried = _runner(replace(self.task, per_replicate=size, generator=LATTICES[size]))
+                errors[size] = tried(PILOT_SEED).standard_error
+                if errors[size] <= ENOUGH:
+                    return tried
         return _runner(self.task)
 
     @cached_property
     def refined(self) -> PupilRun:
-        """The same with as many rays as were asked for, in radial quadrature."""
+        """The same with as many rays as were asked for."""
         return _runner(replace(self.task, per_replicate=self.per_replicate))
+
+    def planned(self) -> TracePlan:
+        """The plan, with what the rays over the pupil were chosen by."""
+        size = self.run.task.per_replicate if self.run.task.generator else 0
+        asked = f"{self.per_replicate * REPLICATES:,} over the pupil"
+        if size:
+            why = f"the wavefront is smooth: {REPLICATES} x {size} points of shifted lattices instead of {asked}"
+        elif self.sizes:
+            why = f"{asked}: the wavefront is too rough, or cut, for fewer"
+        else:
+            return self.plan
+        return replace(self.plan, reasons=(*self.plan.reasons, why))
 
 
 def make_job(
-    field: IndexField, pupil: Pupil, look: np.ndarray, wavelength: float, ray_count: int, remove, symmetry, **choices
+    field: IndexField,
+    pupil: Pupil,
+    look: np.ndarray,
+    wavelength: float,
+    ray_count: int,
+    remove,
+    symmetry,
+    bundle: str = "auto",
+    **choices,
 ) -> PupilJob:
     """A pupil planned; `choices` are those of `make_plan`.
 
@@ -80,6 +125,7 @@ def make_job(
     air = pupil_air(field, pupil, look, tolerance * wavelength)
     until = plane_beyond(field, pupil, look)
     per_replicate = _per_replicate(ray_count)
+    sizes = lattice_sizes(field, pupil, per_replicate, REPLICATES, bundle)
     radial_rays, why = choose_radial(field, pupil, look, per_replicate, REPLICATES, symmetry)
     count = radial_rays or per_replicate
     plan = plan_rays(
@@ -110,7 +156,7 @@ def make_job(
         and float(np.hypot(*pupil.center[:2])) < 0.05 * pupil.reach,
         is_radial=radial_rays > 0,
     )
-    return PupilJob(plan, until, per_replicate, task, air)
+    return PupilJob(plan, until, per_replicate, task, air, () if radial_rays else sizes)
 
 
 def _check_size(field: IndexField, pupil: Pupil) -> None:

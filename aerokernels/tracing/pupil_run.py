@@ -8,6 +8,7 @@ import numpy as np
 
 from ..clock import stage
 from .engines import OUTPUT_TYPES, engine_of
+from .lattice_quadrature import smoothed_axes
 from .launch import RAY_BYTES
 from .pupil_fit import fit_surface, moments_in_metres
 from .pupil_sums import (
@@ -20,7 +21,6 @@ from .pupil_sums import (
     group_count,
     holds_tolerance,
     joined_counts,
-    point_order,
     radial_rays,
 )
 from .retrace import retrace_rejected
@@ -80,7 +80,7 @@ class PupilRun:
         with stage("upload"):
             self.one = engine.put(np.ones(1))
             if not task.is_radial:
-                self.order = engine.put(point_order(task.per_replicate, task.by_radius))
+                self.order = engine.put(task.order())
                 self.table = engine.put(task.pupil.square_map.table)
         self.sums = [engine.empty(SUM_COUNT * self.widest * rows) for rows in joined_counts(task.per_replicate)]
         self.buffers: list[dict[str, Any]] = []  # of each batch whose rays are still needed
@@ -113,9 +113,12 @@ class PupilRun:
 
     def _buffers(self, number: int) -> dict[str, Any]:
         """Buffers of a batch: the later ones have only what the second sum needs for themselves."""
-        engine, rays = self.engine, self.widest * self.task.per_replicate
+        engine, task = self.engine, self.task
+        rays = self.widest * task.per_replicate
         if number == len(self.buffers):
             fresh = {"place": engine.empty(rays, 2)}
+            if task.generator:
+                fresh["weight"] = engine.empty(rays)
             if not number:
                 fresh |= {name: engine.empty(rays, 3) for name in ("start", "heading")} | self.prepared.allocate(rays)
             fresh |= {name: engine.empty(rays, *OUTPUT_TYPES[name]) for name in ("opd", "status") if number}
@@ -135,9 +138,11 @@ class PupilRun:
         of_square = pupil.square_map
         shape = [of_square.shape, of_square.row_count, of_square.column_count, self.table]
         position, direction, place = (buffers[name] for name in ("start", "heading", "place"))
-        before = [*vectors, *shape, engine.put(points[rows]), self.order, task.per_replicate]
-        engine.launch(self.kernels["launch_pupil"], before, [position, direction, place], count)
-        return Batch(rows, count, position, direction, place, self.one, 1, results)
+        of_lattice = [task.generator, smoothed_axes(of_square)]
+        before = [*vectors, *shape, engine.put(points[rows]), self.order, task.per_replicate, *of_lattice]
+        weight, weights = (buffers["weight"], count) if task.generator else (self.one, 1)
+        engine.launch(self.kernels["launch_pupil"], before, [position, direction, place, weight], count)
+        return Batch(rows, count, position, direction, place, weight, weights, results)
 
     def _sums(self, batch: Batch, surface: np.ndarray) -> np.ndarray:
         """Sums of the replicates of a batch, (n, SUM_COUNT): of groups, then of groups of groups."""

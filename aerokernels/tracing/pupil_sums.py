@@ -1,6 +1,7 @@
 """Sums over a pupil's rays that every backend delivers alike, and the order of the rays."""
 
 import functools
+import math
 from dataclasses import dataclass
 from typing import Any
 
@@ -8,6 +9,7 @@ import numpy as np
 
 from ..medium import IndexField
 from ..rays import Pupil
+from .lattice_quadrature import lattice_order
 from .plan import TracePlan
 from .radial_quadrature import radial_points
 from .scheme import GROUP, JOINED
@@ -46,6 +48,7 @@ class PupilTask:
         terms: What phases are measured from, fitted best: "tilt", "focus", both, or nothing.
         by_radius: Whether rays are ordered by their distance from the pupil's centre alone, see `point_order`.
         is_radial: Whether the rays lie along one radius of the pupil, for radial quadrature (radial_quadrature.py).
+        generator: That of the lattice of a replicate's rays (lattice_quadrature.py); 0 for Sobol points.
     """
 
     field: IndexField
@@ -59,6 +62,18 @@ class PupilTask:
     terms: tuple[str, ...] = ()
     by_radius: bool = False
     is_radial: bool = False
+    generator: int = 0
+
+    @property
+    def is_weighted(self) -> bool:
+        """Whether each ray has a weight of its own."""
+        return self.is_radial or self.generator > 0
+
+    def order(self) -> np.ndarray:
+        """An order of a replicate's points in which neighbours are close, int32, shape (per_replicate,)."""
+        if self.generator:
+            return lattice_order(self.per_replicate, self.by_radius)
+        return point_order(self.per_replicate, self.by_radius)
 
     def points(self, seed: int | None) -> Any:
         """What a seed makes: seeds of the scramble (replicates, 2), or the points and weights of radial quadrature."""
@@ -92,6 +107,17 @@ class PupilSums:
     def greatest_error(self) -> float:
         """The greatest error estimate of a ray that arrived [m]."""
         return float(self.moments[:, GREATEST_ERROR].max())
+
+    @property
+    def standard_error(self) -> float:
+        """Standard error of the Strehl ratio from the spread of the replicates; nan where no ray arrived."""
+        counts = self.moments[:, 0].tolist()
+        if not any(counts):
+            return float("nan")
+        pairs = zip(self.phasors.tolist(), counts, strict=True)
+        ratios = [abs(sum_ / count) ** 2 if count else 0.0 for sum_, count in pairs]
+        mean = sum(ratios) / len(ratios)
+        return math.sqrt(sum((ratio - mean) ** 2 for ratio in ratios) / (len(ratios) - 1) / len(ratios))
 
 
 def holds_tolerance(sums: np.ndarray, task: PupilTask) -> bool:

@@ -51,8 +51,9 @@
 #define LAUNCH_PUPIL_ARGUMENTS \
     const double3 center, const double3 first, const double3 second, const double3 look, const int shape, \
     const int row_count, const int column_count, __global const double *table_in, __global const uint *seeds, \
-    __global const int *order_in, const int per_replicate, const int first_ray, const int ray_count, \
-    __global double *position_out, __global double *direction_out, __global double *pupil_out
+    __global const int *order_in, const int per_replicate, const int generator, const int smoothed, \
+    const int first_ray, const int ray_count, __global double *position_out, __global double *direction_out, \
+    __global double *pupil_out, __global double *weight_out
 
 #define SUM_MOMENTS_ARGUMENTS \
     const int per_replicate, const int first_group, const int group_count, const int weight_count, \

@@ -175,3 +175,21 @@ def test_monotone_does_not_ring_where_the_cubic_does():
     overshoot = {name: grid(samples, name).evaluate_potential(points)[0].max() - 0.1 for name in spline.INTERPOLATIONS}
     assert 0.004 < overshoot["cubic"] < 0.011
     assert overshoot["monotone"] < 1e-15 and overshoot["linear"] < 1e-15
+
+
+@pytest.mark.parametrize("even", [False, True])
+@pytest.mark.parametrize("count", [4, 5, 6, 9, 40])
+def test_elimination_solves_the_spline_equations(count, even):
+    """Along each axis: (c[i-1] + 4 c[i] + c[i+1]) / 6 = f[i], no jump of the third derivative (or a mirror) at ends.
+
+    Tolerance: some roundings of numbers of about 30.
+    """
+    for axis in range(3):
+        shape = [5, 4, 6]
+        shape[axis] = count
+        values = np.random.default_rng(count).normal(size=shape)
+        made = np.moveaxis(spline.spline_along(values, axis, even), axis, 0)
+        assert np.abs((made[:-2] + 4.0 * made[1:-1] + made[2:]) / 6.0 - np.moveaxis(values, axis, 0)).max() < 1e-13
+        start = made[0] - made[2] if even else np.tensordot([1, -4, 6, -4, 1], made[:5], 1)
+        assert np.abs(start).max() < 3e-13
+        assert np.abs(np.tensordot([1, -4, 6, -4, 1], made[-5:], 1)).max() < 3e-13

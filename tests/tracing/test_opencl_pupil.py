@@ -6,6 +6,7 @@ import pytest
 from aerokernels import Annulus, Disc, Mask, Polygon, estimate_strehl
 from aerokernels.medium import IndexField
 from aerokernels.pupils.square_map import RING, SquareMap
+from aerokernels.tracing.lattice_quadrature import LATTICES, lattice_points, smoothed_axes
 from aerokernels.tracing.pupil_run import check_memory
 from aerokernels.tracing.pupil_sums import MOMENT_COUNT, SUM_COUNT
 from aerokernels.tracing.scheme import GROUP, JOINED
@@ -96,33 +97,69 @@ def test_points_are_those_of_warp(device: Device, shape: str):
     vectors = np.random.default_rng(1).normal(size=(4, 3))
     seeds = np.random.default_rng(2).integers(0, 2**32, (3, 2), dtype=np.uint32)
     order = np.random.default_rng(3).permutation(per).astype(np.int32)
-    out = [device.put(np.zeros((count, width))) for width in (3, 3, 2)]
+    out = [device.put(np.zeros((count, width))) for width in (3, 3, 2, 1)]
     of_square = SHAPES[shape].square_map
     numbers_of_shape = of_square.shape, of_square.row_count, of_square.column_count
     table = device.put(of_square.table)
     for first, stop in ((0, 500), (500, count)):
         numbers = [double3(v) for v in vectors]
         # Padded to whole work-groups, the last of them beyond the end.
-        ends = np.int32(per), np.int32(first), np.int32(stop)
+        ends = *(np.int32(number) for number in (per, 0, 0)), np.int32(first), np.int32(stop)
         of_shape = *(np.int32(number) for number in numbers_of_shape), table
         device.run("launch_pupil", stop - first, *numbers, *of_shape, device.put(seeds), device.put(order), *ends, *out)
-    expected = [wp.empty(count, dtype=kind, device="cpu") for kind in (wp.vec3d, wp.vec3d, wp.vec2d)]
+    kinds = (wp.vec3d, wp.vec3d, wp.vec2d, wp.float64)
+    expected = [wp.zeros(count, dtype=kind, device="cpu") for kind in kinds]
     indices = [wp.array(seeds, dtype=wp.uint32, device="cpu"), wp.array(order, dtype=wp.int32, device="cpu")]
     warp_table = wp.array(of_square.table, dtype=wp.float64, device="cpu")
-    given = [*(wp.vec3d(*v) for v in vectors), *numbers_of_shape, warp_table, *indices, per, 0, *expected]
+    given = [*(wp.vec3d(*v) for v in vectors), *numbers_of_shape, warp_table, *indices, per, 0, 0, 0, *expected]
     wp.launch(launch_pupil, dim=count, inputs=given, device="cpu")
     for ours, theirs in zip(out, expected, strict=True):
-        assert np.abs(device.get(ours) - theirs.numpy()).max() < 4e-15
+        assert np.abs(device.get(ours).reshape(theirs.numpy().shape) - theirs.numpy()).max() < 4e-15
     place = device.get(out[2])
     # The same points again by NumPy: those of the unit square from the disc's places, without a shape of their own.
     ring = SquareMap(RING, 0, 0, np.zeros(1))
     plain = device.put(np.zeros((count, 2)))
     of_ring = np.int32(RING), np.int32(0), np.int32(0), device.put(ring.table)
-    ends = np.int32(per), np.int32(0), np.int32(count)
-    device.run("launch_pupil", count, *numbers, *of_ring, device.put(seeds), device.put(order), *ends, *out[:2], plain)
+    ends = *(np.int32(number) for number in (per, 0, 0, 0)), np.int32(count)
+    given = [*numbers, *of_ring, device.put(seeds), device.put(order), *ends, *out[:2], plain, out[3]]
+    device.run("launch_pupil", count, *given)
     x, y = device.get(plain).T
     square = np.stack([x * x + y * y, np.arctan2(y, x) / (2.0 * np.pi) % 1.0], axis=1)
     assert np.abs(of_square.points(square) - place).max() < 1e-12
+
+
+@pytest.mark.parametrize("shape", SHAPES)
+def test_points_of_a_lattice_are_those_of_warp_and_numpy(device: Device, shape: str):
+    """Three replicates of 144 points: places and weights as lattice_points has them, to some roundings."""
+    wp = pytest.importorskip("warp")
+    from aerokernels.tracing.engines.warp.devices import start_warp
+    from aerokernels.tracing.engines.warp.kernels.pupil import launch_pupil
+
+    start_warp()
+    per, count = 144, 432
+    vectors = np.eye(4, 3)
+    seeds = np.random.default_rng(2).integers(0, 2**32, (3, 2), dtype=np.uint32)
+    order = np.random.default_rng(3).permutation(per).astype(np.int32)
+    of_square = SHAPES[shape].square_map
+    smoothed = smoothed_axes(of_square)
+    numbers = of_square.shape, of_square.row_count, of_square.column_count
+    rest = per, LATTICES[per], smoothed, 0
+    out = [device.put(np.zeros((count, width))) for width in (3, 3, 2, 1)]
+    given = [*(double3(v) for v in vectors), *map(np.int32, numbers), device.put(of_square.table)]
+    given += [device.put(seeds), device.put(order), *map(np.int32, rest), np.int32(count), *out]
+    device.run("launch_pupil", count, *given)
+    kinds = (wp.vec3d, wp.vec3d, wp.vec2d, wp.float64)
+    theirs = [wp.zeros(count, dtype=kind, device="cpu") for kind in kinds]
+    indices = [wp.array(seeds, dtype=wp.uint32, device="cpu"), wp.array(order, dtype=wp.int32, device="cpu")]
+    warp_table = wp.array(of_square.table, dtype=wp.float64, device="cpu")
+    inputs = [*(wp.vec3d(*v) for v in vectors), *numbers, warp_table, *indices, *rest, *theirs]
+    wp.launch(launch_pupil, dim=count, inputs=inputs, device="cpu")
+    square, weight = map(np.concatenate, zip(*(lattice_points(per, smoothed, seed) for seed in seeds), strict=True))
+    rows = (per * np.arange(3)[:, None] + order).ravel()
+    for place, share in ((device.get(out[2]), device.get(out[3])[:, 0]), (theirs[2].numpy(), theirs[3].numpy())):
+        assert np.abs(place - of_square.points(square)[rows]).max() < 1e-12
+        assert np.abs(share - weight[rows]).max() < 1e-13
+    assert np.abs(weight.reshape(3, per).mean(axis=1) - 1.0).max() < 1e-5
 
 
 @pytest.mark.parametrize("replicates", [1, 3])

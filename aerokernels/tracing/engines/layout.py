@@ -248,10 +248,13 @@ KERNELS: dict[str, tuple[Value, ...]] = {
         Value("seeds", "uint**"),
         Value("order_in", "int*"),
         Value("per_replicate", "int"),
+        Value("generator", "int"),
+        Value("smoothed", "int"),
         Value("first_ray", "int"),
         Value("position_out", "double3*"),
         Value("direction_out", "double3*"),
         Value("pupil_out", "double2*"),
+        Value("weight_out", "double*"),
     ),
     "sum_moments": (
         *SUMMED,

@@ -3,6 +3,7 @@
 import numpy as np
 
 from ....rays import RayBundle
+from ...lattice_quadrature import lattice_points, smoothed_axes
 from ...pupil_fit import fit_surface, moments_in_metres
 from ...pupil_sums import MOMENT_COUNT, PUPIL_OUTPUTS, PupilSums, PupilTask, radial_rays
 from ...status import reached
@@ -49,6 +50,13 @@ class PupilRun:
         task = self.task
         if task.is_radial:
             return radial_rays(task, task.points(seed), slice(replicate, replicate + 1))
+        if task.generator:
+            square, weight = lattice_points(
+                task.per_replicate, smoothed_axes(task.pupil.square_map), task.points(seed)[replicate]
+            )
+            place = task.pupil.square_map.points(square)
+            position = task.pupil.center + task.pupil.reach * place @ np.stack(task.pupil.axes)
+            return position, np.repeat(task.look[None], len(place), axis=0), place, weight
         seed = seed * task.replicates + replicate
         rays = RayBundle.collimated(task.pupil, task.per_replicate, direction=task.look, seed=seed)
         place = (rays.position - task.pupil.center) @ np.stack(task.pupil.axes, axis=1) / task.pupil.reach

@@ -1,4 +1,4 @@
-"""Kernels of the million-ray pupil: scrambled Sobol points, and sums over groups of rays.
+"""Kernels of the million-ray pupil: scrambled Sobol points or those of a lattice, and sums over groups of rays.
 
 Points are the two-dimensional Sobol sequence (bit reversal, and the sequence of x + 1) with a nested uniform scramble
 by hashing (B. Burley, Practical hash-based Owen scrambling, JCGT 9-4 (2020)), one seed per replicate and axis; equal
@@ -64,6 +64,19 @@ def second_axis(index: wp.uint32):
     return result
 
 
+@wp.func
+def periodic_place(t: wp.float64):
+    """The substitution p(t) of lattice_quadrature.py."""
+    return t * t * t * (wp.float64(10.0) + t * (wp.float64(6.0) * t - wp.float64(15.0)))
+
+
+@wp.func
+def periodic_weight(t: wp.float64):
+    """Its slope."""
+    half = t * (wp.float64(1.0) - t)
+    return wp.float64(30.0) * half * half
+
+
 @wp.kernel(enable_backward=False)
 @takes("launch_pupil")
 def launch_pupil(
@@ -78,21 +91,43 @@ def launch_pupil(
     seeds,
     order_in,
     per_replicate,
+    generator,
+    smoothed,
     first_ray,
     position_out,
     direction_out,
     pupil_out,
+    weight_out,
 ):
     """Points of the pupil; `first` and `second` are its axes times its reach.
 
-    Ray r of a replicate is its point order_in[r]: neighbours in the launch are then neighbours on the pupil.
+    Ray r of a replicate is its point order_in[r]: neighbours in the launch are then neighbours on the pupil. With a
+    generator the points are those of a lattice, with weights: see lattice_quadrature.py.
     """
     ray = wp.tid() + first_ray
     replicate = ray // per_replicate
     index = wp.uint32(order_in[ray - replicate * per_replicate])
     unit = wp.float64(2.3283064365386963e-10)
-    u = (wp.float64(scramble(reverse_bits(index), seeds[replicate, 0])) + wp.float64(0.5)) * unit
-    v = (wp.float64(scramble(second_axis(index), seeds[replicate, 1])) + wp.float64(0.5)) * unit
+    u = wp.float64(0.0)
+    v = wp.float64(0.0)
+    if generator > 0:
+        count = wp.float64(per_replicate)
+        across = wp.int64(index) * wp.int64(generator) % wp.int64(per_replicate)
+        u = (wp.float64(index) + (wp.float64(seeds[replicate, 0]) + wp.float64(0.5)) * unit) / count
+        v = wp.float64(across) / count + (wp.float64(seeds[replicate, 1]) + wp.float64(0.5)) * unit
+        if v >= wp.float64(1.0):
+            v = v - wp.float64(1.0)
+        weight = wp.float64(1.0)
+        if (smoothed & 1) != 0:
+            weight = weight * periodic_weight(u)
+            u = periodic_place(u)
+        if (smoothed & 2) != 0:
+            weight = weight * periodic_weight(v)
+            v = periodic_place(v)
+        weight_out[ray] = weight
+    else:
+        u = (wp.float64(scramble(reverse_bits(index), seeds[replicate, 0])) + wp.float64(0.5)) * unit
+        v = (wp.float64(scramble(second_axis(index), seeds[replicate, 1])) + wp.float64(0.5)) * unit
     place = place_on_pupil(shape, row_count, column_count, table_in, u, v)
     position_out[ray] = center + place[0] * first + place[1] * second
     direction_out[ray] = look
