@@ -17,7 +17,8 @@ RANK = {
     for rank, rooms in enumerate(
         [
             ("read_only",),
-            ("units", "quantities", "callable_module", "sobol", "wavelength", "derived", "clock", "quiet_warp", "sensor"),
+            ("units", "quantities", "callable_module", "sobol", "wavelength", "derived", "clock"),
+            ("quiet_warp", "sensor"),
             ("pupils",),
             ("rays",),
             ("strehl_sums",),

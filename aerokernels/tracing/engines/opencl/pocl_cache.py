@@ -2,9 +2,9 @@
 
 PoCL keeps for every program a folder with LLVM bitcode (`program.bc`) and a library for each kernel (`*.so`), and
 trusts what it finds: a file cut short by a full disk or a power failure ends in SIGABRT or SIGBUS inside the driver,
-which no `except` can catch. So before the driver is opened each file is compared with what is recorded of it, by size and time,
-and by checksum where these differ; of a file that is not recorded yet the structure is walked through, which finds one
-that is cut or partly zero. The folder of a program with a damaged file is removed, and PoCL builds it again.
+which no `except` can catch. So before the driver is opened each file is compared with what is recorded of it, by size
+and time, and by checksum where these differ; of a file that is not recorded yet the structure is walked through, which
+finds one that is cut or partly zero. The folder of a program with a damaged file is removed, and PoCL builds it again.
 """
 
 import json
