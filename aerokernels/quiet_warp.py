@@ -1,17 +1,29 @@
-"""Starting Warp, once and without a word."""
+"""Starting Warp, once and without a word.
 
-import functools
+AEROKERNELS_WARP_FLAGS, where it is set, takes the place of Warp's compiler flags on the CPU. With "-march=native" alone
+kernels compile in two thirds of the time, give the same bits, and run 15 to 45 % slower: of use where little is traced.
+"""
+
 import os
 import sys
 
 import warp as wp
 
+from .opened import OPENED
 
-@functools.cache
+FLAGS = "AEROKERNELS_WARP_FLAGS"
+
+
 def start_warp() -> None:
     """Start Warp without its banner; a missing CUDA driver is no news on a machine without a GPU."""
+    OPENED.once("Warp", _start)
+
+
+def _start() -> None:
     wp.config.quiet = True
     wp.config.log_level = wp.LOG_WARNING
+    if os.environ.get(FLAGS):
+        wp.config.cpu_compiler_flags = os.environ[FLAGS]
     sys.stderr.flush()
     silent, spoken = os.open(os.devnull, os.O_WRONLY), os.dup(2)
     try:

@@ -49,7 +49,8 @@ prepare_environment() {
         fi
     fi
     say "installing aerokernels$extras into $root/.venv (once; a few minutes on a slow line)"
-    if ! "$python" -m pip install --quiet --disable-pip-version-check --no-input --editable "$root$extras" </dev/null >&2; then
+    # Python compiles a module when it is first imported: to compile all of them here would double the time.
+    if ! "$python" -m pip install --quiet --no-compile --disable-pip-version-check --no-input --editable "$root$extras" </dev/null >&2; then
         say "error: pip could not install $root$extras; its messages are above"
         return 1
     fi

@@ -27,6 +27,7 @@ from aerokernels.tracing.engines.warp.kernels.deliver_bundle import build_bundle
 from aerokernels.tracing.engines.warp.kernels.leapfrog import build_leapfrog_kernel
 from aerokernels.tracing.engines.warp.kernels.trace import build_kernel
 from aerokernels.tracing.engines.warp.kernels.trace_projection import build_projection_kernel
+from aerokernels.tracing.engines.warp.library import library_of
 from aerokernels.tracing.engines.warp.types import types
 
 FOLDER = Path(__file__).resolve().parents[1] / "kernels"
@@ -64,12 +65,13 @@ class Declared(NamedTuple):
 def warp_kernels() -> list[wp.Kernel]:
     """Every Warp kernel, the tracers for all geometries and stops."""
     kernels = [kernel for kernel in vars(pupil).values() if isinstance(kernel, wp.Kernel)]
-    kernels.append(build_projection_kernel("float32", True))
+    library = library_of("float32")
+    kernels.append(build_projection_kernel(library, True))
     for geometry, stop in product(GRIDS, ("none", "plane", "arc")):
-        kernels.append(build_kernel("float32", geometry, "linear", False, "adaptive", stop, True, True))
-        kernels.append(build_leapfrog_kernel("float32", geometry, "cubic", stop, True))
-    kernels.append(build_kernel("float32", "planar", "bilinear-barron", True, "paper", "none", False, True))
-    kernels.append(build_bundle_kernel(8))
+        kernels.append(build_kernel(library, geometry, "linear", False, "adaptive", stop, True, True))
+        kernels.append(build_leapfrog_kernel(library, geometry, "cubic", stop, True))
+    kernels.append(build_kernel(library, "planar", "bilinear-barron", True, "paper", "none", False, True))
+    kernels.append(build_bundle_kernel(library_of("float64"), 8))
     return kernels
 
 

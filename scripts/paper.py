@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from aerokernels.validation.paper import figure1, figures, tables
-from aerokernels.validation.paper.cases import run_cases, shadow
+from aerokernels.validation.paper.cases import picture_grid, run_cases, shadow
 from aerokernels.validation.paper.printed import MACH
 from aerokernels.validation.report import filled, write_csv
 
@@ -58,9 +58,10 @@ def main() -> None:
         thin, dense, tuned = {}, {}, {}
         for mach in MACH[1:]:
             say(f"schlieren: Mach {mach}")
-            thin[mach] = shadow(mach, pixels, spacing, sensitivity=SENSITIVITY)
-            tuned[mach] = shadow(mach, pixels, spacing)
-            dense[mach] = shadow(mach, pixels, spacing, density=1.225)
+            grid = picture_grid(mach, spacing)
+            thin[mach] = shadow(mach, grid, pixels, SENSITIVITY)
+            tuned[mach] = shadow(mach, grid, pixels)
+            dense[mach] = shadow(mach, picture_grid(mach, spacing, 1.225), pixels)
         made = {
             "figure1": tables.table_figure1(outcomes),
             "table2": tables.table_2(),

@@ -11,6 +11,8 @@ import pytest
 ROOT = Path(__file__).resolve().parents[1]
 # Processes that tests start, in other folders, take this checkout too where it is not installed.
 os.environ["PYTHONPATH"] = os.pathsep.join(filter(None, [str(ROOT), os.environ.get("PYTHONPATH")]))
+# Most of the tests' time goes into compiling kernels: see quiet_warp.py. The bits are those of the usual flags.
+os.environ.setdefault("AEROKERNELS_WARP_FLAGS", "-march=native")
 
 # Files that take longest, first: with two processes none of them is left to one alone at the end (see scripts/test).
 LONGEST = (

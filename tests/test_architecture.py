@@ -17,7 +17,7 @@ RANK = {
     for rank, rooms in enumerate(
         [
             ("read_only",),
-            ("units", "quantities", "callable_module", "sobol", "wavelength", "derived", "clock"),
+            ("units", "quantities", "callable_module", "sobol", "wavelength", "derived", "clock", "opened"),
             ("quiet_warp", "sensor"),
             ("pupils",),
             ("rays",),
@@ -130,6 +130,62 @@ def test_no_modules_import_each_other_in_a_circle():
     circle = {".".join(name): sorted(".".join(other) for other in others & open_ends.keys())
               for name, others in open_ends.items()}  # fmt: skip
     assert not circle
+
+
+def outliving_calls(source: str) -> list[str]:
+    """What a module keeps from one call to the next: decorators that cache, `global`, containers that functions fill.
+
+    Also objects of a class of the package that may change: `OPENED` of opened.py is the only one that is allowed.
+    """
+    tree, found = ast.parse(source), []
+    functions = [node for node in ast.walk(tree) if isinstance(node, (ast.FunctionDef, ast.AsyncFunctionDef))]
+    for function in functions:
+        for decorator in function.decorator_list:
+            name = ast.unparse(decorator).split("(")[0].split(".")[-1]
+            if name in ("cache", "lru_cache"):
+                found.append(f"@{name} {function.name}")
+    held = {}
+    for node in tree.body:
+        if isinstance(node, (ast.Assign, ast.AnnAssign)) and node.value is not None:
+            for target in node.targets if isinstance(node, ast.Assign) else [node.target]:
+                held[ast.unparse(target)] = ast.unparse(node.value)
+    found += [f"{name} = {value}" for name, value in held.items() if value.startswith("Opened(")]
+    for node in (inner for function in functions for inner in ast.walk(function)):
+        if isinstance(node, ast.Global):
+            found += [f"global {name}" for name in node.names]
+        changed = None
+        if isinstance(node, ast.Call) and isinstance(node.func, ast.Attribute) and node.func.attr in FILLS:
+            changed = node.func.value
+        elif isinstance(node, ast.Subscript) and not isinstance(node.ctx, ast.Load):
+            changed = node.value
+        if isinstance(changed, ast.Name) and changed.id in held:
+            found.append(f"{changed.id} is filled")
+    return found
+
+
+FILLS = ("append", "add", "update", "setdefault", "extend", "insert", "pop", "popitem", "clear", "remove", "discard")
+
+
+def test_nothing_but_one_object_outlives_calls():
+    """No caches in modules: what is kept belongs to a field, a result or a prepared object, or to OPENED."""
+    found = {".".join(dotted(path)): outliving_calls(path.read_text(encoding="utf-8")) for path in MODULES}
+    assert {name: kept for name, kept in found.items() if kept} == {"aerokernels.opened": ["OPENED = Opened()"]}
+
+
+@pytest.mark.parametrize(
+    "source",
+    [
+        "@functools.cache\ndef f(x): return x",
+        "@lru_cache(maxsize=8)\ndef f(x): return x",
+        "seen = {}\ndef f(x): seen[x] = 1",
+        "seen: set = set()\ndef f(x):\n    def g(): seen.add(x)",
+        "last = None\ndef f(x):\n    global last\n    last = x",
+        "OTHER = Opened()",
+    ],
+)
+def test_the_reader_of_caches_sees_every_form(source: str):
+    assert outliving_calls(source)
+    assert not outliving_calls("T = {1: 2}\n@property\ndef f(x):\n    seen = {}\n    seen[x] = T[x]\n    return seen")
 
 
 def test_the_import_reader_sees_every_form(tmp_path: Path):

@@ -13,7 +13,6 @@ pulse; a rangefinder is calibrated for that, and so is `simulate.echo`.
 """
 
 import math
-from functools import lru_cache
 
 import numpy as np
 
@@ -36,7 +35,6 @@ def check_order(order: int) -> int:
     return int(order)
 
 
-@lru_cache(maxsize=32)
 def _sections(response: str, order: int) -> tuple[np.ndarray, np.ndarray, float]:
     """Zeros, poles [2 pi x bandwidth] and gain of the analogue filter."""
     from scipy import signal

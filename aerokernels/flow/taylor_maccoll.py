@@ -16,7 +16,6 @@ References: G. I. Taylor and J. W. Maccoll, Proc. R. Soc. A 139 (1933) 278; J. D
 3rd ed., ch. 10. Tables: J. L. Sims, NASA SP-3004 (1964).
 """
 
-import functools
 import math
 
 import numpy as np
@@ -89,7 +88,6 @@ def _strength(mach: float, half_angle: float, gamma: float) -> float:
     return math.exp(brentq(excess, bottom, top, xtol=1e-12, rtol=1e-13))
 
 
-@functools.lru_cache(maxsize=64)
 def _summit(mach: float, gamma: float) -> tuple[float, float]:
     """Strength of the shock that goes with the greatest half angle, and that angle [rad]."""
     from scipy.optimize import minimize_scalar

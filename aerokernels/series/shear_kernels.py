@@ -1,10 +1,8 @@
 """Warp kernels of sheared_lattice.py, for the CPU and for GPUs, in the precision of the samples."""
 
-import functools
 from typing import Any
 
 
-@functools.cache
 def build_kernels(precision: str, taps_u: int, taps_v: int) -> tuple[Any, Any]:
     """The kernels `shear`, for so many nodes across a line, and `rows`; for samples of "float32" or "float64"."""
     import warp as wp

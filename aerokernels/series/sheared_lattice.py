@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 
 from ..medium import spline
+from ..opened import OPENED
 from ..tracing.engines.info import thread_count
 from .plane_values import PlaneValues
 
@@ -123,7 +124,8 @@ class ShearedLattice:
         from .shear_kernels import build_kernels
 
         real = {"float32": wp.float32, "float64": wp.float64}[precision]
-        shear, rows = build_kernels(precision, *self._taps)
+        options = precision, *self._taps
+        shear, rows = OPENED.once(("kernels of sheared lattices", *options), lambda: build_kernels(*options))
 
         def put(array: np.ndarray, kind: Any) -> Any:
             return wp.array(np.ascontiguousarray(array), dtype=kind, device=device)

@@ -1,6 +1,5 @@
 """Sums over a pupil's rays that every backend delivers alike, and the order of the rays."""
 
-import functools
 import math
 from dataclasses import dataclass
 from typing import Any
@@ -71,9 +70,10 @@ class PupilTask:
 
     def order(self) -> np.ndarray:
         """An order of a replicate's points in which neighbours are close, int32, shape (per_replicate,)."""
-        if self.generator:
-            return lattice_order(self.per_replicate, self.by_radius)
-        return point_order(self.per_replicate, self.by_radius)
+        order_of = lattice_order if self.generator else point_order
+        key = "order of points", order_of.__name__, self.per_replicate, self.by_radius
+        order: np.ndarray = self.field.derive(key, lambda: order_of(self.per_replicate, self.by_radius), most=2)
+        return order
 
     def points(self, seed: int | None) -> Any:
         """What a seed makes: seeds of the scramble (replicates, 2), or the points and weights of radial quadrature."""
@@ -126,7 +126,6 @@ def holds_tolerance(sums: np.ndarray, task: PupilTask) -> bool:
     return not task.plan.controls_error or bool(sums[:, GREATEST_ERROR].max() <= budget)
 
 
-@functools.lru_cache(maxsize=8)
 def point_order(count: int, by_radius: bool) -> np.ndarray:
     """An order of the first `count` Sobol points in which neighbours are close, int32, shape (count,).
 

@@ -245,9 +245,3 @@ CASES = {
     "spherical p=2 planar": functools.partial(spherical, "planar", 2.0),
     "spherical p=2 volume": functools.partial(spherical, "volume", 2.0),
 }
-
-
-@functools.cache
-def case(name: str) -> Case:
-    """One of CASES, built once."""
-    return CASES[name]()

@@ -1,9 +1,18 @@
 """What every medium with exact rays is held to."""
 
+import functools
+
 import numpy as np
 
 from aerokernels.tracing import TraceResult, trace
 from aerokernels.validation.closed_forms import Case
+from aerokernels.validation.media import CASES
+
+
+@functools.cache
+def case(name: str) -> Case:
+    """One of CASES, built once."""
+    return CASES[name]()
 
 
 def worst_errors(case: Case, result: TraceResult) -> dict[str, float]:

@@ -5,9 +5,9 @@ import pytest
 
 from aerokernels.tracing import ArcLength, trace
 from aerokernels.validation.closed_forms import Case
-from aerokernels.validation.media import CASES, case
+from aerokernels.validation.media import CASES
 
-from .checks import assert_float64
+from .checks import assert_float64, case
 
 TIGHT = {"precision": "float64", "tolerance": 1e-6}
 

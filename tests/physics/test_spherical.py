@@ -7,9 +7,8 @@ from scipy.integrate import quad
 from aerokernels.rays import RayBundle
 from aerokernels.tracing import Plane, trace
 from aerokernels.validation.closed_forms import Case, Ends, build_field
-from aerokernels.validation.media import case
 
-from .checks import assert_float32, assert_float64
+from .checks import assert_float32, assert_float64, case
 
 POWERS = (
     "spherical p=-1 planar",

@@ -228,12 +228,13 @@ def twins_of(name: str, scripts) -> list[Twin]:
     """The functions that both engines have in a kind of scene."""
     from aerokernels.tracing.engines.warp.kernels.leapfrog import build_leapfrog_kernel
     from aerokernels.tracing.engines.warp.kernels.trace import build_kernel
+    from aerokernels.tracing.engines.warp.library import library_of
 
     geometry, interpolation, method, stop = (SCENES | OTHER_SCENES)[name]
-    on_mesh = interpolation not in ("cubic", "linear", "monotone")
-    kernels = [build_kernel("float64", geometry, interpolation, on_mesh, method, stop, True, True)]
+    on_mesh, library = interpolation not in ("cubic", "linear", "monotone"), library_of("float64")
+    kernels = [build_kernel(library, geometry, interpolation, on_mesh, method, stop, True, True)]
     if not on_mesh:
-        kernels.append(build_leapfrog_kernel("float64", geometry, interpolation, stop, True))
+        kernels.append(build_leapfrog_kernel(library, geometry, interpolation, stop, True))
     found = {function.func.__name__: function for kernel in kernels for function in scripts.reached(kernel.func)}
     twins = []
     for word, opencl in scripts.opencl_functions(scripts.FOLDER).items():

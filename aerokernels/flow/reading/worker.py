@@ -14,6 +14,7 @@ import threading
 from pathlib import Path
 from typing import IO, Any
 
+from ...opened import OPENED
 from .calling import read_here
 from .dataset import Dataset, ReadError
 
@@ -31,7 +32,6 @@ class _Child:
 
     def __init__(self):
         environment = {**os.environ, "PYTHONPATH": os.pathsep.join(path for path in sys.path if path)}
-        self.owner = os.getpid()
         self.process = subprocess.Popen(
             [sys.executable, "-m", f"{__package__}.worker"],
             stdin=subprocess.PIPE,
@@ -69,8 +69,10 @@ class _Child:
             return self.process.wait()
 
 
-_lock = threading.Lock()
-_idle: list[_Child] = []
+def _idle() -> list[_Child]:
+    """The children of this process that wait for a file to read."""
+    children: list[_Child] = OPENED.once(("file readers", os.getpid()), list)
+    return children
 
 
 def in_child(module: str, path: Path, time, options: dict[str, Any]) -> Dataset:
@@ -79,10 +81,9 @@ def in_child(module: str, path: Path, time, options: dict[str, Any]) -> Dataset:
     Raises:
         ReadError: What the reader raises, what its library prints as an error, and the child's end.
     """
-    with _lock:
-        if _idle and _idle[-1].owner != os.getpid():
-            _idle.clear()  # this process was forked: the children, and the pipes to them, are its parent's
-        child = _idle.pop() if _idle else _Child()
+    with OPENED.lock:
+        idle = _idle()  # a forked process begins with none: the children, and the pipes to them, are its parent's
+        child = idle.pop() if idle else _Child()
         if child.process.poll() is not None:
             child.end()
             child = _Child()
@@ -95,8 +96,8 @@ def in_child(module: str, path: Path, time, options: dict[str, Any]) -> Dataset:
     except BaseException:
         child.end()
         raise
-    with _lock:
-        _idle.append(child)
+    with OPENED.lock:
+        idle.append(child)
     if kind == "error":
         raise ReadError.said(answer)
     assert isinstance(answer, Dataset)
@@ -105,10 +106,9 @@ def in_child(module: str, path: Path, time, options: dict[str, Any]) -> Dataset:
 
 @atexit.register
 def _end_idle() -> None:
-    while _idle:
-        child = _idle.pop()
-        if child.owner == os.getpid():
-            child.end()
+    idle = _idle()
+    while idle:
+        idle.pop().end()
 
 
 def time_limit(path: Path) -> float:

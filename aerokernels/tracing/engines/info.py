@@ -1,10 +1,11 @@
 """What is known of a backend and its device."""
 
 import ctypes
-import functools
 import os
 import sys
 from dataclasses import dataclass
+
+from ...opened import OPENED
 
 NO_CUDA = "no CUDA device"
 
@@ -60,9 +61,12 @@ def warp_processor(version: str, reason: str) -> BackendInfo:
     return BackendInfo("warp", "cpu", text, version, True, True, host_memory(), reason)
 
 
-@functools.cache
 def cuda_driver_loads() -> bool:
     """Whether the CUDA driver's library is there; without it nobody has a CUDA device."""
+    return bool(OPENED.once("CUDA driver", _cuda_driver_loads))
+
+
+def _cuda_driver_loads() -> bool:
     names = {"win32": ("nvcuda.dll",), "darwin": ()}.get(sys.platform, ("libcuda.so.1", "libcuda.so"))
     for name in names:
         try:

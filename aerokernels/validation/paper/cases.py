@@ -1,7 +1,6 @@
 """What the paper's tables and figures are made of: echoes of every scene, schlieren pictures of every flow."""
 
 from dataclasses import dataclass
-from functools import lru_cache
 
 import numpy as np
 
@@ -120,24 +119,19 @@ VIEW = (-0.130, 0.012, -0.085, 0.085)
 BOW_REACH = (-60e-3, -20e-3)  # z between which the first shock's angle is fitted [m]
 
 
-def shadow(
-    mach: int, pixels: int, spacing: float, density: float | None = None, sensitivity: float | None = None
-) -> Shadow:
-    """Trace the picture of a shipped flow through a grid of a spacing [m], at its own density or another [kg/m3]."""
+def shadow(mach: int, grid: IndexField, pixels: int, sensitivity: float | None = None) -> Shadow:
+    """Trace the picture of a shipped flow, whose index is `grid`, see `picture_grid`."""
     body = flow.shipped(f"mach{mach}").body
     assert body is not None
-    image = schlieren(
-        _grid(mach, spacing, density), extent=VIEW, pixel_count=pixels, knife_edge="vertical", sensitivity=sensitivity
-    )
+    image = schlieren(grid, extent=VIEW, pixel_count=pixels, knife_edge="vertical", sensitivity=sensitivity)
     angle, stand_off = read_bow_shock(image)
     profile = body.profile
     outline = np.concatenate([profile[:, ::-1], profile[::-1, ::-1] * (1.0, -1.0)])
     return Shadow(mach, image, outline, angle, stand_off)
 
 
-@lru_cache(maxsize=1)
-def _grid(mach: int, spacing: float, density: float | None) -> IndexField:
-    """The index on a uniform grid over the part of the flow that is looked at."""
+def picture_grid(mach: int, spacing: float, density: float | None = None) -> IndexField:
+    """The index of a shipped flow on a grid of a spacing [m], at its own density or another [kg/m3], over VIEW."""
     field = flow.shipped(f"mach{mach}")
     index = (field if density is None else field.scaled(density)).index_field(905e-9)
     low, high = (corner[1:] for corner in index.box)

@@ -9,7 +9,6 @@ import time
 from collections.abc import Callable
 from contextlib import closing
 from dataclasses import dataclass
-from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -81,14 +80,9 @@ def _has_opened(line: str, times: int) -> bool:
     return f"reconnected {times - 1}, port open" in line
 
 
-@cache
-def _noise(sample_count: int) -> np.ndarray:
-    return np.random.default_rng(1).integers(-3000, 3000, (512, sample_count)).astype(np.int16)
-
-
 def made_frames(count: int, sample_count: int = 128, first: int = 0, period_us: int = 20_000) -> list[EchoFrame]:
     """Frames whose samples are noise that follows from their number."""
-    noise = _noise(sample_count)
+    noise = np.random.default_rng(1).integers(-3000, 3000, (512, sample_count)).astype(np.int16)
     return [
         EchoFrame(k % 2**32, period_us * k, 250, 1e-3, 0.0, noise[k % len(noise)] ^ np.int16(k % 1021))
         for k in range(first, first + count)

@@ -5,7 +5,6 @@ The only way to PyOpenCL: it is imported here, late, so that every way in which 
 """
 
 import atexit
-import functools
 import importlib
 import importlib.util
 import os
@@ -15,6 +14,7 @@ import threading
 from dataclasses import dataclass, field, replace
 from typing import Any
 
+from ....opened import OPENED
 from ..info import BackendInfo
 from .drivers import broken_drivers
 from .linker import linker_trouble
@@ -23,6 +23,7 @@ from .pocl_workaround import name_processor, workaround
 
 POCL = "Portable Computing Language"
 KINDS = ("gpu", "cpu", "accelerator")  # in the order in which they are taken
+SESSION = "OpenCL session"
 
 
 class OpenCLUnavailable(ValueError):
@@ -45,21 +46,26 @@ class FoundDevice:
 
 @dataclass(frozen=True, eq=False)
 class Session:
-    """An open device: its context, its queue (in order), the programs built for it, and those launched already."""
+    """An open device: its context, its queue (in order), sources read and programs built for it, those launched."""
 
     name: str
     device: Any
     context: Any
     queue: Any
     options: tuple[str, ...] = ()
+    sources: dict = field(default_factory=dict, repr=False)
     programs: dict = field(default_factory=dict, repr=False)
     launched: set = field(default_factory=set, repr=False)
     lock: Any = field(default_factory=threading.RLock, repr=False)
 
 
-_sessions: dict[tuple[int, str], Session] = {}
-_lock = threading.RLock()
-_opened_by: int | None = None  # the process that started the drivers' threads
+@dataclass(frozen=True)
+class Survey:
+    """What a process found: the devices, best first; what is wrong; the process that started the drivers' threads."""
+
+    devices: list[FoundDevice]
+    troubles: list[str]
+    opened_by: int | None = None
 
 
 def import_pyopencl():
@@ -152,39 +158,40 @@ def session(name: str | None = None) -> Session:
         OpenCLUnavailable: There is no OpenCL here, or the device cannot be opened.
         ValueError: No device, or more than one, has that name.
     """
-    with _lock:
-        found = find_device(name)
-        key = os.getpid(), found.info.device
-        if key not in _sessions:
-            cl = import_pyopencl()
-            try:
-                context = cl.Context([found.device])
-                clocked = cl.command_queue_properties.PROFILING_ENABLE
-                queue = cl.CommandQueue(context, found.device, properties=clocked)
-            except cl.Error as error:
-                raise OpenCLUnavailable(
-                    f"OpenCL device {found.info.device!r} is listed but does not open ({error}): is it in use, or its "
-                    "memory full? Choose another one, or backend 'warp'"
-                ) from error
-            _sessions[key] = Session(found.info.device, found.device, context, queue, found.options)
-        return _sessions[key]
+    found = find_device(name)
+    opened: Session = OPENED.once((SESSION, os.getpid(), found.info.device), lambda: _open(found))
+    return opened
+
+
+def _open(found: FoundDevice) -> Session:
+    cl = import_pyopencl()
+    try:
+        context = cl.Context([found.device])
+        clocked = cl.command_queue_properties.PROFILING_ENABLE
+        queue = cl.CommandQueue(context, found.device, properties=clocked)
+    except cl.Error as error:
+        raise OpenCLUnavailable(
+            f"OpenCL device {found.info.device!r} is listed but does not open ({error}): is it in use, or its "
+            "memory full? Choose another one, or backend 'warp'"
+        ) from error
+    return Session(found.info.device, found.device, context, queue, found.options)
 
 
 @atexit.register
 def release_all() -> None:
     """Finish and let go every session of this process; those that a fork inherited are left alone."""
-    with _lock:
-        for key in [key for key in _sessions if key[0] == os.getpid()]:
-            released = _sessions.pop(key)
-            built = bool(released.programs)
-            released.programs.clear()
-            released.launched.clear()
-            try:
-                released.queue.finish()
-            except import_pyopencl().Error:
-                pass  # a lost device has nothing left to wait for
-            if built and POCL in released.device.platform.name:
-                remove_damaged(cache_folder())  # records the checksums of what was built
+    for key, released in OPENED.held(SESSION).items():
+        if key[1] != os.getpid() or OPENED.take_out(key) is None:
+            continue
+        built = bool(released.programs)
+        released.programs.clear()
+        released.launched.clear()
+        try:
+            released.queue.finish()
+        except import_pyopencl().Error:
+            pass  # a lost device has nothing left to wait for
+        if built and POCL in released.device.platform.name:
+            remove_damaged(cache_folder())  # records the checksums of what was built
 
 
 def survey() -> tuple[list[FoundDevice], list[str]]:
@@ -194,26 +201,23 @@ def survey() -> tuple[list[FoundDevice], list[str]]:
         OpenCLUnavailable: PyOpenCL is missing or broken, nothing at all was found, or this process is a fork of one
             that uses OpenCL.
     """
-    with _lock:
-        if _opened_by not in (None, os.getpid()):
-            raise OpenCLUnavailable(
-                "this process was forked from one in which OpenCL was open already, and its drivers' threads do not "
-                "survive that: start worker processes with multiprocessing's method 'spawn', or choose backend 'warp'"
-            )
-        devices, troubles = _survey()
-        if not devices:
-            raise OpenCLUnavailable("; ".join(troubles))
-        return devices, troubles
+    found: Survey = OPENED.once("OpenCL devices", _survey)
+    if found.opened_by not in (None, os.getpid()):
+        raise OpenCLUnavailable(
+            "this process was forked from one in which OpenCL was open already, and its drivers' threads do not "
+            "survive that: start worker processes with multiprocessing's method 'spawn', or choose backend 'warp'"
+        )
+    if not found.devices:
+        raise OpenCLUnavailable("; ".join(found.troubles))
+    return found.devices, found.troubles
 
 
-@functools.cache
-def _survey() -> tuple[list[FoundDevice], list[str]]:
+def _survey() -> Survey:
     """As `survey`; no devices where OpenCL is missing: a process looks once, as the driver loader itself does."""
-    global _opened_by
     try:
         cl = import_pyopencl()
     except OpenCLUnavailable as error:
-        return [], [str(error)]
+        return Survey([], [str(error)])
     troubles = broken_drivers()
     make_safe()
     try:
@@ -223,8 +227,8 @@ def _survey() -> tuple[list[FoundDevice], list[str]]:
         if "PLATFORM_NOT_FOUND" not in str(error):
             troubles.append(f"the platforms cannot be listed: {error}")
     if not platforms:
-        return [], [_no_platform(), *troubles]
-    _opened_by = os.getpid()  # drivers start their threads when asked for devices
+        return Survey([], [_no_platform(), *troubles])
+    opened_by = os.getpid()  # drivers start their threads when asked for devices
     devices: list[FoundDevice] = []
     for index, platform in enumerate(platforms):
         title = f"platform {index}"
@@ -245,9 +249,9 @@ def _survey() -> tuple[list[FoundDevice], list[str]]:
             except (cl.Error, ValueError) as error:
                 troubles.append(f"{title} has a device that does not describe itself: {error}")
     if not devices:
-        return [], ["no OpenCL device is here", *troubles]
+        return Survey([], ["no OpenCL device is here", *troubles], opened_by)
     devices.sort(key=lambda found: (not found.info.available, KINDS.index(found.kind), -found.compute_units))
-    return with_unique_names(devices), troubles
+    return Survey(with_unique_names(devices), troubles, opened_by)
 
 
 def _describe(cl, platform, device) -> FoundDevice:

@@ -1,6 +1,5 @@
 """Whether PoCL can link the kernels it compiles: without a linker it ends the process at the first launch of one."""
 
-import functools
 import os
 import shutil
 import subprocess
@@ -24,7 +23,6 @@ cl.enqueue_nd_range_kernel(queue, kernel, (64,), (64,)).wait()
 """
 
 
-@functools.cache
 def linker_trouble(options: tuple[str, ...] = ()) -> str:
     """Why kernels of PoCL cannot be linked here, with the remedy; empty where they can.
 

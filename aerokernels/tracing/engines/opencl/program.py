@@ -5,7 +5,6 @@ built by source and options, for other drivers PyOpenCL does. Headers are writte
 a changed header changes the source and is never missed.
 """
 
-import functools
 import re
 import warnings
 from collections.abc import Iterable
@@ -136,10 +135,13 @@ def build(session: Session, kernel_file: str, options: Iterable[str] = (), folde
         RuntimeError: The source is not there or does not build; with the compiler's messages and the options.
     """
     folder = kernel_folder() if folder is None else folder
-    source = _expanded(kernel_file, folder, _stamp(folder))
     options = (*BASE_OPTIONS, *options, *session.options)
-    key = (source, options)
     with session.lock:
+        written = kernel_file, folder, _stamp(folder)
+        if written not in session.sources:
+            session.sources[written] = expand(kernel_file, folder)
+        source = session.sources[written]
+        key = (source, options)
         if key not in session.programs:
             session.programs[key] = _build(session, kernel_file, source, list(options))
         return session.programs[key]
@@ -149,11 +151,6 @@ def _stamp(folder: Path) -> tuple:
     """What changes when a source changes, so that a running process notices too."""
     files = [*folder.glob("*.cl"), *folder.glob("include/*.h")]
     return tuple(sorted((path.name, path.stat().st_mtime_ns, path.stat().st_size) for path in files))
-
-
-@functools.lru_cache(maxsize=64)
-def _expanded(kernel_file: str, folder: Path, stamp: tuple) -> str:
-    return expand(kernel_file, folder)
 
 
 def _build(session: Session, kernel_file: str, source: str, options: list[str]):

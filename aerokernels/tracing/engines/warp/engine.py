@@ -24,6 +24,7 @@ from .kernels.deliver_bundle import build_bundle_kernel
 from .kernels.leapfrog import build_leapfrog_kernel
 from .kernels.trace import build_kernel
 from .kernels.trace_projection import build_projection_kernel
+from .library import library_of
 from .loading import load_module
 from .types import types
 
@@ -58,15 +59,15 @@ class Engine:
             outputs = outputs | {"step_error"}
         with stage("upload"):
             structs = self.arguments(field, plan, until, wavelength, outputs, directions)
-        stop, has_body = stop_kind(until), field.body is not None
+        stop, has_body, library = stop_kind(until), field.body is not None, library_of(plan.precision)
         with stage("compile"):
             if plan.sample_count:
-                kernel = build_leapfrog_kernel(plan.precision, field.geometry, field.interpolation, stop, has_body)
+                kernel = build_leapfrog_kernel(library, field.geometry, field.interpolation, stop, has_body)
             else:
                 on_mesh = not field.is_uniform
                 measured = "step_error" in outputs
                 kernel = build_kernel(
-                    plan.precision, field.geometry, field.interpolation, on_mesh, plan.method, stop, has_body, measured
+                    library, field.geometry, field.interpolation, on_mesh, plan.method, stop, has_body, measured
                 )
             self._load(kernel.module)
         rejected = wp.zeros(1, dtype=wp.int32, device=self.device) if plan.sample_count else None
@@ -97,7 +98,7 @@ class Engine:
                 lambda: wp.array(packed(columns.tables), dtype=types(plan.precision).real, device=self.device),
             )
         with stage("compile"):
-            kernel = build_projection_kernel(plan.precision, bool(outputs & ENDS))
+            kernel = build_projection_kernel(library_of(plan.precision), bool(outputs & ENDS))
             self._load(kernel.module)
         return Prepared(self, kernel, [table, *kernel_numbers(field, columns, outputs)], outputs, None)
 
@@ -106,7 +107,7 @@ class Engine:
         with stage("upload"):
             arrays = table.derive(("warp", self.device), lambda: [self.put(array) for array in kernel_arrays(table)])
         with stage("compile"):
-            kernel = build_bundle_kernel(table.channels)
+            kernel = build_bundle_kernel(library_of("float64"), table.channels)
             self._load(kernel.module)
         return Prepared(self, kernel, [*arrays, *bundle_numbers(table, outputs)], outputs, None)
 

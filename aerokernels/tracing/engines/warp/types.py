@@ -1,6 +1,5 @@
 """Data types of the Warp kernels, one set per precision: the structs and kinds of layout.py."""
 
-import functools
 import inspect
 from collections.abc import Callable
 from types import SimpleNamespace
@@ -9,7 +8,6 @@ import warp as wp
 
 from ..layout import KERNELS, STRUCTS, Value
 
-REAL = {"float32": wp.float32, "float64": wp.float64}
 PLAIN = {
     "bool": wp.bool,
     "int": wp.int32,
@@ -23,13 +21,17 @@ PLAIN = {
 }
 
 
-@functools.cache
-def types(precision: str) -> SimpleNamespace:
-    """The scalar, vector and struct types of one precision."""
-    real = REAL[precision]
+def type_of(value: Value, kinds: dict):
+    """Warp's type of a struct's member or a kernel's argument."""
+    indices = value.parts[2]
+    kind = kinds[value.kind.rstrip("*")]
+    return wp.array(dtype=kind, ndim=indices) if indices else kind
+
+
+def _types(real: type, shared: dict) -> SimpleNamespace:
+    """The types of one precision; structs without numbers of it are those of the other, `shared`."""
     vectors = {f"real{size}": wp.types.vector(size, real) for size in (2, 3, 4)}
     kinds = {**PLAIN, "real": real, **vectors}
-    shared = types("float64").kinds if precision != "float64" else {}
     for name, members in STRUCTS.items():
         if name in shared and not any(member.parts[0] == "real" for member in members):
             kinds[name] = shared[name]
@@ -41,11 +43,13 @@ def types(precision: str) -> SimpleNamespace:
     return SimpleNamespace(real=real, kinds=kinds, **vectors, **structs)
 
 
-def type_of(value: Value, kinds: dict):
-    """Warp's type of a struct's member or a kernel's argument."""
-    indices = value.parts[2]
-    kind = kinds[value.kind.rstrip("*")]
-    return wp.array(dtype=kind, ndim=indices) if indices else kind
+_DOUBLE = _types(wp.float64, {})
+TYPES = {"float64": _DOUBLE, "float32": _types(wp.float32, _DOUBLE.kinds)}
+
+
+def types(precision: str) -> SimpleNamespace:
+    """The scalar, vector and struct types of one precision, "float32" or "float64"."""
+    return TYPES[precision]
 
 
 def takes(kernel: str, precision: str = "float64") -> Callable:

@@ -1,17 +1,15 @@
 """Device functions in float64: where a straight ray meets the field's box, and the box's faces as stop surfaces."""
 
-import functools
-
 import warp as wp
 
 from ....scheme import GRAZING_REST, LEAST_COSINE
-from ..types import types
+from ..library import KernelLibrary, built_once
 
 FACE_COUNT = {"volume": 6, "planar": 4, "axisymmetric": 3}
 
 
-@functools.cache
-def build_crossing(precision: str, geometry: str):
+@built_once
+def build_crossing(library: KernelLibrary, geometry: str):
     """A function (low, high, radius, position, direction) -> (entry, exit) of a box; entry > exit means a miss."""
 
     @wp.func
@@ -55,13 +53,13 @@ def build_crossing(precision: str, geometry: str):
     return crossing
 
 
-@functools.cache
-def build_surface(precision: str, geometry: str):
+@built_once
+def build_surface(library: KernelLibrary, geometry: str):
     """A function (control, k, cell, frac) -> how far outside surface k, and the gradient of that per cell.
 
     Surfaces 0 and 1 are the z faces; then the cylinder, or the y faces, or the y and x faces; the last is the plane.
     """
-    t = types(precision)
+    t = library.types
     real, vec3, vec4, Control = t.real, t.vec3, t.vec4, t.Control
     faces = FACE_COUNT[geometry]
 
@@ -89,10 +87,10 @@ def build_surface(precision: str, geometry: str):
     return surface
 
 
-@functools.cache
-def build_surface_distance(precision: str, geometry: str):
+@built_once
+def build_surface_distance(library: KernelLibrary, geometry: str):
     """A function (bounds, k, point) -> (distance outside surface k [m], unit normal), in float64."""
-    Bounds = types(precision).Bounds
+    Bounds = library.types.Bounds
     faces = FACE_COUNT[geometry]
 
     @wp.func
@@ -118,14 +116,14 @@ def build_surface_distance(precision: str, geometry: str):
     return surface_distance
 
 
-@functools.cache
-def build_meeting(precision: str, geometry: str):
+@built_once
+def build_meeting(library: KernelLibrary, geometry: str):
     """A function (bounds, k, point, direction, guess) -> distance at which a line meets surface k.
 
     A line that grazes the surface keeps its guess.
     """
-    Bounds = types(precision).Bounds
-    surface_distance = build_surface_distance(precision, geometry)
+    Bounds = library.types.Bounds
+    surface_distance = build_surface_distance(library, geometry)
 
     @wp.func
     def meeting(bounds: Bounds, k: int, p: wp.vec3d, d: wp.vec3d, guess: wp.float64):
@@ -144,17 +142,17 @@ def build_meeting(precision: str, geometry: str):
     return meeting
 
 
-@functools.cache
-def build_grazing_rest(precision: str, geometry: str):
+@built_once
+def build_grazing_rest(library: KernelLibrary, geometry: str):
     """A function (bounds, control, k, point, direction, heading) -> what a ray on surface k lacks of it.
 
     Three numbers: that length along its tangent `heading` [m], 0 where it is more than rounding of the ray's place
     leaves, or where the surface was met along the direction already (see `build_meeting`); the length that is left
     for that reason; the cosine of the angle with the normal.
     """
-    t = types(precision)
+    t = library.types
     Bounds, Control = t.Bounds, t.Control
-    surface_distance = build_surface_distance(precision, geometry)
+    surface_distance = build_surface_distance(library, geometry)
 
     @wp.func
     def grazing_rest(bounds: Bounds, control: Control, k: int, p: wp.vec3d, d: wp.vec3d, heading: wp.vec3d):
@@ -174,15 +172,15 @@ def build_grazing_rest(precision: str, geometry: str):
     return grazing_rest
 
 
-@functools.cache
-def build_detour(precision: str, geometry: str):
+@built_once
+def build_detour(library: KernelLibrary, geometry: str):
     """A function -> how much further along d a line shifted by `q` meets face k than the line itself.
 
     Its arguments: bounds, k, start, direction, q, the distance at which the line itself leaves the box, and what to
     answer where it leaves by another face or at a grazing angle.
     """
-    Bounds = types(precision).Bounds
-    surface_distance = build_surface_distance(precision, geometry)
+    Bounds = library.types.Bounds
+    surface_distance = build_surface_distance(library, geometry)
 
     @wp.func
     def detour(bounds: Bounds, k: int, p: wp.vec3d, d: wp.vec3d, q: wp.vec3d, leave: wp.float64, other: wp.float64):

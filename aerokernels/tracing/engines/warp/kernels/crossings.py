@@ -4,11 +4,10 @@ The formulas stand in medium/crossings.py, the tree of boxes in medium/wall_tree
 nine numbers here, see `build_wall_line`; d need not be of length 1. The OpenCL twin is kernels/include/crossings.h.
 """
 
-import functools
-
 import warp as wp
 
 from .....medium.crossings import PARALLEL
+from ..library import KernelLibrary, built_once
 from ..types import types
 
 # Of a distance that is not there.
@@ -19,8 +18,8 @@ NEVER = 1e300
 WallLine, Crossings, WallMeeting = (types("float64").kinds[name] for name in ("WallLine", "Crossings", "WallMeeting"))
 
 
-@functools.cache
-def build_wall_line(geometry: str):
+@built_once
+def build_wall_line(library: KernelLibrary, geometry: str):
     """A function (position, direction) -> WallLine."""
 
     @wp.func
@@ -52,8 +51,8 @@ def build_wall_line(geometry: str):
     return wall_line
 
 
-@functools.cache
-def build_passes_box(geometry: str):
+@built_once
+def build_passes_box(library: KernelLibrary, geometry: str):
     """A function: whether a line may pass a box, `margin` larger on every side, between t = from and to."""
 
     @wp.func
@@ -89,8 +88,8 @@ def build_passes_box(geometry: str):
     return passes_box
 
 
-@functools.cache
-def build_segment_crossings(geometry: str):
+@built_once
+def build_segment_crossings(library: KernelLibrary, geometry: str):
     """A function (line, segment, entries_only) -> Crossings.
 
     With `entries_only`, a single crossing that leads out of the body is passed over: it costs a root and a division.
@@ -192,12 +191,12 @@ def build_segment_crossings(geometry: str):
     return segment_crossings
 
 
-@functools.cache
-def build_meet_wall(precision: str, geometry: str):
+@built_once
+def build_meet_wall(library: KernelLibrary, geometry: str):
     """A function (field, line, from, to) -> WallMeeting."""
-    Field = types(precision).Field
-    passes_box = build_passes_box(geometry)
-    segment_crossings = build_segment_crossings(geometry)
+    Field = library.types.Field
+    passes_box = build_passes_box(library, geometry)
+    segment_crossings = build_segment_crossings(library, geometry)
 
     @wp.func
     def meet_wall(field: Field, line: WallLine, first: wp.float64, last: wp.float64):

@@ -1,12 +1,11 @@
 """The Warp kernel of a two-parameter family of rays, interpolated between traced ones: bundle/delivery.py in NumPy."""
 
-import functools
-
 import warp as wp
 
 from ....bundle.nodes import FAR
 from ....status import NOT_DELIVERED, RayStatus
-from ..types import takes, types
+from ..library import KernelLibrary, built_once
+from ..types import takes
 from .bundle_family import family_parameters, undisturbed_length
 from .outputs import build_write_outputs
 
@@ -20,12 +19,12 @@ def hermite_weights(u: wp.float64) -> wp.vec4d:
     return wp.vec4d((one + two * u) * v * v, u * v * v, u * u * (wp.float64(3.0) - two * u), -u * u * v)
 
 
-@functools.cache
-def build_bundle_kernel(channel_count: int):
+@built_once
+def build_bundle_kernel(library: KernelLibrary, channel_count: int):
     """Build the kernel for patches of so many channels: 1, 4 or 8 (bundle/nodes.py)."""
     vector = wp.types.vector(channel_count, wp.float64)
-    Arrival = types("float64").Arrival
-    write_outputs = build_write_outputs("float64")
+    Arrival = library.types.Arrival
+    write_outputs = build_write_outputs(library)
     ok = int(RayStatus.OK)
 
     @wp.func

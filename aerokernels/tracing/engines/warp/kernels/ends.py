@@ -1,13 +1,11 @@
 """Device functions in float64: both ends of a ray, before its first step and after its last one."""
 
-import functools
-
 import warp as wp
 
 from ....scheme import LANDED_ARC, LEAST_COSINE, LEAST_SLOPE, STEEPEST_COSINE
 from ....status import RayStatus
 from ....tableau import NEARLY_STRAIGHT, is_one_scalar
-from ..types import types
+from ..library import KernelLibrary, built_once
 from .box import (
     FACE_COUNT,
     build_crossing,
@@ -21,14 +19,14 @@ from .motion import deflection
 from .wall import build_way_in, build_way_out
 
 
-@functools.cache
-def build_start(precision: str, geometry: str, stop: str, has_body: bool):
+@built_once
+def build_start(library: KernelLibrary, geometry: str, stop: str, has_body: bool):
     """A function (field, bounds, position, direction) -> (status, course of the undisturbed ray)."""
-    t = types(precision)
+    t = library.types
     real, Field, Bounds, Course = t.real, t.Field, t.Bounds, t.Course
-    crossing = build_crossing(precision, geometry)
-    way_out = build_way_out(precision, geometry)
-    way_in = build_way_in(precision, geometry)
+    crossing = build_crossing(library, geometry)
+    way_out = build_way_out(library, geometry)
+    way_in = build_way_in(library, geometry)
     ok, not_reached = int(RayStatus.OK), int(RayStatus.STOP_NOT_REACHED)
     inside_body, hit_body = int(RayStatus.INSIDE_BODY), int(RayStatus.HIT_BODY)
 
@@ -94,12 +92,12 @@ def build_start(precision: str, geometry: str, stop: str, has_body: bool):
     return start_of
 
 
-@functools.cache
-def build_last_surface(precision: str, geometry: str, stop: str):
+@built_once
+def build_last_surface(library: KernelLibrary, geometry: str, stop: str):
     """A function: the surface on which the undisturbed ray stops."""
-    t = types(precision)
+    t = library.types
     Bounds, Course = t.Bounds, t.Course
-    surface_distance = build_surface_distance(precision, geometry)
+    surface_distance = build_surface_distance(library, geometry)
     faces = wp.constant(FACE_COUNT[geometry])
 
     @wp.func
@@ -119,16 +117,16 @@ def build_last_surface(precision: str, geometry: str, stop: str):
     return surface_of
 
 
-@functools.cache
-def build_obliquity(precision: str, geometry: str, stop: str):
+@built_once
+def build_obliquity(library: KernelLibrary, geometry: str, stop: str):
     """A function: how much further along d the stop is met per length that the ray is beside its place.
 
     The tangent of the angle at which it meets the stop; no more than that of the smallest angle believed.
     """
-    t = types(precision)
+    t = library.types
     real, Bounds, Course = t.real, t.Bounds, t.Course
-    surface_distance = build_surface_distance(precision, geometry)
-    surface_of = build_last_surface(precision, geometry, stop)
+    surface_distance = build_surface_distance(library, geometry)
+    surface_of = build_last_surface(library, geometry, stop)
 
     @wp.func
     def obliquity_of(bounds: Bounds, course: Course, p: wp.vec3d, d: wp.vec3d):
@@ -146,12 +144,12 @@ def build_obliquity(precision: str, geometry: str, stop: str):
     return obliquity_of
 
 
-@functools.cache
-def build_lever(precision: str, geometry: str, stop: str, controlled: bool):
+@built_once
+def build_lever(library: KernelLibrary, geometry: str, stop: str, controlled: bool):
     """A function -> Lever; its arguments: bounds, control, the undisturbed course, start and direction."""
-    t = types(precision)
+    t = library.types
     real, Lever, Bounds, Control, Course = t.real, t.Lever, t.Bounds, t.Control, t.Course
-    obliquity_of = build_obliquity(precision, geometry, stop)
+    obliquity_of = build_obliquity(library, geometry, stop)
 
     @wp.func
     def lever_of(bounds: Bounds, control: Control, course: Course, p: wp.vec3d, d: wp.vec3d):
@@ -170,20 +168,20 @@ def build_lever(precision: str, geometry: str, stop: str, controlled: bool):
     return lever_of
 
 
-@functools.cache
-def build_end(precision: str, geometry: str, interpolation: str, stop: str):
+@built_once
+def build_end(library: KernelLibrary, geometry: str, interpolation: str, stop: str):
     """A function -> Arrival, the ray at its stop.
 
     It puts the sums of the steps back onto the straight ray and flies on to a stop outside the box. Its arguments:
     bounds, control, start, direction, course and status as `build_start` has them, the surface landed on or -1,
     deviation, its carry, momentum, the sums (sigma, S, M, B), their carry, and the greatest angle with the direction.
     """
-    t = types(precision)
+    t = library.types
     real, vec3, vec4, Bounds, Control, Course = t.real, t.vec3, t.vec4, t.Bounds, t.Control, t.Course
     Arrival = t.Arrival
-    meeting = build_meeting(precision, geometry)
-    grazing_rest = build_grazing_rest(precision, geometry)
-    detour = build_detour(precision, geometry)
+    meeting = build_meeting(library, geometry)
+    grazing_rest = build_grazing_rest(library, geometry)
+    detour = build_detour(library, geometry)
     face_count = wp.constant(FACE_COUNT[geometry])
     one_scalar = is_one_scalar(interpolation)
     ok, missed, not_reached = int(RayStatus.OK), int(RayStatus.MISSED_FIELD), int(RayStatus.STOP_NOT_REACHED)

@@ -5,8 +5,6 @@ matter further on. On a nearly straight ray the error of S is known better, from
 slopes along the ray.
 """
 
-import functools
-
 import warp as wp
 
 from ....scheme import (
@@ -25,23 +23,23 @@ from ....scheme import (
     TINY,
 )
 from ....tableau import B_ERROR, BT_ERROR, NEARLY_STRAIGHT, PATH_ERROR_SLOPE, PATH_ERROR_VALUE, C, is_one_scalar
-from ..types import types
+from ..library import KernelLibrary, built_once
 from .box import FACE_COUNT
 from .motion import build_contrast
 
 
-@functools.cache
-def build_step_error(precision: str, geometry: str, interpolation: str, stop: str):
+@built_once
+def build_step_error(library: KernelLibrary, geometry: str, interpolation: str, stop: str):
     """Functions: a step's error, turn, direction's lever, place's error; its rounding; a ray's error; its landing."""
-    t = types(precision)
+    t = library.types
     real, vec3, vec4, Bounds, Control, Lever = t.real, t.vec3, t.vec4, t.Bounds, t.Control, t.Lever
-    contrast = build_contrast(precision)
-    tiny = TINY[precision]
+    contrast = build_contrast(library)
+    tiny = TINY[library.precision]
     one_scalar = is_one_scalar(interpolation)
     sharpened = interpolation in ("cubic", "linear")
-    noise = NOISE[precision]
-    direction_noise = DIRECTION_NOISE[precision]
-    event_location_noise = EVENT_LOCATION_NOISE[precision]
+    noise = NOISE[library.precision]
+    direction_noise = DIRECTION_NOISE[library.precision]
+    event_location_noise = EVENT_LOCATION_NOISE[library.precision]
     plane = wp.constant(FACE_COUNT[geometry])
     c2, c3 = (float(v) for v in C[1:3])
     e1, e2, e3, e4 = (float(v) for v in B_ERROR)

@@ -5,25 +5,24 @@ order in the step, is flown along the parabola at its end. A ray that grazes a s
 it even if it is close to it: what is left must be short beside the step, or as close as rounding has it.
 """
 
-import functools
-
 import warp as wp
 
 from ....scheme import EVENT_LOCATION_NOISE, EVENT_LOCATION_SHARE, LANDED_ARC, SLACK_CELLS, SLACK_COUNTED
-from ..types import types
+from ..library import KernelLibrary, built_once
 from .box import FACE_COUNT, build_surface
 
 
-@functools.cache
-def build_event_location(precision: str, geometry: str, stop: str):
+@built_once
+def build_event_location(library: KernelLibrary, geometry: str, stop: str):
     """Functions about the surfaces a ray can end on: the step that ends on one, whether it overshot, touching down."""
-    t = types(precision)
+    t = library.types
     real, vec3, Control = t.real, t.vec3, t.Control
-    surface = build_surface(precision, geometry)
+    surface = build_surface(library, geometry)
     face_count = wp.constant(FACE_COUNT[geometry])
     surface_count = wp.constant(FACE_COUNT[geometry] + (1 if stop == "plane" else 0))
-    slack_cells = SLACK_CELLS[precision]
-    event_location_noise = EVENT_LOCATION_NOISE[precision]
+    single = library.precision == "float32"
+    slack_cells = SLACK_CELLS[library.precision]
+    event_location_noise = EVENT_LOCATION_NOISE[library.precision]
     most_behind = 2.5 * EVENT_LOCATION_SHARE  # a product inside a kernel would be taken in float32
     none = 1e30
 
@@ -88,7 +87,7 @@ def build_event_location(precision: str, geometry: str, stop: str):
                 if k < face_count:
                     first = wp.min(first, bare)
                 outside -= slack
-            if wp.static(precision == "float32"):
+            if wp.static(single):
                 there = outside + (rise + real(0.5) * curve * best) * best
                 if k < face_count and wp.max(wp.abs(outside), wp.abs(there)) <= real(event_location_noise):
                     first = real(0.0)
@@ -175,10 +174,10 @@ def build_event_location(precision: str, geometry: str, stop: str):
     return event_location, overshot, passed_surface, in_face, surface_intersection
 
 
-@functools.cache
-def build_arc_event_location(precision: str):
+@built_once
+def build_arc_event_location(library: KernelLibrary):
     """The same for a stop at a length of arc: the step that ends there, and touching down."""
-    t = types(precision)
+    t = library.types
     real, vec3 = t.real, t.vec3
     landed_arc = wp.constant(LANDED_ARC)
 

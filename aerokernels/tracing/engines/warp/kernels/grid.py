@@ -1,18 +1,16 @@
 """Device functions: the optical potential on a uniform grid. The interpolants are those of medium/spline.py."""
 
-import functools
-
 import warp as wp
 
 from .....medium.grid import AXIS_CORE
 from .....medium.spline import STRIDE, SUPPORT
-from ..types import types
+from ..library import KernelLibrary, built_once
 
 
-@functools.cache
-def build_weights(precision: str, interpolation: str):
+@built_once
+def build_weights(library: KernelLibrary, interpolation: str):
     """Functions u -> weights and u -> slopes of the weights, as vectors of four (two used if linear)."""
-    t = types(precision)
+    t = library.types
     real, vec4 = t.real, t.vec4
     one_sixth = 1.0 / 6.0  # a quotient written inside a kernel would be taken in float32
 
@@ -66,12 +64,12 @@ def build_weights(precision: str, interpolation: str):
     return value_weights, slope_weights
 
 
-@functools.cache
-def build_sample(precision: str, geometry: str, interpolation: str):
+@built_once
+def build_sample(library: KernelLibrary, geometry: str, interpolation: str):
     """A function (field, cell, frac, current_cell) -> (potential s = (n^2 - a^2) / 2, its gradient [1/m])."""
-    t = types(precision)
+    t = library.types
     real, vec3, vec4, Field = t.real, t.vec3, t.vec4, t.Field
-    value_weights, slope_weights = build_weights(precision, interpolation)
+    value_weights, slope_weights = build_weights(library, interpolation)
     support, stride = SUPPORT[interpolation], STRIDE[interpolation]
 
     @wp.func
@@ -171,10 +169,10 @@ def build_sample(precision: str, geometry: str, interpolation: str):
     return sample
 
 
-@functools.cache
-def build_paper_step(precision: str, geometry: str):
+@built_once
+def build_paper_step(library: KernelLibrary, geometry: str):
     """A function (field, cell, frac, current_cell) -> step length of eq 5 in the cell that holds the point [m]."""
-    t = types(precision)
+    t = library.types
     vec3, Field = t.vec3, t.Field
 
     if geometry == "volume":
@@ -206,10 +204,10 @@ def build_paper_step(precision: str, geometry: str):
     return paper_step
 
 
-@functools.cache
-def build_find_current_cell(precision: str, geometry: str):
+@built_once
+def build_find_current_cell(library: KernelLibrary, geometry: str):
     """A function (field, frac, current_cell) -> current_cell: only a mesh has cells to be remembered."""
-    t = types(precision)
+    t = library.types
     vec3, Field = t.vec3, t.Field
 
     @wp.func

@@ -27,14 +27,13 @@ a parabola; what that leaves out counts as an error too, since a ray may meet a 
 outside the support, by the ray's own way through it and its own lever arm (support.py).
 """
 
-import functools
-
 import warp as wp
 
 from ....result import OUTPUT_BITS
 from ....scheme import LANDED_FREE, LEAPFROG_ANGLE, LEAST_COSINE, LEFT_SHARE, STEEPEST_COSINE, TINY
 from ....status import RayStatus
-from ..types import takes, types
+from ..library import KernelLibrary, built_once
+from ..types import takes
 from .box import build_surface_distance
 from .ends import build_end, build_last_surface, build_start
 from .grid import build_sample
@@ -65,28 +64,28 @@ def quadrature_weight(k: int, count: int):
     return weight
 
 
-@functools.cache
-def build_leapfrog_kernel(precision: str, geometry: str, interpolation: str, stop: str, has_body: bool):
+@built_once
+def build_leapfrog_kernel(library: KernelLibrary, geometry: str, interpolation: str, stop: str, has_body: bool):
     """Build the kernel for one kind of scene; its arguments are the tracer's, and the count of rough rays."""
-    t = types(precision)
+    t = library.types
     real, vec3, vec4 = t.real, t.vec3, t.vec4
-    sample = build_sample(precision, geometry, interpolation)
-    start_of = build_start(precision, geometry, stop, has_body)
-    end_of = build_end(precision, geometry, interpolation, stop)
-    surface_distance = build_surface_distance(precision, geometry)
-    surface_of = build_last_surface(precision, geometry, stop)
-    overrun = build_overrun(precision, geometry)
-    may_have_left = build_may_have_left(precision, geometry)
-    keep_support = build_keep_support(precision, geometry)
-    unresolved_of = build_unresolved(precision, geometry)
-    with_lever = build_with_lever(precision)
-    leaves_support = build_leaves_support(precision, geometry)
-    exit_of = build_exit(precision, geometry)
-    line_to = build_line_to(precision, geometry)
-    stays_clear = build_stays_clear(precision, geometry)
-    write_outputs = build_write_outputs(precision)
+    sample = build_sample(library, geometry, interpolation)
+    start_of = build_start(library, geometry, stop, has_body)
+    end_of = build_end(library, geometry, interpolation, stop)
+    surface_distance = build_surface_distance(library, geometry)
+    surface_of = build_last_surface(library, geometry, stop)
+    overrun = build_overrun(library, geometry)
+    may_have_left = build_may_have_left(library, geometry)
+    keep_support = build_keep_support(library, geometry)
+    unresolved_of = build_unresolved(library, geometry)
+    with_lever = build_with_lever(library)
+    leaves_support = build_leaves_support(library, geometry)
+    exit_of = build_exit(library, geometry)
+    line_to = build_line_to(library, geometry)
+    stays_clear = build_stays_clear(library, geometry)
+    write_outputs = build_write_outputs(library)
     ok = int(RayStatus.OK)
-    tiny = TINY[precision]
+    tiny = TINY[library.precision]
     landed_free = wp.constant(LANDED_FREE)
 
     @wp.func
@@ -99,7 +98,7 @@ def build_leapfrog_kernel(precision: str, geometry: str, interpolation: str, sto
     # On a GPU roots and quotients are its own, right to two units in the last place or so: here they are factors of
     # what is itself a small deviation. Sums are compensated as written: the compiler does not change their order.
     @wp.kernel(module="unique", enable_backward=False, module_options={"fast_math": True})
-    @takes("leapfrog", precision)
+    @takes("leapfrog", library.precision)
     def leapfrog(field, bounds, control, first_ray, position_in, direction_in, outputs, rough_count_out):
         ray = wp.tid() + first_ray
         p0 = position_in[ray]

@@ -4,22 +4,20 @@ The cell that holds a point is found from the one that held the ray at the start
 that leads nowhere, through the uniform bins.
 """
 
-import functools
-
 import warp as wp
 
 from ....scheme import WALK_LIMIT
-from ..types import types
+from ..library import KernelLibrary, built_once
 
 
-@functools.cache
-def build_locate(precision: str):
+@built_once
+def build_locate(library: KernelLibrary):
     """A function (field, point, current_cell) -> index of the cell that holds the point, -1 if none does.
 
     `current_cell` is a cell nearby, or -1: the walk starts there, and goes over the edge that the point lies furthest
     behind.
     """
-    t = types(precision)
+    t = library.types
     vec2, Field = t.vec2, t.Field
 
     @wp.func
@@ -66,10 +64,10 @@ def build_locate(precision: str):
     return locate
 
 
-@functools.cache
-def build_plane_point(precision: str, geometry: str):
+@built_once
+def build_plane_point(library: KernelLibrary, geometry: str):
     """A function (frac) -> point in the plane of the mesh (mesh positions are in metres)."""
-    t = types(precision)
+    t = library.types
     vec2, vec3 = t.vec2, t.vec3
 
     if geometry == "planar":
@@ -87,13 +85,13 @@ def build_plane_point(precision: str, geometry: str):
     return plane_point
 
 
-@functools.cache
-def build_within_box(precision: str):
+@built_once
+def build_within_box(library: KernelLibrary):
     """A function (field, point) -> the point, moved into the mesh's box.
 
     Stages of the last step may look beyond it: the field goes on linearly there.
     """
-    t = types(precision)
+    t = library.types
     vec2, Field = t.vec2, t.Field
 
     @wp.func
@@ -105,14 +103,14 @@ def build_within_box(precision: str):
     return within_box
 
 
-@functools.cache
-def build_find_current_cell(precision: str, geometry: str):
+@built_once
+def build_find_current_cell(library: KernelLibrary, geometry: str):
     """A function (field, frac, current_cell) -> the cell to remember for a ray at this place."""
-    t = types(precision)
+    t = library.types
     vec3, Field = t.vec3, t.Field
-    locate = build_locate(precision)
-    plane_point = build_plane_point(precision, geometry)
-    within_box = build_within_box(precision)
+    locate = build_locate(library)
+    plane_point = build_plane_point(library, geometry)
+    within_box = build_within_box(library)
 
     @wp.func
     def find_current_cell(field: Field, frac: vec3, current_cell: int):
@@ -121,17 +119,17 @@ def build_find_current_cell(precision: str, geometry: str):
     return find_current_cell
 
 
-@functools.cache
-def build_sample(precision: str, geometry: str, interpolation: str):
+@built_once
+def build_sample(library: KernelLibrary, geometry: str, interpolation: str):
     """A function (field, cell, frac, current_cell) -> (potential s, its gradient [1/m]); zero outside the mesh.
 
     On a mesh the contrast m is interpolated, and s = m (a + m / 2), grad s = (a + m) grad m.
     """
-    t = types(precision)
+    t = library.types
     real, vec2, vec3, vec4, Field = t.real, t.vec2, t.vec3, t.vec4, t.Field
-    locate = build_locate(precision)
-    plane_point = build_plane_point(precision, geometry)
-    within_box = build_within_box(precision)
+    locate = build_locate(library)
+    plane_point = build_plane_point(library, geometry)
+    within_box = build_within_box(library)
 
     @wp.func
     def blend(field: Field, first: int, w: vec4):
@@ -219,16 +217,16 @@ def build_sample(precision: str, geometry: str, interpolation: str):
     return sample
 
 
-@functools.cache
-def build_paper_step(precision: str, geometry: str):
+@built_once
+def build_paper_step(library: KernelLibrary, geometry: str):
     """A function (field, cell, frac, current_cell) -> step length of eq 5 in the cell that holds the point [m].
 
     Outside the mesh the median over all cells, kept behind the last cell's entry, is taken.
     """
-    t = types(precision)
+    t = library.types
     vec3, Field = t.vec3, t.Field
-    locate = build_locate(precision)
-    plane_point = build_plane_point(precision, geometry)
+    locate = build_locate(library)
+    plane_point = build_plane_point(library, geometry)
 
     @wp.func
     def paper_step(field: Field, cell: wp.vec3i, frac: vec3, current_cell: int):

@@ -5,13 +5,12 @@ bring in their error. It is int (T . d - a) d sigma = M - B with B = int (n - T 
 values, taken by the rule of the path itself. So the OPD of a ray through a shock is as good as the quadrature of S.
 """
 
-import functools
 from typing import Any
 
 import warp as wp
 
 from ....tableau import BT, STAGE_MOMENTUM
-from ..types import types
+from ..library import KernelLibrary, built_once
 
 # Axes along which a position is kept as cell + fraction.
 SHIFTED = {"volume": (0, 1, 2), "planar": (1, 2), "axisymmetric": (2,), "mesh": ()}
@@ -33,10 +32,10 @@ def deflection(ambient: wp.float64, d: wp.vec3d, p: wp.vec3d):
     return (p - excess * d) / speed
 
 
-@functools.cache
-def build_contrast(precision: str):
+@built_once
+def build_contrast(library: KernelLibrary):
     """A function (ambient, potential) -> contrast."""
-    real = types(precision).real
+    real = library.types.real
 
     @wp.func
     def contrast(ambient: real, potential: real):
@@ -47,12 +46,12 @@ def build_contrast(precision: str):
     return contrast
 
 
-@functools.cache
-def build_sums(precision: str):
+@built_once
+def build_sums(library: KernelLibrary):
     """Functions -> what a step, and what flying on along the tangent, adds to (sigma, S, M, B)."""
-    t = types(precision)
+    t = library.types
     real, vec3, vec4 = t.real, t.vec3, t.vec4
-    contrast = build_contrast(precision)
+    contrast = build_contrast(library)
     v1, v2, v3, v4 = (float(v) for v in BT)
     p1, p2, p3, p4 = (float(v) for v in STAGE_MOMENTUM[1])
     r1, r2, r3, r4 = (float(v) for v in STAGE_MOMENTUM[2])
@@ -116,10 +115,10 @@ def build_sums(precision: str):
     return step_sums, tangent_sums
 
 
-@functools.cache
-def build_project_momentum(precision: str):
+@built_once
+def build_project_momentum(library: KernelLibrary):
     """A function (ambient, direction, momentum, potential) -> what brings the momentum back onto |T| = n, along T."""
-    t = types(precision)
+    t = library.types
     real, vec3 = t.real, t.vec3
 
     @wp.func
@@ -133,10 +132,10 @@ def build_project_momentum(precision: str):
     return project_momentum
 
 
-@functools.cache
-def build_cells(precision: str, kind: str):
+@built_once
+def build_cells(library: KernelLibrary, kind: str):
     """Functions (bounds, point) -> (frac, cell), and (cell, frac) -> the same with frac in [0, 1)."""
-    t = types(precision)
+    t = library.types
     real, vec3, Bounds = t.real, t.vec3, t.Bounds
     shift = wp.vec3i(*(int(axis in SHIFTED[kind]) for axis in range(3)))
 

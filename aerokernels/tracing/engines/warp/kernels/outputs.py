@@ -1,17 +1,15 @@
 """A device function: what is told of a ray, written where it is wanted."""
 
-import functools
-
 import warp as wp
 
 from ....result import OUTPUT_BITS
-from ..types import types
+from ..library import KernelLibrary, built_once
 
 
-@functools.cache
-def build_write_outputs(precision: str):
+@built_once
+def build_write_outputs(library: KernelLibrary):
     """A function that writes the outputs of a ray at its stop; `wanted` has a bit for each, see result.py."""
-    t = types(precision)
+    t = library.types
     Arrival, RayOutputs = t.Arrival, t.RayOutputs
 
     @wp.func

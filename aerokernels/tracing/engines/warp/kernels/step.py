@@ -1,26 +1,24 @@
 """Device functions of a step of the tracer: how long it is up to a face, the field at its stages, whether it counts."""
 
-import functools
-
 import warp as wp
 
 from ....scheme import AT_FACE, FACE_TOLERANCE, GREATEST_STAND_OFF, NOISE_STEP, STEP_SHARE
 from ....tableau import BT, B
-from ..types import types
+from ..library import KernelLibrary, built_once
 from . import grid, mesh
 from .step_bound import build_step_bound, build_to_face
 
 
-@functools.cache
-def build_stride(precision: str, geometry: str, interpolation: str, on_mesh: bool, method: str):
+@built_once
+def build_stride(library: KernelLibrary, geometry: str, interpolation: str, on_mesh: bool, method: str):
     """Functions: what a step is to be, and what is left to the face before which one stopped."""
-    t = types(precision)
+    t = library.types
     real, vec3, Field, Control, Stride = t.real, t.vec3, t.Field, t.Control, t.Stride
-    paper_step = (mesh if on_mesh else grid).build_paper_step(precision, geometry)
-    step_bound_of = build_step_bound(precision, "mesh" if on_mesh else geometry)
-    to_face = build_to_face(precision, geometry)
+    paper_step = (mesh if on_mesh else grid).build_paper_step(library, geometry)
+    step_bound_of = build_step_bound(library, "mesh" if on_mesh else geometry)
+    to_face = build_to_face(library, geometry)
     linear, kinked = interpolation == "linear", interpolation in ("linear", "monotone")
-    at_face = AT_FACE[precision]
+    at_face = AT_FACE[library.precision]
     # Products of literals would be taken in float32 inside a kernel.
     least_stand_off, clearance = 0.1 * FACE_TOLERANCE, 10.0 * FACE_TOLERANCE
 
@@ -82,9 +80,9 @@ def build_stride(precision: str, geometry: str, interpolation: str, on_mesh: boo
     return stride, rest_to_face
 
 
-def build_sample_at_stage(precision: str, sample, straight: bool):
+def build_sample_at_stage(library: KernelLibrary, sample, straight: bool):
     """A function that looks the field up at a stage of a step."""
-    t = types(precision)
+    t = library.types
     real, vec3, Field = t.real, t.vec3, t.Field
 
     @wp.func
@@ -111,10 +109,10 @@ def build_sample_at_stage(precision: str, sample, straight: bool):
     return sample_at_stage
 
 
-@functools.cache
-def build_kick(precision: str):
+@built_once
+def build_kick(library: KernelLibrary):
     """Functions of a step and its forces: h^2 times the mean one, and what the step adds to the momentum."""
-    t = types(precision)
+    t = library.types
     real, vec3, vec4 = t.real, t.vec3, t.vec4
     b1, b2, b3 = (float(v) for v in B[:3])
     v1, v2, v3, v4 = (float(v) for v in BT)
@@ -135,10 +133,10 @@ def build_kick(precision: str):
     return kick_of, impulse_of
 
 
-@functools.cache
-def build_step_acceptance(precision: str):
+@built_once
+def build_step_acceptance(library: KernelLibrary):
     """A function of a step's error and its rounding -> (whether the step counts, how many times longer to go on)."""
-    t = types(precision)
+    t = library.types
     real, Control = t.real, t.Control
 
     @wp.func

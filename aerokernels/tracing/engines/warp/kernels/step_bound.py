@@ -1,18 +1,16 @@
 """Device functions about the length of a step on a uniform grid: the table of step bounds, and the faces of cells."""
 
-import functools
-
 import numpy as np
 import warp as wp
 
 from .....medium.grid import AXIS_CORE
 from ....scheme import RADIUS_NOISE
 from ....step_bound import CONE_SINES, CONES
-from ..types import types
+from ..library import KernelLibrary, built_once
 
 
-@functools.cache
-def build_cone(geometry: str):
+@built_once
+def build_cone(library: KernelLibrary, geometry: str):
     """A function (direction) -> number of its cone in step_bound.CONES."""
     narrow, wide = (float(sine) ** 2 for sine in CONE_SINES)
 
@@ -42,13 +40,13 @@ def build_cone(geometry: str):
     return cone_of
 
 
-@functools.cache
-def build_step_bound(precision: str, geometry: str):
+@built_once
+def build_step_bound(library: KernelLibrary, geometry: str):
     """A function (control, cone, cell, frac, total) -> step bound where the point lies [sigma].
 
     Zero where none is known: on a mesh, and for a ray that turned out of the cone that it started in.
     """
-    t = types(precision)
+    t = library.types
     real, vec3, Control = t.real, t.vec3, t.Control
     cosines = tuple(float(np.cos(cone.spread)) for cone in CONES[1:3])
     narrow, wide = cosines
@@ -94,14 +92,14 @@ def build_step_bound(precision: str, geometry: str):
     return step_bound_of
 
 
-@functools.cache
-def build_to_face(precision: str, geometry: str):
+@built_once
+def build_to_face(library: KernelLibrary, geometry: str):
     """A function (frac, velocity, its derivative, face_tolerance) -> step to the next face beyond that."""
-    t = types(precision)
+    t = library.types
     real, vec3 = t.real, t.vec3
     axes = {"volume": (0, 1, 2), "planar": (1, 2), "axisymmetric": (2,)}[geometry]
     none = 1e30
-    radius_noise = RADIUS_NOISE[precision]
+    radius_noise = RADIUS_NOISE[library.precision]
 
     @wp.func
     def meet_face(gap: real, speed: real, pull: real):

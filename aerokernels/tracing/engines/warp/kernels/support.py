@@ -3,24 +3,22 @@
 A ray outside the support flies a straight line, whose meeting with the faces of the box is solved for exactly.
 """
 
-import functools
-
 import warp as wp
 
 from ....scheme import FACE_TOLERANCE
-from ..types import types
+from ..library import KernelLibrary, built_once
 from .box import FACE_COUNT, build_crossing, build_surface_distance
 
 
-@functools.cache
-def build_overrun(precision: str, geometry: str):
+@built_once
+def build_overrun(library: KernelLibrary, geometry: str):
     """A function: how far a ray that ends at p has run on outside the box, after a face other than `landed`.
 
     Infinite where it is more than a hair's breadth outside.
     """
-    t = types(precision)
+    t = library.types
     Bounds, Control = t.Bounds, t.Control
-    surface_distance = build_surface_distance(precision, geometry)
+    surface_distance = build_surface_distance(library, geometry)
     faces = wp.constant(FACE_COUNT[geometry])
 
     @wp.func
@@ -39,14 +37,14 @@ def build_overrun(precision: str, geometry: str):
     return overrun
 
 
-@functools.cache
-def build_may_have_left(precision: str, geometry: str):
+@built_once
+def build_may_have_left(library: KernelLibrary, geometry: str):
     """A function: whether a ray along a face, which is turned by `angle` at most, may have left the box and come back.
 
     Undisturbed, it ends its way of length `way` at p.
     """
-    Bounds = types(precision).Bounds
-    surface_distance = build_surface_distance(precision, geometry)
+    Bounds = library.types.Bounds
+    surface_distance = build_surface_distance(library, geometry)
     faces = wp.constant(FACE_COUNT[geometry])
 
     @wp.func
@@ -66,14 +64,14 @@ def build_may_have_left(precision: str, geometry: str):
     return may_have_left
 
 
-@functools.cache
-def build_keep_support(precision: str, geometry: str):
+@built_once
+def build_keep_support(library: KernelLibrary, geometry: str):
     """A function (bounds, position, direction, enter, far) -> (whether the ray ends in uniform air, enter, far).
 
     The last two are those of the part of the ray in which the air is not uniform.
     """
-    Bounds = types(precision).Bounds
-    crossing = build_crossing(precision, geometry)
+    Bounds = library.types.Bounds
+    crossing = build_crossing(library, geometry)
 
     @wp.func
     def keep_support(bounds: Bounds, p: wp.vec3d, d: wp.vec3d, enter: wp.float64, far: wp.float64):
@@ -87,14 +85,14 @@ def build_keep_support(precision: str, geometry: str):
     return keep_support
 
 
-@functools.cache
-def build_leaves_support(precision: str, geometry: str):
+@built_once
+def build_leaves_support(library: KernelLibrary, geometry: str):
     """A function: whether the straight line from p along `heading` stays out of the field's support.
 
     It does beyond one of the support's faces unless it comes back to that. A support that ends within the box has a
     cell to spare at each side (support.py).
     """
-    Bounds = types(precision).Bounds
+    Bounds = library.types.Bounds
     flat = {"volume": (0, 1, 2), "planar": (1, 2), "axisymmetric": (2,)}[geometry]
     first_axis = flat[0]
 
@@ -119,15 +117,15 @@ def build_leaves_support(precision: str, geometry: str):
     return leaves_support
 
 
-@functools.cache
-def build_exit(precision: str, geometry: str):
+@built_once
+def build_exit(library: KernelLibrary, geometry: str):
     """A function (bounds, p, heading) -> (how far on the line from p leaves the box, in `heading`; by which face).
 
     Not a number where the line misses the box.
     """
-    Bounds = types(precision).Bounds
-    crossing = build_crossing(precision, geometry)
-    surface_distance = build_surface_distance(precision, geometry)
+    Bounds = library.types.Bounds
+    crossing = build_crossing(library, geometry)
+    surface_distance = build_surface_distance(library, geometry)
     faces = wp.constant(FACE_COUNT[geometry])
 
     @wp.func
@@ -148,14 +146,14 @@ def build_exit(precision: str, geometry: str):
     return exit_of
 
 
-@functools.cache
-def build_line_to(precision: str, geometry: str):
+@built_once
+def build_line_to(library: KernelLibrary, geometry: str):
     """A function (bounds, k, p, heading) -> how far on, in `heading`, the line from p meets surface k on its way out.
 
     Not a number where it never does.
     """
-    Bounds = types(precision).Bounds
-    surface_distance = build_surface_distance(precision, geometry)
+    Bounds = library.types.Bounds
+    surface_distance = build_surface_distance(library, geometry)
 
     @wp.func
     def line_to(bounds: Bounds, k: int, p: wp.vec3d, heading: wp.vec3d):

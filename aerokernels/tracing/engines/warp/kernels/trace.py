@@ -22,14 +22,13 @@ Along d the deviation is a sum of values (motion.py); a step's error is estimate
 says the table of step_bound.py, and how it ends on a surface event_location.py.
 """
 
-import functools
-
 import warp as wp
 
 from ....scheme import AT_FACE, LANDED_ARC, LEAST_STEP, TINY, WALL_ASIDE, WALL_BACK, WALL_CLOSE
 from ....status import RayStatus
 from ....tableau import A, C, is_one_scalar
-from ..types import takes, types
+from ..library import KernelLibrary, built_once
+from ..types import takes
 from . import grid, mesh
 from .crossings import NEVER
 from .ends import build_end, build_lever, build_start
@@ -42,9 +41,9 @@ from .step_bound import build_cone
 from .wall import build_behind_wall, build_place, build_stays_clear
 
 
-@functools.cache
+@built_once
 def build_kernel(
-    precision: str,
+    library: KernelLibrary,
     geometry: str,
     interpolation: str,
     on_mesh: bool,
@@ -57,42 +56,42 @@ def build_kernel(
 
     Where steps are not `measured`, their errors are neither estimated nor given out; error control needs them.
     """
-    t = types(precision)
+    t = library.types
     real, vec3 = t.real, t.vec3
     controlled = method in ("adaptive", "straight")
     source = mesh if on_mesh else grid
     kind = "mesh" if on_mesh else geometry
-    sample = source.build_sample(precision, geometry, interpolation)
-    find_current_cell = source.build_find_current_cell(precision, geometry)
-    start_of = build_start(precision, geometry, stop, has_body)
-    lever_of = build_lever(precision, geometry, stop, controlled)
-    end_of = build_end(precision, geometry, interpolation, stop)
-    in_cells, carry_over = build_cells(precision, kind)
-    cone_of = build_cone(geometry)
-    stride, rest_to_face = build_stride(precision, geometry, interpolation, on_mesh, method)
-    kick_of, impulse_of = build_kick(precision)
-    sample_at_stage = build_sample_at_stage(precision, sample, method == "straight")
+    sample = source.build_sample(library, geometry, interpolation)
+    find_current_cell = source.build_find_current_cell(library, geometry)
+    start_of = build_start(library, geometry, stop, has_body)
+    lever_of = build_lever(library, geometry, stop, controlled)
+    end_of = build_end(library, geometry, interpolation, stop)
+    in_cells, carry_over = build_cells(library, kind)
+    cone_of = build_cone(library, geometry)
+    stride, rest_to_face = build_stride(library, geometry, interpolation, on_mesh, method)
+    kick_of, impulse_of = build_kick(library)
+    sample_at_stage = build_sample_at_stage(library, sample, method == "straight")
     step_error, step_rounding, stop_error, event_location_error = build_step_error(
-        precision, geometry, interpolation, stop
+        library, geometry, interpolation, stop
     )
-    step_acceptance = build_step_acceptance(precision)
-    contrast = build_contrast(precision)
-    project_momentum = build_project_momentum(precision)
-    step_sums, tangent_sums = build_sums(precision)
+    step_acceptance = build_step_acceptance(library)
+    contrast = build_contrast(library)
+    project_momentum = build_project_momentum(library)
+    step_sums, tangent_sums = build_sums(library)
     event_location, overshot, passed_surface, in_face, surface_intersection = build_event_location(
-        precision, geometry, stop
+        library, geometry, stop
     )
-    arc_event_location, arc_surface_intersection = build_arc_event_location(precision)
-    place_of = build_place(precision)
-    behind_wall = build_behind_wall(precision, geometry)
-    stays_clear = build_stays_clear(precision, geometry)
-    write_outputs = build_write_outputs(precision)
+    arc_event_location, arc_surface_intersection = build_arc_event_location(library)
+    place_of = build_place(library)
+    behind_wall = build_behind_wall(library, geometry)
+    stays_clear = build_stays_clear(library, geometry)
+    write_outputs = build_write_outputs(library)
     landed_arc = wp.constant(LANDED_ARC)
-    tiny = TINY[precision]
+    tiny = TINY[library.precision]
     straight = method == "straight"
     one_scalar = is_one_scalar(interpolation)
     at_faces = interpolation == "linear" and controlled
-    at_face = AT_FACE[precision]
+    at_face = AT_FACE[library.precision]
 
     c2, c3 = (float(v) for v in C[1:3])
     a21, a31, a32 = float(A[1, 0]), float(A[2, 0]), float(A[2, 1])
@@ -101,7 +100,7 @@ def build_kernel(
     rejected = int(RayStatus.TOLERANCE_NOT_MET)
 
     @wp.kernel(module="unique", enable_backward=False)
-    @takes("trace_kernel", precision)
+    @takes("trace_kernel", library.precision)
     def trace_kernel(field, bounds, control, first_ray, position_in, direction_in, outputs):
         ray = wp.tid() + first_ray
         p0 = position_in[ray]

@@ -1,30 +1,29 @@
 """The Warp kernel of collimated rays along z through a volume: one lookup a ray in projection_tables.py's."""
 
-import functools
-
 import warp as wp
 
 from ....status import RayStatus
-from ..types import takes, types
+from ..library import KernelLibrary, built_once
+from ..types import takes
 from .grid import build_weights
 from .outputs import build_write_outputs
 
 
-@functools.cache
-def build_projection_kernel(precision: str, with_ends: bool):
+@built_once
+def build_projection_kernel(library: KernelLibrary, with_ends: bool):
     """Build the kernel; `coefficients` holds, for each (x, y) of the splines, A, D and then EXTRAS.
 
     Without ends it makes no positions, arc lengths and errors, and looks up half as much.
     """
-    t = types(precision)
+    t = library.types
     real, Arrival = t.real, t.Arrival
-    value_weights, slope_weights = build_weights(precision, "cubic")
+    value_weights, slope_weights = build_weights(library, "cubic")
     vec2, vec8 = t.vec2, wp.types.vector(8, real)
-    write_outputs = build_write_outputs(precision)
+    write_outputs = build_write_outputs(library)
     ok = int(RayStatus.OK)
 
     @wp.kernel(module="unique", enable_backward=False)
-    @takes("trace_projection", precision)
+    @takes("trace_projection", library.precision)
     def trace_projection(
         coefficients,
         cells_x,

@@ -1,21 +1,19 @@
 """A device function: what lies between a ray's leapfrog samples, its way's sum of a table (see unresolved.py)."""
 
-import functools
-
 import warp as wp
 
 from ....scheme import LEAST_COSINE, LOOKUP_STRIDE, MISSED_SLOPE
-from ..types import types
+from ..library import KernelLibrary, built_once
 
 
-@functools.cache
-def build_unresolved(precision: str, geometry: str):
+@built_once
+def build_unresolved(library: KernelLibrary, geometry: str):
     """A function (field, control, start, direction, length, beside) -> a bound of the error of a ray's path [m].
 
     From `start`, in cells from the grid's first node (x, y from the axis), `length` metres along the unit vector, to
     `beside` [m] from there. 0 without a table, infinite where samples are further apart than it holds for.
     """
-    t = types(precision)
+    t = library.types
     real, vec3, Field, Control = t.real, t.vec3, t.Field, t.Control
 
     @wp.func
@@ -52,13 +50,13 @@ def build_unresolved(precision: str, geometry: str):
     return unresolved_of
 
 
-@functools.cache
-def build_with_lever(precision: str):
+@built_once
+def build_with_lever(library: KernelLibrary):
     """A function (field, missed, onward, cosine) -> the error of the path that the one of direction adds to [m].
 
     `onward` metres before a stop that the ray meets at this cosine with its normal.
     """
-    t = types(precision)
+    t = library.types
     real, Field = t.real, t.Field
 
     @wp.func

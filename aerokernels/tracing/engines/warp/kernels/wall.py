@@ -3,24 +3,22 @@
 All by the crossings of straight lines with its surface, see engines/warp/kernels/crossings.py.
 """
 
-import functools
-
 import warp as wp
 
 from ....scheme import ROUNDED_WAY, WALL_SAG
-from ..types import types
+from ..library import KernelLibrary, built_once
 from .crossings import NEVER, build_meet_wall, build_passes_box, build_segment_crossings, build_wall_line
 
 
-@functools.cache
-def build_way_out(precision: str, geometry: str):
+@built_once
+def build_way_out(library: KernelLibrary, geometry: str):
     """A function (field, position, direction, from) -> where a ray that starts behind the surface leaves it.
 
     NEVER if it does not; `from` for other rays.
     """
-    Field = types(precision).Field
-    wall_line = build_wall_line(geometry)
-    meet_wall = build_meet_wall(precision, geometry)
+    Field = library.types.Field
+    wall_line = build_wall_line(library, geometry)
+    meet_wall = build_meet_wall(library, geometry)
 
     @wp.func
     def way_out(field: Field, p: wp.vec3d, d: wp.vec3d, first: wp.float64):
@@ -45,15 +43,15 @@ def build_way_out(precision: str, geometry: str):
     return way_out
 
 
-@functools.cache
-def build_way_in(precision: str, geometry: str):
+@built_once
+def build_way_in(library: KernelLibrary, geometry: str):
     """A function (field, position, direction, to) -> where a ray from outside the box enters the body before that.
 
     NEVER if it does not.
     """
-    Field = types(precision).Field
-    wall_line = build_wall_line(geometry)
-    meet_wall = build_meet_wall(precision, geometry)
+    Field = library.types.Field
+    wall_line = build_wall_line(library, geometry)
+    meet_wall = build_meet_wall(library, geometry)
 
     @wp.func
     def way_in(field: Field, p: wp.vec3d, d: wp.vec3d, last: wp.float64):
@@ -69,17 +67,17 @@ def build_way_in(precision: str, geometry: str):
     return way_in
 
 
-@functools.cache
-def build_stays_clear(precision: str, geometry: str):
+@built_once
+def build_stays_clear(library: KernelLibrary, geometry: str):
     """A function (field, position, direction, enter, far, margin): whether a straight ray keeps out of the body there.
 
     All rays beside it do too that are moved across the surface by `margin` [m]. Where they leave the body does not
     matter, so a ray may begin on the wall.
     """
-    Field = types(precision).Field
-    wall_line = build_wall_line(geometry)
-    passes_box = build_passes_box(geometry)
-    segment_crossings = build_segment_crossings(geometry)
+    Field = library.types.Field
+    wall_line = build_wall_line(library, geometry)
+    passes_box = build_passes_box(library, geometry)
+    segment_crossings = build_segment_crossings(library, geometry)
     least = 0.0 if geometry == "axisymmetric" else -NEVER
 
     @wp.func
@@ -127,10 +125,10 @@ def build_stays_clear(precision: str, geometry: str):
     return stays_clear
 
 
-@functools.cache
-def build_place(precision: str):
+@built_once
+def build_place(library: KernelLibrary):
     """A function: where a ray is, from the sums of its steps so far."""
-    t = types(precision)
+    t = library.types
     vec3, vec4, Course = t.vec3, t.vec4, t.Course
 
     @wp.func
@@ -155,17 +153,17 @@ def build_place(precision: str):
     return place_of
 
 
-@functools.cache
-def build_behind_wall(precision: str, geometry: str):
+@built_once
+def build_behind_wall(library: KernelLibrary, geometry: str):
     """A function -> how much of a step of length h lies behind the place where it enters the body; -1 for none of it.
 
     Its arguments: field, control, where the step begins, its first tangent, its bend [m], h, and how far behind its
     start a wall counts, in the unit of h. Chords that stay within WALL_SAG cells of the step stand for it.
     """
-    t = types(precision)
+    t = library.types
     real, vec3, Field, Control = t.real, t.vec3, t.Field, t.Control
-    wall_line = build_wall_line(geometry)
-    meet_wall = build_meet_wall(precision, geometry)
+    wall_line = build_wall_line(library, geometry)
+    meet_wall = build_meet_wall(library, geometry)
 
     @wp.func
     def behind_wall(field: Field, control: Control, here: wp.vec3d, tangent: vec3, kick: vec3, h: real, room: real):
