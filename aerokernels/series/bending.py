@@ -33,8 +33,12 @@ AT_ONCE = 8  # rays
 Contrast = Callable[[np.ndarray], np.ndarray]
 
 
-def bending(lines: LineIntegrals, samples: np.ndarray, contrast: Contrast, beyond: np.ndarray) -> np.ndarray:
+def bending(
+    lines: LineIntegrals, samples: np.ndarray, contrast: Contrast, beyond: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
     """By how much the optical path differences of bent rays differ from those on straight lines [m], shape (n,).
+
+    And those on straight lines, ray by ray through the spline of every plane.
 
     Args:
         lines: The rays, through a volume.
@@ -49,6 +53,7 @@ def bending(lines: LineIntegrals, samples: np.ndarray, contrast: Contrast, beyon
     length = np.sqrt(1.0 + slope @ slope)
     metric = np.eye(2) / length - np.outer(slope, slope) / length**3
     step = lines.path_weights() / length
+    straight = (value * lines.path_weights()).sum(axis=1)
     if along < 0.0:
         value, gradient, step = value[:, ::-1], gradient[:, ::-1], step[:, ::-1]
     reached = np.cumsum(np.abs(step), axis=1) > 0.0
@@ -59,7 +64,7 @@ def bending(lines: LineIntegrals, samples: np.ndarray, contrast: Contrast, beyon
     part = length * np.sum(gradient * shift, axis=-1) + value * (tilt @ slope) / length
     part += 0.5 * np.sum(tilt * turned, axis=-1)
     last = 0.5 * np.sum(tilt[:, -1] * turned[:, -1], axis=-1)
-    return np.asarray((part * step).sum(axis=1) + last * beyond / length)
+    return np.asarray((part * step).sum(axis=1) + last * beyond / length), straight
 
 
 def interpolation_error(lines: LineIntegrals, samples: np.ndarray, contrast: Contrast) -> np.ndarray:

@@ -13,11 +13,13 @@ Outside the box f is zero. A ray that leaves through a side takes nothing beyond
 
 from collections.abc import Callable
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from scipy import sparse
 
 from ..flow import GridMesh
+from ..flow.series import host_array
 from .plane_values import PlaneValues, tensor_rows, thinned, to_coefficients
 from .sheared_lattice import ShearedLattice
 
@@ -95,9 +97,20 @@ class LineIntegrals:
         self.inside &= self.length > 0.0
         self.direction, self.start, self._space = direction, start, space
 
-    def __call__(self, samples: np.ndarray) -> np.ndarray:
-        """The integrals of a set of samples, shape of the mesh: shape (n,), float64."""
-        return self._sum(np.asarray(samples))
+    def __call__(self, samples: Any, ambient: float = 0.0, device: str | None = None) -> np.ndarray:
+        """The integrals of samples less a constant: shape (n,), float64.
+
+        Args:
+            samples: Shape of the mesh; with `device` also an array of Warp's there.
+            ambient: The constant, in the samples' unit.
+            device: A GPU of Warp's; None: the processor.
+        """
+        if device is not None and self.lattice is not None:
+            return self.lattice.on_gpu(samples, device, ambient)
+        found = host_array(samples)
+        if self._sum is self.lattice and self.lattice is not None:
+            return self.lattice(found, ambient)
+        return self._sum(found) - ambient * self.length
 
     @cached_property
     def _sum(self) -> Callable[[np.ndarray], np.ndarray]:

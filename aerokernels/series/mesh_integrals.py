@@ -7,9 +7,12 @@ what that leaves is second order, and measured along with the bending where a se
 zero. Cells are looked up once; a set of values then costs a product with a sparse matrix.
 """
 
+from typing import Any
+
 import numpy as np
 from scipy import sparse
 
+from ..flow.series import host_array
 from ..medium import QuadMesh
 from ..medium.vertex_values import vertex_values
 from .line_integrals import NotLinearError
@@ -54,12 +57,15 @@ class MeshIntegrals:
         self.length = np.asarray(self._matrix.sum(axis=1)).ravel()
         self.inside = self.length > 0.0
 
-    def __call__(self, samples: np.ndarray) -> np.ndarray:
-        """The integrals of averages over the cells, or of values at the vertices: shape (n,)."""
-        values = np.asarray(samples, dtype=np.float64).ravel()
+    def __call__(self, samples: Any, ambient: float = 0.0, device: str | None = None) -> np.ndarray:
+        """The integrals of averages over the cells, or of values at the vertices, less a constant: shape (n,).
+
+        They are summed on the processor, whatever the device.
+        """
+        values = np.asarray(host_array(samples), dtype=np.float64).ravel()
         if values.size == len(self.mesh.cells):
             values = vertex_values(self.mesh, values)
-        return np.asarray(self._matrix @ values)
+        return np.asarray(self._matrix @ values - ambient * self.length)
 
     def _reach(self, start: np.ndarray, direction: np.ndarray) -> np.ndarray:
         """Length of each ray beyond which there is no mesh [m], shape (n,)."""

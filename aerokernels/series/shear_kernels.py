@@ -3,8 +3,11 @@
 from typing import Any
 
 
-def build_kernels(precision: str, taps_u: int, taps_v: int) -> tuple[Any, Any]:
-    """The kernels `shear`, for so many nodes across a line, and `rows`; for samples of "float32" or "float64"."""
+def build_kernels(precision: str, taps_u: int, taps_v: int, lanes: int) -> tuple[Any, Any]:
+    """The kernels `shear` and `rows` for samples of "float32" or "float64".
+
+    A line takes taps_u by taps_v nodes in each plane, and a thread `lanes` lines, which share most of their nodes.
+    """
     import warp as wp
 
     real: Any = {"float32": wp.float32, "float64": wp.float64}[precision]
@@ -48,43 +51,55 @@ def build_kernels(precision: str, taps_u: int, taps_v: int) -> tuple[Any, Any]:
         last = first + 3 * step
         return total - real(float(m * a * b) / 6.0) * along(samples, v, count[1], stride[1], base + last * stride[0])
 
+    lines_of: Any = wp.types.vector(length=lanes, dtype=real)
+    nodes_of: Any = wp.types.vector(length=lanes + taps_v - 1, dtype=real)
+
     @wp.kernel(module="unique", enable_backward=False)
     def shear(
         samples_in: wp.array(dtype=real),
+        offset: real,
         count: wp.vec3i,
         stride: wp.vec3i,
         shift_in: wp.array2d(dtype=int),
         weight_u_in: wp.array2d(dtype=real),
         weight_v_in: wp.array2d(dtype=real),
+        plane_weight_in: wp.array(dtype=real),
         low: wp.vec2i,
         width: int,
-        first_line: int,
+        first_group: int,
         sum_out: wp.array(dtype=real),
     ):
-        """Sum along one line of the lattice, of taps_u by taps_v nodes in each plane."""
-        line = wp.tid() + first_line
-        u = low[0] + line // width
-        v = low[1] + line % width
-        total = real(0.0)
+        """Sums along a group of neighbouring lines of the lattice, of taps_u by taps_v nodes in each plane."""
+        group = wp.tid() + first_group
+        groups = (width + lanes - 1) // lanes
+        u = low[0] + group // groups
+        first = (group % groups) * lanes
+        v = low[1] + first
+        total = lines_of()
         for k in range(count[2]):
             at_u = u + shift_in[k, 0]
             at_v = v + shift_in[k, 1]
-            part = real(0.0)
-            if at_u >= 0 and at_u + taps_u <= count[0] and at_v >= 0 and at_v + taps_v <= count[1]:
+            nodes = nodes_of()
+            if at_u >= 0 and at_u + taps_u <= count[0] and at_v >= 0 and at_v + taps_v + lanes - 1 <= count[1]:
                 base = at_u * stride[0] + at_v * stride[1] + k * stride[2]
                 for a in range(taps_u):
-                    row = real(0.0)
-                    for b in range(taps_v):
-                        row += weight_v_in[k, b] * samples_in[base + a * stride[0] + b * stride[1]]
-                    part += weight_u_in[k, a] * row
+                    w = weight_u_in[k, a]
+                    for b in range(lanes + taps_v - 1):
+                        nodes[b] += w * samples_in[base + a * stride[0] + b * stride[1]]
             else:
                 for a in range(taps_u):
-                    row = real(0.0)
-                    for b in range(taps_v):
-                        row += weight_v_in[k, b] * sample(samples_in, at_u + a, at_v + b, k, count, stride)
-                    part += weight_u_in[k, a] * row
-            total += part
-        sum_out[line] = total
+                    w = weight_u_in[k, a]
+                    for b in range(lanes + taps_v - 1):
+                        nodes[b] += w * sample(samples_in, at_u + a, at_v + b, k, count, stride)
+            # The offset goes out plane by plane: what is summed is small, and so is what rounding leaves of it.
+            for j in range(lanes):
+                value = -offset
+                for b in range(taps_v):
+                    value += weight_v_in[k, b] * nodes[j + b]
+                total[j] += plane_weight_in[k] * value
+        for j in range(lanes):
+            if first + j < width:
+                sum_out[(u - low[0]) * width + first + j] = total[j]
 
     @wp.kernel(module="unique", enable_backward=False)
     def rows(

@@ -22,6 +22,7 @@ from ..tracing.engines.info import thread_count
 from .plane_values import PlaneValues
 
 STILL = 1e-9  # of a cell, over the box, that lines along an axis may be shifted
+LANES, GPU_LANES = 12, 4  # lines of one thread
 AXIS_MARGIN = 2  # cells of the lattice beyond the lines asked for
 
 
@@ -55,7 +56,7 @@ class ShearedLattice:
         ]
         self._taps = [one.shape[1] for one in blends]
         self._shift = (base - sheared).astype(np.int32)
-        self._weights = [blends[0] * np.asarray(weights)[:, None], blends[1]]
+        self._weights = [*blends, np.asarray(weights)]
         wanted = places[within] if within.any() else np.zeros((1, 2))
         low = np.floor(wanted.min(axis=0)).astype(int) - AXIS_MARGIN
         high = np.ceil(wanted.max(axis=0)).astype(int) + AXIS_MARGIN
@@ -64,33 +65,30 @@ class ShearedLattice:
                 low[a], high[a] = max(low[a], 0), min(high[a], self._counts[a] - 1)
         self._low, self._size = low, high - low + 1
         self._values = PlaneValues(places - low, self._size, within, "cubic", False, averages, tuple(sheared))
-        self._held: dict[tuple[str, str], dict[str, Any]] = {}
+        self._held: dict[tuple[str, str, int], dict[str, Any]] = {}
 
-    def __call__(self, samples: Any, device: str = "cpu") -> np.ndarray:
-        """Sums of a set of samples, on the host or on a GPU, shape (n,), float64."""
-        if device != "cpu":
-            return self.on_gpu(samples, device)
+    def __call__(self, samples: np.ndarray, offset: float = 0.0) -> np.ndarray:
+        """Sums of samples less a constant, on the processor's cores, shape (n,), float64."""
         import warp as wp
 
         from ..quiet_warp import start_warp
 
         start_warp()
         found = np.ascontiguousarray(samples)
-        held = self._kept(str(found.dtype), "cpu")
+        held = self._kept(str(found.dtype), "cpu", LANES)
         flat = wp.array(found.reshape(-1), dtype=held["real"], device="cpu", copy=False)
-        lines = int(np.prod(self._size))
-        threads = thread_count()
-        chunk = max(1, -(-lines // (4 * threads)))
+        groups, threads = held["groups"], thread_count()
+        chunk = max(1, -(-groups // (4 * threads)))
 
         def run(first: int) -> None:
-            some = min(chunk, lines - first)
-            wp.launch(held["shear"], dim=some, inputs=[flat, *held["before"], first, held["sum"]], device="cpu")
+            inputs = [flat, offset, *held["before"], first, held["sum"]]
+            wp.launch(held["shear"], dim=min(chunk, groups - first), inputs=inputs, device="cpu")
 
         with ThreadPoolExecutor(threads) as pool:
-            list(pool.map(run, range(0, lines, chunk)))
+            list(pool.map(run, range(0, groups, chunk)))
         return self._values(held["sum"].numpy().reshape(self._size))
 
-    def on_gpu(self, samples: Any, device: str) -> np.ndarray:
+    def on_gpu(self, samples: Any, device: str, offset: float = 0.0) -> np.ndarray:
         """The same with all of the work on a device of Warp's; samples of the host are copied there."""
         import warp as wp
 
@@ -99,10 +97,13 @@ class ShearedLattice:
         start_warp()
         there = isinstance(samples, wp.array)
         array = samples if there else np.ascontiguousarray(samples)
-        held = self._kept(getattr(array.dtype, "__name__", str(array.dtype)), device)
+        held = self._kept(
+            getattr(array.dtype, "__name__", str(array.dtype)), device, GPU_LANES if self._taps[1] > 1 else 1
+        )
         flat = array.flatten() if there else wp.array(array.reshape(-1), dtype=held["real"], device=device)
         shear, rows = held["shear"], held["rows"]
-        wp.launch(shear, dim=len(held["sum"]), inputs=[flat, *held["before"], 0, held["sum"]], device=device)
+        inputs = [flat, offset, *held["before"], 0, held["sum"]]
+        wp.launch(shear, dim=held["groups"], inputs=inputs, device=device)
         values, (height, width) = held["sum"], self._size
         for axis, matrix in enumerate(held["maps"]):
             count = matrix["rows"]
@@ -115,16 +116,16 @@ class ShearedLattice:
             values = matrix["out"]
         return self._values.taken(values.numpy().reshape(height, width).astype(np.float64))
 
-    def _kept(self, precision: str, device: str) -> dict[str, Any]:
+    def _kept(self, precision: str, device: str, lanes: int) -> dict[str, Any]:
         """The kernels and what they are given, on a device."""
-        if (precision, device) in self._held:
-            return self._held[precision, device]
+        if (precision, device, lanes) in self._held:
+            return self._held[precision, device, lanes]
         import warp as wp
 
         from .shear_kernels import build_kernels
 
         real = {"float32": wp.float32, "float64": wp.float64}[precision]
-        options = precision, *self._taps
+        options = precision, *self._taps, lanes
         shear, rows = OPENED.once(("kernels of sheared lattices", *options), lambda: build_kernels(*options))
 
         def put(array: np.ndarray, kind: Any) -> Any:
@@ -139,6 +140,7 @@ class ShearedLattice:
             wp.vec2i(*map(int, self._low)),
             int(self._size[1]),
         ]
+        held["groups"] = int(self._size[0]) * -(-int(self._size[1]) // lanes)
         held["sum"] = wp.empty(int(np.prod(self._size)), dtype=real, device=device)
         held["maps"], size = [], list(map(int, self._size))
         for axis, matrix in enumerate(self._values.maps):
@@ -147,5 +149,5 @@ class ShearedLattice:
             for name, array in (("start", matrix.indptr), ("column", matrix.indices)):
                 part[name] = put(array.astype(np.int32), wp.int32)
             held["maps"].append({**part, "entry": put(matrix.data, real)})
-        self._held[precision, device] = held
+        self._held[precision, device, lanes] = held
         return held

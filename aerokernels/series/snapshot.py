@@ -184,11 +184,7 @@ class Snapshots:
         assert self.lines is not None
         if self.model.form == "gladstone-dale":
             constant = float(self.model.constant(self.way.wavelength))
-            if self.device is not None and isinstance(self.lines, LineIntegrals) and self.lines.lattice is not None:
-                total = self.lines.lattice.on_gpu(density, self.device)
-            else:
-                total = self.lines(host_array(density))
-            return constant * (total - ambient * self.lines.length)
+            return constant * self.lines(density, ambient, self.device)
         return self.lines(self.model.contrast(host_array(density), ambient, self.way.wavelength))
 
     def _slope(self, opd: np.ndarray, valid: np.ndarray) -> float:
@@ -220,7 +216,7 @@ class Snapshots:
             return 0.0, 0.0
         rows = rows[np.unique(np.linspace(0, len(rows) - 1, PROBES).round().astype(int))]
         if isinstance(self.lines, LineIntegrals) and self.lines.mesh.geometry == "volume":
-            return self._second_order(stored, rows)
+            return self._second_order(stored, rows, opd[rows])
         field = self.way.index_field(self.series.field(stored, number))
         rays, _ = self._rays(rows)
         traced = trace(
@@ -239,8 +235,8 @@ class Snapshots:
         difference = (traced.opd - opd[rows])[good]
         return self._rms(difference, rows[good]), float(traced.error.get("interpolation") or 0.0)
 
-    def _second_order(self, stored: Any, rows: np.ndarray) -> tuple[float, float]:
-        """The same through a volume, from what the rays see of its samples."""
+    def _second_order(self, stored: Any, rows: np.ndarray, opd: np.ndarray) -> tuple[float, float]:
+        """The same through a volume, from what the rays see of its samples; and by how much `opd` differs from that."""
         assert isinstance(self.lines, LineIntegrals)
         flow = stored if isinstance(stored, DensityField) else None
         density = host_array(stored if flow is None else flow.density)  # type: ignore[attr-defined]
@@ -257,8 +253,9 @@ class Snapshots:
         face = mesh.box[1 if along[axis] > 0.0 else 0][axis]
         leave = points + ((face - points[:, axis]) / along[axis])[:, None] * along
         beyond = self._stop(mesh.box).point @ along - leave @ along
-        bent = self._rms(bending(lines, density, contrast, beyond), rows)
-        return bent, self._rms(interpolation_error(lines, density, contrast), rows)
+        bent, straight = bending(lines, density, contrast, beyond)
+        between = interpolation_error(lines, density, contrast)
+        return self._rms(bent, rows), self._rms(between, rows) + self._rms(opd - straight, rows)
 
     def _rms(self, values: np.ndarray, rows: np.ndarray) -> float:
         """Root mean square over some rays, terms removed [m]."""

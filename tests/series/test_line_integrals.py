@@ -77,9 +77,10 @@ def test_bending_of_second_order_is_that_of_traced_rays(direction):
     def contrast(values: np.ndarray) -> np.ndarray:
         return CONSTANT * (values - 0.7)
 
-    found = bending(lines, samples, contrast, stop.point @ along - leave @ along)
+    found, straight = bending(lines, samples, contrast, stop.point @ along - leave @ along)
     traced = trace(index, RayBundle(start, along[None]), until=stop, tolerance=1e-4, precision="float64")
     good = lines.inside & traced.ok
+    np.testing.assert_allclose(straight[good], lines(contrast(samples))[good], atol=1e-5 * np.abs(straight).max())
     difference = (traced.opd - lines(contrast(samples)))[good]
     assert good.sum() > 100 and np.abs(difference).max() > 1e-9
     assert np.sqrt(np.mean((found[good] - difference) ** 2)) < 0.05 * np.sqrt(np.mean(difference**2))

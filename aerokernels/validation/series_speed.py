@@ -1,0 +1,169 @@
+"""How fast a snapshot of a volume becomes a map of optical path differences, and how right: against the exact field.
+
+A random field of Fourier modes on N x N x M nodes, float32, seen along its last axis or at a slant by P x P rays. For
+each: the time from samples in the host's memory to the map (LineIntegrals), that of a whole snapshot of
+`optical_series`, and the rms error of the map, beside that of nearest-neighbour sums over the same nodes and beside the
+error that `optical_series` reports. On a GPU of Warp's also the plain copy of the samples, and the map of samples that
+are there.
+"""
+
+import time
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from aerokernels.flow import GridMesh, Series, open_series
+from aerokernels.pupils import Disc
+from aerokernels.series import optical_series
+from aerokernels.series.line_integrals import LineIntegrals
+from aerokernels.series.pupil_grid import pupil_grid
+from aerokernels.series.snapshot import gpu_of
+from aerokernels.validation.fourier_fields import CONSTANT, WAVELENGTH, Fourier
+
+SHAPE, PIXELS = (525, 525, 101), 512
+SPACING = 1e-3
+DIRECTIONS = {"along an axis": (0.0, 0.0, 1.0), "across one": (0.15, 0.0, 1.0), "across two": (0.15, 0.1, 1.0)}
+COLUMNS = ("rays", "map", "per second", "snapshot", "CPU", "error", "reported", "nearest", "ratio")
+
+
+def timed(call: Callable[[], Any], repeats: int) -> tuple[float, float, Any]:
+    """Least wall and processor seconds of a call, after a first one, and what it returned."""
+    found = call()
+    wall, processor = [], []
+    for _ in range(repeats):
+        begin, spent = time.perf_counter(), time.process_time()
+        found = call()
+        processor.append(time.process_time() - spent)
+        wall.append(time.perf_counter() - begin)
+    return min(wall), min(processor), found
+
+
+def nearest_sums(mesh: GridMesh, samples: np.ndarray, start: np.ndarray, direction: np.ndarray) -> np.ndarray:
+    """Rectangle sums over the planes across z of the nearest node's sample, shape (n,)."""
+    total = np.zeros(len(start))
+    for plane in range(mesh.shape[2]):
+        away = (mesh.origin[2] + plane * mesh.spacing[2] - start[:, 2]) / direction[2]
+        place = (start[:, :2] + away[:, None] * direction[:2] - mesh.origin[:2]) / mesh.spacing[:2]
+        i, j = np.clip(np.rint(place).astype(int), 0, np.array(mesh.shape[:2]) - 1).T
+        total += samples[i, j, plane]
+    return total * float(mesh.spacing[2] / direction[2])
+
+
+def measure_series(
+    shape: tuple[int, int, int] = SHAPE, pixels: int = PIXELS, snapshots: int = 6, wavenumber: float = 200.0
+) -> list[dict[str, Any]]:
+    """The figures, one dictionary for each direction.
+
+    Args:
+        shape: Nodes along x, y and z.
+        pixels: Across the pupil.
+        snapshots: Of the series that is timed; two volumes by turns.
+        wavenumber: Of the modes, standard deviation in each direction [rad/m]; nodes are 1 mm apart.
+    """
+    field = Fourier.random(8, wavenumber=wavenumber, amplitude=1e-3)
+    origin = np.array([-0.5 * SPACING * (shape[0] - 1), -0.5 * SPACING * (shape[1] - 1), 0.0])
+    volumes = [field.on_grid(origin, SPACING, shape, instant, np.float32) for instant in (0.0, 1e-5)]
+    mesh = GridMesh("volume", origin, np.full(3, SPACING), shape)
+    return [_one(name, np.array(way), mesh, volumes, field, pixels, snapshots) for name, way in DIRECTIONS.items()]
+
+
+def _one(name, way, mesh: GridMesh, volumes, field: Fourier, pixels: int, snapshots: int) -> dict[str, Any]:
+    along = way / np.linalg.norm(way)
+    depth = SPACING * (mesh.shape[2] - 1)
+    radius = 0.4 * SPACING * min(mesh.shape[:2])
+    radius = min(radius, 0.5 * SPACING * (min(mesh.shape[:2]) - 3) - 0.5 * depth * float(np.abs(way[:2]).max()))
+    center = -0.5 * depth * way - 0.01 * way
+    center[2] = -0.01
+    pupil = Disc(radius, center)
+    grid = pupil_grid(pupil, pixels)
+    lines = LineIntegrals(mesh, grid.points, along)
+    call = lines
+    wall, processor, found = timed(lambda: call(volumes[0], field.mean), max(2, snapshots // 2))
+    entry = grid.points - (grid.points[:, 2] / along[2])[:, None] * along
+    truth = field.opd(entry, along, lines.length, 0.0)
+    weight = grid.weight[grid.lit]
+
+    def off(values: np.ndarray) -> float:
+        difference = CONSTANT * values - truth
+        return float(np.sqrt(weight @ (difference - weight @ difference) ** 2))
+
+    nearest = nearest_sums(mesh, volumes[0], grid.points, along)
+    uniform = field.mean * (
+        mesh.shape[2] * SPACING / along[2]
+    )  # its share, one cell more than there are between planes
+    series = _series(volumes, mesh, field.mean, snapshots)
+    marks: list[tuple[float, float]] = []
+    maps = optical_series(
+        series,
+        pupil,
+        direction=along,
+        pixel_count=pixels,
+        remove=("piston",),
+        progress=lambda text, share: marks.append((time.perf_counter(), time.process_time())),
+    )
+    steps = np.diff(np.array(marks), axis=0)
+    quick = steps[steps[:, 0].argsort()[: max(1, len(steps) // 2)]]
+    return {
+        "rays": name,
+        "map_seconds": wall,
+        "map_cpu_seconds": processor,
+        "bytes": int(volumes[0].nbytes),
+        "snapshot_seconds": float(quick[:, 0].mean()),
+        "snapshot_cpu_seconds": float(quick[:, 1].mean()),
+        "error_m": off(found),
+        "reported_m": float(maps.error[0]),
+        "nearest_m": off(nearest - uniform),
+        "traced": float(maps.traced.sum()),
+        "wavelength_m": WAVELENGTH,
+        **_on_gpu(lines, volumes[0], field.mean, snapshots),
+    }
+
+
+def _series(volumes: list[np.ndarray], mesh: GridMesh, ambient: float, count: int) -> Series:
+    return open_series(
+        [volumes[k % 2] for k in range(count)],
+        time_step=1e-5,
+        geometry="volume",
+        origin=mesh.origin,
+        spacing=mesh.spacing,
+        ambient_density=ambient,
+    )
+
+
+def _on_gpu(lines: LineIntegrals, volume: np.ndarray, ambient: float, repeats: int) -> dict[str, Any]:
+    """Seconds of the plain copy to a GPU, of the map from the host's memory, and of that of samples on the device."""
+    device = gpu_of("auto", None)
+    if device is None or lines.lattice is None:
+        return {}
+    import warp as wp
+
+    buffer = wp.empty(volume.shape, dtype=wp.float32, device=device)
+    here = wp.array(volume, dtype=wp.float32, device="cpu", copy=False)
+
+    def copied() -> None:
+        wp.copy(buffer, here)
+        wp.synchronize_device(device)
+
+    copied_seconds = timed(copied, repeats)[0]
+    from_host = timed(lambda: lines(volume, ambient, device), repeats)[0]
+    there = timed(lambda: lines(buffer, ambient, device), repeats)[0]
+    return {"gpu": device, "copy_seconds": copied_seconds, "gpu_host_seconds": from_host, "gpu_device_seconds": there}
+
+
+def table_rows(found: list[dict[str, Any]]) -> list[tuple[str, ...]]:
+    """One row of texts for each direction, in the order of COLUMNS."""
+    return [
+        (
+            one["rays"],
+            f"{1e3 * one['map_seconds']:.0f} ms",
+            f"{1.0 / one['snapshot_seconds']:.1f}",
+            f"{1e3 * one['snapshot_seconds']:.0f} ms",
+            f"{1e3 * one['snapshot_cpu_seconds']:.0f} ms",
+            f"{one['error_m']:.2e} m",
+            f"{one['reported_m']:.2e} m",
+            f"{one['nearest_m']:.2e} m",
+            f"{one['nearest_m'] / one['error_m']:.0f}",
+        )
+        for one in found
+    ]
