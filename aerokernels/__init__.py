@@ -21,6 +21,7 @@ _HOME = {
     "Disc": "rays",
     "DotPattern": "imaging",
     "EchoResult": "echo",
+    "FLDI": "fldi",
     "IndexField": "medium",
     "Mask": "rays",
     "Plane": "tracing",
@@ -44,6 +45,7 @@ _HOME = {
     "echo": "",
     "estimate_range": "echo",
     "estimate_strehl": "strehl_estimate",
+    "fldi_response": "fldi",
     "flow": "",
     "image_through": "imaging",
     "interferogram": "schlieren",
@@ -68,6 +70,7 @@ _HOME = {
 }
 
 __all__ = [
+    "FLDI",
     "Annulus",
     "ArcLength",
     "BackendInfo",
@@ -100,6 +103,7 @@ __all__ = [
     "echo",
     "estimate_range",
     "estimate_strehl",
+    "fldi_response",
     "flow",
     "image_through",
     "interferogram",
@@ -146,6 +150,7 @@ if TYPE_CHECKING:
     from . import flow, zernike
     from .compare import compare_waveforms
     from .echo import EchoResult, echo, estimate_range, plane_target_echo, range_statistics
+    from .fldi import FLDI, fldi_response
     from .flow import DensityField
     from .imaging import Camera, DotPattern, background_displacement, bos, image_through
     from .jobs.run import RunResult, simulate

@@ -29,7 +29,7 @@ RANK = {
             ("zernike", "strehl_errors"),
             ("wavefront",),
             ("strehl_budget",),
-            ("strehl", "schlieren", "imaging"),
+            ("strehl", "schlieren", "imaging", "fldi"),
             ("strehl_estimate", "prepare"),
             ("series",),
             ("waves",),

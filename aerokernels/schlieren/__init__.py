@@ -1,6 +1,7 @@
 """What an optical bench would show of a field: schlieren, shadowgraph and interferogram, and what is read off them."""
 
 from ..callable_module import make_callable
+from .bench import Bench
 from .fringes import Interferogram, fringe_picture, interferogram
 from .knife_edge import SchlierenImage, knife_edge_picture, schlieren
 from .line_of_sight import LineOfSight, line_of_sight
@@ -12,6 +13,7 @@ from .split_view import HalfComparison, compare_halves
 from .stand_off import StandOff, measure_stand_off
 
 __all__ = [
+    "Bench",
     "HalfComparison",
     "Interferogram",
     "LineOfSight",

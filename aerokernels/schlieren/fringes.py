@@ -12,13 +12,14 @@ Reference: W. Merzkirch, Flow Visualization, 2nd ed. (Academic Press, 1987), sec
 """
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from aerokernels.medium import IndexField
 
+from .bench import Bench
 from .line_of_sight import LineOfSight, check_exposure, line_of_sight
 from .picture import traced_dataset
 
@@ -86,6 +87,7 @@ def interferogram(
     phase: float = 0.0,
     visibility: float = 1.0,
     exposure: float = 1.0,
+    bench: Bench | None = None,
     **options: Any,
 ) -> Interferogram:
     """Make an interferogram of a field.
@@ -97,6 +99,8 @@ def interferogram(
         phase: of the undisturbed fringes at the middle of the picture [waves]; 0 is bright.
         visibility: contrast of the fringes, 0 to 1.
         exposure: brightness of a bright fringe, 1 for white.
+        bench: the bench's optics: each point of its source makes its own fringes, in the plane in focus; its sensor
+            adds noise.
         **options: view, extent, pixel_count, rays_per_pixel, width, tolerance, wavelength, backend, device, precision:
             as in `line_of_sight`.
 
@@ -104,14 +108,24 @@ def interferogram(
         ValueError: an argument that makes no sense; the message names it and the remedy.
     """
     check_fringes(fringe_spacing, fringe_angle, phase, visibility, exposure)
-    return fringe_picture(
-        line_of_sight(field, **options),
-        fringe_spacing=fringe_spacing,
-        fringe_angle=fringe_angle,
-        phase=phase,
-        visibility=visibility,
-        exposure=exposure,
-    )
+    fringes: dict[str, Any] = {
+        "fringe_spacing": fringe_spacing,
+        "fringe_angle": fringe_angle,
+        "phase": phase,
+        "visibility": visibility,
+        "exposure": exposure,
+    }
+    if bench is None:
+        return fringe_picture(line_of_sight(field, **options), **fringes)
+    points, shares = bench.points()
+    found = [
+        fringe_picture(line_of_sight(field, focus=bench.focus, tilt=tuple(point), **options), **fringes)
+        for point in points
+    ]
+    light = sum(share * one.intensity for share, one in zip(shares, found, strict=True))
+    if bench.sensor is not None:
+        light = bench.sensor.expose(light, bench.seed)
+    return replace(found[int(np.argmin(np.hypot(*points.T)))], intensity=np.asarray(light))
 
 
 def fringe_picture(

@@ -20,8 +20,10 @@ import numpy as np
 
 from aerokernels.medium import IndexField
 
+from .bench import Bench
 from .line_of_sight import LineOfSight, check_exposure, line_of_sight
 from .picture import traced_dataset
+from .shadowgraph import spread
 
 if TYPE_CHECKING:
     import xarray
@@ -86,6 +88,7 @@ def schlieren(
     cut_off: float = 0.5,
     sensitivity: float | None = None,
     exposure: float = 1.0,
+    bench: Bench | None = None,
     **options: Any,
 ) -> SchlierenImage:
     """Make a schlieren picture of a field.
@@ -98,13 +101,22 @@ def schlieren(
         cut_off: fraction of the undisturbed source image that the edge holds back, 0 to 1.
         sensitivity: f / h [1/rad]; None lets the largest 0.5 % of the deflections saturate.
         exposure: brightness of full light; above 1 / (1 - cut_off) the undisturbed picture is white.
+        bench: the bench's optics, which give the sensitivity: source, focal length, plane in focus, sensor.
         **options: view, extent, pixel_count, rays_per_pixel, width, tolerance, wavelength, backend, device, precision:
             as in `line_of_sight`.
 
     Raises:
         ValueError: an argument that makes no sense; the message names it and the remedy.
     """
-    check_knife_edge(knife_edge, cut_off, sensitivity, exposure)
+    bright = check_knife_edge(knife_edge, cut_off, sensitivity, exposure)
+    if bench is not None:
+        if sensitivity is not None:
+            raise ValueError(f"sensitivity = {sensitivity}: the bench's source and focal length give it; leave it out")
+        light, passed = _by_bench(field, bench, bright, cut_off, options)
+        brightness = exposure * passed
+        if bench.sensor is not None:
+            brightness = bench.sensor.expose(np.clip(brightness, 0.0, 1.0), bench.seed)
+        return _image(light, brightness, knife_edge, cut_off, bench.sensitivity, exposure)
     return knife_edge_picture(
         line_of_sight(field, **options),
         knife_edge=knife_edge,
@@ -128,8 +140,42 @@ def knife_edge_picture(
     if sensitivity is None:
         sensitivity = _full_range_sensitivity(cut[traced.through], cut_off)
     passed = np.where(traced.through, np.clip(1.0 - cut_off + sensitivity * cut, 0.0, 1.0), 0.0)
+    return _image(traced, exposure * traced.pixel_mean(passed), knife_edge, cut_off, sensitivity, exposure)
+
+
+def _by_bench(
+    field: IndexField, bench: Bench, bright: float, cut_off: float, options: dict[str, Any]
+) -> tuple[LineOfSight, np.ndarray]:
+    """The rays of the source's middlemost point, and the light of all of its points, shape (ny, nx)."""
+    points, shares = bench.points()
+    middle = int(np.argmin(np.hypot(*points.T)))
+    total, kept = 0.0, None
+    for number, (point, share) in enumerate(zip(points, shares, strict=True)):
+        right = point[0] * math.cos(bright) - point[1] * math.sin(bright)
+        up = point[0] * math.sin(bright) + point[1] * math.cos(bright)
+        traced = line_of_sight(field, focus=bench.focus, tilt=(right, up), **options)
+        cut = _across(traced.deflection, bright)
+        passed = bench.passed(point[0], cut, cut_off, 1.0 / bench.source_points)
+        light = np.where(traced.through, passed, 0.0)
+        if min(light.shape) < 2:
+            raise ValueError(f"a bench's picture needs at least 2 x 2 rays, got {light.shape}: raise pixel_count")
+        total = total + share * spread(traced, traced.displacement, np.nan_to_num(light))
+        if number == middle:
+            kept = traced
+    assert kept is not None
+    return kept, np.asarray(total)
+
+
+def _image(
+    traced: LineOfSight,
+    brightness: np.ndarray,
+    knife_edge: str | float,
+    cut_off: float,
+    sensitivity: float,
+    exposure: float,
+) -> SchlierenImage:
     return SchlierenImage(
-        intensity=np.clip(exposure * traced.pixel_mean(passed), 0.0, 1.0),
+        intensity=np.clip(brightness, 0.0, 1.0),
         horizontal=traced.window.horizontal,
         vertical=traced.window.vertical,
         deflection=traced.pixel_mean(traced.deflection),

@@ -7,6 +7,9 @@ its phase is that of the virtual ray there:
 
     opd = (opd at the exit) - n_0 L (1 / cos(d, forward) - 1),    L from the focal plane to the exit
 
+Light of a source's point beside its middle comes at an angle, the `tilt`: then the undisturbed ray through a pixel's
+place in the focal plane is tilted, deflections are against it, and the optical path is against its plane wave.
+
 The picture has each ray at its own pixel. What that leaves out, the virtual ray's distance from its pixel, is kept as
 `displacement`: second order in the deflection for a flow that lies symmetrically about the focal plane.
 
@@ -89,6 +92,8 @@ def line_of_sight(
     backend: str = "auto",
     device: str | None = None,
     precision: str = "float32",
+    focus: float = 0.0,
+    tilt: tuple[float, float] = (0.0, 0.0),
 ) -> LineOfSight:
     """Send parallel light through a field.
 
@@ -104,10 +109,17 @@ def line_of_sight(
         backend: as in `trace`.
         device: as in `trace`.
         precision: as in `trace`.
+        focus: the plane in focus, along the light from the middle of the field [m].
+        tilt: angles of the light toward right and up [rad], as of a point beside the source's middle.
 
     Raises:
         ValueError: an argument that makes no sense; the message names it and the remedy.
     """
+    sine = np.asarray(tilt, dtype=np.float64)
+    if sine.shape != (2,) or not np.isfinite(sine).all() or np.abs(sine).max() > 0.5:
+        raise ValueError(f"tilt {tilt!r}: give two angles of at most 0.5 rad")
+    if not np.isfinite(focus):
+        raise ValueError(f"focus = {focus}: give the place of the plane in focus in metres from the field's middle")
     if isinstance(rays_per_pixel, bool) or not isinstance(rays_per_pixel, (int, np.integer)) or rays_per_pixel < 1:
         raise ValueError(f"rays_per_pixel {rays_per_pixel!r}: give a whole number of at least 1")
     window = make_window(field, view, extent, pixel_count, width)
@@ -120,13 +132,17 @@ def line_of_sight(
     forward, right, up = window.forward, window.right, window.up
     across, along = np.meshgrid(*ray_lines(window, rays_per_pixel))
     row_count = len(along)
-    symmetric = _is_symmetric(field, window, along[:, 0])
+    symmetric = _is_symmetric(field, window, along[:, 0]) and not sine.any()
     if symmetric:  # the lower half is the upper one's mirror image
         across, along = across[row_count // 2 :], along[row_count // 2 :]
-    start = across[..., None] * right + along[..., None] * up + window.entry * forward
+    plane = window.middle + float(focus)
+    tangent = sine / np.sqrt(1.0 - sine @ sine)
+    ahead = (plane - window.entry) * tangent
+    start = (across[..., None] - ahead[0]) * right + (along[..., None] - ahead[1]) * up + window.entry * forward
+    light = forward + tangent[0] * right + tangent[1] * up
     traced = trace(
         field,
-        RayBundle(start.reshape(-1, 3), np.broadcast_to(forward, (across.size, 3))),
+        RayBundle(start.reshape(-1, 3), np.broadcast_to(light, (across.size, 3))),
         until=Plane(window.exit * forward, forward),
         tolerance=tolerance,
         wavelength=wavelength,
@@ -136,15 +152,15 @@ def line_of_sight(
         outputs=("position", "direction", "opd"),
     )
     assert traced.direction is not None and traced.opd is not None and traced.position is not None  # asked for above
-    shape, focus = across.shape, window.middle
-    back = window.exit - focus
+    shape, back = across.shape, window.exit - plane
     direction = traced.direction.reshape(*shape, 3)
-    deflection = np.stack([direction @ right, direction @ up], axis=-1)
-    # 1 / cos - 1 = sin^2 / (cos (1 + cos)): of small angles, without a difference of nearly equal numbers
-    cosine = direction @ forward
-    stretch = np.sum(deflection**2, axis=-1) / (cosine * (1.0 + cosine))
+    sines = np.stack([direction @ right, direction @ up], axis=-1)
+    deflection = sines - sine
+    # 1 / cos - 1 / cos_0 = (sin^2 - sin_0^2) / (cos cos_0 (cos + cos_0)): without a difference of nearly equal numbers
+    cosine, straight = direction @ forward, float(np.sqrt(1.0 - sine @ sine))
+    stretch = np.sum(deflection * (sines + sine), axis=-1) / (cosine * straight * (straight + cosine))
     moved = traced.position.reshape(*shape, 3) - start
-    displacement = np.stack([moved @ right, moved @ up], axis=-1) - back * deflection / cosine[..., None]
+    displacement = np.stack([moved @ right, moved @ up], axis=-1) - ahead - back * sines / cosine[..., None]
     blocked = traced.traced_status == RayStatus.HIT_BODY
     if field.body is not None and field.geometry == "planar":  # light along the body never meets its side
         blocked |= field.body.contains(field.local_coordinates(start.reshape(-1, 3)))
@@ -163,12 +179,12 @@ def line_of_sight(
         window=window,
         rays_per_pixel=int(rays_per_pixel),
         deflection=seen(deflection),
-        opd=seen(traced.opd.reshape(shape) - field.ambient_index * back * stretch),
+        opd=seen(traced.opd.reshape(shape) - field.ambient_index * (back * stretch + displacement @ sine)),
         displacement=seen(displacement),
         through=whole(through),
         blocked=whole(blocked.reshape(shape)),
         wavelength=traced.wavelength,
-        focus=focus,
+        focus=plane,
     )
 
 

@@ -16,13 +16,14 @@ size: exact where light is stretched along the picture's axes, of second order i
 Reference: G. S. Settles, Schlieren and Shadowgraph Techniques (Springer, 2001), chapter 6.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from aerokernels.medium import IndexField
 
+from .bench import Bench
 from .line_of_sight import LineOfSight, check_exposure, line_of_sight
 from .picture import traced_dataset
 from .window import Window, ray_lines
@@ -78,7 +79,13 @@ class Shadowgraph:
 
 
 def shadowgraph(
-    field: IndexField, *, distance: float, source_angle: float = 0.0, exposure: float = 0.5, **options: Any
+    field: IndexField,
+    *,
+    distance: float,
+    source_angle: float = 0.0,
+    exposure: float = 0.5,
+    bench: Bench | None = None,
+    **options: Any,
 ) -> Shadowgraph:
     """Make a shadowgraph of a field.
 
@@ -88,6 +95,7 @@ def shadowgraph(
             the field or before it: then this is small or negative, and the rays are drawn straight back.
         source_angle: full angle that the source subtends seen from the field [rad]: it blurs by distance times angle.
         exposure: brightness of undisturbed light, 1 for white.
+        bench: the bench's optics: its source gives the angle, its sensor noise; the screen is what is in focus.
         **options: view, extent, pixel_count, rays_per_pixel, width, tolerance, wavelength, backend, device, precision:
             as in `line_of_sight`.
 
@@ -95,8 +103,15 @@ def shadowgraph(
         ValueError: an argument that makes no sense; the message names it and the remedy.
     """
     check_screen(distance, source_angle, exposure)
+    if bench is not None:
+        if source_angle:
+            raise ValueError(f"source_angle = {source_angle}: the bench's source gives it; leave it out")
+        source_angle = bench.angle
     traced = line_of_sight(field, **options)
-    return shadow_picture(traced, distance=distance, source_angle=source_angle, exposure=exposure)
+    found = shadow_picture(traced, distance=distance, source_angle=source_angle, exposure=exposure)
+    if bench is None or bench.sensor is None:
+        return found
+    return replace(found, intensity=bench.sensor.expose(found.intensity, bench.seed))
 
 
 def shadow_picture(
@@ -110,8 +125,8 @@ def shadow_picture(
     # `displacement` is the ray's place in the focal plane: from there to the screen it is a straight line.
     sine = traced.deflection
     tangent = sine / np.sqrt(1.0 - np.sum(sine**2, axis=-1, keepdims=True))
-    irradiance = _spread(*_with_border(traced, traced.displacement + distance * tangent), window)
-    irradiance /= traced.rays_per_pixel**2
+    onward = distance - (traced.focus - window.middle)
+    irradiance = spread(traced, traced.displacement + onward * tangent)
     if source_angle > 0.0:
         irradiance = _blurred(irradiance, abs(distance) * source_angle, window.pitch)
     return Shadowgraph(
@@ -137,6 +152,22 @@ def check_screen(distance: float, source_angle: float, exposure: float) -> None:
     check_exposure(exposure)
 
 
+def spread(traced: LineOfSight, shift: np.ndarray, share: np.ndarray | None = None) -> np.ndarray:
+    """Irradiance of the pixels, 1 where nothing is shifted, shape (ny, nx).
+
+    Args:
+        traced: the rays.
+        shift: where each lands less where it would without the field [m], shape (ny k, nx k, 2); NaN if it does not.
+        share: of its light that is let through, shape (ny k, nx k); None for all.
+    """
+    rest, border = _with_border(traced, shift)
+    if share is not None:
+        edge = (len(border) - len(shift)) // 2
+        share = np.pad(share, edge, mode="edge")
+        share = 0.25 * (share[:-1, :-1] + share[:-1, 1:] + share[1:, :-1] + share[1:, 1:])
+    return _spread(rest, border, traced.window, share) / traced.rays_per_pixel**2
+
+
 def _with_border(traced: LineOfSight, shift: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Places of the rays and their shifts [m], with rays added around the picture that are shifted like its border.
 
@@ -153,13 +184,14 @@ def _with_border(traced: LineOfSight, shift: np.ndarray) -> tuple[np.ndarray, np
     return rest, np.pad(shift, ((border, border), (border, border), (0, 0)), mode="edge")
 
 
-def _spread(rest: np.ndarray, shift: np.ndarray, window: Window) -> np.ndarray:
+def _spread(rest: np.ndarray, shift: np.ndarray, window: Window, share: np.ndarray | None = None) -> np.ndarray:
     """Light in each pixel, shape (ny, nx), of the squares between rays.
 
     Args:
         rest: undisturbed places (right, up) of the rays [m], shape (rows, columns, 2).
         shift: where they land less where they would, NaN for rays that do not land: their squares carry no light.
         window: the pixels.
+        share: of the light of each square that counts, shape (rows - 1, columns - 1); None for all.
 
     Returns:
         Light in units of one square between rays.
@@ -168,7 +200,9 @@ def _spread(rest: np.ndarray, shift: np.ndarray, window: Window) -> np.ndarray:
     first = np.array([window.horizontal[0], window.vertical[0]])
     place = (landing - first) / np.asarray(window.pitch)
     corners = np.stack([place[:-1, :-1], place[:-1, 1:], place[1:, :-1], place[1:, 1:]], axis=2).reshape(-1, 4, 2)
-    corners = corners[np.isfinite(corners).all(axis=(1, 2))]
+    there = np.isfinite(corners).all(axis=(1, 2))
+    corners = corners[there]
+    amount = np.ones(len(corners)) if share is None else share.ravel()[there]
     # Rounded up to powers of two, so that there are few sizes to go through.
     size = np.ptp(corners, axis=1).max(axis=1)
     parts = np.exp2(np.ceil(np.log2(np.clip(PARTS_PER_PIXEL * size, 1.0, MOST_PARTS)))).astype(int)
@@ -178,7 +212,7 @@ def _spread(rest: np.ndarray, shift: np.ndarray, window: Window) -> np.ndarray:
         share = (np.arange(count) + 0.5) / count
         u, v = (grid.ravel() for grid in np.meshgrid(share, share))
         weights = np.stack([(1 - u) * (1 - v), u * (1 - v), (1 - u) * v, u * v])
-        chosen = corners[parts == count]
+        chosen, of_each = corners[parts == count], amount[parts == count]
         rightward, upward = chosen[:, [1, 3]] - chosen[:, [0, 2]], chosen[:, 2:] - chosen[:, :2]
         sides = np.maximum(np.abs(rightward.mean(axis=1)), np.abs(upward.mean(axis=1)))
         sides = np.repeat(sides[:, None] / count, count**2, axis=1)
@@ -186,17 +220,20 @@ def _spread(rest: np.ndarray, shift: np.ndarray, window: Window) -> np.ndarray:
         for start in range(0, len(chosen), block):
             part = slice(start, start + block)
             middle = np.einsum("qcd,cp->qpd", chosen[part], weights).reshape(-1, 2)
-            _deposit(middle, sides[part].reshape(-1, 2), 1.0 / count**2, light, shape)
+            each = np.repeat(of_each[part] / count**2, count**2)
+            _deposit(middle, sides[part].reshape(-1, 2), each, light, shape)
     return light.reshape(shape)
 
 
-def _deposit(middle: np.ndarray, size: np.ndarray, amount: float, light: np.ndarray, shape: tuple[int, int]) -> None:
-    """Add `amount` for each rectangle, spread evenly over it.
+def _deposit(
+    middle: np.ndarray, size: np.ndarray, amount: np.ndarray, light: np.ndarray, shape: tuple[int, int]
+) -> None:
+    """Add the amount of each rectangle, spread evenly over it.
 
     Args:
         middle: (column, row) of the rectangles [pixels], shape (n, 2).
         size: their width and height [pixels], shape (n, 2); those above one pixel count as one.
-        amount: light of one rectangle.
+        amount: light of each rectangle, shape (n,).
         light: of each pixel, shape (ny nx,); changed.
         shape: (ny, nx).
     """
@@ -210,7 +247,7 @@ def _deposit(middle: np.ndarray, size: np.ndarray, amount: float, light: np.ndar
             inside = (i >= 0) & (i < shape[0]) & (j >= 0) & (j < shape[1])
             across = 1.0 - first[:, 0] if d_column else first[:, 0]
             along = 1.0 - first[:, 1] if d_row else first[:, 1]
-            weight = amount * (across * along)[inside]
+            weight = (amount * across * along)[inside]
             light += np.bincount((i * shape[1] + j)[inside], weights=weight, minlength=light.size)
 
 

@@ -1,0 +1,109 @@
+r"""A focused laser differential interferometer, and its response to sine waves in closed form.
+
+Two parallel Gaussian beams, apart by s, meet a flow on their way through a common focus. At the distance z from it
+
+    w(z)^2 = w_0^2 + (theta z)^2,        theta = lambda / (pi w_0) unless the optics make it another
+
+is the radius at which the intensity has fallen to 1 / e^2, and the detector compares the phases of both beams, weighted
+by intensity. A wave sin(K x) along the separation, in a sheet at z, changes the difference of the phases by its own
+slope times s times
+
+    H(K, z) = sin(K s / 2) / (K s / 2)  exp(-K^2 w(z)^2 / 8)
+
+and waves at the angle a from the separation by the same with K cos a in the first factor (B. E. Schmidt, J. E.
+Shepherd, Analysis of focused laser differential interferometry, Appl. Opt. 54 (2015) 8459).
+"""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from ..pupils import as_unit_vector, as_vector, transverse_axes
+from ..pupils.vectors import check_length
+from ..wavelength import check_wavelength
+
+
+@dataclass(frozen=True, eq=False)
+class FLDI:
+    """An instrument.
+
+    Attributes:
+        separation: Distance of the two beams [m].
+        waist: Radius of a beam at the focus, to 1 / e^2 of its intensity [m].
+        focus: Point midway between the beams at their focus [m], shape (3,).
+        axis: Direction of the beams, made a unit vector, shape (3,).
+        direction: Direction from the second beam to the first, made a unit vector across the axis, shape (3,); None
+            takes the first transverse axis, x for beams along z.
+        wavelength: Vacuum wavelength [m].
+        divergence: Half angle at which the radius grows far from the focus [rad]; None: wavelength / (pi waist).
+
+    Raises:
+        TypeError: The wavelength is not one number.
+        ValueError: A number that makes no sense, or a direction along the axis.
+    """
+
+    separation: float
+    waist: float
+    focus: np.ndarray = field(default_factory=lambda: np.zeros(3))
+    axis: np.ndarray = field(default_factory=lambda: np.array([0.0, 0.0, 1.0]))
+    direction: np.ndarray | None = None
+    wavelength: float = 632.8e-9
+    divergence: float | None = None
+
+    def __post_init__(self):
+        """Check and normalise."""
+        axis = as_unit_vector(self.axis, "axis")
+        direction = transverse_axes(axis)[0] if self.direction is None else as_unit_vector(self.direction, "direction")
+        across = direction - (direction @ axis) * axis
+        if np.linalg.norm(across) < 1e-6:
+            raise ValueError("direction, from one beam to the other, must not lie along the axis")
+        wavelength = check_wavelength(self.wavelength)
+        waist = check_length(self.waist, "waist")
+        spread = wavelength / (np.pi * waist) if self.divergence is None else self.divergence
+        if not (np.ndim(spread) == 0 and np.isfinite(spread) and 0.0 <= spread < 0.5 * np.pi):
+            raise ValueError(f"divergence must be a half angle in [0, pi/2) rad, got {self.divergence!r}")
+        checked = {
+            "separation": check_length(self.separation, "separation"),
+            "waist": waist,
+            "focus": as_vector(self.focus, "focus"),
+            "axis": axis,
+            "direction": across / np.linalg.norm(across),
+            "wavelength": wavelength,
+            "divergence": float(spread),
+        }
+        for name, value in checked.items():
+            object.__setattr__(self, name, value)
+
+    @property
+    def normal(self) -> np.ndarray:
+        """The unit vector across axis and direction, shape (3,)."""
+        assert self.direction is not None
+        return np.cross(self.axis, self.direction)
+
+    def radius(self, distance) -> np.ndarray:
+        """Radius of a beam [m] at distances from the focus along the axis [m], of their shape."""
+        assert self.divergence is not None
+        return np.hypot(self.waist, np.tan(self.divergence) * np.asarray(distance, dtype=np.float64))
+
+    def transfer(self, wave_number, distance=0.0, *, angle: float = 0.0) -> np.ndarray:
+        """H of a sine wave in a sheet, in closed form, of the arguments' common shape.
+
+        Args:
+            wave_number: 2 pi over the wave's length [rad / m].
+            distance: From the focus to the sheet, along the axis [m].
+            angle: Of the direction in which the wave runs, from that of the separation [rad].
+        """
+        wave_number = np.asarray(wave_number, dtype=np.float64)
+        apart = np.sinc(wave_number * np.cos(angle) * self.separation / (2.0 * np.pi))
+        return np.asarray(apart * np.exp(-((wave_number * self.radius(distance)) ** 2) / 8.0))
+
+    def transfer_through(self, wave_number, half_length: float, *, angle: float = 0.0) -> np.ndarray:
+        """Mean of H over sheets from -half_length to +half_length about the focus [m], in closed form."""
+        from scipy.special import erf
+
+        assert self.divergence is not None
+        wave_number = np.asarray(wave_number, dtype=np.float64)
+        grown = wave_number * np.tan(self.divergence) * check_length(half_length, "half_length") / np.sqrt(8.0)
+        with np.errstate(invalid="ignore", divide="ignore"):
+            mean = np.where(grown > 1e-9, 0.5 * np.sqrt(np.pi) * erf(grown) / grown, 1.0)
+        return np.asarray(mean * self.transfer(wave_number, 0.0, angle=angle))

@@ -1,0 +1,95 @@
+"""The rays of an interferometer's two beams, and the phases that they gather.
+
+A ray keeps its share of its beam's light and its place in units of the beam's radius, which grows on both sides of the
+focus. The places are a square grid, whose sums over a Gaussian beam are exact for waves up to its own resolution, so it
+is taken as fine as the field's samples where the beam is widest.
+"""
+
+import math
+
+import numpy as np
+
+from ..medium import IndexField
+from ..tracing.lines import box_span
+from .instrument import FLDI
+
+# Radii to which a beam is followed: beyond lies exp(-2 * 2.6^2) of its light. Rays across a beam.
+REACH, LEAST_RAYS, MOST_RAYS = 2.6, 20, 192
+# Layers along the beams, to a cell of the field and at most; points that are looked up at once.
+LAYERS_PER_CELL, MOST_LAYERS, BLOCK = 2, 4096, 400_000
+
+
+def crossed(field: IndexField, instrument: FLDI) -> tuple[float, float]:
+    """Distances along the axis from the focus between which the beams are in the field's box [m].
+
+    Raises:
+        ValueError: They never are.
+    """
+    low, high = field.box
+    reach = float(np.linalg.norm(np.where(np.isfinite(low), instrument.focus - low, 0.0)))
+    reach += float(np.linalg.norm(np.where(np.isfinite(high), instrument.focus - high, 0.0)))
+    start = instrument.focus - reach * instrument.axis
+    span = box_span(field, start[None], instrument.axis[None].copy())
+    if not span.meets.any() or not span.leave[0] > 0.0 or not np.isfinite(span.leave[0]):
+        raise ValueError("the beams do not meet the field: check the focus, the axis and the units (metres)")
+    return float(span.enter[0]) - reach, float(span.leave[0]) - reach
+
+
+def cell_along(field: IndexField, direction: np.ndarray) -> float:
+    """How far a line along a unit vector goes through a cell of the field [m]; infinite where nothing changes."""
+    spacing = np.asarray(field.spacing)
+    if field.geometry == "planar":
+        spacing = np.array([np.inf, *spacing])
+    elif field.geometry == "axisymmetric":
+        spacing = np.array([spacing[0], *spacing])
+    with np.errstate(divide="ignore"):
+        return float(1.0 / np.max(np.abs(direction) / spacing))
+
+
+def beam_grid(field: IndexField, instrument: FLDI, ends: tuple[float, float], rays: int | None):
+    """Places of rays in units of the radius, shape (n, 2), and their shares of the light, shape (n,).
+
+    Returns:
+        Places, shares, and the shares that the grid of every other row and column has, 0 for the others.
+    """
+    widest = float(instrument.radius(np.asarray(ends)).max())
+    assert instrument.direction is not None
+    counts = [
+        min(max(math.ceil(min(2.0 * REACH * widest / cell_along(field, across), MOST_RAYS)), LEAST_RAYS), MOST_RAYS) | 1
+        for across in (instrument.direction, instrument.normal)
+    ]
+    if rays is not None:
+        counts = [int(rays) | 1, int(rays) | 1]
+    lines = [np.linspace(-REACH, REACH, count) for count in counts]
+    u, v = (axis.ravel() for axis in np.meshgrid(*lines))
+    light = np.exp(-2.0 * (u**2 + v**2))
+    every_other = [np.arange(count) % 2 == count // 2 % 2 for count in counts]
+    coarse = np.logical_and.outer(every_other[1], every_other[0]).ravel()
+    kept = u**2 + v**2 <= REACH**2
+    light, coarse, u, v = light[kept], coarse[kept], u[kept], v[kept]
+    half = np.where(coarse, light, 0.0)
+    return np.stack([u, v], axis=1), light / light.sum(), half / half.sum()
+
+
+def gathered(
+    field: IndexField, instrument: FLDI, places: np.ndarray, offset: np.ndarray, ends: tuple[float, float]
+) -> np.ndarray:
+    """Optical path [m] that the rays of both beams gather, shape (2, n): first the beam toward `direction`."""
+    length = ends[1] - ends[0]
+    count = min(max(LAYERS_PER_CELL * math.ceil(length / cell_along(field, instrument.axis)), 16), MOST_LAYERS)
+    thickness = length / count
+    middle = ends[0] + thickness * (np.arange(count) + 0.5)
+    radius = instrument.radius(middle)
+    first, second = instrument.direction, instrument.normal
+    assert first is not None
+    path = np.zeros((2, len(places)))
+    block = max(1, BLOCK // len(places))
+    for begin in range(0, count, block):
+        part = slice(begin, begin + block)
+        along = instrument.focus + offset + middle[part, None] * instrument.axis
+        across = places[:, :1] * first + places[:, 1:] * second
+        for beam, side in enumerate((0.5, -0.5)):
+            points = along[:, None] + side * instrument.separation * first + radius[part, None, None] * across
+            contrast = field.contrast_at(points.reshape(-1, 3)).reshape(points.shape[:2])
+            path[beam] += thickness * contrast.sum(axis=0)
+    return path

@@ -1,0 +1,181 @@
+r"""What an interferometer reads of a field or a series of fields.
+
+Rays of both beams gather their phases along their undisturbed ways; the detector sees the interference of each ray with
+its twin, all of it at once:
+
+    visibility exp(i phase) = sum over rays of share exp(i (phi_1 - phi_2))
+
+For weak flows the phase is the mean of phi_1 - phi_2. Deflection is left out: over the few millimetres about a focus it
+moves rays by less than a waist.
+"""
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from ..flow import DensityField, Series
+from ..medium import IndexField
+from .instrument import FLDI
+from .rays import beam_grid, crossed, gathered
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class FLDIResponse:
+    """Phases that an instrument reads. Arrays have the shape (time_count, offset_count), less what was not asked for.
+
+    Attributes:
+        phase: Phase difference of the detected light [rad], positive where the first beam, that toward the
+            instrument's direction, is delayed.
+        visibility: Contrast of the interference, 1 where all rays agree.
+        mean_phase: Mean phase difference by light [rad], linear in the field.
+        error: What the phase may be off by through the rays' number [rad]: the difference to half as many either way.
+        time: Times [s], shape (time_count,), or None for one field.
+        instrument: The instrument.
+    """
+
+    phase: np.ndarray
+    visibility: np.ndarray
+    mean_phase: np.ndarray
+    error: np.ndarray
+    time: np.ndarray | None
+    instrument: FLDI
+
+    def signal(self, bias: float = 0.5 * np.pi) -> np.ndarray:
+        """Light on a detector over its greatest, (1 + visibility cos(phase - bias)) / 2; pi / 2 is quadrature."""
+        return 0.5 * (1.0 + self.visibility * np.cos(self.phase - bias))
+
+    def spectrum(self, segment: int | None = None) -> tuple[np.ndarray, np.ndarray]:
+        """Frequencies [Hz] and the power spectral density of the phase [rad2 / Hz], by Welch's method.
+
+        Raises:
+            ValueError: No series, or times that are not even.
+        """
+        if self.time is None or len(self.time) < 4:
+            raise ValueError("a spectrum needs the response to a series of at least 4 snapshots")
+        step = np.diff(self.time)
+        if np.ptp(step) > 1e-6 * step.mean():
+            raise ValueError("a spectrum needs snapshots at even times")
+        from scipy.signal import welch
+
+        length = min(256, len(self.time)) if segment is None else segment
+        frequency, power = welch(self.phase, 1.0 / step.mean(), nperseg=length, axis=0)
+        return np.asarray(frequency), np.asarray(power)
+
+    def to_xarray(self):
+        """The response as a dataset with units."""
+        import xarray
+
+        names = [] if self.time is None else ["time"]
+        dims = tuple(names + ["offset"] * (self.phase.ndim - len(names)))
+        words = {
+            "phase": ("rad", "phase difference of the detected light"),
+            "visibility": ("1", "contrast of the interference"),
+            "mean_phase": ("rad", "mean phase difference"),
+            "error": ("rad", "error of the phase"),
+        }
+        variables = {
+            name: (dims, getattr(self, name), {"units": unit, "long_name": text})
+            for name, (unit, text) in words.items()
+        }
+        coordinates = {} if self.time is None else {"time": ("time", self.time, {"units": "s"})}
+        attributes = {
+            "separation_m": self.instrument.separation,
+            "waist_m": self.instrument.waist,
+            "divergence_rad": self.instrument.divergence,
+            "wavelength": self.instrument.wavelength,
+        }
+        return xarray.Dataset(variables, coordinates, attributes)
+
+    def plot(self, axes=None):
+        """Draw the phase on matplotlib axes, over time where there is one; returns the axes."""
+        if axes is None:
+            from matplotlib import pyplot
+
+            axes = pyplot.subplots(layout="constrained")[1]
+        place = np.arange(len(np.atleast_1d(self.phase))) if self.time is None else 1e6 * self.time
+        axes.plot(place, np.atleast_1d(self.phase))
+        axes.set(xlabel="offset number" if self.time is None else "time [us]", ylabel="phase [rad]")
+        return axes
+
+    def __repr__(self) -> str:
+        """Count, size and error."""
+        size, error = float(np.sqrt(np.mean(self.phase**2))), float(np.max(self.error))
+        return f"FLDIResponse of {self.phase.size} phases: {size:.4g} rad rms, each to {error:.2g} rad"
+
+
+def fldi_response(
+    field: IndexField | DensityField | Series | Iterable[IndexField],
+    instrument: FLDI,
+    *,
+    offsets=None,
+    time=None,
+    rays: int | None = None,
+    **relation: Any,
+) -> FLDIResponse:
+    """Phase that a focused laser differential interferometer reads.
+
+    Args:
+        field: A field, a series of density fields, or several fields one after another.
+        instrument: The instrument.
+        offsets: Where its focus is moved to, less its own [m], shape (n, 3): a scan, or a frozen flow that drifts by.
+        time: Times of several fields [s]; None numbers them.
+        rays: Rays across a beam; None takes as many as the field's samples ask for, up to 192.
+        **relation: Of a density field or a series, as for its `index_field`: relation, constant, composition.
+
+    Raises:
+        TypeError: An argument of the wrong kind.
+        ValueError: A number that makes no sense; beams that do not meet the field; another wavelength than its own.
+    """
+    if not isinstance(instrument, FLDI):
+        raise TypeError(f"instrument must be an FLDI, got {type(instrument).__name__}")
+    if rays is not None and (isinstance(rays, bool) or not isinstance(rays, (int, np.integer)) or rays < 3):
+        raise ValueError(f"rays must be a whole number of at least 3, got {rays!r}")
+    moved = np.zeros((1, 3)) if offsets is None else np.atleast_2d(np.asarray(offsets, dtype=np.float64))
+    if moved.ndim != 2 or moved.shape[1] != 3 or not np.isfinite(moved).all():
+        raise ValueError(f"offsets must be finite, shape (n, 3), got shape {np.shape(offsets)}")
+    times: np.ndarray | None = None
+    fields: list[Any] | Iterable[Any]
+    if isinstance(field, Series):
+        times, fields = np.asarray(field.time), (field[number] for number in range(len(field)))
+    elif isinstance(field, (IndexField, DensityField)):
+        fields = [field]
+    else:
+        fields = list(field)
+        times = np.arange(len(fields), dtype=np.float64) if time is None else np.asarray(time, dtype=np.float64)
+        if times.shape != (len(fields),):
+            raise ValueError(f"time must have one entry for each of the {len(fields)} fields")
+    found = [_read(one, instrument, moved, rays, relation) for one in fields]
+    if not found:
+        raise ValueError("there is no field to look through")
+    arrays = np.stack(found)  # time, offset, quantity
+    if offsets is None:
+        arrays = arrays[:, 0]
+    if times is None:
+        arrays = arrays[0]
+    phase, visibility, mean, error = np.moveaxis(arrays, -1, 0)
+    return FLDIResponse(phase, visibility, mean, error, times, instrument)
+
+
+def _read(field: Any, instrument: FLDI, offsets: np.ndarray, rays: int | None, relation: dict[str, Any]) -> np.ndarray:
+    """Phase, visibility, mean phase and error for each offset, shape (n, 4)."""
+    if isinstance(field, DensityField):
+        index = field.index_field(wavelength=instrument.wavelength, **relation)
+        field = index if index.is_uniform else index.resample(tolerance=1e-3)
+    if not isinstance(field, IndexField):
+        raise TypeError(f"field must be an IndexField, a DensityField or a Series, got {type(field).__name__}")
+    field.wavelength_for(instrument.wavelength)
+    ends = crossed(field, instrument)
+    places, share, coarse = beam_grid(field, instrument, ends, rays)
+    rows = []
+    for offset in offsets:
+        first, second = gathered(field, instrument, places, offset, ends)
+        difference = 2.0 * np.pi / instrument.wavelength * (first - second)
+        whole, half = ((light * np.exp(1j * difference)).sum() for light in (share, coarse))
+        mean = float(share @ difference)
+        # Beyond half a turn the phase follows the mean: a detector counts fringes.
+        phase = float(np.angle(whole))
+        phase += 2.0 * np.pi * np.rint((mean - phase) / (2.0 * np.pi))
+        rows.append((phase, abs(whole), mean, abs(np.angle(half / whole)) if whole else np.nan))
+    return np.asarray(rows)

@@ -1,0 +1,108 @@
+"""A focused laser differential interferometer against Schmidt and Shepherd's transfer function, and what it refuses.
+
+Set-up: sine waves along the beams' separation in a sheet whose strength is a bell of 0.2 mm along the beams, 32 samples
+to a wave. Formula: phase = k path K s H, with H the closed form's mean over the bell. Error sources: the spline's slope
+at 32 samples to a wave, (K h)^4 / 180 = 8e-6; rays of the beam, below 1e-6. Tolerance: 1e-3 of the greatest response.
+"""
+
+import numpy as np
+import pytest
+
+from aerokernels import FLDI, IndexField, fldi_response
+
+THICKNESS, STRENGTH = 2e-4, 1e-7
+
+
+def sheet(wave_number: float, distance: float, instrument: FLDI, phase: float = 0.0, room: float = 0.0) -> IndexField:
+    """Waves along y about z = distance, wide enough for both beams."""
+    step = 2.0 * np.pi / wave_number / 32
+    half = 3.0 * float(instrument.radius(distance)) + instrument.separation + room
+    count = int(np.ceil(half / step)) + 8
+    y = step * np.arange(-count, count + 1)
+    z = np.linspace(-0.75, 0.75, 25) * THICKNESS
+    contrast = STRENGTH * np.sin(wave_number * y + phase)[:, None] * bell(z)
+    return IndexField.from_samples(
+        contrast, origin=(y[0], distance + z[0]), spacing=(step, z[1] - z[0]), geometry="planar"
+    )
+
+
+def bell(z: np.ndarray) -> np.ndarray:
+    return np.where(np.abs(z) < 0.5 * THICKNESS, np.cos(np.pi * z / THICKNESS) ** 4, 0.0)
+
+
+@pytest.mark.parametrize("distance", [0.0, -0.004, 0.05])
+@pytest.mark.parametrize("focus", [0.0, 0.3])
+def test_sine_waves_at_any_place(distance: float, focus: float):
+    """Wave numbers of three decades; at (x, y, z) of the focus, in front of it and behind."""
+    instrument = FLDI(120e-6, 6e-6, focus=(0.01, 0.0, focus), direction=(0.0, 1.0, 0.0))
+    z = np.linspace(-0.5, 0.5, 201) * THICKNESS
+    for wave_number in np.geomspace(30.0, 3e4, 7):
+        field = sheet(wave_number, focus + distance, instrument)
+        found = fldi_response(field, instrument)
+        path = STRENGTH * 0.375 * THICKNESS
+        slope = 2.0 * np.pi / instrument.wavelength * path * wave_number * instrument.separation
+        expected = np.average(instrument.transfer(wave_number, distance + z), weights=bell(z))
+        assert abs(float(found.phase) / slope - expected) < 1e-3, wave_number
+        if expected > 1e-2:
+            assert float(found.phase) / slope == pytest.approx(expected, rel=1e-3)
+        assert float(found.error) / slope < 1e-3
+
+
+def test_closed_forms_agree():
+    """The mean over distances of H is the closed form with the error function; a wave across sees no separation."""
+    instrument = FLDI(1e-4, 5e-6)
+    wave_number = np.geomspace(1.0, 1e5, 21)
+    z = np.linspace(-0.02, 0.02, 200_001)
+    for index in (3, 10, 15, 20):
+        mean = np.trapezoid(instrument.transfer(wave_number[index], z), z) / 0.04
+        assert instrument.transfer_through(wave_number[index], 0.02) == pytest.approx(mean, rel=1e-5, abs=1e-12)
+    assert instrument.transfer(1e3, 0.0, angle=0.5 * np.pi) == pytest.approx(np.exp(-((1e3 * 5e-6) ** 2) / 8.0))
+    assert instrument.divergence == pytest.approx(632.8e-9 / (np.pi * 5e-6))
+
+
+def test_a_drifting_wave_is_a_sine_in_time():
+    """A frozen wave drifts by a quarter, half, ... : by offsets of the focus and by a series of fields alike."""
+    instrument = FLDI(120e-6, 20e-6, direction=(0.0, 1.0, 0.0))
+    turn = 2.0 * np.pi * np.arange(8) / 8
+    offsets = np.stack([np.zeros(8), turn / 5e3, np.zeros(8)], axis=1)
+    scanned = fldi_response(sheet(5e3, 0.0, instrument, room=2e-3), instrument, offsets=offsets)
+    series = fldi_response([sheet(5e3, 0.0, instrument, angle) for angle in turn], instrument, time=1e-6 * np.arange(8))
+    largest = float(np.abs(scanned.phase).max())
+    assert scanned.phase == pytest.approx(largest * np.cos(turn), abs=1e-3 * largest)
+    assert series.phase == pytest.approx(scanned.phase, abs=1e-3 * largest)
+    frequency, power = series.spectrum()
+    assert frequency[np.argmax(power)] == pytest.approx(125e3)
+    assert series.to_xarray().phase.dims == ("time",) and "8 phases" in repr(series)
+    assert series.signal()[2] == pytest.approx(0.5, abs=1e-3)
+
+
+def test_a_strong_gradient_turns_the_phase_by_many_fringes():
+    """An index that grows along y by g over the length L: the phase is k g L s, the visibility 1."""
+    y, z = np.linspace(-2e-3, 2e-3, 9), np.linspace(-0.01, 0.01, 9)
+    field = IndexField.from_samples(
+        np.repeat(0.5 * y[:, None], 9, axis=1),
+        origin=(y[0], z[0]),
+        spacing=(y[1] - y[0], z[1] - z[0]),
+        geometry="planar",
+    )
+    instrument = FLDI(120e-6, 20e-6, direction=(0.0, 1.0, 0.0))
+    found = fldi_response(field, instrument)
+    assert float(found.phase) == pytest.approx(2.0 * np.pi / instrument.wavelength * 0.5 * 0.02 * 120e-6, rel=1e-6)
+    assert float(found.visibility) == pytest.approx(1.0, abs=1e-9)
+    backward = FLDI(120e-6, 20e-6, direction=(0.0, -1.0, 0.0))
+    assert float(fldi_response(field, backward).phase) == pytest.approx(-float(found.phase))
+
+
+def test_what_is_refused():
+    instrument = FLDI(120e-6, 20e-6)
+    field = sheet(5e3, 0.0, instrument)
+    with pytest.raises(ValueError, match="separation"):
+        FLDI(0.0, 1e-5)
+    with pytest.raises(ValueError, match="along the axis"):
+        FLDI(1e-4, 1e-5, direction=(0.0, 0.0, 1.0))
+    with pytest.raises(ValueError, match="do not meet"):
+        fldi_response(field, FLDI(1e-4, 1e-5, focus=(0.0, 1.0, 0.0)))
+    with pytest.raises(TypeError, match="FLDI"):
+        fldi_response(field, "instrument")
+    with pytest.raises(ValueError, match="offsets"):
+        fldi_response(field, instrument, offsets=[1.0])
