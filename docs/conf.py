@@ -20,11 +20,11 @@ extensions = [
     "myst_nb",
     "sphinx.ext.autodoc",
     "sphinx.ext.napoleon",
-    "sphinx.ext.mathjax",
     "sphinx_gallery.gen_gallery",
     "sphinx_design",
     "sphinx_copybutton",
     "generated_pages",
+    "mathml",
     "plain_docstrings",
 ]
 exclude_patterns = ["_ext", "**/table.md", "**/tables.md", "examples/*", "gallery/*.ipynb", "sg_execution_times.rst"]
@@ -83,11 +83,16 @@ html_theme_options = {
     "show_toc_level": 2,
     "navigation_with_keys": False,
     "show_nav_level": 1,
-    "header_links_before_dropdown": 7,
+    "header_links_before_dropdown": 6,
+    "header_dropdown_text": "More",
+    "navbar_align": "left",
+    "navbar_persistent": [],
+    "navbar_end": ["search-button-field", "theme-switcher"],
     "article_footer_items": [],
     "footer_start": ["copyright"],
     "footer_center": [],
     "footer_end": ["sphinx-version"],
     "secondary_sidebar_items": ["page-toc"],
 }
-mathjax3_config = {"chtml": {"scale": 1.0}}
+html_math_renderer = "mathml"
+toc_object_entries_show_parents = "hide"

@@ -117,7 +117,7 @@ def resolve(name: str) -> Any:
 def _directive(name: str) -> str:
     thing = resolve(name)
     if inspect.isclass(thing):
-        return f".. autoclass:: {name}\n   :members:\n   :show-inheritance:\n"
+        return f".. autoclass:: {name}\n   :members:\n"
     if callable(thing):
         return f".. autofunction:: {name}\n"
     value = repr(thing)

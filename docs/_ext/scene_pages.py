@@ -87,7 +87,7 @@ def _type(annotation: Any, dimension: str | None) -> str:
     if origin is typing.Annotated:
         return _type(parts[0], dimension)
     if origin is Literal:
-        return ", ".join(f"`{part!r}`".replace("'", '"') for part in parts)
+        return ", ".join(f'"{part}"' for part in parts)
     if origin in (typing.Union, types.UnionType):
         words = [_type(part, dimension) for part in parts if part is not type(None)]
         return " or ".join(dict.fromkeys(words))
