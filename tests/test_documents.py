@@ -89,7 +89,11 @@ def toctree(path: Path) -> list[Path]:
         if kind == "{toctree}":
             entries = [line.strip() for line in body.splitlines() if line.strip() and not line.startswith(":")]
             for entry in entries:
-                found += sorted(path.parent.glob("*.md")) if entry == "*" else [(path.parent / f"{entry}.md").resolve()]
+                found += (
+                    sorted(path.parent.glob(f"{entry}.md"))
+                    if "*" in entry
+                    else [(path.parent / f"{entry}.md").resolve()]
+                )
     return [page for page in found if page != path]
 
 

@@ -16,6 +16,7 @@ PACKAGES = {
     "zernike": ("Zernike polynomials", "The polynomials and their indices."),
     "waves": ("Waves", "Wave optics beside the rays: split-step propagation, and when rays are not enough."),
     "schlieren": ("Schlieren", "Pictures of a schlieren bench, and what is read off them."),
+    "imaging": ("Imaging", "Pictures through a flow, and background-oriented schlieren."),
     "series": ("Series", "Snapshots of a flow in time, their statistics, and maps over look angles."),
     "echo": ("Echo and range", "The echo of a pulsed laser rangefinder, its detector chain, and the range it reads."),
     "scene": ("Scenes", "What a user describes in a TOML file."),
@@ -36,7 +37,7 @@ INNER = {
     "rays": {"as_unit_vector", "as_vector", "transverse_axes", "unit_disc_samples"},
 }
 # Where a top-level name is shown that lives in a module without a page of its own.
-SHOWN = {"strehl": "strehl_estimate", "jobs.run": "jobs", "jobs.sweeps.run": "jobs", "pupils": "rays"}
+SHOWN = {"strehl": "strehl_estimate", "sensor": "imaging", "jobs.run": "jobs", "jobs.sweeps.run": "jobs", "pupils": "rays"}
 
 
 def _top_level() -> dict[str, list[str]]:
@@ -58,7 +59,7 @@ def shown_names() -> dict[str, list[str]]:
     top = _top_level()
     claimed = {id(getattr(aerokernels, name)) for names in top.values() for name in names}
     shown: dict[str, list[str]] = {}
-    for page in PACKAGES:
+    for page in (*PACKAGES, *(page for page in top if page not in PACKAGES)):
         names = [f"aerokernels.{name}" for name in top.get(page, [])]
         module = _module(page)
         if module is not None and page != "jobs":
@@ -72,10 +73,15 @@ def shown_names() -> dict[str, list[str]]:
         if page == "strehl_estimate":
             names.append("aerokernels.strehl.strehl")
         shown[page] = names + [f"aerokernels.{name}" for name in MORE.get(page, []) if _exists(name)]
-    missing = set(top) - set(PACKAGES)
-    if missing:
-        raise ValueError(f"docs/_ext/api_pages.py has no page for the public names of {', '.join(sorted(missing))}")
     return shown
+
+
+def _heading(page: str) -> tuple[str, str]:
+    """Title and sentence of a page; those of a package that has none here are made from its docstring."""
+    if page in PACKAGES:
+        return PACKAGES[page]
+    words = (_module(page).__doc__ or "").strip().split("\n\n")[0]
+    return page.rpartition(".")[2].replace("_", " ").capitalize(), " ".join(words.split())
 
 
 def pages() -> dict[str, str]:
@@ -83,7 +89,7 @@ def pages() -> dict[str, str]:
     texts = {}
     rows = []
     for page, names in shown_names().items():
-        title, words = PACKAGES[page]
+        title, words = _heading(page)
         directives = "\n".join(_directive(name) for name in names)
         texts[f"{page}.md"] = f"# {title}\n\n{words}\n\n```{{eval-rst}}\n{directives}```\n"
         short = ", ".join("`" + name.rpartition(".")[2] + "`" for name in names)
