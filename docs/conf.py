@@ -28,7 +28,11 @@ extensions = [
     "plain_docstrings",
 ]
 exclude_patterns = ["_ext", "**/table.md", "**/tables.md", "examples/*", "gallery/*.ipynb", "sg_execution_times.rst"]
-suppress_warnings = ["config.cache", "toc.empty_glob", *([] if execute else ["myst-nb.lexer"])]  # the kernel that runs tells the language
+suppress_warnings = [
+    "config.cache",
+    "toc.empty_glob",
+    *([] if execute else ["myst-nb.lexer"]),
+]  # the kernel that runs tells the language
 
 # Pages
 myst_enable_extensions = ["colon_fence", "deflist", "dollarmath", "fieldlist", "attrs_inline"]

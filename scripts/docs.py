@@ -125,13 +125,19 @@ def remake(name: str) -> None:
     commit = subprocess.run(
         ["git", "rev-parse", "--short", "HEAD"], cwd=ROOT, check=True, capture_output=True, text=True
     )
-    text = RECORDS.read_text(encoding="utf-8")
+    today = datetime.date.today().isoformat()
+    text = noted(RECORDS.read_text(encoding="utf-8"), name, commit.stdout.strip(), today)
+    RECORDS.write_text(text, encoding="utf-8")
+
+
+def noted(text: str, name: str, commit: str, date: str) -> str:
+    """The records with another commit and date for one of them."""
     start = text.index(f"[{name}]")
     end = text.find("\n[", start)
     record = text[start : end if end >= 0 else None]
-    new = re.sub(r'^commit = ".*"$', f'commit = "{commit.stdout.strip()}"', record, flags=re.MULTILINE)
-    new = re.sub(r'^date = ".*"$', f'date = "{datetime.date.today().isoformat()}"', new, flags=re.MULTILINE)
-    RECORDS.write_text(text.replace(record, new), encoding="utf-8")
+    new = re.sub(r'^commit = ".*"$', f'commit = "{commit}"', record, flags=re.MULTILINE)
+    new = re.sub(r'^date = ".*"$', f'date = "{date}"', new, flags=re.MULTILINE)
+    return text[:start] + new + (text[end:] if end >= 0 else "")
 
 
 if __name__ == "__main__":

@@ -6,6 +6,7 @@
 import ast
 import doctest
 import importlib
+import importlib.util
 import re
 import shlex
 import sys
@@ -329,6 +330,39 @@ def test_docstrings_become_restructuredtext():
     assert readable(["With |a|^2 * b_ and `x * y`."]) == [r"With \|a\|^2 \* b\_ and `x * y`."]
     assert readable(["It is:", "", "    a * b", "", "And on."]) == ["It is::", "", "    a * b", "", "And on."]
     assert readable(["Args:", "    x: one * two."]) == ["Args:", r"    x: one \* two."]
+
+
+@pytest.fixture
+def builder():
+    """scripts/docs.py as a module."""
+    spec = importlib.util.spec_from_file_location("builder_of_documents", ROOT / "scripts" / "docs.py")
+    assert spec is not None and spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+def test_dead_links_of_a_site_are_found(builder, tmp_path: Path):
+    """A page, an anchor and a picture that are there; one of each that is not; what lies elsewhere is not followed."""
+    (tmp_path / "part").mkdir()
+    (tmp_path / "part" / "page.html").write_text('<h1 id="top">x</h1><a href="../index.html#here">up</a>')
+    (tmp_path / "shown.png").write_bytes(b"")
+    alive = (
+        '<p id="here"></p><a href="part/page.html#top"></a><img src="shown.png"><a href="https://example.org/x"></a>'
+    )
+    dead = '<a href="part/gone.html"></a><a href="part/page.html#gone"></a><img src="gone.png">'
+    (tmp_path / "index.html").write_text(alive)
+    assert builder.dead_links(tmp_path) == []
+    (tmp_path / "index.html").write_text(alive + dead)
+    found = [link.partition(": ")[2] for link in builder.dead_links(tmp_path)]
+    assert found == ["gone.png", "part/gone.html", "part/page.html#gone"]
+
+
+def test_a_record_is_noted_by_its_name_alone(builder):
+    text = '[one]\ncommit = "aaa"\ndate = "2026-01-01"\n\n[two]\ncommit = "bbb"\ndate = "2026-01-02"\n'
+    noted = tomllib.loads(builder.noted(text, "one", "ccc", "2026-02-03"))
+    assert noted["one"] == {"commit": "ccc", "date": "2026-02-03"}
+    assert noted["two"] == {"commit": "bbb", "date": "2026-01-02"}
 
 
 def modules_with_examples() -> list[str]:

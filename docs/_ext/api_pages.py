@@ -37,7 +37,13 @@ INNER = {
     "rays": {"as_unit_vector", "as_vector", "transverse_axes", "unit_disc_samples"},
 }
 # Where a top-level name is shown that lives in a module without a page of its own.
-SHOWN = {"strehl": "strehl_estimate", "sensor": "imaging", "jobs.run": "jobs", "jobs.sweeps.run": "jobs", "pupils": "rays"}
+SHOWN = {
+    "strehl": "strehl_estimate",
+    "sensor": "imaging",
+    "jobs.run": "jobs",
+    "jobs.sweeps.run": "jobs",
+    "pupils": "rays",
+}
 
 
 def _top_level() -> dict[str, list[str]]:
