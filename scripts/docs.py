@@ -40,7 +40,9 @@ def main() -> None:
     os.environ["PATH"] = f"{Path(sys.executable).parent}{os.pathsep}{os.environ.get('PATH', '')}"
     os.environ["PYTHONPATH"] = f"{ROOT}{os.pathsep}{os.environ.get('PYTHONPATH', '')}".rstrip(os.pathsep)
     faults = docstring_examples()
-    faults += run("the pages against the program", ["-m", "pytest", "-q", str(ROOT / "tests" / "test_documents.py")])
+    faults += run(
+        "the pages against the program", ["-m", "pytest", "-q", *map(str, (ROOT / "tests").glob("test_document*.py"))]
+    )
     os.environ["AEROKERNELS_DOCS_EXECUTE"] = "off" if options.no_execute else "on"
     build = ["-m", "sphinx", "-b", "html", "-W", "--keep-going", "-q", str(ROOT / "docs"), str(options.out)]
     faults += run("the build", build)
