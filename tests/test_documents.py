@@ -127,8 +127,8 @@ def command_lines(path: Path) -> list[str]:
     for kind, body in blocks(path):
         if kind in ("", "sh", "bash", "indented", "console") or kind.startswith("{code-cell}"):
             joined = re.sub(r"\\\n\s*", " ", body)
-            cell = kind.startswith("{code-cell}")
-            for line in (line for line in joined.splitlines() if line.startswith("!") or not cell):
+            python = kind.startswith("{code-cell}") and "%%bash\n" not in body
+            for line in (line for line in joined.splitlines() if line.startswith("!") or not python):
                 line = line.strip().removeprefix("!").removeprefix("$ ")
                 lines += [part for part in re.split(r";\s*(?:do|done)?|&&|\|", line) if "aerokernels " in part]
     lines += [text for text in re.findall(r"`([^`]+)`", prose_of(path)) if text.startswith("aerokernels ")]
@@ -182,7 +182,7 @@ def test_scene_keys_exist(path: Path):
 def python_blocks(path: Path) -> list[str]:
     """Python of a page, its cells joined as they are executed."""
     plain = [body for kind, body in blocks(path) if kind == "python"]
-    cells = [body for kind, body in blocks(path) if kind.startswith("{code-cell}") and not body.startswith("%%")]
+    cells = [body for kind, body in blocks(path) if kind.startswith("{code-cell}") and "%%" not in body]
     lines = "\n".join(re.sub(r"\A(?::[^\n]*\n)+", "", body) for body in cells).splitlines()
     joined = "\n".join(line for line in lines if not line.lstrip().startswith("!"))
     return plain + ([joined] if joined.strip() else [])
