@@ -37,6 +37,12 @@ def strehl(opd, wavelength: float, weights=None, remove=("piston",), *, points=N
         TypeError: The wavelength is not one number.
         ValueError: A wavelength outside 0.1 to 20 um, numbers that are not finite, an OPD of so many waves that its
             unit must be another one, shapes that disagree, an unknown term.
+
+    Examples:
+        >>> import numpy as np
+        >>> step = 0.5 * 905e-9 * (np.arange(1000) < 500)  # half a wave over half of the pupil
+        >>> round(strehl(step, 905e-9), 6)
+        0.0
     """
     wavelength = check_wavelength(wavelength)
     points = map_points(opd, points)
@@ -47,7 +53,14 @@ def strehl(opd, wavelength: float, weights=None, remove=("piston",), *, points=N
 
 
 def strehl_marechal(opd, wavelength: float, weights=None, remove=("piston",), *, points=None) -> float:
-    """Marechal's approximation exp(-(k sigma)^2) of the Strehl ratio; arguments and errors as for `strehl`."""
+    """Marechal's approximation exp(-(k sigma)^2) of the Strehl ratio; arguments and errors as for `strehl`.
+
+    Examples:
+        >>> import numpy as np
+        >>> step = 0.5 * 905e-9 * (np.arange(1000) < 500)  # the exact ratio is 0
+        >>> round(strehl_marechal(step, 905e-9), 3)
+        0.085
+    """
     wavelength = check_wavelength(wavelength)
     points = map_points(opd, points)
     opd, weights = check_wavefront(opd, weights)

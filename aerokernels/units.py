@@ -73,6 +73,10 @@ def quantity(value: float | str, dimension: str) -> float:
         TypeError: `value` is neither a number nor a text.
         ValueError: No number, an unknown unit, a unit of another dimension, a number that is not finite, or an unknown
             dimension. The message names the value and the units that are accepted.
+
+    Examples:
+        >>> quantity("905 nm", "length")
+        9.05e-07
     """
     if dimension not in _DIMENSIONS:
         raise ValueError(f"dimension {dimension!r} is not known: choose one of {', '.join(DIMENSIONS)}")

@@ -40,7 +40,12 @@ def _order(n, m) -> tuple[int, int]:
 
 
 def noll_to_nm(index: int) -> tuple[int, int]:
-    """Order (n, m) of Noll's index, from 1."""
+    """Order (n, m) of Noll's index, from 1.
+
+    Examples:
+        >>> noll_to_nm(7)
+        (3, -1)
+    """
     index = _index(index, 1, "Noll")
     n = (math.isqrt(8 * (index - 1) + 1) - 1) // 2
     rest = index - 1 - n * (n + 1) // 2
@@ -49,7 +54,12 @@ def noll_to_nm(index: int) -> tuple[int, int]:
 
 
 def nm_to_noll(n: int, m: int) -> int:
-    """Noll's index, from 1, of an order (n, m)."""
+    """Noll's index, from 1, of an order (n, m).
+
+    Examples:
+        >>> nm_to_noll(3, -1)
+        7
+    """
     n, m = _order(n, m)
     first = (m > 0 and n % 4 in (0, 1)) or (m < 0 and n % 4 in (2, 3))
     return n * (n + 1) // 2 + abs(m) + (0 if first else 1)

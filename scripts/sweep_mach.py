@@ -8,7 +8,7 @@ from aerokernels.validation.paper.printed import SIMULATED, TABLE_3
 from aerokernels.validation.report import filled, write_csv
 
 ROOT = Path(__file__).resolve().parents[1]
-README = ROOT / "README.md"
+PAGE = ROOT / "docs" / "sweep-mach.md"
 
 
 def main() -> None:
@@ -16,18 +16,18 @@ def main() -> None:
     parser = argparse.ArgumentParser(prog="scripts/sweep_mach", description=__doc__.splitlines()[0])
     parser.add_argument("--out", type=Path, default=ROOT / "docs" / "sweep_mach")
     parser.add_argument("--rays", type=int, metavar="COUNT", help="rays for each Strehl ratio, fewer for a quick look")
-    parser.add_argument("--readme", action="store_true", help="put the table into README.md, between its markers")
+    parser.add_argument("--page", action="store_true", help="put the table into docs/sweep-mach.md too")
     options = parser.parse_args()
     points = []
     try:
-        if options.readme:  # before the work, not after it
-            filled(README, {"sweep_mach": ""})
+        if options.page:  # before the work, not after it
+            filled(PAGE, {"sweep_mach": ""})
         for number, name in enumerate(SCENES, start=1):
             print(f"{number}/{len(SCENES)} {name}", flush=True)
             points.append(run_scene(name, options.rays))
         text = table(points)
-        if options.readme:
-            README.write_text(filled(README, {"sweep_mach": text}), encoding="utf-8")
+        if options.page:
+            PAGE.write_text(filled(PAGE, {"sweep_mach": text}), encoding="utf-8")
     except ValueError as fault:
         parser.error(str(fault))
     options.out.mkdir(parents=True, exist_ok=True)

@@ -208,7 +208,7 @@ def test_tables_go_between_their_marks(tmp_path: Path):
 PAGES = {
     "docs/paper.md": ("figure1", "table2", "figure5", "table3", "table4", "table5", "table6", "walk", "ranges"),
     "docs/accuracy.md": ("evaluations-rms", "evaluations-tighter", "evaluations-max", "time", "default", "reported"),
-    "README.md": ("sweep_mach",),
+    "docs/sweep-mach.md": ("sweep_mach",),
 }
 
 

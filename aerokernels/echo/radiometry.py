@@ -121,6 +121,14 @@ def plane_target_echo(
         ValueError: A length, time or power that is not positive and finite, a share outside 0 to 1, a tilt of a right
             angle or more, unknown limits, times that are not finite, a closed form asked of another pulse.
         TypeError: An argument that is not a number.
+
+    Examples:
+        >>> import numpy as np
+        >>> laser = {"peak_power": 75.0, "beam_radius": 30e-3, "pulse_tau": 6e-9}
+        >>> place = {"receiver_diameter": 12e-3, "distance": 1.5, "reflectivity": 0.3}
+        >>> power = plane_target_echo(np.arange(0.0, 40e-9, 1e-10), **laser, **place)
+        >>> round(1e6 * power.max())  # microwatts
+        360
     """
     times = as_finite_array(time, "time")
     power, diameter = (

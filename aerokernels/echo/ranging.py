@@ -68,6 +68,13 @@ def estimate_range(
         ValueError: The signal never crosses the threshold (the message says its peak), the record cuts the pulse, an
             argument that the method needs is missing, uneven times, shapes that disagree, an unknown method.
         TypeError: An argument that is not a number.
+
+    Examples:
+        >>> import numpy as np
+        >>> time = np.arange(0.0, 40e-9, 1e-10)
+        >>> voltage = np.exp(-(((time - 10e-9) / 6e-9) ** 2))
+        >>> round(estimate_range(time, voltage, "centroid"), 3)
+        1.499
     """
     reading = read_range(time, voltage, method, threshold=threshold, template=template, fraction=fraction)
     _, volts, period = as_waveform(time, voltage)

@@ -111,6 +111,10 @@ def tunnel_conditions(
     Raises:
         ValueError: A value that is not positive and finite, a pressure below 10 Pa or a temperature below 45 K at rest,
             or gamma not above 1.
+
+    Examples:
+        >>> round(tunnel_conditions(3.0, 0.36e6, 288.0).density, 4)
+        0.3319
     """
     positive(mach, "mach")
     positive(stagnation_pressure, "stagnation_pressure")

@@ -13,7 +13,12 @@ _NAMES = ("mach2", "mach3", "mach4")
 
 
 def shipped_names() -> tuple[str, ...]:
-    """Names that `shipped` knows."""
+    """Names that `shipped` knows.
+
+    Examples:
+        >>> shipped_names()
+        ('mach2', 'mach3', 'mach4')
+    """
     return _NAMES
 
 

@@ -64,6 +64,10 @@ def normal_shock(mach: float, *, gamma: float = GAMMA_AIR) -> Shock:
 
     Raises:
         ValueError: A Mach number below 1 or not finite, or gamma not above 1.
+
+    Examples:
+        >>> round(normal_shock(2.0).density_ratio, 4)
+        2.6667
     """
     _check_supersonic(mach, gamma)
     return _behind(mach, 0.5 * math.pi, 0.0, gamma)
@@ -81,6 +85,12 @@ def oblique_shock(mach: float, deflection: float, *, strong: bool = False, gamma
     Raises:
         ValueError: A Mach number below 1, a negative deflection, or a deflection so large that the shock detaches (the
             message gives the greatest).
+
+    Examples:
+        >>> import math
+        >>> shock = oblique_shock(3.0, math.radians(15.0))
+        >>> round(math.degrees(shock.shock_angle), 2), round(shock.density_ratio, 3)
+        (32.24, 2.032)
     """
     _check_supersonic(mach, gamma)
     if not (math.isfinite(deflection) and deflection >= 0.0):
@@ -109,6 +119,11 @@ def prandtl_meyer(mach: float, *, gamma: float = GAMMA_AIR) -> PrandtlMeyer:
 
     Raises:
         ValueError: A Mach number below 1 or not finite, or gamma not above 1.
+
+    Examples:
+        >>> import math
+        >>> round(math.degrees(prandtl_meyer(2.0).angle), 2)
+        26.38
     """
     _check_supersonic(mach, gamma)
     root = math.sqrt(mach**2 - 1.0)

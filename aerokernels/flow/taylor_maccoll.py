@@ -44,6 +44,11 @@ def cone_shock(mach: float, half_angle: float, *, gamma: float = GAMMA_AIR) -> C
     Raises:
         ValueError: A Mach number below 1, a half angle that is not positive, or one so large that the shock detaches
             (the message gives the greatest).
+
+    Examples:
+        >>> import math
+        >>> round(math.degrees(cone_shock(3.0, math.radians(15.0)).shock_angle), 2)
+        25.26
     """
     _check_supersonic(mach, gamma)
     if not (math.isfinite(half_angle) and half_angle >= LEAST_HALF_ANGLE):

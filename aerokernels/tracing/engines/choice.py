@@ -1,7 +1,7 @@
 """Which engines can trace here, and which one "auto" takes.
 
 The order is fixed, so that the same installation always does the same: a GPU before a CPU, and on either OpenCL where
-it has a device that can trace, else Warp. docs/backends.md has the speeds of both. AEROKERNELS_CPU_BACKEND and
+it has a device that can trace, else Warp. docs/backend-speed.md has the speeds of both. AEROKERNELS_CPU_BACKEND and
 AEROKERNELS_GPU_BACKEND, "warp" or "opencl", put the other one first.
 """
 
@@ -104,7 +104,7 @@ def preferred(warp: list[BackendInfo], opencl: list[BackendInfo]) -> list[Backen
     forced = os.environ.get(variable)
     if forced not in (None, "", "warp", "opencl"):
         raise ValueError(f"{variable} is {forced!r}: set it to 'warp' or 'opencl', or unset it")
-    reason = "OpenCL goes before Warp where it can trace: about as fast or faster (docs/backends.md)"
+    reason = "OpenCL goes before Warp where it can trace: about as fast or faster (docs/backend-speed.md)"
     taken, other = (warp[0], opencl[0]) if forced == "warp" else (opencl[0], warp[0])
     return [
         replace(taken, reason=f"{variable} says so" if forced else reason),

@@ -63,7 +63,7 @@ def read_range(distance: float) -> str:
 
 
 def table(points: list[Point]) -> str:
-    """The table of the docs and the README."""
+    """The table of the documents."""
     heading = ["scene", "Strehl ratio", "Maréchal", "OPD rms [nm]", "boresight [µrad]", "peak [V]", "paper, test [V]"]
     heading += ["paper, simulated [V]", "range, leading edge [m]", "range, constant fraction [m]"]
     rows = [
