@@ -2,8 +2,10 @@
 
 import sys
 import warnings
+from copy import copy
 from dataclasses import replace
 from functools import partial
+from typing import Any
 
 import numpy as np
 
@@ -17,7 +19,7 @@ from .tracing.lines import box_size
 from .tracing.meeting import greatest_contrast
 from .tracing.plan import TracePlan
 from .tracing.pupil_fit import fit_moments, fit_terms
-from .tracing.pupil_job import REPLICATES, make_job
+from .tracing.pupil_job import REPLICATES, PupilJob, make_job
 from .tracing.retrace import report_rejected
 from .wavefront import check_terms
 
@@ -177,27 +179,57 @@ class PreparedStrehl:
         if not isinstance(ray_count, (int, np.integer)) or ray_count < REPLICATES:
             raise ValueError(f"ray_count must be a whole number of at least {REPLICATES}, got {ray_count!r}")
         self.look = pupil.normal if direction is None else as_unit_vector(direction, "direction")
+        self.asked_wavelength, self.allow_truncation = wavelength, allow_truncation
+        self.choices: dict[str, Any] = {
+            "symmetry": symmetry,
+            "bundle": bundle,
+            "method": method,
+            "backend": backend,
+            "device": device,
+            "precision": precision,
+            "step": step,
+            "tolerance": tolerance,
+            "max_steps": max_steps,
+        }
+        self.ray_count = int(ray_count)
+        self.seconds: dict[str, float] = {}
+        self._make_job(None)
+
+    def _make_job(self, like: PupilJob | None) -> None:
         with stage("plan"):
             self.job = make_job(
-                field,
-                pupil,
+                self.field,
+                self.pupil,
                 self.look,
                 self.wavelength,
-                int(ray_count),
+                self.ray_count,
                 self.remove,
-                symmetry,
-                bundle,
-                method=method,
-                backend=backend,
-                device=device,
-                precision=precision,
-                step=step,
-                tolerance=tolerance,
-                max_steps=max_steps,
+                like=like,
+                **self.choices,
             )
-        self.job.air.check(allow_truncation)
+        self.job.air.check(self.allow_truncation)
         self.plan = self.job.plan
-        self.seconds: dict[str, float] = {}
+
+    def with_field(self, field: IndexField) -> "PreparedStrehl":
+        """The same pupil made ready for other values of the field, as of another instant of a flow.
+
+        Kernels are kept. What was chosen for this field, the number of samples and of rays, is confirmed for the other
+        one instead of being sought again, and sought where it does not hold; so the rays may be others than those of
+        `prepare_strehl`, within the same errors.
+
+        Raises:
+            TypeError: `field` is no IndexField.
+            ValueError: As for `estimate_strehl`.
+        """
+        if not isinstance(field, IndexField):
+            raise TypeError(f"field must be an IndexField, got {type(field).__name__}")
+        made = copy(self)
+        with clocked() as seconds:
+            made.field, made.wavelength = field, field.wavelength_for(self.asked_wavelength)
+            made._make_job(self.job)
+            made.plan = made.job.planned()  # uploads
+        made.seconds = seconds
+        return made
 
     def __call__(self, seed: int = 0) -> StrehlEstimate:
         """Launch the points of a seed, trace them and sum.

@@ -105,3 +105,25 @@ def test_cells_are_never_skipped():
 def test_bundle_is_checked():
     with pytest.raises(ValueError, match="bundle 'on' is not known"):
         estimate_strehl(volume(1e-5), Disc(1e-3, (0.0, 0.0, -1.2e-3)), bundle="on", **OPTIONS)
+
+
+def test_other_values_on_the_same_grid():
+    """What was chosen is confirmed: the samples of the field before, and its value as if it were made ready anew.
+
+    Where it does not hold, as between samples of a field with structure of a cell's size, it is sought again.
+    """
+    pupil = Disc(1e-3, (1e-4, 0.0, -1.2e-3))
+    seen = prepare_strehl(volume(3e-4), pupil, **OPTIONS)
+    other = volume(2.4e-4)
+    again, anew = seen.with_field(other), prepare_strehl(other, pupil, **OPTIONS)
+    assert again.plan.sample_count == seen.plan.sample_count > 0
+    first, second = again(seed=3), anew(seed=3)
+    assert abs(first.value - second.value) < 4.0 * np.hypot(first.standard_error, second.standard_error) + 1e-6
+    assert seen(seed=3).value != first.value and seen.field is not other
+    fine = np.array(other.samples.samples)
+    fine += 3e-5 * np.cos(np.pi * np.arange(17))
+    rough = IndexField.from_samples(fine, origin=other.samples.origin, spacing=(H,) * 3, geometry="volume")
+    found = seen.with_field(rough)
+    assert found.plan.sample_count == prepare_strehl(rough, pupil, **OPTIONS).plan.sample_count > seen.plan.sample_count
+    with pytest.raises(TypeError, match="must be an IndexField"):
+        seen.with_field(fine)

@@ -85,7 +85,13 @@ def spread_of(rays: RayBundle) -> RayBundle:
 
 
 def fit_leapfrog(
-    field: IndexField, pilot: RayBundle, plan: TracePlan, until, wavelength: float, spread
+    field: IndexField,
+    pilot: RayBundle,
+    plan: TracePlan,
+    until,
+    wavelength: float,
+    spread,
+    like: TracePlan | None = None,
 ) -> TracePlan | None:
     """The plan with the number of leapfrog samples that holds its tolerance; None where error control costs less.
 
@@ -96,12 +102,18 @@ def fit_leapfrog(
         until: The stop.
         wavelength: Vacuum wavelength [m].
         spread: Makes enough of the rays to show where the bundle goes.
+        like: A plan of such rays through a field like this one: its number is taken where the pilot confirms it.
     """
     stop = None if until is None else (until.point.tobytes(), until.normal.tobytes())
     bundle = hash((pilot.position.tobytes(), pilot.direction.tobytes()))
     plan = replace(plan, levers=levers_of(field, pilot, until))
     key = ("even", bundle, stop, plan.tolerance, wavelength, plan.backend, plan.device, plan.precision)
-    fitted = field.derive(key, lambda: _fit(field, pilot, plan, until, wavelength, spread()))
+    given = field, pilot, plan, until, wavelength, spread()
+    fitted = None
+    if like is not None and like.sample_count:
+        fitted = field.derive(("confirmed", *key[1:], like.sample_count), lambda: _confirm(*given, like.sample_count))
+    if fitted is None:
+        fitted = field.derive(key, lambda: _fit(*given))
     count, shares, worst, sampling = fitted
     if not count:
         return None
@@ -161,15 +173,37 @@ def _fit(
             levels.append(finest)
         worst = level.error(finest)
         if level.is_fit and worst <= budget:
-            share = SAFETY * worst / level.difference if level.difference > 0.0 else GREATEST_SHARE
-            bends = _Level(
-                field, pilot, replace(plan, trajectory_error_scale=1.0), until, wavelength, count, 0.0
-            ).difference
-            trajectory_error_scale = SAFETY * worst / bends if bends > 0.0 else 0.0
-            shares = min(max(share, LEAST_SHARE), GREATEST_SHARE), min(trajectory_error_scale, GREATEST_BEND)
+            shares = _shares(field, pilot, plan, until, wavelength, level, worst)
             return count, shares, worst, between.sampling(count)
         count = _in_threes(1.25 * count)
     return nothing
+
+
+def _confirm(
+    field: IndexField, pilot: RayBundle, plan: TracePlan, until, wavelength: float, spread: RayBundle, count: int
+) -> tuple[int, tuple, float, Sampling | None] | None:
+    """What `_fit` returns, for this number of samples; None where it does not hold, or rays may miss what counts."""
+    held = held_error(field, plan.tolerance * wavelength)
+    if count < _least_samples(field, pilot, held, plan.levers):
+        return None
+    level, finest = (_Level(field, pilot, plan, until, wavelength, number) for number in (count, 3 * count))
+    worst = level.error(finest)
+    if not (level.is_fit and finest.is_fit and worst <= held / MARGIN):
+        return None
+    if not _Between(field, spread, until, held, plan.levers).is_nothing(count):
+        return None
+    return count, _shares(field, pilot, plan, until, wavelength, level, worst), worst, None
+
+
+def _shares(
+    field: IndexField, pilot: RayBundle, plan: TracePlan, until, wavelength: float, level: "_Level", worst: float
+) -> tuple[float, float]:
+    """The scales of a ray's own error estimate, by which it covers the pilot's greatest error [m]."""
+    share = SAFETY * worst / level.difference if level.difference > 0.0 else GREATEST_SHARE
+    bending = replace(plan, trajectory_error_scale=1.0)
+    bends = _Level(field, pilot, bending, until, wavelength, level.count, 0.0).difference
+    trajectory_error_scale = SAFETY * worst / bends if bends > 0.0 else 0.0
+    return min(max(share, LEAST_SHARE), GREATEST_SHARE), min(trajectory_error_scale, GREATEST_BEND)
 
 
 class _Between:
@@ -226,6 +260,14 @@ class _Between:
     def _greatest(self, count: int) -> float:
         """The most that any ray misses between this many samples [m]."""
         return greatest_error(self.field, self._sampled(count), self.lines) if len(self.lines.way) else 0.0
+
+    def is_nothing(self, count: int) -> bool:
+        """Whether nothing lies between this many samples: by the rule's own bound, or by what it leaves of the rest."""
+        if not len(self.lines.way):
+            return True
+        allowed = NEGLIGIBLE * self.held
+        by_rule = greatest_error(self.field, self._sampled(count), self.lines, by_rule=True)
+        return by_rule <= allowed or self._greatest(count) <= allowed
 
     def sampling(self, count: int) -> Sampling | None:
         """How this many samples lie along the rays; None where nothing lies between them."""

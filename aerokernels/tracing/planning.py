@@ -25,11 +25,12 @@ STRAIGHT = "; along the undisturbed line, with the second-order correction of th
 
 
 def plan_rays(
-    field: IndexField, pilot, ray_count: int, until, *, method, wavelength, spread=None, **choices
+    field: IndexField, pilot, ray_count: int, until, *, method, wavelength, spread=None, like=None, **choices
 ) -> TracePlan:
     """The plan of a bundle, by leapfrog where that holds its tolerance; `pilot()` makes some of its rays.
 
-    `spread()` makes as many as show where all of them go; None where the pilot does.
+    `spread()` makes as many as show where all of them go; None where the pilot does. `like` is the plan of such rays
+    through a field like this one, whose number of samples is taken where the pilot confirms it.
 
     The other arguments are those of `make_plan`.
 
@@ -44,7 +45,7 @@ def plan_rays(
         trial = make_plan(field, method="straight", wavelength=wavelength, **choices)  # predicts nothing: a pilot will
         if trial.backend != "reference":
             trial = replace(trial, method=LEAPFROG, reasons=trial.reasons[1:])  # without that of the method
-            plan = fit_leapfrog(field, pilot(), trial, until, wavelength, spread or pilot)
+            plan = fit_leapfrog(field, pilot(), trial, until, wavelength, spread or pilot, like)
             if plan is not None:
                 return plan
     return make_plan(field, method=method, wavelength=wavelength, **choices)

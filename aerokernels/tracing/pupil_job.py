@@ -37,6 +37,7 @@ class PupilJob:
         task: What is traced; fewer rays where radial quadrature takes the place of the disc.
         air: What the rays may lose where the known air ends.
         sizes: Points of the lattices that may take the place of the points of `task`, see lattice_quadrature.py.
+        is_known: Whether the first of them is taken without being tried.
     """
 
     plan: TracePlan
@@ -45,6 +46,7 @@ class PupilJob:
     task: PupilTask
     air: PupilAir
     sizes: tuple[int, ...] = ()
+    is_known: bool = False
 
     @property
     def predicted_ray_count(self) -> int:
@@ -81,6 +83,8 @@ class PupilJob:
         for size in self.sizes:
             if may_still_settle(errors, size):
                 tried = _runner(replace(self.task, per_replicate=size, generator=LATTICES[size]))
+                if self.is_known:
+                    return tried
                 errors[size] = tried(PILOT_SEED).standard_error
                 if errors[size] <= ENOUGH:
                     return tried
@@ -113,9 +117,12 @@ def make_job(
     remove,
     symmetry,
     bundle: str = "auto",
+    like: PupilJob | None = None,
     **choices,
 ) -> PupilJob:
     """A pupil planned; `choices` are those of `make_plan`.
+
+    `like` is a job with the same choices through a field like this one: what it found is confirmed, not sought again.
 
     Raises:
         ValueError: A name or number that makes no sense; symmetry=True without symmetry; no ray that meets the field.
@@ -136,6 +143,7 @@ def make_job(
         path_length=None,
         wavelength=wavelength,
         directions=look[None],
+        like=None if like is None else like.plan,
         **choices,
     )
     plan = replace(plan, reasons=(*plan.reasons, why))
@@ -156,7 +164,10 @@ def make_job(
         and float(np.hypot(*pupil.center[:2])) < 0.05 * pupil.reach,
         is_radial=radial_rays > 0,
     )
-    return PupilJob(plan, until, per_replicate, task, air, () if radial_rays else sizes)
+    known = 0 if like is None or not like.run.task.generator else like.run.task.per_replicate
+    is_known = known in sizes and not radial_rays
+    sizes = () if radial_rays else (known,) if is_known else sizes
+    return PupilJob(plan, until, per_replicate, task, air, sizes, is_known)
 
 
 def _check_size(field: IndexField, pupil: Pupil) -> None:
