@@ -250,9 +250,9 @@ class PreparedStrehl:
             sums = job.refined(seed)
             standard_error = sums.standard_error
             traced += job.per_replicate * REPLICATES
-            points = "fan" if job.is_radial else "lattice"
+            points = "radial quadrature" if job.is_radial else "lattice"
             finer = f"one of {REPLICATES} x {job.per_replicate}" if job.is_radial else "as many rays as were asked for"
-            more = f"standard error of that {points} above {job.settled:g}, as at an edge: {finer}"
+            more = f"standard error of the {points} above {job.settled:g}, as at an edge: {finer}"
             plan = replace(plan, reasons=(*plan.reasons, more))
             evaluations += sums.evaluation_count
         plan = report_rejected(plan, sums.rejected_count, sums.ray_count, sums.greatest_error, wavelength)

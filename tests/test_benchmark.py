@@ -14,7 +14,7 @@ from aerokernels.benchmark.errors import UNDISTURBED, chosen_rays, errors
 from aerokernels.benchmark.measuring import spread
 from aerokernels.benchmark.peers import peer_runs
 from aerokernels.benchmark.scenes import WAVELENGTH, strehl_scene
-from aerokernels.benchmark.suites import fan_strehl
+from aerokernels.benchmark.suites import radial_strehl
 from aerokernels.jobs.store import to_json
 from aerokernels.tracing import trace
 from aerokernels.tracing.engines.choice import choose_backend
@@ -165,7 +165,7 @@ def test_fan_is_converged():
     from aerokernels.strehl_estimate import estimate_strehl
 
     found = estimate_strehl(scene.field, scene.pupil, ray_count=4096, precision="float64")
-    assert abs(fan_strehl(scene, choose_backend("auto", None)[:2]) - found.value) < 1e-4 + 4.0 * found.standard_error
+    assert abs(radial_strehl(scene, choose_backend("auto", None)[:2]) - found.value) < 1e-4 + 4.0 * found.standard_error
 
 
 def test_sweep_run(measured: dict[str, Any]):

@@ -244,9 +244,14 @@ def test_rounding_does_not_break_the_symmetry():
     ("symmetry", "asked", "traced", "reason"),
     [
         ("auto", 1_000_000, REPLICATES * RADIAL_RAYS, f"16 x {RADIAL_RAYS} rays instead of 1,000,000 over the disc"),
-        (True, 4096, 4096, "a fan of 16 x 256 rays instead of 4,096"),
-        ("auto", 16 * LEAST_RAYS - 16, 16 * LEAST_RAYS - 16, f"a fan takes at least {16 * LEAST_RAYS} rays"),
-        (True, 16, 16 * LEAST_RAYS, f"a fan of 16 x {LEAST_RAYS} rays instead of 16"),
+        (True, 4096, 4096, "radial quadrature by 16 x 256 rays instead of 4,096"),
+        (
+            "auto",
+            16 * LEAST_RAYS - 16,
+            16 * LEAST_RAYS - 16,
+            f"radial quadrature takes at least {16 * LEAST_RAYS} rays",
+        ),
+        (True, 16, 16 * LEAST_RAYS, f"radial quadrature by 16 x {LEAST_RAYS} rays instead of 16"),
         (False, 4096, 4096, "rays over the whole disc: symmetry is off"),
         ("off", 4096, 4096, "rays over the whole disc: symmetry is off"),
     ],

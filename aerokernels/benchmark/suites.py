@@ -25,9 +25,9 @@ from aerokernels.tracing.engines.info import thread_count
 from aerokernels.validation.cone import cone_field, cone_rays, cone_truth
 
 OUTPUTS = ("direction", "optical_path")
-# Of the fan whose Strehl ratio stands for the truth.
-FAN_RAYS = 1 << 15
-FAN_TOLERANCE = 1e-5  # [waves]
+# Of the radial quadrature whose Strehl ratio stands for the truth.
+TRUTH_RAYS = 1 << 15
+TRUTH_TOLERANCE = 1e-5  # [waves]
 # Free-stream densities of the sweep, as multiples of the shipped flow's.
 DENSITIES = (0.5, 1.0, 2.0)
 Targets = list[tuple[str, str]]
@@ -63,9 +63,9 @@ def cone_runs(settings: Settings, targets: Targets, ceilings: dict[str, dict]) -
 def strehl_runs(settings: Settings, targets: Targets, ceilings: dict[str, dict]) -> Iterator[dict]:
     """The Strehl ratio of the shipped Mach 3 field, from launch to value, with symmetry taken and not."""
     scene = strehl_scene()
-    # The reference would take an hour for the fan.
+    # The reference would take an hour for the radial quadrature.
     fast = [target for target in targets if target[0] != "reference"]
-    true_value = fan_strehl(scene, fast[0] if fast else choose_backend("auto", "cpu")[:2])
+    true_value = radial_strehl(scene, fast[0] if fast else choose_backend("auto", "cpu")[:2])
     for options in _choices(settings, targets):
         for symmetry in symmetries():
             extra = {} if symmetry is None else {"symmetry": symmetry}
@@ -127,14 +127,14 @@ def _estimates(scenes: list[PupilScene], **options: Any) -> list[StrehlEstimate]
 RUNS = {"cone": cone_runs, "strehl": strehl_runs, "sweep": sweep_runs, "bundles": bundle_runs}
 
 
-def fan_strehl(scene: PupilScene, target: tuple[str, str]) -> float:
-    """The Strehl ratio of an axisymmetric scene from a fan: rays along a radius, equal shares of the area.
+def radial_strehl(scene: PupilScene, target: tuple[str, str]) -> float:
+    """The Strehl ratio of an axisymmetric scene from rays along a radius, equal shares of the area.
 
-    By a route of its own: single rays in float64 held to FAN_TOLERANCE, summed here by the midpoint rule in r^2.
+    By a route of its own: single rays in float64 held to TRUTH_TOLERANCE, summed here by the midpoint rule in r^2.
     """
     pupil, (low, high) = scene.pupil, scene.field.box
-    radius = pupil.radius * np.sqrt((np.arange(FAN_RAYS) + 0.5) / FAN_RAYS)
-    start = pupil.center + np.c_[np.zeros(FAN_RAYS), radius, np.zeros(FAN_RAYS)]
+    radius = pupil.radius * np.sqrt((np.arange(TRUTH_RAYS) + 0.5) / TRUTH_RAYS)
+    start = pupil.center + np.c_[np.zeros(TRUTH_RAYS), radius, np.zeros(TRUTH_RAYS)]
     # The plane on which `estimate_strehl` stops rays: a pupil's radius and a hair beyond the box.
     beyond = float(high[2] + pupil.radius + 1e-3 * np.linalg.norm(high - low))
     result = trace(
@@ -142,7 +142,7 @@ def fan_strehl(scene: PupilScene, target: tuple[str, str]) -> float:
         RayBundle(start, pupil.normal[None]),
         method="adaptive",
         precision="float64",
-        tolerance=FAN_TOLERANCE,
+        tolerance=TRUTH_TOLERANCE,
         until=Plane(np.array([0.0, 0.0, beyond]), pupil.normal),
         backend=target[0],
         device=target[1],

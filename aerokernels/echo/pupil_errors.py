@@ -31,7 +31,7 @@ def own_phase_error(scene: Scene, field: IndexField) -> float:
 def pupil_error(scene: Scene, field: IndexField) -> float:
     """Change of the Strehl ratio of the target's centre when half of the rays over the pupil are left out.
 
-    The rule with all of them is better than that: its error is smaller. NaN where no ray gets out.
+    The rule with all of the rays errs less than this. NaN where no ray gets out.
     """
     pupil = scene.receiver.pupil
     center = np.array([[0.0, 0.0, scene.receiver.aperture_z + scene.target.distance]])

@@ -48,7 +48,7 @@ def estimate_range(
         time: Sample times after the pulse's peak left [s], shape (n,), in even steps.
         voltage: Samples [V], shape (n,), without offset.
         method: "leading-edge", "constant-fraction", "centroid" or "matched-filter".
-        threshold: Level of the leading-edge discriminator [V]; needed there, not used by the others.
+        threshold: Level of the leading-edge discriminator [V]; the other methods do not use it.
         template: The expected pulse, a function of time [s] with t = 0 at its peak, or samples of it at the
             waveform's own period, whose time zero is the greatest sample. Its amplitude does not matter. Needed by
             "matched-filter". "constant-fraction" and "centroid" subtract the template's own reading, so that an echo

@@ -85,7 +85,7 @@ class EchoResult:
     def quantities(self) -> dict[str, Quantity]:
         """Numbers with errors: "strehl", "peak_power" [W], "peak_voltage" [V], "range" and "range_error" [m].
 
-        Both errors of the range, systematic and random, are in that of "range"; `errors.ranges` has them apart.
+        The error of "range" holds both its systematic and its random error; `errors.ranges` has them apart.
         """
         errors = self.errors
         within = errors.of_range(self.ranging)

@@ -5,12 +5,12 @@
 w_i is the share of the beam's power in ray i, R_i its optical path to the tilted target, phi_i its incidence there, f_r
 the reflectance toward the receiver (reflectors.py), s the pulse's shape (pulses.py), and F_i what the flow leaves of
 the light on the way back from where the ray lands: the Strehl ratio, as in the paper, or another return factor
-(return_paths.py). Light takes as long back as out. R_i^2 is that of an optical path too, as eq 10 has it: 5e-4 of the
+(return_paths.py). Light takes as long back as out. R_i in R_i^2 is an optical path too, as in eq 10: 5e-4 of the
 power at sea level. Where a ray lands decides its path, incidence and return factor; which rays the reflector catches is
 decided without the flow, whose 0.1 mm of deflection matters at the edges only.
 
-The range is calibrated as a rangefinder's is, on a known echo: that of the same scene in vacuum. The reading's error
-there is subtracted, for each method. What remains is what air and flow do: the walk of a fixed threshold with the
+The range is calibrated as a rangefinder's is, on a known echo: the echo of the same scene in vacuum. The reading's
+error there is subtracted, for each method. What remains is what air and flow do: the walk of a fixed threshold with the
 amplitude above all, and the air's optical path (0.4 mm over 1.5 m at sea level).
 """
 

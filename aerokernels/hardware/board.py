@@ -1,4 +1,4 @@
-"""A simulated digitiser board: frames v1 of an echo with noise, at a rate, for trying and testing without hardware."""
+"""A simulated digitiser board: it sends frames v1 of a noisy echo at a given rate, to try and test without hardware."""
 
 import time
 from collections.abc import Callable

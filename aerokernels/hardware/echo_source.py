@@ -1,4 +1,4 @@
-"""The echo that a simulated instrument measures: that of a scene, of a finished run, or a Gaussian, with noise."""
+"""The noisy echo that a simulated instrument measures: a Gaussian, or the echo of a scene or of a finished run."""
 
 from dataclasses import dataclass
 from pathlib import Path

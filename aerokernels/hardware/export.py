@@ -1,4 +1,4 @@
-"""The echoes of a store as NetCDF or CSV, in blocks, so that a day of recording does not have to fit the memory."""
+"""Writes the echoes of a store as NetCDF or CSV, in blocks: a day of recording need not fit into memory."""
 
 import csv
 import itertools

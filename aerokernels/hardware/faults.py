@@ -1,4 +1,4 @@
-"""What goes wrong on a simulated line, on demand and counted, so that a recording can be held against it."""
+"""Faults of a simulated line, made on demand and counted, so that a recording can be compared with them."""
 
 import time
 from collections import Counter

@@ -19,7 +19,7 @@ _REPORT_INTERVAL = 1.0  # [s] between reports while nothing is committed
 
 @dataclass(frozen=True)
 class RecordingStatus:
-    """What is on the disk (counts are those of the last commit, never ahead of it).
+    """What is on the disk: counts are as of the last commit, and never ahead of it.
 
     Attributes:
         stored_count: echoes stored in this recording.

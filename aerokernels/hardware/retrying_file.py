@@ -6,7 +6,7 @@ from typing import Any
 
 
 class RetryingFile(io.FileIO):
-    """Takes every byte; those for which there is no room are dropped, and why is kept.
+    """Takes every byte; bytes for which there is no room are dropped, and the reason is kept.
 
     HDF5 cannot close a file to which it cannot write: it complains at length, and ends the process with a segmentation
     fault. With this file it can, and its user raises `failure` instead.

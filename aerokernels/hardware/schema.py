@@ -10,7 +10,7 @@ SCHEMA_VERSION = 2
 
 # An echo is known by what its board stamped on it: number, clock and check sum. The number alone is not enough: it
 # wraps and starts again with the board. Nor are number and clock: a board whose clock starts at 0 repeats both.
-# An oscilloscope stamps no clock on its curves (NULL, which equals nothing): they are told apart while they are read.
+# An oscilloscope puts no time stamp on its curves (NULL, which equals nothing): they are told apart as they are read.
 _ECHOES = """
 CREATE TABLE echoes (
     id INTEGER PRIMARY KEY,

@@ -1,4 +1,4 @@
-"""An oscilloscope on a serial port: one question after the other, and what each dialect calls them.
+"""An oscilloscope on a serial port: it is asked one question at a time, in the words of its dialect.
 
 Curves are read one by one, and none twice. Where the instrument counts its acquisitions (Tektronix), the count is
 asked before and after each curve, and those that came and went in between are known to be missing. Where it does not

@@ -182,7 +182,7 @@ class CurveStream:
             self._scope.refuse(block, str(error))
             raise DamagedAnswerError from error
         self._started = False
-        # Those that came while the curve was read can no longer be told from it: the next one is newer than they.
+        # What was acquired while the curve was read cannot be told from it: the next one is newer.
         self._last_count = count
         try:
             self._last_count = self._acquisition()

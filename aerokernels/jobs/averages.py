@@ -41,7 +41,7 @@ def average(echoes: Iterable[RecordedEcho]) -> AverageEcho:
     The spline follows a pulse of six samples a rise to 1e-3 of its height, and leaves the noise nearly as it is.
 
     Raises:
-        ValueError: no echoes, or an echo whose times do not meet those of the first.
+        ValueError: no echoes, or an echo that is not sampled at the same times as the first [s].
     """
     time: np.ndarray | None = None
     peaks = []

@@ -38,7 +38,7 @@ def check_output_folder(out: Path) -> None:
 
 @contextlib.contextmanager
 def staged_folder(out: Path) -> Iterator[Path]:
-    """Give a hidden folder beside `out` to write in; on success its files replace those of the same names in `out`.
+    """Give a hidden folder beside `out` to write in; on success its files replace the files of the same names in `out`.
 
     Each file is replaced in one step, after all of them are complete; whatever else lies in `out` stays. On any
     exception, an interrupt included, the hidden folder goes and `out` is as it was: absent, if it was absent.

@@ -128,7 +128,7 @@ class Spot:
 
 
 def spot(pupil: PupilMap, wavelength: float) -> Spot:
-    """The point spread function of a pupil's wavefront, tilt included, and that of the same pupil without flow."""
+    """The point spread function of a pupil's wavefront, tilt included, and the one of the same pupil without flow."""
     lit = np.isfinite(pupil.opd)
     pixel = float(pupil.coordinate[1] - pupil.coordinate[0])
     half_width = SPOT_RINGS * wavelength / float(pupil.coordinate[-1] - pupil.coordinate[0])

@@ -7,7 +7,7 @@ With corners a, b, c, d in order around the cell, xi from a to b and eta from a 
 
 import numpy as np
 
-# Relative slack of the containment test: a point on an edge belongs to a cell on either side, never to none.
+# Relative tolerance of the containment test: a point on an edge belongs to a cell on either side, never to none.
 EDGE_SLACK = 1e-9
 # Newton's method is quadratic: after a step of this size (in xi, eta) what is left is rounding.
 LAST_STEP = 1e-9

@@ -19,7 +19,7 @@ from . import spline
 AXIS_CORE = 1e-4
 # Sides of a box beyond which its lengths cannot be metres: the Earth's radius, a few atoms.
 LARGEST_BOX, SMALLEST_BOX = 1e7, 1e-9
-# Node positions closer together than this share of their coordinates are not told apart well enough in float64.
+# Float64 does not resolve node positions that are closer together than this share of their coordinates.
 LEAST_STEP_SHARE = 1e-11
 
 

@@ -129,7 +129,7 @@ class QuadMesh(ReadOnly):
     def neighbors(self) -> np.ndarray:
         """Cell behind each edge of each cell, -1 at the mesh's boundary, shape (cell_count, 4); edge k ends at k + 1.
 
-        Edges are told by their vertices: across a seam with vertices of its own on either side there is no neighbour.
+        Edges are identified by their vertices: a seam with vertices of its own on either side has no neighbours.
         """
         edge = np.sort(np.stack([self.cells, np.roll(self.cells, -1, axis=1)], axis=-1).reshape(-1, 2), axis=1)
         key = edge[:, 0].astype(np.int64) * len(self.vertices) + edge[:, 1]

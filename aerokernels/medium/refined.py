@@ -7,7 +7,7 @@ MIT MAC-TR-41 (1967)), made from the values a, b and the vertex gradients g of t
     middle of a cell     half the sum of its four edges' middles less the mean of its corners
 
 Where the samples resolve the field the new values are right to fourth order, or to the order of the gradients, and the
-bilinear error of the finer cells is a quarter, that of their slopes a half. In a linear field nothing changes.
+bilinear error of the finer cells is a quarter, the error of their slopes a half. In a linear field nothing changes.
 """
 
 from dataclasses import replace

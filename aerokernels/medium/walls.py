@@ -1,7 +1,7 @@
 """The surface of a body as segments that bound it, each with the solid on its left.
 
 A profile may touch or cross itself: two parts joined by a bridge of no width, a slit that closes, a figure of eight.
-What is solid is told by the crossing number (`Body.contains`); a part of an edge with the same on both sides is no
+What is solid follows from the crossing number (`Body.contains`); a part of an edge with the same on both sides is no
 wall and is left out. Lines in space are crossed with what remains, exactly, see crossings.py.
 """
 

@@ -59,12 +59,12 @@ def choose_radial(
         return 0, "rays over the whole disc: symmetry is off"
     obstacle = asymmetry(field, pupil, look)
     if obstacle is None and per_replicate < LEAST_RAYS and not forced:
-        obstacle = f"a fan takes at least {replicates * LEAST_RAYS} rays"
+        obstacle = f"radial quadrature takes at least {replicates * LEAST_RAYS} rays"
     elif obstacle is None:
         count = int(np.clip(per_replicate, LEAST_RAYS, RADIAL_RAYS))
         return count, (
-            f"axisymmetric field, pupil and rays on the axis: a fan of {replicates} x {count} rays instead of "
-            f"{per_replicate * replicates:,} over the disc"
+            f"axisymmetric field, pupil and rays on the axis: radial quadrature by {replicates} x {count} rays instead "
+            f"of {per_replicate * replicates:,} over the disc"
         )
     elif forced:
         raise ValueError(

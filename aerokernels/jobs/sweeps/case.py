@@ -44,7 +44,7 @@ class Case:
 
 
 def make_cases(scenes: Sequence[Scene | None]) -> list[Case]:
-    """The cases that have a scene, those of a group one after another."""
+    """The cases that have a scene, ordered by group."""
     groups: dict[str, list[int]] = {}
     for number, scene in enumerate(scenes):
         if scene is not None:

@@ -58,7 +58,7 @@ def _axis(dataset: "xarray.Dataset", key: str) -> tuple[np.ndarray, str]:
 
 
 def _pictures(dataset: "xarray.Dataset", definition: Definition) -> Iterator[Picture]:
-    """Lines over one key, heat maps over two; of more keys the others stand at their first value."""
+    """Lines over one key, heat maps over two; any further key stays at its first value."""
     for name, words, unit, factor in SHOWN:
         values = dataset[name] * factor
         if not np.isfinite(values).any():
