@@ -5,6 +5,7 @@ it has a device that can trace, else Warp. docs/backend-speed.md has the speeds 
 AEROKERNELS_GPU_BACKEND, "warp" or "opencl", put the other one first.
 """
 
+import functools
 import importlib.util
 import os
 import sys
@@ -141,10 +142,16 @@ def _warp_devices(quick: bool = False) -> list[BackendInfo]:
         return [_absent("warp", "the package warp-lang is not installed: pip install warp-lang")]
     if quick and "warp" not in sys.modules and not cuda_driver_loads():
         with suppress(PackageNotFoundError):
-            return [warp_processor(version("warp-lang"), NO_CUDA)]
+            return [warp_processor(_version("warp-lang"), NO_CUDA)]
     from .warp.devices import list_devices
 
     return list_devices()
+
+
+@functools.cache
+def _version(package: str) -> str:
+    """The version of an installed package: it stands in a file, and every trace asks."""
+    return version(package)
 
 
 def _opencl_devices() -> list[BackendInfo]:
