@@ -87,6 +87,7 @@ class ShearedLattice:
 
         start_warp()
         there = isinstance(samples, wp.array)
+        device = str(samples.device) if there else device
         array = samples if there else np.ascontiguousarray(samples)
         held = self._kept(
             getattr(array.dtype, "__name__", str(array.dtype)), device, GPU_LANES if self._taps[1] > 1 else 1
