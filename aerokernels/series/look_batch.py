@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 
 from ..medium import IndexField
+from ..opened import OPENED
 from ..rays import RayBundle
 from ..tracing.known_air import may_be_lost
 from ..tracing.pupil_air import GREATEST_SHARE
@@ -123,13 +124,13 @@ class _Traced:
         """Put the field and the points of the pupil there."""
         import warp as wp
 
-        from ..tracing.engines.warp.devices import start_warp
+        from ..quiet_warp import start_warp
         from .look_kernels import build_kernels
 
         start_warp()
         self.device, self.remove, self.each, self.points = device, remove, per_replicate, points
         self.wavenumber = 2.0 * np.pi / wavelength
-        self.kernels = build_kernels()
+        self.kernels = OPENED.once("kernels of look maps", build_kernels)
         grid = field.samples
         flat = np.ascontiguousarray(grid.coefficients, dtype=np.float32).reshape(-1)
         corners = np.array(np.meshgrid(*zip(grid.low, grid.high, strict=True))).reshape(3, -1).T

@@ -1,12 +1,10 @@
 """Warp kernels of look_batch.py: rays of many look directions in one launch, and their sums over the pupil."""
 
-import functools
 from typing import Any
 
 GAUSS = 0.2886751345948129  # of a step, from its middle: the two points that are exact for cubics
 
 
-@functools.cache
 def build_kernels() -> tuple[Any, Any, Any]:
     """The kernels `look_rays`, `look_moments` and `look_phasors`."""
     import warp as wp

@@ -5,7 +5,6 @@ it has a device that can trace, else Warp. docs/backend-speed.md has the speeds 
 AEROKERNELS_GPU_BACKEND, "warp" or "opencl", put the other one first.
 """
 
-import functools
 import importlib.util
 import os
 import sys
@@ -13,6 +12,7 @@ from contextlib import suppress
 from dataclasses import replace
 from importlib.metadata import PackageNotFoundError, version
 
+from ...opened import OPENED
 from .info import NO_CUDA, BackendInfo, cuda_driver_loads, host_memory, warp_processor
 
 BACKENDS = ("auto", "warp", "opencl", "reference")
@@ -148,10 +148,9 @@ def _warp_devices(quick: bool = False) -> list[BackendInfo]:
     return list_devices()
 
 
-@functools.cache
 def _version(package: str) -> str:
     """The version of an installed package: it stands in a file, and every trace asks."""
-    return version(package)
+    return str(OPENED.once(("version", package), lambda: version(package)))
 
 
 def _opencl_devices() -> list[BackendInfo]:
