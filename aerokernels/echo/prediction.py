@@ -3,6 +3,8 @@
 from collections.abc import Mapping
 from dataclasses import dataclass
 
+import numpy as np
+
 from ..medium import IndexField
 from ..scene import Scene
 from .paths import target_plane, vacuum_paths
@@ -42,9 +44,7 @@ def predict_echo(scene: Scene, field: IndexField | None = None) -> EchoPredictio
         ValueError: A scene that has no echo to compute: a target that reaches back to the aperture or into the flow's
             box, one too deep for its pulse, or a record of millions of samples.
     """
-    time, power, voltage, fine = vacuum_record(scene)
-    if field is not None and scene.receiver.return_factor != "none":
-        check_ahead(field, vacuum_paths(target_points(scene), target_plane(scene)).landing)
+    time, power, voltage, fine = check_echo(scene, field)
     rangefinder = Rangefinder.calibrated(scene, time, voltage, fine)
     peak = peak_height(voltage)
     own = scene.detector.ranging
@@ -55,3 +55,17 @@ def predict_echo(scene: Scene, field: IndexField | None = None) -> EchoPredictio
         rangefinder.blind,
         scene.detector.threshold / peak if fixed else float("nan"),
     )
+
+
+def check_echo(
+    scene: Scene, field: IndexField | None = None
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, tuple[np.ndarray, np.ndarray]]:
+    """Refuse a scene that has no echo to compute; `vacuum_record` of one that has.
+
+    Raises:
+        ValueError: As for `predict_echo`.
+    """
+    found = vacuum_record(scene)
+    if field is not None and scene.receiver.return_factor != "none":
+        check_ahead(field, vacuum_paths(target_points(scene), target_plane(scene)).landing)
+    return found

@@ -94,12 +94,12 @@ def open_series(
         return _of_file(path, density, ambient_density, cell_averages, own)
     if type(source).__module__.partition(".")[0] == "xarray":
         return _of_dataset(source, density, ambient_density, cell_averages, own, "xarray object", {})
-    if not isinstance(source, Iterable):
+    listed = hasattr(source, "__len__") and hasattr(source, "__getitem__")
+    if not listed and not isinstance(source, Iterable):
         raise TypeError(
             f"a series is opened from a path, a pattern, a list or an iterator of arrays, got {type(source).__name__}"
         )
     items: Any = source
-    listed = hasattr(source, "__len__") and hasattr(source, "__getitem__")
     if listed and len(items) == 0:
         raise ValueError("the series is empty: give at least one snapshot")
     if listed and isinstance(items[0], (str, Path)):

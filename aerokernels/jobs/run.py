@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 from aerokernels.clock import clocked
 from aerokernels.echo import EchoResult, echo
-from aerokernels.echo.prediction import predict_echo
+from aerokernels.echo.prediction import check_echo
 from aerokernels.flow import DensityField
 from aerokernels.jobs.report import draw_pictures, render_report
 from aerokernels.jobs.run_parts import RunParts
@@ -141,7 +141,7 @@ def simulate(
         choose_backend(scene.trace.backend, scene.trace.device)  # refused here, before anything is computed
         prepared = staged("prepare", lambda: prepare_field(scene, field))
         index = prepared.field
-        predict_echo(scene, index)  # so is a scene whose echo cannot be computed, whatever the flow does
+        check_echo(scene, index)  # so is a scene whose echo cannot be computed, whatever the flow does
         strehl = staged("strehl", lambda: scene_strehl(index, scene))
         pupil = tried("wavefront", lambda: pupil_map(index, scene))
         fan = tried("fan", lambda: ray_fan(index, scene, prepared.front), "rays")

@@ -11,6 +11,7 @@ ratio of 1.
 import warnings
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -22,6 +23,7 @@ from ..medium import IndexField
 from ..strehl_estimate import PreparedStrehl
 from ..tracing.radial_quadrature import asymmetry
 from ..wavelength import DEFAULT_WAVELENGTH
+from .look_batch import batch_looks, can_batch
 
 if TYPE_CHECKING:
     import xarray
@@ -144,8 +146,13 @@ def _hemisphere(field, azimuth, elevation, pupil, options, progress, share) -> d
         turned = np.stack([np.zeros(len(first)), np.sqrt(np.maximum(1.0 - height**2, 0.0)), height], axis=1)
     numbers, tilts = [], []
     met = False
+    together = None
+    if can_batch(field, turned, options):
+        wavelength = options.get("wavelength") or field.wavelength or DEFAULT_WAVELENGTH
+        check = partial(_look, field, pupil, options=options)
+        together = batch_looks(field, pupil, turned, options, wavelength, check)
     for count, look in enumerate(turned, start=1):
-        found, tilt, meets = _look(field, pupil, look, options)
+        found, tilt, meets = _look(field, pupil, look, options) if together is None else together[count - 1]
         numbers.append(found)
         tilts.append(tilt)
         met = met or meets

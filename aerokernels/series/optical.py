@@ -2,7 +2,7 @@
 
 import hashlib
 from collections.abc import Callable, Iterator
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import Future, ThreadPoolExecutor
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -16,7 +16,8 @@ from ..wavefront import check_terms
 from ..wavelength import DEFAULT_WAVELENGTH, check_wavelength
 from .pupil_grid import MapReader, PupilGrid, Reading, pupil_grid
 from .snapshot import METHODS, Found, Snapshots, Way
-from .store import MemoryStore, ZarrStore
+from .store import NUMBERS, MemoryStore, ZarrStore
+from .strehl_bound import strehl_error
 
 if TYPE_CHECKING:
     import xarray
@@ -72,10 +73,10 @@ def optical_series(
         progress: Called with what is done, in words, and its share.
 
     Returns:
-        A dataset (time, y, x): `opd` [m], terms removed, NaN outside the pupil, and `valid`; over time `strehl`,
-        `boresight_x` and `boresight_y` [rad], `piston` [m], `opd_rms` and `opd_rms_with_tilt` [m], `error` [m], and
-        whether a snapshot was `traced`; over (y, x) `weight`, the pixels' shares of the pupil. Lazy where `out` is
-        given.
+        A dataset (time, y, x): `opd` [m], terms removed, NaN outside the pupil, and `valid`; over time `strehl` and
+        `strehl_error`, what it may be off by for the error of `opd`, `boresight_x` and `boresight_y` [rad], `piston`
+        [m], `opd_rms` and `opd_rms_with_tilt` [m], `error` [m], and whether a snapshot was `traced`; over (y, x)
+        `weight`, the pixels' shares of the pupil. Lazy where `out` is given.
 
     Raises:
         TypeError: No series, or no pupil.
@@ -111,13 +112,15 @@ def optical_series(
         store = MemoryStore(template)
     else:
         store = ZarrStore(Path(out), template, _definition(series, template, way))
-        if store.is_finished if store.records else False:
+        if store.done.count and store.is_finished:
             return store.finish()
-    for record in store.records:
-        snapshots.resume(record["slope"], record["probe"], record["probe_interpolation"])
+    for slope, *probe in zip(*map(store.done.column, ("slope", "probe", "probe_interpolation")), strict=True):
+        snapshots.resume(slope, *probe)
     lit: np.ndarray | None = None
-    with store.writing():
-        for number, stored in _read_ahead(series, len(store.records), snapshots.device is not None):
+    # While a snapshot is computed the next one is read and the maps of the one before are written.
+    with store.writing(), ThreadPoolExecutor(1) as writer:
+        written = None
+        for number, stored in _read_ahead(series, store.done.count, snapshots.device is not None):
             found = snapshots(number, stored)
             good = found.valid & np.isfinite(found.opd)
             if not good.any():
@@ -127,10 +130,20 @@ def optical_series(
             if lit is None or not np.array_equal(good, lit):
                 lit = good
                 reader = MapReader(grid.coordinates[good], grid.weight[grid.lit][good], terms, wavelength)
-            store.add(*_entry(grid, found, good, reader(found.opd[good])))
-            if progress is not None:
-                progress(f"{number + 1} of {len(series)} snapshots", (number + 1) / len(series))
+            entry = _entry(grid, found, good, reader(found.opd[good]), wavelength)
+            _finished(written, number, len(series), progress)
+            written = writer.submit(store.add, *entry)
+        _finished(written, len(series), len(series), progress)
     return store.finish()
+
+
+def _finished(written: "Future[None] | None", count: int, total: int, progress: Progress | None) -> None:
+    """Wait until the maps of a snapshot are written, and say that so many are."""
+    if written is None:
+        return
+    written.result()
+    if progress is not None:
+        progress(f"{count} of {total} snapshots", count / total)
 
 
 def _read_ahead(series: Series, first: int, on_device: bool) -> Iterator[tuple[int, Any]]:
@@ -145,13 +158,14 @@ def _read_ahead(series: Series, first: int, on_device: bool) -> Iterator[tuple[i
 
 
 def _entry(
-    grid: PupilGrid, found: Found, good: np.ndarray, read: Reading
+    grid: PupilGrid, found: Found, good: np.ndarray, read: Reading, wavelength: float
 ) -> tuple[dict[str, np.ndarray], dict[str, float]]:
     """The maps and numbers of a snapshot."""
     opd = np.full(len(good), np.nan)
     opd[good] = read.opd
     numbers = {
         "strehl": read.strehl,
+        "strehl_error": strehl_error(read.strehl, 2.0 * np.pi / wavelength * found.error),
         "boresight_x": float(read.tilt[0]),
         "boresight_y": float(read.tilt[1]),
         "piston": read.piston,
@@ -204,6 +218,7 @@ def _definition(series: Series, template: "xarray.Dataset", way: Way) -> dict[st
     mesh = series.mesh
     return {
         "version": __version__,
+        "numbers": list(NUMBERS),
         "series": dict(series.identity),
         "time": [len(series), float(series.time[0]), float(series.time[-1])],
         "mesh": [mesh.geometry, mesh.origin.tolist(), mesh.spacing.tolist(), list(mesh.shape)]

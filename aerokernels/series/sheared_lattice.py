@@ -11,15 +11,14 @@ lines that pass it, by a Warp kernel on the CPU's cores or on a GPU; a set of sa
 order, as the spline is; along an axis without shift the weights are a single one.
 """
 
-from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
 import numpy as np
 
 from ..medium import spline
 from ..opened import OPENED
-from ..tracing.engines.info import thread_count
 from .plane_values import PlaneValues
+from .warp_launch import launch
 
 STILL = 1e-9  # of a cell, over the box, that lines along an axis may be shifted
 LANES, GPU_LANES = 12, 4  # lines of one thread
@@ -77,15 +76,7 @@ class ShearedLattice:
         found = np.ascontiguousarray(samples)
         held = self._kept(str(found.dtype), "cpu", LANES)
         flat = wp.array(found.reshape(-1), dtype=held["real"], device="cpu", copy=False)
-        groups, threads = held["groups"], thread_count()
-        chunk = max(1, -(-groups // (4 * threads)))
-
-        def run(first: int) -> None:
-            inputs = [flat, offset, *held["before"], first, held["sum"]]
-            wp.launch(held["shear"], dim=min(chunk, groups - first), inputs=inputs, device="cpu")
-
-        with ThreadPoolExecutor(threads) as pool:
-            list(pool.map(run, range(0, groups, chunk)))
+        launch(held["shear"], held["groups"], [flat, offset, *held["before"]], [held["sum"]], "cpu")
         return self._values(held["sum"].numpy().reshape(self._size))
 
     def on_gpu(self, samples: Any, device: str, offset: float = 0.0) -> np.ndarray:
@@ -96,14 +87,14 @@ class ShearedLattice:
 
         start_warp()
         there = isinstance(samples, wp.array)
+        device = str(samples.device) if there else device
         array = samples if there else np.ascontiguousarray(samples)
         held = self._kept(
             getattr(array.dtype, "__name__", str(array.dtype)), device, GPU_LANES if self._taps[1] > 1 else 1
         )
         flat = array.flatten() if there else wp.array(array.reshape(-1), dtype=held["real"], device=device)
         shear, rows = held["shear"], held["rows"]
-        inputs = [flat, offset, *held["before"], 0, held["sum"]]
-        wp.launch(shear, dim=held["groups"], inputs=inputs, device=device)
+        launch(shear, held["groups"], [flat, offset, *held["before"]], [held["sum"]], device)
         values, (height, width) = held["sum"], self._size
         for axis, matrix in enumerate(held["maps"]):
             count = matrix["rows"]

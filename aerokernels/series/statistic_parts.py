@@ -118,9 +118,24 @@ def add_modes(table, coordinates, opd, weight, lit, count) -> None:
     error = errors / modes.total if modes.total > 0.0 else np.full(len(errors), np.nan)
     table.array("pod_share", ("mode",), share, error, "1", "share of the unsteady mean square in a mode")
     shapes = np.stack([spread_map(one, lit) for one in modes.shape])
-    table.array("pod_mode", ("mode", "y", "x"), shapes, None, "1", "proper orthogonal mode, mean square 1")
+    off = np.stack([spread_map(one, lit) for one in _shape_errors(modes, [one.effective_count for one in squares])])
+    table.array("pod_mode", ("mode", "y", "x"), shapes, off, "1", "proper orthogonal mode, mean square 1")
     table.array("pod_coefficient", ("time", "mode"), modes.coefficient, None, "m", "coefficient of a mode")
     coordinates["mode"] = np.arange(len(modes.energy))
+
+
+def _shape_errors(modes, counts: list[float]) -> np.ndarray:
+    """Standard errors of the shapes of modes, shape (mode_count, n), by how far they mix with one another.
+
+    Mode k takes up sqrt(e_k e_j / N) / (e_k - e_j) of mode j (G. R. North et al., Mon. Weather Rev. 110 (1982) 699),
+    all of it where their energies are as good as equal.
+    """
+    energy = modes.energy
+    gap = np.abs(energy[:, None] - energy)
+    mixed = np.sqrt(np.outer(energy, energy) / np.maximum(np.array(counts)[:, None], 1.0))
+    share = np.where(mixed < gap, mixed / np.where(gap > 0.0, gap, 1.0), 1.0)
+    np.fill_diagonal(share, 0.0)
+    return np.asarray(np.sqrt(share**2 @ modes.shape**2))
 
 
 def add_correlation(table, coordinates, opd, lit, x, y) -> None:

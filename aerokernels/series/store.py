@@ -24,6 +24,7 @@ MAPS = {
 }
 NUMBERS = {
     "strehl": ("1", "Strehl ratio of opd"),
+    "strehl_error": ("1", "what strehl may be off by for the error of opd"),
     "boresight_x": ("rad", "tilt of the wavefront along x"),
     "boresight_y": ("rad", "tilt of the wavefront along y"),
     "piston": ("m", "mean optical path difference"),
@@ -37,13 +38,38 @@ NUMBERS = {
 }
 
 
+class Done:
+    """The numbers of the snapshots that are done, in their order: one block of memory from the start.
+
+    Attributes:
+        count: How many are done.
+    """
+
+    def __init__(self, total: int):
+        """Begin with none of `total`."""
+        self.count, self._table = 0, np.full((total, len(NUMBERS)), np.nan)
+
+    def add(self, numbers: Mapping[str, float]) -> None:
+        """One more."""
+        self._table[self.count] = [numbers[name] for name in NUMBERS]
+        self.count += 1
+
+    def column(self, name: str) -> np.ndarray:
+        """A number of those that are done, shape (count,)."""
+        return np.array(self._table[: self.count, list(NUMBERS).index(name)])
+
+
 class MemoryStore:
-    """Everything in memory."""
+    """Everything in memory.
+
+    Attributes:
+        done: The numbers of the snapshots that are done.
+    """
 
     def __init__(self, template: "xarray.Dataset"):
         """Begin with nothing done."""
         self.template = template
-        self.records: list[dict[str, float]] = []
+        self.done = Done(template.sizes["time"])
         shape = tuple(template.sizes[name] for name in ("time", "y", "x"))
         self._maps = {name: np.empty(shape, kind) for name, (kind, _, _) in MAPS.items()}
 
@@ -55,8 +81,8 @@ class MemoryStore:
     def add(self, maps: Mapping[str, np.ndarray], numbers: Mapping[str, float]) -> None:
         """Keep a snapshot."""
         for name, array in maps.items():
-            self._maps[name][len(self.records)] = array
-        self.records.append(dict(numbers))
+            self._maps[name][self.done.count] = array
+        self.done.add(numbers)
 
     def finish(self) -> "xarray.Dataset":
         """The dataset."""
@@ -64,8 +90,7 @@ class MemoryStore:
         for name, (_, units, words) in MAPS.items():
             found[name] = (("time", "y", "x"), self._maps[name], {"units": units, "long_name": words})
         for name, (units, words) in NUMBERS.items():
-            values = np.array([record[name] for record in self.records])
-            found[name] = (("time",), values, {"units": units, "long_name": words})
+            found[name] = (("time",), self.done.column(name), {"units": units, "long_name": words})
         return found
 
 
@@ -73,7 +98,7 @@ class ZarrStore:
     """A Zarr store and its journal.
 
     Attributes:
-        records: The numbers of the snapshots that are done, in their order.
+        done: The numbers of the snapshots that are done.
     """
 
     def __init__(self, path: Path, template: "xarray.Dataset", definition: Mapping[str, Any]):
@@ -90,7 +115,7 @@ class ZarrStore:
         self.path, self.template = path, template
         self.definition = json.loads(json.dumps(definition, default=str))
         self.journal = path.with_name(f".{path.name}.journal")
-        self.records: list[dict[str, float]] = []
+        self.done = Done(template.sizes["time"])
         self._whole = 0
         self._arrays: dict[str, Any] = {}
         if self.journal.is_file() and path.is_dir():
@@ -112,12 +137,13 @@ class ZarrStore:
             key = keys[0] if keys else "all"
             told = f"{key} was {_short((found or {}).get(key))} and is {_short(self.definition.get(key))}"
             raise ValueError(f"out={self.path}: it holds another series, {told}; take another name, or remove it")
-        self.records = [dict(zip(NUMBERS, json.loads(line), strict=True)) for line in lines[1:]]
+        for line in lines[1:]:
+            self.done.add(dict(zip(NUMBERS, json.loads(line), strict=True)))
 
     @property
     def is_finished(self) -> bool:
         """Whether all snapshots are there, and the numbers in the store."""
-        done = len(self.records) == self.template.sizes["time"]
+        done = self.done.count == self.template.sizes["time"]
         return done and self._group().attrs.get("finished", False) is True
 
     def _group(self) -> Any:
@@ -189,18 +215,18 @@ class ZarrStore:
         if not self._arrays:
             self._begin()
         for name, array in maps.items():
-            self._arrays[name][len(self.records)] = array
+            self._arrays[name][self.done.count] = array
         line = json.dumps([float(numbers[name]) for name in NUMBERS]) + "\n"
         self._file.write(line.encode())
         self._file.flush()
-        self.records.append(dict(numbers))
+        self.done.add(numbers)
 
     def finish(self) -> "xarray.Dataset":
         """Write the numbers, and open the whole lazily."""
         group = self._group()
         if not group.attrs.get("finished", False):
             for name in NUMBERS:
-                group[name][:] = np.array([record[name] for record in self.records])
+                group[name][:] = self.done.column(name)
             group.attrs["finished"] = True
             _consolidate(self.path)
         import xarray

@@ -89,6 +89,44 @@ def test_the_body_shades():
     assert np.isnan(strehl[0]) and np.isnan(found.boresight.values[0, 0]) and 0.0 < strehl[2] <= 1.0
 
 
+def test_many_directions_through_a_volume_go_together(monkeypatch: pytest.MonkeyPatch):
+    """Set-up: a random volume of 17 nodes a side about the pupil, 12 directions, tilt removed.
+
+    Expected: what full traces of each direction give, of which three are made; within the tolerance of 1e-3 waves and
+    what both samplings explain. Where a trace disagrees, all are made.
+    """
+    import aerokernels.series.look as look
+    from aerokernels.validation.fourier_fields import CONSTANT, Fourier
+
+    volume = Fourier.random(5, wavenumber=30.0, amplitude=0.01)
+    volume.mean = 0.0
+    field = IndexField.from_samples(
+        CONSTANT * volume.on_grid([-0.1] * 3, 0.0125, (17,) * 3, 0.0),
+        origin=[-0.1] * 3, spacing=[0.0125] * 3, geometry="volume", wavelength=WAVELENGTH)  # fmt: skip
+    angles, pupil = np.radians([-60.0, -20.0, 10.0, 50.0]), Disc(0.02, [0.01, 0.0, -0.02])
+    counted = []
+    original = look._look
+    monkeypatch.setattr(look, "_look", lambda *given, **more: counted.append(0) or original(*given, **more))
+    options = {"ray_count": 1024, "remove": ("piston", "tilt")}
+    together = look_map(field, angles, angles[:3], pupil, **options)
+    assert len(counted) == 3
+    monkeypatch.setattr(look, "can_batch", lambda *given: False)
+    full = look_map(field, angles, angles[:3], pupil, **options)
+    assert len(counted) == 3 + 12
+    monkeypatch.undo()
+    noise = 4.0 * np.hypot(full.strehl_standard_error, together.strehl_standard_error)
+    assert (np.abs(full.strehl - together.strehl) < noise + 0.01 * np.sqrt(full.strehl * (1.0 - full.strehl))).all()
+    np.testing.assert_allclose(together.opd_rms, full.opd_rms, atol=1e-3 * WAVELENGTH)
+    for name in ("boresight_azimuth", "boresight_elevation"):
+        np.testing.assert_allclose(together[name], full[name], atol=0.02 * float(full.boresight.max()))
+    np.testing.assert_array_equal(together.known, full.known)
+    monkeypatch.setattr(look, "_look", lambda *given, **more: counted.append(0) or original(*given, **more))
+    monkeypatch.setattr("aerokernels.series.look_batch._agrees", lambda *given: False)
+    again = look_map(field, angles, angles[:3], pupil, **options)
+    assert len(counted) == 3 + 12 + 1 + 12
+    assert again.identical(full)
+
+
 def test_a_series_has_time():
     arrays = [np.full((9, 9, 9), 0.5 + 0.05 * k) for k in range(2)]
     arrays[1][4, 4, 4] += 0.3

@@ -66,6 +66,44 @@ def test_a_frozen_field_carried_past_a_pupil_gives_the_shifted_map(direction, re
     assert not found.traced.any()
 
 
+@pytest.mark.parametrize("turned", [0.0, 0.15])
+def test_a_moving_vortex(turned: float):
+    """Set-up: a core of low density 12 mm wide across the line of sight, rho = rho_0 - A exp(-r^2 / w^2), at 300 m/s.
+
+    Expected: -K A sqrt(pi) w / 2 exp(-across^2 / w^2) (erf(ahead / w) - erf(behind / w)), carried on, within `error`.
+    """
+    from scipy.special import erf
+
+    width, depth, mean, middle = 0.012, 0.05, 0.5, 0.037
+    grid = [ORIGIN[k] + SPACING * np.arange(SHAPE[k]) for k in range(3)]
+    x, _, z = np.meshgrid(*grid, indexing="ij")
+    core = [300.0 * t - 0.01 for t in TIME]
+    arrays = [mean - depth * np.exp(-((x - c) ** 2 + (z - middle) ** 2) / width**2) for c in core]
+    options = {"geometry": "volume", "origin": ORIGIN, "spacing": [SPACING] * 3, "ambient_density": mean}
+    along = np.array([np.sin(turned), 0.0, np.cos(turned)])
+    found = optical_series(
+        flow.open_series(arrays, time=TIME, **options),
+        Disc(0.012, [0, 0, Z0]),
+        direction=along,
+        remove=("piston",),
+        pixel_count=24,
+    )
+    lit = found.weight.values > 0.0
+    start = np.meshgrid(found.x, found.y)[0][lit]
+    end = (ORIGIN[2] + SPACING * (SHAPE[2] - 1) - Z0) / along[2]
+    weight = found.weight.values[lit]
+    for number, c in enumerate(core):
+        behind = (start - c) * along[0] + (Z0 - middle) * along[2]
+        across = (start - c) * along[2] - (Z0 - middle) * along[0]
+        truth = erf((behind + end) / width) - erf(behind / width)
+        truth *= -0.5 * CONSTANT * depth * np.sqrt(np.pi) * width * np.exp(-((across / width) ** 2))
+        truth -= weight @ truth
+        off = np.sqrt(weight @ (found.opd.values[number][lit] - truth) ** 2)
+        assert off < float(found.error[number]) < 0.02 * np.sqrt(weight @ truth**2)
+        exact_ratio = abs(weight @ np.exp(2j * np.pi / WAVELENGTH * truth)) ** 2
+        assert abs(float(found.strehl[number]) - exact_ratio) < float(found.strehl_error[number]) < 0.02
+
+
 def test_the_straight_lines_beat_nearest_neighbour_sums():
     """On one grid, against the exact integral, at the same pixels: 30 times and more."""
     field = Fourier.random(2)

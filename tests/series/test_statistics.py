@@ -9,6 +9,7 @@ import pytest
 import xarray
 
 from aerokernels import Disc, flow, optical_series, statistics
+from aerokernels.series.linking import _both
 from aerokernels.series.modes import integral_length
 from aerokernels.series.pupil_grid import disc_coverage, pupil_grid
 from aerokernels.series.spectra import welch
@@ -177,6 +178,33 @@ def test_the_linking_equation_beside_the_exact_variance():
         assert abs(value - exact) < 3.0 * error + 0.02 * exact, name
     assert float(found.opd_rms_linking) == pytest.approx(exact, rel=0.6)
     assert float(found.opd_rms_linking_error) > 0.0
+
+
+def test_the_linking_equation_of_ten_thousand_draws():
+    """Set-up: isotropic waves of 250 rad/m along a path of 0.3 m, 1e4 draws of phases, planes 0.6 mm apart.
+
+    Expected: 2 K^2 <rho'^2> S Lambda, Lambda the integral of mean cos(k_z l) to its first zero, and the closed form of
+    the double integral; each within 3 standard errors and 0.5 %.
+    """
+    draw, count, planes, length = np.random.default_rng(12), 10_000, 501, 0.3
+    wave = draw.normal(size=(40, 3))
+    along = 250.0 * wave[:, 2] / np.linalg.norm(wave, axis=1)
+    place = np.linspace(0.0, length, planes)
+    phase = np.exp(1j * draw.uniform(0.0, 2.0 * np.pi, (count, 40)))
+    densities = 1e-3 * (phase @ np.exp(1j * np.outer(along, place))).real[:, None, :]
+    weights = np.full((1, planes), place[1])
+    weights[0, [0, -1]] *= 0.5
+    fine = np.linspace(0.0, 0.05, 50_001)
+    scale = integral_length(np.cos(np.outer(fine, along)).mean(axis=1), fine[1])
+    expected = {
+        "linking": CONSTANT * 1e-3 * np.sqrt(40.0 * length * scale),
+        "path": CONSTANT * 1e-3 * np.sqrt(0.5 * ((2.0 * np.sin(0.5 * along * length) / along) ** 2).sum()),
+    }
+    whole = np.sqrt(_both(densities, weights, CONSTANT))
+    parts = np.sqrt([_both(part, weights, CONSTANT) for part in np.array_split(densities, 10)])
+    error = parts.std(axis=0, ddof=1) / np.sqrt(10.0)
+    for k, name in enumerate(expected):
+        assert abs(whole[k] - expected[name]) < min(3.0 * error[k], 5e-3 * expected[name]), name
 
 
 def test_few_snapshots_and_uneven_times_say_so():

@@ -14,7 +14,7 @@ from typing import Any
 
 from aerokernels import __version__
 from aerokernels.clock import clocked
-from aerokernels.echo.prediction import predict_echo
+from aerokernels.echo.prediction import check_echo
 from aerokernels.jobs.run import RunResult, echo_with_errors, scene_strehl
 from aerokernels.jobs.store import to_json
 from aerokernels.prepare import Prepared, prepare_field, view_extent, view_radius
@@ -128,7 +128,7 @@ class Stages:
         with clocked() as stages:
             choose_backend(scene.trace.backend, scene.trace.device)
             prepared = timed("prepare", lambda: self._prepared(case))
-            predict_echo(scene, prepared.field)
+            check_echo(scene, prepared.field)
             strehl = timed("strehl", lambda: self._strehl(case, prepared))
             timed("error", lambda: strehl.quantities)
             try:

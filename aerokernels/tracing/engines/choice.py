@@ -12,6 +12,7 @@ from contextlib import suppress
 from dataclasses import replace
 from importlib.metadata import PackageNotFoundError, version
 
+from ...opened import OPENED
 from .info import NO_CUDA, BackendInfo, cuda_driver_loads, host_memory, warp_processor
 
 BACKENDS = ("auto", "warp", "opencl", "reference")
@@ -141,10 +142,15 @@ def _warp_devices(quick: bool = False) -> list[BackendInfo]:
         return [_absent("warp", "the package warp-lang is not installed: pip install warp-lang")]
     if quick and "warp" not in sys.modules and not cuda_driver_loads():
         with suppress(PackageNotFoundError):
-            return [warp_processor(version("warp-lang"), NO_CUDA)]
+            return [warp_processor(_version("warp-lang"), NO_CUDA)]
     from .warp.devices import list_devices
 
     return list_devices()
+
+
+def _version(package: str) -> str:
+    """The version of an installed package: it stands in a file, and every trace asks."""
+    return str(OPENED.once(("version", package), lambda: version(package)))
 
 
 def _opencl_devices() -> list[BackendInfo]:
