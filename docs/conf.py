@@ -80,6 +80,7 @@ html_theme = "pydata_sphinx_theme"
 html_title = "aerokernels"
 html_static_path = ["_static"]
 html_css_files = ["site.css"]
+html_sidebars = {"conventions": []}  # it has no pages under it
 html_show_sourcelink = False
 html_copy_source = False
 html_theme_options = {
