@@ -1,8 +1,11 @@
 """Wave optics: closed forms in free space and in fields, and the rays where they are good."""
 
+import sys
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
-from scipy.special import fresnel
+from scipy.special import airy, fresnel
 
 from aerokernels import Disc, IndexField, Rectangle, Wave, split_step, validity, wavefront
 from aerokernels.validation.random_fields import uniform_field
@@ -125,6 +128,9 @@ def test_a_thin_smooth_plate_is_what_the_rays_say():
     told = validity(field, pupil, wavelength=WAVELENGTH, wavefront=rays)
     assert told.good and bool(told) and abs(told.strehl_change) < 5e-4 and told.crossed_share == 0.0
     assert "rays are good" in told.reason
+    assert told.answered_by == "rays" and "traced wavefront" in told.reason
+    by_wave = validity(field, pupil, wavelength=WAVELENGTH)
+    assert by_wave.answered_by == "waves" and told.strehl_change == pytest.approx(by_wave.strehl_change, abs=1e-3)
     # Free space leaves the Strehl ratio and the far field alone.
     assert wave.propagate(5.0).strehl() == pytest.approx(wave.strehl(), abs=1e-12)
 
@@ -157,6 +163,9 @@ def test_a_thick_grating_is_more_than_its_rays_say():
     assert told.strehl_change == pytest.approx(wave.strehl() - by_rays, abs=4e-3)
     assert not told.good and told.fresnel_number < 1.0 and "rays are not good" in told.reason
     assert told.feature == pytest.approx(0.5 * period, rel=0.5)
+    seen = wavefront(field, pupil, wavelength=WAVELENGTH, pixel_count=64)
+    doubted = validity(field, pupil, wavelength=WAVELENGTH, wavefront=seen)
+    assert doubted.answered_by == "waves" and not doubted.good  # the traced phase alone would not say so
     thin = validity(thick_grating(period, 0.6e-3, waves), pupil, wavelength=WAVELENGTH)
     assert thin.good and thin.fresnel_number > 5.0
 
@@ -171,6 +180,43 @@ def test_rays_that_cross_are_told_of():
     )
     told = validity(field, Disc(0.5e-3, (0.0, 0.0, -3e-3)), wavelength=WAVELENGTH)
     assert told.crossed_share > 0.3 and told.curvature > 1.0
+
+
+def test_airy_at_a_fold_caustic():
+    """An Airy beam of finite power: its own caustic, exact for the paraxial equation; left over is the window, 1e-6.
+
+    Ai(s - t^2/4 + i a t) exp(a s - a t^2/2 - i t^3/12 + i a^2 t/2 + i s t/2), s = x / x_0, t = z / (k x_0^2)
+    (G. A. Siviloglou, D. N. Christodoulides, Opt. Lett. 32 (2007) 979).
+    """
+    scale, decay = 5e-5, 0.15
+    s = line(1 << 13, 1e-6 * 2.5) / scale
+
+    def beam(t: float) -> np.ndarray:
+        phase = -decay * t**2 / 2.0 - 1j * t**3 / 12.0 + 0.5j * decay**2 * t + 0.5j * s * t
+        return airy(s - 0.25 * t**2 + 1j * decay * t)[0] * np.exp(decay * s + phase)
+
+    found = angular_spectrum(beam(0.0)[None], 2.5e-6, WAVELENGTH, 3.0 * K * scale**2, paraxial=True)[0]
+    expected = beam(3.0)
+    assert np.abs(found - expected).max() < 1e-6 * np.abs(expected).max()
+
+
+def test_a_gpu_library_goes_through_the_same_steps(monkeypatch):
+    """CuPy's names by NumPy's functions: the same wave to rounding; float32 to 1e-5; none there is said."""
+    field = phase_plate(lambda x, y: 2e-7 * (x * x + y * y) / 4e-6, 4.4e-3)
+    pupil = Disc(2e-3, (0.0, 0.0, -1e-3))
+    options = {"wavelength": WAVELENGTH, "pixel_count": 64}
+    expected = split_step(field, pupil, **options)
+    single = split_step(field, pupil, precision="float32", **options)
+    assert 0.0 < np.abs(single.amplitude - expected.amplitude).max() < 1e-5
+    monkeypatch.setitem(sys.modules, "cupy", None)
+    monkeypatch.setitem(sys.modules, "torch", None)
+    with pytest.raises(ValueError, match="CuPy"):
+        split_step(field, pupil, device="gpu", **options)
+    runtime = SimpleNamespace(getDeviceCount=lambda: 1)
+    cupy = SimpleNamespace(cuda=SimpleNamespace(runtime=runtime), fft=np.fft, asarray=np.asarray, asnumpy=np.asarray)
+    monkeypatch.setitem(sys.modules, "cupy", cupy)
+    found = split_step(field, pupil, device="gpu", **options)
+    assert np.abs(found.amplitude - expected.amplitude).max() < 1e-12
 
 
 def test_what_is_refused():

@@ -16,6 +16,7 @@ from aerokernels.scene import Scene
 from aerokernels.strehl_errors import greatest_strehl_error, main_cause
 from aerokernels.strehl_estimate import plan_strehl
 from aerokernels.tracing.plan import TracePlan
+from aerokernels.waves import validity
 
 
 def explanation(scene: Scene) -> list[tuple[str, str]]:
@@ -73,6 +74,7 @@ def explanation(scene: Scene) -> list[tuple[str, str]]:
         ),
         ("predicted", _prediction(plan, count)),
         *_predicted_ratio(plan, resampling, wavelength),
+        ("ray optics", validity(prepared.field, pupil).reason),
         (
             "rays, OPD map",
             f"{len(sampled):,} for {int(inside.sum()):,} samples, {PUPIL_SAMPLES} across the pupil{shared}",

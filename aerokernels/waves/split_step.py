@@ -9,7 +9,9 @@ is sampled once, in layers no thicker than its cells, and the layers of a step a
 nothing but transforms, and the difference is the error.
 """
 
+from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
@@ -19,6 +21,7 @@ from ..pupils import Pupil
 from ..wavefront.traced import LEAST_COVER
 from .angular_spectrum import transfer_exponent
 from .layers import FEWEST_STEPS, check_memory, layer_count, path_range, sample_layers
+from .library import PRECISIONS, FourierLibrary, fourier_library
 from .wave import Wave
 
 
@@ -32,6 +35,8 @@ def split_step(
     tolerance: float = 1e-3,
     step_count: int | None = None,
     paraxial: bool = False,
+    device: str | None = None,
+    precision: str = "float64",
 ) -> Wave:
     """A wave after the field, by wave optics: its Strehl ratio, focus and shadow without the approximation of rays.
 
@@ -45,6 +50,9 @@ def split_step(
         tolerance: Error of the amplitude asked for, rms over the rms amplitude, through the steps.
         step_count: Steps; None takes as many as the tolerance needs.
         paraxial: Whether free space follows the paraxial equation.
+        device: "cpu" (None) by SciPy, or "gpu" by CuPy or PyTorch, whichever is installed.
+        precision: "float64" or "float32" of the transforms. The plane wave's phase is taken out either way, and that of
+            a step is reduced to a turn in float64.
 
     Returns:
         The Wave on the plane where the box ends, along the normal.
@@ -68,6 +76,9 @@ def split_step(
         raise ValueError(f"tolerance must be positive, got {tolerance!r}")
     if step_count is not None and (not isinstance(step_count, (int, np.integer)) or step_count < 1):
         raise ValueError(f"step_count must be a whole number of at least 1, got {step_count!r}")
+    if precision not in PRECISIONS:
+        raise ValueError(f"precision {precision!r} is not known: choose one of {', '.join(PRECISIONS)}")
+    library = fourier_library(device)
     with clocked() as seconds:
         with stage("plan"):
             begin, end = path_range(field, wave)
@@ -76,7 +87,20 @@ def split_step(
             layers = sample_layers(field, wave, begin, end, count)
         with stage("kernel"):
             start = wave.propagate(begin, paraxial=paraxial)
-            found, steps, error = _refined(start, layers, end - begin, tolerance, step_count, paraxial)
+            by = partial(
+                through_layers,
+                np.array(start.amplitude),
+                layers,
+                end - begin,
+                exponent=transfer_exponent(
+                    start.amplitude.shape, start.pixel, start.wavelength, start.ambient_index, paraxial
+                ),
+                wavelength=start.wavelength,
+                library=library,
+                precision=precision,
+            )
+            size = float(np.linalg.norm(start.amplitude))
+            found, steps, error = _refined(by, size, len(layers), tolerance, step_count)
     return replace(
         start,
         amplitude=found,
@@ -106,15 +130,10 @@ def plane_wave(pupil: Pupil, wavelength: float, pixel_count: int, window: float,
     return Wave(amplitude, pixel, wavelength, pupil.center, pupil.normal, ambient_index)
 
 
-def _refined(wave: Wave, layers: np.ndarray, length: float, tolerance: float, step_count: int | None, paraxial: bool):
+def _refined(
+    by: Callable[[int], np.ndarray], size: float, most: int, tolerance: float, step_count: int | None
+) -> tuple[np.ndarray, int, float]:
     """Amplitude, steps and error: steps are doubled until half as many differ by little enough."""
-    exponent = transfer_exponent(wave.amplitude.shape, wave.pixel, wave.wavelength, wave.ambient_index, paraxial)
-    amplitude = np.array(wave.amplitude)
-    size = float(np.linalg.norm(amplitude))
-
-    def by(steps: int) -> np.ndarray:
-        return through_layers(amplitude, layers, length, steps, exponent, wave.wavelength)
-
     if step_count is not None:
         found = by(step_count)
         if step_count % 2:
@@ -123,24 +142,32 @@ def _refined(wave: Wave, layers: np.ndarray, length: float, tolerance: float, st
     steps = FEWEST_STEPS
     coarse, fine = by(steps // 2), by(steps)
     # The difference of second-order results, over 3, is the error of the better one.
-    while (error := float(np.linalg.norm(fine - coarse)) / 3.0 / size) > tolerance and steps < len(layers):
+    while (error := float(np.linalg.norm(fine - coarse)) / 3.0 / size) > tolerance and steps < most:
         steps *= 2
         coarse, fine = fine, by(steps)
     return fine, steps, error
 
 
 def through_layers(
-    amplitude: np.ndarray, layers: np.ndarray, length: float, steps: int, exponent: np.ndarray, wavelength: float
+    amplitude: np.ndarray,
+    layers: np.ndarray,
+    length: float,
+    steps: int,
+    exponent: np.ndarray,
+    wavelength: float,
+    library: FourierLibrary | None = None,
+    precision: str = "float64",
 ) -> np.ndarray:
     """The amplitude after all layers in so many steps; half steps of free space that meet are one."""
-    from scipy.fft import fft2, ifft2
-
+    library = fourier_library() if library is None else library
+    kind = PRECISIONS[precision]
     step = length / steps
     each = len(layers) // steps
-    half, whole = np.exp(0.5 * step * exponent), np.exp(step * exponent)
-    spectrum = fft2(amplitude) * half
+    half, whole = (library.array(np.exp(part * step * exponent).astype(kind)) for part in (0.5, 1.0))
+    spectrum = library.forward(library.array(amplitude.astype(kind))) * half
     for number in range(steps):
         path = layers[number * each : (number + 1) * each].sum(axis=0, dtype=np.float64)
-        spectrum = fft2(ifft2(spectrum) * np.exp(2j * np.pi / wavelength * path))
-        spectrum *= half if number == steps - 1 else whole
-    return np.asarray(ifft2(spectrum))
+        turned = library.array(np.exp(2j * np.pi / wavelength * path).astype(kind))
+        spectrum = library.forward(library.inverse(spectrum) * turned)
+        spectrum = spectrum * (half if number == steps - 1 else whole)
+    return library.numpy(library.inverse(spectrum)).astype(np.complex128)

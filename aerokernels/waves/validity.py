@@ -10,6 +10,11 @@ Three numbers of the wavefront W over the distance D that its light takes to lea
 and one says how much: the Strehl ratio of a wave through the same air, less that of its straight rays through the same
 samples, on a window coarse enough to cost little and fine enough for that finest phase. What the samples lack is
 lacking in both, so the difference stands for diffraction alone.
+
+Beside a traced wavefront there is a cheaper answer: half of its phase on either side of free space of the length over
+which the light is disturbed, which the field is looked up on a few lines for. Where that changes the Strehl ratio by
+far less than is allowed, no rays cross (the determinant is positive everywhere) and nothing is near a focus, the rays
+have answered for themselves; otherwise the wave answers.
 """
 
 from dataclasses import dataclass
@@ -18,6 +23,7 @@ import numpy as np
 
 from ..medium import IndexField
 from ..pupils import Pupil
+from ..tracing.lines import box_span
 from ..wavefront import Wavefront
 from ..wavefront.transfer import complex_amplitude
 from .angular_spectrum import transfer_exponent
@@ -31,6 +37,9 @@ GOOD = 1e-2
 UNSEEN = 0.03
 # Pixels of the window, least and most; the window over the pupil; layers of the field at most.
 LEAST_PIXELS, MOST_PIXELS, WINDOW, LAYERS = 48, 192, 1.5, 64
+# The rays' own answer: the share of the limit that it must stay below, the greatest curvature, its map's pixels, and
+# the lines of sight and layers by which the disturbed length is found.
+CLEAR, FLAT, SCREEN_PIXELS, LINES, LINE_LAYERS = 0.2, 0.3, 64, 4, 32
 
 
 @dataclass(frozen=True)
@@ -45,6 +54,7 @@ class Validity:
         crossed_share: Share of the pupil where rays have crossed.
         curvature: The greatest product of that distance and a curvature of the wavefront, of the sign that focuses.
         limit: The change of the Strehl ratio up to which rays are good.
+        answered_by: "rays" where the traced wavefront left no doubt, "waves" where a wave was sent through the field.
     """
 
     strehl_change: float
@@ -54,6 +64,7 @@ class Validity:
     crossed_share: float
     curvature: float
     limit: float = GOOD
+    answered_by: str = "waves"
 
     @property
     def good(self) -> bool:
@@ -63,7 +74,8 @@ class Validity:
     @property
     def reason(self) -> str:
         """The verdict in a sentence."""
-        change = f"waves change the Strehl ratio by {self.strehl_change:+.2g}, {self.limit:g} being allowed"
+        who = "the traced wavefront" if self.answered_by == "rays" else "a wave through the field"
+        change = f"waves change the Strehl ratio by {self.strehl_change:+.2g}, {self.limit:g} being allowed, says {who}"
         if self.good:
             return f"rays are good: {change}"
         why = f"the Fresnel number of the finest phase is {self.fresnel_number:.2g}"
@@ -90,7 +102,8 @@ def validity(
         field: The refractive index.
         pupil: The pupil; light leaves it along its normal.
         wavelength: Vacuum wavelength [m]; None takes the field's own, or 905 nm where it has none.
-        wavefront: Its traced wavefront, whose finest phase is then looked at; None looks at straight rays.
+        wavefront: Its traced wavefront, whose finest phase is then looked at, and which may answer by itself at a small
+            part of its own cost; None looks at straight rays and asks a wave.
         limit: The change of the Strehl ratio up to which rays are good.
 
     Raises:
@@ -104,7 +117,12 @@ def validity(
     if not (np.isfinite(limit) and limit > 0.0):
         raise ValueError(f"limit must be positive, got {limit!r}")
     wavelength = field.wavelength_for(wavelength)
-    feature = float("inf") if wavefront is None else finest_feature(_phase_map(wavefront), wavefront.pixel)
+    feature = float("inf")
+    if wavefront is not None:
+        feature = finest_feature(_phase_map(wavefront), wavefront.pixel)
+        answer = by_rays(field, pupil, wavefront, wavelength, feature, limit)
+        if answer is not None:
+            return answer
     pixels = LEAST_PIXELS
     while True:
         wave = plane_wave(pupil, wavelength, pixels, WINDOW, field.ambient_index)
@@ -157,7 +175,12 @@ def finest_feature(phase: np.ndarray, pixel: float) -> float:
 def disturbed_length(layers: np.ndarray, wave: Wave, length: float) -> float:
     """From the middle of what disturbs the phase, weighted by its square, on to the end, and its own spread [m]."""
     lit = np.abs(wave.amplitude) > 0.0
-    inside = layers[:, lit].astype(np.float64)
+    return _spread_along(layers[:, lit].astype(np.float64), length)
+
+
+def _spread_along(inside: np.ndarray, length: float) -> float:
+    """Length of an even spread with the standard deviation of the disturbance of lines (layers, lines) [m]."""
+    layers = inside
     weight = np.mean((inside - inside.mean(axis=1, keepdims=True)) ** 2, axis=1)
     if not weight.any():
         return 0.0
@@ -166,20 +189,103 @@ def disturbed_length(layers: np.ndarray, wave: Wave, length: float) -> float:
     return float(np.sqrt(12.0 * np.average((place - middle) ** 2, weights=weight) + (length / len(layers)) ** 2))
 
 
+def by_rays(
+    field: IndexField, pupil: Pupil, wavefront: Wavefront, wavelength: float, feature: float, limit: float
+) -> Validity | None:
+    """The verdict of a traced wavefront alone; None where it leaves a doubt, or does not hold its finest phase."""
+    if feature < 2.0 * wavefront.pixel or wavefront.wavelength != wavelength or wavefront.blocked > 1e-3:
+        return None
+    length = _length_on_lines(field, pupil, wavefront)
+    stride = max(1, len(wavefront.opd) // SCREEN_PIXELS)
+    if feature < 2.0 * stride * wavefront.pixel:
+        stride = 1
+    pixel = stride * wavefront.pixel
+    opd, weight = (array[stride // 2 :: stride, stride // 2 :: stride] for array in (wavefront.opd, wavefront.weight))
+    lit = weight > 0.0
+    path = np.where(lit, opd, 0.0)
+    crossed, curvature = _crossings(opd, pixel, lit, length)
+    size = _fast_size(int(np.ceil(WINDOW * len(opd))))
+    wide = np.zeros((size, size)), np.zeros((size, size))
+    for array, values in zip(wide, (weight, path), strict=True):
+        array[: len(opd), : len(opd)] = values
+    change = _two_screens(wide[0], wide[1], pixel, wavelength, field.ambient_index, length)
+    if not (abs(change) <= CLEAR * limit and crossed == 0.0 and curvature <= FLAT):
+        return None
+    return Validity(
+        strehl_change=change,
+        feature=feature,
+        distance=length,
+        fresnel_number=feature**2 / (wavelength * length) if length > 0.0 else float("inf"),
+        crossed_share=crossed,
+        curvature=curvature,
+        limit=limit,
+        answered_by="rays",
+    )
+
+
+def _fast_size(count: int) -> int:
+    from scipy.fft import next_fast_len
+
+    return int(next_fast_len(count))
+
+
+def _length_on_lines(field: IndexField, pupil: Pupil, wavefront: Wavefront) -> float:
+    """The disturbed length [m], by a few lines through the pupil."""
+    look = pupil.normal if wavefront.direction is None else np.asarray(wavefront.direction)
+    reach = max(pupil.half_extent)
+    place = reach * (2.0 * (np.arange(LINES) + 0.5) / LINES - 1.0)
+    x, y = (axis.ravel() for axis in np.meshgrid(place, place))
+    lit = pupil.transmission(x, y) > 0.0
+    if lit.any():
+        x, y = x[lit], y[lit]
+    first, second = pupil.axes
+    start = pupil.center + x[:, None] * first + y[:, None] * second
+    span = box_span(field, start, np.broadcast_to(look, start.shape).copy())
+    meets = span.meets & (span.leave > 0.0) & (span.leave < 1e30)
+    if not meets.any():
+        return 0.0
+    begin, end = max(float(span.enter[meets].min()), 0.0), float(span.leave[meets].max())
+    depth = begin + (end - begin) * (np.arange(LINE_LAYERS) + 0.5) / LINE_LAYERS
+    points = start + depth[:, None, None] * look
+    layers = field.contrast_at(points.reshape(-1, 3)).reshape(LINE_LAYERS, len(start))
+    return _spread_along(layers, end - begin)
+
+
+def _two_screens(
+    weight: np.ndarray, path: np.ndarray, pixel: float, wavelength: float, ambient_index: float, length: float
+) -> float:
+    """Strehl ratio of half the phase, free space and the other half, less that of the whole phase at once.
+
+    Two sheets are as far apart as an even spread over the length is wide, twice its standard deviation.
+    """
+    from scipy.fft import fft2, ifft2
+
+    half = np.exp(1j * np.pi / wavelength * path)
+    exponent = transfer_exponent(weight.shape, pixel, wavelength, ambient_index, False)
+    apart = ifft2(fft2(weight * half) * np.exp(length / np.sqrt(3.0) * exponent)) * half
+    return float((abs(apart.sum()) ** 2 - abs((weight * half**2).sum()) ** 2) / weight.sum() ** 2)
+
+
 def _phase_map(wavefront: Wavefront) -> np.ndarray:
     return 2.0 * np.pi / wavefront.wavelength * wavefront.opd
 
 
 def _crossing(path: np.ndarray, wave: Wave, distance: float) -> tuple[float, float]:
+    return _crossings(path, wave.pixel, np.abs(wave.amplitude) > 0.0, distance)
+
+
+def _crossings(path: np.ndarray, pixel: float, lit: np.ndarray, distance: float) -> tuple[float, float]:
     """Share of the pupil where rays cross within a distance, and the greatest focusing curvature times it."""
-    lit = np.abs(wave.amplitude) > 0.0
-    row = np.gradient(np.gradient(path, wave.pixel, axis=0), wave.pixel, axis=0)
-    column = np.gradient(np.gradient(path, wave.pixel, axis=1), wave.pixel, axis=1)
-    mixed = np.gradient(np.gradient(path, wave.pixel, axis=0), wave.pixel, axis=1)
-    middle, spread = 0.5 * (row + column), np.hypot(0.5 * (row - column), mixed)
-    focusing = -distance * (middle - spread)[lit]  # light turns toward where it is delayed: a negative one focuses
+    along_y, along_x = np.gradient(path, pixel)
+    row, mixed = np.gradient(along_y, pixel)
+    column = np.gradient(along_x, pixel, axis=1)
+    known = lit & np.isfinite(row) & np.isfinite(column) & np.isfinite(mixed)
+    if not known.any():
+        return 0.0, 0.0
+    middle, spread = 0.5 * (row + column)[known], np.hypot(0.5 * (row - column), mixed)[known]
+    focusing = -distance * (middle - spread)  # light turns toward where it is delayed: a negative one focuses
     least = 1.0 - focusing
-    greatest = 1.0 + distance * (middle + spread)[lit]
+    greatest = 1.0 + distance * (middle + spread)
     return float(np.mean(least * greatest < 0.0)), float(focusing.max(initial=0.0))
 
 
