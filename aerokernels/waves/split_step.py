@@ -13,6 +13,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from ..arguments import checked
 from ..clock import clocked, stage
 from ..medium import IndexField
 from ..pupils import Pupil
@@ -22,6 +23,7 @@ from .layers import FEWEST_STEPS, check_memory, layer_count, path_range, sample_
 from .wave import Wave
 
 
+@checked
 def split_step(
     field: IndexField,
     light: Pupil | Wave,

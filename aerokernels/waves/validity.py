@@ -16,6 +16,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..arguments import checked
 from ..medium import IndexField
 from ..pupils import Pupil
 from ..wavefront import Wavefront
@@ -76,6 +77,7 @@ class Validity:
         return self.good
 
 
+@checked
 def validity(
     field: IndexField,
     pupil: Pupil,
