@@ -11,6 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from .arguments import Numbers, checked
 from .echo.checks import as_finite_array, as_waveform, check_positive
 from .echo.pulse_curve import PulseCurve
 from .echo.waveform import SPEED_OF_LIGHT
@@ -148,8 +149,14 @@ def correlation_by_lag(recorded: np.ndarray, simulated: np.ndarray, greatest_shi
     return np.where((spread_a > floor) & (spread_b > floor), np.clip(r, -1.0, 1.0), np.nan)
 
 
+@checked
 def compare_waveforms(
-    time, recorded, simulated, *, greatest_lag: float | None = None, threshold: float | None = None
+    time: Numbers,
+    recorded: Numbers,
+    simulated: Numbers,
+    *,
+    greatest_lag: float | None = None,
+    threshold: float | None = None,
 ) -> WaveformComparison:
     """Compare a recorded waveform with a simulated one.
 

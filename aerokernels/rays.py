@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from .arguments import Numbers, checked
 from .pupils import (
     Annulus,
     Disc,
@@ -35,6 +36,7 @@ __all__ = [
 ]
 
 
+@checked
 @dataclass(frozen=True, eq=False)
 class RayBundle(ReadOnly):
     """Rays to trace.
@@ -98,8 +100,15 @@ class RayBundle(ReadOnly):
         return RayBundle(self.position[rows], self.direction[rows], np.atleast_1d(np.asarray(self.weight)[rows]))
 
     @classmethod
+    @checked
     def collimated(
-        cls, pupil: Pupil, ray_count: int = 1024, *, direction=None, sampling: str = "sobol", seed: int = 0
+        cls,
+        pupil: Pupil,
+        ray_count: int = 1024,
+        *,
+        direction: Numbers | None = None,
+        sampling: str = "sobol",
+        seed: int = 0,
     ) -> "RayBundle":
         """Parallel rays through a pupil, along its normal unless a `direction` is given."""
         points, weight = pupil.sample(ray_count, sampling, seed)
@@ -107,8 +116,16 @@ class RayBundle(ReadOnly):
         return cls(points, np.tile(along, (len(points), 1)), weight)
 
     @classmethod
+    @checked
     def divergent(
-        cls, apex, axis, half_angle: float, ray_count: int = 1024, *, sampling: str = "sobol", seed: int = 0
+        cls,
+        apex: Numbers,
+        axis: Numbers,
+        half_angle: float,
+        ray_count: int = 1024,
+        *,
+        sampling: str = "sobol",
+        seed: int = 0,
     ) -> "RayBundle":
         """Rays from the point `apex` [m] into the cone of `half_angle` [rad] about `axis`, uniform in solid angle."""
         if not (0.0 < half_angle <= np.pi):
@@ -126,10 +143,11 @@ class RayBundle(ReadOnly):
         return cls(np.tile(as_vector(apex, "apex"), (len(flat), 1)), direction, weight)
 
     @classmethod
+    @checked
     def through(
         cls,
         pupil: Pupil,
-        from_point,
+        from_point: Numbers,
         ray_count: int = 1024,
         *,
         sampling: str = "sobol",

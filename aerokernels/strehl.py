@@ -8,12 +8,14 @@ and reduces them where the rays are; the spread of the replicates gives the stan
 as a fan of far fewer rays (tracing/radial_quadrature.py).
 """
 
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
 
 import numpy as np
 
+from .arguments import Numbers, checked
 from .callable_module import make_callable
 from .clock import clocked, stage
 from .quantities import Quantity, Verdict, judge_strehl, listed
@@ -22,7 +24,15 @@ from .wavefront import check_metres, check_terms, check_wavefront, map_points, m
 from .wavelength import check_wavelength
 
 
-def strehl(opd, wavelength: float, weights=None, remove=("piston",), *, points=None) -> float:
+@checked
+def strehl(
+    opd: Numbers,
+    wavelength: float,
+    weights: Numbers | None = None,
+    remove: str | Iterable[str] = ("piston",),
+    *,
+    points: Numbers | None = None,
+) -> float:
     """Exact Strehl ratio |<exp(i k OPD)>|^2 of a wavefront.
 
     Args:
@@ -52,7 +62,15 @@ def strehl(opd, wavelength: float, weights=None, remove=("piston",), *, points=N
     return abs(mean_phasor(opd, weights, wavelength)) ** 2
 
 
-def strehl_marechal(opd, wavelength: float, weights=None, remove=("piston",), *, points=None) -> float:
+@checked
+def strehl_marechal(
+    opd: Numbers,
+    wavelength: float,
+    weights: Numbers | None = None,
+    remove: str | Iterable[str] = ("piston",),
+    *,
+    points: Numbers | None = None,
+) -> float:
     """Marechal's approximation exp(-(k sigma)^2) of the Strehl ratio; arguments and errors as for `strehl`.
 
     Examples:

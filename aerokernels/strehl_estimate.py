@@ -2,6 +2,7 @@
 
 import sys
 import warnings
+from collections.abc import Iterable
 from copy import copy
 from dataclasses import replace
 from functools import partial
@@ -9,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from .arguments import Numbers, checked
 from .clock import clocked, stage
 from .medium import IndexField
 from .rays import Pupil, as_unit_vector
@@ -27,6 +29,7 @@ from .wavefront import check_terms
 UNSEEN = 1e-3
 
 
+@checked
 def estimate_strehl(
     field: IndexField,
     pupil: Pupil,
@@ -34,14 +37,14 @@ def estimate_strehl(
     wavelength: float | None = None,
     ray_count: int = 1_000_000,
     tolerance: float = 1e-3,
-    remove=("piston",),
+    remove: str | Iterable[str] = ("piston",),
     backend: str = "auto",
     device: str | None = None,
     precision: str = "float32",
     method: str = "auto",
     step: float | None = None,
     max_steps: int | None = None,
-    direction=None,
+    direction: Numbers | None = None,
     seed: int = 0,
     symmetry: str | bool = "auto",
     bundle: str = "auto",
@@ -137,6 +140,7 @@ def plan_strehl(field: IndexField, pupil: Pupil, **options) -> tuple[TracePlan, 
     return job.plan, job.predicted_ray_count
 
 
+@checked
 class PreparedStrehl:
     """What `prepare_strehl` returns: a call with a seed gives a StrehlEstimate.
 
@@ -156,7 +160,7 @@ class PreparedStrehl:
         wavelength: float | None = None,
         ray_count: int = 1_000_000,
         tolerance: float = 1e-3,
-        remove=("piston",),
+        remove: str | Iterable[str] = ("piston",),
         direction=None,
         symmetry: str | bool = "auto",
         bundle: str = "auto",
@@ -231,6 +235,7 @@ class PreparedStrehl:
         made.seconds = seconds
         return made
 
+    @checked
     def __call__(self, seed: int = 0) -> StrehlEstimate:
         """Launch the points of a seed, trace them and sum.
 

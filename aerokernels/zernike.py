@@ -14,6 +14,8 @@ import math
 
 import numpy as np
 
+from .arguments import Numbers, checked
+
 __all__ = [
     "ansi_to_nm",
     "fringe_to_nm",
@@ -39,6 +41,7 @@ def _order(n, m) -> tuple[int, int]:
     return int(n), int(m)
 
 
+@checked
 def noll_to_nm(index: int) -> tuple[int, int]:
     """Order (n, m) of Noll's index, from 1.
 
@@ -53,6 +56,7 @@ def noll_to_nm(index: int) -> tuple[int, int]:
     return n, size if index % 2 == 0 else -size
 
 
+@checked
 def nm_to_noll(n: int, m: int) -> int:
     """Noll's index, from 1, of an order (n, m).
 
@@ -65,6 +69,7 @@ def nm_to_noll(n: int, m: int) -> int:
     return n * (n + 1) // 2 + abs(m) + (0 if first else 1)
 
 
+@checked
 def ansi_to_nm(index: int) -> tuple[int, int]:
     """Order (n, m) of an ANSI (OSA) index, from 0."""
     index = _index(index, 0, "ANSI")
@@ -72,12 +77,14 @@ def ansi_to_nm(index: int) -> tuple[int, int]:
     return n, 2 * index - n * (n + 2)
 
 
+@checked
 def nm_to_ansi(n: int, m: int) -> int:
     """ANSI (OSA) index, from 0, of an order (n, m)."""
     n, m = _order(n, m)
     return (n * (n + 2) + m) // 2
 
 
+@checked
 def fringe_to_nm(index: int) -> tuple[int, int]:
     """Order (n, m) of a fringe (University of Arizona) index, from 1."""
     index = _index(index, 1, "fringe")
@@ -87,13 +94,15 @@ def fringe_to_nm(index: int) -> tuple[int, int]:
     return 2 * (side - 1) - m, -m if rest % 2 else m
 
 
+@checked
 def nm_to_fringe(n: int, m: int) -> int:
     """Fringe (University of Arizona) index, from 1, of an order (n, m)."""
     n, m = _order(n, m)
     return (1 + (n + abs(m)) // 2) ** 2 - 2 * abs(m) + (1 if m < 0 else 0)
 
 
-def zernike_polynomial(n: int, m: int, x, y) -> np.ndarray:
+@checked
+def zernike_polynomial(n: int, m: int, x: Numbers, y: Numbers) -> np.ndarray:
     """Zernike polynomial of an order (n, m), of rms 1 over the unit disc.
 
     Args:
@@ -114,7 +123,8 @@ def zernike_polynomial(n: int, m: int, x, y) -> np.ndarray:
     return np.asarray(radial * (turned.imag if m < 0 else turned.real))
 
 
-def zernike_modes(count: int, x, y) -> np.ndarray:
+@checked
+def zernike_modes(count: int, x: Numbers, y: Numbers) -> np.ndarray:
     """The first `count` Zernike polynomials in Noll's order, shape (count, ...): see `zernike_polynomial`."""
     count = _index(count, 1, "Noll")
     return np.stack([zernike_polynomial(*noll_to_nm(index), x, y) for index in range(1, count + 1)])

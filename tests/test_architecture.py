@@ -18,6 +18,7 @@ RANK = {
         [
             ("read_only",),
             ("units", "quantities", "callable_module", "sobol", "wavelength", "derived", "clock", "opened"),
+            ("arguments",),
             ("quiet_warp", "sensor"),
             ("pupils",),
             ("rays",),

@@ -1,6 +1,7 @@
 """Argument checks shared by the echo's modules: each refuses a value by name and says what would do."""
 
 import math
+from typing import Any
 
 import numpy as np
 
@@ -144,8 +145,8 @@ def as_waveform(time, voltage, least_count: int = 4) -> tuple[np.ndarray, np.nda
     return times, values, period
 
 
-def _as_number(value: float, name: str) -> float:
-    if isinstance(value, (bool, str)) or np.ndim(value) != 0:
+def _as_number(value: Any, name: str) -> float:
+    if isinstance(value, (bool, str)) or isinstance(value, (list, tuple)) or np.ndim(value) != 0:
         raise TypeError(f"{name} must be one number, got {value!r}")
     try:
         return float(value)

@@ -192,4 +192,6 @@ def as_pulse(pulse: PulseShape | float) -> PulseShape:
         ValueError: A number that is not positive and finite.
         TypeError: Neither.
     """
+    if isinstance(pulse, type):
+        raise TypeError(f"pulse_tau must be a time [s] or the shape of a pulse, got the class {pulse.__name__}")
     return pulse if callable(pulse) else GaussianPulse(check_positive(pulse, "pulse_tau", "s"))

@@ -25,6 +25,7 @@ import math
 
 import numpy as np
 
+from ..arguments import Numbers, checked
 from .checks import as_finite_array, check_choice, check_positive, check_share, check_tilt
 from .pulses import GaussianPulse, PulseShape, as_pulse
 from .reflectors import Reflector
@@ -72,8 +73,9 @@ def plane_echo_power(
     return peak_power * reflectance * incidence_cosine * aperture / np.square(distance) * through
 
 
+@checked
 def plane_target_echo(
-    time,
+    time: Numbers,
     *,
     peak_power: float,
     receiver_diameter: float,

@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from ..arguments import Numbers, checked
 from .chain import DetectorChain
 from .checks import as_waveform, check_at_least, check_positive, check_share
 from .pulse_curve import PulseCurve
@@ -72,9 +73,10 @@ def cramer_rao_range(time, voltage, noise_rms: float) -> float:
     return 0.5 * SPEED_OF_LIGHT * period * noise / steepness
 
 
+@checked
 def range_statistics(
-    time,
-    voltage,
+    time: Numbers,
+    voltage: Numbers,
     method: str,
     *,
     noise_rms: float,

@@ -22,6 +22,7 @@ from functools import cached_property
 
 import numpy as np
 
+from ..arguments import Numbers, checked
 from .checks import as_finite_array, as_waveform, check_choice, check_positive
 from .pulse_curve import PulseCurve
 from .sampling_error import sampling_error, warn_of_sampling
@@ -33,9 +34,10 @@ RANGING_METHODS = ("leading-edge", "constant-fraction", "centroid", "matched-fil
 Template = Shape | np.ndarray
 
 
+@checked
 def estimate_range(
-    time,
-    voltage,
+    time: Numbers,
+    voltage: Numbers,
     method: str,
     *,
     threshold: float | None = None,

@@ -16,6 +16,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..arguments import checked
 from .gas import positive
 
 LEAST_MACH = 1.5
@@ -74,6 +75,7 @@ class BowShock:
         return self.mach**2 * square / (square + r**2)
 
 
+@checked
 def bow_shock(mach: float, radius: float, *, geometry: str = "axisymmetric") -> BowShock:
     """The bow shock of a round nose by Billig's correlation: approximate, fitted to experiments in air.
 

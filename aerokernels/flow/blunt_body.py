@@ -12,6 +12,7 @@ from itertools import pairwise
 
 import numpy as np
 
+from ..arguments import checked
 from ..medium import Body
 from .billig import BowShock, bow_shock
 from .exact_field import MARGIN, ExactField, edges, rectangles, square_step
@@ -75,6 +76,7 @@ class BluntBodyFlow:
         return self.stagnation_density_ratio * pressure ** (1.0 / self.gamma)
 
 
+@checked
 def blunt_body(
     mach: float,
     radius: float,

@@ -18,6 +18,7 @@ Reference: P. E. Ciddor, Refractive index of air: new equations for the visible 
 
 import math
 
+from ..arguments import checked
 from ..wavelength import SAME, check_wavelength
 from .gas import positive
 
@@ -32,6 +33,7 @@ WATER_MOLAR_MASS = 0.018015  # [kg/mol]
 UNCERTAINTY = 1.5e-4
 
 
+@checked
 def ciddor_constant(wavelength: float, *, water: float = 0.0, co2: float = STANDARD_CO2) -> float:
     """Refractivity over density of moist air [m3/kg], whatever its temperature and pressure.
 
@@ -51,6 +53,7 @@ def ciddor_constant(wavelength: float, *, water: float = 0.0, co2: float = STAND
     return per_mass / (dry_share + vapour_share)
 
 
+@checked
 def ciddor_refractivity(
     wavelength: float,
     temperature: float,
@@ -77,6 +80,7 @@ def ciddor_refractivity(
     return constant * moist_air_density(temperature, pressure, water=water, co2=co2)
 
 
+@checked
 def moist_air_density(temperature: float, pressure: float, *, water: float = 0.0, co2: float = STANDARD_CO2) -> float:
     """Density of moist air [kg/m3], not as a perfect gas (BIPM 1981/91, Ciddor's eq 4).
 
@@ -96,6 +100,7 @@ def moist_air_density(temperature: float, pressure: float, *, water: float = 0.0
     return mass * _molar_density(temperature, pressure, water)
 
 
+@checked
 def water_fraction(temperature: float, pressure: float, humidity: float) -> float:
     """Mole fraction of water vapour in air of a relative humidity (0 to 1), at [K] and [Pa].
 

@@ -10,6 +10,7 @@ from functools import cached_property
 
 import numpy as np
 
+from ..arguments import checked
 from ..medium import Body, IndexField
 from ..wavelength import DEFAULT_WAVELENGTH, check_wavelength
 from .conical_averages import bell, cell_averages
@@ -164,6 +165,7 @@ class ConicalFlow(DensityField):
         return np.where(angle < self.half_angle, self.half_angle + np.minimum(self.half_angle - angle, deepest), angle)
 
 
+@checked
 def cone(
     mach: float,
     half_angle: float,

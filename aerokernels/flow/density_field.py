@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ..arguments import Numbers, checked
 from ..medium import Body, IndexField, QuadMesh
 from ..read_only import ReadOnly
 from ..wavelength import DEFAULT_WAVELENGTH, check_wavelength
@@ -125,6 +126,7 @@ class SampledDensity(DensityField):
         """Mach number of the free stream; 0 where the gas is at rest, or it is not known."""
         return 0.0 if self.conditions is None else self.conditions.mach
 
+    @checked
     def scaled(self, ambient_density: float):
         """The same flow at another ambient density [kg/m3], every density ratio kept.
 
@@ -221,7 +223,8 @@ class CellDensity(MeshDensity):
             f"in {place} at {axes} = {centre[0]:.6g}, {centre[1]:.6g} m; repair the flow file"
         )
 
-    def density_at(self, points) -> np.ndarray:
+    @checked
+    def density_at(self, points: Numbers) -> np.ndarray:
         """Density [kg/m3] of the cells that hold points (x, y, z) [m], shape (n, 3): shape (n,).
 
         NaN inside the body; the ambient density outside the mesh.
@@ -234,6 +237,7 @@ class CellDensity(MeshDensity):
         density = np.where(cell >= 0, self.density[cell], self.ambient_density)
         return density if self.body is None else np.where(self.body.contains(local), np.nan, density)
 
+    @checked
     def index_field(
         self,
         wavelength: float = DEFAULT_WAVELENGTH,
@@ -277,6 +281,7 @@ class CellDensity(MeshDensity):
         )
 
 
+@checked
 def uniform_air(
     density: float = SEA_LEVEL_DENSITY,
     *,

@@ -16,6 +16,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..arguments import checked
 from ..medium import Body
 from .exact_averages import direction_averages
 from .exact_field import MARGIN, ExactField, edges, rectangles, square_step
@@ -107,6 +108,7 @@ def maximum_expansion(mach: float, *, gamma: float = GAMMA_AIR) -> float:
     return 0.5 * math.pi * (root - 1.0) - prandtl_meyer(mach, gamma=gamma).angle
 
 
+@checked
 def expansion_fan(mach: float, deflection: float, *, gamma: float = GAMMA_AIR) -> ExpansionFan:
     """State behind the Prandtl-Meyer fan of a convex corner.
 
@@ -143,6 +145,7 @@ def expansion_fan(mach: float, deflection: float, *, gamma: float = GAMMA_AIR) -
     )
 
 
+@checked
 def expansion(
     mach: float,
     deflection: float,

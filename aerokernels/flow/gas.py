@@ -9,6 +9,8 @@ Reference: J. D. Anderson, Modern Compressible Flow, 3rd ed., eq 3.28, 3.30, 3.3
 import math
 from dataclasses import dataclass, replace
 
+from ..arguments import checked
+
 GAMMA_AIR = 1.4
 # Universal gas constant over the molar mass of dry air, 8314.4626 / 28.9644 [J/(kg K)].
 GAS_CONSTANT_AIR = 8314.4626 / 28.9644
@@ -75,6 +77,7 @@ class FreeStream:
         )
 
 
+@checked
 def isentropic(mach: float, *, gamma: float = GAMMA_AIR) -> Isentropic:
     """Static over stagnation temperature, pressure and density.
 
@@ -88,6 +91,7 @@ def isentropic(mach: float, *, gamma: float = GAMMA_AIR) -> Isentropic:
     return Isentropic(float(mach), ratio, ratio ** (gamma / (gamma - 1.0)), ratio ** (1.0 / (gamma - 1.0)))
 
 
+@checked
 def tunnel_conditions(
     mach: float,
     stagnation_pressure: float,
@@ -147,6 +151,7 @@ def tunnel_conditions(
     return stream if density is None else stream.at_density(density)
 
 
+@checked
 def free_stream(
     mach: float,
     density: float = SEA_LEVEL_DENSITY,

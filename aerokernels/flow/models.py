@@ -13,6 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..arguments import checked
 from ..wavelength import LONGEST, SHORTEST
 from . import ciddor
 from .refractivity import RELATIONS, SHORTEST_WAVELENGTH, gladstone_dale_constant, index_contrast, refractivity
@@ -102,6 +103,7 @@ class RefractivityModel:
         return refractivity(density, inside, self.form) - refractivity(ambient_density, outside, self.form)
 
 
+@checked
 def refractivity_model(
     relation: str = "gladstone-dale", *, constant: float | None = None, composition=None
 ) -> RefractivityModel:

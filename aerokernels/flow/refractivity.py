@@ -10,6 +10,7 @@ near 1: at 1 kg/m3 the index differs from 1 by only 2e-4.
 
 import numpy as np
 
+from ..arguments import checked
 from ..wavelength import check_wavelength
 
 RELATIONS = ("gladstone-dale", "lorentz-lorenz")
@@ -19,6 +20,7 @@ SHORTEST_WAVELENGTH = 200e-9
 LEAST_CONSTANT, GREATEST_CONSTANT = 1e-5, 1e-2
 
 
+@checked
 def gladstone_dale_constant(wavelength: float) -> float:
     """Gladstone-Dale constant of air [m3/kg] at a vacuum wavelength [m], the paper's eq 2.
 
@@ -38,7 +40,8 @@ def gladstone_dale_constant(wavelength: float) -> float:
     return 2.23e-4 * (1.0 + 7.52e-3 / micrometres**2)
 
 
-def refractivity(density, gladstone_dale: float, relation: str = "gladstone-dale"):
+@checked
+def refractivity(density: float | np.ndarray, gladstone_dale: float | np.ndarray, relation: str = "gladstone-dale"):
     """Refractivity n - 1 at a density.
 
     Args:
@@ -52,7 +55,13 @@ def refractivity(density, gladstone_dale: float, relation: str = "gladstone-dale
     return index_contrast(density, 0.0, gladstone_dale, relation)
 
 
-def index_contrast(density, ambient_density: float, gladstone_dale: float, relation: str = "gladstone-dale"):
+@checked
+def index_contrast(
+    density: float | np.ndarray,
+    ambient_density: float,
+    gladstone_dale: float | np.ndarray,
+    relation: str = "gladstone-dale",
+):
     """Contrast n - n_ambient of a density against an ambient one, both [kg/m3]; the density may have any shape.
 
     With a = 2/3 K rho, Lorentz-Lorenz gives n^2 - 1 = q = 3 a / (1 - a), so the contrast is
@@ -74,10 +83,10 @@ def index_contrast(density, ambient_density: float, gladstone_dale: float, relat
     return difference_of_squares / (index + ambient_index)
 
 
-def _check(gladstone_dale: float, relation: str) -> None:
+def _check(gladstone_dale: float | np.ndarray, relation: str) -> None:
     if relation not in RELATIONS:
         raise ValueError(f"relation {relation!r} is not known: choose one of {', '.join(RELATIONS)}")
-    if not (np.isfinite(gladstone_dale).all() and np.greater(gladstone_dale, 0.0).all()):
+    if not (np.size(gladstone_dale) and np.isfinite(gladstone_dale).all() and np.greater(gladstone_dale, 0.0).all()):
         raise ValueError(f"the Gladstone-Dale constant must be positive and finite, got {gladstone_dale!r} m3/kg")
     if np.min(gladstone_dale) < LEAST_CONSTANT or np.max(gladstone_dale) > GREATEST_CONSTANT:
         raise ValueError(

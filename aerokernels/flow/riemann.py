@@ -15,10 +15,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..arguments import checked
 from .gas import GAMMA_AIR, GAS_CONSTANT_AIR, check_gamma, positive
 from .shocks import _bisect
 
 
+@checked
 @dataclass(frozen=True)
 class GasState:
     """A uniform gas that moves along a tube.
@@ -117,6 +119,7 @@ class Riemann:
         return found[0], sign * found[1], found[2]
 
 
+@checked
 def riemann(left: GasState, right: GasState, *, gamma: float = GAMMA_AIR) -> Riemann:
     """The exact solution of the Riemann problem, as of a shock tube whose diaphragm bursts.
 

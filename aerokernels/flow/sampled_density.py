@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..arguments import Numbers, checked
 from ..medium import Body, IndexField, QuadMesh
 from ..medium.grid import checked_axes
 from ..medium.mesh import GEOMETRIES
@@ -70,7 +71,8 @@ class VertexDensity(MeshDensity):
         object.__setattr__(self, "density", density.reshape(-1))
         object.__setattr__(self, "ambient_density", float(self.ambient_density))
 
-    def density_at(self, points) -> np.ndarray:
+    @checked
+    def density_at(self, points: Numbers) -> np.ndarray:
         """Density [kg/m3], bilinear between vertices, at points (x, y, z) [m], shape (n, 3): shape (n,).
 
         NaN inside the body; the ambient density outside the mesh.
@@ -80,6 +82,7 @@ class VertexDensity(MeshDensity):
         density = self.ambient_density + excess
         return density if self.body is None else np.where(self.body.contains(local), np.nan, density)
 
+    @checked
     def index_field(
         self,
         wavelength: float = DEFAULT_WAVELENGTH,
@@ -154,7 +157,8 @@ class GridDensity(SampledDensity):
         """Lowest and highest corner of the grid, (x, y, z), (y, z) or (r, z) [m]."""
         return self.origin.copy(), self.origin + self.spacing * (np.array(self.density.shape) - 1)
 
-    def density_at(self, points) -> np.ndarray:
+    @checked
+    def density_at(self, points: Numbers) -> np.ndarray:
         """Density [kg/m3], linear between nodes, at points (x, y, z) [m], shape (n, 3): shape (n,).
 
         NaN inside the body; the ambient density outside the grid.
@@ -168,6 +172,7 @@ class GridDensity(SampledDensity):
         density[inside] = linear_between(self.density, self.origin, self.spacing, local[inside])
         return density if self.body is None else np.where(self.body.contains(local), np.nan, density)
 
+    @checked
     def index_field(
         self,
         wavelength: float = DEFAULT_WAVELENGTH,

@@ -4,6 +4,7 @@ from importlib.resources import files
 
 import numpy as np
 
+from ..arguments import checked
 from ..medium import Body, QuadMesh
 from .density_field import CellDensity
 from .gas import FreeStream, tunnel_conditions
@@ -22,6 +23,7 @@ def shipped_names() -> tuple[str, ...]:
     return _NAMES
 
 
+@checked
 def shipped(name: str) -> CellDensity:
     """A shipped CFD field of the wind-tunnel model.
 

@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..arguments import checked
 from .exact_averages import piecewise_means
 from .exact_field import DEFAULT_CELLS, LEAST_CELLS, ExactField, edges, rectangles, square_step
 from .gas import GAMMA_AIR, positive
@@ -34,6 +35,7 @@ class TubeAtTime:
         return self.riemann.density_at(place / self.time) / self.reference
 
 
+@checked
 def shock_tube(
     left: GasState,
     right: GasState,

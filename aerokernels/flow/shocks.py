@@ -16,6 +16,7 @@ Reference: NACA Report 1135 (1953), eq 92-98, 138, 168, 171c. Air: g = 1.4.
 import math
 from dataclasses import dataclass
 
+from ..arguments import checked
 from .gas import GAMMA_AIR, check_gamma
 
 
@@ -59,6 +60,7 @@ class PrandtlMeyer:
     mach_angle: float
 
 
+@checked
 def normal_shock(mach: float, *, gamma: float = GAMMA_AIR) -> Shock:
     """State behind a shock normal to the flow.
 
@@ -73,6 +75,7 @@ def normal_shock(mach: float, *, gamma: float = GAMMA_AIR) -> Shock:
     return _behind(mach, 0.5 * math.pi, 0.0, gamma)
 
 
+@checked
 def oblique_shock(mach: float, deflection: float, *, strong: bool = False, gamma: float = GAMMA_AIR) -> Shock:
     """State behind the attached oblique shock of a wedge.
 
@@ -108,12 +111,14 @@ def oblique_shock(mach: float, deflection: float, *, strong: bool = False, gamma
     return _behind(mach, angle, deflection, gamma)
 
 
+@checked
 def maximum_deflection(mach: float, *, gamma: float = GAMMA_AIR) -> float:
     """Greatest deflection [rad] that leaves the shock attached to a wedge."""
     _check_supersonic(mach, gamma)
     return _deflection(mach, _angle_of_maximum_deflection(mach, gamma), gamma)
 
 
+@checked
 def prandtl_meyer(mach: float, *, gamma: float = GAMMA_AIR) -> PrandtlMeyer:
     """Prandtl-Meyer angle and Mach angle.
 

@@ -19,6 +19,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from ..arguments import checked
 from ..wavelength import SAME, check_wavelength
 from . import ciddor
 
@@ -273,6 +274,7 @@ def molar_mass(name: str) -> float:
     return ciddor.WATER_MOLAR_MASS if name == WATER else SPECIES[name].molar_mass
 
 
+@checked
 def species_constant(name: str, wavelength: float, form: str = "gladstone-dale") -> float:
     """Constant K of a species [m3/kg] at a vacuum wavelength [m]: refractivity over density.
 

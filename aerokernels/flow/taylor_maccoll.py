@@ -20,6 +20,7 @@ import math
 
 import numpy as np
 
+from ..arguments import checked
 from .conical_profile import ConeShock, ConicalProfile, temperature_excess
 from .gas import GAMMA_AIR
 from .shocks import _check_supersonic, maximum_deflection, oblique_shock
@@ -31,6 +32,7 @@ TOLERANCE = 1e-13
 PARTS = 16
 
 
+@checked
 def cone_shock(mach: float, half_angle: float, *, gamma: float = GAMMA_AIR) -> ConeShock:
     """The flow over a cone at zero incidence with an attached shock: the weak solution, that of free flight.
 
@@ -57,6 +59,7 @@ def cone_shock(mach: float, half_angle: float, *, gamma: float = GAMMA_AIR) -> C
     return _assemble(float(mach), float(half_angle), float(gamma), strength)
 
 
+@checked
 def maximum_cone_angle(mach: float, *, gamma: float = GAMMA_AIR) -> float:
     """Greatest half angle [rad] of a cone that leaves the shock attached."""
     _check_supersonic(mach, gamma)

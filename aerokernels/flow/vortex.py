@@ -15,6 +15,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..arguments import checked
 from .exact_averages import smooth_averages
 from .exact_field import ExactField, edges, rectangles
 from .gas import GAMMA_AIR, SEA_LEVEL_DENSITY, check_density, check_gamma, positive
@@ -69,6 +70,7 @@ class Vortex:
         return self.temperature_ratio_at(np.hypot(y, z)) ** (1.0 / (self.gamma - 1.0))
 
 
+@checked
 def vortex(
     mach: float,
     *,

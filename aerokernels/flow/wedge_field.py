@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..arguments import checked
 from ..medium import Body
 from .exact_averages import direction_averages
 from .exact_field import MARGIN, ExactField, edges, rectangles, square_step
@@ -46,6 +47,7 @@ class PlaneShock:
         return (angle, -angle) if self.mirrored else (angle, angle - math.pi)
 
 
+@checked
 def wedge(
     mach: float,
     half_angle: float,
@@ -104,6 +106,7 @@ def wedge(
     )
 
 
+@checked
 def plane_shock(
     mach: float,
     deflection: float | None = None,

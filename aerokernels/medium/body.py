@@ -9,6 +9,7 @@ from functools import cached_property
 
 import numpy as np
 
+from ..arguments import checked
 from ..read_only import ReadOnly
 from .crossings import crossings
 from .grid import check_finite
@@ -21,6 +22,7 @@ TILE_POINTS = 512  # points that look for the nearest wall together
 ON_AXIS = 1e-12
 
 
+@checked
 @dataclass(frozen=True, eq=False)
 class Body(ReadOnly):
     """A solid body.

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from ..arguments import Numbers, checked
 from ..derived import Derived
 from ..wavelength import check_wavelength, field_wavelength
 from .body import Body
@@ -62,18 +63,19 @@ class IndexField(Derived):
             raise ValueError(f"the body is {self.body.geometry}, the field {self.geometry}: they must agree")
 
     @classmethod
+    @checked
     def from_samples(
         cls,
-        contrast,
+        contrast: Numbers,
         *,
-        origin,
-        spacing,
-        geometry,
-        ambient_index=1.0,
-        interpolation="cubic",
-        body=None,
-        cell_averages=False,
-        wavelength=None,
+        origin: Numbers,
+        spacing: Numbers,
+        geometry: str,
+        ambient_index: float = 1.0,
+        interpolation: str = "cubic",
+        body: Body | None = None,
+        cell_averages: bool = False,
+        wavelength: float | None = None,
     ) -> "IndexField":
         """A field from samples on a uniform grid.
 
@@ -106,7 +108,9 @@ class IndexField(Derived):
             raise ValueError("a body in a volume field is not supported: use a planar or axisymmetric field")
         axisymmetric = geometry == "axisymmetric"
         check_ambient(ambient_index)
-        grid = UniformGrid(array, origin, spacing, interpolation, axisymmetric, float(ambient_index))
+        grid = UniformGrid(
+            array, np.asarray(origin), np.asarray(spacing), interpolation, axisymmetric, float(ambient_index)
+        )
         if cell_averages:
             grid = replace(grid, samples=node_values(grid.samples, interpolation, axisymmetric))
         if axisymmetric and abs(grid.origin[0]) > 1e-9 * grid.spacing[0]:
@@ -129,8 +133,16 @@ class IndexField(Derived):
         return cls.from_samples(**grid_arguments(array), body=body)
 
     @classmethod
+    @checked
     def from_mesh(
-        cls, mesh: QuadMesh, contrast, *, ambient_index=1.0, interpolation="bilinear", body=None, wavelength=None
+        cls,
+        mesh: QuadMesh,
+        contrast: Numbers,
+        *,
+        ambient_index: float = 1.0,
+        interpolation: str = "bilinear",
+        body: Body | None = None,
+        wavelength: float | None = None,
     ) -> "IndexField":
         """A field on a quadrilateral mesh.
 
@@ -219,9 +231,12 @@ class IndexField(Derived):
             return points[:, 1:]
         return np.stack([np.hypot(points[:, 0], points[:, 1]), points[:, 2]], axis=1)
 
-    def evaluate(self, points) -> tuple[np.ndarray, np.ndarray]:
+    @checked
+    def evaluate(self, points: Numbers) -> tuple[np.ndarray, np.ndarray]:
         """Contrast, shape (n,), and its gradient [1/m], shape (n, 3), at points (n, 3); zero outside the box."""
         points = np.atleast_2d(np.asarray(points, dtype=np.float64))
+        if points.ndim != 2 or points.shape[1] != 3:
+            raise ValueError(f"points must have shape (n, 3), x, y and z of each [m], got {points.shape}")
         local = self.local_coordinates(points)
         slack = 1e-12 * (self.samples.high - self.samples.low)
         inside = np.all((local >= self.samples.low - slack) & (local <= self.samples.high + slack), axis=1)
@@ -240,11 +255,13 @@ class IndexField(Derived):
             gradient[inside, 2] = slope[:, 1]
         return contrast, gradient
 
-    def contrast_at(self, points) -> np.ndarray:
+    @checked
+    def contrast_at(self, points: Numbers) -> np.ndarray:
         """Contrast at points (n, 3), shape (n,)."""
         return self.evaluate(points)[0]
 
-    def gradient_at(self, points) -> np.ndarray:
+    @checked
+    def gradient_at(self, points: Numbers) -> np.ndarray:
         """Gradient of the contrast [1/m] at points (n, 3), shape (n, 3)."""
         return self.evaluate(points)[1]
 
@@ -255,7 +272,16 @@ class IndexField(Derived):
 
         return refinement(self)
 
-    def resample(self, spacing=None, *, tolerance=None, wavelength=None, region=None, interpolation="cubic"):
+    @checked
+    def resample(
+        self,
+        spacing: Numbers | None = None,
+        *,
+        tolerance: float | None = None,
+        wavelength: float | None = None,
+        region: Any = None,
+        interpolation: str = "cubic",
+    ):
         """The same field on a uniform grid, with the error of doing so measured: see `resample.resample`."""
         from .resample import resample
 
@@ -272,6 +298,7 @@ class IndexField(Derived):
         """
         return field_wavelength(self.wavelength, asked)
 
+    @checked
     def with_interpolation(self, interpolation: str) -> "IndexField":
         """The same samples under another interpolant."""
         return replace(self, samples=replace(self.samples, interpolation=interpolation))

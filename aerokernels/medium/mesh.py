@@ -9,6 +9,7 @@ from functools import cached_property
 
 import numpy as np
 
+from ..arguments import Numbers, checked
 from ..read_only import ReadOnly
 from .bilinear import EDGE_SLACK, bilinear_point, contains, invert_bilinear
 from .grid import check_finite
@@ -72,7 +73,8 @@ class QuadMesh(ReadOnly):
             object.__setattr__(self, name, value)
 
     @classmethod
-    def structured(cls, first, second, geometry: str = "planar") -> "QuadMesh":
+    @checked
+    def structured(cls, first: Numbers, second: Numbers, geometry: str = "planar") -> "QuadMesh":
         """A mesh from two vertex coordinate arrays of shape (ni, nj): y and z, or r and z [m]."""
         first, second = np.asarray(first, dtype=np.float64), np.asarray(second, dtype=np.float64)
         if first.ndim != 2 or first.shape != second.shape or min(first.shape) < 2:

@@ -12,12 +12,15 @@ from typing import Any
 
 import numpy as np
 
+from ..arguments import are_numbers
 from ..sobol import sobol_points
 from .grid import UniformGrid
 from .resample_grid import NODE_LIMIT, node_counts
 
 PROBE_COUNT = 4096
 LINE_COUNT = 64
+# What halving a spacing divides the error by: at most, as far as is believed beforehand, and at least.
+GREATEST_GAIN, LEAST_GAIN = 64.0, 2.0
 
 
 @dataclass(frozen=True)
@@ -69,32 +72,50 @@ def resample(field, spacing=None, *, tolerance=None, wavelength=None, region=Non
     low, high = (np.array(v) for v in _region(field, region))
     dimension = len(low)
     if spacing is not None:
-        step = np.broadcast_to(np.asarray(spacing, dtype=np.float64), (dimension,))
+        step = np.asarray(spacing, dtype=np.float64)
+        if step.shape not in ((), (dimension,)):
+            raise ValueError(f"spacing must be one number or {dimension}, one for each axis [m], got {spacing!r}")
+        step = np.broadcast_to(step, (dimension,))
         if not (np.isfinite(step).all() and (step > 0).all()):
             raise ValueError(f"spacing must be positive, got {spacing!r}")
         node_counts(field, low, high, step)  # a grid that makes no sense is refused before anything is computed
         return _resample_once(field, low, high, step, interpolation)
     if not (np.isfinite(tolerance) and tolerance > 0.0):
         raise ValueError(f"tolerance must be positive, got {tolerance!r} waves")
-    step = np.minimum(field.spacing * 2.0, (high - low) / 8.0)
+    step, before = np.minimum(field.spacing * 2.0, (high - low) / 8.0), None
     while True:
         result = _resample_once(field, low, high, step, interpolation)
-        if result.resampling.opd_max <= tolerance * wavelength:
+        error = result.resampling.opd_max
+        if error <= tolerance * wavelength:
             return result
-        if np.prod((high - low) / (0.5 * step) + 1.0) > NODE_LIMIT / 4:
+        halvings = _halvings(error / (tolerance * wavelength), before and before / error)
+        if np.prod((high - low) / (0.5**halvings * step) + 1.0) > NODE_LIMIT / 4:
             raise ValueError(
-                f"a spacing of {step.max():.3g} m still changes the optical path by "
-                f"{result.resampling.opd_max / wavelength:.3g} waves, more than the tolerance of {tolerance:g}: "
-                "give a greater tolerance or a smaller region"
+                f"a spacing of {step.max():.3g} m still changes the optical path by {error / wavelength:.3g} waves, "
+                f"more than the tolerance of {tolerance:g}: give a greater tolerance or a smaller region; no grid of "
+                "allowed size meets this one"
             )
-        step = 0.5 * step
+        step, before = 0.5 * step, error
+
+
+def _halvings(excess: float, gained: float | None) -> int:
+    """How often the spacing is to be halved at least, for an error that is too great by a factor.
+
+    A halving gains 16 by the spline's order; 64 is never seen for long. Where the last one gained little, at a shock or
+    at rounding, the next ones are believed to gain its square at most, and no less than 2.
+    """
+    most = GREATEST_GAIN if gained is None else min(max(gained**2, LEAST_GAIN), GREATEST_GAIN)
+    return max(1, int(np.ceil(np.log(excess) / np.log(most) - 1e-9)))
 
 
 def _region(field, region):
     low, high = field.samples.low, field.samples.high
     if region is None:
         return low, high
-    first, last = (np.asarray(corner, dtype=np.float64) for corner in region)
+    try:
+        first, last = (np.asarray(corner if are_numbers(corner) else None, dtype=np.float64) for corner in region)
+    except (TypeError, ValueError):
+        raise ValueError(f"region needs two corners of {len(low)} coordinates each [m], got {region!r}") from None
     if first.shape != low.shape or last.shape != low.shape:
         raise ValueError(f"region needs two corners of {len(low)} coordinates each, got {region!r}")
     if field.geometry == "axisymmetric" and first[0] != 0.0:

@@ -5,6 +5,7 @@ from functools import cached_property
 
 import numpy as np
 
+from ..arguments import checked
 from ..sobol import sobol_points
 from .base import SAMPLINGS, Pupil
 from .square_map import RING, SquareMap
@@ -106,6 +107,7 @@ class _Round(Pupil):
         return _ring_samples(count, "gauss", 0, self._inner / self.radius)
 
 
+@checked
 @dataclass(frozen=True, eq=False)
 class Disc(_Round):
     """A flat circular pupil.
@@ -129,6 +131,7 @@ class Disc(_Round):
         self._check_place()
 
 
+@checked
 @dataclass(frozen=True, eq=False)
 class Annulus(_Round):
     """A flat circular pupil with a central obstruction.

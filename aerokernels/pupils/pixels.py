@@ -6,6 +6,7 @@ from functools import cached_property
 
 import numpy as np
 
+from ..arguments import are_numbers, checked
 from .base import Pupil
 from .square_map import PIXELS, SquareMap, cumulative
 from .vectors import check_length
@@ -102,6 +103,7 @@ def _overlap(edges: np.ndarray, extent: float, size: float, count: int) -> np.nd
     return np.maximum(high - low, 0.0) / np.diff(edges)[:, None]
 
 
+@checked
 @dataclass(frozen=True, eq=False)
 class Rectangle(_Pixels):
     """A flat rectangular pupil.
@@ -136,6 +138,7 @@ class Rectangle(_Pixels):
         return float(self.width), float(self.height)
 
 
+@checked
 @dataclass(frozen=True, eq=False)
 class Mask(_Pixels):
     """A flat pupil of any shape and transmission, constant in each of its pixels.
@@ -170,6 +173,8 @@ class Mask(_Pixels):
             raise ValueError("the weights of a Mask are all zero: no light gets through")
         weights.setflags(write=False)
         object.__setattr__(self, "weights", weights)
+        if not are_numbers(self.pixel):
+            raise TypeError(f"the pixel of a Mask must be one length or two [m], got {self.pixel!r}")
         for size in np.atleast_1d(np.asarray(self.pixel, dtype=np.float64)):
             check_length(size, "pixel of a Mask")
         if np.shape(self.pixel) not in ((), (2,)):

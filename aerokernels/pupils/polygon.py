@@ -5,10 +5,12 @@ from functools import cached_property
 
 import numpy as np
 
+from ..arguments import checked
 from .base import Pupil
 from .square_map import TRIANGLES, SquareMap, cumulative
 
 
+@checked
 @dataclass(frozen=True, eq=False)
 class Polygon(Pupil):
     """A flat pupil bounded by straight edges.

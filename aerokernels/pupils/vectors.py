@@ -2,9 +2,13 @@
 
 import numpy as np
 
+from ..arguments import are_numbers
+
 
 def as_vector(value, name: str) -> np.ndarray:
     """Return `value` as a finite float64 vector of shape (3,), or refuse it by name."""
+    if not are_numbers(value):
+        raise TypeError(f"{name} must be three finite numbers (x, y, z), got {value!r}")
     vector = np.asarray(value, dtype=np.float64)
     if vector.shape != (3,) or not np.isfinite(vector).all():
         raise ValueError(f"{name} must be three finite numbers (x, y, z), got {value!r}")

@@ -6,6 +6,7 @@ from typing import Any
 
 from pydantic import Field, ValidationError, model_validator
 
+from ..arguments import checked
 from ..flow import SEA_LEVEL_DENSITY, DensityField, read, shipped, shipped_names, uniform_air
 from .detector_table import DetectorTable
 from .echo_tables import AtmosphereTable, BeamTable, ReceiverTable, TargetTable
@@ -46,6 +47,7 @@ class Scene(Table):
         return values
 
     @classmethod
+    @checked
     def load(cls, place: str | Path, overrides: Mapping[str, Any] | None = None) -> "Scene":
         """Read a scene file, or a shipped scene by its name.
 
@@ -57,6 +59,8 @@ class Scene(Table):
         Raises:
             SceneError: Anything wrong with the file or the overrides, in one line: file, key, value, remedy.
         """
+        if not isinstance(overrides, (Mapping, type(None))):
+            raise TypeError(f"overrides must map dotted keys to values, {{'target.tilt': 0}}, got {overrides!r}")
         label, name, tables = read_scene(place)
         anchor_series(tables, place)
         changes = dict(overrides or {})

@@ -19,6 +19,7 @@ import numpy as np
 
 from aerokernels.medium import IndexField
 
+from ..arguments import checked
 from .bench import Bench
 from .line_of_sight import LineOfSight, check_exposure, line_of_sight
 from .picture import traced_dataset
@@ -79,6 +80,7 @@ class Interferogram:
         )
 
 
+@checked
 def interferogram(
     field: IndexField,
     *,

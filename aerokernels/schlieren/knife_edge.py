@@ -20,6 +20,7 @@ import numpy as np
 
 from aerokernels.medium import IndexField
 
+from ..arguments import checked
 from .bench import Bench
 from .line_of_sight import LineOfSight, check_exposure, line_of_sight
 from .picture import traced_dataset
@@ -81,6 +82,7 @@ class SchlierenImage:
         )
 
 
+@checked
 def schlieren(
     field: IndexField,
     *,

@@ -25,6 +25,7 @@ from aerokernels.medium import IndexField
 from aerokernels.rays import RayBundle
 from aerokernels.tracing import Plane, RayStatus, trace
 
+from ..arguments import checked
 from .window import Window, make_window, ray_lines
 
 GREATEST_RAY_COUNT = 100_000_000  # some 20 GB of what is kept of them
@@ -79,6 +80,7 @@ class LineOfSight:
         return self.pixel_mean(self.blocked.astype(np.float64)) > 0.5
 
 
+@checked
 def line_of_sight(
     field: IndexField,
     *,

@@ -23,6 +23,7 @@ import numpy as np
 
 from aerokernels.medium import IndexField
 
+from ..arguments import checked
 from .bench import Bench
 from .line_of_sight import LineOfSight, check_exposure, line_of_sight
 from .picture import traced_dataset
@@ -78,6 +79,7 @@ class Shadowgraph:
         )
 
 
+@checked
 def shadowgraph(
     field: IndexField,
     *,

@@ -4,9 +4,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..arguments import checked
 from ..rays import as_unit_vector, as_vector
 
 
+@checked
 @dataclass(frozen=True, eq=False)
 class Plane:
     """The plane through `point` [m] across `normal` (made a unit vector); both of shape (3,)."""
@@ -20,6 +22,7 @@ class Plane:
         object.__setattr__(self, "normal", as_unit_vector(self.normal, "Plane normal"))
 
 
+@checked
 @dataclass(frozen=True, eq=False)
 class ArcLength:
     """A length [m] along each ray from its start."""

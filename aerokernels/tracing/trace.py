@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from ..arguments import checked
 from ..clock import clocked, stage
 from ..medium import IndexField
 from ..rays import RayBundle
@@ -28,6 +29,7 @@ BUNDLES = ("auto", "off")
 BUDGET_OUTPUTS = frozenset(("opd", "step_error", "evaluation_count"))
 
 
+@checked
 def trace(
     field: IndexField,
     rays: RayBundle,
@@ -176,6 +178,8 @@ def check_outputs(outputs) -> frozenset:
     """The set of output names, or a refusal that lists them."""
     if outputs is None:
         return frozenset(RAY_OUTPUTS)
+    if not isinstance(outputs, (str, list, tuple, set, frozenset)) or not all(isinstance(one, str) for one in outputs):
+        raise TypeError(f"outputs must be names, of {', '.join(RAY_OUTPUTS)}, got {outputs!r}")
     wanted = frozenset([outputs] if isinstance(outputs, str) else outputs)
     unknown = sorted(wanted - set(RAY_OUTPUTS) - {"status"})
     if unknown:

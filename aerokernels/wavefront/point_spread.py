@@ -12,6 +12,7 @@ from functools import cached_property
 
 import numpy as np
 
+from ..arguments import Numbers, checked
 from ..strehl_errors import strehl_errors
 from ..wavelength import check_wavelength
 
@@ -89,15 +90,16 @@ def far_field(
     return np.asarray(along_y @ wave @ along_x.T)
 
 
+@checked
 def point_spread_function(
-    opd,
-    mask,
+    opd: Numbers,
+    mask: Numbers,
     pixel: float,
     wavelength: float,
     *,
     padding: int = 8,
     half_width: float | None = None,
-    angle=None,
+    angle: Numbers | None = None,
 ) -> PointSpread:
     """Point spread function of a wavefront on a square grid, by the discrete Fourier transform of the pupil.
 

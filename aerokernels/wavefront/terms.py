@@ -157,8 +157,10 @@ def mean_phasor(opd: np.ndarray, weights: np.ndarray, wavelength: float) -> comp
 
 def check_terms(remove) -> tuple[str, ...]:
     """The terms to remove, or a refusal of an unknown one."""
+    if not isinstance(remove, (str, list, tuple, set, frozenset)):
+        raise TypeError(f"remove must be names of terms, among {', '.join(TERMS)}, got {remove!r}")
     remove = (remove,) if isinstance(remove, str) else tuple(remove)
-    unknown = [term for term in remove if term not in TERMS]
+    unknown = [term for term in remove if not isinstance(term, str) or term not in TERMS]
     if unknown:
         raise ValueError(f"cannot remove {unknown}: choose from {', '.join(TERMS)}")
     return remove

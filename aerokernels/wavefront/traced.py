@@ -4,6 +4,7 @@ from functools import partial
 
 import numpy as np
 
+from ..arguments import Numbers, checked
 from ..medium import IndexField
 from ..pupils import Mask, Pupil, as_unit_vector
 from ..rays import RayBundle
@@ -18,12 +19,13 @@ PIXEL_COUNT = 128
 LEAST_COVER = 1e-9
 
 
+@checked
 def wavefront(
     field: IndexField,
     pupil: Pupil,
     *,
     wavelength: float | None = None,
-    direction=None,
+    direction: Numbers | None = None,
     pixel_count: int | None = None,
     tolerance: float = 1e-3,
     backend: str = "auto",

@@ -15,6 +15,7 @@ from functools import partial
 
 import numpy as np
 
+from ..arguments import checked
 from ..clock import clocked, stage
 from ..medium import IndexField
 from ..pupils import Pupil
@@ -25,6 +26,7 @@ from .library import PRECISIONS, FourierLibrary, fourier_library
 from .wave import Wave
 
 
+@checked
 def split_step(
     field: IndexField,
     light: Pupil | Wave,

@@ -21,6 +21,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..arguments import checked
 from ..medium import IndexField
 from ..pupils import Pupil
 from ..tracing.lines import box_span
@@ -88,6 +89,7 @@ class Validity:
         return self.good
 
 
+@checked
 def validity(
     field: IndexField,
     pupil: Pupil,

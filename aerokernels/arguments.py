@@ -1,0 +1,290 @@
+"""One look at the arguments of a public function or class: a mistake of kind is answered in words, before any work.
+
+`@checked` reads what a function says of its parameters: their annotations, and the units in its docstring ("[m]"). An
+argument of another kind is a TypeError that names the parameter, what it takes and what was given, so that none of
+NumPy's own messages about casts reaches a user:
+
+    Disc("6 mm")            radius must be a number of metres, got '6 mm': give 0.006 (in Disc)
+    zernike_modes("a", ...) count must be a whole number, got 'a' (in zernike_modes)
+
+Numbers that are of the right kind and yet overflow what is computed from them (1e300) are a ValueError that names them.
+Whether a number makes sense is for the function itself to judge, and so is a parameter that takes an object of a class.
+"""
+
+import functools
+import inspect
+import math
+import re
+import traceback
+import types
+import typing
+from collections.abc import Callable, Iterable, Sequence
+from numbers import Real
+from typing import TYPE_CHECKING, Any, SupportsFloat, TypeVar, Union
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+if TYPE_CHECKING:
+    Numbers = ArrayLike
+else:
+
+    class Numbers:
+        """Annotation of a parameter: real numbers in an array of any shape, or what NumPy makes one of."""
+
+
+F = TypeVar("F", bound=Callable[..., Any])
+# Beyond it squares and products of four leave float64's range; no quantity of physics comes near.
+GREAT, SMALL = 1e60, 1e-60
+_PACKAGE = __file__.rpartition("arguments")[0]
+_SHOWN = 60  # characters of a value in a message
+_UNIT = re.compile(r"^\s*`{0,2}(\w+)`{0,2}:[^\[\n]*\[([^\]\d,][^\],]*)\]", re.MULTILINE)
+# What Python and NumPy say where a number is none any more, without a name.
+_BARE = re.compile(r"cannot convert float (NaN|infinity) to integer|int too large|Maximum allowed (size|dimension)|"
+                   r"array is too big|negative dimensions")  # fmt: skip
+
+
+def checked(target: F) -> F:
+    """The same function, or class, whose arguments are looked at first; see the head of this file."""
+    if isinstance(target, type):
+        own = target.__init__  # type: ignore[misc]
+        target.__init__ = _looking(own, target.__name__, lambda: own, target)  # type: ignore[misc]
+        return target
+    return typing.cast(F, _looking(target, _readable(target), lambda: target, target))
+
+
+def _readable(function: Any) -> str:
+    return function.__qualname__.removesuffix(".__init__").removesuffix(".__call__")
+
+
+def _looking(function: Callable, name: str, described: Callable, documented: Any) -> Callable:
+    takes: dict[str, _Kinds] = {}  # parameters of numbers, texts and switches
+    objects: dict[str, _Kinds] = {}  # those that take objects of classes
+    signature: inspect.Signature | None = None
+
+    @functools.wraps(function)
+    def call(*given: Any, **named: Any) -> Any:
+        nonlocal signature
+        if signature is None:
+            for parameter, kinds in _taken(function, documented).items():
+                (objects if kinds.has_classes else takes)[parameter] = kinds
+            signature = inspect.signature(described())
+        try:
+            arguments = signature.bind(*given, **named).arguments
+        except TypeError:
+            return function(*given, **named)  # Python's own words for what is missing or too much
+        for parameter, value in arguments.items():
+            if parameter in takes:
+                if wrong := takes[parameter].mistake(value, parameter, name):
+                    raise TypeError(wrong)
+                if wrong := _out_of_proportion(value, takes[parameter].members, parameter, name):
+                    raise ValueError(wrong)
+        try:
+            return function(*given, **named)
+        except (OverflowError, FloatingPointError, ZeroDivisionError) as error:
+            raise ValueError(_out_of_range(name, arguments, error)) from error
+        except (AttributeError, TypeError, ValueError, IndexError) as error:
+            if _in_words(error):
+                raise
+            # Asked only now: many a function says of its objects more than their class.
+            for parameter, value in arguments.items():
+                if parameter in objects and (wrong := objects[parameter].mistake(value, parameter, name)):
+                    raise TypeError(wrong) from error
+            if _BARE.search(str(error)):
+                raise ValueError(_out_of_range(name, arguments, error)) from error
+            raise
+
+    return call
+
+
+def _out_of_range(name: str, arguments: dict[str, Any], error: Exception) -> str:
+    extreme = [f"{key} = {_shown(value)}" for key, value in arguments.items() if _is_extreme(value)]
+    what = ", ".join(extreme) or "its arguments"
+    return f"{name} cannot be computed from {what}: a number is out of all proportion ({error})"
+
+
+def _is_extreme(value: Any) -> bool:
+    if _is_number(value) or type(value) is int:
+        return bool(value != value or abs(value) > GREAT or 0 < abs(value) < SMALL)
+    if isinstance(value, (list, tuple)) and len(value) <= 16:
+        return any(_is_extreme(one) for one in value)
+    return False
+
+
+class _Kinds:
+    """What a parameter takes: kinds of its annotation that are known here; one that is not lets everything pass."""
+
+    def __init__(self, members: Iterable[Any], unit: str):
+        self.unit = unit
+        self.members = tuple(members)
+
+    @property
+    def has_classes(self) -> bool:
+        """Whether it takes objects of classes, or tuples."""
+        return any(isinstance(kind, tuple) for kind in self.members) or any(
+            isinstance(kind, type) and kind not in _NOUNS and kind not in (float, int) for kind in self.members
+        )
+
+    def mistake(self, value: Any, parameter: str, owner: str) -> str:
+        """What is wrong with a value that none of the kinds takes, in words; empty where one does."""
+        if any(_takes(kind, value) for kind in self.members):
+            return ""
+        wanted = " or ".join(dict.fromkeys(_described(kind, self.unit) for kind in self.members))
+        given = f"{_shown(value)}{_remedy(value, self.members)}"
+        if np.ndarray in self.members and _are_complex(value):
+            given += ", which is complex"
+        return f"{parameter} must be {wanted}, got {given} (in {owner})"
+
+
+def _out_of_proportion(value: Any, members: Sequence[Any], parameter: str, owner: str) -> str:
+    """What no number may be: out of all proportion, or, of a seed, broken or negative."""
+    if {float, int} & set(members) and _is_number(value):
+        if math.isfinite(value) and abs(float(value)) > GREAT and parameter != "tolerance":  # as loose as wanted
+            return f"{parameter} = {_shown(value)} is out of all proportion (in {owner}): give at most {GREAT:g}"
+        if parameter == "seed" and not (value >= 0 and float(value).is_integer()):
+            return f"seed must be a whole number that is not negative, got {_shown(value)} (in {owner})"
+    return ""
+
+
+def _in_words(error: Exception) -> bool:
+    """Whether an error was raised by a statement of this package, and not by Python or NumPy for it."""
+    where = traceback.extract_tb(error.__traceback__)[-1]
+    return where.filename.startswith(_PACKAGE) and (where.line or "").startswith("raise")
+
+
+def _taken(function: Callable, documented: Any) -> dict[str, _Kinds]:
+    """The kinds that each parameter takes, where all of them are known."""
+    text = "\n".join(filter(None, [documented.__doc__, function.__doc__]))
+    units = {name: unit for name, unit in _UNIT.findall(text) if len(unit) <= 24 and " of " not in unit}
+    found = {}
+    for name, annotation in _annotations(function, documented).items():
+        members = _members(annotation)
+        if name != "return" and members is not None:
+            found[name] = _Kinds(members, units.get(name, ""))
+    return found
+
+
+def _annotations(function: Callable, documented: Any) -> dict[str, Any]:
+    found: dict[str, Any] = dict(getattr(function, "__annotations__", {}))
+    names = getattr(inspect.unwrap(function), "__globals__", {})
+    if isinstance(documented, type):  # a dataclass's __init__ knows its module's names only through the class
+        names = vars(inspect.getmodule(documented))
+    for name, annotation in found.items():
+        if isinstance(annotation, str):
+            try:
+                found[name] = eval(annotation, dict(names))
+            except Exception:  # a name for type checkers only
+                found[name] = Any
+    return found
+
+
+def _members(annotation: Any) -> list[Any] | None:
+    """The kinds of an annotation, a union taken apart; None where one of them is not known here."""
+    if annotation in (Numbers, ArrayLike):
+        return [np.ndarray]
+    origin = typing.get_origin(annotation)
+    if origin in (Union, types.UnionType):
+        parts = [_members(part) for part in typing.get_args(annotation)]
+        return None if any(part is None for part in parts) else [kind for part in parts for kind in part or ()]
+    if origin is tuple:
+        parts_of = typing.get_args(annotation)
+        known = parts_of and all(part in (float, int) for part in parts_of)
+        return [(float,) * len(parts_of)] if known else None
+    if annotation in (None, type(None)):
+        return [type(None)]
+    if annotation is SupportsFloat or annotation is np.ndarray:
+        return [float if annotation is SupportsFloat else np.ndarray]
+    if annotation is Any or origin is not None or not isinstance(annotation, type):
+        return None
+    return None if getattr(annotation, "_is_protocol", False) else [annotation]
+
+
+def _takes(kind: Any, value: Any) -> bool:
+    if kind is float:
+        return _is_number(value)
+    if kind is int:
+        return _is_number(value)  # 1e4 for a count is a number: whether it is whole is the function's own to say
+    if kind is bool:
+        return isinstance(value, (bool, np.bool_)) or (type(value) is int and value in (0, 1))
+    if kind is np.ndarray:
+        return are_numbers(value)
+    if isinstance(kind, tuple):
+        sized = isinstance(value, (tuple, list)) or (isinstance(value, np.ndarray) and value.ndim == 1)
+        return sized and len(value) == len(kind) and all(_is_number(one) for one in value)
+    return value is None if kind is type(None) else isinstance(value, kind)
+
+
+def _is_number(value: Any) -> bool:
+    if isinstance(value, (bool, np.bool_)):
+        return False
+    if type(value) is int:
+        return abs(value) < 10**308
+    if isinstance(value, Real):
+        return True
+    return getattr(value, "shape", None) == () and getattr(getattr(value, "dtype", None), "kind", "") in "iuf"
+
+
+def are_numbers(value: Any) -> bool:
+    """Whether NumPy makes an array of real numbers of it."""
+    kind = getattr(getattr(value, "dtype", None), "kind", None)
+    if kind is None:
+        if isinstance(value, (str, bytes, dict, set, type)) or callable(value):
+            return False
+        try:
+            kind = np.asarray(value).dtype.kind
+        except (ValueError, TypeError, OverflowError):  # rows of different lengths, among others
+            return False
+    return kind in "iufb"
+
+
+def _are_complex(value: Any) -> bool:
+    try:
+        return np.asarray(value).dtype.kind == "c"
+    except (ValueError, TypeError, OverflowError):
+        return False
+
+
+_WORDS = {"m": "metres", "rad": "radians", "s": "seconds", "K": "kelvins", "Pa": "pascals", "W": "watts"}
+_NOUNS = {str: "a text", bool: "True or False", type(None): "None", np.ndarray: "real numbers"}
+
+
+def _described(kind: Any, unit: str) -> str:
+    of_unit = f" of {_WORDS.get(unit, unit)}" if unit else ""
+    if kind is float:
+        return f"a number{of_unit}"
+    if kind is int:
+        return "a whole number"
+    if kind is np.ndarray:
+        return f"an array of real numbers{of_unit}"
+    if isinstance(kind, tuple):
+        return f"{len(kind)} numbers{of_unit}"
+    return _NOUNS.get(kind) or f"{'an' if kind.__name__[0] in 'AEIOU' else 'a'} {kind.__name__}"
+
+
+def _shown(value: Any) -> str:
+    """A value in a message: shortened, on one line, and never failing."""
+    if isinstance(value, type):
+        return f"the class {value.__name__}"
+    if isinstance(value, np.ndarray):
+        return f"dtype {value.dtype} of shape {value.shape}"
+    if isinstance(value, int) and abs(value) >= 10**30:
+        return f"a whole number of {int(math.log10(abs(value))) + 1} digits"
+    try:
+        text = " ".join(repr(value).split())
+    except Exception:
+        text = f"a {type(value).__name__}"
+    return text if len(text) <= _SHOWN else f"{text[: _SHOWN - 3]}..."
+
+
+def _remedy(value: Any, members: Sequence[Any]) -> str:
+    """What a text with a unit is in SI, for a number that was written as in a scene file."""
+    if not (isinstance(value, str) and {float, int} & set(members)):
+        return ""
+    from .units import DIMENSIONS, quantity
+
+    for dimension in DIMENSIONS:
+        try:
+            return f": give {quantity(value, dimension):.9g}"
+        except ValueError:
+            continue
+    return ""

@@ -1,0 +1,360 @@
+"""Public calls with one argument replaced by something that it should not be: what comes back is counted.
+
+A call may answer, or refuse: a ValueError or TypeError that is raised by a statement of this package, in words.
+Anything else is a fault: another exception, or one of Python's or NumPy's own that passed through.
+"""
+
+import gc
+import itertools
+import random
+import traceback
+import warnings
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from .. import flow, zernike
+from ..compare import compare_waveforms
+from ..echo import estimate_range, plane_target_echo, range_statistics
+from ..medium import Body, IndexField, QuadMesh
+from ..rays import Annulus, Disc, Mask, Polygon, RayBundle, Rectangle
+from ..scene import Scene
+from ..schlieren import interferogram, shadowgraph
+from ..schlieren.knife_edge import schlieren
+from ..strehl import strehl, strehl_marechal
+from ..strehl_estimate import estimate_strehl
+from ..tracing import ArcLength, Plane
+from ..tracing.trace import trace
+from ..wavefront import point_spread_function
+from ..wavefront.traced import wavefront
+from ..waves import split_step, validity
+
+PACKAGE = str(Path(__file__).resolve().parents[1])
+# Foreign bodies, by a name each.
+WRONG: dict[str, Any] = {
+    "text with a unit": "6 mm",
+    "text": "abc",
+    "bytes": b"x",
+    "1e300": 1e300,
+    "-1e300": -1e300,
+    "1e-300": 1e-300,
+    "0": 0,
+    "-1": -1,
+    "1.5": 1.5,
+    "nan": float("nan"),
+    "inf": float("inf"),
+    "10**400": 10**400,
+    "complex": 1 + 2j,
+    "True": True,
+    "False": False,
+    "None": None,
+    "empty list": [],
+    "dict": {},
+    "object": object(),
+    "class": float,
+    "function": len,
+    "complex array": np.array([1.0, 2j]),
+    "text array": np.array(["a", "b"]),
+    "ragged": [[1.0, 2.0], [3.0]],
+    "empty array": np.zeros((0, 3)),
+    "numbers": [1.0, 2.0],
+    "nan array": np.array([np.nan, 1.0, 1.0]),
+    "1e300 array": np.array([1e300, 1e300, -1e300]),
+}
+
+
+@dataclass
+class Tally:
+    """What the draws came to.
+
+    Attributes:
+        answered: Calls that gave a result.
+        refused: Calls refused in words.
+        faults: The others: the call, the argument, what was given, and what was raised.
+    """
+
+    answered: int = 0
+    refused: int = 0
+    faults: list[tuple[str, str, str, str]] = field(default_factory=list)
+
+    @property
+    def count(self) -> int:
+        """All draws."""
+        return self.answered + self.refused + len(self.faults)
+
+
+def calls() -> dict[str, tuple[Callable, dict[str, Any]]]:
+    """Public functions and classes, by name, each with arguments that are right."""
+    disc = Disc(2e-3, (0, 0, 0))
+    r, z = np.linspace(0.0, 4e-3, 9), np.linspace(0.0, 8e-3, 17)
+    contrast = 1e-6 * np.exp(-(((z[None, :] - 4e-3) / 2e-3) ** 2)) * np.ones((9, 1))
+    grid = {"origin": (0.0, 0.0), "spacing": (5e-4, 5e-4), "geometry": "axisymmetric", "ambient_index": 1.0}
+    air = IndexField.from_samples(contrast, **grid)
+    first, second = np.meshgrid(r, z, indexing="ij")
+    mesh = QuadMesh.structured(first, second, "axisymmetric")
+    time = np.arange(64) * 1e-10
+    pulse = np.exp(-(((time - 3e-9) / 5e-10) ** 2))
+    opd = 1e-8 * np.add.outer(np.arange(8.0), np.arange(8.0))
+    rays = RayBundle.collimated(disc, 4)
+    left = flow.GasState(1e5, 1.0, 0.0)
+    target = {"peak_power": 75.0, "receiver_diameter": 0.012, "beam_radius": 0.01, "distance": 1.5, "tilt": 0.0,
+              "pulse_tau": 6e-9, "reflectivity": 0.3}  # fmt: skip
+    found: dict[str, tuple[Callable, dict[str, Any]]] = {
+        "Disc": (Disc, {"radius": 6e-3, "center": (0, 0, 0), "normal": (0, 0, 1)}),
+        "Annulus": (Annulus, {"radius": 6e-3, "inner_radius": 1e-3, "center": (0, 0, 0), "normal": (0, 0, 1)}),
+        "Rectangle": (Rectangle, {"width": 6e-3, "height": 1e-3, "center": (0, 0, 0), "normal": (0, 0, 1)}),
+        "Polygon": (Polygon, {"vertices": [(0, 0), (1e-3, 0), (0, 1e-3)], "center": (0, 0, 0)}),
+        "Mask": (Mask, {"weights": np.ones((3, 3)), "pixel": 1e-3, "center": (0, 0, 0)}),
+        "Plane": (Plane, {"point": (0, 0, 0), "normal": (0, 0, 1)}),
+        "ArcLength": (ArcLength, {"length": 0.1}),
+        "Body": (Body, {"profile": [(0, 0), (1e-3, 0), (1e-3, 1e-3)], "geometry": "axisymmetric"}),
+        "RayBundle": (RayBundle, {"position": [[0, 0, 0]], "direction": [[0, 0, 1]], "weight": [1.0]}),
+        "RayBundle.collimated": (
+            RayBundle.collimated,
+            {"pupil": disc, "ray_count": 4, "direction": (0, 0, 1), "sampling": "sobol", "seed": 0},
+        ),
+        "RayBundle.divergent": (
+            RayBundle.divergent,
+            {"apex": (0, 0, 0), "axis": (0, 0, 1), "half_angle": 0.1, "ray_count": 4},
+        ),
+        "RayBundle.through": (RayBundle.through, {"pupil": disc, "from_point": (0, 0, -1), "ray_count": 4}),
+        "QuadMesh.structured": (QuadMesh.structured, {"first": first, "second": second, "geometry": "planar"}),
+        "IndexField.from_samples": (
+            IndexField.from_samples,
+            {
+                "contrast": contrast,
+                **grid,
+                "interpolation": "cubic",
+                "body": None,
+                "cell_averages": False,
+                "wavelength": 905e-9,
+            },
+        ),
+        "IndexField.from_mesh": (
+            IndexField.from_mesh,
+            {
+                "mesh": mesh,
+                "contrast": contrast,
+                "ambient_index": 1.0,
+                "interpolation": "bilinear",
+                "body": None,
+                "wavelength": 905e-9,
+            },
+        ),
+        "IndexField.resample": (
+            air.resample,
+            {"spacing": 1e-3, "region": ((0, 0), (4e-3, 8e-3)), "interpolation": "cubic"},
+        ),
+        "IndexField.evaluate": (air.evaluate, {"points": [[0, 0, 1e-3]]}),
+        "IndexField.contrast_at": (air.contrast_at, {"points": [[0, 0, 1e-3]]}),
+        "IndexField.with_interpolation": (air.with_interpolation, {"interpolation": "linear"}),
+        "strehl": (strehl, {"opd": opd, "wavelength": 905e-9, "weights": None, "remove": ("piston", "tilt")}),
+        "strehl_marechal": (strehl_marechal, {"opd": opd, "wavelength": 905e-9, "remove": ("piston",)}),
+        "point_spread_function": (
+            point_spread_function,
+            {
+                "opd": opd,
+                "mask": np.ones((8, 8)),
+                "pixel": 1e-3,
+                "wavelength": 905e-9,
+                "padding": 2,
+                "half_width": None,
+                "angle": None,
+            },
+        ),
+        "zernike_polynomial": (zernike.zernike_polynomial, {"n": 2, "m": 0, "x": [0.1], "y": [0.1]}),
+        "zernike_modes": (zernike.zernike_modes, {"count": 3, "x": [0.1], "y": [0.1]}),
+        "noll_to_nm": (zernike.noll_to_nm, {"index": 4}),
+        "estimate_range": (
+            estimate_range,
+            {"time": time, "voltage": pulse, "method": "leading-edge", "threshold": 0.5, "fraction": 0.5},
+        ),
+        "compare_waveforms": (
+            compare_waveforms,
+            {"time": time, "recorded": pulse, "simulated": pulse, "greatest_lag": 1e-9, "threshold": 0.1},
+        ),
+        "plane_target_echo": (plane_target_echo, {"time": time + 1e-8, **target}),
+        "range_statistics": (
+            range_statistics,
+            {
+                "time": time,
+                "voltage": pulse,
+                "method": "constant-fraction",
+                "noise_rms": 0.01,
+                "true_range": 0.4,
+                "trial_count": 10,
+                "seed": 0,
+            },
+        ),
+        "trace": (
+            trace,
+            {
+                "field": air,
+                "rays": rays,
+                "method": "straight",
+                "tolerance": 1e-3,
+                "step": None,
+                "until": None,
+                "wavelength": None,
+                "backend": "auto",
+                "device": None,
+                "precision": "float32",
+                "max_steps": None,
+                "outputs": None,
+                "bundle": "auto",
+            },
+        ),
+        "estimate_strehl": (
+            estimate_strehl,
+            {
+                "field": air,
+                "pupil": disc,
+                "ray_count": 64,
+                "tolerance": 1e-3,
+                "remove": ("piston",),
+                "direction": None,
+                "seed": 0,
+                "symmetry": "auto",
+                "allow_truncation": True,
+                "wavelength": None,
+                "max_steps": None,
+            },
+        ),
+        "wavefront": (
+            wavefront,
+            {
+                "field": air,
+                "pupil": disc,
+                "pixel_count": 16,
+                "direction": None,
+                "tolerance": 1e-3,
+                "allow_truncation": True,
+            },
+        ),
+        "schlieren": (
+            schlieren,
+            {
+                "field": air,
+                "pixel_count": 8,
+                "knife_edge": "vertical",
+                "cut_off": 0.5,
+                "sensitivity": None,
+                "exposure": 1.0,
+                "view": "x",
+                "extent": None,
+                "rays_per_pixel": 1,
+            },
+        ),
+        "shadowgraph": (shadowgraph, {"field": air, "pixel_count": 8, "distance": 0.5, "source_angle": 0.0}),
+        "interferogram": (
+            interferogram,
+            {
+                "field": air,
+                "pixel_count": 8,
+                "fringe_spacing": 4e-3,
+                "fringe_angle": 0.1,
+                "phase": 0.0,
+                "visibility": 1.0,
+            },
+        ),
+        "split_step": (
+            split_step,
+            {"field": air, "light": disc, "pixel_count": 16, "window": 2.0, "step_count": 2, "paraxial": False},
+        ),
+        "validity": (validity, {"field": air, "pupil": disc, "limit": 0.01}),
+        "Scene.load": (Scene.load, {"place": "wind-tunnel-static", "overrides": None}),
+    }
+    uniform = flow.uniform_air(1.2, radius=4e-3, z_range=(0.0, 8e-3))
+    found |= {
+        "flow.uniform_air": (flow.uniform_air, {"density": 1.2, "radius": 0.04, "z_range": (-0.04, 0.01)}),
+        "flow.index_field": (uniform.index_field, {"wavelength": 905e-9, "relation": "gladstone-dale"}),
+        "flow.scaled": (uniform.scaled, {"ambient_density": 1.0}),
+        "flow.density_at": (uniform.density_at, {"points": [[0, 0, 1e-3]]}),
+        "flow.shipped": (flow.shipped, {"name": "mach3"}),
+        "flow.wedge": (flow.wedge, {"mach": 3.0, "half_angle": 0.1, "length": 0.1, "spacing": 5e-3}),
+        "flow.cone": (flow.cone, {"mach": 3.0, "half_angle": 0.1, "density": 1.2, "length": 0.1}),
+        "flow.isentropic": (flow.isentropic, {"mach": 3.0, "gamma": 1.4}),
+        "flow.free_stream": (flow.free_stream, {"mach": 3.0, "density": 1.2, "temperature": 288.0}),
+        "flow.tunnel_conditions": (flow.tunnel_conditions, {"mach": 3.0, "stagnation_pressure": 6e5,
+                                   "stagnation_temperature": 288.0, "gamma": 1.4}),
+        "flow.normal_shock": (flow.normal_shock, {"mach": 3.0, "gamma": 1.4}),
+        "flow.oblique_shock": (flow.oblique_shock, {"mach": 3.0, "deflection": 0.1, "strong": False}),
+        "flow.prandtl_meyer": (flow.prandtl_meyer, {"mach": 3.0, "gamma": 1.4}),
+        "flow.expansion_fan": (flow.expansion_fan, {"mach": 3.0, "deflection": 0.1}),
+        "flow.cone_shock": (flow.cone_shock, {"mach": 3.0, "half_angle": 0.1, "gamma": 1.4}),
+        "flow.bow_shock": (flow.bow_shock, {"mach": 3.0, "radius": 0.01, "geometry": "planar"}),
+        "flow.riemann": (flow.riemann, {"left": left, "right": flow.GasState(1e4, 0.1, 0.0), "gamma": 1.4}),
+        "flow.GasState": (flow.GasState, {"pressure": 1e5, "density": 1.0, "velocity": 0.0}),
+        "flow.refractivity": (flow.refractivity, {"density": 1.0, "gladstone_dale": 2.25e-4}),
+        "flow.index_contrast": (flow.index_contrast, {"density": 1.0, "ambient_density": 1.2,
+                                "gladstone_dale": 2.25e-4, "relation": "gladstone-dale"}),
+        "flow.gladstone_dale_constant": (flow.gladstone_dale_constant, {"wavelength": 905e-9}),
+        "flow.moist_air_density": (flow.moist_air_density, {"temperature": 288.0, "pressure": 1e5, "water": 0.0}),
+        "flow.water_fraction": (flow.water_fraction, {"temperature": 288.0, "pressure": 1e5, "humidity": 0.5}),
+        "flow.ciddor_refractivity": (flow.ciddor_refractivity, {"wavelength": 905e-9, "temperature": 288.0,
+                                     "pressure": 1e5, "humidity": 0.0}),
+        "flow.species_constant": (flow.species_constant, {"name": "N2", "wavelength": 905e-9}),
+        "flow.refractivity_model": (flow.refractivity_model, {"relation": "gladstone-dale", "constant": 2.25e-4,
+                                    "composition": None}),
+    }  # fmt: skip
+    return found
+
+
+def draws(made: dict[str, tuple[Callable, dict[str, Any]]], seed: int | None = None) -> Iterator[tuple[str, str, str]]:
+    """Name of the call, argument and foreign body; each of them once, or at random without end from a seed."""
+    each = [(name, key, wrong) for name, (_, given) in made.items() for key in given for wrong in WRONG]
+    if seed is None:
+        yield from each
+        return
+    generator = random.Random(seed)
+    while True:
+        yield generator.choice(each)
+
+
+# Calls that trace rays or draw noise: hundredths of a second each.
+SLOW = (
+    "trace", "estimate_strehl", "wavefront", "schlieren", "shadowgraph", "interferogram", "split_step", "validity",
+    "range_statistics",
+)  # fmt: skip
+
+
+def run(limit: int | None = None, seed: int | None = None, leave_out: tuple[str, ...] = ()) -> Tally:
+    """Draw, call and count.
+
+    Args:
+        limit: Draws after which to stop; None goes through all of them once.
+        seed: Draws at random from it; None goes through them in order.
+        leave_out: Calls that are left out.
+    """
+    made = {name: call for name, call in calls().items() if name not in leave_out}
+    tally = Tally()
+    for name, key, wrong in itertools.islice(draws(made, seed), limit):
+        function, given = made[name]
+        fault = attempt(function, {**given, key: WRONG[wrong]})
+        if fault is None:
+            tally.answered += 1
+        elif fault == "":
+            tally.refused += 1
+        else:
+            tally.faults.append((name, key, wrong, fault))
+    gc.collect()
+    return tally
+
+
+def attempt(function: Callable, arguments: dict[str, Any]) -> str | None:
+    """None: it answered; "": it refused in words; otherwise what was raised, and where."""
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            warnings.filterwarnings("error", message=".*imaginary part.*")
+            function(**arguments)
+    except Exception as error:
+        where = traceback.extract_tb(error.__traceback__)[-1]
+        said = isinstance(error, (ValueError, TypeError)) and not isinstance(error, UnicodeError)
+        if said and where.filename.startswith(PACKAGE) and (where.line or "").startswith("raise"):
+            return ""
+        return f"{type(error).__name__}: {str(error)[:120]} ({Path(where.filename).name}:{where.lineno})"
+    return None

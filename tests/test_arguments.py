@@ -1,0 +1,104 @@
+"""Arguments of a wrong kind are answered in words, by one look at all of them; see aerokernels/arguments.py."""
+
+import numpy as np
+import pytest
+
+from aerokernels import Annulus, Disc, IndexField, Mask, RayBundle, Rectangle, Scene, flow, schlieren, strehl, zernike
+from aerokernels.arguments import Numbers, checked
+from aerokernels.validation import argument_draws
+
+
+@pytest.fixture(scope="module")
+def field() -> IndexField:
+    return IndexField.from_samples(np.zeros((9, 9)), origin=(0, 0), spacing=(1e-3, 1e-3), geometry="planar")
+
+
+@pytest.mark.parametrize(
+    ("call", "message"),
+    [
+        (lambda field: Disc(radius="6 mm"), r"radius must be a number of metres, got '6 mm': give 0\.006 \(in Disc\)"),
+        (lambda field: Annulus(1e-2, None), r"inner_radius must be a number of metres, got None \(in Annulus\)"),
+        (lambda field: Rectangle(1e-2, 1e-2 + 0j), r"height must be a number of metres, got \(0\.01\+0j\)"),
+        (lambda field: Mask(np.ones((3, 3)) * 1j, 1e-3), "weights must be an array of real numbers"),
+        (lambda field: Disc(1e-3, center=[0, 0, "z"]), "center must be an array of real numbers of metres, got .*'z'"),
+        (lambda field: strehl(np.zeros(3), 905e-9, remove=float), "remove must be names of terms"),
+        (lambda field: field.evaluate(np.array([[0, 0, 1j]])), "points must be an array of real numbers"),
+        (lambda field: field.resample(1e-3, region=False), "region needs two corners of 2 coordinates"),
+        (lambda field: field.resample(1e-3, interpolation=3), "interpolation must be a text, got 3"),
+        (lambda field: RayBundle.collimated(6e-3), r"pupil must be a Pupil, got 0\.006"),
+        (lambda field: flow.wedge("3", 0.1), "mach must be a number, got '3': give 3"),
+        (lambda field: flow.isentropic(1e300), r"mach = 1e\+300 is out of all proportion"),
+        (lambda field: flow.shipped(3), "name must be a text"),
+        (lambda field: schlieren("mach3"), "field must be a"),
+        (lambda field: zernike.zernike_modes(10**400, 0.0, 0.0), "a whole number of 401 digits"),
+        (lambda field: Scene.load(3.0), "place must be a text or a Path"),
+        (lambda field: Scene.load("wind-tunnel-static", "target.tilt=0"), "overrides must map dotted keys to values"),
+    ],
+)
+def test_a_mistake_of_kind_is_answered_in_words(field, call, message):
+    with pytest.raises((TypeError, ValueError), match=message):
+        call(field)
+
+
+def test_public_calls_take_foreign_bodies_or_refuse_them_in_words():
+    """28 foreign bodies in place of any argument: some forty kinds of plain NumPy messages came through before."""
+    for name, (function, given) in argument_draws.calls().items():
+        if name not in argument_draws.SLOW:
+            assert argument_draws.attempt(function, given) is None, name
+    tally = argument_draws.run(limit=500, seed=1, leave_out=argument_draws.SLOW)
+    assert tally.faults == [] and tally.count == 500 and tally.answered > 10 and tally.refused > 300
+
+
+def test_what_is_right_passes_unchanged():
+    seen = []
+
+    @checked
+    def take(length: float, count: int = 3, *, on: bool = False, points: Numbers | None = None, name: str = "x"):
+        """Take a `length`.
+
+        Args:
+            length: A length [m].
+            count: A count.
+            on: A switch.
+            points: Some points.
+            name: A name.
+        """
+        seen.append((length, count, on, points, name))
+        return length
+
+    assert take(np.float32(2.0)) == 2.0 and take(np.array(2), np.int8(3), on=np.True_, points=[[1], [2]]) == 2
+    assert len(seen) == 2 and take.__name__ == "take" and "A length" in take.__doc__
+    for wrong in ({"length": True}, {"length": 1.0, "on": "no"}, {"length": 1.0, "points": [[1], [1, 2]]}):
+        with pytest.raises(TypeError, match=r"must be .*\(in .*take\)"):
+            take(**wrong)
+    with pytest.raises(TypeError, match="missing"):
+        take()
+
+
+def test_numbers_that_overflow_on_the_way_are_named():
+    @checked
+    def product(first: float, second: float):
+        if second > 2.0:
+            return int(float("nan"))
+        return float(10 ** int(400 * first))
+
+    for call in (lambda: product(1.0, 1e-90), lambda: product(0.0, 3.0)):
+        with pytest.raises(ValueError, match="product cannot be computed from"):
+            call()
+
+
+def test_a_tolerance_that_no_grid_meets_is_refused_at_once(monkeypatch):
+    """1e-30 waves: the first grid shows that 2^(100/6) times as many nodes along each axis would be needed."""
+    from importlib import import_module
+
+    module = import_module("aerokernels.medium.resample")
+    tried = []
+    once = module._resample_once
+    monkeypatch.setattr(module, "_resample_once", lambda *given: tried.append(given[3]) or once(*given))
+    z = np.linspace(0.0, 1.0, 17)
+    field = IndexField.from_samples(
+        1e-5 * np.sin(9.0 * np.add.outer(z, z) ** 2), origin=(0, 0), spacing=(1 / 16, 1 / 16), geometry="planar"
+    )
+    with pytest.raises(ValueError, match="more than the tolerance of 1e-30"):
+        field.resample(tolerance=1e-30)
+    assert len(tried) <= 2
