@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..arguments import Numbers, checked
-from ..medium import Body, IndexField, QuadMesh
+from ..medium import Body, IndexField, QuadMesh, SolidBody
 from ..read_only import ReadOnly
 from ..wavelength import DEFAULT_WAVELENGTH, check_wavelength
 from .gas import GREATEST_DENSITY, SEA_LEVEL_DENSITY, FreeStream, check_density, positive
@@ -40,7 +40,7 @@ class DensityField(ReadOnly, ABC):
         @property
         def ambient_density(self) -> float: ...  # noqa: D102
         @property
-        def body(self) -> Body | None: ...  # noqa: D102
+        def body(self) -> Body | SolidBody | None: ...  # noqa: D102
         @property
         def provenance(self) -> str: ...  # noqa: D102
         @property

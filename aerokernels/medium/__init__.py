@@ -4,5 +4,6 @@ from .body import Body
 from .field import IndexField
 from .mesh import QuadMesh
 from .resample import ResamplingError
+from .solid_body import SolidBody
 
-__all__ = ["Body", "IndexField", "QuadMesh", "ResamplingError"]
+__all__ = ["Body", "IndexField", "QuadMesh", "ResamplingError", "SolidBody"]

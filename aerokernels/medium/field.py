@@ -17,6 +17,7 @@ from .cell_averages import node_values
 from .grid import AXIS_CORE, UniformGrid, check_box, check_finite
 from .mesh import GEOMETRIES, QuadMesh
 from .mesh_samples import MeshSamples
+from .solid_body import SolidBody
 from .vertex_values import vertex_values
 
 
@@ -42,7 +43,7 @@ class IndexField(Derived):
     samples: UniformGrid | MeshSamples
     geometry: str
     ambient_index: float
-    body: Body | None = None
+    body: Body | SolidBody | None = None
     resampling: Any = None
     wavelength: float | None = None
 
@@ -86,7 +87,7 @@ class IndexField(Derived):
             geometry: "volume", "planar" or "axisymmetric" (even in r).
             ambient_index: Index outside the box. The faces of the box do not refract.
             interpolation: "cubic" (C2 B-spline), "linear" or "monotone" (no overshoot at a shock).
-            body: Solid body in the field.
+            body: Solid body in the field: a `Body`, in a volume a `SolidBody`.
             cell_averages: `contrast` holds averages over the cells centred on the nodes (finite-volume data), not
                 samples at the nodes: a shock inside a cell then keeps its place. See cell_averages.py.
             wavelength: Vacuum wavelength that `contrast` was made for [m]; None where it belongs to none.
@@ -104,8 +105,6 @@ class IndexField(Derived):
         dimension = 3 if geometry == "volume" else 2
         if array.ndim != dimension:
             raise ValueError(f"a {geometry} field needs an array of {dimension} axes, got shape {array.shape}")
-        if body is not None and geometry == "volume":
-            raise ValueError("a body in a volume field is not supported: use a planar or axisymmetric field")
         axisymmetric = geometry == "axisymmetric"
         check_ambient(ambient_index)
         grid = UniformGrid(
