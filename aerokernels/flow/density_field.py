@@ -278,6 +278,7 @@ class CellDensity(MeshDensity):
             interpolation=interpolation,
             body=self.body,
             wavelength=wavelength,
+            upstream=model.upstream(wavelength),
         )
 
 

@@ -103,6 +103,7 @@ class VertexDensity(MeshDensity):
             interpolation=interpolation,
             body=self.body,
             wavelength=wavelength,
+            upstream=model.upstream(wavelength),
         )
 
 
@@ -199,6 +200,7 @@ class GridDensity(SampledDensity):
             body=self.body,
             cell_averages=self.cell_averages,
             wavelength=wavelength,
+            upstream=model.upstream(wavelength, float(getattr(self.resampling, "column_rms", 0.0))),
         )
 
 

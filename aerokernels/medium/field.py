@@ -27,6 +27,21 @@ def check_ambient(ambient_index: float) -> None:
         raise ValueError(f"ambient_index must be positive and finite, got {ambient_index!r}")
 
 
+@dataclass(frozen=True)
+class Upstream:
+    """What a field owes to how it was made: errors that no trace through it can find.
+
+    Attributes:
+        columns: Root mean square OPD error of lines through it from resampling the flow's own cells [m].
+        refractivity: Relative uncertainty of n - 1 at a density, from the refractivity model.
+        model: The model's name, and where its constant comes from.
+    """
+
+    columns: float = 0.0
+    refractivity: float = 0.0
+    model: str = ""
+
+
 @dataclass(frozen=True, eq=False)
 class IndexField(Derived):
     """A refractive index field. Build one with `from_samples` or `from_mesh`.
@@ -38,6 +53,7 @@ class IndexField(Derived):
         body: Solid body in the field, or None.
         resampling: What was measured when the field was resampled from another, or None.
         wavelength: Vacuum wavelength that the contrast was made for [m]; None for raw contrast, which belongs to none.
+        upstream: Errors from how it was made from a flow, which an error budget takes over; None for raw contrast.
     """
 
     samples: UniformGrid | MeshSamples
@@ -46,6 +62,7 @@ class IndexField(Derived):
     body: Body | SolidBody | None = None
     resampling: Any = None
     wavelength: float | None = None
+    upstream: Upstream | None = None
 
     def __post_init__(self):
         """Check what both ways of building have in common."""
@@ -74,9 +91,10 @@ class IndexField(Derived):
         geometry: str,
         ambient_index: float = 1.0,
         interpolation: str = "cubic",
-        body: Body | None = None,
+        body: Body | SolidBody | None = None,
         cell_averages: bool = False,
         wavelength: float | None = None,
+        upstream: "Upstream | None" = None,
     ) -> "IndexField":
         """A field from samples on a uniform grid.
 
@@ -91,6 +109,7 @@ class IndexField(Derived):
             cell_averages: `contrast` holds averages over the cells centred on the nodes (finite-volume data), not
                 samples at the nodes: a shock inside a cell then keeps its place. See cell_averages.py.
             wavelength: Vacuum wavelength that `contrast` was made for [m]; None where it belongs to none.
+            upstream: Errors of `contrast` from how it was made.
 
         Raises:
             ValueError: Numbers that are not finite, shapes that disagree, a spacing that is not positive, an unknown
@@ -114,7 +133,7 @@ class IndexField(Derived):
             grid = replace(grid, samples=node_values(grid.samples, interpolation, axisymmetric))
         if axisymmetric and abs(grid.origin[0]) > 1e-9 * grid.spacing[0]:
             raise ValueError(f"an axisymmetric grid starts at r = 0, got origin {grid.origin[0]!r}")
-        return cls(grid, geometry, ambient_index, body, wavelength=wavelength)
+        return cls(grid, geometry, ambient_index, body, wavelength=wavelength, upstream=upstream)
 
     @classmethod
     def from_xarray(cls, array, *, body=None) -> "IndexField":
@@ -142,6 +161,7 @@ class IndexField(Derived):
         interpolation: str = "bilinear",
         body: Body | None = None,
         wavelength: float | None = None,
+        upstream: "Upstream | None" = None,
     ) -> "IndexField":
         """A field on a quadrilateral mesh.
 
@@ -153,6 +173,7 @@ class IndexField(Derived):
             interpolation: "bilinear", "bilinear-barron" or "idw" (see mesh_samples.py).
             body: Solid body in the field.
             wavelength: Vacuum wavelength that `contrast` was made for [m]; None where it belongs to none.
+            upstream: Errors of `contrast` from how it was made.
 
         Raises:
             TypeError: `mesh` is no QuadMesh.
@@ -177,7 +198,7 @@ class IndexField(Derived):
         values = values.ravel()
         values.setflags(write=False)
         samples = MeshSamples(mesh, values, interpolation)
-        return cls(samples, mesh.geometry, ambient_index, body, wavelength=wavelength)
+        return cls(samples, mesh.geometry, ambient_index, body, wavelength=wavelength, upstream=upstream)
 
     @property
     def is_uniform(self) -> bool:
