@@ -13,11 +13,11 @@ r"""The error budget of a trace's optical path difference, by cause, measured on
                     that a finer computation would mend, so it stands beside the total and is not part of it
     total           root sum of squares of the others
 
-Each cause up to "sampling" is the greatest over the rays of the subset. All but "bundle" and "refractivity", which have
-factors of their own, are multiplied by SAFETY, for the rays outside the subset and for what an estimate cannot see. Rays
-are traced to the run's own stop, so that an error of direction counts as it does there. A cause that cannot be measured
-(no ray arrived, or the field before resampling was not kept) is nan, and so is the total. For a resampled field
-"interpolation" is that of the field it was made from.
+Each cause up to "sampling" is the greatest over the rays of the subset. All but "bundle" and "refractivity", which
+have factors of their own, are multiplied by SAFETY, for the rays outside the subset and for what an estimate cannot
+see. Rays are traced to the run's own stop, so that an error of direction counts as it does there. A cause that cannot
+be measured (no ray arrived, or the field before resampling was not kept) is nan, and so is the total. For a resampled
+field "interpolation" is that of the field it was made from.
 
 The steps of the reference backend are better than those that would have to serve as the truth. Where it chooses them,
 their error is its own estimate: the sum of its embedded formulae.
