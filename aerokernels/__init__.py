@@ -33,6 +33,7 @@ _HOME = {
     "RunResult": "jobs.run",
     "Scene": "scene",
     "Sensor": "sensor",
+    "SolidBody": "medium",
     "StrehlEstimate": "strehl",
     "TraceResult": "tracing",
     "Validity": "waves",
@@ -91,6 +92,7 @@ __all__ = [
     "RunResult",
     "Scene",
     "Sensor",
+    "SolidBody",
     "StrehlEstimate",
     "TraceResult",
     "Validity",
@@ -155,7 +157,7 @@ if TYPE_CHECKING:
     from .imaging import Camera, DotPattern, background_displacement, bos, image_through
     from .jobs.run import RunResult, simulate
     from .jobs.sweeps.run import sweep
-    from .medium import Body, IndexField, QuadMesh
+    from .medium import Body, IndexField, QuadMesh, SolidBody
     from .rays import Annulus, Disc, Mask, Polygon, RayBundle, Rectangle
     from .scene import Scene
     from .schlieren import interferogram, schlieren, shadowgraph

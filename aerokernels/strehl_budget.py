@@ -11,7 +11,7 @@ from .medium import IndexField
 from .rays import Pupil, RayBundle
 from .strehl_errors import STANDARD_ERRORS, strehl_error
 from .tracing import Plane
-from .tracing.budget import CAUSES, SAFETY, combine, faintly_lost, float64_rounding, opd_errors
+from .tracing.budget import CAUSES, SAFETY, column_error, combine, faintly_lost, float64_rounding, opd_errors
 from .tracing.budget_rays import SUBSET
 from .tracing.pupil_air import PupilAir
 from .tracing.trace import retracer
@@ -51,6 +51,9 @@ class StrehlBudget:
         spread = {
             cause: SAFETY * float(np.std(error)) if len(error) else float("nan") for cause, error in errors.items()
         }
+        # Neither a column's error nor the model's is a sample of a few: they are root mean squares already.
+        spread["resampling"] = float(np.hypot(spread["resampling"], SAFETY * column_error(self.field)))
+        spread["refractivity"] /= SAFETY
         spread["precision"] += float64_rounding(self.field, probe)
         faint = float(np.sqrt(np.mean(faintly_lost(self.field, probe, None) ** 2)))
         spread["truncation"] = SAFETY * max(self.air.lost_rms, faint)

@@ -43,6 +43,7 @@ REMEDIES = {
     "step": "the steps of the rays: ask for a smaller tolerance",
     "precision": "the precision of the kernels: trace in float64",
     "sampling": "the number of rays: take more",
+    "refractivity": "the refractivity model: take one of a smaller uncertainty, such as 'ciddor' in air",
     "truncation": "rays that leave the known air while it is disturbed: give a field that reaches farther",
 }
 

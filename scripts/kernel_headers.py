@@ -14,6 +14,7 @@ import numpy as np
 
 from aerokernels.medium.crossings import PARALLEL
 from aerokernels.medium.grid import AXIS_CORE
+from aerokernels.medium.triangle_crossings import LEAST_SIDE
 from aerokernels.pupils import square_map
 from aerokernels.tracing import scheme, tableau
 from aerokernels.tracing.pupil_sums import MOMENT_COUNT, SUM_COUNT
@@ -85,9 +86,9 @@ def constants() -> str:
         *_reals({"NARROW_COSINE": np.cos(CONES[1].spread), "WIDE_COSINE": np.cos(CONES[2].spread)}),
         *_group("Where a ray ends"),
         *_defines({name: getattr(scheme, name) for name in ("LANDED_ARC", "LANDED_FREE", "WALK_LIMIT")}),
-        *_group("The body: chords, closeness and room in cells, and A of lines parallel to the axis (double)"),
+        *_group("The body: chords, closeness and room in cells; A of lines parallel to the axis, triangles (double)"),
         *_reals({name: getattr(scheme, name) for name in ("WALL_SAG", "WALL_CLOSE", "WALL_ASIDE", "WALL_BACK")}),
-        *_defines({"PARALLEL": PARALLEL}),
+        *_defines({"PARALLEL": PARALLEL, "LEAST_SIDE": LEAST_SIDE, "GRAZING_SQUARE": scheme.GRAZING_SQUARE}),
         *_group("Pupil: rays summed by one work-item and the sums it delivers, and the hash of the scramble"),
         *_defines({"GROUP": scheme.GROUP, "JOINED": scheme.JOINED}),
         *_defines({"MOMENT_COUNT": MOMENT_COUNT, "SUM_COUNT": SUM_COUNT}),

@@ -7,6 +7,7 @@ import typer
 
 if TYPE_CHECKING:
     from aerokernels.flow import Contents, DensityField
+    from aerokernels.medium import Body, SolidBody
 
 Picture = Annotated[
     Path | None, typer.Option("--picture", "--out", help="Write a picture of the density here (.png, .pdf, .svg).")
@@ -95,8 +96,16 @@ def _field_rows(flow: "DensityField") -> list[tuple[str, str]]:
         for axis, a, b in zip(axes, low, high, strict=True)
     ]
     rows.append(("ambient density", f"{flow.ambient_density:.6g} kg/m3"))
-    rows.append(("body", "none" if flow.body is None else f"{len(flow.body.profile)} points around it"))
+    rows.append(("body", _body_in_words(flow.body)))
     return rows
+
+
+def _body_in_words(body: "Body | SolidBody | None") -> str:
+    if body is None:
+        return "none"
+    if body.geometry == "volume":
+        return f"{len(body.triangles)} triangles"  # type: ignore[union-attr]
+    return f"{len(body.profile)} points around it"  # type: ignore[union-attr]
 
 
 def _shipped() -> None:

@@ -149,6 +149,7 @@ class ConicalFlow(DensityField):
             interpolation=interpolation,
             body=self.body,
             wavelength=wavelength,
+            upstream=model.upstream(wavelength),
         )
 
     def _node_values(self, contrast, shape: tuple[int, int], step: np.ndarray, *, sharpen: bool) -> np.ndarray:

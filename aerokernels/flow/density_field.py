@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..arguments import Numbers, checked
-from ..medium import Body, IndexField, QuadMesh
+from ..medium import Body, IndexField, QuadMesh, SolidBody
 from ..read_only import ReadOnly
 from ..wavelength import DEFAULT_WAVELENGTH, check_wavelength
 from .gas import GREATEST_DENSITY, SEA_LEVEL_DENSITY, FreeStream, check_density, positive
@@ -40,7 +40,7 @@ class DensityField(ReadOnly, ABC):
         @property
         def ambient_density(self) -> float: ...  # noqa: D102
         @property
-        def body(self) -> Body | None: ...  # noqa: D102
+        def body(self) -> Body | SolidBody | None: ...  # noqa: D102
         @property
         def provenance(self) -> str: ...  # noqa: D102
         @property
@@ -238,6 +238,23 @@ class CellDensity(MeshDensity):
         return density if self.body is None else np.where(self.body.contains(local), np.nan, density)
 
     @checked
+    def columns(self, position: Numbers, direction: Numbers) -> np.ndarray:
+        """Integrals of density less the ambient one along whole lines [kg/m2], exactly as the cells hold it.
+
+        See `aerokernels.flow.columns`. What rays see is an interpolant through the cells' averages.
+
+        Args:
+            position: A point on each line [m], shape (line_count, 3) or (3,).
+            direction: Unit vectors, shape (line_count, 3) or (3,).
+
+        Raises:
+            ValueError: Directions that are no unit vectors, lines along x of a planar field.
+        """
+        from .columns import mesh_columns
+
+        return mesh_columns(self.mesh, self.density - self.ambient_density, position, direction)
+
+    @checked
     def index_field(
         self,
         wavelength: float = DEFAULT_WAVELENGTH,
@@ -278,6 +295,7 @@ class CellDensity(MeshDensity):
             interpolation=interpolation,
             body=self.body,
             wavelength=wavelength,
+            upstream=model.upstream(wavelength),
         )
 
 

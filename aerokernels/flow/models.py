@@ -14,6 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..arguments import checked
+from ..medium import Upstream
 from ..wavelength import LONGEST, SHORTEST
 from . import ciddor
 from .refractivity import RELATIONS, SHORTEST_WAVELENGTH, gladstone_dale_constant, index_contrast, refractivity
@@ -81,6 +82,11 @@ class RefractivityModel:
     def ambient_index(self, density: float, wavelength: float) -> float:
         """Refractive index of the ambient gas at a density [kg/m3] and a vacuum wavelength [m]."""
         return 1.0 + float(refractivity(density, self.constant(wavelength, ambient=True), self.form))
+
+    def upstream(self, wavelength: float, column: float = 0.0) -> Upstream:
+        """What an index made by this model owes to it, and to a column of density that is off by so much [kg/m2]."""
+        constant = float(np.max(self.constant(wavelength)))
+        return Upstream(constant * column, self.uncertainty, f"{self.name}: {self.source}")
 
     def contrast(self, density, ambient_density: float, wavelength: float):
         """Contrast n - n_ambient at densities [kg/m3] of any shape, against an ambient one, at a vacuum wavelength [m].

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..arguments import Numbers, checked
-from ..medium import Body, IndexField, QuadMesh
+from ..medium import Body, IndexField, QuadMesh, SolidBody
 from ..medium.grid import checked_axes
 from ..medium.mesh import GEOMETRIES
 from ..medium.mesh_samples import MeshSamples
@@ -103,6 +103,7 @@ class VertexDensity(MeshDensity):
             interpolation=interpolation,
             body=self.body,
             wavelength=wavelength,
+            upstream=model.upstream(wavelength),
         )
 
 
@@ -117,7 +118,7 @@ class GridDensity(SampledDensity):
         geometry: "volume", "planar" or "axisymmetric".
         ambient_density: Density outside the grid [kg/m3].
         cell_averages: The samples are averages over cells centred on the nodes, not values at the nodes.
-        body: Solid body in the flow, or None; not in volumes.
+        body: Solid body in the flow: a `Body`, in a volume a `SolidBody`; or None.
         conditions: The free stream, or None where it is not known.
         provenance: Where the field comes from, in words.
         resampling: What was measured when the grid was made from a mesh, or None.
@@ -132,7 +133,7 @@ class GridDensity(SampledDensity):
     geometry: str
     ambient_density: float
     cell_averages: bool = False
-    body: Body | None = None
+    body: Body | SolidBody | None = None
     conditions: FreeStream | None = None
     provenance: str = ""
     resampling: object = None
@@ -145,8 +146,8 @@ class GridDensity(SampledDensity):
         density = _checked(self.density, "on the grid")
         if density.ndim != (3 if self.geometry == "volume" else 2):
             raise ValueError(f"a {self.geometry} field cannot have densities of shape {density.shape}")
-        if self.body is not None and self.geometry == "volume":
-            raise ValueError("a body in a volume field is not supported: use a planar or axisymmetric field")
+        if self.body is not None and self.body.geometry != self.geometry:
+            raise ValueError(f"the body is {self.body.geometry}, the field {self.geometry}: they must agree")
         origin, spacing = checked_axes(density.shape, self.origin, self.spacing)
         for name, value in (("density", density), ("origin", origin), ("spacing", spacing)):
             object.__setattr__(self, name, value)
@@ -199,6 +200,7 @@ class GridDensity(SampledDensity):
             body=self.body,
             cell_averages=self.cell_averages,
             wavelength=wavelength,
+            upstream=model.upstream(wavelength, float(getattr(self.resampling, "column_rms", 0.0))),
         )
 
 

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from ..medium import Body, QuadMesh
+from ..medium import Body, QuadMesh, SolidBody
 from ..medium.mesh import GEOMETRIES
 from .density_field import CellDensity, DensityField
 from .gas import FreeStream, check_density
@@ -82,7 +82,7 @@ class Series:
     time: np.ndarray
     mesh: GridMesh | QuadMesh | None
     ambient_density: float | None
-    body: Body | None = None
+    body: Body | SolidBody | None = None
     conditions: FreeStream | None = None
     provenance: str = ""
     identity: Mapping[str, Any] = field(default_factory=dict)
@@ -215,6 +215,7 @@ class Series:
         assert isinstance(self.mesh, QuadMesh)
         at_vertices = density.size == len(self.mesh.vertices) and density.size != len(self.mesh.cells)
         kind = VertexDensity if at_vertices else CellDensity
+        assert not isinstance(self.body, SolidBody)  # which a volume alone has
         return kind(self.mesh, density, self.ambient_density, self.body, self.conditions, told)
 
 

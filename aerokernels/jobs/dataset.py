@@ -10,6 +10,7 @@ from aerokernels.flow import CellDensity, DensityField
 from aerokernels.jobs.run_parts import RunParts
 from aerokernels.jobs.scene_text import scene_toml
 from aerokernels.jobs.store import to_json
+from aerokernels.medium import SolidBody
 
 if TYPE_CHECKING:
     import xarray
@@ -88,7 +89,12 @@ def run_dataset(result: RunParts, summary: Mapping[str, Any]) -> "xarray.Dataset
             "angle_y": variable("angle_y", spot.angle, "rad", "angle toward y"),
         }
     body = result.prepared.field.body
-    if body is not None:
+    if isinstance(body, SolidBody):
+        variables["body_point"] = variable(("body_vertex", "axis"), body.vertices, "m", "points of the body's surface")
+        variables["body_triangle"] = variable(
+            ("body_face", "corner"), body.triangles, "1", "corners of its triangles, by the number of their point"
+        )
+    elif body is not None:
         variables["body_y"] = variable("body_vertex", body.profile[:, 0], "m", "y of the body's outline")
         variables["body_z"] = variable("body_vertex", body.profile[:, 1], "m", "z of the body's outline")
     numbers = to_json(summary)

@@ -50,7 +50,17 @@ def explanation(scene: Scene) -> list[tuple[str, str]]:
     ]
     resampling = prepared.resampling
     samples = prepared.field.samples
-    if resampling is None or not isinstance(samples, UniformGrid):
+    made = prepared.field.upstream
+    if made is not None and made.columns > 0.0 and isinstance(samples, UniformGrid):
+        rows += [
+            ("grid", f"{' x '.join(map(str, samples.shape))} nodes, to which the flow's cells were resampled"),
+            (
+                "error of the grid",
+                f"OPD {made.columns * 1e9:.3g} nm rms of lines through it, measured "
+                f"({made.columns / wavelength:.2g} waves)",
+            ),
+        ]
+    elif resampling is None or not isinstance(samples, UniformGrid):
         rows.append(("grid", f"none: samples are looked up on the flow's mesh, {scene.grid.interpolation}"))
     else:
         shape = " x ".join(str(count) for count in samples.shape)
@@ -62,6 +72,9 @@ def explanation(scene: Scene) -> list[tuple[str, str]]:
                 f"({resampling.opd_rms / wavelength:.2g} and {resampling.opd_max / wavelength:.2g} waves)",
             ),
         ]
+    if made is not None:
+        share = f"+- {100.0 * made.refractivity:.2g} % of the OPD" if made.refractivity else "a constant that was given"
+        rows.append(("refractivity", f"{made.model}; {share}"))
     inside, sampled, _ = pupil_samples(prepared.field, scene, PUPIL_SAMPLES)
     shared = ", those at one distance from the axis share a ray" if len(sampled) < inside.sum() else ""
     rows += [

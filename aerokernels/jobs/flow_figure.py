@@ -8,6 +8,7 @@ import numpy as np
 from aerokernels.flow import DensityField
 from aerokernels.jobs.dataset import density_cells
 from aerokernels.jobs.plots import BODY_COLOUR, STYLE
+from aerokernels.medium import SolidBody
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -25,7 +26,12 @@ def flow_figure(flow: DensityField, title: str = "") -> "Figure":
         axes = figure.subplots()
         shown = axes.pcolormesh(1e3 * z, 1e3 * y, density, cmap="viridis", shading="flat", rasterized=True)
         figure.colorbar(shown, ax=axes, label="density [kg/m3]").outline.set_visible(False)
-        if flow.body is not None:
+        if isinstance(flow.body, SolidBody):
+            from matplotlib.collections import LineCollection
+
+            pieces = [1e3 * piece[:, ::-1] for piece in flow.body.section()]
+            axes.add_collection(LineCollection(pieces, colors=BODY_COLOUR, linewidths=2.0))
+        elif flow.body is not None:
             axes.fill(1e3 * flow.body.profile[:, 1], 1e3 * flow.body.profile[:, 0], color=BODY_COLOUR)
         axes.set_aspect("equal")
         axes.set_xlim(1e3 * float(np.min(z)), 1e3 * float(np.max(z)))

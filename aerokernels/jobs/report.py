@@ -46,7 +46,8 @@ CAUSES = {
     "precision": "precision of the kernels",
     "sampling": "number of rays, three standard errors",
     "truncation": "rays that leave the known air while it is disturbed",
-    "total": "root sum of squares",
+    "refractivity": "model that makes the index from a density; not part of the total",
+    "total": "root sum of squares of the others",
 }
 
 CSS = """

@@ -1,8 +1,9 @@
 """The refractive index the rays see: meshes, uniform grids, bodies and resampling between them."""
 
 from .body import Body
-from .field import IndexField
+from .field import IndexField, Upstream
 from .mesh import QuadMesh
 from .resample import ResamplingError
+from .solid_body import SolidBody
 
-__all__ = ["Body", "IndexField", "QuadMesh", "ResamplingError"]
+__all__ = ["Body", "IndexField", "QuadMesh", "ResamplingError", "SolidBody", "Upstream"]

@@ -13,6 +13,7 @@ from ..arguments import checked
 from ..read_only import ReadOnly
 from .crossings import crossings
 from .grid import check_finite
+from .wall_tree import WallTree, wall_tree
 from .walls import bounding_walls
 
 TILE_POINTS = 512  # points that look for the nearest wall together
@@ -77,6 +78,16 @@ class Body(ReadOnly):
             keep = (start[:, 0] > 0.0) | (end[:, 0] > 0.0)
             start, end = start[keep], end[keep]
         return start, end
+
+    @cached_property
+    def tree(self) -> WallTree:
+        """The surface under a tree of boxes, for kernels."""
+        return wall_tree(np.stack(self.surface, axis=1))
+
+    @property
+    def box(self) -> tuple[np.ndarray, np.ndarray]:
+        """Lowest and highest coordinates of the profile [m]."""
+        return self.profile.min(axis=0), self.profile.max(axis=0)
 
     def crossings(self, position, direction) -> np.ndarray:
         """Distances [m] at which straight lines cross the body's surface, ascending, shape (line_count, m).

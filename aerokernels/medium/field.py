@@ -17,6 +17,7 @@ from .cell_averages import node_values
 from .grid import AXIS_CORE, UniformGrid, check_box, check_finite
 from .mesh import GEOMETRIES, QuadMesh
 from .mesh_samples import MeshSamples
+from .solid_body import SolidBody
 from .vertex_values import vertex_values
 
 
@@ -24,6 +25,21 @@ def check_ambient(ambient_index: float) -> None:
     """Refuse an ambient index that is not a positive number."""
     if not (np.isfinite(ambient_index) and ambient_index > 0.0):
         raise ValueError(f"ambient_index must be positive and finite, got {ambient_index!r}")
+
+
+@dataclass(frozen=True)
+class Upstream:
+    """What a field owes to how it was made: errors that no trace through it can find.
+
+    Attributes:
+        columns: Root mean square OPD error of lines through it from resampling the flow's own cells [m].
+        refractivity: Relative uncertainty of n - 1 at a density, from the refractivity model.
+        model: The model's name, and where its constant comes from.
+    """
+
+    columns: float = 0.0
+    refractivity: float = 0.0
+    model: str = ""
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,14 +53,16 @@ class IndexField(Derived):
         body: Solid body in the field, or None.
         resampling: What was measured when the field was resampled from another, or None.
         wavelength: Vacuum wavelength that the contrast was made for [m]; None for raw contrast, which belongs to none.
+        upstream: Errors from how it was made from a flow, which an error budget takes over; None for raw contrast.
     """
 
     samples: UniformGrid | MeshSamples
     geometry: str
     ambient_index: float
-    body: Body | None = None
+    body: Body | SolidBody | None = None
     resampling: Any = None
     wavelength: float | None = None
+    upstream: Upstream | None = None
 
     def __post_init__(self):
         """Check what both ways of building have in common."""
@@ -73,9 +91,10 @@ class IndexField(Derived):
         geometry: str,
         ambient_index: float = 1.0,
         interpolation: str = "cubic",
-        body: Body | None = None,
+        body: Body | SolidBody | None = None,
         cell_averages: bool = False,
         wavelength: float | None = None,
+        upstream: "Upstream | None" = None,
     ) -> "IndexField":
         """A field from samples on a uniform grid.
 
@@ -86,10 +105,11 @@ class IndexField(Derived):
             geometry: "volume", "planar" or "axisymmetric" (even in r).
             ambient_index: Index outside the box. The faces of the box do not refract.
             interpolation: "cubic" (C2 B-spline), "linear" or "monotone" (no overshoot at a shock).
-            body: Solid body in the field.
+            body: Solid body in the field: a `Body`, in a volume a `SolidBody`.
             cell_averages: `contrast` holds averages over the cells centred on the nodes (finite-volume data), not
                 samples at the nodes: a shock inside a cell then keeps its place. See cell_averages.py.
             wavelength: Vacuum wavelength that `contrast` was made for [m]; None where it belongs to none.
+            upstream: Errors of `contrast` from how it was made.
 
         Raises:
             ValueError: Numbers that are not finite, shapes that disagree, a spacing that is not positive, an unknown
@@ -104,8 +124,6 @@ class IndexField(Derived):
         dimension = 3 if geometry == "volume" else 2
         if array.ndim != dimension:
             raise ValueError(f"a {geometry} field needs an array of {dimension} axes, got shape {array.shape}")
-        if body is not None and geometry == "volume":
-            raise ValueError("a body in a volume field is not supported: use a planar or axisymmetric field")
         axisymmetric = geometry == "axisymmetric"
         check_ambient(ambient_index)
         grid = UniformGrid(
@@ -115,7 +133,7 @@ class IndexField(Derived):
             grid = replace(grid, samples=node_values(grid.samples, interpolation, axisymmetric))
         if axisymmetric and abs(grid.origin[0]) > 1e-9 * grid.spacing[0]:
             raise ValueError(f"an axisymmetric grid starts at r = 0, got origin {grid.origin[0]!r}")
-        return cls(grid, geometry, ambient_index, body, wavelength=wavelength)
+        return cls(grid, geometry, ambient_index, body, wavelength=wavelength, upstream=upstream)
 
     @classmethod
     def from_xarray(cls, array, *, body=None) -> "IndexField":
@@ -143,6 +161,7 @@ class IndexField(Derived):
         interpolation: str = "bilinear",
         body: Body | None = None,
         wavelength: float | None = None,
+        upstream: "Upstream | None" = None,
     ) -> "IndexField":
         """A field on a quadrilateral mesh.
 
@@ -154,6 +173,7 @@ class IndexField(Derived):
             interpolation: "bilinear", "bilinear-barron" or "idw" (see mesh_samples.py).
             body: Solid body in the field.
             wavelength: Vacuum wavelength that `contrast` was made for [m]; None where it belongs to none.
+            upstream: Errors of `contrast` from how it was made.
 
         Raises:
             TypeError: `mesh` is no QuadMesh.
@@ -178,7 +198,7 @@ class IndexField(Derived):
         values = values.ravel()
         values.setflags(write=False)
         samples = MeshSamples(mesh, values, interpolation)
-        return cls(samples, mesh.geometry, ambient_index, body, wavelength=wavelength)
+        return cls(samples, mesh.geometry, ambient_index, body, wavelength=wavelength, upstream=upstream)
 
     @property
     def is_uniform(self) -> bool:

@@ -1,4 +1,6 @@
-"""The surface of a body for kernels: its segments under a tree of boxes that a line goes through from node to node.
+"""The surface of a body for kernels: its pieces under a tree of boxes that a line goes through from node to node.
+
+Pieces are segments of a profile, or triangles of a surface in space.
 
 Nodes are in the order in which a line meets them that goes down into every box: the first child follows its parent,
 and each node knows where to go on if its box is missed. Kernels need no stack for that.
@@ -8,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-# Segments of a leaf at most.
+# Pieces of a leaf at most.
 LEAF = 4
 # By how much boxes are larger than what they hold, as a share of the body's size: some million roundings.
 ROOM = 1e-9
@@ -16,23 +18,35 @@ ROOM = 1e-9
 
 @dataclass(frozen=True, eq=False)
 class WallTree:
-    """Segments of a surface and boxes about them.
+    """Pieces of a surface and boxes about them, d coordinates a corner: (r, z), (y, z) or (x, y, z) [m].
 
     Attributes:
-        segments: r1, z1, r2, z2 of each segment [m] (planar: y for r), solid on its left, shape (w, 4).
-        boxes: Lowest r and z, greatest r and z of each node [m], shape (n, 4).
-        links: For each node the one after all its children, the first of its segments and the one after the last,
-            shape (n, 3); only leaves have segments.
+        corners: Of each piece, shape (w, d, d): segments with the solid on their left, triangles with it behind them,
+            looked at counter-clockwise from outside.
+        boxes: Lowest and greatest coordinates of each node [m], shape (n, 2, d).
+        links: For each node the one after all its children, the first of its pieces and the one after the last,
+            shape (n, 3); only leaves have pieces.
     """
 
-    segments: np.ndarray
+    corners: np.ndarray
     boxes: np.ndarray
     links: np.ndarray
 
+    @property
+    def kernel_rows(self) -> tuple[np.ndarray, np.ndarray]:
+        """Corners and boxes as kernels take them, rows of four numbers.
 
-def wall_tree(start: np.ndarray, end: np.ndarray) -> WallTree:
-    """The tree of segments from `start` to `end` [m], each (w, 2)."""
-    low, high = np.minimum(start, end), np.maximum(start, end)
+        In the plane a row is a segment, or a box. In space a row is a corner, three to a triangle, or one of the two
+        corners of a box; its fourth number is none.
+        """
+        if self.corners.shape[-1] == 2:
+            return self.corners.reshape(-1, 4), self.boxes.reshape(-1, 4)
+        return tuple(np.pad(rows.reshape(-1, 3), ((0, 0), (0, 1))) for rows in (self.corners, self.boxes))  # type: ignore[return-value]
+
+
+def wall_tree(corners: np.ndarray) -> WallTree:
+    """The tree of pieces with corners [m], shape (w, d, d)."""
+    low, high = corners.min(axis=1), corners.max(axis=1)
     middle = 0.5 * (low + high)
     room = ROOM * float((high.max(axis=0) - low.min(axis=0)).max())
     boxes: list[np.ndarray] = []
@@ -40,14 +54,14 @@ def wall_tree(start: np.ndarray, end: np.ndarray) -> WallTree:
     order: list[np.ndarray] = []
     placed = 0
     # What is still to be put down, the last one first: rows, or the number of a node whose children are all there.
-    waiting: list[np.ndarray | int] = [np.arange(len(start))]
+    waiting: list[np.ndarray | int] = [np.arange(len(corners))]
     while waiting:
         rows = waiting.pop()
         if isinstance(rows, int):
             links[rows][0] = len(links)
             continue
         number = len(links)
-        boxes.append(np.concatenate([low[rows].min(axis=0) - room, high[rows].max(axis=0) + room]))
+        boxes.append(np.stack([low[rows].min(axis=0) - room, high[rows].max(axis=0) + room]))
         if len(rows) <= LEAF:
             links.append([number + 1, placed, placed + len(rows)])
             order.append(rows)
@@ -61,5 +75,4 @@ def wall_tree(start: np.ndarray, end: np.ndarray) -> WallTree:
         half = min(half, len(rows) - 1)
         waiting += [number, rows[half:], rows[:half]]
     sorted_rows = np.concatenate(order)
-    segments = np.concatenate([start[sorted_rows], end[sorted_rows]], axis=1)
-    return WallTree(segments, np.array(boxes), np.array(links, dtype=np.int32))
+    return WallTree(corners[sorted_rows], np.array(boxes), np.array(links, dtype=np.int32))

@@ -4,17 +4,20 @@ r"""The error budget of a trace's optical path difference, by cause, measured on
     step            float64 steps against float64 steps with a far smaller tolerance (of the bent ray, also if the run
                     was along straight lines)
     interpolation   through every second and every fourth node of the field, extrapolated (medium/levels.py)
-    resampling      through the field that was resampled, to the same stop
+    resampling      through the field that was resampled, to the same stop; of a volume, what resampling the flow's
+                    cells changed on lines through it (`IndexField.upstream`)
     sampling        0: a trace is no mean over rays (an estimate over a pupil fills it in)
     bundle          what interpolating between traced rays leaves, as estimated while they were chosen (bundle/)
     truncation      what rays may have lost where the known air ends (known_air.py)
-    total           root sum of squares
+    refractivity    the uncertainty of the model that made the index from a density: a share of the OPD. It is nothing
+                    that a finer computation would mend, so it stands beside the total and is not part of it
+    total           root sum of squares of the others
 
-Each cause but the last two is the greatest over the rays of the subset. All but "bundle", which has a factor of its
-own, are multiplied by SAFETY, for the rays outside the subset and for what an estimate cannot see. Rays are traced to
-the run's own stop, so that an error of direction counts as it does there. A cause that cannot be measured (no ray
-arrived, or the field before resampling was not kept) is nan, and so is the total. For a resampled field "interpolation"
-is that of the field it was made from.
+Each cause up to "sampling" is the greatest over the rays of the subset. All but "bundle" and "refractivity", which
+have factors of their own, are multiplied by SAFETY, for the rays outside the subset and for what an estimate cannot
+see. Rays are traced to the run's own stop, so that an error of direction counts as it does there. A cause that cannot
+be measured (no ray arrived, or the field before resampling was not kept) is nan, and so is the total. For a resampled
+field "interpolation" is that of the field it was made from.
 
 The steps of the reference backend are better than those that would have to serve as the truth. Where it chooses them,
 their error is its own estimate: the sum of its embedded formulae.
@@ -41,7 +44,7 @@ SAFETY = 3.0
 TIGHTER = {"linear": 1.0 / 8.0, "bilinear": 1.0 / 8.0}
 TIGHTER_ELSEWHERE = 1.0 / 64.0
 TIGHTEST_ASKED = 1e-3
-CAUSES = ("step", "interpolation", "resampling", "precision", "sampling", "bundle", "truncation")
+CAUSES = ("step", "interpolation", "resampling", "precision", "sampling", "bundle", "truncation", "refractivity")
 # Rays that leave through the curved side of a field's box and are each traced to a plane of their own.
 SIDE_RAYS = 16
 # (field, rays, plan, until, wavelength) -> OPD [m], status and the trace's own estimate of its error [m], each of shape
@@ -64,7 +67,7 @@ class Retrace:
 
 
 def opd_errors(field: IndexField, rays: RayBundle, plan: TracePlan, retrace: Retrace) -> dict[str, np.ndarray]:
-    """Estimated OPD errors [m] of the rays, by cause: "step", "precision", "interpolation", "resampling".
+    """Estimated OPD errors [m] of the rays: "step", "precision", "interpolation", "resampling", "refractivity".
 
     Rays that do not arrive in every trace are left out, so arrays may differ in length; an empty one is not known.
     """
@@ -78,6 +81,8 @@ def opd_errors(field: IndexField, rays: RayBundle, plan: TracePlan, retrace: Ret
     else:
         exact = run if plan.precision == "float64" else retrace(field, rays, replace(plan, precision="float64"))
         found = {"step": _change(exact, truth), "precision": _change(run, exact)}
+    made = field.upstream
+    found["refractivity"] = np.zeros(1) if made is None else made.refractivity * run[0][reached(run[1])]
     if field.resampling is None:
         return {**found, "interpolation": _interpolation(field, rays, plan, retrace, truth), "resampling": np.zeros(1)}
     return {**found, **_against_source(field, rays, plan, retrace, truth)}
@@ -178,11 +183,19 @@ def error_budget(
     if chosen is None:
         return dict.fromkeys((*CAUSES, "total"), float("nan"))
     found = opd_errors(field, chosen, plan, retrace)
+    refractivity = _greatest(found.pop("refractivity"))
     causes = {cause: SAFETY * _greatest(array) for cause, array in found.items()}
+    causes["resampling"] = float(np.hypot(causes["resampling"], SAFETY * column_error(field)))
+    causes["refractivity"] = refractivity
     causes["precision"] += float64_rounding(field, chosen)
     causes["bundle"] = 0.0 if plan.bundle is None else plan.bundle.error
     causes["truncation"] = SAFETY * max(_greatest(lost[good]), _greatest(faintly_lost(field, chosen, retrace.until)))
     return combine(causes)
+
+
+def column_error(field: IndexField) -> float:
+    """Root mean square OPD error [m] of lines through a field from resampling the flow's own cells."""
+    return 0.0 if field.upstream is None else field.upstream.columns
 
 
 def faintly_lost(field: IndexField, rays: RayBundle, until) -> np.ndarray:
@@ -191,9 +204,9 @@ def faintly_lost(field: IndexField, rays: RayBundle, until) -> np.ndarray:
 
 
 def combine(causes: dict[str, float]) -> dict[str, float]:
-    """All causes, 0 for those that are not given, and their root sum of squares."""
+    """All causes, 0 for those that are not given, and the root sum of squares of all but "refractivity"."""
     budget = {**dict.fromkeys(CAUSES, 0.0), **causes}
-    budget["total"] = float(np.sqrt(sum(v * v for v in budget.values())))
+    budget["total"] = float(np.sqrt(sum(v * v for cause, v in budget.items() if cause != "refractivity")))
     return budget
 
 

@@ -87,6 +87,8 @@ WALL_CLOSE = 1e-2
 # Steps look for no wall while the ray keeps so near to its undisturbed line, in cells, if all that is as near to it is
 # clear of the body.
 WALL_ASIDE = 0.5
+# Square of the cosine with a triangle's normal above which a ray that leaves through it does not graze it.
+GRAZING_SQUARE = 1e-4
 # A wall counts that lies so far behind a step's start, in cells: the place is rounded between two steps.
 WALL_BACK = 1e-5
 

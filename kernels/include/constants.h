@@ -111,12 +111,14 @@
 #define LANDED_FREE 101
 #define WALK_LIMIT 6
 
-// The body: chords, closeness and room in cells, and A of lines parallel to the axis (double).
+// The body: chords, closeness and room in cells; A of lines parallel to the axis, triangles (double).
 #define WALL_SAG R(0.0001)
 #define WALL_CLOSE R(0.01)
 #define WALL_ASIDE R(0.5)
 #define WALL_BACK R(1e-05)
 #define PARALLEL 1e-24
+#define LEAST_SIDE 1e-300
+#define GRAZING_SQUARE 0.0001
 
 // Pupil: rays summed by one work-item and the sums it delivers, and the hash of the scramble.
 #define GROUP 128

@@ -3,10 +3,7 @@
 #ifndef CROSSINGS_H
 #define CROSSINGS_H
 
-#include "constants.h"
-#include "types.h"
-
-#define NEVER 1.0e300
+#include "triangles.h"
 
 static inline WallLine wall_line(double3 p, double3 d)
 {
@@ -22,6 +19,12 @@ static inline WallLine wall_line(double3 p, double3 d)
     line.first = parallel ? p.x * p.x + p.y * p.y : moment * moment / a;
     line.height = p.z + line.nearest * d.z;
     line.square = 0.0;
+#elif GEOMETRY == VOLUME
+    line.across = line.nearest = line.first = line.height = 0.0;
+    line.square = dot(d, d);
+    line.point = p;
+    line.toward = d;
+    set_axes_across(&line);
 #else
     line.across = d.y;
     line.nearest = 0.0;
@@ -139,6 +142,29 @@ static inline Crossings segment_crossings(const WallLine *line, double4 segment,
     return out;
 }
 
+// Whether a line may pass the box of a node of the tree, `margin` larger, between t = first and last.
+static inline int passes_node(
+    const Arrays *arrays, const WallLine *line, int node, double margin, double first, double last)
+{
+#if GEOMETRY == VOLUME
+    const double4 low = vload4(2 * node, arrays->wall_boxes), high = vload4(2 * node + 1, arrays->wall_boxes);
+    return passes_room(line, low.xyz, high.xyz, margin, first, last);
+#else
+    return passes_box(line, vload4(node, arrays->wall_boxes), margin, first, last);
+#endif
+}
+
+// Where a line crosses a piece of the surface.
+static inline Crossings piece_crossings(const Arrays *arrays, const WallLine *line, int piece)
+{
+#if GEOMETRY == VOLUME
+    const double4 a = vload4(3 * piece, arrays->wall), b = vload4(3 * piece + 1, arrays->wall);
+    return triangle_crossing(line, a.xyz, b.xyz, vload4(3 * piece + 2, arrays->wall).xyz);
+#else
+    return segment_crossings(line, vload4(piece, arrays->wall), 0);
+#endif
+}
+
 // What a line meets of the body between t = first and last.
 static inline WallMeeting meet_wall(
     const Field *field, const Arrays *arrays, const WallLine *line, double first, double last)
@@ -148,10 +174,10 @@ static inline WallMeeting meet_wall(
     while (node < field->wall_count) {
         const int3 links = vload3(node, arrays->wall_links);
         int next = links.x;
-        if (passes_box(line, vload4(node, arrays->wall_boxes), 0.0, first, last)) {
+        if (passes_node(arrays, line, node, 0.0, first, last)) {
             next = node + 1;
             for (int k = links.y; k < links.z; k++) {
-                const Crossings at = segment_crossings(line, vload4(k, arrays->wall), 0);
+                const Crossings at = piece_crossings(arrays, line, k);
                 for (int j = 0; j < at.count; j++) {
                     const double t = j == 0 ? at.one : at.two;
                     const int enters = j == 0 ? at.enters : !at.enters;

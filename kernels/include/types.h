@@ -97,12 +97,16 @@ typedef struct {
     double z;        // of p
     double nearest;  // axisymmetric: t where it is nearest to the axis
     double height;   // z there
-    double square;   // dy^2 + dz^2, of a planar line
+    double square;   // dy^2 + dz^2, of a planar line; in a volume dx^2 + dy^2 + dz^2
+    double3 point;   // volume: p
+    double3 toward;  // volume: d
+    double3 right;   // volume: unit vectors across d, right-handed with it
+    double3 up;
 } WallLine;
 
 typedef struct {
     int count;   // 0, 1 or 2 crossings
-    int enters;  // whether the first one leads into the body, which lies to the left of the segment
+    int enters;  // whether the first one leads into the body, which lies to the left of the segment, behind the triangle
     double one;  // t of the first
     double two;  // and of the second, which leads the other way
 } Crossings;
@@ -122,7 +126,7 @@ typedef struct {
     __global const int *bin_start;
     __global const int *bin_cell;
     __global const real *paper_step;       // eq 5 for each cell
-    __global const double *wall;           // the body's surface in segments, see medium/wall_tree.py
+    __global const double *wall;           // the body's surface in segments or triangles, see medium/wall_tree.py
     __global const double *wall_boxes;     // boxes about them
     __global const int *wall_links;
     __global const real *step_bound;       // of each block, see step_bound.py; leapfrog: error per metre, see unresolved.py

@@ -28,12 +28,47 @@ static inline double way_in(const Field *field, const Arrays *arrays, double3 p,
     return meet_wall(field, arrays, &line, 0.0, (1.0 + ROUNDED_WAY) * last).entry;
 }
 
+#if GEOMETRY != VOLUME
 // A segment moved in r and z; in an axisymmetric field it stays on its side of the axis.
 static inline double4 moved_segment(double4 s, double r, double z)
 {
     const double least = GEOMETRY == AXISYMMETRIC ? 0.0 : -NEVER;
     return (double4)(greater64(s.x + r, least), s.y + z, greater64(s.z + r, least), s.w + z);
 }
+#endif
+
+#if GEOMETRY == VOLUME
+// Whether a straight ray may get into the body through a triangle, were the ray moved by `margin`.
+static inline int may_enter(
+    const Arrays *arrays, const WallLine *line, int piece, double margin, double enter, double far)
+{
+    const double3 a = vload4(3 * piece, arrays->wall).xyz, b = vload4(3 * piece + 1, arrays->wall).xyz;
+    const double3 c = vload4(3 * piece + 2, arrays->wall).xyz;
+    return may_enter_triangle(line, a, b, c, margin, enter, far);
+}
+#else
+// Whether a straight ray gets into the body through a segment, where it is, or moved up and down in r and in z.
+static inline int may_enter(
+    const Arrays *arrays, const WallLine *line, int piece, double margin, double enter, double far)
+{
+    const double4 s = vload4(piece, arrays->wall);
+    const double4 box = (double4)(lesser64(s.x, s.z), lesser64(s.y, s.w), greater64(s.x, s.z), greater64(s.y, s.w));
+    if (!passes_box(line, box, margin, enter, far)) {
+        return 0;
+    }
+    for (int side = 0; side < 5; side++) {
+        const double r = side == 1 ? margin : side == 2 ? -margin : 0.0;
+        const double z = side == 3 ? margin : side == 4 ? -margin : 0.0;
+        const double4 moved = moved_segment(s, r, z);
+        const Crossings at = segment_crossings(line, moved, 1);
+        const double t = at.enters ? at.one : at.two;
+        if ((at.enters ? at.count > 0 : at.count > 1) && t > enter && t < far) {
+            return 1;
+        }
+    }
+    return 0;
+}
+#endif
 
 // Whether a straight ray, and all that are moved across the surface by `margin` [m], keep out of the body between two
 // distances. Where they leave it does not matter, so a ray may begin on the wall.
@@ -45,31 +80,33 @@ static inline int stays_clear(
     while (node < field->wall_count) {
         const int3 links = vload3(node, arrays->wall_links);
         int next = links.x;
-        if (passes_box(&line, vload4(node, arrays->wall_boxes), margin, enter, far)) {
+        if (passes_node(arrays, &line, node, margin, enter, far)) {
             next = node + 1;
             for (int k = links.y; k < links.z; k++) {
-                const double4 s = vload4(k, arrays->wall);
-                const double4 box =
-                    (double4)(lesser64(s.x, s.z), lesser64(s.y, s.w), greater64(s.x, s.z), greater64(s.y, s.w));
-                if (!passes_box(&line, box, margin, enter, far)) {
-                    continue;
-                }
-                for (int side = 0; side < 5; side++) {
-                    // The segment where it is, then moved up and down in r and in z.
-                    const double r = side == 1 ? margin : side == 2 ? -margin : 0.0;
-                    const double z = side == 3 ? margin : side == 4 ? -margin : 0.0;
-                    const double4 moved = moved_segment(s, r, z);
-                    const Crossings at = segment_crossings(&line, moved, 1);
-                    const double t = at.enters ? at.one : at.two;
-                    if ((at.enters ? at.count > 0 : at.count > 1) && t > enter && t < far) {
-                        return 0;
-                    }
+                if (may_enter(arrays, &line, k, margin, enter, far)) {
+                    return 0;
                 }
             }
         }
         node = next;
     }
     return 1;
+}
+
+// Whether a place is no farther than `within` [m] from the box around the whole body along each axis.
+static inline int comes_near(const Arrays *arrays, double3 here, double within)
+{
+#if GEOMETRY == VOLUME
+    const double4 low = vload4(0, arrays->wall_boxes), high = vload4(1, arrays->wall_boxes);
+    const int is_along = here.z - within <= high.z && here.z + within >= low.z;
+    return is_along && here.x - within <= high.x && here.x + within >= low.x && here.y - within <= high.y &&
+           here.y + within >= low.y;
+#else
+    const double4 whole = vload4(0, arrays->wall_boxes);
+    const double beside = GEOMETRY == AXISYMMETRIC ? sqrt(here.x * here.x + here.y * here.y) : here.y;
+    const int is_along = here.z - within <= whole.w && here.z + within >= whole.y;
+    return is_along && beside - within <= whole.z && beside + within >= whole.x;
+#endif
 }
 
 // How much of a step of length h lies behind the place where it enters the body; -1 for none of it. The step goes from
@@ -89,11 +126,8 @@ static inline real behind_wall(
     const int pieces = sag > R(1.0) ? 1 + (int)lesser(sqrt(sag), R(15.0)) : 1;
     const double3 straight = convert_double3(h * tangent), bend = convert_double3(kick);
     // Most steps come nowhere near the box around the whole body: they need no line.
-    const double4 whole = vload4(0, arrays->wall_boxes);
     const double within = (double)(h + room) * (double)size3(tangent) + (double)size3(kick);
-    const double beside = GEOMETRY == AXISYMMETRIC ? sqrt(here.x * here.x + here.y * here.y) : here.y;
-    const int is_clear = here.z - within > whole.w || here.z + within < whole.y;
-    if (is_clear || beside - within > whole.z || beside + within < whole.x) {
+    if (!comes_near(arrays, here, within)) {
         return R(-1.0);
     }
     double3 begin = here;

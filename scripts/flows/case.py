@@ -39,7 +39,7 @@ class Stage:
 
 def write_case(folder: Path, stream: FreeStream, scale: float) -> None:
     """Everything but the stage: mesh description, schemes, gas, and the free stream as the first guess."""
-    edge = model.OUTER_EDGE[stream.mach]
+    edge = model.outer_edge(stream.mach)
     _write(folder, "system/blockMeshDict", "dictionary", _mesh(edge, scale))
     _write(folder, "system/fvSchemes", "dictionary", SCHEMES)
     _write(folder, "system/fvSolution", "dictionary", SOLUTION)

@@ -1,8 +1,10 @@
 """Compute a flow field of the wind-tunnel model, as those in aerokernels/flow/data were.
 
     .venv/bin/python scripts/flows/make.py MACH OUT.npz [--scale 1] [--folder CASE] [--mesh-only]
+        [--stagnation-pressure PA] [--stagnation-temperature K]
 
-MACH is 2, 3 or 4, at the source paper's stagnation conditions. --scale 0.5 takes a quarter of the cells and half a
+MACH is any from 1.5 to 8; at 2, 3 and 4 the source paper's stagnation conditions are taken unless others are given, at
+another one that of the nearest of them. --scale 0.5 takes a quarter of the cells and half a
 minute; 1 takes the 250 x 80 of the shipped fields and 4 to 8 minutes of one core. Needs OpenFOAM (made with 1912;
 `apt-get install openfoam`) and this package.
 
@@ -19,6 +21,7 @@ from pathlib import Path
 
 import case
 import collect
+import model
 import numpy as np
 
 from aerokernels.flow import tunnel_conditions
@@ -44,17 +47,23 @@ LONGEST_STEP = 5e-8
 def main() -> None:
     """Write the case, run both stages, store the averages."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("mach", type=float, choices=sorted(STAGNATION_PRESSURE))
+    parser.add_argument("mach", type=float)
     parser.add_argument("out", type=Path)
     parser.add_argument(
         "--scale", type=float, default=1.0, help="cells along each direction, as a multiple of 250 x 80"
     )
     parser.add_argument("--folder", type=Path, help="keep the OpenFOAM case here")
     parser.add_argument("--mesh-only", action="store_true", help="stop after blockMesh and checkMesh; store the nodes")
+    parser.add_argument("--stagnation-pressure", type=float, help="[Pa]")
+    parser.add_argument("--stagnation-temperature", type=float, default=STAGNATION_TEMPERATURE, help="[K]")
     given = parser.parse_args()
+    if not model.MACH_RANGE[0] <= given.mach <= model.MACH_RANGE[1]:
+        parser.error(f"MACH is from {model.MACH_RANGE[0]:g} to {model.MACH_RANGE[1]:g}, got {given.mach:g}")
     if shutil.which("blockMesh") is None:
         parser.error("blockMesh is not on the path: install OpenFOAM, as with apt-get install openfoam")
-    stream = tunnel_conditions(given.mach, STAGNATION_PRESSURE[given.mach], STAGNATION_TEMPERATURE)
+    nearest = min(STAGNATION_PRESSURE, key=lambda known: abs(known - given.mach))
+    pressure = given.stagnation_pressure or STAGNATION_PRESSURE[nearest]
+    stream = tunnel_conditions(given.mach, pressure, given.stagnation_temperature)
     with tempfile.TemporaryDirectory() as scratch:
         folder = given.folder or Path(scratch)
         case.write_case(folder, stream, given.scale)

@@ -8,7 +8,7 @@ a step with a slanted face and a second cylinder. The outer edge is a hyperbola 
 with an apex radius Rc, an asymptote b and a stand-off d such that the bow shock stays inside at each Mach number.
 """
 
-from dataclasses import dataclass
+from dataclasses import astuple, dataclass
 from math import cos, pi, radians, sin, sqrt, tan
 
 import numpy as np
@@ -64,6 +64,25 @@ OUTER_EDGE = {
     3.0: OuterEdge(4.4, 18.0, radians(28.0)),
     4.0: OuterEdge(4.0, 17.0, radians(25.0)),
 }
+
+
+MACH_RANGE = 1.5, 8.0
+
+
+def outer_edge(mach: float) -> OuterEdge:
+    """The outer edge at a Mach number: of the table, else linear in 1 / Mach between and beyond its entries.
+
+    Raises:
+        ValueError: A Mach number from which the bow shock is not known to stay inside.
+    """
+    if mach in OUTER_EDGE:
+        return OUTER_EDGE[mach]
+    if not MACH_RANGE[0] <= mach <= MACH_RANGE[1]:
+        raise ValueError(f"Mach {mach:g} is outside {MACH_RANGE[0]:g} to {MACH_RANGE[1]:g}: give a mesh of its own")
+    near = sorted(OUTER_EDGE, key=lambda known: abs(1.0 / known - 1.0 / mach))[:2]
+    one, other = (OUTER_EDGE[known] for known in near)
+    share = (1.0 / mach - 1.0 / near[0]) / (1.0 / near[1] - 1.0 / near[0])
+    return OuterEdge(*(float(a + share * (b - a)) for a, b in zip(astuple(one), astuple(other), strict=True)))
 
 
 def body_corners() -> list[tuple[float, float]]:

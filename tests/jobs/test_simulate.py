@@ -38,6 +38,7 @@ def numbers(result: ak.RunResult) -> dict:
 def test_a_scene_may_be_named(expected: ak.RunResult, tmp_path):
     text = """
         flow.source = "mach3"
+        flow.relation = "gladstone-dale"
         grid.spacing = 4e-4
         strehl.ray_count = 160
         beam.ray_count = 25

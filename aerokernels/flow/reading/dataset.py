@@ -136,18 +136,36 @@ class Block:
 
 
 @dataclass(frozen=True, eq=False)
+class Polygons:
+    """Faces in space: `points[start[f]:start[f + 1]]` go round face f.
+
+    Attributes:
+        points: Their corners, one face after the other, shape (n, 3); the last may be there twice.
+        start: Where each face begins, shape (face_count + 1,).
+    """
+
+    points: np.ndarray
+    start: np.ndarray
+
+
+NO_EDGES = np.empty((0, 2, 3))
+
+
+@dataclass(frozen=True, eq=False)
 class Patch:
-    """A named part of the boundary, as edges in the plane of a two-dimensional flow.
+    """A named part of the boundary: edges in the plane of a two-dimensional flow, faces of a volume.
 
     Attributes:
         name: The patch's name in the file.
         kind: "wall" where the file says so, else the file's own word for it.
-        edges: Both ends of each edge in the file's unit and axes, shape (edge_count, 2, 3).
+        edges: Both ends of each edge in the file's unit and axes, shape (edge_count, 2, 3); none of a volume.
+        polygons: The faces in the file's unit and axes, of a volume.
     """
 
     name: str
     kind: str
-    edges: np.ndarray
+    edges: np.ndarray = field(default_factory=lambda: NO_EDGES)
+    polygons: Polygons | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -158,7 +176,7 @@ class Dataset:
         blocks: The zones.
         format: The format in words.
         geometry: "planar", "axisymmetric" or "volume" where the file tells; None where its points must.
-        patches: Boundary patches of a two-dimensional flow.
+        patches: Boundary patches.
         times: Times for which the file or case holds fields, ascending; empty for none.
         time: The one that was read, or None.
         axis: Direction of the axis of symmetry in the file's axes, for an axisymmetric flow.

@@ -11,7 +11,7 @@ import numpy as np
 
 from .dataset import POLYHEDRON, Block, Cells, Dataset, ReadError
 from .foam_file import FoamFile, find
-from .foam_mesh import FoamMesh, flat_block, plane_of, read_mesh
+from .foam_mesh import FoamMesh, flat_block, plane_of, read_mesh, surface_patches
 
 UNIVERSAL_GAS_CONSTANT = 8314.4626  # [J/(kmol K)]
 _INTERNAL = re.compile(rb"\binternalField\s+(uniform|nonuniform)\b")
@@ -191,7 +191,7 @@ def _part(folder: Path, time: str) -> tuple[Block, list, str]:
     fields = FoamFields(folder / time, mesh.cell_count)
     plane = plane_of(mesh)
     if plane is None:
-        return _solid_block(mesh, fields), [], "volume"
+        return _solid_block(mesh, fields), surface_patches(mesh), "volume"
     block, patches = flat_block(mesh, np.concatenate(plane[1]), fields)
     return block, patches, plane[0]
 

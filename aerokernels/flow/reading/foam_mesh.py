@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
-from .dataset import Block, Faces, Patch, ReadError, check_points
+from .dataset import Block, Faces, Patch, Polygons, ReadError, check_points
 from .foam_file import FoamFile
 
 BAD_MESH = "run checkMesh on the case and make the mesh again"
@@ -148,6 +148,18 @@ def _face_means(mesh: FoamMesh, faces: np.ndarray) -> np.ndarray:
     width = np.diff(mesh.faces.start)[faces]
     corners = mesh.points[mesh.faces.points[_rows(mesh, faces)]]
     return np.add.reduceat(corners, np.cumsum(width) - width, axis=0) / width[:, None]
+
+
+def surface_patches(mesh: FoamMesh) -> list[Patch]:
+    """The patches of a volume, those between its parts left out."""
+    start, points, found = mesh.faces.start, mesh.faces.points, []
+    for patch in mesh.patches:
+        if not patch.count or patch.kind.startswith("processor"):
+            continue
+        first, last = patch.first, patch.first + patch.count
+        corners = mesh.points[points[start[first] : start[last]]]
+        found.append(Patch(patch.name, patch.kind, polygons=Polygons(corners, start[first : last + 1] - start[first])))
+    return found
 
 
 def flat_block(mesh: FoamMesh, faces: np.ndarray, cell_data) -> tuple[Block, list[Patch]]:

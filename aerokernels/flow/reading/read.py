@@ -51,6 +51,10 @@ class Reading:
     ambient: float | None
     said: str
 
+    def moved(self, points: np.ndarray) -> np.ndarray:
+        """Points of the file (n, 3) in the optical frame [m]."""
+        return self.scale * ((points - np.array(self.frame.origin)) @ self.frame.axes().T)
+
     def described(self) -> list[str]:
         """What was taken for what, in words: of a volume."""
         dataset = self.dataset
@@ -185,7 +189,7 @@ def field_of(reading: Reading, spacing=None, region=None, walls=None, kept: Kept
     if reading.geometry == "volume":
         from .volume import volume_field
 
-        return volume_field(reading, spacing, region, kept)
+        return volume_field(reading, spacing, region, walls, kept)
     if spacing is not None or region is not None:
         raise ValueError(f"spacing and region are a volume's grid; {reading.path} keeps its own mesh: leave them out")
     return _plane_field(reading, walls)

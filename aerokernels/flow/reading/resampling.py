@@ -15,6 +15,7 @@ from .dataset import Block, ReadError
 from .grid_choice import check_solids, choose_grid
 from .raster import CellFacts, NodeGrid, draw
 from .reconstruction import Linear, Reconstruction, Rows
+from .solid_walls import solid_body
 
 LINES = 8  # along x and y, on which the error is measured
 LEAST_AVERAGED = 4  # cells about a node from which on their average says more than the one that holds it
@@ -56,9 +57,10 @@ class Resampling:
         spacing: Node spacing [m], shape (3,).
         shape: Number of nodes along x, y and z.
         outside_share: Share of the nodes that no cell holds.
+        body: The solid body in the flow, or None.
     """
 
-    def __init__(self, reading, moved: Sequence[np.ndarray], spacing=None, region=None):
+    def __init__(self, reading, moved: Sequence[np.ndarray], spacing=None, region=None, walls=None):
         """Draw the cells of what was read into a grid.
 
         Args:
@@ -66,6 +68,7 @@ class Resampling:
             moved: The points of its blocks in the optical frame [m], each (n, 3).
             spacing: Greatest node spacing [m]; None follows from the cells.
             region: Lowest and highest corner of the grid [m]; None takes all.
+            walls: Names of the patches that bound the body; None takes the file's walls, else holes of the mesh.
 
         Raises:
             ReadError: Cells inside out, points twice, no node in a cell.
@@ -74,7 +77,7 @@ class Resampling:
         path, blocks = reading.path, list(reading.dataset.blocks)
         low, step, shape = choose_grid(path, blocks, moved, spacing, region)
         self.origin, self.spacing, self.shape = low, step, shape
-        self._asked = _plain(spacing), _plain(region)
+        self._asked = _plain(spacing), _plain(region), walls
         self._frame, self._meshes = (reading.frame, reading.scale), [_mesh_of(block) for block in blocks]
         self._where = [where for _, where in reading.densities]
         grid = NodeGrid(low, step, shape)
@@ -100,6 +103,7 @@ class Resampling:
             raise ReadError(
                 path, "no node of the grid lies in a cell of it", "repair the mesh, or give a smaller spacing"
             )
+        self.body = solid_body(path, reading.dataset, blocks, moved, reading.moved, grid, walls)
         averages = all(where == "cell" for where in self._where)
         self._small = _SmallCells(grid, facts, blocks, held) if averages else None
         self._front = _front(held, shape)
@@ -108,9 +112,9 @@ class Resampling:
         node = np.flatnonzero(lines.cell >= 0)
         self._lines = lines.shape, float(lines.spacing[2]), node, lines.cell[node], lines.positions(node)
 
-    def fits(self, reading, spacing=None, region=None) -> bool:
+    def fits(self, reading, spacing=None, region=None, walls=None) -> bool:
         """Whether another reading lies on this very mesh, in the same frame, and asks for the same grid."""
-        if self._asked != (_plain(spacing), _plain(region)) or self._frame != (reading.frame, reading.scale):
+        if self._asked != (_plain(spacing), _plain(region), walls) or self._frame != (reading.frame, reading.scale):
             return False
         blocks = reading.dataset.blocks
         if [where for _, where in reading.densities] != self._where or len(blocks) != len(self._meshes):
@@ -162,6 +166,7 @@ class Resampling:
             self.spacing,
             "volume",
             ambient,
+            body=self.body,
             conditions=conditions,
             provenance=provenance,
             resampling=measured,
@@ -184,6 +189,7 @@ class Resampling:
                 if self.outside_share
                 else []
             ),
+            *([] if self.body is None else [f"a body of {len(self.body.triangles)} triangles"]),
             f"ambient {found.ambient_density:.6g} kg/m3",
         ]
         object.__setattr__(found, "provenance", f"{reading.path}: {'; '.join(said)}")

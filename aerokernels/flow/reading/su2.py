@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from .dataset import POLYGON, Block, Cells, Dataset, Patch, ReadError
+from .dataset import POLYGON, Block, Cells, Dataset, Patch, Polygons, ReadError
 from .text_tables import read_table
 
 MAGIC = 535532
@@ -89,7 +89,7 @@ def _mesh_beside(path: Path) -> Path:
 
 
 def read_mesh(path: Path) -> tuple[np.ndarray, Cells, dict[str, np.ndarray]]:
-    """Points, cells and the edges of each marker of a mesh.
+    """Points, cells and the edges of each marker of a mesh, or its faces (four corners) in three dimensions.
 
     Raises:
         ReadError: A damaged mesh.
@@ -126,9 +126,11 @@ def read_mesh(path: Path) -> tuple[np.ndarray, Cells, dict[str, np.ndarray]]:
             elif key == "NELEM":
                 kinds, corners = _elements(path, at, rows)
             else:
-                edges = _elements(path, at, rows)
-                if dimension == 2:
-                    markers[marker] = np.array([own for own in edges[1] if len(own) == 2]).reshape(-1, 2)
+                pieces = [own for own in _elements(path, at, rows)[1] if dimension <= len(own) <= 4]
+                # A triangle names its last corner twice.
+                wide = 2 if dimension == 2 else 4
+                whole = [np.append(own, own[-1:].repeat(wide - len(own))) for own in pieces if len(own) <= wide]
+                markers[marker] = np.array(whole, dtype=np.int64).reshape(-1, wide)
             at += count
     if not len(points) or not kinds:
         raise ReadError(path, "it has no points or no elements", DAMAGED)
@@ -177,11 +179,17 @@ def _whole(path: Path, line: int, word: str) -> int:
     return int(word)
 
 
+def _patch(name: str, kind: str, corners: np.ndarray) -> Patch:
+    if corners.shape[1] == 2:
+        return Patch(name, kind, corners)
+    return Patch(name, kind, polygons=Polygons(corners.reshape(-1, 3), 4 * np.arange(len(corners) + 1)))
+
+
 def _walls(points: np.ndarray, markers: dict[str, np.ndarray]) -> list[Patch]:
     """Markers as patches; SU2 keeps what they are in its configuration, so that only names can tell a wall."""
     words = ("wall", "airfoil", "body", "cylinder", "wedge", "cone", "sphere")
     return [
-        Patch(name, "wall" if any(word in name.lower() for word in words) else "marker", points[edges])
+        _patch(name, "wall" if any(word in name.lower() for word in words) else "marker", points[edges])
         for name, edges in markers.items()
         if len(edges)
     ]

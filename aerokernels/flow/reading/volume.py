@@ -7,13 +7,14 @@ from .dataset import SOLID, Block, ReadError
 from .resampling import Resampling
 
 
-def volume_field(reading, spacing=None, region=None, kept=None) -> GridDensity:
+def volume_field(reading, spacing=None, region=None, walls=None, kept=None) -> GridDensity:
     """The density of a volume on a uniform grid.
 
     Args:
         reading: What was read.
         spacing: Greatest node spacing [m], or None.
         region: Lowest and highest corner [m], or None.
+        walls: Names of the patches that bound the body; None takes the file's walls, else holes of the mesh.
         kept: Where the map from the mesh to the grid is kept for the next reading, and taken from; or None.
 
     Raises:
@@ -21,8 +22,7 @@ def volume_field(reading, spacing=None, region=None, kept=None) -> GridDensity:
         ValueError: A spacing or a region that makes no grid.
     """
     dataset, path = reading.dataset, reading.path
-    axes, origin = reading.frame.axes(), np.array(reading.frame.origin)
-    moved = [reading.scale * ((block.points - origin) @ axes.T) for block in dataset.blocks]
+    moved = [reading.moved(block.points) for block in dataset.blocks]
     if len(moved) == 1 and spacing is None and region is None:
         grid = uniform_grid(dataset.blocks[0], moved[0], *reading.densities[0])
         if grid is not None:
@@ -37,8 +37,8 @@ def volume_field(reading, spacing=None, region=None, kept=None) -> GridDensity:
             )
     if not any(block.shape is not None or np.isin(block.cells.types, SOLID).any() for block in dataset.blocks):
         raise ReadError(path, "it has no solid cells: a surface in space", "give the volume's mesh")
-    if kept is None or kept.found is None or not kept.found.fits(reading, spacing, region):
-        found = Resampling(reading, moved, spacing, region)
+    if kept is None or kept.found is None or not kept.found.fits(reading, spacing, region, walls):
+        found = Resampling(reading, moved, spacing, region, walls)
         if kept is not None:
             kept.found = found
     else:

@@ -13,8 +13,9 @@ from ..ways import local_coordinates
 from .family import Family
 from .nodes import undisturbed_length
 
-# Places along each axis at which the distance is tabulated, and steps after which a tube counts as not clear.
-PLACES, MOST_STEPS = 192, 96
+# Places along each axis at which the distance is tabulated, by the number of axes, and steps after which a tube counts
+# as not clear.
+PLACES, MOST_STEPS = {2: 192, 3: 48}, 96
 # Room beside the tube, in widths of the table's cells.
 ROOM = 0.5
 
@@ -24,9 +25,9 @@ class Distances:
     """Distances from a body along the local axes.
 
     Attributes:
-        low: Where the table begins [m], shape (2,).
-        step: From place to place [m], shape (2,).
-        table: Distance to the body [m], negative inside, shape (PLACES, PLACES).
+        low: Where the table begins [m], shape (d,).
+        step: From place to place [m], shape (d,).
+        table: Distance to the body [m], negative inside, of d axes.
     """
 
     low: np.ndarray
@@ -34,7 +35,7 @@ class Distances:
     table: np.ndarray
 
     def at_least(self, place: np.ndarray) -> np.ndarray:
-        """A distance that the body is away from places (n, 2) at least [m]."""
+        """A distance that the body is away from places (n, d) at least [m]."""
         index = np.rint((place - self.low) / self.step)
         index = np.clip(index, 0, np.array(self.table.shape) - 1).astype(int)
         nearest = self.low + index * self.step
@@ -54,12 +55,13 @@ def distances_of(field: IndexField) -> Distances:
 def _distances_of(field: IndexField) -> Distances:
     body = field.body
     assert body is not None
-    low = np.minimum(np.asarray(field.samples.low, dtype=float), body.profile.min(axis=0))
-    high = np.maximum(np.asarray(field.samples.high, dtype=float), body.profile.max(axis=0))
-    step = (high - low) / (PLACES - 1)
-    first, second = np.meshgrid(*(low[axis] + step[axis] * np.arange(PLACES) for axis in range(2)), indexing="ij")
-    distance = body.signed_distance(np.stack([first.ravel(), second.ravel()], axis=1))
-    return Distances(low, step, distance.reshape(PLACES, PLACES))
+    low = np.minimum(np.asarray(field.samples.low, dtype=float), body.box[0])
+    high = np.maximum(np.asarray(field.samples.high, dtype=float), body.box[1])
+    count = PLACES[len(low)]
+    step = (high - low) / (count - 1)
+    places = np.meshgrid(*(low[axis] + step[axis] * np.arange(count) for axis in range(len(low))), indexing="ij")
+    distance = body.signed_distance(np.stack([place.ravel() for place in places], axis=1))
+    return Distances(low, step, distance.reshape(places[0].shape))
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,7 +84,9 @@ class Clearance:
         position, direction = self.family.rays(middle)
         end = undisturbed_length(self.field, position, direction, self.until)
         # Beyond the table, whichever way a line goes, there is no body.
-        extent = float(np.linalg.norm(distances.step * (PLACES - 1))) + float(np.abs(distances.low).max())
+        extent = float(np.linalg.norm(distances.step * (np.array(distances.table.shape) - 1))) + float(
+            np.abs(distances.low).max()
+        )
         away = np.linalg.norm(position, axis=1) + 2.0 * extent
         end = np.where(np.isfinite(end) & (end < away), end, away)
         radius = float(np.linalg.norm(half)) * self._greatest_scale(position, direction, end) + bent

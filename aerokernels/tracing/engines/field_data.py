@@ -10,7 +10,6 @@ import numpy as np
 
 from ...medium import IndexField
 from ...medium.grid import UniformGrid
-from ...medium.wall_tree import wall_tree
 from ..held import held_error
 from ..plan import TracePlan
 from ..result import output_mask
@@ -98,8 +97,9 @@ def _field_data(field: IndexField, precision: str, with_paper_step: bool) -> Fie
     arrays |= {"wall": np.zeros((1, 4)), "wall_boxes": np.zeros((1, 4)), "wall_links": np.zeros((1, 3), np.int32)}
     members["wall_count"] = 0
     if field.body is not None:
-        walls = wall_tree(*field.body.surface)
-        arrays |= {"wall": walls.segments, "wall_boxes": walls.boxes, "wall_links": walls.links}
+        walls = field.body.tree
+        rows, boxes = walls.kernel_rows
+        arrays |= {"wall": rows, "wall_boxes": boxes, "wall_links": walls.links}
         members["wall_count"] = len(walls.boxes)
     radius = float(samples.high[0]) if field.geometry == "axisymmetric" else 0.0
     bounds = {

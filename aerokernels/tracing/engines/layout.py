@@ -62,7 +62,7 @@ STRUCTS: dict[str, tuple[Value, ...]] = {
         Value("slack", "real", "containment slack"),
         Value("cell_count", "int", "of the mesh"),
         Value("paper_step", "real*", "eq 5 for each cell"),
-        Value("wall", "double4*", "the body's surface in segments, see medium/wall_tree.py"),
+        Value("wall", "double4*", "the body's surface in segments or triangles, see medium/wall_tree.py"),
         Value("wall_boxes", "double4*", "boxes about them"),
         Value("wall_links", "int3*"),
         Value("wall_count", "int", "boxes about the body's surface"),
@@ -149,12 +149,20 @@ STRUCTS: dict[str, tuple[Value, ...]] = {
         Value("z", "double", "of p"),
         Value("nearest", "double", "axisymmetric: t where it is nearest to the axis"),
         Value("height", "double", "z there"),
-        Value("square", "double", "dy^2 + dz^2, of a planar line"),
+        Value("square", "double", "dy^2 + dz^2, of a planar line; in a volume dx^2 + dy^2 + dz^2"),
+        Value("point", "double3", "volume: p"),
+        Value("toward", "double3", "volume: d"),
+        Value("right", "double3", "volume: unit vectors across d, right-handed with it"),
+        Value("up", "double3"),
     ),
-    # Where a line crosses a segment r1, z1, r2, z2 (planar: y for r).
+    # Where a line crosses a segment r1, z1, r2, z2 (planar: y for r), or a triangle.
     "Crossings": (
         Value("count", "int", "0, 1 or 2 crossings"),
-        Value("enters", "bool", "whether the first one leads into the body, which lies to the left of the segment"),
+        Value(
+            "enters",
+            "bool",
+            "whether the first one leads into the body, which lies to the left of the segment, behind the triangle",
+        ),
         Value("one", "double", "t of the first"),
         Value("two", "double", "and of the second, which leads the other way"),
     ),

@@ -88,11 +88,8 @@ def test_cell_averages_keep_their_columns_and_the_error_is_told():
     assert true / 4.0 < found.resampling.density_rms < 4.0 * true
 
 
-def test_polyhedra_of_openfoam(tmp_path):
-    """Set-up: an OpenFOAM case of 8^3 cells without wedge or empty patches. Expected: a linear density is kept."""
-    n = 8
-    points, corners = cube(n)
-    case = tmp_path / "case"
+def foam_case(case, points, corners, is_wall=lambda middle: np.zeros(len(middle), bool)):
+    """An OpenFOAM case of hexahedra whose averages are those of `linear`; boundary faces are walls or "far"."""
     mesh = case / "constant" / "polyMesh"
     mesh.mkdir(parents=True)
     faces: dict[tuple, list] = {}
@@ -101,7 +98,13 @@ def test_polyhedra_of_openfoam(tmp_path):
         for face in table:
             round_it = [int(own[k]) for k in face]
             faces.setdefault(tuple(sorted(round_it)), []).append((cell, round_it))
-    ordered = sorted(faces.values(), key=lambda pair: (len(pair) == 1, pair[0][0], pair[-1][0]))
+    wall = {
+        key: len(pair) == 1 and bool(is_wall(points[list(key)].mean(axis=0)[None])[0]) for key, pair in faces.items()
+    }
+    ordered = [
+        faces[key]
+        for key in sorted(faces, key=lambda k: (len(faces[k]) == 1, wall[k], faces[k][0][0], faces[k][-1][0]))
+    ]
     owner = [pair[0][0] for pair in ordered]
     neighbour = [pair[1][0] for pair in ordered if len(pair) > 1]
     rows = "\n".join(f"4({' '.join(map(str, pair[0][1]))})" for pair in ordered)
@@ -110,8 +113,10 @@ def test_polyhedra_of_openfoam(tmp_path):
     (mesh / "faces").write_bytes(head("faceList", "faces", False) + f"{len(ordered)}\n(\n{rows}\n)\n".encode())
     for name, values in (("owner", owner), ("neighbour", neighbour)):
         (mesh / name).write_bytes(head("labelList", name, False) + writers.foam_list(np.array(values), False))
-    count = len(ordered) - len(neighbour)
-    patch = f"1\n(\n    far {{ type patch; nFaces {count}; startFace {len(neighbour)}; }}\n)\n"
+    walls = sum(wall.values())
+    count = len(ordered) - len(neighbour) - walls
+    patch = f"2\n(\n    far {{ type patch; nFaces {count}; startFace {len(neighbour)}; }}\n"
+    patch += f"    body {{ type wall; nFaces {walls}; startFace {len(neighbour) + count}; }}\n)\n"
     (mesh / "boundary").write_bytes(head("polyBoundaryMesh", "boundary", False) + patch.encode())
     (case / "1").mkdir()
     # Averages over skewed cells: the density at the centroid, which for the linear one is exact.
@@ -121,10 +126,46 @@ def test_polyhedra_of_openfoam(tmp_path):
     middle = np.concatenate([made().middle.T for made in solid_chunks(block, np.ascontiguousarray(points.T))])
     body = b"internalField nonuniform List<scalar>" + writers.foam_list(linear(middle), False) + b";\n"
     (case / "1" / "rho").write_bytes(head("volScalarField", "rho", False) + body)
+    return case
+
+
+def test_polyhedra_of_openfoam(tmp_path):
+    """Set-up: an OpenFOAM case of 8^3 cells without wedge or empty patches. Expected: a linear density is kept."""
+    n = 8
+    case = foam_case(tmp_path / "case", *cube(n))
     found = flow.read(case, spacing=1.0 / 23.0)
     inner = np.random.default_rng(5).uniform(1.0 / n, 1.0 - 1.0 / n, (400, 3))
     assert np.abs(found.density_at(inner) - linear(inner)).max() < 5e-3  # 0.125 * 1 across a cell without slopes
     assert POLYHEDRON in set(np.unique(flow.reading.formats.load(case, None, {}).blocks[0].cells.types))
+
+
+def test_a_body_that_goes_on_beyond_the_field(tmp_path):
+    """Set-up: OpenFOAM's wall patch around a square rod that ends with the field, 10^3 cells; z = -x of the file.
+
+    Expected: the rod, closed flat where the field ends; a ray that comes along z ends on its face at z = 0.5 - 1, one
+    that starts inside begins on it. Named patches bound nothing else, and unknown ones are refused.
+    """
+    points, corners = cube(10)
+    points[:, 0] += -0.05 * points[:, 1] * (1.0 - points[:, 0]) * points[:, 0]
+    middle = points[corners].mean(axis=1)
+
+    def rod(p):
+        return (np.abs(p[:, 1:] - 0.5) < 0.2001).all(axis=1) & (p[:, 0] > 0.4999)
+
+    def is_wall(p):
+        return rod(p) & (p[:, 0] < 0.9999)
+
+    case = foam_case(tmp_path / "case", points, corners[~rod(middle)], is_wall)
+    found = flow.read(case, frame={"optical": "-x"}, spacing=0.05)
+    low, high = found.body.box
+    assert np.allclose(low, [0.3, 0.3, -1.0], atol=0.51) and np.isclose(high[2], -0.5, atol=1e-9)
+    assert np.isclose(np.prod(high - low), 0.4 * 0.4 * 0.5, rtol=1e-3)
+    centre = 0.5 * (low + high)
+    ahead = found.body.crossings([centre + np.array([0.0, 0.0, 1.0])], [[0.0, 0.0, -1.0]])
+    assert np.allclose(ahead, [[0.75, 1.25]], atol=1e-3)
+    assert "a body of" in found.provenance
+    with pytest.raises(flow.ReadError, match="no patch 'wings'"):
+        flow.read(case, walls=["wings"], spacing=0.1)
 
 
 def test_uniform_grid_is_kept_and_turned_by_the_frame(tmp_path):
@@ -180,6 +221,13 @@ def test_a_body_in_a_volume_is_carried_on_into():
     )
     assert 0.01 < found.resampling.outside_share < 0.2
     assert np.ptp(found.density) < 1e-12
+    # The hole is the body: what its cells' faces bound, wherever the nodes lie.
+    low, high = (reduce(points[corners[~keep]].reshape(-1, 3)) for reduce in (lambda p: p.min(0), lambda p: p.max(0)))
+    assert np.array_equal(found.body.box, [low, high])
+    inside = np.random.default_rng(2).uniform(low + 0.02, high - 0.02, (200, 3))
+    assert found.body.contains(inside).all() and np.isnan(found.density_at(inside)).all()
+    assert not found.body.contains(middle[keep]).any()
+    assert found.index_field(905e-9).body is found.body
 
 
 @pytest.mark.parametrize("fault", ["inside out", "same place"])

@@ -4,21 +4,21 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ....medium import Body, IndexField
+from ....medium import Body, IndexField, SolidBody
 from ...scheme import ROUNDED_WAY
 from ...status import RayStatus
 from ...stop import ArcLength, Plane
 from .flight import Flight
 from .medium import dot, plane_motion
 from .steps import EPSILON, Integrator
-from .walls import Segments
+from .walls import Segments, Triangles
 
 # Cosines of less than this at a stop are not divided by.
 LEAST_COSINE = 1e-3
 
 
 class Walls(Segments):
-    """The surface of a body."""
+    """The surface of a body in the plane."""
 
     def __init__(self, body: Body):
         """Orient the profile counter-clockwise."""
@@ -33,6 +33,24 @@ class Walls(Segments):
         """Whether places (n, 3) lie inside the body."""
         zero = np.zeros_like(place)
         return self.body.contains(plane_motion(place, zero, zero, self.axisymmetric)[0])
+
+
+class SurfaceWalls(Triangles):
+    """The surface of a body in a volume."""
+
+    def __init__(self, body: SolidBody):
+        """Take its triangles."""
+        super().__init__(body.surface)
+        self.body = body
+
+    def contains(self, place: np.ndarray) -> np.ndarray:
+        """Whether places (n, 3) lie inside the body."""
+        return self.body.contains(place)
+
+
+def walls_of(body: Body | SolidBody | None) -> Walls | SurfaceWalls | None:
+    """The surface of a body, None for none."""
+    return None if body is None else SurfaceWalls(body) if isinstance(body, SolidBody) else Walls(body)
 
 
 @dataclass
@@ -56,7 +74,7 @@ class Ends:
         self.low, self.high = field.box
         self.axisymmetric = field.geometry == "axisymmetric"
         self.radius = self.high[0] if self.axisymmetric else np.inf
-        self.walls = Walls(field.body) if field.body is not None else None
+        self.walls = walls_of(field.body)
         extent = np.where(np.isfinite(self.high - self.low), self.high - self.low, 0.0)
         self.extent = float(np.linalg.norm(extent))
 

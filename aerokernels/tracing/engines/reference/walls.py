@@ -100,3 +100,39 @@ class Segments:
             which[rows] = near.argmin(axis=1)
             distance[rows] = near.min(axis=1)
         return distance, which
+
+
+class Triangles(Segments):
+    """Triangles in space, counter-clockwise seen from outside, as a plane each and the shares of its corners."""
+
+    def __init__(self, corners: np.ndarray):
+        """Keep their planes; corners [m], shape (w, 3, 3)."""
+        self.corner, self.axisymmetric = corners[:, 0], False
+        self.edge = corners[:, 1:] - corners[:, :1]
+        area = np.cross(self.edge[:, 0], self.edge[:, 1])
+        self.normal = area / np.linalg.norm(area, axis=1)[:, None]  # outward
+        # Shares of the second and the third corner, as products with the way from the first.
+        size = np.sum(area * area, axis=1)[:, None]
+        self.share = (
+            np.stack([np.cross(self.edge[:, 1], area), np.cross(area, self.edge[:, 0])], axis=1) / size[:, None]
+        )
+
+    def __len__(self) -> int:
+        """Number of triangles."""
+        return len(self.corner)
+
+    def depth(self, which, place, tangent, force) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """How far inside the plane of triangle `which` each ray is [m], with the rate and curvature over sigma."""
+        normal = -self.normal[which]
+        return dot(normal, place - self.corner[which]), dot(normal, tangent), dot(normal, force)
+
+    def crossings(self, place, heading) -> tuple[np.ndarray, np.ndarray]:
+        """Distances [m] at which straight rays meet the triangles, nan for none, and rates outward; (n, w, 1)."""
+        rate = heading @ self.normal.T
+        with np.errstate(divide="ignore", invalid="ignore"):
+            root = (np.sum(self.corner * self.normal, axis=1) - place @ self.normal.T) / rate
+            root = np.where(np.isfinite(root), root, np.nan)
+            met = place[:, None] + root[..., None] * heading[:, None] - self.corner
+            second, third = (np.einsum("nwk,wk->nw", met, self.share[:, k]) for k in (0, 1))
+            good = (second >= -BEYOND) & (third >= -BEYOND) & (second + third <= 1.0 + BEYOND)
+        return np.where(good, root, np.nan)[..., None], rate[..., None]

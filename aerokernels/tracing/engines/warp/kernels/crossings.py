@@ -9,10 +9,7 @@ import warp as wp
 from .....medium.crossings import PARALLEL
 from ..library import KernelLibrary, built_once
 from ..types import types
-
-# Of a distance that is not there.
-NEVER = 1e300
-
+from .triangles import NEVER, axes_across, passes_room, triangle_crossing
 
 # Structs without numbers of the kernels' precision.
 WallLine, Crossings, WallMeeting = (types("float64").kinds[name] for name in ("WallLine", "Crossings", "WallMeeting"))
@@ -21,6 +18,19 @@ WallLine, Crossings, WallMeeting = (types("float64").kinds[name] for name in ("W
 @built_once
 def build_wall_line(library: KernelLibrary, geometry: str):
     """A function (position, direction) -> WallLine."""
+    if geometry == "volume":
+
+        @wp.func
+        def line_in_space(p: wp.vec3d, d: wp.vec3d):
+            line = WallLine()
+            line.along = d[2]
+            line.z = p[2]
+            line.square = wp.dot(d, d)
+            line.point = p
+            line.toward = d
+            return axes_across(line)
+
+        return line_in_space
 
     @wp.func
     def wall_line(p: wp.vec3d, d: wp.vec3d):
@@ -192,11 +202,73 @@ def build_segment_crossings(library: KernelLibrary, geometry: str):
 
 
 @built_once
+def build_passes_node(library: KernelLibrary, geometry: str):
+    """A function (field, line, node, margin, from, to): whether a line may pass a node's box, `margin` larger."""
+    Field = library.types.Field
+    passes_box = build_passes_box(library, geometry)
+    if geometry == "volume":
+
+        @wp.func
+        def passes_corners(
+            field: Field, line: WallLine, node: int, margin: wp.float64, first: wp.float64, last: wp.float64
+        ):
+            low = field.wall_boxes[2 * node]
+            high = field.wall_boxes[2 * node + 1]
+            return passes_room(
+                line, wp.vec3d(low[0], low[1], low[2]), wp.vec3d(high[0], high[1], high[2]), margin, first, last
+            )
+
+        return passes_corners
+
+    @wp.func
+    def passes_node(field: Field, line: WallLine, node: int, margin: wp.float64, first: wp.float64, last: wp.float64):
+        return passes_box(line, field.wall_boxes[node], margin, first, last)
+
+    return passes_node
+
+
+@built_once
+def build_triangle_at(library: KernelLibrary):
+    """A function (field, number, corner) -> a corner of a triangle of the surface."""
+    Field = library.types.Field
+
+    @wp.func
+    def triangle_at(field: Field, piece: int, corner: int):
+        row = field.wall[3 * piece + corner]
+        return wp.vec3d(row[0], row[1], row[2])
+
+    return triangle_at
+
+
+@built_once
+def build_piece_crossings(library: KernelLibrary, geometry: str):
+    """A function (field, line, number): where a line crosses a piece of the surface."""
+    Field = library.types.Field
+    if geometry == "volume":
+        triangle_at = build_triangle_at(library)
+
+        @wp.func
+        def crossings_of_triangle(field: Field, line: WallLine, piece: int):
+            return triangle_crossing(
+                line, triangle_at(field, piece, 0), triangle_at(field, piece, 1), triangle_at(field, piece, 2)
+            )
+
+        return crossings_of_triangle
+    segment_crossings = build_segment_crossings(library, geometry)
+
+    @wp.func
+    def piece_crossings(field: Field, line: WallLine, piece: int):
+        return segment_crossings(line, field.wall[piece], bool(False))
+
+    return piece_crossings
+
+
+@built_once
 def build_meet_wall(library: KernelLibrary, geometry: str):
     """A function (field, line, from, to) -> WallMeeting."""
     Field = library.types.Field
-    passes_box = build_passes_box(library, geometry)
-    segment_crossings = build_segment_crossings(library, geometry)
+    passes_node = build_passes_node(library, geometry)
+    piece_crossings = build_piece_crossings(library, geometry)
 
     @wp.func
     def meet_wall(field: Field, line: WallLine, first: wp.float64, last: wp.float64):
@@ -208,10 +280,10 @@ def build_meet_wall(library: KernelLibrary, geometry: str):
         while node < field.wall_count:
             links = field.wall_links[node]
             onward = links[0]
-            if passes_box(line, field.wall_boxes[node], wp.float64(0.0), first, last):
+            if passes_node(field, line, node, wp.float64(0.0), first, last):
                 onward = node + 1
                 for k in range(links[1], links[2]):
-                    at = segment_crossings(line, field.wall[k], bool(False))
+                    at = piece_crossings(field, line, k)
                     for j in range(at.count):
                         t = at.one
                         enters = at.enters

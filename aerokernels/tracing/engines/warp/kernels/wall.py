@@ -7,7 +7,16 @@ import warp as wp
 
 from ....scheme import ROUNDED_WAY, WALL_SAG
 from ..library import KernelLibrary, built_once
-from .crossings import NEVER, build_meet_wall, build_passes_box, build_segment_crossings, build_wall_line
+from .crossings import (
+    WallLine,
+    build_meet_wall,
+    build_passes_box,
+    build_passes_node,
+    build_segment_crossings,
+    build_triangle_at,
+    build_wall_line,
+)
+from .triangles import NEVER, may_enter_triangle
 
 
 @built_once
@@ -68,14 +77,24 @@ def build_way_in(library: KernelLibrary, geometry: str):
 
 
 @built_once
-def build_stays_clear(library: KernelLibrary, geometry: str):
-    """A function (field, position, direction, enter, far, margin): whether a straight ray keeps out of the body there.
+def build_may_enter(library: KernelLibrary, geometry: str):
+    """A function (field, line, number, margin, enter, far): whether a straight ray gets into the body through a piece.
 
-    All rays beside it do too that are moved across the surface by `margin` [m]. Where they leave the body does not
-    matter, so a ray may begin on the wall.
+    Where it is, or moved: up and down in r and in z by `margin`, or in space by that in any direction.
     """
     Field = library.types.Field
-    wall_line = build_wall_line(library, geometry)
+    if geometry == "volume":
+        triangle_at = build_triangle_at(library)
+
+        @wp.func
+        def may_enter_in_space(
+            field: Field, line: WallLine, piece: int, margin: wp.float64, enter: wp.float64, far: wp.float64
+        ):
+            a = triangle_at(field, piece, 0)
+            b = triangle_at(field, piece, 1)
+            return may_enter_triangle(line, a, b, triangle_at(field, piece, 2), margin, enter, far)
+
+        return may_enter_in_space
     passes_box = build_passes_box(library, geometry)
     segment_crossings = build_segment_crossings(library, geometry)
     least = 0.0 if geometry == "axisymmetric" else -NEVER
@@ -86,6 +105,48 @@ def build_stays_clear(library: KernelLibrary, geometry: str):
         return wp.vec4d(wp.max(s[0] + r, wp.float64(least)), s[1] + z, wp.max(s[2] + r, wp.float64(least)), s[3] + z)
 
     @wp.func
+    def may_enter(field: Field, line: WallLine, piece: int, margin: wp.float64, enter: wp.float64, far: wp.float64):
+        found = bool(False)
+        s = field.wall[piece]
+        box = wp.vec4d(wp.min(s[0], s[2]), wp.min(s[1], s[3]), wp.max(s[0], s[2]), wp.max(s[1], s[3]))
+        if passes_box(line, box, margin, enter, far):
+            for side in range(5):
+                r = wp.float64(0.0)
+                z = wp.float64(0.0)
+                if side == 1:
+                    r = margin
+                if side == 2:
+                    r = -margin
+                if side == 3:
+                    z = margin
+                if side == 4:
+                    z = -margin
+                at = segment_crossings(line, moved_segment(s, r, z), bool(True))
+                t = at.two
+                there = at.count > 1
+                if at.enters:
+                    t = at.one
+                    there = at.count > 0
+                if there and t > enter and t < far:
+                    found = bool(True)
+        return found
+
+    return may_enter
+
+
+@built_once
+def build_stays_clear(library: KernelLibrary, geometry: str):
+    """A function (field, position, direction, enter, far, margin): whether a straight ray keeps out of the body there.
+
+    All rays beside it do too that are moved across the surface by `margin` [m]. Where they leave the body does not
+    matter, so a ray may begin on the wall.
+    """
+    Field = library.types.Field
+    wall_line = build_wall_line(library, geometry)
+    passes_node = build_passes_node(library, geometry)
+    may_enter = build_may_enter(library, geometry)
+
+    @wp.func
     def stays_clear(field: Field, p: wp.vec3d, d: wp.vec3d, enter: wp.float64, far: wp.float64, margin: wp.float64):
         line = wall_line(p, d)
         clear = bool(True)
@@ -93,36 +154,45 @@ def build_stays_clear(library: KernelLibrary, geometry: str):
         while node < field.wall_count and clear:
             links = field.wall_links[node]
             onward = links[0]
-            if passes_box(line, field.wall_boxes[node], margin, enter, far):
+            if passes_node(field, line, node, margin, enter, far):
                 onward = node + 1
                 for k in range(links[1], links[2]):
-                    s = field.wall[k]
-                    box = wp.vec4d(wp.min(s[0], s[2]), wp.min(s[1], s[3]), wp.max(s[0], s[2]), wp.max(s[1], s[3]))
-                    if passes_box(line, box, margin, enter, far):
-                        for side in range(5):
-                            # The segment where it is, then moved up and down in r and in z.
-                            r = wp.float64(0.0)
-                            z = wp.float64(0.0)
-                            if side == 1:
-                                r = margin
-                            if side == 2:
-                                r = -margin
-                            if side == 3:
-                                z = margin
-                            if side == 4:
-                                z = -margin
-                            at = segment_crossings(line, moved_segment(s, r, z), bool(True))
-                            t = at.two
-                            there = at.count > 1
-                            if at.enters:
-                                t = at.one
-                                there = at.count > 0
-                            if there and t > enter and t < far:
-                                clear = bool(False)
+                    if clear and may_enter(field, line, k, margin, enter, far):
+                        clear = bool(False)
             node = onward
         return clear
 
     return stays_clear
+
+
+@built_once
+def build_comes_near(library: KernelLibrary, geometry: str):
+    """A function (field, place, within): whether a place is so near the box around the whole body along each axis."""
+    Field = library.types.Field
+    if geometry == "volume":
+
+        @wp.func
+        def comes_near_in_space(field: Field, here: wp.vec3d, within: wp.float64):
+            near = bool(True)
+            low = field.wall_boxes[0]
+            high = field.wall_boxes[1]
+            for k in range(3):
+                if here[k] - within > high[k] or here[k] + within < low[k]:
+                    near = bool(False)
+            return near
+
+        return comes_near_in_space
+
+    @wp.func
+    def comes_near(field: Field, here: wp.vec3d, within: wp.float64):
+        whole = field.wall_boxes[0]
+        beside = here[1]
+        if wp.static(geometry == "axisymmetric"):
+            beside = wp.sqrt(here[0] * here[0] + here[1] * here[1])
+        far_along = here[2] - within > whole[3] or here[2] + within < whole[1]
+        return not (far_along or beside - within > whole[2] or beside + within < whole[0])
+
+    return comes_near
 
 
 @built_once
@@ -164,6 +234,7 @@ def build_behind_wall(library: KernelLibrary, geometry: str):
     real, vec3, Field, Control = t.real, t.vec3, t.Field, t.Control
     wall_line = build_wall_line(library, geometry)
     meet_wall = build_meet_wall(library, geometry)
+    comes_near = build_comes_near(library, geometry)
 
     @wp.func
     def behind_wall(field: Field, control: Control, here: wp.vec3d, tangent: vec3, kick: vec3, h: real, room: real):
@@ -179,15 +250,9 @@ def build_behind_wall(library: KernelLibrary, geometry: str):
         found = real(-1.0)
         first = -wp.float64(pieces) * wp.float64(room / h)
         # Most steps come nowhere near the box around the whole body: they need no line.
-        whole = field.wall_boxes[0]
         within = wp.float64(h + room) * wp.float64(wp.length(tangent)) + wp.float64(wp.length(kick))
-        beside = here[1]
-        if wp.static(geometry == "axisymmetric"):
-            beside = wp.sqrt(here[0] * here[0] + here[1] * here[1])
         k = int(0)
-        if here[2] - within > whole[3] or here[2] + within < whole[1]:
-            k = pieces
-        if beside - within > whole[2] or beside + within < whole[0]:
+        if not comes_near(field, here, within):
             k = pieces
         while k < pieces:
             share = wp.float64(k + 1) / wp.float64(pieces)

@@ -1,0 +1,52 @@
+"""Integrals of the density along straight lines, exactly as the cells of a mesh hold it: no interpolant between.
+
+A line is cut where it crosses edges of cells (in space: the cones that they sweep about the axis); between two cuts it
+lies in one cell, which the middle tells. What rays see is an interpolant through these averages, see
+medium/vertex_values.py: the difference of the two is what that interpolant makes of them.
+"""
+
+import numpy as np
+
+from ..medium import QuadMesh
+from ..medium.crossings import crossings
+
+LINES = 64  # that are cut together
+
+
+def mesh_columns(mesh: QuadMesh, density: np.ndarray, position, direction) -> np.ndarray:
+    """Integrals [kg/m2] of cell averages along whole lines, shape (line_count,); nothing where there is no cell.
+
+    Args:
+        mesh: The mesh, in (y, z) or (r, z).
+        density: Of each cell [kg/m3], shape (cell_count,).
+        position: A point on each line [m], shape (line_count, 3) or (3,).
+        direction: Unit vectors, shape (line_count, 3) or (3,).
+
+    Raises:
+        ValueError: Directions that are no unit vectors, and lines along x of a planar mesh, which never leave it.
+    """
+    position, direction = np.broadcast_arrays(np.atleast_2d(np.asarray(position, dtype=np.float64)),
+                                              np.atleast_2d(np.asarray(direction, dtype=np.float64)))  # fmt: skip
+    if position.shape[1:] != (3,) or np.abs(np.linalg.norm(direction, axis=1) - 1.0).max(initial=0.0) > 1e-9:
+        raise ValueError("lines need points and unit vectors of shape (n, 3)")
+    if mesh.geometry == "planar" and (np.hypot(direction[:, 1], direction[:, 2]) == 0.0).any():
+        raise ValueError("lines along x never leave a planar mesh")
+    edges = np.unique(np.sort(np.stack([mesh.cells, np.roll(mesh.cells, -1, axis=1)], axis=-1).reshape(-1, 2)), axis=0)
+    start, end = mesh.vertices[edges[:, 0]], mesh.vertices[edges[:, 1]]
+    if mesh.geometry == "axisymmetric":
+        keep = (start[:, 0] > 0.0) | (end[:, 0] > 0.0)
+        start, end = start[keep], end[keep]
+    total = np.zeros(len(position))
+    for first in range(0, len(position), LINES):
+        rows = slice(first, first + LINES)
+        cuts = crossings(start, end, mesh.geometry, position[rows], direction[rows])
+        ahead, behind = cuts[:, 1:], cuts[:, :-1]
+        line, piece = np.nonzero(np.isfinite(ahead))
+        ahead, behind = ahead[line, piece], behind[line, piece]
+        middle = 0.5 * (ahead + behind)
+        at = position[rows][line] + middle[:, None] * direction[rows][line]
+        first_axis = np.hypot(at[:, 0], at[:, 1]) if mesh.geometry == "axisymmetric" else at[:, 1]
+        cell = mesh.locate(np.stack([first_axis, at[:, 2]], axis=1))
+        held = np.where(cell >= 0, density[cell], 0.0) * (ahead - behind)
+        total[rows] = np.bincount(line, held, len(cuts))
+    return total

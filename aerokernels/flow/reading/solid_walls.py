@@ -1,0 +1,217 @@
+"""The body in a volume: from the faces of wall patches, or from holes in the mesh, to closed surfaces of triangles.
+
+Faces are joined where their corners lie in the same place, turned the same way round, and openings are closed: a body
+that is cut off where the field ends goes on flat there. A surface has the flow on its outside; one that has it on its
+inside, a tunnel's walls or the far edge of a mesh, bounds no body.
+"""
+
+import numpy as np
+from scipy.sparse import coo_matrix
+from scipy.sparse.csgraph import connected_components
+
+from ...medium import SolidBody
+from .dataset import Block, Dataset, Polygons, ReadError
+from .raster import NodeGrid
+from .solids import FACES, corner_chunks
+
+CLOSE = 1e-9  # of the field's size: points nearer than this are one
+LEAST_VOLUME = 1e-9  # of the field's size cubed, below which a surface encloses nothing
+
+
+def solid_body(path, dataset: Dataset, blocks: list[Block], moved, move, grid: NodeGrid, names=None):
+    """The body of a volume, or None where it has none.
+
+    Args:
+        path: The file, for messages.
+        dataset: What it holds.
+        blocks: Its blocks.
+        moved: Their points in the optical frame [m], each (n, 3).
+        move: Moves points of the file into the optical frame.
+        grid: The grid that the cells were drawn into.
+        names: Patches that bound the body; None takes the file's walls, and without such the holes of the mesh.
+
+    Raises:
+        ReadError: No such patch, or one whose faces make no surface.
+    """
+    known = [(patch, patch.polygons) for patch in dataset.patches if patch.polygons is not None]
+    chosen = [names] if isinstance(names, str) else names
+    if chosen is not None and (unknown := set(chosen) - {patch.name for patch, _ in known}):
+        listed = ", ".join(sorted({patch.name for patch, _ in known})) or "none"
+        raise ReadError(path, f"there is no patch {sorted(unknown)[0]!r}", f"walls are of {listed}")
+    walls = [own for patch, own in known if (patch.kind == "wall" if chosen is None else patch.name in chosen)]
+    if walls:
+        parts = [Polygons(move(own.points), own.start) for own in walls]
+    elif (grid.cell >= 0).all():
+        return None
+    else:
+        parts = [boundary_polygons(block, points) for block, points in zip(blocks, moved, strict=True)]
+    size = float(max(np.ptp(np.concatenate(moved), axis=0).max(), 1e-300))
+    try:
+        vertices, triangles = _triangles(parts, CLOSE * size)
+        return _body(vertices, triangles, grid, size)
+    except ValueError as fault:
+        if not walls:  # what holes are, nobody can tell there
+            return None
+        raise ReadError(path, f"its walls make no body: {fault}", "repair the boundary's patches") from None
+
+
+def boundary_polygons(block: Block, points: np.ndarray) -> Polygons:
+    """The faces of a block that one cell with flow has alone."""
+    faces = None if block.cells is None else block.cells.faces
+    if faces is not None:
+        first, start = len(faces.neighbour), faces.start
+        return Polygons(points[faces.points[start[first] :]], start[first:] - start[first])
+    label = np.random.default_rng(7).integers(1, 2**63, len(points), dtype=np.uint64)
+    blank = block.blank if block.blank is not None and len(block.blank) == block.cell_count else None
+
+    def faces_of(chunk) -> tuple[np.ndarray, np.ndarray]:
+        corners = chunk.corners if blank is None else chunk.corners[:, ~blank[chunk.cell]]
+        four = corners[np.array(FACES[chunk.kind])]  # (f, 4, n)
+        own = label[four]
+        triangle = four[:, 2] == four[:, 3]
+        return four, own[:, 0] + own[:, 1] + own[:, 2] + np.where(triangle, np.uint64(0), own[:, 3])
+
+    keys = [faces_of(chunk)[1].ravel() for chunk in corner_chunks(block)]
+    if not keys:
+        return Polygons(np.empty((0, 3)), np.zeros(1, np.int64))
+    found, count = np.unique(np.concatenate(keys), return_counts=True)
+    alone = found[count == 1]
+    kept = []
+    for chunk in corner_chunks(block):
+        four, key = faces_of(chunk)
+        place = np.minimum(np.searchsorted(alone, key), max(len(alone) - 1, 0))
+        face, cell = np.nonzero(alone[place] == key) if len(alone) else (np.empty(0, int), np.empty(0, int))
+        kept.append(four[face, :, cell])
+    corners = np.concatenate(kept)
+    return Polygons(points[corners.ravel()], 4 * np.arange(len(corners) + 1))
+
+
+def _triangles(parts: list[Polygons], near: float) -> tuple[np.ndarray, np.ndarray]:
+    """Vertices [m] and triangles of polygons, joined where they meet; faces that are there twice are left out."""
+    points = np.concatenate([part.points for part in parts])
+    width = np.concatenate([np.diff(part.start) for part in parts])
+    _, first, vertex = np.unique(
+        np.round(points / near).astype(np.int64), axis=0, return_index=True, return_inverse=True
+    )
+    vertices, vertex = points[first], vertex.ravel()
+    face = np.repeat(np.arange(len(width)), width)
+    # A face is told by its corners, in whatever order; of one that is there twice both sides are in the flow.
+    label = np.random.default_rng(8).integers(1, 2**63, len(vertices), dtype=np.uint64)
+    distinct = np.unique(np.stack([face, vertex], axis=1), axis=0)
+    key = np.zeros(len(width), np.uint64)
+    np.add.at(key, distinct[:, 0], label[distinct[:, 1]])
+    _, back, count = np.unique(key, return_inverse=True, return_counts=True)
+    alone = count[back.ravel()] == 1
+    start = np.concatenate([[0], np.cumsum(width)])
+    made = []
+    for corners in np.unique(width[alone]):
+        own = np.flatnonzero(alone & (width == corners))
+        ring = vertex[start[own][:, None] + np.arange(corners)]
+        if corners == 3:
+            made.append(ring)
+        elif corners == 4:
+            made += [ring[:, [0, 1, 2]], ring[:, [0, 2, 3]]]
+        else:
+            middle = len(vertices) + np.arange(len(ring))
+            vertices = np.concatenate([vertices, vertices[ring].mean(axis=1)])
+            made += [np.stack([ring[:, k], ring[:, (k + 1) % corners], middle], axis=1) for k in range(corners)]
+    triangles = np.concatenate(made) if made else np.empty((0, 3), np.int64)
+    a, b, c = triangles.T
+    return vertices, triangles[(a != b) & (b != c) & (c != a)]
+
+
+def _body(vertices: np.ndarray, triangles: np.ndarray, grid: NodeGrid, size: float) -> SolidBody | None:
+    """The closed surfaces that have the flow outside, as one body."""
+    if not len(triangles):
+        return None
+    triangles, part = _turned_alike(triangles)
+    found = []
+    for number in range(part.max() + 1):
+        own = triangles[part == number]
+        whole, own = _closed(vertices, own)
+        corner = whole[own]
+        normal = np.cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0])
+        volume = float(np.einsum("nk,nk->n", corner[:, 0] - whole.mean(axis=0), normal).sum() / 6.0)
+        if abs(volume) <= LEAST_VOLUME * size**3:
+            continue
+        if _flow_outside(corner[: (part == number).sum()], np.sign(volume), grid):
+            found.append((whole, own))
+    if not found:
+        return None
+    shift = np.cumsum([0] + [len(whole) for whole, _ in found])
+    everything = np.concatenate([whole for whole, _ in found])
+    used, corners = np.unique(
+        np.concatenate([own + first for (_, own), first in zip(found, shift, strict=False)]), return_inverse=True
+    )
+    return SolidBody(everything[used], corners.reshape(-1, 3))
+
+
+def _edges(triangles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    return triangles.ravel(), np.roll(triangles, -1, axis=1).ravel()
+
+
+def _turned_alike(triangles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Triangles turned so that neighbours go round the same way, and the number of the surface that each belongs to."""
+    count = len(triangles)
+    a, b = _edges(triangles)
+    low, high = np.minimum(a, b), np.maximum(a, b)
+    order = np.lexsort((high, low))
+    same = (low[order][1:] == low[order][:-1]) & (high[order][1:] == high[order][:-1])
+    if (same[1:] & same[:-1]).any():
+        raise ValueError("three faces share an edge")
+    one, other = order[:-1][same], order[1:][same]
+    alike = a[one] != a[other]  # each goes along the edge the other way
+    first, second = one // 3, other // 3
+    # Every triangle as it is, and turned: what goes together is connected.
+    row = np.concatenate([first, first + count])
+    column = np.concatenate([np.where(alike, second, second + count), np.where(alike, second + count, second)])
+    graph = coo_matrix((np.ones(len(row), bool), (row, column)), shape=(2 * count, 2 * count))
+    label = connected_components(graph, directed=False)[1]
+    plain, turned = label[:count], label[count:]
+    if (plain == turned).any():
+        raise ValueError("a surface has one side only")
+    part = np.unique(np.minimum(plain, turned), return_inverse=True)[1].ravel()
+    return np.where((plain > turned)[:, None], triangles[:, ::-1], triangles), part
+
+
+def _closed(vertices: np.ndarray, triangles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """A surface with its openings closed, each by a fan about the middle of its rim."""
+    a, b = _edges(triangles)
+    count = len(vertices)
+    open_edges = np.flatnonzero(~np.isin(a * count + b, b * count + a))
+    if not len(open_edges):
+        return vertices, triangles
+    begin, end = b[open_edges], a[open_edges]  # as the closing triangles go round
+    if len(np.unique(begin)) < len(begin):
+        raise ValueError("the rim of a wall touches itself")
+    number = np.unique(np.concatenate([begin, end]), return_inverse=True)[1].reshape(2, -1)
+    rims = int(number.max()) + 1
+    rim = connected_components(
+        coo_matrix((np.ones(len(begin), bool), tuple(number)), shape=(rims, rims)), directed=False
+    )[1]
+    rim = rim[number[0]]
+    total = np.bincount(rim)
+    middle = np.stack([np.bincount(rim, vertices[begin, k]) / total for k in range(3)], axis=1)
+    fans = np.stack([begin, end, count + rim], axis=1)
+    return np.concatenate([vertices, middle]), np.concatenate([triangles, fans])
+
+
+def _flow_outside(corner: np.ndarray, outward: float, grid: NodeGrid) -> bool:
+    """Whether the flow lies on the outside of a surface: by which nodes near its triangles lie in cells.
+
+    Args:
+        corner: Corners of the triangles [m], shape (n, 3, 3).
+        outward: 1 where they go round counter-clockwise seen from outside, -1 otherwise.
+        grid: The grid that the cells were drawn into.
+    """
+    normal = outward * np.cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0])
+    area = np.linalg.norm(normal, axis=1)
+    step = normal / np.maximum(area, 1e-300)[:, None] * float(np.linalg.norm(grid.spacing))
+    middle = corner.mean(axis=1)
+    votes = 0.0
+    for side in (1.0, -1.0):
+        index = np.rint((middle + side * step - grid.low) / grid.spacing).astype(np.int64)
+        there = np.all((index >= 0) & (index < grid.shape), axis=1)
+        node = np.ravel_multi_index(tuple(index[there].T), grid.shape)
+        votes += side * float(area[there] @ (grid.cell[node] >= 0))
+    return votes >= 0.0

@@ -1,0 +1,221 @@
+"""A solid body in a volume: a closed surface of triangles, and which points and lines lie in it.
+
+Rays meet the triangles exactly, as they meet the profile of a `Body`: see triangle_crossings.py.
+"""
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import ClassVar
+
+import numpy as np
+
+from ..read_only import ReadOnly
+from .body import Body
+from .grid import check_finite
+from .triangle_crossings import triangle_crossings
+from .wall_tree import WallTree, wall_tree
+
+# A direction along no edge that anybody would choose, in which points are told inside from outside.
+ASKEW = np.array([0.312_8, 0.541_7, 0.780_2]) / np.linalg.norm([0.312_8, 0.541_7, 0.780_2])
+NEAREST = 12  # triangles by their middles, among which the nearest one is looked for
+
+
+@dataclass(frozen=True, eq=False)
+class SolidBody(ReadOnly):
+    """A solid body in a volume field, bounded by triangles.
+
+    Attributes:
+        vertices: Points of the surface [m], shape (vertex_count, 3).
+        triangles: Corners of each triangle, shape (triangle_count, 3); neighbours go round the same way. Which way that
+            is, outward or inward, does not matter.
+
+    Raises:
+        ValueError: Shapes and indices that do not fit, points that are not finite, a surface that is not closed (how
+            many edges are open, and where the first is) or whose triangles do not go round the same way.
+    """
+
+    vertices: np.ndarray
+    triangles: np.ndarray
+    geometry: ClassVar[str] = "volume"
+
+    def __post_init__(self):
+        """Check and turn the triangles outward."""
+        vertices = np.array(self.vertices, dtype=np.float64)
+        triangles = np.array(self.triangles)
+        if vertices.ndim != 2 or vertices.shape[1] != 3:
+            raise ValueError(f"vertices of a body in a volume need shape (n, 3), got {vertices.shape}")
+        if triangles.ndim != 2 or triangles.shape[1] != 3 or len(triangles) < 4:
+            raise ValueError(f"a solid body needs at least four triangles, shape (n, 3), got {triangles.shape}")
+        if not np.issubdtype(triangles.dtype, np.integer):
+            raise ValueError(f"triangles are numbers of vertices, got dtype {triangles.dtype}")
+        if triangles.min() < 0 or triangles.max() >= len(vertices):
+            raise ValueError(f"triangles name vertices from {triangles.min()} to {triangles.max()} of {len(vertices)}")
+        check_finite(vertices, "the body's surface")
+        triangles = _outward(vertices, triangles.astype(np.int64))
+        for name, value in (("vertices", vertices), ("triangles", triangles)):
+            value.setflags(write=False)
+            object.__setattr__(self, name, value)
+
+    @classmethod
+    def of_revolution(cls, body: Body, count: int = 96) -> "SolidBody":
+        """The body of an axisymmetric profile, as triangles: `count` around the axis z.
+
+        Between the rings of vertices, which lie on the body, the surface is within 1 - cos(pi / count) of its radius.
+
+        Raises:
+            ValueError: A planar body, or fewer than three triangles around.
+        """
+        if body.geometry != "axisymmetric" or count < 3:
+            raise ValueError(f"a body of revolution needs an axisymmetric profile and three triangles around it or "
+                             f"more, got a {body.geometry} one and {count}")  # fmt: skip
+        angle = 2.0 * np.pi * np.arange(count) / count
+        around = np.stack([np.cos(angle), np.sin(angle)], axis=1)
+        points, number = np.unique(np.concatenate(body.surface), axis=0, return_inverse=True)
+        start, end = number.reshape(2, -1)
+        on_axis = points[:, 0] == 0.0
+        first = np.cumsum(np.where(on_axis, 1, count)) - np.where(on_axis, 1, count)
+        rings = [
+            np.array([[0.0, 0.0, z]]) if r == 0.0 else np.column_stack([r * around, np.full(count, z)])
+            for r, z in points
+        ]
+        step, following = np.arange(count), (np.arange(count) + 1) % count
+
+        def vertex(point: int, place: np.ndarray) -> np.ndarray:
+            return first[point] + (0 if on_axis[point] else 1) * place
+
+        made = []
+        for a, b in zip(start, end, strict=True):
+            corners = vertex(a, step), vertex(b, step), vertex(b, following), vertex(a, following)
+            if not on_axis[b]:
+                made.append(np.stack([corners[0], corners[1], corners[2]], axis=1))
+            if not on_axis[a]:
+                made.append(np.stack([corners[0], corners[2], corners[3]], axis=1))
+        return cls(np.concatenate(rings), np.concatenate(made))
+
+    @cached_property
+    def surface(self) -> np.ndarray:
+        """Corners of the triangles [m], shape (triangle_count, 3, 3), counter-clockwise seen from outside."""
+        return self.vertices[self.triangles]
+
+    @cached_property
+    def tree(self) -> WallTree:
+        """The surface under a tree of boxes."""
+        return wall_tree(self.surface)
+
+    @property
+    def box(self) -> tuple[np.ndarray, np.ndarray]:
+        """Lowest and highest corner [m]."""
+        return self.vertices.min(axis=0), self.vertices.max(axis=0)
+
+    def crossings(self, position, direction) -> np.ndarray:
+        """Distances [m] at which straight lines cross the surface: see `Body.crossings`."""
+        return triangle_crossings(self.tree, position, direction)
+
+    def contains(self, points) -> np.ndarray:
+        """Whether each point (n, 3) lies inside the body."""
+        points = np.asarray(points, dtype=np.float64)
+        low, high = self.box
+        inside = np.all((points >= low) & (points <= high), axis=1)
+        rows = np.flatnonzero(inside)
+        met = self.crossings(points[rows], np.broadcast_to(ASKEW, (len(rows), 3)))
+        inside[rows] = np.count_nonzero(np.isfinite(met) & (met > 0.0), axis=1) % 2 == 1
+        return np.asarray(inside)
+
+    def nearest_wall(self, points) -> np.ndarray:
+        """The point of the surface nearest to each point (n, 3) [m], of the dozen triangles with the nearest middles.
+
+        On surfaces whose triangles differ much in size a nearer one may be farther off by its middle: the foot is then
+        on a neighbour of the nearest.
+        """
+        points = np.asarray(points, dtype=np.float64)
+        if not len(points):
+            return np.empty((0, 3))
+        count = min(NEAREST, len(self.triangles))
+        near = self._middles.query(points, count)[1].reshape(len(points), count)
+        foot = np.empty_like(points)
+        for first in range(0, len(points), 1 << 16):
+            part = slice(first, first + (1 << 16))
+            some = _nearest_in(points[part, None], self.surface[near[part]])
+            best = np.argmin(np.sum((some - points[part, None]) ** 2, axis=2), axis=1)
+            foot[part] = some[np.arange(len(best)), best]
+        return foot
+
+    def signed_distance(self, points) -> np.ndarray:
+        """Distance to the wall [m], negative inside the body, at points (n, 3)."""
+        distance = np.linalg.norm(points - self.nearest_wall(points), axis=1)
+        return np.where(self.contains(points), -distance, distance)
+
+    def section(self) -> np.ndarray:
+        """Where the surface crosses the plane x = 0: both ends (y, z) of each piece [m], shape (n, 2, 2)."""
+        x = self.surface[:, :, 0]
+        above = x > 0.0
+        cut = np.flatnonzero(above.any(axis=1) & ~above.all(axis=1))
+        ends = np.full((len(cut), 3, 2), np.nan)
+        for k in range(3):
+            one, other = self.surface[cut, k], self.surface[cut, (k + 1) % 3]
+            crossed = (one[:, 0] > 0.0) != (other[:, 0] > 0.0)
+            with np.errstate(divide="ignore", invalid="ignore"):
+                share = one[:, 0] / (one[:, 0] - other[:, 0])
+                ends[crossed, k] = (one + share[:, None] * (other - one))[crossed, 1:]
+        order = np.argsort(np.isnan(ends[:, :, 0]), axis=1, kind="stable")[:, :2]
+        return np.take_along_axis(ends, order[:, :, None], axis=1)
+
+    @cached_property
+    def _middles(self):
+        from scipy.spatial import cKDTree
+
+        return cKDTree(self.surface.mean(axis=1))
+
+
+def _outward(vertices: np.ndarray, triangles: np.ndarray) -> np.ndarray:
+    """Closed parts turned so that each has a positive volume."""
+    from scipy.sparse import coo_matrix
+    from scipy.sparse.csgraph import connected_components
+
+    a, b = triangles.ravel(), np.roll(triangles, -1, axis=1).ravel()
+    count = len(vertices)
+    there, back = np.sort(a * count + b), np.sort(b * count + a)
+    if (there[1:] == there[:-1]).any():
+        edge = int(there[:-1][there[1:] == there[:-1]][0])
+        raise ValueError(
+            f"triangles of the body do not go round the same way, or overlap: two have the edge from vertex "
+            f"{edge // count} to {edge % count} at {vertices[edge // count].tolist()} m"
+        )
+    open_edges = np.setdiff1d(there, back, assume_unique=True)
+    if len(open_edges):
+        first = int(open_edges[0])
+        raise ValueError(
+            f"the body's surface is not closed: {len(open_edges)} edges have one triangle, the first is at "
+            f"{vertices[first // count].tolist()} m; close it, or merge its duplicate points"
+        )
+    part = connected_components(coo_matrix((np.ones(len(a), bool), (a, b)), shape=(count, count)), directed=False)[1]
+    corner = vertices[triangles] - vertices.mean(axis=0)
+    volume = np.bincount(
+        part[triangles[:, 0]], np.einsum("nk,nk->n", corner[:, 0], np.cross(corner[:, 1], corner[:, 2])), part.max() + 1
+    )
+    inward = volume[part[triangles[:, 0]]] < 0.0
+    return np.where(inward[:, None], triangles[:, ::-1], triangles)
+
+
+def _nearest_in(point: np.ndarray, corners: np.ndarray) -> np.ndarray:
+    """The point of each triangle (..., 3, 3) nearest to a point (..., 3); C. Ericson, Real-Time Collision Detection."""
+    a, ab, ac = corners[..., 0, :], corners[..., 1, :] - corners[..., 0, :], corners[..., 2, :] - corners[..., 0, :]
+
+    def dot(one, other):
+        return np.sum(one * other, axis=-1)
+
+    offset = point - a
+    d00, d01, d11, d20, d21 = dot(ab, ab), dot(ab, ac), dot(ac, ac), dot(offset, ab), dot(offset, ac)
+    determinant = np.maximum(d00 * d11 - d01 * d01, 1e-300)
+    v, w = (d11 * d20 - d01 * d21) / determinant, (d00 * d21 - d01 * d20) / determinant
+    best = a + v[..., None] * ab + w[..., None] * ac
+    within = (v >= 0.0) & (w >= 0.0) & (v + w <= 1.0)
+    least = np.where(within, dot(best - point, best - point), np.inf)
+    for k in range(3):
+        one, step = corners[..., k, :], corners[..., (k + 1) % 3, :] - corners[..., k, :]
+        share = np.clip(dot(point - one, step) / np.maximum(dot(step, step), 1e-300), 0.0, 1.0)
+        foot = one + share[..., None] * step
+        distance = np.where(within, np.inf, dot(foot - point, foot - point))
+        nearer = distance < least
+        best, least = np.where(nearer[..., None], foot, best), np.where(nearer, distance, least)
+    return best

@@ -1,0 +1,113 @@
+"""Device functions: where straight lines cross the triangles of a body in a volume, watertight, in float64.
+
+The formulas stand in medium/triangle_crossings.py. The OpenCL twin is kernels/include/triangles.h.
+"""
+
+import warp as wp
+
+from .....medium.triangle_crossings import LEAST_SIDE
+from ....scheme import GRAZING_SQUARE
+from ..types import types
+
+NEVER = 1e300  # of a distance that is not there
+WallLine, Crossings = (types("float64").kinds[name] for name in ("WallLine", "Crossings"))
+
+
+@wp.func
+def axes_across(line: WallLine):
+    """Two unit vectors across a line, right-handed with its direction, put into it."""
+    one = wp.float64(1.0)
+    e = line.toward / wp.sqrt(line.square)
+    sign = one
+    if e[2] < wp.float64(0.0):
+        sign = -one
+    a = -one / (sign + e[2])
+    b = e[0] * e[1] * a
+    line.right = wp.vec3d(one + sign * e[0] * e[0] * a, sign * b, -sign * e[0])
+    line.up = wp.vec3d(b, sign + e[1] * e[1] * a, -e[1])
+    return line
+
+
+@wp.func
+def within_slab(place: wp.float64, along: wp.float64, low: wp.float64, high: wp.float64, span: wp.vec2d):
+    """The part of a stretch of a line in which one of its coordinates lies between two bounds; reversed for none."""
+    if along == wp.float64(0.0):
+        if place < low or place > high:
+            return wp.vec2d(wp.float64(NEVER), wp.float64(-NEVER))
+        return span
+    one = (low - place) / along
+    other = (high - place) / along
+    return wp.vec2d(wp.max(span[0], wp.min(one, other)), wp.min(span[1], wp.max(one, other)))
+
+
+@wp.func
+def passes_room(line: WallLine, low: wp.vec3d, high: wp.vec3d, margin: wp.float64, first: wp.float64, last: wp.float64):
+    """Whether a line may pass the box between two corners, `margin` larger, between t = first and last."""
+    span = wp.vec2d(first, last)
+    for k in range(3):
+        span = within_slab(line.point[k], line.toward[k], low[k] - margin, high[k] + margin, span)
+    return span[0] <= span[1]
+
+
+@wp.func
+def corner_across(line: WallLine, corner: wp.vec3d):
+    """Where a corner lies across a line and along it."""
+    offset = corner - line.point
+    return wp.vec3d(wp.dot(line.right, offset), wp.dot(line.up, offset), wp.dot(line.toward, offset))
+
+
+@wp.func
+def edge_side(a: wp.vec3d, b: wp.vec3d):
+    """On which side of an edge the line lies: positive to the left, never zero, the opposite from b to a."""
+    p = a
+    q = b
+    sign = wp.float64(1.0)
+    if a[0] > b[0] or (a[0] == b[0] and a[1] > b[1]):
+        p = b
+        q = a
+        sign = wp.float64(-1.0)
+    side = p[0] * q[1] - p[1] * q[0]
+    if not (side > wp.float64(0.0)):
+        side = wp.min(side, wp.float64(-LEAST_SIDE))
+    return sign * side
+
+
+@wp.func
+def triangle_crossing(line: WallLine, one: wp.vec3d, two: wp.vec3d, three: wp.vec3d):
+    """Where a line crosses a triangle."""
+    none = wp.float64(0.0)
+    out = Crossings()
+    out.count = 0
+    a = corner_across(line, one)
+    b = corner_across(line, two)
+    c = corner_across(line, three)
+    ab = edge_side(a, b)
+    bc = edge_side(b, c)
+    ca = edge_side(c, a)
+    if (ab > none) == (bc > none) and (bc > none) == (ca > none):
+        out.count = 1
+        out.enters = ab < none
+        out.one = (bc * a[2] + ca * b[2] + ab * c[2]) / ((ab + bc + ca) * line.square)
+    return out
+
+
+@wp.func
+def may_enter_triangle(
+    line: WallLine,
+    a: wp.vec3d,
+    b: wp.vec3d,
+    c: wp.vec3d,
+    margin: wp.float64,
+    enter: wp.float64,
+    far: wp.float64,
+):
+    """Whether a line may get into the body through a triangle between t = enter and far, were it moved by `margin`.
+
+    Triangles that it can only leave through do not matter; those that it grazes do.
+    """
+    normal = wp.cross(b - a, c - a)
+    rising = wp.dot(normal, line.toward)
+    grazing = wp.float64(GRAZING_SQUARE) * wp.dot(normal, normal) * line.square
+    if rising > wp.float64(0.0) and rising * rising > grazing:
+        return False
+    return passes_room(line, wp.min(a, wp.min(b, c)), wp.max(a, wp.max(b, c)), margin, enter, far)

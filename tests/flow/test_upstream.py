@@ -1,0 +1,46 @@
+"""What a field owes to how it was made reaches the budgets of what is traced through it."""
+
+import numpy as np
+import pytest
+
+from aerokernels import Disc, RayBundle, estimate_strehl, flow, trace
+from aerokernels.flow.reading.resampling import VolumeResampling
+from aerokernels.tracing.budget import SAFETY
+
+WAVE = 905e-9
+
+
+def volume(column: float) -> flow.GridDensity:
+    """A lens of air on 12^3 nodes, 1 mm apart, said to be resampled with an error of its columns [kg/m2]."""
+    axis = np.arange(12.0) - 5.5
+    x, y, z = np.meshgrid(axis, axis, axis, indexing="ij")
+    density = 1.0 + 0.5 * np.exp(-(x**2 + y**2 + z**2) / 6.0)
+    told = VolumeResampling((1e-3,) * 3, 0.0, 0.0, column, 2.0 * column, 0.0, 0.0, 0.0)
+    return flow.GridDensity(density, [-5.5e-3] * 3, [1e-3] * 3, "volume", 1.0, resampling=told)
+
+
+def test_a_volumes_resampling_is_an_error_of_resampling():
+    """Set-up: columns off by 1e-4 kg/m2 rms. Expected: "resampling" is K times that, times SAFETY, and in the total."""
+    relation = {"relation": "gladstone-dale", "constant": 2.25e-4}
+    rays = RayBundle(np.array([[1e-3, 0.5e-3, -6e-3], [-1e-3, 2e-3, -6e-3]]), [(0.0, 0.0, 1.0)])
+    found = trace(volume(1e-4).index_field(WAVE, **relation), rays, backend="reference").error
+    assert found["resampling"] == pytest.approx(SAFETY * 2.25e-4 * 1e-4, rel=1e-9)
+    assert found["total"] > found["resampling"] and found["refractivity"] == 0.0
+    assert trace(volume(0.0).index_field(WAVE, **relation), rays, backend="reference").error["resampling"] == 0.0
+
+
+def test_the_models_uncertainty_stands_beside_the_total():
+    """Set-up: eq 2, 1.2 % uncertain. Expected: that of the greatest OPD of a trace, and of a pupil's OPD rms."""
+    field = volume(0.0).index_field(WAVE, "paper")
+    assert field.upstream.refractivity == 1.2e-2 and field.upstream.model.startswith("paper")
+    assert volume(0.0).index_field(WAVE, "ciddor").upstream.refractivity < 1e-3
+    rays = RayBundle(np.array([[1e-3, 0.5e-3, -6e-3], [-1e-3, 2e-3, -6e-3]]), [(0.0, 0.0, 1.0)])
+    traced = trace(field, rays, backend="reference")
+    assert traced.error["refractivity"] == pytest.approx(1.2e-2 * np.abs(traced.opd).max(), rel=1e-3)
+    others = [value for cause, value in traced.error.items() if cause not in ("total", "refractivity")]
+    assert traced.error["total"] == pytest.approx(float(np.linalg.norm(others)), rel=1e-12)
+    pupil = Disc(2e-3, center=(0.0, 0.0, -6e-3))
+    seen = estimate_strehl(field, pupil, wavelength=WAVE, ray_count=1024, allow_truncation=True)
+    phase = 1.2e-2 * 2.0 * np.pi * seen.opd_rms / WAVE
+    change = abs(seen.value - np.exp(np.log(seen.value) * 1.012**2))  # ln S goes with the square of the phase
+    assert 0.5 * change < seen.error["refractivity"] < 2.0 * phase
