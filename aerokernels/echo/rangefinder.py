@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import partial
 
@@ -10,6 +11,7 @@ import numpy as np
 from ..scene import Scene
 from .chain import chain_of
 from .checks import as_waveform
+from .pulse_curve import PulseCurve
 from .range_error import RangeStatistics, chain_range_statistics
 from .range_walk import RangeWalk, range_walk
 from .ranging import RANGING_METHODS, read_range, template_curve
@@ -74,8 +76,10 @@ class Rangefinder:
                 blind[method] = f"the echo in vacuum, without flow, cannot be ranged: {fault}"
         return cls(detector.threshold, detector.fraction, shape, offsets, walk, blind)
 
-    def range(self, time: np.ndarray, voltage: np.ndarray, method: str) -> float:
-        """Range by one method [m].
+    def range(
+        self, time: np.ndarray, voltage: np.ndarray, method: str, made: tuple[PulseCurve, int] | None = None
+    ) -> float:
+        """Range by one method [m]; `made` is the record's curve where it was made already.
 
         Raises:
             ValueError: The method finds no echo.
@@ -88,23 +92,28 @@ class Rangefinder:
             template=self.shape if method == "matched-filter" else None,
             fraction=self.fraction,
             shape=self.shape,
+            curve=made,
         )
         if method == "leading-edge" and self.walk is not None:
             _, volts, period = as_waveform(time, voltage)
-            curve, finer = shaped_curve(volts, self.shape, period)
+            curve, finer = made or shaped_curve(volts, self.shape, period)
             reading = self.walk.correct(time, voltage, reading, peak=curve.peak if finer > 1 else None)
         return reading - self.calibration[method]
 
     def ranges(self, time: np.ndarray, voltage: np.ndarray) -> tuple[dict[str, float], dict[str, str]]:
         """Range by each method [m], NaN where it finds no echo or is not calibrated; and why, for those."""
         found, reasons = {}, {}
+        made = None
+        with suppress(ValueError):  # a record that has no curve: each method says why
+            _, volts, period = as_waveform(time, voltage)
+            made = shaped_curve(volts, self.shape, period)
         for method in RANGING_METHODS:
             found[method] = math.nan
             if method in self.blind:
                 reasons[method] = self.blind[method]
                 continue
             try:
-                found[method] = self.range(time, voltage, method)
+                found[method] = self.range(time, voltage, method, made)
             except ValueError as fault:  # the flow, or the noise, left too little of the echo for this method
                 reasons[method] = f"the echo cannot be ranged: {fault}"
         return found, reasons

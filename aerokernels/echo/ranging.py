@@ -94,15 +94,16 @@ def read_range(
     template: Template | None = None,
     fraction: float = 0.5,
     shape: Shape | None = None,
+    curve: tuple[PulseCurve, int] | None = None,
 ) -> float:
     """As `estimate_range`, without a warning: for many records of one kind.
 
     `shape` is the pulse as a function of time [s], by which the samples are interpolated; None: the template, where
-    that is a function.
+    that is a function. `curve` is what `shaped_curve` made of the record by that shape already, or None.
     """
     check_choice(method, "method", RANGING_METHODS)
     times, volts, period = as_waveform(time, voltage)
-    place = _place(volts, period, method, threshold, template, fraction, shape)
+    place = _place(volts, period, method, threshold, template, fraction, shape, curve)
     return 0.5 * SPEED_OF_LIGHT * (float(times[0]) + place * period)
 
 
@@ -133,6 +134,7 @@ def _place(
     template: Template | None,
     fraction: float,
     shape: Shape | None,
+    made: tuple[PulseCurve, int] | None = None,
 ) -> float:
     """Place of arrival [samples]."""
     if method == "matched-filter":
@@ -140,7 +142,7 @@ def _place(
             raise ValueError("method 'matched-filter' needs a template: a function of time, or samples of the pulse")
         return best_match(volts, template_curve(template, period), period)[0]
     known = template if callable(template) else None
-    curve, finer = shaped_curve(volts, shape or known, period)
+    curve, finer = made or shaped_curve(volts, shape or known, period)
     place = _arrival(curve, method, threshold, fraction) / finer
     if template is None or method == "leading-edge":
         return place
