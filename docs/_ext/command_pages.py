@@ -56,7 +56,7 @@ def page() -> str:
             if param.param_type_name == "option" and not param.hidden
         ]
         if rows:
-            lines = ["| | default | |", "|---|---|---|"]
+            lines = ["| argument or option | default | meaning |", "|---|---|---|"]
             lines += ["| " + " | ".join(cell.replace("|", "\\|") for cell in row) + " |" for row in rows]
             parts.append("\n".join(lines) + "\n")
     return "\n".join(parts)
@@ -64,12 +64,12 @@ def page() -> str:
 
 def _usage(param: Any) -> str:
     name = _metavar(param)
-    name = f"{name}..." if param.nargs == -1 and not name.endswith("...") else name
+    name = f"{name}..." if param.nargs == -1 else name
     return name if param.required else f"[{name}]"
 
 
 def _metavar(param: Any) -> str:
-    return param.metavar or param.name.upper()
+    return re.sub(r"[\[\].]", "", param.metavar or param.name.upper())
 
 
 def _written(param: Any) -> str:
