@@ -65,6 +65,15 @@ def test_made_pages_hold_what_they_are_made_from():
         assert f"| {name} |" in validation_pages.page()
 
 
+@pytest.mark.parametrize(
+    ("page", "mark", "table"), [("figure1", "figure1", "figure1"), ("sweep-mach", "sweep_mach", "sweep_mach")]
+)
+def test_tables_of_pages_are_those_that_were_written(page: str, mark: str, table: str):
+    text = (ROOT / "docs" / f"{page}.md").read_text(encoding="utf-8")
+    shown = text.partition(f"<!-- {mark}:begin -->\n")[2].partition(f"<!-- {mark}:end -->")[0]
+    assert shown == (ROOT / "docs" / table / "table.md").read_text(encoding="utf-8")
+
+
 def test_docstrings_become_restructuredtext():
     from plain_docstrings import readable
 

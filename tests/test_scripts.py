@@ -208,6 +208,7 @@ def test_tables_go_between_their_marks(tmp_path: Path):
 PAGES = {
     "docs/paper.md": ("figure1", "table2", "figure5", "table3", "table4", "table5", "table6", "walk", "ranges"),
     "docs/accuracy.md": ("evaluations-rms", "evaluations-tighter", "evaluations-max", "time", "default", "reported"),
+    "docs/figure1.md": ("figure1",),
     "docs/sweep-mach.md": ("sweep_mach",),
 }
 

@@ -1,5 +1,6 @@
 """Pages of the Python reference: one a package, each public name once, with the directive that takes its docstring."""
 
+import enum
 import importlib
 import inspect
 from types import ModuleType
@@ -17,6 +18,7 @@ PACKAGES = {
     "waves": ("Waves", "Wave optics beside the rays: split-step propagation, and when rays are not enough."),
     "schlieren": ("Schlieren", "Pictures of a schlieren bench, and what is read off them."),
     "imaging": ("Imaging", "Pictures through a flow, and background-oriented schlieren."),
+    "fldi": ("FLDI", "A focused laser differential interferometer: instrument, transfer function, response."),
     "series": ("Series", "Snapshots of a flow in time, their statistics, and maps over look angles."),
     "echo": ("Echo and range", "The echo of a pulsed laser rangefinder, its detector chain, and the range it reads."),
     "scene": ("Scenes", "What a user describes in a TOML file."),
@@ -128,6 +130,8 @@ def resolve(name: str) -> Any:
 
 def _directive(name: str) -> str:
     thing = resolve(name)
+    if inspect.isclass(thing) and issubclass(thing, enum.Enum):
+        return f".. autoclass:: {name}\n   :members:\n   :undoc-members:\n"
     if inspect.isclass(thing):
         return f".. autoclass:: {name}\n   :members:\n"
     if callable(thing):

@@ -6,12 +6,16 @@ from typing import Any
 
 def commands() -> dict[str, Any]:
     """Every command by name, in alphabetical order, as the parser knows it."""
+    return dict(sorted(_leaves(_group()).items()))
+
+
+def _group() -> Any:
+    """The program, as the parser knows it."""
     import typer
 
     from aerokernels.cli import app
 
-    group: Any = typer.main.get_command(app)
-    return dict(sorted(_leaves(group).items()))
+    return typer.main.get_command(app)
 
 
 def _leaves(group: Any, before: str = "") -> dict[str, Any]:
@@ -26,8 +30,9 @@ def _leaves(group: Any, before: str = "") -> dict[str, Any]:
 
 
 def options(command: Any) -> set[str]:
-    """Every way to write an option of a command, --help among them."""
-    return {text for param in command.params for text in (*param.opts, *param.secondary_opts)} | {"--help", "-h"}
+    """Every way to write an option of a command, those of every command among them."""
+    params = [*command.params, *_group().params]
+    return {text for param in params for text in (*param.opts, *param.secondary_opts)} | {"--help", "-h"}
 
 
 def page() -> str:
@@ -37,39 +42,49 @@ def page() -> str:
         "This page is made from the commands themselves: it says what `aerokernels COMMAND --help` says. A command reads a SCENE: a "
         "TOML file, or the name of a scene that ships. Quantities are written with their unit, in quotes.\n",
         "Exit status: 0 done; 1 failed; 2 bad input, with one line that names the file, the key and the remedy; 3 the answer is worth "
-        "nothing, because its error is greater than the number; 130 interrupted. `--debug`, anywhere on the line, shows where a "
-        "command failed.\n",
+        "nothing, because its error is greater than the number; 130 interrupted.\n",
+        "Options of every command:\n",
+        _table(_rows(_group().params)),
     ]
     for name, command in commands().items():
         parts.append(f"## {name}\n")
-        arguments = [param for param in command.params if param.param_type_name == "argument"]
-        usage = " ".join(["aerokernels", name, "[OPTIONS]", *map(_usage, arguments)])
+        usage = " ".join(["aerokernels", name, "[OPTIONS]", *map(_usage, _arguments(command))])
         parts.append(f"```text\n{usage}\n```\n")
         parts.append(_prose(command.help or "") + "\n")
-        rows = [
-            (f"`{_metavar(param)}`", _default(param), _prose(getattr(param, "help", None) or "").replace("\n", " "))
-            for param in arguments
-        ]
-        rows += [
-            (_written(param), _default(param), _prose(param.help or "").replace("\n", " "))
-            for param in command.params
-            if param.param_type_name == "option" and not param.hidden
-        ]
-        if rows:
-            lines = ["| | default | |", "|---|---|---|"]
-            lines += ["| " + " | ".join(cell.replace("|", "\\|") for cell in row) + " |" for row in rows]
-            parts.append("\n".join(lines) + "\n")
+        if command.params:
+            parts.append(_table(_rows(command.params)))
     return "\n".join(parts)
+
+
+def _arguments(command: Any) -> list[Any]:
+    return [param for param in command.params if param.param_type_name == "argument"]
+
+
+def _rows(params: list[Any]) -> list[tuple[str, str, str]]:
+    """What is written, its default and its meaning: arguments first."""
+    rows = []
+    for kind, written in (("argument", lambda param: f"`{_metavar(param)}`"), ("option", _written)):
+        for param in params:
+            if param.param_type_name == kind and not getattr(param, "hidden", False):
+                meaning = _prose(getattr(param, "help", None) or "").replace("\n", " ")
+                rows.append((written(param), _default(param), meaning))
+    return rows
+
+
+def _table(rows: list[tuple[str, str, str]]) -> str:
+    lines = ["| argument or option | default | meaning |", "|---|---|---|"]
+    lines += ["| " + " | ".join(cell.replace("|", "\\|") for cell in row) + " |" for row in rows]
+    return "\n".join(lines) + "\n"
 
 
 def _usage(param: Any) -> str:
     name = _metavar(param)
-    name = f"{name}..." if param.nargs == -1 and not name.endswith("...") else name
+    name = f"{name}..." if param.nargs == -1 else name
     return name if param.required else f"[{name}]"
 
 
 def _metavar(param: Any) -> str:
-    return param.metavar or param.name.upper()
+    return re.sub(r"[\[\].]", "", param.metavar or param.name.upper())
 
 
 def _written(param: Any) -> str:
