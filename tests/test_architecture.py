@@ -26,7 +26,7 @@ RANK = {
             ("flow",),
             ("scene", "scenes"),
             ("tracing",),
-            ("zernike", "strehl_errors"),
+            ("zernike", "strehl_errors", "vtk_files"),
             ("wavefront",),
             ("strehl_budget",),
             ("strehl", "schlieren", "imaging", "fldi"),
