@@ -46,6 +46,7 @@ _HOME = {
     "echo": "",
     "estimate_range": "echo",
     "estimate_strehl": "strehl_estimate",
+    "field_to_vtk": "vtk_files",
     "fldi_response": "fldi",
     "flow": "",
     "image_through": "imaging",
@@ -56,6 +57,7 @@ _HOME = {
     "point_spread_function": "wavefront",
     "prepare_strehl": "strehl_estimate",
     "range_statistics": "echo",
+    "rays_to_vtk": "vtk_files",
     "schlieren": "",
     "shadowgraph": "schlieren",
     "simulate": "jobs.run",
@@ -105,6 +107,7 @@ __all__ = [
     "echo",
     "estimate_range",
     "estimate_strehl",
+    "field_to_vtk",
     "fldi_response",
     "flow",
     "image_through",
@@ -115,6 +118,7 @@ __all__ = [
     "point_spread_function",
     "prepare_strehl",
     "range_statistics",
+    "rays_to_vtk",
     "schlieren",
     "shadowgraph",
     "simulate",
@@ -167,5 +171,6 @@ if TYPE_CHECKING:
     from .strehl_estimate import estimate_strehl, prepare_strehl
     from .tracing import ArcLength, BackendInfo, Plane, RayStatus, TraceResult, available_backends
     from .tracing.trace import trace
+    from .vtk_files import field_to_vtk, rays_to_vtk
     from .wavefront import Wavefront, point_spread_function, wavefront
     from .waves import Validity, Wave, split_step, validity

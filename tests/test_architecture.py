@@ -27,7 +27,7 @@ RANK = {
             ("flow",),
             ("scene", "scenes"),
             ("tracing",),
-            ("zernike", "strehl_errors"),
+            ("zernike", "strehl_errors", "vtk_files"),
             ("wavefront",),
             ("strehl_budget",),
             ("strehl", "schlieren", "imaging", "fldi"),

@@ -220,6 +220,18 @@ def test_point_source_sensitivity():
         wave.pssn(0.0)
 
 
+def test_wavelengths_are_an_axis():
+    """Each wavelength's own Strehl ratio and point spread function; Strehl grows with the wavelength."""
+    wave = made(Disc(RADIUS), modes({4: 5e-8}), count=32, error=1e-9)
+    found = wave.over_wavelengths([500e-9, 1e-6], np.array([0.0, RESOLUTION]))
+    for index, length in enumerate((500e-9, 1e-6)):
+        alone = wave.at_wavelength(length)
+        assert float(found.strehl[index]) == alone.strehl()
+        assert (found.psf.values[index] == alone.psf(np.array([0.0, RESOLUTION])).intensity).all()
+    assert found.psf.dims == ("wavelength", "y", "x") and found.strehl[1] > found.strehl[0]
+    assert found.wavelength.units == "m" and float(found.strehl_error[0]) > 0.0
+
+
 def test_errors_hold_what_they_bound():
     """An OPD off by up to e everywhere: every number stays within the error that it tells of."""
     base = modes({4: 5e-8, 5: 3e-8, 8: 4e-8})
@@ -237,6 +249,11 @@ def test_errors_hold_what_they_bound():
     assert (np.abs(other.otf().value - wave.otf().value) <= wave.otf().error + 1e-15).all()
     energy = wave.encircled_energy(angle[13:])
     assert np.abs(other.encircled_energy(angle[13:]).energy - energy.energy).max() < energy.error
+    structure = wave.structure_function()
+    assert (np.abs(other.structure_function().value - structure.value) <= structure.error).all()
+    image, changed = wave.image_quantities(), other.image_quantities()
+    for name in ("centroid_x", "centroid_y", "fwhm", "pssn"):
+        assert abs(changed[name].value - image[name].value) < image[name].error
 
 
 # --- traced ----------------------------------------------------------------------------------------------------------

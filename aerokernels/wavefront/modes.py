@@ -1,6 +1,8 @@
 """Zernike coefficients of a wavefront, its structure function, and where its light goes."""
 
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from functools import cached_property, partial
 
 import numpy as np
 
@@ -18,11 +20,28 @@ class StructureFunction:
         separation: Distance of the points [m], shape (n,), ascending.
         value: <(OPD(x) - OPD(x + r))^2> [m2], shape (n,).
         pair_weight: Weight of the pairs that each value is a mean over, sums to 1, shape (n,).
+        opd_error: Makes the error of the OPD [m]; `error` calls it.
     """
 
     separation: np.ndarray
     value: np.ndarray
     pair_weight: np.ndarray
+    opd_error: Callable[[], float] | None = field(default=None, repr=False)
+
+    @cached_property
+    def error(self) -> np.ndarray:
+        """What each value may be off by [m2], shape (n,); NaN where that is not known. Computed when first read.
+
+        A difference of two points is off by at most 2 e, e that of the OPD, and its mean square by 4 e sqrt(D) + 4 e^2.
+        """
+        error = float("nan") if self.opd_error is None else self.opd_error()
+        return 4.0 * error * np.sqrt(self.value) + 4.0 * error**2
+
+    def plot(self, axes=None):
+        """Draw its square root [nm] over the distance on matplotlib axes; returns the axes."""
+        from .plots import plot_structure
+
+        return plot_structure(self, axes)
 
 
 def fit_zernike(wavefront: WavefrontMap, count: int) -> np.ndarray:
@@ -73,7 +92,8 @@ def structure_function(wavefront: WavefrontMap) -> StructureFunction:
     kept = counts > 0.0
     counts = counts[kept]
     value = np.maximum(sums[kept] / counts, 0.0)
-    return StructureFunction(wavefront.pixel * mean[kept] / counts, value, counts / counts.sum())
+    distances, shares = wavefront.pixel * mean[kept] / counts, counts / counts.sum()
+    return StructureFunction(distances, value, shares, partial(getattr, wavefront, "opd_error"))
 
 
 def centroid(wavefront: WavefrontMap) -> np.ndarray:

@@ -59,3 +59,16 @@ def plot_encircled_energy(encircled: Any, axes: Any = None) -> Any:
     axes.plot(np.ravel(encircled.angle) * 1e6, np.ravel(encircled.energy))
     axes.set(xlabel="angle [urad]", ylabel="encircled energy", ylim=(0.0, 1.05))
     return axes
+
+
+def plot_structure(structure: Any, axes: Any = None) -> Any:
+    """The root of a StructureFunction [nm] over the distance of the points [mm], with its error where it is known."""
+    axes = _axes(axes)
+    root = 1e9 * np.sqrt(structure.value)
+    axes.plot(1e3 * structure.separation, root)
+    if np.isfinite(structure.error).all():
+        high = 1e9 * np.sqrt(structure.value + structure.error)
+        low = 1e9 * np.sqrt(np.maximum(structure.value - structure.error, 0.0))
+        axes.fill_between(1e3 * structure.separation, low, high, alpha=0.3)
+    axes.set(xlabel="distance [mm]", ylabel="root of the structure function [nm]")
+    return axes

@@ -164,6 +164,43 @@ class Wavefront(WavefrontMap):
             "tilt_y": Quantity(float(tilt[1]), error / float(extent[1]), "rad"),
         }
 
+    def image_quantities(self, fried: float = np.inf) -> dict[str, Quantity]:
+        """Numbers of the image with their errors: "centroid_x", "centroid_y", "fwhm" [rad], "pssn".
+
+        Of an OPD that is off by e: the centroid, a mean slope, by that of a tilt of e over the rms extent; PSSn by
+        4 p + 4 p^2, p the phase error, since no |OTF| changes by more than 2 p times the perfect one; the FWHM by its
+        greatest change under focus and astigmatism of the greatest value e, of either sign. `fried` as for `pssn`.
+        """
+        tilt, phase = self.quantities, self.phase_error()
+        x, y = self.centroid
+        return {
+            "centroid_x": Quantity(float(x), tilt["tilt_x"].error, "rad"),
+            "centroid_y": Quantity(float(y), tilt["tilt_y"].error, "rad"),
+            "fwhm": Quantity(self.fwhm, self._fwhm_error, "rad"),
+            "pssn": Quantity(self.pssn(fried), 4.0 * phase + 4.0 * phase**2),
+        }
+
+    @cached_property
+    def _fwhm_error(self) -> float:
+        error = self.opd_error
+        if not np.isfinite(error):
+            return float("nan")
+        x, y = self.coordinate[None, :] / self.radius, self.coordinate[:, None] / self.radius
+        forms = (2.0 * (x**2 + y**2) - 1.0, x**2 - y**2, 2.0 * x * y)
+        widths = [replace(self, opd=self.opd + sign * error * form).fwhm for form in forms for sign in (1.0, -1.0)]
+        return float(np.max(np.abs(np.array(widths) - self.fwhm)))
+
+    def over_wavelengths(self, wavelengths, angle=None):
+        """The same OPD at several wavelengths [m] as an xarray.Dataset with a wavelength axis.
+
+        Holds `strehl`, `strehl_error`, `fwhm` [rad] and `psf` over (wavelength, y, x), the last at angles of rows and
+        columns [rad], shape (m,); None takes 33 up to four times the longest wavelength over the pupil's width. What
+        air disperses is left out: see `at_wavelength`.
+        """
+        from .exchange.wavelengths import over_wavelengths
+
+        return over_wavelengths(self, wavelengths, angle)
+
     @property
     def _grid_error(self) -> float:
         """Standard error of the Strehl ratio's mean over four grids of every other row and column."""

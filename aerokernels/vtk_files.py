@@ -1,0 +1,150 @@
+"""Fields and rays as VTK files for ParaView: image data or unstructured grids, and polylines.
+
+Files are written by VTK's own writers (the extra `cfd`). Coordinates are metres in the frame of the package; a planar
+field lies in the plane x = 0, an axisymmetric one in the half plane y = 0, x > 0, its radius along x.
+"""
+
+from pathlib import Path
+
+import numpy as np
+
+from .medium import IndexField
+from .rays import RayBundle
+from .tracing import Plane, trace
+
+POINT_COUNT = 33
+
+
+def field_to_vtk(field: IndexField, path: str | Path) -> Path:
+    """Write a field: "contrast" and "index" at its nodes, .vti from a uniform grid and .vtu from a mesh.
+
+    Returns:
+        The path written to, with the ending that ParaView wants.
+
+    Raises:
+        ImportError: VTK is not installed.
+        TypeError: `field` is no IndexField.
+    """
+    if not isinstance(field, IndexField):
+        raise TypeError(f"field must be an IndexField, got {type(field).__name__}")
+    vtk = _vtk()
+    if field.is_uniform:
+        return _write_grid(field, Path(path), vtk)
+    mesh = field.mesh
+    place = np.zeros((len(mesh.vertices), 3))
+    place[:, 1 if field.geometry == "planar" else 0], place[:, 2] = mesh.vertices.T
+    data = vtk.vtkUnstructuredGrid()
+    data.SetPoints(_points(place, vtk))
+    cells = vtk.vtkCellArray()
+    cells.SetData(4, _array(np.ascontiguousarray(mesh.cells, dtype=np.int64).ravel(), vtk))
+    data.SetCells(vtk.VTK_QUAD, cells)
+    return _write(data, _named(field, np.asarray(field.samples.values)), Path(path), ".vtu", vtk)  # type: ignore[union-attr]
+
+
+def rays_to_vtk(
+    field: IndexField, rays: RayBundle, path: str | Path, *, length: float, point_count: int = POINT_COUNT, **options
+) -> Path:
+    """Write the way of rays through a field as polylines (.vtp), with the OPD [m] gathered up to each point.
+
+    Rays are traced from plane to plane across the bundle's mean direction; a ray that ends stays where it ended.
+
+    Args:
+        field: The refractive index.
+        rays: The rays; some hundreds are enough for a picture.
+        path: The file.
+        length: How far they are followed along the mean direction from the middle of their starts [m].
+        point_count: Points of each polyline.
+        **options: As for `trace`.
+
+    Returns:
+        The path written to.
+
+    Raises:
+        ImportError: VTK is not installed.
+        ValueError: A length or number that makes no sense, or what `trace` refuses.
+    """
+    if not (np.isfinite(length) and length > 0.0):
+        raise ValueError(f"length must be a positive number of metres, got {length!r}")
+    if isinstance(point_count, bool) or not isinstance(point_count, (int, np.integer)) or point_count < 2:
+        raise ValueError(f"point_count must be a whole number of at least 2, got {point_count!r}")
+    vtk = _vtk()
+    along = rays.direction.mean(axis=0)
+    along /= np.linalg.norm(along)
+    middle = rays.position.mean(axis=0)
+    place = np.full((point_count, rays.ray_count, 3), np.nan)
+    opd = np.zeros((point_count, rays.ray_count))
+    place[0] = rays.position
+    for number in range(1, point_count):
+        plane = Plane(middle + length * number / (point_count - 1) * along, along)
+        ahead = (np.asarray(plane.point) - rays.position) @ along > 0.0
+        place[number], opd[number] = place[number - 1], opd[number - 1]
+        found = trace(field, rays, until=plane, outputs=("position", "opd"), **options)
+        assert found.position is not None and found.opd is not None  # asked for
+        known = found.ok & ahead
+        place[number, known], opd[number, known] = found.position[known], found.opd[known]
+    data = vtk.vtkPolyData()
+    order = np.moveaxis(place, 0, 1).reshape(-1, 3)
+    data.SetPoints(_points(order, vtk))
+    lines = vtk.vtkCellArray()
+    ids = np.arange(len(order), dtype=np.int64)
+    offsets = point_count * np.arange(rays.ray_count + 1, dtype=np.int64)
+    lines.SetData(_array(offsets, vtk), _array(ids, vtk))
+    data.SetLines(lines)
+    return _write(data, {"opd": np.moveaxis(opd, 0, 1).ravel()}, Path(path), ".vtp", vtk)
+
+
+def _vtk():
+    try:
+        import vtkmodules.all as vtk
+    except ImportError:
+        raise ImportError("VTK is not installed: pip install aerokernels[cfd]") from None
+    return vtk
+
+
+def _array(values: np.ndarray, vtk):
+    from vtkmodules.util.numpy_support import numpy_to_vtk, numpy_to_vtkIdTypeArray
+
+    if values.dtype == np.int64:
+        return numpy_to_vtkIdTypeArray(values, deep=True)
+    return numpy_to_vtk(np.ascontiguousarray(values), deep=True)
+
+
+def _points(place: np.ndarray, vtk):
+    points = vtk.vtkPoints()
+    points.SetData(_array(np.ascontiguousarray(place), vtk))
+    return points
+
+
+def _named(field: IndexField, contrast: np.ndarray) -> dict[str, np.ndarray]:
+    contrast = np.asarray(contrast, dtype=np.float64).ravel()
+    return {"contrast": contrast, "index": field.ambient_index + contrast}
+
+
+def _write_grid(field: IndexField, path: Path, vtk) -> Path:
+    values = np.asarray(field.samples.samples, dtype=np.float64)  # type: ignore[union-attr]
+    low, spacing = np.asarray(field.samples.low), np.asarray(field.spacing)
+    if field.geometry == "planar":
+        values, low, spacing = values[None], np.array([0.0, *low]), np.array([spacing.min(), *spacing])
+    elif field.geometry == "axisymmetric":
+        values, low = values[:, None], np.array([low[0], 0.0, low[1]])
+        spacing = np.array([spacing[0], spacing.min(), spacing[1]])
+    data = vtk.vtkImageData()
+    data.SetDimensions(*values.shape)
+    data.SetOrigin(*low)
+    data.SetSpacing(*spacing)
+    return _write(data, _named(field, values.ravel(order="F")), path, ".vti", vtk)
+
+
+def _write(data, arrays: dict[str, np.ndarray], path: Path, ending: str, vtk) -> Path:
+    for name, values in arrays.items():
+        held = _array(values, vtk)
+        held.SetName(name)
+        data.GetPointData().AddArray(held)
+    kind = {".vti": "vtkXMLImageDataWriter", ".vtu": "vtkXMLUnstructuredGridWriter", ".vtp": "vtkXMLPolyDataWriter"}
+    path = path if path.suffix == ending else path.with_name(path.name + ending)
+    writer = getattr(vtk, kind[ending])()
+    writer.SetFileName(str(path))
+    writer.SetInputData(data)
+    if not writer.Write():
+        raise OSError(f"{path} could not be written")
+    return path
