@@ -7,6 +7,7 @@ import io
 import shutil
 import sqlite3
 import sys
+import threading
 import warnings
 from pathlib import Path
 
@@ -83,6 +84,21 @@ def test_damage_is_seen_where_nothing_is_recorded_yet(filled):
             assert not is_whole(io.BytesIO(content[:size]), size)
         half = content[: len(content) // 2].ljust(len(content), b"\0")
         assert not is_whole(io.BytesIO(half), len(content))
+
+
+def test_a_program_that_another_process_is_writing_is_left_to_it(filled, tmp_path):
+    """Half of a file, the rest 0.3 s later: it was taken for damaged, and the other process's build failed."""
+    cache = tmp_path / "pocl"
+    shutil.copytree(filled / "pocl", cache)
+    (cache / RECORD).unlink()
+    path = next(cache.rglob("*.so"))
+    content = path.read_bytes()
+    path.write_bytes(content[: len(content) // 2])
+    rest = threading.Timer(0.3, path.write_bytes, [content])
+    rest.start()
+    assert remove_damaged(cache) == []
+    rest.join()
+    assert path.read_bytes() == content
 
 
 @pytest.mark.parametrize("record", [b"", b"[]", b'{"../../etc/x.so": [1, 2, 3]}', b'{"AA": 1}', b"\xff"])

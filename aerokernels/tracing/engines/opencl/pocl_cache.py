@@ -25,6 +25,7 @@ RECORD = "aerokernels-checked.json"  # beside PoCL's folders, which have names o
 LEAST_SPACE = 8 << 20  # [bytes] that kernels need to be built; PoCL aborts where it cannot write them
 READ_AT_MOST = 32 << 20  # [bytes] of files not recorded yet that are read for their checksums at one start
 CLOCK_STEP = 2.0  # [s] by which a file system's times may be coarse
+SETTLED = 5.0  # [s] after its last change from which a file that is not whole is no longer being written
 UNREAD = -1  # the checksum of those beyond that
 BITCODE, ELF = b"BC\xc0\xde", b"\x7fELF"
 
@@ -82,6 +83,9 @@ def remove_damaged(folder: Path) -> list[Path]:
                 continue
             with open(place, "rb") as file:
                 whole = is_whole(file, state.st_size)
+                if not whole and recorded is None:  # another process may be writing it now
+                    whole, state = _settle(file, state)
+                    stamp[:2] = state.st_size, state.st_mtime_ns
                 if whole and (room > 0 or recorded is not None):
                     file.seek(0)
                     stamp[2] = zlib.crc32(file.read())
@@ -99,6 +103,16 @@ def remove_damaged(folder: Path) -> list[Path]:
     if seen != known:
         _write_record(folder, seen, begun)
     return list(damaged)
+
+
+def _settle(file: BinaryIO, state: os.stat_result) -> tuple[bool, os.stat_result]:
+    """Whether a file becomes whole before it rests, and its state then."""
+    whole = False
+    while not whole and 0.0 <= time.time() - state.st_mtime < SETTLED:
+        time.sleep(0.05)
+        state = os.fstat(file.fileno())
+        whole = is_whole(file, state.st_size)
+    return whole, state
 
 
 def is_whole(file: BinaryIO, size: int) -> bool:
