@@ -19,6 +19,23 @@ GRIDS = [(g, i) for g in ("volume", "planar", "axisymmetric") for i in GRID_INTE
 MESHES = [(g, i) for g in ("planar", "axisymmetric") for i in ("bilinear", "bilinear-barron", "idw")]
 KINDS = GRIDS + MESHES
 
+
+def _precisions(geometry: str, interpolation: str) -> tuple[str, ...]:
+    """The precisions in which fixed steps are tested: both on cubic grids, one by turns on the others.
+
+    Each interpolation and each geometry has both, and no kernel has a part that only one geometry with one
+    interpolation in one precision goes through; to build each kernel takes both engines five seconds.
+    """
+    if interpolation == "cubic":
+        return "float32", "float64"
+    turn = ("volume", "planar", "axisymmetric").index(geometry)
+    turn += ("linear", "monotone").index(interpolation) if (geometry, interpolation) in GRIDS else 0
+    turn += ("bilinear", "bilinear-barron", "idw").index(interpolation) if (geometry, interpolation) in MESHES else 0
+    return (("float32", "float64")[turn % 2],)
+
+
+FIXED_STEPS = [(*kind, precision) for kind in KINDS for precision in _precisions(*kind)]
+
 STOPS = {
     "far": Plane((0.0, 0.0, 10e-3), (0.0, 0.2, 1.0)),
     "within": Plane((0.0, 0.0, 0.7e-3), (0.0, 0.2, 1.0)),

@@ -20,7 +20,7 @@ from aerokernels.validation.random_fields import mesh_field, slanted_rays, unifo
 from .backends import (
     ENGINES,
     FAR,
-    KINDS,
+    FIXED_STEPS,
     MESHES,
     OPD_LIMIT,
     OPENCL,
@@ -57,8 +57,7 @@ def assert_agree(field, rays, engine, precision, waves, angle, until=FAR, **sett
 
 
 @pytest.mark.parametrize("engine", OPENCL)
-@pytest.mark.parametrize("precision", PRECISIONS)
-@pytest.mark.parametrize(("geometry", "interpolation"), KINDS)
+@pytest.mark.parametrize(("geometry", "interpolation", "precision"), FIXED_STEPS)
 def test_fixed_steps_are_those_of_warp(geometry, interpolation, precision, engine):
     """500 rays, the same steps: rounding alone. 2e-4 wave asked for in float32, 1e-9 wave in float64."""
     angle = 5e-8 if precision == "float32" else 1e-13
