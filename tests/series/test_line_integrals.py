@@ -120,3 +120,13 @@ def _small_only(numpy):
         return numpy(array)
 
     return checked
+
+
+def test_the_speed_script_finds_errors_that_are_reported():
+    """A small run of scripts/series_speed. Expected: nearest-neighbour sums 30 times worse, the error below `error`."""
+    from aerokernels.validation.series_speed import COLUMNS, measure_series, table_rows
+
+    found = measure_series((45, 45, 31), 24, 4)
+    for one in found:
+        assert 30.0 * one["error_m"] < one["nearest_m"] and one["error_m"] < one["reported_m"] and not one["traced"]
+    assert [len(row) for row in table_rows(found)] == [len(COLUMNS)] * 3
