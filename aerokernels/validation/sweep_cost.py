@@ -1,4 +1,4 @@
-"""What a sweep costs beside its tracing, and what more workers give: Mach number x tilt of the target, on 1, 2, ... of them.
+"""What a sweep costs beside its tracing, and what more workers give: Mach number x tilt on 1, 2, ... of them.
 
 A sweep of the shipped wind-tunnel scene over the three flows and many tilts, without pictures, from the start of its
 processes to the written dataset. Beside the wall time stands the tracing alone, `trace_seconds` of all cases by the
