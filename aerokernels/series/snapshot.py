@@ -23,6 +23,7 @@ from ..wavefront import remove_terms
 from .bending import SAFETY, bending, interpolation_error
 from .line_integrals import LineIntegrals, NotLinearError
 from .mesh_integrals import MeshIntegrals
+from .plane_values import nodes_along
 from .pupil_grid import PupilGrid
 
 METHODS = ("auto", "linear", "trace")
@@ -246,6 +247,9 @@ class Snapshots:
         ambient = self.series.ambient_density if flow is None else flow.ambient_density
         assert ambient is not None
         wavelength, mesh = self.way.wavelength, self.lines.mesh
+        if mesh.cell_averages:
+            density = nodes_along(density, range(3), self.lines.interpolation, False)
+            mesh = replace(mesh, cell_averages=False)
         points, along = self.grid.points[rows], self.way.direction
         lines = LineIntegrals(mesh, points, along, self.lines.interpolation)
 

@@ -5,6 +5,7 @@ import pytest
 
 from aerokernels import Disc, IndexField, Plane, RayBundle, flow, optical_series, trace
 from aerokernels.flow import GridMesh
+from aerokernels.medium.cell_averages import node_values
 from aerokernels.series import line_integrals
 from aerokernels.series.bending import bending, interpolation_error
 from aerokernels.series.line_integrals import LineIntegrals
@@ -54,6 +55,22 @@ def test_sums_over_a_sheared_lattice_are_the_integrals(direction, monkeypatch: p
     assert np.abs(found - truth)[good].max() < 5e-4 * rms
     assert (found[~good] == 0.0).all()
     np.testing.assert_allclose(lines.lattice.on_gpu(samples, "cpu"), found, atol=1e-6 * rms)
+
+
+@pytest.mark.parametrize("direction", [(0, 0, 1), (0, 0.2, 1), (1, 0.1, 0.2), (0.1, -1, 0)])
+@pytest.mark.parametrize("geometry", ["volume", "axisymmetric"])
+def test_averages_over_cells_are_made_values_at_the_nodes(geometry: str, direction):
+    """Along an axis and at a slant; the integrals of `node_values` of all of the samples."""
+    rng, along = np.random.default_rng(4), np.array(direction) / np.linalg.norm(direction)
+    if geometry == "axisymmetric" and abs(along[2]) < 0.8:
+        return
+    shape = (14, 13, 12) if geometry == "volume" else (14, 13)
+    samples = rng.normal(size=shape)
+    meshes = [GridMesh(geometry, [0.0] * len(shape), [0.1] * len(shape), shape, averages) for averages in (True, False)]
+    start = rng.uniform(0.4, 0.8, (50, 3)) - 1.4 * along * (geometry == "volume")
+    both = [LineIntegrals(mesh, start, along) for mesh in meshes]
+    nodes = node_values(samples, "cubic", geometry == "axisymmetric")
+    np.testing.assert_allclose(both[0](samples), both[1](nodes), atol=1e-12)
 
 
 @pytest.mark.parametrize("direction", [(0.0, 0.0, 1.0), (0.15, 0.1, -1.0)])
