@@ -20,7 +20,7 @@ from scipy import sparse
 
 from ..flow import GridMesh
 from ..flow.series import host_array
-from .plane_values import PlaneValues, tensor_rows, thinned, to_coefficients
+from .plane_values import PlaneValues, nodes_along, tensor_rows, thinned, to_coefficients
 from .sheared_lattice import ShearedLattice
 
 LINEAR = ("cubic", "linear")  # interpolants that are linear in the samples
@@ -78,7 +78,6 @@ class LineIntegrals:
         last = high if along > 0.0 else low
         self.length = np.abs(last - first) / abs(along)
         places, self._which = np.unique(np.round((first - low) / mesh.spacing[self.axis], 12), return_inverse=True)
-        self._weights = self._plane_weights(places, along) * (mesh.spacing[self.axis] / abs(along))
         self._others = [k for k in range(len(mesh.shape)) if k != self.axis]
         node = low + mesh.spacing[self.axis] * np.arange(mesh.shape[self.axis])
 
@@ -91,6 +90,7 @@ class LineIntegrals:
         drift = np.abs(ends[1] - ends[0]).max()
         extent = min(mesh.spacing[k] * (mesh.shape[k] - 1) for k in self._others)
         self.is_aligned = bool(len(places) == 1 and drift <= ALIGNED * extent)
+        self._weights = self._plane_weights(places, along) * (mesh.spacing[self.axis] / abs(along))
         exit_point = start + ((last - start[:, space]) / along)[:, None] * direction
         entry = start + ((first - start[:, space]) / along)[:, None] * direction
         self.inside = self._within(self._lateral(entry)) & self._within(self._lateral(exit_point))
@@ -105,6 +105,8 @@ class LineIntegrals:
             ambient: The constant, in the samples' unit.
             device: A GPU of Warp's; None: the processor.
         """
+        if self.mesh.cell_averages and not self.is_aligned:
+            samples = nodes_along(host_array(samples), [self.axis], self.interpolation, self._is_even)
         if device is not None and self.lattice is not None:
             return self.lattice.on_gpu(samples, device, ambient)
         found = host_array(samples)
@@ -222,7 +224,9 @@ class LineIntegrals:
             places, count, self.interpolation
         )
         signed = difference if along > 0.0 else -difference
-        return signed @ to_coefficients(count, self.interpolation, False, self.mesh.cell_averages)
+        # Across the planes a slanted ray moves on, so that averages along the axis are no averages along the ray.
+        averages = self.mesh.cell_averages and self.is_aligned
+        return signed @ to_coefficients(count, self.interpolation, False, averages)
 
     def _rows(self, lateral: np.ndarray) -> sparse.csr_matrix:
         """The matrix that takes a plane's coefficients to its values at points; none outside the box."""

@@ -33,6 +33,18 @@ def to_nodes(count: int, interpolation: str, even: bool) -> np.ndarray:
     return np.stack([node_values(unit[:, k], interpolation, even) for k in range(count)], axis=1)
 
 
+def nodes_along(samples: np.ndarray, axes: Any, interpolation: str, even: bool) -> np.ndarray:
+    """Averages over cells as values at the nodes of some of the axes, in the samples' own precision."""
+    for axis in axes:
+        matrix = to_nodes(samples.shape[axis], interpolation, even and axis == 0).astype(samples.dtype)
+        if axis == samples.ndim - 1:
+            samples = samples @ matrix.T
+        else:
+            flat = samples.reshape(*samples.shape[: axis + 1], -1)
+            samples = np.matmul(matrix, flat).reshape(samples.shape)
+    return samples
+
+
 def basis_rows(places: np.ndarray, count: int, interpolation: str) -> tuple[np.ndarray, np.ndarray]:
     """First coefficient and weights of places [cells] along an axis, shapes (n,) and (n, support)."""
     held = np.clip(places, 0.0, count - 1.0)

@@ -22,7 +22,7 @@ from .warp_launch import launch
 
 STILL = 1e-9  # of a cell, over the box, that lines along an axis may be shifted
 LANES, GPU_LANES = 12, 4  # lines of one thread
-AXIS_MARGIN = 2  # cells of the lattice beyond the lines asked for
+MARGIN, STILL_MARGIN = 2, 8  # cells of the lattice beyond the lines asked for, with shift and without
 
 
 class ShearedLattice:
@@ -57,8 +57,9 @@ class ShearedLattice:
         self._shift = (base - sheared).astype(np.int32)
         self._weights = [*blends, np.asarray(weights)]
         wanted = places[within] if within.any() else np.zeros((1, 2))
-        low = np.floor(wanted.min(axis=0)).astype(int) - AXIS_MARGIN
-        high = np.ceil(wanted.max(axis=0)).astype(int) + AXIS_MARGIN
+        margin = np.where(sheared, MARGIN, STILL_MARGIN)
+        low = np.floor(wanted.min(axis=0)).astype(int) - margin
+        high = np.ceil(wanted.max(axis=0)).astype(int) + margin
         for a in range(2):  # without shift there is nothing beyond the box
             if not sheared[a]:
                 low[a], high[a] = max(low[a], 0), min(high[a], self._counts[a] - 1)

@@ -20,9 +20,10 @@ from ..tracing import Plane
 from ..tracing.engines.info import cuda_driver_loads
 from ..tracing.trace import trace
 from ..wavefront import remove_terms
-from .bending import bending, interpolation_error
+from .bending import SAFETY, bending, interpolation_error
 from .line_integrals import LineIntegrals, NotLinearError
 from .mesh_integrals import MeshIntegrals
+from .plane_values import nodes_along
 from .pupil_grid import PupilGrid
 
 METHODS = ("auto", "linear", "trace")
@@ -176,7 +177,10 @@ class Snapshots:
         if self.way.method == "auto" and bending > self.way.tolerance * self.way.wavelength:
             found = self._traced(self.way.index_field(self.series.field(stored, number)))
             return replace(found, slope=slope, probe=probe, interpolation=interpolation)
-        error = float(np.hypot(bending, self._interpolation))
+        # And what drawing the flow's own cells into a grid changed on lines through it, where it was read from such.
+        column = float(getattr(getattr(flow, "resampling", None), "column_rms", 0.0))
+        drawn = SAFETY * self.model.upstream(self.way.wavelength, column).columns
+        error = float(np.sqrt(bending**2 + self._interpolation**2 + drawn**2))
         return Found(opd, valid, False, error, slope, probe, interpolation)
 
     def _straight(self, density: Any, ambient: float) -> np.ndarray:
@@ -243,6 +247,9 @@ class Snapshots:
         ambient = self.series.ambient_density if flow is None else flow.ambient_density
         assert ambient is not None
         wavelength, mesh = self.way.wavelength, self.lines.mesh
+        if mesh.cell_averages:
+            density = nodes_along(density, range(3), self.lines.interpolation, False)
+            mesh = replace(mesh, cell_averages=False)
         points, along = self.grid.points[rows], self.way.direction
         lines = LineIntegrals(mesh, points, along, self.lines.interpolation)
 

@@ -5,6 +5,7 @@ import pytest
 
 from aerokernels import Disc, IndexField, Plane, RayBundle, flow, optical_series, trace
 from aerokernels.flow import GridMesh
+from aerokernels.medium.cell_averages import node_values
 from aerokernels.series import line_integrals
 from aerokernels.series.bending import bending, interpolation_error
 from aerokernels.series.line_integrals import LineIntegrals
@@ -56,6 +57,22 @@ def test_sums_over_a_sheared_lattice_are_the_integrals(direction, monkeypatch: p
     np.testing.assert_allclose(lines.lattice.on_gpu(samples, "cpu"), found, atol=1e-6 * rms)
 
 
+@pytest.mark.parametrize("direction", [(0, 0, 1), (0, 0.2, 1), (1, 0.1, 0.2), (0.1, -1, 0)])
+@pytest.mark.parametrize("geometry", ["volume", "axisymmetric"])
+def test_averages_over_cells_are_made_values_at_the_nodes(geometry: str, direction):
+    """Along an axis and at a slant; the integrals of `node_values` of all of the samples."""
+    rng, along = np.random.default_rng(4), np.array(direction) / np.linalg.norm(direction)
+    if geometry == "axisymmetric" and abs(along[2]) < 0.8:
+        return
+    shape = (14, 13, 12) if geometry == "volume" else (14, 13)
+    samples = rng.normal(size=shape)
+    meshes = [GridMesh(geometry, [0.0] * len(shape), [0.1] * len(shape), shape, averages) for averages in (True, False)]
+    start = rng.uniform(0.4, 0.8, (50, 3)) - 1.4 * along * (geometry == "volume")
+    both = [LineIntegrals(mesh, start, along) for mesh in meshes]
+    nodes = node_values(samples, "cubic", geometry == "axisymmetric")
+    np.testing.assert_allclose(both[0](samples), both[1](nodes), atol=1e-12)
+
+
 @pytest.mark.parametrize("direction", [(0.0, 0.0, 1.0), (0.15, 0.1, -1.0)])
 def test_bending_of_second_order_is_that_of_traced_rays(direction):
     """Set-up: a dense random volume; expected: the difference of rays traced in full and straight ones, to 5 %.
@@ -90,28 +107,36 @@ def test_bending_of_second_order_is_that_of_traced_rays(direction):
     assert np.sqrt(np.mean(off**2)) < np.sqrt(np.mean(estimate**2)) < 300.0 * np.sqrt(np.mean(off**2))
 
 
-@pytest.mark.gpu
-@pytest.mark.parametrize("direction", [(0.0, 0.0, 1.0), (0.2, 0.1, 1.0)])
-def test_snapshots_on_a_gpu_stay_there(direction, monkeypatch: pytest.MonkeyPatch):
-    """Arrays of Warp on the GPU, through DLPack: the maps of the same arrays of the host, and none is copied there."""
-    warp = pytest.importorskip("warp")
-    if not warp.is_cuda_available():
+@pytest.mark.parametrize(
+    ("device", "direction"),
+    [
+        ("cpu", (0.2, 0.1, 1.0)),
+        pytest.param("cuda:0", (0.0, 0.0, 1.0), marks=pytest.mark.gpu),
+        pytest.param("cuda:0", (0.2, 0.1, 1.0), marks=pytest.mark.gpu),
+    ],
+)
+def test_snapshots_on_a_device_stay_there(device: str, direction, monkeypatch: pytest.MonkeyPatch):
+    """Arrays of Warp on a device: the maps of the same arrays of the host, but for the splines' error; none is copied.
+
+    On "cpu" Warp's processor stands for a GPU.
+    """
+    import warp
+
+    if device == "cuda:0" and not warp.is_cuda_available():
         pytest.skip("no GPU")
     field = Fourier.random(2)
     arrays = [field.on_grid(ORIGIN, SPACING, (33, 31, 29), t, np.float32) for t in (0.0, 1e-5)]
     options = {"geometry": "volume", "origin": ORIGIN, "spacing": [SPACING] * 3, "ambient_density": field.mean}
+    view = {"direction": direction, "pixel_count": 24, "method": "linear"}
     pupil = Disc(0.015, [-0.015, -0.012, -0.01])
-    maps = []
-    for kind in ("host", "device"):
-        given = arrays if kind == "host" else [warp.array(one, device="cuda:0") for one in arrays]
-        series = flow.open_series(given, time=[0.0, 1e-5], **options)
-        device = "cpu" if kind == "host" else None
-        if kind == "device":
-            monkeypatch.setattr(warp.array, "numpy", _small_only(warp.array.numpy))
-        maps.append(
-            optical_series(series, pupil, direction=direction, pixel_count=24, method="linear", device=device).opd
-        )
-    np.testing.assert_allclose(maps[1], maps[0], atol=1e-6 * float(np.abs(maps[0]).max()) + 1e-12)
+    host = optical_series(flow.open_series(arrays, time=[0.0, 1e-5], **options), pupil, device="cpu", **view)
+    if device == "cpu":
+        monkeypatch.setattr("aerokernels.series.snapshot.gpu_of", lambda *given: "cpu")
+        monkeypatch.setattr("aerokernels.flow.series._on_device", lambda found: isinstance(found, warp.array))
+    there = flow.open_series([warp.array(one, device=device) for one in arrays], time=[0.0, 1e-5], **options)
+    monkeypatch.setattr(warp.array, "numpy", _small_only(warp.array.numpy))
+    found = optical_series(there, pupil, **view)
+    np.testing.assert_allclose(found.opd, host.opd, atol=3e-4 * float(np.abs(host.opd).max()))
 
 
 def _small_only(numpy):
@@ -120,3 +145,13 @@ def _small_only(numpy):
         return numpy(array)
 
     return checked
+
+
+def test_the_speed_script_finds_errors_that_are_reported():
+    """A small run of scripts/series_speed. Expected: nearest-neighbour sums 30 times worse, the error below `error`."""
+    from aerokernels.validation.series_speed import COLUMNS, measure_series, table_rows
+
+    found = measure_series((45, 45, 31), 24, 4)
+    for one in found:
+        assert 30.0 * one["error_m"] < one["nearest_m"] and one["error_m"] < one["reported_m"] and not one["traced"]
+    assert [len(row) for row in table_rows(found)] == [len(COLUMNS)] * 3

@@ -1,0 +1,66 @@
+"""What a sweep costs beside its tracing, and what more workers give: Mach number x tilt on 1, 2, ... of them.
+
+A sweep of the shipped wind-tunnel scene over the three flows and many tilts, without pictures, from the start of its
+processes to the written dataset. Beside the wall time stands the tracing alone, `trace_seconds` of all cases by the
+run's own clock, divided by the workers. On GPUs each worker has one.
+"""
+
+import tempfile
+import time
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from aerokernels.jobs.sweeps.gpus import visible_gpus
+from aerokernels.jobs.sweeps.run import sweep
+from aerokernels.tracing.engines.info import thread_count
+
+SCENE, FLOWS = "wind-tunnel-mach3", ("mach2", "mach3", "mach4")
+GREATEST_TILT = 30.0  # [degrees]
+COLUMNS = ("workers", "cases", "wall", "a case", "tracing", "wall / tracing", "speed-up")
+
+
+def worker_counts() -> list[int]:
+    """1, 2, 4 ... up to the GPUs of this machine, or its cores where it has none."""
+    most = len(visible_gpus()) or min(thread_count(), 8)
+    return sorted({min(2**k, most) for k in range(10)})
+
+
+def measure_sweep(cases: int, workers: list[int], settings: dict[str, Any] | None = None) -> list[dict[str, float]]:
+    """The figures, one dictionary for each number of workers."""
+    tilts = [f"{tilt:.6g} deg" for tilt in np.linspace(0.0, GREATEST_TILT, max(1, round(cases / len(FLOWS))))]
+    found = []
+    for count in workers:
+        with tempfile.TemporaryDirectory() as folder:
+            begin = time.perf_counter()
+            result = sweep(
+                SCENE,
+                {"flow.source": list(FLOWS), "target.tilt": tilts},
+                workers=count,
+                out=Path(folder) / "out",
+                settings=settings,
+            )
+            wall = time.perf_counter() - begin
+        failed = int(result.failed.sum())
+        if failed:
+            raise RuntimeError(f"{failed} of {result.failed.size} cases failed")
+        tracing = float(result.trace_seconds.sum()) / count
+        found.append({"workers": count, "cases": int(result.failed.size), "wall_seconds": wall, "tracing": tracing})
+    return found
+
+
+def table_rows(found: list[dict[str, float]]) -> list[tuple[str, ...]]:
+    """One row of texts for each number of workers, in the order of COLUMNS."""
+    return [
+        (
+            f"{one['workers']:.0f}",
+            f"{one['cases']:.0f}",
+            f"{one['wall_seconds']:.1f} s",
+            f"{one['wall_seconds'] / one['cases']:.3f} s",
+            f"{one['tracing']:.1f} s",
+            f"{one['wall_seconds'] / one['tracing']:.2f}",
+            f"{found[0]['wall_seconds'] / one['wall_seconds']:.2f}",
+        )
+        for one in found
+    ]
