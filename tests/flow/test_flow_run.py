@@ -22,7 +22,7 @@ def test_a_quarter_size_run_gives_the_shipped_field(tmp_path):
     """Set-up: Mach 3 on 62 x 20 cells. Expected: the shipped density at its cells' middles.
 
     Errors: a captured shock is four times as wide; elsewhere second order in cells four times as large. The median
-    change says how the smooth flow agrees (0.012 of the free stream was seen), the mean how the shock is smeared (0.057).
+    change says how the smooth flow agrees (0.012 was seen), the mean how the shock is smeared (0.057).
     """
     out = tmp_path / "mach3.npz"
     script = str(ROOT / "scripts" / "flows" / "make.py")
