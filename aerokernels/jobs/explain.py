@@ -8,7 +8,7 @@ from aerokernels.echo.prediction import predict_echo
 from aerokernels.echo.return_paths import is_symmetric
 from aerokernels.flow import DensityField
 from aerokernels.jobs.views import FAN_PLANES, FAN_RAYS, PUPIL_SAMPLES, forward_pupil, pupil_samples, trace_options
-from aerokernels.medium import IndexField, ResamplingError
+from aerokernels.medium import IndexField
 from aerokernels.medium.grid import UniformGrid
 from aerokernels.prepare import prepare_field
 from aerokernels.quantities import GREAT_ERROR, root_sum_square
@@ -51,6 +51,7 @@ def explanation(scene: Scene) -> list[tuple[str, str]]:
     resampling = prepared.resampling
     samples = prepared.field.samples
     made = prepared.field.upstream
+    left_by_grid = root_sum_square([0.0 if resampling is None else resampling.opd_rms, made.columns if made else 0.0])
     if made is not None and made.columns > 0.0 and isinstance(samples, UniformGrid):
         rows += [
             ("grid", f"{' x '.join(map(str, samples.shape))} nodes, to which the flow's cells were resampled"),
@@ -86,7 +87,7 @@ def explanation(scene: Scene) -> list[tuple[str, str]]:
             f"{scene.strehl.ray_count:,} asked for, {count:,} traced, pupil of {scene.receiver.diameter * 1e3:g} mm",
         ),
         ("predicted", _prediction(plan, count)),
-        *_predicted_ratio(plan, resampling, wavelength),
+        *_predicted_ratio(plan, left_by_grid, wavelength),
         ("ray optics", validity(prepared.field, pupil).reason),
         (
             "rays, OPD map",
@@ -103,32 +104,31 @@ def explanation(scene: Scene) -> list[tuple[str, str]]:
     return rows
 
 
-def _predicted_ratio(plan: TracePlan, resampling: ResamplingError | None, wavelength: float) -> list[tuple[str, str]]:
+def _predicted_ratio(plan: TracePlan, left_by_grid: float, wavelength: float) -> list[tuple[str, str]]:
     """The error that the Strehl ratio will have at most: whatever it is, under the phase errors known before."""
     if plan.predicted_error is None:
         return []
-    lengths = [] if resampling is None else [resampling.opd_rms]
-    phase = 2.0 * math.pi * root_sum_square([plan.predicted_error, *(length / wavelength for length in lengths)])
+    phase = 2.0 * math.pi * root_sum_square([plan.predicted_error, left_by_grid / wavelength])
     error = greatest_strehl_error(phase)
     left_out = ", without that of the flow's own mesh"
     rows = [("predicted, Strehl ratio", f"error +- {error:.2g}{left_out}")]
     if error > 1.0:
         rows.append(
-            ("warning", f"an error of {error:.2g} answers nothing: {main_cause(_shares(plan, resampling, wavelength))}")
+            (
+                "warning",
+                f"an error of {error:.2g} answers nothing: {main_cause(_shares(plan, left_by_grid, wavelength))}",
+            )
         )
     elif error > GREAT_ERROR:
         rows.append(
-            ("warning", f"an error of {error:.2g} is great: {main_cause(_shares(plan, resampling, wavelength))}")
+            ("warning", f"an error of {error:.2g} is great: {main_cause(_shares(plan, left_by_grid, wavelength))}")
         )
     return rows
 
 
-def _shares(plan: TracePlan, resampling: ResamplingError | None, wavelength: float) -> dict[str, float]:
+def _shares(plan: TracePlan, left_by_grid: float, wavelength: float) -> dict[str, float]:
     """Errors known before, in waves, by the causes of a budget."""
-    shares = {"step": plan.predicted_error or 0.0}
-    if resampling is not None:
-        shares["resampling"] = resampling.opd_rms / wavelength
-    return shares
+    return {"step": plan.predicted_error or 0.0, "resampling": left_by_grid / wavelength}
 
 
 def _predicted_echo(scene: Scene, field: IndexField) -> list[tuple[str, str]]:

@@ -15,6 +15,8 @@ def plain(folder: Path, kind: str) -> Path:
     density = writers.rho(x, y)
     writers.NI, writers.NJ = 9, 7
     try:
+        if kind == "foam-volume":
+            return _volume(folder / "case")
         if kind.startswith("foam"):
             return writers.foam_wedge(folder / "case", binary="binary" in kind, wedge="plane" not in kind)
         if kind.startswith("plot3d"):
@@ -37,6 +39,19 @@ def plain(folder: Path, kind: str) -> Path:
         return vtk_writers.vtk_file(folder / f"a.{kind.split('-')[0]}", kind)
     finally:
         writers.NI, writers.NJ = 31, 21
+
+
+def _volume(case: Path) -> Path:
+    """A square rod as the body of a volume of hexahedra."""
+    from test_volumes import cube, foam_case
+
+    points, corners = cube(6)
+    middle = points[corners].mean(axis=1)
+
+    def rod(p):
+        return (np.abs(p[:, 1:] - 0.5) < 0.17).all(axis=1) & (p[:, 0] > 0.49)
+
+    return foam_case(case, points, corners[~rod(middle)], lambda p: rod(p) & (p[:, 0] < 0.999))
 
 
 def _labelled(folder: Path, kind: str, x, y, density) -> Path:
@@ -64,7 +79,8 @@ def fuzz(folder: Path, kind: str, seeds) -> dict[str, int]:
 
 
 KINDS = (
-    "foam-ascii", "foam-binary", "foam-plane-binary", "plot3d-records", "plot3d-plain", "plot3d-text", "tecplot-text",
+    "foam-ascii", "foam-binary", "foam-plane-binary", "foam-volume",
+    "plot3d-records", "plot3d-plain", "plot3d-text", "tecplot-text",
     "tecplot-text-cells", "tecplot-text-elements", "tecplot-binary", "tecplot-binary-cells", "tecplot-binary-elements",
     "su2-binary", "su2-text", "npz", "csv",
 )  # fmt: skip

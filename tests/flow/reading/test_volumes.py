@@ -168,6 +168,43 @@ def test_a_body_that_goes_on_beyond_the_field(tmp_path):
         flow.read(case, walls=["wings"], spacing=0.1)
 
 
+def test_walls_of_su2_in_space(tmp_path):
+    """Set-up: hexahedra around a cubic hole of 2^3 cells, whose faces a marker names, every other one turned round.
+
+    Expected: the hole is the body; without a wall's name in the marker it is found all the same.
+    """
+    points, corners = cube(8)
+    hole = np.abs(points[corners].mean(axis=1) - 0.5).max(axis=1) < 0.13
+    table = [(0, 3, 2, 1), (4, 5, 6, 7), (0, 1, 5, 4), (1, 2, 6, 5), (2, 3, 7, 6), (3, 0, 4, 7)]
+    count: dict[tuple, list] = {}
+    for own in corners[hole]:
+        for face in table:
+            ring = [int(own[k]) for k in face]
+            count.setdefault(tuple(sorted(ring)), []).append(ring)
+    faces = [rings[0][:: 1 if k % 2 else -1] for k, rings in enumerate(v for v in count.values() if len(v) == 1)]
+    assert hole.sum() == 8 and len(faces) == 24
+    kept = corners[~hole]
+    used = np.unique(kept)
+    number = np.full(len(points), -1)
+    number[used] = np.arange(len(used))
+    lines = ["NDIME= 3", f"NELEM= {len(kept)}"]
+    lines += [f"12 {' '.join(map(str, number[cell]))} {k}" for k, cell in enumerate(kept)]
+    lines += [f"NPOIN= {len(used)}", *(f"{x!r} {y!r} {z!r} {k}" for k, (x, y, z) in enumerate(points[used].tolist()))]
+    lines += ["NMARK= 1", "MARKER_TAG= body_wall", f"MARKER_ELEMS= {len(faces)}"]
+    lines += [f"9 {' '.join(map(str, number[face]))}" for face in faces]
+    rows = [f"{k}, {x!r}, {y!r}, {z!r}, 1.25" for k, (x, y, z) in enumerate(points[used].tolist())]
+    for name in ("body_wall", "far"):
+        folder = tmp_path / name
+        folder.mkdir()
+        (folder / "mesh.su2").write_text("\n".join(lines).replace("body_wall", name) + "\n")
+        head = '"PointID", "x", "y", "z", "Density"'
+        (folder / "restart.csv").write_text("\n".join([head, *rows]) + "\n")
+        found = flow.read(folder / "restart.csv", spacing=0.04)
+        low, high = points[corners[hole]].reshape(-1, 3).min(axis=0), points[corners[hole]].reshape(-1, 3).max(axis=0)
+        assert np.allclose(found.body.box, [low, high], atol=1e-12) and len(found.body.triangles) == 48
+        assert np.ptp(found.density) < 1e-12
+
+
 def test_uniform_grid_is_kept_and_turned_by_the_frame(tmp_path):
     """Set-up: a .vti volume, rho + z. Expected: no resampling; with optical = -x each node lies where it should."""
     pytest.importorskip("vtkmodules")
