@@ -14,6 +14,7 @@ from aerokernels import (
     Sensor,
     background_displacement,
     bos,
+    flow,
     image_through,
     wavefront,
 )
@@ -105,6 +106,26 @@ def test_a_cone_displaces_as_its_exact_rays_say():
     landing = truth.position[:, :2] + beyond * truth.direction[:, :2] / truth.direction[:, 2:]
     expected = -(landing - np.stack([x, y], axis=1)) / camera.scene_pixel
     assert np.abs(expected).max() > 1.0
+    assert np.abs(found.displacement.reshape(-1, 2) - expected).max() < 0.01
+
+
+def test_the_shock_of_a_wedge_displaces_as_snell_says():
+    """A view down on the shock, the pattern in the gas behind it: refraction at one plane; 0.01 pixel."""
+    gas = flow.wedge(2.5, np.deg2rad(10.0), length=0.1, height=0.08)
+    field = gas.index_field(wavelength=532e-9).resample(5e-4)
+    angle, ratio = gas.solution.shock.shock_angle, gas.solution.shock.density_ratio
+    camera = Camera(Disc(5e-4, center=(0.0, 1.0, -0.06), normal=(0.0, -1.0, 0.0)), 0.1, 5e-7, (3, 5), distance=0.98)
+    found = background_displacement(field, camera, aperture_rays=1)
+    x, y = (axis.ravel() for axis in np.meshgrid(*camera.tangents((3, 5))))
+    direction, start = camera.directions(x, y), camera.pupil.center
+    normal = np.array([0.0, np.cos(angle), np.sin(angle)])
+    hit = start - (start @ normal) / (direction @ normal)[:, None] * direction
+    cosine, index = -direction @ normal, field.ambient_index / (1.0 + (field.ambient_index - 1.0) * ratio)
+    bent = index * direction + (index * cosine - np.sqrt(1.0 - index**2 * (1.0 - cosine**2)))[:, None] * normal
+    landing = hit + ((0.02 - hit[:, 1]) / bent[:, 1])[:, None] * bent
+    straight = start + ((0.02 - start[1]) / direction[:, 1])[:, None] * direction
+    expected = -camera.across(landing - straight) / camera.scene_pixel
+    assert np.abs(expected).max() > 0.3
     assert np.abs(found.displacement.reshape(-1, 2) - expected).max() < 0.01
 
 

@@ -97,6 +97,19 @@ class EchoResult:
             "range_error": Quantity(self.range_error, within, "m"),
         }
 
+    def plot(self, axes=None):
+        """Draw the recorded voltage, and that without noise, over time [ns] on matplotlib axes; returns the axes."""
+        if axes is None:
+            from matplotlib import pyplot
+
+            axes = pyplot.subplots(layout="constrained")[1]
+        axes.plot(1e9 * self.time, self.voltage, label="recorded")
+        if self.noise_rms > 0.0:
+            axes.plot(1e9 * self.time, self.clean_voltage, label="without noise")
+            axes.legend()
+        axes.set(xlabel="time after the pulse's peak left [ns]", ylabel="voltage [V]")
+        return axes
+
     def __repr__(self) -> str:
         """The numbers with their errors. Some rays are traced for them when first asked for."""
         found = self.quantities

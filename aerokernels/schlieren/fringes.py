@@ -23,13 +23,14 @@ from ..arguments import checked
 from .bench import Bench
 from .line_of_sight import LineOfSight, check_exposure, line_of_sight
 from .picture import traced_dataset
+from .view import PictureView
 
 if TYPE_CHECKING:
     import xarray
 
 
-@dataclass(frozen=True, eq=False)
-class Interferogram:
+@dataclass(frozen=True, eq=False, repr=False)
+class Interferogram(PictureView):
     """An interferogram, rows from the lowest up, and what it was made of.
 
     Attributes:

@@ -25,6 +25,7 @@ from .bench import Bench
 from .line_of_sight import LineOfSight, check_exposure, line_of_sight
 from .picture import traced_dataset
 from .shadowgraph import spread
+from .view import PictureView
 
 if TYPE_CHECKING:
     import xarray
@@ -33,8 +34,8 @@ if TYPE_CHECKING:
 _BRIGHT_DIRECTION = {"vertical": 0.0, "horizontal": 0.5 * math.pi}
 
 
-@dataclass(frozen=True, eq=False)
-class SchlierenImage:
+@dataclass(frozen=True, eq=False, repr=False)
+class SchlierenImage(PictureView):
     """A schlieren picture, rows from the lowest up, and what it was made of.
 
     Attributes:

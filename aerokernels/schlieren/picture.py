@@ -5,6 +5,8 @@ from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
+from .view import PictureView
+
 if TYPE_CHECKING:
     import xarray
 
@@ -25,8 +27,8 @@ class AnyPicture(Protocol):
         """Pixel centres along the vertical [m], shape (ny,)."""
 
 
-@dataclass(frozen=True, eq=False)
-class Picture:
+@dataclass(frozen=True, eq=False, repr=False)
+class Picture(PictureView):
     """A picture with its scale.
 
     Attributes:

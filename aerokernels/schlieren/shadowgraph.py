@@ -27,6 +27,7 @@ from ..arguments import checked
 from .bench import Bench
 from .line_of_sight import LineOfSight, check_exposure, line_of_sight
 from .picture import traced_dataset
+from .view import PictureView
 from .window import Window, ray_lines
 
 if TYPE_CHECKING:
@@ -36,8 +37,8 @@ PARTS_PER_PIXEL = 3
 MOST_PARTS = 64  # along each side of a quadrilateral
 
 
-@dataclass(frozen=True, eq=False)
-class Shadowgraph:
+@dataclass(frozen=True, eq=False, repr=False)
+class Shadowgraph(PictureView):
     """A shadowgraph, rows from the lowest up, and what it was made of.
 
     Attributes:

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from ..clock import clocked, stage
+from ..pupils import transverse_axes
 from ..quantities import Quantity
 from .status import RayStatus, reached
 
@@ -134,6 +135,25 @@ class TraceResult:
         mean = float(np.sum(share * opd) / share.sum())  # no BLAS: its last bits depend on the threads
         rms = float(np.sqrt(share @ (opd - mean) ** 2 / share.sum()))
         return {"opd_rms": Quantity(rms, self.error.get("total", float("nan")), "m")}
+
+    def plot(self, axes=None):
+        """Draw the spot diagram, the ray directions about their mean [urad], on matplotlib axes; returns the axes.
+
+        Raises:
+            ValueError: `direction` is not among the outputs, or no ray reached the stop.
+        """
+        if self.direction is None or not self.ok.any():
+            raise ValueError("a spot diagram needs the output direction, and rays that reached the stop")
+        if axes is None:
+            from matplotlib import pyplot
+
+            axes = pyplot.subplots(layout="constrained")[1]
+        there = self.direction[self.ok]
+        mean = there.mean(axis=0)
+        first, second = transverse_axes(mean / np.linalg.norm(mean))
+        axes.plot(1e6 * (there @ first), 1e6 * (there @ second), ".", markersize=2)
+        axes.set(xlabel="angle from the mean, first axis [urad]", ylabel="second axis [urad]", aspect="equal")
+        return axes
 
     def __repr__(self) -> str:
         """Rays, their status, the OPD with its error and the plan.

@@ -109,6 +109,20 @@ class Wave:
         spectrum = far_field(self.amplitude, self.coordinates, angle, self.wavelength)
         return PointSpread(np.abs(spectrum / self.incident) ** 2, angle)
 
+    def plot(self, axes=None):
+        """Draw the intensity over the window [mm] on matplotlib axes; returns the axes."""
+        if axes is None:
+            from matplotlib import pyplot
+
+            axes = pyplot.subplots(layout="constrained")[1]
+        x, y = (1e3 * axis for axis in self.coordinates)
+        half = 0.5e3 * self.pixel
+        ends = (x[0] - half, x[-1] + half, y[0] - half, y[-1] + half)
+        drawn = axes.imshow(self.intensity, origin="lower", extent=ends, cmap="inferno")
+        axes.figure.colorbar(drawn, ax=axes, label="intensity")
+        axes.set(xlabel="x in the window [mm]", ylabel="y in the window [mm]")
+        return axes
+
     def __repr__(self) -> str:
         """Size, place and Strehl ratio."""
         rows, columns = self.amplitude.shape

@@ -8,6 +8,7 @@ import math
 
 import numpy as np
 import pytest
+from matplotlib.figure import Figure
 
 from aerokernels import IndexField, Sensor
 from aerokernels.schlieren import Bench, interferogram, schlieren, shadowgraph
@@ -94,6 +95,9 @@ def test_noise_and_the_other_benches():
     still = schlieren(volume(), knife_edge="horizontal", bench=noisy, **VIEW)
     assert 0.005 < still.intensity.std() < 0.1
     assert np.abs(still.intensity * 255 - np.rint(still.intensity * 255)).max() < 1e-9
+    assert "SchlierenImage of 64 x 4 pixels" in repr(still)
+    drawn = still.plot(Figure().subplots()).images[0]
+    assert drawn.get_extent() == pytest.approx([-2.0, 2.0, -10.0, 10.0])
     assert shadowgraph(volume(), distance=0.1, bench=noisy, **VIEW).source_angle == pytest.approx(1e-4)
     # Of an OPD of 4 nm, 0.03 radian in quadrature: focused, all points agree; 1 m away, 8 mrad blur it over 1.6 waves.
     fringes = {"phase": 0.25, "wavelength": 800e-9, **VIEW}
