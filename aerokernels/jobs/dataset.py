@@ -92,6 +92,9 @@ def run_dataset(result: RunParts, summary: Mapping[str, Any]) -> "xarray.Dataset
             "opd_without_tilt": variable(
                 ("pupil_y", "pupil_x"), pupil.without_tilt, "m", "optical path difference, piston and tilt removed"
             ),
+            "opd_without_focus": variable(
+                ("pupil_y", "pupil_x"), pupil.without_focus, "m", "optical path difference, piston, tilt, focus removed"
+            ),
         }
         coordinates |= {
             "pupil_x": variable("pupil_x", pupil.coordinate, "m", "x in the pupil"),
