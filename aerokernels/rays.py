@@ -19,6 +19,7 @@ from .pupils import (
 )
 from .pupils.base import SAMPLINGS
 from .read_only import ReadOnly
+from .shown import shown
 
 __all__ = [
     "SAMPLINGS",
@@ -37,6 +38,7 @@ __all__ = [
 
 
 @checked
+@shown
 @dataclass(frozen=True, eq=False)
 class RayBundle(ReadOnly):
     """Rays to trace.

@@ -30,6 +30,8 @@ from aerokernels.strehl import StrehlEstimate
 from aerokernels.strehl_estimate import estimate_strehl
 from aerokernels.tracing.engines.choice import choose_backend
 
+from ..shown import shown
+
 if TYPE_CHECKING:
     import xarray
 
@@ -47,6 +49,7 @@ STAGES = {
 }
 
 
+@shown
 class RunResult(RunParts):
     """Everything that a run made, and its two written forms."""
 

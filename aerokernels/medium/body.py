@@ -11,6 +11,7 @@ import numpy as np
 
 from ..arguments import checked
 from ..read_only import ReadOnly
+from ..shown import shown
 from .crossings import crossings
 from .grid import check_finite
 from .wall_tree import WallTree, wall_tree
@@ -24,6 +25,7 @@ ON_AXIS = 1e-12
 
 
 @checked
+@shown
 @dataclass(frozen=True, eq=False)
 class Body(ReadOnly):
     """A solid body.

@@ -6,6 +6,7 @@ from functools import cached_property
 import numpy as np
 
 from ..arguments import checked
+from ..shown import shown
 from ..sobol import sobol_points
 from .base import SAMPLINGS, Pupil
 from .square_map import RING, SquareMap
@@ -108,6 +109,7 @@ class _Round(Pupil):
 
 
 @checked
+@shown
 @dataclass(frozen=True, eq=False)
 class Disc(_Round):
     """A flat circular pupil.
@@ -132,6 +134,7 @@ class Disc(_Round):
 
 
 @checked
+@shown
 @dataclass(frozen=True, eq=False)
 class Annulus(_Round):
     """A flat circular pupil with a central obstruction.

@@ -7,6 +7,7 @@ from functools import cached_property
 import numpy as np
 
 from ..arguments import are_numbers, checked
+from ..shown import shown
 from .base import Pupil
 from .square_map import PIXELS, SquareMap, cumulative
 from .vectors import check_length
@@ -104,6 +105,7 @@ def _overlap(edges: np.ndarray, extent: float, size: float, count: int) -> np.nd
 
 
 @checked
+@shown
 @dataclass(frozen=True, eq=False)
 class Rectangle(_Pixels):
     """A flat rectangular pupil.
@@ -139,6 +141,7 @@ class Rectangle(_Pixels):
 
 
 @checked
+@shown
 @dataclass(frozen=True, eq=False)
 class Mask(_Pixels):
     """A flat pupil of any shape and transmission, constant in each of its pixels.

@@ -6,11 +6,13 @@ from functools import cached_property
 import numpy as np
 
 from ..arguments import checked
+from ..shown import shown
 from .base import Pupil
 from .square_map import TRIANGLES, SquareMap, cumulative
 
 
 @checked
+@shown
 @dataclass(frozen=True, eq=False)
 class Polygon(Pupil):
     """A flat pupil bounded by straight edges.

@@ -20,6 +20,7 @@ import numpy as np
 from aerokernels.medium import IndexField
 
 from ..arguments import checked
+from ..shown import shown
 from .bench import Bench
 from .line_of_sight import LineOfSight, check_exposure, line_of_sight
 from .picture import traced_dataset
@@ -28,6 +29,7 @@ if TYPE_CHECKING:
     import xarray
 
 
+@shown
 @dataclass(frozen=True, eq=False)
 class Interferogram:
     """An interferogram, rows from the lowest up, and what it was made of.

@@ -157,5 +157,5 @@ def test_numbers_have_labels_and_what_users_wrote_is_escaped():
     }
     page = render_report({}, summary, "</pre><script>")
     assert "range by leading edge [m]" in page and "ranges_m" not in page and "scene_values" not in page
-    for told in ("<script", "<img", "<b>none", "<i>1"):
+    for told in ("<script", "<img", "<b>none</b></p>", "<i>1"):
         assert told not in page
