@@ -2,8 +2,10 @@
 
 from dataclasses import dataclass, field
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from ..arguments import checked
 from ..shown import shown
@@ -127,6 +129,10 @@ class Disc(_Round):
     center: np.ndarray = field(default_factory=lambda: np.zeros(3))
     normal: np.ndarray = field(default_factory=lambda: np.array([0.0, 0.0, 1.0]))
 
+    if TYPE_CHECKING:  # arrays are made of what is given
+
+        def __init__(self, radius: float, center: ArrayLike = (0, 0, 0), normal: ArrayLike = (0, 0, 1)) -> None: ...  # noqa: D107
+
     def __post_init__(self):
         """Check and normalise."""
         check_length(self.radius, "radius of a Disc")
@@ -153,6 +159,12 @@ class Annulus(_Round):
     inner_radius: float
     center: np.ndarray = field(default_factory=lambda: np.zeros(3))
     normal: np.ndarray = field(default_factory=lambda: np.array([0.0, 0.0, 1.0]))
+
+    if TYPE_CHECKING:  # arrays are made of what is given
+
+        def __init__(  # noqa: D107
+            self, radius: float, inner_radius: float, center: ArrayLike = (0, 0, 0), normal: ArrayLike = (0, 0, 1)
+        ) -> None: ...
 
     def __post_init__(self):
         """Check and normalise."""
