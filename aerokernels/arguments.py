@@ -152,10 +152,14 @@ def _in_words(error: Exception) -> bool:
     return where.filename.startswith(_PACKAGE) and (where.line or "").startswith("raise")
 
 
+def units_in(text: str) -> dict[str, str]:
+    """The units of parameters or attributes, by name, out of a docstring's lines like `radius: Radius [m]`."""
+    return {name: unit for name, unit in _UNIT.findall(text) if len(unit) <= 24 and " of " not in unit}
+
+
 def _taken(function: Callable, documented: Any) -> dict[str, _Kinds]:
     """The kinds that each parameter takes, where all of them are known."""
-    text = "\n".join(filter(None, [documented.__doc__, function.__doc__]))
-    units = {name: unit for name, unit in _UNIT.findall(text) if len(unit) <= 24 and " of " not in unit}
+    units = units_in("\n".join(filter(None, [documented.__doc__, function.__doc__])))
     found = {}
     for name, annotation in _annotations(function, documented).items():
         members = _members(annotation)

@@ -2,7 +2,8 @@
 
 Exit status: 0 done; 1 failed; 2 bad input (the line names the file, the key and the remedy); 3 an answer that is worth
 nothing, because its error is greater than the number; 130 interrupted.
-`--debug`, anywhere on the line, shows where it failed as well.
+`--debug`, anywhere on the line, shows where it failed as well; `--json` gives results as JSON, and `--quiet` silences
+notes and progress. Results go to stdout, all else to stderr.
 """
 
 import atexit
@@ -12,14 +13,17 @@ import pkgutil
 import signal
 import sys
 import traceback
+import warnings
 from types import FrameType
-from typing import Annotated, NoReturn
+from typing import Annotated, Any, NoReturn
 
 import typer
 
 from aerokernels import __version__, commands
+from aerokernels.commands._output import asked, plain, say, silence, warn
 
 FAILED, BAD_INPUT, INTERRUPTED = 1, 2, 130
+SWITCHES = ("--debug", "--json", "--quiet")
 # New objects between two searches for cycles. What the libraries make when they are imported is there to stay: looked
 # through at Python's own pace, it takes a tenth of a whole run.
 COLLECT_AFTER = (50_000, 20, 50)
@@ -29,7 +33,8 @@ app = typer.Typer(
     help="Aero-optics of supersonic flow: from a density field to wavefront, Strehl ratio, laser echo and range.",
     epilog="Exit status: 0 done; 1 failed; 2 bad input; 3 the answer is worth nothing: its error is greater than the "
     "number itself; 130 interrupted.",
-    add_completion=False,
+    context_settings={"help_option_names": ["-h", "--help"]},
+    rich_markup_mode=None,  # which takes "[ps]" and "[default: ...]" in a help text for markup, and drops it
     pretty_exceptions_enable=False,
 )
 
@@ -46,13 +51,19 @@ def _options(
         bool, typer.Option("--version", callback=_print_version, is_eager=True, help="Show the version and leave.")
     ] = False,
     debug: Annotated[bool, typer.Option("--debug", help="Show the traceback of a failure.")] = False,
+    as_json: Annotated[bool, typer.Option("--json", help="Print results as JSON.")] = False,
+    quiet: Annotated[bool, typer.Option("--quiet", help="Print no notes and no progress.")] = False,
 ) -> None:
-    """Name the options of every command for --help; `main` takes --debug before the parser sees it."""
+    """Name the options of every command for --help; `main` takes these anywhere, before the parser sees them."""
 
 
 for _module in pkgutil.iter_modules(commands.__path__):
     if not _module.name.startswith("_"):
-        app.command(_module.name)(getattr(importlib.import_module(f"{commands.__name__}.{_module.name}"), _module.name))
+        _command = getattr(importlib.import_module(f"{commands.__name__}.{_module.name}"), _module.name)
+        if isinstance(_command, typer.Typer):
+            app.add_typer(_command)
+        else:
+            app.command(_module.name)(_command)
 
 
 def exit_status(error: BaseException) -> int:
@@ -75,6 +86,17 @@ def one_line(error: BaseException) -> str:
     return f"{type(error).__name__}: {text}" if text else type(error).__name__
 
 
+def taken_out(line: list[str]) -> tuple[list[str], set[str]]:
+    """The arguments without the switches that may stand anywhere, up to a bare "--"; and those switches."""
+    end = line.index("--") if "--" in line else len(line)
+    switches = {argument for argument in line[:end] if argument in SWITCHES}
+    return [argument for argument in line[:end] if argument not in SWITCHES] + line[end:], switches
+
+
+def _show_warning(message: Warning | str, category: type[Warning], *where: Any, **more: Any) -> None:
+    warn(f"warning: {message}")
+
+
 def _stop(number: int, frame: FrameType | None) -> NoReturn:
     raise KeyboardInterrupt
 
@@ -85,17 +107,19 @@ def main() -> NoReturn:
     atexit.register(gc.freeze)  # and when all is done, what is left need not be looked through once more
     # A polite kill ends like Ctrl-C does: what was half-written is cleared away.
     signal.signal(signal.SIGTERM, _stop)
-    arguments = [argument for argument in sys.argv[1:] if argument != "--debug"]
+    arguments, switches = taken_out(sys.argv[1:])
+    asked.as_json, asked.quiet = "--json" in switches, "--quiet" in switches
+    warnings.showwarning = _show_warning
     try:
         status = app(args=arguments or ["--help"], prog_name="aerokernels", standalone_mode=False)
     except BrokenPipeError:  # `aerokernels fields | head`
-        sys.stderr.close()
+        silence(sys.stdout)
         raise SystemExit(FAILED) from None
     except (Exception, KeyboardInterrupt) as error:
-        if len(arguments) < len(sys.argv) - 1:
+        if "--debug" in switches:
             traceback.print_exc()
         else:
-            print(f"error: {one_line(error)}", file=sys.stderr)
+            say(plain(f"error: {one_line(error)}"), err=True)
         raise SystemExit(exit_status(error)) from None
     if status == INTERRUPTED:  # the parser turns an interrupt of its own accord into this status
         print("interrupted", file=sys.stderr)

@@ -15,6 +15,7 @@ from .arguments import Numbers, checked
 from .echo.checks import as_finite_array, as_waveform, check_positive
 from .echo.pulse_curve import PulseCurve
 from .echo.waveform import SPEED_OF_LIGHT
+from .shown import shown
 
 # Table 5, made half-open: a degree holds for |r| from its own bound up to, but not at, the next.
 DEGREES = (
@@ -34,6 +35,7 @@ WIDTH_SIGMAS = 5.0
 WIDTH_NOISE = 0.05
 
 
+@shown
 @dataclass(frozen=True)
 class WaveformComparison:
     """What two waveforms have in common.

@@ -1,8 +1,10 @@
 """Ray bundles: where light starts, in which direction, and with what share of the whole."""
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from .arguments import Numbers, checked
 from .pupils import (
@@ -19,6 +21,7 @@ from .pupils import (
 )
 from .pupils.base import SAMPLINGS
 from .read_only import ReadOnly
+from .shown import shown
 
 __all__ = [
     "SAMPLINGS",
@@ -37,6 +40,7 @@ __all__ = [
 
 
 @checked
+@shown
 @dataclass(frozen=True, eq=False)
 class RayBundle(ReadOnly):
     """Rays to trace.
@@ -53,6 +57,10 @@ class RayBundle(ReadOnly):
     position: np.ndarray
     direction: np.ndarray
     weight: np.ndarray | None = None
+
+    if TYPE_CHECKING:  # arrays are made of what is given
+
+        def __init__(self, position: ArrayLike, direction: ArrayLike, weight: ArrayLike | None = None) -> None: ...  # noqa: D107
 
     def __post_init__(self):
         """Check, normalise, and make read-only copies."""

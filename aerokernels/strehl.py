@@ -19,6 +19,7 @@ from .arguments import Numbers, checked
 from .callable_module import make_callable
 from .clock import clocked, stage
 from .quantities import Quantity, Verdict, judge_strehl, listed
+from .shown import shown
 from .strehl_errors import main_cause, phase_error
 from .wavefront import check_metres, check_terms, check_wavefront, map_points, mean_phasor, remove_terms, weighted_mean
 from .wavelength import check_wavelength
@@ -87,6 +88,7 @@ def strehl_marechal(
     return float(np.exp(-((2.0 * np.pi / wavelength) ** 2) * weighted_mean(weights, opd**2)))
 
 
+@shown
 @dataclass(frozen=True, eq=False, repr=False)
 class StrehlEstimate:
     """A Strehl ratio and what belongs to it.

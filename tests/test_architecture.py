@@ -19,6 +19,7 @@ RANK = {
             ("read_only",),
             ("units", "quantities", "callable_module", "sobol", "wavelength", "derived", "clock", "opened"),
             ("arguments",),
+            ("shown",),
             ("quiet_warp", "sensor"),
             ("pupils",),
             ("rays",),

@@ -1,8 +1,10 @@
-"""Progress: a bar on a terminal (stderr), a line for each stage elsewhere (stdout: stderr is for what goes wrong)."""
+"""Progress on stderr: a bar on a terminal, a line for each stage elsewhere, nothing with --quiet."""
 
 import contextlib
 import sys
 from collections.abc import Callable, Iterator
+
+from aerokernels.commands._output import asked, note
 
 Progress = Callable[[str, float], None]
 
@@ -10,18 +12,20 @@ Progress = Callable[[str, float], None]
 @contextlib.contextmanager
 def shown_progress(title: str) -> Iterator[Progress]:
     """Give a function that takes the name of the stage that begins and the fraction of the job done before it."""
-    if not sys.stderr.isatty():
-
-        def line(stage: str, fraction: float) -> None:
-            print(f"{title}: {stage}", flush=True)
-
-        yield line
+    if asked.quiet or not sys.stderr.isatty():
+        yield lambda stage, fraction: note(f"{title}: {stage}")
         return
     from rich.console import Console
     from rich.progress import BarColumn, TextColumn, TimeElapsedColumn
     from rich.progress import Progress as Bar
+    from rich.text import Text
 
-    columns = (TextColumn("{task.fields[title]}"), BarColumn(), TextColumn("{task.description}"), TimeElapsedColumn())
+    columns = (
+        TextColumn("{task.fields[title]}", markup=False),
+        BarColumn(),
+        TextColumn("{task.description}", markup=False),
+        TimeElapsedColumn(),
+    )
     with Bar(*columns, console=Console(stderr=True), transient=True) as bar:
-        task = bar.add_task("", total=1.0, title=title)
+        task = bar.add_task("", total=1.0, title=Text(title).plain)
         yield lambda stage, fraction: bar.update(task, description=stage, completed=fraction)

@@ -9,7 +9,9 @@ import typer
 if TYPE_CHECKING:
     from aerokernels.scene import Scene
 
-SceneName = Annotated[str, typer.Argument(metavar="SCENE", help="A TOML file, or the name of a shipped scene.")]
+SceneName = Annotated[
+    str, typer.Argument(metavar="SCENE", help="A TOML file, the name of a shipped scene, or - for standard input.")
+]
 Backend = Annotated[str | None, typer.Option(help="auto, warp, opencl or reference.")]
 Device = Annotated[str | None, typer.Option(help="cpu, cuda:0, or an OpenCL device's name; see `backends`.")]
 Precision = Annotated[str | None, typer.Option(help="float32 or float64, inside the kernels.")]

@@ -1,10 +1,21 @@
-"""Tables on a terminal, and plain lines that `grep` and `cut` can take where the output goes elsewhere."""
+"""Tables on a terminal, plain lines that `grep` and `cut` can take where the output goes elsewhere, or JSON."""
 
+import io
 from collections.abc import Sequence
+from typing import Any
+
+from aerokernels.commands._output import asked, json_text, plain, say
 
 
-def print_table(title: str, columns: Sequence[str], rows: Sequence[Sequence[str]]) -> None:
-    """Print rows of texts: a drawn table on a terminal, lines with tabs between the columns otherwise."""
+def print_table(title: str, columns: Sequence[str], rows: Sequence[Sequence[str]], data: Any = None) -> None:
+    """Print rows of texts: a drawn table on a terminal, lines with tabs between the columns otherwise.
+
+    With --json `data` is printed in their place; where there is none, the table as a title and a list of objects.
+    """
+    if asked.as_json:
+        listed = {"title": title, "rows": [dict(zip(columns, row, strict=True)) for row in rows]}
+        say(json_text(listed if data is None else data))
+        return
     from rich.console import Console
     from rich.table import Table
     from rich.text import Text
@@ -12,13 +23,15 @@ def print_table(title: str, columns: Sequence[str], rows: Sequence[Sequence[str]
     console = Console()
     if not console.is_terminal:
         for row in (columns, *rows):
-            print("\t".join(row))
+            say("\t".join(" ".join(plain(cell).split("\t")) for cell in row))
         return
     from rich import box
 
-    table = Table(box=box.SIMPLE_HEAD, title=title, title_justify="left")
+    table = Table(box=box.SIMPLE_HEAD, title=Text(plain(title)), title_justify="left")
     for column in columns:
-        table.add_column(column, overflow="fold")
+        table.add_column(Text(column), overflow="fold")
     for row in rows:
-        table.add_row(*(Text(cell) for cell in row))
-    console.print(table)
+        table.add_row(*(Text(plain(cell)) for cell in row))
+    drawn = io.StringIO()
+    Console(file=drawn, force_terminal=True, width=console.width, color_system=console.color_system).print(table)  # type: ignore[arg-type]
+    say(drawn.getvalue().rstrip("\n"))

@@ -2,6 +2,7 @@
 
 import typer
 
+from aerokernels.commands._output import warn
 from aerokernels.quantities import Verdict
 
 WORTHLESS_ANSWER = 3  # beside 1, failed, and 2, bad input (cli.py)
@@ -14,6 +15,6 @@ def leave_with(verdict: Verdict) -> None:
         typer.Exit: The answer is worth nothing.
     """
     if verdict:
-        typer.echo(f"{'worth nothing' if verdict.worthless else 'warning'}: {verdict.reason}", err=True)
+        warn(f"{'worth nothing' if verdict.worthless else 'warning'}: {verdict.reason}")
     if verdict.worthless:
         raise typer.Exit(WORTHLESS_ANSWER)

@@ -1,15 +1,17 @@
 """`aerokernels backends`: what this machine can compute on."""
 
-import typer
-
 
 def backends() -> None:
     """Show the backends and devices of this machine, work-arounds in force, and which one `auto` takes and why."""
+    from dataclasses import asdict
+
+    from aerokernels.commands._output import asked, note, plain, say
     from aerokernels.commands._table import print_table
     from aerokernels.tracing import available_backends
     from aerokernels.tracing.engines.choice import choose_backend
 
     found = available_backends()
+    backend, device, reason = choose_backend("auto", None)
     print_table(
         "Backends and devices",
         ("backend", "device", "version", "float64", "memory", "what it is"),
@@ -24,9 +26,14 @@ def backends() -> None:
             )
             for info in found
         ],
+        {
+            "backends": [asdict(info) for info in found],
+            "auto": {"backend": backend, "device": device, "reason": reason},
+        },
     )
     for info in found:
         if info.workaround:
-            typer.echo(f"work-around on {info.device}: {info.workaround}")
-    backend, device, reason = choose_backend("auto", None)
-    typer.echo(f"auto takes {backend} on {device}: {reason.removeprefix(f'backend {backend} on {device}: ')}")
+            (note if asked.as_json else say)(f"work-around on {info.device}: {info.workaround}")
+    reason = reason.removeprefix(f"backend {backend} on {device}: ")
+    if not asked.as_json:
+        say(plain(f"auto takes {backend} on {device}: {reason}"))

@@ -28,6 +28,7 @@ def bench(
     """Measure speed with the error beside it: rays per second, CPU seconds, share of what the hardware could do."""
     from aerokernels.benchmark import Settings, run_bench
     from aerokernels.benchmark.table import COLUMNS, table_rows
+    from aerokernels.commands._output import note
     from aerokernels.commands._table import print_table
 
     settings = Settings(
@@ -48,4 +49,4 @@ def bench(
         out.write_text(json.dumps(measured, indent=1, allow_nan=False) + "\n", encoding="utf-8")
     print_table(f"Benchmark on {measured['machine']['cpu']}", COLUMNS, table_rows(measured))
     if out is not None:
-        typer.echo(f"wrote {out}")
+        note(f"wrote {out}")

@@ -34,6 +34,7 @@ def compare(
     ranged: Annotated[int, typer.Option(help="Echoes of each label that are ranged one by one, at most.")] = 300,
 ) -> None:
     """Compare recorded echoes with simulated ones, by label: peaks, relative errors, correlation, ranges."""
+    from aerokernels.commands._output import asked, note, say, warn
     from aerokernels.commands._progress import shown_progress
     from aerokernels.commands._table import print_table
     from aerokernels.jobs.comparison import CompareOptions, compare_recording
@@ -59,11 +60,11 @@ def compare(
         title, columns, rows = make(found)
         print_table(title, columns, rows)
     for text in found.warnings:
-        typer.echo(f"warning: {text}", err=True)
+        warn(f"warning: {text}")
     unfit = sum(one.unfit_count for one in found.labels)
     if unfit:
-        typer.echo(f"passed over: {unfit} echoes with too few samples, or without a sample period")
+        note(f"passed over: {unfit} echoes with too few samples, or without a sample period")
     if found.left_out:
-        typer.echo(f"no run for: {', '.join(map(label_text, found.left_out))}")
+        (note if asked.as_json else say)(f"no run for: {', '.join(map(label_text, found.left_out))}")
     if files:
-        typer.echo(f"wrote {', '.join(files)} to {out}")
+        note(f"wrote {', '.join(files)} to {out}")

@@ -14,6 +14,7 @@ def export(
     ] = None,
 ) -> None:
     """Write the echoes of a store to a NetCDF or CSV file; a recording into it may go on."""
+    from aerokernels.commands._output import note
     from aerokernels.commands._recording import parse_labels
     from aerokernels.hardware.export import export as write_echoes
     from aerokernels.hardware.store import EchoStore
@@ -21,4 +22,4 @@ def export(
     labels = parse_labels(label or [])
     with EchoStore(store, read_only=True) as echoes:
         count = write_echoes(echoes, out, labels)
-    typer.echo(f"wrote {count} echoes to {out}")
+    note(f"wrote {count} echoes to {out}")

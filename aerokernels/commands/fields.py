@@ -29,6 +29,7 @@ def fields(
     if path is None:
         _shipped()
         return
+    from aerokernels.commands._output import note
     from aerokernels.commands._table import print_table
     from aerokernels.flow import contents, read
 
@@ -52,7 +53,7 @@ def fields(
         from aerokernels.jobs.flow_figure import save_flow_figure
 
         save_flow_figure(flow, picture, path.name)
-        typer.echo(f"wrote {picture}")
+        note(f"wrote {picture}")
 
 
 def _time(text: str | None) -> float | str | None:

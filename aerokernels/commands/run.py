@@ -16,12 +16,14 @@ def run(
     precision: Precision = None,
     rays: Rays = None,
     settings: Settings = None,
+    no_echo: Annotated[bool, typer.Option("--no-echo", help="Leave out the laser echo and its range.")] = False,
 ) -> None:
     """Do the whole job: flow, rays, wavefront, Strehl ratio, echo and range, with a report; each number with its error.
 
     What can be finished is finished: an echo that cannot be ranged is a result. Exit status 3: all is written, but the
     Strehl ratio's error is greater than the ratio or than 1, so that it is worth nothing.
     """
+    from aerokernels.commands._output import note
     from aerokernels.commands._progress import shown_progress
     from aerokernels.commands._table import print_table
     from aerokernels.commands._verdict import leave_with
@@ -33,12 +35,12 @@ def run(
     check_output_folder(out)
     with shown_progress(loaded.name) as progress:
         with blamed_on(scene):
-            result = simulate(loaded, progress=progress)
+            result = simulate(loaded, progress=progress, with_echo=not no_echo)
         progress("writing the report", 0.9)
         summary = write_run(result, out)
     rows = [*headline_rows(summary), *remark_rows(summary), *_cost_rows(summary)]
-    print_table(loaded.title or loaded.name, ("quantity", "value"), rows)
-    typer.echo(f"wrote {out / 'report.html'}, summary.json and result.nc")
+    print_table(loaded.title or loaded.name, ("quantity", "value"), rows, summary)
+    note(f"wrote {out / 'report.html'}, summary.json and result.nc")
     leave_with(result.strehl.verdict)
 
 

@@ -76,6 +76,7 @@ def schlieren(
     settings: Settings = None,
 ) -> None:
     """Make schlieren pictures, shadowgraphs and interferograms of a flow by tracing light through it."""
+    from aerokernels.commands._output import note
     from aerokernels.commands._progress import shown_progress
     from aerokernels.commands._table import print_table
     from aerokernels.jobs.pictures import KINDS, PictureOptions, make_pictures, picture_scene, write_pictures
@@ -131,7 +132,7 @@ def schlieren(
     if made.comparison is not None:
         rows.append(("Correlation of the lower halves", f"{made.comparison.correlation:.4f}"))
     print_table(scene.title or scene.name, ("quantity", "value"), rows)
-    typer.echo(f"wrote {', '.join(files)} to {out}")
+    note(f"wrote {', '.join(files)} to {out}")
 
 
 def _refuse_without_photograph(pixel_size: str | None, nose: str | None, upstream: str, roll: str) -> None:

@@ -20,6 +20,7 @@ def series(
 
     A job that was broken off goes on with the snapshot at which it stopped.
     """
+    from aerokernels.commands._output import note
     from aerokernels.commands._progress import shown_progress
     from aerokernels.commands._sweeping import thinned
     from aerokernels.commands._table import print_table
@@ -38,4 +39,4 @@ def series(
             rows.append((words, Quantity(summary[name], float("nan") if error is None else error)
                          .scaled(factor, unit).text()))  # fmt: skip
     print_table(loaded.title or loaded.name, ("quantity", "value"), rows)
-    typer.echo(f"wrote {out / 'report.html'}, summary.json, statistics.nc and series.zarr")
+    note(f"wrote {out / 'report.html'}, summary.json, statistics.nc and series.zarr")

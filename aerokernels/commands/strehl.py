@@ -1,7 +1,5 @@
 """`aerokernels strehl`: the Strehl ratio alone."""
 
-import typer
-
 from aerokernels.commands._scene import Backend, Device, Precision, Rays, SceneName, Settings, blamed_on, load_scene
 
 
@@ -17,6 +15,7 @@ def strehl(
 
     The error takes some hundred rays more, below a second. Exit status 3: an error greater than the ratio or than 1.
     """
+    from aerokernels.commands._output import result
     from aerokernels.commands._verdict import leave_with
     from aerokernels.jobs.run import scene_strehl
     from aerokernels.prepare import prepare_field
@@ -24,5 +23,7 @@ def strehl(
     loaded = load_scene(scene, backend, device, precision, rays, settings)
     with blamed_on(scene):
         estimate = scene_strehl(prepare_field(loaded).field, loaded)
-    typer.echo(str(estimate.quantities["value"]))
+    found = estimate.quantities
+    numbers = {name: {"value": one.value, "error": one.error, "unit": one.unit} for name, one in found.items()}
+    result(str(found["value"]), {"scene": loaded.name, **numbers, "verdict": estimate.verdict.level})
     leave_with(estimate.verdict)

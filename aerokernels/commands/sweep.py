@@ -35,6 +35,7 @@ def sweep(
     A sweep that was broken off goes on where it stopped, a finished one does nothing. A case that fails is recorded
     with its error, and the others go on; exit status 1 where all of them failed.
     """
+    from aerokernels.commands._output import note
     from aerokernels.commands._vary import varied
     from aerokernels.jobs.sweeps.definition import define
     from aerokernels.jobs.sweeps.run import check_options, is_finished, run_sweep
@@ -43,7 +44,7 @@ def sweep(
     changes = scene_changes(backend, device, precision, rays, settings)
     definition = define(scene, varied(vary), settings=changes, together=zip_, sample=sample, seed=seed)
     if is_finished(definition, out, retry_failed):
-        typer.echo(f"nothing to do: all {definition.case_count} cases of {out} are done")
+        note(f"nothing to do: all {definition.case_count} cases of {out} are done")
     else:
         from aerokernels.commands._progress import shown_progress
         from aerokernels.commands._sweeping import thinned
@@ -59,13 +60,15 @@ def _finish(total: int, out: Path) -> None:
     Raises:
         typer.Exit: Every case failed.
     """
+    from aerokernels.commands._output import result, warn
     from aerokernels.jobs.sweeps.records import DATASET_FILE, Records
 
     done = Records(out).done
     failed = {number: record["error"] for number, record in sorted(done.items()) if "error" in record}
-    typer.echo(f"{total - len(failed)} of {total} cases in {out / DATASET_FILE}, with report.html beside it")
+    text = f"{total - len(failed)} of {total} cases in {out / DATASET_FILE}, with report.html beside it"
+    result(text, {"case_count": total, "failed": {str(number): why for number, why in failed.items()}, "out": str(out)})
     if failed:
         number, why = next(iter(failed.items()))
-        typer.echo(f"warning: {len(failed)} of {total} cases failed; the first, case {number}: {why}", err=True)
+        warn(f"warning: {len(failed)} of {total} cases failed; the first, case {number}: {why}")
     if len(failed) == total:
         raise typer.Exit(1)

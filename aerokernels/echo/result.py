@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..quantities import Quantity
+from ..shown import shown
 from .pulse_curve import peak_height
 from .range_error import RangeStatistics
 from .uncertainty import EchoErrors
@@ -17,6 +18,7 @@ if TYPE_CHECKING:
     import xarray
 
 
+@shown
 @dataclass(frozen=True, eq=False, repr=False)
 class EchoResult:
     """The echo of a scene. Arrays are float64.

@@ -12,6 +12,7 @@ import numpy as np
 
 from ..arguments import checked
 from ..medium import Body, IndexField
+from ..shown import shown
 from ..wavelength import DEFAULT_WAVELENGTH, check_wavelength
 from .conical_averages import bell, cell_averages
 from .conical_profile import ConeShock
@@ -26,6 +27,7 @@ MARGIN = 8
 DEFAULT_SHARE = 1.0 / 400.0
 
 
+@shown
 @dataclass(frozen=True, eq=False)
 class ConicalFlow(DensityField):
     """The flow over a sharp cone at zero incidence, in the optical frame: tip at the origin, body along -z.

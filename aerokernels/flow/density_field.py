@@ -13,6 +13,7 @@ import numpy as np
 from ..arguments import Numbers, checked
 from ..medium import Body, IndexField, QuadMesh, SolidBody
 from ..read_only import ReadOnly
+from ..shown import shown
 from ..wavelength import DEFAULT_WAVELENGTH, check_wavelength
 from .gas import GREATEST_DENSITY, SEA_LEVEL_DENSITY, FreeStream, check_density, positive
 from .models import one_constant, refractivity_model
@@ -163,6 +164,7 @@ class MeshDensity(SampledDensity):
         return self.mesh.box
 
 
+@shown
 @dataclass(frozen=True, eq=False)
 class CellDensity(MeshDensity):
     """Density on a quadrilateral mesh, in the optical frame (z looks upstream), surrounded by ambient gas.

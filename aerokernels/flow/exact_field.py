@@ -7,6 +7,7 @@ from typing import Protocol
 import numpy as np
 
 from ..medium import QuadMesh
+from ..shown import shown
 from .density_field import CellDensity, in_plane
 from .gas import positive
 
@@ -25,6 +26,7 @@ class Solution(Protocol):
         ...
 
 
+@shown
 @dataclass(frozen=True, eq=False)
 class ExactField(CellDensity):
     """A density field whose cell averages were made from a formula. See CellDensity for what it shares with that.

@@ -9,6 +9,7 @@ from ..medium import Body, IndexField, QuadMesh, SolidBody
 from ..medium.grid import checked_axes
 from ..medium.mesh import GEOMETRIES
 from ..medium.mesh_samples import MeshSamples
+from ..shown import shown
 from ..wavelength import DEFAULT_WAVELENGTH, check_wavelength
 from .density_field import MeshDensity, SampledDensity, in_plane
 from .gas import GREATEST_DENSITY, FreeStream, check_density
@@ -37,6 +38,7 @@ def _checked(density, what: str) -> np.ndarray:
     return values
 
 
+@shown
 @dataclass(frozen=True, eq=False)
 class VertexDensity(MeshDensity):
     """Density at the vertices of a quadrilateral mesh, in the optical frame (z looks upstream), in ambient gas.
@@ -107,6 +109,7 @@ class VertexDensity(MeshDensity):
         )
 
 
+@shown
 @dataclass(frozen=True, eq=False)
 class GridDensity(SampledDensity):
     """Density on a uniform grid, in the optical frame (z looks upstream), surrounded by ambient gas.

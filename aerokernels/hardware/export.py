@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from aerokernels.hardware.csv_cells import csv_cell
 from aerokernels.hardware.retrying_file import RetryingFile
 from aerokernels.hardware.store import EchoStore, StoredEcho
 from aerokernels.hardware.transaction import StoreError
@@ -114,7 +115,7 @@ def _write_csv(store: EchoStore, draft: Path, extent: _Extent, label: Mapping[st
             writer.writerow(
                 [
                     echo.session, frame.sequence, "" if frame.device_time_us is None else frame.device_time_us,
-                    echo.host_time_ns, *(echo.label.get(key, "") for key in extent.keys),
+                    echo.host_time_ns, *(csv_cell(echo.label.get(key, "")) for key in extent.keys),
                     f"{frame.sample_period_ps * 1e-12:.12g}", f"{frame.first_sample_time:.12g}",
                     *(f"{volt:.7g}" for volt in frame.voltage.tolist()),
                     *[""] * (extent.sample_count - frame.samples.size),

@@ -10,6 +10,7 @@ from typing import Any
 
 from aerokernels import __version__
 from aerokernels.compare import DEGREES
+from aerokernels.hardware.csv_cells import csv_cell
 from aerokernels.jobs.comparison import EACH, NO_ALIGNMENT, BenchComparison, LabelComparison
 from aerokernels.jobs.comparison_figure import ranges_figure, waveforms_figure
 from aerokernels.jobs.plots import png
@@ -213,7 +214,8 @@ def _write_csv(path: Path, rows: Sequence[dict[str, Any]]) -> None:
         writer = csv.DictWriter(file, columns, restval="")
         writer.writeheader()
         for row in rows:
-            writer.writerow({name: "" if to_json(value) is None else to_json(value) for name, value in row.items()})
+            plain = {name: to_json(value) for name, value in row.items()}
+            writer.writerow({name: "" if value is None else csv_cell(value) for name, value in plain.items()})
 
 
 def _page(found: BenchComparison, pictures: dict[str, bytes]) -> str:

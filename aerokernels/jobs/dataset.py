@@ -1,7 +1,9 @@
 """A run as one labelled dataset with units: what result.nc holds and the pictures are drawn from."""
 
 import json
+import os
 from collections.abc import Mapping
+from datetime import UTC, datetime
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -42,6 +44,17 @@ def density_cells(field: DensityField) -> tuple[np.ndarray, np.ndarray, np.ndarr
     return density.reshape(RASTER_CELLS, RASTER_CELLS), corner_y, corner_z
 
 
+def _middle(corner: np.ndarray) -> np.ndarray:
+    """Means of the four corners of each cell."""
+    return 0.25 * (corner[1:, 1:] + corner[:-1, 1:] + corner[1:, :-1] + corner[:-1, :-1])
+
+
+def written_at() -> datetime:
+    """When a file is written: now, or at SOURCE_DATE_EPOCH where that is set, so that equal runs give equal files."""
+    epoch = os.environ.get("SOURCE_DATE_EPOCH", "")
+    return datetime.fromtimestamp(int(epoch), UTC) if epoch.isdigit() else datetime.now(UTC)
+
+
 def _number(value: float | None) -> float:
     return float("nan") if value is None else value
 
@@ -57,10 +70,17 @@ def run_dataset(result: RunParts, summary: Mapping[str, Any]) -> "xarray.Dataset
         density, corner_y, corner_z = density_cells(flow)
         variables = {
             "density": variable(("cell_i", "cell_j"), density, "kg m-3", "density, cell averages"),
+            # The middle of each cell, which is where its average belongs.
+            "cell_y": variable(("cell_i", "cell_j"), _middle(corner_y), "m", "y of the cells' centres"),
+            "cell_z": variable(("cell_i", "cell_j"), _middle(corner_z), "m", "z of the cells' centres"),
             "density_y": variable(("corner_i", "corner_j"), corner_y, "m", "y of the cells' corners"),
             "density_z": variable(("corner_i", "corner_j"), corner_z, "m", "z of the cells' corners"),
         }
     coordinates = {"axis": variable("axis", np.array(["x", "y", "z"]), "1", "component")}
+    wavelength = variable((), result.scene.flow.wavelength, "m", "vacuum wavelength of the light")
+    wavelength[2]["standard_name"] = "radiation_wavelength"
+    coordinates["wavelength"] = wavelength
+    coordinates |= {name: variables.pop(name) for name in ("cell_y", "cell_z") if name in variables}
     if fan is not None:
         variables |= {
             "ray_position": variable(("ray", "plane", "axis"), fan.position, "m", "rays of the picture"),
@@ -71,6 +91,9 @@ def run_dataset(result: RunParts, summary: Mapping[str, Any]) -> "xarray.Dataset
             "opd": variable(("pupil_y", "pupil_x"), pupil.opd, "m", "optical path difference, piston removed"),
             "opd_without_tilt": variable(
                 ("pupil_y", "pupil_x"), pupil.without_tilt, "m", "optical path difference, piston and tilt removed"
+            ),
+            "opd_without_focus": variable(
+                ("pupil_y", "pupil_x"), pupil.without_focus, "m", "optical path difference, piston, tilt, focus removed"
             ),
         }
         coordinates |= {
@@ -99,7 +122,9 @@ def run_dataset(result: RunParts, summary: Mapping[str, Any]) -> "xarray.Dataset
         variables["body_z"] = variable("body_vertex", body.profile[:, 1], "m", "z of the body's outline")
     numbers = to_json(summary)
     attributes = {
+        "Conventions": "CF-1.11",
         "title": result.scene.title or result.scene.name,
+        "history": f"{written_at():%Y-%m-%dT%H:%M:%SZ}: made by aerokernels {numbers['version']}",
         "source": f"aerokernels {numbers['version']}",
         "geometry": result.prepared.field.geometry,
         "flow_front_m": result.prepared.front,

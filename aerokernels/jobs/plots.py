@@ -139,12 +139,13 @@ def rays_figure(dataset: "xarray.Dataset") -> "Figure":
 
 
 def opd_figure(dataset: "xarray.Dataset") -> "Figure":
-    """Optical path difference over the receiver's pupil: piston removed, then tilt removed as well."""
+    """Optical path difference over the receiver's pupil: piston removed, then tilt and focus removed as well."""
     square = Panel(SQUARE, SQUARE, bar=True)
     figure, panels = _figure(square, square)
-    for (axes, bar_axes), name, title in zip(
-        panels, ("opd", "opd_without_tilt"), ("Piston removed", "Piston, tilt removed"), strict=True
-    ):
+    shown = {"opd": "No piston", "opd_without_tilt": "No piston, tilt"}
+    if "opd_without_focus" in dataset:  # which results of earlier versions lack
+        shown = {"opd": "No piston", "opd_without_focus": "No piston, tilt, focus"}
+    for (axes, bar_axes), (name, title) in zip(panels, shown.items(), strict=True):
         opd = 1e9 * dataset[name].values
         x, y = 1e3 * dataset["pupil_x"].values, 1e3 * dataset["pupil_y"].values
         limit = float(np.nanmax(np.abs(opd))) if np.isfinite(opd).any() else 0.0
@@ -228,7 +229,9 @@ def echo_figure(dataset: "xarray.Dataset") -> "Figure":
             axes.axvline(nanosecond, color=colour, linewidth=1.1, linestyle=line, label=f"{words} {measured}")
     second = axes.twinx()
     second.plot(nanoseconds, 1e6 * power[shown], color="#2f9e6e", linewidth=1.2, linestyle="-.", label="received power")
-    second.set(ylabel="received power [µW]", ylim=(None, 1.25 * second.get_ylim()[1]))  # clear of the voltage's curve
+    # Clear of the voltage's curve, and with its zero at the same height.
+    (low, high), top = axes.get_ylim(), 1.25 * second.get_ylim()[1]
+    second.set(ylabel="received power [µW]", ylim=(top * low / high if high > 0.0 else None, top))
     handles = [pair for part in (axes, second) for pair in zip(*part.get_legend_handles_labels(), strict=True)]
     axes.legend([handle for handle, _ in handles], [label for _, label in handles], loc="upper right", fontsize=9)
     axes.grid(True, color="#e3e7eb")

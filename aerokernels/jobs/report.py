@@ -7,6 +7,7 @@ import base64
 import html
 import json
 import math
+import re
 from collections.abc import Iterable, Mapping
 from typing import TYPE_CHECKING, Any
 
@@ -50,6 +51,16 @@ CAUSES = {
     "total": "root sum of squares of the others",
 }
 
+# Groups of numbers in summary.json.
+GROUPS = {
+    "ranges_m": "range by {} [m]",
+    "range_uncertainty_m": "uncertainty of the range by {} [m]",
+    "range_statistics_m": "statistics of the range by {} [m]",
+    "stage_seconds": "time, {} [s]",
+}
+
+WIDE = 850  # [pixels] of a picture of two panels
+
 CSS = """
 body { font: 15px/1.55 system-ui, "Segoe UI", Roboto, sans-serif; color: #1d2630; background: white;
   margin: 0 auto; max-width: 1080px; padding: 28px 20px 60px; }
@@ -65,6 +76,7 @@ h2 { font-size: 1.15em; margin: 2.2em 0 .6em; border-bottom: 1px solid #e3e7eb; 
 .note { background: #fff4dc; border-left: 5px solid #b7791f; }
 .alarm p, .note p { margin: .15em 0; }
 figure { margin: 1.4em 0; }
+figure { overflow-x: auto; }
 figure img { max-width: 100%; height: auto; }
 figcaption { color: #5b6470; font-size: .92em; }
 table { border-collapse: collapse; font-variant-numeric: tabular-nums; }
@@ -72,6 +84,21 @@ td, th { padding: 3px 18px 3px 0; border-bottom: 1px solid #eef1f3; vertical-ali
 th { font-weight: 500; color: #45505c; white-space: nowrap; }
 td { overflow-wrap: anywhere; }
 pre { background: #f3f6f8; border-radius: 8px; padding: 12px 14px; overflow-x: auto; font-size: .87em; }
+@media (max-width: 700px) {
+  body { padding: 16px 12px 40px; }
+  .cards { grid-template-columns: 1fr 1fr; }
+  .card { padding: 8px 10px; }
+  figure img.wide { max-width: none; width: 760px; }
+  th { white-space: normal; min-width: 8em; }
+  td, th { padding-right: 10px; }
+}
+@media print {
+  body { max-width: none; padding: 0; font-size: 11px; }
+  .card, .alarm, .note { border: 1px solid #8a94a0; }
+  figure, .card, tr { break-inside: avoid; }
+  h2 { break-after: avoid; }
+  pre { white-space: pre-wrap; }
+}
 """
 
 
@@ -129,20 +156,36 @@ def _table(rows: Iterable[tuple[str, Any]]) -> str:
     return f"<table>{body}</table>" if body else "<p>none</p>"
 
 
+def _label(name: str) -> str:
+    """A key of summary.json in words, with its unit."""
+    from aerokernels.jobs.sweeps.dataset import NUMBERS, TEXTS
+
+    if name in NUMBERS:
+        unit, words = NUMBERS[name]
+        return f"{words} [{unit}]" if unit != "1" else words
+    if name in TEXTS:
+        return TEXTS[name]
+    group, dot, own = name.partition(".")
+    if dot and group in GROUPS:
+        return GROUPS[group].format(" ".join(re.sub(r"[-_.]", " ", own).split()))
+    return " ".join(name.replace("_", " ").split())
+
+
 def _numbers(summary: Mapping[str, Any]) -> list[tuple[str, str]]:
     """Every number of a summary by its key, with its error where it is an estimate."""
     apart = {"plan", "error", "errors", "seconds", "scene", "version", "verdict", "warnings", "failures"}
+    apart |= {"scene_values", "title"}
     apart.add("strehl_standard_error")  # it is a part of the error that is shown: the budget's sampling
     errors = dict(_flat(summary.get("errors") or {}))
     rows = []
     for name, value in _flat({key: value for key, value in summary.items() if key not in apart}):
         number, error = to_json(value), to_json(errors.get(name))
         if name in errors and isinstance(number, (int, float)):
-            rows.append((name, Quantity(number, math.nan if error is None else error).text()))
+            rows.append((_label(name), Quantity(number, math.nan if error is None else error).text()))
         elif name.startswith("range_uncertainty_m.") and number is not None:  # errors themselves
-            rows.append((name, f"{number:.2g}"))
+            rows.append((_label(name), f"{number:.2g}"))
         else:
-            rows.append((name, _words(value)))
+            rows.append((_label(name), _words(value)))
     return rows
 
 
@@ -191,6 +234,11 @@ def draw_pictures(dataset: "xarray.Dataset") -> tuple[dict[str, bytes], dict[str
     return drawn, undrawn
 
 
+def _wide(picture: bytes) -> str:
+    """The class of a picture that a phone shows at a legible size, to be moved sideways; a PNG's head has its width."""
+    return ' class="wide"' if int.from_bytes(picture[16:20], "big") > WIDE else ""
+
+
 def render_report(pictures: Mapping[str, bytes], summary: Mapping[str, Any], scene_text: str) -> str:
     """Write the report.
 
@@ -202,7 +250,7 @@ def render_report(pictures: Mapping[str, bytes], summary: Mapping[str, Any], sce
     Returns:
         A complete HTML document.
     """
-    name = html.escape(str(summary.get("scene", "run")))
+    name = html.escape(str(summary.get("title") or summary.get("scene", "run")))
     cards = "".join(
         f'<div class="card"><b>{html.escape(value)}</b><span>{html.escape(words)}</span></div>'
         for words, value in headline_rows(summary)
@@ -212,7 +260,8 @@ def render_report(pictures: Mapping[str, bytes], summary: Mapping[str, Any], sce
         if key in pictures:
             data = base64.b64encode(pictures[key]).decode("ascii")
             shown.append(
-                f'<figure id="{key}"><img alt="{html.escape(caption)}" src="data:image/png;base64,{data}">'
+                f'<figure id="{key}"><img alt="{html.escape(caption)}" src="data:image/png;base64,{data}"'
+                f"{_wide(pictures[key])}>"
                 f"<figcaption>{html.escape(caption)}</figcaption></figure>"
             )
         else:

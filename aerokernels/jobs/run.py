@@ -30,6 +30,8 @@ from aerokernels.strehl import StrehlEstimate
 from aerokernels.strehl_estimate import estimate_strehl
 from aerokernels.tracing.engines.choice import choose_backend
 
+from ..shown import shown
+
 if TYPE_CHECKING:
     import xarray
 
@@ -47,6 +49,7 @@ STAGES = {
 }
 
 
+@shown
 class RunResult(RunParts):
     """Everything that a run made, and its two written forms."""
 
@@ -94,6 +97,7 @@ def simulate(
     *,
     field: IndexField | DensityField | None = None,
     progress: Progress | None = None,
+    with_echo: bool = True,
 ) -> RunResult:
     """Run a scene: flow, index, Strehl ratio, wavefront, echo, range.
 
@@ -102,6 +106,7 @@ def simulate(
         field: A flow to take in place of the scene's, as it is: the scene's flow.source and flow.density count for
             nothing then. The index of a density field is made at the scene's wavelength, by its relation.
         progress: Called with the stage that begins, in words, and the fraction of the job done before it.
+        with_echo: Whether the laser echo is simulated and ranged; without it that is among the `failures`.
 
     Returns:
         The run. What can be finished is finished: a stage after the Strehl ratio that finds nothing, such as light that
@@ -141,12 +146,16 @@ def simulate(
         choose_backend(scene.trace.backend, scene.trace.device)  # refused here, before anything is computed
         prepared = staged("prepare", lambda: prepare_field(scene, field))
         index = prepared.field
-        check_echo(scene, index)  # so is a scene whose echo cannot be computed, whatever the flow does
+        if with_echo:
+            check_echo(scene, index)  # so is a scene whose echo cannot be computed, whatever the flow does
         strehl = staged("strehl", lambda: scene_strehl(index, scene))
         pupil = tried("wavefront", lambda: pupil_map(index, scene))
         fan = tried("fan", lambda: ray_fan(index, scene, prepared.front), "rays")
         staged("error", lambda: strehl.quantities)
-        found = tried("echo", lambda: echo_with_errors(scene, index, strehl))
+        if with_echo:
+            found = tried("echo", lambda: echo_with_errors(scene, index, strehl))
+        else:
+            found, failed["echo"] = None, "left out, as asked for"
     seconds["total"] = stages["total"]
     return RunResult(scene, prepared, strehl, pupil, fan, found, seconds, stages, failed)
 

@@ -58,7 +58,7 @@ def run_series(scene: Scene, out: Path, progress: Progress | None = None) -> dic
         ValueError: Something wrong with the scene, the snapshots or the folder; nothing is written then.
         ImportError: No Zarr.
     """
-    check_output_folder(out)
+    check_output_folder(out, own=(MAPS_FILE,))
     series, table, trace = scene_series(scene), scene.series, scene.trace
 
     def told(text: str, share: float) -> None:

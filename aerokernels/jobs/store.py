@@ -9,7 +9,7 @@ import json
 import math
 import os
 import shutil
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -21,27 +21,57 @@ if TYPE_CHECKING:
 RESULT_FILE, SUMMARY_FILE, REPORT_FILE = "result.nc", "summary.json", "report.html"
 
 
-def check_output_folder(out: Path) -> None:
+def check_output_folder(out: Path, own: Sequence[str] = ()) -> None:
     """Refuse, before anything is computed, a place that cannot take results.
 
+    Args:
+        out: The folder that results are for.
+        own: Names of files that an unfinished job of the same kind leaves, which goes on there.
+
     Raises:
-        ValueError: `out` or a parent of it is a file, or it may not be written.
+        ValueError: `out` or a parent of it is a file, or it may not be written; or it holds files, and no summary.json
+            of an earlier result among them, which alone is replaced.
     """
     for folder in (out, *out.absolute().parents):
         if folder.is_dir():
             if not os.access(folder, os.W_OK | os.X_OK):
                 raise ValueError(f"--out {out}: no permission to write in {folder}; choose another folder")
+            others = _foreign_files(out, own) if folder == out else []
+            if others:
+                raise ValueError(
+                    f"--out {out}: the folder holds {others[0]}{' and more' * (len(others) > 1)}, and no result of an "
+                    "earlier run: choose another folder, or empty this one"
+                )
             return
         if folder.exists() or folder.is_symlink():
             raise ValueError(f"--out {out}: {folder} is not a folder; choose another name")
+
+
+def _foreign_files(out: Path, own: Sequence[str]) -> list[str]:
+    """What lies in a folder, but for hidden files; nothing where an earlier result is among it."""
+    found = sorted(path.name for path in out.iterdir() if not path.name.startswith("."))
+    return [] if set(own) & set(found) or _is_summary(_earlier(out)) else found
+
+
+def _earlier(out: Path) -> Any:
+    """The summary.json of a folder; None where there is none that can be read."""
+    try:
+        return json.loads((out / SUMMARY_FILE).read_bytes())
+    except (OSError, ValueError, RecursionError):
+        return None
+
+
+def _is_summary(summary: Any) -> bool:
+    return isinstance(summary, dict) and "version" in summary
 
 
 @contextlib.contextmanager
 def staged_folder(out: Path) -> Iterator[Path]:
     """Give a hidden folder beside `out` to write in; on success its files replace the files of the same names in `out`.
 
-    Each file is replaced in one step, after all of them are complete; whatever else lies in `out` stays. On any
-    exception, an interrupt included, the hidden folder goes and `out` is as it was: absent, if it was absent.
+    Each file is replaced in one step, after all of them are complete. Files of an earlier result, which its
+    summary.json names, go where this one has none of their names; whatever else lies in `out` stays. On any exception,
+    an interrupt included, the hidden folder goes and `out` is as it was: absent, if it was absent.
 
     Args:
         out: The folder that the files are for. It and its parents are made if they are not there.
@@ -55,18 +85,36 @@ def staged_folder(out: Path) -> Iterator[Path]:
     try:
         staging.mkdir(parents=True)
         yield staging
+        _name_files(staging)
         if not out.exists():
             staging.rename(out)
             return
-        for file in sorted(staging.iterdir()):
-            file.replace(out / file.name)
+        before = _earlier(out)
+        names = {file.name for file in staging.iterdir()}
+        for name in sorted(names):
+            (staging / name).replace(out / name)
         staging.rmdir()
+        for name in _files_of(before):
+            if name not in names and Path(name).name == name:
+                (out / name).unlink(missing_ok=True)
     except BaseException:
         shutil.rmtree(staging, ignore_errors=True)
         for parent in made:
             with contextlib.suppress(OSError):
                 parent.rmdir()
         raise
+
+
+def _name_files(folder: Path) -> None:
+    """Name the files of a result in its summary.json, if it has one."""
+    summary = _earlier(folder)
+    if isinstance(summary, dict):
+        write_summary(folder / SUMMARY_FILE, {**summary, "files": sorted(path.name for path in folder.iterdir())})
+
+
+def _files_of(summary: Any) -> list[str]:
+    files = summary.get("files") if _is_summary(summary) else None
+    return [name for name in files if isinstance(name, str)] if isinstance(files, list) else []
 
 
 def to_json(value: Any) -> Any:

@@ -7,6 +7,7 @@ range_uncertainty_m    by ranging method: the systematic and the random part of 
 verdict, warnings      what the Strehl ratio's error makes of it ("fine", "warning", "worthless"), and why
 failures               by stage ("wavefront", "rays", "echo", "range", "picture echo", ...): why there is no result
 error                  the error budget of the Strehl ratio by cause
+scene_values           the whole scene as it was run, every key with its default, SI
 seconds                wall time of each part of the run, and of "prepare" by its own parts; "total" is that of the run
 stage_seconds          the same time by what was done, each moment counted once (clock.py): trace_seconds is its
 "kernel", compile_seconds its "compile"; the time of the error budget's own rays is in them
@@ -72,6 +73,7 @@ def summarise(result: RunParts) -> dict[str, Any]:
         "seconds": {**result.seconds, "prepare": dict(result.prepared.seconds)},
         "stage_seconds": dict(result.stages),
         "provenance": result.prepared.provenance,
+        "scene_values": scene.as_dict(),
         "version": __version__,
     }
 

@@ -48,12 +48,14 @@ class PupilMap:
         opd: Optical path difference, piston removed [m], shape (n, n), axes [y, x]; NaN outside the pupil and where a
             ray failed.
         without_tilt: The same with tilt removed as well.
+        without_focus: The same with tilt and focus removed.
         trace: The trace behind it: one ray for each sample in the pupil, or for each distance from the axis.
     """
 
     coordinate: np.ndarray
     opd: np.ndarray
     without_tilt: np.ndarray
+    without_focus: np.ndarray
     trace: TraceResult
 
 
@@ -106,10 +108,11 @@ def pupil_map(field: IndexField, scene: Scene, sample_count: int = PUPIL_SAMPLES
         )
     points = np.stack([x[good], y[good]], axis=1)
     arrived = traced.opd[ray][traced.ok[ray]]
-    opd, without_tilt = np.full(inside.shape, np.nan), np.full(inside.shape, np.nan)
+    opd, without_tilt, without_focus = np.full((3, *inside.shape), np.nan)
     opd[good] = remove_terms(arrived, ("piston",))
     without_tilt[good] = remove_terms(arrived, ("piston", "tilt"), points)
-    return PupilMap(coordinate, opd, without_tilt, traced)
+    without_focus[good] = remove_terms(arrived, ("piston", "tilt", "focus"), points)
+    return PupilMap(coordinate, opd, without_tilt, without_focus, traced)
 
 
 @dataclass(frozen=True, eq=False)

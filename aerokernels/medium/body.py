@@ -6,11 +6,14 @@ kernels under a tree of boxes (wall_tree.py). No table stands between, so a body
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from ..arguments import checked
 from ..read_only import ReadOnly
+from ..shown import shown
 from .crossings import crossings
 from .grid import check_finite
 from .wall_tree import WallTree, wall_tree
@@ -24,6 +27,7 @@ ON_AXIS = 1e-12
 
 
 @checked
+@shown
 @dataclass(frozen=True, eq=False)
 class Body(ReadOnly):
     """A solid body.
@@ -36,6 +40,10 @@ class Body(ReadOnly):
 
     profile: np.ndarray
     geometry: str = "axisymmetric"
+
+    if TYPE_CHECKING:  # arrays are made of what is given
+
+        def __init__(self, profile: ArrayLike, geometry: str = "axisymmetric") -> None: ...  # noqa: D107
 
     def __post_init__(self):
         """Check the profile."""

@@ -11,6 +11,7 @@ import numpy as np
 
 from ..arguments import Numbers, checked
 from ..derived import Derived
+from ..shown import shown
 from ..wavelength import check_wavelength, field_wavelength
 from .body import Body
 from .cell_averages import node_values
@@ -42,6 +43,7 @@ class Upstream:
     model: str = ""
 
 
+@shown
 @dataclass(frozen=True, eq=False)
 class IndexField(Derived):
     """A refractive index field. Build one with `from_samples` or `from_mesh`.

@@ -12,6 +12,7 @@ from itertools import product
 import numpy as np
 
 from ..derived import Derived
+from ..shown import shown
 from . import spline
 
 # Radius in cells within which the kink that a linear interpolant may have at r = 0 is rounded off in its gradient: rays
@@ -79,6 +80,7 @@ def checked_axes(shape: tuple[int, ...], origin, spacing) -> tuple[np.ndarray, n
     return origin, spacing
 
 
+@shown
 @dataclass(frozen=True, eq=False)
 class UniformGrid(Derived):
     """Samples on a uniform grid of two or three local axes.

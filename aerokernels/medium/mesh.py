@@ -11,6 +11,7 @@ import numpy as np
 
 from ..arguments import Numbers, checked
 from ..read_only import ReadOnly
+from ..shown import shown
 from .bilinear import EDGE_SLACK, bilinear_point, contains, invert_bilinear
 from .grid import check_finite
 
@@ -30,6 +31,7 @@ class CellBins:
     cell: np.ndarray
 
 
+@shown
 @dataclass(frozen=True, eq=False)
 class QuadMesh(ReadOnly):
     """A mesh of convex quadrilaterals.

@@ -15,6 +15,7 @@ from functools import cached_property
 import numpy as np
 
 from ..derived import Derived
+from ..shown import shown
 from .grid import eq5_step
 from .mesh import QuadMesh
 from .vertex_values import vertex_gradients
@@ -22,6 +23,7 @@ from .vertex_values import vertex_gradients
 MESH_INTERPOLATIONS = ("bilinear", "bilinear-barron", "idw")
 
 
+@shown
 @dataclass(frozen=True, eq=False)
 class MeshSamples(Derived):
     """Vertex values on a mesh.

@@ -2,10 +2,13 @@
 
 from dataclasses import dataclass, field
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from ..arguments import checked
+from ..shown import shown
 from ..sobol import sobol_points
 from .base import SAMPLINGS, Pupil
 from .square_map import RING, SquareMap
@@ -108,6 +111,7 @@ class _Round(Pupil):
 
 
 @checked
+@shown
 @dataclass(frozen=True, eq=False)
 class Disc(_Round):
     """A flat circular pupil.
@@ -125,6 +129,10 @@ class Disc(_Round):
     center: np.ndarray = field(default_factory=lambda: np.zeros(3))
     normal: np.ndarray = field(default_factory=lambda: np.array([0.0, 0.0, 1.0]))
 
+    if TYPE_CHECKING:  # arrays are made of what is given
+
+        def __init__(self, radius: float, center: ArrayLike = (0, 0, 0), normal: ArrayLike = (0, 0, 1)) -> None: ...  # noqa: D107
+
     def __post_init__(self):
         """Check and normalise."""
         check_length(self.radius, "radius of a Disc")
@@ -132,6 +140,7 @@ class Disc(_Round):
 
 
 @checked
+@shown
 @dataclass(frozen=True, eq=False)
 class Annulus(_Round):
     """A flat circular pupil with a central obstruction.
@@ -150,6 +159,12 @@ class Annulus(_Round):
     inner_radius: float
     center: np.ndarray = field(default_factory=lambda: np.zeros(3))
     normal: np.ndarray = field(default_factory=lambda: np.array([0.0, 0.0, 1.0]))
+
+    if TYPE_CHECKING:  # arrays are made of what is given
+
+        def __init__(  # noqa: D107
+            self, radius: float, inner_radius: float, center: ArrayLike = (0, 0, 0), normal: ArrayLike = (0, 0, 1)
+        ) -> None: ...
 
     def __post_init__(self):
         """Check and normalise."""

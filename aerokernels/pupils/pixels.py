@@ -3,10 +3,13 @@
 from abc import abstractmethod
 from dataclasses import dataclass, field
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from ..arguments import are_numbers, checked
+from ..shown import shown
 from .base import Pupil
 from .square_map import PIXELS, SquareMap, cumulative
 from .vectors import check_length
@@ -104,6 +107,7 @@ def _overlap(edges: np.ndarray, extent: float, size: float, count: int) -> np.nd
 
 
 @checked
+@shown
 @dataclass(frozen=True, eq=False)
 class Rectangle(_Pixels):
     """A flat rectangular pupil.
@@ -123,6 +127,12 @@ class Rectangle(_Pixels):
     center: np.ndarray = field(default_factory=lambda: np.zeros(3))
     normal: np.ndarray = field(default_factory=lambda: np.array([0.0, 0.0, 1.0]))
 
+    if TYPE_CHECKING:  # arrays are made of what is given
+
+        def __init__(  # noqa: D107
+            self, width: float, height: float, center: ArrayLike = (0, 0, 0), normal: ArrayLike = (0, 0, 1)
+        ) -> None: ...
+
     def __post_init__(self):
         """Check and normalise."""
         check_length(self.width, "width of a Rectangle")
@@ -139,6 +149,7 @@ class Rectangle(_Pixels):
 
 
 @checked
+@shown
 @dataclass(frozen=True, eq=False)
 class Mask(_Pixels):
     """A flat pupil of any shape and transmission, constant in each of its pixels.
@@ -159,6 +170,16 @@ class Mask(_Pixels):
     pixel: float | tuple[float, float]
     center: np.ndarray = field(default_factory=lambda: np.zeros(3))
     normal: np.ndarray = field(default_factory=lambda: np.array([0.0, 0.0, 1.0]))
+
+    if TYPE_CHECKING:  # arrays are made of what is given
+
+        def __init__(  # noqa: D107
+            self,
+            weights: ArrayLike,
+            pixel: float | tuple[float, float],
+            center: ArrayLike = (0, 0, 0),
+            normal: ArrayLike = (0, 0, 1),
+        ) -> None: ...
 
     def __post_init__(self):
         """Check and make a read-only copy."""

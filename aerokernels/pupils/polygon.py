@@ -2,15 +2,19 @@
 
 from dataclasses import dataclass, field
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from ..arguments import checked
+from ..shown import shown
 from .base import Pupil
 from .square_map import TRIANGLES, SquareMap, cumulative
 
 
 @checked
+@shown
 @dataclass(frozen=True, eq=False)
 class Polygon(Pupil):
     """A flat pupil bounded by straight edges.
@@ -29,6 +33,12 @@ class Polygon(Pupil):
     vertices: np.ndarray
     center: np.ndarray = field(default_factory=lambda: np.zeros(3))
     normal: np.ndarray = field(default_factory=lambda: np.array([0.0, 0.0, 1.0]))
+
+    if TYPE_CHECKING:  # arrays are made of what is given
+
+        def __init__(  # noqa: D107
+            self, vertices: ArrayLike, center: ArrayLike = (0, 0, 0), normal: ArrayLike = (0, 0, 1)
+        ) -> None: ...
 
     def __post_init__(self):
         """Check and make a read-only copy, counter-clockwise."""

@@ -1,5 +1,6 @@
 """Finding a scene file, reading it, and setting single keys from the command line."""
 
+import sys
 import tomllib
 from collections.abc import Mapping
 from difflib import get_close_matches
@@ -20,8 +21,21 @@ def shipped_scenes() -> tuple[str, ...]:
     )
 
 
+def shipped_scene_text(name: str) -> str:
+    """The text of a shipped scene, comments and all.
+
+    Raises:
+        SceneError: There is none of that name.
+    """
+    if name not in shipped_scenes():
+        close = get_close_matches(name, shipped_scenes(), 1)
+        hint = f"did you mean {close[0]}? " if close else ""
+        raise SceneError(f"{name}: there is no such shipped scene; {hint}there are {', '.join(shipped_scenes())}")
+    return (_SHIPPED / f"{name}.toml").read_text(encoding="utf-8")
+
+
 def read_scene(place: str | Path) -> tuple[str, str, dict[str, Any]]:
-    """A scene file, or a shipped scene by its name.
+    """A scene file, a shipped scene by its name, or "-": the scene on standard input.
 
     Returns:
         What to call the source in messages, the scene's default name, and its tables.
@@ -30,7 +44,9 @@ def read_scene(place: str | Path) -> tuple[str, str, dict[str, Any]]:
         SceneError: Neither a file nor a shipped scene, a file that cannot be read, or one that is not TOML.
     """
     path, name = Path(place), str(place)
-    if path.is_file():
+    if name == "-":
+        read, label, stem = sys.stdin.buffer.read, "standard input", "scene"
+    elif path.is_file():
         read, label, stem = path.read_bytes, str(path), path.stem
     elif name in shipped_scenes():
         read, label, stem = (_SHIPPED / f"{name}.toml").read_bytes, f"{name}.toml", name

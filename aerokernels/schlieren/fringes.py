@@ -20,6 +20,7 @@ import numpy as np
 from aerokernels.medium import IndexField
 
 from ..arguments import checked
+from ..shown import shown
 from .bench import Bench
 from .line_of_sight import LineOfSight, check_exposure, line_of_sight
 from .picture import traced_dataset
@@ -29,7 +30,8 @@ if TYPE_CHECKING:
     import xarray
 
 
-@dataclass(frozen=True, eq=False, repr=False)
+@shown
+@dataclass(frozen=True, eq=False)
 class Interferogram(PictureView):
     """An interferogram, rows from the lowest up, and what it was made of.
 

@@ -21,6 +21,7 @@ import numpy as np
 from aerokernels.medium import IndexField
 
 from ..arguments import checked
+from ..shown import shown
 from .bench import Bench
 from .line_of_sight import LineOfSight, check_exposure, line_of_sight
 from .picture import traced_dataset
@@ -34,7 +35,8 @@ if TYPE_CHECKING:
 _BRIGHT_DIRECTION = {"vertical": 0.0, "horizontal": 0.5 * math.pi}
 
 
-@dataclass(frozen=True, eq=False, repr=False)
+@shown
+@dataclass(frozen=True, eq=False)
 class SchlierenImage(PictureView):
     """A schlieren picture, rows from the lowest up, and what it was made of.
 

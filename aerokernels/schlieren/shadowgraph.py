@@ -24,6 +24,7 @@ import numpy as np
 from aerokernels.medium import IndexField
 
 from ..arguments import checked
+from ..shown import shown
 from .bench import Bench
 from .line_of_sight import LineOfSight, check_exposure, line_of_sight
 from .picture import traced_dataset
@@ -37,7 +38,8 @@ PARTS_PER_PIXEL = 3
 MOST_PARTS = 64  # along each side of a quadrilateral
 
 
-@dataclass(frozen=True, eq=False, repr=False)
+@shown
+@dataclass(frozen=True, eq=False)
 class Shadowgraph(PictureView):
     """A shadowgraph, rows from the lowest up, and what it was made of.
 

@@ -25,12 +25,3 @@ class PictureView:
         axes.imshow(self.intensity, origin="lower", extent=ends, cmap="gray", vmin=0.0, vmax=1.0)
         axes.set(xlabel="horizontal [mm]", ylabel="vertical [mm]")
         return axes
-
-    def __repr__(self) -> str:
-        """Kind, size and brightness."""
-        rows, columns = self.intensity.shape
-        width, height = (1e3 * float(np.ptp(centres)) for centres in (self.horizontal, self.vertical))
-        return (
-            f"{type(self).__name__} of {rows} x {columns} pixels, {width:.4g} x {height:.4g} mm, brightness "
-            f"{float(np.nanmin(self.intensity)):.3g} to {float(np.nanmax(self.intensity)):.3g}"
-        )

@@ -9,6 +9,7 @@ import numpy as np
 from ..clock import clocked, stage
 from ..pupils import transverse_axes
 from ..quantities import Quantity
+from ..shown import shown
 from .status import RayStatus, reached
 
 # Per-ray arrays: unit and meaning, in the order of results.
@@ -31,6 +32,7 @@ def output_mask(outputs: frozenset) -> int:
     return sum(bit for name, bit in OUTPUT_BITS.items() if name in outputs)
 
 
+@shown
 @dataclass(eq=False, repr=False)
 class TraceResult:
     """Traced rays, float64 whatever the kernel's precision. Arrays that were not asked for are None.
@@ -50,6 +52,8 @@ class TraceResult:
         seconds: Wall time by stage: see STAGES in clock.py.
         wavelength: Wavelength of the tolerance [m].
         weight: Share of each ray in means over the bundle.
+        start_position: Where the rays start [m], shape (ray_count, 3).
+        start_direction: Their unit tangents there, shape (ray_count, 3).
     """
 
     traced_status: np.ndarray
@@ -67,6 +71,8 @@ class TraceResult:
     evaluation_count: np.ndarray | None = None
     budget: Any = field(default=None, repr=False)
     known_air: Any = field(default=None, repr=False)
+    start_position: np.ndarray | None = None
+    start_direction: np.ndarray | None = None
 
     @property
     def ray_count(self) -> int:
@@ -180,6 +186,14 @@ class TraceResult:
             if array is not None:
                 dims = ("ray", "axis") if array.ndim == 2 else ("ray",)
                 variables[name] = (dims, array, {"units": unit, "long_name": meaning})
+        for name, array in (("start_position", self.start_position), ("start_direction", self.start_direction)):
+            if array is not None:
+                place = name == "start_position"
+                words = {
+                    "units": "m" if place else "1",
+                    "long_name": f"{'position' if place else 'direction'} at the start",
+                }
+                variables[name] = (("ray", "axis"), array, words)
         codes = " ".join(f"{int(s)}={s.name}" for s in RayStatus)
         variables["status"] = (("ray",), self.status, {"long_name": f"ray status: {codes}"})
         variables["weight"] = (("ray",), self.weight, {"units": "1", "long_name": "share of the bundle"})

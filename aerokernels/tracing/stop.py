@@ -1,8 +1,10 @@
 """Where a trace ends: on a plane, or after a length of path. None means: where the ray leaves the field's box."""
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from ..arguments import checked
 from ..rays import as_unit_vector, as_vector
@@ -15,6 +17,10 @@ class Plane:
 
     point: np.ndarray
     normal: np.ndarray
+
+    if TYPE_CHECKING:  # arrays are made of what is given
+
+        def __init__(self, point: ArrayLike, normal: ArrayLike) -> None: ...  # noqa: D107
 
     def __post_init__(self):
         """Check and normalise."""

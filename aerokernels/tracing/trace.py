@@ -130,6 +130,8 @@ def trace(
         seconds=seconds,
         wavelength=wavelength,
         weight=np.asarray(rays.weight),
+        start_position=rays.position,
+        start_direction=rays.direction,
         budget=partial(_budget, field, rays, retracer(until, wavelength)),
         known_air=KnownAir(field, rays, until, tolerance * wavelength),
         traced_status=arrays.pop("status"),

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from ..quantities import Quantity
+from ..shown import shown
 from ..strehl_errors import strehl_error
 from .data import WavefrontMap
 from .modes import StructureFunction, centroid, fit_zernike, structure_function, zernike_surface
@@ -18,6 +19,7 @@ from .transfer import EncircledEnergy, Transfer, encircled, normalised_sensitivi
 WIDTH_SAMPLES, WIDTH_TRIES = 129, 8
 
 
+@shown
 class Wavefront(WavefrontMap):
     """A wavefront on a square grid over its pupil; see `WavefrontMap` for its attributes.
 

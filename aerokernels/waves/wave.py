@@ -5,12 +5,14 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from ..pupils import as_unit_vector, as_vector, transverse_axes
+from ..shown import shown
 from ..wavefront import PointSpread
 from ..wavefront.point_spread import far_field
 from ..wavelength import check_wavelength
 from .angular_spectrum import angular_spectrum
 
 
+@shown
 @dataclass(frozen=True, eq=False, repr=False)
 class Wave:
     """A monochromatic wave across a plane; the phase of the plane wave along its axis in ambient air is taken out.

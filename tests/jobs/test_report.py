@@ -139,3 +139,23 @@ def test_a_uniform_field_and_a_flat_wavefront_can_be_drawn(dataset: xarray.Datas
     still.attrs |= {"range_m": float("nan"), "geometry": "planar"}
     for _, draw in plots.FIGURES.values():
         assert plots.png(draw(still)).startswith(b"\x89PNG")
+
+
+def test_numbers_have_labels_and_what_users_wrote_is_escaped():
+    """Keys of summary.json stand as words with units; a title and a scene of a stranger's stay texts."""
+    from aerokernels.jobs.report import render_report
+
+    summary = {
+        "title": "<script>alert(1)</script>",
+        "strehl": 0.9,
+        "ranges_m": {"leading-edge": 1.5},
+        "provenance": "<img src=x onerror=alert(1)>",
+        "scene_values": {"flow": {"density": 1.0}},
+        "failures": {"echo": "<b>none</b>"},
+        "errors": {"strehl": 0.01},
+        "version": "<i>1</i>",
+    }
+    page = render_report({}, summary, "</pre><script>")
+    assert "range by leading edge [m]" in page and "ranges_m" not in page and "scene_values" not in page
+    for told in ("<script", "<img", "<b>none</b></p>", "<i>1"):
+        assert told not in page

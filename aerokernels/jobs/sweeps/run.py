@@ -12,7 +12,9 @@ from typing import TYPE_CHECKING, Any
 from aerokernels.jobs.store import REPORT_FILE, check_output_folder, read_result, write_result
 from aerokernels.jobs.sweeps.definition import Definition, checked_scenes, define
 from aerokernels.jobs.sweeps.records import (
+    CASES_FILE,
     DATASET_FILE,
+    DEFINITION_FILE,
     Records,
     check_same,
     only_one,
@@ -108,7 +110,7 @@ def is_finished(definition: Definition, folder: Path, retry_failed: bool = False
     Raises:
         ValueError: It holds another one.
     """
-    check_output_folder(folder)
+    check_output_folder(folder, own=(DEFINITION_FILE, CASES_FILE, DATASET_FILE))
     found = read_definition(folder)
     if found is None:
         return False

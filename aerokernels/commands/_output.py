@@ -1,0 +1,73 @@
+"""Where the command line writes: results to stdout, as text or JSON; notes and progress to stderr, or nowhere.
+
+`cli.main` takes --json and --quiet anywhere on the line and sets them here before a command begins.
+"""
+
+import json
+import os
+import sys
+from contextlib import suppress
+from dataclasses import dataclass
+from typing import Any
+
+import typer
+
+
+@dataclass
+class Asked:
+    """What the command line asked of all output.
+
+    Attributes:
+        as_json: Results as one JSON object on stdout.
+        quiet: No notes and no progress; what goes wrong is still said.
+    """
+
+    as_json: bool = False
+    quiet: bool = False
+
+
+asked = Asked()
+
+
+def note(text: str) -> None:
+    """Say on stderr what is no result: which files were written, say."""
+    if not asked.quiet:
+        say(plain(text), err=True)
+
+
+def warn(text: str) -> None:
+    """Say on stderr what is to be known about a result; --quiet does not silence it."""
+    say(plain(text), err=True)
+
+
+def result(text: str, data: Any) -> None:
+    """Give a result to stdout: the text, or its data with --json."""
+    say(json_text(data) if asked.as_json else plain(text))
+
+
+def say(text: str, err: bool = False) -> None:
+    """Write a line; where its reader has gone away, nothing more is written there, and the work goes on."""
+    try:
+        typer.echo(text, err=err)
+    except OSError:  # `aerokernels run ... | head`, or the log's disk is full
+        silence(sys.stderr if err else sys.stdout)
+
+
+def silence(stream: Any) -> None:
+    """Send what is still to be written to a stream nowhere, so that leaving the process does not fail either."""
+    with suppress(OSError, ValueError):
+        nowhere = os.open(os.devnull, os.O_WRONLY)
+        os.dup2(nowhere, stream.fileno())
+        os.close(nowhere)
+
+
+def plain(text: str) -> str:
+    """A text without control characters: what devices and files bring must not command the terminal."""
+    return "".join(char if char in "\n\t" or char.isprintable() else f"\\x{ord(char):02x}" for char in text)
+
+
+def json_text(data: Any) -> str:
+    """JSON that every reader takes: NaN and infinity are null."""
+    from aerokernels.jobs.store import to_json
+
+    return json.dumps(to_json(data), indent=2, allow_nan=False, ensure_ascii=False)

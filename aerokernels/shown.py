@@ -1,0 +1,58 @@
+"""Objects of arrays, shown in a few lines: what they hold, of which size, between which values, with units.
+
+`@shown` gives a class a short `__repr__` where it has none of its own, and the same to notebooks as `_repr_html_`. What
+is written of a field is its first line of numbers: an array's shape and range, another object's name, a plain value.
+"""
+
+import dataclasses
+import html
+from typing import Any, TypeVar
+
+import numpy as np
+
+from .arguments import units_in
+
+C = TypeVar("C", bound=type)
+MOST_NUMBERS = 4  # of an array that are written out
+MOST_TEXT = 70  # characters of any other value
+
+
+def shown(target: C) -> C:
+    """The class, whose objects show themselves in a few lines; see the head of this file."""
+    own = vars(target).get("__repr__")
+    if own is None or hasattr(own, "__wrapped__"):  # dataclasses wrap the one that they make
+        target.__repr__ = _brief  # type: ignore[assignment]
+    target._repr_html_ = _as_html  # type: ignore[attr-defined]
+    return target
+
+
+def _brief(thing: Any) -> str:
+    units = units_in(type(thing).__doc__ or "")
+    lines = []
+    for field in dataclasses.fields(thing):
+        value = getattr(thing, field.name)
+        if field.repr and value is not None and not callable(value):
+            unit = units.get(field.name, "")
+            lines.append(f"  {field.name}: {described(value)}{f' {unit}' if unit else ''}")
+    return "\n".join([type(thing).__name__, *lines])
+
+
+def described(value: Any) -> str:
+    """One value in a line: an array by its shape and range, an object of fields by its class."""
+    if isinstance(value, np.ndarray):
+        if value.size <= MOST_NUMBERS or value.dtype.kind not in "fiub":
+            return _short(" ".join(np.array2string(value, precision=6, separator=", ", threshold=20).split()))
+        finite = value[np.isfinite(value)]
+        span = f", {finite.min():.6g} to {finite.max():.6g}" if finite.size else ", none finite"
+        return f"{' x '.join(map(str, value.shape))}{span}"
+    if dataclasses.is_dataclass(value):
+        return type(value).__name__
+    return f"{value:.9g}" if isinstance(value, float) else _short(" ".join(repr(value).split()))
+
+
+def _short(text: str) -> str:
+    return text if len(text) <= MOST_TEXT else f"{text[: MOST_TEXT - 3]}..."
+
+
+def _as_html(thing: Any) -> str:
+    return f"<pre>{html.escape(repr(thing))}</pre>"

@@ -1,0 +1,109 @@
+"""What the command line writes, and where: results on stdout, notes on stderr, JSON, help, scenes, folders, pipes."""
+
+import io
+import json
+import os
+import subprocess
+import sys
+import warnings
+from pathlib import Path
+
+import pytest
+
+from aerokernels import cli
+from aerokernels.commands import _output
+from aerokernels.jobs.store import check_output_folder, staged_folder, write_summary
+from aerokernels.scene import Scene, shipped_scenes
+
+
+@pytest.fixture
+def line(monkeypatch, capsys, tmp_path):
+    """Call the command line in this process, in an empty folder: status, stdout, stderr."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(_output, "asked", _output.asked)
+
+    def call(*arguments: str) -> tuple[int, str, str]:
+        monkeypatch.setattr(sys, "argv", ["aerokernels", *arguments])
+        with warnings.catch_warnings(), pytest.raises(SystemExit) as left:
+            cli.main()
+        _output.asked.as_json = _output.asked.quiet = False
+        said = capsys.readouterr()
+        return left.value.code, said.out, said.err
+
+    return call
+
+
+def test_scenes_are_listed_and_copied(line, tmp_path):
+    status, out, err = line("scenes")
+    assert status == 0 and err == "" and [row.split("\t")[0] for row in out.splitlines()[1:]] == list(shipped_scenes())
+    status, out, err = line("scenes", "copy", "wind-tunnel-mach3")
+    assert (status, out) == (0, "") and "wrote wind-tunnel-mach3.toml" in err
+    assert Scene.load(tmp_path / "wind-tunnel-mach3.toml") == Scene.load("wind-tunnel-mach3")
+    assert "#" in (tmp_path / "wind-tunnel-mach3.toml").read_text()  # comments and all
+    status, out, err = line("scenes", "copy", "wind-tunnel-mach3")
+    assert status == 2 and err.startswith("error: wind-tunnel-mach3.toml is there already") and err.count("\n") == 1
+    assert line("scenes", "copy", "wind-tunnel-mach3", ".", "--force")[0] == 0
+    assert "did you mean wind-tunnel-mach3" in line("scenes", "copy", "wind-tunel-mach3")[2]
+
+
+def test_json_and_quiet_are_taken_anywhere(line):
+    for arguments in (("--json", "scenes"), ("scenes", "--json")):
+        status, out, _ = line(*arguments)
+        assert status == 0 and [row["scene"] for row in json.loads(out)["rows"]] == list(shipped_scenes())
+    assert line("scenes", "copy", "wind-tunnel-mach2", "--quiet")[1:] == ("", "")
+    assert cli.taken_out(["run", "--json", "--", "--quiet"]) == (["run", "--", "--quiet"], {"--json"})
+
+
+def test_a_scene_comes_from_standard_input(line, monkeypatch):
+    text = Path(cli.__file__).with_name("scenes").joinpath("wind-tunnel-mach3.toml").read_bytes()
+    monkeypatch.setattr(sys, "stdin", io.TextIOWrapper(io.BytesIO(text)))
+    assert Scene.load("-", {"target.distance": "3 m"}).target.distance == 3.0
+    monkeypatch.setattr(sys, "stdin", io.TextIOWrapper(io.BytesIO(b"[flow")))
+    status, _, err = line("explain", "-")
+    assert status == 2 and err.startswith("error: standard input: not valid TOML")
+
+
+def test_help_keeps_what_stands_in_brackets(line):
+    status, out, _ = line("board", "-h")
+    assert status == 0 and "[ps]" in out and "[V]" in out and "[default: until Ctrl-C]" in out
+    assert "--install-completion" in line("--help")[1] and "[1/rad]" in line("schlieren", "--help")[1]
+
+
+def test_a_pipe_that_closes_does_not_end_the_work(tmp_path):
+    """The reader is gone before the first line: what is to be done is done, with status 0 and nothing on stderr."""
+    reading, writing = os.pipe()
+    os.close(reading)
+    code = (
+        "from pathlib import Path\nfrom aerokernels.commands import _output\n"
+        "for number in range(3): _output.result('a line', number)\nPath('done').touch()"
+    )
+    done = subprocess.run([sys.executable, "-c", code], cwd=tmp_path, stdout=writing, stderr=subprocess.PIPE, text=True)
+    os.close(writing)
+    assert (done.returncode, done.stderr) == (0, "") and (tmp_path / "done").exists()
+
+
+def test_control_characters_do_not_reach_the_terminal():
+    assert _output.plain("a\x1b[31mred\x07\x9b2J\ttab µ\n") == "a\\x1b[31mred\\x07\\x9b2J\ttab µ\n"
+
+
+def test_a_folder_of_other_files_is_refused_and_an_earlier_result_replaced_whole(tmp_path):
+    out = tmp_path / "out"
+    out.mkdir()
+    (out / "thesis.tex").write_text("mine")
+    with pytest.raises(ValueError, match=r"holds thesis\.tex, and no result of an earlier run"):
+        check_output_folder(out)
+    check_output_folder(out, own=("thesis.tex",))
+    (out / "summary.json").write_text('{"mine": 1}')
+    with pytest.raises(ValueError, match=r"holds summary\.json and more"):
+        check_output_folder(out)
+    for path in out.iterdir():
+        path.unlink()
+    for names in (("a.png", "b.png"), ("b.png",)):
+        check_output_folder(out)
+        with staged_folder(out) as folder:
+            for name in names:
+                (folder / name).write_text(str(names))
+            write_summary(folder / "summary.json", {"version": "1"})
+        (out / "notes.txt").write_text("kept")
+    assert sorted(path.name for path in out.iterdir()) == ["b.png", "notes.txt", "summary.json"]
+    assert json.loads((out / "summary.json").read_text())["files"] == ["b.png", "summary.json"]

@@ -1,0 +1,46 @@
+"""Objects show themselves in a few lines, in notebooks too; a saved trace keeps where its rays start."""
+
+import numpy as np
+import pytest
+
+from aerokernels import Disc, IndexField, Plane, RayBundle, flow, trace
+from aerokernels.hardware.csv_cells import csv_cell
+from aerokernels.shown import described
+
+
+@pytest.fixture(scope="module")
+def field() -> IndexField:
+    z = np.linspace(0.0, 1e-2, 17)
+    contrast = 1e-5 * np.ones((9, 1)) * np.sin(300.0 * z)
+    return IndexField.from_samples(contrast, origin=(0, 0), spacing=(1e-3, 625e-6), geometry="axisymmetric")
+
+
+def test_reprs_have_few_lines_and_units(field):
+    for thing in (field, field.samples, flow.uniform_air(), RayBundle.collimated(Disc(1e-3), 64), Disc(1e-3)):
+        lines = repr(thing).splitlines()
+        assert lines[0] == type(thing).__name__ and 2 < len(lines) < 14 and max(map(len, lines)) < 120
+    assert "  radius: 0.001 m" in repr(Disc(1e-3)) and "64 x 3, " in repr(RayBundle.collimated(Disc(1e-3), 64))
+    assert described(np.full(9, np.nan)) == "9, none finite" and described("<a>") == "'<a>'"
+
+
+def test_notebooks_show_the_same_and_nothing_of_it_as_html():
+    assert Disc(1e-3)._repr_html_() == f"<pre>{Disc(1e-3)!r}</pre>"
+    assert "<b>" not in flow.uniform_air(1.0, radius=4e-3)._repr_html_()
+
+
+def test_a_saved_trace_keeps_where_its_rays_start(field):
+    rays = RayBundle.collimated(Disc(1e-3, (0, 0, -1e-3)), 5)
+    result = trace(field, rays, until=Plane((0, 0, 1.1e-2), (0, 0, 1)), backend="reference")
+    saved = result.to_xarray()
+    assert np.array_equal(saved["start_position"], rays.position) and saved["start_position"].attrs["units"] == "m"
+    assert np.array_equal(saved["start_direction"], rays.direction)
+
+
+@pytest.mark.parametrize("text", ["=1+1", "+cmd", "-cmd", "@x", "\t=1", " =1", "\r=1"])
+def test_texts_that_spreadsheets_would_compute_are_marked(text):
+    assert csv_cell(text) == f"'{text}"
+
+
+@pytest.mark.parametrize("value", ["-3", "+1e-3", "mach", "", 3, -2.5])
+def test_numbers_and_other_texts_stay(value):
+    assert csv_cell(value) is value
