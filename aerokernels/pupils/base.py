@@ -11,6 +11,14 @@ from .vectors import as_unit_vector, as_vector, check_count, transverse_axes
 
 SAMPLINGS = ("sobol", "gauss", "grid", "random")
 
+AREA_NOISE = 1e-14  # of a pupil's size squared: what the area of a cell that lies in it is rounded to
+
+
+def cell_shares(area: np.ndarray, x_edges: np.ndarray, y_edges: np.ndarray, size: float) -> np.ndarray:
+    """Areas [m^2] of a grid's cells in a pupil of that size [m], as shares of the cells; none where rounding is all."""
+    cells = np.diff(y_edges)[:, None] * np.diff(x_edges)[None, :]
+    return np.clip(np.where(area > AREA_NOISE * size**2, area, 0.0) / cells, 0.0, 1.0)
+
 
 class Pupil(ABC):
     """A flat aperture of some shape and transmission.

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 from ..arguments import checked
 from ..shown import shown
 from ..sobol import sobol_points
-from .base import SAMPLINGS, Pupil
+from .base import SAMPLINGS, Pupil, cell_shares
 from .square_map import RING, SquareMap
 from .vectors import check_count, check_length
 
@@ -92,10 +92,10 @@ class _Round(Pupil):
 
     def coverage(self, x_edges: np.ndarray, y_edges: np.ndarray, power: int = 1) -> np.ndarray:
         """Share of each cell of a grid that lies in the pupil, exact: see `Pupil.coverage`."""
-        covered = circle_cells(x_edges, y_edges, self.radius)
+        area = _circle_areas(x_edges, y_edges, self.radius)
         if self._inner > 0.0:
-            covered = covered - circle_cells(x_edges, y_edges, self._inner)
-        return np.clip(covered, 0.0, 1.0)
+            area = area - _circle_areas(x_edges, y_edges, self._inner)
+        return cell_shares(area, x_edges, y_edges, self.radius)
 
     def transmission(self, x: np.ndarray, y: np.ndarray) -> np.ndarray:
         """1 in the pupil, its rims included, 0 elsewhere: see `Pupil.transmission`."""
@@ -181,12 +181,11 @@ class Annulus(_Round):
         return float(self.inner_radius)
 
 
-def circle_cells(x_edges: np.ndarray, y_edges: np.ndarray, radius: float) -> np.ndarray:
-    """Share of each cell of a grid that lies in the circle about the origin, shape (y count, x count)."""
-    x, y = np.clip(x_edges / radius, -1.0, 1.0), np.clip(y_edges / radius, -1.0, 1.0)
+def _circle_areas(x_edges: np.ndarray, y_edges: np.ndarray, radius: float) -> np.ndarray:
+    """The area of each cell of a grid that lies in the circle about the origin, shape (y count, x count)."""
+    x, y = (np.clip(np.asarray(edges) / radius, -1.0, 1.0) for edges in (x_edges, y_edges))
     below = _area_below(x[None, :], y[:, None])
-    area = np.diff(np.diff(below, axis=0), axis=1) * radius**2
-    return np.clip(area / (np.diff(y_edges)[:, None] * np.diff(x_edges)[None, :]), 0.0, 1.0)
+    return np.diff(np.diff(below, axis=0), axis=1) * radius**2
 
 
 def _area_below(x: np.ndarray, y: np.ndarray) -> np.ndarray:

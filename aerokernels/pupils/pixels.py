@@ -103,7 +103,8 @@ def _overlap(edges: np.ndarray, extent: float, size: float, count: int) -> np.nd
     pixel = -extent + size * np.arange(count + 1)
     high = np.minimum(edges[1:, None], pixel[None, 1:])
     low = np.maximum(edges[:-1, None], pixel[None, :-1])
-    return np.maximum(high - low, 0.0) / np.diff(edges)[:, None]
+    both = high - low
+    return np.where(both > 1e-14 * extent, both, 0.0) / np.diff(edges)[:, None]  # edges that meet overlap by rounding
 
 
 @checked

@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 
 from ..arguments import checked
 from ..shown import shown
-from .base import Pupil
+from .base import Pupil, cell_shares
 from .square_map import TRIANGLES, SquareMap, cumulative
 
 
@@ -98,7 +98,7 @@ class Polygon(Pupil):
         for begin, end in zip(self.vertices, np.roll(self.vertices, -1, axis=0), strict=True):
             below -= _under_edge(begin, end, np.asarray(x_edges)[None, :], np.asarray(y_edges)[:, None])
         area = np.diff(np.diff(below, axis=0), axis=1)
-        return np.clip(area / (np.diff(y_edges)[:, None] * np.diff(x_edges)[None, :]), 0.0, 1.0)
+        return cell_shares(area, x_edges, y_edges, float(np.abs(self.vertices).max()))
 
     def transmission(self, x: np.ndarray, y: np.ndarray) -> np.ndarray:
         """1 where a line to the right crosses an odd number of edges, 0 elsewhere: see `Pupil.transmission`."""

@@ -6,7 +6,6 @@ from typing import Any
 import numpy as np
 
 from ..pupils import Pupil
-from ..pupils.disc import circle_cells
 from ..wavefront import remove_terms, weighted_mean
 
 
@@ -66,11 +65,6 @@ def pupil_grid(pupil: Any, pixel_count: int) -> PupilGrid:
     first, second = pupil.axes
     points = pupil.center + columns[lit][:, None] * first + rows[lit][:, None] * second
     return PupilGrid(x, y, weight / weight.sum(), points)
-
-
-def disc_coverage(radius: float, x_edges: np.ndarray, y_edges: np.ndarray) -> np.ndarray:
-    """Share of each pixel within a disc about the origin, exact, shape (ny, nx)."""
-    return circle_cells(np.asarray(x_edges), np.asarray(y_edges), radius)
 
 
 @dataclass(frozen=True, eq=False)

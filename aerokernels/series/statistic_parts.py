@@ -5,9 +5,10 @@ from typing import Any
 
 import numpy as np
 
+from ..pupils import Disc
 from .linking import linking_equation
 from .modes import integral_length, orthogonal_modes, two_point_correlation
-from .pupil_grid import MapReader, disc_coverage
+from .pupil_grid import MapReader
 from .spectra import Spectrum, sample_rate, welch
 from .uncertainty import Mean, mean_of, root_of
 
@@ -76,7 +77,8 @@ def covers_of(x: np.ndarray, y: np.ndarray, lit: np.ndarray):
     steps = [float(axis[1] - axis[0]) if len(axis) > 1 else 1.0 for axis in (x, y)]
     edges = [np.append(axis - 0.5 * step, axis[-1] + 0.5 * step) for axis, step in zip((x, y), steps, strict=True)]
     middle = [0.5 * (edge[0] + edge[-1]) for edge in edges]
-    return lambda diameter: disc_coverage(0.5 * diameter, *(e - m for e, m in zip(edges, middle, strict=True)))[lit]
+    centred = [edge - place for edge, place in zip(edges, middle, strict=True)]
+    return lambda diameter: Disc(0.5 * diameter).coverage(*centred)[lit]
 
 
 def add_apertures(table, coordinates, opd, points, weight, wavelength, apertures, covers) -> None:

@@ -309,8 +309,9 @@ def _least_samples(field: IndexField, pilot: RayBundle, tolerance: float, levers
         spacing[:2] = grid.spacing[0]
     steep = np.maximum(np.abs(pilot.direction), 1e-12)
     way = np.where(size > 0.0, size / steep, np.inf).min(axis=1)
+    way[~np.isfinite(way)] = 0.0  # nothing is disturbed
     cells = way * np.linalg.norm(pilot.direction / spacing, axis=1)
-    return _in_threes(max(LEAST_SAMPLES, float(cells[np.isfinite(cells)].max(initial=0.0)) / WIDEST))
+    return _in_threes(max(LEAST_SAMPLES, float(cells.max(initial=0.0)) / WIDEST))
 
 
 def _is_worth_it(field: IndexField, pilot: RayBundle, plan: TracePlan, wavelength: float, count: int) -> bool:

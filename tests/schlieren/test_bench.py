@@ -95,7 +95,7 @@ def test_noise_and_the_other_benches():
     still = schlieren(volume(), knife_edge="horizontal", bench=noisy, **VIEW)
     assert 0.005 < still.intensity.std() < 0.1
     assert np.abs(still.intensity * 255 - np.rint(still.intensity * 255)).max() < 1e-9
-    assert "SchlierenImage of 64 x 4 pixels" in repr(still)
+    assert "intensity: 64 x 4, 0.39" in repr(still)
     drawn = still.plot(Figure().subplots()).images[0]
     assert drawn.get_extent() == pytest.approx([-2.0, 2.0, -10.0, 10.0])
     assert shadowgraph(volume(), distance=0.1, bench=noisy, **VIEW).source_angle == pytest.approx(1e-4)

@@ -11,7 +11,7 @@ import xarray
 from aerokernels import Disc, flow, optical_series, statistics
 from aerokernels.series.linking import _both
 from aerokernels.series.modes import integral_length
-from aerokernels.series.pupil_grid import disc_coverage, pupil_grid
+from aerokernels.series.pupil_grid import pupil_grid
 from aerokernels.series.spectra import welch
 from aerokernels.series.uncertainty import mean_of
 
@@ -51,7 +51,7 @@ def test_variance_and_aperture_filter_of_ten_thousand_draws():
     """Expected: closed forms, within 3 standard errors and 0.5 %."""
     found = statistics(drawn(10_000, 1), apertures=[0.02, 0.04], mode_count=8)
     weight, points = GRID.weight[GRID.lit], GRID.coordinates
-    near = np.minimum(disc_coverage(0.01, *[np.linspace(-0.02, 0.02, 17)] * 2)[GRID.lit], weight / weight.max())
+    near = np.minimum(Disc(0.01).coverage(*[np.linspace(-0.02, 0.02, 17)] * 2)[GRID.lit], weight / weight.max())
     expected = {
         "opd_rms": left_over(points, weight, True),
         "opd_rms_with_tilt": left_over(points, weight, False),

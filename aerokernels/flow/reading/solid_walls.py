@@ -6,8 +6,6 @@ inside, a tunnel's walls or the far edge of a mesh, bounds no body.
 """
 
 import numpy as np
-from scipy.sparse import coo_matrix
-from scipy.sparse.csgraph import connected_components
 
 from ...medium import SolidBody
 from .dataset import Block, Dataset, Polygons, ReadError
@@ -165,13 +163,21 @@ def _turned_alike(triangles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     # Every triangle as it is, and turned: what goes together is connected.
     row = np.concatenate([first, first + count])
     column = np.concatenate([np.where(alike, second, second + count), np.where(alike, second + count, second)])
-    graph = coo_matrix((np.ones(len(row), bool), (row, column)), shape=(2 * count, 2 * count))
-    label = connected_components(graph, directed=False)[1]
+    label = _components(row, column, 2 * count)
     plain, turned = label[:count], label[count:]
     if (plain == turned).any():
         raise ValueError("a surface has one side only")
     part = np.unique(np.minimum(plain, turned), return_inverse=True)[1].ravel()
     return np.where((plain > turned)[:, None], triangles[:, ::-1], triangles), part
+
+
+def _components(row: np.ndarray, column: np.ndarray, count: int) -> np.ndarray:
+    """The connected part that each of `count` things belongs to, from pairs that are joined."""
+    from scipy.sparse import coo_matrix
+    from scipy.sparse.csgraph import connected_components
+
+    joined = coo_matrix((np.ones(len(row), bool), (row, column)), shape=(count, count))
+    return connected_components(joined, directed=False)[1]
 
 
 def _closed(vertices: np.ndarray, triangles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -186,10 +192,7 @@ def _closed(vertices: np.ndarray, triangles: np.ndarray) -> tuple[np.ndarray, np
         raise ValueError("the rim of a wall touches itself")
     number = np.unique(np.concatenate([begin, end]), return_inverse=True)[1].reshape(2, -1)
     rims = int(number.max()) + 1
-    rim = connected_components(
-        coo_matrix((np.ones(len(begin), bool), tuple(number)), shape=(rims, rims)), directed=False
-    )[1]
-    rim = rim[number[0]]
+    rim = _components(number[0], number[1], rims)[number[0]]
     total = np.bincount(rim)
     middle = np.stack([np.bincount(rim, vertices[begin, k]) / total for k in range(3)], axis=1)
     fans = np.stack([begin, end, count + rim], axis=1)
