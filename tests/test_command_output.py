@@ -107,3 +107,22 @@ def test_a_folder_of_other_files_is_refused_and_an_earlier_result_replaced_whole
         (out / "notes.txt").write_text("kept")
     assert sorted(path.name for path in out.iterdir()) == ["b.png", "notes.txt", "summary.json"]
     assert json.loads((out / "summary.json").read_text())["files"] == ["b.png", "summary.json"]
+
+
+def test_the_command_line_has_pythons_names_and_defaults(line):
+    """One name and one default for the same thing: knife edge, pixels, fringes, screen; the short names stay."""
+    from inspect import signature
+
+    from aerokernels import schlieren
+    from aerokernels.commands.schlieren import schlieren as command
+    from aerokernels.jobs.pictures import PictureOptions
+    from aerokernels.schlieren import line_of_sight
+
+    asked = {name: parameter.default for name, parameter in signature(command).parameters.items()}
+    assert asked["knife_edge"] == signature(schlieren).parameters["knife_edge"].default == PictureOptions().knife_edge
+    assert asked["pixels"] == signature(line_of_sight).parameters["pixel_count"].default == PictureOptions().pixel_count
+    text = line("schlieren", "--help")[1]
+    assert all(
+        f"{long}, {short} " in text for long, short in (("--pixel-count", "--pixels"), ("--distance", "--screen"))
+    )
+    assert "--fringe-spacing, --fringes " in text

@@ -27,7 +27,7 @@ def schlieren(
     width: Annotated[
         str | None, typer.Option(help="Length of the light's way through a planar flow, such as 50 mm.")
     ] = None,
-    pixels: Annotated[int, typer.Option(help="Pixels along the longer side.")] = 512,
+    pixels: Annotated[int, typer.Option("--pixel-count", "--pixels", help="Pixels along the longer side.")] = 256,
     rays_per_pixel: Annotated[int, typer.Option(help="k: each pixel is the mean over k x k rays.")] = 1,
     spacing: Annotated[
         str | None, typer.Option(help="Grid that the flow is resampled to, such as 0.1 mm [default: half a pixel].")
@@ -37,7 +37,7 @@ def schlieren(
         typer.Option(
             help='vertical, horizontal, or the direction that brightens, such as "30 deg" from right toward up.'
         ),
-    ] = "horizontal",
+    ] = "vertical",
     cut_off: Annotated[float, typer.Option(help="Share of the source image that the knife edge holds back.")] = 0.5,
     sensitivity: Annotated[
         float | None, typer.Option(help="Change of light per deflection [1/rad] [default: uses the whole range].")
@@ -45,10 +45,15 @@ def schlieren(
     exposure: Annotated[
         float, typer.Option(help="Brightness of the schlieren picture's full light; 1 is white.")
     ] = 1.0,
-    screen: Annotated[str, typer.Option(help="Shadowgraph: distance of the screen from the flow's middle.")] = "0.5 m",
+    screen: Annotated[
+        str, typer.Option("--distance", "--screen", help="Shadowgraph: of the screen from the flow's middle.")
+    ] = "0.5 m",
     source_angle: Annotated[str, typer.Option(help="Shadowgraph: angle that the light source subtends.")] = "0 rad",
     fringes: Annotated[
-        str | None, typer.Option(help="Interferogram: spacing of undisturbed fringes [default: infinite fringe].")
+        str | None,
+        typer.Option(
+            "--fringe-spacing", "--fringes", help="Interferogram: of undisturbed fringes [default: infinite fringe]."
+        ),
     ] = None,
     fringe_angle: Annotated[
         str, typer.Option(help="Interferogram: direction across them, from right toward up.")

@@ -75,10 +75,10 @@ class PictureOptions:
     view: str | tuple[float, float, float] = "x"
     extent: tuple[float, float, float, float] | None = None
     width: float | None = None
-    pixel_count: int = 512
+    pixel_count: int = 256
     rays_per_pixel: int = 1
     spacing: float | None = None
-    knife_edge: str | float = "horizontal"
+    knife_edge: str | float = "vertical"
     cut_off: float = 0.5
     sensitivity: float | None = None
     exposure: float = 1.0

@@ -142,6 +142,14 @@ def test_without_a_linker_auto_takes_warp_and_says_why(tmp_path):
     assert done.stdout.startswith("('warp', 'cpu'") and "no `ld` on PATH" in done.stdout and not done.stderr
 
 
+def test_a_limit_on_files_is_seen_before_pocl_meets_it(monkeypatch):
+    """`ulimit -f 200` ended in "LLVM ERROR: IO failure" and SIGABRT."""
+    from aerokernels.tracing.engines.opencl import linker
+
+    monkeypatch.setattr(linker, "_greatest_file", lambda: 102400)
+    assert "102400 bytes here (ulimit -f)" in linker.linker_trouble(("-DANOTHER",))
+
+
 def test_a_full_disk_gives_the_process_a_cache_of_its_own(tmp_path, monkeypatch):
     from aerokernels.tracing.engines.opencl import pocl_cache
 

@@ -272,10 +272,8 @@ def _describe(cl, platform, device) -> FoundDevice:
         # PoCL brings its own compiler, which may be older than the processor: other drivers know their device.
         options = name_processor(device)
         done = workaround(device, options)
-        trouble = _trial(cl, device, options)
-        if not trouble and (absent := linker_trouble(options)):
-            reason = absent
-        elif trouble:
+        reason = linker_trouble(options)  # first: a trial that cannot write ends the process
+        if not reason and (trouble := _trial(cl, device, options)):
             reason = (
                 f"the compiler of PoCL builds nothing for this processor ({trouble}): install a newer PoCL as the "
                 "system's OpenCL driver, or take backend 'warp'"

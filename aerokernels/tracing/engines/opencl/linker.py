@@ -1,10 +1,12 @@
-"""Whether PoCL can link the kernels it compiles: without a linker it ends the process at the first launch of one."""
+"""Whether PoCL can link and write the kernels that it compiles: where it cannot, it ends the process."""
 
 import os
 import shutil
 import subprocess
 import sys
 import tempfile
+
+from .pocl_cache import LEAST_SPACE
 
 _TRIAL = """
 import sys
@@ -23,6 +25,14 @@ cl.enqueue_nd_range_kernel(queue, kernel, (64,), (64,)).wait()
 """
 
 
+def _greatest_file() -> float:
+    """Size [bytes] that this process's files may have; infinite where there is no limit."""
+    import resource
+
+    limit = resource.getrlimit(resource.RLIMIT_FSIZE)[0]
+    return float("inf") if limit == resource.RLIM_INFINITY else limit
+
+
 def linker_trouble(options: tuple[str, ...] = ()) -> str:
     """Why kernels of PoCL cannot be linked here, with the remedy; empty where they can.
 
@@ -32,7 +42,14 @@ def linker_trouble(options: tuple[str, ...] = ()) -> str:
     Args:
         options: Compile options that the device needs.
     """
-    if os.name != "posix" or shutil.which("ld"):
+    if os.name != "posix":
+        return ""
+    if (greatest := _greatest_file()) < LEAST_SPACE:
+        return (
+            f"PoCL writes kernels to files, which may have {greatest} bytes here (ulimit -f), and it ends the process "
+            "where they do not fit: raise the limit, or take backend 'warp'"
+        )
+    if shutil.which("ld"):
         return ""
     with tempfile.TemporaryDirectory(prefix="aerokernels-linker-", ignore_cleanup_errors=True) as folder:
         packages = os.path.abspath(__file__).rsplit(f"{os.sep}aerokernels{os.sep}", 1)[0]
