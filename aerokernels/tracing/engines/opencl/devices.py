@@ -58,6 +58,16 @@ class Session:
     launched: set = field(default_factory=set, repr=False)
     lock: Any = field(default_factory=threading.RLock, repr=False)
 
+    @functools.cached_property
+    def pool(self) -> Any:
+        """Memory of a GPU that is used again, since it takes longer to get than rays to trace; None on a processor."""
+        cl = import_pyopencl()
+        if not self.device.type & cl.device_type.GPU:
+            return None
+        from pyopencl.tools import ImmediateAllocator, MemoryPool
+
+        return MemoryPool(ImmediateAllocator(self.queue))
+
 
 @dataclass(frozen=True)
 class Survey:
