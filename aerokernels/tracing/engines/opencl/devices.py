@@ -12,6 +12,7 @@ import re
 import sys
 import threading
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import Any
 
 from ....opened import OPENED
@@ -58,7 +59,7 @@ class Session:
     launched: set = field(default_factory=set, repr=False)
     lock: Any = field(default_factory=threading.RLock, repr=False)
 
-    @functools.cached_property
+    @cached_property
     def pool(self) -> Any:
         """Memory of a GPU that is used again, since it takes longer to get than rays to trace; None on a processor."""
         cl = import_pyopencl()
