@@ -5,6 +5,7 @@ import numpy as np
 from ..clock import stage
 from ..medium import IndexField
 from ..rays import RayBundle
+from .coherence import coherent_order
 from .engines import OUTPUT_TYPES, Prepared, engine_of
 from .plan import TracePlan
 from .status import is_any_rejected
@@ -29,7 +30,14 @@ def launch(
         with stage("kernel"):
             return trace(field, rays, plan, until, wavelength, outputs)
     prepared = engine_of(plan.backend, plan.device).prepare(field, plan, until, wavelength, outputs, rays.direction)
-    return in_chunks(prepared, (rays.position, rays.direction), outputs)
+    order = coherent_order(field, rays.position, rays.direction) if prepared.is_packed else None
+    if order is None:
+        return in_chunks(prepared, (rays.position, rays.direction), outputs)
+    ordered = in_chunks(prepared, (rays.position[order], rays.direction[order]), outputs)
+    arrays = {name: np.empty_like(array) for name, array in ordered.items()}
+    for name, array in ordered.items():
+        arrays[name][order] = array
+    return arrays
 
 
 def in_chunks(prepared: Prepared, starts: tuple[np.ndarray, ...], outputs: frozenset) -> dict[str, np.ndarray]:

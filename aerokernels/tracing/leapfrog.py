@@ -28,8 +28,8 @@ from .ways import lines_through
 # Fewer rays are traced under error control at once: a pilot would not pay.
 LEAST_RAYS = 4096
 PILOT_RAYS = 512
-# Samples are nowhere further apart than so many cells, the support of a spline: nothing is passed unseen.
-WIDEST = 4.0
+# Samples are nowhere further apart than so many cells. What lies between them is bounded from the field, too.
+WIDEST = 6.0
 LEAST_SAMPLES = 36
 # So many are always worth it; more of them where error control is predicted to take a share of them at least: a sample
 # costs less than an evaluation of it, much less on OpenCL, where a CPU's lanes share it.

@@ -26,6 +26,8 @@ from .pupil_sums import (
 from .retrace import retrace_rejected
 from .status import RayStatus
 
+# The place of the seeds among what launch_pupil is given.
+SEEDS = 8
 # Bytes for a ray that stay on the device for the second sum: pupil coordinates, OPD and status.
 KEPT_BYTES = 16 + 8 + 4
 
@@ -79,11 +81,18 @@ class PupilRun:
         self.kernels = engine.pupil_kernels()
         with stage("upload"):
             self.one = engine.put(np.ones(1))
-            if not task.is_radial:
-                self.order = engine.put(task.order())
-                self.table = engine.put(task.pupil.square_map.table)
+            self.starts = None if task.is_radial else self._starts()
         self.sums = [engine.empty(SUM_COUNT * self.widest * rows) for rows in joined_counts(task.per_replicate)]
         self.buffers: list[dict[str, Any]] = []  # of each batch whose rays are still needed
+
+    def _starts(self) -> list:
+        """What the kernel launch_pupil is given before the rays, the seeds of a batch among them: see SEEDS."""
+        task, engine, pupil = self.task, self.engine, self.task.pupil
+        of_square = pupil.square_map
+        vectors = [pupil.center, *(pupil.reach * axis for axis in pupil.axes), task.look]
+        shape = [of_square.shape, of_square.row_count, of_square.column_count, engine.put(of_square.table)]
+        seeds, order = engine.put(np.zeros((self.widest, 2), np.uint32)), engine.put(task.order())
+        return [*vectors, *shape, seeds, order, task.per_replicate, task.generator, smoothed_axes(of_square)]
 
     def __call__(self, seed: int | None) -> PupilSums:
         """Trace the points of a seed, and sum."""
@@ -133,13 +142,10 @@ class PupilRun:
         if task.is_radial:
             position, direction, place, weight = (engine.put(array) for array in radial_rays(task, points, rows))
             return Batch(rows, count, position, direction, place, weight, count, results)
-        pupil = task.pupil
-        vectors = [pupil.center, *(pupil.reach * axis for axis in pupil.axes), task.look]
-        of_square = pupil.square_map
-        shape = [of_square.shape, of_square.row_count, of_square.column_count, self.table]
+        assert self.starts is not None
+        engine.put_into(self.starts[SEEDS], np.ascontiguousarray(points[rows]))
+        before = self.starts
         position, direction, place = (buffers[name] for name in ("start", "heading", "place"))
-        of_lattice = [task.generator, smoothed_axes(of_square)]
-        before = [*vectors, *shape, engine.put(points[rows]), self.order, task.per_replicate, *of_lattice]
         weight, weights = (buffers["weight"], count) if task.generator else (self.one, 1)
         engine.launch(self.kernels["launch_pupil"], before, [position, direction, place, weight], count)
         return Batch(rows, count, position, direction, place, weight, weights, results)

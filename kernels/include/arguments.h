@@ -42,7 +42,7 @@
     const int ray_count, __global const double *position_in, RAY_OUTPUT_ARGUMENTS
 
 #define DELIVER_BUNDLE_ARGUMENTS \
-    __global const int *block_map, __global const double *header, __global const double *patches, \
+    __global const int *block_map, __global const double *header, __global const real *patches, \
     __global const double *frame, const int map_u, const int map_v, const int converges, const int stop, \
     const int shape, const int checks_way, const int faces_that_matter, const int wanted, const int first_ray, \
     const int ray_count, __global const double *position_in, __global const double *direction_in, \

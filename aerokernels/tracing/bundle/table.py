@@ -24,7 +24,8 @@ class BundleTable(Derived):
         channels: How many of nodes.CHANNELS the patches have.
         map: Number of the block at each place, -1 where there is none, over the family's range, shape (mu, mv).
         header: HEADER numbers of each block, shape (block_count, 8).
-        values: Value, slopes and mixed slope at the nodes of each block [per cell], shape (block_count, 5, 5, 4, c).
+        values: Value, slopes and mixed slope at the nodes of each block [per cell], shape (block_count, 5, 5, 4, c), in
+            float32 where its rounding does not count.
         traced: Lines that were traced for it.
         error: Greatest estimated OPD error of the patches [m].
         refused: Why rays are not delivered, and how many about, by reason.
@@ -39,6 +40,11 @@ class BundleTable(Derived):
     traced: int
     error: float
     refused: dict[str, float]
+
+    @property
+    def precision(self) -> str:
+        """That of `values`."""
+        return str(self.values.dtype)
 
     @property
     def rate(self) -> np.ndarray:

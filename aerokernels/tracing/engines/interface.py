@@ -85,6 +85,7 @@ class Prepared:
         arguments: What it is given before the rays.
         outputs: What it computes for each ray, besides the status.
         rejected: Buffer in which it counts rays that it does not hold for; None where it holds for all.
+        is_packed: Whether it moves packets of rays, which share lookups where they are in one column of cells.
     """
 
     engine: Engine
@@ -92,6 +93,7 @@ class Prepared:
     arguments: list
     outputs: frozenset
     rejected: Any
+    is_packed: bool = False
 
     def launch(self, starts: list, results: dict, count: int) -> Any:
         """Start the kernel on rays whose `starts` are on the device; see `Engine.launch`."""

@@ -229,7 +229,7 @@ KERNELS: dict[str, tuple[Value, ...]] = {
     "deliver_bundle": (
         Value("block_map", "int*"),
         Value("header", "double*"),
-        Value("patches", "double*"),
+        Value("patches", "real*"),
         Value("frame", "double*"),
         Value("map_u", "int"),
         Value("map_v", "int"),

@@ -12,6 +12,7 @@ import re
 import sys
 import threading
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import Any
 
 from ....opened import OPENED
@@ -57,6 +58,16 @@ class Session:
     programs: dict = field(default_factory=dict, repr=False)
     launched: set = field(default_factory=set, repr=False)
     lock: Any = field(default_factory=threading.RLock, repr=False)
+
+    @cached_property
+    def pool(self) -> Any:
+        """Memory of a GPU that is used again, since it takes longer to get than rays to trace; None on a processor."""
+        cl = import_pyopencl()
+        if not self.device.type & cl.device_type.GPU:
+            return None
+        from pyopencl.tools import ImmediateAllocator, MemoryPool
+
+        return MemoryPool(ImmediateAllocator(self.queue))
 
 
 @dataclass(frozen=True)

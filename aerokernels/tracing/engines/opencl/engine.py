@@ -1,5 +1,6 @@
 """The OpenCL engine: fields uploaded once, kernels built for what they are to do, launches in order."""
 
+import dataclasses
 from dataclasses import dataclass
 from typing import Any
 
@@ -24,6 +25,8 @@ from .tables import cell_polynomials, may_be_packed
 
 # On a GPU, numbers below 1e-38 are zero: roots and quotients then take fewer instructions.
 FLUSH = "-cl-denorms-are-zero"
+# Greatest buffer that comes from a GPU's pool [bytes].
+POOLED = 1 << 28
 # Kernels of a pupil: work-items that each of what it is launched over takes.
 PUPIL_KERNELS = {"launch_pupil": 1, "sum_moments": WORK_GROUP, "sum_phasors": WORK_GROUP, "join_sums": 1}
 
@@ -36,11 +39,25 @@ class Kernel:
         kernel: PyOpenCL's.
         lanes: Rays that a work-item moves.
         items: Work-items that one of what it is launched over takes.
+        given: The arguments of its last launch: those that are the same need not be set again.
     """
 
     kernel: Any
     lanes: int = 1
     items: int = 1
+    given: list = dataclasses.field(default_factory=list)
+
+    def set(self, arguments: list) -> None:
+        """Set those of the arguments that are not what they were.
+
+        One by one: calling the kernel would go through PyOpenCL's launchers, which it keeps on disk, and which a
+        damaged disk makes unusable.
+        """
+        known = self.given if len(self.given) == len(arguments) else [None] * len(arguments)
+        for number, (new, old) in enumerate(zip(arguments, known, strict=True)):
+            if new is not old and not (type(new) is type(old) and isinstance(new, (int, float)) and new == old):
+                self.kernel.set_arg(number, _by_value(new))
+        self.given[:] = arguments
 
     def size(self, count: int) -> tuple[int]:
         """Work-items of a launch: whole work-groups, at least one; the kernel itself knows where to stop."""
@@ -95,7 +112,7 @@ class Engine:
             program = build(self.session, "leapfrog.cl" if leapfrog else "trace.cl", options)
             kernel = Kernel(make_kernel(program, "leapfrog" if leapfrog else "trace_kernel"), lanes)
             rejected = self.put(np.zeros(1, np.int32)) if leapfrog else None
-            prepared = Prepared(self, kernel, arguments, outputs, rejected)
+            prepared = Prepared(self, kernel, arguments, outputs, rejected, is_packed=lanes > 1)
             self._finish_compiling(prepared, program)
             return prepared
 
@@ -140,7 +157,7 @@ class Engine:
         with stage("upload"):
             arrays = table.derive(("opencl", self.session), lambda: [self.put(array) for array in kernel_arrays(table)])
         with stage("compile"):
-            options = build_options(precision="float64", channels=table.channels)
+            options = build_options(precision=table.precision, channels=table.channels)
             kernel = Kernel(make_kernel(build(self.session, "deliver_bundle.cl", options), "deliver_bundle"))
         return Prepared(self, kernel, [*arrays, *bundle_numbers(table, outputs)], outputs, None)
 
@@ -158,7 +175,7 @@ class Engine:
         (COPY_HOST_PTR would do it in one call, but NVIDIA's driver then copies only when a kernel asks for the buffer.)
         """
         array = np.ascontiguousarray(array)
-        buffer = cl.Buffer(self.session.context, cl.mem_flags.READ_WRITE, max(array.nbytes, 1))
+        buffer = self._memory(array.nbytes)
         self.put_into(buffer, array)
         return buffer
 
@@ -169,7 +186,13 @@ class Engine:
 
     def empty(self, count: int, width: int = 1, kind: type = np.float64):
         """A buffer of `count` rows of `width` numbers."""
-        size = max(1, count) * width * np.dtype(kind).itemsize
+        return self._memory(max(1, count) * width * np.dtype(kind).itemsize)
+
+    def _memory(self, size: int):
+        """A buffer of so many bytes; a GPU's come from its pool, unless they are so large that it would waste some."""
+        size = max(size, 1)
+        if self.session.pool is not None and size <= POOLED:
+            return self.session.pool.allocate(size)
         return cl.Buffer(self.session.context, cl.mem_flags.READ_WRITE, size)
 
     def get(self, buffer, array: np.ndarray) -> None:
@@ -180,11 +203,7 @@ class Engine:
     def launch(self, kernel: Kernel, before: list, after: list, count: int):
         """Start a kernel over all rays, or groups of rays; returns its event."""
         outputs = [buffer for value in after for buffer in (value.values() if isinstance(value, dict) else [value])]
-        given = [*map(_by_value, before), np.int32(0), np.int32(count), *map(_by_value, outputs)]
-        # Set one by one: calling the kernel would go through PyOpenCL's launchers, which it keeps on disk, and which a
-        # damaged disk makes unusable.
-        for index, value in enumerate(given):
-            kernel.kernel.set_arg(index, value)
+        kernel.set([*before, 0, count, *outputs])
         return cl.enqueue_nd_range_kernel(self.session.queue, kernel.kernel, kernel.size(count), (WORK_GROUP,))
 
     def wait(self) -> None:

@@ -107,7 +107,7 @@ class Engine:
         with stage("upload"):
             arrays = table.derive(("warp", self.device), lambda: [self.put(array) for array in kernel_arrays(table)])
         with stage("compile"):
-            kernel = build_bundle_kernel(library_of("float64"), table.channels)
+            kernel = build_bundle_kernel(library_of(table.precision), table.channels)
             self._load(kernel.module)
         return Prepared(self, kernel, [*arrays, *bundle_numbers(table, outputs)], outputs, None)
 

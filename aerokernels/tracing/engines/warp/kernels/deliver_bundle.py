@@ -3,11 +3,15 @@
 import warp as wp
 
 from ....bundle.nodes import FAR
+from ....result import output_mask
 from ....status import NOT_DELIVERED, RayStatus
 from ..library import KernelLibrary, built_once
 from ..types import takes
 from .bundle_family import family_parameters, undisturbed_length
 from .outputs import build_write_outputs
+
+# What a block's header has for its rays.
+COSTS = output_mask(frozenset(("step_error", "step_count", "evaluation_count")))
 
 
 @wp.func
@@ -21,7 +25,8 @@ def hermite_weights(u: wp.float64) -> wp.vec4d:
 
 @built_once
 def build_bundle_kernel(library: KernelLibrary, channel_count: int):
-    """Build the kernel for patches of so many channels: 1, 4 or 8 (bundle/nodes.py)."""
+    """Build the kernel for patches of so many channels: 1, 4 or 8 (bundle/nodes.py), stored in a precision."""
+    real = library.types.real
     vector = wp.types.vector(channel_count, wp.float64)
     Arrival = library.types.Arrival
     write_outputs = build_write_outputs(library)
@@ -29,7 +34,7 @@ def build_bundle_kernel(library: KernelLibrary, channel_count: int):
 
     @wp.func
     def node_share(
-        patches: wp.array(dtype=wp.float64),
+        patches: wp.array(dtype=real),
         at: int,
         u: wp.float64,
         du: wp.float64,
@@ -40,15 +45,15 @@ def build_bundle_kernel(library: KernelLibrary, channel_count: int):
         first = at * channel_count
         for k in range(channel_count):
             found[k] = (
-                u * v * patches[first + k]
-                + du * v * patches[first + channel_count + k]
-                + u * dv * patches[first + 2 * channel_count + k]
-                + du * dv * patches[first + 3 * channel_count + k]
+                u * v * wp.float64(patches[first + k])
+                + du * v * wp.float64(patches[first + channel_count + k])
+                + u * dv * wp.float64(patches[first + 2 * channel_count + k])
+                + du * dv * wp.float64(patches[first + 3 * channel_count + k])
             )
         return found
 
     @wp.kernel(module="unique", enable_backward=False)
-    @takes("deliver_bundle", "float64")
+    @takes("deliver_bundle", library.precision)
     def deliver_bundle(
         block_map,
         header,
@@ -111,6 +116,13 @@ def build_bundle_kernel(library: KernelLibrary, channel_count: int):
             arrival.arc_length = length + found[7]
         arrival.optical_path = frame[39] * length + arrival.opd
         arrival.status = int(ok)
-        write_outputs(outputs, wanted, ray, arrival, header[head + 5], int(header[head + 6]), int(header[head + 7]))
+        step_error = zero
+        step_count = int(0)
+        evaluation_count = int(0)
+        if (wanted & wp.static(COSTS)) != 0:
+            step_error = header[head + 5]
+            step_count = int(header[head + 6])
+            evaluation_count = int(header[head + 7])
+        write_outputs(outputs, wanted, ray, arrival, step_error, step_count, evaluation_count)
 
     return deliver_bundle
