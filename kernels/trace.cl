@@ -35,9 +35,7 @@ __kernel void trace_kernel(TRACE_KERNEL_ARGUMENTS)
     int steps = 0, evaluations = 0, landed = -1;
     real obliquity_first = R(0.0), harm = R(0.0);
     real astray = R(0.0), doubt = R(0.0);  // how far beside its place the ray may be; what it may gain behind a face
-    int undecided = 0;  // whether it has run in a face: then it may have left there, with these
-    real4 left_sums = sums;
-    real3 left_momentum = q;
+    int undecided = 0;  // whether it has run in a face: then it may have left there
 
     if (course.meets && status == RAY_OK) {
         int3 cell;
@@ -151,6 +149,7 @@ __kernel void trace_kernel(TRACE_KERNEL_ARGUMENTS)
                 h_cap = control.extent / ambient;
                 steps++;
                 used += off;
+                late = undecided ? h : late;
                 if (late > R(0.0)) {
                     const real steep = greater(size3(force), size3(FORCE(s3)));
                     const real gained = greater(fabs(pot), fabs(s3.x)) + steep * (obliquity + turn_now) * lever_arm;
@@ -196,11 +195,7 @@ __kernel void trace_kernel(TRACE_KERNEL_ARGUMENTS)
                     }
                 }
 
-                if (CONTROLLED && !undecided && in_face(&control, nearest, astray)) {
-                    undecided = 1;
-                    left_sums = sums;
-                    left_momentum = momentum;
-                }
+                undecided = undecided || (CONTROLLED && in_face(&control, nearest, astray));
 
                 real back = R(0.0);  // sigma still to go along the tangent, negative to go back
                 if (behind >= R(0.0)) {
@@ -243,13 +238,6 @@ __kernel void trace_kernel(TRACE_KERNEL_ARGUMENTS)
             }
         }
         if (CONTROLLED) {
-            if (undecided) {
-                const real aside_then = size3(momentum - left_momentum);
-                const real gained =
-                    fabs(sums.y - left_sums.y) + aside_then * (obliquity + greatest_deflection) * lever_arm;
-                // The face may be the stop.
-                doubt += STOP == NONE ? ambient * ambient * (sums.x - left_sums.x) : gained;
-            }
             used = stop_error(used + doubt, &bounds, d0, ambient, momentum, first_momentum, greatest_deflection,
                 obliquity, lever_arm);
             obliquity_first = obliquity;

@@ -127,7 +127,8 @@ class Engine:
 
     def put_into(self, buffer: wp.array, array: np.ndarray) -> None:
         """Copy an array over the first rows of a buffer."""
-        wp.copy(buffer, self.put(array), count=len(array))
+        source = self.put(array)
+        wp.copy(buffer, source, count=source.size)  # elements, not rows
 
     def empty(self, count: int, width: int = 1, kind: type = np.float64) -> wp.array:
         """A buffer of `count` rows of `width` numbers."""

@@ -124,9 +124,7 @@ def build_kernel(
         harm = real(0.0)
         astray = real(0.0)  # how far beside its place the ray may be
         doubt = real(0.0)  # what it may gain behind a face
-        undecided = bool(False)  # whether it has run in a face: then it may have left there, with these
-        left_sums = sums
-        left_momentum = q
+        undecided = bool(False)  # whether it has run in a face: then it may have left there
 
         if course.meets and status == ok:
             frac, cell = in_cells(bounds, p0 + course.enter * d0)
@@ -235,6 +233,8 @@ def build_kernel(
                     h_cap = control.extent / ambient
                     steps += 1
                     used += off
+                    if undecided:
+                        late = h
                     if late > real(0.0):
                         steep = wp.max(wp.length(force), wp.length(vec3(s3[1], s3[2], s3[3])))
                         gained = wp.max(wp.abs(pot), wp.abs(s3[0])) + steep * (obliquity + turn_now) * lever_arm
@@ -290,10 +290,7 @@ def build_kernel(
                             q += (real(0.5) * h) * projecting  # it grew over the step
 
                     if wp.static(controlled):
-                        if not undecided and in_face(control, nearest, astray):
-                            undecided = bool(True)
-                            left_sums = sums
-                            left_momentum = momentum
+                        undecided = undecided or in_face(control, nearest, astray)
 
                     back = real(0.0)  # sigma still to go along the tangent, negative to go back
                     if behind >= real(0.0):
@@ -332,13 +329,6 @@ def build_kernel(
                     status = int(not_finite)
 
             if wp.static(controlled):
-                if undecided:
-                    gained = wp.abs(sums[1] - left_sums[1])
-                    aside_then = wp.length(momentum - left_momentum)
-                    gained += aside_then * (obliquity + greatest_deflection) * lever_arm
-                    if wp.static(stop == "none"):
-                        gained = ambient * ambient * (sums[0] - left_sums[0])  # the face may be the stop
-                    doubt += gained
                 used += doubt
                 used = stop_error(
                     used, bounds, d0, ambient, momentum, first_momentum, greatest_deflection, obliquity, lever_arm
