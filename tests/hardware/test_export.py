@@ -143,6 +143,6 @@ def test_a_full_disk_leaves_nothing_half_written(tmp_path, root, name):
 
 def test_the_command(store: EchoStore, tmp_path, aerokernels):
     done = aerokernels("export", store.path, "--out", tmp_path / "e.nc", "--label", "mach=2")
-    assert done.returncode == 0 and "wrote 10 echoes" in done.stdout, done.stderr
+    assert done.returncode == 0 and "wrote 10 echoes" in done.stderr, done.stderr
     done = aerokernels("export", tmp_path / "absent.sqlite", "--out", tmp_path / "f.nc")
     assert done.returncode == 2 and "no such file" in done.stderr and len(done.stderr.splitlines()) == 1

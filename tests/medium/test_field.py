@@ -167,8 +167,14 @@ GOOD = {"contrast": np.zeros((4, 5)), "origin": (0.0, 0.0), "spacing": (1.0, 1.0
         ({"interpolation": "bilinear"}, "'bilinear' is not known: choose one of cubic, linear, monotone"),
         ({"body": Body([[0, 0], [1, 0], [1, 1]], "axisymmetric")}, "the body is axisymmetric, the field planar"),
         (
-            {"body": Body([[0, 0], [1, 0], [1, 1]], "planar"), "geometry": "volume", "contrast": np.zeros((3, 3, 3))},
-            "body in a volume field is not supported",
+            {
+                "body": Body([[0, 0], [1, 0], [1, 1]], "planar"),
+                "geometry": "volume",
+                "contrast": np.zeros((3, 3, 3)),
+                "origin": (0.0, 0.0, 0.0),
+                "spacing": (1.0, 1.0, 1.0),
+            },
+            "the body is planar, the field volume",
         ),
     ],
 )

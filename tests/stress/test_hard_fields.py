@@ -250,7 +250,7 @@ def test_a_fixed_step_far_longer_than_the_box(precision):
     assert keeps_promises(one, 9).ok.all() and (one.step_count == 1).all()
     oracle = trace(field, rays, until=FAR, method="fixed", step=10e-3, backend="reference", precision="float64")
     assert np.abs(oracle.opd - one.opd).max() < 1e-3 * WAVE
-    for step in (1.0, 1e3, 1e6, 1e12, 1e30, 1e100, 1e300):
+    for step in (1.0, 1e3, 1e6, 1e12, 1e30, 1e60):  # more is refused as out of all proportion
         result = keeps_promises(trace(field, rays, step=step, **settings_), 9)
         assert result.ok.all(), step
         assert np.abs(result.opd - one.opd).max() < 1e-6 * WAVE, step

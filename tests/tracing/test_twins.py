@@ -90,6 +90,8 @@ class Numbers:
         self.axes = len(grid)
         self.cells = (*grid, 1)[:2] if field.geometry != "volume" else grid
         self.cell_count = 1 if field.is_uniform else len(field.samples.mesh.cells)
+        walls = field.body.walls
+        self.wall_nodes, self.wall_pieces = len(walls.links), int(walls.links[:, 2].max())
 
     def __call__(self, name: str, kind: str, function: str) -> np.ndarray:
         """Values of an argument, shape (ROWS, numbers in it)."""
@@ -153,6 +155,8 @@ class Numbers:
             "count": 40,
             "current_cell": self.cell_count,
             "first": 4 * (self.cell_count - 1) + 1,
+            "node": self.wall_nodes,
+            "piece": self.wall_pieces,
         }.get(name, 20)
         least = -1 if name in ("landed", "current_cell", "land") else 1 if name == "per_replicate" else 0
         if name == "cell":
