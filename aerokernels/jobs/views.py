@@ -10,6 +10,7 @@ from aerokernels.pupils import Disc, Pupil
 from aerokernels.rays import RayBundle
 from aerokernels.scene import Scene
 from aerokernels.tracing import Plane, TraceResult, trace
+from aerokernels.tracing.pupil_job import plane_beyond
 from aerokernels.tracing.radial_quadrature import asymmetry
 from aerokernels.wavefront import point_spread_function, remove_terms
 
@@ -94,7 +95,9 @@ def pupil_map(field: IndexField, scene: Scene, sample_count: int = PUPIL_SAMPLES
     inside, samples, ray = pupil_samples(field, scene, sample_count)
     start = _in_plane(pupil, x[inside][samples], y[inside][samples])
     rays = RayBundle(start, np.broadcast_to(pupil.normal, start.shape))
-    traced = trace(field, rays, **trace_options(scene), outputs=("opd", "evaluation_count"))
+    # Rays along z leave the flow's box by one face; others by several, and are compared on a plane across them.
+    across = plane_beyond(field, pupil, pupil.normal) if np.any(pupil.normal[:2]) else None
+    traced = trace(field, rays, **trace_options(scene), until=across, outputs=("opd", "evaluation_count"))
     assert traced.opd is not None  # asked for
     good = np.zeros_like(inside)
     good[inside] = traced.ok[ray]

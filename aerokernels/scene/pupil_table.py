@@ -43,8 +43,11 @@ def _vertices(value: Any) -> tuple[tuple[float, ...], ...]:
 
 
 def _lengths(convert: Callable[[Any], Any]) -> BeforeValidator:
-    convert.dimension = "length"  # type: ignore[attr-defined]  # what changes.py tells of a key
-    return BeforeValidator(lambda value: None if value is None else convert(value))
+    def given(value: Any) -> Any:
+        return None if value is None else convert(value)
+
+    given.dimension = "length"  # type: ignore[attr-defined]  # what changes.py tells of a key
+    return BeforeValidator(given)
 
 
 class PupilTable(Table):
@@ -91,8 +94,8 @@ class PupilTable(Table):
     )
     elevation: Annotated[Angle, Field(ge=-1.570797, le=1.570797)] = key(
         "0 deg",
-        "And toward +y, from -90 to 90 deg: it looks along (sin azimuth cos elevation, sin elevation, cos azimuth cos "
-        "elevation).",
+        "The angle by which it is turned toward +y, from -90 to 90 deg: it looks along "
+        "(sin azimuth cos elevation, sin elevation, cos azimuth cos elevation).",
     )
 
     @property
