@@ -11,6 +11,7 @@ import numpy as np
 
 from aerokernels.flow import CellDensity, ConicalFlow, DensityField, GridDensity, VertexDensity
 from aerokernels.medium import IndexField, ResamplingError
+from aerokernels.pupils import Pupil
 from aerokernels.scene import Scene
 
 Region = tuple[tuple[float, float], tuple[float, float]]
@@ -99,12 +100,31 @@ def ray_region(scene: Scene, mesh_field: IndexField) -> Region:
             "give a place behind it, such as '-8 mm'"
         )
     margin = max(MARGIN, MARGIN_NODES * scene.grid.spacing)
-    radius = view_radius(scene, float(high[1])) + margin
+    radius, lowest = view_radius(scene, float(high[1])), aperture
+    if scene.looks_elsewhere:
+        wider, lower = _reach_of_view(scene.view, float(low[1]), float(high[1]))
+        radius, lowest = max(radius, wider), min(lowest, lower)
+    radius += margin
     first = 0.0 if mesh_field.geometry == "axisymmetric" else max(-radius, float(low[0]))
     return (
-        (first, max(aperture - margin, float(low[1]))),
+        (first, max(lowest - margin, float(low[1]))),
         (min(radius, float(high[0])), float(high[1])),
     )
+
+
+def _reach_of_view(pupil: Pupil, low: float, high: float) -> tuple[float, float]:
+    """Greatest distance from the axis and lowest z [m] of a pupil's rays between two places of the axis."""
+    ahead = float(pupil.normal[2])
+    end = high if ahead > 0.0 else low
+    way = (end - float(pupil.center[2])) / ahead if abs(ahead) > 1e-6 else np.inf
+    rim = pupil.reach * float(np.sqrt(max(1.0 - ahead**2, 0.0)))  # how far the plane's rim lies before or behind
+    lowest = float(pupil.center[2]) - rim if ahead > 1e-6 else -np.inf
+    if not np.any(pupil.normal[:2]):
+        return float(np.hypot(*pupil.center[:2])) + pupil.reach, lowest
+    # The rays of the hinder rim leave last; a way that leads off the flow to the side ends at the region's own edge.
+    way = max(way, 0.0) + (rim / abs(ahead) if abs(ahead) > 1e-6 else 0.0)
+    ends = (pupil.center[:2], pupil.center[:2] + (way * pupil.normal[:2] if np.isfinite(way) else np.inf))
+    return max(float(np.hypot(*place)) for place in ends) + pupil.reach, lowest
 
 
 def prepare_field(scene: Scene, field: IndexField | DensityField | None = None) -> Prepared:

@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 from pydantic import BaseModel, ValidationError
 
 from aerokernels.scene import STATIC_CALIBRATION, Scene, SceneError, shipped_scenes
+from aerokernels.scene.changes import key_dimension
 from aerokernels.scene.errors import known_keys
 
 SHIPPED = ("sea-level-mach2", "sea-level-mach3", "sea-level-mach4", *(f"wind-tunnel-mach{m}" for m in (2, 3, 4)))
@@ -332,3 +333,30 @@ def test_every_key_of_the_echo_is_on_its_page_with_its_default(table, root: Path
 )
 def test_a_table_where_a_value_belongs_is_refused_by_its_key(write, text: str, key: str):
     assert f"mine.toml: {key} = " in refusal(write(f'[flow]\nsource = "mach3"\n{text}\n'))
+
+
+def test_every_key_says_what_it_is_and_in_what_unit():
+    """A description is a sentence; a key that takes numbers has a dimension, or names the unit where it has none."""
+
+    def models(model, prefix=""):
+        for name, field in model.model_fields.items():
+            if isinstance(field.annotation, type) and issubclass(field.annotation, BaseModel):
+                assert (field.annotation.__doc__ or "").startswith(f"[{prefix}{name}]: "), f"{prefix}{name}"
+                yield from models(field.annotation, f"{prefix}{name}.")
+            else:
+                yield prefix + name, field
+
+    ratios = {"target.tilt_axis", "beam.pulse_samples"}  # of which only the proportions count
+    found = dict(models(Scene))
+    assert set(found) == set(known_keys(Scene)) and {"pupil.azimuth", "flow.file.origin"} <= set(found)
+    for key, field in found.items():
+        text = field.description or ""
+        assert len(text.split()) >= 3 and text.endswith("."), f"{key}: {text!r}"
+        if key not in ratios and "float" in str(field.annotation).replace("float32", "").replace("float64", ""):
+            assert key_dimension(key) or "[" in text or "unit" in text, f"{key} names no unit: {text!r}"
+
+
+@pytest.mark.parametrize("changes", [{"flow.file.time": math.inf}, {"flow.file.origin": [0.0, math.nan, 0.0]}])
+def test_numbers_of_a_flow_file_are_finite(changes: dict):
+    with pytest.raises(SceneError, match=next(iter(changes))):
+        Scene.load("wind-tunnel-mach3", changes)

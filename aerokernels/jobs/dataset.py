@@ -60,7 +60,10 @@ def _number(value: float | None) -> float:
 
 
 def run_dataset(result: RunParts, summary: Mapping[str, Any]) -> "xarray.Dataset":
-    """Put a run's arrays and its summary together; arrays of a stage that failed are absent."""
+    """Put a run's arrays and its summary together; arrays of a stage that failed are absent.
+
+    How long things took is left to summary.json: equal runs give equal datasets.
+    """
     import xarray
 
     flow = result.prepared.density
@@ -120,7 +123,7 @@ def run_dataset(result: RunParts, summary: Mapping[str, Any]) -> "xarray.Dataset
     elif body is not None:
         variables["body_y"] = variable("body_vertex", body.profile[:, 0], "m", "y of the body's outline")
         variables["body_z"] = variable("body_vertex", body.profile[:, 1], "m", "z of the body's outline")
-    numbers = to_json(summary)
+    numbers = {name: value for name, value in to_json(summary).items() if not name.endswith("seconds")}
     attributes = {
         "Conventions": "CF-1.11",
         "title": result.scene.title or result.scene.name,
@@ -140,7 +143,7 @@ def run_dataset(result: RunParts, summary: Mapping[str, Any]) -> "xarray.Dataset
     if result.echo is None:
         return xarray.Dataset(variables, coordinates, attributes)
     echo = result.echo.to_xarray()
-    attributes |= {name: value for name, value in echo.attrs.items() if name not in numbers}
+    attributes |= {name: value for name, value in echo.attrs.items() if name not in numbers and "seconds" not in name}
     echo = echo.drop_vars("axis", errors="ignore")
     for name in echo.variables:
         echo[name].attrs.setdefault("units", "1")  # labels have no unit of their own

@@ -7,12 +7,13 @@ from aerokernels.echo.paths import target_plane
 from aerokernels.echo.prediction import predict_echo
 from aerokernels.echo.return_paths import is_symmetric
 from aerokernels.flow import DensityField
-from aerokernels.jobs.views import FAN_PLANES, FAN_RAYS, PUPIL_SAMPLES, forward_pupil, pupil_samples, trace_options
+from aerokernels.jobs.views import FAN_PLANES, FAN_RAYS, PUPIL_SAMPLES, pupil_samples, trace_options
 from aerokernels.medium import IndexField
 from aerokernels.medium.grid import UniformGrid
 from aerokernels.prepare import prepare_field
 from aerokernels.quantities import GREAT_ERROR, root_sum_square
 from aerokernels.scene import Scene
+from aerokernels.scene.pupil_table import in_words
 from aerokernels.strehl_errors import greatest_strehl_error, main_cause
 from aerokernels.strehl_estimate import plan_strehl
 from aerokernels.tracing.plan import TracePlan
@@ -27,7 +28,7 @@ def explanation(scene: Scene) -> list[tuple[str, str]]:
     """
     flow = scene.density_field()
     prepared = prepare_field(scene, flow)
-    pupil = forward_pupil(scene)
+    pupil = scene.view
     plan, count = plan_strehl(
         prepared.field,
         pupil,
@@ -84,7 +85,7 @@ def explanation(scene: Scene) -> list[tuple[str, str]]:
         ("error asked for", f"{scene.trace.tolerance:g} wave at {wavelength * 1e9:g} nm"),
         (
             "rays, Strehl ratio",
-            f"{scene.strehl.ray_count:,} asked for, {count:,} traced, pupil of {scene.receiver.diameter * 1e3:g} mm",
+            f"{scene.strehl.ray_count:,} asked for, {count:,} traced, {in_words(pupil)}",
         ),
         ("predicted", _prediction(plan, count)),
         *_predicted_ratio(plan, left_by_grid, wavelength),

@@ -22,7 +22,7 @@ from aerokernels.jobs.store import (
     write_summary,
 )
 from aerokernels.jobs.summary import summarise
-from aerokernels.jobs.views import forward_pupil, pupil_map, ray_fan
+from aerokernels.jobs.views import pupil_map, ray_fan
 from aerokernels.medium import IndexField
 from aerokernels.prepare import prepare_field
 from aerokernels.scene import Scene
@@ -66,11 +66,11 @@ class RunResult(RunParts):
 
 
 def scene_strehl(field: IndexField, scene: Scene) -> StrehlEstimate:
-    """The Strehl ratio of a plane wave that looks forward through the receiver's pupil of a scene."""
+    """The Strehl ratio of a plane wave that arrives from where a scene's pupil looks."""
     table = scene.trace
     return estimate_strehl(
         field,
-        forward_pupil(scene),
+        scene.view,
         wavelength=scene.flow.wavelength,
         ray_count=scene.strehl.ray_count,
         method=table.method,

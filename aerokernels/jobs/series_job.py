@@ -15,10 +15,9 @@ from aerokernels import __version__
 from aerokernels.flow import GridMesh, Series, open_series
 from aerokernels.jobs.store import REPORT_FILE, SUMMARY_FILE, check_output_folder, to_json, write_result
 from aerokernels.jobs.sweeps.records import write_text
-from aerokernels.jobs.views import forward_pupil
+from aerokernels.pupils import direction_of
 from aerokernels.scene import Scene, SceneError
 from aerokernels.series import optical_series, statistics
-from aerokernels.series.look import direction_of
 
 if TYPE_CHECKING:
     import xarray
@@ -48,6 +47,15 @@ def scene_series(scene: Scene) -> Series:
         raise ValueError(f"series.source: {fault}") from fault
 
 
+def scene_look(scene: Scene) -> np.ndarray:
+    """The direction of a series: that of [series], or of the pupil where it gives none; shape (3,)."""
+    angles = (
+        getattr(scene.pupil if getattr(scene.series, name) is None else scene.series, name)
+        for name in ("azimuth", "elevation")
+    )
+    return direction_of(*angles)
+
+
 def run_series(scene: Scene, out: Path, progress: Progress | None = None) -> dict[str, Any]:
     """Do the whole job; maps that are there already from a run that was broken off are kept.
 
@@ -67,8 +75,8 @@ def run_series(scene: Scene, out: Path, progress: Progress | None = None) -> dic
 
     maps = optical_series(
         series,
-        forward_pupil(scene),
-        direction=direction_of(table.azimuth, table.elevation),
+        scene.view,
+        direction=scene_look(scene),
         remove=table.remove,
         wavelength=scene.flow.wavelength,
         relation=scene.flow.relation,

@@ -6,9 +6,11 @@ from typing import Any
 import numpy as np
 
 from aerokernels.medium import IndexField
-from aerokernels.rays import Pupil, RayBundle
+from aerokernels.pupils import Disc, Pupil
+from aerokernels.rays import RayBundle
 from aerokernels.scene import Scene
 from aerokernels.tracing import Plane, TraceResult, trace
+from aerokernels.tracing.pupil_job import plane_beyond
 from aerokernels.tracing.radial_quadrature import asymmetry
 from aerokernels.wavefront import point_spread_function, remove_terms
 
@@ -34,17 +36,12 @@ def trace_options(scene: Scene) -> dict[str, Any]:
     }
 
 
-def forward_pupil(scene: Scene) -> Pupil:
-    """The receiver's pupil, looking forward."""
-    return scene.receiver.pupil
-
-
 @dataclass(frozen=True, eq=False)
 class PupilMap:
     """Optical path difference on a square grid over the pupil.
 
     Attributes:
-        coordinate: x and y of the samples [m], shape (n,).
+        coordinate: Of the samples along the pupil's two axes, x and y where it looks ahead [m], shape (n,).
         opd: Optical path difference, piston removed [m], shape (n, n), axes [y, x]; NaN outside the pupil and where a
             ray failed.
         without_tilt: The same with tilt removed as well.
@@ -60,7 +57,7 @@ class PupilMap:
 
 
 def pupil_samples(field: IndexField, scene: Scene, sample_count: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """A square grid over the receiver's pupil, and the rays that it takes.
+    """A square grid over a scene's pupil, and the rays that it takes.
 
     Returns:
         Which samples lie in the pupil, shape (sample_count, sample_count), axes [y, x]; the samples among them that
@@ -70,8 +67,8 @@ def pupil_samples(field: IndexField, scene: Scene, sample_count: int) -> tuple[n
     # In halves of the spacing distances are whole numbers: equal ones are equal to the last bit.
     half = 2 * np.arange(sample_count) - (sample_count - 1)
     squared = half[:, None] ** 2 + half**2
-    pupil = forward_pupil(scene)
-    if scene.receiver.shape == "disc":
+    pupil = scene.view
+    if isinstance(pupil, Disc):
         inside = squared <= (sample_count - 1) ** 2
     else:
         place = half * (max(pupil.half_extent) / (sample_count - 1))
@@ -84,27 +81,31 @@ def pupil_samples(field: IndexField, scene: Scene, sample_count: int) -> tuple[n
 
 
 def pupil_map(field: IndexField, scene: Scene, sample_count: int = PUPIL_SAMPLES) -> PupilMap:
-    """Trace a square grid of parallel rays forward from the receiver's pupil.
+    """Trace a square grid of parallel rays from a scene's pupil, along where it looks.
 
-    By reciprocity these are the optical paths of a plane wave that arrives from straight ahead.
+    By reciprocity these are the optical paths of a plane wave that arrives from there.
 
     Raises:
         ValueError: No ray gets through.
     """
-    radius = max(forward_pupil(scene).half_extent)
+    pupil = scene.view
+    radius = max(pupil.half_extent)
     coordinate = np.linspace(-radius, radius, sample_count)
     x, y = np.meshgrid(coordinate, coordinate)
     inside, samples, ray = pupil_samples(field, scene, sample_count)
-    start = np.stack([x[inside], y[inside], np.full(int(inside.sum()), scene.receiver.aperture_z)], axis=1)[samples]
-    rays = RayBundle(start, np.broadcast_to([0.0, 0.0, 1.0], start.shape))
-    traced = trace(field, rays, **trace_options(scene), outputs=("opd", "evaluation_count"))
+    start = _in_plane(pupil, x[inside][samples], y[inside][samples])
+    rays = RayBundle(start, np.broadcast_to(pupil.normal, start.shape))
+    # Rays along z leave the flow's box by one face; others by several, and are compared on a plane across them.
+    across = plane_beyond(field, pupil, pupil.normal) if np.any(pupil.normal[:2]) else None
+    traced = trace(field, rays, **trace_options(scene), until=across, outputs=("opd", "evaluation_count"))
     assert traced.opd is not None  # asked for
     good = np.zeros_like(inside)
     good[inside] = traced.ok[ray]
     if not good.any():
         raise ValueError(
-            f"no ray of the receiver's pupil gets through the flow ({traced.status_summary()}): "
-            "check receiver.aperture_z and receiver.diameter against the body"
+            f"no ray of the pupil gets through the flow ({traced.status_summary()}): check its place, "
+            f"{pupil.center.tolist()} m, its size and where it looks against the body "
+            "([pupil], or receiver.aperture_z and receiver.diameter)"
         )
     points = np.stack([x[good], y[good]], axis=1)
     arrived = traced.opd[ray][traced.ok[ray]]
@@ -144,11 +145,12 @@ def spot(pupil: PupilMap, wavelength: float) -> Spot:
 
 @dataclass(frozen=True, eq=False)
 class RayFan:
-    """Rays in the plane x = 0, followed from plane to plane.
+    """Rays in the plane of a pupil's look direction and its second axis, x = 0 if ahead; followed plane to plane.
 
     Attributes:
         position: Where each ray crosses each plane [m], shape (ray_count, plane_count, 3); NaN once a ray has ended.
-        deviation: Displacement in y from the undisturbed ray there [m], shape (ray_count, plane_count).
+        deviation: Displacement along that axis, y if ahead, from the undisturbed ray [m], shape (ray_count,
+            plane_count).
     """
 
     position: np.ndarray
@@ -156,19 +158,35 @@ class RayFan:
 
 
 def ray_fan(field: IndexField, scene: Scene, front: float) -> RayFan:
-    """Trace a row of parallel rays from the pupil to a little ahead of `front`, the foremost z of the flow [m]."""
-    radius, aperture = 0.5 * scene.receiver.diameter, scene.receiver.aperture_z
-    start = np.zeros((FAN_RAYS, 3))
-    start[:, 1] = np.linspace(-radius, radius, FAN_RAYS)
-    start[:, 2] = aperture
-    rays = RayBundle(start, np.broadcast_to([0.0, 0.0, 1.0], start.shape))
-    planes = np.linspace(aperture, front + 0.1 * (front - aperture), FAN_PLANES)
+    """Trace a row of parallel rays from the pupil to a little beyond the flow, whose foremost z is `front` [m]."""
+    pupil = scene.view
+    half = pupil.half_extent[1]
+    start = _in_plane(pupil, np.zeros(FAN_RAYS), np.linspace(-half, half, FAN_RAYS))
+    rays = RayBundle(start, np.broadcast_to(pupil.normal, start.shape))
+    planes = np.linspace(pupil.center, pupil.center + 1.1 * _way_out(field, pupil, front) * pupil.normal, FAN_PLANES)
     position = np.full((FAN_RAYS, FAN_PLANES, 3), np.nan)
     position[:, 0] = start
-    for column, z in enumerate(planes[1:], start=1):
-        plane = Plane(np.array([0.0, 0.0, z]), np.array([0.0, 0.0, 1.0]))
-        traced = trace(field, rays, **trace_options(scene), until=plane, outputs=("position",))
+    for column, point in enumerate(planes[1:], start=1):
+        traced = trace(field, rays, **trace_options(scene), until=Plane(point, pupil.normal), outputs=("position",))
         assert traced.position is not None  # asked for
         arrived = traced.ok
         position[arrived, column] = traced.position[arrived]
-    return RayFan(position, position[..., 1] - start[:, None, 1])
+    second = pupil.axes[1]
+    return RayFan(position, position @ second - (start @ second)[:, None])
+
+
+def _in_plane(pupil: Pupil, x: np.ndarray, y: np.ndarray) -> np.ndarray:
+    """Points of a pupil's plane [m], shape (n, 3), by their coordinates along its two axes."""
+    first, second = pupil.axes
+    return pupil.center + x[:, None] * first + y[:, None] * second
+
+
+def _way_out(field: IndexField, pupil: Pupil, front: float) -> float:
+    """Length [m] of the way from a pupil's centre, along where it looks, to where the flow ends."""
+    low, high = (np.array(corner, dtype=np.float64) for corner in field.box)
+    high[2] = front
+    ends = np.where(pupil.normal > 0.0, high, low)
+    steep = np.abs(pupil.normal) > 1e-9
+    ways = (ends[steep] - pupil.center[steep]) / pupil.normal[steep]
+    ways = ways[np.isfinite(ways) & (ways > 0.0)]
+    return float(ways.min()) if len(ways) else 2.0 * pupil.reach

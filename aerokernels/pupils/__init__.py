@@ -5,7 +5,7 @@ from .disc import Annulus, Disc, unit_disc_samples
 from .pixels import Mask, Rectangle
 from .polygon import Polygon
 from .square_map import SquareMap
-from .vectors import as_unit_vector, as_vector, transverse_axes
+from .vectors import as_unit_vector, as_vector, direction_of, transverse_axes
 
 __all__ = [
     "Annulus",
@@ -17,6 +17,7 @@ __all__ = [
     "SquareMap",
     "as_unit_vector",
     "as_vector",
+    "direction_of",
     "transverse_axes",
     "unit_disc_samples",
 ]

@@ -1,5 +1,7 @@
 """Vectors as callers give them, checked by name."""
 
+from typing import Any
+
 import numpy as np
 
 from ..arguments import are_numbers
@@ -32,6 +34,12 @@ def transverse_axes(normal: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     first = np.cross(helper, normal)
     first /= np.linalg.norm(first)
     return first, np.cross(normal, first)
+
+
+def direction_of(azimuth: Any, elevation: Any) -> np.ndarray:
+    """Look directions [1], shape (..., 3), of azimuths toward +x and elevations toward +y [rad]; 0, 0 is along +z."""
+    flat = np.cos(elevation)
+    return np.stack(np.broadcast_arrays(np.sin(azimuth) * flat, np.sin(elevation), np.cos(azimuth) * flat), axis=-1)
 
 
 def check_count(count: int, what: str = "ray_count") -> int:

@@ -2,7 +2,7 @@
 
 from typing import Annotated, Any, Literal
 
-from pydantic import AfterValidator, BeforeValidator, model_validator
+from pydantic import AfterValidator, BeforeValidator, FiniteFloat, model_validator
 
 from .values import Length, Number, Table, key, measured
 
@@ -31,7 +31,7 @@ def _length_unit(value: Any) -> str:
 def _time(value: Any) -> str | float:
     if value in ("latest", "first"):
         return value
-    if isinstance(value, bool) or not isinstance(value, (int, float)):
+    if isinstance(value, bool) or not isinstance(value, (int, float)) or not abs(value) < float("inf"):
         raise ValueError("give 'latest', 'first' or one of the file's times in seconds")
     return float(value)
 
@@ -43,20 +43,25 @@ class FileTable(Table):
     """[flow.file]: what is what in a flow file of one's own; all of it may be left out where the file tells."""
 
     density: str | None = key(None, "Name of the density's array; found by its usual names if absent.")
-    pressure: str | None = key(None, "Name of the pressure's array: the density then follows from it and")
-    temperature: str | None = key(None, "the name of the temperature's array.")
-    gas_constant: Number | None = key(None, "Gas constant [J/(kg K)] for these; the file's, or that of dry air.")
+    pressure: str | None = key(None, "Name of the pressure's array; with flow.file.temperature it gives the density.")
+    temperature: str | None = key(
+        None, "Name of the temperature's array; with flow.file.pressure it gives the density."
+    )
+    gas_constant: Number | None = key(
+        None,
+        "Gas constant [J/(kg K)] for the density from both; the file's, or that of dry air, if absent.",
+    )
     optical: Axis | None = key(None, 'The optical axis in the file\'s axes: "-x" looks against a flow along +x.')
     up: Axis | None = key(None, "The axis y in the file's axes, at right angles to the optical axis.")
-    origin: tuple[float, float, float] = key(
-        (0.0, 0.0, 0.0), "The point of the file that becomes the origin, in its unit."
+    origin: tuple[FiniteFloat, FiniteFloat, FiniteFloat] = key(
+        (0.0, 0.0, 0.0), "The point of the file that becomes the origin, in the file's unit of length."
     )
     rotation: Angle = key("0 deg", "Angle about x by which the optical axis is turned toward up.")
     length_unit: Annotated[str, BeforeValidator(_length_unit)] = key("m", "Unit of the file's coordinates.")
     reference_density: Density | None = key(None, "What a density of 1 is in a non-dimensional file.")
-    reference_pressure: Pressure | None = key(None, "What a pressure of 1 is.")
-    reference_temperature: Temperature | None = key(None, "What a temperature of 1 is.")
-    reference_length: Length | None = key(None, "What a length of 1 is.")
+    reference_pressure: Pressure | None = key(None, "What a pressure of 1 is in a non-dimensional file.")
+    reference_temperature: Temperature | None = key(None, "What a temperature of 1 is in a non-dimensional file.")
+    reference_length: Length | None = key(None, "What a length of 1 is in a non-dimensional file.")
     time: Annotated[str | float, BeforeValidator(_time)] = key("latest", '"latest", "first" or a time [s].')
     geometry: Literal["planar", "axisymmetric", "volume"] | None = key(
         None, '"axisymmetric" for a plane file whose x is the axis and whose y is the radius; else the file tells.'

@@ -8,10 +8,12 @@ from pydantic import Field, ValidationError, model_validator
 
 from ..arguments import checked
 from ..flow import SEA_LEVEL_DENSITY, DensityField, read, shipped, shipped_names, uniform_air
+from ..pupils import Pupil
 from .detector_table import DetectorTable
 from .echo_tables import AtmosphereTable, BeamTable, ReceiverTable, TargetTable
 from .errors import SceneError, scene_error
 from .loading import anchor_series, beside_scene, override, read_scene
+from .pupil_table import PupilTable
 from .series_table import SeriesTable
 from .tables import STATIC, FlowTable, GridTable, StrehlTable, TraceTable
 from .values import Table
@@ -20,7 +22,7 @@ from .values import Table
 class Scene(Table):
     """What a user describes in a TOML file. Numbers are SI once loaded.
 
-    Every key stands in tables.py, echo_tables.py or detector_table.py.
+    Every key stands in tables.py, echo_tables.py, pupil_table.py, detector_table.py, series_table.py or file_table.py.
     """
 
     name: str = Field("scene", description="Short name for files and tables; the file's name if absent.")
@@ -30,6 +32,7 @@ class Scene(Table):
     beam: BeamTable = BeamTable()
     target: TargetTable = TargetTable()
     receiver: ReceiverTable = ReceiverTable()
+    pupil: PupilTable = PupilTable()
     atmosphere: AtmosphereTable = AtmosphereTable()
     detector: DetectorTable = DetectorTable()
     strehl: StrehlTable = StrehlTable()
@@ -45,6 +48,21 @@ class Scene(Table):
             flow = values.get("flow", {})
             return {**values, "flow": {"source": STATIC, **flow}} if isinstance(flow, dict) else values
         return values
+
+    @model_validator(mode="after")
+    def _pupil_can_be_made(self) -> "Scene":
+        _ = self.view
+        return self
+
+    @property
+    def view(self) -> Pupil:
+        """The pupil that the flow is looked at through, in its place and direction: [pupil], or the receiver's."""
+        return self.pupil.made(self.receiver)
+
+    @property
+    def looks_elsewhere(self) -> bool:
+        """Whether [pupil] asks for another pupil than the receiver's."""
+        return self.pupil != PupilTable()
 
     @classmethod
     @checked

@@ -29,13 +29,13 @@ class SeriesTable(Table):
         None,
         "Time from one numbered file to the next; a time axis has its own.",
     )
-    azimuth: Angle = key(
-        "0 deg",
-        "Where the receiver's pupil looks: toward x.",
+    azimuth: Angle | None = key(
+        None,
+        "Angle toward +x at which light leaves the pupil, which itself stays as it is; pupil.azimuth if absent.",
     )
-    elevation: Annotated[Angle, Field(ge=-1.570797, le=1.570797)] = key(
-        "0 deg",
-        "And toward y.",
+    elevation: Annotated[Angle, Field(ge=-1.570797, le=1.570797)] | None = key(
+        None,
+        "Angle toward +y at which it does; pupil.elevation if absent.",
     )
     pixel_count: Annotated[Count, Field(ge=2)] = key(
         64,

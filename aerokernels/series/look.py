@@ -20,6 +20,7 @@ from aerokernels import __version__
 
 from ..flow import DensityField, Series
 from ..medium import IndexField
+from ..pupils import direction_of
 from ..strehl_estimate import PreparedStrehl
 from ..tracing.radial_quadrature import asymmetry
 from ..wavelength import DEFAULT_WAVELENGTH
@@ -126,12 +127,6 @@ def _angles(name: str, values: Any) -> np.ndarray:
     if np.abs(found).max() > 4.0 * np.pi:
         raise ValueError(f"{name} must be in radians, got {np.abs(found).max():g}: np.radians turns degrees into them")
     return found
-
-
-def direction_of(azimuth: Any, elevation: Any) -> np.ndarray:
-    """Look directions, shape (..., 3)."""
-    flat = np.cos(elevation)
-    return np.stack(np.broadcast_arrays(np.sin(azimuth) * flat, np.sin(elevation), np.cos(azimuth) * flat), axis=-1)
 
 
 def _hemisphere(field, azimuth, elevation, pupil, options, progress, share) -> dict[str, np.ndarray]:

@@ -16,6 +16,8 @@ from ..arguments import Numbers, checked
 from ..strehl_errors import strehl_errors
 from ..wavelength import check_wavelength
 
+COLUMNS_AT_ONCE = 64  # that are padded and transformed
+
 
 @dataclass(frozen=True)
 class PointSpread:
@@ -90,6 +92,18 @@ def far_field(
     return np.asarray(along_y @ wave @ along_x.T)
 
 
+def _padded_transform(wave: np.ndarray, size: int, kept: np.ndarray) -> np.ndarray:
+    """Some rows, shape (m, columns), of the discrete Fourier transform of columns that are padded to a size.
+
+    By FFT: a matrix product of BLAS has other last bits on another number of threads. In blocks, for the memory.
+    """
+    found = np.empty((len(kept), wave.shape[1]), dtype=np.complex128)
+    for begin in range(0, wave.shape[1], COLUMNS_AT_ONCE):
+        block = slice(begin, begin + COLUMNS_AT_ONCE)
+        found[:, block] = np.fft.fft(np.ascontiguousarray(wave[:, block].T), size, axis=1)[:, kept].T
+    return found
+
+
 @checked
 def point_spread_function(
     opd: Numbers,
@@ -143,9 +157,6 @@ def point_spread_function(
     else:
         shown = np.abs(angle) <= half_width
         angle = angle[shown]
-        frequency = np.arange(size)[shown] - size // 2
-        # Whole turns are taken out in whole numbers, so that the phase is exact.
-        turn = np.outer(frequency, np.arange(count)) % size
-        transform = np.exp(-2j * np.pi / size * turn)
-        amplitude = transform @ wave @ transform.T
+        kept = (np.arange(size)[shown] - size // 2) % size
+        amplitude = _padded_transform(_padded_transform(wave, size, kept).T, size, kept).T
     return PointSpread(np.abs(amplitude) ** 2 / mask.sum() ** 2, angle)

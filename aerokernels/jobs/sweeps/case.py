@@ -73,7 +73,8 @@ def _key(*parts: Any) -> str:
 
 def _field_key(scene: Scene) -> str:
     tables = scene.as_dict()
-    return _key(tables["flow"], tables["grid"], scene.receiver.aperture_z)
+    view = [tables["pupil"], tables["receiver"]] if scene.looks_elsewhere else scene.receiver.aperture_z
+    return _key(tables["flow"], tables["grid"], view)
 
 
 def _flow_key(scene: Scene) -> str:
@@ -82,7 +83,8 @@ def _flow_key(scene: Scene) -> str:
 
 def _strehl_key(scene: Scene, group: str) -> str:
     tables = scene.as_dict()
-    return _key(group, scene.receiver.diameter, tables["strehl"], tables["trace"])
+    shape = [tables["receiver"][name] for name in ("diameter", "shape", "inner_diameter", "height")]
+    return _key(group, shape, tables["pupil"], tables["strehl"], tables["trace"])
 
 
 class Stages:

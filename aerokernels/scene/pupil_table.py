@@ -1,0 +1,163 @@
+"""[pupil]: the aperture that the flow is looked at through, and where it looks. Defaults as in tables.py."""
+
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Annotated, Any, Literal
+
+import numpy as np
+from pydantic import BeforeValidator, Field
+
+from ..pupils import Annulus, Disc, Polygon, Pupil, Rectangle, direction_of
+from ..units import quantity
+from .echo_tables import ReceiverTable
+from .values import Length, Table, key, measured
+
+Angle = Annotated[float, measured("angle")]
+# What each shape takes; the rest belongs to others.
+SIZES = {
+    "disc": ("diameter",),
+    "annulus": ("diameter", "inner_diameter"),
+    "rectangle": ("width", "height"),
+    "polygon": ("vertices",),
+}
+
+
+def _point(value: Any, count: int, example: str) -> tuple[float, ...]:
+    if not isinstance(value, (list, tuple)) or len(value) != count:
+        raise ValueError(f"give {count} lengths in brackets, such as {example}")
+    try:
+        return tuple(quantity(part, "length") for part in value)
+    except TypeError as fault:
+        raise ValueError(str(fault)) from None
+
+
+def _center(value: Any) -> tuple[float, ...]:
+    return _point(value, 3, '["0 mm", "2 mm", "-8 mm"]')
+
+
+def _vertices(value: Any) -> tuple[tuple[float, ...], ...]:
+    example = '[["-4 mm", "-3 mm"], ["4 mm", "-3 mm"], ["0 mm", "5 mm"]]'
+    if not isinstance(value, (list, tuple)) or len(value) < 3:
+        raise ValueError(f"give three corners or more, such as {example}")
+    return tuple(_point(corner, 2, '["-4 mm", "-3 mm"], for each corner') for corner in value)
+
+
+def _lengths(convert: Callable[[Any], Any]) -> BeforeValidator:
+    def given(value: Any) -> Any:
+        return None if value is None else convert(value)
+
+    given.dimension = "length"  # type: ignore[attr-defined]  # what changes.py tells of a key
+    return BeforeValidator(given)
+
+
+class PupilTable(Table):
+    """[pupil]: the pupil of Strehl ratio, wavefront and snapshots; what is left out is that of [receiver].
+
+    The echo is always collected by [receiver].
+    """
+
+    shape: Literal["disc", "annulus", "rectangle", "polygon"] | None = key(
+        None,
+        'Shape of the pupil: "disc", of pupil.diameter; "annulus", with a central obstruction of pupil.inner_diameter; '
+        '"rectangle", of pupil.width and pupil.height; "polygon", of pupil.vertices. Absent: a disc where a diameter '
+        "is given, else shape and size of receiver.",
+    )
+    diameter: Length | None = key(
+        None,
+        'Diameter, for shape "disc" and "annulus"; receiver.diameter if absent.',
+    )
+    inner_diameter: Length | None = key(
+        None,
+        'Diameter of the central obstruction, for shape "annulus".',
+    )
+    width: Length | None = key(
+        None,
+        'Extent along the pupil\'s first axis, which is x where it looks ahead, for shape "rectangle"; '
+        "receiver.diameter if absent.",
+    )
+    height: Length | None = key(
+        None,
+        'Extent along its second axis, y where it looks ahead, for shape "rectangle"; as high as wide if absent.',
+    )
+    vertices: Annotated[tuple[tuple[float, float], ...] | None, _lengths(_vertices)] = key(
+        None,
+        'Corners in turn, for shape "polygon": pairs of lengths along the pupil\'s two axes from its centre, '
+        "[['-4 mm', '-3 mm'], ['4 mm', '-3 mm'], ['0 mm', '5 mm']] say.",
+    )
+    center: Annotated[tuple[float, float, float] | None, _lengths(_center)] = key(
+        None,
+        "The pupil's centre (x, y, z), ['0 mm', '2 mm', '-8 mm'] say; on the axis at receiver.aperture_z if absent.",
+    )
+    azimuth: Angle = key(
+        "0 deg",
+        "Where the pupil looks: the angle by which it is turned from straight ahead, +z, toward +x.",
+    )
+    elevation: Annotated[Angle, Field(ge=-1.570797, le=1.570797)] = key(
+        "0 deg",
+        "The angle by which it is turned toward +y, from -90 to 90 deg: it looks along "
+        "(sin azimuth cos elevation, sin elevation, cos azimuth cos elevation).",
+    )
+
+    @property
+    def kind(self) -> str | None:
+        """The shape that is meant; None for the receiver's."""
+        return self.shape or ("disc" if self.diameter is not None else None)
+
+    def made(self, receiver: ReceiverTable) -> Pupil:
+        """The pupil in its place and direction; `receiver` gives what is left out.
+
+        Raises:
+            ValueError: Keys that do not go together, or a size that makes no shape, by the keys' names.
+        """
+        self._check_sizes()
+        middle = (0.0, 0.0, receiver.aperture_z) if self.center is None else self.center
+        place = {"center": np.array(middle), "normal": direction_of(self.azimuth, self.elevation)}
+        diameter = receiver.diameter if self.diameter is None else self.diameter
+        if self.kind == "annulus":
+            inner = self.inner_diameter
+            if inner is None:
+                raise ValueError('pupil.shape = "annulus" needs pupil.inner_diameter: add a length such as "4 mm"')
+            if inner >= diameter:
+                raise ValueError(
+                    f"pupil.inner_diameter, {inner:g} m, must be below the pupil's diameter, {diameter:g} m"
+                )
+            return Annulus(0.5 * diameter, 0.5 * inner, **place)
+        if self.kind == "rectangle":
+            width = receiver.diameter if self.width is None else self.width
+            return Rectangle(width, width if self.height is None else self.height, **place)
+        if self.kind == "polygon":
+            if self.vertices is None:
+                raise ValueError('pupil.shape = "polygon" needs pupil.vertices, its corners in turn')
+            try:
+                return Polygon(np.array(self.vertices), **place)
+            except ValueError as fault:
+                raise ValueError(f"pupil.vertices: {fault}") from None
+        return Disc(0.5 * diameter, **place) if self.kind == "disc" else replace(receiver.pupil, **place)  # type: ignore[type-var]
+
+    def _check_sizes(self) -> None:
+        for name in ("diameter", "inner_diameter", "width", "height", "vertices"):
+            if getattr(self, name) is None or name in SIZES.get(self.kind or "", ()):
+                continue
+            shape = next(shape for shape, sizes in SIZES.items() if name in sizes)
+            raise ValueError(
+                f'pupil.{name} belongs to shape = "{shape}"'
+                + (f", not to {self.shape!r}" if self.shape else f': add shape = "{shape}" to [pupil]')
+            )
+
+
+def in_words(pupil: Pupil) -> str:
+    """Shape, size, place and direction of a pupil, in mm and degrees."""
+    width, height = (2e3 * extent for extent in pupil.half_extent)
+    size = {
+        "Disc": f"pupil of {width:g} mm",
+        "Annulus": f"annulus of {width:g} mm, {width * (pupil.inner_ratio or 0.0):g} mm inside",
+        "Rectangle": f"rectangle of {width:g} x {height:g} mm",
+    }.get(type(pupil).__name__, f"{type(pupil).__name__.lower()} of {1e6 * pupil.area:g} mm2")
+    words = [size]
+    if np.any(pupil.center[:2]):
+        words.append("centre at " + ", ".join(f"{1e3 * part:g}" for part in pupil.center) + " mm")
+    if np.any(pupil.normal[:2]) or pupil.normal[2] < 0.0:
+        azimuth = np.degrees(np.arctan2(pupil.normal[0], pupil.normal[2]))
+        elevation = np.degrees(np.arcsin(np.clip(pupil.normal[1], -1.0, 1.0)))
+        words.append(f"looking to azimuth {azimuth:.4g} deg, elevation {elevation:.4g} deg")
+    return ", ".join(words)
