@@ -5,7 +5,7 @@ import pytest
 import writers
 
 from aerokernels import flow
-from aerokernels.flow.reading.dataset import HEXAHEDRON, Block, Cells, Dataset
+from aerokernels.flow.reading.dataset import HEXAHEDRON, TRIANGLE, Block, Cells, Dataset
 from aerokernels.flow.reading.density import Reference
 from aerokernels.flow.reading.frame import Frame
 from aerokernels.flow.reading.read import field_of, reading_of
@@ -129,3 +129,28 @@ def test_a_scene_of_a_mixture(path):
     assert tuple(scene.density_field().composition.fractions) == ("N2", "O2", "H2O")
     with pytest.raises(SceneError, match="'ciddor' is air's"):
         Scene.load(path.parent / "scene.toml", {"flow.relation": "ciddor"})
+
+
+@pytest.mark.parametrize("where", ["point", "cell"])
+def test_triangles_keep_the_mixture_of_their_cells(where):
+    """Triangles are cut into quadrilaterals. Expected: K of each is its cell's, or linear between points, to 1e-12."""
+    axis = np.linspace(0.0, 0.08, 5)
+    y, x = (own.ravel() for own in np.meshgrid(axis, axis, indexing="ij"))
+    index = np.arange(25).reshape(5, 5)
+    a, b, c, d = (own.ravel() for own in (index[:-1, :-1], index[:-1, 1:], index[1:, 1:], index[1:, :-1]))
+    corners = np.concatenate([np.stack([a, b, c], axis=1), np.stack([a, c, d], axis=1)])
+    points = np.stack([x, y, 0.0 * x], axis=1)
+    at = points if where == "point" else points[corners].mean(axis=1)
+    own = {NAMES[name]: share for name, share in shares(at[:, 0], at[:, 1]).items()} | {"rho": np.full(len(at), 0.8)}
+    block = Block(points, Cells.of_one_type(TRIANGLE, corners), **{f"{where}_data": own})
+    field = field_of(
+        reading_of("test", Dataset([block], "test"), "rho", Frame.of(None), 1.0, Reference(), None, None, None, NAMES)
+    )
+    found = field.composition.constant(WAVELENGTH)
+    if where == "point":
+        vertex = field.mesh.vertices
+        expected = mixture(1.0, shares(-vertex[:, 1], vertex[:, 0]))
+    else:
+        expected = np.repeat(mixture(1.0, shares(at[:, 0], at[:, 1])), 3)
+        assert np.allclose(field.mesh.corners.mean(axis=1).reshape(-1, 3, 2).mean(axis=1)[:, 0], at[:, 1], atol=0.01)
+    assert np.abs(found / expected - 1.0).max() < 1e-12
