@@ -4,7 +4,7 @@
 """
 
 from abc import ABC, abstractmethod
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from importlib import import_module
 from typing import TYPE_CHECKING
 
@@ -16,7 +16,9 @@ from ..read_only import ReadOnly
 from ..shown import shown
 from ..wavelength import DEFAULT_WAVELENGTH, check_wavelength
 from .gas import GREATEST_DENSITY, SEA_LEVEL_DENSITY, FreeStream, check_density, positive
-from .models import one_constant, refractivity_model
+from .models import MODELS, one_constant, refractivity_model
+from .refractivity import RELATIONS
+from .species import Composition
 
 
 class DensityField(ReadOnly, ABC):
@@ -57,9 +59,8 @@ class DensityField(ReadOnly, ABC):
     def from_xarray(array, **arguments) -> "DensityField":
         """A density field from an xarray array or data set: see `aerokernels.flow.reading.given.from_xarray`.
 
-        Coordinates x, y, z make a volume, two of them a plane, r and z an axisymmetric field; their attribute `units`
-        names their unit. Arguments are those of `flow.read`: density, frame, reference, ambient_density, time,
-        geometry, gas_constant, length_unit.
+        Coordinates x, y, z make a volume, two of them a plane, r and z an axisymmetric field, in their attribute
+        `units`. Arguments of `flow.read`: all but spacing, region, walls and those of single formats.
 
         Raises:
             TypeError: No xarray object.
@@ -71,8 +72,7 @@ class DensityField(ReadOnly, ABC):
     def from_pyvista(dataset, **arguments) -> "DensityField":
         """A density field from a pyvista or VTK grid: see `aerokernels.flow.reading.given.from_pyvista`.
 
-        Arguments are those of `flow.read`: density, frame, reference, ambient_density, geometry, gas_constant,
-        length_unit, spacing, region.
+        Arguments are those of `flow.read` but for time, walls and those of single formats.
 
         Raises:
             TypeError: No data set of pyvista or VTK.
@@ -100,7 +100,7 @@ class DensityField(ReadOnly, ABC):
     ) -> IndexField:
         """The refractive index of the flow at a vacuum wavelength [m], which the field keeps.
 
-        See `CellDensity.index_field` for the arguments; each flow has options of its own beside them.
+        See `SampledDensity.index_field` for the arguments; each flow has options of its own beside them.
         """
 
 
@@ -120,7 +120,11 @@ def in_plane(points, geometry: str) -> np.ndarray:
 class SampledDensity(DensityField):
     """What density fields given by numbers have in common, on a mesh or a grid."""
 
+    ambient_density: float
+    body: Body | SolidBody | None
     conditions: FreeStream | None
+    composition: Composition | None
+    density: np.ndarray
 
     @property
     def mach(self) -> float:
@@ -137,11 +141,65 @@ class SampledDensity(DensityField):
         ratio = positive(ambient_density, "ambient_density") / self.ambient_density
         return replace(  # type: ignore[type-var]
             self,
-            density=self.density * ratio,  # type: ignore[attr-defined]
+            density=self.density * ratio,
             ambient_density=float(ambient_density),
             conditions=None if self.conditions is None else self.conditions.at_density(self.conditions.density * ratio),
             provenance=f"{self.provenance}; densities multiplied by {ratio:.8g}".lstrip("; "),
         )
+
+    @checked
+    def index_field(
+        self,
+        wavelength: float = DEFAULT_WAVELENGTH,
+        relation: str = "gladstone-dale",
+        *,
+        constant: float | None = None,
+        composition=None,
+        gladstone_dale: float | None = None,
+        interpolation: str | None = None,
+    ) -> IndexField:
+        """The refractive index on the same mesh or grid: contrast n - n_ambient, where the densities are.
+
+        The average of n over a cell is taken to be n of the average density. That is exact for Gladstone-Dale; for
+        Lorentz-Lorenz it is off by the spread of (K rho)^2 / 6 within a cell, below 1e-8 for air.
+
+        Args:
+            wavelength: Vacuum wavelength [m], for K; the field keeps it.
+            relation: "paper", "ciddor", "gladstone-dale" or "lorentz-lorenz": see `refractivity_model`. The last two
+                take the paper's K(wavelength) unless `constant` or a composition is given, or the field has one.
+            constant: K [m3/kg].
+            composition: A `Composition` or fractions of species (one for each density may be given, in their order)
+                with which K is made. None takes the field's.
+            gladstone_dale: Another name for `constant`.
+            interpolation: As in IndexField.from_mesh ("bilinear" if None) or IndexField.from_samples ("cubic").
+
+        Raises:
+            TypeError: The wavelength is not one number.
+            ValueError: A wavelength outside the range of K, an unknown relation or interpolation, one of air where the
+                field is a mixture, and what `refractivity_model` refuses.
+        """
+        wavelength = check_wavelength(wavelength)
+        given = one_constant(constant, gladstone_dale)
+        if given is None and composition is None and self.composition is not None:
+            if relation in MODELS and relation not in RELATIONS:
+                gas, remedy = ", ".join(self.composition.fractions), "take 'gladstone-dale' or 'lorentz-lorenz'"
+                raise ValueError(f"relation {relation!r} is air's, and the flow is a mixture of {gas}: {remedy}")
+            composition = self.composition
+        model = refractivity_model(relation, constant=given, composition=composition)
+        return self._index(
+            model.contrast(self.density, self.ambient_density, wavelength),
+            interpolation,
+            ambient_index=model.ambient_index(self.ambient_density, wavelength),
+            body=self.body,
+            wavelength=wavelength,
+            upstream=model.upstream(wavelength, self._column_error),
+        )
+
+    _column_error = 0.0  # [kg/m2] of the density along z, from how it was made
+
+    @abstractmethod
+    def _index(self, contrast: np.ndarray, interpolation: str | None, **common) -> IndexField:
+        """The index field of contrasts at the densities."""
 
 
 class MeshDensity(SampledDensity):
@@ -176,6 +234,7 @@ class CellDensity(MeshDensity):
         body: Solid body in the flow, or None.
         conditions: The free stream, or None where the gas is at rest.
         provenance: Where the field comes from, in words.
+        composition: The gas, where it is a mixture that is known cell by cell; None for one gas.
 
     Raises:
         TypeError: The mesh is no QuadMesh.
@@ -189,6 +248,7 @@ class CellDensity(MeshDensity):
     body: Body | None = None
     conditions: FreeStream | None = None
     provenance: str = ""
+    composition: Composition | None = field(default=None, kw_only=True)
 
     def __post_init__(self):
         """Check the densities."""
@@ -256,49 +316,8 @@ class CellDensity(MeshDensity):
 
         return mesh_columns(self.mesh, self.density - self.ambient_density, position, direction)
 
-    @checked
-    def index_field(
-        self,
-        wavelength: float = DEFAULT_WAVELENGTH,
-        relation: str = "gladstone-dale",
-        *,
-        constant: float | None = None,
-        composition=None,
-        gladstone_dale: float | None = None,
-        interpolation: str = "bilinear",
-    ) -> IndexField:
-        """The refractive index on the same mesh: contrast n - n_ambient, as cell averages.
-
-        The average of n over a cell is taken to be n of the average density. That is exact for Gladstone-Dale; for
-        Lorentz-Lorenz it is off by the spread of (K rho)^2 / 6 within a cell, below 1e-8 for air.
-
-        Args:
-            wavelength: Vacuum wavelength [m], for K; the field keeps it.
-            relation: "paper", "ciddor", "gladstone-dale" or "lorentz-lorenz": see `refractivity_model`. The last two
-                take the paper's K(wavelength) unless `constant` or `composition` is given.
-            constant: K [m3/kg] to use in place of the paper's K(wavelength).
-            composition: A `Composition` or fractions of species, with which K is made. One fraction for each cell may
-                be given, in the order of the cells.
-            gladstone_dale: Another name for `constant`.
-            interpolation: As in IndexField.from_mesh.
-
-        Raises:
-            TypeError: The wavelength is not one number.
-            ValueError: A wavelength outside the range of K, an unknown relation or interpolation, and what
-                `refractivity_model` refuses.
-        """
-        wavelength = check_wavelength(wavelength)
-        given = one_constant(constant, gladstone_dale)
-        model = refractivity_model(relation, constant=given, composition=composition)
-        return IndexField.from_mesh(
-            self.mesh,
-            model.contrast(self.density, self.ambient_density, wavelength),
-            ambient_index=model.ambient_index(self.ambient_density, wavelength),
-            interpolation=interpolation,
-            body=self.body,
-            wavelength=wavelength,
-            upstream=model.upstream(wavelength),
-        )
+    def _index(self, contrast: np.ndarray, interpolation: str | None, **common) -> IndexField:
+        return IndexField.from_mesh(self.mesh, contrast, interpolation=interpolation or "bilinear", **common)
 
 
 @checked

@@ -1,6 +1,6 @@
 """Density fields from samples: at the vertices of a mesh, and on a uniform grid of two or three axes."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -10,10 +10,9 @@ from ..medium.grid import checked_axes
 from ..medium.mesh import GEOMETRIES
 from ..medium.mesh_samples import MeshSamples
 from ..shown import shown
-from ..wavelength import DEFAULT_WAVELENGTH, check_wavelength
 from .density_field import MeshDensity, SampledDensity, in_plane
 from .gas import GREATEST_DENSITY, FreeStream, check_density
-from .models import one_constant, refractivity_model
+from .species import Composition
 
 
 def _checked(density, what: str) -> np.ndarray:
@@ -50,6 +49,7 @@ class VertexDensity(MeshDensity):
         body: Solid body in the flow, or None.
         conditions: The free stream, or None where it is not known.
         provenance: Where the field comes from, in words.
+        composition: The gas, where it is a mixture that is known vertex by vertex; None for one gas.
 
     Raises:
         TypeError: The mesh is no QuadMesh.
@@ -62,6 +62,7 @@ class VertexDensity(MeshDensity):
     body: Body | None = None
     conditions: FreeStream | None = None
     provenance: str = ""
+    composition: Composition | None = field(default=None, kw_only=True)
 
     def __post_init__(self):
         """Check the densities."""
@@ -84,29 +85,10 @@ class VertexDensity(MeshDensity):
         density = self.ambient_density + excess
         return density if self.body is None else np.where(self.body.contains(local), np.nan, density)
 
-    @checked
-    def index_field(
-        self,
-        wavelength: float = DEFAULT_WAVELENGTH,
-        relation: str = "gladstone-dale",
-        *,
-        constant: float | None = None,
-        composition=None,
-        gladstone_dale: float | None = None,
-        interpolation: str = "bilinear",
-    ) -> IndexField:
-        """The refractive index on the same mesh: contrast at its vertices. See `CellDensity.index_field`."""
-        wavelength = check_wavelength(wavelength)
-        model = refractivity_model(relation, constant=one_constant(constant, gladstone_dale), composition=composition)
-        return IndexField.from_mesh(
-            self.mesh,
-            _at_vertices(self.mesh, model.contrast(self.density, self.ambient_density, wavelength)),
-            ambient_index=model.ambient_index(self.ambient_density, wavelength),
-            interpolation=interpolation,
-            body=self.body,
-            wavelength=wavelength,
-            upstream=model.upstream(wavelength),
-        )
+    def _index(self, contrast: np.ndarray, interpolation: str | None, **common) -> IndexField:
+        # In a shape that cannot be taken for cell averages.
+        at_vertices = contrast.reshape(self.mesh.shape or contrast.shape)
+        return IndexField.from_mesh(self.mesh, at_vertices, interpolation=interpolation or "bilinear", **common)
 
 
 @shown
@@ -125,6 +107,7 @@ class GridDensity(SampledDensity):
         conditions: The free stream, or None where it is not known.
         provenance: Where the field comes from, in words.
         resampling: What was measured when the grid was made from a mesh, or None.
+        composition: The gas, where it is a mixture that is known node by node; None for one gas.
 
     Raises:
         ValueError: Densities that are no gas's, shapes that disagree, or what `IndexField.from_samples` refuses.
@@ -140,6 +123,7 @@ class GridDensity(SampledDensity):
     conditions: FreeStream | None = None
     provenance: str = ""
     resampling: object = None
+    composition: Composition | None = field(default=None, kw_only=True)
 
     def __post_init__(self):
         """Check the grid."""
@@ -176,34 +160,19 @@ class GridDensity(SampledDensity):
         density[inside] = linear_between(self.density, self.origin, self.spacing, local[inside])
         return density if self.body is None else np.where(self.body.contains(local), np.nan, density)
 
-    @checked
-    def index_field(
-        self,
-        wavelength: float = DEFAULT_WAVELENGTH,
-        relation: str = "gladstone-dale",
-        *,
-        constant: float | None = None,
-        composition=None,
-        gladstone_dale: float | None = None,
-        interpolation: str = "cubic",
-    ) -> IndexField:
-        """The refractive index on the same grid: contrast n - n_ambient at its nodes.
+    @property
+    def _column_error(self) -> float:  # type: ignore[override]
+        return float(getattr(self.resampling, "column_rms", 0.0))
 
-        See `CellDensity.index_field` for the arguments; `interpolation` is as in `IndexField.from_samples`.
-        """
-        wavelength = check_wavelength(wavelength)
-        model = refractivity_model(relation, constant=one_constant(constant, gladstone_dale), composition=composition)
+    def _index(self, contrast: np.ndarray, interpolation: str | None, **common) -> IndexField:
         return IndexField.from_samples(
-            model.contrast(self.density, self.ambient_density, wavelength),
+            contrast,
             origin=self.origin,
             spacing=self.spacing,
             geometry=self.geometry,
-            ambient_index=model.ambient_index(self.ambient_density, wavelength),
-            interpolation=interpolation,
-            body=self.body,
+            interpolation=interpolation or "cubic",
             cell_averages=self.cell_averages,
-            wavelength=wavelength,
-            upstream=model.upstream(wavelength, float(getattr(self.resampling, "column_rms", 0.0))),
+            **common,
         )
 
 
@@ -213,8 +182,3 @@ def linear_between(samples: np.ndarray, origin, spacing, points: np.ndarray) -> 
 
     place = ((points - origin) / spacing).T
     return np.asarray(map_coordinates(samples, place, order=1, mode="nearest", prefilter=False))
-
-
-def _at_vertices(mesh: QuadMesh, contrast: np.ndarray) -> np.ndarray:
-    """Vertex values in a shape that cannot be taken for cell averages."""
-    return contrast.reshape(mesh.shape) if mesh.shape is not None else contrast

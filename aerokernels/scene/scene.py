@@ -104,7 +104,7 @@ class Scene(Table):
         field = (
             shipped(source)
             if source in shipped_names()
-            else read(Path(source).expanduser(), **self.flow.file.read_options())
+            else read(Path(source).expanduser(), species=self.flow.species, **self.flow.file.read_options())
         )
         return field if own else field.scaled(density)
 

@@ -13,7 +13,7 @@ from pydantic import AfterValidator, BeforeValidator, model_validator
 
 from ..flow import gladstone_dale_constant, refractivity_model, shipped_names
 from ..flow.gas import check_density
-from ..flow.refractivity import refractivity
+from ..flow.refractivity import RELATIONS, refractivity
 from ..units import quantity
 from .file_table import FileTable
 from .values import (
@@ -73,6 +73,12 @@ class FlowTable(Table):
         "of a CFD file or case of one's own, relative to the scene file.",
     )
     file: FileTable = FileTable()
+    species: bool | tuple[str, ...] | dict[str, str] | None = key(
+        None,
+        "Mass fractions in the flow's file, by which the gas is a mixture: true for arrays called by formulas "
+        '(N2, Y_O2, ...), ["N2", "O2"] for those alone, {N2 = "Y_N2", O2 = "Y_O2"} for others, with basis = "mole" '
+        'for mole fractions. The relation is then "gladstone-dale" or "lorentz-lorenz".',
+    )
     density: Annotated[float | str, BeforeValidator(_density)] = key(
         "tunnel",
         'Free-stream density: "tunnel" is the field\'s own (at rest: sea level), "sea-level" is 1.225 kg/m3, '
@@ -97,13 +103,22 @@ class FlowTable(Table):
 
     @model_validator(mode="before")
     @classmethod
-    def _a_constant_is_gladstone_and_dales(cls, data: Any) -> Any:
-        if isinstance(data, dict) and data.get("gladstone_dale") is not None and "relation" not in data:
+    def _a_constant_or_a_mixture_is_gladstone_and_dales(cls, data: Any) -> Any:
+        if not isinstance(data, dict) or "relation" in data:
+            return data
+        if data.get("gladstone_dale") is not None or data.get("species") not in (None, False):
             return {**data, "relation": "gladstone-dale"}
         return data
 
     @model_validator(mode="after")
     def _relation_fits_the_rest(self) -> "FlowTable":
+        mixture = self.species not in (None, False)
+        if mixture and self.source in (*shipped_names(), STATIC):
+            raise ValueError(f"flow.species are of a flow's own file, and {self.source!r} is air: leave them out")
+        if mixture and self.relation not in RELATIONS and self.gladstone_dale is None:
+            raise ValueError(
+                f"flow.relation {self.relation!r} is air's, with flow.species take 'gladstone-dale' or 'lorentz-lorenz'"
+            )
         try:
             refractivity_model(self.relation, constant=self.gladstone_dale).constant(self.wavelength)
         except ValueError as fault:

@@ -154,7 +154,8 @@ class Snapshots:
         """The optical path differences of a snapshot, whose array may have been read already."""
         stored = self.series.read(number, self.device is not None) if stored is None else stored
         flow = stored if isinstance(stored, DensityField) else None
-        if self.lines is None or (flow is not None and not self.series.lies_here(flow)):
+        mixture = getattr(flow, "composition", None) is not None and self.way.constant is None
+        if self.lines is None or mixture or (flow is not None and not self.series.lies_here(flow)):
             return self._traced(self.way.index_field(self.series.field(stored, number)))
         density = stored if flow is None else np.asarray(flow.density)  # type: ignore[attr-defined]
         ambient = self.series.ambient_density if flow is None else flow.ambient_density

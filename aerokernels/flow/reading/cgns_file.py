@@ -1,4 +1,4 @@
-"""CGNS, by VTK's reader: structured and unstructured zones, solutions at vertices or cell centres, families of patches.
+"""CGNS, by VTK's reader: structured and unstructured zones, solutions at vertices or cell centres.
 
 Runs in the child of worker.py.
 """
@@ -6,6 +6,7 @@ Runs in the child of worker.py.
 from pathlib import Path
 from typing import Any
 
+from .cgns_walls import patches
 from .dataset import Block, Dataset, ReadError
 from .vtk_files import DAMAGED, blocks_of, chosen_time, run
 
@@ -40,7 +41,8 @@ def read(path: Path, time: Any = None, options: dict | None = None) -> Dataset:
     if not blocks:
         raise ReadError(path, "it has no zone with cells", DAMAGED)
     blocks = [_named(block, k) for k, block in enumerate(blocks)]
-    return Dataset(blocks, "CGNS", times=times if len(times) > 1 else [], time=chosen)
+    found, notes = patches(path)
+    return Dataset(blocks, "CGNS", patches=found, times=times if len(times) > 1 else [], time=chosen, notes=notes)
 
 
 def _named(block: Block, number: int) -> Block:

@@ -103,18 +103,18 @@ def choose_density(path, dataset: Dataset, given, gas_constant: float | None) ->
     own = gas_constant if gas_constant is not None else dataset.gas_constant or GAS_CONSTANT_AIR
     listed = ", ".join(names) if names else "none"
     if isinstance(given, str):
-        return DensityChoice(_found(path, given, names, listed))
+        return DensityChoice(found_name(path, given, names, listed))
     if isinstance(given, Mapping):
         if not {"pressure", "temperature"} <= set(given) <= {"pressure", "temperature", "gas_constant"}:
             raise ValueError(
                 f"density: give an array's name, or a mapping of 'pressure' and 'temperature', got {given!r}"
             )
         constant = positive(float(given.get("gas_constant", own)), "gas_constant")
-        pair = [_found(path, given[key], names, listed) for key in ("pressure", "temperature")]
+        pair = [found_name(path, given[key], names, listed) for key in ("pressure", "temperature")]
         return DensityChoice(None, pair[0], pair[1], constant)
     if given is not None:
         raise TypeError(f"density must be an array's name or a mapping, got {type(given).__name__}")
-    plain = {_plain(name): name for name in reversed(names)}
+    plain = {plain_name(name): name for name in reversed(names)}
     for known in DENSITY_NAMES:
         if known in plain:
             return DensityChoice(plain[known])
@@ -136,13 +136,13 @@ def block_density(path, block: Block, choice: DensityChoice, reference: Referenc
         ReadError: Arrays of another shape, or densities that are no gas's, outside of blanked parts.
     """
     if choice.density is not None:
-        values, where = _array(path, block, choice.density)
+        values, where = scalar_array(path, block, choice.density)
         with np.errstate(all="ignore"):  # what comes out as no number is refused below
             values = values * reference.density
     else:
         assert choice.pressure is not None and choice.temperature is not None
-        pressure, where = _array(path, block, choice.pressure)
-        temperature, other = _array(path, block, choice.temperature, where)
+        pressure, where = scalar_array(path, block, choice.pressure)
+        temperature, other = scalar_array(path, block, choice.temperature, where)
         if where != other:
             raise ReadError(
                 path, f"{choice.pressure} and {choice.temperature} lie in different places", "give both in cells"
@@ -153,7 +153,12 @@ def block_density(path, block: Block, choice: DensityChoice, reference: Referenc
     return values, where
 
 
-def _array(path, block: Block, name: str, where: str | None = None) -> tuple[np.ndarray, str]:
+def scalar_array(path, block: Block, name: str, where: str | None = None) -> tuple[np.ndarray, str]:
+    """A scalar array of a block, and whether it is of its "cell"s or its "point"s; of both, `where` comes first.
+
+    Raises:
+        ReadError: No such array, or one that is no scalar.
+    """
     order = ("cell", "point") if where is None else (where, "cell", "point")
     for place in order:
         arrays = block.cell_data if place == "cell" else block.point_data
@@ -189,14 +194,20 @@ def _refuse_no_gas(path, block: Block, name: str, values: np.ndarray, where: str
             )
 
 
-def _found(path, name: str, names: list[str], listed: str) -> str:
+def found_name(path, name: str, names: list[str], listed: str) -> str:
+    """The array that a caller names, signs and case apart.
+
+    Raises:
+        ReadError: No such array.
+    """
     if name in names:
         return name
-    alike = [other for other in names if _plain(other) == _plain(name)]
+    alike = [other for other in names if plain_name(other) == plain_name(name)]
     if len(alike) == 1:
         return alike[0]
     raise ReadError(path, f"there is no array {name!r}", f"take one of {listed}")
 
 
-def _plain(name: str) -> str:
+def plain_name(name: str) -> str:
+    """A name in lower case without blanks, signs, units and folders."""
     return re.sub(r"[^a-z0-9]", "", re.sub(r"[\[(<{].*", "", name.lower()).rsplit("/", 1)[-1])

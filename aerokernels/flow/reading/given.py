@@ -7,7 +7,7 @@ from .read import field_of, reading_of, unit_of_length
 
 
 def from_xarray(array, *, density=None, frame=None, reference=None, ambient_density=None, time=None, geometry=None,
-                gas_constant=None, length_unit=None):  # fmt: skip
+                gas_constant=None, length_unit=None, species=None):  # fmt: skip
     """A density field from an xarray data set or array; arguments as in `flow.read`.
 
     Coordinates are x, y, z (volume), two of them (planar), or r, z (axisymmetric), in the unit that their attribute
@@ -23,11 +23,12 @@ def from_xarray(array, *, density=None, frame=None, reference=None, ambient_dens
         array, density = array.to_dataset(name=name), density or name
     ambient = ambient_density if ambient_density is not None else attributes.get("ambient_density")
     found = labelled_dataset("xarray data", array, None, time)
-    return _field(found, "xarray data", density, frame, reference, ambient, geometry, gas_constant, length_unit)
+    return _field(found, "xarray data", density, frame, reference, ambient, geometry, gas_constant, length_unit,
+                  species=species)  # fmt: skip
 
 
 def from_pyvista(dataset, *, density=None, frame=None, reference=None, ambient_density=None, geometry=None,
-                 gas_constant=None, length_unit=None, spacing=None, region=None):  # fmt: skip
+                 gas_constant=None, length_unit=None, spacing=None, region=None, species=None):  # fmt: skip
     """A density field from a pyvista (or VTK) grid or multi-block set; arguments as in `flow.read`."""
     from .vtk_files import blocks_of
 
@@ -35,15 +36,15 @@ def from_pyvista(dataset, *, density=None, frame=None, reference=None, ambient_d
         raise TypeError(f"from_pyvista takes a data set of pyvista or VTK, got {type(dataset).__name__}")
     found = Dataset(blocks_of(f"{dataset.GetClassName()} given", dataset), "VTK data set")
     return _field(found, "pyvista data", density, frame, reference, ambient_density, geometry, gas_constant,
-                  length_unit, spacing, region)  # fmt: skip
+                  length_unit, spacing, region, species)  # fmt: skip
 
 
 def _field(found: Dataset, name, density, frame, reference, ambient, geometry, gas_constant, length_unit,
-           spacing=None, region=None):  # fmt: skip
+           spacing=None, region=None, species=None):  # fmt: skip
     references = Reference.of(reference)
     scale = unit_of_length(length_unit) * references.length
     taken = reading_of(
         name, found, density, Frame.of(frame), scale, references, gas_constant, geometry,
-        None if ambient is None else float(ambient),
+        None if ambient is None else float(ambient), species,
     )  # fmt: skip
     return field_of(taken, spacing, region)

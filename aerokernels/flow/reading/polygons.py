@@ -23,7 +23,7 @@ class Polygons:
         points: Coordinates [m], shape (point_count, 2).
         start: Where each polygon begins, shape (cell_count + 1,).
         corners: Points around each polygon, concatenated.
-        values: Shape (cell_count,) or (point_count,).
+        values: Shape (cell_count,) or (point_count,), or with a second axis: several values for each.
         where: "cell" or "point".
     """
 
@@ -112,7 +112,7 @@ def quad_mesh(polygons: Polygons, geometry: str) -> tuple[QuadMesh, np.ndarray, 
             grid, order = rectangle
             y, z = polygons.points[grid].transpose(2, 0, 1)
             values = polygons.values[order if polygons.where == "cell" else grid]
-            return QuadMesh.structured(y, z, geometry), values.ravel(), ""
+            return QuadMesh.structured(y, z, geometry), values.reshape(-1, *polygons.values.shape[1:]), ""
     whole = _cut_from_the_middle(_fans(polygons))
     remark = "cells that are no quadrilaterals: each was cut into as many as it has corners"
     return QuadMesh(whole.points, whole.corners.reshape(-1, 4), geometry), whole.values, remark

@@ -16,6 +16,7 @@ from .coordinates import INCHES
 from .dataset import Block, Dataset, ReadError, check_points
 from .density import Reference, block_density, choose_density
 from .formats import load
+from .fractions import Fractions, choose_fractions
 from .frame import Frame, plane_normal
 from .plane import Plane, patch_edges, plane_mesh
 
@@ -39,6 +40,7 @@ class Reading:
         scale: The file's unit of length [m].
         ambient: The density around the field that was asked for [kg/m3], or None.
         said: What was taken, in words.
+        fractions: Mass fractions of the species, or None for one gas.
     """
 
     path: Path
@@ -50,6 +52,7 @@ class Reading:
     scale: float
     ambient: float | None
     said: str
+    fractions: Fractions | None = None
 
     def moved(self, points: np.ndarray) -> np.ndarray:
         """Points of the file (n, 3) in the optical frame [m]."""
@@ -87,6 +90,7 @@ def read(
     spacing: float | None = None,
     region=None,
     walls=None,
+    species=None,
     **options: Any,
 ) -> DensityField:
     """Read a CFD file or case as a density field in the optical frame.
@@ -107,6 +111,9 @@ def read(
         spacing: Greatest node spacing of a volume's grid [m]; None follows from the cells.
         region: Lowest and highest corner of a volume's grid [m], in the optical frame; None takes all.
         walls: Names of the boundary patches that bound the body; None takes those that the file calls walls.
+        species: Mass fractions by which the field is a mixture of gases, from arrays of the file: True for those called
+            by formulas (N2, Y_O2, MassFractionCO2, ...), formulas alone, or {"N2": "Y_N2", ...}, beside which
+            "basis": "mole" stands for mole fractions. None takes one gas. See `SPECIES_NAMES`.
         options: For single formats: `mesh` (a restart of SU2), `solution` (Plot3D), `variables` (NPZ, HDF5).
 
     Returns:
@@ -119,19 +126,21 @@ def read(
     return read_onto(
         None, path, density=density, frame=frame, length_unit=length_unit, reference=reference, time=time,
         gas_constant=gas_constant, geometry=geometry, ambient_density=ambient_density, spacing=spacing, region=region,
-        walls=walls, **options,
+        walls=walls, species=species, **options,
     )  # fmt: skip
 
 
 def read_onto(
     kept: Kept | None, path, *, density=None, frame=None, length_unit=None, reference=None, time=None,
-    gas_constant=None, geometry=None, ambient_density=None, spacing=None, region=None, walls=None, **options: Any,
+    gas_constant=None, geometry=None, ambient_density=None, spacing=None, region=None, walls=None, species=None,
+    **options: Any,
 ) -> DensityField:  # fmt: skip
     """`read`, with what the mesh decides taken from the last reading and kept for the next."""
     try:
         reading = prepare(
             path, density=density, frame=frame, length_unit=length_unit, reference=reference, time=time,
             gas_constant=gas_constant, geometry=geometry, ambient_density=ambient_density, options=options,
+            species=species,
         )  # fmt: skip
         return field_of(reading, spacing, region, walls, kept)
     except (ArithmeticError, LookupError) as fault:
@@ -145,8 +154,9 @@ def read_onto(
 
 
 def prepare(
-    path, *, density, frame, length_unit, reference, time, gas_constant, geometry, ambient_density, options
-) -> Reading:
+    path, *, density, frame, length_unit, reference, time, gas_constant, geometry, ambient_density, options,
+    species=None,
+) -> Reading:  # fmt: skip
     """Read a file and find out what is what in it; arguments and errors as in `read`."""
     path = Path(path)
     frame, reference = Frame.of(frame), Reference.of(reference)
@@ -158,11 +168,14 @@ def prepare(
     if unknown := set(options) - {"mesh", "solution", "variables"}:
         raise TypeError(f"flow.read has no argument {sorted(unknown)[0]!r}")
     return reading_of(
-        path, load(path, time, options), density, frame, scale, reference, gas_constant, geometry, ambient_density
-    )
+        path, load(path, time, options), density, frame, scale, reference, gas_constant, geometry, ambient_density,
+        species,
+    )  # fmt: skip
 
 
-def reading_of(path, dataset: Dataset, density, frame, scale, reference, gas_constant, geometry, ambient) -> Reading:
+def reading_of(
+    path, dataset: Dataset, density, frame, scale, reference, gas_constant, geometry, ambient, species=None
+) -> Reading:
     """What is what in a dataset; arguments and errors as in `read`."""
     _check_blocks(path, dataset)
     choice = choose_density(path, dataset, density, gas_constant)
@@ -180,8 +193,9 @@ def reading_of(path, dataset: Dataset, density, frame, scale, reference, gas_con
         raise ReadError(path, "its points lie in a plane, it is no volume", "leave geometry out")
     if (kind == "planar" or geometry == "axisymmetric") and normal is None and dataset.geometry != "axisymmetric":
         raise ReadError(path, f"its points fill a volume, it is not {kind}", "leave geometry out")
-    said = choice.described()
-    return Reading(path, dataset, densities, kind, frame, normal, scale, ambient, said)
+    fractions = choose_fractions(path, dataset, densities, species)
+    said = choice.described() if fractions is None else f"{choice.described()}; {fractions.said}"
+    return Reading(path, dataset, densities, kind, frame, normal, scale, ambient, said, fractions)
 
 
 def field_of(reading: Reading, spacing=None, region=None, walls=None, kept: Kept | None = None) -> DensityField:
@@ -198,16 +212,24 @@ def field_of(reading: Reading, spacing=None, region=None, walls=None, kept: Kept
 def _plane_field(reading: Reading, names=None) -> DensityField:
     path, dataset = reading.path, reading.dataset
     plane = Plane.of(path, dataset, reading.geometry, reading.frame, reading.scale, reading.normal)
-    mesh, density, where, remark = plane_mesh(path, list(dataset.blocks), plane, reading.densities)
+    given, fractions = reading.densities, reading.fractions
+    if fractions is not None:  # the density and the partial ones go the same way
+        parts = zip(given, fractions.blocks, strict=True)
+        given = [(np.vstack([rho, rho * shares]).T, where) for (rho, where), shares in parts]
+    mesh, density, where, remark = plane_mesh(path, list(dataset.blocks), plane, given)
+    composition = None
     body = _body(path, dataset, plane, mesh, names)
     at = mesh.cell_centroid if where == "cell" else mesh.vertices
-    ambient = reading.ambient or _ambient(dataset, at, density)
+    if fractions is not None:
+        partial, density = density[:, 1:].T, density[:, 0]
+        composition = fractions.composition(partial, partial[:, _front(at)].mean(axis=1))
+    ambient = reading.ambient or dataset.ambient or float(np.median(density[_front(at)]))
     said = [dataset.format, *([f"t = {dataset.time:g}"] if dataset.time is not None else []), reading.said,
             plane_in_words(plane, reading.frame), f"ambient {ambient:.6g} kg/m3", *([remark] if remark else []),
             *dataset.notes]  # fmt: skip
     kind = CellDensity if where == "cell" else VertexDensity
     try:
-        return kind(mesh, density, ambient, body, None, f"{path}: {'; '.join(said)}")
+        return kind(mesh, density, ambient, body, None, f"{path}: {'; '.join(said)}", composition=composition)
     except ValueError as fault:
         raise ReadError(path, str(fault), "see what the file holds with `aerokernels fields`") from None
 
@@ -229,12 +251,9 @@ def _body(path, dataset: Dataset, plane: Plane, mesh, names) -> Body | None:
         raise ReadError(path, f"its walls make no body: {fault}", "repair the boundary's patches") from None
 
 
-def _ambient(dataset: Dataset, at: np.ndarray, density: np.ndarray) -> float:
-    """The density that prevails where the flow comes from: the median over the foremost tenth of the field."""
-    if dataset.ambient is not None:
-        return dataset.ambient
-    front = float(np.quantile(at[:, -1], 0.95))
-    return float(np.median(density[at[:, -1] >= front]))
+def _front(at: np.ndarray) -> np.ndarray:
+    """Which places are the foremost twentieth of the field, where the flow comes from."""
+    return np.asarray(at[:, -1] >= float(np.quantile(at[:, -1], 0.95)))
 
 
 def plane_in_words(plane: Plane, frame: Frame) -> str:

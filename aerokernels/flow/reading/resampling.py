@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..sampled_density import GridDensity, linear_between
+from ..species import Composition
 from .dataset import Block, ReadError
 from .grid_choice import check_solids, choose_grid
 from .raster import CellFacts, NodeGrid, draw
@@ -151,10 +152,7 @@ class Resampling:
                 raise ValueError(
                     f"densities have shape {np.shape(own)}, the mesh {part.count} {name}s: give one for each"
                 )
-        linear = Linear.joined([part.linear(own, self.origin) for part, own in zip(self._parts, given, strict=True)])
-        density = self._at_nodes(linear)
-        if self._small is not None:
-            self._small.average(linear, density)
+        linear, density = self._drawn(given)
         ambient = float(np.median(density[self._front])) if ambient_density is None else float(ambient_density)
         self._empty.fill(density, ambient)
         density = density.reshape(self.shape)
@@ -171,6 +169,28 @@ class Resampling:
             provenance=provenance,
             resampling=measured,
         )
+
+    def _drawn(self, given) -> tuple[Linear, np.ndarray]:
+        """Values of each block's cells or points: linear in each cell, and at the nodes that lie in one."""
+        linear = Linear.joined([part.linear(own, self.origin) for part, own in zip(self._parts, given, strict=True)])
+        nodes = self._at_nodes(linear)
+        if self._small is not None:
+            self._small.average(linear, nodes)
+        return linear, nodes
+
+    def _composition(self, reading, ambient: float) -> Composition | None:
+        """The mixture at the nodes, by partial densities that go the way of the density."""
+        fractions = reading.fractions
+        if fractions is None:
+            return None
+        pairs = list(zip(reading.densities, fractions.blocks, strict=True))
+        each = range(len(fractions.names))
+        partial = np.stack([self._drawn([rho * own[k] for (rho, _), own in pairs])[1] for k in each])
+        around = partial[:, self._front].mean(axis=1)
+        for own, share in zip(partial, around / around.sum(), strict=True):
+            self._empty.fill(own, share * ambient)
+        found: Composition = fractions.composition(partial.reshape(-1, *self.shape), around)
+        return found
 
     def field(self, reading) -> GridDensity:
         """The density field of a reading on this mesh, its provenance with what the resampling changed."""
@@ -192,6 +212,7 @@ class Resampling:
             *([] if self.body is None else [f"a body of {len(self.body.triangles)} triangles"]),
             f"ambient {found.ambient_density:.6g} kg/m3",
         ]
+        object.__setattr__(found, "composition", self._composition(reading, found.ambient_density))
         object.__setattr__(found, "provenance", f"{reading.path}: {'; '.join(said)}")
         return found
 

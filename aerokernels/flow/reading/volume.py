@@ -29,7 +29,15 @@ def volume_field(reading, spacing=None, region=None, walls=None, kept=None) -> G
             density, low, step = grid
             ambient = reading.ambient or dataset.ambient or float(np.median(density[:, :, -1]))
             told = [*reading.described(), f"ambient {ambient:.6g} kg/m3"]
-            return GridDensity(density, low, step, "volume", ambient, provenance=f"{path}: {'; '.join(told)}")
+            composition = None
+            if (fractions := reading.fractions) is not None:
+                rho, where = reading.densities[0]
+                parts = [uniform_grid(dataset.blocks[0], moved[0], rho * own, where) for own in fractions.blocks[0]]
+                partial = np.stack([part[0] for part in parts if part is not None])
+                composition = fractions.composition(partial, partial[..., -1].mean(axis=(1, 2)))
+            return GridDensity(
+                density, low, step, "volume", ambient, provenance=f"{path}: {'; '.join(told)}", composition=composition
+            )
     for block in dataset.blocks:
         if block.cells is None and block.shape is None:
             raise ReadError(

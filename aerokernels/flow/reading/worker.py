@@ -6,6 +6,7 @@ it takes half a second; its memory is bounded.
 """
 
 import atexit
+import math
 import os
 import pickle
 import subprocess
@@ -23,6 +24,8 @@ from .dataset import Dataset, ReadError
 MEMORY_SHARE = 0.8
 LEAST_MEMORY, MEMORY_FOR_BYTE = 2.0e9, 200.0  # [bytes], and for each byte of the file
 LEAST_TIME, TIME_FOR_BYTE = 20.0, 1e-6  # [s], and for each byte: a twentieth of what a slow disk reads
+# A library that goes round in circles on a damaged file is ended by the time that it computes: a small file takes 2 s.
+LEAST_COMPUTING = 6.0  # [s], and for each byte as above
 LISTS = (".pvd", ".vtm", ".vtmb", ".pvti", ".pvtr", ".pvts", ".pvtu")
 DAMAGED = "the file is damaged or of another format: write it again"
 
@@ -116,8 +119,8 @@ def time_limit(path: Path) -> float:
     return 600.0 if path.suffix.lower() in LISTS else LEAST_TIME + TIME_FOR_BYTE * path.stat().st_size
 
 
-def _limit_memory(path: Path) -> None:
-    """Bound what this process may take from now on."""
+def _limit(path: Path) -> None:
+    """Bound the memory that this process may take from now on, and how long it may compute."""
     try:
         import resource
 
@@ -128,6 +131,10 @@ def _limit_memory(path: Path) -> None:
         hard = resource.getrlimit(resource.RLIMIT_AS)[1]
         resource.setrlimit(resource.RLIMIT_AS, (int(own), hard))
         resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
+        used = resource.getrusage(resource.RUSAGE_SELF)
+        allowed = LEAST_COMPUTING - LEAST_TIME + time_limit(path)
+        hard = resource.getrlimit(resource.RLIMIT_CPU)[1]
+        resource.setrlimit(resource.RLIMIT_CPU, (math.ceil(used.ru_utime + used.ru_stime + allowed), hard))
     except (ImportError, OSError, ValueError):  # not on this system
         pass
 
@@ -139,7 +146,7 @@ def _serve(requests: IO[bytes], answers: IO[bytes]) -> None:
             module, path, time, options = pickle.load(requests)
         except EOFError:
             return
-        _limit_memory(Path(path))
+        _limit(Path(path))
         try:
             answer: tuple[str, Any] = ("dataset", read_here(module, Path(path), time, options))
         except ReadError as fault:

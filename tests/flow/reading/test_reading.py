@@ -1,6 +1,7 @@
 """What `flow.read` takes for what: density, references, units, frames; what it refuses, with file, place and remedy."""
 
 import pickle
+import sys
 
 import fuzzing
 import numpy as np
@@ -236,3 +237,17 @@ def test_damaged_copies_of_what_libraries_read(tmp_path, kind):
     pytest.importorskip("vtkmodules")
     counts = fuzzing.fuzz(tmp_path, kind, range(2015, 2030))
     assert counts["refused"] > 0
+
+
+def test_a_library_that_goes_round_in_circles_is_ended(tmp_path):
+    """A process under the bounds of the child, with nothing granted beside its start, that computes for ever.
+
+    Expected: it ends by SIGXCPU.
+    """
+    import signal
+    import subprocess
+
+    (tmp_path / "a").write_bytes(b"0")
+    code = "from aerokernels.flow.reading import worker; from pathlib import Path; worker.LEAST_COMPUTING = 0.0; "
+    code += f"worker._limit(Path({str(tmp_path / 'a')!r}))\nwhile True: pass"
+    assert subprocess.run([sys.executable, "-c", code], timeout=60, check=False).returncode == -signal.SIGXCPU

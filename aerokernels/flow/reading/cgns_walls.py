@@ -1,0 +1,208 @@
+"""Boundary patches of a CGNS file in HDF5: what its BC_t nodes say, as edges of a plane or faces of a volume.
+
+VTK's reader leaves out most kinds of boundary conditions, so that the nodes are read here, by h5py: ranges of a
+structured zone, elements of an unstructured one, directly or by their points, with a type of their own or a family's.
+"""
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+
+from .dataset import Patch, Polygons
+
+HDF5 = b"\x89HDF\r\n\x1a\n"
+SURFACE = {
+    3: 2,
+    4: 2,
+    5: 3,
+    6: 3,
+    7: 4,
+    8: 4,
+    9: 4,
+}  # corners of CGNS' edges, triangles, quadrilaterals; mid-points last
+POINTS = {2: 1, 3: 2, 4: 3, 5: 3, 6: 6, 7: 4, 8: 8, 9: 9, 10: 4, 11: 10, 12: 5, 13: 14, 14: 6, 15: 15, 16: 18, 17: 8,
+          18: 20, 19: 27, 21: 13}  # fmt: skip
+MIXED, POLYGONS = 20, 22
+
+
+def patches(path: Path) -> tuple[list[Patch], list[str]]:
+    """The boundary patches of a file, and what a user should know of them."""
+    with path.open("rb") as stream:
+        if stream.read(8) != HDF5:
+            return [], ["boundary patches of CGNS files in ADF are not read"]
+    import h5py
+
+    found, notes = [], []
+    with h5py.File(path, "r") as file:
+        for base in _children(file, "CGNSBase_t"):
+            dimension = int(_data(base)[0])
+            if dimension not in (2, 3):
+                continue
+            families = {_name(own): _text(kind) for own in _children(base, "Family_t")
+                        for kind in _children(own, "FamilyBC_t")}  # fmt: skip
+            for zone in _children(base, "Zone_t"):
+                points = _points(zone)
+                conditions = [own for part in _children(zone, "ZoneBC_t") for own in _children(part, "BC_t")]
+                if points is None or not conditions:
+                    continue
+                even = any(_text(own) == "Structured" for own in _children(zone, "ZoneType_t"))
+                elements = None if even else _Elements(zone, dimension)
+                for own in conditions:
+                    corners = _faces_of_range(own, zone, dimension) if elements is None else elements.of(own)
+                    if not len(corners):
+                        notes.append(f"boundary patch {_name(own)} names no faces that are there")
+                        continue
+                    at = points[corners]
+                    kind = _kind(own, families)
+                    if dimension == 2:
+                        found.append(Patch(_name(own), kind, at))
+                    else:
+                        found.append(Patch(_name(own), kind, polygons=Polygons(at.reshape(-1, 3), _starts(at))))
+    return found, notes
+
+
+def _starts(at: np.ndarray) -> np.ndarray:
+    return at.shape[1] * np.arange(len(at) + 1)
+
+
+def _children(node, label: str) -> Iterator:
+    for name in node:
+        own = node[name]
+        if _decoded(own.attrs.get("label", b"")) == label:
+            yield own
+
+
+def _child(node, *names: str):
+    return next((node[name] for name in names if name in node and " data" in node[name]), None)
+
+
+def _data(node) -> np.ndarray:
+    return np.asarray(node[" data"][...])
+
+
+def _decoded(value) -> str:
+    return value.decode("latin-1") if isinstance(value, bytes) else str(value)
+
+
+def _text(node) -> str:
+    return _data(node).tobytes().decode("latin-1").strip(" \0") if " data" in node else ""
+
+
+def _name(node) -> str:
+    return str(node.name.rsplit("/", 1)[-1])
+
+
+def _points(zone) -> np.ndarray | None:
+    for grid in _children(zone, "GridCoordinates_t"):
+        axes = [_child(grid, f"Coordinate{axis}") for axis in "XYZ"]
+        if axes[0] is not None and axes[1] is not None:
+            own = [np.zeros(1) if axis is None else _data(axis).astype(np.float64).ravel() for axis in axes]
+            return np.stack(np.broadcast_arrays(*own), axis=1)
+    return None
+
+
+def _kind(condition, families: dict[str, str]) -> str:
+    """Kind "wall" for walls, by the condition's own type, its family's, or its family's name; else the type."""
+    kind = _text(condition)
+    if kind == "FamilySpecified":
+        family = next((_text(own) for own in _children(condition, "FamilyName_t")), "")
+        kind = families.get(family, "")
+        if kind in ("", "Null", "UserDefined", "FamilySpecified"):
+            kind = "wall" if "wall" in family.lower() else family
+    return "wall" if kind.startswith("BCWall") else kind or "patch"
+
+
+def _location(condition) -> str:
+    own = _child(condition, "GridLocation")
+    return "Vertex" if own is None else _text(own)
+
+
+def _faces_of_range(condition, zone, dimension: int) -> np.ndarray:
+    """Corners of the faces of a structured zone in a range of points, shape (n, 2) or (n, 4); i is the fastest."""
+    counts = _data(zone).reshape(3, dimension)[0].astype(np.int64)  # as HDF5 has it: sizes of vertices first
+    own = _child(condition, "PointRange")
+    if own is None:
+        return np.empty((0, 2), np.int64)
+    ends = _data(own).astype(np.int64).reshape(2, dimension) - 1
+    low, high = ends.min(axis=0), ends.max(axis=0)
+    flat = np.flatnonzero(low == high)
+    location = _location(condition)
+    if location != "Vertex":
+        letter = {"IFaceCenter": 0, "JFaceCenter": 1, "KFaceCenter": 2}.get(location)
+        across = letter if letter is not None else next((a for a in flat if low[a] in (0, counts[a] - 1)), None)
+        if across is None or across >= dimension:
+            return np.empty((0, 2), np.int64)
+        high = high + (np.arange(dimension) != across)
+        flat = np.array([across])
+    if len(flat) != 1 or (low < 0).any() or (high >= counts).any():
+        return np.empty((0, 2), np.int64)
+    axes = [np.arange(first, last + 1) for first, last in zip(low, high, strict=True)]
+    stride = np.concatenate([[1], np.cumprod(counts)[:-1]])
+    index = sum(np.ix_(*axes)[k] * stride[k] for k in range(dimension)).squeeze(axis=int(flat[0]))
+    if dimension == 2:
+        return np.stack([index[:-1], index[1:]], axis=-1)
+    corners = [index[:-1, :-1], index[1:, :-1], index[1:, 1:], index[:-1, 1:]]
+    return np.stack(corners, axis=-1).reshape(-1, 4)
+
+
+class _Elements:
+    """The edges of an unstructured plane, or the faces of a volume, by their numbers in the file."""
+
+    def __init__(self, zone, dimension: int):
+        self.wide = 2 if dimension == 2 else 4
+        number, corners = [], []
+        for section in _children(zone, "Elements_t"):
+            for count, own in self._of_section(section):
+                number.append(count)
+                corners.append(own)
+        self.number = np.concatenate(number) if number else np.empty(0, np.int64)
+        self.corners = np.concatenate(corners) if corners else np.empty((0, self.wide), np.int64)
+
+    def _of_section(self, section) -> Iterator[tuple[np.ndarray, np.ndarray]]:
+        kind = int(_data(section)[0])
+        own, limits = _child(section, "ElementConnectivity"), _child(section, "ElementRange")
+        if own is None or limits is None:
+            return
+        first, last = (int(v) for v in _data(limits).ravel())
+        flat, number = _data(own).astype(np.int64).ravel(), np.arange(first, last + 1)
+        if kind in SURFACE:
+            yield from self._kept(kind, number, flat.reshape(len(number), POINTS[kind]))
+        elif kind in (MIXED, POLYGONS):
+            offsets = _child(section, "ElementStartOffset")
+            # Before CGNS 4 each polygon is preceded by its number of corners, as each mixed element is by its type.
+            if kind == POLYGONS and offsets is not None:
+                start = _data(offsets).astype(np.int64)
+                kinds, begin = np.diff(start), start[:-1]
+            else:
+                begin = np.empty(len(number), np.int64)
+                at = 0
+                for k in range(len(number)):
+                    begin[k] = at + 1
+                    at += 1 + (POINTS[int(flat[at])] if kind == MIXED else int(flat[at]))
+                kinds = flat[begin - 1]
+            for each in np.unique(kinds):
+                code = int(each) if kind == MIXED else {2: 3, 3: 5, 4: 7}.get(int(each), 0)
+                if code in SURFACE:
+                    some = np.flatnonzero(kinds == each)
+                    yield from self._kept(code, number[some], flat[begin[some][:, None] + np.arange(POINTS[code])])
+
+    def _kept(self, kind: int, number: np.ndarray, points: np.ndarray) -> Iterator[tuple[np.ndarray, np.ndarray]]:
+        corners = points[:, : SURFACE[kind]] - 1
+        if (corners.shape[1] == 2) != (self.wide == 2):
+            return
+        short = self.wide - corners.shape[1]
+        yield number, np.concatenate([corners, corners[:, -1:].repeat(short, axis=1)], axis=1)
+
+    def of(self, condition) -> np.ndarray:
+        """Corners of the elements of a condition; by points, those that have all theirs among them."""
+        ends = _child(condition, "PointRange", "ElementRange")
+        own = _child(condition, "PointList", "ElementList")
+        if ends is not None:
+            first, last = (int(v) for v in _data(ends).ravel())
+            wanted = np.arange(first, last + 1)
+        else:
+            wanted = np.empty(0, np.int64) if own is None else _data(own).astype(np.int64).ravel()
+        by_element = _location(condition) != "Vertex" or _child(condition, "ElementRange", "ElementList") is not None
+        held = np.isin(self.number, wanted) if by_element else np.isin(self.corners, wanted - 1).all(axis=1)
+        return np.asarray(self.corners[held])

@@ -1,0 +1,139 @@
+"""Which gas a file holds, place by place: fractions of species, from their arrays to the `Composition` of a field.
+
+What is carried from cells to a mesh or a grid are the partial densities, rho times the mass fraction: refractivities
+add by them, and averages of them stay averages.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..species import SPECIES_NAMES, Composition, molar_mass
+from .dataset import Block, Dataset, ReadError
+from .density import found_name, plain_name, scalar_array
+
+SUM_TOLERANCE = 1e-3  # by which fractions may miss a sum of 1, and fall below 0, as solvers leave them
+BASES = ("mass", "mole")
+BESIDE_THE_FORMULA = ("", "y", "mass", "massfraction", "massfractionof", "mf")
+
+
+@dataclass(frozen=True, eq=False)
+class Fractions:
+    """Mass fractions of the species in a file.
+
+    Attributes:
+        names: Chemical formulas.
+        blocks: Fractions in each block, each shape (species_count, value_count), where the density lies.
+        said: What was taken, in words.
+    """
+
+    names: tuple[str, ...]
+    blocks: list[np.ndarray]
+    said: str
+
+    def composition(self, partial: np.ndarray, ambient: np.ndarray) -> Composition:
+        """The composition of a field from partial densities.
+
+        Args:
+            partial: [kg/m3], shape (species_count, ...).
+            ambient: Shares of the gas around the field, shape (species_count,), of any sum.
+        """
+        outside = ambient / ambient.sum()
+        total = partial.sum(axis=0)
+        empty = total <= 0.0
+        shares = partial / np.where(empty, 1.0, total)
+        shares[:, empty] = outside[:, None]
+        inside = {name: np.array(own) for name, own in zip(self.names, shares, strict=True)}
+        return Composition(inside, "mass", dict(zip(self.names, outside.tolist(), strict=True)))
+
+
+def choose_fractions(path, dataset: Dataset, densities, given) -> Fractions | None:
+    """Find the species of a file and their mass fractions.
+
+    Args:
+        path: The file, for messages.
+        dataset: What it holds.
+        densities: Density of each block and where it lies, as in `Reading`.
+        given: None or False: the gas is one. True: arrays called by formulas, N2, Y_O2, MassFractionCO2 say. Formulas
+            alone: those. A mapping of formulas to names of arrays, with "basis" = "mole" for mole fractions.
+
+    Raises:
+        TypeError: `given` is something else.
+        ValueError: A species or a basis that is not known.
+        ReadError: No such array, one that lies elsewhere than the density, fractions below 0 or not finite, a sum that
+            is not 1.
+    """
+    if given is None or given is False:
+        return None
+    basis, arrays = _arrays(path, dataset, given)
+    blocks = []
+    for block, (_, where) in zip(dataset.blocks, densities, strict=True):
+        shares = np.stack([_share(path, block, name, where) for name in arrays.values()])
+        blocks.append(_whole(path, block, shares, where, ", ".join(arrays.values()), list(arrays), basis))
+    told = ", ".join(name if name == array else f"{name} from {array!r}" for name, array in arrays.items())
+    return Fractions(tuple(arrays), blocks, f"a mixture by {basis} fractions of {told}")
+
+
+def _arrays(path, dataset: Dataset, given) -> tuple[str, dict[str, str]]:
+    """The basis, and the name of the array of each species."""
+    names, basis = dataset.array_names(), "mass"
+    listed = ", ".join(names) or "none"
+    if isinstance(given, Mapping):
+        basis = given.get("basis", basis)
+        if basis not in BASES:
+            raise ValueError(f"species: the basis of fractions is 'mass' or 'mole', got {basis!r}")
+        stated = {name: array for name, array in given.items() if name != "basis"}
+        for name, array in stated.items():
+            molar_mass(name)
+            if not isinstance(array, str):
+                raise TypeError(f"species: {name} must name an array of the file, got {array!r}")
+        found = {name: found_name(path, array, names, listed) for name, array in stated.items()}
+    elif given is True or (isinstance(given, (list, tuple)) and all(isinstance(name, str) for name in given)):
+        plain = {plain_name(name): name for name in reversed(names)}
+        found = {}
+        for name in SPECIES_NAMES if given is True else given:
+            molar_mass(name)
+            own = next((plain[key] for word in BESIDE_THE_FORMULA if (key := word + name.lower()) in plain), None)
+            if own is not None:
+                found[name] = own
+            elif given is not True:
+                raise ReadError(path, f"no array is known for the mass fraction of {name} (there are: {listed})",
+                                f'name it: species = {{{name} = "NAME", ...}}')  # fmt: skip
+    else:
+        raise TypeError(f"species must be True, formulas, or a mapping of formulas to arrays, got {given!r}")
+    if not found:
+        raise ReadError(path, f"no array is called by a species of {', '.join(SPECIES_NAMES)} (there are: {listed})",
+                        'name them: species = {N2 = "NAME", ...}')  # fmt: skip
+    return basis, found
+
+
+def _share(path, block: Block, name: str, where: str) -> np.ndarray:
+    values, place = scalar_array(path, block, name, where)
+    if place != where:
+        raise ReadError(path, f"{name} is given at {place}s, the density at {where}s", "give both in the same places")
+    return values
+
+
+def _whole(path, block: Block, shares: np.ndarray, where: str, said: str, names: list[str], basis: str) -> np.ndarray:
+    """Mass fractions of sum 1, where the block is not blanked; there equal parts stand for what nobody reads."""
+    blank = np.zeros(shares.shape[1], bool)
+    if block.blank is not None and len(block.blank) == len(blank):
+        blank = np.asarray(block.blank, bool)
+    total = shares.sum(axis=0)
+    with np.errstate(invalid="ignore"):
+        bad = ~((shares >= -SUM_TOLERANCE).all(axis=0) & (np.abs(total - 1.0) <= SUM_TOLERANCE)) & ~blank
+    if bad.any():
+        first = int(np.argmax(bad))
+        own = ", ".join(f"{name} {float(share):.6g}" for name, share in zip(names, shares[:, first], strict=True))
+        count = f"{int(bad.sum())} of {len(bad)}"
+        raise ReadError(
+            path,
+            f"{said} are no fractions of a whole in {count} {where}s: {where} {first} has {own}, "
+            f"the sum {float(total[first]):.6g} instead of 1",
+            f"name all species that are there (known are {', '.join(SPECIES_NAMES)}), or leave species out",
+        )
+    parts = np.where(blank, 1.0, np.maximum(shares, 0.0))
+    if basis == "mole":
+        parts *= np.array([molar_mass(name) for name in names])[:, None]
+    return np.asarray(parts / parts.sum(axis=0))
