@@ -265,7 +265,7 @@ def test_what_was_done_is_told(symmetry, asked, traced, reason):
 
 @pytest.mark.parametrize("symmetry", ["on", None, 1, 0.0])
 def test_an_unknown_choice_is_refused(symmetry):
-    with pytest.raises((TypeError, ValueError), match="symmetry must be .*True or False, got"):
+    with pytest.raises((TypeError, ValueError), match=r"symmetry must be .*True or False, got"):
         estimate_strehl(lens(), Disc(PUPIL), symmetry=symmetry)
 
 

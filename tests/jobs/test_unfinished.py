@@ -59,6 +59,7 @@ def test_an_echo_that_cannot_be_ranged_is_a_result(changes, tmp_path: Path):
     if changes != {"target.distance": "30 m"}:
         return  # one of them is written out
     kept, page = written(result, tmp_path / "out")
+    assert kept.pop("files") == ["report.html", "result.nc", "summary.json"]
     assert kept == summary and "No range" in page and len(re.findall("data:image/png", page)) == 5
     read = read_run(str(tmp_path / "out"))
     assert (
