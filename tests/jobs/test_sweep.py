@@ -112,7 +112,7 @@ def test_a_finished_sweep_does_nothing(unbroken, monkeypatch: pytest.MonkeyPatch
     folder, found = unbroken
     before = {path: path.stat().st_mtime_ns for path in (folder / "out").iterdir()}
     process = started(folder, *COMMAND)
-    told, _ = process.communicate(timeout=60)
+    _, told = process.communicate(timeout=60)
     assert process.returncode == 0 and "nothing to do" in told
     assert {path: path.stat().st_mtime_ns for path in (folder / "out").iterdir()} == before
     monkeypatch.setattr("aerokernels.jobs.sweeps.run.run_sweep", None)  # in Python: neither
@@ -189,7 +189,7 @@ def test_a_dead_dask_worker_is_made_up_for(unbroken, tmp_path: Path):
     _, faults = process.communicate(timeout=300)
     assert process.returncode == 0, faults
     np.testing.assert_array_equal(checked(tmp_path).range_m, unbroken[1].range_m)
-    done = started(tmp_path, *COMMAND, "--executor", "dask", "--workers", "2").communicate(timeout=60)[0]
+    done = started(tmp_path, *COMMAND, "--executor", "dask", "--workers", "2").communicate(timeout=60)[1]
     assert "nothing to do" in done
 
 

@@ -90,8 +90,8 @@ class Numbers:
         self.axes = len(grid)
         self.cells = (*grid, 1)[:2] if field.geometry != "volume" else grid
         self.cell_count = 1 if field.is_uniform else len(field.samples.mesh.cells)
-        walls = field.body.tree
-        self.wall_nodes, self.wall_pieces = len(walls.links), int(walls.links[:, 2].max())
+        links = field.body.tree.links if field.body is not None else np.ones((1, 3), dtype=int)
+        self.wall_nodes, self.wall_pieces = len(links), int(links[:, 2].max())
 
     def __call__(self, name: str, kind: str, function: str) -> np.ndarray:
         """Values of an argument, shape (ROWS, numbers in it)."""
