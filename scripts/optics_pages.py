@@ -78,7 +78,7 @@ def transfer(instrument: FLDI, distance: float, wave_number: np.ndarray) -> np.n
 
 def main() -> None:
     """Print the tables and write the pictures."""
-    parser = argparse.ArgumentParser(prog="scripts/optics_pages.py", description=__doc__)
+    parser = argparse.ArgumentParser(prog="scripts/optics_pages", description=__doc__)
     parser.add_argument("--out", type=Path, default=ROOT / "docs" / "optics")
     parser.add_argument("--quick", action="store_true", help="few pixels and wave numbers, to see that it runs")
     options = parser.parse_args()
