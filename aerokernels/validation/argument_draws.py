@@ -7,11 +7,8 @@ Anything else is a fault: another exception, or one of Python's or NumPy's own t
 import gc
 import itertools
 import random
-import traceback
-import warnings
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -31,8 +28,8 @@ from ..tracing.trace import trace
 from ..wavefront import point_spread_function
 from ..wavefront.traced import wavefront
 from ..waves import split_step, validity
+from .refusals import attempt
 
-PACKAGE = str(Path(__file__).resolve().parents[1])
 # Foreign bodies, by a name each.
 WRONG: dict[str, Any] = {
     "text with a unit": "6 mm",
@@ -342,19 +339,3 @@ def run(limit: int | None = None, seed: int | None = None, leave_out: tuple[str,
             tally.faults.append((name, key, wrong, fault))
     gc.collect()
     return tally
-
-
-def attempt(function: Callable, arguments: dict[str, Any]) -> str | None:
-    """None: it answered; "": it refused in words; otherwise what was raised, and where."""
-    try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")
-            warnings.filterwarnings("error", message=".*imaginary part.*")
-            function(**arguments)
-    except Exception as error:
-        where = traceback.extract_tb(error.__traceback__)[-1]
-        said = isinstance(error, (ValueError, TypeError)) and not isinstance(error, UnicodeError)
-        if said and where.filename.startswith(PACKAGE) and (where.line or "").startswith("raise"):
-            return ""
-        return f"{type(error).__name__}: {str(error)[:120]} ({Path(where.filename).name}:{where.lineno})"
-    return None

@@ -21,8 +21,8 @@ from .drivers import broken_drivers
 from .linker import linker_trouble
 from .pocl_cache import cache_folder, make_safe, remove_damaged
 from .pocl_workaround import name_processor, workaround
+from .remedies import POCL, no_platform, why_no_devices
 
-POCL = "Portable Computing Language"
 KINDS = ("gpu", "cpu", "accelerator")  # in the order in which they are taken
 SESSION = "OpenCL session"
 
@@ -238,7 +238,7 @@ def _survey() -> Survey:
         if "PLATFORM_NOT_FOUND" not in str(error):
             troubles.append(f"the platforms cannot be listed: {error}")
     if not platforms:
-        return Survey([], [_no_platform(), *troubles])
+        return Survey([], [no_platform(), *troubles])
     opened_by = os.getpid()  # drivers start their threads when asked for devices
     devices: list[FoundDevice] = []
     for index, platform in enumerate(platforms):
@@ -247,11 +247,11 @@ def _survey() -> Survey:
             title = f"platform {platform.name.strip()!r}"
             present = platform.get_devices()
             if not present:
-                troubles.append(f"{title} has no devices: {_why_no_devices(title)}")
+                troubles.append(f"{title} has no devices: {why_no_devices(title)}")
         except cl.Error as error:
             found_none = "DEVICE_NOT_FOUND" in str(error)
             troubles.append(
-                f"{title} has no devices: {_why_no_devices(title)}" if found_none else f"{title} fails: {error}"
+                f"{title} has no devices: {why_no_devices(title)}" if found_none else f"{title} fails: {error}"
             )
             continue
         for device in present:
@@ -337,23 +337,6 @@ def with_unique_names(devices: list[FoundDevice]) -> list[FoundDevice]:
             found = replace(found, info=replace(found.info, device=f"{name} #{seen[name]}"))
         named.append(found)
     return named
-
-
-def _why_no_devices(title: str) -> str:
-    if POCL in title:
-        return "it needs a folder to write to for its cache: set POCL_CACHE_DIR to one"
-    return "for a GPU, check that its driver is loaded"
-
-
-def _no_platform() -> str:
-    message = (
-        "pyopencl is installed but finds no OpenCL platform: pip install 'pyopencl[pocl]' brings one for CPUs "
-        "(64-bit Linux on x86), or install your device's OpenCL driver (on Debian and Ubuntu pocl-opencl-icd for CPUs)"
-    )
-    vendors = os.environ.get("OCL_ICD_VENDORS")
-    if vendors is not None:
-        message += f"; OCL_ICD_VENDORS is set to {vendors!r} and drivers are looked for there: unset it, or mend it"
-    return message
 
 
 def _absent(reason: str) -> BackendInfo:

@@ -87,12 +87,9 @@ def build_kernel(
     stays_clear = build_stays_clear(library, geometry)
     write_outputs = build_write_outputs(library)
     landed_arc = wp.constant(LANDED_ARC)
-    tiny = TINY[library.precision]
-    straight = method == "straight"
-    one_scalar = is_one_scalar(interpolation)
+    straight, one_scalar = method == "straight", is_one_scalar(interpolation)
     at_faces = interpolation == "linear" and controlled
-    at_face = AT_FACE[library.precision]
-
+    tiny, at_face = TINY[library.precision], AT_FACE[library.precision]
     c2, c3 = (float(v) for v in C[1:3])
     a21, a31, a32 = float(A[1, 0]), float(A[2, 0]), float(A[2, 1])
     ok, hit_body = int(RayStatus.OK), int(RayStatus.HIT_BODY)
@@ -106,7 +103,6 @@ def build_kernel(
         p0 = position_in[ray]
         d0 = direction_in[ray]
         status, course = start_of(field, bounds, p0, d0)
-
         d = vec3(real(d0[0]), real(d0[1]), real(d0[2]))
         ambient = real(bounds.ambient)
         q = vec3(real(0.0), real(0.0), real(0.0))
@@ -124,7 +120,7 @@ def build_kernel(
         harm = real(0.0)
         astray = real(0.0)  # how far beside its place the ray may be
         doubt = real(0.0)  # what it may gain behind a face
-        undecided = bool(False)  # whether it has run in a face: then it may have left there
+        undecided = bool(False)  # whether it has run in a face and may have left there
 
         if course.meets and status == ok:
             frac, cell = in_cells(bounds, p0 + course.enter * d0)
@@ -327,7 +323,6 @@ def build_kernel(
                 if not (wp.isfinite(wp.length(q)) and wp.isfinite(sums[1])):
                     running = bool(False)
                     status = int(not_finite)
-
             if wp.static(controlled):
                 used += doubt
                 used = stop_error(

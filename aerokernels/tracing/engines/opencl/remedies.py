@@ -1,0 +1,24 @@
+"""What to do where OpenCL has no platform, or a platform no device."""
+
+import os
+
+POCL = "Portable Computing Language"
+
+
+def why_no_devices(title: str) -> str:
+    """What a platform without devices may lack."""
+    if POCL in title:
+        return "it needs a folder to write to for its cache: set POCL_CACHE_DIR to one"
+    return "for a GPU, check that its driver is loaded"
+
+
+def no_platform() -> str:
+    """What to do where OpenCL has no platform."""
+    message = (
+        "pyopencl is installed but finds no OpenCL platform: pip install 'pyopencl[pocl]' brings one for CPUs "
+        "(64-bit Linux on x86), or install your device's OpenCL driver (on Debian and Ubuntu pocl-opencl-icd for CPUs)"
+    )
+    vendors = os.environ.get("OCL_ICD_VENDORS")
+    if vendors is not None:
+        message += f"; OCL_ICD_VENDORS is set to {vendors!r} and drivers are looked for there: unset it, or mend it"
+    return message
