@@ -1,6 +1,7 @@
 """No ray, one ray, three million rays."""
 
 import json
+import os
 import subprocess
 import sys
 from pathlib import Path
@@ -93,6 +94,7 @@ def test_a_slice_of_a_bundle_has_the_bundle_s_own_rays():
     assert np.array_equal(part.direction, rays.direction[50:250:3])
 
 
+@pytest.mark.skipif("AEROKERNELS_SLOW" not in os.environ, reason="20 s: set AEROKERNELS_SLOW")
 @pytest.mark.skipif(not Path("/proc/self/clear_refs").exists(), reason="memory is measured by Linux's /proc")
 def test_three_million_rays():
     """A weak field of 3 by 3 cells, the OPD only: every ray arrives, as in a small bundle, in bounded memory.
