@@ -145,7 +145,7 @@ def validity(
         strehl_change=_strehl_change(wave, layers, path, end - begin),
         feature=feature,
         distance=distance,
-        fresnel_number=feature**2 / (wavelength * distance) if distance > 0.0 else float("inf"),
+        fresnel_number=_fresnel_number(feature, wavelength, distance),
         crossed_share=crossed,
         curvature=curvature,
         limit=limit,
@@ -180,10 +180,14 @@ def disturbed_length(layers: np.ndarray, wave: Wave, length: float) -> float:
     return _spread_along(layers[:, lit].astype(np.float64), length)
 
 
-def _spread_along(inside: np.ndarray, length: float) -> float:
+def _fresnel_number(feature: float, wavelength: float, distance: float) -> float:
+    """Of a feature [m] over a distance [m]; infinite where nothing is disturbed."""
+    return feature**2 / (wavelength * distance) if distance > 0.0 else float("inf")
+
+
+def _spread_along(layers: np.ndarray, length: float) -> float:
     """Length of an even spread with the standard deviation of the disturbance of lines (layers, lines) [m]."""
-    layers = inside
-    weight = np.mean((inside - inside.mean(axis=1, keepdims=True)) ** 2, axis=1)
+    weight = np.mean((layers - layers.mean(axis=1, keepdims=True)) ** 2, axis=1)
     if not weight.any():
         return 0.0
     place = (np.arange(len(layers)) + 0.5) * length / len(layers)
@@ -217,7 +221,7 @@ def by_rays(
         strehl_change=change,
         feature=feature,
         distance=length,
-        fresnel_number=feature**2 / (wavelength * length) if length > 0.0 else float("inf"),
+        fresnel_number=_fresnel_number(feature, wavelength, length),
         crossed_share=crossed,
         curvature=curvature,
         limit=limit,

@@ -5,15 +5,9 @@ import subprocess
 import sys
 from pathlib import Path
 
-SCENE = """
-flow.source = "mach3"
-flow.relation = "gladstone-dale"
-grid.spacing = 4e-4
-strehl.ray_count = 160
-beam.ray_count = 25
-receiver.ray_count = 64
-trace.backend = "warp"
-trace.device = "cpu"
+from .small_scene import SMALL_SCENE
+
+SCENE = f"""{SMALL_SCENE}
 detector.noise = true
 detector.bandwidth = "100 MHz"
 """

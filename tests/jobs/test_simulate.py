@@ -10,6 +10,8 @@ import aerokernels as ak
 from aerokernels import flow
 from aerokernels.jobs.run import write_run
 
+from .small_scene import SMALL_SCENE
+
 CHANGES = {
     "strehl.ray_count": 160,
     "beam.ray_count": 25,
@@ -36,18 +38,8 @@ def numbers(result: ak.RunResult) -> dict:
 
 
 def test_a_scene_may_be_named(expected: ak.RunResult, tmp_path):
-    text = """
-        flow.source = "mach3"
-        flow.relation = "gladstone-dale"
-        grid.spacing = 4e-4
-        strehl.ray_count = 160
-        beam.ray_count = 25
-        receiver.ray_count = 64
-        trace.backend = "warp"
-        trace.device = "cpu"
-    """
     place = tmp_path / "small.toml"
-    place.write_text(text, encoding="utf-8")
+    place.write_text(SMALL_SCENE, encoding="utf-8")
     for given in (place, str(place)):
         found = ak.simulate(given)
         assert isinstance(found, ak.RunResult) and found.scene.name == "small"
