@@ -23,30 +23,30 @@ __kernel void leapfrog(LEAPFROG_ARGUMENTS)
     const int count = control.sample_count;
 
     // Each lane's ray; spare lanes repeat the last one.
-    Course courses[LANES];
+    Interval intervals[LANES];
     double2 wholes[LANES];  // where their ways through the box begin and end, the uniform air's part too
     int statuses[LANES], spoilt[LANES], surfaces[LANES], is_uniform[LANES];
     reals x0, y0, z0, dx, dy, dz, length;
     for (int lane = 0; lane < LANES; lane++) {
         const int ray = min(first + lane, ray_count - 1);
         const double3 p = vload3(ray, position_in), d = vload3(ray, direction_in);
-        Course course;
-        statuses[lane] = start_of(&field, &arrays, &bounds, p, d, &course);
-        const int runs = course.meets && statuses[lane] == RAY_OK;
+        Interval interval;
+        statuses[lane] = start_of(&field, &arrays, &bounds, p, d, &interval);
+        const int runs = interval.meets && statuses[lane] == RAY_OK;
         spoilt[lane] = 0;
-        wholes[lane] = (double2)(course.enter, course.far);
-        const Course whole = course;
-        is_uniform[lane] = runs && keep_support(&bounds, p, d, &course.enter, &course.far);
+        wholes[lane] = (double2)(interval.t_enter, interval.t_exit);
+        const Interval whole = interval;
+        is_uniform[lane] = runs && keep_support(&bounds, p, d, &interval.t_enter, &interval.t_exit);
         surfaces[lane] = runs && !is_uniform[lane] ? surface_of(&bounds, &whole, p, d) : -1;
-        const double3 place = (p + course.enter * d - VECTOR64(bounds.origin)) / VECTOR64(bounds.spacing);
+        const double3 place = (p + interval.t_enter * d - VECTOR64(bounds.origin)) / VECTOR64(bounds.spacing);
         REAL_AT(x0, lane) = runs ? (real)place.x : R(0.0);
         REAL_AT(y0, lane) = runs ? (real)place.y : R(0.0);
         REAL_AT(z0, lane) = runs ? (real)place.z : R(0.0);
         REAL_AT(dx, lane) = (real)d.x;
         REAL_AT(dy, lane) = (real)d.y;
         REAL_AT(dz, lane) = (real)d.z;
-        REAL_AT(length, lane) = runs ? (real)(course.far - course.enter) : R(0.0);
-        courses[lane] = course;
+        REAL_AT(length, lane) = runs ? (real)(interval.t_exit - interval.t_enter) : R(0.0);
+        intervals[lane] = interval;
     }
 
     const Flight flight = fly(&field, &arrays, &control, (real)bounds.ambient, x0, y0, z0, dx, dy, dz, length);
@@ -56,8 +56,8 @@ __kernel void leapfrog(LEAPFROG_ARGUMENTS)
     for (int lane = 0; lane < LANES && first + lane < ray_count; lane++) {
         const int ray = first + lane;
         const double3 p = vload3(ray, position_in), d = vload3(ray, direction_in);
-        Course course = courses[lane];
-        const int runs = course.meets && statuses[lane] == RAY_OK;
+        Interval interval = intervals[lane];
+        const int runs = interval.meets && statuses[lane] == RAY_OK;
         const real step = REAL_AT(flight.h, lane);
         real3 across = VECTOR_AT(flight.p, lane);
         const real rest = REAL_AT(flight.slow, lane);
@@ -66,7 +66,7 @@ __kernel void leapfrog(LEAPFROG_ARGUMENTS)
         double longitudinal_deficit =
             (double)step * ((double)REAL_AT(flight.deficits, lane) - (double)REAL_AT(flight.deficits_carry, lane));
         double arc = (double)step * ((double)REAL_AT(flight.arcs, lane) - (double)REAL_AT(flight.arcs_carry, lane));
-        real off_course = REAL_AT(flight.error, lane);
+        real lateral_error = REAL_AT(flight.error, lane);
         real3 momentum = (real3)R(0.0);
         double far = (double)REAL_AT(length, lane);
         double3 normal = (double3)(0.0), end = p;
@@ -77,7 +77,7 @@ __kernel void leapfrog(LEAPFROG_ARGUMENTS)
             // What is left to the surface, which the ray meets a little beside the undisturbed one.
             const int uniform = is_uniform[lane];
             const double3 heading = d + convert_double3(rest * across);
-            const double3 here = p + course.far * d + convert_double3(q);
+            const double3 here = p + interval.t_exit * d + convert_double3(q);
             landed = surfaces[lane];
             if (uniform) {
                 if (far > 0.0 && !leaves_support(&bounds, here, heading)) {
@@ -114,33 +114,33 @@ __kernel void leapfrog(LEAPFROG_ARGUMENTS)
             arc += added / bounds.ambient;
             const real tail = (real)fabs(more);
             const real steep_tail = there * REAL_AT(flight.steep, lane) * tail;
-            off_course = greater(
-                off_course, steep_tail * (tail / (real)fabs(cosine)) * lesser(tail * greatest(rate), R(1.0)));
+            lateral_error = greater(
+                lateral_error, steep_tail * (tail / (real)fabs(cosine)) * lesser(tail * greatest(rate), R(1.0)));
             off_tail = rest * steep_tail * lesser((tail + R(0.5) * step) * greatest(rate), R(1.0));
             q += (real)more * rest * (across + (R(0.5) * (real)more) * force);
             far += more;
             across += (real)more * force;
             momentum = across + (lead / rest) * convert_real3(d);
-            end = p + (course.enter + far) * d + convert_double3(q);
-            const real angle = sqrt(REAL_AT(flight.greatest_deflection, lane)) / (real)bounds.ambient;
+            end = p + (interval.t_enter + far) * d + convert_double3(q);
+            const real angle = sqrt(REAL_AT(flight.max_deflection, lane)) / (real)bounds.ambient;
             // Beside the undisturbed ray it stays within that angle of it.
             const double chord = wholes[lane].y - wholes[lane].x;
             if (HAS_BODY && !stays_clear(&field, &arrays, p, d, wholes[lane].x, wholes[lane].y, chord * angle)) {
                 spoilt[lane] = 1;
             }
-            if (may_have_left(&bounds, p + course.far * d, d, (double)REAL_AT(length, lane), (double)angle)) {
+            if (may_have_left(&bounds, p + interval.t_exit * d, d, (double)REAL_AT(length, lane), (double)angle)) {
                 spoilt[lane] = 1;
             }
-            if (spoilt[lane] || !(angle <= LEAPFROG_ANGLE) || !isfinite(path) || !isfinite(off_course) ||
+            if (spoilt[lane] || !(angle <= LEAPFROG_ANGLE) || !isfinite(path) || !isfinite(lateral_error) ||
                 fabs(cosine) <= LEAST_COSINE ||
                 (STOP == PLANE && fabs(dot(VECTOR64(bounds.plane_normal), heading)) <= LEAST_COSINE)) {
-                off_course = (real)INFINITY;
+                lateral_error = (real)INFINITY;
             }
             // Where the box's end is the stop, the path is off by all of that way, else by what the field adds on it.
             // One that has left the support must not have left the box before.
             const double way = overrun(&bounds, &control, uniform ? -1 : landed, uniform ? here : end, heading);
             const double loss = STOP == NONE && !uniform ? bounds.ambient : fmax(fabs(s) / bounds.ambient, 1.0e-30);
-            off_course = greater(off_course, way > 0.0 ? (real)(way * loss) : R(0.0));
+            lateral_error = greater(lateral_error, way > 0.0 ? (real)(way * loss) : R(0.0));
         }
         // In the tracer's sums: sigma, S, M and B, of which M - B is the deviation along the ray.
         const double4 sums64 =
@@ -150,9 +150,9 @@ __kernel void leapfrog(LEAPFROG_ARGUMENTS)
             (real)((double)sums.x - sums64.x), (real)((double)sums.y - sums64.y), (real)((double)sums.z - sums64.z),
             (real)((double)sums.w - sums64.w));
         const Arrival arrival = end_of(
-            &bounds, &control, p, d, &course, statuses[lane], landed, q, (real3)R(0.0), momentum, sums, carry, R(0.0));
+            &bounds, &control, p, d, &interval, statuses[lane], landed, q, (real3)R(0.0), momentum, sums, carry, R(0.0));
         if (runs && arrival.status != RAY_OK) {
-            off_course = (real)INFINITY;  // at a plane on the box's edge a bent ray may fare otherwise
+            lateral_error = (real)INFINITY;  // at a plane on the box's edge a bent ray may fare otherwise
         } else if (runs) {
             // How far place and direction are off counts where the stop is met at a slant, and so does what the air
             // outside the field's support does to them.
@@ -166,27 +166,27 @@ __kernel void leapfrog(LEAPFROG_ARGUMENTS)
             const double3 astray = off_place + (onward * (double)rest) * off_turn;
             const double obliquity = fabs(dot(normal, astray)) + fabs(dot(convert_double3(rest * momentum), astray));
             const double cosine = fmax(fabs(dot(normal, d)), STEEPEST_COSINE);
-            off_course =
-                greater(off_course, control.quadrature_error_scale * (real)(bounds.ambient * obliquity / cosine));
+            lateral_error =
+                greater(lateral_error, control.quadrature_error_scale * (real)(bounds.ambient * obliquity / cosine));
             const double tangent = sqrt(fmax(1.0 - cosine * cosine, 0.0)) / cosine;
-            const double slant = tangent + (double)sqrt(REAL_AT(flight.greatest_deflection, lane));
-            off_course = greater(off_course, off_tail * (real)(bounds.ambient * onward * slant));
+            const double slant = tangent + (double)sqrt(REAL_AT(flight.max_deflection, lane));
+            lateral_error = greater(lateral_error, off_tail * (real)(bounds.ambient * onward * slant));
             const double chord = wholes[lane].y - wholes[lane].x;
             const double lever = (chord + onward) * slant;
             const double outside = fmax(chord - (double)REAL_AT(length, lane), 0.0);
             const real left = (real)(outside * ((double)control.left_potential + lever * (double)control.left_slope));
             if (left > LEFT_SHARE * control.tolerance) {
-                off_course = greater(off_course, left);
+                lateral_error = greater(lateral_error, left);
             }
         }
         if (runs && REAL_AT(missed, lane) > R(0.0)) {
-            const double onward = arrival.flight + course.far - course.enter;
-            off_course += with_lever(&field, REAL_AT(missed, lane), (real)onward, (real)fabs(dot(normal, d)));
+            const double onward = arrival.flight + interval.t_exit - interval.t_enter;
+            lateral_error += with_lever(&field, REAL_AT(missed, lane), (real)onward, (real)fabs(dot(normal, d)));
         }
-        if (off_course > control.tolerance) {
+        if (lateral_error > control.tolerance) {
             atomic_inc(rough_count_out);
         }
         const int samples = runs ? count : 0;
-        write_outputs(&outputs, control.outputs, ray, &arrival, (double)off_course, samples, samples);
+        write_outputs(&outputs, control.outputs, ray, &arrival, (double)lateral_error, samples, samples);
     }
 }

@@ -22,8 +22,8 @@ __kernel void trace_kernel(TRACE_KERNEL_ARGUMENTS)
     const RayOutputs outputs = RAY_OUTPUTS;
     const double3 p0 = vload3(ray, position_in);
     const double3 d0 = vload3(ray, direction_in);
-    Course course;
-    int status = start_of(&field, &arrays, &bounds, p0, d0, &course);
+    Interval interval;
+    int status = start_of(&field, &arrays, &bounds, p0, d0, &interval);
 
     const real3 d = convert_real3(d0);
     const real ambient = (real)bounds.ambient;
@@ -31,15 +31,15 @@ __kernel void trace_kernel(TRACE_KERNEL_ARGUMENTS)
     real3 momentum = q, momentum_carry = q;  // P, the deviation of T
     real4 sums = (real4)R(0.0), sums_carry = sums;  // sigma, S, M, B
     real used = R(0.0);
-    real greatest_deflection = R(0.0);  // greatest angle with d so far
+    real max_deflection = R(0.0);  // greatest angle with d so far
     int steps = 0, evaluations = 0, landed = -1;
     real obliquity_first = R(0.0), harm = R(0.0);
     real astray = R(0.0), doubt = R(0.0);  // how far beside its place the ray may be; what it may gain behind a face
     int undecided = 0;  // whether it has run in a face: then it may have left there
 
-    if (course.meets && status == RAY_OK) {
+    if (interval.meets && status == RAY_OK) {
         int3 cell;
-        const double3 entry = p0 + course.enter * d0;
+        const double3 entry = p0 + interval.t_enter * d0;
         real3 frac = in_cells(&bounds, entry, &cell), frac_carry = (real3)R(0.0);
         const real3 rate = VECTOR(field.inverse_spacing);
         const real3 cell_rate = VECTOR(control.cell_rate);
@@ -50,16 +50,16 @@ __kernel void trace_kernel(TRACE_KERNEL_ARGUMENTS)
         real3 force = FORCE(s);
         momentum = contrast(ambient, pot) * d;
         const int cone = cone_of(d0);
-        const Lever lever = lever_of(&bounds, &control, &course, p0, d0);
+        const Lever lever = lever_of(&bounds, &control, &interval, p0, d0);
         const real obliquity = lever.obliquity, lever_arm = lever.lever_arm;
         // The table of step bounds weighs the kinks that a step may pass by the path, not by what they turn a ray
         // aside.
         const real caution =
             AT_FACES && obliquity * lever_arm * greatest(cell_rate) > R(1.0) ? R(0.0) : lever.caution;
         const real first_momentum = size3(momentum);
-        const real arc_left = (real)(bounds.length - course.enter);
+        const real arc_left = (real)(bounds.length - interval.t_enter);
         real aside = R(0.0);  // so far beside its undisturbed line the ray meets no body
-        if (HAS_BODY && stays_clear(&field, &arrays, p0, d0, course.enter, NEVER, WALL_ASIDE / greatest(cell_rate))) {
+        if (HAS_BODY && stays_clear(&field, &arrays, p0, d0, interval.t_enter, NEVER, WALL_ASIDE / greatest(cell_rate))) {
             aside = WALL_ASIDE / greatest(cell_rate);
         }
         real h_next = control.extent / ambient;
@@ -75,9 +75,8 @@ __kernel void trace_kernel(TRACE_KERNEL_ARGUMENTS)
                 &field, &arrays, &control, current_cell, cone, cell, frac, total, force, index, caution, h_cell, h_next,
                 h_cap);
             const real3 shown = IS_STRAIGHT ? frac + q * rate : frac;
-            int land;
-            real late;
-            real h = event_location(&control, rate, course.side, cell, shown, tangent, force, ahead.h, &land, &late);
+            int land, runs;
+            real h = event_location(&control, rate, interval.side, cell, shown, tangent, force, ahead.h, &land, &runs);
             if (STOP == ARC) {
                 h = arc_event_location(arc_left - (ambient * sums.x + sums.z), index, total, force, h, &land);
             }
@@ -96,7 +95,7 @@ __kernel void trace_kernel(TRACE_KERNEL_ARGUMENTS)
 
             real turn_now, leverage, strays;
             const real off = step_error(
-                ambient, d, total, momentum, h, h <= ahead.safe, greatest_deflection, &lever, pot, force, s2, s3, s4,
+                ambient, d, total, momentum, h, h <= ahead.safe, max_deflection, &lever, pot, force, s2, s3, s4,
                 &turn_now, &leverage, &strays);
 
             int accept = 1;
@@ -116,16 +115,21 @@ __kernel void trace_kernel(TRACE_KERNEL_ARGUMENTS)
             }
 
             // Where the force changes along the step, the parabola may miss the surface: come closer first.
-            real nearest = R(-1.0);  // how far behind a face of the box it ends
+            int runs_on = 0;  // whether it ends in a face
             if (accept && h > h_least) {
                 const real3 there = shown + (h * tangent + kick) * rate;
+                const real3 swung = (tangent + h * FORCE(s4)) * rate;
                 int missed;
                 if (land >= 0 && land != LANDED_ARC) {
                     const real close = R(0.05) * greater(ahead.h * size3(total * rate), R(0.01));
-                    const real3 swung = (tangent + h * FORCE(s4)) * rate;
-                    missed = overshot(&control, land, course.side, cell, there, swung, h, close);
+                    missed = overshot(&control, land, interval.side, cell, there, swung, h, close);
                 } else {
-                    missed = passed_surface(&control, course.side, cell, there, &nearest);
+                    real nearest;
+                    missed = passed_surface(&control, interval.side, cell, there, &nearest);
+                    const real room = room_at_face(&control, astray);
+                    if (CONTROLLED && nearest <= room) {
+                        runs_on = in_face(&control, interval.side, cell, there, swung, room);
+                    }
                 }
                 if (missed) {
                     accept = 0;
@@ -136,7 +140,7 @@ __kernel void trace_kernel(TRACE_KERNEL_ARGUMENTS)
             // A step into the body is taken again up to its surface, until what is left is flown along the tangent.
             real behind = R(-1.0);
             if (HAS_BODY && accept && !(size3(q + h * momentum + kick) < aside)) {
-                const double3 here = place_of(p0, d0, &course, bounds.ambient, q, q_carry, sums, sums_carry);
+                const double3 here = place_of(p0, d0, &interval, bounds.ambient, q, q_carry, sums, sums_carry);
                 const real room = steps ? WALL_BACK * h_cell : R(0.0);
                 behind = behind_wall(&field, &arrays, &control, here, tangent, kick, h, room);
                 if (behind > WALL_CLOSE * h_cell) {
@@ -149,14 +153,16 @@ __kernel void trace_kernel(TRACE_KERNEL_ARGUMENTS)
                 h_cap = control.extent / ambient;
                 steps++;
                 used += off;
-                late = undecided ? h : late;
-                if (late > R(0.0)) {
-                    const real steep = greater(size3(force), size3(FORCE(s3)));
-                    const real gained = greater(fabs(pot), fabs(s3.x)) + steep * (obliquity + turn_now) * lever_arm;
-                    doubt += late * (STOP == NONE ? ambient * ambient : gained);  // the face may be the stop
+                if (CONTROLLED && (runs || undecided)) {
+                    const real late =
+                        undecided
+                            ? h
+                            : time_beyond_face(&control, rate, interval.side, cell, shown, tangent, force, h);
+                    doubt += late * possible_gain(ambient, &lever, turn_now, pot, force, s3);
                 }
+                undecided |= runs_on;
                 astray += strays;
-                greatest_deflection = turn_now;
+                max_deflection = turn_now;
                 advance4(&sums, &sums_carry, step_sums(ambient, d, momentum, h, pot, force, s2, s3, s4));
                 advance3(&q, &q_carry, h * momentum + kick);
                 advance3(&momentum, &momentum_carry, impulse_of(h, force, s2, s3, s4));
@@ -195,8 +201,6 @@ __kernel void trace_kernel(TRACE_KERNEL_ARGUMENTS)
                     }
                 }
 
-                undecided = undecided || (CONTROLLED && in_face(&control, nearest, astray));
-
                 real back = R(0.0);  // sigma still to go along the tangent, negative to go back
                 if (behind >= R(0.0)) {
                     back = -behind;
@@ -212,7 +216,7 @@ __kernel void trace_kernel(TRACE_KERNEL_ARGUMENTS)
                         const real3 now = IS_STRAIGHT ? frac + q * rate : frac;
                         const real3 velocity = (ambient * d + momentum) * rate;
                         back = surface_intersection(
-                            &control, land, course.side, cell, now, velocity, force * rate, h, h_cell, &done);
+                            &control, land, interval.side, cell, now, velocity, force * rate, h, h_cell, &done);
                     }
                     if (done) {
                         running = 0;
@@ -238,16 +242,16 @@ __kernel void trace_kernel(TRACE_KERNEL_ARGUMENTS)
             }
         }
         if (CONTROLLED) {
-            used = stop_error(used + doubt, &bounds, d0, ambient, momentum, first_momentum, greatest_deflection,
+            used = stop_error(used + doubt, &bounds, d0, ambient, momentum, first_momentum, max_deflection,
                 obliquity, lever_arm);
             obliquity_first = obliquity;
-            harm = (fabs(pot) + size3(force) * (obliquity + greatest_deflection) * lever_arm) / ambient;
+            harm = (fabs(pot) + size3(force) * (obliquity + max_deflection) * lever_arm) / ambient;
         }
     }
 
     Arrival arrival = end_of(
-        &bounds, &control, p0, d0, &course, status, landed, q, q_carry, momentum, sums, sums_carry,
-        greatest_deflection);
+        &bounds, &control, p0, d0, &interval, status, landed, q, q_carry, momentum, sums, sums_carry,
+        max_deflection);
     if (CONTROLLED && arrival.status == RAY_OK && landed >= 0) {
         const real cell_size = R(1.0) / greatest(VECTOR(control.cell_rate));
         used = event_location_error(used, ambient, cell_size, landed, arrival.grazing, obliquity_first, harm, astray);

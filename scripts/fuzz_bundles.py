@@ -5,12 +5,15 @@ The cases and what is held are those of aerokernels/validation/bundle_draws.py. 
 
 import argparse
 import collections
-import signal
+import multiprocessing
 import sys
 import time
 import traceback
+import warnings
+from collections.abc import Iterator
+from typing import NamedTuple
 
-from aerokernels.validation.bundle_check import check
+from aerokernels.validation.bundle_check import Finding, check
 from aerokernels.validation.bundle_draws import draw
 
 
@@ -25,60 +28,138 @@ def parse(arguments=None) -> argparse.Namespace:
     parser.add_argument("--fix", action="append", default=[], metavar="NAME=VALUE", help="an entry of the kind to fix")
     parser.add_argument("--seconds", type=float, default=float("inf"), help="draw no further bundle after this long")
     parser.add_argument("--patience", type=int, default=60, help="give a bundle up after so many seconds, and count it")
+    parser.add_argument("--processes", type=int, default=1, help="processes to share the bundles")
     parser.add_argument("--worst", type=int, default=40, help="cases to list")
     return parser.parse_args(arguments)
 
 
-class GivenUpError(Exception):
-    """A bundle took longer than the caller waits."""
+class Outcome(NamedTuple):
+    """What came of a bundle: how it was traced, rays compared, what is wrong with them; or why it was not traced."""
+
+    seed: int
+    case: str
+    geometry: str
+    how: str
+    compared: int
+    findings: list[Finding]
+    error: str = ""
 
 
-def _give_up(_signal, _frame):
-    raise GivenUpError
+def outcome(seed: int, asked: argparse.Namespace) -> Outcome:
+    """Draw, trace and check one bundle."""
+    fixed = dict(entry.split("=", 1) for entry in asked.fix)
+    case = draw(seed, **fixed)
+    if case.kind["bundle"] == "spanwise" and "count" not in fixed:
+        case = draw(seed, count="300", **fixed)  # a thousand boxes along x: each ray costs as much as a bundle
+    try:
+        findings, compared, how = check(case, {"backend": asked.backend}, asked.sample)
+    except Exception:  # a case that cannot be traced is a finding too, but for bundles that miss the box
+        return Outcome(seed, str(case), case.kind["geometry"], "", 0, [], traceback.format_exc().splitlines()[-1])
+    return Outcome(seed, str(case), case.kind["geometry"], how, compared, findings)
+
+
+def work(seeds: range, asked: argparse.Namespace, sent) -> None:
+    """Check bundle after bundle in a process of its own, which may be ended inside a kernel."""
+    warnings.simplefilter("ignore")
+    for seed in seeds:
+        sent.send(seed)
+        sent.send(outcome(seed, asked))
+
+
+class Worker:
+    """A process and the seeds it has still to check; one that is stuck on a seed is ended and goes on behind it."""
+
+    def __init__(self, seeds: range, asked: argparse.Namespace):
+        """Start on `seeds`."""
+        self.asked = asked
+        self.start(seeds)
+
+    def start(self, seeds: range) -> None:
+        """Begin with the first of `seeds`."""
+        self.seeds, self.seed = seeds, None
+        self.heard = time.monotonic()
+        self.answers, sent = multiprocessing.get_context("spawn").Pipe(duplex=False)
+        self.process = multiprocessing.get_context("spawn").Process(
+            target=work, args=(seeds, self.asked, sent), daemon=True
+        )
+        self.process.start()
+        sent.close()
+
+    def read(self) -> Outcome | int | None:
+        """An outcome, the seed that is given up, or None for neither; EOFError at the end."""
+        told = self.answers.recv() if self.answers.poll() else None
+        if told is not None:
+            self.heard = time.monotonic()
+            self.seed = told if isinstance(told, int) else None
+            return None if isinstance(told, int) else told
+        died = not self.process.is_alive()
+        if died and self.seed is None:
+            raise EOFError
+        # A process's first answer takes the import of everything.
+        if died or time.monotonic() - self.heard > self.asked.patience + (30.0 if self.seed is None else 0.0):
+            given_up = self.seeds[0] if self.seed is None else self.seed
+            self.stop()
+            self.start(range(given_up + 1, self.seeds.stop))
+            return given_up
+        return None
+
+    def stop(self) -> None:
+        """End the process, wherever it is."""
+        self.process.kill()
+        self.process.join()
+
+
+def outcomes(asked: argparse.Namespace) -> Iterator[Outcome | int]:
+    """What comes of the bundles, and the seeds that are given up, as they come."""
+    share = -(-asked.count // asked.processes)
+    stop = asked.seed + asked.count
+    starts = range(asked.seed, stop, share)
+    workers = [Worker(range(first, min(first + share, stop)), asked) for first in starts]
+    end = time.monotonic() + asked.seconds
+    try:
+        while workers and time.monotonic() < end:
+            time.sleep(0.002)
+            for worker in tuple(workers):
+                try:
+                    told = worker.read()
+                except EOFError:
+                    workers.remove(worker)
+                    continue
+                if told is not None:
+                    yield told
+    finally:
+        for worker in workers:
+            worker.stop()
 
 
 def main() -> int:
     """Draw, check, tell."""
     asked = parse()
-    fixed = dict(entry.split("=", 1) for entry in asked.fix)
     if asked.only is not None:
-        return one(asked, fixed)
+        return one(asked)
     start, rays, drawn, failed = time.perf_counter(), 0, collections.Counter(), collections.Counter()
     wrong_rays, worst, errors = collections.Counter(), [], []
-    seeds = range(asked.seed, asked.seed + asked.count)
     missed = given_up = 0
-    signal.signal(signal.SIGALRM, _give_up)
-    for number, seed in enumerate(seeds, 1):
-        if time.perf_counter() - start > asked.seconds:
-            break
-        case = draw(seed, **fixed)
-        if case.kind["bundle"] == "spanwise" and "count" not in fixed:
-            case = draw(seed, count="300", **fixed)  # a thousand boxes along x: each ray costs as much as a bundle
-        signal.alarm(asked.patience)
-        try:
-            findings, compared, how = check(case, {"backend": asked.backend}, asked.sample)
-        except GivenUpError:
+    for told in outcomes(asked):
+        if isinstance(told, int):
             given_up += 1
-            print(f"given up: {case}", file=sys.stderr, flush=True)
+            print(f"given up: seed {told}", file=sys.stderr, flush=True)
             continue
-        except Exception:  # a case that cannot be traced is a finding too, but for bundles that miss the box
-            text = traceback.format_exc().splitlines()[-1]
-            missed += "meets the field" in text
-            if "meets the field" not in text:
-                errors.append((seed, text))
+        if told.error:
+            missed += "meets the field" in told.error
+            if "meets the field" not in told.error:
+                errors.append((told.seed, told.error))
             continue
-        finally:
-            signal.alarm(0)
-        rays += compared
-        drawn[how] += 1
-        for what in {f.what for f in findings}:
-            group = [f for f in findings if f.what == what]
-            failed[how, what, case.kind["geometry"]] += 1
+        rays += told.compared
+        drawn[told.how] += 1
+        for what in {f.what for f in told.findings}:
+            group = [f for f in told.findings if f.what == what]
+            failed[told.how, what, told.geometry] += 1
             wrong_rays[what] += len(group)
             greatest = max(group, key=lambda f: f.size)
-            worst.append((greatest.size, how, len(group), compared, greatest, case))
+            worst.append((greatest.size, told.how, len(group), told.compared, greatest, told.case))
             print(line(worst[-1]), file=sys.stderr, flush=True)
-        if number % 20 == 0:  # one that is cut off has still counted
+        if sum(drawn.values()) % 20 == 0:  # one that is cut off has still counted
             found = ", ".join(f"{w} {n}" for w, n in wrong_rays.most_common()) or "none"
             seconds = time.perf_counter() - start
             print(
@@ -113,8 +194,9 @@ def line(entry) -> str:
     return f"{finding.what} {size:.2g} x, {n}/{compared} rays, {how}; {case}; ray {finding.ray}: {finding.text}"
 
 
-def one(asked: argparse.Namespace, fixed: dict) -> int:
+def one(asked: argparse.Namespace) -> int:
     """One case in full."""
+    fixed = dict(entry.split("=", 1) for entry in asked.fix)
     case = draw(asked.only, **fixed)
     print(case, case.settings, f"box {case.field.box}, spacing {case.field.spacing}", sep="\n")
     findings, compared, how = check(case, {"backend": asked.backend}, asked.sample)

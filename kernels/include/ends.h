@@ -7,9 +7,9 @@
 #include "ray_status.h"
 #include "wall.h"
 
-// Course of the undisturbed ray, and what already stands in its way.
+// Interval of the undisturbed ray, and what already stands in its way.
 static inline int start_of(
-    const Field *field, const Arrays *arrays, const Bounds *bounds, double3 p, double3 d, Course *course)
+    const Field *field, const Arrays *arrays, const Bounds *bounds, double3 p, double3 d, Interval *interval)
 {
     int status = RAY_OK;
 
@@ -19,7 +19,7 @@ static inline int start_of(
     int meets = span.x <= span.y && span.y >= 0.0;
     double stop_distance = span.y;
     int has_stop = 1;
-    course->side = R(1.0);
+    interval->side = R(1.0);
 #if STOP == PLANE
     const double height = dot(VECTOR64(bounds->plane_normal), p - VECTOR64(bounds->plane_point));
     const double slope = dot(VECTOR64(bounds->plane_normal), d);
@@ -31,7 +31,7 @@ static inline int start_of(
         }
     }
     if (height > 0.0) {
-        course->side = R(-1.0);
+        interval->side = R(-1.0);
     }
 #elif STOP == ARC
     stop_distance = bounds->length;
@@ -61,18 +61,18 @@ static inline int start_of(
         }
     }
 #endif
-    course->enter = enter;
-    course->far = has_stop && STOP != NONE ? lesser64(span.y, stop_distance) : span.y;
-    course->stop_distance = stop_distance;
-    course->has_stop = has_stop;
-    course->meets = meets;
+    interval->t_enter = enter;
+    interval->t_exit = has_stop && STOP != NONE ? lesser64(span.y, stop_distance) : span.y;
+    interval->stop_distance = stop_distance;
+    interval->has_stop = has_stop;
+    interval->meets = meets;
     return status;
 }
 
 // The surface on which the undisturbed ray stops.
-static inline int surface_of(const Bounds *bounds, const Course *course, double3 p, double3 d)
+static inline int surface_of(const Bounds *bounds, const Interval *interval, double3 p, double3 d)
 {
-    if (STOP == PLANE && course->has_stop && course->far == course->stop_distance) {
+    if (STOP == PLANE && interval->has_stop && interval->t_exit == interval->stop_distance) {
         return FACE_COUNT;
     }
 #if IN_PLANE
@@ -82,7 +82,7 @@ static inline int surface_of(const Bounds *bounds, const Course *course, double3
     double least = 1.0e300;
     for (int k = 0; k < FACE_COUNT; k++) {
         double3 normal;
-        const double miss = fabs(surface_distance(bounds, k, p + course->far * d, &normal));
+        const double miss = fabs(surface_distance(bounds, k, p + interval->t_exit * d, &normal));
         if (miss < least) {
             least = miss;
             nearest = k;
@@ -93,13 +93,13 @@ static inline int surface_of(const Bounds *bounds, const Course *course, double3
 
 // How much further along d the stop is met per length that the ray is beside its place: the tangent of the angle at which
 // it meets the stop; no more than that of the smallest angle believed.
-static inline double obliquity_of(const Bounds *bounds, const Course *course, double3 p, double3 d)
+static inline double obliquity_of(const Bounds *bounds, const Interval *interval, double3 p, double3 d)
 {
     double obliquity = 0.0;
-    if (STOP != ARC && course->has_stop) {
+    if (STOP != ARC && interval->has_stop) {
         double3 normal = VECTOR64(bounds->plane_normal);
         if (STOP == NONE) {
-            surface_distance(bounds, surface_of(bounds, course, p, d), p + course->far * d, &normal);
+            surface_distance(bounds, surface_of(bounds, interval, p, d), p + interval->t_exit * d, &normal);
         }
         const double cosine = dot(normal, d);
         obliquity = size64(normal - cosine * d) / greater64(fabs(cosine), STEEPEST_COSINE);
@@ -109,20 +109,20 @@ static inline double obliquity_of(const Bounds *bounds, const Course *course, do
 
 // Where a ray is, from the sums of its steps so far.
 static inline double3 place_of(
-    double3 p, double3 d, const Course *course, double ambient, real3 q, real3 q_carry, real4 sums, real4 sums_carry)
+    double3 p, double3 d, const Interval *interval, double ambient, real3 q, real3 q_carry, real4 sums, real4 sums_carry)
 {
     const double sigma = (double)sums.x - (double)sums_carry.x;
-    return p + (course->enter + ambient * sigma) * d + (convert_double3(q) - convert_double3(q_carry));
+    return p + (interval->t_enter + ambient * sigma) * d + (convert_double3(q) - convert_double3(q_carry));
 }
 
 static inline Lever lever_of(
-    const Bounds *bounds, const Control *control, const Course *course, double3 p, double3 d)
+    const Bounds *bounds, const Control *control, const Interval *interval, double3 p, double3 d)
 {
-    const double chord = course->far - course->enter;
+    const double chord = interval->t_exit - interval->t_enter;
     Lever out;
     out.reach = chord < 1.0e30 ? (real)chord : control->extent;  // along x a planar box has no end
-    out.obliquity = CONTROLLED ? (real)obliquity_of(bounds, course, p, d) : R(0.0);
-    const real beyond = STOP == PLANE ? (real)greater64(course->stop_distance - course->far, 0.0) : R(0.0);
+    out.obliquity = CONTROLLED ? (real)obliquity_of(bounds, interval, p, d) : R(0.0);
+    const real beyond = STOP == PLANE ? (real)greater64(interval->stop_distance - interval->t_exit, 0.0) : R(0.0);
     out.lever_arm = out.reach + beyond;
     out.caution = pow(R(1.0) + R(0.25) * out.obliquity * beyond * greatest(VECTOR(control->cell_rate)), R(-0.25));
     return out;
@@ -135,7 +135,7 @@ static inline Arrival end_of(
     const Control *control,
     double3 p,
     double3 d,
-    const Course *course,
+    const Interval *interval,
     int status,
     int landed,
     real3 q,
@@ -143,21 +143,21 @@ static inline Arrival end_of(
     real3 momentum,
     real4 sums,
     real4 sums_carry,
-    real greatest_deflection)
+    real max_deflection)
 {
     const double ambient = bounds->ambient;
     double3 q64 = convert_double3(q) - convert_double3(q_carry);
     const double sigma = (double)sums.x - (double)sums_carry.x;
     const double work = 2.0 * ((double)sums.y - (double)sums_carry.y);
     const double stretch = (double)sums.z - (double)sums_carry.z;
-    if (ONE_SCALAR && greatest_deflection <= NEARLY_STRAIGHT) {
+    if (ONE_SCALAR && max_deflection <= NEARLY_STRAIGHT) {
         // Along d the deviation is int (T . d - a) d sigma = M - B: sums of what the path itself is summed of.
         const double lagging = (double)sums.w - (double)sums_carry.w;
         q64 += (stretch - lagging - dot(q64, d)) * d;
     }
     const double3 turn = deflection(ambient, d, convert_double3(momentum));
     const double3 heading = d + turn;
-    double along = course->enter + ambient * sigma;  // distance along the straight ray
+    double along = interval->t_enter + ambient * sigma;  // distance along the straight ray
     double2 grazing = (double2)(0.0, 1.0);
     if (landed >= 0 && landed < LANDED_ARC) {
         along = meeting(bounds, landed, p + q64, d, along);
@@ -165,8 +165,8 @@ static inline Arrival end_of(
         along += rest;
         q64 += rest * turn;
     }
-    double stop_distance = course->stop_distance;
-    if (!course->meets) {
+    double stop_distance = interval->stop_distance;
+    if (!interval->meets) {
         along = 0.0;
         if (STOP == NONE) {
             status = RAY_MISSED_FIELD;
@@ -176,14 +176,14 @@ static inline Arrival end_of(
 
     double flight = 0.0;
     if (status == RAY_OK) {
-        if (STOP == PLANE && (!course->meets || (landed >= 0 && landed != FACE_COUNT))) {
+        if (STOP == PLANE && (!interval->meets || (landed >= 0 && landed != FACE_COUNT))) {
             const double3 here = p + along * d + q64;
             const double height = dot(VECTOR64(bounds->plane_normal), here - VECTOR64(bounds->plane_point));
             const double slope = dot(VECTOR64(bounds->plane_normal), heading);
             // A plane on a face of the box: rounding may put the ray a hair behind it.
             const double face_tolerance = 1.0e-3 / (double)greatest(VECTOR(control->cell_rate));
             const int toward = height * slope < 0.0 && fabs(slope) > LEAST_SLOPE;
-            if (toward || (course->meets && fabs(height) < face_tolerance * fabs(slope))) {
+            if (toward || (interval->meets && fabs(height) < face_tolerance * fabs(slope))) {
                 flight = -height / slope;
             } else if (height != 0.0) {
                 status = RAY_STOP_NOT_REACHED;
@@ -197,7 +197,7 @@ static inline Arrival end_of(
     along += flight;
 
     double opd = work - ambient * stretch;
-    if (status == RAY_OK && course->has_stop && STOP != ARC) {
+    if (status == RAY_OK && interval->has_stop && STOP != ARC) {
         // How much further along d the stop is met than by the undisturbed ray: from the deviation where that is exact,
         // since the difference of two distances would lose its last digits.
         double further = along - stop_distance;

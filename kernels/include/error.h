@@ -14,7 +14,7 @@ static inline real step_error(
     real3 momentum,
     real h,
     int is_smooth,
-    real greatest_deflection,
+    real max_deflection,
     const Lever *lever,
     real pot,
     real3 force,
@@ -27,13 +27,13 @@ static inline real step_error(
 {
     const real reach = lever->reach, lever_arm = lever->lever_arm;
     // Where the ray has turned, the obliquity is another one, and the turn counts instead.
-    const real obliquity = lever->obliquity * greater(R(1.0) - greatest_deflection / OBLIQUITY_KEPT, R(0.0));
+    const real obliquity = lever->obliquity * greater(R(1.0) - max_deflection / OBLIQUITY_KEPT, R(0.0));
     const real3 f2 = FORCE(s2), f3 = FORCE(s3), f4 = FORCE(s4);
     const real off_s = h * (RKN_F1 * pot + RKN_F2 * s2.x + RKN_F3 * s3.x + RKN_F4 * s4.x);
     real3 off_q = (h * h) * (RKN_E1 * force + RKN_E2 * f2 + RKN_E3 * f3 + RKN_E4 * f4);
     real3 off_p = h * (RKN_F1 * force + RKN_F2 * f2 + RKN_F3 * f3 + RKN_F4 * f4);
     const real3 swung = momentum + h * f4;
-    *turn = greater(greatest_deflection, size3(swung - dot(swung, d) * d) / ambient);
+    *turn = greater(max_deflection, size3(swung - dot(swung, d) * d) / ambient);
     real sharp = R(1.0);
     if (INTERPOLATION == CUBIC || INTERPOLATION == LINEAR) {
         // On a nearly straight ray the path's error is known better, by a rule of higher order with the slopes along
@@ -89,6 +89,14 @@ static inline real step_rounding(
     return NOISE * h * (R(2.0) * size + steep * leverage);
 }
 
+// What a ray may gain behind a face per length of its step; without another stop the face may be where it ends.
+static inline real possible_gain(real ambient, const Lever *lever, real turn, real pot, real3 force, real4 s3)
+{
+    const real steep = greater(size3(force), size3(FORCE(s3)));
+    const real gain = greater(fabs(pot), fabs(s3.x)) + steep * (lever->obliquity + turn) * lever->lever_arm;
+    return STOP == NONE ? ambient * ambient : gain;
+}
+
 // The error of a ray at its stop: that of its steps, and the rounding of the direction in which it flies there, of its
 // greatest momentum and of what it had at first, along d. A plane may be met at a smaller angle than the
 // `obliquity` allows for.
@@ -99,12 +107,12 @@ static inline real stop_error(
     real ambient,
     real3 momentum,
     real first_momentum,
-    real greatest_deflection,
+    real max_deflection,
     real obliquity,
     real lever_arm)
 {
-    const real size = size3(momentum) + first_momentum + ambient * greatest_deflection;
-    real error = used + DIRECTION_NOISE * size * (obliquity + greatest_deflection) * lever_arm;
+    const real size = size3(momentum) + first_momentum + ambient * max_deflection;
+    real error = used + DIRECTION_NOISE * size * (obliquity + max_deflection) * lever_arm;
     if (STOP == PLANE) {
         const double cosine = fabs(dot(VECTOR64(bounds->plane_normal), direction));
         error *= (real)(STEEPEST_COSINE / fmin(fmax(cosine, 1.0e-9), STEEPEST_COSINE));

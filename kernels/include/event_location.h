@@ -41,50 +41,89 @@ static inline real rising_root(real v0, real v1, real v2)
     return v2 <= R(0.0) ? NO_ROOT : (root - v1) / (R(2.0) * v2);
 }
 
-// The step that ends where the parabola first meets a surface, no longer than h, and that surface or -1; `late` is how
-// much of it may lie behind a face in which the ray runs, so near that rounding decides.
+// Half the second derivative by the step of a ray's distance outside a surface with this normal there.
+static inline real half_curve(const Control *control, int k, real3 normal, real3 along, real3 bend)
+{
+    real curve = dot(normal, bend);
+    if (GEOMETRY == AXISYMMETRIC && k == 2) {
+        curve += (along.x * along.x + along.y * along.y) / control->radius;
+    }
+    return R(0.5) * curve;
+}
+
+// Whether a ray that rises with `rise` runs in surface k or outside it, all but along it.
+static inline int grazes(const Control *control, int k, real outside, real rise, real3 along)
+{
+    const real grazing = R(1.0e-4) * size3(along) * surface_unit(control, k);
+    return rise >= R(0.0) && rise <= grazing && outside >= -SLACK_CELLS * surface_unit(control, k);
+}
+
+// Whether rounding decides on which side of a face a step of length h begins and ends: in float64, SLACK_CELLS does.
+static inline int stays_within_noise(real outside, real rise, real curved, real h)
+{
+    return sizeof(real) == 4 && greater(fabs(outside), fabs(outside + (rise + curved * h) * h)) <= EVENT_LOCATION_NOISE;
+}
+
+// The step that ends where the parabola first meets a surface, no longer than h; that surface or -1; whether the ray may
+// run in a face, so near that rounding decides.
 static inline real event_location(
     const Control *control, real3 rate, real side, int3 cell, real3 frac, real3 momentum, real3 force, real h, int *land,
-    real *late)
+    int *runs)
 {
-    real best = h, first = h;
+    real best = h;
     *land = -1;
+    *runs = 0;
     const real3 along = momentum * rate;
     const real3 bend = force * rate;
 #pragma unroll
     for (int k = 0; k < SURFACE_COUNT; k++) {
         const real4 s = oriented(control, k, side, cell, frac);
-        const real3 normal = s.yzw;
-        real curve = dot(normal, bend);
-        if (GEOMETRY == AXISYMMETRIC && k == 2) {
-            curve += (along.x * along.x + along.y * along.y) / control->radius;
-        }
-        const real rise = dot(normal, along);
+        const real curved = half_curve(control, k, s.yzw, along, bend);
+        const real rise = dot(s.yzw, along);
         // A ray that runs in a face is not thrown out by rounding.
         const real slack = SLACK_CELLS * surface_unit(control, k);
         real outside = s.x;
-        const real grazing = R(1.0e-4) * size3(along) * surface_unit(control, k);
-        if (rise >= R(0.0) && rise <= grazing && outside >= -slack) {
-            const real bare = rising_root(outside - SLACK_COUNTED * slack, rise, R(0.5) * curve);
-            first = k < FACE_COUNT ? lesser(first, bare) : first;
+        if (grazes(control, k, outside, rise, along)) {
             outside -= slack;
+            *runs |= k < FACE_COUNT;
         }
-        if (sizeof(real) == 4 && k < FACE_COUNT &&
-            greater(fabs(outside), fabs(outside + (rise + R(0.5) * curve * best) * best)) <= EVENT_LOCATION_NOISE) {
-            first = R(0.0);
+        if (k < FACE_COUNT) {
+            *runs |= stays_within_noise(outside, rise, curved, best);
         }
         // Most surfaces are out of reach.
-        const real rising = greater(rise, R(0.0)) + greater(R(0.5) * curve, R(0.0)) * best;
+        const real rising = greater(rise, R(0.0)) + greater(curved, R(0.0)) * best;
         if (outside + rising * best >= R(0.0)) {
-            const real root = rising_root(outside, rise, R(0.5) * curve);
+            const real root = rising_root(outside, rise, curved);
             if (root <= best) {
                 best = root;
                 *land = k;
             }
         }
     }
-    *late = greater(best - first, R(0.0));
     return best;
+}
+
+// How much of a step of length h may lie behind a face in which the ray runs. Few rays ask.
+static inline real time_beyond_face(
+    const Control *control, real3 rate, real side, int3 cell, real3 frac, real3 momentum, real3 force, real h)
+{
+    real first = h;
+    const real3 along = momentum * rate;
+    const real3 bend = force * rate;
+    for (int k = 0; k < FACE_COUNT; k++) {
+        const real4 s = oriented(control, k, side, cell, frac);
+        const real curved = half_curve(control, k, s.yzw, along, bend);
+        const real rise = dot(s.yzw, along);
+        real outside = s.x;
+        if (grazes(control, k, outside, rise, along)) {
+            first = lesser(first, rising_root(outside - SLACK_COUNTED * SLACK_CELLS, rise, curved));
+            outside -= SLACK_CELLS;
+        }
+        if (stays_within_noise(outside, rise, curved, h)) {
+            first = R(0.0);
+        }
+    }
+    return greater(h - first, R(0.0));
 }
 
 // What rounding leaves of a place's distance from surface k, in its unit.
@@ -110,29 +149,40 @@ static inline int overshot(
     return far || ahead.x > close * surface_unit(control, k);
 }
 
-// Whether a place is behind a surface, by more than rounding; how far behind the nearest face [cells].
+// Whether a place is behind a surface, by more than rounding; how near it is to a face [cells].
 static inline int passed_surface(const Control *control, real side, int3 cell, real3 frac, real *nearest)
 {
     int is_behind = 0;
-    *nearest = -NO_ROOT;
+    *nearest = NO_ROOT;
 #pragma unroll
     for (int k = 0; k < SURFACE_COUNT; k++) {
         const real room = rounding_of(control, k) + R(2.0) * SLACK_CELLS * surface_unit(control, k);
         const real outside = oriented(control, k, side, cell, frac).x;
         is_behind |= outside > room;
         if (k < FACE_COUNT) {
-            *nearest = greater(*nearest, outside);
+            *nearest = lesser(*nearest, fabs(outside));
         }
     }
     return is_behind;
 }
 
-// Whether a ray runs so near a face, `nearest` cells behind it, that its error may put it on the other side; `astray` is
-// how far beside its place the ray may be [m]. A ray that stays exactly in a face is on no side.
-static inline int in_face(const Control *control, real nearest, real astray)
+// How near a face counts as in it [cells]; `astray` is how far beside its place the ray may be [m].
+static inline real room_at_face(const Control *control, real astray)
 {
-    const real room = EVENT_LOCATION_NOISE + R(2.0) * SLACK_CELLS + astray * greatest(VECTOR(control->cell_rate));
-    return fabs(nearest) <= room && fabs(nearest) > SLACK_COUNTED * SLACK_CELLS;
+    return EVENT_LOCATION_NOISE + R(2.0) * SLACK_CELLS + astray * greatest(VECTOR(control->cell_rate));
+}
+
+// Whether a ray runs along a face so near it, within `room` cells, that its error may put it on the other side. A ray that
+// crosses the face at once is beyond it a little sooner or later; one that stays exactly in it is on no side.
+static inline int in_face(const Control *control, real side, int3 cell, real3 frac, real3 velocity, real room)
+{
+    int is_in = 0;
+    for (int k = 0; k < FACE_COUNT; k++) {
+        const real4 s = oriented(control, k, side, cell, frac);
+        const int runs = fabs(dot(s.yzw, velocity)) <= (real)LEAST_COSINE * size3(velocity);
+        is_in |= runs && fabs(s.x) <= room && fabs(s.x) > SLACK_COUNTED * SLACK_CELLS;
+    }
+    return is_in;
 }
 
 // After a step to surface k: sigma still to go along the parabola, negative to go back, and whether that ends the ray. The

@@ -40,7 +40,7 @@ static inline Flight fly(
     reals deficits = zero, deficits_carry = zero;
     reals arcs = zero, arcs_carry = zero;
     reals coarse = zero, coarse_carry = zero; // of every third sample
-    reals greatest_deflection = zero;
+    reals max_deflection = zero;
     reals s = zero, ahead = zero;           // of the last sample: the potential, its slope along the ray
     real middle = R(0.5);                   // of the sample's part of the way, in h
     for (int triple = 0; triple < triples; triple++) {
@@ -84,7 +84,7 @@ static inline Flight fly(
             }
             sigma += pace;
             bend += across * slow;
-            greatest_deflection = max(greatest_deflection, across);
+            max_deflection = max(max_deflection, across);
         }
         gather(&paths, &paths_carry, optical);
         gather(&deficits, &deficits_carry, longitudinal_deficit);
@@ -117,7 +117,7 @@ static inline Flight fly(
     out.arcs = arcs;
     out.arcs_carry = arcs_carry;
     out.error = max(difference * control->quadrature_error_scale, h * bend * control->trajectory_error_scale);
-    out.greatest_deflection = greatest_deflection;
+    out.max_deflection = max_deflection;
     out.s = s;
     out.ahead = ahead;
     out.steep = sqrt(ahead * ahead + out.f[0] * out.f[0] + out.f[1] * out.f[1] + out.f[2] * out.f[2]);

@@ -15,7 +15,7 @@ typedef struct {
     reals paths, paths_carry;                            // sums of s / w, of (w - a) / w and of m / w
     reals deficits, deficits_carry;
     reals arcs, arcs_carry;
-    reals error, greatest_deflection;                    // estimate of the error [m], greatest momentum across, squared
+    reals error, max_deflection;                    // estimate of the error [m], greatest momentum across, squared
     reals s, ahead, f[3];                                // potential, its slope along the ray and that across it
     reals steep, lead;                                   // size of its slope; (w - a) / w
 } Flight;

@@ -58,13 +58,13 @@ typedef struct {
 } Control;
 
 typedef struct {
-    double enter;          // where the first step begins
-    double far;            // where it leaves the box, or stops before that
+    double t_enter;        // where the first step begins
+    double t_exit;         // where it leaves the box, or stops before that
     double stop_distance;
     int has_stop;          // whether it ever gets to the stop
     int meets;             // whether it meets the box before the stop
     real side;             // times this, the normal of the stop plane points away from where the ray starts
-} Course;
+} Interval;
 
 typedef struct {
     double3 position;

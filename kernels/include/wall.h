@@ -37,6 +37,23 @@ static inline double4 moved_segment(double4 s, double r, double z)
 }
 #endif
 
+#if GEOMETRY != VOLUME
+// Whether a line, wherever it is moved to, can only leave the body through a segment, and does not graze it. About the
+// axis, the surface that leans most toward the line counts.
+static inline int only_leaves(const WallLine *line, double4 s)
+{
+    const double r = s.w - s.y, z = s.x - s.z;  // the normal, out of the body
+    const double least = GRAZING_SQUARE * (r * r + z * z);
+#if GEOMETRY == AXISYMMETRIC
+    const double rising = z * line->along;
+    return rising > 0.0 && rising * rising > 2.0 * (r * r * line->across + least);
+#else
+    const double rising = r * line->across + z * line->along;
+    return rising > 0.0 && rising * rising > least * line->square;
+#endif
+}
+#endif
+
 #if GEOMETRY == VOLUME
 // Whether a straight ray may get into the body through a triangle, were the ray moved by `margin`.
 static inline int may_enter(
@@ -53,7 +70,7 @@ static inline int may_enter(
 {
     const double4 s = vload4(piece, arrays->wall);
     const double4 box = (double4)(lesser64(s.x, s.z), lesser64(s.y, s.w), greater64(s.x, s.z), greater64(s.y, s.w));
-    if (!passes_box(line, box, margin, enter, far)) {
+    if (only_leaves(line, s) || !passes_box(line, box, margin, enter, far)) {
         return 0;
     }
     for (int side = 0; side < 5; side++) {

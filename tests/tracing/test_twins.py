@@ -47,7 +47,7 @@ ORDER = "sums of three or four terms are associated otherwise"
 BOUNDS = {
     "sample": (64, SUM),
     "plane_sample": (64, SUM),
-    "sample_at_stage": (64, SUM),
+    "sample_at_stage": (128, SUM),
     "in_cell": (16, SUM),
     "blend": (4, SUM),
     "step_sums": (16, ORDER),
@@ -191,7 +191,7 @@ RANGES = {
     "lever_arm": (1e-3, 1.0),
     "obliquity": (0.0, 2.0),
     "caution": (0.2, 1.0),
-    "greatest_deflection": (0.0, 0.02),
+    "max_deflection": (0.0, 0.02),
     "tolerance": (0.0, 1e-8),
     "off": (0.0, 1e-8),
     "used": (0.0, 1e-9),

@@ -105,9 +105,9 @@ STRUCTS: dict[str, tuple[Value, ...]] = {
         Value("outputs", "int", "of a ray that are wanted, a bit each, see result.py"),
     ),
     # Of the undisturbed ray; distances along it.
-    "Course": (
-        Value("enter", "double", "where the first step begins"),
-        Value("far", "double", "where it leaves the box, or stops before that"),
+    "Interval": (
+        Value("t_enter", "double", "where the first step begins"),
+        Value("t_exit", "double", "where it leaves the box, or stops before that"),
         Value("stop_distance", "double"),
         Value("has_stop", "bool", "whether it ever gets to the stop"),
         Value("meets", "bool", "whether it meets the box before the stop"),

@@ -54,11 +54,11 @@ def walls_of(body: Body | SolidBody | None) -> Walls | SurfaceWalls | None:
 
 
 @dataclass
-class Course:
+class Interval:
     """The undisturbed rays: where they enter and leave the field and meet the stop [m], and their status."""
 
-    enter: np.ndarray
-    leave: np.ndarray
+    t_enter: np.ndarray
+    t_exit: np.ndarray
     stop: np.ndarray
     has_stop: np.ndarray
     meets: np.ndarray
@@ -102,7 +102,7 @@ class Ends:
             far = np.where(across, np.minimum(far, middle + half), far)
         return np.where(missed, 1.0, near), np.where(missed, -1.0, far)
 
-    def course(self, start, heading) -> Course:
+    def interval(self, start, heading) -> Interval:
         """What stands in the way of the undisturbed rays."""
         near, leave = self.span(start, heading)
         meets, enter = (near <= leave) & (leave >= 0.0), np.maximum(near, 0.0)
@@ -137,22 +137,22 @@ class Ends:
             status[inside[~stopped & ~(np.isfinite(out) & (out <= leave[inside]))]] = RayStatus.INSIDE_BODY
         if self.until is None:
             status[~meets & (status == RayStatus.OK)] = RayStatus.MISSED_FIELD
-        return Course(enter, leave, stop, has_stop, meets, status)
+        return Interval(enter, leave, stop, has_stop, meets, status)
 
-    def flight(self, start, heading, course: Course, cell) -> Flight:
+    def flight(self, start, heading, interval: Interval, cell) -> Flight:
         """Rays at the places where they enter the field."""
-        stops = course.has_stop & (self.until is not None)
+        stops = interval.has_stop & (self.until is not None)
         side = np.ones(len(start))
         cosine = np.ones(len(start))
         if isinstance(self.until, Plane):
             side = np.where((start - self.until.point) @ self.until.normal > 0.0, -1.0, 1.0)
             cosine = np.abs(heading @ self.until.normal)
         elif self.until is None:
-            cosine = self.leaving_cosine(start + course.leave[:, None] * heading, heading)
-        beyond = np.where(stops, np.maximum(course.stop - course.leave, 0.0), 0.0)
+            cosine = self.leaving_cosine(start + interval.t_exit[:, None] * heading, heading)
+        beyond = np.where(stops, np.maximum(interval.stop - interval.t_exit, 0.0), 0.0)
         gain = 1.0 / np.maximum(cosine, LEAST_COSINE)
         lever = self.extent + (np.sqrt(1.0 - np.minimum(cosine, 1.0) ** 2) + 0.05) * beyond
-        return Flight(start, heading, side, course.enter.copy(), lever, gain, cell)
+        return Flight(start, heading, side, interval.t_enter.copy(), lever, gain, cell)
 
     def leaving_cosine(self, place, heading) -> np.ndarray:
         """Cosine of the angle at which straight rays leave the box at these places."""
@@ -190,10 +190,10 @@ class Ends:
         place = integrator.place(flight, rows)
         there = flight.start[rows] + flight.along[rows, None] * d + flight.q[rows]
         heading = d + turn
-        course = d if integrator.straight else heading
+        bearing = d if integrator.straight else heading
         ahead = np.full((len(rows), 4), np.inf)
-        ahead[:, 0], cell = integrator.air.reenter(place, course)
-        ahead[:, 1] = np.maximum(self.span(place, course)[1], 0.0)
+        ahead[:, 0], cell = integrator.air.reenter(place, bearing)
+        ahead[:, 1] = np.maximum(self.span(place, bearing)[1], 0.0)
         if isinstance(self.until, Plane):
             height, slope = (there - self.until.point) @ self.until.normal, heading @ self.until.normal
             meets = slope * flight.side[rows] > 0.0
@@ -219,15 +219,15 @@ class Ends:
         flight.cell[rows[entering]] = cell[entering]
         integrator.enter(flight, rows[entering])
 
-    def finish(self, course: Course, rows, flight: Flight | None, turn, start, heading) -> dict[str, np.ndarray]:
+    def finish(self, interval: Interval, rows, flight: Flight | None, turn, start, heading) -> dict[str, np.ndarray]:
         """The results of all rays; `rows` are those that flew, `turn` their tangent less the first direction."""
         count = len(start)
         along, work, stretch, error = (np.zeros(count) for _ in range(4))
         q, turned = np.zeros((count, 3)), np.zeros((count, 3))
         steps, evaluations = np.zeros(count, dtype=np.int64), np.zeros(count, dtype=np.int64)
-        status, at_stop = course.status.copy(), np.zeros(count, dtype=bool)
+        status, at_stop = interval.status.copy(), np.zeros(count, dtype=bool)
         hit = status == RayStatus.HIT_BODY
-        along[hit] = course.enter[hit]
+        along[hit] = interval.t_enter[hit]
         if flight is not None:
             along[rows], work[rows], stretch[rows], error[rows] = (
                 flight.along,
@@ -247,11 +247,11 @@ class Ends:
             way = np.where(flies & reaches, way, 0.0)
             along += way
             q += way[:, None] * turned
-        good = (status == RayStatus.OK) & course.has_stop
+        good = (status == RayStatus.OK) & interval.has_stop
         further = np.zeros(count)
-        further[good] = along[good] - course.stop[good]
+        further[good] = along[good] - interval.stop[good]
         if not isinstance(self.until, ArcLength):
-            further[good] = self.further(course.stop[good], start[good], heading[good], q[good], further[good])
+            further[good] = self.further(interval.stop[good], start[good], heading[good], q[good], further[good])
         opd = work - self.ambient * stretch
         if not isinstance(self.until, ArcLength):
             opd = np.where(good, work + self.ambient * further, opd)

@@ -28,13 +28,13 @@ def trace(field: IndexField, rays: RayBundle, plan: TracePlan, until, wavelength
     """Trace a bundle: per-ray arrays by name."""
     start, heading = np.array(rays.position), np.array(rays.direction)
     ends = Ends(field, until)
-    course = ends.course(start, heading)
-    rows = np.flatnonzero(course.meets & (course.status == RayStatus.OK))
+    interval = ends.interval(start, heading)
+    rows = np.flatnonzero(interval.meets & (interval.status == RayStatus.OK))
     flight, turn = None, np.zeros((0, 3))
     if len(rows):
         air = GridAir(field) if field.is_uniform else MeshAir(field)
-        some = type(course)(*(getattr(course, name)[rows] for name in course.__dataclass_fields__))
-        entry = start[rows] + some.enter[:, None] * heading[rows]
+        some = type(interval)(*(getattr(interval, name)[rows] for name in interval.__dataclass_fields__))
+        entry = start[rows] + some.t_enter[:, None] * heading[rows]
         flight = ends.flight(start[rows], heading[rows], some, air.cell_at(entry, heading[rows]))
         integrator = Integrator(
             air,
@@ -51,5 +51,5 @@ def trace(field: IndexField, rays: RayBundle, plan: TracePlan, until, wavelength
             integrator.enter(flight, inside)
             integrator.run(flight)
             turn = integrator.turn(flight.direction, flight.momentum)
-    found = ends.finish(course, rows, flight, turn, start, heading)
+    found = ends.finish(interval, rows, flight, turn, start, heading)
     return {name: found[name] for name in [*RAY_OUTPUTS, "status"] if name in outputs | {"status"}}

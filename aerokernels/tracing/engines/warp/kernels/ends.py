@@ -21,9 +21,9 @@ from .wall import build_way_in, build_way_out
 
 @built_once
 def build_start(library: KernelLibrary, geometry: str, stop: str, has_body: bool):
-    """A function (field, bounds, position, direction) -> (status, course of the undisturbed ray)."""
+    """A function (field, bounds, position, direction) -> (status, interval of the undisturbed ray)."""
     t = library.types
-    real, Field, Bounds, Course = t.real, t.Field, t.Bounds, t.Course
+    real, Field, Bounds, Interval = t.real, t.Field, t.Bounds, t.Interval
     crossing = build_crossing(library, geometry)
     way_out = build_way_out(library, geometry)
     way_in = build_way_in(library, geometry)
@@ -80,14 +80,14 @@ def build_start(library: KernelLibrary, geometry: str, stop: str, has_body: bool
         if has_stop and wp.static(stop != "none"):
             far = wp.min(far, stop_distance)
 
-        course = Course()
-        course.enter = enter
-        course.far = far
-        course.stop_distance = stop_distance
-        course.has_stop = has_stop
-        course.meets = meets
-        course.side = side
-        return status, course
+        interval = Interval()
+        interval.t_enter = enter
+        interval.t_exit = far
+        interval.stop_distance = stop_distance
+        interval.has_stop = has_stop
+        interval.meets = meets
+        interval.side = side
+        return status, interval
 
     return start_of
 
@@ -96,21 +96,21 @@ def build_start(library: KernelLibrary, geometry: str, stop: str, has_body: bool
 def build_last_surface(library: KernelLibrary, geometry: str, stop: str):
     """A function: the surface on which the undisturbed ray stops."""
     t = library.types
-    Bounds, Course = t.Bounds, t.Course
+    Bounds, Interval = t.Bounds, t.Interval
     surface_distance = build_surface_distance(library, geometry)
     faces = wp.constant(FACE_COUNT[geometry])
 
     @wp.func
-    def surface_of(bounds: Bounds, course: Course, p: wp.vec3d, d: wp.vec3d):
+    def surface_of(bounds: Bounds, interval: Interval, p: wp.vec3d, d: wp.vec3d):
         nearest = int(0)
         least = wp.float64(1.0e300)
         for k in range(faces):
-            miss = wp.abs(surface_distance(bounds, k, p + course.far * d)[0])
+            miss = wp.abs(surface_distance(bounds, k, p + interval.t_exit * d)[0])
             if miss < least:
                 least = miss
                 nearest = k
         if wp.static(stop == "plane"):
-            if course.has_stop and course.far == course.stop_distance:
+            if interval.has_stop and interval.t_exit == interval.stop_distance:
                 nearest = faces
         return nearest
 
@@ -124,18 +124,18 @@ def build_obliquity(library: KernelLibrary, geometry: str, stop: str):
     The tangent of the angle at which it meets the stop; no more than that of the smallest angle believed.
     """
     t = library.types
-    real, Bounds, Course = t.real, t.Bounds, t.Course
+    real, Bounds, Interval = t.real, t.Bounds, t.Interval
     surface_distance = build_surface_distance(library, geometry)
     surface_of = build_last_surface(library, geometry, stop)
 
     @wp.func
-    def obliquity_of(bounds: Bounds, course: Course, p: wp.vec3d, d: wp.vec3d):
+    def obliquity_of(bounds: Bounds, interval: Interval, p: wp.vec3d, d: wp.vec3d):
         obliquity = real(0.0)
         if wp.static(stop != "arc"):
-            if course.has_stop:
+            if interval.has_stop:
                 normal = bounds.plane_normal
                 if wp.static(stop == "none"):
-                    miss = surface_distance(bounds, surface_of(bounds, course, p, d), p + course.far * d)
+                    miss = surface_distance(bounds, surface_of(bounds, interval, p, d), p + interval.t_exit * d)
                     normal = wp.vec3d(miss[1], miss[2], miss[3])
                 cosine = wp.dot(normal, d)
                 obliquity = real(wp.length(normal - cosine * d) / wp.max(wp.abs(cosine), wp.float64(STEEPEST_COSINE)))
@@ -146,22 +146,22 @@ def build_obliquity(library: KernelLibrary, geometry: str, stop: str):
 
 @built_once
 def build_lever(library: KernelLibrary, geometry: str, stop: str, controlled: bool):
-    """A function -> Lever; its arguments: bounds, control, the undisturbed course, start and direction."""
+    """A function -> Lever; its arguments: bounds, control, the undisturbed interval, start and direction."""
     t = library.types
-    real, Lever, Bounds, Control, Course = t.real, t.Lever, t.Bounds, t.Control, t.Course
+    real, Lever, Bounds, Control, Interval = t.real, t.Lever, t.Bounds, t.Control, t.Interval
     obliquity_of = build_obliquity(library, geometry, stop)
 
     @wp.func
-    def lever_of(bounds: Bounds, control: Control, course: Course, p: wp.vec3d, d: wp.vec3d):
+    def lever_of(bounds: Bounds, control: Control, interval: Interval, p: wp.vec3d, d: wp.vec3d):
         reach = control.extent  # along x a planar box has no end
-        if course.far - course.enter < wp.float64(1.0e30):
-            reach = real(course.far - course.enter)
+        if interval.t_exit - interval.t_enter < wp.float64(1.0e30):
+            reach = real(interval.t_exit - interval.t_enter)
         obliquity = real(0.0)
         if wp.static(controlled):
-            obliquity = obliquity_of(bounds, course, p, d)
+            obliquity = obliquity_of(bounds, interval, p, d)
         beyond = real(0.0)
         if wp.static(stop == "plane"):
-            beyond = real(wp.max(course.stop_distance - course.far, wp.float64(0.0)))
+            beyond = real(wp.max(interval.stop_distance - interval.t_exit, wp.float64(0.0)))
         caution = wp.pow(real(1.0) + real(0.25) * obliquity * beyond * wp.max(control.cell_rate), real(-0.25))
         return Lever(obliquity, reach + beyond, reach, caution)
 
@@ -173,11 +173,11 @@ def build_end(library: KernelLibrary, geometry: str, interpolation: str, stop: s
     """A function -> Arrival, the ray at its stop.
 
     It puts the sums of the steps back onto the straight ray and flies on to a stop outside the box. Its arguments:
-    bounds, control, start, direction, course and status as `build_start` has them, the surface landed on or -1,
+    bounds, control, start, direction, interval and status as `build_start` has them, the surface landed on or -1,
     deviation, its carry, momentum, the sums (sigma, S, M, B), their carry, and the greatest angle with the direction.
     """
     t = library.types
-    real, vec3, vec4, Bounds, Control, Course = t.real, t.vec3, t.vec4, t.Bounds, t.Control, t.Course
+    real, vec3, vec4, Bounds, Control, Interval = t.real, t.vec3, t.vec4, t.Bounds, t.Control, t.Interval
     Arrival = t.Arrival
     meeting = build_meeting(library, geometry)
     grazing_rest = build_grazing_rest(library, geometry)
@@ -192,7 +192,7 @@ def build_end(library: KernelLibrary, geometry: str, interpolation: str, stop: s
         control: Control,
         p: wp.vec3d,
         d: wp.vec3d,
-        course: Course,
+        interval: Interval,
         status: int,
         landed: int,
         q: vec3,
@@ -200,7 +200,7 @@ def build_end(library: KernelLibrary, geometry: str, interpolation: str, stop: s
         momentum: vec3,
         sums: vec4,
         sums_carry: vec4,
-        greatest_deflection: real,
+        max_deflection: real,
     ):
         ambient = bounds.ambient
         none = wp.float64(0.0)
@@ -212,13 +212,13 @@ def build_end(library: KernelLibrary, geometry: str, interpolation: str, stop: s
         sigma = wp.float64(sums[0]) - wp.float64(sums_carry[0])
         work = wp.float64(2.0) * (wp.float64(sums[1]) - wp.float64(sums_carry[1]))
         stretch = wp.float64(sums[2]) - wp.float64(sums_carry[2])
-        if wp.static(one_scalar) and greatest_deflection <= real(NEARLY_STRAIGHT):
+        if wp.static(one_scalar) and max_deflection <= real(NEARLY_STRAIGHT):
             # Along d the deviation is int (T . d - a) d sigma = M - B: sums of what the path itself is summed of.
             lagging = wp.float64(sums[3]) - wp.float64(sums_carry[3])
             q64 += (stretch - lagging - wp.dot(q64, d)) * d
         turn = deflection(ambient, d, p64)
         heading = d + turn
-        along = course.enter + ambient * sigma  # distance along the straight ray
+        along = interval.t_enter + ambient * sigma  # distance along the straight ray
         grazing = wp.vec2d(none, wp.float64(1.0))
         if landed >= 0 and landed < wp.static(LANDED_ARC):
             along = meeting(bounds, landed, p + q64, d, along)
@@ -226,8 +226,8 @@ def build_end(library: KernelLibrary, geometry: str, interpolation: str, stop: s
             along += rest[0]
             q64 += rest[0] * turn
             grazing = wp.vec2d(rest[1], rest[2])
-        stop_distance = course.stop_distance
-        if not course.meets:
+        stop_distance = interval.stop_distance
+        if not interval.meets:
             along = none
             if wp.static(stop == "none"):
                 status = int(missed)
@@ -236,14 +236,14 @@ def build_end(library: KernelLibrary, geometry: str, interpolation: str, stop: s
         flight = none
         if status == ok:
             if wp.static(stop == "plane"):
-                if not course.meets or (landed >= 0 and landed != face_count):
+                if not interval.meets or (landed >= 0 and landed != face_count):
                     here = p + along * d + q64
                     height = wp.dot(bounds.plane_normal, here - bounds.plane_point)
                     slope = wp.dot(bounds.plane_normal, heading)
                     # A plane on a face of the box: rounding may put the ray a hair behind it.
                     face_tolerance = wp.float64(1.0e-3) / wp.float64(wp.max(control.cell_rate))
                     toward = height * slope < none and wp.abs(slope) > wp.float64(LEAST_SLOPE)
-                    if toward or (course.meets and wp.abs(height) < face_tolerance * wp.abs(slope)):
+                    if toward or (interval.meets and wp.abs(height) < face_tolerance * wp.abs(slope)):
                         flight = -height / slope
                     elif height != none:
                         status = int(not_reached)
@@ -253,7 +253,7 @@ def build_end(library: KernelLibrary, geometry: str, interpolation: str, stop: s
         along += flight
 
         opd = wp.float64(0.0)
-        if status == ok and course.has_stop and wp.static(stop != "arc"):
+        if status == ok and interval.has_stop and wp.static(stop != "arc"):
             # How much further along d the stop is met than by the undisturbed ray: from the deviation where that is
             # exact, since the difference of two distances would lose its last digits.
             further = along - stop_distance

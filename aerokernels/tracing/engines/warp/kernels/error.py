@@ -55,7 +55,7 @@ def build_step_error(library: KernelLibrary, geometry: str, interpolation: str, 
         momentum: vec3,
         h: real,
         is_smooth: bool,
-        greatest_deflection: real,
+        max_deflection: real,
         lever: Lever,
         pot: real,
         force: vec3,
@@ -65,7 +65,7 @@ def build_step_error(library: KernelLibrary, geometry: str, interpolation: str, 
     ):
         reach, lever_arm = lever.reach, lever.lever_arm
         # Where the ray has turned, the obliquity is another one, and the turn counts instead.
-        obliquity = lever.obliquity * wp.max(real(1.0) - greatest_deflection / real(OBLIQUITY_KEPT), real(0.0))
+        obliquity = lever.obliquity * wp.max(real(1.0) - max_deflection / real(OBLIQUITY_KEPT), real(0.0))
         force2 = vec3(s2[1], s2[2], s2[3])
         force3 = vec3(s3[1], s3[2], s3[3])
         force4 = vec3(s4[1], s4[2], s4[3])
@@ -73,7 +73,7 @@ def build_step_error(library: KernelLibrary, geometry: str, interpolation: str, 
         off_q = (h * h) * (real(e1) * force + real(e2) * force2 + real(e3) * force3 + real(e4) * force4)
         off_p = h * (real(f1) * force + real(f2) * force2 + real(f3) * force3 + real(f4) * force4)
         swung = momentum + h * force4
-        turn = wp.max(greatest_deflection, wp.length(swung - wp.dot(swung, d) * d) / ambient)
+        turn = wp.max(max_deflection, wp.length(swung - wp.dot(swung, d) * d) / ambient)
         sharp = real(1.0)
         if wp.static(sharpened):
             # On a nearly straight ray the path's error is known better, by a rule of higher order with the slopes
@@ -133,6 +133,18 @@ def build_step_error(library: KernelLibrary, geometry: str, interpolation: str, 
         return real(noise) * h * (real(2.0) * size + steep * leverage)
 
     @wp.func
+    def possible_gain(ambient: real, lever: Lever, turn: real, pot: real, force: vec3, s3: vec4):
+        """What a ray may gain behind a face per length of its step.
+
+        Without another stop the face may be where it ends.
+        """
+        gain = ambient * ambient
+        if wp.static(stop != "none"):
+            steep = wp.max(wp.length(force), wp.length(vec3(s3[1], s3[2], s3[3])))
+            gain = wp.max(wp.abs(pot), wp.abs(s3[0])) + steep * (lever.obliquity + turn) * lever.lever_arm
+        return gain
+
+    @wp.func
     def stop_error(
         used: real,
         bounds: Bounds,
@@ -140,7 +152,7 @@ def build_step_error(library: KernelLibrary, geometry: str, interpolation: str, 
         ambient: real,
         momentum: vec3,
         first_momentum: real,
-        greatest_deflection: real,
+        max_deflection: real,
         obliquity: real,
         lever_arm: real,
     ):
@@ -149,8 +161,8 @@ def build_step_error(library: KernelLibrary, geometry: str, interpolation: str, 
         Rounded is its greatest momentum, and what it had at first, along d. A plane may be met at a smaller angle than
         `obliquity` allows for.
         """
-        size = wp.length(momentum) + first_momentum + ambient * greatest_deflection
-        error = used + real(direction_noise) * size * (obliquity + greatest_deflection) * lever_arm
+        size = wp.length(momentum) + first_momentum + ambient * max_deflection
+        error = used + real(direction_noise) * size * (obliquity + max_deflection) * lever_arm
         if wp.static(stop == "plane"):
             cosine = wp.abs(wp.dot(bounds.plane_normal, direction))
             steepest = wp.float64(STEEPEST_COSINE)
@@ -187,4 +199,4 @@ def build_step_error(library: KernelLibrary, geometry: str, interpolation: str, 
             rounded += astray / cosine
         return used + harm * (lack + rounded)
 
-    return step_error, step_rounding, stop_error, event_location_error
+    return step_error, step_rounding, possible_gain, stop_error, event_location_error

@@ -7,7 +7,14 @@ it even if it is close to it: what is left must be short beside the step, or as 
 
 import warp as wp
 
-from ....scheme import EVENT_LOCATION_NOISE, EVENT_LOCATION_SHARE, LANDED_ARC, SLACK_CELLS, SLACK_COUNTED
+from ....scheme import (
+    EVENT_LOCATION_NOISE,
+    EVENT_LOCATION_SHARE,
+    LANDED_ARC,
+    LEAST_COSINE,
+    SLACK_CELLS,
+    SLACK_COUNTED,
+)
 from ..library import KernelLibrary, built_once
 from .box import FACE_COUNT, build_surface
 
@@ -59,46 +66,87 @@ def build_event_location(library: KernelLibrary, geometry: str, stop: str):
         return (root - v1) / (real(2.0) * v2)
 
     @wp.func
+    def half_curve(control: Control, k: int, normal: vec3, along: vec3, bend: vec3):
+        """Half the second derivative by the step of a ray's distance outside a surface with this normal there."""
+        curve = wp.dot(normal, bend)
+        if wp.static(geometry == "axisymmetric"):
+            if k == 2:
+                curve += (along[0] * along[0] + along[1] * along[1]) / control.radius
+        return real(0.5) * curve
+
+    @wp.func
+    def grazes(control: Control, k: int, outside: real, rise: real, along: vec3):
+        """Whether a ray that rises with `rise` runs in surface k or outside it, all but along it."""
+        grazing = real(1.0e-4) * wp.length(along) * surface_unit(control, k)
+        return rise >= real(0.0) and rise <= grazing and outside >= -real(slack_cells) * surface_unit(control, k)
+
+    @wp.func
+    def stays_within_noise(outside: real, rise: real, curved: real, h: real):
+        """Whether rounding decides on which side of a face a step of length h begins and ends.
+
+        In float64, SLACK_CELLS does.
+        """
+        within = bool(False)
+        if wp.static(single):
+            there = outside + (rise + curved * h) * h
+            within = wp.max(wp.abs(outside), wp.abs(there)) <= real(event_location_noise)
+        return within
+
+    @wp.func
     def event_location(
         control: Control, rate: vec3, side: real, cell: wp.vec3i, frac: vec3, momentum: vec3, force: vec3, h: real
     ):
-        """The step, at most h, that ends where the parabola first meets a surface; that surface or -1; the excess.
+        """The step, at most h, that ends where the parabola first meets a surface; that surface or -1.
 
-        The excess is how much of the step may lie behind a face in which the ray runs, so near that rounding decides.
+        At last whether the ray may run in a face, so near that rounding decides.
         """
         best = h
-        first = h
         which = int(-1)
+        runs = bool(False)
         along = wp.cw_mul(momentum, rate)
         bend = wp.cw_mul(force, rate)
         for k in range(surface_count):
             s = oriented(control, k, side, cell, frac)
             normal = vec3(s[1], s[2], s[3])
-            curve = wp.dot(normal, bend)
-            if wp.static(geometry == "axisymmetric"):
-                if k == 2:
-                    curve += (along[0] * along[0] + along[1] * along[1]) / control.radius
+            curved = half_curve(control, k, normal, along, bend)
             rise = wp.dot(normal, along)
+            # A ray that runs in a face is not thrown out by rounding.
             slack = real(slack_cells) * surface_unit(control, k)
             outside = s[0]
-            grazing = real(1.0e-4) * wp.length(along) * surface_unit(control, k)
-            if rise >= real(0.0) and rise <= grazing and outside >= -slack:
-                bare = rising_root(outside - real(SLACK_COUNTED) * slack, rise, real(0.5) * curve)
-                if k < face_count:
-                    first = wp.min(first, bare)
+            if grazes(control, k, outside, rise, along):
                 outside -= slack
-            if wp.static(single):
-                there = outside + (rise + real(0.5) * curve * best) * best
-                if k < face_count and wp.max(wp.abs(outside), wp.abs(there)) <= real(event_location_noise):
-                    first = real(0.0)
+                runs = runs or k < face_count
+            if k < face_count:
+                runs = runs or stays_within_noise(outside, rise, curved, best)
             # Most surfaces are out of reach.
-            rising = wp.max(rise, real(0.0)) + wp.max(real(0.5) * curve, real(0.0)) * best
+            rising = wp.max(rise, real(0.0)) + wp.max(curved, real(0.0)) * best
             if outside + rising * best >= real(0.0):
-                root = rising_root(outside, rise, real(0.5) * curve)
+                root = rising_root(outside, rise, curved)
                 if root <= best:
                     best = root
                     which = k
-        return best, which, wp.max(best - first, real(0.0))
+        return best, which, runs
+
+    @wp.func
+    def time_beyond_face(
+        control: Control, rate: vec3, side: real, cell: wp.vec3i, frac: vec3, momentum: vec3, force: vec3, h: real
+    ):
+        """How much of a step of length h may lie behind a face in which the ray runs. Few rays ask."""
+        first = h
+        along = wp.cw_mul(momentum, rate)
+        bend = wp.cw_mul(force, rate)
+        for k in range(face_count):
+            s = oriented(control, k, side, cell, frac)
+            normal = vec3(s[1], s[2], s[3])
+            curved = half_curve(control, k, normal, along, bend)
+            rise = wp.dot(normal, along)
+            outside = s[0]
+            if grazes(control, k, outside, rise, along):
+                first = wp.min(first, rising_root(outside - real(SLACK_COUNTED) * real(slack_cells), rise, curved))
+                outside -= real(slack_cells)
+            if stays_within_noise(outside, rise, curved, h):
+                first = real(0.0)
+        return wp.max(h - first, real(0.0))
 
     @wp.func
     def rounding_of(control: Control, k: int):
@@ -123,25 +171,37 @@ def build_event_location(library: KernelLibrary, geometry: str, stop: str):
 
     @wp.func
     def passed_surface(control: Control, side: real, cell: wp.vec3i, frac: vec3):
-        """Whether a place is behind a surface, by more than rounding; how far behind the nearest face [cells]."""
+        """Whether a place is behind a surface, by more than rounding; how near it is to a face [cells]."""
         is_behind = bool(False)
-        nearest = real(-none)
+        nearest = real(none)
         for k in range(surface_count):
             room = rounding_of(control, k) + real(2.0) * real(slack_cells) * surface_unit(control, k)
             outside = oriented(control, k, side, cell, frac)[0]
             is_behind = is_behind or outside > room
             if k < face_count:
-                nearest = wp.max(nearest, outside)
+                nearest = wp.min(nearest, wp.abs(outside))
         return is_behind, nearest
 
     @wp.func
-    def in_face(control: Control, nearest: real, astray: real):
-        """Whether a ray runs so near a face, `nearest` cells behind it, that its error may put it on the other side.
+    def room_at_face(control: Control, astray: real):
+        """How near a face counts as in it [cells]; `astray` is how far beside its place the ray may be [m]."""
+        return real(event_location_noise) + real(2.0) * real(slack_cells) + astray * wp.max(control.cell_rate)
 
-        `astray` is how far beside its place the ray may be [m]. A ray that stays exactly in a face is on no side.
+    @wp.func
+    def in_face(control: Control, side: real, cell: wp.vec3i, frac: vec3, velocity: vec3, room: real):
+        """Whether a ray runs along a face so near it, within `room` cells, that its error may put it on the other side.
+
+        A ray that crosses the face at once is beyond it a little sooner or later; one that stays exactly in it is on no
+        side.
         """
-        room = real(event_location_noise) + real(2.0) * real(slack_cells) + astray * wp.max(control.cell_rate)
-        return wp.abs(nearest) <= room and wp.abs(nearest) > real(SLACK_COUNTED) * real(slack_cells)
+        is_in = bool(False)
+        for k in range(face_count):
+            s = oriented(control, k, side, cell, frac)
+            near = wp.abs(s[0])
+            rise = wp.abs(wp.dot(vec3(s[1], s[2], s[3]), velocity))
+            runs = rise <= real(LEAST_COSINE) * wp.length(velocity)
+            is_in = is_in or (runs and near <= room and near > real(SLACK_COUNTED) * real(slack_cells))
+        return is_in
 
     @wp.func
     def surface_intersection(
@@ -171,7 +231,7 @@ def build_event_location(library: KernelLibrary, geometry: str, stop: str):
         # Outside, and coming back or not moving.
         return real(0.0), bool(h <= real(1.0e-9) * h_cell or now[0] > real(1.0e-3) * unit)
 
-    return event_location, overshot, passed_surface, in_face, surface_intersection
+    return event_location, time_beyond_face, overshot, passed_surface, room_at_face, in_face, surface_intersection
 
 
 @built_once

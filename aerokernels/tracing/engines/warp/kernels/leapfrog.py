@@ -103,8 +103,8 @@ def build_leapfrog_kernel(library: KernelLibrary, geometry: str, interpolation: 
         ray = wp.tid() + first_ray
         p0 = position_in[ray]
         d0 = direction_in[ray]
-        status, course = start_of(field, bounds, p0, d0)
-        runs = bool(course.meets and status == ok)
+        status, interval = start_of(field, bounds, p0, d0)
+        runs = bool(interval.meets and status == ok)
 
         d = vec3(real(d0[0]), real(d0[1]), real(d0[2]))
         rate = field.inverse_spacing
@@ -123,7 +123,7 @@ def build_leapfrog_kernel(library: KernelLibrary, geometry: str, interpolation: 
         slow = real(1.0) / ambient  # 1 / w
         sums = vec4(real(0.0), real(0.0), real(0.0), real(0.0))  # of s / w, (w - a) / w, m / w, and every third sample
         carry = sums
-        greatest_deflection = real(0.0)
+        max_deflection = real(0.0)
         s = real(0.0)  # of the last sample: the potential, its slope along the ray, and that across it
         ahead = real(0.0)
         force = none
@@ -138,16 +138,16 @@ def build_leapfrog_kernel(library: KernelLibrary, geometry: str, interpolation: 
         uniform = bool(False)
         chord = wp.float64(0.0)  # of the undisturbed ray through the box, up to its stop
         if runs:
-            whole = wp.vec2d(course.enter, course.far)
-            chord = course.far - course.enter
-            uniform, enter, last = keep_support(bounds, p0, d0, course.enter, course.far)
+            whole = wp.vec2d(interval.t_enter, interval.t_exit)
+            chord = interval.t_exit - interval.t_enter
+            uniform, enter, last = keep_support(bounds, p0, d0, interval.t_enter, interval.t_exit)
             if not uniform:
-                landed = surface_of(bounds, course, p0, d0)
-            course.enter = enter
-            course.far = last
-            entry = wp.cw_div(p0 + course.enter * d0 - bounds.origin, bounds.spacing)
+                landed = surface_of(bounds, interval, p0, d0)
+            interval.t_enter = enter
+            interval.t_exit = last
+            entry = wp.cw_div(p0 + interval.t_enter * d0 - bounds.origin, bounds.spacing)
             start = vec3(real(entry[0]), real(entry[1]), real(entry[2]))
-            length = real(course.far - course.enter)
+            length = real(interval.t_exit - interval.t_enter)
             h = length / real(count)
             corner = wp.vec3i(0, 0, 0)
             for triple in range(count // 3):
@@ -188,7 +188,7 @@ def build_leapfrog_kernel(library: KernelLibrary, geometry: str, interpolation: 
                         off_place -= (lack * place) * force
                     sigma += pace_now
                     bend += across * slow
-                    greatest_deflection = wp.max(greatest_deflection, across)
+                    max_deflection = wp.max(max_deflection, across)
                 sums, carry = gather(sums, carry, added)
             difference = wp.abs(h * ((real(2.0) * sums[0] - ambient * sums[1]) - real(3.0) * sums[3]))
             error = wp.max(difference * control.quadrature_error_scale, h * bend * control.trajectory_error_scale)
@@ -222,7 +222,7 @@ def build_leapfrog_kernel(library: KernelLibrary, geometry: str, interpolation: 
             obliquity = slow * momentum
             heading = d0 + wp.vec3d(wp.float64(obliquity[0]), wp.float64(obliquity[1]), wp.float64(obliquity[2]))
             beside = wp.vec3d(wp.float64(q[0]), wp.float64(q[1]), wp.float64(q[2]))
-            tip = p0 + course.far * d0 + beside
+            tip = p0 + interval.t_exit * d0 + beside
             pull = slow * force
             if uniform:
                 if length > real(0.0) and not leaves_support(bounds, tip, heading):
@@ -257,10 +257,10 @@ def build_leapfrog_kernel(library: KernelLibrary, geometry: str, interpolation: 
             far += more
             turned = momentum + real(more) * pull + (lead / slow) * d
             beside = wp.vec3d(wp.float64(q[0]), wp.float64(q[1]), wp.float64(q[2]))
-            end = p0 + (course.enter + far) * d0 + beside
-            fit = bool(wp.sqrt(greatest_deflection) / ambient <= real(LEAPFROG_ANGLE))
-            angle = wp.float64(wp.sqrt(greatest_deflection) / ambient)
-            fit = fit and not may_have_left(bounds, p0 + course.far * d0, d0, wp.float64(length), angle)
+            end = p0 + (interval.t_enter + far) * d0 + beside
+            fit = bool(wp.sqrt(max_deflection) / ambient <= real(LEAPFROG_ANGLE))
+            angle = wp.float64(wp.sqrt(max_deflection) / ambient)
+            fit = fit and not may_have_left(bounds, p0 + interval.t_exit * d0, d0, wp.float64(length), angle)
             fit = fit and wp.isfinite(path) and wp.isfinite(error) and wp.abs(cosine) > wp.float64(LEAST_COSINE)
             if wp.static(stop == "plane"):
                 fit = fit and wp.abs(wp.dot(bounds.plane_normal, heading)) > wp.float64(LEAST_COSINE)
@@ -277,7 +277,7 @@ def build_leapfrog_kernel(library: KernelLibrary, geometry: str, interpolation: 
                 error = wp.max(error, real(way * rise))
             if wp.static(has_body):
                 # Beside the undisturbed ray it stays within the greatest angle of it.
-                margin = (whole[1] - whole[0]) * wp.float64(wp.sqrt(greatest_deflection) / ambient)
+                margin = (whole[1] - whole[0]) * wp.float64(wp.sqrt(max_deflection) / ambient)
                 fit = fit and stays_clear(field, p0, d0, whole[0], whole[1], margin)
             if not (fit and clear):
                 error = real(wp.inf)
@@ -290,7 +290,7 @@ def build_leapfrog_kernel(library: KernelLibrary, geometry: str, interpolation: 
             real(wp.float64(rounded[2]) - exact[2]),
             real(wp.float64(rounded[3]) - exact[3]),
         )
-        arrival = end_of(bounds, control, p0, d0, course, status, landed, q, none, turned, rounded, rest, real(0.0))
+        arrival = end_of(bounds, control, p0, d0, interval, status, landed, q, none, turned, rounded, rest, real(0.0))
         if runs and arrival.status != ok:
             error = real(wp.inf)  # at a plane on the box's edge a bent ray may fare otherwise
         elif runs:
@@ -310,7 +310,7 @@ def build_leapfrog_kernel(library: KernelLibrary, geometry: str, interpolation: 
             cosine = wp.max(wp.abs(wp.dot(normal, d0)), wp.float64(STEEPEST_COSINE))
             error = wp.max(error, control.quadrature_error_scale * real(bounds.ambient * off_stop / cosine))
             tangent = wp.sqrt(wp.max(wp.float64(1.0) - cosine * cosine, wp.float64(0.0))) / cosine
-            slant = tangent + wp.float64(wp.sqrt(greatest_deflection))
+            slant = tangent + wp.float64(wp.sqrt(max_deflection))
             error = wp.max(error, off_tail * real(bounds.ambient * flight * slant))
             lever = (chord + flight) * slant
             outside = wp.max(chord - wp.float64(length), wp.float64(0.0))
@@ -318,7 +318,7 @@ def build_leapfrog_kernel(library: KernelLibrary, geometry: str, interpolation: 
             if left > real(LEFT_SHARE) * control.tolerance:
                 error = wp.max(error, left)
         if missed > real(0.0):
-            onward = real(wp.length(arrival.position - end) + course.far - course.enter)
+            onward = real(wp.length(arrival.position - end) + interval.t_exit - interval.t_enter)
             error += with_lever(field, missed, onward, real(wp.abs(wp.dot(normal, d0))))
         if error > control.tolerance:
             wp.atomic_add(rough_count_out, 0, 1)

@@ -71,15 +71,15 @@ def build_kernel(
     stride, rest_to_face = build_stride(library, geometry, interpolation, on_mesh, method)
     kick_of, impulse_of = build_kick(library)
     sample_at_stage = build_sample_at_stage(library, sample, method == "straight")
-    step_error, step_rounding, stop_error, event_location_error = build_step_error(
+    step_error, step_rounding, possible_gain, stop_error, event_location_error = build_step_error(
         library, geometry, interpolation, stop
     )
     step_acceptance = build_step_acceptance(library)
     contrast = build_contrast(library)
     project_momentum = build_project_momentum(library)
     step_sums, tangent_sums = build_sums(library)
-    event_location, overshot, passed_surface, in_face, surface_intersection = build_event_location(
-        library, geometry, stop
+    event_location, time_beyond_face, overshot, passed_surface, room_at_face, in_face, surface_intersection = (
+        build_event_location(library, geometry, stop)
     )
     arc_event_location, arc_surface_intersection = build_arc_event_location(library)
     place_of = build_place(library)
@@ -102,7 +102,7 @@ def build_kernel(
         ray = wp.tid() + first_ray
         p0 = position_in[ray]
         d0 = direction_in[ray]
-        status, course = start_of(field, bounds, p0, d0)
+        status, interval = start_of(field, bounds, p0, d0)
         d = vec3(real(d0[0]), real(d0[1]), real(d0[2]))
         ambient = real(bounds.ambient)
         q = vec3(real(0.0), real(0.0), real(0.0))
@@ -112,7 +112,7 @@ def build_kernel(
         sums = t.vec4(real(0.0), real(0.0), real(0.0), real(0.0))  # sigma, S, M, B
         sums_carry = sums
         used = real(0.0)
-        greatest_deflection = real(0.0)  # greatest angle with d so far
+        max_deflection = real(0.0)  # greatest angle with d so far
         steps = int(0)
         evaluations = int(0)
         landed = int(-1)
@@ -122,8 +122,8 @@ def build_kernel(
         doubt = real(0.0)  # what it may gain behind a face
         undecided = bool(False)  # whether it has run in a face and may have left there
 
-        if course.meets and status == ok:
-            frac, cell = in_cells(bounds, p0 + course.enter * d0)
+        if interval.meets and status == ok:
+            frac, cell = in_cells(bounds, p0 + interval.t_enter * d0)
             frac_carry = vec3(real(0.0), real(0.0), real(0.0))
             rate = field.inverse_spacing
             current_cell = find_current_cell(field, frac, -1)  # the cell of a mesh
@@ -133,7 +133,7 @@ def build_kernel(
             force = vec3(s[1], s[2], s[3])
             momentum = contrast(ambient, pot) * d
             cone = cone_of(d0)
-            lever = lever_of(bounds, control, course, p0, d0)
+            lever = lever_of(bounds, control, interval, p0, d0)
             obliquity, lever_arm, reach, caution = lever.obliquity, lever.lever_arm, lever.reach, real(lever.caution)
             if wp.static(at_faces):
                 # The table of step bounds weighs the kinks that a step may pass by the path, not by what they turn a
@@ -141,11 +141,11 @@ def build_kernel(
                 if obliquity * lever_arm * wp.max(control.cell_rate) > real(1.0):
                     caution = real(0.0)
             first_momentum = wp.length(momentum)
-            arc_left = real(bounds.length - course.enter)
+            arc_left = real(bounds.length - interval.t_enter)
             aside = real(0.0)  # so far beside its undisturbed line the ray meets no body
             if wp.static(has_body):
                 near = real(WALL_ASIDE) / wp.max(control.cell_rate)
-                if stays_clear(field, p0, d0, course.enter, wp.float64(NEVER), wp.float64(near)):
+                if stays_clear(field, p0, d0, interval.t_enter, wp.float64(NEVER), wp.float64(near)):
                     aside = near
             h_next = control.extent / ambient
             h_cap = h_next  # shorter after a step that would have ended well behind a surface
@@ -163,8 +163,8 @@ def build_kernel(
                 shown = frac
                 if wp.static(straight):
                     shown = frac + wp.cw_mul(q, rate)
-                h, land, late = event_location(
-                    control, rate, course.side, cell, shown, ambient * d + momentum, force, ahead.h
+                h, land, runs = event_location(
+                    control, rate, interval.side, cell, shown, ambient * d + momentum, force, ahead.h
                 )
                 if wp.static(stop == "arc"):
                     rest = arc_left - (ambient * sums[0] + sums[2])
@@ -182,7 +182,7 @@ def build_kernel(
                 force4 = vec3(s4[1], s4[2], s4[3])
                 evaluations += 3
                 judged = step_error(
-                    ambient, d, total, momentum, h, h <= ahead.safe, greatest_deflection, lever, pot, force, s2, s3, s4
+                    ambient, d, total, momentum, h, h <= ahead.safe, max_deflection, lever, pot, force, s2, s3, s4
                 )
                 off = judged[0]
                 turn_now = judged[1]
@@ -200,16 +200,19 @@ def build_kernel(
                         h_next = wp.max(h * wp.min(ratio, real(0.8)), h_least)
 
                 # Where the force changes along the step, the parabola may miss the surface: come closer first.
-                nearest = real(-1.0)  # how far behind a face of the box it ends
+                runs_on = bool(False)  # whether it ends in a face
                 if accept and h > h_least:
                     there = shown + wp.cw_mul(h * (ambient * d + momentum) + kick, rate)
+                    swung = wp.cw_mul(ambient * d + momentum + h * force4, rate)
                     missed = bool(False)
                     if land >= 0 and land != landed_arc:
                         close = real(0.05) * wp.max(ahead.h * wp.length(wp.cw_mul(total, rate)), real(0.01))
-                        swung = wp.cw_mul(ambient * d + momentum + h * force4, rate)
-                        missed = overshot(control, land, course.side, cell, there, swung, h, close)
+                        missed = overshot(control, land, interval.side, cell, there, swung, h, close)
                     else:
-                        missed, nearest = passed_surface(control, course.side, cell, there)
+                        missed, nearest = passed_surface(control, interval.side, cell, there)
+                        room = room_at_face(control, astray)
+                        if wp.static(controlled) and nearest <= room:
+                            runs_on = in_face(control, interval.side, cell, there, swung, room)
                     if missed:
                         accept = bool(False)
                         h_cap = real(0.5) * h
@@ -218,7 +221,7 @@ def build_kernel(
                 behind = real(-1.0)
                 if wp.static(has_body):
                     if accept and not (wp.length(q + h * momentum + kick) < aside):
-                        here = place_of(p0, d0, course, bounds.ambient, q, q_carry, sums, sums_carry)
+                        here = place_of(p0, d0, interval, bounds.ambient, q, q_carry, sums, sums_carry)
                         room = real(wp.min(steps, 1)) * real(WALL_BACK) * h_cell
                         behind = behind_wall(field, control, here, ambient * d + momentum, kick, h, room)
                         if behind > real(WALL_CLOSE) * h_cell:
@@ -229,16 +232,17 @@ def build_kernel(
                     h_cap = control.extent / ambient
                     steps += 1
                     used += off
-                    if undecided:
-                        late = h
-                    if late > real(0.0):
-                        steep = wp.max(wp.length(force), wp.length(vec3(s3[1], s3[2], s3[3])))
-                        gained = wp.max(wp.abs(pot), wp.abs(s3[0])) + steep * (obliquity + turn_now) * lever_arm
-                        if wp.static(stop == "none"):
-                            gained = ambient * ambient  # the face may be the stop
-                        doubt += late * gained
+                    if wp.static(controlled):
+                        if runs or undecided:
+                            late = h
+                            if not undecided:
+                                late = time_beyond_face(
+                                    control, rate, interval.side, cell, shown, ambient * d + momentum, force, h
+                                )
+                            doubt += late * possible_gain(ambient, lever, turn_now, pot, force, s3)
+                        undecided = undecided or runs_on
                     astray += judged[3]
-                    greatest_deflection = turn_now
+                    max_deflection = turn_now
                     added = step_sums(ambient, d, momentum, h, pot, force, s2, s3, s4)
                     sums, sums_carry = advance(sums, sums_carry, added)
                     q, q_carry = advance(q, q_carry, h * momentum + kick)
@@ -285,9 +289,6 @@ def build_kernel(
                         if wp.static(straight):
                             q += (real(0.5) * h) * projecting  # it grew over the step
 
-                    if wp.static(controlled):
-                        undecided = undecided or in_face(control, nearest, astray)
-
                     back = real(0.0)  # sigma still to go along the tangent, negative to go back
                     if behind >= real(0.0):
                         back = -behind
@@ -304,7 +305,7 @@ def build_kernel(
                                 shown = frac + wp.cw_mul(q, rate)
                             velocity = wp.cw_mul(ambient * d + momentum, rate)
                             back, done = surface_intersection(
-                                control, land, course.side, cell, shown, velocity, wp.cw_mul(force, rate), h, h_cell
+                                control, land, interval.side, cell, shown, velocity, wp.cw_mul(force, rate), h, h_cell
                             )
                         if done:
                             running = bool(False)
@@ -324,23 +325,20 @@ def build_kernel(
                     running = bool(False)
                     status = int(not_finite)
             if wp.static(controlled):
-                used += doubt
                 used = stop_error(
-                    used, bounds, d0, ambient, momentum, first_momentum, greatest_deflection, obliquity, lever_arm
+                    used + doubt, bounds, d0, ambient, momentum, first_momentum, max_deflection, obliquity, lever_arm
                 )
                 obliquity_first = obliquity
-                harm = (wp.abs(pot) + wp.length(force) * (obliquity + greatest_deflection) * lever_arm) / ambient
+                harm = (wp.abs(pot) + wp.length(force) * (obliquity + max_deflection) * lever_arm) / ambient
 
         arrival = end_of(
-            bounds, control, p0, d0, course, status, landed, q, q_carry, momentum, sums, sums_carry, greatest_deflection
+            bounds, control, p0, d0, interval, status, landed, q, q_carry, momentum, sums, sums_carry, max_deflection
         )
         step_error_out = wp.float64(0.0)
         if wp.static(controlled):
             if arrival.status == ok and landed >= 0:
-                cell_size = real(1.0) / wp.max(control.cell_rate)
-                used = event_location_error(
-                    used, ambient, cell_size, landed, arrival.grazing, obliquity_first, harm, astray
-                )
+                size = real(1.0) / wp.max(control.cell_rate)
+                used = event_location_error(used, ambient, size, landed, arrival.grazing, obliquity_first, harm, astray)
             if arrival.status == ok and not (used <= control.tolerance):
                 arrival.status = int(rejected)  # to be traced again, see retrace.py
         if wp.static(measured):

@@ -5,7 +5,7 @@ All by the crossings of straight lines with its surface, see engines/warp/kernel
 
 import warp as wp
 
-from ....scheme import ROUNDED_WAY, WALL_SAG
+from ....scheme import GRAZING_SQUARE, ROUNDED_WAY, WALL_SAG
 from ..library import KernelLibrary, built_once
 from .crossings import (
     WallLine,
@@ -105,11 +105,29 @@ def build_may_enter(library: KernelLibrary, geometry: str):
         return wp.vec4d(wp.max(s[0] + r, wp.float64(least)), s[1] + z, wp.max(s[2] + r, wp.float64(least)), s[3] + z)
 
     @wp.func
+    def only_leaves(line: WallLine, s: wp.vec4d):
+        """Whether a line, wherever it is moved to, can only leave the body through a segment, and does not graze it.
+
+        About the axis, the surface that leans most toward the line counts.
+        """
+        # The normal, out of the body.
+        r = s[3] - s[1]
+        z = s[0] - s[2]
+        rising = z * line.along
+        least = wp.float64(GRAZING_SQUARE) * (r * r + z * z)
+        if wp.static(geometry == "axisymmetric"):
+            least = wp.float64(2.0) * (r * r * line.across + least)
+        else:
+            rising = r * line.across + rising
+            least = least * line.square
+        return rising > wp.float64(0.0) and rising * rising > least
+
+    @wp.func
     def may_enter(field: Field, line: WallLine, piece: int, margin: wp.float64, enter: wp.float64, far: wp.float64):
         found = bool(False)
         s = field.wall[piece]
         box = wp.vec4d(wp.min(s[0], s[2]), wp.min(s[1], s[3]), wp.max(s[0], s[2]), wp.max(s[1], s[3]))
-        if passes_box(line, box, margin, enter, far):
+        if not only_leaves(line, s) and passes_box(line, box, margin, enter, far):
             for side in range(5):
                 r = wp.float64(0.0)
                 z = wp.float64(0.0)
@@ -199,13 +217,13 @@ def build_comes_near(library: KernelLibrary, geometry: str):
 def build_place(library: KernelLibrary):
     """A function: where a ray is, from the sums of its steps so far."""
     t = library.types
-    vec3, vec4, Course = t.vec3, t.vec4, t.Course
+    vec3, vec4, Interval = t.vec3, t.vec4, t.Interval
 
     @wp.func
     def place_of(
         p: wp.vec3d,
         d: wp.vec3d,
-        course: Course,
+        interval: Interval,
         ambient: wp.float64,
         q: vec3,
         q_carry: vec3,
@@ -218,7 +236,7 @@ def build_place(library: KernelLibrary):
             wp.float64(q[1]) - wp.float64(q_carry[1]),
             wp.float64(q[2]) - wp.float64(q_carry[2]),
         )
-        return p + (course.enter + ambient * sigma) * d + beside
+        return p + (interval.t_enter + ambient * sigma) * d + beside
 
     return place_of
 
