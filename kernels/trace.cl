@@ -119,13 +119,12 @@ __kernel void trace_kernel(TRACE_KERNEL_ARGUMENTS)
             if (accept && h > h_least) {
                 const real3 there = shown + (h * tangent + kick) * rate;
                 const real3 swung = (tangent + h * FORCE(s4)) * rate;
-                int missed;
+                real nearest;
+                int missed = passed_surface(&control, interval.side, cell, there, land, &nearest);
                 if (land >= 0 && land != LANDED_ARC) {
                     const real close = R(0.05) * greater(ahead.h * size3(total * rate), R(0.01));
-                    missed = overshot(&control, land, interval.side, cell, there, swung, h, close);
+                    missed |= overshot(&control, land, interval.side, cell, there, swung, h, close);
                 } else {
-                    real nearest;
-                    missed = passed_surface(&control, interval.side, cell, there, &nearest);
                     const real room = room_at_face(&control, astray);
                     if (CONTROLLED && nearest <= room) {
                         runs_on = in_face(&control, interval.side, cell, there, swung, room);
@@ -184,9 +183,14 @@ __kernel void trace_kernel(TRACE_KERNEL_ARGUMENTS)
                     advance3(&frac, &frac_carry, (rest * bearing + (R(0.5) * rest * rest) * curve) * rate);
                     carry_over(&cell, &frac);
                     const real over = AT_FACE / size3(bearing * rate);
-                    const real4 beyond = sample(&field, &arrays, cell, frac + over * (bearing * rate), current_cell);
+                    const real3 push = push_off_faces(frac, bearing * rate);
+                    const real4 beyond = sample(&field, &arrays, cell, frac + over * (bearing * rate) + push, current_cell);
                     force = FORCE(beyond);
                     pot = beyond.x - over * dot(force, bearing);
+                    pot -= push.y * force.y / rate.y + push.z * force.z / rate.z;
+                    if (GEOMETRY != PLANAR) {
+                        pot -= push.x * force.x / rate.x;
+                    }
                     if (IS_STRAIGHT) {
                         pot += dot(force, q);
                     }
@@ -242,8 +246,8 @@ __kernel void trace_kernel(TRACE_KERNEL_ARGUMENTS)
             }
         }
         if (CONTROLLED) {
-            used = stop_error(used + doubt, &bounds, d0, ambient, momentum, first_momentum, max_deflection,
-                obliquity, lever_arm);
+            used = stop_error(
+                used + doubt, &bounds, d0, ambient, momentum, first_momentum, max_deflection, &lever, astray);
             obliquity_first = obliquity;
             harm = (fabs(pot) + size3(force) * (obliquity + max_deflection) * lever_arm) / ambient;
         }

@@ -104,16 +104,18 @@ def projection_holds(field: IndexField, columns: Projection, budget: float) -> b
     """Whether the estimated errors of the tables are within an OPD error of `budget` [m].
 
     A direction is the slope of the path. It may be off by the budget over a cell, which a path right to the budget does
-    not exclude. The error between the grid's columns is computed where its bound is not negligible.
+    not exclude; behind the box, its error lengthens the way of a ray that is turned. The error between the grid's
+    columns is computed where its bound is not negligible.
     """
     tables = columns.tables
     beyond = float(np.abs(tables.extra[..., 0]).max())
     if MARGIN * tables.greatest_error > budget or beyond > GREATEST_EXTRA * budget:
         return False
-    if tables.between_bound <= NEGLIGIBLE * budget:
+    reach = max(float(np.min(field.samples.spacing[:2])), columns.flight * tables.greatest_deflection)
+    if tables.between_bound * reach <= NEGLIGIBLE * budget * float(np.min(field.samples.spacing[:2])):
         return True
     between = between_projections(field, columns.sign, columns.first, columns.last)
-    turned = between.direction * float(np.min(field.samples.spacing[:2]))
+    turned = between.direction * reach
     return MARGIN * max(between.path, turned) <= budget and between.extra <= GREATEST_EXTRA * budget
 
 

@@ -58,6 +58,7 @@ class ProjectionTables(Derived):
             distance [m], momentum, shift [m]; then the potential at the last plane and the estimated error [m].
         greatest_shift: Greatest shift of a ray, in cells.
         greatest_error: Greatest estimated error of the optical path on the columns [m].
+        greatest_deflection: Greatest angle by which a ray is turned on the columns [rad].
         between_bound: A bound of the error of the optical path that comes to it between columns [m].
     """
 
@@ -66,6 +67,7 @@ class ProjectionTables(Derived):
     extra: np.ndarray
     greatest_shift: float
     greatest_error: float
+    greatest_deflection: float
     between_bound: float
 
 
@@ -126,6 +128,7 @@ def _projection_tables(field: IndexField, sign: float, first: float, last: float
     state = gathered.marches[0]
     column = state.finish(gathered.path, gathered.shift, gathered.end, spacing, field.ambient_index)
     extra = np.stack([splines.coefficients(column[name], "cubic", False) for name in EXTRAS], axis=-1)
+    turned = [at_places(gathered.path, *axis, spacing, (False, False)) for axis in ((1, 0), (0, 1))]
     furthest = max(float(np.abs(q).max()) / h for q, h in zip((state.qx, state.qy), spacing, strict=True))
     return ProjectionTables(
         gathered.path,
@@ -133,6 +136,7 @@ def _projection_tables(field: IndexField, sign: float, first: float, last: float
         extra,
         max(furthest, gathered.greatest_shift),
         float(np.abs(column["error"]).max()),
+        float(np.hypot(turned[0] + state.px, turned[1] + state.py).max()) / field.ambient_index,
         gathered.between_bound,
     )
 

@@ -18,8 +18,8 @@ from .launch import launch
 from .plan import TracePlan
 from .status import RayStatus, reached
 
-# The last attempt asks for this share of the tolerance, since error control may end a little above what is asked for.
-# Rays that were further above the tolerance get a power of it, at least LEAST_SHARE: ten times the steps.
+# A further attempt asks for this share of the last one's tolerance, since error control may end a little above what is
+# asked for. Rays that were further above the tolerance get a power of it, at least LEAST_SHARE: ten times the steps.
 RETRACE_SHARE = 0.5
 LEAST_SHARE = 1e-4
 
@@ -63,15 +63,14 @@ def retrace_rejected(
             trace_again(rows, controlled)
     # An estimate in single precision may be rounding alone: it says nothing about steps in float64.
     is_known = plan.precision == "float64" and asked == plan.method
-    for round_number in range(1 if is_known else 2):
+    share = np.ones(len(position))  # of the tolerance, that each ray was traced by
+    for round_number in range(2 if is_known else 3):
         rejected = _rejected(arrays, held)
-        powers = np.ones(len(rejected))
-        if is_known or round_number:
-            powers = round_number + _powers(arrays["step_error"], held)
-        for power in np.unique(powers[rejected]):
-            tolerance = max(RETRACE_SHARE**power, LEAST_SHARE) * plan.tolerance
-            rows = np.flatnonzero(rejected & (powers == power))
-            trace_again(rows, replace(controlled, precision="float64", tolerance=tolerance))
+        powers = _powers(arrays["step_error"], held) if is_known or round_number else 1.0
+        share = np.where(rejected, np.maximum(share * RETRACE_SHARE**powers, LEAST_SHARE), share)
+        for part in np.unique(share[rejected]):
+            rows = np.flatnonzero(rejected & (share == part))
+            trace_again(rows, replace(controlled, precision="float64", tolerance=part * plan.tolerance))
     status, holds = arrays["status"], arrays["step_error"] <= plan.tolerance * wavelength
     status[(status == RayStatus.OK) & ~holds] = RayStatus.TOLERANCE_NOT_MET
     status[(status == RayStatus.TOLERANCE_NOT_MET) & holds] = RayStatus.OK

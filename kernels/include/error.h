@@ -98,8 +98,9 @@ static inline real possible_gain(real ambient, const Lever *lever, real turn, re
 }
 
 // The error of a ray at its stop: that of its steps, and the rounding of the direction in which it flies there, of its
-// greatest momentum and of what it had at first, along d. A plane may be met at a smaller angle than the
-// `obliquity` allows for.
+// greatest momentum and of what it had at first, along d. A plane may be met at a smaller angle than the obliquity
+// allows for. A ray that is turned later on meets a far stop at that angle with the errors of direction of its first
+// steps, too: `astray`, beside its place, grows beyond the field.
 static inline real stop_error(
     real used,
     const Bounds *bounds,
@@ -108,11 +109,12 @@ static inline real stop_error(
     real3 momentum,
     real first_momentum,
     real max_deflection,
-    real obliquity,
-    real lever_arm)
+    const Lever *lever,
+    real astray)
 {
     const real size = size3(momentum) + first_momentum + ambient * max_deflection;
-    real error = used + DIRECTION_NOISE * size * (obliquity + max_deflection) * lever_arm;
+    real error = used + DIRECTION_NOISE * size * (lever->obliquity + max_deflection) * lever->lever_arm;
+    error += ambient * max_deflection * astray * (lever->lever_arm - lever->reach) / lever->reach;
     if (STOP == PLANE) {
         const double cosine = fabs(dot(VECTOR64(bounds->plane_normal), direction));
         error *= (real)(STEEPEST_COSINE / fmin(fmax(cosine, 1.0e-9), STEEPEST_COSINE));

@@ -149,8 +149,9 @@ static inline int overshot(
     return far || ahead.x > close * surface_unit(control, k);
 }
 
-// Whether a place is behind a surface, by more than rounding; how near it is to a face [cells].
-static inline int passed_surface(const Control *control, real side, int3 cell, real3 frac, real *nearest)
+// Whether a place is behind a surface other than `land`, by more than rounding; how near it is to a face [cells].
+static inline int passed_surface(
+    const Control *control, real side, int3 cell, real3 frac, int land, real *nearest)
 {
     int is_behind = 0;
     *nearest = NO_ROOT;
@@ -158,7 +159,7 @@ static inline int passed_surface(const Control *control, real side, int3 cell, r
     for (int k = 0; k < SURFACE_COUNT; k++) {
         const real room = rounding_of(control, k) + R(2.0) * SLACK_CELLS * surface_unit(control, k);
         const real outside = oriented(control, k, side, cell, frac).x;
-        is_behind |= outside > room;
+        is_behind |= outside > room && k != land;
         if (k < FACE_COUNT) {
             *nearest = lesser(*nearest, fabs(outside));
         }
@@ -196,9 +197,14 @@ static inline real surface_intersection(
     const real unit = surface_unit(control, k);
     // Behind it, or close enough to fly the rest along the parabola.
     if (speed > R(0.0) && now.x >= -EVENT_LOCATION_SHARE * speed * h - rounding_of(control, k)) {
-        *done = 1;
         const real root = sqrt(greater(speed * speed - R(2.0) * dot(now.yzw, pull) * now.x, R(0.0)));
-        return R(-2.0) * now.x / (speed + root);
+        // A ray that rounding alone moves goes back no further than it came.
+        const real back = greater(R(-2.0) * now.x / (speed + root), -h);
+        // The rest may lead through another surface before.
+        real nearest;
+        const real3 there = frac + back * velocity + (R(0.5) * back * back) * pull;
+        *done = back <= R(0.0) || !passed_surface(control, side, cell, there, k, &nearest);
+        return *done ? back : R(0.0);
     }
     // Outside, and coming back or not moving.
     *done = h <= R(1.0e-9) * h_cell || now.x > R(1.0e-3) * unit;

@@ -118,6 +118,41 @@ static inline real round_face(real3 frac, real3 velocity, real3 pull, real face_
     return step;
 }
 
+// Along one axis, the push that brings a ray which stands in a face to the side that it flies to, in cells.
+static inline real push_off_flat_face(real place, real speed)
+{
+    const real push = speed < R(0.0) ? -R(2.0) * AT_FACE : R(2.0) * AT_FACE;
+    return fabs(place - floor(place + R(0.5))) < AT_FACE ? push : R(0.0);
+}
+
+// The same across the axis of an axisymmetric grid.
+static inline real3 push_off_round_face(real3 frac, real3 velocity)
+{
+    const real radius = sqrt(frac.x * frac.x + frac.y * frac.y);
+    const real close = AT_FACE + RADIUS_NOISE * radius;
+    if (fabs(radius - floor(radius + R(0.5))) >= close || radius <= AXIS_CORE) {
+        return (real3)R(0.0);
+    }
+    const real sense = frac.x * velocity.x + frac.y * velocity.y < R(0.0) ? R(-1.0) : R(1.0);
+    return (sense * R(2.0) * close / radius) * (real3)(frac.x, frac.y, R(0.0));
+}
+
+// To the other side of all faces in which a ray stands: a ray that grazes a face is not there within a hair of its way.
+static inline real3 push_off_faces(real3 frac, real3 velocity)
+{
+    real3 push = (real3)R(0.0);
+    if (GEOMETRY == AXISYMMETRIC) {
+        push = push_off_round_face(frac, velocity);
+    } else {
+        push.y = push_off_flat_face(frac.y, velocity.y);
+    }
+    if (GEOMETRY == VOLUME) {
+        push.x = push_off_flat_face(frac.x, velocity.x);
+    }
+    push.z = push_off_flat_face(frac.z, velocity.z);
+    return push;
+}
+
 // Step to the next face of a cell beyond a hair; velocity and its derivative are per cell.
 static inline real to_face(real3 frac, real3 velocity, real3 pull, real face_tolerance)
 {

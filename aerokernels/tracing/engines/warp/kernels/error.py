@@ -153,16 +153,18 @@ def build_step_error(library: KernelLibrary, geometry: str, interpolation: str, 
         momentum: vec3,
         first_momentum: real,
         max_deflection: real,
-        obliquity: real,
-        lever_arm: real,
+        lever: Lever,
+        astray: real,
     ):
         """The error of a ray at its stop: that of its steps, and the rounding of the direction in which it flies there.
 
         Rounded is its greatest momentum, and what it had at first, along d. A plane may be met at a smaller angle than
-        `obliquity` allows for.
+        the obliquity allows for. A ray that is turned later on meets a far stop at that angle with the errors of
+        direction of its first steps, too: `astray`, beside its place, grows beyond the field.
         """
         size = wp.length(momentum) + first_momentum + ambient * max_deflection
-        error = used + real(direction_noise) * size * (obliquity + max_deflection) * lever_arm
+        error = used + real(direction_noise) * size * (lever.obliquity + max_deflection) * lever.lever_arm
+        error += ambient * max_deflection * astray * (lever.lever_arm - lever.reach) / lever.reach
         if wp.static(stop == "plane"):
             cosine = wp.abs(wp.dot(bounds.plane_normal, direction))
             steepest = wp.float64(STEEPEST_COSINE)

@@ -170,14 +170,14 @@ def build_event_location(library: KernelLibrary, geometry: str, stop: str):
         return far or ahead[0] > close * surface_unit(control, k)
 
     @wp.func
-    def passed_surface(control: Control, side: real, cell: wp.vec3i, frac: vec3):
-        """Whether a place is behind a surface, by more than rounding; how near it is to a face [cells]."""
+    def passed_surface(control: Control, side: real, cell: wp.vec3i, frac: vec3, land: int):
+        """Whether a place is behind a surface other than `land`, by more than rounding; how near a face is [cells]."""
         is_behind = bool(False)
         nearest = real(none)
         for k in range(surface_count):
             room = rounding_of(control, k) + real(2.0) * real(slack_cells) * surface_unit(control, k)
             outside = oriented(control, k, side, cell, frac)[0]
-            is_behind = is_behind or outside > room
+            is_behind = is_behind or (outside > room and k != land)
             if k < face_count:
                 nearest = wp.min(nearest, wp.abs(outside))
         return is_behind, nearest
@@ -227,7 +227,14 @@ def build_event_location(library: KernelLibrary, geometry: str, stop: str):
         if speed > real(0.0) and now[0] >= real(-EVENT_LOCATION_SHARE) * speed * h - rounding_of(control, k):
             curve = wp.dot(vec3(now[1], now[2], now[3]), pull)
             root = wp.sqrt(wp.max(speed * speed - real(2.0) * curve * now[0], real(0.0)))
-            return real(-2.0) * now[0] / (speed + root), bool(True)
+            # A ray that rounding alone moves goes back no further than it came.
+            back = wp.max(real(-2.0) * now[0] / (speed + root), -h)
+            # The rest may lead through another surface before.
+            there = frac + back * velocity + (real(0.5) * back * back) * pull
+            behind, _ = passed_surface(control, side, cell, there, k)
+            if back > real(0.0) and behind:
+                return real(0.0), bool(False)
+            return back, bool(True)
         # Outside, and coming back or not moving.
         return real(0.0), bool(h <= real(1.0e-9) * h_cell or now[0] > real(1.0e-3) * unit)
 

@@ -11,12 +11,12 @@ from .step_bound import build_step_bound, build_to_face
 
 @built_once
 def build_stride(library: KernelLibrary, geometry: str, interpolation: str, on_mesh: bool, method: str):
-    """Functions: what a step is to be, and what is left to the face before which one stopped."""
+    """Functions: what a step is to be; what is left to the face before which one stopped; the push off that face."""
     t = library.types
     real, vec3, Field, Control, Stride = t.real, t.vec3, t.Field, t.Control, t.Stride
     paper_step = (mesh if on_mesh else grid).build_paper_step(library, geometry)
     step_bound_of = build_step_bound(library, "mesh" if on_mesh else geometry)
-    to_face = build_to_face(library, geometry)
+    to_face, push_off_faces = build_to_face(library, geometry)
     linear, kinked = interpolation == "linear", interpolation in ("linear", "monotone")
     at_face = AT_FACE[library.precision]
     # Products of literals would be taken in float32 inside a kernel.
@@ -77,7 +77,7 @@ def build_stride(library: KernelLibrary, geometry: str, interpolation: str, on_m
             return rest
         return real(0.0)
 
-    return stride, rest_to_face
+    return stride, rest_to_face, push_off_faces
 
 
 def build_sample_at_stage(library: KernelLibrary, sample, straight: bool):

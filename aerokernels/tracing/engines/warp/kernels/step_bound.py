@@ -4,7 +4,7 @@ import numpy as np
 import warp as wp
 
 from .....medium.grid import AXIS_CORE
-from ....scheme import RADIUS_NOISE
+from ....scheme import AT_FACE, RADIUS_NOISE
 from ....step_bound import CONE_SINES, CONES
 from ..library import KernelLibrary, built_once
 
@@ -94,12 +94,12 @@ def build_step_bound(library: KernelLibrary, geometry: str):
 
 @built_once
 def build_to_face(library: KernelLibrary, geometry: str):
-    """A function (frac, velocity, its derivative, face_tolerance) -> step to the next face beyond that."""
+    """Functions: the step to the next face beyond a tolerance; the push off the faces in which a ray stands."""
     t = library.types
     real, vec3 = t.real, t.vec3
     axes = {"volume": (0, 1, 2), "planar": (1, 2), "axisymmetric": (2,)}[geometry]
     none = 1e30
-    radius_noise = RADIUS_NOISE[library.precision]
+    radius_noise, at_face = RADIUS_NOISE[library.precision], AT_FACE[library.precision]
 
     @wp.func
     def meet_face(gap: real, speed: real, pull: real):
@@ -145,6 +145,45 @@ def build_to_face(library: KernelLibrary, geometry: str):
         return step
 
     @wp.func
+    def push_off_flat_face(place: real, speed: real):
+        """Along one axis, the push that brings a ray which stands in a face to the side that it flies to, in cells."""
+        push = real(0.0)
+        if wp.abs(place - wp.floor(place + real(0.5))) < real(at_face):
+            push = real(2.0) * real(at_face)
+            if speed < real(0.0):
+                push = -push
+        return push
+
+    @wp.func
+    def push_off_round_face(frac: vec3, velocity: vec3):
+        """The same across the axis of an axisymmetric grid."""
+        radius = wp.sqrt(frac[0] * frac[0] + frac[1] * frac[1])
+        close = real(at_face) + real(radius_noise) * radius
+        push = vec3(real(0.0), real(0.0), real(0.0))
+        if wp.abs(radius - wp.floor(radius + real(0.5))) < close and radius > real(AXIS_CORE):
+            sense = real(1.0)
+            if frac[0] * velocity[0] + frac[1] * velocity[1] < real(0.0):
+                sense = real(-1.0)
+            push = (sense * real(2.0) * close / radius) * vec3(frac[0], frac[1], real(0.0))
+        return push
+
+    @wp.func
+    def push_off_faces(frac: vec3, velocity: vec3):
+        """To the other side of all faces in which a ray stands.
+
+        A ray that grazes a face is not there within a hair of its way.
+        """
+        push = vec3(real(0.0), real(0.0), real(0.0))
+        if wp.static(geometry == "axisymmetric"):
+            push = push_off_round_face(frac, velocity)
+        else:
+            push[1] = push_off_flat_face(frac[1], velocity[1])
+        if wp.static(geometry == "volume"):
+            push[0] = push_off_flat_face(frac[0], velocity[0])
+        push[2] = push_off_flat_face(frac[2], velocity[2])
+        return push
+
+    @wp.func
     def to_face(frac: vec3, velocity: vec3, pull: vec3, face_tolerance: real):
         step = real(none)
         if wp.static(0 in axes):
@@ -157,4 +196,4 @@ def build_to_face(library: KernelLibrary, geometry: str):
             step = wp.min(step, round_face(frac, velocity, pull, face_tolerance))
         return step
 
-    return to_face
+    return to_face, push_off_faces

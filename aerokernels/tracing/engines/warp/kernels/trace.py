@@ -68,7 +68,7 @@ def build_kernel(
     end_of = build_end(library, geometry, interpolation, stop)
     in_cells, carry_over = build_cells(library, kind)
     cone_of = build_cone(library, geometry)
-    stride, rest_to_face = build_stride(library, geometry, interpolation, on_mesh, method)
+    stride, rest_to_face, push_off_faces = build_stride(library, geometry, interpolation, on_mesh, method)
     kick_of, impulse_of = build_kick(library)
     sample_at_stage = build_sample_at_stage(library, sample, method == "straight")
     step_error, step_rounding, possible_gain, stop_error, event_location_error = build_step_error(
@@ -170,8 +170,7 @@ def build_kernel(
                     rest = arc_left - (ambient * sums[0] + sums[2])
                     h, land = arc_event_location(rest, index, total, force, h, land)
 
-                # The field at the step's later stages: here, for in a function of its own it is slower.
-                hh = h * h
+                hh = h * h  # the later stages stand here: in a function of its own they are slower
                 kick2 = (real(a21) * hh) * force
                 s2 = sample_at_stage(field, current_cell, cell, frac, rate, real(c2) * h, total, momentum, q, kick2)
                 force2 = vec3(s2[1], s2[2], s2[3])
@@ -204,12 +203,11 @@ def build_kernel(
                 if accept and h > h_least:
                     there = shown + wp.cw_mul(h * (ambient * d + momentum) + kick, rate)
                     swung = wp.cw_mul(ambient * d + momentum + h * force4, rate)
-                    missed = bool(False)
+                    missed, nearest = passed_surface(control, interval.side, cell, there, land)
                     if land >= 0 and land != landed_arc:
                         close = real(0.05) * wp.max(ahead.h * wp.length(wp.cw_mul(total, rate)), real(0.01))
-                        missed = overshot(control, land, interval.side, cell, there, swung, h, close)
+                        missed = missed or overshot(control, land, interval.side, cell, there, swung, h, close)
                     else:
-                        missed, nearest = passed_surface(control, interval.side, cell, there)
                         room = room_at_face(control, astray)
                         if wp.static(controlled) and nearest <= room:
                             runs_on = in_face(control, interval.side, cell, there, swung, room)
@@ -276,9 +274,13 @@ def build_kernel(
                         frac, frac_carry = advance(frac, frac_carry, wp.cw_mul(flown, rate))
                         cell, frac = carry_over(cell, frac)
                         over = real(at_face) / wp.length(pace)
-                        beyond = sample(field, cell, frac + over * pace, current_cell)
+                        push = push_off_faces(frac, pace)
+                        beyond = sample(field, cell, frac + over * pace + push, current_cell)
                         force = vec3(beyond[1], beyond[2], beyond[3])
                         pot = beyond[0] - over * wp.dot(force, bearing)
+                        pot -= push[1] * force[1] / rate[1] + push[2] * force[2] / rate[2]
+                        if wp.static(geometry != "planar"):
+                            pot -= push[0] * force[0] / rate[0]
                         if wp.static(straight):
                             pot += wp.dot(force, q)
                         evaluations += 1
@@ -326,7 +328,7 @@ def build_kernel(
                     status = int(not_finite)
             if wp.static(controlled):
                 used = stop_error(
-                    used + doubt, bounds, d0, ambient, momentum, first_momentum, max_deflection, obliquity, lever_arm
+                    used + doubt, bounds, d0, ambient, momentum, first_momentum, max_deflection, lever, astray
                 )
                 obliquity_first = obliquity
                 harm = (wp.abs(pot) + wp.length(force) * (obliquity + max_deflection) * lever_arm) / ambient
