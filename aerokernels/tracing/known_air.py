@@ -4,7 +4,7 @@ Outside its samples a field is ambient. Where the air at a face of the box (or a
 the real air goes on beyond that face, and the optical path of a ray that crosses it holds the known part only. The loss
 is estimated on straight lines from the air just inside the face (tails.py). It is the optical path through the missing
 air and, where the stop is a plane at an angle to the ray, the deflection by that air times the lever arm up to the stop
-(levers.py). A ray that passes beside the box, no farther away than the box is large, may lose as much as one that
+(lever_arms.py). A ray that passes beside the box, no farther away than the box is large, may lose as much as one that
 leaves through the nearest point of the box, less what falls off between that point and the ray.
 
 Lines are straight, but for rays that a field may bend by more than a cell: of those the traced ends count, drawn
@@ -26,7 +26,7 @@ from ..medium import IndexField
 from ..medium.grid import UniformGrid
 from ..rays import RayBundle
 from .engines.info import thread_count
-from .levers import levers_of, obliquity
+from .lever_arms import lever_arms_of, obliquity
 from .lines import FACES, SIDE, box_size, box_span
 from .mesh_rim import mesh_crossings, mesh_rim
 from .prediction import greatest_turn
@@ -116,7 +116,9 @@ def may_be_lost(
     strongest = face_strengths(field).max()
     if not strongest > 0.0:
         return lost, face
-    weakest = NOTHING * min(tolerance, GREATEST_TOLERANCE) / (box_size(field) * (1.0 + _leverage(field, rays, until)))
+    weakest = (
+        NOTHING * min(tolerance, GREATEST_TOLERANCE) / (box_size(field) * (1.0 + _direction_weight(field, rays, until)))
+    )
     if not strongest > weakest:
         return lost, face
 
@@ -135,14 +137,14 @@ def may_be_lost(
     return lost, face
 
 
-def _leverage(field: IndexField, rays: RayBundle, until) -> float:
+def _direction_weight(field: IndexField, rays: RayBundle, until) -> float:
     """The loss by missing deflections over the loss of optical path: at most the lever arm over a cell.
 
     It only decides whether the air is disturbed enough to matter, so that some of the rays are enough.
     """
     some = rays[:: -(-rays.ray_count // CHUNK)] if isinstance(until, Plane) and rays.ray_count else None
-    levers = None if some is None else levers_of(field, some, until)
-    return 0.0 if levers is None else levers.lever_arm / float(np.min(field.spacing))
+    lever_arms = None if some is None else lever_arms_of(field, some, until)
+    return 0.0 if lever_arms is None else lever_arms.lever_arm / float(np.min(field.spacing))
 
 
 def _lost_by(field, position, direction, until, ends, weakest: float) -> tuple[np.ndarray, np.ndarray]:

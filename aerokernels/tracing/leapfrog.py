@@ -16,14 +16,14 @@ from ..medium.grid import UniformGrid
 from ..rays import RayBundle
 from .held import greatest_path, held_error
 from .launch import launch
-from .levers import Levers, levers_of
+from .lever_arms import LeverArms, lever_arms_of
 from .plan import TracePlan
 from .prediction import predict_evaluations
 from .status import reached
 from .stop import ArcLength
+from .straight_lines import lines_through
 from .support import support_box
 from .unresolved import Sampling, disturbed_ends, greatest_error, missed_along
-from .ways import lines_through
 
 # Fewer rays are traced under error control at once: a pilot would not pay.
 LEAST_RAYS = 4096
@@ -55,7 +55,7 @@ REJECTED = 0.7
 # Single precision is seen in a bound for tolerances below this share of the field's greatest optical path difference.
 FINE_SHARE = 3e-5
 # The longest of the rays' ways may be longer than the longest seen by so much.
-ROOM = 1.02
+SPACING_MARGIN = 1.02
 # Rays of a bundle whose ways are looked at.
 SPREAD_RAYS = 8192
 
@@ -106,7 +106,7 @@ def fit_leapfrog(
     """
     stop = None if until is None else (until.point.tobytes(), until.normal.tobytes())
     bundle = hash((pilot.position.tobytes(), pilot.direction.tobytes()))
-    plan = replace(plan, levers=levers_of(field, pilot, until))
+    plan = replace(plan, lever_arms=lever_arms_of(field, pilot, until))
     key = ("even", bundle, stop, plan.tolerance, wavelength, plan.backend, plan.device, plan.precision)
     given = field, pilot, plan, until, wavelength, spread()
     fitted = None
@@ -146,7 +146,7 @@ def _fit(
     held = held_error(field, plan.tolerance * wavelength)
     budget = held / MARGIN
     nothing = 0, (), 0.0, None
-    least = _least_samples(field, pilot, held, plan.levers)
+    least = _least_samples(field, pilot, held, plan.lever_arms)
     if not _is_worth_it(field, pilot, plan, wavelength, least):
         return nothing
     levels = [_Level(field, pilot, plan, until, wavelength, least * 3**power) for power in range(3)]
@@ -157,7 +157,7 @@ def _fit(
     if second > 0.0:
         order = min(max(math.log(first / second) / math.log(3.0), 1.0), 4.0) if first > second else 1.0
     count = _in_threes(least * max(1.0, (first / budget) ** (1.0 / order))) if first > 0.0 else least
-    between = _Between(field, spread, until, held, plan.levers)
+    between = _Between(field, spread, until, held, plan.lever_arms)
     count = between.least_count(
         count,
         lambda count: _is_worth_it(field, pilot, plan, wavelength, count),
@@ -184,13 +184,13 @@ def _confirm(
 ) -> tuple[int, tuple, float, Sampling | None] | None:
     """What `_fit` returns, for this number of samples; None where it does not hold, or rays may miss what counts."""
     held = held_error(field, plan.tolerance * wavelength)
-    if count < _least_samples(field, pilot, held, plan.levers):
+    if count < _least_samples(field, pilot, held, plan.lever_arms):
         return None
     level, finest = (_Level(field, pilot, plan, until, wavelength, number) for number in (count, 3 * count))
     worst = level.error(finest)
     if not (level.is_fit and finest.is_fit and worst <= held / MARGIN):
         return None
-    if not _Between(field, spread, until, held, plan.levers).is_nothing(count):
+    if not _Between(field, spread, until, held, plan.lever_arms).is_nothing(count):
         return None
     return count, _shares(field, pilot, plan, until, wavelength, level, worst), worst, None
 
@@ -209,20 +209,20 @@ def _shares(
 class _Between:
     """What the rays of a bundle may miss between their samples."""
 
-    def __init__(self, field: IndexField, spread: RayBundle, until, held: float, levers: Levers | None):
+    def __init__(self, field: IndexField, spread: RayBundle, until, held: float, lever_arms: LeverArms | None):
         self.field, self.held = field, held
-        low, high = support_box(field, held, levers)
+        low, high = support_box(field, held, lever_arms)
         self.lines = lines_through(field, spread, until, low, high)
-        self.ends = disturbed_ends(field, self.lines, held) if len(self.lines.way) else b""
+        self.ends = disturbed_ends(field, self.lines, held) if len(self.lines.length) else b""
 
     def _sampled(self, count: int) -> Sampling:
-        way = float(self.lines.way.max(initial=0.0))
+        length = float(self.lines.length.max(initial=0.0))
         steepness = np.abs(self.lines.direction).max(axis=0, initial=0.0)
         x, y, z = (float(size) for size in np.minimum(steepness, 1.0))
         # What turns a ray counts in second order, too, where the stop is met head on.
-        lever = math.sqrt(0.5 * self.held * way)
+        lever_arm = math.sqrt(0.5 * self.held * length)
         is_fine = self.held < FINE_SHARE * greatest_path(self.field)
-        return Sampling(ROOM * way / count, (x, y, z), lever, is_fine, self.ends)
+        return Sampling(SPACING_MARGIN * length / count, (x, y, z), lever_arm, is_fine, self.ends)
 
     def least_count(self, count: int, is_worth_it, cost_again) -> int:
         """The number of samples, at least `count`, with the least cost, rays that are traced again included.
@@ -259,11 +259,11 @@ class _Between:
 
     def _greatest(self, count: int) -> float:
         """The most that any ray misses between this many samples [m]."""
-        return greatest_error(self.field, self._sampled(count), self.lines) if len(self.lines.way) else 0.0
+        return greatest_error(self.field, self._sampled(count), self.lines) if len(self.lines.length) else 0.0
 
     def is_nothing(self, count: int) -> bool:
         """Whether nothing lies between this many samples: by the rule's own bound, or by what it leaves of the rest."""
-        if not len(self.lines.way):
+        if not len(self.lines.length):
             return True
         allowed = NEGLIGIBLE * self.held
         by_rule = greatest_error(self.field, self._sampled(count), self.lines, by_rule=True)
@@ -295,10 +295,10 @@ class _Level:
         return float(np.abs(self.opd - finer.opd)[good].max()) if good.any() else math.inf
 
 
-def _least_samples(field: IndexField, pilot: RayBundle, tolerance: float, levers: Levers | None) -> int:
+def _least_samples(field: IndexField, pilot: RayBundle, tolerance: float, lever_arms: LeverArms | None) -> int:
     """The number of samples that are WIDEST cells apart on the longest path through the field's support."""
     grid = field.samples
-    low, high = support_box(field, tolerance, levers)
+    low, high = support_box(field, tolerance, lever_arms)
     size = np.zeros(3)
     size[-len(low) :] = high - low
     if field.geometry == "axisymmetric":
@@ -308,9 +308,9 @@ def _least_samples(field: IndexField, pilot: RayBundle, tolerance: float, levers
     if field.geometry == "axisymmetric":
         spacing[:2] = grid.spacing[0]
     steep = np.maximum(np.abs(pilot.direction), 1e-12)
-    way = np.where(size > 0.0, size / steep, np.inf).min(axis=1)
-    way[~np.isfinite(way)] = 0.0  # nothing is disturbed
-    cells = way * np.linalg.norm(pilot.direction / spacing, axis=1)
+    length = np.where(size > 0.0, size / steep, np.inf).min(axis=1)
+    length[~np.isfinite(length)] = 0.0  # nothing is disturbed
+    cells = length * np.linalg.norm(pilot.direction / spacing, axis=1)
     return _in_threes(max(LEAST_SAMPLES, float(cells.max(initial=0.0)) / WIDEST))
 
 

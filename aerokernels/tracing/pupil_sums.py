@@ -11,7 +11,7 @@ from ..rays import Pupil
 from .lattice_quadrature import lattice_order
 from .plan import TracePlan
 from .radial_quadrature import radial_points
-from .scheme import GROUP, JOINED
+from .scheme import GROUP, REDUCTION_WIDTH
 from .stop import Plane
 
 # Per replicate: count, x, y, W, xx, xy, yy, xW, yW, WW over the rays that arrived, then the greatest step error and
@@ -62,11 +62,6 @@ class PupilTask:
     by_radius: bool = False
     is_radial: bool = False
     generator: int = 0
-
-    @property
-    def is_weighted(self) -> bool:
-        """Whether each ray has a weight of its own."""
-        return self.is_radial or self.generator > 0
 
     def order(self) -> np.ndarray:
         """An order of a replicate's points in which neighbours are close, int32, shape (per_replicate,)."""
@@ -191,7 +186,7 @@ def joined_counts(per_replicate: int) -> list[int]:
     """Rows of sums that a replicate has, from its groups on, joined and joined again until one is left."""
     counts = [group_count(per_replicate)]
     while counts[-1] > 1 or len(counts) == 1:
-        counts.append(-(-counts[-1] // JOINED))
+        counts.append(-(-counts[-1] // REDUCTION_WIDTH))
     return counts
 
 

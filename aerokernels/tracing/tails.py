@@ -11,8 +11,8 @@ again; w is the length of the way that lies outside. An exponential tail has A0 
 on, and a steeper one less.
 
 Of q = |m|, the contrast, that integral is an optical path. Of q = |grad m . e| it is an angle by which the missing air
-would have turned the ray, times the slant e of the ray's stop (levers.py): the optical path changes by that times the
-distance from the middle of that air to the stop.
+would have turned the ray, times the obliquity e of the ray's stop (lever_arms.py): the optical path changes by that
+times the distance from the middle of that air to the stop.
 """
 
 from itertools import product
@@ -21,7 +21,7 @@ import numpy as np
 
 from ..medium import IndexField
 from ..medium.grid import UniformGrid
-from .levers import obliquity
+from .lever_arms import obliquity
 from .lines import box_size, box_span
 from .mesh_rim import rim_contrast
 

@@ -34,7 +34,7 @@ from .blocks import block_maxima, block_means, greatest_of_neighbors
 from .high_pass import high_pass
 from .scheme import LOOKUP_STRIDE, MISSED_SLOPE
 from .step_bound import potential_at_nodes, roughness_by_axis
-from .ways import Lines, local_coordinates, local_range
+from .straight_lines import Lines, local_coordinates, local_range
 
 # Frequencies along a ray, times H, from which on components are passed: along its way, and at its ends.
 EDGE, EDGE_AT_ENDS = 0.92, 0.4
@@ -70,14 +70,14 @@ class Sampling:
     Attributes:
         spacing: Greatest distance of a ray's samples [m].
         steepness: Greatest size of each component of the rays' unit vectors.
-        lever: By how much an error of direction changes the path where the stop is met head on [m/rad].
+        lever_arm: By how much an error of direction changes the path where the stop is met head on [m/rad].
         is_fine: Whether single precision would be seen in the bound.
         ends: Blocks in which rays begin or end in disturbed air, see `disturbed_ends`; empty where they do not.
     """
 
     spacing: float
     steepness: tuple[float, float, float]
-    lever: float
+    lever_arm: float
     is_fine: bool = True
     ends: bytes = b""
 
@@ -97,7 +97,7 @@ def disturbed_ends(field: IndexField, lines: Lines, held: float) -> bytes:
     block, fourth = roughness_by_axis(grid)
     near = np.zeros(fourth[0].shape, dtype=np.uint8)
     size = block * np.asarray(grid.spacing)
-    ends = np.concatenate([lines.start, lines.start + lines.way[:, None] * lines.direction])
+    ends = np.concatenate([lines.start, lines.start + lines.length[:, None] * lines.direction])
     entry = np.floor((local_coordinates(ends, field.geometry) - grid.low) / size).astype(int)
     near[tuple(np.clip(entry, 0, np.array(near.shape) - 1).T)] = 1
     worth = block_maxima(np.abs(potential_at_nodes(grid)), block) * float(size.max())
@@ -152,11 +152,11 @@ def greatest_error(field: IndexField, sampling: Sampling, lines: Lines, by_rule:
     first = np.clip(np.floor((local[0] - grid.low) / size).astype(int) - 1, 0, np.array(missed.shape) - 1)
     last = np.clip(np.floor((local[1] - grid.low) / size).astype(int) + 1, first, np.array(missed.shape) - 1)
     met = missed[tuple(slice(low, high + 1) for low, high in zip(first, last, strict=True))]
-    found = float(met.max()) * float(lines.way.max(initial=0.0))
+    found = float(met.max()) * float(lines.length.max(initial=0.0))
     # Along an axis that all rays run along, one layer of blocks after the other, as far beside as a ray may get.
     components = np.abs(lines.direction[:, 3 - met.ndim :])
     steepest = np.abs(lines.direction).max(axis=0, initial=0.0)
-    drift = _along_axes(steepest, field.geometry) * float(lines.way.max(initial=0.0)) / size
+    drift = _along_axes(steepest, field.geometry) * float(lines.length.max(initial=0.0)) / size
     for axis in range(field.geometry == "axisymmetric", met.ndim):
         least = float(components[:, axis].min(initial=1.0))
         if least > 0.0:
@@ -165,25 +165,25 @@ def greatest_error(field: IndexField, sampling: Sampling, lines: Lines, by_rule:
                 if other != axis:
                     columns = greatest_of_neighbors(columns, 1 + int(np.ceil(drift[other] + BENT)), other)
             found = min(found, float(columns.sum(axis=axis).max()) * float(size[axis]) / least)
-    return found * float(_with_lever(field, lines).max(initial=1.0))
+    return found * float(_with_lever_arm(field, lines).max(initial=1.0))
 
 
 def missed_along(field: IndexField, sampling: Sampling, lines: Lines) -> np.ndarray:
     """What straight rays miss, by the kernels' own lookup [m], shape (line_count,)."""
     block, table = lookup_table(field, sampling)
     size = block * np.asarray(field.samples.spacing)
-    count = max(1, int(np.ceil(float(lines.way.max(initial=0.0)) / (LOOKUP_STRIDE * float(size.min())))))
-    found = np.zeros(len(lines.way))
+    count = max(1, int(np.ceil(float(lines.length.max(initial=0.0)) / (LOOKUP_STRIDE * float(size.min())))))
+    found = np.zeros(len(lines.length))
     for k in range(count):
-        place = lines.start + ((k + 0.5) / count * lines.way)[:, None] * lines.direction
+        place = lines.start + ((k + 0.5) / count * lines.length)[:, None] * lines.direction
         entry = np.floor((local_coordinates(place, field.geometry) - field.samples.low) / size).astype(int)
         found += table[tuple(np.clip(entry, 0, np.array(table.shape) - 1).T)]
-    return found * lines.way / count * _with_lever(field, lines)
+    return found * lines.length / count * _with_lever_arm(field, lines)
 
 
-def _with_lever(field: IndexField, lines: Lines) -> np.ndarray:
+def _with_lever_arm(field: IndexField, lines: Lines) -> np.ndarray:
     """By how much more an error of the path counts for the error of direction that comes with it."""
-    return 1.0 + MISSED_SLOPE / float(np.min(field.spacing)) * lines.lever
+    return 1.0 + MISSED_SLOPE / float(np.min(field.spacing)) * lines.lever_arm
 
 
 def _missed(grid: UniformGrid, geometry: str, sampling: Sampling, by_rule: bool) -> tuple[int, np.ndarray]:
@@ -193,7 +193,7 @@ def _missed(grid: UniformGrid, geometry: str, sampling: Sampling, by_rule: bool)
     block, fourth = roughness_by_axis(grid)
     strides = [PEANO * (u * sampling.spacing) ** 4 for u in obliquity]
     missed = _joined([stride * change for stride, change in zip(strides, fourth, strict=True)])
-    factor = 1.0 + MISSED_SLOPE * sampling.lever / float(grid.spacing.min())
+    factor = 1.0 + MISSED_SLOPE * sampling.lever_arm / float(grid.spacing.min())
     if by_rule:
         return block, factor * missed * (RULE_AT_ENDS if sampling.ends else 1.0)
     # Further on, what a spline holds of images falls off as the fourth power of their frequency.

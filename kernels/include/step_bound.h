@@ -118,7 +118,7 @@ static inline real round_face(real3 frac, real3 velocity, real3 pull, real face_
     return step;
 }
 
-// Step to the next face of a cell beyond a hair; velocity and its derivative are per cell.
+// Step to the next face of a cell that is farther than face_tolerance; velocity and its derivative are per cell.
 static inline real to_face(real3 frac, real3 velocity, real3 pull, real face_tolerance)
 {
     real step = flat_face(frac.z, velocity.z, pull.z, face_tolerance);

@@ -12,7 +12,7 @@ from aerokernels.medium import IndexField
 from aerokernels.rays import Disc, RayBundle
 from aerokernels.tracing import Plane, RayStatus, trace
 from aerokernels.tracing.leapfrog import LEAST_RAYS
-from aerokernels.tracing.levers import levers_of
+from aerokernels.tracing.lever_arms import lever_arms_of
 from aerokernels.tracing.plan import TracePlan
 from aerokernels.tracing.pupil_run import PupilRun
 from aerokernels.tracing.pupil_sums import PupilTask
@@ -105,8 +105,8 @@ def test_a_planar_field_seen_along_its_span(engine):
         np.c_[np.ones(COUNT), 3e-4 * rng.standard_normal((COUNT, 2))],
     )
     until = Plane((2.0, 0.0, 0.0), (1.0, 0.0, 0.0))
-    levers = levers_of(field, rays, until)
-    assert levers is not None and abs(levers.way - 2.0) < 1e-3
+    lever_arms = lever_arms_of(field, rays, until)
+    assert lever_arms is not None and abs(lever_arms.path_length - 2.0) < 1e-3
     exact = truth(field, rays, until)
     found = trace(field, rays, until=until, **on(engine), precision="float64")
     assert (found.traced_status == exact.traced_status).all() and found.ok.all()
