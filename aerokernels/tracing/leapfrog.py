@@ -31,8 +31,9 @@ PILOT_RAYS = 512
 # Samples are nowhere further apart than so many cells. What lies between them is bounded from the field, too.
 WIDEST = 6.0
 LEAST_SAMPLES = 36
-# So many are always worth it; more of them where error control is predicted to take a share of them at least: a sample
-# costs less than an evaluation of it, much less on OpenCL, where a CPU's lanes share it.
+# Up to CHEAP samples leapfrog is always taken. Above that it is taken where the samples are at most WORTH times the
+# evaluations predicted for error control: a sample costs less than an evaluation, much less on OpenCL, where the lanes
+# of a CPU share it.
 CHEAP = {"opencl": 450, "warp": 120}
 WORTH = {"opencl": 5.0, "warp": 1.2}
 MOST_SAMPLES = 3000
@@ -46,17 +47,17 @@ GREATEST_BEND = 0.5
 # Of the pilot's rays, how many may be unfit for it.
 UNFIT = 0.1
 
-# What lies between samples may cost this share of the tolerance without each ray being asked for its own: what the
-# pilot leaves of it.
+# What lies between samples may cost this share of the tolerance, the rest of which is the pilot's, without being
+# bounded for each ray.
 NEGLIGIBLE = 1.0 - 1.0 / MARGIN
 # Elsewhere counts are tried that are so many times each other; a ray is expected to be rejected from this share on.
 FINER = 1.3
 REJECTED = 0.7
 # Single precision is seen in a bound for tolerances below this share of the field's greatest optical path difference.
 FINE_SHARE = 3e-5
-# The longest of the rays' ways may be longer than the longest seen by so much.
+# The longest of all rays may be so many times as long as the longest of those looked at.
 SPACING_MARGIN = 1.02
-# Rays of a bundle whose ways are looked at.
+# Rays of a bundle whose lines are looked at.
 SPREAD_RAYS = 8192
 
 
@@ -107,7 +108,7 @@ def fit_leapfrog(
     stop = None if until is None else (until.point.tobytes(), until.normal.tobytes())
     bundle = hash((pilot.position.tobytes(), pilot.direction.tobytes()))
     plan = replace(plan, lever_arms=lever_arms_of(field, pilot, until))
-    key = ("even", bundle, stop, plan.tolerance, wavelength, plan.backend, plan.device, plan.precision)
+    key = ("leapfrog", bundle, stop, plan.tolerance, wavelength, plan.backend, plan.device, plan.precision)
     given = field, pilot, plan, until, wavelength, spread()
     fitted = None
     if like is not None and like.sample_count:
@@ -123,7 +124,7 @@ def fit_leapfrog(
         "traced again"
     )
     if sampling is not None:
-        reason += "; the field has structure between samples, so what each ray may miss is bounded along its way"
+        reason += "; the field has structure between samples, so what each ray may miss is bounded along its path"
     return replace(
         plan,
         sample_count=count,
@@ -141,7 +142,7 @@ def _fit(
 ) -> tuple[int, tuple, float, Sampling | None]:
     """Samples of each ray (0: no number fits), the scales of its error estimate, and the pilot's greatest error [m].
 
-    And how far apart the samples are, where what lies between them counts.
+    The last entry says how far apart the samples are, where what lies between them counts.
     """
     held = held_error(field, plan.tolerance * wavelength)
     budget = held / MARGIN
@@ -219,7 +220,7 @@ class _Between:
         length = float(self.lines.length.max(initial=0.0))
         steepness = np.abs(self.lines.direction).max(axis=0, initial=0.0)
         x, y, z = (float(size) for size in np.minimum(steepness, 1.0))
-        # What turns a ray counts in second order, too, where the stop is met head on.
+        # Where the stop is met head on, a deflection still counts in second order.
         lever_arm = math.sqrt(0.5 * self.held * length)
         is_fine = self.held < FINE_SHARE * greatest_path(self.field)
         return Sampling(SPACING_MARGIN * length / count, (x, y, z), lever_arm, is_fine, self.ends)

@@ -69,7 +69,7 @@ def obliquity(direction: np.ndarray, until) -> np.ndarray:
 
     Args:
         direction: Unit vectors, shape (n, 3).
-        until: The stop. Only a Plane can be slanted.
+        until: The stop. Only a Plane can be oblique.
 
     Returns:
         Shape (n, 3).

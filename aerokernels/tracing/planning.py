@@ -57,11 +57,13 @@ def why_projection(
     """The reason to look these rays up in projection tables; None where that is impossible or slower."""
     if method != "auto" or not (is_collimated(field, rays, until) and is_worth_it(field, rays)):
         return None
-    columns = find_projection(field, rays, until)
-    if columns is None or not columns.inside.any() or not projection_holds(field, columns, tolerance * wavelength):
+    projection = find_projection(field, rays, until)
+    if projection is None or not projection.inside.any():
         return None
-    waves = columns.tables.greatest_error / wavelength
-    others = int(np.count_nonzero(~columns.inside))
+    if not projection_holds(field, projection, tolerance * wavelength):
+        return None
+    waves = projection.tables.greatest_error / wavelength
+    others = int(np.count_nonzero(~projection.inside))
     beside = f"; {others} of {rays.ray_count} rays come near a side of the box: they are traced by adaptive"
     return (
         f"method {PROJECTION_TABLES}: the rays are collimated along z, so what each gathers is a spline over x and y "

@@ -35,7 +35,7 @@ class Lines:
 def lines_through(field: IndexField, rays: RayBundle, until, low: np.ndarray, high: np.ndarray) -> Lines:
     """The lines of those rays that meet the part of the field from `low` to `high` [m, along the field's own axes]."""
     p, d = rays.position, rays.direction
-    if field.body is not None and len(p) > BESIDE_BODY:  # each costs a look at every segment of the body
+    if field.body is not None and len(p) > BESIDE_BODY:  # each is tested against every segment of the body
         rows = np.r_[np.linspace(0, len(p) - 1, BESIDE_BODY).astype(int), np.arange(len(p) - OUTERMOST, len(p))]
         p, d = p[rows], d[rows]
     enter, leave, _ = crossing_of_box(p, d, low, high, field.geometry)

@@ -14,14 +14,15 @@ a high-passed part R (high_pass.py), what is left from about 0.9 / H on. The rul
 Where all rays run along one axis, within some 45 degrees, |R| is averaged along it over each block of cells: the sum
 over blocks is the integral. Across the rays the greatest counts.
 
-A ray that begins or ends in the midst of something is not helped by what converges on whole lines: a component
-a cos(2 pi phi t) makes the mended ends of the rule err by a H / 2 and, with x = phi H, 9.5 a H x^3 where x is small.
+Where a ray begins or ends in disturbed air, the fast convergence on whole lines does not help: a component
+a cos(2 pi phi t) makes the end corrections of the rule err by a H / 2 and, with x = phi H, by 9.5 a H x^3 where x is
+small.
 
 Where a field is smooth the bound by R is often beaten by the rule's own, H^4 / 720 int |f''''| dt, above all
 near the box's faces, where the even continuation has a kink: the lesser of the two counts in each block.
 
-What a ray turns by is off by the slope of all that, which changes the path in the second order of the contrast, or by
-the lever arm with which a slanted stop is met: a factor.
+The deflection of a ray errs by the slope of the same components. This changes the path in the second order of the
+contrast or, where the stop is met at an angle, by the lever arm: a factor.
 """
 
 from dataclasses import dataclass
@@ -36,7 +37,7 @@ from .scheme import LOOKUP_STRIDE, MISSED_SLOPE
 from .step_bound import potential_at_nodes, roughness_by_axis
 from .straight_lines import Lines, local_coordinates, local_range
 
-# Frequencies along a ray, times H, from which on components are passed: along its way, and at its ends.
+# Frequencies along a ray, times H, from which on components are passed: along the ray, and at its ends.
 EDGE, EDGE_AT_ENDS = 0.92, 0.4
 # The error of an end over H |R| there, and that of the rule's own bound over what it is elsewhere.
 END, RULE_AT_ENDS = 0.5, 8.0
@@ -46,16 +47,16 @@ BOTH = 2.0
 FINEST = 0.8
 # What a spline through one node that stands out makes of it between the next two nodes, at most.
 LOBE = 0.15
-# Of the midpoint rule with mended ends: its kernel, the Bernoulli polynomial of degree 4 over 4!, is at most this.
+# Of the end-corrected midpoint rule: its Peano kernel, the Bernoulli polynomial of degree 4 over 4!, is at most this.
 PEANO = 1.0 / 720.0
 # Components of a direction below which no neighbouring block is met within half a stride.
 LEAST_OBLIQUITY = 0.05
 # Of an axis that all rays run along, the least component; others along which they move less than a cell in a block.
 LEAST_MAIN, LEVEL = 0.7, 0.25
-# A lookup stands for so many blocks along that axis; strides are shorter where a way ends, and find less of them.
+# A lookup stands for so many blocks along that axis; strides are shorter where a ray ends, and find less of them.
 LOOKED_OVER, LOOKED_SHORT = 3, 1.1
-# Blocks by which a ray may be bent aside, beside its slant.
-BENT = 0.5
+# Blocks by which a ray may be deflected sideways, besides the drift of its straight line.
+DEFLECTED = 0.5
 # Ends of rays count where a block's length of what is there is worth this share of the tolerance.
 ENDS_SHARE = 0.02
 
@@ -87,7 +88,7 @@ def disturbed_ends(field: IndexField, lines: Lines, held: float) -> bytes:
 
     Args:
         field: One on a cubic uniform grid.
-        lines: Rays' ways through the support of the field.
+        lines: The rays' straight lines through the support of the field.
         held: The OPD error that they are held to [m].
     """
     from scipy.ndimage import maximum_filter
@@ -120,7 +121,7 @@ def missed_in_blocks(field: IndexField, sampling: Sampling, by_rule: bool = Fals
 
 
 def lookup_table(field: IndexField, sampling: Sampling) -> tuple[int, np.ndarray]:
-    """The same as kernels look it up, once within a stride: each ray finds as much as lies on its way."""
+    """The same as kernels look it up, once within a stride: each ray finds as much as lies on its path."""
     from scipy.ndimage import maximum_filter1d, uniform_filter1d
 
     block, missed = missed_in_blocks(field, sampling)
@@ -141,14 +142,14 @@ def greatest_error(field: IndexField, sampling: Sampling, lines: Lines, by_rule:
     Args:
         field: One on a cubic uniform grid.
         sampling: How its rays are sampled.
-        lines: Their ways through the support of the field.
+        lines: Their straight lines through the support of the field.
         by_rule: See `missed_in_blocks`.
     """
     grid = field.samples
     block, missed = missed_in_blocks(field, sampling, by_rule)
     size = block * np.asarray(grid.spacing)
     local = local_range(lines, field.geometry)
-    # A block to each side for what rays are bent, and for rays between those of `lines`.
+    # A block to each side for the deflection of rays, and for rays between those of `lines`.
     first = np.clip(np.floor((local[0] - grid.low) / size).astype(int) - 1, 0, np.array(missed.shape) - 1)
     last = np.clip(np.floor((local[1] - grid.low) / size).astype(int) + 1, first, np.array(missed.shape) - 1)
     met = missed[tuple(slice(low, high + 1) for low, high in zip(first, last, strict=True))]
@@ -160,11 +161,11 @@ def greatest_error(field: IndexField, sampling: Sampling, lines: Lines, by_rule:
     for axis in range(field.geometry == "axisymmetric", met.ndim):
         least = float(components[:, axis].min(initial=1.0))
         if least > 0.0:
-            columns = met
+            layers = met
             for other in range(met.ndim):
                 if other != axis:
-                    columns = greatest_of_neighbors(columns, 1 + int(np.ceil(drift[other] + BENT)), other)
-            found = min(found, float(columns.sum(axis=axis).max()) * float(size[axis]) / least)
+                    layers = greatest_of_neighbors(layers, 1 + int(np.ceil(drift[other] + DEFLECTED)), other)
+            found = min(found, float(layers.sum(axis=axis).max()) * float(size[axis]) / least)
     return found * float(_with_lever_arm(field, lines).max(initial=1.0))
 
 
@@ -182,7 +183,7 @@ def missed_along(field: IndexField, sampling: Sampling, lines: Lines) -> np.ndar
 
 
 def _with_lever_arm(field: IndexField, lines: Lines) -> np.ndarray:
-    """By how much more an error of the path counts for the error of direction that comes with it."""
+    """The factor by which an error of the path grows with the error of direction that comes with it."""
     return 1.0 + MISSED_SLOPE / float(np.min(field.spacing)) * lines.lever_arm
 
 
