@@ -172,10 +172,10 @@ __kernel void leapfrog(LEAPFROG_ARGUMENTS)
             lateral_error =
                 greater(lateral_error, control.quadrature_error_scale * (real)(bounds.ambient * obliquity / cosine));
             const double tangent = sqrt(fmax(1.0 - cosine * cosine, 0.0)) / cosine;
-            const double slant = tangent + (double)sqrt(REAL_AT(flight.max_deflection, lane));
-            lateral_error = greater(lateral_error, off_tail * (real)(bounds.ambient * onward * slant));
+            const double greatest_tangent = tangent + (double)sqrt(REAL_AT(flight.max_deflection, lane));
+            lateral_error = greater(lateral_error, off_tail * (real)(bounds.ambient * onward * greatest_tangent));
             const double chord = wholes[lane].y - wholes[lane].x;
-            const double lever_arm = (chord + onward) * slant;
+            const double lever_arm = (chord + onward) * greatest_tangent;
             const double outside = fmax(chord - (double)REAL_AT(length, lane), 0.0);
             const real left =
                 (real)(outside * ((double)control.left_potential + lever_arm * (double)control.left_slope));

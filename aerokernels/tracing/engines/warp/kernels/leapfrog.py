@@ -316,9 +316,9 @@ def build_leapfrog_kernel(library: KernelLibrary, geometry: str, interpolation: 
             cosine = wp.max(wp.abs(wp.dot(normal, d0)), wp.float64(STEEPEST_COSINE))
             error = wp.max(error, control.quadrature_error_scale * real(bounds.ambient * off_stop / cosine))
             tangent = wp.sqrt(wp.max(wp.float64(1.0) - cosine * cosine, wp.float64(0.0))) / cosine
-            slant = tangent + wp.float64(wp.sqrt(max_deflection))
-            error = wp.max(error, off_tail * real(bounds.ambient * flight * slant))
-            lever_arm = (chord + flight) * slant
+            greatest_tangent = tangent + wp.float64(wp.sqrt(max_deflection))
+            error = wp.max(error, off_tail * real(bounds.ambient * flight * greatest_tangent))
+            lever_arm = (chord + flight) * greatest_tangent
             outside = wp.max(chord - wp.float64(length), wp.float64(0.0))
             left = real(outside * (wp.float64(control.left_potential) + lever_arm * wp.float64(control.left_slope)))
             if left > real(LEFT_SHARE) * control.tolerance:
