@@ -1,4 +1,4 @@
-"""The way out to the target, through the flow.
+"""The paths out to the target, through the flow.
 
 One ray for each target point, from the exit aperture to the tilted target. R_L = integral of n ds inside the traced
 field plus the ambient index times the straight remainder (eq 9, with lengths and optical lengths kept apart). The path
@@ -18,7 +18,7 @@ from .target_points import TargetPoints
 
 @dataclass(frozen=True)
 class TransmitPaths:
-    """The ways out, one for each target point.
+    """The paths out, one for each target point.
 
     Attributes:
         intersection: Where each ray meets the target [m], shape (m, 3).
@@ -61,7 +61,7 @@ def trace_options(scene: Scene) -> dict:
 
 
 def vacuum_paths(points: TargetPoints, plane: Plane) -> TransmitPaths:
-    """The ways out in vacuum: straight lines."""
+    """The paths out in vacuum: straight lines."""
     line = points.aim - points.start
     direction = line / np.linalg.norm(line, axis=1, keepdims=True)
     cosine = direction @ plane.normal
@@ -72,7 +72,7 @@ def vacuum_paths(points: TargetPoints, plane: Plane) -> TransmitPaths:
 
 
 def transmit_paths(scene: Scene, field: IndexField, points: TargetPoints) -> TransmitPaths:
-    """The ways out through the flow. Rays that do not arrive have NaN for a path and an intersection."""
+    """The paths out through the flow. Rays that do not arrive have NaN for a path and an intersection."""
     plane = target_plane(scene)
     rays = RayBundle(points.start, points.aim - points.start)
     wanted = ("position", "direction", "optical_path", "evaluation_count")

@@ -24,7 +24,7 @@ class EchoPrediction:
         peak_voltage: Its peak voltage [V].
         reasons: Why, for each ranging method that cannot read it; a scene has no range by such a method.
         least_factor: What the flow must leave of the light, 0 to 1, for the scene's own method to find the echo; NaN
-            where that method does not hang on the amplitude, or finds none even in vacuum.
+            where that method does not depend on the amplitude, or finds none even in vacuum.
     """
 
     peak_power: float

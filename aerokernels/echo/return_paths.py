@@ -1,9 +1,9 @@
-"""What the flow takes off the light on its way back, for every target point.
+"""The share of the light that the flow leaves on the path back, for every target point.
 
 "strehl"  the share of the receiver's pupil that the light gets through to, times the Strehl ratio over that part, tilt
           kept, piston removed (the paper's factor; a Strehl ratio is a peak intensity, not a power)
 "bucket"  that share alone: all light that reaches the pupil falls on a detector larger than the spot. Refraction moves
-          no light into the pupil or out of it but by focusing, some 1e-4 here, which is left out
+          light into the pupil or out of it only by focusing, some 1e-4 here, which is left out
 "none"    1, and no ray is traced
 
 Both vary smoothly over the target, so they are computed at Chebyshev-Lobatto points on the target and interpolated by
@@ -27,7 +27,7 @@ EVERY = "every"
 
 @dataclass(frozen=True, eq=False)
 class ReturnPaths:
-    """The ways back, one for each intersection with the target; NaN where there is none, and where nothing was traced.
+    """The paths back, one for each intersection with the target; NaN where there is none, and where nothing was traced.
 
     Attributes:
         factor: What is left of the light, 0 to 1, shape (m,).

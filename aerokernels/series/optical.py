@@ -138,7 +138,7 @@ def optical_series(
 
 
 def _finished(written: "Future[None] | None", count: int, total: int, progress: Progress | None) -> None:
-    """Wait until the maps of a snapshot are written, and say that so many are."""
+    """Wait until the maps of a snapshot are written, and report how many are."""
     if written is None:
         return
     written.result()

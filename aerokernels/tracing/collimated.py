@@ -16,10 +16,10 @@ from .projection_tables import FURTHEST, ProjectionTables, between_projections, 
 from .result import output_mask
 from .stop import Plane
 
-# Tables are made for at least so many rays a node of the grid: for fewer it is quicker to trace them.
+# Rays for each node of the grid from which on tables are made: fewer rays are traced sooner than tables are made.
 RAYS_PER_NODE = 0.15
-# "auto" takes them where the tolerance is so many times the estimated error, and where the terms beyond the first
-# order, which are splined between the grid's lines along z, are below so many tolerances.
+# "auto" takes them where the tolerance is at least MARGIN times the estimated error, and where the terms beyond the
+# first order, which are splined between the grid's lines along z, are below GREATEST_EXTRA tolerances.
 MARGIN = 3.0
 GREATEST_EXTRA = 100.0
 # Outputs for which a kernel looks up twice as much, so that it is built with and without them.
@@ -63,7 +63,7 @@ def is_collimated(field: IndexField, rays: RayBundle, until) -> bool:
 
 
 def is_worth_it(field: IndexField, rays: RayBundle) -> bool:
-    """Whether there are so many rays that tables save time."""
+    """Whether there are enough rays for tables to save time."""
     return rays.ray_count >= RAYS_PER_NODE * field.samples.samples.size
 
 

@@ -28,7 +28,7 @@ from .unresolved import Sampling, disturbed_ends, greatest_error, missed_along
 # Fewer rays are traced under error control at once: a pilot would not pay.
 LEAST_RAYS = 4096
 PILOT_RAYS = 512
-# Samples are nowhere further apart than so many cells. What lies between them is bounded from the field, too.
+# Greatest distance of samples in cells. What lies between them is bounded from the field as well.
 WIDEST = 6.0
 LEAST_SAMPLES = 36
 # Up to CHEAP samples leapfrog is always taken. Above that it is taken where the samples are at most WORTH times the
@@ -37,25 +37,27 @@ LEAST_SAMPLES = 36
 CHEAP = {"opencl": 450, "warp": 120}
 WORTH = {"opencl": 5.0, "warp": 1.2}
 MOST_SAMPLES = 3000
-# The pilot's greatest error is to be so many times below the tolerance, and a ray's estimate so many times the pilot's.
+# The pilot's greatest error is held MARGIN times below the tolerance, and a ray's estimate is SAFETY times the pilot's.
 MARGIN = 4.0
 SAFETY = 3.0
-# The error as a share of the difference from the sum over every third sample: for order 4, the rule's own, and order 2.
+# The error as a share of the difference from the sum over every third sample: for order 4, which is the rule's own, and
+# for order 2.
 LEAST_SHARE, GREATEST_SHARE = 1.0 / 80.0, 1.0 / 8.0
 # The trajectory error as a share of int P^2 / p_t dt: it is never greater than what bending adds to the path.
 GREATEST_BEND = 0.5
-# Of the pilot's rays, how many may be unfit for it.
+# The share of the pilot's rays that may be unfit for leapfrog.
 UNFIT = 0.1
 
 # What lies between samples may cost this share of the tolerance, the rest of which is the pilot's, without being
 # bounded for each ray.
 NEGLIGIBLE = 1.0 - 1.0 / MARGIN
-# Elsewhere counts are tried that are so many times each other; a ray is expected to be rejected from this share on.
+# Elsewhere counts are tried in steps of this factor; a ray is expected to be rejected from this share of the tolerance
+# on.
 FINER = 1.3
 REJECTED = 0.7
 # Single precision is seen in a bound for tolerances below this share of the field's greatest optical path difference.
 FINE_SHARE = 3e-5
-# The longest of all rays may be so many times as long as the longest of those looked at.
+# The longest of all rays may be this many times as long as the longest of those looked at.
 SPACING_MARGIN = 1.02
 # Rays of a bundle whose lines are looked at.
 SPREAD_RAYS = 8192

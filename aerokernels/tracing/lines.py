@@ -26,7 +26,7 @@ class BoxSpan:
         enter: Distance to the entry [m], 0 for a start inside, shape (n,).
         leave: Distance to the exit [m], less than `enter` for a line that misses the box, shape (n,).
         entry_face: Number of the face of the entry in FACES, -1 for a start inside, shape (n,).
-        exit_face: That of the exit, -1 where the line never leaves, shape (n,).
+        exit_face: Number of the face of the exit, -1 where the line never leaves, shape (n,).
     """
 
     enter: np.ndarray

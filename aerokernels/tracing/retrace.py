@@ -50,7 +50,7 @@ def retrace_rejected(
     def trace_again(rows: np.ndarray, attempt: TracePlan) -> None:
         part = RayBundle(position[rows], direction[rows])
         others = launch(field, part, attempt, until, wavelength, frozenset(arrays) - {"status"})
-        # A ray that did not arrive this time, or fared worse, keeps what it had.
+        # A ray that did not arrive this time, or whose error estimate is greater, keeps its earlier results.
         lost = ~reached(arrays["status"][rows]) | ~np.isfinite(arrays["step_error"][rows])
         better = reached(others["status"]) & (others["step_error"] < arrays["step_error"][rows])
         taken = lost | better

@@ -5,8 +5,8 @@ Numbers that depend on the precision are mappings from its name.
 """
 
 # The length of a step.
-# Steps of so many cells need no leave from the table of step bounds (step_bound.py): four samples a step are then less
-# far apart than the support of a sample. On a mesh, which has no table, they are the longest.
+# Steps up to this many cells are taken whatever the table of step bounds says (step_bound.py): four samples a step are
+# then closer together than the support of a sample. On a mesh, which has no table, no step is longer.
 STEP_LIMIT = 2.0
 MESH_STEP_LIMIT = 4.0
 # Greatest tolerance [waves] for which the field's structure may be stepped over.
@@ -51,9 +51,9 @@ TINY = {"float32": 1e-30, "float64": 1e-290}
 # Leapfrog samples.
 # Greatest angle with the first direction for which they hold [rad].
 LEAPFROG_ANGLE = 0.05
-# Blocks that a ray moves on by, along any axis, between two lookups of what lies between its samples.
+# Greatest number of blocks, along any axis, between two lookups of what lies between a ray's samples.
 LOOKUP_STRIDE = 1.5
-# What lies between them changes from cell to cell by so many times its size, at most.
+# What lies between them changes from cell to cell by at most this many times its size.
 MISSED_SLOPE = 2.0
 # What the air outside the field's support may do to a ray counts as an error from this share of the tolerance on: below
 # it is what the support was chosen for (support.py).

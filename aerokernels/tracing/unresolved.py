@@ -43,7 +43,7 @@ EDGE, EDGE_AT_ENDS = 0.92, 0.4
 END, RULE_AT_ENDS = 0.5, 8.0
 # The error over int |R| dt: of the sum, and of the integral.
 BOTH = 2.0
-# Cells between samples below which R is that of so many, but for a factor: its images have no end.
+# Below this many cells between samples, R is computed for this many and scaled: the images of a spline have no end.
 FINEST = 0.8
 # What a spline through one node that stands out makes of it between the next two nodes, at most.
 LOBE = 0.15
@@ -53,7 +53,7 @@ PEANO = 1.0 / 720.0
 LEAST_OBLIQUITY = 0.05
 # Of an axis that all rays run along, the least component; others along which they move less than a cell in a block.
 LEAST_MAIN, LEVEL = 0.7, 0.25
-# A lookup stands for so many blocks along that axis; strides are shorter where a ray ends, and find less of them.
+# Blocks along that axis that a lookup stands for; strides are shorter where a ray ends, and find fewer of them.
 LOOKED_OVER, LOOKED_SHORT = 3, 1.1
 # Blocks by which a ray may be deflected sideways, besides the drift of its straight line.
 DEFLECTED = 0.5

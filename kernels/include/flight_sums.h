@@ -27,7 +27,7 @@ static inline real quadrature_weight(int k, int count)
     return end == 0 ? R(13.0 / 12.0) : end == 1 ? R(7.0 / 8.0) : end == 2 ? R(25.0 / 24.0) : R(1.0);
 }
 
-// Those of three samples in turn, where there are twice three at least.
+// The weights of three consecutive samples, where there are six or more.
 static inline void triple_weights(int triple, int triples, real *weights)
 {
     const int is_first = triple == 0, is_last = triple == triples - 1;

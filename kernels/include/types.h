@@ -43,7 +43,7 @@ typedef struct {
     real plane_offset;
     real cell_rate[3];            // typical cells per metre, for limits on the step
     real step;                    // "fixed": arc length; leapfrog: greatest distance of samples that step_bound holds for
-    real step_limit;              // step in cells that needs no leave from step_bound
+    real step_limit;              // step in cells up to which step_bound is not asked
     int block_count[3];           // blocks along each local axis
     int block;                    // cells in a block
     real tolerance;               // OPD error allowed for the whole ray

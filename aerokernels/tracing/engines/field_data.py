@@ -25,10 +25,10 @@ class FieldData:
     """A field as kernels see it.
 
     Attributes:
-        arrays: Those of struct Field, by name; those that the field has no use for have one row.
+        arrays: Arrays of struct Field, by name; an array that the field has no use for has one row.
         field: Scalars and short vectors of struct Field, by name.
-        bounds: Those of struct Bounds but for the stop.
-        control: Those of struct Control but for the stop, the plan and the table of step bounds.
+        bounds: Members of struct Bounds, without those of the stop.
+        control: Members of struct Control, without those of the stop, the plan and the table of step bounds.
         origin: Where cell 0 lies in x, y, z [m].
         spacing: Metres per cell along x, y, z.
     """

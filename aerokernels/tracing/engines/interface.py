@@ -101,7 +101,7 @@ class Prepared:
         return self.engine.launch(self.kernel, self.arguments, [*starts, results, *counted], count)
 
     def allocate(self, count: int) -> dict[str, Any]:
-        """Buffers for the outputs of so many rays; one row for those that are not computed."""
+        """Buffers for the outputs of this many rays; one row for outputs that are not computed."""
         computed = self.outputs | {"status"}
         return {
             name: self.engine.empty(count if name in computed else 1, width, kind)

@@ -89,7 +89,7 @@ STRUCTS: dict[str, tuple[Value, ...]] = {
         Value("plane_offset", "real"),
         Value("cell_rate", "real3", "typical cells per metre, for limits on the step"),
         Value("step", "real", '"fixed": arc length; leapfrog: greatest distance of samples that step_bound holds for'),
-        Value("step_limit", "real", "step in cells that needs no leave from step_bound"),
+        Value("step_limit", "real", "step in cells up to which step_bound is not asked"),
         Value("step_bound", "real*", "of each block, see step_bound.py; leapfrog: error per metre, see unresolved.py"),
         Value("step_bound_start", "int*", "where each cone's table starts in step_bound; -1 where it has none"),
         Value("block_count", "int3", "blocks along each local axis"),
