@@ -12,14 +12,14 @@ from .pupil_grid import MapReader
 from .spectra import Spectrum, sample_rate, welch
 from .uncertainty import Mean, mean_of, root_of
 
-BLOCKS = 10  # of the series, whose differences are the error of what is no plain mean
+BLOCKS = 10  # of the series; their differences give the error of a number that is no plain mean
 APERTURES = (0.25, 0.5, 0.75, 1.0)  # of the pupil, by default
 DRIFTS = 0.01  # probability below which a series is said to drift
 LEAST_PIXELS = 12  # of an aperture
 
 
 class Table:
-    """Variables as they come together."""
+    """Variables, collected one by one."""
 
     def __init__(self) -> None:
         """Begin with none."""

@@ -1,4 +1,4 @@
-"""Random scenes that mix what leads a tracer astray, each with its truth.
+"""Random scenes that mix what tracers get wrong, each with its truth.
 
 A sum of Gaussian blobs and tanh layers, some of them one cell thin (needles, thin shocks), sampled on a grid of 24 to
 72 nodes a side that may be coarse beside them, in a box that may cut the disturbed air, with or without a round body;

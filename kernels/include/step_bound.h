@@ -32,7 +32,7 @@ static inline int cone_of(double3 d)
 static inline int step_bound_block(const Control *control, int axis, int cell, real place)
 {
     const int whole = cell + (int)floor(place);
-    // Blocks ahead of the first are clamped to it: the quotient's rounding toward zero does no harm.
+    // Blocks ahead of the first are clamped to it: that the quotient is rounded toward zero does not matter.
     return clamp(whole / control->block, 0, control->block_count[axis] - 1);
 }
 

@@ -80,7 +80,7 @@ def test_rays_of_every_direction_end_where_they_should(engine, geometry):
 
 @pytest.mark.parametrize("engine", ENGINES)
 def test_rays_that_leave_by_the_cylinder_at_a_slant(engine):
-    """Through a blob on the axis and then through quiet air: one Newton step to the cylinder was 0.1 wave off."""
+    """Through a blob on the axis and then through undisturbed air: one Newton step to the cylinder was 0.1 wave off."""
     field = blob("axisymmetric")
     rng = np.random.default_rng(0)
     start = np.c_[rng.uniform(-5e-3, 5e-3, COUNT), np.full(COUNT, -20e-3), rng.uniform(-3e-3, 3e-3, COUNT) - 14e-3]

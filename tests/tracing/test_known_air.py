@@ -207,7 +207,7 @@ def test_rays_beside_the_box_run_through_unknown_air():
 
 
 def test_bent_rays_are_told_by_where_they_ended():
-    """A strong lens turns a ray out of the side of the box, to which straight ahead there is the quiet end only.
+    """A strong lens turns a ray out of the side of the box, to which straight ahead there is the undisturbed end only.
 
     Without positions among the outputs the straight line is all that is known: OK.
     """
