@@ -135,8 +135,8 @@ class ZarrStore:
                 if (found or {}).get(key) != self.definition.get(key)
             ]
             key = keys[0] if keys else "all"
-            described = f"{key} was {_short((found or {}).get(key))} and is {_short(self.definition.get(key))}"
-            raise ValueError(f"out={self.path}: it holds another series, {described}; take another name, or remove it")
+            told = f"{key} was {_short((found or {}).get(key))} and is {_short(self.definition.get(key))}"
+            raise ValueError(f"out={self.path}: it holds another series, {told}; take another name, or remove it")
         for line in lines[1:]:
             self.done.add(dict(zip(NUMBERS, json.loads(line), strict=True)))
 

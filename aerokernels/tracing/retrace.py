@@ -43,14 +43,14 @@ def retrace_rejected(
         arrays: Per-ray results by name, "step_error" and "status" among them, which are changed.
     """
     held = held_error(field, plan.tolerance * wavelength)
-    # A trace along undisturbed lines stays one; leapfrog and tables stand for curved rays.
+    # A trace along undisturbed lines stays one; leapfrog and tables stand for bent rays.
     asked = "straight" if plan.method == "straight" and not (plan.sample_count or plan.columns) else "adaptive"
     controlled = replace(plan, method=asked, columns=False, sample_count=0, sampling=None)
 
     def trace_again(rows: np.ndarray, attempt: TracePlan) -> None:
         part = RayBundle(position[rows], direction[rows])
         others = launch(field, part, attempt, until, wavelength, frozenset(arrays) - {"status"})
-        # A ray that did not arrive this time, or whose error estimate is greater, keeps its earlier results.
+        # A ray that did not arrive this time, or fared worse, keeps what it had.
         lost = ~reached(arrays["status"][rows]) | ~np.isfinite(arrays["step_error"][rows])
         better = reached(others["status"]) & (others["step_error"] < arrays["step_error"][rows])
         taken = lost | better
@@ -81,7 +81,7 @@ def _powers(error: np.ndarray, held: float) -> np.ndarray:
     """The power of RETRACE_SHARE that brings each ray's error estimate below what it is held to; 1 at least.
 
     Each step may use the share of the tolerance that it has of the undisturbed ray's path through the field. A ray that
-    is deflected so far that its path is a hundred times longer ends a hundred times above the tolerance.
+    is turned so far that its path is a hundred times longer ends a hundred times above the tolerance.
     """
     with np.errstate(divide="ignore", invalid="ignore"):
         excess = np.where(np.isfinite(error), error, held) / held

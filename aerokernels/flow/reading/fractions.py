@@ -71,8 +71,8 @@ def choose_fractions(path, dataset: Dataset, densities, given) -> Fractions | No
     for block, (_, where) in zip(dataset.blocks, densities, strict=True):
         shares = np.stack([_share(path, block, name, where) for name in arrays.values()])
         blocks.append(_whole(path, block, shares, where, ", ".join(arrays.values()), list(arrays), basis))
-    described = ", ".join(name if name == array else f"{name} from {array!r}" for name, array in arrays.items())
-    return Fractions(tuple(arrays), blocks, f"a mixture by {basis} fractions of {described}")
+    told = ", ".join(name if name == array else f"{name} from {array!r}" for name, array in arrays.items())
+    return Fractions(tuple(arrays), blocks, f"a mixture by {basis} fractions of {told}")
 
 
 def _arrays(path, dataset: Dataset, given) -> tuple[str, dict[str, str]]:

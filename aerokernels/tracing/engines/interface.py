@@ -50,7 +50,7 @@ class Engine(Protocol):
         """Patches between traced rays made ready for outputs of rays of their family."""
 
     def pupil_kernels(self) -> dict[str, Any]:
-        """The kernels of a pupil, by name: launch_pupil, sum_moments, sum_phasors, reduce_sums."""
+        """The kernels of a pupil, by name: launch_pupil, sum_moments, sum_phasors, join_sums."""
 
     def put(self, array: np.ndarray) -> Any:
         """A buffer with a copy of the array, whose rows are numbers, places or directions."""
@@ -101,7 +101,7 @@ class Prepared:
         return self.engine.launch(self.kernel, self.arguments, [*starts, results, *counted], count)
 
     def allocate(self, count: int) -> dict[str, Any]:
-        """Buffers for the outputs of this many rays; one row for outputs that are not computed."""
+        """Buffers for the outputs of so many rays; one row for those that are not computed."""
         computed = self.outputs | {"status"}
         return {
             name: self.engine.empty(count if name in computed else 1, width, kind)

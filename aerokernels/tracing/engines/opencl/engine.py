@@ -189,7 +189,7 @@ class Engine:
         return self._memory(max(1, count) * width * np.dtype(kind).itemsize)
 
     def _memory(self, size: int):
-        """A buffer of this many bytes; on a GPU from its pool, unless it is so large that the pool would waste some."""
+        """A buffer of so many bytes; a GPU's come from its pool, unless they are so large that it would waste some."""
         size = max(size, 1)
         if self.session.pool is not None and size <= POOLED:
             return self.session.pool.allocate(size)
