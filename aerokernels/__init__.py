@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 __version__ = "0.1.0"
 
 # Where each name lives; "" for the modules.
-_HOME = {
+_MODULE_OF = {
     "Annulus": "rays",
     "ArcLength": "tracing",
     "BackendInfo": "tracing",
@@ -135,14 +135,14 @@ __all__ = [
 
 
 def __getattr__(name: str):
-    """Import a public name from its home."""
-    if name not in _HOME:
+    """Import a public name from the module that has it."""
+    if name not in _MODULE_OF:
         raise AttributeError(f"module 'aerokernels' has no attribute {name!r}")
-    home = _HOME[name]
-    if not home:
+    module = _MODULE_OF[name]
+    if not module:
         value = import_module(f".{name}", __name__)
     else:
-        value = getattr(import_module(f".{home}", __name__), name)
+        value = getattr(import_module(f".{module}", __name__), name)
     globals()[name] = value
     return value
 

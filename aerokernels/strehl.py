@@ -5,7 +5,7 @@ r"""The Strehl ratio: exact, by Marechal's approximation, and estimated over mil
 
 `estimate_strehl` (strehl_estimate.py) launches scrambled Sobol points over the pupil in independent replicates, traces
 and reduces them where the rays are; the spread of the replicates gives the standard error. A symmetric set-up is traced
-as a fan of far fewer rays (tracing/radial_quadrature.py).
+by radial quadrature, with far fewer rays (tracing/radial_quadrature.py).
 """
 
 from collections.abc import Iterable
@@ -100,8 +100,8 @@ class StrehlEstimate:
         opd_rms: Rms OPD after the terms removed [m].
         boresight: Deflection of the beam along the pupil's two axes [rad], shape (2,): slopes of the OPD's plane.
         ray_count: Rays that the estimate stands for: those asked for, rounded up to whole replicates.
-        traced_ray_count: Rays really traced; far fewer where a symmetric set-up was traced as a fan, whose sampling
-            error is no greater, or a smooth wavefront on lattices.
+        traced_ray_count: Rays really traced; far fewer where a symmetric set-up was traced by radial quadrature, whose
+            sampling error is no greater, or a smooth wavefront on lattices.
         blocked: Share of the rays that did not arrive; they carry no light into `value`'s mean.
         plan: What was chosen, skipped and why.
         seconds: Wall time by stage: see STAGES in clock.py.

@@ -52,9 +52,9 @@ __kernel void deliver_bundle(DELIVER_BUNDLE_ARGUMENTS)
     const int block = good ? block_map[(int)place.x * map_v + (int)place.y] : -1;
     double length = 0.0;
     if (block >= 0) {
-        int way = 0;
-        length = undisturbed_length(frame, stop, shape, checks_way, faces_that_matter, p, d, &way);
-        good = length > 0.0 && length < FAR && (!checks_way || (double)way == header[8 * block + 4]);
+        int face_pair = 0;
+        length = undisturbed_length(frame, stop, shape, checks_faces, faces_that_matter, p, d, &face_pair);
+        good = length > 0.0 && length < FAR && (!checks_faces || (double)face_pair == header[8 * block + 4]);
     }
     if (block < 0 || !good) {
         outputs.status[ray] = NOT_DELIVERED;

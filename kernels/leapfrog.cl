@@ -1,8 +1,9 @@
 // Nearly straight rays by equally many, evenly spaced samples; what it computes, and why so, stands in
 // aerokernels/tracing/engines/warp/kernels/leapfrog.py, its Warp twin.
 //
-// A work-item moves a packet of LANES rays in step. Arguments are those of the tracer; rough_count_out counts the rays
-// that are to be traced otherwise: their step_error_out is above the budget, infinite where this method does not hold.
+// A work-item moves a packet of LANES rays in step. Arguments are those of the tracer; rejected_count_out counts the
+// rays that are to be traced otherwise: their step_error_out is above the tolerance, or infinite where this method does
+// not hold.
 
 #include "arguments.h"
 #include "ends.h"
@@ -24,8 +25,8 @@ __kernel void leapfrog(LEAPFROG_ARGUMENTS)
 
     // Each lane's ray; spare lanes repeat the last one.
     Interval intervals[LANES];
-    double2 wholes[LANES];  // where their ways through the box begin and end, the uniform air's part too
-    int statuses[LANES], spoilt[LANES], surfaces[LANES], is_uniform[LANES];
+    double2 wholes[LANES];  // where their paths through the box begin and end, with the part in uniform air
+    int statuses[LANES], is_rejected[LANES], surfaces[LANES], is_uniform[LANES];
     reals x0, y0, z0, dx, dy, dz, length;
     for (int lane = 0; lane < LANES; lane++) {
         const int ray = min(first + lane, ray_count - 1);
@@ -33,7 +34,7 @@ __kernel void leapfrog(LEAPFROG_ARGUMENTS)
         Interval interval;
         statuses[lane] = start_of(&field, &arrays, &bounds, p, d, &interval);
         const int runs = interval.meets && statuses[lane] == RAY_OK;
-        spoilt[lane] = 0;
+        is_rejected[lane] = 0;
         wholes[lane] = (double2)(interval.t_enter, interval.t_exit);
         const Interval whole = interval;
         is_uniform[lane] = runs && keep_support(&bounds, p, d, &interval.t_enter, &interval.t_exit);
@@ -60,7 +61,7 @@ __kernel void leapfrog(LEAPFROG_ARGUMENTS)
         const int runs = interval.meets && statuses[lane] == RAY_OK;
         const real step = REAL_AT(flight.h, lane);
         real3 across = VECTOR_AT(flight.p, lane);
-        const real rest = REAL_AT(flight.slow, lane);
+        const real rest = REAL_AT(flight.slowness, lane);
         real3 q = VECTOR_AT(flight.q, lane);
         double path = (double)step * ((double)REAL_AT(flight.paths, lane) - (double)REAL_AT(flight.paths_carry, lane));
         double longitudinal_deficit =
@@ -68,33 +69,33 @@ __kernel void leapfrog(LEAPFROG_ARGUMENTS)
         double arc = (double)step * ((double)REAL_AT(flight.arcs, lane) - (double)REAL_AT(flight.arcs_carry, lane));
         real lateral_error = REAL_AT(flight.error, lane);
         real3 momentum = (real3)R(0.0);
-        double far = (double)REAL_AT(length, lane);
+        double flown = (double)REAL_AT(length, lane);
         double3 normal = (double3)(0.0), end = p;
         double more = 0.0;
-        real off_tail = R(0.0);  // how far the way from the last sample to the surface is off in direction
-        int landed = -1;
+        real off_tail = R(0.0);  // error of direction from the path between the last sample and the surface
+        int ends_on = -1;
         if (runs) {
             // What is left to the surface, which the ray meets a little beside the undisturbed one.
             const int uniform = is_uniform[lane];
             const double3 heading = d + convert_double3(rest * across);
             const double3 here = p + interval.t_exit * d + convert_double3(q);
-            landed = surfaces[lane];
+            ends_on = surfaces[lane];
             if (uniform) {
-                if (far > 0.0 && !leaves_support(&bounds, here, heading)) {
-                    spoilt[lane] = 1;  // turned, it goes on through disturbed air
+                if (flown > 0.0 && !leaves_support(&bounds, here, heading)) {
+                    is_rejected[lane] = 1;  // turned, it goes on through disturbed air
                 }
 #if STOP == PLANE
-                landed = LANDED_FREE;
+                ends_on = BEYOND_SUPPORT;
                 normal = VECTOR64(bounds.plane_normal);
 #else
-                more = exit_of(&bounds, here, heading, &landed);
+                more = exit_of(&bounds, here, heading, &ends_on);
 #endif
             }
-            if (landed != LANDED_FREE) {
+            if (ends_on != BEYOND_SUPPORT) {
                 if (!uniform) {
-                    more = line_to(&bounds, landed, here, heading);
+                    more = line_to(&bounds, ends_on, here, heading);
                 }
-                surface_distance(&bounds, landed, here + more * heading, &normal);
+                surface_distance(&bounds, ends_on, here + more * heading, &normal);
             }
             const double cosine = dot(normal, heading);
             // Along the parabola; what that leaves out, by the change of the slope over a cell, counts as an error.
@@ -118,73 +119,76 @@ __kernel void leapfrog(LEAPFROG_ARGUMENTS)
                 lateral_error, steep_tail * (tail / (real)fabs(cosine)) * lesser(tail * greatest(rate), R(1.0)));
             off_tail = rest * steep_tail * lesser((tail + R(0.5) * step) * greatest(rate), R(1.0));
             q += (real)more * rest * (across + (R(0.5) * (real)more) * force);
-            far += more;
+            flown += more;
             across += (real)more * force;
             momentum = across + (lead / rest) * convert_real3(d);
-            end = p + (interval.t_enter + far) * d + convert_double3(q);
+            end = p + (interval.t_enter + flown) * d + convert_double3(q);
             const real angle = sqrt(REAL_AT(flight.max_deflection, lane)) / (real)bounds.ambient;
             // Beside the undisturbed ray it stays within that angle of it.
             const double chord = wholes[lane].y - wholes[lane].x;
-            if (HAS_BODY && !stays_clear(&field, &arrays, p, d, wholes[lane].x, wholes[lane].y, chord * angle)) {
-                spoilt[lane] = 1;
+            if (HAS_BODY && !has_clearance(&field, &arrays, p, d, wholes[lane].x, wholes[lane].y, chord * angle)) {
+                is_rejected[lane] = 1;
             }
             if (may_have_left(&bounds, p + interval.t_exit * d, d, (double)REAL_AT(length, lane), (double)angle)) {
-                spoilt[lane] = 1;
+                is_rejected[lane] = 1;
             }
-            if (spoilt[lane] || !(angle <= LEAPFROG_ANGLE) || !isfinite(path) || !isfinite(lateral_error) ||
+            if (is_rejected[lane] || !(angle <= LEAPFROG_ANGLE) || !isfinite(path) || !isfinite(lateral_error) ||
                 fabs(cosine) <= LEAST_COSINE ||
                 (STOP == PLANE && fabs(dot(VECTOR64(bounds.plane_normal), heading)) <= LEAST_COSINE)) {
                 lateral_error = (real)INFINITY;
             }
-            // Where the box's end is the stop, the path is off by all of that way, else by what the field adds on it.
+            // Where the box's end is the stop, the path is off by all of that excess, else by what the field adds.
             // One that has left the support must not have left the box before.
-            const double way = overrun(&bounds, &control, uniform ? -1 : landed, uniform ? here : end, heading);
+            const double excess = overrun(&bounds, &control, uniform ? -1 : ends_on, uniform ? here : end, heading);
             const double loss = STOP == NONE && !uniform ? bounds.ambient : fmax(fabs(s) / bounds.ambient, 1.0e-30);
-            lateral_error = greater(lateral_error, way > 0.0 ? (real)(way * loss) : R(0.0));
+            lateral_error = greater(lateral_error, excess > 0.0 ? (real)(excess * loss) : R(0.0));
         }
         // In the tracer's sums: sigma, S, M and B, of which M - B is the deviation along the ray.
         const double4 sums64 =
-            (double4)((far - longitudinal_deficit) / bounds.ambient, path, arc, arc - longitudinal_deficit);
+            (double4)((flown - longitudinal_deficit) / bounds.ambient, path, arc, arc - longitudinal_deficit);
         const real4 sums = (real4)((real)sums64.x, (real)sums64.y, (real)sums64.z, (real)sums64.w);
         const real4 carry = (real4)(
             (real)((double)sums.x - sums64.x), (real)((double)sums.y - sums64.y), (real)((double)sums.z - sums64.z),
             (real)((double)sums.w - sums64.w));
         const Arrival arrival = end_of(
-            &bounds, &control, p, d, &interval, statuses[lane], landed, q, (real3)R(0.0), momentum, sums, carry, R(0.0));
+            &bounds, &control, p, d, &interval, statuses[lane], ends_on, q, (real3)R(0.0), momentum, sums, carry,
+            R(0.0));
         if (runs && arrival.status != RAY_OK) {
-            lateral_error = (real)INFINITY;  // at a plane on the box's edge a bent ray may fare otherwise
+            lateral_error = (real)INFINITY;  // a deflected ray may miss a plane on the box's edge
         } else if (runs) {
-            // How far place and direction are off counts where the stop is met at a slant, and so does what the air
-            // outside the field's support does to them.
-            const double3 off_place = convert_double3(VECTOR_AT(flight.off_place, lane));
-            const double3 off_turn = convert_double3(VECTOR_AT(flight.off_turn, lane));
+            // Errors of place and direction count where the ray meets its stop at an angle, and so does what the air
+            // outside the field's support does to both.
+            const double3 deviation_diff = convert_double3(VECTOR_AT(flight.deviation_diff, lane));
+            const double3 momentum_diff = convert_double3(VECTOR_AT(flight.momentum_diff, lane));
             const double onward = STOP == PLANE ? arrival.flight : arrival.flight + more;
             if (STOP == PLANE) {
                 normal = VECTOR64(bounds.plane_normal);
             }
-            // A turned ray's error of direction also has a part along d, by which it meets a far stop earlier.
-            const double3 astray = off_place + (onward * (double)rest) * off_turn;
-            const double obliquity = fabs(dot(normal, astray)) + fabs(dot(convert_double3(rest * momentum), astray));
+            // The direction error of a deflected ray also has a part along d, by which it meets a far stop earlier.
+            const double3 displacement = deviation_diff + (onward * (double)rest) * momentum_diff;
+            const double obliquity =
+                fabs(dot(normal, displacement)) + fabs(dot(convert_double3(rest * momentum), displacement));
             const double cosine = fmax(fabs(dot(normal, d)), STEEPEST_COSINE);
             lateral_error =
                 greater(lateral_error, control.quadrature_error_scale * (real)(bounds.ambient * obliquity / cosine));
             const double tangent = sqrt(fmax(1.0 - cosine * cosine, 0.0)) / cosine;
-            const double slant = tangent + (double)sqrt(REAL_AT(flight.max_deflection, lane));
-            lateral_error = greater(lateral_error, off_tail * (real)(bounds.ambient * onward * slant));
+            const double greatest_tangent = tangent + (double)sqrt(REAL_AT(flight.max_deflection, lane));
+            lateral_error = greater(lateral_error, off_tail * (real)(bounds.ambient * onward * greatest_tangent));
             const double chord = wholes[lane].y - wholes[lane].x;
-            const double lever = (chord + onward) * slant;
+            const double lever_arm = (chord + onward) * greatest_tangent;
             const double outside = fmax(chord - (double)REAL_AT(length, lane), 0.0);
-            const real left = (real)(outside * ((double)control.left_potential + lever * (double)control.left_slope));
+            const real left =
+                (real)(outside * ((double)control.left_potential + lever_arm * (double)control.left_slope));
             if (left > LEFT_SHARE * control.tolerance) {
                 lateral_error = greater(lateral_error, left);
             }
         }
         if (runs && REAL_AT(missed, lane) > R(0.0)) {
             const double onward = arrival.flight + interval.t_exit - interval.t_enter;
-            lateral_error += with_lever(&field, REAL_AT(missed, lane), (real)onward, (real)fabs(dot(normal, d)));
+            lateral_error += with_lever_arm(&field, REAL_AT(missed, lane), (real)onward, (real)fabs(dot(normal, d)));
         }
         if (lateral_error > control.tolerance) {
-            atomic_inc(rough_count_out);
+            atomic_inc(rejected_count_out);
         }
         const int samples = runs ? count : 0;
         write_outputs(&outputs, control.outputs, ray, &arrival, (double)lateral_error, samples, samples);

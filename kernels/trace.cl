@@ -32,9 +32,9 @@ __kernel void trace_kernel(TRACE_KERNEL_ARGUMENTS)
     real4 sums = (real4)R(0.0), sums_carry = sums;  // sigma, S, M, B
     real used = R(0.0);
     real max_deflection = R(0.0);  // greatest angle with d so far
-    int steps = 0, evaluations = 0, landed = -1;
-    real obliquity_first = R(0.0), harm = R(0.0);
-    real astray = R(0.0), doubt = R(0.0);  // how far beside its place the ray may be; what it may gain behind a face
+    int steps = 0, evaluations = 0, ends_on = -1;
+    real obliquity_first = R(0.0), opd_rate = R(0.0);
+    real displacement = R(0.0), gain = R(0.0);  // how far beside its place the ray may be; what it gains behind a face
     int undecided = 0;  // whether it has run in a face: then it may have left there
 
     if (interval.meets && status == RAY_OK) {
@@ -50,17 +50,18 @@ __kernel void trace_kernel(TRACE_KERNEL_ARGUMENTS)
         real3 force = FORCE(s);
         momentum = contrast(ambient, pot) * d;
         const int cone = cone_of(d0);
-        const Lever lever = lever_of(&bounds, &control, &interval, p0, d0);
-        const real obliquity = lever.obliquity, lever_arm = lever.lever_arm;
+        const StopGeometry to_stop = stop_geometry_of(&bounds, &control, &interval, p0, d0);
+        const real obliquity = to_stop.obliquity, lever_arm = to_stop.lever_arm;
         // The table of step bounds weighs the kinks that a step may pass by the path, not by what they turn a ray
         // aside.
-        const real caution =
-            AT_FACES && obliquity * lever_arm * greatest(cell_rate) > R(1.0) ? R(0.0) : lever.caution;
+        const real derating =
+            AT_FACES && obliquity * lever_arm * greatest(cell_rate) > R(1.0) ? R(0.0) : to_stop.derating;
         const real first_momentum = size3(momentum);
         const real arc_left = (real)(bounds.length - interval.t_enter);
         real aside = R(0.0);  // so far beside its undisturbed line the ray meets no body
-        if (HAS_BODY && stays_clear(&field, &arrays, p0, d0, interval.t_enter, NEVER, WALL_ASIDE / greatest(cell_rate))) {
-            aside = WALL_ASIDE / greatest(cell_rate);
+        const real near = WALL_ASIDE / greatest(cell_rate);
+        if (HAS_BODY && has_clearance(&field, &arrays, p0, d0, interval.t_enter, NEVER, near)) {
+            aside = near;
         }
         real h_next = control.extent / ambient;
         real h_cap = h_next;  // shorter after a step that would have ended well behind a surface
@@ -72,13 +73,13 @@ __kernel void trace_kernel(TRACE_KERNEL_ARGUMENTS)
             const real h_cell = R(1.0) / greater(size3(total * cell_rate), TINY);
             const real h_least = LEAST_STEP / (greatest(cell_rate) * size3(total));
             const Stride ahead = stride(
-                &field, &arrays, &control, current_cell, cone, cell, frac, total, force, index, caution, h_cell, h_next,
-                h_cap);
+                &field, &arrays, &control, current_cell, cone, cell, frac, total, force, index, derating, h_cell,
+                h_next, h_cap);
             const real3 shown = IS_STRAIGHT ? frac + q * rate : frac;
-            int land, runs;
-            real h = event_location(&control, rate, interval.side, cell, shown, tangent, force, ahead.h, &land, &runs);
+            int event, runs;
+            real h = event_location(&control, rate, interval.side, cell, shown, tangent, force, ahead.h, &event, &runs);
             if (STOP == ARC) {
-                h = arc_event_location(arc_left - (ambient * sums.x + sums.z), index, total, force, h, &land);
+                h = arc_event_location(arc_left - (ambient * sums.x + sums.z), index, total, force, h, &event);
             }
 
             const real hh = h * h;
@@ -93,20 +94,21 @@ __kernel void trace_kernel(TRACE_KERNEL_ARGUMENTS)
             evaluations += 3;
             const real3 kick = kick_of(h, force, s2, s3);
 
-            real turn_now, leverage, strays;
+            real angle_now, direction_weight, step_displacement;
             const real off = step_error(
-                ambient, d, total, momentum, h, h <= ahead.safe, max_deflection, &lever, pot, force, s2, s3, s4,
-                &turn_now, &leverage, &strays);
+                ambient, d, total, momentum, h, h <= ahead.safe, max_deflection, &to_stop, pot, force, s2, s3, s4,
+                &angle_now, &direction_weight, &step_displacement);
 
             int accept = 1;
             if (CONTROLLED) {
-                const real rounding = step_rounding(&control, ambient, h, leverage, rate, frac, pot, force, s3);
+                const real rounding = step_rounding(&control, ambient, h, direction_weight, rate, frac, pot, force, s3);
                 real ratio;
-                accept = step_acceptance(&control, off, rounding, used, h, h_cell, h_least, index, lever.reach, &ratio);
+                accept = step_acceptance(
+                    &control, off, rounding, used, h, h_cell, h_least, index, to_stop.reach, &ratio);
                 if (accept) {
                     // A step cut short by a surface says nothing against the length wanted.
                     h_next = greater(h * ratio, h_least);
-                    if (land >= 0) {
+                    if (event >= 0) {
                         h_next = greater(h_next, ahead.h);
                     }
                 } else {
@@ -118,16 +120,16 @@ __kernel void trace_kernel(TRACE_KERNEL_ARGUMENTS)
             int runs_on = 0;  // whether it ends in a face
             if (accept && h > h_least) {
                 const real3 there = shown + (h * tangent + kick) * rate;
-                const real3 swung = (tangent + h * FORCE(s4)) * rate;
+                const real3 end_velocity = (tangent + h * FORCE(s4)) * rate;
                 real nearest;
-                int missed = passed_surface(&control, interval.side, cell, there, land, &nearest);
-                if (land >= 0 && land != LANDED_ARC) {
+                int missed = passed_surface(&control, interval.side, cell, there, event, &nearest);
+                if (event >= 0 && event != ARC_SURFACE) {
                     const real close = R(0.05) * greater(ahead.h * size3(total * rate), R(0.01));
-                    missed |= overshot(&control, land, interval.side, cell, there, swung, h, close);
+                    missed |= overshoots(&control, event, interval.side, cell, there, end_velocity, h, close);
                 } else {
-                    const real room = room_at_face(&control, astray);
-                    if (CONTROLLED && nearest <= room) {
-                        runs_on = in_face(&control, interval.side, cell, there, swung, room);
+                    const real allowance = face_margin(&control, displacement);
+                    if (CONTROLLED && nearest <= allowance) {
+                        runs_on = in_face(&control, interval.side, cell, there, end_velocity, allowance);
                     }
                 }
                 if (missed) {
@@ -140,8 +142,8 @@ __kernel void trace_kernel(TRACE_KERNEL_ARGUMENTS)
             real behind = R(-1.0);
             if (HAS_BODY && accept && !(size3(q + h * momentum + kick) < aside)) {
                 const double3 here = place_of(p0, d0, &interval, bounds.ambient, q, q_carry, sums, sums_carry);
-                const real room = steps ? WALL_BACK * h_cell : R(0.0);
-                behind = behind_wall(&field, &arrays, &control, here, tangent, kick, h, room);
+                const real allowance = steps ? WALL_BACK * h_cell : R(0.0);
+                behind = behind_wall(&field, &arrays, &control, here, tangent, kick, h, allowance);
                 if (behind > WALL_CLOSE * h_cell) {
                     accept = 0;
                     h_cap = (h - behind) + R(0.5) * WALL_CLOSE * h_cell;
@@ -157,11 +159,11 @@ __kernel void trace_kernel(TRACE_KERNEL_ARGUMENTS)
                         undecided
                             ? h
                             : time_beyond_face(&control, rate, interval.side, cell, shown, tangent, force, h);
-                    doubt += late * possible_gain(ambient, &lever, turn_now, pot, force, s3);
+                    gain += late * possible_gain(ambient, &to_stop, angle_now, pot, force, s3);
                 }
                 undecided |= runs_on;
-                astray += strays;
-                max_deflection = turn_now;
+                displacement += step_displacement;
+                max_deflection = angle_now;
                 advance4(&sums, &sums_carry, step_sums(ambient, d, momentum, h, pot, force, s2, s3, s4));
                 advance3(&q, &q_carry, h * momentum + kick);
                 advance3(&momentum, &momentum_carry, impulse_of(h, force, s2, s3, s4));
@@ -176,7 +178,7 @@ __kernel void trace_kernel(TRACE_KERNEL_ARGUMENTS)
                     const real3 bearing = IS_STRAIGHT ? ambient * d : ambient * d + momentum;
                     const real3 curve = IS_STRAIGHT ? (real3)R(0.0) : force;
                     const real rest =
-                        land >= 0 ? R(0.0) : rest_to_face(frac, bearing * rate, curve * rate, ahead.stand_off, h);
+                        event >= 0 ? R(0.0) : rest_to_face(frac, bearing * rate, curve * rate, ahead.stand_off, h);
                     advance4(&sums, &sums_carry, tangent_sums(ambient, d, momentum, rest, pot, force));
                     advance3(&q, &q_carry, rest * momentum + (R(0.5) * rest * rest) * force);
                     advance3(&momentum, &momentum_carry, rest * force);
@@ -196,7 +198,7 @@ __kernel void trace_kernel(TRACE_KERNEL_ARGUMENTS)
                     }
                     evaluations++;
                 }
-                if (ONE_SCALAR) {
+                if (CONSISTENT_GRADIENT) {
                     // Back onto |T| = n: the error along the ray, which the path would feel in full, is gone.
                     const real3 projecting = project_momentum(ambient, d, momentum, pot);
                     momentum += projecting;
@@ -211,20 +213,20 @@ __kernel void trace_kernel(TRACE_KERNEL_ARGUMENTS)
                     running = 0;
                     status = RAY_HIT_BODY;
                 }
-                if (running && land >= 0) {
+                if (running && event >= 0) {
                     int done = 0;
-                    if (STOP == ARC && land == LANDED_ARC) {
+                    if (STOP == ARC && event == ARC_SURFACE) {
                         const real rest = arc_left - (ambient * sums.x + sums.z);
                         back = arc_surface_intersection(rest, ambient + contrast(ambient, pot), arc_left, h, &done);
                     } else {
                         const real3 now = IS_STRAIGHT ? frac + q * rate : frac;
                         const real3 velocity = (ambient * d + momentum) * rate;
                         back = surface_intersection(
-                            &control, land, interval.side, cell, now, velocity, force * rate, h, h_cell, &done);
+                            &control, event, interval.side, cell, now, velocity, force * rate, h, h_cell, &done);
                     }
                     if (done) {
                         running = 0;
-                        landed = land;
+                        ends_on = event;
                     }
                 }
                 if (back != R(0.0)) {
@@ -247,18 +249,19 @@ __kernel void trace_kernel(TRACE_KERNEL_ARGUMENTS)
         }
         if (CONTROLLED) {
             used = stop_error(
-                used + doubt, &bounds, d0, ambient, momentum, first_momentum, max_deflection, &lever, astray);
+                used + gain, &bounds, d0, ambient, momentum, first_momentum, max_deflection, &to_stop, displacement);
             obliquity_first = obliquity;
-            harm = (fabs(pot) + size3(force) * (obliquity + max_deflection) * lever_arm) / ambient;
+            opd_rate = (fabs(pot) + size3(force) * (obliquity + max_deflection) * lever_arm) / ambient;
         }
     }
 
     Arrival arrival = end_of(
-        &bounds, &control, p0, d0, &interval, status, landed, q, q_carry, momentum, sums, sums_carry,
+        &bounds, &control, p0, d0, &interval, status, ends_on, q, q_carry, momentum, sums, sums_carry,
         max_deflection);
-    if (CONTROLLED && arrival.status == RAY_OK && landed >= 0) {
+    if (CONTROLLED && arrival.status == RAY_OK && ends_on >= 0) {
         const real cell_size = R(1.0) / greatest(VECTOR(control.cell_rate));
-        used = event_location_error(used, ambient, cell_size, landed, arrival.grazing, obliquity_first, harm, astray);
+        used = event_location_error(
+            used, ambient, cell_size, ends_on, arrival.grazing, obliquity_first, opd_rate, displacement);
     }
     if (CONTROLLED && arrival.status == RAY_OK && !(used <= control.tolerance)) {
         arrival.status = RAY_TOLERANCE_NOT_MET;  // to be traced again, see retrace.py

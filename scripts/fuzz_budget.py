@@ -1,4 +1,4 @@
-"""Does the reported error cover the error made? Random scenes that mix what leads a tracer astray.
+"""Does the reported error cover the error made? Random scenes that mix what tracers get wrong.
 
 What is drawn stands in aerokernels/validation/scene_draws.py, what must hold in scene_check.py beside it.
 """

@@ -58,7 +58,14 @@ def constants() -> str:
         *_reals(
             {
                 name: getattr(scheme, name)
-                for name in ("DIRECTION_SHARE", "OBLIQUITY_KEPT", "SMOOTH", "ROUGH", "BLUNTED", "MAGNIFIED")
+                for name in (
+                    "DIRECTION_SHARE",
+                    "OBLIQUITY_KEPT",
+                    "LEAST_RATIO_SMOOTH",
+                    "LEAST_RATIO",
+                    "RATIO_GROWTH",
+                    "MAGNIFIED",
+                )
             }
         ),
         *_group(
@@ -67,11 +74,11 @@ def constants() -> str:
         *_defines(
             {
                 name: getattr(scheme, name)
-                for name in ("LEAST_COSINE", "STEEPEST_COSINE", "GRAZING_REST", "LEAST_SLOPE", "ROUNDED_WAY")
+                for name in ("LEAST_COSINE", "STEEPEST_COSINE", "GRAZING_TOLERANCE", "LEAST_SLOPE", "ENTRY_ROUNDING")
             }
         ),
-        *_group("Landing: the share of a step that may be left to a surface"),
-        *_reals({name: getattr(scheme, name) for name in ("EVENT_LOCATION_SHARE", "SLACK_COUNTED")}),
+        *_group("Event location: the share of a step that may be left to a surface"),
+        *_reals({name: getattr(scheme, name) for name in ("EVENT_LOCATION_SHARE", "TOLERANCE_COUNTED")}),
         *_group("Leapfrog samples: greatest angle with the first direction [rad], least share of what is left out"),
         *_reals(
             {name: getattr(scheme, name) for name in ("LEAPFROG_ANGLE", "LOOKUP_STRIDE", "MISSED_SLOPE", "LEFT_SHARE")}
@@ -85,12 +92,12 @@ def constants() -> str:
         *_group("Cosines of the angles at which rays have turned out of their cones"),
         *_reals({"NARROW_COSINE": np.cos(CONES[1].spread), "WIDE_COSINE": np.cos(CONES[2].spread)}),
         *_group("Where a ray ends"),
-        *_defines({name: getattr(scheme, name) for name in ("LANDED_ARC", "LANDED_FREE", "WALK_LIMIT")}),
+        *_defines({name: getattr(scheme, name) for name in ("ARC_SURFACE", "BEYOND_SUPPORT", "WALK_LIMIT")}),
         *_group("The body: chords, closeness and room in cells; A of lines parallel to the axis, triangles (double)"),
         *_reals({name: getattr(scheme, name) for name in ("WALL_SAG", "WALL_CLOSE", "WALL_ASIDE", "WALL_BACK")}),
         *_defines({"PARALLEL": PARALLEL, "LEAST_SIDE": LEAST_SIDE, "GRAZING_SQUARE": scheme.GRAZING_SQUARE}),
         *_group("Pupil: rays summed by one work-item and the sums it delivers, and the hash of the scramble"),
-        *_defines({"GROUP": scheme.GROUP, "JOINED": scheme.JOINED}),
+        *_defines({"GROUP": scheme.GROUP, "REDUCTION_WIDTH": scheme.REDUCTION_WIDTH}),
         *_defines({"MOMENT_COUNT": MOMENT_COUNT, "SUM_COUNT": SUM_COUNT}),
         *_defines({f"HASH_{k}": f"0x{value:08X}u" for k, value in enumerate(scheme.HASHES, start=1)}),
         *_group("Shapes of pupils, and numbers of a table of pixels before its shares"),
@@ -147,7 +154,7 @@ def _holds(path: Path, text: str) -> bool:
 
 
 def _by_precision(precision: str) -> list[str]:
-    names = ("NOISE", "DIRECTION_NOISE", "TINY", "EVENT_LOCATION_NOISE", "AT_FACE", "RADIUS_NOISE", "SLACK_CELLS")
+    names = ("NOISE", "DIRECTION_NOISE", "TINY", "EVENT_LOCATION_NOISE", "AT_FACE", "RADIUS_NOISE", "SURFACE_TOLERANCE")
     return _reals({name: getattr(scheme, name)[precision] for name in names})
 
 

@@ -84,7 +84,7 @@ def rows(ray_count: int, repeats: int, backend: str) -> list[list[str]]:
             partial(estimate, method="adaptive", symmetry="off"),
             partial(estimate, symmetry="off"),
         ),
-        ("symmetric pupil", "disc", "fan", partial(estimate, symmetry="off"), estimate),
+        ("symmetric pupil", "disc", "radius", partial(estimate, symmetry="off"), estimate),
         ("what is not asked for", "all outputs", "OPD", rays, partial(rays, outputs=("opd",))),
         ("what rays cannot reach", "whole flow", "the part they can", whole, part),
         ("all for the Strehl ratio", "plain", "auto", plain, estimate),

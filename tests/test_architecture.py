@@ -11,10 +11,10 @@ import pytest
 
 PACKAGE = Path(__file__).resolve().parents[1] / "aerokernels"
 
-# Low to high. A room may import rooms of lower rank, and its own.
+# Low to high. A package may import packages of lower rank, and its own.
 RANK = {
-    room: rank
-    for rank, rooms in enumerate(
+    package: rank
+    for rank, packages in enumerate(
         [
             ("read_only",),
             ("units", "quantities", "callable_module", "sobol", "wavelength", "derived", "clock", "opened"),
@@ -45,7 +45,7 @@ RANK = {
             ("__main__",),
         ]
     )
-    for room in rooms
+    for package in packages
 }
 HEAVY = (
     "warp",
@@ -70,7 +70,7 @@ def dotted(path: Path) -> tuple[str, ...]:
 
 
 def imported(path: Path) -> set[tuple[int, str]]:
-    """(line, room) of everything that the module imports from this package, wherever in the module it does so."""
+    """(line, package) of everything that the module imports from this package, wherever in the module it does so."""
     here = dotted(path)
     package = here if path.name == "__init__.py" else here[:-1]
     found = set()
@@ -80,7 +80,7 @@ def imported(path: Path) -> set[tuple[int, str]]:
         elif isinstance(node, ast.ImportFrom):
             base = list(package[: len(package) - node.level + 1]) if node.level else []
             base += node.module.split(".") if node.module else []
-            # `from aerokernels import flow` names a room only in what is imported
+            # `from aerokernels import flow` names a package only in what is imported
             names = [[*base, alias.name] for alias in node.names] if len(base) < 2 else [base]
         else:
             continue
@@ -91,13 +91,15 @@ def imported(path: Path) -> set[tuple[int, str]]:
 
 @pytest.mark.parametrize("path", MODULES, ids=lambda path: ".".join(dotted(path)[1:]))
 def test_imports_run_from_later_stages_to_earlier_ones(path: Path):
-    room = dotted(path)[1]
-    if room == "__init__":
+    package = dotted(path)[1]
+    if package == "__init__":
         return  # it only hands names out
-    assert room in RANK, f"{path}: a new room; give it its rank in this test"
+    assert package in RANK, f"{path}: a new package; give it its rank in this test"
     for line, other in imported(path):
-        assert other in RANK, f"{path}:{line}: imports {other or 'the whole package'!r}, which is no room with a rank"
-        assert other == room or RANK[other] < RANK[room], f"{path}:{line}: {room} may not import {other}"
+        assert other in RANK, (
+            f"{path}:{line}: imports {other or 'the whole package'!r}, which is no package with a rank"
+        )
+        assert other == package or RANK[other] < RANK[package], f"{path}:{line}: {package} may not import {other}"
 
 
 def imported_modules(path: Path, modules: dict[tuple[str, ...], Path]) -> set[tuple[str, ...]]:
@@ -210,7 +212,7 @@ def test_the_import_reader_sees_every_form(tmp_path: Path):
         def read_text(encoding):
             return text
 
-    assert {room for _, room in imported(Source)} == {  # type: ignore[arg-type]
+    assert {package for _, package in imported(Source)} == {  # type: ignore[arg-type]
         "echo",
         "jobs",
         "tracing",

@@ -152,8 +152,8 @@ def test_strehl_ratio_of_a_phase_plate_through_every_shape(name: str, engine: st
     assert found.blocked == 0.0
 
 
-def test_an_annulus_on_the_axis_is_traced_as_a_fan():
-    """Axisymmetric field and pupil: a fan's Strehl ratio is that of rays all over the annulus, focus removed or not."""
+def test_an_annulus_on_the_axis_is_traced_by_radial_quadrature():
+    """Axisymmetric field and pupil: radial quadrature gives the Strehl ratio of the annulus, focus removed or not."""
     r, z = np.linspace(0.0, 5e-3, 51), np.linspace(0.0, 4e-3, 25)
     contrast = 2e-4 * np.exp(-((r[:, None] / 2e-3) ** 2)) * np.sin(np.pi * z / z[-1]) ** 4
     field = IndexField.from_samples(

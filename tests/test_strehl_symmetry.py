@@ -1,4 +1,4 @@
-"""A symmetric set-up traced as a fan: the same Strehl ratio as the disc and the exact one, and only where it may."""
+"""A symmetric set-up by radial quadrature: the Strehl ratio of the disc and the exact one, and only where it may."""
 
 from functools import partial
 
@@ -143,13 +143,13 @@ def test_either_way_along_the_axis(normal, direction):
 def test_the_shipped_field_gives_what_the_disc_gives(mach3, name, precision):
     """Same rays' errors on both, so within the standard errors; the other moments follow."""
     options = engine(name) | {"precision": precision, "ray_count": 65_536}
-    fan, disc = (estimate_strehl(mach3, DOME, symmetry=way, **options) for way in ("auto", "off"))
-    assert fan.traced_ray_count == REPLICATES * RADIAL_RAYS and disc.traced_ray_count == 65_536
-    assert abs(fan.value - disc.value) < 4.0 * np.hypot(fan.standard_error, disc.standard_error)
-    assert fan.standard_error < disc.standard_error
-    assert fan.opd_rms == pytest.approx(disc.opd_rms, rel=1e-4)
-    assert fan.marechal == pytest.approx(disc.marechal, abs=1e-5)
-    assert (fan.boresight == 0.0).all() and np.abs(disc.boresight).max() < 1e-7
+    radial, disc = (estimate_strehl(mach3, DOME, symmetry=way, **options) for way in ("auto", "off"))
+    assert radial.traced_ray_count == REPLICATES * RADIAL_RAYS and disc.traced_ray_count == 65_536
+    assert abs(radial.value - disc.value) < 4.0 * np.hypot(radial.standard_error, disc.standard_error)
+    assert radial.standard_error < disc.standard_error
+    assert radial.opd_rms == pytest.approx(disc.opd_rms, rel=1e-4)
+    assert radial.marechal == pytest.approx(disc.marechal, abs=1e-5)
+    assert (radial.boresight == 0.0).all() and np.abs(disc.boresight).max() < 1e-7
 
 
 def test_blocked_rays_carry_no_light():
@@ -160,14 +160,14 @@ def test_blocked_rays_carry_no_light():
     errors alike (each of 15 degrees of freedom, so a factor of 3).
     """
     field, asked = lens(body=ball(3.1e-3)), 16 * 7000
-    fan, disc = (estimate_strehl(field, Disc(PUPIL), ray_count=asked, symmetry=way) for way in (True, False))
-    assert fan.traced_ray_count == asked + REPLICATES * RADIAL_RAYS
-    assert any("as at an edge" in reason for reason in fan.plan.reasons)
-    assert fan.blocked == pytest.approx((3.1 / 6.0) ** 2, abs=2e-3)
-    assert fan.value == pytest.approx(exact_strehl(inner=3.1e-3), abs=1e-3)
-    assert abs(fan.value - disc.value) < 4.0 * np.hypot(fan.standard_error, disc.standard_error)
-    assert abs(fan.blocked - disc.blocked) < 1e-4
-    assert fan.standard_error < 3.0 * disc.standard_error
+    radial, disc = (estimate_strehl(field, Disc(PUPIL), ray_count=asked, symmetry=way) for way in (True, False))
+    assert radial.traced_ray_count == asked + REPLICATES * RADIAL_RAYS
+    assert any("as at an edge" in reason for reason in radial.plan.reasons)
+    assert radial.blocked == pytest.approx((3.1 / 6.0) ** 2, abs=2e-3)
+    assert radial.value == pytest.approx(exact_strehl(inner=3.1e-3), abs=1e-3)
+    assert abs(radial.value - disc.value) < 4.0 * np.hypot(radial.standard_error, disc.standard_error)
+    assert abs(radial.blocked - disc.blocked) < 1e-4
+    assert radial.standard_error < 3.0 * disc.standard_error
 
 
 def test_a_slit_of_light_is_found():
@@ -269,7 +269,7 @@ def test_an_unknown_choice_is_refused(symmetry):
         estimate_strehl(lens(), Disc(PUPIL), symmetry=symmetry)
 
 
-def test_the_reference_backend_traces_the_same_fan():
+def test_the_reference_backend_traces_the_same_radial_quadrature():
     """Its sums are those of the kernels, for the same few rays in equal steps: OPDs differ by rounding."""
     pupil, field, stop = Disc(PUPIL), lens(node_count=11), Plane((0.0, 0.0, 0.03), (0.0, 0.0, 1.0))
     sums = []

@@ -94,7 +94,7 @@ class DetectorChain:
             time: Times [s], shape (n,), in even steps.
             power: Received power [W], shape (n,).
             seed: Seed of the noise, or a generator to take it from.
-            stride: Every so many times there is a sample.
+            stride: Number of given times from one sample to the next.
 
         Returns:
             Samples [V], shape (ceil(n / stride),).

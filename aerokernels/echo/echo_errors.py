@@ -10,7 +10,7 @@ r"""What the numbers of an echo may be off by.
                    waveform scaled by 1 +- that share), what the samples' place under the pulse does, and e itself as a
                    length; random: the standard deviation of the range between noisy records
 
-A number's error is the root sum of squares of its parts. Return factors "bucket" and "none" do not hang on phases.
+A number's error is the root sum of squares of its parts. Return factors "bucket" and "none" do not depend on phases.
 """
 
 import math
@@ -125,7 +125,7 @@ class EchoProbe:
         }
 
     def random_errors(self, count: int) -> dict[str, float]:
-        """Standard deviation of the range by method [m], read off so many noisy records."""
+        """Standard deviation of the range by method [m], read off this many noisy records."""
         found = self.rangefinder.statistics(self.scene, self.fine, self.power, self.stride, count)
         return {name: one.random_error for name, one in found.items()}
 

@@ -1,4 +1,4 @@
-"""The way out to the target, through the flow.
+"""The paths out to the target, through the flow.
 
 One ray for each target point, from the exit aperture to the tilted target. R_L = integral of n ds inside the traced
 field plus the ambient index times the straight remainder (eq 9, with lengths and optical lengths kept apart). The path
@@ -18,19 +18,19 @@ from .target_points import TargetPoints
 
 @dataclass(frozen=True)
 class TransmitPaths:
-    """The ways out, one a target point.
+    """The paths out, one for each target point.
 
     Attributes:
-        landing: Where each ray meets the target [m], shape (m, 3).
+        intersection: Where each ray meets the target [m], shape (m, 3).
         direction: Unit tangent there, shape (m, 3).
-        deflection: What the flow turned it by, toward x and y [rad], shape (m, 2).
+        deflection: Deflection by the flow, toward x and y [rad], shape (m, 2).
         path: Optical path R_L from the exit aperture to there [m], shape (m,).
         incidence_cosine: Cosine of the angle to the target's normal, shape (m,).
         arrived: Whether the ray got there, shape (m,).
         trace: The trace, or None in vacuum.
     """
 
-    landing: np.ndarray
+    intersection: np.ndarray
     direction: np.ndarray
     deflection: np.ndarray
     path: np.ndarray
@@ -61,27 +61,27 @@ def trace_options(scene: Scene) -> dict:
 
 
 def vacuum_paths(points: TargetPoints, plane: Plane) -> TransmitPaths:
-    """The ways out in vacuum: straight lines."""
+    """The paths out in vacuum: straight lines."""
     line = points.aim - points.start
     direction = line / np.linalg.norm(line, axis=1, keepdims=True)
     cosine = direction @ plane.normal
     path = ((plane.point - points.start) @ plane.normal) / cosine
-    landing = points.start + path[:, None] * direction
+    intersection = points.start + path[:, None] * direction
     deflection = np.zeros((len(path), 2))
-    return TransmitPaths(landing, direction, deflection, path, cosine, np.ones(len(path), dtype=bool))
+    return TransmitPaths(intersection, direction, deflection, path, cosine, np.ones(len(path), dtype=bool))
 
 
 def transmit_paths(scene: Scene, field: IndexField, points: TargetPoints) -> TransmitPaths:
-    """The ways out through the flow. Rays that do not arrive have NaN for a path and a landing point."""
+    """The paths out through the flow. Rays that do not arrive have NaN for a path and an intersection."""
     plane = target_plane(scene)
     rays = RayBundle(points.start, points.aim - points.start)
     wanted = ("position", "direction", "optical_path", "evaluation_count")
     result = trace(field, rays, until=plane, outputs=wanted, **trace_options(scene))
     position, direction, path = result.position, result.direction, result.optical_path
     assert position is not None and direction is not None and path is not None  # they were asked for
-    landing, direction = (np.where(result.ok[:, None], values, np.nan) for values in (position, direction))
+    intersection, direction = (np.where(result.ok[:, None], values, np.nan) for values in (position, direction))
     return TransmitPaths(
-        landing=landing,
+        intersection=intersection,
         direction=direction,
         deflection=(direction - rays.direction)[:, :2],
         path=np.where(result.ok, path, np.nan),

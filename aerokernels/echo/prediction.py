@@ -24,7 +24,7 @@ class EchoPrediction:
         peak_voltage: Its peak voltage [V].
         reasons: Why, for each ranging method that cannot read it; a scene has no range by such a method.
         least_factor: What the flow must leave of the light, 0 to 1, for the scene's own method to find the echo; NaN
-            where that method does not hang on the amplitude, or finds none even in vacuum.
+            where that method does not depend on the amplitude, or finds none even in vacuum.
     """
 
     peak_power: float
@@ -48,11 +48,11 @@ def predict_echo(scene: Scene, field: IndexField | None = None) -> EchoPredictio
     rangefinder = Rangefinder.calibrated(scene, time, voltage, fine)
     peak = peak_height(voltage)
     own = scene.detector.ranging
-    fixed = own == "leading-edge" and own not in rangefinder.blind
+    fixed = own == "leading-edge" and own not in rangefinder.unreadable
     return EchoPrediction(
         peak_height(power),
         peak,
-        rangefinder.blind,
+        rangefinder.unreadable,
         scene.detector.threshold / peak if fixed else float("nan"),
     )
 
@@ -67,5 +67,5 @@ def check_echo(
     """
     found = vacuum_record(scene)
     if field is not None and scene.receiver.return_factor != "none":
-        check_ahead(field, vacuum_paths(target_points(scene), target_plane(scene)).landing)
+        check_ahead(field, vacuum_paths(target_points(scene), target_plane(scene)).intersection)
     return found

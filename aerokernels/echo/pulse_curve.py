@@ -11,7 +11,7 @@ import numpy as np
 
 # The centroid is taken where the pulse stands above this share of its peak: farther out there is only noise.
 CENTROID_FLOOR = 0.1
-# So many equal samples at the top are no peak between two samples, but a level that was not passed.
+# This many equal samples at the top are not a peak between two samples but a level that was not passed.
 PLATEAU = 3
 
 

@@ -6,7 +6,7 @@ flow; from there to the point it is a straight line in air at rest. The optical 
     OPD = opd at the plane + n_ambient (|T - r| - |T - r0|)
 
 r and r0 being where the disturbed and the undisturbed ray cross the plane, T the target point. Without the second term
-the plane's slant against the ray would count: 0.1 wave at 2 degrees off the axis. That the ray misses T by a little is
+the plane's angle with the ray would count: 0.1 wave at 2 degrees off the axis. That the ray misses T by a little is
 of second order in the deflection (Fermat), 3e-4 wave at 100 urad.
 
 Rays toward one point converge, and millions of (target point, pupil point) pairs would not fit in memory with all that

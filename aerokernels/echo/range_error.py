@@ -150,9 +150,9 @@ def chain_range_statistics(
         chain: The chain, whose noise, limits and digitiser every record goes through.
         time: Times [s], shape (n,), in even steps fine enough for the pulse and the low-pass.
         power: Received power [W], shape (n,).
-        read: Range [m] from sample times [s] and samples [V]; a ValueError of it is a missed echo.
+        read: Range [m] from sample times [s] and samples [V]; an echo that it refuses by a ValueError is missed.
         true_range: What the geometry says [m].
-        stride: Every so many times there is a sample.
+        stride: Number of given times from one sample to the next.
         trial_count: Records to range, at least two.
         seed: Seed of the noise.
         confidence: Probability of the confidence intervals, between 0 and 1.

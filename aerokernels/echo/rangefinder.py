@@ -30,7 +30,7 @@ class Rangefinder:
         calibration: What is subtracted from each method's reading [m]; methods that cannot read the
             reference are absent.
         walk: The curve that the leading edge is corrected by, or None.
-        blind: Why, for each method that cannot read the reference.
+        unreadable: Why, for each method that cannot read the reference.
     """
 
     threshold: float
@@ -38,7 +38,7 @@ class Rangefinder:
     shape: Shape
     calibration: Mapping[str, float]
     walk: RangeWalk | None = None
-    blind: Mapping[str, str] = field(default_factory=dict)
+    unreadable: Mapping[str, str] = field(default_factory=dict)
 
     @classmethod
     def calibrated(
@@ -55,7 +55,7 @@ class Rangefinder:
         """
         detector = scene.detector
         known = (time, reference) if fine is None else fine
-        walk, offsets, blind = None, {}, {}
+        walk, offsets, unreadable = None, {}, {}
         methods = dict.fromkeys(RANGING_METHODS, 0.0)
         try:
             shape = template_curve(known[1], as_waveform(*known)[2])
@@ -66,15 +66,15 @@ class Rangefinder:
             try:
                 walk = range_walk(*known, detector.threshold)
             except ValueError as fault:
-                blind["leading-edge"] = f"the echo in vacuum gives no range walk curve: {fault}"
+                unreadable["leading-edge"] = f"the echo in vacuum gives no range walk curve: {fault}"
                 del methods["leading-edge"]
         bare = cls(detector.threshold, detector.fraction, shape, methods, walk)
         for method in methods:
             try:
                 offsets[method] = bare.range(time, reference, method) - scene.target.distance
             except ValueError as fault:
-                blind[method] = f"the echo in vacuum, without flow, cannot be ranged: {fault}"
-        return cls(detector.threshold, detector.fraction, shape, offsets, walk, blind)
+                unreadable[method] = f"the echo in vacuum, without flow, cannot be ranged: {fault}"
+        return cls(detector.threshold, detector.fraction, shape, offsets, walk, unreadable)
 
     def range(
         self, time: np.ndarray, voltage: np.ndarray, method: str, made: tuple[PulseCurve, int] | None = None
@@ -109,8 +109,8 @@ class Rangefinder:
             made = shaped_curve(volts, self.shape, period)
         for method in RANGING_METHODS:
             found[method] = math.nan
-            if method in self.blind:
-                reasons[method] = self.blind[method]
+            if method in self.unreadable:
+                reasons[method] = self.unreadable[method]
                 continue
             try:
                 found[method] = self.range(time, voltage, method, made)

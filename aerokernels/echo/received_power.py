@@ -22,7 +22,7 @@ def vacuum_power(
 def point_power(scene: Scene, weight: np.ndarray, paths: TransmitPaths, factor: np.ndarray) -> np.ndarray:
     """Peak power of each point's pulse at the receiver [W], shape (m,)."""
     check_aperture(scene.receiver.diameter, scene.target.distance)
-    to_receiver = np.array([0.0, 0.0, scene.receiver.aperture_z]) - paths.landing
+    to_receiver = np.array([0.0, 0.0, scene.receiver.aperture_z]) - paths.intersection
     to_receiver = to_receiver / np.linalg.norm(to_receiver, axis=1, keepdims=True)
     lobe = lobe_cosine(paths.direction, scene.target.orientation[:, 2], to_receiver)
     whole = plane_echo_power(

@@ -1,9 +1,9 @@
-"""What the flow takes off the light on its way back, for every target point.
+"""The share of the light that the flow leaves on the path back, for every target point.
 
 "strehl"  the share of the receiver's pupil that the light gets through to, times the Strehl ratio over that part, tilt
           kept, piston removed (the paper's factor; a Strehl ratio is a peak intensity, not a power)
 "bucket"  that share alone: all light that reaches the pupil falls on a detector larger than the spot. Refraction moves
-          no light into the pupil or out of it but by focusing, some 1e-4 here, which is left out
+          light into the pupil or out of it only by focusing, some 1e-4 here, which is left out
 "none"    1, and no ray is traced
 
 Both vary smoothly over the target, so they are computed at Chebyshev-Lobatto points on the target and interpolated by
@@ -27,7 +27,7 @@ EVERY = "every"
 
 @dataclass(frozen=True, eq=False)
 class ReturnPaths:
-    """The ways back, one a landing point; NaN where there is none, and where nothing was traced.
+    """The paths back, one for each intersection with the target; NaN where there is none, and where nothing was traced.
 
     Attributes:
         factor: What is left of the light, 0 to 1, shape (m,).
@@ -50,19 +50,19 @@ class ReturnPaths:
 def return_paths(
     scene: Scene,
     field: IndexField,
-    landing: np.ndarray,
+    intersection: np.ndarray,
     plane: Plane,
     node_count: int | str = 9,
     symmetry: bool = True,
 ) -> ReturnPaths:
-    """Return factor at landing points on the target.
+    """Return factor at the intersections of rays with the target.
 
     Args:
         scene: The scene.
         field: The refractive index.
-        landing: Landing points [m], shape (m, 3); NaN where there is none.
+        intersection: Where rays meet the target [m], shape (m, 3); NaN where they do not.
         plane: The target's plane.
-        node_count: Points a side at which the factor is computed, odd and at least 3; "every": at all landing points.
+        node_count: Points a side at which the factor is computed, odd and at least 3; "every": at all intersections.
         symmetry: Whether to use the symmetry about the axis where there is one.
 
     Raises:
@@ -76,12 +76,12 @@ def return_paths(
     ):
         raise ValueError(f"strehl_node_count must be odd and at least 3, or {EVERY!r}, got {node_count!r}")
     kind = scene.receiver.return_factor
-    arrived = np.isfinite(landing).all(axis=1)
-    unknown = np.full(len(landing), np.nan)
+    arrived = np.isfinite(intersection).all(axis=1)
+    unknown = np.full(len(intersection), np.nan)
     if kind == "none":
         return ReturnPaths(np.where(arrived, 1.0, np.nan), unknown, unknown.copy(), 0.0)
     pupil = receiver_pupil(scene)
-    place = landing[arrived]
+    place = intersection[arrived]
     if node_count == EVERY:
         sums = reduce_pupils(scene, field, place, *pupil)
         found, error = (sums.strehl, sums.open_share), 0.0
@@ -107,7 +107,7 @@ def _factor(kind: str, strehl: np.ndarray, open_share: np.ndarray) -> np.ndarray
 
 
 def _along_a_radius(scene, field, place, pupil, node_count: int, kind: str):
-    """Sums at points of one radius, and their even polynomial at the landing points' distances from the axis."""
+    """Sums at points of one radius, and their even polynomial at the intersections' distances from the axis."""
     node = _lobatto(node_count)
     reach = max(float(np.hypot(place[:, 0], place[:, 1]).max()), 1e-9)
     half = node_count // 2
@@ -121,13 +121,13 @@ def _along_a_radius(scene, field, place, pupil, node_count: int, kind: str):
 
 
 def _over_the_target(scene, field, place, plane, pupil, node_count: int, kind: str):
-    """Sums at a grid of points over the rectangle around the landing points, and their polynomial there."""
+    """Sums at a grid of points over the rectangle around the intersections, and their polynomial there."""
     node = _lobatto(node_count)
     low, high = place[:, :2].min(axis=0), place[:, :2].max(axis=0)
     center, half = 0.5 * (low + high), np.maximum(0.5 * (high - low), 1e-9)
     x, y = np.meshgrid(center[0] + half[0] * node, center[1] + half[1] * node, indexing="ij")
-    slant = ((x - plane.point[0]) * plane.normal[0] + (y - plane.point[1]) * plane.normal[1]) / plane.normal[2]
-    target = np.stack([x, y, plane.point[2] - slant], axis=-1).reshape(-1, 3)
+    rise = ((x - plane.point[0]) * plane.normal[0] + (y - plane.point[1]) * plane.normal[1]) / plane.normal[2]
+    target = np.stack([x, y, plane.point[2] - rise], axis=-1).reshape(-1, 3)
     sums = reduce_pupils(scene, field, target, *pupil)
     tables = [values.reshape(node_count, node_count) for values in (sums.strehl, sums.open_share)]
     return sums, *_interpolate(tables, node, (place[:, :2] - center) / half, kind)

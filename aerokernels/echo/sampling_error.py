@@ -1,9 +1,9 @@
-"""What too few samples across a pulse do to a range: measured on a pulse of the record's own widths.
+"""The error of a range from too few samples across a pulse, measured on a pulse of the record's own widths.
 
 A pulse is sampled at eight phases between two samples and read by the method in question; the truth is the same
 reading of the pulse itself. The pulse is the template where it is a function, otherwise one of the record's own peak
 and half widths before and after it, a Gaussian to either side: edges that are steeper than that cost more. The widths
-are read off too few samples themselves; the pulse is made as narrow as the widest that its own samples would look.
+are read off too few samples themselves; so the pulse is made so narrow that its samples look as wide as the record's.
 """
 
 import warnings
@@ -18,7 +18,7 @@ from .waveform import SPEED_OF_LIGHT
 PHASE_COUNT = 8
 # The widths of a few samples are misjudged by up to a third of the error that they make.
 SAFETY = 1.5
-# A pulse of so many samples across its width at half height is read rightly by every method: nothing is measured.
+# Samples across a pulse's width at half height from which on every method reads it rightly: nothing is measured.
 ENOUGH_SAMPLES = 8.0
 # Error above which a reading is warned of, over the range that the pulse's width stands for: 0.45 mm for one of 10 ns.
 TOLERATED = 3e-4

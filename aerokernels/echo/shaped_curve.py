@@ -1,4 +1,4 @@
-"""A sampled pulse of known shape as a smooth curve: what the samples alone do not tell, the shape does.
+"""A sampled pulse of known shape as a smooth curve: the shape tells what the samples alone do not.
 
 No interpolation of the samples alone can be right where there are few of them across the pulse: what the pulse holds
 above half the sample rate is gone. (A Gaussian at two samples to its width at half height: a threshold at half height

@@ -89,7 +89,7 @@ def echo(
             "check receiver.aperture_z and beam.exit_radius against the body"
         )
     node_count = scene.receiver.strehl_node_count if strehl_node_count is None else strehl_node_count
-    back = return_paths(scene, flow, out.landing, plane, node_count, symmetry)
+    back = return_paths(scene, flow, out.intersection, plane, node_count, symmetry)
     time, fine, stride = _record_times(scene, pulse, vacuum.path, out.path)
 
     reference = vacuum_power(scene, pulse, points.weight, vacuum, fine)
@@ -127,7 +127,7 @@ def echo(
         voltage=voltage,
         clean_voltage=clean,
         noise_rms=chain.noise_rms(0.0, scene.detector.sample_rate) if noisy else 0.0,
-        target_point=out.landing,
+        target_point=out.intersection,
         path=out.path,
         deflection=out.deflection,
         incidence=np.arccos(np.clip(out.incidence_cosine, -1.0, 1.0)),

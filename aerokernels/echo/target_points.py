@@ -102,8 +102,8 @@ def _resolving_counts(scene: Scene, outline: np.ndarray) -> tuple[int, int]:
     path = np.linalg.norm(ray, axis=1) * ((center - start) @ normal) / (ray @ normal)
     sides = np.column_stack([np.ones(len(flat)), flat])
     slope = np.linalg.lstsq(sides, path, rcond=None)[0]
-    bent = float(np.ptp(path - sides @ slope))
-    depth = np.abs(slope[1:]) * np.ptp(outline, axis=0) + bent
+    residual = float(np.ptp(path - sides @ slope))
+    depth = np.abs(slope[1:]) * np.ptp(outline, axis=0) + residual
     # Gauss points are pi / 2 times farther apart in the middle than on average.
     step = 0.5 * SPEED_OF_LIGHT * pulse_of(scene).timescale / (0.5 * math.pi * LEAST_PER_TIMESCALE)
     across, along = (math.ceil(length / step) for length in depth)

@@ -199,7 +199,7 @@ class Series:
             return density
         density = host_array(density)
         assert self.ambient_density is not None  # open_series asks for it
-        told = f"{self.provenance}, snapshot {number} at {self.time[number]:g} s".lstrip(", ")
+        described = f"{self.provenance}, snapshot {number} at {self.time[number]:g} s".lstrip(", ")
         if isinstance(self.mesh, GridMesh):
             return GridDensity(
                 density,
@@ -210,13 +210,13 @@ class Series:
                 self.mesh.cell_averages,
                 self.body,
                 self.conditions,
-                told,
+                described,
             )
         assert isinstance(self.mesh, QuadMesh)
         at_vertices = density.size == len(self.mesh.vertices) and density.size != len(self.mesh.cells)
         kind = VertexDensity if at_vertices else CellDensity
         assert not isinstance(self.body, SolidBody)  # which a volume alone has
-        return kind(self.mesh, density, self.ambient_density, self.body, self.conditions, told)
+        return kind(self.mesh, density, self.ambient_density, self.body, self.conditions, described)
 
 
 def mesh_of(flow: DensityField) -> GridMesh | QuadMesh | None:

@@ -151,16 +151,16 @@ def _of_files(
         raise ValueError(f"{missing[0]}: no such file ({len(missing)} of {len(paths)} are missing)")
     times = times_of(time, step, start, len(paths))
     identity = {"files": [[path.name, path.stat().st_size] for path in paths]}
-    told = f"{len(paths)} files from {paths[0].name} to {paths[-1].name}"
-    return _of_fields(lambda number: reader(paths[number]), times, reader(paths[0]), told, identity=identity)
+    described = f"{len(paths)} files from {paths[0].name} to {paths[-1].name}"
+    return _of_fields(lambda number: reader(paths[number]), times, reader(paths[0]), described, identity=identity)
 
 
-def _of_fields(get: Callable[[int], Any], times: np.ndarray, first: Any, told: str, **more: Any) -> Series:
+def _of_fields(get: Callable[[int], Any], times: np.ndarray, first: Any, described: str, **more: Any) -> Series:
     """A series of density fields: what the first one has counts for those that agree with it."""
     if not isinstance(first, DensityField):
-        raise TypeError(f"{told}: read must return a DensityField, got {type(first).__name__}")
+        raise TypeError(f"{described}: read must return a DensityField, got {type(first).__name__}")
     conditions = getattr(first, "conditions", None)
-    return Series(get, times, mesh_of(first), first.ambient_density, first.body, conditions, told, **more)
+    return Series(get, times, mesh_of(first), first.ambient_density, first.body, conditions, described, **more)
 
 
 def _reader(read: Callable[..., DensityField] | None, options: dict[str, Any], density: str | None) -> Callable:

@@ -19,7 +19,7 @@ from aerokernels.hardware.preamble import Preamble, PreambleError, parse_rigol, 
 if TYPE_CHECKING:
     import serial
 
-_QUIET_TIME = 0.25  # [s] without a byte after which a response that went wrong is taken to be over
+_IDLE_TIME = 0.25  # [s] without a byte after which a response that went wrong is taken to be over
 _GREATEST_DRAIN_TIME = 5.0  # [s]
 _PROBE_TIME = 1.0  # [s] for a question that the instrument may not know
 
@@ -164,11 +164,11 @@ class Oscilloscope:
 
     def _drain(self) -> None:
         """Listen until nothing comes any more, so that the next answer is to the next question."""
-        until, last = time.monotonic() + _QUIET_TIME, time.monotonic() + _GREATEST_DRAIN_TIME
+        until, last = time.monotonic() + _IDLE_TIME, time.monotonic() + _GREATEST_DRAIN_TIME
         while time.monotonic() < min(until, last) and not self._stopped():
             chunk = read_available(self._port)
             if chunk:
-                until = time.monotonic() + _QUIET_TIME
+                until = time.monotonic() + _IDLE_TIME
                 for piece in self._decoder.feed(chunk):
                     raw = piece.text.encode("ascii") if isinstance(piece, TextLine) else piece.raw
                     self._damaged.append(DamagedPiece(raw, "text: not asked for"))

@@ -11,7 +11,7 @@ from aerokernels.compare import compare_waveforms
 from aerokernels.jobs.averages import AverageEcho
 from aerokernels.jobs.run_folder import RunFolder
 
-QUIET_END = 1e-3  # of the simulated peak
+DECAYED = 1e-3  # of the simulated peak
 # Of the simulated peak, that must lie within the recorded times where the peak itself does not.
 LEAST_PEAK = 0.9
 # And where it does, between samples far apart.
@@ -25,7 +25,7 @@ def simulated_on(run: RunFolder, time: np.ndarray) -> np.ndarray:
     spline = make_interp_spline(run.time - run.time[0], run.voltage, k=5)
     inside = (time >= run.time[0]) & (time <= run.time[-1])
     peak = float(np.abs(run.voltage).max())
-    before, after = (0.0 if abs(end) <= QUIET_END * peak else np.nan for end in (run.voltage[0], run.voltage[-1]))
+    before, after = (0.0 if abs(end) <= DECAYED * peak else np.nan for end in (run.voltage[0], run.voltage[-1]))
     volts = np.where(time < run.time[0], before, after)
     volts[inside] = spline(time[inside] - run.time[0])
     return volts

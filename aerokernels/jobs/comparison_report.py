@@ -122,7 +122,7 @@ def range_table(found: BenchComparison) -> Table:
 
 
 def _caveat(one: LabelComparison) -> str:
-    """What goes with a number that another pulse than the simulated one has spoilt."""
+    """The remark on a number that a pulse other than the simulated one has distorted."""
     return ", but another pulse" if one.waveform.same_pulse is False else ""
 
 

@@ -97,7 +97,7 @@ def explanation(scene: Scene) -> list[tuple[str, str]]:
         ("rays, picture", f"{FAN_RAYS}, to {FAN_PLANES - 1} planes"),
         (
             "rays, echo",
-            f"{scene.beam.ray_count:,} target points; {_way_back(scene, prepared.field)}",
+            f"{scene.beam.ray_count:,} target points; {_return_path(scene, prepared.field)}",
         ),
         ("ranging", f"{scene.detector.ranging}, {scene.detector.sample_rate / 1e9:g} GHz samples"),
         *_predicted_echo(scene, prepared.field),
@@ -165,7 +165,7 @@ def _prediction(plan: TracePlan, ray_count: int) -> str:
     return f"{cost}; OPD error {error:.1g} waves"
 
 
-def _way_back(scene: Scene, field: IndexField) -> str:
+def _return_path(scene: Scene, field: IndexField) -> str:
     """How the light's way back is traced, in words."""
     receiver = scene.receiver
     if receiver.return_factor == "none":

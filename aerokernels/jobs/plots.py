@@ -108,7 +108,7 @@ def density_figure(dataset: "xarray.Dataset") -> "Figure":
 
 
 def rays_figure(dataset: "xarray.Dataset") -> "Figure":
-    """The fan of rays where it crosses the flow, and how far each strays from its straight line."""
+    """The fan of rays where it crosses the flow, and how far each deviates from its straight line."""
     from matplotlib import colormaps
 
     position = 1e3 * dataset["ray_position"].values  # (ray, plane, axis)

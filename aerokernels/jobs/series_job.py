@@ -69,7 +69,7 @@ def run_series(scene: Scene, out: Path, progress: Progress | None = None) -> dic
     check_output_folder(out, own=(MAPS_FILE,))
     series, table, trace = scene_series(scene), scene.series, scene.trace
 
-    def told(text: str, share: float) -> None:
+    def report(text: str, share: float) -> None:
         if progress is not None:
             progress(text, MAPS_SHARE * share)
 
@@ -87,7 +87,7 @@ def run_series(scene: Scene, out: Path, progress: Progress | None = None) -> dic
         device=trace.device,
         precision=trace.precision,
         out=out / MAPS_FILE,
-        progress=told,
+        progress=report,
     )
     if progress is not None:
         progress("statistics", MAPS_SHARE)

@@ -163,7 +163,9 @@ def ray_fan(field: IndexField, scene: Scene, front: float) -> RayFan:
     half = pupil.half_extent[1]
     start = _in_plane(pupil, np.zeros(FAN_RAYS), np.linspace(-half, half, FAN_RAYS))
     rays = RayBundle(start, np.broadcast_to(pupil.normal, start.shape))
-    planes = np.linspace(pupil.center, pupil.center + 1.1 * _way_out(field, pupil, front) * pupil.normal, FAN_PLANES)
+    planes = np.linspace(
+        pupil.center, pupil.center + 1.1 * _distance_out(field, pupil, front) * pupil.normal, FAN_PLANES
+    )
     position = np.full((FAN_RAYS, FAN_PLANES, 3), np.nan)
     position[:, 0] = start
     for column, point in enumerate(planes[1:], start=1):
@@ -181,7 +183,7 @@ def _in_plane(pupil: Pupil, x: np.ndarray, y: np.ndarray) -> np.ndarray:
     return pupil.center + x[:, None] * first + y[:, None] * second
 
 
-def _way_out(field: IndexField, pupil: Pupil, front: float) -> float:
+def _distance_out(field: IndexField, pupil: Pupil, front: float) -> float:
     """Length [m] of the way from a pupil's centre, along where it looks, to where the flow ends."""
     low, high = (np.array(corner, dtype=np.float64) for corner in field.box)
     high[2] = front

@@ -8,7 +8,7 @@ With corners a, b, c, d in order around the cell, xi from a to b and eta from a 
 import numpy as np
 
 # Relative tolerance of the containment test: a point on an edge belongs to a cell on either side, never to none.
-EDGE_SLACK = 1e-9
+EDGE_TOLERANCE = 1e-9
 # Newton's method is quadratic: after a step of this size (in xi, eta) what is left is rounding.
 LAST_STEP = 1e-9
 MAX_STEPS = 12
@@ -52,4 +52,4 @@ def contains(corners: np.ndarray, points: np.ndarray) -> np.ndarray:
     x, y = np.ascontiguousarray(np.moveaxis(corners, -1, 0).swapaxes(1, 2))  # (4, n) each
     across, up = np.roll(x, -1, axis=0) - x, np.roll(y, -1, axis=0) - y
     side = across * (points[:, 1] - y) - up * (points[:, 0] - x)
-    return (side >= -EDGE_SLACK * (across**2 + up**2)).all(axis=0)
+    return (side >= -EDGE_TOLERANCE * (across**2 + up**2)).all(axis=0)

@@ -22,7 +22,7 @@ from .walls import bounding_walls
 TILE_POINTS = 512  # points that look for the nearest wall together
 
 
-# Points of an axisymmetric profile so near to the axis, as a share of the body's size, are on it.
+# Points of an axisymmetric profile nearer to the axis than this share of the body's size count as on it.
 ON_AXIS = 1e-12
 
 

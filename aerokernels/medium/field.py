@@ -260,8 +260,8 @@ class IndexField(Derived):
         if points.ndim != 2 or points.shape[1] != 3:
             raise ValueError(f"points must have shape (n, 3), x, y and z of each [m], got {points.shape}")
         local = self.local_coordinates(points)
-        slack = 1e-12 * (self.samples.high - self.samples.low)
-        inside = np.all((local >= self.samples.low - slack) & (local <= self.samples.high + slack), axis=1)
+        tolerance = 1e-12 * (self.samples.high - self.samples.low)
+        inside = np.all((local >= self.samples.low - tolerance) & (local <= self.samples.high + tolerance), axis=1)
         contrast, gradient = np.zeros(len(points)), np.zeros((len(points), 3))
         contrast[inside], slope = self.samples.evaluate(local[inside])
         if self.geometry == "volume":

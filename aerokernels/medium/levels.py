@@ -1,11 +1,11 @@
-"""The same field with every second and every fourth node only: what its interpolation error is judged by.
+"""The same field with every second and every fourth node only, from which its interpolation error is estimated.
 
 With f_h the optical path through all nodes, and f_2h, f_4h through every second and fourth, the order seen is
 p = log2 |f_4h - f_2h| / |f_2h - f_h| and what is left in f_h about |f_2h - f_h| / (2^p - 1) (L. F. Richardson, Phil.
 Trans. A 210 (1911) 307). A shock inside a cell shows order 1, noise of the samples order 1/2; an order above the
 interpolant's own is not believed.
 
-A mesh of which no vertices can be left out is judged the other way round, by four times the cells: see refined.py.
+For a mesh of which no vertices can be left out, the error is estimated on four times the cells: see refined.py.
 """
 
 from dataclasses import dataclass, replace
@@ -25,7 +25,7 @@ LOWEST_ORDER = 0.5
 LEAST_ALIKE = 1.0
 # Another interpolant of the same kind, for fields of too few nodes to leave any out.
 OTHER = {"cubic": "linear", "linear": "cubic", "monotone": "cubic"}
-# What is left in a field over its change under four times the cells: slopes, whose error is halved, decide.
+# The error of a field over its change on four times the cells: slopes, whose error is halved, decide.
 REFINED_SHARE = 2.0
 
 

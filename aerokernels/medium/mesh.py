@@ -12,7 +12,7 @@ import numpy as np
 from ..arguments import Numbers, checked
 from ..read_only import ReadOnly
 from ..shown import shown
-from .bilinear import EDGE_SLACK, bilinear_point, contains, invert_bilinear
+from .bilinear import EDGE_TOLERANCE, bilinear_point, contains, invert_bilinear
 from .grid import check_finite
 
 GEOMETRIES = ("volume", "planar", "axisymmetric")
@@ -152,9 +152,9 @@ class QuadMesh(ReadOnly):
         count = np.maximum(1, np.sqrt(len(self.cells) * extent / extent[::-1]).astype(int))
         count = np.minimum(count, 4096)
         size = extent / count
-        slack = EDGE_SLACK * extent
-        first = np.clip(((self.corners.min(axis=1) - slack - low) / size).astype(int), 0, count - 1)
-        last = np.clip(((self.corners.max(axis=1) + slack - low) / size).astype(int), 0, count - 1)
+        tolerance = EDGE_TOLERANCE * extent
+        first = np.clip(((self.corners.min(axis=1) - tolerance - low) / size).astype(int), 0, count - 1)
+        last = np.clip(((self.corners.max(axis=1) + tolerance - low) / size).astype(int), 0, count - 1)
         span = last - first + 1
         entries = span.prod(axis=1)
         cell = np.repeat(np.arange(len(self.cells)), entries)
@@ -170,9 +170,9 @@ class QuadMesh(ReadOnly):
     def cell_boxes(self) -> tuple[np.ndarray, np.ndarray]:
         """Lowest and highest coordinates of each cell with a slack [m], shape (2, cell_count) each."""
         low, high = self.box
-        slack = (EDGE_SLACK * (high - low))[:, None]
+        tolerance = (EDGE_TOLERANCE * (high - low))[:, None]
         x = self.corners.T  # (2, 4, cell_count)
-        return np.ascontiguousarray(x.min(axis=1) - slack), np.ascontiguousarray(x.max(axis=1) + slack)
+        return np.ascontiguousarray(x.min(axis=1) - tolerance), np.ascontiguousarray(x.max(axis=1) + tolerance)
 
     def locate(self, points: np.ndarray) -> np.ndarray:
         """Index of the cell that holds each point, -1 where none does; points (n, 2) [m], result (n,).
@@ -182,9 +182,9 @@ class QuadMesh(ReadOnly):
         points = np.asarray(points, dtype=np.float64)
         bins = self.bins
         low, high = self.box
-        slack = EDGE_SLACK * (high - low)
+        tolerance = EDGE_TOLERANCE * (high - low)
         found = np.full(len(points), -1, dtype=np.int64)
-        rows = np.flatnonzero(np.all((points >= low - slack) & (points <= high + slack), axis=1))
+        rows = np.flatnonzero(np.all((points >= low - tolerance) & (points <= high + tolerance), axis=1))
         place = np.floor((points[rows] - bins.origin) / bins.size).astype(np.int64)
         place = np.clip(place, 0, np.array(bins.count) - 1)
         key = place[:, 0] * bins.count[1] + place[:, 1]
@@ -260,11 +260,11 @@ def _orient(vertices: np.ndarray, cells: np.ndarray) -> np.ndarray:
         length = np.linalg.norm(edge, axis=2)
     onward = np.roll(edge, -1, axis=1)
     turn = edge[..., 0] * onward[..., 1] - edge[..., 1] * onward[..., 0]
-    bent = (turn <= 1e-9 * length * np.roll(length, -1, axis=1)).any(axis=1)
-    if bent.any():
-        worst = int(np.argmax(bent))
+    is_degenerate = (turn <= 1e-9 * length * np.roll(length, -1, axis=1)).any(axis=1)
+    if is_degenerate.any():
+        worst = int(np.argmax(is_degenerate))
         raise ValueError(
-            f"{int(bent.sum())} cells are degenerate or not convex, the first is cell {worst} with corners "
+            f"{int(is_degenerate.sum())} cells are degenerate or not convex, the first is cell {worst} with corners "
             f"{corners[worst].tolist()}: repair the mesh"
         )
     return cells

@@ -1,4 +1,4 @@
-r"""The same field on a mesh of four times the cells: what the bilinear interpolant of a mesh is judged by.
+r"""The same field on a mesh of four times the cells, from which the error of the bilinear interpolant is estimated.
 
 The values between the vertices are those of a cubic along every edge, of a Coons patch in every cell (S. A. Coons,
 MIT MAC-TR-41 (1967)), made from the values a, b and the vertex gradients g of the mesh:

@@ -19,7 +19,7 @@ from .resample_grid import NODE_LIMIT, node_counts
 
 PROBE_COUNT = 4096
 LINE_COUNT = 64
-# What halving a spacing divides the error by: at most, as far as is believed beforehand, and at least.
+# The factor by which halving a spacing divides the error: the greatest that is believed beforehand, and the least.
 GREATEST_GAIN, LEAST_GAIN = 64.0, 2.0
 
 
@@ -34,7 +34,7 @@ class ResamplingError:
         opd_rms: Root mean square change of the optical path along lines parallel to z [m].
         opd_max: Greatest change of that [m].
         direction_rms: Root mean square change of the deflection along those lines [rad].
-        source: The field that was resampled; None where it was not kept, and budgets are then not known.
+        source: The field that was resampled; None where it was not kept, so that budgets are not known.
     """
 
     spacing: tuple[float, ...]

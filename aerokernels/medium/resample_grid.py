@@ -7,7 +7,7 @@ import numpy as np
 NODE_LIMIT = 200_000_000
 # Greatest memory that resampling takes for a node, measured on the shipped flows.
 BYTES_PER_NODE = 300
-# Fewer show nothing of a flow: whatever is on such a grid has been averaged away, or was never met.
+# A grid of fewer cells shows nothing of a flow: its structures have been averaged away, or were never sampled.
 LEAST_CELLS = 4
 
 

@@ -13,7 +13,7 @@ import numpy as np
 # Pieces of a leaf at most.
 LEAF = 4
 # By how much boxes are larger than what they hold, as a share of the body's size: some million roundings.
-ROOM = 1e-9
+MARGIN = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,7 +48,7 @@ def wall_tree(corners: np.ndarray) -> WallTree:
     """The tree of pieces with corners [m], shape (w, d, d)."""
     low, high = corners.min(axis=1), corners.max(axis=1)
     middle = 0.5 * (low + high)
-    room = ROOM * float((high.max(axis=0) - low.min(axis=0)).max())
+    margin = MARGIN * float((high.max(axis=0) - low.min(axis=0)).max())
     boxes: list[np.ndarray] = []
     links: list[list[int]] = []
     order: list[np.ndarray] = []
@@ -61,7 +61,7 @@ def wall_tree(corners: np.ndarray) -> WallTree:
             links[rows][0] = len(links)
             continue
         number = len(links)
-        boxes.append(np.stack([low[rows].min(axis=0) - room, high[rows].max(axis=0) + room]))
+        boxes.append(np.stack([low[rows].min(axis=0) - margin, high[rows].max(axis=0) + margin]))
         if len(rows) <= LEAF:
             links.append([number + 1, placed, placed + len(rows)])
             order.append(rows)

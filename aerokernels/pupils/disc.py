@@ -9,7 +9,6 @@ from numpy.typing import ArrayLike
 
 from ..arguments import checked
 from ..shown import shown
-from ..sobol import sobol_points
 from .base import SAMPLINGS, Pupil, cell_shares
 from .square_map import RING, SquareMap
 from .vectors import check_count, check_length
@@ -25,35 +24,33 @@ def unit_disc_samples(count: int, sampling: str, seed: int = 0) -> tuple[np.ndar
     count = check_count(count)
     if sampling not in SAMPLINGS:
         raise ValueError(f"sampling {sampling!r} is not known: choose one of {', '.join(SAMPLINGS)}")
-    return _ring_samples(count, sampling, seed, 0.0)
+    return Disc(1.0)._flat_sample(count, sampling, seed)
 
 
-def _ring_samples(count: int, sampling: str, seed: int, inner: float) -> tuple[np.ndarray, np.ndarray]:
-    """Those of the unit disc outside the circle of radius `inner`."""
+def _ring_grid(count: int, inner: float) -> tuple[np.ndarray, np.ndarray]:
+    """The cells of a square grid whose centres lie in the unit disc outside the circle of radius `inner`."""
     hole = inner**2
-    if sampling == "grid":
-        side = max(1, round(np.sqrt(4.0 * count / (np.pi * (1.0 - hole)))))
-        axis = (np.arange(side) + 0.5) * 2.0 / side - 1.0
-        x, y = (a.ravel() for a in np.meshgrid(axis, axis, indexing="ij"))
-        squared = x**2 + y**2
-        inside = (squared <= 1.0) & (squared >= hole)
-        if not inside.any():  # a thin ring that no cell's centre lies in
-            return _ring_samples(count, "gauss", seed, inner)
-        points = np.stack([x[inside], y[inside]], axis=1)
-        return points, np.full(len(points), 1.0 / len(points))
-    if sampling == "gauss":
-        ring_count = max(1, round(np.sqrt(count / 4.0)))
-        angle_count = max(1, round(count / ring_count))
-        node, weight = np.polynomial.legendre.leggauss(ring_count)
-        radius = np.sqrt(0.5 * (node + 1.0) if not inner else hole + (1.0 - hole) * 0.5 * (node + 1.0))
-        angle = 2.0 * np.pi * (np.arange(angle_count) + 0.5) / angle_count
-        points = np.stack([np.outer(radius, np.cos(angle)).ravel(), np.outer(radius, np.sin(angle)).ravel()], axis=1)
-        return points, np.repeat(0.5 * weight / angle_count, angle_count)
-    if sampling == "sobol":
-        square = sobol_points(count, 2, seed)
-    else:
-        square = np.random.default_rng(seed).random((count, 2))
-    return SquareMap(RING, 0, 0, np.array([hole])).points(square), np.full(count, 1.0 / count)
+    side = max(1, round(np.sqrt(4.0 * count / (np.pi * (1.0 - hole)))))
+    axis = (np.arange(side) + 0.5) * 2.0 / side - 1.0
+    x, y = (a.ravel() for a in np.meshgrid(axis, axis, indexing="ij"))
+    squared = x**2 + y**2
+    inside = (squared <= 1.0) & (squared >= hole)
+    if not inside.any():  # a thin ring that no cell's centre lies in
+        return _ring_gauss(count, inner)
+    points = np.stack([x[inside], y[inside]], axis=1)
+    return points, np.full(len(points), 1.0 / len(points))
+
+
+def _ring_gauss(count: int, inner: float) -> tuple[np.ndarray, np.ndarray]:
+    """Gauss-Legendre points in r^2, equispaced in angle, of the unit disc outside the circle of radius `inner`."""
+    hole = inner**2
+    ring_count = max(1, round(np.sqrt(count / 4.0)))
+    angle_count = max(1, round(count / ring_count))
+    node, weight = np.polynomial.legendre.leggauss(ring_count)
+    radius = np.sqrt(0.5 * (node + 1.0) if not inner else hole + (1.0 - hole) * 0.5 * (node + 1.0))
+    angle = 2.0 * np.pi * (np.arange(angle_count) + 0.5) / angle_count
+    points = np.stack([np.outer(radius, np.cos(angle)).ravel(), np.outer(radius, np.sin(angle)).ravel()], axis=1)
+    return points, np.repeat(0.5 * weight / angle_count, angle_count)
 
 
 class _Round(Pupil):
@@ -103,11 +100,11 @@ class _Round(Pupil):
         rim, hole = self.radius**2 * (1.0 + 1e-12), self._inner**2 * (1.0 - 1e-12)
         return np.where((squared <= rim) & (squared >= hole), 1.0, 0.0)
 
-    def _flat_sample(self, count: int, sampling: str, seed: int) -> tuple[np.ndarray, np.ndarray]:
-        return _ring_samples(count, sampling, seed, self._inner / self.radius)
-
     def _gauss(self, count: int) -> tuple[np.ndarray, np.ndarray]:
-        return _ring_samples(count, "gauss", 0, self._inner / self.radius)
+        return _ring_gauss(count, self._inner / self.radius)
+
+    def _grid(self, count: int) -> tuple[np.ndarray, np.ndarray]:
+        return _ring_grid(count, self._inner / self.radius)
 
 
 @checked

@@ -61,10 +61,7 @@ class DetectorTable(Table):
         "Low-pass of that bandwidth: Bessel (flat delay) or Butterworth (flat gain) sections, a single pole, or a "
         "Gaussian without delay.",
     )
-    order: Annotated[Count, Field(le=10)] = key(
-        4,
-        "Poles of the Bessel or Butterworth low-pass, 1 to 10.",
-    )
+    order: Annotated[Count, Field(le=10)] = key(4, "Poles of the Bessel or Butterworth low-pass, 1 to 10.")
     responsivity: DiodeResponsivity = key(
         "0.5 A/W",
         "Primary photocurrent for a watt, before multiplication: silicon at 905 nm. It and the gain decide the "
@@ -75,57 +72,37 @@ class DetectorTable(Table):
         "Multiplication M of the avalanche photodiode, 1 for a PIN diode. Low: at 1.5 m the echo is strong, 0.4 mW.",
     )
     ionisation_ratio: Fraction = key(
-        0.02,
-        "k of the excess noise factor F = k M + (1 - k)(2 - 1 / M): electrons in silicon.",
+        0.02, "k of the excess noise factor F = k M + (1 - k)(2 - 1 / M): electrons in silicon."
     )
     background_power: LightLevel = key(
-        "10 nW",
-        "Steady light on the detector besides the echo: a lit room through a narrow filter.",
+        "10 nW", "Steady light on the detector besides the echo: a lit room through a narrow filter."
     )
     dark_current: Current = key(
-        "0.1 nA",
-        "Dark current before multiplication: a small silicon diode at room temperature.",
+        "0.1 nA", "Dark current before multiplication: a small silicon diode at room temperature."
     )
-    temperature: Temperature = key(
-        "293 K",
-        "Of the transimpedance resistor, for its thermal noise.",
-    )
+    temperature: Temperature = key("293 K", "Of the transimpedance resistor, for its thermal noise.")
     load_resistance: Resistance | None = key(
-        None,
-        "Resistor whose thermal noise counts; absent: the transimpedance, volts_per_watt / (responsivity x gain).",
+        None, "Resistor whose thermal noise counts; absent: the transimpedance, volts_per_watt / (responsivity x gain)."
     )
     amplifier_noise: NoiseCurrent = key(
-        "2 pA/rtHz",
-        "Input noise current density of the amplifier: a usual transimpedance amplifier of 100 MHz.",
+        "2 pA/rtHz", "Input noise current density of the amplifier: a usual transimpedance amplifier of 100 MHz."
     )
     noise: Switch = key(
         False,
         "Whether the recorded voltage carries noise. With an unlimited bandwidth it is that of half the sample rate.",
     )
-    seed: Annotated[Whole, Field(ge=0)] = key(
-        0,
-        "Seed of the noise: the same seed gives the same record.",
-    )
+    seed: Annotated[Whole, Field(ge=0)] = key(0, "Seed of the noise: the same seed gives the same record.")
     saturation: Annotated[Voltage | None, absent("unlimited")] = key(
-        None,
-        'Greatest voltage of the amplifier, or "unlimited" (default).',
+        None, 'Greatest voltage of the amplifier, or "unlimited" (default).'
     )
     sample_rate: Frequency = key(
-        "10 GHz",
-        "Samples per second: 100 ps, 60 on tau; the crossing between two is interpolated.",
+        "10 GHz", "Samples per second: 100 ps, 60 on tau; the crossing between two is interpolated."
     )
     bit_count: Annotated[Annotated[Count, Field(le=24)] | None, absent("unlimited")] = key(
-        None,
-        'Bits of the digitiser, 1 to 24, or "unlimited" (default): neither quantised nor clipped.',
+        None, 'Bits of the digitiser, 1 to 24, or "unlimited" (default): neither quantised nor clipped.'
     )
-    adc_low: Level = key(
-        "-0.5 V",
-        "Voltage of the digitiser's lowest code; lower ones are clipped.",
-    )
-    adc_high: Level = key(
-        "4.5 V",
-        "Voltage of its highest code: twice the static peak.",
-    )
+    adc_low: Level = key("-0.5 V", "Voltage of the digitiser's lowest code; lower ones are clipped.")
+    adc_high: Level = key("4.5 V", "Voltage of its highest code: twice the static peak.")
     ranging: Literal["leading-edge", "constant-fraction", "centroid", "matched-filter"] = key(
         "leading-edge",
         "When the echo counts as arrived: at a fixed level, which walks with the amplitude as the paper's "
@@ -133,20 +110,15 @@ class DetectorTable(Table):
         "which do not.",
     )
     threshold: Voltage = key(
-        "1 V",
-        "Level of the leading-edge discriminator. Not in the paper: half of its static peak.",
+        "1 V", "Level of the leading-edge discriminator. Not in the paper: half of its static peak."
     )
-    fraction: OpenShare = key(
-        0.5,
-        "Fraction of the peak for constant-fraction ranging.",
-    )
+    fraction: OpenShare = key(0.5, "Fraction of the peak for constant-fraction ranging.")
     walk_correction: Switch = key(
         False,
         "Whether the leading edge's range is corrected for the peak's height, by the curve of the echo without flow.",
     )
     trial_count: Annotated[Whole, Field(ge=0)] = key(
-        0,
-        "Noisy records to range for the random error, at least 2; 0: none.",
+        0, "Noisy records to range for the random error, at least 2; 0: none."
     )
 
     @model_validator(mode="after")

@@ -7,19 +7,7 @@ import numpy as np
 from pydantic import BeforeValidator, model_validator
 
 from ..pupils import Annulus, Disc, Pupil, Rectangle
-from .values import (
-    Coordinate,
-    Count,
-    Fraction,
-    Length,
-    Number,
-    Power,
-    Share,
-    Table,
-    Tilt,
-    Time,
-    key,
-)
+from .values import Coordinate, Count, Fraction, Length, Number, Power, Share, Table, Tilt, Time, key
 
 LEAST_PULSE_SAMPLES = 4
 
@@ -60,10 +48,7 @@ def _node_count(value: Any) -> Any:
 class BeamTable(Table):
     """[beam]: the laser pulse."""
 
-    peak_power: Power = key(
-        "75 W",
-        "Peak power of the pulse. The paper's laser diode.",
-    )
+    peak_power: Power = key("75 W", "Peak power of the pulse. The paper's laser diode.")
     exit_radius: Length = key(
         "2 mm",
         "1/e^2 radius of the beam at the aperture. Not in the paper: a laser diode's collimating lens is a "
@@ -85,17 +70,10 @@ class BeamTable(Table):
         '"helios". Not in the paper.',
     )
     pulse_samples: Annotated[tuple[float, ...], BeforeValidator(_pulse_samples)] = key(
-        (),
-        'Relative power at even steps, for pulse "sampled"; t = 0 is put at the peak, which counts as peak_power.',
+        (), 'Relative power at even steps, for pulse "sampled"; t = 0 is put at the peak, which counts as peak_power.'
     )
-    pulse_sample_period: Time = key(
-        "1 ns",
-        "Time between two of pulse_samples.",
-    )
-    ray_count: Count = key(
-        512,
-        "Target points that the echo is summed over (eq 10), one emitted ray each.",
-    )
+    pulse_sample_period: Time = key("1 ns", "Time between two of pulse_samples.")
+    ray_count: Count = key(512, "Target points that the echo is summed over (eq 10), one emitted ray each.")
 
     @model_validator(mode="after")
     def _samples_go_with_the_shape(self) -> "BeamTable":
@@ -121,8 +99,7 @@ class TargetTable(Table):
     """[target]: a flat rectangular reflector."""
 
     distance: Length = key(
-        "1.5 m",
-        "From the plane of the receiver's pupil to the target's centre, along the axis. The paper's.",
+        "1.5 m", "From the plane of the receiver's pupil to the target's centre, along the axis. The paper's."
     )
     tilt: Tilt = key(
         "0 deg",
@@ -139,27 +116,17 @@ class TargetTable(Table):
         '"lambertian": diffuse, f_r = reflectivity / pi, the paper\'s; "phong": a share of the light goes into a '
         "lobe about the mirror direction.",
     )
-    reflectivity: Share = key(
-        0.3,
-        "Share of the light that is reflected, at normal incidence. The paper's.",
-    )
+    reflectivity: Share = key(0.3, "Share of the light that is reflected, at normal incidence. The paper's.")
     specular_share: Fraction = key(
-        0.5,
-        'Share of the reflected light that goes into the lobe, for reflector "phong". Half: a semi-gloss paint.',
+        0.5, 'Share of the reflected light that goes into the lobe, for reflector "phong". Half: a semi-gloss paint.'
     )
     specular_exponent: Number = key(
         20.0,
         'Exponent n of the lobe cos(angle to the mirror direction)^n, for reflector "phong"; 20: 15 deg to half '
         "its height.",
     )
-    width: Length = key(
-        "120 mm",
-        "Extent in x, before the tilt. The paper's.",
-    )
-    height: Length = key(
-        "90 mm",
-        "Extent in y, before the tilt: along the tilted surface. The paper's.",
-    )
+    width: Length = key("120 mm", "Extent in x, before the tilt. The paper's.")
+    height: Length = key("90 mm", "Extent in y, before the tilt: along the tilted surface. The paper's.")
     limits: Literal["beam", "paper"] = key(
         "beam",
         'What eq 10 is summed over. "beam": all of the beam that the reflector catches; "paper": eq 11\'s cut at '
@@ -185,26 +152,16 @@ class ReceiverTable(Table):
     """[receiver]: the pupil that collects the echo."""
 
     diameter: Length = key(
-        "12 mm",
-        "Diameter of the pupil. Not in the paper: the widest that a dome of 16 mm leaves room for.",
+        "12 mm", "Diameter of the pupil. Not in the paper: the widest that a dome of 16 mm leaves room for."
     )
     shape: Literal["disc", "annulus", "rectangle"] = key(
         "disc",
         'Shape of the pupil. "disc"; "annulus", with a central obstruction of receiver.inner_diameter; "rectangle", '
         "receiver.diameter wide and receiver.height high.",
     )
-    inner_diameter: Length | None = key(
-        None,
-        'Diameter of the central obstruction, for shape "annulus".',
-    )
-    height: Length | None = key(
-        None,
-        'Extent of the pupil in y, for shape "rectangle"; absent: as wide as high.',
-    )
-    ray_count: Count = key(
-        256,
-        "Rays over the pupil for each target point, for its Strehl ratio.",
-    )
+    inner_diameter: Length | None = key(None, 'Diameter of the central obstruction, for shape "annulus".')
+    height: Length | None = key(None, 'Extent of the pupil in y, for shape "rectangle"; absent: as wide as high.')
+    ray_count: Count = key(256, "Rays over the pupil for each target point, for its Strehl ratio.")
     return_factor: Literal["strehl", "bucket", "none"] = key(
         "strehl",
         'What the flow takes off the light that returns. "strehl": peak intensity of the focus, as in the paper; '
@@ -217,8 +174,7 @@ class ReceiverTable(Table):
         "each of beam.ray_count target points.",
     )
     efficiency: Share = key(
-        1.0,
-        "Share of the light at the pupil that reaches the detector; the detector's calibration contains it.",
+        1.0, "Share of the light at the pupil that reaches the detector; the detector's calibration contains it."
     )
     aperture_z: Coordinate = key(
         "-8 mm",
@@ -262,7 +218,4 @@ class ReceiverTable(Table):
 class AtmosphereTable(Table):
     """[atmosphere]: the air between model and target, apart from its index."""
 
-    transmission: Share = key(
-        1.0,
-        "One-way transmission. Over 1.5 m of clear air nothing is lost.",
-    )
+    transmission: Share = key(1.0, "One-way transmission. Over 1.5 m of clear air nothing is lost.")

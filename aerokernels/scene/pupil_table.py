@@ -62,22 +62,15 @@ class PupilTable(Table):
         '"rectangle", of pupil.width and pupil.height; "polygon", of pupil.vertices. Absent: a disc where a diameter '
         "is given, else shape and size of receiver.",
     )
-    diameter: Length | None = key(
-        None,
-        'Diameter, for shape "disc" and "annulus"; receiver.diameter if absent.',
-    )
-    inner_diameter: Length | None = key(
-        None,
-        'Diameter of the central obstruction, for shape "annulus".',
-    )
+    diameter: Length | None = key(None, 'Diameter, for shape "disc" and "annulus"; receiver.diameter if absent.')
+    inner_diameter: Length | None = key(None, 'Diameter of the central obstruction, for shape "annulus".')
     width: Length | None = key(
         None,
         'Extent along the pupil\'s first axis, which is x where it looks ahead, for shape "rectangle"; '
         "receiver.diameter if absent.",
     )
     height: Length | None = key(
-        None,
-        'Extent along its second axis, y where it looks ahead, for shape "rectangle"; as high as wide if absent.',
+        None, 'Extent along its second axis, y where it looks ahead, for shape "rectangle"; as high as wide if absent.'
     )
     vertices: Annotated[tuple[tuple[float, float], ...] | None, _lengths(_vertices)] = key(
         None,
@@ -89,8 +82,7 @@ class PupilTable(Table):
         "The pupil's centre (x, y, z), ['0 mm', '2 mm', '-8 mm'] say; on the axis at receiver.aperture_z if absent.",
     )
     azimuth: Angle = key(
-        "0 deg",
-        "Where the pupil looks: the angle by which it is turned from straight ahead, +z, toward +x.",
+        "0 deg", "Where the pupil looks: the angle by which it is turned from straight ahead, +z, toward +x."
     )
     elevation: Annotated[Angle, Field(ge=-1.570797, le=1.570797)] = key(
         "0 deg",

@@ -91,7 +91,7 @@ class Scene(Table):
             raise scene_error(fault, tables, label, changes, cls) from None
 
     def density_field(self) -> DensityField:
-        """The flow of the scene at its density; "static" is air at rest around the model, sea-level air unless told.
+        """The flow of the scene at its density; "static" is air at rest around the model, sea-level air by default.
 
         Raises:
             ValueError: A flow file that cannot be used, in one line: file, place and remedy.

@@ -16,14 +16,7 @@ from ..flow.gas import check_density
 from ..flow.refractivity import RELATIONS, refractivity
 from ..units import quantity
 from .file_table import FileTable
-from .values import (
-    Count,
-    GladstoneDale,
-    Length,
-    Number,
-    Table,
-    key,
-)
+from .values import Count, GladstoneDale, Length, Number, Table, key
 
 STATIC = "static"
 UNIFORM_INTERPOLATIONS = ("cubic", "linear", "monotone")
@@ -86,8 +79,7 @@ class FlowTable(Table):
         "level density that its simulation appears to use, so both are shipped as scenes.",
     )
     wavelength: Annotated[Length, AfterValidator(_wavelength)] = key(
-        "905 nm",
-        "Vacuum wavelength of the laser. The paper's.",
+        "905 nm", "Vacuum wavelength of the laser. The paper's."
     )
     relation: Literal["paper", "ciddor", "gladstone-dale", "lorentz-lorenz"] = key(
         "ciddor",
@@ -97,8 +89,7 @@ class FlowTable(Table):
         'gladstone_dale given it is "gladstone-dale".',
     )
     gladstone_dale: Annotated[GladstoneDale, AfterValidator(_constant)] | None = key(
-        None,
-        "Gladstone-Dale constant to use in place of the paper's K(wavelength), '2.24e-4 m3/kg' say.",
+        None, "Gladstone-Dale constant to use in place of the paper's K(wavelength), '2.24e-4 m3/kg' say."
     )
 
     @model_validator(mode="before")
@@ -135,8 +126,7 @@ class GridTable(Table):
         "of every sample, as the paper does.",
     )
     spacing: Length = key(
-        "0.05 mm",
-        "Spacing of the uniform grid: about the CFD cells' size in the shock layer ahead of the dome.",
+        "0.05 mm", "Spacing of the uniform grid: about the CFD cells' size in the shock layer ahead of the dome."
     )
     interpolation: Literal["cubic", "linear", "monotone", "bilinear", "bilinear-barron", "idw"] = key(
         "cubic",
@@ -165,10 +155,7 @@ class GridTable(Table):
 class StrehlTable(Table):
     """[strehl]: the Strehl ratio of a plane wave that looks forward through the pupil."""
 
-    ray_count: Count = key(
-        1_000_000,
-        "Rays over the receiver's pupil.",
-    )
+    ray_count: Count = key(1_000_000, "Rays over the receiver's pupil.")
     remove: tuple[Literal["piston", "tilt", "focus"], ...] = key(
         ("piston",),
         'What is taken off the wavefront first: ["piston"], ["piston", "tilt"] or ["piston", "tilt", "focus"].',
@@ -179,33 +166,16 @@ class TraceTable(Table):
     """[trace]: how the rays are traced."""
 
     method: Literal["auto", "straight", "adaptive", "paper", "fixed"] = key(
-        "auto",
-        '"auto" chooses by the tolerance; "paper" is eq 5\'s step rule; "fixed" needs a step.',
+        "auto", '"auto" chooses by the tolerance; "paper" is eq 5\'s step rule; "fixed" needs a step.'
     )
-    tolerance: Number = key(
-        1e-3,
-        "Error of the optical path asked for, in waves: a hundredth of what is visible.",
-    )
-    step: Length | None = key(
-        None,
-        'Arc length of a step, for method "fixed".',
-    )
+    tolerance: Number = key(1e-3, "Error of the optical path asked for, in waves: a hundredth of what is visible.")
+    step: Length | None = key(None, 'Arc length of a step, for method "fixed".')
     precision: Literal["float32", "float64"] = key(
-        "float32",
-        "Numbers in the kernel; the deviation form keeps float32 within 1e-4 wave.",
+        "float32", "Numbers in the kernel; the deviation form keeps float32 within 1e-4 wave."
     )
-    backend: Literal["auto", "warp", "opencl", "reference"] = key(
-        "auto",
-        "What runs the kernel.",
-    )
-    device: str | None = key(
-        None,
-        '"cpu", "cuda:0" or the name of an OpenCL device; the backend chooses if absent.',
-    )
-    max_steps: Count | None = key(
-        None,
-        "Steps after which a ray is given up; the tracer chooses if absent.",
-    )
+    backend: Literal["auto", "warp", "opencl", "reference"] = key("auto", "What runs the kernel.")
+    device: str | None = key(None, '"cpu", "cuda:0" or the name of an OpenCL device; the backend chooses if absent.')
+    max_steps: Count | None = key(None, "Steps after which a ray is given up; the tracer chooses if absent.")
     allow_truncation: bool = key(
         False,
         "Whether more than a thousandth of the pupil may look through disturbed air that ends at the edge of the "

@@ -17,7 +17,7 @@ TRIAL_COUNT = 300
 # A band counts if it stands out by so many standard deviations of the noise, and by this share of the strongest one.
 NOISE_FACTOR, LEAST_SHARE = 6.0, 0.03
 # Share of each scan line, from its outer end, that is taken to be undisturbed.
-QUIET_SHARE = 0.05
+UNDISTURBED_SHARE = 0.05
 
 
 def smoothed(intensity: np.ndarray, smoothing: float) -> np.ndarray:
@@ -49,9 +49,9 @@ def outer_fronts(lines: np.ndarray, level: float) -> np.ndarray:
     """
     if not 0.0 < level < 1.0:
         raise ValueError(f"level = {level}: give a share of the band's height between 0 and 1")
-    quiet = lines[:, : max(3, round(QUIET_SHARE * lines.shape[1]))]
-    background = float(np.median(quiet))
-    noise = 1.4826 * float(np.median(np.abs(quiet - background)))
+    undisturbed = lines[:, : max(3, round(UNDISTURBED_SHARE * lines.shape[1]))]
+    background = float(np.median(undisturbed))
+    noise = 1.4826 * float(np.median(np.abs(undisturbed - background)))
     change = lines - background
     least = max(NOISE_FACTOR * noise, LEAST_SHARE * float(np.quantile(np.abs(change).max(axis=1), 0.9)), 1e-6)
     return np.array([_outer_front(line, least, max(3.0 * noise, 0.02 * least), level) for line in change])

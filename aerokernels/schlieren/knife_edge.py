@@ -1,8 +1,8 @@
 """Synthetic schlieren: what a bench with a knife edge would show of a field.
 
-Parallel light crosses the field and is bent by the angle e = (e_right, e_up) = integral of grad_perp(n) / n_0 ds. The
+Parallel light crosses the field, deflected by the angle e = (e_right, e_up) = integral of grad_perp(n) / n_0 ds. The
 bench images the source, of height h, onto a knife edge with a lens of focal length f; the edge cuts off the fraction
-`cut_off` of it. A ray bent by e moves its source image by f e, and the edge lets more or less of it through:
+`cut_off` of it. A ray deflected by e moves its source image by f e, and the edge lets more or less of it through:
 
     I / I_open = (1 - cut_off) + (f / h) e_cut,    cut to 0 .. 1
 

@@ -8,7 +8,7 @@ tensor-product spline). Fourth order in the spacing for "cubic", second for "lin
 run is worked out once; a set of samples then costs one pass over them where rays run along an axis, and a product with
 a sparse matrix, or where that would not fit a sum over sheared planes (sheared_lattice.py), otherwise.
 
-Outside the box f is zero. A ray that leaves through a side takes nothing beyond it.
+Outside the box f is zero. A ray that leaves through a side collects nothing beyond it.
 """
 
 from collections.abc import Callable
@@ -30,7 +30,7 @@ _EDGE = 1e-9  # of a cell that a point may lie outside and count as on the face
 
 
 class NotLinearError(ValueError):
-    """Integrals that are no linear map of the samples, or not by this way."""
+    """Integrals that are no linear map of the samples, or not by this method."""
 
 
 def main_axis(mesh: GridMesh, direction: np.ndarray) -> int:

@@ -3,9 +3,8 @@ r"""Maps over look angles: what a pupil that is turned about its centre sees of 
     direction = (sin(azimuth) cos(elevation), sin(elevation), cos(azimuth) cos(elevation))
 
 At azimuth and elevation 0 it looks along +z, upstream; azimuth turns it toward +x, elevation toward +y. The
-directions from -90 to 90 degrees of both are the hemisphere ahead. Light that a body is in the way of counts as
-blocked; a pupil all of whose rays are blocked sees nothing, and one that the flow is not before sees no flow: a Strehl
-ratio of 1.
+directions from -90 to 90 degrees of both are the hemisphere ahead. Light that meets a body counts as blocked.
+A pupil all of whose rays are blocked sees nothing; a pupil that does not look through the flow has a Strehl ratio of 1.
 """
 
 import warnings
@@ -30,7 +29,7 @@ if TYPE_CHECKING:
     import xarray
 
 Progress = Callable[[str, float], None]
-ALIKE = 12  # decimals of the cosine of the angle to the axis by which directions look alike in a symmetric flow
+ALIKE = 12  # directions whose cosines with the axis agree to these decimals are equal in a symmetric flow
 VARIABLES = {
     "strehl": ("1", "Strehl ratio"),
     "strehl_standard_error": ("1", "standard error of its sampling"),

@@ -95,7 +95,7 @@ def batch_looks(
 def _agrees(
     ours: dict[str, float], full: dict[str, float], ray_count: int, tolerance: float, wavelength: float
 ) -> bool:
-    """Whether a direction's numbers are those of its full trace, but for the tolerance and what sampling explains."""
+    """Whether a direction's numbers agree with its full trace within the tolerance and the sampling error."""
     if not np.isfinite(full["strehl"]) or full["blocked"] > 0.0:
         return False
     sampling = SAFETY * float(np.hypot(ours["strehl_standard_error"], full["strehl_standard_error"]))
@@ -105,7 +105,7 @@ def _agrees(
 
 
 def _known(field: IndexField, center: np.ndarray, points: np.ndarray, looks, axes, tolerance: float) -> np.ndarray:
-    """Whether the light of each direction stays in known air, but for a thousandth of the pupil's points."""
+    """Whether the light of each direction stays in known air, at all but a thousandth of the pupil's points."""
     found = np.ones(len(looks))
     each = max(1, KNOWN_AT_ONCE // len(points))
     for first in range(0, len(looks), each):

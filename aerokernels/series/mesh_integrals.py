@@ -3,8 +3,8 @@ r"""Integrals along parallel straight rays through values on a quadrilateral mes
     I = \int f ds = sum over the samples of a ray, by the midpoint rule, of  ds sum_k w_k f_k
 
 f is bilinear in each cell, w_k are the weights of its corners at the sample. The samples lie closer than the cells;
-what that leaves is second order, and measured along with the bending where a series is computed. Outside the mesh f is
-zero. Cells are looked up once; a set of values then costs a product with a sparse matrix.
+the remaining error is of second order and is measured together with the bending where a series is computed.
+Outside the mesh f is zero. Cells are looked up once; a set of values then costs a product with a sparse matrix.
 """
 
 from typing import Any

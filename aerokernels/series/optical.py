@@ -61,7 +61,7 @@ def optical_series(
         relation: Density to index, see `flow.refractivity_model`; likewise `constant` and `composition`.
         constant: K [m3/kg].
         composition: Fractions of species.
-        interpolation: Interpolant of the samples: "cubic" on grids unless told, "linear", "monotone".
+        interpolation: Interpolant of the samples: "cubic" on grids by default, "linear", "monotone".
         pixel_count: Pixels along the pupil's greater side.
         tolerance: OPD error asked for [waves].
         method: "auto", "linear" (straight lines, whatever they leave out), or "trace" (every snapshot in full).
@@ -138,7 +138,7 @@ def optical_series(
 
 
 def _finished(written: "Future[None] | None", count: int, total: int, progress: Progress | None) -> None:
-    """Wait until the maps of a snapshot are written, and say that so many are."""
+    """Wait until the maps of a snapshot are written, and report how many are."""
     if written is None:
         return
     written.result()

@@ -1,4 +1,4 @@
-"""A pupil as a grid of pixels, and what is read off a map of optical path differences over it."""
+"""A pupil as a grid of pixels, and the numbers taken from a map of optical path differences over it."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -15,7 +15,7 @@ class PupilGrid:
 
     Attributes:
         x: Pixel centres along the pupil's first axis [m], shape (nx,).
-        y: Those along the second [m], shape (ny,).
+        y: Pixel centres along its second axis [m], shape (ny,).
         weight: Share of each pixel in means over the pupil, sums to 1, shape (ny, nx).
         points: Centres of the pixels with a weight, in space [m], shape (n, 3).
     """
@@ -37,7 +37,7 @@ class PupilGrid:
         return np.stack([x[self.lit], y[self.lit]], axis=1)
 
     def spread(self, values: np.ndarray, fill: Any = np.nan) -> np.ndarray:
-        """A map out of what each pixel with a weight has, shape (ny, nx)."""
+        """A map of the values of the pixels with a weight, shape (ny, nx)."""
         found = np.full(self.weight.shape, fill, dtype=np.asarray(values).dtype)
         found[self.lit] = values
         return found

@@ -1,4 +1,4 @@
-r"""Sums along parallel lines through a volume: over the lines through the nodes first, and between these once.
+r"""Sums along parallel lines through a volume: first along the lines through the nodes, then interpolated between them.
 
 Parallel lines that cross the planes of nodes at one shift a plane cross each plane at one fraction of its cells. So for
 the lines through the nodes of one plane the spline's weights are the same four in each plane, w_k B_a(shift_k), and the

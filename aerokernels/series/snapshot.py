@@ -1,10 +1,10 @@
 r"""The optical path differences of a snapshot: from straight lines where those are good enough, else traced.
 
 On straight rays OPD = K \int (rho - rho_ambient) ds is linear in the density (Gladstone-Dale), so a snapshot costs one
-pass over its samples. What that leaves out, the bending of rays and their displacement, is worked out on some of the
-rays, to second order in volumes (bending.py), by tracing them in full elsewhere; it grows with the square of the slopes
-of the wavefront, -1/2 \int theta^2 ds, and so it is measured again whenever these have grown. Where it is above the
-tolerance the snapshot is traced in full.
+pass over its samples. The bending of rays and their displacement, which that leaves out, are computed for some of
+the rays: in volumes to second order (bending.py), elsewhere by tracing them in full. They grow with the square of the
+slopes of the wavefront, -1/2 \int theta^2 ds, so they are computed again whenever the slopes have grown. Where they
+are above the tolerance the snapshot is traced in full.
 """
 
 from dataclasses import dataclass, replace
@@ -28,7 +28,7 @@ from .pupil_grid import PupilGrid
 
 METHODS = ("auto", "linear", "trace")
 PROBES = 96  # rays whose bending is measured
-GROWN = 1.5  # the growth of the squared slopes after which that is measured again
+GROWN = 1.5  # the growth of the squared slopes after which the bending is measured again
 PROBE_TOLERANCE = 0.1  # of the tolerance
 
 

@@ -16,7 +16,7 @@ class Spectrum:
     Attributes:
         frequency: [Hz], shape (f,).
         density: [square of the unit / Hz], shape (f, ...).
-        error: Its standard error, likewise.
+        error: Its standard error, of the same shape.
         segment_count: Independent segments that it is a mean of.
     """
 

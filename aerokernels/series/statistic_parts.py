@@ -12,14 +12,14 @@ from .pupil_grid import MapReader
 from .spectra import Spectrum, sample_rate, welch
 from .uncertainty import Mean, mean_of, root_of
 
-BLOCKS = 10  # of the series, whose differences are the error of what is no plain mean
+BLOCKS = 10  # of the series; their differences give the error of a number that is no plain mean
 APERTURES = (0.25, 0.5, 0.75, 1.0)  # of the pupil, by default
 DRIFTS = 0.01  # probability below which a series is said to drift
 LEAST_PIXELS = 12  # of an aperture
 
 
 class Table:
-    """Variables as they come together."""
+    """Variables, collected one by one."""
 
     def __init__(self) -> None:
         """Begin with none."""
@@ -38,8 +38,8 @@ class Table:
         """An array and its error."""
         self.variables[name] = (dims, np.asarray(values), {"units": units, "long_name": words})
         if error is not None:
-            told = {"units": units, "long_name": f"{words}: standard error"}
-            self.variables[f"{name}_error"] = (dims, np.asarray(error), told)
+            described = {"units": units, "long_name": f"{words}: standard error"}
+            self.variables[f"{name}_error"] = (dims, np.asarray(error), described)
 
 
 def spread_map(values: np.ndarray, lit: np.ndarray) -> np.ndarray:
@@ -100,11 +100,11 @@ def add_apertures(table, coordinates, opd, points, weight, wavelength, apertures
         ratio = mean_of(np.array([one.strehl for one in found]))
         rows.append([rms.value, rms.error, ratio.value, ratio.error])
     values = np.array(rows).reshape(len(asked), 4)
-    told = "over a round part of the pupil, its mean and tilt removed"
+    described = "over a round part of the pupil, its mean and tilt removed"
     table.array(
-        "opd_rms_aperture", ("aperture",), values[:, 0], values[:, 1], "m", f"optical path difference {told}, rms"
+        "opd_rms_aperture", ("aperture",), values[:, 0], values[:, 1], "m", f"optical path difference {described}, rms"
     )
-    table.array("strehl_aperture", ("aperture",), values[:, 2], values[:, 3], "1", f"Strehl ratio {told}")
+    table.array("strehl_aperture", ("aperture",), values[:, 2], values[:, 3], "1", f"Strehl ratio {described}")
     coordinates["aperture"] = asked
 
 
@@ -195,5 +195,5 @@ def add_linking(table, dataset, series, opd, points, weight, wavelength) -> None
     if "tilt" in terms:
         whole += np.stack([dataset["boresight_x"].values, dataset["boresight_y"].values], axis=1) @ centred.T
     unsteady = (whole - whole.mean(axis=0)) ** 2 @ weight * len(whole) / max(len(whole) - 1, 1)
-    told = "rms of optical path differences in time at a point, by the maps"
-    table.number("opd_rms_point", root_of(mean_of(unsteady)), "m", told)
+    described = "rms of optical path differences in time at a point, by the maps"
+    table.number("opd_rms_point", root_of(mean_of(unsteady)), "m", described)

@@ -1,4 +1,4 @@
-"""What is published of optical path differences in time, each number with its standard error."""
+"""The statistics of optical path differences in time that are usually published, each with its standard error."""
 
 import math
 from collections.abc import Sequence

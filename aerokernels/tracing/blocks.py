@@ -10,7 +10,7 @@ import numpy as np
 
 
 def block_maxima(values: np.ndarray, block: int, axes: Iterable[int] | None = None) -> np.ndarray:
-    """The greatest over the nodes of each block of so many cells along some axes, all of them by default."""
+    """The greatest over the nodes of each block of `block` cells along some axes, all of them by default."""
     for axis in range(values.ndim) if axes is None else axes:
         moved = _whole_blocks(values, block, axis)
         inner = moved[:-1].reshape(-1, block, *moved.shape[1:]).max(axis=1)

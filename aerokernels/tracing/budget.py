@@ -1,7 +1,7 @@
 r"""The error budget of a trace's optical path difference, by cause, measured on a subset of its rays.
 
     precision       the run's own steps in the run's precision against the same steps in float64
-    step            float64 steps against float64 steps with a far smaller tolerance (of the bent ray, also if the run
+    step            float64 steps against float64 steps with a far smaller tolerance (of the curved ray, also if the run
                     was along straight lines)
     interpolation   through every second and every fourth node of the field, extrapolated (medium/levels.py)
     resampling      through the field that was resampled, to the same stop; of a volume, what resampling the flow's
@@ -9,8 +9,8 @@ r"""The error budget of a trace's optical path difference, by cause, measured on
     sampling        0: a trace is no mean over rays (an estimate over a pupil fills it in)
     bundle          what interpolating between traced rays leaves, as estimated while they were chosen (bundle/)
     truncation      what rays may have lost where the known air ends (known_air.py)
-    refractivity    the uncertainty of the model that made the index from a density: a share of the OPD. It is nothing
-                    that a finer computation would mend, so it stands beside the total and is not part of it
+    refractivity    the uncertainty of the model that made the index from a density: a share of the OPD. A finer
+                    computation would not reduce it, so it stands beside the total and is not part of it
     total           root sum of squares of the others
 
 Each cause up to "sampling" is the greatest over the rays of the subset. All but "bundle" and "refractivity", which

@@ -16,15 +16,15 @@ from .projection_tables import FURTHEST, ProjectionTables, between_projections, 
 from .result import output_mask
 from .stop import Plane
 
-# Tables are made for at least so many rays a node of the grid: for fewer it is quicker to trace them.
+# Rays for each node of the grid from which on tables are made: fewer rays are traced sooner than tables are made.
 RAYS_PER_NODE = 0.15
-# "auto" takes them where the tolerance is so many times the estimated error, and where the terms beyond the first
-# order, which are splined from columns, are below so many tolerances.
+# "auto" takes them where the tolerance is at least MARGIN times the estimated error, and where the terms beyond the
+# first order, which are splined between the grid's lines along z, are below GREATEST_EXTRA tolerances.
 MARGIN = 3.0
 GREATEST_EXTRA = 100.0
 # Outputs for which a kernel looks up twice as much, so that it is built with and without them.
 ENDS = frozenset(("position", "arc_length", "step_error"))
-# A bound of what comes between columns is not looked into below this share of the tolerance.
+# The error between the grid's lines along z is computed only where its bound is above this share of the tolerance.
 NEGLIGIBLE = 0.05
 
 
@@ -63,16 +63,16 @@ def is_collimated(field: IndexField, rays: RayBundle, until) -> bool:
 
 
 def is_worth_it(field: IndexField, rays: RayBundle) -> bool:
-    """Whether there are so many rays that tables save time."""
+    """Whether there are enough rays for tables to save time."""
     return rays.ray_count >= RAYS_PER_NODE * field.samples.samples.size
 
 
 def find_projection(field: IndexField, rays: RayBundle, until) -> Projection | None:
-    """The tables for a bundle that `is_collimated`; None where rays begin in different planes, or bend too much.
+    """The tables for a bundle that `is_collimated`; None where rays begin in different planes or are deflected too far.
 
     The last result is kept with the field, because the plan needs it before the trace does.
     """
-    key = ("columns of the last bundle", weakref.ref(rays), until)
+    key = ("projection of the last bundle", weakref.ref(rays), until)
     found: Projection | None = field.derive(key, lambda: _find_projection(field, rays, until), 1)
     return found
 
@@ -100,31 +100,31 @@ def _find_projection(field: IndexField, rays: RayBundle, until) -> Projection | 
     return Projection(tables, sign, first, last, abs(last - first), (stop - last) * sign, inside)
 
 
-def projection_holds(field: IndexField, columns: Projection, budget: float) -> bool:
+def projection_holds(field: IndexField, projection: Projection, budget: float) -> bool:
     """Whether the estimated errors of the tables are within an OPD error of `budget` [m].
 
     A direction is the slope of the path. It may be off by the budget over a cell, which a path right to the budget does
-    not exclude; behind the box, its error lengthens the way of a ray that is turned. The error between the grid's
-    columns is computed where its bound is not negligible.
+    not exclude; behind the box, its error lengthens the way of a ray that is turned. The error between the grid's lines
+    along z is computed where its bound is not negligible.
     """
-    tables = columns.tables
+    tables = projection.tables
     beyond = float(np.abs(tables.extra[..., 0]).max())
     if MARGIN * tables.greatest_error > budget or beyond > GREATEST_EXTRA * budget:
         return False
-    reach = max(float(np.min(field.samples.spacing[:2])), columns.flight * tables.greatest_deflection)
+    reach = max(float(np.min(field.samples.spacing[:2])), projection.flight * tables.greatest_deflection)
     if tables.between_bound * reach <= NEGLIGIBLE * budget * float(np.min(field.samples.spacing[:2])):
         return True
-    between = between_projections(field, columns.sign, columns.first, columns.last)
+    between = between_projections(field, projection.sign, projection.first, projection.last)
     turned = between.direction * reach
     return MARGIN * max(between.path, turned) <= budget and between.extra <= GREATEST_EXTRA * budget
 
 
-def kernel_numbers(field: IndexField, columns: Projection, outputs: frozenset) -> list[float]:
+def kernel_numbers(field: IndexField, projection: Projection, outputs: frozenset) -> list[float]:
     """The scalar arguments of the kernel up to the rays: from cells_x to outputs."""
     grid = field.samples
     cells = [count - 1 for count in grid.shape[:2]]
     place = [*map(float, grid.origin[:2]), *(1.0 / float(h) for h in grid.spacing[:2])]
-    way = [columns.sign, columns.first, columns.length, columns.flight]
+    way = [projection.sign, projection.first, projection.length, projection.flight]
     return [*cells, *place, field.ambient_index, *way, output_mask(outputs)]
 
 

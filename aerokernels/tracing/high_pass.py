@@ -101,5 +101,5 @@ def _images(rates: np.ndarray) -> list[tuple[int, int]]:
 
 
 def _held_share(cycles: np.ndarray) -> np.ndarray:
-    """B: what a cubic spline through nodes holds of a cosine of so many cycles a cell, an image of slower ones too."""
+    """B: the share that a cubic spline through nodes holds of a cosine with these cycles a cell, also of an image."""
     return 3.0 * np.sinc(cycles) ** 4 / (2.0 + np.cos(2.0 * np.pi * cycles))

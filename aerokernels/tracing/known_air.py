@@ -4,17 +4,17 @@ Outside its samples a field is ambient. Where the air at a face of the box (or a
 the real air goes on beyond that face, and the optical path of a ray that crosses it holds the known part only. The loss
 is estimated on straight lines from the air just inside the face (tails.py). It is the optical path through the missing
 air and, where the stop is a plane at an angle to the ray, the deflection by that air times the lever arm up to the stop
-(levers.py). A ray that passes beside the box, no farther away than the box is large, may lose as much as one that
+(lever_arms.py). A ray that passes beside the box, no farther away than the box is large, may lose as much as one that
 leaves through the nearest point of the box, less what falls off between that point and the ray.
 
-Lines are straight, but for rays that a field may bend by more than a cell: of those the traced ends count, drawn
-straight back to the box, where they are known.
+Lines are straight. Where a field may displace rays by more than a cell, and where the traced ends are known, straight
+lines from those ends back to the box are taken.
 
-A box whose faces are all undisturbed costs nothing: no ray is looked at. Neither is a wall an end of known air, nor the
-axis, nor the missing ends of a planar field in x.
+A box whose faces are all undisturbed costs nothing: no ray is looked at. The known air does not end at a wall, at the
+axis, or in x in a planar field.
 
-Whether the air at a face is disturbed is for the field to say that was resampled, if one was: what a grid that is too
-coarse makes of undisturbed air beside a shock layer is an error of resampling, and charged as such.
+Of a resampled field, its source decides whether the air at a face is disturbed: what a grid that is too coarse makes of
+undisturbed air beside a shock layer is an error of resampling, and counts as such.
 """
 
 from concurrent.futures import ThreadPoolExecutor
@@ -26,18 +26,18 @@ from ..medium import IndexField
 from ..medium.grid import UniformGrid
 from ..rays import RayBundle
 from .engines.info import thread_count
-from .levers import levers_of, obliquity
+from .lever_arms import lever_arms_of, obliquity
 from .lines import FACES, SIDE, box_size, box_span
 from .mesh_rim import mesh_crossings, mesh_rim
 from .prediction import greatest_turn
 from .stop import ArcLength, Plane, stop_distance
 from .tails import contrast_tail, drift_beyond, extent, path_beyond, slope_tail
 
-# The share of the tolerance, and of the greatest tolerance that counts here [m], that all that could be lost must stay
-# below for no ray to be looked at.
+# No ray is looked at where all that could be lost is below this share of the tolerance, or of GREATEST_TOLERANCE [m]
+# where that is less.
 NOTHING = 0.1
 GREATEST_TOLERANCE = 1e-9
-# By how much less than the box's size an end may lie outside it and still count as lying on its face.
+# An end that lies outside the box by less than this share of the box's size counts as lying on its face.
 ON_FACE = 1e-6
 # Rays that are looked at together: their arrays stay in a core's cache.
 CHUNK = 1 << 13
@@ -62,7 +62,7 @@ class KnownAir:
 
     def lost(self, ends: tuple[np.ndarray, np.ndarray] | None = None) -> np.ndarray:
         """What each ray may have lost [m], shape (ray_count,); `ends` are traced end points [m] and directions."""
-        # Where straight lines will do they are taken always: the answer must not hang on the outputs asked for.
+        # Straight lines are taken wherever they suffice, so that the answer does not depend on the outputs asked for.
         ends = ends if ends is not None and may_bend(self.field) else None
         return may_be_lost(self.field, self.rays, self.until, self.tolerance, ends)[0]
 
@@ -116,7 +116,9 @@ def may_be_lost(
     strongest = face_strengths(field).max()
     if not strongest > 0.0:
         return lost, face
-    weakest = NOTHING * min(tolerance, GREATEST_TOLERANCE) / (box_size(field) * (1.0 + _leverage(field, rays, until)))
+    weakest = (
+        NOTHING * min(tolerance, GREATEST_TOLERANCE) / (box_size(field) * (1.0 + _direction_weight(field, rays, until)))
+    )
     if not strongest > weakest:
         return lost, face
 
@@ -135,14 +137,14 @@ def may_be_lost(
     return lost, face
 
 
-def _leverage(field: IndexField, rays: RayBundle, until) -> float:
+def _direction_weight(field: IndexField, rays: RayBundle, until) -> float:
     """The loss by missing deflections over the loss of optical path: at most the lever arm over a cell.
 
     It only decides whether the air is disturbed enough to matter, so that some of the rays are enough.
     """
     some = rays[:: -(-rays.ray_count // CHUNK)] if isinstance(until, Plane) and rays.ray_count else None
-    levers = None if some is None else levers_of(field, some, until)
-    return 0.0 if levers is None else levers.lever_arm / float(np.min(field.spacing))
+    lever_arms = None if some is None else lever_arms_of(field, some, until)
+    return 0.0 if lever_arms is None else lever_arms.lever_arm / float(np.min(field.spacing))
 
 
 def _lost_by(field, position, direction, until, ends, weakest: float) -> tuple[np.ndarray, np.ndarray]:
@@ -151,9 +153,9 @@ def _lost_by(field, position, direction, until, ends, weakest: float) -> tuple[n
     stop = stop_distance(position, direction, until)
     lost, face = np.zeros(len(position)), np.full(len(position), BESIDE)
 
-    def add(rows, point, inward, chord, way, faces, distance, leaves: bool) -> None:
-        amount = path_beyond(field, point, inward, chord, way)
-        amount += drift_beyond(field, point, inward, chord, way, until, distance, leaves)
+    def add(rows, point, inward, chord, path, faces, distance, leaves: bool) -> None:
+        amount = path_beyond(field, point, inward, chord, path)
+        amount += drift_beyond(field, point, inward, chord, path, until, distance, leaves)
         face[rows] = np.where(amount > lost[rows], faces, face[rows])
         lost[rows] += amount
 
@@ -167,16 +169,16 @@ def _lost_by(field, position, direction, until, ends, weakest: float) -> tuple[n
         add(entering, point, direction[entering], chord, enter, span.entry_face[entering], rest, leaves=False)
         for crossing in _exits(field, position, direction, span, stop, until, ends):
             kept = strong[crossing[-1]]
-            rows, point, inward, chord, way, faces = (array[kept] for array in crossing)
-            add(rows, point, inward, chord, way, faces, distance=way, leaves=True)
+            rows, point, inward, chord, path, faces = (array[kept] for array in crossing)
+            add(rows, point, inward, chord, path, faces, distance=path, leaves=True)
     else:
         found = mesh_crossings(field, position, direction, stop, weakest)
         chord = np.full(len(found.ray), np.inf)
-        amount = path_beyond(field, found.point, found.inward, chord, found.way, found.cell, found.contrast)
+        amount = path_beyond(field, found.point, found.inward, chord, found.path, found.cell, found.contrast)
         leaves = np.sum(found.inward * direction[found.ray], axis=1) < 0.0
-        distance = np.array(found.way)
-        distance[~leaves] = stop[found.ray[~leaves]] - found.way[~leaves]
-        amount += drift_beyond(field, found.point, found.inward, chord, found.way, until, distance, leaves, found.cell)
+        distance = np.array(found.path)
+        distance[~leaves] = stop[found.ray[~leaves]] - found.path[~leaves]
+        amount += drift_beyond(field, found.point, found.inward, chord, found.path, until, distance, leaves, found.cell)
         np.add.at(lost, found.ray, amount)
     aside = np.flatnonzero(~span.meets | (stop <= span.enter) & (span.enter > 0.0))
     lost[aside] = _beside(field, position[aside], direction[aside], stop[aside], until)
@@ -184,7 +186,7 @@ def _lost_by(field, position, direction, until, ends, weakest: float) -> tuple[n
 
 
 def _exits(field, position, direction, span, stop, until, ends):
-    """Rows of the rays that leave the box, where and in which direction back, the chord, the way outside, the face.
+    """Rows of the rays that leave the box, where and in which direction back, the chord, the path outside, the face.
 
     By the traced ends where they are known, drawn straight back to the box.
     """
@@ -198,14 +200,14 @@ def _exits(field, position, direction, span, stop, until, ends):
             outside &= back.enter > 2.0 * margin
         rows = np.flatnonzero(outside)
         point = beyond[rows] - back.enter[rows, None] * ends[1][rows]
-        way = np.full(len(rows), np.inf) if until is None else back.enter[rows] - margin
+        path = np.full(len(rows), np.inf) if until is None else back.enter[rows] - margin
         chord = back.leave[rows] - back.enter[rows]
-        yield rows, point, -ends[1][rows], chord, way, back.entry_face[rows]
+        yield rows, point, -ends[1][rows], chord, path, back.entry_face[rows]
         straight &= ~(outside if until is None else back.meets)
     rows = np.flatnonzero(straight)
     point = position[rows] + span.leave[rows, None] * direction[rows]
-    chord, way = span.leave[rows] - span.enter[rows], stop[rows] - span.leave[rows]
-    yield rows, point, -direction[rows], chord, way, span.exit_face[rows]
+    chord, path = span.leave[rows] - span.enter[rows], stop[rows] - span.leave[rows]
+    yield rows, point, -direction[rows], chord, path, span.exit_face[rows]
 
 
 def _beside(field: IndexField, position, direction, stop, until) -> np.ndarray:
@@ -227,7 +229,7 @@ def _beside(field: IndexField, position, direction, stop, until) -> np.ndarray:
     chord, length = np.full(len(rows), np.inf), np.minimum(extent(field, direction[rows]), stop[rows])
     strength, scale = contrast_tail(field, nearest[rows], inward, chord)
     lost[rows] = strength * np.exp(-distance[rows] / scale) * length
-    if isinstance(until, Plane):  # any other stop is met without a slant
+    if isinstance(until, Plane):  # any other stop is met at a right angle
         strength, scale = slope_tail(field, nearest[rows], inward, chord, obliquity(direction[rows], until))
         rest = np.where(np.isfinite(stop[rows]), stop[rows] - along[rows], 0.0)
         lost[rows] += strength * np.exp(-distance[rows] / scale) * length * rest

@@ -14,8 +14,8 @@ which is free of bias: no other shift of the lattice is left out. Of a smooth wa
 n^-1.5. The replicates' spread is the error; where it is not small enough, as at an edge that cuts the pupil, Sobol
 points are taken, as many as were asked for.
 
-What is narrower than the distance of rays could hide between those of all replicates. A lattice is therefore taken only
-where there are as many of its rays as leave no cell of the field out.
+A structure narrower than the distance of rays could lie between the rays of all replicates. A lattice is therefore
+taken only where its rays are so many that none of the field's cells is passed over.
 """
 
 import numpy as np
@@ -50,7 +50,7 @@ def lattice_sizes(field: IndexField, pupil: Pupil, per_replicate: int, replicate
     asked = per_replicate * replicates
     if bundle == "off" or asked < LEAST_ASKED:
         return ()
-    # Rays that leave at a slant are closer than their points: the area counts as it is.
+    # Rays that leave obliquely are closer than their points: the area counts as it is.
     width, height = (2.0 * extent for extent in pupil.half_extent)
     share = 1.0 if pupil.inner_ratio is None else 0.25 * np.pi * (1.0 - pupil.inner_ratio**2)
     least = share * width * height / (RESOLVED * float(np.min(field.spacing))) ** 2
@@ -88,9 +88,9 @@ def lattice_points(size: int, smoothed: int, seeds: np.ndarray) -> tuple[np.ndar
     """
     index = np.arange(size, dtype=np.int64)
     along, across = (seeds.astype(float) + 0.5) * 2.0**-32
-    plain = (index + along) / size, np.modf(index * LATTICES[size] % size / size + across)[0]
+    points = (index + along) / size, np.modf(index * LATTICES[size] % size / size + across)[0]
     square, weight = np.empty((size, 2)), np.ones(size)
-    for axis, t in enumerate(plain):
+    for axis, t in enumerate(points):
         if smoothed >> axis & 1:
             weight *= 30.0 * (t * (1.0 - t)) ** 2
             t = t**3 * (10.0 - 15.0 * t + 6.0 * t * t)

@@ -16,47 +16,50 @@ from ..medium.grid import UniformGrid
 from ..rays import RayBundle
 from .held import greatest_path, held_error
 from .launch import launch
-from .levers import Levers, levers_of
+from .lever_arms import LeverArms, lever_arms_of
 from .plan import TracePlan
 from .prediction import predict_evaluations
 from .status import reached
 from .stop import ArcLength
+from .straight_lines import lines_through
 from .support import support_box
 from .unresolved import Sampling, disturbed_ends, greatest_error, missed_along
-from .ways import lines_through
 
 # Fewer rays are traced under error control at once: a pilot would not pay.
 LEAST_RAYS = 4096
 PILOT_RAYS = 512
-# Samples are nowhere further apart than so many cells. What lies between them is bounded from the field, too.
+# Greatest distance of samples in cells. What lies between them is bounded from the field as well.
 WIDEST = 6.0
 LEAST_SAMPLES = 36
-# So many are always worth it; more of them where error control is predicted to take a share of them at least: a sample
-# costs less than an evaluation of it, much less on OpenCL, where a CPU's lanes share it.
+# Up to CHEAP samples leapfrog is always taken. Above that it is taken where the samples are at most WORTH times the
+# evaluations predicted for error control: a sample costs less than an evaluation, much less on OpenCL, where the lanes
+# of a CPU share it.
 CHEAP = {"opencl": 450, "warp": 120}
 WORTH = {"opencl": 5.0, "warp": 1.2}
 MOST_SAMPLES = 3000
-# The pilot's greatest error is to be so many times below the tolerance, and a ray's estimate so many times the pilot's.
+# The pilot's greatest error is held MARGIN times below the tolerance, and a ray's estimate is SAFETY times the pilot's.
 MARGIN = 4.0
 SAFETY = 3.0
-# The error as a share of the difference from the sum over every third sample: for order 4, the rule's own, and order 2.
+# The error as a share of the difference from the sum over every third sample: for order 4, which is the rule's own, and
+# for order 2.
 LEAST_SHARE, GREATEST_SHARE = 1.0 / 80.0, 1.0 / 8.0
 # The trajectory error as a share of int P^2 / p_t dt: it is never greater than what bending adds to the path.
 GREATEST_BEND = 0.5
-# Of the pilot's rays, how many may be unfit for it.
+# The share of the pilot's rays that may be unfit for leapfrog.
 UNFIT = 0.1
 
-# What lies between samples may cost this share of the tolerance without each ray being asked for its own: what the
-# pilot leaves of it.
+# What lies between samples may cost this share of the tolerance, the rest of which is the pilot's, without being
+# bounded for each ray.
 NEGLIGIBLE = 1.0 - 1.0 / MARGIN
-# Elsewhere counts are tried that are so many times each other; a ray is expected to be rejected from this share on.
+# Elsewhere counts are tried in steps of this factor; a ray is expected to be rejected from this share of the tolerance
+# on.
 FINER = 1.3
 REJECTED = 0.7
 # Single precision is seen in a bound for tolerances below this share of the field's greatest optical path difference.
 FINE_SHARE = 3e-5
-# The longest of the rays' ways may be longer than the longest seen by so much.
-ROOM = 1.02
-# Rays of a bundle whose ways are looked at.
+# The longest of all rays may be this many times as long as the longest of those looked at.
+SPACING_MARGIN = 1.02
+# Rays of a bundle whose lines are looked at.
 SPREAD_RAYS = 8192
 
 
@@ -106,8 +109,8 @@ def fit_leapfrog(
     """
     stop = None if until is None else (until.point.tobytes(), until.normal.tobytes())
     bundle = hash((pilot.position.tobytes(), pilot.direction.tobytes()))
-    plan = replace(plan, levers=levers_of(field, pilot, until))
-    key = ("even", bundle, stop, plan.tolerance, wavelength, plan.backend, plan.device, plan.precision)
+    plan = replace(plan, lever_arms=lever_arms_of(field, pilot, until))
+    key = ("leapfrog", bundle, stop, plan.tolerance, wavelength, plan.backend, plan.device, plan.precision)
     given = field, pilot, plan, until, wavelength, spread()
     fitted = None
     if like is not None and like.sample_count:
@@ -123,7 +126,7 @@ def fit_leapfrog(
         "traced again"
     )
     if sampling is not None:
-        reason += "; the field has structure between samples, so what each ray may miss is bounded along its way"
+        reason += "; the field has structure between samples, so what each ray may miss is bounded along its path"
     return replace(
         plan,
         sample_count=count,
@@ -141,12 +144,12 @@ def _fit(
 ) -> tuple[int, tuple, float, Sampling | None]:
     """Samples of each ray (0: no number fits), the scales of its error estimate, and the pilot's greatest error [m].
 
-    And how far apart the samples are, where what lies between them counts.
+    The last entry says how far apart the samples are, where what lies between them counts.
     """
     held = held_error(field, plan.tolerance * wavelength)
     budget = held / MARGIN
     nothing = 0, (), 0.0, None
-    least = _least_samples(field, pilot, held, plan.levers)
+    least = _least_samples(field, pilot, held, plan.lever_arms)
     if not _is_worth_it(field, pilot, plan, wavelength, least):
         return nothing
     levels = [_Level(field, pilot, plan, until, wavelength, least * 3**power) for power in range(3)]
@@ -157,7 +160,7 @@ def _fit(
     if second > 0.0:
         order = min(max(math.log(first / second) / math.log(3.0), 1.0), 4.0) if first > second else 1.0
     count = _in_threes(least * max(1.0, (first / budget) ** (1.0 / order))) if first > 0.0 else least
-    between = _Between(field, spread, until, held, plan.levers)
+    between = _Between(field, spread, until, held, plan.lever_arms)
     count = between.least_count(
         count,
         lambda count: _is_worth_it(field, pilot, plan, wavelength, count),
@@ -184,13 +187,13 @@ def _confirm(
 ) -> tuple[int, tuple, float, Sampling | None] | None:
     """What `_fit` returns, for this number of samples; None where it does not hold, or rays may miss what counts."""
     held = held_error(field, plan.tolerance * wavelength)
-    if count < _least_samples(field, pilot, held, plan.levers):
+    if count < _least_samples(field, pilot, held, plan.lever_arms):
         return None
     level, finest = (_Level(field, pilot, plan, until, wavelength, number) for number in (count, 3 * count))
     worst = level.error(finest)
     if not (level.is_fit and finest.is_fit and worst <= held / MARGIN):
         return None
-    if not _Between(field, spread, until, held, plan.levers).is_nothing(count):
+    if not _Between(field, spread, until, held, plan.lever_arms).is_nothing(count):
         return None
     return count, _shares(field, pilot, plan, until, wavelength, level, worst), worst, None
 
@@ -209,20 +212,20 @@ def _shares(
 class _Between:
     """What the rays of a bundle may miss between their samples."""
 
-    def __init__(self, field: IndexField, spread: RayBundle, until, held: float, levers: Levers | None):
+    def __init__(self, field: IndexField, spread: RayBundle, until, held: float, lever_arms: LeverArms | None):
         self.field, self.held = field, held
-        low, high = support_box(field, held, levers)
+        low, high = support_box(field, held, lever_arms)
         self.lines = lines_through(field, spread, until, low, high)
-        self.ends = disturbed_ends(field, self.lines, held) if len(self.lines.way) else b""
+        self.ends = disturbed_ends(field, self.lines, held) if len(self.lines.length) else b""
 
     def _sampled(self, count: int) -> Sampling:
-        way = float(self.lines.way.max(initial=0.0))
+        length = float(self.lines.length.max(initial=0.0))
         steepness = np.abs(self.lines.direction).max(axis=0, initial=0.0)
         x, y, z = (float(size) for size in np.minimum(steepness, 1.0))
-        # What turns a ray counts in second order, too, where the stop is met head on.
-        lever = math.sqrt(0.5 * self.held * way)
+        # Where the stop is met head on, a deflection still counts in second order.
+        lever_arm = math.sqrt(0.5 * self.held * length)
         is_fine = self.held < FINE_SHARE * greatest_path(self.field)
-        return Sampling(ROOM * way / count, (x, y, z), lever, is_fine, self.ends)
+        return Sampling(SPACING_MARGIN * length / count, (x, y, z), lever_arm, is_fine, self.ends)
 
     def least_count(self, count: int, is_worth_it, cost_again) -> int:
         """The number of samples, at least `count`, with the least cost, rays that are traced again included.
@@ -259,11 +262,11 @@ class _Between:
 
     def _greatest(self, count: int) -> float:
         """The most that any ray misses between this many samples [m]."""
-        return greatest_error(self.field, self._sampled(count), self.lines) if len(self.lines.way) else 0.0
+        return greatest_error(self.field, self._sampled(count), self.lines) if len(self.lines.length) else 0.0
 
     def is_nothing(self, count: int) -> bool:
         """Whether nothing lies between this many samples: by the rule's own bound, or by what it leaves of the rest."""
-        if not len(self.lines.way):
+        if not len(self.lines.length):
             return True
         allowed = NEGLIGIBLE * self.held
         by_rule = greatest_error(self.field, self._sampled(count), self.lines, by_rule=True)
@@ -295,10 +298,10 @@ class _Level:
         return float(np.abs(self.opd - finer.opd)[good].max()) if good.any() else math.inf
 
 
-def _least_samples(field: IndexField, pilot: RayBundle, tolerance: float, levers: Levers | None) -> int:
+def _least_samples(field: IndexField, pilot: RayBundle, tolerance: float, lever_arms: LeverArms | None) -> int:
     """The number of samples that are WIDEST cells apart on the longest path through the field's support."""
     grid = field.samples
-    low, high = support_box(field, tolerance, levers)
+    low, high = support_box(field, tolerance, lever_arms)
     size = np.zeros(3)
     size[-len(low) :] = high - low
     if field.geometry == "axisymmetric":
@@ -308,9 +311,9 @@ def _least_samples(field: IndexField, pilot: RayBundle, tolerance: float, levers
     if field.geometry == "axisymmetric":
         spacing[:2] = grid.spacing[0]
     steep = np.maximum(np.abs(pilot.direction), 1e-12)
-    way = np.where(size > 0.0, size / steep, np.inf).min(axis=1)
-    way[~np.isfinite(way)] = 0.0  # nothing is disturbed
-    cells = way * np.linalg.norm(pilot.direction / spacing, axis=1)
+    length = np.where(size > 0.0, size / steep, np.inf).min(axis=1)
+    length[~np.isfinite(length)] = 0.0  # nothing is disturbed
+    cells = length * np.linalg.norm(pilot.direction / spacing, axis=1)
     return _in_threes(max(LEAST_SAMPLES, float(cells.max(initial=0.0)) / WIDEST))
 
 

@@ -26,7 +26,7 @@ class BoxSpan:
         enter: Distance to the entry [m], 0 for a start inside, shape (n,).
         leave: Distance to the exit [m], less than `enter` for a line that misses the box, shape (n,).
         entry_face: Number of the face of the entry in FACES, -1 for a start inside, shape (n,).
-        exit_face: That of the exit, -1 where the line never leaves, shape (n,).
+        exit_face: Number of the face of the exit, -1 where the line never leaves, shape (n,).
     """
 
     enter: np.ndarray
@@ -49,7 +49,7 @@ def box_size(field: IndexField) -> float:
 def box_span(field: IndexField, position: np.ndarray, direction: np.ndarray) -> BoxSpan:
     """Where straight lines from `position` [m] along unit vectors `direction`, both (n, 3), cross the field's box."""
     low, high = field.box
-    slack = ROUNDING * box_size(field)
+    tolerance = ROUNDING * box_size(field)
     round_box = field.geometry == "axisymmetric"
     count = len(position)
     near, far = np.full(count, -np.inf), np.full(count, np.inf)
@@ -65,35 +65,35 @@ def box_span(field: IndexField, position: np.ndarray, direction: np.ndarray) -> 
         if not np.isfinite(low[axis]):
             continue
         rate = direction[:, axis]
-        first, last = slab_span(position[:, axis], rate, low[axis], high[axis], slack)
+        first, last = slab_span(position[:, axis], rate, low[axis], high[axis], tolerance)
         forward = rate > 0.0
         narrow(first, last, 2 * axis + np.where(forward, 0, 1), 2 * axis + np.where(forward, 1, 0))
     if round_box:
-        narrow(*cylinder_span(position, direction, float(high[0]), slack), SIDE, SIDE)
+        narrow(*cylinder_span(position, direction, float(high[0]), tolerance), SIDE, SIDE)
     # A line in a face, or past an edge by no more than rounding, meets the box there.
     with np.errstate(invalid="ignore"):  # inf - inf of a miss is no touch
-        rounding = 2.0 * slack + 16.0 * np.finfo(np.float64).eps * np.abs(near)
+        rounding = 2.0 * tolerance + 16.0 * np.finfo(np.float64).eps * np.abs(near)
         touched = (far < near) & (near - far <= rounding) & np.isfinite(near)
     far = np.where(touched, near, far)
     inside = near <= 0.0
     return BoxSpan(np.maximum(near, 0.0), far, np.where(inside, -1, near_face), far_face)
 
 
-def slab_span(place: np.ndarray, rate: np.ndarray, low: float, high: float, slack: float = 0.0):
+def slab_span(place: np.ndarray, rate: np.ndarray, low: float, high: float, tolerance: float = 0.0):
     """Where lines place + t rate enter and leave the slab from `low` to `high`; (inf, -inf) for a miss.
 
-    Only a line along the slab is given `slack` on either side.
+    Only a line along the slab is given `tolerance` on either side.
     """
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         to_low, to_high = (low - place) / rate, (high - place) / rate
     still = rate == 0.0
-    aside = still & ((place < low - slack) | (place > high + slack))
+    aside = still & ((place < low - tolerance) | (place > high + tolerance))
     first = np.where(still, np.where(aside, np.inf, -np.inf), np.minimum(to_low, to_high))
     last = np.where(still, np.where(aside, -np.inf, np.inf), np.maximum(to_low, to_high))
     return first, last
 
 
-def cylinder_span(position, direction, radius: float, slack: float) -> tuple[np.ndarray, np.ndarray]:
+def cylinder_span(position, direction, radius: float, tolerance: float) -> tuple[np.ndarray, np.ndarray]:
     """Where lines enter and leave an endless cylinder about the z axis [m]; (inf, -inf) for a miss."""
     px, py, dx, dy = position[:, 0], position[:, 1], direction[:, 0], direction[:, 1]
     with np.errstate(divide="ignore", invalid="ignore", over="ignore", under="ignore"):
@@ -102,7 +102,7 @@ def cylinder_span(position, direction, radius: float, slack: float) -> tuple[np.
         closest = np.hypot(px + middle * dx, py + middle * dy)
         half = np.sqrt(np.maximum((radius - closest) * (radius + closest), 0.0) / square)
     along = ~(square > 0.0)
-    off = np.where(along, np.hypot(px, py), closest) > radius + slack
+    off = np.where(along, np.hypot(px, py), closest) > radius + tolerance
     first = np.where(along, -np.inf, middle - half)
     last = np.where(along, np.inf, middle + half)
     return np.where(off, np.inf, first), np.where(off, -np.inf, last)

@@ -59,7 +59,7 @@ class Crossings:
         ray: Number of the ray, shape (k,).
         point: Where [m], shape (k, 3).
         inward: Unit vector along the ray into the mesh, shape (k, 3).
-        way: Length of the way outside the mesh, from the start or to the stop [m], shape (k,).
+        path: Length of the path outside the mesh, from the start or to the stop [m], shape (k,).
         contrast: |contrast| at the crossing, shape (k,).
         cell: Size of the cell there [m], shape (k,).
     """
@@ -67,7 +67,7 @@ class Crossings:
     ray: np.ndarray
     point: np.ndarray
     inward: np.ndarray
-    way: np.ndarray
+    path: np.ndarray
     contrast: np.ndarray
     cell: np.ndarray
 
@@ -121,7 +121,7 @@ def mesh_crossings(
     """
     rim = mesh_rim(field).part(weakest)
     margin = SAME_PLACE * box_size(field)
-    rays, edges, ways = [np.zeros(0, int)], [np.zeros(0, int)], [np.zeros(0)]
+    rays, edges, paths = [np.zeros(0, int)], [np.zeros(0, int)], [np.zeros(0)]
     near = np.flatnonzero(_may_cross(field, rim, position, direction, margin)) if len(rim.start) else np.zeros(0, int)
     chunk = max(1, PAIRS // max(len(rim.start), 1))
     solve = _round if field.geometry == "axisymmetric" else _flat
@@ -133,8 +133,8 @@ def mesh_crossings(
             ray, edge = np.nonzero(hit)
             rays.append(part[ray])
             edges.append(edge)
-            ways.append(distance[hit])
-    ray, edge, distance = np.concatenate(rays), np.concatenate(edges), np.concatenate(ways)
+            paths.append(distance[hit])
+    ray, edge, distance = np.concatenate(rays), np.concatenate(edges), np.concatenate(paths)
     point = position[ray] + distance[:, None] * direction[ray]
     across, rise = (rim.end - rim.start)[edge].T
     if field.geometry == "axisymmetric":
@@ -144,10 +144,10 @@ def mesh_crossings(
     else:
         outward = direction[ray, 1]
     leaves = outward * rise - direction[ray, 2] * across > 0.0
-    way = np.where(leaves, stop[ray] - distance, distance)
+    path = np.where(leaves, stop[ray] - distance, distance)
     inward = np.where(leaves, -1.0, 1.0)[:, None] * direction[ray]
-    kept = way > margin
-    return Crossings(*(array[kept] for array in (ray, point, inward, way, rim.strength[edge], rim.cell[edge])))
+    kept = path > margin
+    return Crossings(*(array[kept] for array in (ray, point, inward, path, rim.strength[edge], rim.cell[edge])))
 
 
 def _may_cross(field: IndexField, rim: MeshRim, position, direction, margin: float) -> np.ndarray:

@@ -2,7 +2,7 @@
 
 from dataclasses import asdict, dataclass, field
 
-from .levers import Levers
+from .lever_arms import LeverArms
 from .unresolved import Sampling
 
 # What a caller may ask for.
@@ -66,7 +66,8 @@ class TracePlan:
             momentum across the ray, p_t that along it.
         sampling: Distance of the leapfrog samples, by which a ray's error includes what lies between them, see
             unresolved.py; None where that is negligible.
-        levers: How far the rays fly and at what angle they meet the stop, see levers.py; None where it was not needed.
+        lever_arms: How far the rays fly and at what angle they meet the stop, see lever_arms.py; None where it was not
+            needed.
         predicted_evaluations: Field evaluations of a ray across the box, predicted before any ray is traced.
         predicted_error: OPD error predicted [waves]: what a pilot bundle made, what tables estimate, or the tolerance.
         bundle: How many rays were traced and how many interpolated; None where each was traced.
@@ -85,7 +86,7 @@ class TracePlan:
     quadrature_error_scale: float = 0.0
     trajectory_error_scale: float = 0.0
     sampling: Sampling | None = None
-    levers: Levers | None = None
+    lever_arms: LeverArms | None = None
     predicted_evaluations: float | None = None
     predicted_error: float | None = None
     bundle: BundleCounts | None = None

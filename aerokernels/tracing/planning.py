@@ -16,7 +16,7 @@ from .collimated import find_projection, is_collimated, is_worth_it, projection_
 from .engines.choice import choose_backend
 from .held import held_error
 from .leapfrog import fit_leapfrog, may_be_leapfrog
-from .levers import levers_of
+from .lever_arms import lever_arms_of
 from .lines import box_size
 from .plan import LEAPFROG, METHODS, PRECISIONS, PROJECTION_TABLES, TracePlan
 from .prediction import predict_evaluations
@@ -39,8 +39,8 @@ def plan_rays(
     """
     if field.geometry == "planar" and choices["path_length"] is None:
         # Along x the box is endless: a ray may fly far longer through it than across its other axes.
-        levers = levers_of(field, pilot(), until)
-        choices["path_length"] = None if levers is None else levers.way
+        lever_arms = lever_arms_of(field, pilot(), until)
+        choices["path_length"] = None if lever_arms is None else lever_arms.path_length
     if method == "auto" and choices.get("columns") is None and may_be_leapfrog(field, ray_count, until):
         trial = make_plan(field, method="straight", wavelength=wavelength, **choices)  # predicts nothing: a pilot will
         if trial.backend != "reference":
@@ -57,11 +57,13 @@ def why_projection(
     """The reason to look these rays up in projection tables; None where that is impossible or slower."""
     if method != "auto" or not (is_collimated(field, rays, until) and is_worth_it(field, rays)):
         return None
-    columns = find_projection(field, rays, until)
-    if columns is None or not columns.inside.any() or not projection_holds(field, columns, tolerance * wavelength):
+    projection = find_projection(field, rays, until)
+    if projection is None or not projection.inside.any():
         return None
-    waves = columns.tables.greatest_error / wavelength
-    others = int(np.count_nonzero(~columns.inside))
+    if not projection_holds(field, projection, tolerance * wavelength):
+        return None
+    waves = projection.tables.greatest_error / wavelength
+    others = int(np.count_nonzero(~projection.inside))
     beside = f"; {others} of {rays.ray_count} rays come near a side of the box: they are traced by adaptive"
     return (
         f"method {PROJECTION_TABLES}: the rays are collimated along z, so what each gathers is a spline over x and y "

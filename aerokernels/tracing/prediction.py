@@ -15,7 +15,7 @@ from .step_bound import CONES, cones_of, step_bound
 OVERHEAD = 1.5
 FIRST = 15.0
 # Evaluations for each cell where the interpolant has kinks between cells, chosen to fit the same fields.
-KINKED_COST = {"linear": 2.0, "monotone": 3.0, "bilinear": 12.0}
+PIECEWISE_SMOOTH_COST = {"linear": 2.0, "monotone": 3.0, "bilinear": 12.0}
 
 
 def predict_evaluations(field: IndexField, budget: float, directions: np.ndarray) -> float:
@@ -27,10 +27,10 @@ def predict_evaluations(field: IndexField, budget: float, directions: np.ndarray
         directions: Unit vectors of the rays, shape (ray_count, 3).
     """
     if not isinstance(field.samples, UniformGrid):
-        return KINKED_COST["bilinear"] * box_size(field) / float(np.median(field.samples.mesh.cell_size))
+        return PIECEWISE_SMOOTH_COST["bilinear"] * box_size(field) / float(np.median(field.samples.mesh.cell_size))
     grid = field.samples
     if field.interpolation != "cubic":
-        return KINKED_COST[field.interpolation] * float(np.sum((grid.high - grid.low) / grid.spacing))
+        return PIECEWISE_SMOOTH_COST[field.interpolation] * float(np.sum((grid.high - grid.low) / grid.spacing))
     extent = float(np.linalg.norm(grid.high - grid.low))
     evaluations = 0.0
     for number in np.unique(cones_of(directions, field.geometry)):

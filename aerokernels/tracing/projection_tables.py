@@ -7,13 +7,13 @@ With z as the variable, p the transverse part of the momentum n dr/ds and s = (n
 so that in first order, along the straight line, optical path less a L is A = int s / a dz, p = grad A, and the ray's
 shift is grad D with D = int A / a dz. Where s is a cubic spline, A and D are cubic splines of x and y with the same
 knots: their coefficients are integrals of those of s, and are exact. The higher orders are small and smooth. They are
-computed on the grid's own columns, with the field expanded about the straight line to second order and the path once
-corrected (so that only terms of fourth order in the contrast are missing), and splined from there.
+computed on the grid's own lines along z, with the field expanded about the straight line to second order and the path
+once corrected (so that only terms of fourth order in the contrast are missing), and splined from there.
 
-The size of the third order, which is taken into account, stands for the error of what is not.
+The size of the third order, which is taken into account, is the estimate of the orders that are left out.
 
-What bending adds is of second order in grad A, which is known everywhere and not on the columns alone. Between columns
-it is what its spline says where grad A hardly changes from one to the next: by differences of A's coefficients, with
+What bending adds is of second order in grad A, which is known everywhere and not on those lines alone. Between lines
+its spline is right where grad A hardly changes from one line to the next: by differences of A's coefficients, with
 p = grad A and d its differences from node to node,
 
     error <= int (|p| |d^3 p| + |d^2 p|^2) / (16 a) dz
@@ -39,7 +39,7 @@ SUBCELLS = 2
 CHUNK = 24
 # Tables kept for a field.
 KEPT = 8
-# Of so many steps one is looked at for the bound between columns.
+# One of this many steps is looked at for the bound between the grid's lines along z.
 SEEN_STEPS = 6
 # The greatest shift of a ray, in cells, for which the field is expanded about the straight line.
 FURTHEST = 0.25

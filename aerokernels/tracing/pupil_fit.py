@@ -27,7 +27,7 @@ def fit_surface(moments: np.ndarray, terms: tuple[str, ...]) -> np.ndarray:
 def moments_in_metres(moments: np.ndarray, task: PupilTask) -> np.ndarray:
     """Moments (replicates, MOMENT_COUNT) whose x and y are in units of the pupil's reach, in metres.
 
-    Those of radial quadrature, whose points all lie along x, become those of the disc that they stand for.
+    Moments of radial quadrature, whose points all lie along x, become the moments of the disc that they stand for.
     """
     moments = moments * task.pupil.reach**LENGTHS
     if task.is_radial:

@@ -162,7 +162,7 @@ class PupilRun:
         per_ray = [results["opd"], results["status"]]
         engine.launch(self.kernels["sum_phasors"], numbers, [*shared, *per_ray, self.sums[0]], groups)
         for (rows, joined), sums in zip(pairwise(joined_counts(per_replicate)), pairwise(self.sums), strict=True):
-            engine.launch(self.kernels["join_sums"], [rows, joined], [*sums], replicates * joined * SUM_COUNT)
+            engine.launch(self.kernels["reduce_sums"], [rows, joined], [*sums], replicates * joined * SUM_COUNT)
         values = np.empty(replicates * SUM_COUNT)
         engine.get(self.sums[-1], values)
         return values.reshape(replicates, SUM_COUNT)

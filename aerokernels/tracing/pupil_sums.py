@@ -11,7 +11,7 @@ from ..rays import Pupil
 from .lattice_quadrature import lattice_order
 from .plan import TracePlan
 from .radial_quadrature import radial_points
-from .scheme import GROUP, JOINED
+from .scheme import GROUP, REDUCTION_WIDTH
 from .stop import Plane
 
 # Per replicate: count, x, y, W, xx, xy, yy, xW, yW, WW over the rays that arrived, then the greatest step error and
@@ -20,7 +20,7 @@ MOMENT_COUNT = 16
 GREATEST_ERROR = 10
 # A row of sums: the moments, then real and imaginary part of the phasor.
 SUM_COUNT = MOMENT_COUNT + 2
-# Rays that are on a device together, but for whole replicates: what a ray takes there times this bounds the memory.
+# Rays that are on a device together, in whole replicates: this number times the bytes of a ray bounds the memory.
 BATCH_RAYS = 1 << 21
 # Per-ray outputs of the tracer that the sums need, besides the status.
 PUPIL_OUTPUTS = frozenset(("opd", "step_error", "evaluation_count"))
@@ -44,10 +44,10 @@ class PupilTask:
         wavelength: Vacuum wavelength [m].
         per_replicate: Rays of a replicate.
         replicates: How many there are.
-        terms: What phases are measured from, fitted best: "tilt", "focus", both, or nothing.
+        terms: Terms of the surface, fitted best, that phases are measured from: "tilt", "focus", both, or nothing.
         by_radius: Whether rays are ordered by their distance from the pupil's centre alone, see `point_order`.
         is_radial: Whether the rays lie along one radius of the pupil, for radial quadrature (radial_quadrature.py).
-        generator: That of the lattice of a replicate's rays (lattice_quadrature.py); 0 for Sobol points.
+        generator: Generator of the lattice of a replicate's rays (lattice_quadrature.py); 0 for Sobol points.
     """
 
     field: IndexField
@@ -62,11 +62,6 @@ class PupilTask:
     by_radius: bool = False
     is_radial: bool = False
     generator: int = 0
-
-    @property
-    def is_weighted(self) -> bool:
-        """Whether each ray has a weight of its own."""
-        return self.is_radial or self.generator > 0
 
     def order(self) -> np.ndarray:
         """An order of a replicate's points in which neighbours are close, int32, shape (per_replicate,)."""
@@ -191,7 +186,7 @@ def joined_counts(per_replicate: int) -> list[int]:
     """Rows of sums that a replicate has, from its groups on, joined and joined again until one is left."""
     counts = [group_count(per_replicate)]
     while counts[-1] > 1 or len(counts) == 1:
-        counts.append(-(-counts[-1] // JOINED))
+        counts.append(-(-counts[-1] // REDUCTION_WIDTH))
     return counts
 
 

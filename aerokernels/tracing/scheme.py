@@ -5,8 +5,8 @@ Numbers that depend on the precision are mappings from its name.
 """
 
 # The length of a step.
-# Steps of so many cells need no leave from the table of step bounds (step_bound.py): four samples a step are then less
-# far apart than the support of a sample. On a mesh, which has no table, they are the longest.
+# Steps up to this many cells are taken whatever the table of step bounds says (step_bound.py): four samples a step are
+# then closer together than the support of a sample. On a mesh, which has no table, no step is longer.
 STEP_LIMIT = 2.0
 MESH_STEP_LIMIT = 4.0
 # Greatest tolerance [waves] for which the field's structure may be stepped over.
@@ -15,7 +15,7 @@ LAXEST = 0.3
 LEAST_STEP = 1e-4
 # Cell faces that a ray has passed but for rounding, or is about to pass in so little, in cells: not worth a step.
 FACE_TOLERANCE = 1e-4
-# Greatest distance before a face, in cells, at which a step across a kinked interpolant's cell may stop.
+# Greatest distance before a face, in cells, at which a step across a cell of a piecewise smooth interpolant may stop.
 GREATEST_STAND_OFF = 1e-3
 # Where the slope jumps at the faces of cells: a face that is nearer than this, in cells, has been reached; the slope
 # behind it is looked up so far beyond it.
@@ -34,14 +34,15 @@ NOISE = {"float32": 8.0 * 2.0**-24, "float64": 8.0 * 2.0**-53}
 DIRECTION_NOISE = {"float32": 2.0**-23, "float64": 2.0**-52}
 # A direction error counts with at least this share of the field's length, besides the ray's own slope.
 DIRECTION_SHARE = 0.01
-# The slant at which the undisturbed ray meets its stop counts less the more the ray has turned, up to this angle [rad].
+# The obliquity at which the undisturbed ray meets its stop counts less the more the ray is deflected, up to this angle
+# [rad].
 OBLIQUITY_KEPT = 0.25
-# Errors are believed to be smaller than the embedded formula says by these factors at most: where the table of safe
-# steps says that the field is smooth over the step (or the step stays in one cell of a linear field), and elsewhere;
-# less so on bent rays: 1 from an angle of 1 / BLUNTED on.
-SMOOTH = 0.02
-ROUGH = 0.2
-BLUNTED = 30.0
+# Least ratio of a step's refined error to that of the embedded formula that is believed: where the table of step
+# bounds says that the field is smooth over the step (or the step stays in one cell of a linear field), and elsewhere.
+# It grows with the deflection of the ray and is 1 from an angle of 1 / RATIO_GROWTH on.
+LEAST_RATIO_SMOOTH = 0.02
+LEAST_RATIO = 0.2
+RATIO_GROWTH = 30.0
 # Errors are multiplied by this before their components are squared: the squares of small ones would vanish.
 MAGNIFIED = 2.0**40
 # In place of a divisor that may be 0.
@@ -50,9 +51,9 @@ TINY = {"float32": 1e-30, "float64": 1e-290}
 # Leapfrog samples.
 # Greatest angle with the first direction for which they hold [rad].
 LEAPFROG_ANGLE = 0.05
-# Blocks that a ray moves on by, along any axis, between two lookups of what lies between its samples.
+# Greatest number of blocks, along any axis, between two lookups of what lies between a ray's samples.
 LOOKUP_STRIDE = 1.5
-# What lies between them changes from cell to cell by so many times its size, at most.
+# What lies between them changes from cell to cell by at most this many times its size.
 MISSED_SLOPE = 2.0
 # What the air outside the field's support may do to a ray counts as an error from this share of the tolerance on: below
 # it is what the support was chosen for (support.py).
@@ -60,26 +61,27 @@ LEFT_SHARE = 0.5
 
 # Where a ray ends.
 # Cosines of the angle with a surface's normal: above the first the place where a ray meets it is solved for along the
-# ray's first direction; above the second its slant counts in full.
+# ray's first direction; above the second its obliquity counts in full.
 LEAST_COSINE, STEEPEST_COSINE = 0.05, 0.002
-# A ray that lands at a smaller angle is moved on to the surface by no more than this, in cells: what rounding leaves.
-GRAZING_REST = 1e-2
+# A ray that meets a surface at a smaller angle is moved on to it by no more than this, in cells: what rounding leaves.
+GRAZING_TOLERANCE = 1e-2
 # A ray that flies on to a plane comes nearer to it by more than this a metre: what rounding leaves of a parallel one.
 LEAST_SLOPE = 1e-15
-# Landing: what is left to a surface is flown by the last step's parabola if it is below this share of that step, or
-# below rounding of the ray's place, in cells (of the plane and the cylinder: times their distance from the origin).
+# Event location: what is left to a surface is flown by the last step's parabola if it is below this share of that
+# step, or below rounding of the ray's place, in cells (for the plane and the cylinder: times their distance from the
+# origin).
 EVENT_LOCATION_SHARE = 0.02
 EVENT_LOCATION_NOISE = {"float32": 1e-5, "float64": 1e-13}
 # The number of the "surface" at which a stop at a length of arc ends a ray; those of space are numbered from 0.
-LANDED_ARC = 100
+ARC_SURFACE = 100
 # The same for a ray that flies on from where it left the field's support.
-LANDED_FREE = 101
+BEYOND_SUPPORT = 101
 # A ray that runs in a face is not thrown out by rounding: it is behind a surface when it is so by this many cells.
-SLACK_CELLS = {"float32": 1e-9, "float64": 1e-10}
+SURFACE_TOLERANCE = {"float32": 1e-9, "float64": 1e-10}
 # From this share of that on, what such a ray may fly behind the face counts as an error.
-SLACK_COUNTED = 1e-3
+TOLERANCE_COUNTED = 1e-3
 # Share of a ray's way to the box by which the wall may lie behind the box's face and still be met before it.
-ROUNDED_WAY = 1e-9
+ENTRY_ROUNDING = 1e-9
 # A step looks for the wall along chords that keep so close to it, in cells.
 WALL_SAG = 1e-4
 # A step that ends so far inside the body at most, in cells, is flown back along the tangent; others are taken anew.
@@ -99,6 +101,6 @@ WALK_LIMIT = 6
 # Rays summed by one work-group or thread, before the groups of a replicate are joined.
 GROUP = 128
 # Rows of such sums that are joined to one at a time: those of a million rays at once.
-JOINED = 64
+REDUCTION_WIDTH = 64
 # Multipliers of the hash that scrambles Sobol points (Burley, Practical hash-based Owen scrambling, JCGT 9-4 (2020)).
 HASHES = (0x6C50B47C, 0xB82F1E52, 0xC7AFE638, 0x8D22F6E6)

@@ -9,7 +9,7 @@ H errs in optical path by no more than about C H^5 G, so that over a path of len
 
 where G and K are the greatest that a ray can meet within H ahead of the block: all that lies in the cone of directions
 about the coordinate axis that the ray runs along, or on all sides where it runs along none. Widening H and looking
-again gives each block its reach. Steps of STEP_LIMIT cells need no such leave: four samples a step are then never
+again gives each block its reach. Steps up to STEP_LIMIT cells are taken in any case: four samples a step are then never
 further apart than a sample's support.
 
 With k_i = G_i^(1/4) along axis i, G along a direction u of a structure with one normal is (sum |u_i| k_i)^4.
@@ -27,11 +27,11 @@ BLOCK_COUNT_LIMIT = 300_000
 # Above 1, since the formula's own constant is far below C on smooth fields (it is exact to degree four) and errors of
 # steps differ in sign; set where tolerances still held on smooth fields and shocks (docs/accuracy.md, what was tried).
 SHARE = 12.0
-# Kinks may all bend one way: their errors add up.
+# Kinks may all deflect to one side: their errors add up.
 KINK_SHARE = 0.05
 # Of a rule that is exact for cubics, with room for knots anywhere in the step.
 CONSTANT = 1.0 / 720.0
-# Rays may turn by this much before the table stops to hold for them [rad].
+# The deflection up to which the table holds for a ray [rad].
 TURN = 0.02
 # Sines of the angles with a coordinate axis within which rays look ahead in a cone; others look around on all sides.
 CONE_SINES = (0.02, 0.2)

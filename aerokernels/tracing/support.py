@@ -2,14 +2,14 @@
 
 The air outside may cost a share of the tolerance, by its optical path and by its deflection of rays. On a path of
 length L through the box the potential s outside is below share / L. Where errors of direction count with a lever arm A
-(levers.py), its slope is below share / (L A).
+(lever_arms.py), its slope is below share / (L A).
 """
 
 import numpy as np
 
 from ..medium import IndexField
 from ..medium.grid import UniformGrid
-from .levers import Levers
+from .lever_arms import LeverArms
 from .scheme import LEAPFROG_ANGLE
 
 # The share of the tolerance that may be lost by taking the air outside for uniform.
@@ -18,7 +18,9 @@ SUPPORT_SHARE = 0.05
 MARGIN_NODES = 3
 
 
-def support_box(field: IndexField, tolerance: float, levers: Levers | None = None) -> tuple[np.ndarray, np.ndarray]:
+def support_box(
+    field: IndexField, tolerance: float, lever_arms: LeverArms | None = None
+) -> tuple[np.ndarray, np.ndarray]:
     """Corners of the support along the local axes [m], each of shape (2,) or (3,).
 
     Outside, the optical potential is so small that the path along any line through the box is off by less than
@@ -28,12 +30,12 @@ def support_box(field: IndexField, tolerance: float, levers: Levers | None = Non
     Args:
         field: The refractive index, on a cubic uniform grid.
         tolerance: OPD error allowed for a ray [m].
-        levers: How far the rays fly and at what angle they meet their stop; None takes a line across the box that ends
-            on a surface across it.
+        lever_arms: How far the rays fly and at what angle they meet their stop; None takes a line across the box that
+            ends on a surface across it.
     """
     grid = field.samples
     assert isinstance(grid, UniformGrid)
-    potential, slope = left_out(field, tolerance, levers)
+    potential, slope = left_out(field, tolerance, lever_arms)
     low, high = np.array(grid.low, dtype=float), np.array(grid.high, dtype=float)
     for axis, peaks in enumerate(_potential_peaks(grid)):
         supported = peaks > potential
@@ -49,25 +51,25 @@ def support_box(field: IndexField, tolerance: float, levers: Levers | None = Non
     return low, high
 
 
-def left_out(field: IndexField, tolerance: float, levers: Levers | None) -> tuple[float, float]:
+def left_out(field: IndexField, tolerance: float, lever_arms: LeverArms | None) -> tuple[float, float]:
     """The greatest potential [1] and slope of it [1/m] that may be left out; infinite where slopes do not count."""
     grid = field.samples
     assert isinstance(grid, UniformGrid)
     extent = np.asarray(grid.high) - np.asarray(grid.low)
     # A chord of the box of revolution is longer than its half-plane.
     longest = float(np.linalg.norm(extent * ([2.0, 1.0] if field.geometry == "axisymmetric" else 1.0)))
-    if levers is None:
+    if lever_arms is None:
         return SUPPORT_SHARE * tolerance / longest, np.inf
-    way = max(levers.way, longest)
-    potential = SUPPORT_SHARE * tolerance / way
-    # A ray's own deflection is a slant too, of second order in the contrast: it counts on far flights only.
-    beyond = max(levers.reach - 2.0 * way, 0.0)
+    path_length = max(lever_arms.path_length, longest)
+    potential = SUPPORT_SHARE * tolerance / path_length
+    # A ray's own deflection is an obliquity too, of second order in the contrast: it counts on far flights only.
+    beyond = max(lever_arms.reach - 2.0 * path_length, 0.0)
     # Slopes of splines are below twice their greatest coefficient over the spacing.
-    if levers.lever_arm + beyond * LEAPFROG_ANGLE <= 0.5 * float(np.min(grid.spacing)):
+    if lever_arms.lever_arm + beyond * LEAPFROG_ANGLE <= 0.5 * float(np.min(grid.spacing)):
         return potential, np.inf
-    turn = min(LEAPFROG_ANGLE, way * max(float(peaks.max(initial=0.0)) for peaks in _slope_peaks(grid)))
-    lever_arm = levers.lever_arm + beyond * turn
-    return potential, SUPPORT_SHARE * tolerance / (way * lever_arm) if lever_arm > 0.0 else np.inf
+    deflection = min(LEAPFROG_ANGLE, path_length * max(float(peaks.max(initial=0.0)) for peaks in _slope_peaks(grid)))
+    lever_arm = lever_arms.lever_arm + beyond * deflection
+    return potential, SUPPORT_SHARE * tolerance / (path_length * lever_arm) if lever_arm > 0.0 else np.inf
 
 
 def _potential_peaks(grid: UniformGrid) -> list[np.ndarray]:

@@ -67,7 +67,7 @@ BT_ERROR = np.array([float(v - w) for v, w in zip(PAIR.bt, PAIR.bt_low, strict=T
 NEARLY_STRAIGHT = 1e-2
 
 
-def is_one_scalar(interpolation: str) -> bool:
+def has_consistent_gradient(interpolation: str) -> bool:
     """Whether index and gradient are one interpolant's: in the paper's schemes |T| = n does not hold between them."""
     return interpolation not in ("bilinear-barron", "idw")
 

@@ -7,12 +7,12 @@ integral there is
     A0 min(s / ln(A1 / A0), D, w)        the first of the three where A1 > A0, where the disturbance falls off
 
 s is two cells; D is the box's own extent along the line: air that does not fall off is taken to go on for as much
-again; w is the length of the way that lies outside. An exponential tail has A0 s / ln(A1 / A0) left from the depth s
+again; w is the length of the path that lies outside. An exponential tail has A0 s / ln(A1 / A0) left from the depth s
 on, and a steeper one less.
 
 Of q = |m|, the contrast, that integral is an optical path. Of q = |grad m . e| it is an angle by which the missing air
-would have turned the ray, times the slant e of the ray's stop (levers.py): the optical path changes by that times the
-distance from the middle of that air to the stop.
+would have turned the ray, times the obliquity e of the ray's stop (lever_arms.py): the optical path changes by that
+times the distance from the middle of that air to the stop.
 """
 
 from itertools import product
@@ -21,34 +21,34 @@ import numpy as np
 
 from ..medium import IndexField
 from ..medium.grid import UniformGrid
-from .levers import obliquity
+from .lever_arms import obliquity
 from .lines import box_size, box_span
 from .mesh_rim import rim_contrast
 
 WINDOW_CELLS = 2.0
-# A slant that is rounding.
+# An obliquity that is rounding.
 NO_OBLIQUITY = 1e-12
 DEPTHS = np.array([0.0, 0.5, 1.0, 1.5, 2.0])  # over s; the middle one belongs to both windows
 
 
-def path_beyond(field: IndexField, point, inward, chord, way, cell=None, contrast=None) -> np.ndarray:
-    """Optical path beyond some points [m], of a way of the length `way` [m] in the direction -inward, shape (n,).
+def path_beyond(field: IndexField, point, inward, chord, path, cell=None, contrast=None) -> np.ndarray:
+    """Optical path beyond some points [m], over a length `path` [m] in the direction -inward, shape (n,).
 
     The other arguments are those of `contrast_tail`.
     """
     strength, scale = contrast_tail(field, point, inward, chord, cell, contrast)
-    return np.asarray(strength * _length(field, scale, inward, way))
+    return np.asarray(strength * _length(field, scale, inward, path))
 
 
-def drift_beyond(field: IndexField, point, inward, chord, way, until, distance, leaves, cell=None) -> np.ndarray:
-    """What the air beyond some points changes of optical paths to a slanted stop by turning rays [m], shape (n,).
+def drift_beyond(field: IndexField, point, inward, chord, path, until, distance, leaves, cell=None) -> np.ndarray:
+    """The change of optical paths to an oblique stop as the air beyond some points deflects rays [m], shape (n,).
 
     Args:
         field: The refractive index.
         point: Points of the boundary [m], shape (n, 3).
         inward: Unit vectors along the rays into the known air, shape (n, 3).
         chord: How far the known air goes on that way [m], shape (n,).
-        way: Length of the way beyond [m], shape (n,).
+        path: Length of the path beyond [m], shape (n,).
         until: The stop.
         distance: From the points to the stop [m], shape (n,); rays for which that is not finite never meet it.
         leaves: Whether rays leave the known air there, or enter it; one for all, or of shape (n,).
@@ -61,7 +61,7 @@ def drift_beyond(field: IndexField, point, inward, chord, way, until, distance, 
         return lost
     cell = None if cell is None else cell[rows]
     strength, scale = slope_tail(field, point[rows], inward[rows], chord[rows], across[rows], cell)
-    length = _length(field, scale, inward[rows], way[rows])
+    length = _length(field, scale, inward[rows], path[rows])
     middle = np.where(np.broadcast_to(leaves, len(point))[rows], -0.5, 0.5) * length
     lost[rows] = strength * length * np.maximum(distance[rows] + middle, 0.0)
     return lost
@@ -128,9 +128,9 @@ def _falls_off(field: IndexField, found: np.ndarray, point, step) -> tuple[np.nd
     return last, scale
 
 
-def _length(field: IndexField, scale, inward, way) -> np.ndarray:
+def _length(field: IndexField, scale, inward, path) -> np.ndarray:
     """Length of the air beyond [m]: min(s / ln(A1 / A0), D, w)."""
-    return np.minimum(np.minimum(scale, extent(field, inward)), np.maximum(way, 0.0))
+    return np.minimum(np.minimum(scale, extent(field, inward)), np.maximum(path, 0.0))
 
 
 def contrast_in(field: IndexField, points: np.ndarray) -> np.ndarray:

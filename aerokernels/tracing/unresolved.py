@@ -14,14 +14,15 @@ a high-passed part R (high_pass.py), what is left from about 0.9 / H on. The rul
 Where all rays run along one axis, within some 45 degrees, |R| is averaged along it over each block of cells: the sum
 over blocks is the integral. Across the rays the greatest counts.
 
-A ray that begins or ends in the midst of something is not helped by what converges on whole lines: a component
-a cos(2 pi phi t) makes the mended ends of the rule err by a H / 2 and, with x = phi H, 9.5 a H x^3 where x is small.
+Where a ray begins or ends in disturbed air, the fast convergence on whole lines does not help: a component
+a cos(2 pi phi t) makes the end corrections of the rule err by a H / 2 and, with x = phi H, by 9.5 a H x^3 where x is
+small.
 
 Where a field is smooth the bound by R is often beaten by the rule's own, H^4 / 720 int |f''''| dt, above all
 near the box's faces, where the even continuation has a kink: the lesser of the two counts in each block.
 
-What a ray turns by is off by the slope of all that, which changes the path in the second order of the contrast, or by
-the lever arm with which a slanted stop is met: a factor.
+The deflection of a ray errs by the slope of the same components. This changes the path in the second order of the
+contrast or, where the stop is met at an angle, by the lever arm: a factor.
 """
 
 from dataclasses import dataclass
@@ -34,28 +35,28 @@ from .blocks import block_maxima, block_means, greatest_of_neighbors
 from .high_pass import high_pass
 from .scheme import LOOKUP_STRIDE, MISSED_SLOPE
 from .step_bound import potential_at_nodes, roughness_by_axis
-from .ways import Lines, local_coordinates, local_range
+from .straight_lines import Lines, local_coordinates, local_range
 
-# Frequencies along a ray, times H, from which on components are passed: along its way, and at its ends.
+# Frequencies along a ray, times H, from which on components are passed: along the ray, and at its ends.
 EDGE, EDGE_AT_ENDS = 0.92, 0.4
 # The error of an end over H |R| there, and that of the rule's own bound over what it is elsewhere.
 END, RULE_AT_ENDS = 0.5, 8.0
 # The error over int |R| dt: of the sum, and of the integral.
 BOTH = 2.0
-# Cells between samples below which R is that of so many, but for a factor: its images have no end.
+# Below this many cells between samples, R is computed for this many and scaled: the images of a spline have no end.
 FINEST = 0.8
 # What a spline through one node that stands out makes of it between the next two nodes, at most.
 LOBE = 0.15
-# Of the midpoint rule with mended ends: its kernel, the Bernoulli polynomial of degree 4 over 4!, is at most this.
+# Of the end-corrected midpoint rule: its Peano kernel, the Bernoulli polynomial of degree 4 over 4!, is at most this.
 PEANO = 1.0 / 720.0
 # Components of a direction below which no neighbouring block is met within half a stride.
 LEAST_OBLIQUITY = 0.05
 # Of an axis that all rays run along, the least component; others along which they move less than a cell in a block.
 LEAST_MAIN, LEVEL = 0.7, 0.25
-# A lookup stands for so many blocks along that axis; strides are shorter where a way ends, and find less of them.
+# Blocks along that axis that a lookup stands for; strides are shorter where a ray ends, and find fewer of them.
 LOOKED_OVER, LOOKED_SHORT = 3, 1.1
-# Blocks by which a ray may be bent aside, beside its slant.
-BENT = 0.5
+# Blocks by which a ray may be deflected sideways, besides the drift of its straight line.
+DEFLECTED = 0.5
 # Ends of rays count where a block's length of what is there is worth this share of the tolerance.
 ENDS_SHARE = 0.02
 
@@ -70,14 +71,14 @@ class Sampling:
     Attributes:
         spacing: Greatest distance of a ray's samples [m].
         steepness: Greatest size of each component of the rays' unit vectors.
-        lever: By how much an error of direction changes the path where the stop is met head on [m/rad].
+        lever_arm: By how much an error of direction changes the path where the stop is met head on [m/rad].
         is_fine: Whether single precision would be seen in the bound.
         ends: Blocks in which rays begin or end in disturbed air, see `disturbed_ends`; empty where they do not.
     """
 
     spacing: float
     steepness: tuple[float, float, float]
-    lever: float
+    lever_arm: float
     is_fine: bool = True
     ends: bytes = b""
 
@@ -87,7 +88,7 @@ def disturbed_ends(field: IndexField, lines: Lines, held: float) -> bytes:
 
     Args:
         field: One on a cubic uniform grid.
-        lines: Rays' ways through the support of the field.
+        lines: The rays' straight lines through the support of the field.
         held: The OPD error that they are held to [m].
     """
     from scipy.ndimage import maximum_filter
@@ -97,7 +98,7 @@ def disturbed_ends(field: IndexField, lines: Lines, held: float) -> bytes:
     block, fourth = roughness_by_axis(grid)
     near = np.zeros(fourth[0].shape, dtype=np.uint8)
     size = block * np.asarray(grid.spacing)
-    ends = np.concatenate([lines.start, lines.start + lines.way[:, None] * lines.direction])
+    ends = np.concatenate([lines.start, lines.start + lines.length[:, None] * lines.direction])
     entry = np.floor((local_coordinates(ends, field.geometry) - grid.low) / size).astype(int)
     near[tuple(np.clip(entry, 0, np.array(near.shape) - 1).T)] = 1
     worth = block_maxima(np.abs(potential_at_nodes(grid)), block) * float(size.max())
@@ -120,7 +121,7 @@ def missed_in_blocks(field: IndexField, sampling: Sampling, by_rule: bool = Fals
 
 
 def lookup_table(field: IndexField, sampling: Sampling) -> tuple[int, np.ndarray]:
-    """The same as kernels look it up, once within a stride: each ray finds as much as lies on its way."""
+    """The same as kernels look it up, once within a stride: each ray finds as much as lies on its path."""
     from scipy.ndimage import maximum_filter1d, uniform_filter1d
 
     block, missed = missed_in_blocks(field, sampling)
@@ -141,49 +142,49 @@ def greatest_error(field: IndexField, sampling: Sampling, lines: Lines, by_rule:
     Args:
         field: One on a cubic uniform grid.
         sampling: How its rays are sampled.
-        lines: Their ways through the support of the field.
+        lines: Their straight lines through the support of the field.
         by_rule: See `missed_in_blocks`.
     """
     grid = field.samples
     block, missed = missed_in_blocks(field, sampling, by_rule)
     size = block * np.asarray(grid.spacing)
     local = local_range(lines, field.geometry)
-    # A block to each side for what rays are bent, and for rays between those of `lines`.
+    # A block to each side for the deflection of rays, and for rays between those of `lines`.
     first = np.clip(np.floor((local[0] - grid.low) / size).astype(int) - 1, 0, np.array(missed.shape) - 1)
     last = np.clip(np.floor((local[1] - grid.low) / size).astype(int) + 1, first, np.array(missed.shape) - 1)
     met = missed[tuple(slice(low, high + 1) for low, high in zip(first, last, strict=True))]
-    found = float(met.max()) * float(lines.way.max(initial=0.0))
+    found = float(met.max()) * float(lines.length.max(initial=0.0))
     # Along an axis that all rays run along, one layer of blocks after the other, as far beside as a ray may get.
     components = np.abs(lines.direction[:, 3 - met.ndim :])
     steepest = np.abs(lines.direction).max(axis=0, initial=0.0)
-    drift = _along_axes(steepest, field.geometry) * float(lines.way.max(initial=0.0)) / size
+    drift = _along_axes(steepest, field.geometry) * float(lines.length.max(initial=0.0)) / size
     for axis in range(field.geometry == "axisymmetric", met.ndim):
         least = float(components[:, axis].min(initial=1.0))
         if least > 0.0:
-            columns = met
+            layers = met
             for other in range(met.ndim):
                 if other != axis:
-                    columns = greatest_of_neighbors(columns, 1 + int(np.ceil(drift[other] + BENT)), other)
-            found = min(found, float(columns.sum(axis=axis).max()) * float(size[axis]) / least)
-    return found * float(_with_lever(field, lines).max(initial=1.0))
+                    layers = greatest_of_neighbors(layers, 1 + int(np.ceil(drift[other] + DEFLECTED)), other)
+            found = min(found, float(layers.sum(axis=axis).max()) * float(size[axis]) / least)
+    return found * float(_with_lever_arm(field, lines).max(initial=1.0))
 
 
 def missed_along(field: IndexField, sampling: Sampling, lines: Lines) -> np.ndarray:
     """What straight rays miss, by the kernels' own lookup [m], shape (line_count,)."""
     block, table = lookup_table(field, sampling)
     size = block * np.asarray(field.samples.spacing)
-    count = max(1, int(np.ceil(float(lines.way.max(initial=0.0)) / (LOOKUP_STRIDE * float(size.min())))))
-    found = np.zeros(len(lines.way))
+    count = max(1, int(np.ceil(float(lines.length.max(initial=0.0)) / (LOOKUP_STRIDE * float(size.min())))))
+    found = np.zeros(len(lines.length))
     for k in range(count):
-        place = lines.start + ((k + 0.5) / count * lines.way)[:, None] * lines.direction
+        place = lines.start + ((k + 0.5) / count * lines.length)[:, None] * lines.direction
         entry = np.floor((local_coordinates(place, field.geometry) - field.samples.low) / size).astype(int)
         found += table[tuple(np.clip(entry, 0, np.array(table.shape) - 1).T)]
-    return found * lines.way / count * _with_lever(field, lines)
+    return found * lines.length / count * _with_lever_arm(field, lines)
 
 
-def _with_lever(field: IndexField, lines: Lines) -> np.ndarray:
-    """By how much more an error of the path counts for the error of direction that comes with it."""
-    return 1.0 + MISSED_SLOPE / float(np.min(field.spacing)) * lines.lever
+def _with_lever_arm(field: IndexField, lines: Lines) -> np.ndarray:
+    """The factor by which an error of the path grows with the error of direction that comes with it."""
+    return 1.0 + MISSED_SLOPE / float(np.min(field.spacing)) * lines.lever_arm
 
 
 def _missed(grid: UniformGrid, geometry: str, sampling: Sampling, by_rule: bool) -> tuple[int, np.ndarray]:
@@ -193,7 +194,7 @@ def _missed(grid: UniformGrid, geometry: str, sampling: Sampling, by_rule: bool)
     block, fourth = roughness_by_axis(grid)
     strides = [PEANO * (u * sampling.spacing) ** 4 for u in obliquity]
     missed = _joined([stride * change for stride, change in zip(strides, fourth, strict=True)])
-    factor = 1.0 + MISSED_SLOPE * sampling.lever / float(grid.spacing.min())
+    factor = 1.0 + MISSED_SLOPE * sampling.lever_arm / float(grid.spacing.min())
     if by_rule:
         return block, factor * missed * (RULE_AT_ENDS if sampling.ends else 1.0)
     # Further on, what a spline holds of images falls off as the fourth power of their frequency.

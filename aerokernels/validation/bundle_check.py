@@ -62,10 +62,10 @@ def check(case: Case, engine: dict[str, str], sample: int = 300) -> tuple[list[F
     low, high = box_of(case.field)
     extent = float(np.linalg.norm(high - low))
     allowed = case.settings["tolerance"] * WAVE
-    slant = _obliquity(case, expected)
+    obliquity = _obliquity(case, expected)
     turn = 100.0 * allowed / extent + (2e-6 if case.settings["precision"] == "float32" else 1e-8)
     lengths = extent + np.linalg.norm(expected.position - 0.5 * (low + high), axis=1)
-    place = (100.0 * allowed + turn * lengths + 1e-12 * np.abs(rays.position).max()) * slant
+    place = (100.0 * allowed + turn * lengths + 1e-12 * np.abs(rays.position).max()) * obliquity
     apart = {
         "opd": np.abs(result.opd[rows] - expected.opd) / allowed,
         "direction": np.abs(result.direction[rows] - expected.direction).max(axis=1) / turn,

@@ -206,8 +206,8 @@ def _draw_stop(kind, medium, rays, rng):
     # Across the bundle, or slanted to 85 degrees.
     across = np.cross(along, _directions(rng, 1)[0])
     across /= np.linalg.norm(across)
-    slant = np.tan(np.deg2rad(rng.choice([0.0, rng.uniform(0.0, 60.0), rng.uniform(60.0, 85.0)])))
-    normal = along + slant * across
+    obliquity = np.tan(np.deg2rad(rng.choice([0.0, rng.uniform(0.0, 60.0), rng.uniform(60.0, 85.0)])))
+    normal = along + obliquity * across
     if abs(along[2]) == 1.0 and rng.random() < 0.7:
         normal = np.array([0.0, 0.0, 1.0])  # as tables need it
     middle = 0.5 * (low + high)

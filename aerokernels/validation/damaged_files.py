@@ -78,11 +78,11 @@ def damaged_copies(path: Path, sound: Path, copy: Path, seeds: Iterable[int]) ->
     for seed in seeds:
         random = np.random.default_rng(seed)
         chosen = files[int(random.integers(len(files)))]
-        spoilt = copy / chosen.relative_to(sound)
-        spoilt.write_bytes(damage(contents[chosen], random))
+        damaged = copy / chosen.relative_to(sound)
+        damaged.write_bytes(damage(contents[chosen], random))
         try:
             yield outcome_of(copy / path.relative_to(sound))
         except BaseException as fault:
             fault.add_note(f"seed {seed}, {chosen.name}")
             raise
-        spoilt.write_bytes(contents[chosen])
+        damaged.write_bytes(contents[chosen])

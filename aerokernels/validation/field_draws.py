@@ -68,11 +68,11 @@ def smooth_formula(rng, amplitude: float, longest: float, shortest: float):
 
 def shock_formula(rng, amplitude: float, thickness: float, middle: float):
     """A curved tanh layer aslant to the axis."""
-    slant, curve, place = rng.uniform(-0.8, 0.8), rng.uniform(-100.0, 100.0), middle * rng.uniform(0.6, 1.4)
+    slope, curve, place = rng.uniform(-0.8, 0.8), rng.uniform(-100.0, 100.0), middle * rng.uniform(0.6, 1.4)
     tilt = rng.uniform(-0.3, 0.3)
 
     def value(x, y, z):
-        distance = (z - place - slant * y - tilt * x - curve * y * y) / np.sqrt(1.0 + slant**2 + tilt**2)
+        distance = (z - place - slope * y - tilt * x - curve * y * y) / np.sqrt(1.0 + slope**2 + tilt**2)
         return amplitude * 0.5 * (1.0 + np.tanh(distance / thickness))
 
     return value

@@ -115,10 +115,10 @@ def measure(count: int, folder: Path, kills: int, seed: int = 0) -> dict[str, An
     folder.mkdir(parents=True, exist_ok=True)
     whole, broken = folder / "whole.zarr", folder / "broken.zarr"
     alone = _begin(count, whole)
-    told = alone.communicate()[0]
+    output = alone.communicate()[0]
     if alone.returncode:
         raise RuntimeError(f"the process left alone ended with exit status {alone.returncode}")
-    found = json.loads(told)
+    found = json.loads(output)
     moments = sorted(draw.randrange(1, count) for _ in range(kills))
     killed = []
     for moment in moments:

@@ -6,8 +6,8 @@ Grids. Polynomials up to the third degree (parabolic, Luneburg, linear) are exac
 potential s = (n^2 - ambient^2) / 2 between nodes h apart is off by h^4 / 720 times the fourth derivative s4 in the
 mean, which is little, but its slope by up to h^3 s4 / 125, with both signs in every cell. A ray that crosses cells
 evenly does not see that; one that turns, with curvature c, runs along a row of cells for about sqrt(8 h / c) and is
-bent by up to h^3.5 s4 / (44 sqrt(c)) too much. Every grid here keeps that at a few 1e-9. Media that do not depend on z
-have cells long in z.
+deflected by up to h^3.5 s4 / (44 sqrt(c)) too much. Every grid here keeps that at a few 1e-9. Media that do not
+depend on z have cells long in z.
 """
 
 import functools
@@ -73,7 +73,7 @@ def sech(geometry: str, periods: float, g=10.0, n0=N0, ambient=1.0, reach=1.2) -
     """A guide, n = n0 / cosh(g y), |y| < reach / g: rays of all slopes over `periods` 2 pi / g.
 
     Axisymmetric: meridional rays, which stay in their plane through the axis; the second starts on the axis. Planar:
-    two rays run along x as well. 240 cells to the edge, g h = 0.005, s4 <= 8 n0^2 g^4: bent by at most 1.6e-9.
+    two rays run along x as well. 240 cells to the edge, g h = 0.005, s4 <= 8 n0^2 g^4: deflected by at most 1.6e-9.
     """
     length = 2.0 * np.pi / g * periods
     planar = geometry == "planar"
@@ -125,7 +125,7 @@ def luneburg(geometry: str, towards=(0.0, 0.0, 1.0), focus: float = 1.0) -> Case
 def fish_eye(geometry: str, source=(0.0, 0.0, -1.0), stop: float | None = None) -> Case:
     """The lens n = n0 / (1 + r^2), R = 1 m: a fan from `source` to its antipodal image, or to the plane z = `stop`.
 
-    Cells of 1/256, s4 <= 36 n0^2: bent by at most 3e-9.
+    Cells of 1/256, s4 <= 36 n0^2: deflected by at most 3e-9.
     """
     source = np.asarray(source, dtype=float)
 
@@ -176,7 +176,7 @@ def linear(geometry: str) -> Case:
 def exponential(length: float = 1.6) -> Case:
     """The medium n = n0 exp(y / L), L = 1 m, planar: rays fall, turn and rise again; two run along x as well.
 
-    Cells of 0.005, s4 = 8 n^2: bent by at most 1.6e-9.
+    Cells of 0.005, s4 = 8 n^2: deflected by at most 1.6e-9.
     """
 
     def index(points):
@@ -195,9 +195,9 @@ def exponential(length: float = 1.6) -> Case:
 def spherical(geometry: str, power: float) -> Case:
     """The medium n = n0 (r / R)^p about the origin, R = 1 m: rays past the centre, which lies outside the box.
 
-    p = -1: logarithmic spirals; p = -1/2: Kepler's parabolas; p = 2: rays bent away from the centre. The stop is a
-    plane through the centre. Cells of 1/256, s4 <= 60 n^2 along the radius at r = 1: bent by a few 1e-9; of 1/192
-    where p = 2, s4 = 12 n^2: bent by at most 3e-9.
+    p = -1: logarithmic spirals; p = -1/2: Kepler's parabolas; p = 2: rays deflected away from the centre. The stop is a
+    plane through the centre. Cells of 1/256, s4 <= 60 n^2 along the radius at r = 1: deflected by a few 1e-9; of 1/192
+    where p = 2, s4 = 12 n^2: deflected by at most 3e-9.
     """
 
     def index(points):

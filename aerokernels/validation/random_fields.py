@@ -72,7 +72,7 @@ def random_field(geometry: str, interpolation: str, seed: int, width: float = 3.
     return IndexField.from_mesh(mesh, contrast, ambient_index=AMBIENT, interpolation=interpolation)
 
 
-def slanted_rays(count: int, seed: int = 5) -> RayBundle:
+def oblique_rays(count: int, seed: int = 5) -> RayBundle:
     """Rays from 1 mm ahead of the box into it, within 0.1 rad of the axis."""
     rng = np.random.default_rng(seed)
     position = np.c_[rng.uniform(-0.8e-3, 0.8e-3, (count, 2)), np.full(count, -1e-3)]

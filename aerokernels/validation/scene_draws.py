@@ -1,4 +1,4 @@
-"""Random scenes that mix what leads a tracer astray, each with its truth.
+"""Random scenes that mix what tracers get wrong, each with its truth.
 
 A sum of Gaussian blobs and tanh layers, some of them one cell thin (needles, thin shocks), sampled on a grid of 24 to
 72 nodes a side that may be coarse beside them, in a box that may cut the disturbed air, with or without a round body;
@@ -208,9 +208,9 @@ def draw(seed: int) -> Scene:
     radius = half * rng.uniform(0.2, 0.7) if sphere is None or centre[2] == begin else 0.6 * sphere[1]
     tilt = rng.choice([0.0, 0.0, 0.1, 0.4])
     look = np.array([0.0, np.sin(tilt), np.cos(tilt)])
-    slant = rng.choice([0.0, 0.0, 0.3, 1.0])
-    normal = np.array([0.0, np.sin(slant), np.cos(slant)])
-    stop = Plane((0.0, 0.0, 0.5 * length * margin * rng.uniform(1.0, 1.5) + half * np.tan(slant)), normal)
+    angle = rng.choice([0.0, 0.0, 0.3, 1.0])
+    normal = np.array([0.0, np.sin(angle), np.cos(angle)])
+    stop = Plane((0.0, 0.0, 0.5 * length * margin * rng.uniform(1.0, 1.5) + half * np.tan(angle)), normal)
     # The wavefront of a pupil is that on the plane of the estimate, just beyond the box: farther on it is another one.
     far = plane_beyond(field, Disc(radius, centre, look), look)
     described = f"{geometry} {field.interpolation} {nodes} nodes{' cut' * cut}{' body' * (body is not None)} {kind}"

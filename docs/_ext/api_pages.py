@@ -54,7 +54,7 @@ def _top_level() -> dict[str, list[str]]:
 
     found: dict[str, list[str]] = {}
     for name in aerokernels.__all__:
-        home = aerokernels._HOME[name]
+        home = aerokernels._MODULE_OF[name]
         if home:
             found.setdefault(SHOWN.get(home, home), []).append(name)
     return found

@@ -33,7 +33,7 @@
 #define LEAPFROG_ARGUMENTS \
     const Field field, const Bounds bounds, const Control control, ARRAY_ARGUMENTS, const int first_ray, \
     const int ray_count, __global const double *position_in, __global const double *direction_in, \
-    RAY_OUTPUT_ARGUMENTS, __global int *rough_count_out
+    RAY_OUTPUT_ARGUMENTS, __global int *rejected_count_out
 
 #define TRACE_PROJECTION_ARGUMENTS \
     __global const real *coefficients, const int cells_x, const int cells_y, const double origin_x, \
@@ -44,7 +44,7 @@
 #define DELIVER_BUNDLE_ARGUMENTS \
     __global const int *block_map, __global const double *header, __global const real *patches, \
     __global const double *frame, const int map_u, const int map_v, const int converges, const int stop, \
-    const int shape, const int checks_way, const int faces_that_matter, const int wanted, const int first_ray, \
+    const int shape, const int checks_faces, const int faces_that_matter, const int wanted, const int first_ray, \
     const int ray_count, __global const double *position_in, __global const double *direction_in, \
     RAY_OUTPUT_ARGUMENTS
 
@@ -67,8 +67,8 @@
     __global const double *pupil_in, __global const double *opd_in, __global const int *status_in, \
     __global double *sums_out
 
-#define JOIN_SUMS_ARGUMENTS \
-    const int row_count, const int joined_count, const int first_sum, const int sum_count, \
+#define REDUCE_SUMS_ARGUMENTS \
+    const int row_count, const int reduced_count, const int first_sum, const int sum_count, \
     __global const double *sums_in, __global double *sums_out
 
 #endif

@@ -116,13 +116,13 @@ static inline double meeting(const Bounds *bounds, int k, double3 p, double3 d, 
 // What a ray that was brought to surface k, which it grazes, still lacks of it along its tangent; 0 where that is more
 // than rounding of its place leaves, or where the line along d was met with it already. `grazing` tells
 // the length that is left for that reason, and the cosine of the angle with the normal.
-static inline double grazing_rest(
+static inline double grazing_correction(
     const Bounds *bounds, const Control *control, int k, double3 p, double3 d, double3 heading, double2 *grazing)
 {
     double3 normal;
     const double miss = surface_distance(bounds, k, p, &normal);
     const double cosine = dot(normal, heading);
-    const double most = GRAZING_REST / (double)greatest(VECTOR(control->cell_rate));
+    const double most = GRAZING_TOLERANCE / (double)greatest(VECTOR(control->cell_rate));
     const int is_flat = fabs(dot(normal, d)) <= LEAST_COSINE;
     const int grazes = is_flat && fabs(miss) < most * fabs(cosine);
     const double lack = is_flat && !grazes ? fabs(miss) / fmax(fabs(cosine), 1.0e-200) : 0.0;

@@ -66,35 +66,35 @@ typedef struct {
     double leave;
     int entry_face;
     int exit_face;
-} BoxWay;
+} BoxCrossing;
 
-static inline BoxWay narrowed(BoxWay way, double first, double last, int first_face, int last_face)
+static inline BoxCrossing narrowed(BoxCrossing crossing, double first, double last, int first_face, int last_face)
 {
-    way.entry_face = first > way.enter ? first_face : way.entry_face;
-    way.enter = first > way.enter ? first : way.enter;
-    way.exit_face = last < way.leave ? last_face : way.exit_face;
-    way.leave = last < way.leave ? last : way.leave;
-    return way;
+    crossing.entry_face = first > crossing.enter ? first_face : crossing.entry_face;
+    crossing.enter = first > crossing.enter ? first : crossing.enter;
+    crossing.exit_face = last < crossing.leave ? last_face : crossing.exit_face;
+    crossing.leave = last < crossing.leave ? last : crossing.leave;
+    return crossing;
 }
 
-static inline BoxWay box_way(__global const double *frame, int shape, double3 p, double3 d)
+static inline BoxCrossing box_crossing(__global const double *frame, int shape, double3 p, double3 d)
 {
-    BoxWay way;
-    way.enter = -FAR;
-    way.leave = FAR;
-    way.entry_face = way.exit_face = -1;
+    BoxCrossing crossing;
+    crossing.enter = -FAR;
+    crossing.leave = FAR;
+    crossing.entry_face = crossing.exit_face = -1;
     for (int axis = shape == VOLUME ? 0 : shape == PLANAR ? 1 : 2; axis < 3; axis++) {
         const double place = pick64(p, axis), rate = pick64(d, axis);
         const double low = FRAME_BOX_LOW(axis), high = FRAME_BOX_HIGH(axis);
         if (rate == 0.0) {
             if (place < low || place > high) {
-                way.leave = -FAR;
+                crossing.leave = -FAR;
             }
             continue;
         }
         const double to_low = (low - place) / rate, to_high = (high - place) / rate;
         const int up = rate > 0.0;
-        way = narrowed(way, up ? to_low : to_high, up ? to_high : to_low, 2 * axis + !up, 2 * axis + up);
+        crossing = narrowed(crossing, up ? to_low : to_high, up ? to_high : to_low, 2 * axis + !up, 2 * axis + up);
     }
     if (shape == AXISYMMETRIC) {
         const double square = d.x * d.x + d.y * d.y, radius = FRAME_BOX_HIGH(0);
@@ -103,38 +103,39 @@ static inline BoxWay box_way(__global const double *frame, int shape, double3 p,
             const double x = p.x + middle * d.x, y = p.y + middle * d.y;
             const double rest = radius * radius - (x * x + y * y);
             const double chord = sqrt(greater64(rest, 0.0) / square);
-            way = narrowed(way, middle - chord, middle + chord, 6, 6);
-            way.leave = rest < 0.0 ? -FAR : way.leave;
+            crossing = narrowed(crossing, middle - chord, middle + chord, 6, 6);
+            crossing.leave = rest < 0.0 ? -FAR : crossing.leave;
         } else if (p.x * p.x + p.y * p.y > radius * radius) {
-            way.leave = -FAR;
+            crossing.leave = -FAR;
         }
     }
-    return way;
+    return crossing;
 }
 
 // How far from the other faces a line leaves the box [m].
-static inline double depth_at_exit(__global const double *frame, int shape, double3 p, double3 d, BoxWay way)
+static inline double depth_at_exit(__global const double *frame, int shape, double3 p, double3 d, BoxCrossing crossing)
 {
-    const double3 place = p + way.leave * d;
+    const double3 place = p + crossing.leave * d;
     double depth = FAR;
     for (int axis = shape == VOLUME ? 0 : shape == PLANAR ? 1 : 2; axis < 3; axis++) {
-        if (way.exit_face >> 1 != axis || way.exit_face == 6) {
+        if (crossing.exit_face >> 1 != axis || crossing.exit_face == 6) {
             const double at = pick64(place, axis);
             depth = lesser64(depth, lesser64(at - FRAME_BOX_LOW(axis), FRAME_BOX_HIGH(axis) - at));
         }
     }
-    if (shape == AXISYMMETRIC && way.exit_face != 6) {
+    if (shape == AXISYMMETRIC && crossing.exit_face != 6) {
         depth = lesser64(depth, FRAME_BOX_HIGH(0) - sqrt(place.x * place.x + place.y * place.y));
     }
     return depth;
 }
 
-// How far it is to the stop along the undisturbed line [m], not positive without one; and the number of its way.
+// How far it is to the stop along the undisturbed line [m], not positive without one; and the number of its pair of
+// faces: of the one it comes in by, and the one it leaves by.
 static inline double undisturbed_length(
     __global const double *frame,
     int stop,
     int shape,
-    int checks_way,
+    int checks_faces,
     int faces_that_matter,
     double3 p,
     double3 d,
@@ -145,28 +146,28 @@ static inline double undisturbed_length(
         const double3 normal = FRAME_STOP_NORMAL;
         length = dot(FRAME_STOP_POINT - p, normal) / dot(d, normal);
     }
-    if (stop != NONE && !checks_way) {
+    if (stop != NONE && !checks_faces) {
         return length;
     }
-    const BoxWay way = box_way(frame, shape, p, d);
+    const BoxCrossing crossing = box_crossing(frame, shape, p, d);
     const double close = FRAME_CLOSE;
-    const double enter = greater64(way.enter, 0.0);
-    if (way.leave < enter) {
+    const double enter = greater64(crossing.enter, 0.0);
+    if (crossing.leave < enter) {
         *number = stop == NONE ? -1 : (FACES + 2) * (FACES + 3);
         return stop == NONE ? -1.0 : length;
     }
     const int enters = enter <= close ? FACES
-        : (faces_that_matter >> way.entry_face) & 1 ? way.entry_face : FACES + 1;
-    int leaves = way.exit_face;
+        : (faces_that_matter >> crossing.entry_face) & 1 ? crossing.entry_face : FACES + 1;
+    int leaves = crossing.exit_face;
     if (stop == NONE) {
-        length = way.leave;
-    } else if (length < way.leave - close) {
+        length = crossing.leave;
+    } else if (length < crossing.leave - close) {
         leaves = FACES + 1;
-    } else if (!((faces_that_matter >> way.exit_face) & 1)) {
+    } else if (!((faces_that_matter >> crossing.exit_face) & 1)) {
         leaves = FACES;
     }
     *number = (FACES + 2) * leaves + enters;
-    if ((stop == NONE || leaves <= FACES) && depth_at_exit(frame, shape, p, d, way) < FRAME_MARGIN) {
+    if ((stop == NONE || leaves <= FACES) && depth_at_exit(frame, shape, p, d, crossing) < FRAME_MARGIN) {
         *number = -1;
     }
     return length;

@@ -70,21 +70,21 @@
 #define NOISE_STEP R(0.5)
 #define DIRECTION_SHARE R(0.01)
 #define OBLIQUITY_KEPT R(0.25)
-#define SMOOTH R(0.02)
-#define ROUGH R(0.2)
-#define BLUNTED R(30.0)
+#define LEAST_RATIO_SMOOTH R(0.02)
+#define LEAST_RATIO R(0.2)
+#define RATIO_GROWTH R(30.0)
 #define MAGNIFIED R(1099511627776.0)
 
 // Cosine of the least angle with a surface that is believed, and cells to go on at smaller ones (double).
 #define LEAST_COSINE 0.05
 #define STEEPEST_COSINE 0.002
-#define GRAZING_REST 0.01
+#define GRAZING_TOLERANCE 0.01
 #define LEAST_SLOPE 1e-15
-#define ROUNDED_WAY 1e-09
+#define ENTRY_ROUNDING 1e-09
 
-// Landing: the share of a step that may be left to a surface.
+// Event location: the share of a step that may be left to a surface.
 #define EVENT_LOCATION_SHARE R(0.02)
-#define SLACK_COUNTED R(0.001)
+#define TOLERANCE_COUNTED R(0.001)
 
 // Leapfrog samples: greatest angle with the first direction [rad], least share of what is left out.
 #define LEAPFROG_ANGLE R(0.05)
@@ -107,8 +107,8 @@
 #define WIDE_COSINE R(0.9756002111270675)
 
 // Where a ray ends.
-#define LANDED_ARC 100
-#define LANDED_FREE 101
+#define ARC_SURFACE 100
+#define BEYOND_SUPPORT 101
 #define WALK_LIMIT 6
 
 // The body: chords, closeness and room in cells; A of lines parallel to the axis, triangles (double).
@@ -122,7 +122,7 @@
 
 // Pupil: rays summed by one work-item and the sums it delivers, and the hash of the scramble.
 #define GROUP 128
-#define JOINED 64
+#define REDUCTION_WIDTH 64
 #define MOMENT_COUNT 16
 #define SUM_COUNT 18
 #define HASH_1 0x6C50B47Cu
@@ -154,7 +154,7 @@
 #define EVENT_LOCATION_NOISE R(1e-13)
 #define AT_FACE R(1e-09)
 #define RADIUS_NOISE R(4.440892098500626e-16)
-#define SLACK_CELLS R(1e-10)
+#define SURFACE_TOLERANCE R(1e-10)
 #else
 #define NOISE R(4.76837158203125e-07)
 #define DIRECTION_NOISE R(1.1920928955078125e-07)
@@ -162,7 +162,7 @@
 #define EVENT_LOCATION_NOISE R(1e-05)
 #define AT_FACE R(1e-06)
 #define RADIUS_NOISE R(2.384185791015625e-07)
-#define SLACK_CELLS R(1e-09)
+#define SURFACE_TOLERANCE R(1e-09)
 #endif
 
 #endif

@@ -148,7 +148,7 @@ static inline int passes_node(
 {
 #if GEOMETRY == VOLUME
     const double4 low = vload4(2 * node, arrays->wall_boxes), high = vload4(2 * node + 1, arrays->wall_boxes);
-    return passes_room(line, low.xyz, high.xyz, margin, first, last);
+    return passes_volume_box(line, low.xyz, high.xyz, margin, first, last);
 #else
     return passes_box(line, vload4(node, arrays->wall_boxes), margin, first, last);
 #endif

@@ -47,8 +47,8 @@ static inline int start_of(
     // A ray that starts behind the body's surface begins where it leaves it. Where the body sticks out of the box, a ray
     // may hit it on its way to the box.
     if (meets) {
-        const double leaves = way_out(field, arrays, p, d, enter);
-        const double hits = way_in(field, arrays, p, d, enter);
+        const double leaves = body_exit(field, arrays, p, d, enter);
+        const double hits = body_entry(field, arrays, p, d, enter);
         if (hits < NEVER) {
             status = RAY_HIT_BODY;
             enter = hits;
@@ -115,21 +115,21 @@ static inline double3 place_of(
     return p + (interval->t_enter + ambient * sigma) * d + (convert_double3(q) - convert_double3(q_carry));
 }
 
-static inline Lever lever_of(
+static inline StopGeometry stop_geometry_of(
     const Bounds *bounds, const Control *control, const Interval *interval, double3 p, double3 d)
 {
     const double chord = interval->t_exit - interval->t_enter;
-    Lever out;
+    StopGeometry out;
     out.reach = chord < 1.0e30 ? (real)chord : control->extent;  // along x a planar box has no end
     out.obliquity = CONTROLLED ? (real)obliquity_of(bounds, interval, p, d) : R(0.0);
     const real beyond = STOP == PLANE ? (real)greater64(interval->stop_distance - interval->t_exit, 0.0) : R(0.0);
     out.lever_arm = out.reach + beyond;
-    out.caution = pow(R(1.0) + R(0.25) * out.obliquity * beyond * greatest(VECTOR(control->cell_rate)), R(-0.25));
+    out.derating = pow(R(1.0) + R(0.25) * out.obliquity * beyond * greatest(VECTOR(control->cell_rate)), R(-0.25));
     return out;
 }
 
-// Puts the sums of the steps, (sigma, S, M, B), back onto the straight ray and flies on to a stop outside the box. `landed`
-// is the surface that the ray ended on, or -1.
+// Puts the sums of the steps, (sigma, S, M, B), back onto the straight ray and flies on to a stop outside the box.
+// `ends_on` is the surface that the ray ended on, or -1.
 static inline Arrival end_of(
     const Bounds *bounds,
     const Control *control,
@@ -137,7 +137,7 @@ static inline Arrival end_of(
     double3 d,
     const Interval *interval,
     int status,
-    int landed,
+    int ends_on,
     real3 q,
     real3 q_carry,
     real3 momentum,
@@ -150,20 +150,20 @@ static inline Arrival end_of(
     const double sigma = (double)sums.x - (double)sums_carry.x;
     const double work = 2.0 * ((double)sums.y - (double)sums_carry.y);
     const double stretch = (double)sums.z - (double)sums_carry.z;
-    if (ONE_SCALAR && max_deflection <= NEARLY_STRAIGHT) {
+    if (CONSISTENT_GRADIENT && max_deflection <= NEARLY_STRAIGHT) {
         // Along d the deviation is int (T . d - a) d sigma = M - B: sums of what the path itself is summed of.
         const double lagging = (double)sums.w - (double)sums_carry.w;
         q64 += (stretch - lagging - dot(q64, d)) * d;
     }
-    const double3 turn = deflection(ambient, d, convert_double3(momentum));
-    const double3 heading = d + turn;
+    const double3 tangent_change = deflection(ambient, d, convert_double3(momentum));
+    const double3 heading = d + tangent_change;
     double along = interval->t_enter + ambient * sigma;  // distance along the straight ray
     double2 grazing = (double2)(0.0, 1.0);
-    if (landed >= 0 && landed < LANDED_ARC) {
-        along = meeting(bounds, landed, p + q64, d, along);
-        const double rest = grazing_rest(bounds, control, landed, p + along * d + q64, d, heading, &grazing);
+    if (ends_on >= 0 && ends_on < ARC_SURFACE) {
+        along = meeting(bounds, ends_on, p + q64, d, along);
+        const double rest = grazing_correction(bounds, control, ends_on, p + along * d + q64, d, heading, &grazing);
         along += rest;
-        q64 += rest * turn;
+        q64 += rest * tangent_change;
     }
     double stop_distance = interval->stop_distance;
     if (!interval->meets) {
@@ -176,11 +176,11 @@ static inline Arrival end_of(
 
     double flight = 0.0;
     if (status == RAY_OK) {
-        if (STOP == PLANE && (!interval->meets || (landed >= 0 && landed != FACE_COUNT))) {
+        if (STOP == PLANE && (!interval->meets || (ends_on >= 0 && ends_on != FACE_COUNT))) {
             const double3 here = p + along * d + q64;
             const double height = dot(VECTOR64(bounds->plane_normal), here - VECTOR64(bounds->plane_point));
             const double slope = dot(VECTOR64(bounds->plane_normal), heading);
-            // A plane on a face of the box: rounding may put the ray a hair behind it.
+            // A plane on a face of the box: rounding may put the ray behind it.
             const double face_tolerance = 1.0e-3 / (double)greatest(VECTOR(control->cell_rate));
             const int toward = height * slope < 0.0 && fabs(slope) > LEAST_SLOPE;
             if (toward || (interval->meets && fabs(height) < face_tolerance * fabs(slope))) {
@@ -193,7 +193,7 @@ static inline Arrival end_of(
             flight = bounds->length - (along + stretch);
         }
     }
-    const double3 deviation = q64 + flight * turn;
+    const double3 deviation = q64 + flight * tangent_change;
     along += flight;
 
     double opd = work - ambient * stretch;
@@ -206,8 +206,8 @@ static inline Arrival end_of(
             if (fabs(descent) > LEAST_COSINE) {
                 further = -dot(VECTOR64(bounds->plane_normal), deviation) / descent;
             }
-        } else if (landed >= 0) {
-            further = detour(bounds, landed, p, d, deviation, stop_distance, further);
+        } else if (ends_on >= 0) {
+            further = detour(bounds, ends_on, p, d, deviation, stop_distance, further);
         }
         opd = work + ambient * further;
     }

@@ -4,9 +4,9 @@
 
 #include "motion.h"
 
-// The error in metres; `turn` is the greatest angle with d so far, `leverage` the length by which a direction's error counts,
-// `strays` how far beside its place the ray may leave the field. The stop is met at an `obliquity` (ends.h), `lever_arm`
-// further on.
+// The error in metres. `angle` is the greatest angle with d so far, `direction_weight` the length by which the error of
+// a direction counts, `step_displacement` how far beside its place the ray may leave the field. The ray meets its stop at
+// an `obliquity` (ends.h), `lever_arm` further on.
 static inline real step_error(
     real ambient,
     real3 d,
@@ -15,26 +15,26 @@ static inline real step_error(
     real h,
     int is_smooth,
     real max_deflection,
-    const Lever *lever,
+    const StopGeometry *to_stop,
     real pot,
     real3 force,
     real4 s2,
     real4 s3,
     real4 s4,
-    real *turn,
-    real *leverage,
-    real *strays)
+    real *angle,
+    real *direction_weight,
+    real *step_displacement)
 {
-    const real reach = lever->reach, lever_arm = lever->lever_arm;
+    const real reach = to_stop->reach, lever_arm = to_stop->lever_arm;
     // Where the ray has turned, the obliquity is another one, and the turn counts instead.
-    const real obliquity = lever->obliquity * greater(R(1.0) - max_deflection / OBLIQUITY_KEPT, R(0.0));
+    const real obliquity = to_stop->obliquity * greater(R(1.0) - max_deflection / OBLIQUITY_KEPT, R(0.0));
     const real3 f2 = FORCE(s2), f3 = FORCE(s3), f4 = FORCE(s4);
     const real off_s = h * (RKN_F1 * pot + RKN_F2 * s2.x + RKN_F3 * s3.x + RKN_F4 * s4.x);
     real3 off_q = (h * h) * (RKN_E1 * force + RKN_E2 * f2 + RKN_E3 * f3 + RKN_E4 * f4);
     real3 off_p = h * (RKN_F1 * force + RKN_F2 * f2 + RKN_F3 * f3 + RKN_F4 * f4);
-    const real3 swung = momentum + h * f4;
-    *turn = greater(max_deflection, size3(swung - dot(swung, d) * d) / ambient);
-    real sharp = R(1.0);
+    const real3 end_momentum = momentum + h * f4;
+    *angle = greater(max_deflection, size3(end_momentum - dot(end_momentum, d) * d) / ambient);
+    real error_ratio = R(1.0);
     if (INTERPOLATION == CUBIC || INTERPOLATION == LINEAR) {
         // On a nearly straight ray the path's error is known better, by a rule of higher order with the slopes along
         // the ray; the other errors are taken to be overestimated alike.
@@ -44,12 +44,13 @@ static inline real step_error(
         const real slope4 = dot(f4, total + (R(0.5) * h) * (force + f4));
         real fine = h * (RKN_G1 * pot + RKN_G2 * s2.x + RKN_G3 * s3.x + RKN_G4 * s4.x);
         fine += (h * h) * (RKN_K1 * slope1 + RKN_K2 * slope2 + RKN_K3 * slope3 + RKN_K4 * slope4);
-        sharp = fabs(fine) / greater(fabs(off_s), TINY);
-        const real blunt = (INTERPOLATION == LINEAR && GEOMETRY != AXISYMMETRIC) || is_smooth ? SMOOTH : ROUGH;
-        sharp = bounded(sharp, lesser(blunt + BLUNTED * *turn, R(1.0)), R(1.0));
+        error_ratio = fabs(fine) / greater(fabs(off_s), TINY);
+        const int smooth = (INTERPOLATION == LINEAR && GEOMETRY != AXISYMMETRIC) || is_smooth;
+        const real least_ratio = smooth ? LEAST_RATIO_SMOOTH : LEAST_RATIO;
+        error_ratio = bounded(error_ratio, lesser(least_ratio + RATIO_GROWTH * *angle, R(1.0)), R(1.0));
     }
-    real off = R(4.0) * sharp * fabs(off_s);
-    if (!ONE_SCALAR || *turn > NEARLY_STRAIGHT) {
+    real off = R(4.0) * error_ratio * fabs(off_s);
+    if (!CONSISTENT_GRADIENT || *angle > NEARLY_STRAIGHT) {
         // Along d, and in arc length.
         const real off_m = RKN_F1 * contrast(ambient, pot) + RKN_F2 * contrast(ambient, s2.x)
             + RKN_F3 * contrast(ambient, s3.x) + RKN_F4 * contrast(ambient, s4.x);
@@ -57,15 +58,16 @@ static inline real step_error(
     }
     off_q -= dot(off_q, d) * d;
     off_p -= dot(off_p, d) * d;
-    const real weight = *turn + sharp * DIRECTION_SHARE;
-    // Far stops are met at the slant of the ray's own deflection too, and a direction's error is not believed to be as
-    // much overestimated as the path's: it is no sum along the ray.
+    const real weight = *angle + error_ratio * DIRECTION_SHARE;
+    // At far stops the ray's own deflection adds to the obliquity, and the error of a direction is not believed to be
+    // overestimated as much as that of the path: it is no sum along the ray.
     const int is_far = lever_arm > R(2.0) * reach;
-    const real own = is_far && *turn < LEAPFROG_ANGLE ? *turn : R(0.0);
-    const real tilt = (is_far || INTERPOLATION == LINEAR ? greater(sharp, ROUGH) : sharp) * (obliquity + own);
-    *leverage = weight * (reach + ambient * h) + obliquity * (lever_arm + ambient * h);
+    const real own = is_far && *angle < LEAPFROG_ANGLE ? *angle : R(0.0);
+    const real tilt_ratio = is_far || INTERPOLATION == LINEAR ? greater(error_ratio, LEAST_RATIO) : error_ratio;
+    const real tilt = tilt_ratio * (obliquity + own);
+    *direction_weight = weight * (reach + ambient * h) + obliquity * (lever_arm + ambient * h);
     const real off_p_size = size3(MAGNIFIED * off_p) / MAGNIFIED, off_q_size = size3(MAGNIFIED * off_q) / MAGNIFIED;
-    *strays = greater(sharp, ROUGH) * (off_q_size + reach * off_p_size / ambient);
+    *step_displacement = greater(error_ratio, LEAST_RATIO) * (off_q_size + reach * off_p_size / ambient);
     return off + off_p_size * (weight * reach + tilt * lever_arm) + ambient * off_q_size * (weight + tilt);
 }
 
@@ -73,7 +75,7 @@ static inline real step_rounding(
     const Control *control,
     real ambient,
     real h,
-    real leverage,
+    real direction_weight,
     real3 rate,
     real3 frac,
     real pot,
@@ -86,21 +88,21 @@ static inline real step_rounding(
         size += size3(force) * size2(frac.xy) / rate.x;
     }
     const real steep = greater(size3(force), size * greatest(VECTOR(control->cell_rate)));
-    return NOISE * h * (R(2.0) * size + steep * leverage);
+    return NOISE * h * (R(2.0) * size + steep * direction_weight);
 }
 
 // What a ray may gain behind a face per length of its step; without another stop the face may be where it ends.
-static inline real possible_gain(real ambient, const Lever *lever, real turn, real pot, real3 force, real4 s3)
+static inline real possible_gain(real ambient, const StopGeometry *to_stop, real angle, real pot, real3 force, real4 s3)
 {
     const real steep = greater(size3(force), size3(FORCE(s3)));
-    const real gain = greater(fabs(pot), fabs(s3.x)) + steep * (lever->obliquity + turn) * lever->lever_arm;
+    const real gain = greater(fabs(pot), fabs(s3.x)) + steep * (to_stop->obliquity + angle) * to_stop->lever_arm;
     return STOP == NONE ? ambient * ambient : gain;
 }
 
 // The error of a ray at its stop: that of its steps, and the rounding of the direction in which it flies there, of its
 // greatest momentum and of what it had at first, along d. A plane may be met at a smaller angle than the obliquity
 // allows for. A ray that is turned later on meets a far stop at that angle with the errors of direction of its first
-// steps, too: `astray`, beside its place, grows beyond the field.
+// steps, too: `displacement`, beside its place, grows beyond the field.
 static inline real stop_error(
     real used,
     const Bounds *bounds,
@@ -109,12 +111,12 @@ static inline real stop_error(
     real3 momentum,
     real first_momentum,
     real max_deflection,
-    const Lever *lever,
-    real astray)
+    const StopGeometry *to_stop,
+    real displacement)
 {
     const real size = size3(momentum) + first_momentum + ambient * max_deflection;
-    real error = used + DIRECTION_NOISE * size * (lever->obliquity + max_deflection) * lever->lever_arm;
-    error += ambient * max_deflection * astray * (lever->lever_arm - lever->reach) / lever->reach;
+    real error = used + DIRECTION_NOISE * size * (to_stop->obliquity + max_deflection) * to_stop->lever_arm;
+    error += ambient * max_deflection * displacement * (to_stop->lever_arm - to_stop->reach) / to_stop->reach;
     if (STOP == PLANE) {
         const double cosine = fabs(dot(VECTOR64(bounds->plane_normal), direction));
         error *= (real)(STEEPEST_COSINE / fmin(fmax(cosine, 1.0e-9), STEEPEST_COSINE));
@@ -122,13 +124,13 @@ static inline real stop_error(
     return error;
 }
 
-// The error of a ray that ended on surface `landed`, with what it lacks of it and at which cosine. A ray may end at a
-// smaller angle, or on another surface, than the undisturbed one, for which `obliquity` is. Where it flies on from the
-// surface, it costs `harm` per metre to be beside it. Its place across the surface is rounded by a share of a `cell`
-// [m] and `astray` by its steps, along the ray by that over the cosine.
+// The error of a ray that ended on surface `ends_on`, with what it lacks of it and at which cosine. A ray may end at a
+// smaller angle, or on another surface, than the undisturbed one, for which `obliquity` is. Where the ray flies on
+// from the surface, each metre beside its place changes the path by `opd_rate`. Its place across the surface is off by
+// a share of a `cell` [m] for rounding and by `displacement` for its steps; along the ray by that over the cosine.
 static inline real event_location_error(
-    real used, real ambient, real cell, int landed, double2 grazing, real obliquity, real harm,
-    real astray)
+    real used, real ambient, real cell, int ends_on, double2 grazing, real obliquity, real opd_rate,
+    real displacement)
 {
     real lack = (real)fmin(grazing.x, 1.0e30);
     const real cosine = (real)fmax(grazing.y, 1.0e-15);
@@ -137,7 +139,11 @@ static inline real event_location_error(
         lack += cosine < (real)LEAST_COSINE ? rounded : R(0.0);
         return greater(used * greater(R(1.0) / (cosine * (R(1.0) + obliquity)), R(1.0)), ambient * lack);
     }
-    return landed == FACE_COUNT ? greater(used, ambient * lack) : used + harm * (lack + rounded + (cosine < (real)LEAST_COSINE ? astray / cosine : R(0.0)));
+    if (ends_on == FACE_COUNT) {
+        return greater(used, ambient * lack);
+    }
+    const real beside = rounded + (cosine < (real)LEAST_COSINE ? displacement / cosine : R(0.0));
+    return used + opd_rate * (lack + beside);
 }
 
 #endif

@@ -55,10 +55,11 @@ static inline real half_curve(const Control *control, int k, real3 normal, real3
 static inline int grazes(const Control *control, int k, real outside, real rise, real3 along)
 {
     const real grazing = R(1.0e-4) * size3(along) * surface_unit(control, k);
-    return rise >= R(0.0) && rise <= grazing && outside >= -SLACK_CELLS * surface_unit(control, k);
+    return rise >= R(0.0) && rise <= grazing && outside >= -SURFACE_TOLERANCE * surface_unit(control, k);
 }
 
-// Whether rounding decides on which side of a face a step of length h begins and ends: in float64, SLACK_CELLS does.
+// Whether rounding decides on which side of a face a step of length h begins and ends. In float64, SURFACE_TOLERANCE
+// decides.
 static inline int stays_within_noise(real outside, real rise, real curved, real h)
 {
     return sizeof(real) == 4 && greater(fabs(outside), fabs(outside + (rise + curved * h) * h)) <= EVENT_LOCATION_NOISE;
@@ -67,11 +68,11 @@ static inline int stays_within_noise(real outside, real rise, real curved, real 
 // The step that ends where the parabola first meets a surface, no longer than h; that surface or -1; whether the ray may
 // run in a face, so near that rounding decides.
 static inline real event_location(
-    const Control *control, real3 rate, real side, int3 cell, real3 frac, real3 momentum, real3 force, real h, int *land,
-    int *runs)
+    const Control *control, real3 rate, real side, int3 cell, real3 frac, real3 momentum, real3 force, real h,
+    int *event, int *runs)
 {
     real best = h;
-    *land = -1;
+    *event = -1;
     *runs = 0;
     const real3 along = momentum * rate;
     const real3 bend = force * rate;
@@ -81,10 +82,10 @@ static inline real event_location(
         const real curved = half_curve(control, k, s.yzw, along, bend);
         const real rise = dot(s.yzw, along);
         // A ray that runs in a face is not thrown out by rounding.
-        const real slack = SLACK_CELLS * surface_unit(control, k);
+        const real tolerance = SURFACE_TOLERANCE * surface_unit(control, k);
         real outside = s.x;
         if (grazes(control, k, outside, rise, along)) {
-            outside -= slack;
+            outside -= tolerance;
             *runs |= k < FACE_COUNT;
         }
         if (k < FACE_COUNT) {
@@ -96,7 +97,7 @@ static inline real event_location(
             const real root = rising_root(outside, rise, curved);
             if (root <= best) {
                 best = root;
-                *land = k;
+                *event = k;
             }
         }
     }
@@ -116,8 +117,8 @@ static inline real time_beyond_face(
         const real rise = dot(s.yzw, along);
         real outside = s.x;
         if (grazes(control, k, outside, rise, along)) {
-            first = lesser(first, rising_root(outside - SLACK_COUNTED * SLACK_CELLS, rise, curved));
-            outside -= SLACK_CELLS;
+            first = lesser(first, rising_root(outside - TOLERANCE_COUNTED * SURFACE_TOLERANCE, rise, curved));
+            outside -= SURFACE_TOLERANCE;
         }
         if (stays_within_noise(outside, rise, curved, h)) {
             first = R(0.0);
@@ -129,37 +130,37 @@ static inline real time_beyond_face(
 // What rounding leaves of a place's distance from surface k, in its unit.
 static inline real rounding_of(const Control *control, int k)
 {
-    real room = EVENT_LOCATION_NOISE * surface_unit(control, k);
+    real allowance = EVENT_LOCATION_NOISE * surface_unit(control, k);
     if (k == FACE_COUNT) {
-        room += EVENT_LOCATION_NOISE * fabs(control->plane_offset);
+        allowance += EVENT_LOCATION_NOISE * fabs(control->plane_offset);
     }
     if (GEOMETRY == AXISYMMETRIC && k == 2) {
-        room *= R(1.0) + control->radius;
+        allowance *= R(1.0) + control->radius;
     }
-    return lesser(room, R(1.0e-5) * surface_unit(control, k));
+    return lesser(allowance, R(1.0e-5) * surface_unit(control, k));
 }
 
 // Whether the end of a step h is further behind surface k than `close` cells, or than a share of the step.
-static inline int overshot(
+static inline int overshoots(
     const Control *control, int k, real side, int3 cell, real3 frac, real3 velocity, real h, real close)
 {
     const real4 ahead = oriented(control, k, side, cell, frac);
     const real speed = greater(dot(ahead.yzw, velocity), R(0.0));
-    const int far = ahead.x > R(2.5) * EVENT_LOCATION_SHARE * speed * h && ahead.x > rounding_of(control, k);
-    return far || ahead.x > close * surface_unit(control, k);
+    const int is_far = ahead.x > R(2.5) * EVENT_LOCATION_SHARE * speed * h && ahead.x > rounding_of(control, k);
+    return is_far || ahead.x > close * surface_unit(control, k);
 }
 
-// Whether a place is behind a surface other than `land`, by more than rounding; how near it is to a face [cells].
+// Whether a place is behind a surface other than `event`, by more than rounding; how near it is to a face [cells].
 static inline int passed_surface(
-    const Control *control, real side, int3 cell, real3 frac, int land, real *nearest)
+    const Control *control, real side, int3 cell, real3 frac, int event, real *nearest)
 {
     int is_behind = 0;
     *nearest = NO_ROOT;
 #pragma unroll
     for (int k = 0; k < SURFACE_COUNT; k++) {
-        const real room = rounding_of(control, k) + R(2.0) * SLACK_CELLS * surface_unit(control, k);
+        const real allowance = rounding_of(control, k) + R(2.0) * SURFACE_TOLERANCE * surface_unit(control, k);
         const real outside = oriented(control, k, side, cell, frac).x;
-        is_behind |= outside > room && k != land;
+        is_behind |= outside > allowance && k != event;
         if (k < FACE_COUNT) {
             *nearest = lesser(*nearest, fabs(outside));
         }
@@ -167,27 +168,28 @@ static inline int passed_surface(
     return is_behind;
 }
 
-// How near a face counts as in it [cells]; `astray` is how far beside its place the ray may be [m].
-static inline real room_at_face(const Control *control, real astray)
+// How near a face counts as in it [cells]; `displacement` is how far beside its place the ray may be [m].
+static inline real face_margin(const Control *control, real displacement)
 {
-    return EVENT_LOCATION_NOISE + R(2.0) * SLACK_CELLS + astray * greatest(VECTOR(control->cell_rate));
+    return EVENT_LOCATION_NOISE + R(2.0) * SURFACE_TOLERANCE + displacement * greatest(VECTOR(control->cell_rate));
 }
 
-// Whether a ray runs along a face so near it, within `room` cells, that its error may put it on the other side. A ray that
-// crosses the face at once is beyond it a little sooner or later; one that stays exactly in it is on no side.
-static inline int in_face(const Control *control, real side, int3 cell, real3 frac, real3 velocity, real room)
+// Whether a ray runs along a face so near it, within `allowance` cells, that its error may put it on the other side. A
+// ray that crosses the face at once is beyond it a little sooner or later; one that stays exactly in it is on no side.
+static inline int in_face(const Control *control, real side, int3 cell, real3 frac, real3 velocity, real allowance)
 {
     int is_in = 0;
     for (int k = 0; k < FACE_COUNT; k++) {
         const real4 s = oriented(control, k, side, cell, frac);
         const int runs = fabs(dot(s.yzw, velocity)) <= (real)LEAST_COSINE * size3(velocity);
-        is_in |= runs && fabs(s.x) <= room && fabs(s.x) > SLACK_COUNTED * SLACK_CELLS;
+        is_in |= runs && fabs(s.x) <= allowance && fabs(s.x) > TOLERANCE_COUNTED * SURFACE_TOLERANCE;
     }
     return is_in;
 }
 
 // After a step to surface k: sigma still to go along the parabola, negative to go back, and whether that ends the ray. The
-// velocity and its derivative are in cells. What is neither behind the surface nor close to it has to land once more.
+// velocity and its derivative are in cells. A ray that is neither behind the surface nor close to
+// it takes another step to it.
 static inline real surface_intersection(
     const Control *control, int k, real side, int3 cell, real3 frac, real3 velocity, real3 pull, real h, real h_cell,
     int *done)
@@ -212,13 +214,13 @@ static inline real surface_intersection(
 }
 
 // The step that flies `rest` of arc, if it is no longer than h; the index grows along it.
-static inline real arc_event_location(real rest, real index, real3 total, real3 force, real h, int *land)
+static inline real arc_event_location(real rest, real index, real3 total, real3 force, real h, int *event)
 {
     const real bend = dot(force, total) / index;
     if (h * (index + R(0.5) * bend * h) < rest) {
         return h;
     }
-    *land = LANDED_ARC;
+    *event = ARC_SURFACE;
     const real h_arc = lesser(rest / index, h);
     return bounded(rest / (index + R(0.5) * bend * h_arc), R(0.0), h);
 }

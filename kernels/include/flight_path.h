@@ -58,7 +58,7 @@ static inline reals sample_path(
     path->place = path->r0 + (q[0] + half_step * p[0]) * path->reach;
 #if AHEAD
     // The next sample's cell is asked for now, where the ray will be but for this sample's push: no cell's polynomial ends
-    // so abruptly that a hair beyond its face counts.
+    // so abruptly that a place just beyond its face matters.
     const CellAhead after = cell_ahead(
         field, arrays, path->place + R(2.0) * half_step * p[0] * path->reach, path->z0 + (middle + R(1.0)) * path->stride);
     const reals s = sample_cell(&path->now, path->place, path->along, &climb);

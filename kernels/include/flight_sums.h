@@ -1,4 +1,4 @@
-// What nearly straight rays gather on their way by leapfrog samples, and how samples are weighted.
+// The sums of nearly straight rays over their leapfrog samples, and the weights of the samples.
 #ifndef FLIGHT_SUMS_H
 #define FLIGHT_SUMS_H
 
@@ -9,25 +9,25 @@ typedef struct {
     reals h;                                             // distance between samples
     reals p[3];                                          // momentum across the ray
     reals q[3];                                          // deviation across it
-    reals off_turn[3];                                   // how far that momentum is from the one by every third sample
-    reals off_place[3];                                  // and that deviation
-    reals slow;                                          // 1 / w, w the momentum along the ray
+    reals momentum_diff[3];                              // that momentum less the one by every third sample
+    reals deviation_diff[3];                             // and the deviation less that one
+    reals slowness;                                      // 1 / w, w the momentum along the ray
     reals paths, paths_carry;                            // sums of s / w, of (w - a) / w and of m / w
     reals deficits, deficits_carry;
     reals arcs, arcs_carry;
-    reals error, max_deflection;                    // estimate of the error [m], greatest momentum across, squared
+    reals error, max_deflection;                         // estimate of the error [m], greatest momentum across, squared
     reals s, ahead, f[3];                                // potential, its slope along the ray and that across it
     reals steep, lead;                                   // size of its slope; (w - a) / w
 } Flight;
 
-// Weight of sample k of `count`: the midpoint rule with its ends mended, of fourth order.
+// Weight of sample k of `count`: the end-corrected midpoint rule, of fourth order.
 static inline real quadrature_weight(int k, int count)
 {
     const int end = min(k, count - 1 - k);
     return end == 0 ? R(13.0 / 12.0) : end == 1 ? R(7.0 / 8.0) : end == 2 ? R(25.0 / 24.0) : R(1.0);
 }
 
-// Those of three samples in turn, where there are twice three at least.
+// The weights of three consecutive samples, where there are six or more.
 static inline void triple_weights(int triple, int triples, real *weights)
 {
     const int is_first = triple == 0, is_last = triple == triples - 1;
@@ -37,17 +37,17 @@ static inline void triple_weights(int triple, int triples, real *weights)
 }
 
 // (w - a) / w and 1 / w of w = sqrt(a^2 + surplus), by one root and one quotient and without a difference of near numbers.
-static inline reals longitudinal_deficit_of(real ambient, reals surplus, reals *slow)
+static inline reals longitudinal_deficit_of(real ambient, reals surplus, reals *slowness)
 {
     const reals square = max(ambient * ambient + surplus, (reals)TINY);
 #if LANES == 1 && !REAL_IS_DOUBLE
-    *slow = native_rsqrt(square);
-    const reals w = square * *slow;
+    *slowness = native_rsqrt(square);
+    const reals w = square * *slowness;
     return surplus * native_recip((w + ambient) * w);
 #else
     const reals w = sqrt(square);
     const reals quotient = R(1.0) / ((w + ambient) * w);
-    *slow = (w + ambient) * quotient;
+    *slowness = (w + ambient) * quotient;
     return surplus * quotient;
 #endif
 }

@@ -7,9 +7,9 @@
 #define CONTROLLED (METHOD == ADAPTIVE || METHOD == STRAIGHT)
 #define IS_STRAIGHT (METHOD == STRAIGHT)
 // Index and gradient are one interpolant's: in the paper's schemes |T| = n does not hold between them.
-#define ONE_SCALAR (INTERPOLATION != BILINEAR_BARRON && INTERPOLATION != IDW)
-// The interpolant has kinks at the faces of cells, at which steps end.
-#define KINKED (!ON_MESH && CONTROLLED && (INTERPOLATION == LINEAR || INTERPOLATION == MONOTONE))
+#define CONSISTENT_GRADIENT (INTERPOLATION != BILINEAR_BARRON && INTERPOLATION != IDW)
+// The interpolant is smooth in each cell only: steps end at the faces of cells.
+#define PIECEWISE_SMOOTH (!ON_MESH && CONTROLLED && (INTERPOLATION == LINEAR || INTERPOLATION == MONOTONE))
 #define AT_FACES (!ON_MESH && CONTROLLED && INTERPOLATION == LINEAR)
 #define FACE_COUNT (GEOMETRY == VOLUME ? 6 : GEOMETRY == PLANAR ? 4 : 3)
 

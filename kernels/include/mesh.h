@@ -21,10 +21,10 @@ static inline real left_of(real2 a, real2 b, real2 p, real *edge_length)
 }
 
 // -1 if the cell holds the point, edges included, else the number of the edge that it lies furthest behind.
-static inline int way_from(const Field *field, const Arrays *arrays, int cell, real2 p)
+static inline int furthest_edge(const Field *field, const Arrays *arrays, int cell, real2 p)
 {
-    int way = -1;
-    real furthest = -field->slack;
+    int edge_number = -1;
+    real furthest = -field->edge_tolerance;
     real2 from = corner(arrays, 4 * cell);
     const real2 start = from;
 #pragma unroll
@@ -34,11 +34,11 @@ static inline int way_from(const Field *field, const Arrays *arrays, int cell, r
         const real left = left_of(from, to, p, &edge_length);
         if (left < furthest * edge_length) {
             furthest = left / edge_length;
-            way = k;
+            edge_number = k;
         }
         from = to;
     }
-    return way;
+    return edge_number;
 }
 
 // Index of the cell that holds a point, -1 if none does; `current_cell` is a cell nearby, or -1.
@@ -46,11 +46,11 @@ static inline int locate(const Field *field, const Arrays *arrays, real2 p, int 
 {
     int cell = current_cell;
     for (int trial = 0; trial < WALK_LIMIT && cell >= 0; trial++) {
-        const int way = way_from(field, arrays, cell, p);
-        if (way < 0) {
+        const int edge_number = furthest_edge(field, arrays, cell, p);
+        if (edge_number < 0) {
             return cell;
         }
-        cell = arrays->neighbors[4 * cell + way];
+        cell = arrays->neighbors[4 * cell + edge_number];
     }
     const int i = clamp((int)floor((p.x - field->bin_origin[0]) * field->bin_rate[0]), 0, field->bin_count[0] - 1);
     const int j = clamp((int)floor((p.y - field->bin_origin[1]) * field->bin_rate[1]), 0, field->bin_count[1] - 1);
@@ -58,7 +58,7 @@ static inline int locate(const Field *field, const Arrays *arrays, real2 p, int 
     const int stop = arrays->bin_start[key + 1];
     for (int at = arrays->bin_start[key]; at < stop; at++) {
         cell = arrays->bin_cell[at];
-        if (way_from(field, arrays, cell, p) < 0) {
+        if (furthest_edge(field, arrays, cell, p) < 0) {
             return cell;
         }
     }

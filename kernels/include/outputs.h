@@ -1,4 +1,4 @@
-// What is told of a ray, written where it is wanted.
+// Writes those outputs of a ray that are wanted.
 #ifndef OUTPUTS_H
 #define OUTPUTS_H
 

@@ -47,12 +47,12 @@ double2 place_on_pupil(
             table_in[0] + ((double)column + across) * table_in[2], table_in[1] + ((double)row + up) * table_in[3]);
     }
     const int one = share_of(table_in, 0, row_count, u);
-    const double far = sqrt((u - table_in[one]) / (table_in[one + 1] - table_in[one]));
+    const double outward = sqrt((u - table_in[one]) / (table_in[one + 1] - table_in[one]));
     const int begin = row_count + 1 + 6 * one;
     const double2 corner = (double2)(table_in[begin], table_in[begin + 1]);
     const double2 first = (double2)(table_in[begin + 2], table_in[begin + 3]);
     const double2 second = (double2)(table_in[begin + 4], table_in[begin + 5]);
-    return corner + far * (first + v * (second - first));
+    return corner + outward * (first + v * (second - first));
 }
 
 #endif

@@ -22,7 +22,7 @@ static inline Stride stride(
     real3 total,
     real3 force,
     real index,
-    real caution,
+    real derating,
     real h_cell,
     real h_next,
     real h_cap)
@@ -37,7 +37,7 @@ static inline Stride stride(
     out.h = paper_step(field, arrays, cell, frac, current_cell) / index;
 #else
     real limit = control->step_limit * h_cell;
-    if (KINKED) {
+    if (PIECEWISE_SMOOTH) {
         // The interpolant has kinks at the cells' faces: no step across one. On a linear grid the rest is flown along
         // the tangent (rest_to_face); elsewhere a face that is nearer than it is to be approached counts as reached.
         const real3 rate = VECTOR(field->inverse_spacing), pace = total * rate, pull = force * rate;
@@ -50,8 +50,8 @@ static inline Stride stride(
         const real face = to_face(frac, pace, pull, INTERPOLATION == LINEAR ? AT_FACE : R(10.0) * out.stand_off);
         limit = greater(face - out.stand_off / size3(pace), R(0.5) * face);
     }
-    // Short of the face at which the first rough block may begin.
-    out.safe = caution * step_bound_of(control, arrays, cone, cell, frac, total) - R(10.0) * FACE_TOLERANCE * h_cell;
+    // Short of the face at which the first block that is not smooth may begin.
+    out.safe = derating * step_bound_of(control, arrays, cone, cell, frac, total) - R(10.0) * FACE_TOLERANCE * h_cell;
     out.h = lesser(out.h, greater(limit, out.safe));
 #endif
     out.h = lesser(out.h, h_cap);

@@ -32,7 +32,7 @@ static inline int cone_of(double3 d)
 static inline int step_bound_block(const Control *control, int axis, int cell, real place)
 {
     const int whole = cell + (int)floor(place);
-    // Blocks ahead of the first are clamped to it: the quotient's rounding toward zero does no harm.
+    // Blocks ahead of the first are clamped to it: that the quotient is rounded toward zero does not matter.
     return clamp(whole / control->block, 0, control->block_count[axis] - 1);
 }
 
@@ -153,7 +153,7 @@ static inline real3 push_off_faces(real3 frac, real3 velocity)
     return push;
 }
 
-// Step to the next face of a cell beyond a hair; velocity and its derivative are per cell.
+// Step to the next face of a cell that is farther than face_tolerance; velocity and its derivative are per cell.
 static inline real to_face(real3 frac, real3 velocity, real3 pull, real face_tolerance)
 {
     real step = flat_face(frac.z, velocity.z, pull.z, face_tolerance);

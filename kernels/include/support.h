@@ -5,29 +5,29 @@
 
 #include "ends.h"
 
-// How far a ray that ends at p with this heading has run on outside the box, after a face other than `landed`; infinite
-// where that is more than a hair's breadth away.
-static inline double overrun(const Bounds *bounds, const Control *control, int landed, double3 p, double3 heading)
+// How far a ray that ends at p with this heading has run on outside the box, after a face other than `ends_on`;
+// infinite where it is farther outside than FACE_TOLERANCE.
+static inline double overrun(const Bounds *bounds, const Control *control, int ends_on, double3 p, double3 heading)
 {
     const double face_tolerance = FACE_TOLERANCE / (double)greatest(VECTOR(control->cell_rate));
-    double way = 0.0;
+    double excess = 0.0;
     for (int k = 0; k < FACE_COUNT; k++) {
         if (GEOMETRY == AXISYMMETRIC && k == 2 && dot(p.xy, p.xy) <= bounds->radius * bounds->radius) {
             continue;
         }
         double3 normal;
         const double beyond = surface_distance(bounds, k, p, &normal);
-        if (k != landed && beyond > 0.0) {
-            way = beyond > face_tolerance ? (double)INFINITY
-                                          : fmax(way, beyond / fmax(fabs(dot(normal, heading)), 1.0e-9));
+        if (k != ends_on && beyond > 0.0) {
+            excess = beyond > face_tolerance ? (double)INFINITY
+                                             : fmax(excess, beyond / fmax(fabs(dot(normal, heading)), 1.0e-9));
         }
     }
-    return way;
+    return excess;
 }
 
-// Whether a ray that runs along a face, and ends its way of length `way` on a straight line at p, may have left the box by
-// that face and come back: `angle` is the greatest by which it is turned.
-static inline int may_have_left(const Bounds *bounds, double3 p, double3 d, double way, double angle)
+// Whether a ray that runs along a face, and whose straight line of length `length` ends at p, may have left the box by that
+// face and come back: `angle` is the greatest angle by which it is deflected.
+static inline int may_have_left(const Bounds *bounds, double3 p, double3 d, double length, double angle)
 {
     int may = 0;
     for (int k = 0; k < FACE_COUNT; k++) {
@@ -36,22 +36,22 @@ static inline int may_have_left(const Bounds *bounds, double3 p, double3 d, doub
         }
         double3 normal;
         const double beyond = surface_distance(bounds, k, p, &normal);
-        may |= fabs(dot(normal, d)) <= angle && beyond > -way * angle;
+        may |= fabs(dot(normal, d)) <= angle && beyond > -length * angle;
     }
     return may;
 }
 
-// Leaves of a ray's way through the box the part in which the air is not uniform; whether it ends in uniform air.
-static inline int keep_support(const Bounds *bounds, double3 p, double3 d, double *enter, double *far)
+// Shortens a ray's interval in the box to the part in which the air is not uniform; whether the ray ends in uniform air.
+static inline int keep_support(const Bounds *bounds, double3 p, double3 d, double *t_enter, double *t_exit)
 {
     const double2 span =
         crossing(VECTOR64(bounds->support_low), VECTOR64(bounds->support_high), bounds->support_radius, p, d);
-    const double first = lesser64(greater64(span.x, *enter), *far);
-    const double last = greater64(lesser64(span.y, *far), first);
+    const double first = lesser64(greater64(span.x, *t_enter), *t_exit);
+    const double last = greater64(lesser64(span.y, *t_exit), first);
     const int meets = span.x <= span.y;
-    const int ends_before = !meets || last < *far;
-    *far = meets ? last : *enter;
-    *enter = meets ? first : *enter;
+    const int ends_before = !meets || last < *t_exit;
+    *t_exit = meets ? last : *t_enter;
+    *t_enter = meets ? first : *t_enter;
     return ends_before;
 }
 

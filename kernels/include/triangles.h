@@ -29,7 +29,7 @@ static inline double2 within_slab(double place, double along, double low, double
 }
 
 // Whether a line may pass the box between two corners that is `margin` larger on every side, between t = first and last.
-static inline int passes_room(
+static inline int passes_volume_box(
     const WallLine *line, double3 low, double3 high, double margin, double first, double last)
 {
     double2 span = (double2)(first, last);
@@ -69,17 +69,17 @@ static inline Crossings triangle_crossing(const WallLine *line, double3 one, dou
     return out;
 }
 
-// Whether a line may get into the body through a triangle between t = enter and far, were it moved by `margin`. Triangles
+// Whether a line may get into the body through a triangle between t_enter and t_exit, were it moved by `margin`. Triangles
 // that it can only leave through do not matter; those that it grazes do.
 static inline int may_enter_triangle(
-    const WallLine *line, double3 a, double3 b, double3 c, double margin, double enter, double far)
+    const WallLine *line, double3 a, double3 b, double3 c, double margin, double t_enter, double t_exit)
 {
     const double3 normal = cross(b - a, c - a);
     const double rising = dot(normal, line->toward);
     if (rising > 0.0 && rising * rising > GRAZING_SQUARE * dot(normal, normal) * line->square) {
         return 0;
     }
-    return passes_room(line, fmin(a, fmin(b, c)), fmax(a, fmax(b, c)), margin, enter, far);
+    return passes_volume_box(line, fmin(a, fmin(b, c)), fmax(a, fmax(b, c)), margin, t_enter, t_exit);
 }
 
 #endif

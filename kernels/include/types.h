@@ -15,7 +15,7 @@ typedef struct {
     int bin_count[2];
     real bin_origin[2];
     real bin_rate[2];         // bins per metre
-    real slack;               // containment slack
+    real edge_tolerance;      // within which a point beside a cell lies in it
     int cell_count;           // of the mesh
     int wall_count;           // boxes about the body's surface
 } Field;
@@ -43,7 +43,7 @@ typedef struct {
     real plane_offset;
     real cell_rate[3];            // typical cells per metre, for limits on the step
     real step;                    // "fixed": arc length; leapfrog: greatest distance of samples that step_bound holds for
-    real step_limit;              // step in cells that needs no leave from step_bound
+    real step_limit;              // step in cells up to which step_bound is not asked
     int block_count[3];           // blocks along each local axis
     int block;                    // cells in a block
     real tolerance;               // OPD error allowed for the whole ray
@@ -81,8 +81,8 @@ typedef struct {
     real obliquity;  // of the stop
     real lever_arm;  // how far on the error grows
     real reach;      // the part of that in the box
-    real caution;    // share of the step bounds of step_bound.py, which know nothing of the way to a far stop
-} Lever;
+    real derating;   // share of the step bounds of step_bound.py, which know nothing of the distance to a far stop
+} StopGeometry;
 
 typedef struct {
     real h;          // to try [sigma]

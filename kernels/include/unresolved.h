@@ -1,4 +1,4 @@
-// What lies between a ray's leapfrog samples: the sum over its way of a table of bounds
+// What lies between a ray's leapfrog samples: the sum of a table of bounds along its path
 // (aerokernels/tracing/unresolved.py).
 #ifndef UNRESOLVED_H
 #define UNRESOLVED_H
@@ -71,7 +71,7 @@ static inline reals unresolved_of(
 
 // By how much an error of the path counts more for the error of direction that comes with it, `onward` metres before a stop
 // that the ray meets at this cosine with its normal.
-static inline real with_lever(const Field *field, real missed, real onward, real cosine)
+static inline real with_lever_arm(const Field *field, real missed, real onward, real cosine)
 {
     const real tangent = sqrt(greater(R(1.0) - cosine * cosine, R(0.0))) / greater(cosine, (real)LEAST_COSINE);
     return missed * (R(1.0) + MISSED_SLOPE * greatest(VECTOR(field->inverse_spacing)) * onward * tangent);

@@ -6,7 +6,7 @@
 #include "crossings.h"
 
 // Where a ray that starts behind the body's surface leaves it, NEVER if it does not; `first` for the others.
-static inline double way_out(const Field *field, const Arrays *arrays, double3 p, double3 d, double first)
+static inline double body_exit(const Field *field, const Arrays *arrays, double3 p, double3 d, double first)
 {
     if (GEOMETRY == PLANAR && d.y == 0.0 && d.z == 0.0) {
         // Along x it stays where it is, in the body or beside it: any other line tells which.
@@ -19,13 +19,13 @@ static inline double way_out(const Field *field, const Arrays *arrays, double3 p
 }
 
 // Where a ray from outside the box enters the body before it comes to the box at `last`; NEVER if it does not.
-static inline double way_in(const Field *field, const Arrays *arrays, double3 p, double3 d, double last)
+static inline double body_entry(const Field *field, const Arrays *arrays, double3 p, double3 d, double last)
 {
     if (last <= 0.0 || (GEOMETRY == PLANAR && d.y == 0.0 && d.z == 0.0)) {
         return NEVER;
     }
     const WallLine line = wall_line(p, d);
-    return meet_wall(field, arrays, &line, 0.0, (1.0 + ROUNDED_WAY) * last).entry;
+    return meet_wall(field, arrays, &line, 0.0, (1.0 + ENTRY_ROUNDING) * last).entry;
 }
 
 #if GEOMETRY != VOLUME
@@ -57,20 +57,20 @@ static inline int only_leaves(const WallLine *line, double4 s)
 #if GEOMETRY == VOLUME
 // Whether a straight ray may get into the body through a triangle, were the ray moved by `margin`.
 static inline int may_enter(
-    const Arrays *arrays, const WallLine *line, int piece, double margin, double enter, double far)
+    const Arrays *arrays, const WallLine *line, int piece, double margin, double t_enter, double t_exit)
 {
     const double3 a = vload4(3 * piece, arrays->wall).xyz, b = vload4(3 * piece + 1, arrays->wall).xyz;
     const double3 c = vload4(3 * piece + 2, arrays->wall).xyz;
-    return may_enter_triangle(line, a, b, c, margin, enter, far);
+    return may_enter_triangle(line, a, b, c, margin, t_enter, t_exit);
 }
 #else
 // Whether a straight ray gets into the body through a segment, where it is, or moved up and down in r and in z.
 static inline int may_enter(
-    const Arrays *arrays, const WallLine *line, int piece, double margin, double enter, double far)
+    const Arrays *arrays, const WallLine *line, int piece, double margin, double t_enter, double t_exit)
 {
     const double4 s = vload4(piece, arrays->wall);
     const double4 box = (double4)(lesser64(s.x, s.z), lesser64(s.y, s.w), greater64(s.x, s.z), greater64(s.y, s.w));
-    if (only_leaves(line, s) || !passes_box(line, box, margin, enter, far)) {
+    if (only_leaves(line, s) || !passes_box(line, box, margin, t_enter, t_exit)) {
         return 0;
     }
     for (int side = 0; side < 5; side++) {
@@ -79,7 +79,7 @@ static inline int may_enter(
         const double4 moved = moved_segment(s, r, z);
         const Crossings at = segment_crossings(line, moved, 1);
         const double t = at.enters ? at.one : at.two;
-        if ((at.enters ? at.count > 0 : at.count > 1) && t > enter && t < far) {
+        if ((at.enters ? at.count > 0 : at.count > 1) && t > t_enter && t < t_exit) {
             return 1;
         }
     }
@@ -89,18 +89,18 @@ static inline int may_enter(
 
 // Whether a straight ray, and all that are moved across the surface by `margin` [m], keep out of the body between two
 // distances. Where they leave it does not matter, so a ray may begin on the wall.
-static inline int stays_clear(
-    const Field *field, const Arrays *arrays, double3 p, double3 d, double enter, double far, double margin)
+static inline int has_clearance(
+    const Field *field, const Arrays *arrays, double3 p, double3 d, double t_enter, double t_exit, double margin)
 {
     const WallLine line = wall_line(p, d);
     int node = 0;
     while (node < field->wall_count) {
         const int3 links = vload3(node, arrays->wall_links);
         int next = links.x;
-        if (passes_node(arrays, &line, node, margin, enter, far)) {
+        if (passes_node(arrays, &line, node, margin, t_enter, t_exit)) {
             next = node + 1;
             for (int k = links.y; k < links.z; k++) {
-                if (may_enter(arrays, &line, k, margin, enter, far)) {
+                if (may_enter(arrays, &line, k, margin, t_enter, t_exit)) {
                     return 0;
                 }
             }
@@ -128,7 +128,7 @@ static inline int comes_near(const Arrays *arrays, double3 here, double within)
 
 // How much of a step of length h lies behind the place where it enters the body; -1 for none of it. The step goes from
 // `here` along its first tangent, with the bend `kick` [m]; chords that stay within WALL_SAG cells of it stand for it.
-// `room`: how far behind its start a wall counts, in the unit of h.
+// `allowance`: how far behind its start a wall counts, in the unit of h.
 static inline real behind_wall(
     const Field *field,
     const Arrays *arrays,
@@ -137,18 +137,18 @@ static inline real behind_wall(
     real3 tangent,
     real3 kick,
     real h,
-    real room)
+    real allowance)
 {
     const real sag = size3(kick * VECTOR(control->cell_rate)) / (R(4.0) * WALL_SAG);
     const int pieces = sag > R(1.0) ? 1 + (int)lesser(sqrt(sag), R(15.0)) : 1;
     const double3 straight = convert_double3(h * tangent), bend = convert_double3(kick);
     // Most steps come nowhere near the box around the whole body: they need no line.
-    const double within = (double)(h + room) * (double)size3(tangent) + (double)size3(kick);
+    const double within = (double)(h + allowance) * (double)size3(tangent) + (double)size3(kick);
     if (!comes_near(arrays, here, within)) {
         return R(-1.0);
     }
     double3 begin = here;
-    double first = -(double)pieces * (double)(room / h);
+    double first = -(double)pieces * (double)(allowance / h);
     for (int k = 0; k < pieces; k++) {
         const double share = (double)(k + 1) / (double)pieces;
         const double3 end = here + share * straight + (share * share) * bend;

@@ -48,8 +48,8 @@ def test_strehl_ratio_of_a_prism():
     """
     setting = scene()
     slope = 8e-4
-    landing = np.array([[x, y, 1.492] for x in (-1e-4, 1e-4) for y in (-1e-4, 1e-4)])
-    found = return_paths(setting, linear_field(slope), landing, target_plane(setting), 3)
+    intersection = np.array([[x, y, 1.492] for x in (-1e-4, 1e-4) for y in (-1e-4, 1e-4)])
+    found = return_paths(setting, linear_field(slope), intersection, target_plane(setting), 3)
     v = 2.0 * math.pi / WAVELENGTH * 0.006 * slope * DEPTH * (1.0 - DEPTH / (2.0 * 1.5))
     expected = (2.0 * j1(v) / v) ** 2
     assert 0.2 < expected < 0.9
@@ -72,9 +72,9 @@ def test_a_prism_bends_the_way_out():
     start = points.start[:, 1]
     rise = psi * (1.5 - DEPTH / 2.0)
     height = (start + rise) / (1.0 - psi * math.tan(beta))  # the plane recedes as the beam climbs
-    assert np.abs(out.landing[:, 1] - height).max() < 2e-8
+    assert np.abs(out.intersection[:, 1] - height).max() < 2e-8
     assert np.abs(np.arccos(out.incidence_cosine) - beta - psi).max() < 1e-8
-    expected = 1.5 + out.landing[:, 1] * math.tan(beta) + psi * start
+    expected = 1.5 + out.intersection[:, 1] * math.tan(beta) + psi * start
     assert np.abs(out.path - expected).max() < 2e-8
 
 
@@ -124,12 +124,12 @@ def test_strehl_ratio_is_interpolated_as_well_as_it_says():
     setting = scene(**{"receiver.ray_count": 64})
     field = blob_field(5e-5)
     generator = np.random.default_rng(2)
-    landing = np.column_stack(
+    intersection = np.column_stack(
         [generator.uniform(-0.06, 0.06, 40), generator.uniform(-0.045, 0.045, 40), np.full(40, 1.492)]
     )
-    landing[:2, :2] = [[-0.06, -0.045], [0.06, 0.045]]
-    found = return_paths(setting, field, landing, target_plane(setting), 9)
-    opd, weight, _ = return_opd(setting, field, landing)
+    intersection[:2, :2] = [[-0.06, -0.045], [0.06, 0.045]]
+    found = return_paths(setting, field, intersection, target_plane(setting), 9)
+    opd, weight, _ = return_opd(setting, field, intersection)
     field_sum = np.sum(weight * np.exp(2j * np.pi * opd / WAVELENGTH), axis=1)
     exact = np.abs(field_sum) ** 2
     assert np.ptp(exact) > 0.01

@@ -32,7 +32,7 @@ def blob_field(strength, body=None):
     )
 
 
-def landing_points(count=60, seed=3):
+def target_intersections(count=60, seed=3):
     generator = np.random.default_rng(seed)
     xy = generator.uniform(-1.0, 1.0, (count, 2)) * (0.06, 0.045)
     return np.column_stack([xy, np.full(count, 1.492)])
@@ -43,7 +43,7 @@ def test_chunks_change_nothing(monkeypatch):
 
     They are the sums of the rays' own OPDs.
     """
-    setting, field, target = scene(trace__method="adaptive"), blob_field(5e-5), landing_points(7)
+    setting, field, target = scene(trace__method="adaptive"), blob_field(5e-5), target_intersections(7)
     pupil = receiver_pupil(setting)
     whole = reduce_pupils(setting, field, target, *pupil)
     opd, share, _ = return_opd(setting, field, target)
@@ -63,7 +63,7 @@ def test_nothing_is_kept_of_a_ray(monkeypatch):
     for count in (64, 64, 256):  # the first run warms up what is kept for good
         setting = scene(receiver__ray_count=256, trace__precision="float32")
         tracemalloc.start()
-        reduce_pupils(setting, field, landing_points(count), *receiver_pupil(setting))
+        reduce_pupils(setting, field, target_intersections(count), *receiver_pupil(setting))
         peaks.append(tracemalloc.get_traced_memory()[1])
         tracemalloc.stop()
     assert peaks[2] < 1.25 * peaks[1]
@@ -81,29 +81,29 @@ def test_half_a_pupil_stands_for_all_of_it(ray_count):
 
 def test_a_radius_stands_for_the_target():
     """Set-up: a lump on the axis, facing target. With the symmetry and without, within the errors that both tell."""
-    setting, field, landing = scene(receiver__ray_count=256), blob_field(5e-5), landing_points()
+    setting, field, intersection = scene(receiver__ray_count=256), blob_field(5e-5), target_intersections()
     plane = target_plane(setting)
-    short = return_paths(setting, field, landing, plane, 9)
-    full = return_paths(setting, field, landing, plane, 9, symmetry=False)
+    short = return_paths(setting, field, intersection, plane, 9)
+    full = return_paths(setting, field, intersection, plane, 9, symmetry=False)
     assert np.ptp(full.factor) > 0.005
     assert np.abs(short.factor - full.factor).max() < short.error + full.error + 1e-6
     assert short.sums.ray_count < full.sums.ray_count / 25 and short.pair_count == full.pair_count
     tilted = scene(target__tilt=0.2)
-    assert return_paths(tilted, field, landing, target_plane(tilted), 5).sums.ray_count == 25 * 64
+    assert return_paths(tilted, field, intersection, target_plane(tilted), 5).sums.ray_count == 25 * 64
 
 
 def test_every_target_point_may_have_its_own_pupil():
     """Set-up: the same. Every point by itself against the interpolation, and against the rays' own OPDs."""
-    setting, field, landing = scene(), blob_field(5e-5), landing_points(20)
-    landing[4] = np.nan
+    setting, field, intersection = scene(), blob_field(5e-5), target_intersections(20)
+    intersection[4] = np.nan
     plane = target_plane(setting)
-    every = return_paths(setting, field, landing, plane, "every")
+    every = return_paths(setting, field, intersection, plane, "every")
     assert np.isnan(every.factor[4]) and every.pair_count == 19 * 64 and every.error == 0.0
     good = np.isfinite(every.factor)
-    opd, share, _ = return_opd(setting, field, landing[good])
+    opd, share, _ = return_opd(setting, field, intersection[good])
     exact = np.abs(np.sum(share * np.exp(1j * WAVE_NUMBER * opd), axis=1)) ** 2
     assert every.factor[good] == pytest.approx(exact, abs=1e-9)
-    between = return_paths(setting, field, landing, plane, 9, symmetry=False)
+    between = return_paths(setting, field, intersection, plane, 9, symmetry=False)
     assert np.abs(between.factor[good] - exact).max() < between.error + 1e-6
 
 
@@ -147,4 +147,4 @@ def test_a_pupil_that_sees_nothing_is_refused():
     corner = np.array([[0.0, 0.002], [0.02, 0.002], [0.02, 0.0], [0.0, 0.0]])
     lid = Body(corner)
     with pytest.raises(ValueError, match=r"no ray of the receiver's pupil gets out.*HIT_BODY"):
-        return_paths(scene(), blob_field(0.0, lid), landing_points(3), target_plane(scene()), 3)
+        return_paths(scene(), blob_field(0.0, lid), target_intersections(3), target_plane(scene()), 3)

@@ -65,10 +65,10 @@ def test_edges_of_a_tilted_reflector_in_a_diverging_beam(tilt):
     """
     setting = scene(target__tilt=tilt, target__distance=0.25, target__width=0.1, target__height=0.16, beam__radius=0.04)
     points = target_points(setting)
-    landing = vacuum_paths(points, target_plane(setting)).landing
-    along = landing[:, 1] / math.cos(tilt)
-    assert landing[:, 2] == pytest.approx(0.242 + landing[:, 1] * math.tan(tilt), abs=1e-12)
-    for reach, edge in ((np.abs(landing[:, 0]).max(), 0.05), (along.max(), 0.08), (-along.min(), 0.08)):
+    intersection = vacuum_paths(points, target_plane(setting)).intersection
+    along = intersection[:, 1] / math.cos(tilt)
+    assert intersection[:, 2] == pytest.approx(0.242 + intersection[:, 1] * math.tan(tilt), abs=1e-12)
+    for reach, edge in ((np.abs(intersection[:, 0]).max(), 0.05), (along.max(), 0.08), (-along.min(), 0.08)):
         assert 0.98 * edge < reach < edge
 
     aim = np.random.default_rng(5).normal(scale=0.02, size=(400_000, 2))
@@ -98,9 +98,9 @@ def test_edges_of_a_reflector_tilted_about_any_axis(axis):
     )
     points, plane = target_points(setting), target_plane(setting)
     across, along, normal = setting.target.orientation.T
-    landing = vacuum_paths(points, plane).landing - plane.point
+    intersection = vacuum_paths(points, plane).intersection - plane.point
     for direction, edge in ((across, 0.05), (along, 0.03)):
-        place = landing @ direction
+        place = intersection @ direction
         assert 0.97 * edge < place.max() < edge * (1.0 + 1e-9) and 0.97 * edge < -place.min() < edge * (1.0 + 1e-9)
 
     aim = np.random.default_rng(5).normal(scale=0.02, size=(400_000, 2))

@@ -22,7 +22,7 @@ SEA_LEVEL = flow.SEA_LEVEL_DENSITY
 CONSTANT = flow.gladstone_dale_constant(WAVE)
 FLOWS = {"Mach 3, 20 deg": (3.0, 20.0), "Mach 2, 10 deg": (2.0, 10.0)}
 STRONG, WEAK = FLOWS
-ALONG, SLANTED, STEEP = (0.0, 0.0, 1.0), (0.1, 0.15, 1.0), (-0.2, 0.3, 1.0)
+ALONG, OBLIQUE, STEEP = (0.0, 0.0, 1.0), (0.1, 0.15, 1.0), (-0.2, 0.3, 1.0)
 SETTINGS = {"precision": "float64", "method": "adaptive"}
 
 
@@ -136,7 +136,7 @@ def test_rays_along_the_axis(name):
 
 
 @pytest.mark.parametrize("name", FLOWS)
-@pytest.mark.parametrize("aim", [SLANTED, STEEP])
+@pytest.mark.parametrize("aim", [OBLIQUE, STEEP])
 def test_rays_at_an_angle(name, aim):
     """Set-up: rays 10 and 20 degrees off the axis.
 
@@ -273,7 +273,7 @@ def test_bent_rays_at_an_angle(interpolation, allowed):
     The turn at the shock is that of a staircase of bells, the same on every grid: rms within 5 % of the greatest turn
     for cubic, 35 % for linear, 20 % for monotone; OPD within 2 % of jump times cell, 10 % for the others.
     """
-    rays = forward(STRONG, SLANTED)
+    rays = forward(STRONG, OBLIQUE)
     until = Plane(0.01 * rays.direction[0], rays.direction[0])
     direction, path = exact_rays(STRONG, rays, until)
     result = trace(field(STRONG, 200, interpolation, SEA_LEVEL), rays, until=until, tolerance=1e-4, **SETTINGS)

@@ -7,7 +7,7 @@ import pytest
 
 from aerokernels.rays import RayBundle
 from aerokernels.tracing import ArcLength, Plane, TraceResult, available_backends, trace
-from aerokernels.validation.random_fields import mesh_field, random_field, slanted_rays, uniform_field
+from aerokernels.validation.random_fields import mesh_field, oblique_rays, random_field, uniform_field
 
 WAVE = 905e-9
 # What is asked of every backend against the float64 reference: OPD [m] and direction [rad].
@@ -86,9 +86,9 @@ def small_field(geometry: str, interpolation: str, seed: int, width: float):
 
 @functools.cache
 def stepped(geometry: str, interpolation: str, method: str, step: float | None = None) -> TraceResult:
-    """The reference on `field_of`, by the steps of a rule, to FAR: three of `slanted_rays`."""
+    """The reference on `field_of`, by the steps of a rule, to FAR: three of `oblique_rays`."""
     settings = {"method": method, "backend": "reference", "precision": "float64", "until": FAR, "step": step}
-    return trace(field_of(geometry, interpolation), slanted_rays(3), **settings)
+    return trace(field_of(geometry, interpolation), oblique_rays(3), **settings)
 
 
 def small_rays(count: int, seed: int = 8) -> RayBundle:

@@ -7,7 +7,7 @@ import pytest
 
 from aerokernels.rays import RayBundle
 from aerokernels.tracing import Plane, trace
-from aerokernels.validation.random_fields import slanted_rays, uniform_field
+from aerokernels.validation.random_fields import oblique_rays, uniform_field
 
 from .backends import (
     DIRECTION_LIMIT,
@@ -38,7 +38,7 @@ def test_fixed_steps_agree_step_by_step(geometry, interpolation, precision, engi
     float64: 1e-7 wave and 1e-12 rad. float32: 1e-3 wave and 5e-7 rad asked for; the deviation form does far better.
     """
     backend = on(engine)
-    field, rays = field_of(geometry, interpolation), slanted_rays(3)
+    field, rays = field_of(geometry, interpolation), oblique_rays(3)
     expected = stepped(geometry, interpolation, "fixed", 4e-5)
     result = trace(field, rays, method="fixed", step=4e-5, until=FAR, precision=precision, **backend)
     assert result.ok.all() and expected.ok.all()
@@ -76,7 +76,7 @@ def test_straight_is_right_to_second_order(engine):
     """
     backend = on(engine)
     along = np.array([0.03, -0.02, 1.0])
-    rays = RayBundle(slanted_rays(4).position, np.tile(along, (4, 1)))
+    rays = RayBundle(oblique_rays(4).position, np.tile(along, (4, 1)))
     square = Plane((0.0, 0.0, 6e-3), along)
     off = []
     settings = {"until": square, "tolerance": 1e-6, "precision": "float64", **backend}
@@ -108,7 +108,7 @@ def test_paper_steps_follow_eq_5(geometry, interpolation, precision, engine):
     the limits asked for hold, those of equal steps only where the counts are equal.
     """
     backend = on(engine)
-    field, rays = field_of(geometry, interpolation), slanted_rays(3)
+    field, rays = field_of(geometry, interpolation), oblique_rays(3)
     expected = stepped(geometry, interpolation, "paper")
     result = trace(field, rays, method="paper", until=FAR, precision=precision, **backend)
     assert result.ok.all() and expected.ok.all()
@@ -124,7 +124,7 @@ def test_paper_steps_follow_eq_5(geometry, interpolation, precision, engine):
 @functools.cache
 def strong():
     """Field, rays, and where the reference takes them."""
-    field, rays = uniform_field("volume", amplitude=0.2, ambient=1.3), slanted_rays(1)
+    field, rays = uniform_field("volume", amplitude=0.2, ambient=1.3), oblique_rays(1)
     settings = {"method": "adaptive", "backend": "reference", "precision": "float64"}
     return field, rays, trace(field, rays, until=FAR, **settings)
 

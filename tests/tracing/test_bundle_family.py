@@ -29,7 +29,7 @@ def volume(contrast: np.ndarray, interpolation: str = "cubic") -> IndexField:
 FIELD = volume(np.zeros((33, 33, 33)))
 RNG = np.random.default_rng(4)
 PLACES = np.c_[RNG.uniform(-8e-4, 8e-4, (400, 2)), np.full(400, -1.2e-3)]
-SLANTED = np.array([0.1, -0.05, 1.0]) / np.linalg.norm([0.1, -0.05, 1.0])
+OBLIQUE = np.array([0.1, -0.05, 1.0]) / np.linalg.norm([0.1, -0.05, 1.0])
 
 
 def found(position, direction, until=FAR) -> Family:
@@ -48,7 +48,7 @@ def through(apex, position) -> np.ndarray:
 def test_parameters_give_every_ray_back(apex, start: str):
     """Lines that are parallel or meet in a point, started in a plane or ahead of the box: each ray's own line again."""
     position = PLACES.copy()
-    direction = np.tile(SLANTED, (400, 1)) if apex is None else through(apex, position)
+    direction = np.tile(OBLIQUE, (400, 1)) if apex is None else through(apex, position)
     if start == "tilted":
         position += (position @ [0.1, 0.2, 0.0] / (direction @ [-0.1, -0.2, 1.0]))[:, None] * direction
     if start == "anywhere ahead":
@@ -82,9 +82,9 @@ def test_another_sample_of_the_same_rays_is_the_same_family():
     ("position", "direction", "until", "why"),
     [
         (PLACES, RNG.normal([0.0, 0.0, 1.0], 0.02, (400, 3)), FAR, "neither parallel nor meet"),
-        (RNG.uniform(-5e-4, 5e-4, (400, 3)), np.tile(SLANTED, (400, 1)), FAR, "neither in one plane nor ahead"),
-        (PLACES - RNG.uniform(0, 1e-3, (400, 1)) * SLANTED, np.tile(SLANTED, (400, 1)), ArcLength(3e-3), "neither in"),
-        (PLACES[:1].repeat(400, 0), np.tile(SLANTED, (400, 1)), FAR, "one ray"),
+        (RNG.uniform(-5e-4, 5e-4, (400, 3)), np.tile(OBLIQUE, (400, 1)), FAR, "neither in one plane nor ahead"),
+        (PLACES - RNG.uniform(0, 1e-3, (400, 1)) * OBLIQUE, np.tile(OBLIQUE, (400, 1)), ArcLength(3e-3), "neither in"),
+        (PLACES[:1].repeat(400, 0), np.tile(OBLIQUE, (400, 1)), FAR, "one ray"),
         (np.zeros((400, 3)), RNG.normal(size=(400, 3)), FAR, "axis|angle"),
     ],
     ids=["incoherent", "from within", "arc lengths", "one ray", "all directions"],

@@ -15,7 +15,7 @@ from aerokernels.medium import IndexField
 from aerokernels.rays import RayBundle
 from aerokernels.tracing import Plane, RayStatus, launch, trace
 from aerokernels.tracing.result import RAY_OUTPUTS
-from aerokernels.validation.random_fields import mesh_field, slanted_rays, uniform_field
+from aerokernels.validation.random_fields import mesh_field, oblique_rays, uniform_field
 
 from .backends import (
     ENGINES,
@@ -62,7 +62,7 @@ def test_fixed_steps_are_those_of_warp(geometry, interpolation, precision, engin
     """500 rays, the same steps: rounding alone. 2e-4 wave asked for in float32, 1e-9 wave in float64."""
     angle = 5e-8 if precision == "float32" else 1e-13
     settings = {"method": "fixed", "step": 4e-5}
-    field, rays = field_of(geometry, interpolation), slanted_rays(500)
+    field, rays = field_of(geometry, interpolation), oblique_rays(500)
     ours, theirs = assert_agree(field, rays, engine, precision, EQUAL_STEPS[precision], angle, **settings)
     assert np.array_equal(ours.step_count, theirs.step_count)
     assert np.array_equal(ours.evaluation_count, theirs.evaluation_count)
@@ -78,14 +78,14 @@ def test_fixed_steps_are_those_of_warp_at_every_stop(geometry, interpolation, st
     precision = "float32" if interpolation == "cubic" else "float64"
     field, until = field_of(geometry, interpolation), STOPS[stop]
     settings = {"method": "fixed", "step": 4e-5, "until": until}
-    assert_agree(field, slanted_rays(100), engine, precision, EQUAL_STEPS[precision], 5e-8, **settings)
+    assert_agree(field, oblique_rays(100), engine, precision, EQUAL_STEPS[precision], 5e-8, **settings)
 
 
 @pytest.mark.parametrize("engine", OPENCL)
 @pytest.mark.parametrize(("geometry", "interpolation"), [("volume", "cubic"), ("planar", "idw")])
 def test_steps_of_eq_5_are_those_of_warp(geometry, interpolation, engine):
     """In float64, where rounding never puts a step into the neighbour of its cell, and in float32 where it did not."""
-    field, rays = field_of(geometry, interpolation), slanted_rays(200)
+    field, rays = field_of(geometry, interpolation), oblique_rays(200)
     ours, theirs = assert_agree(field, rays, engine, "float64", 1e-9, 1e-13, method="paper")
     assert np.array_equal(ours.step_count, theirs.step_count)
     ours, theirs = assert_agree(field, rays, engine, "float32", 1e-3, 5e-7, method="paper")
@@ -100,7 +100,7 @@ def test_steps_of_eq_5_are_those_of_warp(geometry, interpolation, engine):
 )
 def test_adaptive_on_cubic_grids_takes_the_steps_of_warp(geometry, stop, engine):
     """float64: equal counts, so equal to rounding. float32: a step more or less, 1e-3 wave."""
-    field, rays, until = field_of(geometry, "cubic"), slanted_rays(200), STOPS[stop]
+    field, rays, until = field_of(geometry, "cubic"), oblique_rays(200), STOPS[stop]
     ours, theirs = assert_agree(field, rays, engine, "float64", 1e-9, 1e-12, until, method="adaptive")
     assert np.array_equal(ours.step_count, theirs.step_count)
     assert np.abs(ours.step_error - theirs.step_error).max() < 1e-6 * WAVE
@@ -113,7 +113,7 @@ def test_adaptive_on_cubic_grids_takes_the_steps_of_warp(geometry, stop, engine)
 )
 def test_adaptive_on_kinked_grids_agrees_with_warp(geometry, interpolation, engine):
     """float32: 1e-3 wave, the tolerance."""
-    assert_agree(field_of(geometry, interpolation), slanted_rays(200), engine, "float32", 1e-3, 5e-7, method="adaptive")
+    assert_agree(field_of(geometry, interpolation), oblique_rays(200), engine, "float32", 1e-3, 5e-7, method="adaptive")
 
 
 @pytest.mark.parametrize(
@@ -144,7 +144,7 @@ def test_adaptive_on_meshes_keeps_its_tolerance(geometry, interpolation, engine)
 @pytest.mark.parametrize("count", [1, 63, 64, 65, 129, 1000])
 def test_any_number_of_rays(engine, count):
     """The first `count` of 1000 rays give what they give in the whole bundle: work-groups have 64 items."""
-    backend, field, rays = on(engine), field_of("planar", "cubic"), slanted_rays(1000)
+    backend, field, rays = on(engine), field_of("planar", "cubic"), oblique_rays(1000)
     settings = {"until": FAR, "method": "adaptive", **backend}
     few = RayBundle(rays.position[:count], rays.direction[:count])
     assert_same_bits(trace(field, rays, **settings), trace(field, few, **settings), slice(count))
@@ -154,7 +154,7 @@ def test_any_number_of_rays(engine, count):
 @pytest.mark.parametrize("kind", [("volume", "cubic"), ("axisymmetric", "bilinear")])
 def test_chunks_of_a_bundle_change_nothing(monkeypatch, engine, kind):
     """Chunks of 128 and a last one of 44 against one chunk: the same bits, whatever outputs are wanted."""
-    backend, field, rays = on(engine), field_of(*kind), slanted_rays(300)
+    backend, field, rays = on(engine), field_of(*kind), oblique_rays(300)
     settings = {"until": FAR, "method": "adaptive", **backend}
     whole = trace(field, rays, **settings)
     monkeypatch.setattr(launch, "CHUNK", 128)
@@ -169,7 +169,7 @@ def test_chunks_of_a_bundle_change_nothing(monkeypatch, engine, kind):
 @pytest.mark.parametrize("name", [*RAY_OUTPUTS, "status"])
 def test_each_output_comes_alone(engine, name):
     """What was not asked for is None; what was asked for is as in a full trace, in float64 or whole numbers."""
-    backend, field, rays = on(engine), field_of("planar", "cubic"), slanted_rays(70)
+    backend, field, rays = on(engine), field_of("planar", "cubic"), oblique_rays(70)
     settings = {"until": FAR, "method": "adaptive", **backend}
     whole, part = trace(field, rays, **settings), trace(field, rays, outputs=name, **settings)
     assert np.array_equal(getattr(part, name), getattr(whole, name))
@@ -224,7 +224,7 @@ def test_a_field_is_kept_once_as_long_as_it_lives(engine):
 @pytest.mark.parametrize("engine", ENGINES)
 def test_each_precision_has_its_own_numbers_on_the_device(engine):
     """A trace in the other precision between two of one: the same bits before and after."""
-    field, rays = uniform_field("planar", amplitude=2e-4), slanted_rays(5)
+    field, rays = uniform_field("planar", amplitude=2e-4), oblique_rays(5)
     settings = {"until": FAR, "method": "adaptive", **on(engine)}
     single, double = (trace(field, rays, precision=precision, **settings) for precision in PRECISIONS)
     assert not np.array_equal(single.opd, double.opd)
@@ -255,7 +255,7 @@ def test_every_status_in_one_bundle(engine, method):
 @pytest.mark.parametrize("precision", PRECISIONS)
 def test_two_fields_take_turns(engine, precision):
     """Two fields of one kind share a program; neither is given the other's buffers or numbers."""
-    backend, rays = on(engine), slanted_rays(10)
+    backend, rays = on(engine), oblique_rays(10)
     first, second = uniform_field("planar"), uniform_field("planar", amplitude=-1e-4, ambient=1.2)
     settings = {"until": FAR, "method": "fixed", "step": 4e-5, "precision": precision, **backend}
     rounds = [[trace(field, rays, **settings) for field in (first, second)] for _ in range(2)]
@@ -267,7 +267,7 @@ def test_two_fields_take_turns(engine, precision):
 def test_a_mesh_field_and_a_grid_field_in_one_process():
     """Kernels of a grid get one row for a mesh's arrays, and the other way round: both orders work."""
     need_opencl()
-    rays = slanted_rays(3)
+    rays = oblique_rays(3)
     for field in (mesh_field("idw"), uniform_field("planar"), mesh_field("bilinear")):
         assert trace(field, rays, until=FAR, method="adaptive", backend="opencl").ok.all()
 

@@ -12,7 +12,7 @@ from aerokernels.medium import IndexField
 from aerokernels.rays import Disc, RayBundle
 from aerokernels.tracing import Plane, RayStatus, trace
 from aerokernels.tracing.leapfrog import LEAST_RAYS
-from aerokernels.tracing.levers import levers_of
+from aerokernels.tracing.lever_arms import lever_arms_of
 from aerokernels.tracing.plan import TracePlan
 from aerokernels.tracing.pupil_run import PupilRun
 from aerokernels.tracing.pupil_sums import PupilTask
@@ -80,7 +80,7 @@ def test_rays_of_every_direction_end_where_they_should(engine, geometry):
 
 @pytest.mark.parametrize("engine", ENGINES)
 def test_rays_that_leave_by_the_cylinder_at_a_slant(engine):
-    """Through a blob on the axis and then through quiet air: one Newton step to the cylinder was 0.1 wave off."""
+    """Through a blob on the axis and then through undisturbed air: one Newton step to the cylinder was 0.1 wave off."""
     field = blob("axisymmetric")
     rng = np.random.default_rng(0)
     start = np.c_[rng.uniform(-5e-3, 5e-3, COUNT), np.full(COUNT, -20e-3), rng.uniform(-3e-3, 3e-3, COUNT) - 14e-3]
@@ -105,8 +105,8 @@ def test_a_planar_field_seen_along_its_span(engine):
         np.c_[np.ones(COUNT), 3e-4 * rng.standard_normal((COUNT, 2))],
     )
     until = Plane((2.0, 0.0, 0.0), (1.0, 0.0, 0.0))
-    levers = levers_of(field, rays, until)
-    assert levers is not None and abs(levers.way - 2.0) < 1e-3
+    lever_arms = lever_arms_of(field, rays, until)
+    assert lever_arms is not None and abs(lever_arms.path_length - 2.0) < 1e-3
     exact = truth(field, rays, until)
     found = trace(field, rays, until=until, **on(engine), precision="float64")
     assert (found.traced_status == exact.traced_status).all() and found.ok.all()

@@ -111,8 +111,8 @@ def test_kernel_arguments_agree(root: Path):
 MUTATIONS = {
     "argument renamed": (
         "include/wall.h",
-        "double enter, double far, double margin",
-        "double enter, double far, double by",
+        "double t_enter, double t_exit, double margin",
+        "double t_enter, double t_exit, double by",
     ),
     "argument left out": ("include/box.h", "double3 p, double3 d, double guess)", "double3 p, double3 d)"),
     "of another type": (
@@ -144,7 +144,7 @@ def test_a_changed_argument_is_reported(name: str, arguments: ModuleType, kernel
     found = arguments.differences(kernels)
     told = re.findall(r"(?:kernel|function) (\w+)", " ".join(found))
     expected = {
-        "argument renamed": {"stays_clear"},
+        "argument renamed": {"has_clearance"},
         "argument left out": {"meeting"},
         "of another type": {"rising_root"},
         "of another width": {"deflection"},
@@ -157,7 +157,7 @@ def test_a_changed_argument_is_reported(name: str, arguments: ModuleType, kernel
 
 LAYOUT_CHANGES = {
     "member": ("STRUCTS", "Bounds", -1, "types.h"),
-    "argument": ("KERNELS", "join_sums", -1, "arguments.h"),
+    "argument": ("KERNELS", "reduce_sums", -1, "arguments.h"),
 }
 
 
@@ -185,8 +185,8 @@ def test_a_warp_kernel_with_arguments_of_its_own_is_refused():
     pytest.importorskip("warp")
     from aerokernels.tracing.engines.warp.types import takes
 
-    with pytest.raises(TypeError, match=r"join_sums are row_count, .*layout\.py"):
-        takes("join_sums")(lambda row_count, first_sum, joined_count, sums_in, sums_out: None)
+    with pytest.raises(TypeError, match=r"reduce_sums are row_count, .*layout\.py"):
+        takes("reduce_sums")(lambda row_count, first_sum, reduced_count, sums_in, sums_out: None)
 
 
 def test_structs_are_laid_out_as_the_table_says():
@@ -204,8 +204,8 @@ def test_structs_are_laid_out_as_the_table_says():
 def test_comments_layout_and_conditions_do_not_matter(arguments: ModuleType, kernels: Path):
     replace_once(
         kernels / "include" / "wall.h",
-        "double enter, double far, double margin",
-        "/* between\n two */ double enter,\n#if 0 \\\n + 1\n   double far, // distances\n#endif\n double margin",
+        "double t_enter, double t_exit, double margin",
+        "/* between\n two */ double t_enter,\n#if 0 \\\n + 1\n   double t_exit, // distances\n#endif\n double margin",
     )
     assert arguments.differences(kernels) == []
 

@@ -192,9 +192,9 @@ def test_air_beside_the_box_may_turn_rays_as_well():
     field = box("planar", value=lambda y, z: slope * y)
     rays = RayBundle([[0.0, aside, -10e-3]], UP)
     tilts = ((0.0, np.sin(slant), np.cos(slant)), UP)
-    slanted, across = (lost(field, rays, Plane((0.0, aside, 10e-3), tilt))[0] for tilt in tilts)
+    oblique, across = (lost(field, rays, Plane((0.0, aside, 10e-3), tilt))[0] for tilt in tilts)
     least = slope * LENGTH * 6e-3 * np.tan(slant)
-    assert across > 0.0 and least <= slanted - across <= 20e-3 / 6e-3 * least
+    assert across > 0.0 and least <= oblique - across <= 20e-3 / 6e-3 * least
 
 
 def test_rays_beside_the_box_run_through_unknown_air():
@@ -207,7 +207,7 @@ def test_rays_beside_the_box_run_through_unknown_air():
 
 
 def test_bent_rays_are_told_by_where_they_ended():
-    """A strong lens turns a ray out of the side of the box, to which straight ahead there is the quiet end only.
+    """A strong lens turns a ray out of the side of the box, to which straight ahead there is the undisturbed end only.
 
     Without positions among the outputs the straight line is all that is known: OK.
     """

@@ -54,14 +54,14 @@ def test_straight_of_a_pupil_is_straight_too(engine):
 def test_the_plan_names_what_ran(engine):
     """The name, the first word of the plan's text, the summary's entry, and a reason that begins with it."""
     field = uniform_field("volume", amplitude=1e-4)
-    slanted, along = bundle(6000, 0.03), bundle(6000)
+    oblique, along = bundle(6000, 0.03), bundle(6000)
     for rays, method, options in (
-        (slanted, "leapfrog", {}),
+        (oblique, "leapfrog", {}),
         (along, "projection-tables", {}),
-        (slanted[np.arange(10)], "adaptive", {}),
-        (slanted, "adaptive", {"method": "adaptive"}),
-        (slanted, "fixed", {"method": "fixed", "step": 2e-4}),
-        (slanted, "paper", {"method": "paper"}),
+        (oblique[np.arange(10)], "adaptive", {}),
+        (oblique, "adaptive", {"method": "adaptive"}),
+        (oblique, "fixed", {"method": "fixed", "step": 2e-4}),
+        (oblique, "paper", {"method": "paper"}),
     ):
         plan = trace(field, rays, until=FAR, outputs="opd", **options, **on(engine)).plan
         assert plan.method == method == plan.as_dict()["method"]

@@ -9,7 +9,7 @@ from aerokernels.pupils.square_map import RING, SquareMap
 from aerokernels.tracing.lattice_quadrature import LATTICES, lattice_points, smoothed_axes
 from aerokernels.tracing.pupil_run import check_memory
 from aerokernels.tracing.pupil_sums import MOMENT_COUNT, SUM_COUNT
-from aerokernels.tracing.scheme import GROUP, JOINED
+from aerokernels.tracing.scheme import GROUP, REDUCTION_WIDTH
 from aerokernels.tracing.status import RayStatus
 
 from .opencl_stands import need_opencl
@@ -222,17 +222,17 @@ def test_groups_can_be_summed_in_parts(device: Device):
     assert np.abs(found[1:, MOMENT_COUNT:] @ [1.0, 1.0j] - phasor[1:]).max() < GROUP * 1e-15
 
 
-@pytest.mark.parametrize("rows", [1, JOINED, JOINED + 1, 3 * JOINED - 2])
+@pytest.mark.parametrize("rows", [1, REDUCTION_WIDTH, REDUCTION_WIDTH + 1, 3 * REDUCTION_WIDTH - 2])
 def test_rows_are_joined_by_replicate(device: Device, rows: int):
     """Sums of some rows each in their order, but for the greatest error; what lies beyond is left alone."""
     sums = np.random.default_rng(6).normal(size=(4, rows, SUM_COUNT))
-    joined = -(-rows // JOINED)
+    joined = -(-rows // REDUCTION_WIDTH)
     out = device.put(np.full(4 * joined * SUM_COUNT, 7.0))
     ends = np.int32(rows), np.int32(joined), np.int32(0), np.int32(3 * joined * SUM_COUNT)
-    device.run("join_sums", 4 * joined * SUM_COUNT, *ends, device.put(sums), out)
+    device.run("reduce_sums", 4 * joined * SUM_COUNT, *ends, device.put(sums), out)
     found = device.get(out).reshape(4, joined, SUM_COUNT)
     for part in range(joined):
-        chosen = sums[:3, part * JOINED : (part + 1) * JOINED]
+        chosen = sums[:3, part * REDUCTION_WIDTH : (part + 1) * REDUCTION_WIDTH]
         expected = chosen.sum(axis=1)
         expected[:, 10] = np.maximum(chosen[:, :, 10].max(axis=1), 0.0)
         assert np.abs(found[:3, part] - expected).max() < 1e-12

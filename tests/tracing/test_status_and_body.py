@@ -6,7 +6,7 @@ import pytest
 from aerokernels.medium import Body, IndexField
 from aerokernels.rays import RayBundle
 from aerokernels.tracing import ArcLength, Plane, RayStatus, trace
-from aerokernels.validation.random_fields import slanted_rays, uniform_field
+from aerokernels.validation.random_fields import oblique_rays, uniform_field
 
 from .backends import ENGINES, on
 
@@ -55,7 +55,7 @@ def test_a_plane_on_a_face_of_the_box(precision, engine):
     """Rounding must not put a ray behind a plane it has just reached: no false failures in 500 rays."""
     backend = on(engine)
     field = uniform_field("volume")
-    result = trace(field, slanted_rays(500), until=Plane((0, 0, 4e-3), UP), precision=precision, **backend)
+    result = trace(field, oblique_rays(500), until=Plane((0, 0, 4e-3), UP), precision=precision, **backend)
     beside = np.abs(result.position[:, :2]).max(axis=1) > 1.4e-3
     assert result.ok[~beside].all()
     assert np.abs(result.position[~beside, 2] - 4e-3).max() < 1e-15
@@ -80,7 +80,7 @@ def test_starts_inside_on_a_face_and_at_the_stop(engine):
 def test_splitting_a_ray_adds_up(engine):
     """Tracing to the middle and on from there gives the whole: path, direction and place."""
     backend = on(engine)
-    field, rays = uniform_field("volume"), slanted_rays(20)
+    field, rays = uniform_field("volume"), oblique_rays(20)
     settings = {"precision": "float64", "tolerance": 1e-5, **backend}
     whole = trace(field, rays, until=Plane((0, 0, 6e-3), UP), **settings)
     half = trace(field, rays, until=Plane((0, 0, 1.7e-3), UP), **settings)
@@ -94,7 +94,7 @@ def test_splitting_a_ray_adds_up(engine):
 def test_light_is_reversible(engine):
     """A ray sent back from its end returns to its start with the same optical path."""
     backend = on(engine)
-    field, rays = uniform_field("axisymmetric", amplitude=3e-3), slanted_rays(20)
+    field, rays = uniform_field("axisymmetric", amplitude=3e-3), oblique_rays(20)
     settings = {"precision": "float64", "tolerance": 1e-5, **backend}
     out = trace(field, rays, until=Plane((0, 0, 6e-3), UP), **settings)
     back = trace(field, RayBundle(out.position, -out.direction), until=Plane((0, 0, -1e-3), UP), **settings)

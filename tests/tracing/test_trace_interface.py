@@ -8,7 +8,7 @@ from aerokernels.rays import RayBundle
 from aerokernels.tracing import ArcLength, Plane, trace
 from aerokernels.tracing.result import RAY_OUTPUTS
 from aerokernels.tracing.tableau import PAIR, NystromPair
-from aerokernels.validation.random_fields import slanted_rays, uniform_field
+from aerokernels.validation.random_fields import oblique_rays, uniform_field
 
 from .backends import ENGINES, on
 
@@ -37,12 +37,12 @@ FAR = Plane((0.0, 0.0, 10e-3), (0.0, 0.0, 1.0))
 def test_bad_arguments_are_refused_by_name(settings, words):
     """Every refusal names the value and what would do."""
     with pytest.raises(ValueError, match=words):
-        trace(uniform_field("planar"), slanted_rays(2), until=FAR, **settings)
+        trace(uniform_field("planar"), oblique_rays(2), until=FAR, **settings)
 
 
 def test_wrong_kinds_are_type_errors():
     """Objects of the wrong kind."""
-    field, rays = uniform_field("planar"), slanted_rays(2)
+    field, rays = uniform_field("planar"), oblique_rays(2)
     for arguments in ((rays, rays), (field, field)):
         with pytest.raises(TypeError, match="must be"):
             trace(*arguments)
@@ -59,7 +59,7 @@ def test_wrong_kinds_are_type_errors():
 def test_only_the_outputs_asked_for_come_back(engine):
     """The others are None; those asked for are as in a full trace."""
     backend = on(engine)
-    field, rays = uniform_field("planar"), slanted_rays(3)
+    field, rays = uniform_field("planar"), oblique_rays(3)
     whole = trace(field, rays, until=FAR, **backend)
     part = trace(field, rays, until=FAR, **backend, outputs=("opd", "direction"))
     for name in RAY_OUTPUTS:
@@ -76,7 +76,7 @@ def test_only_the_outputs_asked_for_come_back(engine):
 def test_a_result_tells_its_plan_times_errors_and_units(engine):
     """plan, seconds, error and to_xarray are there and hold together."""
     backend = on(engine)
-    field, rays = uniform_field("planar"), slanted_rays(3)
+    field, rays = uniform_field("planar"), oblique_rays(3)
     result = trace(field, rays, until=FAR, **backend)
     assert {"backend": result.plan.backend, "device": result.plan.device} == backend
     assert (

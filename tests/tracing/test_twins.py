@@ -54,7 +54,7 @@ BOUNDS = {
     "step_error": (2, ORDER),
     "event_location_error": (4, ORDER),
     "step_acceptance": (2, "a fourth root: a power in Warp, two square roots in OpenCL"),
-    "lever_of": (2, "a power: each engine has the one of its mathematical library"),
+    "stop_geometry_of": (2, "a power: each engine has the one of its mathematical library"),
 }
 
 
@@ -143,8 +143,8 @@ class Numbers:
         """Whole numbers that lie within what is looked up by them."""
         greatest = {
             "k": FACES[self.field.geometry] + 1,
-            "landed": FACES[self.field.geometry] + 1,
-            "land": FACES[self.field.geometry] + 1,
+            "ends_on": FACES[self.field.geometry] + 1,
+            "event": FACES[self.field.geometry] + 1,
             "status": 1,
             "cone": 13,
             "axis": self.axes,
@@ -158,7 +158,7 @@ class Numbers:
             "node": self.wall_nodes,
             "piece": self.wall_pieces,
         }.get(name, 20)
-        least = -1 if name in ("landed", "current_cell", "land") else 1 if name == "per_replicate" else 0
+        least = -1 if name in ("ends_on", "current_cell", "event") else 1 if name == "per_replicate" else 0
         if name == "cell":
             greatest = 26 if function == "step_bound_block" else self.cell_count
         return self.rng.integers(least, max(greatest, least + 1), (ROWS, 1))
@@ -190,13 +190,13 @@ RANGES = {
     "reach": (1e-3, 5e-3),
     "lever_arm": (1e-3, 1.0),
     "obliquity": (0.0, 2.0),
-    "caution": (0.2, 1.0),
+    "derating": (0.2, 1.0),
     "max_deflection": (0.0, 0.02),
     "tolerance": (0.0, 1e-8),
     "off": (0.0, 1e-8),
     "used": (0.0, 1e-9),
     "rounding": (0.0, 1e-9),
-    "leverage": (0.0, 1.0),
+    "direction_weight": (0.0, 1.0),
     "side": (0.5, 1.5),
     "face_tolerance": (0.0, 1e-3),
     "stand_off": (0.0, 1e-3),
@@ -210,7 +210,7 @@ RANGES = {
     ("crossing", "low"): (-2e-3, 0.0),
     ("crossing", "high"): (1e-3, 4e-3),
     ("WallLine", "first"): (0.0, 1e-6),
-    "far": (1e-3, 5e-3),
+    **{(name, "t_exit"): (1e-3, 5e-3) for name in ("has_clearance", "may_enter", "may_enter_triangle", "keep_support")},
     "stop_distance": (1e-3, 5e-3),
     "arc_left": (1e-3, 4e-3),
     "rest": (0.0, 1e-4),
@@ -223,7 +223,7 @@ RANGES = {
     "sums_carry": (-1e-12, 1e-12),
     "q": (-1e-5, 1e-5),
     "kick": (-1e-6, 1e-6),
-    "room": (0.0, 1e-6),
+    "allowance": (0.0, 1e-6),
     "margin": (0.0, 1e-4),
 }
 

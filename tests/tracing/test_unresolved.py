@@ -14,9 +14,9 @@ from aerokernels.tracing.held import held_error
 from aerokernels.tracing.launch import launch
 from aerokernels.tracing.leapfrog import LEAST_RAYS, pilot_of
 from aerokernels.tracing.plan import TracePlan
+from aerokernels.tracing.straight_lines import lines_through
 from aerokernels.tracing.support import support_box
 from aerokernels.tracing.unresolved import Sampling, greatest_error, missed_along
-from aerokernels.tracing.ways import lines_through
 from aerokernels.validation.random_fields import CELL
 
 from .backends import ENGINES, WAVE, on
@@ -83,7 +83,7 @@ def sampled(field: IndexField, rays: RayBundle, count: int, engine: str, with_ta
     low, high = support_box(field, held_error(field, WAVE * 1e-3))
     lines = lines_through(field, rays, until, low, high)
     steepness = tuple(float(size) for size in np.abs(rays.direction).max(axis=0))
-    sampling = Sampling(1.001 * float(lines.way.max()) / count, steepness, 0.0)
+    sampling = Sampling(1.001 * float(lines.length.max()) / count, steepness, 0.0)
     plan = TracePlan("leapfrog", **on(engine), precision="float64", max_steps=1000, step=None, tolerance=1e-3)
     plan = replace(plan, sample_count=count, sampling=sampling if with_table else None)
     arrays = launch(field, rays, plan, until, WAVE, frozenset(("opd", "step_error")))
@@ -194,7 +194,7 @@ def test_the_bound_falls_off_as_samples_come_closer():
     low, high = np.array([-0.8e-3, -2.4e-3, 0.0]), np.array([0.8e-3, 2.4e-3, 10e-3])
     smooth, rough = needle_field("volume", height=0.0), needle_field("volume")
     lines = lines_through(smooth, bundle(0.0), FAR, low, high)
-    assert lines.way == pytest.approx(10e-3) and not lines.lever.any()
+    assert lines.length == pytest.approx(10e-3) and not lines.lever_arm.any()
     assert greatest_error(smooth, Sampling(4.0 * CELL, (0.0, 0.0, 1.0), 0.0), lines) < 1e-5 * WAVE
     found = [greatest_error(rough, Sampling(h * CELL, (0.0, 0.0, 1.0), 0.0), lines) for h in (4.0, 0.5, 0.25)]
     assert found[0] > 1e-7 and found[1] < 1e-2 * found[0] and found[2] < found[1] / 15.0
@@ -207,6 +207,6 @@ def test_a_slanted_stop_makes_what_is_missed_count_more():
     low, high = field.samples.low, field.samples.high
     flat = lines_through(field, rays, FAR, low, high)
     steep = lines_through(field, rays, Plane((0.0, 0.0, 11e-3), (0.0, 1.0, 1.0)), low, high)
-    assert flat.lever == pytest.approx([0.0], abs=1e-12) and steep.lever == pytest.approx([11e-3])
+    assert flat.lever_arm == pytest.approx([0.0], abs=1e-12) and steep.lever_arm == pytest.approx([11e-3])
     sampling = Sampling(4.0 * CELL, (0.0, 0.0, 1.0), 0.0)
     assert missed_along(field, sampling, steep) > 100.0 * missed_along(field, sampling, flat)

@@ -103,10 +103,10 @@ def _zone(block: Block, number: int) -> str:
     if block.cells is None:
         return f"{name}: {len(block.points)} points without cells"
     kinds, counts = np.unique(block.cells.types, return_counts=True)
-    told = ", ".join(
+    described = ", ".join(
         f"{n} {CELL_NAMES.get(int(kind), f'cells of type {kind}')}" for kind, n in zip(kinds, counts, strict=True)
     )
-    return f"{name}: {told}, {len(block.points)} points"
+    return f"{name}: {described}, {len(block.points)} points"
 
 
 def _ranges(dataset: Dataset):

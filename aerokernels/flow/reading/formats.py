@@ -53,7 +53,7 @@ FORMATS = (
     Format("table of points", (".csv", ".txt"), "point_table"),
 )
 _BY_NAME = {entry.name: entry for entry in FORMATS}
-HDF5_MAGIC, NETCDF_MAGIC = b"\x89HDF\r\n\x1a\n", b"CDF"
+HDF5_MAGIC = b"\x89HDF\r\n\x1a\n"
 SU2_MAGIC = (535532).to_bytes(4, "little"), (535532).to_bytes(4, "big")
 
 

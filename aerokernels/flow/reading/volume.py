@@ -28,7 +28,7 @@ def volume_field(reading, spacing=None, region=None, walls=None, kept=None) -> G
         if grid is not None:
             density, low, step = grid
             ambient = reading.ambient or dataset.ambient or float(np.median(density[:, :, -1]))
-            told = [*reading.described(), f"ambient {ambient:.6g} kg/m3"]
+            described = [*reading.described(), f"ambient {ambient:.6g} kg/m3"]
             composition = None
             if (fractions := reading.fractions) is not None:
                 rho, where = reading.densities[0]
@@ -36,7 +36,13 @@ def volume_field(reading, spacing=None, region=None, walls=None, kept=None) -> G
                 partial = np.stack([part[0] for part in parts if part is not None])
                 composition = fractions.composition(partial, partial[..., -1].mean(axis=(1, 2)))
             return GridDensity(
-                density, low, step, "volume", ambient, provenance=f"{path}: {'; '.join(told)}", composition=composition
+                density,
+                low,
+                step,
+                "volume",
+                ambient,
+                provenance=f"{path}: {'; '.join(described)}",
+                composition=composition,
             )
     for block in dataset.blocks:
         if block.cells is None and block.shape is None:

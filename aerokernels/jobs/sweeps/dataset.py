@@ -102,8 +102,8 @@ def sweep_dataset(
         variables[name] = (dims, values, {"units": "1", "long_name": words})
     plans = shaped([json.dumps(summary["plan"]) if summary.get("plan") else "" for summary in summaries], object)
     variables["plan"] = (dims, plans, {"units": "1", "long_name": "how the Strehl ratio's rays were traced, JSON"})
-    told = shaped([_failure(records.get(k, {})) for k in range(definition.case_count)], object)
-    variables["failures"] = (dims, told, {"units": "1", "long_name": "why a case, or a stage of it, gave nothing"})
+    reasons = shaped([_failure(records.get(k, {})) for k in range(definition.case_count)], object)
+    variables["failures"] = (dims, reasons, {"units": "1", "long_name": "why a case, or a stage of it, gave nothing"})
     failed = shaped([not summary for summary in summaries], bool)
     variables["failed"] = (dims, failed, {"units": "1", "long_name": "whether the whole case failed"})
 

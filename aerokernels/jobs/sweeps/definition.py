@@ -178,8 +178,8 @@ def define(
             _check_distinct(key, values, together)
         counts = {key: len(values) for key, values in axes.items()}
         if together and len(set(counts.values())) > 1:
-            told = ", ".join(f"{key} has {count}" for key, count in counts.items())
-            raise ValueError(f"--zip takes as many values of each key: {told}; make them equal, or drop --zip")
+            described = ", ".join(f"{key} has {count}" for key, count in counts.items())
+            raise ValueError(f"--zip takes as many values of each key: {described}; make them equal, or drop --zip")
         definition = Definition(scene, settings, axes, "zip" if together else "grid")
     if definition.case_count > MOST_CASES:
         raise ValueError(
@@ -257,8 +257,8 @@ def _check_range(key: str, values: Sequence[Any]) -> None:
     if not numbers:
         return
     if len(numbers) != len(values) or len(numbers) != 2 or not numbers[0] < numbers[1]:
-        told = ",".join(map(_written, values))
-        raise ValueError(f"--vary {key}={told}: --sample draws between two numbers; write {key}=LOW,HIGH")
+        described = ",".join(map(_written, values))
+        raise ValueError(f"--vary {key}={described}: --sample draws between two numbers; write {key}=LOW,HIGH")
 
 
 def _between(key: str, *arguments: Any) -> list[Any]:

@@ -65,8 +65,8 @@ class Worker:
         lines = self._errors.read().decode(errors="replace").split("\n")
         self._errors.close()
         last = next((line.strip() for line in reversed(lines) if line.strip()), "")
-        told = f"signal {-status}" if status < 0 else f"exit status {status}"
-        return f"{told}, {last}" if last else told
+        described = f"signal {-status}" if status < 0 else f"exit status {status}"
+        return f"{described}, {last}" if last else described
 
 
 def run_local(cases: Sequence[Case], environments: Sequence[dict[str, str]]) -> Iterator[tuple[int, dict[str, Any]]]:

@@ -71,8 +71,8 @@ def _pictures(dataset: "xarray.Dataset", definition: Definition) -> Iterator[Pic
         dims = sorted(definition.dims, key=lambda dim: -dataset.sizes[dim])[:2]
         dims = [dim for dim in definition.dims if dim in dims]  # in the order given
         rest = {dim: 0 for dim in definition.dims if dim not in dims}
-        told = ", ".join(f"{dim} = {_axis(dataset, dim)[0][0]}" for dim in rest)
-        caption = f"{label} over {' and '.join(dims)}" + (f", at {told}" if told else "")
+        described = ", ".join(f"{dim} = {_axis(dataset, dim)[0][0]}" for dim in rest)
+        caption = f"{label} over {' and '.join(dims)}" + (f", at {described}" if described else "")
         drawn = values.isel(rest).transpose(*dims)
         if len(dims) == 1 or 1 in drawn.shape:
             longest = max(dims, key=lambda dim: dataset.sizes[dim])

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...medium import IndexField
-from ..ways import local_coordinates
+from ..straight_lines import local_coordinates
 from .family import Family
 from .nodes import undisturbed_length
 

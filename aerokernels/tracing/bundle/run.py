@@ -14,7 +14,7 @@ from ..held import held_error
 from ..known_air import face_strengths
 from ..launch import in_chunks
 from ..leapfrog import LEAST_RAYS, pilot_of, spread_of
-from ..levers import levers_of
+from ..lever_arms import lever_arms_of
 from ..lines import box_size
 from ..plan import BundleCounts, TracePlan
 from ..planning import make_plan, plan_rays
@@ -125,11 +125,11 @@ def _find_table(asked: Asked, family: Family, channels: int) -> BundleTable | No
 def _limits(asked: Asked, held: float) -> Limits:
     """Directions are held to what a path within the tolerance leaves open of its slope: so much over a cell."""
     error = PATCH_SHARE * held
-    levers = levers_of(asked.field, pilot_of(asked.rays), asked.until)
+    lever_arms = lever_arms_of(asked.field, pilot_of(asked.rays), asked.until)
     turn = held / float(np.min(asked.field.spacing))
     scale = np.full(CHANNELS, error)
     scale[1:4] = turn
-    scale[4:7] = max(turn * (levers.reach if levers is not None else 0.0), error)
+    scale[4:7] = max(turn * (lever_arms.reach if lever_arms is not None else 0.0), error)
     return Limits(error, scale)
 
 

@@ -14,7 +14,7 @@ import numpy as np
 
 from ...medium import IndexField
 from ..lines import box_span
-from ..ways import local_coordinates
+from ..straight_lines import local_coordinates
 from .family import Family
 from .nodes import undisturbed_length
 from .roughness import Roughness, roughness_of

@@ -160,7 +160,7 @@ def _opencl_devices() -> list[BackendInfo]:
 
 
 def _of_kind(devices: list[BackendInfo], kind: str) -> list[BackendInfo]:
-    """Those of one backend's devices that can trace and are GPUs, or those that are not."""
+    """The devices of one backend that can trace: its GPUs, or its other devices."""
     return [info for info in devices if info.available and info.is_gpu == (kind == "gpu")]
 
 

@@ -25,10 +25,10 @@ class FieldData:
     """A field as kernels see it.
 
     Attributes:
-        arrays: Those of struct Field, by name; those that the field has no use for have one row.
+        arrays: Arrays of struct Field, by name; an array that the field has no use for has one row.
         field: Scalars and short vectors of struct Field, by name.
-        bounds: Those of struct Bounds but for the stop.
-        control: Those of struct Control but for the stop, the plan and the table of step bounds.
+        bounds: Members of struct Bounds, without those of the stop.
+        control: Members of struct Control, without those of the stop, the plan and the table of step bounds.
         origin: Where cell 0 lies in x, y, z [m].
         spacing: Metres per cell along x, y, z.
     """
@@ -67,7 +67,7 @@ def _field_data(field: IndexField, precision: str, with_paper_step: bool) -> Fie
         "bin_count": np.ones(2, dtype=int),
         "bin_origin": np.zeros(2),
         "bin_rate": np.ones(2),
-        "slack": 0.0,
+        "edge_tolerance": 0.0,
         "cell_count": 0,
     }
     if isinstance(samples, UniformGrid):
@@ -140,7 +140,7 @@ def _mesh_members(mesh, precision: str) -> dict[str, object]:
         "bin_count": np.array(mesh.bins.count),
         "bin_origin": mesh.bins.origin,
         "bin_rate": 1.0 / mesh.bins.size,
-        "slack": extent * (4e-7 if precision == "float32" else 1e-13),
+        "edge_tolerance": extent * (4e-7 if precision == "float32" else 1e-13),
         "cell_count": len(mesh.cells),
     }
 
@@ -195,7 +195,7 @@ def _support_members(field: IndexField, data: FieldData, plan: TracePlan, wavele
     """Only leapfrog samples ask for the field's support."""
     if not plan.sample_count:
         return {"support_low": np.zeros(3), "support_high": np.zeros(3), "support_radius": 0.0}
-    low, high = support_box(field, held_error(field, plan.tolerance * wavelength), plan.levers)
+    low, high = support_box(field, held_error(field, plan.tolerance * wavelength), plan.lever_arms)
     radius = float(high[0]) if field.geometry == "axisymmetric" else 0.0
     missing = np.zeros(3 - len(low))
     return {
@@ -209,7 +209,7 @@ def _left_members(field: IndexField, plan: TracePlan, wavelength: float) -> dict
     """What leapfrog samples leave out, at most: the potential outside the support, and its slope [1/m]."""
     if not plan.sample_count:
         return {"left_potential": 0.0, "left_slope": 0.0}
-    potential, slope = left_out(field, held_error(field, plan.tolerance * wavelength), plan.levers)
+    potential, slope = left_out(field, held_error(field, plan.tolerance * wavelength), plan.lever_arms)
     # A spline's slope is below twice its greatest coefficient over the spacing.
     return {
         "left_potential": potential,

@@ -59,7 +59,7 @@ STRUCTS: dict[str, tuple[Value, ...]] = {
         Value("bin_count", "int2"),
         Value("bin_origin", "real2"),
         Value("bin_rate", "real2", "bins per metre"),
-        Value("slack", "real", "containment slack"),
+        Value("edge_tolerance", "real", "within which a point beside a cell lies in it"),
         Value("cell_count", "int", "of the mesh"),
         Value("paper_step", "real*", "eq 5 for each cell"),
         Value("wall", "double4*", "the body's surface in segments or triangles, see medium/wall_tree.py"),
@@ -89,7 +89,7 @@ STRUCTS: dict[str, tuple[Value, ...]] = {
         Value("plane_offset", "real"),
         Value("cell_rate", "real3", "typical cells per metre, for limits on the step"),
         Value("step", "real", '"fixed": arc length; leapfrog: greatest distance of samples that step_bound holds for'),
-        Value("step_limit", "real", "step in cells that needs no leave from step_bound"),
+        Value("step_limit", "real", "step in cells up to which step_bound is not asked"),
         Value("step_bound", "real*", "of each block, see step_bound.py; leapfrog: error per metre, see unresolved.py"),
         Value("step_bound_start", "int*", "where each cone's table starts in step_bound; -1 where it has none"),
         Value("block_count", "int3", "blocks along each local axis"),
@@ -124,15 +124,15 @@ STRUCTS: dict[str, tuple[Value, ...]] = {
         Value("grazing", "double2", "what a ray that grazes its last surface lacks of it, and its cosine there"),
         Value("status", "int"),
     ),
-    # What a direction's error does on the way to the stop.
-    "Lever": (
+    # What the error of a direction does up to the stop.
+    "StopGeometry": (
         Value("obliquity", "real", "of the stop"),
         Value("lever_arm", "real", "how far on the error grows"),
         Value("reach", "real", "the part of that in the box"),
         Value(
-            "caution",
+            "derating",
             "real",
-            "share of the step bounds of step_bound.py, which know nothing of the way to a far stop",
+            "share of the step bounds of step_bound.py, which know nothing of the distance to a far stop",
         ),
     ),
     # What a step is to be.
@@ -207,7 +207,7 @@ SUMMED = (
 # and what bounds a launch follows the number of its first: see BOUNDS.
 KERNELS: dict[str, tuple[Value, ...]] = {
     "trace_kernel": TRACED,
-    "leapfrog": (*TRACED, Value("rough_count_out", "int*")),
+    "leapfrog": (*TRACED, Value("rejected_count_out", "int*")),
     "trace_projection": (
         Value("coefficients", "real*"),
         Value("cells_x", "int"),
@@ -236,7 +236,7 @@ KERNELS: dict[str, tuple[Value, ...]] = {
         Value("converges", "int"),
         Value("stop", "int"),
         Value("shape", "int"),
-        Value("checks_way", "int"),
+        Value("checks_faces", "int"),
         Value("faces_that_matter", "int"),
         Value("wanted", "int"),
         Value("first_ray", "int"),
@@ -279,9 +279,9 @@ KERNELS: dict[str, tuple[Value, ...]] = {
         Value("status_in", "int*"),
         Value("sums_out", "double*"),
     ),
-    "join_sums": (
+    "reduce_sums": (
         Value("row_count", "int"),
-        Value("joined_count", "int"),
+        Value("reduced_count", "int"),
         Value("first_sum", "int"),
         Value("sums_in", "double*"),
         Value("sums_out", "double*"),

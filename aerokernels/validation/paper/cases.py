@@ -156,5 +156,5 @@ def read_bow_shock(image: SchlierenImage) -> tuple[float, float]:
     middle = np.abs(y) < 1.5 * (y[1] - y[0])
     ahead = np.flatnonzero(z > 0.0)
     strength = bend[middle][:, ahead].mean(axis=0)
-    bent = np.flatnonzero(strength > 0.25 * strength.max())
-    return float(np.arctan(-slope)), float(z[ahead][bent[-1]])
+    deflecting = np.flatnonzero(strength > 0.25 * strength.max())
+    return float(np.arctan(-slope)), float(z[ahead][deflecting[-1]])

@@ -32,7 +32,7 @@ def measure(
     paired, checks = [], {}
     # Where rays bend through the whole field "straight" means nothing.
     settings = [setting for setting in SETTINGS if not (case.bends and setting.method == "straight")]
-    # Nor do the kinked interpolants: on that grid their own error is a wave and more.
+    # Nor do the piecewise smooth interpolants: on that grid their own error is a wave and more.
     for interpolation in INTERPOLATIONS[: 1 if quick or case.bends else None]:
         bench = Bench.prepare(case, interpolation, rays, truth)
         if not quick:

@@ -28,7 +28,7 @@ FLUSH = "-cl-denorms-are-zero"
 # Greatest buffer that comes from a GPU's pool [bytes].
 POOLED = 1 << 28
 # Kernels of a pupil: work-items that each of what it is launched over takes.
-PUPIL_KERNELS = {"launch_pupil": 1, "sum_moments": WORK_GROUP, "sum_phasors": WORK_GROUP, "join_sums": 1}
+PUPIL_KERNELS = {"launch_pupil": 1, "sum_moments": WORK_GROUP, "sum_phasors": WORK_GROUP, "reduce_sums": 1}
 
 
 @dataclass(frozen=True, eq=False)

@@ -45,7 +45,7 @@ def make_safe() -> None:
     """Remove what is damaged in the cache, once for a process and before its driver is opened.
 
     Where that cannot be done, or where the disk is full, this process gets a cache of its own in the folder for
-    temporary files. Either is told as a RuntimeWarning.
+    temporary files. Either is reported as a RuntimeWarning.
     """
     folder = cache_folder()
     damaged = remove_damaged(folder)

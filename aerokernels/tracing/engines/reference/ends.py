@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ....medium import Body, IndexField, SolidBody
-from ...scheme import ROUNDED_WAY
+from ...scheme import ENTRY_ROUNDING
 from ...status import RayStatus
 from ...stop import ArcLength, Plane
 from .flight import Flight
@@ -123,7 +123,7 @@ class Ends:
             inside = np.flatnonzero(meets)
             # Where the body sticks out of the box, a ray may hit it on its way to the box.
             hits = self.walls.first_crossing(start[inside], heading[inside], inward=True, least=0.0)[0]
-            hit = (enter[inside] > 0.0) & (hits <= (1.0 + ROUNDED_WAY) * enter[inside])
+            hit = (enter[inside] > 0.0) & (hits <= (1.0 + ENTRY_ROUNDING) * enter[inside])
             enter[inside[hit]] = hits[hit]
             status[inside[hit]] = RayStatus.HIT_BODY
             inside = inside[~hit]
@@ -151,8 +151,8 @@ class Ends:
             cosine = self.leaving_cosine(start + interval.t_exit[:, None] * heading, heading)
         beyond = np.where(stops, np.maximum(interval.stop - interval.t_exit, 0.0), 0.0)
         gain = 1.0 / np.maximum(cosine, LEAST_COSINE)
-        lever = self.extent + (np.sqrt(1.0 - np.minimum(cosine, 1.0) ** 2) + 0.05) * beyond
-        return Flight(start, heading, side, interval.t_enter.copy(), lever, gain, cell)
+        lever_arm = self.extent + (np.sqrt(1.0 - np.minimum(cosine, 1.0) ** 2) + 0.05) * beyond
+        return Flight(start, heading, side, interval.t_enter.copy(), lever_arm, gain, cell)
 
     def leaving_cosine(self, place, heading) -> np.ndarray:
         """Cosine of the angle at which straight rays leave the box at these places."""
@@ -205,12 +205,12 @@ class Ends:
                 self.walls.first_crossing(there, heading, True, -1e-9 * integrator.air.size)[0], 0.0
             )
         chosen = np.array([2, 0, 3, 1])[ahead[:, [2, 0, 3, 1]].argmin(axis=1)]
-        way = ahead[np.arange(len(rows)), chosen]
-        lost = ~np.isfinite(way)
-        way[lost] = 0.0
+        distance = ahead[np.arange(len(rows)), chosen]
+        lost = ~np.isfinite(distance)
+        distance[lost] = 0.0
         flight.spent[rows[lost]] = True  # along x in a planar field, which has no end there
-        flight.along[rows] += way
-        flight.q[rows] += way[:, None] * turn
+        flight.along[rows] += distance
+        flight.q[rows] += distance[:, None] * turn
         flight.steps[rows] += 1
         flight.left[rows[chosen == 1]] = True
         flight.stopped[rows[chosen == 2]] = True
@@ -242,11 +242,13 @@ class Ends:
             status[rows[flight.failed]] = RayStatus.NOT_FINITE
         if self.until is not None:
             flies = (status == RayStatus.OK) & ~at_stop
-            way, reaches = self.way_to_stop(start + along[:, None] * heading + q, heading + turned, along + stretch)
+            distance, reaches = self.distance_to_stop(
+                start + along[:, None] * heading + q, heading + turned, along + stretch
+            )
             status[flies & ~reaches] = RayStatus.STOP_NOT_REACHED
-            way = np.where(flies & reaches, way, 0.0)
-            along += way
-            q += way[:, None] * turned
+            distance = np.where(flies & reaches, distance, 0.0)
+            along += distance
+            q += distance[:, None] * turned
         good = (status == RayStatus.OK) & interval.has_stop
         further = np.zeros(count)
         further[good] = along[good] - interval.stop[good]
@@ -271,7 +273,7 @@ class Ends:
             "status": status.astype(np.int32),
         }
 
-    def way_to_stop(self, place, tangent, arc) -> tuple[np.ndarray, np.ndarray]:
+    def distance_to_stop(self, place, tangent, arc) -> tuple[np.ndarray, np.ndarray]:
         """How far rays outside the box have to fly straight on to the stop [m], and whether they get there."""
         if isinstance(self.until, ArcLength):
             return self.until.length - arc, np.ones(len(place), dtype=bool)
@@ -279,8 +281,8 @@ class Ends:
         # A plane on a face of the box: rounding may have put the ray behind it.
         close = np.abs(height) <= 64.0 * EPSILON * (self.extent + np.abs(place).max(axis=1))
         reaches = (height * slope < 0.0) | close
-        way = np.where(slope != 0.0, -height / np.where(slope != 0.0, slope, 1.0), 0.0)
-        return np.where(close & (np.abs(slope) < LEAST_COSINE), 0.0, way), reaches
+        distance = np.where(slope != 0.0, -height / np.where(slope != 0.0, slope, 1.0), 0.0)
+        return np.where(close & (np.abs(slope) < LEAST_COSINE), 0.0, distance), reaches
 
     def further(self, stop, start, heading, q, difference) -> np.ndarray:
         """How much further along its first direction each ray ends than undisturbed, from its deviation q [m].

@@ -19,7 +19,7 @@ class Flight:
     direction: np.ndarray
     side: np.ndarray
     along: np.ndarray
-    lever: np.ndarray
+    lever_arm: np.ndarray
     gain: np.ndarray
     cell: np.ndarray
     q: np.ndarray = field(init=False)
@@ -39,7 +39,7 @@ class Flight:
         return np.flatnonzero(~(self.stopped | self.left | self.hit | self.failed | self.spent))
 
 
-def rising_root(v0, v1, v2, slack) -> np.ndarray:
+def rising_root(v0, v1, v2, tolerance) -> np.ndarray:
     """The first h >= 0 at which v0 + v1 h + v2 h^2 rises through zero; inf where it does not, 0 where it is above."""
     known = np.isfinite(v0)
     v0 = np.where(known, v0, -1.0)
@@ -51,6 +51,6 @@ def rising_root(v0, v1, v2, slack) -> np.ndarray:
         root = np.where(v1 >= 0.0, forward, back)
     root = np.where(disc < 0.0, np.inf, root)
     # Above by rounding only, and on the way in: not outside.
-    above = (v0 >= 0.0) & ((v1 > 0.0) | ((v1 == 0.0) & (v2 > 0.0)) | ((v0 > slack) & (disc < 0.0)))
+    above = (v0 >= 0.0) & ((v1 > 0.0) | ((v1 == 0.0) & (v2 > 0.0)) | ((v0 > tolerance) & (disc < 0.0)))
     root = np.where(above, 0.0, root)
     return np.where(known, np.maximum(root, 0.0), np.inf)

@@ -24,7 +24,7 @@ class MeshAir:
         self.samples, self.mesh, self.ambient = samples, mesh, field.ambient_index
         self.interpolation = samples.interpolation
         self.axisymmetric = field.geometry == "axisymmetric"
-        self.kinked_axis = self.axisymmetric  # the slope along the radius need not vanish there
+        self.axis_is_kink = self.axisymmetric  # the slope along the radius need not vanish there
         self.face_count = 5 if self.axisymmetric else 4
         self.size = float(mesh.cell_size.min())
         self.force_scale = float(np.abs(samples.values).max()) / self.size

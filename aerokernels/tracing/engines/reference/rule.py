@@ -11,7 +11,7 @@ import numpy as np
 from ....medium import IndexField
 from ...plan import TracePlan
 from ...stop import ArcLength, Plane
-from ...tableau import BT, NEARLY_STRAIGHT, STAGE_MOMENTUM, A, C, is_one_scalar
+from ...tableau import BT, NEARLY_STRAIGHT, STAGE_MOMENTUM, A, C, has_consistent_gradient
 from .ends import Ends
 from .flight import Flight
 from .medium import dot
@@ -29,10 +29,10 @@ def march(field: IndexField, ends: Ends, integrator: Integrator, flight: Flight,
     state, enter = rule.state, rule.enter
     ambient, heading = field.ambient_index, flight.direction
     along = state[:, ARC].copy()
-    if rule.one_scalar:
+    if rule.consistent_gradient:
         # Along the first direction the deviation is the arc less the lag.
         slip = state[:, ARC] - enter - state[:, LAG] - dot(state[:, :3] - rule.origin, heading)
-        slip = np.where(rule.bent <= NEARLY_STRAIGHT, slip, 0.0)
+        slip = np.where(rule.deflection <= NEARLY_STRAIGHT, slip, 0.0)
         by_arc = flight.stopped & isinstance(ends.until, ArcLength)
         state[by_arc, :3] += slip[by_arc, None] * heading[by_arc]
         slip = np.where(by_arc, 0.0, slip)  # elsewhere its place is right, its length is not
@@ -49,11 +49,11 @@ class _Rule:
     def __init__(self, field, ends, flight, plan):
         self.field, self.ends, self.flight, self.plan = field, ends, flight, plan
         self.ambient, self.until = field.ambient_index, ends.until
-        self.one_scalar = is_one_scalar(field.interpolation)
+        self.consistent_gradient = has_consistent_gradient(field.interpolation)
         self.enter = flight.along.copy()
         self.origin = flight.start + self.enter[:, None] * flight.direction
         count = len(self.origin)
-        self.bent = np.zeros(count)  # greatest angle with the first direction
+        self.deflection = np.zeros(count)  # greatest angle with the first direction
         index, _ = self.look(self.origin)
         start = [self.origin, index[:, None] * flight.direction]
         self.state = np.concatenate([*start, (self.ambient * self.enter)[:, None], self.enter[:, None]], axis=1)
@@ -82,7 +82,7 @@ class _Rule:
             state = self.state[going]
             index, gradient = self.look(state[:, :3])
             h = (self.plan.step or self.paper_step(state[:, :3])) / index
-            after, bent = self.nystrom(state, flight.direction[going], index, gradient, h)
+            after, deflection = self.nystrom(state, flight.direction[going], index, gradient, h)
             flight.steps[going] += 1
             flight.evaluations[going] += 4
             hit = np.zeros(len(going), dtype=bool)
@@ -93,7 +93,7 @@ class _Rule:
             if ends.any():
                 waiting.append((going[ends], index[ends], gradient[ends], h[ends], over[ends]))
             flight.hit[going[hit]] = True
-            self.bent[going] = np.maximum(self.bent[going], bent)
+            self.deflection[going] = np.maximum(self.deflection[going], deflection)
             move = ~ends
             self.state[going[move]] = after[move]
             spent = move & ~hit & (flight.steps[going] >= self.plan.max_steps)
@@ -111,8 +111,8 @@ class _Rule:
         chosen = np.where(lengths[:, 1] < lengths[:, 0], 1, 0)
         h = lengths[np.arange(len(rows)), chosen]
         state = self.state[rows]
-        self.state[rows], bent = self.nystrom(state, self.flight.direction[rows], index, gradient, h)
-        self.bent[rows] = np.maximum(self.bent[rows], bent)
+        self.state[rows], deflection = self.nystrom(state, self.flight.direction[rows], index, gradient, h)
+        self.deflection[rows] = np.maximum(self.deflection[rows], deflection)
         self.flight.stopped[rows[chosen == 1]] = True
         self.flight.left[rows[chosen == 0]] = True
 
@@ -173,11 +173,11 @@ class _Rule:
         after[:, 3:6] = momentum + step * sum(b * f for b, f in zip(BT, forces, strict=True))
         after[:, PATH] += h * sum(b * n * n for b, n in zip(BT, indices, strict=True))
         after[:, ARC] += h * sum(b * n for b, n in zip(BT, indices, strict=True))
-        if not self.one_scalar:
+        if not self.consistent_gradient:
             return after, np.zeros(len(state))
         after[:, 3:6] *= (indices[-1] / np.linalg.norm(after[:, 3:6], axis=1))[:, None]
-        swung = momentum + step * forces[-1]
-        across = swung - dot(swung, heading)[:, None] * heading
+        end_momentum = momentum + step * forces[-1]
+        across = end_momentum - dot(end_momentum, heading)[:, None] * heading
         for b, row, n in zip(BT, STAGE_MOMENTUM, indices, strict=True):
             there = momentum + step * sum(w * f for w, f in zip(row, forces, strict=True))
             after[:, LAG] += h * b * _longitudinal_deficit(there, heading, n)

@@ -44,7 +44,7 @@ class Integrator:
         """Keep what every step needs."""
         self.air, self.ambient, self.stop, self.walls, self.extent = air, ambient, stop, stop.walls, stop.extent
         self.tolerance, self.max_steps, self.straight = tolerance, max_steps, straight
-        self.least = (LEAST_AT_KINK if air.kinked_axis else LEAST) * air.size / ambient
+        self.least = (LEAST_AT_KINK if air.axis_is_kink else LEAST) * air.size / ambient
 
     def run(self, flight: Flight) -> None:
         """Fly until every ray has ended."""
@@ -123,14 +123,14 @@ class Integrator:
         value, rate, curve = self.events(
             frame, flight, rows, zero, q0, momentum0, flight.stretch[rows], potential, force, wall
         )
-        slack = 16.0 * EPSILON * (np.abs(place).max(axis=1) + self.extent)
+        tolerance = 16.0 * EPSILON * (np.abs(place).max(axis=1) + self.extent)
         turning = np.zeros_like(value, dtype=bool)
         turning[:, : air.face_count] = frame.turning()
-        root = rising_root(value, rate, 0.5 * curve, slack[:, None])
-        root[turning & (value > -slack[:, None])] = np.inf
+        root = rising_root(value, rate, 0.5 * curve, tolerance[:, None])
+        root[turning & (value > -tolerance[:, None])] = np.inf
         if nearest is not None:
             root[~np.isfinite(nearest), -1] = np.inf
-        hop = self.hops(value, rate, turning, place, slack, root)
+        hop = self.hops(value, rate, turning, place, tolerance, root)
         chosen = root.argmin(axis=1)
         first = root[np.arange(len(rows)), chosen]
         wanted = np.minimum(self.wanted[rows], self.cap[rows])
@@ -172,19 +172,19 @@ class Integrator:
         at = (np.arange(len(rows)), chosen)
         with np.errstate(divide="ignore", invalid="ignore"):
             miss = np.where(lands, -value1[at] / rate1[at], 0.0)
-        there = np.abs(value1[at]) <= slack
+        there = np.abs(value1[at]) <= tolerance
         off = lands & ~(np.abs(miss) <= CLOSE * h) & ~there
         miss = np.where(np.isfinite(miss) & ~(there & (np.abs(miss) > CLOSE * h)), miss, 0.0)  # on a face it grazes
         if nearest is not None:  # the lines of walls that are not ahead are no walls
             value[~np.isfinite(nearest), -1] = value1[~np.isfinite(nearest), -1] = -np.inf
         others = np.where(turning, -np.inf, value1)
         others[at] = np.where(lands, -np.inf, others[at])
-        passed = (others > slack[:, None]).any(axis=1)
-        passed |= self.bulges(value, rate, value1, rate1, h, slack, turning, lands, chosen)
+        passed = (others > tolerance[:, None]).any(axis=1)
+        passed |= self.bulges(value, rate, value1, rate1, h, tolerance, turning, lands, chosen)
         if self.walls is not None:
             passed |= self.in_body(flight, rows, h, y) & ~(lands & (chosen == value.shape[1] - 1))
-        retake = good & (off | passed) & (h > slack / a)
-        off &= h > slack / a
+        retake = good & (off | passed) & (h > tolerance / a)
+        off &= h > tolerance / a
         accept = good & ~retake & ~hop
         # By Newton if the face is the trouble and it is near, else by halves.
         near = retake & ~passed & (np.abs(miss) < 0.1 * h)
@@ -216,7 +216,7 @@ class Integrator:
             )
 
     def accept(self, flight, rows, accept, lands, chosen, h, y, potential, force, miss, error, turning) -> None:
-        """Move rays to the ends of their steps, and onto what they landed on."""
+        """Move rays to the ends of their steps, and onto the surfaces that they meet."""
         a = self.ambient
         kept = rows[accept]
         flight.steps[kept] += 1
@@ -272,16 +272,16 @@ class Integrator:
         self.drift(flight, rows, h, potential, np.zeros((len(rows), 3)))
         flight.steps[rows] += 1
 
-    def hops(self, value, rate, turning, place, slack, root) -> np.ndarray:
+    def hops(self, value, rate, turning, place, tolerance, root) -> np.ndarray:
         """Rays so close before a kink on the axis, and so straight for it, that they are to hop; others aim short."""
         result = np.zeros(len(place), dtype=bool)
-        if not self.air.kinked_axis or self.straight:
+        if not self.air.axis_is_kink or self.straight:
             return result
         column = turning.any(axis=0).argmax()
         before = -value[:, column]
         size = self.air.size
         beside = np.sqrt(np.maximum(dot(place[:, :2], place[:, :2]) - before**2, 0.0))
-        close = (before > slack) & (before < HOP * size) & (beside < 0.01 * HOP * size)
+        close = (before > tolerance) & (before < HOP * size) & (beside < 0.01 * HOP * size)
         aims = np.isfinite(root[:, column]) & ~close & (beside < 1e-3 * before)
         root[aims, column] *= 0.999
         return close & (root[:, column] <= root.min(axis=1))
@@ -302,11 +302,11 @@ class Integrator:
     def estimate(self, flight, rows, h, slopes) -> tuple[np.ndarray, np.ndarray]:
         """What a step may have put into the optical path [m]: its error by the embedded formulae, and its rounding."""
         fifth, third = np.tensordot(E5, slopes, axes=1), np.tensordot(E3, slopes, axes=1)
-        lever, gain = flight.lever[rows], flight.gain[rows]
+        lever_arm, gain = flight.lever_arm[rows], flight.gain[rows]
         total, floor = np.zeros(len(rows)), np.zeros(len(rows))
         for part, weight in (
             (slice(0, 3), self.ambient * gain),
-            (slice(3, 6), lever * gain),
+            (slice(3, 6), lever_arm * gain),
             (slice(6, 7), 1.0),
             (slice(7, 8), self.ambient),
         ):
@@ -314,10 +314,10 @@ class Integrator:
             both = high + 0.01 * low
             total += weight * np.where(both > 0.0, high / np.sqrt(np.where(both > 0.0, both, 1.0)), 0.0)
             floor += weight * np.abs(slopes[:, :, part]).max(axis=(0, 2))
-        floor += lever * gain * self.air.force_scale
+        floor += lever_arm * gain * self.air.force_scale
         return h * total, EPSILON * h * floor
 
-    def bulges(self, value, rate, value1, rate1, h, slack, turning, lands, chosen) -> np.ndarray:
+    def bulges(self, value, rate, value1, rate1, h, tolerance, turning, lands, chosen) -> np.ndarray:
         """Rays that leave their cell and come back within a step, by the cubic through values and rates at its ends."""
         turns = (rate > 0.0) & (rate1 < 0.0) & ~turning & np.isfinite(value)
         turns[np.arange(len(h)), chosen] &= ~lands
@@ -330,7 +330,7 @@ class Integrator:
         c2, c3 = 3.0 * (v1 - v0) - 2.0 * r0 - r1, r0 + r1 - 2.0 * (v1 - v0)
         at = r0 / (np.sqrt(np.maximum(c2 * c2 - 3.0 * c3 * r0, 0.0)) - c2)  # where it is greatest
         peak = ((c3 * at + c2) * at + r0) * at + v0
-        np.logical_or.at(result, row, peak > slack[row])
+        np.logical_or.at(result, row, peak > tolerance[row])
         return result
 
     def nearest_wall(self, flight, rows) -> tuple[np.ndarray | None, np.ndarray | None]:

@@ -115,7 +115,7 @@ class Engine:
         """The kernels of a pupil, by name."""
         with stage("compile"):
             self._load(pupil.launch_pupil.module)
-        names = ("launch_pupil", "sum_moments", "sum_phasors", "join_sums")
+        names = ("launch_pupil", "sum_moments", "sum_phasors", "reduce_sums")
         return {name: getattr(pupil, name) for name in names}
 
     def put(self, array: np.ndarray) -> wp.array:

@@ -2,7 +2,7 @@
 
 import warp as wp
 
-from ....scheme import GRAZING_REST, LEAST_COSINE
+from ....scheme import GRAZING_TOLERANCE, LEAST_COSINE
 from ..library import KernelLibrary, built_once
 
 FACE_COUNT = {"volume": 6, "planar": 4, "axisymmetric": 3}
@@ -143,7 +143,7 @@ def build_meeting(library: KernelLibrary, geometry: str):
 
 
 @built_once
-def build_grazing_rest(library: KernelLibrary, geometry: str):
+def build_grazing_correction(library: KernelLibrary, geometry: str):
     """A function (bounds, control, k, point, direction, heading) -> what a ray on surface k lacks of it.
 
     Three numbers: that length along its tangent `heading` [m], 0 where it is more than rounding of the ray's place
@@ -155,11 +155,11 @@ def build_grazing_rest(library: KernelLibrary, geometry: str):
     surface_distance = build_surface_distance(library, geometry)
 
     @wp.func
-    def grazing_rest(bounds: Bounds, control: Control, k: int, p: wp.vec3d, d: wp.vec3d, heading: wp.vec3d):
+    def grazing_correction(bounds: Bounds, control: Control, k: int, p: wp.vec3d, d: wp.vec3d, heading: wp.vec3d):
         miss = surface_distance(bounds, k, p)
         normal = wp.vec3d(miss[1], miss[2], miss[3])
         cosine = wp.dot(normal, heading)
-        most = wp.float64(GRAZING_REST) / wp.float64(wp.max(control.cell_rate))
+        most = wp.float64(GRAZING_TOLERANCE) / wp.float64(wp.max(control.cell_rate))
         grazes = wp.abs(wp.dot(normal, d)) <= wp.float64(LEAST_COSINE) and wp.abs(miss[0]) < most * wp.abs(cosine)
         rest = wp.float64(0.0)
         lack = wp.float64(0.0)
@@ -169,7 +169,7 @@ def build_grazing_rest(library: KernelLibrary, geometry: str):
             lack = wp.abs(miss[0]) / wp.max(wp.abs(cosine), wp.float64(1.0e-200))
         return wp.vec3d(rest, lack, wp.abs(cosine))
 
-    return grazing_rest
+    return grazing_correction
 
 
 @built_once

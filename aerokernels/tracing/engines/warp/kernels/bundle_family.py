@@ -16,7 +16,7 @@ NO_STOP, PLANE = STOPS["none"], STOPS["plane"]
 
 
 @wp.struct
-class BoxWay:
+class BoxCrossing:
     """Where a line is within the box [m along it], and the faces by which it comes and goes."""
 
     enter: wp.float64
@@ -63,27 +63,29 @@ def family_parameters(frame: wp.array(dtype=wp.float64), converges: int, p: wp.v
 
 
 @wp.func
-def narrowed(way: BoxWay, first: wp.float64, last: wp.float64, first_face: int, last_face: int) -> BoxWay:
-    """The way between two more faces."""
-    if first > way.enter:
-        way.entry_face = first_face
-        way.enter = first
-    if last < way.leave:
-        way.exit_face = last_face
-        way.leave = last
-    return way
+def narrowed(
+    crossing: BoxCrossing, first: wp.float64, last: wp.float64, first_face: int, last_face: int
+) -> BoxCrossing:
+    """The part of the line that also lies between two more faces."""
+    if first > crossing.enter:
+        crossing.entry_face = first_face
+        crossing.enter = first
+    if last < crossing.leave:
+        crossing.exit_face = last_face
+        crossing.leave = last
+    return crossing
 
 
 @wp.func
-def box_way(frame: wp.array(dtype=wp.float64), shape: int, p: wp.vec3d, d: wp.vec3d) -> BoxWay:
-    """The way of a line through the box."""
+def box_crossing(frame: wp.array(dtype=wp.float64), shape: int, p: wp.vec3d, d: wp.vec3d) -> BoxCrossing:
+    """Where a line crosses the box."""
     zero = wp.float64(0.0)
     far = wp.float64(wp.static(FAR))
-    way = BoxWay()
-    way.enter = -far
-    way.leave = far
-    way.entry_face = -1
-    way.exit_face = -1
+    crossing = BoxCrossing()
+    crossing.enter = -far
+    crossing.leave = far
+    crossing.entry_face = -1
+    crossing.exit_face = -1
     first_axis = 0
     if shape == wp.static(PLANAR):
         first_axis = 1
@@ -96,14 +98,14 @@ def box_way(frame: wp.array(dtype=wp.float64), shape: int, p: wp.vec3d, d: wp.ve
         high = frame[36 + axis]
         if rate == zero:
             if place < low or place > high:
-                way.leave = -far
+                crossing.leave = -far
         else:
             to_low = (low - place) / rate
             to_high = (high - place) / rate
             if rate > zero:
-                way = narrowed(way, to_low, to_high, 2 * axis, 2 * axis + 1)
+                crossing = narrowed(crossing, to_low, to_high, 2 * axis, 2 * axis + 1)
             else:
-                way = narrowed(way, to_high, to_low, 2 * axis + 1, 2 * axis)
+                crossing = narrowed(crossing, to_high, to_low, 2 * axis + 1, 2 * axis)
     if shape == wp.static(AXISYMMETRIC):
         square = d[0] * d[0] + d[1] * d[1]
         radius = frame[36]
@@ -113,18 +115,20 @@ def box_way(frame: wp.array(dtype=wp.float64), shape: int, p: wp.vec3d, d: wp.ve
             y = p[1] + middle * d[1]
             rest = radius * radius - (x * x + y * y)
             half = wp.sqrt(wp.max(rest, zero) / square)
-            way = narrowed(way, middle - half, middle + half, 6, 6)
+            crossing = narrowed(crossing, middle - half, middle + half, 6, 6)
             if rest < zero:
-                way.leave = -far
+                crossing.leave = -far
         elif p[0] * p[0] + p[1] * p[1] > radius * radius:
-            way.leave = -far
-    return way
+            crossing.leave = -far
+    return crossing
 
 
 @wp.func
-def depth_at_exit(frame: wp.array(dtype=wp.float64), shape: int, p: wp.vec3d, d: wp.vec3d, way: BoxWay) -> wp.float64:
+def depth_at_exit(
+    frame: wp.array(dtype=wp.float64), shape: int, p: wp.vec3d, d: wp.vec3d, crossing: BoxCrossing
+) -> wp.float64:
     """How far from the other faces a line leaves the box [m]."""
-    place = p + way.leave * d
+    place = p + crossing.leave * d
     depth = wp.float64(wp.static(FAR))
     first_axis = 0
     if shape == wp.static(PLANAR):
@@ -132,9 +136,9 @@ def depth_at_exit(frame: wp.array(dtype=wp.float64), shape: int, p: wp.vec3d, d:
     if shape == wp.static(AXISYMMETRIC):
         first_axis = 2
     for axis in range(first_axis, 3):
-        if (way.exit_face >> 1) != axis or way.exit_face == 6:
+        if (crossing.exit_face >> 1) != axis or crossing.exit_face == 6:
             depth = wp.min(depth, wp.min(place[axis] - frame[33 + axis], frame[36 + axis] - place[axis]))
-    if shape == wp.static(AXISYMMETRIC) and way.exit_face != 6:
+    if shape == wp.static(AXISYMMETRIC) and crossing.exit_face != 6:
         depth = wp.min(depth, frame[36] - wp.sqrt(place[0] * place[0] + place[1] * place[1]))
     return depth
 
@@ -144,39 +148,39 @@ def undisturbed_length(
     frame: wp.array(dtype=wp.float64),
     stop: int,
     shape: int,
-    checks_way: int,
+    checks_faces: int,
     faces_that_matter: int,
     p: wp.vec3d,
     d: wp.vec3d,
 ) -> wp.vec2d:
-    """How far it is to the stop along the undisturbed line [m], not positive without one; and the number of its way."""
+    """How far it is to the stop along the undisturbed line [m], not positive without one; number of its face pair."""
     length = frame[32]
     if stop == wp.static(PLANE):
         normal = frame_vector(frame, 29)
         length = wp.dot(frame_vector(frame, 26) - p, normal) / wp.dot(d, normal)
-    if stop != wp.static(NO_STOP) and checks_way == 0:
+    if stop != wp.static(NO_STOP) and checks_faces == 0:
         return wp.vec2d(length, wp.float64(0.0))
-    way = box_way(frame, shape, p, d)
+    crossing = box_crossing(frame, shape, p, d)
     close = frame[24]
-    enter = wp.max(way.enter, wp.float64(0.0))
-    if way.leave < enter:
+    enter = wp.max(crossing.enter, wp.float64(0.0))
+    if crossing.leave < enter:
         if stop == wp.static(NO_STOP):
             return wp.vec2d(wp.float64(-1.0), wp.float64(-1.0))
         return wp.vec2d(length, wp.float64(wp.static((FACE_COUNT + 2) * (FACE_COUNT + 3))))
     enters = int(wp.static(FACE_COUNT))
     if enter > close:
         enters = int(wp.static(FACE_COUNT + 1))
-        if ((faces_that_matter >> way.entry_face) & 1) != 0:
-            enters = way.entry_face
-    leaves = way.exit_face
+        if ((faces_that_matter >> crossing.entry_face) & 1) != 0:
+            enters = crossing.entry_face
+    leaves = crossing.exit_face
     if stop == wp.static(NO_STOP):
-        length = way.leave
-    elif length < way.leave - close:
+        length = crossing.leave
+    elif length < crossing.leave - close:
         leaves = wp.static(FACE_COUNT + 1)
-    elif ((faces_that_matter >> way.exit_face) & 1) == 0:
+    elif ((faces_that_matter >> crossing.exit_face) & 1) == 0:
         leaves = wp.static(FACE_COUNT)
     number = wp.static(FACE_COUNT + 2) * leaves + enters
     if stop == wp.static(NO_STOP) or leaves <= wp.static(FACE_COUNT):
-        if depth_at_exit(frame, shape, p, d, way) < frame[40]:
+        if depth_at_exit(frame, shape, p, d, crossing) < frame[40]:
             number = int(-1)
     return wp.vec2d(length, wp.float64(number))

@@ -9,7 +9,7 @@ import warp as wp
 from .....medium.crossings import PARALLEL
 from ..library import KernelLibrary, built_once
 from ..types import types
-from .triangles import NEVER, axes_across, passes_room, triangle_crossing
+from .triangles import NEVER, axes_across, passes_volume_box, triangle_crossing
 
 # Structs without numbers of the kernels' precision.
 WallLine, Crossings, WallMeeting = (types("float64").kinds[name] for name in ("WallLine", "Crossings", "WallMeeting"))
@@ -214,7 +214,7 @@ def build_passes_node(library: KernelLibrary, geometry: str):
         ):
             low = field.wall_boxes[2 * node]
             high = field.wall_boxes[2 * node + 1]
-            return passes_room(
+            return passes_volume_box(
                 line, wp.vec3d(low[0], low[1], low[2]), wp.vec3d(high[0], high[1], high[2]), margin, first, last
             )
 

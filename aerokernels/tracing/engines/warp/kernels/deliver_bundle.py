@@ -64,7 +64,7 @@ def build_bundle_kernel(library: KernelLibrary, channel_count: int):
         converges,
         stop,
         shape,
-        checks_way,
+        checks_faces,
         faces_that_matter,
         wanted,
         first_ray,
@@ -86,10 +86,10 @@ def build_bundle_kernel(library: KernelLibrary, channel_count: int):
             block = block_map[int(place_u) * map_v + int(place_v)]
         length = zero
         if block >= 0:
-            line = undisturbed_length(frame, stop, shape, checks_way, faces_that_matter, p, d)
+            line = undisturbed_length(frame, stop, shape, checks_faces, faces_that_matter, p, d)
             length = line[0]
             good = length > zero and length < wp.float64(wp.static(FAR))
-            good = good and (checks_way == 0 or line[1] == header[8 * block + 4])
+            good = good and (checks_faces == 0 or line[1] == header[8 * block + 4])
         if block < 0 or not good:
             outputs.status[ray] = wp.static(NOT_DELIVERED)
             return

@@ -2,21 +2,21 @@
 
 import warp as wp
 
-from ....scheme import LANDED_ARC, LEAST_COSINE, LEAST_SLOPE, STEEPEST_COSINE
+from ....scheme import ARC_SURFACE, LEAST_COSINE, LEAST_SLOPE, STEEPEST_COSINE
 from ....status import RayStatus
-from ....tableau import NEARLY_STRAIGHT, is_one_scalar
+from ....tableau import NEARLY_STRAIGHT, has_consistent_gradient
 from ..library import KernelLibrary, built_once
 from .box import (
     FACE_COUNT,
     build_crossing,
     build_detour,
-    build_grazing_rest,
+    build_grazing_correction,
     build_meeting,
     build_surface_distance,
 )
 from .crossings import NEVER
 from .motion import deflection
-from .wall import build_way_in, build_way_out
+from .wall import build_body_entry, build_body_exit
 
 
 @built_once
@@ -25,8 +25,8 @@ def build_start(library: KernelLibrary, geometry: str, stop: str, has_body: bool
     t = library.types
     real, Field, Bounds, Interval = t.real, t.Field, t.Bounds, t.Interval
     crossing = build_crossing(library, geometry)
-    way_out = build_way_out(library, geometry)
-    way_in = build_way_in(library, geometry)
+    body_exit = build_body_exit(library, geometry)
+    body_entry = build_body_entry(library, geometry)
     ok, not_reached = int(RayStatus.OK), int(RayStatus.STOP_NOT_REACHED)
     inside_body, hit_body = int(RayStatus.INSIDE_BODY), int(RayStatus.HIT_BODY)
 
@@ -64,8 +64,8 @@ def build_start(library: KernelLibrary, geometry: str, stop: str, has_body: bool
         # ray may hit it on its way to the box.
         if wp.static(has_body):
             if meets:
-                leaves = way_out(field, p, d, enter)
-                hits = way_in(field, p, d, enter)
+                leaves = body_exit(field, p, d, enter)
+                hits = body_entry(field, p, d, enter)
                 if hits < wp.float64(NEVER):
                     status = int(hit_body)
                     enter = hits
@@ -76,13 +76,13 @@ def build_start(library: KernelLibrary, geometry: str, stop: str, has_body: bool
                 else:
                     enter = leaves
 
-        far = span[1]
+        t_exit = span[1]
         if has_stop and wp.static(stop != "none"):
-            far = wp.min(far, stop_distance)
+            t_exit = wp.min(t_exit, stop_distance)
 
         interval = Interval()
         interval.t_enter = enter
-        interval.t_exit = far
+        interval.t_exit = t_exit
         interval.stop_distance = stop_distance
         interval.has_stop = has_stop
         interval.meets = meets
@@ -145,14 +145,14 @@ def build_obliquity(library: KernelLibrary, geometry: str, stop: str):
 
 
 @built_once
-def build_lever(library: KernelLibrary, geometry: str, stop: str, controlled: bool):
+def build_stop_geometry(library: KernelLibrary, geometry: str, stop: str, controlled: bool):
     """A function -> Lever; its arguments: bounds, control, the undisturbed interval, start and direction."""
     t = library.types
-    real, Lever, Bounds, Control, Interval = t.real, t.Lever, t.Bounds, t.Control, t.Interval
+    real, StopGeometry, Bounds, Control, Interval = t.real, t.StopGeometry, t.Bounds, t.Control, t.Interval
     obliquity_of = build_obliquity(library, geometry, stop)
 
     @wp.func
-    def lever_of(bounds: Bounds, control: Control, interval: Interval, p: wp.vec3d, d: wp.vec3d):
+    def stop_geometry_of(bounds: Bounds, control: Control, interval: Interval, p: wp.vec3d, d: wp.vec3d):
         reach = control.extent  # along x a planar box has no end
         if interval.t_exit - interval.t_enter < wp.float64(1.0e30):
             reach = real(interval.t_exit - interval.t_enter)
@@ -162,10 +162,10 @@ def build_lever(library: KernelLibrary, geometry: str, stop: str, controlled: bo
         beyond = real(0.0)
         if wp.static(stop == "plane"):
             beyond = real(wp.max(interval.stop_distance - interval.t_exit, wp.float64(0.0)))
-        caution = wp.pow(real(1.0) + real(0.25) * obliquity * beyond * wp.max(control.cell_rate), real(-0.25))
-        return Lever(obliquity, reach + beyond, reach, caution)
+        derating = wp.pow(real(1.0) + real(0.25) * obliquity * beyond * wp.max(control.cell_rate), real(-0.25))
+        return StopGeometry(obliquity, reach + beyond, reach, derating)
 
-    return lever_of
+    return stop_geometry_of
 
 
 @built_once
@@ -173,17 +173,18 @@ def build_end(library: KernelLibrary, geometry: str, interpolation: str, stop: s
     """A function -> Arrival, the ray at its stop.
 
     It puts the sums of the steps back onto the straight ray and flies on to a stop outside the box. Its arguments:
-    bounds, control, start, direction, interval and status as `build_start` has them, the surface landed on or -1,
-    deviation, its carry, momentum, the sums (sigma, S, M, B), their carry, and the greatest angle with the direction.
+    bounds, control, start, direction, interval and status as `build_start` has them, the number of the surface that the
+    ray ends on or -1, deviation, its carry, momentum, the sums (sigma, S, M, B), their carry, and the greatest angle
+    with the direction.
     """
     t = library.types
     real, vec3, vec4, Bounds, Control, Interval = t.real, t.vec3, t.vec4, t.Bounds, t.Control, t.Interval
     Arrival = t.Arrival
     meeting = build_meeting(library, geometry)
-    grazing_rest = build_grazing_rest(library, geometry)
+    grazing_correction = build_grazing_correction(library, geometry)
     detour = build_detour(library, geometry)
     face_count = wp.constant(FACE_COUNT[geometry])
-    one_scalar = is_one_scalar(interpolation)
+    consistent_gradient = has_consistent_gradient(interpolation)
     ok, missed, not_reached = int(RayStatus.OK), int(RayStatus.MISSED_FIELD), int(RayStatus.STOP_NOT_REACHED)
 
     @wp.func
@@ -194,7 +195,7 @@ def build_end(library: KernelLibrary, geometry: str, interpolation: str, stop: s
         d: wp.vec3d,
         interval: Interval,
         status: int,
-        landed: int,
+        ends_on: int,
         q: vec3,
         q_carry: vec3,
         momentum: vec3,
@@ -212,19 +213,19 @@ def build_end(library: KernelLibrary, geometry: str, interpolation: str, stop: s
         sigma = wp.float64(sums[0]) - wp.float64(sums_carry[0])
         work = wp.float64(2.0) * (wp.float64(sums[1]) - wp.float64(sums_carry[1]))
         stretch = wp.float64(sums[2]) - wp.float64(sums_carry[2])
-        if wp.static(one_scalar) and max_deflection <= real(NEARLY_STRAIGHT):
+        if wp.static(consistent_gradient) and max_deflection <= real(NEARLY_STRAIGHT):
             # Along d the deviation is int (T . d - a) d sigma = M - B: sums of what the path itself is summed of.
             lagging = wp.float64(sums[3]) - wp.float64(sums_carry[3])
             q64 += (stretch - lagging - wp.dot(q64, d)) * d
-        turn = deflection(ambient, d, p64)
-        heading = d + turn
+        tangent_change = deflection(ambient, d, p64)
+        heading = d + tangent_change
         along = interval.t_enter + ambient * sigma  # distance along the straight ray
         grazing = wp.vec2d(none, wp.float64(1.0))
-        if landed >= 0 and landed < wp.static(LANDED_ARC):
-            along = meeting(bounds, landed, p + q64, d, along)
-            rest = grazing_rest(bounds, control, landed, p + along * d + q64, d, heading)
+        if ends_on >= 0 and ends_on < wp.static(ARC_SURFACE):
+            along = meeting(bounds, ends_on, p + q64, d, along)
+            rest = grazing_correction(bounds, control, ends_on, p + along * d + q64, d, heading)
             along += rest[0]
-            q64 += rest[0] * turn
+            q64 += rest[0] * tangent_change
             grazing = wp.vec2d(rest[1], rest[2])
         stop_distance = interval.stop_distance
         if not interval.meets:
@@ -236,11 +237,11 @@ def build_end(library: KernelLibrary, geometry: str, interpolation: str, stop: s
         flight = none
         if status == ok:
             if wp.static(stop == "plane"):
-                if not interval.meets or (landed >= 0 and landed != face_count):
+                if not interval.meets or (ends_on >= 0 and ends_on != face_count):
                     here = p + along * d + q64
                     height = wp.dot(bounds.plane_normal, here - bounds.plane_point)
                     slope = wp.dot(bounds.plane_normal, heading)
-                    # A plane on a face of the box: rounding may put the ray a hair behind it.
+                    # A plane on a face of the box: rounding may put the ray behind it.
                     face_tolerance = wp.float64(1.0e-3) / wp.float64(wp.max(control.cell_rate))
                     toward = height * slope < none and wp.abs(slope) > wp.float64(LEAST_SLOPE)
                     if toward or (interval.meets and wp.abs(height) < face_tolerance * wp.abs(slope)):
@@ -249,7 +250,7 @@ def build_end(library: KernelLibrary, geometry: str, interpolation: str, stop: s
                         status = int(not_reached)
             elif wp.static(stop == "arc"):
                 flight = bounds.length - (along + stretch)
-        deviation = q64 + flight * turn
+        deviation = q64 + flight * tangent_change
         along += flight
 
         opd = wp.float64(0.0)
@@ -261,8 +262,8 @@ def build_end(library: KernelLibrary, geometry: str, interpolation: str, stop: s
                 descent = wp.dot(bounds.plane_normal, d)
                 if wp.abs(descent) > wp.float64(LEAST_COSINE):
                     further = -wp.dot(bounds.plane_normal, deviation) / descent
-            elif landed >= 0:
-                further = detour(bounds, landed, p, d, deviation, stop_distance, further)
+            elif ends_on >= 0:
+                further = detour(bounds, ends_on, p, d, deviation, stop_distance, further)
             opd = work + ambient * further
         else:
             opd = work - ambient * stretch

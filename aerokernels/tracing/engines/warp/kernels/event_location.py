@@ -8,12 +8,12 @@ it even if it is close to it: what is left must be short beside the step, or as 
 import warp as wp
 
 from ....scheme import (
+    ARC_SURFACE,
     EVENT_LOCATION_NOISE,
     EVENT_LOCATION_SHARE,
-    LANDED_ARC,
     LEAST_COSINE,
-    SLACK_CELLS,
-    SLACK_COUNTED,
+    SURFACE_TOLERANCE,
+    TOLERANCE_COUNTED,
 )
 from ..library import KernelLibrary, built_once
 from .box import FACE_COUNT, build_surface
@@ -21,14 +21,14 @@ from .box import FACE_COUNT, build_surface
 
 @built_once
 def build_event_location(library: KernelLibrary, geometry: str, stop: str):
-    """Functions about the surfaces a ray can end on: the step that ends on one, whether it overshot, touching down."""
+    """Functions about the surfaces a ray can end on: the step that ends on one, what it misses, the intersection."""
     t = library.types
     real, vec3, Control = t.real, t.vec3, t.Control
     surface = build_surface(library, geometry)
     face_count = wp.constant(FACE_COUNT[geometry])
     surface_count = wp.constant(FACE_COUNT[geometry] + (1 if stop == "plane" else 0))
     single = library.precision == "float32"
-    slack_cells = SLACK_CELLS[library.precision]
+    surface_tolerance = SURFACE_TOLERANCE[library.precision]
     event_location_noise = EVENT_LOCATION_NOISE[library.precision]
     most_behind = 2.5 * EVENT_LOCATION_SHARE  # a product inside a kernel would be taken in float32
     none = 1e30
@@ -78,13 +78,13 @@ def build_event_location(library: KernelLibrary, geometry: str, stop: str):
     def grazes(control: Control, k: int, outside: real, rise: real, along: vec3):
         """Whether a ray that rises with `rise` runs in surface k or outside it, all but along it."""
         grazing = real(1.0e-4) * wp.length(along) * surface_unit(control, k)
-        return rise >= real(0.0) and rise <= grazing and outside >= -real(slack_cells) * surface_unit(control, k)
+        return rise >= real(0.0) and rise <= grazing and outside >= -real(surface_tolerance) * surface_unit(control, k)
 
     @wp.func
     def stays_within_noise(outside: real, rise: real, curved: real, h: real):
         """Whether rounding decides on which side of a face a step of length h begins and ends.
 
-        In float64, SLACK_CELLS does.
+        In float64, SURFACE_TOLERANCE does.
         """
         within = bool(False)
         if wp.static(single):
@@ -111,10 +111,10 @@ def build_event_location(library: KernelLibrary, geometry: str, stop: str):
             curved = half_curve(control, k, normal, along, bend)
             rise = wp.dot(normal, along)
             # A ray that runs in a face is not thrown out by rounding.
-            slack = real(slack_cells) * surface_unit(control, k)
+            tolerance = real(surface_tolerance) * surface_unit(control, k)
             outside = s[0]
             if grazes(control, k, outside, rise, along):
-                outside -= slack
+                outside -= tolerance
                 runs = runs or k < face_count
             if k < face_count:
                 runs = runs or stays_within_noise(outside, rise, curved, best)
@@ -142,8 +142,10 @@ def build_event_location(library: KernelLibrary, geometry: str, stop: str):
             rise = wp.dot(normal, along)
             outside = s[0]
             if grazes(control, k, outside, rise, along):
-                first = wp.min(first, rising_root(outside - real(SLACK_COUNTED) * real(slack_cells), rise, curved))
-                outside -= real(slack_cells)
+                first = wp.min(
+                    first, rising_root(outside - real(TOLERANCE_COUNTED) * real(surface_tolerance), rise, curved)
+                )
+                outside -= real(surface_tolerance)
             if stays_within_noise(outside, rise, curved, h):
                 first = real(0.0)
         return wp.max(h - first, real(0.0))
@@ -151,48 +153,50 @@ def build_event_location(library: KernelLibrary, geometry: str, stop: str):
     @wp.func
     def rounding_of(control: Control, k: int):
         """What rounding leaves of a place's distance from surface k, in its unit."""
-        room = real(event_location_noise) * surface_unit(control, k)
+        allowance = real(event_location_noise) * surface_unit(control, k)
         if k == face_count:
-            room += real(event_location_noise) * wp.abs(control.plane_offset)
+            allowance += real(event_location_noise) * wp.abs(control.plane_offset)
         if wp.static(geometry == "axisymmetric"):
             if k == 2:
-                room *= real(1.0) + control.radius
-        return wp.min(room, real(1.0e-5) * surface_unit(control, k))
+                allowance *= real(1.0) + control.radius
+        return wp.min(allowance, real(1.0e-5) * surface_unit(control, k))
 
     @wp.func
-    def overshot(
+    def overshoots(
         control: Control, k: int, side: real, cell: wp.vec3i, frac: vec3, velocity: vec3, h: real, close: real
     ):
         """Whether the end of a step h is further behind surface k than `close` cells, or than a share of the step."""
         ahead = oriented(control, k, side, cell, frac)
         speed = wp.max(wp.dot(vec3(ahead[1], ahead[2], ahead[3]), velocity), real(0.0))
-        far = ahead[0] > real(most_behind) * speed * h and ahead[0] > rounding_of(control, k)
-        return far or ahead[0] > close * surface_unit(control, k)
+        is_far = ahead[0] > real(most_behind) * speed * h and ahead[0] > rounding_of(control, k)
+        return is_far or ahead[0] > close * surface_unit(control, k)
 
     @wp.func
-    def passed_surface(control: Control, side: real, cell: wp.vec3i, frac: vec3, land: int):
-        """Whether a place is behind a surface other than `land`, by more than rounding; how near a face is [cells]."""
+    def passed_surface(control: Control, side: real, cell: wp.vec3i, frac: vec3, event: int):
+        """Whether a place is behind a surface other than `event`, by more than rounding; how near a face is [cells]."""
         is_behind = bool(False)
         nearest = real(none)
         for k in range(surface_count):
-            room = rounding_of(control, k) + real(2.0) * real(slack_cells) * surface_unit(control, k)
+            allowance = rounding_of(control, k) + real(2.0) * real(surface_tolerance) * surface_unit(control, k)
             outside = oriented(control, k, side, cell, frac)[0]
-            is_behind = is_behind or (outside > room and k != land)
+            is_behind = is_behind or (outside > allowance and k != event)
             if k < face_count:
                 nearest = wp.min(nearest, wp.abs(outside))
         return is_behind, nearest
 
     @wp.func
-    def room_at_face(control: Control, astray: real):
-        """How near a face counts as in it [cells]; `astray` is how far beside its place the ray may be [m]."""
-        return real(event_location_noise) + real(2.0) * real(slack_cells) + astray * wp.max(control.cell_rate)
+    def face_margin(control: Control, displacement: real):
+        """How near a face counts as in it [cells]; `displacement` is how far beside its place the ray may be [m]."""
+        return (
+            real(event_location_noise) + real(2.0) * real(surface_tolerance) + displacement * wp.max(control.cell_rate)
+        )
 
     @wp.func
-    def in_face(control: Control, side: real, cell: wp.vec3i, frac: vec3, velocity: vec3, room: real):
-        """Whether a ray runs along a face so near it, within `room` cells, that its error may put it on the other side.
+    def in_face(control: Control, side: real, cell: wp.vec3i, frac: vec3, velocity: vec3, allowance: real):
+        """Whether a ray runs along a face so close to it that its error may put it on the other side.
 
-        A ray that crosses the face at once is beyond it a little sooner or later; one that stays exactly in it is on no
-        side.
+        Close is within `allowance` cells. A ray that crosses the face is beyond it a little sooner or later; one that
+        stays exactly in it is on no side.
         """
         is_in = bool(False)
         for k in range(face_count):
@@ -200,7 +204,7 @@ def build_event_location(library: KernelLibrary, geometry: str, stop: str):
             near = wp.abs(s[0])
             rise = wp.abs(wp.dot(vec3(s[1], s[2], s[3]), velocity))
             runs = rise <= real(LEAST_COSINE) * wp.length(velocity)
-            is_in = is_in or (runs and near <= room and near > real(SLACK_COUNTED) * real(slack_cells))
+            is_in = is_in or (runs and near <= allowance and near > real(TOLERANCE_COUNTED) * real(surface_tolerance))
         return is_in
 
     @wp.func
@@ -217,8 +221,8 @@ def build_event_location(library: KernelLibrary, geometry: str, stop: str):
     ):
         """After a step to surface k: (sigma still to go along its parabola, negative to go back; whether that is all).
 
-        The velocity and its derivative are in cells. What is neither behind the surface nor close to it has to land
-        once more.
+        The velocity and its derivative are in cells. A ray that is neither behind the surface nor close to it takes
+        another step to it.
         """
         now = oriented(control, k, side, cell, frac)
         speed = wp.dot(vec3(now[1], now[2], now[3]), velocity)
@@ -238,24 +242,24 @@ def build_event_location(library: KernelLibrary, geometry: str, stop: str):
         # Outside, and coming back or not moving.
         return real(0.0), bool(h <= real(1.0e-9) * h_cell or now[0] > real(1.0e-3) * unit)
 
-    return event_location, time_beyond_face, overshot, passed_surface, room_at_face, in_face, surface_intersection
+    return event_location, time_beyond_face, overshoots, passed_surface, face_margin, in_face, surface_intersection
 
 
 @built_once
 def build_arc_event_location(library: KernelLibrary):
-    """The same for a stop at a length of arc: the step that ends there, and touching down."""
+    """The same for a stop at a length of arc: the step that ends there, and the intersection."""
     t = library.types
     real, vec3 = t.real, t.vec3
-    landed_arc = wp.constant(LANDED_ARC)
+    arc_surface = wp.constant(ARC_SURFACE)
 
     @wp.func
-    def arc_event_location(rest: real, index: real, total: vec3, force: vec3, h: real, land: int):
+    def arc_event_location(rest: real, index: real, total: vec3, force: vec3, h: real, event: int):
         """The step that flies `rest`, if it is no longer than h; the index grows along it."""
         bend = wp.dot(force, total) / index
         if h * (index + real(0.5) * bend * h) >= rest:
             h_arc = wp.min(rest / index, h)
-            return wp.clamp(rest / (index + real(0.5) * bend * h_arc), real(0.0), h), int(landed_arc)
-        return h, int(land)
+            return wp.clamp(rest / (index + real(0.5) * bend * h_arc), real(0.0), h), int(arc_surface)
+        return h, int(event)
 
     @wp.func
     def arc_surface_intersection(rest: real, index: real, arc_left: real, h: real):

@@ -7,7 +7,7 @@ the deviation, s = (n^2 - a^2) / 2 and w the momentum along d,
     optical path - a t = int (2 s - a (w - a)) / w dt
 
 These are the full ray equations for as long as a ray does not turn away from d. Every ray takes the same number N of
-samples, in the middles of N equal parts of its way: a step of the leapfrog is one lookup, without a branch, so that
+samples, in the middles of N equal parts of its path: a step of the leapfrog is one lookup, without a branch, so that
 neighbours stay together (on a CPU in the lanes of a vector, on a GPU in a warp).
 
 Order. The sums are the midpoint rule with the weights 13/12, 7/8, 25/24, 1, 1 ... at both ends, fourth order; on fields
@@ -16,21 +16,21 @@ way still to go. The leapfrog's own P and q, of second order in t / N, decide wh
 the second order of the contrast only.
 
 Error. The same sums over every third sample are the rule with N / 3 samples: a share of the differences (those of place
-and direction as far as they matter at a slanted stop), and a share of int P^2 / w dt for the leapfrog, are taken for
+and direction as far as they matter at an oblique stop), and a share of int P^2 / w dt for the leapfrog, are taken for
 the error, both as a pilot bundle has it (leapfrog.py). Where that is above
 the budget, where a ray turns by more than LEAPFROG_ANGLE, comes near a body or leaves by an edge of the box, the ray is
-"rough", and to be traced by another method.
+"rejected", and to be traced by another method.
 
 Stop. A ray that has left the field's support flies straight on: to a plane (ends.py), or to where that very line
 leaves the box. In disturbed air the rest of the way from the undisturbed ray's last point to its surface is flown along
 a parabola; what that leaves out counts as an error too, since a ray may meet a face at a small angle. So does the air
-outside the support, by the ray's own way through it and its own lever arm (support.py).
+outside the support, by the ray's own path through it and its own lever arm (support.py).
 """
 
 import warp as wp
 
 from ....result import OUTPUT_BITS
-from ....scheme import LANDED_FREE, LEAPFROG_ANGLE, LEAST_COSINE, LEFT_SHARE, STEEPEST_COSINE, TINY
+from ....scheme import BEYOND_SUPPORT, LEAPFROG_ANGLE, LEAST_COSINE, LEFT_SHARE, STEEPEST_COSINE, TINY
 from ....status import RayStatus
 from ..library import KernelLibrary, built_once
 from ..types import takes
@@ -46,13 +46,13 @@ from .support import (
     build_may_have_left,
     build_overrun,
 )
-from .unresolved import build_unresolved, build_with_lever
-from .wall import build_stays_clear
+from .unresolved import build_unresolved, build_with_lever_arm
+from .wall import build_has_clearance
 
 
 @wp.func
 def quadrature_weight(k: int, count: int):
-    """Weight of sample k of `count`: the midpoint rule with its ends mended."""
+    """Weight of sample k of `count`: the end-corrected midpoint rule."""
     end = wp.min(k, count - 1 - k)
     weight = wp.float64(1.0)
     if end == 0:
@@ -66,7 +66,7 @@ def quadrature_weight(k: int, count: int):
 
 @built_once
 def build_leapfrog_kernel(library: KernelLibrary, geometry: str, interpolation: str, stop: str, has_body: bool):
-    """Build the kernel for one kind of scene; its arguments are the tracer's, and the count of rough rays."""
+    """Build the kernel for one kind of scene; its arguments are the tracer's, and the count of rejected rays."""
     t = library.types
     real, vec3, vec4 = t.real, t.vec3, t.vec4
     sample = build_sample(library, geometry, interpolation)
@@ -78,15 +78,15 @@ def build_leapfrog_kernel(library: KernelLibrary, geometry: str, interpolation: 
     may_have_left = build_may_have_left(library, geometry)
     keep_support = build_keep_support(library, geometry)
     unresolved_of = build_unresolved(library, geometry)
-    with_lever = build_with_lever(library)
+    with_lever_arm = build_with_lever_arm(library)
     leaves_support = build_leaves_support(library, geometry)
     exit_of = build_exit(library, geometry)
     line_to = build_line_to(library, geometry)
-    stays_clear = build_stays_clear(library, geometry)
+    has_clearance = build_has_clearance(library, geometry)
     write_outputs = build_write_outputs(library)
     ok = int(RayStatus.OK)
     tiny = TINY[library.precision]
-    landed_free = wp.constant(LANDED_FREE)
+    beyond_support = wp.constant(BEYOND_SUPPORT)
 
     @wp.func
     def gather(total: vec4, carry: vec4, term: vec4):
@@ -99,7 +99,7 @@ def build_leapfrog_kernel(library: KernelLibrary, geometry: str, interpolation: 
     # what is itself a small deviation. Sums are compensated as written: the compiler does not change their order.
     @wp.kernel(module="unique", enable_backward=False, module_options={"fast_math": True})
     @takes("leapfrog", library.precision)
-    def leapfrog(field, bounds, control, first_ray, position_in, direction_in, outputs, rough_count_out):
+    def leapfrog(field, bounds, control, first_ray, position_in, direction_in, outputs, rejected_count_out):
         ray = wp.tid() + first_ray
         p0 = position_in[ray]
         d0 = direction_in[ray]
@@ -114,13 +114,13 @@ def build_leapfrog_kernel(library: KernelLibrary, geometry: str, interpolation: 
         none = vec3(real(0.0), real(0.0), real(0.0))
         momentum = none  # across the ray
         q = none  # deviation across it
-        turn = none  # the momentum's sum with the ends mended
+        impulse = none  # the end-corrected sum of the momentum
         moment = none  # that of its moments about the start
-        off_turn = none  # how far the momentum from every third sample is off
-        off_place = none  # and that one's moments
+        momentum_diff = none  # the momentum's difference from the one by every third sample
+        deviation_diff = none  # and its moments
         sigma = real(0.0)  # int 1 / w dt
         bend = real(0.0)  # of P^2 / w
-        slow = real(1.0) / ambient  # 1 / w
+        slowness = real(1.0) / ambient  # 1 / w
         sums = vec4(real(0.0), real(0.0), real(0.0), real(0.0))  # of s / w, (w - a) / w, m / w, and every third sample
         carry = sums
         max_deflection = real(0.0)
@@ -130,11 +130,11 @@ def build_leapfrog_kernel(library: KernelLibrary, geometry: str, interpolation: 
         length = real(0.0)
         h = real(0.0)
         error = real(0.0)
-        whole = wp.vec2d(wp.float64(0.0), wp.float64(0.0))  # its way through the box, the uniform air's part too
+        whole = wp.vec2d(wp.float64(0.0), wp.float64(0.0))  # its path through the box, with the part in uniform air
         missed = real(0.0)
         start = none
         clear = bool(True)
-        landed = int(-1)
+        ends_on = int(-1)
         uniform = bool(False)
         chord = wp.float64(0.0)  # of the undisturbed ray through the box, up to its stop
         if runs:
@@ -142,7 +142,7 @@ def build_leapfrog_kernel(library: KernelLibrary, geometry: str, interpolation: 
             chord = interval.t_exit - interval.t_enter
             uniform, enter, last = keep_support(bounds, p0, d0, interval.t_enter, interval.t_exit)
             if not uniform:
-                landed = surface_of(bounds, interval, p0, d0)
+                ends_on = surface_of(bounds, interval, p0, d0)
             interval.t_enter = enter
             interval.t_exit = last
             entry = wp.cw_div(p0 + interval.t_enter * d0 - bounds.origin, bounds.spacing)
@@ -156,7 +156,7 @@ def build_leapfrog_kernel(library: KernelLibrary, geometry: str, interpolation: 
                     k = 3 * triple + j
                     weight = real(quadrature_weight(k, count))
                     along = (real(k) + real(0.5)) * h
-                    middle = real(0.5) * h * slow
+                    middle = real(0.5) * h * slowness
                     at = sample(field, corner, start + along * pace + wp.cw_mul(q + middle * momentum, rate), 0)
                     s = at[0]
                     force = vec3(at[1], at[2], at[3])
@@ -166,38 +166,40 @@ def build_leapfrog_kernel(library: KernelLibrary, geometry: str, interpolation: 
                     across = wp.dot(here, here)
                     surplus = real(2.0) * s - across
                     w = wp.sqrt(wp.max(ambient * ambient + surplus, real(tiny)))
-                    slow = real(1.0) / w
-                    off = surplus / (w + ambient) * slow
+                    slowness = real(1.0) / w
+                    off = surplus / (w + ambient) * slowness
                     stretch = real(0.0)
                     if (control.outputs & wp.static(OUTPUT_BITS["arc_length"])) != 0:
                         index = wp.sqrt(wp.max(ambient * ambient + real(2.0) * s, real(0.0)))
-                        stretch = slow * (real(2.0) * s / (index + ambient))
-                    added += weight * vec4(s * slow, off, stretch, real(0.0))
-                    pace_now = h * slow
+                        stretch = slowness * (real(2.0) * s / (index + ambient))
+                    added += weight * vec4(s * slowness, off, stretch, real(0.0))
+                    pace_now = h * slowness
                     momentum += pace_now * force
                     q += pace_now * here
                     kick = weight * pace_now
-                    turn += kick * force
+                    impulse += kick * force
                     place = sigma + real(0.5) * pace_now
                     moment += (kick * place) * force
                     if j == 1:
                         third = real(quadrature_weight(triple, count // 3))
-                        added += vec4(real(0.0), real(0.0), real(0.0), third * (real(2.0) * s * slow - ambient * off))
+                        added += vec4(
+                            real(0.0), real(0.0), real(0.0), third * (real(2.0) * s * slowness - ambient * off)
+                        )
                         lack = real(3.0) * third * pace_now
-                        off_turn -= lack * force
-                        off_place -= (lack * place) * force
+                        momentum_diff -= lack * force
+                        deviation_diff -= (lack * place) * force
                     sigma += pace_now
-                    bend += across * slow
+                    bend += across * slowness
                     max_deflection = wp.max(max_deflection, across)
                 sums, carry = gather(sums, carry, added)
             difference = wp.abs(h * ((real(2.0) * sums[0] - ambient * sums[1]) - real(3.0) * sums[3]))
             error = wp.max(difference * control.quadrature_error_scale, h * bend * control.trajectory_error_scale)
 
         # At the end, half a step behind the last sample: what momentum and deviation are in fourth order.
-        momentum = turn
-        q = sigma * turn - moment
-        off_turn += turn
-        off_place = sigma * off_turn - (off_place + moment)
+        momentum = impulse
+        q = sigma * impulse - moment
+        momentum_diff += impulse
+        deviation_diff = sigma * momentum_diff - (deviation_diff + moment)
         if runs:
             missed = unresolved_of(field, control, start, d, length, q)
         steep = wp.sqrt(ahead * ahead + wp.dot(force, force))
@@ -207,35 +209,35 @@ def build_leapfrog_kernel(library: KernelLibrary, geometry: str, interpolation: 
             ahead = real(0.0)
             steep = real(0.0)
             force = none
-        lead = (real(2.0) * s - wp.dot(momentum, momentum)) * slow / (real(1.0) / slow + ambient)
+        lead = (real(2.0) * s - wp.dot(momentum, momentum)) * slowness / (real(1.0) / slowness + ambient)
         path = wp.float64(h) * (wp.float64(sums[0]) - wp.float64(carry[0]))
         longitudinal_deficit = wp.float64(h) * (wp.float64(sums[1]) - wp.float64(carry[1]))
         arc = wp.float64(h) * (wp.float64(sums[2]) - wp.float64(carry[2]))
-        far = wp.float64(length)
+        flown = wp.float64(length)
         turned = none
         normal = wp.vec3d(wp.float64(0.0), wp.float64(0.0), wp.float64(0.0))
         more = wp.float64(0.0)
-        off_tail = real(0.0)  # how far the way from the last sample to the surface is off in direction
+        off_tail = real(0.0)  # error of direction from the path between last sample and surface
         end = p0
         if runs:
             # What is left to the surface, which the ray meets a little beside the undisturbed one.
-            obliquity = slow * momentum
+            obliquity = slowness * momentum
             heading = d0 + wp.vec3d(wp.float64(obliquity[0]), wp.float64(obliquity[1]), wp.float64(obliquity[2]))
             beside = wp.vec3d(wp.float64(q[0]), wp.float64(q[1]), wp.float64(q[2]))
             tip = p0 + interval.t_exit * d0 + beside
-            pull = slow * force
+            pull = slowness * force
             if uniform:
                 if length > real(0.0) and not leaves_support(bounds, tip, heading):
                     clear = bool(False)  # turned, it goes on through disturbed air
                 if wp.static(stop == "plane"):
-                    landed = int(landed_free)
+                    ends_on = int(beyond_support)
                     normal = bounds.plane_normal
                 else:
-                    more, landed = exit_of(bounds, tip, heading)
-            if landed != landed_free:
+                    more, ends_on = exit_of(bounds, tip, heading)
+            if ends_on != beyond_support:
                 if not uniform:
-                    more = line_to(bounds, landed, tip, heading)
-                miss = surface_distance(bounds, landed, tip + more * heading)
+                    more = line_to(bounds, ends_on, tip, heading)
+                miss = surface_distance(bounds, ends_on, tip + more * heading)
                 normal = wp.vec3d(miss[1], miss[2], miss[3])
             cosine = wp.dot(normal, heading)
             if not uniform and wp.abs(cosine) > wp.float64(LEAST_COSINE):
@@ -243,46 +245,46 @@ def build_leapfrog_kernel(library: KernelLibrary, geometry: str, interpolation: 
                 line = more
                 inward = normal[0] * wp.float64(pull[0]) + normal[1] * wp.float64(pull[1])
                 inward += normal[2] * wp.float64(pull[2])
-                more = line - wp.float64(0.5) * line * line * wp.float64(slow) * inward / cosine
+                more = line - wp.float64(0.5) * line * line * wp.float64(slowness) * inward / cosine
                 tail = real(wp.abs(more))
                 cells = wp.max(rate)
                 error = wp.max(error, steep * tail * (tail / real(wp.abs(cosine))) * wp.min(tail * cells, real(1.0)))
-                off_tail = slow * steep * tail * wp.min((tail + real(0.5) * h) * cells, real(1.0))
+                off_tail = slowness * steep * tail * wp.min((tail + real(0.5) * h) * cells, real(1.0))
             climb = wp.float64(0.5) * more * wp.float64(ahead)
-            extra = more * wp.float64(slow) * (wp.float64(s) + climb)
+            extra = more * wp.float64(slowness) * (wp.float64(s) + climb)
             path += extra
-            longitudinal_deficit += more * (wp.float64(lead) + wp.float64(slow) * climb / bounds.ambient)
+            longitudinal_deficit += more * (wp.float64(lead) + wp.float64(slowness) * climb / bounds.ambient)
             arc += extra / bounds.ambient
-            q += real(more) * (obliquity + (real(0.5) * real(more) * slow) * pull)
-            far += more
-            turned = momentum + real(more) * pull + (lead / slow) * d
+            q += real(more) * (obliquity + (real(0.5) * real(more) * slowness) * pull)
+            flown += more
+            turned = momentum + real(more) * pull + (lead / slowness) * d
             beside = wp.vec3d(wp.float64(q[0]), wp.float64(q[1]), wp.float64(q[2]))
-            end = p0 + (interval.t_enter + far) * d0 + beside
+            end = p0 + (interval.t_enter + flown) * d0 + beside
             fit = bool(wp.sqrt(max_deflection) / ambient <= real(LEAPFROG_ANGLE))
             angle = wp.float64(wp.sqrt(max_deflection) / ambient)
             fit = fit and not may_have_left(bounds, p0 + interval.t_exit * d0, d0, wp.float64(length), angle)
             fit = fit and wp.isfinite(path) and wp.isfinite(error) and wp.abs(cosine) > wp.float64(LEAST_COSINE)
             if wp.static(stop == "plane"):
                 fit = fit and wp.abs(wp.dot(bounds.plane_normal, heading)) > wp.float64(LEAST_COSINE)
-            # Where the box's end is the stop, the path is off by all of that way, else by what the field adds on it.
-            way = overrun(bounds, control, landed, end, heading)
+            # Where the box's end is the stop, the path is off by all of that excess, else by what the field adds on it.
+            excess = overrun(bounds, control, ends_on, end, heading)
             rise = bounds.ambient
             if wp.static(stop != "none"):
                 rise = wp.max(wp.abs(wp.float64(s)) / bounds.ambient, wp.float64(1.0e-30))
             if uniform:
                 # One that has left the support must not have left the box before.
-                way = overrun(bounds, control, -1, tip, heading)
+                excess = overrun(bounds, control, -1, tip, heading)
                 rise = wp.float64(1.0e-30)
-            if way > wp.float64(0.0):
-                error = wp.max(error, real(way * rise))
+            if excess > wp.float64(0.0):
+                error = wp.max(error, real(excess * rise))
             if wp.static(has_body):
                 # Beside the undisturbed ray it stays within the greatest angle of it.
                 margin = (whole[1] - whole[0]) * wp.float64(wp.sqrt(max_deflection) / ambient)
-                fit = fit and stays_clear(field, p0, d0, whole[0], whole[1], margin)
+                fit = fit and has_clearance(field, p0, d0, whole[0], whole[1], margin)
             if not (fit and clear):
                 error = real(wp.inf)
         # In the tracer's sums: sigma, S, M and B, of which M - B is the deviation along the ray.
-        exact = wp.vec4d((far - longitudinal_deficit) / bounds.ambient, path, arc, arc - longitudinal_deficit)
+        exact = wp.vec4d((flown - longitudinal_deficit) / bounds.ambient, path, arc, arc - longitudinal_deficit)
         rounded = vec4(real(exact[0]), real(exact[1]), real(exact[2]), real(exact[3]))
         rest = vec4(
             real(wp.float64(rounded[0]) - exact[0]),
@@ -290,38 +292,42 @@ def build_leapfrog_kernel(library: KernelLibrary, geometry: str, interpolation: 
             real(wp.float64(rounded[2]) - exact[2]),
             real(wp.float64(rounded[3]) - exact[3]),
         )
-        arrival = end_of(bounds, control, p0, d0, interval, status, landed, q, none, turned, rounded, rest, real(0.0))
+        arrival = end_of(bounds, control, p0, d0, interval, status, ends_on, q, none, turned, rounded, rest, real(0.0))
         if runs and arrival.status != ok:
-            error = real(wp.inf)  # at a plane on the box's edge a bent ray may fare otherwise
+            error = real(wp.inf)  # a deflected ray may miss a plane on the box's edge
         elif runs:
-            # How far place and direction are off counts where the stop is met at a slant, and so does what the air
-            # outside the field's support does to them.
+            # Errors of place and direction count where the ray meets its stop at an angle, and so does what the air
+            # outside the field's support does to both.
             flight = wp.length(arrival.position - end)
-            beside = wp.vec3d(wp.float64(off_place[0]), wp.float64(off_place[1]), wp.float64(off_place[2]))
-            aside = wp.vec3d(wp.float64(off_turn[0]), wp.float64(off_turn[1]), wp.float64(off_turn[2]))
+            beside = wp.vec3d(
+                wp.float64(deviation_diff[0]), wp.float64(deviation_diff[1]), wp.float64(deviation_diff[2])
+            )
+            aside = wp.vec3d(wp.float64(momentum_diff[0]), wp.float64(momentum_diff[1]), wp.float64(momentum_diff[2]))
             if wp.static(stop == "plane"):
                 normal = bounds.plane_normal
             else:
                 flight += more
-            # A turned ray's error of direction also has a part along d, by which it meets a far stop earlier.
+            # The direction error of a deflected ray also has a part along d, by which it meets a far stop earlier.
             swerve = wp.vec3d(wp.float64(turned[0]), wp.float64(turned[1]), wp.float64(turned[2]))
-            astray = beside + flight * wp.float64(slow) * aside
-            off_stop = wp.abs(wp.dot(normal, astray)) + wp.abs(wp.dot(wp.float64(slow) * swerve, astray))
+            displacement = beside + flight * wp.float64(slowness) * aside
+            off_stop = wp.abs(wp.dot(normal, displacement)) + wp.abs(
+                wp.dot(wp.float64(slowness) * swerve, displacement)
+            )
             cosine = wp.max(wp.abs(wp.dot(normal, d0)), wp.float64(STEEPEST_COSINE))
             error = wp.max(error, control.quadrature_error_scale * real(bounds.ambient * off_stop / cosine))
             tangent = wp.sqrt(wp.max(wp.float64(1.0) - cosine * cosine, wp.float64(0.0))) / cosine
-            slant = tangent + wp.float64(wp.sqrt(max_deflection))
-            error = wp.max(error, off_tail * real(bounds.ambient * flight * slant))
-            lever = (chord + flight) * slant
+            greatest_tangent = tangent + wp.float64(wp.sqrt(max_deflection))
+            error = wp.max(error, off_tail * real(bounds.ambient * flight * greatest_tangent))
+            lever_arm = (chord + flight) * greatest_tangent
             outside = wp.max(chord - wp.float64(length), wp.float64(0.0))
-            left = real(outside * (wp.float64(control.left_potential) + lever * wp.float64(control.left_slope)))
+            left = real(outside * (wp.float64(control.left_potential) + lever_arm * wp.float64(control.left_slope)))
             if left > real(LEFT_SHARE) * control.tolerance:
                 error = wp.max(error, left)
         if missed > real(0.0):
             onward = real(wp.length(arrival.position - end) + interval.t_exit - interval.t_enter)
-            error += with_lever(field, missed, onward, real(wp.abs(wp.dot(normal, d0))))
+            error += with_lever_arm(field, missed, onward, real(wp.abs(wp.dot(normal, d0))))
         if error > control.tolerance:
-            wp.atomic_add(rough_count_out, 0, 1)
+            wp.atomic_add(rejected_count_out, 0, 1)
         samples = wp.where(runs, count, 0)
         write_outputs(outputs, control.outputs, ray, arrival, wp.float64(error), samples, samples)
 

@@ -21,10 +21,10 @@ def build_locate(library: KernelLibrary):
     vec2, Field = t.vec2, t.Field
 
     @wp.func
-    def way_from(field: Field, cell: int, p: vec2):
+    def furthest_edge(field: Field, cell: int, p: vec2):
         """-1 if the cell holds the point, edges included, else the edge that it lies furthest behind."""
-        way = int(-1)
-        furthest = -field.slack
+        edge_number = int(-1)
+        furthest = -field.edge_tolerance
         for k in range(4):
             start = field.corners[4 * cell + k]
             edge = field.corners[4 * cell + (k + 1) % 4] - start
@@ -33,8 +33,8 @@ def build_locate(library: KernelLibrary):
             length = wp.length(edge)
             if left < furthest * length:
                 furthest = left / length
-                way = k
-        return way
+                edge_number = k
+        return edge_number
 
     @wp.func
     def locate(field: Field, p: vec2, current_cell: int):
@@ -42,11 +42,11 @@ def build_locate(library: KernelLibrary):
         cell = int(current_cell)
         trial = int(0)
         while cell >= 0 and found < 0 and trial < wp.static(WALK_LIMIT):
-            way = way_from(field, cell, p)
-            if way < 0:
+            edge_number = furthest_edge(field, cell, p)
+            if edge_number < 0:
                 found = cell
             else:
-                cell = field.neighbors[4 * cell + way]
+                cell = field.neighbors[4 * cell + edge_number]
             trial += 1
         if found < 0:
             place = wp.cw_mul(p - field.bin_origin, field.bin_rate)
@@ -56,7 +56,7 @@ def build_locate(library: KernelLibrary):
             at = int(field.bin_start[key])
             stop = int(field.bin_start[key + 1])
             while found < 0 and at < stop:
-                if way_from(field, field.bin_cell[at], p) < 0:
+                if furthest_edge(field, field.bin_cell[at], p) < 0:
                     found = field.bin_cell[at]
                 at += 1
         return found

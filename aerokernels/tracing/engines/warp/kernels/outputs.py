@@ -1,4 +1,4 @@
-"""A device function: what is told of a ray, written where it is wanted."""
+"""A device function that writes those outputs of a ray that are wanted."""
 
 import warp as wp
 

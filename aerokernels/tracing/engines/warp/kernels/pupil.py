@@ -8,7 +8,7 @@ shares of the square map to equal shares of the pupil (pupil_shape.py).
 import warp as wp
 
 from ....pupil_sums import MOMENT_COUNT, SUM_COUNT
-from ....scheme import GROUP, HASHES, JOINED
+from ....scheme import GROUP, HASHES, REDUCTION_WIDTH
 from ....status import RayStatus
 from ..types import takes
 from .pupil_shape import place_on_pupil
@@ -25,7 +25,7 @@ _TOLERANCE_NOT_MET = wp.constant(int(RayStatus.TOLERANCE_NOT_MET))
 _GROUP = wp.constant(GROUP)
 _MOMENTS = wp.constant(MOMENT_COUNT)
 _SUMS = wp.constant(SUM_COUNT)
-_JOINED = wp.constant(JOINED)
+_REDUCTION_WIDTH = wp.constant(REDUCTION_WIDTH)
 
 
 @wp.func
@@ -261,15 +261,18 @@ def sum_phasors(
 
 
 @wp.kernel(enable_backward=False)
-@takes("join_sums")
-def join_sums(row_count, joined_count, first_sum, sums_in, sums_out):
-    """Rows of sums joined: row_count of each replicate become joined_count, JOINED rows to one, in their order."""
+@takes("reduce_sums")
+def reduce_sums(row_count, reduced_count, first_sum, sums_in, sums_out):
+    """One level of a tree reduction: row_count rows of each replicate become reduced_count, in their order.
+
+    Each of them is the sum of REDUCTION_WIDTH rows.
+    """
     index = wp.tid() + first_sum
     joined = index // _SUMS
     k = index - joined * _SUMS
-    replicate = joined // joined_count
-    first = (joined - replicate * joined_count) * _JOINED
-    stop = wp.min(first + _JOINED, row_count)
+    replicate = joined // reduced_count
+    first = (joined - replicate * reduced_count) * _REDUCTION_WIDTH
+    stop = wp.min(first + _REDUCTION_WIDTH, row_count)
     whole = wp.float64(0.0)
     for row in range(replicate * row_count + first, replicate * row_count + stop):
         part = sums_in[row * _SUMS + k]

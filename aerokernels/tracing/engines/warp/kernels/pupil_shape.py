@@ -50,9 +50,9 @@ def place_on_pupil(
             table_in[1] + (wp.float64(row) + up) * table_in[3],
         )
     one = share_of(table_in, 0, row_count, u)
-    far = wp.sqrt((u - table_in[one]) / (table_in[one + 1] - table_in[one]))
+    outward = wp.sqrt((u - table_in[one]) / (table_in[one + 1] - table_in[one]))
     begin = row_count + 1 + 6 * one
     corner = wp.vec2d(table_in[begin], table_in[begin + 1])
     first = wp.vec2d(table_in[begin + 2], table_in[begin + 3])
     second = wp.vec2d(table_in[begin + 4], table_in[begin + 5])
-    return corner + far * (first + v * (second - first))
+    return corner + outward * (first + v * (second - first))

@@ -17,7 +17,7 @@ def build_stride(library: KernelLibrary, geometry: str, interpolation: str, on_m
     paper_step = (mesh if on_mesh else grid).build_paper_step(library, geometry)
     step_bound_of = build_step_bound(library, "mesh" if on_mesh else geometry)
     to_face, push_off_faces = build_to_face(library, geometry)
-    linear, kinked = interpolation == "linear", interpolation in ("linear", "monotone")
+    linear, piecewise_smooth = interpolation == "linear", interpolation in ("linear", "monotone")
     at_face = AT_FACE[library.precision]
     # Products of literals would be taken in float32 inside a kernel.
     least_stand_off, clearance = 0.1 * FACE_TOLERANCE, 10.0 * FACE_TOLERANCE
@@ -33,7 +33,7 @@ def build_stride(library: KernelLibrary, geometry: str, interpolation: str, on_m
         total: vec3,
         force: vec3,
         index: real,
-        caution: real,
+        derating: real,
         h_cell: real,
         h_next: real,
         h_cap: real,
@@ -47,7 +47,7 @@ def build_stride(library: KernelLibrary, geometry: str, interpolation: str, on_m
             out.h = paper_step(field, cell, frac, current_cell) / index
         else:
             limit = control.step_limit * h_cell
-            if wp.static(kinked):
+            if wp.static(piecewise_smooth):
                 # The interpolant has kinks at the cells' faces: no step across one. On a linear grid the rest is flown
                 # along the tangent (rest_to_face); elsewhere a face that is nearer than it is to be approached counts
                 # as reached.
@@ -62,8 +62,8 @@ def build_stride(library: KernelLibrary, geometry: str, interpolation: str, on_m
                     close = real(at_face)
                 face = to_face(frac, pace, pull, close)
                 limit = wp.max(face - out.stand_off / wp.length(pace), real(0.5) * face)
-            # Short of the face at which the first rough block may begin.
-            bound = caution * step_bound_of(control, cone, cell, frac, total)
+            # Short of the face at which the first block that is not smooth may begin.
+            bound = derating * step_bound_of(control, cone, cell, frac, total)
             out.safe = bound - real(clearance) * h_cell
             out.h = wp.min(out.h, wp.max(limit, out.safe))
         out.h = wp.min(out.h, h_cap)

@@ -12,9 +12,9 @@ from .box import FACE_COUNT, build_crossing, build_surface_distance
 
 @built_once
 def build_overrun(library: KernelLibrary, geometry: str):
-    """A function: how far a ray that ends at p has run on outside the box, after a face other than `landed`.
+    """A function: how far a ray that ends at p has run on outside the box, after a face other than `ends_on`.
 
-    Infinite where it is more than a hair's breadth outside.
+    Infinite where it is farther outside than FACE_TOLERANCE.
     """
     t = library.types
     Bounds, Control = t.Bounds, t.Control
@@ -22,33 +22,33 @@ def build_overrun(library: KernelLibrary, geometry: str):
     faces = wp.constant(FACE_COUNT[geometry])
 
     @wp.func
-    def overrun(bounds: Bounds, control: Control, landed: int, p: wp.vec3d, heading: wp.vec3d):
+    def overrun(bounds: Bounds, control: Control, ends_on: int, p: wp.vec3d, heading: wp.vec3d):
         face_tolerance = wp.float64(FACE_TOLERANCE) / wp.float64(wp.max(control.cell_rate))
-        way = wp.float64(0.0)
+        excess = wp.float64(0.0)
         for k in range(faces):
             beyond = surface_distance(bounds, k, p)
-            if k != landed and beyond[0] > wp.float64(0.0):
+            if k != ends_on and beyond[0] > wp.float64(0.0):
                 slope = wp.abs(wp.dot(wp.vec3d(beyond[1], beyond[2], beyond[3]), heading))
-                way = wp.max(way, beyond[0] / wp.max(slope, wp.float64(1.0e-9)))
+                excess = wp.max(excess, beyond[0] / wp.max(slope, wp.float64(1.0e-9)))
                 if beyond[0] > face_tolerance:
-                    way = wp.float64(wp.inf)
-        return way
+                    excess = wp.float64(wp.inf)
+        return excess
 
     return overrun
 
 
 @built_once
 def build_may_have_left(library: KernelLibrary, geometry: str):
-    """A function: whether a ray along a face, which is turned by `angle` at most, may have left the box and come back.
+    """A function: whether a ray along a face, deflected by `angle` at most, may have left the box and come back.
 
-    Undisturbed, it ends its way of length `way` at p.
+    The undisturbed ray is of length `length` and ends at p.
     """
     Bounds = library.types.Bounds
     surface_distance = build_surface_distance(library, geometry)
     faces = wp.constant(FACE_COUNT[geometry])
 
     @wp.func
-    def may_have_left(bounds: Bounds, p: wp.vec3d, d: wp.vec3d, way: wp.float64, angle: wp.float64):
+    def may_have_left(bounds: Bounds, p: wp.vec3d, d: wp.vec3d, length: wp.float64, angle: wp.float64):
         may = bool(False)
         for k in range(faces):
             is_far = bool(False)
@@ -58,7 +58,7 @@ def build_may_have_left(library: KernelLibrary, geometry: str):
             if not is_far:
                 beyond = surface_distance(bounds, k, p)
                 slope = wp.abs(wp.dot(wp.vec3d(beyond[1], beyond[2], beyond[3]), d))
-                may = may or (slope <= angle and beyond[0] > -way * angle)
+                may = may or (slope <= angle and beyond[0] > -length * angle)
         return may
 
     return may_have_left
@@ -66,7 +66,7 @@ def build_may_have_left(library: KernelLibrary, geometry: str):
 
 @built_once
 def build_keep_support(library: KernelLibrary, geometry: str):
-    """A function (bounds, position, direction, enter, far) -> (whether the ray ends in uniform air, enter, far).
+    """A function (bounds, position, direction, t_enter, t_exit) -> (whether it ends in uniform air, t_enter, t_exit).
 
     The last two are those of the part of the ray in which the air is not uniform.
     """
@@ -74,13 +74,13 @@ def build_keep_support(library: KernelLibrary, geometry: str):
     crossing = build_crossing(library, geometry)
 
     @wp.func
-    def keep_support(bounds: Bounds, p: wp.vec3d, d: wp.vec3d, enter: wp.float64, far: wp.float64):
+    def keep_support(bounds: Bounds, p: wp.vec3d, d: wp.vec3d, t_enter: wp.float64, t_exit: wp.float64):
         span = crossing(bounds.support_low, bounds.support_high, bounds.support_radius, p, d)
         if span[0] > span[1]:
-            return bool(True), enter, enter
-        first = wp.min(wp.max(span[0], enter), far)
-        last = wp.max(wp.min(span[1], far), first)
-        return bool(last < far), first, last
+            return bool(True), t_enter, t_enter
+        first = wp.min(wp.max(span[0], t_enter), t_exit)
+        last = wp.max(wp.min(span[1], t_exit), first)
+        return bool(last < t_exit), first, last
 
     return keep_support
 

@@ -24,21 +24,21 @@ says the table of step_bound.py, and how it ends on a surface event_location.py.
 
 import warp as wp
 
-from ....scheme import AT_FACE, LANDED_ARC, LEAST_STEP, TINY, WALL_ASIDE, WALL_BACK, WALL_CLOSE
+from ....scheme import ARC_SURFACE, AT_FACE, LEAST_STEP, TINY, WALL_ASIDE, WALL_BACK, WALL_CLOSE
 from ....status import RayStatus
-from ....tableau import A, C, is_one_scalar
+from ....tableau import A, C, has_consistent_gradient
 from ..library import KernelLibrary, built_once
 from ..types import takes
 from . import grid, mesh
 from .crossings import NEVER
-from .ends import build_end, build_lever, build_start
+from .ends import build_end, build_start, build_stop_geometry
 from .error import build_step_error
 from .event_location import build_arc_event_location, build_event_location
 from .motion import advance, build_cells, build_contrast, build_project_momentum, build_sums
 from .outputs import build_write_outputs
 from .step import build_kick, build_sample_at_stage, build_step_acceptance, build_stride
 from .step_bound import build_cone
-from .wall import build_behind_wall, build_place, build_stays_clear
+from .wall import build_behind_wall, build_has_clearance, build_place
 
 
 @built_once
@@ -64,7 +64,7 @@ def build_kernel(
     sample = source.build_sample(library, geometry, interpolation)
     find_current_cell = source.build_find_current_cell(library, geometry)
     start_of = build_start(library, geometry, stop, has_body)
-    lever_of = build_lever(library, geometry, stop, controlled)
+    stop_geometry_of = build_stop_geometry(library, geometry, stop, controlled)
     end_of = build_end(library, geometry, interpolation, stop)
     in_cells, carry_over = build_cells(library, kind)
     cone_of = build_cone(library, geometry)
@@ -78,16 +78,16 @@ def build_kernel(
     contrast = build_contrast(library)
     project_momentum = build_project_momentum(library)
     step_sums, tangent_sums = build_sums(library)
-    event_location, time_beyond_face, overshot, passed_surface, room_at_face, in_face, surface_intersection = (
+    event_location, time_beyond_face, overshoots, passed_surface, face_margin, in_face, surface_intersection = (
         build_event_location(library, geometry, stop)
     )
     arc_event_location, arc_surface_intersection = build_arc_event_location(library)
     place_of = build_place(library)
     behind_wall = build_behind_wall(library, geometry)
-    stays_clear = build_stays_clear(library, geometry)
+    has_clearance = build_has_clearance(library, geometry)
     write_outputs = build_write_outputs(library)
-    landed_arc = wp.constant(LANDED_ARC)
-    straight, one_scalar = method == "straight", is_one_scalar(interpolation)
+    arc_surface = wp.constant(ARC_SURFACE)
+    straight, consistent_gradient = method == "straight", has_consistent_gradient(interpolation)
     at_faces = interpolation == "linear" and controlled
     tiny, at_face = TINY[library.precision], AT_FACE[library.precision]
     c2, c3 = (float(v) for v in C[1:3])
@@ -115,11 +115,11 @@ def build_kernel(
         max_deflection = real(0.0)  # greatest angle with d so far
         steps = int(0)
         evaluations = int(0)
-        landed = int(-1)
+        ends_on = int(-1)
         obliquity_first = real(0.0)
-        harm = real(0.0)
-        astray = real(0.0)  # how far beside its place the ray may be
-        doubt = real(0.0)  # what it may gain behind a face
+        opd_rate = real(0.0)
+        displacement = real(0.0)  # how far beside its place the ray may be
+        gain = real(0.0)  # what it may gain behind a face
         undecided = bool(False)  # whether it has run in a face and may have left there
 
         if interval.meets and status == ok:
@@ -133,58 +133,58 @@ def build_kernel(
             force = vec3(s[1], s[2], s[3])
             momentum = contrast(ambient, pot) * d
             cone = cone_of(d0)
-            lever = lever_of(bounds, control, interval, p0, d0)
-            obliquity, lever_arm, reach, caution = lever.obliquity, lever.lever_arm, lever.reach, real(lever.caution)
+            to_stop = stop_geometry_of(bounds, control, interval, p0, d0)
+            obliquity, lever_arm, reach = to_stop.obliquity, to_stop.lever_arm, to_stop.reach
+            derating = real(to_stop.derating)
             if wp.static(at_faces):
                 # The table of step bounds weighs the kinks that a step may pass by the path, not by what they turn a
                 # ray aside.
                 if obliquity * lever_arm * wp.max(control.cell_rate) > real(1.0):
-                    caution = real(0.0)
+                    derating = real(0.0)
             first_momentum = wp.length(momentum)
             arc_left = real(bounds.length - interval.t_enter)
             aside = real(0.0)  # so far beside its undisturbed line the ray meets no body
             if wp.static(has_body):
                 near = real(WALL_ASIDE) / wp.max(control.cell_rate)
-                if stays_clear(field, p0, d0, interval.t_enter, wp.float64(NEVER), wp.float64(near)):
+                if has_clearance(field, p0, d0, interval.t_enter, wp.float64(NEVER), wp.float64(near)):
                     aside = near
             h_next = control.extent / ambient
             h_cap = h_next  # shorter after a step that would have ended well behind a surface
             running = bool(True)
             while running:
-                total = ambient * d + momentum
+                tangent = ambient * d + momentum
+                total = tangent
                 index = ambient + contrast(ambient, pot)
                 if wp.static(straight):
                     total = ambient * d
                 h_cell = real(1.0) / wp.max(wp.length(wp.cw_mul(total, control.cell_rate)), real(tiny))
                 h_least = real(LEAST_STEP) / (wp.max(control.cell_rate) * wp.length(total))
                 ahead = stride(
-                    field, control, current_cell, cone, cell, frac, total, force, index, caution, h_cell, h_next, h_cap
+                    field, control, current_cell, cone, cell, frac, total, force, index, derating, h_cell, h_next, h_cap
                 )
                 shown = frac
                 if wp.static(straight):
                     shown = frac + wp.cw_mul(q, rate)
-                h, land, runs = event_location(
-                    control, rate, interval.side, cell, shown, ambient * d + momentum, force, ahead.h
-                )
+                h, event, runs = event_location(control, rate, interval.side, cell, shown, tangent, force, ahead.h)
                 if wp.static(stop == "arc"):
                     rest = arc_left - (ambient * sums[0] + sums[2])
-                    h, land = arc_event_location(rest, index, total, force, h, land)
+                    h, event = arc_event_location(rest, index, total, force, h, event)
 
-                hh = h * h  # the later stages stand here: in a function of its own they are slower
-                kick2 = (real(a21) * hh) * force
+                # The later stages stand here: in a function of their own they are slower.
+                kick2 = (real(a21) * (h * h)) * force
                 s2 = sample_at_stage(field, current_cell, cell, frac, rate, real(c2) * h, total, momentum, q, kick2)
                 force2 = vec3(s2[1], s2[2], s2[3])
-                kick3 = hh * (real(a31) * force + real(a32) * force2)
+                kick3 = (h * h) * (real(a31) * force + real(a32) * force2)
                 s3 = sample_at_stage(field, current_cell, cell, frac, rate, real(c3) * h, total, momentum, q, kick3)
                 kick = kick_of(h, force, s2, s3)
                 s4 = sample_at_stage(field, current_cell, cell, frac, rate, h, total, momentum, q, kick)
                 force4 = vec3(s4[1], s4[2], s4[3])
                 evaluations += 3
                 judged = step_error(
-                    ambient, d, total, momentum, h, h <= ahead.safe, max_deflection, lever, pot, force, s2, s3, s4
+                    ambient, d, total, momentum, h, h <= ahead.safe, max_deflection, to_stop, pot, force, s2, s3, s4
                 )
                 off = judged[0]
-                turn_now = judged[1]
+                angle_now = judged[1]
 
                 accept = bool(True)
                 if wp.static(controlled):
@@ -193,7 +193,7 @@ def build_kernel(
                     if accept:
                         # A step cut short by a surface says nothing against the length wanted.
                         h_next = wp.max(h * ratio, h_least)
-                        if land >= 0:
+                        if event >= 0:
                             h_next = wp.max(h_next, ahead.h)
                     else:
                         h_next = wp.max(h * wp.min(ratio, real(0.8)), h_least)
@@ -201,16 +201,16 @@ def build_kernel(
                 # Where the force changes along the step, the parabola may miss the surface: come closer first.
                 runs_on = bool(False)  # whether it ends in a face
                 if accept and h > h_least:
-                    there = shown + wp.cw_mul(h * (ambient * d + momentum) + kick, rate)
-                    swung = wp.cw_mul(ambient * d + momentum + h * force4, rate)
-                    missed, nearest = passed_surface(control, interval.side, cell, there, land)
-                    if land >= 0 and land != landed_arc:
-                        close = real(0.05) * wp.max(ahead.h * wp.length(wp.cw_mul(total, rate)), real(0.01))
-                        missed = missed or overshot(control, land, interval.side, cell, there, swung, h, close)
+                    there = shown + wp.cw_mul(h * (tangent) + kick, rate)
+                    end_velocity = wp.cw_mul(tangent + h * force4, rate)
+                    missed, nearest = passed_surface(control, interval.side, cell, there, event)
+                    if event >= 0 and event != arc_surface:
+                        near = real(0.05) * wp.max(ahead.h * wp.length(wp.cw_mul(total, rate)), real(0.01))
+                        missed = missed or overshoots(control, event, interval.side, cell, there, end_velocity, h, near)
                     else:
-                        room = room_at_face(control, astray)
-                        if wp.static(controlled) and nearest <= room:
-                            runs_on = in_face(control, interval.side, cell, there, swung, room)
+                        allowance = face_margin(control, displacement)
+                        if wp.static(controlled) and nearest <= allowance:
+                            runs_on = in_face(control, interval.side, cell, there, end_velocity, allowance)
                     if missed:
                         accept = bool(False)
                         h_cap = real(0.5) * h
@@ -220,8 +220,8 @@ def build_kernel(
                 if wp.static(has_body):
                     if accept and not (wp.length(q + h * momentum + kick) < aside):
                         here = place_of(p0, d0, interval, bounds.ambient, q, q_carry, sums, sums_carry)
-                        room = real(wp.min(steps, 1)) * real(WALL_BACK) * h_cell
-                        behind = behind_wall(field, control, here, ambient * d + momentum, kick, h, room)
+                        allowance = real(wp.min(steps, 1)) * real(WALL_BACK) * h_cell
+                        behind = behind_wall(field, control, here, tangent, kick, h, allowance)
                         if behind > real(WALL_CLOSE) * h_cell:
                             accept = bool(False)
                             h_cap = (h - behind) + real(0.5) * real(WALL_CLOSE) * h_cell
@@ -234,13 +234,11 @@ def build_kernel(
                         if runs or undecided:
                             late = h
                             if not undecided:
-                                late = time_beyond_face(
-                                    control, rate, interval.side, cell, shown, ambient * d + momentum, force, h
-                                )
-                            doubt += late * possible_gain(ambient, lever, turn_now, pot, force, s3)
+                                late = time_beyond_face(control, rate, interval.side, cell, shown, tangent, force, h)
+                            gain += late * possible_gain(ambient, to_stop, angle_now, pot, force, s3)
                         undecided = undecided or runs_on
-                    astray += judged[3]
-                    max_deflection = turn_now
+                    displacement += judged[3]
+                    max_deflection = angle_now
                     added = step_sums(ambient, d, momentum, h, pot, force, s2, s3, s4)
                     sums, sums_carry = advance(sums, sums_carry, added)
                     q, q_carry = advance(q, q_carry, h * momentum + kick)
@@ -264,7 +262,7 @@ def build_kernel(
                             curve = vec3(real(0.0), real(0.0), real(0.0))
                         pace = wp.cw_mul(bearing, rate)
                         rest = real(0.0)
-                        if land < 0:
+                        if event < 0:
                             rest = rest_to_face(frac, pace, wp.cw_mul(curve, rate), ahead.stand_off, h)
                         added = tangent_sums(ambient, d, momentum, rest, pot, force)
                         sums, sums_carry = advance(sums, sums_carry, added)
@@ -284,7 +282,7 @@ def build_kernel(
                         if wp.static(straight):
                             pot += wp.dot(force, q)
                         evaluations += 1
-                    if wp.static(one_scalar):
+                    if wp.static(consistent_gradient):
                         # Back onto |T| = n: the error along the ray, which the path would feel in full, is gone.
                         projecting = project_momentum(ambient, d, momentum, pot)
                         momentum += projecting
@@ -296,9 +294,9 @@ def build_kernel(
                         back = -behind
                         running = bool(False)
                         status = int(hit_body)
-                    if running and land >= 0:
+                    if running and event >= 0:
                         done = bool(False)
-                        if land == landed_arc:
+                        if event == arc_surface:
                             rest = arc_left - (ambient * sums[0] + sums[2])
                             back, done = arc_surface_intersection(rest, ambient + contrast(ambient, pot), arc_left, h)
                         else:
@@ -307,11 +305,11 @@ def build_kernel(
                                 shown = frac + wp.cw_mul(q, rate)
                             velocity = wp.cw_mul(ambient * d + momentum, rate)
                             back, done = surface_intersection(
-                                control, land, interval.side, cell, shown, velocity, wp.cw_mul(force, rate), h, h_cell
+                                control, event, interval.side, cell, shown, velocity, wp.cw_mul(force, rate), h, h_cell
                             )
                         if done:
                             running = bool(False)
-                            landed = land
+                            ends_on = event
                     if back != real(0.0):
                         added = tangent_sums(ambient, d, momentum, back, pot, force)
                         sums, sums_carry = advance(sums, sums_carry, added)
@@ -328,19 +326,21 @@ def build_kernel(
                     status = int(not_finite)
             if wp.static(controlled):
                 used = stop_error(
-                    used + doubt, bounds, d0, ambient, momentum, first_momentum, max_deflection, lever, astray
+                    used + gain, bounds, d0, ambient, momentum, first_momentum, max_deflection, to_stop, displacement
                 )
                 obliquity_first = obliquity
-                harm = (wp.abs(pot) + wp.length(force) * (obliquity + max_deflection) * lever_arm) / ambient
+                opd_rate = (wp.abs(pot) + wp.length(force) * (obliquity + max_deflection) * lever_arm) / ambient
 
         arrival = end_of(
-            bounds, control, p0, d0, interval, status, landed, q, q_carry, momentum, sums, sums_carry, max_deflection
+            bounds, control, p0, d0, interval, status, ends_on, q, q_carry, momentum, sums, sums_carry, max_deflection
         )
         step_error_out = wp.float64(0.0)
         if wp.static(controlled):
-            if arrival.status == ok and landed >= 0:
+            if arrival.status == ok and ends_on >= 0:
                 size = real(1.0) / wp.max(control.cell_rate)
-                used = event_location_error(used, ambient, size, landed, arrival.grazing, obliquity_first, harm, astray)
+                used = event_location_error(
+                    used, ambient, size, ends_on, arrival.grazing, obliquity_first, opd_rate, displacement
+                )
             if arrival.status == ok and not (used <= control.tolerance):
                 arrival.status = int(rejected)  # to be traced again, see retrace.py
         if wp.static(measured):

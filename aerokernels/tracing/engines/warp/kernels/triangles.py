@@ -41,7 +41,9 @@ def within_slab(place: wp.float64, along: wp.float64, low: wp.float64, high: wp.
 
 
 @wp.func
-def passes_room(line: WallLine, low: wp.vec3d, high: wp.vec3d, margin: wp.float64, first: wp.float64, last: wp.float64):
+def passes_volume_box(
+    line: WallLine, low: wp.vec3d, high: wp.vec3d, margin: wp.float64, first: wp.float64, last: wp.float64
+):
     """Whether a line may pass the box between two corners, `margin` larger, between t = first and last."""
     span = wp.vec2d(first, last)
     for k in range(3):
@@ -98,10 +100,10 @@ def may_enter_triangle(
     b: wp.vec3d,
     c: wp.vec3d,
     margin: wp.float64,
-    enter: wp.float64,
-    far: wp.float64,
+    t_enter: wp.float64,
+    t_exit: wp.float64,
 ):
-    """Whether a line may get into the body through a triangle between t = enter and far, were it moved by `margin`.
+    """Whether a line may get into the body through a triangle between t_enter and t_exit, were it moved by `margin`.
 
     Triangles that it can only leave through do not matter; those that it grazes do.
     """
@@ -110,4 +112,4 @@ def may_enter_triangle(
     grazing = wp.float64(GRAZING_SQUARE) * wp.dot(normal, normal) * line.square
     if rising > wp.float64(0.0) and rising * rising > grazing:
         return False
-    return passes_room(line, wp.min(a, wp.min(b, c)), wp.max(a, wp.max(b, c)), margin, enter, far)
+    return passes_volume_box(line, wp.min(a, wp.min(b, c)), wp.max(a, wp.max(b, c)), margin, t_enter, t_exit)

@@ -1,4 +1,4 @@
-"""A device function: what lies between a ray's leapfrog samples, its way's sum of a table (see unresolved.py)."""
+"""A device function: what lies between a ray's leapfrog samples, a table summed along its path (see unresolved.py)."""
 
 import warp as wp
 
@@ -51,7 +51,7 @@ def build_unresolved(library: KernelLibrary, geometry: str):
 
 
 @built_once
-def build_with_lever(library: KernelLibrary):
+def build_with_lever_arm(library: KernelLibrary):
     """A function (field, missed, onward, cosine) -> the error of the path that the one of direction adds to [m].
 
     `onward` metres before a stop that the ray meets at this cosine with its normal.
@@ -60,8 +60,8 @@ def build_with_lever(library: KernelLibrary):
     real, Field = t.real, t.Field
 
     @wp.func
-    def with_lever(field: Field, missed: real, onward: real, cosine: real):
+    def with_lever_arm(field: Field, missed: real, onward: real, cosine: real):
         tangent = wp.sqrt(wp.max(real(1.0) - cosine * cosine, real(0.0))) / wp.max(cosine, real(LEAST_COSINE))
         return missed * (real(1.0) + real(MISSED_SLOPE) * wp.max(field.inverse_spacing) * onward * tangent)
 
-    return with_lever
+    return with_lever_arm

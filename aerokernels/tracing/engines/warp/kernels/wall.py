@@ -5,7 +5,7 @@ All by the crossings of straight lines with its surface, see engines/warp/kernel
 
 import warp as wp
 
-from ....scheme import GRAZING_SQUARE, ROUNDED_WAY, WALL_SAG
+from ....scheme import ENTRY_ROUNDING, GRAZING_SQUARE, WALL_SAG
 from ..library import KernelLibrary, built_once
 from .crossings import (
     WallLine,
@@ -20,7 +20,7 @@ from .triangles import NEVER, may_enter_triangle
 
 
 @built_once
-def build_way_out(library: KernelLibrary, geometry: str):
+def build_body_exit(library: KernelLibrary, geometry: str):
     """A function (field, position, direction, from) -> where a ray that starts behind the surface leaves it.
 
     NEVER if it does not; `from` for other rays.
@@ -30,7 +30,7 @@ def build_way_out(library: KernelLibrary, geometry: str):
     meet_wall = build_meet_wall(library, geometry)
 
     @wp.func
-    def way_out(field: Field, p: wp.vec3d, d: wp.vec3d, first: wp.float64):
+    def body_exit(field: Field, p: wp.vec3d, d: wp.vec3d, first: wp.float64):
         none = wp.float64(0.0)
         toward = d
         begin = wp.float64(first)
@@ -49,11 +49,11 @@ def build_way_out(library: KernelLibrary, geometry: str):
                 out = wp.float64(NEVER)
         return out
 
-    return way_out
+    return body_exit
 
 
 @built_once
-def build_way_in(library: KernelLibrary, geometry: str):
+def build_body_entry(library: KernelLibrary, geometry: str):
     """A function (field, position, direction, to) -> where a ray from outside the box enters the body before that.
 
     NEVER if it does not.
@@ -63,22 +63,22 @@ def build_way_in(library: KernelLibrary, geometry: str):
     meet_wall = build_meet_wall(library, geometry)
 
     @wp.func
-    def way_in(field: Field, p: wp.vec3d, d: wp.vec3d, last: wp.float64):
+    def body_entry(field: Field, p: wp.vec3d, d: wp.vec3d, last: wp.float64):
         none = wp.float64(0.0)
         along_x = bool(False)
         if wp.static(geometry == "planar"):
             along_x = d[1] == none and d[2] == none
         found = wp.float64(NEVER)
         if last > none and not along_x:
-            found = meet_wall(field, wall_line(p, d), none, wp.float64(1.0 + ROUNDED_WAY) * last).entry
+            found = meet_wall(field, wall_line(p, d), none, wp.float64(1.0 + ENTRY_ROUNDING) * last).entry
         return found
 
-    return way_in
+    return body_entry
 
 
 @built_once
 def build_may_enter(library: KernelLibrary, geometry: str):
-    """A function (field, line, number, margin, enter, far): whether a straight ray gets into the body through a piece.
+    """A function (field, line, number, margin, t_enter, t_exit): whether a ray gets into the body through a piece.
 
     Where it is, or moved: up and down in r and in z by `margin`, or in space by that in any direction.
     """
@@ -88,11 +88,11 @@ def build_may_enter(library: KernelLibrary, geometry: str):
 
         @wp.func
         def may_enter_in_space(
-            field: Field, line: WallLine, piece: int, margin: wp.float64, enter: wp.float64, far: wp.float64
+            field: Field, line: WallLine, piece: int, margin: wp.float64, t_enter: wp.float64, t_exit: wp.float64
         ):
             a = triangle_at(field, piece, 0)
             b = triangle_at(field, piece, 1)
-            return may_enter_triangle(line, a, b, triangle_at(field, piece, 2), margin, enter, far)
+            return may_enter_triangle(line, a, b, triangle_at(field, piece, 2), margin, t_enter, t_exit)
 
         return may_enter_in_space
     passes_box = build_passes_box(library, geometry)
@@ -123,11 +123,13 @@ def build_may_enter(library: KernelLibrary, geometry: str):
         return rising > wp.float64(0.0) and rising * rising > least
 
     @wp.func
-    def may_enter(field: Field, line: WallLine, piece: int, margin: wp.float64, enter: wp.float64, far: wp.float64):
+    def may_enter(
+        field: Field, line: WallLine, piece: int, margin: wp.float64, t_enter: wp.float64, t_exit: wp.float64
+    ):
         found = bool(False)
         s = field.wall[piece]
         box = wp.vec4d(wp.min(s[0], s[2]), wp.min(s[1], s[3]), wp.max(s[0], s[2]), wp.max(s[1], s[3]))
-        if not only_leaves(line, s) and passes_box(line, box, margin, enter, far):
+        if not only_leaves(line, s) and passes_box(line, box, margin, t_enter, t_exit):
             for side in range(5):
                 r = wp.float64(0.0)
                 z = wp.float64(0.0)
@@ -145,7 +147,7 @@ def build_may_enter(library: KernelLibrary, geometry: str):
                 if at.enters:
                     t = at.one
                     there = at.count > 0
-                if there and t > enter and t < far:
+                if there and t > t_enter and t < t_exit:
                     found = bool(True)
         return found
 
@@ -153,8 +155,8 @@ def build_may_enter(library: KernelLibrary, geometry: str):
 
 
 @built_once
-def build_stays_clear(library: KernelLibrary, geometry: str):
-    """A function (field, position, direction, enter, far, margin): whether a straight ray keeps out of the body there.
+def build_has_clearance(library: KernelLibrary, geometry: str):
+    """A function (field, position, direction, t_enter, t_exit, margin): whether a ray keeps out of the body there.
 
     All rays beside it do too that are moved across the surface by `margin` [m]. Where they leave the body does not
     matter, so a ray may begin on the wall.
@@ -165,22 +167,24 @@ def build_stays_clear(library: KernelLibrary, geometry: str):
     may_enter = build_may_enter(library, geometry)
 
     @wp.func
-    def stays_clear(field: Field, p: wp.vec3d, d: wp.vec3d, enter: wp.float64, far: wp.float64, margin: wp.float64):
+    def has_clearance(
+        field: Field, p: wp.vec3d, d: wp.vec3d, t_enter: wp.float64, t_exit: wp.float64, margin: wp.float64
+    ):
         line = wall_line(p, d)
         clear = bool(True)
         node = int(0)
         while node < field.wall_count and clear:
             links = field.wall_links[node]
             onward = links[0]
-            if passes_node(field, line, node, margin, enter, far):
+            if passes_node(field, line, node, margin, t_enter, t_exit):
                 onward = node + 1
                 for k in range(links[1], links[2]):
-                    if clear and may_enter(field, line, k, margin, enter, far):
+                    if clear and may_enter(field, line, k, margin, t_enter, t_exit):
                         clear = bool(False)
             node = onward
         return clear
 
-    return stays_clear
+    return has_clearance
 
 
 @built_once
@@ -207,8 +211,8 @@ def build_comes_near(library: KernelLibrary, geometry: str):
         beside = here[1]
         if wp.static(geometry == "axisymmetric"):
             beside = wp.sqrt(here[0] * here[0] + here[1] * here[1])
-        far_along = here[2] - within > whole[3] or here[2] + within < whole[1]
-        return not (far_along or beside - within > whole[2] or beside + within < whole[0])
+        is_beyond = here[2] - within > whole[3] or here[2] + within < whole[1]
+        return not (is_beyond or beside - within > whole[2] or beside + within < whole[0])
 
     return comes_near
 
@@ -255,7 +259,9 @@ def build_behind_wall(library: KernelLibrary, geometry: str):
     comes_near = build_comes_near(library, geometry)
 
     @wp.func
-    def behind_wall(field: Field, control: Control, here: wp.vec3d, tangent: vec3, kick: vec3, h: real, room: real):
+    def behind_wall(
+        field: Field, control: Control, here: wp.vec3d, tangent: vec3, kick: vec3, h: real, allowance: real
+    ):
         one = wp.float64(1.0)
         sag = wp.length(wp.cw_mul(kick, control.cell_rate)) / (real(4.0) * real(WALL_SAG))
         pieces = int(1)
@@ -266,9 +272,9 @@ def build_behind_wall(library: KernelLibrary, geometry: str):
         bend = wp.vec3d(wp.float64(kick[0]), wp.float64(kick[1]), wp.float64(kick[2]))
         begin = here
         found = real(-1.0)
-        first = -wp.float64(pieces) * wp.float64(room / h)
+        first = -wp.float64(pieces) * wp.float64(allowance / h)
         # Most steps come nowhere near the box around the whole body: they need no line.
-        within = wp.float64(h + room) * wp.float64(wp.length(tangent)) + wp.float64(wp.length(kick))
+        within = wp.float64(h + allowance) * wp.float64(wp.length(tangent)) + wp.float64(wp.length(kick))
         k = int(0)
         if not comes_near(field, here, within):
             k = pieces

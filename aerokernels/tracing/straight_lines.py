@@ -22,20 +22,20 @@ class Lines:
     Attributes:
         start: Where they begin [m], shape (line_count, 3).
         direction: Unit vectors, shape (line_count, 3).
-        way: Lengths [m], shape (line_count,).
-        lever: Lever arms [m]: distance from `start` to the stop, times the tangent of the angle at which it is met.
+        length: Lengths [m], shape (line_count,).
+        lever_arm: Lever arms [m]: distance from `start` to the stop, times the tangent of the angle at which it is met.
     """
 
     start: np.ndarray
     direction: np.ndarray
-    way: np.ndarray
-    lever: np.ndarray
+    length: np.ndarray
+    lever_arm: np.ndarray
 
 
 def lines_through(field: IndexField, rays: RayBundle, until, low: np.ndarray, high: np.ndarray) -> Lines:
     """The lines of those rays that meet the part of the field from `low` to `high` [m, along the field's own axes]."""
     p, d = rays.position, rays.direction
-    if field.body is not None and len(p) > BESIDE_BODY:  # each costs a look at every segment of the body
+    if field.body is not None and len(p) > BESIDE_BODY:  # each is tested against every segment of the body
         rows = np.r_[np.linspace(0, len(p) - 1, BESIDE_BODY).astype(int), np.arange(len(p) - OUTERMOST, len(p))]
         p, d = p[rows], d[rows]
     enter, leave, _ = crossing_of_box(p, d, low, high, field.geometry)
@@ -55,10 +55,10 @@ def lines_through(field: IndexField, rays: RayBundle, until, low: np.ndarray, hi
             assert isinstance(grid, UniformGrid)
             _, stop, cosine = crossing_of_box(p, d, grid.low, grid.high, field.geometry)
         tangent = np.sqrt(np.maximum(1.0 - cosine**2, 0.0)) / np.maximum(cosine, LEAST_COSINE)
-        lever = np.where(np.isfinite(stop), tangent * (stop - enter), 0.0)
+        lever_arm = np.where(np.isfinite(stop), tangent * (stop - enter), 0.0)
     meets = (leave > enter) & np.isfinite(leave)
     start = p[meets] + enter[meets, None] * d[meets]
-    return Lines(start, d[meets], (leave - enter)[meets], lever[meets])
+    return Lines(start, d[meets], (leave - enter)[meets], lever_arm[meets])
 
 
 def local_coordinates(place: np.ndarray, geometry: str) -> np.ndarray:
@@ -70,12 +70,12 @@ def local_coordinates(place: np.ndarray, geometry: str) -> np.ndarray:
 
 def local_range(lines: Lines, geometry: str) -> np.ndarray:
     """Least and greatest of the lines' coordinates along the grid's own axes, shape (2, d)."""
-    ends = np.concatenate([lines.start, lines.start + lines.way[:, None] * lines.direction])
+    ends = np.concatenate([lines.start, lines.start + lines.length[:, None] * lines.direction])
     local = local_coordinates(ends, geometry)
     low, high = local.min(axis=0), local.max(axis=0)
     if geometry == "axisymmetric":
         # Between its ends a line may come nearer to the axis.
         square = np.maximum((lines.direction[:, :2] ** 2).sum(axis=1), 1e-300)
-        nearest = np.clip(-(lines.start[:, :2] * lines.direction[:, :2]).sum(axis=1) / square, 0.0, lines.way)
+        nearest = np.clip(-(lines.start[:, :2] * lines.direction[:, :2]).sum(axis=1) / square, 0.0, lines.length)
         low[0] = np.hypot(*(lines.start[:, :2] + nearest[:, None] * lines.direction[:, :2]).T).min()
     return np.stack([low, high])

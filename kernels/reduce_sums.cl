@@ -1,13 +1,14 @@
-// Rows of sums joined, a work-item a number: row_count rows of each replicate become joined_count, JOINED rows to one, in
-// their order. Number k of a row is one of the moments, then real and imaginary part of the phasor.
+// One level of a tree reduction, one work-item a number: row_count rows of each replicate become reduced_count, each of
+// them the sum of REDUCTION_WIDTH rows, in their order. Number k of a row is one of the moments, then real and imaginary
+// part of the phasor.
 //
 // Of the numbers first_sum up to sum_count: sums_in (replicates * row_count, SUM_COUNT), and
-// sums_out (replicates * joined_count, SUM_COUNT).
+// sums_out (replicates * reduced_count, SUM_COUNT).
 
 #include "arguments.h"
 #include "groups.h"
 
-__kernel void join_sums(JOIN_SUMS_ARGUMENTS)
+__kernel void reduce_sums(REDUCE_SUMS_ARGUMENTS)
 {
     const int sum = (int)get_global_id(0) + first_sum;
     if (sum >= sum_count) {
@@ -15,9 +16,9 @@ __kernel void join_sums(JOIN_SUMS_ARGUMENTS)
     }
     const int joined = sum / SUM_COUNT;
     const int k = sum - joined * SUM_COUNT;
-    const int replicate = joined / joined_count;
-    const int first = (joined - replicate * joined_count) * JOINED;
-    const int stop = min(first + JOINED, row_count);
+    const int replicate = joined / reduced_count;
+    const int first = (joined - replicate * reduced_count) * REDUCTION_WIDTH;
+    const int stop = min(first + REDUCTION_WIDTH, row_count);
     double whole = 0.0;
     for (int row = replicate * row_count + first; row < replicate * row_count + stop; row++) {
         const double part = sums_in[(size_t)row * SUM_COUNT + k];

@@ -17,22 +17,22 @@ from .stop import ArcLength, Plane
 
 
 @dataclass(frozen=True)
-class Levers:
+class LeverArms:
     """The greatest lengths over a bundle of undisturbed rays [m].
 
     Attributes:
-        way: Path through the field's box, up to the stop if that lies in it.
+        path_length: Path through the field's box, up to the stop if that lies in it.
         reach: Distance from where a ray enters the box to its stop.
         lever_arm: That distance times the tangent of the angle between the ray and the stop's normal, of rays that do
             not graze the stop (LEAST_COSINE).
     """
 
-    way: float
+    path_length: float
     reach: float
     lever_arm: float
 
 
-def levers_of(field: IndexField, rays: RayBundle, until) -> Levers | None:
+def lever_arms_of(field: IndexField, rays: RayBundle, until) -> LeverArms | None:
     """The lever arms of a bundle on its way to a stop; None where no ray meets the field's box before it.
 
     Args:
@@ -41,24 +41,24 @@ def levers_of(field: IndexField, rays: RayBundle, until) -> Levers | None:
         until: None (the end of the box), a Plane or an ArcLength.
     """
     low, high = (np.asarray(corner, dtype=float)[0 if field.geometry == "volume" else 1 :] for corner in field.box)
-    enter, far, cosine = crossing_of_box(rays.position, rays.direction, low, high, field.geometry)
-    stop = far
+    enter, leave, cosine = crossing_of_box(rays.position, rays.direction, low, high, field.geometry)
+    stop = leave
     if isinstance(until, Plane):
         cosine = rays.direction @ until.normal
         height = (until.point - rays.position) @ until.normal
         with np.errstate(divide="ignore", invalid="ignore"):
             stop = np.where(height * cosine > 0.0, height / cosine, np.inf)
     elif isinstance(until, ArcLength):
-        cosine, stop = np.ones(len(far)), np.full(len(far), until.length)
-    far = np.minimum(far, stop)
-    good = (far > enter) & np.isfinite(far)
+        cosine, stop = np.ones(len(leave)), np.full(len(leave), until.length)
+    leave = np.minimum(leave, stop)
+    good = (leave > enter) & np.isfinite(leave)
     if not good.any():
         return None
-    reach = np.where(np.isfinite(stop), stop, far)[good] - enter[good]
+    reach = np.where(np.isfinite(stop), stop, leave)[good] - enter[good]
     steep = np.abs(cosine[good])
     tangent = np.sqrt(np.maximum(1.0 - steep**2, 0.0)) / np.maximum(steep, LEAST_COSINE)
     lever_arm = np.where((steep > LEAST_COSINE) & np.isfinite(stop[good]), reach * tangent, 0.0)
-    return Levers(float((far - enter)[good].max()), float(reach.max()), float(lever_arm.max()))
+    return LeverArms(float((leave - enter)[good].max()), float(reach.max()), float(lever_arm.max()))
 
 
 def obliquity(direction: np.ndarray, until) -> np.ndarray:
@@ -69,7 +69,7 @@ def obliquity(direction: np.ndarray, until) -> np.ndarray:
 
     Args:
         direction: Unit vectors, shape (n, 3).
-        until: The stop. Only a Plane can be slanted.
+        until: The stop. Only a Plane can be oblique.
 
     Returns:
         Shape (n, 3).
