@@ -17,7 +17,18 @@ RANK = {
     for rank, rooms in enumerate(
         [
             ("read_only",),
-            ("units", "quantities", "callable_module", "sobol", "wavelength", "derived", "clock", "opened"),
+            (
+                "units",
+                "quantities",
+                "callable_module",
+                "sobol",
+                "wavelength",
+                "derived",
+                "clock",
+                "opened",
+                "drafts",
+                "room",
+            ),
             ("arguments",),
             ("shown",),
             ("quiet_warp", "sensor"),

@@ -12,6 +12,7 @@ from xml.etree import ElementTree
 import numpy as np
 
 from ..medium import Body, QuadMesh
+from ..room import check_arrays, check_room
 from ..units import quantity
 from .density_field import DensityField
 from .gas import FreeStream
@@ -226,6 +227,7 @@ def _of_file(path: Path, density: str | None, ambient: float | None, averages: b
             dataset = xarray.open_dataset(path, engine=engine, chunks=None)
     except Exception as fault:
         raise ValueError(f"{path}: cannot be read as {'Zarr' if engine == 'zarr' else 'NetCDF'}: {fault}") from None
+    check_arrays(dataset.coords, f"{path}: the coordinates")
     identity = {"file": path.name, "size": path.stat().st_size if path.is_file() else None}
     return _of_dataset(dataset, density, ambient, averages, own, str(path), identity)
 
@@ -266,12 +268,20 @@ def _of_dataset(data: Any, density: str | None, ambient: float | None, averages:
         raise ValueError(f"{name}: give ambient_density, that of the air around the field, in kg/m3")
 
     def get(number: int) -> np.ndarray:
+        check_room(_snapshot_size(array), f"{name}: a snapshot")
         values = np.asarray(array.isel({clock: number}).values)
         return values if factor == 1.0 else values * factor
 
     return Series(
         get, times, where, float(around), **own, provenance=name, identity={**identity, "variable": array.name}
     )
+
+
+def _snapshot_size(array: Any) -> float:
+    """What reading a time of an array takes [bytes]: a whole chunk of the file where that is more."""
+    chunks = array.encoding.get("chunks") or array.encoding.get("chunksizes") or (0,)
+    counts = (np.prod(array.shape[1:], dtype=float), np.prod(chunks, dtype=float))
+    return float(max(counts)) * array.dtype.itemsize
 
 
 def _in_si(name: str, axis: str, coordinate: Any, dimension: str) -> np.ndarray:

@@ -17,6 +17,7 @@ from aerokernels.jobs.store import REPORT_FILE, SUMMARY_FILE, check_output_folde
 from aerokernels.jobs.sweeps.records import write_text
 from aerokernels.pupils import direction_of
 from aerokernels.scene import Scene, SceneError
+from aerokernels.scene.pupil_table import axis_words
 from aerokernels.series import optical_series, statistics
 
 if TYPE_CHECKING:
@@ -93,6 +94,7 @@ def run_series(scene: Scene, out: Path, progress: Progress | None = None) -> dic
         progress("statistics", MAPS_SHARE)
     again = series if isinstance(series.mesh, GridMesh) and len(series) > 1 else None
     found = statistics(maps, velocity=table.velocity, length=table.length, series=again)
+    found.attrs["pupil_axes"] = list(axis_words(scene.view))
     summary = summarise(scene, maps, found)
     from aerokernels.jobs.series_report import series_report
 

@@ -15,6 +15,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from aerokernels.drafts import draft_of
+
 if TYPE_CHECKING:
     import xarray
 
@@ -81,7 +83,7 @@ def staged_folder(out: Path) -> Iterator[Path]:
     """
     out = out.absolute()
     made = [parent for parent in out.parents if not parent.exists()]
-    staging = out.parent / f".{out.name}.partial-{os.getpid()}"
+    staging = draft_of(out)
     try:
         staging.mkdir(parents=True)
         yield staging

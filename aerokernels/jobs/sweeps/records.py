@@ -28,7 +28,7 @@ def read_definition(folder: Path) -> dict[str, Any] | None:
         return None
     try:
         found = json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError) as fault:
+    except (OSError, ValueError, RecursionError) as fault:
         raise ValueError(f"--out {folder}: {path.name} cannot be read ({fault}); {_REMEDY}") from None
     if not isinstance(found, dict) or "vary" not in found:
         raise ValueError(f"--out {folder}: {path.name} is no sweep's; {_REMEDY}")
@@ -105,6 +105,12 @@ def only_one(folder: Path) -> Iterator[None]:
         yield
 
 
+def _is_record(record: Any) -> bool:
+    if not isinstance(record, dict) or type(record.get("case")) is not int:
+        return False
+    return isinstance(record.get("summary"), dict) or isinstance(record.get("error"), str)
+
+
 class Records:
     """The cases of a sweep that are done.
 
@@ -121,9 +127,10 @@ class Records:
             data = self.path.read_bytes()
             self._whole = data.rfind(b"\n") + 1
             for line in data[: self._whole].splitlines():
-                with contextlib.suppress(ValueError, KeyError, TypeError):
+                with contextlib.suppress(ValueError, RecursionError):  # what is none is computed again
                     record = json.loads(line)
-                    self.done.setdefault(int(record["case"]), record)
+                    if _is_record(record):
+                        self.done.setdefault(record["case"], record)
 
     @contextlib.contextmanager
     def writing(self) -> Iterator["Records"]:
