@@ -5,8 +5,12 @@ give and ends the process when it is written to; so a size is held against the m
 """
 
 import os
+from contextlib import suppress
 from math import prod
+from pathlib import Path
 from typing import Any
+
+import numpy as np
 
 SHARE = 0.5  # of the memory that is free, which one reading may take
 
@@ -48,13 +52,36 @@ def check_room(size: float, what: str) -> None:
         )
 
 
-def check_arrays(arrays: Any, what: str) -> None:
-    """Refuse a dataset of xarray whose arrays do not go into memory together; nothing of it is read for that.
+def check_file(path: Path, what: str, most_axes: float = float("inf")) -> None:
+    """Refuse an HDF5 file, or a Zarr store, whose arrays do not go into memory together; none is read for that.
+
+    Args:
+        path: The file; one that cannot be opened is left to its reader.
+        what: Begins the message.
+        most_axes: Arrays of more axes do not count: 1 for those that xarray reads when it opens a file.
 
     Raises:
         NoRoomError: As `check_room`.
     """
-    check_room(sum(prod(array.shape) * array.dtype.itemsize for array in arrays.variables.values()), what)
+    sizes: list[float] = []
+
+    def take(name: str, entry: Any) -> None:
+        shape = getattr(entry, "shape", None)
+        if shape is not None and len(shape) <= most_axes:
+            sizes.append(prod(map(float, shape)) * np.dtype(entry.dtype).itemsize)
+
+    with suppress(OSError, ValueError, RuntimeError, LookupError, TypeError):
+        if path.is_dir():
+            import zarr
+
+            for name, entry in zarr.open_group(str(path), mode="r").arrays():
+                take(name, entry)
+        else:
+            import h5py
+
+            with h5py.File(path, "r") as file:
+                file.visititems(take)
+    check_room(sum(sizes), what)
 
 
 def _text(size: float) -> str:

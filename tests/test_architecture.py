@@ -27,6 +27,7 @@ RANK = {
                 "clock",
                 "opened",
                 "drafts",
+                "netcdf_file",
                 "room",
             ),
             ("arguments",),

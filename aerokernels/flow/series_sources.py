@@ -12,7 +12,7 @@ from xml.etree import ElementTree
 import numpy as np
 
 from ..medium import Body, QuadMesh
-from ..room import check_arrays, check_room
+from ..room import check_file, check_room
 from ..units import quantity
 from .density_field import DensityField
 from .gas import FreeStream
@@ -221,13 +221,13 @@ def _of_file(path: Path, density: str | None, ambient: float | None, averages: b
             import zarr  # noqa: F401
         except ImportError:
             raise ImportError(f"{path}: a Zarr store needs zarr: pip install 'aerokernels[dask]'") from None
+    check_file(path, f"{path}: its list of coordinates", most_axes=1)
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", RuntimeWarning)  # that a store without consolidated metadata opens slowly
             dataset = xarray.open_dataset(path, engine=engine, chunks=None)
     except Exception as fault:
         raise ValueError(f"{path}: cannot be read as {'Zarr' if engine == 'zarr' else 'NetCDF'}: {fault}") from None
-    check_arrays(dataset.coords, f"{path}: the coordinates")
     identity = {"file": path.name, "size": path.stat().st_size if path.is_file() else None}
     return _of_dataset(dataset, density, ambient, averages, own, str(path), identity)
 

@@ -24,7 +24,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from aerokernels.hardware.store import EchoStore
-from aerokernels.room import check_arrays
+from aerokernels.room import check_file
 from aerokernels.units import quantity
 
 if TYPE_CHECKING:
@@ -180,9 +180,8 @@ def load_netcdf(path: Path) -> "xarray.Dataset":
     with _blamed_on(path):
         with h5py.File(path, "r"):  # says what is wrong with a file in fewer words than what is built on it
             pass
-        with xarray.open_dataset(path, engine="h5netcdf", decode_times=False) as announced:
-            check_arrays(announced, str(path))
-            return announced.load()
+        check_file(path, str(path))
+        return xarray.load_dataset(path, engine="h5netcdf", decode_times=False)
 
 
 @contextlib.contextmanager

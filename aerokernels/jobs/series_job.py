@@ -13,7 +13,7 @@ import numpy as np
 
 from aerokernels import __version__
 from aerokernels.flow import GridMesh, Series, open_series
-from aerokernels.jobs.store import REPORT_FILE, SUMMARY_FILE, check_output_folder, to_json, write_result
+from aerokernels.jobs.store import REPORT_FILE, SUMMARY_FILE, check_output_folder, replace_result, to_json
 from aerokernels.jobs.sweeps.records import write_text
 from aerokernels.pupils import direction_of
 from aerokernels.scene import Scene, SceneError
@@ -100,12 +100,7 @@ def run_series(scene: Scene, out: Path, progress: Progress | None = None) -> dic
 
     if progress is not None:
         progress("writing the report", 0.95)
-    partial = out / f".{STATISTICS_FILE}.partial"
-    try:
-        write_result(partial, found)
-        partial.replace(out / STATISTICS_FILE)
-    finally:
-        partial.unlink(missing_ok=True)
+    replace_result(out / STATISTICS_FILE, found)
     write_text(out / SUMMARY_FILE, json.dumps(summary, indent=2, ensure_ascii=False, allow_nan=False) + "\n")
     write_text(out / REPORT_FILE, series_report(scene, maps, found, summary))
     return summary

@@ -113,7 +113,7 @@ def override(draw: random.Random, folder: Path) -> bool:
         value = any_value(draw)
         changes[key] = toml_text(value) if draw.random() < 0.5 else value
     try:
-        Scene.load(draw.choice(("mach3", "wind-tunnel-mach3")), changes)
+        Scene.load(draw.choice(("sea-level-mach3", "wind-tunnel-mach3")), changes)
     except SceneError as fault:
         return _told(fault)
     return True

@@ -14,6 +14,7 @@ import threading
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -73,7 +74,7 @@ def reading(since: float, runs: int) -> Reading:
 
 def kinds(folder: Path, backends: tuple[str, ...]) -> dict[str, Callable[[], object]]:
     """The runs by name; `folder` takes what they write."""
-    scene = Scene.load("mach3", SMALL)
+    scene = Scene.load("wind-tunnel-mach3", SMALL)
     prepared: list = []
 
     def field():
@@ -83,12 +84,10 @@ def kinds(folder: Path, backends: tuple[str, ...]) -> dict[str, Callable[[], obj
             prepared.append(prepare_field(scene).field)
         return prepared[0]
 
-    found: dict[str, Callable[[], object]] = {
-        f"strehl, {backend}": lambda backend=backend: estimate_strehl(
-            field(), scene.view, ray_count=1000, backend=backend, allow_truncation=True
-        )
-        for backend in backends
-    }
+    def strehl(backend: str) -> object:
+        return estimate_strehl(field(), scene.view, ray_count=1000, backend=backend, allow_truncation=True)
+
+    found: dict[str, Callable[[], object]] = {f"strehl, {backend}": partial(strehl, backend) for backend in backends}
     return found | {
         "run": lambda: write_run(simulate(scene), folder / "run"),
         "schlieren": lambda: schlieren(field(), pixel_count=16, backend="warp", device="cpu"),

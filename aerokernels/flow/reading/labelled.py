@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ...room import NoRoomError, check_arrays
+from ...room import NoRoomError, check_file
 from .coordinates import COLUMNS
 from .dataset import Dataset, ReadError
 from .named_arrays import DAMAGED, dataset_of
@@ -24,8 +24,9 @@ def read(path: Path, time=None, options: dict | None = None) -> Dataset:
     with path.open("rb") as stream:
         engine = "scipy" if stream.read(3) == CLASSIC else "h5netcdf"
     try:
+        if engine == "h5netcdf":
+            check_file(path, "what it holds")
         with xarray.open_dataset(path, engine=engine, decode_times=False) as data:
-            check_arrays(data, "what it holds")
             return labelled_dataset(path, data.load(), (options or {}).get("variables"), time, "NetCDF")
     except ReadError:
         raise

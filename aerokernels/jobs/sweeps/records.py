@@ -11,7 +11,8 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
-from aerokernels.jobs.store import to_json
+from aerokernels.drafts import draft_of
+from aerokernels.jobs.store import FULL, OutputError, to_json
 
 DEFINITION_FILE, CASES_FILE, DATASET_FILE, LOCK_FILE = "sweep.json", "cases.jsonl", "sweep.nc", ".lock"
 _REMEDY = "take another --out, or remove that folder"
@@ -42,9 +43,14 @@ def write_definition(folder: Path, described: Mapping[str, Any]) -> None:
 
 def write_text(path: Path, text: str) -> None:
     """Replace a file in one step: whoever reads it finds the old or the new one, whole."""
-    partial = path.with_name(f".{path.name}.partial")
-    partial.write_text(text, encoding="utf-8")
-    partial.replace(path)
+    partial = draft_of(path)
+    try:
+        partial.write_text(text, encoding="utf-8")
+        partial.replace(path)
+    except OSError as fault:
+        raise (OutputError(path, fault) if fault.errno in FULL else fault) from fault
+    finally:
+        partial.unlink(missing_ok=True)
 
 
 def check_same(folder: Path, found: Mapping[str, Any], asked: Mapping[str, Any]) -> None:
