@@ -17,7 +17,19 @@ RANK = {
     for rank, packages in enumerate(
         [
             ("read_only",),
-            ("units", "quantities", "callable_module", "sobol", "wavelength", "derived", "clock", "opened"),
+            (
+                "units",
+                "quantities",
+                "callable_module",
+                "sobol",
+                "wavelength",
+                "derived",
+                "clock",
+                "opened",
+                "drafts",
+                "netcdf_file",
+                "room",
+            ),
             ("arguments",),
             ("shown",),
             ("quiet_warp", "sensor"),

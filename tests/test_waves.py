@@ -1,5 +1,7 @@
 """Wave optics: closed forms in free space and in fields, and the rays where they are good."""
 
+import os
+import subprocess
 import sys
 from types import SimpleNamespace
 
@@ -262,3 +264,23 @@ def test_layers_are_the_fields_own_interpolant(geometry: str, interpolation: str
         points = wave.center + x[..., None] * first + y[..., None] * second + depth * wave.normal
         expected = field.contrast_at(points.reshape(-1, 3)).reshape(12, 10) * length / 5
         assert np.abs(found[number] - expected).max() < 1e-6 * np.abs(expected).max() + 1e-20
+
+
+def test_a_far_field_has_the_same_bits_on_any_number_of_threads(tmp_path):
+    """Set-up: 150 x 150 samples at 130 angles, which BLAS would share out; 1 and 3 threads.
+
+    Expected: the same bits; within rounding the sum over all samples that they stand for.
+    """
+    code = (
+        "import sys; import numpy as np; from aerokernels.wavefront.point_spread import far_field\n"
+        "draw = np.random.default_rng(0).normal; wave = draw(size=(150, 150)) + 1j * draw(size=(150, 150))\n"
+        "x = np.linspace(-0.01, 0.01, 150); angle = np.linspace(-1e-4, 1e-4, 130)\n"
+        "found = far_field(wave, (x, x), angle, 1e-6); found.tofile(sys.argv[1])\n"
+        "turned = np.exp(-2j * np.pi / 1e-6 * angle[:, None] * x)\n"
+        "truth = np.einsum('ay,yx,x->a', turned, wave, turned[7])\n"
+        "assert np.abs(found[:, 7] - truth).max() < 1e-12 * np.abs(truth).max()"
+    )
+    for threads in ("1", "3"):
+        environment = {**os.environ, "OPENBLAS_NUM_THREADS": threads, "OMP_NUM_THREADS": threads}
+        subprocess.run([sys.executable, "-c", code, str(tmp_path / threads)], env=environment, check=True, timeout=100)
+    assert (tmp_path / "1").read_bytes() == (tmp_path / "3").read_bytes()

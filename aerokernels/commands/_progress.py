@@ -4,7 +4,7 @@ import contextlib
 import sys
 from collections.abc import Callable, Iterator
 
-from aerokernels.commands._output import asked, note
+from aerokernels.commands._output import asked, note, plain
 
 Progress = Callable[[str, float], None]
 
@@ -18,7 +18,6 @@ def shown_progress(title: str) -> Iterator[Progress]:
     from rich.console import Console
     from rich.progress import BarColumn, TextColumn, TimeElapsedColumn
     from rich.progress import Progress as Bar
-    from rich.text import Text
 
     columns = (
         TextColumn("{task.fields[title]}", markup=False),
@@ -27,5 +26,5 @@ def shown_progress(title: str) -> Iterator[Progress]:
         TimeElapsedColumn(),
     )
     with Bar(*columns, console=Console(stderr=True), transient=True) as bar:
-        task = bar.add_task("", total=1.0, title=Text(title).plain)
-        yield lambda stage, fraction: bar.update(task, description=stage, completed=fraction)
+        task = bar.add_task("", total=1.0, title=plain(title))
+        yield lambda stage, fraction: bar.update(task, description=plain(stage), completed=fraction)

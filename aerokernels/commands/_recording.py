@@ -9,6 +9,8 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
+from aerokernels.commands._output import plain
+
 if TYPE_CHECKING:
     from aerokernels.hardware.recorder import RecordingStatus
 
@@ -87,7 +89,7 @@ def reporter() -> Iterator[Callable[["RecordingStatus"], None]]:
     if console.is_terminal:
         with console.status("waiting for the first echo") as live:
             yield lambda status: live.update(
-                Text(describe(status, meter.rate(status.stored_count)), no_wrap=True, overflow="ellipsis")
+                Text(plain(describe(status, meter.rate(status.stored_count))), no_wrap=True, overflow="ellipsis")
             )
         return
     shown_at = -1.0
@@ -103,7 +105,7 @@ def reporter() -> Iterator[Callable[["RecordingStatus"], None]]:
         if status != shown and (port_changed or now - shown_at >= 1.0):
             shown_at, shown = now, status
             try:
-                print(describe(status, rate), flush=True)
+                print(plain(describe(status, rate)), flush=True)
             except OSError:  # its reader has left, or the log's disk is full: no reason to stop recording
                 _stop_printing()
 

@@ -1,6 +1,7 @@
 """Tables on a terminal, plain lines that `grep` and `cut` can take where the output goes elsewhere, or JSON."""
 
 import io
+import re
 from collections.abc import Sequence
 from typing import Any
 
@@ -23,7 +24,7 @@ def print_table(title: str, columns: Sequence[str], rows: Sequence[Sequence[str]
     console = Console()
     if not console.is_terminal:
         for row in (columns, *rows):
-            say("\t".join(" ".join(plain(cell).split("\t")) for cell in row))
+            say("\t".join(re.sub(r"[\t\n]+", " ", plain(cell)) for cell in row))
         return
     from rich import box
 

@@ -36,6 +36,7 @@ def record(
     commit_interval: Annotated[float, typer.Option(min=0.0, help="Seconds of echoes that a kill can lose.")] = 0.25,
 ) -> None:
     """Record echoes from hardware until --count or Ctrl-C; a port that goes away is waited for."""
+    from aerokernels.commands._output import plain
     from aerokernels.commands._recording import describe, parse_labels, reporter
     from aerokernels.hardware.interrupt import interrupt_flag
     from aerokernels.hardware.port import PortError
@@ -58,7 +59,7 @@ def record(
         try:
             with EchoStore(store) as echoes, reporter() as report:
                 echoes.begin_recording(port, protocol, labels)
-                print(f"recording {protocol} from {port} into {store}", flush=True)
+                print(plain(f"recording {protocol} from {port} into {store}"), flush=True)
                 status = Recorder(
                     stream,
                     echoes,
@@ -71,7 +72,7 @@ def record(
                 ).run()
         finally:
             stream.close()
-    typer.echo(f"done: {describe(status)}, in {store}")
+    typer.echo(plain(f"done: {describe(status)}, in {store}"))
 
 
 def connector(

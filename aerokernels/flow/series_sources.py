@@ -12,6 +12,7 @@ from xml.etree import ElementTree
 import numpy as np
 
 from ..medium import Body, QuadMesh
+from ..room import check_file, check_room
 from ..units import quantity
 from .density_field import DensityField
 from .gas import FreeStream
@@ -220,6 +221,7 @@ def _of_file(path: Path, density: str | None, ambient: float | None, averages: b
             import zarr  # noqa: F401
         except ImportError:
             raise ImportError(f"{path}: a Zarr store needs zarr: pip install 'aerokernels[dask]'") from None
+    check_file(path, f"{path}: its list of coordinates", most_axes=1)
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", RuntimeWarning)  # that a store without consolidated metadata opens slowly
@@ -266,12 +268,20 @@ def _of_dataset(data: Any, density: str | None, ambient: float | None, averages:
         raise ValueError(f"{name}: give ambient_density, that of the air around the field, in kg/m3")
 
     def get(number: int) -> np.ndarray:
+        check_room(_snapshot_size(array), f"{name}: a snapshot")
         values = np.asarray(array.isel({clock: number}).values)
         return values if factor == 1.0 else values * factor
 
     return Series(
         get, times, where, float(around), **own, provenance=name, identity={**identity, "variable": array.name}
     )
+
+
+def _snapshot_size(array: Any) -> float:
+    """What reading a time of an array takes [bytes]: a whole chunk of the file where that is more."""
+    chunks = array.encoding.get("chunks") or array.encoding.get("chunksizes") or (0,)
+    counts = (np.prod(array.shape[1:], dtype=float), np.prod(chunks, dtype=float))
+    return float(max(counts)) * array.dtype.itemsize
 
 
 def _in_si(name: str, axis: str, coordinate: Any, dimension: str) -> np.ndarray:

@@ -7,6 +7,7 @@ import numpy as np
 from scipy.constants import speed_of_light
 
 from aerokernels.hardware.frames import GREATEST_SAMPLE_COUNT, EchoFrame
+from aerokernels.room import check_file
 
 # What the simulated instruments play if nothing else is asked for.
 DEFAULT_SCENE = "wind-tunnel-static"
@@ -119,6 +120,7 @@ class EchoSource:
                 pass
         except OSError as error:
             raise ValueError(f"result {path}: cannot be read ({error}); give the result.nc of a run") from error
+        check_file(path, f"result {path}")
         with xarray.open_dataset(path, engine="h5netcdf") as result:
             if (
                 not {"time", "echo_voltage"} <= set(result.variables)

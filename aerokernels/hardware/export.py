@@ -11,12 +11,14 @@ from typing import Any
 
 import numpy as np
 
+from aerokernels.drafts import draft_of
 from aerokernels.hardware.csv_cells import csv_cell
-from aerokernels.hardware.retrying_file import RetryingFile
 from aerokernels.hardware.store import EchoStore, StoredEcho
 from aerokernels.hardware.transaction import StoreError
+from aerokernels.netcdf_file import RetryingFile
 
-ECHOES_AT_ONCE = 1024  # echoes written at a time
+ECHOES_AT_ONCE = 1024  # echoes written at a time, and
+SAMPLES_AT_ONCE = 2**23  # samples at most: one long curve makes rows of its length for all
 
 
 @dataclass(frozen=True)
@@ -34,6 +36,11 @@ class _Extent:
     sample_count: int
     time: np.ndarray | None
     keys: tuple[str, ...]
+
+    @property
+    def at_once(self) -> int:
+        """Echoes written at a time."""
+        return max(1, min(self.count, ECHOES_AT_ONCE, SAMPLES_AT_ONCE // max(self.sample_count, 1)))
 
 
 def export(store: EchoStore, out: str | Path, label: Mapping[str, str] | None = None) -> int:
@@ -61,7 +68,7 @@ def export(store: EchoStore, out: str | Path, label: Mapping[str, str] | None = 
     if out.is_dir() or not os.access(out.parent, os.W_OK):
         why = "is a folder" if out.is_dir() else f"no permission to write in {out.parent}"
         raise ValueError(f"--out {out}: {why}; give another file name")
-    draft = out.with_name(f".{out.name}.partial-{os.getpid()}")
+    draft = draft_of(out)
     try:
         with store.snapshot():
             extent = _survey(store, label)
@@ -151,7 +158,7 @@ def _write_netcdf(store: EchoStore, draft: Path, extent: _Extent, label: Mapping
         }
         volts = _variable(
             file, "voltage", ("echo", "sample"), "f4", "V", "echo; NaN beyond its own samples",
-            chunks=(min(extent.count, ECHOES_AT_ONCE), max(extent.sample_count, 1)), compression="gzip",
+            chunks=(extent.at_once, max(extent.sample_count, 1)), compression="gzip",
             compression_opts=1, shuffle=True, fillvalue=np.float32("nan"),
         )  # fmt: skip
         coordinates = ["sequence", "host_time", *label_names.values()]
@@ -160,7 +167,7 @@ def _write_netcdf(store: EchoStore, draft: Path, extent: _Extent, label: Mapping
             _variable(file, "time", ("sample",), "f8", "s", "time of the sample")[:] = extent.time
         volts.attrs["coordinates"] = " ".join(coordinates)
         start = 0
-        for block in _blocks(_chosen(store, label)):
+        for block in _blocks(_chosen(store, label), extent.at_once):
             here = slice(start, start + len(block))
             for name, values in _columns_of(block, label_names).items():
                 columns[name][here] = values
@@ -215,8 +222,8 @@ def _label_names(keys: tuple[str, ...]) -> dict[str, str]:
     return names
 
 
-def _blocks(echoes: Iterator[StoredEcho]) -> Iterator[list[StoredEcho]]:
-    while block := list(itertools.islice(echoes, ECHOES_AT_ONCE)):
+def _blocks(echoes: Iterator[StoredEcho], count: int) -> Iterator[list[StoredEcho]]:
+    while block := list(itertools.islice(echoes, count)):
         yield block
 
 

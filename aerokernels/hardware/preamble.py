@@ -28,6 +28,9 @@ _RIGOL_FIELDS = (
 )  # fmt: skip
 
 
+MOST_SAMPLES = 2**32  # more than any block holds
+
+
 class PreambleError(ValueError):
     """A preamble that cannot be used; the message says why."""
 
@@ -63,6 +66,10 @@ class Preamble:
         for name in ("sample_period", "first_sample_time", "scale", "offset"):
             if not math.isfinite(getattr(self, name)):
                 raise PreambleError(f"preamble: {name} = {getattr(self, name)}")
+        # What volts and times are made of: the widest count, and a second for each sample of a block, in picoseconds.
+        furthest = abs(self.first_sample_time) + 1e12 * self.sample_period * MOST_SAMPLES
+        if not math.isfinite(abs(self.offset) + 65536.0 * abs(self.scale)) or not math.isfinite(furthest):
+            raise PreambleError(f"preamble: {self.scale} V per count every {self.sample_period} s is out of range")
         if self.scale == 0.0 or self.sample_period <= 0.0:
             raise PreambleError(f"preamble: {self.scale} V per count every {self.sample_period} s")
         if self.sample_count is not None and self.sample_count < 1:

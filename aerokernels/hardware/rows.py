@@ -1,5 +1,8 @@
 """Echoes as rows of the store, and back."""
 
+import json
+from operator import index
+
 import numpy as np
 
 from aerokernels.hardware.frames import EchoFrame
@@ -41,11 +44,34 @@ def echo_of(
     preamble: str | None,
     raw: bytes,
 ) -> EchoFrame | ScopeCurve:
-    """The echo behind the columns that `READ_ECHOES` selects, from `sequence` on."""
+    """The echo behind the columns that `READ_ECHOES` selects, from `sequence` on.
+
+    Raises:
+        TypeError, ValueError, OverflowError: What stands there is no echo.
+    """
+    if not isinstance(samples, bytes) or not isinstance(raw, bytes) or not isinstance(preamble, (str, type(None))):
+        raise TypeError("samples, raw and preamble must be bytes, bytes and a text")
     counts = np.frombuffer(samples, "<i2").astype(np.int16, copy=False)
-    if device_time is None:
-        return ScopeCurve(sequence, period, scale, offset, counts, first_sample, preamble or "", raw)
-    return EchoFrame(sequence, device_time % 2**64, int(period), scale, offset, counts, flags, raw)
+    if device_time is not None:
+        return EchoFrame(sequence, index(device_time) % 2**64, int(period), scale, offset, counts, flags, raw)
+    numbers = np.array([period, first_sample, scale, offset], dtype=np.float64)
+    with np.errstate(over="ignore"):
+        ends = numbers[1] + 1e-12 * numbers[0] * counts.size, abs(numbers[3]) + 65536.0 * abs(numbers[2])
+    if not np.isfinite([*numbers, *ends]).all():
+        raise ValueError(f"sample period, first sample, scale and offset {numbers.tolist()} are out of range")
+    return ScopeCurve(index(sequence), period, scale, offset, counts, first_sample, preamble or "", raw)
+
+
+def label_of(text: str) -> dict[str, str]:
+    """A label as the store has it: texts by their keys.
+
+    Raises:
+        TypeError, ValueError: Something else stands there.
+    """
+    label = json.loads(text)
+    if not isinstance(label, dict) or not all(isinstance(value, str) for value in label.values()):
+        raise ValueError(f"a label is texts by their keys, got {text[:60]!r}")
+    return label
 
 
 def signed(value: int) -> int:

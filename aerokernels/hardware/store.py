@@ -7,18 +7,21 @@ import json
 import re
 import sqlite3
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
+from operator import index
 from pathlib import Path
+from typing import Any, TypeVar
 
 from aerokernels.hardware.decoder import DamagedPiece
 from aerokernels.hardware.frames import EchoFrame
 from aerokernels.hardware.preamble import ScopeCurve
-from aerokernels.hardware.rows import READ_ECHOES, WRITE_ECHO, echo_of, row_of, signed
+from aerokernels.hardware.rows import READ_ECHOES, WRITE_ECHO, echo_of, label_of, row_of, signed
 from aerokernels.hardware.schema import APPLICATION_ID, SCHEMA_VERSION, create, upgrade
 from aerokernels.hardware.store_file import store_address
-from aerokernels.hardware.transaction import StoreError, Transaction, described_errors
+from aerokernels.hardware.transaction import KEEP_IT, DamagedStoreError, StoreError, Transaction, described_errors
 
+Made = TypeVar("Made")
 _BUSY_TIME = 30.0  # [s] to wait for another recorder that is just committing to the same store
 _CHECKPOINT_PAGES = 4000  # of the write-ahead log, 16 MB, before they are moved into the file
 
@@ -232,13 +235,13 @@ class EchoStore:
     def labels(self) -> list[dict[str, str]]:
         """The different labels in the store, in the order they were first recorded."""
         rows = self._rows("SELECT label FROM echoes GROUP BY label ORDER BY min(id)")
-        return [json.loads(text) for (text,) in rows]
+        return [self._read(label_of, text) for (text,) in rows]
 
     def echoes(self, label: Mapping[str, str] | None = None) -> Iterator[StoredEcho]:
         """The echoes in the order they were recorded; with `label`, only those with exactly this label."""
         where, values = ("", ()) if label is None else ("WHERE label = ?", (encode_label(label),))
         for session, host_time, text, *columns in self._rows(f"{READ_ECHOES} {where} ORDER BY id", values):
-            yield StoredEcho(session, host_time, json.loads(text), echo_of(*columns))
+            yield self._read(_stored_echo, session, host_time, text, *columns)
 
     def gaps(self) -> list[Gap]:
         """What is missing between the numbers, in the order it was noticed."""
@@ -254,7 +257,20 @@ class EchoStore:
 
     def _rows(self, query: str, values: tuple = ()) -> Iterator[tuple]:
         with described_errors(self.path):
-            yield from self._connection.execute(query, values)
+            # Not `yield from`: left before its end, that would close the cursor, perhaps after the file.
+            yield from iter(self._connection.execute(query, values).fetchone, None)
+
+    def _read(self, make: Callable[..., Made], *columns: Any) -> Made:
+        """What columns say; a program of somebody else's, or damage that leaves SQLite alone, may put anything there.
+
+        Raises:
+            DamagedStoreError: They are no echo's.
+        """
+        try:
+            return make(*columns)
+        except (TypeError, ValueError, ArithmeticError, RecursionError) as error:
+            told = " ".join(str(error).split())[:200]
+            raise DamagedStoreError(f"store {self.path}: a row of it is no echo's ({told}); {KEEP_IT}") from None
 
     def _is_stored(self, key: tuple[int, int, int]) -> bool:
         query = "SELECT 1 FROM echoes WHERE sequence = ? AND device_time_us = ? AND crc32 = ?"
@@ -291,6 +307,10 @@ class EchoStore:
         self._followed = True
         self._last = (session, sequence, device_time, crc)
         return session
+
+
+def _stored_echo(session: Any, host_time: Any, text: Any, *columns: Any) -> StoredEcho:
+    return StoredEcho(index(session), index(host_time), label_of(text), echo_of(*columns))
 
 
 def encode_label(label: Mapping[str, str]) -> str:

@@ -5,6 +5,9 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
+KEEP_IT = "keep it, get out what can be had with `sqlite3 FILE .recover`, and record into a new file"
+"""What to do with a damaged store."""
+
 
 class StoreError(RuntimeError):
     """The store cannot be written; the message says why, and what to do."""
@@ -31,10 +34,7 @@ def described_errors(path: Path) -> Iterator[None]:
     except sqlite3.DatabaseError as error:
         if type(error) is not sqlite3.DatabaseError:  # a fault of the program, not of the file
             raise
-        raise DamagedStoreError(
-            f"store {path}: {error}; keep it, get out what can be had with `sqlite3 {path.name} .recover`, "
-            "and record into a new file"
-        ) from error
+        raise DamagedStoreError(f"store {path}: {error}; {KEEP_IT}") from error
 
 
 class Transaction:

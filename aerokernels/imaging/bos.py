@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from ..medium import IndexField
+from ..netcdf_file import write_netcdf
 from ..sensor import Sensor, write_grey
 from .camera import Camera
 from .dots import Background, DotPattern
@@ -61,7 +62,7 @@ class BackgroundPictures:
         paths = folder / f"reference.{format}", folder / f"flow.{format}"
         for path, brightness in zip(paths, (self.reference, self.picture), strict=True):
             write_grey(path, brightness)
-        self.traced.to_xarray().to_netcdf(folder / "displacement.nc", engine="h5netcdf")
+        write_netcdf(folder / "displacement.nc", self.traced.to_xarray())
         return paths
 
     def to_xarray(self):

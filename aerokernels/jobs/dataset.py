@@ -13,6 +13,7 @@ from aerokernels.jobs.run_parts import RunParts
 from aerokernels.jobs.scene_text import scene_toml
 from aerokernels.jobs.store import to_json
 from aerokernels.medium import SolidBody
+from aerokernels.scene.pupil_table import axis_words
 
 if TYPE_CHECKING:
     import xarray
@@ -84,10 +85,13 @@ def run_dataset(result: RunParts, summary: Mapping[str, Any]) -> "xarray.Dataset
     wavelength[2]["standard_name"] = "radiation_wavelength"
     coordinates["wavelength"] = wavelength
     coordinates |= {name: variables.pop(name) for name in ("cell_y", "cell_z") if name in variables}
+    first, second = axis_words(result.scene.view)
     if fan is not None:
         variables |= {
             "ray_position": variable(("ray", "plane", "axis"), fan.position, "m", "rays of the picture"),
-            "ray_deviation": variable(("ray", "plane"), fan.deviation, "m", "displacement in y from the straight ray"),
+            "ray_deviation": variable(
+                ("ray", "plane"), fan.deviation, "m", f"displacement along {second} from the straight ray"
+            ),
         }
     if pupil is not None:
         variables |= {
@@ -100,8 +104,8 @@ def run_dataset(result: RunParts, summary: Mapping[str, Any]) -> "xarray.Dataset
             ),
         }
         coordinates |= {
-            "pupil_x": variable("pupil_x", pupil.coordinate, "m", "x in the pupil"),
-            "pupil_y": variable("pupil_y", pupil.coordinate, "m", "y in the pupil"),
+            "pupil_x": variable("pupil_x", pupil.coordinate, "m", f"along {first} in the pupil"),
+            "pupil_y": variable("pupil_y", pupil.coordinate, "m", f"along {second} in the pupil"),
         }
     if spot is not None:
         variables |= {
@@ -111,8 +115,8 @@ def run_dataset(result: RunParts, summary: Mapping[str, Any]) -> "xarray.Dataset
             "point_spread_perfect": variable(("angle_y", "angle_x"), spot.perfect, "1", "the same without flow"),
         }
         coordinates |= {
-            "angle_x": variable("angle_x", spot.angle, "rad", "angle toward x"),
-            "angle_y": variable("angle_y", spot.angle, "rad", "angle toward y"),
+            "angle_x": variable("angle_x", spot.angle, "rad", f"angle toward {first}"),
+            "angle_y": variable("angle_y", spot.angle, "rad", f"angle toward {second}"),
         }
     body = result.prepared.field.body
     if isinstance(body, SolidBody):
@@ -130,6 +134,7 @@ def run_dataset(result: RunParts, summary: Mapping[str, Any]) -> "xarray.Dataset
         "history": f"{written_at():%Y-%m-%dT%H:%M:%SZ}: made by aerokernels {numbers['version']}",
         "source": f"aerokernels {numbers['version']}",
         "geometry": result.prepared.field.geometry,
+        "pupil_axes": [first, second],
         "flow_front_m": result.prepared.front,
         **({} if flow is None else {"ambient_density": flow.ambient_density}),
         "threshold_v": result.scene.detector.threshold,

@@ -64,6 +64,12 @@ def _title(axes: "Axes", text: str) -> None:
     axes.set_title(text, y=1.0)  # a title without a place of its own measures all labels of its axes to find one
 
 
+def axes_of(dataset: "xarray.Dataset") -> tuple[str, str]:
+    """What to call the pupil's axes: x and y, unless it is turned."""
+    first, second = dataset.attrs.get("pupil_axes", ("x", "y"))  # which results of earlier versions lack
+    return str(first), str(second)
+
+
 def _draw_body(axes: "Axes", dataset: "xarray.Dataset") -> None:
     if "body_z" not in dataset:
         return
@@ -133,7 +139,7 @@ def rays_figure(dataset: "xarray.Dataset") -> "Figure":
         stray.plot(along, off, color=colormaps["coolwarm"](0.5 + 0.5 * y0 / scale), linewidth=1.1)
     stray.axhline(0.0, color=MUTED, linewidth=0.6)
     stray.grid(True, color="#e3e7eb")
-    stray.set(xlabel="z [mm]", ylabel="displacement in y [µm]")
+    stray.set(xlabel="z [mm]", ylabel=f"displacement along {axes_of(dataset)[1]} [µm]")
     _title(stray, "Displacement from the straight line (red: upper rays)")
     return figure
 
@@ -160,7 +166,8 @@ def opd_figure(dataset: "xarray.Dataset") -> "Figure":
             interpolation="nearest",  # samples as they are
         )
         rms = float(np.sqrt(np.nanmean(opd**2))) if np.isfinite(opd).any() else float("nan")
-        axes.set(xlabel="x [mm]", ylabel="y [mm]")
+        across, up = axes_of(dataset)
+        axes.set(xlabel=f"{across} [mm]", ylabel=f"{up} [mm]")
         measured = Quantity(rms, 1e9 * dataset.attrs.get("opd_rms_m_error", float("nan")), "nm")
         _title(axes, f"{title}: {measured if np.isfinite(measured.error or 0.0) else f'{rms:.3g} nm'} rms")
         _colour_bar(figure, image, bar_axes, "OPD [nm]")
@@ -183,13 +190,14 @@ def point_spread_figure(dataset: "xarray.Dataset") -> "Figure":
         norm=LogNorm(1e-4, 1.0),
         interpolation="nearest",
     )
-    spot.set(xlabel="angle in x [µrad]", ylabel="angle in y [µrad]")
+    across, up = axes_of(dataset)
+    spot.set(xlabel=f"angle toward {across} [µrad]", ylabel=f"angle toward {up} [µrad]")
     _title(spot, "Point spread function")
     _powers_of_ten(_colour_bar(figure, image, bar_axes, "intensity / undisturbed peak").ax.yaxis)
     middle = spread.shape[0] // 2, spread.shape[1] // 2
     cut.plot(angle_x, perfect[middle[0]], color=MUTED, linestyle="--", linewidth=1.2, label="undisturbed")
-    cut.plot(angle_x, spread[middle[0]], color=RAY_COLOUR, linewidth=1.6, label="along x")
-    cut.plot(angle_y, spread[:, middle[1]], color=ACCENT, linewidth=1.2, linestyle=":", label="along y")
+    cut.plot(angle_x, spread[middle[0]], color=RAY_COLOUR, linewidth=1.6, label=f"along {across}")
+    cut.plot(angle_y, spread[:, middle[1]], color=ACCENT, linewidth=1.2, linestyle=":", label=f"along {up}")
     ratio = dataset.attrs.get("strehl")
     title = "Cuts through the axis"
     if ratio is not None:
@@ -250,9 +258,9 @@ def _around_pulse(power: np.ndarray, voltage: np.ndarray) -> slice:
 
 
 FIGURES: dict[str, tuple[str, "Callable[[xarray.Dataset], Figure]"]] = {
-    "density": ("The air density around the body, with the rays that leave the receiver's pupil.", density_figure),
+    "density": ("The air density around the body, with the rays that leave the pupil.", density_figure),
     "rays": ("The fan of rays near the pupil, and how far refraction moves each of them aside.", rays_figure),
-    "opd": ("The wavefront that a distant point on the axis leaves on the receiver's pupil.", opd_figure),
+    "opd": ("The wavefront that a distant point, straight ahead of the pupil, leaves on it.", opd_figure),
     "point-spread": ("What the wavefront makes of the focus.", point_spread_figure),
     "echo": ("The pulse that comes back from the reflector.", echo_figure),
 }

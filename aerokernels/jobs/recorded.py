@@ -24,6 +24,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from aerokernels.hardware.store import EchoStore
+from aerokernels.room import check_file
 from aerokernels.units import quantity
 
 if TYPE_CHECKING:
@@ -179,6 +180,7 @@ def load_netcdf(path: Path) -> "xarray.Dataset":
     with _blamed_on(path):
         with h5py.File(path, "r"):  # says what is wrong with a file in fewer words than what is built on it
             pass
+        check_file(path, str(path))
         return xarray.load_dataset(path, engine="h5netcdf", decode_times=False)
 
 
@@ -187,7 +189,16 @@ def _blamed_on(path: Path) -> Iterator[None]:
     """Name the file in whatever its readers say about it: a damaged one makes them fail in many ways."""
     try:
         yield
-    except (sqlite3.Error, OSError, ValueError, RuntimeError, KeyError, AttributeError, TypeError) as error:
+    except (
+        sqlite3.Error,
+        OSError,
+        ValueError,
+        ArithmeticError,
+        RuntimeError,
+        LookupError,
+        AttributeError,
+        TypeError,
+    ) as error:
         if isinstance(error, ValueError) and str(path) in str(error):
             raise
         raise ValueError(f"{path}: cannot be read ({error}); is it damaged, or no NetCDF-4 file or store?") from error
@@ -212,7 +223,7 @@ def _echo_rows(path: Path, head: list[str], rows: Iterable[list[str]]) -> Iterat
         raise ValueError(f"{path}: has no column sample_period_s: the times of its samples are not known")
     for number, row in enumerate(rows, start=2):
         place = f"{path}: line {number}"
-        values = dict(zip(head, row, strict=False))
+        values = dict(itertools.zip_longest(head, row[: len(head)], fillvalue=""))
         samples = [row[k] for k in volts if k < len(row) and row[k].strip()]
         period = _number(values["sample_period_s"], f"{place}, sample_period_s")
         first = _number(values.get("first_sample_time_s") or "0", f"{place}, first_sample_time_s")

@@ -115,7 +115,11 @@ def headline_rows(summary: Mapping[str, Any]) -> list[tuple[str, str]]:
         rows.append((words, quantity_of(summary, key).scaled(factor, unit).text(signed)))
     boresight = [quantity_of(summary, f"boresight_{axis}_rad").scaled(1e6, "µrad") for axis in "xy"]
     if not any(math.isnan(angle.value) for angle in boresight):
-        rows.append(("Boresight error x, y", listed(boresight, signed=True)))
+        look = (summary.get("scene_values") or {}).get("pupil") or {}
+        ahead = not (look.get("azimuth") or look.get("elevation"))
+        rows.append(
+            (f"Boresight error {'x, y' if ahead else 'along the pupil’s axes 1, 2'}", listed(boresight, signed=True))
+        )
     return rows
 
 

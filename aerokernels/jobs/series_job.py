@@ -13,10 +13,11 @@ import numpy as np
 
 from aerokernels import __version__
 from aerokernels.flow import GridMesh, Series, open_series
-from aerokernels.jobs.store import REPORT_FILE, SUMMARY_FILE, check_output_folder, to_json, write_result
+from aerokernels.jobs.store import REPORT_FILE, SUMMARY_FILE, check_output_folder, replace_result, to_json
 from aerokernels.jobs.sweeps.records import write_text
 from aerokernels.pupils import direction_of
 from aerokernels.scene import Scene, SceneError
+from aerokernels.scene.pupil_table import axis_words
 from aerokernels.series import optical_series, statistics
 
 if TYPE_CHECKING:
@@ -93,17 +94,13 @@ def run_series(scene: Scene, out: Path, progress: Progress | None = None) -> dic
         progress("statistics", MAPS_SHARE)
     again = series if isinstance(series.mesh, GridMesh) and len(series) > 1 else None
     found = statistics(maps, velocity=table.velocity, length=table.length, series=again)
+    found.attrs["pupil_axes"] = list(axis_words(scene.view))
     summary = summarise(scene, maps, found)
     from aerokernels.jobs.series_report import series_report
 
     if progress is not None:
         progress("writing the report", 0.95)
-    partial = out / f".{STATISTICS_FILE}.partial"
-    try:
-        write_result(partial, found)
-        partial.replace(out / STATISTICS_FILE)
-    finally:
-        partial.unlink(missing_ok=True)
+    replace_result(out / STATISTICS_FILE, found)
     write_text(out / SUMMARY_FILE, json.dumps(summary, indent=2, ensure_ascii=False, allow_nan=False) + "\n")
     write_text(out / REPORT_FILE, series_report(scene, maps, found, summary))
     return summary

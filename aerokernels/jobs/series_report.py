@@ -10,7 +10,7 @@ import numpy as np
 
 from aerokernels.jobs.figure_layout import Panel, panelled_figure
 from aerokernels.jobs.page import Picture, cards, embedded, page, pictures, section, table, text_block
-from aerokernels.jobs.plots import STYLE
+from aerokernels.jobs.plots import STYLE, axes_of
 from aerokernels.jobs.scene_text import scene_toml
 from aerokernels.quantities import Quantity
 from aerokernels.scene import Scene
@@ -126,7 +126,8 @@ def _map(figure: "Figure", axes: Any, bar: Any, found: "xarray.Dataset", values:
     limit = float(np.nanmax(np.abs(values))) or 1.0
     scale = {"vmin": -limit, "vmax": limit, "cmap": "RdBu_r"} if even else {"cmap": "viridis"}
     mesh = axes.pcolormesh(1e3 * found.x.values, 1e3 * found.y.values, values, shading="nearest", **scale)
-    axes.set(xlabel="x [mm]", ylabel="y [mm]", aspect="equal")
+    across, up = axes_of(found)
+    axes.set(xlabel=f"{across} [mm]", ylabel=f"{up} [mm]", aspect="equal")
     figure.colorbar(mesh, cax=bar, label=label)
 
 

@@ -5,6 +5,7 @@ failure, an interrupt or a full disk leaves what was there before.
 """
 
 import contextlib
+import errno
 import json
 import math
 import os
@@ -15,10 +16,25 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from aerokernels.drafts import draft_of
+from aerokernels.netcdf_file import write_netcdf
+
 if TYPE_CHECKING:
     import xarray
 
 RESULT_FILE, SUMMARY_FILE, REPORT_FILE = "result.nc", "summary.json", "report.html"
+
+
+FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
+
+
+class OutputError(OSError):
+    """There is no room for results; the message names the place and the remedy."""
+
+    def __init__(self, place: Path, fault: OSError):
+        """Say it in one line."""
+        super().__init__(f"--out {place}: {os.strerror(fault.errno or 0)}: make room, or choose another place")
+        self.errno = fault.errno
 
 
 def check_output_folder(out: Path, own: Sequence[str] = ()) -> None:
@@ -81,7 +97,7 @@ def staged_folder(out: Path) -> Iterator[Path]:
     """
     out = out.absolute()
     made = [parent for parent in out.parents if not parent.exists()]
-    staging = out.parent / f".{out.name}.partial-{os.getpid()}"
+    staging = draft_of(out)
     try:
         staging.mkdir(parents=True)
         yield staging
@@ -97,11 +113,13 @@ def staged_folder(out: Path) -> Iterator[Path]:
         for name in _files_of(before):
             if name not in names and Path(name).name == name:
                 (out / name).unlink(missing_ok=True)
-    except BaseException:
+    except BaseException as fault:
         shutil.rmtree(staging, ignore_errors=True)
         for parent in made:
             with contextlib.suppress(OSError):
                 parent.rmdir()
+        if isinstance(fault, OSError) and fault.errno in FULL:
+            raise OutputError(out, fault) from fault
         raise
 
 
@@ -154,7 +172,23 @@ def write_result(path: Path, dataset: "xarray.Dataset") -> None:
         for name, variable in dataset.variables.items()
         if variable.size > 1000 and variable.dtype.kind in "fiu"
     }
-    dataset.to_netcdf(path, engine="h5netcdf", encoding=encoding)
+    write_netcdf(path, dataset, encoding)
+
+
+def replace_result(path: Path, dataset: "xarray.Dataset") -> None:
+    """Write `dataset` as `write_result` does, in one step: whoever reads it finds the old or the new one, whole.
+
+    Raises:
+        OutputError: No room.
+    """
+    draft = draft_of(path)
+    try:
+        write_result(draft, dataset)
+        draft.replace(path)
+    except OSError as fault:
+        raise (OutputError(path, fault) if fault.errno in FULL else fault) from fault
+    finally:
+        draft.unlink(missing_ok=True)
 
 
 def read_result(path: Path) -> "xarray.Dataset":

@@ -61,7 +61,9 @@ def read_scene(place: str | Path) -> tuple[str, str, dict[str, Any]]:
         raise SceneError(f"{label}: cannot be read, {fault.strerror}: check the file and its permissions") from None
     except UnicodeDecodeError as fault:
         raise SceneError(f"{label}: byte {fault.start} is not UTF-8: save the scene as UTF-8 text") from None
-    except tomllib.TOMLDecodeError as fault:
+    except RecursionError:
+        raise SceneError(f"{label}: tables and lists within one another, deeper than a scene has them") from None
+    except ValueError as fault:  # TOML's own, or a number of thousands of digits
         raise SceneError(
             f'{label}: not valid TOML, {fault}: write key = value, and texts such as "1.5 m" in quotes'
         ) from None
@@ -123,6 +125,6 @@ def toml_value(text: str) -> Any:
     """What a text says as a TOML value, or the text itself where it is none: "1e-4" is a number, "10 deg" a text."""
     try:
         parsed = tomllib.loads(f"value = {text}")
-    except tomllib.TOMLDecodeError:
+    except (ValueError, RecursionError):  # no TOML, a number of thousands of digits, brackets without end
         return text
     return parsed["value"] if list(parsed) == ["value"] else text

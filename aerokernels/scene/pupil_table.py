@@ -137,6 +137,11 @@ class PupilTable(Table):
             )
 
 
+def axis_words(pupil: Pupil) -> tuple[str, str]:
+    """What to call a pupil's two axes: x and y where it looks along +z, its own where it is turned."""
+    return ("x", "y") if pupil.axes[0][0] == pupil.axes[1][1] == 1.0 else ("the pupil's axis 1", "the pupil's axis 2")
+
+
 def in_words(pupil: Pupil) -> str:
     """Shape, size, place and direction of a pupil, in mm and degrees."""
     width, height = (2e3 * extent for extent in pupil.half_extent)

@@ -5,9 +5,11 @@ from pathlib import Path
 
 import numpy as np
 
+from ..room import NoRoomError, check_room
 from .picture import AnyPicture, Picture
 
 LEAST_PIXELS = 16  # along each side
+COPIES = 3  # in float64, that are in memory together while a picture is read
 FLOW_SIDES = ("right", "left")
 # Grey levels of full white, by Pillow's mode.
 _FULL = {"1": 1.0, "L": 255.0, "I;16": 65535.0, "I;16B": 65535.0, "I;16L": 65535.0}
@@ -84,8 +86,12 @@ def _read_grey(path: Path) -> np.ndarray:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # about a file that is read all the same
             with Image.open(path) as image:
+                told = f"picture {path}: its head"
+                check_room(8.0 * COPIES * image.width * image.height, told)
                 frame_count = getattr(image, "n_frames", 1)
                 grey = _as_grey(image)
+    except NoRoomError:
+        raise
     except UnidentifiedImageError:
         raise ValueError(f"picture {path}: not a picture that can be read; give a PNG or TIFF file") from None
     except Image.DecompressionBombError as error:

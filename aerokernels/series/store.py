@@ -6,6 +6,7 @@ what an unbroken run would have made, bit for bit.
 """
 
 import json
+import os
 import shutil
 import warnings
 from collections.abc import Iterator, Mapping
@@ -127,7 +128,13 @@ class ZarrStore:
         data = self.journal.read_bytes()
         self._whole = data.rfind(b"\n") + 1
         lines = data[: self._whole].splitlines()
-        found = json.loads(lines[0]) if lines else None
+        try:
+            found, *rows = map(json.loads, lines or [b"null"])
+            numbers = [dict(zip(NUMBERS, map(float, row), strict=True)) for row in rows]
+        except (ValueError, TypeError, RecursionError):
+            raise self._damaged() from None
+        if not isinstance(found, (dict, type(None))) or len(numbers) > self.template.sizes["time"]:
+            raise self._damaged()
         if found != self.definition:
             keys = [
                 key
@@ -137,8 +144,13 @@ class ZarrStore:
             key = keys[0] if keys else "all"
             told = f"{key} was {_short((found or {}).get(key))} and is {_short(self.definition.get(key))}"
             raise ValueError(f"out={self.path}: it holds another series, {told}; take another name, or remove it")
-        for line in lines[1:]:
-            self.done.add(dict(zip(NUMBERS, json.loads(line), strict=True)))
+        for row in numbers:
+            self.done.add(row)
+
+    def _damaged(self) -> ValueError:
+        return ValueError(
+            f"out={self.path}: its journal {self.journal.name} is damaged; take another name, or remove both"
+        )
 
     @property
     def is_finished(self) -> bool:
@@ -159,12 +171,45 @@ class ZarrStore:
 
     def _begin(self) -> None:
         """Make the store where there is none, and open the journal."""
+        self.path.parent.mkdir(parents=True, exist_ok=True)
+        self._open.enter_context(self._alone())
         if not (self.journal.is_file() and self.path.is_dir()):
             self._create()
         self._file = self._open.enter_context(self.journal.open("ab"))
         self._file.truncate(self._whole)
         group = self._group()
         self._arrays = {name: group[name] for name in MAPS}
+
+    @contextmanager
+    def _alone(self) -> Iterator[None]:
+        """Hold the store against another process: one that writes now, or that wrote since the journal was read.
+
+        Raises:
+            ValueError: There is one.
+        """
+        try:
+            import fcntl
+        except ImportError:  # a system without such locks
+            yield
+            return
+        lock = self.path.with_name(f".{self.path.name}.lock")
+        with lock.open("w") as file:
+            try:
+                fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            except OSError:
+                raise self._busy() from None
+            there = self.journal.is_file() and self.path.is_dir()
+            went_on = there and self.journal.read_bytes().rfind(b"\n") + 1 != self._whole
+            # Another process may have removed the file that is locked here: then it is no lock.
+            if went_on or not lock.exists() or lock.stat().st_ino != os.fstat(file.fileno()).st_ino:
+                raise self._busy()
+            try:
+                yield
+            finally:
+                lock.unlink(missing_ok=True)
+
+    def _busy(self) -> ValueError:
+        return ValueError(f"out={self.path}: another process is at work there; wait for it, or take another name")
 
     def _create(self) -> None:
         """The store with all its arrays, empty, and the journal with what it is of.
@@ -175,7 +220,6 @@ class ZarrStore:
 
         making = self.path.with_name(f".{self.path.name}.partial")
         shutil.rmtree(making, ignore_errors=True)
-        self.path.parent.mkdir(parents=True, exist_ok=True)
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
             self.template.to_zarr(making, mode="w", consolidated=False)

@@ -13,6 +13,7 @@ from .meeting import check_meeting
 SAMPLE_RAYS = 4096
 # The greatest share of a pupil's weight that may see through the ends of the known air unasked.
 GREATEST_SHARE = 1e-3
+MOVE_IT = "The pupil itself stands outside the field: move it (in a scene: pupil.center, or receiver.aperture_z). "
 
 
 @dataclass(frozen=True, eq=False)
@@ -23,11 +24,13 @@ class PupilAir:
         share: Share of the pupil's weight that may lose more than the tolerance.
         lost_rms: Root mean square over the pupil of what its rays may lose [m].
         place: The face at which most of the concerned rays leave the known air, in words.
+        stands_outside: Whether the pupil's centre lies outside the field: a mistake more often than not.
     """
 
     share: float
     lost_rms: float
     place: str
+    stands_outside: bool = False
 
     @property
     def is_truncated(self) -> bool:
@@ -46,9 +49,10 @@ class PupilAir:
             ValueError: It is truncated and not allowed; the message has the share, the face and the remedies.
         """
         if self.is_truncated and not allowed:
+            move = MOVE_IT if self.stands_outside else ""
             raise ValueError(
-                f"{self.described}: what lies beyond is unknown. Give the field a larger region there, look another "
-                "way, or take allow_truncation=True (in a scene: trace.allow_truncation = true) and read "
+                f"{self.described}: what lies beyond is unknown. {move}Give the field a larger region there, look "
+                "another way, or take allow_truncation=True (in a scene: trace.allow_truncation = true) and read "
                 'error["truncation"]'
             )
 
@@ -75,7 +79,9 @@ def pupil_air(field: IndexField, pupil: Pupil, look: np.ndarray, tolerance: floa
             place = f"at the face {face_text(field, most)}"
         elif not field.is_uniform:
             place = "at the rim of the mesh"
-    return PupilAir(float(weight[over].sum()), float(np.sqrt(weight @ lost**2)), place)
+    low, high = field.box
+    outside = bool(np.any((pupil.center < low) | (pupil.center > high)))
+    return PupilAir(float(weight[over].sum()), float(np.sqrt(weight @ lost**2)), place, outside)
 
 
 def _meets_wall(field: IndexField, position: np.ndarray, direction: np.ndarray) -> np.ndarray:

@@ -17,6 +17,7 @@ from ..strehl_errors import strehl_errors
 from ..wavelength import check_wavelength
 
 COLUMNS_AT_ONCE = 64  # that are padded and transformed
+BLOCK = 32  # rows and columns of a product of matrices: so small a one is never shared out among threads
 
 
 @dataclass(frozen=True)
@@ -89,7 +90,24 @@ def far_field(
         wavelength: Wavelength [m].
     """
     along_x, along_y = (np.exp(-2j * np.pi / wavelength * np.outer(angle, axis)) for axis in coordinates)
-    return np.asarray(along_y @ wave @ along_x.T)
+    return steady_product(steady_product(along_y, wave), along_x.T)
+
+
+def steady_product(left: np.ndarray, right: np.ndarray) -> np.ndarray:
+    """The product of two matrices, with the same bits on any number of threads.
+
+    BLAS shares a large product out among its threads, and rounds at the seams in another order for another number of
+    them. Here it gets one small block after the other, in an order of our own.
+    """
+    found = np.zeros((left.shape[0], right.shape[1]), dtype=np.result_type(left, right))
+    columns = [np.ascontiguousarray(right[:, at : at + BLOCK]) for at in range(0, right.shape[1], BLOCK)]
+    for row in range(0, left.shape[0], BLOCK):
+        band = np.ascontiguousarray(left[row : row + BLOCK])
+        for begin, column in zip(range(0, right.shape[1], BLOCK), columns, strict=True):
+            block = found[row : row + BLOCK, begin : begin + BLOCK]
+            for at in range(0, left.shape[1], BLOCK):
+                block += band[:, at : at + BLOCK] @ column[at : at + BLOCK]
+    return found
 
 
 def _padded_transform(wave: np.ndarray, size: int, kept: np.ndarray) -> np.ndarray:

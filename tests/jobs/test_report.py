@@ -13,6 +13,8 @@ import xarray
 from aerokernels.jobs import plots
 from aerokernels.jobs.figure_layout import Panel, fitted_panel, panelled_figure
 from aerokernels.jobs.report import draw_pictures, headline_rows, render_report
+from aerokernels.pupils import Disc
+from aerokernels.scene.pupil_table import axis_words
 
 SUMMARY = {
     "scene": "trial <1>",
@@ -159,3 +161,21 @@ def test_numbers_have_labels_and_what_users_wrote_is_escaped():
     assert "range by leading edge [m]" in page and "ranges_m" not in page and "scene_values" not in page
     for told in ("<script", "<img", "<b>none</b></p>", "<i>1"):
         assert told not in page
+
+
+def test_a_turned_pupil_is_not_labelled_with_the_frames_axes(dataset: xarray.Dataset):
+    """A pupil that looks elsewhere has axes of its own: its map, its spot and its boresight error say so."""
+    own = ["the pupil's axis 1", "the pupil's axis 2"]
+    for axes, words in (None, ("x", "y")), (own, own):
+        shown = dataset if axes is None else dataset.assign_attrs(pupil_axes=axes)
+        panel = plots.opd_figure(shown).axes[0]
+        assert (panel.get_xlabel(), panel.get_ylabel()) == tuple(f"{word} [mm]" for word in words)
+        assert plots.point_spread_figure(shown).axes[0].get_ylabel() == f"angle toward {words[1]} [µrad]"
+    for azimuth, words in (0.0, "Boresight error x, y"), (0.3, "Boresight error along the pupil’s axes 1, 2"):
+        rows = headline_rows({**SUMMARY, "scene_values": {"pupil": {"azimuth": azimuth, "elevation": 0.0}}})
+        assert rows[-1][0] == words
+
+
+def test_axes_have_the_frames_names_where_a_pupil_looks_ahead():
+    assert axis_words(Disc(1e-3, (0, 0, 0))) == ("x", "y")
+    assert axis_words(Disc(1e-3, (0, 0, 0), (0.1, 0.0, 1.0)))[0] == "the pupil's axis 1"

@@ -1,10 +1,13 @@
 """A scene whose pupil looks through the end of the known air is refused, unless its [trace] table allows it."""
 
+import numpy as np
 import pytest
 
+from aerokernels import Disc, IndexField
 from aerokernels.jobs.run import scene_strehl
 from aerokernels.prepare import prepare_field
 from aerokernels.scene import Scene
+from aerokernels.tracing.pupil_air import pupil_air
 
 
 def test_a_truncated_scene_is_refused_unless_it_is_allowed():
@@ -20,3 +23,17 @@ def test_a_truncated_scene_is_refused_unless_it_is_allowed():
     with pytest.warns(UserWarning, match="that of the known air only"):
         estimate = scene_strehl(cut, allowed)
     assert estimate.error["total"] >= estimate.error["truncation"] > 0.0
+
+
+def test_a_pupil_that_stands_outside_the_field_is_told_so():
+    """Set-up: density rising along z in a box from z = 0 to 8 mm; the pupil 5 mm behind it, or within it.
+
+    Expected: only the one behind, where a scene's default may put it, is told to be moved.
+    """
+    contrast = np.broadcast_to(1e-5 * np.arange(17.0), (9, 17))
+    field = IndexField.from_samples(contrast, origin=(-4e-3, 0.0), spacing=(1e-3, 5e-4), geometry="planar",
+                                    ambient_index=1.0)  # fmt: skip
+    for z, words in (-5e-3, r"stands outside the field: move it .*receiver\.aperture_z"), (1e-3, "unknown. Give the"):
+        found = pupil_air(field, Disc(1e-3, (0.0, 0.0, z)), np.array([0.0, 0.0, 1.0]), 1e-9)
+        with pytest.raises(ValueError, match=words):
+            found.check(allowed=False)

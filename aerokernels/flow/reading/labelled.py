@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
+from ...room import NoRoomError, check_file
 from .coordinates import COLUMNS
 from .dataset import Dataset, ReadError
 from .named_arrays import DAMAGED, dataset_of
@@ -23,10 +24,14 @@ def read(path: Path, time=None, options: dict | None = None) -> Dataset:
     with path.open("rb") as stream:
         engine = "scipy" if stream.read(3) == CLASSIC else "h5netcdf"
     try:
+        if engine == "h5netcdf":
+            check_file(path, "what it holds")
         with xarray.open_dataset(path, engine=engine, decode_times=False) as data:
             return labelled_dataset(path, data.load(), (options or {}).get("variables"), time, "NetCDF")
     except ReadError:
         raise
+    except NoRoomError as fault:
+        raise ReadError(path, *str(fault).split(": ", 1)) from None
     except Exception as fault:  # the libraries meet a damaged file with any error
         raise ReadError(
             path, f"it is no whole NetCDF file ({type(fault).__name__}: {str(fault)[:120]})", DAMAGED

@@ -11,7 +11,8 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
-from aerokernels.jobs.store import to_json
+from aerokernels.drafts import draft_of
+from aerokernels.jobs.store import FULL, OutputError, to_json
 
 DEFINITION_FILE, CASES_FILE, DATASET_FILE, LOCK_FILE = "sweep.json", "cases.jsonl", "sweep.nc", ".lock"
 _REMEDY = "take another --out, or remove that folder"
@@ -28,7 +29,7 @@ def read_definition(folder: Path) -> dict[str, Any] | None:
         return None
     try:
         found = json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError) as fault:
+    except (OSError, ValueError, RecursionError) as fault:
         raise ValueError(f"--out {folder}: {path.name} cannot be read ({fault}); {_REMEDY}") from None
     if not isinstance(found, dict) or "vary" not in found:
         raise ValueError(f"--out {folder}: {path.name} is no sweep's; {_REMEDY}")
@@ -42,9 +43,14 @@ def write_definition(folder: Path, described: Mapping[str, Any]) -> None:
 
 def write_text(path: Path, text: str) -> None:
     """Replace a file in one step: whoever reads it finds the old or the new one, whole."""
-    partial = path.with_name(f".{path.name}.partial")
-    partial.write_text(text, encoding="utf-8")
-    partial.replace(path)
+    partial = draft_of(path)
+    try:
+        partial.write_text(text, encoding="utf-8")
+        partial.replace(path)
+    except OSError as fault:
+        raise (OutputError(path, fault) if fault.errno in FULL else fault) from fault
+    finally:
+        partial.unlink(missing_ok=True)
 
 
 def check_same(folder: Path, found: Mapping[str, Any], asked: Mapping[str, Any]) -> None:
@@ -105,6 +111,12 @@ def only_one(folder: Path) -> Iterator[None]:
         yield
 
 
+def _is_record(record: Any) -> bool:
+    if not isinstance(record, dict) or type(record.get("case")) is not int:
+        return False
+    return isinstance(record.get("summary"), dict) or isinstance(record.get("error"), str)
+
+
 class Records:
     """The cases of a sweep that are done.
 
@@ -121,9 +133,10 @@ class Records:
             data = self.path.read_bytes()
             self._whole = data.rfind(b"\n") + 1
             for line in data[: self._whole].splitlines():
-                with contextlib.suppress(ValueError, KeyError, TypeError):
+                with contextlib.suppress(ValueError, RecursionError):  # what is none is computed again
                     record = json.loads(line)
-                    self.done.setdefault(int(record["case"]), record)
+                    if _is_record(record):
+                        self.done.setdefault(record["case"], record)
 
     @contextlib.contextmanager
     def writing(self) -> Iterator["Records"]:

@@ -9,7 +9,7 @@ from collections.abc import Callable, Generator, Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from aerokernels.jobs.store import REPORT_FILE, check_output_folder, read_result, write_result
+from aerokernels.jobs.store import REPORT_FILE, check_output_folder, read_result, replace_result
 from aerokernels.jobs.sweeps.definition import Definition, checked_scenes, define
 from aerokernels.jobs.sweeps.records import (
     CASES_FILE,
@@ -263,12 +263,7 @@ def _write(
         "executor": executor,
     }
     dataset = sweep_dataset(definition, described, scenes, records.done, provenance)
-    partial = folder / f".{DATASET_FILE}.partial"
-    try:
-        write_result(partial, dataset)
-        partial.replace(folder / DATASET_FILE)
-    finally:
-        partial.unlink(missing_ok=True)
+    replace_result(folder / DATASET_FILE, dataset)
     from aerokernels.jobs.sweeps.report import sweep_report
 
     write_text(folder / REPORT_FILE, sweep_report(dataset, definition))

@@ -1,0 +1,137 @@
+"""Faults injected for real: no room on the disk, kills, two writers, a bare environment; nothing half-written stays."""
+
+import os
+import shutil
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+import xarray
+
+from aerokernels.drafts import draft_of
+from aerokernels.jobs.store import staged_folder
+
+unix = pytest.mark.skipif(sys.platform == "win32", reason="no such signals and limits there")
+
+
+def in_python(code: str, *arguments: object, options: tuple[str, ...] = (), **environment: str):
+    return subprocess.run(
+        [sys.executable, *options, "-c", code, *map(str, arguments)],
+        capture_output=True,
+        text=True,
+        timeout=120,
+        stdin=subprocess.DEVNULL,
+        env={**os.environ, **environment},
+    )
+
+
+@unix
+def test_without_room_a_result_is_refused_in_words_and_leaves_nothing(tmp_path: Path):
+    """A process whose files may have some bytes only, from none to most of the file: HDF5 must not end it."""
+    code = (
+        "import resource, sys; from pathlib import Path; import numpy as np; import xarray\n"
+        "from aerokernels.jobs.store import OutputError, replace_result, staged_folder, write_result\n"
+        "from aerokernels.jobs.sweeps.records import write_text\n"
+        "made = xarray.Dataset({'a': ('x', np.random.default_rng(0).random(20_000), {'units': 'm'})})\n"
+        "out = Path(sys.argv[1])\n"
+        "def staged():\n"
+        "    with staged_folder(out / 'run') as folder:\n"
+        "        write_result(folder / 'result.nc', made)\n"
+        "for size in (0, 900, 9_000, 120_000):\n"
+        "    resource.setrlimit(resource.RLIMIT_FSIZE, (size, resource.RLIM_INFINITY))\n"
+        "    for write in (staged, lambda: replace_result(out / 'sweep.nc', made),\n"
+        "                  lambda: write_text(out / 'cases.jsonl', 'x' * 200_000)):\n"
+        "        try:\n"
+        "            write()\n"
+        "        except OutputError as fault:\n"
+        "            print(fault)\n"
+        "resource.setrlimit(resource.RLIMIT_FSIZE, (resource.RLIM_INFINITY,) * 2)\n"
+        "print(sorted(path.name for path in out.iterdir()))\n"
+        "staged()\n"
+    )
+    done = in_python(code, tmp_path)
+    assert done.returncode == 0, done.stderr[-2000:]
+    *told, left = done.stdout.splitlines()
+    assert len(told) == 12 and left == "[]"
+    assert all(line.startswith(f"--out {tmp_path}") and line.endswith("make room, or choose another place")
+               for line in told)  # fmt: skip
+    assert (tmp_path / "run" / "result.nc").stat().st_size > 120_000
+
+
+@unix
+def test_what_a_kill_leaves_goes_with_the_next_run(tmp_path: Path):
+    """A process killed in the middle of its draft; drafts of processes that live, and of other machines, stay."""
+    code = (
+        "import os, signal, sys; from pathlib import Path; from aerokernels.jobs.store import staged_folder\n"
+        "with staged_folder(Path(sys.argv[1])) as folder:\n"
+        "    (folder / 'half').write_text('half')\n"
+        "    os.kill(os.getpid(), signal.SIGKILL)\n"
+    )
+    out = tmp_path / "run"
+    assert in_python(code, out).returncode == -signal.SIGKILL
+    (abandoned,) = tmp_path.iterdir()
+    assert (abandoned / "half").is_file() and not out.exists()
+    start = draft_of(out).name.rpartition("-")[0]
+    kept = [tmp_path / f"{start}-{os.getppid()}", tmp_path / f".run.partial-elsewhere-{2**22 - 1}", tmp_path / ".runs"]
+    abandoned.mkdir(exist_ok=True)
+    for other in kept:
+        other.mkdir()
+    with staged_folder(out) as folder:
+        (folder / "whole").write_text("whole")
+    assert sorted(tmp_path.iterdir()) == sorted([out, *kept])
+
+
+def test_two_processes_do_not_write_one_series(tmp_path: Path):
+    """One that writes holds the other off; one that begins with what it read before the first went on is refused."""
+    pytest.importorskip("zarr")
+    from aerokernels.series.store import MAPS, NUMBERS, ZarrStore
+
+    axis, path = np.linspace(-0.01, 0.01, 4), tmp_path / "maps.zarr"
+    template = xarray.Dataset(coords={"time": np.arange(3.0), "y": axis, "x": axis})
+    maps = {name: np.zeros((4, 4), kind) for name, (kind, _, _) in MAPS.items()}
+    numbers = dict.fromkeys(NUMBERS, 1.0)
+    first, late = (ZarrStore(path, template, {"series": "a"}) for _ in range(2))
+    with first.writing():
+        first.add(maps, numbers)
+        with late.writing(), pytest.raises(ValueError, match="another process is at work there"):
+            late.add(maps, numbers)
+    with late.writing(), pytest.raises(ValueError, match="another process is at work there"):
+        late.add(maps, numbers)
+    again = ZarrStore(path, template, {"series": "a"})
+    assert again.done.count == 1
+    with again.writing():
+        again.add(maps, numbers)
+    assert sorted(one.name for one in tmp_path.iterdir()) == [".maps.zarr.journal", "maps.zarr"]
+    journal = tmp_path / ".maps.zarr.journal"
+    whole = journal.read_bytes()
+    for damaged in (b"{\n", whole + b"[1]\n", whole + b"null\n", whole * 2, b"[" * 9999 + b"\n", b"3\n"):
+        journal.write_bytes(damaged)
+        with pytest.raises(ValueError, match=r"maps\.zarr: (its journal .* is damaged|it holds another series)"):
+            ZarrStore(path, template, {"series": "a"})
+    shutil.rmtree(path)
+    with ZarrStore(path, template, {"series": "a"}).writing() as anew:  # the journal alone is worth nothing
+        anew.add(maps, numbers)
+
+
+@unix
+def test_a_bare_environment_is_enough(tmp_path: Path):
+    """Python -OO in the C locale with no home, no path, no folder for temporary files: answers and refusals stand."""
+    code = (
+        "import sys, os; os.chdir(sys.argv[1])\n"
+        "import aerokernels as ak; from aerokernels.scene import SceneError\n"
+        "scene = ak.Scene.load('wind-tunnel-mach3', {'title': 'Mar\\u00e9chal'})\n"
+        "open('s.toml', 'w', encoding='utf-8').write('title = \"\\u00e9\"\\n[flow]\\nsource = \"mach3\"\\n')\n"
+        "assert_ = ak.Scene.load('s.toml').title == '\\u00e9' and scene.title == 'Mar\\u00e9chal'\n"
+        "try: ak.Disc('6 mm', (0, 0, 0))\n"
+        "except (TypeError, ValueError) as fault: refused = str(fault)\n"
+        "from aerokernels.cli import main; sys.argv[1:] = ['scenes']\n"
+        "print(assert_, bool(refused)); main()\n"
+    )
+    bare = {"LC_ALL": "C", "PYTHONUTF8": "0", "PYTHONCOERCECLOCALE": "0", "HOME": "/nonexistent", "PATH": "",
+            "TMPDIR": "/nonexistent", "XDG_CACHE_HOME": "/nonexistent"}  # fmt: skip
+    done = in_python(code, tmp_path, options=("-OO",), **bare)
+    assert done.returncode == 0, done.stderr[-2000:]
+    assert done.stdout.startswith("True True") and "wind-tunnel-mach3" in done.stdout
