@@ -28,7 +28,7 @@ from ..tracing.lines import box_span
 from ..wavefront import Wavefront
 from ..wavefront.transfer import complex_amplitude
 from .angular_spectrum import transfer_exponent
-from .layers import layer_count, path_range, sample_layers
+from .layers import bent_path, layer_count, path_range, sample_layers
 from .split_step import plane_wave, through_layers
 from .wave import Wave
 
@@ -36,8 +36,9 @@ from .wave import Wave
 GOOD = 1e-2
 # Phase [rad rms] that may be left out of what counts as the finest.
 UNSEEN = 0.03
-# Pixels of the window, least and most; the window over the pupil; layers of the field at most.
-LEAST_PIXELS, MOST_PIXELS, WINDOW, LAYERS = 48, 192, 1.5, 64
+# Pixels of the window, least and most; the window over the pupil; layers that the field is sampled in, at most, and
+# steps of the wave through them.
+LEAST_PIXELS, MOST_PIXELS, WINDOW, LAYERS, STEPS = 48, 192, 1.5, 256, 64
 # The rays' own answer: the share of the limit that it must stay below, the greatest curvature, its map's pixels, and
 # the lines of sight and layers by which the disturbed length is found.
 CLEAR, FLAT, SCREEN_PIXELS, LINES, LINE_LAYERS = 0.2, 0.3, 64, 4, 32
@@ -142,7 +143,7 @@ def validity(
     distance = disturbed_length(layers, wave, end - begin)
     crossed, curvature = _crossing(path, wave, distance)
     return Validity(
-        strehl_change=_strehl_change(wave, layers, path, end - begin),
+        strehl_change=_strehl_change(wave, layers, end - begin),
         feature=feature,
         distance=distance,
         fresnel_number=_fresnel_number(feature, wavelength, distance),
@@ -295,11 +296,12 @@ def _crossings(path: np.ndarray, pixel: float, lit: np.ndarray, distance: float)
     return float(np.mean(least * greatest < 0.0)), float(focusing.max(initial=0.0))
 
 
-def _strehl_change(wave: Wave, layers: np.ndarray, path: np.ndarray, length: float) -> float:
-    """Strehl ratio of the wave through the layers less that of straight rays."""
+def _strehl_change(wave: Wave, layers: np.ndarray, length: float) -> float:
+    """Strehl ratio of the wave through the layers less that of bent rays."""
     exponent = transfer_exponent(wave.amplitude.shape, wave.pixel, wave.wavelength, wave.ambient_index, False)
-    amplitude = np.array(wave.amplitude)
-    out = through_layers(amplitude, layers, length, len(layers), exponent, wave.wavelength)
-    straight = complex_amplitude(path, np.abs(amplitude), wave.wavelength)
+    amplitude, steps = np.array(wave.amplitude), min(STEPS, len(layers))
+    thick = layers.reshape(steps, -1, *amplitude.shape).sum(axis=1)
+    out = through_layers(amplitude, thick, length, steps, exponent, wave.wavelength)
+    rays = complex_amplitude(bent_path(thick, wave.pixel, length), np.abs(amplitude), wave.wavelength)
     whole = abs(amplitude.sum())
-    return float((abs(out.sum()) ** 2 - abs(straight.sum()) ** 2) / whole**2)
+    return float((abs(out.sum()) ** 2 - abs(rays.sum()) ** 2) / whole**2)
