@@ -113,9 +113,9 @@ def draw_view(seed: int, kind: str | None = None) -> DrawnView:
     """The view of a seed, of a kind or of the one whose turn it is."""
     rng = np.random.default_rng([19, seed])
     kind = KINDS[seed % len(KINDS)] if kind is None else kind
-    half = _log_uniform(rng, 1e-3, 20e-3)
+    half = _log_uniform(rng, 0.5e-3, 10e-3)
     wavelength = float(rng.choice([355e-9, 532e-9, 633e-9, 905e-9, 1064e-9, 1550e-9]))
-    box = _log_uniform(rng, 0.02, 1.0)
+    box = _log_uniform(rng, 0.03, 1.5)
     length = box * rng.uniform(0.2, 1.0)
     start = rng.uniform(0.0, box - length)
     phase = _log_uniform(rng, 0.05, 5.0)
