@@ -8,7 +8,7 @@ from collections import Counter
 
 import numpy as np
 
-from aerokernels.validation.wave_draws import GOOD, KINDS, VerdictCheck, check_verdict, draw_view
+from aerokernels.validation.wave_draws import GOOD, KINDS, WAVE_PIXELS, VerdictCheck, check_verdict, draw_view
 
 
 def row(name: str, found: list[VerdictCheck]) -> str:
@@ -28,7 +28,7 @@ def main() -> None:
     parser.add_argument("--count", type=int, default=100)
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--limit", type=float, default=GOOD, help="change of the Strehl ratio that is good")
-    parser.add_argument("--pixels", type=int, default=256, help="of the window of the wave that is the truth")
+    parser.add_argument("--pixels", type=int, default=WAVE_PIXELS, help="of the window of the wave that is the truth")
     parser.add_argument("--only", type=int, help="one view by its seed")
     given = parser.parse_args()
     seeds = [given.only] if given.only is not None else range(given.seed, given.seed + given.count)

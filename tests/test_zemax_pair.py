@@ -66,7 +66,7 @@ def test_zemax_wavefronts_of_lsst(name, toward, vignetting, strehl):
     """The published map has 32 pixels with a rim of steps, the point spread function 1024: its rim is drawn finely.
 
     Between the map's pixels stand 55 Zernike polynomials, 0.002 waves rms from it; the circle that vignettes is fitted
-    once. With the steps the error off the axis is 0.04 to 0.25 of the peak, which is 0.008 to 0.017 of the perfect one's.
+    once. With steps the error off the axis is 0.04 to 0.25 of the peak, 0.008 to 0.017 of the perfect one's.
     """
     with np.load(Path(__file__).parent / "zemax_pair" / "lsst.npz") as held:
         opd, measured = -1e-4 * 500e-9 * held[f"wavefront_{name}"], held[f"psf_{name}"] / 65535.0

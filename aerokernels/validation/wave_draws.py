@@ -27,6 +27,8 @@ REACH, FADE = 2.0, 0.15
 GREATEST_CONTRAST = 8e-4
 # Rays are good where they give the Strehl ratio to within this.
 GOOD = 1e-2
+# Pixels of the traced wavefront, and of the window of the wave that is the truth.
+MAP_PIXELS, WAVE_PIXELS = 64, 160
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,12 +87,12 @@ class VerdictCheck:
         return self.said_good == self.is_good
 
 
-def check_verdict(view: DrawnView, limit: float = GOOD, pixel_count: int = 256) -> VerdictCheck:
+def check_verdict(view: DrawnView, limit: float = GOOD, pixel_count: int = WAVE_PIXELS) -> VerdictCheck:
     """The verdict beside traced wavefront, and what a finely sampled wave says of it."""
     from time import process_time
 
     begin = process_time()
-    seen = wavefront(view.field, view.pupil, wavelength=view.wavelength)
+    seen = wavefront(view.field, view.pupil, wavelength=view.wavelength, pixel_count=MAP_PIXELS)
     traced = process_time()
     told = validity(view.field, view.pupil, wavelength=view.wavelength, wavefront=seen, limit=limit)
     done = process_time()
