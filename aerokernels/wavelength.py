@@ -3,6 +3,8 @@
 import math
 from typing import SupportsFloat
 
+import numpy as np
+
 # The laser of the source paper; what calls take where neither they nor the field name one.
 DEFAULT_WAVELENGTH = 905e-9
 # Air is opaque below, and no laser rangefinder works beyond. The range mostly catches a wavelength in the wrong unit.
@@ -63,3 +65,31 @@ def field_wavelength(made_for: float | None, asked: SupportsFloat | None) -> flo
             f"index field at that wavelength, index_field(wavelength={wavelength:g}), or leave wavelength out"
         )
     return made_for
+
+
+def check_spectrum(wavelengths, weights=None, colours: int | None = None) -> tuple[np.ndarray, np.ndarray]:
+    """Vacuum wavelengths [m], shape (n,), and shares of the light that sum to 1.
+
+    Args:
+        wavelengths: One or several.
+        weights: Shares of the light's energy, shape (n,), of any sum; with `colours`, (n, colours) too. None: equal.
+        colours: Columns that the weights may have.
+
+    Raises:
+        TypeError: As `check_wavelength`.
+        ValueError: As `check_wavelength`; no wavelengths; weights of another shape, negative, not finite or all 0.
+    """
+    if wavelengths is None:
+        raise ValueError("weights need their wavelengths: give both")
+    lengths = np.atleast_1d(np.asarray(wavelengths))
+    if lengths.ndim != 1 or not len(lengths):
+        raise ValueError(f"wavelengths must be numbers [m], shape (n,), got shape {lengths.shape}")
+    checked = np.array([check_wavelength(one) for one in lengths])
+    shares = np.ones(len(checked)) if weights is None else np.atleast_1d(np.asarray(weights, dtype=np.float64))
+    shapes = [checked.shape] if colours is None else [checked.shape, (len(checked), colours)]
+    if shares.shape not in shapes:
+        wanted = " or ".join(map(str, shapes))
+        raise ValueError(f"weights must be of shape {wanted}, one for each wavelength, got {shares.shape}")
+    if not (np.isfinite(shares).all() and (shares >= 0.0).all() and (shares.sum(axis=0) > 0.0).all()):
+        raise ValueError("weights must be finite, not negative and not all 0")
+    return checked, shares / shares.sum(axis=0)

@@ -232,6 +232,35 @@ def test_wavelengths_are_an_axis():
     assert found.wavelength.units == "m" and float(found.strehl_error[0]) > 0.0
 
 
+def test_light_of_several_wavelengths():
+    """Perfect peaks of a share w of the light go with w / l^2; without aberrations the peak of all the light is 1.
+
+    A constant OPD gradient puts the peaks of all wavelengths at its own angle: set-up exact, so is the result.
+    """
+    wave, lengths, shares = made(Disc(RADIUS), modes({4: 5e-8}), count=32), np.array([500e-9, 1e-6]), [3.0, 1.0]
+    angle = RESOLUTION * np.linspace(-2.0, 2.0, 9)
+    found = wave.psf(angle, wavelengths=lengths, weights=shares)
+    each = [wave.at_wavelength(length).psf(angle).intensity for length in lengths]
+    part = np.array(shares) / lengths**2
+    assert np.abs(found.intensity - (part[0] * each[0] + part[1] * each[1]) / part.sum()).max() < 1e-14
+    held = wave.over_wavelengths(lengths, angle, weights=shares)
+    assert np.abs(held.polychromatic_psf.values - found.intensity).max() < 1e-14
+    assert held.weight.values.tolist() == [0.75, 0.25]
+    tilted = made(Disc(RADIUS), lambda x, y: 2.0 * RESOLUTION * x, count=32)
+    seen = tilted.psf(wavelengths=lengths, padding=4)
+    place = np.unravel_index(int(np.argmax(seen.intensity)), seen.intensity.shape)
+    assert 0.95 < seen.peak < 1.0  # the angles stand as far apart as a quarter of the shorter wavelength's resolution
+    assert seen.angle[[place[1], place[0]]] == pytest.approx([2.0 * RESOLUTION, 0.0], abs=0.2 * RESOLUTION)
+    for options, message in (
+        ({"weights": [1.0]}, "give both"),
+        ({"wavelengths": [5e-7], "weights": [1.0, 2.0]}, "one for each wavelength"),
+        ({"wavelengths": [5e-7], "weights": [-1.0]}, "not negative"),
+        ({"wavelengths": [0.5]}, "outside 0.1 to 20 um"),
+    ):
+        with pytest.raises(ValueError, match=message):
+            wave.psf(**options)
+
+
 def test_errors_hold_what_they_bound():
     """An OPD off by up to e everywhere: every number stays within the error that it tells of."""
     base = modes({4: 5e-8, 5: 3e-8, 8: 4e-8})

@@ -90,6 +90,7 @@ def bos(
     sensor: Sensor | None = None,
     seed: int = 0,
     aperture_rays: int = APERTURE_RAYS,
+    allow_truncation: bool | None = None,
     **options: Any,
 ) -> BackgroundPictures:
     """What a bench for background-oriented schlieren records.
@@ -102,11 +103,13 @@ def bos(
         sensor: Makes grey levels and noise; None: brightness as it is.
         seed: Draws the noise; that of the two pictures is independent.
         aperture_rays: Points of the aperture, about.
+        allow_truncation: As for `background_displacement`.
         **options: method, tolerance [waves], wavelength, backend, device, precision, step, max_steps: as in `trace`.
 
     Raises:
         TypeError: An argument of the wrong kind, or an unknown option.
-        ValueError: A number that makes no sense, a scene that is infinitely far, no ray that meets the field.
+        ValueError: A number that makes no sense, a scene that is infinitely far, no ray that meets the field, a
+            truncated view with `allow_truncation` False.
     """
     check_view(field, camera, options)
     if not np.isfinite(camera.distance):
@@ -130,7 +133,7 @@ def bos(
         reference[...] += weight * background.seen(prepared, row, column)
         picture[...] += weight * arrived * background.seen(prepared, row + moved[1], column + moved[0])
 
-    traced = gather(field, camera, shape, aperture_rays, options, visit)
+    traced = gather(field, camera, shape, aperture_rays, options, visit, allow_truncation)
     if sensor is not None:
         reference, picture = sensor.expose(reference, seed=2 * seed), sensor.expose(picture, seed=2 * seed + 1)
     return BackgroundPictures(reference, picture, traced)

@@ -10,21 +10,25 @@ so what is seen in a pixel was displaced by minus the shift. Of a far scene, tan
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from ..clock import clocked
 from ..medium import IndexField
-from ..rays import RayBundle
-from ..tracing import Plane, trace
+from ..tracing import trace
+from ..tracing.pupil_air import GREATEST_SHARE
 from .camera import Camera
+from .known_view import KnownView, rays_of, scene_plane
 
 if TYPE_CHECKING:
     import xarray
 
 # Points of the aperture: a ring of four has the exact mean of what changes by up to the third power across it.
 APERTURE_RAYS = 4
+# Of `trace` [waves].
+DEFAULT_TOLERANCE = 1e-3
 # (point of the aperture [m], its share of the light, shifts [pixels] of shape (2, rows, columns), 1 where rays arrived)
 Visit = Callable[[np.ndarray, float, np.ndarray, np.ndarray], None]
 # Options that go on to `trace`.
@@ -45,6 +49,7 @@ class BackgroundDisplacement:
         wavelength: Vacuum wavelength [m].
         plan: How the rays of one point of the aperture were traced.
         seconds: Wall time by stage: see STAGES in clock.py.
+        view: What was looked at, for `truncated`, which is computed when first read.
     """
 
     displacement: np.ndarray
@@ -54,6 +59,22 @@ class BackgroundDisplacement:
     wavelength: float
     plan: Any = None
     seconds: dict[str, float] = field(default_factory=dict)
+    view: KnownView | None = None
+
+    @cached_property
+    def truncated(self) -> np.ndarray:
+        """Share of each pixel's aperture that looks through disturbed air that ends with the field's box.
+
+        Shape (rows, columns). Of those pixels the displacement is that of the known air alone. Computed when first
+        read, along straight lines.
+        """
+        shape = self.through.shape
+        return np.zeros(shape) if self.view is None else self.view.truncated(shape)
+
+    @property
+    def known(self) -> np.ndarray:
+        """Which pixels see through known air: at most a thousandth of their aperture is truncated."""
+        return self.truncated <= GREATEST_SHARE
 
     @property
     def shift(self) -> np.ndarray:
@@ -88,6 +109,11 @@ class BackgroundDisplacement:
                     one,
                     self.through,
                     {"units": "1", "long_name": "share of the aperture that sees the scene"},
+                ),
+                "truncated": (
+                    one,
+                    self.truncated,
+                    {"units": "1", "long_name": "share of the aperture that sees beyond the known air"},
                 ),
             },
             {
@@ -124,6 +150,7 @@ def background_displacement(
     *,
     aperture_rays: int = APERTURE_RAYS,
     shape: tuple[int, int] | None = None,
+    allow_truncation: bool | None = None,
     **options: Any,
 ) -> BackgroundDisplacement:
     """Displacement of a camera's picture by a flow, for every pixel.
@@ -133,14 +160,19 @@ def background_displacement(
         camera: The camera; its scene may be far.
         aperture_rays: Points of the aperture, about; 1 takes its middle alone.
         shape: Rows and columns where the camera says none.
+        allow_truncation: Pixels of which more than a thousandth of the aperture looks through disturbed air that ends
+            with the field's box: None warns of them and marks them in `known`, True does so without a warning, False
+            refuses a view with such pixels.
         **options: method, tolerance [waves], wavelength, backend, device, precision, step, max_steps: as in `trace`.
 
     Raises:
         TypeError: `field` or `camera` of the wrong kind, or an unknown option.
-        ValueError: A number that makes no sense, or a camera none of whose rays meets the field.
+        ValueError: A number that makes no sense, a camera none of whose rays meets the field, or a truncated view with
+            `allow_truncation` False.
     """
     check_view(field, camera, options)
-    return gather(field, camera, camera.shape() if shape is None else shape, aperture_rays, options)
+    size = camera.shape() if shape is None else shape
+    return gather(field, camera, size, aperture_rays, options, allow_truncation=allow_truncation)
 
 
 def gather(
@@ -150,10 +182,15 @@ def gather(
     aperture_rays: int,
     options: dict[str, Any],
     visit: Visit | None = None,
+    allow_truncation: bool | None = None,
 ) -> BackgroundDisplacement:
     """The displacement, and a `visit` for every point of the aperture, while its rays are there."""
     with clocked() as seconds:
         points, weights = aperture(camera, aperture_rays)
+        tolerance = float(options.get("tolerance", DEFAULT_TOLERANCE))
+        lost = tolerance * field.wavelength_for(options.get("wavelength"))
+        view = KnownView(field, camera, points, weights, lost)
+        view.check(shape, allow_truncation)
         total, square, through = np.zeros((2, *shape)), np.zeros((2, *shape)), np.zeros(shape)
         for point, weight in zip(points, weights, strict=True):
             moved, arrived, traced = landing_shift(field, camera, shape, point, options)
@@ -175,6 +212,7 @@ def gather(
         wavelength=traced.wavelength,
         plan=traced.plan,
         seconds=seconds,
+        view=view,
     )
 
 
@@ -213,14 +251,13 @@ def landing_shift(
     """
     pupil = camera.pupil
     x, y = (axis.ravel() for axis in np.meshgrid(*camera.tangents(shape)))
+    rays = rays_of(camera, point, x, y)
     x, y = (t - place / camera.focus_distance for t, place in zip((x, y), point, strict=True))
-    first, second = pupil.axes
-    start = pupil.center + point[0] * first + point[1] * second
     far = not np.isfinite(camera.distance)
     traced = trace(
         field,
-        RayBundle(np.broadcast_to(start, (len(x), 3)), camera.directions(x, y)),
-        until=None if far else Plane(pupil.center + camera.distance * pupil.normal, pupil.normal),
+        rays,
+        until=scene_plane(camera),
         outputs=("direction",) if far else ("position",),
         **options,
     )

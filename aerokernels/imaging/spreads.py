@@ -9,7 +9,7 @@ that a flow lands beside its point X, the path to X follows from that to its lan
     near scene     opd - n_0 d' (L - X) + n_0 |L - X|^2 / 2 R     across d', R the distance from the pupil
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -63,8 +63,9 @@ def spread_grid(
     size: int,
     pupil_pixels: int,
     options: dict[str, Any],
-) -> SpreadGrid:
-    """Point spread functions of a camera through a field.
+    wavelengths: np.ndarray | None = None,
+) -> tuple[SpreadGrid, ...]:
+    """Point spread functions of a camera through a field, at each of some wavelengths of one OPD.
 
     Args:
         field: The refractive index.
@@ -75,6 +76,7 @@ def spread_grid(
         size: Side of the kernels [pixels].
         pupil_pixels: Rays across the pupil.
         options: Options of `trace`.
+        wavelengths: Vacuum wavelengths [m], shape (n,); None: the one that is traced for.
     """
     rows, columns = nodes_along(shape[0], node_count), nodes_along(shape[1], node_count)
     coordinate, step, weight, _ = pupil_grid(camera.pupil, pupil_pixels)
@@ -87,25 +89,32 @@ def spread_grid(
     moved = shift[row, column]
     moved = np.where(np.isfinite(moved), moved, 0.0)
     whole = np.rint(moved).astype(int)
-    kernels = np.zeros((len(row), size, size))
-    kept = np.zeros(len(row))
+    lengths = [wavelength] if wavelengths is None else [float(one) for one in wavelengths]
+    kernels = np.zeros((len(lengths), len(row), size, size))
+    kept = np.zeros((len(lengths), len(row)))
     for node in range(len(row)):
         t = tangent[node]
         tilt = _cosines(t + moved[node] * camera.pixel_tangent) - _cosines(t)
-        wave = np.zeros(weight.shape, dtype=np.complex128)
-        amplitude = weight[lit] * arrived[node]
-        wave[lit] = amplitude * np.exp(2j * np.pi / wavelength * (opd[node] - q @ tilt))
-        kernels[node], kept[node] = pixel_spread(
-            wave, coordinate, step, moved[node] - whole[node], t, camera, wavelength, size
-        )
+        flat = opd[node] - q @ tilt
+        for number, length in enumerate(lengths):
+            wave = np.zeros(weight.shape, dtype=np.complex128)
+            wave[lit] = weight[lit] * arrived[node] * np.exp(2j * np.pi / length * flat)
+            kernels[number, node], kept[number, node] = pixel_spread(
+                wave, coordinate, step, moved[node] - whole[node], t, camera, length, size
+            )
     place = (len(rows), len(columns))
-    return SpreadGrid(
-        rows,
-        columns,
-        kernels.reshape(*place, size, size),
-        whole[:, ::-1].reshape(*place, 2),
-        kept.reshape(place),
+    offset = whole[:, ::-1].reshape(*place, 2)
+    return tuple(
+        SpreadGrid(rows, columns, kernel.reshape(*place, size, size), offset, share.reshape(place))
+        for kernel, share in zip(kernels, kept, strict=True)
     )
+
+
+def mixed(grids: tuple[SpreadGrid, ...], weights: np.ndarray) -> SpreadGrid:
+    """The point spread functions of light of several wavelengths, with weights (n,) that sum to 1."""
+    kernel = np.tensordot(weights, np.stack([grid.kernel for grid in grids]), 1)
+    kept = np.tensordot(weights, np.stack([grid.kept for grid in grids]), 1)
+    return replace(grids[0], kernel=kernel, kept=kept)
 
 
 def node_paths(

@@ -22,7 +22,8 @@ from ..sensor import Sensor, write_grey
 from ..wavefront.traced import pupil_grid
 from .camera import Camera
 from .shift import APERTURE_RAYS, BackgroundDisplacement, check_view, gather
-from .spreads import SpreadGrid, node_paths, pixel_spread, spread_grid
+from .spectrum import Spectrum
+from .spreads import SpreadGrid, mixed, node_paths, pixel_spread, spread_grid
 
 # Nodes and pixels of point spread functions, and rays across the pupil, where not told.
 NODE_COUNT, SIZE, PUPIL_PIXELS = 9, 32, 32
@@ -39,9 +40,11 @@ class ImageThrough:
             of colours where the scene has one.
         scene: The scene.
         shift: Displacement and what goes with it, by pixel.
-        spreads: Point spread functions at nodes over the picture.
+        spreads: Point spread functions at nodes over the picture; of a spectrum, their weighted mean.
         camera: The camera.
-        wavelength: Vacuum wavelength [m].
+        wavelength: Vacuum wavelength [m] that was traced for.
+        spectrum: The wavelengths and weights of the picture.
+        by_wavelength: Point spread functions at each of those wavelengths.
         seconds: Wall time by stage: see STAGES in clock.py.
     """
 
@@ -51,6 +54,8 @@ class ImageThrough:
     spreads: SpreadGrid
     camera: Camera
     wavelength: float
+    spectrum: Spectrum
+    by_wavelength: tuple[SpreadGrid, ...]
     seconds: dict[str, float] = field(default_factory=dict)
 
     @property
@@ -66,14 +71,25 @@ class ImageThrough:
         lit = weight > 0.0
         q = np.stack([axis[lit] for axis in np.meshgrid(coordinate, coordinate)], axis=1)
         opd, _, _ = node_paths(None, self.camera, np.zeros((1, 2)), q, {"wavelength": self.wavelength})
-        wave = np.zeros(weight.shape, dtype=np.complex128)
-        wave[lit] = weight[lit] * np.exp(2j * np.pi / self.wavelength * opd[0])
-        zero = np.zeros(2)
-        kernel, _ = pixel_spread(wave, coordinate, step, zero, zero, self.camera, self.wavelength, size)
-        alone = SpreadGrid(
-            np.array([0]), np.array([0]), kernel[None, None], np.zeros((1, 1, 2), dtype=int), np.ones((1, 1))
-        )
-        return render(self.scene, alone, np.zeros((*shape, 2)), np.ones(shape))
+        zero, found = np.zeros(2), []
+        for length in self.spectrum.wavelengths:
+            wave = np.zeros(weight.shape, dtype=np.complex128)
+            wave[lit] = weight[lit] * np.exp(2j * np.pi / length * opd[0])
+            kernel, _ = pixel_spread(wave, coordinate, step, zero, zero, self.camera, float(length), size)
+            middle = np.array([0]), np.array([0])
+            found.append(SpreadGrid(*middle, kernel[None, None], np.zeros((1, 1, 2), dtype=int), np.ones((1, 1))))
+        return render_colours(self.scene, tuple(found), self.spectrum, np.zeros((*shape, 2)), np.ones(shape))
+
+    @property
+    def known(self) -> np.ndarray:
+        """Which pixels see through known air alone: see BackgroundDisplacement."""
+        return self.shift.known
+
+    def monochromatic(self) -> np.ndarray:
+        """The picture at each wavelength of the spectrum, shape (wavelengths, *image.shape), without sensor noise."""
+        shift, dark = filled(self.shift.shift)
+        through = np.where(dark, 0.0, self.shift.through)
+        return np.stack([render(self.scene, grid, shift, through) for grid in self.by_wavelength])
 
     def write(self, path: str | Path) -> None:
         """Write the picture (a grey one) as 16 bits, TIFF or PNG, the uppermost row first."""
@@ -83,7 +99,11 @@ class ImageThrough:
         """Picture, displacement and blur as a dataset with units."""
         dims = ("y", "x", "colour")[: self.image.ndim]
         words = {"units": "1", "long_name": "brightness through the flow"}
-        return self.shift.to_xarray().assign(image=(dims, self.image, words))
+        weights = self.spectrum.weights
+        light = (("wavelength", "colour")[: weights.ndim], weights, {"units": "1", "long_name": "share of the light"})
+        length = ("wavelength", self.spectrum.wavelengths, {"units": "m", "standard_name": "radiation_wavelength"})
+        held = self.shift.to_xarray().assign(image=(dims, self.image, words), weight=light)
+        return held.assign_coords(wavelength=length)
 
     def plot(self, axes=None):
         """Draw the picture on matplotlib axes; returns the axes."""
@@ -112,6 +132,9 @@ def image_through(
     aperture_rays: int = APERTURE_RAYS,
     sensor: Sensor | None = None,
     seed: int = 0,
+    wavelengths=None,
+    weights=None,
+    allow_truncation: bool | None = None,
     **options: Any,
 ) -> ImageThrough:
     """A picture of an extended scene through a flow: displaced by the shift map, blurred by its point spread functions.
@@ -131,11 +154,17 @@ def image_through(
         aperture_rays: Points of the aperture that the shift is the mean of, about.
         sensor: Makes grey levels and noise; None: brightness as it is.
         seed: Draws the noise.
+        wavelengths: Vacuum wavelengths of the light [m], shape (n,), all of one OPD: what air disperses is left out.
+            None: the one that is traced for.
+        weights: Shares of the light, its energy, at those wavelengths, shape (n,), or (n, colours) where the scene has
+            colours; made to sum to 1. None: equal ones.
+        allow_truncation: As for `background_displacement`.
         **options: method, tolerance [waves], wavelength, backend, device, precision, step, max_steps: as in `trace`.
 
     Raises:
         TypeError: An argument of the wrong kind, or an unknown option.
-        ValueError: A number that makes no sense, a scene of a shape that does not fit, no ray that meets the field.
+        ValueError: A number that makes no sense, a scene of a shape that does not fit, no ray that meets the field, a
+            truncated view with `allow_truncation` False.
     """
     check_view(field, camera, options)
     for name, count in (("psf_nodes", psf_nodes), ("psf_pixels", psf_pixels)):
@@ -152,10 +181,14 @@ def image_through(
             f"the scene has {scene.shape[0]} x {scene.shape[1]} pixels, the picture {shape[0]} x {shape[1]}: the scene "
             "must be as large, or larger by an even number"
         )
+    light = None if wavelengths is None and weights is None else Spectrum.of(wavelengths, weights, scene)
+    if light is not None and field.wavelength is None and options.get("wavelength") is None:
+        options = {**options, "wavelength": float(light.wavelengths.min())}
     with clocked() as seconds:
-        found = gather(field, camera, shape, aperture_rays, options)
+        found = gather(field, camera, shape, aperture_rays, options, allow_truncation=allow_truncation)
+        light = Spectrum.of(found.wavelength) if light is None else light
         shift, dark = filled(found.shift)
-        grid = spread_grid(
+        grids = spread_grid(
             field,
             camera,
             shape,
@@ -164,11 +197,13 @@ def image_through(
             size=int(psf_pixels),
             pupil_pixels=pupil_pixels,
             options=options,
+            wavelengths=light.wavelengths,
         )
-        image = render(scene, grid, shift, np.where(dark, 0.0, found.through))
+        image = render_colours(scene, grids, light, shift, np.where(dark, 0.0, found.through))
     if sensor is not None:
         image = sensor.expose(image, seed)
-    return ImageThrough(image, scene, found, grid, camera, found.wavelength, seconds)
+    spreads = mixed(grids, light.mean_weights)
+    return ImageThrough(image, scene, found, spreads, camera, found.wavelength, light, grids, seconds)
 
 
 def filled(shift: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -182,6 +217,16 @@ def filled(shift: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         return shift, dark
     row, column = distance_transform_edt(dark, return_distances=False, return_indices=True)
     return shift[row, column], dark
+
+
+def render_colours(
+    scene: np.ndarray, grids: tuple[SpreadGrid, ...], light: Spectrum, shift: np.ndarray, through: np.ndarray
+) -> np.ndarray:
+    """The picture of a scene in light of a spectrum: kernels are mixed, which is the mean of pictures, and quicker."""
+    if light.weights.ndim == 1:
+        return render(scene, mixed(grids, light.weights), shift, through)
+    colours = zip(np.moveaxis(scene, 2, 0), light.weights.T, strict=True)
+    return np.stack([render(one, mixed(grids, weights), shift, through) for one, weights in colours], axis=2)
 
 
 def render(scene: np.ndarray, grid: SpreadGrid, shift: np.ndarray, through: np.ndarray) -> np.ndarray:

@@ -68,7 +68,7 @@ def pupil_air(field: IndexField, pupil: Pupil, look: np.ndarray, tolerance: floa
     lost, face = may_be_lost(field, rays, None, tolerance)
     concerned = np.flatnonzero(lost > 0.0)
     if field.body is not None and len(concerned):
-        lost[concerned[_meets_wall(field, rays.position[concerned], rays.direction[concerned])]] = 0.0
+        lost[concerned[meets_wall(field, rays.position[concerned], rays.direction[concerned])]] = 0.0
     weight = np.asarray(rays.weight)
     over = lost > tolerance
     place = "beside the field's box"
@@ -84,7 +84,7 @@ def pupil_air(field: IndexField, pupil: Pupil, look: np.ndarray, tolerance: floa
     return PupilAir(float(weight[over].sum()), float(np.sqrt(weight @ lost**2)), place, outside)
 
 
-def _meets_wall(field: IndexField, position: np.ndarray, direction: np.ndarray) -> np.ndarray:
+def meets_wall(field: IndexField, position: np.ndarray, direction: np.ndarray) -> np.ndarray:
     """Which straight rays end on the body: they get into it, or never out of it where they start in it."""
     assert field.body is not None
     span = box_span(field, position, direction)

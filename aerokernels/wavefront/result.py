@@ -87,8 +87,18 @@ class Wavefront(WavefrontMap):
         """
         return fit_zernike(self, count)
 
-    def psf(self, angle=None, *, half_width: float | None = None, padding: int = 8) -> PointSpread:
-        """Point spread function over the perfect one's peak; arguments as for `point_spread_function`."""
+    def psf(
+        self, angle=None, *, half_width: float | None = None, padding: int = 8, wavelengths=None, weights=None
+    ) -> PointSpread:
+        """Point spread function over the perfect one's peak; arguments as for `point_spread_function`.
+
+        With `wavelengths` [m], shape (n,), that of polychromatic light of one OPD, with `weights`, shares of the light,
+        equal ones if None: see `over_wavelengths`.
+        """
+        if wavelengths is not None or weights is not None:
+            from .polychromatic import polychromatic_psf
+
+            return polychromatic_psf(self, wavelengths, weights, angle, half_width, padding)
         options: dict[str, Any] = {"half_width": half_width, "padding": padding, "angle": angle}
         found = point_spread_function(self.opd, self.weight, self.pixel, self.wavelength, **options)
         return replace(found, phase_error=self.phase_error)
@@ -192,16 +202,17 @@ class Wavefront(WavefrontMap):
         widths = [replace(self, opd=self.opd + sign * error * form).fwhm for form in forms for sign in (1.0, -1.0)]
         return float(np.max(np.abs(np.array(widths) - self.fwhm)))
 
-    def over_wavelengths(self, wavelengths, angle=None):
+    def over_wavelengths(self, wavelengths, angle=None, weights=None):
         """The same OPD at several wavelengths [m] as an xarray.Dataset with a wavelength axis.
 
         Holds `strehl`, `strehl_error`, `fwhm` [rad] and `psf` over (wavelength, y, x), the last at angles of rows and
         columns [rad], shape (m,); None takes 33 up to four times the longest wavelength over the pupil's width. What
-        air disperses is left out: see `at_wavelength`.
+        air disperses is left out: see `at_wavelength`. `weights` are shares of the light at the wavelengths, equal ones
+        if None; `polychromatic_psf` over (y, x) is that of all the light, over its peak without aberrations.
         """
         from .exchange.wavelengths import over_wavelengths
 
-        return over_wavelengths(self, wavelengths, angle)
+        return over_wavelengths(self, wavelengths, angle, weights)
 
     @property
     def _grid_error(self) -> float:

@@ -81,6 +81,32 @@ def sample_layers(field: IndexField, wave: Wave, begin: float, end: float, count
     return layers
 
 
+def bent_path(layers: np.ndarray, pixel: float, length: float) -> np.ndarray:
+    r"""Optical path of bent rays through layers, less the ambient one [m], where a ray began; shape (rows, columns).
+
+    To second order in the deflection t, d the displacement at the end, on the plane where the layers end:
+
+        OPD = \\int m dz + d t(end) - 1/2 \\int t^2 dz,        t' = grad m,   d' = t
+
+    A thin lens far before the end has + t^2 L / 2, the way that its light goes aslant.
+
+    Args:
+        layers: Optical path of each layer [m], shape (count, rows, columns).
+        pixel: Side of a pixel [m].
+        length: Of all layers [m].
+    """
+    step = length / len(layers)
+    path = np.zeros(layers.shape[1:])
+    turn, moved, spent = np.zeros((2, *path.shape)), np.zeros((2, *path.shape)), np.zeros(path.shape)
+    for number, layer in enumerate(layers):
+        path += layer
+        turn += np.gradient(layer.astype(np.float64), pixel)
+        way = step if number < len(layers) - 1 else 0.5 * step  # to the middle of the next, or to the end
+        moved += way * turn
+        spent += way * np.sum(turn**2, axis=0)
+    return path + np.sum(moved * turn, axis=0) - 0.5 * spent
+
+
 def _along_z(field: IndexField, wave: Wave, depth: np.ndarray) -> np.ndarray:
     """Contrast of the layers of a wave along z, whose pixels run along the field's axes; float32."""
     across, up = wave.coordinates

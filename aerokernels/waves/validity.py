@@ -7,9 +7,11 @@ Three numbers of the wavefront W over the distance D that its light takes to lea
     ray crossing       share of the pupil where det(1 + D grad grad W) < 0: behind a focus neighbours change places
     curvature          the greatest D |W''|: near 1 there is a focus
 
-and one says how much: the Strehl ratio of a wave through the same air, less that of its straight rays through the same
-samples, on a window coarse enough to cost little and fine enough for that finest phase. What the samples lack is
-lacking in both, so the difference stands for diffraction alone.
+and one says how much: the Strehl ratio of a wave through the same air, less that of its rays through the same samples,
+on a window coarse enough to cost little and fine enough for that finest phase. What the samples lack is lacking in
+both, so the difference stands for diffraction alone. The rays bend, to second order: a wave holds what that does to
+their paths, as traced rays do, and it is no diffraction. Near foci no order tells where they go; straight ones stand
+for them there.
 
 Beside a traced wavefront there is a cheaper answer: half of its phase on either side of free space of the length over
 which the light is disturbed, which the field is looked up on a few lines for. Where that changes the Strehl ratio by
@@ -28,7 +30,7 @@ from ..tracing.lines import box_span
 from ..wavefront import Wavefront
 from ..wavefront.transfer import complex_amplitude
 from .angular_spectrum import transfer_exponent
-from .layers import layer_count, path_range, sample_layers
+from .layers import bent_path, layer_count, path_range, sample_layers
 from .split_step import plane_wave, through_layers
 from .wave import Wave
 
@@ -36,8 +38,12 @@ from .wave import Wave
 GOOD = 1e-2
 # Phase [rad rms] that may be left out of what counts as the finest.
 UNSEEN = 0.03
-# Pixels of the window, least and most; the window over the pupil; layers of the field at most.
-LEAST_PIXELS, MOST_PIXELS, WINDOW, LAYERS = 48, 192, 1.5, 64
+# Pixels of the window, least and most; the window over the pupil; layers that the field is sampled in, at most, and
+# steps of the wave through them.
+LEAST_PIXELS, MOST_PIXELS, WINDOW, LAYERS, STEPS = 48, 192, 1.5, 256, 64
+# Rays are straight where curvature times distance is more than the first over a share of the pupil of the second: near
+# their foci second order in their turn says nothing of where they go.
+NEAR_FOCUS, GREATEST_SHARE = 0.5, 0.1
 # The rays' own answer: the share of the limit that it must stay below, the greatest curvature, its map's pixels, and
 # the lines of sight and layers by which the disturbed length is found.
 CLEAR, FLAT, SCREEN_PIXELS, LINES, LINE_LAYERS = 0.2, 0.3, 64, 4, 32
@@ -140,9 +146,9 @@ def validity(
             break
         pixels *= 2
     distance = disturbed_length(layers, wave, end - begin)
-    crossed, curvature = _crossing(path, wave, distance)
+    crossed, curvature, near = _crossing(path, wave, distance)
     return Validity(
-        strehl_change=_strehl_change(wave, layers, path, end - begin),
+        strehl_change=_strehl_change(wave, layers, end - begin, near > GREATEST_SHARE),
         feature=feature,
         distance=distance,
         fresnel_number=_fresnel_number(feature, wavelength, distance),
@@ -209,7 +215,7 @@ def by_rays(
     opd, weight = (array[stride // 2 :: stride, stride // 2 :: stride] for array in (wavefront.opd, wavefront.weight))
     lit = weight > 0.0
     path = np.where(lit, opd, 0.0)
-    crossed, curvature = _crossings(opd, pixel, lit, length)
+    crossed, curvature, _ = _crossings(opd, pixel, lit, length)
     size = _fast_size(int(np.ceil(WINDOW * len(opd))))
     wide = np.zeros((size, size)), np.zeros((size, size))
     for array, values in zip(wide, (weight, path), strict=True):
@@ -276,30 +282,38 @@ def _phase_map(wavefront: Wavefront) -> np.ndarray:
     return 2.0 * np.pi / wavefront.wavelength * wavefront.opd
 
 
-def _crossing(path: np.ndarray, wave: Wave, distance: float) -> tuple[float, float]:
+def _crossing(path: np.ndarray, wave: Wave, distance: float) -> tuple[float, float, float]:
     return _crossings(path, wave.pixel, np.abs(wave.amplitude) > 0.0, distance)
 
 
-def _crossings(path: np.ndarray, pixel: float, lit: np.ndarray, distance: float) -> tuple[float, float]:
-    """Share of the pupil where rays cross within a distance, and the greatest focusing curvature times it."""
+def _crossings(path: np.ndarray, pixel: float, lit: np.ndarray, distance: float) -> tuple[float, float, float]:
+    """What rays do over a distance.
+
+    Returns:
+        The share of the pupil where they cross, the greatest focusing curvature times the distance, and the share of
+        the pupil where that is greater than NEAR_FOCUS.
+    """
     along_y, along_x = np.gradient(path, pixel)
     row, mixed = np.gradient(along_y, pixel)
     column = np.gradient(along_x, pixel, axis=1)
     known = lit & np.isfinite(row) & np.isfinite(column) & np.isfinite(mixed)
     if not known.any():
-        return 0.0, 0.0
+        return 0.0, 0.0, 0.0
     middle, spread = 0.5 * (row + column)[known], np.hypot(0.5 * (row - column), mixed)[known]
     focusing = -distance * (middle - spread)  # light turns toward where it is delayed: a negative one focuses
     least = 1.0 - focusing
     greatest = 1.0 + distance * (middle + spread)
-    return float(np.mean(least * greatest < 0.0)), float(focusing.max(initial=0.0))
+    near = float(np.mean(focusing > NEAR_FOCUS))
+    return float(np.mean(least * greatest < 0.0)), float(focusing.max(initial=0.0)), near
 
 
-def _strehl_change(wave: Wave, layers: np.ndarray, path: np.ndarray, length: float) -> float:
-    """Strehl ratio of the wave through the layers less that of straight rays."""
+def _strehl_change(wave: Wave, layers: np.ndarray, length: float, near_focus: bool) -> float:
+    """Strehl ratio of the wave through the layers less that of rays: bent ones, or straight ones near foci."""
     exponent = transfer_exponent(wave.amplitude.shape, wave.pixel, wave.wavelength, wave.ambient_index, False)
-    amplitude = np.array(wave.amplitude)
-    out = through_layers(amplitude, layers, length, len(layers), exponent, wave.wavelength)
-    straight = complex_amplitude(path, np.abs(amplitude), wave.wavelength)
+    amplitude, steps = np.array(wave.amplitude), min(STEPS, len(layers))
+    thick = layers.reshape(steps, -1, *amplitude.shape).sum(axis=1)
+    out = through_layers(amplitude, thick, length, steps, exponent, wave.wavelength)
+    path = thick.sum(axis=0, dtype=np.float64) if near_focus else bent_path(thick, wave.pixel, length)
+    rays = complex_amplitude(path, np.abs(amplitude), wave.wavelength)
     whole = abs(amplitude.sum())
-    return float((abs(out.sum()) ** 2 - abs(straight.sum()) ** 2) / whole**2)
+    return float((abs(out.sum()) ** 2 - abs(rays.sum()) ** 2) / whole**2)

@@ -4,21 +4,22 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ...wavelength import check_spectrum
+from ..polychromatic import mixed_weights
+
 if TYPE_CHECKING:
     import xarray
 
 
-def over_wavelengths(wavefront: Any, wavelengths, angle=None) -> "xarray.Dataset":
+def over_wavelengths(wavefront: Any, wavelengths, angle=None, weights=None) -> "xarray.Dataset":
     """See `Wavefront.over_wavelengths`.
 
     Raises:
-        ValueError: No wavelengths, or one outside 0.1 to 20 um.
+        ValueError: No wavelengths, one outside 0.1 to 20 um, or weights that make no sense.
     """
     import xarray
 
-    lengths = np.atleast_1d(np.asarray(wavelengths, dtype=np.float64))
-    if lengths.ndim != 1 or not len(lengths):
-        raise ValueError(f"wavelengths must be numbers [m], shape (n,), got shape {lengths.shape}")
+    lengths, shares = check_spectrum(wavelengths, weights)
     if angle is None:
         reach = 4.0 * float(lengths.max()) / (len(wavefront.opd) * wavefront.pixel)
         angle = np.linspace(-reach, reach, 33)
@@ -26,6 +27,7 @@ def over_wavelengths(wavefront: Any, wavelengths, angle=None) -> "xarray.Dataset
     at = [wavefront.at_wavelength(float(length)) for length in lengths]
     strehl = [one.quantities["strehl"] for one in at]
     dims = ("wavelength", "y", "x")
+    intensity = np.stack([one.psf(angle).intensity for one in at])
     return xarray.Dataset(
         {
             "strehl": ("wavelength", [one.value for one in strehl], {"units": "1", "long_name": "Strehl ratio"}),
@@ -37,9 +39,15 @@ def over_wavelengths(wavefront: Any, wavelengths, angle=None) -> "xarray.Dataset
             ),
             "psf": (
                 dims,
-                [one.psf(angle).intensity for one in at],
+                intensity,
                 {"units": "1", "long_name": "over the perfect peak"},
             ),
+            "polychromatic_psf": (
+                dims[1:],
+                np.tensordot(mixed_weights(lengths, shares), intensity, 1),
+                {"units": "1", "long_name": "of all the light, over its perfect peak"},
+            ),
+            "weight": ("wavelength", shares, {"units": "1", "long_name": "share of the light"}),
         },
         {
             "wavelength": ("wavelength", lengths, {"units": "m", "standard_name": "radiation_wavelength"}),

@@ -1,0 +1,91 @@
+"""Which pixels of a camera look through disturbed air that ends with the field's box: what lies beyond is unknown.
+
+By straight rays from the points of the aperture, as for a pupil (tracing/pupil_air.py): a ray counts where it may lose
+more of its optical path than the tolerance. A field whose faces are undisturbed costs nothing.
+"""
+
+import warnings
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..medium import IndexField
+from ..rays import RayBundle
+from ..tracing import Plane
+from ..tracing.known_air import may_be_lost
+from ..tracing.pupil_air import GREATEST_SHARE, meets_wall
+from .camera import Camera
+
+# Pixels along a side of the picture that are looked at for a warning.
+LOOKED_AT = 32
+
+
+@dataclass(frozen=True, eq=False)
+class KnownView:
+    """A camera before a field.
+
+    Attributes:
+        field: The refractive index.
+        camera: The camera.
+        points: Points of its aperture along its axes [m], shape (n, 2).
+        weights: Their shares of the light, shape (n,).
+        tolerance: OPD that a ray may lose [m].
+    """
+
+    field: IndexField
+    camera: Camera
+    points: np.ndarray
+    weights: np.ndarray
+    tolerance: float
+
+    def truncated(self, shape: tuple[int, int], stride: tuple[int, int] = (1, 1)) -> np.ndarray:
+        """Share of the aperture of each pixel that may lose more than the tolerance, of every so many pixels."""
+        x, y = (axis[step // 2 :: step] for axis, step in zip(self.camera.tangents(shape), stride[::-1], strict=True))
+        found = np.zeros((len(y), len(x)))
+        across, up = (axis.ravel() for axis in np.meshgrid(x, y))
+        for point, weight in zip(self.points, self.weights, strict=True):
+            rays = rays_of(self.camera, point, across, up)
+            lost, _ = may_be_lost(self.field, rays, scene_plane(self.camera), self.tolerance)
+            over = np.flatnonzero(lost > self.tolerance)
+            if self.field.body is not None and len(over):
+                over = over[~meets_wall(self.field, rays.position[over], rays.direction[over])]
+            found.ravel()[over] += weight
+        return found
+
+    def check(self, shape: tuple[int, int], allowed: bool | None) -> None:
+        """Warn of a view with truncated pixels where `allowed` is None, refuse one where it is False.
+
+        Raises:
+            ValueError: As said.
+        """
+        if allowed:
+            return
+        stride = tuple(max(1, count // LOOKED_AT) for count in shape)
+        share = float(np.mean(self.truncated(shape, (stride[0], stride[1])) > GREATEST_SHARE))
+        if share == 0.0:
+            return
+        text = (
+            f"{100.0 * share:.3g} % of the picture looks through disturbed air that ends with the field's box: what "
+            "lies beyond is unknown"
+        )
+        if allowed is None:
+            warnings.warn(f"{text}; those pixels are marked in `known`", RuntimeWarning, stacklevel=4)
+            return
+        raise ValueError(
+            f"{text}. Give the field a larger region there, look another way, or leave out allow_truncation"
+        )
+
+
+def rays_of(camera: Camera, point: np.ndarray, x: np.ndarray, y: np.ndarray) -> RayBundle:
+    """Rays of a point of the aperture [m] for pixels that look toward tangents x and y, both of shape (n,)."""
+    first, second = camera.pupil.axes
+    start = camera.pupil.center + point[0] * first + point[1] * second
+    tangent = (t - place / camera.focus_distance for t, place in zip((x, y), point, strict=True))
+    return RayBundle(np.broadcast_to(start, (len(x), 3)), camera.directions(*tangent))
+
+
+def scene_plane(camera: Camera) -> Plane | None:
+    """Where rays end: the plane of the scene, or where they leave the field, for a far scene."""
+    pupil = camera.pupil
+    far = not np.isfinite(camera.distance)
+    return None if far else Plane(pupil.center + camera.distance * pupil.normal, pupil.normal)

@@ -1,0 +1,59 @@
+r"""The point spread function of light of several wavelengths.
+
+A share w of the light at a wavelength l makes a perfect peak that goes with w / l^2, light per solid angle, so
+
+    PSF(a) = sum_l w_l PSF_l(a) / l^2 / sum_l w_l / l^2
+
+is over the perfect peak of all the light, as each PSF_l is over its own.
+"""
+
+from functools import partial
+from typing import Any
+
+import numpy as np
+
+from ..wavelength import check_spectrum
+from .point_spread import PointSpread
+
+# Angles, at most, along a side of a grid that is chosen here.
+MOST_ANGLES = 4097
+
+
+def polychromatic_psf(
+    wavefront: Any, wavelengths, weights, angle=None, half_width: float | None = None, padding: int = 8
+) -> PointSpread:
+    """See `Wavefront.psf`; one grid of angles for all wavelengths.
+
+    Args:
+        wavefront: The wavefront, whose OPD all wavelengths have.
+        wavelengths: Vacuum wavelengths [m], shape (n,).
+        weights: Shares of the light, shape (n,); None: equal ones.
+        angle: Angles of rows and columns [rad], shape (m,).
+        half_width: Greatest angle [rad] where they are not given; None takes what the map's pixels hold of
+            the shortest wavelength.
+        padding: Angles to the shortest wavelength over that width.
+
+    Raises:
+        ValueError: No wavelengths, one outside 0.1 to 20 um, weights that make no sense, too many angles.
+    """
+    lengths, shares = check_spectrum(wavelengths, weights)
+    if angle is None:
+        width = len(wavefront.opd) * wavefront.pixel
+        if not padding >= 1:
+            raise ValueError(f"padding must be at least 1, got {padding!r}")
+        reach = 0.5 * lengths.min() / wavefront.pixel if half_width is None else float(half_width)
+        steps = reach * width * padding / lengths.min()
+        if not 0.0 <= steps <= MOST_ANGLES // 2:
+            raise ValueError(f"half_width = {half_width!r} rad asks for {2.0 * steps:.3g} angles a side: give `angle`")
+        angle = reach / max(int(np.ceil(steps)), 1) * np.arange(-int(np.ceil(steps)), int(np.ceil(steps)) + 1)
+    each = [wavefront.at_wavelength(float(length)).psf(angle) for length in lengths]
+    share = mixed_weights(lengths, shares)
+    mean = np.tensordot(share, np.stack([one.intensity for one in each]), 1)
+    shortest = wavefront.at_wavelength(float(lengths.min()))
+    return PointSpread(mean, each[0].angle, partial(shortest.phase_error))
+
+
+def mixed_weights(wavelengths: np.ndarray, shares: np.ndarray) -> np.ndarray:
+    """Of the point spread functions at the wavelengths in that of all the light; they sum to 1."""
+    weight = shares / wavelengths**2
+    return np.asarray(weight / weight.sum())
