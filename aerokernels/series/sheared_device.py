@@ -1,14 +1,11 @@
 """The map of sheared_lattice.py on a device of Warp's, whence one number a line comes back."""
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from ..opened import OPENED
 from .warp_launch import launch
-
-if TYPE_CHECKING:
-    from .sheared_lattice import ShearedLattice
 
 LANES = 4  # neighbouring lines of one thread, which share most of their nodes
 PARTS = 32  # of the planes, each of a thread, where planes are neighbours in memory: a warp reads them together
@@ -17,11 +14,11 @@ PARTS = 32  # of the planes, each of a thread, where planes are neighbours in me
 class DeviceLattice:
     """Sums along the lines of a lattice, on a device."""
 
-    def __init__(self, lattice: "ShearedLattice", precision: str, device: str):
+    def __init__(self, lattice: Any, precision: str, device: str):
         """Put there what depends on the direction, and build the kernels.
 
         Args:
-            lattice: The lattice.
+            lattice: The ShearedLattice.
             precision: Of the samples, "float32" or "float64".
             device: By its name at Warp.
         """

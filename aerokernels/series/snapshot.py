@@ -17,6 +17,7 @@ from ..flow.series import host_array
 from ..medium import IndexField, QuadMesh
 from ..rays import RayBundle
 from ..tracing import Plane
+from ..tracing.engines.choice import choose_backend
 from ..tracing.engines.info import cuda_driver_loads
 from ..tracing.trace import trace
 from ..wavefront import remove_terms
@@ -91,7 +92,13 @@ class Found:
 
 
 def gpu_of(backend: str | None, device: str | None) -> str | None:
-    """The GPU that a backend and a device stand for, by its name at Warp; None for the processor, or OpenCL's GPUs."""
+    """The GPU that a backend and a device stand for, by its name at Warp; None for the processor, or OpenCL's GPUs.
+
+    Raises:
+        ValueError: A GPU of Warp's that is not there.
+    """
+    if device is not None and device.startswith("cuda"):
+        choose_backend(backend or "auto", device)
     if backend not in (None, "auto", "warp") or not cuda_driver_loads():
         return None
     if device is not None and device.lower() != "gpu" and not device.startswith("cuda"):

@@ -187,3 +187,24 @@ def test_the_speed_script_finds_errors_that_are_reported():
     for one in found:
         assert 30.0 * one["error_m"] < one["nearest_m"] and one["error_m"] < one["reported_m"] and not one["traced"]
     assert [len(row) for row in table_rows(found)] == [len(COLUMNS)] * 3
+
+
+def test_the_speed_script_measures_a_device():
+    """The rows for a GPU, of Warp's processor in its place: errors as on the processor, a share and a time each."""
+    from aerokernels.validation.series_gpu import COLUMNS, gpu_row, measure_gpu
+
+    for one in measure_gpu((45, 45, 31), 12, "cpu"):
+        assert one["error_m"] < 2e-12 and min(one["copy_seconds"], one["pinned_seconds"], one["device_seconds"]) > 0.0
+        assert len(gpu_row(one)) == len(COLUMNS)
+
+
+def test_a_gpu_that_is_not_there_is_refused():
+    import warp
+
+    if warp.is_cuda_available():
+        pytest.skip("there is one")
+    field = Fourier.random(2)
+    options = {"geometry": "volume", "origin": ORIGIN, "spacing": [SPACING] * 3, "ambient_density": field.mean}
+    series = flow.open_series([field.on_grid(ORIGIN, SPACING, (9, 9, 9), 0.0)], time=[0.0], **options)
+    with pytest.raises(ValueError, match="cuda:0"):
+        optical_series(series, Disc(0.005, [-0.04, -0.04, -0.01]), device="cuda:0")
