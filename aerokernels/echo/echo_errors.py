@@ -25,10 +25,11 @@ from ..strehl import StrehlEstimate
 from ..strehl_errors import strehl_error
 from .chain import chain_of
 from .paths import TransmitPaths
-from .pulse_curve import peak_height
+from .pulse_curve import PulseCurve, peak_height
 from .pulses import pulse_of
 from .pupil_errors import own_phase_error, pupil_error
 from .rangefinder import Rangefinder
+from .ranging import AMPLITUDE_METHODS
 from .received_power import vacuum_power
 from .result import EchoResult
 from .uncertainty import EchoErrors, RangeUncertainty
@@ -103,8 +104,8 @@ class EchoProbe:
         return pupil_error(self.scene, self.field)
 
     def read_scaled(self, factor: float) -> dict[str, float]:
-        """Ranges by method [m] of the waveform without noise times a factor."""
-        return self.rangefinder.ranges(self.time, factor * self.clean)[0]
+        """Ranges [m] of the waveform without noise times a factor, by the methods that hang on the amplitude."""
+        return self.rangefinder.ranges(self.time, factor * self.clean, AMPLITUDE_METHODS)[0]
 
     def read_shifted(self, share: float) -> tuple[tuple[float, float], dict[str, float]]:
         """What the vacuum's echo reads when it comes a share of a sample later.
@@ -115,13 +116,12 @@ class EchoProbe:
         shift = share * (self.time[1] - self.time[0])
         moved = vacuum_power(self.scene, pulse_of(self.scene), self.weight, self.vacuum, self.fine, shift)
         volts = chain_of(self.scene).voltage(self.fine, moved)[:: self.stride]
-        power, voltage = (
-            peak_height(values) / peak - 1.0
-            for values, peak in zip((moved[:: self.stride], volts), self.vacuum_peaks, strict=True)
-        )
+        curve = PulseCurve(volts) if volts.size > 3 and np.isfinite(volts).all() else None
+        power = peak_height(moved[:: self.stride]) / self.vacuum_peaks[0] - 1.0
+        voltage = peak_height(volts, curve) / self.vacuum_peaks[1] - 1.0
         true = self.scene.target.distance + 0.5 * SPEED_OF_LIGHT * shift
         return (power, voltage), {
-            name: read - true for name, read in self.rangefinder.ranges(self.time, volts)[0].items()
+            name: read - true for name, read in self.rangefinder.ranges(self.time, volts, curve=curve)[0].items()
         }
 
     def random_errors(self, count: int) -> dict[str, float]:
@@ -161,9 +161,11 @@ def echo_errors(result: EchoResult, probe: EchoProbe) -> EchoErrors:
         if math.isnan(value):
             ranges[method] = RangeUncertainty(math.nan, math.nan)
             continue
-        walk = max((abs(one[method] - scaled[0][method]) for one in scaled), default=math.nan)
-        if any(math.isnan(one[method]) for one in scaled):  # within its error the echo may be lost
-            walk = math.inf
+        walk = 0.0 if scaled else math.nan
+        if method in AMPLITUDE_METHODS and scaled:
+            walk = max(abs(one[method] - scaled[0][method]) for one in scaled)
+            if any(math.isnan(one[method]) for one in scaled):  # within its error the echo may be lost
+                walk = math.inf
         place = max(abs(found.get(method, math.nan)) for _, found in moved)
         path = 0.5 * probe.wavelength * phase / math.pi
         ranges[method] = RangeUncertainty(

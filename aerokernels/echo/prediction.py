@@ -3,16 +3,12 @@
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-import numpy as np
-
 from ..medium import IndexField
 from ..scene import Scene
-from .paths import target_plane, vacuum_paths
 from .pulse_curve import peak_height
 from .pupil_reduction import check_ahead
 from .rangefinder import Rangefinder
-from .simulate import vacuum_record
-from .target_points import target_points
+from .simulate import vacuum_record, vacuum_times
 
 
 @dataclass(frozen=True)
@@ -44,7 +40,8 @@ def predict_echo(scene: Scene, field: IndexField | None = None) -> EchoPredictio
         ValueError: A scene that has no echo to compute: a target that reaches back to the aperture or into the flow's
             box, one too deep for its pulse, or a record of millions of samples.
     """
-    time, power, voltage, fine = check_echo(scene, field)
+    check_echo(scene, field)
+    time, power, voltage, fine = vacuum_record(scene)
     rangefinder = Rangefinder.calibrated(scene, time, voltage, fine)
     peak = peak_height(voltage)
     own = scene.detector.ranging
@@ -57,15 +54,12 @@ def predict_echo(scene: Scene, field: IndexField | None = None) -> EchoPredictio
     )
 
 
-def check_echo(
-    scene: Scene, field: IndexField | None = None
-) -> tuple[np.ndarray, np.ndarray, np.ndarray, tuple[np.ndarray, np.ndarray]]:
-    """Refuse a scene that has no echo to compute; `vacuum_record` of one that has.
+def check_echo(scene: Scene, field: IndexField | None = None) -> None:
+    """Refuse a scene that has no echo to compute.
 
     Raises:
         ValueError: As for `predict_echo`.
     """
-    found = vacuum_record(scene)
+    _, _, vacuum, _ = vacuum_times(scene)
     if field is not None and scene.receiver.return_factor != "none":
-        check_ahead(field, vacuum_paths(target_points(scene), target_plane(scene)).intersection)
-    return found
+        check_ahead(field, vacuum.intersection)

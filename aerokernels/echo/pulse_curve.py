@@ -122,8 +122,8 @@ class PulseCurve:
         return np.asarray(self.spline.derivative()(np.arange(self.samples.size)))
 
 
-def peak_height(samples: np.ndarray) -> float:
-    """Greatest value of the curve through the samples.
+def peak_height(samples: np.ndarray, made: PulseCurve | None = None) -> float:
+    """Greatest value of the curve through the samples, which may have been made already.
 
     It is the greatest sample where the record holds no peak, and where an amplifier or a digitiser has cut the peak
     off: the curve would overshoot at the edges of such a plateau.
@@ -132,4 +132,4 @@ def peak_height(samples: np.ndarray) -> float:
     cut_off = bool((samples[top : top + PLATEAU] == samples[top]).all()) and top + PLATEAU <= samples.size
     if samples[top] <= 0.0 or top in (0, samples.size - 1) or cut_off:
         return float(samples[top])
-    return PulseCurve(samples).peak
+    return (made or PulseCurve(samples)).peak

@@ -20,7 +20,7 @@ import numpy as np
 from ..medium import IndexField
 from ..rays import RayBundle
 from ..scene import Scene
-from ..tracing import Plane, TraceResult, trace
+from ..tracing import Plane, RayStatus, TraceResult, trace
 from .paths import trace_options
 
 # The stop stands this far ahead of the flow's box, clear of rounding at its face.
@@ -39,7 +39,7 @@ class PupilSums:
         ray_count: Rays traced.
         evaluation_count: Field evaluations.
         seconds: Time in kernels [s].
-        statuses: Number of rays by status name.
+        statuses: Number of rays by status name; what known air leaves out of the light is not looked at.
     """
 
     open_share: np.ndarray
@@ -102,8 +102,9 @@ def reduce_pupils(
         )
         evaluation_count += 0 if result.evaluation_count is None else int(result.evaluation_count.sum())
         seconds += result.seconds["kernel"]
-        for name, count in result.status_summary().items():
-            statuses[name] = statuses.get(name, 0) + count
+        for code, count in zip(*np.unique(result.traced_status, return_counts=True), strict=True):
+            name = RayStatus(int(code)).name
+            statuses[name] = statuses.get(name, 0) + int(count)
     if not open_share.any():
         raise ValueError(
             f"no ray of the receiver's pupil gets out toward the target ({statuses}): "

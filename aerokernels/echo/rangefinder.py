@@ -1,7 +1,7 @@
 """A scene's rangefinder: the four ranging methods, each calibrated on the echo of the same scene in vacuum."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import partial
@@ -100,14 +100,23 @@ class Rangefinder:
             reading = self.walk.correct(time, voltage, reading, peak=curve.peak if finer > 1 else None)
         return reading - self.calibration[method]
 
-    def ranges(self, time: np.ndarray, voltage: np.ndarray) -> tuple[dict[str, float], dict[str, str]]:
-        """Range by each method [m], NaN where it finds no echo or is not calibrated; and why, for those."""
+    def ranges(
+        self,
+        time: np.ndarray,
+        voltage: np.ndarray,
+        methods: Sequence[str] = RANGING_METHODS,
+        curve: PulseCurve | None = None,
+    ) -> tuple[dict[str, float], dict[str, str]]:
+        """Range by each method [m], NaN where it finds no echo or is not calibrated; and why, for those.
+
+        `curve` is the one through the voltage, where it was made already.
+        """
         found, reasons = {}, {}
         made = None
         with suppress(ValueError):  # a record that has no curve: each method says why
             _, volts, period = as_waveform(time, voltage)
-            made = shaped_curve(volts, self.shape, period)
-        for method in RANGING_METHODS:
+            made = shaped_curve(volts, self.shape, period, curve)
+        for method in methods:
             found[method] = math.nan
             if method in self.unreadable:
                 reasons[method] = self.unreadable[method]

@@ -19,6 +19,7 @@ baseline off first.
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
@@ -26,10 +27,12 @@ from ..arguments import Numbers, checked
 from .checks import as_finite_array, as_waveform, check_choice, check_positive
 from .pulse_curve import PulseCurve
 from .sampling_error import sampling_error, warn_of_sampling
-from .shaped_curve import Shape, best_match, shaped_curve
+from .shaped_curve import Shape, best_match, shaped_curve, template_transform
 from .waveform import SPEED_OF_LIGHT
 
 RANGING_METHODS = ("leading-edge", "constant-fraction", "centroid", "matched-filter")
+
+AMPLITUDE_METHODS = ("leading-edge",)  # those whose reading hangs on the amplitude
 
 Template = Shape | np.ndarray
 
@@ -186,6 +189,16 @@ class SampledTemplate:
         place = np.asarray(time) / self.period + int(np.argmax(self.samples))
         inside = (place >= 0.0) & (place <= last)
         return np.where(inside, self._curve.spline(np.clip(place, 0.0, last)), 0.0)
+
+    def transform(self, count: int, period: float) -> tuple[np.ndarray, float]:
+        """See `shaped_curve.template_transform`; that of the last record's samples is kept."""
+        if self._transforms.get("of") != (count, period):
+            self._transforms.update({"of": (count, period), "is": template_transform(self, count, period)})
+        return self._transforms["is"]
+
+    @cached_property
+    def _transforms(self) -> dict[str, Any]:
+        return {}
 
 
 def template_curve(template: Template, period: float) -> Callable[[np.ndarray], np.ndarray]:

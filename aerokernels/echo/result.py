@@ -122,12 +122,12 @@ class EchoResult:
         ]
         return "\n".join([*lines, f"  no range: {self.reason}"] if self.reason else lines)
 
-    @property
+    @cached_property
     def peak_power(self) -> float:
         """Peak of the received power [W], between the samples."""
         return peak_height(self.power)
 
-    @property
+    @cached_property
     def peak_voltage(self) -> float:
         """Peak of the voltage [V], between the samples."""
         return peak_height(self.voltage)

@@ -25,17 +25,20 @@ ROUNDING = 1e-13
 Shape = Callable[[np.ndarray], np.ndarray]
 
 
-def shaped_curve(volts: np.ndarray, shape: Shape | None, period: float) -> tuple[PulseCurve, int]:
+def shaped_curve(
+    volts: np.ndarray, shape: Shape | None, period: float, made: PulseCurve | None = None
+) -> tuple[PulseCurve, int]:
     """The curve of a pulse, and how many of its places make one sample period.
 
     Args:
         volts: Samples, shape (n,).
         shape: The pulse as a function of time [s], of any amplitude, its zero anywhere on it; None: not known.
         period: Sample period [s].
+        made: The curve through the samples alone, where it was made already.
     """
     factor = _finer(volts)
     if shape is None or factor == 1:
-        return PulseCurve(volts), 1
+        return made or PulseCurve(volts), 1
     try:
         place, height = best_match(volts, shape, period)
     except ValueError:  # nothing of that shape is there
@@ -73,15 +76,14 @@ def best_match(volts: np.ndarray, curve: Shape, period: float) -> tuple[float, f
     from scipy.optimize import minimize_scalar
 
     count = volts.size
-    samples = np.asarray(curve(np.arange(-(count - 1), count) * period), dtype=np.float64)
-    if samples.shape != (2 * count - 1,) or not np.isfinite(samples).all():
-        raise ValueError(f"the template must return one finite value for each time, got shape {samples.shape}")
+    kept = getattr(curve, "transform", None)
+    transform, norm = template_transform(curve, count, period) if kept is None else kept(count, period)
     # Entry k of "valid" is the sum over i of volts[i] template(i - (count - 1 - k)): turned round, entry j is delay j.
-    size = next_fast_len(samples.size, real=True)
-    coarse = irfft(rfft(samples, size) * np.conj(rfft(volts, size)), size)[:count][::-1]
+    size = next_fast_len(2 * count - 1, real=True)
+    coarse = irfft(transform * np.conj(rfft(volts, size)), size)[:count][::-1]
     start = int(np.argmax(coarse))
     # Less than this is rounding of the sum.
-    least = ROUNDING * float(np.linalg.norm(volts)) * float(np.linalg.norm(samples))
+    least = ROUNDING * float(np.linalg.norm(volts)) * norm
     if coarse[start] <= least:
         raise ValueError("the waveform has no positive correlation with the template anywhere: is a sign turned?")
     places = np.arange(count) - start
@@ -95,3 +97,17 @@ def best_match(volts: np.ndarray, curve: Shape, period: float) -> tuple[float, f
     found = float(minimize_scalar(mismatch, bounds=(low, high), method="bounded", options={"xatol": 1e-10}).x)
     expected = curve((places - found) * period)
     return start + found, float(volts @ expected) / (float(expected @ expected) or 1.0)
+
+
+def template_transform(curve: Shape, count: int, period: float) -> tuple[np.ndarray, float]:
+    """The Fourier transform of a pulse at all delays of a record of `count` samples, and the norm of these samples.
+
+    Raises:
+        ValueError: A pulse that is not finite.
+    """
+    from scipy.fft import next_fast_len, rfft
+
+    samples = np.asarray(curve(np.arange(-(count - 1), count) * period), dtype=np.float64)
+    if samples.shape != (2 * count - 1,) or not np.isfinite(samples).all():
+        raise ValueError(f"the template must return one finite value for each time, got shape {samples.shape}")
+    return rfft(samples, next_fast_len(samples.size, real=True)), float(np.linalg.norm(samples))

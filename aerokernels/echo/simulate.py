@@ -33,7 +33,7 @@ from .rangefinder import Rangefinder
 from .received_power import point_power, vacuum_power
 from .result import EchoResult
 from .return_paths import return_paths
-from .target_points import target_points
+from .target_points import TargetPoints, target_points
 from .waveform import SPEED_OF_LIGHT, sum_of_pulses
 
 # The detector's low-pass rings for a few 1 / bandwidth.
@@ -166,12 +166,23 @@ def vacuum_record(scene: Scene) -> tuple[np.ndarray, np.ndarray, np.ndarray, tup
 
     Last, the times [s] and the voltage [V] where the echo is computed, finely enough for its pulse.
     """
-    pulse, points = pulse_of(scene), target_points(scene, None)
-    vacuum = vacuum_paths(points, target_plane(scene))
-    time, fine, stride = _record_times(scene, pulse, vacuum.path, vacuum.path)
+    pulse, points, vacuum, (time, fine, stride) = vacuum_times(scene)
     power = vacuum_power(scene, pulse, points.weight, vacuum, fine)
     voltage = chain_of(scene).voltage(fine, power)
     return time, power[::stride], voltage[::stride], (fine, voltage)
+
+
+def vacuum_times(
+    scene: Scene,
+) -> tuple[PulseShape, TargetPoints, TransmitPaths, tuple[np.ndarray, np.ndarray, int]]:
+    """What `vacuum_record` sums: pulse, target points, ways to them, and times as `_record_times` gives them.
+
+    Raises:
+        ValueError: As for `vacuum_echo`.
+    """
+    pulse, points = pulse_of(scene), target_points(scene, None)
+    vacuum = vacuum_paths(points, target_plane(scene))
+    return pulse, points, vacuum, _record_times(scene, pulse, vacuum.path, vacuum.path)
 
 
 def _record_times(

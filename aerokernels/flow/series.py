@@ -16,6 +16,8 @@ from .density_field import CellDensity, DensityField
 from .gas import FreeStream, check_density
 from .sampled_density import GridDensity, VertexDensity
 
+PROCESSOR, PINNED = 1, 3  # kinds of memory, as DLPack numbers them
+
 
 @dataclass(frozen=True, eq=False)
 class GridMesh:
@@ -248,22 +250,38 @@ def host_array(found: Any) -> np.ndarray:
 
 
 def device_array(found: Any) -> Any:
-    """An array on a GPU as one of Warp's, without a copy; None where it is no such array, or of whole numbers."""
-    if isinstance(found, np.ndarray) or not (hasattr(found, "__cuda_array_interface__") or _on_device(found)):
+    """An array on a GPU, or pinned for one, as one of Warp's, without a copy.
+
+    None where it is no such array, or of whole numbers.
+    """
+    if isinstance(found, np.ndarray):
+        return None
+    pinned = _dlpack_device(found) == PINNED
+    if not (pinned or hasattr(found, "__cuda_array_interface__") or _on_device(found)):
         return None
     import warp
 
     if isinstance(found, warp.array):
         array = found
+    elif pinned:
+        try:
+            array = warp.from_dlpack(found)
+        except (AssertionError, RuntimeError, TypeError, ValueError, BufferError):
+            return None  # a library that hands out pinned memory as a host's only: it is read as such
     else:
         array = warp.from_dlpack(found) if hasattr(found, "__dlpack__") else warp.array(found, copy=False)
     return array.contiguous() if array.dtype in (warp.float32, warp.float64) else None
 
 
 def _on_device(found: Any) -> bool:
-    """Whether an array says through DLPack that it is not the processor's (1), nor memory pinned for it (3)."""
+    """Whether an array says through DLPack that it is neither in the processor's memory nor in memory pinned for it."""
+    return _dlpack_device(found) not in (None, PROCESSOR, PINNED)
+
+
+def _dlpack_device(found: Any) -> int | None:
+    """The kind of memory that an array says through DLPack it is in; None where it does not say."""
     device = getattr(found, "__dlpack_device__", None)
-    return device is not None and int(device()[0]) not in (1, 3)
+    return None if device is None else int(device()[0])
 
 
 class InOrder:

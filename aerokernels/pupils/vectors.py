@@ -36,6 +36,14 @@ def transverse_axes(normal: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return first, np.cross(normal, first)
 
 
+def transverse_frames(normals: np.ndarray) -> np.ndarray:
+    """The two vectors of `transverse_axes` for many unit vectors, shape (n, 2, 3) for (n, 3)."""
+    helper = np.where(np.abs(normals[:, 1:2]) < 0.9, [0.0, 1.0, 0.0], [0.0, 0.0, 1.0])
+    first = np.cross(helper, normals)
+    first /= np.linalg.norm(first, axis=1, keepdims=True)
+    return np.stack([first, np.cross(normals, first)], axis=1)
+
+
 def direction_of(azimuth: Any, elevation: Any) -> np.ndarray:
     """Look directions [1], shape (..., 3), of azimuths toward +x and elevations toward +y [rad]; 0, 0 is along +z."""
     flat = np.cos(elevation)

@@ -20,6 +20,7 @@ from scipy import sparse
 
 from ..flow import GridMesh
 from ..flow.series import host_array
+from .device_copies import Sent
 from .plane_values import PlaneValues, nodes_along, tensor_rows, thinned, to_coefficients
 from .sheared_lattice import ShearedLattice
 
@@ -101,10 +102,13 @@ class LineIntegrals:
         """The integrals of samples less a constant: shape (n,), float64.
 
         Args:
-            samples: Shape of the mesh; with `device` also an array of Warp's there.
+            samples: Shape of the mesh; with `device` also an array of Warp's there, or what `sent` gives.
             ambient: The constant, in the samples' unit.
             device: A GPU of Warp's; None: the processor.
         """
+        if isinstance(samples, Sent):
+            assert self.lattice is not None  # which has sent them
+            return self.lattice.on_gpu(samples, samples.device, ambient)
         if self.mesh.cell_averages and not self.is_aligned:
             samples = nodes_along(host_array(samples), [self.axis], self.interpolation, self._is_even)
         if device is not None and self.lattice is not None:
@@ -113,6 +117,12 @@ class LineIntegrals:
         if self._sum is self.lattice and self.lattice is not None:
             return self.lattice(found, ambient)
         return self._sum(found) - ambient * self.length
+
+    def sent(self, samples: Any, device: str) -> Sent | None:
+        """Samples on their way to a device, on which they are summed later; None where they are summed on the host."""
+        if self.lattice is None or (self.mesh.cell_averages and not self.is_aligned):
+            return None
+        return self.lattice.sent(samples, device)
 
     @cached_property
     def _sum(self) -> Callable[[np.ndarray], np.ndarray]:

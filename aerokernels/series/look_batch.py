@@ -18,6 +18,7 @@ import numpy as np
 
 from ..medium import IndexField
 from ..opened import OPENED
+from ..pupils.vectors import transverse_frames
 from ..rays import RayBundle
 from ..tracing.known_air import may_be_lost
 from ..tracing.pupil_air import GREATEST_SHARE
@@ -31,7 +32,9 @@ CHECKED = 3
 REPLICATES = 16
 AT_ONCE = 1 << 24  # rays of a launch
 KNOWN_RAYS = 256  # of a direction, whose ways out of the known air are looked at
+KNOWN_FIRST = 16  # of these, at which all directions are looked at first
 KNOWN_AT_ONCE = 1 << 18
+CURVE_BITS = 12  # of the places of points, along each axis
 Look = tuple[dict[str, float], np.ndarray, bool]
 
 
@@ -58,13 +61,12 @@ def batch_looks(
         wavelength: Vacuum wavelength [m].
         check: The numbers, the tilt in space and whether the flow is before the pupil, of one direction by full traces.
     """
-    pupils = [replace(pupil, normal=look) for look in looks]
-    axes = np.array([one.axes for one in pupils])
+    axes = transverse_frames(looks)
     tolerance = float(options["tolerance"])
     per_replicate = max(1, -(-int(options["ray_count"]) // REPLICATES))
-    first, second = axes[0]
-    samples = [pupils[0].sample(per_replicate, "sobol", seed)[0] - pupils[0].center for seed in range(REPLICATES)]
-    points = np.concatenate(samples) @ np.stack([first, second], axis=1)
+    ahead = replace(pupil, normal=np.array([0.0, 0.0, 1.0]))
+    samples = [ahead.sample(per_replicate, "sobol", seed)[0] - ahead.center for seed in range(REPLICATES)]
+    points = np.concatenate([side_by_side(one @ np.stack(ahead.axes, axis=1)) for one in samples])
     device = gpu_of(options.get("backend"), options.get("device")) or "cpu"
     traced = _Traced(field, pupil, points, per_replicate, wavelength, options["remove"], device)
     each = max(1, AT_ONCE // len(points))
@@ -104,16 +106,32 @@ def _agrees(
     return abs(ours["strehl"] - full["strehl"]) <= allowed and abs(ours["opd_rms"] - full["opd_rms"]) <= rms
 
 
+def side_by_side(points: np.ndarray) -> np.ndarray:
+    """Points of a plane, shape (n, 2), in the order of a Z-shaped curve: those after each other lie by each other.
+
+    Rays that are traced together then read the same samples.
+    """
+    span = np.ptp(points, axis=0).max() or 1.0
+    place = ((points - points.min(axis=0)) / span * ((1 << CURVE_BITS) - 1)).astype(np.int64)
+    order = np.zeros(len(points), np.int64)
+    for bit in range(CURVE_BITS):
+        order |= ((place[:, 0] >> bit & 1) << (2 * bit)) | ((place[:, 1] >> bit & 1) << (2 * bit + 1))
+    return points[np.argsort(order, kind="stable")]
+
+
 def _known(field: IndexField, center: np.ndarray, points: np.ndarray, looks, axes, tolerance: float) -> np.ndarray:
     """Whether the light of each direction stays in known air, at all but a thousandth of the pupil's points."""
     found = np.ones(len(looks))
-    each = max(1, KNOWN_AT_ONCE // len(points))
-    for first in range(0, len(looks), each):
-        rows = slice(first, first + each)
-        position = (center + np.einsum("pa,nak->npk", points, axes[rows])).reshape(-1, 3)
-        direction = np.repeat(looks[rows], len(points), axis=0)
-        lost, _ = may_be_lost(field, RayBundle(position, direction), None, tolerance)
-        found[rows] = (lost.reshape(-1, len(points)) > tolerance).mean(axis=1) <= GREATEST_SHARE
+    most = GREATEST_SHARE * len(points)
+    # A few of the points settle most of the directions in which it does not; all points are looked at in the others.
+    for some in (points[:: -(-len(points) // KNOWN_FIRST)], points):
+        left = np.flatnonzero(found)
+        each = max(1, KNOWN_AT_ONCE // len(some))
+        for rows in (left[first : first + each] for first in range(0, len(left), each)):
+            position = (center + np.einsum("pa,nak->npk", some, axes[rows])).reshape(-1, 3)
+            direction = np.repeat(looks[rows], len(some), axis=0)
+            lost, _ = may_be_lost(field, RayBundle(position, direction), None, tolerance)
+            found[rows] = (lost.reshape(-1, len(some)) > tolerance).sum(axis=1) <= most
     return found
 
 

@@ -120,8 +120,8 @@ def optical_series(
     # While a snapshot is computed the next one is read and the maps of the one before are written.
     with store.writing(), ThreadPoolExecutor(1) as writer:
         written = None
-        for number, stored in _read_ahead(series, store.done.count, snapshots.device is not None):
-            found = snapshots(number, stored)
+        for number, read in _read_ahead(snapshots, store.done.count, len(series)):
+            found = snapshots(number, read)
             good = found.valid & np.isfinite(found.opd)
             if not good.any():
                 raise ValueError(
@@ -146,14 +146,14 @@ def _finished(written: "Future[None] | None", count: int, total: int, progress: 
         progress(f"{count} of {total} snapshots", count / total)
 
 
-def _read_ahead(series: Series, first: int, on_device: bool) -> Iterator[tuple[int, Any]]:
-    """Snapshots one after another, the next of which is read while one is worked on."""
+def _read_ahead(snapshots: Snapshots, first: int, stop: int) -> Iterator[tuple[int, Any]]:
+    """Snapshots one after another, the next of which is read, and sent to a GPU, while one is worked on."""
     with ThreadPoolExecutor(1) as reader:
-        following = reader.submit(series.read, first, on_device) if first < len(series) else None
-        for number in range(first, len(series)):
+        following = reader.submit(snapshots.read, first) if first < stop else None
+        for number in range(first, stop):
             assert following is not None
             stored = following.result()
-            following = reader.submit(series.read, number + 1, on_device) if number + 1 < len(series) else None
+            following = reader.submit(snapshots.read, number + 1) if number + 1 < stop else None
             yield number, stored
 
 

@@ -72,6 +72,7 @@ class PlaneValues:
 
     Attributes:
         maps: Sparse matrices along each axis; what they make of a plane `taken` takes the points from.
+        count: Number of points.
     """
 
     def __init__(
@@ -100,7 +101,7 @@ class PlaneValues:
             once = to_coefficients(count, interpolation, even and axis == 0, False)
             twice = once @ once[1:-1] if inverted[axis] else once
             inverses.append(twice @ to_nodes(count, interpolation, even and axis == 0) if cell_averages else twice)
-        self._within = within
+        self._within, self.count = within, len(within)
         unique = [np.unique(np.round(places[:, k], DECIMALS), return_inverse=True) for k in range(len(counts))]
         cells = int(np.prod([len(values) for values, _ in unique]))
         self._index: np.ndarray | None = None
@@ -120,6 +121,16 @@ class PlaneValues:
         for axis, one in enumerate(self.maps):
             found = one @ found if axis == 0 else (one @ np.ascontiguousarray(found.T)).T
         return self.taken(found)
+
+    @property
+    def rule(self) -> tuple[np.ndarray | None, sparse.csr_matrix | None]:
+        """What takes the points from what `maps` made of a plane: numbers of its entries, or else a matrix.
+
+        Points outside the plane have the number -1, or a row of zeros.
+        """
+        if self._index is not None:
+            return np.where(self._within, self._index, -1), None
+        return None, sparse.csr_matrix(sparse.diags(self._within.astype(np.float64)) @ self._rows)
 
     def taken(self, found: np.ndarray) -> np.ndarray:
         """The values at the points from what `maps` made of a plane, shape (n,)."""

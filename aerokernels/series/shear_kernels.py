@@ -1,12 +1,14 @@
-"""Warp kernels of sheared_lattice.py, for the CPU and for GPUs, in the precision of the samples."""
+"""Warp kernels of sheared_device.py, for the CPU and for GPUs, in the precision of the samples."""
 
 from typing import Any
 
 
-def build_kernels(precision: str, taps_u: int, taps_v: int, lanes: int) -> tuple[Any, Any]:
-    """The kernels `shear` and `rows` for samples of "float32" or "float64".
+def build_kernels(precision: str, taps_u: int, taps_v: int, lanes: int, parts: int) -> tuple[Any, Any, Any, Any]:
+    """The kernels `shear`, `gather`, `rows` and `take` for samples of "float32" or "float64".
 
-    A line takes taps_u by taps_v nodes in each plane, and a thread `lanes` lines, which share most of their nodes.
+    A line takes taps_u by taps_v nodes in each plane, and a thread `lanes` lines, which share most of their nodes, in
+    every plane, or with several `parts` in every so many'th one: threads beside each other then read planes beside each
+    other.
     """
     import warp as wp
 
@@ -69,14 +71,16 @@ def build_kernels(precision: str, taps_u: int, taps_v: int, lanes: int) -> tuple
         first_group: int,
         sum_out: wp.array(dtype=real),
     ):
-        """Sums along a group of neighbouring lines of the lattice, of taps_u by taps_v nodes in each plane."""
-        group = wp.tid() + first_group
+        """Sums along a group of neighbouring lines of the lattice, taps_u by taps_v nodes in a part of the planes."""
+        thread = wp.tid() + first_group
+        group = thread // parts
+        part = thread % parts
         groups = (width + lanes - 1) // lanes
         u = low[0] + group // groups
         first = (group % groups) * lanes
         v = low[1] + first
         total = lines_of()
-        for k in range(count[2]):
+        for k in range(part, count[2], parts):
             at_u = u + shift_in[k, 0]
             at_v = v + shift_in[k, 1]
             nodes = nodes_of()
@@ -99,7 +103,16 @@ def build_kernels(precision: str, taps_u: int, taps_v: int, lanes: int) -> tuple
                 total[j] += plane_weight_in[k] * value
         for j in range(lanes):
             if first + j < width:
-                sum_out[(u - low[0]) * width + first + j] = total[j]
+                sum_out[((u - low[0]) * width + first + j) * parts + part] = total[j]
+
+    @wp.kernel(module="unique", enable_backward=False)
+    def gather(sum_in: wp.array(dtype=real), total_out: wp.array(dtype=real)):
+        """The sum of a line's parts, in their order."""
+        line = wp.tid()
+        total = real(0.0)
+        for part in range(parts):
+            total += sum_in[line * parts + part]
+        total_out[line] = total
 
     @wp.kernel(module="unique", enable_backward=False)
     def rows(
@@ -117,4 +130,13 @@ def build_kernels(precision: str, taps_u: int, taps_v: int, lanes: int) -> tuple
             total += entry_in[p] * values_in[column_in[p] * strides[0] + j * strides[1]]
         value_out[i * strides[2] + j * strides[3]] = total
 
-    return shear, rows
+    @wp.kernel(module="unique", enable_backward=False)
+    def take(value_in: wp.array(dtype=real), index_in: wp.array(dtype=int), value_out: wp.array(dtype=real)):
+        """Values by their places; zero where a place is negative."""
+        i = wp.tid()
+        value = real(0.0)
+        if index_in[i] >= 0:
+            value = value_in[index_in[i]]
+        value_out[i] = value
+
+    return shear, gather, rows, take

@@ -17,10 +17,12 @@ from ..flow.series import host_array
 from ..medium import IndexField, QuadMesh
 from ..rays import RayBundle
 from ..tracing import Plane
+from ..tracing.engines.choice import choose_backend
 from ..tracing.engines.info import cuda_driver_loads
 from ..tracing.trace import trace
 from ..wavefront import remove_terms
 from .bending import SAFETY, bending, interpolation_error
+from .device_copies import Sent
 from .line_integrals import LineIntegrals, NotLinearError
 from .mesh_integrals import MeshIntegrals
 from .plane_values import nodes_along
@@ -90,7 +92,13 @@ class Found:
 
 
 def gpu_of(backend: str | None, device: str | None) -> str | None:
-    """The GPU that a backend and a device stand for, by its name at Warp; None for the processor, or OpenCL's GPUs."""
+    """The GPU that a backend and a device stand for, by its name at Warp; None for the processor, or OpenCL's GPUs.
+
+    Raises:
+        ValueError: A GPU of Warp's that is not there.
+    """
+    if device is not None and device.startswith("cuda"):
+        choose_backend(backend or "auto", device)
     if backend not in (None, "auto", "warp") or not cuda_driver_loads():
         return None
     if device is not None and device.lower() != "gpu" and not device.startswith("cuda"):
@@ -150,9 +158,21 @@ class Snapshots:
         if np.isfinite(probe):
             self._measured_slope, self._measured, self._interpolation = slope, probe, interpolation
 
-    def __call__(self, number: int, stored: Any = None) -> Found:
-        """The optical path differences of a snapshot, whose array may have been read already."""
-        stored = self.series.read(number, self.device is not None) if stored is None else stored
+    def read(self, number: int) -> tuple[Any, Sent | None]:
+        """A snapshot, and its samples on their way to the device on which they are summed, if there is one."""
+        stored = self.series.read(number, self.device is not None)
+        if self.device is None or not isinstance(self.lines, LineIntegrals) or self.model.form != "gladstone-dale":
+            return stored, None
+        if not isinstance(stored, DensityField):
+            return stored, self.lines.sent(stored, self.device)
+        samples = getattr(stored, "density", None)
+        if not isinstance(samples, np.ndarray) or samples.dtype not in (np.float32, np.float64):
+            return stored, None
+        return stored, self.lines.sent(samples, self.device) if self.series.lies_here(stored) else None
+
+    def __call__(self, number: int, read: tuple[Any, Sent | None] | None = None) -> Found:
+        """The optical path differences of a snapshot, which `read` may have read already."""
+        stored, there = self.read(number) if read is None else read
         flow = stored if isinstance(stored, DensityField) else None
         mixture = getattr(flow, "composition", None) is not None and self.way.constant is None
         if self.lines is None or mixture or (flow is not None and not self.series.lies_here(flow)):
@@ -160,7 +180,7 @@ class Snapshots:
         density = stored if flow is None else np.asarray(flow.density)  # type: ignore[attr-defined]
         ambient = self.series.ambient_density if flow is None else flow.ambient_density
         assert ambient is not None  # open_series asks for it
-        opd = self._straight(density, ambient)
+        opd = self._straight(density if there is None else there, ambient)
         valid = self.lines.inside & np.isfinite(opd)
         if not np.isfinite(opd).all():
             samples = host_array(density)

@@ -3,8 +3,7 @@
 A random field of Fourier modes on N x N x M nodes, float32, seen along its last axis or at a slant by P x P rays. For
 each: the time from samples in the host's memory to the map (LineIntegrals), that of a whole snapshot of
 `optical_series`, and the rms error of the map, beside that of nearest-neighbour sums over the same nodes and beside the
-error that `optical_series` reports. On a GPU of Warp's also the plain copy of the samples, and the map of samples that
-are there.
+error that `optical_series` reports. series_gpu.py measures the same map on a GPU.
 """
 
 import time
@@ -17,8 +16,7 @@ from aerokernels.flow import GridMesh, Series, open_series
 from aerokernels.pupils import Disc
 from aerokernels.series import optical_series
 from aerokernels.series.line_integrals import LineIntegrals
-from aerokernels.series.pupil_grid import pupil_grid
-from aerokernels.series.snapshot import gpu_of
+from aerokernels.series.pupil_grid import PupilGrid, pupil_grid
 from aerokernels.validation.fourier_fields import CONSTANT, WAVELENGTH, Fourier
 
 SHAPE, PIXELS = (525, 525, 101), 512
@@ -62,31 +60,50 @@ def measure_series(
         wavenumber: Of the modes, standard deviation in each direction [rad/m]; nodes are 1 mm apart.
     """
     field = Fourier.random(8, wavenumber=wavenumber, amplitude=1e-3)
-    origin = np.array([-0.5 * SPACING * (shape[0] - 1), -0.5 * SPACING * (shape[1] - 1), 0.0])
-    volumes = [field.on_grid(origin, SPACING, shape, instant, np.float32) for instant in (0.0, 1e-5)]
-    mesh = GridMesh("volume", origin, np.full(3, SPACING), shape)
+    mesh = mesh_of_shape(shape)
+    volumes = [field.on_grid(mesh.origin, SPACING, shape, instant, np.float32) for instant in (0.0, 1e-5)]
     return [_one(name, np.array(way), mesh, volumes, field, pixels, snapshots) for name, way in DIRECTIONS.items()]
 
 
-def _one(name, way, mesh: GridMesh, volumes, field: Fourier, pixels: int, snapshots: int) -> dict[str, Any]:
-    along = way / np.linalg.norm(way)
+def mesh_of_shape(shape: tuple[int, int, int]) -> GridMesh:
+    """Nodes about the z axis, from z = 0 on."""
+    origin = [-0.5 * SPACING * (shape[0] - 1), -0.5 * SPACING * (shape[1] - 1), 0.0]
+    return GridMesh("volume", origin, np.full(3, SPACING), shape)
+
+
+def pupil_before(mesh: GridMesh, way: np.ndarray) -> Disc:
+    """A pupil ahead of a volume whose rays along `way` all stay in it."""
     depth = SPACING * (mesh.shape[2] - 1)
     radius = 0.4 * SPACING * min(mesh.shape[:2])
     radius = min(radius, 0.5 * SPACING * (min(mesh.shape[:2]) - 3) - 0.5 * depth * float(np.abs(way[:2]).max()))
     center = -0.5 * depth * way - 0.01 * way
     center[2] = -0.01
-    pupil = Disc(radius, center)
+    return Disc(radius, center)
+
+
+def exact_map(field: Fourier, grid: PupilGrid, along: np.ndarray, lines: LineIntegrals) -> np.ndarray:
+    """The exact optical path differences of the first snapshot [m]."""
+    entry = grid.points - (grid.points[:, 2] / along[2])[:, None] * along
+    return field.opd(entry, along, lines.length, 0.0)
+
+
+def off_by(values: np.ndarray, truth: np.ndarray, grid: PupilGrid) -> float:
+    """The rms error of integrals of the density over the pupil, the mean removed [m]."""
+    weight = grid.weight[grid.lit]
+    difference = CONSTANT * values - truth
+    return float(np.sqrt(weight @ (difference - weight @ difference) ** 2))
+
+
+def _one(name, way, mesh: GridMesh, volumes, field: Fourier, pixels: int, snapshots: int) -> dict[str, Any]:
+    along = way / np.linalg.norm(way)
+    pupil = pupil_before(mesh, way)
     grid = pupil_grid(pupil, pixels)
     lines = LineIntegrals(mesh, grid.points, along)
-    call = lines
-    wall, processor, found = timed(lambda: call(volumes[0], field.mean), max(2, snapshots // 2))
-    entry = grid.points - (grid.points[:, 2] / along[2])[:, None] * along
-    truth = field.opd(entry, along, lines.length, 0.0)
-    weight = grid.weight[grid.lit]
+    wall, processor, found = timed(lambda: lines(volumes[0], field.mean), max(2, snapshots // 2))
+    truth = exact_map(field, grid, along, lines)
 
     def off(values: np.ndarray) -> float:
-        difference = CONSTANT * values - truth
-        return float(np.sqrt(weight @ (difference - weight @ difference) ** 2))
+        return off_by(values, truth, grid)
 
     nearest = nearest_sums(mesh, volumes[0], grid.points, along)
     uniform = field.mean * (
@@ -116,7 +133,6 @@ def _one(name, way, mesh: GridMesh, volumes, field: Fourier, pixels: int, snapsh
         "nearest_m": off(nearest - uniform),
         "traced": float(maps.traced.sum()),
         "wavelength_m": WAVELENGTH,
-        **_on_gpu(lines, volumes[0], field.mean, snapshots),
     }
 
 
@@ -129,26 +145,6 @@ def _series(volumes: list[np.ndarray], mesh: GridMesh, ambient: float, count: in
         spacing=mesh.spacing,
         ambient_density=ambient,
     )
-
-
-def _on_gpu(lines: LineIntegrals, volume: np.ndarray, ambient: float, repeats: int) -> dict[str, Any]:
-    """Seconds of the plain copy to a GPU, of the map from the host's memory, and of that of samples on the device."""
-    device = gpu_of("auto", None)
-    if device is None or lines.lattice is None:
-        return {}
-    import warp as wp
-
-    buffer = wp.empty(volume.shape, dtype=wp.float32, device=device)
-    here = wp.array(volume, dtype=wp.float32, device="cpu", copy=False)
-
-    def copied() -> None:
-        wp.copy(buffer, here)
-        wp.synchronize_device(device)
-
-    copied_seconds = timed(copied, repeats)[0]
-    from_host = timed(lambda: lines(volume, ambient, device), repeats)[0]
-    there = timed(lambda: lines(buffer, ambient, device), repeats)[0]
-    return {"gpu": device, "copy_seconds": copied_seconds, "gpu_host_seconds": from_host, "gpu_device_seconds": there}
 
 
 def table_rows(found: list[dict[str, Any]]) -> list[tuple[str, ...]]:

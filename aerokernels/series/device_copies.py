@@ -1,0 +1,139 @@
+"""Samples on their way to a device of Warp's: through pinned memory, by several threads, while other work goes on.
+
+A copy from memory that is not pinned goes through one small buffer of the driver's, at a fraction of the bus's rate. So
+samples of the host are taken in pieces: threads put each into pinned memory, whence the device fetches it while the
+next ones are put there. Samples that are pinned are fetched at once, and samples on the device stay where they are.
+"""
+
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from ..tracing.engines.info import thread_count
+
+PIECE = 1 << 22  # bytes copied at a time
+SLOTS = 4  # pieces of each thread in pinned memory
+MOST_THREADS = 8
+
+
+@dataclass(frozen=True, eq=False)
+class Sent:
+    """Samples on a device.
+
+    Attributes:
+        flat: A flat array of Warp's there, to which copies may be under way.
+        device: The device's name at Warp.
+        precision: "float32" or "float64".
+        done: When the copies are done, an event; None: they are.
+    """
+
+    flat: Any
+    device: str
+    precision: str
+    done: Any = None
+
+    def ready(self) -> Any:
+        """The array, for work that waits there until the copies are done."""
+        if self.done is not None:
+            self.flat.device.stream.wait_event(self.done)
+        return self.flat
+
+
+def sent(samples: Any, copies: "Copies") -> Sent:
+    """Samples on a device: an array of Warp's on one stays where it is, others are copied by `copies`."""
+    import warp as wp
+
+    if isinstance(samples, wp.array) and (samples.device.is_cuda or copies.device == "cpu"):
+        return Sent(samples.contiguous().flatten(), str(samples.device), samples.dtype.__name__)
+    return copies(samples)
+
+
+class Copies:
+    """Copies arrays of the host to a device, by turns into two arrays there: one is used while the other is filled.
+
+    Attributes:
+        device: The device, by its name at Warp.
+    """
+
+    def __init__(self, device: str):
+        """Begin.
+
+        Args:
+            device: By its name at Warp.
+        """
+        import warp as wp
+
+        from ..quiet_warp import start_warp
+
+        start_warp()
+        self.device = device
+        self._stream = None if device == "cpu" else wp.Stream(device)
+        self._threads = min(MOST_THREADS, max(2, thread_count()))
+        self._pool = ThreadPoolExecutor(self._threads)
+        self._there: list[Any] = []
+        self._slots: list[tuple[Any, np.ndarray, Any]] = []
+
+    def __call__(self, samples: Any) -> Sent:
+        """Begin to copy an array of float32 or float64; all of it has been read when this returns.
+
+        What the call before the last one gave is overwritten.
+        """
+        import warp as wp
+
+        pinned = isinstance(samples, wp.array)
+        kind = np.dtype(samples.dtype.__name__) if pinned else samples.dtype
+        real: Any = {"float32": wp.float32, "float64": wp.float64}[kind.name]
+        if len(self._there) == 2:
+            self._there.append(self._there.pop(0))
+            if self._there[-1].dtype is not real or self._there[-1].size != samples.size:
+                self._there.pop()
+        if len(self._there) < 2:
+            self._there.append(wp.empty(samples.size, dtype=real, device=self.device))
+        target = self._there[-1]
+        if self._stream is not None:  # the array may be in use by what was launched before
+            self._stream.wait_stream(wp.get_stream(self.device))
+        if pinned:
+            wp.copy(target, samples.contiguous().flatten(), stream=self._stream)
+        else:
+            self._in_pieces(target, samples, real)
+        done = None if self._stream is None else self._stream.record_event()
+        if pinned and done is not None:
+            wp.synchronize_event(done)
+        return Sent(target, self.device, kind.name, done)
+
+    def _in_pieces(self, target: Any, samples: np.ndarray, real: Any) -> None:
+        """Copy an array, some of its first axis at a time."""
+        row = samples[:1].size
+        rows = max(1, PIECE // max(1, row * samples.itemsize))
+        if not self._slots or self._slots[0][0].dtype is not real or self._slots[0][0].size < rows * row:
+            self._slots = [self._slot(rows * row, real) for _ in range(SLOTS * self._threads)]
+        starts = range(0, len(samples), rows)
+
+        def copied(thread: int) -> None:  # each with slots of its own, which it fills one after another
+            for turn, first in enumerate(starts[thread :: self._threads]):
+                slot = self._slots[SLOTS * thread + turn % SLOTS]
+                self._piece(target, samples[first : first + rows], first * row, *slot)
+
+        list(self._pool.map(copied, range(self._threads)))
+
+    def _slot(self, size: int, real: Any) -> tuple[Any, np.ndarray, Any]:
+        """Pinned memory, the same as an array of NumPy's, and the event of the last copy from there."""
+        import warp as wp
+
+        cuda = self._stream is not None
+        memory = wp.empty(size, dtype=real, device="cpu", pinned=cuda)
+        return memory, memory.numpy(), wp.Event(self.device) if cuda else None
+
+    def _piece(self, target: Any, samples: np.ndarray, first: int, memory: Any, here: np.ndarray, done: Any) -> None:
+        """Copy one piece, by way of a slot."""
+        import warp as wp
+
+        if done is not None:
+            wp.synchronize_event(done)  # until it has been fetched, what is there must stay
+        np.copyto(here[: samples.size].reshape(samples.shape), samples)
+        wp.copy(target, memory, first, 0, samples.size, stream=self._stream)
+        if done is not None:
+            assert self._stream is not None
+            self._stream.record_event(done)

@@ -1,0 +1,97 @@
+"""The map of sheared_lattice.py on a device of Warp's, whence one number a line comes back."""
+
+from typing import Any
+
+import numpy as np
+
+from ..opened import OPENED
+from .warp_launch import launch
+
+LANES = 4  # neighbouring lines of one thread, which share most of their nodes
+PARTS = 32  # of the planes, each of a thread, where planes are neighbours in memory: a warp reads them together
+
+
+class DeviceLattice:
+    """Sums along the lines of a lattice, on a device."""
+
+    def __init__(self, lattice: Any, precision: str, device: str):
+        """Put there what depends on the direction, and build the kernels.
+
+        Args:
+            lattice: The ShearedLattice.
+            precision: Of the samples, "float32" or "float64".
+            device: By its name at Warp.
+        """
+        import warp as wp
+
+        from ..quiet_warp import start_warp
+        from .shear_kernels import build_kernels
+
+        start_warp()
+        self._device = device
+        real: Any = {"float32": wp.float32, "float64": wp.float64}[precision]
+        taps = [one.shape[1] for one in lattice.blends]
+        lanes = LANES if taps[1] > 1 else 1
+        planes = lattice.shape[lattice.axis]
+        strides = np.array([lattice.shape[1] * lattice.shape[2], lattice.shape[2], 1])
+        parts = PARTS if lattice.axis == 2 and planes >= PARTS else 1
+        options = precision, *taps, lanes, parts
+        self._kernels = OPENED.once(("kernels of sheared lattices", *options), lambda: build_kernels(*options))
+
+        def put(array: np.ndarray, kind: Any = real) -> Any:
+            return wp.array(np.ascontiguousarray(array), dtype=kind, device=device)
+
+        def matrix(rows: Any) -> list[Any]:
+            indices = [put(one.astype(np.int32), wp.int32) for one in (rows.indptr, rows.indices)]
+            return [*indices, put(rows.data)]
+
+        height, width = map(int, lattice.size)
+        self._parts, self._lines = parts, height * width
+        self._before = [
+            wp.vec3i(*(lattice.shape[k] for k in (*lattice.others, lattice.axis))),
+            wp.vec3i(*(int(strides[k]) for k in (*lattice.others, lattice.axis))),
+            put(lattice.shift, wp.int32),
+            *map(put, (*lattice.blends, lattice.weights)),
+            wp.vec2i(*map(int, lattice.low)),
+            width,
+        ]
+        self._groups = height * -(-width // lanes)
+        self._partial = wp.empty(self._lines * parts, dtype=real, device=device)
+        self._total = wp.empty(self._lines, dtype=real, device=device) if parts > 1 else self._partial
+        # Between the lines of the lattice: a sparse matrix along each axis, and what takes the points from there.
+        maps = lattice.values.maps
+        sizes = [(maps[0].shape[0], width), (maps[0].shape[0], maps[1].shape[0])]
+        across = [wp.vec4i(width, 1, width, 1), wp.vec4i(1, width, 1, sizes[1][1])]
+        self._maps = [
+            (matrix(one), strides, (size[a], size[1 - a]), wp.empty(size[0] * size[1], dtype=real, device=device))
+            for a, (one, strides, size) in enumerate(zip(maps, across, sizes, strict=True))
+        ]
+        index, rows = lattice.values.rule
+        self._index = None if index is None else put(index.astype(np.int32), wp.int32)
+        self._rows = None if rows is None else matrix(rows)
+        count = lattice.values.count
+        self._found = wp.empty(count, dtype=real, device=device)
+        self._host = wp.empty(count, dtype=real, device="cpu", pinned=device != "cpu")
+
+    def __call__(self, samples: Any, offset: float) -> np.ndarray:
+        """Sums of samples, a flat array there, less a constant: shape (n,), float64."""
+        import warp as wp
+
+        shear, gather, rows, take = self._kernels
+        device = self._device
+        launch(shear, self._groups * self._parts, [samples, offset, *self._before], [self._partial], device)
+        if self._parts > 1:
+            wp.launch(gather, dim=self._lines, inputs=[self._partial, self._total], device=device)
+        values = self._total
+        for matrix, strides, size, out in self._maps:
+            wp.launch(rows, dim=size, inputs=[values, *matrix, strides, out], device=device)
+            values = out
+        if self._rows is None:
+            wp.launch(take, dim=self._found.size, inputs=[values, self._index, self._found], device=device)
+        else:
+            once = wp.vec4i(1, 0, 1, 0)
+            wp.launch(rows, dim=(self._found.size, 1), inputs=[values, *self._rows, once, self._found], device=device)
+        wp.copy(self._host, self._found)
+        if device != "cpu":
+            wp.synchronize_stream(wp.get_stream(device))
+        return self._host.numpy().astype(np.float64)

@@ -1,0 +1,317 @@
+"""Sweeps that answer a question each: numbers with their errors, a picture, and the answer in whole sentences.
+
+    altitude     Strehl ratio and range error against Mach number and altitude
+    aperture     Strehl ratio and light in the focus against the pupil's diameter
+    look-angle   Strehl ratio and boresight error against the angle to the axis
+    tolerance    what a tolerance costs, and what it buys
+
+All of them fly the shipped fields (mach2, mach3, mach4) with the shipped scene at sea level. A flow without viscosity
+keeps its shape when its density is scaled, so that altitude is density.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from aerokernels.jobs.sweeps.run import sweep
+from aerokernels.pupils import Disc
+from aerokernels.scene import Scene
+from aerokernels.series import look_map
+from aerokernels.series.strehl_bound import strehl_error
+
+from .report import STYLE, markdown_table
+
+SCENE, FLOWS = "sea-level-mach3", ("mach2", "mach3", "mach4")
+MACH = {"mach2": "Mach 2", "mach3": "Mach 3", "mach4": "Mach 4"}
+COLOURS = {"mach2": "#0b6e99", "mach3": "#b45309", "mach4": "#be123c"}
+GOOD = 0.95  # a Strehl ratio that is nearly the perfect one
+SMALL = 0.01  # a range error that is small [m]
+# A look at how it goes: few rays, few points of the target, a coarse grid.
+QUICK = {"strehl.ray_count": 1024, "receiver.ray_count": 32, "beam.ray_count": 32, "grid.spacing": "0.2 mm"}
+
+
+@dataclass(frozen=True, eq=False)
+class Answer:
+    """An answer.
+
+    Attributes:
+        sentences: What the answer is.
+        table: The numbers behind it, Markdown.
+        draw: Draws the picture into a figure of Matplotlib's.
+    """
+
+    sentences: tuple[str, ...]
+    table: str
+    draw: Callable[[Any], None]
+
+    @property
+    def text(self) -> str:
+        """Sentences and table."""
+        return "\n".join([*(f"- {one}" for one in self.sentences), "", self.table])
+
+    def save(self, path: Any) -> None:
+        """Write the picture."""
+        from matplotlib import rc_context
+        from matplotlib.figure import Figure
+
+        with rc_context(STYLE):
+            figure = Figure(figsize=(10.0, 4.2), layout="constrained", dpi=130)
+            self.draw(figure)
+            figure.savefig(path)
+
+
+def standard_density(altitude: float) -> float:
+    """Density [kg/m3] of the US Standard Atmosphere 1976 at a geopotential altitude [m], from 0 to 20 km."""
+    gas, gravity, lapse, ground = 287.0528, 9.80665, 6.5e-3, 288.15
+    if not 0.0 <= altitude <= 20e3:
+        raise ValueError(f"altitude must lie between 0 and 20 km, got {altitude:g} m")
+    low = min(altitude, 11e3)
+    temperature = ground - lapse * low
+    pressure = 101325.0 * (temperature / ground) ** (gravity / (gas * lapse))
+    pressure *= np.exp(-gravity * (altitude - low) / (gas * temperature))
+    return float(pressure / (gas * temperature))
+
+
+def with_error(value: float, error: float, scale: float = 1.0) -> str:
+    """A number and its error, to two digits of the error."""
+    value, error = scale * value, scale * error
+    if not np.isfinite(error) or error <= 0.0:
+        return f"{value:.4g} (error unknown)" if not np.isfinite(error) else f"{value:.6g} ± 0"
+    digits = int(np.clip(1 - np.floor(np.log10(error)), 0, 9))
+    return f"{value:.{digits}f} ± {error:.{digits}f}"
+
+
+def altitude(flows: Sequence[str] = FLOWS, kilometres: Sequence[float] = (), settings: Any = None) -> Answer:
+    """Strehl ratio and range error against Mach number and altitude."""
+    heights = np.array(kilometres or (0.0, 2.0, 4.0, 6.0, 8.0, 10.0, 12.0, 15.0, 20.0))
+    methods = ("leading-edge", "constant-fraction")
+    vary = {
+        "flow.source": list(flows),
+        "flow.density": [standard_density(1e3 * one) for one in heights],
+        "detector.ranging": list(methods),
+    }
+    found = sweep(SCENE, vary, settings=settings)
+    number = {name: found[name].values for name in ("strehl", "strehl_error", "range_error_m", "range_error_m_error")}
+    strehl, error = (number[name][:, :, 0] for name in ("strehl", "strehl_error"))
+    sentences = []
+    for a, flow in enumerate(flows):
+        good = np.flatnonzero(strehl[a] >= GOOD)
+        told = f"is at least {GOOD:g} at none of the altitudes"
+        if len(good):
+            told = f"is {with_error(strehl[a, good[0]], error[a, good[0]])} from {heights[good[0]]:g} km on"
+        sentences.append(
+            f"At {MACH[flow]} the Strehl ratio of the 12 mm pupil is {with_error(strehl[a, 0], error[a, 0])} at "
+            f"{heights[0]:g} km, and {told}."
+        )
+    for k, method in enumerate(methods):
+        shift, off = number["range_error_m"][:, :, k], number["range_error_m_error"][:, :, k]
+        worst = np.unravel_index(int(np.nanargmax(np.abs(shift))), shift.shape)
+        small = [heights[j] for j in range(len(heights)) if (np.abs(shift[:, j:]) < SMALL).all()]
+        after = (
+            f"below {1e3 * SMALL:g} mm at all Mach numbers from {small[0]:g} km on" if small else "no less than that"
+        )
+        sentences.append(
+            f"The range error by {method} is greatest at {MACH[flows[worst[0]]]} and {heights[worst[1]]:g} km, "
+            f"{with_error(shift[worst], off[worst], 1e3)} mm, and {after}."
+        )
+    rows = [
+        [
+            f"{height:g}",
+            f"{density:.4f}",
+            *(with_error(strehl[a, j], error[a, j]) for a in range(len(flows))),
+            *(
+                with_error(number["range_error_m"][a, j, 0], number["range_error_m_error"][a, j, 0], 1e3)
+                for a in range(len(flows))
+            ),
+        ]
+        for j, (height, density) in enumerate(zip(heights, vary["flow.density"], strict=True))
+    ]
+    heading = ["altitude [km]", "density [kg/m³]", *(f"Strehl ratio, {MACH[flow]}" for flow in flows)]
+    heading += [f"leading edge [mm], {MACH[flow]}" for flow in flows]
+
+    def draw(figure: Any) -> None:
+        left, right = figure.subplots(1, 2)
+        for a, flow in enumerate(flows):
+            line = {"color": COLOURS[flow], "marker": "o", "markersize": 4}
+            left.errorbar(heights, strehl[a], error[a], label=MACH[flow], **line)
+            for k, (method, style) in enumerate(zip(methods, ("-", "--"), strict=True)):
+                values, off = (1e3 * number[name][a, :, k] for name in ("range_error_m", "range_error_m_error"))
+                right.errorbar(heights, values, off, label=f"{MACH[flow]}, {method}", linestyle=style, **line)
+        left.set(xlabel="altitude [km]", ylabel="Strehl ratio", title="12 mm pupil behind the dome")
+        right.set(xlabel="altitude [km]", ylabel="reported − true range [mm]", title="Range error at 1.5 m")
+        left.legend(), right.legend(fontsize=8)
+
+    return Answer(tuple(sentences), markdown_table(heading, rows, 0), draw)
+
+
+def aperture(flows: Sequence[str] = FLOWS, millimetres: Sequence[float] = (), settings: Any = None) -> Answer:
+    """Strehl ratio, and the light that it leaves in the focus, against the pupil's diameter."""
+    diameters = np.array(millimetres or (2.0, 4.0, 6.0, 8.0, 10.0, 12.0, 14.0))
+    vary = {"flow.source": list(flows), "receiver.diameter": [1e-3 * one for one in diameters]}
+    found = sweep(SCENE, vary, settings=settings)
+    strehl, error = found.strehl.values, found.strehl_error.values
+    light, light_error = strehl * diameters**2, error * diameters**2  # of the focus's core, [mm2] but for pi / 4
+    volts, volts_error = found.echo_peak_v.values, found.echo_peak_v_error.values
+    sentences = []
+    for a, flow in enumerate(flows):
+        best = int(np.argmax(light[a]))
+        width = float(np.sqrt(light[a, best]))
+        sentences.append(
+            f"At {MACH[flow]} at sea level the Strehl ratio falls from {with_error(strehl[a, 0], error[a, 0])} at "
+            f"{diameters[0]:g} mm to {with_error(strehl[a, -1], error[a, -1])} at {diameters[-1]:g} mm; of the "
+            f"diameters tried {diameters[best]:g} mm collects most light into the core of the focus, as much as a "
+            f"perfect pupil of {with_error(width, 0.5 * light_error[a, best] / width)} mm."
+        )
+        gain = volts[a, -1] / volts[a, 0]
+        off = gain * np.hypot(volts_error[a, -1] / volts[a, -1], volts_error[a, 0] / volts[a, 0])
+        sentences.append(
+            f"The echo's peak grows by a factor of {with_error(gain, off)} over these diameters, the pupil's area by "
+            f"{(diameters[-1] / diameters[0]) ** 2:g}."
+        )
+    rows = [
+        [
+            f"{size:g}",
+            *(with_error(strehl[a, j], error[a, j]) for a in range(len(flows))),
+            *(with_error(volts[a, j], volts_error[a, j]) for a in range(len(flows))),
+        ]
+        for j, size in enumerate(diameters)
+    ]
+    heading = ["diameter [mm]", *(f"Strehl ratio, {MACH[flow]}" for flow in flows)]
+    heading += [f"echo peak [V], {MACH[flow]}" for flow in flows]
+
+    def draw(figure: Any) -> None:
+        left, right = figure.subplots(1, 2)
+        for a, flow in enumerate(flows):
+            line = {"color": COLOURS[flow], "marker": "o", "markersize": 4, "label": MACH[flow]}
+            left.errorbar(diameters, strehl[a], error[a], **line)
+            right.errorbar(diameters, light[a], light_error[a], **line)
+        right.plot(diameters, diameters**2, ":", color="#4a5460", label="perfect")
+        left.set(xlabel="diameter of the pupil [mm]", ylabel="Strehl ratio", title="Strehl ratio at sea level")
+        right.set(
+            xlabel="diameter of the pupil [mm]", ylabel="Strehl ratio × diameter² [mm²]", title="Light in the core"
+        )
+        left.legend(), right.legend()
+
+    return Answer(tuple(sentences), markdown_table(heading, rows, 0), draw)
+
+
+def look_angle(
+    flows: Sequence[str] = FLOWS, degrees: Sequence[float] = (), ray_count: int = 4096, tolerance: float = 1e-3
+) -> Answer:
+    """Strehl ratio and boresight error against the angle to the axis."""
+    angles = np.array(degrees or np.arange(0.0, 61.0, 5.0))
+    scene = Scene.load(SCENE)
+    pupil = Disc(0.5 * scene.receiver.diameter, [0.0, 0.0, scene.receiver.aperture_z])
+    maps = []
+    for flow in flows:
+        field = Scene.load(SCENE, {"flow.source": flow}).density_field()
+        maps.append(look_map(field, [0.0], np.radians(angles), pupil, ray_count=ray_count, tolerance=tolerance))
+    strehl, sampling, boresight, known = (
+        np.array([one[name].values[0] for one in maps])
+        for name in ("strehl", "strehl_standard_error", "boresight", "known")
+    )
+    phase = 2.0 * np.pi * tolerance
+    error = np.hypot(sampling, np.vectorize(lambda value: strehl_error(float(np.clip(value, 0, 1)), phase))(strehl))
+    # A tilt of t over a disc of diameter D is t D / 4 of OPD, rms.
+    tilt_error = 4.0 * tolerance * float(maps[0].attrs["wavelength"]) / scene.receiver.diameter
+    sentences = []
+    for a, flow in enumerate(flows):
+        most = int(np.nanargmax(boresight[a]))
+        sentences.append(
+            f"At {MACH[flow]} at sea level the Strehl ratio is {with_error(strehl[a, 0], error[a, 0])} straight ahead "
+            f"and {with_error(strehl[a, -1], error[a, -1])} at {angles[-1]:g} degrees; the boresight error is greatest "
+            f"at {angles[most]:g} degrees, {with_error(boresight[a, most], tilt_error, 1e6)} µrad."
+        )
+    lost = int((known < 0.5).sum())
+    sentences.append(
+        "The light stays in known air in all of these directions."
+        if lost == 0
+        else f"In {lost} of the {known.size} directions the computed flow ends in disturbed air before the light does, "
+        "and the numbers hold the known part only."
+    )
+    rows = [
+        [
+            f"{angle:g}",
+            *(with_error(strehl[a, j], error[a, j]) for a in range(len(flows))),
+            *(with_error(boresight[a, j], tilt_error, 1e6) for a in range(len(flows))),
+        ]
+        for j, angle in enumerate(angles)
+    ]
+    heading = ["angle [deg]", *(f"Strehl ratio, {MACH[flow]}" for flow in flows)]
+    heading += [f"boresight error [µrad], {MACH[flow]}" for flow in flows]
+
+    def draw(figure: Any) -> None:
+        left, right = figure.subplots(1, 2)
+        for a, flow in enumerate(flows):
+            line = {"color": COLOURS[flow], "marker": "o", "markersize": 4, "label": MACH[flow]}
+            left.errorbar(angles, strehl[a], error[a], **line)
+            right.errorbar(angles, 1e6 * boresight[a], 1e6 * tilt_error, **line)
+        left.set(
+            xlabel="angle to the axis [deg]", ylabel="Strehl ratio", title="12 mm pupil behind the dome, sea level"
+        )
+        right.set(xlabel="angle to the axis [deg]", ylabel="boresight error [µrad]", title="Where the beam points")
+        left.legend(), right.legend()
+
+    return Answer(tuple(sentences), markdown_table(heading, rows, 0), draw)
+
+
+def tolerance(
+    tolerances: Sequence[float] = (1e-1, 3e-2, 1e-2, 3e-3, 1e-3, 3e-4, 1e-4),
+    settings: Any = None,
+    tightest: float = 1e-5,
+) -> Answer:
+    """What a tolerance costs, and what it buys: error-controlled steps, against those of a far tighter tolerance."""
+    base = {"trace.method": "adaptive", "strehl.ray_count": 20_000, **(settings or {})}
+    vary = {"trace.tolerance": [*tolerances, tightest], "trace.precision": ["float32", "float64"]}
+    found = sweep(SCENE, vary, settings=base)
+    strehl, reported = found.strehl.values, found.strehl_error.values
+    evaluations = found.evaluation_count.values / found.traced_ray_count.values
+    truth, truth_error = strehl[-1, 1], reported[-1, 1]
+    off = np.abs(strehl - truth)[:-1]
+    asked = np.array(tolerances)
+    usual = int(np.argmin(np.abs(np.log(asked / 1e-3))))
+    last = len(asked) - 1
+    sentences = [
+        f"At the tolerance of {asked[usual]:g} waves the Strehl ratio at Mach 3 at sea level is "
+        f"{with_error(strehl[usual, 0], reported[usual, 0])} in float32, by {evaluations[usual, 0]:.1f} evaluations a "
+        f"ray; with {tightest:g} waves in float64 the same rays give {with_error(truth, truth_error)}, so that "
+        f"{off[usual, 0]:.1e} of it is the steps' and the rounding's.",
+        f"From {asked[0]:g} to {asked[last]:g} waves the cost grows from {evaluations[0, 0]:.1f} to "
+        f"{evaluations[last, 0]:.1f} evaluations a ray, and the steps' error falls from {off[0, 1]:.1e} to "
+        f"{off[last, 1]:.1e} in float64 and from {off[0, 0]:.1e} to {off[last, 0]:.1e} in float32.",
+        f"The reported error was above the actual one in {int((off <= reported[:-1]).sum())} of {off.size} cases.",
+    ]
+    rows = [
+        [
+            f"{one:g}",
+            f"{evaluations[j, 0]:.1f}",
+            *(with_error(strehl[j, k], reported[j, k]) for k in range(2)),
+            *(f"{off[j, k]:.1e}" for k in range(2)),
+        ]
+        for j, one in enumerate(asked)
+    ]
+    heading = ["tolerance [waves]", "evaluations a ray", "Strehl ratio, float32", "Strehl ratio, float64"]
+    heading += ["off, float32", "off, float64"]
+
+    def draw(figure: Any) -> None:
+        left, right = figure.subplots(1, 2)
+        for k, (name, colour) in enumerate((("float32", "#b45309"), ("float64", "#0b6e99"))):
+            shown = np.maximum(off[:, k], 1e-12)
+            left.loglog(evaluations[:-1, k], shown, "o-", color=colour, label=f"actual, {name}")
+            right.loglog(asked, shown, "o-", color=colour, label=f"actual, {name}")
+            right.loglog(asked, reported[:-1, k], "s:", color=colour, markersize=4, label=f"reported, {name}")
+        left.set(xlabel="evaluations a ray", ylabel="error of the Strehl ratio", title="What it costs")
+        right.set(xlabel="tolerance [waves]", ylabel="error of the Strehl ratio", title="What it buys")
+        left.legend(), right.legend()
+
+    return Answer(tuple(sentences), markdown_table(heading, rows, 0), draw)
+
+
+QUESTIONS: dict[str, Callable[..., Answer]] = {
+    "altitude": altitude,
+    "aperture": aperture,
+    "look-angle": look_angle,
+    "tolerance": tolerance,
+}
