@@ -22,6 +22,7 @@ RANK = {
             ("shown",),
             ("quiet_warp", "sensor"),
             ("pupils",),
+            ("device_arrays",),
             ("rays",),
             ("strehl_sums",),
             ("medium",),

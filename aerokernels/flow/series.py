@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from ..device_arrays import device_array, host_array
 from ..medium import Body, QuadMesh, SolidBody
 from ..medium.mesh import GEOMETRIES
 from .density_field import CellDensity, DensityField
@@ -224,46 +225,6 @@ def mesh_of(flow: DensityField) -> GridMesh | QuadMesh | None:
     if isinstance(flow, GridDensity):
         return GridMesh(flow.geometry, flow.origin, flow.spacing, flow.density.shape, flow.cell_averages)
     return flow.mesh if isinstance(flow, (CellDensity, VertexDensity)) else None
-
-
-def host_array(found: Any) -> np.ndarray:
-    """An array of any library as a NumPy array, float32 or float64; one on a device is copied from there.
-
-    Raises:
-        TypeError: No array.
-    """
-    if isinstance(found, np.ndarray):
-        array = found
-    elif hasattr(found, "__cuda_array_interface__") or _on_device(found):
-        import warp
-
-        array = warp.from_dlpack(found).numpy() if hasattr(found, "__dlpack__") else warp.array(found).numpy()
-    elif hasattr(found, "__dlpack__"):
-        array = np.from_dlpack(found)
-    else:
-        array = np.asarray(found)
-    if array.dtype == object or not np.issubdtype(array.dtype, np.number) or np.iscomplexobj(array):
-        raise TypeError(f"a snapshot must be an array of real numbers or a DensityField, got {type(found).__name__}")
-    return array if array.dtype in (np.float32, np.float64) else array.astype(np.float64)
-
-
-def device_array(found: Any) -> Any:
-    """An array on a GPU as one of Warp's, without a copy; None where it is no such array, or of whole numbers."""
-    if isinstance(found, np.ndarray) or not (hasattr(found, "__cuda_array_interface__") or _on_device(found)):
-        return None
-    import warp
-
-    if isinstance(found, warp.array):
-        array = found
-    else:
-        array = warp.from_dlpack(found) if hasattr(found, "__dlpack__") else warp.array(found, copy=False)
-    return array.contiguous() if array.dtype in (warp.float32, warp.float64) else None
-
-
-def _on_device(found: Any) -> bool:
-    """Whether an array says through DLPack that it is not the processor's (1), nor memory pinned for it (3)."""
-    device = getattr(found, "__dlpack_device__", None)
-    return device is not None and int(device()[0]) not in (1, 3)
 
 
 class InOrder:

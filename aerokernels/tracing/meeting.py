@@ -23,7 +23,8 @@ def check_meeting(field: IndexField, rays: RayBundle, what: str) -> None:
     """
     for first in range(0, rays.ray_count, CHUNK):
         rows = slice(first, first + CHUNK)
-        if box_span(field, rays.position[rows], rays.direction[rows]).meets.any():
+        some = rays.rows(rows)
+        if box_span(field, some.position, some.direction).meets.any():
             return
     if greatest_contrast(field) == 0.0:
         return

@@ -117,7 +117,8 @@ def some_rows(ray_count: int, most: int) -> np.ndarray:
 def find_family(field: IndexField, rays: RayBundle, until) -> Family | str:
     """The family that the rays belong to, or a sentence why they are none."""
     rows = some_rows(rays.ray_count, SAMPLE)
-    position, direction = rays.position[rows], rays.direction[rows]
+    some = rays.rows(rows)
+    position, direction = some.position, some.direction
     close = CLOSE * float(np.min(field.spacing))
     parallel = bool(np.abs(direction - direction[0]).max() <= EQUAL)
     if parallel:
@@ -207,4 +208,5 @@ def _least_of_box(field: IndexField, axis: np.ndarray) -> float:
 def counted_parameters(family: Family, rays: RayBundle) -> tuple[np.ndarray, float]:
     """Parameters of some of the rays, and how many rays each of them stands for."""
     rows = some_rows(rays.ray_count, COUNTED)
-    return family.parameters(rays.position[rows], rays.direction[rows]), rays.ray_count / len(rows)
+    some = rays.rows(rows)
+    return family.parameters(some.position, some.direction), rays.ray_count / len(rows)

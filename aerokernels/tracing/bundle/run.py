@@ -1,5 +1,6 @@
 """A bundle as a map of two parameters: whether it pays, the lines that are traced, delivery, and the rays left over."""
 
+import weakref
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import partial
@@ -7,12 +8,13 @@ from typing import Any
 
 import numpy as np
 
+from ...device_arrays import rows_where
 from ...medium import IndexField
 from ...rays import RayBundle
 from ..engines import engine_of
 from ..held import held_error
 from ..known_air import face_strengths
-from ..launch import in_chunks
+from ..launch import in_chunks, starts_of
 from ..leapfrog import LEAST_RAYS, pilot_of, spread_of
 from ..levers import levers_of
 from ..lines import box_size
@@ -73,7 +75,11 @@ def trace_bundle(asked: Asked) -> tuple[TracePlan, dict[str, np.ndarray]] | str:
     field, rays = asked.field, asked.rays
     if rays.ray_count < LEAST_BUNDLE:
         return f"fewer than {LEAST_BUNDLE} rays are traced one by one"
-    family = find_family(field, rays, asked.until)
+    family: Family | str = field.derive(
+        ("family of the last bundle", weakref.ref(rays), asked.until),
+        lambda: find_family(field, rays, asked.until),
+        1,
+    )
     if isinstance(family, str):
         return f"rays are traced one by one: {family}"
     if not field.is_uniform:
@@ -83,8 +89,8 @@ def trace_bundle(asked: Asked) -> tuple[TracePlan, dict[str, np.ndarray]] | str:
         return "rays are traced one by one: nothing between traced rays is smooth enough"
     plan = _line_plan(asked, 1.0)
     ready = engine_of(plan.backend, plan.device).prepare_bundle(table, asked.outputs)
-    arrays = in_chunks(ready, (rays.position, rays.direction), asked.outputs)
-    left = np.flatnonzero(arrays["status"] == NOT_DELIVERED)
+    arrays = in_chunks(ready, starts_of(rays), asked.outputs)
+    left = rows_where(arrays["status"], NOT_DELIVERED)
     if len(left) > (1.0 - LEAST_SHARE) * rays.ray_count:
         return f"rays are traced one by one: patches between traced rays would hold for {rays.ray_count - len(left)}"
     if len(left):
@@ -146,7 +152,8 @@ class _Tracer:
         if rays.ray_count >= LEAST_RAYS:
             self.many = self.many or _plan_many(asked, rays, TRACED_SHARE)
             plan = self.many
-        return asked.run(asked.field, rays, plan, asked.until, asked.wavelength, TRACED)
+        found = asked.run(asked.field, rays, plan, asked.until, asked.wavelength, TRACED)
+        return {name: np.asarray(array) for name, array in found.items()}
 
 
 def _line_plan(asked: Asked, share: float) -> TracePlan:
@@ -176,10 +183,10 @@ def _plan_many(asked: Asked, rays: RayBundle, share: float) -> TracePlan:
 
 def _trace_left(asked: Asked, rows: np.ndarray, arrays: dict[str, np.ndarray]) -> None:
     """Trace the rays of these rows one by one, and put them in their places."""
-    rays = RayBundle(asked.rays.position[rows], asked.rays.direction[rows])
+    rays = asked.rays.rows(rows)
     plan = _plan_many(asked, rays, 1.0)
     outputs = asked.outputs | {"step_error"}
     found = asked.run(asked.field, rays, plan, asked.until, asked.wavelength, outputs)
     for name, array in found.items():
         if name in arrays:
-            arrays[name][rows] = array
+            arrays[name][rows] = np.asarray(array)

@@ -1,6 +1,7 @@
 """The OpenCL engine: fields uploaded once, kernels built for what they are to do, launches in order."""
 
 import dataclasses
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -168,6 +169,14 @@ class Engine:
                 name: Kernel(make_kernel(build(self.session, f"{name}.cl"), name), items=items)
                 for name, items in PUPIL_KERNELS.items()
             }
+
+    def keeps(self, size: float) -> bool:
+        """Never: what OpenCL holds no other library reads."""
+        return False
+
+    def bring(self, starts: Sequence[Any]) -> tuple[list[Any], Iterable[slice]]:
+        """Not asked of an engine that keeps nothing."""
+        raise NotImplementedError
 
     def put(self, array: np.ndarray):
         """A buffer that holds a copy of the array when this returns.

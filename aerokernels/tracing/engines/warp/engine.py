@@ -1,5 +1,6 @@
 """The Warp engine: fields uploaded once, launches over all cores of a CPU or on a GPU."""
 
+from collections.abc import Iterable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from operator import is_
 from typing import Any
@@ -8,6 +9,8 @@ import numpy as np
 import warp as wp
 
 from ....clock import stage
+from ....device_arrays import in_reach
+from ....device_arrays.pinned import bring
 from ....medium import IndexField
 from ....quiet_warp import start_warp
 from ...bundle.frame import kernel_arrays
@@ -30,6 +33,8 @@ from .types import types
 
 # Rays in one launch of a host thread; small enough to balance threads, large enough to hide the launch.
 CHUNK = 4096
+# The share of the device's memory that one result may keep, and the rays that come to a GPU chunk by chunk.
+KEPT_SHARE, MANY = 0.25, 1 << 19
 SCALARS: dict[Any, type] = {
     np.dtype(np.float64): wp.float64,
     np.dtype(np.float32): wp.float32,
@@ -117,6 +122,19 @@ class Engine:
             self._load(pupil.launch_pupil.module)
         names = ("launch_pupil", "sum_moments", "sum_phasors", "join_sums")
         return {name: getattr(pupil, name) for name in names}
+
+    def keeps(self, size: float) -> bool:
+        """Wherever they leave room for others."""
+        return size <= KEPT_SHARE * self.memory[0]
+
+    def bring(self, starts: Sequence[Any]) -> tuple[list[wp.array], Iterable[slice]]:
+        """Rays on the device; many that come from the host to a GPU come chunk by chunk."""
+        count = len(starts[0])
+        if self.device != "cpu" and count >= MANY and not any(in_reach(each, self.device) for each in starts):
+            buffers = [self.empty(count, 3) for _ in starts]
+            return buffers, bring([np.ascontiguousarray(each) for each in starts], buffers)
+        found = [each.buffer if in_reach(each, self.device) else self.put(np.asarray(each)) for each in starts]
+        return found, [slice(0, count)]
 
     def put(self, array: np.ndarray) -> wp.array:
         """A buffer with a copy of the array; rows of float64 are places or directions."""
