@@ -5,7 +5,7 @@ host when they are first read, `pinned.py` the copies, `rays.py` rays checked or
 comes from other libraries. Nothing here imports Warp before it is used.
 """
 
-from .array import DeviceArray, extremes_of, in_reach, rows_where
+from .array import DeviceArray, extremes_of, in_reach, on_host, rows_where
 from .foreign import device_array, host_array, plain_array
 from .on_touch import read_on_touch
 
@@ -15,6 +15,7 @@ __all__ = [
     "extremes_of",
     "host_array",
     "in_reach",
+    "on_host",
     "plain_array",
     "read_on_touch",
     "rows_where",

@@ -137,6 +137,11 @@ def in_reach(array: Any, device: str) -> bool:
     return isinstance(array, DeviceArray) and array.device == device
 
 
+def on_host(arrays: dict[str, Any]) -> dict[str, np.ndarray]:
+    """Arrays by name as NumPy's, copied from a device where they lie there."""
+    return {name: np.asarray(array) for name, array in arrays.items()}
+
+
 def rows_where(
     status: np.ndarray | DeviceArray, code: int, error: np.ndarray | DeviceArray | None = None, limit: float = 0.0
 ) -> np.ndarray:

@@ -11,7 +11,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from ..device_arrays import extremes_of
+from ..device_arrays import extremes_of, on_host
 from ..medium import IndexField
 from ..medium.grid import UniformGrid
 from ..rays import RayBundle
@@ -279,8 +279,7 @@ class _Level:
         self, field: IndexField, pilot: RayBundle, plan: TracePlan, until, wavelength: float, count: int, share=1.0
     ):
         trial = replace(plan, sample_count=count, quadrature_error_scale=share)
-        found = launch(field, pilot, trial, until, wavelength, frozenset(("opd", "step_error")))
-        arrays = {name: np.asarray(array) for name, array in found.items()}
+        arrays = on_host(launch(field, pilot, trial, until, wavelength, frozenset(("opd", "step_error"))))
         self.count = count
         self.opd = arrays["opd"]
         self.good = reached(arrays["status"]) & np.isfinite(arrays["step_error"])

@@ -11,7 +11,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from ..device_arrays import rows_where
+from ..device_arrays import on_host, rows_where
 from ..medium import IndexField
 from ..rays import RayBundle
 from .held import held_error
@@ -63,7 +63,7 @@ def _retrace(
 
     def trace_again(rows: np.ndarray, attempt: TracePlan) -> None:
         found = launch(field, rays.rows(rows), attempt, until, wavelength, frozenset(arrays) - {"status"})
-        others = {name: np.asarray(array) for name, array in found.items()}
+        others = on_host(found)
         # A ray that did not arrive this time, or fared worse, keeps what it had.
         lost = ~reached(arrays["status"][rows]) | ~np.isfinite(arrays["step_error"][rows])
         better = reached(others["status"]) & (others["step_error"] < arrays["step_error"][rows])
