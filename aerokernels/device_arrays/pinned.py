@@ -22,7 +22,7 @@ PINNED_SHARE, KEPT = 0.25, 4 << 30
 # Memory pinned for one array is taken for a smaller one that fills this share of it.
 FILLED = 0.75
 # Rays that are brought to a GPU together, and threads that copy them.
-ROWS, THREADS = 1 << 18, 8
+ROWS, THREADS = 1 << 20, 12
 
 
 class PinnedMemory:

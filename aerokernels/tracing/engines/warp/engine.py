@@ -12,6 +12,7 @@ from ....clock import stage
 from ....device_arrays import in_reach
 from ....device_arrays.pinned import bring
 from ....medium import IndexField
+from ....opened import OPENED
 from ....quiet_warp import start_warp
 from ...bundle.frame import kernel_arrays
 from ...bundle.frame import kernel_numbers as bundle_numbers
@@ -35,6 +36,8 @@ from .types import types
 CHUNK = 4096
 # The share of the device's memory that one result may keep, and the rays that come to a GPU chunk by chunk.
 KEPT_SHARE, MANY = 0.25, 1 << 19
+# Bytes of a GPU's memory that its pool keeps though nothing uses them.
+IDLE_MEMORY = 2 << 30
 SCALARS: dict[Any, type] = {
     np.dtype(np.float64): wp.float64,
     np.dtype(np.float32): wp.float32,
@@ -55,6 +58,8 @@ class Engine:
         memory = float(found.total_memory if found.is_cuda else host_memory() or np.inf)
         self.memory = memory, memory
         self.outputs: tuple[list, Any] = [], None
+        if found.is_cuda:
+            OPENED.once(("memory kept", device), lambda: _keep_memory(found))
 
     def prepare(
         self, field: IndexField, plan: TracePlan, until, wavelength: float, outputs: frozenset, directions: np.ndarray
@@ -209,6 +214,12 @@ class Engine:
             }
 
         return field.derive(("warp", self.device, precision, with_paper_step), upload)
+
+
+def _keep_memory(device: wp.Device) -> None:
+    """Leave some memory with a GPU's pool: to get a result's from the driver takes as long as to trace its rays."""
+    if device.is_mempool_supported and wp.get_mempool_release_threshold(device) < IDLE_MEMORY:
+        wp.set_mempool_release_threshold(device, IDLE_MEMORY)
 
 
 def _filled(name: str, members: dict, precision: str = "float64"):
