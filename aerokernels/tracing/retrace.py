@@ -77,7 +77,7 @@ def _retrace(
             trace_again(rows, controlled)
     # An estimate in single precision may be rounding alone: it says nothing about steps in float64.
     is_known = plan.precision == "float64" and asked == plan.method
-    share = np.ones(len(position))  # of the tolerance, that each ray was traced by
+    share = np.ones(rays.ray_count)  # of the tolerance, that each ray was traced by
     for round_number in range(2 if is_known else 3):
         rejected = _rejected(arrays, held)
         powers = _powers(arrays["step_error"], held) if is_known or round_number else 1.0
