@@ -232,6 +232,8 @@ def are_numbers(value: Any) -> bool:
     """Whether NumPy makes an array of real numbers of it."""
     kind = getattr(getattr(value, "dtype", None), "kind", None)
     if kind is None:
+        if hasattr(value, "__dlpack__"):  # of whatever library, on whatever device: its taker says what it needs
+            return True
         if isinstance(value, (str, bytes, dict, set, type)) or callable(value):
             return False
         try:

@@ -1,12 +1,15 @@
 """Ray bundles: where light starts, in which direction, and with what share of the whole."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from functools import partial
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from .arguments import Numbers, checked
+from .device_arrays import DeviceArray, device_array, plain_array, read_on_touch
 from .pupils import (
     Annulus,
     Disc,
@@ -20,8 +23,13 @@ from .pupils import (
     unit_disc_samples,
 )
 from .pupils.base import SAMPLINGS
+from .pupils.square_map import RING, SquareMap
+from .pupils.vectors import check_count
 from .read_only import ReadOnly
 from .shown import shown
+
+if TYPE_CHECKING:
+    from .device_arrays.rays import Made
 
 __all__ = [
     "SAMPLINGS",
@@ -39,11 +47,20 @@ __all__ = [
 ]
 
 
+# The unit disc as a pupil.
+UNIT_DISC = SquareMap(RING, 0, 0, np.zeros(1))
+
+
 @checked
 @shown
+@read_on_touch("position", "direction")
 @dataclass(frozen=True, eq=False)
 class RayBundle(ReadOnly):
     """Rays to trace.
+
+    Places and directions may be arrays of any library that has DLPack or `__cuda_array_interface__` (NumPy, CuPy,
+    PyTorch, JAX, Warp). Those on a GPU stay there: Warp's CUDA device traces them where they are, and `position` and
+    `direction` are copied to the host when they are first read.
 
     Attributes:
         position: Start points [m], shape (ray_count, 3).
@@ -51,7 +68,8 @@ class RayBundle(ReadOnly):
         weight: Share of each ray in means over the bundle, sums to 1, shape (ray_count,).
 
     Raises:
-        ValueError: Shapes that disagree, numbers that are not finite, zero directions, negative weights.
+        ValueError: Shapes that disagree, numbers that are not finite, zero directions, negative weights, places and
+            directions on two devices.
     """
 
     position: np.ndarray
@@ -64,8 +82,12 @@ class RayBundle(ReadOnly):
 
     def __post_init__(self):
         """Check, normalise, and make read-only copies."""
-        position = np.atleast_2d(np.array(self.position, dtype=np.float64))
-        direction = np.atleast_2d(np.array(self.direction, dtype=np.float64))
+        on_device = [device_array(each) for each in (self.position, self.direction)]
+        if any(each is not None for each in on_device):
+            self._take_from_device(*on_device)
+            return
+        position = np.atleast_2d(np.array(plain_array(self.position), dtype=np.float64))
+        direction = np.atleast_2d(np.array(plain_array(self.direction), dtype=np.float64))
         if position.ndim != 2 or position.shape[1] != 3 or len(position) == 0:
             raise ValueError(f"ray positions must have shape (ray_count, 3), got {np.shape(self.position)}")
         if direction.ndim != 2 or direction.shape[1] != 3:
@@ -87,25 +109,81 @@ class RayBundle(ReadOnly):
             turned = ~(np.abs(np.linalg.norm(direction, axis=1) - 1.0) <= 4e-16)
         direction[turned] /= scale[turned, None]
         direction[turned] /= np.linalg.norm(direction[turned], axis=1, keepdims=True)
-        weight = np.full(len(position), 1.0) if self.weight is None else np.array(self.weight, dtype=np.float64)
-        if weight.shape != (len(position),) or not np.isfinite(weight).all() or (weight < 0).any() or weight.sum() <= 0:
-            raise ValueError("ray weights must be finite, not negative and not all zero, one for each ray")
-        for name, array in (("position", position), ("direction", direction), ("weight", weight / weight.sum())):
+        weight = self._shares(len(position))
+        for name, array in (("position", position), ("direction", direction), ("weight", weight)):
             array.setflags(write=False)
             object.__setattr__(self, name, array)
+
+    def _shares(self, count: int) -> np.ndarray:
+        """The weights, scaled to sum to 1."""
+        weight = np.full(count, 1.0) if self.weight is None else np.array(plain_array(self.weight), dtype=np.float64)
+        if weight.shape != (count,) or not np.isfinite(weight).all() or (weight < 0).any() or weight.sum() <= 0:
+            raise ValueError("ray weights must be finite, not negative and not all zero, one for each ray")
+        return np.asarray(weight / weight.sum())
+
+    def _take_from_device(self, position: Any, direction: Any) -> None:
+        """Places and directions of which a device has one at least; the other is on the host where it is None."""
+        from .device_arrays.rays import checked_rays
+
+        place, way = checked_rays(
+            plain_array(self.position) if position is None else position,
+            plain_array(self.direction) if direction is None else direction,
+        )
+        weight = np.broadcast_to(1.0 / len(place), len(place)) if self.weight is None else self._shares(len(place))
+        weight.setflags(write=False)
+        for name, array in (("position", place), ("direction", way), ("weight", weight)):
+            object.__setattr__(self, name, array)
+
+    @classmethod
+    def _made(
+        cls, device: str, made: "Made", points: SquareMap | np.ndarray, weight: np.ndarray | None, count: int, seed: int
+    ) -> "RayBundle":
+        """Rays made on a device."""
+        from .device_arrays.rays import made_rays
+
+        bundle = cls.__new__(cls)
+        place, way = made_rays(device, made, count, seed, points)
+        shares = np.broadcast_to(1.0 / count, count) if weight is None else weight
+        shares.setflags(write=False)
+        for name, array in (("position", place), ("direction", way), ("weight", shares)):
+            object.__setattr__(bundle, name, array)
+        return bundle
+
+    def held(self, name: str) -> Any:
+        """`position` or `direction` as it is held, a DeviceArray where it lies on a device."""
+        return self.__dict__[name]
+
+    def on_device(self, name: str) -> Any:
+        """`position` [m] or `direction` where it lies: a warp.array of vectors on a device, or a NumPy array.
+
+        Both have DLPack; one on a GPU has `__cuda_array_interface__`.
+        """
+        found = self.held(name)
+        return found.buffer if isinstance(found, DeviceArray) else found
+
+    @property
+    def device(self) -> str | None:
+        """Warp's name of the device where the rays lie; None where they are NumPy arrays."""
+        found = self.held("position")
+        return found.device if isinstance(found, DeviceArray) else None
 
     @property
     def ray_count(self) -> int:
         """Number of rays."""
-        return len(self.position)
+        return len(self.held("position"))
 
     def __len__(self) -> int:
         """Number of rays."""
-        return len(self.position)
+        return len(self.held("position"))
 
     def __getitem__(self, rows) -> "RayBundle":
         """The rays of a slice or index array."""
-        return RayBundle(self.position[rows], self.direction[rows], np.atleast_1d(np.asarray(self.weight)[rows]))
+        position, direction = self.held("position")[rows], self.held("direction")[rows]
+        return RayBundle(position, direction, np.atleast_1d(np.asarray(self.weight)[rows]))
+
+    def rows(self, rows) -> "RayBundle":
+        """The rays of a slice or index array, whatever their weights; no other is read from a device."""
+        return RayBundle(self.held("position")[rows], self.held("direction")[rows])
 
     @classmethod
     @checked
@@ -117,10 +195,16 @@ class RayBundle(ReadOnly):
         direction: Numbers | None = None,
         sampling: str = "sobol",
         seed: int = 0,
+        device: str | None = None,
     ) -> "RayBundle":
-        """Parallel rays through a pupil, along its normal unless a `direction` is given."""
-        points, weight = pupil.sample(ray_count, sampling, seed)
+        """Parallel rays through a pupil, along its normal unless a `direction` is given.
+
+        With a `device` of Warp's ("cuda:0", "cpu") they are made there and stay there: the same rays, but for rounding.
+        """
         along = pupil.normal if direction is None else as_unit_vector(direction, "direction")
+        if device is not None:
+            return cls._of_pupil("collimated", device, pupil, along, ray_count, sampling, seed)
+        points, weight = pupil.sample(ray_count, sampling, seed)
         return cls(points, np.tile(along, (len(points), 1)), weight)
 
     @classmethod
@@ -134,13 +218,25 @@ class RayBundle(ReadOnly):
         *,
         sampling: str = "sobol",
         seed: int = 0,
+        device: str | None = None,
     ) -> "RayBundle":
-        """Rays from the point `apex` [m] into the cone of `half_angle` [rad] about `axis`, uniform in solid angle."""
+        """Rays from the point `apex` [m] into the cone of `half_angle` [rad] about `axis`, uniform in solid angle.
+
+        With a `device` of Warp's ("cuda:0", "cpu") they are made there and stay there: the same rays, but for rounding.
+        """
         if not (0.0 < half_angle <= np.pi):
             raise ValueError(f"half_angle must lie in (0, pi] rad, got {half_angle!r}")
-        flat, weight = unit_disc_samples(ray_count, sampling, seed)
         normal = as_unit_vector(axis, "axis")
         first, second = transverse_axes(normal)
+        if device is not None:
+            from .device_arrays.rays import Made
+
+            made = Made(
+                "divergent", as_vector(apex, "apex"), first, second, normal, 2.0 * np.sin(0.5 * half_angle) ** 2
+            )
+            samples = partial(unit_disc_samples, ray_count, sampling, seed)
+            return cls._sampled(device, made, UNIT_DISC, samples, ray_count, sampling, seed)
+        flat, weight = unit_disc_samples(ray_count, sampling, seed)
         # Equal areas of the disc map to equal solid angles: 1 - cos(polar) is linear in the disc's r^2.
         squared = np.sum(flat**2, axis=1)
         lag = squared * 2.0 * np.sin(0.5 * half_angle) ** 2
@@ -161,15 +257,49 @@ class RayBundle(ReadOnly):
         sampling: str = "sobol",
         seed: int = 0,
         toward_point: bool = False,
+        device: str | None = None,
     ) -> "RayBundle":
         """Rays from the point `from_point` [m] through the pupil's points.
 
         With `toward_point` the same lines are launched the other way: from the pupil's points toward the point,
-        which by reciprocity see the same optical path.
+        which by reciprocity see the same optical path. With a `device` of Warp's ("cuda:0", "cpu") they are made there
+        and stay there: the same rays, but for rounding.
         """
-        points, weight = pupil.sample(ray_count, sampling, seed)
         apex = as_vector(from_point, "from_point")
+        if device is not None:
+            kind = "to point" if toward_point else "from point"
+            return cls._of_pupil(kind, device, pupil, apex, ray_count, sampling, seed)
+        points, weight = pupil.sample(ray_count, sampling, seed)
         line = points - apex
         if toward_point:
             return cls(points, -line, weight)
         return cls(np.tile(apex, (len(points), 1)), line, weight)
+
+    @classmethod
+    def _of_pupil(
+        cls, kind: str, device: str, pupil: Pupil, axis: np.ndarray, ray_count: int, sampling: str, seed: int
+    ) -> "RayBundle":
+        """Rays of a pupil's points, made on a device."""
+        from .device_arrays.rays import Made
+
+        made = Made(kind, pupil.center, *pupil.axes, axis, pupil.reach)
+        samples = partial(pupil.flat_sample, ray_count, sampling, seed)
+        return cls._sampled(device, made, pupil.square_map, samples, ray_count, sampling, seed)
+
+    @classmethod
+    def _sampled(
+        cls,
+        device: str,
+        made: "Made",
+        points: SquareMap,
+        samples: Callable[[], tuple[np.ndarray, np.ndarray]],
+        ray_count: int,
+        sampling: str,
+        seed: int,
+    ) -> "RayBundle":
+        """Rays made on a device: of Sobol points, which it makes itself, or of `samples()`, which are brought there."""
+        count = check_count(ray_count)
+        if sampling == "sobol":
+            return cls._made(device, made, points, None, count, seed)
+        flat, weight = samples()
+        return cls._made(device, made, flat, weight, len(flat), seed)

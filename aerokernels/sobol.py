@@ -34,14 +34,7 @@ def sobol_points(count: int, dimension: int, seed: int, scramble: bool = True) -
         raise ValueError(f"Sobol points are there in 1 to {MAX_DIMENSION} dimensions, got {dimension!r}")
     if not 1 <= count <= 2**BITS:
         raise ValueError(f"the count of Sobol points must be from 1 to 2**{BITS}, got {count!r}")
-    directions = np.stack([_direction_numbers(axis) for axis in range(dimension)])
-    start = np.zeros(dimension, dtype=np.uint32)
-    if scramble:
-        rng = np.random.default_rng(seed).spawn(1)[0]  # as SciPy does with a generator
-        shift = rng.integers(2, size=(dimension, BITS), dtype=np.uint32)
-        start = shift @ (np.uint32(1) << np.arange(BITS, dtype=np.uint32))
-        matrix = np.tril(rng.integers(2, size=(dimension, BITS, BITS), dtype=np.uint32))
-        directions = _scrambled(directions, matrix)
+    start, directions = sobol_numbers(dimension, seed, scramble)
     point = np.empty((count, dimension), dtype=np.uint32)
     point[0] = start
     # The reflected Gray code: what follows 2^k points is the same points backwards with one more bit set.
@@ -51,6 +44,22 @@ def sobol_points(count: int, dimension: int, seed: int, scramble: bool = True) -
         point[made : made + more] = point[made - more : made][::-1] ^ directions[:, bit]
         made, bit = made + more, bit + 1
     return point * 2.0**-BITS
+
+
+def sobol_numbers(dimension: int, seed: int, scramble: bool = True) -> tuple[np.ndarray, np.ndarray]:
+    """The first point of a sequence (dimension,) and its direction numbers (dimension, BITS), of BITS bits each.
+
+    Point i is the first one with those direction numbers added, modulo 2, whose bits are set in the Gray code of i.
+    """
+    directions = np.stack([_direction_numbers(axis) for axis in range(dimension)])
+    start = np.zeros(dimension, dtype=np.uint32)
+    if scramble:
+        rng = np.random.default_rng(seed).spawn(1)[0]  # as SciPy does with a generator
+        shift = rng.integers(2, size=(dimension, BITS), dtype=np.uint32)
+        start = np.asarray(shift @ (np.uint32(1) << np.arange(BITS, dtype=np.uint32)))
+        matrix = np.tril(rng.integers(2, size=(dimension, BITS, BITS), dtype=np.uint32))
+        directions = _scrambled(directions, matrix)
+    return start, directions
 
 
 def _direction_numbers(axis: int) -> np.ndarray:

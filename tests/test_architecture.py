@@ -34,6 +34,7 @@ RANK = {
             ("shown",),
             ("quiet_warp", "sensor"),
             ("pupils",),
+            ("device_arrays",),
             ("rays",),
             ("strehl_sums",),
             ("medium",),

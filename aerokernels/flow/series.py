@@ -10,13 +10,12 @@ from typing import Any
 
 import numpy as np
 
+from ..device_arrays import device_array, host_array
 from ..medium import Body, QuadMesh, SolidBody
 from ..medium.mesh import GEOMETRIES
 from .density_field import CellDensity, DensityField
 from .gas import FreeStream, check_density
 from .sampled_density import GridDensity, VertexDensity
-
-PROCESSOR, PINNED = 1, 3  # kinds of memory, as DLPack numbers them
 
 
 @dataclass(frozen=True, eq=False)
@@ -154,7 +153,7 @@ class Series:
         found = self.get(number)
         if isinstance(found, DensityField):
             return found
-        kept = device_array(found) if on_device else None
+        kept = device_array(found, pinned=True) if on_device else None
         return self._checked(found, number) if kept is None else self._of_shape(kept, number)
 
     def lies_here(self, flow: DensityField) -> bool:
@@ -226,62 +225,6 @@ def mesh_of(flow: DensityField) -> GridMesh | QuadMesh | None:
     if isinstance(flow, GridDensity):
         return GridMesh(flow.geometry, flow.origin, flow.spacing, flow.density.shape, flow.cell_averages)
     return flow.mesh if isinstance(flow, (CellDensity, VertexDensity)) else None
-
-
-def host_array(found: Any) -> np.ndarray:
-    """An array of any library as a NumPy array, float32 or float64; one on a device is copied from there.
-
-    Raises:
-        TypeError: No array.
-    """
-    if isinstance(found, np.ndarray):
-        array = found
-    elif hasattr(found, "__cuda_array_interface__") or _on_device(found):
-        import warp
-
-        array = warp.from_dlpack(found).numpy() if hasattr(found, "__dlpack__") else warp.array(found).numpy()
-    elif hasattr(found, "__dlpack__"):
-        array = np.from_dlpack(found)
-    else:
-        array = np.asarray(found)
-    if array.dtype == object or not np.issubdtype(array.dtype, np.number) or np.iscomplexobj(array):
-        raise TypeError(f"a snapshot must be an array of real numbers or a DensityField, got {type(found).__name__}")
-    return array if array.dtype in (np.float32, np.float64) else array.astype(np.float64)
-
-
-def device_array(found: Any) -> Any:
-    """An array on a GPU, or pinned for one, as one of Warp's, without a copy.
-
-    None where it is no such array, or of whole numbers.
-    """
-    if isinstance(found, np.ndarray):
-        return None
-    pinned = _dlpack_device(found) == PINNED
-    if not (pinned or hasattr(found, "__cuda_array_interface__") or _on_device(found)):
-        return None
-    import warp
-
-    if isinstance(found, warp.array):
-        array = found
-    elif pinned:
-        try:
-            array = warp.from_dlpack(found)
-        except (AssertionError, RuntimeError, TypeError, ValueError, BufferError):
-            return None  # a library that hands out pinned memory as a host's only: it is read as such
-    else:
-        array = warp.from_dlpack(found) if hasattr(found, "__dlpack__") else warp.array(found, copy=False)
-    return array.contiguous() if array.dtype in (warp.float32, warp.float64) else None
-
-
-def _on_device(found: Any) -> bool:
-    """Whether an array says through DLPack that it is neither in the processor's memory nor in memory pinned for it."""
-    return _dlpack_device(found) not in (None, PROCESSOR, PINNED)
-
-
-def _dlpack_device(found: Any) -> int | None:
-    """The kind of memory that an array says through DLPack it is in; None where it does not say."""
-    device = getattr(found, "__dlpack_device__", None)
-    return None if device is None else int(device()[0])
 
 
 class InOrder:

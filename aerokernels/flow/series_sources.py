@@ -11,12 +11,13 @@ from xml.etree import ElementTree
 
 import numpy as np
 
+from ..device_arrays import host_array
 from ..medium import Body, QuadMesh
 from ..room import check_file, check_room
 from ..units import quantity
 from .density_field import DensityField
 from .gas import FreeStream
-from .series import GridMesh, InOrder, Series, host_array, mesh_of, times_of
+from .series import GridMesh, InOrder, Series, mesh_of, times_of
 
 # Names under which density goes, in the order in which they are looked for.
 DENSITY_NAMES = ("density", "rho", "Density", "Rho", "RHO", "rhoMean")

@@ -87,6 +87,11 @@ def _axisymmetric(start, end, position, direction) -> np.ndarray:
     once = (w1 > 0.0) != (w2 > 0.0)
     steepness = a * dh * dh - d * d * dr * dr
     distance = np.full((2, *w1.shape), np.inf)
+    # Most lines cross few segments: what follows is worked out for the pairs that may cross.
+    line, segment = np.nonzero(once | ((w1 <= 0.0) & (steepness > 0.0)))
+    a, d, z, z0, nearest, r0_square = (values[line, 0] for values in (a, d, z, z0, nearest, r0_square))
+    r1, z1, z2, dr, dh = (values[segment] for values in (r1, z1, z2, dr, dh))
+    h1, w1, once, steepness = (values[line, segment] for values in (h1, w1, once, steepness))
 
     with np.errstate(divide="ignore", invalid="ignore"):
         # Less steep than the line: the roots of the cone's equation.
@@ -110,8 +115,8 @@ def _axisymmetric(start, end, position, direction) -> np.ndarray:
         falling = w1 / (root - slope)
         share = np.clip(np.where(w1 > 0.0, falling, rising), 0.0, 1.0)
         steep = (z1 + share * dh - z) / d  # from the line's own point: where it is nearest to the axis may be far off
-    distance[0] = np.where(
+    distance[0, line, segment] = np.where(
         once, np.where(steepness > 0.0, nearest + single, steep), np.where(twice, nearest + low, np.inf)
     )
-    distance[1] = np.where(twice, nearest + high, np.inf)
+    distance[1, line, segment] = np.where(twice, nearest + high, np.inf)
     return np.concatenate(list(distance), axis=1)

@@ -11,6 +11,7 @@ import numpy as np
 
 from ..arguments import Numbers, checked
 from ..derived import Derived
+from ..device_arrays import plain_array
 from ..shown import shown
 from ..wavelength import check_wavelength, field_wavelength
 from .body import Body
@@ -101,7 +102,8 @@ class IndexField(Derived):
         """A field from samples on a uniform grid.
 
         Args:
-            contrast: n - ambient_index at the nodes, float64 or float32, axes [x, y, z], [y, z] or [r, z].
+            contrast: n - ambient_index at the nodes, float64 or float32, axes [x, y, z], [y, z] or [r, z]; an array of
+                any library that has DLPack or `__cuda_array_interface__` (one on a GPU is copied to the host once).
             origin: Coordinates of the first node [m], one per axis; r starts at 0.
             spacing: Node spacing [m], one per axis.
             geometry: "volume", "planar" or "axisymmetric" (even in r).
@@ -117,7 +119,7 @@ class IndexField(Derived):
             ValueError: Numbers that are not finite, shapes that disagree, a spacing that is not positive, an unknown
                 geometry or interpolation, an axisymmetric grid that does not start at r = 0.
         """
-        array = np.asarray(contrast)
+        array = plain_array(contrast)
         if not np.issubdtype(array.dtype, np.number) or np.iscomplexobj(array):
             raise TypeError(f"contrast must be an array of real numbers, got dtype {array.dtype}")
         if geometry not in GEOMETRIES:
@@ -183,7 +185,7 @@ class IndexField(Derived):
         """
         if not isinstance(mesh, QuadMesh):
             raise TypeError(f"mesh must be a QuadMesh, got {type(mesh).__name__}: see QuadMesh.structured")
-        values = np.array(contrast, dtype=np.float64)
+        values = np.array(plain_array(contrast), dtype=np.float64)
         check_finite(values, "the contrast")
         at_vertices: list[tuple[int, ...]] = [(len(mesh.vertices),)]
         in_cells: list[tuple[int, ...]] = [(len(mesh.cells),)]

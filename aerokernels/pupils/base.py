@@ -95,16 +95,19 @@ class Pupil(ABC):
         for polynomials over a shape of one transmission) and "grid" (cells of a grid, each with its share) about
         `count`.
         """
-        count = check_count(count)
-        if sampling not in SAMPLINGS:
-            raise ValueError(f"sampling {sampling!r} is not known: choose one of {', '.join(SAMPLINGS)}")
-        flat, weight = self._flat_sample(count, sampling, seed)
+        flat, weight = self.flat_sample(count, sampling, seed)
         first, second = self.axes
         points = self.center + self.reach * (flat[:, :1] * first + flat[:, 1:] * second)
         return points, weight
 
+    def flat_sample(self, count: int, sampling: str, seed: int) -> tuple[np.ndarray, np.ndarray]:
+        """Points along both axes in units of `reach`, shape (n, 2), and weights: those of `sample`."""
+        count = check_count(count)
+        if sampling not in SAMPLINGS:
+            raise ValueError(f"sampling {sampling!r} is not known: choose one of {', '.join(SAMPLINGS)}")
+        return self._flat_sample(count, sampling, seed)
+
     def _flat_sample(self, count: int, sampling: str, seed: int) -> tuple[np.ndarray, np.ndarray]:
-        """Points in units of `reach`, shape (n, 2), and weights."""
         if sampling == "gauss":
             return self._gauss(count)
         if sampling == "grid":

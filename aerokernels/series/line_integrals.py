@@ -18,8 +18,8 @@ from typing import Any
 import numpy as np
 from scipy import sparse
 
+from ..device_arrays import host_array
 from ..flow import GridMesh
-from ..flow.series import host_array
 from .device_copies import Sent
 from .plane_values import PlaneValues, nodes_along, tensor_rows, thinned, to_coefficients
 from .sheared_lattice import ShearedLattice

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from scipy import sparse
 
-from ..flow.series import host_array
+from ..device_arrays import host_array
 from ..medium import QuadMesh
 from ..medium.vertex_values import vertex_values
 from .line_integrals import NotLinearError

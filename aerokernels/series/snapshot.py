@@ -12,8 +12,8 @@ from typing import Any
 
 import numpy as np
 
+from ..device_arrays import host_array
 from ..flow import DensityField, Series, refractivity_model
-from ..flow.series import host_array
 from ..medium import IndexField, QuadMesh
 from ..rays import RayBundle
 from ..tracing import Plane

@@ -33,10 +33,11 @@ def subset(field: IndexField, rays: RayBundle, good: np.ndarray) -> RayBundle:
     rows = _evenly(arrived, SUBSET)
     if len(arrived) > SUBSET and field.is_uniform:
         compared = _evenly(arrived, COMPARED)
-        strength = roughness(field, rays.position[compared], rays.direction[compared])
+        some = rays.rows(compared)
+        strength = roughness(field, some.position, some.direction)
         sharpest = compared[np.argsort(strength, kind="stable")[-SHARPEST:]]
         rows = np.union1d(_evenly(arrived, SUBSET - SHARPEST), sharpest)
-    return RayBundle(rays.position[rows], rays.direction[rows])
+    return rays.rows(rows)
 
 
 def _evenly(rows: np.ndarray, count: int) -> np.ndarray:

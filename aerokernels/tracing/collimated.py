@@ -9,6 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..device_arrays import DeviceArray, extremes_of
 from ..medium import IndexField
 from ..medium.grid import UniformGrid
 from ..rays import RayBundle
@@ -57,9 +58,18 @@ def is_collimated(field: IndexField, rays: RayBundle, until) -> bool:
         return False
     if field.interpolation != "cubic" or not (until is None or isinstance(until, Plane)) or not rays.ray_count:
         return False
-    if abs(rays.direction[0, 2]) != 1.0 or not (rays.direction == rays.direction[0] * [0.0, 0.0, 1.0]).all():
+    first = rays.held("direction")[:1][0]
+    if abs(first[2]) != 1.0 or not _are_all(rays.held("direction"), first * [0.0, 0.0, 1.0]):
         return False
     return until is None or abs(until.normal[2]) == 1.0
+
+
+def _are_all(directions: np.ndarray | DeviceArray, one: np.ndarray) -> bool:
+    """Whether directions (n, 3) are all the same one; on a device they are looked at there."""
+    if isinstance(directions, DeviceArray):
+        ends = extremes_of(directions)
+        return bool((ends.low == one).all() and (ends.high == one).all())
+    return bool((directions == one).all())
 
 
 def is_worth_it(field: IndexField, rays: RayBundle) -> bool:
@@ -79,10 +89,10 @@ def find_projection(field: IndexField, rays: RayBundle, until) -> Projection | N
 
 def _find_projection(field: IndexField, rays: RayBundle, until) -> Projection | None:
     grid = field.samples
-    sign = float(rays.direction[0, 2])
+    sign = float(rays.held("direction")[:1][0, 2])
     near, far = (grid.low[2], grid.high[2]) if sign > 0.0 else (grid.high[2], grid.low[2])
-    start = rays.position[:, 2]
-    begins = np.maximum(start * sign, near * sign)
+    ends = extremes_of(rays.held("position"))
+    begins = np.maximum(np.array([ends.low[2], ends.high[2]]) * sign, near * sign)
     if begins.min() != begins.max() or begins[0] >= far * sign:
         return None
     first = float(begins[0] * sign)
@@ -95,8 +105,12 @@ def _find_projection(field: IndexField, rays: RayBundle, until) -> Projection | 
         return None
     # A ray may not leave by a side: it keeps twice the greatest shift away from it.
     keep = 2.0 * tables.greatest_shift * grid.spacing[:2]
-    across = rays.position[:, :2]
-    inside = np.asarray(((across >= grid.low[:2] + keep) & (across <= grid.high[:2] - keep)).all(axis=1))
+    low, high = grid.low[:2] + keep, grid.high[:2] - keep
+    if (ends.low[:2] >= low).all() and (ends.high[:2] <= high).all():
+        inside = np.broadcast_to(True, rays.ray_count)
+    else:
+        across = rays.position[:, :2]
+        inside = np.asarray(((across >= low) & (across <= high)).all(axis=1))
     return Projection(tables, sign, first, last, abs(last - first), (stop - last) * sign, inside)
 
 

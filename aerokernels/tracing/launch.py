@@ -1,14 +1,20 @@
 """Launches a bundle on the engine of its plan: in chunks that fit the device's memory, uploaded, traced and fetched."""
 
+from typing import Any
+
 import numpy as np
 
 from ..clock import stage
+from ..device_arrays import DeviceArray, rows_where
 from ..medium import IndexField
 from ..rays import RayBundle
 from .coherence import coherent_order
 from .engines import OUTPUT_TYPES, Prepared, engine_of
 from .plan import TracePlan
-from .status import is_any_rejected
+from .status import RayStatus, is_any_rejected
+
+# What a kernel is given: an array on the host, or one on its device.
+Numbers = np.ndarray | DeviceArray
 
 # Bytes for one ray when all is asked for, and its start.
 RAY_BYTES = 6 * 8 + sum(width * np.dtype(kind).itemsize for width, kind in OUTPUT_TYPES.values())
@@ -19,7 +25,7 @@ MEMORY_SHARE = 0.25
 
 def launch(
     field: IndexField, rays: RayBundle, plan: TracePlan, until, wavelength: float, outputs: frozenset
-) -> dict[str, np.ndarray]:
+) -> dict[str, Any]:
     """Trace each ray of a bundle once as its plan says; returns per-ray arrays by name.
 
     Where some rays are above the tolerance, "step_error" is among the arrays.
@@ -29,10 +35,14 @@ def launch(
 
         with stage("kernel"):
             return trace(field, rays, plan, until, wavelength, outputs)
-    prepared = engine_of(plan.backend, plan.device).prepare(field, plan, until, wavelength, outputs, rays.direction)
+    engine = engine_of(plan.backend, plan.device)
+    # Step bounds are made for the directions that there are; what leapfrog samples needs none of Warp's engine.
+    needs_none = plan.backend == "warp" and plan.sample_count > 0
+    directions = rays.held("direction")[:1] if needs_none else rays.direction
+    prepared = engine.prepare(field, plan, until, wavelength, outputs, directions)
     order = coherent_order(field, rays.position, rays.direction) if prepared.is_packed else None
     if order is None:
-        return in_chunks(prepared, (rays.position, rays.direction), outputs)
+        return in_chunks(prepared, starts_of(rays), outputs)
     ordered = in_chunks(prepared, (rays.position[order], rays.direction[order]), outputs)
     arrays = {name: np.empty_like(array) for name, array in ordered.items()}
     for name, array in ordered.items():
@@ -40,8 +50,15 @@ def launch(
     return arrays
 
 
-def in_chunks(prepared: Prepared, starts: tuple[np.ndarray, ...], outputs: frozenset) -> dict[str, np.ndarray]:
+def starts_of(rays: RayBundle) -> tuple[Numbers, Numbers]:
+    """What a kernel takes of each ray, on the device where it lies there."""
+    return rays.held("position"), rays.held("direction")
+
+
+def in_chunks(prepared: Prepared, starts: tuple[Numbers, ...], outputs: frozenset) -> dict[str, Any]:
     """Launch a kernel over rays, chunk by chunk; returns per-ray arrays by name.
+
+    They stay on the device, as DeviceArrays, where the engine keeps them there.
 
     Args:
         prepared: The kernel.
@@ -49,6 +66,9 @@ def in_chunks(prepared: Prepared, starts: tuple[np.ndarray, ...], outputs: froze
         outputs: Names of the arrays to be fetched; the status always is, and "step_error" where rays are rejected.
     """
     engine, ray_count = prepared.engine, len(starts[0])
+    if engine.keeps(ray_count * RAY_BYTES):
+        return _kept(prepared, starts, outputs)
+    starts = tuple(np.asarray(each) for each in starts)
     chunk = chunk_size(engine.memory, ray_count)
     arrays: dict[str, np.ndarray] = {}
     results = prepared.allocate(chunk)
@@ -73,6 +93,27 @@ def in_chunks(prepared: Prepared, starts: tuple[np.ndarray, ...], outputs: froze
             if "step_error" in prepared.outputs - outputs:
                 if prepared.take_rejected() or is_any_rejected(arrays["status"][rows]):
                     fetch("step_error", rows)
+    return arrays
+
+
+def _kept(prepared: Prepared, starts: tuple[Numbers, ...], outputs: frozenset) -> dict[str, Any]:
+    """The same on an engine that keeps all results: nothing is fetched."""
+    engine, ray_count = prepared.engine, len(starts[0])
+    with stage("upload"):
+        results = prepared.allocate(ray_count)
+        given, chunks = engine.bring(starts)
+    with stage("kernel"):
+        for rows in chunks:
+            if rows == slice(0, ray_count):
+                prepared.launch(given, results, ray_count)
+            else:
+                some = {name: buffer[rows] if name in prepared.computed else buffer for name, buffer in results.items()}
+                prepared.launch([buffer[rows] for buffer in given], some, rows.stop - rows.start)
+        engine.wait()
+    arrays = {name: DeviceArray(results[name]) for name in OUTPUT_TYPES if name in outputs or name == "status"}
+    if "step_error" in prepared.outputs - outputs:
+        if prepared.take_rejected() or len(rows_where(arrays["status"], RayStatus.TOLERANCE_NOT_MET)):
+            arrays["step_error"] = DeviceArray(results["step_error"])
     return arrays
 
 

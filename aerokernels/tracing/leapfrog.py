@@ -11,6 +11,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from ..device_arrays import extremes_of, on_host
 from ..medium import IndexField
 from ..medium.grid import UniformGrid
 from ..rays import RayBundle
@@ -73,7 +74,7 @@ def may_be_leapfrog(field: IndexField, ray_count: int, until) -> bool:
 def pilot_of(rays: RayBundle) -> RayBundle:
     """Some of the rays, evenly spread over the bundle's order."""
     rows = np.linspace(0, rays.ray_count - 1, min(PILOT_RAYS, rays.ray_count)).round().astype(int)
-    return RayBundle(rays.position[rows], rays.direction[rows])
+    return rays.rows(rows)
 
 
 def spread_of(rays: RayBundle) -> RayBundle:
@@ -81,10 +82,7 @@ def spread_of(rays: RayBundle) -> RayBundle:
     if rays.ray_count <= SPREAD_RAYS:
         return rays
     rows = np.linspace(0, rays.ray_count - 1, SPREAD_RAYS).round().astype(int)
-    numbers = [*rays.position.T, *rays.direction.T]
-    ends = [row for values in numbers for row in (int(np.argmin(values)), int(np.argmax(values)))]
-    rows = np.concatenate([rows, ends])
-    return RayBundle(rays.position[rows], rays.direction[rows])
+    return rays.rows(np.concatenate([rows, *(extremes_of(rays.held(name)).rows for name in ("position", "direction"))]))
 
 
 def fit_leapfrog(
@@ -284,7 +282,7 @@ class _Level:
         self, field: IndexField, pilot: RayBundle, plan: TracePlan, until, wavelength: float, count: int, share=1.0
     ):
         trial = replace(plan, sample_count=count, quadrature_error_scale=share)
-        arrays = launch(field, pilot, trial, until, wavelength, frozenset(("opd", "step_error")))
+        arrays = on_host(launch(field, pilot, trial, until, wavelength, frozenset(("opd", "step_error"))))
         self.count = count
         self.opd = arrays["opd"]
         self.good = reached(arrays["status"]) & np.isfinite(arrays["step_error"])

@@ -6,7 +6,7 @@ from ..medium import IndexField
 from ..rays import RayBundle
 from .lines import box_span
 
-CHUNK = 1 << 14
+FEW, CHUNK = 1 << 8, 1 << 14
 
 
 def greatest_contrast(field: IndexField) -> float:
@@ -21,9 +21,10 @@ def check_meeting(field: IndexField, rays: RayBundle, what: str) -> None:
     Raises:
         ValueError: No ray meets the box; the message has the places of box and rays and says what to check.
     """
-    for first in range(0, rays.ray_count, CHUNK):
-        rows = slice(first, first + CHUNK)
-        if box_span(field, rays.position[rows], rays.direction[rows]).meets.any():
+    chunks = (slice(first, first + CHUNK) for first in range(0, rays.ray_count, CHUNK))
+    for rows in (slice(0, FEW), *chunks):  # some are nearly always enough
+        some = rays.rows(rows)
+        if box_span(field, some.position, some.direction).meets.any():
             return
     if greatest_contrast(field) == 0.0:
         return

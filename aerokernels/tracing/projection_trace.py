@@ -8,7 +8,7 @@ from ..medium import IndexField
 from ..rays import RayBundle
 from .collimated import find_projection
 from .engines import engine_of
-from .launch import in_chunks
+from .launch import in_chunks, starts_of
 from .plan import TracePlan
 
 
@@ -24,11 +24,12 @@ def trace(field: IndexField, rays: RayBundle, plan: TracePlan, until, wavelength
     ready = engine_of(plan.backend, plan.device).prepare_projection(field, columns, plan, outputs)
     rows = columns.inside
     if rows.all():
-        return in_chunks(ready, (rays.position,), outputs)
+        return in_chunks(ready, starts_of(rays)[:1], outputs)
     arrays = in_chunks(ready, (rays.position[rows],), outputs)
-    others = run(field, RayBundle(rays.position[~rows], rays.direction[~rows]), rest, until, wavelength, outputs)
+    others = run(field, rays.rows(~rows), rest, until, wavelength, outputs)
     merged = {}
     for name, array in arrays.items():
+        array = np.asarray(array)
         merged[name] = np.empty((rays.ray_count, *array.shape[1:]), dtype=array.dtype)
-        merged[name][rows], merged[name][~rows] = array, others[name]
+        merged[name][rows], merged[name][~rows] = np.asarray(array), np.asarray(others[name])
     return merged

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from ..clock import stage
+from ..rays import RayBundle
 from .engines import OUTPUT_TYPES, engine_of
 from .lattice_quadrature import smoothed_axes
 from .launch import RAY_BYTES
@@ -177,7 +178,8 @@ class PupilRun:
         position, direction = np.empty((batch.count, 3)), np.empty((batch.count, 3))
         engine.get(batch.position, position)
         engine.get(batch.direction, direction)
-        retrace_rejected(task.field, position, direction, task.plan, task.until, task.wavelength, arrays)
+        rays = RayBundle(position, direction)
+        retrace_rejected(task.field, rays, task.plan, task.until, task.wavelength, arrays)
         for name, array in arrays.items():
             engine.put_into(batch.results[name], array)
         return int(np.count_nonzero(arrays["status"] == RayStatus.TOLERANCE_NOT_MET))

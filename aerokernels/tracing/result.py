@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from ..clock import clocked, stage
+from ..device_arrays import DeviceArray, read_on_touch
 from ..pupils import transverse_axes
 from ..quantities import Quantity
 from ..shown import shown
@@ -23,6 +24,8 @@ RAY_OUTPUTS = {
     "step_count": ("1", "accepted steps"),
     "evaluation_count": ("1", "field evaluations"),
 }
+# What `on_device` gives out.
+ON_DEVICE = (*RAY_OUTPUTS, "status", "start_position", "start_direction")
 # Kernels are given the wanted outputs as a number with one bit for each.
 OUTPUT_BITS = {name: 1 << bit for bit, name in enumerate(RAY_OUTPUTS)}
 
@@ -33,9 +36,13 @@ def output_mask(outputs: frozenset) -> int:
 
 
 @shown
+@read_on_touch(*RAY_OUTPUTS, "traced_status", "start_position", "start_direction")
 @dataclass(eq=False, repr=False)
 class TraceResult:
     """Traced rays, float64 whatever the kernel's precision. Arrays that were not asked for are None.
+
+    What Warp traced stays on its device: `on_device` gives it out there, and an attribute is copied to the host when it
+    is first read. A pickle holds what the host reads.
 
     Attributes:
         position: End points [m], shape (ray_count, 3).
@@ -77,7 +84,23 @@ class TraceResult:
     @property
     def ray_count(self) -> int:
         """Number of rays."""
-        return len(self.traced_status)
+        return len(self.__dict__["traced_status"])
+
+    def on_device(self, name: str) -> Any:
+        """An output, "status" or "start_position" or "start_direction", where it lies; nothing is copied.
+
+        A warp.array, of numbers or of vectors, of what Warp traced; a NumPy array of what OpenCL or the reference did.
+        Both have DLPack, and what lies on a GPU has `__cuda_array_interface__`: CuPy, PyTorch and JAX take them as they
+        are (`torch.from_dlpack(result.on_device("opd"))`). "status" holds the tracer's codes, those of `traced_status`.
+
+        Raises:
+            ValueError: No such output, or one that was not asked for.
+        """
+        found = self.__dict__.get("traced_status" if name == "status" else name) if name in ON_DEVICE else None
+        if found is None:
+            there = ", ".join(each for each in ON_DEVICE if each == "status" or self.__dict__.get(each) is not None)
+            raise ValueError(f"{name!r} is not among the outputs: this result has {there}")
+        return found.buffer if isinstance(found, DeviceArray) else found
 
     @cached_property
     def truncation(self) -> np.ndarray:

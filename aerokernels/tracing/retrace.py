@@ -11,6 +11,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from ..device_arrays import on_host, rows_where
 from ..medium import IndexField
 from ..rays import RayBundle
 from .held import held_error
@@ -29,27 +30,40 @@ class ToleranceWarning(RuntimeWarning):
 
 
 def retrace_rejected(
-    field: IndexField, position, direction, plan: TracePlan, until, wavelength: float, arrays: dict
+    field: IndexField, rays: RayBundle, plan: TracePlan, until, wavelength: float, arrays: dict
 ) -> None:
-    """Trace again those rays whose "step_error" is above the tolerance.
+    """Trace again those rays whose "step_error" is above the tolerance; others are not read from the device.
 
     Args:
         field: The refractive index.
-        position: Starts [m], shape (ray_count, 3).
-        direction: Unit vectors, shape (ray_count, 3).
+        rays: The rays.
         plan: How the rays were traced; its method controls its error.
         until: The stop.
         wavelength: Vacuum wavelength [m].
-        arrays: Per-ray results by name, "step_error" and "status" among them, which are changed.
+        arrays: Per-ray results by name, "step_error" and "status" among them, which are changed; NumPy's or
+            DeviceArrays.
     """
     held = held_error(field, plan.tolerance * wavelength)
+    rows = rows_where(arrays["status"], RayStatus.TOLERANCE_NOT_MET, arrays["step_error"], held)
+    if not len(rows):
+        return
+    part = {name: array[rows] for name, array in arrays.items()}
+    _retrace(field, rays.rows(rows), plan, until, wavelength, part, held)
+    for name, array in arrays.items():
+        array[rows] = part[name]
+
+
+def _retrace(
+    field: IndexField, rays: RayBundle, plan: TracePlan, until, wavelength: float, arrays: dict, held: float
+) -> None:
+    """The same for rays all of which may have to be traced again."""
     # A trace along undisturbed lines stays one; leapfrog and tables stand for bent rays.
     asked = "straight" if plan.method == "straight" and not (plan.sample_count or plan.columns) else "adaptive"
     controlled = replace(plan, method=asked, columns=False, sample_count=0, sampling=None)
 
     def trace_again(rows: np.ndarray, attempt: TracePlan) -> None:
-        part = RayBundle(position[rows], direction[rows])
-        others = launch(field, part, attempt, until, wavelength, frozenset(arrays) - {"status"})
+        found = launch(field, rays.rows(rows), attempt, until, wavelength, frozenset(arrays) - {"status"})
+        others = on_host(found)
         # A ray that did not arrive this time, or fared worse, keeps what it had.
         lost = ~reached(arrays["status"][rows]) | ~np.isfinite(arrays["step_error"][rows])
         better = reached(others["status"]) & (others["step_error"] < arrays["step_error"][rows])
@@ -63,7 +77,7 @@ def retrace_rejected(
             trace_again(rows, controlled)
     # An estimate in single precision may be rounding alone: it says nothing about steps in float64.
     is_known = plan.precision == "float64" and asked == plan.method
-    share = np.ones(len(position))  # of the tolerance, that each ray was traced by
+    share = np.ones(rays.ray_count)  # of the tolerance, that each ray was traced by
     for round_number in range(2 if is_known else 3):
         rejected = _rejected(arrays, held)
         powers = _powers(arrays["step_error"], held) if is_known or round_number else 1.0

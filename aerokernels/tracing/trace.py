@@ -8,6 +8,7 @@ import numpy as np
 
 from ..arguments import checked
 from ..clock import clocked, stage
+from ..device_arrays import rows_where
 from ..medium import IndexField
 from ..rays import RayBundle
 from .budget import Retrace, error_budget
@@ -58,7 +59,7 @@ def trace(
         until: None (where the ray leaves the field's box), Plane(point, normal) or ArcLength(length).
         wavelength: Vacuum wavelength [m]; None takes the field's own, or 905 nm where it has none.
         backend: "auto", "warp", "opencl" or "reference".
-        device: "cpu", "cuda:0" or an OpenCL device's name; None takes the best.
+        device: "cpu", "cuda:0" or an OpenCL device's name; None takes the best, and that of rays that lie on a GPU.
         precision: "float32" or "float64" inside the kernel.
         max_steps: Steps after which a ray is given up; None takes a generous number.
         outputs: Names of the per-ray arrays wanted (see RAY_OUTPUTS); None for all.
@@ -85,6 +86,8 @@ def trace(
     wanted = check_outputs(outputs)
     if bundle not in BUNDLES:
         raise ValueError(f"bundle {bundle!r} is not known: choose one of {', '.join(BUNDLES)}")
+    if backend == "auto" and device is None and rays.device not in (None, "cpu"):
+        device = rays.device  # rays that lie on a GPU are traced there
     choices = {
         "backend": backend,
         "device": device,
@@ -111,7 +114,7 @@ def trace(
                     method=method,
                     step=step,
                     wavelength=wavelength,
-                    directions=rays.direction,
+                    directions=rays.direction if rays.device is None else pilot_of(rays).direction,
                     columns=columns,
                     spread=partial(spread_of, rays),
                     **choices,
@@ -119,9 +122,9 @@ def trace(
                 plan = plan if made is None else replace(plan, reasons=(*plan.reasons, made))
         if not isinstance(made, tuple):
             arrays = run_plan(field, rays, plan, until, wavelength, wanted)
-        rejected = _rejected_rows(arrays)
-        greatest = float(arrays["step_error"][rejected].max()) if rejected.any() and "step_error" in arrays else None
-        done = report_rejected(plan, int(rejected.sum()), rays.ray_count, greatest, wavelength)
+        rejected = rows_where(arrays["status"], RayStatus.TOLERANCE_NOT_MET)
+        greatest = float(arrays["step_error"][rejected].max()) if len(rejected) and "step_error" in arrays else None
+        done = report_rejected(plan, len(rejected), rays.ray_count, greatest, wavelength)
         if "step_error" not in wanted:
             arrays.pop("step_error", None)
 
@@ -130,8 +133,8 @@ def trace(
         seconds=seconds,
         wavelength=wavelength,
         weight=np.asarray(rays.weight),
-        start_position=rays.position,
-        start_direction=rays.direction,
+        start_position=rays.held("position"),
+        start_direction=rays.held("direction"),
         budget=partial(_budget, field, rays, retracer(until, wavelength)),
         known_air=KnownAir(field, rays, until, tolerance * wavelength),
         traced_status=arrays.pop("status"),
@@ -144,7 +147,7 @@ def _budget(field: IndexField, rays: RayBundle, retrace: Retrace, result: TraceR
 
 
 def run_plan(field: IndexField, rays: RayBundle, plan: TracePlan, until, wavelength: float, outputs: frozenset) -> dict:
-    """Trace as a plan says; returns per-ray arrays by name.
+    """Trace as a plan says; returns per-ray arrays by name, NumPy's or DeviceArrays.
 
     Rays whose own error estimate is above the tolerance are traced again. Where some stay above it, "step_error" is
     among the arrays.
@@ -156,14 +159,10 @@ def run_plan(field: IndexField, rays: RayBundle, plan: TracePlan, until, wavelen
     arrays = launch(field, rays, plan, until, wavelength, outputs)
     if not plan.controls_error or plan.backend == "reference" or "step_error" not in arrays:
         return arrays
-    retrace_rejected(field, rays.position, rays.direction, plan, until, wavelength, arrays)
-    if "step_error" not in outputs and not _rejected_rows(arrays).any():
+    retrace_rejected(field, rays, plan, until, wavelength, arrays)
+    if "step_error" not in outputs and not len(rows_where(arrays["status"], RayStatus.TOLERANCE_NOT_MET)):
         del arrays["step_error"]
     return arrays
-
-
-def _rejected_rows(arrays: dict) -> np.ndarray:
-    return np.asarray(arrays["status"] == RayStatus.TOLERANCE_NOT_MET)
 
 
 def retracer(until, wavelength: float) -> Retrace:
@@ -173,7 +172,7 @@ def retracer(until, wavelength: float) -> Retrace:
 
 def _retrace(field: IndexField, rays: RayBundle, plan: TracePlan, until, wavelength: float):
     arrays = run_plan(field, rays, plan, until, wavelength, BUDGET_OUTPUTS)
-    return arrays["opd"], arrays["status"], arrays["step_error"]
+    return tuple(np.asarray(arrays[name]) for name in ("opd", "status", "step_error"))
 
 
 def check_outputs(outputs) -> frozenset:

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from aerokernels.benchmark.scenes import strehl_scene
+from aerokernels.device_arrays import on_host
 from aerokernels.medium import IndexField
 from aerokernels.rays import RayBundle
 from aerokernels.strehl_estimate import estimate_strehl
@@ -86,7 +87,7 @@ def sampled(field: IndexField, rays: RayBundle, count: int, engine: str, with_ta
     sampling = Sampling(1.001 * float(lines.length.max()) / count, steepness, 0.0)
     plan = TracePlan("leapfrog", **on(engine), precision="float64", max_steps=1000, step=None, tolerance=1e-3)
     plan = replace(plan, sample_count=count, sampling=sampling if with_table else None)
-    arrays = launch(field, rays, plan, until, WAVE, frozenset(("opd", "step_error")))
+    arrays = on_host(launch(field, rays, plan, until, WAVE, frozenset(("opd", "step_error"))))
     return arrays["opd"], arrays["step_error"], sampling, lines
 
 

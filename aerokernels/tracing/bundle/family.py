@@ -48,6 +48,8 @@ class Family:
         ahead: Rays that start no further along the axis than this [m] may be moved along their lines: they start ahead
             of the box. Minus infinity where none may.
         close: What is no difference between two lines or starts [m].
+        seen: Range of the parameters of the rays that it was found from, with half the room about it, and the parts
+            that `low` and `high` are rounded to; shape (3, 2).
     """
 
     converges: bool
@@ -59,6 +61,7 @@ class Family:
     start_normal: np.ndarray
     ahead: float
     close: float
+    seen: np.ndarray | None = None
 
     def parameters(self, position: np.ndarray, direction: np.ndarray) -> np.ndarray:
         """Parameters of rays, both of shape (n, 3): shape (n, 2)."""
@@ -101,10 +104,23 @@ class Family:
     @property
     def key(self) -> bytes:
         """The same for the same family."""
+        return b"".join([self._lines, self.low.tobytes(), self.high.tobytes()])
+
+    @property
+    def _lines(self) -> bytes:
+        """The same for the same lines and starts, whatever the range of parameters."""
         start = b"" if self.start_point is None else self.start_point.tobytes()
-        numbers = (self.origin, self.axes, self.low, self.high, self.start_normal)
+        numbers = (self.origin, self.axes, self.start_normal)
         kind = f"{self.converges} {self.ahead!r} ".encode()
         return b"".join([kind, start, *(array.tobytes() for array in numbers)])
+
+    def serves(self, other: "Family") -> bool:
+        """Whether another family is this one, found from other rays: its range may differ by a part."""
+        if other.seen is None or self._lines != other._lines:
+            return False
+        low, high, part = other.seen
+        near = (np.abs(self.low - other.low) <= part) & (np.abs(self.high - other.high) <= part)
+        return bool((near & (self.low <= low) & (self.high >= high)).all())
 
 
 def some_rows(ray_count: int, most: int) -> np.ndarray:
@@ -117,7 +133,8 @@ def some_rows(ray_count: int, most: int) -> np.ndarray:
 def find_family(field: IndexField, rays: RayBundle, until) -> Family | str:
     """The family that the rays belong to, or a sentence why they are none."""
     rows = some_rows(rays.ray_count, SAMPLE)
-    position, direction = rays.position[rows], rays.direction[rows]
+    some = rays.rows(rows)
+    position, direction = some.position, some.direction
     close = CLOSE * float(np.min(field.spacing))
     parallel = bool(np.abs(direction - direction[0]).max() <= EQUAL)
     if parallel:
@@ -155,7 +172,8 @@ def find_family(field: IndexField, rays: RayBundle, until) -> Family | str:
         return "they are one ray"
     extent = np.maximum(extent, 1e-3 * extent.max())
     part, room = 2.0 ** np.ceil(np.log2(extent / PARTS)), ROOM * extent
-    return replace(family, low=np.floor((low - room) / part) * part, high=np.ceil((high + room) / part) * part)
+    first, last = np.floor((low - room) / part) * part, np.ceil((high + room) / part) * part
+    return replace(family, low=first, high=last, seen=np.stack([low - 0.5 * room, high + 0.5 * room, part]))
 
 
 def _apex(position: np.ndarray, direction: np.ndarray, close: float) -> np.ndarray | None:
@@ -207,4 +225,5 @@ def _least_of_box(field: IndexField, axis: np.ndarray) -> float:
 def counted_parameters(family: Family, rays: RayBundle) -> tuple[np.ndarray, float]:
     """Parameters of some of the rays, and how many rays each of them stands for."""
     rows = some_rows(rays.ray_count, COUNTED)
-    return family.parameters(rays.position[rows], rays.direction[rows]), rays.ray_count / len(rows)
+    some = rays.rows(rows)
+    return family.parameters(some.position, some.direction), rays.ray_count / len(rows)

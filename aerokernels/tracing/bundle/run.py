@@ -1,5 +1,6 @@
 """A bundle as a map of two parameters: whether it pays, the lines that are traced, delivery, and the rays left over."""
 
+import weakref
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import partial
@@ -7,12 +8,13 @@ from typing import Any
 
 import numpy as np
 
+from ...device_arrays import on_host, rows_where
 from ...medium import IndexField
 from ...rays import RayBundle
 from ..engines import engine_of
 from ..held import held_error
 from ..known_air import face_strengths
-from ..launch import in_chunks
+from ..launch import in_chunks, starts_of
 from ..leapfrog import LEAST_RAYS, pilot_of, spread_of
 from ..lever_arms import lever_arms_of
 from ..lines import box_size
@@ -73,18 +75,15 @@ def trace_bundle(asked: Asked) -> tuple[TracePlan, dict[str, np.ndarray]] | str:
     field, rays = asked.field, asked.rays
     if rays.ray_count < LEAST_BUNDLE:
         return f"fewer than {LEAST_BUNDLE} rays are traced one by one"
-    family = find_family(field, rays, asked.until)
-    if isinstance(family, str):
-        return f"rays are traced one by one: {family}"
-    if not field.is_uniform:
-        return "rays are traced one by one: the field lies on a mesh"
-    table = find_table(asked, family)
-    if table is None:
-        return "rays are traced one by one: nothing between traced rays is smooth enough"
-    plan = _line_plan(asked, 1.0)
+    # The same rays come again and again, and a kernel is done with them sooner than they are recognised.
+    key = ("last bundle", weakref.ref(rays), asked.until, asked.wavelength, channels_of(asked.outputs))
+    found = field.derive((*key, tuple(asked.choices.values())), lambda: _recognised(asked), 1)
+    if isinstance(found, str):
+        return f"rays are traced one by one: {found}"
+    family, table, plan = found
     ready = engine_of(plan.backend, plan.device).prepare_bundle(table, asked.outputs)
-    arrays = in_chunks(ready, (rays.position, rays.direction), asked.outputs)
-    left = np.flatnonzero(arrays["status"] == NOT_DELIVERED)
+    arrays = in_chunks(ready, starts_of(rays), asked.outputs)
+    left = rows_where(arrays["status"], NOT_DELIVERED)
     if len(left) > (1.0 - LEAST_SHARE) * rays.ray_count:
         return f"rays are traced one by one: patches between traced rays would hold for {rays.ray_count - len(left)}"
     if len(left):
@@ -94,6 +93,27 @@ def trace_bundle(asked: Asked) -> tuple[TracePlan, dict[str, np.ndarray]] | str:
     predicted = None if plan.predicted_evaluations is None else plan.predicted_evaluations * share
     reasons = (counts.sentence(family.converges, asked.wavelength), *plan.reasons)
     return replace(plan, bundle=counts, reasons=reasons, predicted_evaluations=predicted), arrays
+
+
+def _recognised(asked: Asked) -> tuple[Family, BundleTable, TracePlan] | str:
+    """The family of the rays, its patches and the plan of its lines; or why there are none."""
+    family = find_family(asked.field, asked.rays, asked.until)
+    if isinstance(family, str):
+        return family
+    if not asked.field.is_uniform:
+        return "the field lies on a mesh"
+    # A range of parameters that lies between two parts is rounded now to the one, now to the other: the first will do.
+    known: list[Family] = asked.field.derive("families", list)
+    served = next((each for each in known if each.serves(family)), None)
+    if served is None:
+        known.append(family)
+        del known[:-KEPT]
+    family = served or family
+    table = find_table(asked, family)
+    if table is None:
+        return "nothing between traced rays is smooth enough"
+    key = ("plan of lines", family.key, asked.wavelength, tuple(asked.choices.values()))
+    return family, table, asked.field.derive(key, lambda: _line_plan(asked, 1.0), KEPT)
 
 
 def find_table(asked: Asked, family: Family) -> BundleTable | None:
@@ -146,7 +166,7 @@ class _Tracer:
         if rays.ray_count >= LEAST_RAYS:
             self.many = self.many or _plan_many(asked, rays, TRACED_SHARE)
             plan = self.many
-        return asked.run(asked.field, rays, plan, asked.until, asked.wavelength, TRACED)
+        return on_host(asked.run(asked.field, rays, plan, asked.until, asked.wavelength, TRACED))
 
 
 def _line_plan(asked: Asked, share: float) -> TracePlan:
@@ -176,10 +196,10 @@ def _plan_many(asked: Asked, rays: RayBundle, share: float) -> TracePlan:
 
 def _trace_left(asked: Asked, rows: np.ndarray, arrays: dict[str, np.ndarray]) -> None:
     """Trace the rays of these rows one by one, and put them in their places."""
-    rays = RayBundle(asked.rays.position[rows], asked.rays.direction[rows])
+    rays = asked.rays.rows(rows)
     plan = _plan_many(asked, rays, 1.0)
     outputs = asked.outputs | {"step_error"}
     found = asked.run(asked.field, rays, plan, asked.until, asked.wavelength, outputs)
     for name, array in found.items():
         if name in arrays:
-            arrays[name][rows] = array
+            arrays[name][rows] = np.asarray(array)

@@ -4,6 +4,7 @@ Kernels have the same names and arguments in Warp and in OpenCL (layout.py has t
 written with these few functions is written once: a bundle in chunks (launch.py), a pupil and its sums (pupil_run.py).
 """
 
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any, Protocol
 
@@ -50,7 +51,16 @@ class Engine(Protocol):
         """Patches between traced rays made ready for outputs of rays of their family."""
 
     def pupil_kernels(self) -> dict[str, Any]:
-        """The kernels of a pupil, by name: launch_pupil, sum_moments, sum_phasors, join_sums."""
+        """The kernels of a pupil, by name: launch_pupil, sum_moments, sum_phasors, reduce_sums."""
+
+    def keeps(self, size: float) -> bool:
+        """Whether results of so many bytes, and the rays, stay on the device until they are read."""
+
+    def bring(self, starts: Sequence[Any]) -> tuple[list[Any], Iterable[slice]]:
+        """Buffers with the rays, of an engine that `keeps` them, and the rows that are there, as soon as they are.
+
+        What is launched on rows that were given finds them. `starts` are NumPy arrays or DeviceArrays.
+        """
 
     def put(self, array: np.ndarray) -> Any:
         """A buffer with a copy of the array, whose rows are numbers, places or directions."""
@@ -100,11 +110,15 @@ class Prepared:
         counted = [] if self.rejected is None else [self.rejected]
         return self.engine.launch(self.kernel, self.arguments, [*starts, results, *counted], count)
 
+    @property
+    def computed(self) -> frozenset:
+        """What it computes for each ray, the status among it."""
+        return self.outputs | {"status"}
+
     def allocate(self, count: int) -> dict[str, Any]:
         """Buffers for the outputs of so many rays; one row for those that are not computed."""
-        computed = self.outputs | {"status"}
         return {
-            name: self.engine.empty(count if name in computed else 1, width, kind)
+            name: self.engine.empty(count if name in self.computed else 1, width, kind)
             for name, (width, kind) in OUTPUT_TYPES.items()
         }
 

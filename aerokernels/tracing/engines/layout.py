@@ -19,6 +19,9 @@ import numpy as np
 REAL_TYPES: dict[str, type] = {"float32": np.float32, "float64": np.float64}
 
 
+_KIND = re.compile(r"([A-Za-z]+)(\d?)(\**)")
+
+
 class Value(NamedTuple):
     """A member of a struct, or an argument of a kernel."""
 
@@ -29,7 +32,7 @@ class Value(NamedTuple):
     @property
     def parts(self) -> tuple[str, int, int]:
         """Type of one number or struct, how many of them a vector has (1 for none), and how many indices."""
-        found = re.fullmatch(r"([A-Za-z]+)(\d?)(\**)", self.kind)
+        found = _KIND.fullmatch(self.kind)
         if found is None:
             raise ValueError(f"{self.name}: {self.kind!r} is no kind, see layout.py")
         return found[1], int(found[2] or 1), len(found[3])
@@ -319,9 +322,13 @@ OPTIONS: dict[str, Option] = {
 
 def arrays_of(struct: str) -> tuple[Value, ...]:
     """The members of a struct that are arrays."""
-    return tuple(member for member in STRUCTS[struct] if member.parts[2])
+    return _ARRAYS[struct]
 
 
 def values_of(struct: str) -> tuple[Value, ...]:
     """The members of a struct that are numbers or vectors."""
-    return tuple(member for member in STRUCTS[struct] if not member.parts[2])
+    return _VALUES[struct]
+
+
+_ARRAYS = {name: tuple(member for member in members if member.parts[2]) for name, members in STRUCTS.items()}
+_VALUES = {name: tuple(member for member in members if not member.parts[2]) for name, members in STRUCTS.items()}

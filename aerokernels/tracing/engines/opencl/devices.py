@@ -47,7 +47,11 @@ class FoundDevice:
 
 @dataclass(frozen=True, eq=False)
 class Session:
-    """An open device: its context, its queue (in order), sources read and programs built for it, those launched."""
+    """An open device: its context, its queue (in order), sources read and programs built for it, those launched.
+
+    `looked` is when the package's sources were looked at and what was found, `kernels` those that nobody uses, by
+    program and name.
+    """
 
     name: str
     device: Any
@@ -57,6 +61,8 @@ class Session:
     sources: dict = field(default_factory=dict, repr=False)
     programs: dict = field(default_factory=dict, repr=False)
     launched: set = field(default_factory=set, repr=False)
+    looked: dict = field(default_factory=dict, repr=False)
+    kernels: dict = field(default_factory=dict, repr=False)
     lock: Any = field(default_factory=threading.RLock, repr=False)
 
     @cached_property

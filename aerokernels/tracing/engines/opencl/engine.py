@@ -1,6 +1,8 @@
 """The OpenCL engine: fields uploaded once, kernels built for what they are to do, launches in order."""
 
 import dataclasses
+import weakref
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -19,7 +21,7 @@ from ..field_data import FieldData, field_data, step_bound_tables, stop_kind, tr
 from ..interface import Prepared
 from ..layout import REAL_TYPES, Value, arrays_of, values_of
 from .devices import session
-from .launchers import make_kernel
+from .launchers import give_back, take_kernel
 from .program import WORK_GROUP, build, build_options, lane_count
 from .tables import cell_polynomials, may_be_packed
 
@@ -29,6 +31,14 @@ FLUSH = "-cl-denorms-are-zero"
 POOLED = 1 << 28
 # Kernels of a pupil: work-items that each of what it is launched over takes.
 PUPIL_KERNELS = {"launch_pupil": 1, "sum_moments": WORK_GROUP, "sum_phasors": WORK_GROUP, "reduce_sums": 1}
+# The structs that are passed by value, as the kernels' compiler lays them out.
+LAYOUTS = {
+    (struct, precision): np.dtype(
+        [(value.name, value.number_type(precision), (value.parts[1],)) for value in values_of(struct)], align=True
+    )
+    for struct in ("Field", "Bounds", "Control")
+    for precision in REAL_TYPES
+}
 
 
 @dataclass(frozen=True, eq=False)
@@ -110,7 +120,7 @@ class Engine:
             options = (*options, FLUSH)
         with stage("compile"):
             program = build(self.session, "leapfrog.cl" if leapfrog else "trace.cl", options)
-            kernel = Kernel(make_kernel(program, "leapfrog" if leapfrog else "trace_kernel"), lanes)
+            kernel = self._kernel(program, "leapfrog" if leapfrog else "trace_kernel", lanes)
             rejected = self.put(np.zeros(1, np.int32)) if leapfrog else None
             prepared = Prepared(self, kernel, arguments, outputs, rejected, is_packed=lanes > 1)
             self._finish_compiling(prepared, program)
@@ -149,7 +159,7 @@ class Engine:
             )
         with stage("compile"):
             options = build_options(precision=plan.precision, method="straight", with_ends=bool(outputs & ENDS))
-            kernel = Kernel(make_kernel(build(self.session, "trace_projection.cl", options), "trace_projection"))
+            kernel = self._kernel(build(self.session, "trace_projection.cl", options), "trace_projection")
         return Prepared(self, kernel, [table, *kernel_numbers(field, columns, outputs)], outputs, None)
 
     def prepare_bundle(self, table: BundleTable, outputs: frozenset) -> Prepared:
@@ -158,16 +168,31 @@ class Engine:
             arrays = table.derive(("opencl", self.session), lambda: [self.put(array) for array in kernel_arrays(table)])
         with stage("compile"):
             options = build_options(precision=table.precision, channels=table.channels)
-            kernel = Kernel(make_kernel(build(self.session, "deliver_bundle.cl", options), "deliver_bundle"))
+            kernel = self._kernel(build(self.session, "deliver_bundle.cl", options), "deliver_bundle")
         return Prepared(self, kernel, [*arrays, *bundle_numbers(table, outputs)], outputs, None)
 
     def pupil_kernels(self) -> dict[str, Kernel]:
         """The kernels of a pupil, by name."""
         with stage("compile"):
             return {
-                name: Kernel(make_kernel(build(self.session, f"{name}.cl"), name), items=items)
+                name: self._kernel(build(self.session, f"{name}.cl"), name, items=items)
                 for name, items in PUPIL_KERNELS.items()
             }
+
+    def _kernel(self, program, name: str, lanes: int = 1, items: int = 1) -> Kernel:
+        """A kernel of a program, which is there for others once it is gone."""
+        taken = take_kernel(self.session, program, name)
+        kernel = Kernel(taken, lanes, items)
+        weakref.finalize(kernel, give_back, self.session, program, name, taken).atexit = False
+        return kernel
+
+    def keeps(self, size: float) -> bool:
+        """Never: what OpenCL holds no other library reads."""
+        return False
+
+    def bring(self, starts: Sequence[Any]) -> tuple[list[Any], Iterable[slice]]:
+        """Not asked of an engine that keeps nothing."""
+        raise NotImplementedError
 
     def put(self, array: np.ndarray):
         """A buffer that holds a copy of the array when this returns.
@@ -246,11 +271,9 @@ class Engine:
 
 def pack(struct: str, precision: str, members: dict) -> np.ndarray:
     """The values of one of the kernels' structs as the kernel's compiler lays them out, to be passed by value."""
-    values = values_of(struct)
-    layout = [(value.name, value.number_type(precision), (value.parts[1],)) for value in values]
-    packed = np.zeros((), dtype=np.dtype(layout, align=True))
-    for value in values:
-        packed[value.name] = members[value.name]
+    packed = np.zeros((), dtype=LAYOUTS[struct, precision])
+    for name in LAYOUTS[struct, precision].names or ():
+        packed[name] = members[name]
     return packed
 
 

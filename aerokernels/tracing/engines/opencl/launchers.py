@@ -9,7 +9,20 @@ import warnings
 from contextlib import suppress
 from pathlib import Path
 
-from .devices import import_pyopencl
+from .devices import Session, import_pyopencl
+
+
+def take_kernel(session: Session, program, name: str):
+    """A kernel of a session's program to set arguments of; see `give_back`."""
+    free = session.kernels.setdefault((program, name), [])
+    with suppress(IndexError):
+        return free.pop()
+    return make_kernel(program, name)
+
+
+def give_back(session: Session, program, name: str, kernel) -> None:
+    """A kernel that nobody launches any more, for the next who asks: to make one takes PyOpenCL half a millisecond."""
+    session.kernels[program, name].append(kernel)
 
 
 def make_kernel(program, name: str):

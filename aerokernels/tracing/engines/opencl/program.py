@@ -6,6 +6,7 @@ a changed header changes the source and is never missed.
 """
 
 import re
+import time
 import warnings
 from collections.abc import Iterable
 from pathlib import Path
@@ -19,6 +20,8 @@ WORK_GROUP = 64
 # What every kernel is built with: no warnings, whose number PoCL would print past any Python stream, and nothing that
 # relaxes the arithmetic, since compensated sums would be optimised away. Kernels are told the work-group's size.
 BASE_OPTIONS = ("-cl-std=CL1.2", "-w", f"-DWORK_GROUP={WORK_GROUP}")
+# Seconds after which the package's own sources are looked at again.
+LOOKED = 1.0
 # The names that an option may have; in C they and the options are upper-case with underscores.
 OPTION_VALUES = {name: option.choices for name, option in OPTIONS.items() if isinstance(option.choices, tuple)}
 _INCLUDE = re.compile(r'^[ \t]*#[ \t]*include[ \t]+"([^"\n]+)"[ \t]*(?://.*)?$')
@@ -134,17 +137,27 @@ def build(session: Session, kernel_file: str, options: Iterable[str] = (), folde
     Raises:
         RuntimeError: The source is not there or does not build; with the compiler's messages and the options.
     """
-    folder = kernel_folder() if folder is None else folder
     options = (*BASE_OPTIONS, *options, *session.options)
     with session.lock:
-        written = kernel_file, folder, _stamp(folder)
+        place, stamp = _own_sources(session) if folder is None else (folder, _stamp(folder))
+        written = kernel_file, place, stamp
         if written not in session.sources:
-            session.sources[written] = expand(kernel_file, folder)
+            session.sources[written] = expand(kernel_file, place)
         source = session.sources[written]
         key = (source, options)
         if key not in session.programs:
             session.programs[key] = _build(session, kernel_file, source, list(options))
         return session.programs[key]
+
+
+def _own_sources(session: Session) -> tuple[Path, tuple]:
+    """The package's own folder and its stamp, LOOKED seconds old at most: to look takes as long as some rays do."""
+    now = time.monotonic()
+    if not session.looked or now - session.looked["when"] > LOOKED:
+        folder = kernel_folder()
+        session.looked.update(when=now, sources=(folder, _stamp(folder)))
+    found: tuple[Path, tuple] = session.looked["sources"]
+    return found
 
 
 def _stamp(folder: Path) -> tuple:

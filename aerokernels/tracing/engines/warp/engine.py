@@ -1,5 +1,6 @@
 """The Warp engine: fields uploaded once, launches over all cores of a CPU or on a GPU."""
 
+from collections.abc import Iterable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from operator import is_
 from typing import Any
@@ -8,7 +9,10 @@ import numpy as np
 import warp as wp
 
 from ....clock import stage
+from ....device_arrays import in_reach
+from ....device_arrays.pinned import bring
 from ....medium import IndexField
+from ....opened import OPENED
 from ....quiet_warp import start_warp
 from ...bundle.frame import kernel_arrays
 from ...bundle.frame import kernel_numbers as bundle_numbers
@@ -30,6 +34,10 @@ from .types import types
 
 # Rays in one launch of a host thread; small enough to balance threads, large enough to hide the launch.
 CHUNK = 4096
+# The share of the device's memory that one result may keep, and the rays that come to a GPU chunk by chunk.
+KEPT_SHARE, MANY = 0.25, 1 << 19
+# Bytes of a GPU's memory that its pool keeps though nothing uses them.
+IDLE_MEMORY = 2 << 30
 SCALARS: dict[Any, type] = {
     np.dtype(np.float64): wp.float64,
     np.dtype(np.float32): wp.float32,
@@ -50,6 +58,8 @@ class Engine:
         memory = float(found.total_memory if found.is_cuda else host_memory() or np.inf)
         self.memory = memory, memory
         self.outputs: tuple[list, Any] = [], None
+        if found.is_cuda:
+            OPENED.once(("memory kept", device), lambda: _keep_memory(found))
 
     def prepare(
         self, field: IndexField, plan: TracePlan, until, wavelength: float, outputs: frozenset, directions: np.ndarray
@@ -117,6 +127,19 @@ class Engine:
             self._load(pupil.launch_pupil.module)
         names = ("launch_pupil", "sum_moments", "sum_phasors", "reduce_sums")
         return {name: getattr(pupil, name) for name in names}
+
+    def keeps(self, size: float) -> bool:
+        """Wherever they leave room for others."""
+        return size <= KEPT_SHARE * self.memory[0]
+
+    def bring(self, starts: Sequence[Any]) -> tuple[list[wp.array], Iterable[slice]]:
+        """Rays on the device; many that come from the host to a GPU come chunk by chunk."""
+        count = len(starts[0])
+        if self.device != "cpu" and count >= MANY and not any(in_reach(each, self.device) for each in starts):
+            buffers = [self.empty(count, 3) for _ in starts]
+            return buffers, bring([np.ascontiguousarray(each) for each in starts], buffers)
+        found = [each.buffer if in_reach(each, self.device) else self.put(np.asarray(each)) for each in starts]
+        return found, [slice(0, count)]
 
     def put(self, array: np.ndarray) -> wp.array:
         """A buffer with a copy of the array; rows of float64 are places or directions."""
@@ -191,6 +214,12 @@ class Engine:
             }
 
         return field.derive(("warp", self.device, precision, with_paper_step), upload)
+
+
+def _keep_memory(device: wp.Device) -> None:
+    """Leave some memory with a GPU's pool: to get a result's from the driver takes as long as to trace its rays."""
+    if device.is_mempool_supported and wp.get_mempool_release_threshold(device) < IDLE_MEMORY:
+        wp.set_mempool_release_threshold(device, IDLE_MEMORY)
 
 
 def _filled(name: str, members: dict, precision: str = "float64"):

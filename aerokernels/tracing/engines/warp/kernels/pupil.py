@@ -7,11 +7,11 @@ shares of the square map to equal shares of the pupil (pupil_shape.py).
 
 import warp as wp
 
+from .....device_arrays.pupil_shape import place_on_pupil
 from ....pupil_sums import MOMENT_COUNT, SUM_COUNT
 from ....scheme import GROUP, HASHES, REDUCTION_WIDTH
 from ....status import RayStatus
 from ..types import takes
-from .pupil_shape import place_on_pupil
 
 # Constants of 32 bits are typed here: a literal inside a kernel would pass through a signed integer.
 _HASH_1 = wp.constant(wp.uint32(HASHES[0]))

@@ -2,7 +2,7 @@
 
 import warp as wp
 
-from .....pupils.square_map import PIXEL_HEADER, PIXELS, RING
+from ..pupils.square_map import PIXEL_HEADER, PIXELS, RING
 
 _RING = wp.constant(RING)
 _PIXELS = wp.constant(PIXELS)

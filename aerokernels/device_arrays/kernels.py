@@ -1,0 +1,182 @@
+"""Kernels on the rays of a bundle as a whole: made, checked, counted; every other kernel traces."""
+
+import warp as wp
+
+from .pupil_shape import place_on_pupil
+
+# How `make_rays` turns points of a pupil, or of the unit disc, into rays.
+COLLIMATED, FROM_POINT, TO_POINT, DIVERGENT = range(4)
+# The bits of a Sobol point, and the weight of its last one.
+_BITS = wp.constant(30)
+_UNIT = wp.constant(wp.float64(2.0**-30))
+# Faults of rays, as `check_rays` counts them: how many, then the first, of each kind.
+PLACE, WAY, ZERO, FAULTS = 0, 1, 2, 3
+
+
+@wp.kernel(module="aerokernels_select", enable_backward=False)
+def select(
+    status: wp.array(dtype=wp.int32),
+    code: int,
+    has_error: int,
+    error: wp.array(dtype=wp.float64),
+    limit: wp.float64,
+    rows: wp.array(dtype=wp.int32),
+    count: wp.array(dtype=wp.int32),
+):
+    """Numbers of the rays of a status, or whose error is not within the limit, in no order; as many as there is room.
+
+    `count` has all of them.
+    """
+    ray = wp.tid()
+    found = status[ray] == code
+    if has_error != 0:
+        if not (error[ray] <= limit):
+            found = True
+    if found:
+        place = wp.atomic_add(count, 0, 1)
+        if place < rows.shape[0]:
+            rows[place] = ray
+
+
+@wp.kernel(module="aerokernels_rays", enable_backward=False)
+def find_extremes(
+    values: wp.array(dtype=wp.vec3d),
+    stride: int,
+    low_out: wp.array(dtype=wp.vec3d),
+    high_out: wp.array(dtype=wp.vec3d),
+    low_row: wp.array(dtype=wp.vec3i),
+    high_row: wp.array(dtype=wp.vec3i),
+):
+    """Least and greatest of each component, and where they are, of the rows one stride apart from a thread's own on."""
+    thread = wp.tid()
+    low = values[thread]
+    high = values[thread]
+    at_low = wp.vec3i(thread, thread, thread)
+    at_high = wp.vec3i(thread, thread, thread)
+    row = thread + stride
+    while row < values.shape[0]:
+        value = values[row]
+        for axis in range(3):
+            if value[axis] < low[axis]:
+                low[axis] = value[axis]
+                at_low[axis] = row
+            if value[axis] > high[axis]:
+                high[axis] = value[axis]
+                at_high[axis] = row
+        row += stride
+    low_out[thread] = low
+    high_out[thread] = high
+    low_row[thread] = at_low
+    high_row[thread] = at_high
+
+
+@wp.func
+def unit_of(way: wp.vec3d):
+    """A vector that is not zero, normalised; one that is a unit vector already stays as it is, to the last bit."""
+    if wp.abs(wp.length(way) - wp.float64(1.0)) <= wp.float64(4e-16):
+        return way
+    # Scaled first: the square of a very long or short vector's length would overflow or vanish.
+    scaled = way / wp.max(wp.max(wp.abs(way[0]), wp.abs(way[1])), wp.abs(way[2]))
+    return scaled / wp.length(scaled)
+
+
+@wp.func
+def is_finite(value: wp.vec3d):
+    """Whether all three components are numbers."""
+    return wp.isfinite(value[0]) and wp.isfinite(value[1]) and wp.isfinite(value[2])
+
+
+@wp.func
+def note(faults: wp.array(dtype=wp.int32), kind: int, ray: int):
+    """Count a fault, and keep the first ray that has it."""
+    wp.atomic_add(faults, kind, 1)
+    wp.atomic_min(faults, kind + FAULTS, ray)
+
+
+@wp.kernel(module="aerokernels_rays", enable_backward=False)
+def check_rays(
+    position: wp.array2d(dtype=wp.float64),
+    direction: wp.array2d(dtype=wp.float64),
+    faults: wp.array(dtype=wp.int32),
+    position_out: wp.array(dtype=wp.vec3d),
+    direction_out: wp.array(dtype=wp.vec3d),
+):
+    """Copies of places and directions, these normalised; what cannot be rays is counted."""
+    ray = wp.tid()
+    row = wp.min(ray, direction.shape[0] - 1)
+    place = wp.vec3d(position[ray, 0], position[ray, 1], position[ray, 2])
+    way = wp.vec3d(direction[row, 0], direction[row, 1], direction[row, 2])
+    if not is_finite(place):
+        note(faults, PLACE, ray)
+    if not is_finite(way):
+        note(faults, WAY, ray)
+    elif way == wp.vec3d():
+        note(faults, ZERO, ray)
+    else:
+        way = unit_of(way)
+    position_out[ray] = place
+    direction_out[ray] = way
+
+
+@wp.func
+def sobol_coordinate(index: wp.uint32, start: wp.uint32, directions: wp.array2d(dtype=wp.uint32), axis: int):
+    """A coordinate of a scrambled Sobol point: see aerokernels/sobol.py."""
+    gray = index ^ (index >> wp.uint32(1))
+    point = start
+    for bit in range(_BITS):
+        if ((gray >> wp.uint32(bit)) & wp.uint32(1)) != wp.uint32(0):
+            point = point ^ directions[axis, bit]
+    return wp.float64(point) * _UNIT
+
+
+@wp.kernel(module="aerokernels_rays", enable_backward=False)
+def make_rays(
+    kind: int,
+    flat: wp.array2d(dtype=wp.float64),
+    start: wp.array(dtype=wp.uint32),
+    directions: wp.array2d(dtype=wp.uint32),
+    shape: int,
+    row_count: int,
+    column_count: int,
+    table: wp.array(dtype=wp.float64),
+    center: wp.vec3d,
+    first: wp.vec3d,
+    second: wp.vec3d,
+    axis: wp.vec3d,
+    scale: wp.float64,
+    position_out: wp.array(dtype=wp.vec3d),
+    direction_out: wp.array(dtype=wp.vec3d),
+):
+    """Rays of points on a pupil, or in the unit disc: those of `flat`, or of a Sobol sequence where it has none.
+
+    `center`, `first` and `second` are the pupil's, or the apex and the axes across that of the cone. `axis` is the
+    direction of parallel rays, the point of those through one, the axis of a cone; `scale` is the pupil's reach, or
+    twice the square of the sine of half the cone's half angle.
+    """
+    ray = wp.tid()
+    place = wp.vec2d()
+    if flat.shape[0] > 0:
+        place = wp.vec2d(flat[ray, 0], flat[ray, 1])
+    else:
+        u = sobol_coordinate(wp.uint32(ray), start[0], directions, 0)
+        v = sobol_coordinate(wp.uint32(ray), start[1], directions, 1)
+        place = place_on_pupil(shape, row_count, column_count, table, u, v)
+    across = place[0] * first + place[1] * second
+    point = center + scale * across
+    way = axis
+    if kind == FROM_POINT:
+        way = unit_of(point - axis)
+        point = axis
+    elif kind == TO_POINT:
+        way = unit_of(axis - point)
+    elif kind == DIVERGENT:
+        # Equal areas of the disc are equal solid angles: 1 - cos(polar) is linear in the disc's r^2.
+        squared = wp.dot(place, place)
+        lag = squared * scale
+        way = (wp.float64(1.0) - lag) * axis
+        if squared > wp.float64(0.0):
+            way = way + wp.sqrt(lag * (wp.float64(2.0) - lag)) / wp.sqrt(squared) * across
+        way = unit_of(way)
+        point = center
+    position_out[ray] = point
+    direction_out[ray] = way

@@ -1,0 +1,131 @@
+"""Rays on a device: checked there where another library made them, or made there."""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from ..pupils.square_map import SquareMap
+from ..sobol import sobol_numbers
+from .array import DeviceArray
+
+
+@dataclass(frozen=True, eq=False)
+class Made:
+    """How rays are made of points: see kernels.make_rays.
+
+    Attributes:
+        kind: "collimated", "from point", "to point" or "divergent".
+        center: The pupil's centre, or the apex [m].
+        first: First axis across.
+        second: Second axis across.
+        axis: Direction of parallel rays, the point of those through one [m], the axis of a cone.
+        scale: The pupil's reach [m], or twice the square of the sine of half the cone's half angle.
+    """
+
+    kind: str
+    center: np.ndarray
+    first: np.ndarray
+    second: np.ndarray
+    axis: np.ndarray
+    scale: float
+
+
+KINDS = ("collimated", "from point", "to point", "divergent")
+
+
+def checked_rays(position: Any, direction: Any) -> tuple[DeviceArray, DeviceArray]:
+    """Copies of rays that lie on a device, directions normalised.
+
+    Args:
+        position: A warp.array of numbers, shape (ray_count, 3), or the same on the host.
+        direction: The same, of as many rays or of one.
+
+    Raises:
+        ValueError: Shapes that disagree, arrays on two devices, numbers that are not finite, zero directions.
+    """
+    import warp as wp
+
+    from .kernels import FAULTS, PLACE, WAY, ZERO, check_rays
+
+    device = next(each.device for each in (position, direction) if isinstance(each, wp.array))
+    both = [_numbers(each, device) for each in (position, direction)]
+    for array, what in zip(both, ("positions", "directions"), strict=True):
+        if array.ndim != 2 or array.shape[1] != 3 or not len(array):
+            raise ValueError(f"ray {what} must have shape (ray_count, 3), got {tuple(array.shape)}")
+        if array.device != device:
+            raise ValueError(
+                f"ray positions and directions lie on two devices, {device.alias} and {array.device.alias}"
+            )
+    count = len(both[0])
+    if len(both[1]) not in (1, count):
+        raise ValueError(f"{count} ray positions but {len(both[1])} directions: give one for each")
+    faults = wp.array([0] * FAULTS + [count] * FAULTS, dtype=wp.int32, device=device)
+    place, way = (wp.empty(count, dtype=wp.vec3d, device=device) for _ in range(2))
+    wp.launch(check_rays, dim=count, inputs=[*both, faults, place, way], device=device)
+    found = faults.numpy()
+    words = {PLACE: "positions are not finite", WAY: "directions are not finite", ZERO: "directions are zero"}
+    for kind, what in words.items():
+        if found[kind]:
+            raise ValueError(f"{found[kind]} ray {what}, the first is ray {found[kind + FAULTS]}")
+    return DeviceArray(place), DeviceArray(way)
+
+
+def _numbers(array: Any, device: Any) -> Any:
+    """Rays as numbers in float64 on a device; what is there already is not copied."""
+    import warp as wp
+
+    if not isinstance(array, wp.array):
+        return wp.array(np.atleast_2d(np.asarray(array, dtype=np.float64)), dtype=wp.float64, device=device)
+    if array.dtype == wp.float64:
+        return array
+    made = wp.empty(array.shape, dtype=wp.float64, device=array.device)
+    wp.utils.array_cast(array, made)
+    return made
+
+
+def made_rays(
+    device: str, made: Made, count: int, seed: int, points: SquareMap | np.ndarray
+) -> tuple[DeviceArray, DeviceArray]:
+    """Places and directions of rays, made on a device of Warp's.
+
+    Args:
+        device: Its name, "cpu" or "cuda:0".
+        made: How.
+        count: Number of rays.
+        seed: That of the Sobol points.
+        points: The map of the unit square on which they lie, or points on the pupil, shape (count, 2).
+
+    Raises:
+        ValueError: The device is not there.
+    """
+    import warp as wp
+
+    from ..quiet_warp import start_warp
+    from .kernels import make_rays
+
+    start_warp()
+    try:
+        found = wp.get_device(device)
+    except (ValueError, RuntimeError) as error:
+        names = ", ".join(each.alias for each in wp.get_devices())
+        raise ValueError(f"device {device!r} is not there: rays can be made on {names}") from error
+    if isinstance(points, SquareMap):
+        start, directions = sobol_numbers(2, seed)
+        numbers = [points.shape, points.row_count, points.column_count, _put(points.table, wp.float64, found)]
+        flat = wp.zeros((0, 2), dtype=wp.float64, device=found)
+    else:
+        start, directions = np.zeros(2, np.uint32), np.zeros((2, 1), np.uint32)
+        numbers = [0, 0, 0, _put(np.zeros(1), wp.float64, found)]
+        flat = _put(points, wp.float64, found)
+    place, way = (wp.empty(count, dtype=wp.vec3d, device=found) for _ in range(2))
+    given = [KINDS.index(made.kind), flat, _put(start, wp.uint32, found), _put(directions, wp.uint32, found), *numbers]
+    given += [wp.vec3d(*each) for each in (made.center, made.first, made.second, made.axis)]
+    wp.launch(make_rays, dim=count, inputs=[*given, float(made.scale), place, way], device=found)
+    return DeviceArray(place), DeviceArray(way)
+
+
+def _put(values: np.ndarray, kind: type, device: Any) -> Any:
+    import warp as wp
+
+    return wp.array(np.ascontiguousarray(values), dtype=kind, device=device)
