@@ -186,8 +186,10 @@ class SampledDensity(DensityField):
                 raise ValueError(f"relation {relation!r} is air's, and the flow is a mixture of {gas}: {remedy}")
             composition = self.composition
         model = refractivity_model(relation, constant=given, composition=composition)
+        contrast = np.asarray(model.contrast(self.density, self.ambient_density, wavelength))
+        contrast.setflags(write=False)  # nobody else has it: no field need copy it
         return self._index(
-            model.contrast(self.density, self.ambient_density, wavelength),
+            contrast,
             interpolation,
             ambient_index=model.ambient_index(self.ambient_density, wavelength),
             body=self.body,

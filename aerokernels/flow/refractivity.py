@@ -75,6 +75,9 @@ def index_contrast(
     density = np.asarray(density, dtype=np.float64)
     difference = density - ambient_density
     if relation == "gladstone-dale":
+        if np.ndim(difference) and np.ndim(gladstone_dale) == 0:
+            difference *= gladstone_dale
+            return difference
         return gladstone_dale * difference
     inside, outside = 1.0 - 2.0 / 3.0 * gladstone_dale * density, 1.0 - 2.0 / 3.0 * gladstone_dale * ambient_density
     difference_of_squares = 2.0 * gladstone_dale * difference / (inside * outside)

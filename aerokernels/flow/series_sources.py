@@ -44,6 +44,7 @@ def open_series(
     body: Body | None = None,
     conditions: FreeStream | None = None,
     read: Callable[..., DensityField] | None = None,
+    species: Any = None,
     **options: Any,
 ) -> Series:
     """Open snapshots of a flow in time; each is read when it is asked for.
@@ -71,6 +72,8 @@ def open_series(
         conditions: The free stream.
         read: Reads a numbered file, `read(path, **options)`, or a case at a time, `read(path, time=..., **options)`;
             None: `flow.read`.
+        species: Fractions by which the gas of a file is a mixture, as in `flow.read`; they may vary in time. Density
+            fields bring their own, and bare arrays have none.
         options: For `read`: the frame, the unit of length, and so on.
 
     Raises:
@@ -81,6 +84,8 @@ def open_series(
     own: dict[str, Any] = {"body": body, "conditions": conditions}
     # What this function takes for arrays, `read` takes for files under the same names.
     shared = {"ambient_density": ambient_density, "geometry": geometry, "spacing": spacing}
+    if species not in (None, False):
+        shared["species"] = species
     for_files = {**{name: value for name, value in shared.items() if value is not None}, **options}
     if isinstance(source, (str, Path)):
         path = Path(source)
@@ -93,9 +98,9 @@ def open_series(
             return _of_case(path, _reader(read, for_files, density))
         if options:
             raise TypeError(f"{path} is no file of `read`: it does not take {', '.join(options)}")
-        return _of_file(path, density, ambient_density, cell_averages, own)
+        return _of_file(path, density, ambient_density, cell_averages, species, own)
     if type(source).__module__.partition(".")[0] == "xarray":
-        return _of_dataset(source, density, ambient_density, cell_averages, own, "xarray object", {})
+        return _of_dataset(source, density, ambient_density, cell_averages, species, own, "xarray object", {})
     listed = hasattr(source, "__len__") and hasattr(source, "__getitem__")
     if not listed and not isinstance(source, Iterable):
         raise TypeError(
@@ -112,6 +117,8 @@ def open_series(
     if isinstance(first, DensityField):
         return _of_fields(get, times, first, "density fields", once=not listed)
     array = host_array(first)
+    if species not in (None, False):
+        raise ValueError("species are of files: for arrays of a mixture give density fields, each with its composition")
     where: GridMesh | QuadMesh
     if mesh is not None:
         if not isinstance(mesh, QuadMesh):
@@ -207,7 +214,7 @@ def _of_case(path: Path, reader: Callable[..., DensityField]) -> Series:
     )
 
 
-def _of_file(path: Path, density: str | None, ambient: float | None, averages: bool, own: dict) -> Series:
+def _of_file(path: Path, density: str | None, ambient: float | None, averages: bool, species: Any, own: dict) -> Series:
     import xarray
 
     if not path.exists():
@@ -230,10 +237,12 @@ def _of_file(path: Path, density: str | None, ambient: float | None, averages: b
     except Exception as fault:
         raise ValueError(f"{path}: cannot be read as {'Zarr' if engine == 'zarr' else 'NetCDF'}: {fault}") from None
     identity = {"file": path.name, "size": path.stat().st_size if path.is_file() else None}
-    return _of_dataset(dataset, density, ambient, averages, own, str(path), identity)
+    return _of_dataset(dataset, density, ambient, averages, species, own, str(path), identity)
 
 
-def _of_dataset(data: Any, density: str | None, ambient: float | None, averages: bool, own: dict, name: str, identity):
+def _of_dataset(
+    data: Any, density: str | None, ambient: float | None, averages: bool, species: Any, own: dict, name: str, identity
+) -> Series:
     """A series of an xarray object, of which one time is read at once."""
     if hasattr(data, "data_vars"):
         names = [density] if density is not None else [one for one in DENSITY_NAMES if one in data.data_vars]
@@ -273,9 +282,15 @@ def _of_dataset(data: Any, density: str | None, ambient: float | None, averages:
         values = np.asarray(array.isel({clock: number}).values)
         return values if factor == 1.0 else values * factor
 
-    return Series(
-        get, times, where, float(around), **own, provenance=name, identity={**identity, "variable": array.name}
-    )
+    identity = {**identity, "variable": array.name}
+    if species not in (None, False):
+        mixture = import_module(f"{__package__}.series_species").Mixture(name, data, array.dims, species)
+        identity["species"] = mixture.identity
+        return Series(
+            lambda number: mixture.field(get(number), where, float(around), own, number),
+            times, where, float(around), **own, provenance=f"{name}; {mixture.said}", identity=identity,
+        )  # fmt: skip
+    return Series(get, times, where, float(around), **own, provenance=name, identity=identity)
 
 
 def _snapshot_size(array: Any) -> float:

@@ -17,6 +17,7 @@ from aerokernels.jobs.store import REPORT_FILE, SUMMARY_FILE, check_output_folde
 from aerokernels.jobs.sweeps.records import write_text
 from aerokernels.pupils import direction_of
 from aerokernels.scene import Scene, SceneError
+from aerokernels.scene.file_table import FileTable
 from aerokernels.scene.pupil_table import axis_words
 from aerokernels.series import optical_series, statistics
 
@@ -41,7 +42,11 @@ def scene_series(scene: Scene) -> Series:
             f'{scene.name}: series.source is missing: add a table [series] with source = "flow.nc", a file with a time '
             "axis, or a pattern of numbered files"
         )
-    options: dict[str, Any] = {"ambient_density": table.ambient_density, "density": table.density}
+    options: dict[str, Any] = {}
+    if scene.flow.file != FileTable():  # what is what in files that `flow.read` reads; each has one time
+        options = {name: value for name, value in scene.flow.file.read_options().items() if name != "time"}
+    given = {"ambient_density": table.ambient_density, "density": table.density, "species": scene.flow.species}
+    options |= {name: value for name, value in given.items() if value is not None}
     try:
         return open_series(table.source, time_step=table.time_step, **options)
     except ValueError as fault:

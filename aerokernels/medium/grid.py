@@ -26,6 +26,8 @@ LEAST_STEP_SHARE = 1e-11
 
 def check_finite(array: np.ndarray, what: str) -> None:
     """Refuse NaN and infinite samples, saying how many and where the first is."""
+    if array.size and np.isfinite(array.min()) and np.isfinite(array.max()):  # either is NaN if any sample is
+        return
     bad = ~np.isfinite(array)
     if bad.any():
         first = tuple(int(i) for i in np.argwhere(bad)[0])
@@ -103,7 +105,11 @@ class UniformGrid(Derived):
 
     def __post_init__(self):
         """Check shapes and numbers."""
-        samples = np.array(self.samples, dtype=np.float64)
+        samples = self.samples
+        # What nobody can write to is not copied: grids of 100 million nodes come here.
+        own = isinstance(samples, np.ndarray) and samples.flags.owndata and not samples.flags.writeable
+        if not (own and samples.dtype == np.float64 and samples.flags.c_contiguous):
+            samples = np.array(samples, dtype=np.float64)
         origin, spacing = checked_axes(samples.shape, self.origin, self.spacing)
         if self.interpolation not in spline.INTERPOLATIONS:
             raise ValueError(

@@ -54,6 +54,12 @@ class Scene(Table):
         _ = self.view
         return self
 
+    @model_validator(mode="after")
+    def _species_have_a_file(self) -> "Scene":
+        if self.flow.is_mixture and self.series.source is None and self.flow.source in (*shipped_names(), STATIC):
+            raise ValueError(f"flow.species are of a flow's own file, and {self.flow.source!r} is air: leave them out")
+        return self
+
     @property
     def view(self) -> Pupil:
         """The pupil that the flow is looked at through, in its place and direction: [pupil], or the receiver's."""

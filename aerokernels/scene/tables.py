@@ -92,6 +92,11 @@ class FlowTable(Table):
         None, "Gladstone-Dale constant to use in place of the paper's K(wavelength), '2.24e-4 m3/kg' say."
     )
 
+    @property
+    def is_mixture(self) -> bool:
+        """Whether the gas is a mixture by what its file says."""
+        return self.species not in (None, False)
+
     @model_validator(mode="before")
     @classmethod
     def _a_constant_or_a_mixture_is_gladstone_and_dales(cls, data: Any) -> Any:
@@ -103,10 +108,7 @@ class FlowTable(Table):
 
     @model_validator(mode="after")
     def _relation_fits_the_rest(self) -> "FlowTable":
-        mixture = self.species not in (None, False)
-        if mixture and self.source in (*shipped_names(), STATIC):
-            raise ValueError(f"flow.species are of a flow's own file, and {self.source!r} is air: leave them out")
-        if mixture and self.relation not in RELATIONS and self.gladstone_dale is None:
+        if self.is_mixture and self.relation not in RELATIONS and self.gladstone_dale is None:
             raise ValueError(
                 f"flow.relation {self.relation!r} is air's, with flow.species take 'gladstone-dale' or 'lorentz-lorenz'"
             )

@@ -66,18 +66,23 @@ def choose_fractions(path, dataset: Dataset, densities, given) -> Fractions | No
     """
     if given is None or given is False:
         return None
-    basis, arrays = _arrays(path, dataset, given)
+    basis, arrays = species_arrays(path, dataset.array_names(), given)
     blocks = []
     for block, (_, where) in zip(dataset.blocks, densities, strict=True):
         shares = np.stack([_share(path, block, name, where) for name in arrays.values()])
-        blocks.append(_whole(path, block, shares, where, ", ".join(arrays.values()), list(arrays), basis))
+        blocks.append(mass_fractions(path, shares, where, arrays, basis, block.blank))
+    return Fractions(tuple(arrays), blocks, mixture_in_words(basis, arrays))
+
+
+def mixture_in_words(basis: str, arrays: Mapping[str, str]) -> str:
+    """What was taken for the fractions of each species."""
     told = ", ".join(name if name == array else f"{name} from {array!r}" for name, array in arrays.items())
-    return Fractions(tuple(arrays), blocks, f"a mixture by {basis} fractions of {told}")
+    return f"a mixture by {basis} fractions of {told}"
 
 
-def _arrays(path, dataset: Dataset, given) -> tuple[str, dict[str, str]]:
-    """The basis, and the name of the array of each species."""
-    names, basis = dataset.array_names(), "mass"
+def species_arrays(path, names: list[str], given) -> tuple[str, dict[str, str]]:
+    """The basis, and the array of each species, out of the `names` that there are; otherwise as `choose_fractions`."""
+    basis = "mass"
     listed = ", ".join(names) or "none"
     if isinstance(given, Mapping):
         basis = given.get("basis", basis)
@@ -115,11 +120,26 @@ def _share(path, block: Block, name: str, where: str) -> np.ndarray:
     return values
 
 
-def _whole(path, block: Block, shares: np.ndarray, where: str, said: str, names: list[str], basis: str) -> np.ndarray:
-    """Mass fractions of sum 1, where the block is not blanked; there equal parts stand for what nobody reads."""
-    blank = np.zeros(shares.shape[1], bool)
-    if block.blank is not None and len(block.blank) == len(blank):
-        blank = np.asarray(block.blank, bool)
+def mass_fractions(
+    path, shares: np.ndarray, where: str, arrays: Mapping[str, str], basis: str, blank: np.ndarray | None = None
+) -> np.ndarray:
+    """Mass fractions of sum 1, where nothing is blanked; there equal parts stand for what nobody reads.
+
+    Args:
+        path: The file, for messages.
+        shares: Fractions as they were read, shape (species_count, value_count).
+        where: What they belong to, a "cell", a "point" or a "node".
+        arrays: Name of each species' array.
+        basis: "mass" or "mole".
+        blank: Which of these places hold no flow, or None.
+
+    Raises:
+        ReadError: Fractions below 0 or not finite, a sum that is not 1.
+    """
+    names, said = list(arrays), ", ".join(arrays.values())
+    if blank is None or len(blank) != shares.shape[1]:
+        blank = np.zeros(shares.shape[1], bool)
+    blank = np.asarray(blank, bool)
     total = shares.sum(axis=0)
     with np.errstate(invalid="ignore"):
         bad = ~((shares >= -SUM_TOLERANCE).all(axis=0) & (np.abs(total - 1.0) <= SUM_TOLERANCE)) & ~blank

@@ -68,37 +68,110 @@ def linear_functions(
     function_out[cell] = Function(constant, slope[0], slope[1], slope[2], low, high)
 
 
-@wp.kernel(enable_backward=False)
-def node_values(
-    first: int,
-    cell_in: Indices,
+@wp.func
+def fill(
+    constant: wp.float64,
+    slope: wp.vec3d,
+    low: wp.float64,
+    high: wp.float64,
+    at: int,
+    last: int,
+    node_in: Indices,
     row_count: int,
     column_count: int,
     spacing: wp.vec3d,
-    function_in: Functions,
     density_out: Numbers,
 ):
-    """The linear function of the cell that holds each node, kept within the cell's range; a row along z at a time."""
-    row = first + wp.tid()
-    x = spacing[0] * wp.float64(row / column_count)
-    y = spacing[1] * wp.float64(row % column_count)
-    last = int(-1)
-    start = wp.float64(0.0)
-    rise = wp.float64(0.0)
-    low = wp.float64(0.0)
-    high = wp.float64(0.0)
-    for k in range(row_count):
-        node = row * row_count + k
-        cell = cell_in[node]
-        if cell >= 0:
-            if cell != last:  # rows stay in a cell for some nodes
-                last = cell
-                function = function_in[cell]
-                start = function[0] + x * function[1] + y * function[2]
-                rise = spacing[2] * function[3]
-                low = function[4]
-                high = function[5]
-            density_out[node] = wp.clamp(start + wp.float64(k) * rise, low, high)
+    """A linear function at some nodes of a grid, kept within a range; `row_count` nodes lie in a row along z."""
+    half = wp.float64(0.5)
+    per_row = wp.float64(1.0) / wp.float64(row_count)
+    per_column = wp.float64(1.0) / wp.float64(column_count)
+    sx = spacing[0] * slope[0]
+    sy = spacing[1] * slope[1]
+    sz = spacing[2] * slope[2]
+    while at < last:
+        node = node_in[at]
+        # Quotients of whole numbers, by products that are quicker: a half is far above their rounding.
+        row = int((wp.float64(node) + half) * per_row)
+        i = int((wp.float64(row) + half) * per_column)
+        j = row - i * column_count
+        k = node - row * row_count
+        value = constant + wp.float64(i) * sx + wp.float64(j) * sy + wp.float64(k) * sz
+        density_out[node] = wp.min(wp.max(value, low), high)
+        at += 1
+
+
+@wp.kernel(enable_backward=False)
+def densities_at_nodes(
+    first: int,
+    cell_in: Indices,
+    start_in: Starts,
+    column_in: Indices,
+    weight_in: Vectors,
+    near_in: Numbers,
+    value_in: Numbers,
+    middle_in: Vectors,
+    origin: wp.vec3d,
+    node_start_in: Starts,
+    node_in: Indices,
+    row_count: int,
+    column_count: int,
+    spacing: wp.vec3d,
+    density_out: Numbers,
+):
+    """The linear function of each cell, as above, at the nodes that it holds, kept within the cell's range."""
+    held = first + wp.tid()
+    value = value_in[cell_in[held]]
+    low = value
+    high = value
+    slope = wp.vec3d(wp.float64(0.0), wp.float64(0.0), wp.float64(0.0))
+    k = start_in[held]
+    end = start_in[held + 1]
+    while k < end:
+        near = near_in[column_in[k]]
+        slope += (near - value) * weight_in[k]
+        low = wp.min(low, near)
+        high = wp.max(high, near)
+        k += wp.int64(1)
+    constant = value - wp.dot(middle_in[held] - origin, slope)
+    first_node = int(node_start_in[held])
+    last_node = int(node_start_in[held + 1])
+    fill(constant, slope, low, high, first_node, last_node, node_in, row_count, column_count, spacing, density_out)
+
+
+@wp.kernel(enable_backward=False)
+def densities_in_tetrahedra(
+    first: int,
+    cell_in: Indices,
+    corner_in: Indices,
+    weight_in: Vectors,
+    near_in: Numbers,
+    value_in: Numbers,
+    middle_in: Vectors,
+    origin: wp.vec3d,
+    node_start_in: Starts,
+    node_in: Indices,
+    row_count: int,
+    column_count: int,
+    spacing: wp.vec3d,
+    density_out: Numbers,
+):
+    """The same of cells that have four corners: slopes by three differences of these."""
+    held = first + wp.tid()
+    value = value_in[cell_in[held]]
+    k = 4 * held
+    a = near_in[corner_in[k]]
+    b = near_in[corner_in[k + 1]]
+    c = near_in[corner_in[k + 2]]
+    d = near_in[corner_in[k + 3]]
+    low = wp.min(wp.min(wp.min(a, b), wp.min(c, d)), value)
+    high = wp.max(wp.max(wp.max(a, b), wp.max(c, d)), value)
+    k = 3 * held
+    slope = (b - a) * weight_in[k] + (c - a) * weight_in[k + 1] + (d - a) * weight_in[k + 2]
+    constant = value - wp.dot(middle_in[held] - origin, slope)
+    first_node = int(node_start_in[held])
+    last_node = int(node_start_in[held + 1])
+    fill(constant, slope, low, high, first_node, last_node, node_in, row_count, column_count, spacing, density_out)
 
 
 def launch(kernel, count: int, *arguments) -> None:

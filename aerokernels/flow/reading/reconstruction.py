@@ -65,6 +65,14 @@ class Rows:
         np.cumsum(np.bincount(row, minlength=count), out=start[1:])
         return cls(start, column[order].astype(np.int32)), order
 
+    def taken(self, row: np.ndarray) -> tuple["Rows", np.ndarray]:
+        """Some of the rows in another order, and where their entries stood."""
+        begin, width = self.start[row], np.diff(self.start)[row]
+        start = np.zeros(len(row) + 1, np.int64)
+        np.cumsum(width, out=start[1:])
+        entry = np.arange(start[-1]) + np.repeat(begin - start[:-1], width)
+        return Rows(start, self.column[entry]), entry
+
     def means(self, values: np.ndarray) -> np.ndarray:
         """The mean of the values that each row lists, 0 where it lists none."""
         from .mesh_kernels import launch, mean_of_listed
@@ -103,19 +111,45 @@ class Reconstruction:
             else:
                 self._of_points = _cells_at_points(block, self.corners, len(points))
 
-    def linear(self, density: np.ndarray, origin) -> Linear:
-        """The linear functions of a density of the cells, or of the points; places are counted from `origin` [m]."""
-        from .mesh_kernels import launch, linear_functions
+    def forget_slopes(self) -> None:
+        """Let go of what makes slopes: `values` does without."""
+        self.rows = Rows(np.zeros(1, np.int64), np.empty(0, np.int32))
+        self.weight, self.middle = np.empty((0, 3)), np.empty((0, 3))
+        if self.where == "cell":
+            self.corners = self.rows
 
+    def values(self, density: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """The average of each cell, and what `rows` lists the numbers of, for densities of the cells or the points."""
         given = np.ascontiguousarray(density, dtype=np.float64)
         value = self.corners.means(given) if self.where == "point" else given
-        near = value if self.by_faces else given if self._of_points is None else self._of_points.means(given)
-        function, origin = np.empty((len(value), 6)), tuple(float(x) for x in origin)
+        return value, value if self.by_faces else given if self._of_points is None else self._of_points.means(given)
+
+
+@dataclass(frozen=True, eq=False)
+class SomeCells:
+    """Cells of a block whose linear functions are asked for at places of their own."""
+
+    cell: np.ndarray
+    rows: Rows
+    weight: np.ndarray
+    middle: np.ndarray
+
+    @classmethod
+    def of(cls, part: Reconstruction, cell: np.ndarray) -> "SomeCells":
+        """Those of a block by their numbers."""
+        rows, entry = part.rows.taken(cell)
+        return cls(cell, rows, part.weight[entry], part.middle[cell])
+
+    def linear(self, value: np.ndarray, near: np.ndarray, origin) -> Linear:
+        """Their linear functions from what `Reconstruction.values` gives; places are counted from `origin` [m]."""
+        from .mesh_kernels import launch, linear_functions
+
+        own, function, origin = value[self.cell], np.empty((len(self.cell), 6)), tuple(float(x) for x in origin)
         launch(
-            linear_functions, len(value), self.rows.start, self.rows.column, self.weight, near, value, self.middle,
-            origin, function,
+            linear_functions, len(own), self.rows.start, self.rows.column, self.weight, near, own, self.middle, origin,
+            function,
         )  # fmt: skip
-        return Linear(value, function, origin)
+        return Linear(own, function, origin)
 
 
 def _corners(block: Block) -> Rows:

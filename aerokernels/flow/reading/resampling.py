@@ -5,47 +5,21 @@ cell and whence their density is carried on: all that belongs to the mesh. A set
 cells and one over the nodes.
 """
 
+import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
-from ..sampled_density import GridDensity, linear_between
+from ..sampled_density import GridDensity
 from ..species import Composition
 from .dataset import Block, ReadError
 from .grid_choice import check_solids, choose_grid
+from .held_nodes import HeldNodes
+from .measuring_lines import MeasuringLines, VolumeResampling
+from .node_fill import EmptyNodes, SmallCells, foremost
 from .raster import CellFacts, NodeGrid, draw
-from .reconstruction import Linear, Reconstruction, Rows
+from .reconstruction import Reconstruction
 from .solid_walls import solid_body
-
-LINES = 8  # along x and y, on which the error is measured
-LEAST_AVERAGED = 4  # cells about a node from which on their average says more than the one that holds it
-CARRIED_ON = 8  # nodes by which the density is carried on into a body, and beyond the mesh
-
-
-@dataclass(frozen=True)
-class VolumeResampling:
-    """What resampling a mesh to a uniform grid changed, by cause.
-
-    Attributes:
-        spacing: Node spacing of the grid [m], one per axis.
-        density_rms: Root mean square change of the density between grid and cells [kg/m3], on lines along z.
-        density_max: Greatest change of it seen [kg/m3].
-        column_rms: Root mean square change of the integral of the density along those lines [kg/m2].
-        column_max: Greatest change of that [kg/m2].
-        reconstruction_rms: What of the columns comes from the slopes inside cells: against cells of one density each.
-        outside_share: Share of the nodes that no cell holds: in a body, or beyond the mesh.
-        averaged_share: Share of the nodes whose neighbourhood has several cells, which were averaged.
-    """
-
-    spacing: tuple[float, float, float]
-    density_rms: float
-    density_max: float
-    column_rms: float
-    column_max: float
-    reconstruction_rms: float
-    outside_share: float
-    averaged_share: float
 
 
 class Resampling:
@@ -81,24 +55,16 @@ class Resampling:
         self._asked = _plain(spacing), _plain(region), walls
         self._frame, self._meshes = (reading.frame, reading.scale), [_mesh_of(block) for block in blocks]
         self._where = [where for _, where in reading.densities]
-        grid = NodeGrid(low, step, shape)
-        extent = step * (np.array(shape) - 1)
-        fine = max(2, min(4 * shape[2], 4096))
-        lines = NodeGrid(
-            low + extent * np.array([0.5 / LINES, 0.5 / LINES, 0.5 / fine]),
-            extent / np.array([LINES, LINES, fine]),
-            (LINES, LINES, fine),
-        )
+        grid, lines = NodeGrid(low, step, shape), MeasuringLines(low, step, shape)
         self._parts: list[Reconstruction] = []
         facts: list[CellFacts] = []
         first = 0
         for block, points, where in zip(blocks, moved, self._where, strict=True):
-            found = draw(block, points, [grid, lines], first)
+            found = draw(block, points, [grid, lines.grid], first)
             check_solids(path, block, points, found)
             self._parts.append(Reconstruction(block, points, where, found))
             facts.append(found)
             first += block.cell_count
-        self._cell = grid.cell
         held = grid.cell >= 0
         if not held.any():
             raise ReadError(
@@ -106,12 +72,17 @@ class Resampling:
             )
         self.body = solid_body(path, reading.dataset, blocks, moved, reading.moved, grid, walls)
         averages = all(where == "cell" for where in self._where)
-        self._small = _SmallCells(grid, facts, blocks, held) if averages else None
-        self._front = _front(held, shape)
-        self._empty = _Empty(held, shape)
+        self._small = SmallCells(grid, facts, blocks, held) if averages else None
+        self._front = foremost(held, shape)
+        self._empty = EmptyNodes(held, shape)
         self.outside_share = 1.0 - float(held.mean())
-        node = np.flatnonzero(lines.cell >= 0)
-        self._lines = lines.shape, float(lines.spacing[2]), node, lines.cell[node], lines.positions(node)
+        counts = [block.cell_count for block in blocks]
+        lines.settle(self._parts, counts)
+        self._lines, self._held, first = lines, [], 0
+        for part, count in zip(self._parts, counts, strict=True):
+            self._held.append(HeldNodes.of(part, grid.cell, first, count))
+            part.forget_slopes()  # which stay with the cells that hold a node alone
+            first += count
 
     def fits(self, reading, spacing=None, region=None, walls=None) -> bool:
         """Whether another reading lies on this very mesh, in the same frame, and asks for the same grid."""
@@ -152,12 +123,13 @@ class Resampling:
                 raise ValueError(
                     f"densities have shape {np.shape(own)}, the mesh {part.count} {name}s: give one for each"
                 )
-        linear, density = self._drawn(given)
+        values, density = self._drawn(given)
         ambient = float(np.median(density[self._front])) if ambient_density is None else float(ambient_density)
         self._empty.fill(density, ambient)
+        averaged = 0.0 if self._small is None else self._small.share
+        measured = self._lines.measure(values, density, self.outside_share, averaged)
         density = density.reshape(self.shape)
         density.setflags(write=False)
-        measured = self._measured(linear, density)
         return GridDensity(
             density,
             self.origin,
@@ -170,13 +142,16 @@ class Resampling:
             resampling=measured,
         )
 
-    def _drawn(self, given) -> tuple[Linear, np.ndarray]:
-        """Values of each block's cells or points: linear in each cell, and at the nodes that lie in one."""
-        linear = Linear.joined([part.linear(own, self.origin) for part, own in zip(self._parts, given, strict=True)])
-        nodes = self._at_nodes(linear)
+    def _drawn(self, given) -> tuple[list[tuple[np.ndarray, np.ndarray]], np.ndarray]:
+        """What makes the functions in each block's cells, and values at the nodes that lie in a cell."""
+        values = [part.values(own) for part, own in zip(self._parts, given, strict=True)]
+        density = np.empty(math.prod(self.shape))
+        for held, (value, near) in zip(self._held, values, strict=True):
+            held.draw(value, near, self.origin, self.shape, self.spacing, density)
         if self._small is not None:
-            self._small.average(linear, nodes)
-        return linear, nodes
+            own = [value for value, _ in values]
+            self._small.average(own[0] if len(own) == 1 else np.concatenate(own), density)
+        return values, density
 
     def _composition(self, reading, ambient: float) -> Composition | None:
         """The mixture at the nodes, by partial densities that go the way of the density."""
@@ -215,112 +190,6 @@ class Resampling:
         object.__setattr__(found, "composition", self._composition(reading, found.ambient_density))
         object.__setattr__(found, "provenance", f"{reading.path}: {'; '.join(said)}")
         return found
-
-    def _at_nodes(self, linear: Linear) -> np.ndarray:
-        from .mesh_kernels import launch, node_values
-
-        density = np.zeros(len(self._cell))
-        launch(
-            node_values, self.shape[0] * self.shape[1], self._cell, self.shape[2], self.shape[1],
-            tuple(self.spacing), linear.function, density,
-        )  # fmt: skip
-        return density
-
-    def _measured(self, linear: Linear, density: np.ndarray) -> VolumeResampling:
-        shape, step, node, cell, at = self._lines
-        change, flat = np.zeros(int(np.prod(shape))), np.zeros(int(np.prod(shape)))
-        if len(node):
-            truth = linear.at(cell, at)
-            change[node] = linear_between(density, self.origin, self.spacing, at) - truth
-            flat[node] = linear.value[cell] - truth
-        columns = [step * values.reshape(shape).sum(axis=2) for values in (change, flat)]
-        seen = change[node] if len(node) else change
-        rms = [float(np.sqrt(np.mean(own**2))) for own in (seen, columns[0], columns[1])]
-        return VolumeResampling(
-            tuple(float(s) for s in self.spacing),  # type: ignore[arg-type]
-            rms[0],
-            float(np.abs(change).max()),
-            rms[1],
-            float(np.abs(columns[0]).max()),
-            rms[2],
-            self.outside_share,
-            0.0 if self._small is None else self._small.share,
-        )
-
-
-class _SmallCells:
-    """Nodes about which several cells have their middles, which take their average, by volume."""
-
-    def __init__(self, grid: NodeGrid, facts: list[CellFacts], blocks: list[Block], held: np.ndarray):
-        middle = np.concatenate([own.middle for own in facts])
-        volume = np.abs(np.concatenate([own.volume for own in facts]))
-        index = np.round((middle - grid.low) / grid.spacing)
-        inside = (volume > 0.0) & np.all((index >= 0) & (index < grid.shape), axis=1)
-        blank = [
-            b.blank if b.blank is not None and len(b.blank) == b.cell_count else np.zeros(b.cell_count, bool)
-            for b in blocks
-        ]
-        inside &= ~np.concatenate(blank)
-        cell = np.flatnonzero(inside)
-        node = np.ravel_multi_index(tuple(index[cell].astype(np.int64).T), grid.shape)
-        count = np.bincount(node, minlength=len(held))
-        total = np.bincount(node, volume[cell], len(held))
-        # Cells that fill most of the node's surroundings: fewer would shift the average to one side.
-        several = (count >= LEAST_AVERAGED) & held & (total >= 0.7 * grid.spacing.prod())
-        self.share = float(several.mean())
-        self.node = np.flatnonzero(several)
-        number = np.zeros(len(held), np.int32)
-        number[self.node] = np.arange(len(self.node))
-        some = several[node]
-        self._cell, self._of = cell[some], number[node[some]]
-        self._share = volume[self._cell] / total[self.node][self._of]
-
-    def average(self, linear: Linear, density: np.ndarray) -> None:
-        """Give these nodes the averages."""
-        if len(self.node):
-            density[self.node] = np.bincount(self._of, self._share * linear.value[self._cell], len(self.node))
-
-
-def _front(held: np.ndarray, shape) -> np.ndarray:
-    """The nodes of the foremost twentieth of the layers that the mesh holds."""
-    inside = held.reshape(shape)
-    layers = np.flatnonzero(inside.any(axis=(0, 1)))
-    first = int(layers[int(0.95 * (len(layers) - 1))])
-    across, layer = np.nonzero(inside.reshape(-1, shape[2])[:, first:])
-    return np.asarray(across * shape[2] + first + layer)
-
-
-class _Empty:
-    """Nodes without a cell: the mean of their neighbours, layer by layer; deeper ones are ambient."""
-
-    def __init__(self, held: np.ndarray, shape):
-        known = held.copy()
-        empty = np.flatnonzero(~known)
-        strides = (shape[1] * shape[2], shape[2], 1)
-        self._layers: list[tuple[np.ndarray, Rows]] = []
-        for _ in range(CARRIED_ON):
-            if not len(empty):
-                break
-            place = np.unravel_index(empty, shape)
-            row, near = [], []
-            for axis, stride in enumerate(strides):
-                for side in (-1, 1):
-                    there = (place[axis] > 0) if side < 0 else (place[axis] < shape[axis] - 1)
-                    good = there & known[np.where(there, empty + side * stride, empty)]
-                    row.append(np.flatnonzero(good))
-                    near.append(empty[good] + side * stride)
-            rows = Rows.sorted(np.concatenate(row), np.concatenate(near), len(empty))[0]
-            found = np.diff(rows.start) > 0
-            self._layers.append((empty[found], Rows(np.append(rows.start[:-1][found], rows.start[-1]), rows.column)))
-            known[empty[found]] = True
-            empty = empty[~found]
-        self._deep = empty
-
-    def fill(self, density: np.ndarray, ambient: float) -> None:
-        """Give them their densities."""
-        density[self._deep] = ambient
-        for node, rows in self._layers:
-            density[node] = rows.means(density)
 
 
 def _mesh_of(block: Block) -> tuple:

@@ -1,0 +1,74 @@
+"""Snapshots of a mixture of gases from a file with a time axis: the fractions of each species beside the density."""
+
+from typing import Any
+
+import numpy as np
+
+from .reading.fractions import Fractions, mass_fractions, mixture_in_words, species_arrays
+from .sampled_density import GridDensity
+from .series import GridMesh
+
+
+class Mixture:
+    """The species of an xarray object: which variables hold their fractions.
+
+    Attributes:
+        said: What was taken, in words.
+        identity: The same as plain JSON types.
+    """
+
+    def __init__(self, name: str, data: Any, axes: tuple[str, ...], species: Any):
+        """Find the variables.
+
+        Args:
+            name: The file, for messages.
+            data: The xarray object.
+            axes: Time and the axes of the density, in its order.
+            species: As in `flow.read`.
+
+        Raises:
+            TypeError: `species` is no such thing.
+            ValueError: An unknown species, no such variable, or one on other axes than the density's.
+        """
+        if not hasattr(data, "data_vars"):
+            raise ValueError(
+                f"{name}: a single array has no species: give a dataset with the density and the fractions"
+            )
+        self._basis, self._arrays = species_arrays(name, [str(one) for one in data.data_vars], species)
+        self._name, self._clock, self._shares = name, axes[0], []
+        for variable in self._arrays.values():
+            own = data[variable]
+            if set(own.dims) not in (set(axes), set(axes[1:])):
+                raise ValueError(
+                    f"{name}: {variable} has axes {', '.join(map(str, own.dims))}, the density "
+                    f"{', '.join(axes)}: give both on the same ones"
+                )
+            self._shares.append(own.transpose(*(axis for axis in axes if axis in own.dims)))
+        self.said = mixture_in_words(self._basis, self._arrays)
+        self.identity = [self._basis, *map(list, self._arrays.items())]
+
+    def field(self, density: np.ndarray, where: GridMesh, ambient: float, own: dict, number: int) -> GridDensity:
+        """The density field of a snapshot, with its composition.
+
+        Args:
+            density: [kg/m3], on the grid.
+            where: The grid.
+            ambient: Density around it [kg/m3].
+            own: Its body and its free stream.
+            number: Of the snapshot.
+
+        Raises:
+            ValueError: Fractions that are none, densities that are no gas's.
+        """
+        each = [one.isel({self._clock: number}) if self._clock in one.dims else one for one in self._shares]
+        shares = np.stack([np.asarray(one.values, dtype=np.float64).ravel() for one in each])
+        told = f"{self._name}, snapshot {number}"
+        parts = mass_fractions(told, shares, "node", self._arrays, self._basis)
+        density = np.array(density, dtype=np.float64)
+        partial = (parts * density.ravel()).reshape(-1, *density.shape)
+        around = partial[..., -1].reshape(len(partial), -1).mean(axis=1)  # where the flow comes from
+        composition = Fractions(tuple(self._arrays), [], self.said).composition(partial, around)
+        return GridDensity(
+            density, where.origin, where.spacing, where.geometry, ambient, where.cell_averages,
+            own["body"], own["conditions"], f"{told}; {self.said}", composition=composition,
+        )  # fmt: skip
