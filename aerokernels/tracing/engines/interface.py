@@ -50,7 +50,7 @@ class Engine(Protocol):
         """Patches between traced rays made ready for outputs of rays of their family."""
 
     def pupil_kernels(self) -> dict[str, Any]:
-        """The kernels of a pupil, by name: launch_pupil, sum_moments, sum_phasors, join_sums."""
+        """The kernels of a pupil, by name: launch_pupil, sum_moments, sum_phasors, reduce_sums."""
 
     def put(self, array: np.ndarray) -> Any:
         """A buffer with a copy of the array, whose rows are numbers, places or directions."""
