@@ -25,7 +25,7 @@ from .shift import APERTURE_RAYS, BackgroundDisplacement, check_view, gather
 from .spectrum import Spectrum
 from .spreads import SpreadGrid, mixed, node_paths, pixel_spread, spread_grid
 
-# Nodes and pixels of point spread functions, and rays across the pupil, where not told.
+# Nodes and pixels of point spread functions, and rays across the pupil, by default.
 NODE_COUNT, SIZE, PUPIL_PIXELS = 9, 32, 32
 # Changes of the shift from a node to the pixels about it that count as none, and the greatest followed [pixels].
 SAME_SHIFT, GREATEST_CHANGE = 1e-6, 64.0

@@ -228,7 +228,7 @@ def compare_recording(
         source: the recorder's store, a CSV or a NetCDF file (see `recorded.py`).
         runs: finished runs; see `match_runs` for which label goes to which.
         options: how to compare.
-        progress: told the name of each stage and the share of the job before it.
+        progress: called with the name of each stage and the share of the job before it.
 
     Raises:
         ValueError: files that cannot be read, no run for any label, or times that do not meet; names the label.

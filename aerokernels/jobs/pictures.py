@@ -236,7 +236,7 @@ def make_pictures(
         scene: the scene; its [flow], [grid] interpolation and [trace] are used.
         options: which pictures, and how.
         measured: a schlieren photograph to put below the synthetic one.
-        progress: told the name of each stage and the share of the job before it.
+        progress: called with the name of each stage and the share of the job before it.
 
     Raises:
         ValueError: options that make no sense, or a shock that is not found in its window.

@@ -193,7 +193,7 @@ def _look(field: IndexField, pupil: Any, look: np.ndarray, options: dict[str, An
     none = np.full(3, np.nan)
     try:
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # undisturbed and unknown air are told by the map
+            warnings.simplefilter("ignore")  # the map shows undisturbed and unknown air
             prepared = PreparedStrehl(field, turned, allow_truncation=True, **options)
             known = float(not prepared.job.air.is_truncated)
             found = prepared()

@@ -2,7 +2,7 @@
 
 `hard_field(seed)` makes one of KINDS, its place, size and strength by the seed alone. `check(seed)` traces a bundle
 through it as `trace` does by default, and every ray again by error control in float64 at a twentieth of the tolerance.
-A ray is worse than is told where its optical path is off by more than the tolerance, and neither its status nor the
+A ray is worse than reported where its optical path is off by more than the tolerance, and neither its status nor the
 budget says so. Rays that cross at a caustic, and those at a shock inside a cell, depend on roundings of their start: a
 ray whose path changes by half of the tolerance when it is moved by a millionth of a cell is left out.
 """
@@ -26,7 +26,7 @@ SIDE = 120  # rays along each side of a bundle
 TOLERANCE, TIGHTER = 1e-3, 0.05
 UNTIL = Plane((0.0, 0.0, 3e-3), (0.0, 0.1, 1.0))
 # What the budget says of tracing; the field is what its samples make of it.
-TOLD = ("step", "precision", "bundle")
+TRACING_CAUSES = ("step", "precision", "bundle")
 FLAGGED = (RayStatus.TOLERANCE_NOT_MET, RayStatus.MAX_STEPS, RayStatus.NOT_FINITE)
 
 
@@ -38,7 +38,7 @@ class Checked:
         kind: Of KINDS, and the bundle's, in words.
         delivered: Rays that were interpolated.
         worst: The greatest error of a ray that arrives in both traces, over the tolerance.
-        told: What the budget says of tracing (TOLD), over the tolerance; 0 where it was not asked.
+        reported: What the budget says of tracing (TRACING_CAUSES), over the tolerance; 0 where it was not asked.
         wrong: Rays that are worse than the tolerance and than the budget, without a status.
         statuses: Rays that arrive in one trace alone.
     """
@@ -46,7 +46,7 @@ class Checked:
     kind: str
     delivered: int
     worst: float
-    told: float
+    reported: float
     wrong: int
     statuses: int
 
@@ -123,8 +123,12 @@ def check(seed: int, **engine) -> Checked:
     off = np.where(both, np.abs(result.opd - truth.opd), 0.0) / (TOLERANCE * WAVE)
     silent = both & ~np.isin(result.status, FLAGGED) & ~np.isin(truth.status, FLAGGED)
     suspect = np.flatnonzero(silent & (off > 1.0 + TIGHTER))
-    told = float(np.hypot.reduce([result.error[cause] for cause in TOLD])) / (TOLERANCE * WAVE) if len(suspect) else 0.0
-    suspect = suspect[off[suspect] > max(told, 1.0)]
+    reported = (
+        float(np.hypot.reduce([result.error[cause] for cause in TRACING_CAUSES])) / (TOLERANCE * WAVE)
+        if len(suspect)
+        else 0.0
+    )
+    suspect = suspect[off[suspect] > max(reported, 1.0)]
     if len(suspect):
         beside = RayBundle(rays.position[suspect] + [1e-6 * CELL, 0.0, 0.0], rays.direction[suspect])
         moved = trace(field, beside, **tight)
@@ -136,7 +140,7 @@ def check(seed: int, **engine) -> Checked:
         f"{kind}, {bundle}",
         0 if counts is None else counts.delivered,
         float(off[silent].max(initial=0.0)),
-        told,
+        reported,
         len(suspect),
         int(np.count_nonzero(result.ok != truth.ok)),
     )

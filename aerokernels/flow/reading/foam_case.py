@@ -68,7 +68,7 @@ class FoamFields(Mapping):
         try:
             return _WIDTH.get(FoamFile(file).header.get("class", ""), 0) if file else 0
         except ReadError:
-            return 1  # damaged: let it be told when it is asked for
+            return 1  # damaged: reported when it is asked for
 
     def __iter__(self):
         """Names of the fields."""

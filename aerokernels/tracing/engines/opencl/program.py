@@ -18,7 +18,7 @@ from .devices import Session, import_pyopencl
 WORK_GROUP = 64
 
 # What every kernel is built with: no warnings, whose number PoCL would print past any Python stream, and nothing that
-# relaxes the arithmetic, since compensated sums would be optimised away. Kernels are told the work-group's size.
+# relaxes the arithmetic, since compensated sums would be optimised away. Kernels are built for the work-group's size.
 BASE_OPTIONS = ("-cl-std=CL1.2", "-w", f"-DWORK_GROUP={WORK_GROUP}")
 # Seconds after which the package's own sources are looked at again.
 LOOKED = 1.0

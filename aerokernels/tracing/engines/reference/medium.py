@@ -5,7 +5,7 @@ the ray is in and the place from which its step starts; it evaluates that cell's
 stage of the step leaves the cell, and tells how far the ray is from the faces of the cell. The integrator ends its
 steps on the faces, so that no step ever crosses a jump of any derivative.
 
-Places within a step are told by their difference from its start: a fraction of a cell then keeps all its digits.
+Places within a step are kept as differences from its start: a fraction of a cell then keeps all its digits.
 
 Arrays: `place` (n, 3) [m]; `tangent` T = n dr/ds and `force` dT/d sigma = grad s, both (n, 3); `cell` (n, axes), whole
 numbers. Faces are numbered 2 k (low) and 2 k + 1 (high) along local axis k. On the axis of symmetry the low radial face
