@@ -7,6 +7,7 @@ the device; and the map's error. The share is the copy's time over the map's.
 
 import time
 from collections.abc import Callable, Iterator
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -71,9 +72,9 @@ def measure_gpu(shape: tuple[int, int, int], pixels: int, device: str) -> Iterat
             "device": device,
             "bytes": int(volume.nbytes),
             "copy_seconds": seconds,
-            "host_seconds": quickest(lambda summed=summed: summed(volume, device, field.mean)),
-            "pinned_seconds": quickest(lambda summed=summed: summed(pinned, device, field.mean)),
-            "device_seconds": quickest(lambda summed=summed: summed(there, device, field.mean)),
+            "host_seconds": quickest(partial(summed, volume, device, field.mean)),
+            "pinned_seconds": quickest(partial(summed, pinned, device, field.mean)),
+            "device_seconds": quickest(partial(summed, there, device, field.mean)),
             "error_m": off_by(summed(there, device, field.mean), truth, grid),
         }
 
