@@ -5,6 +5,7 @@ The rays of the aperture's middle are traced through the field with every second
 to pixel: each pixel takes the greatest within four cells around it. Within a cell of the pole itself nothing is told.
 """
 
+from collections.abc import Callable
 from itertools import pairwise
 from typing import Any
 
@@ -20,19 +21,23 @@ CELLS_AROUND = 4.0
 
 
 def displacement_error(
-    field: IndexField, camera: Camera, shape: tuple[int, int], options: dict[str, Any]
+    field: IndexField, camera: Camera, shape: tuple[int, int], landing: Callable[[IndexField], Any]
 ) -> np.ndarray:
-    """The error of a displacement [pixels], shape (rows, columns); NaN on a mesh that can't be judged."""
-    from scipy.ndimage import maximum_filter
+    """The error of a displacement [pixels], shape (rows, columns); NaN on a mesh that can't be judged.
 
-    from .shift import landing_shift
+    Args:
+        field: The refractive index.
+        camera: The camera.
+        shape: Rows and columns.
+        landing: Traces a field: shifts [pixels], shape (2, rows, columns), and 1 where rays arrived.
+    """
+    from scipy.ndimage import maximum_filter
 
     levels = refinement(field)
     if levels is None:
         return np.full(shape, np.nan)
-    middle = np.zeros(2)
     fields = [one for one in (levels.fine, levels.coarse, levels.coarser) if one is not None]
-    moved = [landing_shift(one, camera, shape, middle, options) for one in fields]
+    moved = [landing(one) for one in fields]
     arrived = np.prod([one[1] for one in moved], axis=0) > 0.0
     changes = [np.hypot(*(after[0] - before[0])) for before, after in pairwise(moved)]
     around = _pixels_around(field, camera, shape)

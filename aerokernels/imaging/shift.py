@@ -20,6 +20,7 @@ from ..medium import IndexField
 from ..tracing import trace
 from ..tracing.pupil_air import GREATEST_SHARE
 from .camera import Camera
+from .displacement_error import displacement_error
 from .known_view import KnownView, rays_of, scene_plane
 
 if TYPE_CHECKING:
@@ -71,9 +72,10 @@ class BackgroundDisplacement:
         """
         if self.view is None:
             return np.full(self.through.shape, np.nan)
-        from .displacement_error import displacement_error
-
-        return displacement_error(self.view.field, self.camera, self.through.shape, self.options)
+        camera, shape, options = self.camera, self.through.shape, self.options
+        return displacement_error(
+            self.view.field, camera, shape, lambda field: landing_shift(field, camera, shape, np.zeros(2), options)
+        )
 
     @cached_property
     def truncated(self) -> np.ndarray:
