@@ -20,6 +20,7 @@ from ..medium import IndexField
 from ..tracing import trace
 from ..tracing.pupil_air import GREATEST_SHARE
 from .camera import Camera
+from .displacement_error import displacement_error
 from .known_view import KnownView, rays_of, scene_plane
 
 if TYPE_CHECKING:
@@ -49,7 +50,8 @@ class BackgroundDisplacement:
         wavelength: Vacuum wavelength [m].
         plan: How the rays of one point of the aperture were traced.
         seconds: Wall time by stage: see STAGES in clock.py.
-        view: What was looked at, for `truncated`, which is computed when first read.
+        view: What was looked at, for `truncated` and `error`, which are computed when first read.
+        options: Options of `trace` that it was looked at with.
     """
 
     displacement: np.ndarray
@@ -60,6 +62,20 @@ class BackgroundDisplacement:
     plan: Any = None
     seconds: dict[str, float] = field(default_factory=dict)
     view: KnownView | None = None
+    options: dict[str, Any] = field(default_factory=dict)
+
+    @cached_property
+    def error(self) -> np.ndarray:
+        """What the size of the displacement may be off by through the field's grid [pixels], shape (rows, columns).
+
+        Three more bundles are traced when it is first read: see displacement_error.py. NaN where it is not known.
+        """
+        if self.view is None:
+            return np.full(self.through.shape, np.nan)
+        camera, shape, options = self.camera, self.through.shape, self.options
+        return displacement_error(
+            self.view.field, camera, shape, lambda field: landing_shift(field, camera, shape, np.zeros(2), options)
+        )
 
     @cached_property
     def truncated(self) -> np.ndarray:
@@ -213,6 +229,7 @@ def gather(
         plan=traced.plan,
         seconds=seconds,
         view=view,
+        options=options,
     )
 
 

@@ -6,6 +6,8 @@
     random_fields   random smooth fields of every kind
     bundle_draws    random bundles through random fields; `bundle_check` holds them against the reference engine
     field_draws     random fields with a formula, for the coverage of an error budget
+    wave_draws      random views through shocks and turbulence, for the verdict on ray optics
+    cone_rays       exact rays past a sharp cone
     scene_draws     random scenes full of traps; `scene_check` holds their budgets against the truth
     report          tables, CSV and the look of pictures in the docs
     paper           the source paper's tables and figures; `work_precision` errors against evaluations and time

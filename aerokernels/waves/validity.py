@@ -46,7 +46,7 @@ LEAST_PIXELS, MOST_PIXELS, WINDOW, LAYERS, STEPS = 48, 192, 1.5, 256, 64
 NEAR_FOCUS, GREATEST_SHARE = 0.5, 0.1
 # The rays' own answer: the share of the limit that it must stay below, the greatest curvature, its map's pixels, and
 # the lines of sight and layers by which the disturbed length is found.
-CLEAR, FLAT, SCREEN_PIXELS, LINES, LINE_LAYERS = 0.2, 0.3, 64, 4, 32
+CLEAR, FLAT, SCREEN_PIXELS, LINES, LINE_LAYERS = 0.1, 0.3, 64, 4, 32
 
 
 @dataclass(frozen=True)
