@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 from aerokernels import estimate_range, range_statistics
 from aerokernels.echo import RANGING_METHODS, cramer_rao_range
 from aerokernels.echo.range_error import summarise_ranges
+from aerokernels.echo.ranging import template_curve
 from aerokernels.echo.waveform import SPEED_OF_LIGHT
 
 TAU = 6e-9
@@ -298,3 +299,12 @@ def test_matched_filter_is_exact_with_less_than_two_samples_a_tau(rate):
         time, voltage = record(arrival=arrival, rate=rate, start=-6.0 * TAU - 2.0 / rate, stop=7.0 * TAU + 3.0 / rate)
         found = estimate_range(time, voltage, "matched-filter", template=pulse)
         assert abs(found - 0.5 * SPEED_OF_LIGHT * arrival) < 1e-6 * 0.5 * SPEED_OF_LIGHT * TAU
+
+
+def test_a_sampled_template_is_its_samples_and_nothing_outside_of_them():
+    """At the times of its samples the samples, the first and the last among them; a little outside of them 0."""
+    samples, period = np.array([0.4, 0.7, 1.0, 0.6, 0.3]), 2e-9
+    curve = template_curve(samples, period)
+    assert curve((np.arange(5) - 2) * period) == pytest.approx(samples, abs=1e-12)
+    assert curve(np.array([-2.01, -1.99, 1.99, 2.01]) * period)[[0, 3]].tolist() == [0.0, 0.0]
+    assert (curve(np.array([-1.99, 1.99]) * period) > 0.25).all()
