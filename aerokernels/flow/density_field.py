@@ -1,7 +1,4 @@
-"""Density fields: what a flow solver or a flow relation hands to the optics.
-
-`DensityField` is what all of them have in common; `CellDensity` is the one on a mesh.
-"""
+"""Density fields, what a flow hands to the optics: `DensityField`, common to all, and `CellDensity`, on a mesh."""
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass, field, replace
@@ -346,7 +343,6 @@ def uniform_air(
     if not low < high:
         raise ValueError(f"z_range must increase, got {z_range!r}")
     # Eight cells are more than a constant needs; five-point gradients need four.
-    r, z = np.meshgrid(np.linspace(0.0, radius, 9), np.linspace(low, high, 9), indexing="ij")
-    mesh = QuadMesh.structured(r, z, "axisymmetric")
-    ambient = positive(density, "density")
+    nodes = np.meshgrid(np.linspace(0.0, radius, 9), np.linspace(low, high, 9), indexing="ij")
+    mesh, ambient = QuadMesh.structured(*nodes, "axisymmetric"), positive(density, "density")
     return CellDensity(mesh, np.full(len(mesh.cells), ambient), ambient, body, None, f"air at rest, {ambient:g} kg/m3")

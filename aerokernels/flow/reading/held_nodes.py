@@ -57,7 +57,8 @@ class HeldNodes:
         """
         from .mesh_kernels import densities_at_nodes, densities_in_tetrahedra, launch
 
-        kernel, of_rows = densities_at_nodes, (self.rows.start, self.rows.column)
+        of_rows: tuple[np.ndarray, ...] = (self.rows.start, self.rows.column)
+        kernel = densities_at_nodes
         if len(self.weight) < len(self.rows.column):
             kernel, of_rows = densities_in_tetrahedra, (self.rows.column,)
         launch(
