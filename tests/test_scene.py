@@ -38,7 +38,7 @@ def refusal(place, overrides=None) -> str:
 
 
 def test_shipped_scenes():
-    assert shipped_scenes() == (*SHIPPED, "wind-tunnel-static")
+    assert shipped_scenes() == ("dome-alpha10", *SHIPPED, "wind-tunnel-static")
 
 
 @pytest.mark.parametrize("name", shipped_scenes())
@@ -218,7 +218,7 @@ def test_faults_in_a_file(write, line, words):
 @pytest.mark.parametrize(
     ("line", "words"),
     [
-        ('source = "mach5"', ["flow.source = 'mach5'", "mach2, mach3, mach4, static"]),
+        ('source = "mach5"', ["flow.source = 'mach5'", "mach2, mach3, mach4, dome-alpha10, static"]),
         ('source = "mach2"\nwavelength = "905 um"', ["flow.wavelength = '905 um'", "0.1 to 20 um"]),
         ('source = "mach2"\nwavelength = 905', ["flow.wavelength = 905", "give metres"]),
         ('source = "mach2"\ndensity = "thin"', ["flow.density = 'thin'", "'tunnel', 'sea-level'", "kg/m3"]),

@@ -14,7 +14,8 @@ from aerokernels.benchmark.errors import UNDISTURBED, chosen_rays, errors
 from aerokernels.benchmark.measuring import Timing, measure, rate, spread
 from aerokernels.benchmark.scenes import WAVELENGTH, PupilScene, strehl_scene
 from aerokernels.benchmark.targets import Settings, on_processor
-from aerokernels.flow import shipped, shipped_names
+from aerokernels.flow import shipped
+from aerokernels.flow.shipped import PLANE_NAMES
 from aerokernels.medium import IndexField
 from aerokernels.rays import RayBundle
 from aerokernels.strehl import StrehlEstimate, strehl
@@ -93,7 +94,7 @@ def sweep_runs(settings: Settings, targets: Targets, ceilings: dict[str, dict]) 
     """A Strehl ratio for every shipped flow and some densities, each with a field of its own that is uploaded anew."""
     cases = [
         (name, shipped(name).ambient_density * factor if factor != 1.0 else None)
-        for name in shipped_names()
+        for name in PLANE_NAMES
         for factor in DENSITIES
     ]
     scenes = [strehl_scene(name, density) for name, density in cases]

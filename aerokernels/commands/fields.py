@@ -126,7 +126,7 @@ def _shipped() -> None:
                 f"{stream.temperature:.2f} K" if stream else "-",
                 f"{stream.velocity:.1f} m/s" if stream else "-",
                 f"{field.density.min():.3f} to {field.density.max():.3f} kg/m3",
-                f"{len(field.mesh.cells)} cells, {field.geometry}",
+                f"{field.density.size} {'nodes' if field.geometry == 'volume' else 'cells'}, {field.geometry}",
                 field.provenance,
             )
         )

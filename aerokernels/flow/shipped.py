@@ -1,16 +1,24 @@
-"""The flow fields that come with the package: a wind-tunnel model at Mach 2, 3 and 4 (see data/PROVENANCE.txt)."""
+"""The flow fields that come with the package: a wind-tunnel model at Mach 2, 3 and 4, and its dome at incidence.
+
+See data/PROVENANCE.txt.
+"""
 
 from importlib.resources import files
+from typing import Literal, overload
 
 import numpy as np
 
 from ..arguments import checked
-from ..medium import Body, QuadMesh
+from ..medium import Body, QuadMesh, SolidBody
 from .density_field import CellDensity
 from .gas import FreeStream, tunnel_conditions
+from .reading.measuring_lines import VolumeResampling
+from .sampled_density import GridDensity
 
 _DATA = files(__package__) / "data"
-_NAMES = ("mach2", "mach3", "mach4")
+PLANE_NAMES = ("mach2", "mach3", "mach4")
+VOLUME = "dome-alpha10"
+_NAMES = (*PLANE_NAMES, VOLUME)
 
 
 def shipped_names() -> tuple[str, ...]:
@@ -18,26 +26,37 @@ def shipped_names() -> tuple[str, ...]:
 
     Examples:
         >>> shipped_names()
-        ('mach2', 'mach3', 'mach4')
+        ('mach2', 'mach3', 'mach4', 'dome-alpha10')
     """
     return _NAMES
 
 
-@checked
-def shipped(name: str) -> CellDensity:
-    """A shipped CFD field of the wind-tunnel model.
+@overload
+def shipped(name: Literal["dome-alpha10"]) -> GridDensity: ...  # type: ignore[overload-overlap]
 
-    Steady axisymmetric inviscid air, 250 x 80 cells, with the model as its body. The files count x downstream from the
-    nose tip; the field is in the optical frame, z = -x.
+
+@overload
+def shipped(name: str) -> CellDensity: ...
+
+
+@checked
+def shipped(name: str) -> CellDensity | GridDensity:
+    """A shipped CFD field of the wind-tunnel model, in the optical frame: z looks upstream, the nose tip is at 0.
+
+    Steady inviscid air with the model as its body: axisymmetric, 250 x 80 cells; or the model's dome in space, at
+    Mach 3 and an angle of attack of 10 degrees (the wind comes from below, it blows toward -z and +y), on a uniform
+    grid.
 
     Args:
-        name: "mach2", "mach3" or "mach4".
+        name: "mach2", "mach3", "mach4" or "dome-alpha10".
 
     Raises:
         ValueError: An unknown name; the message lists the known ones.
     """
     if name not in _NAMES:
         raise ValueError(f"there is no shipped flow field {name!r}: choose one of {', '.join(_NAMES)}")
+    if name == VOLUME:
+        return _volume(name)
     with (_DATA / f"{name}.npz").open("rb") as stream, np.load(stream, allow_pickle=False) as data:
         radius, z = data["r"], -data["x"]
         density, ambient_density, conditions = data["rho"], float(data["rho_inf"]), _free_stream(data)
@@ -51,6 +70,27 @@ def shipped(name: str) -> CellDensity:
         conditions=conditions,
         provenance=f"shipped field {name}: rhoCentralFoam (OpenFOAM 1912), inviscid, "
         f"{density.shape[0]} x {density.shape[1]} cells",
+    )
+
+
+def _volume(name: str) -> GridDensity:
+    """A volume that is symmetric about x = 0, of which the file has one half."""
+    with (_DATA / f"{name}.npz").open("rb") as stream, np.load(stream, allow_pickle=False) as data:
+        half, origin, spacing = data["rho"].astype(np.float64), data["origin"].copy(), data["spacing"]
+        ambient, conditions, profile = float(data["rho_inf"]), _free_stream(data), data["profile"]
+        told, alpha = data["resampling"].tolist(), float(data["alpha"])
+    origin[0] -= spacing[0] * (len(half) - 1)
+    return GridDensity(
+        density=np.concatenate([half[:0:-1], half]),
+        origin=origin,
+        spacing=spacing,
+        geometry="volume",
+        ambient_density=ambient,
+        body=SolidBody.of_revolution(Body(profile, "axisymmetric")),
+        conditions=conditions,
+        provenance=f"shipped field {name}: rhoCentralFoam (OpenFOAM 1912), inviscid, 31,680 cells in one half, "
+        f"angle of attack {np.degrees(alpha):g} degrees",
+        resampling=VolumeResampling(tuple(spacing.tolist()), *told),
     )
 
 

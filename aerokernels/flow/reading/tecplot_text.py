@@ -111,8 +111,7 @@ def _parts(path: Path, text: str):
 
 
 def _names(text: str) -> list[str]:
-    quoted = re.findall(r'"([^"]*)"', text)
-    return quoted or [word for word in re.split(r"[\s,]+", text.strip()) if word]
+    return [quoted or bare for quoted, bare in re.findall(r'"([^"]*)"|([^\s,"]+)', text)]
 
 
 def _pairs(text: str) -> dict[str, str]:

@@ -64,6 +64,15 @@ def test_tecplot_text(tmp_path, options):
     assert field.mesh.shape is not None  # also of elements, whose rows and columns are found again
 
 
+def test_tecplot_names_with_and_without_quotes(tmp_path):
+    """Set-up: variables X, Y, rho bare and "X Velocity" in quotes, as FLUENT writes them. Expected: all four."""
+    values = " ".join(["0 1 0 1", "0 0 1 1", "1.1 1.2 1.3 1.4", "5 6 7 8"])
+    head = 'TITLE = "a"\nVARIABLES  = X, Y, rho, "X Velocity"\nZONE I=2, J=2, F=BLOCK\n'
+    (tmp_path / "a.dat").write_text(f"{head}{values}\n")
+    assert [array.name for array in flow.contents(tmp_path / "a.dat").arrays] == ["rho", "X Velocity"]
+    assert sorted(flow.read(tmp_path / "a.dat").density.tolist()) == [1.1, 1.2, 1.3, 1.4]
+
+
 @pytest.mark.parametrize(
     "options",
     [{}, {"order": ">"}, {"in_cells": True}, {"elements": True}, {"elements": True, "in_cells": True}],

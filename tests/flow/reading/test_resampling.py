@@ -104,3 +104,40 @@ def test_a_reader_keeps_the_map_from_file_to_file(tmp_path):
     assert other.density_at(inside) == pytest.approx(1.5 * linear(inside), rel=1e-12)
     series = flow.open_series(tmp_path / "flow_*.vtu", time_step=1.0, spacing=0.1)
     assert series[1].density.tobytes() == other.density.tobytes()
+
+
+@pytest.mark.parametrize("where", ["cell", "point"])
+def test_each_node_has_what_the_function_of_its_cell_is_there(where):
+    """Set-up: random densities of tetrahedra and hexahedra. Formula: the average plus slope times distance, clipped.
+
+    Slopes by least squares through the corners, each with the mean of its cells. Error: rounding, 1e-12.
+    """
+    taken = reading(two_blocks(3, where))
+    kept = Kept()
+    field = field_of(taken, 0.07, kept=kept)
+    nodes = np.stack(np.meshgrid(*[o + h * np.arange(n) for o, h, n in
+                                   zip(field.origin, field.spacing, field.density.shape, strict=True)],
+                                 indexing="ij"), axis=-1).reshape(-1, 3)  # fmt: skip
+    found, seen = field.density.ravel(), 0
+    for block, (given, _) in zip(taken.dataset.blocks, taken.densities, strict=True):
+        width = 4 if block.cells.types[0] == TETRAHEDRON else 8
+        corners = block.cells.points.reshape(-1, width)
+        total, count = np.zeros(len(block.points)), np.zeros(len(block.points))
+        if where == "cell":
+            np.add.at(total, corners, given[:, None])
+            np.add.at(count, corners, 1.0)
+        at_points = total / np.maximum(count, 1.0) if where == "cell" else given
+        for cell in range(0, len(corners), 17):
+            place, near = block.points[corners[cell]], at_points[corners[cell]]
+            middle = place.mean(axis=0)
+            value = given[cell] if where == "cell" else near.mean()
+            slope = np.linalg.lstsq(place - middle, near - near.mean(), rcond=None)[0]
+            if width == 4:
+                inside = np.linalg.solve(np.vstack([place.T, np.ones(4)]), np.vstack([nodes.T, np.ones(len(nodes))]))
+                held = np.flatnonzero((inside > 1e-6).all(axis=0))
+            else:  # well inside a skewed hexahedron, whose centroid is not the mean of its corners
+                held = np.flatnonzero((np.abs(nodes - middle) < 1e-9).all(axis=1))
+            expected = np.clip(value + (nodes[held] - middle) @ slope, min(near.min(), value), max(near.max(), value))
+            assert found[held] == pytest.approx(expected, rel=1e-12)
+            seen += len(held)
+    assert seen > 5
