@@ -28,6 +28,7 @@ PAGES = sorted(
     path
     for path in [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *DOCS.rglob("*.md")]
     if path.name not in ("table.md", "tables.md")
+    and path.parent != DOCS / "questions"  # answers, which questions.md holds, too
     and not (name := path.relative_to(ROOT).as_posix()).startswith(MADE)
     and name not in MADE_PAGES
 )
