@@ -27,7 +27,15 @@ extensions = [
     "mathml",
     "plain_docstrings",
 ]
-exclude_patterns = ["_ext", "questions/*.md", "**/table.md", "**/tables.md", "examples/*", "gallery/*.ipynb", "sg_execution_times.rst"]
+exclude_patterns = [
+    "_ext",
+    "questions/*.md",
+    "**/table.md",
+    "**/tables.md",
+    "examples/*",
+    "gallery/*.ipynb",
+    "sg_execution_times.rst",
+]
 suppress_warnings = [
     "config.cache",
     "toc.empty_glob",
