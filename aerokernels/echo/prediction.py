@@ -3,11 +3,15 @@
 from collections.abc import Mapping
 from dataclasses import dataclass
 
+import numpy as np
+
 from ..medium import IndexField
 from ..scene import Scene
+from .chain import chain_of
 from .pulse_curve import peak_height
 from .pupil_reduction import check_ahead
 from .rangefinder import Rangefinder
+from .received_power import point_power
 from .simulate import vacuum_record, vacuum_times
 
 
@@ -60,6 +64,8 @@ def check_echo(scene: Scene, field: IndexField | None = None) -> None:
     Raises:
         ValueError: As for `predict_echo`.
     """
-    _, _, vacuum, _ = vacuum_times(scene)
+    _, points, vacuum, _ = vacuum_times(scene)
+    point_power(scene, points.weight, vacuum, np.ones(len(points.weight)))  # refuses what has no power
+    chain_of(scene)
     if field is not None and scene.receiver.return_factor != "none":
         check_ahead(field, vacuum.intersection)

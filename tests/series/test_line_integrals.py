@@ -139,7 +139,9 @@ def test_snapshots_on_a_device_stay_there(device: str, direction, monkeypatch: p
     host = optical_series(flow.open_series(arrays, time=[0.0, 1e-5], **options), pupil, device="cpu", **view)
     if device == "cpu":
         monkeypatch.setattr("aerokernels.series.snapshot.gpu_of", lambda *given: "cpu")
-        monkeypatch.setattr("aerokernels.flow.series._on_device", lambda found: isinstance(found, warp.array))
+        monkeypatch.setattr(
+            "aerokernels.device_arrays.foreign.is_on_device", lambda found: isinstance(found, warp.array)
+        )
     there = flow.open_series([warp.array(one, device=device) for one in arrays], time=[0.0, 1e-5], **options)
     monkeypatch.setattr(warp.array, "numpy", _small_only(warp.array.numpy))
     found = optical_series(there, pupil, **view)
