@@ -48,6 +48,7 @@ def main() -> int:
             fine = not rise - 2.0 * error > GREATEST_SLOPE
         else:
             fine = late[-1, column] <= late[:, column].min() + 1
+        fine = bool(fine)
         good &= fine
         ends = (f"{value:.1f} {unit}".strip() for value in (table[0, column], late[0, column], late[-1, column]))
         rows.append(

@@ -1,10 +1,19 @@
 """The errors of an estimate's numbers: formulas against NumPy, and numbers against exact ones."""
 
+import math
+
 import numpy as np
 import pytest
 
 from aerokernels import Disc, IndexField, RayBundle, estimate_strehl, trace
-from aerokernels.strehl_errors import greatest_strehl_error, main_cause, phase_error, phase_of_error, strehl_error
+from aerokernels.strehl_errors import (
+    greatest_strehl_error,
+    main_cause,
+    phase_error,
+    phase_of_error,
+    strehl_error,
+    strehl_errors,
+)
 from aerokernels.tracing import Plane
 
 PUPIL = Disc(4e-3, (0.0, 1e-3, -12e-3))
@@ -152,3 +161,13 @@ def test_a_trace_says_its_rays_and_its_error():
     assert "500 STOP_NOT_REACHED" in repr(behind) and "OPD rms none" in repr(behind)
     few = trace(ramp(1e-4), rays, outputs=("position",))
     assert "OPD" not in repr(few) and "500 rays" in repr(few)
+
+
+def test_errors_of_an_array_are_those_of_its_values():
+    """One formula written twice, for a number and for an array: the same from small phase errors to great ones."""
+    values = np.array([0.0, 1e-3, 0.3, 0.8, 1.0])
+    for phase in (0.0, 0.01, 0.3, 1.0, 3.0):
+        assert strehl_errors(values, phase) == pytest.approx(
+            [strehl_error(value, phase) for value in values], rel=1e-12
+        )
+    assert np.isnan(strehl_errors(values, float("nan"))).all() and math.isnan(strehl_error(0.5, float("nan")))

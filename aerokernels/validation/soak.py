@@ -160,7 +160,7 @@ def soak(minutes: float, share: float, backends: tuple[str, ...]) -> Iterator[tu
                 while True:
                     if time.monotonic() - begin >= next_look:
                         yield reading(begin, sum(counts.values())), dict(counts)
-                        next_look += 60.0
+                        next_look = max(next_look + 60.0, time.monotonic() - begin)  # a run may take minutes
                     left = rest_until - time.monotonic()
                     if left <= 0.0:
                         break
