@@ -1,6 +1,7 @@
 """The scripts that write figures for the docs still run, and still say what the docs say."""
 
 import csv
+import os
 import subprocess
 import sys
 from pathlib import Path
@@ -118,6 +119,10 @@ def test_figure1_refuses_what_makes_no_sense(root: Path, tmp_path: Path):
     assert not (tmp_path / "out").exists()
 
 
+@pytest.mark.skipif(
+    "AEROKERNELS_SLOW" not in os.environ,
+    reason="ten seconds, and tests/jobs/test_sweep.py sweeps: set AEROKERNELS_SLOW",
+)
 def test_sweep_mach(root: Path, tmp_path: Path):
     """The sweep's rows: no flow is perfect, thin air spoils little, sea-level air more with every Mach number."""
     done = run_script(root, "sweep_mach.py", "--rays", 1024, "--out", tmp_path)
@@ -143,6 +148,8 @@ def test_sweep_mach(root: Path, tmp_path: Path):
 
 @pytest.fixture(scope="module")
 def paper(root: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    if "AEROKERNELS_SLOW" not in os.environ:
+        pytest.skip("a third of a minute: set AEROKERNELS_SLOW")
     out = tmp_path_factory.mktemp("paper")
     done = run_script(root, "paper.py", "--quick", "--out", out)
     assert done.returncode == 0, done.stderr

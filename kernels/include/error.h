@@ -116,7 +116,8 @@ static inline real stop_error(
 {
     const real size = size3(momentum) + first_momentum + ambient * max_deflection;
     real error = used + DIRECTION_NOISE * size * (to_stop->obliquity + max_deflection) * to_stop->lever_arm;
-    error += ambient * max_deflection * displacement * (to_stop->lever_arm - to_stop->reach) / to_stop->reach;
+    const real met_at = max_deflection < LEAPFROG_ANGLE ? max_deflection : R(0.0);
+    error += ambient * met_at * (to_stop->lever_arm - to_stop->reach) * (displacement / greater(to_stop->reach, TINY));
     if (STOP == PLANE) {
         const double cosine = fabs(dot(VECTOR64(bounds->plane_normal), direction));
         error *= (real)(STEEPEST_COSINE / fmin(fmax(cosine, 1.0e-9), STEEPEST_COSINE));

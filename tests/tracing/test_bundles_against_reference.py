@@ -15,7 +15,7 @@ from aerokernels.validation.bundle_draws import WAVE, draw
 from .backends import ENGINES, on
 
 PRECISION = {"volume": "float32", "planar": "float64", "axisymmetric": "float32"}
-BUNDLES = 12
+BUNDLES = 10
 
 
 @pytest.mark.parametrize("engine", ENGINES)

@@ -13,9 +13,9 @@ from aerokernels.validation.scene_draws import Air, draw, true_opd
 
 from .backends import ENGINES, on
 
-# Quick ones of every kind, that each hold something of their own. Of 223, 245 and 267 the box cuts disturbed air, which
+# Quick ones of every kind, that each hold something of their own. Of 245 and 267 the box cuts disturbed air, which
 # would have turned rays ahead of a slanted stop.
-SEEDS = (223, 245, 267, 1011, 1024, 1078, 1104, 1220, 1252, 1261, 1288, 1294)
+SEEDS = (245, 267, 1011, 1024, 1078, 1104, 1220, 1252, 1261, 1288, 1294)
 
 
 def test_the_truth_is_that_of_a_formula():

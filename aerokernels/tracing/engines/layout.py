@@ -322,13 +322,9 @@ OPTIONS: dict[str, Option] = {
 
 def arrays_of(struct: str) -> tuple[Value, ...]:
     """The members of a struct that are arrays."""
-    return _ARRAYS[struct]
+    return tuple(member for member in STRUCTS[struct] if member.kind.endswith("*"))
 
 
 def values_of(struct: str) -> tuple[Value, ...]:
     """The members of a struct that are numbers or vectors."""
-    return _VALUES[struct]
-
-
-_ARRAYS = {name: tuple(member for member in members if member.parts[2]) for name, members in STRUCTS.items()}
-_VALUES = {name: tuple(member for member in members if not member.parts[2]) for name, members in STRUCTS.items()}
+    return tuple(member for member in STRUCTS[struct] if not member.kind.endswith("*"))

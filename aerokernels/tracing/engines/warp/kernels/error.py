@@ -174,7 +174,9 @@ def build_step_error(library: KernelLibrary, geometry: str, interpolation: str, 
         """
         size = wp.length(momentum) + first_momentum + ambient * max_deflection
         error = used + real(direction_noise) * size * (to_stop.obliquity + max_deflection) * to_stop.lever_arm
-        error += ambient * max_deflection * displacement * (to_stop.lever_arm - to_stop.reach) / to_stop.reach
+        met_at = wp.where(max_deflection < real(LEAPFROG_ANGLE), max_deflection, real(0.0))
+        beyond = to_stop.lever_arm - to_stop.reach
+        error += ambient * met_at * beyond * (displacement / wp.max(to_stop.reach, real(tiny)))
         if wp.static(stop == "plane"):
             cosine = wp.abs(wp.dot(bounds.plane_normal, direction))
             steepest = wp.float64(STEEPEST_COSINE)
