@@ -114,6 +114,11 @@ def _mesh(edge: model.OuterEdge, scale: float) -> str:
         "front": ("wedge", front),
         "back": ("wedge", back),
     }
+    return mesh_text(points, blocks, edges, patches)
+
+
+def mesh_text(points, blocks, edges, patches) -> str:
+    """The body of a blockMeshDict in millimetres, from its lines, and the type and faces of each patch by its name."""
     boundary = [
         f"{name} {{ type {kind}; faces ({' '.join(f'({face})' for face in listed)}); }}"
         for name, (kind, listed) in patches.items()

@@ -186,12 +186,7 @@ def mesh(mach: float) -> str:
         "body": ("wall", shell("B0", "B1") + shell("B1", "B2")),
         "symmetry": ("symmetryPlane", [plane(quad, m) for m in (0, AROUND) for quad in quads]),
     }
-    boundary = [
-        f"{name} {{ type {kind}; faces ({' '.join(f'({face})' for face in listed)}); }}"
-        for name, (kind, listed) in patches.items()
-    ]
-    parts = {"vertices": points, "blocks": blocks, "edges": edges, "boundary": boundary}
-    return "scale 0.001;\n\n" + "".join(f"{name}\n(\n" + "\n".join(rows) + "\n);\n\n" for name, rows in parts.items())
+    return case.mesh_text(points, blocks, edges, patches)
 
 
 def point(x: float, r: float, angle: float) -> str:
