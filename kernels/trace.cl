@@ -249,7 +249,8 @@ __kernel void trace_kernel(TRACE_KERNEL_ARGUMENTS)
         }
         if (CONTROLLED) {
             used = stop_error(
-                used + gain, &bounds, d0, ambient, momentum, first_momentum, max_deflection, &to_stop, displacement);
+                used + gain, &bounds, d0, ambient, momentum, first_momentum, max_deflection, &to_stop, displacement,
+                greatest(cell_rate), steps);
             obliquity_first = obliquity;
             opd_rate = (fabs(pot) + size3(force) * (obliquity + max_deflection) * lever_arm) / ambient;
         }

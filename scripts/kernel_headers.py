@@ -59,6 +59,7 @@ def constants() -> str:
             {
                 name: getattr(scheme, name)
                 for name in (
+                    "SLOPE_NOISE",
                     "DIRECTION_SHARE",
                     "OBLIQUITY_KEPT",
                     "LEAST_RATIO_SMOOTH",

@@ -32,6 +32,10 @@ NOISE_STEP = 0.5
 NOISE = {"float32": 8.0 * 2.0**-24, "float64": 8.0 * 2.0**-53}
 # Rounding of a ray's momentum over its whole way, as a share of its greatest: an error of direction at a far stop.
 DIRECTION_NOISE = {"float32": 2.0**-23, "float64": 2.0**-52}
+# The slope between nodes is a difference of rounded values: so many times that for each cell of the way, over the
+# The slope between nodes is a difference of rounded values: so many times that for each cell of the way, over the
+# square root of the number of steps, whose errors are independent.
+SLOPE_NOISE = 0.14
 # A direction error counts with at least this share of the field's length, besides the ray's own slope.
 DIRECTION_SHARE = 0.01
 # The obliquity at which the undisturbed ray meets its stop counts less the more the ray is deflected, up to this angle

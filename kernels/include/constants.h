@@ -68,6 +68,7 @@
 // Error of a step.
 #define STEP_SHARE R(0.02)
 #define NOISE_STEP R(0.5)
+#define SLOPE_NOISE R(0.14)
 #define DIRECTION_SHARE R(0.01)
 #define OBLIQUITY_KEPT R(0.25)
 #define LEAST_RATIO_SMOOTH R(0.02)

@@ -57,6 +57,7 @@ def test_right_or_flagged(seed, rays, engine):
         pytest.param(10006062, [176, 222], id="turned-before-a-far-plane"),
         pytest.param(10045284, [3313, 431], id="tables-before-a-far-plane"),
         pytest.param(10012209, [1740], id="moved-by-rounding-alone"),
+        pytest.param(11000007, [267], id="slopes-rounded-before-a-slanted-face"),
     ],
 )
 def test_right_or_above_the_tolerance(seed, rays):

@@ -326,7 +326,17 @@ def build_kernel(
                     status = int(not_finite)
             if wp.static(controlled):
                 used = stop_error(
-                    used + gain, bounds, d0, ambient, momentum, first_momentum, max_deflection, to_stop, displacement
+                    used + gain,
+                    bounds,
+                    d0,
+                    ambient,
+                    momentum,
+                    first_momentum,
+                    max_deflection,
+                    to_stop,
+                    displacement,
+                    wp.max(control.cell_rate),
+                    steps,
                 )
                 obliquity_first = obliquity
                 opd_rate = (wp.abs(pot) + wp.length(force) * (obliquity + max_deflection) * lever_arm) / ambient
