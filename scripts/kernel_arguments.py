@@ -158,8 +158,8 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--kernels", type=Path, default=FOLDER, help="the OpenCL sources (default: %(default)s)")
     folder = parser.parse_args().kernels
-    if not (folder / "include" / "types.h").is_file():
-        print(f"error: {folder} has no include/types.h: name the folder of the OpenCL sources", file=sys.stderr)
+    if not (folder / "include").is_dir():
+        print(f"error: {folder} has no folder include: name the folder of the OpenCL sources", file=sys.stderr)
         return 2
     found = differences(folder)
     shared = warp_functions().keys() & opencl_functions(folder).keys()

@@ -1,6 +1,7 @@
 """The constants of the tracing scheme, beside the Runge-Kutta pair of tableau.py: one source for every backend.
 
-Warp takes them from here, OpenCL from kernels/include/constants.h, which scripts/kernel_headers writes from them.
+Warp takes them from here, OpenCL from the header constants.h that opencl/headers.py makes of them: floats in the
+kernel's precision, but for those that headers.py names as double.
 Numbers that depend on the precision are mappings from its name.
 """
 

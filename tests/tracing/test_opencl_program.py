@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from aerokernels.tracing.engines.opencl import program as opencl_program
+from aerokernels.tracing.engines.opencl.headers import HEADERS
 from aerokernels.tracing.engines.opencl.program import (
     OPTION_VALUES,
     WORK_GROUP,
@@ -121,7 +122,7 @@ def test_installed_sources_are_found_and_missing_ones_name_both_places(root: Pat
 
 def test_options_are_distinct_and_each_has_a_number_in_the_header():
     """Every value that Python can ask for is one that options.h numbers, and no two scenes share their options."""
-    header = (kernel_folder() / "include" / "options.h").read_text()
+    header = "\n".join(HEADERS["options.h"]())
     made = set()
     for geometry, interpolation, method, stop in product(*OPTION_VALUES.values()):
         options = build_options(geometry=geometry, interpolation=interpolation, method=method, stop=stop)

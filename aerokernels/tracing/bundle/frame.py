@@ -11,7 +11,7 @@ from .table import BundleTable
 
 
 def _numbered(option: str) -> dict[str, int]:
-    """The choices of an option as kernels/include/options.h numbers them."""
+    """The choices of an option as the header options.h numbers them."""
     choices = OPTIONS[option].choices
     assert isinstance(choices, tuple)
     return {name: number for number, name in enumerate(choices, start=1)}

@@ -1,7 +1,7 @@
 """What the kernels are given: structs, compile options and arguments. Both engines take them from these tables.
 
-Warp's structs and the types of its kernels' arguments are made from them (warp/types.py); scripts/kernel_headers writes
-kernels/include/types.h, arguments.h and options.h from them.
+Warp's structs and the types of its kernels' arguments are made from them (warp/types.py), and so are the headers
+types.h, arguments.h and options.h of OpenCL (opencl/headers.py).
 
 A kind is a type of OpenCL C: int, uint, bool, real (of the kernel's precision) or double, or a vector of 2 to 4 such
 numbers; a star makes it an array in the device's memory, two stars one with two indices. Structs are kinds, too.

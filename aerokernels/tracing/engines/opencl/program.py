@@ -13,6 +13,7 @@ from pathlib import Path
 
 from ..layout import OPTIONS, REAL_TYPES
 from .devices import Session, import_pyopencl
+from .headers import HEADERS, in_c
 
 # Work-items of a work-group. Global sizes are rounded up to whole groups, and kernels test `ray < ray_count`.
 WORK_GROUP = 64
@@ -47,38 +48,50 @@ def kernel_folder() -> Path:
 def expand(kernel_file: str, folder: Path | None = None) -> str:
     """A kernel's source with every `#include "..."` written in place, each header once.
 
-    Headers are looked for in `include/` and in the folder itself; `#line` directives keep the compiler's messages on
-    file and line of the original. An include stands for itself: not inside an #if that does not always hold.
+    Headers are looked for in `include/` and in the folder itself, then among those of headers.py; `#line` directives
+    keep the compiler's messages on file and line of the original. An include stands for itself: not inside an #if that
+    does not always hold.
 
     Raises:
         RuntimeError: A source or header that is not there, by name and by the line that asked for it.
     """
     folder = kernel_folder() if folder is None else folder
     lines: list[str] = []
-    _expand(folder, folder / kernel_file, f"kernel source {kernel_file}", set(), lines)
+    _expand(folder, kernel_file, _read(folder / kernel_file, f"kernel source {kernel_file}"), {kernel_file}, lines)
     return "\n".join(lines) + "\n"
 
 
-def _expand(folder: Path, path: Path, asked: str, seen: set[Path], lines: list[str]) -> None:
-    try:
-        text = path.read_text(encoding="utf-8")
-    except OSError as error:
-        raise RuntimeError(f"{asked} cannot be read at {path} ({error.strerror}): install aerokernels again") from error
-    seen.add(path)
-    name = path.relative_to(folder).as_posix()
+def _expand(folder: Path, name: str, source: list[str], seen: set[str], lines: list[str]) -> None:
     lines.append(f'#line 1 "{name}"')
-    for number, line in enumerate(text.splitlines(), start=1):
+    for number, line in enumerate(source, start=1):
         match = _INCLUDE.match(line)
         if match is None:
             lines.append(line)
             continue
-        places = (folder / "include" / match[1], folder / match[1])
-        header = next((place for place in places if place.is_file()), None)
-        if header is None:
-            raise RuntimeError(f"{name}, line {number}: header {match[1]!r} is neither {places[0]} nor {places[1]}")
+        asked = f"{name}, line {number}: header {match[1]!r}"
+        header, text = _header(folder, match[1], asked)
         if header not in seen:
-            _expand(folder, header, f"{name}, line {number}: header {match[1]!r}", seen, lines)
+            seen.add(header)
+            _expand(folder, header, text, seen, lines)
         lines.append(f'#line {number + 1} "{name}"')
+
+
+def _header(folder: Path, name: str, asked: str) -> tuple[str, list[str]]:
+    """The place of a header below the folder, and its lines; one that is made from Python is in no place."""
+    places = (f"include/{name}", name)
+    for place in places:
+        if (folder / place).is_file():
+            return place, _read(folder / place, asked)
+    if name in HEADERS:
+        return name, HEADERS[name]()
+    raise RuntimeError(f"{asked} is neither {folder / places[0]} nor {folder / places[1]}")
+
+
+def _read(path: Path, asked: str) -> list[str]:
+    try:
+        return path.read_text(encoding="utf-8").splitlines()
+    except OSError as error:
+        raise RuntimeError(f"{asked} cannot be read at {path} ({error.strerror}): install aerokernels again") from error
 
 
 def build_options(*, precision: str = "float32", **chosen: str | int) -> tuple[str, ...]:
@@ -114,11 +127,6 @@ def lane_count(session: Session, precision: str) -> int:
     if not session.device.type & import_pyopencl().device_type.CPU:
         return 1
     return 16 if precision == "float32" else 8
-
-
-def in_c(name: str) -> str:
-    """An option or one of its names, as a macro."""
-    return name.upper().replace("-", "_")
 
 
 def build(session: Session, kernel_file: str, options: Iterable[str] = (), folder: Path | None = None):

@@ -1,0 +1,188 @@
+"""The headers of the OpenCL kernels that follow from Python: options, structs, arguments, status codes and constants.
+
+A kernel includes them by name like those of kernels/include; program.py puts their texts in place. Warp's kernels take
+the same tables and numbers as they are. `scripts/kernel_headers` prints them.
+"""
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+
+import numpy as np
+
+from ....medium.crossings import PARALLEL
+from ....medium.grid import AXIS_CORE
+from ....medium.triangle_crossings import LEAST_SIDE
+from ....pupils import square_map
+from ... import scheme, tableau
+from ...pupil_sums import MOMENT_COUNT, SUM_COUNT
+from ...result import OUTPUT_BITS
+from ...status import RayStatus
+from ...step_bound import CONE_SINES, CONES
+from ..layout import BOUNDS, KERNELS, OPTIONS, STRUCTS, Value, arrays_of, values_of
+
+# Structs that are passed to kernels: their arrays are arguments of their own, in OpenCL gathered in struct Arrays.
+GIVEN = ("Field", "Bounds", "Control")
+# Numbers of scheme.py that are double in either precision: they belong to the ends of rays and to the body.
+DOUBLES = ("LEAST_COSINE", "STEEPEST_COSINE", "GRAZING_TOLERANCE", "LEAST_SLOPE", "ENTRY_ROUNDING", "GRAZING_SQUARE")
+
+
+def in_c(name: str) -> str:
+    """An option or its value as a macro: "bilinear-barron" is BILINEAR_BARRON."""
+    return name.upper().replace("-", "_")
+
+
+def options() -> list[str]:
+    """Every option of layout.py, its names, and what it is by default; the host sets them by -D."""
+    lines: list[str] = []
+    for name, (choices, meaning) in OPTIONS.items():
+        lines += _group(f"{in_c(name)}: {meaning}")
+        if isinstance(choices, tuple):
+            lines += [f"#define {in_c(choice)} {number}" for number, choice in enumerate(choices, start=1)]
+        default = in_c(choices[0]) if isinstance(choices, tuple) else choices
+        lines += [f"#ifndef {in_c(name)}", f"#define {in_c(name)} {default}", "#endif"]
+    return lines
+
+
+def types() -> list[str]:
+    """Structs passed by value, the arrays that belong to them, and structs inside kernels."""
+    lines = ['#include "real.h"']
+    for name in STRUCTS:
+        if values_of(name):
+            lines += _struct(name, [_member(member, name in GIVEN) for member in values_of(name)])
+    given = [member for name in GIVEN for member in arrays_of(name)]
+    lines += _struct("Arrays", [_member(member, True) for member in given])
+    lines += _struct("RayOutputs", [_member(member, False) for member in STRUCTS["RayOutputs"]])
+    return lines
+
+
+def arguments() -> list[str]:
+    """A macro with the arguments of each kernel, and the structs of arrays made of them."""
+    arrays = [member for name in GIVEN for member in arrays_of(name)]
+    outputs = [member._replace(name=f"{member.name}_out") for member in STRUCTS["RayOutputs"]]
+    lines = ['#include "types.h"']
+    for name, members in {"ARRAY": arrays, "RAY_OUTPUT": outputs}.items():
+        lines += _macro(f"{name}_ARGUMENTS", map(_argument, members))
+        lines += _macro(f"{name}S", [member.name for member in members], "{", "}")
+    for name, values in KERNELS.items():
+        lines += _macro(f"{name.upper()}_ARGUMENTS", _declared(values))
+    return lines
+
+
+def ray_status() -> list[str]:
+    """Every status code with what it means."""
+    return [f"#define RAY_{status.name} {status.value}  // {status.meaning}" for status in RayStatus]
+
+
+def constants() -> list[str]:
+    """Numbers of the scheme: R(...) makes a literal of the kernel's precision, see real.h; the rest is double or int.
+
+    The tableau's numbers carry the prefix RKN_, since names such as B1 are too short to be macros.
+    """
+    ours = {name: value for name, value in vars(scheme).items() if name.isupper()}
+    plain = {name: value for name, value in ours.items() if isinstance(value, int) or name in DOUBLES}
+    by_precision = {name: value for name, value in ours.items() if isinstance(value, Mapping)}
+    real = {name: value for name, value in ours.items() if isinstance(value, float) and name not in plain}
+    return [
+        '#include "real.h"',
+        *_group("tableau.py, the Runge-Kutta-Nystrom pair: nodes, and the matrix of its stages"),
+        *_reals({"RKN_C2": tableau.C[1], "RKN_C3": tableau.C[2]}),
+        *_reals({"RKN_A21": tableau.A[1, 0], "RKN_A31": tableau.A[2, 0], "RKN_A32": tableau.A[2, 1]}),
+        *_row("Weights of the forces in the position's step", "B", tableau.B[:3]),
+        *_row("Weights of the stages in the momentum's step, and in every sum over the step", "V", tableau.BT),
+        *_row("Error of the position, from the embedded formula", "E", tableau.B_ERROR),
+        *_row("Error of the momentum and of the sums, from the embedded formula", "F", tableau.BT_ERROR),
+        *_row("Error of the optical path, from the rule of degree 7: values", "G", tableau.PATH_ERROR_VALUE),
+        *_row("The same: slopes along the ray", "K", tableau.PATH_ERROR_SLOPE),
+        *_row("Momentum at the second stage", "P", tableau.STAGE_MOMENTUM[1]),
+        *_row("Momentum at the third stage", "Q", tableau.STAGE_MOMENTUM[2]),
+        *_group("Angle with the first direction up to which a ray counts as nearly straight [rad]"),
+        *_reals({"NEARLY_STRAIGHT": tableau.NEARLY_STRAIGHT}),
+        *_group("scheme.py, where every number is explained"),
+        *_reals(real),
+        *_defines(plain),
+        *_defines({f"HASH_{k}": f"0x{value:08X}u" for k, value in enumerate(scheme.HASHES, start=1)}),
+        "#if REAL_IS_DOUBLE",
+        *_reals({name: value["float64"] for name, value in by_precision.items()}),
+        "#else",
+        *_reals({name: value["float32"] for name, value in by_precision.items()}),
+        "#endif",
+        *_group("medium: radius about the axis within which a kink is rounded off, in cells; lines and triangles"),
+        *_reals({"AXIS_CORE": AXIS_CORE}),
+        *_defines({"PARALLEL": PARALLEL, "LEAST_SIDE": LEAST_SIDE}),
+        *_group("step_bound.py, cones of directions about an axis: sines squared (double) that sort rays into them"),
+        *_defines({"NARROW_SQUARE": repr(float(CONE_SINES[0]) ** 2), "WIDE_SQUARE": repr(float(CONE_SINES[1]) ** 2)}),
+        *_group("Cosines of the angles at which rays have turned out of their cones"),
+        *_reals({"NARROW_COSINE": np.cos(CONES[1].spread), "WIDE_COSINE": np.cos(CONES[2].spread)}),
+        *_group("Sums over a pupil that a work-item delivers; shapes of pupils, and the head of a table of pixels"),
+        *_defines({"MOMENT_COUNT": MOMENT_COUNT, "SUM_COUNT": SUM_COUNT}),
+        *_defines({f"PUPIL_{name}": getattr(square_map, name) for name in ("RING", "PIXELS", "TRIANGLES")}),
+        *_defines({"PUPIL_PIXEL_HEADER": square_map.PIXEL_HEADER}),
+        *_group("Outputs of a ray that are wanted, a bit each"),
+        *_defines({f"WANT_{name.upper()}": bit for name, bit in OUTPUT_BITS.items()}),
+    ]
+
+
+HEADERS: dict[str, Callable[[], list[str]]] = {
+    "options.h": options,
+    "types.h": types,
+    "arguments.h": arguments,
+    "ray_status.h": ray_status,
+    "constants.h": constants,
+}
+
+
+def _declared(values: Sequence[Value]) -> list[str]:
+    """The arguments of a kernel as OpenCL C declares them."""
+    found = [_argument(value) for value in values if value.kind in GIVEN]
+    found += ["ARRAY_ARGUMENTS"] if found else []
+    for value in values:
+        if value.kind not in GIVEN:
+            found.append("RAY_OUTPUT_ARGUMENTS" if value.kind == "RayOutputs" else _argument(value))
+        if value.name in BOUNDS:
+            found.append(f"const int {BOUNDS[value.name]}")
+    return found
+
+
+def _argument(value: Value) -> str:
+    """An array is one of plain numbers, since OpenCL keeps vectors of three apart from one another."""
+    if not value.parts[2]:
+        return f"const {value.kind} {value.name}"
+    constant = "" if value.name.endswith("_out") else "const "
+    return f"__global {constant}{value.parts[0]} *{value.name}"
+
+
+def _member(member: Value, packed: bool) -> str:
+    """Declaration and meaning; vectors of structs that the host fills are plain arrays, laid out as NumPy does."""
+    kind, width, indices = member.parts
+    kind = kind.replace("bool", "int")
+    if indices:
+        text = f"__global {'const ' if packed else ''}{kind} *{member.name};"
+    elif width > 1 and packed:
+        text = f"{kind} {member.name}[{width}];"
+    else:
+        text = f"{kind}{width if width > 1 else ''} {member.name};"
+    return f"    {text}  // {member.meaning}" if member.meaning else f"    {text}"
+
+
+def _struct(name: str, members: Sequence[str]) -> list[str]:
+    return ["", "typedef struct {", *members, f"}} {name};"]
+
+
+def _macro(name: str, parts: Iterable[str], opening: str = "", closing: str = "") -> list[str]:
+    return ["", f"#define {name} {opening}{', '.join(parts)}{closing}"]
+
+
+def _row(what: str, letter: str, values: Sequence[float] | np.ndarray) -> list[str]:
+    return [*_group(what), *_reals({f"RKN_{letter}{k}": value for k, value in enumerate(values, start=1)})]
+
+
+def _group(what: str) -> list[str]:
+    return ["", f"// {what}."]
+
+
+def _reals(values: Mapping[str, float]) -> list[str]:
+    """Definitions with all digits that a float64 needs, in the kernel's precision."""
+    return _defines({name: f"R({float(value)!r})" for name, value in values.items()})
+
+
+def _defines(values: Mapping[str, object]) -> list[str]:
+    return [f"#define {name} {value}" for name, value in values.items()]
