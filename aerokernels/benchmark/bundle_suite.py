@@ -16,13 +16,12 @@ import numpy as np
 from aerokernels.benchmark.bundle_peer import drjit_runs
 from aerokernels.benchmark.bundle_scenes import KINDS, BundleScene, bundle_scene, cone_ends
 from aerokernels.benchmark.errors import chosen_rays, errors
-from aerokernels.benchmark.measuring import installed, measure, rate, spread
+from aerokernels.benchmark.measuring import clocks, kernel_clocks, measure, peer_row, spread
 from aerokernels.benchmark.scenes import WAVELENGTH
 from aerokernels.benchmark.targets import Settings, on_processor
 from aerokernels.medium import IndexField
 from aerokernels.rays import RayBundle
 from aerokernels.tracing import TraceResult, trace
-from aerokernels.tracing.engines.info import thread_count
 from aerokernels.validation.truth import Truth
 
 OUTPUTS = ("direction", "opd")
@@ -43,25 +42,17 @@ def bundle_runs(settings: Settings, targets: list[tuple[str, str]], ceilings: di
                 yield _run(scene, field, rays, rows, truth, settings, (backend, device), bundle)
         if settings.peers and kind != "turbulence" and importlib.util.find_spec("drjit") is not None:
             for found in drjit_runs(rays, settings.repeats):
-                yield {
-                    "peer": "drjit",
-                    "version": installed("drjit"),
-                    "available": True,
-                    "reason": None,
-                    "scheme": f"{kind}: {found.scheme}",
-                    "precision": "float32",
-                    "device": found.device,
-                    "rays_traced": rays.ray_count,
-                    "repeats": settings.repeats,
-                    "kernel_seconds": spread(found.seconds),
-                    "wall_seconds": spread(found.seconds),
-                    "cpu_seconds": spread(found.cpu_seconds),
-                    "kernel_rays_per_second": rate(rays.ray_count, found.seconds),
-                    "rays_per_second": rate(rays.ray_count, found.seconds),
-                    "rays_per_cpu_second": rate(rays.ray_count, found.cpu_seconds),
-                    "evaluations_per_ray": float(found.steps),
-                    "error": errors(truth, found.direction[rows], found.opd[rows]),
-                }
+                yield peer_row(
+                    "drjit",
+                    scheme=f"{kind}: {found.scheme}",
+                    precision="float32",
+                    device=found.device,
+                    rays_traced=rays.ray_count,
+                    repeats=settings.repeats,
+                    evaluations_per_ray=float(found.steps),
+                    error=errors(truth, found.direction[rows], found.opd[rows]),
+                    **clocks(rays.ray_count, found.seconds, found.seconds, found.cpu_seconds),
+                )
 
 
 def _run(
@@ -94,7 +85,6 @@ def _run(
     timing = measure(lambda: call(field, rays), settings.repeats)
     result = timing.results[-1]
     assert result.direction is not None and result.opd is not None
-    kernel = [each.seconds["kernel"] for each in timing.results]
     counts = result.plan.bundle
     traced = rays.ray_count if counts is None else counts.traced + counts.one_by_one
     predicted = result.plan.predicted_evaluations
@@ -112,15 +102,7 @@ def _run(
         "compile_seconds": compiled.first.seconds["compile"],
         "fresh_field_seconds": fresh.first_seconds,
         "new_seed_seconds": spread(seeded),
-        "kernel_seconds": spread(kernel),
-        "wall_seconds": spread(timing.wall_seconds),
-        "cpu_seconds": spread(timing.cpu_seconds),
-        "kernel_rays_per_second": rate(rays.ray_count, kernel),
-        "kernel_rays_per_core_second": (
-            rate(rays.ray_count / thread_count(), kernel) if on_processor(backend, device) else None
-        ),
-        "rays_per_second": rate(rays.ray_count, timing.wall_seconds),
-        "rays_per_cpu_second": rate(rays.ray_count, timing.cpu_seconds),
+        **kernel_clocks(timing, rays.ray_count, on_processor(backend, device)),
         "rays_traced": traced,
         "evaluations_per_ray": predicted if predicted is not None else float("nan"),
         "error": errors(truth, result.direction[rows], result.opd[rows], result.ok[rows]),

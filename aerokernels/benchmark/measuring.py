@@ -59,6 +59,32 @@ def rate(count: float, seconds: Sequence[float]) -> dict | None:
     return spread([count / value for value in seconds]) if all(value > 0.0 for value in seconds) else None
 
 
+def clocks(count: int, kernel: Sequence[float], wall: Sequence[float], processor: Sequence[float]) -> dict:
+    """Seconds of each repeat by three clocks, and `count` rays a second by each."""
+    return {
+        "kernel_seconds": spread(kernel),
+        "wall_seconds": spread(wall),
+        "cpu_seconds": spread(processor),
+        "kernel_rays_per_second": rate(count, kernel),
+        "rays_per_second": rate(count, wall),
+        "rays_per_cpu_second": rate(count, processor),
+    }
+
+
+def kernel_clocks(timing: Timing, count: int, on_cpu: bool) -> dict:
+    """`clocks` of a call whose results have kernel seconds of their own; per core where they ran on a processor."""
+    from aerokernels.tracing.engines.info import thread_count
+
+    kernel = [result.seconds["kernel"] for result in timing.results]
+    per_core = rate(count / thread_count(), kernel) if on_cpu else None
+    return {**clocks(count, kernel, timing.wall_seconds, timing.cpu_seconds), "kernel_rays_per_core_second": per_core}
+
+
+def peer_row(peer: str, **measured: Any) -> dict:
+    """What was measured of another library that is here."""
+    return {"peer": peer, "version": installed(peer), "available": True, "reason": None, **measured}
+
+
 def installed(package: str) -> str | None:
     """Version of an installed distribution, None where it is absent."""
     try:

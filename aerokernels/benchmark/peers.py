@@ -22,7 +22,7 @@ from typing import Any
 import numpy as np
 
 from aerokernels.benchmark.errors import chosen_rays, errors
-from aerokernels.benchmark.measuring import installed, measure, rate, spread
+from aerokernels.benchmark.measuring import clocks, installed, measure, peer_row
 from aerokernels.benchmark.targets import Settings
 from aerokernels.medium import IndexField
 from aerokernels.medium.grid import UniformGrid
@@ -96,26 +96,18 @@ def peer_runs(settings: Settings) -> Iterator[dict]:
                 timing = measure(scheme.run, settings.repeats)
                 ends = timing.results[-1]
                 kernel = [each.seconds for each in timing.results]
-                yield {
-                    "peer": peer,
-                    "version": installed(peer),
-                    "available": True,
-                    "reason": None,
-                    "scheme": scheme.text,
-                    "precision": scheme.precision,
-                    "device": scheme.device,
-                    "rays_traced": rays.ray_count,
-                    "repeats": settings.repeats,
-                    "first_call_seconds": timing.first_seconds,
-                    "kernel_seconds": spread(kernel),
-                    "wall_seconds": spread(timing.wall_seconds),
-                    "cpu_seconds": spread(timing.cpu_seconds),
-                    "kernel_rays_per_second": rate(rays.ray_count, kernel),
-                    "rays_per_second": rate(rays.ray_count, timing.wall_seconds),
-                    "rays_per_cpu_second": rate(rays.ray_count, timing.cpu_seconds),
-                    "evaluations_per_ray": ends.evaluations,
-                    "error": errors(truth, ends.direction[rows], ends.opd[rows]),
-                }
+                yield peer_row(
+                    peer,
+                    scheme=scheme.text,
+                    precision=scheme.precision,
+                    device=scheme.device,
+                    rays_traced=rays.ray_count,
+                    repeats=settings.repeats,
+                    first_call_seconds=timing.first_seconds,
+                    evaluations_per_ray=ends.evaluations,
+                    error=errors(truth, ends.direction[rows], ends.opd[rows]),
+                    **clocks(rays.ray_count, kernel, timing.wall_seconds, timing.cpu_seconds),
+                )
         except Exception as error:  # a foreign package: anything may come, and the others go on
             yield _absent(peer, f"failed: {type(error).__name__}: {' '.join(str(error).split())[:200]}")
 

@@ -11,7 +11,7 @@ import numpy as np
 from aerokernels.benchmark.bundle_suite import bundle_runs
 from aerokernels.benchmark.ceiling import share
 from aerokernels.benchmark.errors import UNDISTURBED, chosen_rays, errors
-from aerokernels.benchmark.measuring import Timing, measure, rate, spread
+from aerokernels.benchmark.measuring import Timing, kernel_clocks, measure, rate, spread
 from aerokernels.benchmark.scenes import WAVELENGTH, PupilScene, strehl_scene
 from aerokernels.benchmark.targets import Settings, on_processor
 from aerokernels.flow import shipped
@@ -22,7 +22,6 @@ from aerokernels.strehl import StrehlEstimate, strehl
 from aerokernels.strehl_estimate import estimate_strehl
 from aerokernels.tracing import Plane, trace
 from aerokernels.tracing.engines.choice import choose_backend
-from aerokernels.tracing.engines.info import thread_count
 from aerokernels.validation.cone import cone_field, cone_rays, cone_truth
 
 OUTPUTS = ("direction", "optical_path")
@@ -50,7 +49,7 @@ def cone_runs(settings: Settings, targets: Targets, ceilings: dict[str, dict]) -
             "suite": "cone",
             "settings": _settings(options, settings),
             "plan": _plan(result),
-            **_clocks(timing, rays.ray_count, on_processor(options["backend"], options["device"])),
+            **_clocks(timing, rays.ray_count, options),
             "fresh_field_seconds": measure(
                 partial(trace, cone_field(), rays, outputs=OUTPUTS, **options), 0
             ).first_seconds,
@@ -78,7 +77,7 @@ def strehl_runs(settings: Settings, targets: Targets, ceilings: dict[str, dict])
                 "suite": "strehl",
                 "settings": {**_settings(options, settings), "symmetry": symmetry},
                 "plan": _plan(found),
-                **_clocks(timing, found.traced_ray_count, on_processor(options["backend"], options["device"])),
+                **_clocks(timing, found.traced_ray_count, options),
                 "fresh_field_seconds": measure(partial(estimate, fresh.field, fresh.pupil), 0).first_seconds,
                 "rays_traced": found.traced_ray_count,
                 "evaluations_per_ray": found.evaluation_count / found.traced_ray_count,
@@ -184,18 +183,11 @@ def _plan(result: Any) -> dict:
     return {"method": plan.method, "step": plan.step, "reasons": list(plan.reasons)}
 
 
-def _clocks(timing: Timing, ray_count: int, on_cpu: bool) -> dict:
-    kernel = [result.seconds["kernel"] for result in timing.results]
+def _clocks(timing: Timing, ray_count: int, options: dict) -> dict:
     return {
         "first_call_seconds": timing.first_seconds,
         "compile_seconds": timing.first.seconds["compile"],
-        "kernel_seconds": spread(kernel),
-        "wall_seconds": spread(timing.wall_seconds),
-        "cpu_seconds": spread(timing.cpu_seconds),
-        "kernel_rays_per_second": rate(ray_count, kernel),
-        "kernel_rays_per_core_second": rate(ray_count / thread_count(), kernel) if on_cpu else None,
-        "rays_per_second": rate(ray_count, timing.wall_seconds),
-        "rays_per_cpu_second": rate(ray_count, timing.cpu_seconds),
+        **kernel_clocks(timing, ray_count, on_processor(options["backend"], options["device"])),
     }
 
 

@@ -6,7 +6,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from aerokernels.jobs.comparison import BenchComparison, LabelComparison
-from aerokernels.jobs.plots import ACCENT, MUTED, RAY_COLOUR, STYLE
+from aerokernels.jobs.figure_layout import styled_figure
+from aerokernels.jobs.plots import ACCENT, MUTED, RAY_COLOUR
 from aerokernels.jobs.recorded import label_text
 
 if TYPE_CHECKING:
@@ -21,14 +22,10 @@ LOWEST_SHOWN = 0.95  # of r: nearly equal correlations are not spread over the w
 
 def waveforms_figure(found: BenchComparison) -> "Figure":
     """Recorded mean and simulation of the first twelve labels, and below each their difference."""
-    from matplotlib import rc_context
-    from matplotlib.figure import Figure
-
     shown = found.labels[:MOST_PANELS]
     columns = min(2, len(shown))
     rows = math.ceil(len(shown) / columns)
-    with rc_context(STYLE):
-        figure = Figure(figsize=(5.4 * columns, 4.2 * rows), layout="constrained", dpi=120)
+    with styled_figure(5.4 * columns, 4.2 * rows) as figure:
         ratios = (3.0, 1.2) * rows
         panels = figure.subplots(2 * rows, columns, squeeze=False, height_ratios=ratios)
         for number in range(rows * columns):
@@ -72,13 +69,9 @@ def _draw_residual(axes: "Axes", one: LabelComparison) -> None:
 
 def ranges_figure(found: BenchComparison) -> "Figure":
     """Peaks, correlation and range errors over the labels."""
-    from matplotlib import rc_context
-    from matplotlib.figure import Figure
-
     names = [label_text(one.label) for one in found.labels]
     place = np.arange(len(names))
-    with rc_context(STYLE):
-        figure = Figure(figsize=(10.6, 3.8), layout="constrained", dpi=120)
+    with styled_figure(10.6, 3.8) as figure:
         peaks, correlation, ranges = figure.subplots(1, 3)
         peaks.errorbar(
             place,

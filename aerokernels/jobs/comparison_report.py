@@ -1,8 +1,6 @@
 """A comparison of recorded echoes with runs as files: table, waveforms, pictures and one HTML page that tells it."""
 
-import base64
 import csv
-import html
 import math
 from collections.abc import Sequence
 from pathlib import Path
@@ -13,9 +11,9 @@ from aerokernels.compare import DEGREES
 from aerokernels.hardware.csv_cells import csv_cell
 from aerokernels.jobs.comparison import EACH, NO_ALIGNMENT, BenchComparison, LabelComparison
 from aerokernels.jobs.comparison_figure import ranges_figure, waveforms_figure
-from aerokernels.jobs.plots import png
+from aerokernels.jobs.figure_layout import png
+from aerokernels.jobs.page import bullets, page, picture, remarks, section, table
 from aerokernels.jobs.recorded import LEAST_SAMPLES, label_text
-from aerokernels.jobs.report import CSS
 from aerokernels.jobs.store import REPORT_FILE, SUMMARY_FILE, staged_folder, to_json, write_result, write_summary
 from aerokernels.quantities import Quantity
 
@@ -186,14 +184,17 @@ def write_comparison(found: BenchComparison, out: Path) -> list[str]:
         Names of the files written.
     """
     rows = [one.row() for one in found.labels]
-    pictures = {
+    waveforms = (
         "Mean recorded and simulated waveform; below, their difference with the mean's standard error (dark) and the "
-        "spread of one echo (light).": png(waveforms_figure(found)),
-        "Peaks, correlation and range errors by label.": png(ranges_figure(found)),
+        "spread of one echo (light)."
+    )
+    pictures = {
+        "waveforms": (waveforms, png(waveforms_figure(found))),
+        "ranges": ("Peaks, correlation and range errors by label.", png(ranges_figure(found))),
     }
     with staged_folder(out) as folder:
         _write_csv(folder / TABLE_FILE, rows)
-        (folder / FIGURE_FILE).write_bytes(next(iter(pictures.values())))
+        (folder / FIGURE_FILE).write_bytes(pictures["waveforms"][1])
         write_result(folder / WAVEFORM_FILE, found.to_xarray())
         summary = {
             "recording": str(found.source),
@@ -218,37 +219,14 @@ def _write_csv(path: Path, rows: Sequence[dict[str, Any]]) -> None:
             writer.writerow({name: "" if value is None else csv_cell(value) for name, value in plain.items()})
 
 
-def _page(found: BenchComparison, pictures: dict[str, bytes]) -> str:
-    parts = [
-        f"<h1>Recorded against simulated</h1><p class='lead'>{html.escape(str(found.source))}, "
-        f"{len(found.labels)} labels, aerokernels {html.escape(__version__)}</p>"
-    ]
-    parts += [f"<p class='warning'><strong>Warning: {html.escape(text)}</strong></p>" for text in found.warnings]
-    for make in TABLES:
-        title, columns, rows = make(found)
-        parts.append(f"<h2>{html.escape(title)}</h2>{_html_table(columns, rows)}")
-    parts.append("<h2>Pictures</h2>")
-    for caption, data in pictures.items():
-        image = base64.b64encode(data).decode("ascii")
-        parts.append(
-            f'<figure><img alt="{html.escape(caption)}" src="data:image/png;base64,{image}">'
-            f"<figcaption>{html.escape(caption)}</figcaption></figure>"
-        )
-    parts.append(
-        "<h2>How it was done</h2><ul>" + "".join(f"<li>{html.escape(line)}</li>" for line in notes(found)) + "</ul>"
-    )
+def _page(found: BenchComparison, pictures: dict[str, tuple[str, bytes]]) -> str:
     runs = [(label_text(one.label), one.run.name, str(one.run.path)) for one in found.labels]
-    parts.append("<h2>Runs</h2>" + _html_table(("label", "scene", "folder"), runs))
-    return (
-        "<!doctype html>\n<html lang='en'><head><meta charset='utf-8'>"
-        "<meta name='viewport' content='width=device-width'>"
-        f"<title>Recorded against simulated · aerokernels</title><style>{CSS}</style></head>\n<body>"
-        + "\n".join(parts)
-        + "</body></html>\n"
-    )
-
-
-def _html_table(columns: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
-    head = "".join(f"<th>{html.escape(name)}</th>" for name in columns)
-    body = "".join("<tr>" + "".join(f"<td>{html.escape(cell)}</td>" for cell in row) + "</tr>" for row in rows)
-    return f"<table><tr>{head}</tr>{body}</table>"
+    parts = [
+        remarks(("Warning", text) for text in found.warnings),
+        *(section(title, table(columns, rows)) for title, columns, rows in (make(found) for make in TABLES)),
+        section("Pictures", "".join(picture(name, caption, data) for name, (caption, data) in pictures.items())),
+        section("How it was done", bullets(notes(found))),
+        section("Runs", table(("label", "scene", "folder"), runs)),
+    ]
+    lead = f"{found.source}, {len(found.labels)} labels, aerokernels {__version__}"
+    return page("Recorded against simulated", lead, parts)

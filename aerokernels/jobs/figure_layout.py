@@ -1,17 +1,32 @@
-"""Where the panels of a picture lie: beside each other, in inches, with room for what is written around them.
+"""The look of pictures, and where their panels lie: side by side, in inches, with room for what is written around them.
 
 The sizes are known before anything is drawn, so a picture is drawn once. A layout that measures its labels first has to
 draw every picture twice, and more often to settle.
 """
 
-from collections.abc import Sequence
+import io
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
+STYLE: dict[Any, Any] = {
+    "font.size": 10.0,
+    "axes.titlesize": 11.0,
+    "axes.titleweight": "bold",
+    "axes.edgecolor": "#8a94a0",
+    "axes.linewidth": 0.8,
+    "axes.grid": False,
+    "grid.color": "#e3e7eb",
+    "xtick.color": "#4a5460",
+    "ytick.color": "#4a5460",
+    "legend.frameon": False,
+    "figure.facecolor": "white",
+}
 DPI = 120
 LEFT, RIGHT, BOTTOM, TOP = 0.85, 0.2, 0.6, 0.4  # room around a panel for its labels and title [in]
 SCALE_ROOM = 0.75  # for the labels of a scale on the right [in]
@@ -47,23 +62,50 @@ def fitted_panel(ratio: float, width: float, height: float, bar: bool = False) -
     return Panel(min(width, height / ratio), min(height, width * ratio), bar)
 
 
-def panelled_figure(panels: Sequence[Panel]) -> "tuple[Figure, list[tuple[Axes, Axes | None]]]":
+def panelled_figure(*panels: Panel) -> "tuple[Figure, list[tuple[Axes, Axes | None]]]":
     """A figure without window or global state, and for each panel its axes and those of its colour bar, if any."""
+    from matplotlib import rc_context
     from matplotlib.figure import Figure
 
     content = sum(panel.room for panel in panels)
     width, height = max(content, LEAST_WIDTH), BOTTOM + max(panel.height for panel in panels) + TOP
-    figure = Figure(figsize=(width, height), dpi=DPI)
-    made: list[tuple[Axes, Axes | None]] = []
-    start = 0.5 * (width - content)
-    for panel in panels:
-        left = start + LEFT
-        share = BOTTOM / height, panel.height / height
-        axes = figure.add_axes((left / width, share[0], panel.width / width, share[1]))
-        bar = None
-        if panel.bar:
-            left += panel.width + BAR_GAP
-            bar = figure.add_axes((left / width, share[0], BAR_WIDTH / width, share[1]))
-        made.append((axes, bar))
-        start += panel.room
+    with rc_context(STYLE):
+        figure = Figure(figsize=(width, height), dpi=DPI)
+        made: list[tuple[Axes, Axes | None]] = []
+        start = 0.5 * (width - content)
+        for panel in panels:
+            left = start + LEFT
+            share = BOTTOM / height, panel.height / height
+            axes = figure.add_axes((left / width, share[0], panel.width / width, share[1]))
+            bar = None
+            if panel.bar:
+                left += panel.width + BAR_GAP
+                bar = figure.add_axes((left / width, share[0], BAR_WIDTH / width, share[1]))
+            made.append((axes, bar))
+            start += panel.room
     return figure, made
+
+
+@contextmanager
+def styled_figure(width: float, height: float, dpi: int = DPI, style: Any = None) -> "Iterator[Figure]":
+    """A figure of so many inches without window or global state; what is drawn in the block has the look of STYLE."""
+    from matplotlib import rc_context
+    from matplotlib.figure import Figure
+
+    with rc_context(style or STYLE):
+        yield Figure(figsize=(width, height), layout="constrained", dpi=dpi)
+
+
+def png(figure: "Figure") -> bytes:
+    """`figure` as a PNG file."""
+    buffer = io.BytesIO()
+    figure.savefig(buffer, format="png", pil_kwargs={"compress_level": 4})
+    return buffer.getvalue()
+
+
+def png_or_fault(draw: "Callable[[], Figure]") -> bytes | str:
+    """What a function draws as a PNG file, or in one line why it cannot: the numbers stand without their picture."""
+    try:
+        return png(draw())
+    except Exception as fault:
+        return f"{type(fault).__name__}: {' '.join(str(fault).split())}"

@@ -7,7 +7,8 @@ import numpy as np
 
 from aerokernels.flow import DensityField
 from aerokernels.jobs.dataset import density_cells
-from aerokernels.jobs.plots import BODY_COLOUR, STYLE
+from aerokernels.jobs.figure_layout import styled_figure
+from aerokernels.jobs.plots import BODY_COLOUR
 from aerokernels.medium import SolidBody
 
 if TYPE_CHECKING:
@@ -16,13 +17,9 @@ if TYPE_CHECKING:
 
 def flow_figure(flow: DensityField, title: str = "") -> "Figure":
     """The density in the plane x = 0, z to the right and y (or r) upward; the optical axis is drawn as an arrow."""
-    from matplotlib import rc_context
-    from matplotlib.figure import Figure
-
     density, y, z = density_cells(flow)
-    with rc_context(STYLE):
-        ratio = float(np.clip(np.ptp(y) / np.ptp(z), 0.15, 1.5))
-        figure = Figure(figsize=(7.2, 1.6 + 5.2 * ratio), layout="constrained", dpi=120)
+    ratio = float(np.clip(np.ptp(y) / np.ptp(z), 0.15, 1.5))
+    with styled_figure(7.2, 1.6 + 5.2 * ratio) as figure:
         axes = figure.subplots()
         shown = axes.pcolormesh(1e3 * z, 1e3 * y, density, cmap="viridis", shading="flat", rasterized=True)
         figure.colorbar(shown, ax=axes, label="density [kg/m3]").outline.set_visible(False)

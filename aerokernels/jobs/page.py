@@ -1,17 +1,57 @@
-"""HTML pages that stand alone: pictures are inside them, and they load nothing."""
+"""HTML pages that stand alone: pictures are inside them, and they load nothing. Texts are escaped here."""
 
 import base64
 import html
 from collections.abc import Callable, Iterable, Sequence
+from typing import Any
 
-from aerokernels.jobs.plots import png
-from aerokernels.jobs.report import CSS
+from aerokernels.jobs.figure_layout import png_or_fault
 
 Picture = tuple[str, str, Callable]  # name, caption, a function that draws it
+WIDE = 850  # [pixels] of a picture of two panels
+CSS = """
+body { font: 15px/1.55 system-ui, "Segoe UI", Roboto, sans-serif; color: #1d2630; background: white;
+  margin: 0 auto; max-width: 1080px; padding: 28px 20px 60px; }
+h1 { font-size: 1.6em; margin: 0 0 .1em; }
+h2 { font-size: 1.15em; margin: 2.2em 0 .6em; border-bottom: 1px solid #e3e7eb; padding-bottom: .25em; }
+.lead { color: #5b6470; margin: 0 0 1.4em; }
+.cards { display: grid; grid-template-columns: repeat(auto-fill, minmax(240px, 1fr)); gap: 10px; }
+.card { background: #f3f6f8; border-radius: 8px; padding: 10px 14px; }
+.card b { display: block; font-size: 1.22em; font-weight: 600; }
+.card span { color: #5b6470; font-size: .87em; }
+.alarm, .note { border-radius: 8px; padding: 10px 14px; margin: 0 0 12px; }
+.alarm { background: #fde8e4; border-left: 5px solid #b42318; }
+.note { background: #fff4dc; border-left: 5px solid #b7791f; }
+.alarm p, .note p { margin: .15em 0; }
+figure { margin: 1.4em 0; }
+figure { overflow-x: auto; }
+figure img { max-width: 100%; height: auto; }
+figcaption { color: #5b6470; font-size: .92em; }
+table { border-collapse: collapse; font-variant-numeric: tabular-nums; }
+td, th { padding: 3px 18px 3px 0; border-bottom: 1px solid #eef1f3; vertical-align: top; text-align: left; }
+th { font-weight: 500; color: #45505c; white-space: nowrap; }
+td { overflow-wrap: anywhere; }
+pre { background: #f3f6f8; border-radius: 8px; padding: 12px 14px; overflow-x: auto; font-size: .87em; }
+@media (max-width: 700px) {
+  body { padding: 16px 12px 40px; }
+  .cards { grid-template-columns: 1fr 1fr; }
+  .card { padding: 8px 10px; }
+  figure img.wide { max-width: none; width: 760px; }
+  th { white-space: normal; min-width: 8em; }
+  td, th { padding-right: 10px; }
+}
+@media print {
+  body { max-width: none; padding: 0; font-size: 11px; }
+  .card, .alarm, .note { border: 1px solid #8a94a0; }
+  figure, .card, tr { break-inside: avoid; }
+  h2 { break-after: avoid; }
+  pre { white-space: pre-wrap; }
+}
+"""
 
 
 def page(title: str, lead: str, parts: Iterable[str]) -> str:
-    """A complete HTML document."""
+    """A complete HTML document; the parts are HTML."""
     return (
         "<!doctype html>\n<html lang='en'><head><meta charset='utf-8'>"
         "<meta name='viewport' content='width=device-width'>"
@@ -25,21 +65,21 @@ def embedded(data: bytes) -> str:
     return f"data:image/png;base64,{base64.b64encode(data).decode('ascii')}"
 
 
+def picture(name: str, caption: str, data: bytes) -> str:
+    """A PNG file with its caption; a phone shows a wide one at a legible size, to be moved sideways."""
+    wide = ' class="wide"' if int.from_bytes(data[16:20], "big") > WIDE else ""  # the width in a PNG file's head
+    caption = html.escape(caption)
+    image = f'<img alt="{caption}" src="{embedded(data)}"{wide}>'
+    return f'<figure id="{html.escape(name)}">{image}<figcaption>{caption}</figcaption></figure>'
+
+
 def pictures(shown: Iterable[Picture]) -> str:
-    """Pictures with their captions; one that cannot be drawn says why, since the numbers stand without it."""
-    found = []
-    for name, caption, draw in shown:
-        try:
-            address = embedded(png(draw()))
-        except Exception as fault:
-            why = f"{type(fault).__name__}: {' '.join(str(fault).split())}"
-            found.append(f"<p>No picture of this: {html.escape(caption)} ({html.escape(why)})</p>")
-            continue
-        found.append(
-            f'<figure id="{html.escape(name)}"><img alt="{html.escape(caption)}" src="{address}">'
-            f"<figcaption>{html.escape(caption)}</figcaption></figure>"
-        )
-    return "".join(found)
+    """Pictures with their captions; one that cannot be drawn says why."""
+    made = ((name, caption, png_or_fault(draw)) for name, caption, draw in shown)
+    return "".join(
+        paragraph(f"No picture of this: {caption} ({data})") if isinstance(data, str) else picture(name, caption, data)
+        for name, caption, data in made
+    )
 
 
 def table(columns: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
@@ -47,6 +87,12 @@ def table(columns: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
     head = "".join(f"<th>{html.escape(name)}</th>" for name in columns)
     body = "".join("<tr>" + "".join(f"<td>{html.escape(cell)}</td>" for cell in row) + "</tr>" for row in rows)
     return f"<table><tr>{head}</tr>{body}</table>"
+
+
+def named_values(rows: Iterable[tuple[str, str]]) -> str:
+    """A table of names and their values; "none" where there are none."""
+    body = "".join(f"<tr><th>{html.escape(name)}</th><td>{html.escape(value)}</td></tr>" for name, value in rows)
+    return f"<table>{body}</table>" if body else "<p>none</p>"
 
 
 def cards(rows: Iterable[tuple[str, str]]) -> str:
@@ -57,9 +103,30 @@ def cards(rows: Iterable[tuple[str, str]]) -> str:
     return f"<div class='cards'>{found}</div>"
 
 
+def remarks(rows: Iterable[tuple[str, Any]], kind: str = "note") -> str:
+    """What a reader must know beside the numbers, each under its word; nothing where there is none.
+
+    Args:
+        rows: Words and what they say.
+        kind: "note", or "alarm" where the numbers are worth nothing.
+    """
+    lines = "".join(f"<p><b>{html.escape(words)}:</b> {html.escape(str(text))}</p>" for words, text in rows)
+    return f"<div class='{kind}'>{lines}</div>" if lines else ""
+
+
 def section(title: str, content: str) -> str:
     """A heading and what stands below it, which is HTML."""
     return f"<h2>{html.escape(title)}</h2>{content}"
+
+
+def paragraph(text: str) -> str:
+    """A paragraph."""
+    return f"<p>{html.escape(text)}</p>"
+
+
+def bullets(lines: Iterable[str]) -> str:
+    """A list of lines."""
+    return "<ul>" + "".join(f"<li>{html.escape(line)}</li>" for line in lines) + "</ul>"
 
 
 def text_block(text: str) -> str:

@@ -5,7 +5,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from aerokernels.jobs.plots import ACCENT, STYLE
+from aerokernels.jobs.figure_layout import styled_figure
+from aerokernels.jobs.plots import ACCENT
 from aerokernels.quantities import Quantity
 from aerokernels.schlieren import HalfComparison, ShockAngle
 from aerokernels.schlieren.picture import AnyPicture
@@ -16,14 +17,10 @@ if TYPE_CHECKING:
 
 
 def _axes(picture: AnyPicture, count: int) -> "tuple[Figure, list[Axes]]":
-    from matplotlib import rc_context
-    from matplotlib.figure import Figure
-
     width, height = (float(np.ptp(side)) for side in (picture.horizontal, picture.vertical))
     ratio = min(max(height / width, 0.3), 3.0)
     across = 4.2 if count > 1 else 6.4
-    with rc_context(STYLE):
-        figure = Figure(figsize=(across * count, across * ratio + 0.9), layout="constrained", dpi=120)
+    with styled_figure(across * count, across * ratio + 0.9) as figure:
         axes = figure.subplots(1, count, squeeze=False, sharey=True)[0]
     return figure, list(axes)
 

@@ -12,8 +12,8 @@ from pydantic import ValidationError
 
 from aerokernels import __version__
 from aerokernels.flow import DensityField, shipped_names
+from aerokernels.jobs.figure_layout import png
 from aerokernels.jobs.picture_figure import comparison_figure, pictures_figure
-from aerokernels.jobs.plots import png
 from aerokernels.jobs.store import SUMMARY_FILE, staged_folder, write_result, write_summary
 from aerokernels.medium import IndexField
 from aerokernels.scene import Scene

@@ -4,7 +4,6 @@ Each function returns a Matplotlib figure that belongs to no window and no globa
 or nm and times in ns; the dataset holds SI.
 """
 
-import io
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
@@ -24,26 +23,6 @@ SPEED_OF_LIGHT = 299_792_458.0  # [m/s]
 BODY_COLOUR, RAY_COLOUR, ACCENT, MUTED = "#5b6470", "#0b6e99", "#c2410c", "#8a94a0"
 RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 SQUARE = 3.6  # side of the panels of two-panel pictures [in]
-STYLE: dict[Any, Any] = {
-    "font.size": 10.0,
-    "axes.titlesize": 11.0,
-    "axes.titleweight": "bold",
-    "axes.edgecolor": "#8a94a0",
-    "axes.linewidth": 0.8,
-    "axes.grid": False,
-    "grid.color": "#e3e7eb",
-    "xtick.color": "#4a5460",
-    "ytick.color": "#4a5460",
-    "legend.frameon": False,
-    "figure.facecolor": "white",
-}
-
-
-def _figure(*panels: Panel) -> "tuple[Figure, list[tuple[Axes, Axes | None]]]":
-    from matplotlib import rc_context
-
-    with rc_context(STYLE):
-        return panelled_figure(panels)
 
 
 def _colour_bar(figure: "Figure", mappable: Any, bar_axes: "Axes | None", label: str) -> "Colorbar":
@@ -100,7 +79,7 @@ def density_figure(dataset: "xarray.Dataset") -> "Figure":
     z, y = 1e3 * dataset["density_z"].values, 1e3 * dataset["density_y"].values
     low, high, top = z.min(), z.max() + 0.12 * np.ptp(z), y.max() + 0.05 * np.ptp(y)
     bottom = -top if dataset.attrs.get("geometry") == "axisymmetric" else y.min() - 0.05 * np.ptp(y)
-    figure, [(axes, bar_axes)] = _figure(fitted_panel((top - bottom) / (high - low), 6.6, 4.6, bar=True))
+    figure, [(axes, bar_axes)] = panelled_figure(fitted_panel((top - bottom) / (high - low), 6.6, 4.6, bar=True))
     mesh = _draw_density(axes, dataset)
     _draw_body(axes, dataset)
     if "ray_position" in dataset:
@@ -123,7 +102,7 @@ def rays_figure(dataset: "xarray.Dataset") -> "Figure":
     start, nose = float(np.nanmin(z)), float(dataset.attrs.get("flow_front_m", 0.0)) * 1e3
     low, high = start - 0.15 * half, max(nose, start + half) + 0.35 * half
     shown = fitted_panel(2.0 * half / (high - low), 4.2, SQUARE, bar=True)
-    figure, [(near, bar_axes), (stray, _)] = _figure(shown, Panel(4.4, shown.height))
+    figure, [(near, bar_axes), (stray, _)] = panelled_figure(shown, Panel(4.4, shown.height))
     mesh = _draw_density(near, dataset)
     _draw_body(near, dataset)
     near.plot(z.T, y.T, color="white", linewidth=0.9, zorder=4)
@@ -147,7 +126,7 @@ def rays_figure(dataset: "xarray.Dataset") -> "Figure":
 def opd_figure(dataset: "xarray.Dataset") -> "Figure":
     """Optical path difference over the receiver's pupil: piston removed, then tilt and focus removed as well."""
     square = Panel(SQUARE, SQUARE, bar=True)
-    figure, panels = _figure(square, square)
+    figure, panels = panelled_figure(square, square)
     shown = {"opd": "No piston", "opd_without_tilt": "No piston, tilt"}
     if "opd_without_focus" in dataset:  # which results of earlier versions lack
         shown = {"opd": "No piston", "opd_without_focus": "No piston, tilt, focus"}
@@ -178,7 +157,7 @@ def point_spread_figure(dataset: "xarray.Dataset") -> "Figure":
     """Point spread function relative to the undisturbed peak: the spot, and cuts through it beside the perfect one."""
     from matplotlib.colors import LogNorm
 
-    figure, [(spot, bar_axes), (cut, _)] = _figure(Panel(SQUARE, SQUARE, bar=True), Panel(SQUARE, SQUARE))
+    figure, [(spot, bar_axes), (cut, _)] = panelled_figure(Panel(SQUARE, SQUARE, bar=True), Panel(SQUARE, SQUARE))
     angle_x, angle_y = 1e6 * dataset["angle_x"].values, 1e6 * dataset["angle_y"].values
     spread, perfect = dataset["point_spread"].values, dataset["point_spread_perfect"].values
     extent = (angle_x[0], angle_x[-1], angle_y[0], angle_y[-1])
@@ -212,7 +191,7 @@ def point_spread_figure(dataset: "xarray.Dataset") -> "Figure":
 
 def echo_figure(dataset: "xarray.Dataset") -> "Figure":
     """Received power, and the detector's voltage with the threshold and the reported range."""
-    figure, [(axes, _)] = _figure(Panel(6.9, 3.3, scale=True))
+    figure, [(axes, _)] = panelled_figure(Panel(6.9, 3.3, scale=True))
     time, power, voltage = (dataset[name].values for name in ("time", "echo_power", "echo_voltage"))
     shown = _around_pulse(power, dataset.get("echo_voltage_clean", dataset["echo_voltage"]).values)
     nanoseconds = 1e9 * time[shown]
@@ -274,10 +253,3 @@ NEEDED: dict[str, set[str]] = {
     "point-spread": {"point_spread", "point_spread_perfect"},
     "echo": {"time", "echo_power", "echo_voltage"},
 }
-
-
-def png(figure: "Figure") -> bytes:
-    """`figure` as a PNG file."""
-    buffer = io.BytesIO()
-    figure.savefig(buffer, format="png", pil_kwargs={"compress_level": 4})
-    return buffer.getvalue()

@@ -3,15 +3,16 @@
 The page stands alone: pictures are inside it, and it loads nothing.
 """
 
-import base64
-import html
 import json
 import math
 import re
 from collections.abc import Iterable, Mapping
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 from aerokernels.jobs import plots
+from aerokernels.jobs.figure_layout import png_or_fault
+from aerokernels.jobs.page import bullets, cards, named_values, page, paragraph, picture, remarks, section, text_block
 from aerokernels.jobs.store import to_json
 from aerokernels.quantities import WORTHLESS, Quantity, listed
 
@@ -58,48 +59,6 @@ GROUPS = {
     "range_statistics_m": "statistics of the range by {} [m]",
     "stage_seconds": "time, {} [s]",
 }
-
-WIDE = 850  # [pixels] of a picture of two panels
-
-CSS = """
-body { font: 15px/1.55 system-ui, "Segoe UI", Roboto, sans-serif; color: #1d2630; background: white;
-  margin: 0 auto; max-width: 1080px; padding: 28px 20px 60px; }
-h1 { font-size: 1.6em; margin: 0 0 .1em; }
-h2 { font-size: 1.15em; margin: 2.2em 0 .6em; border-bottom: 1px solid #e3e7eb; padding-bottom: .25em; }
-.lead { color: #5b6470; margin: 0 0 1.4em; }
-.cards { display: grid; grid-template-columns: repeat(auto-fill, minmax(240px, 1fr)); gap: 10px; }
-.card { background: #f3f6f8; border-radius: 8px; padding: 10px 14px; }
-.card b { display: block; font-size: 1.22em; font-weight: 600; }
-.card span { color: #5b6470; font-size: .87em; }
-.alarm, .note { border-radius: 8px; padding: 10px 14px; margin: 0 0 12px; }
-.alarm { background: #fde8e4; border-left: 5px solid #b42318; }
-.note { background: #fff4dc; border-left: 5px solid #b7791f; }
-.alarm p, .note p { margin: .15em 0; }
-figure { margin: 1.4em 0; }
-figure { overflow-x: auto; }
-figure img { max-width: 100%; height: auto; }
-figcaption { color: #5b6470; font-size: .92em; }
-table { border-collapse: collapse; font-variant-numeric: tabular-nums; }
-td, th { padding: 3px 18px 3px 0; border-bottom: 1px solid #eef1f3; vertical-align: top; text-align: left; }
-th { font-weight: 500; color: #45505c; white-space: nowrap; }
-td { overflow-wrap: anywhere; }
-pre { background: #f3f6f8; border-radius: 8px; padding: 12px 14px; overflow-x: auto; font-size: .87em; }
-@media (max-width: 700px) {
-  body { padding: 16px 12px 40px; }
-  .cards { grid-template-columns: 1fr 1fr; }
-  .card { padding: 8px 10px; }
-  figure img.wide { max-width: none; width: 760px; }
-  th { white-space: normal; min-width: 8em; }
-  td, th { padding-right: 10px; }
-}
-@media print {
-  body { max-width: none; padding: 0; font-size: 11px; }
-  .card, .alarm, .note { border: 1px solid #8a94a0; }
-  figure, .card, tr { break-inside: avoid; }
-  h2 { break-after: avoid; }
-  pre { white-space: pre-wrap; }
-}
-"""
 
 
 def quantity_of(summary: Mapping[str, Any], key: str, unit: str = "") -> Quantity:
@@ -153,13 +112,6 @@ def _flat(values: Mapping[str, Any], prefix: str = "") -> Iterable[tuple[str, An
             yield f"{prefix}{key}", value
 
 
-def _table(rows: Iterable[tuple[str, Any]]) -> str:
-    body = "".join(
-        f"<tr><th>{html.escape(str(name))}</th><td>{html.escape(_words(value))}</td></tr>" for name, value in rows
-    )
-    return f"<table>{body}</table>" if body else "<p>none</p>"
-
-
 def _label(name: str) -> str:
     """A key of summary.json in words, with its unit."""
     from aerokernels.jobs.sweeps.dataset import NUMBERS, TEXTS
@@ -203,23 +155,12 @@ def _budget(error: Mapping[str, Any]) -> list[tuple[str, str]]:
     return rows
 
 
-def _remarks(summary: Mapping[str, Any]) -> str:
-    rows = remark_rows(summary)
-    if not rows:
-        return ""
-    kind = "alarm" if summary.get("verdict") == WORTHLESS else "note"
-    lines = "".join(f"<p><b>{html.escape(words)}:</b> {html.escape(reason)}</p>" for words, reason in rows)
-    return f"<div class='{kind}'>{lines}</div>"
-
-
 def _section(title: str, content: Any) -> str:
     if isinstance(content, Mapping):
-        inner = _table(_flat(content))
-    elif isinstance(content, (list, tuple)):
-        inner = "<ul>" + "".join(f"<li>{html.escape(_words(item))}</li>" for item in content) + "</ul>"
-    else:
-        inner = f"<p>{html.escape(_words(content))}</p>"
-    return f"<h2>{html.escape(title)}</h2>{inner}"
+        return section(title, named_values((name, _words(value)) for name, value in _flat(content)))
+    if isinstance(content, (list, tuple)):
+        return section(title, bullets(map(_words, content)))
+    return section(title, paragraph(_words(content)))
 
 
 def draw_pictures(dataset: "xarray.Dataset") -> tuple[dict[str, bytes], dict[str, str]]:
@@ -231,16 +172,12 @@ def draw_pictures(dataset: "xarray.Dataset") -> tuple[dict[str, bytes], dict[str
     for name, (_, draw) in plots.FIGURES.items():
         if not plots.NEEDED[name] <= set(dataset.variables):
             continue
-        try:
-            drawn[name] = plots.png(draw(dataset))
-        except Exception as fault:  # a picture is an extra: whatever it cannot draw, the numbers stand
-            undrawn[f"picture {name}"] = f"{type(fault).__name__}: {' '.join(str(fault).split())}"
+        data = png_or_fault(partial(draw, dataset))
+        if isinstance(data, str):
+            undrawn[f"picture {name}"] = data
+        else:
+            drawn[name] = data
     return drawn, undrawn
-
-
-def _wide(picture: bytes) -> str:
-    """The class of a picture that a phone shows at a legible size, to be moved sideways; a PNG's head has its width."""
-    return ' class="wide"' if int.from_bytes(picture[16:20], "big") > WIDE else ""
 
 
 def render_report(pictures: Mapping[str, bytes], summary: Mapping[str, Any], scene_text: str) -> str:
@@ -254,39 +191,24 @@ def render_report(pictures: Mapping[str, bytes], summary: Mapping[str, Any], sce
     Returns:
         A complete HTML document.
     """
-    name = html.escape(str(summary.get("title") or summary.get("scene", "run")))
-    cards = "".join(
-        f'<div class="card"><b>{html.escape(value)}</b><span>{html.escape(words)}</span></div>'
-        for words, value in headline_rows(summary)
-    )
-    shown = []
-    for key, (caption, _) in plots.FIGURES.items():
-        if key in pictures:
-            data = base64.b64encode(pictures[key]).decode("ascii")
-            shown.append(
-                f'<figure id="{key}"><img alt="{html.escape(caption)}" src="data:image/png;base64,{data}"'
-                f"{_wide(pictures[key])}>"
-                f"<figcaption>{html.escape(caption)}</figcaption></figure>"
-            )
-        else:
-            shown.append(f"<p>No picture of this: {html.escape(caption)} The reason stands at the top.</p>")
     version = str(summary.get("version"))
     lead = ", ".join(str(summary.get(key)) for key in ("backend", "device", "precision")) + f", aerokernels {version}"
+    shown = [
+        picture(name, caption, pictures[name])
+        if name in pictures
+        else paragraph(f"No picture of this: {caption} The reason stands at the top.")
+        for name, (caption, _) in plots.FIGURES.items()
+    ]
+    cite = f"The method follows the paper below; please cite it together with aerokernels {version}."
     parts = [
-        f"<h1>{name}</h1><p class='lead'>{html.escape(lead)}</p>{_remarks(summary)}<div class='cards'>{cards}</div>",
-        "<h2>Pictures</h2>" + "".join(shown),
-        "<h2>Numbers (SI), each with its error</h2>" + _table(_numbers(summary)),
-        "<h2>Error budget of the Strehl ratio</h2>" + _table(_budget(summary.get("error") or {})),
+        remarks(remark_rows(summary), "alarm" if summary.get("verdict") == WORTHLESS else "note")
+        + cards(headline_rows(summary)),
+        section("Pictures", "".join(shown)),
+        section("Numbers (SI), each with its error", named_values(_numbers(summary))),
+        section("Error budget of the Strehl ratio", named_values(_budget(summary.get("error") or {}))),
         _section("Plan: what was done, what was skipped, and why", summary.get("plan", {})),
         _section("Seconds per stage", summary.get("seconds", {})),
-        f"<h2>Scene as it was run</h2><pre>{html.escape(scene_text)}</pre>",
-        "<h2>How to cite</h2><p>The method follows the paper below; please cite it together with aerokernels "
-        f"{html.escape(version)}.</p><pre>{html.escape(CITATION)}</pre>",
+        section("Scene as it was run", text_block(scene_text)),
+        section("How to cite", paragraph(cite) + text_block(CITATION)),
     ]
-    return (
-        "<!doctype html>\n<html lang='en'><head><meta charset='utf-8'>"
-        "<meta name='viewport' content='width=device-width'>"
-        f"<title>{name} · aerokernels</title><style>{CSS}</style></head>\n<body>"
-        + "\n".join(parts)
-        + "</body></html>\n"
-    )
+    return page(str(summary.get("title") or summary.get("scene", "run")), lead, parts)

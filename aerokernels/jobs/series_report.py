@@ -1,6 +1,5 @@
 """A series as one HTML page: numbers with errors, maps, modes, spectra, time traces, and a film."""
 
-import html
 import io
 import json
 from collections.abc import Mapping
@@ -9,8 +8,19 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from aerokernels.jobs.figure_layout import Panel, panelled_figure
-from aerokernels.jobs.page import Picture, cards, embedded, page, pictures, section, table, text_block
-from aerokernels.jobs.plots import STYLE, axes_of
+from aerokernels.jobs.page import (
+    Picture,
+    cards,
+    embedded,
+    page,
+    paragraph,
+    pictures,
+    remarks,
+    section,
+    table,
+    text_block,
+)
+from aerokernels.jobs.plots import axes_of
 from aerokernels.jobs.scene_text import scene_toml
 from aerokernels.quantities import Quantity
 from aerokernels.scene import Scene
@@ -47,22 +57,18 @@ def series_report(scene: Scene, maps: "xarray.Dataset", found: "xarray.Dataset",
             shown.append((words, quantity.scaled(factor, unit).text()))
     lead = f"{summary['snapshot_count']} snapshots, {summary['traced_count']} of them traced in full; "
     lead += f"{summary['provenance']}; aerokernels {summary['version']}"
-    remarks = "".join(
-        f"<p><b>{words}:</b> {html.escape(str(summary[key]))}</p>"
-        for key, words in (("drifting", "Drifts"), ("skipped", "Skipped"))
-        if summary[key]
-    )
+    told = [(words, summary[key]) for key, words in (("drifting", "Drifts"), ("skipped", "Skipped")) if summary[key]]
     numbers = [
         (name, Quantity(float(found[name]), float(found[f"{name}_error"])).text(), str(found[name].attrs["units"]))
         for name in map(str, found.data_vars)
         if found[name].ndim == 0 and not name.endswith("_error")
     ]
     parts = [
-        (f"<div class='note'>{remarks}</div>" if remarks else "") + cards(shown),
+        remarks(told) + cards(shown),
         section("Film of the optical path difference", film(maps)),
         section("Pictures", pictures(_pictures(maps, found))),
         section("Numbers (SI), each with its standard error", table(("quantity", "value", "unit"), numbers)),
-        section("How", f"<p>{html.escape(str(summary['plan']))}</p>"),
+        section("How", paragraph(str(summary["plan"]))),
         section("Scene as it was run", text_block(scene_toml(scene))),
     ]
     return page(scene.title or scene.name, lead, parts)
@@ -114,13 +120,6 @@ def _pictures(maps: "xarray.Dataset", found: "xarray.Dataset") -> list[Picture]:
     return shown
 
 
-def _styled(*panels: Panel) -> Any:
-    from matplotlib import rc_context
-
-    with rc_context(STYLE):
-        return panelled_figure(panels)
-
-
 def _map(figure: "Figure", axes: Any, bar: Any, found: "xarray.Dataset", values: Any, label: str, even: bool) -> None:
     """A map over the pupil, in mm."""
     limit = float(np.nanmax(np.abs(values))) or 1.0
@@ -132,14 +131,14 @@ def _map(figure: "Figure", axes: Any, bar: Any, found: "xarray.Dataset", values:
 
 
 def _maps_figure(found: "xarray.Dataset") -> "Figure":
-    figure, [(steady, first), (spread, second)] = _styled(Panel(3.4, 3.4, bar=True), Panel(3.4, 3.4, bar=True))
+    figure, [(steady, first), (spread, second)] = panelled_figure(Panel(3.4, 3.4, bar=True), Panel(3.4, 3.4, bar=True))
     _map(figure, steady, first, found, 1e9 * found.opd_mean.values, "steady OPD [nm]", True)
     _map(figure, spread, second, found, 1e9 * found.opd_std.values, "rms in time [nm]", False)
     return figure
 
 
 def _time_figure(maps: "xarray.Dataset") -> "Figure":
-    figure, [(rms, _), (ratio, _)] = _styled(Panel(4.4, 2.8), Panel(4.4, 2.8))
+    figure, [(rms, _), (ratio, _)] = panelled_figure(Panel(4.4, 2.8), Panel(4.4, 2.8))
     time = 1e3 * maps.time.values
     rms.plot(time, 1e9 * maps.opd_rms.values, color="#0b6e99", linewidth=1.0)
     ratio.plot(time, maps.strehl.values, color="#c2410c", linewidth=1.0)
@@ -149,7 +148,7 @@ def _time_figure(maps: "xarray.Dataset") -> "Figure":
 
 
 def _spectra_figure(found: "xarray.Dataset") -> "Figure":
-    figure, [(opd, _), (tilt, _)] = _styled(Panel(4.4, 3.2), Panel(4.4, 3.2))
+    figure, [(opd, _), (tilt, _)] = panelled_figure(Panel(4.4, 3.2), Panel(4.4, 3.2))
     strouhal = "strouhal" in found.coords
     places = found["strouhal" if strouhal else "frequency"].values
     rows: list[tuple[Any, str, str, str, float]] = [
@@ -173,7 +172,7 @@ def _spectra_figure(found: "xarray.Dataset") -> "Figure":
 
 
 def _aperture_figure(found: "xarray.Dataset") -> "Figure":
-    figure, [(axes, _)] = _styled(Panel(6.0, 3.0))
+    figure, [(axes, _)] = panelled_figure(Panel(6.0, 3.0))
     error = 1e9 * np.nan_to_num(found.opd_rms_aperture_error.values)
     axes.errorbar(
         1e3 * found.aperture.values, 1e9 * found.opd_rms_aperture.values, error, marker="o", capsize=3, color="#0b6e99"
@@ -184,7 +183,7 @@ def _aperture_figure(found: "xarray.Dataset") -> "Figure":
 
 def _modes_figure(found: "xarray.Dataset") -> "Figure":
     count = min(3, found.sizes["mode"])
-    figure, panels = _styled(*[Panel(2.6, 2.6, bar=True)] * count)
+    figure, panels = panelled_figure(*[Panel(2.6, 2.6, bar=True)] * count)
     for k, (axes, bar) in enumerate(panels):
         share = Quantity(100.0 * float(found.pod_share[k]), 100.0 * float(found.pod_share_error[k])).text()
         _map(figure, axes, bar, found, found.pod_mode.values[k], "", True)

@@ -9,9 +9,9 @@ All of them fly the shipped fields (mach2, mach3, mach4) with the shipped scene 
 keeps its shape when its density is scaled, so that altitude is density.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -21,7 +21,7 @@ from aerokernels.scene import Scene
 from aerokernels.series import look_map
 from aerokernels.series.strehl_bound import strehl_error
 
-from .report import STYLE, markdown_table
+from .report import markdown_table, saved_figure
 
 SCENE, FLOWS = "sea-level-mach3", ("mach2", "mach3", "mach4")
 MACH = {"mach2": "Mach 2", "mach3": "Mach 3", "mach4": "Mach 4"}
@@ -53,13 +53,57 @@ class Answer:
 
     def save(self, path: Any) -> None:
         """Write the picture."""
-        from matplotlib import rc_context
-        from matplotlib.figure import Figure
-
-        with rc_context(STYLE):
-            figure = Figure(figsize=(10.0, 4.2), layout="constrained", dpi=130)
+        with saved_figure(path, 10.0, 4.2) as figure:
             self.draw(figure)
-            figure.savefig(path)
+
+
+class Curves(NamedTuple):
+    """A quantity of each flow with its errors, shapes (flow, place); `words` hold its unit, `note` goes to legends."""
+
+    words: str
+    value: np.ndarray
+    error: np.ndarray
+    note: str = ""
+    style: str = "-"
+
+
+def by_flow(
+    sentences: Sequence[str],
+    flows: Sequence[str],
+    label: str,
+    places: np.ndarray,
+    columns: Mapping[str, Curves],
+    panels: Mapping[str, Sequence[Curves]],
+    more: Mapping[str, Sequence[str]] | None = None,
+    dotted: np.ndarray | None = None,
+) -> Answer:
+    """An answer with a row for each place, and a curve for each flow.
+
+    `columns` of the table have their headings, `panels` their titles; `more` are columns of texts that stand first.
+    `dotted` is the perfect pupil's line in the last panel, shape (place,).
+    """
+    texts = [[f"{place:g}" for place in places], *(more or {}).values()]
+    texts += [
+        list(map(with_error, *of_flow))
+        for one in columns.values()
+        for of_flow in zip(one.value, one.error, strict=True)
+    ]
+    heading = [label, *(more or {}), *(f"{words}, {MACH[flow]}" for words in columns for flow in flows)]
+
+    def draw(figure: Any) -> None:
+        drawn = figure.subplots(1, len(panels))
+        for axes, (title, curves) in zip(drawn, panels.items(), strict=True):
+            for one in curves:
+                for flow, value, error in zip(flows, one.value, one.error, strict=True):
+                    look = {"color": COLOURS[flow], "marker": "o", "markersize": 4, "linestyle": one.style}
+                    axes.errorbar(places, value, error, label=f"{MACH[flow]}{one.note}", **look)
+            axes.set(xlabel=label, ylabel=curves[0].words, title=title)
+        if dotted is not None:
+            drawn[-1].plot(places, dotted, ":", color="#4a5460", label="perfect")
+        for axes in drawn:
+            axes.legend(fontsize=8)
+
+    return Answer(tuple(sentences), markdown_table(heading, zip(*texts, strict=True), 0), draw)
 
 
 def standard_density(altitude: float) -> float:
@@ -105,8 +149,10 @@ def altitude(flows: Sequence[str] = FLOWS, kilometres: Sequence[float] = (), set
             f"At {MACH[flow]} the Strehl ratio of the 12 mm pupil is {with_error(strehl[a, 0], error[a, 0])} at "
             f"{heights[0]:g} km, and {told}."
         )
-    for k, method in enumerate(methods):
+    ranges = []
+    for k, (method, style) in enumerate(zip(methods, ("-", "--"), strict=True)):
         shift, off = number["range_error_m"][:, :, k], number["range_error_m_error"][:, :, k]
+        ranges.append(Curves("reported − true range [mm]", 1e3 * shift, 1e3 * off, f", {method}", style))
         worst = np.unravel_index(int(np.nanargmax(np.abs(shift))), shift.shape)
         small = [heights[j] for j in range(len(heights)) if (np.abs(shift[:, j:]) < SMALL).all()]
         after = (
@@ -116,34 +162,16 @@ def altitude(flows: Sequence[str] = FLOWS, kilometres: Sequence[float] = (), set
             f"The range error by {method} is greatest at {MACH[flows[worst[0]]]} and {heights[worst[1]]:g} km, "
             f"{with_error(shift[worst], off[worst], 1e3)} mm, and {after}."
         )
-    rows = [
-        [
-            f"{height:g}",
-            f"{density:.4f}",
-            *(with_error(strehl[a, j], error[a, j]) for a in range(len(flows))),
-            *(
-                with_error(number["range_error_m"][a, j, 0], number["range_error_m_error"][a, j, 0], 1e3)
-                for a in range(len(flows))
-            ),
-        ]
-        for j, (height, density) in enumerate(zip(heights, vary["flow.density"], strict=True))
-    ]
-    heading = ["altitude [km]", "density [kg/m³]", *(f"Strehl ratio, {MACH[flow]}" for flow in flows)]
-    heading += [f"leading edge [mm], {MACH[flow]}" for flow in flows]
-
-    def draw(figure: Any) -> None:
-        left, right = figure.subplots(1, 2)
-        for a, flow in enumerate(flows):
-            line = {"color": COLOURS[flow], "marker": "o", "markersize": 4}
-            left.errorbar(heights, strehl[a], error[a], label=MACH[flow], **line)
-            for k, (method, style) in enumerate(zip(methods, ("-", "--"), strict=True)):
-                values, off = (1e3 * number[name][a, :, k] for name in ("range_error_m", "range_error_m_error"))
-                right.errorbar(heights, values, off, label=f"{MACH[flow]}, {method}", linestyle=style, **line)
-        left.set(xlabel="altitude [km]", ylabel="Strehl ratio", title="12 mm pupil behind the dome")
-        right.set(xlabel="altitude [km]", ylabel="reported − true range [mm]", title="Range error at 1.5 m")
-        left.legend(), right.legend(fontsize=8)
-
-    return Answer(tuple(sentences), markdown_table(heading, rows, 0), draw)
+    ratio = Curves("Strehl ratio", strehl, error)
+    return by_flow(
+        sentences,
+        flows,
+        "altitude [km]",
+        heights,
+        {"Strehl ratio": ratio, "leading edge [mm]": ranges[0]},
+        {"12 mm pupil behind the dome": [ratio], "Range error at 1.5 m": ranges},
+        {"density [kg/m³]": [f"{density:.4f}" for density in vary["flow.density"]]},
+    )
 
 
 def aperture(flows: Sequence[str] = FLOWS, millimetres: Sequence[float] = (), settings: Any = None) -> Answer:
@@ -170,31 +198,17 @@ def aperture(flows: Sequence[str] = FLOWS, millimetres: Sequence[float] = (), se
             f"The echo's peak grows by a factor of {with_error(gain, off)} over these diameters, the pupil's area by "
             f"{(diameters[-1] / diameters[0]) ** 2:g}."
         )
-    rows = [
-        [
-            f"{size:g}",
-            *(with_error(strehl[a, j], error[a, j]) for a in range(len(flows))),
-            *(with_error(volts[a, j], volts_error[a, j]) for a in range(len(flows))),
-        ]
-        for j, size in enumerate(diameters)
-    ]
-    heading = ["diameter [mm]", *(f"Strehl ratio, {MACH[flow]}" for flow in flows)]
-    heading += [f"echo peak [V], {MACH[flow]}" for flow in flows]
-
-    def draw(figure: Any) -> None:
-        left, right = figure.subplots(1, 2)
-        for a, flow in enumerate(flows):
-            line = {"color": COLOURS[flow], "marker": "o", "markersize": 4, "label": MACH[flow]}
-            left.errorbar(diameters, strehl[a], error[a], **line)
-            right.errorbar(diameters, light[a], light_error[a], **line)
-        right.plot(diameters, diameters**2, ":", color="#4a5460", label="perfect")
-        left.set(xlabel="diameter of the pupil [mm]", ylabel="Strehl ratio", title="Strehl ratio at sea level")
-        right.set(
-            xlabel="diameter of the pupil [mm]", ylabel="Strehl ratio × diameter² [mm²]", title="Light in the core"
-        )
-        left.legend(), right.legend()
-
-    return Answer(tuple(sentences), markdown_table(heading, rows, 0), draw)
+    ratio = Curves("Strehl ratio", strehl, error)
+    core = Curves("Strehl ratio × diameter² [mm²]", light, light_error)
+    return by_flow(
+        sentences,
+        flows,
+        "diameter [mm]",
+        diameters,
+        {"Strehl ratio": ratio, "echo peak [V]": Curves("echo peak [V]", volts, volts_error)},
+        {"Strehl ratio at sea level": [ratio], "Light in the core": [core]},
+        dotted=diameters**2,
+    )
 
 
 def look_angle(
@@ -231,30 +245,16 @@ def look_angle(
         else f"In {lost} of the {known.size} directions the computed flow ends in disturbed air before the light does, "
         "and the numbers hold the known part only."
     )
-    rows = [
-        [
-            f"{angle:g}",
-            *(with_error(strehl[a, j], error[a, j]) for a in range(len(flows))),
-            *(with_error(boresight[a, j], tilt_error, 1e6) for a in range(len(flows))),
-        ]
-        for j, angle in enumerate(angles)
-    ]
-    heading = ["angle [deg]", *(f"Strehl ratio, {MACH[flow]}" for flow in flows)]
-    heading += [f"boresight error [µrad], {MACH[flow]}" for flow in flows]
-
-    def draw(figure: Any) -> None:
-        left, right = figure.subplots(1, 2)
-        for a, flow in enumerate(flows):
-            line = {"color": COLOURS[flow], "marker": "o", "markersize": 4, "label": MACH[flow]}
-            left.errorbar(angles, strehl[a], error[a], **line)
-            right.errorbar(angles, 1e6 * boresight[a], 1e6 * tilt_error, **line)
-        left.set(
-            xlabel="angle to the axis [deg]", ylabel="Strehl ratio", title="12 mm pupil behind the dome, sea level"
-        )
-        right.set(xlabel="angle to the axis [deg]", ylabel="boresight error [µrad]", title="Where the beam points")
-        left.legend(), right.legend()
-
-    return Answer(tuple(sentences), markdown_table(heading, rows, 0), draw)
+    ratio = Curves("Strehl ratio", strehl, error)
+    away = Curves("boresight error [µrad]", 1e6 * boresight, np.full(boresight.shape, 1e6 * tilt_error))
+    return by_flow(
+        sentences,
+        flows,
+        "angle [deg]",
+        angles,
+        {"Strehl ratio": ratio, "boresight error [µrad]": away},
+        {"12 mm pupil behind the dome, sea level": [ratio], "Where the beam points": [away]},
+    )
 
 
 def tolerance(

@@ -1,24 +1,25 @@
 """How measured numbers get into the docs: tables as Markdown and as CSV, pages that hold them, the look of pictures."""
 
 import csv
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-STYLE: dict[str, Any] = {
-    "font.size": 10.0,
-    "axes.titlesize": 11.0,
-    "axes.titleweight": "bold",
-    "axes.edgecolor": "#8a94a0",
-    "axes.linewidth": 0.8,
-    "axes.grid": True,
-    "axes.axisbelow": True,
-    "grid.color": "#e3e7eb",
-    "xtick.color": "#4a5460",
-    "ytick.color": "#4a5460",
-    "legend.frameon": False,
-    "figure.facecolor": "white",
-}
+from aerokernels.jobs.figure_layout import STYLE, styled_figure
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+GRID_STYLE = {**STYLE, "axes.grid": True, "axes.axisbelow": True}
+
+
+@contextmanager
+def saved_figure(path: Path, width: float, height: float, dpi: int = 130) -> "Iterator[Figure]":
+    """A figure of so many inches in the docs' look, which is saved when the block ends."""
+    with styled_figure(width, height, dpi, GRID_STYLE) as figure:
+        yield figure
+        figure.savefig(path)
 
 
 def markdown_table(heading: Sequence[str], rows: Iterable[Sequence[str]], text_columns: int = 1) -> str:

@@ -11,7 +11,7 @@ import pytest
 import xarray
 
 from aerokernels.jobs import plots
-from aerokernels.jobs.figure_layout import Panel, fitted_panel, panelled_figure
+from aerokernels.jobs.figure_layout import Panel, fitted_panel, panelled_figure, png
 from aerokernels.jobs.report import draw_pictures, headline_rows, render_report
 from aerokernels.pupils import Disc
 from aerokernels.scene.pupil_table import axis_words
@@ -98,7 +98,7 @@ def test_nothing_that_is_written_is_cut_off(name: str, dataset: xarray.Dataset):
     wide = wide.assign(opd=-900.0 * dataset["opd"], ray_deviation=-12.0 * dataset["ray_deviation"])
     for data in (dataset, wide):
         figure = plots.FIGURES[name][1](data)
-        plots.png(figure)
+        png(figure)
         drawn = figure.get_tightbbox()  # [in]
         width, height = figure.get_size_inches()
         assert drawn.x0 >= 0.0 and drawn.y0 >= 0.0 and drawn.x1 <= width and drawn.y1 <= height, drawn
@@ -111,7 +111,7 @@ def test_panels_lie_beside_each_other():
     """Expected: axes in the sizes asked for, none over another, colour bars beside their own."""
     panels = [Panel(2.0, 3.0, bar=True), fitted_panel(2.0, 3.0, 4.0), fitted_panel(0.5, 3.0, 4.0)]
     assert (panels[1].width, panels[1].height) == (2.0, 4.0) and (panels[2].width, panels[2].height) == (3.0, 1.5)
-    figure, made = panelled_figure(panels)
+    figure, made = panelled_figure(*panels)
     size = figure.get_size_inches()
     boxes = []
     for panel, (axes, bar) in zip(panels, made, strict=True):
@@ -140,7 +140,7 @@ def test_a_uniform_field_and_a_flat_wavefront_can_be_drawn(dataset: xarray.Datas
     still["echo_power"], still["echo_voltage"] = still["echo_power"] * 0.0, still["echo_voltage"] * 0.0
     still.attrs |= {"range_m": float("nan"), "geometry": "planar"}
     for _, draw in plots.FIGURES.values():
-        assert plots.png(draw(still)).startswith(b"\x89PNG")
+        assert png(draw(still)).startswith(b"\x89PNG")
 
 
 def test_numbers_have_labels_and_what_users_wrote_is_escaped():

@@ -8,7 +8,6 @@ import numpy as np
 
 from aerokernels.jobs.figure_layout import Panel, panelled_figure
 from aerokernels.jobs.page import Picture, page, pictures, section, table, text_block
-from aerokernels.jobs.plots import STYLE
 from aerokernels.jobs.sweeps.definition import CASE, Definition
 from aerokernels.quantities import Quantity
 
@@ -113,12 +112,9 @@ def _scatter(dataset: "xarray.Dataset", values: Any, key: str, label: str) -> "C
 
 
 def _prepared(dataset: "xarray.Dataset", key: str) -> "tuple[np.ndarray, np.ndarray | None, str, Axes, Figure]":
-    from matplotlib import rc_context
-
     values, words = _axis(dataset, key)
     places, texts = _places(values)
-    with rc_context(STYLE):
-        figure, [(axes, _)] = panelled_figure([Panel(6.4, 3.4)])
+    figure, [(axes, _)] = panelled_figure(Panel(6.4, 3.4))
     return places, texts, words, axes, figure
 
 
@@ -131,11 +127,8 @@ def _labelled(axes: "Axes", places: np.ndarray, texts: np.ndarray | None, words:
 
 def _heat_map(dataset: "xarray.Dataset", values: "xarray.DataArray", label: str) -> "Callable[[], Figure]":
     def draw() -> "Figure":
-        from matplotlib import rc_context
-
         rows, columns = (_axis(dataset, str(dim)) for dim in values.dims)
-        with rc_context(STYLE):
-            figure, [(axes, bar)] = panelled_figure([Panel(6.0, 3.8, bar=True)])
+        figure, [(axes, bar)] = panelled_figure(Panel(6.0, 3.8, bar=True))
         edges = [_edges(_places(axis)[0]) for axis, _ in (columns, rows)]
         mesh = axes.pcolormesh(*edges, np.ma.masked_invalid(values.values), cmap="viridis", shading="flat")
         axes.set_facecolor("#e3e7eb")  # a case that failed

@@ -27,7 +27,7 @@ from aerokernels.rays import RayBundle
 from aerokernels.tracing import Plane, trace
 
 from ..closed_forms import parabolic_contrast, sech_contrast
-from ..report import STYLE
+from ..report import saved_figure
 from .printed import FIGURE_1
 
 AXIS_INDEX, GRADIENT = 1.5, 100.0  # n0 [1], g [1/m]
@@ -147,11 +147,7 @@ def run_medium(medium: Medium, height: np.ndarray, planes: np.ndarray) -> list[O
 
 def draw(outcomes: list[Outcome], height: np.ndarray, planes: np.ndarray, path: Path) -> None:
     """Error along z at the first height, and the greatest error against the height."""
-    from matplotlib import rc_context
-    from matplotlib.figure import Figure
-
-    with rc_context(STYLE):
-        figure = Figure(figsize=(12.0, 5.6), layout="constrained", dpi=130)
+    with saved_figure(path, 12.0, 5.6) as figure:
         along, against = figure.subplots(1, 2, sharey=True, width_ratios=(1.35, 1.0))
         order = np.argsort(height)
         for outcome in outcomes:
@@ -180,4 +176,3 @@ def draw(outcomes: list[Outcome], height: np.ndarray, planes: np.ndarray, path: 
         )
         against.set(xlabel="start height x₀ [mm]", title="Greatest error (nodes are 0.25 mm apart)")
         figure.legend(*against.get_legend_handles_labels(), loc="outside lower center", ncols=4, fontsize=8.5)
-        figure.savefig(path)

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ..report import STYLE
+from ..report import saved_figure
 from .cases import Case, Shadow
 from .printed import MACH, SIMULATED, TABLE_3
 
@@ -22,13 +22,8 @@ def words(mach: int) -> str:
 @contextmanager
 def _picture(path: Path, width: float, height: float, rows: int, columns: int, **layout) -> Iterator[np.ndarray]:
     """Panels of a figure in the docs' look, shape (rows, columns); saved at the end."""
-    from matplotlib import rc_context
-    from matplotlib.figure import Figure
-
-    with rc_context(STYLE):
-        figure = Figure(figsize=(width, height), layout="constrained", dpi=130)
+    with saved_figure(path, width, height) as figure:
         yield figure.subplots(rows, columns, squeeze=False, **layout)
-        figure.savefig(path)
 
 
 def _show(axes, shadow: Shadow, half: str = "both") -> None:

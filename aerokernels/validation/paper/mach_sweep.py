@@ -13,7 +13,7 @@ import numpy as np
 from aerokernels.jobs.run import simulate
 from aerokernels.scene import Scene
 
-from ..report import STYLE, markdown_table
+from ..report import markdown_table, saved_figure
 from .printed import SIMULATED, TABLE_3
 
 SCENES = ["wind-tunnel-static", *(f"{air}-mach{mach}" for air in ("wind-tunnel", "sea-level") for mach in (2, 3, 4))]
@@ -87,11 +87,7 @@ def table(points: list[Point]) -> str:
 
 def draw(points: list[Point], path: Path) -> None:
     """Strehl ratio, peak voltage and range error against Mach number."""
-    from matplotlib import rc_context
-    from matplotlib.figure import Figure
-
-    with rc_context(STYLE):
-        figure = Figure(figsize=(12.0, 4.6), layout="constrained", dpi=130)
+    with saved_figure(path, 12.0, 4.6) as figure:
         strehl, peak, ranges = figure.subplots(1, 3)
         static = points[0]
         for air, (colour, words) in LOOK.items():
@@ -119,4 +115,3 @@ def draw(points: list[Point], path: Path) -> None:
         for axes in (strehl, peak, ranges):
             axes.set(xlabel="Mach number (0: no flow)", xticks=[0, 2, 3, 4])
             axes.legend(fontsize=8.5)
-        figure.savefig(path)

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from ..report import STYLE
+from ..report import saved_figure
 from .runs import INTERPOLATIONS, TIGHT_TOLERANCE, Run
 from .tables import of_method, select
 
@@ -58,14 +58,11 @@ def draw(runs: list[Run], title: str, label: str, amount: Amount, path: Path) ->
         amount: What a run took: middle, least and greatest.
         path: The file to write.
     """
-    from matplotlib import rc_context
-    from matplotlib.figure import Figure
     from matplotlib.ticker import LogLocator
 
     known = any(np.isfinite(run.total.opd_rms) for run in runs)
     kind = "total" if known else "tracing"
-    with rc_context(STYLE):
-        figure = Figure(figsize=(12.0, 5.6), layout="constrained", dpi=110)
+    with saved_figure(path, 12.0, 5.6, dpi=110) as figure:
         left, right = figure.subplots(1, 2, sharey=True)
         for method, look in METHODS.items():
             for precision, more in (
@@ -101,4 +98,3 @@ def draw(runs: list[Run], title: str, label: str, amount: Amount, path: Path) ->
             title="Interpolants, float64" + ("" if known else " (the true field is not known)"),
         )
         figure.suptitle(title)
-        figure.savefig(path)
