@@ -50,6 +50,15 @@ def described(value: Any) -> str:
     return f"{value:.9g}" if isinstance(value, float) else _short(" ".join(repr(value).split()))
 
 
+def drawn_on(axes: Any) -> Any:
+    """Matplotlib axes: those given, or where there are none those of a new figure."""
+    if axes is not None:
+        return axes
+    from matplotlib import pyplot
+
+    return pyplot.subplots(layout="constrained")[1]
+
+
 def _short(text: str) -> str:
     return text if len(text) <= MOST_TEXT else f"{text[: MOST_TEXT - 3]}..."
 

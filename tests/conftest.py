@@ -1,8 +1,11 @@
 """What every test may ask for."""
 
+import gc
 import os
+import signal
 import subprocess
 import sys
+import warnings
 from collections.abc import Callable
 from pathlib import Path
 
@@ -66,5 +69,32 @@ def aerokernels(tmp_path: Path) -> Callable[..., subprocess.CompletedProcess[str
             text=True,
             timeout=timeout,
         )
+
+    return run
+
+
+@pytest.fixture
+def command_line(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> Callable[..., subprocess.CompletedProcess[str]]:
+    """As `aerokernels`, but in this process, which saves its start: for refusals and what else needs no own process."""
+    from aerokernels import cli
+    from aerokernels.commands._output import asked
+
+    def run(*arguments: object) -> subprocess.CompletedProcess[str]:
+        monkeypatch.chdir(tmp_path)
+        monkeypatch.setattr(sys, "argv", ["aerokernels", *map(str, arguments)])
+        threshold, handler = gc.get_threshold(), signal.getsignal(signal.SIGTERM)
+        capsys.readouterr()
+        try:
+            with warnings.catch_warnings(), pytest.raises(SystemExit) as left:
+                warnings.simplefilter("default")
+                cli.main()
+        finally:
+            gc.set_threshold(*threshold)
+            signal.signal(signal.SIGTERM, handler)
+            asked.as_json = asked.quiet = False
+        said = capsys.readouterr()
+        return subprocess.CompletedProcess(arguments, left.value.code, said.out, said.err)
 
     return run

@@ -267,8 +267,8 @@ def test_a_device_that_is_not_here_is_refused():
         (("cone", "--out", "no/x.json"), "--out"),
     ],
 )
-def test_the_command_refuses_in_one_line(aerokernels, arguments: tuple[str, ...], word: str, tmp_path: Path):
-    done = aerokernels("bench", *arguments)
+def test_the_command_refuses_in_one_line(command_line, arguments: tuple[str, ...], word: str, tmp_path: Path):
+    done = command_line("bench", *arguments)
     assert done.returncode == 2 and done.stderr.count("\n") == 1 and word in done.stderr, done.stderr
     assert not list(tmp_path.iterdir())
 

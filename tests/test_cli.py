@@ -121,10 +121,10 @@ BAD_SCENES = {
 
 
 @pytest.mark.parametrize("name", BAD_SCENES)
-def test_a_bad_scene_ends_with_status_2_and_one_line(name: str, aerokernels, tmp_path: Path):
+def test_a_bad_scene_ends_with_status_2_and_one_line(name: str, command_line, tmp_path: Path):
     text, key, remedy = BAD_SCENES[name]
     (tmp_path / "bad.toml").write_text(text)
-    done = aerokernels("run", "bad.toml", "--out", "out")
+    done = command_line("run", "bad.toml", "--out", "out")
     assert_refused(done, tmp_path, "bad.toml", key, remedy)
 
 
@@ -153,12 +153,12 @@ def assert_refused(done: subprocess.CompletedProcess[str], folder: Path, *words:
         (("nonsense",), ("nonsense",)),
     ],
 )
-def test_bad_arguments_end_with_status_2_and_one_line(arguments, words, aerokernels, tmp_path: Path):
+def test_bad_arguments_end_with_status_2_and_one_line(arguments, words, command_line, tmp_path: Path):
     (tmp_path / "file.txt").write_text("in the way")
-    assert_refused(aerokernels(*arguments), tmp_path, *words)
+    assert_refused(command_line(*arguments), tmp_path, *words)
 
 
-def test_debug_shows_where_it_failed(aerokernels):
+def test_debug_shows_where_it_failed_in_a_process_as_well(aerokernels):
     done = aerokernels("run", "no-such-scene", "--out", "out", "--debug")
     assert done.returncode == 2 and "Traceback" in done.stderr
 
@@ -233,21 +233,21 @@ def test_an_echo_below_the_threshold_ends_with_status_0(aerokernels, tmp_path: P
     assert json.loads((tmp_path / "out" / "summary.json").read_text())["range_m"] is None
 
 
-def test_fields_lists_what_ships(aerokernels):
-    done = aerokernels("fields")
+def test_fields_lists_what_ships(command_line):
+    done = command_line("fields")
     assert done.returncode == 0
     names = [line.split("\t")[0] for line in done.stdout.splitlines()]
     assert {"mach2", "mach3", "mach4"} <= set(names)
 
 
-def test_backends_says_what_auto_takes(aerokernels):
-    done = aerokernels("backends")
+def test_backends_says_what_auto_takes(command_line):
+    done = command_line("backends")
     assert done.returncode == 0
     assert "reference" in done.stdout and re.search(r"^auto takes \w+ on .+: \w", done.stdout, flags=re.MULTILINE)
 
 
-def test_explain_tells_without_tracing(aerokernels, tmp_path: Path):
-    done = aerokernels("explain", "wind-tunnel-mach3", "--rays", "12345")
+def test_explain_tells_without_tracing(command_line, tmp_path: Path):
+    done = command_line("explain", "wind-tunnel-mach3", "--rays", "12345")
     assert done.returncode == 0, done.stderr
     assert "12,345" in done.stdout and "nodes" in done.stdout and "OPD" in done.stdout
     assert list(tmp_path.iterdir()) == []

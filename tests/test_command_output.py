@@ -5,7 +5,6 @@ import json
 import os
 import subprocess
 import sys
-import warnings
 from pathlib import Path
 
 import pytest
@@ -17,18 +16,12 @@ from aerokernels.scene import Scene, shipped_scenes
 
 
 @pytest.fixture
-def line(monkeypatch, capsys, tmp_path):
+def line(command_line):
     """Call the command line in this process, in an empty folder: status, stdout, stderr."""
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(_output, "asked", _output.asked)
 
     def call(*arguments: str) -> tuple[int, str, str]:
-        monkeypatch.setattr(sys, "argv", ["aerokernels", *arguments])
-        with warnings.catch_warnings(), pytest.raises(SystemExit) as left:
-            cli.main()
-        _output.asked.as_json = _output.asked.quiet = False
-        said = capsys.readouterr()
-        return left.value.code, said.out, said.err
+        done = command_line(*arguments)
+        return done.returncode, done.stdout, done.stderr
 
     return call
 

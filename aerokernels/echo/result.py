@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..quantities import Quantity
-from ..shown import shown
+from ..shown import drawn_on, shown
 from .pulse_curve import peak_height
 from .range_error import RangeStatistics
 from .uncertainty import EchoErrors
@@ -101,10 +101,7 @@ class EchoResult:
 
     def plot(self, axes=None):
         """Draw the recorded voltage, and that without noise, over time [ns] on matplotlib axes; returns the axes."""
-        if axes is None:
-            from matplotlib import pyplot
-
-            axes = pyplot.subplots(layout="constrained")[1]
+        axes = drawn_on(axes)
         axes.plot(1e9 * self.time, self.voltage, label="recorded")
         if self.noise_rms > 0.0:
             axes.plot(1e9 * self.time, self.clean_voltage, label="without noise")

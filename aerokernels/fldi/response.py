@@ -17,6 +17,7 @@ import numpy as np
 
 from ..flow import DensityField, Series
 from ..medium import IndexField
+from ..shown import drawn_on
 from .instrument import FLDI
 from .rays import beam_grid, crossed, gathered
 
@@ -90,10 +91,7 @@ class FLDIResponse:
 
     def plot(self, axes=None):
         """Draw the phase on matplotlib axes, over time where there is one; returns the axes."""
-        if axes is None:
-            from matplotlib import pyplot
-
-            axes = pyplot.subplots(layout="constrained")[1]
+        axes = drawn_on(axes)
         place = np.arange(len(np.atleast_1d(self.phase))) if self.time is None else 1e6 * self.time
         axes.plot(place, np.atleast_1d(self.phase))
         axes.set(xlabel="offset number" if self.time is None else "time [us]", ylabel="phase [rad]")

@@ -4,6 +4,8 @@ from typing import Any
 
 import numpy as np
 
+from ..shown import drawn_on
+
 
 class PictureView:
     """A picture with `intensity` and pixel centres `horizontal` and `vertical` [m]."""
@@ -14,10 +16,7 @@ class PictureView:
 
     def plot(self, axes: Any = None) -> Any:
         """Draw the picture in grey over millimetres on matplotlib axes; returns the axes."""
-        if axes is None:
-            from matplotlib import pyplot
-
-            axes = pyplot.subplots(layout="constrained")[1]
+        axes = drawn_on(axes)
         ends = []
         for centres in (self.horizontal, self.vertical):
             half = 0.5 * (centres[-1] - centres[0]) / max(len(centres) - 1, 1)

@@ -10,7 +10,7 @@ from ..clock import clocked, stage
 from ..device_arrays import DeviceArray, read_on_touch
 from ..pupils import transverse_axes
 from ..quantities import Quantity
-from ..shown import shown
+from ..shown import drawn_on, shown
 from .status import RayStatus, reached
 
 # Per-ray arrays: unit and meaning, in the order of results.
@@ -173,10 +173,7 @@ class TraceResult:
         """
         if self.direction is None or not self.ok.any():
             raise ValueError("a spot diagram needs the output direction, and rays that reached the stop")
-        if axes is None:
-            from matplotlib import pyplot
-
-            axes = pyplot.subplots(layout="constrained")[1]
+        axes = drawn_on(axes)
         there = self.direction[self.ok]
         mean = there.mean(axis=0)
         first, second = transverse_axes(mean / np.linalg.norm(mean))

@@ -4,20 +4,13 @@ from typing import Any
 
 import numpy as np
 
+from ..shown import drawn_on
 from .data import WavefrontMap
-
-
-def _axes(axes: Any) -> Any:
-    if axes is not None:
-        return axes
-    from matplotlib import pyplot
-
-    return pyplot.subplots(layout="constrained")[1]
 
 
 def plot_opd(wavefront: WavefrontMap, axes: Any = None) -> Any:
     """The OPD map [nm] over the pupil [mm]."""
-    axes = _axes(axes)
+    axes = drawn_on(axes)
     half = 0.5e3 * len(wavefront.opd) * wavefront.pixel
     extent = (-half, half, -half, half)
     greatest = float(np.nanmax(np.abs(wavefront.opd))) * 1e9 or 1.0
@@ -31,7 +24,7 @@ def plot_opd(wavefront: WavefrontMap, axes: Any = None) -> Any:
 
 def plot_point_spread(spread: Any, axes: Any = None, decades: float = 4.0) -> Any:
     """The intensity of a PointSpread over field angles [urad], logarithmic."""
-    axes = _axes(axes)
+    axes = drawn_on(axes)
     low, high = 1e6 * spread.angle[0], 1e6 * spread.angle[-1]
     shown = np.log10(np.maximum(spread.intensity, spread.peak * 10.0**-decades))
     picture = axes.imshow(shown, origin="lower", extent=(low, high, low, high), cmap="inferno")
@@ -42,7 +35,7 @@ def plot_point_spread(spread: Any, axes: Any = None, decades: float = 4.0) -> An
 
 def plot_transfer(transfer: Any, axes: Any = None) -> Any:
     """A Transfer's MTF along both axes, beside that of the perfect pupil."""
-    axes = _axes(axes)
+    axes = drawn_on(axes)
     for name, angle in (("x", 0.0), ("y", 0.5 * np.pi)):
         frequency, value = transfer.along(angle)
         axes.plot(frequency * 1e-3, np.abs(value), label=f"along {name}")
@@ -55,7 +48,7 @@ def plot_transfer(transfer: Any, axes: Any = None) -> Any:
 
 def plot_encircled_energy(encircled: Any, axes: Any = None) -> Any:
     """An EncircledEnergy: the share of the light within an angle."""
-    axes = _axes(axes)
+    axes = drawn_on(axes)
     axes.plot(np.ravel(encircled.angle) * 1e6, np.ravel(encircled.energy))
     axes.set(xlabel="angle [urad]", ylabel="encircled energy", ylim=(0.0, 1.05))
     return axes
@@ -63,7 +56,7 @@ def plot_encircled_energy(encircled: Any, axes: Any = None) -> Any:
 
 def plot_structure(structure: Any, axes: Any = None) -> Any:
     """The root of a StructureFunction [nm] over the distance of the points [mm], with its error where it is known."""
-    axes = _axes(axes)
+    axes = drawn_on(axes)
     root = 1e9 * np.sqrt(structure.value)
     axes.plot(1e3 * structure.separation, root)
     if np.isfinite(structure.error).all():

@@ -5,7 +5,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from ..pupils import as_unit_vector, as_vector, transverse_axes
-from ..shown import shown
+from ..shown import drawn_on, shown
 from ..wavefront import PointSpread
 from ..wavefront.point_spread import far_field
 from ..wavelength import check_wavelength
@@ -113,10 +113,7 @@ class Wave:
 
     def plot(self, axes=None):
         """Draw the intensity over the window [mm] on matplotlib axes; returns the axes."""
-        if axes is None:
-            from matplotlib import pyplot
-
-            axes = pyplot.subplots(layout="constrained")[1]
+        axes = drawn_on(axes)
         x, y = (1e3 * axis for axis in self.coordinates)
         half = 0.5e3 * self.pixel
         ends = (x[0] - half, x[-1] + half, y[0] - half, y[-1] + half)

@@ -141,8 +141,8 @@ def test_a_full_disk_leaves_nothing_half_written(tmp_path, root, name):
     assert not [one.name for one in tmp_path.iterdir() if "e." in one.name and "sqlite" not in one.name]
 
 
-def test_the_command(store: EchoStore, tmp_path, aerokernels):
-    done = aerokernels("export", store.path, "--out", tmp_path / "e.nc", "--label", "mach=2")
+def test_the_command(store: EchoStore, tmp_path, command_line):
+    done = command_line("export", store.path, "--out", tmp_path / "e.nc", "--label", "mach=2")
     assert done.returncode == 0 and "wrote 10 echoes" in done.stderr, done.stderr
-    done = aerokernels("export", tmp_path / "absent.sqlite", "--out", tmp_path / "f.nc")
+    done = command_line("export", tmp_path / "absent.sqlite", "--out", tmp_path / "f.nc")
     assert done.returncode == 2 and "no such file" in done.stderr and len(done.stderr.splitlines()) == 1

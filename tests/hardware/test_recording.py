@@ -248,8 +248,8 @@ def test_a_port_in_use_is_refused(tmp_path: Path, aerokernels):
         (("board", "--link", "no/b"), "does not exist"),
     ],
 )
-def test_bad_input_ends_with_status_2_and_one_line(tmp_path: Path, aerokernels, arguments: tuple, match: str):
-    done = aerokernels(*arguments, timeout=60)
+def test_bad_input_ends_with_status_2_and_one_line(tmp_path: Path, command_line, arguments: tuple, match: str):
+    done = command_line(*arguments)
     assert done.returncode == 2, done
     assert match in done.stderr and len(done.stderr.splitlines()) == 1, done.stderr
     assert list(tmp_path.iterdir()) == []
@@ -292,10 +292,10 @@ def test_the_board_and_a_scenes_runs_have_one_definition_of_the_pulse(name):
     assert wave.same_pulse is True
 
 
-def test_a_board_plays_a_run_or_a_scene_not_both(tmp_path: Path, aerokernels):
-    done = aerokernels("board", "--link", tmp_path / "port", "--echo", "run", "--scene", "wind-tunnel-static")
+def test_a_board_plays_a_run_or_a_scene_not_both(tmp_path: Path, command_line):
+    done = command_line("board", "--link", tmp_path / "port", "--echo", "run", "--scene", "wind-tunnel-static")
     assert done.returncode == 2 and "not both" in done.stderr
-    done = aerokernels("board", "--link", tmp_path / "port", "--scene", "wind-tunel-static")
+    done = command_line("board", "--link", tmp_path / "port", "--scene", "wind-tunel-static")
     assert done.returncode == 2 and "did you mean wind-tunnel-static?" in done.stderr
 
 

@@ -83,8 +83,8 @@ def test_board_record_compare(tmp_path: Path, aerokernels):
         (("absent.sqlite", "run", "--ranged", "1"), ("ranged_count", "2")),
     ],
 )
-def test_bad_input_ends_with_status_2_and_one_line(aerokernels, tmp_path: Path, arguments: tuple, words: tuple):
-    done = aerokernels("compare", *arguments, "--out", "out")
+def test_bad_input_ends_with_status_2_and_one_line(command_line, tmp_path: Path, arguments: tuple, words: tuple):
+    done = command_line("compare", *arguments, "--out", "out")
     assert done.returncode == 2, done
     assert done.stderr.count("\n") == 1 and all(word in done.stderr for word in words), done.stderr
     assert list(tmp_path.iterdir()) == []

@@ -180,11 +180,11 @@ def test_echoes_on_other_times_are_drawn_on_the_first(tmp_path: Path):
         average([RecordedEcho((), TIME, pulse(TIME)), RecordedEcho((), TIME + 1e-3, pulse(TIME))])
 
 
-def test_one_run_and_no_folder(tmp_path: Path, runs, aerokernels):
+def test_one_run_and_no_folder(tmp_path: Path, runs, command_line):
     """The tables on the terminal for the label that the run fits; the other label is named, and nothing is written."""
     write_rows(tmp_path / "e.csv", noisy(3, 0.02))
     before = sorted(tmp_path.iterdir())
-    done = aerokernels("compare", "e.csv", runs[1].path, "--align", "each")
+    done = command_line("compare", "e.csv", runs[1].path, "--align", "each")
     assert done.returncode == 0, done.stderr
     rows = [line.split("\t") for line in done.stdout.splitlines() if line.startswith("mach=3")]
     assert len(rows) == 3 + 4 and float(rows[2][1]) > 0.999
@@ -290,7 +290,7 @@ def test_coarse_samples_on_both_sides_of_the_peak_meet_it(tmp_path: Path, runs):
     assert found.waveform.correlation == pytest.approx(1.0, abs=1e-6)
 
 
-def test_another_pulse_is_said_loudly(tmp_path: Path, runs, aerokernels):
+def test_another_pulse_is_said_loudly(tmp_path: Path, runs, command_line):
     """Recorded pulses of tau 3.6 ns against 6 ns: they correlate highly, and their edges are 299 mm apart.
 
     Expected: a warning with both widths and what they do to a range, c / 2 times half of their difference; a mark at
@@ -304,7 +304,7 @@ def test_another_pulse_is_said_loudly(tmp_path: Path, runs, aerokernels):
     (text,) = one.warnings
     assert f"{0.6e9 * fwhm:.3f} ns wide" in text and "no ranges" in text and "beam.pulse_tau" in text
     assert one.row()["same_pulse"] is False
-    done = aerokernels("compare", store, tmp_path / "run0", "--out", "found")
+    done = command_line("compare", store, tmp_path / "run0", "--out", "found")
     assert done.returncode == 0 and text in done.stderr
     assert "highly correlated, but another pulse" in done.stdout
     assert json.loads((tmp_path / "found" / "summary.json").read_text())["warnings"] == [text]

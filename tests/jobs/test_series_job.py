@@ -89,9 +89,9 @@ def test_a_series_gives_maps_statistics_and_a_report(folder: Path):
         (SCENE, ["--set", "series.density=temperature"], ("series.source", "temperature", "rho")),
     ],
 )
-def test_bad_input_ends_with_status_2_and_writes_nothing(folder: Path, text, arguments, words):
+def test_bad_input_ends_with_status_2_and_writes_nothing(folder: Path, text, arguments, words, command_line):
     (folder / "bad.toml").write_text(text)
-    done = run(folder, "bad.toml", "--out", "refused", *arguments)
+    done = command_line("series", folder / "bad.toml", "--out", folder / "refused", *arguments)
     assert done.returncode == 2 and done.stderr.count("\n") == 1 and done.stderr.startswith("error: "), done.stderr
     for word in words:
         assert word in done.stderr

@@ -247,8 +247,8 @@ def test_a_failed_case_is_recorded_and_the_others_go_on(tmp_path: Path):
         (["--vary", "target.tilt=1,1.2", "--device", "cuda:77"], ("cuda:77", "trace.device")),
     ],
 )
-def test_bad_input_ends_with_status_2_and_writes_nothing(arguments, words, aerokernels, tmp_path: Path):
-    done = aerokernels("sweep", "wind-tunnel-mach3", *arguments, "--out", "out")
+def test_bad_input_ends_with_status_2_and_writes_nothing(arguments, words, command_line, tmp_path: Path):
+    done = command_line("sweep", "wind-tunnel-mach3", *arguments, "--out", "out")
     assert done.returncode == 2 and done.stderr.count("\n") == 1 and done.stderr.startswith("error: "), done.stderr
     for word in words:
         assert word in done.stderr

@@ -67,8 +67,8 @@ def test_pictures_of_a_shipped_flow_and_a_photograph(aerokernels, tmp_path: Path
         (("mach3", *SMALL, "--shock", "50 mm,60 mm", "--kind", "schlieren"), ("mach3", "window")),
     ],
 )
-def test_bad_input_ends_with_status_2_and_one_line(aerokernels, tmp_path: Path, arguments: tuple, words: tuple):
-    done = aerokernels("schlieren", *arguments, "--out", "out")
+def test_bad_input_ends_with_status_2_and_one_line(command_line, tmp_path: Path, arguments: tuple, words: tuple):
+    done = command_line("schlieren", *arguments, "--out", "out")
     assert done.returncode == 2, done
     *progress, last = done.stderr.splitlines()
     assert all(re.match(r"[\w-]+: [a-z' ]+$", line) for line in progress), done.stderr
