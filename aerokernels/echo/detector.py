@@ -13,9 +13,11 @@ pulse; a rangefinder is calibrated for that, and so is `simulate.echo`.
 """
 
 import math
+from functools import partial
 
 import numpy as np
 
+from ..opened import OPENED
 from .checks import as_waveform, check_choice, check_positive
 
 RESPONSES = ("first-order", "gaussian", "bessel", "butterworth")
@@ -36,14 +38,15 @@ def check_order(order: int) -> int:
 
 
 def _sections(response: str, order: int) -> tuple[np.ndarray, np.ndarray, float]:
-    """Zeros, poles [2 pi x bandwidth] and gain of the analogue filter."""
+    """Zeros, poles [2 pi x bandwidth] and gain of the analogue filter; a Bessel's take a hundred times its use."""
     from scipy import signal
 
     if response == "first-order":
         return np.array([]), np.array([-1.0]), 1.0
-    if response == "bessel":
-        return signal.bessel(order, 1.0, analog=True, norm="mag", output="zpk")
-    return signal.butter(order, 1.0, analog=True, output="zpk")
+    design = partial(signal.bessel, norm="mag") if response == "bessel" else signal.butter
+    made: tuple[np.ndarray, np.ndarray, float]
+    made = OPENED.once(("low-pass", response, order), lambda: design(order, 1.0, analog=True, output="zpk"))
+    return made
 
 
 def low_pass_gain(frequency, bandwidth: float, response: str = "bessel", order: int = 4) -> np.ndarray:

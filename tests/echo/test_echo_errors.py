@@ -81,13 +81,10 @@ def test_few_samples_a_pulse_are_in_the_errors(rate):
 
 
 def test_noise_is_the_random_part():
-    """Set-up: white noise, no trials asked for. Expected: the spread of 32 records, that of 100 within half.
-
-    The spread of n records is off by 1 / sqrt(2 n) of itself: 13 % and 7 %, half is more than three of both.
-    """
+    """Set-up: white noise, no trials asked for. Expected: the spread of 32 records, that of 300 within half."""
     noisy = {"detector.noise": True, "detector.bandwidth": "200 MHz", "detector.sample_rate": "2 GHz"}
     found = echo(scene(**noisy), field=lump(0.0), phase_error=0.0)
-    many = echo(scene(**noisy, **{"detector.trial_count": 100}), field=lump(0.0), phase_error=0.0)
+    many = echo(scene(**noisy, **{"detector.trial_count": 300}), field=lump(0.0), phase_error=0.0)
     for method, one in found.errors.ranges.items():
         assert one.random == pytest.approx(many.statistics[method].random_error, rel=0.5), method
         assert one.total == pytest.approx(math.hypot(one.systematic, one.random))
