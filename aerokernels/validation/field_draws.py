@@ -46,10 +46,10 @@ class DrawnField:
         return RayBundle(position, np.c_[slope, np.ones(ray_count)])
 
     def exact_opd(self, rays: RayBundle) -> np.ndarray:
-        """OPD [m] of the formula's own rays on the plane z = `length`, shape (ray_count,)."""
+        """OPD [m] of the formula's own rays on the plane z = `length`, to 1e-7 wave, shape (ray_count,)."""
         potential = potential_of(complex_slopes(self.value), 1.0)
         longest = min(2.0 * CELL, self.thinnest)
-        return integrate(potential, 1.0, self.length, longest, rays, tolerance=1e-10).opd
+        return integrate(potential, 1.0, self.length, longest, rays, tolerance=1e-8).opd
 
 
 def smooth_formula(rng, amplitude: float, longest: float, shortest: float):
