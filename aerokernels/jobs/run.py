@@ -22,7 +22,7 @@ from aerokernels.jobs.store import (
     write_summary,
 )
 from aerokernels.jobs.summary import summarise
-from aerokernels.jobs.views import pupil_map, ray_fan
+from aerokernels.jobs.views import pupil_map, ray_fan, trace_options
 from aerokernels.medium import IndexField
 from aerokernels.prepare import prepare_field
 from aerokernels.scene import Scene
@@ -67,21 +67,13 @@ class RunResult(RunParts):
 
 def scene_strehl(field: IndexField, scene: Scene) -> StrehlEstimate:
     """The Strehl ratio of a plane wave that arrives from where a scene's pupil looks."""
-    table = scene.trace
     return estimate_strehl(
         field,
         scene.view,
-        wavelength=scene.flow.wavelength,
+        **trace_options(scene),
         ray_count=scene.strehl.ray_count,
-        method=table.method,
-        tolerance=table.tolerance,
-        step=table.step,
-        max_steps=table.max_steps,
         remove=scene.strehl.remove,
-        backend=table.backend,
-        device=table.device,
-        precision=table.precision,
-        allow_truncation=table.allow_truncation,
+        allow_truncation=scene.trace.allow_truncation,
     )
 
 
