@@ -86,6 +86,7 @@ def schlieren(
     from aerokernels.commands._table import print_table
     from aerokernels.jobs.pictures import KINDS, PictureOptions, make_pictures, picture_scene, write_pictures
     from aerokernels.jobs.store import check_output_folder
+    from aerokernels.one_writer import only_writer
     from aerokernels.quantities import Quantity
     from aerokernels.schlieren import read_picture
 
@@ -124,7 +125,7 @@ def schlieren(
         )
     scene = picture_scene(place, scene_changes(backend, device, precision, None, settings))
     check_output_folder(out)
-    with shown_progress(scene.name) as progress:
+    with only_writer(out), shown_progress(scene.name) as progress:
         with blamed_on(place):
             made = make_pictures(scene, options, measured=photograph, progress=progress)
         progress("writing the pictures", 0.9)
