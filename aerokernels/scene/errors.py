@@ -1,6 +1,7 @@
 """What is wrong with a scene, in one line: file, key, offending value and remedy."""
 
-from collections.abc import Iterable, Mapping
+import functools
+from collections.abc import Iterable, Mapping, Sequence
 from difflib import get_close_matches
 from typing import Any
 
@@ -15,15 +16,16 @@ class SceneError(ValueError):
         super().__init__(" ".join(message.split()))
 
 
-def known_keys(model: type[BaseModel], prefix: str = "") -> list[str]:
+@functools.cache
+def known_keys(model: type[BaseModel], prefix: str = "") -> tuple[str, ...]:
     """Dotted names of all keys of a scene, such as "target.distance"."""
-    keys = []
+    keys: list[str] = []
     for name, field in model.model_fields.items():
         if isinstance(field.annotation, type) and issubclass(field.annotation, BaseModel):
             keys += known_keys(field.annotation, f"{prefix}{name}.")
         else:
             keys.append(prefix + name)
-    return keys
+    return tuple(keys)
 
 
 def scene_error(
@@ -91,7 +93,7 @@ def _how_to_add(key: str, model: type[BaseModel]) -> str:
     return f"add a table [{key}] with {', '.join(required)}"
 
 
-def _nearest_key(key: str, known: list[str], model: type[BaseModel]) -> str:
+def _nearest_key(key: str, known: Sequence[str], model: type[BaseModel]) -> str:
     table, _, leaf = key.rpartition(".")
     same_leaf = [name for name in known if name.rpartition(".")[2] == leaf]
     beside = [name for name in known if name.rpartition(".")[0] == table]

@@ -1,5 +1,6 @@
 """Finding a scene file, reading it, and setting single keys from the command line."""
 
+import functools
 import sys
 import tomllib
 from collections.abc import Mapping
@@ -14,6 +15,7 @@ from .errors import SceneError
 _SHIPPED = files("aerokernels") / "scenes"
 
 
+@functools.cache
 def shipped_scenes() -> tuple[str, ...]:
     """Names of the scenes that come with the package."""
     return tuple(
