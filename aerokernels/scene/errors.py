@@ -7,6 +7,9 @@ from typing import Any
 
 from pydantic import BaseModel, ValidationError
 
+from ..units import si_unit
+from .key_units import dimension_of
+
 
 class SceneError(ValueError):
     """A scene that cannot be used. The message is one line that names the file, the key, the value and the remedy."""
@@ -78,7 +81,11 @@ def _describe(fault: Mapping[str, Any], key: str, value: Any, model: type[BaseMo
     if kind in bounds:
         name, words = bounds[kind]
         bound = context[name]
-        return f"{key} = {_short(value)} must be {words} {bound:g}{'' if bound == int(bound) else ' in SI units'}"
+        dimension = dimension_of(model, key)
+        unit = f" {si_unit(dimension)}".rstrip() if dimension else ""
+        bare = isinstance(value, (int, float)) or (isinstance(value, str) and value[-1:].isdigit())
+        hint = f"; a number without a unit is in radians: is it '{value} deg'?" if bare and unit == " rad" else ""
+        return f"{key} = {_short(value)} must be {words} {bound:g}{unit}{hint}"
     if kind in ("tuple_type", "list_type"):
         return f'{key} = {_short(value)}: write a list in brackets, such as ["piston"]'
     text = fault["msg"]
@@ -100,7 +107,8 @@ def _nearest_key(key: str, known: Sequence[str], model: type[BaseModel]) -> str:
     close = get_close_matches(leaf, [name.rpartition(".")[2] for name in beside], 1)
     tables = get_close_matches(key, list(model.model_fields), 1)
     if same_leaf:
-        return f"did you mean {' or '.join(same_leaf)}?"
+        here = ", ".join(name.rpartition(".")[2] for name in beside) if table else ""
+        return f"did you mean {' or '.join(same_leaf)}?" + (f" [{table}] has {here}" if here else "")
     if close:
         return f"did you mean {table}.{close[0]}?" if table else f"did you mean {close[0]}?"
     if not table and tables:
