@@ -19,6 +19,7 @@ import traceback
 import types
 import typing
 from collections.abc import Callable, Iterable, Sequence
+from difflib import get_close_matches
 from numbers import Real
 from typing import TYPE_CHECKING, Any, SupportsFloat, TypeVar, Union
 
@@ -72,6 +73,8 @@ def _looking(function: Callable, name: str, described: Callable, documented: Any
         try:
             arguments = signature.bind(*given, **named).arguments
         except TypeError:
+            if wrong := _unknown_name(signature, named):
+                raise TypeError(f"{name} has no argument {wrong}") from None
             return function(*given, **named)  # Python's own words for what is missing or too much
         for parameter, value in arguments.items():
             if parameter in takes:
@@ -95,6 +98,18 @@ def _looking(function: Callable, name: str, described: Callable, documented: Any
             raise
 
     return call
+
+
+def _unknown_name(signature: inspect.Signature, named: Iterable[str]) -> str:
+    """The first named argument that a function does not take, and what it may have been; empty where it takes all."""
+    known = [one.name for one in signature.parameters.values() if one.kind is not one.POSITIONAL_ONLY]
+    if any(one.kind is one.VAR_KEYWORD for one in signature.parameters.values()):
+        return ""
+    for one in named:
+        if one not in known:
+            near = get_close_matches(one, known, 1, 0.5)
+            return f"{one!r}: did you mean {near[0]}?" if near else f"{one!r}: it takes {', '.join(known)}"
+    return ""
 
 
 def _out_of_range(name: str, arguments: dict[str, Any], error: Exception) -> str:

@@ -81,9 +81,34 @@ def one_line(error: BaseException) -> str:
         return "interrupted"
     format_message = getattr(error, "format_message", None)  # the command line parser's own errors
     text = " ".join(str(format_message() if format_message else error).split())
-    if format_message or (isinstance(error, (ValueError, RuntimeError, OSError)) and text):
+    if format_message:
+        return text + _way_out(error, text)
+    if isinstance(error, (ValueError, RuntimeError, OSError)) and text:
         return text
     return f"{type(error).__name__}: {text}" if text else type(error).__name__
+
+
+def _way_out(error: BaseException, text: str) -> str:
+    """What to do about a mistake on the command line."""
+    context = getattr(error, "ctx", None)
+    if context is None or text.endswith("?"):
+        return ""
+    known = getattr(context.command, "commands", None)
+    if known and text.startswith("No such command"):
+        return f" There are: {', '.join(known)}."
+    return f"{'' if text.endswith('.') else '.'} See: {context.command_path} --help"
+
+
+def check_values(line: list[str]) -> None:
+    """Refuse an option whose value is empty, as that of an unset variable of the shell is.
+
+    Raises:
+        ValueError: There is one.
+    """
+    for before, argument in zip(["", *line], line, strict=False):
+        option, equals, value = argument.partition("=")
+        if (before.startswith("--") and not argument) or (option in ("--out", "--store") and equals and not value):
+            raise ValueError(f"{before if not argument else option} is given nothing: write its value after it")
 
 
 def taken_out(line: list[str]) -> tuple[list[str], set[str]]:
@@ -111,6 +136,7 @@ def main() -> NoReturn:
     asked.as_json, asked.quiet = "--json" in switches, "--quiet" in switches
     warnings.showwarning = _show_warning
     try:
+        check_values(arguments)
         status = app(args=arguments or ["--help"], prog_name="aerokernels", standalone_mode=False)
     except BrokenPipeError:  # `aerokernels fields | head`
         silence(sys.stdout)

@@ -28,6 +28,7 @@ RANK = {
                 "opened",
                 "drafts",
                 "netcdf_file",
+                "one_writer",
                 "room",
             ),
             ("arguments",),

@@ -1,5 +1,7 @@
 """Arguments of a wrong kind are answered in words, by one look at all of them; see aerokernels/arguments.py."""
 
+import warnings
+
 import numpy as np
 import pytest
 
@@ -31,6 +33,9 @@ def field() -> IndexField:
         (lambda field: flow.shipped(3), "name must be a text"),
         (lambda field: schlieren("mach3"), "field must be a"),
         (lambda field: zernike.zernike_modes(10**400, 0.0, 0.0), "a whole number of 401 digits"),
+        (lambda field: Disc(radius=1e-3, centre=(0, 0, 0)), r"Disc has no argument 'centre': did you mean center\?"),
+        (lambda field: schlieren(field, pixels=9), r"line_of_sight has no argument 'pixels': did you mean pixel_count"),
+        (lambda field: flow.read(np.ones(3)), "path must be the path of a flow file or case, got ndarray: for arrays"),
         (lambda field: Scene.load(3.0), "place must be a text or a Path"),
         (lambda field: Scene.load("wind-tunnel-static", "target.tilt=0"), "overrides must map dotted keys to values"),
     ],
@@ -38,6 +43,17 @@ def field() -> IndexField:
 def test_a_mistake_of_kind_is_answered_in_words(field, call, message):
     with pytest.raises((TypeError, ValueError), match=message):
         call(field)
+
+
+def test_an_index_in_place_of_the_contrast_is_warned_of():
+    """Air of n = 1.0003 given as the contrast would be glass of n = 2; lenses of 0.5 and gases of 3e-4 pass."""
+    where = {"origin": (0, 0), "spacing": (1e-3, 1e-3), "geometry": "planar"}
+    with pytest.warns(UserWarning, match=r"contrast is 1\.0003 to 1\.0003 everywhere: it is n - ambient_index"):
+        IndexField.from_samples(np.full((9, 9), 1.0003), **where)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        for contrast in (0.5, 3e-4, 0.0, 2.0):
+            IndexField.from_samples(np.full((9, 9), contrast), **where)
 
 
 def test_public_calls_take_foreign_bodies_or_refuse_them_in_words():

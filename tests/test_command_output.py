@@ -8,6 +8,7 @@ import sys
 from pathlib import Path
 
 import pytest
+import typer
 
 from aerokernels import cli
 from aerokernels.commands import _output
@@ -59,7 +60,15 @@ def test_a_scene_comes_from_standard_input(line, monkeypatch):
 def test_help_keeps_what_stands_in_brackets(line):
     status, out, _ = line("board", "-h")
     assert status == 0 and "[ps]" in out and "[V]" in out and "[default: until Ctrl-C]" in out
-    assert "--install-completion" in line("--help")[1] and "[1/rad]" in line("schlieren", "--help")[1]
+    assert "--install-completion" in line("--help")[1]
+    bracketed = 0
+    for name, command in typer.main.get_command(cli.app).commands.items():
+        texts = [option.help for option in command.params if "[" in (getattr(option, "help", "") or "")]
+        if texts:
+            shown = "".join(line(name, "--help")[1].split())
+            assert all("".join(text.split()) in shown for text in texts), name
+        bracketed += len(texts)
+    assert bracketed > 13  # so many were eaten as markup
 
 
 def test_a_pipe_that_closes_does_not_end_the_work(tmp_path):
@@ -119,3 +128,29 @@ def test_the_command_line_has_pythons_names_and_defaults(line):
         f"{long}, {short} " in text for long, short in (("--pixel-count", "--pixels"), ("--distance", "--screen"))
     )
     assert "--fringe-spacing, --fringes " in text
+
+
+@pytest.mark.parametrize(
+    ("arguments", "told"),
+    [
+        (["run"], "Missing argument 'SCENE'. See: aerokernels run --help"),
+        (["run", "wind-tunnel-mach3", "-o", "o"], "No such option: -o. See: aerokernels run --help"),
+        (["scenes", "list"], "No such command 'list'. There are: copy."),
+        (["run", "wind-tunnel-mach3", "--out", ""], "--out is given nothing: write its value after it"),
+        (["run", "wind-tunnel-mach3", "--out="], "--out is given nothing: write its value after it"),
+        (["strehl", "mach3"], "it is the name of a flow, did you mean sea-level-mach3 or wind-tunnel-mach3?"),
+        (["schlieren", "mach3", "--out", "o", "--view", "up"], "--view 'up': give x, y or z, or a direction"),
+        (["series", "wind-tunnel-mach3", "--out", "o"], "error: wind-tunnel-mach3: series.source is missing"),
+        (["export", ".", "--out", "x.nc"], "store .: a folder or a device, not a file; give the file that `record`"),
+        (["export", "text", "--out", "x.nc"], "store text: file is not a database; give the file that `record` wrote"),
+        (["sweep", "wind-tunnel-mach3", "--vary", "target.tilt=0:10:5", "--out", "o"],
+         "target.tilt = 2.5 must be below 1.5706 rad; a number without a unit is in radians: is it '2.5 deg'?"),
+        (["explain", "odd.toml"], "unknown key pupil.radius = '3 mm': did you mean beam.radius? [pupil] has shape, "),
+    ],
+)  # fmt: skip
+def test_a_strangers_mistakes_are_answered_with_the_way_out(line, tmp_path, arguments, told):
+    (tmp_path / "text").write_text("no store " * 20)
+    (tmp_path / "odd.toml").write_bytes(b'\xef\xbb\xbf[flow]\nsource = "mach3"\n[pupil]\nradius = "3 mm"\n')
+    status, out, err = line(*arguments)
+    assert status == 2 and out == "" and told in err and err.count("\n") == 1, err
+    assert len(list(tmp_path.iterdir())) == 2

@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
-from aerokernels.commands._output import plain
+from aerokernels.commands._output import asked, plain
 
 if TYPE_CHECKING:
     from aerokernels.hardware.recorder import RecordingStatus
@@ -81,7 +81,13 @@ def _stop_printing() -> None:
 
 @contextmanager
 def reporter() -> Iterator[Callable[["RecordingStatus"], None]]:
-    """Live on a terminal; elsewhere a line when something has changed: the port at once, counts once a second."""
+    """Live on a terminal; elsewhere a line when something has changed: the port at once, counts once a second.
+
+    Nothing with --quiet, or with --json, whose one object stands alone.
+    """
+    if asked.quiet or asked.as_json:
+        yield lambda status: None
+        return
     from rich.console import Console
     from rich.text import Text
 

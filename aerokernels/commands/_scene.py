@@ -75,4 +75,6 @@ def blamed_on(scene: str) -> Iterator[None]:
     try:
         yield
     except ValueError as error:
+        if str(error).startswith(f"{scene}: "):
+            raise
         raise ValueError(f"{scene}: {error}") from error

@@ -35,6 +35,7 @@ def board(
     seed: Annotated[int, typer.Option(min=0, help="Of the noise and the faults.")] = 0,
 ) -> None:
     """Simulate a digitiser board or an oscilloscope: try `record` without hardware."""
+    from aerokernels.commands._output import asked, result, say
     from aerokernels.hardware.board import run_board
     from aerokernels.hardware.echo_source import DEFAULT_SCENE, EchoSource
     from aerokernels.hardware.faults import FaultPlan, parse_faults
@@ -54,15 +55,15 @@ def board(
     source = make(place, sample_count=samples, sample_period_ps=sample_period, noise=noise)
     with interrupt_flag() as interrupted, PseudoTerminal(link) as terminal:
         more = "" if protocol == "frames" else f"--protocol {protocol} "
-        print(
-            f"board on {link} ({terminal.name}); record it with: aerokernels record {more}--port {link} ...", flush=True
-        )
+        if not (asked.quiet or asked.as_json):
+            say(f"board on {link} ({terminal.name}); record it with: aerokernels record {more}--port {link} ...")
         if protocol == "scpi":
             scope = SimulatedScope(source, dialect=dialect, rate=rate, seed=seed)
-            done = f"{run_scope(terminal, scope, count=count, faults=faults, stopped=interrupted.is_set)} curves"
+            sent, what = run_scope(terminal, scope, count=count, faults=faults, stopped=interrupted.is_set), "curves"
         else:
             sent = run_board(
                 terminal, source, rate=rate, count=count, seed=seed, faults=faults, stopped=interrupted.is_set
             )
-            done = f"{sent} frames"
-    print(f"done: {done} sent{', faults: ' if str(faults) else ''}{faults}", flush=True)
+            what = "frames"
+    text = f"done: {sent} {what} sent{', faults: ' if str(faults) else ''}{faults}"
+    result(text, {"sent_count": sent, "protocol": protocol, "faults": str(faults)})

@@ -36,7 +36,9 @@ def record(
     commit_interval: Annotated[float, typer.Option(min=0.0, help="Seconds of echoes that a kill can lose.")] = 0.25,
 ) -> None:
     """Record echoes from hardware until --count or Ctrl-C; a port that goes away is waited for."""
-    from aerokernels.commands._output import plain
+    from dataclasses import asdict
+
+    from aerokernels.commands._output import asked, plain, result, say
     from aerokernels.commands._recording import describe, parse_labels, reporter
     from aerokernels.hardware.interrupt import interrupt_flag
     from aerokernels.hardware.port import PortError
@@ -59,7 +61,8 @@ def record(
         try:
             with EchoStore(store) as echoes, reporter() as report:
                 echoes.begin_recording(port, protocol, labels)
-                print(plain(f"recording {protocol} from {port} into {store}"), flush=True)
+                if not (asked.quiet or asked.as_json):
+                    say(plain(f"recording {protocol} from {port} into {store}"))
                 status = Recorder(
                     stream,
                     echoes,
@@ -72,7 +75,7 @@ def record(
                 ).run()
         finally:
             stream.close()
-    typer.echo(plain(f"done: {describe(status)}, in {store}"))
+    result(f"done: {describe(status)}, in {store}", {**asdict(status), "store": str(store)})
 
 
 def connector(

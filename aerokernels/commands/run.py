@@ -30,10 +30,11 @@ def run(
     from aerokernels.jobs.report import headline_rows, remark_rows
     from aerokernels.jobs.run import simulate, write_run
     from aerokernels.jobs.store import check_output_folder
+    from aerokernels.one_writer import only_writer
 
     loaded = load_scene(scene, backend, device, precision, rays, settings)
     check_output_folder(out)
-    with shown_progress(loaded.name) as progress:
+    with only_writer(out), shown_progress(loaded.name) as progress:
         with blamed_on(scene):
             result = simulate(loaded, progress=progress, with_echo=not no_echo)
         progress("writing the report", 0.9)

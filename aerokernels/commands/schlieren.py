@@ -86,12 +86,13 @@ def schlieren(
     from aerokernels.commands._table import print_table
     from aerokernels.jobs.pictures import KINDS, PictureOptions, make_pictures, picture_scene, write_pictures
     from aerokernels.jobs.store import check_output_folder
+    from aerokernels.one_writer import only_writer
     from aerokernels.quantities import Quantity
     from aerokernels.schlieren import read_picture
 
     options = PictureOptions(
         kinds=tuple(kind or KINDS),
-        view=view if view in ("x", "y", "z") else _numbers("--view", view, "dimensionless", 3),  # type: ignore[arg-type]
+        view=view if view in ("x", "y", "z") else _direction(view),  # type: ignore[arg-type]
         extent=None if extent is None else _numbers("--extent", extent, "length", 4),  # type: ignore[arg-type]
         width=None if width is None else _number("--width", width, "length"),
         pixel_count=pixels,
@@ -124,7 +125,7 @@ def schlieren(
         )
     scene = picture_scene(place, scene_changes(backend, device, precision, None, settings))
     check_output_folder(out)
-    with shown_progress(scene.name) as progress:
+    with only_writer(out), shown_progress(scene.name) as progress:
         with blamed_on(place):
             made = make_pictures(scene, options, measured=photograph, progress=progress)
         progress("writing the pictures", 0.9)
@@ -150,6 +151,12 @@ def _refuse_without_photograph(pixel_size: str | None, nose: str | None, upstrea
     if any(given.values()):
         idle = ", ".join(option for option, there in given.items() if there)
         raise ValueError(f"{idle}: only with a photograph; give it as --measured, or leave this out")
+
+
+def _direction(text: str) -> tuple[float, ...]:
+    if text.count(",") != 2:
+        raise ValueError(f"--view {text!r}: give x, y or z, or a direction as three numbers, such as 1,0,0.2")
+    return _numbers("--view", text, "dimensionless", 3)
 
 
 def _number(option: str, text: str, dimension: str) -> float:

@@ -59,6 +59,7 @@ def echo_of(
         ends = numbers[1] + 1e-12 * numbers[0] * counts.size, abs(numbers[3]) + 65536.0 * abs(numbers[2])
     if not np.isfinite([*numbers, *ends]).all():
         raise ValueError(f"sample period, first sample, scale and offset {numbers.tolist()} are out of range")
+    period, first_sample, scale, offset = numbers.tolist()  # a column may hold the number as a text
     return ScopeCurve(index(sequence), period, scale, offset, counts, first_sample, preamble or "", raw)
 
 

@@ -88,7 +88,8 @@ class EchoStore:
                 if is_new and self.path.is_file() and not self.path.stat().st_size:
                     self.path.unlink()
                 raise StoreError(f"store {self.path}: {error}; make room first, or give another file name") from error
-            raise ValueError(f"store {self.path}: {error}; give an echo store or a new file name") from error
+            remedy = "give the file that `record` wrote" if read_only else "give an echo store or a new file name"
+            raise ValueError(f"store {self.path}: {error}; {remedy}") from error
         except ValueError:
             self._connection.close()
             raise

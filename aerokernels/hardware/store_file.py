@@ -27,6 +27,8 @@ def store_address(path: Path, *, read_only: bool) -> str:
             raise ValueError(f"store {path}: no permission to write it; allow it, or give another file name")
         return f"{address}?mode=rwc"
     if not path.is_file():
+        if path.exists():
+            raise ValueError(f"store {path}: a folder or a device, not a file; give the file that `record` wrote")
         raise ValueError(f"store {path}: no such file; record one with `aerokernels record --store`")
     file = path.resolve()  # SQLite puts the log beside the file itself, not beside a link to it
     log_exists = file.with_name(f"{file.name}-wal").exists()

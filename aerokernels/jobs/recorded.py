@@ -123,11 +123,21 @@ def _from_store(path: Path, label: Label | None, unfit: Counter[Label]) -> Itera
                     unfit[_as_label(text)] += 1
                     continue
                 found = RecordedEcho(_as_label(echo.label), echo.frame.time, echo.frame.voltage)
-                yield _checked(found, f"{path}: echo of sequence {echo.frame.sequence}")
+                yield checked(found, f"{path}: echo of sequence {echo.frame.sequence}")
 
 
 def _from_netcdf(path: Path) -> Iterator[RecordedEcho]:
-    with load_netcdf(path) as data, _blamed_on(path):
+    with load_netcdf(path) as data:
+        yield from waveforms(data, path)
+
+
+def waveforms(data: "xarray.Dataset", path: Path) -> Iterator[RecordedEcho]:
+    """The echoes of a dataset: `voltage` over (echo, sample), `time` or `sample_period`, and labels.
+
+    Raises:
+        ValueError: It is none of recorded echoes; names the file.
+    """
+    with _blamed_on(path):
         if "voltage" not in data.variables or data["voltage"].ndim not in (1, 2):
             raise ValueError(
                 f"{path}: holds no `voltage` over (echo, sample); it has: {', '.join(map(str, data.variables))}"
@@ -154,7 +164,7 @@ def _from_netcdf(path: Path) -> Iterator[RecordedEcho]:
             else:
                 time = first[k] + np.arange(row.size) * float(column("sample_period")[k])
             echo_label = _as_label({name.removeprefix("label_"): values[k] for name, values in labels.items()})
-            yield _checked(RecordedEcho(echo_label, time, row), f"{path}: echo {k}")
+            yield checked(RecordedEcho(echo_label, time, row), f"{path}: echo {k}")
 
 
 def _in_si(path: Path, variable: "xarray.DataArray", dimension: str, usual: str) -> np.ndarray:
@@ -232,7 +242,7 @@ def _echo_rows(path: Path, head: list[str], rows: Iterable[list[str]]) -> Iterat
         label = _as_label(
             {key.removeprefix("label_"): value for key, value in values.items() if key.startswith("label_")}
         )
-        yield _checked(RecordedEcho(label, time, voltage), place)
+        yield checked(RecordedEcho(label, time, voltage), place)
 
 
 def _echo_columns(path: Path, head: list[str], rows: Iterable[list[str]]) -> Iterator[RecordedEcho]:
@@ -251,7 +261,7 @@ def _echo_columns(path: Path, head: list[str], rows: Iterable[list[str]]) -> Ite
     values[:, 0] *= second
     for k, name in enumerate(head[1:], start=1):
         pairs = dict(part.partition("=")[::2] for part in name.split() if "=" in part)
-        yield _checked(RecordedEcho(_as_label(pairs), values[:, 0], values[:, k]), f"{path}: column {name!r}")
+        yield checked(RecordedEcho(_as_label(pairs), values[:, 0], values[:, k]), f"{path}: column {name!r}")
 
 
 def _time_unit(path: Path, head: str) -> float:
@@ -270,7 +280,12 @@ def _number(text: str, place: str) -> float:
         raise ValueError(f"{place}: {text!r} is not a number; repair the file") from None
 
 
-def _checked(echo: RecordedEcho, place: str) -> RecordedEcho:
+def checked(echo: RecordedEcho, place: str) -> RecordedEcho:
+    """The echo, if its samples are finite and at increasing times.
+
+    Raises:
+        ValueError: They are not; names the place.
+    """
     if echo.voltage.size < LEAST_SAMPLES or echo.time.shape != echo.voltage.shape:
         raise ValueError(
             f"{place}: {echo.voltage.size} samples; at least {LEAST_SAMPLES} are needed, and a time for each"

@@ -1,5 +1,6 @@
 """A finished run, read back from its folder, and which run a label of recorded echoes belongs to."""
 
+import contextlib
 import json
 import math
 import tomllib
@@ -11,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from aerokernels.jobs.recorded import Label, label_text, load_netcdf
-from aerokernels.jobs.store import RESULT_FILE, SUMMARY_FILE
+from aerokernels.jobs.store import RESULT_FILE, SUMMARY_FILE, finish_moving
 
 _NONE: Label = ()
 
@@ -67,6 +68,8 @@ def read_run(text: str) -> RunFolder:
         path, label = Path(place), ((key.strip(), value.strip()),)
     if path.name == RESULT_FILE:
         path = path.parent
+    with contextlib.suppress(OSError, ValueError):
+        finish_moving(path)  # what a killed process had begun
     for name in (RESULT_FILE, SUMMARY_FILE):
         if not (path / name).is_file():
             raise ValueError(

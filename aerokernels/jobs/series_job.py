@@ -13,8 +13,16 @@ import numpy as np
 
 from aerokernels import __version__
 from aerokernels.flow import GridMesh, Series, open_series
-from aerokernels.jobs.store import REPORT_FILE, SUMMARY_FILE, check_output_folder, replace_result, to_json
+from aerokernels.jobs.store import (
+    MAPS_FILE,
+    REPORT_FILE,
+    SUMMARY_FILE,
+    check_output_folder,
+    replace_result,
+    to_json,
+)
 from aerokernels.jobs.sweeps.records import write_text
+from aerokernels.one_writer import only_writer
 from aerokernels.pupils import direction_of
 from aerokernels.scene import Scene, SceneError
 from aerokernels.scene.file_table import FileTable
@@ -25,7 +33,7 @@ if TYPE_CHECKING:
     import xarray
 
 Progress = Callable[[str, float], None]
-MAPS_FILE, STATISTICS_FILE = "series.zarr", "statistics.nc"
+STATISTICS_FILE = "statistics.nc"
 MAPS_SHARE = 0.9  # of the job
 
 
@@ -73,6 +81,11 @@ def run_series(scene: Scene, out: Path, progress: Progress | None = None) -> dic
         ImportError: No Zarr.
     """
     check_output_folder(out, own=(MAPS_FILE,))
+    with only_writer(out):
+        return _run_alone(scene, out, progress)
+
+
+def _run_alone(scene: Scene, out: Path, progress: Progress | None) -> dict[str, Any]:
     series, table, trace = scene_series(scene), scene.series, scene.trace
 
     def report(text: str, share: float) -> None:

@@ -18,12 +18,14 @@ import numpy as np
 
 from aerokernels.drafts import draft_of
 from aerokernels.netcdf_file import write_netcdf
+from aerokernels.one_writer import only_writer
 
 if TYPE_CHECKING:
     import xarray
 
 RESULT_FILE, SUMMARY_FILE, REPORT_FILE = "result.nc", "summary.json", "report.html"
-
+MAPS_FILE = "series.zarr"
+COMPLETE = ".result.complete"  # a whole result inside the folder that it is moved into
 
 FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 
@@ -64,8 +66,13 @@ def check_output_folder(out: Path, own: Sequence[str] = ()) -> None:
 
 
 def _foreign_files(out: Path, own: Sequence[str]) -> list[str]:
-    """What lies in a folder, but for hidden files; nothing where an earlier result is among it."""
+    """What lies in a folder, but for hidden files; nothing where an earlier result is among it.
+
+    The maps of a series are hours of work, which no other job takes for a result to be replaced.
+    """
     found = sorted(path.name for path in out.iterdir() if not path.name.startswith("."))
+    if MAPS_FILE in found and MAPS_FILE not in own:
+        return [MAPS_FILE, *found]
     return [] if set(own) & set(found) or _is_summary(_earlier(out)) else found
 
 
@@ -85,42 +92,67 @@ def _is_summary(summary: Any) -> bool:
 def staged_folder(out: Path) -> Iterator[Path]:
     """Give a hidden folder beside `out` to write in; on success its files replace the files of the same names in `out`.
 
-    Each file is replaced in one step, after all of them are complete. Files of an earlier result, which its
-    summary.json names, go where this one has none of their names; whatever else lies in `out` stays. On any exception,
-    an interrupt included, the hidden folder goes and `out` is as it was: absent, if it was absent.
+    Files of an earlier result, which its summary.json names, go where this one has none of their names; whatever else
+    lies in `out` stays. On any exception, an interrupt included, the hidden folder goes and `out` is as it was: absent,
+    if it was absent. A process that is killed while it moves its files leaves the rest of them in a hidden folder, from
+    which the next one that writes or reads there goes on (`finish_moving`).
 
     Args:
         out: The folder that the files are for. It and its parents are made if they are not there.
 
     Yields:
         The hidden folder, empty, on the same file system as `out`.
+
+    Raises:
+        ValueError: Another process is at work there, or a folder has the name of a file of the result.
+        OutputError: No room.
     """
     out = out.absolute()
-    made = [parent for parent in out.parents if not parent.exists()]
-    staging = draft_of(out)
     try:
-        staging.mkdir(parents=True)
-        yield staging
-        _name_files(staging)
-        if not out.exists():
-            staging.rename(out)
-            return
-        before = _earlier(out)
-        names = {file.name for file in staging.iterdir()}
-        for name in sorted(names):
-            (staging / name).replace(out / name)
-        staging.rmdir()
-        for name in _files_of(before):
-            if name not in names and Path(name).name == name:
-                (out / name).unlink(missing_ok=True)
-    except BaseException as fault:
-        shutil.rmtree(staging, ignore_errors=True)
-        for parent in made:
-            with contextlib.suppress(OSError):
-                parent.rmdir()
-        if isinstance(fault, OSError) and fault.errno in FULL:
-            raise OutputError(out, fault) from fault
-        raise
+        with only_writer(out):
+            finish_moving(out)
+            staging = draft_of(out)  # what a killed process left there goes in any case
+            staging = draft_of(out / "result") if out.is_dir() else staging  # `out` may be a file system of its own
+            try:
+                staging.mkdir()
+                yield staging
+                _name_files(staging)
+                if not out.exists():
+                    staging.rename(out)
+                    return
+                for file in staging.iterdir():
+                    if (out / file.name).is_dir():
+                        raise ValueError(f"--out {out}: {file.name} is a folder there; choose another folder")
+                staging.rename(out / COMPLETE)
+            except BaseException:
+                shutil.rmtree(staging, ignore_errors=True)
+                raise
+            finish_moving(out)
+    except OSError as fault:
+        raise (OutputError(out, fault) if fault.errno in FULL else fault) from fault
+
+
+def finish_moving(out: Path) -> None:
+    """Move the files of a whole result into their folder, its summary.json last; nothing where there are none.
+
+    Raises:
+        ValueError: Another process is at work there.
+        OSError: They cannot be moved.
+    """
+    complete = out / COMPLETE
+    if not complete.is_dir():
+        return
+    with only_writer(out):
+        names = sorted((path.name for path in complete.iterdir()), key=lambda name: (name == SUMMARY_FILE, name))
+        kept = {*names, *_files_of(_earlier(complete))}
+        stale = [name for name in _files_of(_earlier(out)) if name not in kept and Path(name).name == name]
+        for name in [name for name in names if name != SUMMARY_FILE]:
+            (complete / name).replace(out / name)
+        for name in stale:
+            (out / name).unlink(missing_ok=True)
+        if SUMMARY_FILE in names:
+            (complete / SUMMARY_FILE).replace(out / SUMMARY_FILE)
+        complete.rmdir()
 
 
 def _name_files(folder: Path) -> None:

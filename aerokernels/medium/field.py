@@ -3,6 +3,7 @@
 The contrast is stored, never the index: in float32 an index near 1 cannot hold it.
 """
 
+import warnings
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
@@ -128,6 +129,11 @@ class IndexField(Derived):
         dimension = 3 if geometry == "volume" else 2
         if array.ndim != dimension:
             raise ValueError(f"a {geometry} field needs an array of {dimension} axes, got shape {array.shape}")
+        if array.size and 0.99 < array.min() <= array.max() < 1.5:
+            warnings.warn(
+                f"contrast is {array.min():g} to {array.max():g} everywhere: it is n - ambient_index, not n itself",
+                stacklevel=3,
+            )
         axisymmetric = geometry == "axisymmetric"
         check_ambient(ambient_index)
         grid = UniformGrid(

@@ -1,14 +1,14 @@
 """A scene changed by its keys, and what a key takes: what sweeps vary."""
 
-import typing
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from pydantic import BaseModel, BeforeValidator, ValidationError
+from pydantic import ValidationError
 
 from ..units import quantity, si_unit
 from .errors import SceneError, scene_error
+from .key_units import dimension_of
 from .loading import override, toml_value
 from .scene import Scene
 
@@ -35,15 +35,7 @@ def changed_scene(scene: Scene | str | Path, changes: Mapping[str, Any]) -> Scen
 
 def key_dimension(key: str) -> str | None:
     """The dimension of a scene's key, "angle" for "target.tilt"; None for a key that takes no quantity, or for none."""
-    model: Any = Scene
-    *tables, leaf = key.split(".")
-    for name in tables:
-        field = getattr(model, "model_fields", {}).get(name)
-        model = field.annotation if field is not None else None
-    field = getattr(model, "model_fields", {}).get(leaf) if model is not None else None
-    if field is None or (isinstance(field.annotation, type) and issubclass(field.annotation, BaseModel)):
-        return None
-    return next(iter(_dimensions([*field.metadata, field.annotation])), None)
+    return dimension_of(Scene, key)
 
 
 def key_unit(key: str) -> str:
@@ -66,17 +58,6 @@ def key_value(key: str, value: Any) -> Any:
                 return value  # a word such as "tunnel"; anything else is the scene's to refuse
         return toml_value(value)
     return value
-
-
-def _dimensions(parts: list[Any]) -> list[str]:
-    """Dimensions of the validators among an annotation's parts, those of its own parts included."""
-    found = []
-    for part in parts:
-        if isinstance(part, BeforeValidator):
-            found += [name for name in [getattr(part.func, "dimension", None)] if name]
-        elif typing.get_args(part):
-            found += _dimensions([*typing.get_args(part), *getattr(part, "__metadata__", ())])
-    return found
 
 
 def _without_none(values: Mapping[str, Any]) -> dict[str, Any]:

@@ -1,10 +1,14 @@
 """What is wrong with a scene, in one line: file, key, offending value and remedy."""
 
-from collections.abc import Iterable, Mapping
+import functools
+from collections.abc import Iterable, Mapping, Sequence
 from difflib import get_close_matches
 from typing import Any
 
 from pydantic import BaseModel, ValidationError
+
+from ..units import si_unit
+from .key_units import dimension_of
 
 
 class SceneError(ValueError):
@@ -15,15 +19,16 @@ class SceneError(ValueError):
         super().__init__(" ".join(message.split()))
 
 
-def known_keys(model: type[BaseModel], prefix: str = "") -> list[str]:
+@functools.cache
+def known_keys(model: type[BaseModel], prefix: str = "") -> tuple[str, ...]:
     """Dotted names of all keys of a scene, such as "target.distance"."""
-    keys = []
+    keys: list[str] = []
     for name, field in model.model_fields.items():
         if isinstance(field.annotation, type) and issubclass(field.annotation, BaseModel):
             keys += known_keys(field.annotation, f"{prefix}{name}.")
         else:
             keys.append(prefix + name)
-    return keys
+    return tuple(keys)
 
 
 def scene_error(
@@ -76,7 +81,11 @@ def _describe(fault: Mapping[str, Any], key: str, value: Any, model: type[BaseMo
     if kind in bounds:
         name, words = bounds[kind]
         bound = context[name]
-        return f"{key} = {_short(value)} must be {words} {bound:g}{'' if bound == int(bound) else ' in SI units'}"
+        dimension = dimension_of(model, key)
+        unit = f" {si_unit(dimension)}".rstrip() if dimension else ""
+        bare = isinstance(value, (int, float)) or (isinstance(value, str) and value[-1:].isdigit())
+        hint = f"; a number without a unit is in radians: is it '{value} deg'?" if bare and unit == " rad" else ""
+        return f"{key} = {_short(value)} must be {words} {bound:g}{unit}{hint}"
     if kind in ("tuple_type", "list_type"):
         return f'{key} = {_short(value)}: write a list in brackets, such as ["piston"]'
     text = fault["msg"]
@@ -91,14 +100,15 @@ def _how_to_add(key: str, model: type[BaseModel]) -> str:
     return f"add a table [{key}] with {', '.join(required)}"
 
 
-def _nearest_key(key: str, known: list[str], model: type[BaseModel]) -> str:
+def _nearest_key(key: str, known: Sequence[str], model: type[BaseModel]) -> str:
     table, _, leaf = key.rpartition(".")
     same_leaf = [name for name in known if name.rpartition(".")[2] == leaf]
     beside = [name for name in known if name.rpartition(".")[0] == table]
     close = get_close_matches(leaf, [name.rpartition(".")[2] for name in beside], 1)
     tables = get_close_matches(key, list(model.model_fields), 1)
     if same_leaf:
-        return f"did you mean {' or '.join(same_leaf)}?"
+        here = ", ".join(name.rpartition(".")[2] for name in beside) if table else ""
+        return f"did you mean {' or '.join(same_leaf)}?" + (f" [{table}] has {here}" if here else "")
     if close:
         return f"did you mean {table}.{close[0]}?" if table else f"did you mean {close[0]}?"
     if not table and tables:

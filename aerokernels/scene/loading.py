@@ -1,5 +1,6 @@
 """Finding a scene file, reading it, and setting single keys from the command line."""
 
+import functools
 import sys
 import tomllib
 from collections.abc import Mapping
@@ -14,6 +15,7 @@ from .errors import SceneError
 _SHIPPED = files("aerokernels") / "scenes"
 
 
+@functools.cache
 def shipped_scenes() -> tuple[str, ...]:
     """Names of the scenes that come with the package."""
     return tuple(
@@ -51,12 +53,13 @@ def read_scene(place: str | Path) -> tuple[str, str, dict[str, Any]]:
     elif name in shipped_scenes():
         read, label, stem = (_SHIPPED / f"{name}.toml").read_bytes, f"{name}.toml", name
     else:
-        close = get_close_matches(name, shipped_scenes(), 1)
-        hint = f"did you mean {close[0]}? " if close else ""
+        close = get_close_matches(name, shipped_scenes(), 1) or [one for one in shipped_scenes() if name in one]
+        hint = f"did you mean {' or '.join(close)}? " if close and name else ""
+        hint = f"it is the name of a flow, {hint}" if name in shipped_names() and hint else hint
         what = "is a folder" if path.is_dir() else "there is no such scene file"
         raise SceneError(f"{name}: {what}; {hint}give a TOML file or a shipped scene: {', '.join(shipped_scenes())}")
     try:
-        return label, stem, tomllib.loads(read().decode("utf-8"))
+        return label, stem, tomllib.loads(read().decode("utf-8-sig"))  # editors of Windows put a mark first
     except OSError as fault:
         raise SceneError(f"{label}: cannot be read, {fault.strerror}: check the file and its permissions") from None
     except UnicodeDecodeError as fault:

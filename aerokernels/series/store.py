@@ -6,7 +6,6 @@ what an unbroken run would have made, bit for bit.
 """
 
 import json
-import os
 import shutil
 import warnings
 from collections.abc import Iterator, Mapping
@@ -15,6 +14,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+
+from aerokernels.one_writer import only_writer
 
 if TYPE_CHECKING:
     import xarray
@@ -187,29 +188,14 @@ class ZarrStore:
         Raises:
             ValueError: There is one.
         """
-        try:
-            import fcntl
-        except ImportError:  # a system without such locks
-            yield
-            return
-        lock = self.path.with_name(f".{self.path.name}.lock")
-        with lock.open("w") as file:
-            try:
-                fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-            except OSError:
-                raise self._busy() from None
+        with only_writer(self.path, "out"):
             there = self.journal.is_file() and self.path.is_dir()
-            went_on = there and self.journal.read_bytes().rfind(b"\n") + 1 != self._whole
-            # Another process may have removed the file that is locked here: then it is no lock.
-            if went_on or not lock.exists() or lock.stat().st_ino != os.fstat(file.fileno()).st_ino:
+            if there and self.journal.read_bytes().rfind(b"\n") + 1 != self._whole:
                 raise self._busy()
-            try:
-                yield
-            finally:
-                lock.unlink(missing_ok=True)
+            yield
 
     def _busy(self) -> ValueError:
-        return ValueError(f"out={self.path}: another process is at work there; wait for it, or take another name")
+        return ValueError(f"out={self.path}: another process is at work there; wait for it, or take another")
 
     def _create(self) -> None:
         """The store with all its arrays, empty, and the journal with what it is of.

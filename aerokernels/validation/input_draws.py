@@ -6,6 +6,8 @@ is an answer whose numbers are finite, or a refusal in one line; anything else i
 files are needed lie in a folder of the caller's; kinds of files are in file_draws.py.
 """
 
+import copy
+import functools
 import json
 import math
 import random
@@ -73,9 +75,14 @@ def _told(fault: Exception) -> bool:
     return False
 
 
+@functools.cache
+def _shipped_tables(name: str) -> dict[str, Any]:
+    return tomllib.loads(shipped_scene_text(name))
+
+
 def scene(draw: random.Random, folder: Path) -> bool:
     """A shipped scene with some of its keys changed, lost or of another kind, as a file."""
-    tables = tomllib.loads(shipped_scene_text(draw.choice(shipped_scenes())))
+    tables = copy.deepcopy(_shipped_tables(draw.choice(shipped_scenes())))
     keys = known_keys(Scene)
     for _ in range(draw.choice((1, 1, 1, 2, 4))):
         table, _, leaf = draw.choice(keys).rpartition(".")

@@ -1,5 +1,6 @@
 """Board to store through a real pseudo-terminal, in processes of their own: nothing is lost that was acknowledged."""
 
+import json
 import os
 import re
 import signal
@@ -40,9 +41,10 @@ def test_board_to_store(tmp_path: Path, aerokernels):
     """
     link, path = tmp_path / "port", tmp_path / "echoes.sqlite"
     with board(link, "--rate", 500) as process:
-        done = aerokernels("record", "--port", link, "--store", path, "--count", 60, "--label", "mach=3", timeout=60)
+        done = aerokernels("record", "--port", link, "--store", path, "--count", 60, "--label", "mach=3",
+                           "--json", timeout=60)  # fmt: skip
         assert done.returncode == 0, done.stderr
-        assert "stored 60" in done.stdout
+        assert json.loads(done.stdout)["stored_count"] == 60  # one object, and no lines of progress about it
         process.send_signal(signal.SIGINT)
         assert process.wait(30) == 0
     assert not link.is_symlink()

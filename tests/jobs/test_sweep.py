@@ -16,6 +16,7 @@ import xarray
 
 import aerokernels
 from aerokernels.jobs.sweeps.records import CASES_FILE, DATASET_FILE
+from aerokernels.one_writer import only_writer
 
 SMALL = {
     "strehl.ray_count": "1024",
@@ -256,15 +257,12 @@ def test_bad_input_ends_with_status_2_and_writes_nothing(arguments, words, comma
 
 
 def test_two_sweeps_do_not_share_a_folder(unbroken):
-    import fcntl
-
     folder, _ = unbroken
-    with (folder / "out" / ".lock").open("w") as file:
-        fcntl.flock(file, fcntl.LOCK_EX)
+    with only_writer(folder / "out"):
         (folder / "out" / DATASET_FILE).rename(folder / "aside.nc")
         try:
             process = started(folder, *COMMAND)
             _, faults = process.communicate(timeout=60)
         finally:
             (folder / "aside.nc").rename(folder / "out" / DATASET_FILE)
-    assert process.returncode == 2 and "another sweep is at work" in faults
+    assert process.returncode == 2 and "error: --out out: another process is at work" in faults

@@ -1,6 +1,7 @@
 """`flow.read`: a CFD file or case as a density field."""
 
 import math
+import os
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -158,6 +159,11 @@ def prepare(
     species=None,
 ) -> Reading:  # fmt: skip
     """Read a file and find out what is what in it; arguments and errors as in `read`."""
+    if not isinstance(path, (str, os.PathLike)):
+        raise TypeError(
+            f"path must be the path of a flow file or case, got {type(path).__name__}: for arrays there are "
+            "DensityField.from_xarray and DensityField.from_pyvista"
+        )
     path = Path(path)
     frame, reference = Frame.of(frame), Reference.of(reference)
     scale = unit_of_length(length_unit) * reference.length

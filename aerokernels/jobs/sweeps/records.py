@@ -14,7 +14,7 @@ from typing import Any
 from aerokernels.drafts import draft_of
 from aerokernels.jobs.store import FULL, OutputError, to_json
 
-DEFINITION_FILE, CASES_FILE, DATASET_FILE, LOCK_FILE = "sweep.json", "cases.jsonl", "sweep.nc", ".lock"
+DEFINITION_FILE, CASES_FILE, DATASET_FILE = "sweep.json", "cases.jsonl", "sweep.nc"
 _REMEDY = "take another --out, or remove that folder"
 
 
@@ -89,26 +89,6 @@ def _differences(old: Any, new: Any, key: str = "") -> Iterator[tuple[str, str, 
 def _short(value: Any) -> str:
     text = "absent" if value is None else json.dumps(value, ensure_ascii=False)
     return text if len(text) <= 60 else text[:57] + "..."
-
-
-@contextlib.contextmanager
-def only_one(folder: Path) -> Iterator[None]:
-    """Hold a sweep's folder against another process that would write to it.
-
-    Raises:
-        ValueError: Another one is at work there.
-    """
-    try:
-        import fcntl
-    except ImportError:  # a system without such locks
-        yield
-        return
-    with (folder / LOCK_FILE).open("w") as file:
-        try:
-            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except OSError:
-            raise ValueError(f"--out {folder}: another sweep is at work there; wait for it, or take another") from None
-        yield
 
 
 def _is_record(record: Any) -> bool:

@@ -1,0 +1,78 @@
+"""One process at a time writes to a place: a lock beside it, which ends with its process, however that ends."""
+
+import errno
+import os
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from io import TextIOWrapper
+from pathlib import Path
+
+_held: dict[Path, tuple[int, int]] = {}  # process and thread that asked for a place
+
+
+@contextmanager
+def only_writer(path: Path, name: str = "--out") -> Iterator[None]:
+    """Hold a place against other processes, and other threads, that would write there.
+
+    Whoever holds it already may ask again. Folders on the way to it are made; they and the lock go at the end, where
+    nothing else was put there. What a killed process leaves is an empty hidden file, which holds nobody off. A file
+    system without locks, and Windows, hold nobody off either.
+
+    Args:
+        path: The file or folder that is written; it need not be there.
+        name: What the place is called in the message.
+
+    Raises:
+        ValueError: Another process is at work there.
+    """
+    place = Path(os.path.realpath(path))
+    me = os.getpid(), threading.get_ident()
+    if _held.get(place) == me:
+        yield
+        return
+    made = [parent for parent in place.parents if not parent.exists()]
+    try:
+        lock = _locked(place, f"{name}{'=' if name.isidentifier() else ' '}{path}")
+        _held[place] = me
+        try:
+            yield
+        finally:
+            _held.pop(place, None)
+            if lock is not None:
+                Path(lock.name).unlink(missing_ok=True)
+                lock.close()
+    finally:
+        for parent in made:
+            with suppress(OSError):
+                parent.rmdir()
+
+
+def _locked(place: Path, told: str) -> TextIOWrapper | None:
+    """The lock of a place; None where there are no locks."""
+    try:
+        import fcntl
+    except ImportError:
+        return None
+    while True:
+        place.parent.mkdir(parents=True, exist_ok=True)
+        beside = os.access(place.parent, os.W_OK | os.X_OK) or not place.is_dir()
+        path = place.with_name(f".{place.name}.lock") if beside else place / ".lock"
+        try:
+            file = path.open("w")
+        except FileNotFoundError:  # another process has just removed the folder, which it had made
+            continue
+        try:
+            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            # Its last holder may have removed the file before it was locked here: then it is no lock.
+            if path.exists() and path.stat().st_ino == os.fstat(file.fileno()).st_ino:
+                return file
+        except FileNotFoundError:
+            pass
+        except OSError as fault:
+            file.close()
+            if fault.errno in (errno.EWOULDBLOCK, errno.EACCES):
+                raise ValueError(f"{told}: another process is at work there; wait for it, or take another") from None
+            path.unlink(missing_ok=True)
+            return None
+        file.close()

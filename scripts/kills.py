@@ -1,0 +1,215 @@
+"""Commands that are killed at random times, and commands that meet another one at the same place: nothing is mixed.
+
+Each command runs as a user's, in a process of its own. Before a kill there is an earlier result, and the killed one
+would write another: what lies there afterwards is the one or the other, whole. Of two at once, one goes through; the
+other waits, or ends with exit status 2 and one line. Exit status 1 where something else came out.
+"""
+
+import argparse
+import hashlib
+import json
+import random
+import sqlite3
+import subprocess
+import sys
+import tempfile
+import time
+from contextlib import closing
+from pathlib import Path
+
+import numpy as np
+import xarray
+
+from aerokernels.hardware.frames import EchoFrame
+from aerokernels.hardware.store import EchoStore
+from aerokernels.jobs.run_folder import finish_moving
+from aerokernels.validation.report import markdown_table
+
+SMALL = [part for setting in ("grid.spacing=0.4 mm", "strehl.ray_count=160", "beam.ray_count=25",
+                              "receiver.ray_count=64", "trace.backend=warp", "trace.device=cpu")
+         for part in ("--set", setting)]  # fmt: skip
+SERIES = '[series]\nsource = "layer.nc"\npixel_count = 12\n[receiver]\ndiameter = "30 mm"\naperture_z = "2 mm"\n'
+ECHOES = 300
+AT_WORK, IN_USE = "another process is at work there", "in use by another process"
+
+
+def command(kind: str, variant: int, out: str) -> list[str]:
+    """The arguments of a command; variants of one kind write different results."""
+    return {
+        "run": ["run", "wind-tunnel-mach3", *SMALL, "--set", f"target.tilt={variant} deg", "--out", out],
+        "schlieren": ["schlieren", "mach3", "--pixels", str(16 + 8 * variant), "--spacing", "1 mm",
+                      "--kind", "schlieren", "--backend", "warp", "--device", "cpu", "--out", out],
+        "sweep": ["sweep", "wind-tunnel-mach3", *SMALL, "--vary", f"target.tilt=0 deg,{variant} deg",
+                  "--workers", "1", "--out", out],
+        "series": ["series", "layer.toml", "--set", f"series.pixel_count={8 + variant}", "--out", out],
+        "export": ["export", "echoes.sqlite", "--label", f"variant={variant}", "--out", f"{out}.nc"],
+        "record": ["record", "--port", "board0", "--store", f"{out}.sqlite", "--count", "50"],
+    }[kind]  # fmt: skip
+
+
+def started(folder: Path, *arguments: str) -> subprocess.Popen:
+    """A command on its way."""
+    return subprocess.Popen([sys.executable, "-m", "aerokernels", *arguments], cwd=folder, text=True,
+                            stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.PIPE)  # fmt: skip
+
+
+def prepare(folder: Path) -> None:
+    """What the commands read."""
+    axis = np.linspace(-0.02, 0.02, 11)
+    density = 0.5 + 0.01 * np.random.default_rng(0).random((4, 11, 11, 11))
+    data = xarray.Dataset({"rho": (("time", "x", "y", "z"), density)},
+                          {"time": 1e-5 * np.arange(4), **{name: (name, axis) for name in "xyz"}},
+                          {"ambient_density": 0.5})  # fmt: skip
+    data.to_netcdf(folder / "layer.nc", engine="h5netcdf")
+    (folder / "layer.toml").write_text(SERIES, encoding="utf-8")
+    with EchoStore(folder / "echoes.sqlite") as store:
+        for variant in range(1, 3):
+            store.begin_recording("port", "frames", {"variant": str(variant)})
+            for k in range(ECHOES):
+                store.add(EchoFrame(k, 1000 * k, 250, 1e-3, 0.0, np.arange(500) * variant), k)
+            store.commit()
+
+
+def lying(place: Path) -> dict[str, str]:
+    """The files of a result and what they hold; hidden ones are none of it."""
+    if place.is_file():
+        return {place.name: hashlib.sha256(place.read_bytes()).hexdigest()}
+    finish_moving(place)  # as whoever reads a folder does
+    return {str(path.relative_to(place)): hashlib.sha256(path.read_bytes()).hexdigest()
+            for path in sorted(place.rglob("*")) if path.is_file() and not path.name.startswith(".")}  # fmt: skip
+
+
+def kills(kind: str, folder: Path, count: int, draw: random.Random) -> str:
+    """Kill a command so often at random times of its way; what came of it.
+
+    Raises:
+        AssertionError: Something half-written lies there.
+    """
+    place = folder / ("out.nc" if kind == "export" else "out")
+    took = []
+    for variant in (1, 2):  # the first compiles kernels, if need be
+        begin = time.monotonic()
+        _, said = (process := started(folder, *command(kind, variant, "out"))).communicate(timeout=600)
+        assert process.returncode == 0, said
+        took.append(time.monotonic() - begin)
+    stayed = replaced = 0
+    for number in range(count):
+        before = lying(place)
+        process = started(folder, *command(kind, 1 + number % 2, "out"))
+        # Most of a command is starting Python; its end is where it writes.
+        time.sleep(took[1] * draw.triangular(0.2, 1.3, 0.95))
+        process.kill()
+        process.communicate()
+        after = lying(place)
+        assert after.keys() == before.keys(), (sorted(before), sorted(after))
+        changed = sum(after[name] != before[name] for name in before)
+        assert changed in (0, len(before)), f"{changed} of {len(before)} files are new"
+        stayed, replaced = stayed + (not changed), replaced + bool(changed)
+    process = started(folder, *command(kind, 1, "out"))
+    process.communicate()
+    assert process.returncode == 0
+    left = [path.name for parent in {folder, place.parent, *([place] if place.is_dir() else [])}
+            for path in parent.iterdir() if path.name.startswith(".")]  # fmt: skip
+    assert not left, left
+    return f"{count} kills: {stayed} times the earlier result, {replaced} times the new one"
+
+
+def pairs(kind: str, folder: Path, count: int, draw: random.Random) -> str:
+    """Start two of a kind at nearly the same time, so often; what came of it.
+
+    Raises:
+        AssertionError: Neither went through, or something is mixed, or the other does not say why in one line.
+    """
+    both = refused = 0
+    for number in range(count):
+        out = f"pair{number}" if number % 2 else "pair"  # every other time a result is there already
+        place = folder / (f"{out}.nc" if kind == "export" else out)
+        processes = []
+        for variant in (1, 2):
+            processes.append(started(folder, *command(kind, variant, out)))
+            time.sleep(draw.choice((0.0, 0.02, 0.2, 1.0)))
+        said = [process.communicate(timeout=600)[1] for process in processes]
+        codes = [process.returncode for process in processes]
+        assert 0 in codes and set(codes) <= {0, 2}, said
+        for code, text in zip(codes, said, strict=True):
+            errors = [line for line in text.splitlines() if line.startswith("error: ")]
+            assert (code == 0) == (not errors) and len(errors) < 2 and "Traceback" not in text, text
+            differs = kind in ("sweep", "series") and "it holds another" in text  # the first was done by then
+            assert code == 0 or AT_WORK in text or IN_USE in text or differs, text
+        both, refused = both + (codes == [0, 0]), refused + (2 in codes)
+        if kind == "run":
+            summary = json.loads((place / "summary.json").read_text(encoding="utf-8"))
+            with xarray.open_dataset(place / "result.nc", engine="h5netcdf") as result:
+                assert result.attrs["echo_peak_v"] == summary["echo_peak_v"]
+        if kind == "export":
+            with xarray.open_dataset(place, engine="h5netcdf") as result:
+                assert result.sizes["echo"] == ECHOES and len(set(result["label_variant"].values)) == 1
+        drafts = [path.name for path in folder.iterdir() if ".partial" in path.name or path.name.endswith(".lock")]
+        assert not drafts, drafts
+    return f"{count} pairs: {refused} times the other was refused, {both} times both went through"
+
+
+def recorders(folder: Path, count: int, draw: random.Random) -> str:
+    """Two recorders of two boards into one store, and two of one board.
+
+    Raises:
+        AssertionError: An echo is missing or there twice, or the second on one port does not say why it ends.
+    """
+    boards = [started(folder, "board", "--protocol", "frames", "--link", f"board{k}", "--rate", "400")
+              for k in range(2)]  # fmt: skip
+    refused = 0
+    try:
+        while not all((folder / f"board{k}").exists() for k in range(2)):
+            time.sleep(0.1)
+        for number in range(count):
+            store = f"pair{number}.sqlite"
+            ways = [["record", "--port", f"board{k}", "--store", store, "--count", "50"] for k in (0, 1, 0)]
+            processes = []
+            for way in ways:
+                processes.append(started(folder, *way))
+                time.sleep(draw.choice((0.0, 0.05)))
+            said = [process.communicate(timeout=120)[1] for process in processes]
+            codes = [process.returncode for process in processes]
+            assert codes[1] == 0 and 0 in (codes[0], codes[2]) and set(codes) <= {0, 2}, (codes, said)
+            assert all(code == 0 or (IN_USE in text and text.count("\n") == 1)
+                       for code, text in zip(codes, said, strict=True)), said  # fmt: skip
+            refused += 2 in codes
+            with closing(sqlite3.connect(folder / store)) as opened:
+                rows = opened.execute("SELECT recording, sequence FROM echoes").fetchall()
+            assert len(rows) == len(set(rows)) == 50 * codes.count(0), len(rows)
+    finally:
+        for board in boards:
+            board.terminate()
+            board.communicate()
+    return f"{count} times 3 recorders: two boards into one store, every echo once; on one port {refused} refused"
+
+
+def main() -> int:
+    """Run what the command line asks for."""
+    parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
+    parser.add_argument("--kills", type=int, default=20, help="of schlieren, run and export each")
+    parser.add_argument("--pairs", type=int, default=6, help="of each command")
+    parser.add_argument("--seed", type=int, default=0)
+    given = parser.parse_args()
+    draw, rows, good = random.Random(given.seed), [], True
+    jobs = [(f"{kind}, killed", kills, (kind,), given.kills) for kind in ("schlieren", "run", "export")]
+    jobs += [(f"{kind}, two at once", pairs, (kind,), given.pairs)
+             for kind in ("run", "schlieren", "sweep", "series", "export")]  # fmt: skip
+    jobs.append(("record, three at once", recorders, (), given.pairs))
+    for name, work, arguments, count in jobs:
+        if not count:
+            continue
+        with tempfile.TemporaryDirectory(prefix="kills-") as scratch:
+            prepare(Path(scratch))
+            try:
+                text = work(*arguments, Path(scratch), count, draw)
+            except AssertionError as fault:
+                good, text = False, f"FAILED: {fault}"
+        print(f"{name}: {text}", flush=True)
+        rows.append((name, text))
+    print(markdown_table(("what", "what came of it"), rows, text_columns=2))
+    return 0 if good else 1
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())
