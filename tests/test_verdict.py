@@ -1,4 +1,4 @@
-"""The verdict on ray optics: closed forms, the slabs that its wave goes through, and random views beside a fine wave."""
+"""The verdict on ray optics: closed forms, the slabs its wave goes through, and random views beside a fine wave."""
 
 from itertools import pairwise
 
