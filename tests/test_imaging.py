@@ -37,7 +37,7 @@ def prism(gradient: float = GRADIENT) -> IndexField:
 def test_a_prism_displaces_by_its_deflection(focus):
     """Displacement -g l (D - z of the prism's middle) / scene_pixel along y, none along x; 0.01 pixel."""
     camera = Camera(Disc(0.005), 0.1, 5e-6, (16, 24), distance=1.5, focus=focus)
-    found = background_displacement(prism(), camera)
+    found = background_displacement(prism(), camera, allow_truncation=True)
     expected = -GRADIENT * LENGTH * (1.5 - FRONT - 0.5 * LENGTH) / camera.scene_pixel
     assert abs(expected) > 4.0
     assert np.abs(found.displacement - [0.0, expected]).max() < 0.01
@@ -49,7 +49,7 @@ def test_a_constant_opd_gradient_shifts_a_far_picture_by_that_angle():
     """The wavefront's tilt is +a, the picture moves by -a: here 6 pixels, so that pictures compare pixel by pixel."""
     camera = Camera(Disc(0.005), 0.05, 5e-6)
     scene = np.random.default_rng(1).random((40, 48))
-    found = image_through(prism(2.0 * GRADIENT), scene, camera, psf_nodes=2, psf_pixels=16)
+    found = image_through(prism(2.0 * GRADIENT), scene, camera, psf_nodes=2, psf_pixels=16, allow_truncation=True)
     tilt = wavefront(prism(2.0 * GRADIENT), camera.pupil, pixel_count=16, allow_truncation=True).tilt
     pixels = tilt / camera.pixel_tangent
     assert pixels == pytest.approx([0.0, 6.0], abs=1e-4)
@@ -67,8 +67,9 @@ def test_a_fraction_of_a_pixel_is_as_exact():
     camera = Camera(Disc(0.005), 0.05, 5e-6)
     y, x = np.mgrid[:48, :48] - 23.5
     spot = [np.exp(-(x**2 + (y + moved) ** 2) / 18.0) for moved in (0.0, 2.4)]
-    found = image_through(prism(0.8 * GRADIENT), spot[0], camera, psf_nodes=3, psf_pixels=17)
-    moved = image_through(prism(1e-9), spot[1], camera, psf_nodes=3, psf_pixels=17)
+    options = {"psf_nodes": 3, "psf_pixels": 17, "allow_truncation": True}
+    found = image_through(prism(0.8 * GRADIENT), spot[0], camera, **options)
+    moved = image_through(prism(1e-9), spot[1], camera, **options)
     assert np.abs(found.displacement - [0.0, -2.4]).max() < 1e-3
     assert np.abs(found.image - moved.image).max() < 1e-3
 
@@ -101,7 +102,7 @@ def test_a_picture_in_light_of_several_wavelengths():
     Without a flow the light of twice the wavelength spreads twice as far: less of it stays in a bright pixel.
     """
     camera, scene = Camera(Disc(0.005), 0.05, 5e-6), np.random.default_rng(2).random((16, 16, 3))
-    options = {"psf_nodes": 2, "psf_pixels": 16, "wavelengths": [450e-9, 900e-9]}
+    options = {"psf_nodes": 2, "psf_pixels": 16, "wavelengths": [450e-9, 900e-9], "allow_truncation": True}
     grey = image_through(prism(), scene[..., 0], camera, weights=[1.0, 3.0], **options)
     each = grey.monochromatic()
     assert np.abs(grey.image - 0.25 * each[0] - 0.75 * each[1]).max() < 1e-12
@@ -131,13 +132,34 @@ def test_pixels_that_see_beyond_the_known_air_are_marked():
     contrast = 1e-3 * y[:, None] * np.where(y[:, None] > 0.0, above, below)
     field = IndexField.from_samples(contrast, origin=(-0.1, FRONT), spacing=(0.01, 0.01), geometry="planar")
     camera = Camera(Disc(0.002), 0.05, 5e-4, (20, 4), distance=1.5)
-    with pytest.warns(RuntimeWarning, match="known"):
-        found = background_displacement(field, camera)
+    with pytest.raises(ValueError, match=r"of the picture looks through disturbed air .* allow_truncation=True"):
+        background_displacement(field, camera)
+    with pytest.raises(ValueError, match="allow_truncation=True"):
+        image_through(field, np.ones((20, 4)), camera)
+    found = background_displacement(field, camera, allow_truncation=True)
     up = np.arange(20) - 9.5
     assert not found.known[up > 3.0].any() and found.known[up < -3.0].all()
     assert np.isfinite(found.displacement).all() and found.to_xarray().truncated.dims == ("y", "x")
-    with pytest.raises(ValueError, match="of the picture looks through disturbed air"):
-        background_displacement(field, camera, allow_truncation=False)
+
+
+def test_a_few_pixels_beyond_the_known_air_are_warned_of():
+    """One pixel of 1024 looks through the one cell that is disturbed where the box ends: less than is refused.
+
+    Cells of 6.45 mm at the last face, 0.28 m away, where pixels look 6.39 mm apart, the outermost 1 mm from the edge.
+    """
+    contrast = np.zeros((32, 32, 5))
+    contrast[-1, -1, -1] = 1e-4
+    field = IndexField.from_samples(
+        contrast,
+        origin=(-0.1, -0.1, FRONT),
+        spacing=(0.2 / 31, 0.2 / 31, 0.02),
+        geometry="volume",
+        interpolation="linear",
+    )
+    camera = Camera(Disc(1e-4), 0.05, 0.05 * 0.099 / 0.28 / 15.5, (32, 32))
+    with pytest.warns(RuntimeWarning, match="^0.0977 % of the picture looks through disturbed air"):
+        found = background_displacement(field, camera, aperture_rays=1)
+    assert np.argwhere(~found.known).tolist() == [[31, 31]]
 
 
 def test_a_cone_displaces_as_its_exact_rays_say():

@@ -9,12 +9,10 @@ import numpy as np
 import pytest
 from scipy.special import airy, fresnel
 
-from aerokernels import Disc, IndexField, Rectangle, Wave, split_step, validity, wavefront
+from aerokernels import Disc, IndexField, Wave, split_step, validity
 from aerokernels.validation.random_fields import uniform_field
-from aerokernels.validation.wave_draws import check_verdict, draw_view
 from aerokernels.waves import angular_spectrum
-from aerokernels.waves.layers import bent_path, sample_layers
-from aerokernels.waves.split_step import plane_wave
+from aerokernels.waves.layers import sample_layers
 from tests.phase_plates import DEPTH, WAVELENGTH, phase_plate
 
 K = 2.0 * np.pi / WAVELENGTH
@@ -118,111 +116,6 @@ def test_beam_in_a_light_guide():
     off = np.linalg.norm(found.amplitude - expected) / np.linalg.norm(expected)
     assert off < 1e-4 and found.error < 1e-5
     assert found.center[2] == pytest.approx(length)
-
-
-def test_a_thin_smooth_plate_is_what_the_rays_say():
-    """Strehl ratio of wave and rays of the same plate: 1e-3, the grid of the rays' pupil and the plate's 2 mm."""
-    field = phase_plate(lambda x, y: 2e-7 * (x * x + y * y) / 4e-6 + 2e-7 * x * y / 4e-6, 4.4e-3)
-    pupil = Disc(2e-3, (0.0, 0.0, -1e-3))
-    wave = split_step(field, pupil, wavelength=WAVELENGTH, pixel_count=128)
-    rays = wavefront(field, pupil, wavelength=WAVELENGTH)
-    assert wave.strehl() == pytest.approx(rays.strehl(), abs=1e-3)
-    angle = np.linspace(-2.0, 2.0, 9) * WAVELENGTH / 4e-3
-    assert np.abs(wave.psf(angle).intensity - rays.psf(angle).intensity).max() < 2e-3
-    told = validity(field, pupil, wavelength=WAVELENGTH, wavefront=rays)
-    assert told.good and bool(told) and abs(told.strehl_change) < 5e-4 and told.crossed_share == 0.0
-    assert "rays are good" in told.reason
-    assert told.answered_by == "rays" and "traced wavefront" in told.reason
-    by_wave = validity(field, pupil, wavelength=WAVELENGTH)
-    assert by_wave.answered_by == "waves" and told.strehl_change == pytest.approx(by_wave.strehl_change, abs=1e-3)
-    # Free space leaves the Strehl ratio and the far field alone.
-    assert wave.propagate(5.0).strehl() == pytest.approx(wave.strehl(), abs=1e-12)
-
-
-def thick_grating(period: float, length: float, waves: float) -> IndexField:
-    """Phase of an amplitude of so many waves, cos(2 pi x / period) all along a length, at rest at both ends."""
-    x, z = np.linspace(-2.4e-3, 2.4e-3, 385), length / 24 * np.arange(-3, 28)
-    along = np.where((z > 0.0) & (z < length), np.sin(np.pi * z / length) ** 4, 0.0) / (0.375 * length)
-    contrast = waves * WAVELENGTH * np.cos(2.0 * np.pi * x / period)[:, None] * along
-    return IndexField.from_samples(contrast, origin=(x[0], z[0]), spacing=(x[1] - x[0], z[1] - z[0]), geometry="planar")
-
-
-def test_a_thick_grating_is_more_than_its_rays_say():
-    """Born: 1 - S = 2 |sum of order 1|^2: orders of layers at z add with phase K^2 z / (2 k), the rays' without.
-
-    With the profile p(z) = sin^4 its transform at Q = K^2 / (2 k) takes the place of its integral; phase 0.3 rad leaves
-    an error of fourth order, 0.3^4 / 32 about.
-    """
-    period, length, waves = 0.2e-3, 60e-3, 0.3 / (2.0 * np.pi)
-    field = thick_grating(period, length, waves)
-    pupil = Rectangle(3.2e-3, 3.2e-3, (0.0, 0.0, -1e-3))
-    z = np.linspace(0.0, length, 2001)
-    profile = np.sin(np.pi * z / length) ** 4 / (0.375 * length)
-    detuning = (2.0 * np.pi / period) ** 2 / (2.0 * K)
-    order = 0.5 * 0.3 * abs(np.trapezoid(profile * np.exp(1j * detuning * z), z))
-    wave = split_step(field, pupil, wavelength=WAVELENGTH, pixel_count=192, window=1.5)
-    assert wave.strehl() == pytest.approx(1.0 - 2.0 * order**2, abs=2e-3)
-    by_rays = 1.0 - 2.0 * (0.5 * 0.3) ** 2
-    told = validity(field, pupil, wavelength=WAVELENGTH)
-    assert told.strehl_change == pytest.approx(wave.strehl() - by_rays, abs=4e-3)
-    assert not told.good and told.fresnel_number < 1.0 and "rays are not good" in told.reason
-    assert told.feature == pytest.approx(0.5 * period, rel=0.5)
-    seen = wavefront(field, pupil, wavelength=WAVELENGTH, pixel_count=64)
-    doubted = validity(field, pupil, wavelength=WAVELENGTH, wavefront=seen)
-    assert doubted.answered_by == "waves" and not doubted.good  # the traced phase alone would not say so
-    thin = validity(thick_grating(period, 0.6e-3, waves), pupil, wavelength=WAVELENGTH)
-    assert thin.good and thin.fresnel_number > 5.0
-
-
-def test_rays_that_cross_are_told_of():
-    """A strong lens all along a length of twice its focal length: behind the focus rays have crossed."""
-    x, z = np.linspace(-2e-3, 2e-3, 81), np.linspace(-2e-3, 42e-3, 45)
-    along = np.where((z > 0.0) & (z < 40e-3), np.sin(np.pi * z / 40e-3) ** 4, 0.0) / 15e-3
-    contrast = -(x[:, None] ** 2) / (2.0 * 8e-3) * np.exp(-((x[:, None] / 0.8e-3) ** 4)) * along
-    field = IndexField.from_samples(
-        contrast, origin=(x[0], z[0]), spacing=(x[1] - x[0], z[1] - z[0]), geometry="planar"
-    )
-    told = validity(field, Disc(0.5e-3, (0.0, 0.0, -3e-3)), wavelength=WAVELENGTH)
-    assert told.crossed_share > 0.3 and told.curvature > 1.0
-
-
-def test_the_verdict_is_right_of_random_views():
-    """Drawn shocks (validation/wave_draws.py): rays beside a wave, of which the verdict knows no Strehl ratio.
-
-    In two of them rays are off by more than 0.01; in one of those only because they bend. scripts/verdict counts more.
-    """
-    found = [check_verdict(draw_view(seed), pixel_count=96) for seed in (36, 21, 27)]
-    assert [one.is_good for one in found] == [True, False, False]
-    for one in found:
-        assert one.right
-        assert one.told == pytest.approx(one.by_wave - one.by_rays, abs=0.015)
-
-
-def test_bent_rays_through_layers_are_traced_ones():
-    """A lens all along half of a box, then air at rest: OPD to second order in the turn, against the traced wavefront.
-
-    Third order is some 4 % of the second, by the displacement over the lens, which is 0.02 waves here.
-    """
-    length, half = 0.2, 2e-3
-    y, z = np.linspace(-2.0 * half, 2.0 * half, 81), np.linspace(0.0, length, 81)
-    along = np.where(z < 0.5 * length, np.sin(2.0 * np.pi * z / length) ** 2, 0.0)
-    field = IndexField.from_samples(
-        1.2e-5 * np.cos(0.5 * np.pi * y / half)[:, None] * along,
-        origin=(y[0], 0.0),
-        spacing=(y[1] - y[0], z[1]),
-        geometry="planar",
-    )
-    pupil = Rectangle(2.0 * half, 2.0 * half, (0.0, 0.0, -1e-4))
-    light = plane_wave(pupil, WAVELENGTH, 96, 1.5, 1.0)
-    layers = sample_layers(field, light, 1e-4, length + 1e-4, 64)
-    straight = layers.sum(axis=0, dtype=np.float64)
-    bent = bent_path(layers, light.pixel, length)
-    traced = wavefront(field, pupil, wavelength=WAVELENGTH, pixel_count=64, tolerance=1e-4)
-    x = light.coordinates[1]
-    second = np.interp(traced.coordinate, x, (bent - straight)[:, 48])
-    expected = traced.opd[:, 32] - np.interp(traced.coordinate, x, straight[:, 48])
-    assert np.ptp(expected) > 0.015 * WAVELENGTH
-    assert np.abs(second - expected).max() < 0.06 * np.ptp(expected)
 
 
 def test_airy_at_a_fold_caustic():

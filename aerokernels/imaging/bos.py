@@ -90,7 +90,7 @@ def bos(
     sensor: Sensor | None = None,
     seed: int = 0,
     aperture_rays: int = APERTURE_RAYS,
-    allow_truncation: bool | None = None,
+    allow_truncation: bool = False,
     **options: Any,
 ) -> BackgroundPictures:
     """What a bench for background-oriented schlieren records.
@@ -109,7 +109,7 @@ def bos(
     Raises:
         TypeError: An argument of the wrong kind, or an unknown option.
         ValueError: A number that makes no sense, a scene that is infinitely far, no ray that meets the field, a
-            truncated view with `allow_truncation` False.
+            truncated view without `allow_truncation`.
     """
     check_view(field, camera, options)
     if not np.isfinite(camera.distance):

@@ -1,7 +1,9 @@
 """Which pixels of a camera look through disturbed air that ends with the field's box: what lies beyond is unknown.
 
 By straight rays from the points of the aperture, as for a pupil (tracing/pupil_air.py): a ray counts where it may lose
-more of its optical path than the tolerance. A field whose faces are undisturbed costs nothing.
+more of its optical path than the tolerance. A field whose faces are undisturbed costs nothing. The rule is that of a
+pupil, by the light of the whole picture: more than a thousandth of it is refused unless the caller allows it. A few
+pixels at a rim are let pass with a warning, since a picture, unlike a Strehl ratio, can say which ones they are.
 """
 
 import warnings
@@ -52,8 +54,8 @@ class KnownView:
             found.ravel()[over] += weight
         return found
 
-    def check(self, shape: tuple[int, int], allowed: bool | None) -> None:
-        """Warn of a view with truncated pixels where `allowed` is None, refuse one where it is False.
+    def check(self, shape: tuple[int, int], allowed: bool) -> None:
+        """Refuse a view of which more than a thousandth is truncated unless that is allowed; warn of less.
 
         Raises:
             ValueError: As said.
@@ -61,18 +63,20 @@ class KnownView:
         if allowed:
             return
         stride = tuple(max(1, count // LOOKED_AT) for count in shape)
-        share = float(np.mean(self.truncated(shape, (stride[0], stride[1])) > GREATEST_SHARE))
-        if share == 0.0:
+        share = self.truncated(shape, (stride[0], stride[1]))
+        concerned = 100.0 * float(np.mean(share > GREATEST_SHARE))
+        if concerned == 0.0:
             return
         text = (
-            f"{100.0 * share:.3g} % of the picture looks through disturbed air that ends with the field's box: what "
-            "lies beyond is unknown"
+            f"{concerned:.3g} % of the picture looks through disturbed air that ends with the field's box: what lies "
+            "beyond is unknown"
         )
-        if allowed is None:
+        if float(np.mean(share)) <= GREATEST_SHARE:
             warnings.warn(f"{text}; those pixels are marked in `known`", RuntimeWarning, stacklevel=4)
             return
         raise ValueError(
-            f"{text}. Give the field a larger region there, look another way, or leave out allow_truncation"
+            f"{text}. Give the field a larger region there, look another way, or take allow_truncation=True and read "
+            "`known`, where those pixels are marked"
         )
 
 

@@ -166,7 +166,7 @@ def background_displacement(
     *,
     aperture_rays: int = APERTURE_RAYS,
     shape: tuple[int, int] | None = None,
-    allow_truncation: bool | None = None,
+    allow_truncation: bool = False,
     **options: Any,
 ) -> BackgroundDisplacement:
     """Displacement of a camera's picture by a flow, for every pixel.
@@ -176,15 +176,14 @@ def background_displacement(
         camera: The camera; its scene may be far.
         aperture_rays: Points of the aperture, about; 1 takes its middle alone.
         shape: Rows and columns where the camera says none.
-        allow_truncation: Pixels of which more than a thousandth of the aperture looks through disturbed air that ends
-            with the field's box: None warns of them and marks them in `known`, True does so without a warning, False
-            refuses a view with such pixels.
+        allow_truncation: Whether more than a thousandth of the picture's light may come through disturbed air that ends
+            with the field's box. The pixels concerned are marked in `known`; where they are fewer, a warning says so.
         **options: method, tolerance [waves], wavelength, backend, device, precision, step, max_steps: as in `trace`.
 
     Raises:
         TypeError: `field` or `camera` of the wrong kind, or an unknown option.
-        ValueError: A number that makes no sense, a camera none of whose rays meets the field, or a truncated view with
-            `allow_truncation` False.
+        ValueError: A number that makes no sense, a camera none of whose rays meets the field, a truncated view without
+            `allow_truncation`.
     """
     check_view(field, camera, options)
     size = camera.shape() if shape is None else shape
@@ -198,7 +197,7 @@ def gather(
     aperture_rays: int,
     options: dict[str, Any],
     visit: Visit | None = None,
-    allow_truncation: bool | None = None,
+    allow_truncation: bool = False,
 ) -> BackgroundDisplacement:
     """The displacement, and a `visit` for every point of the aperture, while its rays are there."""
     with clocked() as seconds:

@@ -134,7 +134,7 @@ def image_through(
     seed: int = 0,
     wavelengths=None,
     weights=None,
-    allow_truncation: bool | None = None,
+    allow_truncation: bool = False,
     **options: Any,
 ) -> ImageThrough:
     """A picture of an extended scene through a flow: displaced by the shift map, blurred by its point spread functions.
@@ -164,7 +164,7 @@ def image_through(
     Raises:
         TypeError: An argument of the wrong kind, or an unknown option.
         ValueError: A number that makes no sense, a scene of a shape that does not fit, no ray that meets the field, a
-            truncated view with `allow_truncation` False.
+            truncated view without `allow_truncation`.
     """
     check_view(field, camera, options)
     for name, count in (("psf_nodes", psf_nodes), ("psf_pixels", psf_pixels)):

