@@ -62,9 +62,11 @@ def quad_mesh(polygons: Polygons, geometry: str) -> tuple[QuadMesh, np.ndarray, 
         y, z = polygons.points[grid].transpose(2, 0, 1)
         values = polygons.values[order if polygons.where == "cell" else grid]
         return QuadMesh.structured(y, z, geometry), values.reshape(-1, *polygons.values.shape[1:]), remark
-    whole = _cut_from_the_middle(_fans(polygons))
+    triangles, owner = _fans(polygons)
+    whole = _cut_from_the_middle(triangles)
     cut = "cells that are no quadrilaterals: each was cut into as many as it has corners"
-    mesh = QuadMesh(whole.points, whole.corners.reshape(-1, 4), geometry)
+    parents = np.repeat(owner, triangles.width)
+    mesh = QuadMesh(whole.points, whole.corners.reshape(-1, 4), geometry, parents=parents)
     return mesh, whole.values, f"{remark}; {cut}" if remark else cut
 
 
@@ -87,8 +89,10 @@ def _means(polygons: Polygons, values: np.ndarray) -> np.ndarray:
     return np.asarray(np.add.reduceat(values[polygons.corners], polygons.start[:-1], axis=0) / width)
 
 
-def _fans(polygons: Polygons) -> Polygons:
+def _fans(polygons: Polygons) -> tuple[Polygons, np.ndarray]:
     """Polygons with a corner that does not turn, or turns the wrong way, as triangles about their middles.
+
+    With them comes the number of the polygon that each of the result is, or is a part of.
 
     Where the middle does not see the whole polygon the triangles are those about one of its corners.
 
@@ -97,7 +101,7 @@ def _fans(polygons: Polygons) -> Polygons:
     """
     poor = (np.minimum.reduceat(_turns(polygons), polygons.start[:-1]) <= STRAIGHT) & (polygons.width > 3)
     if not poor.any():
-        return polygons
+        return polygons, np.arange(len(poor))
     apex = np.full(len(poor), -1)
     apex[poor] = len(polygons.points) + np.arange(int(poor.sum()))
     points = np.concatenate([polygons.points, _means(polygons, polygons.points)[poor]])
@@ -115,7 +119,8 @@ def _fans(polygons: Polygons) -> Polygons:
         values = np.concatenate([polygons.values[rest], polygons.values[owner[keep]]])
     else:
         values = np.concatenate([polygons.values, _means(polygons, polygons.values)[poor]])
-    return Polygons(points, np.concatenate([[0], np.cumsum(width)]), corners, values, polygons.where).used()
+    parts = Polygons(points, np.concatenate([[0], np.cumsum(width)]), corners, values, polygons.where).used()
+    return parts, np.concatenate([np.flatnonzero(rest), owner[keep]])
 
 
 def _seeing_corner(polygons: Polygons, number: int) -> int:

@@ -13,6 +13,8 @@ import aerokernels
 from aerokernels import flow
 from aerokernels.flow.reading.polygon_cells import Polygons
 from aerokernels.flow.reading.polygons import quad_mesh
+from aerokernels.medium import QuadMesh
+from aerokernels.medium.conserving import conserving_values
 
 
 @pytest.fixture
@@ -184,6 +186,26 @@ def test_folded_cells_are_refused_and_dented_ones_cut():
         four_cells((2.5, 2.5))
     with pytest.raises(ValueError, match="cell 1 is folded over itself"):
         four_cells((1.0, 1.0), ((0, 1, 4, 3), (1, 5, 2, 4), (3, 4, 7, 6), (4, 5, 8, 7)))
+
+
+def test_the_parts_of_a_triangle_are_one_cell():
+    """Set-up: triangles, the average of each that of a linear density. Expected: vertex values linear, 1e-12.
+
+    Where the parts that triangles are cut into are not known to belong together, they miss it by more than 1e-3.
+    """
+    x, y = writers.grid(9, 7)
+    points = np.stack([x.ravel(), y.ravel()], axis=1)
+    a, b, c, d = writers.quads(9, 7).T
+    corners = np.concatenate([np.stack([a, b, c], axis=1), np.stack([a, c, d], axis=1)])
+    average = 1.0 + points[corners].mean(axis=1) @ [2.0, 3.0]
+    mesh, values, _ = quad_mesh(
+        Polygons(points, 3 * np.arange(len(corners) + 1), corners.ravel(), average, "cell"), "planar"
+    )
+    off = [
+        np.abs(conserving_values(own, values) - 1.0 - mesh.vertices @ [2.0, 3.0]).max()
+        for own in (mesh, QuadMesh(mesh.vertices, mesh.cells))
+    ]
+    assert off[0] < 1e-12 and off[1] > 1e-3
 
 
 def test_double_points_are_refused(tmp_path):
