@@ -70,29 +70,29 @@ def _by_a_child(path: Path, sound: Path, copy: Path, contents, seeds: list[int],
     os.close(speaks)
     try:
         for seed in seeds:
-            loaded = False
-            while True:
+            said = _hear(listens)
+            if loaded := said == LOADED:
                 said = _hear(listens)
-                if said == LOADED:
-                    loaded = True
-                    continue
-                break
             if said in (READ, REFUSED):
                 yield "read" if said == READ else "refused"
                 continue
             if said == FAULT:
                 with os.fdopen(os.dup(listens), "r", errors="replace") as stream:
                     raise RuntimeError(f"seed {seed}: {stream.read()}")
-            if not said:
+            if said is None:
                 os.kill(child, signal.SIGKILL)
-            if loaded or not fragile:
-                how = "the process ended" if said is not None else f"it took longer than {LONGEST:g} s"
+            status, child = os.waitpid(child, 0)[1], 0
+            # A library may have spoiled its memory, and the process ends when that is given back: by a signal.
+            of_library = said is not None and os.WIFSIGNALED(status)
+            if not fragile or (loaded and not of_library):
+                how = f"the process ended with {status}" if said is not None else f"it took longer than {LONGEST:g} s"
                 raise RuntimeError(f"seed {seed}: {how} {'after the file was read' if loaded else 'while reading'}")
             yield "ended"
             return
     finally:
-        os.kill(child, signal.SIGKILL)
-        os.waitpid(child, 0)
+        if child:
+            os.kill(child, signal.SIGKILL)
+            os.waitpid(child, 0)
         os.close(listens)
 
 

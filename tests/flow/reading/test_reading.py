@@ -11,6 +11,7 @@ import writers
 
 import aerokernels
 from aerokernels import flow
+from aerokernels.flow.reading import worker
 from aerokernels.flow.reading.polygon_cells import Polygons
 from aerokernels.flow.reading.polygons import quad_mesh
 from aerokernels.medium import QuadMesh
@@ -313,6 +314,19 @@ def test_damaged_copies_of_what_libraries_read(tmp_path, kind):
     pytest.importorskip("vtkmodules")
     counts = fuzzing.fuzz(tmp_path, kind, range(2015, 2030))
     assert counts["refused"] > 0
+
+
+def test_a_child_that_another_file_has_hurt_is_replaced(tmp_path, monkeypatch):
+    """Set-up: a child that has read one file ends with the next. Expected: that one is read, by a new child."""
+    pytest.importorskip("h5py")
+    path = fuzzing.plain(tmp_path, "hdf5")
+    flow.read(path)
+    idle = worker._idle()
+    hurt = idle[-1]
+    hurt.process.kill()
+    monkeypatch.setattr(hurt.process, "poll", lambda: None)  # as it is while the child still runs
+    assert isinstance(flow.read(path), flow.VertexDensity)
+    assert hurt not in idle
 
 
 def test_a_library_that_goes_round_in_circles_is_ended(tmp_path):
