@@ -302,7 +302,8 @@ class CellDensity(MeshDensity):
     def columns(self, position: Numbers, direction: Numbers) -> np.ndarray:
         """Integrals of density less the ambient one along whole lines [kg/m2], exactly as the cells hold it.
 
-        See `aerokernels.flow.columns`. What rays see is an interpolant through the cells' averages.
+        See `aerokernels.medium.mesh_columns`. What rays see is an interpolant through the averages, or, with the
+        interpolation "cells", the averages themselves.
 
         Args:
             position: A point on each line [m], shape (line_count, 3) or (3,).
@@ -311,7 +312,7 @@ class CellDensity(MeshDensity):
         Raises:
             ValueError: Directions that are no unit vectors, lines along x of a planar field.
         """
-        from .columns import mesh_columns
+        from ..medium.mesh_columns import mesh_columns
 
         return mesh_columns(self.mesh, self.density - self.ambient_density, position, direction)
 

@@ -17,6 +17,7 @@ from ..shown import shown
 from ..wavelength import check_wavelength, field_wavelength
 from .body import Body
 from .cell_averages import node_values
+from .conserving import conserving_values
 from .grid import AXIS_CORE, UniformGrid, check_box, check_finite
 from .mesh import GEOMETRIES, QuadMesh
 from .mesh_samples import MeshSamples
@@ -180,7 +181,7 @@ class IndexField(Derived):
             contrast: n - ambient_index at the vertices, shape (vertex_count,), or finite-volume averages over the
                 cells, shape (cell_count,): the shape tells which. On a structured mesh also (ni, nj), (ni - 1, nj - 1).
             ambient_index: Index outside the mesh.
-            interpolation: "bilinear", "bilinear-barron" or "idw" (see mesh_samples.py).
+            interpolation: "bilinear", "bilinear-barron", "idw" or "cells" (see mesh_samples.py).
             body: Solid body in the field.
             wavelength: Vacuum wavelength that `contrast` was made for [m]; None where it belongs to none.
             upstream: Errors of `contrast` from how it was made.
@@ -198,8 +199,12 @@ class IndexField(Derived):
         if mesh.shape is not None:
             at_vertices.append(mesh.shape)
             in_cells.append((mesh.shape[0] - 1, mesh.shape[1] - 1))
+        averages = None
         if values.shape in in_cells:
-            values = vertex_values(mesh, values.ravel())
+            averages = values.ravel()
+            averages.setflags(write=False)
+            keeps = interpolation in ("bilinear", "cells")
+            values = conserving_values(mesh, averages) if keeps else vertex_values(mesh, averages)
         elif values.shape not in at_vertices:
             raise ValueError(
                 f"contrast has shape {values.shape}: give one entry for each vertex, shape "
@@ -207,7 +212,7 @@ class IndexField(Derived):
             )
         values = values.ravel()
         values.setflags(write=False)
-        samples = MeshSamples(mesh, values, interpolation)
+        samples = MeshSamples(mesh, values, interpolation, averages)
         return cls(samples, mesh.geometry, ambient_index, body, wavelength=wavelength, upstream=upstream)
 
     @property

@@ -75,6 +75,8 @@ def _left(before: np.ndarray, after: np.ndarray, highest: float) -> float:
 
 def refinement(field) -> RefinementLevels | None:
     """The field and its coarser versions, or a finer one; None on a mesh that can be neither thinned nor refined."""
+    if field.interpolation == "cells":  # what an interpolant makes of them
+        return RefinementLevels(field, field.with_interpolation("bilinear"), None)
     levels = _of_grid(field) if field.is_uniform else _of_mesh(field)
     if levels is not None:
         return RefinementLevels(*levels)
@@ -124,7 +126,8 @@ def _of_mesh(field):
         )
         kept = np.ix_(rows, columns)
         thinned = QuadMesh.structured(vertices[kept][..., 0], vertices[kept][..., 1], mesh.geometry)
-        return replace(field, samples=replace(field.samples, mesh=thinned, values=values[kept].ravel()))
+        thin = replace(field.samples, mesh=thinned, values=values[kept].ravel(), averages=None)
+        return replace(field, samples=thin)
 
     try:
         return field, level(2), level(4) if max(mesh.shape) > 8 else None

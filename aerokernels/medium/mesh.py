@@ -18,6 +18,8 @@ from .grid import check_finite
 GEOMETRIES = ("volume", "planar", "axisymmetric")
 # Pairs of points and cells that are looked at together: as many as keep the arrays small.
 PAIR_LIMIT = 1_000_000
+# Gauss points of a unit stretch, right to the third power.
+GAUSS_2 = (0.5 - 0.5 / 3.0**0.5, 0.5 + 0.5 / 3.0**0.5)
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,6 +43,8 @@ class QuadMesh(ReadOnly):
         cells: Vertex indices of each cell in order around it, shape (cell_count, 4).
         geometry: "planar" or "axisymmetric".
         shape: Vertices along both directions of a structured mesh, or None.
+        parents: The flow's own cell that each cell is a part of, numbers from 0 on, shape (cell_count,), where
+            triangles or polygons were cut; None where the cells are the flow's.
 
     Raises:
         ValueError: Vertices that are not finite or coincide (only in a cell if the mesh is structured: it may close on
@@ -51,6 +55,7 @@ class QuadMesh(ReadOnly):
     cells: np.ndarray
     geometry: str = "planar"
     shape: tuple[int, int] | None = None
+    parents: np.ndarray | None = None
 
     def __post_init__(self):
         """Check the mesh and orient every cell counter-clockwise."""
@@ -70,6 +75,12 @@ class QuadMesh(ReadOnly):
         cells = _orient(vertices, cells.astype(np.int32))
         if self.shape is None:
             _refuse_duplicates(vertices)
+        if self.parents is not None:
+            parents = np.array(self.parents)
+            if parents.shape != (len(cells),) or not np.issubdtype(parents.dtype, np.integer) or parents.min() < 0:
+                raise ValueError(f"parents must be a number from 0 on for each of {len(cells)} cells")
+            parents.setflags(write=False)
+            object.__setattr__(self, "parents", parents)
         for name, value in (("vertices", vertices), ("cells", cells)):
             value.setflags(write=False)
             object.__setattr__(self, name, value)
@@ -117,6 +128,23 @@ class QuadMesh(ReadOnly):
                 total += share
                 moment += share[:, None] * point
         return moment / total[:, None]
+
+    @cached_property
+    def corner_weights(self) -> np.ndarray:
+        """Area (if axisymmetric: volume) that each corner of a cell stands for, shape (cell_count, 4).
+
+        The integral over a cell of what is bilinear in it is the sum of its values at the corners under these weights,
+        in m2 (if axisymmetric in m3 a radian). Exact by 2 x 2 Gauss points.
+        """
+        weights = np.zeros((len(self.cells), 4))
+        for a in GAUSS_2:
+            for b in GAUSS_2:
+                point, jacobian = bilinear_point(self.corners, a, b)
+                share = 0.25 * np.abs(jacobian)
+                if self.geometry == "axisymmetric":
+                    share = share * point[:, 0]
+                weights += share[:, None] * np.array([(1 - a) * (1 - b), a * (1 - b), a * b, (1 - a) * b])
+        return weights
 
     @cached_property
     def box(self) -> tuple[np.ndarray, np.ndarray]:

@@ -5,8 +5,11 @@ Interpolations:
     "bilinear"          one scalar, its gradient the derivative of the bilinear map's interpolant (default)
     "bilinear-barron"   value bilinear, gradient bilinear between node gradients of eq 7
     "idw"               the paper: eq 6 for value and for node gradients of eq 7
+    "cells"             no interpolant: the cell's average everywhere in it. Rays run straight, since nothing bends them
+                        within a cell and the jumps between cells, which mean no surface of the gas, do not refract
 
-"idw" does not reproduce a linear field and jumps at cell edges: it is there for comparison only.
+"idw" does not reproduce a linear field and jumps at cell edges: it is there for comparison only. "cells" holds line
+integrals exactly as the flow's file does, cell by cell, and is traced by the reference backend.
 """
 
 from dataclasses import dataclass
@@ -16,11 +19,12 @@ import numpy as np
 
 from ..derived import Derived
 from ..shown import shown
+from .conserving import what_is_lacking
 from .grid import eq5_step
 from .mesh import QuadMesh
 from .vertex_values import vertex_gradients
 
-MESH_INTERPOLATIONS = ("bilinear", "bilinear-barron", "idw")
+MESH_INTERPOLATIONS = ("bilinear", "bilinear-barron", "idw", "cells")
 
 
 @shown
@@ -32,11 +36,14 @@ class MeshSamples(Derived):
         mesh: The mesh.
         values: Contrast at the vertices, float64, shape (vertex_count,).
         interpolation: One of MESH_INTERPOLATIONS.
+        averages: Averages over the cells that the values were made from, shape (cell_count,); None for values at the
+            vertices of their own.
     """
 
     mesh: QuadMesh
     values: np.ndarray
     interpolation: str
+    averages: np.ndarray | None = None
 
     def __post_init__(self):
         """Check the choice of interpolation."""
@@ -45,6 +52,8 @@ class MeshSamples(Derived):
                 f"interpolation {self.interpolation!r} is not known on a mesh: "
                 f"choose one of {', '.join(MESH_INTERPOLATIONS)}"
             )
+        if self.interpolation == "cells" and self.averages is None:
+            raise ValueError("interpolation 'cells' needs averages over cells, and there are values at vertices only")
 
     @property
     def low(self) -> np.ndarray:
@@ -62,6 +71,13 @@ class MeshSamples(Derived):
         return vertex_gradients(self.mesh, self.values)
 
     @cached_property
+    def lacking(self) -> np.ndarray | None:
+        """What of its average the interpolant lacks in each cell, shape (cell_count,); None where that is not known."""
+        if self.averages is None or self.interpolation != "bilinear":
+            return None
+        return what_is_lacking(self.mesh, self.averages, self.values)
+
+    @cached_property
     def paper_step(self) -> np.ndarray:
         """Step length [m] of the paper's eq 5 for every cell, shape (cell_count,)."""
         corner = self.values[self.mesh.cells]
@@ -73,6 +89,10 @@ class MeshSamples(Derived):
         result, gradient = np.zeros(len(points)), np.zeros((len(points), 2))
         rows = np.flatnonzero(cell >= 0)
         if len(rows) == 0:
+            return result, gradient
+        if self.interpolation == "cells":
+            assert self.averages is not None
+            result[rows] = self.averages[cell[rows]]
             return result, gradient
         corners, vertex = self.mesh.corners[cell[rows]], self.mesh.cells[cell[rows]]
         value = self.values[vertex]

@@ -40,4 +40,4 @@ def refined(field):
     except ValueError:  # a seam has two vertices in each place
         return None
     finer_values = np.concatenate([values, edge_value, cell_value])
-    return replace(field, samples=replace(field.samples, mesh=finer, values=finer_values))
+    return replace(field, samples=replace(field.samples, mesh=finer, values=finer_values, averages=None))

@@ -39,6 +39,11 @@ SHOCK_SHARE = 0.05
 
 def vertex_values(mesh: QuadMesh, average: np.ndarray) -> np.ndarray:
     """Vertex values, shape (vertex_count,), from cell averages, shape (cell_count,)."""
+    return values_and_smooth(mesh, average)[0]
+
+
+def values_and_smooth(mesh: QuadMesh, average: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Vertex values, and which of the flow's cells neither hold a captured shock nor touch one that does."""
     if mesh.shape is None:
         return _unstructured_vertex_values(mesh, average)
     ni, nj = mesh.shape
@@ -47,11 +52,11 @@ def vertex_values(mesh: QuadMesh, average: np.ndarray) -> np.ndarray:
     face = 0.5 * (vertex[:, :-1] + vertex[:, 1:])
     on_axis = mesh.geometry == "axisymmetric"
     average = average.reshape(ni - 1, nj - 1)
-    smooth = ~_beside_shock(average)
+    smooth = whole = ~_beside_shock(average)
     at_face = _faces_along_first_axis(average, smooth, centroid, face, on_axis)
     smooth = np.pad(smooth, ((1, 0), (0, 0)), mode="edge") & np.pad(smooth, ((0, 1), (0, 0)), mode="edge")
     turned = _faces_along_first_axis(at_face.T, smooth.T, face.swapaxes(0, 1), vertex.swapaxes(0, 1), on_axis)
-    return turned.T.ravel()
+    return turned.T.ravel(), whole.ravel()
 
 
 def _beside_shock(average: np.ndarray) -> np.ndarray:
@@ -132,14 +137,35 @@ def _vertex_pairs(mesh: QuadMesh) -> tuple[np.ndarray, np.ndarray]:
     return _unique_pairs(first, second, len(mesh.vertices))
 
 
+def _touching(mesh: QuadMesh) -> tuple[np.ndarray, np.ndarray]:
+    """Each vertex with each of the flow's cells that has it: vertices and cells, one pair after the other."""
+    if mesh.parents is None:
+        return mesh.cells.ravel(), np.repeat(np.arange(len(mesh.cells)), 4)
+    count = int(mesh.parents.max()) + 1
+    key = np.unique(mesh.cells.ravel().astype(np.int64) * count + np.repeat(mesh.parents, 4))
+    return key // count, key % count
+
+
 def _cell_pairs(mesh: QuadMesh) -> tuple[np.ndarray, np.ndarray]:
-    """All pairs of different cells that share a vertex, each pair both ways round."""
+    """All pairs of different cells of the flow that share a vertex, each pair both ways round."""
     from scipy.sparse import csr_matrix
 
-    cell = np.repeat(np.arange(len(mesh.cells)), 4)
-    touches = csr_matrix((np.ones(cell.size), (cell, mesh.cells.ravel())), shape=(len(mesh.cells), len(mesh.vertices)))
+    vertex, cell = _touching(mesh)
+    count = int(cell.max()) + 1
+    touches = csr_matrix((np.ones(len(cell)), (cell, vertex)), shape=(count, len(mesh.vertices)))
     first, second = (touches @ touches.T).nonzero()
-    return _unique_pairs(first.astype(np.int64), second.astype(np.int64), len(mesh.cells))
+    return _unique_pairs(first.astype(np.int64), second.astype(np.int64), count)
+
+
+def of_parents(mesh: QuadMesh, values: np.ndarray) -> np.ndarray:
+    """Means of values of a mesh's cells over the cells of the flow that they are parts of."""
+    if mesh.parents is None:
+        return values
+    size = mesh.corner_weights.sum(axis=1)
+    whole = np.bincount(mesh.parents, size)
+    if values.ndim == 1:
+        return np.asarray(np.bincount(mesh.parents, size * values) / whole)
+    return np.stack([np.bincount(mesh.parents, size * column) / whole for column in values.T], axis=1)
 
 
 def _unique_pairs(first, second, count: int) -> tuple[np.ndarray, np.ndarray]:
@@ -159,26 +185,40 @@ def _least_squares_gradient(points, values, first, second) -> np.ndarray:
     return (np.linalg.pinv(normal) @ right[..., None])[..., 0]
 
 
-def _unstructured_vertex_values(mesh: QuadMesh, average: np.ndarray) -> np.ndarray:
+def _unstructured_vertex_values(mesh: QuadMesh, average: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Inverse-distance mean of the linear reconstructions of a vertex's cells, which are flat beside a shock."""
-    centroid = mesh.cell_centroid
+    centroid, average = of_parents(mesh, mesh.cell_centroid), of_parents(mesh, average)
     slope = np.zeros((len(average), 2))
+    shock = np.zeros(len(average), dtype=bool)
     if len(average) > 1:
         first, second = _cell_pairs(mesh)
         slope = _least_squares_gradient(centroid, average, first, second)
         rise = np.sum(slope[first] * (centroid[second] - centroid[first]), axis=1)
         missed = np.abs(average[second] - average[first] - rise) > SHOCK_SHARE * np.ptp(average)
         shock = np.bincount(first, missed, len(average)) > 0
-        slope[shock | (np.bincount(first, shock[second], len(average)) > 0)] = 0.0
-    vertex, cell = mesh.cells.ravel(), np.repeat(np.arange(len(mesh.cells)), 4)
+        shock |= np.bincount(first, shock[second], len(average)) > 0
+        slope[shock] = 0.0
+    vertex, cell = _touching(mesh)
     reach = mesh.vertices[vertex] - centroid[cell]
     guess = average[cell] + np.sum(slope[cell] * reach, axis=1)
-    weight = 1.0 / np.linalg.norm(reach, axis=1)
+    weight = 1.0 / np.maximum(np.linalg.norm(reach, axis=1), 1e-300)
     count = len(mesh.vertices)
     total = np.bincount(vertex, weight, count)
     value = np.bincount(vertex, weight * guess, count) / np.where(total > 0, total, 1.0)
     low, high = np.full(count, np.inf), np.full(count, -np.inf)
     np.minimum.at(low, vertex, average[cell])
     np.maximum.at(high, vertex, average[cell])
-    # A vertex on the rim may lie beyond the range of its cells by as much as they differ.
-    return np.clip(value, low - (high - low), high + (high - low))
+    # By as much as the cells of a vertex differ, it may lie beyond their range.
+    low, high = low - (high - low), high + (high - low)
+    if len(average) > 1:  # on the rim, beyond each cell by as much as that differs from any neighbour
+        least, most = average.copy(), average.copy()
+        np.minimum.at(least, first, average[second])
+        np.maximum.at(most, first, average[second])
+        rim = np.zeros(count, dtype=bool)
+        of, edge = np.nonzero(mesh.neighbors < 0)
+        rim[mesh.cells[of, edge]] = rim[mesh.cells[of, (edge + 1) % 4]] = True
+        on_rim = rim[vertex]
+        vertex, cell = vertex[on_rim], cell[on_rim]
+        np.minimum.at(low, vertex, (2.0 * average - most)[cell])
+        np.maximum.at(high, vertex, (2.0 * average - least)[cell])
+    return np.clip(value, low, high), ~shock

@@ -14,7 +14,7 @@ from scipy import sparse
 
 from ..device_arrays import host_array
 from ..medium import QuadMesh
-from ..medium.vertex_values import vertex_values
+from ..medium.conserving import conserving_values
 from .line_integrals import NotLinearError
 
 SAMPLES_A_CELL = 4.0
@@ -64,7 +64,7 @@ class MeshIntegrals:
         """
         values = np.asarray(host_array(samples), dtype=np.float64).ravel()
         if values.size == len(self.mesh.cells):
-            values = vertex_values(self.mesh, values)
+            values = conserving_values(self.mesh, values)
         return np.asarray(self._matrix @ values - ambient * self.length)
 
     def _reach(self, start: np.ndarray, direction: np.ndarray) -> np.ndarray:

@@ -4,8 +4,9 @@ r"""The error budget of a trace's optical path difference, by cause, measured on
     step            float64 steps against float64 steps with a far smaller tolerance (of the curved ray, also if the run
                     was along straight lines)
     interpolation   through every second and every fourth node of the field, extrapolated (medium/levels.py)
-    resampling      through the field that was resampled, to the same stop; of a volume, what resampling the flow's
-                    cells changed on lines through it (`IndexField.upstream`)
+    resampling      through the field that was resampled, to the same stop; what the interpolant between averages over
+                    cells lacks of them along the ray (lacking.py); of a volume, what resampling the flow's cells
+                    changed on lines through it (`IndexField.upstream`)
     sampling        0: a trace is no mean over rays (an estimate over a pupil fills it in)
     bundle          what interpolating between traced rays leaves, as estimated while they were chosen (bundle/)
     truncation      what rays may have lost where the known air ends (known_air.py)
@@ -33,6 +34,7 @@ from ..rays import RayBundle
 from .allowance import step_allowance
 from .budget_rays import subset
 from .known_air import may_be_lost
+from .lacking import lacking_columns
 from .lines import SIDE, box_span
 from .plan import TracePlan
 from .status import reached
@@ -84,7 +86,8 @@ def opd_errors(field: IndexField, rays: RayBundle, plan: TracePlan, retrace: Ret
     made = field.upstream
     found["refractivity"] = np.zeros(1) if made is None else made.refractivity * run[0][reached(run[1])]
     if field.resampling is None:
-        return {**found, "interpolation": _interpolation(field, rays, plan, retrace, truth), "resampling": np.zeros(1)}
+        lacks = lacking_columns(field, rays, retrace.until)[reached(truth[1])]
+        return {**found, "interpolation": _interpolation(field, rays, plan, retrace, truth), "resampling": lacks}
     return {**found, **_against_source(field, rays, plan, retrace, truth)}
 
 
@@ -96,7 +99,7 @@ def _tight(field: IndexField, plan: TracePlan) -> TracePlan:
         columns=False,
         sample_count=0,
         step=None,
-        backend="warp" if plan.backend == "reference" else plan.backend,
+        backend="warp" if plan.backend == "reference" and field.interpolation != "cells" else plan.backend,
         precision="float64",
         tolerance=TIGHTER.get(field.interpolation, TIGHTER_ELSEWHERE) * min(plan.tolerance, TIGHTEST_ASKED),
         max_steps=max(plan.max_steps, step_allowance(field, "adaptive", None, None)),
@@ -130,7 +133,8 @@ def _against_source(field: IndexField, rays: RayBundle, plan: TracePlan, retrace
         some = rays[rows]
         here = tuple(array[rows] for array in truth) if again is retrace else again(field, some, _tight(field, plan))
         there = again(source, some, _tight(source, plan))
-        changes.append(_change(here, there))
+        arrived = reached(here[1]) & reached(there[1])
+        changes.append((here[0] - there[0] - lacking_columns(source, some, again.until))[arrived])
         left.append(_interpolation(source, some, plan, again, there))
     return {
         "interpolation": np.concatenate([np.zeros(0), *left]),

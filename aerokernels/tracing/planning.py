@@ -24,6 +24,22 @@ from .prediction import predict_evaluations
 STRAIGHT = "; along the undisturbed line, with the second-order correction of the optical path"
 
 
+def backend_for(field: IndexField, backend: str) -> str:
+    """The backend asked for, or "reference" instead of "auto" for cells without an interpolant.
+
+    Raises:
+        ValueError: Another backend is asked for such a field.
+    """
+    if field.interpolation != "cells" or backend == "reference":
+        return backend
+    if backend != "auto":
+        raise ValueError(
+            f"backend {backend!r} does not trace interpolation 'cells': only 'reference' ends its steps at every edge; "
+            "leave the backend out, or take interpolation 'bilinear'"
+        )
+    return "reference"
+
+
 def plan_rays(
     field: IndexField, pilot, ray_count: int, until, *, method, wavelength, spread=None, like=None, **choices
 ) -> TracePlan:
@@ -98,6 +114,9 @@ def make_plan(
     if precision not in PRECISIONS:
         raise ValueError(f"precision {precision!r} is not known: choose 'float32' or 'float64'")
     check_tolerance(tolerance)
+    backend = backend_for(field, backend)
+    if field.interpolation == "cells" and method in ("fixed", "paper"):
+        raise ValueError(f"method {method!r} steps over the edges between cells: take 'auto' for interpolation 'cells'")
     if method == "fixed":
         if step is None or not (np.isfinite(step) and step > 0.0):
             raise ValueError(f"method 'fixed' needs step, a positive length of arc in metres, got {step!r}")
@@ -122,6 +141,8 @@ def make_plan(
     else:
         reasons.append(f"method {method}: asked for{STRAIGHT if method == 'straight' else ''}")
     backend, device, why = choose_backend(backend, device)
+    if field.interpolation == "cells":
+        why = "backend reference: it alone ends its steps at every edge between cells"
     reasons.append(why)
     dimension = {"volume": "a volume", "planar": "two axes, x is never expanded"}.get(
         field.geometry, "r and z, never expanded to a volume"

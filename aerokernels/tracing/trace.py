@@ -18,7 +18,7 @@ from .launch import launch
 from .leapfrog import pilot_of, spread_of
 from .meeting import check_meeting
 from .plan import TracePlan
-from .planning import plan_rays, why_projection
+from .planning import backend_for, plan_rays, why_projection
 from .result import RAY_OUTPUTS, TraceResult
 from .retrace import report_rejected, retrace_rejected
 from .status import RayStatus
@@ -88,6 +88,7 @@ def trace(
         raise ValueError(f"bundle {bundle!r} is not known: choose one of {', '.join(BUNDLES)}")
     if backend == "auto" and device is None and rays.device not in (None, "cpu"):
         device = rays.device  # rays that lie on a GPU are traced there
+    backend = backend_for(field, backend)
     choices = {
         "backend": backend,
         "device": device,

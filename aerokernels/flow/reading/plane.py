@@ -7,7 +7,8 @@ import numpy as np
 from ...medium import QuadMesh
 from .dataset import FLAT, Block, Dataset, Patch, ReadError
 from .frame import Frame
-from .polygons import Polygons, merged, quad_mesh
+from .polygon_cells import Polygons
+from .polygons import merged, quad_mesh
 
 ON_AXIS = 1e-12  # of the greatest radius: what a file that was rounded leaves of points on the axis
 
@@ -113,7 +114,10 @@ def structured_mesh(block: Block, plane: Plane) -> QuadMesh | None:
     for axis in (0, 1):
         if (np.diff(local, axis=axis) == 0.0).all(axis=-1).any():
             return None  # collapsed edges, at a pole
-    return QuadMesh.structured(local[..., 0], local[..., 1], plane.geometry)
+    try:
+        return QuadMesh.structured(local[..., 0], local[..., 1], plane.geometry)
+    except ValueError:
+        return None  # as polygons such cells are cut, or refused with what is wrong with them
 
 
 def plane_mesh(path, blocks: list[Block], plane: Plane, densities) -> tuple[QuadMesh, np.ndarray, str, str]:

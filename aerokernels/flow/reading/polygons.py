@@ -5,64 +5,14 @@ corners becomes n quadrilaterals, and neighbours agree on the middle of the edge
 average of its cell. Linear functions of point data are kept exactly.
 """
 
-from dataclasses import dataclass, replace
-
 import numpy as np
 
 from ...medium import QuadMesh
 from .logical import logical_rectangle
+from .orientation import oriented
+from .polygon_cells import Polygons
 
 STRAIGHT = 1e-7  # sine of the turn at a corner below which it is none: a neighbour's hanging node
-
-
-@dataclass(frozen=True, eq=False)
-class Polygons:
-    """Polygons in a plane with a value for each cell or each point.
-
-    Attributes:
-        points: Coordinates [m], shape (point_count, 2).
-        start: Where each polygon begins, shape (cell_count + 1,).
-        corners: Points around each polygon, concatenated.
-        values: Shape (cell_count,) or (point_count,), or with a second axis: several values for each.
-        where: "cell" or "point".
-    """
-
-    points: np.ndarray
-    start: np.ndarray
-    corners: np.ndarray
-    values: np.ndarray
-    where: str
-
-    @property
-    def width(self) -> np.ndarray:
-        """Number of corners of each polygon."""
-        return np.diff(self.start)
-
-    def used(self) -> "Polygons":
-        """The same without points that belong to no polygon."""
-        kept, corners = np.unique(self.corners, return_inverse=True)
-        values = self.values[kept] if self.where == "point" else self.values
-        return replace(self, points=self.points[kept], corners=corners.ravel(), values=values)
-
-    def kept(self, keep: np.ndarray) -> "Polygons":
-        """Some of the polygons."""
-        corners = self.corners[np.repeat(keep, self.width)]
-        start = np.concatenate([[0], np.cumsum(self.width[keep])])
-        values = self.values[keep] if self.where == "cell" else self.values
-        return replace(self, start=start, corners=corners, values=values).used()
-
-    def without_repeats(self) -> "Polygons":
-        """The same with corners left out that lie in the same place as the one before, as at the pole of a grid."""
-        following = self._following()
-        keep = (self.points[self.corners] != self.points[self.corners[following]]).any(axis=1)
-        width = np.add.reduceat(keep, self.start[:-1])
-        start = np.concatenate([[0], np.cumsum(width)])
-        return replace(self, start=start, corners=self.corners[keep]).kept(width > 2)
-
-    def _following(self) -> np.ndarray:
-        following = np.arange(1, len(self.corners) + 1)
-        following[self.start[1:] - 1] = self.start[:-1]
-        return following
 
 
 def merged(parts: list[Polygons]) -> Polygons:
@@ -100,27 +50,29 @@ def quad_mesh(polygons: Polygons, geometry: str) -> tuple[QuadMesh, np.ndarray, 
     """The mesh, its values, and a remark of what was done, empty for nothing.
 
     Raises:
-        ValueError: What `QuadMesh` refuses: reversed, degenerate or double cells, duplicate points.
+        ValueError: Folded cells, and what `QuadMesh` refuses: degenerate or double cells, duplicate points.
     """
-    if (polygons.width == 4).all():
+    polygons, remark = oriented(polygons)
+    if (polygons.width == 4).all() and (_turns(polygons) > STRAIGHT).all():
         cells = polygons.corners.reshape(-1, 4)
-        turn = _turns(polygons).reshape(-1, 4)
-        if ((turn > STRAIGHT).all(axis=1) | (turn < -STRAIGHT).all(axis=1)).all():
-            rectangle = logical_rectangle(cells, len(polygons.points))
-            if rectangle is None:
-                return QuadMesh(polygons.points, cells, geometry), polygons.values, ""
-            grid, order = rectangle
-            y, z = polygons.points[grid].transpose(2, 0, 1)
-            values = polygons.values[order if polygons.where == "cell" else grid]
-            return QuadMesh.structured(y, z, geometry), values.reshape(-1, *polygons.values.shape[1:]), ""
-    whole = _cut_from_the_middle(_fans(polygons))
-    remark = "cells that are no quadrilaterals: each was cut into as many as it has corners"
-    return QuadMesh(whole.points, whole.corners.reshape(-1, 4), geometry), whole.values, remark
+        rectangle = logical_rectangle(cells, len(polygons.points))
+        if rectangle is None:
+            return QuadMesh(polygons.points, cells, geometry), polygons.values, remark
+        grid, order = rectangle
+        y, z = polygons.points[grid].transpose(2, 0, 1)
+        values = polygons.values[order if polygons.where == "cell" else grid]
+        return QuadMesh.structured(y, z, geometry), values.reshape(-1, *polygons.values.shape[1:]), remark
+    triangles, owner = _fans(polygons)
+    whole = _cut_from_the_middle(triangles)
+    cut = "cells that are no quadrilaterals: each was cut into as many as it has corners"
+    parents = np.repeat(owner, triangles.width)
+    mesh = QuadMesh(whole.points, whole.corners.reshape(-1, 4), geometry, parents=parents)
+    return mesh, whole.values, f"{remark}; {cut}" if remark else cut
 
 
 def _turns(polygons: Polygons) -> np.ndarray:
     """Sine of the turn at each corner."""
-    following = polygons._following()
+    following = polygons.following()
     point = polygons.points[polygons.corners]
     step = point[following] - point
     length = np.linalg.norm(step, axis=1)
@@ -137,35 +89,66 @@ def _means(polygons: Polygons, values: np.ndarray) -> np.ndarray:
     return np.asarray(np.add.reduceat(values[polygons.corners], polygons.start[:-1], axis=0) / width)
 
 
-def _fans(polygons: Polygons) -> Polygons:
-    """Polygons with a corner that does not turn, or turns the wrong way, as triangles about their middles."""
-    turn = _turns(polygons)
-    least = np.minimum.reduceat(turn, polygons.start[:-1])
-    most = np.maximum.reduceat(turn, polygons.start[:-1])
-    poor = ~((least > STRAIGHT) | (most < -STRAIGHT)) & (polygons.width > 3)
+def _fans(polygons: Polygons) -> tuple[Polygons, np.ndarray]:
+    """Polygons with a corner that does not turn, or turns the wrong way, as triangles about their middles.
+
+    With them comes the number of the polygon that each of the result is, or is a part of.
+
+    Where the middle does not see the whole polygon the triangles are those about one of its corners.
+
+    Raises:
+        ValueError: Polygons that are folded over themselves.
+    """
+    poor = (np.minimum.reduceat(_turns(polygons), polygons.start[:-1]) <= STRAIGHT) & (polygons.width > 3)
     if not poor.any():
-        return polygons
-    middle = np.full(len(poor), -1)
-    middle[poor] = len(polygons.points) + np.arange(int(poor.sum()))
+        return polygons, np.arange(len(poor))
+    apex = np.full(len(poor), -1)
+    apex[poor] = len(polygons.points) + np.arange(int(poor.sum()))
     points = np.concatenate([polygons.points, _means(polygons, polygons.points)[poor]])
     cell = np.repeat(np.arange(len(poor)), polygons.width)
     fan = np.flatnonzero(poor[cell])
-    triangles = np.stack(
-        [middle[cell[fan]], polygons.corners[fan], polygons.corners[polygons._following()[fan]]], axis=1
-    )
+    owner, one, other = cell[fan], polygons.corners[fan], polygons.corners[polygons.following()[fan]]
+    for number in np.unique(owner[_twice_area(points[apex[owner]], points[one], points[other]) <= 0.0]):
+        apex[number] = _seeing_corner(polygons, number)
+    keep = (one != apex[owner]) & (other != apex[owner])
+    triangles = np.stack([apex[owner], one, other], axis=1)[keep]
     rest = ~poor
     corners = np.concatenate([polygons.corners[rest[cell]], triangles.ravel()])
     width = np.concatenate([polygons.width[rest], np.full(len(triangles), 3)])
     if polygons.where == "cell":
-        values = np.concatenate([polygons.values[rest], polygons.values[cell[fan]]])
+        values = np.concatenate([polygons.values[rest], polygons.values[owner[keep]]])
     else:
         values = np.concatenate([polygons.values, _means(polygons, polygons.values)[poor]])
-    return Polygons(points, np.concatenate([[0], np.cumsum(width)]), corners, values, polygons.where)
+    parts = Polygons(points, np.concatenate([[0], np.cumsum(width)]), corners, values, polygons.where).used()
+    return parts, np.concatenate([np.flatnonzero(rest), owner[keep]])
+
+
+def _seeing_corner(polygons: Polygons, number: int) -> int:
+    """The point of a polygon's corner from which the whole polygon is seen.
+
+    Raises:
+        ValueError: There is none: the polygon crosses itself, or is bent beyond what cells are.
+    """
+    corners = polygons.corners[polygons.start[number] : polygons.start[number + 1]]
+    place = polygons.points[corners]
+    after = np.roll(place, -1, axis=0)
+    if (place == after).all(axis=1).any():
+        raise ValueError(f"cell {number} has coincident corners {place.tolist()}: merge duplicate nodes")
+    for k, corner in enumerate(corners):
+        twice = _twice_area(place[k], place, after)
+        if (np.delete(twice, [k, k - 1]) > 0.0).all():
+            return int(corner)
+    raise ValueError(f"cell {number} is folded over itself: its corners are {place.tolist()}")
+
+
+def _twice_area(a: np.ndarray, b: np.ndarray, c: np.ndarray) -> np.ndarray:
+    """Twice the area of triangles [m2], negative where they are listed clockwise."""
+    return np.asarray((b - a)[..., 0] * (c - a)[..., 1] - (b - a)[..., 1] * (c - a)[..., 0])
 
 
 def _cut_from_the_middle(polygons: Polygons) -> Polygons:
     """Every polygon of n corners as n quadrilaterals: corner, middle of an edge, middle, middle of the edge before."""
-    following, count = polygons._following(), len(polygons.points)
+    following, count = polygons.following(), len(polygons.points)
     ends = np.sort(np.stack([polygons.corners, polygons.corners[following]], axis=1), axis=1)
     edge, at = np.unique(ends, axis=0, return_inverse=True)
     at = at.ravel() + count

@@ -4,6 +4,8 @@ The binary restart: five int32 (535532, variable count, point count, 0, 0), name
 by point, then numbers of the run. Byte order by the first number.
 """
 
+from dataclasses import dataclass, field
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +19,7 @@ NAME_LENGTH = 33
 DAMAGED = "the file is damaged or was not written to its end: write it again"
 CORNERS = {3: 2, 5: 3, 9: 4, 10: 4, 12: 8, 13: 6, 14: 5}
 GREATEST_VARIABLE_COUNT = 10_000
+HIGH_ORDER = 100  # numbers of elements with points inside are greater
 COORDINATES = ("x", "y", "z", "pointid", "point_id")
 
 
@@ -31,23 +34,29 @@ def read(path: Path, time: Any = None, options: dict | None = None) -> Dataset:
         mesh_path, restart = path, Path(options["solution"]) if options.get("solution") else _restart_beside(path)
     else:
         mesh_path, restart = Path(options["mesh"]) if options.get("mesh") else _mesh_beside(path), path
-    points, cells, markers = read_mesh(mesh_path)
+    zones = read_mesh(mesh_path)
     if restart is None:
-        return Dataset(
-            [Block(points, cells, name=mesh_path.name)], "SU2 mesh without a restart", patches=_walls(points, markers)
-        )
+        several = [f"zone {k + 1}" if len(zones) > 1 else mesh_path.name for k in range(len(zones))]
+        blocks = [Block(zone.points, zone.cells, name=name) for zone, name in zip(zones, several, strict=True)]
+        patches = [patch for zone in zones for patch in _walls(zone.points, zone.markers)]
+        return Dataset(blocks, "SU2 mesh without a restart", patches=patches)
     arrays = read_restart(restart)
-    count = {len(values) for values in arrays.values()}
-    if count != {len(points)}:
-        raise ReadError(
-            restart,
-            f"it holds {sorted(count)} points, the mesh {mesh_path.name} {len(points)}",
-            "give the mesh it was made on",
-        )
+    counts = sorted({len(values) for values in arrays.values()})
+    fitting = [zone for zone in zones if counts == [len(zone.points)]]
+    if len(fitting) != 1:
+        held = ", ".join(str(len(zone.points)) for zone in zones)
+        fault = f"it holds {counts} points, the mesh {mesh_path.name} {held}"
+        if fitting:
+            fault += f": {len(fitting)} of its zones have as many"
+        raise ReadError(restart, fault, "give the mesh it was made on, of one such zone")
+    (zone,) = fitting
+    points = zone.points
+    notes = [f"zone {zones.index(zone) + 1} of {len(zones)} in {mesh_path.name}"] if len(zones) > 1 else []
     dimension = 2 if not points[:, 2].any() else 3
     _check_places(restart, arrays, points, dimension)
     arrays = {name: values for name, values in arrays.items() if name.lower() not in COORDINATES}
-    return Dataset([Block(points, cells, point_data=arrays)], "SU2", patches=_walls(points, markers))
+    block = Block(points, zone.cells, point_data=arrays)
+    return Dataset([block], "SU2", patches=_walls(points, zone.markers), notes=notes)
 
 
 def _check_places(restart: Path, arrays, points: np.ndarray, dimension: int) -> None:
@@ -88,86 +97,122 @@ def _mesh_beside(path: Path) -> Path:
     return found[0]
 
 
-def read_mesh(path: Path) -> tuple[np.ndarray, Cells, dict[str, np.ndarray]]:
-    """Points, cells and the edges of each marker of a mesh, or its faces (four corners) in three dimensions.
+@dataclass(eq=False)
+class Zone:
+    """A zone of a mesh: its points, its cells, and the edges of each marker, or its faces (four corners) in 3-D."""
+
+    points: np.ndarray = field(default_factory=lambda: np.empty((0, 3)))
+    kinds: list[int] = field(default_factory=list)
+    corners: list[np.ndarray] = field(default_factory=list)
+    markers: dict[str, np.ndarray] = field(default_factory=dict)
+    dimension: int = 0
+
+    @cached_property
+    def cells(self) -> Cells:
+        """The cells."""
+        start = np.concatenate([[0], np.cumsum([len(own) for own in self.corners])])
+        types = np.array([{5: POLYGON, 9: POLYGON}.get(kind, kind) for kind in self.kinds], np.uint8)
+        return Cells(types, start, np.concatenate(self.corners))
+
+    def check(self, path: Path) -> None:
+        """Refuse a zone without points or elements, and corners that are none of its points."""
+        count = len(self.points)
+        if not count or not self.kinds:
+            raise ReadError(path, "it has no points or no elements", DAMAGED)
+        if self.cells.points.min() < 0 or self.cells.points.max() >= count:
+            raise ReadError(path, f"elements refer to points beyond the {count} that there are", DAMAGED)
+        for name, own in self.markers.items():
+            if len(own) and own.max() >= count:
+                raise ReadError(path, f"marker {name} refers to points beyond the {count} that there are", DAMAGED)
+
+
+def read_mesh(path: Path) -> list[Zone]:
+    """The zones of a mesh.
 
     Raises:
         ReadError: A damaged mesh.
     """
     try:
-        lines = path.read_text("ascii").splitlines()
+        text = path.read_text("ascii").splitlines()
     except UnicodeDecodeError:
         raise ReadError(path, "it is no text", DAMAGED) from None
-    at, dimension, marker = 0, 0, ""
-    points = np.empty((0, 3))
-    kinds: list[int] = []
-    corners: list[np.ndarray] = []
-    markers: dict[str, np.ndarray] = {}
+    # Comments and empty lines may stand anywhere, in lists too.
+    lines = [(number, line) for number, line in enumerate((own.split("%")[0] for own in text), start=1) if line.strip()]
+    at, marker = 0, ""
+    zones: list[Zone] = [Zone()]
     while at < len(lines):
-        key, found, value = lines[at].split("%")[0].partition("=")
+        number, line = lines[at]
+        key, found, value = line.partition("=")
         key = key.strip().upper()
         at += 1
         if not found:
             continue
-        if key == "MARKER_TAG":
+        if key == "IZONE" and zones[-1].kinds:
+            zones.append(Zone())
+        elif key == "MARKER_TAG":
             marker = value.strip()
         elif key in ("NDIME", "NELEM", "NPOIN", "MARKER_ELEMS"):
-            count = _whole(path, at, value.split()[0] if value.split() else "")
+            count = _whole(path, number, value.split()[0] if value.split() else "")
+            zone = zones[-1]
             if key == "NDIME":
-                dimension = count
+                zone.dimension = count
                 if count not in (2, 3):
-                    raise ReadError(path, f"line {at}: {count} dimensions", DAMAGED)
+                    raise ReadError(path, f"line {number}: {count} dimensions", DAMAGED)
                 continue
-            if count > len(lines) - at:
-                raise ReadError(path, f"line {at}: {key}= {count}, but only {len(lines) - at} lines follow", DAMAGED)
-            rows = [line.split() for line in lines[at : at + count]]
+            if at < len(lines) and key == "MARKER_ELEMS" and "=" in lines[at][1]:
+                at += 1  # SEND_TO of points that processes share
+            left = len(lines) - at
+            if count > left:
+                raise ReadError(path, f"line {number}: {key}= {count}, but only {left} lines follow", DAMAGED)
+            rows = [(own, words.split()) for own, words in lines[at : at + count]]
             if key == "NPOIN":
-                points = _points(path, at, rows, dimension)
+                zone.points = _points(path, rows, zone.dimension)
             elif key == "NELEM":
-                kinds, corners = _elements(path, at, rows)
+                zone.kinds, zone.corners = _elements(path, rows, CORNERS)
             else:
-                pieces = [own for own in _elements(path, at, rows)[1] if dimension <= len(own) <= 4]
+                pieces = _elements(path, rows, {1: 1, **CORNERS})[1]
+                pieces = [own for own in pieces if zone.dimension <= len(own) <= 4]
                 # A triangle names its last corner twice.
-                wide = 2 if dimension == 2 else 4
+                wide = 2 if zone.dimension == 2 else 4
                 whole = [np.append(own, own[-1:].repeat(wide - len(own))) for own in pieces if len(own) <= wide]
-                markers[marker] = np.array(whole, dtype=np.int64).reshape(-1, wide)
+                zone.markers[marker] = np.array(whole, dtype=np.int64).reshape(-1, wide)
             at += count
-    if not len(points) or not kinds:
-        raise ReadError(path, "it has no points or no elements", DAMAGED)
-    start = np.concatenate([[0], np.cumsum([len(own) for own in corners])])
-    flat = np.concatenate(corners)
-    if flat.min() < 0 or flat.max() >= len(points):
-        raise ReadError(path, f"elements refer to points beyond the {len(points)} that there are", DAMAGED)
-    types = np.array([{5: POLYGON, 9: POLYGON}.get(kind, kind) for kind in kinds], np.uint8)
-    for name, own in markers.items():
-        if len(own) and own.max() >= len(points):
-            raise ReadError(path, f"marker {name} refers to points beyond the {len(points)} that there are", DAMAGED)
-    return points, Cells(types, start, flat), markers
+    for zone in zones:
+        zone.check(path)
+    return zones
 
 
-def _points(path: Path, at: int, rows: list[list[str]], dimension: int) -> np.ndarray:
+def _points(path: Path, rows: list[tuple[int, list[str]]], dimension: int) -> np.ndarray:
     points = np.zeros((len(rows), 3))
-    for k, row in enumerate(rows):
+    for k, (number, row) in enumerate(rows):
         try:
             points[k, :dimension] = [float(word) for word in row[:dimension]]
         except ValueError:
             raise ReadError(
-                path, f"line {at + k + 1}: a point needs {dimension} coordinates, got {' '.join(row)[:60]!r}", DAMAGED
+                path, f"line {number}: a point needs {dimension} coordinates, got {' '.join(row)[:60]!r}", DAMAGED
             ) from None
     return points
 
 
-def _elements(path: Path, at: int, rows: list[list[str]]) -> tuple[list[int], list[np.ndarray]]:
+def _elements(path: Path, rows: list[tuple[int, list[str]]], known) -> tuple[list[int], list[np.ndarray]]:
     kinds: list[int] = []
     corners: list[np.ndarray] = []
-    for k, row in enumerate(rows):
+    for number, row in rows:
         try:
             kind = int(row[0])
-            own = np.array([int(word) for word in row[1 : 1 + CORNERS[kind]]])
-            if len(own) != CORNERS[kind]:
+            if kind > HIGH_ORDER and kind not in known:
+                raise ReadError(
+                    path,
+                    f"line {number}: element {kind} is of high order, with points inside it",
+                    "write the flow on cells with corners only, by SU2's own output for ParaView say",
+                )
+            own = np.array([int(word) for word in row[1 : 1 + known[kind]]])
+            if len(own) != known[kind]:
                 raise ValueError
-        except (ValueError, KeyError, IndexError):
-            raise ReadError(path, f"line {at + k + 1}: no element of SU2: {' '.join(row)[:60]!r}", DAMAGED) from None
+        except (ValueError, KeyError, IndexError) as fault:
+            if isinstance(fault, ReadError):
+                raise
+            raise ReadError(path, f"line {number}: no element of SU2: {' '.join(row)[:60]!r}", DAMAGED) from None
         kinds.append(kind)
         corners.append(own)
     return kinds, corners

@@ -86,19 +86,24 @@ def in_child(module: str, path: Path, time, options: dict[str, Any]) -> Dataset:
     """
     with OPENED.lock:
         idle = _idle()  # a forked process begins with none: the children, and the pipes to them, are its parent's
-        child = idle.pop() if idle else _Child()
-        if child.process.poll() is not None:
+        used = idle.pop() if idle else None
+        if used is not None and used.process.poll() is not None:
+            used.end()
+            used = None
+    # What a library did to its memory with one damaged file may end it with the next: that one gets a child of its own.
+    for child in (used, None) if used is not None else (None,):
+        child = child or _Child()
+        try:
+            kind, answer = child.ask((module, str(path), time, options), time_limit(path))
+            break
+        except (EOFError, OSError):
+            status = child.end()
+        except BaseException:
             child.end()
-            child = _Child()
-    try:
-        kind, answer = child.ask((module, str(path), time, options), time_limit(path))
-    except (EOFError, OSError):
-        status = child.end()
+            raise
+    else:
         cause = f"signal {-status}" if status < 0 else f"status {status}"
-        raise ReadError(path, f"the library that reads it ended with {cause}", DAMAGED) from None
-    except BaseException:
-        child.end()
-        raise
+        raise ReadError(path, f"the library that reads it ended with {cause}", DAMAGED)
     with OPENED.lock:
         idle.append(child)
     if kind == "error":

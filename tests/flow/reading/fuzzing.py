@@ -2,6 +2,7 @@
 
 from pathlib import Path
 
+import cgns_writer
 import numpy as np
 import vtk_writers
 import writers
@@ -34,6 +35,8 @@ def plain(folder: Path, kind: str) -> Path:
             table = np.stack([x.ravel(), y.ravel(), density.ravel()], axis=1)
             np.savetxt(folder / "a.csv", table, delimiter=",", header="x,y,rho", comments="")
             return folder / "a.csv"
+        if kind.startswith("cgns"):
+            return _cgns(folder / "a.cgns", kind, x, y, density)
         if kind in ("hdf5", "netcdf", "netcdf-classic"):
             return _labelled(folder, kind, x, y, density)
         return vtk_writers.vtk_file(folder / f"a.{kind.split('-')[0]}", kind)
@@ -52,6 +55,23 @@ def _volume(case: Path) -> Path:
         return (np.abs(p[:, 1:] - 0.5) < 0.17).all(axis=1) & (p[:, 0] > 0.49)
 
     return foam_case(case, points, corners[~rod(middle)], lambda p: rod(p) & (p[:, 0] < 0.999))
+
+
+def _cgns(path: Path, kind: str, x, y, density) -> Path:
+    """A zone with a wall: of a plane, structured or of elements, or a structured volume."""
+    if kind == "cgns-elements":
+        wall = [("PointList", "IndexArray_t", [[1, 2, 3, 4]])]
+        cells = [(7, writers.quads(9, 7))]
+        return cgns_writer.cgns(
+            path, (x.ravel(), y.ravel()), density.ravel(), [("low", "BCWall", wall)], elements=cells
+        )
+    if kind == "cgns-volume":
+        third = np.broadcast_to(0.01 * np.arange(4.0)[:, None, None], (4, *x.shape)).copy()
+        axes = np.stack([x] * 4), np.stack([y] * 4), third
+        wall = [("PointRange", "IndexRange_t", [[1, 1, 1], [9, 1, 4]])]
+        return cgns_writer.cgns(path, axes, np.stack([density] * 4), [("low", "BCWallInviscid", wall)])
+    wall = [("PointRange", "IndexRange_t", [[1, 1], [9, 1]])]
+    return cgns_writer.cgns(path, (x, y), density, [("low", "BCWall", wall)])
 
 
 def _labelled(folder: Path, kind: str, x, y, density) -> Path:
@@ -84,4 +104,7 @@ KINDS = (
     "tecplot-text-cells", "tecplot-text-elements", "tecplot-binary", "tecplot-binary-cells", "tecplot-binary-elements",
     "su2-binary", "su2-text", "npz", "csv",
 )  # fmt: skip
-CHILD_KINDS = ("hdf5", "netcdf", "netcdf-classic", "vtu", "vtu-ascii", "vts", "vtr", "vti", "vtk", "vtk-ascii")
+CHILD_KINDS = (
+    "hdf5", "netcdf", "netcdf-classic", "cgns", "cgns-elements", "cgns-volume",
+    "vtu", "vtu-ascii", "vts", "vtr", "vti", "vtk", "vtk-ascii",
+)  # fmt: skip

@@ -202,3 +202,22 @@ def test_radius_and_z_are_axisymmetric_in_the_optical_frame(tmp_path):
     field = flow.read(tmp_path / "a.npz")
     assert field.geometry == "axisymmetric"
     assert field.density_at([[0.003, 0.004, 0.002]]) == pytest.approx(1.2 + 0.005 + 0.004, rel=1e-14)
+
+
+def test_an_su2_mesh_of_zones_with_comments(tmp_path):
+    """Set-up: a mesh of two zones, comments and empty lines in its lists, markers between processes, and a restart.
+
+    Expected: the zone that has as many points as the restart is read, and said; the other is another zone.
+    """
+    restart = writers.su2(tmp_path, binary=False)
+    field = flow.read(restart)
+    mesh = tmp_path / "mesh.su2"
+    own = mesh.read_text().splitlines()
+    other = ["NDIME= 2", "NELEM= 1", "% a list", "9 0 1 2 3", "NPOIN= 4", "0 0", "", "1 0", "1 1 % a point", "0 1"]
+    shared = ["MARKER_TAG= SEND_RECEIVE", "MARKER_ELEMS= 2", "SEND_TO= 1", "1 0 0", "1 1 0"]
+    mesh.write_text("\n".join(["NZONE= 2", "IZONE= 1", *other, *shared, "IZONE= 2", *own]) + "\n")
+    again = flow.read(restart)
+    assert "zone 2 of 2" in again.provenance and np.array_equal(again.density, field.density)
+    assert len(flow.contents(mesh).zones) == 1
+    restart.unlink()
+    assert len(flow.contents(mesh).zones) == 2

@@ -11,6 +11,11 @@ import writers
 
 import aerokernels
 from aerokernels import flow
+from aerokernels.flow.reading import worker
+from aerokernels.flow.reading.polygon_cells import Polygons
+from aerokernels.flow.reading.polygons import quad_mesh
+from aerokernels.medium import QuadMesh
+from aerokernels.medium.conserving import conserving_values
 
 
 @pytest.fixture
@@ -124,22 +129,94 @@ def test_damaged_files_are_refused(tmp_path, name, text, message):
     assert name in str(caught.value) and str(caught.value).count("\n") == 0
 
 
-def test_reversed_cells_and_double_points_are_refused(tmp_path):
-    """Set-up: a mesh of SU2 with one quadrilateral the other way round; then with two points in one place."""
-    restart = writers.su2(tmp_path)
-    mesh = tmp_path / "mesh.su2"
-    text = mesh.read_text().splitlines()
-    kind, *corners, number = text[5].split()
-    reversed_cell = [*text[:5], " ".join([kind, *corners[::-1], number]), *text[6:]]
-    mesh.write_text("\n".join(reversed_cell) + "\n")
-    with pytest.raises(flow.ReadError, match="inverted"):
-        flow.read(restart)
-    first = next(k for k, line in enumerate(text) if line.startswith("NPOIN")) + 1
-    double = [*text]
-    double[first + 40] = double[first + 41]
-    mesh.write_text("\n".join(double) + "\n")
+def su2_cells(folder, change):
+    """The restart beside a mesh of SU2, text in both, whose lines of cells and points are changed."""
+    restart = writers.su2(folder, binary=False)
+    lines = (folder / "mesh.su2").read_text().splitlines()
+    count = int(lines[1].split("=")[1])
+    points = next(k for k, line in enumerate(lines) if line.startswith("NPOIN")) + 1
+    cells = [line.split() for line in lines[2 : 2 + count]]
+    change(cells, lines, points)
+    lines[2 : 2 + count] = [" ".join(cell) for cell in cells]
+    lines[1] = f"NELEM= {len(cells)}"
+    (folder / "mesh.su2").write_text("\n".join(lines) + "\n")
+    return restart
+
+
+@pytest.mark.parametrize("triangles", [False, True])
+def test_cells_listed_the_other_way_round_are_turned(tmp_path, triangles):
+    """Set-up: a mesh of SU2; one with every third cell in reverse. Expected: the same field, and a note."""
+
+    def turned(cells, lines, points):
+        if triangles:
+            cells[:] = [row for _, a, b, c, d, _ in cells for row in (["5", a, b, c], ["5", a, c, d])]
+        if sound:
+            return
+        for cell in cells[::3]:
+            cell[1 : (4 if triangles else 5)] = cell[1 : (4 if triangles else 5)][::-1]
+
+    fields = []
+    for sound in (True, False):
+        (tmp_path / str(sound)).mkdir()
+        fields.append(flow.read(su2_cells(tmp_path / str(sound), turned)))
+    before, after = fields
+    count = len(before.mesh.cells) if not triangles else len(before.mesh.cells) // 3
+    assert f"{-(-count // 3)} of {count} cells were listed the other way round" in after.provenance
+    assert "other way round" not in before.provenance
+    at = np.column_stack([np.zeros(50), before.mesh.corners[::7].mean(axis=1)[:50]])
+    assert after.density_at(at) == pytest.approx(before.density_at(at), rel=1e-14)
+
+
+def four_cells(place, cells=((0, 1, 4, 3), (1, 2, 5, 4), (3, 4, 7, 6), (4, 5, 8, 7))):
+    """The mesh of the four quadrilaterals of a square of side 2 whose middle point was moved, by way of polygons."""
+    points = np.array([[x, y] for y in (0.0, 1.0, 2.0) for x in (0.0, 1.0, 2.0)])
+    points[4] = place
+    corners = np.array(cells).ravel()
+    return quad_mesh(Polygons(points, np.arange(0, 17, 4), corners, np.array([1.0, 2.0, 3.0, 4.0]), "cell"), "planar")
+
+
+def test_folded_cells_are_refused_and_dented_ones_cut():
+    """Set-up: four cells around a point. Expected: beyond the diagonal of one it is cut into parts of its area.
+
+    The area is 2 - 1.8 = 0.2. Beyond the corner of the cell it is refused, and a cell listed as a bow tie is.
+    """
+    mesh, density, _ = four_cells((1.8, 1.8))
+    assert mesh.cell_area[density == 4.0].sum() == pytest.approx(0.2, rel=1e-12)
+    assert mesh.cell_area.sum() == pytest.approx(4.0, rel=1e-12)
+    with pytest.raises(ValueError, match="1 of 4 cells are folded over their neighbours, the first is cell 3"):
+        four_cells((2.5, 2.5))
+    with pytest.raises(ValueError, match="cell 1 is folded over itself"):
+        four_cells((1.0, 1.0), ((0, 1, 4, 3), (1, 5, 2, 4), (3, 4, 7, 6), (4, 5, 8, 7)))
+
+
+def test_the_parts_of_a_triangle_are_one_cell():
+    """Set-up: triangles, the average of each that of a linear density. Expected: vertex values linear, 1e-12.
+
+    Where the parts that triangles are cut into are not known to belong together, they miss it by more than 1e-3.
+    """
+    x, y = writers.grid(9, 7)
+    points = np.stack([x.ravel(), y.ravel()], axis=1)
+    a, b, c, d = writers.quads(9, 7).T
+    corners = np.concatenate([np.stack([a, b, c], axis=1), np.stack([a, c, d], axis=1)])
+    average = 1.0 + points[corners].mean(axis=1) @ [2.0, 3.0]
+    mesh, values, _ = quad_mesh(
+        Polygons(points, 3 * np.arange(len(corners) + 1), corners.ravel(), average, "cell"), "planar"
+    )
+    off = [
+        np.abs(conserving_values(own, values) - 1.0 - mesh.vertices @ [2.0, 3.0]).max()
+        for own in (mesh, QuadMesh(mesh.vertices, mesh.cells))
+    ]
+    assert off[0] < 1e-12 and off[1] > 1e-3
+
+
+def test_double_points_are_refused(tmp_path):
+    """Set-up: a mesh of SU2 with two points in one place."""
+
+    def double(cells, lines, points):
+        lines[points + 40] = lines[points + 41]
+
     with pytest.raises(flow.ReadError, match=r"not where the mesh has them|coincident|same place"):
-        flow.read(restart)
+        flow.read(su2_cells(tmp_path, double))
 
 
 def test_the_error_travels_between_processes(tmp_path):
@@ -237,6 +314,19 @@ def test_damaged_copies_of_what_libraries_read(tmp_path, kind):
     pytest.importorskip("vtkmodules")
     counts = fuzzing.fuzz(tmp_path, kind, range(2015, 2030))
     assert counts["refused"] > 0
+
+
+def test_a_child_that_another_file_has_hurt_is_replaced(tmp_path, monkeypatch):
+    """Set-up: a child that has read one file ends with the next. Expected: that one is read, by a new child."""
+    pytest.importorskip("h5py")
+    path = fuzzing.plain(tmp_path, "hdf5")
+    flow.read(path)
+    idle = worker._idle()
+    hurt = idle[-1]
+    hurt.process.kill()
+    monkeypatch.setattr(hurt.process, "poll", lambda: None)  # as it is while the child still runs
+    assert isinstance(flow.read(path), flow.VertexDensity)
+    assert hurt not in idle
 
 
 def test_a_library_that_goes_round_in_circles_is_ended(tmp_path):

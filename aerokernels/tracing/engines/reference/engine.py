@@ -42,7 +42,7 @@ def trace(field: IndexField, rays: RayBundle, plan: TracePlan, until, wavelength
             ends,
             SHARE * min(plan.tolerance, TIGHTEST) * wavelength,
             plan.max_steps,
-            plan.method == "straight",
+            plan.method == "straight" and not air.jumps,
         )
         if plan.method in ("fixed", "paper"):
             turn = march(field, ends, integrator, flight, plan)

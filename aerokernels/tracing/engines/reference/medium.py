@@ -94,6 +94,7 @@ class GridAir:
         self.offset = np.sum(reach, axis=0).ravel()
         self.face_count = 2 * self.axes
         self.axis_is_kink = False  # even in r, or rounded off
+        self.jumps = False
         self.size = float(self.spacing.min())
         # What forces are sums and differences of [1/m]: their rounding is a share of it, however small they are.
         self.force_scale = float(np.abs(self.coefficients).max()) / self.size

@@ -242,6 +242,8 @@ class Integrator:
         self.hold(flight, rows, chosen, h[down][face] <= self.least)
         flight.cell[rows] = cell
         flight.left[rows[left]] = True
+        if self.air.jumps:
+            self.enter(flight, rows[~left & ~self.air.in_gap(cell)])
 
     def hold(self, flight, rows, chosen, idle) -> None:
         """Keep rays on a ridge of the index, where slopes from both sides drive them back to it over and over."""

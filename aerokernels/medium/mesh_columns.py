@@ -1,26 +1,27 @@
-"""Integrals of the density along straight lines, exactly as the cells of a mesh hold it: no interpolant between.
+"""Integrals of what the cells of a mesh hold along straight lines, exactly: no interpolant between.
 
 A line is cut where it crosses edges of cells (in space: the cones that they sweep about the axis); between two cuts it
-lies in one cell, which the middle tells. What rays see is an interpolant through these averages, see
-medium/vertex_values.py: the difference of the two is what that interpolant makes of them.
+lies in one cell, which the middle tells.
 """
 
 import numpy as np
 
-from ..medium import QuadMesh
-from ..medium.crossings import crossings
+from .crossings import crossings
+from .mesh import QuadMesh
 
 LINES = 64  # that are cut together
 
 
-def mesh_columns(mesh: QuadMesh, density: np.ndarray, position, direction) -> np.ndarray:
-    """Integrals [kg/m2] of cell averages along whole lines, shape (line_count,); nothing where there is no cell.
+def mesh_columns(mesh: QuadMesh, values: np.ndarray, position, direction, ends=None) -> np.ndarray:
+    """Integrals of one value a cell along lines, shape (line_count,); nothing where there is no cell.
 
     Args:
         mesh: The mesh, in (y, z) or (r, z).
-        density: Of each cell [kg/m3], shape (cell_count,).
+        values: Of each cell, shape (cell_count,).
         position: A point on each line [m], shape (line_count, 3) or (3,).
         direction: Unit vectors, shape (line_count, 3) or (3,).
+        ends: Where the lines begin and end, as distances from their points [m], shape (2, line_count); None takes whole
+            lines.
 
     Raises:
         ValueError: Directions that are no unit vectors, and lines along x of a planar mesh, which never leave it.
@@ -40,13 +41,17 @@ def mesh_columns(mesh: QuadMesh, density: np.ndarray, position, direction) -> np
     for first in range(0, len(position), LINES):
         rows = slice(first, first + LINES)
         cuts = crossings(start, end, mesh.geometry, position[rows], direction[rows])
+        if ends is not None:  # what lies before the beginning and behind the end has no length
+            begins, stops = (np.asarray(own)[rows, None] for own in ends)
+            outer = np.where(np.isfinite(stops), stops, np.inf)
+            cuts = np.sort(np.concatenate([begins, np.clip(cuts, begins, stops), outer], axis=1), axis=1)
         ahead, behind = cuts[:, 1:], cuts[:, :-1]
-        line, piece = np.nonzero(np.isfinite(ahead))
+        line, piece = np.nonzero(np.isfinite(ahead) & (ahead > behind))
         ahead, behind = ahead[line, piece], behind[line, piece]
         middle = 0.5 * (ahead + behind)
         at = position[rows][line] + middle[:, None] * direction[rows][line]
         first_axis = np.hypot(at[:, 0], at[:, 1]) if mesh.geometry == "axisymmetric" else at[:, 1]
         cell = mesh.locate(np.stack([first_axis, at[:, 2]], axis=1))
-        held = np.where(cell >= 0, density[cell], 0.0) * (ahead - behind)
+        held = np.where(cell >= 0, values[cell], 0.0) * (ahead - behind)
         total[rows] = np.bincount(line, held, len(cuts))
     return total
