@@ -156,6 +156,7 @@ def _holds(path: Path, text: str) -> bool:
 
 def _by_precision(precision: str) -> list[str]:
     names = ("NOISE", "DIRECTION_NOISE", "TINY", "EVENT_LOCATION_NOISE", "AT_FACE", "RADIUS_NOISE", "SURFACE_TOLERANCE")
+    names += ("LEAST_RISE",)
     return _reals({name: getattr(scheme, name)[precision] for name in names})
 
 

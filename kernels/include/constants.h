@@ -68,7 +68,7 @@
 // Error of a step.
 #define STEP_SHARE R(0.02)
 #define NOISE_STEP R(0.5)
-#define SLOPE_NOISE R(0.14)
+#define SLOPE_NOISE R(0.15)
 #define DIRECTION_SHARE R(0.01)
 #define OBLIQUITY_KEPT R(0.25)
 #define LEAST_RATIO_SMOOTH R(0.02)
@@ -156,6 +156,7 @@
 #define AT_FACE R(1e-09)
 #define RADIUS_NOISE R(4.440892098500626e-16)
 #define SURFACE_TOLERANCE R(1e-10)
+#define LEAST_RISE R(0.0)
 #else
 #define NOISE R(4.76837158203125e-07)
 #define DIRECTION_NOISE R(1.1920928955078125e-07)
@@ -164,6 +165,7 @@
 #define AT_FACE R(1e-06)
 #define RADIUS_NOISE R(2.384185791015625e-07)
 #define SURFACE_TOLERANCE R(1e-09)
+#define LEAST_RISE R(2.384185791015625e-07)
 #endif
 
 #endif
