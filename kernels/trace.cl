@@ -160,6 +160,9 @@ __kernel void trace_kernel(TRACE_KERNEL_ARGUMENTS)
                             ? h
                             : time_beyond_face(&control, rate, interval.side, cell, shown, tangent, force, h);
                     gain += late * possible_gain(ambient, &to_stop, angle_now, pot, force, s3);
+                    if (leaves_by_rounding(&control, event, rate, interval.side, cell, shown, tangent)) {
+                        gain = NO_ROOT;
+                    }
                 }
                 undecided |= runs_on;
                 displacement += step_displacement;
@@ -249,8 +252,8 @@ __kernel void trace_kernel(TRACE_KERNEL_ARGUMENTS)
         }
         if (CONTROLLED) {
             used = stop_error(
-                used + gain, &bounds, d0, ambient, momentum, first_momentum, max_deflection, &to_stop, displacement,
-                greatest(cell_rate), steps);
+                used + gain, &bounds, &control, d0, ambient, momentum, first_momentum, max_deflection, &to_stop,
+                displacement);
             obliquity_first = obliquity;
             opd_rate = (fabs(pot) + size3(force) * (obliquity + max_deflection) * lever_arm) / ambient;
         }

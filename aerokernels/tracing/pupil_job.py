@@ -1,5 +1,6 @@
 """A pupil job: a pupil's rays planned, and made ready on the backend of the plan."""
 
+import weakref
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
 
@@ -22,6 +23,8 @@ from .stop import Plane
 REPLICATES = 16
 # The seed of the points by which a lattice is chosen.
 PILOT_SEED = 0x1A771CE
+# Plans of pupils, and what they lose where the air ends, that a field keeps: those of the last ones.
+KEPT = 4
 # A pupil's reach over half of the diagonal of the field's box.
 GREATEST_RATIO = 10.0
 
@@ -129,22 +132,31 @@ def make_job(
     """
     _check_size(field, pupil)
     tolerance = check_tolerance(choices["tolerance"])
-    air = pupil_air(field, pupil, look, tolerance * wavelength)
+    seen = (weakref.ref(pupil), tuple(look.tolist()))  # what a field keeps for the next seed
+    air = field.derive(
+        ("air of a pupil", *seen, tolerance * wavelength),
+        lambda: pupil_air(field, pupil, look, tolerance * wavelength),
+        KEPT,
+    )
     until = plane_beyond(field, pupil, look)
     per_replicate = _per_replicate(ray_count)
     sizes = lattice_sizes(field, pupil, per_replicate, REPLICATES, bundle)
     radial_rays, why = choose_radial(field, pupil, look, per_replicate, REPLICATES, symmetry)
     count = radial_rays or per_replicate
-    plan = plan_rays(
-        field,
-        partial(RayBundle.collimated, pupil, PILOT_RAYS, direction=look),
-        REPLICATES * count,
-        until,
-        path_length=None,
-        wavelength=wavelength,
-        directions=look[None],
-        like=None if like is None else like.plan,
-        **choices,
+    plan = field.derive(
+        ("plan of a pupil", *seen, count, wavelength, tuple(choices.values())),
+        lambda: plan_rays(
+            field,
+            partial(RayBundle.collimated, pupil, PILOT_RAYS, direction=look),
+            REPLICATES * count,
+            until,
+            path_length=None,
+            wavelength=wavelength,
+            directions=look[None],
+            like=None if like is None else like.plan,
+            **choices,
+        ),
+        KEPT,
     )
     plan = replace(plan, reasons=(*plan.reasons, why))
     task = PupilTask(

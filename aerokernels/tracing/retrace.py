@@ -64,9 +64,10 @@ def _retrace(
     def trace_again(rows: np.ndarray, attempt: TracePlan) -> None:
         found = launch(field, rays.rows(rows), attempt, until, wavelength, frozenset(arrays) - {"status"})
         others = on_host(found)
-        # A ray that did not arrive this time, or fared worse, keeps what it had.
+        # A ray that fared worse, or is lost this time, keeps what it had.
         lost = ~reached(arrays["status"][rows]) | ~np.isfinite(arrays["step_error"][rows])
-        better = reached(others["status"]) & (others["step_error"] < arrays["step_error"][rows])
+        ended = reached(others["status"]) | (others["status"] == RayStatus.STOP_NOT_REACHED)
+        better = ended & (others["step_error"] < arrays["step_error"][rows])
         taken = lost | better
         for name, array in arrays.items():
             array[rows[taken]] = others[name][taken]

@@ -34,9 +34,9 @@ NOISE = {"float32": 8.0 * 2.0**-24, "float64": 8.0 * 2.0**-53}
 # Rounding of a ray's momentum over its whole way, as a share of its greatest: an error of direction at a far stop.
 DIRECTION_NOISE = {"float32": 2.0**-23, "float64": 2.0**-52}
 # The slope between nodes is a difference of rounded values: so many times that for each cell of the way, over the
-# The slope between nodes is a difference of rounded values: so many times that for each cell of the way, over the
-# square root of the number of steps, whose errors are independent.
-SLOPE_NOISE = 0.14
+# The slope between nodes is a difference of rounded values: so many times that for each cell of the way. It does not
+# average out over the steps of a ray that keeps its place in the cells it crosses.
+SLOPE_NOISE = 0.15
 # A direction error counts with at least this share of the field's length, besides the ray's own slope.
 DIRECTION_SHARE = 0.01
 # The obliquity at which the undisturbed ray meets its stop counts less the more the ray is deflected, up to this angle
@@ -83,6 +83,9 @@ ARC_SURFACE = 100
 BEYOND_SUPPORT = 101
 # A ray that runs in a face is not thrown out by rounding: it is behind a surface when it is so by this many cells.
 SURFACE_TOLERANCE = {"float32": 1e-9, "float64": 1e-10}
+# Where a ray rises to a face at a smaller slope than this, in cells, rounding moves the place where it leaves by more
+# than a cell: it may as well stay inside. In float64 such rays are left to the tolerance above.
+LEAST_RISE = {"float32": 2.0**-22, "float64": 0.0}
 # From this share of that on, what such a ray may fly behind the face counts as an error.
 TOLERANCE_COUNTED = 1e-3
 # Share of a ray's way to the box by which the wall may lie behind the box's face and still be met before it.

@@ -100,25 +100,23 @@ static inline real possible_gain(real ambient, const StopGeometry *to_stop, real
 }
 
 // The error of a ray at its stop: that of its steps, and the rounding of the direction in which it flies there, of its
-// greatest momentum and of what it had at first, along d, and of the slopes that turned it, of `steps` over cells of
-// `cell_rate` [1/m] at most. A plane may be met at a smaller angle than the obliquity allows for. A ray that is turned
-// later on meets a far stop at that angle with the errors of direction of its first steps, too: `displacement`, beside
-// its place, grows beyond the field.
+// greatest momentum and of what it had at first, along d, and of the slopes between nodes. A plane may be met at a
+// smaller angle than the obliquity allows for. A ray that is turned later on meets a far stop at that angle with the
+// errors of direction of its first steps, too: `displacement`, beside its place, grows beyond the field.
 static inline real stop_error(
     real used,
     const Bounds *bounds,
+    const Control *control,
     double3 direction,
     real ambient,
     real3 momentum,
     real first_momentum,
     real max_deflection,
     const StopGeometry *to_stop,
-    real displacement,
-    real cell_rate,
-    int steps)
+    real displacement)
 {
     real size = size3(momentum) + first_momentum + ambient * max_deflection;
-    size *= R(1.0) + SLOPE_NOISE * to_stop->reach * cell_rate / sqrt((real)max(steps, 1));
+    size *= R(1.0) + SLOPE_NOISE * to_stop->reach * greatest(VECTOR(control->cell_rate));
     real error = used + DIRECTION_NOISE * size * (to_stop->obliquity + max_deflection) * to_stop->lever_arm;
     const real met_at = max_deflection < LEAPFROG_ANGLE ? max_deflection : R(0.0);
     error += ambient * met_at * (to_stop->lever_arm - to_stop->reach) * (displacement / greater(to_stop->reach, TINY));

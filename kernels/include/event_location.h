@@ -127,6 +127,19 @@ static inline real time_beyond_face(
     return greater(h - first, R(0.0));
 }
 
+// Whether a ray that leaves through face `event` rises so little that rounding alone says where, or whether at all.
+static inline int leaves_by_rounding(
+    const Control *control, int event, real3 rate, real side, int3 cell, real3 frac, real3 momentum)
+{
+    if (event < 0 || event >= FACE_COUNT) {
+        return 0;
+    }
+    const real4 s = oriented(control, event, side, cell, frac);
+    const real3 velocity = momentum * rate;
+    const real rise = dot(s.yzw, velocity);
+    return s.x >= -EVENT_LOCATION_NOISE && rise < LEAST_RISE * size3(velocity);
+}
+
 // What rounding leaves of a place's distance from surface k, in its unit.
 static inline real rounding_of(const Control *control, int k)
 {

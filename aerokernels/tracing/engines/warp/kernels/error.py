@@ -159,6 +159,7 @@ def build_step_error(library: KernelLibrary, geometry: str, interpolation: str, 
     def stop_error(
         used: real,
         bounds: Bounds,
+        control: Control,
         direction: wp.vec3d,
         ambient: real,
         momentum: vec3,
@@ -166,18 +167,15 @@ def build_step_error(library: KernelLibrary, geometry: str, interpolation: str, 
         max_deflection: real,
         to_stop: StopGeometry,
         displacement: real,
-        cell_rate: real,
-        steps: int,
     ):
         """The error of a ray at its stop: that of its steps, and the rounding of the direction in which it flies there.
 
-        Rounded are its greatest momentum, what it had at first, along d, and the slopes that turned it, of `steps` over
-        cells of `cell_rate` [1/m] at most. A plane may be met at a smaller angle than the obliquity allows for. A ray
-        that is turned later on meets a far stop at that angle with the errors of direction of its first steps, too:
-        `displacement`, beside its place, grows beyond the field.
+        Rounded are its greatest momentum, what it had at first, along d, and the slopes between nodes. A plane may be
+        met at a smaller angle than the obliquity allows for. A ray that is turned later on meets a far stop at that
+        angle with the errors of direction of its first steps, too: `displacement`, beside its place, grows beyond.
         """
         size = wp.length(momentum) + first_momentum + ambient * max_deflection
-        size *= real(1.0) + real(SLOPE_NOISE) * to_stop.reach * cell_rate / wp.sqrt(real(wp.max(steps, 1)))
+        size *= real(1.0) + real(SLOPE_NOISE) * to_stop.reach * wp.max(control.cell_rate)
         error = used + real(direction_noise) * size * (to_stop.obliquity + max_deflection) * to_stop.lever_arm
         met_at = wp.where(max_deflection < real(LEAPFROG_ANGLE), max_deflection, real(0.0))
         beyond = to_stop.lever_arm - to_stop.reach

@@ -12,6 +12,7 @@ from ....scheme import (
     EVENT_LOCATION_NOISE,
     EVENT_LOCATION_SHARE,
     LEAST_COSINE,
+    LEAST_RISE,
     SURFACE_TOLERANCE,
     TOLERANCE_COUNTED,
 )
@@ -30,6 +31,7 @@ def build_event_location(library: KernelLibrary, geometry: str, stop: str):
     single = library.precision == "float32"
     surface_tolerance = SURFACE_TOLERANCE[library.precision]
     event_location_noise = EVENT_LOCATION_NOISE[library.precision]
+    least_rise = LEAST_RISE[library.precision]
     most_behind = 2.5 * EVENT_LOCATION_SHARE  # a product inside a kernel would be taken in float32
     none = 1e30
 
@@ -151,6 +153,18 @@ def build_event_location(library: KernelLibrary, geometry: str, stop: str):
         return wp.max(h - first, real(0.0))
 
     @wp.func
+    def leaves_by_rounding(
+        control: Control, event: int, rate: vec3, side: real, cell: wp.vec3i, frac: vec3, momentum: vec3
+    ):
+        """Whether a ray that leaves through face `event` rises so little that rounding alone says where, or whether."""
+        if event < 0 or event >= face_count:
+            return bool(False)
+        s = oriented(control, event, side, cell, frac)
+        velocity = wp.cw_mul(momentum, rate)
+        rise = wp.dot(vec3(s[1], s[2], s[3]), velocity)
+        return s[0] >= real(-event_location_noise) and rise < real(least_rise) * wp.length(velocity)
+
+    @wp.func
     def rounding_of(control: Control, k: int):
         """What rounding leaves of a place's distance from surface k, in its unit."""
         allowance = real(event_location_noise) * surface_unit(control, k)
@@ -242,7 +256,16 @@ def build_event_location(library: KernelLibrary, geometry: str, stop: str):
         # Outside, and coming back or not moving.
         return real(0.0), bool(h <= real(1.0e-9) * h_cell or now[0] > real(1.0e-3) * unit)
 
-    return event_location, time_beyond_face, overshoots, passed_surface, face_margin, in_face, surface_intersection
+    return (
+        event_location,
+        time_beyond_face,
+        leaves_by_rounding,
+        overshoots,
+        passed_surface,
+        face_margin,
+        in_face,
+        surface_intersection,
+    )
 
 
 @built_once

@@ -78,9 +78,10 @@ def build_kernel(
     contrast = build_contrast(library)
     project_momentum = build_project_momentum(library)
     step_sums, tangent_sums = build_sums(library)
-    event_location, time_beyond_face, overshoots, passed_surface, face_margin, in_face, surface_intersection = (
-        build_event_location(library, geometry, stop)
+    event_location, time_beyond_face, leaves_by_rounding, overshoots, passed_surface, *others = build_event_location(
+        library, geometry, stop
     )
+    face_margin, in_face, surface_intersection = others
     arc_event_location, arc_surface_intersection = build_arc_event_location(library)
     place_of = build_place(library)
     behind_wall = build_behind_wall(library, geometry)
@@ -90,11 +91,9 @@ def build_kernel(
     straight, consistent_gradient = method == "straight", has_consistent_gradient(interpolation)
     at_faces = interpolation == "linear" and controlled
     tiny, at_face = TINY[library.precision], AT_FACE[library.precision]
-    c2, c3 = (float(v) for v in C[1:3])
-    a21, a31, a32 = float(A[1, 0]), float(A[2, 0]), float(A[2, 1])
-    ok, hit_body = int(RayStatus.OK), int(RayStatus.HIT_BODY)
+    c2, c3, a21, a31, a32 = (float(v) for v in (*C[1:3], A[1, 0], A[2, 0], A[2, 1]))
+    ok, hit_body, rejected = int(RayStatus.OK), int(RayStatus.HIT_BODY), int(RayStatus.TOLERANCE_NOT_MET)
     too_many, not_finite = int(RayStatus.MAX_STEPS), int(RayStatus.NOT_FINITE)
-    rejected = int(RayStatus.TOLERANCE_NOT_MET)
 
     @wp.kernel(module="unique", enable_backward=False)
     @takes("trace_kernel", library.precision)
@@ -113,9 +112,7 @@ def build_kernel(
         sums_carry = sums
         used = real(0.0)
         max_deflection = real(0.0)  # greatest angle with d so far
-        steps = int(0)
-        evaluations = int(0)
-        ends_on = int(-1)
+        steps, evaluations, ends_on = int(0), int(0), int(-1)
         obliquity_first = real(0.0)
         opd_rate = real(0.0)
         displacement = real(0.0)  # how far beside its place the ray may be
@@ -236,6 +233,8 @@ def build_kernel(
                             if not undecided:
                                 late = time_beyond_face(control, rate, interval.side, cell, shown, tangent, force, h)
                             gain += late * possible_gain(ambient, to_stop, angle_now, pot, force, s3)
+                            if leaves_by_rounding(control, event, rate, interval.side, cell, shown, tangent):
+                                gain = real(1.0e30)
                         undecided = undecided or runs_on
                     displacement += judged[3]
                     max_deflection = angle_now
@@ -325,18 +324,9 @@ def build_kernel(
                     running = bool(False)
                     status = int(not_finite)
             if wp.static(controlled):
+                used += gain
                 used = stop_error(
-                    used + gain,
-                    bounds,
-                    d0,
-                    ambient,
-                    momentum,
-                    first_momentum,
-                    max_deflection,
-                    to_stop,
-                    displacement,
-                    wp.max(control.cell_rate),
-                    steps,
+                    used, bounds, control, d0, ambient, momentum, first_momentum, max_deflection, to_stop, displacement
                 )
                 obliquity_first = obliquity
                 opd_rate = (wp.abs(pot) + wp.length(force) * (obliquity + max_deflection) * lever_arm) / ambient
