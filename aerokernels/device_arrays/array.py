@@ -5,23 +5,25 @@ from typing import Any
 
 import numpy as np
 
+from .fetching import Coming
 from .pinned import layout_of, to_host
 
 
 class DeviceArray:
     """An array of Warp's, of numbers or of vectors, that NumPy, DLPack and `__cuda_array_interface__` read.
 
-    It has one row for each ray. `host` is the same as a NumPy array, copied when it is first read and kept; on Warp's
-    CPU device nothing is copied. It pickles as that.
+    It has one row for each ray. `host` is the same as a NumPy array, copied when it is first read, unless it is on its
+    way already, and kept; on Warp's CPU device nothing is copied. It pickles as that.
 
     Attributes:
         buffer: The warp.array.
         extremes: See `extremes_of`, where it has been asked for.
     """
 
-    def __init__(self, buffer: Any):
-        """Take over an array of one dimension."""
+    def __init__(self, buffer: Any, coming: Coming | None = None):
+        """Take over an array of one dimension, and what of it comes to the host."""
         self.buffer = buffer
+        self._coming = coming
         self._host: np.ndarray | None = None
         self.extremes: Extremes | None = None
 
@@ -34,7 +36,8 @@ class DeviceArray:
     def host(self) -> np.ndarray:
         """All rows as a NumPy array."""
         if self._host is None:
-            self._host = to_host(self.buffer)
+            self._host = to_host(self.buffer) if self._coming is None else self._coming.arrived()
+            self._coming = None
         return self._host
 
     def __len__(self) -> int:
@@ -86,6 +89,8 @@ class DeviceArray:
         if len(rows):
             given = warp.array(np.ascontiguousarray(values, self.dtype), dtype=self.buffer.dtype, device=self.device)
             warp.copy(self._at(rows), given)
+            if self._coming is not None:
+                self._coming.arrived()[rows] = values  # nobody has read it yet
             self._host = None
 
     @property
@@ -135,6 +140,11 @@ def extremes_of(array: np.ndarray | DeviceArray) -> Extremes:
 def in_reach(array: Any, device: str) -> bool:
     """Whether it is an array that lies on this device of Warp's."""
     return isinstance(array, DeviceArray) and array.device == device
+
+
+def is_one_row(array: np.ndarray | DeviceArray) -> bool:
+    """Whether all rows of an array (n, 3) are one in memory: a direction that parallel rays share."""
+    return isinstance(array, np.ndarray) and array.ndim == 2 and len(array) > 1 and array.strides[0] == 0
 
 
 def on_host(arrays: dict[str, Any]) -> dict[str, np.ndarray]:

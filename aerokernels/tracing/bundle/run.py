@@ -23,6 +23,7 @@ from ..planning import make_plan, plan_rays
 from ..status import NOT_DELIVERED
 from .clearance import Clearance
 from .family import Family, counted_parameters, find_family
+from .known import known_family
 from .nodes import CHANNELS, TRACED, Ways, channels_of
 from .refine import Limits, Refinement
 from .table import BundleTable
@@ -97,18 +98,17 @@ def trace_bundle(asked: Asked) -> tuple[TracePlan, dict[str, np.ndarray]] | str:
 
 def _recognised(asked: Asked) -> tuple[Family, BundleTable, TracePlan] | str:
     """The family of the rays, its patches and the plan of its lines; or why there are none."""
-    family = find_family(asked.field, asked.rays, asked.until)
-    if isinstance(family, str):
-        return family
-    if not asked.field.is_uniform:
-        return "the field lies on a mesh"
-    # A range of parameters that lies between two parts is rounded now to the one, now to the other: the first will do.
     known: list[Family] = asked.field.derive("families", list)
-    served = next((each for each in known if each.serves(family)), None)
-    if served is None:
+    family = known_family(asked.field, asked.rays, asked.until, known)
+    if family is None:
+        found = find_family(asked.field, asked.rays, asked.until)
+        if isinstance(found, str):
+            return found
+        if not asked.field.is_uniform:
+            return "the field lies on a mesh"
+        family = found
         known.append(family)
         del known[:-KEPT]
-    family = served or family
     table = find_table(asked, family)
     if table is None:
         return "nothing between traced rays is smooth enough"

@@ -62,8 +62,17 @@ class Engine(Protocol):
         What is launched on rows that were given finds them. `starts` are NumPy arrays or DeviceArrays.
         """
 
+    def fetching(self, results: dict[str, Any], starts: Sequence[Any]) -> Any:
+        """What brings results to the host chunk by chunk (device_arrays/fetching.py); None where they wait to be read.
+
+        Of an engine that `keeps` them.
+        """
+
     def put(self, array: np.ndarray) -> Any:
-        """A buffer with a copy of the array, whose rows are numbers, places or directions."""
+        """A buffer with a copy of the array, whose rows are numbers, places or directions.
+
+        An array whose rows are one in memory may be one row there, too: kernels read it as all others.
+        """
 
     def put_into(self, buffer: Any, array: np.ndarray) -> None:
         """Copy an array over the first rows of a buffer."""

@@ -11,6 +11,7 @@ import pyopencl as cl
 from pyopencl.cltypes import make_double3
 
 from ....clock import stage
+from ....device_arrays import is_one_row
 from ....medium import IndexField
 from ...bundle.frame import kernel_arrays
 from ...bundle.frame import kernel_numbers as bundle_numbers
@@ -29,6 +30,8 @@ from .tables import cell_polynomials, may_be_packed
 FLUSH = "-cl-denorms-are-zero"
 # Greatest buffer that comes from a GPU's pool [bytes].
 POOLED = 1 << 28
+# Equal rows that are copied to the device as they are.
+REPEATED = 1 << 12
 # Kernels of a pupil: work-items that each of what it is launched over takes.
 PUPIL_KERNELS = {"launch_pupil": 1, "sum_moments": WORK_GROUP, "sum_phasors": WORK_GROUP, "reduce_sums": 1}
 # The structs that are passed by value, as the kernels' compiler lays them out.
@@ -194,14 +197,30 @@ class Engine:
         """Copies of the rays, which are there at once."""
         return [self.put(np.asarray(each)) for each in starts], [slice(0, len(starts[0]))]
 
+    def fetching(self, results: dict[str, Any], starts: Sequence[Any]) -> None:
+        """Nothing: no result stays on the device."""
+
     def put(self, array: np.ndarray):
         """A buffer that holds a copy of the array when this returns.
 
         (COPY_HOST_PTR would do it in one call, but NVIDIA's driver then copies only when a kernel asks for the buffer.)
         """
+        if is_one_row(array) and len(array) > REPEATED:
+            return self._repeated(np.ascontiguousarray(array[:REPEATED]), len(array))
         array = np.ascontiguousarray(array)
         buffer = self._memory(array.nbytes)
         self.put_into(buffer, array)
+        return buffer
+
+    def _repeated(self, some: np.ndarray, count: int):
+        """A buffer of `count` equal rows, of which some are given: copied on the device, twice as many each time."""
+        row, done = some[0].nbytes, some.nbytes
+        buffer = self._memory(row * count)
+        self.put_into(buffer, some)
+        while done < row * count:
+            size = min(done, row * count - done)
+            cl.enqueue_copy(self.session.queue, buffer, buffer, byte_count=size, src_offset=0, dst_offset=done)
+            done += size
         return buffer
 
     def put_into(self, buffer, array: np.ndarray) -> None:

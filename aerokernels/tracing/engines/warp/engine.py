@@ -9,7 +9,8 @@ import numpy as np
 import warp as wp
 
 from ....clock import stage
-from ....device_arrays import in_reach
+from ....device_arrays import DeviceArray, in_reach, is_one_row
+from ....device_arrays.fetching import Fetching
 from ....device_arrays.pinned import bring
 from ....medium import IndexField
 from ....opened import OPENED
@@ -36,8 +37,8 @@ from .types import types
 CHUNK = 4096
 # The share of the device's memory that one result may keep, and the rays that come to a GPU chunk by chunk.
 KEPT_SHARE, MANY = 0.25, 1 << 19
-# Bytes of a GPU's memory that its pool keeps though nothing uses them.
-IDLE_MEMORY = 2 << 30
+# The share of a GPU's memory that its pool holds though not all of it is used: what is used counts, too.
+POOL_SHARE = 0.5
 SCALARS: dict[Any, type] = {
     np.dtype(np.float64): wp.float64,
     np.dtype(np.float32): wp.float32,
@@ -135,18 +136,36 @@ class Engine:
     def bring(self, starts: Sequence[Any]) -> tuple[list[wp.array], Iterable[slice]]:
         """Rays on the device; many that come from the host to a GPU come chunk by chunk."""
         count = len(starts[0])
-        if self.device != "cpu" and count >= MANY and not any(in_reach(each, self.device) for each in starts):
-            buffers = [self.empty(count, 3) for _ in starts]
-            return buffers, bring([np.ascontiguousarray(each) for each in starts], buffers)
-        found = [each.buffer if in_reach(each, self.device) else self.put(np.asarray(each)) for each in starts]
-        return found, [slice(0, count)]
+        if self.device == "cpu" or count < MANY or any(in_reach(each, self.device) for each in starts):
+            found = [each.buffer if in_reach(each, self.device) else self.put(np.asarray(each)) for each in starts]
+            return found, [slice(0, count)]
+        hosts = [np.asarray(each) for each in starts]
+        buffers = [self.put(each) if is_one_row(each) else self.empty(count, 3) for each in hosts]
+        many = [number for number, each in enumerate(hosts) if not is_one_row(each)]
+        if not many:
+            return buffers, [slice(0, count)]
+        chunks = bring([np.ascontiguousarray(hosts[number]) for number in many], [buffers[number] for number in many])
+        return buffers, chunks
+
+    def fetching(self, results: dict[str, wp.array], starts: Sequence[Any]) -> Fetching | None:
+        """What brings results of many rays to the host as they are finished, where the rays come from there."""
+        if self.device == "cpu" or len(starts[0]) < MANY or any(isinstance(each, DeviceArray) for each in starts):
+            return None
+        return Fetching.of(results)
 
     def put(self, array: np.ndarray) -> wp.array:
-        """A buffer with a copy of the array; rows of float64 are places or directions."""
+        """A buffer with a copy of the array; rows of float64 are places or directions. Equal rows may be one."""
         kind = SCALARS[array.dtype]
         if array.ndim == 2 and kind is wp.float64:
             kind = VECTORS[array.shape[1]]
-        return wp.array(np.ascontiguousarray(array), dtype=kind, device=self.device)
+        if not is_one_row(array):
+            return wp.array(np.ascontiguousarray(array), dtype=kind, device=self.device)
+        one = wp.array(array[:1], dtype=kind, device=self.device)
+        made = wp.array(
+            ptr=one.ptr, dtype=kind, shape=(len(array),), strides=(0,), capacity=one.capacity, device=self.device
+        )
+        made._ref = one  # whose memory it is
+        return made
 
     def put_into(self, buffer: wp.array, array: np.ndarray) -> None:
         """Copy an array over the first rows of a buffer."""
@@ -217,9 +236,13 @@ class Engine:
 
 
 def _keep_memory(device: wp.Device) -> None:
-    """Leave some memory with a GPU's pool: to get a result's from the driver takes as long as to trace its rays."""
-    if device.is_mempool_supported and wp.get_mempool_release_threshold(device) < IDLE_MEMORY:
-        wp.set_mempool_release_threshold(device, IDLE_MEMORY)
+    """Leave memory with a GPU's pool: to get a result's from the driver takes longer than to trace its rays.
+
+    The driver takes from the pool what is unused where memory would run out.
+    """
+    held = int(POOL_SHARE * device.total_memory)
+    if device.is_mempool_supported and wp.get_mempool_release_threshold(device) < held:
+        wp.set_mempool_release_threshold(device, held)
 
 
 def _filled(name: str, members: dict, precision: str = "float64"):
