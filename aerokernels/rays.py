@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from .arguments import Numbers, checked
-from .device_arrays import DeviceArray, device_array, plain_array, read_on_touch
+from .device_arrays import DeviceArray, device_array, plain_array, read_on_touch, row_numbers
 from .pupils import (
     Annulus,
     Disc,
@@ -149,13 +149,8 @@ class RayBundle(ReadOnly):
         """Rays made on a device."""
         from .device_arrays.rays import made_rays
 
-        bundle = cls.__new__(cls)
-        place, way = made_rays(device, made, count, seed, points)
         shares = np.broadcast_to(1.0 / count, count) if weight is None else weight
-        shares.setflags(write=False)
-        for name, array in (("position", place), ("direction", way), ("weight", shares)):
-            object.__setattr__(bundle, name, array)
-        return bundle
+        return cls._of(*made_rays(device, made, count, seed, points), shares)
 
     def held(self, name: str) -> Any:
         """`position` or `direction` as it is held, a DeviceArray where it lies on a device."""
@@ -192,6 +187,23 @@ class RayBundle(ReadOnly):
     def rows(self, rows) -> "RayBundle":
         """The rays of a slice or index array, whatever their weights; no other is read from a device."""
         return RayBundle(self.held("position")[rows], self.held("direction")[rows])
+
+    def part(self, rows: np.ndarray) -> "RayBundle":
+        """The rays of an index array, whatever their weights, where they lie."""
+        if self.device is None:
+            return self.rows(rows)
+        there = row_numbers(rows, self.device)
+        place, way = (self.held(name).part(there) for name in ("position", "direction"))
+        return self._of(place, way, np.broadcast_to(1.0 / len(rows), len(rows)))
+
+    @classmethod
+    def _of(cls, position: DeviceArray, direction: DeviceArray, weight: np.ndarray) -> "RayBundle":
+        """Rays that lie on a device and need no check."""
+        bundle = cls.__new__(cls)
+        weight.setflags(write=False)
+        for name, array in (("position", position), ("direction", direction), ("weight", weight)):
+            object.__setattr__(bundle, name, array)
+        return bundle
 
     @classmethod
     @checked

@@ -82,16 +82,24 @@ class DeviceArray:
             return np.zeros((0, *self.host_shape[1:]), self.dtype)
         return np.asarray(self._at(rows % len(self)).contiguous().numpy())
 
-    def __setitem__(self, rows: np.ndarray, values: np.ndarray) -> None:
-        """Write some rows, by an array of their numbers."""
+    def __setitem__(self, rows: Any, values: "np.ndarray | DeviceArray") -> None:
+        """Write some rows, by an array of their numbers, or by what `row_numbers` made of it."""
         import warp
 
-        if len(rows):
+        if not len(rows):
+            return
+        if isinstance(values, DeviceArray):
+            given = values.buffer
+        else:
             given = warp.array(np.ascontiguousarray(values, self.dtype), dtype=self.buffer.dtype, device=self.device)
-            warp.copy(self._at(rows), given)
-            if self._coming is not None:
-                self._coming.arrived()[rows] = values  # nobody has read it yet
-            self._host = None
+        warp.copy(self._at(rows), given)
+        if self._coming is not None:  # nobody has read it yet
+            self._coming.arrived()[rows if isinstance(rows, np.ndarray) else rows.numpy()] = np.asarray(values)
+        self._host = None
+
+    def part(self, rows: Any) -> "DeviceArray":
+        """Some rows, by what `row_numbers` made of their numbers, in an array of their own on the device."""
+        return DeviceArray(self._at(rows).contiguous())
 
     @property
     def host_shape(self) -> tuple[int, ...]:
@@ -103,10 +111,21 @@ class DeviceArray:
         """NumPy's type of its numbers."""
         return layout_of(self.buffer)[1]
 
-    def _at(self, rows: np.ndarray) -> Any:
+    def _at(self, rows: Any) -> Any:
         import warp
 
-        return warp.indexedarray(self.buffer, [warp.array(rows, dtype=warp.int32, device=self.device)])
+        if isinstance(rows, np.ndarray):
+            rows = row_numbers(rows, self.device)
+        return warp.indexedarray(self.buffer, [rows])
+
+
+def row_numbers(rows: np.ndarray, device: str | None) -> Any:
+    """Numbers of rows brought to a device once, for several of its arrays; as they are where `device` is None."""
+    if device is None:
+        return rows
+    import warp
+
+    return warp.array(rows, dtype=warp.int32, device=device)
 
 
 @dataclass(frozen=True, eq=False)
