@@ -22,7 +22,7 @@ from typing import Any, NamedTuple
 import warp as wp
 
 from aerokernels.tracing.engines.layout import BOUNDS, KERNELS
-from aerokernels.tracing.engines.warp.kernels import pupil
+from aerokernels.tracing.engines.warp.kernels import grid_tables, pupil
 from aerokernels.tracing.engines.warp.kernels.deliver_bundle import build_bundle_kernel
 from aerokernels.tracing.engines.warp.kernels.leapfrog import build_leapfrog_kernel
 from aerokernels.tracing.engines.warp.kernels.trace import build_kernel
@@ -64,7 +64,9 @@ class Declared(NamedTuple):
 
 def warp_kernels() -> list[wp.Kernel]:
     """Every Warp kernel, the tracers for all geometries and stops."""
-    kernels = [kernel for kernel in vars(pupil).values() if isinstance(kernel, wp.Kernel)]
+    kernels = [
+        kernel for module in (pupil, grid_tables) for kernel in vars(module).values() if isinstance(kernel, wp.Kernel)
+    ]
     library = library_of("float32")
     kernels.append(build_projection_kernel(library, True))
     for geometry, stop in product(GRIDS, ("none", "plane", "arc")):

@@ -71,4 +71,17 @@
     const int row_count, const int reduced_count, const int first_sum, const int sum_count, \
     __global const double *sums_in, __global double *sums_out
 
+#define SPLINE_LINES_ARGUMENTS \
+    __global const double *values_in, __global const double *inverse_in, const int count, const int pitch, \
+    const int even, const double ambient, const int first_line, const int line_count, \
+    __global double *coefficients_out
+
+#define FOURTH_DIFFERENCES_ARGUMENTS \
+    __global const double *coefficients_in, const int first_count, const int second_count, const int third_count, \
+    const int axis, const int block, const int first_place, const int place_count, __global double *maxima_out
+
+#define BLOCK_MAXIMA_ARGUMENTS \
+    __global const double *values_in, const int count, const int pitch, const int block, const double ambient, \
+    const int first_place, const int place_count, __global double *maxima_out
+
 #endif

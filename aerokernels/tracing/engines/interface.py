@@ -16,6 +16,8 @@ from ..collimated import Projection
 from ..plan import TracePlan
 from .layout import STRUCTS
 
+# What kernels may work out of a grid, besides its spline.
+GRID_TABLES = ("roughness", "potential by blocks", "potential peaks")
 # Per-ray outputs of the tracer's kernels, in their order: numbers for a ray, and their type.
 OUTPUT_TYPES = {member.name: (member.parts[1], member.number_type()) for member in STRUCTS["RayOutputs"]}
 
@@ -26,10 +28,12 @@ class Engine(Protocol):
     Attributes:
         device: Name of the device.
         memory: Bytes that the device has, and that it gives in one piece.
+        grid_tables: What it works out of a grid in less time than NumPy, see tracing/grid_tables.py.
     """
 
     device: str
     memory: tuple[float, float]
+    grid_tables: tuple[str, ...]
 
     def prepare(
         self, field: IndexField, plan: TracePlan, until, wavelength: float, outputs: frozenset, directions: np.ndarray
@@ -52,6 +56,9 @@ class Engine(Protocol):
 
     def pupil_kernels(self) -> dict[str, Any]:
         """The kernels of a pupil, by name: launch_pupil, sum_moments, sum_phasors, reduce_sums."""
+
+    def grid_kernels(self) -> dict[str, Any]:
+        """The kernels that prepare a grid, by name: spline_lines, fourth_differences, block_maxima."""
 
     def keeps(self, size: float) -> bool:
         """Whether results of so many bytes, and the rays, stay on the device until they are read."""

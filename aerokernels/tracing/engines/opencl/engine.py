@@ -19,8 +19,8 @@ from ...bundle.table import BundleTable
 from ...collimated import ENDS, Projection, kernel_numbers, packed
 from ...plan import TracePlan
 from ..field_data import FieldData, field_data, step_bound_tables, stop_kind, trace_members
-from ..interface import Prepared
-from ..layout import REAL_TYPES, Value, arrays_of, values_of
+from ..interface import GRID_TABLES, Prepared
+from ..layout import GRID_KERNELS, REAL_TYPES, Value, arrays_of, values_of
 from .devices import session
 from .launchers import give_back, take_kernel
 from .program import WORK_GROUP, build, build_options, lane_count
@@ -88,6 +88,8 @@ class Engine:
         """
         self.session = session(device)
         self.device = self.session.name
+        is_gpu = bool(self.session.device.type & cl.device_type.GPU)
+        self.grid_tables = GRID_TABLES if is_gpu else GRID_TABLES[:2]
         self.memory = float(self.session.device.global_mem_size), float(self.session.device.max_mem_alloc_size)
 
     def prepare(
@@ -181,6 +183,11 @@ class Engine:
                 name: self._kernel(build(self.session, f"{name}.cl"), name, items=items)
                 for name, items in PUPIL_KERNELS.items()
             }
+
+    def grid_kernels(self) -> dict[str, Kernel]:
+        """The kernels that prepare a grid, by name."""
+        with stage("compile"):
+            return {name: self._kernel(build(self.session, f"{name}.cl"), name) for name in GRID_KERNELS}
 
     def _kernel(self, program, name: str, lanes: int = 1, items: int = 1) -> Kernel:
         """A kernel of a program, which is there for others once it is gone."""

@@ -22,9 +22,9 @@ from ...collimated import ENDS, Projection, kernel_numbers, packed
 from ...plan import TracePlan
 from ..field_data import FieldData, field_data, step_bound_tables, stop_kind, trace_members
 from ..info import host_memory, thread_count
-from ..interface import Prepared
-from ..layout import STRUCTS, Value, arrays_of
-from .kernels import pupil
+from ..interface import GRID_TABLES, Prepared
+from ..layout import GRID_KERNELS, STRUCTS, Value, arrays_of
+from .kernels import grid_tables, pupil
 from .kernels.deliver_bundle import build_bundle_kernel
 from .kernels.leapfrog import build_leapfrog_kernel
 from .kernels.trace import build_kernel
@@ -58,6 +58,7 @@ class Engine:
         found = wp.get_device(device)
         memory = float(found.total_memory if found.is_cuda else host_memory() or np.inf)
         self.memory = memory, memory
+        self.grid_tables = GRID_TABLES if found.is_cuda else ()
         self.outputs: tuple[list, Any] = [], None
         if found.is_cuda:
             OPENED.once(("memory kept", device), lambda: _keep_memory(found))
@@ -128,6 +129,12 @@ class Engine:
             self._load(pupil.launch_pupil.module)
         names = ("launch_pupil", "sum_moments", "sum_phasors", "reduce_sums")
         return {name: getattr(pupil, name) for name in names}
+
+    def grid_kernels(self) -> dict[str, Any]:
+        """The kernels that prepare a grid, by name."""
+        with stage("compile"):
+            self._load(grid_tables.spline_lines.module)
+        return {name: getattr(grid_tables, name) for name in GRID_KERNELS}
 
     def keeps(self, size: float) -> bool:
         """Wherever they leave room for others."""
