@@ -30,11 +30,8 @@ def prepare_grid(engine: Engine, grid: UniformGrid) -> None:
     shape = grid.shape
     if len(shape) != 3 or grid.interpolation != "cubic" or min(shape) < LEAST_COUNT or grid.samples.size < LEAST_NODES:
         return
-    if (
-        not engine.prepares_grids
-        or "coefficients" in grid.__dict__
-        or 8 * np.prod(np.array(shape) + 2) > engine.memory[1]
-    ):
+    is_known, size = "coefficients" in grid.__dict__, 8 * np.prod(np.array(shape) + 2)
+    if is_known or not engine.grid_tables or size > engine.memory[1]:
         return
     tables = _Tables(engine, grid)
     coefficients = np.empty(tuple(count + 2 for count in shape))

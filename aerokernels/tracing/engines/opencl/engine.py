@@ -89,7 +89,7 @@ class Engine:
         self.session = session(device)
         self.device = self.session.name
         is_gpu = bool(self.session.device.type & cl.device_type.GPU)
-        self.grid_tables = GRID_TABLES if is_gpu else GRID_TABLES[:2]
+        self.grid_tables: tuple[str, ...] = GRID_TABLES if is_gpu else GRID_TABLES[:2]
         self.memory = float(self.session.device.global_mem_size), float(self.session.device.max_mem_alloc_size)
 
     def prepare(

@@ -58,7 +58,7 @@ class Engine:
         found = wp.get_device(device)
         memory = float(found.total_memory if found.is_cuda else host_memory() or np.inf)
         self.memory = memory, memory
-        self.grid_tables = GRID_TABLES if found.is_cuda else ()
+        self.grid_tables: tuple[str, ...] = GRID_TABLES if found.is_cuda else ()
         self.outputs: tuple[list, Any] = [], None
         if found.is_cuda:
             OPENED.once(("memory kept", device), lambda: _keep_memory(found))
