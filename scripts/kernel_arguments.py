@@ -68,7 +68,7 @@ def warp_kernels() -> list[wp.Kernel]:
         kernel for module in (pupil, grid_tables) for kernel in vars(module).values() if isinstance(kernel, wp.Kernel)
     ]
     library = library_of("float32")
-    kernels.append(build_projection_kernel(library, True))
+    kernels += [build_projection_kernel(library, True), grid_tables.build_rounding_kernel(library)]
     for geometry, stop in product(GRIDS, ("none", "plane", "arc")):
         kernels.append(build_kernel(library, geometry, "linear", False, "adaptive", stop, True, True))
         kernels.append(build_leapfrog_kernel(library, geometry, "cubic", stop, True))

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from ..medium.grid import UniformGrid
+from ..medium.grid import FETCH, UniformGrid
 from ..medium.spline import pivots
 from .engines import Engine
 from .step_bound import block_size
@@ -30,16 +30,17 @@ def prepare_grid(engine: Engine, grid: UniformGrid) -> None:
     shape = grid.shape
     if len(shape) != 3 or grid.interpolation != "cubic" or min(shape) < LEAST_COUNT or grid.samples.size < LEAST_NODES:
         return
-    is_known, size = "coefficients" in grid.__dict__, 8 * np.prod(np.array(shape) + 2)
+    is_known = "coefficients" in grid.__dict__ or grid.held(FETCH) is not None
+    size = 8 * np.prod(np.array(shape) + 2)
     if is_known or not engine.grid_tables or size > engine.memory[1]:
         return
     tables = _Tables(engine, grid)
-    coefficients = np.empty(tuple(count + 2 for count in shape))
-    engine.get(tables.coefficients, coefficients.reshape(-1))
-    grid.__dict__["coefficients"] = coefficients
+    grid.derive(engine.grid_key, lambda: tables.coefficients)
+    grid.derive(FETCH, lambda: tables.fetched)
     work = {"roughness": tables.roughness, "potential by blocks": tables.potential, "potential peaks": tables.peaks}
     for name in engine.grid_tables:
         grid.derive(name, work[name])
+    tables.samples = None
 
 
 class _Tables:
@@ -67,6 +68,12 @@ class _Tables:
             self.engine.launch(self.kernels["spline_lines"], before, [made], lines)
             values = made
         return values
+
+    def fetched(self) -> np.ndarray:
+        """The coefficients on the host."""
+        found = np.empty(self.grid.coefficient_shape)
+        self.engine.get(self.coefficients, found.reshape(-1))
+        return found
 
     def roughness(self) -> tuple[int, list[np.ndarray], list[np.ndarray]]:
         """See step_bound.roughness_of_blocks."""

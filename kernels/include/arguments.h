@@ -76,6 +76,9 @@
     const int even, const double ambient, const int first_line, const int line_count, \
     __global double *coefficients_out
 
+#define ROUND_COEFFICIENTS_ARGUMENTS \
+    __global const double *values_in, const int first_place, const int place_count, __global real *values_out
+
 #define FOURTH_DIFFERENCES_ARGUMENTS \
     __global const double *coefficients_in, const int first_count, const int second_count, const int third_count, \
     const int axis, const int block, const int first_place, const int place_count, __global double *maxima_out

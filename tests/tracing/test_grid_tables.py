@@ -38,8 +38,8 @@ def test_tables_of_a_device_are_numpys(engine, monkeypatch):
         device = engine_of(choices["backend"], choices["device"])
         device.grid_tables = GRID_TABLES  # on a processor only here
         grid_tables.prepare_grid(device, there)
-        held = there.__dict__["_derived"]
-        assert {"roughness", "potential by blocks", "potential peaks"} <= held.keys()
+        assert all(there.held(name) is not None for name in GRID_TABLES)
+        assert there.coefficient_shape == here.coefficients.shape
         assert close(there.coefficients, here.coefficients)
         block, fourth, kinks = roughness_of_blocks(there)
         expected = roughness_of_blocks(here)

@@ -29,11 +29,13 @@ class Engine(Protocol):
         device: Name of the device.
         memory: Bytes that the device has, and that it gives in one piece.
         grid_tables: What it works out of a grid in less time than NumPy, see tracing/grid_tables.py.
+        grid_key: Under which a grid holds the coefficients that it worked out, in float64.
     """
 
     device: str
     memory: tuple[float, float]
     grid_tables: tuple[str, ...]
+    grid_key: tuple
 
     def prepare(
         self, field: IndexField, plan: TracePlan, until, wavelength: float, outputs: frozenset, directions: np.ndarray

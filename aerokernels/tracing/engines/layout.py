@@ -299,6 +299,11 @@ KERNELS: dict[str, tuple[Value, ...]] = {
         Value("first_line", "int"),
         Value("coefficients_out", "double*"),
     ),
+    "round_coefficients": (
+        Value("values_in", "double*"),
+        Value("first_place", "int"),
+        Value("values_out", "real*"),
+    ),
     "fourth_differences": (
         Value("coefficients_in", "double*"),
         Value("first_count", "int"),

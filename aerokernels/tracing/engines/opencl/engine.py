@@ -18,7 +18,7 @@ from ...bundle.frame import kernel_numbers as bundle_numbers
 from ...bundle.table import BundleTable
 from ...collimated import ENDS, Projection, kernel_numbers, packed
 from ...plan import TracePlan
-from ..field_data import FieldData, field_data, step_bound_tables, stop_kind, trace_members
+from ..field_data import FieldData, array_of, field_data, step_bound_tables, stop_kind, trace_members
 from ..interface import GRID_TABLES, Prepared
 from ..layout import GRID_KERNELS, REAL_TYPES, Value, arrays_of, values_of
 from .devices import session
@@ -90,6 +90,7 @@ class Engine:
         self.device = self.session.name
         is_gpu = bool(self.session.device.type & cl.device_type.GPU)
         self.grid_tables: tuple[str, ...] = GRID_TABLES if is_gpu else GRID_TABLES[:2]
+        self.grid_key = "coefficients", "opencl", self.session
         self.memory = float(self.session.device.global_mem_size), float(self.session.device.max_mem_alloc_size)
 
     def prepare(
@@ -283,7 +284,13 @@ class Engine:
         """Buffers of the arrays of Field, coefficients packed for leapfrog or not; kept as long as the field lives."""
 
         def upload() -> list:
-            return [self._buffer(member, data.arrays[member.name], precision) for member in arrays_of("Field")]
+            there = self._coefficients(field, precision)
+            return [
+                self._buffer(member, array_of(field, data, member.name), precision)
+                if there is None or member.name != "coefficients"
+                else there
+                for member in arrays_of("Field")
+            ]
 
         unpacked: list = field.derive(("opencl", self.session, precision, with_paper_step), upload)
         if not packs:
@@ -293,6 +300,17 @@ class Engine:
             ("opencl packed", self.session, precision), lambda: self.put(cell_polynomials(coefficients, kind))
         )
         return [table, *unpacked[1:]]
+
+    def _coefficients(self, field: IndexField, precision: str) -> Any:
+        """A grid's coefficients where this device has worked them out; None elsewhere."""
+        found = field.samples.held(self.grid_key)
+        if found is None or precision == "float64":
+            return found
+        count = int(np.prod(field.samples.coefficient_shape))
+        made = self.empty(count, kind=REAL_TYPES[precision])
+        program = build(self.session, "round_coefficients.cl", build_options(precision=precision))
+        self.launch(self._kernel(program, "round_coefficients"), [found], [made], count)
+        return made
 
 
 def pack(struct: str, precision: str, members: dict) -> np.ndarray:

@@ -20,7 +20,7 @@ from ...bundle.frame import kernel_numbers as bundle_numbers
 from ...bundle.table import BundleTable
 from ...collimated import ENDS, Projection, kernel_numbers, packed
 from ...plan import TracePlan
-from ..field_data import FieldData, field_data, step_bound_tables, stop_kind, trace_members
+from ..field_data import FieldData, array_of, field_data, step_bound_tables, stop_kind, trace_members
 from ..info import host_memory, thread_count
 from ..interface import GRID_TABLES, Prepared
 from ..layout import GRID_KERNELS, STRUCTS, Value, arrays_of
@@ -58,6 +58,7 @@ class Engine:
         found = wp.get_device(device)
         memory = float(found.total_memory if found.is_cuda else host_memory() or np.inf)
         self.memory = memory, memory
+        self.grid_key = "coefficients", "warp", device
         self.grid_tables: tuple[str, ...] = GRID_TABLES if found.is_cuda else ()
         self.outputs: tuple[list, Any] = [], None
         if found.is_cuda:
@@ -235,11 +236,26 @@ class Engine:
         """The field's arrays on the device, by name; kept as long as the field lives."""
 
         def upload() -> dict[str, wp.array]:
+            there = self._coefficients(field, precision)
             return {
-                member.name: self._array(member, data.arrays[member.name], precision) for member in arrays_of("Field")
+                member.name: self._array(member, array_of(field, data, member.name), precision)
+                if there is None or member.name != "coefficients"
+                else there
+                for member in arrays_of("Field")
             }
 
         return field.derive(("warp", self.device, precision, with_paper_step), upload)
+
+    def _coefficients(self, field: IndexField, precision: str) -> wp.array | None:
+        """A grid's coefficients where this device has worked them out; None elsewhere."""
+        found = field.samples.held(self.grid_key)
+        if found is None or precision == "float64":
+            return found
+        kernel = grid_tables.build_rounding_kernel(library_of(precision))
+        self._load(kernel.module)
+        made = wp.empty(len(found), dtype=types(precision).real, device=self.device)
+        self.launch(kernel, [found], [made], len(found))
+        return made
 
 
 def _keep_memory(device: wp.Device) -> None:

@@ -1,10 +1,11 @@
 """Warp kernels that prepare a grid: its spline, and the greatest of what it holds by blocks (tracing/grid_tables.py).
 
-Their twins are kernels/spline_lines.cl, fourth_differences.cl and block_maxima.cl, which say what the arguments are.
+Their twins are kernels/spline_lines.cl and those of the same names, which say what the arguments are.
 """
 
 import warp as wp
 
+from ..library import KernelLibrary, built_once
 from ..types import takes
 
 
@@ -130,3 +131,17 @@ def block_maxima(values_in, count, pitch, block, ambient, first_place, maxima_ou
             value = value / ambient
         greatest_size = wp.max(greatest_size, wp.abs(value))
     maxima_out[place] = greatest_size
+
+
+@built_once
+def build_rounding_kernel(library: KernelLibrary):
+    """Build the kernel that rounds coefficients to a precision."""
+    real = library.types.real
+
+    @wp.kernel(module="unique", enable_backward=False)
+    @takes("round_coefficients", library.precision)
+    def round_coefficients(values_in, first_place, values_out):
+        place = wp.tid() + first_place
+        values_out[place] = real(values_in[place])
+
+    return round_coefficients
