@@ -30,6 +30,10 @@ class Derived(ReadOnly):
             held[key] = make()
         return held[key]
 
+    def held(self, key: Hashable) -> Any:
+        """What has been derived under a key; None where nothing has been."""
+        return self.__dict__.get("_derived", {}).get(key)
+
 
 def _kind(key: Hashable) -> Hashable:
     return key[0] if isinstance(key, tuple) else key

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from .arguments import Numbers, checked
-from .device_arrays import DeviceArray, device_array, plain_array, read_on_touch
+from .device_arrays import DeviceArray, device_array, plain_array, read_on_touch, row_numbers
 from .pupils import (
     Annulus,
     Disc,
@@ -47,6 +47,12 @@ __all__ = [
 ]
 
 
+def _one_if_equal(rows: np.ndarray) -> np.ndarray:
+    """A copy of an array's rows; of rows that are all equal, of the first one only."""
+    alike = len(rows) > 1 and all((rows[k] == rows[0]).all() for k in (len(rows) // 2, -1))
+    return np.array(rows[:1] if alike and (rows == rows[0]).all() else rows, order="C")
+
+
 # The unit disc as a pupil.
 UNIT_DISC = SquareMap(RING, 0, 0, np.zeros(1))
 
@@ -64,7 +70,7 @@ class RayBundle(ReadOnly):
 
     Attributes:
         position: Start points [m], shape (ray_count, 3).
-        direction: Unit tangents, shape (ray_count, 3); normalised here.
+        direction: Unit tangents, shape (ray_count, 3); normalised here. Those of parallel rays are one row in memory.
         weight: Share of each ray in means over the bundle, sums to 1, shape (ray_count,).
 
     Raises:
@@ -86,29 +92,31 @@ class RayBundle(ReadOnly):
         if any(each is not None for each in on_device):
             self._take_from_device(*on_device)
             return
-        position = np.atleast_2d(np.array(plain_array(self.position), dtype=np.float64))
-        direction = np.atleast_2d(np.array(plain_array(self.direction), dtype=np.float64))
+        position = np.atleast_2d(np.array(plain_array(self.position), dtype=np.float64, order="C"))
+        direction = np.atleast_2d(np.asarray(plain_array(self.direction), dtype=np.float64))
         if position.ndim != 2 or position.shape[1] != 3 or len(position) == 0:
             raise ValueError(f"ray positions must have shape (ray_count, 3), got {np.shape(self.position)}")
         if direction.ndim != 2 or direction.shape[1] != 3:
             raise ValueError(f"ray directions must have shape (ray_count, 3), got {np.shape(self.direction)}")
-        if len(direction) == 1 and len(position) > 1:
-            direction = np.repeat(direction, len(position), axis=0)
-        if position.shape != direction.shape:
+        if len(direction) not in (1, len(position)):
             raise ValueError(f"{len(position)} ray positions but {len(direction)} directions: give one for each")
+        direction = _one_if_equal(direction)
         for name, array in (("position", position), ("direction", direction)):
             bad = ~np.isfinite(array).all(axis=1)
             if bad.any():
-                raise ValueError(f"{bad.sum()} ray {name}s are not finite, the first is ray {int(np.argmax(bad))}")
+                count = int(bad.sum()) * (len(position) // len(array))
+                raise ValueError(f"{count} ray {name}s are not finite, the first is ray {int(np.argmax(bad))}")
         scale = np.abs(direction).max(axis=1)
         if (scale == 0.0).any():
-            zero = int(np.argmax(scale == 0.0))
-            raise ValueError(f"{int((scale == 0.0).sum())} ray directions are zero, the first is ray {zero}")
+            zero, count = int(np.argmax(scale == 0.0)), int((scale == 0.0).sum()) * (len(position) // len(direction))
+            raise ValueError(f"{count} ray directions are zero, the first is ray {zero}")
         # Directions that are unit vectors already stay as they are, to the last bit: a part of a bundle is that part.
         with np.errstate(over="ignore"):
             turned = ~(np.abs(np.linalg.norm(direction, axis=1) - 1.0) <= 4e-16)
         direction[turned] /= scale[turned, None]
         direction[turned] /= np.linalg.norm(direction[turned], axis=1, keepdims=True)
+        if len(direction) < len(position):
+            direction = np.broadcast_to(direction, position.shape)
         weight = self._shares(len(position))
         for name, array in (("position", position), ("direction", direction), ("weight", weight)):
             array.setflags(write=False)
@@ -141,13 +149,8 @@ class RayBundle(ReadOnly):
         """Rays made on a device."""
         from .device_arrays.rays import made_rays
 
-        bundle = cls.__new__(cls)
-        place, way = made_rays(device, made, count, seed, points)
         shares = np.broadcast_to(1.0 / count, count) if weight is None else weight
-        shares.setflags(write=False)
-        for name, array in (("position", place), ("direction", way), ("weight", shares)):
-            object.__setattr__(bundle, name, array)
-        return bundle
+        return cls._of(*made_rays(device, made, count, seed, points), shares)
 
     def held(self, name: str) -> Any:
         """`position` or `direction` as it is held, a DeviceArray where it lies on a device."""
@@ -185,6 +188,23 @@ class RayBundle(ReadOnly):
         """The rays of a slice or index array, whatever their weights; no other is read from a device."""
         return RayBundle(self.held("position")[rows], self.held("direction")[rows])
 
+    def part(self, rows: np.ndarray) -> "RayBundle":
+        """The rays of an index array, whatever their weights, where they lie."""
+        if self.device is None:
+            return self.rows(rows)
+        there = row_numbers(rows, self.device)
+        place, way = (self.held(name).part(there) for name in ("position", "direction"))
+        return self._of(place, way, np.broadcast_to(1.0 / len(rows), len(rows)))
+
+    @classmethod
+    def _of(cls, position: DeviceArray, direction: DeviceArray, weight: np.ndarray) -> "RayBundle":
+        """Rays that lie on a device and need no check."""
+        bundle = cls.__new__(cls)
+        weight.setflags(write=False)
+        for name, array in (("position", position), ("direction", direction), ("weight", weight)):
+            object.__setattr__(bundle, name, array)
+        return bundle
+
     @classmethod
     @checked
     def collimated(
@@ -205,7 +225,7 @@ class RayBundle(ReadOnly):
         if device is not None:
             return cls._of_pupil("collimated", device, pupil, along, ray_count, sampling, seed)
         points, weight = pupil.sample(ray_count, sampling, seed)
-        return cls(points, np.tile(along, (len(points), 1)), weight)
+        return cls(points, along[None], weight)
 
     @classmethod
     @checked

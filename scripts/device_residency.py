@@ -2,11 +2,14 @@
 
 Every row is the cone scene of `aerokernels bench bundles`. "Kernel" is the stage of the clock. Rays on the host are
 NumPy arrays; every result asked for is read as one. "Plain copy" brings the same bytes there and back through memory
-that was pinned before, both ways one after the other and nothing else. Shares are of medians of the same run: device
+that was pinned before, both ways one after the other and nothing else; parallel rays bring their direction once, so
+there are two of it. Shares are of medians of the same run: device
 arrays over the kernel's rate (asked: half), host arrays over the plain copy's (asked: 60 %).
 """
 
 import argparse
+import cProfile
+import pstats
 import time
 from collections.abc import Callable
 from functools import partial
@@ -85,12 +88,18 @@ def rows(kind: str, count: int, repeats: int, device: str) -> list[list[str]]:
             found.append([kind, what, name, *_speed(count, wall, kernel), share, "50 %"])
         wall, kernel = median(partial(read, call, host, outputs), repeats)
         up, down = host.position.nbytes + host.direction.nbytes, read(call, host, outputs).seconds["bytes"]
-        copy = plain_copy(device, up, int(down), repeats)
-        share = f"{copy / wall:.0%} of a plain copy's"
-        found.append([kind, what, "on the host", *_speed(count, wall, kernel), share, "60 %"])
-        rate = f"{(up + down) / copy / 1e9:.1f} GB/s"
-        found.append([kind, what, "plain copy of the same bytes", *_speed(count, copy, np.nan), rate, ""])
+        for size, which in {up: "the arrays'", _moved(host): "what is moved"}.items():
+            copy = plain_copy(device, size, int(down), repeats)
+            share = f"{copy / wall:.0%} of a plain copy of {which}"
+            found.append([kind, what, "on the host", *_speed(count, wall, kernel), share, "60 %"])
+            rate = f"{(size + down) / copy / 1e9:.1f} GB/s"
+            found.append([kind, what, f"plain copy of {which} bytes", *_speed(count, copy, np.nan), rate, ""])
     return found
+
+
+def _moved(rays: RayBundle) -> int:
+    """Bytes of rays that come to the device: a direction that all of them share is one."""
+    return sum(each.nbytes if each.strides[0] else each[:1].nbytes for each in (rays.position, rays.direction))
 
 
 def read(call: Callable[[RayBundle], Any], rays: RayBundle, outputs: tuple[str, ...]) -> Any:
@@ -98,6 +107,25 @@ def read(call: Callable[[RayBundle], Any], rays: RayBundle, outputs: tuple[str, 
     result = call(rays)
     result.seconds["bytes"] = sum(getattr(result, name).nbytes for name in (*outputs, "traced_status"))
     return result
+
+
+def profile(kind: str, count: int, repeats: int, device: str, file: str) -> None:
+    """Write where the time goes in Python: the same rays again, others, those of the host."""
+    scene = bundle_scene(kind)
+    field, host = scene.make_field(), scene.make_rays(count, 1)
+    there, others = on(device, host), cycle([on(device, scene.make_rays(count, seed)) for seed in (2, 3)])
+    call = partial(trace, field, outputs=FEW, until=scene.until, backend="warp", device=device)
+    works = {"again": lambda: call(there), "others": lambda: call(next(others)), "host": lambda: read(call, host, FEW)}
+    with open(file, "w", encoding="utf-8") as stream:
+        for name, work in works.items():
+            median(work, 2)
+            profiler = cProfile.Profile()
+            profiler.enable()
+            wall, kernel = median(work, repeats)
+            profiler.disable()
+            stream.write(f"\n{name}: {1e3 * wall:.3f} ms, kernel {1e3 * kernel:.3f} ms, {repeats + 1} calls\n")
+            pstats.Stats(profiler, stream=stream).sort_stats("tottime").print_stats(30)
+            pstats.Stats(profiler, stream=stream).sort_stats("cumtime").print_stats(45)
 
 
 def _speed(count: int, wall: float, kernel: float) -> list[str]:
@@ -110,12 +138,18 @@ def main() -> None:
     parser.add_argument("--rays", type=int, default=10_000_000, help="rays of a bundle (10,000,000)")
     parser.add_argument("--repeats", type=int, default=5, help="timed calls of each row, after one that is not counted")
     parser.add_argument("--device", default=None, help="Warp's name of the device; the first GPU, else the CPU")
+    parser.add_argument(
+        "--profile", metavar="FILE", help="write what calls of three ways spend in Python, and no table"
+    )
     parser.add_argument("--bundles", nargs="+", default=["slanted", "divergent", "incoherent"], metavar="KIND")
     given = parser.parse_args()
     wp.config.quiet = True
     device = given.device or ("cuda:0" if wp.is_cuda_available() else "cpu")
     name = wp.get_device(device).name
     print(f"{name} ({device}), {given.rays:,} rays, medians of {given.repeats} calls\n")
+    if given.profile:
+        profile(given.bundles[0], given.rays, given.repeats, device, given.profile)
+        return
     for kind in given.bundles:
         print(markdown_table(HEADING, rows(kind, given.rays, given.repeats, device)), "\n", flush=True)
 

@@ -22,7 +22,7 @@ from typing import Any, NamedTuple
 import warp as wp
 
 from aerokernels.tracing.engines.layout import BOUNDS, KERNELS
-from aerokernels.tracing.engines.warp.kernels import pupil
+from aerokernels.tracing.engines.warp.kernels import grid_tables, pupil
 from aerokernels.tracing.engines.warp.kernels.deliver_bundle import build_bundle_kernel
 from aerokernels.tracing.engines.warp.kernels.leapfrog import build_leapfrog_kernel
 from aerokernels.tracing.engines.warp.kernels.trace import build_kernel
@@ -64,9 +64,11 @@ class Declared(NamedTuple):
 
 def warp_kernels() -> list[wp.Kernel]:
     """Every Warp kernel, the tracers for all geometries and stops."""
-    kernels = [kernel for kernel in vars(pupil).values() if isinstance(kernel, wp.Kernel)]
+    kernels = [
+        kernel for module in (pupil, grid_tables) for kernel in vars(module).values() if isinstance(kernel, wp.Kernel)
+    ]
     library = library_of("float32")
-    kernels.append(build_projection_kernel(library, True))
+    kernels += [build_projection_kernel(library, True), grid_tables.build_rounding_kernel(library)]
     for geometry, stop in product(GRIDS, ("none", "plane", "arc")):
         kernels.append(build_kernel(library, geometry, "linear", False, "adaptive", stop, True, True))
         kernels.append(build_leapfrog_kernel(library, geometry, "cubic", stop, True))

@@ -5,23 +5,25 @@ from typing import Any
 
 import numpy as np
 
+from .fetching import Coming
 from .pinned import layout_of, to_host
 
 
 class DeviceArray:
     """An array of Warp's, of numbers or of vectors, that NumPy, DLPack and `__cuda_array_interface__` read.
 
-    It has one row for each ray. `host` is the same as a NumPy array, copied when it is first read and kept; on Warp's
-    CPU device nothing is copied. It pickles as that.
+    It has one row for each ray. `host` is the same as a NumPy array, copied when it is first read, unless it is on its
+    way already, and kept; on Warp's CPU device nothing is copied. It pickles as that.
 
     Attributes:
         buffer: The warp.array.
         extremes: See `extremes_of`, where it has been asked for.
     """
 
-    def __init__(self, buffer: Any):
-        """Take over an array of one dimension."""
+    def __init__(self, buffer: Any, coming: Coming | None = None):
+        """Take over an array of one dimension, and what of it comes to the host."""
         self.buffer = buffer
+        self._coming = coming
         self._host: np.ndarray | None = None
         self.extremes: Extremes | None = None
 
@@ -34,7 +36,8 @@ class DeviceArray:
     def host(self) -> np.ndarray:
         """All rows as a NumPy array."""
         if self._host is None:
-            self._host = to_host(self.buffer)
+            self._host = to_host(self.buffer) if self._coming is None else self._coming.arrived()
+            self._coming = None
         return self._host
 
     def __len__(self) -> int:
@@ -79,14 +82,24 @@ class DeviceArray:
             return np.zeros((0, *self.host_shape[1:]), self.dtype)
         return np.asarray(self._at(rows % len(self)).contiguous().numpy())
 
-    def __setitem__(self, rows: np.ndarray, values: np.ndarray) -> None:
-        """Write some rows, by an array of their numbers."""
+    def __setitem__(self, rows: Any, values: "np.ndarray | DeviceArray") -> None:
+        """Write some rows, by an array of their numbers, or by what `row_numbers` made of it."""
         import warp
 
-        if len(rows):
+        if not len(rows):
+            return
+        if isinstance(values, DeviceArray):
+            given = values.buffer
+        else:
             given = warp.array(np.ascontiguousarray(values, self.dtype), dtype=self.buffer.dtype, device=self.device)
-            warp.copy(self._at(rows), given)
-            self._host = None
+        warp.copy(self._at(rows), given)
+        if self._coming is not None:  # nobody has read it yet
+            self._coming.arrived()[rows if isinstance(rows, np.ndarray) else rows.numpy()] = np.asarray(values)
+        self._host = None
+
+    def part(self, rows: Any) -> "DeviceArray":
+        """Some rows, by what `row_numbers` made of their numbers, in an array of their own on the device."""
+        return DeviceArray(self._at(rows).contiguous())
 
     @property
     def host_shape(self) -> tuple[int, ...]:
@@ -98,10 +111,21 @@ class DeviceArray:
         """NumPy's type of its numbers."""
         return layout_of(self.buffer)[1]
 
-    def _at(self, rows: np.ndarray) -> Any:
+    def _at(self, rows: Any) -> Any:
         import warp
 
-        return warp.indexedarray(self.buffer, [warp.array(rows, dtype=warp.int32, device=self.device)])
+        if isinstance(rows, np.ndarray):
+            rows = row_numbers(rows, self.device)
+        return warp.indexedarray(self.buffer, [rows])
+
+
+def row_numbers(rows: np.ndarray, device: str | None) -> Any:
+    """Numbers of rows brought to a device once, for several of its arrays; as they are where `device` is None."""
+    if device is None:
+        return rows
+    import warp
+
+    return warp.array(rows, dtype=warp.int32, device=device)
 
 
 @dataclass(frozen=True, eq=False)
@@ -135,6 +159,11 @@ def extremes_of(array: np.ndarray | DeviceArray) -> Extremes:
 def in_reach(array: Any, device: str) -> bool:
     """Whether it is an array that lies on this device of Warp's."""
     return isinstance(array, DeviceArray) and array.device == device
+
+
+def is_one_row(array: np.ndarray | DeviceArray) -> bool:
+    """Whether all rows of an array (n, 3) are one in memory: a direction that parallel rays share."""
+    return isinstance(array, np.ndarray) and array.ndim == 2 and len(array) > 1 and array.strides[0] == 0
 
 
 def on_host(arrays: dict[str, Any]) -> dict[str, np.ndarray]:

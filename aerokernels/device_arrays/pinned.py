@@ -71,16 +71,41 @@ class PinnedMemory:
             size -= gone.size
 
 
-class _Lent:
-    """Pinned memory as NumPy reads it; given back when the last array that lies in it is gone."""
+class Lent:
+    """Pinned memory as NumPy reads it; given back when the last array that lies in it is gone.
 
-    def __init__(self, memory: PinnedMemory, buffer: Any, shape: tuple[int, ...], dtype: np.dtype):
-        self.memory, self.buffer = memory, buffer
+    Attributes:
+        buffer: The pinned warp.array.
+        event: Recorded behind the copies that are on their way here; None where there are none.
+        source: What they copy.
+    """
+
+    def __init__(self, buffer: Any, shape: tuple[int, ...], dtype: np.dtype):
+        """Memory that was taken, for an array of this shape and type."""
+        self.buffer = buffer
+        self.event: Any = None
+        self.source: Any = None
         self.__array_interface__ = {"data": (buffer.ptr, False), "shape": shape, "typestr": dtype.str, "version": 3}
 
+    def wait(self) -> None:
+        """Wait for the copies that are on their way here."""
+        if self.event is not None:
+            import warp
+
+            warp.synchronize_event(self.event)
+            self.event = self.source = None
+
     def __del__(self) -> None:
+        """Give the memory back."""
         with suppress(Exception):  # the process may be ending
-            self.memory.give_back(self.buffer)
+            self.wait()
+            pinned_memory().give_back(self.buffer)
+
+
+def pinned_memory() -> PinnedMemory:
+    """That of this process."""
+    memory: PinnedMemory = OPENED.once(("pinned memory", os.getpid()), PinnedMemory)
+    return memory
 
 
 def to_host(buffer: Any) -> np.ndarray:
@@ -93,12 +118,11 @@ def to_host(buffer: Any) -> np.ndarray:
     size = buffer.size * warp.types.type_size_in_bytes(buffer.dtype)
     if not buffer.device.is_cuda or size < LEAST:
         return np.asarray(buffer.numpy())
-    memory: PinnedMemory = OPENED.once(("pinned memory", os.getpid()), PinnedMemory)
-    taken = memory.take(size)
+    taken = pinned_memory().take(size)
     if taken is None:
         return np.asarray(buffer.numpy())
-    array = np.asarray(_Lent(memory, taken, *layout_of(buffer)))
-    warp.copy(_as_kind(taken, buffer.dtype, len(buffer)), buffer)
+    array = np.asarray(Lent(taken, *layout_of(buffer)))
+    warp.copy(as_kind(taken, buffer.dtype, len(buffer)), buffer)
     warp.synchronize_stream(buffer.device)
     return array
 
@@ -125,7 +149,7 @@ def bring(arrays: list[np.ndarray], buffers: list[Any], rows: int = ROWS) -> Ite
     import warp
 
     device, count = buffers[0].device, len(arrays[0])
-    memory: PinnedMemory = OPENED.once(("pinned memory", os.getpid()), PinnedMemory)
+    memory = pinned_memory()
     sizes = [array[:1].nbytes * min(rows, count) for array in arrays]
     slots = [[memory.take(size) for size in sizes] for _ in range(2)]
     is_pinned = device.is_cuda and all(taken is not None for slot in slots for taken in slot)
@@ -163,7 +187,7 @@ def _bring_chunk(
         if slot is None:
             warp.copy(buffer, warp.array(array[chunk], dtype=buffer.dtype, device="cpu"), dest_offset=chunk.start)
         else:
-            staged.append(_as_kind(slot[number], buffer.dtype, count))
+            staged.append(as_kind(slot[number], buffer.dtype, count))
     if slot is None:
         return
     part = -(-count // THREADS)
@@ -177,7 +201,7 @@ def _bring_chunk(
         warp.copy(buffer, view, dest_offset=chunk.start, count=count, stream=stream)
 
 
-def _as_kind(taken: Any, kind: Any, count: int) -> Any:
+def as_kind(taken: Any, kind: Any, count: int) -> Any:
     """The first bytes of pinned memory as `count` elements of a type."""
     import warp
 

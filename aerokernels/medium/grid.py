@@ -23,6 +23,9 @@ LARGEST_BOX, SMALLEST_BOX = 1e7, 1e-9
 # Float64 does not resolve node positions that are closer together than this share of their coordinates.
 LEAST_STEP_SHARE = 1e-11
 
+# Key of a function that fetches coefficients from a device.
+FETCH = "fetch coefficients"
+
 
 def check_finite(array: np.ndarray, what: str) -> None:
     """Refuse NaN and infinite samples, saying how many and where the first is."""
@@ -135,9 +138,22 @@ class UniformGrid(Derived):
         """Highest corner [m], shape (d,)."""
         return self.origin + self.spacing * (np.array(self.shape) - 1)
 
+    @property
+    def coefficient_shape(self) -> tuple[int, ...]:
+        """Shape of the coefficient array."""
+        if self.interpolation == "cubic":
+            return tuple(count + 2 for count in self.shape)
+        return tuple(spline.STRIDE[self.interpolation] * count for count in self.shape)
+
     @cached_property
     def coefficients(self) -> np.ndarray:
-        """Coefficient array of the potential's interpolant (see spline.py), float64."""
+        """Coefficient array of the potential's interpolant (see spline.py), float64.
+
+        Computed when it is first read, or fetched from a device where they were: see tracing/grid_tables.py.
+        """
+        fetch = self.held(FETCH)
+        if fetch is not None:
+            return np.asarray(fetch())
         potential = self.samples * (self.ambient_index + 0.5 * self.samples)
         return spline.coefficients(potential, self.interpolation, self.even_first_axis)
 

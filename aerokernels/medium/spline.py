@@ -120,18 +120,12 @@ def _eliminated(values: np.ndarray, axis: int, even_start: bool) -> np.ndarray:
     np.multiply(nodes, 6.0, out=made[1:-1])
     last, spare = len(nodes) - 1, np.empty(nodes.shape[1:])
     made[last] = nodes[-2] - (nodes[-3] - 2.0 * nodes[-2] + nodes[-1]) / 6.0
-    # What each equation's pivot is divided by, and by how much the next one is changed.
-    inverse = np.ones(last)
-    if even_start:
-        first, inverse[1] = 2, 0.25
-    else:
-        first = 3
+    inverse, first = pivots(last + 1, even_start), 2 if even_start else 3
+    if not even_start:
         made[2] = nodes[1] - (nodes[0] - 2.0 * nodes[1] + nodes[2]) / 6.0
     for row in range(first, last):
         np.multiply(made[row - 1], inverse[row - 1], out=spare)
         made[row] -= spare
-        coupling = (2.0 if even_start else 0.0) if row == first else 1.0
-        inverse[row] = 1.0 / (4.0 - coupling * inverse[row - 1])
     for row in range(last - 1, first - 1, -1):
         made[row] -= made[row + 1]
         made[row] *= inverse[row]
@@ -144,6 +138,17 @@ def _eliminated(values: np.ndarray, axis: int, even_start: bool) -> np.ndarray:
     for row in (last + 1, last + 2):
         made[row] = 6.0 * nodes[row - 2] - 4.0 * made[row - 1] - made[row - 2]
     return np.moveaxis(made, 0, axis)
+
+
+def pivots(count: int, even_start: bool) -> np.ndarray:
+    """What the pivot of each equation of `_eliminated` is divided by, inverted, shape (count - 1,)."""
+    inverse, first = np.ones(count - 1), 3
+    if even_start:
+        first, inverse[1] = 2, 0.25
+    for row in range(first, count - 1):
+        coupling = (2.0 if even_start else 0.0) if row == first else 1.0
+        inverse[row] = 1.0 / (4.0 - coupling * inverse[row - 1])
+    return inverse
 
 
 def _limited_slope(values: np.ndarray, axis: int, even_start: bool) -> np.ndarray:

@@ -97,11 +97,13 @@ def in_chunks(prepared: Prepared, starts: tuple[Numbers, ...], outputs: frozense
 
 
 def _kept(prepared: Prepared, starts: tuple[Numbers, ...], outputs: frozenset) -> dict[str, Any]:
-    """The same on an engine that keeps all results: nothing is fetched."""
+    """The same on an engine that keeps all results: nothing is waited for that is on its way to the host."""
     engine, ray_count = prepared.engine, len(starts[0])
+    wanted = [name for name in OUTPUT_TYPES if name in outputs or name == "status"]
     with stage("upload"):
         results = prepared.allocate(ray_count)
         given, chunks = engine.bring(starts)
+        fetching = engine.fetching({name: results[name] for name in wanted}, starts)
     with stage("kernel"):
         for rows in chunks:
             if rows == slice(0, ray_count):
@@ -109,8 +111,11 @@ def _kept(prepared: Prepared, starts: tuple[Numbers, ...], outputs: frozenset) -
             else:
                 some = {name: buffer[rows] if name in prepared.computed else buffer for name, buffer in results.items()}
                 prepared.launch([buffer[rows] for buffer in given], some, rows.stop - rows.start)
+            if fetching is not None:
+                fetching.rows(rows)
         engine.wait()
-    arrays = {name: DeviceArray(results[name]) for name in OUTPUT_TYPES if name in outputs or name == "status"}
+    coming = {} if fetching is None else fetching.coming()
+    arrays = {name: DeviceArray(results[name], coming.get(name)) for name in wanted}
     if "step_error" in prepared.outputs - outputs:
         if prepared.take_rejected() or len(rows_where(arrays["status"], RayStatus.TOLERANCE_NOT_MET)):
             arrays["step_error"] = DeviceArray(results["step_error"])

@@ -15,6 +15,8 @@ from ..device_arrays import extremes_of, on_host
 from ..medium import IndexField
 from ..medium.grid import UniformGrid
 from ..rays import RayBundle
+from .engines import engine_of
+from .grid_tables import prepare_grid
 from .held import greatest_path, held_error
 from .launch import launch
 from .lever_arms import LeverArms, lever_arms_of
@@ -48,6 +50,9 @@ LEAST_SHARE, GREATEST_SHARE = 1.0 / 80.0, 1.0 / 8.0
 GREATEST_BEND = 0.5
 # The share of the pilot's rays that may be unfit for leapfrog.
 UNFIT = 0.1
+
+# So many more samples than a field before are taken rather than a closer look at a field.
+A_FEW_MORE = 1.25
 
 # What lies between samples may cost this share of the tolerance, the rest of which is the pilot's, without being
 # bounded for each ray.
@@ -184,14 +189,17 @@ def _confirm(
     field: IndexField, pilot: RayBundle, plan: TracePlan, until, wavelength: float, spread: RayBundle, count: int
 ) -> tuple[int, tuple, float, Sampling | None] | None:
     """What `_fit` returns, for this number of samples; None where it does not hold, or rays may miss what counts."""
+    assert isinstance(field.samples, UniformGrid)
+    prepare_grid(engine_of(plan.backend, plan.device), field.samples)
     held = held_error(field, plan.tolerance * wavelength)
     if count < _least_samples(field, pilot, held, plan.lever_arms):
+        return None
+    count = _Between(field, spread, until, held, plan.lever_arms).sufficient(count)
+    if not count:
         return None
     level, finest = (_Level(field, pilot, plan, until, wavelength, number) for number in (count, 3 * count))
     worst = level.error(finest)
     if not (level.is_fit and finest.is_fit and worst <= held / MARGIN):
-        return None
-    if not _Between(field, spread, until, held, plan.lever_arms).is_nothing(count):
         return None
     return count, _shares(field, pilot, plan, until, wavelength, level, worst), worst, None
 
@@ -262,13 +270,26 @@ class _Between:
         """The most that any ray misses between this many samples [m]."""
         return greatest_error(self.field, self._sampled(count), self.lines) if len(self.lines.length) else 0.0
 
-    def is_nothing(self, count: int) -> bool:
-        """Whether nothing lies between this many samples: by the rule's own bound, or by what it leaves of the rest."""
+    def sufficient(self, count: int) -> int:
+        """This number of samples, or a few more, between which nothing lies; 0 where there is something.
+
+        By the rule's own bound if a few more are enough for that: what it leaves of the rest takes longer to find than
+        they do.
+        """
         if not len(self.lines.length):
-            return True
+            return count
         allowed = NEGLIGIBLE * self.held
-        by_rule = greatest_error(self.field, self._sampled(count), self.lines, by_rule=True)
-        return by_rule <= allowed or self._greatest(count) <= allowed
+        by_rule = self._by_rule(count)
+        if by_rule <= allowed:
+            return count
+        more = _in_threes(count * (1.02 * by_rule / allowed) ** 0.25)
+        if more <= A_FEW_MORE * count and self._by_rule(more) <= allowed:
+            return more
+        return count if self._greatest(count) <= allowed else 0
+
+    def _by_rule(self, count: int) -> float:
+        """The same by the rule's own bound, which is greater and sooner found."""
+        return greatest_error(self.field, self._sampled(count), self.lines, by_rule=True)
 
     def sampling(self, count: int) -> Sampling | None:
         """How this many samples lie along the rays; None where nothing lies between them."""

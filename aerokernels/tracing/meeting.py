@@ -6,7 +6,7 @@ from ..medium import IndexField
 from ..rays import RayBundle
 from .lines import box_span
 
-FEW, CHUNK = 1 << 8, 1 << 14
+FEW, CHUNK = 1 << 7, 1 << 14
 
 
 def greatest_contrast(field: IndexField) -> float:
@@ -23,8 +23,7 @@ def check_meeting(field: IndexField, rays: RayBundle, what: str) -> None:
     """
     chunks = (slice(first, first + CHUNK) for first in range(0, rays.ray_count, CHUNK))
     for rows in (slice(0, FEW), *chunks):  # some are nearly always enough
-        some = rays.rows(rows)
-        if box_span(field, some.position, some.direction).meets.any():
+        if box_span(field, rays.held("position")[rows], rays.held("direction")[rows]).meets.any():
             return
     if greatest_contrast(field) == 0.0:
         return

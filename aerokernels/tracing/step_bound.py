@@ -188,10 +188,16 @@ def _roughness(grid: UniformGrid) -> tuple[int, list[np.ndarray], list[np.ndarra
     return grid.derive("roughness", lambda: _roughness_of(grid))
 
 
-def _roughness_of(grid: UniformGrid) -> tuple[int, list[np.ndarray], list[np.ndarray]]:
+def block_size(grid: UniformGrid) -> int:
+    """Cells in a block along each axis."""
     block = BLOCK
     while np.prod(-(-(np.array(grid.shape) - 1) // block)) > BLOCK_COUNT_LIMIT:
         block *= 2
+    return block
+
+
+def _roughness_of(grid: UniformGrid) -> tuple[int, list[np.ndarray], list[np.ndarray]]:
+    block = block_size(grid)
     fourth, second = [], []
     for axis in range(grid.samples.ndim):
         nodes = _stretched(grid, axis) / grid.ambient_index

@@ -29,6 +29,8 @@ BUNDLES = ("auto", "off")
 # The same as for a pupil, so that an error budget needs no kernel of its own.
 BUDGET_OUTPUTS = frozenset(("opd", "step_error", "evaluation_count"))
 
+NONE_REJECTED = np.zeros(0, np.int32)
+
 
 @checked
 def trace(
@@ -123,7 +125,9 @@ def trace(
                 plan = plan if made is None else replace(plan, reasons=(*plan.reasons, made))
         if not isinstance(made, tuple):
             arrays = run_plan(field, rays, plan, until, wavelength, wanted)
-        rejected = rows_where(arrays["status"], RayStatus.TOLERANCE_NOT_MET)
+        # Rays that are interpolated hold the tolerance.
+        some_traced = plan.bundle is None or plan.bundle.one_by_one > 0
+        rejected = rows_where(arrays["status"], RayStatus.TOLERANCE_NOT_MET) if some_traced else NONE_REJECTED
         greatest = float(arrays["step_error"][rejected].max()) if len(rejected) and "step_error" in arrays else None
         done = report_rejected(plan, len(rejected), rays.ray_count, greatest, wavelength)
         if "step_error" not in wanted:

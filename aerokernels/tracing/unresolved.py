@@ -101,9 +101,15 @@ def disturbed_ends(field: IndexField, lines: Lines, held: float) -> bytes:
     ends = np.concatenate([lines.start, lines.start + lines.length[:, None] * lines.direction])
     entry = np.floor((local_coordinates(ends, field.geometry) - grid.low) / size).astype(int)
     near[tuple(np.clip(entry, 0, np.array(near.shape) - 1).T)] = 1
-    worth = block_maxima(np.abs(potential_at_nodes(grid)), block) * float(size.max())
+    worth = _potential_by_blocks(grid) * float(size.max())
     near = maximum_filter(near, 3) * (worth > ENDS_SHARE * held)
     return np.packbits(near).tobytes() if near.any() else b""
+
+
+def _potential_by_blocks(grid: UniformGrid) -> np.ndarray:
+    """Greatest size of the potential over the ambient index in each block."""
+    block, _ = roughness_by_axis(grid)
+    return grid.derive("potential by blocks", lambda: block_maxima(np.abs(potential_at_nodes(grid)), block))
 
 
 def missed_in_blocks(field: IndexField, sampling: Sampling, by_rule: bool = False) -> tuple[int, np.ndarray]:

@@ -6,14 +6,17 @@ On Warp's CPU device the same code runs as on a GPU; only there is memory pinned
 
 import pickle
 import warnings
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from aerokernels import Annulus, Disc, IndexField, Mask, Plane, RayBundle, Rectangle, trace
+from aerokernels import Annulus, ArcLength, Disc, IndexField, Mask, Plane, RayBundle, Rectangle, trace
 from aerokernels.device_arrays import DeviceArray, extremes_of, plain_array, rows_where
 from aerokernels.device_arrays.rays import checked_rays
 from aerokernels.tracing import RayStatus
+from aerokernels.tracing.bundle.family import SAMPLE, find_family, some_rows
+from aerokernels.tracing.bundle.known import known_family, parameter_range
 
 from .backends import ENGINES, WARP, WAVE, on
 
@@ -164,6 +167,71 @@ def test_rays_on_a_device_are_traced_there_and_stay_there(engine, rays):
     assert found.ok.all() and found.ray_count == len(found.opd) == count
 
 
+@pytest.mark.parametrize("engine", WARP)
+@pytest.mark.parametrize("kind", ["parallel", "through a point"])
+def test_known_families_are_recognised_on_a_device_as_on_the_host(engine, kind):
+    """Other rays of a bundle are its family: the one that the host finds from them anew. Any other rays are not.
+
+    Its range of parameters from rays on the device is that of NumPy's formulae, within some roundings.
+    """
+    field, device = volume(), device_of(engine)
+    apex = (1e-4, 0.0, -9e-3)
+
+    def rays(pupil=PUPIL, seed=0):
+        if kind == "parallel":
+            return RayBundle.collimated(pupil, COUNT, direction=SLANTED, seed=seed)
+        return RayBundle.through(pupil, apex, COUNT, seed=seed)
+
+    def there(here):
+        return taken(as_warp(here.position, device), as_warp(here.direction, device))
+
+    family = find_family(field, rays(), FAR)
+    other = rays(seed=1)
+    assert find_family(field, other, FAR).key == family.key
+    for here in (other, there(other)):
+        assert known_family(field, here, FAR, [family]) is family
+        ends = [np.array(parameter_range(field, each, family)) for each in (here, other)]
+        assert same(*ends, 1e-16)  # some roundings of 0.1
+    row = int(some_rows(COUNT, SAMPLE)[5])
+    aside, turned = np.array(other.position), np.array(other.direction)
+    aside[row] += [0.0, 1e-3 * SPACING, 12e-3]
+    turned[row] += [1e-7, 0.0, 0.0]
+    for strange in (
+        RayBundle(aside, other.direction),
+        RayBundle(other.position if kind == "parallel" else aside, turned),
+        rays(Disc(4e-4, PUPIL.center)),
+        rays(Disc(8e-4, (2e-4, 0.0, -2e-3))),
+    ):
+        for here in (strange, there(strange)):
+            assert known_family(field, here, FAR, [family]) is None
+    ahead = replace(family, ahead=-1e-3)
+    for until, expected in ((FAR, ahead), (ArcLength(3e-3), None)):
+        assert known_family(field, there(other), until, [ahead]) is expected
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+def test_parallel_rays_hold_their_direction_once(engine, monkeypatch):
+    """Equal directions are one row in memory; each ray is traced as beside one that goes another way."""
+    pytest.importorskip("pyopencl")
+    from aerokernels.tracing.engines.opencl import engine as opencl
+
+    monkeypatch.setattr(opencl, "REPEATED", 64)
+    place = RayBundle.collimated(PUPIL, 500).position
+    for given in ([SLANTED], np.repeat([SLANTED], 500, axis=0)):
+        rays = RayBundle(place, given)
+        assert rays.direction.shape == (500, 3) and rays.direction.strides[0] == 0
+    assert rays[3:9].direction.strides[0] == 0 and np.array_equal(
+        pickle.loads(pickle.dumps(rays)).direction, rays.direction
+    )
+    mixed = RayBundle(np.r_[place, place[:1]], np.r_[rays.direction, [(0.0, 0.1, 1.0)]])
+    assert mixed.direction.strides[0] == 24
+    found, beside = (trace(volume(), each, until=FAR, **on(engine)) for each in (rays, mixed))
+    for name in ("opd", "direction", "position", "status", "start_direction"):
+        assert np.array_equal(getattr(found, name), getattr(beside, name)[:500]), name
+    with pytest.raises(ValueError, match="500 ray directions are zero, the first is ray 0"):
+        RayBundle(place, np.zeros((1, 3)))
+
+
 @pytest.mark.parametrize("engine", ENGINES)
 def test_results_are_given_out_by_dlpack_and_read_as_numpy(engine):
     rays = RayBundle.collimated(PUPIL, 40, direction=SLANTED)
@@ -272,13 +340,21 @@ def test_many_rays_come_and_go_through_pinned_memory():
 
     choices, count = on("warp-gpu"), 3 * MANY + 1234
     there = RayBundle.collimated(PUPIL, count, direction=SLANTED, device=choices["device"])
-    position, direction = np.array(there.position), np.array(there.direction)
+    position = np.array(there.position)
     kept = there.position[1:]  # a view keeps the memory, whatever else is gone
     first = kept.copy()
-    found = trace(volume(), there, until=FAR, **choices)
-    here = trace(volume(), RayBundle(position, direction), until=FAR, **choices)
-    for name in ("opd", "position", "direction", "step_count", "status"):
-        assert np.array_equal(getattr(found, name), getattr(here, name)), name
-    del found, here, there
-    again = trace(volume(), RayBundle(position, direction), until=FAR, **choices)
+    # Parallel rays, whose direction comes once, and others, of which some are not delivered by the bundle.
+    for toward in (None, (0.0, 0.0, 9e-3)):
+        here = RayBundle(position, [SLANTED] if toward is None else toward - position)
+        rays = (
+            there if toward is None else RayBundle(*map(as_warp, (position, here.direction), 2 * [choices["device"]]))
+        )
+        found, read = (trace(volume(), each, until=FAR, **choices) for each in (rays, here))
+        for name in ("opd", "position", "direction", "step_count", "status"):
+            assert np.array_equal(getattr(found, name), getattr(read, name)), name
+    del found, read
+    again = trace(volume(), here, until=FAR, **choices)
     assert again.ok.all() and np.array_equal(kept, first)
+    for _ in range(8):  # dropped while they are on their way
+        trace(volume(), here, until=FAR, **choices)
+    assert np.array_equal(again.opd, trace(volume(), here, until=FAR, **choices).opd)

@@ -48,8 +48,6 @@ class Family:
         ahead: Rays that start no further along the axis than this [m] may be moved along their lines: they start ahead
             of the box. Minus infinity where none may.
         close: What is no difference between two lines or starts [m].
-        seen: Range of the parameters of the rays that it was found from, with half the room about it, and the parts
-            that `low` and `high` are rounded to; shape (3, 2).
     """
 
     converges: bool
@@ -61,7 +59,6 @@ class Family:
     start_normal: np.ndarray
     ahead: float
     close: float
-    seen: np.ndarray | None = None
 
     def parameters(self, position: np.ndarray, direction: np.ndarray) -> np.ndarray:
         """Parameters of rays, both of shape (n, 3): shape (n, 2)."""
@@ -104,23 +101,23 @@ class Family:
     @property
     def key(self) -> bytes:
         """The same for the same family."""
-        return b"".join([self._lines, self.low.tobytes(), self.high.tobytes()])
-
-    @property
-    def _lines(self) -> bytes:
-        """The same for the same lines and starts, whatever the range of parameters."""
         start = b"" if self.start_point is None else self.start_point.tobytes()
-        numbers = (self.origin, self.axes, self.start_normal)
+        numbers = (self.origin, self.axes, self.start_normal, self.low, self.high)
         kind = f"{self.converges} {self.ahead!r} ".encode()
         return b"".join([kind, start, *(array.tobytes() for array in numbers)])
 
-    def serves(self, other: "Family") -> bool:
-        """Whether another family is this one, found from other rays: its range may differ by a part."""
-        if other.seen is None or self._lines != other._lines:
+    def serves(self, low: np.ndarray, high: np.ndarray) -> bool:
+        """Whether rays of the family, some of whose parameters span this range, are interpolated on its own range.
+
+        A range that lies between two parts is rounded now to the one, now to the other: it may differ by a part.
+        """
+        extent = _extent(low, high)
+        if extent is None:
             return False
-        low, high, part = other.seen
-        near = (np.abs(self.low - other.low) <= part) & (np.abs(self.high - other.high) <= part)
-        return bool((near & (self.low <= low) & (self.high >= high)).all())
+        first, last, part = _rounded_range(low, high, extent)
+        room = 0.5 * ROOM * extent
+        near = (np.abs(self.low - first) <= part) & (np.abs(self.high - last) <= part)
+        return bool((near & (self.low <= low - room) & (self.high >= high + room)).all())
 
 
 def some_rows(ray_count: int, most: int) -> np.ndarray:
@@ -167,13 +164,23 @@ def find_family(field: IndexField, rays: RayBundle, until) -> Family | str:
         return "they spread over too wide an angle"
     parameters = family.parameters(position, direction)
     low, high = parameters.min(axis=0), parameters.max(axis=0)
-    extent = high - low
-    if not extent.max() > 0.0:
+    extent = _extent(low, high)
+    if extent is None:
         return "they are one ray"
-    extent = np.maximum(extent, 1e-3 * extent.max())
+    first, last, _ = _rounded_range(low, high, extent)
+    return replace(family, low=first, high=last)
+
+
+def _extent(low: np.ndarray, high: np.ndarray) -> np.ndarray | None:
+    """How far parameters reach, shape (2,); None where they are all the same."""
+    extent = high - low
+    return np.maximum(extent, 1e-3 * extent.max()) if extent.max() > 0.0 else None
+
+
+def _rounded_range(low: np.ndarray, high: np.ndarray, extent: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """A range of parameters with room about it, rounded to parts; and those parts."""
     part, room = 2.0 ** np.ceil(np.log2(extent / PARTS)), ROOM * extent
-    first, last = np.floor((low - room) / part) * part, np.ceil((high + room) / part) * part
-    return replace(family, low=first, high=last, seen=np.stack([low - 0.5 * room, high + 0.5 * room, part]))
+    return np.floor((low - room) / part) * part, np.ceil((high + room) / part) * part, part
 
 
 def _apex(position: np.ndarray, direction: np.ndarray, close: float) -> np.ndarray | None:
@@ -201,8 +208,11 @@ def _rounded_apex(apex: np.ndarray, direction: np.ndarray, axis: np.ndarray, clo
 def _common_plane(position: np.ndarray, axis: np.ndarray, close: float) -> tuple[np.ndarray, np.ndarray] | None:
     """A point and the unit normal of the plane in which all rays start; None where there is none."""
     # Where several planes hold the starts, as of points on a line, that across the rays is taken.
-    fitted = np.linalg.svd(position - position.mean(axis=0), full_matrices=False)[2][-1]
-    for normal in (axis, np.round(fitted * np.copysign(1.0, fitted @ axis), NORMAL_DIGITS)):
+    for is_fitted in (False, True):
+        normal = axis
+        if is_fitted:
+            fitted = np.linalg.svd(position - position.mean(axis=0), full_matrices=False)[2][-1]
+            normal = np.round(fitted * np.copysign(1.0, fitted @ axis), NORMAL_DIGITS)
         height = position @ normal
         if np.ptp(height) <= close and normal @ axis >= 0.05:
             middle = _rounded(0.5 * (height.max() + height.min()), close)

@@ -5,7 +5,7 @@ import numpy as np
 from ..engines.layout import OPTIONS
 from ..result import output_mask
 from ..stop import ArcLength, Plane
-from .family import LEAST_COSINE
+from .family import LEAST_COSINE, Family
 from .nodes import FAR
 from .table import BundleTable
 
@@ -18,24 +18,16 @@ def _numbered(option: str) -> dict[str, int]:
 
 
 STOPS, SHAPES = _numbered("stop"), _numbered("geometry")
-# Numbers of `frame`.
-FRAME_SIZE = 41
+# Numbers of `frame`, and those of a family among them.
+FRAME_SIZE, FAMILY_SIZE = 41, 26
 
 
 def frame_of(table: BundleTable) -> np.ndarray:
     """The kernels' array `frame`, shape (41,); kernels/include/bundle_family.h has the order."""
-    family, until, field = table.family, table.ways.until, table.ways.field
-    has_plane = family.start_point is not None
+    until, field = table.ways.until, table.ways.field
     is_plane = isinstance(until, Plane)
     low, high = field.box
     numbers = [
-        family.low,
-        table.rate,
-        family.origin,
-        family.axes,
-        family.start_point if has_plane else np.zeros(3),
-        family.start_normal,
-        [has_plane, family.ahead, family.close, LEAST_COSINE],
         until.point if is_plane else np.zeros(3),
         until.normal if is_plane else np.array([0.0, 0.0, 1.0]),
         [until.length if isinstance(until, ArcLength) else 0.0],
@@ -43,14 +35,34 @@ def frame_of(table: BundleTable) -> np.ndarray:
         high,
         [field.ambient_index, table.ways.margin],
     ]
-    frame = np.concatenate([np.ravel(np.asarray(part, dtype=np.float64)) for part in numbers])
-    assert len(frame) == FRAME_SIZE
-    return np.clip(frame, -FAR, FAR)
+    return _flat(family_numbers(table.family, table.rate), *numbers)
+
+
+def family_numbers(family: Family, rate: np.ndarray | None = None) -> np.ndarray:
+    """The numbers of `frame` that say what a family is, which come first; `rate` is that of a table of it."""
+    has_plane = family.start_point is not None
+    frame = _flat(
+        family.low,
+        np.zeros(2) if rate is None else rate,
+        family.origin,
+        family.axes,
+        family.start_point if has_plane else np.zeros(3),
+        family.start_normal,
+        [has_plane, family.ahead, family.close, LEAST_COSINE],
+    )
+    assert len(frame) == FAMILY_SIZE
+    return frame
+
+
+def _flat(*parts) -> np.ndarray:
+    return np.clip(np.concatenate([np.ravel(np.asarray(part, dtype=np.float64)) for part in parts]), -FAR, FAR)
 
 
 def kernel_arrays(table: BundleTable) -> list[np.ndarray]:
     """The kernels' arrays, flat: block_map, header, patches, frame."""
-    return [table.map.ravel(), table.header.ravel(), table.values.ravel(), frame_of(table)]
+    frame = frame_of(table)
+    assert len(frame) == FRAME_SIZE
+    return [table.map.ravel(), table.header.ravel(), table.values.ravel(), frame]
 
 
 def kernel_numbers(table: BundleTable, outputs: frozenset) -> list[int]:

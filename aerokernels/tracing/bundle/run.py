@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from ...device_arrays import on_host, rows_where
+from ...device_arrays import DeviceArray, on_host, row_numbers, rows_where
 from ...medium import IndexField
 from ...rays import RayBundle
 from ..engines import engine_of
@@ -23,6 +23,7 @@ from ..planning import make_plan, plan_rays
 from ..status import NOT_DELIVERED
 from .clearance import Clearance
 from .family import Family, counted_parameters, find_family
+from .known import known_family
 from .nodes import CHANNELS, TRACED, Ways, channels_of
 from .refine import Limits, Refinement
 from .table import BundleTable
@@ -87,7 +88,7 @@ def trace_bundle(asked: Asked) -> tuple[TracePlan, dict[str, np.ndarray]] | str:
     if len(left) > (1.0 - LEAST_SHARE) * rays.ray_count:
         return f"rays are traced one by one: patches between traced rays would hold for {rays.ray_count - len(left)}"
     if len(left):
-        _trace_left(asked, left, arrays)
+        _trace_left(asked, table, left, arrays)
     counts = BundleCounts(table.traced, rays.ray_count - len(left), len(left), table.error, dict(table.refused))
     share = (table.traced + len(left)) / rays.ray_count
     predicted = None if plan.predicted_evaluations is None else plan.predicted_evaluations * share
@@ -97,18 +98,17 @@ def trace_bundle(asked: Asked) -> tuple[TracePlan, dict[str, np.ndarray]] | str:
 
 def _recognised(asked: Asked) -> tuple[Family, BundleTable, TracePlan] | str:
     """The family of the rays, its patches and the plan of its lines; or why there are none."""
-    family = find_family(asked.field, asked.rays, asked.until)
-    if isinstance(family, str):
-        return family
-    if not asked.field.is_uniform:
-        return "the field lies on a mesh"
-    # A range of parameters that lies between two parts is rounded now to the one, now to the other: the first will do.
     known: list[Family] = asked.field.derive("families", list)
-    served = next((each for each in known if each.serves(family)), None)
-    if served is None:
+    family = known_family(asked.field, asked.rays, asked.until, known)
+    if family is None:
+        found = find_family(asked.field, asked.rays, asked.until)
+        if isinstance(found, str):
+            return found
+        if not asked.field.is_uniform:
+            return "the field lies on a mesh"
+        family = found
         known.append(family)
         del known[:-KEPT]
-    family = served or family
     table = find_table(asked, family)
     if table is None:
         return "nothing between traced rays is smooth enough"
@@ -188,18 +188,22 @@ def _plan_many(asked: Asked, rays: RayBundle, share: float) -> TracePlan:
         method="auto",
         step=None,
         wavelength=asked.wavelength,
-        directions=rays.direction,
+        directions=rays.direction if rays.device is None else pilot_of(rays).direction,
         spread=partial(spread_of, rays),
         **choices,
     )
 
 
-def _trace_left(asked: Asked, rows: np.ndarray, arrays: dict[str, np.ndarray]) -> None:
+def _trace_left(asked: Asked, table: BundleTable, rows: np.ndarray, arrays: dict[str, Any]) -> None:
     """Trace the rays of these rows one by one, and put them in their places."""
-    rays = asked.rays.rows(rows)
-    plan = _plan_many(asked, rays, 1.0)
+    rays = asked.rays.part(rows)
+    # The rays that a table leaves over lie in the same parts of the family, whichever sample of it they are.
+    many = rays.ray_count >= LEAST_RAYS
+    plan = table.derive(("plan of the rays left over", many), lambda: _plan_many(asked, rays, 1.0))
     outputs = asked.outputs | {"step_error"}
     found = asked.run(asked.field, rays, plan, asked.until, asked.wavelength, outputs)
+    first = arrays["status"]
+    places = row_numbers(rows, first.device if isinstance(first, DeviceArray) else None)
     for name, array in found.items():
         if name in arrays:
-            arrays[name][rows] = np.asarray(array)
+            arrays[name][places] = array if isinstance(arrays[name], DeviceArray) else np.asarray(array)

@@ -25,7 +25,8 @@ class FieldData:
     """A field as kernels see it.
 
     Attributes:
-        arrays: Arrays of struct Field, by name; an array that the field has no use for has one row.
+        arrays: Arrays of struct Field, by name; an array that the field has no use for has one row. A grid's
+            coefficients are not among them, see `array_of`.
         field: Scalars and short vectors of struct Field, by name.
         bounds: Members of struct Bounds, without those of the stop.
         control: Members of struct Control, without those of the stop, the plan and the table of step bounds.
@@ -51,6 +52,13 @@ def field_data(field: IndexField, precision: str, with_paper_step: bool) -> Fiel
     return field.derive(key, lambda: _field_data(field, precision, with_paper_step))
 
 
+def array_of(field: IndexField, data: FieldData, name: str) -> np.ndarray:
+    """An array of struct Field; coefficients of a grid that lie on a device are fetched only where it is another."""
+    if name == "coefficients" and isinstance(field.samples, UniformGrid):
+        return field.samples.coefficients.ravel()
+    return data.arrays[name]
+
+
 def _field_data(field: IndexField, precision: str, with_paper_step: bool) -> FieldData:
     samples = field.samples
     low, high = field.box
@@ -73,7 +81,7 @@ def _field_data(field: IndexField, precision: str, with_paper_step: bool) -> Fie
     if isinstance(samples, UniformGrid):
         spacing, origin = _per_position_axis(field.geometry, samples.spacing, samples.origin)
         members |= _grid_members(samples)
-        arrays["coefficients"] = samples.coefficients.ravel()
+        del arrays["coefficients"]  # see array_of
         if with_paper_step:
             arrays["paper_step"] = samples.paper_step.ravel()
         cell_rate = 1.0 / spacing
@@ -122,7 +130,7 @@ def _field_data(field: IndexField, precision: str, with_paper_step: bool) -> Fie
 
 
 def _grid_members(samples: UniformGrid) -> dict[str, object]:
-    shape = samples.coefficients.shape
+    shape = samples.coefficient_shape
     if np.prod(shape) >= 2**31:
         raise ValueError(f"{np.prod(shape)} coefficients do not fit the kernel's 32-bit index: use a coarser grid")
     pitch = [1] * 3

@@ -16,6 +16,8 @@ from ..collimated import Projection
 from ..plan import TracePlan
 from .layout import STRUCTS
 
+# What kernels may work out of a grid, besides its spline.
+GRID_TABLES = ("roughness", "potential by blocks", "potential peaks")
 # Per-ray outputs of the tracer's kernels, in their order: numbers for a ray, and their type.
 OUTPUT_TYPES = {member.name: (member.parts[1], member.number_type()) for member in STRUCTS["RayOutputs"]}
 
@@ -26,10 +28,14 @@ class Engine(Protocol):
     Attributes:
         device: Name of the device.
         memory: Bytes that the device has, and that it gives in one piece.
+        grid_tables: What it works out of a grid in less time than NumPy, see tracing/grid_tables.py.
+        grid_key: Under which a grid holds the coefficients that it worked out, in float64.
     """
 
     device: str
     memory: tuple[float, float]
+    grid_tables: tuple[str, ...]
+    grid_key: tuple
 
     def prepare(
         self, field: IndexField, plan: TracePlan, until, wavelength: float, outputs: frozenset, directions: np.ndarray
@@ -53,6 +59,9 @@ class Engine(Protocol):
     def pupil_kernels(self) -> dict[str, Any]:
         """The kernels of a pupil, by name: launch_pupil, sum_moments, sum_phasors, reduce_sums."""
 
+    def grid_kernels(self) -> dict[str, Any]:
+        """The kernels that prepare a grid, by name: spline_lines, fourth_differences, block_maxima."""
+
     def keeps(self, size: float) -> bool:
         """Whether results of so many bytes, and the rays, stay on the device until they are read."""
 
@@ -62,8 +71,17 @@ class Engine(Protocol):
         What is launched on rows that were given finds them. `starts` are NumPy arrays or DeviceArrays.
         """
 
+    def fetching(self, results: dict[str, Any], starts: Sequence[Any]) -> Any:
+        """What brings results to the host chunk by chunk (device_arrays/fetching.py); None where they wait to be read.
+
+        Of an engine that `keeps` them.
+        """
+
     def put(self, array: np.ndarray) -> Any:
-        """A buffer with a copy of the array, whose rows are numbers, places or directions."""
+        """A buffer with a copy of the array, whose rows are numbers, places or directions.
+
+        An array whose rows are one in memory may be one row there, too: kernels read it as all others.
+        """
 
     def put_into(self, buffer: Any, array: np.ndarray) -> None:
         """Copy an array over the first rows of a buffer."""

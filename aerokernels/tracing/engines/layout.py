@@ -289,9 +289,51 @@ KERNELS: dict[str, tuple[Value, ...]] = {
         Value("sums_in", "double*"),
         Value("sums_out", "double*"),
     ),
+    "spline_lines": (
+        Value("values_in", "double*"),
+        Value("inverse_in", "double*"),
+        Value("count", "int"),
+        Value("pitch", "int"),
+        Value("even", "int"),
+        Value("ambient", "double"),
+        Value("first_line", "int"),
+        Value("coefficients_out", "double*"),
+    ),
+    "round_coefficients": (
+        Value("values_in", "double*"),
+        Value("first_place", "int"),
+        Value("values_out", "real*"),
+    ),
+    "fourth_differences": (
+        Value("coefficients_in", "double*"),
+        Value("first_count", "int"),
+        Value("second_count", "int"),
+        Value("third_count", "int"),
+        Value("axis", "int"),
+        Value("block", "int"),
+        Value("first_place", "int"),
+        Value("maxima_out", "double*"),
+    ),
+    "block_maxima": (
+        Value("values_in", "double*"),
+        Value("count", "int"),
+        Value("pitch", "int"),
+        Value("block", "int"),
+        Value("ambient", "double"),
+        Value("first_place", "int"),
+        Value("maxima_out", "double*"),
+    ),
 }
+# Those that prepare a grid (tracing/grid_tables.py).
+GRID_KERNELS = ("spline_lines", "fourth_differences", "block_maxima")
 # What bounds a launch of OpenCL, whose sizes are rounded up to whole work-groups.
-BOUNDS = {"first_ray": "ray_count", "first_group": "group_count", "first_sum": "sum_count"}
+BOUNDS = {
+    "first_ray": "ray_count",
+    "first_group": "group_count",
+    "first_sum": "sum_count",
+    "first_line": "line_count",
+    "first_place": "place_count",
+}
 
 
 class Option(NamedTuple):

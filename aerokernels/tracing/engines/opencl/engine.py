@@ -11,15 +11,16 @@ import pyopencl as cl
 from pyopencl.cltypes import make_double3
 
 from ....clock import stage
+from ....device_arrays import is_one_row
 from ....medium import IndexField
 from ...bundle.frame import kernel_arrays
 from ...bundle.frame import kernel_numbers as bundle_numbers
 from ...bundle.table import BundleTable
 from ...collimated import ENDS, Projection, kernel_numbers, packed
 from ...plan import TracePlan
-from ..field_data import FieldData, field_data, step_bound_tables, stop_kind, trace_members
-from ..interface import Prepared
-from ..layout import REAL_TYPES, Value, arrays_of, values_of
+from ..field_data import FieldData, array_of, field_data, step_bound_tables, stop_kind, trace_members
+from ..interface import GRID_TABLES, Prepared
+from ..layout import GRID_KERNELS, REAL_TYPES, Value, arrays_of, values_of
 from .devices import session
 from .launchers import give_back, take_kernel
 from .program import WORK_GROUP, build, build_options, lane_count
@@ -29,6 +30,8 @@ from .tables import cell_polynomials, may_be_packed
 FLUSH = "-cl-denorms-are-zero"
 # Greatest buffer that comes from a GPU's pool [bytes].
 POOLED = 1 << 28
+# Equal rows that are copied to the device as they are.
+REPEATED = 1 << 12
 # Kernels of a pupil: work-items that each of what it is launched over takes.
 PUPIL_KERNELS = {"launch_pupil": 1, "sum_moments": WORK_GROUP, "sum_phasors": WORK_GROUP, "reduce_sums": 1}
 # The structs that are passed by value, as the kernels' compiler lays them out.
@@ -85,6 +88,9 @@ class Engine:
         """
         self.session = session(device)
         self.device = self.session.name
+        is_gpu = bool(self.session.device.type & cl.device_type.GPU)
+        self.grid_tables: tuple[str, ...] = GRID_TABLES if is_gpu else GRID_TABLES[:2]
+        self.grid_key = "coefficients", "opencl", self.session
         self.memory = float(self.session.device.global_mem_size), float(self.session.device.max_mem_alloc_size)
 
     def prepare(
@@ -179,6 +185,11 @@ class Engine:
                 for name, items in PUPIL_KERNELS.items()
             }
 
+    def grid_kernels(self) -> dict[str, Kernel]:
+        """The kernels that prepare a grid, by name."""
+        with stage("compile"):
+            return {name: self._kernel(build(self.session, f"{name}.cl"), name) for name in GRID_KERNELS}
+
     def _kernel(self, program, name: str, lanes: int = 1, items: int = 1) -> Kernel:
         """A kernel of a program, which is there for others once it is gone."""
         taken = take_kernel(self.session, program, name)
@@ -194,14 +205,30 @@ class Engine:
         """Copies of the rays, which are there at once."""
         return [self.put(np.asarray(each)) for each in starts], [slice(0, len(starts[0]))]
 
+    def fetching(self, results: dict[str, Any], starts: Sequence[Any]) -> None:
+        """Nothing: no result stays on the device."""
+
     def put(self, array: np.ndarray):
         """A buffer that holds a copy of the array when this returns.
 
         (COPY_HOST_PTR would do it in one call, but NVIDIA's driver then copies only when a kernel asks for the buffer.)
         """
+        if is_one_row(array) and len(array) > REPEATED:
+            return self._repeated(np.ascontiguousarray(array[:REPEATED]), len(array))
         array = np.ascontiguousarray(array)
         buffer = self._memory(array.nbytes)
         self.put_into(buffer, array)
+        return buffer
+
+    def _repeated(self, some: np.ndarray, count: int):
+        """A buffer of `count` equal rows, of which some are given: copied on the device, twice as many each time."""
+        row, done = some[0].nbytes, some.nbytes
+        buffer = self._memory(row * count)
+        self.put_into(buffer, some)
+        while done < row * count:
+            size = min(done, row * count - done)
+            cl.enqueue_copy(self.session.queue, buffer, buffer, byte_count=size, src_offset=0, dst_offset=done)
+            done += size
         return buffer
 
     def put_into(self, buffer, array: np.ndarray) -> None:
@@ -257,7 +284,13 @@ class Engine:
         """Buffers of the arrays of Field, coefficients packed for leapfrog or not; kept as long as the field lives."""
 
         def upload() -> list:
-            return [self._buffer(member, data.arrays[member.name], precision) for member in arrays_of("Field")]
+            there = self._coefficients(field, precision)
+            return [
+                self._buffer(member, array_of(field, data, member.name), precision)
+                if there is None or member.name != "coefficients"
+                else there
+                for member in arrays_of("Field")
+            ]
 
         unpacked: list = field.derive(("opencl", self.session, precision, with_paper_step), upload)
         if not packs:
@@ -267,6 +300,17 @@ class Engine:
             ("opencl packed", self.session, precision), lambda: self.put(cell_polynomials(coefficients, kind))
         )
         return [table, *unpacked[1:]]
+
+    def _coefficients(self, field: IndexField, precision: str) -> Any:
+        """A grid's coefficients where this device has worked them out; None elsewhere."""
+        found = field.samples.held(self.grid_key)
+        if found is None or precision == "float64":
+            return found
+        count = int(np.prod(field.samples.coefficient_shape))
+        made = self.empty(count, kind=REAL_TYPES[precision])
+        program = build(self.session, "round_coefficients.cl", build_options(precision=precision))
+        self.launch(self._kernel(program, "round_coefficients"), [found], [made], count)
+        return made
 
 
 def pack(struct: str, precision: str, members: dict) -> np.ndarray:

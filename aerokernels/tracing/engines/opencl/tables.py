@@ -14,7 +14,7 @@ SPLINE_POWERS = (
 
 def may_be_packed(field: IndexField, kind: type, most_bytes: int) -> bool:
     """Whether a uniform cubic grid has a table, `cell_polynomials`; not a volume, whose would be too large."""
-    size = field.samples.coefficients.size * 16
+    size = int(np.prod(field.samples.coefficient_shape)) * 16
     return field.geometry != "volume" and size <= MOST_PACKED and size * np.dtype(kind).itemsize <= most_bytes
 
 

@@ -9,7 +9,8 @@ import numpy as np
 import warp as wp
 
 from ....clock import stage
-from ....device_arrays import in_reach
+from ....device_arrays import DeviceArray, in_reach, is_one_row
+from ....device_arrays.fetching import Fetching
 from ....device_arrays.pinned import bring
 from ....medium import IndexField
 from ....opened import OPENED
@@ -19,11 +20,11 @@ from ...bundle.frame import kernel_numbers as bundle_numbers
 from ...bundle.table import BundleTable
 from ...collimated import ENDS, Projection, kernel_numbers, packed
 from ...plan import TracePlan
-from ..field_data import FieldData, field_data, step_bound_tables, stop_kind, trace_members
+from ..field_data import FieldData, array_of, field_data, step_bound_tables, stop_kind, trace_members
 from ..info import host_memory, thread_count
-from ..interface import Prepared
-from ..layout import STRUCTS, Value, arrays_of
-from .kernels import pupil
+from ..interface import GRID_TABLES, Prepared
+from ..layout import GRID_KERNELS, STRUCTS, Value, arrays_of
+from .kernels import grid_tables, pupil
 from .kernels.deliver_bundle import build_bundle_kernel
 from .kernels.leapfrog import build_leapfrog_kernel
 from .kernels.trace import build_kernel
@@ -36,8 +37,8 @@ from .types import types
 CHUNK = 4096
 # The share of the device's memory that one result may keep, and the rays that come to a GPU chunk by chunk.
 KEPT_SHARE, MANY = 0.25, 1 << 19
-# Bytes of a GPU's memory that its pool keeps though nothing uses them.
-IDLE_MEMORY = 2 << 30
+# The share of a GPU's memory that its pool holds though not all of it is used: what is used counts, too.
+POOL_SHARE = 0.5
 SCALARS: dict[Any, type] = {
     np.dtype(np.float64): wp.float64,
     np.dtype(np.float32): wp.float32,
@@ -57,6 +58,8 @@ class Engine:
         found = wp.get_device(device)
         memory = float(found.total_memory if found.is_cuda else host_memory() or np.inf)
         self.memory = memory, memory
+        self.grid_key = "coefficients", "warp", device
+        self.grid_tables: tuple[str, ...] = GRID_TABLES if found.is_cuda else ()
         self.outputs: tuple[list, Any] = [], None
         if found.is_cuda:
             OPENED.once(("memory kept", device), lambda: _keep_memory(found))
@@ -128,6 +131,12 @@ class Engine:
         names = ("launch_pupil", "sum_moments", "sum_phasors", "reduce_sums")
         return {name: getattr(pupil, name) for name in names}
 
+    def grid_kernels(self) -> dict[str, Any]:
+        """The kernels that prepare a grid, by name."""
+        with stage("compile"):
+            self._load(grid_tables.spline_lines.module)
+        return {name: getattr(grid_tables, name) for name in GRID_KERNELS}
+
     def keeps(self, size: float) -> bool:
         """Wherever they leave room for others."""
         return size <= KEPT_SHARE * self.memory[0]
@@ -135,18 +144,36 @@ class Engine:
     def bring(self, starts: Sequence[Any]) -> tuple[list[wp.array], Iterable[slice]]:
         """Rays on the device; many that come from the host to a GPU come chunk by chunk."""
         count = len(starts[0])
-        if self.device != "cpu" and count >= MANY and not any(in_reach(each, self.device) for each in starts):
-            buffers = [self.empty(count, 3) for _ in starts]
-            return buffers, bring([np.ascontiguousarray(each) for each in starts], buffers)
-        found = [each.buffer if in_reach(each, self.device) else self.put(np.asarray(each)) for each in starts]
-        return found, [slice(0, count)]
+        if self.device == "cpu" or count < MANY or any(in_reach(each, self.device) for each in starts):
+            found = [each.buffer if in_reach(each, self.device) else self.put(np.asarray(each)) for each in starts]
+            return found, [slice(0, count)]
+        hosts = [np.asarray(each) for each in starts]
+        buffers = [self.put(each) if is_one_row(each) else self.empty(count, 3) for each in hosts]
+        many = [number for number, each in enumerate(hosts) if not is_one_row(each)]
+        if not many:
+            return buffers, [slice(0, count)]
+        chunks = bring([np.ascontiguousarray(hosts[number]) for number in many], [buffers[number] for number in many])
+        return buffers, chunks
+
+    def fetching(self, results: dict[str, wp.array], starts: Sequence[Any]) -> Fetching | None:
+        """What brings results of many rays to the host as they are finished, where the rays come from there."""
+        if self.device == "cpu" or len(starts[0]) < MANY or any(isinstance(each, DeviceArray) for each in starts):
+            return None
+        return Fetching.of(results)
 
     def put(self, array: np.ndarray) -> wp.array:
-        """A buffer with a copy of the array; rows of float64 are places or directions."""
+        """A buffer with a copy of the array; rows of float64 are places or directions. Equal rows may be one."""
         kind = SCALARS[array.dtype]
         if array.ndim == 2 and kind is wp.float64:
             kind = VECTORS[array.shape[1]]
-        return wp.array(np.ascontiguousarray(array), dtype=kind, device=self.device)
+        if not is_one_row(array):
+            return wp.array(np.ascontiguousarray(array), dtype=kind, device=self.device)
+        one = wp.array(array[:1], dtype=kind, device=self.device)
+        made = wp.array(
+            ptr=one.ptr, dtype=kind, shape=(len(array),), strides=(0,), capacity=one.capacity, device=self.device
+        )
+        made._ref = one  # whose memory it is
+        return made
 
     def put_into(self, buffer: wp.array, array: np.ndarray) -> None:
         """Copy an array over the first rows of a buffer."""
@@ -209,17 +236,36 @@ class Engine:
         """The field's arrays on the device, by name; kept as long as the field lives."""
 
         def upload() -> dict[str, wp.array]:
+            there = self._coefficients(field, precision)
             return {
-                member.name: self._array(member, data.arrays[member.name], precision) for member in arrays_of("Field")
+                member.name: self._array(member, array_of(field, data, member.name), precision)
+                if there is None or member.name != "coefficients"
+                else there
+                for member in arrays_of("Field")
             }
 
         return field.derive(("warp", self.device, precision, with_paper_step), upload)
 
+    def _coefficients(self, field: IndexField, precision: str) -> wp.array | None:
+        """A grid's coefficients where this device has worked them out; None elsewhere."""
+        found = field.samples.held(self.grid_key)
+        if found is None or precision == "float64":
+            return found
+        kernel = grid_tables.build_rounding_kernel(library_of(precision))
+        self._load(kernel.module)
+        made = wp.empty(len(found), dtype=types(precision).real, device=self.device)
+        self.launch(kernel, [found], [made], len(found))
+        return made
+
 
 def _keep_memory(device: wp.Device) -> None:
-    """Leave some memory with a GPU's pool: to get a result's from the driver takes as long as to trace its rays."""
-    if device.is_mempool_supported and wp.get_mempool_release_threshold(device) < IDLE_MEMORY:
-        wp.set_mempool_release_threshold(device, IDLE_MEMORY)
+    """Leave memory with a GPU's pool: to get a result's from the driver takes longer than to trace its rays.
+
+    The driver takes from the pool what is unused where memory would run out.
+    """
+    held = int(POOL_SHARE * device.total_memory)
+    if device.is_mempool_supported and wp.get_mempool_release_threshold(device) < held:
+        wp.set_mempool_release_threshold(device, held)
 
 
 def _filled(name: str, members: dict, precision: str = "float64"):

@@ -1,0 +1,67 @@
+"""Results that come from a GPU to the host chunk by chunk, while those after them are computed.
+
+Copies run on a stream of their own, into pinned memory. Rays that come from the host at the same time take the other
+direction of the same bus.
+"""
+
+from typing import Any
+
+import numpy as np
+
+from .pinned import Lent, as_kind, layout_of, pinned_memory
+
+
+class Coming:
+    """An array on its way to the host."""
+
+    def __init__(self, lent: Lent):
+        """The memory that it comes to."""
+        self.lent = lent
+
+    def arrived(self) -> np.ndarray:
+        """The array, as soon as it is there."""
+        self.lent.wait()
+        return np.asarray(self.lent)
+
+
+class Fetching:
+    """Brings arrays to the host, rows by rows in the order in which they are finished."""
+
+    def __init__(self, buffers: dict[str, Any], memory: dict[str, Lent]):
+        """Prepare for these arrays of a GPU, by name, and memory that was pinned for each."""
+        import warp
+
+        self.buffers, self.memory = buffers, memory
+        self.device = next(iter(buffers.values())).device
+        self.stream, self.event = warp.Stream(self.device), warp.Event(self.device)
+        self.there = {name: as_kind(memory[name].buffer, each.dtype, len(each)) for name, each in buffers.items()}
+
+    @classmethod
+    def of(cls, buffers: dict[str, Any]) -> "Fetching | None":
+        """That of some arrays of a GPU, by name; None where so much memory cannot be pinned."""
+        import warp
+
+        memory = {}
+        for name, buffer in buffers.items():
+            taken = pinned_memory().take(buffer.size * warp.types.type_size_in_bytes(buffer.dtype))
+            if taken is None:
+                return None
+            memory[name] = Lent(taken, *layout_of(buffer))
+        return cls(buffers, memory)
+
+    def rows(self, rows: slice) -> None:
+        """Start to bring rows, as whatever was launched before leaves them."""
+        import warp
+
+        self.stream.wait_stream(self.device.stream)
+        first, count = rows.start, rows.stop - rows.start
+        for name, buffer in self.buffers.items():
+            there = self.there[name]
+            warp.copy(there, buffer, dest_offset=first, src_offset=first, count=count, stream=self.stream)
+        self.stream.record_event(self.event)
+        for name, lent in self.memory.items():  # neither end of a copy is given up before it has ended
+            lent.event, lent.source = self.event, self.buffers[name]
+
+    def coming(self) -> dict[str, Coming]:
+        """The arrays by name, once all rows have been started."""
+        return {name: Coming(lent) for name, lent in self.memory.items()}

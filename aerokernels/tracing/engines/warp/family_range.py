@@ -1,0 +1,38 @@
+"""The range of parameters that rays on a device have in a family, found there: see bundle/known.py."""
+
+from typing import Any
+
+import numpy as np
+import warp as wp
+
+from ...bundle.family import Family
+from ...bundle.frame import family_numbers
+from .kernels.family_range import NUMBERS, find_range
+
+# Threads that look at the rays.
+THREADS = 1 << 10
+
+
+def rows_on_device(rows: np.ndarray, device: str) -> Any:
+    """Numbers of rays, as `range_on_device` takes them."""
+    return wp.array(rows, dtype=wp.int32, device=device)
+
+
+def range_on_device(family: Family, rows: Any, position: Any, direction: Any) -> tuple[np.ndarray, np.ndarray] | None:
+    """The least and greatest parameters of some rays, each of shape (2,); None where some do not belong to the family.
+
+    Args:
+        family: The family.
+        rows: Which rays, a warp.array.
+        position: Where the rays start [m], a warp.array of vectors.
+        direction: Where they point.
+    """
+    device, threads = position.device, min(THREADS, len(rows))
+    frame = wp.array(family_numbers(family), dtype=wp.float64, device=device)
+    made = wp.empty(NUMBERS * threads, dtype=wp.float64, device=device)
+    given = [frame, int(family.converges), rows, threads, position, direction, made]
+    wp.launch(find_range, dim=threads, inputs=given, device=device)
+    found = made.numpy().reshape(threads, NUMBERS)
+    if found[:, 0].any():
+        return None
+    return found[:, 1:3].min(axis=0), found[:, 3:5].max(axis=0)

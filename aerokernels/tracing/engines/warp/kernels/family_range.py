@@ -1,0 +1,43 @@
+"""The Warp kernel that measures the parameters of rays in a family: see bundle/known.py."""
+
+import warp as wp
+
+from ....bundle.nodes import FAR
+from .bundle_family import family_parameters
+
+# Numbers that each thread gives: rays that do not belong, least and greatest parameters.
+NUMBERS = 5
+
+
+@wp.kernel(module="aerokernels_family_range", enable_backward=False)
+def find_range(
+    frame: wp.array(dtype=wp.float64),
+    converges: int,
+    rows: wp.array(dtype=wp.int32),
+    stride: int,
+    position_in: wp.array(dtype=wp.vec3d),
+    direction_in: wp.array(dtype=wp.vec3d),
+    found_out: wp.array(dtype=wp.float64),
+):
+    """How many rays do not belong to a family, and the ends of the others' parameters, of the rows of a thread."""
+    thread = wp.tid()
+    far = wp.float64(wp.static(FAR))
+    outside = wp.float64(0.0)
+    low = wp.vec2d(far, far)
+    high = wp.vec2d(-far, -far)
+    place = thread
+    while place < rows.shape[0]:
+        ray = rows[place]
+        parameters = family_parameters(frame, converges, position_in[ray], direction_in[ray])
+        if parameters[2] > wp.float64(0.0):
+            for axis in range(2):
+                low[axis] = wp.min(low[axis], parameters[axis])
+                high[axis] = wp.max(high[axis], parameters[axis])
+        else:
+            outside += wp.float64(1.0)
+        place += stride
+    first = wp.static(NUMBERS) * thread
+    found_out[first] = outside
+    for axis in range(2):
+        found_out[first + 1 + axis] = low[axis]
+        found_out[first + 3 + axis] = high[axis]

@@ -1,0 +1,147 @@
+"""Warp kernels that prepare a grid: its spline, and the greatest of what it holds by blocks (tracing/grid_tables.py).
+
+Their twins are kernels/spline_lines.cl and those of the same names, which say what the arguments are.
+"""
+
+import warp as wp
+
+from ..library import KernelLibrary, built_once
+from ..types import takes
+
+
+@wp.func
+def value_at(values_in: wp.array(dtype=wp.float64), place: int, ambient: wp.float64) -> wp.float64:
+    """A value, or the potential of a contrast where `ambient` is above 0."""
+    value = values_in[place]
+    if ambient > wp.float64(0.0):
+        value = value * (ambient + wp.float64(0.5) * value)
+    return value
+
+
+@wp.kernel(enable_backward=False)
+@takes("spline_lines")
+def spline_lines(values_in, inverse_in, count, pitch, even, ambient, first_line, coefficients_out):
+    """Coefficients of the cubic spline through the values of a line, by elimination: medium/spline.py."""
+    line = wp.tid() + first_line
+    two = wp.float64(2.0)
+    four = wp.float64(4.0)
+    six = wp.float64(6.0)
+    outer = line // pitch
+    inner = line - outer * pitch
+    value = outer * count * pitch + inner
+    made = outer * (count + 2) * pitch + inner
+    last = count - 1
+    first = int(3)
+    before = six * value_at(values_in, value, ambient)
+    if even != 0:
+        first = int(2)
+        coefficients_out[made + pitch] = before
+    else:
+        near = value_at(values_in, value, ambient)
+        second = value_at(values_in, value + pitch, ambient)
+        third = value_at(values_in, value + 2 * pitch, ambient)
+        before = second - (near - two * second + third) / six
+        coefficients_out[made + 2 * pitch] = before
+    for row in range(first, last):
+        before = six * value_at(values_in, value + (row - 1) * pitch, ambient) - before * inverse_in[row - 1]
+        coefficients_out[made + row * pitch] = before
+    outermost = value_at(values_in, value + last * pitch, ambient)
+    inward = value_at(values_in, value + (last - 1) * pitch, ambient)
+    further = value_at(values_in, value + (last - 2) * pitch, ambient)
+    after = inward - (further - two * inward + outermost) / six
+    coefficients_out[made + last * pitch] = after
+    for back in range(first, last):
+        row = last - 1 - (back - first)
+        after = (coefficients_out[made + row * pitch] - after) * inverse_in[row]
+        coefficients_out[made + row * pitch] = after
+    if even != 0:
+        mirrored = coefficients_out[made + 2 * pitch]
+        coefficients_out[made + pitch] = wp.float64(0.25) * (coefficients_out[made + pitch] - two * mirrored)
+        coefficients_out[made] = mirrored
+    else:
+        for back in range(2):
+            row = 1 - back
+            nearer = coefficients_out[made + (row + 1) * pitch]
+            beyond = coefficients_out[made + (row + 2) * pitch]
+            coefficients_out[made + row * pitch] = (
+                six * value_at(values_in, value + row * pitch, ambient) - four * nearer - beyond
+            )
+    for row in range(last + 1, last + 3):
+        nearer = coefficients_out[made + (row - 1) * pitch]
+        beyond = coefficients_out[made + (row - 2) * pitch]
+        coefficients_out[made + row * pitch] = (
+            six * value_at(values_in, value + (row - 2) * pitch, ambient) - four * nearer - beyond
+        )
+
+
+@wp.kernel(enable_backward=False)
+@takes("fourth_differences")
+def fourth_differences(coefficients_in, first_count, second_count, third_count, axis, block, first_place, maxima_out):
+    """Greatest size of the fourth differences of coefficients along an axis, in blocks along the first one."""
+    place = wp.tid() + first_place
+    across = second_count * third_count
+    first = place // across * block
+    second = (place - place // across * across) // third_count
+    third = place - place // third_count * third_count
+    pitch = third_count + 2
+    plane = (second_count + 2) * pitch
+    stride = int(1)
+    count = third_count
+    if axis == 0:
+        stride = plane
+        count = first_count
+    if axis == 1:
+        stride = pitch
+        count = second_count
+    four = wp.float64(4.0)
+    greatest_size = wp.float64(0.0)
+    for node in range(first, wp.min(first + block, first_count - 1) + 1):
+        along = third
+        if axis == 0:
+            along = node
+        if axis == 1:
+            along = second
+        if along > 0 and along < count - 1:
+            c = (node + 1) * plane + (second + 1) * pitch + third + 1
+            change = (
+                coefficients_in[c - 2 * stride]
+                - four * coefficients_in[c - stride]
+                + wp.float64(6.0) * coefficients_in[c]
+                - four * coefficients_in[c + stride]
+                + coefficients_in[c + 2 * stride]
+            )
+            greatest_size = wp.max(greatest_size, wp.abs(change))
+    maxima_out[place] = greatest_size
+
+
+@wp.kernel(enable_backward=False)
+@takes("block_maxima")
+def block_maxima(values_in, count, pitch, block, ambient, first_place, maxima_out):
+    """Greatest size of the values at the nodes of each block along an axis."""
+    place = wp.tid() + first_place
+    blocks = (count - 2) // block + 1
+    row = place // pitch
+    inner = place - row * pitch
+    outer = row // blocks
+    first = (row - outer * blocks) * block
+    greatest_size = wp.float64(0.0)
+    for node in range(first, wp.min(first + block, count - 1) + 1):
+        value = value_at(values_in, (outer * count + node) * pitch + inner, ambient)
+        if ambient > wp.float64(0.0):
+            value = value / ambient
+        greatest_size = wp.max(greatest_size, wp.abs(value))
+    maxima_out[place] = greatest_size
+
+
+@built_once
+def build_rounding_kernel(library: KernelLibrary):
+    """Build the kernel that rounds coefficients to a precision."""
+    real = library.types.real
+
+    @wp.kernel(module="unique", enable_backward=False)
+    @takes("round_coefficients", library.precision)
+    def round_coefficients(values_in, first_place, values_out):
+        place = wp.tid() + first_place
+        values_out[place] = real(values_in[place])
+
+    return round_coefficients

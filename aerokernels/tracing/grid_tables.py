@@ -1,0 +1,125 @@
+"""What planning asks of a grid's values, worked out on the engine's device: where new values come again and again.
+
+The spline's coefficients, the greatest of their fourth differences by blocks (step_bound.py), of the potential by
+blocks (unresolved.py) and of the coefficients in each plane across an axis (support.py): half of what it takes to make
+a known pupil ready for other values. What is found is kept with the grid, where NumPy's would be, and is the same but
+for rounding.
+"""
+
+from typing import Any
+
+import numpy as np
+
+from ..medium.grid import FETCH, UniformGrid
+from ..medium.spline import pivots
+from .engines import Engine
+from .step_bound import block_size
+
+# Grids of fewer nodes are as quick on the host.
+LEAST_NODES = 1 << 15
+# Nodes along an axis at least: elimination takes four.
+LEAST_COUNT = 4
+
+
+def prepare_grid(engine: Engine, grid: UniformGrid) -> None:
+    """Work out on a device what planning asks of a volume's cubic grid; of another grid nothing.
+
+    Raises:
+        ValueError: The grid does not fit the device.
+    """
+    shape = grid.shape
+    if len(shape) != 3 or grid.interpolation != "cubic" or min(shape) < LEAST_COUNT or grid.samples.size < LEAST_NODES:
+        return
+    is_known = "coefficients" in grid.__dict__ or grid.held(FETCH) is not None
+    size = 8 * np.prod(np.array(shape) + 2)
+    if is_known or not engine.grid_tables or size > engine.memory[1]:
+        return
+    tables = _Tables(engine, grid)
+    grid.derive(engine.grid_key, lambda: tables.coefficients)
+    grid.derive(FETCH, lambda: tables.fetched)
+    work = {"roughness": tables.roughness, "potential by blocks": tables.potential, "potential peaks": tables.peaks}
+    for name in engine.grid_tables:
+        grid.derive(name, work[name])
+    tables.samples = None
+
+
+class _Tables:
+    """A grid on a device, and the launches that look at it."""
+
+    def __init__(self, engine: Engine, grid: UniformGrid):
+        self.engine, self.grid, self.kernels = engine, grid, engine.grid_kernels()
+        self.shape = grid.shape
+        self.block = block_size(grid)
+        self.samples = engine.put(grid.samples.reshape(-1))
+        self.coefficients = self._spline()
+
+    def _spline(self) -> Any:
+        """Coefficients of the potential's spline, axis by axis."""
+        values, shape = self.samples, list(self.shape)
+        for axis in range(3):
+            count, pitch = shape[axis], int(np.prod(shape[axis + 1 :]))
+            even = self.grid.even_first_axis and axis == 0
+            inverse = self.engine.put(pivots(count, even))
+            lines = int(np.prod(shape)) // count
+            shape[axis] += 2
+            made = self.engine.empty(int(np.prod(shape)))
+            ambient = self.grid.ambient_index if axis == 0 else 0.0
+            before = [values, inverse, count, pitch, int(even), ambient]
+            self.engine.launch(self.kernels["spline_lines"], before, [made], lines)
+            values = made
+        return values
+
+    def fetched(self) -> np.ndarray:
+        """The coefficients on the host."""
+        found = np.empty(self.grid.coefficient_shape)
+        self.engine.get(self.coefficients, found.reshape(-1))
+        return found
+
+    def roughness(self) -> tuple[int, list[np.ndarray], list[np.ndarray]]:
+        """See step_bound.roughness_of_blocks."""
+        first, second, third = self.shape
+        fourth = []
+        for axis in range(3):
+            shape = [_blocks(first, self.block), second, third]
+            made = self.engine.empty(int(np.prod(shape)))
+            before = [self.coefficients, *self.shape, axis, self.block]
+            self.engine.launch(self.kernels["fourth_differences"], before, [made], int(np.prod(shape)))
+            found = self._by_blocks(made, shape, (1, 2))
+            fourth.append(found / (self.grid.ambient_index * self.grid.spacing[axis] ** 4))
+        return self.block, fourth, [np.zeros_like(part) for part in fourth]
+
+    def potential(self) -> np.ndarray:
+        """Greatest size of the potential over the ambient index in each block."""
+        return self._by_blocks(self.samples, list(self.shape), (0, 1, 2), self.grid.ambient_index)
+
+    def peaks(self) -> list[np.ndarray]:
+        """See support.py: the greatest size of the coefficients of each plane across an axis."""
+        first, second, third = (count + 2 for count in self.shape)
+        # Along the first two axes: lines of the last one lie in memory one behind the other, which takes longer.
+        planes = self._maxima(self.coefficients, second * third, 1, first, first, 0.0)
+        rows = self._maxima(self.coefficients, third, first, second, second, 0.0)
+        over_first, over_second = np.empty((second, third)), np.empty((first, third))
+        self.engine.get(planes, over_first.reshape(-1))
+        self.engine.get(rows, over_second.reshape(-1))
+        return [over_second.max(axis=1), over_first.max(axis=1), over_first.max(axis=0)]
+
+    def _by_blocks(self, values: Any, shape: list[int], axes: tuple[int, ...], ambient: float = 0.0) -> np.ndarray:
+        """Greatest sizes of values of that shape over the nodes of each block along some axes."""
+        for axis in axes:
+            pitch, outer = int(np.prod(shape[axis + 1 :])), int(np.prod(shape[:axis]))
+            values = self._maxima(values, pitch, outer, shape[axis], self.block, ambient)
+            shape[axis], ambient = _blocks(shape[axis], self.block), 0.0
+        found = np.empty(shape)
+        self.engine.get(values, found.reshape(-1))
+        return found
+
+    def _maxima(self, values: Any, pitch: int, outer: int, count: int, block: int, ambient: float) -> Any:
+        places = outer * _blocks(count, block) * pitch
+        made = self.engine.empty(places)
+        self.engine.launch(self.kernels["block_maxima"], [values, count, pitch, block, ambient], [made], places)
+        return made
+
+
+def _blocks(count: int, block: int) -> int:
+    """Blocks of the cells between so many nodes."""
+    return (count - 2) // block + 1

@@ -1,0 +1,83 @@
+"""What planning asks of a grid, worked out on a device: NumPy's, but for rounding."""
+
+import numpy as np
+import pytest
+
+from aerokernels import IndexField
+from aerokernels.medium import spline
+from aerokernels.tracing import grid_tables
+from aerokernels.tracing.engines import engine_of
+from aerokernels.tracing.engines.interface import GRID_TABLES
+from aerokernels.tracing.step_bound import roughness_of_blocks
+from aerokernels.tracing.support import _potential_peaks
+from aerokernels.tracing.unresolved import _potential_by_blocks
+
+from .backends import ENGINES, on
+
+SPACING = (1e-4, 2e-4, 1.5e-4)
+
+
+def volume(shape: tuple[int, ...], seed: int, **more) -> IndexField:
+    """Values without any order, so that no two entries of a table are the same."""
+    values = np.random.default_rng(seed).normal(0.0, 1e-3, shape)
+    return IndexField.from_samples(values, origin=(0.0,) * 3, spacing=SPACING, geometry="volume", **more)
+
+
+def close(one: np.ndarray, other: np.ndarray) -> bool:
+    """Equal within some roundings of the greatest entry."""
+    return one.shape == other.shape and bool(np.abs(one - other).max() <= 2e-14 * np.abs(other).max())
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+def test_tables_of_a_device_are_numpys(engine, monkeypatch):
+    """Axes of five nodes (a spline of four has no fourth difference), of whole blocks and others; strong contrast."""
+    monkeypatch.setattr(grid_tables, "LEAST_NODES", 0)
+    choices = on(engine)
+    for shape in ((5, 9, 11), (13, 6, 5)):
+        here, there = (volume(shape, 1, ambient_index=1.3).samples for _ in range(2))
+        device = engine_of(choices["backend"], choices["device"])
+        device.grid_tables = GRID_TABLES  # on a processor only here
+        grid_tables.prepare_grid(device, there)
+        assert all(there.held(name) is not None for name in GRID_TABLES)
+        assert there.coefficient_shape == here.coefficients.shape
+        assert close(there.coefficients, here.coefficients)
+        block, fourth, kinks = roughness_of_blocks(there)
+        expected = roughness_of_blocks(here)
+        assert block == expected[0] and not np.any(kinks)
+        for found, known in zip(fourth, expected[1], strict=True):
+            assert close(found, known)
+        assert close(_potential_by_blocks(there), _potential_by_blocks(here))
+        for found, known in zip(_potential_peaks(there), _potential_peaks(here), strict=True):
+            assert close(found, known)
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+def test_a_mirrored_end_is_solved_as_by_numpy(engine):
+    """Lines of an axis that is mirrored at its first node, of 4 and of 7 nodes: the kernel alone."""
+    choices = on(engine)
+    device = engine_of(choices["backend"], choices["device"])
+    for count in (4, 7):
+        values = np.random.default_rng(count).normal(size=(count, 3))
+        made, found = device.empty((count + 2) * 3), np.empty((count + 2) * 3)
+        before = [device.put(values.ravel()), device.put(spline.pivots(count, True)), count, 3, 1, 0.0]
+        device.launch(device.grid_kernels()["spline_lines"], before, [made], 3)
+        device.get(made, found)
+        assert close(found.reshape(count + 2, 3), spline.spline_along(values, 0, True))
+
+
+def test_only_other_values_of_a_known_pupil_are_prepared_there(monkeypatch):
+    """Grids of other kinds, and of few nodes, are left to NumPy."""
+    asked = []
+    monkeypatch.setattr(grid_tables, "_Tables", lambda engine, grid: asked.append(grid.shape) or 1 / 0)
+    engine = engine_of("warp", "cpu")
+    engine.grid_tables = GRID_TABLES
+    for grid in (volume((5, 5, 5), 1).samples, volume((3, 200, 200), 1).samples):
+        grid_tables.prepare_grid(engine, grid)
+    planar = np.zeros((200, 200))
+    grid_tables.prepare_grid(
+        engine, IndexField.from_samples(planar, origin=(0, 0), spacing=SPACING[:2], geometry="planar").samples
+    )
+    assert not asked
+    with pytest.raises(ZeroDivisionError):
+        grid_tables.prepare_grid(engine, volume((4, 100, 100), 1).samples)
+    grid_tables.prepare_grid(engine_of("warp", "cpu"), volume((4, 100, 100), 1).samples)
