@@ -8,7 +8,9 @@ from contextlib import contextmanager, suppress
 from io import TextIOWrapper
 from pathlib import Path
 
-_held: dict[Path, tuple[int, int]] = {}  # process and thread that asked for a place
+from .opened import OPENED
+
+WRITING = "writing"
 
 
 @contextmanager
@@ -27,18 +29,18 @@ def only_writer(path: Path, name: str = "--out") -> Iterator[None]:
         ValueError: Another process is at work there.
     """
     place = Path(os.path.realpath(path))
-    me = os.getpid(), threading.get_ident()
-    if _held.get(place) == me:
+    mine = WRITING, place, os.getpid(), threading.get_ident()
+    if mine in OPENED.held(WRITING):
         yield
         return
     made = [parent for parent in place.parents if not parent.exists()]
     try:
         lock = _locked(place, f"{name}{'=' if name.isidentifier() else ' '}{path}")
-        _held[place] = me
+        OPENED.once(mine, lambda: True)
         try:
             yield
         finally:
-            _held.pop(place, None)
+            OPENED.take_out(mine)
             if lock is not None:
                 Path(lock.name).unlink(missing_ok=True)
                 lock.close()

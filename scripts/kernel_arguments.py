@@ -1,7 +1,7 @@
 """Compares the device functions that Warp's kernels and their OpenCL twins share: names, arguments, order and types.
 
-Kernels' own arguments come from one table (aerokernels/tracing/engines/layout.py); what is checked of them is that each
-kernel is there on both sides and takes them from the table. Functions differ in these ways only:
+Kernels' own arguments come from one table (kernel_table.py in aerokernels/tracing/engines); what is checked of them is
+that each kernel is there on both sides and takes them from the table. Functions differ in these ways only:
 
 - arrays of structs are gathered in struct Arrays in OpenCL, which stands for the field where no more is needed;
 - OpenCL is told what bounds a launch;
@@ -21,7 +21,7 @@ from typing import Any, NamedTuple
 
 import warp as wp
 
-from aerokernels.tracing.engines.layout import BOUNDS, KERNELS
+from aerokernels.tracing.engines.kernel_table import BOUNDS, KERNELS
 from aerokernels.tracing.engines.warp.kernels import grid_tables, pupil
 from aerokernels.tracing.engines.warp.kernels.deliver_bundle import build_bundle_kernel
 from aerokernels.tracing.engines.warp.kernels.leapfrog import build_leapfrog_kernel
@@ -127,7 +127,7 @@ def differences(folder: Path) -> list[str]:
     heads = dict(re.findall(r"__kernel\s+void\s+(\w+)\s*\(([^)]*)\)", "".join(map(plain, sorted(folder.glob("*.cl"))))))
     ours = {kernel.func.__name__ for kernel in warp_kernels()}
     for name in sorted(ours | heads.keys() | KERNELS.keys()):
-        for side, there in (("Warp", ours), ("OpenCL", heads), ("layout.py", KERNELS)):
+        for side, there in (("Warp", ours), ("OpenCL", heads), ("kernel_table.py", KERNELS)):
             if name not in there:
                 found.append(f"kernel {name}: {side} does not have it")
         if name in heads and heads[name].strip() != f"{name.upper()}_ARGUMENTS":

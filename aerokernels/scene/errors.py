@@ -1,6 +1,5 @@
 """What is wrong with a scene, in one line: file, key, offending value and remedy."""
 
-import functools
 from collections.abc import Iterable, Mapping, Sequence
 from difflib import get_close_matches
 from typing import Any
@@ -19,7 +18,6 @@ class SceneError(ValueError):
         super().__init__(" ".join(message.split()))
 
 
-@functools.cache
 def known_keys(model: type[BaseModel], prefix: str = "") -> tuple[str, ...]:
     """Dotted names of all keys of a scene, such as "target.distance"."""
     keys: list[str] = []

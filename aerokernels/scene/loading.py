@@ -1,6 +1,5 @@
 """Finding a scene file, reading it, and setting single keys from the command line."""
 
-import functools
 import sys
 import tomllib
 from collections.abc import Mapping
@@ -15,7 +14,6 @@ from .errors import SceneError
 _SHIPPED = files("aerokernels") / "scenes"
 
 
-@functools.cache
 def shipped_scenes() -> tuple[str, ...]:
     """Names of the scenes that come with the package."""
     return tuple(

@@ -7,7 +7,6 @@ files are needed lie in a folder of the caller's; kinds of files are in file_dra
 """
 
 import copy
-import functools
 import json
 import math
 import random
@@ -25,6 +24,7 @@ from ..hardware.blocks import Block, BlockDecoder, TextLine
 from ..hardware.decoder import DamagedPiece, FrameDecoder
 from ..hardware.frames import EchoFrame
 from ..hardware.preamble import PreambleError, parse_rigol, parse_tektronix
+from ..opened import OPENED
 from ..scene import Scene, SceneError
 from ..scene.errors import known_keys
 from ..scene.loading import shipped_scene_text, shipped_scenes
@@ -75,15 +75,11 @@ def _told(fault: Exception) -> bool:
     return False
 
 
-@functools.cache
-def _shipped_tables(name: str) -> dict[str, Any]:
-    return tomllib.loads(shipped_scene_text(name))
-
-
 def scene(draw: random.Random, folder: Path) -> bool:
     """A shipped scene with some of its keys changed, lost or of another kind, as a file."""
-    tables = copy.deepcopy(_shipped_tables(draw.choice(shipped_scenes())))
-    keys = known_keys(Scene)
+    name = draw.choice(shipped_scenes())
+    tables = copy.deepcopy(OPENED.once(("tables", name), lambda: tomllib.loads(shipped_scene_text(name))))
+    keys = OPENED.once("keys of scenes", lambda: known_keys(Scene))
     for _ in range(draw.choice((1, 1, 1, 2, 4))):
         table, _, leaf = draw.choice(keys).rpartition(".")
         way = draw.randrange(10)

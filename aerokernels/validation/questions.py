@@ -131,7 +131,7 @@ def altitude(flows: Sequence[str] = FLOWS, kilometres: Sequence[float] = (), set
     """Strehl ratio and range error against Mach number and altitude."""
     heights = np.array(kilometres or (0.0, 2.0, 4.0, 6.0, 8.0, 10.0, 12.0, 15.0, 20.0))
     methods = ("leading-edge", "constant-fraction")
-    vary = {
+    vary: dict[str, list] = {
         "flow.source": list(flows),
         "flow.density": [standard_density(1e3 * one) for one in heights],
         "detector.ranging": list(methods),

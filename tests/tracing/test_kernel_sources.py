@@ -11,6 +11,7 @@ import pytest
 
 from aerokernels.tracing import scheme
 from aerokernels.tracing.engines import layout
+from aerokernels.tracing.engines.kernel_table import KERNELS
 from aerokernels.tracing.engines.opencl.headers import HEADERS
 from aerokernels.tracing.engines.opencl.program import expand
 from aerokernels.tracing.status import RayStatus
@@ -137,24 +138,24 @@ def test_a_changed_argument_is_reported(name: str, arguments: ModuleType, kernel
 
 
 LAYOUT_CHANGES = {
-    "member": ("STRUCTS", "Bounds", -1, "types.h"),
-    "argument": ("KERNELS", "reduce_sums", -1, "arguments.h"),
+    "member": (layout.STRUCTS, "Bounds", -1, "types.h"),
+    "argument": (KERNELS, "reduce_sums", -1, "arguments.h"),
 }
 
 
 @pytest.mark.parametrize("name", LAYOUT_CHANGES)
 @pytest.mark.parametrize("change", ["renamed", "of another type", "left out"])
 def test_a_changed_layout_changes_its_header(name: str, change: str, monkeypatch: pytest.MonkeyPatch):
-    """The headers follow from layout.py, and so do Warp's structs; a kernel of Warp with other arguments is refused."""
+    """The headers follow from the tables, and so do Warp's structs; Warp's kernels with other arguments are refused."""
     before = {name: make() for name, make in HEADERS.items()}
     table, key, number, header = LAYOUT_CHANGES[name]
-    values = list(getattr(layout, table)[key])
+    values = list(table[key])
     last = values.pop(number)
     if change == "renamed":
         values.append(last._replace(name="another"))
     elif change == "of another type":
         values.append(last._replace(kind="int"))
-    monkeypatch.setitem(getattr(layout, table), key, tuple(values))
+    monkeypatch.setitem(table, key, tuple(values))
     assert [name for name, make in HEADERS.items() if make() != before[name]] == [header]
 
 
@@ -162,7 +163,7 @@ def test_a_warp_kernel_with_arguments_of_its_own_is_refused():
     pytest.importorskip("warp")
     from aerokernels.tracing.engines.warp.types import takes
 
-    with pytest.raises(TypeError, match=r"reduce_sums are row_count, .*layout\.py"):
+    with pytest.raises(TypeError, match=r"reduce_sums are row_count, .*kernel_table\.py"):
         takes("reduce_sums")(lambda row_count, first_sum, reduced_count, sums_in, sums_out: None)
 
 

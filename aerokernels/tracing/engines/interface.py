@@ -1,6 +1,6 @@
 """What every engine offers: memory on its device, kernels launched on it, and a field made ready for them.
 
-Kernels have the same names and arguments in Warp and in OpenCL (layout.py has them), so what is
+Kernels have the same names and arguments in Warp and in OpenCL (kernel_table.py has them), so what is
 written with these few functions is written once: a bundle in chunks (launch.py), a pupil and its sums (pupil_run.py).
 """
 

@@ -20,7 +20,8 @@ from ...collimated import ENDS, Projection, kernel_numbers, packed
 from ...plan import TracePlan
 from ..field_data import FieldData, array_of, field_data, step_bound_tables, stop_kind, trace_members
 from ..interface import GRID_TABLES, Prepared
-from ..layout import GRID_KERNELS, REAL_TYPES, Value, arrays_of, values_of
+from ..kernel_table import GRID_KERNELS
+from ..layout import REAL_TYPES, Value, arrays_of, values_of
 from .devices import session
 from .launchers import give_back, take_kernel
 from .program import WORK_GROUP, build, build_options, lane_count

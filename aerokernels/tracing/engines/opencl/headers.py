@@ -17,7 +17,8 @@ from ...pupil_sums import MOMENT_COUNT, SUM_COUNT
 from ...result import OUTPUT_BITS
 from ...status import RayStatus
 from ...step_bound import CONE_SINES, CONES
-from ..layout import BOUNDS, KERNELS, OPTIONS, STRUCTS, Value, arrays_of, values_of
+from ..kernel_table import BOUNDS, KERNELS
+from ..layout import OPTIONS, STRUCTS, Value, arrays_of, values_of
 
 # Structs that are passed to kernels: their arrays are arguments of their own, in OpenCL gathered in struct Arrays.
 GIVEN = ("Field", "Bounds", "Control")

@@ -23,7 +23,8 @@ from ...plan import TracePlan
 from ..field_data import FieldData, array_of, field_data, step_bound_tables, stop_kind, trace_members
 from ..info import host_memory, thread_count
 from ..interface import GRID_TABLES, Prepared
-from ..layout import GRID_KERNELS, STRUCTS, Value, arrays_of
+from ..kernel_table import GRID_KERNELS
+from ..layout import STRUCTS, Value, arrays_of
 from .kernels import grid_tables, pupil
 from .kernels.deliver_bundle import build_bundle_kernel
 from .kernels.leapfrog import build_leapfrog_kernel

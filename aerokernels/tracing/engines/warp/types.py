@@ -6,7 +6,8 @@ from types import SimpleNamespace
 
 import warp as wp
 
-from ..layout import KERNELS, STRUCTS, Value
+from ..kernel_table import KERNELS
+from ..layout import STRUCTS, Value
 
 PLAIN = {
     "bool": wp.bool,
@@ -53,7 +54,7 @@ def types(precision: str) -> SimpleNamespace:
 
 
 def takes(kernel: str, precision: str = "float64") -> Callable:
-    """Decorate a kernel's function: its arguments have the types of layout.py.
+    """Decorate a kernel's function: its arguments have the types of kernel_table.py.
 
     Raises:
         TypeError: They have other names there, or stand in another order.
@@ -62,7 +63,7 @@ def takes(kernel: str, precision: str = "float64") -> Callable:
     def decorate(function: Callable) -> Callable:
         names = list(inspect.signature(function).parameters)
         if names != [value.name for value in KERNELS[kernel]]:
-            raise TypeError(f"the arguments of {kernel} are {', '.join(names)}: layout.py has others")
+            raise TypeError(f"the arguments of {kernel} are {', '.join(names)}: kernel_table.py has others")
         kinds = types(precision).kinds
         function.__annotations__ = {value.name: type_of(value, kinds) for value in KERNELS[kernel]}
         return function

@@ -1,0 +1,153 @@
+"""The kernels and their arguments. Both engines take them from this table; the kinds are those of layout.py.
+
+The types of the arguments of Warp's kernels are made from it (warp/types.py), and so is the header arguments.h of
+OpenCL (opencl/headers.py).
+"""
+
+from .layout import Value
+
+TRACED = (
+    Value("field", "Field"),
+    Value("bounds", "Bounds"),
+    Value("control", "Control"),
+    Value("first_ray", "int"),
+    Value("position_in", "double3*"),
+    Value("direction_in", "double3*"),
+    Value("outputs", "RayOutputs"),
+)
+SUMMED = (
+    Value("per_replicate", "int"),
+    Value("first_group", "int"),
+    Value("weight_count", "int"),
+    Value("weight_in", "double*"),
+    Value("pupil_in", "double2*"),
+    Value("opd_in", "double*"),
+)
+# Arguments of the kernels. In OpenCL a struct's arrays are arguments of their own, which follow the structs of values,
+# and what bounds a launch follows the number of its first: see BOUNDS.
+KERNELS: dict[str, tuple[Value, ...]] = {
+    "trace_kernel": TRACED,
+    "leapfrog": (*TRACED, Value("rejected_count_out", "int*")),
+    "trace_projection": (
+        Value("coefficients", "real*"),
+        Value("cells_x", "int"),
+        Value("cells_y", "int"),
+        Value("origin_x", "double"),
+        Value("origin_y", "double"),
+        Value("rate_x", "double"),
+        Value("rate_y", "double"),
+        Value("ambient", "double"),
+        Value("sign", "double"),
+        Value("first_plane", "double"),
+        Value("length", "double"),
+        Value("flight", "double"),
+        Value("wanted", "int"),
+        Value("first_ray", "int"),
+        Value("position_in", "double3*"),
+        Value("outputs", "RayOutputs"),
+    ),
+    "deliver_bundle": (
+        Value("block_map", "int*"),
+        Value("header", "double*"),
+        Value("patches", "real*"),
+        Value("frame", "double*"),
+        Value("map_u", "int"),
+        Value("map_v", "int"),
+        Value("converges", "int"),
+        Value("stop", "int"),
+        Value("shape", "int"),
+        Value("checks_faces", "int"),
+        Value("faces_that_matter", "int"),
+        Value("wanted", "int"),
+        Value("first_ray", "int"),
+        Value("position_in", "double3*"),
+        Value("direction_in", "double3*"),
+        Value("outputs", "RayOutputs"),
+    ),
+    "launch_pupil": (
+        Value("center", "double3"),
+        Value("first", "double3"),
+        Value("second", "double3"),
+        Value("look", "double3"),
+        Value("shape", "int"),
+        Value("row_count", "int"),
+        Value("column_count", "int"),
+        Value("table_in", "double*"),
+        Value("seeds", "uint**"),
+        Value("order_in", "int*"),
+        Value("per_replicate", "int"),
+        Value("generator", "int"),
+        Value("smoothed", "int"),
+        Value("first_ray", "int"),
+        Value("position_out", "double3*"),
+        Value("direction_out", "double3*"),
+        Value("pupil_out", "double2*"),
+        Value("weight_out", "double*"),
+    ),
+    "sum_moments": (
+        *SUMMED,
+        Value("step_error_in", "double*"),
+        Value("evaluation_count_in", "int*"),
+        Value("status_in", "int*"),
+        Value("sums_out", "double*"),
+    ),
+    "sum_phasors": (
+        Value("wave_number", "double"),
+        Value("plane", "double3"),
+        Value("focus", "double"),
+        *SUMMED,
+        Value("status_in", "int*"),
+        Value("sums_out", "double*"),
+    ),
+    "reduce_sums": (
+        Value("row_count", "int"),
+        Value("reduced_count", "int"),
+        Value("first_sum", "int"),
+        Value("sums_in", "double*"),
+        Value("sums_out", "double*"),
+    ),
+    "spline_lines": (
+        Value("values_in", "double*"),
+        Value("inverse_in", "double*"),
+        Value("count", "int"),
+        Value("pitch", "int"),
+        Value("even", "int"),
+        Value("ambient", "double"),
+        Value("first_line", "int"),
+        Value("coefficients_out", "double*"),
+    ),
+    "round_coefficients": (
+        Value("values_in", "double*"),
+        Value("first_place", "int"),
+        Value("values_out", "real*"),
+    ),
+    "fourth_differences": (
+        Value("coefficients_in", "double*"),
+        Value("first_count", "int"),
+        Value("second_count", "int"),
+        Value("third_count", "int"),
+        Value("axis", "int"),
+        Value("block", "int"),
+        Value("first_place", "int"),
+        Value("maxima_out", "double*"),
+    ),
+    "block_maxima": (
+        Value("values_in", "double*"),
+        Value("count", "int"),
+        Value("pitch", "int"),
+        Value("block", "int"),
+        Value("ambient", "double"),
+        Value("first_place", "int"),
+        Value("maxima_out", "double*"),
+    ),
+}
+# Those that prepare a grid (tracing/grid_tables.py).
+GRID_KERNELS = ("spline_lines", "fourth_differences", "block_maxima")
+# What bounds a launch of OpenCL, whose sizes are rounded up to whole work-groups.
+BOUNDS = {
+    "first_ray": "ray_count",
+    "first_group": "group_count",
+    "first_sum": "sum_count",
+    "first_line": "line_count",
+    "first_place": "place_count",
+}
