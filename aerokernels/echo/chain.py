@@ -3,9 +3,9 @@
     power -> APD current, with its shot noise -> + background, dark and thermal noise -> transimpedance low-pass
           -> amplifier's saturation -> sampling -> digitiser
 
-Power is given on times fine enough for the pulse and the low-pass; every `stride`-th of them is a sample. Noise is
-white before the low-pass and has its shape behind it. Samples of it before the record's begin come from the record's
-end, so that it is stationary from the first sample on.
+Power is given at times that resolve the pulse and the low-pass; every `stride`-th of them is a sample. The noise is
+white before the low-pass, which shapes it. It is filtered circularly, the end of the record preceding its beginning, so
+that it is stationary from the first sample on.
 """
 
 from dataclasses import dataclass, field
@@ -34,9 +34,9 @@ class DetectorChain:
         bandwidth: -3 dB bandwidth of the transimpedance amplifier [Hz]; None: unlimited, and the noise fills the band
             up to half the sample rate.
         response: Its low-pass: "bessel", "butterworth", "first-order" or "gaussian".
-        order: Poles of the first two.
+        order: Number of poles of the first two.
         saturation: Greatest voltage of the amplifier [V]; None: unlimited.
-        digitiser: What samples are rounded to; None: to nothing.
+        digitiser: Quantises the samples; None: no quantisation.
 
     Raises:
         ValueError: A number that is not positive, an unknown response, an order out of range.
@@ -84,7 +84,7 @@ class DetectorChain:
         )
 
     def voltage(self, time, power) -> np.ndarray:
-        """The same behind the amplifier's saturation: what many records average to, shape (n,)."""
+        """Voltage [V] behind the amplifier's saturation, without noise: the mean of many records, shape (n,)."""
         return self._limited(self.linear_voltage(time, power))
 
     def record(self, time, power, seed: int | np.random.Generator = 0, stride: int = 1) -> np.ndarray:
@@ -145,8 +145,8 @@ class DetectorChain:
         """Least standard deviation of an unbiased range [m] from a record of this power [W] at fine times [s].
 
         The noise is white before the low-pass, and the low-pass changes signal and noise alike, so the bound is that of
-        the current I in its noise of density S: c / 2 / sqrt(integral of (dI/dt)^2 / (S / 2) dt). What the level of the
-        shot noise itself tells of the arrival, the saturation and the digitiser are left out.
+        the current I in its noise of density S: c / 2 / sqrt(integral of (dI/dt)^2 / (S / 2) dt). Saturation, the
+        digitiser, and the information in the level of the shot noise are neglected.
 
         Raises:
             ValueError: Uneven times, shapes that disagree, a power without a slope.

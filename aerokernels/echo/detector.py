@@ -117,7 +117,7 @@ def detect(
 
 
 def low_pass(values: np.ndarray, period: float, bandwidth: float, response: str, order: int) -> np.ndarray:
-    """Samples behind the low-pass, of the same shape (n,); the record's end runs on into its beginning."""
+    """Samples behind the low-pass, of the same shape (n,), filtered circularly: the end precedes the beginning."""
     from scipy.fft import irfft, rfft, rfftfreq
 
     gain = low_pass_gain(rfftfreq(values.size, period), bandwidth, response, order)

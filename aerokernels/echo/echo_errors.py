@@ -1,14 +1,14 @@
-r"""What the numbers of an echo may be off by.
+r"""The errors of an echo's numbers.
 
-    Strehl ratio   S: the most that a phase error of rms e over the pupil changes (strehl_errors.py; it is concave in S,
-                   so that the mean of it over points of the target is at most that of the mean S); to that the
-                   interpolation over the target, and what half of the rays over the pupil change
-    peak power     P is proportional to the return factor: P x (error of the factor) / factor; and what the samples'
-                   place under the pulse changes
-    peak voltage   the same, the noise's standard deviation, and half a code of the digitiser
-    range          systematic: what the peak's error does to the reading (the walk of a fixed threshold, read off the
-                   waveform scaled by 1 +- that share), what the samples' place under the pulse does, and e itself as a
-                   length; random: the standard deviation of the range between noisy records
+    Strehl ratio   the greatest change of S that a phase error of rms e over the pupil can cause (strehl_errors.py; it
+                   is concave in S, so its mean over the target points is at most its value at the mean S), the error
+                   of the interpolation over the target, and the change of S when half of the pupil's rays are left out
+    peak power     P is proportional to the return factor: P x (error of the factor) / factor; and the change with the
+                   position of the samples on the pulse
+    peak voltage   as for the power; and the standard deviation of the noise, and half a code of the digitiser
+    range          systematic: the effect of the peak's error on the reading (range walk of a fixed threshold, read off
+                   the waveform scaled by 1 +- the relative error), the effect of the position of the samples, and e
+                   as a length; random: the standard deviation of the range over noisy records
 
 A number's error is the root sum of squares of its parts. Return factors "bucket" and "none" do not depend on phases.
 """
@@ -45,7 +45,7 @@ TRIAL_COUNT = 32
 
 @dataclass(frozen=True, eq=False)
 class EchoProbe:
-    """What the errors of one echo are measured with: what the echo was made of. Nothing is computed until it is asked.
+    """What an echo was made of, from which its errors are computed on demand.
 
     Attributes:
         scene: The scene.
@@ -53,7 +53,7 @@ class EchoProbe:
         known_phase_error: Rms phase error of rays over the receiver's pupil [rad], or an estimate that knows it; None
             for one of its own.
         weight: Share of the beam in each target point, shape (m,).
-        vacuum: The ways out without flow.
+        vacuum: The outward paths without flow.
         time: Sample times [s].
         fine: Times at which power is computed [s], shape (n,).
         stride: How many of these make one sample period.
@@ -104,11 +104,11 @@ class EchoProbe:
         return pupil_error(self.scene, self.field)
 
     def read_scaled(self, factor: float) -> dict[str, float]:
-        """Ranges [m] of the waveform without noise times a factor, by the methods that hang on the amplitude."""
+        """Ranges [m] of the noise-free waveform times a factor, by the methods that depend on the amplitude."""
         return self.rangefinder.ranges(self.time, factor * self.clean, AMPLITUDE_METHODS)[0]
 
     def read_shifted(self, share: float) -> tuple[tuple[float, float], dict[str, float]]:
-        """What the vacuum's echo reads when it comes a share of a sample later.
+        """Readings of the echo in vacuum when it arrives a fraction of a sample later.
 
         Returns:
             Relative changes of its peak power and voltage, and the errors of its ranges by method [m].
@@ -131,7 +131,7 @@ class EchoProbe:
 
 
 def echo_errors(result: EchoResult, probe: EchoProbe) -> EchoErrors:
-    """Measure what an echo's numbers may be off by; the formulas stand above."""
+    """Compute the errors of an echo's numbers, by the formulas at the head of this file."""
     phase = probe.phase_error()
     interpolation = float(result.information["strehl_error"])
     if probe.factor_of_phase:

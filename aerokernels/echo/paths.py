@@ -1,4 +1,4 @@
-"""The paths out to the target, through the flow.
+"""The outward paths, through the flow to the target.
 
 One ray for each target point, from the exit aperture to the tilted target. R_L = integral of n ds inside the traced
 field plus the ambient index times the straight remainder (eq 9, with lengths and optical lengths kept apart). The path
@@ -18,7 +18,7 @@ from .target_points import TargetPoints
 
 @dataclass(frozen=True)
 class TransmitPaths:
-    """The paths out, one for each target point.
+    """The outward paths, one for each target point.
 
     Attributes:
         intersection: Where each ray meets the target [m], shape (m, 3).
@@ -61,7 +61,7 @@ def trace_options(scene: Scene) -> dict:
 
 
 def vacuum_paths(points: TargetPoints, plane: Plane) -> TransmitPaths:
-    """The paths out in vacuum: straight lines."""
+    """The outward paths in vacuum: straight lines."""
     line = points.aim - points.start
     direction = line / np.linalg.norm(line, axis=1, keepdims=True)
     cosine = direction @ plane.normal

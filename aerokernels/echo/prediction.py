@@ -1,4 +1,4 @@
-"""What is known of a scene's echo before any ray is traced: its echo in vacuum, and whether that can be ranged."""
+"""What can be said of a scene's echo before tracing any ray: the echo in vacuum, and whether it can be ranged."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -22,7 +22,7 @@ class EchoPrediction:
     Attributes:
         peak_power: Its peak power [W].
         peak_voltage: Its peak voltage [V].
-        reasons: Why, for each ranging method that cannot read it; a scene has no range by such a method.
+        reasons: For each ranging method that cannot read this echo, the reason. The scene has no range by it either.
         least_factor: What the flow must leave of the light, 0 to 1, for the scene's own method to find the echo; NaN
             where that method does not depend on the amplitude, or finds none even in vacuum.
     """

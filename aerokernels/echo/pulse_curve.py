@@ -1,8 +1,8 @@
 """A sampled pulse as a smooth curve: crossings, peak and centroid between the samples.
 
 The curve is the quintic spline through the samples (of lower degree for fewer than six): for a Gaussian pulse of
-1/e half-width tau its error is of order (period / tau)^6, 2e-6 of the peak at six samples a tau, where straight lines
-miss by 2e-2. Places are counted in samples from the record's start, so that nothing depends on how large a second is.
+1/e half-width tau its error is of order (period / tau)^6, 2e-6 of the peak at six samples per tau, where linear
+interpolation is off by 2e-2. Places are counted in samples from the start of the record, whatever the sample period.
 """
 
 from functools import cached_property
@@ -96,7 +96,7 @@ class PulseCurve:
         return self._root(level, before[-1], min(before[-1] + 1.0, self.peak_place))
 
     def fall_after_peak(self, level: float) -> float:
-        """First place after the peak at which the curve falls through `level`; the record's end if it does not."""
+        """First place after the peak at which the curve falls through `level`; the record's end if there is none."""
         start = int(np.floor(self.peak_place)) + 1
         after = np.flatnonzero(self.samples[start:] < level)
         if after.size == 0:

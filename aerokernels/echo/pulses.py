@@ -6,9 +6,9 @@
 | HELIOS   | u^2 exp(-u) e^2 / 4, u = t / tau + 2 (0 before u = 0)           | 3.3947 tau           | e^2 / 2 tau    |
 | sampled  | the spline through given samples, not below 0; 0 outside of them | the samples'         | the spline's   |
 
-The second is (t / tau)^2 exp(-t / tau), counted from its own peak at 2 tau: the laser pulse of T. Carlsson,
+The second is (t / tau)^2 exp(-t / tau) with t = 0 shifted to its peak at 2 tau: the laser pulse of T. Carlsson,
 O. Steinvall, D. Letalick, Signature simulation and signal analysis for 3-D laser radar, FOI-R-0163-SE (2001), which the
-lidar simulator HELIOS took over.
+lidar simulator HELIOS adopted.
 """
 
 import math
@@ -28,11 +28,11 @@ LEAST_SAMPLES = 4
 
 
 class PulseShape(Protocol):
-    """What the echo needs to know of a pulse: a function of time [s] of peak 1 at t = 0, and three properties.
+    """The shape of a pulse: a function of time [s] with the peak 1 at t = 0, and three properties.
 
     Attributes:
-        support: Times [s] before and after which the shape is below 1e-12 for every purpose here.
-        timescale: Time [s] within which it changes; eight samples of it show all of the shape.
+        support: Times [s] before and after which the shape is negligible, below 1e-12 of the peak.
+        timescale: Time [s] over which the shape changes; eight samples within it resolve the shape.
         duration: Its integral [s]: energy over peak power.
     """
 
@@ -95,7 +95,7 @@ class GaussianPulse(_OfTau):
 
 @dataclass(frozen=True)
 class HeliosPulse(_OfTau):
-    """(t / tau)^2 exp(-t / tau), counted from its peak.
+    """(t / tau)^2 exp(-t / tau), with t = 0 shifted to the peak.
 
     Attributes:
         tau: Time constant [s].
@@ -106,7 +106,7 @@ class HeliosPulse(_OfTau):
 
     @property
     def support(self) -> tuple[float, float]:
-        """Nothing before, 2e-13 of the peak after [s]."""
+        """Zero before, 2e-13 of the peak after [s]."""
         return -2.0 * self.tau, 34.0 * self.tau
 
     @property
@@ -189,7 +189,7 @@ def pulse_of(scene: "Scene") -> PulseShape:
 
 
 def as_pulse(pulse: PulseShape | float) -> PulseShape:
-    """A shape as it is; a number is the tau [s] of a Gaussian.
+    """Return a pulse shape unchanged; a number is the tau [s] of a Gaussian.
 
     Raises:
         ValueError: A number that is not positive and finite.

@@ -1,16 +1,16 @@
-"""The light of target points over the receiver's pupil: rays made, traced and summed up, nothing kept of any ray.
+"""Sums of the light from target points over the receiver's pupil, without storing the rays.
 
 By reciprocity the rays are launched from the pupil toward the target point and traced to a plane just ahead of the
 flow; from there to the point it is a straight line in air at rest. The optical path difference of such a ray is
 
     OPD = opd at the plane + n_ambient (|T - r| - |T - r0|)
 
-r and r0 being where the disturbed and the undisturbed ray cross the plane, T the target point. Without the second term
-the plane's angle with the ray would count: 0.1 wave at 2 degrees off the axis. That the ray misses T by a little is
-of second order in the deflection (Fermat), 3e-4 wave at 100 urad.
+where r and r0 are the points at which the disturbed and the undisturbed ray cross the plane, and T is the target point.
+Without the second term the angle between plane and ray would contribute: 0.1 wave at 2 degrees off the axis. The effect
+of the ray's missing T is of second order in the deflection (Fermat), 3e-4 wave at 100 urad.
 
-Rays toward one point converge, and millions of (target point, pupil point) pairs would not fit in memory with all that
-belongs to a ray: they are traced in chunks, and a chunk leaves two sums for each of its target points.
+Millions of pairs of target point and pupil point would not fit in memory as rays: they are traced in chunks, and of
+each chunk only two sums per target point are kept.
 """
 
 from dataclasses import dataclass, field
@@ -31,7 +31,7 @@ CHUNK_RAYS = 1 << 18
 
 @dataclass(frozen=True, eq=False)
 class PupilSums:
-    """What is left of the rays between some target points and the pupil.
+    """Sums over the rays between some target points and the pupil.
 
     Attributes:
         open_share: Share of the pupil that the light of each point gets through to, 0 to 1, shape (k,).
@@ -39,7 +39,7 @@ class PupilSums:
         ray_count: Rays traced.
         evaluation_count: Field evaluations.
         seconds: Time in kernels [s].
-        statuses: Number of rays by status name; what known air leaves out of the light is not looked at.
+        statuses: Number of rays by status name; whether they leave the known air is not examined.
     """
 
     open_share: np.ndarray
@@ -62,7 +62,7 @@ def receiver_pupil(scene: Scene) -> tuple[np.ndarray, np.ndarray]:
 
 
 def upper_half(start: np.ndarray, weight: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """The half of a pupil's points that stands for all of them where y and -y are alike."""
+    """The half of a pupil's points that represents all of them where y and -y are equivalent."""
     edge = 1e-9 * np.abs(start[:, :2]).max()
     kept = start[:, 1] >= -edge
     return start[kept], np.where(np.abs(start[kept, 1]) <= edge, 1.0, 2.0) * weight[kept]
@@ -114,7 +114,7 @@ def reduce_pupils(
 
 
 def return_opd(scene: Scene, index: IndexField, target: np.ndarray) -> tuple[np.ndarray, np.ndarray, TraceResult]:
-    """Optical path difference of every ray between a few target points and the pupil, to be looked at.
+    """Optical path difference of every ray between a few target points and the pupil, for inspection.
 
     Args:
         scene: The scene; `receiver.ray_count` rays for each point.

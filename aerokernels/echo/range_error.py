@@ -1,4 +1,4 @@
-"""Systematic and random error of a range, by Monte Carlo over noise, and the bound that no method can beat.
+"""Systematic and random errors of a range by Monte Carlo simulation of the noise, and their Cramér-Rao bound.
 
 For a signal v(t) in white Gaussian noise of standard deviation s in each sample, any unbiased estimate of its arrival
 time has a variance of at least s^2 / sum (dv/dt)^2 (Cramer-Rao), so that
@@ -33,12 +33,12 @@ class RangeStatistics:
         random_standard_error: Standard error of `random_error`, from the number of trials [m].
         trial_count: Trials made.
         missed_count: Trials without a range, such as a signal that never crossed the threshold; left out above.
-        confidence: Probability that each of the intervals below covers what it is for.
+        confidence: Probability that each of the intervals below covers its quantity.
         systematic_interval: Confidence interval of `systematic_error` [m], Student's t.
         random_interval: Confidence interval of `random_error` [m], chi-squared.
-        sampling_error: Greatest systematic error [m] that the place of the pulse between the samples makes, 0 where
-            there are enough of them; `systematic_error` holds it for one such place, or not at all where it counts from
-            the method's own reading. nan where it was not measured. See sampling_error.py.
+        sampling_error: Greatest systematic error [m] due to the position of the pulse between the samples, 0 where
+            there are enough samples. `systematic_error` contains it for one position, or not at all if it is relative
+            to the method's own reading. NaN where it was not measured. See sampling_error.py.
     """
 
     systematic_error: float
@@ -95,8 +95,8 @@ def range_statistics(
         voltage: Samples of the signal without noise [V], shape (n,).
         method: As for `estimate_range`.
         noise_rms: Standard deviation of the noise in each sample [V].
-        true_range: Range that the systematic error is counted from [m]; None: what the method reads without noise,
-            so that the systematic error is what the noise adds.
+        true_range: Reference of the systematic error [m]; None: the method's reading without noise, so that the
+            systematic error is that due to the noise.
         trial_count: Noisy waveforms to range, at least two.
         seed: Seed of the noise.
         threshold: As for `estimate_range`.
@@ -151,7 +151,7 @@ def chain_range_statistics(
         time: Times [s], shape (n,), in even steps fine enough for the pulse and the low-pass.
         power: Received power [W], shape (n,).
         read: Range [m] from sample times [s] and samples [V]; an echo that it refuses by a ValueError is missed.
-        true_range: What the geometry says [m].
+        true_range: The range by the geometry [m].
         stride: Number of given times from one sample to the next.
         trial_count: Records to range, at least two.
         seed: Seed of the noise.

@@ -1,9 +1,10 @@
-"""Range walk: how a fixed threshold's range depends on the amplitude, and the curve that takes it off again.
+"""Range walk: the dependence of a fixed threshold's range on the amplitude, and its correction by a curve.
 
 A threshold T is crossed earlier by a higher pulse. For a Gaussian of peak V and 1/e half-width tau the crossing lies
-tau sqrt(ln(V / T)) before the peak, so its range is short by c tau / 2 times the same. For any other pulse the curve is
-measured: the pulse's waveform is scaled to a row of amplitudes, and ranged. A rangefinder knows the amplitude of an
-echo by its peak, or, where the amplifier saturates, by the time that it stays above the threshold.
+tau sqrt(ln(V / T)) before the peak, so its range is short by c tau sqrt(ln(V / T)) / 2. For any other pulse the curve
+is measured: the waveform is scaled to a series of amplitudes, each of which is ranged. A rangefinder takes the
+amplitude of an echo from its peak or, where the amplifier saturates, from the time for which it stays above the
+threshold.
 """
 
 from dataclasses import dataclass
@@ -27,7 +28,7 @@ class RangeWalk:
         threshold: Level of the discriminator [V].
         peak: Peaks of the echo [V], increasing, shape (n,).
         width: Time that such an echo stays above the threshold [s], increasing, shape (n,).
-        error: Range read off it minus the range at its peak's own time [m], shape (n,); negative, and falling.
+        error: Range by the threshold minus the range by the time of the peak [m], shape (n,); negative, decreasing.
     """
 
     threshold: float

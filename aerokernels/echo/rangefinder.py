@@ -20,17 +20,17 @@ from .shaped_curve import Shape, shaped_curve
 
 @dataclass(frozen=True, eq=False)
 class Rangefinder:
-    """How a scene reads ranges.
+    """Reads ranges from the echoes of a scene.
 
     Attributes:
         threshold: Level of the leading edge [V].
         fraction: Share of the peak of the constant fraction.
-        shape: The echo in vacuum as a function of time [s], zero at its greatest sample: the matched filter's template,
-            and what all methods go by between few samples.
+        shape: The echo in vacuum as a function of time [s], zero at its greatest sample: the template of the matched
+            filter, and the interpolant of all methods where there are few samples.
         calibration: What is subtracted from each method's reading [m]; methods that cannot read the
             reference are absent.
         walk: The curve that the leading edge is corrected by, or None.
-        unreadable: Why, for each method that cannot read the reference.
+        unreadable: For each method that cannot read the reference, the reason.
     """
 
     threshold: float
@@ -107,7 +107,7 @@ class Rangefinder:
         methods: Sequence[str] = RANGING_METHODS,
         curve: PulseCurve | None = None,
     ) -> tuple[dict[str, float], dict[str, str]]:
-        """Range by each method [m], NaN where it finds no echo or is not calibrated; and why, for those.
+        """Ranges by all methods [m], NaN for those that find no echo or are not calibrated, and the reasons.
 
         `curve` is the one through the voltage, where it was made already.
         """

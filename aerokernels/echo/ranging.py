@@ -1,4 +1,4 @@
-"""From an echo's waveform to a range: four ways to say when it arrived.
+"""From the waveform of an echo to a range: four definitions of its arrival time.
 
 t = 0 is the moment at which the pulse's peak leaves, and range = c t / 2.
 
@@ -6,14 +6,14 @@ t = 0 is the moment at which the pulse's peak leaves, and range = c t / 2.
 |---------------------|--------------------------------------------------------------------|--------------------------|
 | "leading-edge"      | first rise through a fixed threshold                               | yes: range walk          |
 | "constant-fraction" | last rise, before the peak, through `fraction` of the peak         | no                       |
-| "centroid"          | centroid of what stands above a tenth of the peak                  | no                       |
+| "centroid"          | centroid of the part above a tenth of the peak                     | no                       |
 | "matched-filter"    | greatest correlation with a template: least variance in white noise | no                       |
 
 A Gaussian pulse of peak V and 1/e half-width tau, arriving at t0, crosses a threshold T at t0 - tau sqrt(ln(V / T)).
-All four work between the samples: by the spline through them (see `pulse_curve.py`), and where the pulse's shape is
-given as a function by that shape (see `shaped_curve.py`), which is right however few samples there are. Too few without
-it are warned of, with the size of the error (see `sampling_error.py`). No offset is removed from the voltage: take the
-baseline off first.
+All four interpolate between the samples: with the spline through them (`pulse_curve.py`) or, if the pulse's shape is
+given as a function, with that shape (`shaped_curve.py`), which is accurate however few samples there are. If there are
+too few samples and no shape, a warning states the size of the error (`sampling_error.py`). No offset is removed from
+the voltage: subtract the baseline first.
 """
 
 from collections.abc import Callable
@@ -119,7 +119,7 @@ def sampling_error_of(
     template: Template | None = None,
     fraction: float = 0.5,
 ) -> float:
-    """Greatest error [m] that the place of a record's pulse between its samples makes: see sampling_error.py."""
+    """Greatest error [m] due to the position of a record's pulse between its samples: see sampling_error.py."""
     if template is not None and not callable(template):
         template = _checked_samples(template)
 

@@ -1,4 +1,4 @@
-"""What the echo of a scene is."""
+"""The result of an echo simulation."""
 
 import math
 from collections.abc import Callable, Mapping
@@ -27,15 +27,15 @@ class EchoResult:
         time: Sample times after the pulse's peak left [s], shape (n,).
         power: Power on the receiver's pupil [W], shape (n,).
         voltage: Recorded voltage [V], shape (n,): with noise and digitiser where the scene has them.
-        clean_voltage: The same without either: what many records average to, shape (n,).
+        clean_voltage: Voltage without noise and digitiser [V], the mean of many records, shape (n,).
         noise_rms: Standard deviation of the noise between echoes [V]; 0 where the scene has none.
         target_point: Where each ray of the beam lands on the target [m], shape (m, 3); NaN for rays that do not.
         path: Optical path R_L of each ray from the exit aperture to the target [m], shape (m,).
-        deflection: What the flow turned each ray by, toward x and y [rad], shape (m, 2).
+        deflection: Deflection of each ray by the flow, toward x and y [rad], shape (m, 2).
         incidence: Angle between each ray and the target's normal [rad], shape (m,).
         strehl: Strehl ratio of each point's return path over the receiver's pupil, shape (m,); NaN where the scene's
             return factor is "none".
-        return_factor: What the flow leaves of each point's light on the way back, 0 to 1, shape (m,).
+        return_factor: Share of each point's light that the flow leaves on the return path, 0 to 1, shape (m,).
         beam_share: Share of the beam's power that each ray stands for, shape (m,).
         point_power: Peak of each point's own pulse at the receiver [W], shape (m,); `power` is the sum of the pulses.
         distance: True distance of the target [m].

@@ -1,4 +1,4 @@
-"""The share of the light that the flow leaves on the path back, for every target point.
+"""The return factor: the share of the light that the flow leaves on the return path, for every target point.
 
 "strehl"  the share of the receiver's pupil that the light gets through to, times the Strehl ratio over that part, tilt
           kept, piston removed (the paper's factor; a Strehl ratio is a peak intensity, not a power)
@@ -7,9 +7,9 @@
 "none"    1, and no ray is traced
 
 Both vary smoothly over the target, so they are computed at Chebyshev-Lobatto points on the target and interpolated by
-the polynomial through them; the same with every other point left out says how good that is. Where field, pupil and
-target are symmetric about the axis, they depend on the distance from it alone: the points lie along one radius, and
-half of the pupil stands for all of it.
+the polynomial through them; leaving every other point out gives the error. Where field, pupil and target are symmetric
+about the axis, they depend on the distance from it alone: the points lie along one radius, and half of the pupil
+represents all of it.
 """
 
 import math
@@ -27,15 +27,15 @@ EVERY = "every"
 
 @dataclass(frozen=True, eq=False)
 class ReturnPaths:
-    """The paths back, one for each intersection with the target; NaN where there is none, and where nothing was traced.
+    """The return paths, one for each intersection with the target; NaN where there is none, or none was traced.
 
     Attributes:
-        factor: What is left of the light, 0 to 1, shape (m,).
+        factor: The return factor, 0 to 1, shape (m,).
         strehl: Strehl ratio of the open part of the pupil, shape (m,).
         open_share: Share of the pupil that the light gets through to, shape (m,).
-        error: Greatest change of `factor` from leaving every other point of the interpolation out: its error
-            is smaller.
-        pair_count: Pairs of target point and pupil point that the sums stand for.
+        error: Greatest change of `factor` when every other interpolation point is left out, an upper bound of its
+            error.
+        pair_count: Pairs of target point and pupil point that the sums represent.
         sums: The rays behind it; None for factor "none".
     """
 
@@ -98,7 +98,7 @@ def return_paths(
 
 
 def is_symmetric(field: IndexField, plane: Plane) -> bool:
-    """Whether field and target, and so the way back to a pupil on the axis, look the same all round it."""
+    """Whether field and target are symmetric about the axis, and so the return path to a pupil on it."""
     return field.geometry == "axisymmetric" and float(np.hypot(plane.normal[0], plane.normal[1])) < 1e-12
 
 

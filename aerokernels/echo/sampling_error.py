@@ -1,9 +1,10 @@
-"""The error of a range from too few samples across a pulse, measured on a pulse of the record's own widths.
+"""The error of a range due to too few samples across a pulse, measured on a pulse of the record's own widths.
 
-A pulse is sampled at eight phases between two samples and read by the method in question; the truth is the same
-reading of the pulse itself. The pulse is the template where it is a function, otherwise one of the record's own peak
-and half widths before and after it, a Gaussian to either side: edges that are steeper than that cost more. The widths
-are read off too few samples themselves; so the pulse is made so narrow that its samples look as wide as the record's.
+A test pulse is sampled at eight phases between two samples, and ranged by the method in question; the truth is the
+reading of the pulse itself. The test pulse is the template where that is a function. Otherwise it is a Gaussian to
+either side of the peak, with the record's half widths before and after it: steeper edges have larger errors. The
+record's widths come from too few samples themselves, so the test pulse is narrowed until its samples look as wide as
+the record's.
 """
 
 import warnings
@@ -34,7 +35,7 @@ class CoarseSamplingWarning(UserWarning):
 
 
 def half_widths(volts: np.ndarray) -> tuple[float, float] | None:
-    """From the rise through half the peak to the peak, and from there to the fall [samples]; None where it is cut."""
+    """Half widths at half the peak, before and after it [samples]; None where the record cuts the pulse."""
     try:
         curve = PulseCurve(volts)
         level = 0.5 * curve.peak
@@ -45,14 +46,14 @@ def half_widths(volts: np.ndarray) -> tuple[float, float] | None:
 
 
 def sampling_error(volts: np.ndarray, period: float, read: Reader, template, compensated: bool) -> float:
-    """Greatest error [m] that the phase of the sampling makes in a reading of a record's pulse.
+    """Greatest error [m] of a reading of a record's pulse over the phases of the sampling.
 
     Args:
         volts: The record, shape (n,).
         period: Sample period [s].
         read: The method: the place of arrival [samples] in samples of a pulse, by a template.
         template: What the caller gave: a function of time [s], samples, or None.
-        compensated: Whether the method takes the template's own reading off.
+        compensated: Whether the method subtracts the template's own reading.
 
     Returns:
         The error; 0 where there are enough samples; nan where it cannot be measured, as for a pulse that is cut.
@@ -92,7 +93,7 @@ def sampling_error(volts: np.ndarray, period: float, read: Reader, template, com
 
 
 def warn_of_sampling(volts: np.ndarray, period: float, method: str, error: float, shape_given: bool) -> None:
-    """Say that a reading is off by up to `error` [m], where that is more than what is tolerated."""
+    """Warn that a reading has an error of up to `error` [m], if that is more than is tolerated."""
     sides = half_widths(volts)
     if sides is None or not error > TOLERATED * 0.5 * SPEED_OF_LIGHT * period * sum(sides):
         return

@@ -1,13 +1,13 @@
-"""A sampled pulse of known shape as a smooth curve: the shape tells what the samples alone do not.
+"""A sampled pulse of known shape as a smooth curve: the shape supplies what the samples alone cannot.
 
-No interpolation of the samples alone can be right where there are few of them across the pulse: what the pulse holds
-above half the sample rate is gone. (A Gaussian at two samples to its width at half height: a threshold at half height
-is crossed up to 24 mm c / 2 x 10 ns off by the quintic spline, 15 mm by the series that is best for band-limited
-records.) With the shape s known it is
+If there are few samples across the pulse, no interpolation of the samples alone is accurate: what the pulse contains
+above half the sample rate is lost. (A Gaussian with two samples across its width at half height, 10 ns: the crossing of
+half the height is off by up to 24 mm with the quintic spline, and by 15 mm with the best series for band-limited
+records.) With a known shape s it is
 
     v(t) = A s(t - t0) + what is left,    A and t0 by least squares,
 
-and only what is left, noise and a small difference of shapes, goes through the spline.
+and only the remainder, noise and a small difference of shapes, is interpolated by the spline.
 """
 
 import math
@@ -28,11 +28,11 @@ Shape = Callable[[np.ndarray], np.ndarray]
 def shaped_curve(
     volts: np.ndarray, shape: Shape | None, period: float, made: PulseCurve | None = None
 ) -> tuple[PulseCurve, int]:
-    """The curve of a pulse, and how many of its places make one sample period.
+    """The curve of a pulse, and the number of its points per sample period.
 
     Args:
         volts: Samples, shape (n,).
-        shape: The pulse as a function of time [s], of any amplitude, its zero anywhere on it; None: not known.
+        shape: The pulse as a function of time [s], of any amplitude and time zero; None: not known.
         period: Sample period [s].
         made: The curve through the samples alone, where it was made already.
     """
@@ -59,7 +59,7 @@ def _finer(volts: np.ndarray) -> int:
 
 
 def best_match(volts: np.ndarray, curve: Shape, period: float) -> tuple[float, float]:
-    """Where a pulse's correlation with the samples is greatest, and its height there.
+    """The delay at which a pulse correlates best with the samples, and its amplitude there.
 
     Args:
         volts: Samples, shape (n,).

@@ -3,15 +3,16 @@
     P(t) = sum over the rays i of  w_i P0 f_r cos(phi_i) (pi D^2 / 4) / R_i^2 eta_a^2 eta_s F_i s(t - 2 R_i / c)
 
 w_i is the share of the beam's power in ray i, R_i its optical path to the tilted target, phi_i its incidence there, f_r
-the reflectance toward the receiver (reflectors.py), s the pulse's shape (pulses.py), and F_i what the flow leaves of
-the light on the way back from where the ray lands: the Strehl ratio, as in the paper, or another return factor
-(return_paths.py). Light takes as long back as out. R_i in R_i^2 is an optical path too, as in eq 10: 5e-4 of the
-power at sea level. Where a ray lands decides its path, incidence and return factor; which rays the reflector catches is
-decided without the flow, whose 0.1 mm of deflection matters at the edges only.
+the reflectance toward the receiver (reflectors.py), s the pulse's shape (pulses.py), and F_i the return factor of the
+point where the ray meets the target: the Strehl ratio of its return path, as in the paper, or another
+(return_paths.py). The return path has the same optical length as the outward path. R_i in R_i^2 is an optical path too,
+as in eq 10: 5e-4 of the power at sea level. Path, incidence and return factor are those of the point where the
+refracted ray lands; which rays the reflector catches is decided without the flow, whose displacement of 0.1 mm matters
+at the edges only.
 
-The range is calibrated as a rangefinder's is, on a known echo: the echo of the same scene in vacuum. The reading's
-error there is subtracted, for each method. What remains is what air and flow do: the walk of a fixed threshold with the
-amplitude above all, and the air's optical path (0.4 mm over 1.5 m at sea level).
+Like a real rangefinder, each method is calibrated on a known echo, that of the same scene in vacuum: the error of its
+reading there is subtracted. What remains is due to air and flow: above all the range walk of a fixed threshold with the
+amplitude, and the air's optical path (0.4 mm over 1.5 m at sea level).
 """
 
 import math
@@ -64,10 +65,10 @@ def echo(
         limits: "beam": the beam's full support, or the reflector's edges where nearer; "paper": eq 11's cut at one
             radius either way in y, the whole beam in x; None: the scene's `target.limits`.
         strehl_node_count: Points a side of the target at which the return factor is computed, odd; it is interpolated
-            between them, and the error of that is in `information`. "every": at each target point. None: the scene's.
-        symmetry: Whether to use the symmetry of a field, pupil and target that look the same all round the axis.
-        phase_error: The rms phase error of rays over the receiver's pupil [rad], or the Strehl estimate of the scene
-            that knows it, which is asked when `errors` is first read; None: one is made then.
+            between them, with its error in `information`. "every": at each target point. None: the scene's.
+        symmetry: Whether to exploit the symmetry of field, pupil and target about the axis, where there is one.
+        phase_error: The rms phase error of rays over the receiver's pupil [rad], or a Strehl estimate of the scene,
+            from which it is taken when `errors` is first read; None: an estimate is made then.
 
     Returns:
         The echo, with a range or the reason why there is none. `receiver.ray_count` x `strehl_node_count`^2 pairs of
@@ -149,7 +150,7 @@ def echo(
 
 
 def vacuum_echo(scene: Scene) -> tuple[np.ndarray, np.ndarray]:
-    """The echo that a scene has in vacuum, which its rangefinder is calibrated on: without flow, noise or digitiser.
+    """The echo of a scene in vacuum, without noise or digitiser, on which its rangefinder is calibrated.
 
     Returns:
         Sample times after the pulse's peak left [s], and voltage [V], each of shape (n,).
@@ -162,7 +163,7 @@ def vacuum_echo(scene: Scene) -> tuple[np.ndarray, np.ndarray]:
 
 
 def vacuum_record(scene: Scene) -> tuple[np.ndarray, np.ndarray, np.ndarray, tuple[np.ndarray, np.ndarray]]:
-    """The same with the received power: sample times [s], power [W] and voltage [V], each of shape (n,).
+    """The echo in vacuum with its power: sample times [s], power [W] and voltage [V], each of shape (n,).
 
     Last, the times [s] and the voltage [V] where the echo is computed, finely enough for its pulse.
     """

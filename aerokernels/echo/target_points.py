@@ -1,19 +1,19 @@
-"""Where the beam is sampled: quadrature points across it, each with the share of the beam's power that it stands for.
+"""Quadrature points across the beam, each with the share of the beam's power that it represents.
 
 The points are those at which the undisturbed rays of the beam would cross the plane through the target's centre normal
 to the axis (x and y of eq 8-12). The beam's support is cut at three 1/e^2 radii (4e-9 of the power lies outside), and
 at the reflector's edges where those are nearer. What is left is a convex polygon; it is cut into bands at the heights
 of its corners, and each band, a trapezium, gets a tensor product of Gauss-Legendre points. With 20 points across or
 more the shares add up to the power within 1e-7.
-A tilted reflector spreads the echo by its depth: where that is long against the pulse, points are added until four of
-them lie within the time in which the pulse changes, or the echo would be a row of separate pulses.
+A tilted reflector spreads the echo by its depth. Where this spread is long compared with the pulse, points are added
+until four of them fall within the pulse's time scale; otherwise the echo would be a series of separate pulses.
 
 A ray leaves the exit aperture at the homologous point: as far from the axis, in exit radii, as it arrives in radii at
 the target. So a point (X, Y, Z) of the tilted reflector, from its centre, is seen by the diverging beam at
 
     (x, y) = (X, Y) / (1 + q Z),  q = (1 - exit_radius / radius) / distance
 
-which takes the reflector's straight edges to straight edges.
+which maps the reflector's straight edges to straight edges.
 """
 
 import math
@@ -43,7 +43,7 @@ class TargetPoints:
     """Rays of the beam.
 
     Attributes:
-        aim: Where they would cross the plane normal to the axis at the target's centre [m], shape (m, 3).
+        aim: Where the undisturbed rays cross the plane normal to the axis at the target's centre [m], shape (m, 3).
         start: Where they leave the exit aperture [m], shape (m, 3).
         weight: Share of the beam's power, sums to what the reflector catches, shape (m,).
     """
@@ -58,7 +58,7 @@ def target_points(scene: Scene, limits: str | None = None) -> TargetPoints:
 
     Args:
         scene: The scene; `beam.ray_count` is rounded up to a square, at least 400, and more where the reflector's
-            edges cut the beam into bands or a tilt spreads the echo over many pulses' lengths.
+            edges cut the beam into bands or a tilt spreads the echo over many pulse lengths.
         limits: "beam": the beam's support, or the reflector's edges where those are nearer; "paper": the whole beam
             in x and one radius either way in y (eq 11), whatever the reflector's size; None: the scene's own.
 

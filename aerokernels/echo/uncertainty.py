@@ -1,4 +1,4 @@
-"""What the numbers of an echo may be off by, as results carry it; echo_errors.py measures it."""
+"""The errors of an echo's numbers as results hold them; echo_errors.py computes them."""
 
 import math
 from collections.abc import Mapping
@@ -7,10 +7,10 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class RangeUncertainty:
-    """What a range may be off by.
+    """The error of a range.
 
     Attributes:
-        systematic: Alike in every record of the scene [m].
+        systematic: The same in every record of the scene [m].
         random: Standard deviation between records [m]; 0 where the scene has no noise.
     """
 
@@ -25,7 +25,7 @@ class RangeUncertainty:
 
 @dataclass(frozen=True)
 class EchoErrors:
-    """What an echo's numbers may be off by; NaN where that is not known.
+    """The errors of an echo's numbers; NaN where they are not known.
 
     Attributes:
         strehl: Error of the mean Strehl ratio.

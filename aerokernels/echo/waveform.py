@@ -1,4 +1,4 @@
-"""The Gaussian laser pulse in numbers, and the sum of many delayed copies of a pulse of any shape (pulses.py).
+"""Widths and energy of a Gaussian laser pulse, and the sum of many delayed pulses of any shape (pulses.py).
 
     p(t) = P0 exp(-(t / tau)^2),   FWHM = 2 sqrt(ln 2) tau,   energy = P0 tau sqrt(pi)
 

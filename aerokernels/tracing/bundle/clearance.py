@@ -1,7 +1,8 @@
-"""Which blocks of lines stay clear of the body: the others may touch it between their lines, and are traced.
+"""Finds the blocks of lines that stay clear of the body; rays of the other blocks might touch it, and are traced.
 
-The distance to the body is tabulated once. The tube about a block's lines is followed along its middle by steps as long
-as the distance allows (J. C. Hart, The Visual Computer 12 (1996) 527), so that nothing thin is stepped over.
+The distance to the body is tabulated once. The tube around a block's lines is followed by sphere tracing, in steps
+along its centre line that are as long as the distance allows (J. C. Hart, The Visual Computer 12 (1996) 527), so that
+no thin part of the body is stepped over.
 """
 
 from dataclasses import dataclass
@@ -16,7 +17,7 @@ from .nodes import undisturbed_length
 # Places along each axis at which the distance is tabulated, by the number of axes, and steps after which a tube counts
 # as not clear.
 PLACES, MOST_STEPS = {2: 192, 3: 48}, 96
-# Room beside the tube, in widths of the table's cells.
+# Margin around the tube, in cells of the table.
 ROOM = 0.5
 
 
@@ -35,7 +36,7 @@ class Distances:
     table: np.ndarray
 
     def at_least(self, place: np.ndarray) -> np.ndarray:
-        """A distance that the body is away from places (n, d) at least [m]."""
+        """Lower bounds of the distances from places (n, d) to the body [m]."""
         index = np.rint((place - self.low) / self.step)
         index = np.clip(index, 0, np.array(self.table.shape) - 1).astype(int)
         nearest = self.low + index * self.step
@@ -47,7 +48,7 @@ class Distances:
 
 
 def distances_of(field: IndexField) -> Distances:
-    """Those from a field's body, kept with it."""
+    """The distances from a field's body, kept with the field."""
     found: Distances = field.derive("distances from the body", lambda: _distances_of(field))
     return found
 
@@ -66,7 +67,7 @@ def _distances_of(field: IndexField) -> Distances:
 
 @dataclass(frozen=True, eq=False)
 class Clearance:
-    """Tubes about a family's lines, beside a body."""
+    """Tests tubes around a family's lines against a body."""
 
     field: IndexField
     family: Family
@@ -78,7 +79,7 @@ class Clearance:
         Args:
             middle: Parameters of their middles, shape (n, 2).
             half: Half their width in parameters, shape (2,).
-            bent: How far lines may be bent aside [m].
+            bent: Greatest displacement of the lines [m].
         """
         distances = distances_of(self.field)
         position, direction = self.family.rays(middle)
@@ -105,7 +106,7 @@ class Clearance:
         return clear & ~going
 
     def _greatest_scale(self, position: np.ndarray, direction: np.ndarray, end: np.ndarray) -> np.ndarray:
-        """Metres per parameter where the lines are widest apart, shape (n,)."""
+        """Metres per unit of the parameters where the lines are farthest apart, shape (n,)."""
         if not self.family.converges:
             return np.ones(len(position))
         axis = self.family.axes[2]

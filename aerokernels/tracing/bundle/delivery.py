@@ -1,6 +1,6 @@
-"""From a table of patches to each ray's results, and the rays that no patch holds for.
+"""Interpolates the results of rays from a table of patches, and marks the rays that no patch covers.
 
-The formulae of the kernels `deliver_bundle` in NumPy: they are easier to read here, and tests compare.
+This is the NumPy version of the kernels `deliver_bundle`: it is easier to read, and tests compare the two.
 """
 
 import numpy as np
@@ -14,7 +14,7 @@ CHUNK = 1 << 15
 
 
 def deliver(table: BundleTable, rays: RayBundle, outputs: frozenset) -> dict[str, np.ndarray]:
-    """Per-ray arrays by name, the status among them; of rays that are not delivered they are zero."""
+    """Per-ray arrays by name, including the status; entries of rays that no patch covers are zero."""
     parts = [
         _deliver(table, rays.position[k : k + CHUNK], rays.direction[k : k + CHUNK], outputs)
         for k in range(0, rays.ray_count, CHUNK)

@@ -1,11 +1,12 @@
-r"""Recognises rays that are a family of two parameters: parallel ones, and those whose lines meet in one point.
+r"""Recognises rays that form a two-parameter family: parallel rays, and rays whose lines pass through one point.
 
-Of parallel lines the parameters are the two coordinates across them [m], of lines through an apex the slopes about the
-family's axis. What a ray gathers is a smooth function of them where its start is one too: all rays start in one plane
-or in one point, or all ahead of the field's box, so that they may be moved along their lines through uniform air.
+The parameters of parallel lines are their transverse coordinates [m], those of lines through an apex are the slopes
+with respect to the family's axis. Quantities that accumulate along a ray are smooth functions of these parameters only
+if the starts are: all rays must start in one plane, in one point, or ahead of the field's box. In the last case the
+starts may be shifted along their lines, because the air there is uniform.
 
-A family is found from some of the rays. Whether a ray belongs to it is asked again of every ray when it is delivered
-(delivery.py): its line must pass within CLOSE cells of the line that its parameters stand for, and so must its start.
+A family is identified from a sample of the rays. Every ray is checked again when its result is interpolated
+(delivery.py): its line and its start must lie within CLOSE cells of the line and the start that its parameters define.
 """
 
 from dataclasses import dataclass, replace
@@ -16,38 +17,38 @@ from ...medium import IndexField
 from ...rays import RayBundle, transverse_axes
 from ..stop import ArcLength
 
-# Lines, and planes of starts, that differ by this share of a cell are the same: less is rounding.
+# Lines, and planes of starts, that differ by less than this fraction of a cell count as one: the rest is rounding.
 CLOSE = 1e-6
 # Directions that differ by no more than this are equal.
 EQUAL = 4e-15
-# The least cosine of a line's angle with the axis of a family.
+# Least cosine of the angle between a line and the axis of its family.
 LEAST_COSINE = 0.3
-# The frame is rounded to so many digits, the range of parameters to so many parts, so that another sample of the same
-# rays is the same family.
+# Decimal digits to which the frame is rounded, and parts to which the parameter range is rounded, so that another
+# sample of the same rays yields the same family.
 AXIS_DIGITS, NORMAL_DIGITS, PARTS = 2, 12, 64
 ROUNDED = 8.0  # parts of what is CLOSE
 # Rays from which a family is found, and rays that are counted block by block.
 SAMPLE, COUNTED = 1 << 13, 1 << 16
-# Room about the parameters of the sample, of its own range: the outermost rays need not be in it.
+# Margin around the parameters of the sample, as a fraction of their range: the sample may lack the outermost rays.
 ROOM = 0.01
 GOLDEN = 0.6180339887498949
 
 
 @dataclass(frozen=True, eq=False)
 class Family:
-    """Lines in two parameters.
+    """A two-parameter family of lines.
 
     Attributes:
-        converges: Whether the lines meet in a point; else they are parallel.
-        origin: That point, or one of the plane in which the parameters are measured [m].
-        axes: Unit vectors along the first and second parameter and along the lines, or their axis; shape (3, 3).
+        converges: Whether the lines pass through one point; otherwise they are parallel.
+        origin: That point, or a point of the plane in which the parameters are measured [m].
+        axes: Unit vectors along the first parameter, the second parameter, and the lines or their axis; shape (3, 3).
         low: Least parameters [m, or 1], shape (2,).
         high: Greatest parameters, shape (2,).
         start_point: A point of the plane in which rays start [m]; None where they all start in `origin`.
         start_normal: That plane's unit normal.
-        ahead: Rays that start no further along the axis than this [m] may be moved along their lines: they start ahead
-            of the box. Minus infinity where none may.
-        close: What is no difference between two lines or starts [m].
+        ahead: Rays that start at this distance along the axis [m] or before it start ahead of the box, and may be
+            shifted along their lines. Minus infinity where no ray may be shifted.
+        close: Distance within which two lines, or two starts, count as the same [m].
     """
 
     converges: bool
@@ -100,16 +101,16 @@ class Family:
 
     @property
     def key(self) -> bytes:
-        """The same for the same family."""
+        """Bytes that identify the family."""
         start = b"" if self.start_point is None else self.start_point.tobytes()
         numbers = (self.origin, self.axes, self.start_normal, self.low, self.high)
         kind = f"{self.converges} {self.ahead!r} ".encode()
         return b"".join([kind, start, *(array.tobytes() for array in numbers)])
 
     def serves(self, low: np.ndarray, high: np.ndarray) -> bool:
-        """Whether rays of the family, some of whose parameters span this range, are interpolated on its own range.
+        """Whether this family's range serves rays whose sampled parameters span the range given.
 
-        A range that lies between two parts is rounded now to the one, now to the other: it may differ by a part.
+        A range close to a rounding boundary may be rounded either way, so the ranges may differ by one rounding step.
         """
         extent = _extent(low, high)
         if extent is None:
@@ -128,7 +129,7 @@ def some_rows(ray_count: int, most: int) -> np.ndarray:
 
 
 def find_family(field: IndexField, rays: RayBundle, until) -> Family | str:
-    """The family that the rays belong to, or a sentence why they are none."""
+    """The family that the rays belong to, or a sentence that says why they form none."""
     rows = some_rows(rays.ray_count, SAMPLE)
     some = rays.rows(rows)
     position, direction = some.position, some.direction
@@ -184,7 +185,7 @@ def _rounded_range(low: np.ndarray, high: np.ndarray, extent: np.ndarray) -> tup
 
 
 def _apex(position: np.ndarray, direction: np.ndarray, close: float) -> np.ndarray | None:
-    """The point in which all lines meet [m], by least squares; None where there is none."""
+    """The point through which all lines pass [m], by least squares; None where there is none."""
     middle = position.mean(axis=0)
     p = position - middle
     matrix = len(p) * np.eye(3) - direction.T @ direction
@@ -198,7 +199,7 @@ def _apex(position: np.ndarray, direction: np.ndarray, close: float) -> np.ndarr
 
 
 def _rounded_apex(apex: np.ndarray, direction: np.ndarray, axis: np.ndarray, close: float) -> np.ndarray:
-    """An apex rounded to what moves no line by more than rounding: along the axis that is more than across it."""
+    """The apex, rounded so that no line moves by more than rounding; along the axis it may move farther than across."""
     frame = np.stack([*transverse_axes(axis), axis])
     spread = float(np.abs(direction @ frame[:2].T).max())
     coarser = 2.0 ** np.floor(np.log2(1.0 / max(spread, 1e-6)))
@@ -207,7 +208,7 @@ def _rounded_apex(apex: np.ndarray, direction: np.ndarray, axis: np.ndarray, clo
 
 def _common_plane(position: np.ndarray, axis: np.ndarray, close: float) -> tuple[np.ndarray, np.ndarray] | None:
     """A point and the unit normal of the plane in which all rays start; None where there is none."""
-    # Where several planes hold the starts, as of points on a line, that across the rays is taken.
+    # If several planes contain the starts, because these lie on a line, the plane normal to the axis is taken.
     for is_fitted in (False, True):
         normal = axis
         if is_fitted:
@@ -225,7 +226,7 @@ def _rounded(value, close):
 
 
 def _least_of_box(field: IndexField, axis: np.ndarray) -> float:
-    """The least distance along a unit vector of any point of the box [m]; minus infinity where it has no end there."""
+    """Least coordinate of the box along a unit vector [m]; minus infinity where the box is unbounded that way."""
     low, high = field.box
     with np.errstate(invalid="ignore"):
         ends = np.where(axis == 0.0, 0.0, np.minimum(low * axis, high * axis))
@@ -233,7 +234,7 @@ def _least_of_box(field: IndexField, axis: np.ndarray) -> float:
 
 
 def counted_parameters(family: Family, rays: RayBundle) -> tuple[np.ndarray, float]:
-    """Parameters of some of the rays, and how many rays each of them stands for."""
+    """Parameters of a sample of the rays, and the number of rays that each sampled ray represents."""
     rows = some_rows(rays.ray_count, COUNTED)
     some = rays.rows(rows)
     return family.parameters(some.position, some.direction), rays.ray_count / len(rows)

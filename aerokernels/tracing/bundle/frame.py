@@ -1,4 +1,4 @@
-"""What kernels are told of a family, its stop and the field's box: numbers in one order, and a few that are whole."""
+"""The kernel arguments that describe a family, its stop and the field's box: an array of floats, and a few integers."""
 
 import numpy as np
 

@@ -4,9 +4,9 @@ On a cell of side 1, with u in [0, 1] and v = 1 - u,
 
     f(u) = (1 + 2 u) v^2 f0 + u v^2 f0' + u^2 (3 - 2 u) f1 - u^2 v f1'
 
-errs by f''''/384, as a cubic spline does, and its slopes need two nodes to each side only: what is rough stays where it
-is. A slope is the derivative of the polynomial through five nodes, those about its own where they are there, else those
-of its block that are nearest.
+has an error of f''''/384, like a cubic spline, but its slopes use only two nodes to each side, so that a rough place
+affects its neighbourhood alone. A slope is the derivative of the quartic through five nodes: those centred on its own
+node where they exist, otherwise the nearest five of the block.
 """
 
 import numpy as np
@@ -21,7 +21,7 @@ FINER = 2 * CELLS + 1
 
 
 def slope_matrix(has_low: bool, has_high: bool) -> np.ndarray:
-    """What the values at the nodes -2 to 6 of a block's line contribute to the slopes at its nodes 0 to 4 [per cell].
+    """The matrix from the values at nodes -2 to 6 of a line through a block to the slopes at nodes 0 to 4 [per cell].
 
     `has_low` and `has_high` say whether the nodes beyond its ends may be used.
     """
@@ -61,8 +61,8 @@ def patches(window: np.ndarray, usable: np.ndarray) -> np.ndarray:
     """Values and slopes at the nodes of blocks.
 
     Args:
-        window: Values at the nodes of each block and two beyond, shape (n, 9, 9, channels); of nodes that are not
-            usable anything but NaN.
+        window: Values at the nodes of each block and two beyond, shape (n, 9, 9, channels); nodes that are not usable
+            may hold anything but NaN.
         usable: Which nodes may be used, shape (n, 9, 9); those of a block itself always are.
 
     Returns:
@@ -84,7 +84,7 @@ def patches(window: np.ndarray, usable: np.ndarray) -> np.ndarray:
 
 
 def finer(made: np.ndarray) -> np.ndarray:
-    """What patches say at the nodes of cells half as wide, shape (n, 9, 9, channels)."""
+    """The patches evaluated at the nodes of cells half as wide, shape (n, 9, 9, channels)."""
     values, slopes = FINER_VALUES, FINER_SLOPES
     along = np.einsum("ai,nijpc->najpc", values, made[..., (0, 2), :], optimize=True)
     along += np.einsum("ai,nijpc->najpc", slopes, made[..., (1, 3), :], optimize=True)

@@ -20,7 +20,7 @@ class Lattice:
         step: Parameters from node to node, shape (2,).
         blocks: Blocks along each axis.
         values: CHANNELS of each node, NaN where it was not traced or is not OK, shape (nu, nv, 8).
-        way: Number of its way, shape (nu, nv).
+        way: Class of each node in nodes.Ways, shape (nu, nv).
         costs: Step error [m], steps, evaluations, shape (nu, nv, 3).
         is_traced: Whether it was traced, shape (nu, nv).
     """
@@ -35,7 +35,7 @@ class Lattice:
 
     @classmethod
     def empty(cls, low: np.ndarray, step: np.ndarray, blocks: tuple[int, int]) -> "Lattice":
-        """One of which no node was traced."""
+        """A lattice without traced nodes."""
         shape = tuple(CELLS * count + 1 for count in blocks)
         return cls(
             low,
@@ -49,21 +49,21 @@ class Lattice:
 
     @classmethod
     def coarsest(cls, low: np.ndarray, high: np.ndarray) -> "Lattice":
-        """The one to begin with, of cells that are about square."""
+        """The coarsest lattice, whose cells are about square."""
         extent = high - low
         ratio = np.sqrt(extent / extent[::-1])
         counts = np.clip(np.round(FEWEST * ratio), 1, MOST).astype(int)
         return cls.empty(low, extent / (CELLS * counts), (int(counts[0]), int(counts[1])))
 
     def halved(self) -> "Lattice":
-        """One of half the step, with the nodes that it shares with this one."""
+        """The lattice of half the step, with the nodes that both share."""
         made = Lattice.empty(self.low, 0.5 * self.step, (2 * self.blocks[0], 2 * self.blocks[1]))
         for name in ("values", "way", "costs", "is_traced"):
             getattr(made, name)[::2, ::2] = getattr(self, name)
         return made
 
     def take_over(self, finer_one: "Lattice") -> None:
-        """Take the nodes that a lattice of half the step has."""
+        """Copy the shared nodes of the lattice of half the step."""
         for name in ("values", "way", "costs", "is_traced"):
             getattr(self, name)[...] = getattr(finer_one, name)[::2, ::2]
 
@@ -80,7 +80,7 @@ class Lattice:
         return np.asarray(self.low + nodes * self.step)
 
     def put(self, nodes: np.ndarray, traced: Traced) -> None:
-        """Take what nodes (n, 2) were traced to."""
+        """Store the results of traced nodes (n, 2)."""
         at = tuple(nodes.T)
         self.values[at], self.way[at], self.costs[at] = traced.values, traced.way, traced.costs
         self.is_traced[at] = True
@@ -95,7 +95,7 @@ class Lattice:
         return np.asarray(array[rows, (CELLS * blocks[:, 1, None] + node)[:, None, :]])
 
     def are_uniform(self, blocks: np.ndarray) -> np.ndarray:
-        """Whether all nodes of blocks (n, 2) are OK and go the same way, shape (n,)."""
+        """Whether all nodes of blocks (n, 2) are OK and of one class, shape (n,)."""
         values, way = self._gather("values", blocks, 0, 0), self._gather("way", blocks, 0, 0)
         return np.asarray(
             np.isfinite(values[..., 0]).all(axis=(1, 2))
@@ -104,7 +104,7 @@ class Lattice:
         )
 
     def block_ways(self, blocks: np.ndarray) -> np.ndarray:
-        """Number of the way that blocks (n, 2) go."""
+        """Class of the lines of blocks (n, 2)."""
         return np.asarray(self.way[CELLS * blocks[:, 0], CELLS * blocks[:, 1]])
 
     def block_costs(self, blocks: np.ndarray) -> np.ndarray:
@@ -120,10 +120,10 @@ class Lattice:
         return patches(np.where(usable[..., None], values, 0.0), usable)
 
     def surplus(self, blocks: np.ndarray, made: np.ndarray, finer_one: "Lattice", scale: np.ndarray) -> np.ndarray:
-        """By how much patches of blocks (n, 2) miss the traced nodes of a lattice of half the step, shape (n, 9, 9).
+        """Hierarchical surplus: residuals of patches of blocks (n, 2) at the nodes of half the step, shape (n, 9, 9).
 
-        In units of `scale`, one a channel: the greatest counts. Infinite where such a node is not OK, 0 where it was
-        not traced.
+        Each is the greatest over the channels in units of `scale`; infinite where a node is not OK, 0 where it was not
+        traced.
         """
         at = self._finer_nodes(blocks)
         channels = made.shape[-1]
@@ -132,11 +132,11 @@ class Lattice:
         return np.asarray(np.where(finer_one.is_traced[at], miss, 0.0))
 
     def spread(self, blocks: np.ndarray, surplus: np.ndarray, finer_one: "Lattice", quarters: np.ndarray) -> np.ndarray:
-        """The greatest surplus at the nodes of some blocks (m, 2) of a lattice of half the step, and two beside them.
+        """Greatest surplus at the nodes of blocks (m, 2) of the lattice of half the step, and at two nodes beyond.
 
         Args:
             blocks: Blocks of this lattice, shape (n, 2).
-            surplus: What they miss, shape (n, 9, 9).
+            surplus: Their surplus, shape (n, 9, 9).
             finer_one: The lattice of half the step.
             quarters: Its blocks.
         """

@@ -1,12 +1,12 @@
-"""The rays of a family that are traced: what they have beyond their undisturbed lines, and which way they come and go.
+"""The traced lines of a family: their deviations from the undisturbed lines, and the faces that they pass through.
 
-Only what a ray has beyond its own undisturbed line is interpolated, since only that is small and smooth:
+Only deviations from the undisturbed line are interpolated, because only they are small and smooth:
 
     CHANNELS    optical path difference [m]; direction less the line's (3); end point less the line's [m] (3);
                 arc length less the line's [m]
 
-each as a function of the family's parameters. It is one as long as the lines come into the box and leave it by the same
-faces, where that matters: by any face that ends the trace, and by those at which the air is still disturbed.
+each as a function of the family's parameters. The function is smooth only over lines that enter and leave the box
+through the same faces, where the face matters: where it ends the trace, and where the air at it is still disturbed.
 """
 
 from collections.abc import Callable
@@ -29,7 +29,7 @@ OPD, WITH_DIRECTION = 1, 4
 TRACED = frozenset(
     ("opd", "direction", "position", "arc_length", "step_error", "step_count", "evaluation_count", "optical_path")
 )
-# What stands for infinity in kernels.
+# Stands for infinity in kernels.
 FAR = 1e300
 # (rays) -> per-ray arrays by name
 Tracer = Callable[[RayBundle], dict[str, np.ndarray]]
@@ -44,13 +44,14 @@ def channels_of(outputs: frozenset) -> int:
 
 @dataclass(frozen=True, eq=False)
 class Ways:
-    """How lines come into a field's box and leave it.
+    """Classifies lines by the faces through which they enter and leave a field's box.
 
     Attributes:
         field: The refractive index.
         until: The stop.
-        matters: Whether it matters by which of FACES a line leaves or enters, shape (7,).
-        margin: How close to another face a line may leave the box [m]: a bent ray might leave by that one.
+        matters: For each of FACES, whether it matters that a line enters or leaves through it, shape (7,).
+        margin: Least distance between the place where a line leaves and any other face [m], through which a deflected
+            ray might leave.
     """
 
     field: IndexField
@@ -60,11 +61,11 @@ class Ways:
 
     @property
     def are_all_alike(self) -> bool:
-        """Whether no face matters: rays end elsewhere, and come and go through uniform air."""
+        """Whether no face matters: rays end elsewhere, and enter and leave through uniform air."""
         return self.until is not None and not self.matters.any()
 
     def numbers(self, position: np.ndarray, direction: np.ndarray) -> np.ndarray:
-        """A number for each line, shape (n,): lines of one number come and go alike; negative where none is known."""
+        """The class of each line, shape (n,): those of one class pass the same faces. Negative where that is unsure."""
         if self.are_all_alike:
             return np.zeros(len(position), dtype=np.int64)
         span = box_span(self.field, position, direction)
@@ -96,7 +97,7 @@ class Ways:
 
 
 def undisturbed_length(field: IndexField, position: np.ndarray, direction: np.ndarray, until) -> np.ndarray:
-    """How far undisturbed lines go to their stop [m], shape (n,)."""
+    """Lengths of undisturbed lines up to their stop [m], shape (n,)."""
     if until is None:
         return box_span(field, position, direction).leave
     return stop_distance(position, direction, until)
@@ -108,8 +109,8 @@ class Traced:
 
     Attributes:
         values: CHANNELS of each, shape (n, 8); NaN where a ray is not OK.
-        way: Its number in `Ways`, shape (n,).
-        costs: Its step error [m], steps and evaluations, shape (n, 3).
+        way: Class of each in `Ways`, shape (n,).
+        costs: Step error [m], steps and evaluations of each, shape (n, 3).
     """
 
     values: np.ndarray

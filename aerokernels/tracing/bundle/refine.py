@@ -1,14 +1,18 @@
-r"""Which lines of a family are traced so that patches between them hold the tolerance.
+r"""Chooses the lines of a family that are traced, so that interpolation between them meets the tolerance.
 
-From a coarse lattice on, each block of four by four cells is looked at. It is refused where its lines do not all arrive
-the same way. Where the field may hold what its lines pass by (tubes.py), where the patches of the block before missed
-the lines of this one by more than the order of convergence makes up for, or where they miss some more lines that are
-traced for that, it is divided in four. With S the greatest miss of a block's patches at and about the nodes of a
-quarter, S' that of the block before,
+Starting from a coarse lattice, each block of four by four cells is examined. A block is not interpolated if some of its
+lines do not arrive, or pass through other faces than the rest. It is divided into four quarters
+
+    where the field may hold structure between its lines (tubes.py),
+    where the error predicted from its parent's residuals exceeds the limit, or
+    where its patches disagree with additional check lines that are traced for this purpose.
+
+With S the greatest residual of a block's patches at the nodes of a quarter and two nodes beyond, and S' that of the
+block's parent, the prediction is
 
     error of a quarter  ~  SAFETY S / min(S' / S, ORDER)
 
-A block is divided as long as that costs less than to trace its rays one by one.
+A block is divided as long as tracing the additional lines costs less than tracing its rays one by one.
 """
 
 from dataclasses import dataclass, field, replace
@@ -22,34 +26,34 @@ from .nodes import Tracer, Ways, trace_lines
 from .table import BundleTable, map_of
 from .tubes import RESOLVED, Tubes
 
-# Levels that are divided in any case: 33 x 33 lines on a square.
+# Levels that are always divided: 33 x 33 lines on a square.
 LEAST_LEVEL = 2
-# Nodes of the finest lattice along an axis at most.
+# Greatest number of nodes along an axis of the finest lattice.
 MOST_NODES = 1025
 SAFETY = 1.5
-# The order of convergence that is believed, as the quotient of two misses: 16 for a smooth function.
+# Ratio of the residuals of two levels that is assumed, at most and where it is not known: 16 for a smooth function.
 ORDER, LEAST_ORDER = 12.0, 2.0
-# That of the levels to come, by which it is predicted whether they pay: misses fall faster once all is resolved.
+# The ratio assumed for further levels when their cost is predicted: residuals fall faster once all is resolved.
 ORDER_AHEAD = 8.0
-# The nodes of a block's quarters at which it is checked, of 9 x 9: the middles of some cells.
+# Check lines of a block, as nodes of the 9 x 9 of its quarters: the middles of some cells.
 CHECKED = np.array([(1, 3), (3, 7), (5, 1), (7, 5)])
-# Misses above so many times the limit need no check.
+# A block whose predicted error is more than so many times the limit is divided without check lines.
 HOPELESS = 3.0
-# Rays may be bent aside by so many times what the first lines are.
+# Rays may be displaced by so many times the greatest displacement of the first lines.
 MARGIN = 2.0
-# The sum of a patch's weights at most, and the share of what patches are held to that rounding may take.
+# Upper bound of the sum of a patch's weights, and the fraction of its limits that rounding to float32 may take.
 HERMITE_WEIGHTS, ROUNDING_SHARE = 1.6, 0.02
-# Lines that a quarter takes, its share of checks among them, and the share of its rays above which that does not pay.
+# Lines traced for a quarter, check lines included, and the fraction of its rays up to which tracing so many pays.
 COST, WORTH = 18.0, 0.8
 
 
 @dataclass(frozen=True, eq=False)
 class Limits:
-    """What patches are held to.
+    """Error limits of patches.
 
     Attributes:
-        error: OPD error [m].
-        scale: Error of each of the channels, shape (8,).
+        error: Limit of the OPD error [m].
+        scale: Limit of each channel, shape (8,).
     """
 
     error: float
@@ -58,25 +62,25 @@ class Limits:
 
 @dataclass(eq=False)
 class _Level:
-    """Blocks of one level, in step: what they are expected to err by, and what is known of the level before."""
+    """The blocks of one level, with the residuals of their parents."""
 
     lattice: Lattice
     blocks: np.ndarray  # (n, 2)
-    miss: np.ndarray  # over the limit, of the blocks that these are quarters of; NaN where there is none
-    order: np.ndarray  # by which that fell
+    miss: np.ndarray  # residual of each block's parent in units of the limit; NaN where there is none
+    order: np.ndarray  # ratio of the residuals of grandparent and parent
 
 
 @dataclass(eq=False)
 class Refinement:
-    """The search for a table; see this page.
+    """The adaptive refinement that the head of this file describes.
 
     Attributes:
         family: The lines.
-        ways: How they come and go.
+        ways: Classes of lines by the faces through which they enter and leave the box.
         tracer: Traces rays.
-        tubes: What the field holds between lines; None where that is not known.
+        tubes: Bounds what the field holds between lines; None where no bound is known.
         clearance: Tells which blocks stay clear of the body; None without a body.
-        limits: What patches are held to.
+        limits: Error limits of patches.
         channels: How many channels are wanted.
     """
 
@@ -142,7 +146,7 @@ class Refinement:
         return np.asarray(share * np.bincount(flat, minlength=np.prod(lattice.blocks)).reshape(lattice.blocks))
 
     def _judge(self, level: _Level, finer: Lattice, number: int, counts: np.ndarray):
-        """Which blocks hold, which are divided, and the error expected of each over the limit."""
+        """Which blocks are accepted, which are divided, and the expected error of each in units of the limit."""
         lattice, blocks = level.lattice, level.blocks
         count = len(blocks)
         good, miss = np.zeros(count, bool), np.full(count, np.inf)
@@ -193,7 +197,7 @@ class Refinement:
 
     @staticmethod
     def _bent(lattice: Lattice) -> float:
-        """How far aside the lines of a lattice are bent at most [m]."""
+        """Greatest displacement of the lines of a lattice from their undisturbed ends [m]."""
         return float(np.nanmax(np.abs(lattice.values[..., 4:7]), initial=0.0))
 
     def _until_resolved(self, lattice: Lattice, blocks: np.ndarray) -> np.ndarray:
@@ -203,7 +207,7 @@ class Refinement:
         return np.maximum(np.ceil(np.log2(spacing / RESOLVED)), 1.0)
 
     def _check(self, lattice: Lattice, finer: Lattice, blocks: np.ndarray) -> np.ndarray:
-        """By how much patches miss some more lines, over the limit."""
+        """Greatest residual of each block's patches at its check lines, in units of the limit, shape (n,)."""
         if not len(blocks):
             return np.zeros(0)
         nodes = (8 * blocks[:, None] + CHECKED).reshape(-1, 2)
@@ -213,7 +217,7 @@ class Refinement:
         return lattice.surplus(blocks, made, finer, self.limits.scale).max(axis=(1, 2))
 
     def _divided(self, level: _Level, finer: Lattice, divided: np.ndarray, counted: np.ndarray) -> _Level:
-        """The quarters of divided blocks, traced, with what their parents missed."""
+        """The quarters of divided blocks, with their lines traced and their parents' residuals."""
         blocks = level.blocks[divided]
         quarters = (2 * blocks[:, None] + np.array([(0, 0), (0, 1), (1, 0), (1, 1)])).reshape(-1, 2)
         parents = np.repeat(np.arange(len(blocks)), 4)
@@ -247,7 +251,7 @@ class Refinement:
             headers.append(np.concatenate([first, rate, lattice.block_ways(blocks)[:, None], costs], axis=1))
             values.append(lattice.patches(blocks, self.channels))
         header, whole = np.concatenate(headers), np.concatenate(values)
-        # Half as much to look up for each ray, where that is seen in none of the channels.
+        # Single precision halves what is loaded for each ray; it is used where no channel shows the difference.
         single = whole.astype(np.float32)
         rounding = HERMITE_WEIGHTS * np.abs(single - whole).max(axis=(0, 1, 2, 3))
         if (rounding <= ROUNDING_SHARE * self.limits.scale[: self.channels]).all():

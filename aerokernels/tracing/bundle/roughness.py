@@ -1,8 +1,8 @@
-"""How rough a field is, place by place and at every width: what a tube of rays may meet in it at most.
+"""The roughness of a field around every place: the greatest that a tube of rays of a given width can meet there.
 
-The field is divided into blocks of some cells. Of each, and of blocks twice as wide, four times and so on, the greatest
-fourth derivative along each axis is kept, and the greatest kink, over the block and its neighbours: of all that lies
-within a block's width of any place in it.
+The field is divided into blocks of a few cells. For each block, and for blocks two, four ... times as wide, a table
+holds the greatest fourth derivative along each axis and the greatest kink in the block and its neighbours. This covers
+everything within one block's width of any place in the block.
 """
 
 from dataclasses import dataclass
@@ -19,7 +19,7 @@ LEVELS = 12
 
 @dataclass(frozen=True, eq=False)
 class Roughness:
-    """What there is within a block's width of places in a field.
+    """Greatest roughness within a block's width of any place of a field, for a series of widths.
 
     Attributes:
         low: Where the blocks begin along the local axes [m].
@@ -35,7 +35,7 @@ class Roughness:
     levels: tuple[np.ndarray, ...]
 
     def at(self, place: np.ndarray, width: np.ndarray) -> np.ndarray:
-        """What there is within `width` [m along each axis], shapes (n, d): shape (n, 2 d), zero beyond the field."""
+        """Greatest roughness within `width` [m, per axis] of places, shapes (n, d): shape (n, 2 d), 0 outside."""
         with np.errstate(divide="ignore"):
             level = np.ceil(np.log2(np.maximum(width / self.size, 1e-9)).max(axis=1))
         level = np.clip(level, 0, len(self.levels) - 1).astype(int)

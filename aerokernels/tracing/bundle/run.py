@@ -1,4 +1,4 @@
-"""A bundle as a map of two parameters: whether it pays, the lines that are traced, delivery, and the rays left over."""
+"""Traces a bundle as a map of two parameters: some lines are traced, most rays interpolated, the rest traced singly."""
 
 import weakref
 from collections.abc import Callable
@@ -29,13 +29,14 @@ from .refine import Limits, Refinement
 from .table import BundleTable
 from .tubes import Tubes
 
-# Fewer rays are traced one by one at once.
+# Smaller bundles are traced ray by ray.
 LEAST_BUNDLE = 10_000
-# Shares of the tolerance: of the lines that are traced, and of the patches between them.
+# Fractions of the tolerance for the traced lines and for the interpolation between them.
 TRACED_SHARE, PATCH_SHARE = 0.25, 0.6
-# The share of the rays below which patches are not worth delivering.
+# Least fraction of the rays that must be interpolated; otherwise all are traced ray by ray.
 LEAST_SHARE = 0.5
-# The share of the tolerance that the air at a face of the box may be worth, over a way as long as the box.
+# Air at a face of the box counts as undisturbed if its OPD over the length of the box is below this fraction of the
+# tolerance.
 UNDISTURBED = 0.02
 # Tables kept for a field.
 KEPT = 4
@@ -45,12 +46,12 @@ Run = Callable[[IndexField, RayBundle, TracePlan, Any, float, frozenset], dict[s
 
 @dataclass(frozen=True, eq=False)
 class Asked:
-    """What is asked of a bundle.
+    """A request to trace a bundle.
 
     Attributes:
         field: The refractive index.
         rays: The rays.
-        until: Their stop.
+        until: Where the rays end.
         wavelength: Vacuum wavelength [m].
         outputs: Names of the per-ray arrays wanted.
         choices: The other arguments of `planning.make_plan`.
@@ -67,16 +68,16 @@ class Asked:
 
     @property
     def held(self) -> float:
-        """The OPD error that rays are held to [m]."""
+        """The OPD error allowed to each ray [m]."""
         return held_error(self.field, self.choices["tolerance"] * self.wavelength)
 
 
 def trace_bundle(asked: Asked) -> tuple[TracePlan, dict[str, np.ndarray]] | str:
-    """The plan and the per-ray arrays of a bundle; or a sentence why its rays are all traced one by one."""
+    """The plan and the per-ray arrays of a bundle; or a sentence that says why all its rays are traced one by one."""
     field, rays = asked.field, asked.rays
     if rays.ray_count < LEAST_BUNDLE:
         return f"fewer than {LEAST_BUNDLE} rays are traced one by one"
-    # The same rays come again and again, and a kernel is done with them sooner than they are recognised.
+    # The same rays are often traced repeatedly, and recognising a family takes longer than the kernel.
     key = ("last bundle", weakref.ref(rays), asked.until, asked.wavelength, channels_of(asked.outputs))
     found = field.derive((*key, tuple(asked.choices.values())), lambda: _recognised(asked), 1)
     if isinstance(found, str):
@@ -117,7 +118,7 @@ def _recognised(asked: Asked) -> tuple[Family, BundleTable, TracePlan] | str:
 
 
 def find_table(asked: Asked, family: Family) -> BundleTable | None:
-    """The patches of a family, kept with the field; None where there is no use in them."""
+    """The patches of a family, kept with the field; None where no block can be interpolated."""
     until = asked.until
     stop = None if until is None else tuple(np.concatenate([np.ravel(v) for v in vars(until).values()]).tolist())
     channels = channels_of(asked.outputs)
@@ -143,7 +144,7 @@ def _find_table(asked: Asked, family: Family, channels: int) -> BundleTable | No
 
 
 def _limits(asked: Asked, held: float) -> Limits:
-    """Directions are held to what a path within the tolerance leaves open of its slope: so much over a cell."""
+    """The limits; that of a direction is the slope that changes the path by its own limit over one cell."""
     error = PATCH_SHARE * held
     lever_arms = lever_arms_of(asked.field, pilot_of(asked.rays), asked.until)
     turn = held / float(np.min(asked.field.spacing))
@@ -154,7 +155,7 @@ def _limits(asked: Asked, held: float) -> Limits:
 
 
 class _Tracer:
-    """Traces lines one by one within a share of the tolerance: many of them by leapfrog where that holds."""
+    """Traces lines to a fraction of the tolerance: many at a time by leapfrog steps where these are accurate enough."""
 
     def __init__(self, asked: Asked):
         self.asked = asked
@@ -170,7 +171,7 @@ class _Tracer:
 
 
 def _line_plan(asked: Asked, share: float) -> TracePlan:
-    """The plan of rays under error control, of a share of the tolerance."""
+    """The plan that traces rays with error control to a fraction `share` of the tolerance."""
     choices = {**asked.choices, "tolerance": share * asked.choices["tolerance"]}
     directions = pilot_of(asked.rays).direction
     return make_plan(
@@ -195,7 +196,7 @@ def _plan_many(asked: Asked, rays: RayBundle, share: float) -> TracePlan:
 
 
 def _trace_left(asked: Asked, table: BundleTable, rows: np.ndarray, arrays: dict[str, Any]) -> None:
-    """Trace the rays of these rows one by one, and put them in their places."""
+    """Trace the rays of these rows one by one, and write their results into `arrays`."""
     rays = asked.rays.part(rows)
     # The rays that a table leaves over lie in the same parts of the family, whichever sample of it they are.
     many = rays.ray_count >= LEAST_RAYS

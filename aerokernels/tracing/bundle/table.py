@@ -1,4 +1,4 @@
-"""A family's patches, as kernels look them up: parameters, then a block, then a cell of it."""
+"""The patches of a family as kernels look them up: from a ray's parameters to a block, and to a cell of that block."""
 
 from dataclasses import dataclass
 
@@ -9,26 +9,26 @@ from .family import Family
 from .hermite import CELLS, NODES, hermite_weights
 from .nodes import Ways
 
-# Numbers that head each block: parameters of its first node, cells per parameter along both axes; the number of its
-# way; step error [m], steps and evaluations of its lines, at most.
+# Numbers in the header of a block: parameters of its first node (2), cells per unit of each parameter (2), the class of
+# its lines (nodes.Ways), and the greatest step error [m], step count and evaluation count of its lines.
 HEADER = 8
 
 
 @dataclass(frozen=True, eq=False)
 class BundleTable(Derived):
-    """Patches on the blocks of a family's parameters that hold, and how they were found.
+    """The patches of a family that meet the tolerance, and how they were found.
 
     Attributes:
         family: The lines.
-        ways: How lines come into the box and leave it.
+        ways: Classes of lines by the faces through which they enter and leave the box.
         channels: How many of nodes.CHANNELS the patches have.
-        map: Number of the block at each place, -1 where there is none, over the family's range, shape (mu, mv).
+        map: Number of the block at each place of the parameter range, -1 where there is none, shape (mu, mv).
         header: HEADER numbers of each block, shape (block_count, 8).
         values: Value, slopes and mixed slope at the nodes of each block [per cell], shape (block_count, 5, 5, 4, c), in
-            float32 where its rounding does not count.
-        traced: Lines that were traced for it.
+            float32 where its rounding is negligible.
+        traced: Number of traced lines.
         error: Greatest estimated OPD error of the patches [m].
-        refused: Why rays are not delivered, and how many about, by reason.
+        refused: Approximate number of rays that are not interpolated, by reason.
     """
 
     family: Family
@@ -48,7 +48,7 @@ class BundleTable(Derived):
 
     @property
     def rate(self) -> np.ndarray:
-        """Places of the map per parameter, shape (2,)."""
+        """Places of the map per unit of each parameter, shape (2,)."""
         return np.asarray(self.map.shape / (self.family.high - self.family.low))
 
     def find(self, position: np.ndarray, direction: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -79,7 +79,7 @@ class BundleTable(Derived):
 
 
 def map_of(shape: tuple[int, int], blocks: list[tuple[int, np.ndarray]]) -> np.ndarray:
-    """The map of that shape, of blocks (n, 2) that are `stride` places wide, level by level; numbered in that order."""
+    """The map of block numbers; `blocks` holds the width in places and the indices (n, 2) of each level's blocks."""
     made = np.full(shape, -1, np.int32)
     first = 0
     for stride, some in blocks:

@@ -1,11 +1,11 @@
-r"""What lies between the traced lines of a block, bounded from the field: no line passes it unseen.
+r"""Bounds what may lie between the traced lines of a block from the field itself, so that no structure is missed.
 
-A line integral of the contrast m, interpolated from lines s apart, errs by no more than
+The error of a line integral of the contrast m, interpolated between lines a distance s apart, is at most
 
     E <= K / 384 int s^4 (|d4 m / du^4| + |d4 m / dv^4|) dl + int (kinks) / 8 dl
 
-where the derivatives are the greatest in the tube about the block's lines. Where s is below RESOLVED cells a field of
-samples holds nothing that the lines do not meet, and what they say of each other is believed instead (refine.py).
+with the greatest derivatives within the tube around the block's lines. Where s is below RESOLVED cells, a sampled field
+can hold nothing that the lines do not show, and the residuals of refine.py are relied on instead.
 """
 
 from dataclasses import dataclass
@@ -19,26 +19,26 @@ from .family import Family
 from .nodes import undisturbed_length
 from .roughness import Roughness, roughness_of
 
-# The distance of lines in cells below which they meet all that a grid holds.
+# Distance between lines, in cells, below which they resolve everything that a grid holds.
 RESOLVED = 0.75
-# The error of a patch over s^4 f'''' of both axes, with the terms of both at once and those of slopes.
+# Error of a patch divided by s^4 f'''' of both axes, with an allowance for mixed terms and for the slopes' errors.
 CONSTANT = 2.0 / 384.0
-# The error of directions counts as that of the path over a cell: a structure's derivative is so much rougher.
+# Factor where directions are wanted, whose error counts as that of the path over a cell: derivatives are rougher.
 OF_DIRECTION = 2.0
-# Derivatives about the axis of a field of revolution, over those along its radius.
+# Azimuthal derivatives of an axisymmetric field, divided by the radial ones.
 ABOUT_AXIS = 2.0
-# Of a kink times the spacing, what an interpolant leaves.
+# Error of an interpolant at a kink, divided by the kink times the spacing.
 OF_KINK = 1.0 / 8.0
 
 
 @dataclass(frozen=True, eq=False)
 class Tubes:
-    """The tubes about blocks of a family's lines.
+    """The tubes around blocks of a family's lines.
 
     Attributes:
         field: The refractive index.
         family: The lines.
-        until: Their stop.
+        until: Where the rays end.
         roughness: The field's.
         counts_direction: Whether directions are wanted.
     """
@@ -56,13 +56,13 @@ class Tubes:
         return None if roughness is None else cls(field, family, until, roughness, counts_direction)
 
     def missed(self, middle: np.ndarray, half: np.ndarray, step: np.ndarray, bent: np.ndarray) -> np.ndarray:
-        """What patches of blocks may miss [m of OPD, or what directions are worth], shape (n,).
+        """Bound of the interpolation error of blocks [m of OPD; directions are converted to a path], shape (n,).
 
         Args:
             middle: Parameters of the blocks' middles, shape (n, 2).
             half: Half their width in parameters, shape (2,).
-            step: Parameters from line to line, shape (2,).
-            bent: How far lines may be bent aside [m], shape (n,).
+            step: Distance between lines in parameters, shape (2,).
+            bent: Greatest displacement of the lines [m], shape (n,).
         """
         position, direction = self.family.rays(middle)
         corners = [self.family.rays(middle + half * sign) for sign in np.array([(-1, -1), (-1, 1), (1, -1), (1, 1)])]
@@ -81,7 +81,7 @@ class Tubes:
         return found * (OF_DIRECTION if self.counts_direction else 1.0)
 
     def greatest_spacing(self, middle: np.ndarray, step: np.ndarray) -> np.ndarray:
-        """How many cells apart the lines about middles (n, 2) are in the field at most, shape (n,)."""
+        """Greatest distance, in cells of the field, between the lines around the middles (n, 2), shape (n,)."""
         position, direction = self.family.rays(middle)
         begin, end = self._span(position, direction)
         found = np.zeros(len(middle))
