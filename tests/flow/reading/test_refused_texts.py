@@ -72,7 +72,7 @@ def test_tecplot_elements_and_times(tmp_path):
         ("NDIME= 2", "NDIME= 4", "line 1: 4 dimensions"),
         ("NDIME= 2", "NDIME= é", "it is no text"),
         ("NELEM= 1", "NELEM= one", "line 2: a count must be a whole number, got 'one'"),
-        ("NELEM= 1", "NELEM= 99", "line 2: NELEM= 99, but only 9 lines follow"),
+        ("NELEM= 1", "NELEM= 99", "line 2: NELEM= 99, but only 10 lines follow"),
         ("9 0 1 3 2 0", "170 0 1 3 2 0", "element 170 is of high order"),
         ("9 0 1 3 2 0", "9 0 1", "no element of SU2: '9 0 1'"),
         ("9 0 1 3 2 0", "9 0 1 3 4 0", "elements refer to points beyond the 4"),
