@@ -104,6 +104,8 @@ def changes(tree: ast.Module) -> list[tuple[int, str, Callable[[], ast.Module]]]
             arguments = [*node.args.posonlyargs, *node.args.args, *node.args.kwonlyargs]
             hidden = [node.returns, *(one.annotation for one in arguments), *node.decorator_list]
             hidden += [node] if node.name in ("__repr__", "_repr_html_", "plot") else []
+        elif isinstance(node, ast.ClassDef):  # what a dataclass refuses is no answer
+            hidden = [*node.decorator_list]
         elif isinstance(node, ast.AnnAssign):
             hidden = [node.annotation]
         elif isinstance(node, (ast.JoinedStr, ast.If)) and "TYPE_CHECKING" in ast.dump(node):
@@ -189,9 +191,8 @@ def survives(module: str, tree: ast.Module | None, seconds: float) -> bool:
             sys.meta_path.insert(0, _Mutated(name, ROOT / "aerokernels" / module, tree))
             import pytest
 
-            status = int(
-                pytest.main(["-x", "-q", "-p", "no:cacheprovider", *(str(ROOT / one) for one in CORE[module])])
-            )
+            places = [str(ROOT / one) for one in CORE[module]]
+            status = int(pytest.main(["-x", "-q", "-p", "no:cacheprovider", *places]))
         os._exit(min(status, 100))
     end = time.monotonic() + 10.0 * seconds + 60.0
     while True:
@@ -201,6 +202,20 @@ def survives(module: str, tree: ast.Module | None, seconds: float) -> bool:
         if time.monotonic() > end:
             os.kill(child, 9)
         time.sleep(0.02)
+
+
+def rate(modules: list[str], caught: dict[str, int], tried: dict[str, int], sizes: dict[str, int]) -> str:
+    """The share that is caught: of those drawn, with its standard error, and each module by its number of mutants."""
+    modules = [module for module in modules if tried[module]]
+    good, total = sum(caught[module] for module in modules), sum(tried[module] for module in modules)
+    share = good / max(total, 1)
+    error = (share * (1.0 - share) / max(total, 1)) ** 0.5
+    whole = sum(sizes[module] for module in modules)
+    weighted = sum(sizes[module] / whole * caught[module] / tried[module] for module in modules)
+    return (
+        f"{good} of {total} caught, {100 * share:.1f} +- {100 * error:.1f} %; "
+        f"{100 * weighted:.1f} % where modules count by their {whole} mutants"
+    )
 
 
 def main() -> int:
@@ -223,11 +238,16 @@ def main() -> int:
     import scipy.signal
     import scipy.special  # noqa: F401
 
+    with contextlib.suppress(ImportError):
+        import warp  # noqa: F401 - imported, and not begun: that is the child's
+        import xarray  # noqa: F401
+
     draw, end = random.Random(given.seed), time.monotonic() + 60.0 * given.minutes
-    chosen, waiting, limits = given.modules or list(CORE), {}, {}
+    chosen, waiting, limits, sizes = given.modules or list(CORE), {}, {}, {}
     for module in chosen:
         tree = ast.parse((ROOT / "aerokernels" / module).read_text(encoding="utf-8"))
         every = changes(tree)
+        sizes[module] = len(every)
         waiting[module] = draw.sample(every, min(given.count, len(every)))
         before = resource.getrusage(resource.RUSAGE_CHILDREN)
         if not survives(module, None, 300.0):
@@ -247,9 +267,9 @@ def main() -> int:
                     print(f"  survives: {module}:{line}: {told}", flush=True)
     for module in chosen:
         print(f"{module}: {caught[module]} of {tried[module]} caught")
-    total, good = sum(tried.values()), sum(caught.values())
-    share = good / max(total, 1)
-    print(f"{good} of {total} caught: {100 * share:.1f} +- {100 * (share * (1 - share) / max(total, 1)) ** 0.5:.1f} %")
+    for stage in sorted({module.split("/")[0] for module in chosen}):
+        print(f"{stage}: {rate([one for one in chosen if one.split('/')[0] == stage], caught, tried, sizes)}")
+    print(f"all: {rate(chosen, caught, tried, sizes)}")
     return 0
 
 

@@ -63,6 +63,14 @@ def test_terms_are_removed_as_named():
     assert remove_terms(opd, "tilt", points, weights) == pytest.approx(flat + 3.0, abs=1e-13)
     assert remove_terms(opd, ["tilt", "piston"], points, weights) == pytest.approx(flat - 0.5, abs=1e-13)
     assert check_terms("tilt") == ("tilt",)
+    # Focus alone is about the origin, and with tilt about wherever the points are: both leave nothing of a paraboloid.
+    off = points + np.array([2.0, -1.0])
+    bowl = 5.0 * np.sum(off**2, axis=1) + 3.0
+    for terms in (("piston", "focus"), ("piston", "tilt", "focus")):
+        assert np.abs(remove_terms(bowl, terms, off, weights)).max() < 1e-12 * bowl.max()
+    leaning = np.sum((off - [2.0, 0.0]) ** 2, axis=1)
+    assert np.abs(remove_terms(leaning, ("piston", "tilt", "focus"), off, weights)).max() < 1e-12
+    assert np.abs(remove_terms(leaning, ("piston", "focus"), off, weights)).max() > 0.1
 
 
 @pytest.mark.parametrize(

@@ -10,6 +10,7 @@ from scipy.special import j0, j1, jn_zeros
 
 from aerokernels import Annulus, Disc, Mask, Polygon, Rectangle, Wavefront, estimate_strehl, strehl, wavefront, zernike
 from aerokernels.wavefront.traced import pupil_grid
+from aerokernels.wavefront.transfer import Transfer
 from tests.phase_plates import WAVELENGTH, phase_plate
 
 RADIUS = 2e-3
@@ -331,6 +332,15 @@ def test_a_slanted_look_sees_the_plate_from_aside():
     row = found.opd[12]
     good = np.isfinite(row)
     assert np.abs(row[good] - expected[good]).max() < 5e-9  # the plate is 2 mm thick: 0.2 mm of x
+
+
+def test_what_a_transfer_function_may_be_off_by():
+    """Formula: a greatest phase error e changes the OTF by 2 e of the perfect pupil's at most, and by twice it."""
+    perfect = np.array([[0.0, 0.4], [0.4, 1.0]])
+    for phase, share in ((0.1, 0.2), (5.0, 2.0)):
+        found = Transfer(perfect, np.arange(2.0), perfect, lambda phase=phase: phase)
+        assert found.error == pytest.approx(share * perfect, rel=1e-15)
+    assert np.isnan(Transfer(perfect, np.arange(2.0), perfect).error).all()
 
 
 def test_a_wavefront_and_what_it_makes_can_be_pickled():

@@ -72,6 +72,9 @@ def test_a_scene_may_ask_for_the_correction():
 
 def test_what_lies_off_the_curve_is_refused():
     walk = range_walk(TIME, gaussian(), 1.0)
+    for end in (0, -1):  # its ends are on it
+        assert walk.at_peak(walk.peak[end]) == pytest.approx(walk.error[end], rel=1e-9)
+        assert walk.at_width(walk.width[end]) == pytest.approx(walk.error[end], rel=1e-9)
     for peak in (0.9, 1.0, 2000.0):
         with pytest.raises(ValueError, match="outside of the range walk curve"):
             walk.at_peak(peak)

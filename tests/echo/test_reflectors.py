@@ -89,6 +89,10 @@ def test_echo_of_a_phong_plane_is_the_closed_form(tilt):
     assert np.abs(found.power - expected).max() < 1e-5 * expected.max()
 
 
+def test_a_reflector_is_lambertian_unless_it_is_asked_for_a_lobe():
+    assert Reflector(0.3).reflectance([1.0, 0.2, -0.5]) == pytest.approx([0.3 / math.pi] * 3, rel=1e-15)
+
+
 def test_bad_values_are_refused():
     for values, words in (
         ((1.5,), "reflectivity"),

@@ -6,6 +6,7 @@ import pytest
 from aerokernels.medium import IndexField
 from aerokernels.rays import RayBundle
 from aerokernels.tracing import Plane, RayStatus, trace
+from aerokernels.tracing.lines import crossing_of_box
 from aerokernels.validation.bundle_check import check
 from aerokernels.validation.bundle_draws import draw
 
@@ -68,3 +69,19 @@ def test_rounding_turns_no_parallel_ray_toward_its_plane(engine):
     along = np.array([[0.0, 1.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]])
     got = trace(field, RayBundle(start, along), until=Plane((0.0, 0.0, 1e-3), (0.0, 0.0, 1.0)), **on(engine))
     assert list(got.status[:2]) == [RayStatus.STOP_NOT_REACHED] * 2 and got.ok[2]
+
+
+def test_where_a_ray_leaves_a_round_box_and_how_steeply():
+    """Set-up: a cylinder of radius 2, z from 0 to 3; rays from its axis at z = 1 and from outside it, in one plane.
+
+    Formula: at an angle a to the axis the side is met after 2 / sin a and at a cosine of sin a, the end after
+    2 / cos a at cos a.
+    """
+    low, high = np.array([0.0, 0.0]), np.array([2.0, 3.0])
+    steep, flat = 1.3, 0.3
+    way = np.array([[np.sin(angle), 0.0, np.cos(angle)] for angle in (steep, flat, 0.5 * np.pi)])
+    start = np.array([[0.0, 0.0, 1.0], [0.0, 0.0, 1.0], [-5.0, 0.0, 1.0]])
+    enter, leave, cosine = crossing_of_box(start, way, low, high, "axisymmetric")
+    assert leave == pytest.approx([2.0 / np.sin(steep), 2.0 / np.cos(flat), 7.0], rel=1e-12)
+    assert cosine == pytest.approx([np.sin(steep), np.cos(flat), 1.0], rel=1e-12)
+    assert enter == pytest.approx([0.0, 0.0, 3.0], abs=1e-12)

@@ -6,7 +6,8 @@ import pytest
 from aerokernels.medium import IndexField
 from aerokernels.rays import RayBundle
 from aerokernels.tracing import Plane, trace
-from aerokernels.tracing.step_bound import CONES, cones_of, step_bound
+from aerokernels.tracing.lines import box_size
+from aerokernels.tracing.step_bound import CONES, cones_of, roughness_of_blocks, step_bound
 
 WAVE = 905e-9
 CELL = 1e-4
@@ -50,6 +51,25 @@ def test_a_constant_field_is_crossed_in_one_step():
     )
     assert result.step_count[0] <= 2
     assert result.opd[0] == pytest.approx(3e-4 * 12.8e-3 / result.direction[0, 2], rel=1e-6)
+
+
+@pytest.mark.parametrize("interpolation", ["cubic", "monotone"])
+def test_the_table_of_a_wave_is_its_formula(interpolation):
+    """Set-up: m = A cos(k z), 31 cells a period, along z. Formula: h^4 = 12 (budget / diagonal) 720 / (A k^4).
+
+    Tolerance: a difference of fourth order over such cells is within 1 - (k dz)^2 / 6 = 0.7 % of the derivative, a
+    spline's within as much; the block holds a trough: 3 % of the derivative, its fourth root below 1 %.
+    """
+    rate, wave = 1e-12, 0.2 / CELL
+    field = planar(np.tile(3e-5 * np.cos(wave * CELL * np.arange(161)), (17, 1)), interpolation)
+    assert box_size(field) == pytest.approx(CELL * np.hypot(16, 160), rel=1e-12)  # the endless x counts as nothing
+    bound = step_bound(field.samples, "planar", rate * box_size(field), FORWARD)
+    expected = (12.0 * rate * 720.0 / (3e-5 * wave**4)) ** 0.25
+    kinks = interpolation != "cubic"  # that A (k dz)^2 / 12 m a kink is above their share of the rate
+    assert bound.length[2, 19] == (0.0 if kinks else pytest.approx(expected, rel=0.02))
+    _, fourth, second = roughness_of_blocks(field.samples)
+    assert fourth[1][2, 19] == pytest.approx(3e-5 * wave**4, rel=0.03) and fourth[0].max() < 1e-6 * fourth[1].max()
+    assert second[1][2, 19] == (pytest.approx(3e-5 * 0.2**2, rel=0.01) if kinks else 0.0)
 
 
 @pytest.mark.parametrize("slope", [0.0, 1.0])

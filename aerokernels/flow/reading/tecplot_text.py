@@ -197,7 +197,12 @@ def _cell_variables(path: Path, text: str, count: int) -> set[int]:
             continue
         for part in numbers.split(","):
             low, _, high = part.strip().partition("-")
-            found |= set(range(int(low) - 1, int(high or low)))
+            if not (low.strip().isdigit() and (high or low).strip().isdigit()):
+                raise ReadError(path, f"VARLOCATION names variables by {part.strip()[:20]!r}", DAMAGED)
+            last = int(high or low)
+            if last > count:  # before a set of as many is made
+                raise ReadError(path, f"VARLOCATION names variable {last} of {count}", DAMAGED)
+            found |= set(range(int(low) - 1, last))
     listed = re.fullmatch(r"\(((?:\s*(?:NODAL|CELLCENTERED)\s*,?)+)\)", text.strip(), re.IGNORECASE)
     if listed:
         found |= {k for k, word in enumerate(re.findall(r"\w+", listed[1])) if word.upper() == "CELLCENTERED"}
