@@ -38,7 +38,10 @@ def main() -> None:
         given, nodes=sizes[0], map_pixels=sizes[1], scene_pixels=sizes[2], spreads=sizes[3], longest=options.longest
     ):
         found.append(one)
-        traced = f"; tracing {one['traced']:.3g} s, kernels {one['kernel']:.3g} s" if "traced" in one else ""
+        traced = ""
+        if "traced" in one:
+            parts = (one["cpu"], one["traced"], one["kernel"])
+            traced = "; of the last, {:.3g} s of processors, {:.3g} s of tracing, {:.3g} s of kernels".format(*parts)
         print(f"{time.perf_counter() - begin:6.1f} s  {'; '.join(table_row(one))}{traced}", flush=True)
     print("\n" + markdown_table(COLUMNS, [table_row(one) for one in found]))
     if options.out is not None:

@@ -64,7 +64,8 @@ def measure_optics(
         longest: No further call is begun after this time [s].
 
     Yields:
-        "what", "pixels", the seconds of CALLS where they were measured, and what of them is tracing: "traced".
+        "what", "pixels", the seconds of CALLS where they were measured; and of the last of them the host's processor
+        seconds, "cpu", and what of it was tracing, "traced", with its "kernel".
     """
     begin = time.perf_counter()
     fields = [smooth_volume(nodes, seed) for seed in (0, 1)]
@@ -92,9 +93,9 @@ def measure_optics(
         for name, field in zip(CALLS, (fields[0], fields[1], fields[1]), strict=True):
             if time.perf_counter() - begin > longest:
                 break
-            start = time.perf_counter()
+            start = time.perf_counter(), time.process_time()
             made = call(field)
-            found[name] = time.perf_counter() - start
+            found[name], found["cpu"] = time.perf_counter() - start[0], time.process_time() - start[1]
             stages = made.seconds
             found["traced"] = sum(stages.get(stage, 0.0) for stage in ("plan", "upload", "kernel", "download"))
             found["kernel"] = stages.get("kernel", 0.0)
