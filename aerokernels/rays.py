@@ -102,19 +102,22 @@ class RayBundle(ReadOnly):
             raise ValueError(f"{len(position)} ray positions but {len(direction)} directions: give one for each")
         direction = _one_if_equal(direction)
         for name, array in (("position", position), ("direction", direction)):
-            bad = ~np.isfinite(array).all(axis=1)
-            if bad.any():
+            if not np.isfinite(array).all():
+                bad = ~np.isfinite(array).all(axis=1)
                 count = int(bad.sum()) * (len(position) // len(array))
                 raise ValueError(f"{count} ray {name}s are not finite, the first is ray {int(np.argmax(bad))}")
-        scale = np.abs(direction).max(axis=1)
-        if (scale == 0.0).any():
-            zero, count = int(np.argmax(scale == 0.0)), int((scale == 0.0).sum()) * (len(position) // len(direction))
-            raise ValueError(f"{count} ray directions are zero, the first is ray {zero}")
         # Directions that are unit vectors already stay as they are, to the last bit: a part of a bundle is that part.
         with np.errstate(over="ignore"):
-            turned = ~(np.abs(np.linalg.norm(direction, axis=1) - 1.0) <= 4e-16)
-        direction[turned] /= scale[turned, None]
-        direction[turned] /= np.linalg.norm(direction[turned], axis=1, keepdims=True)
+            turned = np.flatnonzero(~(np.abs(np.linalg.norm(direction, axis=1) - 1.0) <= 4e-16))
+        if len(turned):
+            part = direction if len(turned) == len(direction) else direction[turned]
+            scale = np.abs(part).max(axis=1)
+            if not scale.all():
+                zero = turned[scale == 0.0]
+                count = len(zero) * (len(position) // len(direction))
+                raise ValueError(f"{count} ray directions are zero, the first is ray {zero[0]}")
+            part = part / scale[:, None]
+            direction[turned] = part / np.linalg.norm(part, axis=1, keepdims=True)
         if len(direction) < len(position):
             direction = np.broadcast_to(direction, position.shape)
         weight = self._shares(len(position))

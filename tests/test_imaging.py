@@ -22,6 +22,7 @@ from aerokernels.rays import RayBundle
 from aerokernels.schlieren import read_picture
 from aerokernels.validation.cone import CONE_HALF, cone_field, cone_truth
 from aerokernels.validation.cone_rays import rays_past_cone
+from aerokernels.validation.optics_speed import CALLS, COLUMNS, measure_optics, table_row
 
 GRADIENT, FRONT, LENGTH = 3e-3, 0.2, 0.1
 
@@ -297,3 +298,11 @@ def test_what_is_refused():
         image_through(prism(), np.zeros((17, 16)), camera)
     with pytest.raises(ValueError, match="bits"):
         Sensor(bits=17)
+
+
+def test_what_the_speed_script_measures():
+    """scripts/optics_speed at its smallest: three calls each of a map with one ray a pixel, with four, of a scene."""
+    rows = list(measure_optics({"tolerance": 1e-2}, nodes=16, map_pixels=8, scene_pixels=8, spreads=2))
+    assert [len(row) for row in map(table_row, rows)] == [len(COLUMNS)] * 3
+    assert all(row[call] > 0.0 for row in rows for call in CALLS)
+    assert list(measure_optics({}, nodes=16, map_pixels=8, scene_pixels=8, longest=0.0))[2].keys() == {"what", "pixels"}

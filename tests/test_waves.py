@@ -12,7 +12,7 @@ from scipy.special import airy, fresnel
 from aerokernels import Disc, IndexField, Wave, split_step, validity
 from aerokernels.validation.random_fields import uniform_field
 from aerokernels.waves import angular_spectrum
-from aerokernels.waves.layers import sample_layers
+from aerokernels.waves.layers import mean_layers, sample_layers
 from tests.phase_plates import DEPTH, WAVELENGTH, phase_plate
 
 K = 2.0 * np.pi / WAVELENGTH
@@ -218,3 +218,17 @@ def test_a_far_field_has_the_same_bits_on_any_number_of_threads(tmp_path):
         environment = {**os.environ, "OPENBLAS_NUM_THREADS": threads, "OMP_NUM_THREADS": threads}
         subprocess.run([sys.executable, "-c", code, str(tmp_path / threads)], env=environment, check=True, timeout=100)
     assert (tmp_path / "1").read_bytes() == (tmp_path / "3").read_bytes()
+
+
+def test_a_layer_that_is_thicker_than_a_cell_misses_nothing():
+    """A spike of one node among 1201, 10 cells to a layer: the mean of samples a cell apart has its path, to 2 %.
+
+    The cubic B-spline through a spike has the spike's own integral, one cell times its height. One sample a layer is
+    misses most of that.
+    """
+    contrast = np.zeros((4, 1201))
+    contrast[:, 601] = 1e-5
+    field = IndexField.from_samples(contrast, origin=(-1.0, 0.0), spacing=(2.0 / 3.0, 1e-3), geometry="planar")
+    wave = Wave(np.ones((2, 2)), 1e-2, WAVELENGTH, (0.0, 0.0, 0.0))
+    assert mean_layers(field, wave, 0.0, 1.2, 120).sum(axis=0) == pytest.approx(1e-8, rel=0.02)
+    assert np.abs(sample_layers(field, wave, 0.0, 1.2, 120).sum(axis=0) - 1e-8).min() > 5e-9

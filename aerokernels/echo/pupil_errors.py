@@ -12,6 +12,8 @@ from .pupil_reduction import reduce_pupils
 
 # Enough for a mean within 1e-3 and an error budget, which takes rays of its own.
 ESTIMATE_RAYS = 4096
+# Errors that a field keeps: that of the target's centre is the same for all tilts of the target.
+KEPT = 8
 
 
 def own_phase_error(scene: Scene, field: IndexField) -> float:
@@ -33,9 +35,13 @@ def pupil_error(scene: Scene, field: IndexField) -> float:
 
     The rule with all of the rays errs less than this. NaN where no ray gets out.
     """
-    pupil = scene.receiver.pupil
-    center = np.array([[0.0, 0.0, scene.receiver.aperture_z + scene.target.distance]])
-    count = scene.receiver.ray_count
+    center = (0.0, 0.0, scene.receiver.aperture_z + scene.target.distance)
+    key = ("pupil error", repr(scene.receiver), center, tuple(trace_options(scene).items()))
+    return float(field.derive(key, lambda: _halving_error(scene, field, np.array([center])), KEPT))
+
+
+def _halving_error(scene: Scene, field: IndexField, center: np.ndarray) -> float:
+    pupil, count = scene.receiver.pupil, scene.receiver.ray_count
     try:
         ratios = [
             float(reduce_pupils(scene, field, center, *pupil.sample(rays, "gauss")).strehl[0])

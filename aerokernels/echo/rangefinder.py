@@ -69,9 +69,10 @@ class Rangefinder:
                 unreadable["leading-edge"] = f"the echo in vacuum gives no range walk curve: {fault}"
                 del methods["leading-edge"]
         bare = cls(detector.threshold, detector.fraction, shape, methods, walk)
+        made = bare._curve(time, reference)
         for method in methods:
             try:
-                offsets[method] = bare.range(time, reference, method) - scene.target.distance
+                offsets[method] = bare.range(time, reference, method, made) - scene.target.distance
             except ValueError as fault:
                 unreadable[method] = f"the echo in vacuum, without flow, cannot be ranged: {fault}"
         return cls(detector.threshold, detector.fraction, shape, offsets, walk, unreadable)
@@ -112,10 +113,7 @@ class Rangefinder:
         `curve` is the one through the voltage, where it was made already.
         """
         found, reasons = {}, {}
-        made = None
-        with suppress(ValueError):  # a record that has no curve: each method says why
-            _, volts, period = as_waveform(time, voltage)
-            made = shaped_curve(volts, self.shape, period, curve)
+        made = self._curve(time, voltage, curve)
         for method in methods:
             found[method] = math.nan
             if method in self.unreadable:
@@ -126,6 +124,15 @@ class Rangefinder:
             except ValueError as fault:  # the flow, or the noise, left too little of the echo for this method
                 reasons[method] = f"the echo cannot be ranged: {fault}"
         return found, reasons
+
+    def _curve(
+        self, time: np.ndarray, voltage: np.ndarray, curve: PulseCurve | None = None
+    ) -> tuple[PulseCurve, int] | None:
+        """A record's curve, which all methods read; None for one that has none: each method says why."""
+        with suppress(ValueError):
+            _, volts, period = as_waveform(time, voltage)
+            return shaped_curve(volts, self.shape, period, curve)
+        return None
 
     def statistics(
         self, scene: Scene, time: np.ndarray, power: np.ndarray, stride: int, trial_count: int

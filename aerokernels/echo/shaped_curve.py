@@ -21,6 +21,8 @@ from .pulse_curve import PulseCurve
 ENOUGH_SAMPLES = 16
 GREATEST_FACTOR = 32
 ROUNDING = 1e-13
+# Places at which a match is looked up at once, and the share of it that the polynomial through them may be off by.
+POINTS, SAME = 12, 1e-12
 
 Shape = Callable[[np.ndarray], np.ndarray]
 
@@ -73,7 +75,6 @@ def best_match(volts: np.ndarray, curve: Shape, period: float) -> tuple[float, f
         ValueError: A pulse that is not finite, or no positive correlation anywhere.
     """
     from scipy.fft import irfft, next_fast_len, rfft
-    from scipy.optimize import minimize_scalar
 
     count = volts.size
     kept = getattr(curve, "transform", None)
@@ -88,15 +89,53 @@ def best_match(volts: np.ndarray, curve: Shape, period: float) -> tuple[float, f
         raise ValueError("the waveform has no positive correlation with the template anywhere: is a sign turned?")
     places = np.arange(count) - start
 
-    def mismatch(shift: float) -> float:
+    def match(shifts: np.ndarray) -> np.ndarray:
         # Over its norm: a pulse of few samples has more or less of them near its peak as it moves between the samples.
-        expected = curve((places - shift) * period)
-        return -float(volts @ expected) / (float(np.linalg.norm(expected)) or 1.0)
+        expected = curve((places - shifts[:, None]).ravel() * period).reshape(shifts.size, count)
+        norm = np.sqrt(np.einsum("si,si->s", expected, expected))
+        return np.asarray(expected @ volts / np.where(norm > 0.0, norm, 1.0))
 
     low, high = max(-1.0, -float(start)), min(1.0, float(count - 1 - start))
-    found = float(minimize_scalar(mismatch, bounds=(low, high), method="bounded", options={"xatol": 1e-10}).x)
+    found = greatest_within(match, low, high)
     expected = curve((places - found) * period)
     return start + found, float(volts @ expected) / (float(expected @ expected) or 1.0)
+
+
+def greatest_within(values: Callable[[np.ndarray], np.ndarray], low: float, high: float) -> float:
+    """Where a smooth function is greatest between two places: by the polynomial through Chebyshev points.
+
+    All of them are one call. Where the polynomial does not tell the function at the place that it finds, as that of a
+    pulse of hardly a sample, the function itself is searched.
+
+    Args:
+        values: The function of places, shape (n,) for (n,).
+        low: From here.
+        high: To here.
+    """
+    from numpy.polynomial import chebyshev
+
+    angle = np.pi * (np.arange(POINTS) + 0.5) / POINTS
+    middle, half = 0.5 * (low + high), 0.5 * (high - low)
+    found = values(middle + half * np.cos(angle))
+    order = np.arange(POINTS)
+    coefficients = 2.0 / POINTS * np.cos(order[:, None] * angle) @ found
+    coefficients[0] *= 0.5
+    size = float(np.abs(found).max())
+    # Rounding makes no roots: orders that hold nothing are left out.
+    held = chebyshev.chebtrim(coefficients, ROUNDING * size)
+    if len(held) < POINTS - 1 and np.isfinite(held).all():
+        roots = chebyshev.chebroots(chebyshev.chebder(held)) if len(held) > 2 else np.zeros(0)
+        inner = roots.real[(np.abs(roots.imag) < 1e-6) & (np.abs(roots.real) < 1.0)]
+        places = np.concatenate([inner, [-1.0, 1.0]])
+        heights = chebyshev.chebval(places, held)
+        best = int(np.argmax(heights))
+        place = middle + half * float(places[best])
+        if abs(float(values(np.array([place]))[0]) - heights[best]) <= SAME * size:
+            return place
+    from scipy.optimize import minimize_scalar
+
+    search = {"bounds": (low, high), "method": "bounded", "options": {"xatol": 1e-10}}
+    return float(minimize_scalar(lambda place: -float(values(np.array([place]))[0]), **search).x)
 
 
 def template_transform(curve: Shape, count: int, period: float) -> tuple[np.ndarray, float]:

@@ -111,9 +111,11 @@ class Camera:
         """Unit vectors toward tangents x and y, each of shape (n,): shape (n, 3)."""
         first, second = self.pupil.axes
         size = 1.0 / np.sqrt(1.0 + x**2 + y**2)
-        return np.asarray(
-            (x * size)[:, None] * first + (y * size)[:, None] * second + size[:, None] * self.pupil.normal
-        )
+        x, y = x * size, y * size
+        found = np.empty((len(size), 3))
+        for axis in range(3):
+            found[:, axis] = x * first[axis] + y * second[axis] + size * self.pupil.normal[axis]
+        return found
 
     def across(self, vectors: np.ndarray) -> np.ndarray:
         """Components of vectors (n, 3) along the pupil's axes, shape (n, 2)."""

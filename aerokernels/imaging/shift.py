@@ -212,13 +212,15 @@ def gather(
             share = weight * arrived
             through += share
             for axis in (0, 1):
-                total[axis] += share * moved[axis]
-                square[axis] += share * moved[axis] ** 2
+                part = share * moved[axis]
+                total[axis] += part
+                if len(points) > 1:  # the spread of one ray is none
+                    square[axis] += part * moved[axis]
             if visit is not None:
                 visit(point, float(weight), moved, arrived)
         seen = np.maximum(through, 1e-300)
         mean = np.where(through > 0.0, total / seen, np.nan)
-        spread = np.sqrt(np.maximum(square / seen - mean**2, 0.0))
+        spread = np.sqrt(np.maximum(square / seen - mean**2, 0.0)) if len(points) > 1 else 0.0 * mean
     return BackgroundDisplacement(
         displacement=-np.moveaxis(mean, 0, -1),
         blur=np.moveaxis(spread, 0, -1),

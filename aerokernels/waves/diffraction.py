@@ -153,6 +153,7 @@ def bending(paths: np.ndarray, pixel: float, step: float, after: float) -> np.nd
     """
     kind, shape = paths.dtype.type, paths.shape[1:]
     axes = [axis for axis in (0, 1) if shape[axis] > 1]
+    reach = kind(max(shape) * pixel)
     gained = np.zeros(shape, dtype=kind)
     turn, aside = np.zeros((2, len(axes), *shape), dtype=kind)
     for number, path in enumerate(paths):
@@ -166,6 +167,7 @@ def bending(paths: np.ndarray, pixel: float, step: float, after: float) -> np.nd
         for turned, moved, own in zip(turn, aside, slopes, strict=True):
             turned += own
             moved += way * turned
+            np.clip(moved, -reach, reach, out=moved)  # beside a jump at the box's side, where no light is
             gained += kind(0.5) * way * turned**2
     return gained
 

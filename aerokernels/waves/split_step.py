@@ -21,7 +21,7 @@ from ..medium import IndexField
 from ..pupils import Pupil
 from ..wavefront.traced import LEAST_COVER
 from .angular_spectrum import transfer_exponent
-from .layers import FEWEST_STEPS, check_memory, layer_count, path_range, sample_layers
+from .layers import FEWEST_STEPS, check_memory, layer_count, mean_layers, path_range
 from .library import PRECISIONS, FourierLibrary, fourier_library
 from .wave import Wave
 
@@ -86,7 +86,7 @@ def split_step(
             begin, end = path_range(field, wave)
             count = layer_count(field, end - begin, step_count)
             check_memory(count, wave.amplitude.size)
-            layers = sample_layers(field, wave, begin, end, count)
+            layers = mean_layers(field, wave, begin, end, count)
         with stage("kernel"):
             start = wave.propagate(begin, paraxial=paraxial)
             by = partial(

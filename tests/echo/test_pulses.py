@@ -9,8 +9,10 @@ from scipy.integrate import quad
 from scipy.optimize import brentq
 
 from aerokernels.echo import GaussianPulse, HeliosPulse, SampledPulse, estimate_range
+from aerokernels.echo.pulse_curve import PulseCurve
 from aerokernels.echo.pulses import as_pulse, pulse_of
-from aerokernels.echo.waveform import SPEED_OF_LIGHT, sum_of_pulses
+from aerokernels.echo.shaped_curve import greatest_within
+from aerokernels.echo.waveform import SPEED_OF_LIGHT, fewer_gaussians, sum_of_pulses
 from aerokernels.scene import Scene
 
 TAU = 6e-9
@@ -114,3 +116,44 @@ def test_the_duration_of_coarse_samples_allows_for_where_the_curve_is_cut():
     pulse = SampledPulse([0.0, 0.0, 0.2, 0.9, 1.0, 0.5, 0.1, 0.0, 0.0], 1e-9)
     time = np.linspace(*pulse.support, 160_001)
     assert pulse.duration == pytest.approx(np.trapezoid(pulse(time), x=time), rel=1e-6)
+
+
+@pytest.mark.parametrize(("reach", "most"), [(0.05, 12), (1.0, 28)])
+def test_a_few_gaussians_stand_for_many(reach, most):
+    """400 pulses within `reach` tau of each other: the sum to 1e-15 of all peaks, far out too, by a few of them."""
+    draw = np.random.default_rng(4)
+    delay, peak = TAU * (3.0 + reach * draw.uniform(-1.0, 1.0, 400)), draw.uniform(0.0, 1.0, 400)
+    time = TAU * np.linspace(-8.0, 14.0, 300)
+    few, heights = fewer_gaussians(delay, peak, TAU)
+    assert len(few) <= most
+    plain = np.exp(-(((time[:, None] - delay) / TAU) ** 2)) @ peak
+    assert np.abs(np.exp(-(((time[:, None] - few) / TAU) ** 2)) @ heights - plain).max() < 1e-15 * peak.sum()
+    found = sum_of_pulses(time, delay, peak, TAU)
+    assert np.abs(found - plain).max() < 1e-15 * peak.sum() and found.min() >= 0.0
+    # Pulses that lie far apart stay as they are.
+    assert fewer_gaussians(100.0 * delay, peak, TAU)[0].size == 400
+
+
+def test_a_curve_is_read_by_its_polynomials():
+    """The spline of a skew pulse with noise: its peak is where the derivative vanishes, crossings lie on it.
+
+    Crossings to 1e-11; the peak to 1e-7, that of a search, where the curve turns more than once beside it.
+    """
+    place = np.arange(80.0)
+    for seed in range(20):
+        draw = np.random.default_rng(seed)
+        middle = 30.0 + draw.uniform(-1.0, 1.0)
+        samples = np.exp(-(((place - middle) / np.where(place < middle, 4.0, 7.0)) ** 2)) + 0.03 * draw.normal(size=80)
+        curve = PulseCurve(samples)
+        peak = curve.peak_place
+        assert abs(float(curve.spline.derivative()(peak))) < 1e-7 and abs(peak - np.argmax(samples)) < 1.0
+        assert curve.peak >= samples.max()
+        for crossing in (curve.first_rise(0.6), curve.rise_before_peak(0.6), curve.fall_after_peak(0.6)):
+            assert abs(float(curve.spline(crossing)) - 0.6) < 1e-11
+
+
+def test_the_greatest_of_a_smooth_function_and_of_one_that_no_polynomial_follows():
+    """cos(x - 0.3) to 1e-7 of a place, where its value falls by rounding; a spike of 1e-3 by the search, to 1e-2."""
+    assert greatest_within(lambda x: np.cos(x - 0.3), -1.0, 1.0) == pytest.approx(0.3, abs=1e-7)
+    assert greatest_within(lambda x: 1.0 - np.abs(x), -1.0, 1.0) == pytest.approx(0.0, abs=1e-6)
+    assert greatest_within(lambda x: x, 0.0, 1.0) == 1.0
