@@ -23,13 +23,10 @@ def flow_figure(flow: DensityField, title: str = "") -> "Figure":
         axes = figure.subplots()
         shown = axes.pcolormesh(1e3 * z, 1e3 * y, density, cmap="viridis", shading="flat", rasterized=True)
         figure.colorbar(shown, ax=axes, label="density [kg/m3]").outline.set_visible(False)
-        if isinstance(flow.body, SolidBody):
-            from matplotlib.collections import LineCollection
-
-            pieces = [1e3 * piece[:, ::-1] for piece in flow.body.section()]
-            axes.add_collection(LineCollection(pieces, colors=BODY_COLOUR, linewidths=2.0))
-        elif flow.body is not None:
-            axes.fill(1e3 * flow.body.profile[:, 1], 1e3 * flow.body.profile[:, 0], color=BODY_COLOUR)
+        if flow.body is not None:
+            lines = flow.body.outlines() if isinstance(flow.body, SolidBody) else [flow.body.profile]
+            for y_and_z in lines:
+                axes.fill(1e3 * y_and_z[:, 1], 1e3 * y_and_z[:, 0], color=BODY_COLOUR)
         axes.set_aspect("equal")
         axes.set_xlim(1e3 * float(np.min(z)), 1e3 * float(np.max(z)))
         axes.set_ylim(1e3 * float(np.min(y)), 1e3 * float(np.max(y)))

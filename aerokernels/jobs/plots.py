@@ -50,12 +50,18 @@ def axes_of(dataset: "xarray.Dataset") -> tuple[str, str]:
 
 
 def _draw_body(axes: "Axes", dataset: "xarray.Dataset") -> None:
-    if "body_z" not in dataset:
-        return
-    z, y = 1e3 * dataset["body_z"].values, 1e3 * dataset["body_y"].values
-    if dataset.attrs.get("geometry") == "axisymmetric":  # one outline for both halves: no seam along the axis
-        z, y = np.concatenate([z, z[::-1]]), np.concatenate([y, -y[::-1]])
-    axes.fill(z, y, facecolor=BODY_COLOUR, linewidth=0.0, zorder=3)
+    lines = []
+    if "body_triangle" in dataset:
+        from aerokernels.medium.section import outlines
+
+        lines = outlines(dataset["body_point"].values, dataset["body_triangle"].values.astype(np.int64))
+    elif "body_z" in dataset:
+        y, z = dataset["body_y"].values, dataset["body_z"].values
+        if dataset.attrs.get("geometry") == "axisymmetric":  # one outline for both halves: no seam along the axis
+            z, y = np.concatenate([z, z[::-1]]), np.concatenate([y, -y[::-1]])
+        lines = [np.stack([y, z], axis=1)]
+    for line in lines:
+        axes.fill(1e3 * line[:, 1], 1e3 * line[:, 0], facecolor=BODY_COLOUR, linewidth=0.0, zorder=3)
 
 
 def _draw_density(axes: "Axes", dataset: "xarray.Dataset") -> Any:

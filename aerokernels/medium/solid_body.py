@@ -12,6 +12,7 @@ import numpy as np
 from ..read_only import ReadOnly
 from .body import Body
 from .grid import check_finite
+from .section import outlines
 from .triangle_crossings import triangle_crossings
 from .wall_tree import WallTree, wall_tree
 
@@ -147,18 +148,12 @@ class SolidBody(ReadOnly):
 
     def section(self) -> np.ndarray:
         """Where the surface crosses the plane x = 0: both ends (y, z) of each piece [m], shape (n, 2, 2)."""
-        x = self.surface[:, :, 0]
-        above = x > 0.0
-        cut = np.flatnonzero(above.any(axis=1) & ~above.all(axis=1))
-        ends = np.full((len(cut), 3, 2), np.nan)
-        for k in range(3):
-            one, other = self.surface[cut, k], self.surface[cut, (k + 1) % 3]
-            crossed = (one[:, 0] > 0.0) != (other[:, 0] > 0.0)
-            with np.errstate(divide="ignore", invalid="ignore"):
-                share = one[:, 0] / (one[:, 0] - other[:, 0])
-                ends[crossed, k] = (one + share[:, None] * (other - one))[crossed, 1:]
-        order = np.argsort(np.isnan(ends[:, :, 0]), axis=1, kind="stable")[:, :2]
-        return np.take_along_axis(ends, order[:, :, None], axis=1)
+        pieces = [np.stack([line, np.roll(line, -1, axis=0)], axis=1) for line in self.outlines()]
+        return np.concatenate([np.empty((0, 2, 2)), *pieces])
+
+    def outlines(self) -> list[np.ndarray]:
+        """The closed lines in which the surface crosses the plane x = 0: corners (y, z) of each [m], shape (n, 2)."""
+        return outlines(self.vertices, self.triangles)
 
     @cached_property
     def _middles(self):

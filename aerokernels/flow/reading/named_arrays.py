@@ -2,9 +2,13 @@
 
 Coordinates are arrays called x, y, z or r, z (`variables` names others): one number for each index along an axis, or
 one for each sample. A field of r and z is axisymmetric. HDF5 files are read in the child of worker.py.
+
+Where there are none, both ends of each axis make even cells, whose averages the arrays are: in `variables`, or in
+attributes of an HDF5 file called xmin and xmax, x_min and x_max, and so on.
 """
 
 import re
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +18,7 @@ from .coordinates import COLUMNS, metres
 from .dataset import Block, Dataset, ReadError
 
 DAMAGED = "the file is damaged: write it again"
+AXIS_END = re.compile(r"([xyzr])_?(min|max)")
 HDF5 = b"\x89HDF\r\n\x1a\n"
 
 
@@ -24,16 +29,20 @@ def read(path: Path, time: Any = None, options: dict | None = None) -> Dataset:
         ReadError: A damaged file, or one without coordinates.
     """
     units: dict[str, str] = {}
+    ends: dict[str, tuple[float, float]] = {}
     variables = dict((options or {}).get("variables") or {})
     with path.open("rb") as stream:
         head = stream.read(8)
     if path.suffix.lower() == ".npz":
         arrays, kind = _npz(path), "NumPy arrays"
     elif head == HDF5:
-        (arrays, units), kind = _hdf5(path), "HDF5"
+        (arrays, units, ends), kind = _hdf5(path), "HDF5"
     else:
         raise ReadError(path, "it does not begin like an HDF5 file", DAMAGED)
-    return dataset_of(path, arrays, units, variables, kind, time)
+    given = {axis: value for axis, value in variables.items() if not isinstance(value, str)}
+    arrays, note = _with_even_cells(path, arrays, variables, given or ends)
+    found = dataset_of(path, arrays, units, {a: v for a, v in variables.items() if a not in given}, kind, time)
+    return replace(found, notes=[*found.notes, note]) if note else found
 
 
 def _npz(path: Path) -> dict[str, np.ndarray]:
@@ -56,23 +65,61 @@ def _npz(path: Path) -> dict[str, np.ndarray]:
         raise ReadError(path, f"it is no whole NPZ file ({fault})", DAMAGED) from None
 
 
-def _hdf5(path: Path) -> tuple[dict[str, np.ndarray], dict[str, str]]:
+def _hdf5(path: Path) -> tuple[dict[str, np.ndarray], dict[str, str], dict[str, tuple[float, float]]]:
+    """Arrays by name, their units, and the ends of axes."""
     import h5py
 
-    arrays, units = {}, {}
+    arrays: dict[str, np.ndarray] = {}
+    units: dict[str, str] = {}
+    bounds: dict[str, set[float]] = {}
 
     def take(name: str, entry) -> None:
+        for key, value in entry.attrs.items():
+            number = np.asarray(value)
+            if (end := AXIS_END.fullmatch(key.lower())) and number.size == 1 and number.dtype.kind in "iuf":
+                bounds.setdefault("".join(end.groups()), set()).add(float(number.reshape(-1)[0]))
         if isinstance(entry, h5py.Dataset) and entry.shape and np.issubdtype(entry.dtype, np.number):
+            if name.rsplit("/", 1)[-1] in ("data", "values") and len(entry.parent) == 1 and "/" in name:
+                name = name.rsplit("/", 1)[0]  # a group for one array, called by the group's name
             arrays[name] = entry[...]
             unit = entry.attrs.get("units")
             units[name] = unit.decode() if isinstance(unit, bytes) else unit if isinstance(unit, str) else ""
 
     try:
         with h5py.File(path, "r") as file:
+            take("", file)
             file.visititems(take)
     except (OSError, RuntimeError, KeyError, ValueError) as fault:
         raise ReadError(path, f"HDF5 cannot read it ({str(fault)[:120]})", DAMAGED) from None
-    return arrays, units
+    known = {key: values.pop() for key, values in bounds.items() if len(values) == 1}
+    ends = {a: (known[f"{a}min"], known[f"{a}max"]) for a in "xyzr" if f"{a}min" in known and f"{a}max" in known}
+    return arrays, units, ends
+
+
+def _with_even_cells(path, arrays, variables, ends) -> tuple[dict[str, np.ndarray], str]:
+    """The arrays with edges of even cells between the ends of axes, where they have no coordinates; and a note."""
+    if not ends or any(_plain(name) in names for name in arrays for names in COLUMNS.values()):
+        return arrays, ""
+    if any(isinstance(value, str) for value in variables.values()):
+        return arrays, ""
+    pairs: dict[str, np.ndarray] = {}
+    for axis, pair in ends.items():
+        numbers = np.asarray(pair)
+        whole = axis in COLUMNS and numbers.shape == (2,) and numbers.dtype.kind in "iuf" and np.isfinite(numbers).all()
+        if not whole or not numbers[0] < numbers[1]:
+            raise ReadError(path, f"the ends of {axis} are {pair!r}", "give two numbers that increase: x = [0.0, 1.0]")
+        pairs[axis] = numbers.astype(np.float64)
+    shapes = [own.shape for own in arrays.values() if own.ndim >= 2 and min(own.shape) > 1]
+    count = max((len(shape) for shape in shapes), default=0)
+    axes = [axis for axis in ("r", "x", "y", "z") if axis in pairs]
+    shape = max(shapes, key=shapes.count, default=())
+    if len(axes) > count == 2:  # ends of the third axis of a plane file say nothing
+        axes = axes[:2]
+    if len(axes) != len(shape):
+        return arrays, ""
+    edges = {axis: np.linspace(pairs[axis][0], pairs[axis][1], n + 1) for axis, n in zip(axes, shape, strict=True)}
+    said = ", ".join(f"{axis} from {pairs[axis][0]:g} to {pairs[axis][1]:g}" for axis in axes)
+    return {**edges, **arrays}, f"taken as averages over {' x '.join(map(str, shape))} even cells, {said}"
 
 
 def dataset_of(path, arrays, units, variables, kind: str, time) -> Dataset:

@@ -1,8 +1,8 @@
 """Which way round the corners of polygons are listed, put right; folded meshes, which no order of corners mends.
 
-Two cells on either side of an edge that they share run along it in opposite directions, once both are listed
-counter-clockwise. A cell that was listed clockwise and, turned round, runs along an edge like the cell next to it
-lies on that cell's own side of the edge: the mesh is folded there, and its cells cover the same place twice.
+Two cells on either side of an edge that they share run along it in opposite directions, once both are listed the same
+way round. A cell that was listed the other way and, turned round, runs along an edge like the cell next to it lies on
+that cell's own side of the edge: the mesh is folded there, and its cells cover the same place twice.
 """
 
 from dataclasses import replace
@@ -13,24 +13,30 @@ from .polygon_cells import Polygons
 
 
 def oriented(polygons: Polygons) -> tuple[Polygons, str]:
-    """The same with every polygon counter-clockwise, and a remark: empty where all were listed the same way round.
+    """The same with every polygon the way round that most are, and a remark: empty where all were.
 
     Raises:
         ValueError: Cells that are folded over their neighbours: how many, and which is the first.
     """
     clockwise = signed_area(polygons) < 0.0
-    if not clockwise.any():
+    fewer = clockwise if clockwise.mean() <= 0.5 else ~clockwise
+    if not fewer.any():
         return polygons, ""
+    found = turned(polygons, fewer)
+    _refuse_folded(found, fewer)
+    return (
+        found,
+        f"{int(fewer.sum())} of {len(fewer)} cells were listed the other way round than the rest: they were turned",
+    )
+
+
+def turned(polygons: Polygons, which: np.ndarray) -> Polygons:
+    """The same with the corners of some polygons in reverse."""
     first = np.repeat(polygons.start[:-1], polygons.width)
     last = np.repeat(polygons.start[1:], polygons.width) - 1
     place = np.arange(len(polygons.corners))
-    source = np.where(np.repeat(clockwise, polygons.width), first + last - place, place)
-    turned = replace(polygons, corners=polygons.corners[source])
-    if clockwise.all():
-        return turned, ""
-    _refuse_folded(turned, clockwise)
-    count = min(int(clockwise.sum()), int((~clockwise).sum()))
-    return turned, f"{count} of {len(clockwise)} cells were listed the other way round than the rest: they were turned"
+    source = np.where(np.repeat(which, polygons.width), first + last - place, place)
+    return replace(polygons, corners=polygons.corners[source])
 
 
 def signed_area(polygons: Polygons) -> np.ndarray:
@@ -52,8 +58,7 @@ def _refuse_folded(polygons: Polygons, turned: np.ndarray) -> None:
     folded = turned[one] != turned[other]
     if not folded.any():
         return
-    few = turned if turned.mean() <= 0.5 else ~turned  # what the mesh has less of is taken for what is wrong
-    wrong = np.unique(np.where(few[one], one, other)[folded])
+    wrong = np.unique(np.where(turned[one], one, other)[folded])
     corners = polygons.points[polygons.corners[polygons.start[wrong[0]] : polygons.start[wrong[0] + 1]]]
     raise ValueError(
         f"{len(wrong)} of {len(turned)} cells are folded over their neighbours, the first is cell {wrong[0]} with "

@@ -9,7 +9,7 @@ import numpy as np
 
 from ...medium import QuadMesh
 from .logical import logical_rectangle
-from .orientation import oriented
+from .orientation import oriented, signed_area, turned
 from .polygon_cells import Polygons
 
 STRAIGHT = 1e-7  # sine of the turn at a corner below which it is none: a neighbour's hanging node
@@ -53,7 +53,8 @@ def quad_mesh(polygons: Polygons, geometry: str) -> tuple[QuadMesh, np.ndarray, 
         ValueError: Folded cells, and what `QuadMesh` refuses: degenerate or double cells, duplicate points.
     """
     polygons, remark = oriented(polygons)
-    if (polygons.width == 4).all() and (_turns(polygons) > STRAIGHT).all():
+    turns = _turns(polygons)
+    if (polygons.width == 4).all() and ((turns > STRAIGHT).all() or (turns < -STRAIGHT).all()):
         cells = polygons.corners.reshape(-1, 4)
         rectangle = logical_rectangle(cells, len(polygons.points))
         if rectangle is None:
@@ -62,7 +63,7 @@ def quad_mesh(polygons: Polygons, geometry: str) -> tuple[QuadMesh, np.ndarray, 
         y, z = polygons.points[grid].transpose(2, 0, 1)
         values = polygons.values[order if polygons.where == "cell" else grid]
         return QuadMesh.structured(y, z, geometry), values.reshape(-1, *polygons.values.shape[1:]), remark
-    triangles, owner = _fans(polygons)
+    triangles, owner = _fans(turned(polygons, signed_area(polygons) < 0.0))
     whole = _cut_from_the_middle(triangles)
     cut = "cells that are no quadrilaterals: each was cut into as many as it has corners"
     parents = np.repeat(owner, triangles.width)

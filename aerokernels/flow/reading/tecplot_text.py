@@ -140,11 +140,8 @@ def zone_block(
         nodes = _count(path, name, head.get("NODES") or head.get("N", ""))
         cells = _count(path, name, head.get("ELEMENTS") or head.get("E", ""))
         shape, corners = None, ELEMENTS[kind][1]
-    numbers = _numbers(path, name, text)
     width = [cells if k in in_cells else nodes for k in range(len(variables))]
-    expected = sum(width) + cells * corners
-    if len(numbers) != expected:
-        raise ReadError(path, f"{name} announces {expected} numbers and holds {len(numbers)}", DAMAGED)
+    numbers = _numbers(path, name, text, sum(width) + cells * corners)
     if packing == "BLOCK":
         cuts = np.cumsum([0, *width])
         arrays = [numbers[cuts[k] : cuts[k + 1]] for k in range(len(variables))]
@@ -217,12 +214,27 @@ def _count(path: Path, name: str, word: str) -> int:
     return int(word)
 
 
-def _numbers(path: Path, name: str, text: str) -> np.ndarray:
+def _numbers(path: Path, name: str, text: str, expected: int) -> np.ndarray:
+    """The numbers of a zone, as many as expected; 3*0.5 stands for three."""
+    text = text.replace(",", " ")
+    counts = None
     if "*" in text:
-        text = _REPEAT.sub(lambda match: f"{match[2]} " * min(int(match[1]), 10**7), text)
+        words = [_REPEAT.fullmatch(word) or word for word in text.split()]
+        repeats = [1 if isinstance(word, str) else int(word[1]) for word in words]
+        _check_count(path, name, sum(repeats), expected)  # before they are written out: a damaged one may be any
+        counts, text = np.array(repeats), " ".join(word if isinstance(word, str) else word[2] for word in words)
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         try:
-            return np.fromstring(text.replace(",", " ").replace("D", "E").replace("d", "e"), sep=" ")
+            numbers = np.fromstring(text.replace("D", "E").replace("d", "e"), sep=" ")
         except (DeprecationWarning, ValueError):
             raise ReadError(path, f"{name} holds something that is no number", DAMAGED) from None
+    if counts is not None and len(counts) == len(numbers):
+        numbers = np.repeat(numbers, counts)
+    _check_count(path, name, len(numbers), expected)
+    return numbers
+
+
+def _check_count(path: Path, name: str, held: int, expected: int) -> None:
+    if held != expected:
+        raise ReadError(path, f"{name} announces {expected} numbers and holds {held}", DAMAGED)

@@ -221,3 +221,31 @@ def test_an_su2_mesh_of_zones_with_comments(tmp_path):
     assert len(flow.contents(mesh).zones) == 1
     restart.unlink()
     assert len(flow.contents(mesh).zones) == 2
+
+
+@pytest.mark.parametrize("kind", ["hdf5", "npz"])
+def test_ends_of_axes_make_even_cells(tmp_path, kind):
+    """Set-up: averages without coordinates, the ends of x and y in attributes, as solvers leave them, or given.
+
+    Expected: each average at the middle of its cell, x along the first axis; ends that decrease are refused.
+    """
+    values = np.random.default_rng(6).uniform(1.0, 2.0, (5, 3))
+    given = {}
+    if kind == "hdf5":
+        h5py = pytest.importorskip("h5py")
+        path = tmp_path / "a.h5"
+        with h5py.File(path, "w") as file:
+            file["state/density/data"] = values
+            file.create_group("grid").attrs.update(xmin=0.0, xmax=0.5, ymin=-0.1, ymax=0.2)
+    else:
+        path, given = tmp_path / "a.npz", {"variables": {"x": [0.0, 0.5], "y": (-0.1, 0.2)}}
+        np.savez(path, density=values)
+        with pytest.raises(flow.ReadError, match=r"ends of x are \[1, 0\]: give two numbers that increase"):
+            flow.read(path, variables={"x": [1, 0], "y": [0, 1]})
+        with pytest.raises(flow.ReadError, match="no coordinates are known"):
+            flow.read(path)
+    field = flow.read(path, **given)
+    x, y = np.meshgrid(0.05 + 0.1 * np.arange(5), -0.05 + 0.1 * np.arange(3), indexing="ij")
+    at = np.stack([0.0 * x, y, -x], axis=-1).reshape(-1, 3)
+    assert isinstance(field, flow.CellDensity) and "5 x 3 even cells" in field.provenance
+    assert np.array_equal(field.density_at(at), values.ravel())

@@ -117,6 +117,11 @@ def test_refusals(grid_file, given, message):
             b'VARIABLES = "X" "Y" "rho"\nZONE I=2, J=2\n0 0 1\n1 0 1\n0 1 1\n',
             "announces 12 numbers and holds 9",
         ),
+        (
+            "a.dat",
+            b'VARIABLES = "X" "Y" "rho"\nZONE I=2, J=2\n0 0 1\n1 0 1\n0 1 1\n1 1 99999999999999999*1\n',
+            "announces 12 numbers and holds 100000000000000010",
+        ),
         ("a.plt", b"#!TDV112\1\0\0\0", "the file ends before"),
         ("a.npz", b"PK\3\4rest", "no whole NPZ"),
     ],
