@@ -107,8 +107,8 @@ def _recognised(asked: Asked) -> tuple[Family, BundleTable, TracePlan] | str:
         if not asked.field.is_uniform:
             return "the field lies on a mesh"
         family = found
-        known.append(family)
-        del known[:-KEPT]
+    # The family that was seen last is asked first the next time.
+    known[:] = [family, *(each for each in known if each is not family)][:KEPT]
     table = find_table(asked, family)
     if table is None:
         return "nothing between traced rays is smooth enough"
