@@ -91,7 +91,7 @@ def rows(kind: str, count: int, repeats: int, device: str) -> list[list[str]]:
             found.append([kind, what, name, *_speed(count, wall, kernel), share, "50 %"])
         wall, kernel = median(partial(read, call, host, outputs), repeats)
         up, down = host.position.nbytes + host.direction.nbytes, read(call, host, outputs).seconds["bytes"]
-        for size, which in {up: "the arrays'", _moved(host): "what is moved"}.items():
+        for size, which in {_moved(host): "what is moved", up: "the arrays'"}.items():
             copy = plain_copy(device, size, int(down), repeats)
             share = f"{copy / wall:.0%} of a plain copy of {which}"
             found.append([kind, what, "on the host", *_speed(count, wall, kernel), share, "60 %"])
