@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from .arguments import Numbers, checked
-from .device_arrays import DeviceArray, device_array, plain_array, read_on_touch, row_numbers
+from .device_arrays import DeviceArray, device_array, plain_array, read_on_touch
 from .pupils import (
     Annulus,
     Disc,
@@ -191,12 +191,11 @@ class RayBundle(ReadOnly):
         """The rays of a slice or index array, whatever their weights; no other is read from a device."""
         return RayBundle(self.held("position")[rows], self.held("direction")[rows])
 
-    def part(self, rows: np.ndarray) -> "RayBundle":
-        """The rays of an index array, whatever their weights, where they lie."""
+    def part(self, rows: Any) -> "RayBundle":
+        """The rays of an array of their numbers, NumPy's or Warp's, whatever their weights, where they lie."""
         if self.device is None:
-            return self.rows(rows)
-        there = row_numbers(rows, self.device)
-        place, way = (self.held(name).part(there) for name in ("position", "direction"))
+            return self.rows(plain_array(rows))
+        place, way = (self.held(name).part(rows) for name in ("position", "direction"))
         return self._of(place, way, np.broadcast_to(1.0 / len(rows), len(rows)))
 
     @classmethod

@@ -62,6 +62,12 @@ def on(device: str, rays: RayBundle) -> RayBundle:
     return RayBundle(position, direction)
 
 
+def made(count: int, seed: int, device: str) -> RayBundle:
+    """Slanted rays through a disc, made on the device."""
+    pupil = Disc(APERTURE, -CONE_HALF[2] * SLOPE / SLOPE[2], SLOPE)
+    return RayBundle.collimated(pupil, count, direction=SLOPE, seed=seed, device=device)
+
+
 def rows(kind: str, count: int, repeats: int, device: str) -> list[list[str]]:
     """The table's rows of one bundle."""
     scene = bundle_scene(kind)
@@ -70,7 +76,6 @@ def rows(kind: str, count: int, repeats: int, device: str) -> list[list[str]]:
     others = cycle([on(device, scene.make_rays(count, seed)) for seed in (2, 3)])  # a field keeps the last one only
     choices = {"until": scene.until, "backend": "warp", "device": device}
     seeds = count_from(1)
-    pupil = Disc(APERTURE, -CONE_HALF[2] * SLOPE / SLOPE[2], SLOPE)
     found = []
     for outputs in (FEW, tuple(RAY_OUTPUTS)):
         call = partial(trace, field, outputs=outputs, **choices)
@@ -79,16 +84,14 @@ def rows(kind: str, count: int, repeats: int, device: str) -> list[list[str]]:
         if outputs is FEW:
             works["on the device, others of the bundle"] = lambda call=call: call(next(others))
             if kind == "slanted":
-                works["made on the device, and traced"] = lambda call=call: call(
-                    RayBundle.collimated(pupil, count, direction=SLOPE, seed=next(seeds), device=device)
-                )
+                works["made on the device, and traced"] = lambda call=call: call(made(count, next(seeds), device))
         for name, work in works.items():
             wall, kernel = median(work, repeats)
             share = f"{kernel / wall:.0%} of the kernel's"
             found.append([kind, what, name, *_speed(count, wall, kernel), share, "50 %"])
         wall, kernel = median(partial(read, call, host, outputs), repeats)
         up, down = host.position.nbytes + host.direction.nbytes, read(call, host, outputs).seconds["bytes"]
-        for size, which in {up: "the arrays'", _moved(host): "what is moved"}.items():
+        for size, which in {_moved(host): "what is moved", up: "the arrays'"}.items():
             copy = plain_copy(device, size, int(down), repeats)
             share = f"{copy / wall:.0%} of a plain copy of {which}"
             found.append([kind, what, "on the host", *_speed(count, wall, kernel), share, "60 %"])
@@ -116,6 +119,9 @@ def profile(kind: str, count: int, repeats: int, device: str, file: str) -> None
     there, others = on(device, host), cycle([on(device, scene.make_rays(count, seed)) for seed in (2, 3)])
     call = partial(trace, field, outputs=FEW, until=scene.until, backend="warp", device=device)
     works = {"again": lambda: call(there), "others": lambda: call(next(others)), "host": lambda: read(call, host, FEW)}
+    if kind == "slanted":
+        seeds = count_from(1)
+        works["made"] = lambda: call(made(count, next(seeds), device))
     with open(file, "w", encoding="utf-8") as stream:
         for name, work in works.items():
             median(work, 2)
@@ -138,9 +144,7 @@ def main() -> None:
     parser.add_argument("--rays", type=int, default=10_000_000, help="rays of a bundle (10,000,000)")
     parser.add_argument("--repeats", type=int, default=5, help="timed calls of each row, after one that is not counted")
     parser.add_argument("--device", default=None, help="Warp's name of the device; the first GPU, else the CPU")
-    parser.add_argument(
-        "--profile", metavar="FILE", help="write what calls of three ways spend in Python, and no table"
-    )
+    parser.add_argument("--profile", metavar="FILE", help="write what calls of some ways spend in Python, and no table")
     parser.add_argument("--bundles", nargs="+", default=["slanted", "divergent", "incoherent"], metavar="KIND")
     given = parser.parse_args()
     wp.config.quiet = True

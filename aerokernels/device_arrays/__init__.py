@@ -5,7 +5,7 @@ host when they are first read, `pinned.py` the copies, `fetching.py` those that 
 or made on the device, `foreign.py` what comes from other libraries. Nothing here imports Warp before it is used.
 """
 
-from .array import DeviceArray, extremes_of, in_reach, is_one_row, on_host, row_numbers, rows_where
+from .array import DeviceArray, extremes_of, in_reach, is_one_row, on_host, rows_there, rows_where
 from .foreign import device_array, host_array, plain_array
 from .on_touch import read_on_touch
 
@@ -19,6 +19,6 @@ __all__ = [
     "on_host",
     "plain_array",
     "read_on_touch",
-    "row_numbers",
+    "rows_there",
     "rows_where",
 ]

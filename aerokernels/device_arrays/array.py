@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 
 from .fetching import Coming
+from .foreign import plain_array
 from .pinned import layout_of, to_host
 
 
@@ -83,7 +84,7 @@ class DeviceArray:
         return np.asarray(self._at(rows % len(self)).contiguous().numpy())
 
     def __setitem__(self, rows: Any, values: "np.ndarray | DeviceArray") -> None:
-        """Write some rows, by an array of their numbers, or by what `row_numbers` made of it."""
+        """Write some rows, by an array of their numbers, NumPy's or Warp's."""
         import warp
 
         if not len(rows):
@@ -94,11 +95,11 @@ class DeviceArray:
             given = warp.array(np.ascontiguousarray(values, self.dtype), dtype=self.buffer.dtype, device=self.device)
         warp.copy(self._at(rows), given)
         if self._coming is not None:  # nobody has read it yet
-            self._coming.arrived()[rows if isinstance(rows, np.ndarray) else rows.numpy()] = np.asarray(values)
+            self._coming.arrived()[plain_array(rows)] = np.asarray(values)
         self._host = None
 
     def part(self, rows: Any) -> "DeviceArray":
-        """Some rows, by what `row_numbers` made of their numbers, in an array of their own on the device."""
+        """Some rows, by an array of their numbers, NumPy's or Warp's, in an array of their own on the device."""
         return DeviceArray(self._at(rows).contiguous())
 
     @property
@@ -114,18 +115,9 @@ class DeviceArray:
     def _at(self, rows: Any) -> Any:
         import warp
 
-        if isinstance(rows, np.ndarray):
-            rows = row_numbers(rows, self.device)
+        if isinstance(rows, np.ndarray) or rows.device != self.buffer.device:
+            rows = warp.array(plain_array(rows), dtype=warp.int32, device=self.device)
         return warp.indexedarray(self.buffer, [rows])
-
-
-def row_numbers(rows: np.ndarray, device: str | None) -> Any:
-    """Numbers of rows brought to a device once, for several of its arrays; as they are where `device` is None."""
-    if device is None:
-        return rows
-    import warp
-
-    return warp.array(rows, dtype=warp.int32, device=device)
 
 
 @dataclass(frozen=True, eq=False)
@@ -169,6 +161,15 @@ def is_one_row(array: np.ndarray | DeviceArray) -> bool:
 def on_host(arrays: dict[str, Any]) -> dict[str, np.ndarray]:
     """Arrays by name as NumPy's, copied from a device where they lie there."""
     return {name: np.asarray(array) for name, array in arrays.items()}
+
+
+def rows_there(status: np.ndarray | DeviceArray, code: int) -> Any:
+    """Numbers of the rays with a status, ascending, where the status is: a warp.array, or a NumPy array."""
+    if isinstance(status, DeviceArray):
+        from .selection import rows_on_device
+
+        return rows_on_device(status.buffer, code)
+    return np.flatnonzero(np.asarray(status) == code)
 
 
 def rows_where(

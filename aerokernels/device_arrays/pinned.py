@@ -21,8 +21,8 @@ LEAST = 1 << 20
 PINNED_SHARE, KEPT = 0.25, 4 << 30
 # Memory pinned for one array is taken for a smaller one that fills this share of it.
 FILLED = 0.75
-# Rays that are brought to a GPU together, and threads that copy them.
-ROWS, THREADS = 1 << 20, 12
+# Rays that are brought to a GPU together, threads that copy them, and so many together on their way.
+ROWS, THREADS, SLOTS = 1 << 19, 12, 16
 
 
 class PinnedMemory:
@@ -139,7 +139,8 @@ def layout_of(buffer: Any) -> tuple[tuple[int, ...], np.dtype]:
 def bring(arrays: list[np.ndarray], buffers: list[Any], rows: int = ROWS) -> Iterator[slice]:
     """Copy rays to a GPU, chunk by chunk through pinned memory; gives each chunk as soon as what follows may use it.
 
-    What is launched on the device's stream after a chunk was given finds it there, while the next one is on its way.
+    What is launched on the device's stream after a chunk was given finds it there, while the next ones are on their
+    way: threads copy as many chunks as there are slots of pinned memory, each thread a chunk of its own.
 
     Args:
         arrays: Arrays of as many rows, C-contiguous.
@@ -149,56 +150,76 @@ def bring(arrays: list[np.ndarray], buffers: list[Any], rows: int = ROWS) -> Ite
     import warp
 
     device, count = buffers[0].device, len(arrays[0])
-    memory = pinned_memory()
-    sizes = [array[:1].nbytes * min(rows, count) for array in arrays]
-    slots = [[memory.take(size) for size in sizes] for _ in range(2)]
-    is_pinned = device.is_cuda and all(taken is not None for slot in slots for taken in slot)
-    stream = warp.Stream(device) if is_pinned else None
-    if stream is not None:
-        stream.wait_stream(device.stream)  # the buffers were allocated in its order
-    events: list[Any] = [None, None]
+    chunks = [slice(first, min(first + rows, count)) for first in range(0, count, rows)]
+    slots = _slots(arrays, min(rows, count), min(SLOTS, len(chunks))) if device.is_cuda else []
+    if not slots:
+        for chunk in chunks:
+            for array, buffer in zip(arrays, buffers, strict=True):
+                some = warp.array(array[chunk], dtype=buffer.dtype, device="cpu")
+                warp.copy(buffer, some, dest_offset=chunk.start)
+            yield chunk
+        return
+    stream = warp.Stream(device)
+    stream.wait_stream(device.stream)  # the buffers were allocated in its order
+    events: list[Any] = []
+    jobs: list[Any] = []
     try:
         with ThreadPoolExecutor(min(THREADS, os.cpu_count() or 1)) as pool:
-            for number, first in enumerate(range(0, count, rows)):
-                chunk, turn = slice(first, min(first + rows, count)), number % 2
-                if events[turn] is not None:
-                    warp.synchronize_event(events[turn])
-                _bring_chunk(pool, arrays, buffers, slots[turn] if is_pinned else None, chunk, stream)
-                if stream is not None:
-                    events[turn] = stream.record_event()
-                    device.stream.wait_event(events[turn])
+
+            def stage_next() -> None:
+                chunk, slot = chunks[len(jobs)], slots[len(jobs) % len(slots)]
+                jobs.append(pool.submit(_stage, arrays, slot, chunk))
+
+            for _ in slots:
+                stage_next()
+            for number, chunk in enumerate(chunks):
+                jobs[number].result()
+                views = _views(slots[number % len(slots)], buffers, chunk.stop - chunk.start)
+                for view, buffer in zip(views, buffers, strict=True):
+                    warp.copy(buffer, view, dest_offset=chunk.start, count=len(view), stream=stream)
+                events.append(stream.record_event())
+                device.stream.wait_event(events[-1])
                 yield chunk
+                if number and len(jobs) < len(chunks):  # the slot of the chunk before has been read, or is about to be
+                    warp.synchronize_event(events[number - 1])
+                    stage_next()
     finally:
-        for event in events:
-            if event is not None:
-                warp.synchronize_event(event)
-        for taken in (taken for slot in slots for taken in slot if taken is not None):
-            memory.give_back(taken)
+        for event in events[-len(slots) :]:
+            warp.synchronize_event(event)
+        for taken in (taken for slot in slots for taken in slot):
+            pinned_memory().give_back(taken)
 
 
-def _bring_chunk(
-    pool: ThreadPoolExecutor, arrays: list[np.ndarray], buffers: list[Any], slot: list | None, chunk: slice, stream: Any
-) -> None:
-    import warp
+def _slots(arrays: list[np.ndarray], rows: int, count: int) -> list[list[Any]]:
+    """Pinned memory for so many rows of each array, `count` times if there is as much; none where there is not any."""
+    memory, slots = pinned_memory(), []
+    for _ in range(count):
+        slot = [memory.take(array[:1].nbytes * rows) for array in arrays]
+        if any(taken is None for taken in slot):
+            for taken in slot:
+                if taken is not None:
+                    memory.give_back(taken)
+            break
+        slots.append(slot)
+    return slots if len(slots) > 1 or count == 1 else _given_back(slots)
 
-    count = chunk.stop - chunk.start
-    staged = []
-    for number, (array, buffer) in enumerate(zip(arrays, buffers, strict=True)):
-        if slot is None:
-            warp.copy(buffer, warp.array(array[chunk], dtype=buffer.dtype, device="cpu"), dest_offset=chunk.start)
-        else:
-            staged.append(as_kind(slot[number], buffer.dtype, count))
-    if slot is None:
-        return
-    part = -(-count // THREADS)
-    jobs = [
-        (view.numpy()[first : first + part], array[chunk][first : first + part])
-        for view, array in zip(staged, arrays, strict=True)
-        for first in range(0, count, part)
-    ]
-    list(pool.map(lambda job: np.copyto(*job), jobs))
-    for view, buffer in zip(staged, buffers, strict=True):
-        warp.copy(buffer, view, dest_offset=chunk.start, count=count, stream=stream)
+
+def _given_back(slots: list[list[Any]]) -> list[list[Any]]:
+    for taken in (taken for slot in slots for taken in slot):
+        pinned_memory().give_back(taken)
+    return []
+
+
+def _stage(arrays: list[np.ndarray], slot: list[Any], chunk: slice) -> None:
+    """Copy a chunk of each array to pinned memory."""
+    for array, taken in zip(arrays, slot, strict=True):
+        some = array[chunk]
+        there = np.asarray(taken.numpy()[: some.nbytes]).view(some.dtype).reshape(some.shape)
+        np.copyto(there, some)
+
+
+def _views(slot: list[Any], buffers: list[Any], count: int) -> list[Any]:
+    return [as_kind(taken, buffer.dtype, count) for taken, buffer in zip(slot, buffers, strict=True)]
 
 
 def as_kind(taken: Any, kind: Any, count: int) -> Any:

@@ -8,6 +8,9 @@ from collections.abc import Iterable
 
 import numpy as np
 
+# Values that are looked at together.
+SLAB = 1 << 16
+
 
 def block_maxima(values: np.ndarray, block: int, axes: Iterable[int] | None = None) -> np.ndarray:
     """The greatest over the nodes of each block of `block` cells along some axes, all of them by default."""
@@ -36,3 +39,19 @@ def greatest_of_neighbors(values: np.ndarray, count: int, axis: int) -> np.ndarr
     from numpy.lib.stride_tricks import sliding_window_view
 
     return np.asarray(sliding_window_view(values, min(count, values.shape[axis]), axis=axis).max(axis=-1))
+
+
+def over_lines(values: np.ndarray, reduce: np.ufunc) -> list[np.ndarray]:
+    """For each axis the sizes of all values along it, added (np.add) or the greatest of them (np.maximum).
+
+    Slab by slab: what a processor's cache holds is looked at once for all axes.
+    """
+    shape = values.shape
+    found = [np.zeros(shape[:axis] + shape[axis + 1 :]) for axis in range(values.ndim)]
+    slab = max(1, SLAB * len(values) // max(values.size, 1))
+    for first in range(0, len(values), slab):
+        size = np.abs(values[first : first + slab])
+        reduce(found[0], reduce.reduce(size, axis=0), out=found[0])
+        for axis in range(1, values.ndim):
+            reduce.reduce(size, axis=axis, out=found[axis][first : first + slab])
+    return found

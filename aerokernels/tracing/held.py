@@ -9,6 +9,7 @@ import numpy as np
 
 from ..medium import IndexField
 from ..medium.grid import UniformGrid
+from .blocks import over_lines
 
 # The share of the field's greatest optical path difference that a ray may lose.
 SHARE = 1e-3
@@ -32,5 +33,5 @@ def greatest_path(field: IndexField) -> float:
 
 
 def _find_greatest_path(grid: UniformGrid) -> float:
-    size = np.abs(grid.samples)
-    return max(float(size.sum(axis=axis).max()) * float(spacing) for axis, spacing in enumerate(grid.spacing))
+    sums = over_lines(grid.samples, np.add)
+    return max(float(found.max()) * float(spacing) for found, spacing in zip(sums, grid.spacing, strict=True))

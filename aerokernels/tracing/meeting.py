@@ -1,5 +1,7 @@
 """Refuses a bundle of which no ray meets the field: its result would be that of empty air."""
 
+from itertools import chain
+
 import numpy as np
 
 from ..medium import IndexField
@@ -22,7 +24,7 @@ def check_meeting(field: IndexField, rays: RayBundle, what: str) -> None:
         ValueError: No ray meets the box; the message has the places of box and rays and says what to check.
     """
     chunks = (slice(first, first + CHUNK) for first in range(0, rays.ray_count, CHUNK))
-    for rows in (slice(0, FEW), *chunks):  # some are nearly always enough
+    for rows in chain([slice(0, FEW)], chunks):  # some are nearly always enough
         if box_span(field, rays.held("position")[rows], rays.held("direction")[rows]).meets.any():
             return
     if greatest_contrast(field) == 0.0:

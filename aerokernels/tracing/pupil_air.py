@@ -25,12 +25,14 @@ class PupilAir:
         lost_rms: Root mean square over the pupil of what its rays may lose [m].
         place: The face at which most of the concerned rays leave the known air, in words.
         stands_outside: Whether the pupil's centre lies outside the field: a mistake more often than not.
+        rays: The sample of its rays that was looked at.
     """
 
     share: float
     lost_rms: float
     place: str
     stands_outside: bool = False
+    rays: RayBundle | None = None
 
     @property
     def is_truncated(self) -> bool:
@@ -57,13 +59,18 @@ class PupilAir:
             )
 
 
-def pupil_air(field: IndexField, pupil: Pupil, look: np.ndarray, tolerance: float) -> PupilAir:
+def pupil_air(
+    field: IndexField, pupil: Pupil, look: np.ndarray, tolerance: float, like: PupilAir | None = None
+) -> PupilAir:
     """What a pupil may lose along straight rays toward `look`; `tolerance` is the OPD error asked for [m].
+
+    `like` is that of another field, seen by this pupil.
 
     Raises:
         ValueError: None of its rays meets the field.
     """
-    rays = RayBundle.collimated(pupil, SAMPLE_RAYS, direction=look)
+    rays = None if like is None else like.rays
+    rays = rays or RayBundle.collimated(pupil, SAMPLE_RAYS, direction=look)
     check_meeting(field, rays, "ray of the pupil")
     lost, face = may_be_lost(field, rays, None, tolerance)
     concerned = np.flatnonzero(lost > 0.0)
@@ -81,7 +88,7 @@ def pupil_air(field: IndexField, pupil: Pupil, look: np.ndarray, tolerance: floa
             place = "at the rim of the mesh"
     low, high = field.box
     outside = bool(np.any((pupil.center < low) | (pupil.center > high)))
-    return PupilAir(float(weight[over].sum()), float(np.sqrt(weight @ lost**2)), place, outside)
+    return PupilAir(float(weight[over].sum()), float(np.sqrt(weight @ lost**2)), place, outside, rays)
 
 
 def meets_wall(field: IndexField, position: np.ndarray, direction: np.ndarray) -> np.ndarray:

@@ -2,7 +2,7 @@
 
 import weakref
 from dataclasses import dataclass, replace
-from functools import cached_property, partial
+from functools import cached_property
 
 import numpy as np
 
@@ -39,6 +39,7 @@ class PupilJob:
         per_replicate: Rays of a replicate that were asked for.
         task: What is traced; fewer rays where radial quadrature takes the place of the disc.
         air: What the rays may lose where the known air ends.
+        pilot: Some of its rays.
         sizes: Points of the lattices that may take the place of the points of `task`, see lattice_quadrature.py.
         is_known: Whether the first of them is taken without being tried.
     """
@@ -48,6 +49,7 @@ class PupilJob:
     per_replicate: int
     task: PupilTask
     air: PupilAir
+    pilot: RayBundle
     sizes: tuple[int, ...] = ()
     is_known: bool = False
 
@@ -135,7 +137,12 @@ def make_job(
     seen = (weakref.ref(pupil), tuple(look.tolist()))  # what a field keeps for the next seed
     air = field.derive(
         ("air of a pupil", *seen, tolerance * wavelength),
-        lambda: pupil_air(field, pupil, look, tolerance * wavelength),
+        lambda: pupil_air(field, pupil, look, tolerance * wavelength, None if like is None else like.air),
+        KEPT,
+    )
+    pilot = field.derive(
+        ("pilot of a pupil", *seen),
+        lambda: RayBundle.collimated(pupil, PILOT_RAYS, direction=look) if like is None else like.pilot,
         KEPT,
     )
     until = plane_beyond(field, pupil, look)
@@ -147,7 +154,7 @@ def make_job(
         ("plan of a pupil", *seen, count, wavelength, tuple(choices.values())),
         lambda: plan_rays(
             field,
-            partial(RayBundle.collimated, pupil, PILOT_RAYS, direction=look),
+            lambda: pilot,
             REPLICATES * count,
             until,
             path_length=None,
@@ -179,7 +186,7 @@ def make_job(
     known = 0 if like is None or not like.run.task.generator else like.run.task.per_replicate
     is_known = known in sizes and not radial_rays
     sizes = () if radial_rays else (known,) if is_known else sizes
-    return PupilJob(plan, until, per_replicate, task, air, sizes, is_known)
+    return PupilJob(plan, until, per_replicate, task, air, pilot, sizes, is_known)
 
 
 def _check_size(field: IndexField, pupil: Pupil) -> None:

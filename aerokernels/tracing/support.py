@@ -9,6 +9,7 @@ import numpy as np
 
 from ..medium import IndexField
 from ..medium.grid import UniformGrid
+from .blocks import over_lines
 from .lever_arms import LeverArms
 from .scheme import LEAPFROG_ANGLE
 
@@ -74,7 +75,7 @@ def left_out(field: IndexField, tolerance: float, lever_arms: LeverArms | None) 
 
 def _potential_peaks(grid: UniformGrid) -> list[np.ndarray]:
     """Along each axis, the greatest size of the coefficients of each plane across it."""
-    return grid.derive("potential peaks", lambda: _peaks_along_axes(np.abs(grid.coefficients)))
+    return grid.derive("potential peaks", lambda: _peaks_along_axes(grid.coefficients))
 
 
 def _slope_peaks(grid: UniformGrid) -> list[np.ndarray]:
@@ -85,7 +86,7 @@ def _slope_peaks(grid: UniformGrid) -> list[np.ndarray]:
 def _find_slope_peaks(grid: UniformGrid) -> list[np.ndarray]:
     peaks = [np.zeros(count) for count in grid.coefficients.shape]
     for axis, spacing in enumerate(grid.spacing):
-        change = np.abs(np.diff(grid.coefficients, axis=axis)) / spacing
+        change = np.diff(grid.coefficients, axis=axis) / spacing
         for other, found in enumerate(_peaks_along_axes(change)):
             # A difference belongs to both of its coefficients.
             if other == axis:
@@ -96,6 +97,10 @@ def _find_slope_peaks(grid: UniformGrid) -> list[np.ndarray]:
     return peaks
 
 
-def _peaks_along_axes(size: np.ndarray) -> list[np.ndarray]:
-    axes = range(size.ndim)
-    return [size.max(axis=tuple(other for other in axes if other != axis)) for axis in axes]
+def _peaks_along_axes(values: np.ndarray) -> list[np.ndarray]:
+    """Along each axis, the greatest size of the values of each plane across it."""
+    over_first, *others = over_lines(values, np.maximum)
+    peaks = [others[-1].max(axis=tuple(range(1, values.ndim - 1)))]
+    for axis in range(1, values.ndim):
+        peaks.append(over_first.max(axis=tuple(other - 1 for other in range(1, values.ndim) if other != axis)))
+    return peaks

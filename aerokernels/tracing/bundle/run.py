@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from ...device_arrays import DeviceArray, on_host, row_numbers, rows_where
+from ...device_arrays import DeviceArray, on_host, rows_there
 from ...medium import IndexField
 from ...rays import RayBundle
 from ..engines import engine_of
@@ -85,7 +85,7 @@ def trace_bundle(asked: Asked) -> tuple[TracePlan, dict[str, np.ndarray]] | str:
     family, table, plan = found
     ready = engine_of(plan.backend, plan.device).prepare_bundle(table, asked.outputs)
     arrays = in_chunks(ready, starts_of(rays), asked.outputs)
-    left = rows_where(arrays["status"], NOT_DELIVERED)
+    left = rows_there(arrays["status"], NOT_DELIVERED)
     if len(left) > (1.0 - LEAST_SHARE) * rays.ray_count:
         return f"rays are traced one by one: patches between traced rays would hold for {rays.ray_count - len(left)}"
     if len(left):
@@ -108,8 +108,8 @@ def _recognised(asked: Asked) -> tuple[Family, BundleTable, TracePlan] | str:
         if not asked.field.is_uniform:
             return "the field lies on a mesh"
         family = found
-        known.append(family)
-        del known[:-KEPT]
+    # The family that was seen last is asked first the next time.
+    known[:] = [family, *(each for each in known if each is not family)][:KEPT]
     table = find_table(asked, family)
     if table is None:
         return "nothing between traced rays is smooth enough"
@@ -195,7 +195,7 @@ def _plan_many(asked: Asked, rays: RayBundle, share: float) -> TracePlan:
     )
 
 
-def _trace_left(asked: Asked, table: BundleTable, rows: np.ndarray, arrays: dict[str, Any]) -> None:
+def _trace_left(asked: Asked, table: BundleTable, rows: Any, arrays: dict[str, Any]) -> None:
     """Trace the rays of these rows one by one, and write their results into `arrays`."""
     rays = asked.rays.part(rows)
     # The rays that a table leaves over lie in the same parts of the family, whichever sample of it they are.
@@ -203,8 +203,6 @@ def _trace_left(asked: Asked, table: BundleTable, rows: np.ndarray, arrays: dict
     plan = table.derive(("plan of the rays left over", many), lambda: _plan_many(asked, rays, 1.0))
     outputs = asked.outputs | {"step_error"}
     found = asked.run(asked.field, rays, plan, asked.until, asked.wavelength, outputs)
-    first = arrays["status"]
-    places = row_numbers(rows, first.device if isinstance(first, DeviceArray) else None)
     for name, array in found.items():
         if name in arrays:
-            arrays[name][places] = array if isinstance(arrays[name], DeviceArray) else np.asarray(array)
+            arrays[name][rows] = array if isinstance(arrays[name], DeviceArray) else np.asarray(array)
