@@ -8,8 +8,7 @@ so that the optical path is a t + W and the arc length t + S, and float64 holds 
 rounding and not to that of the path. Steps of order 8 with error estimates of orders 5 and 3 (E. Hairer, S. P. Norsett,
 G. Wanner, Solving Ordinary Differential Equations I, 1993), each within one smooth piece of the field: a step is
 shortened to where the ray, as a parabola, first meets a face of its cell or its stop, and what is left is flown by
-Newton steps of second order, 1e-6 of a step at most. A step whose estimate is above its share of the tolerance, or that
-turns out to have passed a face, is taken again, shorter.
+Newton steps of second order. Steps above their share of the tolerance, or past a face, are taken again, shorter.
 
 "straight" samples the field on the undisturbed line, with the potential continued linearly to the ray.
 """
