@@ -301,7 +301,7 @@ def test_what_is_refused():
 
 
 def test_what_the_speed_script_measures():
-    """scripts/optics_speed at its smallest: three calls each of a map with one ray a pixel, with four, of a scene."""
+    """scripts/optics_speed at its smallest: three calls each of a map, a scene, and a map of four rays a pixel."""
     rows = list(measure_optics({"tolerance": 1e-2}, nodes=16, map_pixels=8, scene_pixels=8, spreads=2))
     assert [len(row) for row in map(table_row, rows)] == [len(COLUMNS)] * 3
     assert all(row[call] > 0.0 for row in rows for call in CALLS)
