@@ -79,7 +79,6 @@ def measure_optics(
             map_pixels,
             lambda field: background_displacement(field, wide, aperture_rays=1, **given),
         ),
-        ("displacement map, 4 rays a pixel", map_pixels, lambda field: background_displacement(field, wide, **given)),
         (
             f"scene with {spreads} x {spreads} spreads",
             scene_pixels,
@@ -87,6 +86,7 @@ def measure_optics(
                 field, scene, narrow, psf_nodes=spreads, psf_pixels=SPREAD_PIXELS, pupil_pixels=PUPIL_PIXELS, **given
             ),
         ),
+        ("displacement map, 4 rays a pixel", map_pixels, lambda field: background_displacement(field, wide, **given)),
     ]
     for what, pixels, call in calls:
         found: dict[str, Any] = {"what": what, "pixels": pixels}
