@@ -334,6 +334,30 @@ def test_a_slanted_look_sees_the_plate_from_aside():
     assert np.abs(row[good] - expected[good]).max() < 5e-9  # the plate is 2 mm thick: 0.2 mm of x
 
 
+def test_structure_function_is_the_mean_over_all_pairs():
+    """Set-up: an uneven OPD over an uneven pupil of 6 x 6 pixels. Expected: ring by ring what 36 x 36 pairs give."""
+    random = np.random.default_rng(5)
+    wave = made(Mask(random.random((6, 6)), 1e-3), lambda x, y: 1e-7 * random.normal(size=x.shape), count=6)
+    found, (opd, share) = wave.structure_function(), wave.samples
+    places = np.argwhere(wave.lit)
+    far = np.hypot(*(places[:, None] - places[None]).T).T
+    weight, square = share[:, None] * share, (opd[:, None] - opd) ** 2
+    rings = [np.rint(far) == ring for ring in np.unique(np.rint(far))]
+    expected = np.array(
+        [
+            [
+                np.average(far[ring], weights=weight[ring]) * wave.pixel,
+                np.average(square[ring], weights=weight[ring]),
+                weight[ring].sum(),
+            ]
+            for ring in rings
+        ]
+    )
+    assert found.separation == pytest.approx(expected[:, 0], rel=1e-9)
+    assert found.value == pytest.approx(expected[:, 1], rel=1e-9, abs=1e-24)
+    assert found.pair_weight == pytest.approx(expected[:, 2], rel=1e-9)
+
+
 def test_what_a_transfer_function_may_be_off_by():
     """Formula: a greatest phase error e changes the OTF by 2 e of the perfect pupil's at most, and by twice it."""
     perfect = np.array([[0.0, 0.4], [0.4, 1.0]])

@@ -1,5 +1,6 @@
 """Finding a scene file, reading it, and setting single keys from the command line."""
 
+import os
 import sys
 import tomllib
 from collections.abc import Mapping
@@ -46,7 +47,7 @@ def read_scene(place: str | Path) -> tuple[str, str, dict[str, Any]]:
     path, name = Path(place), str(place)
     if name == "-":
         read, label, stem = sys.stdin.buffer.read, "standard input", "scene"
-    elif path.is_file():
+    elif os.path.isfile(path):
         read, label, stem = path.read_bytes, str(path), path.stem
     elif name in shipped_scenes():
         read, label, stem = (_SHIPPED / f"{name}.toml").read_bytes, f"{name}.toml", name
@@ -54,7 +55,7 @@ def read_scene(place: str | Path) -> tuple[str, str, dict[str, Any]]:
         close = get_close_matches(name, shipped_scenes(), 1) or [one for one in shipped_scenes() if name in one]
         hint = f"did you mean {' or '.join(close)}? " if close and name else ""
         hint = f"it is the name of a flow, {hint}" if name in shipped_names() and hint else hint
-        what = "is a folder" if path.is_dir() else "there is no such scene file"
+        what = "is a folder" if os.path.isdir(path) else "there is no such scene file"
         raise SceneError(f"{name}: {what}; {hint}give a TOML file or a shipped scene: {', '.join(shipped_scenes())}")
     try:
         return label, stem, tomllib.loads(read().decode("utf-8-sig"))  # editors of Windows put a mark first
@@ -73,7 +74,7 @@ def read_scene(place: str | Path) -> tuple[str, str, dict[str, Any]]:
 def anchor_series(tables: dict[str, Any], place: str | Path) -> None:
     """Make series.source, which is relative to the scene's file, what it is from here."""
     table = tables.get("series")
-    if isinstance(table, dict) and isinstance(table.get("source"), str) and Path(place).is_file():
+    if isinstance(table, dict) and isinstance(table.get("source"), str) and os.path.isfile(place):
         table["source"] = str(Path(place).parent / table["source"])
 
 
@@ -83,7 +84,7 @@ def beside_scene(tables: dict[str, Any], place: str | Path) -> None:
     What --set changes afterwards is relative to the working directory.
     """
     flow, folder = tables.get("flow"), Path(place).parent
-    if not isinstance(flow, dict) or not Path(place).is_file():
+    if not isinstance(flow, dict) or not os.path.isfile(place):
         return
     _move(flow, "source", folder)
     if isinstance(flow.get("file"), dict):
@@ -94,8 +95,8 @@ def beside_scene(tables: dict[str, Any], place: str | Path) -> None:
 def _move(table: dict[str, Any], key: str, folder: Path) -> None:
     value = table.get(key)
     if isinstance(value, str) and value not in (*shipped_names(), "static"):
-        path = folder / Path(value).expanduser()
-        if path.exists():  # else the message shows what was written
+        path = folder / os.path.expanduser(value)
+        if os.path.exists(path):  # which a name of any length may be asked; else the message shows what was written
             table[key] = str(path.resolve())
 
 

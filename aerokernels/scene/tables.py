@@ -6,7 +6,7 @@ out, and the choice made here is explained where it stands. Beam, target and rec
 detector in detector_table.py.
 """
 
-from pathlib import Path
+import os
 from typing import Annotated, Any, Literal
 
 from pydantic import AfterValidator, BeforeValidator, model_validator
@@ -27,7 +27,7 @@ def _source(value: Any) -> str:
     choices = (*shipped_names(), STATIC)
     if value in choices:
         return str(value)
-    if not isinstance(value, str) or not Path(value).expanduser().exists():
+    if not isinstance(value, str) or not os.path.exists(os.path.expanduser(value)):
         raise ValueError(f"choose one of {', '.join(choices)}, or the path of a flow file or case: nothing lies there")
     return value
 

@@ -6,7 +6,7 @@ import pytest
 from aerokernels.medium import IndexField
 from aerokernels.rays import RayBundle
 from aerokernels.tracing import Plane, RayStatus, trace
-from aerokernels.tracing.lines import crossing_of_box
+from aerokernels.tracing.lines import FACES, box_span, crossing_of_box
 from aerokernels.validation.bundle_check import check
 from aerokernels.validation.bundle_draws import draw
 
@@ -85,3 +85,9 @@ def test_where_a_ray_leaves_a_round_box_and_how_steeply():
     assert leave == pytest.approx([2.0 / np.sin(steep), 2.0 / np.cos(flat), 7.0], rel=1e-12)
     assert cosine == pytest.approx([np.sin(steep), np.cos(flat), 1.0], rel=1e-12)
     assert enter == pytest.approx([0.0, 0.0, 3.0], abs=1e-12)
+    field = IndexField.from_samples(
+        np.zeros((5, 7)), origin=(0.0, 0.0), spacing=(0.5, 0.5), geometry="axisymmetric", interpolation="linear"
+    )
+    span = box_span(field, start, way)
+    assert span.leave == pytest.approx(leave, rel=1e-9) and span.enter == pytest.approx(enter, abs=1e-9)
+    assert [FACES[face] for face in span.exit_face] == ["r", "high z", "r"]

@@ -7,7 +7,7 @@ from aerokernels.medium import IndexField
 from aerokernels.rays import RayBundle
 from aerokernels.tracing import Plane, trace
 from aerokernels.tracing.lines import box_size
-from aerokernels.tracing.step_bound import CONES, cones_of, roughness_of_blocks, step_bound
+from aerokernels.tracing.step_bound import CONES, cones_of, roughness_along, roughness_of_blocks, step_bound
 
 WAVE = 905e-9
 CELL = 1e-4
@@ -69,6 +69,10 @@ def test_the_table_of_a_wave_is_its_formula(interpolation):
     assert bound.length[2, 19] == (0.0 if kinks else pytest.approx(expected, rel=0.02))
     _, fourth, second = roughness_of_blocks(field.samples)
     assert fourth[1][2, 19] == pytest.approx(3e-5 * wave**4, rel=0.03) and fourth[0].max() < 1e-6 * fourth[1].max()
+    # Rays that look around on all sides: (sum of roots)^2 of the fourth derivatives, and the sum of the kinks.
+    block, around, kink = roughness_along(field.samples, "planar", CONES[0])
+    assert block == 4 and around == pytest.approx((np.sqrt(fourth[0]) + np.sqrt(fourth[1])) ** 2, rel=1e-12)
+    assert kink == pytest.approx(second[0] + second[1], rel=1e-12)
     assert second[1][2, 19] == (pytest.approx(3e-5 * 0.2**2, rel=0.01) if kinks else 0.0)
 
 

@@ -4,6 +4,7 @@ A reader is a function of (path, time, options) that returns a `Dataset`, or rai
 libraries in C or C++ run in a child process (worker.py), which may crash without harm.
 """
 
+import os
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -63,7 +64,7 @@ def format_of(path: Path, options: Mapping[str, Any]) -> Format:
     Raises:
         ReadError: Nothing there, an empty file, or nothing that is known.
     """
-    if not path.exists():
+    if not os.path.exists(path):  # of a name of any length
         raise ReadError(path, "there is no such file or folder", "give the path of a flow file or case")
     if path.is_dir() or path.suffix.lower() in (".foam", ".openfoam") or path.name == "controlDict":
         from .foam_case import is_case
