@@ -16,6 +16,7 @@ from aerokernels.flow.reading.polygon_cells import Polygons
 from aerokernels.flow.reading.polygons import quad_mesh
 from aerokernels.medium import QuadMesh
 from aerokernels.medium.conserving import conserving_values
+from aerokernels.validation.damaged_in_children import outcomes
 
 
 @pytest.fixture
@@ -319,6 +320,19 @@ def test_damaged_copies_of_what_libraries_read(tmp_path, kind):
     pytest.importorskip("vtkmodules")
     counts = fuzzing.fuzz(tmp_path, kind, range(2015, 2030))
     assert counts["refused"] > 0
+
+
+def test_damaged_copies_in_a_child_that_may_die(tmp_path):
+    """Set-up: 12 damaged copies of a CGNS file, bytes and nodes. Expected: each read or refused, twice the same."""
+    pytest.importorskip("vtkmodules")
+    sound = tmp_path / "sound"
+    sound.mkdir()
+    path = fuzzing.plain(sound, "cgns")
+    found = list(outcomes(path, sound, tmp_path / "copy", range(12)))
+    assert len(found) == 12 and set(found) <= {"read", "refused", "ended"} and "refused" in found
+    assert found == list(outcomes(path, sound, tmp_path / "copy", range(12)))
+    with pytest.raises(ValueError, match="is not sound"):
+        list(outcomes(sound / "b.npz", sound, tmp_path / "copy", range(1)))
 
 
 def test_a_child_that_another_file_has_hurt_is_replaced(tmp_path, monkeypatch):
