@@ -23,6 +23,8 @@ from .status import RayStatus, reached
 # asked for. Rays that were further above the tolerance get a power of it, at least LEAST_SHARE: ten times the steps.
 RETRACE_SHARE = 0.5
 LEAST_SHARE = 1e-4
+# Waves from which on an error estimate says no more than that there is no bound.
+UNBOUNDED = 1e6
 
 
 class ToleranceWarning(RuntimeWarning):
@@ -124,6 +126,8 @@ def report_rejected(plan: TracePlan, count: int, ray_count: int, greatest: float
     if not count:
         return plan
     size = "" if greatest is None else f", the greatest of them {greatest / wavelength:.2g} waves"
+    if greatest is not None and not greatest <= UNBOUNDED * wavelength:
+        size = ", some of them without bound"
     sentence = (
         f"{count} of {ray_count} rays have error estimates above the tolerance of {plan.tolerance:g} waves{size}, "
         "though they were traced again in float64: their status is TOLERANCE_NOT_MET"
