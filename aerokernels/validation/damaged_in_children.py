@@ -103,14 +103,24 @@ def _hear(pipe: int) -> bytes | None:
     return os.read(pipe, 1)
 
 
+def _addresses() -> float:
+    """The size of this process's address space [bytes]; 0 where the system does not tell."""
+    try:
+        return int(Path("/proc/self/statm").read_text().split()[0]) * os.sysconf("SC_PAGE_SIZE")
+    except OSError:
+        return 0.0
+
+
 def _serve(speaks: int, path: Path, sound: Path, copy: Path, contents, seeds: list[int]) -> None:
     """Be the child: never returns."""
     null = os.open(os.devnull, os.O_RDWR)
     os.dup2(null, 1)
     os.dup2(null, 2)
 
+    inherited = _addresses()
+
     def read_in_here(module: str, file: Path, time, options: dict[str, Any]):
-        worker._limit(file)
+        worker._limit(file, inherited)
         try:
             return read_here(module, file, time, options)
         finally:

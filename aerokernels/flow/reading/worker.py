@@ -124,8 +124,11 @@ def time_limit(path: Path) -> float:
     return 600.0 if path.suffix.lower() in LISTS else LEAST_TIME + TIME_FOR_BYTE * path.stat().st_size
 
 
-def _limit(path: Path) -> None:
-    """Bound the memory that this process may take from now on, and how long it may compute."""
+def _limit(path: Path, inherited: float = 0.0) -> None:
+    """Bound the memory that this process may take for a file, and how long it may compute.
+
+    A forked process has `inherited` bytes of its parent's addresses, which are granted beside the file's.
+    """
     try:
         import resource
 
@@ -134,7 +137,7 @@ def _limit(path: Path) -> None:
         if path.suffix.lower() not in LISTS:
             own = min(total, LEAST_MEMORY + MEMORY_FOR_BYTE * path.stat().st_size)
         hard = resource.getrlimit(resource.RLIMIT_AS)[1]
-        resource.setrlimit(resource.RLIMIT_AS, (int(own), hard))
+        resource.setrlimit(resource.RLIMIT_AS, (int(own + inherited), hard))
         resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
         used = resource.getrusage(resource.RUSAGE_SELF)
         allowed = LEAST_COMPUTING - LEAST_TIME + time_limit(path)
