@@ -137,7 +137,7 @@ static inline int leaves_by_rounding(
     const real4 s = oriented(control, event, side, cell, frac);
     const real3 velocity = momentum * rate;
     const real rise = dot(s.yzw, velocity);
-    return s.x >= -EVENT_LOCATION_NOISE && rise < LEAST_RISE * size3(velocity);
+    return s.x >= -EVENT_LOCATION_NOISE && fabs(rise) < LEAST_RISE * size3(velocity);
 }
 
 // What rounding leaves of a place's distance from surface k, in its unit.

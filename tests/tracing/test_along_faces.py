@@ -106,3 +106,24 @@ def test_a_body_that_sticks_out_of_the_box_is_hit_before_it(geometry, engine):
         front = centre - np.sqrt(radius**2 - height[:3] ** 2)
         # The body is a polygon of 2000 sides: its faces lie at most radius (1 - cos(pi / 2000)) = 2.5 nm inside.
         assert np.abs(found.position[:3, 2] - front).max() < 2e-8
+
+
+@pytest.mark.parametrize("precision", ["float32", "float64"])
+@pytest.mark.parametrize("engine", ENGINES)
+def test_turned_back_through_the_face_it_entered_by(engine, precision):
+    """Rays that fall upwards, through the upper face into the box and out of it again.
+
+    Set-up: n - 1 = 1e-3 (1 + z / 2 mm), slopes of 1e-5 to 3e-4 into the box. Expected: out at 2 slope / (0.5 /m) from
+    where they entered, but for n - 1; the reference's OPD. Nothing but the start lies in the face: errors are known.
+    """
+    axis = np.linspace(-2e-3, 2e-3, 81)
+    samples = np.tile(1e-3 * (1.0 + axis / 2e-3), (81, 1))
+    field = IndexField.from_samples(samples, origin=(axis[0],) * 2, spacing=(axis[1] - axis[0],) * 2, geometry="planar")
+    slope = np.array([1e-5, 1e-4, 3e-4])
+    start = np.tile([0.0, -1.5e-3, 2e-3], (3, 1))
+    rays = RayBundle(start, np.stack([np.zeros(3), np.ones(3), -slope], axis=1))
+    found = trace(field, rays, method="adaptive", precision=precision, **on(engine))
+    truth = trace(field, rays, method="adaptive", precision="float64", backend="reference")
+    assert not (found.traced_status == RayStatus.TOLERANCE_NOT_MET).any()
+    assert np.abs(found.opd - truth.opd).max() < 1e-3 * WAVE
+    assert found.position[:, 1] - start[:, 1] == pytest.approx(2.0 * slope / 0.5, rel=5e-3)

@@ -162,7 +162,7 @@ def build_event_location(library: KernelLibrary, geometry: str, stop: str):
         s = oriented(control, event, side, cell, frac)
         velocity = wp.cw_mul(momentum, rate)
         rise = wp.dot(vec3(s[1], s[2], s[3]), velocity)
-        return s[0] >= real(-event_location_noise) and rise < real(least_rise) * wp.length(velocity)
+        return s[0] >= real(-event_location_noise) and wp.abs(rise) < real(least_rise) * wp.length(velocity)
 
     @wp.func
     def rounding_of(control: Control, k: int):
