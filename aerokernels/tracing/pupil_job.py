@@ -151,7 +151,8 @@ def make_job(
     radial_rays, why = choose_radial(field, pupil, look, per_replicate, REPLICATES, symmetry)
     count = radial_rays or per_replicate
     plan = field.derive(
-        ("plan of a pupil", *seen, count, wavelength, tuple(choices.values())),
+        # A plan that was confirmed for other values is not the one sought for these: answers depend on no other call.
+        ("plan of a pupil", *seen, count, wavelength, tuple(choices.values()), like is None),
         lambda: plan_rays(
             field,
             lambda: pilot,

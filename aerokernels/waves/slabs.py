@@ -9,6 +9,7 @@ slanted line of sight, a mesh) it is the mean of layers. Either way a thin shock
 """
 
 import math
+from abc import ABC, abstractmethod
 from dataclasses import dataclass
 
 import numpy as np
@@ -41,7 +42,7 @@ class LookingAlong:
     half: float
 
 
-class Slabs:
+class Slabs(ABC):
     """Slabs of equal thickness of the air that disturbs what a window sees.
 
     Attributes:
@@ -54,6 +55,7 @@ class Slabs:
     last: float
     most_pixels: int
 
+    @abstractmethod
     def taken(self, x: np.ndarray, y: np.ndarray, count: int) -> np.ndarray:
         """Optical path [m] of `count` slabs, a power of two up to FINEST, shape (count, y, x).
 
@@ -62,7 +64,6 @@ class Slabs:
             y: Places along its second, shape (n,).
             count: How many.
         """
-        raise NotImplementedError
 
 
 def slabs_of(field: IndexField, look: LookingAlong, begin: float, end: float, wavelength: float) -> Slabs:

@@ -5,6 +5,7 @@ in their `Stage`: plain local time steps put the bow shock in its place quickly 
 does that.
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from math import cos, radians, sin
 from pathlib import Path
@@ -37,19 +38,45 @@ class Stage:
     smoothing: float
 
 
-def write_case(folder: Path, stream: FreeStream, scale: float) -> None:
-    """Everything but the stage: mesh description, schemes, gas, and the free stream as the first guess."""
-    edge = model.outer_edge(stream.mach)
-    _write(folder, "system/blockMeshDict", "dictionary", _mesh(edge, scale))
+def write_wedge_case(folder: Path, stream: FreeStream, scale: float) -> None:
+    """Everything but the stage, of axisymmetric flow along the body."""
+    write_case(folder, stream, _mesh(model.outer_edge(stream.mach), scale), {"front": "wedge", "back": "wedge"})
+
+
+def write_case(folder: Path, stream: FreeStream, mesh: str, sides: Mapping[str, str], alpha: float = 0.0) -> None:
+    """Everything but the stage: mesh description, schemes, gas, and the free stream as the first guess.
+
+    Args:
+        folder: The case.
+        stream: The free stream.
+        mesh: The body of its blockMeshDict.
+        sides: The types of the patches that bound it sideways, by name.
+        alpha: Angle of incidence [rad].
+    """
+    _write(folder, "system/blockMeshDict", "dictionary", mesh)
     _write(folder, "system/fvSchemes", "dictionary", SCHEMES)
     _write(folder, "system/fvSolution", "dictionary", SOLUTION)
     heat = stream.gamma / (stream.gamma - 1.0) * GAS_CONSTANT_AIR
     gas = GAS.format(weight=UNIVERSAL_GAS_CONSTANT / GAS_CONSTANT_AIR, heat=heat)
     _write(folder, "constant/thermophysicalProperties", "dictionary", gas)
     _write(folder, "constant/turbulenceProperties", "dictionary", "simulationType laminar;\n")
-    _write_field(folder, "p", "volScalarField", "[1 -1 -2 0 0 0 0]", f"{stream.pressure:.10g}", "zeroGradient")
-    _write_field(folder, "T", "volScalarField", "[0 0 0 1 0 0 0]", f"{stream.temperature:.10g}", "zeroGradient")
-    _write_field(folder, "U", "volVectorField", "[0 1 -1 0 0 0 0]", f"({stream.velocity:.10g} 0 0)", "slip")
+    velocity = f"({stream.velocity * cos(alpha):.10g} {stream.velocity * sin(alpha):.10g} 0)"
+    for name, kind, dimensions, value, at_wall in (
+        ("p", "volScalarField", "[1 -1 -2 0 0 0 0]", f"{stream.pressure:.10g}", "zeroGradient"),
+        ("T", "volScalarField", "[0 0 0 1 0 0 0]", f"{stream.temperature:.10g}", "zeroGradient"),
+        ("U", "volVectorField", "[0 1 -1 0 0 0 0]", velocity, "slip"),
+    ):
+        lines = [f"    {side} {{ type {bound}; }}\n" for side, bound in sides.items()]
+        text = f"""dimensions {dimensions};
+internalField uniform {value};
+boundaryField
+{{
+    inlet {{ type fixedValue; value uniform {value}; }}
+    outlet {{ type zeroGradient; }}
+    body {{ type {at_wall}; }}
+{"".join(lines)}}}
+"""
+        _write(folder, f"0/{name}", kind, text)
 
 
 def write_stage(folder: Path, stage: Stage) -> None:
@@ -129,21 +156,6 @@ def mesh_text(points, blocks, edges, patches) -> str:
 
 def _point(x: float, r: float, side: int) -> str:
     return f"({x:.10g} {r * cos(HALF_WEDGE):.10g} {side * r * sin(HALF_WEDGE):.10g})"
-
-
-def _write_field(folder: Path, name: str, kind: str, dimensions: str, value: str, at_wall: str) -> None:
-    text = f"""dimensions {dimensions};
-internalField uniform {value};
-boundaryField
-{{
-    inlet {{ type fixedValue; value uniform {value}; }}
-    outlet {{ type zeroGradient; }}
-    body {{ type {at_wall}; }}
-    front {{ type wedge; }}
-    back {{ type wedge; }}
-}}
-"""
-    _write(folder, f"0/{name}", kind, text)
 
 
 def _write(folder: Path, place: str, kind: str, text: str) -> None:

@@ -19,7 +19,7 @@ import model
 import numpy as np
 
 from aerokernels import flow
-from aerokernels.flow import GAS_CONSTANT_AIR, FreeStream, tunnel_conditions
+from aerokernels.flow import FreeStream, tunnel_conditions
 
 ALONG, ACROSS, AROUND = (24, 16), 44, 18
 CONE_GRADING = 2.5
@@ -60,7 +60,7 @@ def main() -> None:
 
 def compute(folder: Path, stream: FreeStream, alpha: float) -> None:
     """Write and run the case."""
-    write_case(folder, stream, alpha)
+    case.write_case(folder, stream, mesh(stream.mach), {"symmetry": "symmetryPlane"}, alpha)
     case.write_stage(folder, STAGES[0])
     make.run(folder, "blockMesh")
     make.run(folder, "checkMesh")
@@ -114,34 +114,6 @@ def end_of_body() -> tuple[float, float]:
     """Where the body ends (x, r) [mm]."""
     x, r = model.body_corners()[1]
     return LENGTH, r + (LENGTH - x) * tan(model.FORE_CONE)
-
-
-def write_case(folder: Path, stream: FreeStream, alpha: float) -> None:
-    """Everything but the stage."""
-    case._write(folder, "system/blockMeshDict", "dictionary", mesh(stream.mach))
-    case._write(folder, "system/fvSchemes", "dictionary", case.SCHEMES)
-    case._write(folder, "system/fvSolution", "dictionary", case.SOLUTION)
-    heat = stream.gamma / (stream.gamma - 1.0) * GAS_CONSTANT_AIR
-    gas = case.GAS.format(weight=case.UNIVERSAL_GAS_CONSTANT / GAS_CONSTANT_AIR, heat=heat)
-    case._write(folder, "constant/thermophysicalProperties", "dictionary", gas)
-    case._write(folder, "constant/turbulenceProperties", "dictionary", "simulationType laminar;\n")
-    velocity = f"({stream.velocity * cos(alpha):.10g} {stream.velocity * sin(alpha):.10g} 0)"
-    for name, kind, dimensions, value, at_wall in (
-        ("p", "volScalarField", "[1 -1 -2 0 0 0 0]", f"{stream.pressure:.10g}", "zeroGradient"),
-        ("T", "volScalarField", "[0 0 0 1 0 0 0]", f"{stream.temperature:.10g}", "zeroGradient"),
-        ("U", "volVectorField", "[0 1 -1 0 0 0 0]", velocity, "slip"),
-    ):
-        text = f"""dimensions {dimensions};
-internalField uniform {value};
-boundaryField
-{{
-    inlet {{ type fixedValue; value uniform {value}; }}
-    outlet {{ type zeroGradient; }}
-    body {{ type {at_wall}; }}
-    symmetry {{ type symmetryPlane; }}
-}}
-"""
-        case._write(folder, f"0/{name}", kind, text)
 
 
 def mesh(mach: float) -> str:

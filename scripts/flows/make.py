@@ -66,7 +66,7 @@ def main() -> None:
     stream = tunnel_conditions(given.mach, pressure, given.stagnation_temperature)
     with tempfile.TemporaryDirectory() as scratch:
         folder = given.folder or Path(scratch)
-        case.write_case(folder, stream, given.scale)
+        case.write_wedge_case(folder, stream, given.scale)
         first, second = stages(given.scale)
         case.write_stage(folder, first)
         run(folder, "blockMesh")
