@@ -3,6 +3,7 @@
 The corpus are draws that failed once, by kind and seed; scripts/fuzz_inputs draws a million.
 """
 
+import os
 import random
 import warnings
 from pathlib import Path
@@ -10,12 +11,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from aerokernels import room
+from aerokernels import fragile, room
 from aerokernels.flow import open_series, read
 from aerokernels.hardware import export as exporting
+from aerokernels.hardware.echo_source import EchoSource
 from aerokernels.hardware.frames import EchoFrame
 from aerokernels.hardware.store import EchoStore
-from aerokernels.jobs.recorded import recorded_labels
+from aerokernels.jobs.recorded import load_netcdf, recorded_labels
+from aerokernels.jobs.store import read_result
 from aerokernels.scene import Scene, SceneError
 from aerokernels.schlieren.picture_file import read_picture
 from aerokernels.validation import file_draws, input_draws, record_draws
@@ -34,6 +37,96 @@ def test_drawn_inputs_are_taken_or_refused_in_one_line(kind: str, tmp_path: Path
         for seed in (*CORPUS.get(kind, ()), *range(10_000, 10_040)):
             taken += DRAWS[kind](random.Random(seed), tmp_path)
     assert taken
+
+
+def test_a_file_on_which_hdf5_computes_for_ever_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    """Draw 441: a damaged byte in the heap of an attribute, for whose end HDF5 looks for ever; here for a second."""
+    for child in (idle := fragile._idle()):
+        child.end()
+    idle.clear()  # its bound counts from what it has computed: a new one is ended soonest
+    monkeypatch.setattr(fragile, "LEAST_COMPUTING", 0.0)
+    monkeypatch.setattr(file_draws, "_read_all", lambda path: False)
+    file_draws.netcdf(random.Random(441), tmp_path)
+    with pytest.raises(
+        ValueError, match=r"echoes\.nc: the library that reads it ended with signal \d+: .* write it again"
+    ):
+        recorded_labels(tmp_path / "echoes.nc")
+
+
+@pytest.mark.parametrize(
+    "reader", [load_netcdf, recorded_labels, read_result, read, open_series, EchoSource.from_result]
+)
+def test_every_reader_of_netcdf_survives_the_end_of_its_library(reader, tmp_path: Path, monkeypatch):
+    """Set-up: HDF5 ends its process. Expected: whoever asked is told which file, and what to do."""
+
+    class Ending:
+        def ask(self, request, time_limit):
+            raise EOFError
+
+        def end(self):
+            return -11
+
+    monkeypatch.setattr(fragile, "_idle", list)
+    monkeypatch.setattr(fragile, "_Child", Ending)
+    (tmp_path / "flow.nc").write_bytes(b"\x89HDF\r\n\x1a\n")
+    with pytest.raises(ValueError, match=r"flow\.nc: the library .* signal 11: the file is damaged .*: write it again"):
+        reader(tmp_path / "flow.nc")
+
+
+def test_what_happens_in_the_child_is_told_here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    """Answers, errors of their own class, exits; a child that has gone is replaced.
+
+    An interrupt ends one, and so does a file that it keeps open, which HDF5 would leave locked.
+    """
+    path = tmp_path / "a.nc"
+    path.write_bytes(b"0")
+    idle: list = []
+    monkeypatch.setattr(fragile, "_idle", lambda: idle)
+    assert fragile.in_child(path, "math:sqrt", 4.0) == 2.0 and len(idle) == 1
+    with pytest.raises(room.NoRoomError, match="it announces"):
+        fragile.in_child(path, "aerokernels.room:check_room", 1e30, "it")
+    with pytest.raises(fragile.LibraryEndedError, match=r"a\.nc: the library that reads it ended with status 3: "):
+        fragile.in_child(path, "os:_exit", 3)
+    assert not idle and fragile.in_child(path, "os:getpid") == idle[0].process.pid
+    (child,) = idle
+    assert fragile.in_child(path, "os:open", path, os.O_RDONLY) > 2 and not idle and child.process.poll() is not None
+    assert fragile.in_child(path, "os:getpid") == idle[0].process.pid != child.process.pid
+    idle[0].process.kill()
+    idle[0].process.wait()
+    assert fragile.in_child(path, "os:getpid") == idle[0].process.pid
+    (child,) = idle
+
+    def interrupted(request, time_limit):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(child, "ask", interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        fragile.in_child(path, "os:getpid")
+    assert not idle and child.process.poll() is not None
+
+
+def test_large_arrays_of_a_netcdf_file_are_read_when_they_are_asked_for(tmp_path: Path):
+    """Set-up: 20,000 numbers, packed, and texts, as xarray writes them. Expected: as xarray reads them; parts alike.
+
+    A file that is gone by then is told of by its name, with the variable's.
+    """
+    import xarray
+
+    from aerokernels.netcdf_reading import open_netcdf
+
+    path = tmp_path / "series.nc"
+    data = xarray.Dataset({"rho": (("time", "x"), np.arange(20_000.0).reshape(2, -1), {"units": "kg/m3"}),
+                           "name": ("time", np.array(["a", "é"], object)), "good": ("time", [True, False])},
+                          {"time": [0.0, 1.0]}, {"note": "as written"})  # fmt: skip
+    data.to_netcdf(path, engine="h5netcdf", encoding={"rho": {"dtype": "i4", "scale_factor": 0.5, "_FillValue": -1}})
+    found = open_netcdf(path, "it")
+    assert found["good"].dtype == bool and found["rho"].isel(time=1, x=slice(2, 9, 3)).values.tolist() == [
+        10_002.0, 10_005.0, 10_008.0]  # fmt: skip
+    xarray.testing.assert_identical(found.load(), data)
+    late = open_netcdf(path, "it")
+    path.write_bytes(b"gone")
+    with pytest.raises(ValueError, match=r"series\.nc: rho cannot be read \(OSError: .*write it again"):
+        late["rho"].load()
 
 
 def announcing(path: Path, name: str, *small: str) -> Path:

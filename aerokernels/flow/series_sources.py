@@ -13,6 +13,7 @@ import numpy as np
 
 from ..device_arrays import host_array
 from ..medium import Body, QuadMesh
+from ..netcdf_reading import open_netcdf
 from ..room import check_file, check_room
 from ..units import quantity
 from .density_field import DensityField
@@ -215,29 +216,32 @@ def _of_case(path: Path, reader: Callable[..., DensityField]) -> Series:
 
 
 def _of_file(path: Path, density: str | None, ambient: float | None, averages: bool, species: Any, own: dict) -> Series:
-    import xarray
-
     if not path.exists():
         raise ValueError(f"{path}: no such file; give a NetCDF file, a Zarr store, or a pattern such as flow_*.vtu")
     if path.is_dir() and not any((path / name).exists() for name in ("zarr.json", ".zgroup", ".zmetadata")):
         raise ValueError(
             f"{path}: a folder, but no Zarr store; numbered files are opened by a pattern, 'dir/flow_*.vtu'"
         )
-    engine = "zarr" if path.is_dir() else "h5netcdf"
-    if engine == "zarr":
-        try:
-            import zarr  # noqa: F401
-        except ImportError:
-            raise ImportError(f"{path}: a Zarr store needs zarr: pip install 'aerokernels[dask]'") from None
-    check_file(path, f"{path}: its list of coordinates", most_axes=1)
+    dataset = (_zarr if path.is_dir() else open_netcdf)(path, f"{path}: its list of coordinates", most_axes=1)
+    identity = {"file": path.name, "size": path.stat().st_size if path.is_file() else None}
+    return _of_dataset(dataset, density, ambient, averages, species, own, str(path), identity)
+
+
+def _zarr(path: Path, what: str, most_axes: float) -> Any:
+    """A Zarr store as xarray has it; arguments as of `open_netcdf`."""
+    try:
+        import zarr  # noqa: F401
+    except ImportError:
+        raise ImportError(f"{path}: a Zarr store needs zarr: pip install 'aerokernels[dask]'") from None
+    import xarray
+
+    check_file(path, what, most_axes)
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", RuntimeWarning)  # that a store without consolidated metadata opens slowly
-            dataset = xarray.open_dataset(path, engine=engine, chunks=None)
+            return xarray.open_dataset(path, engine="zarr", chunks=None)
     except Exception as fault:
-        raise ValueError(f"{path}: cannot be read as {'Zarr' if engine == 'zarr' else 'NetCDF'}: {fault}") from None
-    identity = {"file": path.name, "size": path.stat().st_size if path.is_file() else None}
-    return _of_dataset(dataset, density, ambient, averages, species, own, str(path), identity)
+        raise ValueError(f"{path}: cannot be read as Zarr: {fault}") from None
 
 
 def _of_dataset(

@@ -7,7 +7,7 @@ import numpy as np
 from scipy.constants import speed_of_light
 
 from aerokernels.hardware.frames import GREATEST_SAMPLE_COUNT, EchoFrame
-from aerokernels.room import check_file
+from aerokernels.netcdf_reading import open_netcdf
 
 # What the simulated instruments play if nothing else is asked for.
 DEFAULT_SCENE = "wind-tunnel-static"
@@ -107,27 +107,15 @@ class EchoSource:
         Raises:
             ValueError: there is no such file, it cannot be read, or there is no echo in it.
         """
-        import h5py
-        import xarray
-
         path = Path(path)
         if path.is_dir():
             path = path / "result.nc"
         if not path.is_file():
             raise ValueError(f"result {path}: no such file; make one with `aerokernels run SCENE --out DIR`")
-        try:
-            with h5py.File(path, "r"):  # says what is wrong with a file in fewer words than what is built on it
-                pass
-        except OSError as error:
-            raise ValueError(f"result {path}: cannot be read ({error}); give the result.nc of a run") from error
-        check_file(path, f"result {path}")
-        with xarray.open_dataset(path, engine="h5netcdf") as result:
-            if (
-                not {"time", "echo_voltage"} <= set(result.variables)
-                or result["echo_voltage"].dims != result["time"].dims
-            ):
-                raise ValueError(f"result {path}: holds no 'echo_voltage' over 'time'; give the result.nc of a run")
-            echo_time, voltage = result["time"].values, result["echo_voltage"].values
+        result = open_netcdf(path, f"result {path}")
+        if not {"time", "echo_voltage"} <= set(result.variables) or result["echo_voltage"].dims != result["time"].dims:
+            raise ValueError(f"result {path}: holds no 'echo_voltage' over 'time'; give the result.nc of a run")
+        echo_time, voltage = result["time"].values, result["echo_voltage"].values
         sample_time = _sample_times(sample_count, sample_period_ps)
         return cls(np.interp(sample_time, echo_time, voltage, left=0.0, right=0.0), sample_period_ps, noise)
 

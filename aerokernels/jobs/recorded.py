@@ -24,7 +24,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from aerokernels.hardware.store import EchoStore
-from aerokernels.room import check_file
+from aerokernels.netcdf_reading import open_netcdf
 from aerokernels.units import quantity
 
 if TYPE_CHECKING:
@@ -184,14 +184,8 @@ def load_netcdf(path: Path) -> "xarray.Dataset":
     Raises:
         ValueError: not such a file, or a damaged one; names it.
     """
-    import h5py
-    import xarray
-
     with _blamed_on(path):
-        with h5py.File(path, "r"):  # says what is wrong with a file in fewer words than what is built on it
-            pass
-        check_file(path, str(path))
-        return xarray.load_dataset(path, engine="h5netcdf", decode_times=False)
+        return open_netcdf(path, str(path), decode_times=False, whole=True).load()
 
 
 @contextlib.contextmanager

@@ -18,6 +18,7 @@ import numpy as np
 
 from aerokernels.drafts import draft_of
 from aerokernels.netcdf_file import write_netcdf
+from aerokernels.netcdf_reading import open_netcdf
 from aerokernels.one_writer import only_writer
 
 if TYPE_CHECKING:
@@ -224,7 +225,5 @@ def replace_result(path: Path, dataset: "xarray.Dataset") -> None:
 
 
 def read_result(path: Path) -> "xarray.Dataset":
-    """Read a `result.nc` into memory and close the file."""
-    import xarray
-
-    return xarray.load_dataset(path, engine="h5netcdf")
+    """Read a `result.nc` into memory; raises ValueError as `open_netcdf`."""
+    return open_netcdf(path, str(path), whole=True).load()

@@ -3,7 +3,7 @@
 The child is forked from a process that has imported the readers and their libraries: a new one costs milliseconds, and
 within it a case costs what reading the file does. A library that ends the process on a damaged file ends the child
 only; in `flow.read` itself that is a refusal, since such libraries run in a process of their own there
-(aerokernels/flow/reading/worker.py). A child that ends, or takes too long, anywhere else is a fault of this package.
+(aerokernels/fragile.py). A child that ends, or takes too long, anywhere else is a fault of this package.
 """
 
 import os
@@ -17,7 +17,8 @@ from typing import Any
 
 import numpy as np
 
-from ..flow.reading import formats, worker
+from .. import fragile
+from ..flow.reading import formats
 from ..flow.reading.calling import read_here
 from .damaged_files import damage, outcome_of
 from .damaged_structure import damage_structure, has_structure
@@ -120,7 +121,7 @@ def _serve(speaks: int, path: Path, sound: Path, copy: Path, contents, seeds: li
     inherited = _addresses()
 
     def read_in_here(module: str, file: Path, time, options: dict[str, Any]):
-        worker._limit(file, inherited)
+        fragile.limit(fragile.bounds_of(file), inherited)
         try:
             return read_here(module, file, time, options)
         finally:
@@ -146,7 +147,7 @@ def _serve(speaks: int, path: Path, sound: Path, copy: Path, contents, seeds: li
 
 
 def _lift() -> None:
-    """Take the bounds of `worker` back."""
+    """Take the bounds of `fragile` back."""
     import resource
 
     for what in (resource.RLIMIT_AS, resource.RLIMIT_CPU):

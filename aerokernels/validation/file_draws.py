@@ -138,6 +138,7 @@ def netcdf(draw: random.Random, folder: Path) -> bool:
     import h5py
 
     path = folder / "echoes.nc"
+    path.unlink(missing_ok=True)  # a new file, which nobody can have locked
     count = draw.choice((1, 2))
     shapes: dict[str, tuple] = {"voltage": (count, SAMPLES), "time": (SAMPLES,)}
     if draw.random() < 0.5:

@@ -1,6 +1,6 @@
 """CGNS, by VTK's reader: structured and unstructured zones, solutions at vertices or cell centres.
 
-Runs in the child of worker.py.
+Runs in the child of fragile.py.
 """
 
 from pathlib import Path

@@ -1,7 +1,7 @@
 """Which reader reads a path: by what lies there, its first bytes and the end of its name.
 
 A reader is a function of (path, time, options) that returns a `Dataset`, or raises `ReadError`. Those that stand on
-libraries in C or C++ run in a child process (worker.py), which may crash without harm.
+libraries in C or C++ run in a child process (aerokernels/fragile.py), which may crash without harm.
 """
 
 import os
@@ -10,9 +10,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from ...fragile import LibraryEndedError
+from ...fragile import in_child as call_in_child
 from .calling import read_here
 from .dataset import Dataset, ReadError
-from .worker import in_child
 
 
 @dataclass(frozen=True)
@@ -122,6 +123,16 @@ def load(path: Path, time, options: dict[str, Any]) -> Dataset:
     if entry.fragile:
         return in_child(entry.module, path, time, options)
     return read_here(entry.module, path, time, options)
+
+
+def in_child(module: str, path: Path, time, options: dict[str, Any]) -> Dataset:
+    """As `read_here`, in a child process; its end becomes a ReadError."""
+    try:
+        found = call_in_child(path, f"{read_here.__module__}:{read_here.__name__}", module, path, time, options)
+    except LibraryEndedError as fault:
+        raise ReadError.said(str(fault)) from None
+    assert isinstance(found, Dataset)
+    return found
 
 
 def _need(path: Path, entry: Format) -> None:

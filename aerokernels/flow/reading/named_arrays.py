@@ -1,7 +1,7 @@
 """Arrays by name: NPZ and HDF5, with axes or coordinates of every sample.
 
 Coordinates are arrays called x, y, z or r, z (`variables` names others): one number for each index along an axis, or
-one for each sample. A field of r and z is axisymmetric. HDF5 files are read in the child of worker.py.
+one for each sample. A field of r and z is axisymmetric. HDF5 files are read in the child of fragile.py.
 
 Where there are none, both ends of each axis make even cells, whose averages the arrays are: in `variables`, or in
 attributes of an HDF5 file called xmin and xmax, x_min and x_max, and so on.

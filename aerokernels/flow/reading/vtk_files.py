@@ -1,7 +1,7 @@
 """VTK's family of files, by VTK itself: .vti .vtr .vts .vtu .vtk, their parallel and multi-block forms, .pvd series.
 
 VTK prints an error and hands on what it has; here every error that it prints is one, and counts are compared with what
-the file announces. Runs in the child of worker.py.
+the file announces. Runs in the child of fragile.py.
 """
 
 import re
@@ -74,7 +74,7 @@ def run(path: Path, reader):
     vtkOutputWindow.SetInstance(window)
     reader.SetFileName(str(path))
     reader.Update()
-    said = re.sub(r" ?\(0x[0-9a-f]+\)", "", " ".join(window.GetOutput().split()))
+    said = re.sub(r" ?\(0x[0-9a-f]+\)", "", " ".join(_text(window.GetOutput()).split()))
     if "ERR" in said or "rror" in said or reader.GetErrorCode():
         what = said.split("): ", 1)[-1][:200] or f"error {reader.GetErrorCode()}"
         raise ReadError(path, f"VTK cannot read it ({what})", DAMAGED)
@@ -82,6 +82,11 @@ def run(path: Path, reader):
     if data is None:
         raise ReadError(path, "VTK finds nothing in it", DAMAGED)
     return data
+
+
+def _text(said: str | bytes | None) -> str:
+    """What VTK says, which it hands over as bytes where they are no UTF-8."""
+    return said.decode("utf-8", "replace") if isinstance(said, bytes) else said or ""
 
 
 def _series(path: Path, time) -> Dataset:
@@ -132,7 +137,7 @@ def blocks_of(path: Path | str, data, name: str = "") -> list[Block]:
         while not iterator.IsDoneWithTraversal():
             own = ""
             if iterator.HasCurrentMetaData():
-                own = iterator.GetCurrentMetaData().Get(vtkCompositeDataSet.NAME()) or ""
+                own = _text(iterator.GetCurrentMetaData().Get(vtkCompositeDataSet.NAME()))
             part = iterator.GetCurrentDataObject()
             if isinstance(part, vtkDataSet) and part.GetNumberOfPoints():
                 found.append(_block(path, part, own))
@@ -194,10 +199,10 @@ def _arrays(path: Path | str, attributes, count: int) -> dict[str, np.ndarray]:
         array = attributes.GetArray(k)
         if array is None:  # texts
             continue
-        values = vtk_to_numpy(array)
+        values, name = vtk_to_numpy(array), _text(array.GetName()) or f"array {k}"
         if len(values) != count:
-            raise ReadError(path, f"array {array.GetName()!r} has {len(values)} entries instead of {count}", DAMAGED)
-        found[array.GetName() or f"array {k}"] = np.array(values)
+            raise ReadError(path, f"array {name!r} has {len(values)} entries instead of {count}", DAMAGED)
+        found[name] = np.array(values)
     return found
 
 
