@@ -199,8 +199,18 @@ class RayBundle(ReadOnly):
         return self._of(place, way, np.broadcast_to(1.0 / len(rows), len(rows)))
 
     @classmethod
-    def _of(cls, position: DeviceArray, direction: DeviceArray, weight: np.ndarray) -> "RayBundle":
-        """Rays that lie on a device and need no check."""
+    def of_units(cls, position: np.ndarray, direction: np.ndarray) -> "RayBundle":
+        """Rays of finite places (n, 3) and unit vectors (n, 3) that are known to be that and belong to nobody else.
+
+        Nothing is checked or copied: of millions of rays either takes longer than to trace them.
+        """
+        for array in (position, direction):
+            array.setflags(write=False)
+        return cls._of(position, direction, np.broadcast_to(1.0 / len(position), len(position)))
+
+    @classmethod
+    def _of(cls, position: Any, direction: Any, weight: np.ndarray) -> "RayBundle":
+        """Rays that need no check."""
         bundle = cls.__new__(cls)
         weight.setflags(write=False)
         for name, array in (("position", position), ("direction", direction), ("weight", weight)):

@@ -5,7 +5,7 @@ import pytest
 
 from aerokernels import Annulus, Mask, Wavefront
 from aerokernels.wavefront.exchange.zemax import read_zemax
-from aerokernels.wavefront.traced import pupil_grid
+from aerokernels.wavefront.grid import pupil_grid
 from aerokernels.zernike import zernike_modes
 
 WAVELENGTH = 905e-9
@@ -45,10 +45,9 @@ def wave(request) -> Wavefront:
 
 def poppy_psf(element) -> np.ndarray:
     """A point spread function by poppy's own propagation through a pupil, over the angles ANGLE."""
-    import astropy.units as units
     import poppy
 
-    system = poppy.OpticalSystem(pupil_diameter=2.0 * RADIUS * units.m, npix=COUNT, oversample=1)
+    system = poppy.OpticalSystem(npix=COUNT, oversample=1)  # the element says how wide it is
     system.add_pupil(element)
     system.add_detector(pixelscale=np.rad2deg(STEP) * 3600.0, fov_pixels=SIDE, oversample=1)
     return np.array(system.calc_psf(WAVELENGTH, normalize="first")[0].data)

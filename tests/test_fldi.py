@@ -106,3 +106,9 @@ def test_what_is_refused():
         fldi_response(field, "instrument")
     with pytest.raises(ValueError, match="offsets"):
         fldi_response(field, instrument, offsets=[1.0])
+    with pytest.raises(TypeError, match="a Series or several fields, got int"):
+        fldi_response(3, instrument)
+    with pytest.raises(ValueError, match="no ends along x"):
+        fldi_response(field, FLDI(1e-4, 1e-5, axis=(1.0, 0.0, 0.0)))
+    with pytest.raises(ValueError, match=r"shapes that go together, got \(2,\) and \(3,\)"):
+        instrument.transfer([1.0, 2.0], [0.0, 1.0, 2.0])

@@ -9,7 +9,8 @@ from hypothesis import strategies as st
 from scipy.special import j0, j1, jn_zeros
 
 from aerokernels import Annulus, Disc, Mask, Polygon, Rectangle, Wavefront, estimate_strehl, strehl, wavefront, zernike
-from aerokernels.wavefront.traced import pupil_grid
+from aerokernels.rays import RayBundle
+from aerokernels.wavefront.grid import pupil_grid
 from aerokernels.wavefront.transfer import Transfer
 from tests.phase_plates import WAVELENGTH, phase_plate
 
@@ -377,6 +378,39 @@ def test_a_wavefront_and_what_it_makes_can_be_pickled():
     assert pickle.loads(pickle.dumps(found.mtf())).error.max() > 0.0
 
 
+def test_scattered_samples_make_the_wavefront():
+    """A tilt and a focus come back to rounding, a wave of 2.5 pupils to 2 % of it, which is what the error says.
+
+    Places in space are those in the pupil's plane, whichever way it looks.
+    """
+    pupil = Annulus(1e-3, 3e-4, (0.01, 0.0, 0.2), (0.1, -0.2, 1.0))
+    rays = RayBundle.collimated(pupil, 400)
+    x, y = ((rays.position - pupil.center) @ axis for axis in pupil.axes)
+
+    def plane(x, y):
+        return 1e-4 * x - 2e-4 * y + 0.3 * (x * x + y * y)
+
+    def wave(x, y):
+        return 5e-8 * np.sin(2.5 * x / 1e-3 + 1.0) * np.cos(2.5 * y / 1e-3)
+
+    for form, places, greatest in ((plane, rays.position, 1e-18), (wave, np.stack([x, y], axis=1), 1e-9)):
+        made = Wavefront.from_samples(places, form(x, y), pupil, WAVELENGTH, pixel_count=32)
+        off = np.abs(made.opd[made.lit] - form(*made.points.T)).max()
+        assert off < greatest and made.opd_error < greatest
+        assert made.radius == 1e-3 and made.weight.sum() == pytest.approx(0.91 * np.pi * 256, rel=1e-9)
+    told = Wavefront.from_samples(places, form(x, y), pupil, WAVELENGTH, pixel_count=32, opd_error=1e-9)
+    assert told.opd_error == pytest.approx(1e-9, rel=0.1) and off < told.opd_error
+    for bad, message in (
+        ((places[:5], x[:5]), "at least 9 samples, got 5"),
+        ((places, x[:5]), "points must have shape"),
+        ((0.5 * places, x), "% of the pupil is farther"),
+        ((np.repeat(places, 2, axis=0), np.repeat(x, 2)), "two samples lie at one place"),
+        ((places, np.where(x == x[7], np.nan, x)), "the first is sample 7"),
+    ):
+        with pytest.raises(ValueError, match=message):
+            Wavefront.from_samples(*bad, pupil, WAVELENGTH)
+
+
 def test_what_is_refused():
     field = phase_plate(modes({4: 5e-8}), 4e-3)
     with pytest.raises(TypeError, match="pupil must be a Disc, Annulus, Rectangle, Polygon or Mask, got float"):
@@ -391,3 +425,8 @@ def test_what_is_refused():
         Wavefront(np.array([[np.nan, 0.0], [0.0, 0.0]]), np.ones((2, 2)), 1.0, WAVELENGTH)
     with pytest.raises(ValueError, match="more than the pupil's 4 samples tell apart"):
         Wavefront(np.zeros((2, 2)), np.ones((2, 2)), 1.0, WAVELENGTH).zernike(10)
+    flat = Wavefront(np.zeros((4, 4)), np.ones((4, 4)), 1.0, WAVELENGTH)
+    with pytest.raises(ValueError, match="angle must be finite and at least 0 rad"):
+        flat.encircled_energy([-1e-7])
+    with pytest.raises(ValueError, match="center must be two angles"):
+        flat.encircled_energy(1e-7, center=0.0)

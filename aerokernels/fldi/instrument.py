@@ -93,7 +93,14 @@ class FLDI:
             distance: From the focus to the sheet, along the axis [m].
             angle: Of the direction in which the wave runs, from that of the separation [rad].
         """
-        wave_number = np.asarray(wave_number, dtype=np.float64)
+        wave_number, distance = (np.asarray(each, dtype=np.float64) for each in (wave_number, distance))
+        try:
+            np.broadcast_shapes(wave_number.shape, distance.shape)
+        except ValueError:
+            raise ValueError(
+                f"wave_number and distance must have shapes that go together, got {wave_number.shape} and "
+                f"{distance.shape}: for every pair give wave_number[:, None]"
+            ) from None
         apart = np.sinc(wave_number * np.cos(angle) * self.separation / (2.0 * np.pi))
         return np.asarray(apart * np.exp(-((wave_number * self.radius(distance)) ** 2) / 8.0))
 

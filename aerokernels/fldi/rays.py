@@ -10,6 +10,7 @@ import math
 import numpy as np
 
 from ..medium import IndexField
+from ..medium.tensor_points import contrast_without_gradient
 from ..tracing.lines import box_span
 from .instrument import FLDI
 
@@ -31,6 +32,8 @@ def crossed(field: IndexField, instrument: FLDI) -> tuple[float, float]:
     start = instrument.focus - reach * instrument.axis
     span = box_span(field, start[None], instrument.axis[None].copy())
     if not span.meets.any() or not span.leave[0] > 0.0 or not np.isfinite(span.leave[0]):
+        if span.meets.any():
+            raise ValueError("the beams never leave the field: a planar one has no ends along x; turn the axis")
         raise ValueError("the beams do not meet the field: check the focus, the axis and the units (metres)")
     return float(span.enter[0]) - reach, float(span.leave[0]) - reach
 
@@ -90,6 +93,6 @@ def gathered(
         across = places[:, :1] * first + places[:, 1:] * second
         for beam, side in enumerate((0.5, -0.5)):
             points = along[:, None] + side * instrument.separation * first + radius[part, None, None] * across
-            contrast = field.contrast_at(points.reshape(-1, 3)).reshape(points.shape[:2])
+            contrast = contrast_without_gradient(field, points.reshape(-1, 3)).reshape(points.shape[:2])
             path[beam] += thickness * contrast.sum(axis=0)
     return path

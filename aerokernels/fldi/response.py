@@ -139,6 +139,10 @@ def fldi_response(
         times, fields = np.asarray(field.time), (field[number] for number in range(len(field)))
     elif isinstance(field, (IndexField, DensityField)):
         fields = [field]
+    elif not isinstance(field, Iterable):
+        raise TypeError(
+            f"field must be an IndexField, a DensityField, a Series or several fields, got {type(field).__name__}"
+        )
     else:
         fields = list(field)
         times = np.arange(len(fields), dtype=np.float64) if time is None else np.asarray(time, dtype=np.float64)

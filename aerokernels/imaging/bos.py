@@ -128,10 +128,11 @@ def bos(
     rows, columns = (np.arange(count) - 0.5 * (count - 1) for count in shape)
     reference, picture = np.zeros(shape), np.zeros(shape)
 
-    def visit(point: np.ndarray, weight: float, moved: np.ndarray, arrived: np.ndarray) -> None:
-        row, column = np.meshgrid(rows + out_of_focus * point[1], columns + out_of_focus * point[0], indexing="ij")
-        reference[...] += weight * background.seen(prepared, row, column)
-        picture[...] += weight * arrived * background.seen(prepared, row + moved[1], column + moved[0])
+    def visit(part: slice, point: np.ndarray, weight: float, moved: np.ndarray, arrived: np.ndarray) -> None:
+        row = np.broadcast_to(rows[part, None] + out_of_focus * point[1], arrived.shape)
+        column = np.broadcast_to(columns + out_of_focus * point[0], arrived.shape)
+        reference[part] += weight * background.seen(prepared, row, column)
+        picture[part] += weight * arrived * background.seen(prepared, row + moved[..., 1], column + moved[..., 0])
 
     traced = gather(field, camera, shape, aperture_rays, options, visit, allow_truncation)
     if sensor is not None:

@@ -93,13 +93,7 @@ class Camera:
         """
         if self.pixel_count is None and scene is None:
             raise ValueError("the camera needs a pixel_count: rows and columns")
-        counts = np.asarray(np.shape(scene)[:2] if self.pixel_count is None else self.pixel_count)
-        if counts.dtype.kind not in "iu" or counts.shape not in ((), (2,)) or (counts < 1).any():
-            raise ValueError(f"pixel_count must be one whole number of at least 1, or two, got {self.pixel_count!r}")
-        rows, columns = (int(count) for count in np.broadcast_to(counts, (2,)))
-        if rows * columns > GREATEST_PIXELS:
-            raise ValueError(f"{rows} x {columns} pixels are more than {GREATEST_PIXELS:.0e}")
-        return rows, columns
+        return rows_and_columns(np.shape(scene)[:2] if self.pixel_count is None else self.pixel_count, "pixel_count")
 
     def tangents(self, shape: tuple[int, int]) -> tuple[np.ndarray, np.ndarray]:
         """Tangents toward which the pixels' columns and rows look: x, shape (columns,), and y, shape (rows,)."""
@@ -119,5 +113,27 @@ class Camera:
 
     def across(self, vectors: np.ndarray) -> np.ndarray:
         """Components of vectors (n, 3) along the pupil's axes, shape (n, 2)."""
-        first, second = self.pupil.axes
-        return np.stack([vectors @ first, vectors @ second], axis=1)
+        found = np.empty((len(vectors), 2))
+        for column, axis in enumerate(self.pupil.axes):
+            found[:, column] = along(vectors, axis)
+        return found
+
+
+def along(vectors: np.ndarray, axis: np.ndarray) -> np.ndarray:
+    """Components of vectors (.., 3) along one; without BLAS, whose own threads would wait for one another in ours."""
+    return np.asarray(vectors[..., 0] * axis[0] + vectors[..., 1] * axis[1] + vectors[..., 2] * axis[2])
+
+
+def rows_and_columns(counts: Any, name: str) -> tuple[int, int]:
+    """Rows and columns of a picture, of one number or two.
+
+    Raises:
+        ValueError: What makes no sense, or too many pixels; `name` is what it is called.
+    """
+    numbers = np.asarray(counts)
+    if numbers.dtype.kind not in "iu" or numbers.shape not in ((), (2,)) or (numbers < 1).any():
+        raise ValueError(f"{name} must be one whole number of at least 1, or two, got {counts!r}")
+    rows, columns = (int(count) for count in np.broadcast_to(numbers, (2,)))
+    if rows * columns > GREATEST_PIXELS:
+        raise ValueError(f"{rows} x {columns} pixels are more than {GREATEST_PIXELS:.0e}")
+    return rows, columns

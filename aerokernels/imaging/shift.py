@@ -17,11 +17,11 @@ import numpy as np
 
 from ..clock import clocked
 from ..medium import IndexField
-from ..tracing import trace
 from ..tracing.pupil_air import GREATEST_SHARE
-from .camera import Camera
+from .camera import Camera, rows_and_columns
 from .displacement_error import displacement_error
-from .known_view import KnownView, rays_of, scene_plane
+from .known_view import KnownView
+from .landing import by_rows, land, landing_shift
 
 if TYPE_CHECKING:
     import xarray
@@ -30,8 +30,9 @@ if TYPE_CHECKING:
 APERTURE_RAYS = 4
 # Of `trace` [waves].
 DEFAULT_TOLERANCE = 1e-3
-# (point of the aperture [m], its share of the light, shifts [pixels] of shape (2, rows, columns), 1 where rays arrived)
-Visit = Callable[[np.ndarray, float, np.ndarray, np.ndarray], None]
+# Called by threads, each with rows of the picture of its own: (rows, point of the aperture [m], its share of the light,
+# shifts [pixels] of shape (rows, columns, 2), and where rays arrived).
+Visit = Callable[[slice, np.ndarray, float, np.ndarray, np.ndarray], None]
 # Options that go on to `trace`.
 TRACE_OPTIONS = ("method", "tolerance", "wavelength", "backend", "device", "precision", "step", "max_steps")
 
@@ -186,7 +187,7 @@ def background_displacement(
             `allow_truncation`.
     """
     check_view(field, camera, options)
-    size = camera.shape() if shape is None else shape
+    size = camera.shape() if shape is None else rows_and_columns(shape, "shape")
     return gather(field, camera, size, aperture_rays, options, allow_truncation=allow_truncation)
 
 
@@ -199,35 +200,49 @@ def gather(
     visit: Visit | None = None,
     allow_truncation: bool = False,
 ) -> BackgroundDisplacement:
-    """The displacement, and a `visit` for every point of the aperture, while its rays are there."""
+    """The displacement, and a `visit` for some rows and every point of the aperture, while its rays are there."""
     with clocked() as seconds:
         points, weights = aperture(camera, aperture_rays)
         tolerance = float(options.get("tolerance", DEFAULT_TOLERANCE))
         lost = tolerance * field.wavelength_for(options.get("wavelength"))
         view = KnownView(field, camera, points, weights, lost)
         view.check(shape, allow_truncation)
-        total, square, through = np.zeros((2, *shape)), np.zeros((2, *shape)), np.zeros(shape)
-        for point, weight in zip(points, weights, strict=True):
-            moved, arrived, traced = landing_shift(field, camera, shape, point, options)
-            share = weight * arrived
-            through += share
-            for axis in (0, 1):
-                part = share * moved[axis]
-                total[axis] += part
-                if len(points) > 1:  # the spread of one ray is none
-                    square[axis] += part * moved[axis]
-            if visit is not None:
-                visit(point, float(weight), moved, arrived)
-        seen = np.maximum(through, 1e-300)
-        mean = np.where(through > 0.0, total / seen, np.nan)
-        spread = np.sqrt(np.maximum(square / seen - mean**2, 0.0)) if len(points) > 1 else 0.0 * mean
+        several = len(points) > 1
+        through, mean = np.empty(shape), np.empty((*shape, 2))
+        square = np.zeros((*shape, 2))  # the spread of one ray is none
+        for number, (point, weight) in enumerate(zip(points, weights, strict=True)):
+            landing = land(field, camera, shape, point, options)
+            before = None if number == 0 else (through, mean, square)
+
+            def add(rows: slice, landing=landing, weight=float(weight), before=before) -> None:
+                moved, arrived = landing.moved(rows)
+                if visit is not None:
+                    visit(rows, landing.point, weight, moved, arrived)
+                through[rows] = weight * arrived + (0.0 if before is None else through[rows])
+                if several:
+                    square[rows] += weight * moved**2
+                    moved *= weight
+                mean[rows] = moved if before is None else mean[rows] + moved
+
+            by_rows(add, shape)
+
+        def finish(rows: slice) -> None:
+            seen, light = through[rows] > 0.0, np.maximum(through[rows], 1e-300)[..., None]
+            if several:
+                mean[rows] /= light
+                square[rows] = np.sqrt(np.maximum(square[rows] / light - mean[rows] ** 2, 0.0))
+            np.negative(mean[rows], out=mean[rows])
+            if not seen.all():
+                mean[rows][~seen] = square[rows][~seen] = np.nan
+
+        by_rows(finish, shape)
     return BackgroundDisplacement(
-        displacement=-np.moveaxis(mean, 0, -1),
-        blur=np.moveaxis(spread, 0, -1),
+        displacement=mean,
+        blur=square,
         through=through,
         camera=camera,
-        wavelength=traced.wavelength,
-        plan=traced.plan,
+        wavelength=landing.traced.wavelength,
+        plan=landing.traced.plan,
         seconds=seconds,
         view=view,
         options=options,
@@ -257,37 +272,3 @@ def aperture(camera: Camera, count: int) -> tuple[np.ndarray, np.ndarray]:
     # The weights are those of the amplitude: light counts by its square.
     light = weight * pupil.transmission(flat[:, 0], flat[:, 1])
     return flat, light / light.sum()
-
-
-def landing_shift(
-    field: IndexField, camera: Camera, shape: tuple[int, int], point: np.ndarray, options: dict[str, Any]
-):
-    """Shifts of what the rays of one point of the aperture meet [pixels], shape (2, rows, columns).
-
-    Returns:
-        The shifts, 0 where a ray does not arrive; whether it does, shape (rows, columns); the TraceResult.
-    """
-    pupil = camera.pupil
-    x, y = (axis.ravel() for axis in np.meshgrid(*camera.tangents(shape)))
-    rays = rays_of(camera, point, x, y)
-    x, y = (t - place / camera.focus_distance for t, place in zip((x, y), point, strict=True))
-    far = not np.isfinite(camera.distance)
-    traced = trace(
-        field,
-        rays,
-        until=scene_plane(camera),
-        outputs=("direction",) if far else ("position",),
-        **options,
-    )
-    if far:
-        assert traced.direction is not None  # asked for
-        ends = camera.across(traced.direction) / (traced.direction @ pupil.normal)[:, None]
-    else:
-        assert traced.position is not None  # asked for
-        ends = (camera.across(traced.position - pupil.center) - point) / camera.distance
-    arrived = traced.ok
-    moved = [
-        np.where(arrived, end - t, 0.0).reshape(shape) / camera.pixel_tangent
-        for end, t in zip(ends.T, (x, y), strict=True)
-    ]
-    return np.stack(moved), arrived.reshape(shape).astype(np.float64), traced

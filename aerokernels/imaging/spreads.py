@@ -18,11 +18,15 @@ from ..medium import IndexField
 from ..rays import RayBundle
 from ..tracing import Plane, trace
 from ..tracing.lines import box_size
-from ..wavefront.traced import pupil_grid
-from .camera import Camera
+from ..tracing.status import reached
+from ..wavefront.grid import pupil_grid
+from .camera import Camera, along
+from .threads import in_threads
 
-# Samples of the point spread function to a pixel, at most.
-MOST_PARTS = 16
+# Samples of the point spread function to a pixel, at most; nodes whose point spread functions are made together.
+MOST_PARTS, NODES_AT_ONCE = 16, 16
+# Multiplications of a product of complex matrices up to which OpenBLAS takes one thread; of real ones eight times more.
+SHARED_OUT = 1 << 15
 
 
 @dataclass(frozen=True, eq=False)
@@ -90,18 +94,20 @@ def spread_grid(
     moved = np.where(np.isfinite(moved), moved, 0.0)
     whole = np.rint(moved).astype(int)
     lengths = [wavelength] if wavelengths is None else [float(one) for one in wavelengths]
+    tilt = _cosines(tangent + moved * camera.pixel_tangent) - _cosines(tangent)
     kernels = np.zeros((len(lengths), len(row), size, size))
     kept = np.zeros((len(lengths), len(row)))
-    for node in range(len(row)):
-        t = tangent[node]
-        tilt = _cosines(t + moved[node] * camera.pixel_tangent) - _cosines(t)
-        flat = opd[node] - q @ tilt
+
+    def spread(part: slice) -> None:
+        flat = opd[part] - tilt[part] @ q.T
         for number, length in enumerate(lengths):
-            wave = np.zeros(weight.shape, dtype=np.complex128)
-            wave[lit] = weight[lit] * arrived[node] * np.exp(2j * np.pi / length * flat)
-            kernels[number, node], kept[number, node] = pixel_spread(
-                wave, coordinate, step, moved[node] - whole[node], t, camera, length, size
+            wave = np.zeros((len(flat), *weight.shape), dtype=np.complex128)
+            wave[:, lit] = weight[lit] * arrived[part] * phasors(2.0 * np.pi / length * flat)
+            kernels[number, part], kept[number, part] = pixel_spreads(
+                wave, coordinate, step, (moved - whole)[part], tangent[part], camera, length, size
             )
+
+    in_threads(spread, [slice(first, first + NODES_AT_ONCE) for first in range(0, len(row), NODES_AT_ONCE)])
     place = (len(rows), len(columns))
     offset = whole[:, ::-1].reshape(*place, 2)
     return tuple(
@@ -131,36 +137,52 @@ def node_paths(
     defocus = _defocus(camera, tangent, q)
     if field is None:
         return defocus, np.ones(defocus.shape), float(options["wavelength"])
-    axial = camera.directions(*tangent.T)
     start = pupil.center + q[:, :1] * first + q[:, 1:] * second
     if far:
-        aim = np.repeat(axial, len(q), axis=0)
         low, high = field.box
         corner = np.where(pupil.normal > 0.0, high, low)
         reach = float((np.where(np.isfinite(corner), corner, pupil.center) - pupil.center) @ pupil.normal)
         depth = max(reach, 0.0) + 1e-3 * box_size(field) + 1e-6
     else:
-        u = distance * (tangent[:, None, :] - 0.0) - q
-        aim = camera.directions(*(u / distance).reshape(-1, 2).T)
         depth = distance
-    position = np.tile(start, (len(tangent), 1))
+    position, aim = np.empty((*defocus.shape, 3)), np.empty((*defocus.shape, 3))
+
+    def look(part: slice) -> None:
+        toward = tangent[part, None, :] if far else tangent[part, None, :] - q / distance
+        aim[part] = camera.directions(*toward.reshape(-1, 2).T).reshape(*toward.shape[:2], 3)
+        position[part] = start
+
+    blocks = [slice(first, first + NODES_AT_ONCE) for first in range(0, len(tangent), NODES_AT_ONCE)]
+    in_threads(look, blocks)
     plane = Plane(pupil.center + depth * pupil.normal, pupil.normal)
-    outputs = ("opd", "position", "direction")
-    traced = trace(field, RayBundle(position, aim), until=plane, outputs=outputs, **options)
+    rays = RayBundle.of_units(position.reshape(-1, 3), aim.reshape(-1, 3))
+    traced = trace(field, rays, until=plane, outputs=("opd", "position", "direction"), **options)
     assert traced.opd is not None and traced.position is not None and traced.direction is not None  # asked for
-    arrived = traced.ok
-    undisturbed = position + (depth / (aim @ pupil.normal))[:, None] * aim
-    beside = traced.position - undisturbed
-    index = field.ambient_index
-    if far:
-        beyond = -np.sum(beside * aim, axis=1) / np.sum(traced.direction * aim, axis=1)
-        opd = traced.opd + index * beyond
-    else:
-        along = np.sum(beside * traced.direction, axis=1)
-        across = np.sum(beside**2, axis=1) - along**2
-        opd = traced.opd + index * (-along + 0.5 * across / (depth / (aim @ pupil.normal)))
-    opd = np.where(arrived, opd, 0.0).reshape(defocus.shape) + index * defocus
-    return opd, arrived.reshape(defocus.shape).astype(np.float64), traced.wavelength
+    index, arrived = field.ambient_index, reached(traced.traced_status).reshape(defocus.shape)
+    opd, ends, ways = (
+        array.reshape(*defocus.shape, *array.shape[1:]) for array in (traced.opd, traced.position, traced.direction)
+    )
+    paths = np.empty(defocus.shape)
+
+    def follow(part: slice) -> None:
+        way = aim[part]
+        length = depth / along(way, pupil.normal)
+        beside = ends[part] - (start + length[..., None] * way)
+        if far:
+            beyond = -_dot(beside, way) / _dot(ways[part], way)
+        else:
+            ahead = _dot(beside, ways[part])
+            beyond = -ahead + 0.5 * (_dot(beside, beside) - ahead**2) / length
+        known = np.where(arrived[part], opd[part] + index * beyond, 0.0)
+        paths[part] = known + index * defocus[part]
+
+    in_threads(follow, blocks)
+    return paths, arrived.astype(np.float64), traced.wavelength
+
+
+def _dot(left: np.ndarray, right: np.ndarray) -> np.ndarray:
+    """Scalar products of vectors (.., 3)."""
+    return np.asarray(np.einsum("...i,...i->...", left, right))
 
 
 def _defocus(camera: Camera, tangent: np.ndarray, q: np.ndarray) -> np.ndarray:
@@ -184,7 +206,15 @@ def _cosines(tangent: np.ndarray) -> np.ndarray:
     return np.asarray(tangent / np.sqrt(1.0 + np.sum(tangent**2, axis=-1, keepdims=True)))
 
 
-def pixel_spread(
+def phasors(phase: np.ndarray) -> np.ndarray:
+    """exp(i phase) of phases [rad], of the same shape."""
+    found = np.empty(phase.shape, dtype=np.complex128)
+    np.cos(phase, out=found.real)
+    np.sin(phase, out=found.imag)
+    return found
+
+
+def pixel_spreads(
     wave: np.ndarray,
     coordinate: np.ndarray,
     step: float,
@@ -193,42 +223,69 @@ def pixel_spread(
     camera: Camera,
     wavelength: float,
     size: int,
-) -> tuple[np.ndarray, float]:
-    """The light from pixels of the scene about a node, shape (size, size), which sums to 1, and the share it is.
+) -> tuple[np.ndarray, np.ndarray]:
+    """The light from pixels of the scene about nodes, shape (n, size, size), each sums to 1; the shares they are (n,).
 
     Args:
-        wave: Complex amplitude over the pupil's pixels, axes [y, x]; where it is dark all light stays in its pixel.
+        wave: Complex amplitudes over the pupil's pixels, shape (n, y, x); where one is dark all light stays in its
+            pixel.
         coordinate: Their places [m].
         step: Their side [m].
-        fraction: Where the point spread function is centred, along x and y [pixels].
-        tangent: Tangents of the node.
+        fraction: Where the point spread functions are centred, along x and y [pixels], shape (n, 2).
+        tangent: Tangents of the nodes, shape (n, 2).
         camera: The camera.
         wavelength: Vacuum wavelength [m].
-        size: Side of the kernel [pixels].
+        size: Side of the kernels [pixels].
     """
-    power = float(np.sum(np.abs(wave) ** 2))
-    kernel = np.zeros((size, size))
-    if power == 0.0:
-        kernel[size // 2, size // 2] = 1.0
-        return kernel, 1.0
-    square = 1.0 + tangent @ tangent
+    power = np.sum(wave.real**2 + wave.imag**2, axis=(1, 2))
+    square = 1.0 + np.sum(tangent**2, axis=1, keepdims=True)
     # Of direction cosines per tangent, along x and y.
     scale = (1.0 - tangent**2 / square) / np.sqrt(square) * camera.pixel_tangent
-    width = len(coordinate) * step
-    parts = int(np.clip(np.ceil(2.0 * float(scale.max()) * width / wavelength), 1, MOST_PARTS))
+    width, greatest = len(coordinate) * step, scale.max(axis=1)
+    parts = np.clip(np.ceil(2.0 * greatest * width / wavelength), 1, MOST_PARTS).astype(int)
     # The transform repeats itself: a kernel as wide as that would hold light twice.
-    held = min(size, max(1, int(wavelength / step / float(scale.max()))))
-    pixels = np.arange(held) - held // 2
+    held = np.clip((wavelength / step / greatest).astype(int), 1, size)
+    kernel, share = np.zeros((len(wave), size, size)), np.ones(len(wave))
+    dark = power == 0.0
+    kernel[dark, size // 2, size // 2] = 1.0
+    for part, hold in np.unique(np.stack([parts, held], axis=1)[~dark], axis=0):
+        some = np.flatnonzero((parts == part) & (held == hold) & ~dark)
+        found = _through_pixels(wave[some], coordinate, fraction[some], scale[some] / wavelength, int(part), int(hold))
+        total = found.sum(axis=(1, 2))
+        share[some] = total * np.prod(scale[some], axis=1) / part**2 / ((wavelength / step) ** 2 * power[some])
+        begin = size // 2 - hold // 2
+        kernel[some, begin : begin + hold, begin : begin + hold] = found / total[:, None, None]
+    return kernel, np.minimum(share, 1.0)
+
+
+def _through_pixels(
+    wave: np.ndarray, coordinate: np.ndarray, fraction: np.ndarray, scale: np.ndarray, parts: int, held: int
+) -> np.ndarray:
+    """Light between square pixels `held` about each node, shape (n, held, held); `scale` is in waves to a metre."""
+    whole = np.arange(held + 1) - held // 2 - 1.0
+    inside = (np.arange(parts) + 0.5) / parts
+    transform = []
+    for axis in (1, 0):
+        # Places are whole pixels and parts of one: so many exponentials, and products of them for every place.
+        turn = -2.0 * np.pi * scale[:, axis, None, None] * coordinate
+        outer = phasors(turn * whole[:, None])
+        inner = phasors(turn * (inside - fraction[:, axis, None])[:, :, None])
+        transform.append((outer[:, :, None] * inner[:, None]).reshape(len(wave), -1, len(coordinate)))
+    amplitude = _product(_product(transform[0], wave), transform[1].transpose(0, 2, 1))
+    light = amplitude.real**2 + amplitude.imag**2
     # A pixel of the scene and one of the camera share a triangle of the distance between them.
-    place = pixels[0] - 1.0 + (np.arange((held + 1) * parts) + 0.5) / parts
-    overlap = np.clip(1.0 - np.abs(pixels[:, None] - place), 0.0, None)
-    transform = [
-        np.exp(-2j * np.pi / wavelength * np.outer(scale[axis] * (place - fraction[axis]), coordinate))
-        for axis in (1, 0)
-    ]
-    light = np.abs(transform[0] @ wave @ transform[1].T) ** 2
-    found = overlap @ light @ overlap.T
-    share = found.sum() * float(np.prod(scale)) / parts**2 / ((wavelength / step) ** 2 * power)
-    begin = size // 2 - held // 2
-    kernel[begin : begin + held, begin : begin + held] = found / found.sum()
-    return kernel, float(min(share, 1.0))
+    place = (whole[:, None] + inside).ravel()
+    overlap = np.clip(1.0 - np.abs(np.arange(held)[:, None] - held // 2 - place), 0.0, None)
+    return _product(_product(overlap, light), overlap.T)
+
+
+def _product(left: np.ndarray, right: np.ndarray) -> np.ndarray:
+    """Products of stacks of matrices, in pieces that BLAS does not share out among threads of its own.
+
+    Those would wait for one another in ours, and round as many as there are in another order.
+    """
+    rows, inner, columns = left.shape[-2], left.shape[-1], right.shape[-1]
+    step = max(1, SHARED_OUT // (inner * columns))
+    if rows <= step:
+        return np.asarray(left @ right)
+    return np.concatenate([left[..., first : first + step, :] @ right for first in range(0, rows, step)], axis=-2)

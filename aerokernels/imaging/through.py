@@ -19,16 +19,15 @@ import numpy as np
 from ..clock import clocked
 from ..medium import IndexField
 from ..sensor import Sensor, write_grey
-from ..wavefront.traced import pupil_grid
+from ..wavefront.grid import pupil_grid
 from .camera import Camera
+from .render import render
 from .shift import APERTURE_RAYS, BackgroundDisplacement, check_view, gather
 from .spectrum import Spectrum
-from .spreads import SpreadGrid, mixed, node_paths, pixel_spread, spread_grid
+from .spreads import SpreadGrid, mixed, node_paths, phasors, pixel_spreads, spread_grid
 
 # Nodes and pixels of point spread functions, and rays across the pupil, by default.
 NODE_COUNT, SIZE, PUPIL_PIXELS = 9, 32, 32
-# Changes of the shift from a node to the pixels about it that count as none, and the greatest followed [pixels].
-SAME_SHIFT, GREATEST_CHANGE = 1e-6, 64.0
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -71,13 +70,12 @@ class ImageThrough:
         lit = weight > 0.0
         q = np.stack([axis[lit] for axis in np.meshgrid(coordinate, coordinate)], axis=1)
         opd, _, _ = node_paths(None, self.camera, np.zeros((1, 2)), q, {"wavelength": self.wavelength})
-        zero, found = np.zeros(2), []
+        zero, found, middle = np.zeros((1, 2)), [], np.array([0])
         for length in self.spectrum.wavelengths:
-            wave = np.zeros(weight.shape, dtype=np.complex128)
-            wave[lit] = weight[lit] * np.exp(2j * np.pi / length * opd[0])
-            kernel, _ = pixel_spread(wave, coordinate, step, zero, zero, self.camera, float(length), size)
-            middle = np.array([0]), np.array([0])
-            found.append(SpreadGrid(*middle, kernel[None, None], np.zeros((1, 1, 2), dtype=int), np.ones((1, 1))))
+            wave = np.zeros((1, *weight.shape), dtype=np.complex128)
+            wave[:, lit] = weight[lit] * phasors(2.0 * np.pi / length * opd)
+            kernel, _ = pixel_spreads(wave, coordinate, step, zero, zero, self.camera, float(length), size)
+            found.append(SpreadGrid(middle, middle, kernel[None], np.zeros((1, 1, 2), dtype=int), np.ones((1, 1))))
         return render_colours(self.scene, tuple(found), self.spectrum, np.zeros((*shape, 2)), np.ones(shape))
 
     @property
@@ -167,14 +165,16 @@ def image_through(
             truncated view without `allow_truncation`.
     """
     check_view(field, camera, options)
-    for name, count in (("psf_nodes", psf_nodes), ("psf_pixels", psf_pixels)):
-        if isinstance(count, bool) or not isinstance(count, (int, np.integer)) or count < 1:
-            raise ValueError(f"{name} must be a whole number of at least 1, got {count!r}")
+    for name, count, least in (
+        ("psf_nodes", psf_nodes, 1),
+        ("psf_pixels", psf_pixels, 1),
+        ("pupil_pixels", pupil_pixels, 2),
+    ):
+        if isinstance(count, bool) or not isinstance(count, (int, np.integer)) or count < least:
+            raise ValueError(f"{name} must be a whole number of at least {least}, got {count!r}")
     if sensor is not None and not isinstance(sensor, Sensor):
         raise TypeError(f"sensor must be a Sensor, got {type(sensor).__name__}")
-    scene = np.asarray(scene_image, dtype=np.float64)
-    if scene.ndim not in (2, 3) or not np.isfinite(scene).all():
-        raise ValueError(f"the scene must be finite, (rows, columns) or (rows, columns, colours), got {scene.shape}")
+    scene = _brightness(scene_image)
     shape = camera.shape(scene)
     if any(n < m or (n - m) % 2 for n, m in zip(scene.shape, shape, strict=False)):
         raise ValueError(
@@ -206,6 +206,26 @@ def image_through(
     return ImageThrough(image, scene, found, spreads, camera, found.wavelength, light, grids, seconds)
 
 
+def _brightness(scene_image: Any) -> np.ndarray:
+    """A scene as float64, shape (rows, columns) or (rows, columns, colours).
+
+    Raises:
+        TypeError: What is no array of real numbers.
+        ValueError: Another shape, or numbers that are not finite.
+    """
+    given = np.asarray(scene_image)
+    if given.dtype.kind not in "buif":
+        raise TypeError(f"the scene must be an array of real numbers, its brightness, got {type(scene_image).__name__}")
+    if given.ndim not in (2, 3) or not given.size:
+        raise ValueError(f"the scene must be (rows, columns) or (rows, columns, colours), got shape {given.shape}")
+    scene = given.astype(np.float64)
+    if not np.isfinite(scene).all():
+        bad = np.argwhere(~np.isfinite(scene))
+        place = ", ".join(map(str, bad[0]))
+        raise ValueError(f"the scene must be finite: {len(bad)} numbers are not, the first is at [{place}]")
+    return scene
+
+
 def filled(shift: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Shifts with those of the nearest pixel where nothing is seen, and where that is."""
     from scipy.ndimage import distance_transform_edt
@@ -227,60 +247,3 @@ def render_colours(
         return render(scene, mixed(grids, light.weights), shift, through)
     colours = zip(np.moveaxis(scene, 2, 0), light.weights.T, strict=True)
     return np.stack([render(one, mixed(grids, weights), shift, through) for one, weights in colours], axis=2)
-
-
-def render(scene: np.ndarray, grid: SpreadGrid, shift: np.ndarray, through: np.ndarray) -> np.ndarray:
-    """The picture of a scene, by the kernels of nodes and the shift of each pixel [pixels] along x and y."""
-    if scene.ndim == 3:
-        return np.stack([render(colour, grid, shift, through) for colour in np.moveaxis(scene, 2, 0)], axis=2)
-    shape = through.shape
-    border = [(n - m) // 2 for n, m in zip(scene.shape, shape, strict=True)]
-    picture = np.zeros(shape)
-    for i in range(len(grid.rows)):
-        rows, up = hat(grid.rows, i, shape[0])
-        for j in range(len(grid.columns)):
-            columns, across = hat(grid.columns, j, shape[1])
-            part = np.ix_(rows, columns)
-            moved = shift[part] - shift[grid.rows[i], grid.columns[j]]
-            light = _node_light(scene, grid.kernel[i, j], grid.offset[i, j], rows, columns, moved[..., ::-1], border)
-            picture[part] += up[:, None] * across * light
-    return picture * through
-
-
-def hat(nodes: np.ndarray, index: int, count: int) -> tuple[np.ndarray, np.ndarray]:
-    """Pixels between the neighbours of a node, and its weight there; constant beyond the first and last node."""
-    pixels = np.arange(count)
-    weight = np.interp(pixels, nodes, np.eye(len(nodes))[index])
-    lit = weight > 0.0
-    return pixels[lit], weight[lit]
-
-
-def _node_light(
-    scene: np.ndarray,
-    kernel: np.ndarray,
-    offset: np.ndarray,
-    rows: np.ndarray,
-    columns: np.ndarray,
-    moved: np.ndarray,
-    border: list[int],
-) -> np.ndarray:
-    """The scene spread by a kernel, at pixels moved by (y, x) [pixels] of shape (rows, columns, 2)."""
-    from scipy.ndimage import map_coordinates
-    from scipy.signal import correlate
-
-    moved = np.clip(moved, -GREATEST_CHANGE, GREATEST_CHANGE)
-    greatest = float(np.abs(moved).max(initial=0.0))
-    still = greatest <= SAME_SHIFT
-    guard = 0 if still else int(np.ceil(greatest)) + 4
-    size = len(kernel)
-    needed = [
-        np.clip(
-            np.arange(pixels[0] - guard - size // 2, pixels[-1] + guard + size - size // 2) + whole + edge, 0, count - 1
-        )
-        for pixels, whole, edge, count in zip((rows, columns), offset, border, scene.shape, strict=True)
-    ]
-    spread = correlate(scene[np.ix_(*needed)], kernel, mode="valid", method="fft")
-    if still:
-        return np.asarray(spread)
-    place = np.stack(np.meshgrid(rows - rows[0] + guard, columns - columns[0] + guard, indexing="ij"))
-    return np.asarray(map_coordinates(spread, place + np.moveaxis(moved, -1, 0), order=3, mode="nearest"))

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from ..pupils import Pupil
 from ..quantities import Quantity
 from ..shown import shown
 from ..strehl_errors import strehl_error
@@ -27,6 +28,37 @@ class Wavefront(WavefrontMap):
     it by +a toward +x, and there lies the peak of `psf`. A distant point seen through the same air appears at -a.
     """
 
+    @classmethod
+    def from_samples(
+        cls,
+        points,
+        opd,
+        pupil: Pupil,
+        wavelength: float,
+        *,
+        pixel_count: int | None = None,
+        opd_error: float | None = None,
+    ) -> "Wavefront":
+        """The wavefront of samples scattered over a pupil: see scattered.py. Its error is measured on the samples.
+
+        Args:
+            points: Where the samples are: x and y in the pupil from its centre [m], shape (n, 2), or places in space,
+                shape (n, 3), such as the starts of traced rays.
+            opd: Their optical path differences [m], positive where light is delayed, shape (n,).
+            pupil: The pupil, which weights the map.
+            wavelength: Vacuum wavelength [m].
+            pixel_count: As for `wavefront`.
+            opd_error: What each sample may be off by [m], if known; part of the error.
+
+        Raises:
+            TypeError: The wavelength is not one number, or `pupil` is no pupil.
+            ValueError: Shapes that disagree, samples that are not finite, too few or twice at one place, a pupil that
+                they do not cover, numbers that make no sense.
+        """
+        from .scattered import from_scattered
+
+        return cls(wavelength=wavelength, **from_scattered(points, opd, pupil, pixel_count, opd_error))
+
     def remove(self, *terms: str) -> "Wavefront":
         """The wavefront less "piston", "tilt", "focus" or several of them, fitted together by weighted least squares.
 
@@ -40,6 +72,8 @@ class Wavefront(WavefrontMap):
 
     def without_zernike(self, *indices: int) -> "Wavefront":
         """The wavefront less Zernike polynomials of these Noll indices, of a fit of all up to the greatest of them."""
+        if not indices:
+            return self
         coefficients = self.zernike(max(indices))
         kept = np.zeros(len(coefficients))
         for index in indices:
@@ -118,10 +152,17 @@ class Wavefront(WavefrontMap):
         Args:
             angle: Angles [rad], any shape; None for 65 up to eight times wavelength / width.
             center: The point [rad], two numbers along x and y; None for the centroid.
+
+        Raises:
+            ValueError: A negative angle, or numbers that make no sense.
         """
         width = len(self.opd) * self.pixel
         angle = np.linspace(0.0, 8.0 * self.wavelength / width, 65) if angle is None else np.asarray(angle, dtype=float)
+        if not (np.isfinite(angle) & (angle >= 0.0)).all():
+            raise ValueError(f"angle must be finite and at least 0 rad, got {angle!r}")
         point = self.centroid if center is None else np.asarray(center, dtype=float)
+        if point.shape != (2,) or not np.isfinite(point).all():
+            raise ValueError(f"center must be two angles along x and y [rad], got {center!r}")
         return EncircledEnergy(angle, encircled(self.otf(), angle, point), point, self.phase_error)
 
     @property

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..pupils import Pupil
-from ..wavefront.traced import LEAST_COVER
+from ..wavefront.grid import LEAST_COVER
 from .slabs import FINEST, Slabs
 
 # Slabs to begin with. The change is known where doubling them moves it by less than a share of its limit, or by less
@@ -108,7 +108,7 @@ class Ways:
             for factor in self._free(way):
                 wave *= factor
             wave = ifft2(wave, overwrite_x=True)
-            wave *= _turned(path, self.wavelength)
+            wave *= phase_factor(path, self.wavelength)
             if number < len(paths) - 1:
                 wave, way = fft2(wave, overwrite_x=True), step
         return complex(wave.sum())
@@ -129,7 +129,7 @@ class Ways:
             step = (self.slabs.last - self.slabs.first) / len(paths)
             path += bending(paths, self.window.pixel, step, self.after)
         lit = self.window.lit
-        return complex((self.window.amplitude[lit] * _turned(path[lit], self.wavelength)).sum(dtype=np.complex128))
+        return complex((self.window.amplitude[lit] * phase_factor(path[lit], self.wavelength)).sum(dtype=np.complex128))
 
 
 def bending(paths: np.ndarray, pixel: float, step: float, after: float) -> np.ndarray:
@@ -192,7 +192,7 @@ def slope(values: np.ndarray, pixel: float, axis: int) -> np.ndarray:
     return np.swapaxes(made, 0, axis)
 
 
-def _turned(path: np.ndarray, wavelength: float) -> np.ndarray:
+def phase_factor(path: np.ndarray, wavelength: float) -> np.ndarray:
     """exp(i k path) of paths [m], single precision, by sines and cosines: several times quicker than a complex exp."""
     phase = path * np.float32(2.0 * np.pi / wavelength)
     made = np.empty(path.shape, dtype=np.complex64)

@@ -149,9 +149,12 @@ class SlabsAlongZ(Slabs):
             potential = np.broadcast_to(part.T[:, :, None], (count, len(up), len(across)))
             inside = inside[:, None]
         else:
+            # A window about the axis has every distance from it in four places or more.
+            (up, row), (across, column) = (np.unique(np.abs(place), return_inverse=True) for place in (up, across))
             radius = np.hypot(up[:, None], across)
             part, inside = self._interpolated(radius.ravel(), values, 0)
-            potential, inside = part.T.reshape(count, *radius.shape), inside.reshape(radius.shape)
+            there = row[:, None], column
+            potential, inside = part.T.reshape(count, *radius.shape)[:, *there], inside.reshape(radius.shape)[there]
         ambient = self._grid.ambient_index
         index = np.sqrt(np.maximum(ambient**2 + 2.0 * potential, 0.0))
         thickness = (self.last - self.first) / count

@@ -19,7 +19,7 @@ from ..arguments import checked
 from ..clock import clocked, stage
 from ..medium import IndexField
 from ..pupils import Pupil
-from ..wavefront.traced import LEAST_COVER
+from ..wavefront.grid import LEAST_COVER
 from .angular_spectrum import transfer_exponent
 from .layers import FEWEST_STEPS, check_memory, layer_count, mean_layers, path_range
 from .library import PRECISIONS, FourierLibrary, fourier_library

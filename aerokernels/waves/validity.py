@@ -27,26 +27,23 @@ import numpy as np
 from ..arguments import checked
 from ..medium import IndexField
 from ..pupils import Pupil
-from ..tracing.lines import box_span
 from ..wavefront import Wavefront
-from .angular_spectrum import transfer_exponent
-from .diffraction import Ways, slope, window_of
+from .diffraction import Ways, window_of
 from .layers import span_of
+from .screens import WINDOW, crossings_of, fast_size, screens_answer, spread_along
 from .slabs import FINEST, LookingAlong, Slabs, slabs_of
 
 # The greatest change of the Strehl ratio that rays may cost and still be good.
 GOOD = 1e-2
-# Phase [rad rms] that may be left out of what counts as the finest.
-UNSEEN = 0.03
-# The window over the pupil, and that of one column, where nothing varies along x; pixels to the finest half period, and
-# in all at least; of one column, at least and at most; lines across that tell where along the way light is disturbed.
-WINDOW, COLUMN_WINDOW, PER_FEATURE, LEAST_PIXELS, COLUMN_PIXELS, SLAB_LINES = 1.5, 2.0, 4.0, 48, (256, 512), 16
-# Rays are straight where curvature times distance is more than the first over a share of the pupil of the second: near
-# their foci second order in their turn says nothing of where they go.
-NEAR_FOCUS, GREATEST_SHARE = 0.5, 0.1
-# The rays' own answer: the share of the limit that it must stay below, the greatest curvature, its map's pixels, and
-# the lines of sight and layers by which the disturbed length is found.
-CLEAR, FLAT, SCREEN_PIXELS, LINES, LINE_LAYERS = 0.1, 0.3, 64, 4, 32
+# Phase [rad rms] that may be left out of what counts as the finest, and lines either way on which that is looked for.
+UNSEEN, FEATURE_LINES = 0.03, 32
+# The window of one column, where nothing varies along x, over the pupil; pixels to the finest half period, and in all
+# at least; of one column, at least and at most; lines across that tell where along the way light is disturbed.
+COLUMN_WINDOW, PER_FEATURE, LEAST_PIXELS, COLUMN_PIXELS, SLAB_LINES = 2.0, 4.0, 48, (256, 512), 16
+# Rays are straight where they come near their foci (screens.py) over more than this share of the pupil.
+GREATEST_SHARE = 0.1
+# The rays' own answer: the share of the limit that it must stay below, and the greatest curvature.
+CLEAR, FLAT = 0.1, 0.3
 
 
 @dataclass(frozen=True)
@@ -150,11 +147,11 @@ def by_waves(
         phase = np.where(window.lit, 2.0 * np.pi / wavelength * path, np.nan)
         feature = min(feature, finest_feature(phase, window.pixel))
     least, most = COLUMN_PIXELS if flat else (LEAST_PIXELS, slabs.most_pixels)
-    pixels = _fast_size(math.ceil(np.clip(2.0 * look.half * PER_FEATURE / feature, least, most)))
+    pixels = fast_size(math.ceil(np.clip(2.0 * look.half * PER_FEATURE / feature, least, most)))
     window = window_of(pupil, look.half, pixels, flat)
     distance = _slabs_length(slabs, pupil)
     path = slabs.taken(window.x, window.y, 1)[0]
-    crossed, curvature, near = _crossings(path, window.pixel, window.amplitude, distance)
+    crossings = crossings_of(path, window.pixel, window.amplitude, distance)
     ways = Ways(
         window=window,
         slabs=slabs,
@@ -162,15 +159,15 @@ def by_waves(
         after=end - slabs.last,
         wavelength=wavelength,
         ambient_index=field.ambient_index,
-        straight=near > GREATEST_SHARE,
+        straight=crossings.near > GREATEST_SHARE,
     )
     return Validity(
         strehl_change=ways.change(limit),
         feature=feature,
         distance=distance,
         fresnel_number=_fresnel_number(feature, wavelength, distance),
-        crossed_share=crossed,
-        curvature=curvature,
+        crossed_share=crossings.crossed,
+        curvature=crossings.curvature,
         limit=limit,
     )
 
@@ -180,7 +177,7 @@ def _slabs_length(slabs: Slabs, pupil: Pupil) -> float:
     place = max(pupil.half_extent) * (2.0 * (np.arange(SLAB_LINES) + 0.5) / SLAB_LINES - 1.0)
     x, y = np.meshgrid(place, place)
     lit = pupil.transmission(x, y) > 0.0
-    return _spread_along(slabs.taken(place, place, FINEST)[:, lit], slabs.last - slabs.first)
+    return spread_along(slabs.taken(place, place, FINEST)[:, lit], slabs.last - slabs.first)
 
 
 def finest_feature(phase: np.ndarray, pixel: float) -> float:
@@ -189,35 +186,39 @@ def finest_feature(phase: np.ndarray, pixel: float) -> float:
     By second differences at growing distance, which no tilt touches and no edge of the pupil: a component of period p
     holds its whole at a distance of p / 2.
     """
-    for stride in (2**power for power in range(int(np.log2(max(len(phase) // 2, 1))) + 1)):
-        squares = []
-        for axis in (0, 1):
-            moved = np.moveaxis(phase, axis, 0)
-            if len(moved) <= 2 * stride:
-                continue
-            second = moved[2 * stride :] - 2.0 * moved[stride:-stride] + moved[: -2 * stride]
-            there = second[np.isfinite(second)]
-            if there.size:
-                squares.append(float(np.mean(there**2)))
+    count = len(phase)
+    lit = np.isfinite(phase)
+    phase = np.where(lit, phase, 0.0)
+    for stride in (2**power for power in range(int(np.log2(max(count // 2, 1))) + 1)):
+        # Of a coarse difference every second part of it is looked at, and some lines: the rest says the same.
+        step = max(1, stride // 2)
+        across = max(step, count // FEATURE_LINES)
+        squares = [
+            mean
+            for some, there in ((phase, lit), (phase.T, lit.T))
+            if (mean := _mean_square(some[::step, ::across], there[::step, ::across], stride // step)) is not None
+        ]
         # Of a component that is sampled at its extremes the second difference is four times the amplitude.
         if squares and np.sqrt(sum(squares) / 8.0) > 2.0 * UNSEEN:
             return stride * pixel
     return float("inf")
 
 
+def _mean_square(phase: np.ndarray, lit: np.ndarray, stride: int) -> float | None:
+    """Mean square of second differences down columns at a distance of so many pixels; None where there are none."""
+    there = lit[2 * stride :] & lit[stride:-stride] & lit[: -2 * stride]
+    count = np.count_nonzero(there)
+    if not count:
+        return None
+    second = phase[2 * stride :] + phase[: -2 * stride]
+    second -= 2.0 * phase[stride:-stride]
+    second *= there
+    return float(np.einsum("ij,ij->", second, second)) / count  # no BLAS: its threads take longer than the sum
+
+
 def _fresnel_number(feature: float, wavelength: float, distance: float) -> float:
     """Of a feature [m] over a distance [m]; infinite where nothing is disturbed."""
     return feature**2 / (wavelength * distance) if distance > 0.0 else float("inf")
-
-
-def _spread_along(layers: np.ndarray, length: float) -> float:
-    """Length of an even spread with the standard deviation of the disturbance of lines (layers, lines) [m]."""
-    weight = np.mean((layers - layers.mean(axis=1, keepdims=True)) ** 2, axis=1)
-    if not weight.any():
-        return 0.0
-    place = (np.arange(len(layers)) + 0.5) * length / len(layers)
-    middle = np.average(place, weights=weight)
-    return float(np.sqrt(12.0 * np.average((place - middle) ** 2, weights=weight) + (length / len(layers)) ** 2))
 
 
 def by_rays(
@@ -226,106 +227,21 @@ def by_rays(
     """The verdict of a traced wavefront alone; None where it leaves a doubt, or does not hold its finest phase."""
     if feature < 2.0 * wavefront.pixel or wavefront.wavelength != wavelength or wavefront.blocked > 1e-3:
         return None
-    length = _length_on_lines(field, pupil, wavefront)
-    stride = max(1, len(wavefront.opd) // SCREEN_PIXELS)
-    if feature < 2.0 * stride * wavefront.pixel:
-        stride = 1
-    pixel = stride * wavefront.pixel
-    opd, weight = (array[stride // 2 :: stride, stride // 2 :: stride] for array in (wavefront.opd, wavefront.weight))
-    lit = weight > 0.0
-    path = np.where(lit, opd, 0.0)
-    crossed, curvature, _ = _crossings(opd, pixel, weight, length)
-    size = _fast_size(int(np.ceil(WINDOW * len(opd))))
-    wide = np.zeros((size, size)), np.zeros((size, size))
-    for array, values in zip(wide, (weight, path), strict=True):
-        array[: len(opd), : len(opd)] = values
-    change = _two_screens(wide[0], wide[1], pixel, wavelength, field.ambient_index, length)
-    if not (abs(change) <= CLEAR * limit and crossed == 0.0 and curvature <= FLAT):
+    found = screens_answer(field, pupil, wavefront, wavelength, feature)
+    crossings = found.crossings
+    if not (abs(found.change) <= CLEAR * limit and crossings.crossed == 0.0 and crossings.curvature <= FLAT):
         return None
     return Validity(
-        strehl_change=change,
+        strehl_change=found.change,
         feature=feature,
-        distance=length,
-        fresnel_number=_fresnel_number(feature, wavelength, length),
-        crossed_share=crossed,
-        curvature=curvature,
+        distance=found.length,
+        fresnel_number=_fresnel_number(feature, wavelength, found.length),
+        crossed_share=crossings.crossed,
+        curvature=crossings.curvature,
         limit=limit,
         answered_by="rays",
     )
 
 
-def _fast_size(count: int) -> int:
-    from scipy.fft import next_fast_len
-
-    return int(next_fast_len(count))
-
-
-def _length_on_lines(field: IndexField, pupil: Pupil, wavefront: Wavefront) -> float:
-    """The disturbed length [m], by a few lines through the pupil."""
-    look = pupil.normal if wavefront.direction is None else np.asarray(wavefront.direction)
-    reach = max(pupil.half_extent)
-    place = reach * (2.0 * (np.arange(LINES) + 0.5) / LINES - 1.0)
-    x, y = (axis.ravel() for axis in np.meshgrid(place, place))
-    lit = pupil.transmission(x, y) > 0.0
-    if lit.any():
-        x, y = x[lit], y[lit]
-    first, second = pupil.axes
-    start = pupil.center + x[:, None] * first + y[:, None] * second
-    span = box_span(field, start, np.broadcast_to(look, start.shape).copy())
-    meets = span.meets & (span.leave > 0.0) & (span.leave < 1e30)
-    if not meets.any():
-        return 0.0
-    begin, end = max(float(span.enter[meets].min()), 0.0), float(span.leave[meets].max())
-    depth = begin + (end - begin) * (np.arange(LINE_LAYERS) + 0.5) / LINE_LAYERS
-    points = start + depth[:, None, None] * look
-    layers = field.contrast_at(points.reshape(-1, 3)).reshape(LINE_LAYERS, len(start))
-    return _spread_along(layers, end - begin)
-
-
-def _two_screens(
-    weight: np.ndarray, path: np.ndarray, pixel: float, wavelength: float, ambient_index: float, length: float
-) -> float:
-    """Strehl ratio of half the phase, free space and the other half, less that of the whole phase at once.
-
-    Two sheets are as far apart as an even spread over the length is wide, twice its standard deviation.
-    """
-    from scipy.fft import fft2, ifft2
-
-    half = np.exp(1j * np.pi / wavelength * path)
-    exponent = transfer_exponent(weight.shape, pixel, wavelength, ambient_index, False)
-    apart = ifft2(fft2(weight * half) * np.exp(length / np.sqrt(3.0) * exponent)) * half
-    return float((abs(apart.sum()) ** 2 - abs((weight * half**2).sum()) ** 2) / weight.sum() ** 2)
-
-
 def _phase_map(wavefront: Wavefront) -> np.ndarray:
     return 2.0 * np.pi / wavefront.wavelength * wavefront.opd
-
-
-def _crossings(path: np.ndarray, pixel: float, light: np.ndarray, distance: float) -> tuple[float, float, float]:
-    """What rays do over a distance, by their paths and the light of each pixel.
-
-    Returns:
-        The share of the pupil where they cross, the greatest focusing curvature times the distance, and the share of
-        the pupil where that is greater than NEAR_FOCUS.
-    """
-    row, mixed, column = _curvatures(path, pixel)
-    known = (light > 0.0) & np.isfinite(row) & np.isfinite(column) & np.isfinite(mixed)
-    if not known.any():
-        return 0.0, 0.0, 0.0
-    middle, spread = 0.5 * (row + column)[known], np.hypot(0.5 * (row - column), mixed)[known]
-    focusing = -distance * (middle - spread)  # light turns toward where it is delayed: a negative one focuses
-    least = 1.0 - focusing
-    greatest = 1.0 + distance * (middle + spread)
-    crossed, near = (
-        float(np.average(there, weights=light[known])) for there in (least * greatest < 0.0, focusing > NEAR_FOCUS)
-    )
-    return crossed, float(focusing.max(initial=0.0)), near
-
-
-def _curvatures(path: np.ndarray, pixel: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Second derivatives of a map along y, mixed, and along x; of one column, along y alone."""
-    along_y = slope(path, pixel, 0)
-    row = slope(along_y, pixel, 0)
-    if path.shape[1] == 1:
-        return row, np.zeros_like(row), np.zeros_like(row)
-    return row, slope(along_y, pixel, 1), slope(slope(path, pixel, 1), pixel, 1)

@@ -8,18 +8,23 @@ from ..data import WavefrontMap
 def to_poppy(wavefront: WavefrontMap):
     """A poppy.ArrayOpticalElement: `transmission` the amplitude, `opd` [m] in poppy's sign, `pixelscale` [m / pixel].
 
+    Its `pupil_diam` is the side of the map.
+
     Raises:
         ModuleNotFoundError: poppy is not there.
     """
     import astropy.units as units
     from poppy import ArrayOpticalElement
 
-    return ArrayOpticalElement(
+    element = ArrayOpticalElement(
         name="aerokernels wavefront",
         transmission=np.array(wavefront.weight),
         opd=poppy_opd(wavefront),
         pixelscale=wavefront.pixel * units.m / units.pixel,
     )
+    # What an OpticalSystem takes as its entrance pupil where none is given, as of a file's element.
+    element.pupil_diam = len(wavefront.opd) * wavefront.pixel * units.m
+    return element
 
 
 def poppy_opd(wavefront: WavefrontMap) -> np.ndarray:

@@ -1,0 +1,116 @@
+"""Where the rays of one point of the aperture land in the scene, by blocks of the picture's rows.
+
+A picture has millions of rays. Arrays of all of them are written once and read once: whatever comes between stays in a
+core's cache, block by block, and blocks go to threads.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from ..medium import IndexField
+from ..rays import RayBundle
+from ..tracing import trace
+from ..tracing.result import TraceResult
+from ..tracing.status import reached
+from .camera import Camera, along
+from .known_view import scene_plane
+from .threads import in_threads
+
+# Rays of a block.
+BLOCK = 1 << 14
+
+
+@dataclass(frozen=True, eq=False)
+class Landing:
+    """Traced rays of one point of the aperture, one to each pixel.
+
+    Attributes:
+        camera: The camera.
+        shape: Rows and columns of the picture.
+        point: The point of the aperture along its axes [m], shape (2,).
+        traced: The rays.
+        ends: Where they end [m], or their directions there where the scene is far, shape (rays, 3).
+        status: Their codes.
+    """
+
+    camera: Camera
+    shape: tuple[int, int]
+    point: np.ndarray
+    traced: TraceResult
+    ends: np.ndarray
+    status: np.ndarray
+
+    def moved(self, rows: slice) -> tuple[np.ndarray, np.ndarray]:
+        """Of some rows of the picture, what rays meet less what they meet without a flow, and whether they arrive.
+
+        Returns:
+            Shifts along x and y [pixels], shape (rows, columns, 2), 0 where a ray does not arrive; whether it does,
+            shape (rows, columns).
+        """
+        camera, pupil, columns = self.camera, self.camera.pupil, self.shape[1]
+        part = slice(rows.start * columns, rows.stop * columns)
+        ends = self.ends[part]
+        if np.isfinite(camera.distance):
+            place = (camera.across(ends - pupil.center) - self.point) / camera.distance
+        else:
+            place = camera.across(ends) / along(ends, pupil.normal)[:, None]
+        found = place.reshape(-1, columns, 2)
+        x, y = _tangents(camera, self.shape, self.point)
+        found[..., 0] -= x
+        found[..., 1] -= y[rows, None]
+        found /= camera.pixel_tangent
+        arrived = reached(self.status[part]).reshape(-1, columns)
+        if not arrived.all():
+            found[~arrived] = 0.0
+        return found, arrived
+
+
+def land(
+    field: IndexField, camera: Camera, shape: tuple[int, int], point: np.ndarray, options: dict[str, Any]
+) -> Landing:
+    """Trace the rays of one point of the aperture to the scene, with options of `trace`."""
+    far = not np.isfinite(camera.distance)
+    name = "direction" if far else "position"
+    rays = pixel_rays(camera, shape, point)
+    traced = trace(field, rays, until=scene_plane(camera), outputs=(name,), **options)
+    return Landing(camera, shape, point, traced, getattr(traced, name), traced.traced_status)
+
+
+def pixel_rays(camera: Camera, shape: tuple[int, int], point: np.ndarray) -> RayBundle:
+    """Rays of a point of the aperture [m], one to each pixel, row by row."""
+    first, second = camera.pupil.axes
+    x, y = _tangents(camera, shape, point)
+    direction = np.empty((*shape, 3))
+
+    def look(rows: slice) -> None:
+        size = 1.0 / np.sqrt(1.0 + x**2 + y[rows, None] ** 2)
+        for axis in range(3):
+            toward = x * first[axis] + (y[rows, None] * second[axis] + camera.pupil.normal[axis])
+            np.multiply(toward, size, out=direction[rows, :, axis])
+
+    by_rows(look, shape)
+    start = camera.pupil.center + point[0] * first + point[1] * second
+    return RayBundle.of_units(np.broadcast_to(start, (shape[0] * shape[1], 3)), direction.reshape(-1, 3))
+
+
+def by_rows(work: Callable[[slice], None], shape: tuple[int, int]) -> None:
+    """Do the work of each block of rows of a picture, in threads."""
+    step = max(1, BLOCK // shape[1])
+    in_threads(work, [slice(first, min(first + step, shape[0])) for first in range(0, shape[0], step)])
+
+
+def landing_shift(
+    field: IndexField, camera: Camera, shape: tuple[int, int], point: np.ndarray, options: dict[str, Any]
+) -> tuple[np.ndarray, np.ndarray]:
+    """Shifts of the whole picture [pixels], shape (2, rows, columns), 0 where rays do not arrive; whether they do."""
+    moved, arrived = land(field, camera, shape, point, options).moved(slice(0, shape[0]))
+    return np.moveaxis(moved, -1, 0), arrived
+
+
+def _tangents(camera: Camera, shape: tuple[int, int], point: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Tangents of the rays of a point of the aperture: x of the columns, y of the rows."""
+    x, y = (t - place / camera.focus_distance for t, place in zip(camera.tangents(shape), point, strict=True))
+    return x, y

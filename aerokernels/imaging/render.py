@@ -1,0 +1,157 @@
+"""The picture of a scene by the point spread functions of nodes over it; through.py has the formula.
+
+The nodes of a row go together: patches of the scene about them are spread by one batch of transforms, and the shift's
+change within them is followed by a cubic spline. It is the scene's own spline coefficients that are spread, which gives
+those of the spread scene: so no patch has an edge that a spline would feel.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from .spreads import SpreadGrid
+from .threads import in_threads
+
+# Changes of the shift over the picture that count as none, and the greatest followed from node to pixel [pixels].
+SAME_SHIFT, GREATEST_CHANGE = 1e-6, 64.0
+# Pixels by which a scene goes on beyond its border: a spline's coefficients feel the border by 0.27 a pixel.
+BORDER = 28
+# Neighbours of a place to either side that its cubic needs; numbers in patches that are transformed together.
+NEIGHBOURS, TOGETHER = 2, 1 << 18
+# Pixels and their weights.
+Hat = tuple[np.ndarray, np.ndarray]
+
+
+def render(scene: np.ndarray, grid: SpreadGrid, shift: np.ndarray, through: np.ndarray) -> np.ndarray:
+    """The picture of a scene, by the kernels of nodes and the shift of each pixel along x and y.
+
+    Args:
+        scene: Brightness, shape (rows, columns) or (rows, columns, colours), at least as large as the picture.
+        grid: The kernels.
+        shift: What a pixel sees less what it would see without the flow [pixels], shape (*picture, 2).
+        through: Share of the light that reaches each pixel, of the picture's shape.
+    """
+    if scene.ndim == 3:
+        return np.stack([render(colour, grid, shift, through) for colour in np.moveaxis(scene, 2, 0)], axis=2)
+    shape, picture = through.shape, np.zeros(through.shape)
+    view = _View.of(scene, grid, shift)
+    across = [hat(grid.columns, column, shape[1]) for column in range(len(grid.columns))]
+
+    def add(row: int) -> None:
+        pixels, up = hat(grid.rows, row, shape[0])
+        for column, light in view.lights(row, pixels, across):
+            place, weight = across[column]
+            picture[pixels[0] : pixels[-1] + 1, place[0] : place[-1] + 1] += up[:, None] * weight * light
+
+    # Every second row of nodes has pixels of its own, which no other thread adds to.
+    for first in (0, 1):
+        in_threads(add, range(first, len(grid.rows), 2))
+    return picture * through
+
+
+def hat(nodes: np.ndarray, index: int, count: int) -> Hat:
+    """Pixels between the neighbours of a node, and its weight there; constant beyond the first and last node."""
+    pixels = np.arange(count)
+    weight = np.interp(pixels, nodes, np.eye(len(nodes))[index])
+    lit = weight > 0.0
+    return pixels[lit], weight[lit]
+
+
+@dataclass(frozen=True, eq=False)
+class _View:
+    """A scene, and how it is seen.
+
+    Attributes:
+        ground: The scene, or its spline's coefficients, and a border that goes on as its edge.
+        edge: Pixels from the border's edge to the picture's, along rows and columns.
+        still: Whether the shift is the same everywhere: then nothing is interpolated.
+        kernel: The nodes' kernels, less rows and columns that are dark in all of them.
+        lead: Rows and columns of a kernel before its middle.
+    """
+
+    ground: np.ndarray
+    edge: tuple[int, int]
+    still: bool
+    grid: SpreadGrid
+    shift: np.ndarray
+    kernel: np.ndarray
+    lead: tuple[int, int]
+
+    @classmethod
+    def of(cls, scene: np.ndarray, grid: SpreadGrid, shift: np.ndarray) -> "_View":
+        """Prepared for all nodes."""
+        from scipy.ndimage import spline_filter
+
+        still = float(np.ptp(shift.reshape(-1, 2), axis=0).max()) <= SAME_SHIFT
+        ground = np.pad(scene, BORDER, mode="edge")
+        top, left = ((n - m) // 2 + BORDER for n, m in zip(scene.shape, shift.shape, strict=False))
+        lit = np.any(grid.kernel, axis=(0, 1))
+        rows, columns = (np.flatnonzero(np.any(lit, axis=axis)) for axis in (1, 0))
+        kernel = grid.kernel[..., rows[0] : rows[-1] + 1, columns[0] : columns[-1] + 1]
+        middle = grid.kernel.shape[-1] // 2
+        return cls(
+            ground if still else spline_filter(ground, order=3, mode="mirror"),
+            (top, left),
+            still,
+            grid,
+            shift,
+            kernel,
+            (middle - int(rows[0]), middle - int(columns[0])),
+        )
+
+    def lights(self, row: int, pixels: np.ndarray, across: list[Hat]):
+        """Of each node of a row: its number, and the scene spread by its kernel at its pixels."""
+        width = max(len(place) for place, _ in across)
+        first = np.array([place[0] for place, _ in across])
+        columns = np.minimum(first[:, None] + np.arange(width), self.shift.shape[1] - 1)
+        node = self.shift[self.grid.rows[row], self.grid.columns]
+        if self.still:
+            guard, moved = 0, None
+        else:
+            moved = self.shift[pixels[:, None], columns[:, None, :]] - node[:, None, None]
+            moved = np.clip(moved, -GREATEST_CHANGE, GREATEST_CHANGE)
+            guard = int(np.ceil(np.abs(moved).max())) + NEIGHBOURS
+        size = self.kernel.shape[2:]
+        counts = [n + 2 * guard + k - 1 for n, k in zip((len(pixels), width), size, strict=True)]
+        stride = max(1, TOGETHER // (counts[0] * counts[1]))
+        for begin in range(0, len(across), stride):
+            part = slice(begin, begin + stride)
+            offset = self.grid.offset[row, part]
+            spread = self._spread(
+                self.kernel[row, part],
+                pixels[0] - guard - self.lead[0] + self.edge[0] + offset[:, 0],
+                first[part] - guard - self.lead[1] + self.edge[1] + offset[:, 1],
+                counts,
+            )
+            light = spread if moved is None else _seen(spread, moved[part], guard)
+            for number, one in enumerate(light):
+                yield begin + number, one[:, : len(across[begin + number][0])]
+
+    def _spread(self, kernel: np.ndarray, top: np.ndarray, left: np.ndarray, counts: list[int]) -> np.ndarray:
+        """Patches of the ground, from these rows and columns on, spread by kernels: shape (n, less than counts)."""
+        from scipy.fft import irfft2, next_fast_len, rfft2
+
+        rows, columns = (
+            np.clip(start[:, None] + np.arange(count), 0, most - 1)
+            for start, count, most in zip((top, left), counts, self.ground.shape, strict=True)
+        )
+        patch = self.ground[rows[:, :, None], columns[:, None, :]]
+        size = tuple(next_fast_len(count, real=True) for count in counts)
+        transform = rfft2(patch, size)
+        transform *= rfft2(kernel, size).conj()
+        height, width = (n - k + 1 for n, k in zip(counts, kernel.shape[1:], strict=True))
+        return np.asarray(irfft2(transform, size, overwrite_x=True)[:, :height, :width])
+
+
+def _seen(coefficients: np.ndarray, moved: np.ndarray, guard: int) -> np.ndarray:
+    """Splines of coefficients (n, rows + 2 guard, columns + 2 guard) at pixels moved by (x, y): (n, rows, columns)."""
+    from scipy.ndimage import map_coordinates
+
+    count, rows, columns, _ = moved.shape
+    height = coefficients.shape[1]
+    # Laid one above the other: no place is so near to the edge of its own that it feels another one.
+    place = np.empty((2, count, rows, columns))
+    place[0] = moved[..., 1] + (guard + height * np.arange(count)[:, None] + np.arange(rows))[..., None]
+    place[1] = moved[..., 0] + (guard + np.arange(columns))
+    stacked = coefficients.reshape(count * height, -1)
+    return np.asarray(map_coordinates(stacked, place, order=3, mode="nearest", prefilter=False))

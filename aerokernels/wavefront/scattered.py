@@ -1,0 +1,120 @@
+"""A wavefront of samples scattered over a pupil, as of rays at random or of a sensor's lenslets.
+
+Zernike polynomials are fitted first, so that what they hold is carried over as it is. What is left is interpolated over
+triangles (Clough and Tocher's cubics), and beyond the outermost samples it is that of the nearest one. How far this is
+off is measured: every eighth sample is made of the others.
+"""
+
+from typing import Any
+
+import numpy as np
+
+from ..pupils import Pupil
+from ..zernike import zernike_modes
+from .grid import pupil_grid
+
+# Zernike polynomials at most, and samples to each of them at least; samples that a wavefront takes at least.
+MODES, PER_MODE, FEWEST = 36, 3, 9
+# One of so many samples is made of the others to see how well that goes, and what stands for those that are not there.
+LEFT_OUT, SAFETY = 8, 2.0
+# A hole is a place of the pupil farther from every sample than so many of their mean distances.
+HOLE = 4.0
+# Samples that a parabola goes through, at best.
+ABOUT = 14
+
+
+def from_scattered(
+    points: Any, opd: Any, pupil: Pupil, pixel_count: int | None, opd_error: float | None
+) -> dict[str, Any]:
+    """What makes the wavefront, by the names of its attributes; see `Wavefront.from_samples`."""
+    if not isinstance(pupil, Pupil):
+        raise TypeError(f"pupil must be a Disc, Annulus, Rectangle, Polygon or Mask, got {type(pupil).__name__}")
+    if opd_error is not None and not (np.ndim(opd_error) == 0 and np.isfinite(opd_error) and opd_error >= 0.0):
+        raise ValueError(f"opd_error must be a length of at least 0 m, or None, got {opd_error!r}")
+    place, values = _checked(points, opd, pupil)
+    coordinate, pixel, weight, intensity = pupil_grid(pupil, pixel_count)
+    lit = weight > 0.0
+    wanted = np.stack([axis[lit] for axis in np.meshgrid(coordinate, coordinate)], axis=1)
+    _check_cover(place, wanted, pixel)
+    made = np.full(weight.shape, np.nan)
+    made[lit] = _interpolated(place, values, wanted, pupil.reach)
+
+    def budget() -> dict[str, float]:
+        out = np.arange(len(values)) % LEFT_OUT == LEFT_OUT // 2
+        again = _interpolated(place[~out], values[~out], place[out], pupil.reach)
+        found = {"interpolation": SAFETY * float(np.abs(again - values[out]).max())}
+        if opd_error is not None:
+            found["samples"] = float(opd_error)
+        return {**found, "total": float(np.linalg.norm(list(found.values())))}
+
+    return {
+        "opd": made,
+        "weight": weight,
+        "pixel": pixel,
+        "intensity": intensity,
+        "radius": pupil.reach,
+        "pupil": pupil,
+        "budget": budget,
+    }
+
+
+def _checked(points: Any, opd: Any, pupil: Pupil) -> tuple[np.ndarray, np.ndarray]:
+    """Places in the pupil's plane [m], shape (n, 2), and OPD [m], shape (n,)."""
+    place, values = np.asarray(points, dtype=np.float64), np.asarray(opd, dtype=np.float64)
+    if place.ndim != 2 or place.shape[1] not in (2, 3) or values.shape != place.shape[:1]:
+        raise ValueError(
+            "points must have shape (n, 2), x and y in the pupil, or (n, 3), in space, and opd shape (n,), got "
+            f"{place.shape} and {values.shape}"
+        )
+    bad = ~(np.isfinite(place).all(axis=1) & np.isfinite(values))
+    if bad.any():
+        raise ValueError(f"{int(bad.sum())} samples are not finite, the first is sample {int(np.argmax(bad))}")
+    if place.shape[1] == 3:
+        place = (place - pupil.center) @ np.stack(pupil.axes).T
+    if len(place) < FEWEST:
+        raise ValueError(f"a wavefront takes at least {FEWEST} samples, got {len(place)}")
+    if len(np.unique(place, axis=0)) < len(place):
+        raise ValueError("two samples lie at one place: give one for each")
+    return place, values
+
+
+def _check_cover(place: np.ndarray, wanted: np.ndarray, pixel: float) -> None:
+    from scipy.spatial import cKDTree
+
+    apart = cKDTree(place).query(wanted)[0]
+    reach = HOLE * pixel * np.sqrt(len(wanted) / len(place))
+    if (apart > reach).any():
+        share = 100.0 * float(np.mean(apart > reach))
+        raise ValueError(
+            f"{share:.3g} % of the pupil is farther than {reach:.3g} m from every sample: give samples there, in "
+            "metres from the pupil's centre, or a smaller pupil"
+        )
+
+
+def _interpolated(place: np.ndarray, values: np.ndarray, wanted: np.ndarray, radius: float) -> np.ndarray:
+    """Values at places (m, 2) by those at others (n, 2)."""
+    from scipy.interpolate import CloughTocher2DInterpolator
+
+    count = min(MODES, max(3, len(values) // PER_MODE))
+    modes = zernike_modes(count, *(place.T / radius))
+    coefficients = np.linalg.lstsq(modes.T, values, rcond=1e-9)[0]
+    left = values - coefficients @ modes
+    made = coefficients @ zernike_modes(count, *(wanted.T / radius))
+    # In units of the radius and of what is left: the interpolator's own tolerances are not relative.
+    scale = max(float(np.abs(left).max()), 1e-300)
+    more = CloughTocher2DInterpolator(place / radius, left / scale)(wanted / radius)
+    beyond = ~np.isfinite(more)
+    if beyond.any():
+        more[beyond] = _beyond(place / radius, left / scale, wanted[beyond] / radius)
+    return np.asarray(made + scale * more)
+
+
+def _beyond(place: np.ndarray, values: np.ndarray, wanted: np.ndarray) -> np.ndarray:
+    """Values at places outside all triangles, by a parabola through the samples about each."""
+    from scipy.spatial import cKDTree
+
+    near = cKDTree(place).query(wanted, min(ABOUT, len(place)))[1]
+    beside = place[near] - wanted[:, None]
+    x, y = np.moveaxis(beside / np.abs(beside).max(axis=(1, 2), keepdims=True), -1, 0)
+    basis = np.stack([np.ones_like(x), x, y, x * x, x * y, y * y], axis=-1)
+    return np.asarray(np.einsum("nk,nk->n", np.linalg.pinv(basis, rcond=1e-6)[:, 0], values[near]))
