@@ -248,18 +248,22 @@ class PreparedStrehl:
 
     def _estimate(self, seed: int) -> StrehlEstimate:
         job, plan, wavelength = self.job, self.job.planned(), self.wavelength
-        sums = job.run(seed)
+        run = job.run
+        sums = run(seed)
         traced, evaluations = job.traced_ray_count, sums.evaluation_count
-        standard_error = sums.standard_error
-        if job.may_be_refined and not standard_error <= job.settled:
-            sums = job.refined(seed)
-            standard_error = sums.standard_error
-            traced += job.per_replicate * REPLICATES
-            points = "radial quadrature" if job.is_radial else "lattice"
-            finer = f"one of {REPLICATES} x {job.per_replicate}" if job.is_radial else "as many rays as were asked for"
-            more = f"standard error of the {points} above {job.settled:g}, as at an edge: {finer}"
-            plan = replace(plan, reasons=(*plan.reasons, more))
+        for make in job.finer_runs:
+            settled = job.settled(run)
+            if sums.standard_error <= settled:
+                break
+            run = make()
+            sums, count = run(seed), run.task.per_replicate
+            traced += count * REPLICATES
             evaluations += sums.evaluation_count
+            points = "radial quadrature" if job.is_radial else "lattice"
+            finer = f"one of {REPLICATES} x {count}" if job.is_radial else "as many rays as were asked for"
+            more = f"standard error of the {points} above {settled:g}, as at an edge: {finer}"
+            plan = replace(plan, reasons=(*plan.reasons, more))
+        standard_error = sums.standard_error
         plan = report_rejected(plan, sums.rejected_count, sums.ray_count, sums.greatest_error, wavelength)
         estimate = _combine(sums.moments, sums.phasors, wavelength, self.remove)
         if _met_nothing(self.field, sums.moments, wavelength, self.tolerance):

@@ -182,6 +182,12 @@ __kernel void leapfrog(LEAPFROG_ARGUMENTS)
             if (left > LEFT_SHARE * control.tolerance) {
                 lateral_error = greater(lateral_error, left);
             }
+#if CUBES
+            // What its samples may be off the spline, and what their slopes do up to the stop.
+            const double aside = REAL_AT(flight.off_slope, lane) * (REAL_AT(length, lane) + onward);
+            lateral_error +=
+                REAL_AT(flight.off, lane) + (real)((aside - REAL_AT(flight.off_moment, lane)) * greatest_tangent);
+#endif
         }
         if (runs && REAL_AT(missed, lane) > R(0.0)) {
             const double onward = arrival.flight + interval.t_exit - interval.t_enter;

@@ -3,7 +3,7 @@
     suite     what is done again and again
     cone      a million rays along z through the cone's volume: `trace(..., outputs=("direction", "optical_path"))`
     strehl    the Strehl ratio of the shipped Mach 3 field, from launch to value
-    sweep     a Strehl ratio for every shipped flow at three densities, each field uploaded anew
+    sweep     a Strehl ratio for every shipped flow at three densities, for new values of a known field, and anew
     bundles   a million rays of any kind through the cone's volume and a turbulent one, interpolated and ray by ray
 
 docs/performance-bench.md describes the file. The modules: `scenes` (what is traced) and `errors` (against the true

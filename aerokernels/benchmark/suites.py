@@ -19,7 +19,7 @@ from aerokernels.flow.shipped import PLANE_NAMES
 from aerokernels.medium import IndexField
 from aerokernels.rays import RayBundle
 from aerokernels.strehl import StrehlEstimate, strehl
-from aerokernels.strehl_estimate import estimate_strehl
+from aerokernels.strehl_estimate import PreparedStrehl, estimate_strehl, prepare_strehl
 from aerokernels.tracing import Plane, trace
 from aerokernels.tracing.engines.choice import choose_backend
 from aerokernels.validation.cone import cone_field, cone_rays, cone_truth
@@ -90,7 +90,10 @@ def strehl_runs(settings: Settings, targets: Targets, ceilings: dict[str, dict])
 
 
 def sweep_runs(settings: Settings, targets: Targets, ceilings: dict[str, dict]) -> Iterator[dict]:
-    """A Strehl ratio for every shipped flow and some densities, each with a field of its own that is uploaded anew."""
+    """A Strehl ratio for every shipped flow and some densities, each with a field of its own that is uploaded anew.
+
+    Once the pupil has been made ready, by `PreparedStrehl.with_field`, and once anew for each.
+    """
     cases = [
         (name, shipped(name).ambient_density * factor if factor != 1.0 else None)
         for name in PLANE_NAMES
@@ -98,7 +101,10 @@ def sweep_runs(settings: Settings, targets: Targets, ceilings: dict[str, dict]) 
     ]
     scenes = [strehl_scene(name, density) for name, density in cases]
     for options in _choices(settings, targets):
-        timing = measure(partial(_estimates, scenes, ray_count=settings.ray_count, **options), settings.repeats)
+        options_of_all = {"ray_count": settings.ray_count, **options}
+        prepared = prepare_strehl(scenes[0].field, scenes[0].pupil, **options_of_all)
+        timing = measure(partial(_estimates, scenes, prepared), settings.repeats)
+        anew = measure(partial(_estimates, scenes, None, **options_of_all), settings.repeats)
         found = timing.results[-1]
         yield {
             "suite": "sweep",
@@ -110,6 +116,8 @@ def sweep_runs(settings: Settings, targets: Targets, ceilings: dict[str, dict]) 
             "wall_seconds": spread(timing.wall_seconds),
             "cpu_seconds": spread(timing.cpu_seconds),
             "ratios_per_second": rate(len(cases), timing.wall_seconds),
+            "cpu_seconds_anew": spread(anew.cpu_seconds),
+            "ratios_per_second_anew": rate(len(cases), anew.wall_seconds),
             "rays_traced": (traced := sum(each.traced_ray_count for each in found)),
             "evaluations_per_ray": sum(each.evaluation_count for each in found) / traced,
             "cases": [
@@ -119,9 +127,14 @@ def sweep_runs(settings: Settings, targets: Targets, ceilings: dict[str, dict]) 
         }
 
 
-def _estimates(scenes: list[PupilScene], **options: Any) -> list[StrehlEstimate]:
-    """A Strehl ratio of each scene; a new object is a new field to every cache of uploads."""
-    return [estimate_strehl(replace(scene.field), scene.pupil, **options) for scene in scenes]
+def _estimates(scenes: list[PupilScene], known: PreparedStrehl | None, **options: Any) -> list[StrehlEstimate]:
+    """A Strehl ratio of each scene, by a pupil made ready or anew; new objects hold nothing of what was worked out."""
+    found = []
+    for scene in scenes:
+        field = replace(scene.field, samples=replace(scene.field.samples))
+        known = known and known.with_field(field)
+        found.append(known(0) if known else estimate_strehl(field, scene.pupil, **options))
+    return found
 
 
 RUNS = {"cone": cone_runs, "strehl": strehl_runs, "sweep": sweep_runs, "bundles": bundle_runs}

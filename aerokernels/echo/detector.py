@@ -13,7 +13,6 @@ pulse; a rangefinder is calibrated for that, and so is `simulate.echo`.
 """
 
 import math
-from functools import partial
 
 import numpy as np
 
@@ -37,16 +36,25 @@ def check_order(order: int) -> int:
     return int(order)
 
 
-def _sections(response: str, order: int) -> tuple[np.ndarray, np.ndarray, float]:
-    """Zeros, poles [2 pi x bandwidth] and gain of the analogue filter; a Bessel's take a hundred times its use."""
-    from scipy import signal
-
+def _poles(response: str, order: int) -> np.ndarray:
+    """Poles of the analogue filter [2 pi x bandwidth]; by hand, since scipy.signal takes a second to import."""
     if response == "first-order":
-        return np.array([]), np.array([-1.0]), 1.0
-    design = partial(signal.bessel, norm="mag") if response == "bessel" else signal.butter
-    made: tuple[np.ndarray, np.ndarray, float]
-    made = OPENED.once(("low-pass", response, order), lambda: design(order, 1.0, analog=True, output="zpk"))
-    return made
+        return np.array([-1.0])
+    if response == "butterworth":
+        return np.exp(0.5j * np.pi * (2.0 * np.arange(order) + order + 1.0) / order)
+    poles: np.ndarray = OPENED.once(("low-pass", order), lambda: _bessel_poles(order))
+    return poles
+
+
+def _bessel_poles(order: int) -> np.ndarray:
+    """Roots of the reverse Bessel polynomial, sum of (2n - k)! / (2^(n - k) k! (n - k)!) s^k, scaled to -3 dB at 1."""
+    degrees = [(order - k, k) for k in range(order, -1, -1)]
+    poles = np.roots([math.factorial(order + j) / (2**j * math.factorial(k) * math.factorial(j)) for j, k in degrees])
+    low, high = 0.0, 2.0 * order
+    while low < (middle := 0.5 * (low + high)) < high:
+        above = abs(np.prod(poles / (1j * middle - poles))) > math.sqrt(0.5)
+        low, high = (middle, high) if above else (low, middle)
+    return poles / middle
 
 
 def low_pass_gain(frequency, bandwidth: float, response: str = "bessel", order: int = 4) -> np.ndarray:
@@ -66,19 +74,17 @@ def low_pass_gain(frequency, bandwidth: float, response: str = "bessel", order: 
     """
     ratio = np.asarray(frequency, dtype=np.float64) / check_positive(bandwidth, "bandwidth", "Hz")
     check_choice(response, "response", RESPONSES)
-    poles = check_order(order)
+    order = check_order(order)
     if response == "gaussian":
         return np.exp(-0.5 * math.log(2.0) * np.square(ratio)).astype(np.complex128)
-    from scipy import signal
-
-    return np.asarray(signal.freqs_zpk(*_sections(response, poles), worN=ratio.ravel())[1]).reshape(ratio.shape)
+    return np.asarray(np.prod([-pole / (1j * ratio - pole) for pole in _poles(response, order)], axis=0))
 
 
 def memory_time(bandwidth: float, response: str = "bessel", order: int = 4) -> float:
     """Time after which the low-pass has forgotten a pulse [s]; arguments as for `low_pass_gain`."""
     check_choice(response, "response", RESPONSES)
     # The Gaussian's impulse response is 1e-16 of its peak after 1.6 / B.
-    slowest = 4.0 if response == "gaussian" else float(-_sections(response, check_order(order))[1].real.max())
+    slowest = 4.0 if response == "gaussian" else float(-_poles(response, check_order(order)).real.max())
     return -math.log(_FORGOTTEN) / (2.0 * math.pi * slowest * check_positive(bandwidth, "bandwidth", "Hz"))
 
 

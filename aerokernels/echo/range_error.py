@@ -206,7 +206,7 @@ def summarise_ranges(
     Raises:
         ValueError: Fewer than two ranges.
     """
-    from scipy.stats import chi2, t
+    from scipy.special import gammaincinv, stdtrit  # scipy.stats has them too, and takes a second to import
 
     found = len(ranges)
     if found < 2:
@@ -215,8 +215,8 @@ def summarise_ranges(
         )
     systematic, spread = float(np.mean(ranges)) - true_range, float(np.std(ranges, ddof=1))
     standard_error = spread / float(np.sqrt(found))
-    reach = float(t.ppf(0.5 * (1.0 + confidence), found - 1)) * standard_error
-    tails = chi2.ppf((0.5 * (1.0 + confidence), 0.5 * (1.0 - confidence)), found - 1)
+    reach = float(stdtrit(found - 1, 0.5 * (1.0 + confidence))) * standard_error
+    tails = 2.0 * gammaincinv(0.5 * (found - 1), (0.5 * (1.0 + confidence), 0.5 * (1.0 - confidence)))
     low, high = spread * np.sqrt((found - 1) / tails)
     return RangeStatistics(
         systematic_error=systematic,

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..arguments import checked
-from ..read_only import ReadOnly
+from ..derived import Derived
 from ..shown import shown
 from .crossings import crossings
 from .grid import check_finite
@@ -29,7 +29,7 @@ ON_AXIS = 1e-12
 @checked
 @shown
 @dataclass(frozen=True, eq=False)
-class Body(ReadOnly):
+class Body(Derived):
     """A solid body.
 
     Attributes:

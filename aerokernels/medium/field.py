@@ -75,10 +75,10 @@ class IndexField(Derived):
         object.__setattr__(self, "ambient_index", float(self.ambient_index))
         if self.wavelength is not None:
             object.__setattr__(self, "wavelength", check_wavelength(self.wavelength))
-        values = self.samples.samples if self.is_uniform else self.samples.values
-        if values.min() + self.ambient_index <= 0.0:
+        least = self.samples.extremes[0] if isinstance(self.samples, UniformGrid) else self.samples.values.min()
+        if least + self.ambient_index <= 0.0:
             raise ValueError(
-                f"the index must be positive everywhere: the least contrast is {values.min():g}, "
+                f"the index must be positive everywhere: the least contrast is {least:g}, "
                 f"the ambient index {self.ambient_index:g}"
             )
         check_box(self.samples.low, self.samples.high)
@@ -130,16 +130,17 @@ class IndexField(Derived):
         dimension = 3 if geometry == "volume" else 2
         if array.ndim != dimension:
             raise ValueError(f"a {geometry} field needs an array of {dimension} axes, got shape {array.shape}")
-        if array.size and 0.99 < array.min() <= array.max() < 1.5:
-            warnings.warn(
-                f"contrast is {array.min():g} to {array.max():g} everywhere: it is n - ambient_index, not n itself",
-                stacklevel=3,
-            )
         axisymmetric = geometry == "axisymmetric"
         check_ambient(ambient_index)
         grid = UniformGrid(
             array, np.asarray(origin), np.asarray(spacing), interpolation, axisymmetric, float(ambient_index)
         )
+        low, high = grid.extremes
+        if 0.99 < low <= high < 1.5:
+            warnings.warn(
+                f"contrast is {low:g} to {high:g} everywhere: it is n - ambient_index, not n itself",
+                stacklevel=3,
+            )
         if cell_averages:
             grid = replace(grid, samples=node_values(grid.samples, interpolation, axisymmetric))
         if axisymmetric and abs(grid.origin[0]) > 1e-9 * grid.spacing[0]:

@@ -6,7 +6,7 @@ the contrast to one part in 10^4; in strong media it makes a quadratic n^2 exact
 """
 
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, reduce
 from itertools import product
 
 import numpy as np
@@ -118,10 +118,16 @@ class UniformGrid(Derived):
             raise ValueError(
                 f"interpolation {self.interpolation!r} is not known: choose one of {', '.join(spline.INTERPOLATIONS)}"
             )
-        check_finite(samples, "the contrast")
         for name, value in (("samples", samples), ("origin", origin), ("spacing", spacing)):
             value.setflags(write=False)
             object.__setattr__(self, name, value)
+        if not np.isfinite(self.extremes).all():
+            check_finite(samples, "the contrast")
+
+    @cached_property
+    def extremes(self) -> tuple[float, float]:
+        """The least and the greatest contrast."""
+        return float(self.samples.min()), float(self.samples.max())
 
     @property
     def shape(self) -> tuple[int, ...]:
@@ -187,15 +193,15 @@ class UniformGrid(Derived):
             value_weight.append(value)
             slope_weight.append(slope / self.spacing[axis])
         result = np.zeros(len(points))
-        gradient = np.zeros((len(points), dimension))
+        gradient = np.zeros((dimension, len(points)))
         for offset in product(range(support), repeat=dimension):
             picked = self.coefficients[tuple(s + o for s, o in zip(start, offset, strict=True))]
             chosen = [value_weight[a][o] for a, o in enumerate(offset)]
-            result += picked * np.prod(chosen, axis=0)
-            for axis in range(dimension):
+            result += picked * reduce(np.multiply, chosen)
+            for axis, slope in enumerate(gradient):
                 factors = [slope_weight[a][o] if a == axis else chosen[a] for a, o in enumerate(offset)]
-                gradient[:, axis] += picked * np.prod(factors, axis=0)
-        return result, gradient
+                slope += picked * reduce(np.multiply, factors)
+        return result, np.ascontiguousarray(gradient.T)
 
 
 def eq5_step(difference: np.ndarray, size) -> np.ndarray:

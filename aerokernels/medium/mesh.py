@@ -10,7 +10,7 @@ from functools import cached_property
 import numpy as np
 
 from ..arguments import Numbers, checked
-from ..read_only import ReadOnly
+from ..derived import Derived
 from ..shown import shown
 from .bilinear import EDGE_TOLERANCE, bilinear_point, contains, invert_bilinear
 from .grid import check_finite
@@ -33,9 +33,31 @@ class CellBins:
     cell: np.ndarray
 
 
+@dataclass(frozen=True, eq=False)
+class Places:
+    """Where points lie in a mesh.
+
+    Attributes:
+        mesh: The mesh.
+        points: The points [m], shape (n, 2).
+        rows: Which of them lie in a cell.
+        cell: Those cells.
+    """
+
+    mesh: "QuadMesh"
+    points: np.ndarray
+    rows: np.ndarray
+    cell: np.ndarray
+
+    @cached_property
+    def local(self) -> tuple[np.ndarray, np.ndarray]:
+        """Bilinear coordinates (xi, eta) in their cells."""
+        return self.mesh.local_coordinates(self.cell, self.points[self.rows])
+
+
 @shown
 @dataclass(frozen=True, eq=False)
-class QuadMesh(ReadOnly):
+class QuadMesh(Derived):
     """A mesh of convex quadrilaterals.
 
     Attributes:
@@ -239,6 +261,12 @@ class QuadMesh(ReadOnly):
         holds = contains(self.corners[cell], points[row])
         # Lists ascend: backwards, the lowest cell is written last.
         found[row[holds][::-1]] = cell[holds][::-1]
+
+    def places(self, points: np.ndarray) -> Places:
+        """Where points (n, 2) [m] lie, as `locate` finds it."""
+        cell = self.locate(points)
+        rows = np.flatnonzero(cell >= 0)
+        return Places(self, points, rows, cell[rows])
 
     def local_coordinates(self, cell: np.ndarray, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Bilinear coordinates (xi, eta) in [0, 1] of points within their cells."""

@@ -4,12 +4,15 @@ A line is cut where it crosses edges of cells (in space: the cones that they swe
 lies in one cell, which the middle tells.
 """
 
+from functools import partial
+
 import numpy as np
 
 from .crossings import crossings
 from .mesh import QuadMesh
 
 LINES = 64  # that are cut together
+KEPT_LINES = 512  # whose pieces a mesh keeps, the last ones
 
 
 def mesh_columns(mesh: QuadMesh, values: np.ndarray, position, direction, ends=None) -> np.ndarray:
@@ -32,12 +35,26 @@ def mesh_columns(mesh: QuadMesh, values: np.ndarray, position, direction, ends=N
         raise ValueError("lines need points and unit vectors of shape (n, 3)")
     if mesh.geometry == "planar" and (np.hypot(direction[:, 1], direction[:, 2]) == 0.0).any():
         raise ValueError("lines along x never leave a planar mesh")
+    ends = None if ends is None else np.asarray(ends, dtype=np.float64)
+    if not len(position):
+        return np.zeros(0)
+    cut = partial(_pieces, mesh, position, direction, ends)
+    if len(position) <= KEPT_LINES:  # other values on the mesh are asked for along the same lines
+        given = (position.tobytes(), direction.tobytes(), None if ends is None else ends.tobytes())
+        line, cell, length = mesh.derive(("pieces of lines", *given), cut, most=1)
+    else:
+        line, cell, length = cut()
+    return np.bincount(line, np.where(cell >= 0, values[cell], 0.0) * length, len(position))
+
+
+def _pieces(mesh: QuadMesh, position: np.ndarray, direction: np.ndarray, ends) -> tuple[np.ndarray, ...]:
+    """The pieces of lines between cuts: which line, the cell (-1 for none), and the length [m]."""
     edges = np.unique(np.sort(np.stack([mesh.cells, np.roll(mesh.cells, -1, axis=1)], axis=-1).reshape(-1, 2)), axis=0)
     start, end = mesh.vertices[edges[:, 0]], mesh.vertices[edges[:, 1]]
     if mesh.geometry == "axisymmetric":
         keep = (start[:, 0] > 0.0) | (end[:, 0] > 0.0)
         start, end = start[keep], end[keep]
-    total = np.zeros(len(position))
+    found = []
     for first in range(0, len(position), LINES):
         rows = slice(first, first + LINES)
         cuts = crossings(start, end, mesh.geometry, position[rows], direction[rows])
@@ -52,6 +69,5 @@ def mesh_columns(mesh: QuadMesh, values: np.ndarray, position, direction, ends=N
         at = position[rows][line] + middle[:, None] * direction[rows][line]
         first_axis = np.hypot(at[:, 0], at[:, 1]) if mesh.geometry == "axisymmetric" else at[:, 1]
         cell = mesh.locate(np.stack([first_axis, at[:, 2]], axis=1))
-        held = np.where(cell >= 0, values[cell], 0.0) * (ahead - behind)
-        total[rows] = np.bincount(line, held, len(cuts))
-    return total
+        found.append((first + line, cell, ahead - behind))
+    return tuple(np.concatenate(parts) for parts in zip(*found, strict=True))

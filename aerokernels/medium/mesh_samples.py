@@ -21,7 +21,7 @@ from ..derived import Derived
 from ..shown import shown
 from .conserving import what_is_lacking
 from .grid import eq5_step
-from .mesh import QuadMesh
+from .mesh import Places, QuadMesh
 from .vertex_values import vertex_gradients
 
 MESH_INTERPOLATIONS = ("bilinear", "bilinear-barron", "idw", "cells")
@@ -83,31 +83,38 @@ class MeshSamples(Derived):
         corner = self.values[self.mesh.cells]
         return eq5_step(corner.max(axis=1) - corner.min(axis=1), self.mesh.cell_size)
 
-    def evaluate(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Value, shape (n,), and gradient [1/m], shape (n, 2), at local points (n, 2); zero outside the mesh."""
-        cell = self.mesh.locate(points)
+    def evaluate(
+        self, points: np.ndarray, places: Places | None = None, with_gradient: bool = True
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Value, shape (n,), and gradient [1/m], shape (n, 2), at local points (n, 2); zero outside the mesh.
+
+        `places` says where they lie in the mesh, if that is known. Gradients may be left out: they are zero then.
+        """
+        if places is None:
+            places = self.mesh.places(points)
         result, gradient = np.zeros(len(points)), np.zeros((len(points), 2))
-        rows = np.flatnonzero(cell >= 0)
+        rows, cell = places.rows, places.cell
         if len(rows) == 0:
             return result, gradient
         if self.interpolation == "cells":
             assert self.averages is not None
-            result[rows] = self.averages[cell[rows]]
+            result[rows] = self.averages[cell]
             return result, gradient
-        corners, vertex = self.mesh.corners[cell[rows]], self.mesh.cells[cell[rows]]
+        vertex = self.mesh.cells[cell]
         value = self.values[vertex]
         if self.interpolation == "idw":
+            corners = self.mesh.corners[cell]
             weight = inverse_distance_weights(corners, points[rows])
             result[rows] = np.sum(weight * value, axis=1)
             gradient[rows] = np.einsum("nk,nkd->nd", weight, self.gradients[vertex])
             return result, gradient
-        xi, eta = self.mesh.local_coordinates(cell[rows], points[rows])
+        xi, eta = places.local
         weight = np.stack([(1 - xi) * (1 - eta), xi * (1 - eta), xi * eta, (1 - xi) * eta], axis=1)
         result[rows] = np.sum(weight * value, axis=1)
         if self.interpolation == "bilinear-barron":
             gradient[rows] = np.einsum("nk,nkd->nd", weight, self.gradients[vertex])
-        else:
-            gradient[rows] = _bilinear_gradient(corners, value, xi, eta)
+        elif with_gradient:
+            gradient[rows] = _bilinear_gradient(self.mesh.corners[cell], value, xi, eta)
         return result, gradient
 
 

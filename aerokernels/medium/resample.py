@@ -21,6 +21,8 @@ PROBE_COUNT = 4096
 LINE_COUNT = 64
 # The factor by which halving a spacing divides the error: the greatest that is believed beforehand, and the least.
 GREATEST_GAIN, LEAST_GAIN = 64.0, 2.0
+# Nodes up to which a mesh keeps the geometry of the last grid that it was resampled to: 100 bytes each, and 10 MB.
+KEPT_NODES = 1 << 18
 
 
 @dataclass(frozen=True)
@@ -131,59 +133,142 @@ def _resample_once(field, low, high, step, interpolation):
     # A grid that reached beyond the region would sample ambient air there, a jump at the face: divide it evenly.
     step = (high - low) / (count - 1)
     step = step + 2.0 * np.maximum(high - (low + step * (count - 1)), 0.0) / (count - 1)
-    axes = [np.minimum(low[k] + step[k] * np.arange(count[k]), high[k]) for k in range(len(low))]
-    nodes = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, len(low))
-    contrast = _continued(field, nodes, step).reshape(count)
+    geometry = _geometry(field, low, high, step, count)
+    contrast = _continued(field, geometry).reshape(count)
     even = field.geometry == "axisymmetric"
     grid = UniformGrid(contrast, low, step, interpolation, even, field.ambient_index)
     result = replace(field, samples=grid, resampling=None)
-    return replace(result, resampling=_measure(field, result))
+    return replace(result, resampling=_measure(field, result, geometry))
 
 
-def _continued(field, nodes: np.ndarray, step: np.ndarray) -> np.ndarray:
-    """Contrast at local nodes, carried on into the body."""
-    value = _local_contrast(field, nodes)
-    if field.body is None:
-        return value
-    inside = np.flatnonzero(field.body.contains(nodes))
-    if len(inside) == 0:
-        return value
-    foot = field.body.nearest_wall(nodes[inside])
+@dataclass(frozen=True, eq=False)
+class _Asked:
+    """Points at which a field is asked.
+
+    Attributes:
+        count: How many there are.
+        rows: Which of them are asked; the others are zero.
+        points: Those, local coordinates [m].
+        places: Where they lie in the field's mesh, if it is on one.
+    """
+
+    count: int
+    rows: np.ndarray
+    points: np.ndarray
+    places: Any
+
+    def contrast(self, field) -> np.ndarray:
+        """Contrast, shape (count,)."""
+        result = np.zeros(self.count)
+        result[self.rows] = self.evaluate(field, with_gradient=False)[0]
+        return result
+
+    def evaluate(self, field, with_gradient: bool = True) -> tuple[np.ndarray, np.ndarray]:
+        """Contrast and its gradient [1/m] at those that are asked."""
+        known = () if field.is_uniform else (self.places, with_gradient)
+        found: tuple[np.ndarray, np.ndarray] = field.samples.evaluate(self.points, *known)
+        return found
+
+
+@dataclass(frozen=True, eq=False)
+class _Geometry:
+    """What resampling asks of a field, whatever its values.
+
+    Attributes:
+        nodes: The nodes of the grid.
+        inside: Which of them lie in the body.
+        skin: At the wall nearest to those.
+        ahead: Mirrored at it.
+        fade: The share of the slope there that is carried on.
+        probe: Scattered points of the flow.
+        lines: Points along lines parallel to the last axis, LINE_COUNT times `line_points`.
+        line_points: How many lie on a line.
+        length: What each of them stands for [m].
+    """
+
+    nodes: _Asked
+    inside: np.ndarray
+    skin: _Asked
+    ahead: _Asked
+    fade: np.ndarray
+    probe: _Asked
+    lines: _Asked
+    line_points: int
+    length: float
+
+
+def _geometry(field, low: np.ndarray, high: np.ndarray, step: np.ndarray, count: np.ndarray) -> _Geometry:
+    """The geometry of a grid; a mesh keeps the last one, which other values on it need too."""
+
+    def make() -> _Geometry:
+        return _make_geometry(field, low, high, step, count)
+
+    if field.is_uniform or np.prod(count) > KEPT_NODES:
+        return make()
+    key = ("resampling", low.tobytes(), high.tobytes(), step.tobytes(), tuple(count), field.body)
+    found: _Geometry = field.samples.mesh.derive(key, make, most=1)
+    return found
+
+
+def _make_geometry(field, low: np.ndarray, high: np.ndarray, step: np.ndarray, count: np.ndarray) -> _Geometry:
+    dimension, box = len(low), (field.samples.low, field.samples.high)
+
+    def asked(points: np.ndarray, kept: np.ndarray) -> _Asked:
+        rows = np.flatnonzero(kept)
+        places = None if field.is_uniform else field.samples.mesh.places(points[rows])
+        return _Asked(len(points), rows, points[rows], places)
+
+    def within(points: np.ndarray) -> _Asked:
+        return asked(points, np.all((points >= box[0]) & (points <= box[1]), axis=1))
+
+    def flowing(points: np.ndarray) -> _Asked:
+        return asked(points, np.ones(len(points), bool) if field.body is None else ~field.body.contains(points))
+
+    axes = [np.minimum(low[k] + step[k] * np.arange(count[k]), high[k]) for k in range(dimension)]
+    nodes = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, dimension)
+    inside = np.zeros(0, int) if field.body is None else np.flatnonzero(field.body.contains(nodes))
+    foot = nodes[inside] if field.body is None else field.body.nearest_wall(nodes[inside])
     out = foot - nodes[inside]
     depth = np.linalg.norm(out, axis=1)
     # A node on the wall itself has no direction outward; its own value is right as it is.
     normal = out / np.where(depth > 0.0, depth, 1.0)[:, None]
     reach = float(step.min())
-    skin = _local_contrast(field, foot + 1e-3 * reach * normal)
     mirrored = np.minimum(depth, 2.0 * reach)
-    ahead = _local_contrast(field, foot + (mirrored + 1e-3 * reach)[:, None] * normal)
-    value[inside] = skin + (skin - ahead) * np.exp(-np.maximum(depth - reach, 0.0) / reach)
+
+    first = np.maximum(box[0], low)
+    extent = np.minimum(box[1], low + step * (count - 1)) - first
+    line_points = min(8192, max(256, int(4 * np.max(extent[-1] / step[-1]))))
+    across = first[:-1] + extent[:-1] * sobol_points(LINE_COUNT, dimension - 1, seed=2)
+    along = first[-1] + extent[-1] * (np.arange(line_points) + 0.5) / line_points
+    lines = np.concatenate([np.repeat(across, line_points, axis=0), np.tile(along, LINE_COUNT)[:, None]], axis=1)
+    return _Geometry(
+        within(nodes),
+        inside,
+        within(foot + 1e-3 * reach * normal),
+        within(foot + (mirrored + 1e-3 * reach)[:, None] * normal),
+        np.exp(-np.maximum(depth - reach, 0.0) / reach),
+        flowing(first + extent * sobol_points(PROBE_COUNT, dimension, seed=1)),
+        flowing(lines),
+        line_points,
+        extent[-1] / line_points,
+    )
+
+
+def _continued(field, geometry: _Geometry) -> np.ndarray:
+    """Contrast at the nodes, carried on into the body."""
+    value = geometry.nodes.contrast(field)
+    if len(geometry.inside):
+        skin, ahead = geometry.skin.contrast(field), geometry.ahead.contrast(field)
+        value[geometry.inside] = skin + (skin - ahead) * geometry.fade
     return value
 
 
-def _local_contrast(field, local: np.ndarray) -> np.ndarray:
-    result = np.zeros(len(local))
-    within = np.all((local >= field.samples.low) & (local <= field.samples.high), axis=1)
-    result[within] = field.samples.evaluate(local[within])[0]
-    return result
-
-
-def _measure(source, result) -> ResamplingError:
+def _measure(source, result, geometry: _Geometry) -> ResamplingError:
     """Compare both fields at scrambled points, and along lines parallel to the last axis (z)."""
-    low = np.maximum(source.samples.low, result.samples.low)
-    high = np.minimum(source.samples.high, result.samples.high)
-    dimension = len(low)
-    probe = low + (high - low) * sobol_points(PROBE_COUNT, dimension, seed=1)
-    change = _difference(source, result, probe).value
-
-    line_points = min(8192, max(256, int(4 * np.max((high - low)[-1] / result.samples.spacing[-1]))))
-    across = low[:-1] + (high - low)[:-1] * sobol_points(LINE_COUNT, dimension - 1, seed=2)
-    along = low[-1] + (high - low)[-1] * (np.arange(line_points) + 0.5) / line_points
-    lines = np.concatenate([np.repeat(across, line_points, axis=0), np.tile(along, LINE_COUNT)[:, None]], axis=1)
-    found = _difference(source, result, lines)
-    weight = (high - low)[-1] / line_points
-    opd = weight * found.value.reshape(LINE_COUNT, line_points).sum(axis=1)
-    deflection = weight * found.slope.reshape(LINE_COUNT, line_points).sum(axis=1)
+    change = _difference(source, result, geometry.probe).value
+    found, shape = _difference(source, result, geometry.lines), (LINE_COUNT, geometry.line_points)
+    opd = geometry.length * found.value.reshape(shape).sum(axis=1)
+    deflection = geometry.length * found.slope.reshape(shape).sum(axis=1)
     return ResamplingError(
         source=source,
         spacing=tuple(float(s) for s in result.samples.spacing),
@@ -208,13 +293,11 @@ class _Difference:
     slope: np.ndarray
 
 
-def _difference(source, result, points) -> _Difference:
-    """Compare two fields at local points (n, d)."""
-    solid = np.zeros(len(points), dtype=bool) if source.body is None else source.body.contains(points)
-    flowing = np.flatnonzero(~solid)
-    found = _Difference(*np.zeros((2, len(points))))
-    before, slope_before = source.samples.evaluate(points[flowing])
-    after, slope_after = result.samples.evaluate(points[flowing])
-    found.value[flowing] = after - before
-    found.slope[flowing] = (slope_after - slope_before)[:, 0]
+def _difference(source, result, asked: _Asked) -> _Difference:
+    """Compare two fields at points of the flow."""
+    found = _Difference(*np.zeros((2, asked.count)))
+    before, slope_before = asked.evaluate(source)
+    after, slope_after = asked.evaluate(result)
+    found.value[asked.rows] = after - before
+    found.slope[asked.rows] = (slope_after - slope_before)[:, 0]
     return found

@@ -9,7 +9,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from ..read_only import ReadOnly
+from ..derived import Derived
 from .body import Body
 from .grid import check_finite
 from .section import outlines
@@ -22,7 +22,7 @@ NEAREST = 12  # triangles by their middles, among which the nearest one is looke
 
 
 @dataclass(frozen=True, eq=False)
-class SolidBody(ReadOnly):
+class SolidBody(Derived):
     """A solid body in a volume field, bounded by triangles.
 
     Attributes:

@@ -48,7 +48,7 @@ class Polygon(Pupil):
         size = np.abs(corner - corner.mean(axis=0)).max()
         area = _signed_area(corner)
         if not abs(area) > 1e-12 * size**2:
-            raise ValueError("the vertices of a Polygon enclose nothing: they lie on a line")
+            raise ValueError("the vertices of a Polygon enclose nothing: they lie on a line, or edges cross")
         crossed = _first_crossing(corner)
         if crossed is not None:
             raise ValueError(

@@ -15,12 +15,29 @@ from .blocks import over_lines
 SHARE = 1e-3
 # Numbers below this are no optical paths [m]: their products in single precision vanish.
 LEAST = 1e-24
+# Of the lines along the last axis, those that are summed first; and what sums in another order differ by.
+EVERY, ROUNDING = 4, 1e-9
 
 
 def held_error(field: IndexField, tolerance: float) -> float:
     """The OPD error [m] that a ray is held to, at most `tolerance` [m], the one asked for."""
+    if path_exceeds(field, tolerance / SHARE):
+        return tolerance
     greatest = greatest_path(field)
     return tolerance if greatest <= 0.0 else min(tolerance, max(SHARE * greatest, LEAST))
+
+
+def path_exceeds(field: IndexField, size: float) -> bool:
+    """Whether the greatest path is above a size [m]; all lines are summed only where neither some nor a bound tell."""
+    grid = field.samples
+    if not isinstance(grid, UniformGrid):
+        return False
+    low, high = grid.extremes
+    longest = float((grid.spacing * grid.shape).max())
+    if max(high, -low) * longest <= size:
+        return False
+    some: float = field.derive("some paths", lambda: _find_some_path(grid))
+    return some > size * (1.0 + ROUNDING) or greatest_path(field) > size
 
 
 def greatest_path(field: IndexField) -> float:
@@ -30,6 +47,12 @@ def greatest_path(field: IndexField) -> float:
         return 0.0
     greatest: float = field.derive("greatest path", lambda: _find_greatest_path(grid))
     return greatest
+
+
+def _find_some_path(grid: UniformGrid) -> float:
+    """The greatest path along some lines of the last axis [m]."""
+    rows = grid.samples[(slice(None, None, EVERY),) * (grid.samples.ndim - 1)]
+    return float(np.abs(rows).sum(axis=-1).max()) * float(grid.spacing[-1])
 
 
 def _find_greatest_path(grid: UniformGrid) -> float:

@@ -41,6 +41,9 @@ GREATEST_TOLERANCE = 1e-9
 ON_FACE = 1e-6
 # Rays that are looked at together: their arrays stay in a core's cache.
 CHUNK = 1 << 13
+# Places along a ray that passes beside the box, over twice the box's size; one that has so many of them at one distance
+# from the box runs along a face.
+PLACES_BESIDE, PLACES_ALONG = 16, 3
 BESIDE = -1  # instead of a face: of a ray that passes beside the box, or crosses the rim of a mesh
 
 
@@ -211,29 +214,68 @@ def _exits(field, position, direction, span, stop, until, ends):
 
 
 def _beside(field: IndexField, position, direction, stop, until) -> np.ndarray:
-    """What rays beside the box may lose [m], estimated at the point of the box that they pass nearest."""
+    """What rays beside the box may lose [m], estimated at the point of the box that they pass nearest, shape (n,).
+
+    A ray along a face passes many points at one distance: of those, the one of the strongest air counts, over as much
+    of the way as their mean is of it.
+    """
     if len(position) == 0:
         return np.zeros(0)
     size = box_size(field)
     along = np.zeros(len(position))
     for _ in range(24):  # projections on the line and on the box in turn
-        place = position + along[:, None] * direction
-        nearest = _into_box(field, place)
+        nearest = _into_box(field, position + along[:, None] * direction)
         along = np.clip(np.sum((nearest - position) * direction, axis=1), 0.0, stop)
+    length = np.minimum(extent(field, direction), stop)
+    along, length = _strongest(field, position, direction, stop, along, length)
     place = position + along[:, None] * direction
     nearest = _into_box(field, place)
     distance = np.linalg.norm(nearest - place, axis=1)
     lost = np.zeros(len(position))
     rows = np.flatnonzero(distance <= size)
     inward = (nearest - place)[rows] / np.maximum(distance[rows], 1e-300)[:, None]
-    chord, length = np.full(len(rows), np.inf), np.minimum(extent(field, direction[rows]), stop[rows])
+    chord = np.full(len(rows), np.inf)
     strength, scale = contrast_tail(field, nearest[rows], inward, chord)
-    lost[rows] = strength * np.exp(-distance[rows] / scale) * length
+    lost[rows] = strength * np.exp(-distance[rows] / scale) * length[rows]
     if isinstance(until, Plane):  # any other stop is met at a right angle
         strength, scale = slope_tail(field, nearest[rows], inward, chord, obliquity(direction[rows], until))
         rest = np.where(np.isfinite(stop[rows]), stop[rows] - along[rows], 0.0)
-        lost[rows] += strength * np.exp(-distance[rows] / scale) * length * rest
+        lost[rows] += strength * np.exp(-distance[rows] / scale) * length[rows] * rest
     return lost
+
+
+def _strongest(field: IndexField, position, direction, stop, along, length) -> tuple[np.ndarray, np.ndarray]:
+    """Of rays along a face, where the air there is strongest, and the length over which it counts [m], both (n,).
+
+    Other rays keep the place `along` and the `length` that they have.
+    """
+    begin = np.maximum(along - box_size(field), 0.0)
+    step = (np.minimum(along + box_size(field), stop) - begin) / PLACES_BESIDE
+    place = position + along[:, None] * direction
+    farthest = np.linalg.norm(_into_box(field, place) - place, axis=1) + float(np.min(field.spacing))
+    found = np.zeros((PLACES_BESIDE, len(position)))
+    beside = np.zeros(found.shape, dtype=bool)
+    for k in range(PLACES_BESIDE):
+        place = position + (begin + (k + 0.5) * step)[:, None] * direction
+        nearest = _into_box(field, place)
+        beside[k] = np.linalg.norm(nearest - place, axis=1) <= farthest
+        rows = np.flatnonzero(beside[k])
+        found[k, rows] = np.abs(_roughly(field, nearest[rows]))
+    greatest = found.max(axis=0, initial=0.0)
+    many = beside.sum(axis=0)
+    counts = (many >= PLACES_ALONG) & (greatest > 0.0)
+    best = begin + (found.argmax(axis=0) + 0.5) * step
+    shared = length * found.sum(axis=0) / np.where(counts, many * greatest, 1.0)
+    return np.where(counts, best, along), np.where(counts, shared, length)
+
+
+def _roughly(field: IndexField, point: np.ndarray) -> np.ndarray:
+    """Contrast at the nodes nearest to some points, or on a mesh at the points, shape (n,)."""
+    grid = field.samples
+    if not isinstance(grid, UniformGrid):
+        return np.asarray(field.contrast_at(point))
+    node = np.rint((field.local_coordinates(point) - grid.origin) / grid.spacing).astype(np.int64)
+    return np.asarray(grid.samples[tuple(np.clip(node, 0, np.array(grid.shape) - 1).T)])
 
 
 def _into_box(field: IndexField, point: np.ndarray) -> np.ndarray:

@@ -15,18 +15,19 @@ from ..device_arrays import extremes_of, on_host
 from ..medium import IndexField
 from ..medium.grid import UniformGrid
 from ..rays import RayBundle
+from .between_samples import MARGIN, Between, in_threes
+from .cube_polynomials import may_have_cubes, roughly_off
 from .engines import engine_of
 from .grid_tables import prepare_grid
-from .held import greatest_path, held_error
+from .held import held_error
 from .launch import launch
 from .lever_arms import LeverArms, lever_arms_of
 from .plan import TracePlan
 from .prediction import predict_evaluations
 from .status import reached
 from .stop import ArcLength
-from .straight_lines import lines_through
 from .support import support_box
-from .unresolved import Sampling, disturbed_ends, greatest_error, missed_along
+from .unresolved import Sampling
 
 # Fewer rays are traced under error control at once: a pilot would not pay.
 LEAST_RAYS = 4096
@@ -40,8 +41,7 @@ LEAST_SAMPLES = 36
 CHEAP = {"opencl": 450, "warp": 120}
 WORTH = {"opencl": 5.0, "warp": 1.2}
 MOST_SAMPLES = 3000
-# The pilot's greatest error is held MARGIN times below the tolerance, and a ray's estimate is SAFETY times the pilot's.
-MARGIN = 4.0
+# A ray's estimate is SAFETY times the pilot's greatest error.
 SAFETY = 3.0
 # The error as a share of the difference from the sum over every third sample: for order 4, which is the rule's own, and
 # for order 2.
@@ -51,20 +51,20 @@ GREATEST_BEND = 0.5
 # The share of the pilot's rays that may be unfit for leapfrog.
 UNFIT = 0.1
 
-# So many more samples than a field before are taken rather than a closer look at a field.
-A_FEW_MORE = 1.25
+# Polynomials of cubes are made where rays take this many samples for each node of the grid, on a processor (False) and
+# on a GPU (True), where a sample costs less; never by Warp on a GPU, which loads their numbers one by one and is slower
+# for them. They are taken where the rays that have to be traced again for it cost less than the share CUBES_GAIN of the
+# samples, which is what they save at least.
+CUBES_WORTH = {("opencl", False): 4.0, ("warp", False): 4.0, ("opencl", True): 16.0, ("warp", True): math.inf}
+CUBES_GAIN = 0.5
+CUBES_MORE = 1.4
+# Lines by which it is told whether a table is worth making.
+CUBES_LINES = 64
+# The share of the greatest piece of the device's memory that they may take.
+CUBES_MEMORY = 0.25
+# The greatest change of a pilot ray's direction by them [rad].
+CUBES_ANGLE = 5e-7
 
-# What lies between samples may cost this share of the tolerance, the rest of which is the pilot's, without being
-# bounded for each ray.
-NEGLIGIBLE = 1.0 - 1.0 / MARGIN
-# Elsewhere counts are tried in steps of this factor; a ray is expected to be rejected from this share of the tolerance
-# on.
-FINER = 1.3
-REJECTED = 0.7
-# Single precision is seen in a bound for tolerances below this share of the field's greatest optical path difference.
-FINE_SHARE = 3e-5
-# The longest of all rays may be this many times as long as the longest of those looked at.
-SPACING_MARGIN = 1.02
 # Rays of a bundle whose lines are looked at.
 SPREAD_RAYS = 8192
 
@@ -98,6 +98,7 @@ def fit_leapfrog(
     wavelength: float,
     spread,
     like: TracePlan | None = None,
+    ray_count: int = 0,
 ) -> TracePlan | None:
     """The plan with the number of leapfrog samples that holds its tolerance; None where error control costs less.
 
@@ -109,6 +110,7 @@ def fit_leapfrog(
         wavelength: Vacuum wavelength [m].
         spread: Makes enough of the rays to show where the bundle goes.
         like: A plan of such rays through a field like this one: its number is taken where the pilot confirms it.
+        ray_count: How many rays will take these samples at least.
     """
     stop = None if until is None else (until.point.tobytes(), until.normal.tobytes())
     bundle = hash((pilot.position.tobytes(), pilot.direction.tobytes()))
@@ -123,16 +125,24 @@ def fit_leapfrog(
     count, shares, worst, sampling = fitted
     if not count:
         return None
+    cubes = None
+    if _may_take_cubes(field, plan, ray_count * count):
+        cubes = field.derive(("cubes", *key, count), lambda: _with_cubes(*given, count))
+    if cubes is not None:
+        count, shares, worst, sampling = cubes
     reason = (
         f"method leapfrog: {count} leapfrog samples a ray, bending included; a pilot of {pilot.ray_count} rays is "
         f"right to {worst / wavelength:.1g} waves; rays whose own error estimate is above the tolerance are "
         "traced again"
     )
+    if cubes is not None:
+        reason += "; each looks up a cubic polynomial of 2 x 2 x 2 cells, which is as good as the tolerance needs"
     if sampling is not None:
         reason += "; the field has structure between samples, so what each ray may miss is bounded along its path"
     return replace(
         plan,
         sample_count=count,
+        cubes=cubes is not None,
         quadrature_error_scale=shares[0],
         trajectory_error_scale=shares[1],
         sampling=sampling,
@@ -162,12 +172,12 @@ def _fit(
     order = 1.0
     if second > 0.0:
         order = min(max(math.log(first / second) / math.log(3.0), 1.0), 4.0) if first > second else 1.0
-    count = _in_threes(least * max(1.0, (first / budget) ** (1.0 / order))) if first > 0.0 else least
-    between = _Between(field, spread, until, held, plan.lever_arms)
+    count = in_threes(least * max(1.0, (first / budget) ** (1.0 / order))) if first > 0.0 else least
+    between = Between(field, spread, until, held, plan.lever_arms)
     count = between.least_count(
         count,
         lambda count: _is_worth_it(field, pilot, plan, wavelength, count),
-        lambda: max(CHEAP[plan.backend], WORTH[plan.backend] * predict_evaluations(field, held, pilot.direction)),
+        lambda: _cost_again(field, pilot, plan, held),
     )
     while count and _is_worth_it(field, pilot, plan, wavelength, count):
         level = next((level for level in levels if level.count == count), None)
@@ -181,8 +191,58 @@ def _fit(
         if level.is_fit and worst <= budget:
             shares = _shares(field, pilot, plan, until, wavelength, level, worst)
             return count, shares, worst, between.sampling(count)
-        count = _in_threes(1.25 * count)
+        count = in_threes(1.25 * count)
     return nothing
+
+
+def _may_take_cubes(field: IndexField, plan: TracePlan, samples: int) -> bool:
+    """Whether polynomials of cubes can be made for a field, and so many samples are worth it."""
+    grid, engine = field.samples, engine_of(plan.backend, plan.device)
+    if plan.precision != "float32" or not isinstance(grid, UniformGrid):
+        return False
+    if not may_have_cubes(grid, CUBES_MEMORY * engine.memory[1]):
+        return False
+    return samples >= CUBES_WORTH[plan.backend, engine.is_gpu] * grid.samples.size
+
+
+def _with_cubes(
+    field: IndexField, pilot: RayBundle, plan: TracePlan, until, wavelength: float, spread: RayBundle, count: int
+) -> tuple[int, tuple, float, Sampling | None] | None:
+    """What `_fit` returns, for samples of polynomials of cubes; None where the tolerance needs the spline.
+
+    Two things have to agree: a pilot, compared with the spline at three times as many samples, and each ray's own bound
+    of how far the polynomials are off the spline where it samples them, as the pilot has it.
+    """
+    grid = field.samples
+    assert isinstance(grid, UniformGrid)
+    held = held_error(field, plan.tolerance * wavelength)
+    between = Between(field, spread, until, held, plan.lever_arms)
+    cost_again = _cost_again(field, pilot, plan, held)
+    some = between.lines.every(max(1, len(between.lines.length) // CUBES_LINES))
+    rough = np.count_nonzero(roughly_off(grid, some) > held) / max(1, len(some.length))
+    if rough * cost_again > CUBES_GAIN * count:
+        return None  # before a table is made
+    # A sample costs so little that some more are taken rather than looking up what lies between them.
+    count = between.enough(count, in_threes(CUBES_MORE * count)) or count
+    sampling = between.sampling(count)
+    by_cubes = replace(plan, cubes=True)
+    spline = _Level(field, pilot, plan, until, wavelength, count)
+    finest = _Level(field, pilot, plan, until, wavelength, 3 * count)
+    level = _Level(field, pilot, by_cubes, until, wavelength, count)
+    worst = level.error(finest)
+    if not (level.is_fit and finest.is_fit and worst <= held / MARGIN and level.turned(spline) <= CUBES_ANGLE):
+        return None
+    shares = _shares(field, pilot, plan, until, wavelength, spline, worst)
+    final = replace(by_cubes, trajectory_error_scale=shares[1], sampling=sampling)
+    again = float((_Level(field, pilot, final, until, wavelength, count, shares[0]).step_error > held).mean())
+    if again * cost_again > CUBES_GAIN * count:
+        return None
+    return count, shares, worst, sampling
+
+
+def _cost_again(field: IndexField, pilot: RayBundle, plan: TracePlan, held: float) -> float:
+    """The cost of a ray that is traced again, in samples."""
+    return max(CHEAP[plan.backend], WORTH[plan.backend] * predict_evaluations(field, held, pilot.direction))
 
 
 def _confirm(
@@ -191,10 +251,10 @@ def _confirm(
     """What `_fit` returns, for this number of samples; None where it does not hold, or rays may miss what counts."""
     assert isinstance(field.samples, UniformGrid)
     prepare_grid(engine_of(plan.backend, plan.device), field.samples)
-    held = held_error(field, plan.tolerance * wavelength)
+    held, plan = held_error(field, plan.tolerance * wavelength), replace(plan, few_rays=True)
     if count < _least_samples(field, pilot, held, plan.lever_arms):
         return None
-    count = _Between(field, spread, until, held, plan.lever_arms).sufficient(count)
+    count = Between(field, spread, until, held, plan.lever_arms).sufficient(count)
     if not count:
         return None
     level, finest = (_Level(field, pilot, plan, until, wavelength, number) for number in (count, 3 * count))
@@ -215,87 +275,6 @@ def _shares(
     return min(max(share, LEAST_SHARE), GREATEST_SHARE), min(trajectory_error_scale, GREATEST_BEND)
 
 
-class _Between:
-    """What the rays of a bundle may miss between their samples."""
-
-    def __init__(self, field: IndexField, spread: RayBundle, until, held: float, lever_arms: LeverArms | None):
-        self.field, self.held = field, held
-        low, high = support_box(field, held, lever_arms)
-        self.lines = lines_through(field, spread, until, low, high)
-        self.ends = disturbed_ends(field, self.lines, held) if len(self.lines.length) else b""
-
-    def _sampled(self, count: int) -> Sampling:
-        length = float(self.lines.length.max(initial=0.0))
-        steepness = np.abs(self.lines.direction).max(axis=0, initial=0.0)
-        x, y, z = (float(size) for size in np.minimum(steepness, 1.0))
-        # Where the stop is met head on, a deflection still counts in second order.
-        lever_arm = math.sqrt(0.5 * self.held * length)
-        is_fine = self.held < FINE_SHARE * greatest_path(self.field)
-        return Sampling(SPACING_MARGIN * length / count, (x, y, z), lever_arm, is_fine, self.ends)
-
-    def least_count(self, count: int, is_worth_it, cost_again) -> int:
-        """The number of samples, at least `count`, with the least cost, rays that are traced again included.
-
-        Args:
-            count: The least number.
-            is_worth_it: Whether a number of samples costs less than error control.
-            cost_again: Predicts the cost of a ray that is traced again, in samples.
-        """
-        best, best_cost = 0, math.inf
-        before = 0, math.inf
-        while is_worth_it(count) and count < best_cost:
-            found = self._greatest(count)
-            if found <= NEGLIGIBLE * self.held:
-                count = self._between_counts(before, (count, found))
-                return count if count < best_cost else best
-            sampled = self._sampled(count)
-            rejected = float((missed_along(self.field, sampled, self.lines) > REJECTED * self.held).mean())
-            cost = count + (rejected * cost_again() if rejected > 0.0 else 0.0)
-            if cost < best_cost:
-                best, best_cost = count, cost
-            before = count, found
-            count = _in_threes(FINER * count)
-        return best
-
-    def _between_counts(self, few: tuple[int, float], many: tuple[int, float]) -> int:
-        """The number of samples between one too small and one great enough, by a power law through what both miss."""
-        if few[0] and many[1] > 0.0:
-            order = math.log(few[1] / many[1]) / math.log(many[0] / few[0])
-            count = _in_threes(few[0] * (few[1] / (NEGLIGIBLE * self.held)) ** (1.0 / order))
-            if count < many[0] and self._greatest(count) <= NEGLIGIBLE * self.held:
-                return count
-        return many[0]
-
-    def _greatest(self, count: int) -> float:
-        """The most that any ray misses between this many samples [m]."""
-        return greatest_error(self.field, self._sampled(count), self.lines) if len(self.lines.length) else 0.0
-
-    def sufficient(self, count: int) -> int:
-        """This number of samples, or a few more, between which nothing lies; 0 where there is something.
-
-        By the rule's own bound if a few more are enough for that: what it leaves of the rest takes longer to find than
-        they do.
-        """
-        if not len(self.lines.length):
-            return count
-        allowed = NEGLIGIBLE * self.held
-        by_rule = self._by_rule(count)
-        if by_rule <= allowed:
-            return count
-        more = _in_threes(count * (1.02 * by_rule / allowed) ** 0.25)
-        if more <= A_FEW_MORE * count and self._by_rule(more) <= allowed:
-            return more
-        return count if self._greatest(count) <= allowed else 0
-
-    def _by_rule(self, count: int) -> float:
-        """The same by the rule's own bound, which is greater and sooner found."""
-        return greatest_error(self.field, self._sampled(count), self.lines, by_rule=True)
-
-    def sampling(self, count: int) -> Sampling | None:
-        """How this many samples lie along the rays; None where nothing lies between them."""
-        return None if self._greatest(count) <= NEGLIGIBLE * self.held else self._sampled(count)
-
-
 class _Level:
     """The pilot, traced with `count` samples a ray."""
 
@@ -303,9 +282,9 @@ class _Level:
         self, field: IndexField, pilot: RayBundle, plan: TracePlan, until, wavelength: float, count: int, share=1.0
     ):
         trial = replace(plan, sample_count=count, quadrature_error_scale=share)
-        arrays = on_host(launch(field, pilot, trial, until, wavelength, frozenset(("opd", "step_error"))))
+        arrays = on_host(launch(field, pilot, trial, until, wavelength, frozenset(("opd", "step_error", "direction"))))
         self.count = count
-        self.opd = arrays["opd"]
+        self.opd, self.step_error, self.direction = arrays["opd"], arrays["step_error"], arrays["direction"]
         self.good = reached(arrays["status"]) & np.isfinite(arrays["step_error"])
         lost = reached(arrays["status"]) & ~self.good
         self.is_fit = bool(self.good.any() and lost.mean() <= UNFIT)
@@ -315,6 +294,11 @@ class _Level:
         """Greatest change of the optical path difference from this level to a finer one [m]."""
         good = self.good & finer.good
         return float(np.abs(self.opd - finer.opd)[good].max()) if good.any() else math.inf
+
+    def turned(self, other: "_Level") -> float:
+        """Greatest angle between the directions of this level and another one [rad]."""
+        good = self.good & other.good
+        return float(np.linalg.norm(self.direction - other.direction, axis=1)[good].max()) if good.any() else math.inf
 
 
 def _least_samples(field: IndexField, pilot: RayBundle, tolerance: float, lever_arms: LeverArms | None) -> int:
@@ -333,7 +317,7 @@ def _least_samples(field: IndexField, pilot: RayBundle, tolerance: float, lever_
     length = np.where(size > 0.0, size / steep, np.inf).min(axis=1)
     length[~np.isfinite(length)] = 0.0  # nothing is disturbed
     cells = length * np.linalg.norm(pilot.direction / spacing, axis=1)
-    return _in_threes(max(LEAST_SAMPLES, float(cells.max(initial=0.0)) / WIDEST))
+    return in_threes(max(LEAST_SAMPLES, float(cells.max(initial=0.0)) / WIDEST))
 
 
 def _is_worth_it(field: IndexField, pilot: RayBundle, plan: TracePlan, wavelength: float, count: int) -> bool:
@@ -342,7 +326,3 @@ def _is_worth_it(field: IndexField, pilot: RayBundle, plan: TracePlan, wavelengt
         return count <= MOST_SAMPLES
     predicted = predict_evaluations(field, held_error(field, plan.tolerance * wavelength), pilot.direction)
     return count <= WORTH[plan.backend] * predicted
-
-
-def _in_threes(count: float) -> int:
-    return 3 * math.ceil(count / 3.0 - 1e-9)

@@ -5,6 +5,7 @@ from itertools import chain
 import numpy as np
 
 from ..medium import IndexField
+from ..medium.grid import UniformGrid
 from ..rays import RayBundle
 from .lines import box_span
 
@@ -13,7 +14,10 @@ FEW, CHUNK = 1 << 7, 1 << 14
 
 def greatest_contrast(field: IndexField) -> float:
     """Greatest |contrast| of the field's samples."""
-    values = field.samples.samples if field.is_uniform else field.samples.values
+    if isinstance(field.samples, UniformGrid):
+        low, high = field.samples.extremes
+        return max(high, -low)
+    values = field.samples.values
     return field.samples.derive("greatest contrast", lambda: float(max(values.max(), -values.min())))
 
 

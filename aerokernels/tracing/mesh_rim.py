@@ -78,14 +78,24 @@ def mesh_rim(field: IndexField) -> MeshRim:
 
 
 def _find_rim(field: IndexField) -> MeshRim:
+
+    mesh, size = field.mesh, np.abs(field.samples.values)
+    cell, a, b = mesh.derive(("rim", field.body), lambda: _edges_of(field), most=2)
+    kept = size[a] + size[b] > 0.0
+    cell, a, b = cell[kept], a[kept], b[kept]
+    strength = np.maximum(size[a], size[b])
+    return MeshRim(mesh.vertices[a], mesh.vertices[b], strength, mesh.cell_size[cell])
+
+
+def _edges_of(field: IndexField) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """The cells and the first and last vertices of all edges that may be part of the rim, whatever the contrast."""
     from scipy.spatial import cKDTree
 
-    mesh, values = field.mesh, field.samples.values
+    mesh = field.mesh
     cell, edge = np.nonzero(mesh.neighbors < 0)
     a, b = mesh.cells[cell, edge], mesh.cells[cell, (edge + 1) % 4]
     start, end = mesh.vertices[a], mesh.vertices[b]
-    near = SAME_PLACE * box_size(field)
-    kept = np.abs(values[a]) + np.abs(values[b]) > 0.0
+    near, kept = SAME_PLACE * box_size(field), np.ones(len(cell), dtype=bool)
     if field.geometry == "axisymmetric":
         kept &= np.maximum(start[:, 0], end[:, 0]) > near
     if len(start) > 1:
@@ -98,8 +108,7 @@ def _find_rim(field: IndexField) -> MeshRim:
         ends = np.stack([start[rows], end[rows]])
         foot = field.body.nearest_wall(ends.reshape(-1, 2)).reshape(ends.shape)
         kept[rows] = np.linalg.norm(foot - ends, axis=2).max(axis=0) > ON_WALL * length[rows]
-    strength = np.maximum(np.abs(values[a]), np.abs(values[b]))
-    return MeshRim(start[kept], end[kept], strength[kept], mesh.cell_size[cell][kept])
+    return cell[kept], a[kept], b[kept]
 
 
 def rim_contrast(field: IndexField, points: np.ndarray) -> np.ndarray:

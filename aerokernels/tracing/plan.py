@@ -60,6 +60,8 @@ class TracePlan:
         reasons: One sentence for each choice.
         columns: Whether collimated rays are looked up in tables of what each column gathers, see projection_tables.py.
         sample_count: Leapfrog samples of each ray, evenly spaced, see leapfrog.py; 0 for every other method.
+        cubes: Whether leapfrog samples look up polynomials of cubes of cells instead of the spline, see
+            cube_polynomials.py.
         quadrature_error_scale: Estimated error of a ray's sum, as a share of its difference from the sum over every
             third sample.
         trajectory_error_scale: Estimated error by the ray's displacement, as a share of int P^2 / p_t dt; P is the
@@ -71,6 +73,7 @@ class TracePlan:
         predicted_evaluations: Field evaluations of a ray across the box, predicted before any ray is traced.
         predicted_error: OPD error predicted [waves]: what a pilot bundle made, what tables estimate, or the tolerance.
         bundle: How many rays were traced and how many interpolated; None where each was traced.
+        few_rays: Whether so few rays follow it that no table is made which pays for many (cell_polynomials of OpenCL).
     """
 
     method: str
@@ -83,6 +86,7 @@ class TracePlan:
     reasons: tuple[str, ...] = field(default=())
     columns: bool = False
     sample_count: int = 0
+    cubes: bool = False
     quadrature_error_scale: float = 0.0
     trajectory_error_scale: float = 0.0
     sampling: Sampling | None = None
@@ -90,11 +94,17 @@ class TracePlan:
     predicted_evaluations: float | None = None
     predicted_error: float | None = None
     bundle: BundleCounts | None = None
+    few_rays: bool = False
 
     @property
     def controls_error(self) -> bool:
         """Whether the method itself keeps rays within the tolerance, or says which are not."""
         return self.method not in ("fixed", "paper")
+
+    @property
+    def looks_up_cubes(self) -> bool:
+        """Whether this trace looks up cubes: those of a plan in float64 are looked up in the spline."""
+        return self.cubes and self.sample_count > 0 and self.precision == "float32"
 
     @property
     def compiled_method(self) -> str:
@@ -118,6 +128,7 @@ class TracePlan:
             "tolerance": self.tolerance,
             "columns": self.columns,
             "sample_count": self.sample_count,
+            "cubes": self.cubes,
             "predicted_evaluations": self.predicted_evaluations,
             "predicted_error": self.predicted_error,
             "bundle": None if self.bundle is None else asdict(self.bundle),

@@ -61,7 +61,7 @@ def plan_rays(
         trial = make_plan(field, method="straight", wavelength=wavelength, **choices)  # predicts nothing: a pilot will
         if trial.backend != "reference":
             trial = replace(trial, method=LEAPFROG, reasons=trial.reasons[1:])  # without that of the method
-            plan = fit_leapfrog(field, pilot(), trial, until, wavelength, spread or pilot, like)
+            plan = fit_leapfrog(field, pilot(), trial, until, wavelength, spread or pilot, like, ray_count)
             if plan is not None:
                 return plan
     return make_plan(field, method=method, wavelength=wavelength, **choices)

@@ -60,16 +60,15 @@ class PupilAir:
 
 
 def pupil_air(
-    field: IndexField, pupil: Pupil, look: np.ndarray, tolerance: float, like: PupilAir | None = None
+    field: IndexField, pupil: Pupil, look: np.ndarray, tolerance: float, rays: RayBundle | None = None
 ) -> PupilAir:
     """What a pupil may lose along straight rays toward `look`; `tolerance` is the OPD error asked for [m].
 
-    `like` is that of another field, seen by this pupil.
+    `rays` are some of the pupil's; None makes them.
 
     Raises:
         ValueError: None of its rays meets the field.
     """
-    rays = None if like is None else like.rays
     rays = rays or RayBundle.collimated(pupil, SAMPLE_RAYS, direction=look)
     check_meeting(field, rays, "ray of the pupil")
     lost, face = may_be_lost(field, rays, None, tolerance)

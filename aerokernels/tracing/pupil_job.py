@@ -1,8 +1,9 @@
 """A pupil job: a pupil's rays planned, and made ready on the backend of the plan."""
 
 import weakref
+from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cache, cached_property, partial
 
 import numpy as np
 
@@ -14,10 +15,10 @@ from .leapfrog import PILOT_RAYS
 from .lines import box_size
 from .plan import TracePlan
 from .planning import plan_rays
-from .pupil_air import PupilAir, pupil_air
+from .pupil_air import SAMPLE_RAYS, PupilAir, pupil_air
 from .pupil_run import PupilRun
 from .pupil_sums import PupilTask
-from .radial_quadrature import SETTLED, choose_radial
+from .radial_quadrature import RADIAL_RAYS, SETTLED, choose_radial, fewer_rays, radial_bundle
 from .stop import Plane
 
 REPLICATES = 16
@@ -27,6 +28,10 @@ PILOT_SEED = 0x1A771CE
 KEPT = 4
 # A pupil's reach over half of the diagonal of the field's box.
 GREATEST_RATIO = 10.0
+# A number of samples that is known is confirmed by one in so many of the rays by which it is sought.
+CONFIRMING = 2
+# Of a symmetric pupil the rays of a sample lie along a radius, so that fewer show as much: this share of them.
+ALONG_RADIUS = 0.25
 
 
 @dataclass(eq=False)
@@ -42,6 +47,7 @@ class PupilJob:
         pilot: Some of its rays.
         sizes: Points of the lattices that may take the place of the points of `task`, see lattice_quadrature.py.
         is_known: Whether the first of them is taken without being tried.
+        is_alike: Whether it was made like a job for another field.
     """
 
     plan: TracePlan
@@ -52,6 +58,7 @@ class PupilJob:
     pilot: RayBundle
     sizes: tuple[int, ...] = ()
     is_known: bool = False
+    is_alike: bool = False
 
     @property
     def predicted_ray_count(self) -> int:
@@ -68,15 +75,22 @@ class PupilJob:
         """Whether radial quadrature takes the place of the disc: field, pupil and rays are symmetric about the axis."""
         return self.task.is_radial
 
-    @property
-    def may_be_refined(self) -> bool:
-        """Whether fewer rays are taken than were asked for."""
-        return self.run.task.per_replicate < self.per_replicate
+    def settled(self, run: PupilRun) -> float:
+        """The standard error of the Strehl ratio of a run above which the next finer one is traced."""
+        if run.task.generator:
+            return ACCEPTED
+        return SETTLED if run.task.per_replicate >= RADIAL_RAYS else ENOUGH
 
-    @property
-    def settled(self) -> float:
-        """The standard error of the Strehl ratio above which as many rays are taken as were asked for."""
-        return ACCEPTED if self.run.task.generator else SETTLED
+    @cached_property
+    def samples(self) -> tuple[RayBundle | None, RayBundle | None]:
+        """The pilot, and the rays along which the ends of the air are looked at, for jobs that are like this one."""
+        if self.is_alike:
+            return self.pilot, self.air.rays
+        if not self.is_radial:
+            return self.pilot.rows(slice(None, None, CONFIRMING)), self.air.rays
+        pupil, look = self.task.pupil, self.task.look
+        pilot_rays, air_rays = (int(ALONG_RADIUS * count) for count in (PILOT_RAYS, SAMPLE_RAYS))
+        return radial_bundle(pupil, look, pilot_rays), radial_bundle(pupil, look, air_rays)
 
     @cached_property
     def run(self) -> PupilRun:
@@ -96,9 +110,12 @@ class PupilJob:
         return _runner(self.task)
 
     @cached_property
-    def refined(self) -> PupilRun:
-        """The same with as many rays as were asked for."""
-        return _runner(replace(self.task, per_replicate=self.per_replicate))
+    def finer_runs(self) -> list[Callable[[], PupilRun]]:
+        """Those with more rays than the first, up to as many as were asked for; made when they are first called."""
+        known = {RADIAL_RAYS, self.per_replicate} if self.is_radial else {self.per_replicate}
+        sizes = sorted(size for size in known if self.run.task.per_replicate < size <= self.per_replicate)
+        whole = replace(self.task, plan=replace(self.task.plan, few_rays=False))
+        return [cache(partial(_runner, replace(whole, per_replicate=size))) for size in sizes]
 
     def planned(self) -> TracePlan:
         """The plan, with what the rays over the pupil were chosen by."""
@@ -134,25 +151,27 @@ def make_job(
     """
     _check_size(field, pupil)
     tolerance = check_tolerance(choices["tolerance"])
-    seen = (weakref.ref(pupil), tuple(look.tolist()))  # what a field keeps for the next seed
+    pilot, air_rays = (None, None) if like is None else like.samples
+    seen = (weakref.ref(pupil), tuple(look.tolist()), like is None)  # what a field keeps for the next seed
     air = field.derive(
         ("air of a pupil", *seen, tolerance * wavelength),
-        lambda: pupil_air(field, pupil, look, tolerance * wavelength, None if like is None else like.air),
+        lambda: pupil_air(field, pupil, look, tolerance * wavelength, air_rays),
         KEPT,
     )
     pilot = field.derive(
         ("pilot of a pupil", *seen),
-        lambda: RayBundle.collimated(pupil, PILOT_RAYS, direction=look) if like is None else like.pilot,
+        lambda: pilot or RayBundle.collimated(pupil, PILOT_RAYS, direction=look),
         KEPT,
     )
     until = plane_beyond(field, pupil, look)
     per_replicate = _per_replicate(ray_count)
     sizes = lattice_sizes(field, pupil, per_replicate, REPLICATES, bundle)
-    radial_rays, why = choose_radial(field, pupil, look, per_replicate, REPLICATES, symmetry)
-    count = radial_rays or per_replicate
+    most = RADIAL_RAYS if like is None else fewer_rays(field, pupil, REPLICATES)
+    radial_rays, why = choose_radial(field, pupil, look, per_replicate, REPLICATES, symmetry, most)
+    count = min(per_replicate, RADIAL_RAYS) if radial_rays else per_replicate
     plan = field.derive(
         # A plan that was confirmed for other values is not the one sought for these: answers depend on no other call.
-        ("plan of a pupil", *seen, count, wavelength, tuple(choices.values()), like is None),
+        ("plan of a pupil", *seen, count, wavelength, tuple(choices.values())),
         lambda: plan_rays(
             field,
             lambda: pilot,
@@ -166,7 +185,7 @@ def make_job(
         ),
         KEPT,
     )
-    plan = replace(plan, reasons=(*plan.reasons, why))
+    plan = replace(plan, reasons=(*plan.reasons, why), few_rays=0 < radial_rays < RADIAL_RAYS and like is not None)
     task = PupilTask(
         field,
         pupil,
@@ -174,7 +193,7 @@ def make_job(
         until,
         plan,
         wavelength,
-        count,
+        radial_rays or per_replicate,
         REPLICATES,
         # A symmetric wavefront has no tilt, and the piston changes no Strehl ratio.
         terms=tuple(term for term in remove if term == "focus" or (term == "tilt" and not radial_rays)),
@@ -187,7 +206,7 @@ def make_job(
     known = 0 if like is None or not like.run.task.generator else like.run.task.per_replicate
     is_known = known in sizes and not radial_rays
     sizes = () if radial_rays else (known,) if is_known else sizes
-    return PupilJob(plan, until, per_replicate, task, air, pilot, sizes, is_known)
+    return PupilJob(plan, until, per_replicate, task, air, pilot, sizes, is_known, like is not None)
 
 
 def _check_size(field: IndexField, pupil: Pupil) -> None:

@@ -60,6 +60,9 @@ LEAPFROG_ANGLE = 0.05
 LOOKUP_STRIDE = 1.5
 # What lies between them changes from cell to cell by at most this many times its size.
 MISSED_SLOPE = 2.0
+# Cells along a side of a cube that has one polynomial (cube_polynomials.py), and floats that hold such a polynomial.
+CUBE_SIDE = 2
+CUBE_ROW = 16
 # What the air outside the field's support may do to a ray counts as an error from this share of the tolerance on: below
 # it is what the support was chosen for (support.py).
 LEFT_SHARE = 0.5

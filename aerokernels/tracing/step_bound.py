@@ -119,11 +119,12 @@ def _step_bound(grid: UniformGrid, geometry: str, budget: float, cone: Cone) -> 
     least = float(size.min())
     seen = np.zeros(smooth.shape)
     seen_kink = np.zeros(smooth.shape)
-    near, far = 0.0, least
+    near, far, is_kinked = 0.0, least, bool(kink.any())
     while near < extent:
         low, high = _window(near, far, size, way, cone)
         np.maximum(seen, _greatest(smooth, low, high), out=seen)
-        np.maximum(seen_kink, _greatest(kink, low, high), out=seen_kink)
+        if is_kinked:
+            np.maximum(seen_kink, _greatest(kink, low, high), out=seen_kink)
         bound = smooth_step(seen, SHARE * rate)
         allowed = np.where(seen_kink / 12.0 <= KINK_SHARE * rate, np.minimum(bound, far), 0.0)
         np.maximum(result, allowed, out=result)

@@ -1,6 +1,7 @@
 """The straight lines of undisturbed rays through a part of a field: from where they enter it to where they end."""
 
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
@@ -31,6 +32,10 @@ class Lines:
     length: np.ndarray
     lever_arm: np.ndarray
 
+    def every(self, step: int) -> "Lines":
+        """Every so many of them."""
+        return Lines(*(array[::step] for array in (self.start, self.direction, self.length, self.lever_arm)))
+
 
 def lines_through(field: IndexField, rays: RayBundle, until, low: np.ndarray, high: np.ndarray) -> Lines:
     """The lines of those rays that meet the part of the field from `low` to `high` [m, along the field's own axes]."""
@@ -41,7 +46,7 @@ def lines_through(field: IndexField, rays: RayBundle, until, low: np.ndarray, hi
     enter, leave, _ = crossing_of_box(p, d, low, high, field.geometry)
     if field.body is not None:
         # A ray that begins inside the body is traced from where it leaves it.
-        wall = field.body.crossings(p, d)
+        wall = field.body.derive(("walls on the lines of rays", rays), partial(field.body.crossings, p, d), most=1)
         inside = (np.count_nonzero(wall <= 0.0, axis=1) % 2).astype(bool)
         first = np.where(wall > 0.0, wall, np.inf).min(axis=1, initial=np.inf)
         enter = np.where(inside, np.maximum(enter, first), enter)

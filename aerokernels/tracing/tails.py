@@ -85,8 +85,9 @@ def contrast_tail(field: IndexField, point, inward, chord, cell=None, contrast=N
     else:
         found = np.abs(field.contrast_at(places.reshape(-1, 3))).reshape(places.shape[:2])
         # A point on the rim may lie a rounding outside of it.
-        on_rim = rim_contrast(field, point) if contrast is None else contrast
-        found[:, 0] = np.where(found[:, 0] > 0.0, found[:, 0], on_rim)
+        none = np.flatnonzero(~(found[:, 0] > 0.0))
+        if len(none):
+            found[none, 0] = rim_contrast(field, point[none]) if contrast is None else contrast[none]
     return _falls_off(field, found, point, step)
 
 

@@ -54,14 +54,14 @@ class DrawnField:
 
 def smooth_formula(rng, amplitude: float, longest: float, shortest: float):
     """A sum of plane waves in y and z [m] (and x), faded to nothing nowhere: value and slope across."""
-    waves = [(rng.normal(size=3), rng.uniform(0.0, 2.0 * np.pi), rng.uniform(shortest, longest)) for _ in range(5)]
+    drawn = [(rng.normal(size=3), rng.uniform(0.0, 2.0 * np.pi), rng.uniform(shortest, longest)) for _ in range(5)]
+    waves = [(*(2.0 * np.pi / length / np.linalg.norm(way) * way).tolist(), phase) for way, phase, length in drawn]
 
     def value(x, y, z):
         total = 0.0
-        for way, phase, length in waves:
-            unit = way / np.linalg.norm(way)
-            total = total + np.sin(2.0 * np.pi * (unit[0] * x + unit[1] * y + unit[2] * z) / length + phase)
-        return amplitude * total / len(waves)
+        for along_x, along_y, along_z, phase in waves:
+            total = total + np.sin(along_x * x + along_y * y + (along_z * z + phase))
+        return amplitude / len(waves) * total
 
     return value
 

@@ -64,6 +64,8 @@ class Air:
             shape = np.tanh((place @ row[1:4] - row[4]) / row[5])
             value += row[0] * 0.5 * (1.0 + shape)
             slope += (row[0] * 0.5 * (1.0 - shape**2) / row[5])[:, None] * row[1:4]
+        if self.geometry == "planar":
+            slope[:, 0] = 0.0  # the features' own, of centres beside the plane x = 0 that they are cut at
         if self.geometry == "axisymmetric":
             radius = np.where(place[:, 1] > 0.0, place[:, 1], 1.0)
             slope = np.stack([slope[:, 1] * point[:, 0] / radius, slope[:, 1] * point[:, 1] / radius, slope[:, 2]], 1)

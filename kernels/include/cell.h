@@ -11,6 +11,9 @@ typedef struct {
     reals first;
     reals second;
     reals third;
+#if CUBES
+    reals off, off_slope;  // bounds of what the value is off the spline, and a slope [1/m]
+#endif
 } Local;
 
 #if !PACKED

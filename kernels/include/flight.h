@@ -124,6 +124,12 @@ static inline Flight fly(
     out.ahead = ahead;
     out.steep = sqrt(ahead * ahead + out.f[0] * out.f[0] + out.f[1] * out.f[1] + out.f[2] * out.f[2]);
     out.lead = (R(2.0) * s - square) * slowness / (R(1.0) / slowness + ambient);
+#if CUBES
+    const reals each = h * slowness;
+    out.off = each * path.off;
+    out.off_slope = each * path.off_slope;
+    out.off_moment = h * each * path.off_moment;
+#endif
     return out;
 }
 

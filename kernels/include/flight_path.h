@@ -98,12 +98,15 @@ static inline void spread(const Path *path, const reals *across, reals *out)
 
 typedef struct {
     reals x0, y0, z0, dx, dy, dz, h;
+#if CUBES
+    reals off, off_slope, off_moment;  // sums of bounds; that of the slope's by the parts of the path before it, too
+#endif
 } Path;
 
 static inline Path path_of(
     const Field *field, const Arrays *arrays, reals x0, reals y0, reals z0, reals dx, reals dy, reals dz, reals h)
 {
-    const Path path = {x0, y0, z0, dx, dy, dz, h};
+    const Path path = {x0, y0, z0, dx, dy, dz, h};  // and no sums yet
     return path;
 }
 
@@ -113,9 +116,23 @@ static inline reals sample_path(
 {
     const real3 rate = VECTOR(field->inverse_spacing);
     const reals t = middle * path->h, dx = path->dx, dy = path->dy, dz = path->dz;
-    const Potential at = sample_packet(
-        field, arrays, path->x0 + (t * dx + q[0] + half_step * p[0]) * rate.x, path->y0 + (t * dy + q[1] + half_step * p[1]) * rate.y,
-        path->z0 + (t * dz + q[2] + half_step * p[2]) * rate.z);
+    const reals x = path->x0 + (t * dx + q[0] + half_step * p[0]) * rate.x;
+    const reals y = path->y0 + (t * dy + q[1] + half_step * p[1]) * rate.y;
+    const reals z = path->z0 + (t * dz + q[2] + half_step * p[2]) * rate.z;
+#if CUBES && LANES > 1
+    // The next sample's, straight ahead: so little does a ray turn.
+    reals u, v, w;
+    const reals hop = path->h;
+    ask_for_cubes(
+        arrays->coefficients,
+        cube_start(field, x + hop * dx * rate.x, y + hop * dy * rate.y, z + hop * dz * rate.z, &u, &v, &w));
+#endif
+    const Potential at = sample_packet(field, arrays, x, y, z);
+#if CUBES
+    path->off += at.off;
+    path->off_slope += at.off_slope;
+    path->off_moment += middle * at.off_slope;
+#endif
     *ahead = at.x * dx + at.y * dy + at.z * dz;
     f[0] = at.x - *ahead * dx;
     f[1] = at.y - *ahead * dy;

@@ -18,6 +18,9 @@ typedef struct {
     reals error, max_deflection;                         // estimate of the error [m], greatest momentum across, squared
     reals s, ahead, f[3];                                // potential, its slope along the ray and that across it
     reals steep, lead;                                   // size of its slope; (w - a) / w
+#if CUBES
+    reals off, off_slope, off_moment;                    // error of the path [m], of the direction, and its moment [m]
+#endif
 } Flight;
 
 // Weight of sample k of `count`: the end-corrected midpoint rule, of fourth order.

@@ -6,6 +6,7 @@
 #define PACKET_H
 
 #include "cell.h"
+#include "cubes.h"
 #include "grid.h"
 
 #define MOST_CELLS 4
@@ -67,12 +68,29 @@ typedef struct {
     reals x;
     reals y;
     reals z;
+#if CUBES
+    reals off, off_slope;
+#endif
 } Potential;
+
+#if CUBES
+
+// Where the polynomial of a cube begins, and where in the cube a place is.
+static inline ints cube_start(const Field *field, reals x, reals y, reals z, reals *u, reals *v, reals *w)
+{
+    const ints i = cube_of(x, field->row[0], u), j = cube_of(y, field->row[1], v), k = cube_of(z, field->row[2], w);
+    const int cubes_y = field->row[1] / CUBE_SIDE + 1, cubes_z = field->row[2] / CUBE_SIDE + 1;
+    return CUBE_ROW * ((i * cubes_y + j) * cubes_z + k);
+}
+
+#endif
 
 static inline Potential sample_packet(const Field *field, const Arrays *arrays, reals x, reals y, reals z)
 {
     reals u, v, w = (reals)R(0.0);
-#if GEOMETRY == VOLUME
+#if CUBES
+    const Local inner = in_cubes(arrays->coefficients, cube_start(field, x, y, z, &u, &v, &w), u, v, w);
+#elif GEOMETRY == VOLUME
     const ints i = cells_of(x, field->row[0], &u);
     const ints j = cells_of(y, field->row[1], &v);
     const ints k = cells_of(z, field->row[2], &w);
@@ -87,9 +105,15 @@ static inline Potential sample_packet(const Field *field, const Arrays *arrays, 
     const ints j = cells_of(z, field->row[1], &v), k = j;
     const ints start = i * field->pitch[0] + j;
 #endif
+#if !CUBES
     const Local inner = look_up(field, arrays, start, i, j, k, u, v, w);
+#endif
     Potential out;
     out.value = inner.value;
+#if CUBES
+    out.off = inner.off;
+    out.off_slope = inner.off_slope;
+#endif
 #if GEOMETRY == VOLUME
     out.x = inner.first * field->inverse_spacing[0];
     out.y = inner.second * field->inverse_spacing[1];

@@ -19,7 +19,7 @@ from aerokernels.echo import (
     gaussian_pulse,
 )
 from aerokernels.echo.chain import chain_of
-from aerokernels.echo.detector import low_pass_gain
+from aerokernels.echo.detector import low_pass_gain, memory_time
 from aerokernels.echo.noise import BOLTZMANN_CONSTANT, ELEMENTARY_CHARGE, noise_bandwidth
 from aerokernels.echo.pulse_curve import peak_height
 from aerokernels.scene import Scene
@@ -61,11 +61,19 @@ def test_noise_bandwidth_of_a_butterworth(order):
     assert noise_bandwidth(50e6, "butterworth", order, 50e10) == pytest.approx(50e6 * exact, rel=1e-6)
 
 
-def test_butterworth_sections_are_scipys():
+@pytest.mark.parametrize("order", range(1, 11))
+@pytest.mark.parametrize("response", ["butterworth", "bessel"])
+def test_low_passes_are_scipys(response, order):
+    """Tolerance: 100 roundings. Of the memory, the slowest pole's: the roots of a polynomial of degree 10, 1e-10."""
     frequency = np.array([0.0, 10e6, 40e6, 300e6])
-    numerator, denominator = signal.butter(3, 40e6, analog=True)
-    expected = signal.freqs(numerator, denominator, worN=frequency)[1]
-    assert low_pass_gain(frequency, 40e6, "butterworth", 3) == pytest.approx(expected, rel=1e-9)
+    norm = {"norm": "mag"} if response == "bessel" else {}
+    zeros, poles, gain = (signal.butter if response == "butterworth" else signal.bessel)(
+        order, 40e6, analog=True, output="zpk", **norm
+    )
+    expected = signal.freqs_zpk(zeros, poles, gain, worN=frequency)[1]
+    assert low_pass_gain(frequency, 40e6, response, order) == pytest.approx(expected, rel=2e-13)
+    slowest = -poles.real.max() * 2.0 * math.pi  # scipy takes the frequency for an angular one
+    assert memory_time(40e6, response, order) == pytest.approx(-math.log(1e-16) / slowest, rel=1e-10)
 
 
 @pytest.mark.parametrize(("bandwidth", "response"), [(None, "bessel"), (100e6, "bessel"), (60e6, "butterworth")])

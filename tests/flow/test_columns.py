@@ -42,6 +42,8 @@ def test_columns_through_rings_and_rows_are_exact():
     field = flow.CellDensity(QuadMesh.structured(r, z, "axisymmetric"), density, 1.0)
     along = field.columns([[0.03, 0.04, 0.5], [0.0, -0.77, 0.0]], [0.0, 0.0, -1.0])
     assert along == pytest.approx(0.2 * (density[[0, 7]] - 1.0).sum(axis=1), rel=1e-13)
+    again = field.scaled(3.0).columns([[0.03, 0.04, 0.5], [0.0, -0.77, 0.0]], [0.0, 0.0, -1.0])
+    assert again == pytest.approx(3.0 * along, rel=1e-13)  # other values along lines whose pieces the mesh has kept
     half = np.sqrt(np.maximum(np.linspace(0.0, 1.0, 11) ** 2 - 0.25**2, 0.0))
     across = field.columns([5.0, 0.25, 0.5], [-1.0, 0.0, 0.0])
     assert across == pytest.approx([2.0 * np.diff(half) @ (density[:, 2] - 1.0)], rel=1e-13)

@@ -144,6 +144,24 @@ def test_values_near_the_shipped_wall():
         assert np.abs(after - before)[flowing].max() < 0.02 * np.ptp(field.samples.values)
 
 
+def test_no_answer_depends_on_what_a_mesh_has_kept():
+    """Other values, another grid and another body on one mesh, in turn: to the bit what meshes of their own give."""
+    shared = shell(9, lambda r, z: 1e-4 * (1.0 + 20.0 * r + 5.0 * z))
+    mesh, own, thinner = shared.mesh, shared.body, Body(0.9 * shared.body.profile, "axisymmetric")
+    for body, factor, asked in (
+        (own, 1.0, 2e-3),
+        (own, 2.0, 2e-3),
+        (thinner, 0.5, 2e-3),
+        (None, 1.0, 2e-3),
+        (own, 1.0, 3e-3),
+    ):
+        values = factor * shared.samples.values
+        alone = QuadMesh.structured(*np.moveaxis(mesh.vertices.reshape(*mesh.shape, 2), -1, 0), "axisymmetric")
+        kept, fresh = (IndexField.from_mesh(each, values, body=body).resample(asked) for each in (mesh, alone))
+        assert kept.samples.samples.tobytes() == fresh.samples.samples.tobytes()
+        assert kept.resampling == fresh.resampling
+
+
 # --- tolerance and region --------------------------------------------------------------------------------------------
 
 

@@ -131,3 +131,20 @@ def test_a_variable_that_names_no_backend_is_refused(monkeypatch):
     monkeypatch.setenv("AEROKERNELS_CPU_BACKEND", "cuda")
     with pytest.raises(ValueError, match="'warp' or 'opencl'"):
         preferred([WARP], [OPENCL])
+
+
+@pytest.mark.gpu
+def test_the_choice_of_a_backend_asks_no_gpu_for_its_memory(monkeypatch):
+    """Every trace by "auto" chooses: where Warp has no context open, the question took 0.17 s. `backends` asks it."""
+    import warp as wp
+
+    if not wp.is_cuda_available():
+        pytest.skip("no CUDA device here")
+
+    def asked(device):
+        raise AssertionError(f"the memory of {device} was asked for")
+
+    monkeypatch.setattr(type(wp.get_device("cuda:0")), "total_memory", property(asked))
+    assert choose_backend("auto", None)[1] != "cpu"
+    with pytest.raises(AssertionError, match="was asked for"):
+        available_backends()

@@ -206,6 +206,29 @@ def test_rays_beside_the_box_run_through_unknown_air():
     assert (result.opd[1:] == 0.0).all()
 
 
+@pytest.mark.parametrize(
+    ("geometry", "on_mesh"), [*((one, False) for one in GEOMETRIES), ("planar", True), ("axisymmetric", True)]
+)
+def test_rays_along_a_face_pass_all_of_it(geometry, on_mesh):
+    """A Gaussian of 1/e radius 1 mm along z and 4 mm across, cut at 4 mm, and a ray along z, 4.2 mm from the axis.
+
+    At its start nothing is lost: the truth is c sqrt(pi) 1 mm exp(-(4.2/4)^2), on the way past the middle.
+    """
+    axis = np.linspace(0.0 if geometry == "axisymmetric" else -HALF, HALF, 17)
+    axes = (*([axis] * (2 if geometry == "volume" else 1)), np.linspace(-HALF, HALF, 65))
+    places = np.meshgrid(*axes, indexing="ij")
+    samples = CONTRAST * np.exp(-sum(x * x for x in places[:-1]) / 4e-3**2 - places[-1] ** 2 / 1e-3**2)
+    if on_mesh:
+        field = IndexField.from_mesh(QuadMesh.structured(*places, geometry), samples)
+    else:
+        origin, spacing = [axis[0] for axis in axes], [axis[1] - axis[0] for axis in axes]
+        field = IndexField.from_samples(samples, origin=origin, spacing=spacing, geometry=geometry)
+    rays = RayBundle([[0.0, 4.2e-3, -5e-3]], [UP])
+    truth = CONTRAST * np.sqrt(np.pi) * 1e-3 * np.exp(-((4.2 / 4.0) ** 2))
+    found = lost(field, rays, Plane((0, 0, 5e-3), UP))[0]
+    assert truth <= SAFETY * found <= 10.0 * SAFETY * truth
+
+
 def test_bent_rays_are_told_by_where_they_ended():
     """A strong lens turns a ray out of the side of the box, to which straight ahead there is the undisturbed end only.
 

@@ -202,7 +202,7 @@ def test_a_real_device_without_float64_is_listed_and_refused(tmp_path):
 def test_a_processor_that_pocl_does_not_know_is_named_for_it(tmp_path):
     """Left alone, this PoCL builds nothing, and that is said; named, it is what the other tests run on."""
     found = need_opencl()
-    if not opencl_pocl.workaround(found.device, found.options):
+    if "does not know" not in opencl_pocl.workaround(found.device, found.options):
         pytest.skip("this PoCL knows this processor, or is no PoCL 3.0")
     assert found.options == ("-DPROCESSOR_" + opencl_pocl.processor_name().replace("-", "_"),)
     assert opencl_pocl.name_processor(found.device) == found.options
@@ -214,13 +214,13 @@ def test_the_level_of_a_processor_is_one_of_four():
     assert opencl_pocl.processor_name() in ("x86-64", *(name for name, _ in opencl_pocl.PROCESSORS))
 
 
-def unknown_device(kept: list):
+def unknown_device(kept: list, name: str = "generic"):
     """What PoCL 3.0 shows of a processor that it does not know, with a record that holds the name's address."""
-    word = ctypes.create_string_buffer(b"generic")
+    word = ctypes.create_string_buffer(name.encode())
     record = (ctypes.c_uint64 * opencl_pocl.RECORD_WORDS)()
     record[80] = ctypes.addressof(word)
     kept += [word, record]
-    version = "OpenCL 3.0 PoCL HSTR: pthread-x86_64-unknown-linux-gnu-generic"
+    version = f"OpenCL 3.0 PoCL HSTR: pthread-x86_64-unknown-linux-gnu-{name}"
     platform = SimpleNamespace(version="OpenCL 3.0 PoCL 3.0-rc2  Linux, RelWithDebInfo, LLVM 14.0.6")
     return SimpleNamespace(version=version, platform=platform, int_ptr=ctypes.addressof(record)), record
 
@@ -242,6 +242,22 @@ def test_the_work_around_is_told_and_one_variable_turns_it_off(monkeypatch):
     assert "left alone: AEROKERNELS_POCL_CPU is 'off'" in opencl_pocl.workaround(device, options)
     known = SimpleNamespace(version=device.version.replace("generic", "haswell"), platform=device.platform)
     assert opencl_pocl.workaround(known, ()) == ""
+
+
+@pytest.mark.skipif(sys.platform != "linux" or platform.machine() != "x86_64", reason="the work-around is for these")
+def test_a_processor_that_the_library_was_not_compiled_for_is_named_as_it_was(monkeypatch):
+    """Expected: "icelake-client" becomes "skylake-avx512"; not another name, and nothing if off."""
+    kept: list = []
+    for asked, found in (
+        ("skylake-avx512", b"skylake-avx512"),
+        ("znver3", b"icelake-client"),
+        ("off", b"icelake-client"),
+    ):
+        monkeypatch.setenv("AEROKERNELS_POCL_CPU", asked)
+        device, record = unknown_device(kept, "icelake-client")
+        options = opencl_pocl.name_processor(device)
+        assert ctypes.string_at(record[80]) == found
+        assert bool(options) == (asked == "skylake-avx512") == ("inlines" in opencl_pocl.workaround(device, options))
 
 
 def test_backends_shows_a_work_around(monkeypatch, capsys):

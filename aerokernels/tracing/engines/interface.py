@@ -28,12 +28,14 @@ class Engine(Protocol):
     Attributes:
         device: Name of the device.
         memory: Bytes that the device has, and that it gives in one piece.
+        is_gpu: Whether the device is a GPU.
         grid_tables: What it works out of a grid in less time than NumPy, see tracing/grid_tables.py.
         grid_key: Under which a grid holds the coefficients that it worked out, in float64.
     """
 
     device: str
     memory: tuple[float, float]
+    is_gpu: bool
     grid_tables: tuple[str, ...]
     grid_key: tuple
 

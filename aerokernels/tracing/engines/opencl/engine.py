@@ -17,6 +17,7 @@ from ...bundle.frame import kernel_arrays
 from ...bundle.frame import kernel_numbers as bundle_numbers
 from ...bundle.table import BundleTable
 from ...collimated import ENDS, Projection, kernel_numbers, packed
+from ...cube_polynomials import cubes_of
 from ...plan import TracePlan
 from ..field_data import FieldData, array_of, field_data, step_bound_tables, stop_kind, trace_members
 from ..interface import GRID_TABLES, Prepared
@@ -33,6 +34,8 @@ FLUSH = "-cl-denorms-are-zero"
 POOLED = 1 << 28
 # Equal rows that are copied to the device as they are.
 REPEATED = 1 << 12
+# Where the coefficients stand among the arguments: behind the structs Field, Bounds and Control.
+FIRST_ARRAY = 3
 # Kernels of a pupil: work-items that each of what it is launched over takes.
 PUPIL_KERNELS = {"launch_pupil": 1, "sum_moments": WORK_GROUP, "sum_phasors": WORK_GROUP, "reduce_sums": 1}
 # The structs that are passed by value, as the kernels' compiler lays them out.
@@ -89,8 +92,8 @@ class Engine:
         """
         self.session = session(device)
         self.device = self.session.name
-        is_gpu = bool(self.session.device.type & cl.device_type.GPU)
-        self.grid_tables: tuple[str, ...] = GRID_TABLES if is_gpu else GRID_TABLES[:2]
+        self.is_gpu = bool(self.session.device.type & cl.device_type.GPU)
+        self.grid_tables: tuple[str, ...] = GRID_TABLES if self.is_gpu else GRID_TABLES[:2]
         self.grid_key = "coefficients", "opencl", self.session
         self.memory = float(self.session.device.global_mem_size), float(self.session.device.max_mem_alloc_size)
 
@@ -106,10 +109,12 @@ class Engine:
             outputs = outputs | {"step_error"}
         leapfrog = plan.sample_count > 0
         lanes = lane_count(self.session, plan.precision) if leapfrog else 1
-        packs = leapfrog and may_be_packed(field, REAL_TYPES[plan.precision], int(self.memory[1]))
+        packs = leapfrog and not plan.few_rays and may_be_packed(field, REAL_TYPES[plan.precision], int(self.memory[1]))
         in_plane = leapfrog and field.geometry != "volume" and not np.any(directions[:, :2])
         with stage("upload"):
             arguments = self.arguments(field, plan, until, wavelength, outputs, directions, packs)
+            if plan.looks_up_cubes:
+                arguments[FIRST_ARRAY] = self._cubes(field)
         options = build_options(
             precision=plan.precision,
             geometry=field.geometry,
@@ -121,6 +126,7 @@ class Engine:
             measured="step_error" in outputs,
             lanes=lanes,
             packed=packs,
+            cubes=plan.looks_up_cubes,
             in_plane=in_plane,
         )
         if leapfrog and lanes == 1 and plan.precision == "float32":
@@ -129,7 +135,8 @@ class Engine:
             program = build(self.session, "leapfrog.cl" if leapfrog else "trace.cl", options)
             kernel = self._kernel(program, "leapfrog" if leapfrog else "trace_kernel", lanes)
             rejected = self.put(np.zeros(1, np.int32)) if leapfrog else None
-            prepared = Prepared(self, kernel, arguments, outputs, rejected, is_packed=lanes > 1)
+            shares = lanes > 1 and not plan.looks_up_cubes  # rays by themselves: to order them costs more than it saves
+            prepared = Prepared(self, kernel, arguments, outputs, rejected, is_packed=shares)
             self._finish_compiling(prepared, program)
             return prepared
 
@@ -212,11 +219,14 @@ class Engine:
     def put(self, array: np.ndarray):
         """A buffer that holds a copy of the array when this returns.
 
-        (COPY_HOST_PTR would do it in one call, but NVIDIA's driver then copies only when a kernel asks for the buffer.)
+        (COPY_HOST_PTR does it in one call, but NVIDIA's driver then copies only when a kernel asks for the buffer.)
         """
         if is_one_row(array) and len(array) > REPEATED:
             return self._repeated(np.ascontiguousarray(array[:REPEATED]), len(array))
         array = np.ascontiguousarray(array)
+        if self.session.pool is None and array.nbytes:
+            flags = cl.mem_flags.READ_WRITE | cl.mem_flags.COPY_HOST_PTR
+            return cl.Buffer(self.session.context, flags, hostbuf=array)
         buffer = self._memory(array.nbytes)
         self.put_into(buffer, array)
         return buffer
@@ -301,6 +311,10 @@ class Engine:
             ("opencl packed", self.session, precision), lambda: self.put(cell_polynomials(coefficients, kind))
         )
         return [table, *unpacked[1:]]
+
+    def _cubes(self, field: IndexField):
+        """The table of polynomials of cubes; kept as long as the field lives."""
+        return field.derive(("opencl cubes", self.session), lambda: self.put(cubes_of(field)))
 
     def _coefficients(self, field: IndexField, precision: str) -> Any:
         """A grid's coefficients where this device has worked them out; None elsewhere."""

@@ -1,15 +1,17 @@
 """Tables for leapfrog samples in two dimensions: all that a lookup takes side by side (kernels/include/cell.h)."""
 
+from collections.abc import Iterator
+from typing import Any
+
 import numpy as np
 
 from ....medium import IndexField
 
 # Numbers in such a table.
 MOST_PACKED = 1 << 27
-# Coefficients of the powers of a cell's fraction in the weights of its four spline coefficients, by power and weight.
-SPLINE_POWERS = (
-    np.array([[1.0, 4.0, 1.0, 0.0], [-3.0, 0.0, 3.0, 0.0], [3.0, -6.0, 3.0, 0.0], [-1.0, 3.0, -3.0, 1.0]]) / 6.0
-)
+# Six times the coefficients of the powers of a cell's fraction in the weights of its four spline coefficients, by power
+# and weight.
+SPLINE_POWERS = ((1, 4, 1, 0), (-3, 0, 3, 0), (3, -6, 3, 0), (-1, 3, -3, 1))
 
 
 def may_be_packed(field: IndexField, kind: type, most_bytes: int) -> bool:
@@ -24,11 +26,26 @@ def cell_polynomials(coefficients: np.ndarray, kind: type) -> np.ndarray:
     Entry 16 e + 4 i + j belongs to the i-th power of the fraction along the first axis and the j-th along the second,
     in the cell whose 4 x 4 coefficients begin with coefficient e; zeros where no cell begins.
     """
-    table = np.zeros((*coefficients.shape, 16), dtype=kind)
     rows, columns = (count - 3 for count in coefficients.shape)
-    for second, weights in enumerate(SPLINE_POWERS):
-        along = sum(weight * coefficients[:, j : j + columns] for j, weight in enumerate(weights) if weight)
-        for first, weights_across in enumerate(SPLINE_POWERS):
-            terms = (weight * along[i : i + rows] for i, weight in enumerate(weights_across) if weight)
-            table[:rows, :columns, 4 * first + second] = sum(terms)
+    # Plane by plane, and side by side at the end: numbers that are far apart in memory take longer to write.
+    planes = np.empty((4, 4, rows, columns), dtype=kind)
+    for second, along in enumerate(_by_powers(coefficients.T)):
+        for first, values in enumerate(_by_powers(along.T)):
+            planes[first, second] = values
+    table = np.zeros((*coefficients.shape, 16), dtype=kind)
+    table[:rows, :columns] = planes.reshape(16, rows, columns).transpose(1, 2, 0)
     return table.ravel()
+
+
+def _by_powers(values: np.ndarray) -> Iterator[np.ndarray]:
+    """For each power of the fraction along the first axis, the sum of four values in a row under their weights."""
+    cells = len(values) - 3
+    times = {size: values * (size / 6.0) for size in (1, 3, 4, 6)}
+    for weights in SPLINE_POWERS:
+        total: Any = 0.0
+        for row, weight in enumerate(weights):
+            if weight:
+                add = np.add if weight > 0 else np.subtract
+                term = times[abs(weight)][row : row + cells]
+                total = add(total, term, out=total if row else None)
+        yield total

@@ -6,14 +6,14 @@ from ....quiet_warp import start_warp
 from ..info import NO_CUDA, BackendInfo, warp_processor
 
 
-def list_devices() -> list[BackendInfo]:
-    """Warp's devices, a CUDA device first where there is one."""
+def list_devices(memory: bool = False) -> list[BackendInfo]:
+    """Warp's devices, a CUDA device first where there is one; with `memory`, how much of it a GPU has."""
     start_warp()
     version, found = wp.__version__, []
     for device in wp.get_devices():
         if device.is_cuda:
-            reason, memory = "a GPU is taken where there is one", device.total_memory
-            found.append(BackendInfo("warp", device.alias, device.name, version, True, True, memory, reason))
+            size, reason = device.total_memory if memory else None, "a GPU is taken where there is one"
+            found.append(BackendInfo("warp", device.alias, device.name, version, True, True, size, reason))
         else:
             reason = "a GPU goes before it" if wp.is_cuda_available() else NO_CUDA
             found.append(warp_processor(version, reason))

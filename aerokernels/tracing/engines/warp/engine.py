@@ -19,6 +19,7 @@ from ...bundle.frame import kernel_arrays
 from ...bundle.frame import kernel_numbers as bundle_numbers
 from ...bundle.table import BundleTable
 from ...collimated import ENDS, Projection, kernel_numbers, packed
+from ...cube_polynomials import cubes_of
 from ...plan import TracePlan
 from ..field_data import FieldData, array_of, field_data, step_bound_tables, stop_kind, trace_members
 from ..info import host_memory, thread_count
@@ -59,6 +60,7 @@ class Engine:
         found = wp.get_device(device)
         memory = float(found.total_memory if found.is_cuda else host_memory() or np.inf)
         self.memory = memory, memory
+        self.is_gpu = bool(found.is_cuda)
         self.grid_key = "coefficients", "warp", device
         self.grid_tables: tuple[str, ...] = GRID_TABLES if found.is_cuda else ()
         self.outputs: tuple[list, Any] = [], None
@@ -76,7 +78,9 @@ class Engine:
         stop, has_body, library = stop_kind(until), field.body is not None, library_of(plan.precision)
         with stage("compile"):
             if plan.sample_count:
-                kernel = build_leapfrog_kernel(library, field.geometry, field.interpolation, stop, has_body)
+                kernel = build_leapfrog_kernel(
+                    library, field.geometry, field.interpolation, stop, has_body, plan.looks_up_cubes
+                )
             else:
                 on_mesh = not field.is_uniform
                 measured = "step_error" in outputs
@@ -95,6 +99,8 @@ class Engine:
         bounds, control = trace_members(field, data, plan, until, wavelength, outputs)
         tables, blocks = step_bound_tables(field, plan, wavelength, directions)
         arrays = self._upload(field, data, plan.precision, plan.method == "paper")
+        if plan.looks_up_cubes:
+            arrays = {**arrays, "coefficients": self._cubes(field)}
         bound_arrays = {m.name: self._array(m, tables[m.name], plan.precision) for m in arrays_of("Control")}
         return [
             _filled("Field", data.field | arrays, plan.precision),
@@ -246,6 +252,10 @@ class Engine:
             }
 
         return field.derive(("warp", self.device, precision, with_paper_step), upload)
+
+    def _cubes(self, field: IndexField) -> wp.array:
+        """The table of polynomials of cubes; kept as long as the field lives."""
+        return field.derive(("warp cubes", self.device), lambda: self.put(cubes_of(field)))
 
     def _coefficients(self, field: IndexField, precision: str) -> wp.array | None:
         """A grid's coefficients where this device has worked them out; None elsewhere."""

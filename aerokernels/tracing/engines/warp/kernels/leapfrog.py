@@ -35,6 +35,7 @@ from ....status import RayStatus
 from ..library import KernelLibrary, built_once
 from ..types import takes
 from .box import build_surface_distance
+from .cubes import build_cube_sample
 from .ends import build_end, build_last_surface, build_start
 from .grid import build_sample
 from .outputs import build_write_outputs
@@ -65,11 +66,13 @@ def quadrature_weight(k: int, count: int):
 
 
 @built_once
-def build_leapfrog_kernel(library: KernelLibrary, geometry: str, interpolation: str, stop: str, has_body: bool):
+def build_leapfrog_kernel(
+    library: KernelLibrary, geometry: str, interpolation: str, stop: str, has_body: bool, cubes: bool = False
+):
     """Build the kernel for one kind of scene; its arguments are the tracer's, and the count of rejected rays."""
     t = library.types
     real, vec3, vec4 = t.real, t.vec3, t.vec4
-    sample = build_sample(library, geometry, interpolation)
+    sample = build_cube_sample(library) if cubes else build_sample(library, geometry, interpolation)
     start_of = build_start(library, geometry, stop, has_body)
     end_of = build_end(library, geometry, interpolation, stop)
     surface_distance = build_surface_distance(library, geometry)
@@ -133,6 +136,7 @@ def build_leapfrog_kernel(library: KernelLibrary, geometry: str, interpolation: 
         whole = wp.vec2d(wp.float64(0.0), wp.float64(0.0))  # its path through the box, with the part in uniform air
         missed = real(0.0)
         start = none
+        swerves = none  # sums of bounds of what cubes are off the spline: potential, slope, and its moments
         clear = bool(True)
         ends_on = int(-1)
         uniform = bool(False)
@@ -157,7 +161,12 @@ def build_leapfrog_kernel(library: KernelLibrary, geometry: str, interpolation: 
                     weight = real(quadrature_weight(k, count))
                     along = (real(k) + real(0.5)) * h
                     middle = real(0.5) * h * slowness
-                    at = sample(field, corner, start + along * pace + wp.cw_mul(q + middle * momentum, rate), 0)
+                    here_in_cells = start + along * pace + wp.cw_mul(q + middle * momentum, rate)
+                    if wp.static(cubes):
+                        at, off, off_slope = sample(field, here_in_cells)
+                        swerves += vec3(off, off_slope, along * off_slope)
+                    else:
+                        at = sample(field, corner, here_in_cells, 0)
                     s = at[0]
                     force = vec3(at[1], at[2], at[3])
                     ahead = wp.dot(force, d)
@@ -323,6 +332,10 @@ def build_leapfrog_kernel(library: KernelLibrary, geometry: str, interpolation: 
             left = real(outside * (wp.float64(control.left_potential) + lever_arm * wp.float64(control.left_slope)))
             if left > real(LEFT_SHARE) * control.tolerance:
                 error = wp.max(error, left)
+            if wp.static(cubes):
+                # What its samples may be off the spline, and what their slopes do up to the stop.
+                swerve_ends = (length + real(flight)) * swerves[1] - swerves[2]
+                error += h * slowness * (swerves[0] + swerve_ends * real(greatest_tangent))
         if missed > real(0.0):
             onward = real(wp.length(arrival.position - end) + interval.t_exit - interval.t_enter)
             error += with_lever_arm(field, missed, onward, real(wp.abs(wp.dot(normal, d0))))

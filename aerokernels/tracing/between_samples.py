@@ -1,0 +1,124 @@
+"""What the rays of a bundle may miss between leapfrog samples, and how many samples it takes to miss less."""
+
+import math
+
+import numpy as np
+
+from ..medium import IndexField
+from ..rays import RayBundle
+from .held import path_exceeds
+from .lever_arms import LeverArms
+from .straight_lines import lines_through
+from .support import support_box
+from .unresolved import Sampling, disturbed_ends, greatest_error, missed_along
+
+# So many more samples than a field before are taken rather than a closer look at a field.
+A_FEW_MORE = 1.25
+
+# The pilot's greatest error is held MARGIN times below the tolerance. What lies between samples may cost the rest
+# without being bounded for each ray.
+MARGIN = 4.0
+NEGLIGIBLE = 1.0 - 1.0 / MARGIN
+# Elsewhere counts are tried in steps of this factor; a ray is expected to be rejected from this share of the tolerance
+# on.
+FINER = 1.3
+REJECTED = 0.7
+# Single precision is seen in a bound for tolerances below this share of the field's greatest optical path difference.
+FINE_SHARE = 3e-5
+# The longest of all rays may be this many times as long as the longest of those looked at.
+SPACING_MARGIN = 1.02
+
+
+class Between:
+    """What the rays of a bundle may miss between their samples."""
+
+    def __init__(self, field: IndexField, spread: RayBundle, until, held: float, lever_arms: LeverArms | None):
+        """Find the lines of the rays, `spread`, which show where the bundle goes; `held` is their OPD error [m]."""
+        self.field, self.held = field, held
+        low, high = support_box(field, held, lever_arms)
+        self.lines = lines_through(field, spread, until, low, high)
+        self.ends = disturbed_ends(field, self.lines, held) if len(self.lines.length) else b""
+
+    def _sampled(self, count: int) -> Sampling:
+        length = float(self.lines.length.max(initial=0.0))
+        steepness = np.abs(self.lines.direction).max(axis=0, initial=0.0)
+        x, y, z = (float(size) for size in np.minimum(steepness, 1.0))
+        # Where the stop is met head on, a deflection still counts in second order.
+        lever_arm = math.sqrt(0.5 * self.held * length)
+        is_fine = path_exceeds(self.field, self.held / FINE_SHARE)
+        return Sampling(SPACING_MARGIN * length / count, (x, y, z), lever_arm, is_fine, self.ends)
+
+    def least_count(self, count: int, is_worth_it, cost_again) -> int:
+        """The number of samples, at least `count`, with the least cost, rays that are traced again included.
+
+        Args:
+            count: The least number.
+            is_worth_it: Whether a number of samples costs less than error control.
+            cost_again: Predicts the cost of a ray that is traced again, in samples.
+        """
+        best, best_cost = 0, math.inf
+        before = 0, math.inf
+        while is_worth_it(count) and count < best_cost:
+            found = self._greatest(count)
+            if found <= NEGLIGIBLE * self.held:
+                count = self._between_counts(before, (count, found))
+                return count if count < best_cost else best
+            sampled = self._sampled(count)
+            rejected = float((missed_along(self.field, sampled, self.lines) > REJECTED * self.held).mean())
+            cost = count + (rejected * cost_again() if rejected > 0.0 else 0.0)
+            if cost < best_cost:
+                best, best_cost = count, cost
+            before = count, found
+            count = in_threes(FINER * count)
+        return best
+
+    def enough(self, count: int, most: int) -> int:
+        """The least number of samples from `count` to `most` between which nothing lies; 0 where there is none."""
+        found = self._greatest(count)
+        if found <= NEGLIGIBLE * self.held:
+            return count
+        found_most = self._greatest(most)
+        enough = found_most <= NEGLIGIBLE * self.held
+        return self._between_counts((count, found), (most, found_most)) if enough else 0
+
+    def _between_counts(self, few: tuple[int, float], many: tuple[int, float]) -> int:
+        """The number of samples between one too small and one great enough, by a power law through what both miss."""
+        if few[0] and many[1] > 0.0:
+            order = math.log(few[1] / many[1]) / math.log(many[0] / few[0])
+            count = in_threes(few[0] * (few[1] / (NEGLIGIBLE * self.held)) ** (1.0 / order))
+            if count < many[0] and self._greatest(count) <= NEGLIGIBLE * self.held:
+                return count
+        return many[0]
+
+    def _greatest(self, count: int) -> float:
+        """The most that any ray misses between this many samples [m]."""
+        return greatest_error(self.field, self._sampled(count), self.lines) if len(self.lines.length) else 0.0
+
+    def sufficient(self, count: int) -> int:
+        """This number of samples, or a few more, between which nothing lies; 0 where there is something.
+
+        By the rule's own bound if a few more are enough: what it leaves of the rest takes longer to find than they do.
+        """
+        if not len(self.lines.length):
+            return count
+        allowed = NEGLIGIBLE * self.held
+        by_rule = self._by_rule(count)
+        if by_rule <= allowed:
+            return count
+        more = in_threes(count * (1.02 * by_rule / allowed) ** 0.25)
+        if more <= A_FEW_MORE * count and self._by_rule(more) <= allowed:
+            return more
+        return self.enough(count, in_threes(A_FEW_MORE * count))
+
+    def _by_rule(self, count: int) -> float:
+        """The same by the rule's own bound, which is greater and sooner found."""
+        return greatest_error(self.field, self._sampled(count), self.lines, by_rule=True)
+
+    def sampling(self, count: int) -> Sampling | None:
+        """How this many samples lie along the rays; None where nothing lies between them."""
+        return None if self._greatest(count) <= NEGLIGIBLE * self.held else self._sampled(count)
+
+
+def in_threes(count: float) -> int:
+    """The next multiple of three."""
+    return 3 * math.ceil(count / 3.0 - 1e-9)

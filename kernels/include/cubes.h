@@ -1,0 +1,152 @@
+// The potential of a volume by the polynomial of the cube of cells in which each ray of a packet is
+// (aerokernels/tracing/cube_polynomials.py): CUBE_ROW numbers that lie side by side.
+#ifndef CUBES_H
+#define CUBES_H
+
+#include "cell.h"
+#include "constants.h"
+
+#if CUBES
+
+// Which cube of an axis a place is in, and where in it: from -1 to 1.
+static inline ints cube_of(reals place, int last_cell, reals *within)
+{
+    const real last = (real)(last_cell / CUBE_SIDE) + R(0.5);
+    const reals cubes = place * R(1.0 / CUBE_SIDE);
+    const ints cube = TO_INTS(CHOOSE((reals)R(0.0), CHOOSE((reals)last, cubes, cubes < last), cubes > R(0.0)));
+    *within = R(2.0) * (cubes - TO_REALS(cube)) - R(1.0);
+    return cube;
+}
+
+// A polynomial and its slopes per cell, of its numbers up to the second degree, q, and of the third, t.
+static inline Local of_polynomial(const reals *q, const reals *t, reals u, reals v, reals w)
+{
+    const reals a0 = ((t[0] * u + q[2]) * u + q[1]) * u + q[0];
+    const reals a1 = (t[1] * u + q[4]) * u + q[3], a2 = t[2] * u + q[5];
+    const reals a = ((t[3] * v + a2) * v + a1) * v + a0;
+    const reals a_u = (t[2] * v + R(2.0) * t[1] * u + q[4]) * v + (R(3.0) * t[0] * u + R(2.0) * q[2]) * u + q[1];
+    const reals a_v = (R(3.0) * t[3] * v + R(2.0) * a2) * v + a1;
+    const reals b0 = (t[4] * u + q[7]) * u + q[6], b1 = t[5] * u + q[8];
+    const reals b = (t[6] * v + b1) * v + b0;
+    const reals b_u = t[5] * v + R(2.0) * t[4] * u + q[7], b_v = R(2.0) * t[6] * v + b1;
+    const reals c = t[8] * v + t[7] * u + q[9];
+    const real per_cell = R(2.0 / CUBE_SIDE);
+    Local out;
+    out.value = ((t[9] * w + c) * w + b) * w + a;
+    out.first = per_cell * ((t[7] * w + b_u) * w + a_u);
+    out.second = per_cell * ((t[8] * w + b_v) * w + a_v);
+    out.third = per_cell * ((R(3.0) * t[9] * w + R(2.0) * c) * w + b);
+    return out;
+}
+
+// Those of the third degree are the upper halves of floats, two to a number.
+static inline float lower_number(float both) { return as_float(as_uint(both) << 16); }
+static inline float upper_number(float both) { return as_float(as_uint(both) & 0xffff0000u); }
+
+// The polynomial that begins with the number `start` of the table.
+static inline Local in_one_cube(__global const real *coefficients, int start, reals u, reals v, reals w)
+{
+    __global const float4 *row = (__global const float4 *)(coefficients + start);
+    const float4 r0 = row[0], r1 = row[1], r2 = row[2], r3 = row[3];
+    const reals q[10] = {r0.x, r0.y, r0.z, r0.w, r1.x, r1.y, r1.z, r1.w, r2.x, r2.y};
+    const reals t[10] = {
+        lower_number(r2.z), upper_number(r2.z), lower_number(r2.w), upper_number(r2.w), lower_number(r3.x),
+        upper_number(r3.x), lower_number(r3.y), upper_number(r3.y), lower_number(r3.z), upper_number(r3.z)};
+    Local out = of_polynomial(q, t, u, v, w);
+    out.off = (reals)lower_number(r3.w);
+    out.off_slope = (reals)upper_number(r3.w);
+    return out;
+}
+
+#if LANES == 1
+
+static inline Local in_cubes(__global const real *coefficients, ints start, reals u, reals v, reals w)
+{
+    return in_one_cube(coefficients, start, u, v, w);
+}
+
+#elif LANES == 16
+
+// By clang's builtin, which is one instruction: of vectors written entry by entry its optimiser makes hundreds.
+#if defined(__has_builtin)
+#if __has_builtin(__builtin_shufflevector)
+#define TURNS 1
+#endif
+#endif
+
+#if TURNS
+
+#define JOINED4(p, q) __builtin_shufflevector(p, q, 0, 1, 2, 3, 4, 5, 6, 7)
+#define JOINED8(p, q) __builtin_shufflevector(p, q, 0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15)
+// Four numbers of the cubes of every fourth lane, from lane k on.
+#define ROW_OF(k) (((__global const float4 *)(coefficients + INT_AT(start, k)))[part])
+#define OF_EVERY_FOURTH(k) JOINED8(JOINED4(ROW_OF(k), ROW_OF(k + 4)), JOINED4(ROW_OF(k + 8), ROW_OF(k + 12)))
+// The first two entries of each four of two vectors in turn, and the last two.
+#define FIRST_IN_TURN(p, q) \
+    __builtin_shufflevector(p, q, 0, 16, 1, 17, 4, 20, 5, 21, 8, 24, 9, 25, 12, 28, 13, 29)
+#define LAST_IN_TURN(p, q) \
+    __builtin_shufflevector(p, q, 2, 18, 3, 19, 6, 22, 7, 23, 10, 26, 11, 27, 14, 30, 15, 31)
+
+#endif
+
+// Where lanes are in cubes of their own: each loads its numbers in fours, which are then turned so that each number is
+// a vector over the lanes.
+static inline Local in_cubes(__global const real *coefficients, ints start, reals u, reals v, reals w)
+{
+    if (start.s0 == start.sf && start.s0 == start.s8 && all(start == start.s0)) {
+        return in_one_cube(coefficients, start.s0, u, v, w);
+    }
+    reals c[CUBE_ROW];
+#pragma unroll
+    for (int part = 0; part < CUBE_ROW / 4; part++) {
+#if TURNS
+        const float16 p = OF_EVERY_FOURTH(0), q = OF_EVERY_FOURTH(1), r = OF_EVERY_FOURTH(2), s = OF_EVERY_FOURTH(3);
+        const float16 pr = FIRST_IN_TURN(p, r), qs = FIRST_IN_TURN(q, s);
+        const float16 pr_last = LAST_IN_TURN(p, r), qs_last = LAST_IN_TURN(q, s);
+        c[4 * part] = FIRST_IN_TURN(pr, qs);
+        c[4 * part + 1] = LAST_IN_TURN(pr, qs);
+        c[4 * part + 2] = FIRST_IN_TURN(pr_last, qs_last);
+        c[4 * part + 3] = LAST_IN_TURN(pr_last, qs_last);
+#else
+        for (int lane = 0; lane < LANES; lane++) {
+            const float4 row = ((__global const float4 *)(coefficients + INT_AT(start, lane)))[part];
+            REAL_AT(c[4 * part], lane) = row.x;
+            REAL_AT(c[4 * part + 1], lane) = row.y;
+            REAL_AT(c[4 * part + 2], lane) = row.z;
+            REAL_AT(c[4 * part + 3], lane) = row.w;
+        }
+#endif
+    }
+    reals t[12];
+#pragma unroll
+    for (int pair = 0; pair < 6; pair++) {
+        const uint16 both = as_uint16(c[10 + pair]);
+        t[2 * pair] = as_float16(both << 16);
+        t[2 * pair + 1] = as_float16(both & 0xffff0000u);
+    }
+    Local out = of_polynomial(c, t, u, v, w);
+    out.off = t[10];
+    out.off_slope = t[11];
+    return out;
+}
+
+// Ask for the polynomials of the lanes' next cubes: nothing else hides how long a processor's memory takes.
+static inline void ask_for_cubes(__global const real *coefficients, ints start)
+{
+#if defined(__has_builtin)
+#if __has_builtin(__builtin_prefetch)
+#pragma unroll
+    for (int lane = 0; lane < LANES; lane++) {
+        __builtin_prefetch((const void *)(size_t)(coefficients + INT_AT(start, lane)));
+    }
+#endif
+#endif
+}
+
+#else
+#error cubes are looked up in single precision
+#endif
+
+#endif
+
+#endif
