@@ -36,28 +36,39 @@ def main() -> None:
     parser.add_argument("--backend", default="auto")
     parser.add_argument("--device", default=None)
     parser.add_argument("--repeats", type=int, default=9)
+    parser.add_argument(
+        "--there", metavar="DEVICE", help="give the values as an array on this device of Warp's: cuda:0"
+    )
     parser.add_argument("--profile", metavar="FILE", help="write where calls of with_field spend their time, too")
     given = parser.parse_args()
     grid = cone_field().samples
     pupil = Disc(APERTURE, -CONE_HALF[2] * SLOPE / SLOPE[2], SLOPE)
     choices = {"wavelength": WAVELENGTH, "backend": given.backend, "device": given.device}
 
-    def field(number: int) -> IndexField:
-        values = (1.0 + 0.01 * number) * grid.samples
+    def values(number: int) -> Any:
+        made = (1.0 + 0.01 * number) * grid.samples
+        if not given.there:
+            return made
+        import warp
+
+        return warp.array(made, device=given.there)
+
+    def field(values: Any) -> IndexField:
         place = {"origin": grid.origin, "spacing": grid.spacing, "geometry": "volume"}
         return IndexField.from_samples(values, **place, ambient_index=grid.ambient_index)
 
-    known = prepare_strehl(field(0), pupil, **choices)
+    known = prepare_strehl(field(values(0)), pupil, **choices)
     known(0)
-    known = known.with_field(field(1))
+    known = known.with_field(field(values(1)))
     known(0)
     spent: dict[str, list[tuple[float, float]]] = {name: [] for name in STEPS}
     for number in range(2, 2 + given.repeats):
-        made = timed(lambda number=number: field(number), spent["field"])
+        contrast = values(number)
+        made = timed(lambda contrast=contrast: field(contrast), spent["field"])
         seen = timed(lambda made=made: known.with_field(made), spent["known"])
         first = timed(lambda seen=seen: seen(1), spent["ratio"])
         timed(lambda seen=seen: seen(2), spent["new seed"])
-        other = field(number)
+        other = field(contrast)
         anew = timed(lambda other=other: prepare_strehl(other, pupil, **choices), spent["anew"])(1)
         assert abs(first.value - anew.value) < 1e-4, (first.value, anew.value)
     plan = known.plan
@@ -66,7 +77,7 @@ def main() -> None:
     rows = [[name, f"{wall:.3g}", f"{processor:.3g}"] for name, (wall, processor) in cells.items()]
     print(markdown_table(["step", "wall", "processor"], rows))
     if given.profile:
-        others = [field(100 + number) for number in range(given.repeats)]
+        others = [field(values(100 + number)) for number in range(given.repeats)]
         profiler = cProfile.Profile()
         profiler.enable()
         for each in others:
