@@ -329,7 +329,8 @@ class Integrator:
         v0, v1 = value[row, column], value1[row, column]
         r0, r1 = rate[row, column] * h[row], rate1[row, column] * h[row]
         c2, c3 = 3.0 * (v1 - v0) - 2.0 * r0 - r1, r0 + r1 - 2.0 * (v1 - v0)
-        at = r0 / (np.sqrt(np.maximum(c2 * c2 - 3.0 * c3 * r0, 0.0)) - c2)  # where it is greatest
+        with np.errstate(divide="ignore", invalid="ignore"):  # of numbers so small that their squares are zero
+            at = r0 / (np.sqrt(np.maximum(c2 * c2 - 3.0 * c3 * r0, 0.0)) - c2)  # where it is greatest
         peak = ((c3 * at + c2) * at + r0) * at + v0
         np.logical_or.at(result, row, peak > tolerance[row])
         return result

@@ -43,7 +43,7 @@ class Segments:
         there = plane_motion(place, heading, np.zeros_like(place), self.axisymmetric)[0]
         apart = np.einsum("nwk,wk->nw", there[:, None] - self.start, self.normal)
         n0, n1 = self.normal.T
-        with np.errstate(divide="ignore", invalid="ignore"):
+        with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
             if self.axisymmetric:
                 root = self._cone_roots(place, heading, there[:, 0], apart)
             else:
