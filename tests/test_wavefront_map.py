@@ -123,6 +123,17 @@ def test_encircled_energy_of_a_circle():
     assert float(tilted.encircled_energy(angle[0], center=(0.0, 0.0))) < 0.05
 
 
+def test_encircled_energy_ends_at_all_light():
+    """Through the edge of what 16 pixels hold, 8 wavelengths over the width, and far beyond: it grows to 1."""
+    wave = made(Disc(RADIUS), lambda x, y: 3e-4 * x + 1e-4 * x * y, count=16)
+    energy = wave.encircled_energy(np.array([7.9, 7.99, 8.01, 8.1, 9.0, 11.3, 11.4, 40.0]) * RESOLUTION).energy
+    assert (np.diff(energy) >= 0.0).all() and energy[2] - energy[1] < 1e-3
+    assert 0.98 < energy[0] and energy[-2] == energy[-1] == 1.0
+    single = Wavefront(np.zeros((1, 1)), np.ones((1, 1)), 1e-3, wave.wavelength)
+    with pytest.raises(ValueError, match="no pixel has a neighbour"):
+        single.encircled_energy(1e-4)
+
+
 def test_width_of_airys_disc():
     """FWHM 1.02899 lambda / D; tilt does not change it; a Gaussian of w has sqrt(2 ln 2) lambda / (pi w)."""
     assert made(Disc(RADIUS)).fwhm / RESOLUTION == pytest.approx(1.02899, rel=3e-3)
