@@ -98,7 +98,7 @@ def test_rays_that_meet_no_disturbed_air_have_no_line_to_look_at():
         samples[7:, 7:, 7:] = corner
         made = IndexField.from_samples(samples, origin=(0.0, 0.0, 0.0), spacing=(4.0 * H,) * 3, geometry="volume")
         found = trace(made, rays(), until=STOP, backend="opencl", bundle="off", outputs=("opd",))
-        assert found.ok.all() and not found.opd.any()
+        assert found.ok.all() and np.abs(found.opd).max() < 1e-14  # a spline fades with the distance
 
 
 def test_a_needle_is_not_missed():
