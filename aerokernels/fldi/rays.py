@@ -11,7 +11,7 @@ import numpy as np
 
 from ..medium import IndexField
 from ..medium.tensor_points import contrast_without_gradient
-from ..tracing.lines import cylinder_span, slab_span
+from ..tracing.lines import cell_along, cylinder_span, slab_span
 from .instrument import FLDI
 
 # Radii to which a beam is followed: beyond lies exp(-2 * 2.6^2) of its light. Rays across a beam.
@@ -63,17 +63,6 @@ def _span_of_disc(field: IndexField, focus: np.ndarray, axis: np.ndarray, reach:
     return max(float(first[0]) for first, _ in spans), min(float(last[0]) for _, last in spans)
 
 
-def cell_along(field: IndexField, direction: np.ndarray) -> float:
-    """How far a line along a unit vector goes through a cell of the field [m]; infinite where nothing changes."""
-    spacing = np.asarray(field.spacing)
-    if field.geometry == "planar":
-        spacing = np.array([np.inf, *spacing])
-    elif field.geometry == "axisymmetric":
-        spacing = np.array([spacing[0], *spacing])
-    with np.errstate(divide="ignore"):
-        return float(1.0 / np.max(np.abs(direction) / spacing))
-
-
 def beam_grid(field: IndexField, instrument: FLDI, ends: tuple[float, float], rays: int | None):
     """Places of rays in units of the radius, shape (n, 2), and their shares of the light, shape (n,).
 
@@ -83,8 +72,8 @@ def beam_grid(field: IndexField, instrument: FLDI, ends: tuple[float, float], ra
     widest = float(instrument.radius(np.asarray(ends)).max())
     assert instrument.direction is not None
     counts = [
-        min(max(math.ceil(min(2.0 * REACH * widest / cell_along(field, across), MOST_RAYS)), LEAST_RAYS), MOST_RAYS) | 1
-        for across in (instrument.direction, instrument.normal)
+        min(max(math.ceil(min(2.0 * REACH * widest / cell, MOST_RAYS)), LEAST_RAYS), MOST_RAYS) | 1
+        for cell in cell_along(field, np.stack([instrument.direction, instrument.normal]))
     ]
     if rays is not None:
         counts = [int(rays) | 1, int(rays) | 1]
@@ -104,7 +93,8 @@ def gathered(
 ) -> np.ndarray:
     """Optical path [m] that the rays of both beams gather, shape (2, n): first the beam toward `direction`."""
     length = ends[1] - ends[0]
-    count = min(max(LAYERS_PER_CELL * math.ceil(length / cell_along(field, instrument.axis)), 16), MOST_LAYERS)
+    cell = float(cell_along(field, instrument.axis[None])[0])
+    count = min(max(LAYERS_PER_CELL * math.ceil(length / cell), 16), MOST_LAYERS)
     thickness = length / count
     middle = ends[0] + thickness * (np.arange(count) + 0.5)
     radius = instrument.radius(middle)
