@@ -180,9 +180,8 @@ def echo_errors(result: EchoResult, probe: EchoProbe) -> EchoErrors:
                 walk = math.inf
         place = max(abs(found.get(method, math.nan)) for _, found in moved)
         path = 0.5 * probe.wavelength * phase / math.pi
-        ranges[method] = RangeUncertainty(
-            root_sum_square((walk, place, path, codes.get(method, 0.0))), random.get(method, math.nan) if noise > 0.0 else 0.0
-        )
+        systematic = root_sum_square((walk, place, path, codes.get(method, 0.0)))
+        ranges[method] = RangeUncertainty(systematic, random.get(method, math.nan) if noise > 0.0 else 0.0)
     return EchoErrors(strehl, power, voltage, ranges)
 
 

@@ -6,9 +6,9 @@ integral there is
     A0 = max q over 0 <= x <= s,   A1 = max q over s <= x <= 2 s
     A0 min(s / ln(A1 / A0), D, w)        the first of the three where A1 > A0, where the disturbance falls off
 
-s is two cells, by their extent along the ray; D is the box's own extent along the line: air that does not fall off is taken to go on for as much
-again; w is the length of the path that lies outside. An exponential tail has A0 s / ln(A1 / A0) left from the depth s
-on, and a steeper one less.
+s is two cells, by their extent along the ray; D is the box's own extent along the line: air that does not fall off is
+taken to go on for as much again; w is the length of the path that lies outside. An exponential tail has
+A0 s / ln(A1 / A0) left from the depth s on, and a steeper one less.
 
 Of q = |m|, the contrast, that integral is an optical path. Of q = |grad m . e| it is an angle by which the missing air
 would have turned the ray, times the obliquity e of the ray's stop (lever_arms.py): the optical path changes by that

@@ -164,7 +164,7 @@ class Wavefront(WavefrontMap):
             raise ValueError(f"angle must be finite and at least 0 rad, got {angle!r}")
         point = self.centroid if center is None else np.asarray(center, dtype=float)
         if center is None and not np.isfinite(point).all():
-            raise ValueError("no pixel has a neighbour, so there is no centroid: give `center`, or a greater pixel_count")
+            raise ValueError("no pixel has a neighbour, so there is no centroid: give `center` or more pixels")
         if point.shape != (2,) or not np.isfinite(point).all():
             raise ValueError(f"center must be two angles along x and y [rad], got {center!r}")
         return EncircledEnergy(angle, encircled(self.otf(), angle, point), point, self.phase_error)

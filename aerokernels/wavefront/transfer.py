@@ -152,10 +152,11 @@ def encircled(transfer: Transfer, angle: np.ndarray, center: np.ndarray) -> np.n
     summed = np.bincount(place, even.ravel())
     frequency = spacing * np.sqrt(squared[1:])
     flat = np.abs(np.ravel(angle))
-    # The pixels' picture has a period of wavelength / pixel. One of them, a square about the point, holds all the light.
+    # The pixels' picture has a period of wavelength / pixel: one period, a square about the point, holds all the light.
     half = 0.5 / spacing
-    energy = np.array([a * (j1(2.0 * np.pi * a * frequency) @ (summed[1:] / frequency)) for a in np.minimum(flat, half)])
-    energy = spacing**2 * (energy + np.pi * np.minimum(flat, half) ** 2 * summed[0])
+    held = np.minimum(flat, half)
+    energy = np.array([a * (j1(2.0 * np.pi * a * frequency) @ (summed[1:] / frequency)) for a in held])
+    energy = spacing**2 * (energy + np.pi * held**2 * summed[0])
     for row in np.flatnonzero(flat > half):
         energy[row] = 1.0 - _in_corners(even, half, flat[row])
     return energy.reshape(np.shape(angle))
