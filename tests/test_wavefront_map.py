@@ -123,6 +123,17 @@ def test_encircled_energy_of_a_circle():
     assert float(tilted.encircled_energy(angle[0], center=(0.0, 0.0))) < 0.05
 
 
+def test_encircled_energy_ends_at_all_light():
+    """Through the edge of what 16 pixels hold, 8 wavelengths over the width, and far beyond: it grows to 1."""
+    wave = made(Disc(RADIUS), lambda x, y: 3e-4 * x + 1e-4 * x * y, count=16)
+    energy = wave.encircled_energy(np.array([7.9, 7.99, 8.01, 8.1, 9.0, 11.3, 11.4, 40.0]) * RESOLUTION).energy
+    assert (np.diff(energy) >= 0.0).all() and energy[2] - energy[1] < 1e-3
+    assert 0.98 < energy[0] and energy[-2] == energy[-1] == 1.0
+    single = Wavefront(np.zeros((1, 1)), np.ones((1, 1)), 1e-3, wave.wavelength)
+    with pytest.raises(ValueError, match="no pixel has a neighbour"):
+        single.encircled_energy(1e-4)
+
+
 def test_width_of_airys_disc():
     """FWHM 1.02899 lambda / D; tilt does not change it; a Gaussian of w has sqrt(2 ln 2) lambda / (pi w)."""
     assert made(Disc(RADIUS)).fwhm / RESOLUTION == pytest.approx(1.02899, rel=3e-3)
@@ -379,7 +390,7 @@ def test_a_wavefront_and_what_it_makes_can_be_pickled():
 
 
 def test_scattered_samples_make_the_wavefront():
-    """A tilt and a focus come back to rounding, a wave of 2.5 pupils to 2 % of it, which is what the error says.
+    """A tilt and a focus come back to rounding, a wave of 2.5 pupils to 2 % of it; the error says so.
 
     Places in space are those in the pupil's plane, whichever way it looks.
     """
@@ -396,10 +407,10 @@ def test_scattered_samples_make_the_wavefront():
     for form, places, greatest in ((plane, rays.position, 1e-18), (wave, np.stack([x, y], axis=1), 1e-9)):
         made = Wavefront.from_samples(places, form(x, y), pupil, WAVELENGTH, pixel_count=32)
         off = np.abs(made.opd[made.lit] - form(*made.points.T)).max()
-        assert off < greatest and made.opd_error < greatest
+        assert off < greatest and off < made.opd_error < 5.0 * greatest
         assert made.radius == 1e-3 and made.weight.sum() == pytest.approx(0.91 * np.pi * 256, rel=1e-9)
-    told = Wavefront.from_samples(places, form(x, y), pupil, WAVELENGTH, pixel_count=32, opd_error=1e-9)
-    assert told.opd_error == pytest.approx(1e-9, rel=0.1) and off < told.opd_error
+    told = Wavefront.from_samples(places, form(x, y), pupil, WAVELENGTH, pixel_count=32, opd_error=1e-8)
+    assert told.opd_error == pytest.approx(1e-8, rel=0.1) and off < told.opd_error
     for bad, message in (
         ((places[:5], x[:5]), "at least 9 samples, got 5"),
         ((places, x[:5]), "points must have shape"),
@@ -409,6 +420,26 @@ def test_scattered_samples_make_the_wavefront():
     ):
         with pytest.raises(ValueError, match=message):
             Wavefront.from_samples(*bad, pupil, WAVELENGTH)
+
+
+@pytest.mark.parametrize("seed", [2, 10])
+def test_the_error_of_few_samples_holds(seed):
+    """Of 250 samples, waves of a few samples' width: at the rim, where few lie, it was 17 and 23 times what was told."""
+    rng = np.random.default_rng(seed)
+    x, y = in_disc(rng.random((2, 250)))
+    way = rng.normal(0.0, 4.0, (2, 2)) / 1e-3
+
+    def form(x, y):
+        return 1e-7 * np.sin(way[0] @ [x, y]) + 5e-8 * np.cos(way[1] @ [x, y])
+
+    made = Wavefront.from_samples(np.stack([x, y], axis=1), form(x, y), Disc(1e-3), WAVELENGTH, pixel_count=32)
+    assert np.abs(made.opd[made.lit] - form(*made.points.T)).max() < made.opd_error
+
+
+def in_disc(square: np.ndarray) -> np.ndarray:
+    """Points at random in the disc of 1 mm [m], shape (2, n), from those of the unit square."""
+    radius, angle = 1e-3 * np.sqrt(square[0]), 2.0 * np.pi * square[1]
+    return np.stack([radius * np.cos(angle), radius * np.sin(angle)])
 
 
 def test_what_is_refused():

@@ -7,8 +7,9 @@ r"""The errors of an echo's numbers.
                    position of the samples on the pulse
     peak voltage   as for the power; and the standard deviation of the noise, and half a code of the digitiser
     range          systematic: the effect of the peak's error on the reading (range walk of a fixed threshold, read off
-                   the waveform scaled by 1 +- the relative error), the effect of the position of the samples, and e
-                   as a length; random: the standard deviation of the range over noisy records
+                   the waveform scaled by 1 +- the relative error), the effect of the position of the samples, that
+                   of the digitiser's codes on this waveform where there is no noise to blur them, and e as a length;
+                   random: the standard deviation of the range over noisy records
 
 A number's error is the root sum of squares of its parts. Return factors "bucket" and "none" do not depend on phases.
 """
@@ -39,6 +40,8 @@ from .waveform import SPEED_OF_LIGHT
 QUADRATURE = 1e-7
 # Shares of a sample by which the echo is moved to see what the samples' place does.
 SHIFTS = (0.25, 0.5, 0.75)
+# Noise above this share of a code blurs the codes: their errors are random ones then.
+DITHER = 0.5
 # Noisy records that the random error is read off where the scene asks for none.
 TRIAL_COUNT = 32
 
@@ -107,6 +110,14 @@ class EchoProbe:
         """Ranges [m] of the noise-free waveform times a factor, by the methods that depend on the amplitude."""
         return self.rangefinder.ranges(self.time, factor * self.clean, AMPLITUDE_METHODS)[0]
 
+    def read_digitised(self) -> dict[str, float]:
+        """By method, what the digitiser's codes change of the range of the noise-free waveform [m]; 0 without one."""
+        chain = chain_of(self.scene)
+        if chain.digitiser is None:
+            return {}
+        read = [self.rangefinder.ranges(self.time, volts)[0] for volts in (chain.digitise(self.clean), self.clean)]
+        return {method: abs(value - read[1][method]) for method, value in read[0].items()}
+
     def read_shifted(self, share: float) -> tuple[tuple[float, float], dict[str, float]]:
         """Readings of the echo in vacuum when it arrives a fraction of a sample later.
 
@@ -156,6 +167,7 @@ def echo_errors(result: EchoResult, probe: EchoProbe) -> EchoErrors:
     voltage = root_sum_square((voltage, noise, 0.5 * probe.code_step))
     random = probe.random_errors(TRIAL_COUNT) if noise > 0.0 else {}
     scaled = [probe.read_scaled(1.0 + sign * share) for sign in (0.0, 1.0, -1.0)] if 0.0 < share < 1.0 else []
+    codes = probe.read_digitised() if noise < DITHER * probe.code_step else {}
     ranges = {}
     for method, value in result.ranges.items():
         if math.isnan(value):
@@ -168,9 +180,8 @@ def echo_errors(result: EchoResult, probe: EchoProbe) -> EchoErrors:
                 walk = math.inf
         place = max(abs(found.get(method, math.nan)) for _, found in moved)
         path = 0.5 * probe.wavelength * phase / math.pi
-        ranges[method] = RangeUncertainty(
-            root_sum_square((walk, place, path)), random.get(method, math.nan) if noise > 0.0 else 0.0
-        )
+        systematic = root_sum_square((walk, place, path, codes.get(method, 0.0)))
+        ranges[method] = RangeUncertainty(systematic, random.get(method, math.nan) if noise > 0.0 else 0.0)
     return EchoErrors(strehl, power, voltage, ranges)
 
 

@@ -11,42 +11,56 @@ import numpy as np
 
 from ..medium import IndexField
 from ..medium.tensor_points import contrast_without_gradient
-from ..tracing.lines import box_span
+from ..tracing.lines import cell_along, cylinder_span, slab_span
 from .instrument import FLDI
 
 # Radii to which a beam is followed: beyond lies exp(-2 * 2.6^2) of its light. Rays across a beam.
 REACH, LEAST_RAYS, MOST_RAYS = 2.6, 20, 192
+# Times that the beams' widest radius in the box is found from how far they go in it, and that from the radius.
+BEAM_TURNS = 4
 # Layers along the beams, to a cell of the field and at most; points that are looked up at once.
 LAYERS_PER_CELL, MOST_LAYERS, BLOCK = 2, 4096, 400_000
 
 
-def crossed(field: IndexField, instrument: FLDI) -> tuple[float, float]:
-    """Distances along the axis from the focus between which the beams are in the field's box [m].
+def crossed(field: IndexField, instrument: FLDI, focus: np.ndarray) -> tuple[float, float] | None:
+    """Distances along the axis from a focus [m], shape (3,), between which any of the light is in the field's box.
+
+    None where none ever is.
 
     Raises:
-        ValueError: They never are.
+        ValueError: The beams never leave the box.
     """
     low, high = field.box
-    reach = float(np.linalg.norm(np.where(np.isfinite(low), instrument.focus - low, 0.0)))
-    reach += float(np.linalg.norm(np.where(np.isfinite(high), instrument.focus - high, 0.0)))
-    start = instrument.focus - reach * instrument.axis
-    span = box_span(field, start[None], instrument.axis[None].copy())
-    if not span.meets.any() or not span.leave[0] > 0.0 or not np.isfinite(span.leave[0]):
-        if span.meets.any():
+    there = np.isfinite(low)
+    away = np.linalg.norm(np.where(there, focus - low, 0.0)) + np.linalg.norm(np.where(there, focus - high, 0.0))
+    ends = (-float(away), float(away))
+    for _ in range(BEAM_TURNS):
+        reach = REACH * float(instrument.radius(np.asarray(ends)).max()) + 0.5 * instrument.separation
+        found = _span_of_disc(field, focus, instrument.axis, reach)
+        if found[0] > found[1]:
+            return None
+        if not np.isfinite(found).all():
             raise ValueError("the beams never leave the field: a planar one has no ends along x; turn the axis")
-        raise ValueError("the beams do not meet the field: check the focus, the axis and the units (metres)")
-    return float(span.enter[0]) - reach, float(span.leave[0]) - reach
+        ends = found
+    return ends
 
 
-def cell_along(field: IndexField, direction: np.ndarray) -> float:
-    """How far a line along a unit vector goes through a cell of the field [m]; infinite where nothing changes."""
-    spacing = np.asarray(field.spacing)
-    if field.geometry == "planar":
-        spacing = np.array([np.inf, *spacing])
-    elif field.geometry == "axisymmetric":
-        spacing = np.array([spacing[0], *spacing])
-    with np.errstate(divide="ignore"):
-        return float(1.0 / np.max(np.abs(direction) / spacing))
+def _span_of_disc(field: IndexField, focus: np.ndarray, axis: np.ndarray, reach: float) -> tuple[float, float]:
+    """Where a disc across an axis touches the box while it is moved along it [m]; the first above the second: nowhere.
+
+    By the middle's way through a box that is wider by what the disc reaches along each of its sides.
+    """
+    low, high = field.box
+    wider = reach * np.sqrt(np.maximum(1.0 - axis**2, 0.0))
+    round_box = field.geometry == "axisymmetric"
+    spans = [
+        slab_span(focus[k : k + 1], axis[k : k + 1], low[k] - wider[k], high[k] + wider[k])
+        for k in range(2 if round_box else 0, 3)
+        if np.isfinite(low[k])
+    ]
+    if round_box:
+        spans.append(cylinder_span(focus[None], axis[None], float(high[0]) + reach, 0.0))
+    return max(float(first[0]) for first, _ in spans), min(float(last[0]) for _, last in spans)
 
 
 def beam_grid(field: IndexField, instrument: FLDI, ends: tuple[float, float], rays: int | None):
@@ -58,8 +72,8 @@ def beam_grid(field: IndexField, instrument: FLDI, ends: tuple[float, float], ra
     widest = float(instrument.radius(np.asarray(ends)).max())
     assert instrument.direction is not None
     counts = [
-        min(max(math.ceil(min(2.0 * REACH * widest / cell_along(field, across), MOST_RAYS)), LEAST_RAYS), MOST_RAYS) | 1
-        for across in (instrument.direction, instrument.normal)
+        min(max(math.ceil(min(2.0 * REACH * widest / cell, MOST_RAYS)), LEAST_RAYS), MOST_RAYS) | 1
+        for cell in cell_along(field, np.stack([instrument.direction, instrument.normal]))
     ]
     if rays is not None:
         counts = [int(rays) | 1, int(rays) | 1]
@@ -75,11 +89,12 @@ def beam_grid(field: IndexField, instrument: FLDI, ends: tuple[float, float], ra
 
 
 def gathered(
-    field: IndexField, instrument: FLDI, places: np.ndarray, offset: np.ndarray, ends: tuple[float, float]
+    field: IndexField, instrument: FLDI, places: np.ndarray, focus: np.ndarray, ends: tuple[float, float]
 ) -> np.ndarray:
     """Optical path [m] that the rays of both beams gather, shape (2, n): first the beam toward `direction`."""
     length = ends[1] - ends[0]
-    count = min(max(LAYERS_PER_CELL * math.ceil(length / cell_along(field, instrument.axis)), 16), MOST_LAYERS)
+    cell = float(cell_along(field, instrument.axis[None])[0])
+    count = min(max(LAYERS_PER_CELL * math.ceil(length / cell), 16), MOST_LAYERS)
     thickness = length / count
     middle = ends[0] + thickness * (np.arange(count) + 0.5)
     radius = instrument.radius(middle)
@@ -89,7 +104,7 @@ def gathered(
     block = max(1, BLOCK // len(places))
     for begin in range(0, count, block):
         part = slice(begin, begin + block)
-        along = instrument.focus + offset + middle[part, None] * instrument.axis
+        along = focus + middle[part, None] * instrument.axis
         across = places[:, :1] * first + places[:, 1:] * second
         for beam, side in enumerate((0.5, -0.5)):
             points = along[:, None] + side * instrument.separation * first + radius[part, None, None] * across

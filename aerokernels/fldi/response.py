@@ -168,11 +168,15 @@ def _read(field: Any, instrument: FLDI, offsets: np.ndarray, rays: int | None, r
     if not isinstance(field, IndexField):
         raise TypeError(f"field must be an IndexField, a DensityField or a Series, got {type(field).__name__}")
     field.wavelength_for(instrument.wavelength)
-    ends = crossed(field, instrument)
-    places, share, coarse = beam_grid(field, instrument, ends, rays)
-    rows = []
-    for offset in offsets:
-        first, second = gathered(field, instrument, places, offset, ends)
+    rows, met = [], False
+    for focus in instrument.focus + offsets:
+        ends = crossed(field, instrument, focus)
+        if ends is None:  # undisturbed air
+            rows.append((0.0, 1.0, 0.0, 0.0))
+            continue
+        met = True
+        places, share, coarse = beam_grid(field, instrument, ends, rays)
+        first, second = gathered(field, instrument, places, focus, ends)
         difference = 2.0 * np.pi / instrument.wavelength * (first - second)
         whole, half = ((light * np.exp(1j * difference)).sum() for light in (share, coarse))
         mean = float(share @ difference)
@@ -180,4 +184,6 @@ def _read(field: Any, instrument: FLDI, offsets: np.ndarray, rays: int | None, r
         phase = float(np.angle(whole))
         phase += 2.0 * np.pi * np.rint((mean - phase) / (2.0 * np.pi))
         rows.append((phase, abs(whole), mean, abs(np.angle(half / whole)) if whole else np.nan))
+    if not met:
+        raise ValueError("the beams do not meet the field: check the focus, the axis and the units (metres)")
     return np.asarray(rows)

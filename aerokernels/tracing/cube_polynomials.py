@@ -109,10 +109,12 @@ def roughly_off(grid: UniformGrid, lines: Lines) -> np.ndarray:
     share = (np.arange(PLACES) + 0.5) / PLACES
     place = lines.start[:, None] + (share * lines.length[:, None])[..., None] * lines.direction[:, None]
     cube = np.clip((place.reshape(-1, 3) - grid.origin) / (CUBE_SIDE * grid.spacing), 0, whole - 1).astype(int)
-    node = [CUBE_SIDE * cube[:, axis, None] + np.arange(CUBE_SIDE + SUPPORT["cubic"] - 1) for axis in range(3)]
+    width = CUBE_SIDE + SUPPORT["cubic"] - 1
+    node = [CUBE_SIDE * cube[:, axis, None] + np.arange(width) for axis in range(3)]
     windows = grid.coefficients[node[0][:, :, None, None], node[1][:, None, :, None], node[2][:, None, None, :]]
     operators, points = _operators([CUBE_SIDE] * 3, grid.spacing)
-    made = operators[: len(POWERS) + points] @ windows.reshape(len(cube), -1).astype(np.float32).T
+    # Of no line there is nothing: the rays meet no disturbed air.
+    made = operators[: len(POWERS) + points] @ windows.reshape(len(cube), width**3).astype(np.float32).T
     value, _ = _value_bound(made[: len(POWERS)], np.abs(made[len(POWERS) :]))
     return value.reshape(-1, PLACES).mean(axis=1) * lines.length
 

@@ -46,6 +46,14 @@ def box_size(field: IndexField) -> float:
     return float(np.linalg.norm(np.where(np.isfinite(high - low), high - low, 0.0)))
 
 
+def cell_along(field: IndexField, direction: np.ndarray) -> np.ndarray:
+    """How far lines along unit vectors (n, 3) go through a cell of the field [m], (n,); infinite where none ends."""
+    spacing = np.asarray(field.spacing)
+    first = {"volume": (), "planar": (np.inf,), "axisymmetric": (spacing[0],)}[field.geometry]
+    with np.errstate(divide="ignore"):
+        return np.asarray(1.0 / np.max(np.abs(direction) / [*first, *spacing], axis=1))
+
+
 def box_span(field: IndexField, position: np.ndarray, direction: np.ndarray) -> BoxSpan:
     """Where straight lines from `position` [m] along unit vectors `direction`, both (n, 3), cross the field's box."""
     low, high = field.box

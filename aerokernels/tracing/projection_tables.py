@@ -205,7 +205,9 @@ def _between_bound(path: np.ndarray, spacing: tuple[float, float]) -> np.ndarray
         for axis in (1, 2):
             second = np.diff(slope, 2, axis=axis)
             third = np.diff(second, axis=axis)
-            found += steepest * np.abs(third).max(axis=(1, 2)) + np.abs(second).max(axis=(1, 2)) ** 2
+            # One cell across has no fourth difference.
+            of_third = np.abs(third).max(axis=(1, 2), initial=0.0)
+            found += steepest * of_third + np.abs(second).max(axis=(1, 2)) ** 2
     return found / 16.0
 
 

@@ -6,9 +6,9 @@ integral there is
     A0 = max q over 0 <= x <= s,   A1 = max q over s <= x <= 2 s
     A0 min(s / ln(A1 / A0), D, w)        the first of the three where A1 > A0, where the disturbance falls off
 
-s is two cells; D is the box's own extent along the line: air that does not fall off is taken to go on for as much
-again; w is the length of the path that lies outside. An exponential tail has A0 s / ln(A1 / A0) left from the depth s
-on, and a steeper one less.
+s is two cells, by their extent along the ray; D is the box's own extent along the line: air that does not fall off is
+taken to go on for as much again; w is the length of the path that lies outside. An exponential tail has
+A0 s / ln(A1 / A0) left from the depth s on, and a steeper one less.
 
 Of q = |m|, the contrast, that integral is an optical path. Of q = |grad m . e| it is an angle by which the missing air
 would have turned the ray, times the obliquity e of the ray's stop (lever_arms.py): the optical path changes by that
@@ -22,7 +22,7 @@ import numpy as np
 from ..medium import IndexField
 from ..medium.grid import UniformGrid
 from .lever_arms import obliquity
-from .lines import box_size, box_span
+from .lines import box_size, box_span, cell_along
 from .mesh_rim import rim_contrast
 
 WINDOW_CELLS = 2.0
@@ -78,7 +78,7 @@ def contrast_tail(field: IndexField, point, inward, chord, cell=None, contrast=N
         cell: Size of the cells there [m], shape (n,); None for the field's own.
         contrast: |contrast| at the points, shape (n,), where it is known already.
     """
-    field, cell = _original(field, cell, len(point))
+    field, cell = _original(field, cell, inward)
     places, step = _places(field, point, inward, chord, cell)
     if field.is_uniform:
         found = np.abs(contrast_in(field, places.reshape(-1, 3))).reshape(places.shape[:2])
@@ -93,7 +93,7 @@ def contrast_tail(field: IndexField, point, inward, chord, cell=None, contrast=N
 
 def slope_tail(field: IndexField, point, inward, chord, across, cell=None) -> tuple[np.ndarray, np.ndarray]:
     """A0 of |grad m . across| and the length by which it falls off, as `contrast_tail` has them; `across` is (n, 3)."""
-    field, cell = _original(field, cell, len(point))
+    field, cell = _original(field, cell, inward)
     places, step = _places(field, point, inward, chord, cell)
     flat, along = places.reshape(-1, 3), np.repeat(across, len(DEPTHS), axis=0)
     if field.is_uniform:
@@ -103,17 +103,24 @@ def slope_tail(field: IndexField, point, inward, chord, across, cell=None) -> tu
     return _falls_off(field, np.abs(found).reshape(places.shape[:2]), point, step)
 
 
-def _original(field: IndexField, cell, count: int) -> tuple[IndexField, np.ndarray | None]:
-    """The field that this one was resampled from, if one is kept, and the smaller of their cells."""
+def _original(field: IndexField, cell, inward: np.ndarray) -> tuple[IndexField, np.ndarray]:
+    """The field that this one was resampled from, if one is kept, and the smaller of their cells along rays [m]."""
+    if cell is None:
+        cell = _cell(field, inward)
     while field.source is not None and field.source is not field:
-        smaller = min(float(np.max(field.spacing)), float(np.max(field.source.spacing)))
-        field, cell = field.source, np.full(count, smaller)
+        cell = np.minimum(_cell(field, inward), _cell(field.source, inward))
+        field = field.source
     return field, cell
 
 
+def _cell(field: IndexField, inward: np.ndarray) -> np.ndarray:
+    """How far rays go through a cell [m], shape (n,); no more than its longest side."""
+    return np.minimum(cell_along(field, inward), float(np.max(field.spacing)))
+
+
 def _places(field: IndexField, point, inward, chord, cell) -> tuple[np.ndarray, np.ndarray]:
-    """Points below the boundary [m], shape (n, 5, 3), and s [m], of a shape that goes with (n,)."""
-    step = np.atleast_1d(WINDOW_CELLS * (float(np.max(field.spacing)) if cell is None else cell))
+    """Points below the boundary [m], shape (n, 5, 3), and s [m], shape (n,)."""
+    step = WINDOW_CELLS * cell
     depth = np.minimum(step[:, None] * DEPTHS, chord[:, None])
     return point[:, None] + depth[..., None] * inward[:, None], step
 

@@ -149,6 +149,8 @@ class Wavefront(WavefrontMap):
     def encircled_energy(self, angle=None, *, center=None) -> EncircledEnergy:
         """Share of the light within an angle about a point of the image, exact for the pixels of the map.
 
+        All light counts as lying within half of wavelength / pixel along either axis, which is what pixels hold.
+
         Args:
             angle: Angles [rad], any shape; None for 65 up to eight times wavelength / width.
             center: The point [rad], two numbers along x and y; None for the centroid.
@@ -161,6 +163,8 @@ class Wavefront(WavefrontMap):
         if not (np.isfinite(angle) & (angle >= 0.0)).all():
             raise ValueError(f"angle must be finite and at least 0 rad, got {angle!r}")
         point = self.centroid if center is None else np.asarray(center, dtype=float)
+        if center is None and not np.isfinite(point).all():
+            raise ValueError("no pixel has a neighbour, so there is no centroid: give `center` or more pixels")
         if point.shape != (2,) or not np.isfinite(point).all():
             raise ValueError(f"center must be two angles along x and y [rad], got {center!r}")
         return EncircledEnergy(angle, encircled(self.otf(), angle, point), point, self.phase_error)

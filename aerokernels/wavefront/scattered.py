@@ -1,8 +1,9 @@
 """A wavefront of samples scattered over a pupil, as of rays at random or of a sensor's lenslets.
 
 Zernike polynomials are fitted first, so that what they hold is carried over as it is. What is left is interpolated over
-triangles (Clough and Tocher's cubics), and beyond the outermost samples it is that of the nearest one. How far this is
-off is measured: every eighth sample is made of the others.
+triangles (Clough and Tocher's cubics), and beyond the outermost samples by parabolas. How far this is off is measured:
+every eighth sample is made of the others; of few samples each one is, an eighth at a time, since the rim is where it is
+farthest off and only few samples lie there.
 """
 
 from typing import Any
@@ -16,7 +17,9 @@ from .grid import pupil_grid
 # Zernike polynomials at most, and samples to each of them at least; samples that a wavefront takes at least.
 MODES, PER_MODE, FEWEST = 36, 3, 9
 # One of so many samples is made of the others to see how well that goes, and what stands for those that are not there.
-LEFT_OUT, SAFETY = 8, 2.0
+LEFT_OUT, SAFETY = 8, 3.0
+# Samples up to which each one is left out once; of more, as many eighths as come to it.
+EACH_LEFT_OUT = 5000
 # A hole is a place of the pupil farther from every sample than so many of their mean distances.
 HOLE = 4.0
 # Samples that a parabola goes through, at best.
@@ -40,9 +43,13 @@ def from_scattered(
     made[lit] = _interpolated(place, values, wanted, pupil.reach)
 
     def budget() -> dict[str, float]:
-        out = np.arange(len(values)) % LEFT_OUT == LEFT_OUT // 2
-        again = _interpolated(place[~out], values[~out], place[out], pupil.reach)
-        found = {"interpolation": SAFETY * float(np.abs(again - values[out]).max())}
+        turns = min(max(LEFT_OUT * EACH_LEFT_OUT // len(values), 1), LEFT_OUT)
+        worst = 0.0
+        for turn in range(turns):
+            out = np.arange(len(values)) % LEFT_OUT == (turn + LEFT_OUT // 2) % LEFT_OUT
+            again = _interpolated(place[~out], values[~out], place[out], pupil.reach)
+            worst = max(worst, float(np.abs(again - values[out]).max()))
+        found = {"interpolation": SAFETY * worst}
         if opd_error is not None:
             found["samples"] = float(opd_error)
         return {**found, "total": float(np.linalg.norm(list(found.values())))}

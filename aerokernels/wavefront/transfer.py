@@ -17,6 +17,7 @@ from functools import cached_property
 
 import numpy as np
 
+from ..pupils import Disc
 from .data import WavefrontMap
 
 # Of the long-exposure exp(-3.44 (r / r0)^(5/3)): D. L. Fried, J. Opt. Soc. Am. 56 (1966) 1372.
@@ -133,9 +134,15 @@ def transfer_function(wavefront: WavefrontMap) -> Transfer:
 
 
 def encircled(transfer: Transfer, angle: np.ndarray, center: np.ndarray) -> np.ndarray:
-    """Share of the light within angles [rad], any shape, about the point `center` [rad], shape (2,)."""
+    """Share of the light within angles [rad], any shape, about the point `center` [rad], shape (2,).
+
+    Raises:
+        ValueError: A map of one pixel, which has no picture.
+    """
     from scipy.special import j1
 
+    if len(transfer.frequency) < 2:
+        raise ValueError("a wavefront of one pixel has no encircled energy: give a greater pixel_count")
     fx, fy = transfer.frequency[None, :], transfer.frequency[:, None]
     # E is real, and so is the part of the OTF that is even.
     even = (transfer.value * np.exp(2j * np.pi * (fx * center[0] + fy * center[1]))).real
@@ -145,8 +152,26 @@ def encircled(transfer: Transfer, angle: np.ndarray, center: np.ndarray) -> np.n
     summed = np.bincount(place, even.ravel())
     frequency = spacing * np.sqrt(squared[1:])
     flat = np.abs(np.ravel(angle))
-    energy = np.array([a * (j1(2.0 * np.pi * a * frequency) @ (summed[1:] / frequency)) for a in flat])
-    return (spacing**2 * (energy + np.pi * flat**2 * summed[0])).reshape(np.shape(angle))
+    # The pixels' picture has a period of wavelength / pixel: one period, a square about the point, holds all the light.
+    half = 0.5 / spacing
+    held = np.minimum(flat, half)
+    energy = np.array([a * (j1(2.0 * np.pi * a * frequency) @ (summed[1:] / frequency)) for a in held])
+    energy = spacing**2 * (energy + np.pi * held**2 * summed[0])
+    for row in np.flatnonzero(flat > half):
+        energy[row] = 1.0 - _in_corners(even, half, flat[row])
+    return energy.reshape(np.shape(angle))
+
+
+def _in_corners(even: np.ndarray, half: float, angle: float) -> float:
+    """Light of a period, a square of half a width, outside the circle of that angle [rad] about its middle."""
+    from scipy.fft import fftshift, ifft2, ifftshift
+
+    if angle >= np.sqrt(2.0) * half:
+        return 0.0
+    more = (len(even) + 1) // 2  # an odd number of angles tiles the period
+    light = fftshift(ifft2(ifftshift(np.pad(even, more))).real)
+    edges = half * np.linspace(-1.0, 1.0, len(light) + 1)
+    return float((light * (1.0 - Disc(angle).coverage(edges, edges))).sum())
 
 
 def normalised_sensitivity(transfer: Transfer, wavelength: float, fried: float) -> float:

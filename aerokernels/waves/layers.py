@@ -7,7 +7,7 @@ import numpy as np
 from ..medium import IndexField
 from ..medium.grid import UniformGrid
 from ..medium.tensor_points import contrast_on_axes
-from ..tracing.lines import box_span
+from ..tracing.lines import box_span, cell_along
 from .wave import Wave
 
 # Layers that the path through the box is sampled in, at most, and the fewest steps.
@@ -70,7 +70,7 @@ def mean_layers(field: IndexField, wave: Wave, begin: float, end: float, count: 
 
     What lies between two samples of a layer, a thin shock that is crossed aslant, is not missed so.
     """
-    cell = float(1.0 / np.max(np.abs(wave.normal[-len(field.spacing) :]) / field.spacing))
+    cell = float(cell_along(field, wave.normal[None])[0])
     parts = min(max(math.ceil((end - begin) / (count * cell) - 1e-9), 1), MOST_PARTS)
     if parts == 1:
         return sample_layers(field, wave, begin, end, count)

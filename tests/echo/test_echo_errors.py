@@ -48,6 +48,16 @@ def test_a_phase_error_walks_the_leading_edge():
     assert lines.count(" +- ") >= 4 and "range by leading-edge" in lines and "no range" not in lines
 
 
+def test_coarse_codes_move_the_range():
+    """Of six bits, 79 mV a code, ranges are millimetres off, and the errors say so: they said micrometres."""
+    fine = echo(scene(), field=lump(2e-6), phase_error=0.0)
+    coarse = echo(scene(**{"detector.bit_count": 6}), field=lump(2e-6), phase_error=0.0)
+    for method, told in coarse.errors.ranges.items():
+        off = abs(coarse.ranges[method] - fine.ranges[method])
+        assert 0.9 * off <= told.systematic <= 1.1 * off + 1e-5
+        assert fine.errors.ranges[method].systematic < 1e-4 < told.systematic
+
+
 def test_its_own_phase_error_is_that_of_its_rays():
     """Without a Strehl estimate at hand the echo makes one: some error, and small in a smooth field."""
     found = echo(scene(), field=lump(2e-5))

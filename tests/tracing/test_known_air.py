@@ -5,6 +5,7 @@ of a straight ray is c times the length of its way through the box, so what it l
 boxes, which is known exactly.
 """
 
+import math
 import pickle
 import warnings
 
@@ -53,6 +54,24 @@ def fan(count: int = 40, start_z: float = -2e-3, slope: float = 0.4) -> RayBundl
 def lost(field: IndexField, rays: RayBundle, until) -> np.ndarray:
     """What rays may lose [m], on straight lines, at a tolerance of 1e-3 wave."""
     return may_be_lost(field, rays, until, 1e-3 * WAVE)[0]
+
+
+@pytest.mark.parametrize("geometry", GEOMETRIES)
+def test_cells_that_are_long_across_the_rays(geometry):
+    """A layer across z that fades toward the faces, exp(-z^2 / w^2), in cells 16 times as long across z as along it.
+
+    Truth: c w sqrt(pi) / 2 erfc(L / 2 w) at each face.
+    """
+    width = LENGTH / 3.0
+    axes = [np.linspace(0.0 if geometry == "axisymmetric" else -HALF, HALF, 3)] * (2 if geometry == "volume" else 1)
+    along = np.linspace(-0.5 * LENGTH, 0.5 * LENGTH, 33)
+    samples = CONTRAST * np.exp(-(((0.0 * np.meshgrid(*axes, along, indexing="ij")[0]) + along) ** 2) / width**2)
+    origin, spacing = [axis[0] for axis in (*axes, along)], [axis[1] - axis[0] for axis in (*axes, along)]
+    field = IndexField.from_samples(samples, origin=origin, spacing=spacing, geometry=geometry)
+    rays = RayBundle([[0.0, 1e-3, -0.02], [0.0, -1e-3, -0.02]], UP)
+    truth = CONTRAST * width * math.sqrt(math.pi) * math.erfc(0.5 * LENGTH / width)
+    found = lost(field, rays, Plane((0.0, 0.0, 0.02), UP))
+    assert (truth < found).all() and (found < 4.0 * truth).all()
 
 
 # --- rays ------------------------------------------------------------------------------------------------------------

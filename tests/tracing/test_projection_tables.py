@@ -45,6 +45,19 @@ def traced(field: IndexField, rays: RayBundle, until):
     return trace(field, rays, until=until, method="adaptive", tolerance=1e-7, precision="float64")
 
 
+@pytest.mark.parametrize("shape", [(2, 2, 9), (9, 2, 5), (2, 2, 2)])
+def test_a_volume_of_one_cell_across(shape):
+    """It has no fourth difference, which is no reason to fail; right to 1e-4 wave."""
+    field = IndexField.from_samples(
+        noise(shape, 1e-4, seed=3), origin=(0.0, 0.0, 0.0), spacing=(CELL,) * 3, geometry="volume"
+    )
+    high = field.box[1]
+    start = np.random.default_rng(4).uniform(0.0, high, (5000, 3)) * [1.0, 1.0, 0.0]
+    rays, stop = RayBundle(start, [0.0, 0.0, 1.0]), Plane(high, (0.0, 0.0, 1.0))
+    found = trace(field, rays, until=stop, backend="opencl", outputs=("opd",))
+    assert np.abs(found.opd[::50] - traced(field, part(rays, 50), stop).opd).max() < 1e-4 * WAVE
+
+
 @pytest.mark.parametrize("engine", ENGINES)
 @pytest.mark.parametrize("precision", ["float32", "float64"])
 @pytest.mark.parametrize(
