@@ -15,7 +15,7 @@ from ..device_arrays import host_array
 from ..medium import Body, QuadMesh
 from ..netcdf_reading import open_netcdf
 from ..room import check_file, check_room
-from ..units import quantity
+from ..written_units import unit_of
 from .density_field import DensityField
 from .gas import FreeStream
 from .series import GridMesh, InOrder, Series, mesh_of, times_of
@@ -90,12 +90,16 @@ def open_series(
     for_files = {**{name: value for name, value in shared.items() if value is not None}, **options}
     if isinstance(source, (str, Path)):
         path = Path(source)
-        if any(letter in str(source) for letter in "*?["):
+        if any(letter in str(source) for letter in "*?[") and not path.exists():
             return _of_files(_matching(path), time, time_step, start_time, _reader(read, for_files, density))
         if path.suffix == ".pvd" and path.is_file():
             paths, instants = _collection(path)
-            return _of_files(paths, instants, None, 0.0, _reader(read, for_files, density))
-        if path.is_dir() and (path / "system").is_dir():
+            reader = _reader(read, for_files, density)
+            if len(set(instants)) < len(instants):  # several parts at one time: the collection itself is read
+                return _at_times(path, np.unique(instants), reader, {"file": path.name})
+            return _of_files(paths, instants, None, 0.0, reader)
+        case = import_module(f"{__package__}.reading.foam_case")
+        if path.exists() and case.may_be_case(path) and case.is_case(path):
             return _of_case(path, _reader(read, for_files, density))
         if options:
             raise TypeError(f"{path} is no file of `read`: it does not take {', '.join(options)}")
@@ -194,24 +198,20 @@ def _collection(path: Path) -> tuple[list[Path], list[float]]:
 
 
 def _of_case(path: Path, reader: Callable[..., DensityField]) -> Series:
-    """An OpenFOAM case by its time directories; those of a case in parts are its first part's."""
-    root = path / "processor0" if (path / "processor0").is_dir() else path
-    times = []
-    for folder in root.iterdir():
-        try:
-            times += [float(folder.name)] if folder.is_dir() and any(folder.iterdir()) else []
-        except ValueError:
-            continue
-    if not times:
-        raise ValueError(f"{path}: an OpenFOAM case without time directories; run it, or reconstruct it")
-    times.sort()
-    identity = {"case": path.name, "times": times}
+    """An OpenFOAM case by its time directories, those from which `flow.read` takes one time."""
+    case = import_module(f"{__package__}.reading.foam_case")
+    times = [value for value, _ in case.parts_and_times(case.case_folder(path))[1]]
+    return _at_times(path, np.array(times), reader, {"case": path.name})
+
+
+def _at_times(path: Path, times: np.ndarray, reader: Callable[..., DensityField], identity: dict) -> Series:
+    """A file or case of several times, of which the reader is asked for one."""
     return _of_fields(
-        lambda number: reader(path, time=times[number]),
-        np.array(times),
-        reader(path, time=times[0]),
+        lambda number: reader(path, time=float(times[number])),
+        times,
+        reader(path, time=float(times[0])),
         f"{path}, {len(times)} times",
-        identity=identity,
+        identity={**identity, "times": times.tolist()},
     )
 
 
@@ -315,14 +315,11 @@ def _in_si(name: str, axis: str, coordinate: Any, dimension: str) -> np.ndarray:
 
 
 def _factor(name: str, unit: Any, dimension: str, what: str) -> float:
-    if unit is None or str(unit).strip() in ("", "1"):
-        return 1.0
-    text = str(unit).strip().replace(" m-3", "/m3").replace("kg m^-3", "kg/m3").replace("kg m**-3", "kg/m3")
-    text = {"seconds": "s", "second": "s", "meter": "m", "metre": "m", "meters": "m", "metres": "m"}.get(text, text)
     try:
-        return quantity(f"1 {text}", dimension)
+        found = unit_of("" if unit is None else str(unit), dimension)
     except ValueError as fault:
-        raise ValueError(f"{name}: the unit of {what}: {fault}") from None
+        raise ValueError(f"{name}: the unit of {what}: {fault}; write it in SI") from None
+    return found.factor
 
 
 def _even(name: str, axis: str, coordinate: Any) -> tuple[float, float]:

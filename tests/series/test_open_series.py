@@ -122,7 +122,7 @@ def test_collections_and_cases_have_their_times(tmp_path: Path, monkeypatch: pyt
     assert list(series.time) == [1e-5, 2e-5] and series.mesh.shape == (4, 5, 6)
     series.density(1)
     assert asked == [("a.vtu", None, {"length_unit": "mm"}), ("b.vtu", None, {"length_unit": "mm"})]
-    for folder in ("system", "constant", "0", "0.002", "0.0005"):
+    for folder in ("system", "constant/polyMesh", "0", "0.002", "0.0005"):
         (tmp_path / "case" / folder).mkdir(parents=True)
         (tmp_path / "case" / folder / "rho").write_text("")
     case = flow.open_series(tmp_path / "case", density="rho")

@@ -67,9 +67,9 @@ def format_of(path: Path, options: Mapping[str, Any]) -> Format:
     """
     if not os.path.exists(path):  # of a name of any length
         raise ReadError(path, "there is no such file or folder", "give the path of a flow file or case")
-    if path.is_dir() or path.suffix.lower() in (".foam", ".openfoam") or path.name == "controlDict":
-        from .foam_case import is_case
+    from .foam_case import is_case, may_be_case
 
+    if may_be_case(path):
         if is_case(path):
             return _BY_NAME["OpenFOAM case"]
         raise ReadError(path, "the folder is no OpenFOAM case", "give a case, or one of the files in the folder")
