@@ -104,7 +104,8 @@ def written_unit(text: str) -> WrittenUnit | None:
             factor *= Fraction(repr(one[0])) ** power
             exponents = [own + power * other for own, other in zip(exponents, one[1], strict=True)]
             sign = 1
-    return WrittenUnit(float(factor), 0.0, tuple(exponents)) if any(exponents) else None
+    whole = any(exponents) and len(group) == 1
+    return WrittenUnit(float(factor), 0.0, tuple(exponents)) if whole else None
 
 
 def is_no_unit(text: str) -> bool:

@@ -146,7 +146,7 @@ def read_field(path: Path, cell_count: int) -> np.ndarray:
             raise file.fault("the uniform value is no number")
         return np.tile(values, (cell_count, 1)) if width > 1 else np.full(cell_count, values[0])
     file.word()  # List<scalar>
-    values = file.numbers(file.scalar, width).astype(np.float64)
+    values = file.numbers(file.scalar, width, cell_count).astype(np.float64)
     if len(values) != cell_count:
         raise file.fault(f"the field has {len(values)} entries, the mesh {cell_count} cells")
     return values

@@ -2,6 +2,7 @@
 
 from .dataset import Dataset
 from .density import Reference
+from .formats import checked_time
 from .frame import Frame
 from .read import field_of, length_unit_given, reading_of
 
@@ -22,7 +23,7 @@ def from_xarray(array, *, density=None, frame=None, reference=None, ambient_dens
         name = array.name or "density"
         array, density = array.to_dataset(name=name), density or name
     ambient = ambient_density if ambient_density is not None else attributes.get("ambient_density")
-    found = labelled_dataset("xarray data", array, None, time)
+    found = labelled_dataset("xarray data", array, None, checked_time(time))
     return _field(found, "xarray data", density, frame, reference, ambient, geometry, gas_constant, length_unit,
                   species=species)  # fmt: skip
 

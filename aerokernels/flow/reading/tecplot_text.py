@@ -12,7 +12,7 @@ import numpy as np
 
 from .array_units import length_of
 from .coordinates import COLUMNS
-from .dataset import HEXAHEDRON, QUAD, TETRAHEDRON, TRIANGLE, Block, Cells, Dataset, ReadError
+from .dataset import HEXAHEDRON, LINE, QUAD, TETRAHEDRON, TRIANGLE, Block, Cells, Dataset, ReadError
 
 DAMAGED = "the file is damaged or was not written to its end: write it again"
 ELEMENTS = {
@@ -24,6 +24,8 @@ ELEMENTS = {
     "TETRAHEDRON": (TETRAHEDRON, 4),
     "FEBRICK": (HEXAHEDRON, 8),
     "BRICK": (HEXAHEDRON, 8),
+    "FELINESEG": (LINE, 2),
+    "LINESEG": (LINE, 2),
 }
 _PAIR = re.compile(r'([A-Za-z][\w ]*?)\s*=\s*("[^"]*"|\((?:[^()]|\([^()]*\))*\)|[^\s,=]+)')
 _NUMBER = re.compile(r"^\s*[-+.\d]")
@@ -50,6 +52,13 @@ def read(path: Path, time: Any = None, options: dict | None = None) -> Dataset:
 
 def at_time(path: Path, variables: list[str], blocks: list[Block], times: list, name: str, asked) -> Dataset:
     """The zones of one solution time; zones without a time belong to all."""
+    flows = [k for k, block in enumerate(blocks) if block.cells is None or (block.cells.types != LINE).any()]
+    notes = []
+    if 0 < len(flows) < len(blocks):
+        notes = [
+            f"zones of lines are left out: {', '.join(blocks[k].name for k in set(range(len(blocks))) - set(flows))}"
+        ]
+        blocks, times = [blocks[k] for k in flows], [times[k] for k in flows]
     place = coordinate_columns(variables)
     length, factors = length_of(path, {variables[k]: "" for k in place.values()})
     for index, factor in zip(place, factors, strict=True):
@@ -61,7 +70,7 @@ def at_time(path: Path, variables: list[str], blocks: list[Block], times: list, 
             not values or abs(values[0] - float(asked)) > 1e-9 * abs(float(asked))
         ):
             raise ReadError(path, f"it holds one time only, not t = {asked!r}", "leave time out")
-        return Dataset(blocks, name, times=values, time=values[0] if values else None, length=length)
+        return Dataset(blocks, name, times=values, time=values[0] if values else None, length=length, notes=notes)
     if asked in (None, "latest", "first"):
         chosen = values[0 if asked == "first" else -1]
     else:
@@ -71,7 +80,7 @@ def at_time(path: Path, variables: list[str], blocks: list[Block], times: list, 
                 path, f"there is no time {asked!r}", f"take one of {', '.join(f'{t:g}' for t in values[:8])}"
             )
     kept = [block for block, t in zip(blocks, times, strict=True) if t is None or float(t) == chosen]
-    return Dataset(kept, name, times=values, time=chosen, length=length)
+    return Dataset(kept, name, times=values, time=chosen, length=length, notes=notes)
 
 
 def _parts(path: Path, text: str):
