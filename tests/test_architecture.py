@@ -19,6 +19,7 @@ RANK = {
             ("read_only",),
             (
                 "units",
+                "written_units",
                 "quantities",
                 "callable_module",
                 "sobol",

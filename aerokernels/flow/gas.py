@@ -14,6 +14,7 @@ from ..arguments import checked
 GAMMA_AIR = 1.4
 # Universal gas constant over the molar mass of dry air, 8314.4626 / 28.9644 [J/(kg K)].
 GAS_CONSTANT_AIR = 8314.4626 / 28.9644
+LEAST_POWER_GAMMA = 1.02
 SEA_LEVEL_DENSITY = 1.225  # [kg/m3], International Standard Atmosphere
 SEA_LEVEL_TEMPERATURE = 288.15  # [K], likewise
 GREATEST_DENSITY = 1000.0  # [kg/m3], a liquid's: grams a cubic metre that were taken for kilograms
@@ -191,6 +192,14 @@ def free_stream(
         gamma=float(gamma),
         gas_constant=float(gas_constant),
     )
+
+
+def stagnation_ratio(density: float, pressure: float, gamma: float) -> float:
+    """p02 / p01 across a shock from rho2 / rho1 and p2 / p1."""
+    if gamma > LEAST_POWER_GAMMA:
+        return float(density ** (gamma / (gamma - 1.0)) * pressure ** (-1.0 / (gamma - 1.0)))
+    # Near gamma = 1 both powers are beyond any number, and their product is not.
+    return math.exp((gamma * math.log(density) - math.log(pressure)) / (gamma - 1.0))
 
 
 def positive(value: float, name: str) -> float:

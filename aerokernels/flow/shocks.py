@@ -17,7 +17,7 @@ import math
 from dataclasses import dataclass
 
 from ..arguments import checked
-from .gas import GAMMA_AIR, check_gamma
+from .gas import GAMMA_AIR, check_gamma, stagnation_ratio
 
 
 @dataclass(frozen=True)
@@ -143,7 +143,7 @@ def _behind(mach: float, angle: float, deflection: float, gamma: float) -> Shock
     temperature = pressure / density
     # The velocity along the shock stays, the one normal to it falls by the density ratio; sound speed^2 goes with T.
     velocity_square = (mach * math.cos(angle)) ** 2 + square / density**2
-    stagnation = density ** (gamma / (gamma - 1.0)) * pressure ** (-1.0 / (gamma - 1.0))
+    stagnation = stagnation_ratio(density, pressure, gamma)
     return Shock(
         mach=float(mach),
         deflection=float(deflection),

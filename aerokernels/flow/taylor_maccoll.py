@@ -22,7 +22,7 @@ import numpy as np
 
 from ..arguments import checked
 from .conical_profile import ConeShock, ConicalProfile, temperature_excess
-from .gas import GAMMA_AIR
+from .gas import GAMMA_AIR, stagnation_ratio
 from .shocks import _check_supersonic, maximum_deflection, oblique_shock
 
 # Below this half angle the shock's strength is less than 1e-24 and the flow is the free stream to double precision.
@@ -191,7 +191,7 @@ def _assemble(mach: float, half_angle: float, gamma: float, strength: float) -> 
 
     density = (gamma + 1.0) * (1.0 + strength) / ((gamma - 1.0) * (1.0 + strength) + 2.0)
     pressure = 1.0 + 2.0 * gamma / (gamma + 1.0) * strength
-    stagnation = density ** (gamma / (gamma - 1.0)) * pressure ** (-1.0 / (gamma - 1.0))
+    stagnation = stagnation_ratio(density, pressure, gamma)
     state = {
         name: (
             1.0 + float(temperature_excess(mach, gamma, angle, u, w)),

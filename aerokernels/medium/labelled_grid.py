@@ -2,11 +2,10 @@
 
 import numpy as np
 
-from ..units import quantity
+from ..written_units import unit_of
 
 GEOMETRIES = {("x", "y", "z"): "volume", ("y", "z"): "planar", ("r", "z"): "axisymmetric"}
 EVEN = 1e-6  # share of the spacing by which nodes may be off an even grid
-METRES = ("", "m", "metre", "meter", "metres", "meters")
 
 
 def grid_arguments(array) -> dict:
@@ -29,7 +28,7 @@ def grid_arguments(array) -> dict:
             raise ValueError(f"dimension {axis} has no coordinates: assign them, in metres or with an attribute units")
         unit = str(array.coords[names[axis]].attrs.get("units", "")).strip()
         place = np.asarray(array.coords[names[axis]].values, dtype=np.float64)
-        place = place * (1.0 if unit.lower() in METRES else quantity(f"1 {unit}", "length"))
+        place = place * unit_of(unit, "length").factor
         if len(place) < 2:
             raise ValueError(f"dimension {axis} has {len(place)} nodes: a field needs at least two")
         if place[-1] < place[0]:

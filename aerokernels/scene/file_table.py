@@ -19,7 +19,9 @@ def _axis(value: str) -> str:
     return value
 
 
-def _length_unit(value: Any) -> str:
+def _length_unit(value: Any) -> str | None:
+    if value is None:
+        return None
     from ..flow.reading.read import unit_of_length
 
     if not isinstance(value, (str, float, int)) or isinstance(value, bool):
@@ -57,7 +59,9 @@ class FileTable(Table):
         (0.0, 0.0, 0.0), "The point of the file that becomes the origin, in the file's unit of length."
     )
     rotation: Angle = key("0 deg", "Angle about x by which the optical axis is turned toward up.")
-    length_unit: Annotated[str, BeforeValidator(_length_unit)] = key("m", "Unit of the file's coordinates.")
+    length_unit: Annotated[str | None, BeforeValidator(_length_unit)] = key(
+        None, "Unit of the file's coordinates; what the file states, else metres, if absent."
+    )
     reference_density: Density | None = key(None, "What a density of 1 is in a non-dimensional file.")
     reference_pressure: Pressure | None = key(None, "What a pressure of 1 is in a non-dimensional file.")
     reference_temperature: Temperature | None = key(None, "What a temperature of 1 is in a non-dimensional file.")

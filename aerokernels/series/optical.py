@@ -220,13 +220,14 @@ def _definition(series: Series, template: "xarray.Dataset", way: Way) -> dict[st
         "version": __version__,
         "numbers": list(NUMBERS),
         "series": dict(series.identity),
-        "time": [len(series), float(series.time[0]), float(series.time[-1])],
+        "first snapshot": series.mark(),
+        "time": [len(series), float(series.time[0]), float(series.time[-1]), _digest(series.time)],
         "mesh": [mesh.geometry, mesh.origin.tolist(), mesh.spacing.tolist(), list(mesh.shape)]
         if isinstance(mesh, GridMesh)
-        else str(type(mesh).__name__),
+        else [type(mesh).__name__, *([] if mesh is None else [mesh.geometry, _digest(mesh.vertices, mesh.cells)])],
         "ambient_density": series.ambient_density,
         "pupil": template.attrs["pupil"],
-        "weights": hashlib.sha256(template.weight.values.tobytes()).hexdigest()[:16],
+        "weights": _digest(template.weight.values),
         "pixels": [template.sizes["y"], template.sizes["x"], float(template.x[0]), float(template.y[0])],
         "direction": template.attrs["direction"],
         "remove": template.attrs["remove"],
@@ -234,3 +235,8 @@ def _definition(series: Series, template: "xarray.Dataset", way: Way) -> dict[st
         "relation": [way.relation, way.constant, str(way.composition), way.interpolation],
         "method": [way.method, way.tolerance, *map(str, way.trace_options.values())],
     }
+
+
+def _digest(*arrays: np.ndarray) -> str:
+    """A short text of arrays: other ones have another."""
+    return hashlib.sha256(b"".join(np.ascontiguousarray(one).tobytes() for one in arrays)).hexdigest()[:16]

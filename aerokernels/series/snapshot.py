@@ -14,6 +14,7 @@ import numpy as np
 
 from ..device_arrays import host_array
 from ..flow import DensityField, Series, refractivity_model
+from ..flow.gas import GREATEST_DENSITY
 from ..medium import IndexField, QuadMesh
 from ..rays import RayBundle
 from ..tracing import Plane
@@ -191,6 +192,7 @@ class Snapshots:
         if self.way.method == "auto" and not (
             np.isfinite(self._measured) and slope <= GROWN * self._measured_slope + 1e-30
         ):
+            self._check_range(host_array(density), number)
             probe, interpolation = self._probe(stored, number, opd, valid)
             self.resume(slope, probe, interpolation)
         grown = max(1.0, slope / self._measured_slope) if self._measured_slope > 0.0 else 1.0
@@ -203,6 +205,17 @@ class Snapshots:
         drawn = SAFETY * self.model.upstream(self.way.wavelength, column).columns
         error = float(np.sqrt(bending**2 + self._interpolation**2 + drawn**2))
         return Found(opd, valid, False, error, slope, probe, interpolation)
+
+    def _check_range(self, samples: np.ndarray, number: int) -> None:
+        """Refuse densities that are no gas's, which straight lines take like any number.
+
+        Looking at every sample costs as much as their integrals: it is done where the bending is measured.
+        """
+        if samples.size and not (samples.min() > 0.0 and samples.max() <= GREATEST_DENSITY):
+            try:
+                self.series.field(samples, number)
+            except ValueError as fault:
+                raise ValueError(f"snapshot {number}: {fault}") from None
 
     def _straight(self, density: Any, ambient: float) -> np.ndarray:
         """K times the integral of what the density has above the ambient one, a spline of which is that constant."""

@@ -211,3 +211,11 @@ def test_a_weak_turn_compresses_as_much_as_it_would_expand(mach):
     shock = flow.oblique_shock(mach, turn)
     fall = flow.prandtl_meyer(mach).angle - flow.prandtl_meyer(shock.downstream_mach).angle
     assert abs(fall - turn) < 200.0 * turn**3
+
+
+@pytest.mark.parametrize("mach", [1.01, 2.0, 20.0])
+def test_stagnation_pressure_near_gamma_one(mach):
+    """Set-up: gamma 1.0001, where density ratio and pressure ratio are raised to 1e4. Expected: by logarithms."""
+    found = flow.normal_shock(mach, gamma=1.0001)
+    log = (1.0001 * np.log(found.density_ratio) - np.log(found.pressure_ratio)) / 1e-4
+    assert np.log(found.stagnation_pressure_ratio) == pytest.approx(log, rel=1e-9, abs=1e-12)

@@ -122,7 +122,7 @@ def test_collections_and_cases_have_their_times(tmp_path: Path, monkeypatch: pyt
     assert list(series.time) == [1e-5, 2e-5] and series.mesh.shape == (4, 5, 6)
     series.density(1)
     assert asked == [("a.vtu", None, {"length_unit": "mm"}), ("b.vtu", None, {"length_unit": "mm"})]
-    for folder in ("system", "constant", "0", "0.002", "0.0005"):
+    for folder in ("system", "constant/polyMesh", "0", "0.002", "0.0005"):
         (tmp_path / "case" / folder).mkdir(parents=True)
         (tmp_path / "case" / folder / "rho").write_text("")
     case = flow.open_series(tmp_path / "case", density="rho")
@@ -172,3 +172,53 @@ def test_a_snapshot_of_another_shape_is_refused():
         series.density(1)
     with pytest.raises(TypeError, match="path"):
         flow.open_series(3, **GRID)
+
+
+def test_files_with_falling_axes_and_of_the_classic_form(tmp_path: Path):
+    plain = dataset()
+    plain["rho"] = plain.rho + xarray.DataArray(0.01 * np.arange(6), dims="z")
+    turned = plain.isel(z=slice(None, None, -1), x=slice(None, None, -1))
+    turned.to_netcdf(tmp_path / "a.nc", engine="scipy")
+    expected = flow.open_series(plain)
+    for series in (flow.open_series(turned), flow.open_series(tmp_path / "a.nc")):
+        assert np.array_equal(series.mesh.origin, expected.mesh.origin)
+        assert np.array_equal(series.density(1), expected.density(1))
+
+
+def test_a_path_with_brackets_is_no_pattern(tmp_path: Path):
+    dataset().to_netcdf(tmp_path / "run[1].nc", engine="h5netcdf")
+    assert len(flow.open_series(tmp_path / "run[1].nc")) == 3
+
+
+def test_arrays_that_have_a_shape_and_no_length():
+    """An array of Zarr's third version is indexed by number, and knows its length by its shape alone."""
+    zarr = pytest.importorskip("zarr")
+    stored = zarr.array(np.stack(arrays()))
+    series = flow.open_series(stored, time=TIME, **GRID)
+    assert np.array_equal(series.density(2), arrays()[2])
+
+
+def test_parts_of_a_collection_at_one_time(tmp_path: Path):
+    """Two blocks at each of two times: snapshots of both together."""
+    vtk = pytest.importorskip("vtk")
+    lines = []
+    for k, time in enumerate((2.0, 1.0)):
+        for part, origin in enumerate((0.0, 3e-3)):
+            image = vtk.vtkImageData()
+            image.SetDimensions(4, 4, 4)
+            image.SetSpacing(1e-3, 1e-3, 1e-3)
+            image.SetOrigin(origin, 0.0, 0.0)
+            values = vtk.vtkDoubleArray()
+            values.SetName("rho")
+            for _ in range(64):
+                values.InsertNextValue(1.0 + k)
+            image.GetPointData().AddArray(values)
+            writer = vtk.vtkXMLImageDataWriter()
+            writer.SetFileName(str(tmp_path / f"{k}{part}.vti"))
+            writer.SetInputData(image)
+            writer.Write()
+            lines.append(f'<DataSet timestep="{time}" part="{part}" file="{k}{part}.vti"/>')
+    (tmp_path / "run.pvd").write_text(f"<VTKFile><Collection>{''.join(lines)}</Collection></VTKFile>")
+    series = flow.open_series(tmp_path / "run.pvd", spacing=1e-3)
+    assert list(series.time) == [1.0, 2.0] and series.mesh.shape[0] == 7
+    assert [float(one.density_at([[5e-3, 1e-3, 1e-3]])[0]) for one in series] == [2.0, 1.0]

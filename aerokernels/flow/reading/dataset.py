@@ -183,6 +183,7 @@ class Dataset:
         gas_constant: Of the gas, where the file tells it [J/(kg K)].
         ambient: Density of the free stream in the file's unit, where the file tells it.
         units: Unit of each array by name, where the file tells it.
+        length: Unit of the coordinates [m], where the file tells it.
         notes: What else a user should know, in whole sentences.
     """
 
@@ -195,7 +196,8 @@ class Dataset:
     axis: tuple[float, float, float] | None = None
     gas_constant: float | None = None
     ambient: float | None = None
-    units: dict[str, str] = field(default_factory=dict)
+    units: Mapping[str, str] = field(default_factory=dict)
+    length: float | None = None
     notes: Sequence[str] = ()
 
     def array_names(self) -> list[str]:

@@ -12,6 +12,7 @@ import numpy as np
 
 from ...units import quantity
 from ..gas import GAS_CONSTANT_AIR, GREATEST_DENSITY, positive
+from .array_units import in_si_units
 from .dataset import Block, Dataset, ReadError
 
 # Names by which solvers call them, in lower case and without blanks, signs and units.
@@ -34,12 +35,16 @@ REFERENCES = {"density": "density", "pressure": "pressure", "temperature": "temp
 
 @dataclass(frozen=True)
 class Reference:
-    """What one of a non-dimensional file is in SI: density [kg/m3], pressure [Pa], temperature [K], length [m]."""
+    """What one of a non-dimensional file is in SI: density [kg/m3], pressure [Pa], temperature [K], length [m].
+
+    `given` are those that a caller states; the others are 1, and units that the file names count.
+    """
 
     density: float = 1.0
     pressure: float = 1.0
     temperature: float = 1.0
     length: float = 1.0
+    given: frozenset[str] = frozenset()
 
     @classmethod
     def of(cls, given) -> "Reference":
@@ -55,7 +60,8 @@ class Reference:
             given = {"density": given}
         if unknown := set(given) - set(REFERENCES):
             raise ValueError(f"reference: {sorted(unknown)[0]!r} is not known: choose of {', '.join(REFERENCES)}")
-        return cls(**{name: positive(quantity(v, REFERENCES[name]), f"reference {name}") for name, v in given.items()})
+        values = {name: positive(quantity(v, REFERENCES[name]), f"reference {name}") for name, v in given.items()}
+        return cls(**values, given=frozenset(values))
 
 
 @dataclass(frozen=True)
@@ -129,16 +135,32 @@ def choose_density(path, dataset: Dataset, given, gas_constant: float | None) ->
     return DensityChoice(None, pressure, temperature, positive(own, "gas_constant"))
 
 
-def block_density(path, block: Block, choice: DensityChoice, reference: Reference) -> tuple[np.ndarray, str]:
+def block_density(
+    path, block: Block, choice: DensityChoice, reference: Reference, units: Mapping[str, str]
+) -> tuple[np.ndarray, str]:
     """Density [kg/m3] of a block, and whether it is of its "cell"s or its "point"s.
 
+    Args:
+        path: The file, for messages.
+        block: The block.
+        choice: Where its density comes from.
+        reference: What 1 is; where that is given, the file's own unit of that quantity does not count.
+        units: Unit of each array by name, where the file tells it.
+
     Raises:
-        ReadError: Arrays of another shape, or densities that are no gas's, outside of blanked parts.
+        ReadError: Arrays of another shape, units of another kind, or densities that are no gas's, outside of blanked
+            parts.
     """
+
+    def in_si(name: str, values: np.ndarray, dimension: str) -> np.ndarray:
+        with np.errstate(all="ignore"):  # what comes out as no number is refused below
+            if dimension in reference.given:
+                return np.asarray(values * getattr(reference, dimension))
+            return in_si_units(path, values, name, units.get(name, ""), dimension)
+
     if choice.density is not None:
         values, where = scalar_array(path, block, choice.density)
-        with np.errstate(all="ignore"):  # what comes out as no number is refused below
-            values = values * reference.density
+        values = in_si(choice.density, values, "density")
     else:
         assert choice.pressure is not None and choice.temperature is not None
         pressure, where = scalar_array(path, block, choice.pressure)
@@ -147,8 +169,10 @@ def block_density(path, block: Block, choice: DensityChoice, reference: Referenc
             raise ReadError(
                 path, f"{choice.pressure} and {choice.temperature} lie in different places", "give both in cells"
             )
+        pressure = in_si(choice.pressure, pressure, "pressure")
+        temperature = in_si(choice.temperature, temperature, "temperature")
         with np.errstate(all="ignore"):
-            values = pressure * reference.pressure / (choice.gas_constant * temperature * reference.temperature)
+            values = pressure / (choice.gas_constant * temperature)
     _refuse_no_gas(path, block, " and ".join(choice.names), values, where)
     return values, where
 

@@ -17,6 +17,14 @@ UNIVERSAL_GAS_CONSTANT = 8314.4626  # [J/(kmol K)]
 _INTERNAL = re.compile(rb"\binternalField\s+(uniform|nonuniform)\b")
 _WIDTH = {"volScalarField": 1, "volVectorField": 3}
 _MOLAR_MASS = re.compile(r"\bmolWeight\s+([0-9.eE+-]+)\s*;")
+_COMMENT = re.compile(r"//[^\n]*|/\*.*?\*/", re.DOTALL)
+_DIMENSIONS = re.compile(rb"\bdimensions\s*\[([^\]]*)\]")
+_INCLUDE = re.compile(r'^\s*#include\w*\s+"([^"\n]+)"', re.MULTILINE)
+
+
+def may_be_case(path: Path) -> bool:
+    """Whether a path is of the kinds that stand for a case, whatever lies there: a folder, .foam file, controlDict."""
+    return path.is_dir() or path.suffix.lower() in (".foam", ".openfoam") or path.name == "controlDict"
 
 
 def is_case(path: Path) -> bool:
@@ -55,20 +63,29 @@ def fields_in(folder: Path) -> Iterator[str]:
 
 
 class FoamFields(Mapping):
-    """The cell fields of one time by name, each read when it is first asked for."""
+    """The cell fields of one time by name, each read when it is first asked for.
+
+    Attributes:
+        units: Unit of each by name, of its dimensions.
+    """
 
     def __init__(self, folder: Path, cell_count: int):
         """Look which files are fields of cells."""
         self._folder, self._cell_count = folder, cell_count
         self._read: dict[str, np.ndarray] = {}
+        self.units: dict[str, str] = {}
         self._names = [name for name in fields_in(folder) if self._width(name)] if folder.is_dir() else []
 
     def _width(self, name: str) -> int:
-        file = find(self._folder / name)
+        path = find(self._folder / name)
         try:
-            return _WIDTH.get(FoamFile(file).header.get("class", ""), 0) if file else 0
+            file = FoamFile(path) if path else None
         except ReadError:
             return 1  # damaged: reported when it is asked for
+        width = _WIDTH.get(file.header.get("class", ""), 0) if file else 0
+        if file and width and (found := _DIMENSIONS.search(file.data, file.at)):
+            self.units[name] = unit_in_words(found[1].decode("latin-1"))
+        return width
 
     def __iter__(self):
         """Names of the fields."""
@@ -91,6 +108,16 @@ class FoamFields(Mapping):
         return self._read[name]
 
 
+def unit_in_words(exponents: str) -> str:
+    """A field's dimensions, such as "1 -3 0 0 0 0 0" (mass, length, time, temperature, ...), as a unit: "kg m^-3"."""
+    symbols = ("kg", "m", "s", "K", "mol", "A", "cd")
+    try:
+        powers = [float(word) for word in exponents.split()]
+    except ValueError:  # by their names, which nobody but OpenFOAM knows
+        return ""
+    return " ".join(f"{one}^{power:g}" for one, power in zip(symbols, powers, strict=False) if power)
+
+
 def read_field(path: Path, cell_count: int) -> np.ndarray:
     """The averages over the cells of a volScalarField or volVectorField.
 
@@ -108,7 +135,9 @@ def read_field(path: Path, cell_count: int) -> np.ndarray:
     if match[1] == b"uniform":
         file.skip()
         end = file.data.find(b";", file.at)
-        text = file.data[file.at : max(end, file.at)].translate(bytes.maketrans(b"()", b"  ")).split()
+        written = file.data[file.at : max(end, file.at)].decode("latin-1").strip()
+        written = _value_of(file, written[1:].strip("{}")) if written.startswith("$") else written
+        text = written.translate(str.maketrans("()", "  ")).split()
         try:
             values = np.array([float(word) for word in text])
         except ValueError:
@@ -117,10 +146,46 @@ def read_field(path: Path, cell_count: int) -> np.ndarray:
             raise file.fault("the uniform value is no number")
         return np.tile(values, (cell_count, 1)) if width > 1 else np.full(cell_count, values[0])
     file.word()  # List<scalar>
-    values = file.numbers(file.scalar, width).astype(np.float64)
+    values = file.numbers(file.scalar, width, cell_count).astype(np.float64)
     if len(values) != cell_count:
         raise file.fault(f"the field has {len(values)} entries, the mesh {cell_count} cells")
     return values
+
+
+def _value_of(file: FoamFile, name: str) -> str:
+    """What stands for a name such as $pInlet: in the file itself, or in those that it includes."""
+    text = _COMMENT.sub("", file.data.decode("latin-1"))
+    texts = [text]
+    for included in _INCLUDE.findall(text):
+        other = file.path.parent / included
+        if other.is_file():
+            texts.append(_COMMENT.sub("", other.read_text("latin-1")))
+    values = [
+        found for one in texts for found in re.findall(rf"^\s*{re.escape(name)}\s+([^;{{}}]*);", one, re.MULTILINE)
+    ]
+    return str(values[-1]).strip() if values else ""
+
+
+def parts_and_times(folder: Path) -> tuple[list[Path], list[tuple[float, str]]]:
+    """The folders in which the parts of a case lie, itself alone where it is whole and solved; and its times.
+
+    Raises:
+        ReadError: No mesh, or no fields at any time.
+    """
+    parts = sorted(folder.glob("processor[0-9]*"), key=lambda part: int(re.sub(r"\D", "", part.name) or 0))
+    serial = times_of(folder)
+    solved = [entry for entry in serial if entry[0] > 0.0]
+    whole = (folder / "constant" / "polyMesh").is_dir()
+    if parts and not (whole and solved):
+        times = times_of(parts[0])
+        folders = parts
+    elif whole:
+        times, folders = serial, [folder]
+    else:
+        raise ReadError(folder, "there is no constant/polyMesh", "make the mesh first, with blockMesh say")
+    if not times:
+        raise ReadError(folder, "the case holds no fields at any time", "run the solver, or restore its time folders")
+    return folders, times
 
 
 def read(path: Path, time: float | str | None = None, options: dict | None = None) -> Dataset:
@@ -135,19 +200,7 @@ def read(path: Path, time: float | str | None = None, options: dict | None = Non
         ReadError: No case, no such time, or a file that is missing or damaged.
     """
     folder = case_folder(path)
-    parts = sorted(folder.glob("processor[0-9]*"), key=lambda part: int(re.sub(r"\D", "", part.name) or 0))
-    serial = times_of(folder)
-    solved = [entry for entry in serial if entry[0] > 0.0]
-    whole = (folder / "constant" / "polyMesh").is_dir()
-    if parts and not (whole and solved):
-        times = times_of(parts[0])
-        folders = parts
-    elif whole:
-        times, folders = serial, [folder]
-    else:
-        raise ReadError(folder, "there is no constant/polyMesh", "make the mesh first, with blockMesh say")
-    if not times:
-        raise ReadError(folder, "the case holds no fields at any time", "run the solver, or restore its time folders")
+    folders, times = parts_and_times(folder)
     value, name = _chosen(folder, times, time)
     blocks, patches, geometries = [], [], []
     for part in folders:
@@ -159,13 +212,14 @@ def read(path: Path, time: float | str | None = None, options: dict | None = Non
         raise ReadError(folder, "some processors have another geometry than the others", "decompose the case again")
     return Dataset(
         blocks,
-        f"OpenFOAM case{f', decomposed in {len(parts)}' if folders is parts else ''}",
+        f"OpenFOAM case{f', decomposed in {len(folders)}' if folders != [folder] else ''}",
         geometry=geometries[0],
         patches=patches,
         times=[entry for entry, _ in times],
         time=value,
         axis=_axis(blocks) if geometries[0] == "axisymmetric" else None,
         gas_constant=_gas_constant(folder),
+        units=getattr(blocks[0].cell_data, "units", {}),
     )
 
 
@@ -222,7 +276,7 @@ def _gas_constant(folder: Path) -> float | None:
         path = folder / "constant" / name
         for place in (path, folder.parent / "constant" / name):
             if place.is_file():
-                masses = {float(word) for word in _MOLAR_MASS.findall(place.read_text("latin-1"))}
+                masses = {float(word) for word in _MOLAR_MASS.findall(_COMMENT.sub("", place.read_text("latin-1")))}
                 if len(masses) == 1 and (mass := masses.pop()) > 0.0:
                     return UNIVERSAL_GAS_CONSTANT / mass
     return None

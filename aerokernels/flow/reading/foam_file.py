@@ -98,20 +98,26 @@ class FoamFile:
         self.at = match.end()
         return match[0].decode("latin-1").strip('"')
 
-    def count(self) -> int:
-        """The next word as the length of a list, no more than the file can hold."""
+    def count(self, repeated: int = 0) -> int:
+        """The next word as the length of a list: no more than the file can hold, or of one value, `5{1.2}`, `repeated`.
+
+        Raises:
+            ReadError: Another word, or more.
+        """
         word = self.word()
-        if not word.isdigit() or int(word) > len(self.data):
+        if not word.isdigit() or int(word) > max(len(self.data), repeated if self.peek() == b"{" else 0):
             raise self.fault(f"a list cannot have {word[:20]!r} entries")
         return int(word)
 
-    def numbers(self, kind: np.dtype, width: int = 1) -> np.ndarray:
+    def numbers(self, kind: np.dtype, width: int = 1, repeated: int = 0) -> np.ndarray:
         """A list of numbers, or of vectors of `width` numbers: shape (n,) or (n, width).
+
+        A list of one value has as many as the file has bytes or `repeated`, at most.
 
         Raises:
             ReadError: Another number of entries than was announced, or entries that are no numbers.
         """
-        count = self.count()
+        count = self.count(repeated)
         uniform = self.peek() == b"{"
         if count == 0 and self.peek() not in (b"(", b"{"):
             return np.zeros((0,) if width == 1 else (0, width), kind.newbyteorder("="))

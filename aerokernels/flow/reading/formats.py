@@ -4,11 +4,14 @@ A reader is a function of (path, time, options) that returns a `Dataset`, or rai
 libraries in C or C++ run in a child process (aerokernels/fragile.py), which may crash without harm.
 """
 
+import math
 import os
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
+
+import numpy as np
 
 from ...fragile import LibraryEndedError
 from ...fragile import in_child as call_in_child
@@ -67,9 +70,9 @@ def format_of(path: Path, options: Mapping[str, Any]) -> Format:
     """
     if not os.path.exists(path):  # of a name of any length
         raise ReadError(path, "there is no such file or folder", "give the path of a flow file or case")
-    if path.is_dir() or path.suffix.lower() in (".foam", ".openfoam") or path.name == "controlDict":
-        from .foam_case import is_case
+    from .foam_case import is_case, may_be_case
 
+    if may_be_case(path):
         if is_case(path):
             return _BY_NAME["OpenFOAM case"]
         raise ReadError(path, "the folder is no OpenFOAM case", "give a case, or one of the files in the folder")
@@ -118,11 +121,32 @@ def load(path: Path, time, options: dict[str, Any]) -> Dataset:
     Raises:
         ReadError: A path that nothing reads, a library that is not installed, a damaged file.
     """
+    time = checked_time(time)
     entry = format_of(path, options)
     _need(path, entry)
     if entry.fragile:
         return in_child(entry.module, path, time, options)
     return read_here(entry.module, path, time, options)
+
+
+def checked_time(time) -> float | str | None:
+    """A time of a file as readers take it: "latest", "first", None or a number [s].
+
+    Raises:
+        TypeError: Something else.
+        ValueError: A text that is none of these, or a number that is not finite.
+    """
+    if time is None or time in ("latest", "first"):
+        return time
+    if isinstance(time, bool) or not isinstance(time, (str, int, float, np.integer, np.floating)):
+        raise TypeError(f"time must be 'latest', 'first' or a time in seconds, got {type(time).__name__}")
+    try:
+        value = float(time)
+    except ValueError:
+        value = math.nan
+    if not math.isfinite(value):
+        raise ValueError(f"time must be 'latest', 'first' or a time in seconds, got {time!r}")
+    return value
 
 
 def in_child(module: str, path: Path, time, options: dict[str, Any]) -> Dataset:

@@ -2,8 +2,9 @@
 
 from .dataset import Dataset
 from .density import Reference
+from .formats import checked_time
 from .frame import Frame
-from .read import field_of, reading_of, unit_of_length
+from .read import field_of, length_unit_given, reading_of
 
 
 def from_xarray(array, *, density=None, frame=None, reference=None, ambient_density=None, time=None, geometry=None,
@@ -22,7 +23,7 @@ def from_xarray(array, *, density=None, frame=None, reference=None, ambient_dens
         name = array.name or "density"
         array, density = array.to_dataset(name=name), density or name
     ambient = ambient_density if ambient_density is not None else attributes.get("ambient_density")
-    found = labelled_dataset("xarray data", array, None, time)
+    found = labelled_dataset("xarray data", array, None, checked_time(time))
     return _field(found, "xarray data", density, frame, reference, ambient, geometry, gas_constant, length_unit,
                   species=species)  # fmt: skip
 
@@ -42,9 +43,9 @@ def from_pyvista(dataset, *, density=None, frame=None, reference=None, ambient_d
 def _field(found: Dataset, name, density, frame, reference, ambient, geometry, gas_constant, length_unit,
            spacing=None, region=None, species=None):  # fmt: skip
     references = Reference.of(reference)
-    scale = unit_of_length(length_unit) * references.length
+    unit = length_unit_given(length_unit, references)
     taken = reading_of(
-        name, found, density, Frame.of(frame), scale, references, gas_constant, geometry,
+        name, found, density, Frame.of(frame), unit, references, gas_constant, geometry,
         None if ambient is None else float(ambient), species,
     )  # fmt: skip
     return field_of(taken, spacing, region)

@@ -1,6 +1,5 @@
 """Labelled arrays: xarray's data sets, of a NetCDF file or handed over, as named arrays with their axes in order."""
 
-import re
 from pathlib import Path
 
 import numpy as np
@@ -8,7 +7,8 @@ import numpy as np
 from ...room import NoRoomError, check_file
 from .coordinates import COLUMNS
 from .dataset import Dataset, ReadError
-from .named_arrays import DAMAGED, dataset_of
+from .density import plain_name
+from .named_arrays import DAMAGED, axes_of, dataset_of
 
 CLASSIC = b"CDF"
 
@@ -41,15 +41,20 @@ def read(path: Path, time=None, options: dict | None = None) -> Dataset:
 def labelled_dataset(path, data, variables=None, time=None, kind: str = "xarray") -> Dataset:
     """What an xarray data set holds; arguments as in `flow.read`."""
     variables = dict(variables or {})
-    names = {axis: variables.get(axis) for axis in COLUMNS}
-    for axis, known in COLUMNS.items():
-        plain = {re.sub(r"[^a-z0-9]", "", str(name).lower()): str(name) for name in reversed([*data.variables])}
-        names[axis] = names[axis] or next((plain[one] for one in known if one in plain), None)
-    in_order = [own for axis in "xyrz" if (own := names[axis]) is not None and own in data.dims]
+    plain = {plain_name(str(name)): str(name) for name in reversed([*data.variables])}
+    names = {axis: variables.get(axis) or next((plain[one] for one in known if one in plain), None)
+             for axis, known in COLUMNS.items()}  # fmt: skip
+    # The axes of the arrays in the order in which `dataset_of` takes them, whatever their lengths.
+    order = axes_of([axis for axis, own in names.items() if own is not None])
+    in_order = list(
+        dict.fromkeys(dim for axis in order if names[axis] in data.variables for dim in data[names[axis]].dims)
+    )
     arrays, units = {}, {}
     for name in data.variables:
         entry = data[name]
-        if not np.issubdtype(entry.dtype, np.number):
+        if entry.dtype.kind in "mM":  # of which only those that are an axis are times
+            entry = entry.copy(data=seconds(entry.values)) if entry.ndim == 1 else entry
+        if entry.dtype.kind not in "iuf":
             continue
         spatial = [dim for dim in in_order if dim in entry.dims]
         others = [dim for dim in entry.dims if dim not in spatial]
@@ -59,4 +64,10 @@ def labelled_dataset(path, data, variables=None, time=None, kind: str = "xarray"
         if values.ndim:
             arrays[str(name)] = values
             units[str(name)] = str(entry.attrs.get("units", ""))
-    return dataset_of(path, arrays, units, {a: n for a, n in variables.items() if n}, kind, time)
+    return dataset_of(path, arrays, units, {a: n for a, n in variables.items() if n}, kind, time, True)
+
+
+def seconds(values: np.ndarray) -> np.ndarray:
+    """Dates as the time since the first of them, and spans of time [s]."""
+    since = values - values[:1] if values.dtype.kind == "M" else values
+    return np.asarray(since / np.timedelta64(1, "s"), dtype=np.float64)

@@ -8,14 +8,17 @@ attributes of an HDF5 file called xmin and xmax, x_min and x_max, and so on.
 """
 
 import re
+from collections.abc import Collection
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from .coordinates import COLUMNS, metres
+from .array_units import length_of, unit_of_array
+from .coordinates import COLUMNS
 from .dataset import Block, Dataset, ReadError
+from .density import plain_name
 
 DAMAGED = "the file is damaged: write it again"
 AXIS_END = re.compile(r"([xyzr])_?(min|max)")
@@ -51,7 +54,8 @@ def _npz(path: Path) -> dict[str, np.ndarray]:
 
     try:
         with np.load(path, allow_pickle=False) as data:
-            return {name: np.asarray(data[name]) for name in data.files}
+            found = {name: _unless_objects(data, name) for name in data.files}
+        return {name: own for name, own in found.items() if own is not None and own.dtype.kind in "iufb"}
     except (
         zipfile.BadZipFile,
         zlib.error,
@@ -63,6 +67,16 @@ def _npz(path: Path) -> dict[str, np.ndarray]:
         SyntaxError,
     ) as fault:
         raise ReadError(path, f"it is no whole NPZ file ({fault})", DAMAGED) from None
+
+
+def _unless_objects(data, name: str) -> np.ndarray | None:
+    """An array of an NPZ file; None for one of Python's objects, which are never unpickled: settings, mostly."""
+    try:
+        return np.asarray(data[name])
+    except ValueError as fault:
+        if "allow_pickle" in str(fault):
+            return None
+        raise
 
 
 def _hdf5(path: Path) -> tuple[dict[str, np.ndarray], dict[str, str], dict[str, tuple[float, float]]]:
@@ -98,7 +112,7 @@ def _hdf5(path: Path) -> tuple[dict[str, np.ndarray], dict[str, str], dict[str, 
 
 def _with_even_cells(path, arrays, variables, ends) -> tuple[dict[str, np.ndarray], str]:
     """The arrays with edges of even cells between the ends of axes, where they have no coordinates; and a note."""
-    if not ends or any(_plain(name) in names for name in arrays for names in COLUMNS.values()):
+    if not ends or any(plain_name(name) in names for name in arrays for names in COLUMNS.values()):
         return arrays, ""
     if any(isinstance(value, str) for value in variables.values()):
         return arrays, ""
@@ -122,9 +136,12 @@ def _with_even_cells(path, arrays, variables, ends) -> tuple[dict[str, np.ndarra
     return {**edges, **arrays}, f"taken as averages over {' x '.join(map(str, shape))} even cells, {said}"
 
 
-def dataset_of(path, arrays, units, variables, kind: str, time) -> Dataset:
-    """A dataset from arrays by name; arguments as found, `variables` names coordinates by axis."""
-    plain = {_plain(name): name for name in reversed(list(arrays))}
+def dataset_of(path, arrays, units, variables, kind: str, time, labelled: bool = False) -> Dataset:
+    """A dataset from arrays by name; arguments as found, `variables` names coordinates by axis.
+
+    `labelled` arrays are known to have their axes in order; of others their lengths tell, where these differ.
+    """
+    plain = {plain_name(name): name for name in reversed(list(arrays))}
     chosen = {}
     for axis, names in COLUMNS.items():
         if axis in variables:
@@ -135,21 +152,30 @@ def dataset_of(path, arrays, units, variables, kind: str, time) -> Dataset:
             chosen[axis] = found
     if unknown := set(variables) - set(COLUMNS):
         raise ReadError(path, f"variables: {sorted(unknown)[0]!r} is no coordinate", "name x, y, z or r, z")
-    axisymmetric = "r" in chosen and "y" not in chosen
-    axes = ("r", "z" if "z" in chosen else "x") if axisymmetric else tuple(a for a in "xyz" if a in chosen)
+    axes = axes_of(chosen)
+    axisymmetric = axes[:1] == ("r",)
     if len([axis for axis in axes if axis in chosen]) < 2:
         raise ReadError(
             path, f"no coordinates are known (there are: {', '.join(arrays) or 'no arrays'})",
             "call them x, y, z or r, z, or name them: variables={'x': 'NAME', ...}",
         )  # fmt: skip
-    times, arrays, taken = _at_time(path, arrays, chosen, time)
+    times, arrays, taken = _at_time(path, arrays, chosen, units, time)
     coordinates = [np.asarray(arrays[chosen[axis]], dtype=np.float64) for axis in axes]
-    scale = [_metres(path, units.get(chosen[axis], "")) for axis in axes]
-    coordinates = [own * factor for own, factor in zip(coordinates, scale, strict=True)]
+    length, factors = length_of(path, {chosen[axis]: units.get(chosen[axis], "") for axis in axes})
+    coordinates = [own * factor for own, factor in zip(coordinates, factors, strict=True)]
+    alike = not labelled and all(own.ndim == 1 for own in coordinates) and len({*map(len, coordinates)}) < len(axes)
     block = _block(path, axes, coordinates, {n: a for n, a in arrays.items() if n not in chosen.values()})
     along = {"z": (0.0, 0.0, -1.0), "x": (1.0, 0.0, 0.0)}
     return Dataset([block], kind, "axisymmetric" if axisymmetric else None, times=times, time=taken,
-                   axis=along[axes[1]] if axisymmetric else None, units=units)  # fmt: skip
+                   axis=along[axes[1]] if axisymmetric else None, units=units, length=length,
+                   notes=[f"arrays taken as [{', '.join(axes)}]"] if alike and block.shape else [])  # fmt: skip
+
+
+def axes_of(known: Collection[str]) -> tuple[str, ...]:
+    """The axes of the arrays, in their order, out of those that have a coordinate."""
+    if "r" in known and "y" not in known:
+        return ("r", "z" if "z" in known else "x")
+    return tuple(axis for axis in "xyz" if axis in known)
 
 
 def _block(path, axes, coordinates, arrays) -> Block:
@@ -206,16 +232,18 @@ def _is_cloud(coordinates, arrays) -> bool:
     )
 
 
-def _at_time(path, arrays, chosen, asked):
+def _at_time(path, arrays, chosen, units, asked):
     """Arrays at one time, where there is an axis of time: it comes first."""
-    name = next((name for name in arrays if _plain(name) in ("time", "t") and arrays[name].ndim == 1), None)
+    name = next((name for name in arrays if plain_name(name) in ("time", "t") and arrays[name].ndim == 1), None)
     rank = max((arrays[own].ndim for own in chosen.values()), default=1)
     rank = len(chosen) if rank == 1 else rank
     if name is None or not any(a.ndim == rank + 1 and a.shape[0] == len(arrays[name]) for a in arrays.values()):
         if asked not in (None, "latest", "first"):
             raise ReadError(path, f"it holds one time only, not t = {asked!r}", "leave time out")
         return [], arrays, None
-    times = [float(value) for value in arrays[name]]
+    since = units.get(name, "").split(" since ")[0]  # "seconds since 2020-01-01"
+    unit = unit_of_array(path, name, since, "time").factor
+    times = [float(value) * unit for value in arrays[name]]
     index = {None: -1, "latest": -1, "first": 0}.get(asked) if isinstance(asked, (str, type(None))) else None
     if index is None:
         index = int(np.argmin(np.abs(np.array(times) - float(asked))))
@@ -227,14 +255,3 @@ def _at_time(path, arrays, chosen, asked):
         n: a[index] if a.ndim == rank + 1 and a.shape[0] == len(times) else a for n, a in arrays.items() if n != name
     }
     return times, cut, times[index]
-
-
-def _metres(path, unit: str) -> float:
-    try:
-        return metres(unit)
-    except ValueError as fault:
-        raise ReadError(path, str(fault), "write the unit of length as m, mm, ...") from None
-
-
-def _plain(name: str) -> str:
-    return re.sub(r"[^a-z0-9]", "", re.sub(r"[\[(].*", "", name.lower()).rsplit("/", 1)[-1])

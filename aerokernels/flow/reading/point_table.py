@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from .array_units import length_of
 from .coordinates import COLUMNS
 from .dataset import TETRAHEDRON, TRIANGLE, Block, Cells, Dataset, ReadError, check_points
 from .text_tables import read_table
@@ -42,11 +43,14 @@ def read(path: Path, time: Any = None, options: dict | None = None) -> Dataset:
             path, f"no columns are known for coordinates (there are: {', '.join(table)})", "call them x, y, z or r, z"
         )
     count = len(next(iter(table.values())))
-    points = np.stack([np.zeros(count) if name is None else table[name] for name in columns], axis=1)
+    length, factors = length_of(path, {name: "" for name in columns if name is not None})
+    scaled = dict(zip([name for name in columns if name is not None], factors, strict=True))
+    places = [np.zeros(count) if name is None else table[name] * scaled[name] for name in columns]
+    points = np.stack(places, axis=1)
     check_points(path, points)
     arrays = {name: values for name, values in table.items() if name not in columns}
     block, note = joined(path, points, arrays)
-    return Dataset([block], "table of points", geometry=geometry, axis=axis, notes=note)
+    return Dataset([block], "table of points", geometry=geometry, axis=axis, length=length, notes=note)
 
 
 def joined(path, points: np.ndarray, arrays: dict[str, np.ndarray]) -> tuple[Block, list[str]]:

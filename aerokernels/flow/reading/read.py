@@ -10,10 +10,10 @@ import numpy as np
 
 from ...medium import Body
 from ...units import quantity
+from ...written_units import DIMENSIONS, written_unit
 from ..density_field import CellDensity, DensityField
 from ..gas import check_density, positive
 from ..sampled_density import VertexDensity
-from .coordinates import INCHES
 from .dataset import Block, Dataset, ReadError, check_points
 from .density import Reference, block_density, choose_density
 from .formats import load
@@ -103,7 +103,8 @@ def read(
         density: Name of the density's array; or {"pressure": NAME, "temperature": NAME, "gas_constant": R}; None looks
             for the usual names.
         frame: A `Frame`, a mapping of its attributes, or the optical axis alone, such as "-x".
-        length_unit: Unit of the file's coordinates: "mm", or metres as a number. None is metres.
+        length_unit: Unit of the file's coordinates: "mm", or metres as a number. None takes what the file states beside
+            or in the names of its coordinates, else metres.
         reference: What 1 is in a non-dimensional file: {"density": 1.225, "length": "50 mm", ...}, or a density alone.
         time: "latest" (None), "first" or a time of the file.
         gas_constant: [J/(kg K)], for pressure and temperature; None takes the file's, or air's.
@@ -166,7 +167,7 @@ def prepare(
         )
     path = Path(path)
     frame, reference = Frame.of(frame), Reference.of(reference)
-    scale = unit_of_length(length_unit) * reference.length
+    unit = length_unit_given(length_unit, reference)
     if geometry is not None and geometry not in GEOMETRIES:
         raise ValueError(f"geometry {geometry!r} is not known: choose one of {', '.join(GEOMETRIES)}")
     if ambient_density is not None:
@@ -174,18 +175,19 @@ def prepare(
     if unknown := set(options) - {"mesh", "solution", "variables"}:
         raise TypeError(f"flow.read has no argument {sorted(unknown)[0]!r}")
     return reading_of(
-        path, load(path, time, options), density, frame, scale, reference, gas_constant, geometry, ambient_density,
+        path, load(path, time, options), density, frame, unit, reference, gas_constant, geometry, ambient_density,
         species,
     )  # fmt: skip
 
 
 def reading_of(
-    path, dataset: Dataset, density, frame, scale, reference, gas_constant, geometry, ambient, species=None
+    path, dataset: Dataset, density, frame, unit, reference, gas_constant, geometry, ambient, species=None
 ) -> Reading:
-    """What is what in a dataset; arguments and errors as in `read`."""
+    """What is what in a dataset; `unit` of length [m] or None for the file's own, the rest as in `read`."""
+    scale = (dataset.length or 1.0) if unit is None else unit
     _check_blocks(path, dataset)
     choice = choose_density(path, dataset, density, gas_constant)
-    densities = [block_density(path, block, choice, reference) for block in dataset.blocks]
+    densities = [block_density(path, block, choice, reference, dataset.units) for block in dataset.blocks]
     normal = None
     kind = dataset.geometry or geometry
     if kind is None or kind == "planar" or geometry is not None:
@@ -278,11 +280,18 @@ def unit_of_length(unit: str | float | None) -> float:
     """
     if unit is None:
         return 1.0
-    if isinstance(unit, str) and unit.strip() in INCHES:
-        return INCHES[unit.strip()]
+    if isinstance(unit, str) and (written := written_unit(unit)) and written.exponents == DIMENSIONS["length"]:
+        return written.factor
     if isinstance(unit, str) and not any(c.isdigit() for c in unit):
         unit = f"1 {unit}"
     return positive(quantity(unit, "length"), "length_unit")
+
+
+def length_unit_given(unit: str | float | None, reference: Reference) -> float | None:
+    """The unit of length [m] that a caller states by `length_unit`, by a reference length or by both; None for none."""
+    if unit is None and "length" not in reference.given:
+        return None
+    return unit_of_length(unit) * reference.length
 
 
 def _check_blocks(path, dataset: Dataset) -> None:

@@ -127,7 +127,7 @@ def _read(path: Path, data: bytes, version: int, packing: bool, time) -> Dataset
         name = f"zone {number + 1}" + (f" ({zone.name})" if zone.name else "")
         blocks.append(assembled(path, variables, zone.arrays, in_cells, shape, zone.cells, name))
     timed = len({zone.time for zone in zones}) > 1
-    return at_time(path, blocks, [zone.time if timed else None for zone in zones], "Tecplot binary", time)
+    return at_time(path, variables, blocks, [zone.time if timed else None for zone in zones], "Tecplot binary", time)
 
 
 def _zone(stream: _Bytes, count: int, packing: bool) -> _Zone:

@@ -10,8 +10,9 @@ from typing import Any
 
 import numpy as np
 
+from .array_units import length_of
 from .coordinates import COLUMNS
-from .dataset import HEXAHEDRON, QUAD, TETRAHEDRON, TRIANGLE, Block, Cells, Dataset, ReadError
+from .dataset import HEXAHEDRON, LINE, QUAD, TETRAHEDRON, TRIANGLE, Block, Cells, Dataset, ReadError
 
 DAMAGED = "the file is damaged or was not written to its end: write it again"
 ELEMENTS = {
@@ -23,6 +24,8 @@ ELEMENTS = {
     "TETRAHEDRON": (TETRAHEDRON, 4),
     "FEBRICK": (HEXAHEDRON, 8),
     "BRICK": (HEXAHEDRON, 8),
+    "FELINESEG": (LINE, 2),
+    "LINESEG": (LINE, 2),
 }
 _PAIR = re.compile(r'([A-Za-z][\w ]*?)\s*=\s*("[^"]*"|\((?:[^()]|\([^()]*\))*\)|[^\s,=]+)')
 _NUMBER = re.compile(r"^\s*[-+.\d]")
@@ -44,18 +47,30 @@ def read(path: Path, time: Any = None, options: dict | None = None) -> Dataset:
     for number, (head, numbers) in enumerate(zones):
         blocks.append(zone_block(path, variables, head, numbers, number + 1, blocks))
         times.append(head.get("SOLUTIONTIME"))
-    return at_time(path, blocks, times, "Tecplot ASCII", time)
+    return at_time(path, variables, blocks, times, "Tecplot ASCII", time)
 
 
-def at_time(path: Path, blocks: list[Block], times: list, name: str, asked) -> Dataset:
+def at_time(path: Path, variables: list[str], blocks: list[Block], times: list, name: str, asked) -> Dataset:
     """The zones of one solution time; zones without a time belong to all."""
+    flows = [k for k, block in enumerate(blocks) if block.cells is None or (block.cells.types != LINE).any()]
+    notes = []
+    if 0 < len(flows) < len(blocks):
+        notes = [
+            f"zones of lines are left out: {', '.join(blocks[k].name for k in set(range(len(blocks))) - set(flows))}"
+        ]
+        blocks, times = [blocks[k] for k in flows], [times[k] for k in flows]
+    place = coordinate_columns(variables)
+    length, factors = length_of(path, {variables[k]: "" for k in place.values()})
+    for index, factor in zip(place, factors, strict=True):
+        for block in blocks if factor != 1.0 else []:
+            block.points[:, index] *= factor
     values = sorted({float(t) for t in times if t is not None})
     if len(values) < 2:
         if asked not in (None, "latest", "first") and (
             not values or abs(values[0] - float(asked)) > 1e-9 * abs(float(asked))
         ):
             raise ReadError(path, f"it holds one time only, not t = {asked!r}", "leave time out")
-        return Dataset(blocks, name, times=values, time=values[0] if values else None)
+        return Dataset(blocks, name, times=values, time=values[0] if values else None, length=length, notes=notes)
     if asked in (None, "latest", "first"):
         chosen = values[0 if asked == "first" else -1]
     else:
@@ -65,7 +80,7 @@ def at_time(path: Path, blocks: list[Block], times: list, name: str, asked) -> D
                 path, f"there is no time {asked!r}", f"take one of {', '.join(f'{t:g}' for t in values[:8])}"
             )
     kept = [block for block, t in zip(blocks, times, strict=True) if t is None or float(t) == chosen]
-    return Dataset(kept, name, times=values, time=chosen)
+    return Dataset(kept, name, times=values, time=chosen, length=length, notes=notes)
 
 
 def _parts(path: Path, text: str):
@@ -168,12 +183,7 @@ def element_cells(kind: int, corners: np.ndarray) -> Cells:
 
 def assembled(path, variables, arrays, in_cells, shape, cells, name) -> Block:
     """A block from its arrays: coordinates by their names, the rest as data."""
-    plain = [re.sub(r"[^a-z0-9]", "", re.sub(r"[\[(].*", "", v.lower())) for v in variables]
-    place = {}
-    for axis, index in (("x", 0), ("y", 1), ("z", 2), ("r", 1)):
-        found = next((k for k, v in enumerate(plain) if v in COLUMNS[axis]), None)
-        if found is not None and index not in place:
-            place[index] = found
+    place = coordinate_columns(variables)
     if len(place) < 2 or any(k in in_cells for k in place.values()):
         raise ReadError(path, f"no coordinates are known (there are: {', '.join(variables)})", "call them X, Y, Z")
     points = np.zeros((len(arrays[next(iter(place.values()))]), 3))
@@ -185,6 +195,17 @@ def assembled(path, variables, arrays, in_cells, shape, cells, name) -> Block:
     blank = next((own for v, own in point.items() if v.lower() == "iblank"), None)
     hidden = None if blank is None or (blank != 0).all() else blank == 0
     return Block(points, cells, shape, point, cell, hidden, name)
+
+
+def coordinate_columns(variables: list[str]) -> dict[int, int]:
+    """Which variables are the coordinates: their number by that of the axis."""
+    plain = [re.sub(r"[^a-z0-9]", "", re.sub(r"[\[(].*", "", v.lower())) for v in variables]
+    place: dict[int, int] = {}
+    for axis, index in (("x", 0), ("y", 1), ("z", 2), ("r", 1)):
+        found = next((k for k, v in enumerate(plain) if v in COLUMNS[axis]), None)
+        if found is not None and index not in place:
+            place[index] = found
+    return place
 
 
 def _cell_variables(path: Path, text: str, count: int) -> set[int]:

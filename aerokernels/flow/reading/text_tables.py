@@ -1,6 +1,7 @@
 """Tables in text: a line of names, then lines of numbers, parted by commas, tabs or blanks."""
 
 import csv
+import re
 from pathlib import Path
 
 import numpy as np
@@ -23,9 +24,11 @@ def read_table(path: Path, data: bytes | None = None) -> dict[str, np.ndarray]:
         raise ReadError(path, f"it is no text (byte {fault.start})", DAMAGED) from None
     if "\0" in text:
         raise ReadError(path, "it is no text: it holds zero bytes", DAMAGED)
-    lines = [
-        (k + 1, line) for k, line in enumerate(text.splitlines()) if line.strip() and not line.lstrip().startswith("#")
-    ]
+    written = [(k + 1, line) for k, line in enumerate(text.splitlines()) if line.strip()]
+    lines = [(number, line) for number, line in written if not line.lstrip().startswith("#")]
+    if lines and _all_numbers(lines[0][1]):  # the names stand in a comment above, as NumPy's savetxt writes them
+        above = [(number, line.lstrip().lstrip("#")) for number, line in written if number < lines[0][0]]
+        lines = above[-1:] + lines
     if len(lines) < 2:
         raise ReadError(path, "it has no line of names with lines of numbers below it", DAMAGED)
     head = lines[0][1]
@@ -33,14 +36,21 @@ def read_table(path: Path, data: bytes | None = None) -> dict[str, np.ndarray]:
     names = [
         word.strip().strip('"').strip() for word in (next(csv.reader([head], delimiter=mark)) if mark else _words(head))
     ]
+    if names[0] == "" and len(names) > 1:
+        names[0] = "index"  # of the rows, as pandas writes it
     if len(set(names)) < len(names) or not all(names) or all(_is_number(name) for name in names):
         raise ReadError(path, f"its first line has no names that are all different: {head[:80]!r}", DAMAGED)
     rows = np.empty((len(lines) - 1, len(names)))
+    mark = next((mark for mark in (";", ",", "\t") if mark in lines[1][1]), None)  # not always that of the names
     for k, (number, line) in enumerate(lines[1:]):
         words = line.split(mark) if mark else line.split()
+        if mark == ";":  # where a comma is the decimal mark
+            words = [word.replace(",", ".") for word in words]
         if len(words) == len(names) + 1 and not words[-1].strip():
             words.pop()  # some programs end every line with a comma
         try:
+            if len(words) != len(names):  # a single number would be taken for all of them
+                raise ValueError
             rows[k] = [float(word) for word in words]
         except ValueError:
             raise ReadError(path, f"line {number}: expected {len(names)} numbers, got {line[:60]!r}", DAMAGED) from None
@@ -49,6 +59,10 @@ def read_table(path: Path, data: bytes | None = None) -> dict[str, np.ndarray]:
 
 def _words(line: str) -> list[str]:
     return next(csv.reader([" ".join(line.split())], delimiter=" "))
+
+
+def _all_numbers(line: str) -> bool:
+    return all(_is_number(word) for word in re.split(r"[,;\s]+", line.strip(" \t,;")))
 
 
 def _is_number(word: str) -> bool:

@@ -1,10 +1,13 @@
 """Volumes: a uniform grid as it is, everything else resampled to one."""
 
+from dataclasses import replace
+
 import numpy as np
 
 from ..sampled_density import GridDensity
 from .dataset import SOLID, Block, ReadError
 from .resampling import Resampling
+from .solids import corner_chunks
 
 
 def volume_field(reading, spacing=None, region=None, walls=None, kept=None) -> GridDensity:
@@ -51,6 +54,9 @@ def volume_field(reading, spacing=None, region=None, walls=None, kept=None) -> G
             )
     if not any(block.shape is not None or np.isin(block.cells.types, SOLID).any() for block in dataset.blocks):
         raise ReadError(path, "it has no solid cells: a surface in space", "give the volume's mesh")
+    blanked = [cells_blanked(block) for block in dataset.blocks]
+    if any(one is not other for one, other in zip(blanked, dataset.blocks, strict=True)):
+        reading = replace(reading, dataset=replace(dataset, blocks=blanked))
     if kept is None or kept.found is None or not kept.found.fits(reading, spacing, region, walls):
         found = Resampling(reading, moved, spacing, region, walls)
         if kept is not None:
@@ -58,6 +64,17 @@ def volume_field(reading, spacing=None, region=None, walls=None, kept=None) -> G
     else:
         found = kept.found
     return found.field(reading)
+
+
+def cells_blanked(block: Block) -> Block:
+    """The block with its blanked points as blanked cells, those that have one among their corners."""
+    blank = block.blank
+    if blank is None or not blank.any() or len(blank) == block.cell_count:
+        return block
+    hidden = np.zeros(block.cell_count, bool)
+    for chunk in corner_chunks(block):
+        hidden[chunk.cell] = blank[chunk.corners].any(axis=0)
+    return replace(block, blank=hidden)
 
 
 def uniform_grid(block: Block, points: np.ndarray, density: np.ndarray, where: str):

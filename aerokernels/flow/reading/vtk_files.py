@@ -227,8 +227,11 @@ def _cells(path: Path | str, data) -> Cells | None:
 
 
 def _types(data):
+    from vtkmodules.vtkCommonCore import vtkVersion
+
     # VTK 9.6 gave the array another name.
-    return data.GetCellTypesArray() if hasattr(data, "GetCellTypesArray") else data.GetCellTypes()
+    named_anew = (vtkVersion.GetVTKMajorVersion(), vtkVersion.GetVTKMinorVersion()) >= (9, 6)
+    return data.GetCellTypes() if named_anew else data.GetCellTypesArray()
 
 
 def _polygons(path: Path | str, data) -> Cells | None:

@@ -1,0 +1,57 @@
+"""Units of a file's arrays: stated beside them, or in brackets in their names, as in "p [kPa]"."""
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from ...written_units import WrittenUnit, in_brackets, is_no_unit, unit_of, written_unit
+from .dataset import ReadError
+
+
+def in_si_units(path, values: np.ndarray, name: str, stated: str, dimension: str) -> np.ndarray:
+    """Values in SI, out of the unit that the file states for them or has in the array's name, as in "p [kPa]".
+
+    Raises:
+        ReadError: A unit of something else, or one that is stated and not known.
+    """
+    unit = unit_of_array(path, name, stated, dimension)
+    if (unit.factor, unit.offset) == (1.0, 0.0):
+        return values
+    return np.asarray(values * unit.factor + unit.offset)
+
+
+def unit_of_array(path, name: str, stated: str, dimension: str) -> WrittenUnit:
+    """The unit of an array; arguments and errors as of `in_si_units`."""
+    if is_no_unit(stated):
+        stated = in_brackets(name)
+        if written_unit(stated) is None:
+            stated = ""  # brackets may hold anything: "x (axial)"
+    try:
+        return unit_of(stated, dimension)
+    except ValueError as fault:
+        remedy = "write it in SI, or say what 1 of it is: "
+        remedy += "length_unit" if dimension == "length" else f"reference = {{{dimension} = ...}}"
+        raise ReadError(path, f"the unit of {name!r}: {fault}", remedy) from None
+
+
+def length_of(path, axes: Mapping[str, str]) -> tuple[float | None, list[float]]:
+    """The unit of length [m] of coordinates, None where no name and no statement tells it; and a factor for each.
+
+    The factors are 1 unless the coordinates' units differ; they bring all to metres then. What has none takes the
+    others'.
+
+    Args:
+        path: The file, for messages.
+        axes: Names of the coordinates, and the unit that the file states for each, or "".
+
+    Raises:
+        ReadError: A unit that is no length's, or one that is stated and not known.
+    """
+    told = {}
+    for name, stated in axes.items():
+        if not (is_no_unit(stated) and written_unit(in_brackets(name)) is None):
+            told[name] = unit_of_array(path, name, stated, "length").factor
+    units = set(told.values())
+    if len(units) <= 1:
+        return (units.pop() if units else None), [1.0] * len(axes)
+    return 1.0, [told.get(name, 1.0) for name in axes]

@@ -1,0 +1,169 @@
+"""Series from a file or an object with a time axis: NetCDF, Zarr, xarray's data sets and arrays."""
+
+import warnings
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ..netcdf_reading import open_netcdf
+from ..room import check_file, check_room
+from ..written_units import unit_of
+from .series import GridMesh, Series
+
+# Names under which density goes, in the order in which they are looked for.
+DENSITY_NAMES = ("density", "rho", "Density", "Rho", "RHO", "rhoMean")
+TIME_NAMES = ("time", "t", "Time")
+_AXES = {("x", "y", "z"): "volume", ("y", "z"): "planar", ("r", "z"): "axisymmetric"}
+# The share of a spacing by which nodes may lie off an even grid: what single precision makes of coordinates.
+UNEVEN = 1e-3
+
+
+def series_of_file(
+    path: Path, density: str | None, ambient: float | None, averages: bool, species: Any, own: dict
+) -> Series:
+    """A series of a NetCDF file or a Zarr store; arguments as of `open_series`, `own` what goes to the series.
+
+    Raises:
+        ValueError: Nothing of the kind there, or what `series_of_dataset` refuses.
+    """
+    if not path.exists():
+        raise ValueError(f"{path}: no such file; give a NetCDF file, a Zarr store, or a pattern such as flow_*.vtu")
+    if path.is_dir() and not any((path / name).exists() for name in ("zarr.json", ".zgroup", ".zmetadata")):
+        raise ValueError(
+            f"{path}: a folder, but no Zarr store; numbered files are opened by a pattern, 'dir/flow_*.vtu'"
+        )
+    opened = _zarr if path.is_dir() else _classic if _is_classic(path) else open_netcdf
+    dataset = opened(path, f"{path}: its list of coordinates", most_axes=1)
+    identity = {"file": path.name, "size": path.stat().st_size if path.is_file() else None}
+    return series_of_dataset(dataset, density, ambient, averages, species, own, str(path), identity)
+
+
+def _is_classic(path: Path) -> bool:
+    with path.open("rb") as stream:
+        return stream.read(3) == b"CDF"
+
+
+def _classic(path: Path, what: str, most_axes: float) -> Any:
+    """A NetCDF file of the classic form, by SciPy; arguments as of `open_netcdf`, SciPy looks at sizes itself."""
+    import xarray
+
+    try:
+        return xarray.open_dataset(path, engine="scipy")
+    except Exception as fault:
+        raise ValueError(f"{path}: cannot be read as NetCDF ({type(fault).__name__}: {str(fault)[:200]})") from None
+
+
+def _zarr(path: Path, what: str, most_axes: float) -> Any:
+    """A Zarr store as xarray has it; arguments as of `open_netcdf`."""
+    try:
+        import zarr  # noqa: F401
+    except ImportError:
+        raise ImportError(f"{path}: a Zarr store needs zarr: pip install 'aerokernels[dask]'") from None
+    import xarray
+
+    check_file(path, what, most_axes)
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", RuntimeWarning)  # that a store without consolidated metadata opens slowly
+            return xarray.open_dataset(path, engine="zarr", chunks=None)
+    except Exception as fault:
+        raise ValueError(f"{path}: cannot be read as Zarr: {fault}") from None
+
+
+def series_of_dataset(
+    data: Any, density: str | None, ambient: float | None, averages: bool, species: Any, own: dict, name: str, identity
+) -> Series:
+    """A series of an xarray object, of which one time is read at once."""
+    if hasattr(data, "data_vars"):
+        names = [density] if density is not None else [one for one in DENSITY_NAMES if one in data.data_vars]
+        if not names or names[0] not in data.data_vars:
+            wanted = density or "density, rho or the like"
+            held = ", ".join(map(str, data.data_vars)) or "nothing"
+            raise ValueError(f"{name}: no variable {wanted}; it holds {held}: give density=NAME")
+        array, attributes = data[names[0]], {**data.attrs, **data[names[0]].attrs}
+    else:
+        array, attributes = data, dict(data.attrs)
+    clock = next((one for one in TIME_NAMES if one in array.dims), None)
+    if clock is None:
+        raise ValueError(f"{name}: {array.name} has axes {', '.join(map(str, array.dims))} and no time")
+    axes = next((one for one in _AXES if {clock, *one} == set(array.dims)), None)
+    if axes is None:
+        raise ValueError(
+            f"{name}: {array.name} has axes {', '.join(map(str, array.dims))}: rename them to time and "
+            "x, y, z, or y, z, or r, z"
+        )
+    turned = {axis: slice(None, None, -1) for axis in axes if _falls(array.coords.get(axis))}
+    if turned:
+        data, array = data.isel(turned), array.isel(turned)
+    array = array.transpose(clock, *axes)
+    ends = [_even(name, axis, array.coords.get(axis)) for axis in axes]
+    where = GridMesh(
+        _AXES[axes],
+        np.array([first for first, _ in ends]),
+        np.array([step for _, step in ends]),
+        array.shape[1:],
+        averages,
+    )
+    times = _in_si(name, clock, array.coords.get(clock), "time")
+    factor = _factor(name, attributes.get("units"), "density", f"{array.name}")
+    around = attributes.get("ambient_density") if ambient is None else ambient
+    if around is None:
+        raise ValueError(f"{name}: give ambient_density, that of the air around the field, in kg/m3")
+
+    def get(number: int) -> np.ndarray:
+        check_room(_snapshot_size(array), f"{name}: a snapshot")
+        values = np.asarray(array.isel({clock: number}).values)
+        return values if factor == 1.0 else values * factor
+
+    identity = {**identity, "variable": array.name}
+    if species not in (None, False):
+        mixture = import_module(f"{__package__}.series_species").Mixture(name, data, array.dims, species)
+        identity["species"] = mixture.identity
+        return Series(
+            lambda number: mixture.field(get(number), where, float(around), own, number),
+            times, where, float(around), **own, provenance=f"{name}; {mixture.said}", identity=identity,
+        )  # fmt: skip
+    return Series(get, times, where, float(around), **own, provenance=name, identity=identity)
+
+
+def _falls(coordinate: Any) -> bool:
+    return coordinate is not None and coordinate.size > 1 and bool(coordinate[0] > coordinate[-1])
+
+
+def _snapshot_size(array: Any) -> float:
+    """What reading a time of an array takes [bytes]: a whole chunk of the file where that is more."""
+    chunks = array.encoding.get("chunks") or array.encoding.get("chunksizes") or (0,)
+    counts = (np.prod(array.shape[1:], dtype=float), np.prod(chunks, dtype=float))
+    return float(max(counts)) * array.dtype.itemsize
+
+
+def _in_si(name: str, axis: str, coordinate: Any, dimension: str) -> np.ndarray:
+    if coordinate is None:
+        raise ValueError(f"{name}: axis {axis} has no coordinate: add one")
+    values = np.asarray(coordinate.values)
+    if np.issubdtype(values.dtype, np.datetime64) or np.issubdtype(values.dtype, np.timedelta64):
+        since = values - values[0] if np.issubdtype(values.dtype, np.datetime64) else values
+        return since / np.timedelta64(1, "s")
+    return values.astype(np.float64) * _factor(name, coordinate.attrs.get("units"), dimension, axis)
+
+
+def _factor(name: str, unit: Any, dimension: str, what: str) -> float:
+    try:
+        found = unit_of("" if unit is None else str(unit), dimension)
+    except ValueError as fault:
+        raise ValueError(f"{name}: the unit of {what}: {fault}; write it in SI") from None
+    return found.factor
+
+
+def _even(name: str, axis: str, coordinate: Any) -> tuple[float, float]:
+    """First node and spacing of an axis [m]."""
+    places = _in_si(name, axis, coordinate, "length")
+    if len(places) < 2:
+        raise ValueError(f"{name}: axis {axis} needs at least two nodes")
+    step = (places[-1] - places[0]) / (len(places) - 1)
+    off = np.abs(places - (places[0] + step * np.arange(len(places)))).max()
+    if not step > 0.0 or off > UNEVEN * step:
+        raise ValueError(f"{name}: the nodes of {axis} do not increase evenly: interpolate them on an even grid first")
+    return float(places[0]), float(step)

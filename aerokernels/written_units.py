@@ -1,0 +1,156 @@
+"""Units as files write them: "kg m-3", "kilogram / meter ** 3", "hPa", "degC", "lb/ft^3", in attributes and in names.
+
+`units.quantity` reads what a user types, a number and one unit of a short list. What programs write beside their arrays
+is products and quotients of units, in many spellings; here they become a factor to SI.
+"""
+
+import re
+from dataclasses import dataclass
+from fractions import Fraction
+
+NONE = (0, 0, 0, 0)
+# Exponents of metre, kilogram, second and kelvin.
+DIMENSIONS = {"length": (1, 0, 0, 0), "density": (-3, 1, 0, 0), "pressure": (-1, 1, -2, 0), "temperature": (0, 0, 0, 1),
+              "time": (0, 0, 1, 0)}  # fmt: skip
+ARTICLES = {name: f"a {name}" for name in DIMENSIONS}
+_FORCE = (1, 1, -2, 0)
+_POUND, _INCH = 0.45359237, 0.0254
+# Units that take a prefix, by their symbols and by their names.
+_SYMBOLS: dict[str, tuple[float, tuple[int, int, int, int]]] = {
+    "m": (1.0, DIMENSIONS["length"]), "g": (1e-3, (0, 1, 0, 0)), "s": (1.0, DIMENSIONS["time"]),
+    "K": (1.0, DIMENSIONS["temperature"]), "Pa": (1.0, DIMENSIONS["pressure"]), "bar": (1e5, DIMENSIONS["pressure"]),
+    "N": (1.0, _FORCE), "L": (1e-3, (3, 0, 0, 0)), "l": (1e-3, (3, 0, 0, 0)),
+}  # fmt: skip
+_NAMES = {"meter": "m", "metre": "m", "gram": "g", "second": "s", "kelvin": "K", "pascal": "Pa", "bar": "bar",
+          "newton": "N", "liter": "L", "litre": "L"}  # fmt: skip
+_PREFIXES = {"n": 1e-9, "u": 1e-6, "m": 1e-3, "c": 1e-2, "d": 1e-1, "h": 1e2, "k": 1e3, "M": 1e6, "G": 1e9}
+_PREFIX_NAMES = {"nano": 1e-9, "micro": 1e-6, "milli": 1e-3, "centi": 1e-2, "deci": 1e-1, "hecto": 1e2, "kilo": 1e3,
+                 "mega": 1e6, "giga": 1e9}  # fmt: skip
+_OTHERS = {
+    "in": (_INCH, (1, 0, 0, 0)), "inch": (_INCH, (1, 0, 0, 0)), "inches": (_INCH, (1, 0, 0, 0)),
+    "ft": (12 * _INCH, (1, 0, 0, 0)), "foot": (12 * _INCH, (1, 0, 0, 0)), "feet": (12 * _INCH, (1, 0, 0, 0)),
+    "micron": (1e-6, (1, 0, 0, 0)), "cc": (1e-6, (3, 0, 0, 0)),
+    "lb": (_POUND, (0, 1, 0, 0)), "lbm": (_POUND, (0, 1, 0, 0)),
+    "slug": (_POUND * 9.80665 / (12 * _INCH), (0, 1, 0, 0)), "slugs": (_POUND * 9.80665 / (12 * _INCH), (0, 1, 0, 0)),
+    "lbf": (_POUND * 9.80665, _FORCE),
+    "psi": (_POUND * 9.80665 / _INCH**2, DIMENSIONS["pressure"]),
+    "psf": (_POUND * 9.80665 / (12 * _INCH) ** 2, DIMENSIONS["pressure"]),
+    "atm": (101325.0, DIMENSIONS["pressure"]), "Torr": (101325.0 / 760.0, DIMENSIONS["pressure"]),
+    "mb": (100.0, DIMENSIONS["pressure"]), "dyn": (1e-5, _FORCE), "dyne": (1e-5, _FORCE),
+    "sec": (1.0, DIMENSIONS["time"]), "min": (60.0, DIMENSIONS["time"]), "minute": (60.0, DIMENSIONS["time"]),
+    "minutes": (60.0, DIMENSIONS["time"]), "hour": (3600.0, DIMENSIONS["time"]), "hours": (3600.0, DIMENSIONS["time"]),
+    "day": (86400.0, DIMENSIONS["time"]), "days": (86400.0, DIMENSIONS["time"]),
+    "degK": (1.0, DIMENSIONS["temperature"]),
+    "degR": (5.0 / 9.0, DIMENSIONS["temperature"]), "rankine": (5.0 / 9.0, DIMENSIONS["temperature"]),
+}  # fmt: skip
+# Temperatures from another zero: factor, and what is added after it.
+_CELSIUS, _FAHRENHEIT = (1.0, 273.15), (5.0 / 9.0, 459.67 * 5.0 / 9.0)
+_FROM_ANOTHER_ZERO = {
+    **dict.fromkeys(("degc", "c", "celsius", "degreescelsius", "degreecelsius", "degreesc", "degreec"), _CELSIUS),
+    **dict.fromkeys(("degf", "f", "fahrenheit", "degreesfahrenheit", "degreefahrenheit", "degreef"), _FAHRENHEIT),
+}
+_NO_UNIT = {"", "1", "-", "--", "none", "dimensionless", "nondimensional", "normalized", "normalised", "unitless"}
+_SPELLING = str.maketrans(
+    {"µ": "u", "μ": "u", "·": " ", "⋅": " ", "×": " ", "⁻": "-", "¹": "1", "²": "2", "³": "3", "{": "(", "}": ")"}
+)
+_TOKEN = re.compile(r"(?P<over>/)|(?P<open>\()|(?P<close>\))|(?P<one>1(?![\d.]))|(?P<unit>[A-Za-z]+)"
+                    r"(?:\^?\(?(?P<power>[-+]?\d+)(?:\.0+)?\)?)?|[\s.*]+")  # fmt: skip
+
+
+@dataclass(frozen=True)
+class WrittenUnit:
+    """A unit: a value v in it is factor v + offset in SI.
+
+    Attributes:
+        factor: What one of it is in SI.
+        offset: What its zero is.
+        exponents: Of metre, kilogram, second and kelvin.
+    """
+
+    factor: float
+    offset: float
+    exponents: tuple[int, ...]
+
+
+def written_unit(text: str) -> WrittenUnit | None:
+    """The unit that a text names; None for a text that names none that is known."""
+    plain = text.strip().translate(_SPELLING).replace("**", "^").replace("°", "deg")
+    if (found := _FROM_ANOTHER_ZERO.get(re.sub(r"[\s_]", "", plain.lower()))) is not None:
+        return WrittenUnit(*found, DIMENSIONS["temperature"])
+    plain = re.sub(r"\s*(\^|/)\s*", r"\1", re.sub(r"\bper\b", "/", plain))
+    factor, exponents, at = Fraction(1), list(NONE), 0  # so that a g/cm3 is 1000 kg/m3 and not its neighbour
+    sign, group = 1, [1]
+    while at < len(plain):
+        match = _TOKEN.match(plain, at)
+        if match is None:
+            return None
+        at = match.end()
+        if match["over"]:
+            sign = -1
+        elif match["open"]:
+            group.append(group[-1] * sign)
+            sign = 1
+        elif match["close"]:
+            if len(group) == 1:
+                return None
+            group.pop()
+        elif match["unit"]:
+            one = _one(match["unit"])
+            if one is None:
+                return None
+            power = int(match["power"] or 1) * sign * group[-1]
+            if abs(power) > 9:
+                return None
+            factor *= Fraction(repr(one[0])) ** power
+            exponents = [own + power * other for own, other in zip(exponents, one[1], strict=True)]
+            sign = 1
+    whole = any(exponents) and len(group) == 1
+    return WrittenUnit(float(factor), 0.0, tuple(exponents)) if whole else None
+
+
+def is_no_unit(text: str) -> bool:
+    """Whether a text says that there is no unit, or nothing."""
+    return text.strip().lower().replace(" ", "") in _NO_UNIT
+
+
+def unit_of(text: str, dimension: str) -> WrittenUnit:
+    """The unit of a `dimension` that a text names; nothing, or "1", stands for SI.
+
+    Raises:
+        ValueError: No unit that is known, or one of another dimension.
+    """
+    if is_no_unit(text):
+        return WrittenUnit(1.0, 0.0, DIMENSIONS[dimension])
+    found = written_unit(text)
+    if found is None or found.exponents != DIMENSIONS[dimension]:
+        raise ValueError(f"{text.strip()[:60]!r} is no unit of {ARTICLES[dimension]} that is known")
+    return found
+
+
+def in_brackets(name: str) -> str:
+    """What the name of an array has in brackets at its end, as in "x [mm]"; empty for nothing."""
+    match = re.search(r"[\[(<{]([^\[\](){}<>]*(?:\([^()]*\))?[^\[\](){}<>]*)[\])>}]\s*$", name)
+    return match[1].strip() if match else ""
+
+
+def _one(word: str) -> tuple[float, tuple[int, ...]] | None:
+    """A unit with or without a prefix."""
+    if word in _OTHERS:
+        return _OTHERS[word]
+    if word in _SYMBOLS:
+        return _SYMBOLS[word]
+    for symbol, (factor, exponents) in _SYMBOLS.items():
+        if word.endswith(symbol) and word[: -len(symbol)] in _PREFIXES:
+            return _times(_PREFIXES[word[: -len(symbol)]], factor), exponents
+    lower = word.lower()
+    lower = lower.removesuffix("s") if lower.removesuffix("s") != lower and len(lower) > 3 else lower
+    for name, symbol in _NAMES.items():
+        prefix = lower[: -len(name)]
+        if lower.endswith(name) and (not prefix or prefix in _PREFIX_NAMES):
+            factor, exponents = _SYMBOLS[symbol]
+            return _times(_PREFIX_NAMES.get(prefix, 1.0), factor), exponents
+    return None
+
+
+def _times(prefix: float, factor: float) -> float:
+    return float(Fraction(repr(prefix)) * Fraction(repr(factor)))

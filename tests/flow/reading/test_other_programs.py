@@ -1,0 +1,178 @@
+"""Files as other programs write them: units beside arrays and in names, headings, orders of axes, blanked points."""
+
+import struct
+from pathlib import Path
+
+import numpy as np
+import pytest
+import writers
+import xarray
+
+from aerokernels import DensityField, flow
+from aerokernels.flow.reading import ReadError
+
+X, Y = np.linspace(-0.02, 0.03, 11), np.linspace(-0.01, 0.02, 11)  # of equal length: order cannot be told by it
+AT = np.random.default_rng(0).uniform([-0.019, -0.009], [0.029, 0.019], (20, 2))
+R = 287.05
+
+
+def rho(x, y):
+    """Linear, so that the mesh holds it to rounding."""
+    return 1.0 + 8.0 * x + 5.0 * y
+
+
+GRID = rho(*np.meshgrid(X, Y, indexing="ij"))
+
+
+def right(field: DensityField) -> bool:
+    points = np.stack([0.0 * AT[:, 0], AT[:, 1], -AT[:, 0]], axis=1)  # z = -x
+    return float(np.abs(field.density_at(points) - rho(*AT.T)).max()) < 1e-12
+
+
+def table(names: str, columns, mark: str = ",", head: str = "") -> str:
+    rows = zip(*(np.ravel(column).tolist() for column in columns), strict=True)
+    return "\n".join([head + names, *(mark.join(map(repr, row)) for row in rows)]) + "\n"
+
+
+PLACES = [axis.ravel() for axis in np.meshgrid(X, Y, indexing="ij")]
+VALUES = GRID.ravel()
+
+
+@pytest.mark.parametrize(
+    ("text", "options"),
+    [
+        (table("x,y,rho", [*PLACES, VALUES], head="# "), {}),  # NumPy's savetxt
+        (table("x, y, rho", [*PLACES, VALUES], " ", head="# "), {}),
+        (table(",x,y,rho", [np.arange(121), *PLACES, VALUES]), {}),  # pandas with its index
+        (table("x;y;rho", [*PLACES, VALUES], ";").replace(".", ","), {}),  # where the comma is the decimal mark
+        (table("X [mm],Y [mm],Density [g/cm^3]", [1e3 * PLACES[0], 1e3 * PLACES[1], 1e-3 * VALUES]), {}),
+        (table("X [m],Y [m],rho", [1e3 * PLACES[0], 1e3 * PLACES[1], VALUES]), {"length_unit": "mm"}),
+        (table("x (axial),y,rho", [*PLACES, VALUES]), {}),
+        (
+            table("x,y,p (kPa),T [°C]", [*PLACES, 1e-3 * R * 300.0 * VALUES, np.full(121, 26.85)]),
+            {"gas_constant": R},
+        ),
+        (table("x,y,rho [g/cm3]", [*PLACES, VALUES]), {"reference": 1.0}),
+    ],
+)
+def test_tables(tmp_path: Path, text: str, options):
+    """Set-up: a linear density on a grid, as tables of several programs. Expected: the same, to rounding."""
+    path = tmp_path / "flow.csv"
+    path.write_text(text, encoding="utf-8")
+    assert right(flow.read(path, **options))
+
+
+@pytest.mark.parametrize(
+    ("text", "told"),
+    [
+        (table("x,y,rho", [*PLACES, VALUES]) + "0.5\n", "line 123: expected 3 numbers"),
+        (table("x [kg],y,rho", [*PLACES, VALUES]), "the unit of 'x .kg.'"),
+        (table("x,y,rho [Pa]", [*PLACES, VALUES]), "the unit of 'rho .Pa.'"),
+    ],
+)
+def test_tables_that_are_refused(tmp_path: Path, text: str, told: str):
+    (tmp_path / "flow.csv").write_text(text)
+    with pytest.raises(ReadError, match=told):
+        flow.read(tmp_path / "flow.csv")
+
+
+def test_tecplot_columns_have_units(tmp_path: Path):
+    text = table("", [1e3 * PLACES[0], 1e3 * PLACES[1], VALUES], " ").strip()
+    (tmp_path / "a.dat").write_text(f'VARIABLES = "x [mm]" "y [mm]" "rho"\nZONE I=11, J=11\n{text}\n')
+    assert right(flow.read(tmp_path / "a.dat"))
+    line = 'ZONE T="wall", NODES=2, ELEMENTS=1, ZONETYPE=FELINESEG\n0 0 1\n1 0 1\n1 2\n'
+    with (tmp_path / "a.dat").open("a") as file:
+        file.write(line)
+    found = flow.read(tmp_path / "a.dat")
+    assert right(found) and "lines" in found.provenance
+
+
+def test_labelled_arrays_in_any_order_and_unit():
+    """Set-up: dimensions in another order than the axes, equal in length; units; dates; a curvilinear mesh."""
+    plain = xarray.Dataset({"rho": (("y", "x"), GRID.T)}, {"x": X, "y": Y})
+    assert right(DensityField.from_xarray(plain))
+    scaled = plain.assign_coords(x=("x", 1e3 * X, {"units": "mm"}), y=("y", 1e3 * Y, {"units": "mm"}))
+    assert right(DensityField.from_xarray(scaled))
+    assert right(DensityField.from_xarray(scaled, length_unit="mm"))  # said twice is not twice as small
+    assert DensityField.from_xarray(scaled, frame={"origin": (1.0, 0.0, 0.0)}).box[1][1] == pytest.approx(21e-3)
+    beside = xarray.Dataset({"rho": (("j", "i"), GRID.T)}, {"x": ("i", X), "y": ("j", Y)})
+    assert right(DensityField.from_xarray(beside))
+    places = dict(zip("xy", np.meshgrid(X, Y), strict=True))  # over (j, i), the density over (i, j)
+    curved = xarray.Dataset({"rho": (("i", "j"), GRID)}, {name: (("j", "i"), own) for name, own in places.items()})
+    assert right(DensityField.from_xarray(curved))
+    days = np.datetime64("2026-01-01") + np.array([0, 2], "timedelta64[s]")
+    timed = xarray.concat([0.5 * plain, plain], "time").assign_coords(time=days)
+    assert right(DensityField.from_xarray(timed, time=2.0)) and not right(DensityField.from_xarray(timed, time="first"))
+    heavy = plain.assign(rho=(1e-3 * plain.rho).assign_attrs(units="gram / centimeter ** 3"))
+    assert right(DensityField.from_xarray(heavy))
+    with pytest.raises(ReadError, match="the unit of 'rho'"):
+        DensityField.from_xarray(plain.assign(rho=plain.rho.assign_attrs(units="code_density")))
+
+
+def test_npz_with_settings_of_its_program(tmp_path: Path):
+    np.savez(tmp_path / "a.npz", x=X, y=Y, rho=GRID, settings=np.array({"cfl": 0.5}, dtype=object))
+    found = flow.read(tmp_path / "a.npz")
+    assert right(found) and "arrays taken as [x, y]" in found.provenance
+
+
+def test_times_that_are_none(tmp_path: Path):
+    np.savez(tmp_path / "a.npz", x=X, y=Y, rho=np.stack([GRID, GRID]), time=[0.0, 1.0])
+    for time in ("soon", float("nan")):
+        with pytest.raises(ValueError, match="'latest', 'first' or a time"):
+            flow.read(tmp_path / "a.npz", time=time)
+    with pytest.raises(TypeError, match="'latest', 'first' or a time"):
+        flow.read(tmp_path / "a.npz", time=[1.0])
+
+
+def foam_field(case: Path, name: str, dimensions: str, values: str, before: str = "") -> None:
+    head = writers.foam_header("volScalarField", name, False).decode()
+    text = f"dimensions [{dimensions}];\n{before}\ninternalField {values};\nboundaryField\n{{\n}}\n"
+    (case / "0.5" / name).write_text(head + text)
+
+
+def test_foam_fields_as_people_write_them(tmp_path: Path):
+    """Uniform values by name and from included files, lists of one value, commented-out gases, kinematic pressures."""
+    case = writers.foam_wedge(tmp_path / "case", wedge=False)
+    (case / "0.5" / "rho").unlink()
+    (case / "constant" / "thermophysicalProperties").write_text("// molWeight 11640.3;\nmolWeight 28.9;\n")
+    (case / "0.5" / "include").mkdir()
+    (case / "0.5" / "include" / "initial").write_text("temperature 250; // K\npressure 101325;\n")
+    pressure, temperature = ("p", "1 -1 -2 0 0 0 0"), ("T", "0 0 0 1 0 0 0")
+    ways = {
+        "uniform $pressure": "uniform $temperature",
+        f"nonuniform List<scalar> {30 * 20}{{101325}}": "uniform 250",
+    }
+    for first, second in ways.items():
+        foam_field(case, *pressure, first, '#include "include/initial"')
+        foam_field(case, *temperature, second, '#include "include/initial"')
+        assert flow.read(case).density == pytest.approx(101325.0 / (8314.4626 / 28.9 * 250.0), rel=1e-9)
+    foam_field(case, "p", "0 2 -2 0 0 0 0", "uniform 1e5")
+    with pytest.raises(ReadError, match="the unit of 'p'"):
+        flow.read(case)
+    foam_field(case, *temperature, "uniform $nothing")
+    with pytest.raises(ReadError, match="uniform value"):
+        flow.read(case, density="T")
+
+
+def test_blanked_points_of_a_volume_are_no_flow(tmp_path: Path):
+    """Set-up: a Plot3D volume with a cube blanked by iblank, where the solution is 0, as solvers leave it.
+
+    Expected: the density about it linear as given, and a body where the blanked points and the cells at them are.
+    """
+    axis = np.linspace(0.0, 1.0, 11)
+    x, y, z = (one.ravel(order="F") for one in np.meshgrid(axis, axis, axis, indexing="ij"))
+    blank = (np.abs(np.stack([x, y, z]) - 0.5) < 0.15).all(axis=0)
+    values = np.where(blank, 0.0, 1.0 + x + 2.0 * y + 3.0 * z)
+
+    def record(*parts):
+        data = b"".join(part.tobytes() for part in parts)
+        return struct.pack("<I", len(data)) + data + struct.pack("<I", len(data))
+
+    shape = record(np.array([11, 11, 11], "<i4"))
+    (tmp_path / "a.xyz").write_bytes(shape + record(x, y, z, np.where(blank, 0, 1).astype("<i4")))
+    (tmp_path / "a.q").write_bytes(shape + record(np.array([2.0, 0.0, 1e6, 0.0])) + record(*[values] * 5))
+    found = flow.read(tmp_path / "a.xyz", spacing=0.1)
+    at = np.array([[0.15, 0.5, 0.5], [0.5, 0.25, 0.95]])
+    assert np.abs(found.density_at(at) - (1.0 + at @ [1.0, 2.0, 3.0])).max() < 1e-12
+    assert found.body is not None
+    assert np.allclose([found.body.vertices.min(axis=0), found.body.vertices.max(axis=0)], [[0.3] * 3, [0.7] * 3])
