@@ -110,22 +110,14 @@ class PupilJob:
                 errors[size] = tried(PILOT_SEED).standard_error
                 if errors[size] <= ENOUGH:
                     return tried
-        return _runner(self._whole(self.task.per_replicate))
-
-    def _whole(self, per_replicate: int) -> PupilTask:
-        """So many rays of a replicate, on a radius or all over the pupil."""
-        return replace(self.task, plan=self.plan_of(per_replicate * REPLICATES), per_replicate=per_replicate)
+        return _runner(replace(self.task, plan=self.plan_of(self.task.per_replicate * REPLICATES)))
 
     @cached_property
     def finer_runs(self) -> list[Callable[[], PupilRun]]:
         """Those with more rays than the first, up to as many as were asked for; made when they are first called."""
         known = {RADIAL_RAYS, self.per_replicate} if self.is_radial else {self.per_replicate}
         sizes = sorted(size for size in known if self.run.task.per_replicate < size <= self.per_replicate)
-        return [cache(partial(self._finer_run, size)) for size in sizes]
-
-    def _finer_run(self, per_replicate: int) -> PupilRun:
-        task = self._whole(per_replicate)
-        return _runner(replace(task, plan=replace(task.plan, few_rays=False)))
+        return [cache(partial(_finer_run, self.task, self.plan_of, size)) for size in sizes]
 
     def planned(self) -> TracePlan:
         """The plan of the first run, with what its rays over the pupil were chosen by."""
@@ -186,6 +178,7 @@ def make_job(
     radial_rays, why = choose_radial(field, pupil, look, per_replicate, REPLICATES, symmetry, most)
     count = min(per_replicate, RADIAL_RAYS) if radial_rays else per_replicate
     is_sparse = 0 < radial_rays < RADIAL_RAYS and like is not None
+    known_plan = None if like is None else like.plan  # of a job that need not live as long as this one
 
     def plan_of(rays: int) -> TracePlan:
         plan = field.derive(
@@ -200,7 +193,7 @@ def make_job(
                 path_length=None,
                 wavelength=wavelength,
                 directions=look[None],
-                like=None if like is None else like.plan,
+                like=known_plan,
                 sure_count=rays,
                 **choices,
             ),
@@ -254,6 +247,12 @@ def _runner(task: PupilTask):
 
         return ReferencePupilRun(task)
     return PupilRun(task)
+
+
+def _finer_run(task: PupilTask, plan_of: Callable[[int], TracePlan], per_replicate: int):
+    """The same with so many rays of a replicate."""
+    plan = replace(plan_of(per_replicate * REPLICATES), few_rays=False)
+    return _runner(replace(task, plan=plan, per_replicate=per_replicate))
 
 
 def plane_beyond(field: IndexField, pupil: Pupil, look: np.ndarray) -> Plane:
