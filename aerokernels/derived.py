@@ -1,7 +1,10 @@
 """Objects that never change, and hold what others have worked out of them."""
 
 from collections.abc import Callable, Hashable
+from dataclasses import fields
 from typing import Any
+
+import numpy as np
 
 from .read_only import ReadOnly
 
@@ -33,6 +36,19 @@ class Derived(ReadOnly):
     def held(self, key: Hashable) -> Any:
         """What has been derived under a key; None where nothing has been."""
         return self.__dict__.get("_derived", {}).get(key)
+
+    def equals(self, other: Any) -> bool:
+        """Whether another object is of the same kind and has equal fields, so that either may stand for both."""
+        if self is other or type(self) is not type(other):
+            return self is other
+        names = [entry.name for entry in fields(self)]  # type: ignore[arg-type]
+        return all(_equal(getattr(self, name), getattr(other, name)) for name in names)
+
+
+def _equal(one: Any, other: Any) -> bool:
+    if isinstance(one, np.ndarray):
+        return isinstance(other, np.ndarray) and one.dtype == other.dtype and np.array_equal(one, other)
+    return bool(one.equals(other) if isinstance(one, Derived) else one == other)
 
 
 def _kind(key: Hashable) -> Hashable:

@@ -247,8 +247,8 @@ class PreparedStrehl:
         return replace(found, seconds=seconds)
 
     def _estimate(self, seed: int) -> StrehlEstimate:
-        job, plan, wavelength = self.job, self.job.planned(), self.wavelength
-        run = job.run
+        job, wavelength = self.job, self.wavelength
+        run, why = job.run, []
         sums = run(seed)
         traced, evaluations = job.traced_ray_count, sums.evaluation_count
         for make in job.finer_runs:
@@ -261,9 +261,9 @@ class PreparedStrehl:
             evaluations += sums.evaluation_count
             points = "radial quadrature" if job.is_radial else "lattice"
             finer = f"one of {REPLICATES} x {count}" if job.is_radial else "as many rays as were asked for"
-            more = f"standard error of the {points} above {settled:g}, as at an edge: {finer}"
-            plan = replace(plan, reasons=(*plan.reasons, more))
+            why.append(f"standard error of the {points} above {settled:g}, as at an edge: {finer}")
         standard_error = sums.standard_error
+        plan = job.planned_for(run, *why)
         plan = report_rejected(plan, sums.rejected_count, sums.ray_count, sums.greatest_error, wavelength)
         estimate = _combine(sums.moments, sums.phasors, wavelength, self.remove)
         if _met_nothing(self.field, sums.moments, wavelength, self.tolerance):

@@ -127,3 +127,13 @@ def test_other_values_on_the_same_grid():
     assert found.plan.sample_count == prepare_strehl(rough, pupil, **OPTIONS).plan.sample_count > seen.plan.sample_count
     with pytest.raises(TypeError, match="must be an IndexField"):
         seen.with_field(fine)
+
+
+def test_tables_are_made_for_the_rays_that_are_traced():
+    """2,304 rays of a lattice look up the spline, all 131,072 polynomials of cubes, which take longer to make."""
+    field, pupil = volume(1e-4), Disc(1e-3, (1e-4, 0.0, -1.2e-3))
+    few = prepare_strehl(field, pupil, **OPTIONS)
+    assert few(0).traced_ray_count == 2304 and not few.plan.cubes
+    assert field.samples.held("cube polynomials") is None
+    assert not few.with_field(volume(1.1e-4)).plan.cubes
+    assert prepare_strehl(field, pupil, bundle="off", **OPTIONS).plan.cubes

@@ -40,7 +40,7 @@ def prepare_grid(engine: Engine, grid: UniformGrid) -> None:
     work = {"roughness": tables.roughness, "potential by blocks": tables.potential, "potential peaks": tables.peaks}
     for name in engine.grid_tables:
         grid.derive(name, work[name])
-    tables.samples = None
+    tables.samples = tables.spare = None
 
 
 class _Tables:
@@ -50,27 +50,36 @@ class _Tables:
         self.engine, self.grid, self.kernels = engine, grid, engine.grid_kernels()
         self.shape = grid.shape
         self.block = block_size(grid)
-        self.samples = engine.put(grid.samples.reshape(-1))
+        self.samples = engine.share(grid.samples.reshape(-1))
+        # On a processor the coefficients are there for the host as well: new memory takes as long as a spline does.
+        self.on_host = None if engine.is_gpu else np.empty(int(np.prod(grid.coefficient_shape)))
+        first, second, third = self.shape
+        self.spare = engine.empty((first + 2) * (second + 2) * third)
         self.coefficients = self._spline()
 
     def _spline(self) -> Any:
         """Coefficients of the potential's spline, axis by axis."""
-        values, shape = self.samples, list(self.shape)
-        for axis in range(3):
-            count, pitch = shape[axis], int(np.prod(shape[axis + 1 :]))
+        values, shape, engine = self.samples, list(self.shape), self.engine
+        count = int(np.prod(self.grid.coefficient_shape))
+        whole = engine.empty(count) if self.on_host is None else engine.share(self.on_host)
+        for axis, made in enumerate((whole, self.spare, whole)):
+            nodes, pitch = shape[axis], int(np.prod(shape[axis + 1 :]))
             even = self.grid.even_first_axis and axis == 0
-            inverse = self.engine.put(pivots(count, even))
-            lines = int(np.prod(shape)) // count
+            inverse = engine.put(pivots(nodes, even))
+            lines = int(np.prod(shape)) // nodes
             shape[axis] += 2
-            made = self.engine.empty(int(np.prod(shape)))
             ambient = self.grid.ambient_index if axis == 0 else 0.0
-            before = [values, inverse, count, pitch, int(even), ambient]
-            self.engine.launch(self.kernels["spline_lines"], before, [made], lines)
+            before = [values, inverse, nodes, pitch, int(even), ambient]
+            engine.launch(self.kernels["spline_lines"], before, [made], lines)
             values = made
         return values
 
     def fetched(self) -> np.ndarray:
         """The coefficients on the host."""
+        if self.on_host is not None:
+            self.engine.wait()
+            self.on_host.setflags(write=False)
+            return self.on_host.reshape(self.grid.coefficient_shape)
         found = np.empty(self.grid.coefficient_shape)
         self.engine.get(self.coefficients, found.reshape(-1))
         return found
@@ -81,10 +90,9 @@ class _Tables:
         fourth = []
         for axis in range(3):
             shape = [_blocks(first, self.block), second, third]
-            made = self.engine.empty(int(np.prod(shape)))
             before = [self.coefficients, *self.shape, axis, self.block]
-            self.engine.launch(self.kernels["fourth_differences"], before, [made], int(np.prod(shape)))
-            found = self._by_blocks(made, shape, (1, 2))
+            self.engine.launch(self.kernels["fourth_differences"], before, [self.spare], int(np.prod(shape)))
+            found = self._by_blocks(self.spare, shape, (1, 2))
             fourth.append(found / (self.grid.ambient_index * self.grid.spacing[axis] ** 4))
         return self.block, fourth, [np.zeros_like(part) for part in fourth]
 

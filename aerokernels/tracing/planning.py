@@ -41,12 +41,23 @@ def backend_for(field: IndexField, backend: str) -> str:
 
 
 def plan_rays(
-    field: IndexField, pilot, ray_count: int, until, *, method, wavelength, spread=None, like=None, **choices
+    field: IndexField,
+    pilot,
+    ray_count: int,
+    until,
+    *,
+    method,
+    wavelength,
+    spread=None,
+    like=None,
+    sure_count: int | None = None,
+    **choices,
 ) -> TracePlan:
     """The plan of a bundle, by leapfrog where that holds its tolerance; `pilot()` makes some of its rays.
 
     `spread()` makes as many as show where all of them go; None where the pilot does. `like` is the plan of such rays
-    through a field like this one, whose number of samples is taken where the pilot confirms it.
+    through a field like this one, whose number of samples is taken where the pilot confirms it. `sure_count` of the
+    rays are traced for sure, where others may not be: by them it is told whether a table pays.
 
     The other arguments are those of `make_plan`.
 
@@ -61,7 +72,9 @@ def plan_rays(
         trial = make_plan(field, method="straight", wavelength=wavelength, **choices)  # predicts nothing: a pilot will
         if trial.backend != "reference":
             trial = replace(trial, method=LEAPFROG, reasons=trial.reasons[1:])  # without that of the method
-            plan = fit_leapfrog(field, pilot(), trial, until, wavelength, spread or pilot, like, ray_count)
+            plan = fit_leapfrog(
+                field, pilot(), trial, until, wavelength, spread or pilot, like, sure_count or ray_count
+            )
             if plan is not None:
                 return plan
     return make_plan(field, method=method, wavelength=wavelength, **choices)

@@ -39,7 +39,8 @@ class PupilJob:
     """A pupil to be traced, for any number of seeds.
 
     Attributes:
-        plan: How.
+        plan: How the rays of the first run are traced.
+        plan_of: How so many rays of it are; tables are made only where they are enough to pay.
         until: Where its rays stop.
         per_replicate: Rays of a replicate that were asked for.
         task: What is traced; fewer rays where radial quadrature takes the place of the disc.
@@ -51,6 +52,7 @@ class PupilJob:
     """
 
     plan: TracePlan
+    plan_of: Callable[[int], TracePlan]
     until: Plane
     per_replicate: int
     task: PupilTask
@@ -101,33 +103,39 @@ class PupilJob:
         errors: dict[int, float] = {}
         for size in self.sizes:
             if may_still_settle(errors, size):
-                tried = _runner(replace(self.task, per_replicate=size, generator=LATTICES[size]))
+                plan = self.plan_of(size * REPLICATES)
+                tried = _runner(replace(self.task, plan=plan, per_replicate=size, generator=LATTICES[size]))
                 if self.is_known:
                     return tried
                 errors[size] = tried(PILOT_SEED).standard_error
                 if errors[size] <= ENOUGH:
                     return tried
-        return _runner(self.task)
+        return _runner(replace(self.task, plan=self.plan_of(self.task.per_replicate * REPLICATES)))
 
     @cached_property
     def finer_runs(self) -> list[Callable[[], PupilRun]]:
         """Those with more rays than the first, up to as many as were asked for; made when they are first called."""
         known = {RADIAL_RAYS, self.per_replicate} if self.is_radial else {self.per_replicate}
         sizes = sorted(size for size in known if self.run.task.per_replicate < size <= self.per_replicate)
-        whole = replace(self.task, plan=replace(self.task.plan, few_rays=False))
-        return [cache(partial(_runner, replace(whole, per_replicate=size))) for size in sizes]
+        return [cache(partial(_finer_run, self.task, self.plan_of, size)) for size in sizes]
 
     def planned(self) -> TracePlan:
-        """The plan, with what the rays over the pupil were chosen by."""
+        """The plan of the first run, with what its rays over the pupil were chosen by."""
+        return self.planned_for(self.run)
+
+    def planned_for(self, run: PupilRun, *more: str) -> TracePlan:
+        """The plan of a run, with what the rays over the pupil were chosen by, and why there are more of them."""
+        plan = run.task.plan
+        return replace(plan, reasons=(*plan.reasons, *self._chosen, *more))
+
+    @property
+    def _chosen(self) -> tuple[str, ...]:
+        """What the rays over the pupil were chosen by, in words."""
         size = self.run.task.per_replicate if self.run.task.generator else 0
         asked = f"{self.per_replicate * REPLICATES:,} over the pupil"
         if size:
-            why = f"the wavefront is smooth: {REPLICATES} x {size} points of shifted lattices instead of {asked}"
-        elif self.sizes:
-            why = f"{asked}: the wavefront is too rough, or cut, for fewer"
-        else:
-            return self.plan
-        return replace(self.plan, reasons=(*self.plan.reasons, why))
+            return (f"the wavefront is smooth: {REPLICATES} x {size} points of shifted lattices instead of {asked}",)
+        return (f"{asked}: the wavefront is too rough, or cut, for fewer",) if self.sizes else ()
 
 
 def make_job(
@@ -169,23 +177,35 @@ def make_job(
     most = RADIAL_RAYS if like is None else fewer_rays(field, pupil, REPLICATES)
     radial_rays, why = choose_radial(field, pupil, look, per_replicate, REPLICATES, symmetry, most)
     count = min(per_replicate, RADIAL_RAYS) if radial_rays else per_replicate
-    plan = field.derive(
-        # A plan that was confirmed for other values is not the one sought for these: answers depend on no other call.
-        ("plan of a pupil", *seen, count, wavelength, tuple(choices.values())),
-        lambda: plan_rays(
-            field,
-            lambda: pilot,
-            REPLICATES * count,
-            until,
-            path_length=None,
-            wavelength=wavelength,
-            directions=look[None],
-            like=None if like is None else like.plan,
-            **choices,
-        ),
-        KEPT,
-    )
-    plan = replace(plan, reasons=(*plan.reasons, why), few_rays=0 < radial_rays < RADIAL_RAYS and like is not None)
+    is_sparse = 0 < radial_rays < RADIAL_RAYS and like is not None
+    known_plan = None if like is None else like.plan  # of a job that need not live as long as this one
+
+    def plan_of(rays: int) -> TracePlan:
+        plan = field.derive(
+            # A plan that was confirmed for other values is not the one sought for these: answers depend on no other
+            # call.
+            ("plan of a pupil", *seen, count, rays, wavelength, tuple(choices.values())),
+            lambda: plan_rays(
+                field,
+                lambda: pilot,
+                REPLICATES * count,
+                until,
+                path_length=None,
+                wavelength=wavelength,
+                directions=look[None],
+                like=known_plan,
+                sure_count=rays,
+                **choices,
+            ),
+            KEPT,
+        )
+        return replace(plan, reasons=(*plan.reasons, why), few_rays=is_sparse)
+
+    known = 0 if like is None or not like.run.task.generator else like.run.task.per_replicate
+    is_known = known in sizes and not radial_rays
+    sizes = () if radial_rays else (known,) if is_known else sizes
+    first = sizes[0] if sizes else radial_rays or per_replicate
+    plan = plan_of(REPLICATES * first)
     task = PupilTask(
         field,
         pupil,
@@ -203,10 +223,7 @@ def make_job(
         and float(np.hypot(*pupil.center[:2])) < 0.05 * pupil.reach,
         is_radial=radial_rays > 0,
     )
-    known = 0 if like is None or not like.run.task.generator else like.run.task.per_replicate
-    is_known = known in sizes and not radial_rays
-    sizes = () if radial_rays else (known,) if is_known else sizes
-    return PupilJob(plan, until, per_replicate, task, air, pilot, sizes, is_known, like is not None)
+    return PupilJob(plan, plan_of, until, per_replicate, task, air, pilot, sizes, is_known, like is not None)
 
 
 def _check_size(field: IndexField, pupil: Pupil) -> None:
@@ -230,6 +247,12 @@ def _runner(task: PupilTask):
 
         return ReferencePupilRun(task)
     return PupilRun(task)
+
+
+def _finer_run(task: PupilTask, plan_of: Callable[[int], TracePlan], per_replicate: int):
+    """The same with so many rays of a replicate."""
+    plan = replace(plan_of(per_replicate * REPLICATES), few_rays=False)
+    return _runner(replace(task, plan=plan, per_replicate=per_replicate))
 
 
 def plane_beyond(field: IndexField, pupil: Pupil, look: np.ndarray) -> Plane:

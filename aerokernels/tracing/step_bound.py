@@ -242,17 +242,21 @@ def _continued(values: np.ndarray, count: int) -> np.ndarray:
 
 
 def _greatest(values: np.ndarray, low: np.ndarray, high: np.ndarray) -> np.ndarray:
-    """Greatest within offsets low to high blocks along each axis; beyond the field there is nothing."""
-    from scipy.ndimage import maximum_filter1d
+    """Greatest within offsets low to high blocks along each axis; beyond the field there is nothing.
 
+    By windows of 2, 4, 8 ... entries, of which two that overlap make up any other width.
+    """
     for axis, count in enumerate(values.shape):
         first, last = (int(np.clip(offset[axis], -count, count)) for offset in (low, high))
-        width = last - first + 1
+        before, behind, width = max(-first, 0), max(last, 0), last - first + 1
         moved = np.moveaxis(values, axis, 0)
-        padded = np.zeros((count + 2 * (count + width), *moved.shape[1:]))
-        padded[count + width : 2 * count + width] = moved
-        # The filter is centred: entry i of it covers i - width // 2 to i + (width - 1) // 2.
-        wide = maximum_filter1d(padded, width, axis=0, mode="constant")
-        start = count + width + first + width // 2
-        values = np.moveaxis(wide[start : start + count], 0, axis)
+        found = np.zeros((before + count + behind, *moved.shape[1:]))
+        found[before : before + count] = moved
+        wide = 1
+        while wide < width:
+            further = min(wide, width - wide)
+            found = np.maximum(found[:-further], found[further:])
+            wide += further
+        start = before + first
+        values = np.moveaxis(found[start : start + count], 0, axis)
     return values

@@ -91,7 +91,7 @@ def trace(
     if backend == "auto" and device is None and rays.device not in (None, "cpu"):
         device = rays.device  # rays that lie on a GPU are traced there
     backend = backend_for(field, backend)
-    choices = {
+    choices: dict[str, Any] = {
         "backend": backend,
         "device": device,
         "precision": precision,

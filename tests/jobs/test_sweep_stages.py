@@ -1,12 +1,17 @@
 """What a process keeps from one case of a sweep to the next, and in which order cases come."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from aerokernels import simulate
+from aerokernels.flow import shipped
+from aerokernels.flow.shared_geometry import on_known_geometry
 from aerokernels.jobs.sweeps.case import Case, Stages, make_cases
 from aerokernels.jobs.sweeps.gpus import worker_environments
 from aerokernels.jobs.sweeps.local import Queue
+from aerokernels.medium import QuadMesh
 from aerokernels.scene import Scene
 
 SMALL = {
@@ -43,9 +48,22 @@ def test_tilts_share_flow_index_and_strehl_ratio():
 def test_another_wavelength_takes_the_flow_and_another_density_does_not():
     stages = Stages()
     scenes = [scene(), scene(flow__wavelength="532 nm"), scene(flow__density="sea-level")]
-    for case in make_cases(scenes):
-        stages.run(case)
+    found = {case.number: stages.run(case) for case in make_cases(scenes)}
     assert stages.made == {"flow": 2, "index": 3, "strehl": 3, "echo": 3}
+    flows = [found[number].prepared.density for number in (0, 2)]
+    assert flows[0] is not flows[1] and flows[0].mesh is flows[1].mesh and flows[0].body is flows[1].body
+    (case,) = make_cases(scenes[2:])
+    alone, shared = (run.summary for run in (Stages().run(case), found[2]))
+    assert all(alone[key] == shared[key] for key in ("strehl", "opd_rms_m", "range_m", "errors"))
+
+
+def test_only_equal_meshes_and_bodies_stand_for_each_other():
+    one, same = shipped("mach3"), shipped("mach3").scaled(0.2)
+    assert not one.mesh.equals(shipped("mach2").mesh) and not one.mesh.equals(one.body)
+    shared = on_known_geometry(same, [shipped("mach2"), one])
+    assert shared.mesh is one.mesh and shared.body is one.body and (shared.density == same.density).all()
+    moved = replace(same, mesh=QuadMesh(same.mesh.vertices + 1e-12, same.mesh.cells, "axisymmetric", same.mesh.shape))
+    assert on_known_geometry(moved, [one]).mesh is moved.mesh
 
 
 def test_the_widest_view_of_a_group_is_among_those_sent():

@@ -1,5 +1,8 @@
 """A pupil made ready once and traced many times: the same numbers as when it is made ready each time."""
 
+import gc
+import weakref
+
 import numpy as np
 import pytest
 
@@ -35,6 +38,16 @@ def test_each_call_is_an_estimate_of_its_own_seed(engine, remove):
         assert (alone.value, alone.standard_error, alone.opd_rms) == (found.value, found.standard_error, found.opd_rms)
         assert (alone.boresight == found.boresight).all() and alone.error == found.error
         assert alone.plan == found.plan == seen.plan
+
+
+def test_a_field_does_not_outlive_the_pupil_that_was_made_ready_for_it():
+    """A pupil made like the one before holds nothing of it: a sweep needs the memory of two cases."""
+    seen = prepare_strehl(lens(), PUPIL, ray_count=1 << 17, allow_truncation=True)
+    before = weakref.ref(seen.field)
+    assert seen(0).traced_ray_count < 1 << 16
+    seen = seen.with_field(lens(1.1e-6))
+    gc.collect()
+    assert seen(0).value < 1.0 and before() is None
 
 
 @pytest.mark.parametrize("engine", ENGINES)

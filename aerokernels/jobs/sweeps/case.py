@@ -15,6 +15,8 @@ from typing import Any
 from aerokernels import __version__
 from aerokernels.clock import clocked
 from aerokernels.echo.prediction import check_echo
+from aerokernels.flow import DensityField
+from aerokernels.flow.shared_geometry import on_known_geometry
 from aerokernels.jobs.run import RunResult, echo_with_errors, scene_strehl
 from aerokernels.jobs.store import to_json
 from aerokernels.prepare import Prepared, prepare_field, view_extent, view_radius
@@ -143,12 +145,17 @@ class Stages:
 
     def _prepared(self, case: Case) -> Prepared:
         def make() -> Prepared:
-            density = self._held("flow", _flow_key(case.scene), case.scene.density_field)
+            density = self._held("flow", _flow_key(case.scene), lambda: self._flow(case.scene))
             front = float(density.box[1][-1])
             widest = max(case.widest, key=lambda scene: view_radius(scene, front))
             return prepare_field(widest, density)
 
         return self._held("index", case.group, make)
+
+    def _flow(self, scene: Scene) -> DensityField:
+        """The flow of a scene, on the mesh of the last one where that is the same: other values on known geometry."""
+        known = [made for (kind, _), made in self._kept.items() if kind == "flow"]
+        return on_known_geometry(scene.density_field(), known)
 
     def _strehl(self, case: Case, prepared: Prepared) -> StrehlEstimate:
         key = _strehl_key(case.scene, case.group)

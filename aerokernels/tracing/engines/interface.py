@@ -85,6 +85,12 @@ class Engine(Protocol):
         An array whose rows are one in memory may be one row there, too: kernels read it as all others.
         """
 
+    def share(self, array: np.ndarray) -> Any:
+        """A buffer in the memory of an array of numbers, on a processor; on a GPU a buffer with a copy of it.
+
+        The array lives as long as the buffer. What kernels write is there once `wait` has returned.
+        """
+
     def put_into(self, buffer: Any, array: np.ndarray) -> None:
         """Copy an array over the first rows of a buffer."""
 

@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 import pyopencl as cl
-from pyopencl.cltypes import make_double3
 
 from ....clock import stage
 from ....device_arrays import is_one_row
@@ -22,7 +21,8 @@ from ...plan import TracePlan
 from ..field_data import FieldData, array_of, field_data, step_bound_tables, stop_kind, trace_members
 from ..interface import GRID_TABLES, Prepared
 from ..kernel_table import GRID_KERNELS
-from ..layout import REAL_TYPES, Value, arrays_of, values_of
+from ..layout import REAL_TYPES, Value, arrays_of
+from .arguments import by_value, pack
 from .devices import session
 from .launchers import give_back, take_kernel
 from .program import WORK_GROUP, build, build_options, lane_count
@@ -38,14 +38,6 @@ REPEATED = 1 << 12
 FIRST_ARRAY = 3
 # Kernels of a pupil: work-items that each of what it is launched over takes.
 PUPIL_KERNELS = {"launch_pupil": 1, "sum_moments": WORK_GROUP, "sum_phasors": WORK_GROUP, "reduce_sums": 1}
-# The structs that are passed by value, as the kernels' compiler lays them out.
-LAYOUTS = {
-    (struct, precision): np.dtype(
-        [(value.name, value.number_type(precision), (value.parts[1],)) for value in values_of(struct)], align=True
-    )
-    for struct in ("Field", "Bounds", "Control")
-    for precision in REAL_TYPES
-}
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,7 +65,7 @@ class Kernel:
         known = self.given if len(self.given) == len(arguments) else [None] * len(arguments)
         for number, (new, old) in enumerate(zip(arguments, known, strict=True)):
             if new is not old and not (type(new) is type(old) and isinstance(new, (int, float)) and new == old):
-                self.kernel.set_arg(number, _by_value(new))
+                self.kernel.set_arg(number, by_value(new))
         self.given[:] = arguments
 
     def size(self, count: int) -> tuple[int]:
@@ -231,6 +223,13 @@ class Engine:
         self.put_into(buffer, array)
         return buffer
 
+    def share(self, array: np.ndarray):
+        """A buffer in the memory of an array, or with a copy of it."""
+        if self.is_gpu:
+            return self.put(array)
+        access = cl.mem_flags.READ_WRITE if array.flags.writeable else cl.mem_flags.READ_ONLY
+        return cl.Buffer(self.session.context, access | cl.mem_flags.USE_HOST_PTR, hostbuf=array)
+
     def _repeated(self, some: np.ndarray, count: int):
         """A buffer of `count` equal rows, of which some are given: copied on the device, twice as many each time."""
         row, done = some[0].nbytes, some.nbytes
@@ -326,22 +325,3 @@ class Engine:
         program = build(self.session, "round_coefficients.cl", build_options(precision=precision))
         self.launch(self._kernel(program, "round_coefficients"), [found], [made], count)
         return made
-
-
-def pack(struct: str, precision: str, members: dict) -> np.ndarray:
-    """The values of one of the kernels' structs as the kernel's compiler lays them out, to be passed by value."""
-    packed = np.zeros((), dtype=LAYOUTS[struct, precision])
-    for name in LAYOUTS[struct, precision].names or ():
-        packed[name] = members[name]
-    return packed
-
-
-def _by_value(value):
-    """A kernel's argument as OpenCL takes it: whole numbers are int, others double, three in an array double3."""
-    if isinstance(value, int):
-        return np.int32(value)
-    if isinstance(value, float):
-        return np.float64(value)
-    if isinstance(value, np.ndarray) and value.shape == (3,):
-        return make_double3(*value)
-    return value

@@ -182,6 +182,16 @@ class Engine:
         made._ref = one  # whose memory it is
         return made
 
+    def share(self, array: np.ndarray) -> wp.array:
+        """A buffer in the memory of an array, or with a copy of it."""
+        if self.device != "cpu":
+            return self.put(array)
+        made = wp.array(
+            ptr=array.ctypes.data, dtype=SCALARS[array.dtype], shape=array.shape, capacity=array.nbytes, device="cpu"
+        )
+        made._ref = array  # whose memory it is
+        return made
+
     def put_into(self, buffer: wp.array, array: np.ndarray) -> None:
         """Copy an array over the first rows of a buffer."""
         source = self.put(array)
