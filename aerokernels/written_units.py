@@ -54,7 +54,7 @@ _SPELLING = str.maketrans(
     {"µ": "u", "μ": "u", "·": " ", "⋅": " ", "×": " ", "⁻": "-", "¹": "1", "²": "2", "³": "3", "{": "(", "}": ")"}
 )
 _TOKEN = re.compile(r"(?P<over>/)|(?P<open>\()|(?P<close>\))|(?P<one>1(?![\d.]))|(?P<unit>[A-Za-z]+)"
-                    r"(?:\^?\(?(?P<power>[-+]?\d+)(?:\.0+)?\)?)?|[\s.*]+")  # fmt: skip
+                    r"(?:\^?(?:\((?P<inner>[-+]?\d+)\)|(?P<power>[-+]?\d+)))?|[\s.*]+")  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -98,7 +98,7 @@ def written_unit(text: str) -> WrittenUnit | None:
             one = _one(match["unit"])
             if one is None:
                 return None
-            power = int(match["power"] or 1) * sign * group[-1]
+            power = int(match["power"] or match["inner"] or 1) * sign * group[-1]
             if abs(power) > 9:
                 return None
             factor *= Fraction(repr(one[0])) ** power

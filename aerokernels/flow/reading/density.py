@@ -106,7 +106,9 @@ def choose_density(path, dataset: Dataset, given, gas_constant: float | None) ->
         ReadError: No such array.
     """
     names = dataset.array_names()
-    own = gas_constant if gas_constant is not None else dataset.gas_constant or GAS_CONSTANT_AIR
+    own = positive(
+        gas_constant if gas_constant is not None else dataset.gas_constant or GAS_CONSTANT_AIR, "gas_constant"
+    )
     listed = ", ".join(names) if names else "none"
     if isinstance(given, str):
         return DensityChoice(found_name(path, given, names, listed))

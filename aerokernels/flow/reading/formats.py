@@ -57,6 +57,8 @@ FORMATS = (
     Format("HDF5", (".h5", ".hdf5", ".hdf"), "named_arrays", True),
     Format("table of points", (".csv", ".txt"), "point_table"),
 )
+# Which formats take what single ones need.
+OPTIONS = {"mesh": ("su2",), "solution": ("su2", "plot3d"), "variables": ("named_arrays", "labelled")}
 _BY_NAME = {entry.name: entry for entry in FORMATS}
 HDF5_MAGIC = b"\x89HDF\r\n\x1a\n"
 SU2_MAGIC = (535532).to_bytes(4, "little"), (535532).to_bytes(4, "big")
@@ -87,6 +89,8 @@ def format_of(path: Path, options: Mapping[str, Any]) -> Format:
         return _BY_NAME["Tecplot binary"]
     if head[:4] in SU2_MAGIC:
         return _BY_NAME["SU2"]
+    if options.get("mesh") is not None and suffix in (".csv", ".dat"):
+        return _BY_NAME["SU2"]  # a restart whose mesh lies elsewhere
     if suffix in (".dat", ".plt", ".tec", ".tp"):
         if suffix == ".plt" and b"\0" in head:
             return _BY_NAME["Tecplot binary"]
@@ -123,6 +127,10 @@ def load(path: Path, time, options: dict[str, Any]) -> Dataset:
     """
     time = checked_time(time)
     entry = format_of(path, options)
+    for name in options:
+        if options[name] is not None and entry.module not in OPTIONS[name]:
+            own = " and ".join(other.name for other in FORMATS if other.module in OPTIONS[name])
+            raise ValueError(f"{path} is read as {entry.name}, which takes no {name}: that belongs to {own}")
     _need(path, entry)
     if entry.fragile:
         return in_child(entry.module, path, time, options)

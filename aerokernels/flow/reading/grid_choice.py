@@ -21,8 +21,10 @@ def choose_grid(path, blocks, moved, spacing, region):
     low = np.min([points.min(axis=0) for points in moved], axis=0)
     high = np.max([points.max(axis=0) for points in moved], axis=0)
     if region is not None:
-        first, last = (np.asarray(corner, dtype=np.float64) for corner in region)
-        if first.shape != (3,) or last.shape != (3,) or not (np.maximum(first, low) < np.minimum(last, high)).all():
+        first, last = _metres(
+            region, (2, 3), "region must be the lowest and the highest corner [m], three numbers each"
+        )
+        if not (np.maximum(first, low) < np.minimum(last, high)).all():
             raise ValueError(
                 f"region {region!r} does not lie in the flow of {path}, {low.tolist()} to {high.tolist()} m"
             )
@@ -34,7 +36,8 @@ def choose_grid(path, blocks, moved, spacing, region):
         step = max(size, float((extent.prod() / DEFAULT_NODES) ** (1.0 / 3.0)))
         wanted = np.full(3, step)
     else:
-        wanted = np.broadcast_to(np.asarray(spacing, dtype=np.float64), (3,))
+        told = "spacing must be positive: metres along every axis, or three numbers"
+        wanted = np.broadcast_to(_metres(spacing, (3,) if np.ndim(spacing) else (), told), (3,))
         if not (np.isfinite(wanted).all() and (wanted > 0.0).all()):
             raise ValueError(f"spacing must be positive, got {spacing!r}")
     nodes = np.maximum(np.ceil(extent / wanted * (1.0 - 1e-9)) + 1.0, LEAST_NODES)
@@ -44,6 +47,17 @@ def choose_grid(path, blocks, moved, spacing, region):
         )
     shape = tuple(int(n) for n in nodes)
     return low, extent / (nodes - 1.0), shape
+
+
+def _metres(given, shape: tuple[int, ...], told: str) -> np.ndarray:
+    """Numbers of a shape, or a refusal that says what is wanted."""
+    try:
+        found = np.asarray(given, dtype=np.float64)
+    except (TypeError, ValueError):
+        raise ValueError(f"{told}, got {given!r}") from None
+    if found.shape != shape:
+        raise ValueError(f"{told}, got {given!r}")
+    return found
 
 
 def check_solids(path, block: Block, points: np.ndarray, facts: CellFacts) -> None:

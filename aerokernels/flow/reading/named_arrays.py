@@ -43,6 +43,8 @@ def read(path: Path, time: Any = None, options: dict | None = None) -> Dataset:
     else:
         raise ReadError(path, "it does not begin like an HDF5 file", DAMAGED)
     given = {axis: value for axis, value in variables.items() if not isinstance(value, str)}
+    if given:  # what a caller says of the axes counts for more than what the file has of them
+        arrays = {n: own for n, own in arrays.items() if not any(plain_name(n) in COLUMNS[a] for a in COLUMNS)}
     arrays, note = _with_even_cells(path, arrays, variables, given or ends)
     found = dataset_of(path, arrays, units, {a: v for a, v in variables.items() if a not in given}, kind, time)
     return replace(found, notes=[*found.notes, note]) if note else found

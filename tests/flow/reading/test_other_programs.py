@@ -176,3 +176,33 @@ def test_blanked_points_of_a_volume_are_no_flow(tmp_path: Path):
     assert np.abs(found.density_at(at) - (1.0 + at @ [1.0, 2.0, 3.0])).max() < 1e-12
     assert found.body is not None
     assert np.allclose([found.body.vertices.min(axis=0), found.body.vertices.max(axis=0)], [[0.3] * 3, [0.7] * 3])
+
+
+@pytest.mark.parametrize(
+    ("options", "told"),
+    [
+        ({"mesh": "a.su2"}, "takes no mesh: that belongs to SU2"),
+        ({"solution": "a.q"}, "takes no solution"),
+        ({"variables": {"x": 5.0, "y": 3.0}}, "the ends of x are 5.0"),
+        ({"gas_constant": -1.0}, "gas_constant must be positive"),
+    ],
+)
+def test_options_that_would_be_passed_over_are_refused(tmp_path: Path, options, told: str):
+    np.savez(tmp_path / "a.npz", x=X, y=Y, rho=GRID)
+    with pytest.raises(ValueError, match=told):
+        flow.read(tmp_path / "a.npz", **options)
+
+
+def test_a_restart_of_su2_whose_mesh_lies_elsewhere(tmp_path: Path):
+    restart = writers.su2(tmp_path, binary=False)
+    (tmp_path / "mesh").mkdir()
+    (tmp_path / "mesh.su2").rename(tmp_path / "mesh" / "mesh.su2")
+    assert "SU2" in flow.read(restart, mesh=tmp_path / "mesh" / "mesh.su2").provenance
+
+
+@pytest.mark.parametrize(("options", "told"), [({"region": 3.0}, "region must be"), ({"spacing": "a"}, "spacing must")])
+def test_grids_that_are_none(tmp_path: Path, options, told: str):
+    x, y, z = np.meshgrid(*[np.linspace(0.0, 1.0, 4)] * 3, indexing="ij")
+    np.savez(tmp_path / "a.npz", x=x, y=y, z=z, rho=1.0 + x)
+    with pytest.raises(ValueError, match=told):
+        flow.read(tmp_path / "a.npz", **options)
