@@ -13,7 +13,7 @@ from typing import Any
 from ...fragile import LibraryEndedError
 from ...fragile import in_child as call_in_child
 from .calling import read_here
-from .dataset import Dataset, ReadError
+from .dataset import Dataset, ReadError, chosen_time
 
 
 @dataclass(frozen=True)
@@ -120,9 +120,10 @@ def load(path: Path, time, options: dict[str, Any]) -> Dataset:
     """
     entry = format_of(path, options)
     _need(path, entry)
-    if entry.fragile:
-        return in_child(entry.module, path, time, options)
-    return read_here(entry.module, path, time, options)
+    found = (in_child if entry.fragile else read_here)(entry.module, path, time, options)
+    if not found.times:  # many a format has none, and its reader does not ask
+        chosen_time(path, (), time)
+    return found
 
 
 def in_child(module: str, path: Path, time, options: dict[str, Any]) -> Dataset:
