@@ -7,8 +7,8 @@ from pathlib import Path
 from typing import Any
 
 from .cgns_walls import patches
-from .dataset import Block, Dataset, ReadError
-from .vtk_files import DAMAGED, blocks_of, chosen_time, run
+from .dataset import Block, Dataset, ReadError, chosen_time
+from .vtk_files import DAMAGED, blocks_of, run
 
 
 def read(path: Path, time: Any = None, options: dict | None = None) -> Dataset:
@@ -30,11 +30,8 @@ def read(path: Path, time: Any = None, options: dict | None = None) -> Dataset:
     reader.SetDoublePrecisionMesh(1)
     reader.SetLoadBndPatch(False)
     times = _times(reader)
-    chosen = None
-    if len(times) > 1 or time not in (None, "latest", "first"):
-        if not times:
-            raise ReadError(path, f"it holds one time only, not t = {time!r}", "leave time out")
-        chosen = chosen_time(path, times, time)
+    chosen = chosen_time(path, times, time)
+    if chosen is not None:
         reader.UpdateTimeStep(chosen)
     data = run(path, reader)
     blocks = [block for block in blocks_of(path, data) if block.cell_count]
@@ -42,7 +39,7 @@ def read(path: Path, time: Any = None, options: dict | None = None) -> Dataset:
         raise ReadError(path, "it has no zone with cells", DAMAGED)
     blocks = [_named(block, k) for k, block in enumerate(blocks)]
     found, notes = patches(path)
-    return Dataset(blocks, "CGNS", patches=found, times=times if len(times) > 1 else [], time=chosen, notes=notes)
+    return Dataset(blocks, "CGNS", patches=found, times=times, time=chosen, notes=notes)
 
 
 def _named(block: Block, number: int) -> Block:
@@ -55,4 +52,5 @@ def _times(reader) -> list[float]:
     from vtkmodules.vtkCommonExecutionModel import vtkStreamingDemandDrivenPipeline as Pipeline
 
     information, key = reader.GetOutputInformation(0), Pipeline.TIME_STEPS()
-    return [float(information.Get(key, k)) for k in range(information.Length(key))] if information.Has(key) else []
+    times = [float(information.Get(key, k)) for k in range(information.Length(key))] if information.Has(key) else []
+    return [] if times == [0.0] else times  # 0 is what VTK says of a file that tells no time

@@ -4,6 +4,7 @@ A reader knows its format and nothing of optics; what comes after it (density, f
 nothing of formats. This page is all that the two have in common.
 """
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
@@ -27,6 +28,27 @@ class ReadError(ValueError):
         error = ReadError.__new__(ReadError)
         ValueError.__init__(error, message)
         return error
+
+
+def chosen_time(path, times: Sequence[float], asked) -> float | None:
+    """The time asked for out of those that a file holds, ascending; None where it tells none and none was asked for.
+
+    Raises:
+        ReadError: No such time: which there are.
+    """
+    if asked in (None, "latest", "first"):
+        return (times[0] if asked == "first" else times[-1]) if times else None
+    if not times:
+        raise ReadError(path, f"it holds one time only, not t = {asked!r}", "leave time out")
+    try:
+        wanted = float(asked)
+    except (TypeError, ValueError):  # a word, say
+        wanted = math.nan
+    nearest = min(times, key=lambda value: abs(value - wanted))
+    if not abs(nearest - wanted) <= 1e-9 * abs(wanted):
+        some = ", ".join(f"{value:g}" for value in times[:8]) + (", ..." if len(times) > 8 else "")
+        raise ReadError(path, f"there is no time {asked!r}", f"take one of {some}, 'first' or 'latest'")
+    return nearest
 
 
 GREATEST_COORDINATE = 1e12  # of any unit: what is greater was never a length

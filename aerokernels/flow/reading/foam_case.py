@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from .dataset import POLYHEDRON, Block, Cells, Dataset, ReadError
+from .dataset import POLYHEDRON, Block, Cells, Dataset, ReadError, chosen_time
 from .foam_file import FoamFile, find
 from .foam_mesh import FoamMesh, flat_block, plane_of, read_mesh, surface_patches
 
@@ -201,7 +201,8 @@ def read(path: Path, time: float | str | None = None, options: dict | None = Non
     """
     folder = case_folder(path)
     folders, times = parts_and_times(folder)
-    value, name = _chosen(folder, times, time)
+    value = chosen_time(folder, [entry for entry, _ in times], time)
+    name = next(name for entry, name in reversed(times) if entry == value)
     blocks, patches, geometries = [], [], []
     for part in folders:
         block, own, geometry = _part(part, name)
@@ -221,19 +222,6 @@ def read(path: Path, time: float | str | None = None, options: dict | None = Non
         gas_constant=_gas_constant(folder),
         units=getattr(blocks[0].cell_data, "units", {}),
     )
-
-
-def _chosen(folder: Path, times: list[tuple[float, str]], asked) -> tuple[float, str]:
-    if asked is None or asked == "latest":
-        return times[-1]
-    if asked == "first":
-        return times[0]
-    values = np.array([value for value, _ in times])
-    nearest = int(np.argmin(np.abs(values - float(asked))))
-    if abs(values[nearest] - float(asked)) > 1e-9 * max(abs(float(asked)), 1e-300):
-        some = ", ".join(name for _, name in times[:8]) + (", ..." if len(times) > 8 else "")
-        raise ReadError(folder, f"there is no time {asked!r}", f"take one of {some}")
-    return times[nearest]
 
 
 def _part(folder: Path, time: str) -> tuple[Block, list, str]:

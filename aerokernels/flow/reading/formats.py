@@ -16,7 +16,7 @@ import numpy as np
 from ...fragile import LibraryEndedError
 from ...fragile import in_child as call_in_child
 from .calling import read_here
-from .dataset import Dataset, ReadError
+from .dataset import Dataset, ReadError, chosen_time
 
 
 @dataclass(frozen=True)
@@ -132,9 +132,10 @@ def load(path: Path, time, options: dict[str, Any]) -> Dataset:
             own = " and ".join(other.name for other in FORMATS if other.module in OPTIONS[name])
             raise ValueError(f"{path} is read as {entry.name}, which takes no {name}: that belongs to {own}")
     _need(path, entry)
-    if entry.fragile:
-        return in_child(entry.module, path, time, options)
-    return read_here(entry.module, path, time, options)
+    found = (in_child if entry.fragile else read_here)(entry.module, path, time, options)
+    if not found.times:  # many a format has none, and its reader does not ask
+        chosen_time(path, (), time)
+    return found
 
 
 def checked_time(time) -> float | str | None:

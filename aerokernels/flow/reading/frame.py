@@ -103,12 +103,10 @@ class Frame:
                 if axis is not None and abs(axis @ flat_along) > 1e-6:
                     raise ValueError(f"frame: {name} {axis.tolist()} points out of the plane that the file lies in")
         if look is None:
-            if flat_along is None or abs(flat_along[0]) > 0.5:
-                look = np.array([0.0, 0.0, 1.0])
-                if flat_along is not None and abs(look @ flat_along) > 1e-6:
-                    look = _unit(look - flat_along * (look @ flat_along))
-            else:
-                look = _unit(-np.eye(3)[0] + flat_along * flat_along[0])
+            across = flat_along is None or abs(flat_along[0]) > 0.5
+            look = np.array([0.0, 0.0, 1.0] if across else [-1.0, 0.0, 0.0])
+            if flat_along is not None:
+                look = _unit(look - flat_along * (look @ flat_along))
             if up is not None and abs(up @ look) > 1e-9:
                 raise ValueError(f"frame: up {self.up!r} needs an optical axis beside it: give optical = '-x', say")
         if up is None:
@@ -164,10 +162,10 @@ def plane_normal(points: np.ndarray) -> np.ndarray | None:
     if extent.min() <= FLAT_SHARE * extent.max():
         return np.asarray(np.eye(3)[int(np.argmin(extent))])
     centred = points - points.mean(axis=0)
-    value, vector = np.linalg.eigh(centred.T @ centred / len(points))
-    if value[0] > (1e-9 * extent.max()) ** 2:
+    normal = np.linalg.eigh(centred.T @ centred / len(points))[1][:, 0]
+    if np.ptp(centred @ normal) > FLAT_SHARE * extent.max():  # its eigenvalue is squared, and lost in rounding
         return None
-    return np.asarray(vector[:, 0] * np.sign(vector[:, 0][int(np.argmax(np.abs(vector[:, 0])))]))
+    return np.asarray(normal * np.sign(normal[int(np.argmax(np.abs(normal)))]))
 
 
 def _unit(vector: np.ndarray) -> np.ndarray:

@@ -17,7 +17,7 @@ import numpy as np
 
 from .array_units import length_of, unit_of_array
 from .coordinates import COLUMNS
-from .dataset import Block, Dataset, ReadError
+from .dataset import Block, Dataset, ReadError, chosen_time
 from .density import plain_name
 
 DAMAGED = "the file is damaged: write it again"
@@ -239,21 +239,17 @@ def _at_time(path, arrays, chosen, units, asked):
     name = next((name for name in arrays if plain_name(name) in ("time", "t") and arrays[name].ndim == 1), None)
     rank = max((arrays[own].ndim for own in chosen.values()), default=1)
     rank = len(chosen) if rank == 1 else rank
-    if name is None or not any(a.ndim == rank + 1 and a.shape[0] == len(arrays[name]) for a in arrays.values()):
-        if asked not in (None, "latest", "first"):
-            raise ReadError(path, f"it holds one time only, not t = {asked!r}", "leave time out")
+    timed = name is not None and any(a.ndim == rank + 1 and a.shape[0] == len(arrays[name]) for a in arrays.values())
+    times = []
+    if timed:
+        since = units.get(name, "").split(" since ")[0]  # "seconds since 2020-01-01"
+        unit = unit_of_array(path, name, since, "time").factor
+        times = [float(value) * unit for value in arrays[name]]
+    chosen_one = chosen_time(path, times, asked)
+    if chosen_one is None:
         return [], arrays, None
-    since = units.get(name, "").split(" since ")[0]  # "seconds since 2020-01-01"
-    unit = unit_of_array(path, name, since, "time").factor
-    times = [float(value) * unit for value in arrays[name]]
-    index = {None: -1, "latest": -1, "first": 0}.get(asked) if isinstance(asked, (str, type(None))) else None
-    if index is None:
-        index = int(np.argmin(np.abs(np.array(times) - float(asked))))
-        if abs(times[index] - float(asked)) > 1e-9 * max(abs(float(asked)), 1e-300):
-            raise ReadError(
-                path, f"there is no time {asked!r}", f"take one of {', '.join(f'{t:g}' for t in times[:8])}"
-            )
+    index = times.index(chosen_one)
     cut = {
         n: a[index] if a.ndim == rank + 1 and a.shape[0] == len(times) else a for n, a in arrays.items() if n != name
     }
-    return times, cut, times[index]
+    return times, cut, chosen_one

@@ -298,8 +298,6 @@ def _check_blocks(path, dataset: Dataset) -> None:
     if not dataset.blocks or not any(len(block.points) for block in dataset.blocks):
         raise ReadError(path, "it holds no points", "give a file with a mesh and its arrays")
     for block in dataset.blocks:
-        if block.points.ndim != 2 or block.points.shape[1] != 3:
-            raise ReadError(path, f"block {block.name!r} has points of shape {block.points.shape}", "write it again")
         check_points(path, block.points, block.name)
         if block.shape is not None and math.prod(block.shape) != len(block.points):
             raise ReadError(path, f"a grid of {block.shape} points has {len(block.points)}", "write it again")

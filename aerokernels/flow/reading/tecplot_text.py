@@ -12,7 +12,7 @@ import numpy as np
 
 from .array_units import length_of
 from .coordinates import COLUMNS
-from .dataset import HEXAHEDRON, LINE, QUAD, TETRAHEDRON, TRIANGLE, Block, Cells, Dataset, ReadError
+from .dataset import HEXAHEDRON, LINE, QUAD, TETRAHEDRON, TRIANGLE, Block, Cells, Dataset, ReadError, chosen_time
 
 DAMAGED = "the file is damaged or was not written to its end: write it again"
 ELEMENTS = {
@@ -65,20 +65,7 @@ def at_time(path: Path, variables: list[str], blocks: list[Block], times: list, 
         for block in blocks if factor != 1.0 else []:
             block.points[:, index] *= factor
     values = sorted({float(t) for t in times if t is not None})
-    if len(values) < 2:
-        if asked not in (None, "latest", "first") and (
-            not values or abs(values[0] - float(asked)) > 1e-9 * abs(float(asked))
-        ):
-            raise ReadError(path, f"it holds one time only, not t = {asked!r}", "leave time out")
-        return Dataset(blocks, name, times=values, time=values[0] if values else None, length=length, notes=notes)
-    if asked in (None, "latest", "first"):
-        chosen = values[0 if asked == "first" else -1]
-    else:
-        chosen = min(values, key=lambda value: abs(value - float(asked)))
-        if abs(chosen - float(asked)) > 1e-9 * max(abs(float(asked)), 1e-300):
-            raise ReadError(
-                path, f"there is no time {asked!r}", f"take one of {', '.join(f'{t:g}' for t in values[:8])}"
-            )
+    chosen = chosen_time(path, values, asked)
     kept = [block for block, t in zip(blocks, times, strict=True) if t is None or float(t) == chosen]
     return Dataset(kept, name, times=values, time=chosen, length=length, notes=notes)
 

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from .dataset import Block, Cells, Dataset, Faces, ReadError
+from .dataset import Block, Cells, Dataset, Faces, ReadError, chosen_time
 
 DAMAGED = "the file is damaged or of another version: write it again"
 READERS = {
@@ -41,10 +41,6 @@ def read(path: Path, time: Any = None, options: dict | None = None) -> Dataset:
     suffix = path.suffix.lower()
     if suffix == ".pvd":
         return _series(path, time)
-    if time not in (None, "latest", "first"):
-        raise ReadError(
-            path, f"it holds one time only, not t = {time!r}", "leave time out, or give the .pvd of a series"
-        )
     data = vtk_output(path, suffix)
     name = {".vtk": "legacy VTK file"}.get(suffix, f"VTK file ({suffix})")
     return Dataset(blocks_of(path, data), name, ambient=None)
@@ -112,18 +108,6 @@ def _series(path: Path, time) -> Dataset:
             parts.append(read(part))
     blocks = [block for part in parts for block in part.blocks]
     return replace(parts[0], blocks=blocks, times=times, time=chosen, format=f"VTK series of {len(times)} times")
-
-
-def chosen_time(path: Path, times: list[float], asked) -> float:
-    """The time asked for out of ascending ones."""
-    if asked in (None, "latest"):
-        return times[-1]
-    if asked == "first":
-        return times[0]
-    nearest = min(times, key=lambda value: abs(value - float(asked)))
-    if abs(nearest - float(asked)) > 1e-9 * max(abs(float(asked)), 1e-300):
-        raise ReadError(path, f"there is no time {asked!r}", f"take one of {', '.join(f'{t:g}' for t in times[:8])}")
-    return nearest
 
 
 def blocks_of(path: Path | str, data, name: str = "") -> list[Block]:

@@ -4,10 +4,12 @@ import numpy as np
 import pytest
 
 from aerokernels import flow
+from aerokernels.flow.reading import cgns_walls
 
 pytest.importorskip("h5py")
 pytest.importorskip("vtkmodules")
 import cgns_writer
+import h5py
 
 
 def ring():
@@ -71,3 +73,60 @@ def test_a_wall_of_a_volume(tmp_path, by):
     assert abs(np.einsum("nk,nk->n", a, np.cross(b, c)).sum() / 6.0) == pytest.approx(0.2**3, rel=1e-12)
     with pytest.raises(ValueError, match=r"no patch 'sphere'.*walls are of box"):
         flow.read(path, walls=["sphere"])
+
+
+CUBE = np.stack(np.meshgrid([0.0, 1.0], [0.0, 1.0], [0.0, 1.0], indexing="ij")[::-1], axis=-1).reshape(-1, 3)
+HEXAHEDRON, SIDES = [0, 1, 3, 2, 4, 5, 7, 6], np.array([(0, 2, 3, 1), (4, 5, 7, 6)])
+TRIANGLES = np.array([(0, 1, 5), (0, 5, 4)])
+
+
+@pytest.mark.parametrize("form", ["mixed", "polygons", "polygons with offsets"])
+def test_faces_of_several_kinds_in_one_section(tmp_path, form):
+    """Two squares and two triangles of a cube's surface. Expected: their areas 1, 1, 1/2, 1/2, to 1e-12."""
+    faces = [*SIDES, *TRIANGLES]
+    before = {"mixed": {4: 7, 3: 5}, "polygons": {4: 4, 3: 3}}.get(form, {})  # CGNS' types, or numbers of corners
+    flat = np.concatenate([[*([before[len(face)]] if before else []), *(face + 1)] for face in faces])
+    named = ("walls", "BCWall", [("PointRange", "IndexRange_t", [[2], [5]]),
+                                 ("GridLocation", "GridLocation_t", "FaceCenter")])  # fmt: skip
+    path = cgns_writer.cgns(
+        tmp_path / "a.cgns", tuple(CUBE.T), np.ones(8), [named], elements=[(17, np.array([HEXAHEDRON]))]
+    )
+    with h5py.File(path, "r+") as file:
+        section = cgns_writer.node(file["Base/Zone"], "Faces", "Elements_t", [20 if form == "mixed" else 22, 0])
+        cgns_writer.node(section, "ElementRange", "IndexRange_t", [2, 5])
+        cgns_writer.node(section, "ElementConnectivity", "DataArray_t", flat)
+        if form == "polygons with offsets":
+            cgns_writer.node(section, "ElementStartOffset", "DataArray_t", [0, 4, 8, 11, 14])
+    (patch,), notes = cgns_walls.patches(path)
+    corners = np.split(patch.polygons.points, patch.polygons.start[1:-1])
+    areas = [np.linalg.norm(np.cross(own[2] - own[0], own[3 % len(own)] - own[1])) / 2.0 for own in corners]
+    assert sorted(areas) == pytest.approx([0.5, 0.5, 1.0, 1.0], abs=1e-12) and patch.kind == "wall" and not notes
+
+
+@pytest.mark.parametrize(
+    ("kind", "parts", "families", "expected"),
+    [
+        ("FamilySpecified", [("FamilyName", "FamilyName_t", "MyWall")], [("MyWall", "UserDefined")], "wall"),
+        ("FamilySpecified", [("FamilyName", "FamilyName_t", "inlet")], [], "inlet"),
+        ("BCWall", [("GridLocation", "GridLocation_t", "KFaceCenter")], [], None),  # a plane has no third direction
+        ("BCWall", [("PointRange", "IndexRange_t", [[1, 1], [33, 9]])], [], None),  # all of the zone is no edge
+        ("BCWall", [("PointRange", "IndexRange_t", [[1, 99], [33, 99]])], [], None),
+        ("BCWall", [("PointList", "IndexArray_t", [[1, 1]])], [], None),
+    ],
+)
+def test_conditions_of_a_plane(tmp_path, kind, parts, families, expected):
+    """What a family makes of its patches; ranges that are no edge of the zone are told by name."""
+    if not any(label.startswith("Index") for _, label, _ in parts):
+        parts = [("PointRange", "IndexRange_t", [[1, 1], [33, 1]]), *parts]
+    x, y = ring()
+    path = cgns_writer.cgns(tmp_path / "a.cgns", (x, y), y, [("nose", kind, parts)], families=families)
+    found, notes = cgns_walls.patches(path)
+    if expected is None:
+        assert not found and notes == ["boundary patch nose names no faces that are there"]
+    else:
+        assert [patch.kind for patch in found] == [expected] and len(found[0].edges) == 32
+
+
+def test_walls_of_a_file_that_is_no_hdf5(tmp_path):
+    (tmp_path / "a.cgns").write_bytes(b"@(#)ADF Database Version")
+    assert cgns_walls.patches(tmp_path / "a.cgns") == ([], ["boundary patches of CGNS files in ADF are not read"])

@@ -1,0 +1,205 @@
+"""What is refused of points, cells and arrays whatever format they came in; what cells of other kinds make."""
+
+import gzip
+
+import numpy as np
+import pytest
+
+from aerokernels import flow
+from aerokernels.flow.reading import foam_case, foam_file
+from aerokernels.flow.reading.dataset import (
+    HEXAHEDRON,
+    LINE,
+    QUAD,
+    Block,
+    Cells,
+    Dataset,
+    ReadError,
+)
+from aerokernels.flow.reading.density import Reference
+from aerokernels.flow.reading.frame import Frame
+from aerokernels.flow.reading.read import field_of, reading_of, unit_of_length
+
+# Four quadrilaterals of a plane x-y, and eight hexahedra.
+AXIS = np.linspace(0.0, 1.0, 3)
+FLAT = np.stack([*(a.ravel() for a in np.meshgrid(AXIS, AXIS)), np.zeros(9)], axis=1)
+QUADS = np.array([(0, 1, 4, 3), (1, 2, 5, 4), (3, 4, 7, 6), (4, 5, 8, 7)])
+SOLID = np.stack([a.ravel() for a in np.meshgrid(AXIS, AXIS, AXIS, indexing="ij")[::-1]], axis=1)
+INDEX = np.arange(27).reshape(3, 3, 3)
+ORDER = [(0, 0, 0), (0, 0, 1), (0, 1, 1), (0, 1, 0), (1, 0, 0), (1, 0, 1), (1, 1, 1), (1, 1, 0)]
+BRICKS = np.stack([INDEX[a : 2 + a, b : 2 + b, c : 2 + c].ravel() for a, b, c in ORDER], axis=1)
+
+
+def flat(**changes) -> Block:
+    return Block(
+        **{"points": FLAT, "cells": Cells.of_one_type(QUAD, QUADS), "point_data": {"rho": np.ones(9)}, **changes}
+    )
+
+
+def solid(kind: int = HEXAHEDRON, corners=BRICKS, **changes) -> Block:
+    cells = Cells.of_one_type(kind, corners)
+    return Block(**{"points": SOLID, "cells": cells, "point_data": {"rho": np.ones(27)}, **changes})
+
+
+def read(*blocks: Block, density=None, geometry=None, frame=None, spacing=None, region=None, species=None, **dataset):
+    taken = reading_of(
+        "FILE", Dataset(list(blocks), "test", **dataset), density, Frame.of(frame), 1.0, Reference(), None, geometry,
+        None, species,
+    )  # fmt: skip
+    return field_of(taken, spacing, region)
+
+
+BAD_COUNTS = Cells(np.full(4, QUAD, np.uint8), np.array([0, 4, 8, 12]), QUADS.ravel())
+MIXED = Cells(
+    np.array([QUAD] * 4 + [LINE], np.uint8), np.array([0, 4, 8, 12, 16, 18]), np.append(QUADS.ravel(), [0, 1])
+)
+
+
+@pytest.mark.parametrize(
+    ("given", "told"),
+    [
+        (lambda: read(), "it holds no points"),
+        (lambda: read(flat(points=FLAT[:0])), "it holds no points"),
+        (lambda: read(flat(cells=None, shape=(3, 4, 1))), r"a grid of \(3, 4, 1\) points has 9"),
+        (lambda: read(flat(cells=BAD_COUNTS)), "do not agree with their own counts"),
+        (lambda: read(flat(cells=Cells.of_one_type(QUAD, QUADS + 1))), "cell 3 has corners beyond the 9 points"),
+        (lambda: read(flat(), geometry="volume"), "its points lie in a plane, it is no volume"),
+        (lambda: reading_of("FILE", Dataset([flat()], "test", "planar"), None, Frame(), 1.0, Reference(), None,
+                            "volume", None), "the file is planar, not volume"),
+        (lambda: read(solid(), geometry="axisymmetric"), "its points fill a volume, it is not axisymmetric"),
+        (lambda: read(flat(cells=None)), "has points and no cells"),
+        (lambda: read(flat(cells=Cells.of_one_type(LINE, QUADS[:, :2]))), "has no triangles, quadrilaterals or pol"),
+        (lambda: read(solid(cells=None)), "points without cells|has no solid cells|points and no cells"),
+        (lambda: read(solid(LINE, BRICKS[:, :2])), "it has no solid cells"),
+        (lambda: read(solid(corners=BRICKS[:, [0, 1, 2, 3, 0, 1, 2, 3]])), "have no volume"),
+        (lambda: read(flat(point_data={"rho": np.ones((9, 2))})), r"array 'rho' has shape \(9, 2\) for 9 points"),
+        (lambda: read(flat(point_data={"p": np.ones(9)}, cell_data={"T": np.ones(4)}),
+                      density={"pressure": "p", "temperature": "T"}), "p and T lie in different places"),
+        (lambda: read(flat(cell_data={"N2": np.ones(4)}), density="rho", species=["N2"]),
+         "N2 is given at cells, the density at points"),
+        (lambda: read(flat(), species=True), "no array is called by a species"),
+        (lambda: read(flat(), flat(point_data={}, cell_data={"rho": np.ones(4)})), "some blocks have their values in"),
+    ],
+)  # fmt: skip
+def test_datasets(given, told):
+    with pytest.raises(ReadError, match=told) as refused:
+        given()
+    assert "FILE" in str(refused.value) and "\n" not in str(refused.value)
+
+
+@pytest.mark.parametrize(
+    ("given", "fault", "told"),
+    [
+        (lambda: read(solid(), region=[(2, 2, 2), (3, 3, 3)]), ValueError, "does not lie in the flow of FILE"),
+        (lambda: read(solid(), region=[(0, 0), (1, 1)]), ValueError, "three numbers each, got"),
+        (lambda: read(solid(), spacing=-0.1), ValueError, r"spacing must be positive, got -0\.1"),
+        (lambda: read(solid(), spacing=1e-4), ValueError, "asks for 1e.12 nodes, more than"),
+        (lambda: read(flat(), spacing=0.1), ValueError, "spacing and region are a volume's grid"),
+        (lambda: read(flat(), density={"pressure": "p"}), ValueError, "a mapping of 'pressure' and 'temperature'"),
+        (lambda: read(flat(), species={"N2": 1.0}), TypeError, "N2 must name an array of the file, got 1.0"),
+        (lambda: read(flat(), species=3), TypeError, "species must be True, formulas"),
+        (lambda: Frame(origin=(0.0, 1.0)), ValueError, "origin must be three finite coordinates"),
+        (lambda: Frame.of(3), TypeError, "frame must be a Frame, a mapping or an optical axis"),
+        (lambda: Frame(optical=(0.0, 0.0, 0.0)), ValueError, "must be an axis such as '-x' or three numbers"),
+        (lambda: Frame(optical="x", flow="x"), ValueError, "not both"),
+        (lambda: read(flat(), frame={"optical": "z"}), ValueError, "points out of the plane that the file lies in"),
+        (lambda: read(flat(), frame={"up": "x"}), ValueError, "up 'x' needs an optical axis beside it"),
+        (lambda: flow.read(np.ones(3)), TypeError, "for arrays there are DensityField.from_xarray"),
+        (lambda: unit_of_length("-2 mm"), ValueError, "length_unit must be positive"),
+    ],
+)
+def test_arguments(given, fault, told):
+    with pytest.raises(fault, match=told):
+        given()
+
+
+def test_inches_and_lines_beside_the_cells():
+    """A line among the cells counts for nothing; an inch is 25.4 mm."""
+    x = FLAT[:, 0]
+    field = read(flat(cells=MIXED, point_data={"rho": 1.0 + x}, cell_data={"p": np.arange(5.0)}))
+    assert len(field.mesh.cells) == 4 and field.density_at([[0.0, 0.5, -0.25]]) == pytest.approx(1.25, rel=1e-14)
+    averages = read(flat(cells=MIXED, point_data={}, cell_data={"rho": np.arange(1.0, 6.0)}))
+    assert sorted(averages.density.tolist()) == [1.0, 2.0, 3.0, 4.0]
+    assert unit_of_length("in") == pytest.approx(0.0254, rel=1e-15)
+
+
+@pytest.mark.parametrize("turn", [0.3, 1.2])
+@pytest.mark.parametrize("density", [lambda p: 1.0 + 0.2 * p[:, 0], lambda p: 1.0 + 0.3 * p[:, 1]])
+def test_a_plane_askew_in_the_file(turn, density):
+    """A plane turned about the file's y axis. Expected: its density where `frame` puts it, to 1e-12."""
+    c, s = np.cos(turn), np.sin(turn)
+    points = FLAT @ np.array([[c, 0.0, s], [0.0, 1.0, 0.0], [-s, 0.0, c]])
+    field = read(flat(points=points, point_data={"rho": density(FLAT)}))
+    axes = Frame().axes(np.array([-s, 0.0, c]))
+    where = points[4] + 0.3 * (points[5] - points[4]) + 0.1 * (points[7] - points[4])
+    at = FLAT[4:5] + 0.3 * (FLAT[5] - FLAT[4]) + 0.1 * (FLAT[7] - FLAT[4])
+    assert field.density_at((axes @ where)[None]) == pytest.approx(density(at), rel=1e-12)
+
+
+def test_an_optical_axis_askew_in_a_volume():
+    """Which way is up follows from the axis: at right angles to it, and nearest to the file's y, z or x."""
+    for axis in ((1.0, 2.0, 3.0), (3.0, -1.0, 2.0), (1.0, 1.0, 1.0)):
+        axes = Frame(optical=axis).axes()
+        assert axes @ axes.T == pytest.approx(np.eye(3), abs=1e-14) and np.linalg.det(axes) == pytest.approx(1.0)
+        assert axes[2] == pytest.approx(np.array(axis) / np.linalg.norm(axis), abs=1e-14)
+
+
+def test_hidden_points_of_a_plane_take_their_cells_along():
+    blank = np.zeros(9, bool)
+    blank[0] = True
+    assert len(read(flat(blank=blank)).mesh.cells) == 3
+    assert len(read(flat(blank=blank, cells=None, shape=(3, 3, 1))).mesh.cells) == 3
+
+
+HEAD = "FoamFile {{ version 2.0; format {form}; class {kind}; object rho; }}\n"
+
+
+def foam(path, body: bytes | str, kind: str = "volScalarField", form: str = "ascii", pack: bool = False):
+    data = HEAD.format(form=form, kind=kind).encode() + (body.encode() if isinstance(body, str) else body)
+    path.write_bytes(gzip.compress(data) if pack else data)
+    return path
+
+
+@pytest.mark.parametrize("pack", [False, True])
+def test_fields_of_openfoam_in_all_their_forms(tmp_path, pack):
+    """A list that says one value once, an empty one, and files that are compressed under their plain name."""
+    body = "dimensions [1 -3 0 0 0 0 0];\ninternalField nonuniform List<scalar> "
+    assert foam_case.read_field(foam(tmp_path / "rho", body + "3{1.5};", pack=pack), 3).tolist() == [1.5] * 3
+    assert foam_case.read_field(foam(tmp_path / "rho", body + "3(1 2 3);", pack=pack), 3).tolist() == [1.0, 2.0, 3.0]
+    assert foam_case.read_field(foam(tmp_path / "rho", body + "0();", pack=pack), 0).tolist() == []
+    assert foam_case.read_field(foam(tmp_path / "rho", body + "0;", pack=pack), 0).tolist() == []
+
+
+def test_damaged_files_of_openfoam(tmp_path):
+    with pytest.raises(ReadError, match="there is no such file"):
+        foam_file.FoamFile(tmp_path / "none")
+    (tmp_path / "a.gz").write_bytes(gzip.compress(b"x" * 99)[:20])
+    with pytest.raises(ReadError, match="the compressed file ends early or is damaged"):
+        foam_file.FoamFile(tmp_path / "a")
+    start, points = np.array([0, 4, 3], "<i4"), np.arange(3, dtype="<i4")
+    body = b"\n3(" + start.tobytes() + b")\n3(" + points.tobytes() + b")\n"
+    file = foam_file.FoamFile(foam(tmp_path / "faces", body, "faceCompactList", "binary"))
+    with pytest.raises(ReadError, match="the list of faces does not agree with itself"):
+        file.faces()
+    for body, told in (
+        ("2(3(0 1 2) 3(0 1))", "face 1 of 2 is cut off"),
+        ("1(3(0 1 2) 3(0 1 2))", "is cut off|more than"),
+    ):
+        with pytest.raises(ReadError, match=told):
+            foam_file.FoamFile(foam(tmp_path / "faces", body, "faceList")).faces()
+    with pytest.raises(ReadError, match="there is more than the announced 2 faces"):
+        foam_file.FoamFile(foam(tmp_path / "faces", "2(3(0 1 2) 4(0 1 2 3) 3(0 1 2))", "faceList")).faces()
+
+
+@pytest.mark.parametrize(
+    ("text", "told"),
+    [
+        ("x,y,rho\n", "it has no line of names with lines of numbers below it"),
+        ("x,x,rho\n0,0,1\n", "its first line has no names that are all different"),
+        ("1,2,3\n0,0,1\n", "its first line has no names that are all different"),
+    ],
+)
+def test_tables(tmp_path, text, told):
+    (tmp_path / "a.csv").write_text(text)
+    with pytest.raises(ReadError, match=told):
+        flow.read(tmp_path / "a.csv")

@@ -1,0 +1,123 @@
+"""Binary files of Tecplot in which zones share variables and elements, as its own programs write them; refusals."""
+
+import struct
+
+import numpy as np
+import pytest
+
+from aerokernels import flow
+from aerokernels.flow.reading import tecplot_binary
+from aerokernels.flow.reading.dataset import ReadError
+
+X, Y, RHO = np.tile([0.0, 1.0, 2.0], 2), np.repeat([0.0, 1.0], 3), np.array([1.0, 1.5, 2.0, 1.25, 1.75, 2.25])
+QUADS = np.array([[0, 1, 4, 3], [1, 2, 5, 4]])
+
+
+def whole(*numbers: int) -> bytes:
+    return np.array(numbers, "<i4").tobytes()
+
+
+def text(word: str) -> bytes:
+    return whole(*map(ord, word), 0)
+
+
+def real(number: float, form: str = "<f") -> bytes:
+    return struct.pack(form, number)
+
+
+def head(name: str = "one", time: float = 0.0, kind: int = 3, count: int = 6) -> bytes:
+    """A zone's part of the header: two quadrilaterals, or 3 x 2 nodes in order, with a text of its own."""
+    size = whole(count, 2, 0, 0, 0) if kind else whole(3, 2, 1)
+    return real(299.0) + text(name) + whole(-1, -1) + real(time, "<d") + whole(-1, kind, 0, 0, 0) + size + (
+        whole(1) + text("Common.Gas") + whole(0) + text("air") + whole(0)
+    )  # fmt: skip
+
+
+def data(arrays, passive=(0, 0, 0), shared=(-1, -1, -1), cells: int = -1, corners=QUADS) -> bytes:
+    """A zone's data: the arrays that are its own, and its elements unless it has another zone's."""
+    body = real(299.0) + whole(2, 2, 2)
+    body += whole(1, *passive) if any(passive) else whole(0)
+    body += whole(1, *shared) if max(shared) >= 0 else whole(0)
+    body += whole(cells) + b"".join(np.array([a.min(), a.max()], "<f8").tobytes() for a in arrays)
+    body += b"".join(np.asarray(a, "<f8").tobytes() for a in arrays)
+    return body + (b"" if corners is None or cells >= 0 else corners.astype("<i4").tobytes())
+
+
+def written(path, heads, bodies, *, count: int = 3, begin: bytes = b"#!TDV112", kind: int = 0, order: int = 1):
+    names = b"".join(map(text, ("X", "Y", "rho")))
+    told = text("gas") + whole(0) + text("air")
+    path.write_bytes(
+        begin + whole(order, kind) + text("t") + whole(count) + names + real(799.0) + told + b"".join(heads)
+        + real(357.0) + b"".join(bodies)
+    )  # fmt: skip
+    return path
+
+
+def test_a_later_time_has_its_mesh_from_the_first(tmp_path):
+    """Two times, the second with points and elements of the first. Expected: its own density on that mesh, exactly."""
+    path = written(
+        tmp_path / "a.plt",
+        [head("one", 0.5), head("two", 1.5)],
+        [data([X, Y, RHO]), data([2.0 * RHO], shared=(0, 0, -1), cells=0)],
+    )
+    for time, factor in ((0.5, 1.0), (1.5, 2.0), (None, 2.0)):
+        field = flow.read(path, time=time)
+        assert field.density_at([[0.0, 0.5, -1.0]]) == pytest.approx(factor * 1.625, rel=1e-14)
+    assert flow.contents(path).times == (0.5, 1.5)
+
+
+def test_a_variable_that_a_zone_has_not_is_zero(tmp_path):
+    (block,) = tecplot_binary.read(
+        written(tmp_path / "a.plt", [head()], [data([X, Y], passive=(0, 0, 1))])
+    ).blocks  # fmt: skip
+    assert block.point_data["rho"].tolist() == [0.0] * 6 and block.cells.points.tolist() == QUADS.ravel().tolist()
+
+
+@pytest.mark.parametrize(
+    ("heads", "bodies", "how", "told"),
+    [
+        ([head()], [data([X, Y, RHO])], {"begin": b"#!TDX112"}, r"it does not begin with #!TDV"),
+        ([head()], [data([X, Y, RHO])], {"begin": b"#!TDV102"}, "version 102 of the format is not read"),
+        ([head()], [data([X, Y, RHO])], {"order": 7}, "its byte order is not told"),
+        ([head()], [data([X, Y, RHO])], {"kind": 1}, "it holds a grid or a solution alone"),
+        ([head()], [data([X, Y, RHO])], {"count": -3}, "it announces -3 variables"),
+        ([], [], {}, "it has no zones"),
+        ([head(kind=6)], [data([X, Y, RHO])], {}, "is of type 6"),
+        ([head().replace(whole(-1, 3, 0, 0, 0), whole(-1, 3, 0, 1, 0))], [], {}, "lists the neighbours of its faces"),
+        ([head().replace(whole(-1, 3, 0, 0, 0), whole(-1, 3, 0, 0, 1))], [], {}, "has connections of its own"),
+        ([head()], [b"\0\0\0\0" + data([X, Y, RHO])], {}, "the data of zone 'one' do not begin where they should"),
+        ([head()], [data([Y, RHO], shared=(5, -1, -1))], {}, "shares with a zone that is not there"),
+        ([head()], [data([X, Y, RHO], cells=0)], {}, "shares with a zone that is not there"),
+        ([head(), head("two", count=4)], [data([X, Y, RHO]), data([Y[:4], RHO[:4]], shared=(0, -1, -1))], {},
+         "zone 'two' shares a variable of another size"),
+        ([head()], [data([X, Y, RHO], corners=QUADS + 1)], {}, "refer to nodes beyond the 6"),
+        ([head()], [data([X, Y, RHO]) + b"more"], {}, "more follows the last zone"),
+    ],
+)  # fmt: skip
+def test_what_does_not_fit_is_refused(tmp_path, heads, bodies, how, told):
+    path = tmp_path / "a.plt"
+    with pytest.raises(ReadError, match=told) as refused:
+        tecplot_binary.read(written(path, heads, bodies, **how))
+    assert str(path) in str(refused.value)
+
+
+def test_elements_of_a_greater_zone_do_not_fit_a_smaller_one(tmp_path):
+    path = written(
+        tmp_path / "a.plt",
+        [head("one", 0.5), head("two", 1.5, count=4)],
+        [data([X, Y, RHO]), data([X[:4], Y[:4], RHO[:4]], cells=0)],
+    )
+    with pytest.raises(ReadError, match="has corners beyond the 4 points"):
+        flow.read(path)
+
+
+def test_a_version_before_112_may_tell_its_packing(tmp_path):
+    """Versions to 111 have a number more, 0 for blocks and 1 for points; some writers of them leave it out."""
+    for begin, more, told in ((b"#!TDV111", (0,), ""), (b"#!TDV111", (), ""), (b"#!TDV111", (1,), "point by point")):
+        own = head().replace(whole(-1, 3, 0), whole(-1, 3, *more, 0), 1)
+        path = written(tmp_path / "a.plt", [own], [data([X, Y, RHO])], begin=begin)
+        if told:
+            with pytest.raises(ReadError, match=told):
+                tecplot_binary.read(path)
+        else:
+            assert tecplot_binary.read(path).blocks[0].point_data["rho"].tolist() == RHO.tolist()
