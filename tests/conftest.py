@@ -14,20 +14,34 @@ import pytest
 ROOT = Path(__file__).resolve().parents[1]
 # Processes that tests start, in other folders, take this checkout too where it is not installed.
 os.environ["PYTHONPATH"] = os.pathsep.join(filter(None, [str(ROOT), os.environ.get("PYTHONPATH")]))
-# Most of the tests' time goes into compiling kernels: see quiet_warp.py. The bits are those of the usual flags.
-os.environ.setdefault("AEROKERNELS_WARP_FLAGS", "-march=native")
+# Most of the tests' time goes into compiling kernels, most of which trace few rays: compilers that optimise little are
+# done in half the time, and kernels run two to four times slower. tests/tracing/test_compiler_flags.py holds that the
+# bits are those of the usual flags.
+WARP_FLAGS = (
+    "-march=native -O1 -fno-vectorize -fno-slp-vectorize -mllvm=-inline-threshold=25 -mllvm=-fast-isel"
+    " -mllvm=-regalloc=fast -mllvm=-optimize-regalloc=0"
+)
+os.environ.setdefault("AEROKERNELS_WARP_FLAGS", WARP_FLAGS)
+os.environ.setdefault("POCL_EXTRA_BUILD_FLAGS", "-cl-opt-disable")
 
 # Files that take longest, first: with two processes none of them is left to one alone at the end (see scripts/test).
 LONGEST = (
+    "tests/tracing/test_cross_backend.py",
     "tests/tracing/test_budget_coverage.py",
     "tests/tracing/test_scene_budgets.py",
+    "tests/jobs/test_sweep.py",
     "tests/tracing/test_support.py",
-    "tests/tracing/test_cross_backend.py",
     "tests/tracing/test_leapfrog.py",
     "tests/tracing/test_bundles_against_reference.py",
-    "tests/tracing/test_exact_rays.py",
-    "tests/tracing/test_random_fields_backends.py",
+    "tests/tracing/test_twins.py",
     "tests/tracing/test_backends_agree.py",
+    "tests/tracing/test_random_fields_backends.py",
+    "tests/stress/test_hard_fields.py",
+    "tests/test_cli.py",
+    "tests/test_benchmark.py",
+    "tests/tracing/test_along_faces.py",
+    "tests/tracing/test_methods.py",
+    "tests/tracing/test_bodies.py",
 )
 
 
@@ -35,6 +49,11 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Longest files first, each as a whole; the others in their own order."""
     rank = {name: place for place, name in enumerate(LONGEST)}
     items.sort(key=lambda item: rank.get(item.nodeid.split("::")[0], len(rank)))
+
+
+def pytest_collection_finish() -> None:
+    """The collected tests live to the end: the garbage collector need not look through them again and again."""
+    gc.freeze()
 
 
 @pytest.fixture(scope="session")

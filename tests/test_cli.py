@@ -1,4 +1,4 @@
-"""The command line as a user meets it: in a process of its own, on real scenes, with real files."""
+"""The command line as a user meets it, on real scenes, with real files; in a process of its own where that matters."""
 
 import json
 import os
@@ -80,11 +80,11 @@ def test_result_agrees_with_the_summary(finished):
         assert json.loads(result.attrs["summary"])["strehl"] == summary["strehl"]
 
 
-def test_the_stored_scene_runs_again_to_the_same_numbers(finished, aerokernels, tmp_path: Path):
+def test_the_stored_scene_runs_again_to_the_same_numbers(finished, command_line, tmp_path: Path):
     with xarray.open_dataset(finished[0] / "result.nc", engine="h5netcdf") as result:
         (tmp_path / "again.toml").write_text(result.attrs["scene"])
     summary = json.loads((finished[0] / "summary.json").read_text())
-    value, error = map(float, aerokernels("strehl", "again.toml").stdout.split(" +- "))
+    value, error = map(float, command_line("strehl", "again.toml").stdout.split(" +- "))
     assert error == pytest.approx(summary["errors"]["strehl"], rel=0.2)  # one digit of it, or two
     assert value == pytest.approx(summary["strehl"], abs=0.2 * error)  # rounded to its error's digits
 
@@ -211,21 +211,21 @@ def test_a_terminal_sees_progress_and_a_table(tmp_path: Path):
     assert "\x1b[" in text and "tracing the echo" in text and "Strehl ratio" in text and "━" in text
 
 
-def test_an_answer_worth_nothing_ends_with_status_3_and_its_reason(aerokernels, tmp_path: Path):
+def test_an_answer_worth_nothing_ends_with_status_3_and_its_reason(command_line, tmp_path: Path):
     """A grid of 5 mm on a shock layer of 2 mm: number, error, reason, status 3; `run` writes its files."""
     coarse = ("--set", "grid.spacing=5 mm")
-    done = aerokernels("strehl", "wind-tunnel-mach3", "--rays", "4096", *coarse)
+    done = command_line("strehl", "wind-tunnel-mach3", "--rays", "4096", *coarse)
     assert done.returncode == 3 and re.fullmatch(r"[\d.]+ \+- [\d.]+\n", done.stdout), done.stdout
     assert "worth nothing: " in done.stderr and "answers nothing" in done.stderr
-    done = aerokernels("run", "wind-tunnel-mach3", "--out", "out", *SMALL, *coarse)
+    done = command_line("run", "wind-tunnel-mach3", "--out", "out", *SMALL, *coarse)
     assert done.returncode == 3 and "worth nothing: " in done.stderr and "Worth nothing\t" in done.stdout
     assert sorted(path.name for path in (tmp_path / "out").iterdir()) == ["report.html", "result.nc", "summary.json"]
     assert json.loads((tmp_path / "out" / "summary.json").read_text())["verdict"] == "worthless"
 
 
-def test_an_echo_below_the_threshold_ends_with_status_0(aerokernels, tmp_path: Path):
+def test_an_echo_below_the_threshold_ends_with_status_0(command_line, tmp_path: Path):
     """A target at 30 m: no range, said so, and all the rest with its errors."""
-    done = aerokernels("run", "wind-tunnel-mach3", "--out", "out", *SMALL, "--set", "target.distance=30 m")
+    done = command_line("run", "wind-tunnel-mach3", "--out", "out", *SMALL, "--set", "target.distance=30 m")
     assert done.returncode == 0, done.stderr
     table = dict(line.split("\t") for line in done.stdout.splitlines() if "\t" in line)
     assert table["Reported range"] == "none" and "threshold 1 V" in table["No range"]

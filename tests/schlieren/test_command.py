@@ -1,4 +1,4 @@
-"""`aerokernels schlieren` as a user meets it: in a process of its own, with real files."""
+"""`aerokernels schlieren` as a user meets it, with real files."""
 
 import json
 import math
@@ -15,7 +15,7 @@ from aerokernels.schlieren import read_picture
 SMALL = ("--pixels", "160", "--spacing", "0.4 mm")
 
 
-def test_pictures_of_a_shipped_flow_and_a_photograph(aerokernels, tmp_path: Path):
+def test_pictures_of_a_shipped_flow_and_a_photograph(aerokernels, command_line, tmp_path: Path):
     """All kinds; then the schlieren picture just written serves as the photograph of the same scene."""
     extent = ("--extent", "-80 mm,5 mm,-60 mm,60 mm")
     done = aerokernels("schlieren", "mach3", "--out", "out", *SMALL, *extent, "--shock", "-60 mm,-30 mm")
@@ -37,7 +37,7 @@ def test_pictures_of_a_shipped_flow_and_a_photograph(aerokernels, tmp_path: Path
     np.testing.assert_allclose(photo.intensity, written, atol=1e-5)
 
     photograph = ("--measured", out / "schlieren.png", "--pixel-size", f"{pitch} m", "--nose", f"{nose[0]},{nose[1]}")
-    again = aerokernels(
+    again = command_line(
         "schlieren", "wind-tunnel-mach3", "--out", "two", "--kind", "schlieren", *SMALL, *extent, *photograph
     )
     assert again.returncode == 0, again.stderr
