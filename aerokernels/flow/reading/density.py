@@ -13,7 +13,7 @@ import numpy as np
 from ...units import quantity
 from ..gas import GAS_CONSTANT_AIR, GREATEST_DENSITY, positive
 from .array_units import in_si_units
-from .dataset import Block, Dataset, ReadError
+from .dataset import FLAT, SOLID, Block, Dataset, ReadError
 
 # Names by which solvers call them, in lower case and without blanks, signs and units.
 DENSITY_NAMES = (
@@ -201,6 +201,9 @@ def scalar_array(path, block: Block, name: str, where: str | None = None) -> tup
 
 def _refuse_no_gas(path, block: Block, name: str, values: np.ndarray, where: str) -> None:
     blank = block.blank if block.blank is not None and len(block.blank) == len(values) else None
+    beside = _beside_the_flow(block) if where == "cell" else None
+    if beside is not None:
+        blank = beside if blank is None else blank | beside
     for fault, bad in (
         ("not finite", ~np.isfinite(values)),
         ("not positive", values <= 0.0),
@@ -218,6 +221,17 @@ def _refuse_no_gas(path, block: Block, name: str, values: np.ndarray, where: str
                 f"{float(values[first])!r} kg/m3 in {place}",
                 remedy,
             )
+
+
+def _beside_the_flow(block: Block) -> np.ndarray | None:
+    """Which cells hold no flow: faces beside solid cells, lines and points beside flat ones; None for no such."""
+    if block.cells is None:
+        return None
+    types = block.cells.types
+    for kinds in (SOLID, FLAT):
+        if (own := np.isin(types, kinds)).any():
+            return None if own.all() else ~own
+    return None
 
 
 def found_name(path, name: str, names: list[str], listed: str) -> str:

@@ -10,6 +10,10 @@ import xarray
 
 from aerokernels import DensityField, flow
 from aerokernels.flow.reading import ReadError
+from aerokernels.flow.reading.dataset import TETRAHEDRON, TRIANGLE, Block, Cells, Dataset
+from aerokernels.flow.reading.density import Reference
+from aerokernels.flow.reading.frame import Frame
+from aerokernels.flow.reading.read import field_of, reading_of
 
 X, Y = np.linspace(-0.02, 0.03, 11), np.linspace(-0.01, 0.02, 11)  # of equal length: order cannot be told by it
 AT = np.random.default_rng(0).uniform([-0.019, -0.009], [0.029, 0.019], (20, 2))
@@ -206,3 +210,17 @@ def test_grids_that_are_none(tmp_path: Path, options, told: str):
     np.savez(tmp_path / "a.npz", x=x, y=y, z=z, rho=1.0 + x)
     with pytest.raises(ValueError, match=told):
         flow.read(tmp_path / "a.npz", **options)
+
+
+def test_cells_beside_the_flow_need_no_density():
+    """Set-up: a cube of tetrahedra, and a face of it as a triangle of its own, as mesh generators leave them, with NaN."""
+    corners = np.array([[0, 1, 3, 7], [0, 3, 2, 7], [0, 2, 6, 7], [0, 6, 4, 7], [0, 4, 5, 7], [0, 5, 1, 7]])
+    points = np.array([[i, j, k] for k in (0.0, 1.0) for j in (0.0, 1.0) for i in (0.0, 1.0)])
+    cells = Cells(
+        np.array([TETRAHEDRON] * 6 + [TRIANGLE], np.uint8),
+        np.append(4 * np.arange(7), 27),
+        np.concatenate([corners.ravel(), [0, 1, 3]]),
+    )
+    block = Block(points, cells, cell_data={"rho": np.append(np.full(6, 1.3), np.nan)})
+    taken = reading_of("test", Dataset([block], "test"), "rho", Frame.of(None), 1.0, Reference(), None, None, None)
+    assert np.allclose(field_of(taken, 0.25).density, 1.3, rtol=1e-14)
