@@ -424,7 +424,7 @@ def test_scattered_samples_make_the_wavefront():
 
 @pytest.mark.parametrize("seed", [2, 10])
 def test_the_error_of_few_samples_holds(seed):
-    """Of 250 samples, waves of a few samples' width: at the rim, where few lie, it was 17 and 23 times what was told."""
+    """Of 250 samples, waves of a few samples' width: at the rim, where few lie, 17 and 23 times what was told."""
     rng = np.random.default_rng(seed)
     x, y = in_disc(rng.random((2, 250)))
     way = rng.normal(0.0, 4.0, (2, 2)) / 1e-3
