@@ -54,8 +54,8 @@ static inline int start_of(
             enter = hits;
         } else if (has_stop && STOP != NONE && stop_distance <= leaves) {
             meets = 0;
-        } else if (leaves > span.y || leaves >= NEVER) {
-            status = RAY_INSIDE_BODY;
+        } else if ((leaves > enter && leaves >= (1.0 - ENTRY_ROUNDING) * span.y) || leaves >= NEVER) {
+            status = RAY_INSIDE_BODY;  // it comes out where the box ends, if at all
         } else {
             enter = leaves;
         }

@@ -169,11 +169,12 @@ def test_a_ray_that_meets_the_body_ends_there(engine):
     assert np.abs(result.position[:3, 2] - np.sqrt(1e-6 - height[:3] ** 2)).max() < allowed
 
 
-@pytest.mark.parametrize("engine", ENGINES)
-def test_a_ray_that_never_gets_out_of_the_body(engine):
-    """A body that fills the way to the face of the box and beyond it."""
+@pytest.mark.parametrize("engine", [*ENGINES, "reference-cpu"])
+@pytest.mark.parametrize("rear", [4e-3, 3e-3])
+def test_a_ray_that_never_gets_out_of_the_body(engine, rear):
+    """A body that fills the way to the face of the box and beyond it, or ends with it: of either it meets no air."""
     backend = on(engine)
-    profile = np.array([[0.0, -3e-3], [1e-3, -3e-3], [1e-3, 4e-3], [0.0, 4e-3]])
+    profile = np.array([[0.0, -3e-3], [1e-3, -3e-3], [1e-3, rear], [0.0, rear]])
     field = IndexField.from_samples(
         np.full((61, 121), 1e-4), origin=(0.0, -3e-3), spacing=(5e-5, 5e-5), geometry="axisymmetric", body=Body(profile)
     )

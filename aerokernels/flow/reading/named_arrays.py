@@ -239,9 +239,8 @@ def _at_time(path, arrays, chosen, units, asked):
     name = next((name for name in arrays if plain_name(name) in ("time", "t") and arrays[name].ndim == 1), None)
     rank = max((arrays[own].ndim for own in chosen.values()), default=1)
     rank = len(chosen) if rank == 1 else rank
-    timed = name is not None and any(a.ndim == rank + 1 and a.shape[0] == len(arrays[name]) for a in arrays.values())
     times = []
-    if timed:
+    if name is not None and any(a.ndim == rank + 1 and a.shape[0] == len(arrays[name]) for a in arrays.values()):
         since = units.get(name, "").split(" since ")[0]  # "seconds since 2020-01-01"
         unit = unit_of_array(path, name, since, "time").factor
         times = [float(value) * unit for value in arrays[name]]

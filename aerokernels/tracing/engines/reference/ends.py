@@ -134,7 +134,8 @@ class Ends:
             stopped = stops[inside] & (stop[inside] <= enter[inside])
             meets[inside[stopped]] = False
             status[inside] = np.where(stopped, RayStatus.OK, status[inside])
-            status[inside[~stopped & ~(np.isfinite(out) & (out <= leave[inside]))]] = RayStatus.INSIDE_BODY
+            # One that comes out where the box ends meets no air.
+            status[inside[~stopped & ~(out < (1.0 - ENTRY_ROUNDING) * leave[inside])]] = RayStatus.INSIDE_BODY
         if self.until is None:
             status[~meets & (status == RayStatus.OK)] = RayStatus.MISSED_FIELD
         return Interval(enter, leave, stop, has_stop, meets, status)

@@ -2,7 +2,7 @@
 
 import warp as wp
 
-from ....scheme import ARC_SURFACE, LEAST_COSINE, LEAST_SLOPE, STEEPEST_COSINE
+from ....scheme import ARC_SURFACE, ENTRY_ROUNDING, LEAST_COSINE, LEAST_SLOPE, STEEPEST_COSINE
 from ....status import RayStatus
 from ....tableau import NEARLY_STRAIGHT, has_consistent_gradient
 from ..library import KernelLibrary, built_once
@@ -71,8 +71,10 @@ def build_start(library: KernelLibrary, geometry: str, stop: str, has_body: bool
                     enter = hits
                 elif has_stop and wp.static(stop != "none") and stop_distance <= leaves:
                     meets = bool(False)
-                elif leaves > span[1] or leaves >= wp.float64(NEVER):
-                    status = int(inside_body)
+                elif (leaves > enter and leaves >= wp.float64(1.0 - ENTRY_ROUNDING) * span[1]) or leaves >= wp.float64(
+                    NEVER
+                ):
+                    status = int(inside_body)  # it comes out where the box ends, if at all
                 else:
                     enter = leaves
 
