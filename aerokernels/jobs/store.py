@@ -51,19 +51,17 @@ def check_output_folder(out: Path, own: Sequence[str] = ()) -> None:
         ValueError: `out` or a parent of it is a file, or it may not be written; or it holds files, and no summary.json
             of an earlier result among them, which alone is replaced.
     """
-    for folder in (out, *out.absolute().parents):
-        if folder.is_dir():
-            if not os.access(folder, os.W_OK | os.X_OK):
-                raise ValueError(f"--out {out}: no permission to write in {folder}; choose another folder")
-            others = _foreign_files(out, own) if folder == out else []
-            if others:
-                raise ValueError(
-                    f"--out {out}: the folder holds {others[0]}{' and more' * (len(others) > 1)}, and no result of an "
-                    "earlier run: choose another folder, or empty this one"
-                )
-            return
-        if folder.exists() or folder.is_symlink():
-            raise ValueError(f"--out {out}: {folder} is not a folder; choose another name")
+    folder = next(one for one in (out, *out.absolute().parents) if one.exists() or one.is_symlink())
+    if not folder.is_dir():
+        raise ValueError(f"--out {out}: {folder} is not a folder; choose another name")
+    if not os.access(folder, os.W_OK | os.X_OK):
+        raise ValueError(f"--out {out}: no permission to write in {folder}; choose another folder")
+    others = _foreign_files(out, own) if folder == out else []
+    if others:
+        raise ValueError(
+            f"--out {out}: the folder holds {others[0]}{' and more' * (len(others) > 1)}, and no result of an "
+            "earlier run: choose another folder, or empty this one"
+        )
 
 
 def _foreign_files(out: Path, own: Sequence[str]) -> list[str]:
