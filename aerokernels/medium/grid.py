@@ -6,7 +6,7 @@ the contrast to one part in 10^4; in strong media it makes a quadratic n^2 exact
 """
 
 from dataclasses import dataclass
-from functools import cached_property, reduce
+from functools import cached_property
 from itertools import product
 
 import numpy as np
@@ -184,24 +184,35 @@ class UniformGrid(Derived):
         """Optical potential, shape (n,), and its gradient [1/m], shape (n, d), at local points, shape (n, d)."""
         dimension = self.samples.ndim
         support, stride = spline.SUPPORT[self.interpolation], spline.STRIDE[self.interpolation]
-        start, value_weight, slope_weight = [], [], []
+        pitches = [int(np.prod(self.coefficient_shape[axis + 1 :])) for axis in range(dimension)]
+        first = np.zeros(len(points), dtype=np.int64)
+        value_weight, slope_weight = [], []
         for axis in range(dimension):
             place = (points[:, axis] - self.origin[axis]) / self.spacing[axis]
             cell = np.clip(np.floor(place).astype(np.int64), 0, self.shape[axis] - 2)
             value, slope = spline.weights(self.interpolation, place - cell)
-            start.append(cell * stride)
+            first += cell * (stride * pitches[axis])
             value_weight.append(value)
             slope_weight.append(slope / self.spacing[axis])
+        flat, spare = self.coefficients.reshape(-1), np.empty(len(points))
         result = np.zeros(len(points))
         gradient = np.zeros((dimension, len(points)))
         for offset in product(range(support), repeat=dimension):
-            picked = self.coefficients[tuple(s + o for s, o in zip(start, offset, strict=True))]
+            picked = flat[int(np.dot(offset, pitches)) :].take(first)
             chosen = [value_weight[a][o] for a, o in enumerate(offset)]
-            result += picked * reduce(np.multiply, chosen)
+            result += np.multiply(picked, _product(chosen, spare), out=spare)
             for axis, slope in enumerate(gradient):
                 factors = [slope_weight[a][o] if a == axis else chosen[a] for a, o in enumerate(offset)]
-                slope += picked * reduce(np.multiply, factors)
+                slope += np.multiply(picked, _product(factors, spare), out=spare)
         return result, np.ascontiguousarray(gradient.T)
+
+
+def _product(factors: list[np.ndarray], out: np.ndarray) -> np.ndarray:
+    """Their product, written over `out`: new memory would take as long as the product."""
+    np.multiply(factors[0], factors[1], out=out)
+    for factor in factors[2:]:
+        np.multiply(out, factor, out=out)
+    return out
 
 
 def eq5_step(difference: np.ndarray, size) -> np.ndarray:

@@ -41,6 +41,25 @@ def greatest_of_neighbors(values: np.ndarray, count: int, axis: int) -> np.ndarr
     return np.asarray(sliding_window_view(values, min(count, values.shape[axis]), axis=axis).max(axis=-1))
 
 
+def greatest_around(values: np.ndarray, low: int, high: int, axis: int) -> np.ndarray:
+    """For each entry the greatest at offsets from `low` to `high` along an axis; beyond the ends there are zeros.
+
+    By runs of 2, 4, 8 ... entries, of which two that overlap make up any other width.
+    """
+    count = values.shape[axis]
+    low, high = max(-count, min(low, count)), max(-count, min(high, count))
+    before, behind, width = max(-low, 0), max(high, 0), high - low + 1
+    moved = np.moveaxis(values, axis, 0)
+    found = np.zeros((before + count + behind, *moved.shape[1:]), values.dtype)
+    found[before : before + count] = moved
+    wide = 1
+    while wide < width:
+        further = min(wide, width - wide)
+        found = np.maximum(found[:-further], found[further:])
+        wide += further
+    return np.moveaxis(found[before + low :][:count], 0, axis)
+
+
 def over_lines(values: np.ndarray, reduce: np.ufunc) -> list[np.ndarray]:
     """For each axis the sizes of all values along it, added (np.add) or the greatest of them (np.maximum).
 

@@ -20,7 +20,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..medium.grid import UniformGrid
-from .blocks import block_maxima
+from .blocks import block_maxima, greatest_around
 
 BLOCK = 4
 BLOCK_COUNT_LIMIT = 300_000
@@ -242,21 +242,7 @@ def _continued(values: np.ndarray, count: int) -> np.ndarray:
 
 
 def _greatest(values: np.ndarray, low: np.ndarray, high: np.ndarray) -> np.ndarray:
-    """Greatest within offsets low to high blocks along each axis; beyond the field there is nothing.
-
-    By windows of 2, 4, 8 ... entries, of which two that overlap make up any other width.
-    """
-    for axis, count in enumerate(values.shape):
-        first, last = (int(np.clip(offset[axis], -count, count)) for offset in (low, high))
-        before, behind, width = max(-first, 0), max(last, 0), last - first + 1
-        moved = np.moveaxis(values, axis, 0)
-        found = np.zeros((before + count + behind, *moved.shape[1:]))
-        found[before : before + count] = moved
-        wide = 1
-        while wide < width:
-            further = min(wide, width - wide)
-            found = np.maximum(found[:-further], found[further:])
-            wide += further
-        start = before + first
-        values = np.moveaxis(found[start : start + count], 0, axis)
+    """Greatest within offsets low to high blocks along each axis; beyond the field there is nothing."""
+    for axis in range(values.ndim):
+        values = greatest_around(values, int(low[axis]), int(high[axis]), axis)
     return values

@@ -31,7 +31,7 @@ import numpy as np
 
 from ..medium import IndexField
 from ..medium.grid import UniformGrid
-from .blocks import block_maxima, block_means, greatest_of_neighbors
+from .blocks import block_maxima, block_means, greatest_around, greatest_of_neighbors
 from .high_pass import high_pass
 from .scheme import LOOKUP_STRIDE, MISSED_SLOPE
 from .step_bound import potential_at_nodes, roughness_by_axis
@@ -91,8 +91,6 @@ def disturbed_ends(field: IndexField, lines: Lines, held: float) -> bytes:
         lines: The rays' straight lines through the support of the field.
         held: The OPD error that they are held to [m].
     """
-    from scipy.ndimage import maximum_filter
-
     grid = field.samples
     assert isinstance(grid, UniformGrid)
     block, fourth = roughness_by_axis(grid)
@@ -102,7 +100,9 @@ def disturbed_ends(field: IndexField, lines: Lines, held: float) -> bytes:
     entry = np.floor((local_coordinates(ends, field.geometry) - grid.low) / size).astype(int)
     near[tuple(np.clip(entry, 0, np.array(near.shape) - 1).T)] = 1
     worth = _potential_by_blocks(grid) * float(size.max())
-    near = maximum_filter(near, 3) * (worth > ENDS_SHARE * held)
+    for axis in range(near.ndim):
+        near = greatest_around(near, -1, 1, axis)
+    near = near * (worth > ENDS_SHARE * held)
     return np.packbits(near).tobytes() if near.any() else b""
 
 
@@ -128,7 +128,7 @@ def missed_in_blocks(field: IndexField, sampling: Sampling, by_rule: bool = Fals
 
 def lookup_table(field: IndexField, sampling: Sampling) -> tuple[int, np.ndarray]:
     """The same as kernels look it up, once within a stride: each ray finds as much as lies on its path."""
-    from scipy.ndimage import maximum_filter1d, uniform_filter1d
+    from scipy.ndimage import uniform_filter1d
 
     block, missed = missed_in_blocks(field, sampling)
     obliquities, main = _along_axes(sampling.steepness, field.geometry), _main_axis(sampling.steepness, field.geometry)
@@ -138,7 +138,7 @@ def lookup_table(field: IndexField, sampling: Sampling) -> tuple[int, np.ndarray
         elif obliquity > LEAST_OBLIQUITY:
             # What is found a block and a half away along the main axis is beside the ray by that slope.
             wide = 3 if main is None or obliquity < 0.5 * obliquities[main] else 5
-            missed = maximum_filter1d(missed, wide, axis=axis, mode="nearest")
+            missed = greatest_around(missed, -(wide // 2), wide // 2, axis)
     return block, missed
 
 
@@ -194,8 +194,6 @@ def _with_lever_arm(field: IndexField, lines: Lines) -> np.ndarray:
 
 
 def _missed(grid: UniformGrid, geometry: str, sampling: Sampling, by_rule: bool) -> tuple[int, np.ndarray]:
-    from scipy.ndimage import maximum_filter1d
-
     obliquity = _along_axes(sampling.steepness, geometry)
     block, fourth = roughness_by_axis(grid)
     strides = [PEANO * (u * sampling.spacing) ** 4 for u in obliquity]
@@ -222,7 +220,7 @@ def _missed(grid: UniformGrid, geometry: str, sampling: Sampling, by_rule: bool)
         rest = rest + is_end * (END / BOTH * spacing / length) * block_maxima(sizes[1], block)
         missed = missed * np.where(is_end, RULE_AT_ENDS, 1.0)
     for axis in across:
-        rest = np.maximum(rest, LOBE * maximum_filter1d(rest, 3, axis=axis, mode="nearest"))
+        rest = np.maximum(rest, LOBE * greatest_around(rest, -1, 1, axis))
     missed = np.minimum(missed, BOTH * share * rest.astype(np.float64))
     return block, factor * missed
 

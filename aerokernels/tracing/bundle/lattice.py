@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..blocks import greatest_around
 from .hermite import BESIDE, CELLS, FINER, NODES, WINDOW, finer, patches
 from .nodes import CHANNELS, Traced
 
@@ -140,11 +141,10 @@ class Lattice:
             finer_one: The lattice of half the step.
             quarters: Its blocks.
         """
-        from scipy.ndimage import maximum_filter
-
         table = np.zeros(finer_one.is_traced.shape)
         np.maximum.at(table, self._finer_nodes(blocks), np.where(np.isfinite(surplus), surplus, 0.0))
-        wide = maximum_filter(table, NODES + 2 * BESIDE, mode="constant")
+        half = NODES // 2 + BESIDE
+        wide = greatest_around(greatest_around(table, -half, half, 0), -half, half, 1)
         return np.asarray(wide[CELLS * quarters[:, 0] + NODES // 2, CELLS * quarters[:, 1] + NODES // 2])
 
     @staticmethod

@@ -11,6 +11,7 @@ import numpy as np
 
 from ...medium import IndexField
 from ...medium.grid import UniformGrid
+from ..blocks import greatest_around
 from ..step_bound import roughness_of_blocks
 
 # Levels of blocks, each of twice the width.
@@ -60,13 +61,14 @@ def roughness_of(field: IndexField) -> Roughness | None:
 
 
 def _of_grid(grid: UniformGrid) -> Roughness:
-    from scipy.ndimage import maximum_filter
-
     block, fourth, kink = roughness_of_blocks(grid)
     table = np.stack([*(np.sqrt(np.sqrt(part)) for part in fourth), *kink], axis=-1)
     levels = []
     for _ in range(LEVELS):
-        levels.append(maximum_filter(table, size=(3,) * (table.ndim - 1) + (1,)))
+        wide = table
+        for axis in range(table.ndim - 1):
+            wide = greatest_around(wide, -1, 1, axis)
+        levels.append(np.ascontiguousarray(wide))
         if max(table.shape[:-1]) == 1:
             break
         table = _halved(table)
