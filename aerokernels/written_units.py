@@ -36,6 +36,8 @@ _OTHERS = {
     "psi": (_POUND * 9.80665 / _INCH**2, DIMENSIONS["pressure"]),
     "psf": (_POUND * 9.80665 / (12 * _INCH) ** 2, DIMENSIONS["pressure"]),
     "atm": (101325.0, DIMENSIONS["pressure"]), "Torr": (101325.0 / 760.0, DIMENSIONS["pressure"]),
+    "Kg": (1.0, (0, 1, 0, 0)), "KG": (1.0, (0, 1, 0, 0)), "KPa": (1e3, DIMENSIONS["pressure"]),
+    "PA": (1.0, DIMENSIONS["pressure"]), "pa": (1.0, DIMENSIONS["pressure"]),
     "mb": (100.0, DIMENSIONS["pressure"]), "dyn": (1e-5, _FORCE), "dyne": (1e-5, _FORCE),
     "sec": (1.0, DIMENSIONS["time"]), "min": (60.0, DIMENSIONS["time"]), "minute": (60.0, DIMENSIONS["time"]),
     "minutes": (60.0, DIMENSIONS["time"]), "hour": (3600.0, DIMENSIONS["time"]), "hours": (3600.0, DIMENSIONS["time"]),

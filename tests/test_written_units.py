@@ -15,6 +15,7 @@ from aerokernels.written_units import in_brackets, unit_of, written_unit
         ("g cm-3", "density", 1000.0, 0.0),
         ("g/L", "density", 1.0, 0.0),
         ("slug/ft3", "density", 515.37882, 0.0),
+        ("Kg/m3", "density", 1.0, 0.0),
         ("hPa", "pressure", 100.0, 0.0),
         ("millibar", "pressure", 100.0, 0.0),
         ("psi", "pressure", 6894.757, 0.0),

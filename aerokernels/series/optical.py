@@ -16,7 +16,7 @@ from ..wavefront import check_terms
 from ..wavelength import DEFAULT_WAVELENGTH, check_wavelength
 from .pupil_grid import MapReader, PupilGrid, Reading, pupil_grid
 from .snapshot import METHODS, Found, Snapshots, Way
-from .store import NUMBERS, MemoryStore, ZarrStore
+from .store import FIRST, NUMBERS, MemoryStore, ZarrStore
 from .strehl_bound import strehl_error
 
 if TYPE_CHECKING:
@@ -220,7 +220,7 @@ def _definition(series: Series, template: "xarray.Dataset", way: Way) -> dict[st
         "version": __version__,
         "numbers": list(NUMBERS),
         "series": dict(series.identity),
-        "first snapshot": series.mark(),
+        FIRST: series.mark(),
         "time": [len(series), float(series.time[0]), float(series.time[-1]), _digest(series.time)],
         "mesh": [mesh.geometry, mesh.origin.tolist(), mesh.spacing.tolist(), list(mesh.shape)]
         if isinstance(mesh, GridMesh)

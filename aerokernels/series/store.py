@@ -40,6 +40,9 @@ NUMBERS = {
 }
 
 
+FIRST = "first snapshot"  # of what a store is of: a mark of its samples
+
+
 class Done:
     """The numbers of the snapshots that are done, in their order: one block of memory from the start.
 
@@ -144,6 +147,7 @@ class ZarrStore:
             ]
             key = keys[0] if keys else "all"
             told = f"{key} was {_short((found or {}).get(key))} and is {_short(self.definition.get(key))}"
+            told = "whose first snapshot has other densities" if key == FIRST else told
             raise ValueError(f"out={self.path}: it holds another series, {told}; take another name, or remove it")
         for row in numbers:
             self.done.add(row)

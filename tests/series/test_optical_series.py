@@ -289,6 +289,9 @@ def test_a_finished_store_is_opened_and_another_series_refused(tmp_path: Path):
     assert {path: path.stat().st_mtime_ns for path in tmp_path.rglob("*") if path.is_file()} == before
     with pytest.raises(ValueError, match="it holds another series, remove was"):
         optical_series(series, pupil, pixel_count=8, out=tmp_path / "s.zarr", remove=("piston",), method="linear")
+    other = opened(Fourier.random(6), TIME[:2])  # of the same shape, times and surroundings
+    with pytest.raises(ValueError, match="another series, whose first snapshot has other densities"):
+        optical_series(other, pupil, pixel_count=8, out=tmp_path / "s.zarr", method="linear")
     (tmp_path / "full").mkdir()
     (tmp_path / "full" / "notes.txt").write_text("mine")
     with pytest.raises(ValueError, match="something else lies there"):

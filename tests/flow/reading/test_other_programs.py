@@ -213,7 +213,7 @@ def test_grids_that_are_none(tmp_path: Path, options, told: str):
 
 
 def test_cells_beside_the_flow_need_no_density():
-    """Set-up: a cube of tetrahedra, and a face of it as a triangle of its own, as mesh generators leave them, with NaN."""
+    """Set-up: a cube of tetrahedra, and one of their faces as a cell of its own, as generators leave it, with NaN."""
     corners = np.array([[0, 1, 3, 7], [0, 3, 2, 7], [0, 2, 6, 7], [0, 6, 4, 7], [0, 4, 5, 7], [0, 5, 1, 7]])
     points = np.array([[i, j, k] for k in (0.0, 1.0) for j in (0.0, 1.0) for i in (0.0, 1.0)])
     cells = Cells(
