@@ -77,6 +77,7 @@ def _looking(function: Callable, name: str, described: Callable, documented: Any
                 raise TypeError(f"{name} has no argument {wrong}") from None
             return function(*given, **named)  # Python's own words for what is missing or too much
         for parameter, value in arguments.items():
+            refuse_masked(value, parameter)
             if parameter in takes:
                 if wrong := takes[parameter].mistake(value, parameter, name):
                     raise TypeError(wrong)
@@ -98,6 +99,20 @@ def _looking(function: Callable, name: str, described: Callable, documented: Any
             raise
 
     return call
+
+
+def refuse_masked(value: Any, name: str) -> None:
+    """Refuse an array of which some numbers are masked: NumPy would go on with what lies under the mask.
+
+    Raises:
+        ValueError: It is one; `name` is what it is called.
+    """
+    if isinstance(value, np.ma.MaskedArray) and np.ma.is_masked(value):
+        count = int(np.ma.count_masked(value))
+        raise ValueError(
+            f"{count} of the {value.size} numbers of {name} are masked, so they are not known: fill them in, or leave "
+            f"them out ({name}.filled(value), {name}.compressed())"
+        )
 
 
 def _unknown_name(signature: inspect.Signature, named: Iterable[str]) -> str:

@@ -5,7 +5,21 @@ import warnings
 import numpy as np
 import pytest
 
-from aerokernels import Annulus, Disc, IndexField, Mask, RayBundle, Rectangle, Scene, flow, schlieren, strehl, zernike
+from aerokernels import (
+    Annulus,
+    Disc,
+    IndexField,
+    Mask,
+    QuadMesh,
+    RayBundle,
+    Rectangle,
+    Scene,
+    Wavefront,
+    flow,
+    schlieren,
+    strehl,
+    zernike,
+)
 from aerokernels.arguments import Numbers, checked
 from aerokernels.validation import argument_draws, refusals
 
@@ -43,6 +57,30 @@ def field() -> IndexField:
 def test_a_mistake_of_kind_is_answered_in_words(field, call, message):
     with pytest.raises((TypeError, ValueError), match=message):
         call(field)
+
+
+MASKED = np.ma.array(np.ones((4, 4)), mask=np.eye(4, dtype=bool))
+SQUARE = QuadMesh.structured(*np.meshgrid(np.arange(5.0), np.arange(5.0), indexing="ij"), "planar")
+
+
+@pytest.mark.parametrize(
+    ("name", "call"),
+    [
+        ("opd", lambda: strehl(MASKED, 905e-9)),
+        ("weights", lambda: strehl(np.zeros((4, 4)), 905e-9, weights=MASKED)),
+        ("contrast", lambda: IndexField.from_samples(MASKED, origin=(0, 0), spacing=(1, 1), geometry="planar")),
+        ("density", lambda: flow.DensityField(SQUARE, MASKED, 1.0)),
+        ("weights", lambda: Mask(MASKED, 1e-3)),
+        ("opd", lambda: Wavefront(MASKED, np.ones((4, 4)), 1e-3, 905e-9)),
+        ("weight", lambda: Wavefront(np.zeros((4, 4)), MASKED, 1e-3, 905e-9)),
+        ("points", lambda: Wavefront.from_samples(MASKED[:, :2], np.zeros(4), Disc(1.0), 905e-9)),
+    ],
+)
+def test_masked_numbers_are_refused(name, call):
+    """What lies under a mask, a file's fill value mostly, went in as if it were known."""
+    with pytest.raises(ValueError, match=f"numbers of {name} are masked"):
+        call()
+    assert strehl(np.ma.array(np.zeros((4, 4))), 905e-9) == 1.0  # of which nothing is masked
 
 
 def test_an_index_in_place_of_the_contrast_is_warned_of():

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..arguments import Numbers, checked
+from ..arguments import Numbers, checked, refuse_masked
 from ..medium import Body, IndexField, QuadMesh, SolidBody
 from ..read_only import ReadOnly
 from ..shown import shown
@@ -209,6 +209,7 @@ class MeshDensity(SampledDensity):
     def _check_mesh(self) -> None:
         if not isinstance(self.mesh, QuadMesh):
             raise TypeError(f"mesh must be a QuadMesh, got {type(self.mesh).__name__}: see QuadMesh.structured")
+        refuse_masked(self.density, "density")
 
     @property
     def geometry(self) -> str:

@@ -4,7 +4,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from ..arguments import Numbers, checked
+from ..arguments import Numbers, checked, refuse_masked
 from ..medium import Body, IndexField, QuadMesh, SolidBody
 from ..medium.grid import checked_axes
 from ..medium.mesh import GEOMETRIES
@@ -16,6 +16,7 @@ from .species import Composition
 
 
 def _checked(density, what: str) -> np.ndarray:
+    refuse_masked(density, "density")
     ours = isinstance(density, np.ndarray) and density.dtype == np.float64 and density.flags.c_contiguous
     # What nobody can write to is not copied: grids of 100 million nodes come here.
     values = density if ours and not density.flags.writeable else np.array(density, dtype=np.float64)

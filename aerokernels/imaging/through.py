@@ -16,6 +16,7 @@ from typing import Any
 
 import numpy as np
 
+from ..arguments import refuse_masked
 from ..clock import clocked
 from ..medium import IndexField
 from ..sensor import Sensor, write_grey
@@ -213,6 +214,7 @@ def _brightness(scene_image: Any) -> np.ndarray:
         TypeError: What is no array of real numbers.
         ValueError: Another shape, or numbers that are not finite.
     """
+    refuse_masked(scene_image, "scene_image")
     given = np.asarray(scene_image)
     if given.dtype.kind not in "buif":
         raise TypeError(f"the scene must be an array of real numbers, its brightness, got {type(scene_image).__name__}")

@@ -22,7 +22,7 @@ from aerokernels.medium import IndexField
 from ..arguments import checked
 from ..shown import shown
 from .bench import Bench
-from .line_of_sight import LineOfSight, check_exposure, line_of_sight
+from .line_of_sight import LineOfSight, check_exposure, check_turn, line_of_sight
 from .picture import traced_dataset
 from .view import PictureView
 
@@ -184,9 +184,9 @@ def check_fringes(
     """Refuse what makes no sense."""
     if fringe_spacing is not None and not (np.isfinite(fringe_spacing) and fringe_spacing > 0.0):
         raise ValueError(f"fringe_spacing = {fringe_spacing}: give a positive length in metres, or None")
-    for name, value in (("fringe_angle", fringe_angle), ("phase", phase)):
-        if not np.isfinite(value):
-            raise ValueError(f"{name} = {value}: give a finite number")
+    check_turn("fringe_angle", fringe_angle)
+    if not np.isfinite(phase):
+        raise ValueError(f"phase = {phase}: give a finite number")
     if not 0.0 <= visibility <= 1.0:
         raise ValueError(f"visibility = {visibility}: give a fraction from 0 to 1")
     check_exposure(exposure)

@@ -23,7 +23,7 @@ from aerokernels.medium import IndexField
 from ..arguments import checked
 from ..shown import shown
 from .bench import Bench
-from .line_of_sight import LineOfSight, check_exposure, line_of_sight
+from .line_of_sight import LineOfSight, check_exposure, check_turn, line_of_sight
 from .picture import traced_dataset
 from .shadowgraph import spread
 from .view import PictureView
@@ -214,7 +214,7 @@ def check_knife_edge(knife_edge: str | float, cut_off: float, sensitivity: float
     if sensitivity is not None and not np.isfinite(sensitivity):
         raise ValueError(f"sensitivity = {sensitivity}: give a finite number per radian, or None")
     check_exposure(exposure)
-    return _BRIGHT_DIRECTION[knife_edge] if isinstance(knife_edge, str) else float(knife_edge)
+    return _BRIGHT_DIRECTION[knife_edge] if isinstance(knife_edge, str) else check_turn("knife_edge", knife_edge)
 
 
 def _full_range_sensitivity(cut: np.ndarray, cut_off: float) -> float:

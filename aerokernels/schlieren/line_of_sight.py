@@ -205,3 +205,10 @@ def check_exposure(exposure: float) -> float:
     if not (np.isfinite(exposure) and exposure > 0.0):
         raise ValueError(f"exposure = {exposure}: give a positive number; 1 shows full light as white")
     return float(exposure)
+
+
+def check_turn(name: str, angle: float) -> float:
+    """Refuse an angle [rad] that is no number, or more than a turn: degrees, most likely."""
+    if not (np.isfinite(angle) and abs(angle) <= 2.0 * np.pi * (1.0 + 1e-9)):
+        raise ValueError(f"{name} = {angle}: give an angle in radians of at most one turn, 2 pi; is it in degrees?")
+    return float(angle)

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from ..arguments import refuse_masked
 from ..clock import clocked, stage
 from ..pupils import Pupil
 from ..wavelength import check_wavelength
@@ -57,6 +58,8 @@ class WavefrontMap:
 
     def __post_init__(self):
         """Check, and make read-only copies."""
+        for name in ("opd", "weight", "intensity"):
+            refuse_masked(getattr(self, name), name)
         opd, weight = np.array(self.opd, dtype=np.float64), np.array(self.weight, dtype=np.float64)
         if opd.ndim != 2 or opd.shape[0] != opd.shape[1] or opd.shape != weight.shape:
             raise ValueError(f"opd and weight must be square and of one shape, got {opd.shape} and {weight.shape}")

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from ..arguments import refuse_masked
 from ..pupils import Pupil
 from ..zernike import zernike_modes
 from .grid import pupil_grid
@@ -67,6 +68,8 @@ def from_scattered(
 
 def _checked(points: Any, opd: Any, pupil: Pupil) -> tuple[np.ndarray, np.ndarray]:
     """Places in the pupil's plane [m], shape (n, 2), and OPD [m], shape (n,)."""
+    refuse_masked(points, "points")
+    refuse_masked(opd, "opd")
     place, values = np.asarray(points, dtype=np.float64), np.asarray(opd, dtype=np.float64)
     if place.ndim != 2 or place.shape[1] not in (2, 3) or values.shape != place.shape[:1]:
         raise ValueError(

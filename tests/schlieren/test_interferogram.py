@@ -92,6 +92,7 @@ def test_datasets_carry_units():
         ({"fringe_spacing": -1.0}, "fringe_spacing"),
         ({"fringe_spacing": 1e-4}, "less than two pixels"),
         ({"fringe_angle": math.inf}, "fringe_angle"),
+        ({"fringe_angle": 90.0}, r"fringe_angle = 90.0: .* radians .* is it in degrees\?"),
         ({"visibility": 2.0}, "visibility"),
         ({"exposure": math.nan}, "exposure"),
         ({"rays_per_pixel": 0}, "rays_per_pixel 0"),

@@ -175,6 +175,7 @@ def test_the_body_is_a_silhouette():
     ("options", "match"),
     [
         ({"knife_edge": "round"}, "knife_edge 'round'"),
+        ({"knife_edge": 30.0}, r"knife_edge = 30.0: .* is it in degrees\?"),
         ({"cut_off": 1.5}, "cut_off = 1.5"),
         ({"sensitivity": float("nan")}, "sensitivity"),
         ({"view": "w"}, "view 'w'"),
