@@ -16,9 +16,7 @@ PLACES = RANDOM.normal(size=(50, 3))
 
 def there(values) -> DeviceArray:
     values = np.asarray(values)
-    kind = kind or {1: {np.dtype("f8"): wp.float64, np.dtype("i4"): wp.int32}.get(values.dtype)}.get(
-        values.ndim, wp.vec3d
-    )
+    kind = wp.vec3d if values.ndim == 2 else {"f": wp.float64, "i": wp.int32}[values.dtype.kind]
     return DeviceArray(wp.array(values, dtype=kind, device="cpu"))
 
 
@@ -34,7 +32,7 @@ def there(values) -> DeviceArray:
         np.zeros(50, bool),
         [],
     ],
-    ids=str,
+    ids=lambda rows: str(rows).partition("\n")[0],
 )
 @pytest.mark.parametrize("read", [False, True])
 def test_rows_are_those_of_numpy(rows, read):
