@@ -114,7 +114,7 @@ def moebius(count: int = 12) -> list[np.ndarray]:
 @pytest.mark.parametrize(
     ("faces", "told"),
     [
-        (BOX + [np.array([HOLE[0], HOLE[1], [0.2, 0.2, 0.2]])], "three faces share an edge"),
+        ([*BOX, np.array([HOLE[0], HOLE[1], [0.2, 0.2, 0.2]])], "three faces share an edge"),
         (moebius(), "a surface has one side only"),
         ([np.array([[0.5, 0.5, 0.5], *pair]) for pair in (((0.6, 0.5, 0.5), (0.5, 0.6, 0.5)),
                                                           ((0.4, 0.5, 0.5), (0.5, 0.4, 0.5)))], ""),
