@@ -208,7 +208,7 @@ def test_pulse_energy_is_the_integral():
     )
 
 
-@settings(max_examples=25)
+@settings(max_examples=25, deadline=None)
 @given(st.integers(1, 40), st.integers(0, 2**32 - 1))
 def test_sum_of_pulses_adds_pulses(count, seed):
     """Against the plain sum; what is left out lies below exp(-6^2) = 2e-16 of a pulse."""

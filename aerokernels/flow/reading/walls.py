@@ -23,11 +23,9 @@ def wall_body(edges: np.ndarray, mesh: QuadMesh) -> Body | None:
     size = float(max(np.ptp(mesh.vertices, axis=0).max(), 1e-300))
     outlines = []
     for chain in chains(edges, CLOSE * size):
-        if len(chain) < 2:
-            continue
         closed = np.linalg.norm(chain[0] - chain[-1]) <= CLOSE * size
         outline = chain[:-1] if closed else _closed_behind(chain, mesh)
-        if outline is not None and abs(_area(outline)) > 1e-9 * size**2:
+        if abs(_area(outline)) > 1e-9 * size**2:
             outlines.append(outline)
     return _joined(outlines, mesh.geometry)
 
@@ -89,7 +87,7 @@ def chains(edges: np.ndarray, near: float) -> list[np.ndarray]:
     return found
 
 
-def _closed_behind(chain: np.ndarray, mesh: QuadMesh) -> np.ndarray | None:
+def _closed_behind(chain: np.ndarray, mesh: QuadMesh) -> np.ndarray:
     """An open wall closed on the side where the solid is."""
     low, high = mesh.box
     if mesh.geometry == "axisymmetric":

@@ -164,7 +164,11 @@ def _cases(dataset: "xarray.Dataset", definition: Definition) -> tuple[list[str]
             value = axes[key][place[k] if definition.mode == "grid" else place[0]]
             row.append(f"{value:.6g}" if isinstance(value, float) else str(value))
         for name, _, _, factor in SHOWN:
-            value, error = (float(dataset[one].values[place]) for one in (name, f"{name}_error"))
-            row.append(Quantity(value, error).scaled(factor, "").text() if math.isfinite(value) else "none")
+            value = float(dataset[name].values[place])
+            if math.isfinite(value):  # where all cases failed, nothing says what errors there are
+                error = float(dataset[f"{name}_error"].values[place])
+                row.append(Quantity(value, error).scaled(factor, "").text())
+            else:
+                row.append("none")
         rows.append([*row, str(dataset["failures"].values[place])])
     return columns, rows

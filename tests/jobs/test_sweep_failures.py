@@ -1,0 +1,134 @@
+"""Sweeps whose machines fail: cases that are tried again, workers that do not start, GPUs that are hidden; refusals."""
+
+import ctypes
+import json
+
+import numpy as np
+import pytest
+
+import aerokernels
+from aerokernels.jobs import store
+from aerokernels.jobs.sweeps import gpus, local, records
+from aerokernels.jobs.sweeps.case import Case
+from aerokernels.jobs.sweeps.definition import define
+from aerokernels.jobs.sweeps.run import check_options
+
+SMALL = {"strehl.ray_count": 64, "beam.ray_count": 16, "receiver.ray_count": 16, "receiver.return_factor": "none"}
+SCENE = aerokernels.Scene.load("wind-tunnel-static", SMALL)
+
+
+def test_cases_that_failed_are_tried_again_where_that_is_asked_for(tmp_path, monkeypatch):
+    """A machine that fails at first, and two cases that make no scene.
+
+    Expected: a dataset although all cases failed; the machine's failure is kept until `retry_failed`, then its place is
+    taken; the others fail for their own reason each time, without a worker.
+    """
+    given: list[int] = []
+
+    def fails(cases, environments):
+        given.extend(case.number for case in cases)
+        yield from ((case.number, {"error": "the machine was taken away"}) for case in cases)
+
+    def works(cases, environments):
+        given.extend(case.number for case in cases)
+        summary = {"range_m": 1.5, "errors": {"range_m": 0.01}}
+        yield from ((case.number, {"summary": summary}) for case in cases)
+
+    out = tmp_path / "out"
+
+    def swept(**options):
+        vary = {"grid.route": ["uniform", "mesh"], "grid.interpolation": ["cubic", "bilinear"]}
+        found = aerokernels.sweep(SCENE, vary, out=out, **options)
+        assert "grid.interpolation" in str(found.failures.values[0, 1]) and np.isnan(found.strehl.values[0, 1])
+        return found
+
+    monkeypatch.setattr(local, "run_local", fails)
+    assert str(swept().failures.values[0, 0]) == "the machine was taken away" and given == [0, 3]
+    monkeypatch.setattr(local, "run_local", works)
+    assert swept().failed.all() and given == [0, 3]
+    for _ in range(2):
+        found = swept(retry_failed=True)
+        assert found.failed.values.tolist() == [[False, True], [True, False]] and given == [0, 3, 0, 3]
+        assert found.range_m.values[[0, 1], [0, 1]].tolist() == [1.5, 1.5]
+    assert len((out / records.CASES_FILE).read_text().splitlines()) == 4
+
+
+def test_workers_that_die_as_they_start():
+    with pytest.raises(RuntimeError, match="worker processes die as they start: exit status"):
+        list(local.run_local([Case(0, SCENE, "a", ())], [{"PYTHONHOME": "/nowhere"}]))
+
+
+def test_gpus_that_this_process_may_use(monkeypatch):
+    """As the driver counts them, or as CUDA_VISIBLE_DEVICES names them; none without a driver."""
+
+    class Driver:
+        def cuInit(self, flags):
+            return 0
+
+        def cuDeviceGetCount(self, count):
+            count._obj.value = 2
+            return 0
+
+    def absent(name):
+        raise OSError(name)
+
+    monkeypatch.delenv(gpus.VISIBLE, raising=False)
+    monkeypatch.setattr(gpus, "cuda_driver_loads", lambda: True)
+    monkeypatch.setattr(ctypes, "CDLL", lambda name: Driver())
+    assert gpus.visible_gpus() == ["0", "1"]
+    monkeypatch.setattr(Driver, "cuInit", lambda self, flags: 100)
+    assert gpus.visible_gpus() == []
+    monkeypatch.setattr(ctypes, "CDLL", absent)
+    assert gpus.visible_gpus() == []
+    monkeypatch.setenv(gpus.VISIBLE, "3, -1,5")
+    assert gpus.visible_gpus() == ["3", "5"]
+    monkeypatch.setattr(gpus, "cuda_driver_loads", lambda: False)
+    assert gpus.visible_gpus() == []
+
+
+@pytest.mark.parametrize(
+    ("call", "fault", "told"),
+    [
+        (lambda: check_options("dask", 2, "tcp://x:1"), ValueError, "--workers are started on this machine"),
+        (lambda: check_options("local", 0, None), ValueError, "--workers 0: give a whole number of at least 1"),
+        (lambda: check_options("local", True, None), ValueError, "--workers True"),
+        (lambda: define(SCENE, {"target.tilt": [{}]}), TypeError, "is no number, text or list"),
+        (lambda: define(SCENE, {"target.tilt": [""]}), ValueError, "an empty value"),
+        (
+            lambda: aerokernels.sweep(SCENE, {}, executor=local, scheduler="tcp://x:1"),
+            ValueError,
+            "leave scheduler out",
+        ),
+    ],
+)
+def test_options_that_do_not_go_together(call, fault, told):
+    with pytest.raises(fault, match=told):
+        call()
+
+
+def test_another_order_of_the_same_keys_is_another_sweep(tmp_path):
+    found = {"vary": {"a": [1], "b": [2]}, "scene": {}}
+    with pytest.raises(ValueError, match=r"the order of --vary was .*a, b.* and is .*b, a"):
+        records.check_same(tmp_path, found, {"vary": {"b": [2], "a": [1]}, "scene": {}})
+    (tmp_path / records.DEFINITION_FILE).write_text("[]")
+    with pytest.raises(ValueError, match="is no sweep's"):
+        records.read_definition(tmp_path)
+    (tmp_path / records.CASES_FILE).write_text('[1]\n{"case": "one"}\n{"case": 1}\n{"case": 2, "error": "x"}\n')
+    assert list(records.Records(tmp_path).done) == [2]
+
+
+def test_folders_that_results_cannot_go_to(tmp_path, monkeypatch):
+    (tmp_path / "file").write_text("")
+    with pytest.raises(ValueError, match=r"file is not a folder; choose another name"):
+        store.check_output_folder(tmp_path / "file" / "out")
+    with pytest.raises(ValueError, match=r"the folder holds file, and no result of an earlier run"):
+        store.check_output_folder(tmp_path)
+    with monkeypatch.context() as patched:
+        patched.setattr(store.os, "access", lambda *_: False)
+        with pytest.raises(ValueError, match=f"no permission to write in {tmp_path}"):
+            store.check_output_folder(tmp_path / "new" / "out")
+    (tmp_path / store.MAPS_FILE).write_text("")
+    (tmp_path / "summary.json").write_text(json.dumps({"version": "1"}))
+    with pytest.raises(ValueError, match=f"the folder holds {store.MAPS_FILE} and more"):
+        store.check_output_folder(tmp_path)
+    store.check_output_folder(tmp_path, own=(store.MAPS_FILE,))

@@ -1,0 +1,175 @@
+"""Numbers and shapes that no flow, medium, echo, picture or series has, each refused in words."""
+
+import math
+
+import numpy as np
+import pytest
+import xarray
+
+from aerokernels import Body, DensityField, IndexField, QuadMesh, SolidBody
+from aerokernels.echo.checks import as_finite_array, as_waveform
+from aerokernels.echo.pulses import as_pulse
+from aerokernels.echo.range_error import summarise_ranges
+from aerokernels.echo.ranging import _checked_samples
+from aerokernels.echo.waveform import sum_of_pulses
+from aerokernels.flow import open_series
+from aerokernels.flow.gas import check_density, isentropic, tunnel_conditions
+from aerokernels.flow.refractivity import index_contrast
+from aerokernels.flow.sampled_density import GridDensity, VertexDensity
+from aerokernels.flow.series import GridMesh, InOrder, times_of
+from aerokernels.medium.levels import refinement
+from aerokernels.medium.section import outlines
+from aerokernels.schlieren.bench import Bench
+from aerokernels.schlieren.picture import Picture
+from aerokernels.series.spectra import sample_rate, welch
+from aerokernels.series.time_statistics import statistics
+from aerokernels.series.uncertainty import correlation_sum, mean_of, trend_of
+
+SQUARE = QuadMesh.structured(*np.meshgrid([0.0, 1.0], [0.0, 1.0], indexing="ij"), "planar")
+CUBE = np.stack(np.meshgrid([0.0, 1.0], [0.0, 1.0], [0.0, 1.0], indexing="ij"), axis=-1).reshape(-1, 3)
+PLANAR = Body(np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]]), "planar")
+
+
+def grid(shape=(3, 3), **changes):
+    given = {"origin": (0.0, 0.0), "spacing": (1.0, 1.0), "geometry": "planar", "ambient_density": 1.2, **changes}
+    return GridDensity(given.pop("density", np.ones(shape)), **given)
+
+
+def labelled(coordinates) -> xarray.DataArray:
+    return xarray.DataArray(
+        np.zeros([len(c) for c in coordinates.values()]), coords=coordinates, dims=list(coordinates)
+    )
+
+
+def samples(contrast, **changes):
+    shape = np.shape(contrast)
+    given = {"origin": [0.0] * len(shape), "spacing": [1.0] * len(shape), "geometry": "planar", **changes}
+    return IndexField.from_samples(contrast, **given)
+
+
+@pytest.mark.parametrize(
+    ("made", "told"),
+    [
+        (lambda: isentropic(-1.0), r"mach must be zero or positive, got -1\.0"),
+        (lambda: tunnel_conditions(3.0, 0.63, 288.0), "0.63 Pa is no tunnel's: give pascals, 630e3 for 0.63 MPa"),
+        (lambda: tunnel_conditions(3.0, 630e3, 15.0), "15 K is no gas's: give kelvins, 288 for 15 degC"),
+        (lambda: check_density(1225.0, "density"), "1225 kg/m3 is no gas's"),
+        (lambda: index_contrast(1.0, 1.2, 0.225), "0.225 m3/kg is no gas's"),
+        (lambda: VertexDensity(SQUARE, np.ones(3), 1.2), r"density has shape \(3,\), the mesh 4 vertices"),
+        (lambda: grid(geometry="flat"), "geometry 'flat' is not known: choose one of"),
+        (lambda: grid((3, 3, 3)), r"a planar field cannot have densities of shape \(3, 3, 3\)"),
+        (lambda: grid((0, 3)), "node|least|empty|axis"),
+        (lambda: grid(density=np.full((3, 3), 5000.0)), "9 of 9 densities on the grid are no gas's"),
+        (lambda: grid(density=-np.ones((3, 3))), "9 of 9 densities on the grid are not positive"),
+        (lambda: grid(body=Body(PLANAR.profile, "axisymmetric")), "the body is axisymmetric, the field planar"),
+        (lambda: samples(np.zeros((3, 3))).contrast_at([[0.0, 1.0]]), r"points must have shape \(n, 3\)"),
+        (lambda: IndexField.from_xarray(labelled({"y": [0.0, 1.0], "z": [1.0, 2.0]}).drop_vars("y")),
+         "dimension y has no coordinates"),
+        (lambda: IndexField.from_xarray(labelled({"y": [0.0, 1.0], "z": [1.0]})), "dimension z has 1 nodes"),
+        (lambda: SolidBody(CUBE, np.array([[0, 1, 2]])), "at least four triangles"),
+        (lambda: SolidBody.of_revolution(PLANAR), "needs an axisymmetric profile"),
+        (lambda: samples(np.zeros((3, 3))).resample([0.1, 0.1, 0.1]), "spacing must be one number or 2"),
+        (lambda: as_waveform(np.arange(9.0), np.ones(9)), "give seconds, 1e-9 for 1 ns"),
+        (lambda: sum_of_pulses(np.arange(3.0), [0.0, 1.0], [1.0], 1.0), "must be lists of one length"),
+        (lambda: _checked_samples([1.0, 2.0]), r"at least four samples, got shape \(2,\)"),
+        (lambda: summarise_ranges([1.5], 9, 1.5, 0.0, 0.95), "8 of 9 trials gave no range"),
+        (lambda: Bench(0.001, -1.0), "focal_length = -1.0: give a positive length"),
+        (lambda: Bench(1.0, 1.0), "a source of 1 rad is too large"),
+        (lambda: Bench(0.001, 1.0, "star"), "source 'star' is not known"),
+        (lambda: Bench(0.001, 1.0, focus=math.nan), "focus = nan: give the plane in focus"),
+        (lambda: GridMesh("flat", np.zeros(2), np.ones(2), (3, 3)), "geometry 'flat' is not known"),
+        (lambda: GridMesh("planar", np.zeros(2), np.ones(2), (3, 3, 3)), "has arrays of 2 axes"),
+        (lambda: GridMesh("planar", np.zeros(3), np.ones(2), (3, 3)), "origin needs 2 finite entries"),
+        (lambda: GridMesh("planar", np.zeros(2), -np.ones(2), (3, 3)), "spacing must be positive along every axis"),
+        (lambda: times_of([0.0], 1.0, 0.0, 1), "give either time, one for each snapshot, or time_step"),
+        (lambda: times_of([0.0], None, 0.0, 2), "1 times for 2 snapshots: give one for each"),
+        (lambda: times_of(None, None, 0.0, 2), "a series needs times"),
+        (lambda: times_of(None, -1.0, 0.0, 2), r"time_step must be positive, got -1\.0 s"),
+        (lambda: times_of(None, 1.0, 0.0, None), "an iterator does not say how many snapshots it has"),
+        (lambda: open_series([], time=[]), "the series is empty"),
+        (lambda: open_series([np.ones((3, 3))], time=[0.0]), "arrays need to know where they lie"),
+        (lambda: open_series([np.ones((3, 3))], time=[math.inf], geometry="planar", origin=(0, 0), spacing=(1, 1),
+                             ambient_density=1.2), "must be finite numbers, in seconds"),
+        (lambda: open_series([np.ones((3, 3))], time=[0.0], geometry="planar", origin=(0, 0), spacing=(1, 1)),
+         "arrays need an ambient_density"),
+        (lambda: open_series([np.ones((3, 3))], time=[0.0], species=True), "species are of files"),
+        (lambda: sample_rate(np.arange(3.0)), "spectra need at least"),
+        (lambda: sample_rate(np.arange(99.0) ** 2), "spectra need even times"),
+        (lambda: welch(np.ones(99), 1.0, 1000), "a segment of 1000 samples"),
+        (lambda: statistics(xarray.Dataset()), r"no opd over \(time, y, x\)"),
+    ],
+)  # fmt: skip
+def test_values(made, told):
+    with pytest.raises(ValueError, match=told):
+        made()
+
+
+@pytest.mark.parametrize(
+    ("made", "told"),
+    [
+        (lambda: samples(np.array([["a", "b"], ["c", "d"]])), "contrast must be an array of real numbers"),
+        (lambda: as_finite_array(["a"], "time"), "time must hold real numbers"),
+        (lambda: as_pulse(Bench), "got the class Bench"),
+        (lambda: Bench(0.001, 1.0, sensor=3), "sensor must be a Sensor, got int"),
+        (lambda: open_series(3), "a series is opened from a path"),
+        (lambda: open_series([np.ones(4)], time=[0.0], mesh=3), "mesh must be a QuadMesh, got int"),
+        (lambda: statistics(3), r"dataset must be an xarray.Dataset|dataset must be"),
+    ],
+)
+def test_kinds(made, told):
+    with pytest.raises(TypeError, match=told):
+        made()
+
+
+def test_the_items_of_an_iterator_come_once_and_in_order():
+    items = InOrder(iter("abcd"))
+    assert items.first() == items.first() == "a" and items(0) == "a" and items(2) == "c"
+    for call in (lambda: items(1), items.first):
+        with pytest.raises(ValueError, match="has gone by"):
+            call()
+    assert items(3) == "d"
+    with pytest.raises(ValueError, match="the iterator ended before snapshot 4"):
+        items(4)
+
+
+def test_the_snapshots_of_a_series_are_asked_for_by_whole_numbers():
+    series = open_series(
+        [np.ones((3, 3)), np.ones((3, 4))], time_step=1.0, geometry="planar", origin=(0, 0), spacing=(1, 1),
+        ambient_density=1.2,
+    )  # fmt: skip
+    assert isinstance(series[-2], DensityField) and series.lies_here(series[0])
+    assert not series.lies_here(grid((4, 3))) and not series.lies_here(grid(body=PLANAR))
+    with pytest.raises(TypeError, match="indexed by whole numbers, got True"):
+        series[True]
+    with pytest.raises(IndexError, match="snapshot 2 of a series of 2"):
+        series[2]
+    with pytest.raises(ValueError, match=r"snapshot 1 has shape \(3, 4\), the first one \(3, 3\)"):
+        series[1]
+
+
+def test_an_index_that_is_given_as_a_contrast_is_warned_of():
+    with pytest.warns(UserWarning, match="it is n - ambient_index, not n itself"):
+        samples(np.full((3, 3), 1.0003))
+
+
+@pytest.mark.parametrize("interpolation", ["cubic", "linear"])
+def test_a_grid_too_small_to_be_thinned_is_compared_with_another_interpolant(interpolation):
+    """3 x 3 nodes: there is no coarser grid; the other interpolant stands for it."""
+    levels = refinement(samples(1e-4 * np.arange(9.0).reshape(3, 3), interpolation=interpolation))
+    assert levels is not None and levels.fine.interpolation == interpolation != levels.coarse.interpolation
+
+
+def test_nothing_is_cut_where_nothing_is_above():
+    assert outlines(CUBE - [2.0, 0.0, 0.0], np.array([[0, 1, 2], [1, 2, 3]])) == []
+
+
+def test_statistics_of_few_numbers_say_that_they_are_not_known():
+    none, few = mean_of(np.array([])), mean_of(np.array([1.0, 3.0]))
+    assert math.isnan(none.value) and few.value == 2.0 and math.isnan(few.error)
+    assert math.isnan(trend_of(np.ones(99))) and correlation_sum(np.ones(99)) == 1.0  # a constant has no drift
+
+
+@pytest.mark.parametrize("picture", [np.ones(3), np.full((2, 2), np.nan)])
+def test_a_picture_is_a_plane_of_brightness(picture):
+    with pytest.raises(ValueError, match="a picture is one plane of finite brightness"):
+        Picture(picture, np.arange(2.0), np.arange(2.0))
