@@ -203,6 +203,8 @@ def reading_of(
         raise ReadError(path, f"its points fill a volume, it is not {kind}", "leave geometry out")
     fractions = choose_fractions(path, dataset, densities, species)
     said = choice.described() if fractions is None else f"{choice.described()}; {fractions.said}"
+    if unit is None and scale != 1.0:
+        said += f"; coordinates in units of {scale:g} m, which the file states"
     return Reading(path, dataset, densities, kind, frame, normal, scale, ambient, said, fractions)
 
 

@@ -97,6 +97,7 @@ def test_labelled_arrays_in_any_order_and_unit():
     assert right(DensityField.from_xarray(plain))
     scaled = plain.assign_coords(x=("x", 1e3 * X, {"units": "mm"}), y=("y", 1e3 * Y, {"units": "mm"}))
     assert right(DensityField.from_xarray(scaled))
+    assert "units of 0.001 m" in DensityField.from_xarray(scaled).provenance
     assert right(DensityField.from_xarray(scaled, length_unit="mm"))  # said twice is not twice as small
     assert DensityField.from_xarray(scaled, frame={"origin": (1.0, 0.0, 0.0)}).box[1][1] == pytest.approx(21e-3)
     beside = xarray.Dataset({"rho": (("j", "i"), GRID.T)}, {"x": ("i", X), "y": ("j", Y)})
