@@ -90,6 +90,28 @@ def test_an_offset_is_an_instrument_there(axis):
     assert np.abs(there).min() > 0.01
 
 
+def test_a_body_holds_back_the_light():
+    """A square rod of 1 mm in a blob: beside it as without it; half of both beams; one beam of the two; both."""
+    from aerokernels.medium import Body
+
+    y = z = np.linspace(-3e-3, 3e-3, 61)
+    blob = 1e-4 * np.exp(-(y[:, None] ** 2 + z**2) / (2.0 * (8e-4) ** 2))
+    rod = Body([[-5e-4, -5e-4], [5e-4, -5e-4], [5e-4, 5e-4], [-5e-4, 5e-4]], "planar")
+    bare, blocked = (
+        IndexField.from_samples(blob, origin=(y[0], z[0]), spacing=(1e-4, 1e-4), geometry="planar", body=body)
+        for body in (None, rod)
+    )
+    instrument = FLDI(200e-6, 50e-6, direction=(0.0, 1.0, 0.0))
+    offsets = np.array([[0.0, 1e-3, 0.0], [0.0, 6e-4, 0.0], [0.0, 5e-4, 0.0], [0.0, 0.0, 0.0]])
+    free, held = (fldi_response(field, instrument, offsets=offsets, rays=41) for field in (bare, blocked))
+    assert held.phase[0] == free.phase[0] and held.visibility[0] == free.visibility[0]
+    # The second beam is cut in half, then all of it is (of a Gaussian 1e-4 passes): light without a twin is left.
+    assert held.visibility[1] == pytest.approx(2.0 / 3.0, abs=0.06)
+    assert held.visibility[2] < 1e-3
+    assert np.isnan(held.phase[3]) and held.visibility[3] == 0.0 and np.isfinite(free.phase).all()
+    assert "4 phases" in repr(held)
+
+
 def test_a_strong_gradient_turns_the_phase_by_many_fringes():
     """An index that grows along y by g over the length L: the phase is k g L s, the visibility 1."""
     y, z = np.linspace(-2e-3, 2e-3, 9), np.linspace(-0.01, 0.01, 9)

@@ -9,7 +9,7 @@ import math
 
 import numpy as np
 
-from ..medium import IndexField
+from ..medium import IndexField, SolidBody
 from ..medium.tensor_points import contrast_without_gradient
 from ..tracing.lines import cell_along, cylinder_span, slab_span
 from .instrument import FLDI
@@ -90,8 +90,12 @@ def beam_grid(field: IndexField, instrument: FLDI, ends: tuple[float, float], ra
 
 def gathered(
     field: IndexField, instrument: FLDI, places: np.ndarray, focus: np.ndarray, ends: tuple[float, float]
-) -> np.ndarray:
-    """Optical path [m] that the rays of both beams gather, shape (2, n): first the beam toward `direction`."""
+) -> tuple[np.ndarray, np.ndarray]:
+    """Optical path [m] that the rays of both beams gather, shape (2, n): first the beam toward `direction`.
+
+    Returns:
+        The paths, and which rays get past the field's body, of the same shape.
+    """
     length = ends[1] - ends[0]
     cell = float(cell_along(field, instrument.axis[None])[0])
     count = min(max(LAYERS_PER_CELL * math.ceil(length / cell), 16), MOST_LAYERS)
@@ -100,7 +104,7 @@ def gathered(
     radius = instrument.radius(middle)
     first, second = instrument.direction, instrument.normal
     assert first is not None
-    path = np.zeros((2, len(places)))
+    path, passes = np.zeros((2, len(places))), np.ones((2, len(places)), dtype=bool)
     block = max(1, BLOCK // len(places))
     for begin in range(0, count, block):
         part = slice(begin, begin + block)
@@ -110,4 +114,16 @@ def gathered(
             points = along[:, None] + side * instrument.separation * first + radius[part, None, None] * across
             contrast = contrast_without_gradient(field, points.reshape(-1, 3)).reshape(points.shape[:2])
             path[beam] += thickness * contrast.sum(axis=0)
-    return path
+            if field.body is not None:
+                passes[beam] &= ~_in_body(field, points.reshape(-1, 3)).reshape(contrast.shape).any(axis=0)
+    return path, passes
+
+
+def _in_body(field: IndexField, points: np.ndarray) -> np.ndarray:
+    """Which of some points (n, 3) lie in the field's body, shape (n,)."""
+    body, local = field.body, field.local_coordinates(points)
+    assert body is not None
+    low, high = body.box if isinstance(body, SolidBody) else (body.profile.min(axis=0), body.profile.max(axis=0))
+    inside = ((local >= low) & (local <= high)).all(axis=1)
+    inside[inside] = body.contains(local[inside])
+    return inside

@@ -28,8 +28,9 @@ class FLDIResponse:
 
     Attributes:
         phase: Phase difference of the detected light [rad], positive where the first beam, that toward the
-            instrument's direction, is delayed.
-        visibility: Contrast of the interference, 1 where all rays agree.
+            instrument's direction, is delayed; NaN where a body holds back all of the light of either.
+        visibility: Contrast of the interference, 1 where all rays agree; light without its twin, which a body holds
+            back, takes from it.
         mean_phase: Mean phase difference by light [rad], linear in the field.
         error: What the phase may be off by through the rays' number [rad]: the difference to half as many either way.
         time: Times [s], shape (time_count,), or None for one field.
@@ -99,7 +100,10 @@ class FLDIResponse:
 
     def __repr__(self) -> str:
         """Count, size and error."""
-        size, error = float(np.sqrt(np.mean(self.phase**2))), float(np.max(self.error))
+        seen = np.isfinite(self.phase)
+        if not seen.any():
+            return f"FLDIResponse of {self.phase.size} phases, none of which is known: a body holds back the light"
+        size, error = float(np.sqrt(np.mean(self.phase[seen] ** 2))), float(np.max(self.error[seen]))
         return f"FLDIResponse of {self.phase.size} phases: {size:.4g} rad rms, each to {error:.2g} rad"
 
 
@@ -176,14 +180,19 @@ def _read(field: Any, instrument: FLDI, offsets: np.ndarray, rays: int | None, r
             continue
         met = True
         places, share, coarse = beam_grid(field, instrument, ends, rays)
-        first, second = gathered(field, instrument, places, focus, ends)
+        (first, second), passes = gathered(field, instrument, places, focus, ends)
         difference = 2.0 * np.pi / instrument.wavelength * (first - second)
-        whole, half = ((light * np.exp(1j * difference)).sum() for light in (share, coarse))
-        mean = float(share @ difference)
+        both, lit = passes.all(axis=0), passes.mean(axis=0)
+        if not share @ both > 0.0:  # a body holds back one beam, or both
+            rows.append((np.nan, 0.0, np.nan, np.nan))
+            continue
+        whole, half = ((light * both * np.exp(1j * difference)).sum() for light in (share, coarse))
+        whole /= float(share @ lit)
+        mean = float(share @ (both * difference)) / float(share @ both)
         # Beyond half a turn the phase follows the mean: a detector counts fringes.
         phase = float(np.angle(whole))
         phase += 2.0 * np.pi * np.rint((mean - phase) / (2.0 * np.pi))
-        rows.append((phase, abs(whole), mean, abs(np.angle(half / whole)) if whole else np.nan))
+        rows.append((phase, abs(whole), mean, abs(np.angle(half / whole)) if whole and half else np.nan))
     if not met:
         raise ValueError("the beams do not meet the field: check the focus, the axis and the units (metres)")
     return np.asarray(rows)
