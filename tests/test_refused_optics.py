@@ -1,0 +1,105 @@
+"""What cameras, sensors, spectra, polynomials, interferometers and error budgets refuse, or say of nothing."""
+
+import math
+
+import numpy as np
+import pytest
+
+from aerokernels import Disc, IndexField
+from aerokernels.fldi import FLDI, fldi_response
+from aerokernels.fldi.response import FLDIResponse
+from aerokernels.imaging.camera import Camera
+from aerokernels.imaging.dots import Background, DotPattern
+from aerokernels.imaging.shift import check_view
+from aerokernels.sensor import Sensor, write_grey
+from aerokernels.strehl_errors import _likely_error, main_cause, phase_error
+from aerokernels.wavelength import check_spectrum, check_wavelength
+from aerokernels.zernike import nm_to_noll, noll_to_nm
+
+CAMERA = Camera(Disc(0.01), 0.1, 5e-6, 8)
+FIELD = IndexField.from_samples(np.zeros((3, 3)), origin=(0.0, 0.0), spacing=(0.1, 0.1), geometry="planar")
+
+
+@pytest.mark.parametrize(
+    ("made", "told"),
+    [
+        (lambda tmp: Camera(Disc(0.01), -0.1, 5e-6), "focal_length must be a positive length"),
+        (lambda tmp: Camera(Disc(0.01), 0.1, 5e-6, distance=-1.0), "distance must be a positive length"),
+        (lambda tmp: Background.of_scene(np.ones(3), 1.0, CAMERA), "a background must be a finite array"),
+        (lambda tmp: Background.of_scene(np.ones((3, 3)), -1.0, CAMERA), "the background's pixel must be a positive"),
+        (lambda tmp: DotPattern(density=math.nan), "density = nan: give a positive number"),
+        (lambda tmp: DotPattern(diameter=0.5), "dots below one pixel are not resolved"),
+        (lambda tmp: Sensor(full_well=0.0), "full_well = 0.0: give a positive number"),
+        (lambda tmp: Sensor(dark=-1.0), "dark = -1.0: give a number of e"),
+        (lambda tmp: Sensor(bits=17), "bits = 17"),
+        (lambda tmp: write_grey(tmp / "a.jpg", np.ones((2, 2))), "the ending must be one of .tif, .tiff, .png"),
+        (lambda tmp: write_grey(tmp / "a.png", np.ones(2)), "a picture must have two axes"),
+        (lambda tmp: check_wavelength(905.0), "give metres, 9.05e-07 for 905 nm"),
+        (lambda tmp: check_wavelength(1e9), "give metres, 905e-9 for 905 nm"),
+        (lambda tmp: check_spectrum(None, [1.0]), "weights need their wavelengths"),
+        (lambda tmp: check_spectrum([]), "wavelengths must be numbers"),
+        (lambda tmp: check_spectrum([1e-6], [1.0, 2.0]), "weights must be of shape"),
+        (lambda tmp: check_spectrum([1e-6, 2e-6], [0.0, 0.0]), "not negative and not all 0"),
+        (lambda tmp: noll_to_nm(0), "index is a whole number of at least 1, got 0"),
+        (lambda tmp: nm_to_noll(2, 1), "needs n >= |m| and n - m even"),
+    ],
+)
+def test_values(made, told, tmp_path):
+    with pytest.raises(ValueError) as refused:
+        made(tmp_path)
+    assert told in str(refused.value)
+
+
+@pytest.mark.parametrize(
+    ("made", "told"),
+    [
+        (lambda: Camera(3, 0.1, 5e-6), "pupil must be a Disc"),
+        (lambda: check_wavelength("905 nm"), "give 905e-9 for 905 nm"),
+        (lambda: check_wavelength(True), "give 905e-9 for 905 nm"),
+        (lambda: check_view(3, CAMERA, {}), "field must be an IndexField, got int"),
+    ],
+)
+def test_kinds(made, told):
+    with pytest.raises(TypeError, match=told):
+        made()
+
+
+def test_an_error_of_no_causes():
+    assert math.isnan(phase_error(0.9, {})) and math.isnan(phase_error(math.nan, {"total": 0.1}))
+    assert main_cause({}) == main_cause({"total": 0.1}) == "" and math.isnan(_likely_error([0.5]))
+
+
+@pytest.mark.parametrize("sensor", [Sensor(shot_noise=False, read_noise=0.0), Sensor(shot_noise=False, read_noise=9.0)])
+def test_a_sensor_without_shots_rounds_levels(sensor):
+    """Expected: without read noise the nearest level of 4095, to rounding; with it, the mean of 10^5 pixels.
+
+    9 electrons of 10,000 are 3.7 levels, a mean over 10^5 pixels is known to 0.012 levels; five times that are allowed.
+    """
+    light = np.full((1, 100_000), 0.37)
+    found = sensor.expose(light, 3)
+    level = 1.0 / 4095
+    if sensor.read_noise == 0.0:
+        assert np.abs(found - 0.37 * sensor.exposure).max() <= 0.5 * level * (1.0 + 1e-9)
+    else:
+        assert abs(found.mean() - 0.37 * sensor.exposure) < 0.06 * level and np.ptp(found) > 10.0 * level
+
+
+def test_what_an_interferometer_looks_through():
+    instrument = FLDI(1e-4, 5e-6)
+    response = FLDIResponse(*(np.zeros(4) for _ in range(4)), np.array([0.0, 1.0, 2.0, 4.0]), instrument)
+    with pytest.raises(ValueError, match="a spectrum needs snapshots at even times"):
+        response.spectrum()
+    short = FLDIResponse(*(np.zeros(3) for _ in range(4)), np.arange(3.0), instrument)
+    with pytest.raises(ValueError, match="a series of at least 4 snapshots"):
+        short.spectrum()
+    for field, fault, told in (
+        (3, TypeError, "field must be an IndexField, a DensityField, a Series or several fields, got int"),
+        ([3], TypeError, "field must be an IndexField, a DensityField or a Series, got int"),
+        ([], ValueError, "there is no field to look through"),
+    ):
+        with pytest.raises(fault, match=told):
+            fldi_response(field, instrument)
+    with pytest.raises(ValueError, match="one entry for each of the 1 fields"):
+        fldi_response([FIELD], instrument, time=[0.0, 1.0])
+    with pytest.raises(ValueError, match="rays must be a whole number of at least 3, got 1"):
+        fldi_response(FIELD, instrument, rays=1)
