@@ -14,15 +14,8 @@ import pytest
 ROOT = Path(__file__).resolve().parents[1]
 # Processes that tests start, in other folders, take this checkout too where it is not installed.
 os.environ["PYTHONPATH"] = os.pathsep.join(filter(None, [str(ROOT), os.environ.get("PYTHONPATH")]))
-# Most of the tests' time goes into compiling kernels, most of which trace few rays: compilers that optimise little are
-# done in half the time, and kernels run two to four times slower. tests/tracing/test_compiler_flags.py holds that the
-# bits are those of the usual flags.
-WARP_FLAGS = (
-    "-march=native -O1 -fno-vectorize -fno-slp-vectorize -mllvm=-inline-threshold=25 -mllvm=-fast-isel"
-    " -mllvm=-regalloc=fast -mllvm=-optimize-regalloc=0"
-)
-os.environ.setdefault("AEROKERNELS_WARP_FLAGS", WARP_FLAGS)
-os.environ.setdefault("POCL_EXTRA_BUILD_FLAGS", "-cl-opt-disable")
+# Most of the tests' time goes into compiling kernels: see quiet_warp.py. The bits are those of the usual flags.
+os.environ.setdefault("AEROKERNELS_WARP_FLAGS", "-march=native")
 
 # Files that take longest, first: with two processes none of them is left to one alone at the end (see scripts/test).
 LONGEST = (
