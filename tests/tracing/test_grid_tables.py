@@ -33,9 +33,10 @@ def test_tables_of_a_device_are_numpys(engine, monkeypatch):
     """Axes of five nodes (a spline of four has no fourth difference), of whole blocks and others; strong contrast."""
     monkeypatch.setattr(grid_tables, "LEAST_NODES", 0)
     choices = on(engine)
-    for shape in ((5, 9, 11), (13, 6, 5)):
+    for shape, has_own_memory in (((5, 9, 11), False), ((13, 6, 5), True)):
         here, there = (volume(shape, 1, ambient_index=1.3).samples for _ in range(2))
         device = engine_of(choices["backend"], choices["device"])
+        device.is_gpu |= has_own_memory  # where nothing is shared with the host
         device.grid_tables = GRID_TABLES  # on a processor only here
         grid_tables.prepare_grid(device, there)
         assert all(there.held(name) is not None for name in GRID_TABLES)
