@@ -3,13 +3,15 @@
 import os
 import subprocess
 import sys
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from scipy.special import airy, fresnel
 
-from aerokernels import Disc, IndexField, Wave, split_step, validity
+from aerokernels import Disc, IndexField, Rectangle, Wave, split_step, validity
+from aerokernels.medium import Body
 from aerokernels.validation.random_fields import uniform_field
 from aerokernels.waves import angular_spectrum
 from aerokernels.waves.layers import mean_layers, sample_layers
@@ -230,5 +232,31 @@ def test_a_layer_that_is_thicker_than_a_cell_misses_nothing():
     contrast[:, 601] = 1e-5
     field = IndexField.from_samples(contrast, origin=(-1.0, 0.0), spacing=(2.0 / 3.0, 1e-3), geometry="planar")
     wave = Wave(np.ones((2, 2)), 1e-2, WAVELENGTH, (0.0, 0.0, 0.0))
-    assert mean_layers(field, wave, 0.0, 1.2, 120).sum(axis=0) == pytest.approx(1e-8, rel=0.02)
+    assert mean_layers(field, wave, 0.0, 1.2, 120)[0].sum(axis=0) == pytest.approx(1e-8, rel=0.02)
     assert np.abs(sample_layers(field, wave, 0.0, 1.2, 120).sum(axis=0) - 1e-8).min() > 5e-9
+
+
+def test_a_body_is_a_shadow_and_no_air():
+    """A rod over half of a slit of light; and a pupil within a rod, behind whose front its light begins.
+
+    Samples within the rods are 1e-3, a hundred waves of their own. Amplitudes' means: half of the light, and all of it.
+    """
+    y, z = np.linspace(-3e-3, 3e-3, 61), np.linspace(0.0, 4e-3, 41)
+    pupil = Rectangle(2e-3, 2e-3)
+    for body, start, kept in (
+        (([0.0, 1e-3], [3.5e-3, 2e-3]), 0.0, 0.5),
+        (([-2e-3, -1e-3], [2e-3, 2e-3]), 0.05e-3, 1.0),
+    ):
+        (y0, z0), (y1, z1) = body
+        within = (y[:, None] > y0) & (y[:, None] < y1) & (z > z0) & (z < z1)
+        field = IndexField.from_samples(
+            np.where(within, 1e-3, 0.0),
+            origin=(y[0], z[0]),
+            spacing=(y[1] - y[0], z[1] - z[0]),
+            geometry="planar",
+            interpolation="linear",
+            body=Body([[y0, z0], [y1, z0], [y1, z1], [y0, z1]], "planar"),
+        )
+        light = replace(pupil, center=np.array([0.0, 0.0, start]))
+        found = split_step(field, light, wavelength=905e-9, pixel_count=64, window=1.5, step_count=8)
+        assert found.strehl() == pytest.approx(kept**2, abs=0.03)

@@ -124,6 +124,6 @@ def _in_body(field: IndexField, points: np.ndarray) -> np.ndarray:
     body, local = field.body, field.local_coordinates(points)
     assert body is not None
     low, high = body.box if isinstance(body, SolidBody) else (body.profile.min(axis=0), body.profile.max(axis=0))
-    inside = ((local >= low) & (local <= high)).all(axis=1)
+    inside = np.all((local >= low) & (local <= high), axis=1)
     inside[inside] = body.contains(local[inside])
     return inside

@@ -65,23 +65,48 @@ def layer_count(field: IndexField, length: float, step_count: int | None, most: 
     return step_count * max(1, -(-cells // step_count))
 
 
-def mean_layers(field: IndexField, wave: Wave, begin: float, end: float, count: int) -> np.ndarray:
+def mean_layers(
+    field: IndexField, wave: Wave, begin: float, end: float, count: int
+) -> tuple[np.ndarray, np.ndarray | None]:
     """As `sample_layers`; where a layer is thicker than a cell, each is the mean of as many as are not.
 
-    What lies between two samples of a layer, a thin shock that is crossed aslant, is not missed so.
+    What lies between two samples of a layer, a thin shock that is crossed aslant, is not missed so. A field with a body
+    has no air in it: light that starts within it begins where it leaves it, as rays do, and other light ends on it.
+
+    Returns:
+        The paths [m], float32, shape (count, rows, columns), and where layers are opaque, of that shape; None without a
+        body.
     """
     cell = float(cell_along(field, wave.normal[None])[0])
     parts = min(max(math.ceil((end - begin) / (count * cell) - 1e-9), 1), MOST_PARTS)
-    if parts == 1:
-        return sample_layers(field, wave, begin, end, count)
+    if parts == 1 and field.body is None:
+        return sample_layers(field, wave, begin, end, count), None
     thickness = (end - begin) / count
     layers = np.empty((count, *wave.amplitude.shape), dtype=np.float32)
+    opaque = None if field.body is None else np.zeros(layers.shape, dtype=bool)
+    behind = _in_body(field, wave, 0.0)
     for first in range(0, count, CHUNK_LAYERS):
         last = min(first + CHUNK_LAYERS, count)
         ends = begin + first * thickness, begin + last * thickness
         sampled = sample_layers(field, wave, *ends, (last - first) * parts)
+        if opaque is not None:
+            for number, path in enumerate(sampled):
+                inside = _in_body(field, wave, ends[0] + (number + 0.5) * thickness / parts)
+                behind &= inside
+                path[inside] = 0.0
+                opaque[first + number // parts] |= inside & ~behind
         layers[first:last] = sampled.reshape(last - first, parts, *layers.shape[1:]).sum(axis=1)
-    return layers
+    return layers, opaque
+
+
+def _in_body(field: IndexField, wave: Wave, distance: float) -> np.ndarray:
+    """Which pixels lie in the field's body at a distance along the wave's normal [m], shape (rows, columns)."""
+    inside = np.zeros(wave.amplitude.shape, dtype=bool)
+    if field.body is not None:
+        x, y = (axis.ravel() for axis in np.meshgrid(*wave.coordinates))
+        points = wave.center + distance * wave.normal + x[:, None] * wave.axes[0] + y[:, None] * wave.axes[1]
+        inside = field.body.contains(field.local_coordinates(points)).reshape(inside.shape)
+    return inside
 
 
 def check_memory(count: int, pixels: int) -> None:

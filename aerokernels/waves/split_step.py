@@ -57,7 +57,8 @@ def split_step(
             a step is reduced to a turn in float64.
 
     Returns:
-        The Wave on the plane where the box ends, along the normal.
+        The Wave on the plane where the box ends, along the normal. Light that meets a body is lost, and counts as such
+        in `strehl`; what starts within one begins where it leaves it.
 
     Raises:
         TypeError: `field` or `light` of the wrong kind.
@@ -86,7 +87,7 @@ def split_step(
             begin, end = path_range(field, wave)
             count = layer_count(field, end - begin, step_count)
             check_memory(count, wave.amplitude.size)
-            layers = mean_layers(field, wave, begin, end, count)
+            layers, opaque = mean_layers(field, wave, begin, end, count)
         with stage("kernel"):
             start = wave.propagate(begin, paraxial=paraxial)
             by = partial(
@@ -100,6 +101,7 @@ def split_step(
                 wavelength=start.wavelength,
                 library=library,
                 precision=precision,
+                opaque=opaque,
             )
             size = float(np.linalg.norm(start.amplitude))
             found, steps, error = _refined(by, size, len(layers), tolerance, step_count)
@@ -159,8 +161,12 @@ def through_layers(
     wavelength: float,
     library: FourierLibrary | None = None,
     precision: str = "float64",
+    opaque: np.ndarray | None = None,
 ) -> np.ndarray:
-    """The amplitude after all layers in so many steps; half steps of free space that meet are one."""
+    """The amplitude after all layers in so many steps; half steps of free space that meet are one.
+
+    Where `opaque`, of the shape of the layers, light ends.
+    """
     library = fourier_library() if library is None else library
     kind = PRECISIONS[precision]
     step = length / steps
@@ -169,7 +175,10 @@ def through_layers(
     spectrum = library.forward(library.array(amplitude.astype(kind))) * half
     for number in range(steps):
         path = layers[number * each : (number + 1) * each].sum(axis=0, dtype=np.float64)
-        turned = library.array(np.exp(2j * np.pi / wavelength * path).astype(kind))
+        factor = np.exp(2j * np.pi / wavelength * path).astype(kind)
+        if opaque is not None:
+            factor[opaque[number * each : (number + 1) * each].any(axis=0)] = 0.0
+        turned = library.array(factor)
         spectrum = library.forward(library.inverse(spectrum) * turned)
         spectrum = spectrum * (half if number == steps - 1 else whole)
     return library.numpy(library.inverse(spectrum)).astype(np.complex128)
