@@ -98,7 +98,7 @@ def series_of_dataset(
     if turned:
         data, array = data.isel(turned), array.isel(turned)
     array = array.transpose(clock, *axes)
-    ends = [_even(name, axis, array.coords.get(axis)) for axis in axes]
+    ends = [_even(name, axis, array) for axis in axes]
     where = GridMesh(
         _AXES[axes],
         np.array([first for first, _ in ends]),
@@ -106,7 +106,7 @@ def series_of_dataset(
         array.shape[1:],
         averages,
     )
-    times = _in_si(name, clock, array.coords.get(clock), "time")
+    times = _in_si(name, clock, array, "time")
     factor = _factor(name, attributes.get("units"), "density", f"{array.name}")
     around = attributes.get("ambient_density") if ambient is None else ambient
     if around is None:
@@ -139,9 +139,10 @@ def _snapshot_size(array: Any) -> float:
     return float(max(counts)) * array.dtype.itemsize
 
 
-def _in_si(name: str, axis: str, coordinate: Any, dimension: str) -> np.ndarray:
-    if coordinate is None:
+def _in_si(name: str, axis: str, array: Any, dimension: str) -> np.ndarray:
+    if axis not in array.coords:  # of which xarray would make numbers from 0 on
         raise ValueError(f"{name}: axis {axis} has no coordinate: add one")
+    coordinate = array.coords[axis]
     values = np.asarray(coordinate.values)
     if np.issubdtype(values.dtype, np.datetime64) or np.issubdtype(values.dtype, np.timedelta64):
         since = values - values[0] if np.issubdtype(values.dtype, np.datetime64) else values
@@ -157,9 +158,9 @@ def _factor(name: str, unit: Any, dimension: str, what: str) -> float:
     return found.factor
 
 
-def _even(name: str, axis: str, coordinate: Any) -> tuple[float, float]:
+def _even(name: str, axis: str, array: Any) -> tuple[float, float]:
     """First node and spacing of an axis [m]."""
-    places = _in_si(name, axis, coordinate, "length")
+    places = _in_si(name, axis, array, "length")
     if len(places) < 2:
         raise ValueError(f"{name}: axis {axis} needs at least two nodes")
     step = (places[-1] - places[0]) / (len(places) - 1)
