@@ -1,0 +1,60 @@
+"""What `explain` says of scenes of several kinds; options of commands, pictures and figures that are refused."""
+
+import numpy as np
+import pytest
+
+from aerokernels import Scene, Wavefront
+from aerokernels.commands._recording import parse_labels
+from aerokernels.commands._vary import varied
+from aerokernels.jobs.comparison import _reference
+from aerokernels.jobs.explain import explanation
+from aerokernels.jobs.flow_figure import flow_figure, save_flow_figure
+from aerokernels.jobs.pictures import PictureOptions
+
+MACH3 = Scene.load("wind-tunnel-mach3")
+
+
+@pytest.mark.parametrize(
+    ("settings", "told"),
+    [
+        ({"receiver.return_factor": "none"}, {"rays, echo": "none traced back (return factor none)"}),
+        ({"receiver.strehl_node_count": "every"}, {"rays, echo": "at each of them"}),
+        ({"grid.route": "mesh"}, {"grid": "none: samples are looked up on the flow's mesh, bilinear"}),
+    ],
+)
+def test_explain_says_how_a_scene_goes(settings, told):
+    found = dict(explanation(Scene.load("wind-tunnel-mach3", settings)))
+    for key, words in told.items():
+        assert words in found[key]
+    assert "cells, axisymmetric" in found["flow mesh"] or "nodes" in found["flow mesh"]
+
+
+def test_a_figure_of_a_flow_shows_its_body(tmp_path):
+    density = MACH3.density_field()
+    figure = flow_figure(density, "a title")
+    assert figure._suptitle.get_text() == "a title" and figure.axes[0].patches  # the body, filled
+    with pytest.raises(ValueError, match=r"no picture ends in '\.xyz': take \.png"):
+        save_flow_figure(density, tmp_path / "a.xyz")
+
+
+@pytest.mark.parametrize(
+    ("made", "told"),
+    [
+        (lambda: PictureOptions(kinds=("schlieren",), spacing=-1.0), r"spacing = -1\.0: give a positive length"),
+        (lambda: PictureOptions(kinds=("shadowgraph",), shock_window=(0.0, 1.0)), "ask for that kind too"),
+        (lambda: PictureOptions(kinds=()), "picture none is not known"),
+        (lambda: varied(["target.tilt=1", "target.tilt=2"]), "--vary target.tilt is given twice"),
+        (lambda: varied(["target.tilt=1 deg:1 deg:5"]), "write LOW:HIGH:COUNT with two quantities"),
+        (lambda: varied(["target.tilt=0 deg:1 deg:1"]), "write LOW:HIGH:COUNT with two quantities"),
+        (lambda: parse_labels(["mach=3", "mach=4"]), "'mach' is given twice; give each key once"),
+        (lambda: _reference("mach=3", {}), "align mach=3: 0 labels with a run have it"),
+        (lambda: Wavefront(np.zeros((4, 4)), np.ones((4, 4)), 0.0, 1e-6), "the pixel must be a positive length"),
+        (lambda: Wavefront(np.zeros((4, 4)), -np.ones((4, 4)), 1.0, 1e-6), "weights must be finite, not negative"),
+        (lambda: Wavefront(np.zeros((4, 4)), np.ones((4, 4)), 1.0, 1e-6, radius=-1.0), "the radius must be a positive"),
+        (lambda: Wavefront(np.zeros((4, 4)), np.ones((4, 4)), 1.0, 1e-6, intensity=np.zeros((4, 4))),
+         "nowhere below their square"),
+    ],
+)  # fmt: skip
+def test_options(made, told):
+    with pytest.raises(ValueError, match=told):
+        made()
