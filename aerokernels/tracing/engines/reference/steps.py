@@ -324,8 +324,6 @@ class Integrator:
         turns[np.arange(len(h)), chosen] &= ~lands
         result = np.zeros(len(h), dtype=bool)
         row, column = np.nonzero(turns)
-        if not len(row):
-            return result
         v0, v1 = value[row, column], value1[row, column]
         r0, r1 = rate[row, column] * h[row], rate1[row, column] * h[row]
         c2, c3 = 3.0 * (v1 - v0) - 2.0 * r0 - r1, r0 + r1 - 2.0 * (v1 - v0)
