@@ -124,7 +124,7 @@ def rays_figure(dataset: "xarray.Dataset") -> "Figure":
         stray.plot(along, off, color=colormaps["coolwarm"](0.5 + 0.5 * y0 / scale), linewidth=1.1)
     stray.axhline(0.0, color=MUTED, linewidth=0.6)
     stray.grid(True, color="#e3e7eb")
-    stray.set(xlabel="z [mm]", ylabel=f"displacement along {axes_of(dataset)[1]} [µm]")
+    stray.set(xlabel="z [mm]", ylabel=f"along {axes_of(dataset)[1]} [µm]")
     _title(stray, "Displacement from the straight line (red: upper rays)")
     return figure
 
