@@ -19,6 +19,7 @@ _WIDTH = {"volScalarField": 1, "volVectorField": 3}
 _MOLAR_MASS = re.compile(r"\bmolWeight\s+([0-9.eE+-]+)\s*;")
 _COMMENT = re.compile(r"//[^\n]*|/\*.*?\*/", re.DOTALL)
 _DIMENSIONS = re.compile(rb"\bdimensions\s*\[([^\]]*)\]")
+GREATEST_INCLUDED = 1_000_000  # [bytes]: a case of somebody else's may name any file of the system
 _INCLUDE = re.compile(r'^\s*#include\w*\s+"([^"\n]+)"', re.MULTILINE)
 
 
@@ -158,7 +159,7 @@ def _value_of(file: FoamFile, name: str) -> str:
     texts = [text]
     for included in _INCLUDE.findall(text):
         other = file.path.parent / included
-        if other.is_file():
+        if other.is_file() and 0 < other.stat().st_size <= GREATEST_INCLUDED:  # of 0 bytes: a device
             texts.append(_COMMENT.sub("", other.read_text("latin-1")))
     values = [
         found for one in texts for found in re.findall(rf"^\s*{re.escape(name)}\s+([^;{{}}]*);", one, re.MULTILINE)
