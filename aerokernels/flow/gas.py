@@ -14,7 +14,7 @@ from ..arguments import checked
 GAMMA_AIR = 1.4
 # Universal gas constant over the molar mass of dry air, 8314.4626 / 28.9644 [J/(kg K)].
 GAS_CONSTANT_AIR = 8314.4626 / 28.9644
-LEAST_POWER_GAMMA = 1.02
+LEAST_POWER_GAMMA = 1.02  # below it powers of 1 / (gamma - 1) leave float64 and are taken by logarithms
 SEA_LEVEL_DENSITY = 1.225  # [kg/m3], International Standard Atmosphere
 SEA_LEVEL_TEMPERATURE = 288.15  # [K], likewise
 GREATEST_DENSITY = 1000.0  # [kg/m3], a liquid's: grams a cubic metre that were taken for kilograms

@@ -4,7 +4,6 @@ A reader knows its format and nothing of optics; what comes after it (density, f
 nothing of formats. This page is all that the two have in common.
 """
 
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
@@ -40,10 +39,7 @@ def chosen_time(path, times: Sequence[float], asked) -> float | None:
         return (times[0] if asked == "first" else times[-1]) if times else None
     if not times:
         raise ReadError(path, f"it holds one time only, not t = {asked!r}", "leave time out")
-    try:
-        wanted = float(asked)
-    except (TypeError, ValueError):  # a word, say
-        wanted = math.nan
+    wanted = float(asked)  # or a text of one: `formats.checked_time` has refused others
     nearest = min(times, key=lambda value: abs(value - wanted))
     if not abs(nearest - wanted) <= 1e-9 * abs(wanted):
         some = ", ".join(f"{value:g}" for value in times[:8]) + (", ..." if len(times) > 8 else "")

@@ -1,0 +1,61 @@
+"""`Wavefront.from_samples`: maps of samples scattered over a pupil."""
+
+import numpy as np
+import pytest
+
+from aerokernels import Annulus, Disc, Wavefront
+from aerokernels.rays import RayBundle
+from tests.phase_plates import WAVELENGTH
+
+
+def in_disc(square: np.ndarray) -> np.ndarray:
+    """Points at random in the disc of 1 mm [m], shape (2, n), from those of the unit square."""
+    radius, angle = 1e-3 * np.sqrt(square[0]), 2.0 * np.pi * square[1]
+    return np.stack([radius * np.cos(angle), radius * np.sin(angle)])
+
+
+def test_scattered_samples_make_the_wavefront():
+    """A tilt and a focus come back to rounding, a wave of 2.5 pupils to 2 % of it; the error says so.
+
+    Places in space are those in the pupil's plane, whichever way it looks.
+    """
+    pupil = Annulus(1e-3, 3e-4, (0.01, 0.0, 0.2), (0.1, -0.2, 1.0))
+    rays = RayBundle.collimated(pupil, 400)
+    x, y = ((rays.position - pupil.center) @ axis for axis in pupil.axes)
+
+    def plane(x, y):
+        return 1e-4 * x - 2e-4 * y + 0.3 * (x * x + y * y)
+
+    def wave(x, y):
+        return 5e-8 * np.sin(2.5 * x / 1e-3 + 1.0) * np.cos(2.5 * y / 1e-3)
+
+    for form, places, greatest in ((plane, rays.position, 1e-18), (wave, np.stack([x, y], axis=1), 1e-9)):
+        made = Wavefront.from_samples(places, form(x, y), pupil, WAVELENGTH, pixel_count=32)
+        off = np.abs(made.opd[made.lit] - form(*made.points.T)).max()
+        assert off < greatest and off < made.opd_error < 5.0 * greatest
+        assert made.radius == 1e-3 and made.weight.sum() == pytest.approx(0.91 * np.pi * 256, rel=1e-9)
+    told = Wavefront.from_samples(places, form(x, y), pupil, WAVELENGTH, pixel_count=32, opd_error=1e-8)
+    assert told.opd_error == pytest.approx(1e-8, rel=0.1) and off < told.opd_error
+    for bad, message in (
+        ((places[:5], x[:5]), "at least 9 samples, got 5"),
+        ((places, x[:5]), "points must have shape"),
+        ((0.5 * places, x), "% of the pupil is farther"),
+        ((np.repeat(places, 2, axis=0), np.repeat(x, 2)), "two samples lie at one place"),
+        ((places, np.where(x == x[7], np.nan, x)), "the first is sample 7"),
+    ):
+        with pytest.raises(ValueError, match=message):
+            Wavefront.from_samples(*bad, pupil, WAVELENGTH)
+
+
+@pytest.mark.parametrize("seed", [2, 10])
+def test_the_error_of_few_samples_holds(seed):
+    """Of 250 samples, waves of few samples' width: at the rim, where few lie, it was 17 and 23 times what was told."""
+    rng = np.random.default_rng(seed)
+    x, y = in_disc(rng.random((2, 250)))
+    way = rng.normal(0.0, 4.0, (2, 2)) / 1e-3
+
+    def form(x, y):
+        return 1e-7 * np.sin(way[0] @ [x, y]) + 5e-8 * np.cos(way[1] @ [x, y])
+
+    made = Wavefront.from_samples(np.stack([x, y], axis=1), form(x, y), Disc(1e-3), WAVELENGTH, pixel_count=32)
+    assert np.abs(made.opd[made.lit] - form(*made.points.T)).max() < made.opd_error
