@@ -16,10 +16,10 @@ import numpy as np
 from ..flow import GridMesh, Series, refractivity_model
 from ..rays import as_unit_vector
 from .line_integrals import LineIntegrals
-from .modes import integral_length
+from .modes import first_zero_weights, integral_length
+from .uncertainty import Mean, mean_of, root_of
 
 RAYS = 49
-BLOCKS = 10
 
 
 def linking_equation(
@@ -30,8 +30,8 @@ def linking_equation(
     *,
     relation: str = "gladstone-dale",
     constant: float | None = None,
-) -> dict[str, tuple[float, float]]:
-    """Both values, each with its standard error from parts of the series [m].
+) -> dict[str, Mean]:
+    """Both values [m], each with its standard error.
 
     Args:
         series: The snapshots, on one uniform grid.
@@ -42,7 +42,7 @@ def linking_equation(
         constant: K [m3/kg].
 
     Returns:
-        "opd_rms_linking" and "opd_rms_path", each (value, standard error).
+        "opd_rms_linking" and "opd_rms_path" [m].
 
     Raises:
         ValueError: Fewer than two snapshots, no uniform grid, or a relation that is not linear.
@@ -58,34 +58,30 @@ def linking_equation(
     lines = LineIntegrals(series.mesh, chosen, as_unit_vector(direction, "direction"), "linear")
     factor = float(model.constant(wavelength))
     densities = np.stack([lines.along(series.density(number)) for number in range(len(series))])
-    weights = lines.path_weights()
-    whole = _both(densities, weights, factor)
-    blocks = min(BLOCKS, len(densities) // 2)
-    parts = [_both(part, weights, factor) for part in np.array_split(densities, blocks)] if blocks >= 4 else []
-    found = {}
-    for k, name in enumerate(("opd_rms_linking", "opd_rms_path")):
-        value = math.sqrt(max(whole[k], 0.0))
-        spread = np.std([part[k] for part in parts], ddof=1) / math.sqrt(len(parts)) if parts else math.nan
-        found[name] = (value, float(spread / (2.0 * value)) if value > 0.0 else math.nan)
-    return found
+    linked, path = factor**2 * _linked_and_path(densities, lines.path_weights())
+    return {"opd_rms_linking": root_of(mean_of(linked)), "opd_rms_path": root_of(mean_of(path))}
 
 
-def _both(densities: np.ndarray, weights: np.ndarray, factor: float) -> tuple[float, float]:
-    """The two variances [m2], means over the rays, from densities (t, n, planes) and weights (n, planes) [m]."""
+def _linked_and_path(densities: np.ndarray, weights: np.ndarray) -> np.ndarray:
+    """What each snapshot adds to the two variances over K^2 [kg2/m4], means over the rays, shape (2, t).
+
+    Args:
+        densities: Along the rays [kg/m3], shape (t, n, planes).
+        weights: The length that each plane stands for [m], shape (n, planes).
+    """
     count = len(densities)
-    left = densities - densities.mean(axis=0)
-    unbiased = count / (count - 1)
-    linked, path = [], []
-    for ray in range(left.shape[1]):
-        covariance = unbiased * (left[:, ray].T @ left[:, ray]) / count
-        step = weights[ray]
-        path.append(step @ covariance @ step)
+    left = (densities - densities.mean(axis=0)) * math.sqrt(count / (count - 1))
+    found = np.zeros((2, count))
+    for along, step in zip(np.moveaxis(left, 1, 0), weights, strict=True):
+        covariance = along.T @ along / count
         pitch = float(step.max())
-        scales = []
-        for plane in range(len(step)):
-            ahead, behind = covariance[plane, plane:], covariance[plane, plane::-1]
-            lengths = [integral_length(side, pitch) for side in (ahead, behind) if len(side) > 1]
+        scale = np.zeros(covariance.shape)
+        for plane, row in enumerate(covariance):
             # Toward an end that is nearer than the correlation reaches, the other side stands for both.
-            scales.append(np.nanmax(lengths) if np.isfinite(lengths).any() else 0.0)
-        linked.append(2.0 * (step * np.diag(covariance)) @ np.array(scales))
-    return factor**2 * float(np.mean(linked)), factor**2 * float(np.mean(path))
+            sides = [side for side in (slice(plane, None), slice(plane, None, -1)) if len(row[side]) > 1]
+            lengths = [integral_length(row[side], pitch) for side in sides]
+            if np.isfinite(lengths).any():
+                side = sides[int(np.nanargmax(lengths))]
+                scale[plane, side] = 2.0 * step[plane] * first_zero_weights(row[side], pitch)
+        found += [np.sum(along @ scale * along, axis=1), (along @ step) ** 2]
+    return found / len(weights)

@@ -1,6 +1,7 @@
 """Shapes of wavefronts in time: proper orthogonal decomposition, and two-point correlation."""
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -51,12 +52,13 @@ def orthogonal_modes(maps: np.ndarray, weight: np.ndarray, count: int) -> Modes:
     return Modes(shape * sign[:, None], values / times, coefficient * sign, total)
 
 
-def two_point_correlation(maps: np.ndarray, lit: np.ndarray) -> np.ndarray:
+def two_point_correlation(maps: np.ndarray, lit: np.ndarray, mean: Any = None) -> np.ndarray:
     """Correlation of maps about their mean at two pixels, by their distance, averaged over maps and pairs of pixels.
 
     Args:
         maps: Pixels that are lit, shape (t, n).
         lit: Which pixels these are, shape (ny, nx).
+        mean: What the maps are taken about, if not their own mean, shape (n,) or a number.
 
     Returns:
         Mean product [square of the unit], shape (2 ny - 1, 2 nx - 1), the distance zero in the middle; NaN where no two
@@ -64,7 +66,7 @@ def two_point_correlation(maps: np.ndarray, lit: np.ndarray) -> np.ndarray:
     """
     ny, nx = lit.shape
     size = (2 * ny, 2 * nx)
-    flat = maps - maps.mean(axis=0)
+    flat = maps - (maps.mean(axis=0) if mean is None else mean)
     power = np.zeros((size[0], size[1] // 2 + 1))
     square = np.zeros(lit.shape)
     for one in flat:
@@ -87,12 +89,23 @@ def integral_length(correlation: np.ndarray, pixel: float) -> float:
     """
     if not correlation[0] > 0.0:
         return float("nan")
-    ratio = correlation / correlation[0]
-    good = np.isfinite(ratio)
-    ratio = ratio[: int(np.argmin(good)) if not good.all() else len(ratio)]
-    below = ratio <= 0.0
-    if not below.any():
-        return float(pixel * np.trapezoid(ratio))
-    stop = int(np.argmax(below))
-    last = ratio[stop - 1] / (ratio[stop - 1] - ratio[stop])  # where the line between two entries meets zero
-    return float(pixel * (np.trapezoid(ratio[:stop]) + 0.5 * ratio[stop - 1] * last))
+    return float(first_zero_weights(correlation, pixel) @ np.nan_to_num(correlation) / correlation[0])
+
+
+def first_zero_weights(correlation: np.ndarray, pixel: float) -> np.ndarray:
+    """Weights of the entries of a correlation in its integral up to its first zero [m], shape (n,).
+
+    Where the correlation is a little other, its integral is so by the weighted sum of the differences: at its zero it
+    adds nothing, wherever that has moved.
+    """
+    good = np.isfinite(correlation)
+    count = len(correlation) if good.all() else int(np.argmin(good))
+    below = correlation[:count] <= 0.0
+    stop = int(np.argmax(below)) if below.any() else count
+    weights = np.zeros(len(correlation))
+    if stop > 1:
+        weights[:stop] = pixel
+        weights[[0, stop - 1]] = 0.5 * pixel
+    if below.any():  # a triangle up to where the line between two entries meets zero
+        weights[stop - 1] += 0.5 * pixel * correlation[stop - 1] / (correlation[stop - 1] - correlation[stop])
+    return weights

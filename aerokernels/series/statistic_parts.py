@@ -7,7 +7,7 @@ import numpy as np
 
 from ..pupils import Disc
 from .linking import linking_equation
-from .modes import integral_length, orthogonal_modes, two_point_correlation
+from .modes import first_zero_weights, integral_length, orthogonal_modes, two_point_correlation
 from .pupil_grid import MapReader
 from .spectra import Spectrum, sample_rate, welch
 from .uncertainty import Mean, mean_of, root_of
@@ -148,23 +148,33 @@ def add_correlation(table, coordinates, opd, lit, x, y) -> None:
     middle = tuple(size // 2 for size in found.shape)
     steps = [float(axis[1] - axis[0]) if len(axis) > 1 else 1.0 for axis in (y, x)]
     blocks = min(BLOCKS, len(opd) // 2)
-    parts = [two_point_correlation(part, lit) for part in np.array_split(opd, blocks)] if blocks >= 4 else []
+    # About the whole series' mean: that of a part takes the slow fluctuations out of it, and with them its spread.
+    left = opd - opd.mean(axis=0)
+    parts = [two_point_correlation(part, lit, 0.0) for part in np.array_split(left, blocks)] if blocks >= 4 else []
     power = found[middle]
     ratio = found / power if power > 0.0 else np.full(found.shape, np.nan)
-    spread = [part / part[middle] for part in parts if part[middle] > 0.0]
-    error = (
-        np.std(spread, axis=0, ddof=1) / math.sqrt(len(spread)) if len(spread) >= 4 else np.full(found.shape, np.nan)
-    )
+    differences = [(part - ratio * part[middle]) / power for part in parts] if power > 0.0 else []
+    # Neighbouring parts depend on each other: their spread tells too little, by as much as it does of the mean square.
+    by_parts = _error_by_parts([part[middle] for part in parts]) if parts else 0.0
+    more = max(1.0, mean_of(np.mean(left**2, axis=1)).error / by_parts) if by_parts > 0.0 else 1.0
+    error = more * _error_by_parts(differences) if differences else np.full(found.shape, np.nan)
     table.array("correlation", ("lag_y", "lag_x"), ratio, error, "1", "correlation of unsteady opd at two points")
     lines = {"y": (slice(middle[0], None), middle[1]), "x": (middle[0], slice(middle[1], None))}
     for axis, step in zip("yx", steps, strict=True):
-        value = integral_length(found[lines[axis]], step)
-        each = [integral_length(part[lines[axis]], step) for part in parts]
-        off = float(np.std(each, ddof=1) / math.sqrt(len(each))) if len(each) >= 4 else math.nan
+        line = lines[axis]
+        value = integral_length(found[line], step)
+        weights = first_zero_weights(found[line], step)
+        each = [np.nan_to_num(difference[line]) @ weights for difference in differences]
+        off = float(more * _error_by_parts(each)) if each else math.nan
         words = f"correlation length along {axis}, integral to the first zero"
         table.number(f"correlation_length_{axis}", Mean(value, off, float(len(each)), math.nan), "m", words)
     coordinates["lag_y"] = steps[0] * (np.arange(found.shape[0]) - middle[0])
     coordinates["lag_x"] = steps[1] * (np.arange(found.shape[1]) - middle[1])
+
+
+def _error_by_parts(values: list) -> np.ndarray:
+    """Standard error of a mean of parts of a series, from their differences."""
+    return np.asarray(np.std(values, axis=0, ddof=1) / math.sqrt(len(values)))
 
 
 def add_linking(table, dataset, series, opd, points, weight, wavelength) -> None:
@@ -184,8 +194,7 @@ def add_linking(table, dataset, series, opd, points, weight, wavelength) -> None
         constant=about.get("constant"),
     )
     words = {"opd_rms_linking": "the linking equation", "opd_rms_path": "the covariance of density along the rays"}
-    for name, (value, error) in found.items():
-        mean = Mean(value, error, math.nan, math.nan)
+    for name, mean in found.items():
         table.number(name, mean, "m", f"rms of optical path differences in time at a point, by {words[name]}")
     centred = points - weight @ points
     whole = opd + 0.0

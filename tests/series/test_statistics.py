@@ -4,22 +4,25 @@ A mode of wave vector q and random phase has at each point the variance A^2 / 2,
 over a pupil is A^2 / 2 sum w |e - P e|^2, with e = exp(i q x) and P the weighted projection on these terms.
 """
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
 import xarray
 
 from aerokernels import Disc, flow, optical_series, statistics
-from aerokernels.series.linking import _both
+from aerokernels.series.linking import _linked_and_path
 from aerokernels.series.modes import integral_length
-from aerokernels.series.pupil_grid import pupil_grid
+from aerokernels.series.pupil_grid import PupilGrid, pupil_grid
 from aerokernels.series.spectra import welch
-from aerokernels.series.uncertainty import mean_of
+from aerokernels.series.uncertainty import mean_of, root_of
 
 from .fourier import CONSTANT, WAVELENGTH, Fourier
 
 GRID = pupil_grid(Disc(0.02), 16)
 WAVES = np.array([[150.0, 40.0], [-60.0, 210.0], [330.0, -120.0], [90.0, 90.0]])
 AMPLITUDES = np.array([8e-9, 6e-9, 5e-9, 3e-9])
+LENGTHS = "correlation_length_x", "correlation_length_y"
 
 
 def drawn(count: int, seed: int, scale: float = 1.0) -> xarray.Dataset:
@@ -29,10 +32,10 @@ def drawn(count: int, seed: int, scale: float = 1.0) -> xarray.Dataset:
     return dataset(scale * ((np.exp(1j * phase) * AMPLITUDES) @ waves.T).real)
 
 
-def dataset(maps: np.ndarray, step: float = 1e-5) -> xarray.Dataset:
-    opd = np.stack([GRID.spread(one) for one in maps])
-    places = {"time": step * np.arange(len(maps)), "y": GRID.y, "x": GRID.x}
-    shares = {"opd": (("time", "y", "x"), opd), "weight": (("y", "x"), GRID.weight)}
+def dataset(maps: np.ndarray, step: float = 1e-5, on: PupilGrid = GRID) -> xarray.Dataset:
+    opd = np.stack([on.spread(one) for one in maps])
+    places = {"time": step * np.arange(len(maps)), "y": on.y, "x": on.x}
+    shares = {"opd": (("time", "y", "x"), opd), "weight": (("y", "x"), on.weight)}
     return xarray.Dataset(shares, places, {"wavelength": WAVELENGTH})
 
 
@@ -200,11 +203,35 @@ def test_the_linking_equation_of_ten_thousand_draws():
         "linking": CONSTANT * 1e-3 * np.sqrt(40.0 * length * scale),
         "path": CONSTANT * 1e-3 * np.sqrt(0.5 * ((2.0 * np.sin(0.5 * along * length) / along) ** 2).sum()),
     }
-    whole = np.sqrt(_both(densities, weights, CONSTANT))
-    parts = np.sqrt([_both(part, weights, CONSTANT) for part in np.array_split(densities, 10)])
-    error = parts.std(axis=0, ddof=1) / np.sqrt(10.0)
-    for k, name in enumerate(expected):
-        assert abs(whole[k] - expected[name]) < min(3.0 * error[k], 5e-3 * expected[name]), name
+    for name, each in zip(expected, _linked_and_path(densities, weights), strict=True):
+        found = root_of(mean_of(CONSTANT**2 * each))
+        assert abs(found.value - expected[name]) < min(3.0 * found.error, 5e-3 * expected[name]), name
+
+
+def test_errors_hold_where_snapshots_depend_on_one_another():
+    """Set-up: 200 and 30 series of 150 snapshots, amplitudes of waves AR(1) with a correlation of 0.85.
+
+    Expected: numbers spread over the series as their errors say, within a factor of 1.3 and 1.8. (Errors from parts of
+    a series, each about its own mean, were half of it.)
+    """
+    draw, grid = np.random.default_rng(3), pupil_grid(Disc(0.02), 8)
+    across = np.exp(1j * grid.coordinates @ (2.0 * WAVES).T) * AMPLITUDES
+    along = np.exp(1j * np.outer(np.linspace(0.0, 0.05, 21), 4.0 * WAVES[:, 0]))
+    amplitude = draw.normal(size=(150, 200, len(WAVES), 2)) @ [1.0, 1.0j]
+    for before, after in pairwise(amplitude):
+        after *= np.sqrt(1.0 - 0.85**2)
+        after += 0.85 * before
+    path, length = [], []
+    for series in np.moveaxis(amplitude, 1, 0):
+        linked = _linked_and_path((series @ along.T).real[:, None], np.full((1, 21), 2.5e-3))
+        path.append([(root_of(mean).value, root_of(mean).error) for mean in map(mean_of, linked)])
+    for series in np.moveaxis(amplitude[:, :30], 1, 0):
+        numbers = statistics(dataset((series @ across.T).real, on=grid), mode_count=1)
+        length.append([(numbers[name].item(), numbers[f"{name}_error"].item()) for name in LENGTHS])
+    for found, allowed in ((path, 1.3), (length, 1.8)):
+        values, errors = np.moveaxis(np.array(found), 2, 0)
+        ratio = values.std(axis=0, ddof=1) / np.sqrt((errors**2).mean(axis=0))
+        assert np.all((ratio > 1.0 / allowed) & (ratio < allowed)), ratio
 
 
 def test_few_snapshots_and_uneven_times_say_so():
