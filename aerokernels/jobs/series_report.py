@@ -24,6 +24,7 @@ from aerokernels.jobs.plots import axes_of
 from aerokernels.jobs.scene_text import scene_toml
 from aerokernels.quantities import Quantity
 from aerokernels.scene import Scene
+from aerokernels.tracing.pupil_air import GREATEST_SHARE
 
 if TYPE_CHECKING:
     import xarray
@@ -58,6 +59,9 @@ def series_report(scene: Scene, maps: "xarray.Dataset", found: "xarray.Dataset",
     lead = f"{summary['snapshot_count']} snapshots, {summary['traced_count']} of them traced in full; "
     lead += f"{summary['provenance']}; aerokernels {summary['version']}"
     told = [(words, summary[key]) for key, words in (("drifting", "Drifts"), ("skipped", "Skipped")) if summary[key]]
+    if summary["known_share"] < 1.0 - GREATEST_SHARE:
+        lost = f"{100.0 * (1.0 - summary['known_share']):.3g} % of the pupil has no optical path: not in any number"
+        told.append(("Known air", lost))
     numbers = [
         (name, Quantity(float(found[name]), float(found[f"{name}_error"])).text(), str(found[name].attrs["units"]))
         for name in map(str, found.data_vars)

@@ -1,6 +1,7 @@
 """Optical path differences of a series over a pupil: OPD(x, y, t), Strehl ratio and boresight of each snapshot."""
 
 import hashlib
+import warnings
 from collections.abc import Callable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
 from pathlib import Path
@@ -12,6 +13,7 @@ from aerokernels import __version__
 
 from ..flow import GridMesh, Series
 from ..rays import as_unit_vector
+from ..tracing.pupil_air import GREATEST_SHARE, PupilAir, TruncationWarning
 from ..wavefront import check_terms
 from ..wavelength import DEFAULT_WAVELENGTH, check_wavelength
 from .pupil_grid import MapReader, PupilGrid, Reading, pupil_grid
@@ -75,8 +77,14 @@ def optical_series(
     Returns:
         A dataset (time, y, x): `opd` [m], terms removed, NaN outside the pupil, and `valid`; over time `strehl` and
         `strehl_error`, what it may be off by for the error of `opd`, `boresight_x` and `boresight_y` [rad], `piston`
-        [m], `opd_rms` and `opd_rms_with_tilt` [m], `error` [m], and whether a snapshot was `traced`; over (y, x)
-        `weight`, the pixels' shares of the pupil. Lazy where `out` is given.
+        [m], `opd_rms` and `opd_rms_with_tilt` [m], `error` [m], the share of the pupil that is `known`, and whether a
+        snapshot was `traced`; over (y, x) `weight`, the pixels' shares of the pupil. Lazy where `out` is given.
+        Pixels whose rays leave the grid sideways, miss it or end on a body are not valid, and in no number. `error`
+        on straight lines is that of the OPD through the grid, whatever lies beyond the ends of the known air.
+
+    Warns:
+        TruncationWarning: More than a thousandth of the pupil is not valid, or looks through disturbed air that ends
+            with the grid of the first snapshot computed (not with method="linear").
 
     Raises:
         TypeError: No series, or no pupil.
@@ -117,11 +125,14 @@ def optical_series(
     for slope, *probe in zip(*map(store.done.column, ("slope", "probe", "probe_interpolation")), strict=True):
         snapshots.resume(slope, *probe)
     lit: np.ndarray | None = None
+    first = store.done.count
     # While a snapshot is computed the next one is read and the maps of the one before are written.
     with store.writing(), ThreadPoolExecutor(1) as writer:
         written = None
-        for number, read in _read_ahead(snapshots, store.done.count, len(series)):
+        for number, read in _read_ahead(snapshots, first, len(series)):
             found = snapshots(number, read)
+            if number == first and method != "linear":
+                _warn_of_ends(snapshots.air(pupil, number, read[0]))
             good = found.valid & np.isfinite(found.opd)
             if not good.any():
                 raise ValueError(
@@ -134,7 +145,27 @@ def optical_series(
             _finished(written, number, len(series), progress)
             written = writer.submit(store.add, *entry)
         _finished(written, len(series), len(series), progress)
+    _warn_of_lost(store.done.column("known"))
     return store.finish()
+
+
+def _warn_of_ends(air: PupilAir) -> None:
+    """Say where the known air ends in disturbed air."""
+    if air.is_truncated:
+        text = f"{air.described}: the optical path ends there too; give a larger grid, or look along it"
+        warnings.warn(text, TruncationWarning, stacklevel=3)
+
+
+def _warn_of_lost(known: np.ndarray) -> None:
+    """Say how much of the pupil is in no number."""
+    least = float(known.min())
+    if least < 1.0 - GREATEST_SHARE:
+        text = (
+            f"{100.0 * (1.0 - least):.3g} % of the pupil is in no number of snapshot {int(known.argmin())}: its rays "
+            "leave the grid sideways, miss it or end on a body (see `valid` and `known`); take a smaller pupil, a "
+            "larger grid or another direction, or method='trace' where the air beside the grid is at rest"
+        )
+        warnings.warn(text, TruncationWarning, stacklevel=3)
 
 
 def _finished(written: "Future[None] | None", count: int, total: int, progress: Progress | None) -> None:
@@ -172,6 +203,7 @@ def _entry(
         "opd_rms": read.rms_without_tilt,
         "opd_rms_with_tilt": read.rms,
         "error": found.error,
+        "known": float(grid.weight[grid.lit][good].sum()),
         "traced": float(found.traced),
         "slope": found.slope,
         "probe": found.probe,

@@ -16,10 +16,11 @@ from ..device_arrays import host_array
 from ..flow import DensityField, Series, refractivity_model
 from ..flow.gas import GREATEST_DENSITY
 from ..medium import IndexField, QuadMesh
-from ..rays import RayBundle
+from ..rays import Pupil, RayBundle
 from ..tracing import Plane
 from ..tracing.engines.choice import choose_backend
 from ..tracing.engines.info import cuda_driver_loads
+from ..tracing.pupil_air import PupilAir, pupil_air
 from ..tracing.trace import trace
 from ..wavefront import remove_terms
 from .bending import SAFETY, bending, interpolation_error
@@ -170,6 +171,11 @@ class Snapshots:
         if not isinstance(samples, np.ndarray) or samples.dtype not in (np.float32, np.float64):
             return stored, None
         return stored, self.lines.sent(samples, self.device) if self.series.lies_here(stored) else None
+
+    def air(self, pupil: Pupil, number: int, stored: Any) -> PupilAir:
+        """What the pupil may lose where the known air of a snapshot ends."""
+        field = self.way.index_field(self.series.field(stored, number))
+        return pupil_air(field, pupil, self.way.direction, self.way.tolerance * self.way.wavelength)
 
     def __call__(self, number: int, read: tuple[Any, Sent | None] | None = None) -> Found:
         """The optical path differences of a snapshot, which `read` may have read already."""

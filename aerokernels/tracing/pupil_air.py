@@ -16,6 +16,10 @@ GREATEST_SHARE = 1e-3
 MOVE_IT = "The pupil itself stands outside the field: move it (in a scene: pupil.center, or receiver.aperture_z). "
 
 
+class TruncationWarning(UserWarning):
+    """More than a thousandth of a pupil looks through the ends of the known air; an answer was given all the same."""
+
+
 @dataclass(frozen=True, eq=False)
 class PupilAir:
     """What a pupil may lose where the known air ends.

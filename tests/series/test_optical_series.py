@@ -5,6 +5,7 @@ import signal
 import subprocess
 import sys
 import time
+import warnings
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
@@ -16,6 +17,7 @@ import xarray
 from aerokernels import Disc, flow, optical_series
 from aerokernels.flow import GridMesh
 from aerokernels.series.line_integrals import LineIntegrals, NotLinearError
+from aerokernels.tracing.pupil_air import TruncationWarning
 from aerokernels.wavefront import remove_terms
 
 from .fourier import CONSTANT, WAVELENGTH, Fourier
@@ -327,3 +329,27 @@ def test_what_cannot_be_asked_for_is_refused():
     )
     with pytest.raises(ValueError, match=r"snapshot 0.*not finite"):
         optical_series(broken, pupil)
+
+
+@pytest.mark.parametrize("beside", [False, True])
+def test_what_no_ray_sees_is_said(beside: bool):
+    """A pupil wider than the grid, or a grid that ends in disturbed air: said, and the share that counts is given."""
+    field = Fourier.random(7)
+    pupil = Disc(0.06 if beside else 0.02, [0, 0, Z0])
+    with pytest.warns(TruncationWarning) as told:
+        found = optical_series(opened(field, TIME[:2]), pupil, pixel_count=16)
+    assert any("disturbed air that ends" in str(one.message) for one in told)
+    lost = 1.0 - (found.weight.values * found.valid.values).sum(axis=(1, 2))
+    np.testing.assert_allclose(1.0 - found.known, lost, atol=1e-12)
+    assert any("leave the grid sideways" in str(one.message) for one in told) == beside == (lost > 0.05).all()
+
+
+def test_a_grid_that_holds_the_whole_flow_is_no_matter_of_words():
+    axes = [ORIGIN[k] + SPACING * np.arange(SHAPE[k]) for k in range(3)]
+    x, y, z = np.meshgrid(*axes, indexing="ij")
+    blob = 0.5 + 0.05 * np.exp(-(x**2 + y**2 + (z - 0.037) ** 2) / 0.006**2)
+    options = {"geometry": "volume", "origin": ORIGIN, "spacing": [SPACING] * 3, "ambient_density": 0.5}
+    with warnings.catch_warnings():
+        warnings.simplefilter("error", TruncationWarning)
+        found = optical_series(flow.open_series([blob], time=[0.0], **options), Disc(0.02, [0, 0, Z0]), pixel_count=8)
+    assert float(found.known[0]) == pytest.approx(1.0)
