@@ -132,11 +132,11 @@ class Stages:
         with clocked() as stages:
             choose_backend(scene.trace.backend, scene.trace.device)
             prepared = timed("prepare", lambda: self._prepared(case))
-            check_echo(scene, prepared.field)
+            vacuum = check_echo(scene, prepared.field)
             strehl = timed("strehl", lambda: self._strehl(case, prepared))
             timed("error", lambda: strehl.quantities)
             try:
-                found = timed("echo", lambda: echo_with_errors(scene, prepared.field, strehl))
+                found = timed("echo", lambda: echo_with_errors(vacuum, prepared.field, strehl))
             except ValueError as fault:
                 found, failed["echo"] = None, str(fault)
             self.made["echo"] += 1
