@@ -124,20 +124,18 @@ class EchoProbe:
             Relative changes of its peak power and voltage, and the errors of its ranges by method [m].
         """
         shifts = [share * (self.time[1] - self.time[0]) for share in shares]
-        moved = [self.vacuum.power(self.fine, shift) for shift in shifts]
-        volts = [self.vacuum.chain.voltage(self.fine, power)[:: self.stride] for power in moved]
-        records = [*(power[:: self.stride] for power in moved), *volts]
-        curves = PulseCurve.of_each(records)
-        heights = [peak_height(record, curve) for record, curve in zip(records, curves, strict=True)]
+        fine = [self.vacuum.power(self.fine, shift) for shift in shifts]
+        power = [one[:: self.stride] for one in fine]
+        volts = [self.vacuum.chain.voltage(self.fine, one)[:: self.stride] for one in fine]
+        curves = PulseCurve.of_each([*power, *volts])
+        of_power, of_volts = curves[: len(shares)], curves[len(shares) :]
         found = []
         for k, shift in enumerate(shifts):
-            power, voltage = (
-                heights[k] / self.vacuum_peaks[0] - 1.0,
-                heights[k + len(shifts)] / self.vacuum_peaks[1] - 1.0,
-            )
+            weaker = peak_height(power[k], of_power[k]) / self.vacuum_peaks[0] - 1.0
+            lower = peak_height(volts[k], of_volts[k]) / self.vacuum_peaks[1] - 1.0
             true = self.scene.target.distance + 0.5 * SPEED_OF_LIGHT * shift
-            read = self.rangefinder.ranges(self.time, volts[k], curve=curves[k + len(shifts)])[0]
-            found.append(((power, voltage), {name: value - true for name, value in read.items()}))
+            read = self.rangefinder.ranges(self.time, volts[k], curve=of_volts[k])[0]
+            found.append(((weaker, lower), {name: value - true for name, value in read.items()}))
         return found
 
     def _read(self, records: list[np.ndarray], methods: Sequence[str] = RANGING_METHODS) -> list[dict[str, float]]:

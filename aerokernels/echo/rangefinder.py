@@ -133,11 +133,9 @@ class Rangefinder:
         """
         readable = [method for method in methods if method not in self.unreadable]
         found, faults = self._readings(time, voltage, readable, curve)
-        # The flow, or the noise, left too little of the echo for these.
-        told = {
-            **self.unreadable,
-            **{method: f"the echo cannot be ranged: {fault}" for method, fault in faults.items()},
-        }
+        told = dict(self.unreadable)
+        for method, fault in faults.items():  # the flow, or the noise, left too little of the echo for this method
+            told[method] = f"the echo cannot be ranged: {fault}"
         reasons = {method: told[method] for method in methods if method in told}
         return {method: found.get(method, math.nan) for method in methods}, reasons
 
