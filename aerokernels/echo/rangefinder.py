@@ -92,8 +92,8 @@ class Rangefinder:
         bare = cls(detector.threshold, detector.fraction, shape, methods, walk)
         found, faults = bare._readings(time, reference, tuple(methods), curve)
         offsets = {method: reading - scene.target.distance for method, reading in found.items()}
-        for method, fault in faults.items():
-            unreadable[method] = f"the echo in vacuum, without flow, cannot be ranged: {fault}"
+        for method, reason in faults.items():
+            unreadable[method] = f"the echo in vacuum, without flow, cannot be ranged: {reason}"
         return cls(detector.threshold, detector.fraction, shape, offsets, walk, unreadable)
 
     def range(self, time: np.ndarray, voltage: np.ndarray, method: str) -> float:
