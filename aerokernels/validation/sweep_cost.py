@@ -1,11 +1,11 @@
 """What a sweep costs beside its tracing, and what more workers give: Mach number x tilt on 1, 2, ... of them.
 
 A sweep of the shipped wind-tunnel scene over the three flows and many tilts, from the start of its processes to the
-written dataset and report. Beside the wall time stands the processor time: that of all processes and threads, this one
-included, and that of tracing alone (calls of `trace`, Strehl ratios and the error budgets' rays, with the plans of all of
-them), as the cases record it. Their quotient is what a sweep costs beside its tracing. The cases' `trace_seconds` are no
-measure of that: they are wall time in kernels, which run on all cores at once, and hold no plan. On GPUs, of which each
-worker has one, tracing is the GPU's, and the quotient says nothing.
+written dataset and report. Beside the wall time stands the processor time: that of all processes and threads, and that
+of tracing alone (calls of `trace`, Strehl ratios and the rays of error budgets, with the plans of all of them), as the
+cases record it. Their quotient is what a sweep costs beside its tracing. `trace_seconds` of the cases does not measure
+that: it is wall time in kernels, which run on all cores at once, and no plan is in it. On GPUs, of which each worker
+has one, rays take no processor time, and the quotient says nothing.
 """
 
 import resource
