@@ -2,7 +2,7 @@
 
 import sys
 import warnings
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from copy import copy
 from dataclasses import replace
 from functools import partial
@@ -12,11 +12,13 @@ import numpy as np
 
 from .arguments import Numbers, checked
 from .clock import clocked, stage
+from .in_turn import in_turn
 from .medium import IndexField
 from .rays import Pupil, as_unit_vector
 from .strehl import StrehlEstimate
 from .strehl_budget import StrehlBudget
 from .strehl_errors import estimate_quantities
+from .tracing.engines import engine_of
 from .tracing.lines import box_size
 from .tracing.meeting import greatest_contrast
 from .tracing.plan import TracePlan
@@ -234,6 +236,21 @@ class PreparedStrehl:
             made.plan = made.job.planned()  # uploads
         made.seconds = seconds
         return made
+
+    def for_fields(self, fields: Iterable[IndexField], seed: int = 0) -> Iterator[StrehlEstimate]:
+        """The ratio for each of many other values of the field, in their order: `with_field(field)(seed)`.
+
+        By OpenCL on a processor two are at work at a time, so that one is planned while the rays of the other are
+        traced, and the wall times of their stages hold what they waited for each other. Fields are taken as they are
+        needed, two of them ahead at most.
+
+        Raises:
+            TypeError: One of the fields is no IndexField.
+            ValueError: As for `estimate_strehl`.
+        """
+        plan = self.job.planned()  # makes what all of them look at
+        overlaps = plan.backend == "opencl" and not engine_of(plan.backend, plan.device).is_gpu
+        return in_turn(lambda field: self.with_field(field)(seed), fields, 2 if overlaps else 1)
 
     @checked
     def __call__(self, seed: int = 0) -> StrehlEstimate:
