@@ -111,7 +111,8 @@ class RayBundle(ReadOnly):
             turned = np.flatnonzero(~(np.abs(lengths(direction) - 1.0) <= 4e-16))
         if len(turned):
             part = direction if len(turned) == len(direction) else direction[turned]
-            scale = np.abs(part).max(axis=1)
+            x, y, z = np.abs(part).T
+            scale = np.maximum(np.maximum(x, y), z)  # by rows of three, max(axis=1) takes five times as long
             if not scale.all():
                 zero = turned[scale == 0.0]
                 count = len(zero) * (len(position) // len(direction))
