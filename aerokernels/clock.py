@@ -1,4 +1,4 @@
-"""One clock: the wall time of what is computed, by stage, each moment counted once.
+"""One clock: the wall time of what is computed, by stage, each moment counted once; and the processor time of all.
 
 A stage that begins within another one interrupts it: a kernel compiled while a plan is made counts as "compile". Times
 are the host's; that of a launch ends when the device is done. So the stages of a mapping of seconds, STAGES, add up to
@@ -24,6 +24,7 @@ STAGES = {
 # The clocks that run, and for the stage that is open the time that stages within it took.
 _running: ContextVar[tuple[dict[str, float], ...]] = ContextVar("running", default=())
 _within: ContextVar[list[float] | None] = ContextVar("within", default=None)
+_processor: ContextVar[list[float] | None] = ContextVar("processor", default=None)
 
 
 @contextmanager
@@ -40,14 +41,29 @@ def clocked() -> Iterator[dict[str, float]]:
 
 
 @contextmanager
+def processor_clocked() -> Iterator[list[float]]:
+    """Processor seconds, of all threads, of all stages in this block; one number that grows."""
+    seconds = [0.0]
+    token = _processor.set(seconds)
+    try:
+        yield seconds
+    finally:
+        _processor.reset(token)
+
+
+@contextmanager
 def stage(name: str) -> Iterator[None]:
     """This block is that stage, but for the stages within it."""
     begin, outer, within = time.perf_counter(), _within.get(), [0.0]
+    processor = _processor.get() if outer is None else None
+    busy = 0.0 if processor is None else time.process_time()
     token = _within.set(within)
     try:
         yield
     finally:
         _within.reset(token)
+        if processor is not None:
+            processor[0] += time.process_time() - busy
         spent = time.perf_counter() - begin
         for seconds in _running.get():
             seconds[name] = seconds.get(name, 0.0) + max(spent - within[0], 0.0)

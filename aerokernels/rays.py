@@ -24,7 +24,7 @@ from .pupils import (
 )
 from .pupils.base import SAMPLINGS
 from .pupils.square_map import RING, SquareMap
-from .pupils.vectors import check_count
+from .pupils.vectors import check_count, lengths
 from .read_only import ReadOnly
 from .shown import shown
 
@@ -108,16 +108,17 @@ class RayBundle(ReadOnly):
                 raise ValueError(f"{count} ray {name}s are not finite, the first is ray {int(np.argmax(bad))}")
         # Directions that are unit vectors already stay as they are, to the last bit: a part of a bundle is that part.
         with np.errstate(over="ignore"):
-            turned = np.flatnonzero(~(np.abs(np.linalg.norm(direction, axis=1) - 1.0) <= 4e-16))
+            turned = np.flatnonzero(~(np.abs(lengths(direction) - 1.0) <= 4e-16))
         if len(turned):
             part = direction if len(turned) == len(direction) else direction[turned]
-            scale = np.abs(part).max(axis=1)
+            x, y, z = np.abs(part).T
+            scale = np.maximum(np.maximum(x, y), z)  # by rows of three, max(axis=1) takes five times as long
             if not scale.all():
                 zero = turned[scale == 0.0]
                 count = len(zero) * (len(position) // len(direction))
                 raise ValueError(f"{count} ray directions are zero, the first is ray {zero[0]}")
             part = part / scale[:, None]
-            direction[turned] = part / np.linalg.norm(part, axis=1, keepdims=True)
+            direction[turned] = part / lengths(part)[:, None]
         if len(direction) < len(position):
             direction = np.broadcast_to(direction, position.shape)
         weight = self._shares(len(position))
@@ -127,7 +128,9 @@ class RayBundle(ReadOnly):
 
     def _shares(self, count: int) -> np.ndarray:
         """The weights, scaled to sum to 1."""
-        weight = np.full(count, 1.0) if self.weight is None else np.array(plain_array(self.weight), dtype=np.float64)
+        if self.weight is None:
+            return np.full(count, 1.0 / count)
+        weight = np.array(plain_array(self.weight), dtype=np.float64)
         if weight.shape != (count,) or not np.isfinite(weight).all() or (weight < 0).any() or weight.sum() <= 0:
             raise ValueError("ray weights must be finite, not negative and not all zero, one for each ray")
         return np.asarray(weight / weight.sum())

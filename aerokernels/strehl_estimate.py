@@ -2,7 +2,7 @@
 
 import sys
 import warnings
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from copy import copy
 from dataclasses import replace
 from functools import partial
@@ -12,11 +12,13 @@ import numpy as np
 
 from .arguments import Numbers, checked
 from .clock import clocked, stage
+from .in_turn import in_turn
 from .medium import IndexField
 from .rays import Pupil, as_unit_vector
 from .strehl import StrehlEstimate
 from .strehl_budget import StrehlBudget
 from .strehl_errors import estimate_quantities
+from .tracing.engines import engine_of
 from .tracing.lines import box_size
 from .tracing.meeting import greatest_contrast
 from .tracing.plan import TracePlan
@@ -235,6 +237,21 @@ class PreparedStrehl:
         made.seconds = seconds
         return made
 
+    def for_fields(self, fields: Iterable[IndexField], seed: int = 0) -> Iterator[StrehlEstimate]:
+        """The ratio for each of many other values of the field, in their order: `with_field(field)(seed)`.
+
+        By OpenCL on a processor two are at work at a time, so that one is planned while the rays of the other are
+        traced, and the wall times of their stages hold what they waited for each other. Fields are taken as they are
+        needed, two of them ahead at most.
+
+        Raises:
+            TypeError: One of the fields is no IndexField.
+            ValueError: As for `estimate_strehl`.
+        """
+        plan = self.job.planned()  # makes what all of them look at
+        overlaps = plan.backend == "opencl" and not engine_of(plan.backend, plan.device).is_gpu
+        return in_turn(lambda field: self.with_field(field)(seed), fields, 2 if overlaps else 1)
+
     @checked
     def __call__(self, seed: int = 0) -> StrehlEstimate:
         """Launch the points of a seed, trace them and sum.
@@ -243,10 +260,9 @@ class PreparedStrehl:
             ValueError: No ray arrived beyond the field.
         """
         with clocked() as seconds:
-            found = self._estimate(seed)
-        return replace(found, seconds=seconds)
+            return self._estimate(seed, seconds)
 
-    def _estimate(self, seed: int) -> StrehlEstimate:
+    def _estimate(self, seed: int, seconds: dict[str, float]) -> StrehlEstimate:
         job, wavelength = self.job, self.wavelength
         run, why = job.run, []
         sums = run(seed)
@@ -265,8 +281,10 @@ class PreparedStrehl:
         standard_error = sums.standard_error
         plan = job.planned_for(run, *why)
         plan = report_rejected(plan, sums.rejected_count, sums.ray_count, sums.greatest_error, wavelength)
-        estimate = _combine(sums.moments, sums.phasors, wavelength, self.remove)
-        if _met_nothing(self.field, sums.moments, wavelength, self.tolerance):
+        total = sums.moments.sum(axis=0)
+        mean, tilt, rms, _ = fit_moments(total)
+        estimate = _combine(total, sums.phasors, wavelength, self.remove)
+        if _met_nothing(self.field, max(abs(mean), rms), wavelength, self.tolerance):
             _warn(
                 "every ray of the pupil passes through undisturbed air only, though the field holds other: the Strehl "
                 "ratio is 1; check the units (metres are expected), the direction and the position of the pupil"
@@ -286,8 +304,10 @@ class PreparedStrehl:
             plan=plan,
             budget=StrehlBudget(self.field, self.pupil, self.look, seed, job.until, wavelength, job.air),
             spread=spread,
+            seconds=seconds,
             standard_error=standard_error,
             evaluation_count=evaluations,
+            boresight=tilt,
             **estimate,
         )
 
@@ -300,28 +320,24 @@ def _warn(message: str) -> None:
     warnings.warn(message, stacklevel=level)
 
 
-def _combine(moments, phasor, wavelength, remove) -> dict:
-    """Values from replicate sums."""
-    total = moments.sum(axis=0)
+def _combine(total, phasor, wavelength, remove) -> dict:
+    """Values from the sum of all replicates' moments, and their phasors."""
     if total[0] == 0:
         raise ValueError(
             "no ray of the pupil arrived beyond the field: all met the body or left the way; "
             "move the pupil, or turn its normal toward the flow"
         )
-    _, tilt, _, _ = fit_moments(total)
     _, rms = fit_terms(total, remove)
     value = float(np.abs(phasor.sum() / total[0]) ** 2)
     return {
         "value": value,
         "marechal": float(np.exp(-((2.0 * np.pi * rms / wavelength) ** 2))),
         "opd_rms": rms,
-        "boresight": tilt,
     }
 
 
-def _met_nothing(field: IndexField, moments, wavelength: float, tolerance: float) -> bool:
-    """Whether no ray saw any of the field's contrast, though that could count."""
-    mean, _, rms, _ = fit_moments(moments.sum(axis=0))
-    if max(abs(mean), rms) > UNSEEN * tolerance * wavelength:
+def _met_nothing(field: IndexField, size: float, wavelength: float, tolerance: float) -> bool:
+    """Whether no ray saw any of the field's contrast, though that could count; `size` of the rays' OPD [m]."""
+    if size > UNSEEN * tolerance * wavelength:
         return False
     return greatest_contrast(field) * box_size(field) > tolerance * wavelength

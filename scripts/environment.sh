@@ -57,3 +57,12 @@ prepare_environment() {
     key=$(environment_key)
     printf '%s\n' "$key" > "$stamp$extras"
 }
+
+# Where Python keeps no bytecode, each process compiles all that it imports, a second or two of it. It is kept beside the
+# environment then, so that the checkout stays as it is.
+keep_bytecode() {
+    if [ -n "${PYTHONDONTWRITEBYTECODE:-}" ]; then
+        unset PYTHONDONTWRITEBYTECODE
+        export PYTHONPYCACHEPREFIX=${PYTHONPYCACHEPREFIX:-$root/.venv/bytecode}
+    fi
+}

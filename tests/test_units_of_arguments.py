@@ -14,7 +14,7 @@ from aerokernels import (
     schlieren,
     strehl,
 )
-from aerokernels.echo.simulate import vacuum_echo
+from aerokernels.echo.vacuum import vacuum_echo
 from aerokernels.strehl_estimate import plan_strehl
 
 SAMPLES = np.arange(100.0)

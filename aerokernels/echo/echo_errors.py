@@ -15,6 +15,7 @@ A number's error is the root sum of squares of its parts. Return factors "bucket
 """
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -24,16 +25,13 @@ from ..quantities import root_sum_square
 from ..scene import Scene
 from ..strehl import StrehlEstimate
 from ..strehl_errors import strehl_error
-from .chain import chain_of
-from .paths import TransmitPaths
 from .pulse_curve import PulseCurve, peak_height
-from .pulses import pulse_of
 from .pupil_errors import own_phase_error, pupil_error
 from .rangefinder import Rangefinder
-from .ranging import AMPLITUDE_METHODS
-from .received_power import vacuum_power
+from .ranging import AMPLITUDE_METHODS, RANGING_METHODS
 from .result import EchoResult
 from .uncertainty import EchoErrors, RangeUncertainty
+from .vacuum import VacuumEcho
 from .waveform import SPEED_OF_LIGHT
 
 # The sum over the beam's points is that good (target_points.py).
@@ -51,12 +49,10 @@ class EchoProbe:
     """What an echo was made of, from which its errors are computed on demand.
 
     Attributes:
-        scene: The scene.
-        field: The refractive index of its flow.
+        field: The refractive index of the flow.
         known_phase_error: Rms phase error of rays over the receiver's pupil [rad], or an estimate that knows it; None
             for one of its own.
-        weight: Share of the beam in each target point, shape (m,).
-        vacuum: The outward paths without flow.
+        vacuum: The echo without flow.
         time: Sample times [s].
         fine: Times at which power is computed [s], shape (n,).
         stride: How many of these make one sample period.
@@ -66,11 +62,9 @@ class EchoProbe:
         vacuum_peaks: Peak power [W] and voltage [V] of the echo in vacuum.
     """
 
-    scene: Scene
     field: IndexField
     known_phase_error: float | StrehlEstimate | None
-    weight: np.ndarray
-    vacuum: TransmitPaths
+    vacuum: VacuumEcho
     time: np.ndarray
     fine: np.ndarray
     stride: int
@@ -78,6 +72,11 @@ class EchoProbe:
     clean: np.ndarray
     rangefinder: Rangefinder
     vacuum_peaks: tuple[float, float]
+
+    @property
+    def scene(self) -> Scene:
+        """The scene."""
+        return self.vacuum.scene
 
     @property
     def wavelength(self) -> float:
@@ -92,7 +91,7 @@ class EchoProbe:
     @property
     def code_step(self) -> float:
         """Voltage between two codes of the digitiser [V], 0 without one."""
-        digitiser = chain_of(self.scene).digitiser
+        digitiser = self.vacuum.chain.digitiser
         return 0.0 if digitiser is None else digitiser.step
 
     def phase_error(self) -> float:
@@ -106,34 +105,46 @@ class EchoProbe:
         """Change of the Strehl ratio of the view straight ahead when half of the pupil's rays are left out."""
         return pupil_error(self.scene, self.field)
 
-    def read_scaled(self, factor: float) -> dict[str, float]:
-        """Ranges [m] of the noise-free waveform times a factor, by the methods that depend on the amplitude."""
-        return self.rangefinder.ranges(self.time, factor * self.clean, AMPLITUDE_METHODS)[0]
+    def read_scaled(self, *factors: float) -> list[dict[str, float]]:
+        """Ranges [m] of the noise-free waveform times each factor, by the methods that depend on the amplitude."""
+        return self._read([factor * self.clean for factor in factors], AMPLITUDE_METHODS)
 
     def read_digitised(self) -> dict[str, float]:
         """By method, what the digitiser's codes change of the range of the noise-free waveform [m]; 0 without one."""
-        chain = chain_of(self.scene)
+        chain = self.vacuum.chain
         if chain.digitiser is None:
             return {}
-        read = [self.rangefinder.ranges(self.time, volts)[0] for volts in (chain.digitise(self.clean), self.clean)]
+        read = self._read([chain.digitise(self.clean), self.clean])
         return {method: abs(value - read[1][method]) for method, value in read[0].items()}
 
-    def read_shifted(self, share: float) -> tuple[tuple[float, float], dict[str, float]]:
-        """Readings of the echo in vacuum when it arrives a fraction of a sample later.
+    def read_shifted(self, *shares: float) -> list[tuple[tuple[float, float], dict[str, float]]]:
+        """Readings of the echo in vacuum when it arrives a fraction of a sample later, for each fraction.
 
         Returns:
             Relative changes of its peak power and voltage, and the errors of its ranges by method [m].
         """
-        shift = share * (self.time[1] - self.time[0])
-        moved = vacuum_power(self.scene, pulse_of(self.scene), self.weight, self.vacuum, self.fine, shift)
-        volts = chain_of(self.scene).voltage(self.fine, moved)[:: self.stride]
-        curve = PulseCurve(volts) if volts.size > 3 and np.isfinite(volts).all() else None
-        power = peak_height(moved[:: self.stride]) / self.vacuum_peaks[0] - 1.0
-        voltage = peak_height(volts, curve) / self.vacuum_peaks[1] - 1.0
-        true = self.scene.target.distance + 0.5 * SPEED_OF_LIGHT * shift
-        return (power, voltage), {
-            name: read - true for name, read in self.rangefinder.ranges(self.time, volts, curve=curve)[0].items()
-        }
+        shifts = [share * (self.time[1] - self.time[0]) for share in shares]
+        fine = [self.vacuum.power(self.fine, shift) for shift in shifts]
+        power = [one[:: self.stride] for one in fine]
+        volts = [self.vacuum.chain.voltage(self.fine, one)[:: self.stride] for one in fine]
+        curves = PulseCurve.of_each([*power, *volts])
+        of_power, of_volts = curves[: len(shares)], curves[len(shares) :]
+        found = []
+        for k, shift in enumerate(shifts):
+            weaker = peak_height(power[k], of_power[k]) / self.vacuum_peaks[0] - 1.0
+            lower = peak_height(volts[k], of_volts[k]) / self.vacuum_peaks[1] - 1.0
+            true = self.scene.target.distance + 0.5 * SPEED_OF_LIGHT * shift
+            read = self.rangefinder.ranges(self.time, volts[k], curve=of_volts[k])[0]
+            found.append(((weaker, lower), {name: value - true for name, value in read.items()}))
+        return found
+
+    def _read(self, records: list[np.ndarray], methods: Sequence[str] = RANGING_METHODS) -> list[dict[str, float]]:
+        """Ranges of records by method [m]."""
+        curves = PulseCurve.of_each(records)
+        return [
+            self.rangefinder.ranges(self.time, record, methods, curve)[0]
+            for record, curve in zip(records, curves, strict=True)
+        ]
 
     def random_errors(self, count: int) -> dict[str, float]:
         """Standard deviation of the range by method [m], read off this many noisy records."""
@@ -157,7 +168,7 @@ def echo_errors(result: EchoResult, probe: EchoProbe) -> EchoErrors:
         factor = _mean_factor(result)
         share = interpolation / factor if factor > 0.0 else math.inf
     share = math.hypot(share, QUADRATURE)
-    moved = [probe.read_shifted(shift) for shift in SHIFTS]
+    moved = probe.read_shifted(*SHIFTS)
     heights = [max(abs(change[kind]) for change, _ in moved) for kind in (0, 1)]
     power, voltage = (
         math.hypot(share, height) * peak
@@ -166,7 +177,7 @@ def echo_errors(result: EchoResult, probe: EchoProbe) -> EchoErrors:
     noise = float(result.noise_rms)
     voltage = root_sum_square((voltage, noise, 0.5 * probe.code_step))
     random = probe.random_errors(TRIAL_COUNT) if noise > 0.0 else {}
-    scaled = [probe.read_scaled(1.0 + sign * share) for sign in (0.0, 1.0, -1.0)] if 0.0 < share < 1.0 else []
+    scaled = probe.read_scaled(*(1.0 + sign * share for sign in (0.0, 1.0, -1.0))) if 0.0 < share < 1.0 else []
     codes = probe.read_digitised() if noise < DITHER * probe.code_step else {}
     ranges = {}
     for method, value in result.ranges.items():

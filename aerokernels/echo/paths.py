@@ -10,6 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..medium import IndexField
+from ..pupils.vectors import lengths
 from ..rays import RayBundle
 from ..scene import Scene
 from ..tracing import Plane, TraceResult, trace
@@ -63,7 +64,7 @@ def trace_options(scene: Scene) -> dict:
 def vacuum_paths(points: TargetPoints, plane: Plane) -> TransmitPaths:
     """The outward paths in vacuum: straight lines."""
     line = points.aim - points.start
-    direction = line / np.linalg.norm(line, axis=1, keepdims=True)
+    direction = line / lengths(line)[:, None]
     cosine = direction @ plane.normal
     path = ((plane.point - points.start) @ plane.normal) / cosine
     intersection = points.start + path[:, None] * direction

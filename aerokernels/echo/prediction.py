@@ -3,16 +3,12 @@
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-import numpy as np
-
 from ..medium import IndexField
 from ..scene import Scene
-from .chain import chain_of
 from .pulse_curve import peak_height
 from .pupil_reduction import check_ahead
 from .rangefinder import Rangefinder
-from .received_power import point_power
-from .simulate import vacuum_record, vacuum_times
+from .vacuum import VacuumEcho
 
 
 @dataclass(frozen=True)
@@ -44,28 +40,32 @@ def predict_echo(scene: Scene, field: IndexField | None = None) -> EchoPredictio
         ValueError: A scene that has no echo to compute: a target that reaches back to the aperture or into the flow's
             box, one too deep for its pulse, or a record of millions of samples.
     """
-    check_echo(scene, field)
-    time, power, voltage, fine = vacuum_record(scene)
-    rangefinder = Rangefinder.calibrated(scene, time, voltage, fine)
+    vacuum = check_echo(scene, field)
+    time, fine, stride = vacuum.times()
+    power = vacuum.power(fine)
+    fine_voltage = vacuum.chain.voltage(fine, power)
+    voltage = fine_voltage[::stride]
+    rangefinder = Rangefinder.calibrated(scene, time, voltage, (fine, fine_voltage))
     peak = peak_height(voltage)
     own = scene.detector.ranging
     fixed = own == "leading-edge" and own not in rangefinder.unreadable
     return EchoPrediction(
-        peak_height(power),
+        peak_height(power[::stride]),
         peak,
         rangefinder.unreadable,
         scene.detector.threshold / peak if fixed else float("nan"),
     )
 
 
-def check_echo(scene: Scene, field: IndexField | None = None) -> None:
-    """Refuse a scene that has no echo to compute.
+def check_echo(scene: Scene, field: IndexField | None = None) -> VacuumEcho:
+    """What is known of a scene's echo before any ray is traced; a scene that has no echo to compute is refused.
 
     Raises:
         ValueError: As for `predict_echo`.
     """
-    _, points, vacuum, _ = vacuum_times(scene)
-    point_power(scene, points.weight, vacuum, np.ones(len(points.weight)))  # refuses what has no power
-    chain_of(scene)
+    vacuum = VacuumEcho.of(scene)
+    vacuum.times()  # refuses what is no record,
+    _ = vacuum.point_power  # and this what has no power
     if field is not None and scene.receiver.return_factor != "none":
-        check_ahead(field, vacuum.intersection)
+        check_ahead(field, vacuum.paths.intersection)
+    return vacuum

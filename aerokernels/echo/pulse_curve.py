@@ -7,9 +7,14 @@ Between two samples it is one polynomial, by whose coefficients crossings and pe
 each trial place takes longer than all the rest of a reading.
 """
 
+from collections.abc import Sequence
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
+
+if TYPE_CHECKING:
+    from scipy.interpolate import BSpline
 
 # The centroid is taken where the pulse stands above this share of its peak: farther out there is only noise.
 CENTROID_FLOOR = 0.1
@@ -26,6 +31,14 @@ def _fit_between(degree: int) -> tuple[np.ndarray, np.ndarray]:
 _PIECES = {degree: _fit_between(degree) for degree in (1, 3, 5)}
 
 
+def _spline_through(samples: np.ndarray) -> "BSpline":
+    """The spline through samples at 0, 1, 2 ..., shape (n,), or through each column of (n, m)."""
+    from scipy.interpolate import make_interp_spline
+
+    count = len(samples)
+    return make_interp_spline(np.arange(count), samples, k=min(5, 2 * ((count - 2) // 2) + 1))
+
+
 class PulseCurve:
     """The curve through the samples of a pulse, shape (n,); places in samples, values in the samples' unit.
 
@@ -33,13 +46,27 @@ class PulseCurve:
         ValueError: No sample is positive (in `peak_place` and what needs it), or the pulse's peak is cut off.
     """
 
-    def __init__(self, samples: np.ndarray):
-        """Fit the spline."""
-        from scipy.interpolate import make_interp_spline
-
+    def __init__(self, samples: np.ndarray, spline: "BSpline | None" = None):
+        """Fit the spline, unless it was fitted already."""
         self.samples = samples
-        degree = min(5, 2 * ((samples.size - 2) // 2) + 1)
-        self.spline = make_interp_spline(np.arange(samples.size), samples, k=degree)
+        self.spline = _spline_through(samples) if spline is None else spline
+
+    @classmethod
+    def of_each(cls, records: Sequence[np.ndarray]) -> "list[PulseCurve | None]":
+        """The curves of records of one length, to the last bit what each has by itself; None for one that has none.
+
+        The equations of the splines are factorised once, which takes longer than to solve them.
+        """
+        fit = [record.size > 3 and bool(np.isfinite(record).all()) for record in records]
+        good = [record for record, fits in zip(records, fit, strict=True) if fits]
+        if not good:
+            return [None] * len(records)
+        together = _spline_through(np.stack(good, axis=1))
+        each = iter(np.ascontiguousarray(together.c.T))
+        return [
+            cls(record, together.construct_fast(together.t, next(each), together.k)) if fits else None
+            for record, fits in zip(records, fit, strict=True)
+        ]
 
     @cached_property
     def peak_place(self) -> float:
@@ -127,7 +154,7 @@ class PulseCurve:
         low = 0.0 if self.samples[0] >= level else self.rise_before_peak(level)
         high = self.fall_after_peak(level)
         area = self.spline.antiderivative(1)
-        moment = self.spline.antiderivative(2)
+        moment = area.antiderivative(1)
         # Integration by parts; places counted from the peak, so that long records lose no digits.
         lever = (high - self.peak_place) * area(high) - (low - self.peak_place) * area(low)
         return self.peak_place + float((lever - (moment(high) - moment(low))) / (area(high) - area(low)))

@@ -18,6 +18,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from ..medium import IndexField
+from ..pupils.vectors import lengths
 from ..rays import RayBundle
 from ..scene import Scene
 from ..tracing import Plane, RayStatus, TraceResult, trace
@@ -160,5 +161,5 @@ def _trace_rays(
     result = trace(index, rays, until=stop, outputs=wanted, **trace_options(scene))
     assert result.position is not None and result.opd is not None  # they were asked for
     undisturbed = rays.position + ((stop_z - rays.position[:, 2]) / rays.direction[:, 2])[:, None] * rays.direction
-    detour = np.linalg.norm(point - result.position, axis=1) - np.linalg.norm(point - undisturbed, axis=1)
+    detour = lengths(point - result.position) - lengths(point - undisturbed)
     return np.where(result.ok, result.opd + index.ambient_index * detour, 0.0), result

@@ -5,6 +5,7 @@ from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import partial
+from typing import NamedTuple
 
 import numpy as np
 
@@ -14,8 +15,21 @@ from .checks import as_waveform
 from .pulse_curve import PulseCurve
 from .range_error import RangeStatistics, chain_range_statistics
 from .range_walk import RangeWalk, range_walk
-from .ranging import RANGING_METHODS, read_range, template_curve
+from .ranging import RANGING_METHODS, read_waveform, template_curve
 from .shaped_curve import Shape, shaped_curve
+
+
+class _Record(NamedTuple):
+    """A record as `as_waveform` gives it, and what `shaped_curve` made of it, if it was asked and could."""
+
+    times: np.ndarray
+    volts: np.ndarray
+    period: float
+    curve: tuple[PulseCurve, int] | None = None
+
+    @property
+    def waveform(self) -> tuple[np.ndarray, np.ndarray, float]:
+        return self.times, self.volts, self.period
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,7 +56,12 @@ class Rangefinder:
 
     @classmethod
     def calibrated(
-        cls, scene: Scene, time: np.ndarray, reference: np.ndarray, fine: tuple[np.ndarray, np.ndarray] | None = None
+        cls,
+        scene: Scene,
+        time: np.ndarray,
+        reference: np.ndarray,
+        fine: tuple[np.ndarray, np.ndarray] | None = None,
+        curve: PulseCurve | None = None,
     ) -> "Rangefinder":
         """Calibrate on the echo in vacuum.
 
@@ -52,13 +71,15 @@ class Rangefinder:
             reference: Samples [V], shape (n,).
             fine: Times [s] and voltage [V] of the same echo where it was computed, fine enough to show all of the
                 pulse however slow the digitiser; None: the samples.
+            curve: The curve through the samples, where it was made already.
         """
         detector = scene.detector
         known = (time, reference) if fine is None else fine
-        walk, offsets, unreadable = None, {}, {}
+        walk, unreadable = None, {}
         methods = dict.fromkeys(RANGING_METHODS, 0.0)
         try:
-            shape = template_curve(known[1], as_waveform(*known)[2])
+            itself = known[1].size == reference.size  # the samples are where the echo was computed
+            shape = template_curve(known[1], as_waveform(*known)[2], curve if itself else None)
         except ValueError as fault:
             reason = f"the echo in vacuum, without flow, cannot be ranged: {fault}"
             return cls(detector.threshold, detector.fraction, np.zeros_like, {}, None, dict.fromkeys(methods, reason))
@@ -69,36 +90,34 @@ class Rangefinder:
                 unreadable["leading-edge"] = f"the echo in vacuum gives no range walk curve: {fault}"
                 del methods["leading-edge"]
         bare = cls(detector.threshold, detector.fraction, shape, methods, walk)
-        made = bare._curve(time, reference)
-        for method in methods:
-            try:
-                offsets[method] = bare.range(time, reference, method, made) - scene.target.distance
-            except ValueError as fault:
-                unreadable[method] = f"the echo in vacuum, without flow, cannot be ranged: {fault}"
+        found, faults = bare._readings(time, reference, tuple(methods), curve)
+        offsets = {method: reading - scene.target.distance for method, reading in found.items()}
+        for method, reason in faults.items():
+            unreadable[method] = f"the echo in vacuum, without flow, cannot be ranged: {reason}"
         return cls(detector.threshold, detector.fraction, shape, offsets, walk, unreadable)
 
-    def range(
-        self, time: np.ndarray, voltage: np.ndarray, method: str, made: tuple[PulseCurve, int] | None = None
-    ) -> float:
-        """Range by one method [m]; `made` is the record's curve where it was made already.
+    def range(self, time: np.ndarray, voltage: np.ndarray, method: str) -> float:
+        """Range by one method [m].
 
         Raises:
             ValueError: The method finds no echo.
         """
-        reading = read_range(
-            time,
-            voltage,
+        return self._range(_Record(*as_waveform(time, voltage)), method)
+
+    def _range(self, record: "_Record", method: str) -> float:
+        reading = read_waveform(
+            record.waveform,
             method,
             threshold=self.threshold,
             template=self.shape if method == "matched-filter" else None,
             fraction=self.fraction,
             shape=self.shape,
-            curve=made,
+            curve=record.curve,
         )
         if method == "leading-edge" and self.walk is not None:
-            _, volts, period = as_waveform(time, voltage)
-            curve, finer = made or shaped_curve(volts, self.shape, period)
-            reading = self.walk.correct(time, voltage, reading, peak=curve.peak if finer > 1 else None)
+            curve, finer = record.curve or shaped_curve(record.volts, self.shape, record.period)
+            peak = curve.peak if finer > 1 else None
+            reading = self.walk.correct(record.times, record.volts, reading, peak=peak)
         return reading - self.calibration[method]
 
     def ranges(
@@ -112,27 +131,32 @@ class Rangefinder:
 
         `curve` is the one through the voltage, where it was made already.
         """
-        found, reasons = {}, {}
-        made = self._curve(time, voltage, curve)
-        for method in methods:
-            found[method] = math.nan
-            if method in self.unreadable:
-                reasons[method] = self.unreadable[method]
-                continue
-            try:
-                found[method] = self.range(time, voltage, method, made)
-            except ValueError as fault:  # the flow, or the noise, left too little of the echo for this method
-                reasons[method] = f"the echo cannot be ranged: {fault}"
-        return found, reasons
+        readable = [method for method in methods if method not in self.unreadable]
+        found, faults = self._readings(time, voltage, readable, curve)
+        told = dict(self.unreadable)
+        for method, fault in faults.items():  # the flow, or the noise, left too little of the echo for this method
+            told[method] = f"the echo cannot be ranged: {fault}"
+        reasons = {method: told[method] for method in methods if method in told}
+        return {method: found.get(method, math.nan) for method in methods}, reasons
 
-    def _curve(
-        self, time: np.ndarray, voltage: np.ndarray, curve: PulseCurve | None = None
-    ) -> tuple[PulseCurve, int] | None:
-        """A record's curve, which all methods read; None for one that has none: each method says why."""
-        with suppress(ValueError):
-            _, volts, period = as_waveform(time, voltage)
-            return shaped_curve(volts, self.shape, period, curve)
-        return None
+    def _readings(
+        self, time: np.ndarray, voltage: np.ndarray, methods: Sequence[str], curve: PulseCurve | None
+    ) -> tuple[dict[str, float], dict[str, str]]:
+        """Ranges by those methods that read a record [m], and what is wrong with it for each of the others."""
+        try:
+            times, volts, period = as_waveform(time, voltage)
+        except ValueError as fault:
+            return {}, dict.fromkeys(methods, str(fault))
+        made = None
+        with suppress(ValueError):  # a record without a curve: each method says why
+            made = shaped_curve(volts, self.shape, period, curve)
+        found, faults = {}, {}
+        for method in methods:
+            try:
+                found[method] = self._range(_Record(times, volts, period, made), method)
+            except ValueError as fault:
+                faults[method] = str(fault)
+        return found, faults
 
     def statistics(
         self, scene: Scene, time: np.ndarray, power: np.ndarray, stride: int, trial_count: int

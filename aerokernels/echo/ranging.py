@@ -27,7 +27,7 @@ from ..arguments import Numbers, checked
 from .checks import as_finite_array, as_waveform, check_choice, check_positive
 from .pulse_curve import PulseCurve
 from .sampling_error import sampling_error, warn_of_sampling
-from .shaped_curve import Shape, best_match, shaped_curve, template_transform
+from .shaped_curve import Shape, best_place, shaped_curve, shifted_samples, template_transform
 from .waveform import SPEED_OF_LIGHT
 
 RANGING_METHODS = ("leading-edge", "constant-fraction", "centroid", "matched-filter")
@@ -35,6 +35,8 @@ RANGING_METHODS = ("leading-edge", "constant-fraction", "centroid", "matched-fil
 AMPLITUDE_METHODS = ("leading-edge",)  # those whose reading hangs on the amplitude
 
 Template = Shape | np.ndarray
+# Of a sampled template at the places of a record: how many records' are kept, and up to how many numbers of each.
+KEPT, MOST_KEPT = 4, 1 << 18
 
 
 @checked
@@ -97,15 +99,29 @@ def read_range(
     template: Template | None = None,
     fraction: float = 0.5,
     shape: Shape | None = None,
-    curve: tuple[PulseCurve, int] | None = None,
 ) -> float:
     """As `estimate_range`, without a warning: for many records of one kind.
 
     `shape` is the pulse as a function of time [s], by which the samples are interpolated; None: the template, where
-    that is a function. `curve` is what `shaped_curve` made of the record by that shape already, or None.
+    that is a function.
     """
     check_choice(method, "method", RANGING_METHODS)
-    times, volts, period = as_waveform(time, voltage)
+    waveform = as_waveform(time, voltage)
+    return read_waveform(waveform, method, threshold=threshold, template=template, fraction=fraction, shape=shape)
+
+
+def read_waveform(
+    waveform: tuple[np.ndarray, np.ndarray, float],
+    method: str,
+    *,
+    threshold: float | None = None,
+    template: Template | None = None,
+    fraction: float = 0.5,
+    shape: Shape | None = None,
+    curve: tuple[PulseCurve, int] | None = None,
+) -> float:
+    """As `read_range`, of what `as_waveform` gave; `curve` is what `shaped_curve` made of it by `shape`, or None."""
+    times, volts, period = waveform
     place = _place(volts, period, method, threshold, template, fraction, shape, curve)
     return 0.5 * SPEED_OF_LIGHT * (float(times[0]) + place * period)
 
@@ -143,7 +159,7 @@ def _place(
     if method == "matched-filter":
         if template is None:
             raise ValueError("method 'matched-filter' needs a template: a function of time, or samples of the pulse")
-        return best_match(volts, template_curve(template, period), period)[0]
+        return best_place(volts, template_curve(template, period), period)
     known = template if callable(template) else None
     curve, finer = made or shaped_curve(volts, shape or known, period)
     place = _arrival(curve, method, threshold, fraction) / finer
@@ -174,46 +190,66 @@ class SampledTemplate:
     Attributes:
         samples: The samples, shape (k,).
         period: Sample period [s].
+        made: The curve through the samples, where it was made already.
     """
 
     samples: np.ndarray
     period: float
+    made: PulseCurve | None = None
 
     @cached_property
-    def _curve(self) -> PulseCurve:
-        return PulseCurve(self.samples)
+    def curve(self) -> PulseCurve:
+        """The curve through the samples."""
+        return self.made or PulseCurve(self.samples)
 
     def __call__(self, time: np.ndarray) -> np.ndarray:
         """The template at times [s]."""
         last = self.samples.size - 1
         place = np.asarray(time) / self.period + int(np.argmax(self.samples))
         inside = (place >= 0.0) & (place <= last)
-        return np.where(inside, self._curve.spline(np.clip(place, 0.0, last)), 0.0)
+        return np.where(inside, self.curve.spline(np.clip(place, 0.0, last)), 0.0)
 
     def transform(self, count: int, period: float) -> tuple[np.ndarray, float]:
         """See `shaped_curve.template_transform`; that of the last record's samples is kept."""
-        if self._transforms.get("of") != (count, period):
-            self._transforms.update({"of": (count, period), "is": template_transform(self, count, period)})
-        return self._transforms["is"]
+        return self._latest("transform", (count, period), lambda: template_transform(self, count, period), 1)
+
+    def shifted(self, places: np.ndarray, shifts: np.ndarray, period: float) -> tuple[np.ndarray, np.ndarray]:
+        """See `shaped_curve.shifted_samples`; those of the last records' places are kept: echoes are much alike."""
+        if not 1 < shifts.size <= MOST_KEPT // places.size:  # a single shift is that of one record
+            return shifted_samples(self, places, shifts, period)
+        key = (places.size, int(places[0]), shifts.tobytes(), period)
+        return self._latest("shifted", key, lambda: shifted_samples(self, places, shifts, period), KEPT)
+
+    def _latest(self, kind: str, key: tuple, make: Callable[[], Any], most: int) -> Any:
+        """What `make` gives for a key, of which the latest few of a kind are kept."""
+        kept = self._kept.setdefault(kind, {})
+        if key not in kept:
+            for old in list(kept)[: len(kept) + 1 - most]:
+                del kept[old]
+            kept[key] = make()
+        return kept[key]
 
     @cached_property
-    def _transforms(self) -> dict[str, Any]:
+    def _kept(self) -> dict[str, dict[tuple, Any]]:
         return {}
 
 
-def template_curve(template: Template, period: float) -> Callable[[np.ndarray], np.ndarray]:
+def template_curve(
+    template: Template, period: float, curve: PulseCurve | None = None
+) -> Callable[[np.ndarray], np.ndarray]:
     """The template as a function of time [s], zero at its peak; 0 outside of given samples.
 
     Args:
         template: A function, returned as it is, or samples, shape (k,), at the period given.
         period: Sample period [s].
+        curve: The curve through the samples, where it was made already.
 
     Raises:
         ValueError: Samples that are not finite, not a list, fewer than four, or without a positive value.
     """
     if callable(template):
         return template
-    return SampledTemplate(_checked_samples(template), period)
+    return SampledTemplate(_checked_samples(template), period, curve)
 
 
 def _checked_samples(template) -> np.ndarray:

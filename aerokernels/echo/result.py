@@ -10,7 +10,7 @@ import numpy as np
 
 from ..quantities import Quantity
 from ..shown import drawn_on, shown
-from .pulse_curve import peak_height
+from .pulse_curve import PulseCurve, peak_height
 from .range_error import RangeStatistics
 from .uncertainty import EchoErrors
 
@@ -119,15 +119,21 @@ class EchoResult:
         ]
         return "\n".join([*lines, f"  no range: {self.reason}"] if self.reason else lines)
 
-    @cached_property
+    @property
     def peak_power(self) -> float:
         """Peak of the received power [W], between the samples."""
-        return peak_height(self.power)
+        return self._peaks[0]
 
-    @cached_property
+    @property
     def peak_voltage(self) -> float:
         """Peak of the voltage [V], between the samples."""
-        return peak_height(self.voltage)
+        return self._peaks[1]
+
+    @cached_property
+    def _peaks(self) -> list[float]:
+        """Peaks of power and voltage."""
+        records = [self.power, self.voltage]
+        return [peak_height(*each) for each in zip(records, PulseCurve.of_each(records), strict=True)]
 
     @property
     def range(self) -> float:

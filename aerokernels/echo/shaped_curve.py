@@ -12,6 +12,7 @@ and only the remainder, noise and a small difference of shapes, is interpolated 
 
 import math
 from collections.abc import Callable
+from functools import partial
 
 import numpy as np
 
@@ -63,17 +64,36 @@ def _finer(volts: np.ndarray) -> int:
 def best_match(volts: np.ndarray, curve: Shape, period: float) -> tuple[float, float]:
     """The delay at which a pulse correlates best with the samples, and its amplitude there.
 
+    Returns:
+        Place of the pulse's time zero [samples], and the factor that makes the pulse fit best.
+
+    Raises:
+        ValueError: As for `best_place`, whose arguments it takes.
+    """
+    start, found = _best_place(volts, curve, period)
+    expected = curve((np.arange(volts.size) - start - found) * period)
+    return start + found, float(volts @ expected) / (float(expected @ expected) or 1.0)
+
+
+def best_place(volts: np.ndarray, curve: Shape, period: float) -> float:
+    """The delay at which a pulse correlates best with the samples.
+
     Args:
         volts: Samples, shape (n,).
         curve: The pulse as a function of time [s].
         period: Sample period [s].
 
     Returns:
-        Place of the pulse's time zero [samples], and the factor that makes the pulse fit best.
+        Place of the pulse's time zero [samples].
 
     Raises:
         ValueError: A pulse that is not finite, or no positive correlation anywhere.
     """
+    return sum(_best_place(volts, curve, period))
+
+
+def _best_place(volts: np.ndarray, curve: Shape, period: float) -> tuple[int, float]:
+    """The sample nearest to the best place, and how far from it the place is [samples]."""
     from scipy.fft import irfft, next_fast_len, rfft
 
     count = volts.size
@@ -88,17 +108,27 @@ def best_match(volts: np.ndarray, curve: Shape, period: float) -> tuple[float, f
     if coarse[start] <= least:
         raise ValueError("the waveform has no positive correlation with the template anywhere: is a sign turned?")
     places = np.arange(count) - start
+    shifted = getattr(curve, "shifted", None) or partial(shifted_samples, curve)
 
     def match(shifts: np.ndarray) -> np.ndarray:
         # Over its norm: a pulse of few samples has more or less of them near its peak as it moves between the samples.
-        expected = curve((places - shifts[:, None]).ravel() * period).reshape(shifts.size, count)
-        norm = np.sqrt(np.einsum("si,si->s", expected, expected))
+        expected, norm = shifted(places, shifts, period)
         return np.asarray(expected @ volts / np.where(norm > 0.0, norm, 1.0))
 
     low, high = max(-1.0, -float(start)), min(1.0, float(count - 1 - start))
-    found = greatest_within(match, low, high)
-    expected = curve((places - found) * period)
-    return start + found, float(volts @ expected) / (float(expected @ expected) or 1.0)
+    return start, greatest_within(match, low, high)
+
+
+def shifted_samples(
+    curve: Shape, places: np.ndarray, shifts: np.ndarray, period: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """A pulse at the places of samples, shape (n,), moved by each of some shifts [samples], shape (s,).
+
+    Returns:
+        Its samples, shape (s, n), and the norm of each row, shape (s,).
+    """
+    expected = curve((places - shifts[:, None]).ravel() * period).reshape(shifts.size, places.size)
+    return expected, np.sqrt(np.einsum("si,si->s", expected, expected))
 
 
 def greatest_within(values: Callable[[np.ndarray], np.ndarray], low: float, high: float) -> float:

@@ -15,7 +15,6 @@ reading there is subtracted. What remains is due to air and flow: above all the 
 amplitude, and the air's optical path (0.4 mm over 1.5 m at sea level).
 """
 
-import math
 from functools import partial
 
 import numpy as np
@@ -24,28 +23,15 @@ from ..medium import IndexField
 from ..prepare import prepare_field
 from ..scene import Scene
 from ..strehl import StrehlEstimate
-from .chain import chain_of
-from .detector import sample_times
 from .echo_errors import EchoProbe, echo_errors
-from .paths import TransmitPaths, target_plane, transmit_paths, vacuum_paths
-from .pulse_curve import peak_height
-from .pulses import PulseShape, pulse_of
+from .paths import TransmitPaths, transmit_paths
+from .pulse_curve import PulseCurve, peak_height
 from .rangefinder import Rangefinder
-from .received_power import point_power, vacuum_power
+from .received_power import point_power
 from .result import EchoResult
 from .return_paths import return_paths
-from .target_points import TargetPoints, target_points
+from .vacuum import VacuumEcho
 from .waveform import SPEED_OF_LIGHT, sum_of_pulses
-
-# The detector's low-pass rings for a few 1 / bandwidth.
-FILTER_MARGIN = 3.0
-# Power is computed at least this many times a pulse's time scale and a period of the amplifier's bandwidth, however
-# slow the digitiser: nothing of the pulse is aliased, and all noise that is folded into the samples is there.
-LEAST_RATE = 8.0
-# Light that comes earlier or later than in vacuum by more than this share of a pulse's time scale moves the record's
-# ends. Less leaves the sample times as they are, so that scenes that differ in their flow have the same.
-LEAST_MOVE = 0.1
-GREATEST_SAMPLE_COUNT = 1 << 22
 
 
 def echo(
@@ -79,10 +65,19 @@ def echo(
         ValueError: The target lies inside the flow or reaches back to the aperture, no ray gets out or arrives, or a
             record of millions of samples.
     """
-    pulse, chain = pulse_of(scene), chain_of(scene)
     flow = prepare_field(scene).field if field is None else field
-    points, plane = target_points(scene, limits), target_plane(scene)
-    vacuum = vacuum_paths(points, plane)
+    return echo_through(flow, VacuumEcho.of(scene, limits), strehl_node_count, symmetry, phase_error)
+
+
+def echo_through(
+    flow: IndexField,
+    vacuum: VacuumEcho,
+    strehl_node_count: int | str | None = None,
+    symmetry: bool = True,
+    phase_error: float | StrehlEstimate | None = None,
+) -> EchoResult:
+    """The echo through a field of what is known of it in vacuum; the other arguments and errors are those of `echo`."""
+    scene, points, pulse, chain = vacuum.scene, vacuum.points, vacuum.pulse, vacuum.chain
     out = transmit_paths(scene, flow, points)
     if not out.arrived.any():
         raise ValueError(
@@ -90,10 +85,10 @@ def echo(
             "check receiver.aperture_z and beam.exit_radius against the body"
         )
     node_count = scene.receiver.strehl_node_count if strehl_node_count is None else strehl_node_count
-    back = return_paths(scene, flow, out.intersection, plane, node_count, symmetry)
-    time, fine, stride = _record_times(scene, pulse, vacuum.path, out.path)
+    back = return_paths(scene, flow, out.intersection, vacuum.plane, node_count, symmetry)
+    time, fine, stride = vacuum.times(out.path)
 
-    reference = vacuum_power(scene, pulse, points.weight, vacuum, fine)
+    reference = vacuum.power(fine)
     peak = np.where(out.arrived, point_power(scene, points.weight, out, back.factor), 0.0)
     power = sum_of_pulses(fine, 2.0 * np.where(out.arrived, out.path, 0.0) / SPEED_OF_LIGHT, peak, pulse)
     fine_voltage = chain.voltage(fine, reference)
@@ -102,17 +97,16 @@ def echo(
     noisy = scene.detector.noise
     voltage = chain.record(fine, power, scene.detector.seed, stride) if noisy else chain.digitise(clean)
 
-    rangefinder = Rangefinder.calibrated(scene, time, reference_voltage, (fine, fine_voltage))
-    ranges, reasons = rangefinder.ranges(time, voltage)
+    curves = PulseCurve.of_each([reference[::stride], reference_voltage, voltage])
+    rangefinder = Rangefinder.calibrated(scene, time, reference_voltage, (fine, fine_voltage), curves[1])
+    ranges, reasons = rangefinder.ranges(time, voltage, curve=curves[2])
     share = np.where(out.arrived, points.weight, 0.0)
 
-    peaks = peak_height(reference[::stride]), peak_height(reference_voltage)
+    peaks = peak_height(reference[::stride], curves[0]), peak_height(reference_voltage, curves[1])
 
     probe = EchoProbe(
-        scene=scene,
         field=flow,
         known_phase_error=phase_error,
-        weight=points.weight,
         vacuum=vacuum,
         time=time,
         fine=fine,
@@ -147,74 +141,6 @@ def echo(
         information=_information(points.weight, share, out, back),
         budget=partial(echo_errors, probe=probe),
     )
-
-
-def vacuum_echo(scene: Scene) -> tuple[np.ndarray, np.ndarray]:
-    """The echo of a scene in vacuum, without noise or digitiser, on which its rangefinder is calibrated.
-
-    Returns:
-        Sample times after the pulse's peak left [s], and voltage [V], each of shape (n,).
-
-    Raises:
-        ValueError: The target reaches back to the aperture, or a record of millions of samples.
-    """
-    time, _, voltage, _ = vacuum_record(scene)
-    return time, voltage
-
-
-def vacuum_record(scene: Scene) -> tuple[np.ndarray, np.ndarray, np.ndarray, tuple[np.ndarray, np.ndarray]]:
-    """The echo in vacuum with its power: sample times [s], power [W] and voltage [V], each of shape (n,).
-
-    Last, the times [s] and the voltage [V] where the echo is computed, finely enough for its pulse.
-    """
-    pulse, points, vacuum, (time, fine, stride) = vacuum_times(scene)
-    power = vacuum_power(scene, pulse, points.weight, vacuum, fine)
-    voltage = chain_of(scene).voltage(fine, power)
-    return time, power[::stride], voltage[::stride], (fine, voltage)
-
-
-def vacuum_times(
-    scene: Scene,
-) -> tuple[PulseShape, TargetPoints, TransmitPaths, tuple[np.ndarray, np.ndarray, int]]:
-    """What `vacuum_record` sums: pulse, target points, ways to them, and times as `_record_times` gives them.
-
-    Raises:
-        ValueError: As for `vacuum_echo`.
-    """
-    pulse, points = pulse_of(scene), target_points(scene, None)
-    vacuum = vacuum_paths(points, target_plane(scene))
-    return pulse, points, vacuum, _record_times(scene, pulse, vacuum.path, vacuum.path)
-
-
-def _record_times(
-    scene: Scene, pulse: PulseShape, vacuum: np.ndarray, path: np.ndarray
-) -> tuple[np.ndarray, np.ndarray, int]:
-    """Sample times [s], times at which power is computed, and how many of these make one sample period.
-
-    They follow from the paths in vacuum alone, but where air over kilometres, or glass, makes a long way of it.
-
-    Raises:
-        ValueError: A record of millions of samples.
-    """
-    delay = 2.0 * vacuum / SPEED_OF_LIGHT
-    later = 2.0 * (path - vacuum) / SPEED_OF_LIGHT
-    least = LEAST_MOVE * pulse.timescale
-    early, late = (shift if abs(shift) > least else 0.0 for shift in (float(np.nanmin(later)), float(np.nanmax(later))))
-    before, after = pulse.support
-    tail = 0.0 if scene.detector.bandwidth is None else FILTER_MARGIN / scene.detector.bandwidth
-    rate = scene.detector.sample_rate
-    start, stop = delay.min() + before + min(early, 0.0), delay.max() + after + tail + max(late, 0.0)
-    fastest = max(1.0 / pulse.timescale, scene.detector.bandwidth or 0.0)
-    stride = max(1, math.ceil(LEAST_RATE * fastest / rate))
-    length = max(stop - start, 1.0 / rate)
-    if length * rate * stride > GREATEST_SAMPLE_COUNT:
-        raise ValueError(
-            f"the record would take {length * rate * stride:.1e} samples to compute, {length:.3g} s at "
-            f"{rate * stride:.3g} Hz: beam.pulse_tau, detector.bandwidth and detector.sample_rate do not go together"
-        )
-    time = sample_times(start, stop, rate)
-    fine = time[0] + np.arange((time.size - 1) * stride + 1) / (rate * stride)
-    return time, fine, stride
 
 
 def _information(weight: np.ndarray, share: np.ndarray, out: TransmitPaths, back) -> dict[str, float]:

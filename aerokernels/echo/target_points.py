@@ -22,6 +22,8 @@ from itertools import pairwise
 
 import numpy as np
 
+from ..opened import OPENED
+from ..pupils.vectors import lengths
 from ..scene import Scene
 from .checks import check_choice
 from .pulses import pulse_of
@@ -99,7 +101,7 @@ def _resolving_counts(scene: Scene, outline: np.ndarray) -> tuple[int, int]:
     ray, normal = aim - start, scene.target.orientation[:, 2]
     # From the exit to the tilted plane, which passes the axis where the aims' plane does.
     center = np.array([0.0, 0.0, aim[0, 2]])
-    path = np.linalg.norm(ray, axis=1) * ((center - start) @ normal) / (ray @ normal)
+    path = lengths(ray) * ((center - start) @ normal) / (ray @ normal)
     sides = np.column_stack([np.ones(len(flat)), flat])
     slope = np.linalg.lstsq(sides, path, rcond=None)[0]
     residual = float(np.ptp(path - sides @ slope))
@@ -184,7 +186,8 @@ def polygon_points(outline: np.ndarray, across: int, along: int | None = None) -
 def _gauss_points(count: int) -> tuple[np.ndarray, np.ndarray]:
     """At least `count` Gauss-Legendre points in [-1, 1] and their weights, in equal pieces where they are many."""
     piece_count = math.ceil(count / PANEL_NODES)
-    node, weight = np.polynomial.legendre.leggauss(math.ceil(count / piece_count))
+    rule = math.ceil(count / piece_count)  # at most PANEL_NODES of them are ever made
+    node, weight = OPENED.once(("Gauss-Legendre", rule), lambda: np.polynomial.legendre.leggauss(rule))
     middle = (2.0 * np.arange(piece_count) + 1.0) / piece_count - 1.0
     return (middle[:, None] + node / piece_count).ravel(), np.tile(weight / piece_count, piece_count)
 

@@ -81,7 +81,7 @@ class EchoSource:
         Raises:
             ValueError: a scene that cannot be used.
         """
-        from aerokernels.echo.simulate import vacuum_echo
+        from aerokernels.echo.vacuum import vacuum_echo
         from aerokernels.scene import Scene
 
         found = vacuum_echo(Scene.load(scene))

@@ -7,8 +7,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from aerokernels.clock import clocked
-from aerokernels.echo import EchoResult, echo
+from aerokernels.echo import EchoResult
 from aerokernels.echo.prediction import check_echo
+from aerokernels.echo.simulate import echo_through
+from aerokernels.echo.vacuum import VacuumEcho
 from aerokernels.flow import DensityField
 from aerokernels.jobs.report import draw_pictures, render_report
 from aerokernels.jobs.run_parts import RunParts
@@ -77,9 +79,9 @@ def scene_strehl(field: IndexField, scene: Scene) -> StrehlEstimate:
     )
 
 
-def echo_with_errors(scene: Scene, field: IndexField, strehl: StrehlEstimate) -> EchoResult:
-    """The echo of a scene, its errors computed."""
-    found = echo(scene, field=field, phase_error=strehl)
+def echo_with_errors(vacuum: VacuumEcho, field: IndexField, strehl: StrehlEstimate) -> EchoResult:
+    """The echo of a scene whose echo in vacuum is known, its errors computed."""
+    found = echo_through(field, vacuum, phase_error=strehl)
     _ = found.quantities
     return found
 
@@ -139,13 +141,13 @@ def simulate(
         prepared = staged("prepare", lambda: prepare_field(scene, field))
         index = prepared.field
         if with_echo:
-            check_echo(scene, index)  # so is a scene whose echo cannot be computed, whatever the flow does
+            vacuum = check_echo(scene, index)  # so is a scene whose echo cannot be computed, whatever the flow does
         strehl = staged("strehl", lambda: scene_strehl(index, scene))
         pupil = tried("wavefront", lambda: pupil_map(index, scene))
         fan = tried("fan", lambda: ray_fan(index, scene, prepared.front), "rays")
         staged("error", lambda: strehl.quantities)
         if with_echo:
-            found = tried("echo", lambda: echo_with_errors(scene, index, strehl))
+            found = tried("echo", lambda: echo_with_errors(vacuum, index, strehl))
         else:
             found, failed["echo"] = None, "left out, as asked for"
     seconds["total"] = stages["total"]

@@ -168,6 +168,11 @@ def _files_of(summary: Any) -> list[str]:
 
 def to_json(value: Any) -> Any:
     """`value` in terms of what JSON has: NumPy scalars and arrays unpacked, NaN and infinity as null."""
+    kind = type(value)
+    if kind is str or kind is int or kind is bool or value is None:  # nearly all of a summary
+        return value
+    if kind is float:
+        return value if math.isfinite(value) else None
     if isinstance(value, Mapping):
         return {str(key): to_json(item) for key, item in value.items()}
     if isinstance(value, np.ndarray):

@@ -137,8 +137,8 @@ class TargetTable(Table):
     def orientation(self) -> np.ndarray:
         """Unit vectors of the reflector as columns: along its width, along its height, its normal; shape (3, 3)."""
         axis = np.array(self.tilt_axis) / np.abs(self.tilt_axis).max()
-        axis = axis / np.linalg.norm(axis)
-        cross = np.cross(np.eye(3), axis)
+        x, y, z = axis / np.linalg.norm(axis)
+        cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
         return np.eye(3) + math.sin(self.tilt) * cross + (1.0 - math.cos(self.tilt)) * cross @ cross
 
     @property

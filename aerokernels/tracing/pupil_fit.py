@@ -11,6 +11,8 @@ COLUMNS = {"piston": (), "tilt": (0, 1), "focus": (2,)}
 # Powers of a length in each of the moments.
 LENGTHS = np.array([0, 1, 1, 0, 2, 2, 2, 1, 1, 0, 0, 0, 3, 3, 4, 2])
 assert len(LENGTHS) == MOMENT_COUNT
+# Moments that are zero where everything is symmetric about the axis.
+ODD = np.array([1, 2, 5, 7, 8, 12, 13])
 
 
 def fit_surface(moments: np.ndarray, terms: tuple[str, ...]) -> np.ndarray:
@@ -31,8 +33,9 @@ def moments_in_metres(moments: np.ndarray, task: PupilTask) -> np.ndarray:
     """
     moments = moments * task.pupil.reach**LENGTHS
     if task.is_radial:
-        moments[:, [1, 2, 5, 7, 8, 12, 13]] = 0.0
-        moments[:, [4, 6]] = 0.5 * moments[:, [4]]
+        moments[:, ODD] = 0.0
+        moments[:, 4] *= 0.5
+        moments[:, 6] = moments[:, 4]
     return moments
 
 

@@ -83,6 +83,8 @@ class PupilRun:
         with stage("upload"):
             self.one = engine.put(np.ones(1))
             self.starts = None if task.is_radial else self._starts()
+            self.headings = engine.put(np.repeat(task.look[None], together, axis=0)) if task.is_radial else None
+        self.no_surface = self._phasor_numbers(np.zeros(4))
         self.sums = [engine.empty(SUM_COUNT * self.widest * rows) for rows in joined_counts(task.per_replicate)]
         self.buffers: list[dict[str, Any]] = []  # of each batch whose rays are still needed
 
@@ -108,15 +110,15 @@ class PupilRun:
         for number, rows in enumerate(self.batches):
             batch = self._launch(rows, points, self._buffers(number if task.terms else 0))
             self.prepared.launch([batch.position, batch.direction], batch.results, batch.count)
-            sums[rows] = self._sums(batch, np.zeros(4))
+            sums[rows] = self._sums(batch, self.no_surface)
             if self.prepared.take_rejected() or not holds_tolerance(sums[rows], task):
                 rejected += self._retrace(batch)
-                sums[rows] = self._sums(batch, np.zeros(4))
+                sums[rows] = self._sums(batch, self.no_surface)
             kept.append(batch)
         if task.terms:
-            surface = fit_surface(sums[:, :MOMENT_COUNT], task.terms)
+            numbers = self._phasor_numbers(fit_surface(sums[:, :MOMENT_COUNT], task.terms))
             for batch in kept:
-                sums[batch.rows] = self._sums(batch, surface)
+                sums[batch.rows] = self._sums(batch, numbers)
         moments = moments_in_metres(sums[:, :MOMENT_COUNT], task)
         phasors = sums[:, MOMENT_COUNT] + 1j * sums[:, MOMENT_COUNT + 1]
         return PupilSums(moments, phasors, task.replicates * task.per_replicate, rejected)
@@ -141,8 +143,8 @@ class PupilRun:
         count = (rows.stop - rows.start) * task.per_replicate
         results = {name: buffers[name] for name in OUTPUT_TYPES}
         if task.is_radial:
-            position, direction, place, weight = (engine.put(array) for array in radial_rays(task, points, rows))
-            return Batch(rows, count, position, direction, place, weight, count, results)
+            position, place, weight = (engine.put(array) for array in radial_rays(task, points, rows))
+            return Batch(rows, count, position, self.headings, place, weight, count, results)
         assert self.starts is not None
         engine.put_into(self.starts[SEEDS], np.ascontiguousarray(points[rows]))
         before = self.starts
@@ -151,15 +153,21 @@ class PupilRun:
         engine.launch(self.kernels["launch_pupil"], before, [position, direction, place, weight], count)
         return Batch(rows, count, position, direction, place, weight, weights, results)
 
-    def _sums(self, batch: Batch, surface: np.ndarray) -> np.ndarray:
-        """Sums of the replicates of a batch, (n, SUM_COUNT): of groups, then of groups of groups."""
+    def _phasor_numbers(self, surface: np.ndarray) -> list:
+        """What the kernel sum_phasors is given first; numbers that are the same objects need not be set again."""
+        return [2.0 * np.pi / self.task.wavelength, surface[:3], float(surface[3]), self.task.per_replicate]
+
+    def _sums(self, batch: Batch, numbers: list) -> np.ndarray:
+        """Sums of the replicates of a batch, (n, SUM_COUNT): of groups, then of groups of groups.
+
+        `numbers` are those of `_phasor_numbers`: phases are measured from their surface.
+        """
         per_replicate, engine, results = self.task.per_replicate, self.engine, batch.results
         replicates = batch.rows.stop - batch.rows.start
         groups = replicates * group_count(per_replicate)
         shared = [batch.weight_count, batch.weight, batch.place]
         per_ray = [results[name] for name in ("opd", "step_error", "evaluation_count", "status")]
         engine.launch(self.kernels["sum_moments"], [per_replicate], [*shared, *per_ray, self.sums[0]], groups)
-        numbers = [2.0 * np.pi / self.task.wavelength, surface[:3], float(surface[3]), per_replicate]
         per_ray = [results["opd"], results["status"]]
         engine.launch(self.kernels["sum_phasors"], numbers, [*shared, *per_ray, self.sums[0]], groups)
         for (rows, joined), sums in zip(pairwise(joined_counts(per_replicate)), pairwise(self.sums), strict=True):

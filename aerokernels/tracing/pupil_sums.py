@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -103,7 +104,7 @@ class PupilSums:
         """The greatest error estimate of a ray that arrived [m]."""
         return float(self.moments[:, GREATEST_ERROR].max())
 
-    @property
+    @cached_property
     def standard_error(self) -> float:
         """Standard error of the Strehl ratio from the spread of the replicates; nan where no ray arrived."""
         counts = self.moments[:, 0].tolist()
@@ -159,22 +160,21 @@ def _second_axis(index: np.ndarray) -> np.ndarray:
 
 
 def radial_rays(task: PupilTask, points: tuple[np.ndarray, np.ndarray], rows: slice) -> tuple[np.ndarray, ...]:
-    """Starts [m] (n, 3), directions (n, 3), places on the pupil (n, 2), weights (n,) of some radial replicates.
+    """Starts [m] (n, 3), places on the pupil (n, 2) and weights (n,) of the rays of some radial replicates.
 
-    The rays leave the pupil along its first axis; `points` are those of `radial_points`.
+    The rays leave from the pupil's first axis; `points` are those of `radial_points`.
     """
     squared, weight = (array[rows].reshape(-1, 1) for array in points)
     hole = (task.pupil.inner_ratio or 0.0) ** 2
     squared = hole + (1.0 - hole) * squared
     place = np.sqrt(squared)
-    position = task.pupil.center + task.pupil.reach * place * task.pupil.axes[0]
-    direction = np.repeat(task.look[None], len(position), axis=0)
-    return (
-        position,
-        direction,
-        np.concatenate([place, np.zeros_like(place)], axis=1),
-        np.ascontiguousarray(weight[:, 0]),
-    )
+    position = np.empty((len(place), 3))
+    for column, along, origin in zip(position.T, task.pupil.axes[0], task.pupil.center, strict=True):
+        np.multiply(task.pupil.reach * place[:, 0], along, out=column)  # by rows of three it takes twice as long
+        column += origin
+    flat = np.zeros((len(place), 2))
+    flat[:, :1] = place
+    return position, flat, np.ascontiguousarray(weight[:, 0])
 
 
 def group_count(per_replicate: int) -> int:

@@ -75,7 +75,8 @@ REACHED = (RayStatus.OK, RayStatus.LEFT_DISTURBED_AIR, RayStatus.TOLERANCE_NOT_M
 
 def reached(status: np.ndarray) -> np.ndarray:
     """Which of the status codes belong to rays that reached the stop, as booleans of the same shape."""
-    return np.isin(status, REACHED)
+    ok, left, rejected = REACHED
+    return np.asarray((status == ok) | (status == left) | (status == rejected))
 
 
 def is_any_rejected(status: np.ndarray) -> bool:

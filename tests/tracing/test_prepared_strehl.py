@@ -126,3 +126,26 @@ def test_bundles_are_cut_to_the_memory_of_any_engine():
     assert launch.chunk_size((4.0 * launch.RAY_BYTES * 1000, 1e12), 5000) == 1000
     assert launch.chunk_size((1e12, 24 * 700), 5000) == 700
     assert launch.chunk_size((1.0, 1.0), 5000) == launch.LEAST_CHUNK
+
+
+def test_many_fields_are_estimated_in_their_order_and_taken_as_they_are_needed():
+    """The same bits as one by one, two ahead at most; an error stands where its field stands."""
+    options = {"ray_count": 16 * 300, "allow_truncation": True}
+    seen = prepare_strehl(lens(), PUPIL, **options)
+    fields, taken = [lens(peak) for peak in (0.7e-6, 0.9e-6, 1.1e-6, 1.2e-6, 1.3e-6)], []
+
+    def given():
+        for number, field in enumerate(fields):
+            taken.append(number)
+            yield field
+
+    alone = [seen.with_field(lens(peak))(seed=3).value for peak in (0.7e-6, 0.9e-6, 1.1e-6, 1.2e-6, 1.3e-6)]
+    found = seen.for_fields(given(), seed=3)
+    assert not taken
+    assert next(found).value == alone[0] and len(taken) <= 2
+    assert [each.value for each in found] == alone[1:]
+    broken = seen.for_fields([fields[0], None, fields[1]], seed=3)
+    assert next(broken).value == alone[0]
+    with pytest.raises(TypeError, match="field must be an IndexField, got NoneType"):
+        next(broken)
+    assert next(broken, None) is None

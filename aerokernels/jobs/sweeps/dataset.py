@@ -37,6 +37,8 @@ NUMBERS = {
     "trace_seconds": ("s", "time in kernels, for this case alone"),
     "compile_seconds": ("s", "time building kernels"),
     "total_seconds": ("s", "wall time, stages taken over from other cases not counted"),
+    "processor_seconds": ("s", "processor time of the case, all threads of its worker"),
+    "tracing_processor_seconds": ("s", "processor time of that in tracing, plans and error budgets included"),
 }
 TEXTS = {
     "verdict": "what the Strehl ratio's error makes of it",

@@ -5,6 +5,7 @@ This is the NumPy version of the kernels `deliver_bundle`: it is easier to read,
 
 import numpy as np
 
+from ...pupils.vectors import lengths
 from ...rays import RayBundle
 from ..status import NOT_DELIVERED, RayStatus
 from .nodes import undisturbed_length
@@ -34,7 +35,7 @@ def _deliver(table: BundleTable, position: np.ndarray, direction: np.ndarray, ou
     found = {"opd": values[:, 0], "optical_path": ambient * length + values[:, 0], "status": status}
     if table.channels > 1:
         turned = direction + values[:, 1:4]
-        found["direction"] = turned / np.linalg.norm(turned, axis=1)[:, None]
+        found["direction"] = turned / lengths(turned)[:, None]
     if table.channels > 4:
         found["position"] = position + length[:, None] * direction + values[:, 4:7]
         found["arc_length"] = length + values[:, 7]
