@@ -23,11 +23,13 @@ class Linear:
     Attributes:
         value: Its average over the cell, shape (n,).
         function: Value at the origin, slope, least and greatest value allowed, shape (n, 6).
+        bend: Its mean at the corners of the cell less that of the values there: what it lacks of a curved density.
         origin: The point that places are counted from [m].
     """
 
     value: np.ndarray
     function: np.ndarray
+    bend: np.ndarray
     origin: tuple[float, float, float]
 
     def at(self, cell: np.ndarray, points: np.ndarray) -> np.ndarray:
@@ -41,8 +43,8 @@ class Linear:
         """The cells of several blocks, one after the other."""
         if len(parts) == 1:
             return parts[0]
-        value, function = ([getattr(part, name) for part in parts] for name in ("value", "function"))
-        return cls(np.concatenate(value), np.concatenate(function), parts[0].origin)
+        joined = (np.concatenate([getattr(part, name) for part in parts]) for name in ("value", "function", "bend"))
+        return cls(*joined, parts[0].origin)
 
 
 class Reconstruction:
@@ -57,13 +59,14 @@ class Reconstruction:
             where: Whether densities are of a "cell" or a "point".
             facts: Of its cells.
         """
-        self.where, self.middle = where, facts.middle
+        self.where = where
         self.count = block.cell_count if where == "cell" else len(points)
         self.rows = cell_corners(block)
-        self.weight, centre = _fitted(self.rows, points)
+        self.weight, self.centre = _fitted(self.rows, points)
+        self.middle = facts.middle if where == "cell" else self.centre
         self._of_points: PointValues | None = None
         if where == "point":
-            self.middle, self._corners = centre, self.rows
+            self._corners = self.rows
         else:
             blank = block.blank if block.blank is not None and len(block.blank) == block.cell_count else None
             self._of_points = PointValues.of(self.rows, self.middle, points, blank)
@@ -71,7 +74,7 @@ class Reconstruction:
     def forget_slopes(self) -> None:
         """Let go of what makes slopes: `values` does without."""
         self.rows = Rows(np.zeros(1, np.int64), np.empty(0, np.int32))
-        self.weight, self.middle = np.empty((0, 3)), np.empty((0, 3))
+        self.weight, self.middle, self.centre = np.empty((0, 3)), np.empty((0, 3)), np.empty((0, 3))
 
     def values(self, density: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """The average of each cell and the values at the points, for densities of the cells or the points."""
@@ -89,12 +92,13 @@ class SomeCells:
     rows: Rows
     weight: np.ndarray
     middle: np.ndarray
+    centre: np.ndarray
 
     @classmethod
     def of(cls, part: Reconstruction, cell: np.ndarray) -> "SomeCells":
         """Those of a block by their numbers."""
         rows, entry = part.rows.taken(cell)
-        return cls(cell, rows, part.weight[entry], part.middle[cell])
+        return cls(cell, rows, part.weight[entry], part.middle[cell], part.centre[cell])
 
     def linear(self, value: np.ndarray, near: np.ndarray, origin) -> Linear:
         """Their linear functions from what `Reconstruction.values` gives; places are counted from `origin` [m]."""
@@ -105,7 +109,8 @@ class SomeCells:
             linear_functions, len(own), self.rows.start, self.rows.column, self.weight, near, own, self.middle, origin,
             function,
         )  # fmt: skip
-        return Linear(own, function, origin)
+        slope = np.einsum("nk,nk->n", self.centre - self.middle, function[:, 1:4])
+        return Linear(own, function, own + slope - self.rows.means(near), origin)
 
 
 def cell_corners(block: Block) -> Rows:
