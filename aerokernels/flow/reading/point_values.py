@@ -59,8 +59,9 @@ class PointValues:
         points = np.ascontiguousarray(points)
         launch(convex_weights, len(points), cells.start, cells.column, middle, points, weight, inside)
         rim = np.flatnonzero((inside == 0) & (np.diff(cells.start) > 0)).astype(np.int32)
+        at_cells, at_points = cells.matrix(len(middle)), corners.matrix(len(points))
         parts = [
-            _beyond(cells, corners, middle, points, inside > 0, rim[first : first + CHUNK])
+            _beyond(at_cells, at_points, middle, points, inside > 0, rim[first : first + CHUNK])
             for first in range(0, len(rim), CHUNK)
         ]
         near, near_weight = _together([part[:2] for part in parts])
@@ -84,18 +85,31 @@ class PointValues:
 
 def _turned(corners: Rows, point_count: int, blank: np.ndarray | None) -> Rows:
     """The cells at each point, those without flow left out."""
-    cell = np.repeat(np.arange(len(corners.start) - 1, dtype=np.int32), np.diff(corners.start))
-    point = corners.column
+    from scipy.sparse import csr_array
+
+    start, column = corners.start, corners.column
     if blank is not None:
-        keep = ~blank[cell]
-        cell, point = cell[keep], point[keep]
-    return Rows.sorted(point, cell, point_count)[0]
+        width = np.where(blank, 0, np.diff(start))
+        keep = np.repeat(~blank, np.diff(start))
+        start, column = np.concatenate([[0], np.cumsum(width)]), column[keep]
+    # Transposing a sparse matrix sorts in one pass, which no sort of the numbers does.
+    true = np.ones(len(column), bool)
+    turned = csr_array((true, column, start), shape=(len(start) - 1, point_count)).tocsc()
+    return Rows(turned.indptr.astype(np.int64), turned.indices.astype(np.int32, copy=False))
 
 
-def _beyond(cells: Rows, corners: Rows, middle, points, inside, rim) -> tuple[Rows, np.ndarray, Rows, np.ndarray]:
-    """Cells about some points on the rim and points further in, each with its weights."""
-    own = cells.matrix(len(corners.start) - 1, rim)
-    at_cells, at_points = cells.matrix(len(corners.start) - 1), corners.matrix(len(points))
+def _beyond(at_cells, at_points, middle, points, inside, rim) -> tuple[Rows, np.ndarray, Rows, np.ndarray]:
+    """Cells about some points on the rim and points further in, each with its weights.
+
+    Args:
+        at_cells: Which cells are at each point, a sparse matrix.
+        at_points: Which points each cell has.
+        middle: Of the cells [m].
+        points: [m].
+        inside: Which points lie between the middles of their cells.
+        rim: The points that are asked for.
+    """
+    own = at_cells[rim]
     around = own @ at_points @ at_cells
     width = np.diff(own.indptr)
     first = np.add.reduceat(middle[own.indices], own.indptr[:-1], axis=0) / width[:, None]

@@ -31,13 +31,12 @@ class Rows:
         matrix.sort_indices()
         return cls(matrix.indptr.astype(np.int64), matrix.indices.astype(np.int32, copy=False))
 
-    def matrix(self, width: int, row: np.ndarray | None = None):
-        """A sparse matrix of truths with these entries, `width` columns wide; of some of the rows where they are named."""
+    def matrix(self, width: int):
+        """A sparse matrix of truths with these entries, `width` columns wide."""
         from scipy.sparse import csr_array
 
-        own = self if row is None else self.taken(row)[0]
-        true = np.ones(len(own.column), bool)
-        return csr_array((true, own.column, own.start), shape=(len(own.start) - 1, width))
+        true = np.ones(len(self.column), bool)
+        return csr_array((true, self.column, self.start), shape=(len(self.start) - 1, width))
 
     def taken(self, row: np.ndarray) -> tuple["Rows", np.ndarray]:
         """Some of the rows in another order, and where their entries stood."""
