@@ -5,10 +5,11 @@ same place become one, which takes the mean of what these have there: in a resol
 """
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
-from .dataset import HEXAHEDRON, PRISM, QUAD, TETRAHEDRON, TRIANGLE, Block, Cells, ReadError
+from .dataset import HEXAHEDRON, PRISM, QUAD, TETRAHEDRON, TRIANGLE, Block, ReadError
 
 TENSOR = {70: (QUAD, 2), 72: (HEXAHEDRON, 3)}  # VTK's Lagrange cells, the linear ones between their nodes, dimensions
 # Others by their corners: with so many points, of the first and the second order, nothing but mid-edge nodes is lost.
@@ -66,7 +67,7 @@ def _between_nodes(nodes: int, axes: int) -> np.ndarray:
     """Corners of the linear cells between the nodes of a Lagrange quadrilateral or hexahedron."""
     from vtkmodules.vtkCommonDataModel import vtkHigherOrderHexahedron, vtkHigherOrderQuadrilateral
 
-    place = (vtkHigherOrderQuadrilateral if axes == 2 else vtkHigherOrderHexahedron).PointIndexFromIJK
+    place: Any = (vtkHigherOrderQuadrilateral if axes == 2 else vtkHigherOrderHexahedron).PointIndexFromIJK
     table = np.array([place(*index, [nodes - 1] * axes) for index in np.ndindex(*[nodes] * axes)])
     table = table.reshape([nodes] * axes)
     across = [(0, 0), (1, 0), (1, 1), (0, 1)]

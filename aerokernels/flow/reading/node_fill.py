@@ -136,9 +136,7 @@ class EmptyNodes:
 
         density[self._deep] = ambient
         for own in self._layers:
-            launch(
-                carry_on, len(own.node), own.node, own.start, own.one, own.two, own.three, LEAST_SHARE, density
-            )
+            launch(carry_on, len(own.node), own.node, own.start, own.one, own.two, own.three, LEAST_SHARE, density)
 
 
 def _beside(known: np.ndarray, shape) -> np.ndarray:

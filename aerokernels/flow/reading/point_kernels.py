@@ -6,6 +6,9 @@ from .mesh_kernels import Indices, Numbers, Starts, Vectors
 
 NEWTON_STEPS = wp.constant(40)
 STEEPEST = wp.constant(wp.float64(1e11))  # ratio of the squares of a thing's widths, above which it is flat
+# Of what the cells about a point differ: so little do they miss a line in a smooth density, and so much at a shock.
+LINEAR = wp.constant(wp.float64(0.04))
+NOT_LINEAR = wp.constant(wp.float64(0.12))
 AGREED = wp.constant(wp.float64(1e-13))
 CLOSE = wp.constant(wp.float64(1e-11))  # of the width of the cells about a point: so near, their middle is the point
 
@@ -76,7 +79,7 @@ def convex_weights(
     r"""Weights >= 0 of the cells about each point that are exact for linear densities, where there are such.
 
     They are nearest to equal ones: 1 / n + lambda . d in the sense of least squares where none of these is negative,
-    else exp(lambda . d) / sum, with d from the point to the cells' middles. Outside the hull of these equal ones remain.
+    else exp(lambda . d) / sum, with d from the point to the cells' middles. Outside the hull of these all are equal.
     """
     row = first + wp.tid()
     begin = start_in[row]
@@ -222,6 +225,7 @@ def carry_to_rim(
     near_start_in: Starts,
     near_in: Indices,
     near_weight_in: Numbers,
+    near_basis_in: Vectors,
     far_start_in: Starts,
     far_in: Indices,
     far_weight_in: Numbers,
@@ -232,7 +236,7 @@ def carry_to_rim(
     """Add to the mean of its cells what the density changes from their middles to a point on the rim of the mesh.
 
     By the slope of the cells about it, and by a line through points further in: the lesser of the two, none where they
-    disagree in sign, and no more than those cells differ.
+    disagree in sign or the cells do not lie on a line, and no more than those cells differ.
     """
     rim = first + wp.tid()
     point = point_in[rim]
@@ -240,21 +244,33 @@ def carry_to_rim(
     low = own
     high = own
     near = wp.float64(0.0)
+    total = wp.float64(0.0)
+    squares = wp.float64(0.0)
+    explained = wp.vec3d()
     k = near_start_in[rim]
     end = near_start_in[rim + 1]
+    count = wp.float64(end - k)
     while k < end:
         average = average_in[near_in[k]]
-        near += near_weight_in[k] * (average - own)
+        change = average - own
+        near += near_weight_in[k] * change
+        total += change
+        squares += change * change
+        explained += change * near_basis_in[k]
         low = wp.min(low, average)
         high = wp.max(high, average)
         k += wp.int64(1)
+    # The root mean square by which the cells miss the best line through them, over what they differ.
+    left = wp.max(squares - total * total / count - wp.dot(explained, explained), wp.float64(0.0))
+    missed = wp.sqrt(left / count) / wp.max(high - low, wp.float64(1e-300))
+    share = wp.clamp((NOT_LINEAR - missed) / (NOT_LINEAR - LINEAR), wp.float64(0.0), wp.float64(1.0))
     far = wp.float64(0.0)
     k = far_start_in[rim]
     end = far_start_in[rim + 1]
     while k < end:
         far += far_weight_in[k] * (value[far_in[k]] - own)
         k += wp.int64(1)
-    rise = wp.clamp(lesser(near, far), low - high, high - low)
+    rise = wp.clamp(share * lesser(near, far), low - high, high - low)
     value[point] = wp.max(own + rise, wp.min(own, least_share * low))
 
 

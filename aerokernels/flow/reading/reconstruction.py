@@ -43,8 +43,9 @@ class Linear:
         """The cells of several blocks, one after the other."""
         if len(parts) == 1:
             return parts[0]
-        joined = (np.concatenate([getattr(part, name) for part in parts]) for name in ("value", "function", "bend"))
-        return cls(*joined, parts[0].origin)
+        names = ("value", "function", "bend")
+        value, function, bend = (np.concatenate([getattr(part, name) for part in parts]) for name in names)
+        return cls(value, function, bend, parts[0].origin)
 
 
 class Reconstruction:
