@@ -92,12 +92,7 @@ def uniform_grid(block: Block, points: np.ndarray, density: np.ndarray, where: s
     if sorted(along) != [0, 1, 2]:
         return None
     size = np.array([abs(step[axis]) for step, axis in zip(steps, along, strict=True)])
-    expected = at[0, 0, 0].copy() + sum(
-        np.arange(n).reshape([-1 if k == 2 - i else 1 for k in range(3)])[..., None]
-        * (steps[i][along[i]] * np.eye(3)[along[i]])
-        for i, n in enumerate(block.shape)
-    )
-    if (size <= 0.0).any() or (np.abs(at - expected) > 1e-6 * size.min()).any():
+    if (size <= 0.0).any() or not _is_even(at, steps, along, size):
         return None
     cell = where == "cell"
     counts = [n - 1 if cell else n for n in block.shape]
@@ -112,6 +107,16 @@ def uniform_grid(block: Block, points: np.ndarray, density: np.ndarray, where: s
         if steps[i][axis] < 0.0:
             values = np.flip(values, axis)
     return np.ascontiguousarray(_at_corners(values) if cell else values), first, step
+
+
+def _is_even(at: np.ndarray, steps, along: list[int], size: np.ndarray) -> bool:
+    """Whether points [k, j, i] lie a step of their own apart along every axis, layer by layer."""
+    line = [np.arange(n)[:, None] * (step[axis] * np.eye(3)[axis]) for n, step, axis in
+            zip(at.shape[2::-1], steps, along, strict=True)]  # fmt: skip
+    plane = at[0, 0, 0] + (line[0][None] + line[1][:, None])
+    return all(
+        (np.abs(layer - (plane + more)) <= 1e-6 * size.min()).all() for layer, more in zip(at, line[2], strict=True)
+    )
 
 
 def _at_corners(values: np.ndarray) -> np.ndarray:
