@@ -163,7 +163,7 @@ class GridDensity(SampledDensity):
 
     @property
     def _column_error(self) -> float:  # type: ignore[override]
-        return float(getattr(self.resampling, "column_rms", 0.0))
+        return float(getattr(self.resampling, "column_error", 0.0))
 
     def _index(self, contrast: np.ndarray, interpolation: str | None, **common) -> IndexField:
         return IndexField.from_samples(

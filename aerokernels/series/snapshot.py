@@ -207,7 +207,7 @@ class Snapshots:
             found = self._traced(self.way.index_field(self.series.field(stored, number)))
             return replace(found, slope=slope, probe=probe, interpolation=interpolation)
         # And what drawing the flow's own cells into a grid changed on lines through it, where it was read from such.
-        column = float(getattr(getattr(flow, "resampling", None), "column_rms", 0.0))
+        column = float(getattr(getattr(flow, "resampling", None), "column_error", 0.0))
         drawn = SAFETY * self.model.upstream(self.way.wavelength, column).columns
         error = float(np.sqrt(bending**2 + self._interpolation**2 + drawn**2))
         return Found(opd, valid, False, error, slope, probe, interpolation)

@@ -224,7 +224,7 @@ def test_density_fields_on_one_mesh_are_straight_lines_and_others_are_traced():
     assert list(found.traced.values) == [0.0, 0.0, 1.0]
     np.testing.assert_allclose(found.opd[0], found.opd[1], atol=1e-15)
     assert float(found.piston[1] - found.piston[0]) == pytest.approx(-CONSTANT * 1e-3 * 0.035, rel=1e-9)
-    drawn = replace(field(5e-3), resampling=SimpleNamespace(column_rms=1e-6))  # [kg/m2], as a reader measures it
+    drawn = replace(field(5e-3), resampling=SimpleNamespace(column_error=1e-6))  # [kg/m2], as a reader measures it
     told = optical_series(flow.open_series([drawn], time=[0.0]), pupil, pixel_count=8, remove=("piston",))
     assert float(told.error[0] ** 2 - found.error[0] ** 2) == pytest.approx((3.0 * CONSTANT * 1e-6) ** 2, rel=1e-6)
     formula = flow.open_series([flow.cone(3.0, 0.3)] * 2, time=[0.0, 1.0])

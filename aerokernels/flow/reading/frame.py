@@ -20,6 +20,7 @@ from ...units import quantity
 
 AXES = {"x": 0, "y": 1, "z": 2}
 FLAT_SHARE = 1e-6  # of the greatest extent: thinner is a plane
+SOME_POINTS = 10_000  # of a large file, which show that it is no plane
 
 
 @dataclass(frozen=True)
@@ -158,6 +159,8 @@ def direction(value, name: str) -> np.ndarray:
 
 def plane_normal(points: np.ndarray) -> np.ndarray | None:
     """The normal of the plane that all points lie in, or None where they fill a volume."""
+    if len(points) > 2 * SOME_POINTS and _fill_a_volume(points[:: len(points) // SOME_POINTS]):
+        return None
     extent = np.ptp(points, axis=0)
     if extent.min() <= FLAT_SHARE * extent.max():
         return np.asarray(np.eye(3)[int(np.argmin(extent))])
@@ -166,6 +169,13 @@ def plane_normal(points: np.ndarray) -> np.ndarray | None:
     if np.ptp(centred @ normal) > FLAT_SHARE * extent.max():  # its eigenvalue is squared, and lost in rounding
         return None
     return np.asarray(normal * np.sign(normal[int(np.argmax(np.abs(normal)))]))
+
+
+def _fill_a_volume(points: np.ndarray) -> bool:
+    """Whether points lie so far from any plane that more of them would change nothing."""
+    centred = points - points.mean(axis=0)
+    normal = np.linalg.eigh(centred.T @ centred)[1][:, 0]
+    return bool(np.ptp(centred @ normal) > 0.01 * np.ptp(points, axis=0).max())
 
 
 def _unit(vector: np.ndarray) -> np.ndarray:

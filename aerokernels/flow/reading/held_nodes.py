@@ -8,7 +8,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .reconstruction import Reconstruction, Rows
+from .reconstruction import Reconstruction
+from .rows import Rows
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,7 +40,7 @@ class HeldNodes:
         nodes, _ = every.taken(cell)
         rows, entry = part.rows.taken(cell)
         weight, middle = part.weight[entry], part.middle[cell]
-        if not part.by_faces and (np.diff(rows.start) == 4).all():
+        if (np.diff(rows.start) == 4).all():
             # Weights of a fit add up to nothing: that of the first corner follows from the others'.
             return cls(cell, nodes, rows, np.ascontiguousarray(weight.reshape(-1, 4, 3)[:, 1:]).reshape(-1, 3), middle)
         return cls(cell, nodes, rows, weight, middle)

@@ -1,13 +1,16 @@
 """Nodes of a grid that no single cell speaks for: several small cells about them, or none at all."""
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from .dataset import Block
+from .point_values import LEAST_SHARE
 from .raster import CellFacts, NodeGrid
-from .reconstruction import Rows
 
 LEAST_AVERAGED = 4  # cells about a node from which on their average says more than the one that holds it
 CARRIED_ON = 8  # nodes by which the density is carried on into a body, and beyond the mesh
+CARRIED_LINEARLY = 3  # of these, along the change further in
 
 
 class SmallCells:
@@ -30,13 +33,32 @@ class SmallCells:
         total = np.bincount(node, volume[cell], len(held))
         # Cells that fill most of the node's surroundings: fewer would shift the average to one side.
         several = (count >= LEAST_AVERAGED) & held & (total >= 0.7 * grid.spacing.prod())
-        self.share = float(several.mean())
         self.node = np.flatnonzero(several)
         number = np.zeros(len(held), np.int32)
         number[self.node] = np.arange(len(self.node))
         some = several[node]
         self._cell, self._of = cell[some], number[node[some]]
         self._share = volume[self._cell] / total[self.node][self._of]
+        self._centre((middle[self._cell] - grid.positions(self.node)[self._of]) / grid.spacing)
+        self.share = len(self.node) / max(len(held), 1)
+
+    def _centre(self, step: np.ndarray) -> None:
+        """Shift the shares so that their middle is the node; where one would be negative, the node takes no average."""
+        count = len(self.node)
+
+        def total(each: np.ndarray) -> np.ndarray:
+            return np.stack([np.bincount(self._of, own, count) for own in each.T], axis=1)
+
+        mean = total(self._share[:, None] * step)
+        away = step - mean[self._of]
+        pairs = total((self._share[:, None, None] * away[:, :, None] * away[:, None, :]).reshape(-1, 9))
+        turn = (np.linalg.pinv(pairs.reshape(-1, 3, 3), rcond=1e-9, hermitian=True) @ mean[:, :, None])[:, :, 0]
+        share = self._share * (1.0 - np.einsum("nk,nk->n", away, turn[self._of]))
+        missed = np.abs(total(share[:, None] * step)).max(axis=1, initial=0.0)
+        good = (np.bincount(self._of, share < 0.0, count) == 0) & (missed < 1e-9)
+        kept = good[self._of]
+        self.node, self._cell, self._share = self.node[good], self._cell[kept], share[kept]
+        self._of = (np.cumsum(good) - 1)[self._of[kept]]
 
     def average(self, value: np.ndarray, density: np.ndarray) -> None:
         """Give these nodes the averages of `value`, one of each cell."""
@@ -53,35 +75,79 @@ def foremost(held: np.ndarray, shape) -> np.ndarray:
     return np.asarray(across * shape[2] + first + layer)
 
 
+@dataclass(frozen=True, eq=False)
+class _Layer:
+    """Nodes whose densities follow from known ones further in, three in a row along an axis; -1 for one not known."""
+
+    node: np.ndarray
+    start: np.ndarray
+    one: np.ndarray
+    two: np.ndarray
+    three: np.ndarray
+
+
 class EmptyNodes:
-    """Nodes without a cell: the mean of their neighbours, layer by layer; deeper ones are ambient."""
+    """Nodes without a cell: what known ones beside them lead to, layer by layer; deeper ones are ambient.
+
+    In the first layers the density goes on as it changes between the nodes further in, by the lesser of two changes one
+    after the other, so that a linear density stays one and a shock is not carried on; deeper it stays what it is.
+    """
 
     def __init__(self, held: np.ndarray, shape):
-        """Find them, and whose means they take."""
+        """Find them, and what they follow from."""
         known = held.copy()
-        empty = np.flatnonzero(~known)
         strides = (shape[1] * shape[2], shape[2], 1)
-        self._layers: list[tuple[np.ndarray, Rows]] = []
-        for _ in range(CARRIED_ON):
+        self._layers: list[_Layer] = []
+        for depth in range(CARRIED_ON):
+            empty = _beside(known, shape)
             if not len(empty):
                 break
             place = np.unravel_index(empty, shape)
-            row, near = [], []
+            rows, near = [], []
             for axis, stride in enumerate(strides):
                 for side in (-1, 1):
-                    there = (place[axis] > 0) if side < 0 else (place[axis] < shape[axis] - 1)
-                    good = there & known[np.where(there, empty + side * stride, empty)]
-                    row.append(np.flatnonzero(good))
-                    near.append(empty[good] + side * stride)
-            rows = Rows.sorted(np.concatenate(row), np.concatenate(near), len(empty))[0]
-            found = np.diff(rows.start) > 0
-            self._layers.append((empty[found], Rows(np.append(rows.start[:-1][found], rows.start[-1]), rows.column)))
-            known[empty[found]] = True
-            empty = empty[~found]
-        self._deep = empty
+                    room = place[axis] if side < 0 else shape[axis] - 1 - place[axis]
+                    line = [empty + np.int32(side * stride * steps) for steps in (1, 2, 3)]
+                    good = np.ones(len(empty), bool)
+                    for steps, other in enumerate(line, start=1):
+                        good &= room >= steps
+                        good &= known[np.where(good, other, 0)]
+                        if depth >= CARRIED_LINEARLY and steps > 1:
+                            good[:] = False
+                        other[~good] = -1
+                    row = np.flatnonzero(line[0] >= 0)
+                    rows.append(row)
+                    near.append(np.stack([other[row] for other in line]))
+            row, found = np.concatenate(rows), np.concatenate(near, axis=1)
+            changes = found[1] >= 0
+            some = np.bincount(row, changes, len(empty)) > 0
+            of_use = changes | ~some[row]  # one known node alone says little where two in a row are known elsewhere
+            row, found = row[of_use], found[:, of_use]
+            order = np.argsort(row, kind="stable")
+            start = np.concatenate([[0], np.cumsum(np.bincount(row, minlength=len(empty)))])
+            self._layers.append(_Layer(empty, start, *(np.ascontiguousarray(each[order]) for each in found)))
+            known[empty] = True
+        self._deep = np.flatnonzero(~known)
 
     def fill(self, density: np.ndarray, ambient: float) -> None:
         """Give them their densities."""
+        from .mesh_kernels import launch
+        from .point_kernels import carry_on
+
         density[self._deep] = ambient
-        for node, rows in self._layers:
-            density[node] = rows.means(density)
+        for own in self._layers:
+            launch(carry_on, len(own.node), own.node, own.start, own.one, own.two, own.three, LEAST_SHARE, density)
+
+
+def _beside(known: np.ndarray, shape) -> np.ndarray:
+    """Nodes that are not known, and have a known one beside them."""
+    if known.all():
+        return np.empty(0, np.int32)
+    inside = known.reshape(shape)
+    near = np.zeros(shape, bool)
+    for axis in range(3):
+        moved, source = np.moveaxis(near, axis, 0), np.moveaxis(inside, axis, 0)
+        moved[1:] |= source[:-1]
+        moved[:-1] |= source[1:]
+    near &= ~inside
+    return np.flatnonzero(near).astype(np.int32)

@@ -57,7 +57,10 @@ class Reading:
 
     def moved(self, points: np.ndarray) -> np.ndarray:
         """Points of the file (n, 3) in the optical frame [m]."""
-        return self.scale * ((points - np.array(self.frame.origin)) @ self.frame.axes().T)
+        axes, origin = self.frame.axes(), np.array(self.frame.origin)
+        if not (origin.any() or (axes - np.eye(3)).any()):  # as it is: points of large files are not copied
+            return points if self.scale == 1.0 else self.scale * points
+        return self.scale * ((points - origin) @ axes.T)
 
     def described(self) -> list[str]:
         """What was taken for what, in words: of a volume."""
@@ -191,7 +194,8 @@ def reading_of(
     normal = None
     kind = dataset.geometry or geometry
     if kind is None or kind == "planar" or geometry is not None:
-        normal = plane_normal(np.concatenate([block.points for block in dataset.blocks]))
+        every = [block.points for block in dataset.blocks]
+        normal = plane_normal(every[0] if len(every) == 1 else np.concatenate(every))
         kind = kind or ("volume" if normal is None else "planar")
     if geometry is not None and geometry != kind:
         if dataset.geometry is not None and geometry != "axisymmetric":

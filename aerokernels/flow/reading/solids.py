@@ -74,6 +74,7 @@ class Chunk:
             else:
                 centre[:, number] += d[:, number]
                 centre[:, number] *= 0.25
+                centre[:, number] += _from_mean([own[:, number] for own in (a, b, c, d)], centre[:, number])
         found = _finished(self.cell, area, centre, at.min(axis=1), at.max(axis=1), at.mean(axis=1))
         if self.kind != PRISM:
             return found
@@ -166,6 +167,17 @@ def _cross(one: np.ndarray, other: np.ndarray) -> np.ndarray:
         i, j = (k + 1) % 3, (k + 2) % 3
         np.subtract(one[i] * other[j], one[j] * other[i], out=result[k])
     return result
+
+
+def _from_mean(ring: list[np.ndarray], mean: np.ndarray) -> np.ndarray:
+    """The centroids of quadrilaterals less the means of their corners, (3, n) each: of the triangles about the mean."""
+    spoke = [corner - mean for corner in ring]
+    triangle = [_cross(spoke[k], spoke[(k + 1) % 4]) for k in range(4)]
+    area = sum(triangle)
+    share = [(own * area).sum(axis=0) for own in triangle]
+    whole = 3.0 * sum(share)
+    shift = sum(own * (spoke[k] + spoke[(k + 1) % 4]) for k, own in enumerate(share))
+    return np.asarray(shift / np.where(whole > 0.0, whole, 1.0))
 
 
 def _finished(cell, area, centre, low, high, inner) -> Solids:

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from .dataset import Block, Cells, Dataset, Faces, ReadError, chosen_time
+from .high_order import joined, linear_cells
 
 DAMAGED = "the file is damaged or of another version: write it again"
 READERS = {
@@ -43,7 +44,9 @@ def read(path: Path, time: Any = None, options: dict | None = None) -> Dataset:
         return _series(path, time)
     data = vtk_output(path, suffix)
     name = {".vtk": "legacy VTK file"}.get(suffix, f"VTK file ({suffix})")
-    return Dataset(blocks_of(path, data), name, ambient=None)
+    made = [joined(block) for block in blocks_of(path, data)]
+    notes = dict.fromkeys(note for _, note in made if note is not None)
+    return Dataset([block for block, _ in made], name, ambient=None, notes=list(notes))
 
 
 def vtk_output(path: Path, suffix: str):
@@ -153,7 +156,10 @@ def _block(path: Path | str, data, name: str) -> Block:
         blank = (ghosts.astype(int) & (BLANK | HIDDEN | 1)) != 0
     elif point_ghosts is not None and (point_ghosts.astype(int) & 2).any():
         blank = (point_ghosts.astype(int) & 2) != 0
-    cells = None if shape is not None else _cells(path, data)
+    cells, parent = (None, None) if shape is not None else _cells(path, data)
+    if parent is not None:
+        cell_data = {name: values[parent] for name, values in cell_data.items()}
+        blank = blank[parent] if blank is not None and ghosts is not None else blank
     return Block(_points(data), cells, shape, point_data, cell_data, blank, name)
 
 
@@ -190,24 +196,28 @@ def _arrays(path: Path | str, attributes, count: int) -> dict[str, np.ndarray]:
     return found
 
 
-def _cells(path: Path | str, data) -> Cells | None:
+def _cells(path: Path | str, data) -> tuple[Cells | None, np.ndarray | None]:
+    """The cells, and the cell of the file that each is a part of where some are cut; None where none is."""
     from vtkmodules.util.numpy_support import vtk_to_numpy
     from vtkmodules.vtkCommonDataModel import vtkPolyData
 
     if not data.GetNumberOfCells():
-        return None
+        return None, None
     if isinstance(data, vtkPolyData):
-        return _polygons(path, data)
+        return _polygons(path, data), None
     array = data.GetCells()
     start = vtk_to_numpy(array.GetOffsetsArray()).astype(np.int64)
     points = vtk_to_numpy(array.GetConnectivityArray()).astype(np.int64)
     kinds = np.array([data.GetCellType(0)]) if len(start) == 2 else vtk_to_numpy(_types(data))
     kinds = kinds.astype(np.uint8)
     start, points, kinds = _linear(start, points, kinds)
+    start, points, kinds, parent = linear_cells(path, start, points, kinds)
     faces = None
     if (kinds == 42).any():
+        if parent is not None:
+            raise ReadError(path, "it has polyhedra and cells of high order", "write linear cells")
         faces = _polyhedra(data, kinds)
-    return Cells(kinds, start, points, faces)
+    return Cells(kinds, start, points, faces), parent
 
 
 def _types(data):

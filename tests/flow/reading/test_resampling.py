@@ -110,23 +110,20 @@ def test_a_reader_keeps_the_map_from_file_to_file(tmp_path):
 def test_each_node_has_what_the_function_of_its_cell_is_there(where):
     """Set-up: random densities of tetrahedra and hexahedra. Formula: the average plus slope times distance, clipped.
 
-    Slopes by least squares through the corners, each with the mean of its cells. Error: rounding, 1e-12.
+    Slopes by least squares through the corners, whose values are given or are those of `PointValues`. Error: 1e-12.
     """
     taken = reading(two_blocks(3, where))
     kept = Kept()
     field = field_of(taken, 0.07, kept=kept)
+    parts = kept.found._parts
     nodes = np.stack(np.meshgrid(*[o + h * np.arange(n) for o, h, n in
                                    zip(field.origin, field.spacing, field.density.shape, strict=True)],
                                  indexing="ij"), axis=-1).reshape(-1, 3)  # fmt: skip
     found, seen = field.density.ravel(), 0
-    for block, (given, _) in zip(taken.dataset.blocks, taken.densities, strict=True):
+    for part, block, (given, _) in zip(parts, taken.dataset.blocks, taken.densities, strict=True):
         width = 4 if block.cells.types[0] == TETRAHEDRON else 8
         corners = block.cells.points.reshape(-1, width)
-        total, count = np.zeros(len(block.points)), np.zeros(len(block.points))
-        if where == "cell":
-            np.add.at(total, corners, given[:, None])
-            np.add.at(count, corners, 1.0)
-        at_points = total / np.maximum(count, 1.0) if where == "cell" else given
+        at_points = part.values(given)[1]
         for cell in range(0, len(corners), 17):
             place, near = block.points[corners[cell]], at_points[corners[cell]]
             middle = place.mean(axis=0)

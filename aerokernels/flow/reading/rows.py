@@ -1,0 +1,55 @@
+"""Lists of numbers, one for each row: which cells a point has, which points a cell."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+
+@dataclass(frozen=True, eq=False)
+class Rows:
+    """For each row the numbers that it lists: `column[start[row]:start[row + 1]]`.
+
+    Attributes:
+        start: int64, shape (row_count + 1,).
+        column: int32.
+    """
+
+    start: np.ndarray
+    column: np.ndarray
+
+    @classmethod
+    def sorted(cls, row: np.ndarray, column: np.ndarray, count: int) -> tuple["Rows", np.ndarray]:
+        """Pairs put in the order of their rows, and that order."""
+        order = np.argsort(row, kind="stable")
+        start = np.zeros(count + 1, np.int64)
+        np.cumsum(np.bincount(row, minlength=count), out=start[1:])
+        return cls(start, column[order].astype(np.int32)), order
+
+    @classmethod
+    def of_matrix(cls, matrix) -> "Rows":
+        """The columns of a sparse matrix that have an entry in each row, in rising order."""
+        matrix.sort_indices()
+        return cls(matrix.indptr.astype(np.int64), matrix.indices.astype(np.int32, copy=False))
+
+    def matrix(self, width: int):
+        """A sparse matrix of truths with these entries, `width` columns wide."""
+        from scipy.sparse import csr_array
+
+        true = np.ones(len(self.column), bool)
+        return csr_array((true, self.column, self.start), shape=(len(self.start) - 1, width))
+
+    def taken(self, row: np.ndarray) -> tuple["Rows", np.ndarray]:
+        """Some of the rows in another order, and where their entries stood."""
+        begin, width = self.start[row], np.diff(self.start)[row]
+        start = np.zeros(len(row) + 1, np.int64)
+        np.cumsum(width, out=start[1:])
+        entry = np.arange(start[-1]) + np.repeat(begin - start[:-1], width)
+        return Rows(start, self.column[entry]), entry
+
+    def means(self, values: np.ndarray) -> np.ndarray:
+        """The mean of the values that each row lists, 0 where it lists none."""
+        from .mesh_kernels import launch, mean_of_listed
+
+        result = np.empty(len(self.start) - 1)
+        launch(mean_of_listed, len(result), self.start, self.column, np.ascontiguousarray(values), result)
+        return result
