@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from ..arguments import refuse_masked
-from ..clock import clocked
+from ..clock import clocked, stage
 from ..medium import IndexField
 from ..sensor import Sensor, write_grey
 from ..wavefront.grid import pupil_grid
@@ -189,18 +189,20 @@ def image_through(
         found = gather(field, camera, shape, aperture_rays, options, allow_truncation=allow_truncation)
         light = Spectrum.of(found.wavelength) if light is None else light
         shift, dark = filled(found.shift)
-        grids = spread_grid(
-            field,
-            camera,
-            shape,
-            shift,
-            node_count=int(psf_nodes),
-            size=int(psf_pixels),
-            pupil_pixels=pupil_pixels,
-            options=options,
-            wavelengths=light.wavelengths,
-        )
-        image = render_colours(scene, grids, light, shift, np.where(dark, 0.0, found.through))
+        with stage("spread"):
+            grids = spread_grid(
+                field,
+                camera,
+                shape,
+                shift,
+                node_count=int(psf_nodes),
+                size=int(psf_pixels),
+                pupil_pixels=pupil_pixels,
+                options=options,
+                wavelengths=light.wavelengths,
+            )
+        with stage("render"):
+            image = render_colours(scene, grids, light, shift, np.where(dark, 0.0, found.through))
     if sensor is not None:
         image = sensor.expose(image, seed)
     spreads = mixed(grids, light.mean_weights)
