@@ -75,7 +75,7 @@ class ImageThrough:
         for length in self.spectrum.wavelengths:
             wave = np.zeros((1, *weight.shape), dtype=np.complex128)
             wave[:, lit] = weight[lit] * phasors(2.0 * np.pi / length * opd)
-            kernel, _ = pixel_spreads(wave, coordinate, step, zero, zero, self.camera, float(length), size)
+            kernel, _ = pixel_spreads(wave, step, zero, zero, self.camera, float(length), size)
             found.append(SpreadGrid(middle, middle, kernel[None], np.zeros((1, 1, 2), dtype=int), np.ones((1, 1))))
         return render_colours(self.scene, tuple(found), self.spectrum, np.zeros((*shape, 2)), np.ones(shape))
 
