@@ -17,6 +17,9 @@ STAGES = {
     "compile": "building kernels",
     "kernel": "launches, from the first to the end of the last",
     "download": "results to the host",
+    "landing": "of a picture: where the rays of its pixels land, the field's edge included",
+    "spread": "of a picture: the point spread functions of its nodes",
+    "render": "of a picture: the scene, displaced and spread",
     "error": "the error budget, once it has been asked for; not part of the total of a trace or an estimate",
     "total": "wall time of the call",
 }

@@ -40,10 +40,10 @@ def main() -> None:
         found.append(one)
         traced = ""
         if "traced" in one:
-            parts = (one["cpu"], one["traced"], one["kernel"], one["device"])
-            traced = "; of the last, {:.3g} s of processors, {:.3g} s of tracing, {:.3g} s of kernels; {}".format(
-                *parts
+            traced = "; of the last, {:.3g} s of processors, {:.3g} s of tracing; {}".format(
+                one["cpu"], one["traced"], one["device"]
             )
+            traced += "".join(f"\n{'':10s}{1e3 * spent:8.1f} ms {name}" for name, spent in one["stages"].items())
         print(f"{time.perf_counter() - begin:6.1f} s  {'; '.join(table_row(one))}{traced}", flush=True)
     print("\n" + markdown_table(COLUMNS, [table_row(one) for one in found]))
     if options.out is not None:

@@ -5,7 +5,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from aerokernels import Disc, IndexField, Rectangle, Wave, split_step, validity, wavefront
+from aerokernels import Body, Disc, IndexField, Rectangle, Wave, split_step, validity, wavefront
 from aerokernels.validation.random_fields import uniform_field
 from aerokernels.validation.wave_draws import check_verdict, draw_view
 from aerokernels.waves.diffraction import bending
@@ -196,3 +196,47 @@ def test_the_verdict_of_a_slanted_view_is_that_of_the_same_air_seen_straight():
     assert abs(told[0].strehl_change) > 5e-3
     assert told[1].strehl_change == pytest.approx(told[0].strehl_change, abs=1e-3)
     assert told[1].feature == pytest.approx(told[0].feature, rel=0.5)
+
+
+def beside_a_wall(edge: float, along: tuple[float, float], length: float) -> IndexField:
+    """Air at rest and a wall from y = edge up, between two places along z, whose inside is 1e-3: many waves."""
+    y, z = np.linspace(-4e-3, 4e-3, 81), np.linspace(0.0, length, 41)
+    within = (y[:, None] >= edge) & (y[:, None] <= 3.5e-3) & (z >= along[0]) & (z <= along[1])
+    corners = [[edge, along[0]], [3.5e-3, along[0]], [3.5e-3, along[1]], [edge, along[1]]]
+    return IndexField.from_samples(
+        np.where(within, 1e-3, 0.0),
+        origin=(y[0], z[0]),
+        spacing=(y[1] - y[0], z[1] - z[0]),
+        geometry="planar",
+        interpolation="linear",
+        body=Body(corners, "planar"),
+    )
+
+
+@pytest.mark.parametrize(("edge", "blocked"), [(0.3e-3, 0.35), (1.01e-3, 0.0), (2.5e-3, 0.0)])
+def test_light_that_meets_a_body_counts_for_neither(edge: float, blocked: float):
+    """A wall of 0.4 m in the light, just beside it and far from it: as split_step in a wide window says, to 0.05.
+
+    The wave's Strehl ratio is over that of the light that passes. The wall's inside is no air: through it the phase
+    would be hundreds of turns.
+    """
+    field, pupil = beside_a_wall(edge, (0.05, 0.45), 0.5), Rectangle(2e-3, 2e-3, (0.0, 0.0, -1e-4))
+    told = validity(field, pupil, wavelength=WAVELENGTH)
+    wave = split_step(field, pupil, wavelength=WAVELENGTH, pixel_count=144, window=3.0, step_count=32)
+    assert told.blocked == pytest.approx(blocked, abs=0.01)
+    expected = wave.strehl() / (1.0 - blocked) ** 2 - 1.0
+    assert told.strehl_change == pytest.approx(expected, abs=0.05)
+    assert told.good is (edge > 2e-3) and told.crossed_share == 0.0
+    if blocked:
+        # Half of what passes over the wall's way and what follows it: 1.3 mm x 2 mm as a disc, over 0.45 m.
+        assert told.rim_fresnel_number == pytest.approx(1.3e-3 * 2e-3 / np.pi / WAVELENGTH / 0.45, rel=0.05)
+        assert "ends on the body" in told.reason and "Fresnel number" in told.reason
+    seen = wavefront(field, pupil, wavelength=WAVELENGTH, pixel_count=64)
+    again = validity(field, pupil, wavelength=WAVELENGTH, wavefront=seen)
+    assert again.good is told.good and again.blocked == pytest.approx(blocked, abs=0.01)
+
+
+def test_a_pupil_that_a_body_hides_is_refused():
+    field = beside_a_wall(-3e-3, (0.05, 0.45), 0.5)
+    with pytest.raises(ValueError, match="holds back all of the pupil's light"):
+        validity(field, Rectangle(2e-3, 2e-3, (0.0, 0.0, -1e-4)), wavelength=WAVELENGTH)

@@ -108,7 +108,9 @@ class _View:
         if self.still:
             guard, moved = 0, None
         else:
-            moved = self.shift[pixels[:, None], columns[:, None, :]] - node[:, None, None]
+            # Nodes first, as a view: places are laid out afresh below.
+            near = np.take(self.shift[pixels[0] : pixels[-1] + 1], columns, axis=1)
+            moved = np.moveaxis(near - node[:, None], 0, 1)
             moved = np.clip(moved, -GREATEST_CHANGE, GREATEST_CHANGE)
             guard = int(np.ceil(np.abs(moved).max())) + NEIGHBOURS
         size = self.kernel.shape[2:]

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..clock import clocked
+from ..clock import clocked, stage
 from ..medium import IndexField
 from ..tracing.pupil_air import GREATEST_SHARE
 from .camera import Camera, rows_and_columns
@@ -201,7 +201,7 @@ def gather(
     allow_truncation: bool = False,
 ) -> BackgroundDisplacement:
     """The displacement, and a `visit` for some rows and every point of the aperture, while its rays are there."""
-    with clocked() as seconds:
+    with clocked() as seconds, stage("landing"):
         points, weights = aperture(camera, aperture_rays)
         tolerance = float(options.get("tolerance", DEFAULT_TOLERANCE))
         lost = tolerance * field.wavelength_for(options.get("wavelength"))

@@ -23,8 +23,9 @@ from ..wavefront.grid import pupil_grid
 from .camera import Camera, along
 from .threads import in_threads
 
-# Samples of the point spread function to a pixel, at most; nodes whose point spread functions are made together.
-MOST_PARTS, NODES_AT_ONCE = 16, 16
+# Nodes whose point spread functions are made together; the side of a tile of the pupil's pixels, whose rays follow one
+# another: those that a processor moves in step then share the field's cells (tracing/coherence.py).
+NODES_AT_ONCE, TILE = 16, 4
 # Multiplications of a product of complex matrices up to which OpenBLAS takes one thread; of real ones eight times more.
 SHARED_OUT = 1 << 15
 
@@ -87,8 +88,8 @@ def spread_grid(
     x, y = camera.tangents(shape)
     column, row = (axis.ravel() for axis in np.meshgrid(columns, rows))
     tangent = np.stack([x[column], y[row]], axis=1)
-    lit = weight > 0.0
-    q = np.stack([axis[lit] for axis in np.meshgrid(coordinate, coordinate)], axis=1)
+    up, across = _tiled(*np.nonzero(weight > 0.0))
+    q, light = np.stack([coordinate[across], coordinate[up]], axis=1), weight[up, across]
     opd, arrived, wavelength = node_paths(field, camera, tangent, q, options)
     moved = shift[row, column]
     moved = np.where(np.isfinite(moved), moved, 0.0)
@@ -102,9 +103,9 @@ def spread_grid(
         flat = opd[part] - tilt[part] @ q.T
         for number, length in enumerate(lengths):
             wave = np.zeros((len(flat), *weight.shape), dtype=np.complex128)
-            wave[:, lit] = weight[lit] * arrived[part] * phasors(2.0 * np.pi / length * flat)
+            wave[:, up, across] = light * arrived[part] * phasors(2.0 * np.pi / length * flat)
             kernels[number, part], kept[number, part] = pixel_spreads(
-                wave, coordinate, step, (moved - whole)[part], tangent[part], camera, length, size
+                wave, step, (moved - whole)[part], tangent[part], camera, length, size
             )
 
     in_threads(spread, [slice(first, first + NODES_AT_ONCE) for first in range(0, len(row), NODES_AT_ONCE)])
@@ -116,8 +117,16 @@ def spread_grid(
     )
 
 
+def _tiled(row: np.ndarray, column: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Rows and columns of pixels, tile by tile."""
+    order = np.lexsort((column, row, column // TILE, row // TILE))
+    return row[order], column[order]
+
+
 def mixed(grids: tuple[SpreadGrid, ...], weights: np.ndarray) -> SpreadGrid:
     """The point spread functions of light of several wavelengths, with weights (n,) that sum to 1."""
+    if len(grids) == 1:
+        return grids[0]
     kernel = np.tensordot(weights, np.stack([grid.kernel for grid in grids]), 1)
     kept = np.tensordot(weights, np.stack([grid.kept for grid in grids]), 1)
     return replace(grids[0], kernel=kernel, kept=kept)
@@ -166,7 +175,7 @@ def node_paths(
 
     def follow(part: slice) -> None:
         way = aim[part]
-        length = depth / along(way, pupil.normal)
+        length = depth / along(way[:, :1] if far else way, pupil.normal)
         beside = ends[part] - (start + length[..., None] * way)
         if far:
             beyond = -_dot(beside, way) / _dot(ways[part], way)
@@ -216,7 +225,6 @@ def phasors(phase: np.ndarray) -> np.ndarray:
 
 def pixel_spreads(
     wave: np.ndarray,
-    coordinate: np.ndarray,
     step: float,
     fraction: np.ndarray,
     tangent: np.ndarray,
@@ -229,7 +237,6 @@ def pixel_spreads(
     Args:
         wave: Complex amplitudes over the pupil's pixels, shape (n, y, x); where one is dark all light stays in its
             pixel.
-        coordinate: Their places [m].
         step: Their side [m].
         fraction: Where the point spread functions are centred, along x and y [pixels], shape (n, 2).
         tangent: Tangents of the nodes, shape (n, 2).
@@ -241,42 +248,51 @@ def pixel_spreads(
     square = 1.0 + np.sum(tangent**2, axis=1, keepdims=True)
     # Of direction cosines per tangent, along x and y.
     scale = (1.0 - tangent**2 / square) / np.sqrt(square) * camera.pixel_tangent
-    width, greatest = len(coordinate) * step, scale.max(axis=1)
-    parts = np.clip(np.ceil(2.0 * greatest * width / wavelength), 1, MOST_PARTS).astype(int)
     # The transform repeats itself: a kernel as wide as that would hold light twice.
-    held = np.clip((wavelength / step / greatest).astype(int), 1, size)
+    held = np.clip((wavelength / step / scale.max(axis=1)).astype(int), 1, size)
     kernel, share = np.zeros((len(wave), size, size)), np.ones(len(wave))
     dark = power == 0.0
     kernel[dark, size // 2, size // 2] = 1.0
-    for part, hold in np.unique(np.stack([parts, held], axis=1)[~dark], axis=0):
-        some = np.flatnonzero((parts == part) & (held == hold) & ~dark)
-        found = _through_pixels(wave[some], coordinate, fraction[some], scale[some] / wavelength, int(part), int(hold))
+    for hold in np.unique(held[~dark]):
+        some = np.flatnonzero((held == hold) & ~dark)
+        found = _through_pixels(wave[some], fraction[some], scale[some] * (step / wavelength), int(hold))
         total = found.sum(axis=(1, 2))
-        share[some] = total * np.prod(scale[some], axis=1) / part**2 / ((wavelength / step) ** 2 * power[some])
+        share[some] = total * np.prod(scale[some], axis=1) / ((wavelength / step) ** 2 * power[some])
         begin = size // 2 - hold // 2
         kernel[some, begin : begin + hold, begin : begin + hold] = found / total[:, None, None]
     return kernel, np.minimum(share, 1.0)
 
 
-def _through_pixels(
-    wave: np.ndarray, coordinate: np.ndarray, fraction: np.ndarray, scale: np.ndarray, parts: int, held: int
-) -> np.ndarray:
-    """Light between square pixels `held` about each node, shape (n, held, held); `scale` is in waves to a metre."""
-    whole = np.arange(held + 1) - held // 2 - 1.0
-    inside = (np.arange(parts) + 0.5) / parts
-    transform = []
+def _through_pixels(wave: np.ndarray, fraction: np.ndarray, scale: np.ndarray, held: int) -> np.ndarray:
+    r"""Light between square pixels `held` about each node, shape (n, held, held).
+
+    The point spread function is the transform of the wave's correlation C with itself, of as many terms as the pupil
+    has pairs of pixels. A pixel of the scene and one of the camera share a triangle of the distance between them, by
+    which its integral is exact, axis by axis:
+
+        \int |A(p)|^2 tri(p - j) dp = sum_d C(d) sinc(scale d)^2 exp(-2 pi i scale d (j - fraction))
+
+    `scale` is in waves to a pixel of the pupil and a pixel of the picture, along x and y, shape (n, 2).
+    """
+    from scipy.fft import fft2, next_fast_len, rfft2
+
+    count = wave.shape[-1]
+    length = next_fast_len(2 * count - 1)
+    transform = fft2(wave, (length, length))
+    # Of the conjugate, and of the half that has the other one's conjugates.
+    correlation = rfft2(transform.real**2 + transform.imag**2)[..., :count] / length**2
+    place, apart = np.arange(held) - held // 2, np.arange(count)
+    along = []
     for axis in (1, 0):
-        # Places are whole pixels and parts of one: so many exponentials, and products of them for every place.
-        turn = -2.0 * np.pi * scale[:, axis, None, None] * coordinate
-        outer = phasors(turn * whole[:, None])
-        inner = phasors(turn * (inside - fraction[:, axis, None])[:, :, None])
-        transform.append((outer[:, :, None] * inner[:, None]).reshape(len(wave), -1, len(coordinate)))
-    amplitude = _product(_product(transform[0], wave), transform[1].transpose(0, 2, 1))
-    light = amplitude.real**2 + amplitude.imag**2
-    # A pixel of the scene and one of the camera share a triangle of the distance between them.
-    place = (whole[:, None] + inside).ravel()
-    overlap = np.clip(1.0 - np.abs(np.arange(held)[:, None] - held // 2 - place), 0.0, None)
-    return _product(_product(overlap, light), overlap.T)
+        turn = 2.0 * np.pi * scale[:, axis, None] * apart
+        factor = phasors(turn[:, None] * place[:, None]) * phasors(-turn * fraction[:, axis, None])[:, None]
+        along.append(factor * (np.sinc(scale[:, axis, None] * apart) ** 2)[:, None])
+    rows, columns = along
+    both = np.zeros((len(wave), held, length), dtype=np.complex128)
+    both[..., :count], both[..., length - count + 1 :] = rows, rows[..., :0:-1].conj()
+    columns[..., 1:] *= 2.0
+    light = _product(_product(both, correlation), columns.transpose(0, 2, 1)).real
+    return np.maximum(light, 0.0)  # rounding where it is dark
 
 
 def _product(left: np.ndarray, right: np.ndarray) -> np.ndarray:

@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from ..arguments import refuse_masked
-from ..clock import clocked
+from ..clock import clocked, stage
 from ..medium import IndexField
 from ..sensor import Sensor, write_grey
 from ..wavefront.grid import pupil_grid
@@ -75,7 +75,7 @@ class ImageThrough:
         for length in self.spectrum.wavelengths:
             wave = np.zeros((1, *weight.shape), dtype=np.complex128)
             wave[:, lit] = weight[lit] * phasors(2.0 * np.pi / length * opd)
-            kernel, _ = pixel_spreads(wave, coordinate, step, zero, zero, self.camera, float(length), size)
+            kernel, _ = pixel_spreads(wave, step, zero, zero, self.camera, float(length), size)
             found.append(SpreadGrid(middle, middle, kernel[None], np.zeros((1, 1, 2), dtype=int), np.ones((1, 1))))
         return render_colours(self.scene, tuple(found), self.spectrum, np.zeros((*shape, 2)), np.ones(shape))
 
@@ -189,18 +189,20 @@ def image_through(
         found = gather(field, camera, shape, aperture_rays, options, allow_truncation=allow_truncation)
         light = Spectrum.of(found.wavelength) if light is None else light
         shift, dark = filled(found.shift)
-        grids = spread_grid(
-            field,
-            camera,
-            shape,
-            shift,
-            node_count=int(psf_nodes),
-            size=int(psf_pixels),
-            pupil_pixels=pupil_pixels,
-            options=options,
-            wavelengths=light.wavelengths,
-        )
-        image = render_colours(scene, grids, light, shift, np.where(dark, 0.0, found.through))
+        with stage("spread"):
+            grids = spread_grid(
+                field,
+                camera,
+                shape,
+                shift,
+                node_count=int(psf_nodes),
+                size=int(psf_pixels),
+                pupil_pixels=pupil_pixels,
+                options=options,
+                wavelengths=light.wavelengths,
+            )
+        with stage("render"):
+            image = render_colours(scene, grids, light, shift, np.where(dark, 0.0, found.through))
     if sensor is not None:
         image = sensor.expose(image, seed)
     spreads = mixed(grids, light.mean_weights)

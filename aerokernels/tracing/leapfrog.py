@@ -7,6 +7,7 @@ other rays. Rays whose estimate is above the tolerance even so are traced again 
 """
 
 import math
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -65,8 +66,9 @@ CUBES_MEMORY = 0.25
 # The greatest change of a pilot ray's direction by them [rad].
 CUBES_ANGLE = 5e-7
 
-# Rays of a bundle whose lines are looked at.
+# Rays of a bundle whose lines are looked at, and what makes them.
 SPREAD_RAYS = 8192
+Spread = Callable[[], RayBundle]
 
 
 def may_be_leapfrog(field: IndexField, ray_count: int, until) -> bool:
@@ -96,7 +98,7 @@ def fit_leapfrog(
     plan: TracePlan,
     until,
     wavelength: float,
-    spread,
+    spread: Spread,
     like: TracePlan | None = None,
     ray_count: int = 0,
 ) -> TracePlan | None:
@@ -116,7 +118,7 @@ def fit_leapfrog(
     bundle = hash((pilot.position.tobytes(), pilot.direction.tobytes()))
     plan = replace(plan, lever_arms=lever_arms_of(field, pilot, until))
     key = ("leapfrog", bundle, stop, plan.tolerance, wavelength, plan.backend, plan.device, plan.precision)
-    given = field, pilot, plan, until, wavelength, spread()
+    given = field, pilot, plan, until, wavelength, spread
     fitted = None
     if like is not None and like.sample_count:
         fitted = field.derive(("confirmed", *key[1:], like.sample_count), lambda: _confirm(*given, like.sample_count))
@@ -153,7 +155,7 @@ def fit_leapfrog(
 
 
 def _fit(
-    field: IndexField, pilot: RayBundle, plan: TracePlan, until, wavelength: float, spread: RayBundle
+    field: IndexField, pilot: RayBundle, plan: TracePlan, until, wavelength: float, spread: Spread
 ) -> tuple[int, tuple, float, Sampling | None]:
     """Samples of each ray (0: no number fits), the scales of its error estimate, and the pilot's greatest error [m].
 
@@ -173,7 +175,7 @@ def _fit(
     if second > 0.0:
         order = min(max(math.log(first / second) / math.log(3.0), 1.0), 4.0) if first > second else 1.0
     count = in_threes(least * max(1.0, (first / budget) ** (1.0 / order))) if first > 0.0 else least
-    between = Between(field, spread, until, held, plan.lever_arms)
+    between = Between(field, spread(), until, held, plan.lever_arms)
     count = between.least_count(
         count,
         lambda count: _is_worth_it(field, pilot, plan, wavelength, count),
@@ -206,7 +208,7 @@ def _may_take_cubes(field: IndexField, plan: TracePlan, samples: int) -> bool:
 
 
 def _with_cubes(
-    field: IndexField, pilot: RayBundle, plan: TracePlan, until, wavelength: float, spread: RayBundle, count: int
+    field: IndexField, pilot: RayBundle, plan: TracePlan, until, wavelength: float, spread: Spread, count: int
 ) -> tuple[int, tuple, float, Sampling | None] | None:
     """What `_fit` returns, for samples of polynomials of cubes; None where the tolerance needs the spline.
 
@@ -216,7 +218,7 @@ def _with_cubes(
     grid = field.samples
     assert isinstance(grid, UniformGrid)
     held = held_error(field, plan.tolerance * wavelength)
-    between = Between(field, spread, until, held, plan.lever_arms)
+    between = Between(field, spread(), until, held, plan.lever_arms)
     cost_again = _cost_again(field, pilot, plan, held)
     some = between.lines.every(max(1, len(between.lines.length) // CUBES_LINES))
     rough = np.count_nonzero(roughly_off(grid, some) > held) / max(1, len(some.length))
@@ -246,7 +248,7 @@ def _cost_again(field: IndexField, pilot: RayBundle, plan: TracePlan, held: floa
 
 
 def _confirm(
-    field: IndexField, pilot: RayBundle, plan: TracePlan, until, wavelength: float, spread: RayBundle, count: int
+    field: IndexField, pilot: RayBundle, plan: TracePlan, until, wavelength: float, spread: Spread, count: int
 ) -> tuple[int, tuple, float, Sampling | None] | None:
     """What `_fit` returns, for this number of samples; None where it does not hold, or rays may miss what counts."""
     assert isinstance(field.samples, UniformGrid)
@@ -254,7 +256,7 @@ def _confirm(
     held, plan = held_error(field, plan.tolerance * wavelength), replace(plan, few_rays=True)
     if count < _least_samples(field, pilot, held, plan.lever_arms):
         return None
-    count = Between(field, spread, until, held, plan.lever_arms).sufficient(count)
+    count = Between(field, spread(), until, held, plan.lever_arms).sufficient(count)
     if not count:
         return None
     level, finest = (_Level(field, pilot, plan, until, wavelength, number) for number in (count, 3 * count))

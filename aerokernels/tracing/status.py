@@ -75,8 +75,12 @@ REACHED = (RayStatus.OK, RayStatus.LEFT_DISTURBED_AIR, RayStatus.TOLERANCE_NOT_M
 
 def reached(status: np.ndarray) -> np.ndarray:
     """Which of the status codes belong to rays that reached the stop, as booleans of the same shape."""
-    ok, left, rejected = REACHED
-    return np.asarray((status == ok) | (status == left) | (status == rejected))
+    status = np.asarray(status)
+    found = status == int(REACHED[0])
+    if not found.all():
+        for other in REACHED[1:]:
+            found |= status == int(other)
+    return np.asarray(found)
 
 
 def is_any_rejected(status: np.ndarray) -> bool:

@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from aerokernels.clock import STAGES
 from aerokernels.imaging import Camera, ImageThrough, background_displacement, image_through
 from aerokernels.medium import IndexField
 from aerokernels.pupils import Disc
@@ -64,8 +65,8 @@ def measure_optics(
         longest: No further call is begun after this time [s].
 
     Yields:
-        "what", "pixels", the seconds of CALLS where they were measured; and of the last of them the host's processor
-        seconds, "cpu", and what of it was tracing, "traced", with its "kernel"; "device" is what traced.
+        "what", "pixels", the seconds of CALLS where they were measured; and of the last of them what traced, "device",
+        the host's processor seconds, "cpu", what of it was tracing, "traced", and the seconds of each stage, "stages".
     """
     begin = time.perf_counter()
     fields = [smooth_volume(nodes, seed) for seed in (0, 1)]
@@ -100,7 +101,7 @@ def measure_optics(
             plan = (made.shift if isinstance(made, ImageThrough) else made).plan
             found["device"] = f"{plan.backend}, {plan.device}"
             found["traced"] = sum(stages.get(stage, 0.0) for stage in ("plan", "upload", "kernel", "download"))
-            found["kernel"] = stages.get("kernel", 0.0)
+            found["stages"] = {name: stages[name] for name in STAGES if stages.get(name)}
         yield found
 
 

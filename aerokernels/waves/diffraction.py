@@ -32,12 +32,14 @@ class Window:
         x: Places of the columns [m].
         y: Places of the rows [m].
         pixel: Side of a pixel [m]; of one column, its height.
+        width: Width of a column [m].
     """
 
     amplitude: np.ndarray
     x: np.ndarray
     y: np.ndarray
     pixel: float
+    width: float
 
     @property
     def lit(self) -> np.ndarray:
@@ -53,7 +55,7 @@ def window_of(pupil: Pupil, half: float, pixel_count: int, one_column: bool = Fa
     amplitude = pupil.coverage(columns, edges)
     amplitude[amplitude < LEAST_COVER * amplitude.max()] = 0.0
     middle = 0.5 * (edges[1:] + edges[:-1])
-    return Window(amplitude, np.zeros(1) if one_column else middle, middle, pixel)
+    return Window(amplitude, np.zeros(1) if one_column else middle, middle, pixel, float(np.diff(columns)[0]))
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,6 +65,7 @@ class Ways:
     Attributes:
         window: The pupil's light.
         slabs: The disturbed air.
+        passes: Which of the window's lit pixels have rays that get past a body.
         before: Free way from the pupil to the slabs [m].
         after: Free way from the slabs to where the rays' paths end [m].
         wavelength: In vacuum [m].
@@ -72,6 +75,7 @@ class Ways:
 
     window: Window
     slabs: Slabs
+    passes: np.ndarray
     before: float
     after: float
     wavelength: float
@@ -79,7 +83,13 @@ class Ways:
     straight: bool
 
     def change(self, limit: float) -> float:
-        """Strehl ratio of the wave less that of the rays, known well enough for a limit."""
+        """Strehl ratio of the wave less that of the rays, known well enough for a limit.
+
+        An opaque wall is no smooth function of its depth: where there is one, as many slabs as there are are taken.
+        """
+        opaque = self.slabs.opaque(self.window.x, self.window.y, 1)
+        if opaque is not None and opaque.any():
+            return self._change(FINEST)
         count, found = FEWEST, self._change(FEWEST)
         while count < FINEST:
             count, last, found = 2 * count, found, self._change(2 * count)
@@ -91,14 +101,15 @@ class Ways:
     def _change(self, count: int) -> float:
         window = self.window
         paths = self.slabs.taken(window.x, window.y, count)
-        lit = window.lit
-        paths -= paths[:, lit].mean(axis=1)[:, None, None]  # what delays all alike is of no account
+        opaque = self.slabs.opaque(window.x, window.y, count)
+        passes = self.passes
+        paths -= paths[:, passes].mean(axis=1)[:, None, None]  # what delays all alike is of no account
         paths = paths.astype(np.float32)
-        whole = float(window.amplitude.sum())
-        return (abs(self._wave(paths)) ** 2 - abs(self._rays(paths)) ** 2) / whole**2
+        whole = float(window.amplitude[passes].sum())
+        return (abs(self._wave(paths, opaque)) ** 2 - abs(self._rays(paths)) ** 2) / whole**2
 
-    def _wave(self, paths: np.ndarray) -> complex:
-        """The wave's sum behind all screens."""
+    def _wave(self, paths: np.ndarray, opaque: np.ndarray | None) -> complex:
+        """The wave's sum behind all screens, some of them opaque in places."""
         from scipy.fft import fft2, ifft2
 
         step = (self.slabs.last - self.slabs.first) / len(paths)
@@ -109,6 +120,8 @@ class Ways:
                 wave *= factor
             wave = ifft2(wave, overwrite_x=True)
             wave *= phase_factor(path, self.wavelength)
+            if opaque is not None:
+                wave[opaque[number]] = 0.0
             if number < len(paths) - 1:
                 wave, way = fft2(wave, overwrite_x=True), step
         return complex(wave.sum())
@@ -128,7 +141,7 @@ class Ways:
         if not self.straight:
             step = (self.slabs.last - self.slabs.first) / len(paths)
             path += bending(paths, self.window.pixel, step, self.after)
-        lit = self.window.lit
+        lit = self.passes
         return complex((self.window.amplitude[lit] * phase_factor(path[lit], self.wavelength)).sum(dtype=np.complex128))
 
 

@@ -65,6 +65,10 @@ class Slabs(ABC):
             count: How many.
         """
 
+    def opaque(self, x: np.ndarray, y: np.ndarray, count: int) -> np.ndarray | None:
+        """Where light ends in `count` slabs, at places as for `taken`, shape (count, y, x); None: nowhere."""
+        return None
+
 
 def slabs_of(field: IndexField, look: LookingAlong, begin: float, end: float, wavelength: float) -> Slabs:
     """Slabs of a field between two distances along a line of sight [m]."""

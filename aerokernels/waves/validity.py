@@ -31,6 +31,7 @@ from ..wavefront import Wavefront
 from .diffraction import Ways, window_of
 from .layers import span_of
 from .screens import WINDOW, crossings_of, fast_size, screens_answer, spread_along
+from .shadows import SlabsPastBody, fringes, is_clear, shadow_of
 from .slabs import FINEST, LookingAlong, Slabs, slabs_of
 
 # The greatest change of the Strehl ratio that rays may cost and still be good.
@@ -59,6 +60,9 @@ class Validity:
         curvature: The greatest product of that distance and a curvature of the wavefront, of the sign that focuses.
         limit: The change of the Strehl ratio up to which rays are good.
         answered_by: "rays" where the traced wavefront left no doubt, "waves" where a wave was sent through the field.
+        blocked: Share of the pupil's light that ends on the field's body: neither rays nor waves count it.
+        rim_fresnel_number: Of the light that passes the body's rim, to where it leaves the box: below some tens the
+            knife edge's fringes fill it; infinite where no body is near.
     """
 
     strehl_change: float
@@ -69,6 +73,8 @@ class Validity:
     curvature: float
     limit: float = GOOD
     answered_by: str = "waves"
+    blocked: float = 0.0
+    rim_fresnel_number: float = float("inf")
 
     @property
     def good(self) -> bool:
@@ -80,6 +86,11 @@ class Validity:
         """The verdict in a sentence."""
         who = "the traced wavefront" if self.answered_by == "rays" else "a wave through the field"
         change = f"waves change the Strehl ratio by {self.strehl_change:+.2g}, {self.limit:g} being allowed, says {who}"
+        if np.isfinite(self.rim_fresnel_number):
+            change += (
+                f"; {100.0 * self.blocked:.2g} % of the light ends on the body, past whose rim the rest diffracts with "
+                f"a Fresnel number of {self.rim_fresnel_number:.2g}"
+            )
         if self.good:
             return f"rays are good: {change}"
         why = f"the Fresnel number of the finest phase is {self.fresnel_number:.2g}"
@@ -138,23 +149,32 @@ def by_waves(
     reach = max(pupil.half_extent)
     # In a planar field seen across its axis nothing varies along the first axis.
     flat = field.geometry == "planar" and abs(float(pupil.normal[0])) < 1e-15
-    look = LookingAlong(pupil.center, pupil.normal, pupil.axes, (COLUMN_WINDOW if flat else WINDOW) * reach)
+    clear, half = is_clear(field, pupil, pupil.normal, wavelength), (COLUMN_WINDOW if flat else WINDOW) * reach
+    if not clear:
+        half = max(half, reach + fringes(field, wavelength))
+    look = LookingAlong(pupil.center, pupil.normal, pupil.axes, half)
     begin, end = span_of(field, look.center, look.normal, look.axes, *(2 * [(-look.half, look.half)]))
-    slabs = slabs_of(field, look, begin, end, wavelength)
+    slabs: Slabs = (
+        slabs_of(field, look, begin, end, wavelength) if clear else SlabsPastBody(field, look, begin, end, wavelength)
+    )
     if wavefront is None or feature < 2.0 * wavefront.pixel:
         window = window_of(pupil, reach, COLUMN_PIXELS[1] if flat else 2 * slabs.most_pixels // 3, flat)
         path = slabs.taken(window.x, window.y, 1)[0]
-        phase = np.where(window.lit, 2.0 * np.pi / wavelength * path, np.nan)
+        _, passes = shadow_of(slabs, window, wavelength, end)
+        phase = np.where(passes, 2.0 * np.pi / wavelength * path, np.nan)
         feature = min(feature, finest_feature(phase, window.pixel))
     least, most = COLUMN_PIXELS if flat else (LEAST_PIXELS, slabs.most_pixels)
-    pixels = fast_size(math.ceil(np.clip(2.0 * look.half * PER_FEATURE / feature, least, most)))
+    # Fringes of a rim are as fine as the pixels allow.
+    pixels = fast_size(math.ceil(np.clip(2.0 * look.half * PER_FEATURE / feature, least, most))) if clear else most
     window = window_of(pupil, look.half, pixels, flat)
     distance = _slabs_length(slabs, pupil)
+    shadow, passes = shadow_of(slabs, window, wavelength, end)
     path = slabs.taken(window.x, window.y, 1)[0]
-    crossings = crossings_of(path, window.pixel, window.amplitude, distance)
+    crossings = crossings_of(path, window.pixel, window.amplitude * passes, distance)
     ways = Ways(
         window=window,
         slabs=slabs,
+        passes=passes,
         before=slabs.first,
         after=end - slabs.last,
         wavelength=wavelength,
@@ -169,6 +189,8 @@ def by_waves(
         crossed_share=crossings.crossed,
         curvature=crossings.curvature,
         limit=limit,
+        blocked=shadow.blocked,
+        rim_fresnel_number=shadow.fresnel_number,
     )
 
 
@@ -177,6 +199,9 @@ def _slabs_length(slabs: Slabs, pupil: Pupil) -> float:
     place = max(pupil.half_extent) * (2.0 * (np.arange(SLAB_LINES) + 0.5) / SLAB_LINES - 1.0)
     x, y = np.meshgrid(place, place)
     lit = pupil.transmission(x, y) > 0.0
+    opaque = slabs.opaque(place, place, FINEST)
+    if opaque is not None and (lit & ~opaque.any(axis=0)).any():
+        lit &= ~opaque.any(axis=0)
     return spread_along(slabs.taken(place, place, FINEST)[:, lit], slabs.last - slabs.first)
 
 
@@ -226,6 +251,9 @@ def by_rays(
 ) -> Validity | None:
     """The verdict of a traced wavefront alone; None where it leaves a doubt, or does not hold its finest phase."""
     if feature < 2.0 * wavefront.pixel or wavefront.wavelength != wavelength or wavefront.blocked > 1e-3:
+        return None
+    look = pupil.normal if wavefront.direction is None else np.asarray(wavefront.direction)
+    if not is_clear(field, pupil, look, wavelength):
         return None
     found = screens_answer(field, pupil, wavefront, wavelength, feature)
     crossings = found.crossings

@@ -42,6 +42,9 @@ def parameter_range(field: IndexField, rays: RayBundle, family: Family) -> tuple
         key = ("rows of a family on a device", position.device, count)
         there = field.derive(key, lambda: rows_on_device(rows, position.device), KEPT)
         return range_on_device(family, there, position.buffer, direction.buffer)
+    # Of a picture's bundles one is asked after the other: a single ray tells most of them apart.
+    if not family.holds_for(np.asarray(position[:1]), np.asarray(direction[:1])).all():
+        return None
     some, along = np.asarray(position[rows]), np.asarray(direction[rows])
     if not family.holds_for(some, along).all():
         return None

@@ -1,0 +1,124 @@
+"""Slabs of a field with a body, on which light ends, and the shadow that it throws on a window.
+
+There is no air in a body: light that starts within it begins where it leaves it, as rays do, and other light ends on
+it. What is left diffracts at the body's rim: little where the Fresnel number of what is left is large.
+"""
+
+import math
+import weakref
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..medium import IndexField
+from ..pupils import Pupil
+from ..tracing.pupil_air import meets_wall
+from .diffraction import Window
+from .layers import mean_layers
+from .slabs import FINEST, LookingAlong, Slabs
+from .wave import Wave
+
+# Lines along a side of the pupil by which it is told whether a body is near, and how far beside the pupil they go, in
+# widths sqrt(wavelength distance) of a knife edge's fringes; answers kept for a field.
+LINES, FRINGES, KEPT = 24, 4.0, 8
+
+
+class SlabsPastBody(Slabs):
+    """Slabs of a field with a body, of layers sampled at the window's own points."""
+
+    most_pixels = 96
+
+    def __init__(self, field: IndexField, look: LookingAlong, begin: float, end: float, wavelength: float):
+        """Nothing is sampled yet."""
+        self._field, self._look, self._wavelength = field, look, wavelength
+        self.first, self.last = begin, end
+        self._sampled: dict[tuple[bytes, bytes], tuple[np.ndarray, np.ndarray]] = {}
+
+    def taken(self, x: np.ndarray, y: np.ndarray, count: int) -> np.ndarray:
+        """See `Slabs.taken`; behind a rim a slab goes on as beside it, so that no slope of the path begins there."""
+        path, opaque = self._layers(x, y)
+        path = path.reshape(count, -1, *path.shape[1:]).sum(axis=1, dtype=np.float64)
+        dark = opaque.any(axis=0)
+        if dark.any() and not dark.all():
+            from scipy.ndimage import distance_transform_edt
+
+            row, column = distance_transform_edt(dark, return_distances=False, return_indices=True)
+            path = path[:, row, column]
+        return path
+
+    def opaque(self, x: np.ndarray, y: np.ndarray, count: int) -> np.ndarray | None:
+        """See `Slabs.opaque`."""
+        _, opaque = self._layers(x, y)
+        return np.asarray(opaque.reshape(count, -1, *opaque.shape[1:]).any(axis=1))
+
+    def _layers(self, x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Paths [m] and opaque places of FINEST slabs at evenly spaced places."""
+        key = np.asarray(x).tobytes(), np.asarray(y).tobytes()
+        if key not in self._sampled:
+            look = self._look
+            middle = x[len(x) // 2] * look.axes[0] + y[len(y) // 2] * look.axes[1]
+            pixel = float(y[1] - y[0])
+            wave = Wave(np.ones((len(y), len(x))), pixel, self._wavelength, look.center + middle, look.normal)
+            path, opaque = mean_layers(self._field, wave, self.first, self.last, FINEST)
+            self._sampled = {key: (path, np.zeros(path.shape, dtype=bool) if opaque is None else opaque)}
+        return self._sampled[key]
+
+
+@dataclass(frozen=True)
+class Shadow:
+    """What a body takes of a pupil's light.
+
+    Attributes:
+        blocked: Share of the light that ends on it.
+        fresnel_number: Of what passes: the square of the radius of a disc of its area over wavelength times the way
+            from the first rim to where the light has left the box; infinite where no body is near.
+    """
+
+    blocked: float = 0.0
+    fresnel_number: float = float("inf")
+
+
+def shadow_of(slabs: Slabs, window: Window, wavelength: float, end: float) -> tuple[Shadow, np.ndarray]:
+    """The shadow on a window's light that has left the box at a distance `end` [m], and which pixels pass.
+
+    Raises:
+        ValueError: No light passes.
+    """
+    opaque = slabs.opaque(window.x, window.y, FINEST)
+    if opaque is None:
+        return Shadow(), window.lit
+    passes = window.lit & ~opaque.any(axis=0)
+    if not passes.any():
+        raise ValueError("the body holds back all of the pupil's light: move the pupil, or turn its normal")
+    if not opaque.any():
+        return Shadow(), passes
+    light = window.amplitude**2
+    first = int(np.argmax(opaque.any(axis=(1, 2))))
+    way = end - (slabs.first + first * (slabs.last - slabs.first) / len(opaque))
+    area = float(window.amplitude[passes].sum()) * window.pixel * window.width
+    blocked = max(1.0 - float(light[passes].sum() / light.sum()), 0.0)
+    return Shadow(blocked, area / (math.pi * wavelength * way)), passes
+
+
+def is_clear(field: IndexField, pupil: Pupil, look: np.ndarray, wavelength: float) -> bool:
+    """Whether a field's body is far from the light of a pupil, by straight lines through and beside it."""
+    if field.body is None:
+        return True
+    key = ("clear of the body", weakref.ref(pupil), look.tobytes(), wavelength)
+    found: bool = field.derive(key, lambda: _is_clear(field, pupil, look, wavelength), KEPT)
+    return found
+
+
+def fringes(field: IndexField, wavelength: float) -> float:
+    """How far from a rim light may be that has diffracted there within the field's box [m]."""
+    low, high = field.box
+    size = np.linalg.norm(np.where(np.isfinite(high - low), high - low, 0.0))
+    return FRINGES * math.sqrt(wavelength * float(size))
+
+
+def _is_clear(field: IndexField, pupil: Pupil, look: np.ndarray, wavelength: float) -> bool:
+    first, second = pupil.axes
+    x, y = (half + fringes(field, wavelength) for half in pupil.half_extent)
+    across, up = (axis.ravel() for axis in np.meshgrid(np.linspace(-x, x, LINES), np.linspace(-y, y, LINES)))
+    start = pupil.center + across[:, None] * first + up[:, None] * second
+    return not meets_wall(field, start, np.broadcast_to(look, start.shape).copy()).any()
