@@ -1,7 +1,9 @@
 """A pupil made ready once and traced many times: the same numbers as when it is made ready each time."""
 
 import gc
+import pickle
 import weakref
+from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import pytest
@@ -126,3 +128,20 @@ def test_bundles_are_cut_to_the_memory_of_any_engine():
     assert launch.chunk_size((4.0 * launch.RAY_BYTES * 1000, 1e12), 5000) == 1000
     assert launch.chunk_size((1e12, 24 * 700), 5000) == 700
     assert launch.chunk_size((1.0, 1.0), 5000) == launch.LEAST_CHUNK
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+def test_threads_share_a_prepared_pupil(engine):
+    """Eight threads, two fields, three seeds: each call has the bits of the same call alone."""
+    seen = prepare_strehl(lens(), PUPIL, **on(engine), ray_count=16 * 300, allow_truncation=True)
+    both = (seen, seen.with_field(lens(3e-6)))
+    alone = [[one(seed=seed).value for seed in range(3)] for one in both]
+    with ThreadPoolExecutor(8) as threads:
+        found = list(threads.map(lambda call: both[call % 2](seed=call % 3).value, range(24)))
+    assert found == [alone[call % 2][call % 3] for call in range(24)]
+
+
+def test_a_prepared_pupil_can_be_sent_to_another_process():
+    """Pickled and read again it gives the same bits."""
+    seen = prepare_strehl(lens(), PUPIL, ray_count=16 * 300, remove=("tilt",), allow_truncation=True)
+    assert pickle.loads(pickle.dumps(seen))(seed=5).value == seen(seed=5).value
