@@ -29,15 +29,18 @@ _PIECES = {degree: _fit_between(degree) for degree in (1, 3, 5)}
 class PulseCurve:
     """The curve through the samples of a pulse, shape (n,); places in samples, values in the samples' unit.
 
+    `is_whole` says that there is nothing beyond the samples, as of a template: then they may begin and end within the
+    pulse.
+
     Raises:
         ValueError: No sample is positive (in `peak_place` and what needs it), or the pulse's peak is cut off.
     """
 
-    def __init__(self, samples: np.ndarray):
+    def __init__(self, samples: np.ndarray, is_whole: bool = False):
         """Fit the spline."""
         from scipy.interpolate import make_interp_spline
 
-        self.samples = samples
+        self.samples, self.is_whole = samples, is_whole
         degree = min(5, 2 * ((samples.size - 2) // 2) + 1)
         self.spline = make_interp_spline(np.arange(samples.size), samples, k=degree)
 
@@ -122,10 +125,16 @@ class PulseCurve:
 
     @cached_property
     def centroid(self) -> float:
-        """Mean place, weighted with the curve, of the part that stands above `CENTROID_FLOOR` of the peak."""
+        """Mean place, weighted with the curve, of the part that stands above `CENTROID_FLOOR` of the peak.
+
+        Raises:
+            ValueError: The record begins or ends within that part, and is not whole.
+        """
         level = CENTROID_FLOOR * self.peak
-        low = 0.0 if self.samples[0] >= level else self.rise_before_peak(level)
+        low = 0.0 if self.is_whole and self.samples[0] >= level else self.rise_before_peak(level)
         high = self.fall_after_peak(level)
+        if high == self.samples.size - 1 and self.samples[-1] >= level and not self.is_whole:
+            raise ValueError(f"the record ends above {level:g} V, within the pulse: end it later or remove its offset")
         area = self.spline.antiderivative(1)
         moment = self.spline.antiderivative(2)
         # Integration by parts; places counted from the peak, so that long records lose no digits.
