@@ -1,6 +1,7 @@
 """The Strehl ratio of a pupil, estimated over millions of rays that are traced and summed on the device."""
 
 import sys
+import threading
 import warnings
 from collections.abc import Iterable, Iterator
 from copy import copy
@@ -129,6 +130,10 @@ def prepare_strehl(field: IndexField, pupil: Pupil, **options) -> "PreparedStreh
     return prepared
 
 
+def _prepared_again(field: IndexField, pupil: Pupil, options: dict[str, Any]) -> "PreparedStrehl":
+    return prepare_strehl(field, pupil, **options)
+
+
 def plan_strehl(field: IndexField, pupil: Pupil, **options) -> tuple[TracePlan, int]:
     """The plan that `estimate_strehl` would follow with these options, and how many rays it would start with.
 
@@ -146,8 +151,9 @@ def plan_strehl(field: IndexField, pupil: Pupil, **options) -> tuple[TracePlan, 
 class PreparedStrehl:
     """What `prepare_strehl` returns: a call with a seed gives a StrehlEstimate.
 
-    The field is on the device and the kernels are built; a call launches, sums and returns. One thread at a time may
-    call it.
+    The field is on the device and the kernels are built; a call launches, sums and returns. Threads may share it: they
+    take turns, because a call's rays lie where those of the call before lay. Pickled, it is made ready anew where it
+    is read.
 
     Attributes:
         plan: What was chosen, skipped and why.
@@ -199,7 +205,14 @@ class PreparedStrehl:
         }
         self.ray_count = int(ray_count)
         self.seconds: dict[str, float] = {}
+        self._turn = threading.Lock()  # shared by what `with_field` makes of it: their jobs share buffers
         self._make_job(None)
+
+    def __reduce__(self):
+        """What it was made of: what is on a device stays there."""
+        options = {"wavelength": self.asked_wavelength, "ray_count": self.ray_count, "remove": self.remove}
+        options |= {"direction": self.look, "allow_truncation": self.allow_truncation, **self.choices}
+        return _prepared_again, (self.field, self.pupil, options)
 
     def _make_job(self, like: PupilJob | None) -> None:
         with stage("plan"):
@@ -230,7 +243,7 @@ class PreparedStrehl:
         if not isinstance(field, IndexField):
             raise TypeError(f"field must be an IndexField, got {type(field).__name__}")
         made = copy(self)
-        with clocked() as seconds:
+        with self._turn, clocked() as seconds:
             made.field, made.wavelength = field, field.wavelength_for(self.asked_wavelength)
             made._make_job(self.job)
             made.plan = made.job.planned()  # uploads
@@ -259,7 +272,7 @@ class PreparedStrehl:
         Raises:
             ValueError: No ray arrived beyond the field.
         """
-        with clocked() as seconds:
+        with self._turn, clocked() as seconds:
             return self._estimate(seed, seconds)
 
     def _estimate(self, seed: int, seconds: dict[str, float]) -> StrehlEstimate:

@@ -42,13 +42,16 @@ def _spline_through(samples: np.ndarray) -> "BSpline":
 class PulseCurve:
     """The curve through the samples of a pulse, shape (n,); places in samples, values in the samples' unit.
 
+    `is_whole` says that there is nothing beyond the samples, as of a template: then they may begin and end within the
+    pulse.
+
     Raises:
         ValueError: No sample is positive (in `peak_place` and what needs it), or the pulse's peak is cut off.
     """
 
-    def __init__(self, samples: np.ndarray, spline: "BSpline | None" = None):
+    def __init__(self, samples: np.ndarray, is_whole: bool = False, spline: "BSpline | None" = None):
         """Fit the spline, unless it was fitted already."""
-        self.samples = samples
+        self.samples, self.is_whole = samples, is_whole
         self.spline = _spline_through(samples) if spline is None else spline
 
     @classmethod
@@ -64,7 +67,7 @@ class PulseCurve:
         together = _spline_through(np.stack(good, axis=1))
         each = iter(np.ascontiguousarray(together.c.T))
         return [
-            cls(record, together.construct_fast(together.t, next(each), together.k)) if fits else None
+            cls(record, spline=together.construct_fast(together.t, next(each), together.k)) if fits else None
             for record, fits in zip(records, fit, strict=True)
         ]
 
@@ -149,10 +152,16 @@ class PulseCurve:
 
     @cached_property
     def centroid(self) -> float:
-        """Mean place, weighted with the curve, of the part that stands above `CENTROID_FLOOR` of the peak."""
+        """Mean place, weighted with the curve, of the part that stands above `CENTROID_FLOOR` of the peak.
+
+        Raises:
+            ValueError: The record begins or ends within that part, and is not whole.
+        """
         level = CENTROID_FLOOR * self.peak
-        low = 0.0 if self.samples[0] >= level else self.rise_before_peak(level)
+        low = 0.0 if self.is_whole and self.samples[0] >= level else self.rise_before_peak(level)
         high = self.fall_after_peak(level)
+        if high == self.samples.size - 1 and self.samples[-1] >= level and not self.is_whole:
+            raise ValueError(f"the record ends above {level:g} V, within the pulse: end it later or remove its offset")
         area = self.spline.antiderivative(1)
         moment = area.antiderivative(1)
         # Integration by parts; places counted from the peak, so that long records lose no digits.

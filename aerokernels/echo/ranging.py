@@ -25,7 +25,7 @@ import numpy as np
 
 from ..arguments import Numbers, checked
 from .checks import as_finite_array, as_waveform, check_choice, check_positive
-from .pulse_curve import PulseCurve
+from .pulse_curve import CENTROID_FLOOR, PulseCurve
 from .sampling_error import sampling_error, warn_of_sampling
 from .shaped_curve import Shape, best_place, shaped_curve, shifted_samples, template_transform
 from .waveform import SPEED_OF_LIGHT
@@ -159,14 +159,25 @@ def _place(
     if method == "matched-filter":
         if template is None:
             raise ValueError("method 'matched-filter' needs a template: a function of time, or samples of the pulse")
-        return best_place(volts, template_curve(template, period), period)
+        shape_of_it = template_curve(template, period)
+        place = best_place(volts, shape_of_it, period)
+        _check_whole(shape_of_it, place, volts.size, period)
+        return place
     known = template if callable(template) else None
     curve, finer = made or shaped_curve(volts, shape or known, period)
     place = _arrival(curve, method, threshold, fraction) / finer
     if template is None or method == "leading-edge":
         return place
     samples, zero, finer = _template_samples(template, volts.size, period, finer)
-    return place - (_arrival(PulseCurve(samples), method, None, fraction) - zero) / finer
+    return place - (_arrival(PulseCurve(samples, is_whole=True), method, None, fraction) - zero) / finer
+
+
+def _check_whole(template: Shape, place: float, count: int, period: float) -> None:
+    """Refuse a match whose pulse the record cuts: the part that is there matches best elsewhere."""
+    peak, first, last = np.abs(template((np.array([place, 0.0, count - 1.0]) - place) * period))
+    for height, when, remedy in ((first, "begins", "begin earlier"), (last, "ends", "end later")):
+        if height >= CENTROID_FLOOR * peak:
+            raise ValueError(f"the record {when} within the pulse that matches best: let it {remedy}")
 
 
 def _arrival(curve: PulseCurve, method: str, threshold: float | None, fraction: float) -> float:

@@ -105,6 +105,8 @@ def _best_place(volts: np.ndarray, curve: Shape, period: float) -> tuple[int, fl
     start = int(np.argmax(coarse))
     # Less than this is rounding of the sum.
     least = ROUNDING * float(np.linalg.norm(volts)) * norm
+    if np.ptp(volts) <= ROUNDING * float(np.abs(volts).max()):
+        raise ValueError(f"there is no pulse: the record is {volts[0]:g} V throughout")
     if coarse[start] <= least:
         raise ValueError("the waveform has no positive correlation with the template anywhere: is a sign turned?")
     places = np.arange(count) - start

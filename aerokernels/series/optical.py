@@ -16,7 +16,7 @@ from ..rays import as_unit_vector
 from ..tracing.pupil_air import GREATEST_SHARE, PupilAir, TruncationWarning
 from ..wavefront import check_terms
 from ..wavelength import DEFAULT_WAVELENGTH, check_wavelength
-from .pupil_grid import MapReader, PupilGrid, Reading, pupil_grid
+from .pupil_grid import PupilGrid, Reading, pupil_grid
 from .snapshot import METHODS, Found, Snapshots, Way
 from .store import FIRST, NUMBERS, MemoryStore, ZarrStore
 from .strehl_bound import strehl_error
@@ -76,9 +76,10 @@ def optical_series(
 
     Returns:
         A dataset (time, y, x): `opd` [m], terms removed, NaN outside the pupil, and `valid`; over time `strehl` and
-        `strehl_error`, what it may be off by for the error of `opd`, `boresight_x` and `boresight_y` [rad], `piston`
-        [m], `opd_rms` and `opd_rms_with_tilt` [m], `error` [m], the share of the pupil that is `known`, and whether a
-        snapshot was `traced`; over (y, x) `weight`, the pixels' shares of the pupil. Lazy where `out` is given.
+        `strehl_error`, what it may be off by for the error of `opd` and for the pixels, each of which has one ray,
+        `boresight_x` and `boresight_y` [rad], `piston` [m], `opd_rms` and `opd_rms_with_tilt` [m], `error` [m], the
+        share of the pupil that is `known`, and whether a snapshot was `traced`; over (y, x) `weight`, the pixels'
+        shares of the pupil. Lazy where `out` is given.
         Pixels whose rays leave the grid sideways, miss it or end on a body are not valid, and in no number. `error`
         on straight lines is that of the OPD through the grid, whatever lies beyond the ends of the known air.
 
@@ -140,7 +141,7 @@ def optical_series(
                 )
             if lit is None or not np.array_equal(good, lit):
                 lit = good
-                reader = MapReader(grid.coordinates[good], grid.weight[grid.lit][good], terms, wavelength)
+                reader = grid.reader(good, terms, wavelength)
             entry = _entry(grid, found, good, reader(found.opd[good]), wavelength)
             _finished(written, number, len(series), progress)
             written = writer.submit(store.add, *entry)
@@ -196,7 +197,9 @@ def _entry(
     opd[good] = read.opd
     numbers = {
         "strehl": read.strehl,
-        "strehl_error": strehl_error(read.strehl, 2.0 * np.pi / wavelength * found.error),
+        "strehl_error": float(
+            np.hypot(strehl_error(read.strehl, 2.0 * np.pi / wavelength * found.error), read.strehl_pixel_error)
+        ),
         "boresight_x": float(read.tilt[0]),
         "boresight_y": float(read.tilt[1]),
         "piston": read.piston,

@@ -1,12 +1,16 @@
 """A pupil as a grid of pixels, and the numbers taken from a map of optical path differences over it."""
 
+import math
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from ..pupils import Pupil
-from ..wavefront import remove_terms, weighted_mean
+from ..wavefront import SAFETY, exact_weights, remove_terms, weighted_mean
+
+# Share of a pixel that is rounding.
+ROUNDING = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
@@ -18,12 +22,16 @@ class PupilGrid:
         y: Pixel centres along its second axis [m], shape (ny,).
         weight: Share of each pixel in means over the pupil, sums to 1, shape (ny, nx).
         points: Centres of the pixels with a weight, in space [m], shape (n, 3).
+        pixel: Side of a pixel [m].
+        pupil: The pupil.
     """
 
     x: np.ndarray
     y: np.ndarray
     weight: np.ndarray
     points: np.ndarray
+    pixel: float
+    pupil: Pupil
 
     @property
     def lit(self) -> np.ndarray:
@@ -35,6 +43,20 @@ class PupilGrid:
         """Coordinates x and y of the pixels with a weight [m], shape (n, 2)."""
         x, y = np.meshgrid(self.x, self.y)
         return np.stack([x[self.lit], y[self.lit]], axis=1)
+
+    def reader(self, good: np.ndarray, remove: tuple[str, ...], wavelength: float) -> "MapReader":
+        """A reader of maps of some of the pixels with a weight, `good` of shape (n,)."""
+        weight = np.where(self.spread(good, False), self.weight, 0.0)
+        lacking = exact_weights(weight, self.pixel, self.pupil) - weight
+        rows, columns = np.nonzero(weight)
+        return MapReader(
+            self.coordinates[good],
+            weight[rows, columns],
+            remove,
+            wavelength,
+            lacking[rows, columns],
+            2 * (rows % 2) + columns % 2,
+        )
 
     def spread(self, values: np.ndarray, fill: Any = np.nan) -> np.ndarray:
         """A map of the values of the pixels with a weight, shape (ny, nx)."""
@@ -56,7 +78,8 @@ def pupil_grid(pupil: Any, pixel_count: int) -> PupilGrid:
         raise ValueError(f"pixel_count must be a whole number of at least 2, got {pixel_count!r}")
     half = pupil.half_extent
     pixel = 2.0 * max(half) / int(pixel_count)
-    counts = [max(1, round(2.0 * extent / pixel)) for extent in half]
+    # As many as hold all of the pupil: a rim that were left out would be missing in every mean.
+    counts = [max(1, math.ceil(2.0 * extent / pixel - ROUNDING)) for extent in half]
     edges = [pixel * (np.arange(count + 1) - 0.5 * count) for count in counts]
     weight = pupil.coverage(edges[0], edges[1])
     x, y = (0.5 * (edge[1:] + edge[:-1]) for edge in edges)
@@ -64,7 +87,7 @@ def pupil_grid(pupil: Any, pixel_count: int) -> PupilGrid:
     columns, rows = np.meshgrid(x, y)
     first, second = pupil.axes
     points = pupil.center + columns[lit][:, None] * first + rows[lit][:, None] * second
-    return PupilGrid(x, y, weight / weight.sum(), points)
+    return PupilGrid(x, y, weight / weight.sum(), points, pixel, pupil)
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,6 +101,7 @@ class Reading:
         rms: Root mean square of the map less its mean [m].
         rms_without_tilt: And less its tilt [m].
         strehl: |<exp(i k OPD)>|^2 of `opd`.
+        strehl_pixel_error: What the pixels make that off by: see wavefront/pixel_errors.py; NaN where not asked for.
     """
 
     opd: np.ndarray
@@ -86,14 +110,33 @@ class Reading:
     rms: float
     rms_without_tilt: float
     strehl: float
+    strehl_pixel_error: float
 
 
 class MapReader:
     """Reads maps of the same pixels, one after another: what depends on the pixels alone is worked out once."""
 
-    def __init__(self, coordinates: np.ndarray, weight: np.ndarray, remove: tuple[str, ...], wavelength: float):
-        """Work it out from `coordinates` [m], shape (n, 2), and `weight`, shape (n,)."""
-        self.weight, self.remove, self.wavelength = weight / weight.sum(), remove, wavelength
+    def __init__(
+        self,
+        coordinates: np.ndarray,
+        weight: np.ndarray,
+        remove: tuple[str, ...],
+        wavelength: float,
+        lacking: np.ndarray | None = None,
+        quarter: np.ndarray | None = None,
+    ):
+        """Work it out from `coordinates` [m], shape (n, 2), and `weight`, shape (n,).
+
+        `lacking` is what the weights lack of exact ones, and `quarter` which of four interleaved grids a pixel is of;
+        None where errors by the pixels are not asked for.
+        """
+        total = weight.sum()
+        self.weight, self.remove, self.wavelength = weight / total, remove, wavelength
+        self._quarter = quarter
+        if lacking is not None and quarter is not None:
+            self._edge = np.flatnonzero(np.abs(lacking) > ROUNDING * weight.max())
+            self._lacking = lacking[self._edge] / total
+            self._shares = np.bincount(quarter, self.weight, 4)
         self.coordinates = coordinates
         self._centred = coordinates - weighted_mean(self.weight, coordinates)
         # Scaled, so that neither metres nor a pupil that is a line make trouble.
@@ -111,6 +154,21 @@ class MapReader:
         else:
             left = remove_terms(opd, self.remove, self.coordinates, self.weight)
         phase = (2.0 * np.pi / self.wavelength) * left
-        phasor = complex(weighted_mean(self.weight, np.cos(phase)), weighted_mean(self.weight, np.sin(phase)))
+        cosine, sine = np.cos(phase), np.sin(phase)
+        phasor = complex(weighted_mean(self.weight, cosine), weighted_mean(self.weight, sine))
         rms, rms_without_tilt = (float(np.sqrt(weighted_mean(self.weight, one**2))) for one in (flat, level))
-        return Reading(left, piston, tilt, rms, rms_without_tilt, abs(phasor) ** 2)
+        error = self._pixel_error(phasor, cosine, sine)
+        return Reading(left, piston, tilt, rms, rms_without_tilt, abs(phasor) ** 2, error)
+
+    def _pixel_error(self, phasor: complex, cosine: np.ndarray, sine: np.ndarray) -> float:
+        """What the pixels make the square of the mean phasor off by."""
+        if self._quarter is None:
+            return float("nan")
+        edge, lacking = self._edge, self._lacking
+        more = complex(np.sum(lacking * cosine[edge]), np.sum(lacking * sine[edge]))
+        second_order = SAFETY * abs(abs(phasor + more) ** 2 - abs(phasor) ** 2)
+        sums = [np.bincount(self._quarter, self.weight * part, 4) for part in (cosine, sine)]
+        there = self._shares > 0.0
+        ratios = (sums[0][there] ** 2 + sums[1][there] ** 2) / self._shares[there] ** 2
+        spread = np.std(ratios, ddof=1) / np.sqrt(len(ratios)) if len(ratios) > 1 else 0.0
+        return float(np.hypot(second_order, spread))

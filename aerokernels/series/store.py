@@ -26,7 +26,7 @@ MAPS = {
 }
 NUMBERS = {
     "strehl": ("1", "Strehl ratio of opd"),
-    "strehl_error": ("1", "what strehl may be off by for the error of opd"),
+    "strehl_error": ("1", "what strehl may be off by for the error of opd and for the pixels"),
     "boresight_x": ("rad", "tilt of the wavefront along x"),
     "boresight_y": ("rad", "tilt of the wavefront along y"),
     "piston": ("m", "mean optical path difference"),

@@ -1,6 +1,8 @@
 """Wavefronts over a pupil and what they make of a focus: terms, pictures, modes, exchange."""
 
 from ..callable_module import make_callable
+from .pixel_errors import SAFETY
+from .pixel_weights import exact_weights
 from .point_spread import PointSpread, point_spread_function
 from .result import Wavefront
 from .terms import (
@@ -19,6 +21,7 @@ from .traced import wavefront
 from .transfer import EncircledEnergy, Transfer
 
 __all__ = [
+    "SAFETY",
     "TERMS",
     "EncircledEnergy",
     "PointSpread",
@@ -28,6 +31,7 @@ __all__ = [
     "check_metres",
     "check_terms",
     "check_wavefront",
+    "exact_weights",
     "fit_tilt",
     "map_points",
     "mean_phasor",

@@ -12,6 +12,7 @@ from ..shown import shown
 from ..strehl_errors import strehl_error
 from .data import WavefrontMap
 from .modes import StructureFunction, centroid, fit_zernike, structure_function, zernike_surface
+from .pixel_errors import pixel_errors
 from .point_spread import PointSpread, point_spread_function
 from .terms import check_metres, mean_phasor, remove_terms, weighted_mean
 from .transfer import EncircledEnergy, Transfer, encircled, normalised_sensitivity, transfer_function
@@ -205,20 +206,23 @@ class Wavefront(WavefrontMap):
     def quantities(self) -> dict[str, Quantity]:
         """Numbers with their errors: "strehl", "opd_rms" [m], "peak_to_valley" [m], "tilt_x", "tilt_y" [rad].
 
-        From the OPD's budget; that of the Strehl ratio holds the spread of four interleaved grids too, which stands for
-        the grid's own error. A plane's slope changes by the OPD error over the rms extent of the pupil at most.
+        From the OPD's budget, and from the pixels, each of which has one sample: pixel_errors.py. A plane's slope
+        changes by the OPD error over the rms extent of the pupil at most.
         """
         error, value = self.opd_error, self.strehl()
         _, weight = self.samples
         extent = np.sqrt(weighted_mean(weight, (self.points - weighted_mean(weight, self.points)) ** 2))
-        tilt = self.tilt
-        of_grid = self._grid_error
+        tilt, pixels = self.tilt, pixel_errors(self)
+
+        def number(name: str, value: float, error: float, unit: str = "") -> Quantity:
+            return Quantity(float(value), float(np.hypot(error, pixels[name])), unit)
+
         return {
-            "strehl": Quantity(value, float(np.hypot(strehl_error(value, self.phase_error()), of_grid))),
-            "opd_rms": Quantity(self.rms, error, "m"),
-            "peak_to_valley": Quantity(self.peak_to_valley, 2.0 * error, "m"),
-            "tilt_x": Quantity(float(tilt[0]), error / float(extent[0]), "rad"),
-            "tilt_y": Quantity(float(tilt[1]), error / float(extent[1]), "rad"),
+            "strehl": number("strehl", value, strehl_error(value, self.phase_error())),
+            "opd_rms": number("opd_rms", self.rms, error, "m"),
+            "peak_to_valley": number("peak_to_valley", self.peak_to_valley, 2.0 * error, "m"),
+            "tilt_x": number("tilt_x", tilt[0], error / float(extent[0]), "rad"),
+            "tilt_y": number("tilt_y", tilt[1], error / float(extent[1]), "rad"),
         }
 
     def image_quantities(self, fried: float = np.inf) -> dict[str, Quantity]:
@@ -258,18 +262,6 @@ class Wavefront(WavefrontMap):
         from .exchange.wavelengths import over_wavelengths
 
         return over_wavelengths(self, wavelengths, angle, weights)
-
-    @property
-    def _grid_error(self) -> float:
-        """Standard error of the Strehl ratio's mean over four grids of every other row and column."""
-        values = []
-        for row in (0, 1):
-            for column in (0, 1):
-                opd, weight = self.opd[row::2, column::2], self.weight[row::2, column::2]
-                lit = weight > 0.0
-                if lit.any():
-                    values.append(abs(mean_phasor(opd[lit], weight[lit] / weight[lit].sum(), self.wavelength)) ** 2)
-        return float(np.std(values, ddof=1) / np.sqrt(len(values))) if len(values) > 1 else float("nan")
 
     def __repr__(self) -> str:
         """The numbers with their errors. Some rays are traced for them, when first asked for."""

@@ -308,3 +308,41 @@ def test_a_sampled_template_is_its_samples_and_nothing_outside_of_them():
     assert curve((np.arange(5) - 2) * period) == pytest.approx(samples, abs=1e-12)
     assert curve(np.array([-2.01, -1.99, 1.99, 2.01]) * period)[[0, 3]].tolist() == [0.0, 0.0]
     assert (curve(np.array([-1.99, 1.99]) * period) > 0.25).all()
+
+
+@pytest.mark.parametrize("method", ["centroid", "matched-filter"])
+@pytest.mark.parametrize(("start", "stop", "words"), [(8e-9, 60e-9, "within the pulse"), (-40e-9, 13e-9, "within")])
+def test_a_record_that_cuts_its_pulse_is_refused(method, start, stop, words):
+    """What is there of the pulse has another centroid, and matches best elsewhere: by 0.1 to 0.3 m."""
+    with pytest.raises(ValueError, match=words):
+        estimate_range(*record(rate=10e9, start=start, stop=stop), method, **options(method))
+
+
+def test_an_offset_is_told_where_it_would_move_the_centroid():
+    """A fifth of the peak under a record of 100 ns moved it by metres."""
+    time, voltage = record(rate=10e9)
+    with pytest.raises(ValueError, match="remove its offset"):
+        estimate_range(time, voltage + 0.4, "centroid")
+
+
+def test_a_first_sample_of_noise_does_not_count_as_the_pulse():
+    """The part above a tenth of the peak is that about the peak, whatever the record begins with."""
+    time, voltage = record(rate=10e9)
+    reading = estimate_range(time, voltage, "centroid")
+    voltage[0] = 0.3
+    assert estimate_range(time, voltage, "centroid") == pytest.approx(reading, abs=1e-9)
+
+
+def test_a_flat_line_is_no_pulse():
+    """A matched filter found one wherever rounding put it."""
+    time, _ = record()
+    with pytest.raises(ValueError, match="there is no pulse"):
+        estimate_range(time, np.full(time.shape, 0.7), "matched-filter", template=pulse)
+
+
+def test_a_template_may_begin_and_end_within_its_pulse():
+    """Beyond its samples there is nothing: its own centroid is that of its samples."""
+    time, voltage = record(rate=1e9)
+    samples = pulse(np.arange(-7, 8) * NANOSECOND)
+    exact = 0.5 * SPEED_OF_LIGHT * 10e-9
+    assert estimate_range(time, voltage, "centroid", template=samples) == pytest.approx(exact, abs=2e-3)

@@ -1,7 +1,9 @@
 """A pupil made ready once and traced many times: the same numbers as when it is made ready each time."""
 
 import gc
+import pickle
 import weakref
+from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import pytest
@@ -149,3 +151,20 @@ def test_many_fields_are_estimated_in_their_order_and_taken_as_they_are_needed()
     with pytest.raises(TypeError, match="field must be an IndexField, got NoneType"):
         next(broken)
     assert next(broken, None) is None
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+def test_threads_share_a_prepared_pupil(engine):
+    """Eight threads, two fields, three seeds: each call has the bits of the same call alone."""
+    seen = prepare_strehl(lens(), PUPIL, **on(engine), ray_count=16 * 300, allow_truncation=True)
+    both = (seen, seen.with_field(lens(3e-6)))
+    alone = [[one(seed=seed).value for seed in range(3)] for one in both]
+    with ThreadPoolExecutor(8) as threads:
+        found = list(threads.map(lambda call: both[call % 2](seed=call % 3).value, range(24)))
+    assert found == [alone[call % 2][call % 3] for call in range(24)]
+
+
+def test_a_prepared_pupil_can_be_sent_to_another_process():
+    """Pickled and read again it gives the same bits."""
+    seen = prepare_strehl(lens(), PUPIL, ray_count=16 * 300, remove=("tilt",), allow_truncation=True)
+    assert pickle.loads(pickle.dumps(seen))(seed=5).value == seen(seed=5).value

@@ -1,0 +1,72 @@
+"""What the pixels of a wavefront make its numbers off by: each of them was sampled at its centre only.
+
+Two causes, added as squares: what the pixels' shares of the pupil lack in second order (pixel_weights.py), twice, since
+third order is left out; and the standard error of the mean over the four grids of every other row and column, which
+stands for what varies from pixel to pixel.
+"""
+
+from typing import Any
+
+import numpy as np
+
+from .pixel_weights import exact_weights
+from .terms import mean_phasor, weighted_mean
+
+SAFETY = 2.0
+
+
+def pixel_errors(wavefront: Any) -> dict[str, float]:
+    """Errors by the pixels of "strehl", "opd_rms" [m], "tilt_x", "tilt_y" [rad] and "peak_to_valley" [m]."""
+    opd, lit = wavefront.opd, wavefront.lit
+    weight = np.asarray(wavefront.weight)
+    exact = exact_weights(weight, wavefront.pixel, wavefront.pupil)
+
+    def read(weights: np.ndarray) -> np.ndarray:
+        return _numbers(opd[lit], weights[lit], wavefront.points, wavefront.wavelength, wavefront.removed)
+
+    lacking = SAFETY * np.abs(read(exact) - read(weight))
+    y, x = np.meshgrid(wavefront.coordinate, wavefront.coordinate, indexing="ij")
+    grids = []
+    for every in ((slice(row, None, 2), slice(column, None, 2)) for row in (0, 1) for column in (0, 1)):
+        there = lit[every]
+        if there.any():
+            points = np.stack([x[every][there], y[every][there]], axis=1)
+            # Terms that were removed are not fitted again: four grids would fit what differs between them away.
+            grids.append(_numbers(opd[every][there], weight[every][there], points, wavefront.wavelength, ()))
+    spread = np.std(grids, axis=0, ddof=1) / np.sqrt(len(grids)) if len(grids) > 1 else np.full(4, np.nan)
+    names = ("strehl", "opd_rms", "tilt_x", "tilt_y")
+    found = dict(zip(names, np.hypot(lacking, spread).tolist(), strict=True))
+    return {**found, "peak_to_valley": _steps_at_extremes(opd)}
+
+
+def _numbers(opd: np.ndarray, weight: np.ndarray, points: np.ndarray, wavelength: float, removed) -> np.ndarray:
+    """Strehl ratio, rms and both slopes, of samples, by weights of which some may be below 0."""
+    weight = weight / weight.sum()
+    centred = points - weighted_mean(weight, points)
+    columns = [*(centred.T if "tilt" in removed else ())]
+    if "focus" in removed:
+        columns.append(np.sum(points**2, axis=1))
+    flat = opd - weighted_mean(weight, opd)
+    if columns:
+        basis = np.stack([column - weighted_mean(weight, column) for column in columns], axis=1)
+        basis /= np.abs(basis).max(axis=0) + 1e-300
+        flat = flat - basis @ _fit(basis, flat, weight)
+    rms = np.sqrt(max(float(weighted_mean(weight, flat**2)), 0.0))
+    scale = np.abs(centred).max() + 1e-300
+    tilt = _fit(centred / scale, flat, weight) / scale
+    return np.array([abs(mean_phasor(flat, weight, wavelength)) ** 2, rms, *tilt])
+
+
+def _fit(basis: np.ndarray, values: np.ndarray, weight: np.ndarray) -> np.ndarray:
+    weighted = (basis * weight[:, None]).T
+    return np.asarray(np.linalg.lstsq(weighted @ basis, weighted @ values, rcond=1e-12)[0])
+
+
+def _steps_at_extremes(opd: np.ndarray) -> float:
+    """The greatest steps to a neighbour from the greatest and from the least OPD [m]: extremes lie between pixels."""
+    found = 0.0
+    for place in (np.nanargmax(opd), np.nanargmin(opd)):
+        row, column = np.unravel_index(place, opd.shape)
+        about = opd[max(row - 1, 0) : row + 2, max(column - 1, 0) : column + 2]
+        found += float(np.nanmax(np.abs(about - opd[row, column])))
+    return found
