@@ -52,7 +52,7 @@ def main() -> int:
                         if report.late():
                             return
                 except RuntimeError as fault:
-                    report.fault(seeds[done], str(fault))
+                    report.fault(seeds[done], str(fault).partition(": ")[2])
                     done += 1
                 seeds = seeds[done:]
 

@@ -39,7 +39,7 @@ class Report:
     def fault(self, seed: int, text: str) -> None:
         """One more draw is done, and it is a fault."""
         with self._faults.open("a") as file:
-            file.write(f"seed {seed}: {' '.join(text.split())}\n")
+            file.write(f"seed {seed}: {_short(text)}\n")
         self.outcome("fault")
 
     def late(self) -> bool:
@@ -49,6 +49,12 @@ class Report:
 
 Work = Callable[[str, range, Path, Report], None]
 """Draws the seeds of a kind in order, in an empty folder, and reports on each; ends early when that says it is late."""
+
+
+def _short(text: str) -> str:
+    """A text in one line: its beginning, and of a long one the end, where a traceback says what it was."""
+    line = " ".join(text.split())
+    return line if len(line) <= 600 else f"{line[:60]} ... {line[-500:]}"
 
 
 class _Kind:
@@ -98,7 +104,7 @@ class _Batch:
                 os._exit(0)
             except BaseException:
                 with self.faults.open("a") as file:
-                    file.write(" ".join(traceback.format_exc().split()) + "\n")
+                    file.write(_short(traceback.format_exc()) + "\n")
                 os._exit(1)
 
     def counts(self) -> dict[str, int]:
