@@ -1,49 +1,65 @@
 """Thousands of damaged flow files of every format: each is read as a gas, or refused with one line.
 
 The sound files are those of tests/flow/reading; what is done to them stands in aerokernels/validation/damaged_files.py
-and damaged_structure.py. They are read in a child process that may die (damaged_in_children.py), some 200 to 2000 a
-second.
+and damaged_structure.py. They are read in child processes that may die (damaged_in_children.py), some 200 to 2000 a
+second each. Every other outcome is printed with its seed; exit status 1 then.
 """
 
 import argparse
+import os
 import sys
 import tempfile
-import time
 from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests" / "flow" / "reading"))
 
 import fuzzing
 
-from aerokernels.validation.damaged_in_children import outcomes
+from aerokernels.validation.damaged_in_children import load, outcomes
+from aerokernels.validation.draws_in_processes import Report, share
 
 
-def main() -> None:
-    """Read the command line, and print counts as they grow; the first outcome of another kind ends it."""
+def main() -> int:
+    """Read the command line, write the sound files, and share the copies over processes."""
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
-    parser.add_argument("kinds", nargs="*", help=f"of {', '.join((*fuzzing.KINDS, *fuzzing.CHILD_KINDS))}; all of them")
+    every = (*fuzzing.KINDS, *fuzzing.CHILD_KINDS)
+    parser.add_argument("kinds", nargs="*", help=f"of {', '.join(every)}; all of them")
     parser.add_argument("--count", type=int, default=20_000, help="damaged copies of each kind")
     parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--seconds", type=float, default=float("inf"), help="go on to the next kind after this long")
+    parser.add_argument("--seconds", type=float, default=float("inf"), help="end after this long")
+    parser.add_argument("--processes", type=int, default=1)
     given = parser.parse_args()
-    for kind in given.kinds or (*fuzzing.KINDS, *fuzzing.CHILD_KINDS):
-        counts, start = {"read": 0, "refused": 0, "ended": 0}, time.perf_counter()
-        with tempfile.TemporaryDirectory() as scratch:
-            sound = Path(scratch) / "sound"
-            sound.mkdir()
-            path = fuzzing.plain(sound, kind)
-            seeds = range(given.seed, given.seed + given.count)
-            for number, found in enumerate(outcomes(path, sound, Path(scratch) / "copy", seeds), start=1):
-                counts[found] += 1
-                late = time.perf_counter() - start > given.seconds
-                if number % 5000 == 0 or late or number == given.count:
-                    said = f"{counts['refused']} refused, {counts['read']} read"
-                    if counts["ended"]:
-                        said += f", {counts['ended']} refused because the library ended its process"
-                    print(f"{kind:24s} {number:6d}: {said} ({time.perf_counter() - start:.0f} s)", flush=True)
-                if late:
-                    break
+    fast = "/dev/shm" if os.access("/dev/shm", os.W_OK) else None  # a disk would be most of the time
+    with tempfile.TemporaryDirectory(prefix="fuzz-files-", dir=fast) as scratch:
+        paths = {}
+        for kind in given.kinds or every:
+            (folder := Path(scratch) / "sound" / kind).mkdir(parents=True)
+            try:
+                paths[kind] = fuzzing.plain(folder, kind)
+                load(paths[kind])
+            except ModuleNotFoundError as missing:
+                print(f"{kind}: left out, {missing}", flush=True)
+                paths.pop(kind, None)
+
+        def work(kind: str, seeds: range, copies: Path, report: Report) -> None:
+            sound = Path(scratch) / "sound" / kind
+            while seeds and not report.late():
+                done = 0
+                try:
+                    for found in outcomes(paths[kind], sound, copies / "copy", seeds):
+                        done += 1
+                        report.outcome(found)
+                        if report.late():
+                            return
+                except RuntimeError as fault:
+                    report.fault(seeds[done], str(fault).partition(": ")[2])
+                    done += 1
+                seeds = seeds[done:]
+
+        seeds = range(given.seed, given.seed + given.count)
+        found = share(work, paths, seeds, given.processes, given.seconds, Path(scratch) / "copies")
+        return int(any(found.values()))
 
 
 if __name__ == "__main__":
-    main()
+    raise SystemExit(main())

@@ -22,6 +22,7 @@ from ..flow.reading import formats
 from ..flow.reading.calling import read_here
 from .damaged_files import damage, outcome_of
 from .damaged_structure import damage_structure, has_structure
+from .forked_readers import addresses
 
 # What a child says, one byte each; after FAULT comes a text.
 LOADED, READ, REFUSED, FAULT = b"L", b"r", b"x", b"F"
@@ -29,23 +30,31 @@ LONGEST = 40.0  # [s] that a case may take; a library's own bound is below it
 CASES_A_CHILD = 2000  # what libraries leak goes with the child
 
 
+def load(path: Path) -> None:
+    """Read a sound file in this process, so that children that are forked from it have its libraries."""
+    in_child, vars(formats)["in_child"] = formats.in_child, read_here
+    try:
+        if outcome_of(path) != "read":
+            raise ValueError(f"{path} is not sound")
+    finally:
+        vars(formats)["in_child"] = in_child
+
+
 def outcomes(path: Path, sound: Path, copy: Path, seeds: Iterable[int]) -> Iterator[str]:
     """The outcomes of damaged copies of a sound file or case, one for each seed: "read", "refused" or "ended".
 
     "ended" is a refusal because the library that reads the file ended its process, or was ended by the bounds on it.
+    After an error, the seeds behind it can be gone on with by another call.
 
     Args:
-        path: The file, or the case's folder.
+        path: The file, or the case's folder; `load` tells whether it is sound.
         sound: The folder with all that belongs to it; one of its files is damaged each time.
         copy: Where the copies are made.
         seeds: What tells one damage from another.
 
     Raises:
-        ValueError: The file is not sound.
         RuntimeError: Anything else became of a copy: the seed, the damaged file, and what it was.
     """
-    if outcome_of(path) != "read":
-        raise ValueError(f"{path} is not sound")
     files = sorted(file for file in sound.rglob("*") if file.is_file())
     contents = {file: file.read_bytes() for file in files}
     fragile = formats.format_of(path, {}).fragile
@@ -104,21 +113,13 @@ def _hear(pipe: int) -> bytes | None:
     return os.read(pipe, 1)
 
 
-def _addresses() -> float:
-    """The size of this process's address space [bytes]; 0 where the system does not tell."""
-    try:
-        return int(Path("/proc/self/statm").read_text().split()[0]) * os.sysconf("SC_PAGE_SIZE")
-    except OSError:
-        return 0.0
-
-
 def _serve(speaks: int, path: Path, sound: Path, copy: Path, contents, seeds: list[int]) -> None:
     """Be the child: never returns."""
     null = os.open(os.devnull, os.O_RDWR)
     os.dup2(null, 1)
     os.dup2(null, 2)
 
-    inherited = _addresses()
+    inherited = addresses()
 
     def read_in_here(module: str, file: Path, time, options: dict[str, Any]):
         fragile.limit(fragile.bounds_of(file), inherited)

@@ -73,7 +73,8 @@ def _cells_of_faces(folder: Path, face_count: int) -> tuple[np.ndarray, np.ndarr
     file = FoamFile(folder / "neighbour")
     neighbour = file.numbers(file.label).astype(np.int64)
     neighbour = neighbour[neighbour >= 0]  # old versions list -1 for the boundary
-    fits = len(neighbour) <= face_count and len(owner) and owner.min() >= 0
+    # Every cell has faces of its own: a greater number is damaged, and would be the size of arrays.
+    fits = len(neighbour) <= face_count and len(owner) and owner.min() >= 0 and owner.max() < face_count
     if not fits or (len(neighbour) and neighbour.max() > owner.max()):
         raise ReadError(file.path, "owners and neighbours of faces do not agree", BAD_MESH)
     if (owner[: len(neighbour)] == neighbour).any():
