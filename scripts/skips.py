@@ -14,7 +14,6 @@ from importlib import import_module
 import numpy as np
 
 from aerokernels import Plane, RayBundle, estimate_strehl, flow, trace
-from aerokernels.jobs.views import forward_pupil
 from aerokernels.prepare import prepare_field
 from aerokernels.scene import Scene
 from aerokernels.validation.report import markdown_table
@@ -59,7 +58,7 @@ def rows(ray_count: int, repeats: int, backend: str) -> list[list[str]]:
     """The table's rows."""
     scene = Scene.load("wind-tunnel-mach3")
     prepared = prepare_field(scene)
-    field, pupil = prepared.field, forward_pupil(scene)
+    field, pupil = prepared.field, scene.view
     engine = {"backend": backend, "device": "cpu"}
     estimate = partial(estimate_strehl, field, pupil, ray_count=ray_count, **engine)
     plain = no_tables(backend, partial(estimate, method="adaptive", symmetry="off", seed=1))

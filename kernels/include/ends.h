@@ -124,7 +124,10 @@ static inline StopGeometry stop_geometry_of(
     out.obliquity = CONTROLLED ? (real)obliquity_of(bounds, interval, p, d) : R(0.0);
     const real beyond = STOP == PLANE ? (real)greater64(interval->stop_distance - interval->t_exit, 0.0) : R(0.0);
     out.lever_arm = out.reach + beyond;
-    out.derating = pow(R(1.0) + R(0.25) * out.obliquity * beyond * greatest(VECTOR(control->cell_rate)), R(-0.25));
+    out.derating = R(1.0);
+    if (beyond > R(0.0)) {
+        out.derating = pow(R(1.0) + R(0.25) * out.obliquity * beyond * greatest(VECTOR(control->cell_rate)), R(-0.25));
+    }
     return out;
 }
 

@@ -65,6 +65,25 @@ static inline int stays_within_noise(real outside, real rise, real curved, real 
     return sizeof(real) == 4 && greater(fabs(outside), fabs(outside + (rise + curved * h) * h)) <= EVENT_LOCATION_NOISE;
 }
 
+// How far outside the flat faces a place is along each axis [cells].
+static inline real3 outside_flat_faces(const Control *control, int3 cell, real3 frac)
+{
+    const real3 whole = (real3)((real)cell.x, (real)cell.y, (real)cell.z);
+    real3 outside = max((VECTOR(control->face_low) - whole) - frac, (whole - VECTOR(control->face_high)) + frac);
+    outside.x = FLAT_AXES > 2 ? outside.x : -NO_ROOT;
+    outside.y = FLAT_AXES > 1 ? outside.y : -NO_ROOT;
+    return outside;
+}
+
+// Whether no flat face is met by a step of length h, or is as near as rounding, whatever way the ray flies: nothing of
+// what is asked about single faces below can then be true of one, as rounded as it is.
+static inline int clears_flat_faces(const Control *control, int3 cell, real3 frac, real3 along, real3 bend, real h)
+{
+    const real3 rising = fabs(along) + R(0.5) * fabs(bend) * h;
+    const real farthest = greatest(outside_flat_faces(control, cell, frac) + rising * h);
+    return farthest < -greater(SURFACE_TOLERANCE, EVENT_LOCATION_NOISE);
+}
+
 // The step that ends where the parabola first meets a surface, no longer than h; that surface or -1; whether the ray may
 // run in a face, so near that rounding decides.
 static inline real event_location(
@@ -76,8 +95,12 @@ static inline real event_location(
     *runs = 0;
     const real3 along = momentum * rate;
     const real3 bend = force * rate;
+    const int is_clear = clears_flat_faces(control, cell, frac, along, bend, h);
 #pragma unroll
     for (int k = 0; k < SURFACE_COUNT; k++) {
+        if (k < 2 * FLAT_AXES && is_clear) {
+            continue;
+        }
         const real4 s = oriented(control, k, side, cell, frac);
         const real curved = half_curve(control, k, s.yzw, along, bend);
         const real rise = dot(s.yzw, along);
@@ -168,9 +191,14 @@ static inline int passed_surface(
     const Control *control, real side, int3 cell, real3 frac, int event, real *nearest)
 {
     int is_behind = 0;
-    *nearest = NO_ROOT;
+    const real farthest = greatest(outside_flat_faces(control, cell, frac));
+    const int is_inside = farthest < R(0.0);
+    *nearest = is_inside ? -farthest : NO_ROOT;
 #pragma unroll
     for (int k = 0; k < SURFACE_COUNT; k++) {
+        if (k < 2 * FLAT_AXES && is_inside) {
+            continue;
+        }
         const real allowance = rounding_of(control, k) + R(2.0) * SURFACE_TOLERANCE * surface_unit(control, k);
         const real outside = oriented(control, k, side, cell, frac).x;
         is_behind |= outside > allowance && k != event;

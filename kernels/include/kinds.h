@@ -12,5 +12,7 @@
 #define PIECEWISE_SMOOTH (!ON_MESH && CONTROLLED && (INTERPOLATION == LINEAR || INTERPOLATION == MONOTONE))
 #define AT_FACES (!ON_MESH && CONTROLLED && INTERPOLATION == LINEAR)
 #define FACE_COUNT (GEOMETRY == VOLUME ? 6 : GEOMETRY == PLANAR ? 4 : 3)
+// Axes, from the last one on, whose faces are flat: the first surfaces, two to an axis.
+#define FLAT_AXES (GEOMETRY == VOLUME ? 3 : GEOMETRY == PLANAR ? 2 : 1)
 
 #endif

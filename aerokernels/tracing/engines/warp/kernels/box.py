@@ -6,6 +6,8 @@ from ....scheme import GRAZING_TOLERANCE, LEAST_COSINE
 from ..library import KernelLibrary, built_once
 
 FACE_COUNT = {"volume": 6, "planar": 4, "axisymmetric": 3}
+# Axes, from the last one on, whose faces are flat: the first surfaces, two to an axis.
+FLAT_AXES = {"volume": 3, "planar": 2, "axisymmetric": 1}
 
 
 @built_once

@@ -164,7 +164,9 @@ def build_stop_geometry(library: KernelLibrary, geometry: str, stop: str, contro
         beyond = real(0.0)
         if wp.static(stop == "plane"):
             beyond = real(wp.max(interval.stop_distance - interval.t_exit, wp.float64(0.0)))
-        derating = wp.pow(real(1.0) + real(0.25) * obliquity * beyond * wp.max(control.cell_rate), real(-0.25))
+        derating = real(1.0)
+        if beyond > real(0.0):
+            derating = wp.pow(real(1.0) + real(0.25) * obliquity * beyond * wp.max(control.cell_rate), real(-0.25))
         return StopGeometry(obliquity, reach + beyond, reach, derating)
 
     return stop_geometry_of

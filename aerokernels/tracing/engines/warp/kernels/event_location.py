@@ -17,7 +17,7 @@ from ....scheme import (
     TOLERANCE_COUNTED,
 )
 from ..library import KernelLibrary, built_once
-from .box import FACE_COUNT, build_surface
+from .box import FACE_COUNT, FLAT_AXES, build_surface
 
 
 @built_once
@@ -32,6 +32,8 @@ def build_event_location(library: KernelLibrary, geometry: str, stop: str):
     surface_tolerance = SURFACE_TOLERANCE[library.precision]
     event_location_noise = EVENT_LOCATION_NOISE[library.precision]
     least_rise = LEAST_RISE[library.precision]
+    flat_count = wp.constant(2 * FLAT_AXES[geometry])
+    clear_by = max(surface_tolerance, event_location_noise)
     most_behind = 2.5 * EVENT_LOCATION_SHARE  # a product inside a kernel would be taken in float32
     none = 1e30
 
@@ -95,6 +97,25 @@ def build_event_location(library: KernelLibrary, geometry: str, stop: str):
         return within
 
     @wp.func
+    def outside_flat_faces(control: Control, cell: wp.vec3i, frac: vec3):
+        """How far outside the flat faces a place is along each axis [cells]."""
+        whole = vec3(real(cell[0]), real(cell[1]), real(cell[2]))
+        outside = wp.max((control.face_low - whole) - frac, (whole - control.face_high) + frac)
+        for axis in range(wp.static(3 - FLAT_AXES[geometry])):
+            outside[axis] = real(-none)
+        return outside
+
+    @wp.func
+    def clears_flat_faces(control: Control, cell: wp.vec3i, frac: vec3, along: vec3, bend: vec3, h: real):
+        """Whether no flat face is met by a step of length h, or is as near as rounding, whatever way the ray flies.
+
+        Nothing of what is asked about single faces below can then be true of one, as rounded as it is.
+        """
+        rising = wp.abs(along) + (real(0.5) * wp.abs(bend)) * h
+        farthest = wp.max(outside_flat_faces(control, cell, frac) + rising * h)
+        return farthest < real(-clear_by)
+
+    @wp.func
     def event_location(
         control: Control, rate: vec3, side: real, cell: wp.vec3i, frac: vec3, momentum: vec3, force: vec3, h: real
     ):
@@ -107,26 +128,28 @@ def build_event_location(library: KernelLibrary, geometry: str, stop: str):
         runs = bool(False)
         along = wp.cw_mul(momentum, rate)
         bend = wp.cw_mul(force, rate)
+        is_clear = clears_flat_faces(control, cell, frac, along, bend, h)
         for k in range(surface_count):
-            s = oriented(control, k, side, cell, frac)
-            normal = vec3(s[1], s[2], s[3])
-            curved = half_curve(control, k, normal, along, bend)
-            rise = wp.dot(normal, along)
-            # A ray that runs in a face is not thrown out by rounding.
-            tolerance = real(surface_tolerance) * surface_unit(control, k)
-            outside = s[0]
-            if grazes(control, k, outside, rise, along):
-                outside -= tolerance
-                runs = runs or k < face_count
-            if k < face_count:
-                runs = runs or stays_within_noise(outside, rise, curved, best)
-            # Most surfaces are out of reach.
-            rising = wp.max(rise, real(0.0)) + wp.max(curved, real(0.0)) * best
-            if outside + rising * best >= real(0.0):
-                root = rising_root(outside, rise, curved)
-                if root <= best:
-                    best = root
-                    which = k
+            if k >= flat_count or not is_clear:
+                s = oriented(control, k, side, cell, frac)
+                normal = vec3(s[1], s[2], s[3])
+                curved = half_curve(control, k, normal, along, bend)
+                rise = wp.dot(normal, along)
+                # A ray that runs in a face is not thrown out by rounding.
+                tolerance = real(surface_tolerance) * surface_unit(control, k)
+                outside = s[0]
+                if grazes(control, k, outside, rise, along):
+                    outside -= tolerance
+                    runs = runs or k < face_count
+                if k < face_count:
+                    runs = runs or stays_within_noise(outside, rise, curved, best)
+                # Most surfaces are out of reach.
+                rising = wp.max(rise, real(0.0)) + wp.max(curved, real(0.0)) * best
+                if outside + rising * best >= real(0.0):
+                    root = rising_root(outside, rise, curved)
+                    if root <= best:
+                        best = root
+                        which = k
         return best, which, runs
 
     @wp.func
@@ -190,12 +213,17 @@ def build_event_location(library: KernelLibrary, geometry: str, stop: str):
         """Whether a place is behind a surface other than `event`, by more than rounding; how near a face is [cells]."""
         is_behind = bool(False)
         nearest = real(none)
+        farthest = wp.max(outside_flat_faces(control, cell, frac))
+        is_inside = farthest < real(0.0)
+        if is_inside:
+            nearest = -farthest
         for k in range(surface_count):
-            allowance = rounding_of(control, k) + real(2.0) * real(surface_tolerance) * surface_unit(control, k)
-            outside = oriented(control, k, side, cell, frac)[0]
-            is_behind = is_behind or (outside > allowance and k != event)
-            if k < face_count:
-                nearest = wp.min(nearest, wp.abs(outside))
+            if k >= flat_count or not is_inside:
+                allowance = rounding_of(control, k) + real(2.0) * real(surface_tolerance) * surface_unit(control, k)
+                outside = oriented(control, k, side, cell, frac)[0]
+                is_behind = is_behind or (outside > allowance and k != event)
+                if k < face_count:
+                    nearest = wp.min(nearest, wp.abs(outside))
         return is_behind, nearest
 
     @wp.func

@@ -5,6 +5,7 @@ import warp as wp
 from .....medium.grid import AXIS_CORE
 from .....medium.spline import STRIDE, SUPPORT
 from ..library import KernelLibrary, built_once
+from .native_lookup import build_entry, build_volume_lookup, on_processor
 
 
 @built_once
@@ -71,6 +72,7 @@ def build_sample(library: KernelLibrary, geometry: str, interpolation: str):
     real, vec3, vec4, Field = t.real, t.vec3, t.vec4, t.Field
     value_weights, slope_weights = build_weights(library, interpolation)
     support, stride = SUPPORT[interpolation], STRIDE[interpolation]
+    entry, volume_lookup = build_entry(library), build_volume_lookup(library)
 
     @wp.func
     def split(place: real, base: int, last: int):
@@ -94,7 +96,7 @@ def build_sample(library: KernelLibrary, geometry: str, interpolation: str):
             row = real(0.0)
             bend = real(0.0)
             for j in range(support):
-                c = field.coefficients[start + i * field.pitch[0] + j]
+                c = entry(field.coefficients, start + i * field.pitch[0] + j)
                 row += wb[j] * c
                 bend += sb[j] * c
             total += wa[i] * row
@@ -116,6 +118,11 @@ def build_sample(library: KernelLibrary, geometry: str, interpolation: str):
             wc = value_weights(w)
             sc = slope_weights(w)
             start = (a * field.pitch[0] + b * field.pitch[1] + c) * stride
+            rate = field.inverse_spacing
+            if wp.static(support == 4):
+                if on_processor():
+                    s = volume_lookup(field.coefficients, start, field.pitch, wa, sa, wb, sb, wc, sc)
+                    return vec4(s[0], s[1] * rate[0], s[2] * rate[1], s[3] * rate[2])
             total = real(0.0)
             first = real(0.0)
             second = real(0.0)
@@ -129,7 +136,7 @@ def build_sample(library: KernelLibrary, geometry: str, interpolation: str):
                     row = real(0.0)
                     bend = real(0.0)
                     for k in range(support):
-                        picked = field.coefficients[at + k]
+                        picked = entry(field.coefficients, at + k)
                         row += wc[k] * picked
                         bend += sc[k] * picked
                     sheet += wb[j] * row
@@ -139,7 +146,6 @@ def build_sample(library: KernelLibrary, geometry: str, interpolation: str):
                 first += sa[i] * sheet
                 second += wa[i] * sheet_second
                 third += wa[i] * sheet_third
-            rate = field.inverse_spacing
             return vec4(total, first * rate[0], second * rate[1], third * rate[2])
 
     elif geometry == "planar":
