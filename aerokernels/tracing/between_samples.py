@@ -92,7 +92,9 @@ class Between:
 
     def _greatest(self, count: int) -> float:
         """The most that any ray misses between this many samples [m]."""
-        return greatest_error(self.field, self._sampled(count), self.lines) if len(self.lines.length) else 0.0
+        if not len(self.lines.length):
+            return 0.0
+        return greatest_error(self.field, self._sampled(count), self.lines, allowed=NEGLIGIBLE * self.held)
 
     def sufficient(self, count: int) -> int:
         """This number of samples, or a few more, between which nothing lies; 0 where there is something.
