@@ -171,7 +171,7 @@ def greatest_error(
 def _greatest_on_lines(
     grid: UniformGrid, block: int, missed: np.ndarray, changes: np.ndarray, lines: Lines, geometry: str
 ) -> float:
-    """The most that any of some lines adds up of what is `missed` in blocks, and by their lever arms of its `changes`."""
+    """The most that any line adds up of what is `missed` in blocks, and by its lever arms of the `changes` of that."""
     size = block * np.asarray(grid.spacing)
     local = local_range(lines, geometry)
     # A block to each side for the deflection of rays, and for rays between those of `lines`.
