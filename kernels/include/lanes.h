@@ -77,16 +77,18 @@ typedef long16 truths;
 #define SWIFT_ROOT(x) sqrt(x)
 #endif
 
-#define REAL_AT(v, lane) (((real *)&(v))[lane])
-#define VECTOR_AT(v, lane) ((real3)(REAL_AT((v)[0], lane), REAL_AT((v)[1], lane), REAL_AT((v)[2], lane)))
-#define INT_AT(v, lane) (((int *)&(v))[lane])
-#define DOUBLE_AT(v, lane) (((double *)&(v))[lane])
-#define TRIPLE_AT(v, lane) ((double3)(DOUBLE_AT((v).x, lane), DOUBLE_AT((v).y, lane), DOUBLE_AT((v).z, lane)))
 #if LANES == 1
+#define REAL_AT(v, lane) (v)
+#define INT_AT(v, lane) (v)
+#define DOUBLE_AT(v, lane) (v)
 #define NUMBER_AT(v, lane) (v)
 #else
+#define REAL_AT(v, lane) (((real *)&(v))[lane])
+#define INT_AT(v, lane) (((int *)&(v))[lane])
+#define DOUBLE_AT(v, lane) (((double *)&(v))[lane])
 #define NUMBER_AT(v, lane) (((long *)&(v))[lane])
 #endif
 #define TRUTH_AT(v, lane) (NUMBER_AT(v, lane) != 0)
+#define TRIPLE_AT(v, lane) ((double3)(DOUBLE_AT((v).x, lane), DOUBLE_AT((v).y, lane), DOUBLE_AT((v).z, lane)))
 
 #endif
