@@ -86,8 +86,11 @@ class Between:
         if few[0] and many[1] > 0.0:
             order = math.log(few[1] / many[1]) / math.log(many[0] / few[0])
             count = in_threes(few[0] * (few[1] / (NEGLIGIBLE * self.held)) ** (1.0 / order))
-            if count < many[0] and self._greatest(count) <= NEGLIGIBLE * self.held:
-                return count
+            best = many[0]
+            # What is missed falls faster at first.
+            while few[0] < count < best and self._greatest(count) <= NEGLIGIBLE * self.held:
+                best, count = count, count - 3
+            return best
         return many[0]
 
     def _greatest(self, count: int) -> float:
