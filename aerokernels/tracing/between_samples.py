@@ -81,16 +81,20 @@ class Between:
         enough = found_most <= NEGLIGIBLE * self.held
         return self._between_counts((count, found), (most, found_most)) if enough else 0
 
+    def fewest(self, count: int, most: int) -> int:
+        """As `enough`, looked for one by one from there: what is missed falls faster at first than by a power law."""
+        best = self.enough(count, most)
+        while best - 3 > count and self._greatest(best - 3) <= NEGLIGIBLE * self.held:
+            best -= 3
+        return best
+
     def _between_counts(self, few: tuple[int, float], many: tuple[int, float]) -> int:
         """The number of samples between one too small and one great enough, by a power law through what both miss."""
         if few[0] and many[1] > 0.0:
             order = math.log(few[1] / many[1]) / math.log(many[0] / few[0])
             count = in_threes(few[0] * (few[1] / (NEGLIGIBLE * self.held)) ** (1.0 / order))
-            best = many[0]
-            # What is missed falls faster at first.
-            while few[0] < count < best and self._greatest(count) <= NEGLIGIBLE * self.held:
-                best, count = count, count - 3
-            return best
+            if count < many[0] and self._greatest(count) <= NEGLIGIBLE * self.held:
+                return count
         return many[0]
 
     def _greatest(self, count: int) -> float:

@@ -52,8 +52,8 @@ GREATEST_BEND = 0.5
 UNFIT = 0.1
 
 # Polynomials of cubes are made where rays take this many samples for each node of the grid, on a processor (False) and
-# on a GPU (True), where a sample costs less. They are taken where the rays that have to be traced again for it cost less
-# than the share CUBES_GAIN of the samples, which is what they save at least.
+# on a GPU (True), where a sample costs less. They are taken where the rays that have to be traced again for it cost
+# less than the share CUBES_GAIN of the samples, which is what they save at least.
 CUBES_WORTH = {False: 4.0, True: 16.0}
 CUBES_GAIN = 0.5
 CUBES_MORE = 1.4
@@ -222,7 +222,7 @@ def _with_cubes(
     if rough * cost_again > CUBES_GAIN * count:
         return None  # before a table is made
     # A sample costs so little that some more are taken rather than looking up what lies between them.
-    count = between.enough(count, in_threes(CUBES_MORE * count)) or count
+    count = between.fewest(count, in_threes(CUBES_MORE * count)) or count
     sampling = between.sampling(count)
     by_cubes = replace(plan, cubes=True)
     spline = _Level(field, pilot, plan, until, wavelength, count)
