@@ -34,73 +34,97 @@ static inline truths have_clearance(
 }
 #endif
 
-__kernel void leapfrog(LEAPFROG_ARGUMENTS)
-{
-    const int first = (int)get_global_id(0) * LANES + first_ray;
-    if (first >= ray_count) {
-        return;
-    }
-    const Arrays arrays = ARRAYS;
-    const RayOutputs outputs = RAY_OUTPUTS;
-    const real3 rate = VECTOR(field.inverse_spacing);
-    const double ambient = bounds.ambient;
-
+// Where a packet's rays come into the disturbed air, in cells from the grid's first node (x, y from the axis), where they
+// point, and how long they are in it [m].
+typedef struct {
     Starts starts;
     reals x0, y0, z0, dx, dy, dz, length;
-    {
-        const Triples p = load_triples(position_in, first, ray_count), d = load_triples(direction_in, first, ray_count);
-        starts = start_each(&field, &arrays, &bounds, p, d);
-        const Triples entry = ahead_of(p, starts.part.enter, d);
-        const doubles zero = (doubles)0.0;
-        x0 = TO_REALS(CHOOSE64(zero, (entry.x - bounds.origin[0]) / bounds.spacing[0], starts.runs));
-        y0 = TO_REALS(CHOOSE64(zero, (entry.y - bounds.origin[1]) / bounds.spacing[1], starts.runs));
-        z0 = TO_REALS(CHOOSE64(zero, (entry.z - bounds.origin[2]) / bounds.spacing[2], starts.runs));
-        dx = TO_REALS(d.x);
-        dy = TO_REALS(d.y);
-        dz = TO_REALS(d.z);
-        length = TO_REALS(CHOOSE64(zero, starts.part.leave - starts.part.enter, starts.runs));
-    }
+} Entries;
 
-    const Flight flight = fly(&field, &arrays, &control, (real)ambient, x0, y0, z0, dx, dy, dz, length);
+static inline Entries enter(
+    const Field *field,
+    const Arrays *arrays,
+    const Bounds *bounds,
+    int first,
+    int ray_count,
+    __global const double *position_in,
+    __global const double *direction_in)
+{
+    const Triples p = load_triples(position_in, first, ray_count), d = load_triples(direction_in, first, ray_count);
+    Entries in;
+    in.starts = start_each(field, arrays, bounds, p, d);
+    const truths runs = in.starts.runs;
+    const Triples entry = ahead_of(p, in.starts.part.enter, d);
+    const doubles zero = (doubles)0.0;
+    in.x0 = TO_REALS(CHOOSE64(zero, (entry.x - bounds->origin[0]) / bounds->spacing[0], runs));
+    in.y0 = TO_REALS(CHOOSE64(zero, (entry.y - bounds->origin[1]) / bounds->spacing[1], runs));
+    in.z0 = TO_REALS(CHOOSE64(zero, (entry.z - bounds->origin[2]) / bounds->spacing[2], runs));
+    in.dx = TO_REALS(d.x);
+    in.dy = TO_REALS(d.y);
+    in.dz = TO_REALS(d.z);
+    in.length = TO_REALS(CHOOSE64(zero, in.starts.part.leave - in.starts.part.enter, runs));
+    return in;
+}
+
+// From the last sample of a packet's rays to their stop; their errors, and what is written.
+static inline void leave(
+    const Field *field,
+    const Arrays *arrays,
+    const Bounds *bounds,
+    const Control *control,
+    int first,
+    int ray_count,
+    __global const double *position_in,
+    __global const double *direction_in,
+    const Entries *in,
+    const Flight *flight,
+    const RayOutputs *outputs,
+    __global int *rejected_count_out)
+{
+    const real3 rate = VECTOR(field->inverse_spacing);
+    const double ambient = bounds->ambient;
+    const reals length = in->length;
+    const Starts *starts = &in->starts;
     const reals missed = unresolved_of(
-        &field, &arrays, &control, x0, y0, z0, dx, dy, dz, length, flight.q[0], flight.q[1], flight.q[2]);
+        field, arrays, control, in->x0, in->y0, in->z0, in->dx, in->dy, in->dz, length, flight->q[0], flight->q[1],
+        flight->q[2]);
 
     const Triples p = load_triples(position_in, first, ray_count), d = load_triples(direction_in, first, ray_count);
-    const truths runs = starts.runs, uniform = starts.uniform;
-    const doubles step = TO_DOUBLES(flight.h), rest64 = TO_DOUBLES(flight.slowness);
-    const reals rest = flight.slowness, none = (reals)R(0.0);
-    doubles path = step * (TO_DOUBLES(flight.paths) - TO_DOUBLES(flight.paths_carry));
-    doubles longitudinal_deficit = step * (TO_DOUBLES(flight.deficits) - TO_DOUBLES(flight.deficits_carry));
-    doubles arc = step * (TO_DOUBLES(flight.arcs) - TO_DOUBLES(flight.arcs_carry));
+    const truths runs = starts->runs, uniform = starts->uniform;
+    const doubles step = TO_DOUBLES(flight->h), rest64 = TO_DOUBLES(flight->slowness);
+    const reals rest = flight->slowness, none = (reals)R(0.0);
+    doubles path = step * (TO_DOUBLES(flight->paths) - TO_DOUBLES(flight->paths_carry));
+    doubles longitudinal_deficit = step * (TO_DOUBLES(flight->deficits) - TO_DOUBLES(flight->deficits_carry));
+    doubles arc = step * (TO_DOUBLES(flight->arcs) - TO_DOUBLES(flight->arcs_carry));
     reals across[3], q[3], force[3], turn[3];
     // In uniform air nothing pulls.
 #pragma unroll
     ALL_THREE(c) {
-        across[c] = flight.p[c];
-        q[c] = flight.q[c];
+        across[c] = flight->p[c];
+        q[c] = flight->q[c];
         turn[c] = rest * across[c];
-        force[c] = CHOOSE(rest * flight.f[c], none, uniform);
+        force[c] = CHOOSE(rest * flight->f[c], none, uniform);
     }
-    const doubles rise = TO_DOUBLES(CHOOSE(flight.ahead, none, uniform));
-    const doubles s = TO_DOUBLES(CHOOSE(flight.s, none, uniform));
-    const reals steep = CHOOSE(flight.steep, none, uniform);
+    const doubles rise = TO_DOUBLES(CHOOSE(flight->ahead, none, uniform));
+    const doubles s = TO_DOUBLES(CHOOSE(flight->s, none, uniform));
+    const reals steep = CHOOSE(flight->steep, none, uniform);
     const reals lead =
-        CHOOSE(flight.lead, -INNER(across, across) * rest / (R(1.0) / rest + (real)ambient), uniform);
+        CHOOSE(flight->lead, -INNER(across, across) * rest / (R(1.0) / rest + (real)ambient), uniform);
 
     // What is left to the surface, which each ray meets a little beside the undisturbed one.
     const Triples turned = IN_DOUBLE(turn), beside = IN_DOUBLE(q), pull = IN_DOUBLE(force);
     const Triples heading = sum_of(d, turned);
-    const Triples last = ahead_of(p, starts.part.leave, d);
+    const Triples last = ahead_of(p, starts->part.leave, d);
     const Triples here = sum_of(last, beside);
-    truths rejected = (truths)0, ends_on = starts.surface;
+    truths rejected = (truths)0, ends_on = starts->surface;
     doubles more = (doubles)0.0;
-    Triples normal = in_all_lanes(VECTOR64(bounds.plane_normal));
+    Triples normal = in_all_lanes(VECTOR64(bounds->plane_normal));
     if (SOME(uniform)) {
         // Turned, a ray may go on through disturbed air.
-        rejected = uniform & TO_TRUTHS(length > R(0.0)) & !leaves_support(&bounds, here, heading);
+        rejected = uniform & TO_TRUTHS(length > R(0.0)) & !leaves_support(bounds, here, heading);
         truths face = (truths)BEYOND_SUPPORT;
 #if STOP != PLANE
-        more = CHOOSE64(more, exit_of(&bounds, here, heading, &face), uniform);
+        more = CHOOSE64(more, exit_of(bounds, here, heading, &face), uniform);
 #endif
         ends_on = CHOOSE64(ends_on, face, uniform);
     }
@@ -109,8 +133,8 @@ __kernel void leapfrog(LEAPFROG_ARGUMENTS)
         const truths now = ends_on == (truths)k;
         if ((k < FACE_COUNT || STOP == PLANE) && SOME(now)) {
             Triples outward;
-            more = CHOOSE64(more, line_to(&bounds, k, here, heading), now & !uniform);
-            surface_each(&bounds, k, ahead_of(here, more, heading), &outward);
+            more = CHOOSE64(more, line_to(bounds, k, here, heading), now & !uniform);
+            surface_each(bounds, k, ahead_of(here, more, heading), &outward);
             normal = choose_triples(normal, outward, now);
         }
     }
@@ -129,9 +153,9 @@ __kernel void leapfrog(LEAPFROG_ARGUMENTS)
     const reals tail = fabs(onward_here), steep_tail = steep * tail, none_left = (reals)R(1.0);
     const real cells = greatest(rate);
     reals lateral_error = GREATER(
-        flight.error, steep_tail * (tail / TO_REALS(fabs(cosine))) * LESSER(tail * cells, none_left));
+        flight->error, steep_tail * (tail / TO_REALS(fabs(cosine))) * LESSER(tail * cells, none_left));
     // Error of direction from the path between the last sample and the surface.
-    const reals off_tail = rest * steep_tail * LESSER((tail + R(0.5) * flight.h) * cells, none_left);
+    const reals off_tail = rest * steep_tail * LESSER((tail + R(0.5) * flight->h) * cells, none_left);
     const reals lead_rate = lead / rest;
     reals momentum[3];
     const reals toward[3] = {TO_REALS(d.x), TO_REALS(d.y), TO_REALS(d.z)};
@@ -143,23 +167,23 @@ __kernel void leapfrog(LEAPFROG_ARGUMENTS)
     }
     const doubles flown = TO_DOUBLES(length) + more;
     const Triples aside = IN_DOUBLE(q), pushed = IN_DOUBLE(momentum);
-    const Triples end = sum_of(ahead_of(p, starts.part.enter + flown, d), aside);
-    const reals angle = sqrt(flight.max_deflection) / (real)ambient;
+    const Triples end = sum_of(ahead_of(p, starts->part.enter + flown, d), aside);
+    const reals angle = sqrt(flight->max_deflection) / (real)ambient;
     // Beside the undisturbed ray it stays within that angle of it.
 #if HAS_BODY
-    rejected |= !have_clearance(&field, &arrays, p, d, &starts, TO_DOUBLES(angle));
+    rejected |= !have_clearance(field, arrays, p, d, starts, TO_DOUBLES(angle));
 #endif
-    rejected |= may_have_left(&bounds, last, d, TO_DOUBLES(length), TO_DOUBLES(angle));
+    rejected |= may_have_left(bounds, last, d, TO_DOUBLES(length), TO_DOUBLES(angle));
     rejected |= TO_TRUTHS(!(angle <= (reals)LEAPFROG_ANGLE)) | !(fabs(path) < (double)INFINITY);
     rejected |= TO_TRUTHS(!(fabs(lateral_error) < (reals)INFINITY)) | (fabs(cosine) <= LEAST_COSINE);
     if (STOP == PLANE) {
-        rejected |= fabs(inner_with(VECTOR64(bounds.plane_normal), heading)) <= LEAST_COSINE;
+        rejected |= fabs(inner_with(VECTOR64(bounds->plane_normal), heading)) <= LEAST_COSINE;
     }
     lateral_error = CHOOSE(lateral_error, (reals)INFINITY, rejected);
     // Where the box's end is the stop, the path is off by all of that excess, else by what the field adds.
     // One that has left the support must not have left the box before.
     const doubles excess = overrun(
-        &bounds, &control, CHOOSE64(ends_on, (truths)(-1), uniform), choose_triples(end, here, uniform), heading);
+        bounds, control, CHOOSE64(ends_on, (truths)(-1), uniform), choose_triples(end, here, uniform), heading);
     if (SOME(excess > 0.0)) {
         doubles loss = greater_each(fabs(s) / ambient, (doubles)1.0e-30);
         if (STOP == NONE) {
@@ -171,15 +195,15 @@ __kernel void leapfrog(LEAPFROG_ARGUMENTS)
 
     // In the tracer's sums: sigma, S, M and B, of which M - B is the deviation along the ray.
     const Arrivals arrival = end_each(
-        &bounds, &control, p, d, &starts, CHOOSE64((truths)(-1), ends_on, runs), aside, pushed,
+        bounds, control, p, d, starts, CHOOSE64((truths)(-1), ends_on, runs), aside, pushed,
         (flown - longitudinal_deficit) / ambient, path, arc, arc - longitudinal_deficit);
 
     // Errors of place and direction count where the ray meets its stop at an angle, and so does what the air
     // outside the field's support does to both.
-    const Triples deviation_diff = IN_DOUBLE(flight.deviation_diff), momentum_diff = IN_DOUBLE(flight.momentum_diff);
+    const Triples deviation_diff = IN_DOUBLE(flight->deviation_diff), momentum_diff = IN_DOUBLE(flight->momentum_diff);
     doubles onward = arrival.flight;
     if (STOP == PLANE) {
-        normal = in_all_lanes(VECTOR64(bounds.plane_normal));
+        normal = in_all_lanes(VECTOR64(bounds->plane_normal));
     } else {
         onward += more;
     }
@@ -187,33 +211,61 @@ __kernel void leapfrog(LEAPFROG_ARGUMENTS)
     const Triples displacement = ahead_of(deviation_diff, onward * rest64, momentum_diff);
     const doubles obliquity = fabs(inner(normal, displacement)) + fabs(rest64 * inner(pushed, displacement));
     const doubles upright = greater_each(fabs(inner(normal, d)), (doubles)STEEPEST_COSINE);
-    const reals slipped = control.quadrature_error_scale * TO_REALS(ambient * obliquity / upright);
+    const reals slipped = control->quadrature_error_scale * TO_REALS(ambient * obliquity / upright);
     lateral_error = GREATER(lateral_error, slipped);
     const doubles tangent = sqrt(greater_each(1.0 - upright * upright, (doubles)0.0)) / upright;
-    const doubles greatest_tangent = tangent + TO_DOUBLES(sqrt(flight.max_deflection));
+    const doubles greatest_tangent = tangent + TO_DOUBLES(sqrt(flight->max_deflection));
     const reals strayed = off_tail * TO_REALS(ambient * onward * greatest_tangent);
     lateral_error = GREATER(lateral_error, strayed);
-    const doubles chord = starts.whole.leave - starts.whole.enter;
+    const doubles chord = starts->whole.leave - starts->whole.enter;
     const doubles outside = greater_each(chord - TO_DOUBLES(length), (doubles)0.0);
     const doubles lever_arm = (chord + onward) * greatest_tangent;
     const reals left =
-        TO_REALS(outside * ((double)control.left_potential + lever_arm * (double)control.left_slope));
+        TO_REALS(outside * ((double)control->left_potential + lever_arm * (double)control->left_slope));
     lateral_error = CHOOSE(
-        lateral_error, left, (left > LEFT_SHARE * control.tolerance) & !(lateral_error > left));
+        lateral_error, left, (left > LEFT_SHARE * control->tolerance) & !(lateral_error > left));
 #if CUBES
     // What its samples may be off the spline, and what their slopes do up to the stop.
-    const reals sway = flight.off_slope * (length + TO_REALS(onward));
-    lateral_error += flight.off + (sway - flight.off_moment) * TO_REALS(greatest_tangent);
+    const reals sway = flight->off_slope * (length + TO_REALS(onward));
+    lateral_error += flight->off + (sway - flight->off_moment) * TO_REALS(greatest_tangent);
 #endif
-    if (arrays.step_bound_start[0] >= 0) {
-        const doubles farther = arrival.flight + starts.part.leave - starts.part.enter;
+    if (arrays->step_bound_start[0] >= 0) {
+        const doubles farther = arrival.flight + starts->part.leave - starts->part.enter;
         const reals unseen = with_lever_arm(
-            &field, missed, TO_REALS(farther), TO_REALS(fabs(inner(normal, d))));
+            field, missed, TO_REALS(farther), TO_REALS(fabs(inner(normal, d))));
         lateral_error += CHOOSE(none, unseen, missed > none);
     }
     // A deflected ray may miss a plane on the box's edge.
     lateral_error = CHOOSE(lateral_error, (reals)INFINITY, arrival.status != (truths)RAY_OK);
-    lateral_error = CHOOSE(flight.error, lateral_error, runs);
+    lateral_error = CHOOSE(flight->error, lateral_error, runs);
     write_packet(
-        &outputs, &control, first, ray_count, &arrival, lateral_error, runs, rejected_count_out);
+        outputs, control, first, ray_count, &arrival, lateral_error, runs, rejected_count_out);
+}
+
+__kernel void leapfrog(LEAPFROG_ARGUMENTS)
+{
+    const int first = (int)get_global_id(0) * (LANES * PACKETS) + first_ray;
+    if (first >= ray_count) {
+        return;
+    }
+    const Arrays arrays = ARRAYS;
+    const RayOutputs outputs = RAY_OUTPUTS;
+    const real ambient = (real)bounds.ambient;
+    Entries in[PACKETS];
+    Flying rays[PACKETS];
+#pragma unroll
+    for (int packet = 0; packet < PACKETS; packet++) {
+        // Spare packets repeat the last ray, as spare lanes do.
+        in[packet] = enter(&field, &arrays, &bounds, first + packet * LANES, ray_count, position_in, direction_in);
+        rays[packet] = take_off(
+            &field, &arrays, &control, ambient, in[packet].x0, in[packet].y0, in[packet].z0, in[packet].dx,
+            in[packet].dy, in[packet].dz, in[packet].length);
+    }
+    take_samples(&field, &arrays, &control, ambient, rays);
+#pragma unroll
+    for (int packet = 0; packet < PACKETS; packet++) {
+        const Flight flight = land(&field, &arrays, &control, ambient, &rays[packet]);
+        leave(&field, &arrays, &bounds, &control, first + packet * LANES, ray_count, position_in, direction_in,
+              &in[packet], &flight, &outputs, rejected_count_out);
+    }
 }
