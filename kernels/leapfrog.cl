@@ -6,197 +6,266 @@
 // not hold.
 
 #include "arguments.h"
-#include "ends.h"
 #include "flight.h"
-#include "outputs.h"
+#include "packet_ends.h"
+#include "packet_outputs.h"
 #include "support.h"
 #include "unresolved.h"
 
+#define IN_DOUBLE(v) triples_of(TO_DOUBLES((v)[0]), TO_DOUBLES((v)[1]), TO_DOUBLES((v)[2]))
+#define INNER(a, b) ((a)[0] * (b)[0] + (a)[1] * (b)[1] + (a)[2] * (b)[2])
+#define GREATER(a, b) CHOOSE(b, a, (a) > (b))
+#define LESSER(a, b) CHOOSE(b, a, (a) < (b))
+#define ALL_THREE(c) for (int c = 0; c < 3; c++)
+
+#if HAS_BODY
+// Whether undisturbed rays, and all that are deflected by `angle` at most, keep out of the body.
+static inline truths have_clearance(
+    const Field *field, const Arrays *arrays, Triples p, Triples d, const Starts *starts, doubles angle)
+{
+    truths clear = (truths)0;
+    for (int lane = 0; lane < LANES; lane++) {
+        const double first = DOUBLE_AT(starts->whole.enter, lane), last = DOUBLE_AT(starts->whole.leave, lane);
+        NUMBER_AT(clear, lane) = TRUTH_AT(starts->runs, lane) &&
+            has_clearance(field, arrays, TRIPLE_AT(p, lane), TRIPLE_AT(d, lane), first, last,
+                          (last - first) * DOUBLE_AT(angle, lane));
+    }
+    return clear != (truths)0;
+}
+#endif
+
+// Where a packet's rays come into the disturbed air, in cells from the grid's first node (x, y from the axis), where they
+// point, and how long they are in it [m].
+typedef struct {
+    Starts starts;
+    reals x0, y0, z0, dx, dy, dz, length;
+} Entries;
+
+static inline Entries enter(
+    const Field *field,
+    const Arrays *arrays,
+    const Bounds *bounds,
+    int first,
+    int ray_count,
+    __global const double *position_in,
+    __global const double *direction_in)
+{
+    const Triples p = load_triples(position_in, first, ray_count), d = load_triples(direction_in, first, ray_count);
+    Entries in;
+    in.starts = start_each(field, arrays, bounds, p, d);
+    const truths runs = in.starts.runs;
+    const Triples entry = ahead_of(p, in.starts.part.enter, d);
+    const doubles zero = (doubles)0.0;
+    in.x0 = TO_REALS(CHOOSE64(zero, (entry.x - bounds->origin[0]) / bounds->spacing[0], runs));
+    in.y0 = TO_REALS(CHOOSE64(zero, (entry.y - bounds->origin[1]) / bounds->spacing[1], runs));
+    in.z0 = TO_REALS(CHOOSE64(zero, (entry.z - bounds->origin[2]) / bounds->spacing[2], runs));
+    in.dx = TO_REALS(d.x);
+    in.dy = TO_REALS(d.y);
+    in.dz = TO_REALS(d.z);
+    in.length = TO_REALS(CHOOSE64(zero, in.starts.part.leave - in.starts.part.enter, runs));
+    return in;
+}
+
+// From the last sample of a packet's rays to their stop; their errors, and what is written.
+static inline void leave(
+    const Field *field,
+    const Arrays *arrays,
+    const Bounds *bounds,
+    const Control *control,
+    int first,
+    int ray_count,
+    __global const double *position_in,
+    __global const double *direction_in,
+    const Entries *in,
+    const Flight *flight,
+    const RayOutputs *outputs,
+    __global int *rejected_count_out)
+{
+    const real3 rate = VECTOR(field->inverse_spacing);
+    const double ambient = bounds->ambient;
+    const reals length = in->length;
+    const Starts *starts = &in->starts;
+    const reals missed = unresolved_of(
+        field, arrays, control, in->x0, in->y0, in->z0, in->dx, in->dy, in->dz, length, flight->q[0], flight->q[1],
+        flight->q[2]);
+
+    const Triples p = load_triples(position_in, first, ray_count), d = load_triples(direction_in, first, ray_count);
+    const truths runs = starts->runs, uniform = starts->uniform;
+    const doubles step = TO_DOUBLES(flight->h), rest64 = TO_DOUBLES(flight->slowness);
+    const reals rest = flight->slowness, none = (reals)R(0.0);
+    doubles path = step * (TO_DOUBLES(flight->paths) - TO_DOUBLES(flight->paths_carry));
+    doubles longitudinal_deficit = step * (TO_DOUBLES(flight->deficits) - TO_DOUBLES(flight->deficits_carry));
+    doubles arc = step * (TO_DOUBLES(flight->arcs) - TO_DOUBLES(flight->arcs_carry));
+    reals across[3], q[3], force[3], turn[3];
+    // In uniform air nothing pulls.
+#pragma unroll
+    ALL_THREE(c) {
+        across[c] = flight->p[c];
+        q[c] = flight->q[c];
+        turn[c] = rest * across[c];
+        force[c] = CHOOSE(rest * flight->f[c], none, uniform);
+    }
+    const doubles rise = TO_DOUBLES(CHOOSE(flight->ahead, none, uniform));
+    const doubles s = TO_DOUBLES(CHOOSE(flight->s, none, uniform));
+    const reals steep = CHOOSE(flight->steep, none, uniform);
+    const reals lead =
+        CHOOSE(flight->lead, -INNER(across, across) * rest / (R(1.0) / rest + (real)ambient), uniform);
+
+    // What is left to the surface, which each ray meets a little beside the undisturbed one.
+    const Triples turned = IN_DOUBLE(turn), beside = IN_DOUBLE(q), pull = IN_DOUBLE(force);
+    const Triples heading = sum_of(d, turned);
+    const Triples last = ahead_of(p, starts->part.leave, d);
+    const Triples here = sum_of(last, beside);
+    truths rejected = (truths)0, ends_on = starts->surface;
+    doubles more = (doubles)0.0;
+    Triples normal = in_all_lanes(VECTOR64(bounds->plane_normal));
+    if (SOME(uniform)) {
+        // Turned, a ray may go on through disturbed air.
+        rejected = uniform & TO_TRUTHS(length > R(0.0)) & !leaves_support(bounds, here, heading);
+        truths face = (truths)BEYOND_SUPPORT;
+#if STOP != PLANE
+        more = CHOOSE64(more, exit_of(bounds, here, heading, &face), uniform);
+#endif
+        ends_on = CHOOSE64(ends_on, face, uniform);
+    }
+#pragma unroll
+    for (int k = 0; k <= FACE_COUNT; k++) {
+        const truths now = ends_on == (truths)k;
+        if ((k < FACE_COUNT || STOP == PLANE) && SOME(now)) {
+            Triples outward;
+            more = CHOOSE64(more, line_to(bounds, k, here, heading), now & !uniform);
+            surface_each(bounds, k, ahead_of(here, more, heading), &outward);
+            normal = choose_triples(normal, outward, now);
+        }
+    }
+    const doubles cosine = inner(normal, heading);
+    // Along the parabola; what that leaves out, by the change of the slope over a cell, counts as an error.
+    const truths meets_steeply = !uniform & (fabs(cosine) > LEAST_COSINE);
+    const doubles bow = 0.5 * more * more * rest64 * inner(normal, pull);
+    more -= CHOOSE64((doubles)0.0, bow / cosine, meets_steeply);
+    more = CHOOSE64((doubles)0.0, more, runs);
+    const doubles climb = 0.5 * more * rise;
+    const doubles added = more * rest64 * (s + climb);
+    path += added;
+    longitudinal_deficit += more * (TO_DOUBLES(lead) + rest64 * climb / ambient);
+    arc += added / ambient;
+    const reals onward_here = TO_REALS(more);
+    const reals tail = fabs(onward_here), steep_tail = steep * tail, none_left = (reals)R(1.0);
+    const real cells = greatest(rate);
+    reals lateral_error = GREATER(
+        flight->error, steep_tail * (tail / TO_REALS(fabs(cosine))) * LESSER(tail * cells, none_left));
+    // Error of direction from the path between the last sample and the surface.
+    const reals off_tail = rest * steep_tail * LESSER((tail + R(0.5) * flight->h) * cells, none_left);
+    const reals lead_rate = lead / rest;
+    reals momentum[3];
+    const reals toward[3] = {TO_REALS(d.x), TO_REALS(d.y), TO_REALS(d.z)};
+#pragma unroll
+    ALL_THREE(c) {
+        q[c] += onward_here * rest * (across[c] + (R(0.5) * onward_here) * force[c]);
+        across[c] += onward_here * force[c];
+        momentum[c] = CHOOSE(none, across[c] + lead_rate * toward[c], runs);
+    }
+    const doubles flown = TO_DOUBLES(length) + more;
+    const Triples aside = IN_DOUBLE(q), pushed = IN_DOUBLE(momentum);
+    const Triples end = sum_of(ahead_of(p, starts->part.enter + flown, d), aside);
+    const reals angle = sqrt(flight->max_deflection) / (real)ambient;
+    // Beside the undisturbed ray it stays within that angle of it.
+#if HAS_BODY
+    rejected |= !have_clearance(field, arrays, p, d, starts, TO_DOUBLES(angle));
+#endif
+    rejected |= may_have_left(bounds, last, d, TO_DOUBLES(length), TO_DOUBLES(angle));
+    rejected |= TO_TRUTHS(!(angle <= (reals)LEAPFROG_ANGLE)) | !(fabs(path) < (double)INFINITY);
+    rejected |= TO_TRUTHS(!(fabs(lateral_error) < (reals)INFINITY)) | (fabs(cosine) <= LEAST_COSINE);
+    if (STOP == PLANE) {
+        rejected |= fabs(inner_with(VECTOR64(bounds->plane_normal), heading)) <= LEAST_COSINE;
+    }
+    lateral_error = CHOOSE(lateral_error, (reals)INFINITY, rejected);
+    // Where the box's end is the stop, the path is off by all of that excess, else by what the field adds.
+    // One that has left the support must not have left the box before.
+    const doubles excess = overrun(
+        bounds, control, CHOOSE64(ends_on, (truths)(-1), uniform), choose_triples(end, here, uniform), heading);
+    if (SOME(excess > 0.0)) {
+        doubles loss = greater_each(fabs(s) / ambient, (doubles)1.0e-30);
+        if (STOP == NONE) {
+            loss = CHOOSE64((doubles)ambient, loss, uniform);
+        }
+        const reals lost = TO_REALS(CHOOSE64((doubles)0.0, excess * loss, excess > 0.0));
+        lateral_error = GREATER(lateral_error, lost);
+    }
+
+    // In the tracer's sums: sigma, S, M and B, of which M - B is the deviation along the ray.
+    const Arrivals arrival = end_each(
+        bounds, control, p, d, starts, CHOOSE64((truths)(-1), ends_on, runs), aside, pushed,
+        (flown - longitudinal_deficit) / ambient, path, arc, arc - longitudinal_deficit);
+
+    // Errors of place and direction count where the ray meets its stop at an angle, and so does what the air
+    // outside the field's support does to both.
+    const Triples deviation_diff = IN_DOUBLE(flight->deviation_diff), momentum_diff = IN_DOUBLE(flight->momentum_diff);
+    doubles onward = arrival.flight;
+    if (STOP == PLANE) {
+        normal = in_all_lanes(VECTOR64(bounds->plane_normal));
+    } else {
+        onward += more;
+    }
+    // The direction error of a deflected ray also has a part along d, by which it meets a far stop earlier.
+    const Triples displacement = ahead_of(deviation_diff, onward * rest64, momentum_diff);
+    const doubles obliquity = fabs(inner(normal, displacement)) + fabs(rest64 * inner(pushed, displacement));
+    const doubles upright = greater_each(fabs(inner(normal, d)), (doubles)STEEPEST_COSINE);
+    const reals slipped = control->quadrature_error_scale * TO_REALS(ambient * obliquity / upright);
+    lateral_error = GREATER(lateral_error, slipped);
+    const doubles tangent = sqrt(greater_each(1.0 - upright * upright, (doubles)0.0)) / upright;
+    const doubles greatest_tangent = tangent + TO_DOUBLES(sqrt(flight->max_deflection));
+    const reals strayed = off_tail * TO_REALS(ambient * onward * greatest_tangent);
+    lateral_error = GREATER(lateral_error, strayed);
+    const doubles chord = starts->whole.leave - starts->whole.enter;
+    const doubles outside = greater_each(chord - TO_DOUBLES(length), (doubles)0.0);
+    const doubles lever_arm = (chord + onward) * greatest_tangent;
+    const reals left =
+        TO_REALS(outside * ((double)control->left_potential + lever_arm * (double)control->left_slope));
+    lateral_error = CHOOSE(
+        lateral_error, left, (left > LEFT_SHARE * control->tolerance) & !(lateral_error > left));
+#if CUBES
+    // What its samples may be off the spline, and what their slopes do up to the stop.
+    const reals sway = flight->off_slope * (length + TO_REALS(onward));
+    lateral_error += flight->off + (sway - flight->off_moment) * TO_REALS(greatest_tangent);
+#endif
+    if (arrays->step_bound_start[0] >= 0) {
+        const doubles farther = arrival.flight + starts->part.leave - starts->part.enter;
+        const reals unseen = with_lever_arm(
+            field, missed, TO_REALS(farther), TO_REALS(fabs(inner(normal, d))));
+        lateral_error += CHOOSE(none, unseen, missed > none);
+    }
+    // A deflected ray may miss a plane on the box's edge.
+    lateral_error = CHOOSE(lateral_error, (reals)INFINITY, arrival.status != (truths)RAY_OK);
+    lateral_error = CHOOSE(flight->error, lateral_error, runs);
+    write_packet(
+        outputs, control, first, ray_count, &arrival, lateral_error, runs, rejected_count_out);
+}
+
 __kernel void leapfrog(LEAPFROG_ARGUMENTS)
 {
-    const int first = (int)get_global_id(0) * LANES + first_ray;
+    const int first = (int)get_global_id(0) * (LANES * PACKETS) + first_ray;
     if (first >= ray_count) {
         return;
     }
     const Arrays arrays = ARRAYS;
     const RayOutputs outputs = RAY_OUTPUTS;
-    const real3 rate = VECTOR(field.inverse_spacing);
-    const int count = control.sample_count;
-
-    // Each lane's ray; spare lanes repeat the last one.
-    Interval intervals[LANES];
-    double2 wholes[LANES];  // where their paths through the box begin and end, with the part in uniform air
-    int statuses[LANES], is_rejected[LANES], surfaces[LANES], is_uniform[LANES];
-    reals x0, y0, z0, dx, dy, dz, length;
-    for (int lane = 0; lane < LANES; lane++) {
-        const int ray = min(first + lane, ray_count - 1);
-        const double3 p = vload3(ray, position_in), d = vload3(ray, direction_in);
-        Interval interval;
-        statuses[lane] = start_of(&field, &arrays, &bounds, p, d, &interval);
-        const int runs = interval.meets && statuses[lane] == RAY_OK;
-        is_rejected[lane] = 0;
-        wholes[lane] = (double2)(interval.t_enter, interval.t_exit);
-        const Interval whole = interval;
-        is_uniform[lane] = runs && keep_support(&bounds, p, d, &interval.t_enter, &interval.t_exit);
-        surfaces[lane] = runs && !is_uniform[lane] ? surface_of(&bounds, &whole, p, d) : -1;
-        const double3 place = (p + interval.t_enter * d - VECTOR64(bounds.origin)) / VECTOR64(bounds.spacing);
-        REAL_AT(x0, lane) = runs ? (real)place.x : R(0.0);
-        REAL_AT(y0, lane) = runs ? (real)place.y : R(0.0);
-        REAL_AT(z0, lane) = runs ? (real)place.z : R(0.0);
-        REAL_AT(dx, lane) = (real)d.x;
-        REAL_AT(dy, lane) = (real)d.y;
-        REAL_AT(dz, lane) = (real)d.z;
-        REAL_AT(length, lane) = runs ? (real)(interval.t_exit - interval.t_enter) : R(0.0);
-        intervals[lane] = interval;
+    const real ambient = (real)bounds.ambient;
+    Entries in[PACKETS];
+    Flying rays[PACKETS];
+#pragma unroll
+    for (int packet = 0; packet < PACKETS; packet++) {
+        // Spare packets repeat the last ray, as spare lanes do.
+        in[packet] = enter(&field, &arrays, &bounds, first + packet * LANES, ray_count, position_in, direction_in);
+        rays[packet] = take_off(
+            &field, &arrays, &control, ambient, in[packet].x0, in[packet].y0, in[packet].z0, in[packet].dx,
+            in[packet].dy, in[packet].dz, in[packet].length);
     }
-
-    const Flight flight = fly(&field, &arrays, &control, (real)bounds.ambient, x0, y0, z0, dx, dy, dz, length);
-    const reals missed = unresolved_of(
-        &field, &arrays, &control, x0, y0, z0, dx, dy, dz, length, flight.q[0], flight.q[1], flight.q[2]);
-
-    for (int lane = 0; lane < LANES && first + lane < ray_count; lane++) {
-        const int ray = first + lane;
-        const double3 p = vload3(ray, position_in), d = vload3(ray, direction_in);
-        Interval interval = intervals[lane];
-        const int runs = interval.meets && statuses[lane] == RAY_OK;
-        const real step = REAL_AT(flight.h, lane);
-        real3 across = VECTOR_AT(flight.p, lane);
-        const real rest = REAL_AT(flight.slowness, lane);
-        real3 q = VECTOR_AT(flight.q, lane);
-        double path = (double)step * ((double)REAL_AT(flight.paths, lane) - (double)REAL_AT(flight.paths_carry, lane));
-        double longitudinal_deficit =
-            (double)step * ((double)REAL_AT(flight.deficits, lane) - (double)REAL_AT(flight.deficits_carry, lane));
-        double arc = (double)step * ((double)REAL_AT(flight.arcs, lane) - (double)REAL_AT(flight.arcs_carry, lane));
-        real lateral_error = REAL_AT(flight.error, lane);
-        real3 momentum = (real3)R(0.0);
-        double flown = (double)REAL_AT(length, lane);
-        double3 normal = (double3)(0.0), end = p;
-        double more = 0.0;
-        real off_tail = R(0.0);  // error of direction from the path between the last sample and the surface
-        int ends_on = -1;
-        if (runs) {
-            // What is left to the surface, which the ray meets a little beside the undisturbed one.
-            const int uniform = is_uniform[lane];
-            const double3 heading = d + convert_double3(rest * across);
-            const double3 here = p + interval.t_exit * d + convert_double3(q);
-            ends_on = surfaces[lane];
-            if (uniform) {
-                if (flown > 0.0 && !leaves_support(&bounds, here, heading)) {
-                    is_rejected[lane] = 1;  // turned, it goes on through disturbed air
-                }
-#if STOP == PLANE
-                ends_on = BEYOND_SUPPORT;
-                normal = VECTOR64(bounds.plane_normal);
-#else
-                more = exit_of(&bounds, here, heading, &ends_on);
-#endif
-            }
-            if (ends_on != BEYOND_SUPPORT) {
-                if (!uniform) {
-                    more = line_to(&bounds, ends_on, here, heading);
-                }
-                surface_distance(&bounds, ends_on, here + more * heading, &normal);
-            }
-            const double cosine = dot(normal, heading);
-            // Along the parabola; what that leaves out, by the change of the slope over a cell, counts as an error.
-            // In uniform air there is nothing to leave out.
-            const real there = uniform ? R(0.0) : R(1.0);
-            const real3 force = there * rest * VECTOR_AT(flight.f, lane);
-            const double rise = there * (double)REAL_AT(flight.ahead, lane);
-            const double s = there * (double)REAL_AT(flight.s, lane);
-            const real lead = uniform ? -dot(across, across) * rest / (R(1.0) / rest + (real)bounds.ambient)
-                                    : REAL_AT(flight.lead, lane);
-            const double bow = 0.5 * more * more * (double)rest * dot(normal, convert_double3(force));
-            more -= !uniform && fabs(cosine) > LEAST_COSINE ? bow / cosine : 0.0;
-            const double climb = 0.5 * more * rise;
-            const double added = more * (double)rest * (s + climb);
-            path += added;
-            longitudinal_deficit += more * ((double)lead + (double)rest * climb / bounds.ambient);
-            arc += added / bounds.ambient;
-            const real tail = (real)fabs(more);
-            const real steep_tail = there * REAL_AT(flight.steep, lane) * tail;
-            lateral_error = greater(
-                lateral_error, steep_tail * (tail / (real)fabs(cosine)) * lesser(tail * greatest(rate), R(1.0)));
-            off_tail = rest * steep_tail * lesser((tail + R(0.5) * step) * greatest(rate), R(1.0));
-            q += (real)more * rest * (across + (R(0.5) * (real)more) * force);
-            flown += more;
-            across += (real)more * force;
-            momentum = across + (lead / rest) * convert_real3(d);
-            end = p + (interval.t_enter + flown) * d + convert_double3(q);
-            const real angle = sqrt(REAL_AT(flight.max_deflection, lane)) / (real)bounds.ambient;
-            // Beside the undisturbed ray it stays within that angle of it.
-            const double chord = wholes[lane].y - wholes[lane].x;
-            if (HAS_BODY && !has_clearance(&field, &arrays, p, d, wholes[lane].x, wholes[lane].y, chord * angle)) {
-                is_rejected[lane] = 1;
-            }
-            if (may_have_left(&bounds, p + interval.t_exit * d, d, (double)REAL_AT(length, lane), (double)angle)) {
-                is_rejected[lane] = 1;
-            }
-            if (is_rejected[lane] || !(angle <= LEAPFROG_ANGLE) || !isfinite(path) || !isfinite(lateral_error) ||
-                fabs(cosine) <= LEAST_COSINE ||
-                (STOP == PLANE && fabs(dot(VECTOR64(bounds.plane_normal), heading)) <= LEAST_COSINE)) {
-                lateral_error = (real)INFINITY;
-            }
-            // Where the box's end is the stop, the path is off by all of that excess, else by what the field adds.
-            // One that has left the support must not have left the box before.
-            const double excess = overrun(&bounds, &control, uniform ? -1 : ends_on, uniform ? here : end, heading);
-            const double loss = STOP == NONE && !uniform ? bounds.ambient : fmax(fabs(s) / bounds.ambient, 1.0e-30);
-            lateral_error = greater(lateral_error, excess > 0.0 ? (real)(excess * loss) : R(0.0));
-        }
-        // In the tracer's sums: sigma, S, M and B, of which M - B is the deviation along the ray.
-        const double4 sums64 =
-            (double4)((flown - longitudinal_deficit) / bounds.ambient, path, arc, arc - longitudinal_deficit);
-        const real4 sums = (real4)((real)sums64.x, (real)sums64.y, (real)sums64.z, (real)sums64.w);
-        const real4 carry = (real4)(
-            (real)((double)sums.x - sums64.x), (real)((double)sums.y - sums64.y), (real)((double)sums.z - sums64.z),
-            (real)((double)sums.w - sums64.w));
-        const Arrival arrival = end_of(
-            &bounds, &control, p, d, &interval, statuses[lane], ends_on, q, (real3)R(0.0), momentum, sums, carry,
-            R(0.0));
-        if (runs && arrival.status != RAY_OK) {
-            lateral_error = (real)INFINITY;  // a deflected ray may miss a plane on the box's edge
-        } else if (runs) {
-            // Errors of place and direction count where the ray meets its stop at an angle, and so does what the air
-            // outside the field's support does to both.
-            const double3 deviation_diff = convert_double3(VECTOR_AT(flight.deviation_diff, lane));
-            const double3 momentum_diff = convert_double3(VECTOR_AT(flight.momentum_diff, lane));
-            const double onward = STOP == PLANE ? arrival.flight : arrival.flight + more;
-            if (STOP == PLANE) {
-                normal = VECTOR64(bounds.plane_normal);
-            }
-            // The direction error of a deflected ray also has a part along d, by which it meets a far stop earlier.
-            const double3 displacement = deviation_diff + (onward * (double)rest) * momentum_diff;
-            const double obliquity =
-                fabs(dot(normal, displacement)) + fabs(dot(convert_double3(rest * momentum), displacement));
-            const double cosine = fmax(fabs(dot(normal, d)), STEEPEST_COSINE);
-            lateral_error =
-                greater(lateral_error, control.quadrature_error_scale * (real)(bounds.ambient * obliquity / cosine));
-            const double tangent = sqrt(fmax(1.0 - cosine * cosine, 0.0)) / cosine;
-            const double greatest_tangent = tangent + (double)sqrt(REAL_AT(flight.max_deflection, lane));
-            lateral_error = greater(lateral_error, off_tail * (real)(bounds.ambient * onward * greatest_tangent));
-            const double chord = wholes[lane].y - wholes[lane].x;
-            const double lever_arm = (chord + onward) * greatest_tangent;
-            const double outside = fmax(chord - (double)REAL_AT(length, lane), 0.0);
-            const real left =
-                (real)(outside * ((double)control.left_potential + lever_arm * (double)control.left_slope));
-            if (left > LEFT_SHARE * control.tolerance) {
-                lateral_error = greater(lateral_error, left);
-            }
-#if CUBES
-            // What its samples may be off the spline, and what their slopes do up to the stop.
-            const double aside = REAL_AT(flight.off_slope, lane) * (REAL_AT(length, lane) + onward);
-            lateral_error +=
-                REAL_AT(flight.off, lane) + (real)((aside - REAL_AT(flight.off_moment, lane)) * greatest_tangent);
-#endif
-        }
-        if (runs && REAL_AT(missed, lane) > R(0.0)) {
-            const double onward = arrival.flight + interval.t_exit - interval.t_enter;
-            lateral_error += with_lever_arm(&field, REAL_AT(missed, lane), (real)onward, (real)fabs(dot(normal, d)));
-        }
-        if (lateral_error > control.tolerance) {
-            atomic_inc(rejected_count_out);
-        }
-        const int samples = runs ? count : 0;
-        write_outputs(&outputs, control.outputs, ray, &arrival, (double)lateral_error, samples, samples);
+    take_samples(&field, &arrays, &control, ambient, rays);
+#pragma unroll
+    for (int packet = 0; packet < PACKETS; packet++) {
+        const Flight flight = land(&field, &arrays, &control, ambient, &rays[packet]);
+        leave(&field, &arrays, &bounds, &control, first + packet * LANES, ray_count, position_in, direction_in,
+              &in[packet], &flight, &outputs, rejected_count_out);
     }
 }

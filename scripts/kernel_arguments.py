@@ -32,8 +32,9 @@ from aerokernels.tracing.engines.warp.types import types
 
 FOLDER = Path(__file__).resolve().parents[1] / "kernels"
 GRIDS = ("volume", "planar", "axisymmetric")
-# Types of numbers for each ray of a packet.
+# Types of numbers for each ray of a packet; those of its ends are Warp's where a packet is one ray.
 LANES = ("reals", "ints", "mask")
+OF_ONE_RAY = {"doubles": "double", "truths": "int", "Triples": "double3"}
 
 Arguments = list[tuple[str, str]]
 
@@ -105,7 +106,7 @@ def opencl_functions(folder: Path) -> dict[str, Declared]:
     for path in sorted((*folder.glob("*.cl"), *folder.glob("include/*.h"))):
         pattern = r"^(?:static )?(?:inline )?(\w+)\s+(\w+)\(([^)]*)\)\s*\{"
         for result, name, inside in re.findall(pattern, plain(path), flags=re.MULTILINE):
-            found[name] = Declared(result, [declared(text) for text in inside.split(",")])
+            found[name] = Declared(OF_ONE_RAY.get(result, result), [declared(text) for text in inside.split(",")])
     return found
 
 
@@ -117,7 +118,7 @@ def plain(path: Path) -> str:
 
 def declared(declaration: str) -> tuple[str, str]:
     """Name and type of an argument such as "const Field *field"."""
-    words = re.findall(r"\w+|\*", declaration.replace("__global", ""))
+    words = [OF_ONE_RAY.get(word, word) for word in re.findall(r"\w+|\*", declaration.replace("__global", ""))]
     return words[-1], f"{' '.join(words[:-1])}".replace(" *", "*")
 
 

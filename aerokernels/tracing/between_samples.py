@@ -81,6 +81,13 @@ class Between:
         enough = found_most <= NEGLIGIBLE * self.held
         return self._between_counts((count, found), (most, found_most)) if enough else 0
 
+    def fewest(self, count: int, most: int) -> int:
+        """As `enough`, looked for one by one from there: what is missed falls faster at first than by a power law."""
+        best = self.enough(count, most)
+        while best - 3 > count and self._greatest(best - 3) <= NEGLIGIBLE * self.held:
+            best -= 3
+        return best
+
     def _between_counts(self, few: tuple[int, float], many: tuple[int, float]) -> int:
         """The number of samples between one too small and one great enough, by a power law through what both miss."""
         if few[0] and many[1] > 0.0:
@@ -92,7 +99,9 @@ class Between:
 
     def _greatest(self, count: int) -> float:
         """The most that any ray misses between this many samples [m]."""
-        return greatest_error(self.field, self._sampled(count), self.lines) if len(self.lines.length) else 0.0
+        if not len(self.lines.length):
+            return 0.0
+        return greatest_error(self.field, self._sampled(count), self.lines, allowed=NEGLIGIBLE * self.held)
 
     def sufficient(self, count: int) -> int:
         """This number of samples, or a few more, between which nothing lies; 0 where there is something.

@@ -53,10 +53,9 @@ GREATEST_BEND = 0.5
 UNFIT = 0.1
 
 # Polynomials of cubes are made where rays take this many samples for each node of the grid, on a processor (False) and
-# on a GPU (True), where a sample costs less; never by Warp on a GPU, which loads their numbers one by one and is slower
-# for them. They are taken where the rays that have to be traced again for it cost less than the share CUBES_GAIN of the
-# samples, which is what they save at least.
-CUBES_WORTH = {("opencl", False): 4.0, ("warp", False): 4.0, ("opencl", True): 16.0, ("warp", True): math.inf}
+# on a GPU (True), where a sample costs less. They are taken where the rays that have to be traced again for it cost
+# less than the share CUBES_GAIN of the samples, which is what they save at least.
+CUBES_WORTH = {False: 4.0, True: 16.0}
 CUBES_GAIN = 0.5
 CUBES_MORE = 1.4
 # Lines by which it is told whether a table is worth making.
@@ -204,7 +203,7 @@ def _may_take_cubes(field: IndexField, plan: TracePlan, samples: int) -> bool:
         return False
     if not may_have_cubes(grid, CUBES_MEMORY * engine.memory[1]):
         return False
-    return samples >= CUBES_WORTH[plan.backend, engine.is_gpu] * grid.samples.size
+    return samples >= CUBES_WORTH[engine.is_gpu] * grid.samples.size
 
 
 def _with_cubes(
@@ -225,7 +224,7 @@ def _with_cubes(
     if rough * cost_again > CUBES_GAIN * count:
         return None  # before a table is made
     # A sample costs so little that some more are taken rather than looking up what lies between them.
-    count = between.enough(count, in_threes(CUBES_MORE * count)) or count
+    count = between.fewest(count, in_threes(CUBES_MORE * count)) or count
     sampling = between.sampling(count)
     by_cubes = replace(plan, cubes=True)
     spline = _Level(field, pilot, plan, until, wavelength, count)

@@ -74,6 +74,10 @@ def _retrace(
         for name, array in arrays.items():
             array[rows[taken]] = others[name][taken]
 
+    if plan.looks_up_cubes:  # the spline's samples are right where its polynomials may not be
+        rows = np.flatnonzero(_rejected(arrays, held) & np.isfinite(arrays["step_error"]))
+        if len(rows):
+            trace_again(rows, replace(plan, cubes=False))
     if plan.sample_count or plan.columns:
         rows = np.flatnonzero(_rejected(arrays, held))
         if len(rows):

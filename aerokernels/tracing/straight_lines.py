@@ -25,16 +25,19 @@ class Lines:
         direction: Unit vectors, shape (line_count, 3).
         length: Lengths [m], shape (line_count,).
         lever_arm: Lever arms [m]: distance from `start` to the stop, times the tangent of the angle at which it is met.
+        tangent: That tangent; 0 where there is no stop.
     """
 
     start: np.ndarray
     direction: np.ndarray
     length: np.ndarray
     lever_arm: np.ndarray
+    tangent: np.ndarray
 
     def every(self, step: int) -> "Lines":
         """Every so many of them."""
-        return Lines(*(array[::step] for array in (self.start, self.direction, self.length, self.lever_arm)))
+        arrays = self.start, self.direction, self.length, self.lever_arm, self.tangent
+        return Lines(*(array[::step] for array in arrays))
 
 
 def lines_through(field: IndexField, rays: RayBundle, until, low: np.ndarray, high: np.ndarray) -> Lines:
@@ -60,10 +63,11 @@ def lines_through(field: IndexField, rays: RayBundle, until, low: np.ndarray, hi
             assert isinstance(grid, UniformGrid)
             _, stop, cosine = crossing_of_box(p, d, grid.low, grid.high, field.geometry)
         tangent = np.sqrt(np.maximum(1.0 - cosine**2, 0.0)) / np.maximum(cosine, LEAST_COSINE)
+        tangent = np.where(np.isfinite(stop), tangent, 0.0)
         lever_arm = np.where(np.isfinite(stop), tangent * (stop - enter), 0.0)
     meets = (leave > enter) & np.isfinite(leave)
     start = p[meets] + enter[meets, None] * d[meets]
-    return Lines(start, d[meets], (leave - enter)[meets], lever_arm[meets])
+    return Lines(start, d[meets], (leave - enter)[meets], lever_arm[meets], tangent[meets])
 
 
 def local_coordinates(place: np.ndarray, geometry: str) -> np.ndarray:

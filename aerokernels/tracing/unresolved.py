@@ -22,7 +22,8 @@ Where a field is smooth the bound by R is often beaten by the rule's own, H^4 / 
 near the box's faces, where the even continuation has a kink: the lesser of the two counts in each block.
 
 The deflection of a ray errs by the slope of the same components. This changes the path in the second order of the
-contrast or, where the stop is met at an angle, by the lever arm: a factor.
+contrast or, where the stop is met at an angle, by the lever arm from there to the stop. The slope is at most
+MISSED_SLOPE times the size for each cell; where that is too much it is found from the high-passed part itself.
 """
 
 from dataclasses import dataclass
@@ -47,6 +48,8 @@ BOTH = 2.0
 FINEST = 0.8
 # What a spline through one node that stands out makes of it between the next two nodes, at most.
 LOBE = 0.15
+# The greatest slope of a spline over the greatest difference of neighbouring nodes: sqrt(3) at nodes.
+STEEPER = 1.75
 # Of the end-corrected midpoint rule: its Peano kernel, the Bernoulli polynomial of degree 4 over 4!, is at most this.
 PEANO = 1.0 / 720.0
 # Components of a direction below which no neighbouring block is met within half a stride.
@@ -142,7 +145,9 @@ def lookup_table(field: IndexField, sampling: Sampling) -> tuple[int, np.ndarray
     return block, missed
 
 
-def greatest_error(field: IndexField, sampling: Sampling, lines: Lines, by_rule: bool = False) -> float:
+def greatest_error(
+    field: IndexField, sampling: Sampling, lines: Lines, by_rule: bool = False, allowed: float = np.inf
+) -> float:
     """What any of the rays misses, at most [m].
 
     Args:
@@ -150,29 +155,56 @@ def greatest_error(field: IndexField, sampling: Sampling, lines: Lines, by_rule:
         sampling: How its rays are sampled.
         lines: Their straight lines through the support of the field.
         by_rule: See `missed_in_blocks`.
+        allowed: A bound above this is sought more closely: by how much what is missed changes across the rays.
     """
     grid = field.samples
+    assert isinstance(grid, UniformGrid)
     block, missed = missed_in_blocks(field, sampling, by_rule)
+    rate = MISSED_SLOPE / float(np.min(field.spacing))
+    found = _greatest_on_lines(grid, block, missed, rate * missed, lines, field.geometry)
+    if found > allowed and not (by_rule or sampling.ends) and lines.lever_arm.any():
+        changes = np.minimum(_changes(grid, field.geometry, sampling), rate * missed)
+        found = min(found, _greatest_on_lines(grid, block, missed, changes, lines, field.geometry))
+    return found
+
+
+def _greatest_on_lines(
+    grid: UniformGrid, block: int, missed: np.ndarray, changes: np.ndarray, lines: Lines, geometry: str
+) -> float:
+    """The most that any line adds up of what is `missed` in blocks, and by its lever arms of the `changes` of that."""
     size = block * np.asarray(grid.spacing)
-    local = local_range(lines, field.geometry)
+    local = local_range(lines, geometry)
     # A block to each side for the deflection of rays, and for rays between those of `lines`.
     first = np.clip(np.floor((local[0] - grid.low) / size).astype(int) - 1, 0, np.array(missed.shape) - 1)
     last = np.clip(np.floor((local[1] - grid.low) / size).astype(int) + 1, first, np.array(missed.shape) - 1)
-    met = missed[tuple(slice(low, high + 1) for low, high in zip(first, last, strict=True))]
-    found = float(met.max()) * float(lines.length.max(initial=0.0))
+    part = tuple(slice(low, high + 1) for low, high in zip(first, last, strict=True))
+    met, changing = missed[part], changes[part]
+    longest = float(lines.length.max(initial=0.0))
+    found = (float(met.max()) + float(changing.max()) * float(lines.lever_arm.max(initial=0.0))) * longest
     # Along an axis that all rays run along, one layer of blocks after the other, as far beside as a ray may get.
     components = np.abs(lines.direction[:, 3 - met.ndim :])
-    steepest = np.abs(lines.direction).max(axis=0, initial=0.0)
-    drift = _along_axes(steepest, field.geometry) * float(lines.length.max(initial=0.0)) / size
-    for axis in range(field.geometry == "axisymmetric", met.ndim):
+    drift = _along_axes(np.abs(lines.direction).max(axis=0, initial=0.0), geometry) * longest / size
+    for axis in range(geometry == "axisymmetric", met.ndim):
         least = float(components[:, axis].min(initial=1.0))
         if least > 0.0:
-            layers = met
+            faces = grid.low[axis] + (first[axis] + np.arange(met.shape[axis] + 1)) * size[axis]
+            levers = _lever_arms_from(lines, faces, axis + 3 - met.ndim)
+            shape = [-1 if other == axis else 1 for other in range(met.ndim)]
+            layers = met + changing * levers.reshape(shape)
             for other in range(met.ndim):
                 if other != axis:
                     layers = greatest_of_neighbors(layers, 1 + int(np.ceil(drift[other] + DEFLECTED)), other)
             found = min(found, float(layers.sum(axis=axis).max()) * float(size[axis]) / least)
-    return found * float(_with_lever_arm(field, lines).max(initial=1.0))
+    return found
+
+
+def _lever_arms_from(lines: Lines, faces: np.ndarray, component: int) -> np.ndarray:
+    """The greatest lever arm of any line from where it comes into each layer between planes across an axis [m]."""
+    with np.errstate(divide="ignore"):
+        place = (faces - lines.start[:, component, None]) / lines.direction[:, component, None]
+    nearest = np.clip(np.minimum(place[:, :-1], place[:, 1:]), 0.0, lines.length[:, None])
+    levers = lines.lever_arm[:, None] - lines.tangent[:, None] * nearest
+    return np.asarray(levers.max(axis=0, initial=0.0))
 
 
 def missed_along(field: IndexField, sampling: Sampling, lines: Lines) -> np.ndarray:
@@ -201,28 +233,71 @@ def _missed(grid: UniformGrid, geometry: str, sampling: Sampling, by_rule: bool)
     factor = 1.0 + MISSED_SLOPE * sampling.lever_arm / float(grid.spacing.min())
     if by_rule:
         return block, factor * missed * (RULE_AT_ENDS if sampling.ends else 1.0)
+    parts, spacing, share = _not_resolved(grid, geometry, sampling)
+    rest = _by_blocks(grid, geometry, sampling, np.abs(parts[0]))
+    main = _main_axis(sampling.steepness, geometry)
+    if sampling.ends:
+        is_end = np.unpackbits(np.frombuffer(sampling.ends, np.uint8), count=rest.size).reshape(rest.shape)
+        length = block * float(grid.spacing.min() if main is None else grid.spacing[main])
+        rest = rest + is_end * (END / BOTH * spacing / length) * block_maxima(np.abs(parts[1]), block)
+        missed = missed * np.where(is_end, RULE_AT_ENDS, 1.0)
+    missed = np.minimum(missed, BOTH * share * _with_lobes(rest, main))
+    return block, factor * missed
+
+
+def _changes(grid: UniformGrid, geometry: str, sampling: Sampling) -> np.ndarray:
+    """By how much what is missed changes across the rays in each block, at most, per metre of the way [1/m].
+
+    Of rays that neither begin nor end in disturbed air.
+    """
+    parts, _, share = _not_resolved(grid, geometry, sampling)
+    main = _main_axis(sampling.steepness, geometry)
+    obliquity = _along_axes(sampling.steepness, geometry)
+    square = np.zeros_like(parts[0])
+    for axis in range(square.ndim):
+        # Along the axis that all rays run along, only what is across them by their obliquity.
+        across = 1.0 if axis != main else min(1.0, float(np.linalg.norm(np.delete(obliquity, axis))))
+        step = np.abs(np.diff(parts[0], axis=axis)) * square.dtype.type(across / grid.spacing[axis])
+        none = [(0, 0)] * square.ndim
+        before, behind = list(none), list(none)
+        before[axis], behind[axis] = (1, 0), (0, 1)
+        square += np.maximum(np.pad(step, before), np.pad(step, behind)) ** 2
+    rest = _by_blocks(grid, geometry, sampling, np.sqrt(square))
+    return STEEPER * BOTH * share * _with_lobes(rest, main)
+
+
+def _not_resolved(grid: UniformGrid, geometry: str, sampling: Sampling) -> tuple[list[np.ndarray], float, float]:
+    """The parts of the potential at nodes that samples some distance apart do not resolve: along rays, and at ends.
+
+    Also returns that distance [m], and the share of them that counts.
+    """
+    obliquity = _along_axes(sampling.steepness, geometry)
     # Further on, what a spline holds of images falls off as the fourth power of their frequency.
     finest = FINEST / max(float((obliquity / grid.spacing).max()), 1.0 / float((grid.high - grid.low).max()))
     spacing, share = max(sampling.spacing, finest), min(sampling.spacing / finest, 1.0) ** 4
     edges = (EDGE, EDGE_AT_ENDS) if sampling.ends else (EDGE,)
-    sizes = [np.abs(part) for part in high_pass(grid, obliquity, spacing, edges, sampling.is_fine)]
-    main = _main_axis(sampling.steepness, geometry)
+    key = ("not resolved", geometry, sampling)
+    return grid.derive(key, lambda: high_pass(grid, obliquity, spacing, edges, sampling.is_fine), 1), spacing, share
+
+
+def _by_blocks(grid: UniformGrid, geometry: str, sampling: Sampling, size: np.ndarray) -> np.ndarray:
+    """What lies on a ray's way through each block, at most, of sizes at nodes: their mean along the rays' main axis."""
+    block, _ = roughness_by_axis(grid)
+    obliquity, main = _along_axes(sampling.steepness, geometry), _main_axis(sampling.steepness, geometry)
     across = [axis for axis in range(len(obliquity)) if axis != main]
     if main is None:
-        rest = block_maxima(sizes[0], block)
-    elif obliquity[across].max(initial=0.0) > LEVEL:
-        rest = block_means(block_maxima(sizes[0], block, across), block, main)
-    else:
-        rest = block_maxima(block_means(sizes[0], block, main), block, across)
-    if sampling.ends:
-        is_end = np.unpackbits(np.frombuffer(sampling.ends, np.uint8), count=rest.size).reshape(rest.shape)
-        length = block * float(grid.spacing.min() if main is None else grid.spacing[main])
-        rest = rest + is_end * (END / BOTH * spacing / length) * block_maxima(sizes[1], block)
-        missed = missed * np.where(is_end, RULE_AT_ENDS, 1.0)
-    for axis in across:
-        rest = np.maximum(rest, LOBE * greatest_around(rest, -1, 1, axis))
-    missed = np.minimum(missed, BOTH * share * rest.astype(np.float64))
-    return block, factor * missed
+        return block_maxima(size, block)
+    if obliquity[across].max(initial=0.0) > LEVEL:
+        return block_means(block_maxima(size, block, across), block, main)
+    return block_maxima(block_means(size, block, main), block, across)
+
+
+def _with_lobes(rest: np.ndarray, main: int | None) -> np.ndarray:
+    """What blocks hold, with what their neighbours' splines hold there."""
+    for axis in range(rest.ndim):
+        if axis != main:
+            rest = np.maximum(rest, LOBE * greatest_around(rest, -1, 1, axis))
+    return rest.astype(np.float64)
 
 
 def _joined(parts: list[np.ndarray]) -> np.ndarray:

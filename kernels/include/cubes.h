@@ -76,16 +76,17 @@ static inline Local in_cubes(__global const real *coefficients, ints start, real
 
 #if TURNS
 
-#define JOINED4(p, q) __builtin_shufflevector(p, q, 0, 1, 2, 3, 4, 5, 6, 7)
-#define JOINED8(p, q) __builtin_shufflevector(p, q, 0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15)
-// Four numbers of the cubes of every fourth lane, from lane k on.
-#define ROW_OF(k) (((__global const float4 *)(coefficients + INT_AT(start, k)))[part])
-#define OF_EVERY_FOURTH(k) JOINED8(JOINED4(ROW_OF(k), ROW_OF(k + 4)), JOINED4(ROW_OF(k + 8), ROW_OF(k + 12)))
-// The first two entries of each four of two vectors in turn, and the last two.
+// The numbers of lane k's cube, a cache line.
+#define ROW_OF(k) (*(__global const float16 *)(coefficients + INT_AT(start, k)))
+// The first two entries of each four of two vectors in turn, and the last two; and the same of fours of entries.
 #define FIRST_IN_TURN(p, q) \
     __builtin_shufflevector(p, q, 0, 16, 1, 17, 4, 20, 5, 21, 8, 24, 9, 25, 12, 28, 13, 29)
 #define LAST_IN_TURN(p, q) \
     __builtin_shufflevector(p, q, 2, 18, 3, 19, 6, 22, 7, 23, 10, 26, 11, 27, 14, 30, 15, 31)
+#define EVEN_FOURS(p, q) \
+    __builtin_shufflevector(p, q, 0, 1, 2, 3, 8, 9, 10, 11, 16, 17, 18, 19, 24, 25, 26, 27)
+#define ODD_FOURS(p, q) \
+    __builtin_shufflevector(p, q, 4, 5, 6, 7, 12, 13, 14, 15, 20, 21, 22, 23, 28, 29, 30, 31)
 
 #endif
 
@@ -97,17 +98,30 @@ static inline Local in_cubes(__global const real *coefficients, ints start, real
         return in_one_cube(coefficients, start.s0, u, v, w);
     }
     reals c[CUBE_ROW];
-#pragma unroll
-    for (int part = 0; part < CUBE_ROW / 4; part++) {
 #if TURNS
-        const float16 p = OF_EVERY_FOURTH(0), q = OF_EVERY_FOURTH(1), r = OF_EVERY_FOURTH(2), s = OF_EVERY_FOURTH(3);
+    // Each four lanes' rows, four numbers of four lanes to a vector; then fours of lanes.
+    float16 by_fours[4][4];
+#pragma unroll
+    for (int four = 0; four < 4; four++) {
+        const float16 p = ROW_OF(4 * four), q = ROW_OF(4 * four + 1), r = ROW_OF(4 * four + 2), s = ROW_OF(4 * four + 3);
         const float16 pr = FIRST_IN_TURN(p, r), qs = FIRST_IN_TURN(q, s);
         const float16 pr_last = LAST_IN_TURN(p, r), qs_last = LAST_IN_TURN(q, s);
-        c[4 * part] = FIRST_IN_TURN(pr, qs);
-        c[4 * part + 1] = LAST_IN_TURN(pr, qs);
-        c[4 * part + 2] = FIRST_IN_TURN(pr_last, qs_last);
-        c[4 * part + 3] = LAST_IN_TURN(pr_last, qs_last);
+        by_fours[four][0] = FIRST_IN_TURN(pr, qs);
+        by_fours[four][1] = LAST_IN_TURN(pr, qs);
+        by_fours[four][2] = FIRST_IN_TURN(pr_last, qs_last);
+        by_fours[four][3] = LAST_IN_TURN(pr_last, qs_last);
+    }
+#pragma unroll
+    for (int k = 0; k < 4; k++) {
+        const float16 low = EVEN_FOURS(by_fours[0][k], by_fours[1][k]), high = EVEN_FOURS(by_fours[2][k], by_fours[3][k]);
+        const float16 low_odd = ODD_FOURS(by_fours[0][k], by_fours[1][k]), high_odd = ODD_FOURS(by_fours[2][k], by_fours[3][k]);
+        c[k] = EVEN_FOURS(low, high);
+        c[8 + k] = ODD_FOURS(low, high);
+        c[4 + k] = EVEN_FOURS(low_odd, high_odd);
+        c[12 + k] = ODD_FOURS(low_odd, high_odd);
+    }
 #else
+    for (int part = 0; part < CUBE_ROW / 4; part++) {
         for (int lane = 0; lane < LANES; lane++) {
             const float4 row = ((__global const float4 *)(coefficients + INT_AT(start, lane)))[part];
             REAL_AT(c[4 * part], lane) = row.x;
@@ -115,8 +129,8 @@ static inline Local in_cubes(__global const real *coefficients, ints start, real
             REAL_AT(c[4 * part + 2], lane) = row.z;
             REAL_AT(c[4 * part + 3], lane) = row.w;
         }
-#endif
     }
+#endif
     reals t[12];
 #pragma unroll
     for (int pair = 0; pair < 6; pair++) {

@@ -39,6 +39,12 @@ static inline void triple_weights(int triple, int triples, real *weights)
     weights[2] = is_last ? R(13.0 / 12.0) : is_first ? R(25.0 / 24.0) : R(1.0);
 }
 
+#if defined(__AVX512F__) && defined(__has_builtin)
+#if __has_builtin(__builtin_ia32_rsqrt14ps512_mask)
+#define SWIFT_ROOTS 1
+#endif
+#endif
+
 // (w - a) / w and 1 / w of w = sqrt(a^2 + surplus), by one root and one quotient and without a difference of near numbers.
 static inline reals longitudinal_deficit_of(real ambient, reals surplus, reals *slowness)
 {
@@ -47,6 +53,12 @@ static inline reals longitudinal_deficit_of(real ambient, reals surplus, reals *
     *slowness = native_rsqrt(square);
     const reals w = square * *slowness;
     return surplus * native_recip((w + ambient) * w);
+#elif LANES == 16 && SWIFT_ROOTS
+    // The next sample waits for the slowness, not for the deficit: a table's root, right to 2^-14, and a step of Newton's.
+    const reals rough = __builtin_ia32_rsqrt14ps512_mask(square, square, (unsigned short)0xffff);
+    *slowness = rough * (R(1.5) - R(0.5) * square * rough * rough);
+    const reals w = square * *slowness;
+    return surplus * *slowness / (w + ambient);
 #else
     const reals w = sqrt(square);
     const reals quotient = R(1.0) / ((w + ambient) * w);

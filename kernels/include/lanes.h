@@ -5,29 +5,56 @@
 
 #include "real.h"
 
+// By clang's builtin, which is one instruction: PoCL's own functions convert the halves of a vector, down to single numbers.
+#if defined(__has_builtin)
+#if __has_builtin(__builtin_convertvector)
+#define CONVERTS 1
+#endif
+#endif
+#if CONVERTS
+#define CONVERTED(x, type) __builtin_convertvector(x, type)
+#else
+#define CONVERTED(x, type) convert_##type(x)
+#endif
+
+// Numbers of the kernel's precision, doubles, and whole numbers, for each lane; `truths` of comparisons of doubles.
 #if LANES == 1
 typedef real reals;
+typedef double doubles;
 typedef int ints;
 typedef int mask;
+typedef int truths;
 #define TO_INTS(x) ((int)(x))
 #define TO_REALS(x) ((real)(x))
+#define TO_DOUBLES(x) ((double)(x))
 #define TO_MASK(x) (x)
+#define TO_TRUTHS(x) (x)
 #define CHOOSE(other, value, where) ((where) ? (value) : (other))
+#define CHOOSE64(other, value, where) ((where) ? (value) : (other))
 #define EVERY(where) (where)
+#define SOME(where) (where)
 #elif REAL_IS_DOUBLE && LANES == 8
 typedef double8 reals;
+typedef double8 doubles;
 typedef int8 ints;
 typedef long8 mask;
-#define TO_INTS(x) convert_int8(x)
-#define TO_REALS(x) convert_double8(x)
-#define TO_MASK(x) convert_long8(x)
+typedef long8 truths;
+#define TO_INTS(x) CONVERTED(x, int8)
+#define TO_REALS(x) CONVERTED(x, double8)
+#define TO_DOUBLES(x) CONVERTED(x, double8)
+#define TO_MASK(x) CONVERTED(x, long8)
+#define TO_TRUTHS(x) CONVERTED(x, long8)
 #elif !REAL_IS_DOUBLE && LANES == 16
 typedef float16 reals;
+typedef double16 doubles;
 typedef int16 ints;
 typedef int16 mask;
-#define TO_INTS(x) convert_int16(x)
-#define TO_REALS(x) convert_float16(x)
-#define TO_MASK(x) (x)
+typedef long16 truths;
+#define TO_INTS(x) CONVERTED(x, int16)
+#define TO_REALS(x) CONVERTED(x, float16)
+#define TO_DOUBLES(x) CONVERTED(x, double16)
+#define TO_MASK(x) CONVERTED(x, int16)
+#define TO_TRUTHS(x) CONVERTED(x, long16)
 #else
 #error LANES is 1, 16 in single or 8 in double precision
 #endif
@@ -35,7 +62,9 @@ typedef int16 mask;
 #if LANES > 1
 // True is -1 in the lanes of a vector.
 #define CHOOSE(other, value, where) select(other, value, TO_MASK(where))
+#define CHOOSE64(other, value, where) select(other, value, where)
 #define EVERY(where) all(where)
+#define SOME(where) any(where)
 #endif
 
 // A GPU's own reciprocal and root, right to two units in the last place or so: enough for factors of what is itself a small
@@ -48,8 +77,18 @@ typedef int16 mask;
 #define SWIFT_ROOT(x) sqrt(x)
 #endif
 
+#if LANES == 1
+#define REAL_AT(v, lane) (v)
+#define INT_AT(v, lane) (v)
+#define DOUBLE_AT(v, lane) (v)
+#define NUMBER_AT(v, lane) (v)
+#else
 #define REAL_AT(v, lane) (((real *)&(v))[lane])
-#define VECTOR_AT(v, lane) ((real3)(REAL_AT((v)[0], lane), REAL_AT((v)[1], lane), REAL_AT((v)[2], lane)))
 #define INT_AT(v, lane) (((int *)&(v))[lane])
+#define DOUBLE_AT(v, lane) (((double *)&(v))[lane])
+#define NUMBER_AT(v, lane) (((long *)&(v))[lane])
+#endif
+#define TRUTH_AT(v, lane) (NUMBER_AT(v, lane) != 0)
+#define TRIPLE_AT(v, lane) ((double3)(DOUBLE_AT((v).x, lane), DOUBLE_AT((v).y, lane), DOUBLE_AT((v).z, lane)))
 
 #endif

@@ -71,9 +71,9 @@ static inline reals unresolved_of(
 
 // By how much an error of the path counts more for the error of direction that comes with it, `onward` metres before a stop
 // that the ray meets at this cosine with its normal.
-static inline real with_lever_arm(const Field *field, real missed, real onward, real cosine)
+static inline reals with_lever_arm(const Field *field, reals missed, reals onward, reals cosine)
 {
-    const real tangent = sqrt(greater(R(1.0) - cosine * cosine, R(0.0))) / greater(cosine, (real)LEAST_COSINE);
+    const reals tangent = sqrt(max(R(1.0) - cosine * cosine, R(0.0))) / max(cosine, (real)LEAST_COSINE);
     return missed * (R(1.0) + MISSED_SLOPE * greatest(VECTOR(field->inverse_spacing)) * onward * tangent);
 }
 

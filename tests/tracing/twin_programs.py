@@ -19,7 +19,7 @@ from aerokernels.tracing.engines.layout import STRUCTS
 from aerokernels.tracing.engines.warp.types import types
 
 FIRST = ("field", "bounds", "control")
-HEADERS = ("error.h", "event_location.h", "step.h", "support.h", "sobol.h", "groups.h")
+HEADERS = ("ends.h", "error.h", "event_location.h", "step.h", "support.h", "sobol.h", "groups.h")
 GRID_HEADERS = ("unresolved.h", "flight_sums.h")
 
 

@@ -210,6 +210,7 @@ OPTIONS: dict[str, Option] = {
     "measured": Option(1, "whether the errors of steps are estimated; error control needs them"),
     "with_ends": Option(1, "whether projection tables give positions, arc lengths and errors, too"),
     "lanes": Option(1, "rays that a work-item of leapfrog samples moves in step"),
+    "packets": Option(1, "packets of so many rays that it moves in turns"),
     "packed": Option(0, "whether coefficients are the polynomials of cells, for leapfrog samples in two dimensions"),
     "cubes": Option(0, "whether coefficients are the polynomials of cubes of cells, for leapfrog samples in a volume"),
     "in_plane": Option(0, "whether all rays of leapfrog samples run along z, in a field of two dimensions"),

@@ -32,6 +32,8 @@ from .tables import cell_polynomials, may_be_packed
 FLUSH = "-cl-denorms-are-zero"
 # Greatest buffer that comes from a GPU's pool [bytes].
 POOLED = 1 << 28
+# Packets of rays that a CPU's thread moves in turns: each sample waits for the one before.
+PACKETS = 2
 # Equal rows that are copied to the device as they are.
 REPEATED = 1 << 12
 # Where the coefficients stand among the arguments: behind the structs Field, Bounds and Control.
@@ -101,6 +103,7 @@ class Engine:
             outputs = outputs | {"step_error"}
         leapfrog = plan.sample_count > 0
         lanes = lane_count(self.session, plan.precision) if leapfrog else 1
+        packets = PACKETS if lanes > 1 else 1
         packs = leapfrog and not plan.few_rays and may_be_packed(field, REAL_TYPES[plan.precision], int(self.memory[1]))
         in_plane = leapfrog and field.geometry != "volume" and not np.any(directions[:, :2])
         with stage("upload"):
@@ -117,6 +120,7 @@ class Engine:
             has_body=field.body is not None,
             measured="step_error" in outputs,
             lanes=lanes,
+            packets=packets,
             packed=packs,
             cubes=plan.looks_up_cubes,
             in_plane=in_plane,
@@ -125,7 +129,7 @@ class Engine:
             options = (*options, FLUSH)
         with stage("compile"):
             program = build(self.session, "leapfrog.cl" if leapfrog else "trace.cl", options)
-            kernel = self._kernel(program, "leapfrog" if leapfrog else "trace_kernel", lanes)
+            kernel = self._kernel(program, "leapfrog" if leapfrog else "trace_kernel", packets * lanes)
             rejected = self.put(np.zeros(1, np.int32)) if leapfrog else None
             shares = lanes > 1 and not plan.looks_up_cubes  # rays by themselves: to order them costs more than it saves
             prepared = Prepared(self, kernel, arguments, outputs, rejected, is_packed=shares)

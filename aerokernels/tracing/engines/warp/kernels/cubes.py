@@ -5,6 +5,23 @@ import warp as wp
 from ....scheme import CUBE_ROW, CUBE_SIDE
 from ..library import KernelLibrary, built_once
 
+# Sixteen bytes at once: a GPU that loads their numbers one by one takes four times as long for them.
+FOUR_NUMBERS = """
+#if defined(__CUDA_ARCH__)
+    const float4 four = __ldg(reinterpret_cast<const float4 *>(numbers.data + at));
+    return wp::vec_t<4, wp::float32>(four.x, four.y, four.z, four.w);
+#else
+    const wp::float32 *four = numbers.data + at;
+    return wp::vec_t<4, wp::float32>(four[0], four[1], four[2], four[3]);
+#endif
+"""
+
+
+@wp.func_native(FOUR_NUMBERS)
+def four_numbers(numbers: wp.array(dtype=wp.float32), at: int) -> wp.types.vector(4, wp.float32):
+    """Four neighbouring numbers of an array, from a multiple of four on."""
+    ...
+
 
 @built_once
 def build_cube_sample(library: KernelLibrary):
@@ -40,22 +57,25 @@ def build_cube_sample(library: KernelLibrary):
         j, v = cube_of(place[1], field.row[1])
         k, w = cube_of(place[2], field.row[2])
         at = row * ((i * (field.row[1] // side + 1) + j) * (field.row[2] // side + 1) + k)
-        c = field.coefficients
+        r0 = four_numbers(field.coefficients, at)
+        r1 = four_numbers(field.coefficients, at + 4)
+        r2 = four_numbers(field.coefficients, at + 8)
+        r3 = four_numbers(field.coefficients, at + 12)
         two, three = number(2.0), number(3.0)
-        q1, q2, q4, q5, q7 = c[at + 1], c[at + 2], c[at + 4], c[at + 5], c[at + 7]
-        p0, p1, p2, p3, p4, p5 = c[at + 10], c[at + 11], c[at + 12], c[at + 13], c[at + 14], c[at + 15]
+        q1, q2, q4, q5, q7 = r0[1], r0[2], r1[0], r1[1], r1[3]
+        p0, p1, p2, p3, p4, p5 = r2[2], r2[3], r3[0], r3[1], r3[2], r3[3]
         t0, t1, t2, t3, t4 = lower_number(p0), upper_number(p0), lower_number(p1), upper_number(p1), lower_number(p2)
         t5, t6, t7, t8, t9 = upper_number(p2), lower_number(p3), upper_number(p3), lower_number(p4), upper_number(p4)
-        a1 = (t1 * u + q4) * u + c[at + 3]
+        a1 = (t1 * u + q4) * u + r0[3]
         a2 = t2 * u + q5
-        a = ((t3 * v + a2) * v + a1) * v + ((t0 * u + q2) * u + q1) * u + c[at]
+        a = ((t3 * v + a2) * v + a1) * v + ((t0 * u + q2) * u + q1) * u + r0[0]
         a_u = (t2 * v + two * t1 * u + q4) * v + (three * t0 * u + two * q2) * u + q1
         a_v = (three * t3 * v + two * a2) * v + a1
-        b1 = t5 * u + c[at + 8]
-        b = (t6 * v + b1) * v + (t4 * u + q7) * u + c[at + 6]
+        b1 = t5 * u + r2[0]
+        b = (t6 * v + b1) * v + (t4 * u + q7) * u + r1[2]
         b_u = t5 * v + two * t4 * u + q7
         b_v = two * t6 * v + b1
-        d = t8 * v + t7 * u + c[at + 9]
+        d = t8 * v + t7 * u + r2[1]
         rate = number(per_cell) * field.inverse_spacing
         potential = vec4(
             ((t9 * w + d) * w + b) * w + a,

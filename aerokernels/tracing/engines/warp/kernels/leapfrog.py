@@ -50,6 +50,9 @@ from .support import (
 from .unresolved import build_unresolved, build_with_lever_arm
 from .wall import build_has_clearance
 
+# Of a GPU's thread: with the 200 that the compiler would take, too few rays wait for memory side by side.
+MOST_REGISTERS = 128
+
 
 @wp.func
 def quadrature_weight(k: int, count: int):
@@ -100,7 +103,9 @@ def build_leapfrog_kernel(
 
     # On a GPU roots and quotients are its own, right to two units in the last place or so: here they are factors of
     # what is itself a small deviation. Sums are compensated as written: the compiler does not change their order.
-    @wp.kernel(module="unique", enable_backward=False, module_options={"fast_math": True})
+    @wp.kernel(
+        module="unique", enable_backward=False, cuda_max_registers=MOST_REGISTERS, module_options={"fast_math": True}
+    )
     @takes("leapfrog", library.precision)
     def leapfrog(field, bounds, control, first_ray, position_in, direction_in, outputs, rejected_count_out):
         ray = wp.tid() + first_ray

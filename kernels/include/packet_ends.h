@@ -1,0 +1,275 @@
+// Both ends of nearly straight rays in double, for all lanes of a packet at once: what ends.h does for one ray.
+#ifndef PACKET_ENDS_H
+#define PACKET_ENDS_H
+
+#include "packet_box.h"
+#include "ray_status.h"
+#include "support.h"
+#include "wall.h"
+
+// Intervals of undisturbed rays, and what already stands in their way.
+typedef struct {
+    Spans whole;           // where their paths through the box begin and end, with the part in uniform air
+    Spans part;            // and the part of that in which the air is not uniform
+    doubles stop_distance;
+    truths has_stop;       // whether they ever get to the stop
+    truths meets;          // whether they meet the box before the stop
+    truths runs;           // and nothing stands in their way
+    truths uniform;        // whether they end in uniform air
+    truths surface;        // the surface on which they end otherwise, or -1
+    truths status;
+} Starts;
+
+#if HAS_BODY
+// Rays that start behind the body's surface begin where they leave it. Where the body sticks out of the box, a ray may hit
+// it on its way to the box.
+static inline void start_at_walls(
+    const Field *field, const Arrays *arrays, Triples p, Triples d, Spans span, Starts *starts, doubles *enter)
+{
+    for (int lane = 0; lane < LANES; lane++) {
+        if (!TRUTH_AT(starts->meets, lane)) {
+            continue;
+        }
+        const double3 place = TRIPLE_AT(p, lane), direction = TRIPLE_AT(d, lane);
+        const double first = DOUBLE_AT(*enter, lane), stop_distance = DOUBLE_AT(starts->stop_distance, lane);
+        const double leaves = body_exit(field, arrays, place, direction, first);
+        const double hits = body_entry(field, arrays, place, direction, first);
+        if (hits < NEVER) {
+            NUMBER_AT(starts->status, lane) = RAY_HIT_BODY;
+            DOUBLE_AT(*enter, lane) = hits;
+        } else if (STOP != NONE && TRUTH_AT(starts->has_stop, lane) && stop_distance <= leaves) {
+            NUMBER_AT(starts->meets, lane) = 0;
+        } else if (
+            (leaves > first && leaves >= (1.0 - ENTRY_ROUNDING) * DOUBLE_AT(span.leave, lane)) || leaves >= NEVER) {
+            NUMBER_AT(starts->status, lane) = RAY_INSIDE_BODY;  // it comes out where the box ends, if at all
+        } else {
+            DOUBLE_AT(*enter, lane) = leaves;
+        }
+    }
+}
+#endif
+
+static inline Starts start_each(const Field *field, const Arrays *arrays, const Bounds *bounds, Triples p, Triples d)
+{
+    Starts starts;
+    starts.status = (truths)RAY_OK;
+    starts.has_stop = (truths)0 == (truths)0;
+
+    // Where the undisturbed rays stop, and whether they meet the box before.
+    const Spans span = crossing_each(VECTOR64(bounds->low), VECTOR64(bounds->high), bounds->radius, p, d);
+    doubles enter = greater_each(span.enter, (doubles)0.0);
+    starts.meets = (span.enter <= span.leave) & (span.leave >= 0.0);
+    starts.stop_distance = span.leave;
+#if STOP == PLANE
+    Triples normal;
+    const doubles height = surface_each(bounds, FACE_COUNT, p, &normal), slope = inner(normal, d);
+    starts.has_stop = (height == 0.0) | (height * slope < 0.0);
+    starts.stop_distance = CHOOSE64((doubles)0.0, -height / slope, (height != 0.0) & starts.has_stop);
+#elif STOP == ARC
+    starts.stop_distance = (doubles)bounds->length;
+#else
+    if (GEOMETRY == PLANAR) {  // along x, where it has no end
+        starts.status =
+            CHOOSE64(starts.status, (truths)RAY_STOP_NOT_REACHED, starts.meets & (span.leave > 1.0e299));
+    }
+#endif
+    if (STOP != NONE) {
+        starts.meets &= !starts.has_stop | (starts.stop_distance > enter);
+    }
+#if HAS_BODY
+    start_at_walls(field, arrays, p, d, span, &starts, &enter);
+#endif
+    starts.whole.enter = enter;
+    starts.whole.leave = span.leave;
+    if (STOP != NONE) {
+        starts.whole.leave =
+            CHOOSE64(span.leave, lesser_each(span.leave, starts.stop_distance), starts.has_stop);
+    }
+    starts.runs = starts.meets & (starts.status == (truths)RAY_OK);
+    starts.part = starts.whole;
+    starts.uniform = starts.runs & keep_support(bounds, p, d, &starts.part.enter, &starts.part.leave);
+    starts.part.enter = CHOOSE64(starts.whole.enter, starts.part.enter, starts.runs);
+    starts.part.leave = CHOOSE64(starts.whole.leave, starts.part.leave, starts.runs);
+
+    // The surface on which the undisturbed rays stop.
+    const truths disturbed = starts.runs & !starts.uniform;
+    truths surface = (truths)FACE_COUNT;
+    truths elsewhere = disturbed;
+    if (STOP == PLANE) {
+        elsewhere &= !starts.has_stop | (starts.whole.leave != starts.stop_distance);
+    }
+    if (SOME(elsewhere)) {
+#if IN_PLANE
+        const truths face = CHOOSE64((truths)0, (truths)1, d.z > 0.0);
+#else
+        const truths face = nearest_face(bounds, ahead_of(p, starts.whole.leave, d));
+#endif
+        surface = CHOOSE64(surface, face, elsewhere);
+    }
+    starts.surface = CHOOSE64((truths)(-1), surface, disturbed);
+    return starts;
+}
+
+// Where rays are at their stop.
+typedef struct {
+    Triples position, heading;
+    doubles optical_path, opd, arc_length;
+    doubles flight;         // beyond the box
+    truths status;
+} Arrivals;
+
+// Change of the unit tangents from d when the momentum is ambient d + p, without cancellation.
+static inline Triples deflection_each(double ambient, Triples d, Triples p)
+{
+    const doubles x = ambient * d.x + p.x, y = ambient * d.y + p.y, z = ambient * d.z + p.z;
+    const doubles speed = sqrt(x * x + y * y + z * z);
+    const doubles excess = (2.0 * ambient * inner(d, p) + inner(p, p)) / (speed + ambient);
+    return triples_of((p.x - excess * d.x) / speed, (p.y - excess * d.y) / speed, (p.z - excess * d.z) / speed);
+}
+
+// The distances along straight lines at which they meet surface k; those that graze it keep their guess.
+static inline doubles meeting_each(const Bounds *bounds, int k, Triples p, Triples d, doubles along)
+{
+    const int trials = GEOMETRY == AXISYMMETRIC && k == 2 ? 3 : 1;  // the others are flat
+    for (int trial = 0; trial < trials; trial++) {
+        Triples normal;
+        const doubles miss = surface_each(bounds, k, ahead_of(p, along, d), &normal);
+        const doubles cosine = along_normal(k, normal, d);
+        along -= CHOOSE64((doubles)0.0, miss / cosine, fabs(cosine) > LEAST_COSINE);
+    }
+    return along;
+}
+
+// What rays that were brought to surface k, which they graze, still lack of it along their tangents: see box.h.
+static inline doubles grazing_correction_each(
+    const Bounds *bounds, const Control *control, int k, Triples p, Triples d, Triples heading)
+{
+    Triples normal;
+    const doubles miss = surface_each(bounds, k, p, &normal);
+    const doubles cosine = along_normal(k, normal, heading);
+    const double most = GRAZING_TOLERANCE / (double)greatest(VECTOR(control->cell_rate));
+    const truths grazes = (fabs(along_normal(k, normal, d)) <= LEAST_COSINE) & (fabs(miss) < most * fabs(cosine));
+    return CHOOSE64((doubles)0.0, -miss / cosine, grazes);
+}
+
+// How much further along d lines shifted by q meet face k than the lines themselves, which leave the box at `leave`;
+// `other` where they leave by another face or at a grazing angle.
+static inline doubles detour_each(
+    const Bounds *bounds, int k, Triples p, Triples d, Triples q, doubles leave, doubles other)
+{
+    Triples normal;
+    const doubles miss = surface_each(bounds, k, ahead_of(p, leave, d), &normal);
+    const doubles cosine = along_normal(k, normal, d);
+    const doubles size = size64(VECTOR64(bounds->high) - VECTOR64(bounds->low)) + sqrt(inner(p, p));
+    truths keeps = (fabs(miss) > 1.0e-14 * size) | (fabs(cosine) < LEAST_COSINE);
+    doubles further = -along_normal(k, normal, q) / cosine;
+    if (GEOMETRY == AXISYMMETRIC && k == 2) {
+        // |c + (further d + q)|^2 = |c|^2 across the axis, c of length `radius`: the root that q = 0 makes 0
+        const doubles x = p.x + leave * d.x, y = p.y + leave * d.y;
+        const doubles a = d.x * d.x + d.y * d.y, b = (x + q.x) * d.x + (y + q.y) * d.y;
+        const doubles c = (2.0 * x + q.x) * q.x + (2.0 * y + q.y) * q.y;
+        const doubles square = b * b - a * c;
+        keeps |= (b <= 0.0) | (square < 0.0);
+        further = -c / (b + sqrt(square));
+    }
+    return CHOOSE64(further, other, keeps);
+}
+
+// Puts the sums of the samples, (sigma, S, M, B), back onto the straight rays and flies on to a stop outside the box.
+// `ends_on` is the surface that each ray ended on, or -1.
+static inline Arrivals end_each(
+    const Bounds *bounds,
+    const Control *control,
+    Triples p,
+    Triples d,
+    const Starts *starts,
+    truths ends_on,
+    Triples q,
+    Triples momentum,
+    doubles sigma,
+    doubles path,
+    doubles arc,
+    doubles lagging)
+{
+    const double ambient = bounds->ambient;
+    const doubles work = 2.0 * path;
+    const truths meets = starts->meets;
+    // Along d the deviation is int (T . d - a) d sigma = M - B: sums of what the path itself is summed of.
+    q = ahead_of(q, arc - lagging - inner(q, d), d);
+    const Triples tangent_change = deflection_each(ambient, d, momentum);
+    const Triples heading = sum_of(d, tangent_change);
+    doubles along = starts->part.enter + ambient * sigma;  // distance along the straight ray
+    const Triples place = sum_of(p, q);
+#pragma unroll
+    for (int k = 0; k <= FACE_COUNT; k++) {
+        const truths now = ends_on == (truths)k;
+        if ((k < FACE_COUNT || STOP == PLANE) && SOME(now)) {
+            const doubles met = meeting_each(bounds, k, place, d, along);
+            const doubles rest =
+                grazing_correction_each(bounds, control, k, sum_of(ahead_of(p, met, d), q), d, heading);
+            along = CHOOSE64(along, met + rest, now);
+            q = choose_triples(q, ahead_of(q, rest, tangent_change), now);
+        }
+    }
+    Arrivals out;
+    out.status = starts->status;
+    doubles stop_distance = starts->stop_distance;
+    along = CHOOSE64((doubles)0.0, along, meets);
+    if (STOP == NONE) {
+        out.status = CHOOSE64((truths)RAY_MISSED_FIELD, out.status, meets);
+        stop_distance = CHOOSE64((doubles)0.0, stop_distance, meets);
+    }
+    const truths fine = out.status == (truths)RAY_OK;
+
+    doubles flight = (doubles)0.0;
+    if (STOP == PLANE) {
+        Triples normal;
+        const truths flies = fine & (!meets | ((ends_on >= (truths)0) & (ends_on != (truths)FACE_COUNT)));
+        if (SOME(flies)) {
+            const doubles height = surface_each(bounds, FACE_COUNT, sum_of(ahead_of(p, along, d), q), &normal);
+            const doubles slope = inner(normal, heading);
+            // A plane on a face of the box: rounding may put the ray behind it.
+            const double face_tolerance = 1.0e-3 / (double)greatest(VECTOR(control->cell_rate));
+            const truths toward = (height * slope < 0.0) & (fabs(slope) > LEAST_SLOPE);
+            const truths arrives = toward | (meets & (fabs(height) < face_tolerance * fabs(slope)));
+            flight = CHOOSE64(flight, -height / slope, flies & arrives);
+            out.status =
+                CHOOSE64(out.status, (truths)RAY_STOP_NOT_REACHED, flies & !arrives & (height != 0.0));
+        }
+    } else if (STOP == ARC) {
+        flight = CHOOSE64(flight, bounds->length - (along + arc), fine);
+    }
+    const Triples deviation = ahead_of(q, flight, tangent_change);
+    along += flight;
+
+    out.opd = work - ambient * arc;
+    if (STOP != ARC) {
+        // How much further along d the stop is met than by the undisturbed ray: from the deviation where that is exact,
+        // since the difference of two distances would lose its last digits.
+        const truths known = (out.status == (truths)RAY_OK) & starts->has_stop;
+        doubles further = along - stop_distance;
+        if (STOP == PLANE) {
+            const double3 normal = VECTOR64(bounds->plane_normal);
+            const doubles descent = inner_with(normal, d);
+            further = CHOOSE64(further, -inner_with(normal, deviation) / descent, fabs(descent) > LEAST_COSINE);
+        } else {
+#pragma unroll
+            for (int k = 0; k < FACE_COUNT; k++) {
+                const truths now = ends_on == (truths)k;
+                if (SOME(now)) {
+                    const doubles found = detour_each(bounds, k, p, d, deviation, stop_distance, further);
+                    further = CHOOSE64(further, found, now);
+                }
+            }
+        }
+        out.opd = CHOOSE64(out.opd, work + ambient * further, known);
+    }
+    out.position = sum_of(ahead_of(p, along, d), deviation);
+    out.heading = heading;
+    out.optical_path = greater_each(ambient * along + work, (doubles)0.0);
+    out.arc_length = greater_each(along + arc, (doubles)0.0);  // one that leaves where it starts may end a rounding before
+    out.flight = flight;
+    return out;
+}
+
+#endif
