@@ -19,17 +19,13 @@ from .rays import Pupil, as_unit_vector
 from .strehl import StrehlEstimate
 from .strehl_budget import StrehlBudget
 from .strehl_errors import estimate_quantities
+from .strehl_sums import combined, met_nothing
 from .tracing.engines import engine_of
-from .tracing.lines import box_size
-from .tracing.meeting import greatest_contrast
 from .tracing.plan import TracePlan
-from .tracing.pupil_fit import fit_moments, fit_terms
+from .tracing.pupil_fit import fit_moments
 from .tracing.pupil_job import REPLICATES, PupilJob, make_job
 from .tracing.retrace import report_rejected
 from .wavefront import check_terms
-
-# The share of the tolerance below which an optical path difference is none.
-UNSEEN = 1e-3
 
 
 @checked
@@ -205,12 +201,16 @@ class PreparedStrehl:
         }
         self.ray_count = int(ray_count)
         self.seconds: dict[str, float] = {}
-        self._turn = threading.Lock()  # shared by what `with_field` makes of it: their jobs share buffers
+        self._turn = threading.Lock()  # of calls: they share the buffers of a job
         self._make_job(None)
 
     def __reduce__(self):
         """What it was made of: what is on a device stays there."""
-        options = {"wavelength": self.asked_wavelength, "ray_count": self.ray_count, "remove": self.remove}
+        options: dict[str, Any] = {
+            "wavelength": self.asked_wavelength,
+            "ray_count": self.ray_count,
+            "remove": self.remove,
+        }
         options |= {"direction": self.look, "allow_truncation": self.allow_truncation, **self.choices}
         return _prepared_again, (self.field, self.pupil, options)
 
@@ -243,7 +243,8 @@ class PreparedStrehl:
         if not isinstance(field, IndexField):
             raise TypeError(f"field must be an IndexField, got {type(field).__name__}")
         made = copy(self)
-        with self._turn, clocked() as seconds:
+        made._turn = threading.Lock()
+        with clocked() as seconds:
             made.field, made.wavelength = field, field.wavelength_for(self.asked_wavelength)
             made._make_job(self.job)
             made.plan = made.job.planned()  # uploads
@@ -296,8 +297,8 @@ class PreparedStrehl:
         plan = report_rejected(plan, sums.rejected_count, sums.ray_count, sums.greatest_error, wavelength)
         total = sums.moments.sum(axis=0)
         mean, tilt, rms, _ = fit_moments(total)
-        estimate = _combine(total, sums.phasors, wavelength, self.remove)
-        if _met_nothing(self.field, max(abs(mean), rms), wavelength, self.tolerance):
+        estimate = combined(total, sums.phasors, wavelength, self.remove)
+        if met_nothing(self.field, max(abs(mean), rms), wavelength, self.tolerance):
             _warn(
                 "every ray of the pupil passes through undisturbed air only, though the field holds other: the Strehl "
                 "ratio is 1; check the units (metres are expected), the direction and the position of the pupil"
@@ -331,26 +332,3 @@ def _warn(message: str) -> None:
     while frame.f_back is not None and frame.f_globals["__name__"] == __name__:
         level, frame = level + 1, frame.f_back
     warnings.warn(message, stacklevel=level)
-
-
-def _combine(total, phasor, wavelength, remove) -> dict:
-    """Values from the sum of all replicates' moments, and their phasors."""
-    if total[0] == 0:
-        raise ValueError(
-            "no ray of the pupil arrived beyond the field: all met the body or left the way; "
-            "move the pupil, or turn its normal toward the flow"
-        )
-    _, rms = fit_terms(total, remove)
-    value = float(np.abs(phasor.sum() / total[0]) ** 2)
-    return {
-        "value": value,
-        "marechal": float(np.exp(-((2.0 * np.pi * rms / wavelength) ** 2))),
-        "opd_rms": rms,
-    }
-
-
-def _met_nothing(field: IndexField, size: float, wavelength: float, tolerance: float) -> bool:
-    """Whether no ray saw any of the field's contrast, though that could count; `size` of the rays' OPD [m]."""
-    if size > UNSEEN * tolerance * wavelength:
-        return False
-    return greatest_contrast(field) * box_size(field) > tolerance * wavelength

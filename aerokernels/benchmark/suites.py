@@ -105,7 +105,7 @@ def sweep_runs(settings: Settings, targets: Targets, ceilings: dict[str, dict]) 
         options_of_all = {"ray_count": settings.ray_count, **options}
         prepared = prepare_strehl(scenes[0].field, scenes[0].pupil, **options_of_all)
         timing = measure(partial(_estimates, scenes, prepared), settings.repeats)
-        overlapped = measure(lambda known=prepared: list(known.for_fields(map(_new_values, scenes))), settings.repeats)
+        overlapped = measure(partial(_overlapped, scenes, prepared), settings.repeats)
         anew = measure(partial(_estimates, scenes, None, **options_of_all), settings.repeats)
         found = timing.results[-1]
         yield {
@@ -129,6 +129,11 @@ def sweep_runs(settings: Settings, targets: Targets, ceilings: dict[str, dict]) 
                 for (name, density), each in zip(cases, found, strict=True)
             ],
         }
+
+
+def _overlapped(scenes: list[PupilScene], prepared: PreparedStrehl) -> list:
+    """The ratios of all scenes, the next one planned while rays are traced."""
+    return list(prepared.for_fields(map(_new_values, scenes)))
 
 
 def _estimates(scenes: list[PupilScene], known: PreparedStrehl | None, **options: Any) -> list[StrehlEstimate]:

@@ -17,9 +17,8 @@ the second order of the contrast only.
 
 Error. The same sums over every third sample are the rule with N / 3 samples: a share of the differences (those of place
 and direction as far as they matter at an oblique stop), and a share of int P^2 / w dt for the leapfrog, are taken for
-the error, both as a pilot bundle has it (leapfrog.py). Where that is above
-the budget, where a ray turns by more than LEAPFROG_ANGLE, comes near a body or leaves by an edge of the box, the ray is
-"rejected", and to be traced by another method.
+the error, both as a pilot bundle has it (leapfrog.py). A ray is "rejected", and to be traced by another method, where
+that is above the budget, or it turns by more than LEAPFROG_ANGLE, comes near a body or leaves by an edge of the box.
 
 Stop. A ray that has left the field's support flies straight on: to a plane (ends.py), or to where that very line
 leaves the box. In disturbed air the rest of the way from the undisturbed ray's last point to its surface is flown along

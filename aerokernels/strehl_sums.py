@@ -1,0 +1,38 @@
+"""What the sums over a pupil's rays say: its Strehl ratio, and whether any ray met something."""
+
+import numpy as np
+
+from .medium import IndexField
+from .tracing.lines import box_size
+from .tracing.meeting import greatest_contrast
+from .tracing.pupil_fit import fit_terms
+
+# The share of the tolerance below which an optical path difference is none.
+UNSEEN = 1e-3
+
+
+def combined(total: np.ndarray, phasor: np.ndarray, wavelength: float, remove: tuple[str, ...]) -> dict[str, float]:
+    """Values from the sum of all replicates' moments, and their phasors.
+
+    Raises:
+        ValueError: No ray arrived beyond the field.
+    """
+    if total[0] == 0:
+        raise ValueError(
+            "no ray of the pupil arrived beyond the field: all met the body or left the way; "
+            "move the pupil, or turn its normal toward the flow"
+        )
+    _, rms = fit_terms(total, remove)
+    value = float(np.abs(phasor.sum() / total[0]) ** 2)
+    return {
+        "value": value,
+        "marechal": float(np.exp(-((2.0 * np.pi * rms / wavelength) ** 2))),
+        "opd_rms": rms,
+    }
+
+
+def met_nothing(field: IndexField, size: float, wavelength: float, tolerance: float) -> bool:
+    """Whether no ray saw any of the field's contrast, though that could count; `size` of the rays' OPD [m]."""
+    if size > UNSEEN * tolerance * wavelength:
+        return False
+    return greatest_contrast(field) * box_size(field) > tolerance * wavelength
