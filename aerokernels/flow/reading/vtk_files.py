@@ -217,7 +217,7 @@ def _cells(path: Path | str, data) -> tuple[Cells | None, np.ndarray | None]:
     if (kinds == 42).any():
         if parent is not None:
             raise ReadError(path, "it has polyhedra and cells of high order", "write linear cells")
-        faces = _polyhedra(data, start, points, kinds)
+        faces = _polyhedra(path, data, start, points, kinds)
     return Cells(kinds, start, points, faces), parent
 
 
@@ -274,16 +274,20 @@ def _linear(start, points, kinds):
     return start, points, kinds
 
 
-def _polyhedra(data, start: np.ndarray, points: np.ndarray, kinds: np.ndarray) -> Faces:
+def _polyhedra(path, data, start: np.ndarray, points: np.ndarray, kinds: np.ndarray) -> Faces:
     """Faces of all cells, each of a face of its own: two cells that share one are not told so."""
     from vtkmodules.util.numpy_support import vtk_to_numpy
 
     faces, of_cells = data.GetPolyhedronFaces(), data.GetPolyhedronFaceLocations()
+    if faces is None or of_cells is None or of_cells.GetNumberOfCells() != len(kinds):
+        raise ReadError(path, "its polyhedra have no faces", DAMAGED)
     begin, flat, first, number = (
         vtk_to_numpy(array).astype(np.int64)
         for own in (faces, of_cells)
         for array in (own.GetOffsetsArray(), own.GetConnectivityArray())
     )
+    if len(number) and (number.min() < 0 or number.max() >= len(begin) - 1):
+        raise ReadError(path, "its polyhedra name faces that are not there", DAMAGED)
     width = np.diff(begin)[number]
     at = np.arange(width.sum()) + np.repeat(begin[number] - (np.cumsum(width) - width), width)
     widths, corners, owner = [width], [flat[at]], [np.repeat(np.arange(len(kinds)), np.diff(first))]
