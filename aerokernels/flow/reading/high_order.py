@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from .dataset import HEXAHEDRON, PRISM, QUAD, TETRAHEDRON, TRIANGLE, Block, ReadError
+from .dataset import GREATEST_COORDINATE, HEXAHEDRON, PRISM, QUAD, TETRAHEDRON, TRIANGLE, Block, ReadError
 
 TENSOR = {70: (QUAD, 2), 72: (HEXAHEDRON, 3)}  # VTK's Lagrange cells, the linear ones between their nodes, dimensions
 # Others by their corners: with so many points, of the first and the second order, nothing but mid-edge nodes is lost.
@@ -76,10 +76,28 @@ def _between_nodes(nodes: int, axes: int) -> np.ndarray:
     return np.stack(cut, axis=1)
 
 
+def _is_damaged(block: Block) -> bool:
+    """Whether places or numbers of points are none, which those refuse who take the block."""
+    assert block.cells is not None
+    numbers = [block.cells.points, *([] if block.cells.faces is None else [block.cells.faces.points])]
+    with np.errstate(invalid="ignore"):
+        placed = bool((np.abs(block.points) < GREATEST_COORDINATE).all())
+    return not placed or any(len(own) and (own.min() < 0 or own.max() >= len(block.points)) for own in numbers)
+
+
+def _seem_apart(points: np.ndarray) -> bool:
+    """Whether few points, if any, share a place: by one sort of numbers, in which rounding may hide some."""
+    size = max(float(np.ptp(points, axis=0).max()), 1e-300)
+    places = np.round((points - points.min(axis=0)) / (1e-10 * size) + 0.3).astype(np.uint64)
+    key = places @ np.random.default_rng(9).integers(1, 2**63, 3, dtype=np.uint64)
+    key.sort()
+    return bool(np.count_nonzero(key[1:] == key[:-1]) < 0.5 * LEAST_SHARE * len(points))
+
+
 def joined(block: Block) -> tuple[Block, str | None]:
     """The block with points in the same place made one where that is how its elements are written, and a word on it."""
     cells = block.cells
-    if block.shape is not None or cells is None or not np.isfinite(block.points).all():
+    if block.shape is not None or cells is None or _is_damaged(block) or _seem_apart(block.points):
         return block, None
     near = SAME * float(np.ptp(block.points, axis=0).max())
     labels = np.empty(block.points.shape, np.int64)

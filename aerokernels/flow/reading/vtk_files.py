@@ -12,6 +12,7 @@ import numpy as np
 
 from .dataset import Block, Cells, Dataset, Faces, ReadError, chosen_time
 from .high_order import joined, linear_cells
+from .solids import FACES
 
 DAMAGED = "the file is damaged or of another version: write it again"
 READERS = {
@@ -216,7 +217,7 @@ def _cells(path: Path | str, data) -> tuple[Cells | None, np.ndarray | None]:
     if (kinds == 42).any():
         if parent is not None:
             raise ReadError(path, "it has polyhedra and cells of high order", "write linear cells")
-        faces = _polyhedra(data, kinds)
+        faces = _polyhedra(path, data, start, points, kinds)
     return Cells(kinds, start, points, faces), parent
 
 
@@ -273,28 +274,29 @@ def _linear(start, points, kinds):
     return start, points, kinds
 
 
-def _polyhedra(data, kinds: np.ndarray) -> Faces:
+def _polyhedra(path, data, start: np.ndarray, points: np.ndarray, kinds: np.ndarray) -> Faces:
     """Faces of all cells, each of a face of its own: two cells that share one are not told so."""
-    from vtkmodules.vtkCommonCore import vtkIdList
+    from vtkmodules.util.numpy_support import vtk_to_numpy
 
-    start, points, owner = [0], [], []
-    ids = vtkIdList()
-    for cell in range(len(kinds)):
-        if kinds[cell] == 42:
-            data.GetFaceStream(cell, ids)
-            flat = [ids.GetId(k) for k in range(ids.GetNumberOfIds())]
-            at = 1
-            for _ in range(flat[0]):
-                own = flat[at + 1 : at + 1 + flat[at]]
-                at += 1 + flat[at]
-                points += own
-                start.append(len(points))
-                owner.append(cell)
-        else:
-            solid = data.GetCell(cell)
-            for k in range(solid.GetNumberOfFaces()):
-                face = solid.GetFace(k).GetPointIds()
-                points += [face.GetId(n) for n in range(face.GetNumberOfIds())]
-                start.append(len(points))
-                owner.append(cell)
-    return Faces(np.array(start), np.array(points), np.array(owner), np.empty(0, np.int64))
+    faces, of_cells = data.GetPolyhedronFaces(), data.GetPolyhedronFaceLocations()
+    if faces is None or of_cells is None or of_cells.GetNumberOfCells() != len(kinds):
+        raise ReadError(path, "its polyhedra have no faces", DAMAGED)
+    begin, flat, first, number = (
+        vtk_to_numpy(array).astype(np.int64)
+        for own in (faces, of_cells)
+        for array in (own.GetOffsetsArray(), own.GetConnectivityArray())
+    )
+    if len(number) and (number.min() < 0 or number.max() >= len(begin) - 1):
+        raise ReadError(path, "its polyhedra name faces that are not there", DAMAGED)
+    width = np.diff(begin)[number]
+    at = np.arange(width.sum()) + np.repeat(begin[number] - (np.cumsum(width) - width), width)
+    widths, corners, owner = [width], [flat[at]], [np.repeat(np.arange(len(kinds)), np.diff(first))]
+    for kind, table in FACES.items():
+        own = np.flatnonzero(kinds == kind)
+        for face in table:
+            ring = list(dict.fromkeys(face))  # a triangle names its last corner twice
+            corners.append(points[start[own][:, None] + ring].ravel())
+            widths.append(np.full(len(own), len(ring)))
+            owner.append(own)
+    ends = np.concatenate([[0], np.cumsum(np.concatenate(widths))])
+    return Faces(ends, np.concatenate(corners), np.concatenate(owner), np.empty(0, np.int64))

@@ -94,3 +94,21 @@ def test_cells_of_an_order_that_nobody_can_cut_are_refused(tmp_path, kind, count
     grid.InsertNextCell(kind, count, list(range(count)))
     with pytest.raises(flow.ReadError, match=message):
         flow.read(vtk_writers.write_vtk(tmp_path / "a.vtu", grid))
+
+
+def test_polyhedra_without_faces_are_refused(tmp_path):
+    """Set-up: a quadrilateral whose type a flipped digit made a polyhedron. Expected: told as damage."""
+    grid = lagrange(2, 1, 2, linear)
+    path = vtk_writers.write_vtk(tmp_path / "a.vtu", grid)
+    from vtkmodules.vtkIOXML import vtkXMLUnstructuredGridWriter
+
+    writer = vtkXMLUnstructuredGridWriter()
+    writer.SetFileName(str(path))
+    writer.SetInputData(grid)
+    writer.SetDataModeToAscii()
+    writer.Write()
+    text = path.read_text()
+    assert "70 70 70 70" in text
+    path.write_text(text.replace("70 70 70 70", "9 42 9 9"))
+    with pytest.raises(flow.ReadError, match="its polyhedra have no faces"):
+        flow.read(path)
