@@ -31,8 +31,9 @@ def block_means(values: np.ndarray, block: int, axis: int) -> np.ndarray:
 def _whole_blocks(values: np.ndarray, block: int, axis: int) -> np.ndarray:
     """Nodes along an axis, that axis first, the last one repeated until blocks are whole."""
     moved = np.moveaxis(values, axis, 0)
-    count, order = len(moved), "F" if moved.flags.fnc else "C"  # as np.pad has it, which takes ten times as long
-    whole = np.empty((count + (1 - count) % block, *moved.shape[1:]), moved.dtype, order)
+    count = len(moved)
+    # As np.pad has it, which takes ten times as long.
+    whole = np.empty((count + (1 - count) % block, *moved.shape[1:]), moved.dtype, "F" if moved.flags.fnc else "C")
     whole[:count] = moved
     whole[count:] = moved[-1:]
     return whole
