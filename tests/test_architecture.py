@@ -26,6 +26,7 @@ RANK = {
                 "wavelength",
                 "derived",
                 "clock",
+                "in_turn",
                 "opened",
                 "drafts",
                 "netcdf_file",

@@ -10,6 +10,7 @@ from aerokernels.echo.pupil_reduction import receiver_pupil
 from aerokernels.jobs.views import pupil_map
 from aerokernels.prepare import prepare_field
 from aerokernels.pupils import Pupil
+from aerokernels.pupils.vectors import lengths, transverse_axes
 from tests.phase_plates import WAVELENGTH, phase_plate
 from tests.tracing.backends import on
 
@@ -233,3 +234,16 @@ def test_an_annular_receiver_goes_through_the_job():
     start, weight = receiver_pupil(scene)
     assert np.hypot(*start[:, :2].T).min() > 3e-3 and weight.sum() == pytest.approx(1.0)
     assert estimate_strehl(field, scene.receiver.pupil, ray_count=1024).value == pytest.approx(1.0, abs=1e-9)
+
+
+def test_vectors_by_their_numbers_are_numpys_to_the_last_bit():
+    """Lengths and the axes of a pupil, of any size and with zeros of either sign."""
+    draw = np.random.default_rng(2)
+    many = draw.normal(size=(50, 3)) * 10.0 ** draw.integers(-100, 100, size=(50, 1))
+    many[::7, 1] = -0.0
+    assert lengths(many).tobytes() == np.linalg.norm(many, axis=1).tobytes()
+    for normal in many / lengths(many)[:, None]:
+        helper = np.array([0.0, 1.0, 0.0]) if abs(normal[1]) < 0.9 else np.array([0.0, 0.0, 1.0])
+        first = np.cross(helper, normal)
+        first /= np.linalg.norm(first)
+        assert np.stack(transverse_axes(normal)).tobytes() == np.stack([first, np.cross(normal, first)]).tobytes()

@@ -105,7 +105,7 @@ def sweep_runs(settings: Settings, targets: Targets, ceilings: dict[str, dict]) 
         options_of_all = {"ray_count": settings.ray_count, **options}
         prepared = prepare_strehl(scenes[0].field, scenes[0].pupil, **options_of_all)
         timing = measure(partial(_estimates, scenes, prepared), settings.repeats)
-        overlapped = measure(partial(_overlapped, scenes, prepared), settings.repeats)
+        overlapped = measure(partial(_overlapped_estimates, scenes, prepared), settings.repeats)
         anew = measure(partial(_estimates, scenes, None, **options_of_all), settings.repeats)
         found = timing.results[-1]
         yield {
@@ -131,11 +131,6 @@ def sweep_runs(settings: Settings, targets: Targets, ceilings: dict[str, dict]) 
         }
 
 
-def _overlapped(scenes: list[PupilScene], prepared: PreparedStrehl) -> list:
-    """The ratios of all scenes, the next one planned while rays are traced."""
-    return list(prepared.for_fields(map(_new_values, scenes)))
-
-
 def _estimates(scenes: list[PupilScene], known: PreparedStrehl | None, **options: Any) -> list[StrehlEstimate]:
     """A Strehl ratio of each scene, by a pupil made ready or anew; new objects hold nothing of what was worked out."""
     found = []
@@ -144,6 +139,11 @@ def _estimates(scenes: list[PupilScene], known: PreparedStrehl | None, **options
         known = known and known.with_field(field)
         found.append(known(0) if known else estimate_strehl(field, scene.pupil, **options))
     return found
+
+
+def _overlapped_estimates(scenes: list[PupilScene], known: PreparedStrehl) -> list[StrehlEstimate]:
+    """A Strehl ratio of each scene, two of them in work at a time where that is quicker."""
+    return list(known.for_fields(map(_new_values, scenes)))
 
 
 def _new_values(scene: PupilScene) -> IndexField:

@@ -11,7 +11,8 @@ from scipy.optimize import brentq
 from aerokernels.echo import GaussianPulse, HeliosPulse, SampledPulse, estimate_range
 from aerokernels.echo.pulse_curve import PulseCurve
 from aerokernels.echo.pulses import as_pulse, pulse_of
-from aerokernels.echo.shaped_curve import greatest_within
+from aerokernels.echo.ranging import template_curve
+from aerokernels.echo.shaped_curve import best_match, best_place, greatest_within
 from aerokernels.echo.waveform import SPEED_OF_LIGHT, fewer_gaussians, sum_of_pulses
 from aerokernels.scene import Scene
 
@@ -157,3 +158,27 @@ def test_the_greatest_of_a_smooth_function_and_of_one_that_no_polynomial_follows
     assert greatest_within(lambda x: np.cos(x - 0.3), -1.0, 1.0) == pytest.approx(0.3, abs=1e-7)
     assert greatest_within(lambda x: 1.0 - np.abs(x), -1.0, 1.0) == pytest.approx(0.0, abs=1e-6)
     assert greatest_within(lambda x: x, 0.0, 1.0) == 1.0
+
+
+@pytest.mark.parametrize("count", [3, 4, 5, 80])
+def test_curves_of_many_records_are_those_of_each(count):
+    """To the last bit; none for a record of three samples, or of one that is not finite."""
+    records = [np.random.default_rng(seed).normal(size=count) for seed in range(5)]
+    records[2][1] = np.nan
+    for number, (record, curve) in enumerate(zip(records, PulseCurve.of_each(records), strict=True)):
+        if count == 3 or number == 2:
+            assert curve is None
+            continue
+        alone, places = PulseCurve(record), np.linspace(0.0, count - 1.0, 37)
+        assert curve is not None and curve.samples is record
+        assert curve.spline(places).tobytes() == alone.spline(places).tobytes()
+
+
+def test_a_match_does_not_hang_on_the_records_before():
+    """Of a sampled template, which keeps what it was at the places of the last records: the same bits as a new one."""
+    place = np.arange(120.0)
+    template = template_curve(np.exp(-(((place - 40.0) / 9.0) ** 2)), 1e-9)
+    for middle in (50.2, 50.7, 51.1, 20.0, 90.0, 50.4, 3.0):
+        volts = 0.7 * np.exp(-(((place - middle) / 9.0) ** 2))
+        new = template_curve(np.exp(-(((place - 40.0) / 9.0) ** 2)), 1e-9)
+        assert best_place(volts, template, 1e-9) == best_place(volts, new, 1e-9) == best_match(volts, new, 1e-9)[0]

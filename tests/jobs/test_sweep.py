@@ -102,6 +102,9 @@ def test_variables_are_those_of_a_summary(unbroken):
     assert all("units" in variable.attrs for variable in found.variables.values())
     assert found.attrs["source"] == f"aerokernels {aerokernels.__version__}" and "[flow]" in found.attrs["scene"]
     assert float(found.mach.sel({"flow.source": "mach2"})[0]) == 2.0
+    assert (
+        found.processor_seconds > found.tracing_processor_seconds
+    ).all() and found.tracing_processor_seconds.min() > 0
     page = (unbroken[0] / "out" / "report.html").read_text()
     assert re.findall(r'<figure id="([\w-]+)">', page)[0] == "strehl" and "No picture" not in page
     assert page.count("<tr>") == 13 and not re.search(r'(src|href)="http', page)
