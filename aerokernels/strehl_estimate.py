@@ -208,7 +208,11 @@ class PreparedStrehl:
 
     def __reduce__(self):
         """What it was made of: what is on a device stays there."""
-        options = {"wavelength": self.asked_wavelength, "ray_count": self.ray_count, "remove": self.remove}
+        options: dict[str, Any] = {
+            "wavelength": self.asked_wavelength,
+            "ray_count": self.ray_count,
+            "remove": self.remove,
+        }
         options |= {"direction": self.look, "allow_truncation": self.allow_truncation, **self.choices}
         return _prepared_again, (self.field, self.pupil, options)
 
