@@ -15,6 +15,7 @@ from ..arguments import seconds
 from ..device_arrays import device_array, host_array
 from ..medium import Body, QuadMesh, SolidBody
 from ..medium.mesh import GEOMETRIES
+from ..shown import shown
 from .density_field import CellDensity, DensityField
 from .gas import FreeStream, check_density
 from .sampled_density import GridDensity, VertexDensity
@@ -66,6 +67,7 @@ class GridMesh:
         return self.origin.copy(), self.origin + self.spacing * (np.array(self.shape) - 1)
 
 
+@shown
 @dataclass(frozen=True, eq=False)
 class Series:
     """Snapshots in time. Build one with `open_series`.
