@@ -324,3 +324,11 @@ def _remedy(value: Any, members: Sequence[Any]) -> str:
         except ValueError:
             continue
     return ""
+
+
+def seconds(values: np.ndarray) -> np.ndarray:
+    """Dates as the time since the first of them, spans of time and numbers of seconds, as float64 [s]."""
+    if values.dtype.kind not in "mM":
+        return np.asarray(values, dtype=np.float64)
+    since = values - values[:1] if values.dtype.kind == "M" else values
+    return np.asarray(since / np.timedelta64(1, "s"), dtype=np.float64)

@@ -11,6 +11,8 @@ from pathlib import Path
 from .opened import OPENED
 
 WRITING = "writing"
+# Faults of a place where no file can be made, whatever is done about it: a file system such as /proc has the first.
+NO_FILES = (errno.ENOENT, errno.EACCES, errno.EPERM, errno.EROFS, errno.ENAMETOOLONG)
 
 
 @contextmanager
@@ -62,8 +64,12 @@ def _locked(place: Path, told: str) -> TextIOWrapper | None:
         path = place.with_name(f".{place.name}.lock") if beside else place / ".lock"
         try:
             file = path.open("w")
-        except FileNotFoundError:  # another process has just removed the folder, which it had made
-            continue
+        except OSError as fault:
+            if fault.errno == errno.ENOENT and not place.parent.exists():
+                continue  # another process has just removed the folder, which it had made
+            if fault.errno in NO_FILES:
+                raise ValueError(f"{told}: no file can be made there ({fault.strerror}); take another") from None
+            raise
         try:
             fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
             # Its last holder may have removed the file before it was locked here: then it is no lock.

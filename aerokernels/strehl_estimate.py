@@ -4,7 +4,6 @@ import sys
 import threading
 import warnings
 from collections.abc import Iterable, Iterator
-from copy import copy
 from dataclasses import replace
 from functools import partial
 from typing import Any
@@ -214,6 +213,11 @@ class PreparedStrehl:
         options |= {"direction": self.look, "allow_truncation": self.allow_truncation, **self.choices}
         return _prepared_again, (self.field, self.pupil, options)
 
+    def __repr__(self) -> str:
+        """What it is ready for."""
+        pupil, backend = type(self.pupil).__name__, self.plan.backend
+        return f"PreparedStrehl of {self.ray_count:,} rays, {pupil}, {self.wavelength * 1e9:.6g} nm, by {backend}"
+
     def _make_job(self, like: PupilJob | None) -> None:
         with stage("plan"):
             self.job = make_job(
@@ -242,7 +246,8 @@ class PreparedStrehl:
         """
         if not isinstance(field, IndexField):
             raise TypeError(f"field must be an IndexField, got {type(field).__name__}")
-        made = copy(self)
+        made = object.__new__(PreparedStrehl)  # a copy that is not made ready anew
+        vars(made).update(vars(self))
         made._turn = threading.Lock()
         with clocked() as seconds:
             made.field, made.wavelength = field, field.wavelength_for(self.asked_wavelength)

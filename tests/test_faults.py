@@ -173,3 +173,21 @@ def test_a_bare_environment_is_enough(tmp_path: Path):
     done = in_python(code, tmp_path, options=("-OO",), **bare)
     assert done.returncode == 0, done.stderr[-2000:]
     assert done.stdout.startswith("True True") and "wind-tunnel-mach3" in done.stdout
+
+
+@pytest.mark.skipif(not Path("/proc/self").exists(), reason="no /proc there")
+@pytest.mark.parametrize("name", ["/proc/out", "x" * 254])
+def test_a_place_where_no_file_can_be_made_is_told_at_once(name, tmp_path, monkeypatch):
+    """A folder that makes none was asked for a file without end; a name that is too long for its lock."""
+    monkeypatch.chdir(tmp_path)
+    code = """
+import sys
+from pathlib import Path
+from aerokernels.one_writer import only_writer
+try:
+    with only_writer(Path(sys.argv[1])):
+        pass
+except ValueError as told:
+    print(told)
+"""
+    assert "no file can be made there" in in_python(code, name).stdout

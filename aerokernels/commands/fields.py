@@ -31,8 +31,10 @@ def fields(
         return
     from aerokernels.commands._output import note
     from aerokernels.commands._table import print_table
-    from aerokernels.flow import contents, read
+    from aerokernels.flow import contents, read, shipped_names
 
+    if str(path) in shipped_names() and not path.exists():
+        raise ValueError(f"{path} is a field that ships, and no file: `aerokernels fields` alone shows those")
     when = _time(time)
     found = contents(path, time=when)
     rows = _rows(found)

@@ -11,9 +11,11 @@ from typing import Any
 
 import numpy as np
 
+from ..arguments import seconds
 from ..device_arrays import device_array, host_array
 from ..medium import Body, QuadMesh, SolidBody
 from ..medium.mesh import GEOMETRIES
+from ..shown import shown
 from .density_field import CellDensity, DensityField
 from .gas import FreeStream, check_density
 from .sampled_density import GridDensity, VertexDensity
@@ -65,6 +67,7 @@ class GridMesh:
         return self.origin.copy(), self.origin + self.spacing * (np.array(self.shape) - 1)
 
 
+@shown
 @dataclass(frozen=True, eq=False)
 class Series:
     """Snapshots in time. Build one with `open_series`.
@@ -98,7 +101,7 @@ class Series:
         Raises:
             ValueError: Times that do not increase, or are not finite.
         """
-        time = np.array(self.time, dtype=np.float64).reshape(-1)
+        time = np.array(seconds(np.asarray(self.time))).reshape(-1)
         if not np.isfinite(time).all():
             raise ValueError("the times of a series must be finite numbers, in seconds")
         if (np.diff(time) <= 0.0).any():
@@ -291,7 +294,7 @@ def times_of(time: Sequence[float] | None, step: float | None, start: float, cou
     if time is not None and step is not None:
         raise ValueError("give either time, one for each snapshot, or time_step")
     if time is not None:
-        times = np.array(time, dtype=np.float64).reshape(-1)
+        times = np.array(seconds(np.asarray(time))).reshape(-1)
         if count is not None and len(times) != count:
             raise ValueError(f"{len(times)} times for {count} snapshots: give one for each")
         return times

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from ..arguments import seconds
 from ..netcdf_reading import open_netcdf
 from ..room import check_file, check_room
 from ..written_units import unit_of
@@ -144,9 +145,8 @@ def _in_si(name: str, axis: str, array: Any, dimension: str) -> np.ndarray:
         raise ValueError(f"{name}: axis {axis} has no coordinate: add one")
     coordinate = array.coords[axis]
     values = np.asarray(coordinate.values)
-    if np.issubdtype(values.dtype, np.datetime64) or np.issubdtype(values.dtype, np.timedelta64):
-        since = values - values[0] if np.issubdtype(values.dtype, np.datetime64) else values
-        return since / np.timedelta64(1, "s")
+    if values.dtype.kind in "mM":
+        return seconds(values)
     return values.astype(np.float64) * _factor(name, coordinate.attrs.get("units"), dimension, axis)
 
 

@@ -17,6 +17,7 @@ import numpy as np
 
 from aerokernels import __version__
 
+from ..arguments import checked
 from ..flow import DensityField, Series
 from ..medium import IndexField
 from ..pupils import direction_of
@@ -42,6 +43,7 @@ VARIABLES = {
 }
 
 
+@checked
 def look_map(
     field: IndexField | DensityField | Series,
     azimuth: Any,

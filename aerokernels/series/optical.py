@@ -11,8 +11,10 @@ import numpy as np
 
 from aerokernels import __version__
 
+from ..arguments import checked
 from ..flow import GridMesh, Series
 from ..rays import as_unit_vector
+from ..tracing.plan import PRECISIONS
 from ..tracing.pupil_air import GREATEST_SHARE, PupilAir, TruncationWarning
 from ..wavefront import check_terms
 from ..wavelength import DEFAULT_WAVELENGTH, check_wavelength
@@ -27,6 +29,7 @@ if TYPE_CHECKING:
 Progress = Callable[[str, float], None]
 
 
+@checked
 def optical_series(
     series: Series,
     pupil: Any,
@@ -97,6 +100,8 @@ def optical_series(
         raise TypeError(f"series must be a Series, got {type(series).__name__}: see flow.open_series")
     if method not in METHODS:
         raise ValueError(f"method {method!r} is not known: choose one of {', '.join(METHODS)}")
+    if precision not in PRECISIONS:
+        raise ValueError(f"precision {precision!r} is not known: choose one of {', '.join(PRECISIONS)}")
     if not (np.isfinite(tolerance) and tolerance > 0.0):
         raise ValueError(f"tolerance must be positive, in waves, got {tolerance!r}")
     if len(series) == 0:

@@ -87,6 +87,8 @@ def add_apertures(table, coordinates, opd, points, weight, wavelength, apertures
     asked = np.array([share * width for share in APERTURES] if apertures is None else apertures, dtype=np.float64)
     if asked.ndim != 1 or not (np.isfinite(asked).all() and (asked > 0.0).all()):
         raise ValueError(f"apertures must be positive diameters in metres, got {apertures!r}")
+    if (asked > width * (1.0 + 1e-9)).any():
+        raise ValueError(f"an aperture of {asked.max():g} m is wider than the maps, {width:g} m: give metres")
     rows: list[list[float]] = []
     for diameter in asked:
         shares = np.minimum(covers(diameter), weight / weight.max())

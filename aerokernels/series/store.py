@@ -162,7 +162,7 @@ class ZarrStore:
     def is_finished(self) -> bool:
         """Whether all snapshots are there, and the numbers in the store."""
         done = self.done.count == self.template.sizes["time"]
-        return done and self._group().attrs.get("finished", False) is True
+        return done and bool(self._group().attrs.get("finished", False))
 
     def _group(self) -> Any:
         import zarr
@@ -262,7 +262,7 @@ class ZarrStore:
         if not group.attrs.get("finished", False):
             for name in NUMBERS:
                 group[name][:] = self.done.column(name)
-            group.attrs["finished"] = True
+            group.attrs["finished"] = 1  # NetCDF has no attributes that are true or false
             _consolidate(self.path)
         import xarray
 

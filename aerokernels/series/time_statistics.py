@@ -8,6 +8,7 @@ import numpy as np
 
 from aerokernels import __version__
 
+from ..arguments import checked, seconds
 from ..flow import Series
 from ..wavelength import DEFAULT_WAVELENGTH, check_wavelength
 from .modes import orthogonal_modes
@@ -29,6 +30,7 @@ if TYPE_CHECKING:
     import xarray
 
 
+@checked
 def statistics(
     dataset: "xarray.Dataset",
     *,
@@ -76,7 +78,7 @@ def statistics(
         ValueError: No `opd` over (time, y, x), a pupil without pixels, or a number that makes no sense.
     """
     opd, weight, lit = _checked(dataset)
-    time, y, x = (np.asarray(dataset[name].values, dtype=np.float64) for name in ("time", "y", "x"))
+    time, y, x = (seconds(np.asarray(dataset[name].values)) for name in ("time", "y", "x"))
     wave = check_wavelength(dataset.attrs.get("wavelength", DEFAULT_WAVELENGTH) if wavelength is None else wavelength)
     for name, value in (("velocity", velocity), ("length", length)):
         if value is not None and not (np.isfinite(value) and value > 0.0):
@@ -111,7 +113,10 @@ def statistics(
     add_modes(table, coordinates, opd, weight, lit, int(mode_count))
     add_correlation(table, coordinates, opd, lit, x, y)
     if series is not None:
-        add_linking(table, dataset, series, opd, points, weight, wave)
+        if len(opd) > 1:
+            add_linking(table, dataset, series, opd, points, weight, wave)
+        else:
+            skipped.append("the linking equation needs at least two snapshots")
     return _dataset(table, coordinates, dataset, wave, skipped)
 
 
@@ -129,7 +134,10 @@ def _checked(dataset: Any) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         raise ValueError("the dataset has no snapshot")
     lit = np.isfinite(maps).all(axis=0) & (share > 0.0)
     if lit.sum() < 3:
-        raise ValueError("fewer than 3 pixels of the pupil have a number at all times: is opd NaN?")
+        dark = np.flatnonzero(~np.isfinite(maps[:, share > 0.0]).any(axis=1))
+        where = f"; snapshot {dark[0]} has none, one of {len(dark)}: leave those out, by dataset.isel(time=...)"
+        told = where if 0 < len(dark) < len(maps) else ": is opd NaN?"
+        raise ValueError(f"fewer than 3 pixels of the pupil have a number at all times{told}")
     weight = share[lit] / share[lit].sum()
     return maps[:, lit], weight, lit
 

@@ -6,12 +6,14 @@ from functools import cached_property, partial
 
 import numpy as np
 
+from ..shown import shown
 from ..zernike import zernike_modes
 from .data import WavefrontMap
 from .terms import weighted_mean
 from .transfer import autocorrelation
 
 
+@shown
 @dataclass(frozen=True, eq=False)
 class StructureFunction:
     """Mean square difference of the OPD over pairs of points.

@@ -13,6 +13,7 @@ from functools import cached_property
 import numpy as np
 
 from ..arguments import Numbers, checked
+from ..shown import shown
 from ..strehl_errors import strehl_errors
 from ..wavelength import check_wavelength
 
@@ -20,6 +21,7 @@ COLUMNS_AT_ONCE = 64  # that are padded and transformed
 BLOCK = 32  # rows and columns of a product of matrices: so small a one is never shared out among threads
 
 
+@shown
 @dataclass(frozen=True)
 class PointSpread:
     """A point spread function.

@@ -18,12 +18,14 @@ from functools import cached_property
 import numpy as np
 
 from ..pupils import Disc
+from ..shown import shown
 from .data import WavefrontMap
 
 # Of the long-exposure exp(-3.44 (r / r0)^(5/3)): D. L. Fried, J. Opt. Soc. Am. 56 (1966) 1372.
 KOLMOGOROV = 3.44
 
 
+@shown
 @dataclass(frozen=True, eq=False)
 class Transfer:
     """A transfer function on a grid of frequencies.
@@ -62,6 +64,7 @@ class Transfer:
         return plot_transfer(self, axes)
 
 
+@shown
 @dataclass(frozen=True, eq=False)
 class EncircledEnergy:
     """Share of the light within an angle about a point of the image.

@@ -260,3 +260,30 @@ def test_what_has_no_statistics_is_refused():
             statistics(bad, **options)
     with pytest.raises(ValueError, match="segment"):
         welch(np.zeros(100), 1.0, 4)
+
+
+def test_times_as_spans_and_dates_are_seconds():
+    """As other versions of xarray read a store, or users label one: spans of time were taken for numbers of ns."""
+    plain = drawn(40, 3)
+    spans = (plain.time.values * 1e9).round().astype("timedelta64[ns]")
+    expected = statistics(plain, velocity=10.0)
+    for times in (spans, np.datetime64("2026-01-01") + spans):
+        found = statistics(plain.assign_coords(time=times), velocity=10.0)
+        assert found.frequency.values == pytest.approx(expected.frequency.values, rel=1e-9)
+        assert found.strouhal.values == pytest.approx(expected.strouhal.values, rel=1e-9)
+    grid = {"geometry": "volume", "origin": (0.0, 0.0, 0.0), "spacing": (1e-3,) * 3, "ambient_density": 1.2}
+    series = flow.open_series([np.full((4, 4, 4), 1.2)] * 3, time=spans[:3], **grid)
+    assert series.time == pytest.approx(plain.time.values[:3])
+
+
+def test_what_a_caller_can_mend_is_told_in_words():
+    """A dark snapshot by its number, an aperture wider than the maps, a number with its unit."""
+    maps = drawn(20, 4)
+    dark = maps.copy(deep=True)
+    dark.opd[7] = np.nan
+    with pytest.raises(ValueError, match="snapshot 7 has none, one of 1: leave those out"):
+        statistics(dark)
+    with pytest.raises(ValueError, match="20 m is wider than the maps"):
+        statistics(maps, apertures=[0.01, 20.0])
+    with pytest.raises(TypeError, match="velocity must be a number of m/s"):
+        statistics(maps, velocity="10 m/s")

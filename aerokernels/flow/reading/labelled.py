@@ -4,6 +4,7 @@ from pathlib import Path
 
 import numpy as np
 
+from ...arguments import seconds
 from ...room import NoRoomError, check_file
 from .coordinates import COLUMNS
 from .dataset import Dataset, ReadError
@@ -65,9 +66,3 @@ def labelled_dataset(path, data, variables=None, time=None, kind: str = "xarray"
             arrays[str(name)] = values
             units[str(name)] = str(entry.attrs.get("units", ""))
     return dataset_of(path, arrays, units, {a: n for a, n in variables.items() if n}, kind, time, True)
-
-
-def seconds(values: np.ndarray) -> np.ndarray:
-    """Dates as the time since the first of them, and spans of time [s]."""
-    since = values - values[:1] if values.dtype.kind == "M" else values
-    return np.asarray(since / np.timedelta64(1, "s"), dtype=np.float64)
