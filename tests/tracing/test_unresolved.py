@@ -135,7 +135,7 @@ def test_no_ray_misses_more_than_the_bound(geometry, count):
     bound = missed_along(field, sampling, lines)
     assert missed.max() > 3e-3 * WAVE  # there is something to miss
     assert (missed <= bound).all()
-    assert missed.max() <= greatest_error(field, sampling, lines)
+    assert missed.max() <= greatest_error(field, sampling, lines, allowed=0.0) <= greatest_error(field, sampling, lines)
 
 
 def shock_field(thickness: float, strength: float = 3e-4) -> IndexField:
@@ -211,3 +211,21 @@ def test_a_slanted_stop_makes_what_is_missed_count_more():
     assert flat.lever_arm == pytest.approx([0.0], abs=1e-12) and steep.lever_arm == pytest.approx([11e-3])
     sampling = Sampling(4.0 * CELL, (0.0, 0.0, 1.0), 0.0)
     assert missed_along(field, sampling, steep) > 100.0 * missed_along(field, sampling, flat)
+
+
+@pytest.mark.parametrize("geometry", ["volume", "planar"])
+@pytest.mark.parametrize("width", [1.6, 4.0])
+def test_the_slope_of_what_is_missed_is_bounded_by_itself(geometry, width):
+    """Slanted rays past a blob of 1.6 and 4 cells to a far stop, 6 cells between samples: the lever arm counts most.
+
+    Truth: the same rays by five times as many samples. The bound sought more closely holds, and is below the rough one,
+    for the wide blob by half: what is missed of that changes by less than twice its size from cell to cell.
+    """
+    field, stop = needle_field(geometry, width, height=1e-4), Plane((0.0, 0.0, 30e-3), (0.0, 0.0, 1.0))
+    aside = np.linspace(-4.0, 4.0, 65) * CELL
+    start = np.c_[np.zeros(65), NEEDLE + aside - 0.06 * 6e-3, np.full(65, -1e-3)]
+    rays = RayBundle(start, (0.0, 0.06, 1.0))
+    opd, _, sampling, lines = sampled(field, rays, 18, "warp-cpu", with_table=False, until=stop)
+    fine, _, _, _ = sampled(field, rays, 90, "warp-cpu", with_table=False, until=stop)
+    rough, close = greatest_error(field, sampling, lines), greatest_error(field, sampling, lines, allowed=0.0)
+    assert np.abs(opd - fine).max() <= close < (rough if width < 2.0 else 0.6 * rough)

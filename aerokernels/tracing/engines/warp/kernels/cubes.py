@@ -5,7 +5,7 @@ import warp as wp
 from ....scheme import CUBE_ROW, CUBE_SIDE
 from ..library import KernelLibrary, built_once
 
-# Sixteen bytes at once: a GPU that loads their numbers one by one takes four times as long for them.
+# Sixteen bytes at once: a GPU that loads their numbers one by one is slower by them than by the spline.
 FOUR_NUMBERS = """
 #if defined(__CUDA_ARCH__)
     const float4 four = __ldg(reinterpret_cast<const float4 *>(numbers.data + at));
