@@ -86,10 +86,10 @@ def test_a_sensor_without_shots_rounds_levels(sensor):
 
 def test_what_an_interferometer_looks_through():
     instrument = FLDI(1e-4, 5e-6)
-    response = FLDIResponse(*(np.zeros(4) for _ in range(4)), np.array([0.0, 1.0, 2.0, 4.0]), instrument)
+    response = FLDIResponse(*(np.zeros(4) for _ in range(5)), np.array([0.0, 1.0, 2.0, 4.0]), instrument)
     with pytest.raises(ValueError, match="a spectrum needs snapshots at even times"):
         response.spectrum()
-    short = FLDIResponse(*(np.zeros(3) for _ in range(4)), np.arange(3.0), instrument)
+    short = FLDIResponse(*(np.zeros(3) for _ in range(5)), np.arange(3.0), instrument)
     with pytest.raises(ValueError, match="a series of at least 4 snapshots"):
         short.spectrum()
     for field, fault, told in (

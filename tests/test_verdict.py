@@ -1,5 +1,6 @@
 """The verdict on ray optics: closed forms, the slabs its wave goes through, and random views beside a fine wave."""
 
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -240,3 +241,16 @@ def test_a_pupil_that_a_body_hides_is_refused():
     field = beside_a_wall(-3e-3, (0.05, 0.45), 0.5)
     with pytest.raises(ValueError, match="holds back all of the pupil's light"):
         validity(field, Rectangle(2e-3, 2e-3, (0.0, 0.0, -1e-4)), wavelength=WAVELENGTH)
+
+
+def test_the_verdict_is_of_the_wavefronts_own_pupil_and_direction():
+    """A grating is thick along its planes; along the slanted pupil's own normal, 12 periods aside, it averages out."""
+    field, aside = thick_grating(0.2e-3, 60e-3, 0.3 / (2.0 * np.pi)), np.array([0.0, np.sin(0.04), np.cos(0.04)])
+    pupil = Rectangle(1.2e-3, 1.2e-3, (0.0, 0.0, -1e-3), aside)
+    seen = wavefront(field, pupil, wavelength=WAVELENGTH, pixel_count=96, direction=(0.0, 0.0, 1.0))
+    told = validity(field, pupil, wavelength=WAVELENGTH, wavefront=seen)
+    expected = validity(field, replace(pupil, normal=(0.0, 0.0, 1.0)), wavelength=WAVELENGTH)
+    assert told.answered_by == "waves" and not expected.good and not told.good
+    assert told.strehl_change == pytest.approx(expected.strehl_change, abs=3e-3)
+    with pytest.raises(ValueError, match="another pupil"):
+        validity(field, replace(pupil, width=1e-3), wavelength=WAVELENGTH, wavefront=seen)

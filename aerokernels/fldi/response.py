@@ -19,7 +19,8 @@ from ..flow import DensityField, Series
 from ..medium import IndexField
 from ..shown import drawn_on
 from .instrument import FLDI
-from .rays import beam_grid, crossed, gathered
+from .known_beams import check_known, truncated_share
+from .rays import REACH, beam_grid, crossed, gathered
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -33,6 +34,8 @@ class FLDIResponse:
             back, takes from it.
         mean_phase: Mean phase difference by light [rad], linear in the field.
         error: What the phase may be off by through the rays' number [rad]: the difference to half as many either way.
+        truncated: Share of the light that goes through disturbed air that ends with the field's box, of which the phase
+            holds the known part only.
         time: Times [s], shape (time_count,), or None for one field.
         instrument: The instrument.
     """
@@ -41,6 +44,7 @@ class FLDIResponse:
     visibility: np.ndarray
     mean_phase: np.ndarray
     error: np.ndarray
+    truncated: np.ndarray
     time: np.ndarray | None
     instrument: FLDI
 
@@ -76,6 +80,7 @@ class FLDIResponse:
             "visibility": ("1", "contrast of the interference"),
             "mean_phase": ("rad", "mean phase difference"),
             "error": ("rad", "error of the phase"),
+            "truncated": ("1", "share of the light beyond the known air"),
         }
         variables = {
             name: (dims, getattr(self, name), {"units": unit, "long_name": text})
@@ -104,7 +109,9 @@ class FLDIResponse:
         if not seen.any():
             return f"FLDIResponse of {self.phase.size} phases, none of which is known: a body holds back the light"
         size, error = float(np.sqrt(np.mean(self.phase[seen] ** 2))), float(np.max(self.error[seen]))
-        return f"FLDIResponse of {self.phase.size} phases: {size:.4g} rad rms, each to {error:.2g} rad"
+        share = 100.0 * float(np.max(self.truncated))
+        beyond = f"; up to {share:.3g} % of the light goes beyond the known air" if share > 0.0 else ""
+        return f"FLDIResponse of {self.phase.size} phases: {size:.4g} rad rms, each to {error:.2g} rad{beyond}"
 
 
 def fldi_response(
@@ -114,6 +121,7 @@ def fldi_response(
     offsets=None,
     time=None,
     rays: int | None = None,
+    allow_truncation: bool = False,
     **relation: Any,
 ) -> FLDIResponse:
     """Phase that a focused laser differential interferometer reads.
@@ -124,11 +132,14 @@ def fldi_response(
         offsets: Where its focus is moved to, less its own [m], shape (n, 3): a scan, or a frozen flow that drifts by.
         time: Times of several fields [s]; None numbers them.
         rays: Rays across a beam; None takes as many as the field's samples ask for, up to 192.
+        allow_truncation: Whether more than a thousandth of the light may go through disturbed air that ends with the
+            field's box; `truncated` says how much does.
         **relation: Of a density field or a series, as for its `index_field`: relation, constant, composition.
 
     Raises:
         TypeError: An argument of the wrong kind.
-        ValueError: A number that makes no sense; beams that do not meet the field; another wavelength than its own.
+        ValueError: A number that makes no sense; beams that do not meet the field; another wavelength than its own;
+            truncated light without `allow_truncation`.
     """
     if not isinstance(instrument, FLDI):
         raise TypeError(f"instrument must be an FLDI, got {type(instrument).__name__}")
@@ -137,6 +148,8 @@ def fldi_response(
     moved = np.zeros((1, 3)) if offsets is None else np.atleast_2d(np.asarray(offsets, dtype=np.float64))
     if moved.ndim != 2 or moved.shape[1] != 3 or not np.isfinite(moved).all():
         raise ValueError(f"offsets must be finite, shape (n, 3), got shape {np.shape(offsets)}")
+    if time is not None and isinstance(field, (Series, IndexField, DensityField)):
+        raise ValueError("time goes with several fields: a series has its own, and one field has none")
     times: np.ndarray | None = None
     fields: list[Any] | Iterable[Any]
     if isinstance(field, Series):
@@ -152,7 +165,9 @@ def fldi_response(
         times = np.arange(len(fields), dtype=np.float64) if time is None else np.asarray(time, dtype=np.float64)
         if times.shape != (len(fields),):
             raise ValueError(f"time must have one entry for each of the {len(fields)} fields")
-    found = [_read(one, instrument, moved, rays, relation) for one in fields]
+        if not (np.isfinite(times).all() and (np.diff(times) > 0.0).all()):
+            raise ValueError("times of fields must be finite and increase")
+    found = [_read(one, instrument, moved, rays, allow_truncation, relation) for one in fields]
     if not found:
         raise ValueError("there is no field to look through")
     arrays = np.stack(found)  # time, offset, quantity
@@ -160,31 +175,35 @@ def fldi_response(
         arrays = arrays[:, 0]
     if times is None:
         arrays = arrays[0]
-    phase, visibility, mean, error = np.moveaxis(arrays, -1, 0)
-    return FLDIResponse(phase, visibility, mean, error, times, instrument)
+    phase, visibility, mean, error, truncated = np.moveaxis(arrays, -1, 0)
+    return FLDIResponse(phase, visibility, mean, error, truncated, times, instrument)
 
 
-def _read(field: Any, instrument: FLDI, offsets: np.ndarray, rays: int | None, relation: dict[str, Any]) -> np.ndarray:
-    """Phase, visibility, mean phase and error for each offset, shape (n, 4)."""
+def _read(
+    field: Any, instrument: FLDI, offsets: np.ndarray, rays: int | None, allowed: bool, relation: dict[str, Any]
+) -> np.ndarray:
+    """Phase, visibility, mean phase, error and truncated share for each offset, shape (n, 5)."""
     if isinstance(field, DensityField):
         index = field.index_field(wavelength=instrument.wavelength, **relation)
         field = index if index.is_uniform else index.resample(tolerance=1e-3)
     if not isinstance(field, IndexField):
         raise TypeError(f"field must be an IndexField, a DensityField or a Series, got {type(field).__name__}")
     field.wavelength_for(instrument.wavelength)
-    rows, met = [], False
+    rows: list[tuple[float, ...]] = []
+    passing: list[int] = []  # by the box
     for focus in instrument.focus + offsets:
         ends = crossed(field, instrument, focus)
-        if ends is None:  # undisturbed air
-            rows.append((0.0, 1.0, 0.0, 0.0))
+        if ends is None:
+            passing.append(len(rows))
+            rows.append((0.0, 1.0, 0.0, 0.0, truncated_share(field, instrument, focus, None, REACH)))
             continue
-        met = True
         places, share, coarse = beam_grid(field, instrument, ends, rays)
         (first, second), passes = gathered(field, instrument, places, focus, ends)
+        beyond = truncated_share(field, instrument, focus, ends, REACH)
         difference = 2.0 * np.pi / instrument.wavelength * (first - second)
         both, lit = passes.all(axis=0), passes.mean(axis=0)
         if not share @ both > 0.0:  # a body holds back one beam, or both
-            rows.append((np.nan, 0.0, np.nan, np.nan))
+            rows.append((np.nan, 0.0, np.nan, np.nan, beyond))
             continue
         whole, half = ((light * both * np.exp(1j * difference)).sum() for light in (share, coarse))
         whole /= float(share @ lit)
@@ -192,7 +211,9 @@ def _read(field: Any, instrument: FLDI, offsets: np.ndarray, rays: int | None, r
         # Beyond half a turn the phase follows the mean: a detector counts fringes.
         phase = float(np.angle(whole))
         phase += 2.0 * np.pi * np.rint((mean - phase) / (2.0 * np.pi))
-        rows.append((phase, abs(whole), mean, abs(np.angle(half / whole)) if whole and half else np.nan))
-    if not met:
+        rows.append((phase, abs(whole), mean, abs(np.angle(half / whole)) if whole and half else np.nan, beyond))
+    if len(passing) == len(rows):
         raise ValueError("the beams do not meet the field: check the focus, the axis and the units (metres)")
-    return np.asarray(rows)
+    found = np.asarray(rows)
+    check_known(float(found[:, -1].max()), allowed)
+    return found

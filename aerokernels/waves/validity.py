@@ -20,7 +20,7 @@ have answered for themselves; otherwise the wave answers.
 """
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -37,7 +37,7 @@ from .slabs import FINEST, LookingAlong, Slabs, slabs_of
 # The greatest change of the Strehl ratio that rays may cost and still be good.
 GOOD = 1e-2
 # Phase [rad rms] that may be left out of what counts as the finest, and lines either way on which that is looked for.
-UNSEEN, FEATURE_LINES = 0.03, 32
+UNSEEN, FEATURE_LINES = 0.03, 16
 # The window of one column, where nothing varies along x, over the pupil; pixels to the finest half period, and in all
 # at least; of one column, at least and at most; lines across that tell where along the way light is disturbed.
 COLUMN_WINDOW, PER_FEATURE, LEAST_PIXELS, COLUMN_PIXELS, SLAB_LINES = 2.0, 4.0, 48, (256, 512), 16
@@ -116,7 +116,7 @@ def validity(
 
     Args:
         field: The refractive index.
-        pupil: The pupil; light leaves it along its normal.
+        pupil: The pupil; light leaves it along its normal, or in the direction of the `wavefront`.
         wavelength: Vacuum wavelength [m]; None takes the field's own, or 905 nm where it has none.
         wavefront: Its traced wavefront, whose finest phase is then looked at, and which may answer by itself at a small
             part of its own cost; None looks at straight rays and asks a wave.
@@ -124,7 +124,7 @@ def validity(
 
     Raises:
         TypeError: `field` or `pupil` of the wrong kind.
-        ValueError: A pupil that does not see the field; a number that makes no sense.
+        ValueError: A pupil that does not see the field, or is not that of the wavefront; a number that makes no sense.
     """
     if not isinstance(field, IndexField):
         raise TypeError(f"field must be an IndexField, got {type(field).__name__}")
@@ -134,12 +134,25 @@ def validity(
         raise ValueError(f"limit must be positive, got {limit!r}")
     wavelength = field.wavelength_for(wavelength)
     feature = float("inf")
+    seen = pupil
     if wavefront is not None:
+        if wavefront.pupil is not None and not _same_place(wavefront.pupil, pupil):
+            raise ValueError(f"wavefront was traced for another pupil, {wavefront.pupil!r}: give that one")
+        if wavefront.direction is not None:
+            seen = replace(pupil, normal=np.asarray(wavefront.direction))  # type: ignore[type-var]
         feature = finest_feature(_phase_map(wavefront), wavefront.pixel)
         answer = by_rays(field, pupil, wavefront, wavelength, feature, limit)
         if answer is not None:
             return answer
-    return by_waves(field, pupil, wavefront, wavelength, feature, limit)
+    return by_waves(field, seen, wavefront, wavelength, feature, limit)
+
+
+def _same_place(one: Pupil, other: Pupil) -> bool:
+    """Whether two pupils have the same extent, centre and normal."""
+    return all(
+        np.allclose(getattr(one, name), getattr(other, name), rtol=1e-9, atol=1e-12)
+        for name in ("half_extent", "center", "normal")
+    )
 
 
 def by_waves(
@@ -212,33 +225,30 @@ def finest_feature(phase: np.ndarray, pixel: float) -> float:
     holds its whole at a distance of p / 2.
     """
     count = len(phase)
-    lit = np.isfinite(phase)
-    phase = np.where(lit, phase, 0.0)
+    # Some lines either way say what all of them do: columns and, of a map of more than one, rows.
+    part = slice(None, None, max(1, count // FEATURE_LINES))
+    ways = [phase.T[part], phase[part]] if phase.shape[0] == phase.shape[1] else [phase.T[part]]
+    lines = np.stack(ways)
     for stride in (2**power for power in range(int(np.log2(max(count // 2, 1))) + 1)):
-        # Of a coarse difference every second part of it is looked at, and some lines: the rest says the same.
+        # Of a coarse difference every second part of it is looked at: the rest says the same.
         step = max(1, stride // 2)
-        across = max(step, count // FEATURE_LINES)
-        squares = [
-            mean
-            for some, there in ((phase, lit), (phase.T, lit.T))
-            if (mean := _mean_square(some[::step, ::across], there[::step, ::across], stride // step)) is not None
-        ]
+        squares = _mean_squares(lines[..., ::step], stride // step)
         # Of a component that is sampled at its extremes the second difference is four times the amplitude.
-        if squares and np.sqrt(sum(squares) / 8.0) > 2.0 * UNSEEN:
+        if np.sqrt(squares / 8.0) > 2.0 * UNSEEN:
             return stride * pixel
     return float("inf")
 
 
-def _mean_square(phase: np.ndarray, lit: np.ndarray, stride: int) -> float | None:
-    """Mean square of second differences down columns at a distance of so many pixels; None where there are none."""
-    there = lit[2 * stride :] & lit[stride:-stride] & lit[: -2 * stride]
-    count = np.count_nonzero(there)
-    if not count:
-        return None
-    second = phase[2 * stride :] + phase[: -2 * stride]
-    second -= 2.0 * phase[stride:-stride]
-    second *= there
-    return float(np.einsum("ij,ij->", second, second)) / count  # no BLAS: its threads take longer than the sum
+def _mean_squares(lines: np.ndarray, stride: int) -> float:
+    """Mean squares of second differences along lines (ways, lines, n) at a distance of so many pixels, their sum."""
+    second = lines[..., 2 * stride :] + lines[..., : -2 * stride]
+    second -= 2.0 * lines[..., stride:-stride]
+    total = 0.0
+    for own in second:
+        known = own[np.isfinite(own)]
+        if len(known):
+            total += float(np.einsum("i,i->", known, known)) / len(known)  # no BLAS: its threads take longer than that
+    return total
 
 
 def _fresnel_number(feature: float, wavelength: float, distance: float) -> float:

@@ -1,0 +1,72 @@
+"""How much of an interferometer's light goes through disturbed air that ends with the field's box.
+
+By straight lines from the focus to either end of the beams, as for a pupil (tracing/pupil_air.py): a line counts where
+it may lose more of its optical path than the tolerance. A field whose faces are undisturbed costs nothing.
+"""
+
+import numpy as np
+
+from ..medium import IndexField
+from ..rays import RayBundle
+from ..tracing.known_air import may_be_lost
+from ..tracing.lines import box_size
+from ..tracing.pupil_air import GREATEST_SHARE, meets_wall
+from .instrument import FLDI
+
+# Lines across a beam, and what one may lose of its path [waves].
+LINES, TOLERANCE = 33, 1e-3
+
+
+def truncated_share(
+    field: IndexField, instrument: FLDI, focus: np.ndarray, ends: tuple[float, float] | None, reach: float
+) -> float:
+    """Share of the light of both beams that may lose more than the tolerance where the known air ends.
+
+    Args:
+        field: The refractive index.
+        instrument: The instrument.
+        focus: Its focus [m], shape (3,).
+        ends: Distances from the focus along the axis between which light is in the field's box [m]; None: it passes by.
+        reach: Radii to which a beam is followed.
+    """
+    if ends is None:
+        low, high = field.box
+        there = np.isfinite(low)
+        middle = np.where(there, 0.5 * (np.where(there, low, 0.0) + np.where(there, high, 0.0)), focus)
+        along, size = float((middle - focus) @ instrument.axis), box_size(field)
+        ends = along - size, along + size
+    first, second = instrument.direction, instrument.normal
+    assert first is not None
+    u, v = (axis.ravel() for axis in np.meshgrid(*(2 * [np.linspace(-reach, reach, LINES)])))
+    light = np.exp(-2.0 * (u**2 + v**2)) * (u**2 + v**2 <= reach**2)
+    across = u[:, None] * first + v[:, None] * second
+    tolerance = TOLERANCE * instrument.wavelength
+    over = np.zeros((2, len(light)), dtype=bool)
+    for beam, side in enumerate((0.5, -0.5)):
+        middle = focus + side * instrument.separation * first
+        start = middle + instrument.waist * across
+        for end in ends:
+            if end * (ends[0] + ends[1]) < 0.0 and ends[0] * ends[1] > 0.0:
+                continue  # the box is all on the other side
+            way = middle + end * instrument.axis + float(instrument.radius(end)) * across - start
+            rays = RayBundle(start, way / np.linalg.norm(way, axis=1)[:, None])
+            lost, _ = may_be_lost(field, rays, None, tolerance)
+            rows = np.flatnonzero(lost > tolerance)
+            if field.body is not None and len(rows):
+                rows = rows[~meets_wall(field, rays.position[rows], rays.direction[rows])]
+            over[beam, rows] = True
+    return float(light @ over.mean(axis=0) / light.sum())
+
+
+def check_known(share: float, allowed: bool) -> None:
+    """Refuse light of which more than a thousandth is truncated unless that is allowed.
+
+    Raises:
+        ValueError: As said.
+    """
+    if share > GREATEST_SHARE and not allowed:
+        raise ValueError(
+            f"{100.0 * share:.3g} % of the light goes through disturbed air that ends with the field's box: what lies "
+            "beyond is unknown. Give the field a larger region there, move the focus, turn the axis, or take "
+            "allow_truncation=True and read `truncated`"
+        )
