@@ -129,7 +129,7 @@ def test_two_processes_do_not_write_one_series(tmp_path: Path):
 
     axis, path = np.linspace(-0.01, 0.01, 4), tmp_path / "maps.zarr"
     template = xarray.Dataset(coords={"time": np.arange(3.0), "y": axis, "x": axis})
-    maps = {name: np.zeros((4, 4), kind) for name, (kind, _, _) in MAPS.items()}
+    maps = {name: np.ones((4, 4), kind) for name, (kind, _, _) in MAPS.items()}
     numbers = dict.fromkeys(NUMBERS, 1.0)
     first, late = (ZarrStore(path, template, {"series": "a"}) for _ in range(2))
     with first.writing():
@@ -191,3 +191,40 @@ except ValueError as told:
     print(told)
 """
     assert "no file can be made there" in in_python(code, name).stdout
+
+
+@pytest.mark.parametrize(
+    ("lost", "told"),
+    [
+        ("opd/c/1/0/0", "opd of snapshot 1, which the journal names, is lost"),  # came back as a map without a ray
+        ("valid/zarr.json", "valid"),
+        ("zarr.json", "the store is damaged"),
+        ("x/zarr.json", "x is lost from the store"),
+    ],
+)
+def test_a_series_whose_store_has_lost_something_is_not_gone_on_with(tmp_path: Path, lost: str, told: str):
+    """Set-up: a finished store, and one of its files gone, or but one line of it. Expected: told which store, and what.
+
+    The numbers stand in the journal too, and are written again.
+    """
+    pytest.importorskip("zarr")
+    from aerokernels.series.store import MAPS, NUMBERS, ZarrStore
+
+    axis, path = np.linspace(-0.01, 0.01, 4), tmp_path / "maps.zarr"
+    template = xarray.Dataset(coords={"time": np.arange(2.0), "y": axis, "x": axis})
+    maps = {name: np.ones((4, 4), kind) for name, (kind, _, _) in MAPS.items()}
+    with (store := ZarrStore(path, template, {"series": "a"})).writing():
+        for _ in range(2):
+            store.add(maps, dict.fromkeys(NUMBERS, 0.5))
+    store.finish()
+    (path / "strehl" / "c" / "0").unlink()
+    again = ZarrStore(path, template, {"series": "a"})
+    assert again.is_finished and (again.finish()["strehl"] == 0.5).all()
+    (path / lost).unlink()
+    if lost == "zarr.json":
+        (path / lost).write_text("{\n", encoding="utf-8")
+    with pytest.raises(ValueError, match=r"maps\.zarr: .*; take another name, or remove both") as refused:
+        again = ZarrStore(path, template, {"series": "a"})
+        assert again.is_finished
+        again.finish()
+    assert told in str(refused.value) and "\n" not in str(refused.value)

@@ -25,7 +25,7 @@ from aerokernels.validation import file_draws, input_draws, record_draws
 
 DRAWS = {**input_draws.DRAWS, **record_draws.DRAWS, **file_draws.DRAWS}
 CORPUS = {"scene": (8380,), "override": (1018, 5030), "preamble": (1780,), "netcdf": (50,),
-          "store": (9, 13, 18, 21, 30, 41, 61), "sweep": (41,), "row": (109, 149)}  # fmt: skip
+          "store": (9, 13, 18, 21, 30, 41, 61, 40010600), "sweep": (41,), "row": (109, 149)}  # fmt: skip
 
 
 @pytest.mark.parametrize("kind", DRAWS)
@@ -192,11 +192,27 @@ def test_one_long_curve_does_not_make_long_rows_of_all(tmp_path: Path, monkeypat
         assert file["voltage"][1][:3].tolist() == [1.0] * 3 and np.isnan(file["voltage"][1][3:]).all()
 
 
-def test_a_scene_of_brackets_without_end_is_refused(tmp_path: Path):
+@pytest.mark.parametrize(
+    ("text", "told"),
+    [
+        ("a = " + "[" * 100_000, "tables and lists within one another"),
+        (".".join(["a"] * 2000) + " = 1", "tables and lists within one another"),  # no message could show it
+        ("['a'." + ". ".join(['"a"'] * 100_000) + "]", "tables and lists within one another"),  # hours for tomllib
+        ("a = " + "{a = " * 150 + "1" + "}" * 150, "tables and lists within one another"),
+        ("a = " + "9" * 5000, "not valid TOML"),
+        ("a = [0x" + "f" * 5000 + "]", "not valid TOML"),  # TOML, but Python does not show it
+    ],
+    ids=["brackets", "names", "many names", "tables", "digits", "hexadecimal digits"],
+)
+def test_a_scene_that_cannot_be_shown_is_refused(tmp_path: Path, text: str, told: str):
     path = tmp_path / "deep.toml"
-    path.write_text("a = " + "[" * 100_000, encoding="utf-8")
-    with pytest.raises(SceneError, match=r"deep\.toml: tables and lists within one another"):
+    path.write_text(text, encoding="utf-8")
+    with pytest.raises(SceneError, match=rf"deep\.toml: {told}"):
         Scene.load(path)
-    path.write_text("a = " + "9" * 5000, encoding="utf-8")
-    with pytest.raises(SceneError, match=r"deep\.toml: not valid TOML"):
-        Scene.load(path)
+
+
+def test_overrides_that_cannot_be_shown_are_refused():
+    with pytest.raises(SceneError, match="a key of 3000 parts"):
+        Scene.load("wind-tunnel-mach3", {".".join(["a"] * 3000): 1})
+    with pytest.raises(SceneError, match=r"flow\.density = '0xfff"):
+        Scene.load("wind-tunnel-mach3", {"flow.density": "0x" + "f" * 5000})

@@ -10,7 +10,11 @@ KEEP_IT = "keep it, get out what can be had with `sqlite3 FILE .recover`, and re
 
 
 class StoreError(RuntimeError):
-    """The store cannot be written; the message says why, and what to do."""
+    """The store cannot be written; the message says why, and what to do, in one line."""
+
+    def __init__(self, message: str):
+        """Keep the message on one line: SQLite quotes the schema of a damaged file, line breaks and all."""
+        super().__init__(" ".join(message.split()))
 
 
 class DamagedStoreError(StoreError, ValueError):

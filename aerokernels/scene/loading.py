@@ -1,6 +1,7 @@
 """Finding a scene file, reading it, and setting single keys from the command line."""
 
 import os
+import re
 import sys
 import tomllib
 from collections.abc import Mapping
@@ -13,6 +14,9 @@ from ..flow.shipped import shipped_names
 from .errors import SceneError
 
 _SHIPPED = files("aerokernels") / "scenes"
+DEEPEST = 100  # tables and lists within one another: more than a scene has, fewer than Python shows
+_PART = r"""(?:"[^"\n]*+"|'[^'\n]*+'|[\w-]++)"""
+_NAMES = re.compile(rf"{_PART}(?:[ \t]*+\.[ \t]*+{_PART})*+")
 
 
 def shipped_scenes() -> tuple[str, ...]:
@@ -58,7 +62,7 @@ def read_scene(place: str | Path) -> tuple[str, str, dict[str, Any]]:
         what = "is a folder" if os.path.isdir(path) else "there is no such scene file"
         raise SceneError(f"{name}: {what}; {hint}give a TOML file or a shipped scene: {', '.join(shipped_scenes())}")
     try:
-        return label, stem, tomllib.loads(read().decode("utf-8-sig"))  # editors of Windows put a mark first
+        return label, stem, _toml(read().decode("utf-8-sig"))  # editors of Windows put a mark first
     except OSError as fault:
         raise SceneError(f"{label}: cannot be read, {fault.strerror}: check the file and its permissions") from None
     except UnicodeDecodeError as fault:
@@ -69,6 +73,28 @@ def read_scene(place: str | Path) -> tuple[str, str, dict[str, Any]]:
         raise SceneError(
             f'{label}: not valid TOML, {fault}: write key = value, and texts such as "1.5 m" in quotes'
         ) from None
+
+
+def _toml(text: str) -> dict[str, Any]:
+    """The tables of a TOML text, which can be shown in messages.
+
+    Raises:
+        RecursionError: Tables and lists within one another, more than DEEPEST.
+        ValueError: No TOML, or a number of thousands of digits.
+    """
+    if any(name[0].count(".") > DEEPEST for name in _NAMES.finditer(text)):  # for tomllib they would take hours
+        raise RecursionError
+    tables = tomllib.loads(text)
+    left: list[tuple[Any, int]] = [(tables, 0)]
+    while left:
+        value, depth = left.pop()
+        if depth > DEEPEST:
+            raise RecursionError
+        if isinstance(value, int):
+            str(value)
+        elif isinstance(value, (dict, list)):
+            left += ((inner, depth + 1) for inner in (value.values() if isinstance(value, dict) else value))
+    return tables
 
 
 def anchor_series(tables: dict[str, Any], place: str | Path) -> None:
@@ -112,6 +138,8 @@ def override(tables: dict[str, Any], overrides: Mapping[str, Any], label: str) -
             raise SceneError(
                 f"{label} (with --set): {key!r} is not a key: write table.key=value, as in target.distance=1.2"
             )
+        if len(path) > DEEPEST:
+            raise SceneError(f"{label} (with --set): a key of {len(path) + 1} parts: a scene has none so deep")
         table = tables
         for depth, part in enumerate(path):
             table = table.setdefault(part, {})
@@ -126,7 +154,7 @@ def override(tables: dict[str, Any], overrides: Mapping[str, Any], label: str) -
 def toml_value(text: str) -> Any:
     """What a text says as a TOML value, or the text itself where it is none: "1e-4" is a number, "10 deg" a text."""
     try:
-        parsed = tomllib.loads(f"value = {text}")
+        parsed = _toml(f"value = {text}")
     except (ValueError, RecursionError):  # no TOML, a number of thousands of digits, brackets without end
         return text
     return parsed["value"] if list(parsed) == ["value"] else text

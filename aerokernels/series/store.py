@@ -153,10 +153,9 @@ class ZarrStore:
         for row in numbers:
             self.done.add(row)
 
-    def _damaged(self) -> ValueError:
-        return ValueError(
-            f"out={self.path}: its journal {self.journal.name} is damaged; take another name, or remove both"
-        )
+    def _damaged(self, what: str = "") -> ValueError:
+        what = what or f"its journal {self.journal.name} is damaged"
+        return ValueError(f"out={self.path}: {what}; take another name, or remove both")
 
     @property
     def is_finished(self) -> bool:
@@ -165,9 +164,35 @@ class ZarrStore:
         return done and bool(self._group().attrs.get("finished", False))
 
     def _group(self) -> Any:
+        """The store, where its arrays are those of this series and hold the maps that the journal names.
+
+        Raises:
+            ValueError: It is damaged.
+        """
         import zarr
 
-        return zarr.open_group(str(self.path), mode="r+")
+        times, *sizes = (self.template.sizes[name] for name in ("time", "y", "x"))
+        with self._in_words():
+            group = zarr.open_group(str(self.path), mode="r+")
+            shapes = {**dict.fromkeys(MAPS, (times, *sizes)), **dict.fromkeys(NUMBERS, (times,))}
+            other = next((name for name, shape in shapes.items() if group[name].shape != shape), None)
+        if other:
+            raise self._damaged(f"{other} in the store has another shape than the series")
+        # Zarr reads a chunk that is lost as one without a ray, for which it keeps none.
+        for number in np.flatnonzero(np.isfinite(self.done.column("strehl"))):
+            for name in MAPS:
+                if not (self.path / name / "c" / str(number) / "0" / "0").is_file():
+                    raise self._damaged(f"{name} of snapshot {number}, which the journal names, is lost")
+        return group
+
+    @contextmanager
+    def _in_words(self) -> Iterator[None]:
+        """Zarr meets what is damaged with any error: it is told with the store's name."""
+        try:
+            yield
+        except Exception as fault:
+            said = " ".join(f"{type(fault).__name__}: {str(fault)[:200]}".split())
+            raise self._damaged(f"the store is damaged ({said})") from fault
 
     @contextmanager
     def writing(self) -> Iterator["ZarrStore"]:
@@ -257,16 +282,26 @@ class ZarrStore:
         self.done.add(numbers)
 
     def finish(self) -> "xarray.Dataset":
-        """Write the numbers, and open the whole lazily."""
-        group = self._group()
-        if not group.attrs.get("finished", False):
-            for name in NUMBERS:
-                group[name][:] = self.done.column(name)
-            group.attrs["finished"] = 1  # NetCDF has no attributes that are true or false
-            _consolidate(self.path)
+        """Write the numbers, and open the whole lazily.
+
+        Raises:
+            ValueError: The store is damaged.
+        """
         import xarray
 
-        return xarray.open_zarr(self.path, consolidated=False, chunks=None)
+        group = self._group()
+        with self._in_words():
+            for name in NUMBERS:
+                column = self.done.column(name)
+                if not np.array_equal(group[name][:], column, equal_nan=True):  # none yet, or lost since
+                    group[name][:] = column
+            if not group.attrs.get("finished", False):
+                group.attrs["finished"] = 1  # NetCDF has no attributes that are true or false
+                _consolidate(self.path)
+            found = xarray.open_zarr(self.path, consolidated=False, chunks=None)
+        if lost := {*MAPS, *NUMBERS, *self.template.coords} - set(found.variables):
+            raise self._damaged(f"{min(lost)} is lost from the store")
+        return found
 
 
 def _consolidate(path: Path) -> None:

@@ -1,5 +1,7 @@
 """Cases of OpenFOAM in parts and in other states, structured volumes, how a format is told, series of even grids."""
 
+import re
+
 import numpy as np
 import pytest
 import writers
@@ -36,6 +38,17 @@ def test_a_decomposed_case_is_read_whole(tmp_path):
         assert np.array_equal(flow.read(path).density, field.density)
     series = open_series(case)
     assert list(series.time) == [0.5] and np.array_equal(series[0].density, field.density)
+
+
+def test_a_number_of_a_cell_beyond_all_faces_is_refused(tmp_path):
+    """Set-up: the last owner is cell 1215752098, as damage made it; arrays of as many cells took 12 GB and a minute."""
+    case = writers.foam_wedge(tmp_path / "case")
+    path = case / "constant" / "polyMesh" / "owner"
+    damaged = re.sub(rb"\d+(\s*\)\s*)$", rb"1215752098\1", path.read_bytes())
+    path.write_bytes(damaged)
+    assert b"1215752098" in damaged
+    with pytest.raises(ReadError, match="owners and neighbours of faces do not agree"):
+        flow.read(case)
 
 
 @pytest.mark.parametrize(
