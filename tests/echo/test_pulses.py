@@ -157,3 +157,12 @@ def test_the_greatest_of_a_smooth_function_and_of_one_that_no_polynomial_follows
     assert greatest_within(lambda x: np.cos(x - 0.3), -1.0, 1.0) == pytest.approx(0.3, abs=1e-7)
     assert greatest_within(lambda x: 1.0 - np.abs(x), -1.0, 1.0) == pytest.approx(0.0, abs=1e-6)
     assert greatest_within(lambda x: x, 0.0, 1.0) == 1.0
+
+
+def test_a_sampled_pulse_ends_with_its_samples():
+    """A record that ends at 0.2 of its peak. Expected: 0.2 at the last sample, and nothing half a sample behind it."""
+    samples = np.array([0.0, 0.3, 1.0, 0.6, 0.2])
+    pulse = SampledPulse(samples, 1e-9)
+    end = pulse.support[1]
+    assert pulse(end - 1e-15) == pytest.approx(0.2, rel=0.1)
+    assert pulse(end + 0.5e-9) == 0.0 and pulse(end + 1.5e-9) == 0.0
