@@ -20,10 +20,9 @@ and direction as far as they matter at an oblique stop), and a share of int P^2 
 the error, both as a pilot bundle has it (leapfrog.py). A ray is "rejected", and to be traced by another method, where
 that is above the budget, or it turns by more than LEAPFROG_ANGLE, comes near a body or leaves by an edge of the box.
 
-Stop. A ray that has left the field's support flies straight on: to a plane (ends.py), or to where that very line
-leaves the box. In disturbed air the rest of the way from the undisturbed ray's last point to its surface is flown along
-a parabola; what that leaves out counts as an error too, since a ray may meet a face at a small angle. So does the air
-outside the support, by the ray's own path through it and its own lever arm (support.py).
+Stop. A ray that has left the field's support flies straight on: to a plane (ends.py), or to where that very line leaves
+the box. In disturbed air the rest of the way from the undisturbed ray's last point to its surface is flown along a
+parabola; what that leaves out counts as an error too, as does the air outside the support (support.py).
 """
 
 import warp as wp
