@@ -160,7 +160,6 @@ def test_the_greatest_of_a_smooth_function_and_of_one_that_no_polynomial_follows
     assert greatest_within(lambda x: x, 0.0, 1.0) == 1.0
 
 
-<<<<<<< HEAD
 @pytest.mark.parametrize("count", [3, 4, 5, 80])
 def test_curves_of_many_records_are_those_of_each(count):
     """To the last bit; none for a record of three samples, or of one that is not finite."""
@@ -183,7 +182,8 @@ def test_a_match_does_not_hang_on_the_records_before():
         volts = 0.7 * np.exp(-(((place - middle) / 9.0) ** 2))
         new = template_curve(np.exp(-(((place - 40.0) / 9.0) ** 2)), 1e-9)
         assert best_place(volts, template, 1e-9) == best_place(volts, new, 1e-9) == best_match(volts, new, 1e-9)[0]
-=======
+
+
 def test_a_sampled_pulse_ends_with_its_samples():
     """A record that ends at 0.2 of its peak. Expected: 0.2 at the last sample, and nothing half a sample behind it."""
     samples = np.array([0.0, 0.3, 1.0, 0.6, 0.2])
@@ -191,4 +191,3 @@ def test_a_sampled_pulse_ends_with_its_samples():
     end = pulse.support[1]
     assert pulse(end - 1e-15) == pytest.approx(0.2, rel=0.1)
     assert pulse(end + 0.5e-9) == 0.0 and pulse(end + 1.5e-9) == 0.0
->>>>>>> fuzz
