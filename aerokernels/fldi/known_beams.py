@@ -4,13 +4,15 @@ By straight lines from the focus to either end of the beams, as for a pupil (tra
 it may lose more of its optical path than the tolerance. A field whose faces are undisturbed costs nothing.
 """
 
+import warnings
+
 import numpy as np
 
 from ..medium import IndexField
 from ..rays import RayBundle
 from ..tracing.known_air import may_be_lost
 from ..tracing.lines import box_size
-from ..tracing.pupil_air import GREATEST_SHARE, meets_wall
+from ..tracing.pupil_air import GREATEST_SHARE, TruncationWarning, meets_wall
 from .instrument import FLDI
 
 # Lines across a beam, and what one may lose of its path [waves].
@@ -58,15 +60,11 @@ def truncated_share(
     return float(light @ over.mean(axis=0) / light.sum())
 
 
-def check_known(share: float, allowed: bool) -> None:
-    """Refuse light of which more than a thousandth is truncated unless that is allowed.
-
-    Raises:
-        ValueError: As said.
-    """
-    if share > GREATEST_SHARE and not allowed:
-        raise ValueError(
+def warn_of_truncation(share: float) -> None:
+    """Say so where more than a thousandth of the light is truncated, on behalf of whoever called `fldi_response`."""
+    if share > GREATEST_SHARE:
+        text = (
             f"{100.0 * share:.3g} % of the light goes through disturbed air that ends with the field's box: what lies "
-            "beyond is unknown. Give the field a larger region there, move the focus, turn the axis, or take "
-            "allow_truncation=True and read `truncated`"
+            "beyond is unknown, and in no error; give the field a larger region there, move the focus or turn the axis"
         )
+        warnings.warn(text, TruncationWarning, stacklevel=3)

@@ -19,7 +19,7 @@ from ..flow import DensityField, Series
 from ..medium import IndexField
 from ..shown import drawn_on
 from .instrument import FLDI
-from .known_beams import check_known, truncated_share
+from .known_beams import truncated_share, warn_of_truncation
 from .rays import REACH, beam_grid, crossed, gathered
 
 
@@ -121,7 +121,6 @@ def fldi_response(
     offsets=None,
     time=None,
     rays: int | None = None,
-    allow_truncation: bool = False,
     **relation: Any,
 ) -> FLDIResponse:
     """Phase that a focused laser differential interferometer reads.
@@ -132,14 +131,15 @@ def fldi_response(
         offsets: Where its focus is moved to, less its own [m], shape (n, 3): a scan, or a frozen flow that drifts by.
         time: Times of several fields [s]; None numbers them.
         rays: Rays across a beam; None takes as many as the field's samples ask for, up to 192.
-        allow_truncation: Whether more than a thousandth of the light may go through disturbed air that ends with the
-            field's box; `truncated` says how much does.
         **relation: Of a density field or a series, as for its `index_field`: relation, constant, composition.
 
     Raises:
         TypeError: An argument of the wrong kind.
-        ValueError: A number that makes no sense; beams that do not meet the field; another wavelength than its own;
-            truncated light without `allow_truncation`.
+        ValueError: A number that makes no sense; beams that do not meet the field; another wavelength than its own.
+
+    Warns:
+        TruncationWarning: More than a thousandth of the light goes through disturbed air that ends with the field's
+            box; `truncated` says how much.
     """
     if not isinstance(instrument, FLDI):
         raise TypeError(f"instrument must be an FLDI, got {type(instrument).__name__}")
@@ -167,10 +167,11 @@ def fldi_response(
             raise ValueError(f"time must have one entry for each of the {len(fields)} fields")
         if not (np.isfinite(times).all() and (np.diff(times) > 0.0).all()):
             raise ValueError("times of fields must be finite and increase")
-    found = [_read(one, instrument, moved, rays, allow_truncation, relation) for one in fields]
+    found = [_read(one, instrument, moved, rays, relation) for one in fields]
     if not found:
         raise ValueError("there is no field to look through")
     arrays = np.stack(found)  # time, offset, quantity
+    warn_of_truncation(float(arrays[..., -1].max()))
     if offsets is None:
         arrays = arrays[:, 0]
     if times is None:
@@ -179,9 +180,7 @@ def fldi_response(
     return FLDIResponse(phase, visibility, mean, error, truncated, times, instrument)
 
 
-def _read(
-    field: Any, instrument: FLDI, offsets: np.ndarray, rays: int | None, allowed: bool, relation: dict[str, Any]
-) -> np.ndarray:
+def _read(field: Any, instrument: FLDI, offsets: np.ndarray, rays: int | None, relation: dict[str, Any]) -> np.ndarray:
     """Phase, visibility, mean phase, error and truncated share for each offset, shape (n, 5)."""
     if isinstance(field, DensityField):
         index = field.index_field(wavelength=instrument.wavelength, **relation)
@@ -214,6 +213,4 @@ def _read(
         rows.append((phase, abs(whole), mean, abs(np.angle(half / whole)) if whole and half else np.nan, beyond))
     if len(passing) == len(rows):
         raise ValueError("the beams do not meet the field: check the focus, the axis and the units (metres)")
-    found = np.asarray(rows)
-    check_known(float(found[:, -1].max()), allowed)
-    return found
+    return np.asarray(rows)
