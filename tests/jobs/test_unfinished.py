@@ -79,7 +79,7 @@ def test_explain_predicts_how_much_the_flow_may_take():
 @pytest.mark.parametrize(
     ("stage", "name", "keys", "figures"),
     [
-        ("echo", "echo", ("echo_peak_w", "echo_peak_v", "range_m", "echo_strehl"), {"echo"}),
+        ("echo", "echo_through", ("echo_peak_w", "echo_peak_v", "range_m", "echo_strehl"), {"echo"}),
         ("wavefront", "pupil_map", (), {"opd", "point-spread"}),
         ("rays", "ray_fan", (), {"rays"}),
     ],

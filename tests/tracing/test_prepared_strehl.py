@@ -158,7 +158,6 @@ def test_threads_share_a_prepared_pupil(engine):
     """Eight threads, two fields, three seeds: each call has the bits of the same call alone."""
     seen = prepare_strehl(lens(), PUPIL, **on(engine), ray_count=16 * 300, allow_truncation=True)
     both = (seen, seen.with_field(lens(3e-6)))
-    assert both[1]._turn is seen._turn  # their rays may lie in one place
     alone = [[one(seed=seed).value for seed in range(3)] for one in both]
     with ThreadPoolExecutor(8) as threads:
         found = list(threads.map(lambda call: both[call % 2](seed=call % 3).value, range(24)))
