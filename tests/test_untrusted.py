@@ -25,7 +25,7 @@ from aerokernels.validation import file_draws, input_draws, record_draws
 
 DRAWS = {**input_draws.DRAWS, **record_draws.DRAWS, **file_draws.DRAWS}
 CORPUS = {"scene": (8380,), "override": (1018, 5030), "preamble": (1780,), "netcdf": (50,),
-          "store": (9, 13, 18, 21, 30, 41, 61, 40010600), "sweep": (41,), "row": (109, 149)}  # fmt: skip
+          "store": (9, 13, 18, 21, 30, 41, 61, 40010600, 50170604), "sweep": (41,), "row": (109, 149)}  # fmt: skip
 
 
 @pytest.mark.parametrize("kind", DRAWS)

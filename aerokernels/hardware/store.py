@@ -247,7 +247,7 @@ class EchoStore:
     def gaps(self) -> list[Gap]:
         """What is missing between the numbers, in the order it was noticed."""
         rows = self._rows("SELECT session, after_sequence, before_sequence, missing_count FROM gaps ORDER BY id")
-        return [Gap(*row) for row in rows]
+        return [self._read(lambda *numbers: Gap(*map(int, numbers)), *row) for row in rows]
 
     def snapshot(self) -> Transaction:
         """A context in which everything read is of one moment, though a recorder goes on writing."""

@@ -34,6 +34,11 @@ def choose_grid(path, blocks, moved, spacing, region):
         cells = max(sum(block.cell_count for block in blocks), 1)
         size = float((np.prod([np.ptp(np.concatenate(moved)[:, k]) for k in range(3)]) / cells) ** (1.0 / 3.0))
         step = max(size, float((extent.prod() / DEFAULT_NODES) ** (1.0 / 3.0)))
+        # Where the mesh is thinner than that along an axis, the few nodes there come on top of the others: fewer of them.
+        thin = extent < step * (LEAST_NODES - 1)
+        if thin.any() and not thin.all():
+            long = extent[~thin]
+            step = max(step, float((long.prod() * LEAST_NODES ** thin.sum() / DEFAULT_NODES) ** (1.0 / len(long))))
         wanted = np.full(3, step)
     else:
         told = "spacing must be positive: metres along every axis, or three numbers"
