@@ -34,7 +34,7 @@ def choose_grid(path, blocks, moved, spacing, region):
         cells = max(sum(block.cell_count for block in blocks), 1)
         size = float((np.prod([np.ptp(np.concatenate(moved)[:, k]) for k in range(3)]) / cells) ** (1.0 / 3.0))
         step = max(size, float((extent.prod() / DEFAULT_NODES) ** (1.0 / 3.0)))
-        # Where the mesh is thinner than that along an axis, the few nodes there come on top of the others: fewer of them.
+        # Where the mesh is thinner than that along an axis, the least nodes there come on top: fewer of the others.
         thin = extent < step * (LEAST_NODES - 1)
         if thin.any() and not thin.all():
             long = extent[~thin]
