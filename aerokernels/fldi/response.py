@@ -189,13 +189,13 @@ def _read(field: Any, instrument: FLDI, offsets: np.ndarray, rays: int | None, r
         raise TypeError(f"field must be an IndexField, a DensityField or a Series, got {type(field).__name__}")
     field.wavelength_for(instrument.wavelength)
     rows: list[tuple[float, ...]] = []
-    passing: list[int] = []  # by the box
+    met = False
     for focus in instrument.focus + offsets:
         ends = crossed(field, instrument, focus)
         if ends is None:
-            passing.append(len(rows))
             rows.append((0.0, 1.0, 0.0, 0.0, truncated_share(field, instrument, focus, None, REACH)))
             continue
+        met = True
         places, share, coarse = beam_grid(field, instrument, ends, rays)
         (first, second), passes = gathered(field, instrument, places, focus, ends)
         beyond = truncated_share(field, instrument, focus, ends, REACH)
@@ -211,6 +211,6 @@ def _read(field: Any, instrument: FLDI, offsets: np.ndarray, rays: int | None, r
         phase = float(np.angle(whole))
         phase += 2.0 * np.pi * np.rint((mean - phase) / (2.0 * np.pi))
         rows.append((phase, abs(whole), mean, abs(np.angle(half / whole)) if whole and half else np.nan, beyond))
-    if len(passing) == len(rows):
+    if not met:
         raise ValueError("the beams do not meet the field: check the focus, the axis and the units (metres)")
     return np.asarray(rows)
