@@ -133,14 +133,21 @@ def test_a_launcher_that_does_not_unpickle_is_made_anew(filled, tmp_path):
     assert "launchers is damaged" in launched(place) and launched(place) == ""
 
 
-def test_without_a_linker_auto_takes_warp_and_says_why(tmp_path):
+@pytest.mark.parametrize("linker", ["none", "without its libraries"])
+def test_without_a_linker_auto_takes_warp_and_says_why(tmp_path, linker):
+    """As on a machine with Debian's binutils and no compiler of C, where PoCL ends the process at its first kernel."""
     if "PoCL" not in need_opencl().info.description or not sys.platform.startswith("linux"):
         pytest.skip("no PoCL here")
+    if linker != "none":
+        (tmp_path / "ld").write_text("#!/bin/sh\necho cannot find -lc >&2\nexit 1\n")
+        (tmp_path / "ld").chmod(0o755)
     code = "from aerokernels.tracing.engines.choice import choose_backend; print(choose_backend('auto', 'cpu'))"
     caches = {"XDG_CACHE_HOME": str(tmp_path), "POCL_CACHE_DIR": str(tmp_path / "pocl")}
     done = run_python(code, tmp_path, PATH=str(tmp_path), **caches)
     assert done.returncode == 0, done.stderr
-    assert done.stdout.startswith("('warp', 'cpu'") and "no `ld` on PATH" in done.stdout and not done.stderr
+    assert done.stdout.startswith("('warp', 'cpu'") and "apt install gcc" in done.stdout and not done.stderr
+    reason = "no `ld` on PATH" if linker == "none" else "no libraries of GCC"
+    assert reason in done.stdout
 
 
 def test_a_limit_on_files_is_seen_before_pocl_meets_it(monkeypatch):

@@ -1,5 +1,6 @@
 """Whether PoCL can link and write the kernels that it compiles: where it cannot, it ends the process."""
 
+import glob
 import os
 import shutil
 import subprocess
@@ -33,11 +34,46 @@ def _greatest_file() -> float:
     return float("inf") if limit == resource.RLIM_INFINITY else limit
 
 
+def _succeeds(command: list[str], seconds: float, environment: dict[str, str] | None = None) -> bool:
+    try:
+        done = subprocess.run(
+            command,
+            env=environment,
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.DEVNULL,
+            stderr=subprocess.DEVNULL,
+            timeout=seconds,
+        )
+    except (OSError, ValueError, subprocess.TimeoutExpired):
+        return False
+    return done.returncode == 0
+
+
+def _links(folder: str) -> bool:
+    """Whether `ld` links what PoCL's compiler hands it: GCC's libraries and that of C."""
+    linker = shutil.which("ld")
+    # Where distributions put GCC's libraries; that of C is where the linker looks by itself.
+    places = [f"-L{place}" for place in glob.glob("/usr/lib/gcc/*/*/")]
+    library = os.path.join(folder, "library.so")
+    return linker is not None and _succeeds(
+        [linker, "-shared", "-o", library, *places, "-lgcc", "-lgcc_s", "-lc"], seconds=20.0
+    )
+
+
+def _compiles(folder: str, options: tuple[str, ...]) -> bool:
+    """Whether PoCL, in a process of its own, compiles and launches a kernel."""
+    packages = os.path.abspath(__file__).rsplit(f"{os.sep}aerokernels{os.sep}", 1)[0]
+    path = os.pathsep.join([packages, *filter(None, [os.environ.get("PYTHONPATH")])])
+    environment = {**os.environ, "POCL_CACHE_DIR": folder, "PYTHONPATH": path}
+    return _succeeds([sys.executable, "-c", _TRIAL, *options], seconds=60.0, environment=environment)
+
+
 def linker_trouble(options: tuple[str, ...] = ()) -> str:
     """Why kernels of PoCL cannot be linked here, with the remedy; empty where they can.
 
-    PoCL's compiler looks for `ld` on PATH. Where there is none a process of its own tries, since PoCL may have been
-    built with a linker in it.
+    PoCL's compiler calls `ld` from PATH, with libraries that come with a compiler of C. Where that does not link, a
+    process of its own tries a kernel, since PoCL may have been built with a linker in it and libraries may lie
+    elsewhere.
 
     Args:
         options: Compile options that the device needs.
@@ -49,28 +85,12 @@ def linker_trouble(options: tuple[str, ...] = ()) -> str:
             f"PoCL writes kernels to files, which may have {greatest} bytes here (ulimit -f), and it ends the process "
             "where they do not fit: raise the limit, or take backend 'warp'"
         )
-    if shutil.which("ld"):
-        return ""
     with tempfile.TemporaryDirectory(prefix="aerokernels-linker-", ignore_cleanup_errors=True) as folder:
-        packages = os.path.abspath(__file__).rsplit(f"{os.sep}aerokernels{os.sep}", 1)[0]
-        path = os.pathsep.join([packages, *filter(None, [os.environ.get("PYTHONPATH")])])
-        environment = {**os.environ, "POCL_CACHE_DIR": folder, "PYTHONPATH": path}
-        try:
-            done = subprocess.run(
-                [sys.executable, "-c", _TRIAL, *options],
-                env=environment,
-                stdin=subprocess.DEVNULL,
-                stdout=subprocess.DEVNULL,
-                stderr=subprocess.DEVNULL,
-                timeout=60,
-            )
-        except (OSError, ValueError, subprocess.TimeoutExpired):
-            failed = True
-        else:
-            failed = done.returncode != 0
-    if not failed:
-        return ""
+        if _links(folder) or _compiles(folder, options):
+            return ""
+    missing = "`ld` finds no libraries of GCC and of C" if shutil.which("ld") else "there is no `ld` on PATH"
     return (
-        "PoCL finds no linker: there is no `ld` on PATH, and without one its first kernel would end the process; "
-        "install one (on Debian and Ubuntu: apt install binutils) or put its folder on PATH, or take backend 'warp'"
+        f"PoCL cannot link its kernels: {missing}, and its first kernel would end the process; install a compiler of "
+        "C, which brings them (on Debian and Ubuntu: apt install gcc libc6-dev), with its folder on PATH, or take "
+        "backend 'warp'"
     )
