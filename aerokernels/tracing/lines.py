@@ -130,7 +130,7 @@ def crossing_of_box(p: np.ndarray, d: np.ndarray, low: np.ndarray, high: np.ndar
     As `box_span`, but of any box, given by its corners along the field's own axes: r and z, y and z, or x, y and z.
     """
     enter, leave, cosine = np.zeros(len(p)), np.full(len(p), np.inf), np.ones(len(p))
-    with np.errstate(divide="ignore", invalid="ignore"):
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         for axis in range(geometry == "axisymmetric", len(low)):
             across = axis + 3 - len(low)
             ends = np.sort([(end - p[:, across]) / d[:, across] for end in (low[axis], high[axis])], axis=0)

@@ -96,7 +96,7 @@ def test_a_terminal_sees_how_it_goes(tmp_path: Path):
     """On a terminal: what is stored, the rate, the last peak, what was lost, and the state of the port."""
     link, ours, theirs = tmp_path / "port", *os.openpty()
     environment = {**os.environ, "TERM": "xterm", "COLUMNS": "160"}
-    with board(link, "--rate", 100, "--fault", "torn=0.1"):
+    with board(link, "--rate", 40, "--fault", "torn=0.1"):
         command = [sys.executable, "-m", "aerokernels", "record", "--port", link, "--store", tmp_path / "s.sqlite"]
         process = subprocess.Popen(
             [*map(str, command), "--count", "80"], stdout=theirs, stderr=theirs, stdin=theirs, env=environment
