@@ -18,6 +18,7 @@ from importlib import import_module
 from pathlib import Path
 from typing import IO, Any, NamedTuple
 
+from .machine import host_memory
 from .opened import OPENED
 
 # A damaged file may announce more than it holds: what the child may take goes by the size of the file, compressed data
@@ -45,10 +46,7 @@ class Bounds(NamedTuple):
 
 def bounds_of(path: Path) -> Bounds:
     """The bounds for a file; where the system does not tell its memory, that is not bounded."""
-    try:
-        total = MEMORY_SHARE * os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
-    except (AttributeError, OSError, ValueError):  # not on this system
-        total = math.inf
+    total = MEMORY_SHARE * host_memory()
     if path.suffix.lower() in LISTS:
         return Bounds(total, LEAST_COMPUTING - LEAST_TIME + TIME_FOR_LISTS, TIME_FOR_LISTS)
     size = path.stat().st_size

@@ -4,7 +4,6 @@ A damaged or hostile file of some bytes may announce terabytes. Left to the allo
 give and ends the process when it is written to; so a size is held against the memory first.
 """
 
-import os
 from contextlib import suppress
 from math import prod
 from pathlib import Path
@@ -12,26 +11,13 @@ from typing import Any
 
 import numpy as np
 
+from .machine import free_memory
+
 SHARE = 0.5  # of the memory that is free, which one reading may take
 
 
 class NoRoomError(ValueError):
     """What a file announces does not go into memory."""
-
-
-def free_memory() -> float:
-    """Memory that can be had without ending other processes [bytes]; infinite where the system does not say."""
-    try:
-        with open("/proc/meminfo", encoding="ascii") as lines:
-            for line in lines:
-                if line.startswith("MemAvailable:"):
-                    return 1024.0 * int(line.split()[1])
-    except (OSError, ValueError, IndexError):
-        pass
-    try:
-        return float(os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES"))
-    except (ValueError, OSError, AttributeError):
-        return float("inf")
 
 
 def check_room(size: float, what: str) -> None:

@@ -16,7 +16,8 @@ RANK = {
     package: rank
     for rank, packages in enumerate(
         [
-            ("read_only",),
+            ("read_only", "opened"),
+            ("machine",),
             (
                 "units",
                 "written_units",
@@ -27,7 +28,6 @@ RANK = {
                 "derived",
                 "clock",
                 "in_turn",
-                "opened",
                 "drafts",
                 "netcdf_file",
                 "room",

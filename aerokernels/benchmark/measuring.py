@@ -73,10 +73,10 @@ def clocks(count: int, kernel: Sequence[float], wall: Sequence[float], processor
 
 def kernel_clocks(timing: Timing, count: int, on_cpu: bool) -> dict:
     """`clocks` of a call whose results have kernel seconds of their own; per core where they ran on a processor."""
-    from aerokernels.tracing.engines.info import thread_count
+    from aerokernels.machine import core_count
 
     kernel = [result.seconds["kernel"] for result in timing.results]
-    per_core = rate(count / thread_count(), kernel) if on_cpu else None
+    per_core = rate(count / core_count(), kernel) if on_cpu else None
     return {**clocks(count, kernel, timing.wall_seconds, timing.cpu_seconds), "kernel_rays_per_core_second": per_core}
 
 
@@ -95,12 +95,12 @@ def installed(package: str) -> str | None:
 
 def machine() -> dict:
     """What was measured on."""
+    from aerokernels.machine import core_count
     from aerokernels.tracing import available_backends
-    from aerokernels.tracing.engines.info import thread_count
 
     return {
         "cpu": _cpu_model(),
-        "cores": thread_count(),
+        "cores": core_count(),
         "load_average": list(os.getloadavg()) if hasattr(os, "getloadavg") else None,
         "system": platform.platform(),
         "python": platform.python_version(),

@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 
+from ..machine import core_count, host_memory
 from ..opened import OPENED
 
 # Arrays of fewer bytes are copied as they are.
@@ -45,9 +46,9 @@ class PinnedMemory:
                 self._free = [each for each in self._free if each is not best]
                 return best
             size = -(-size // LEAST) * LEAST
-            if self._pinned + size > PINNED_SHARE * _host_memory():
+            if self._pinned + size > PINNED_SHARE * host_memory():
                 self._drop(size)
-                if self._pinned + size > PINNED_SHARE * _host_memory():
+                if self._pinned + size > PINNED_SHARE * host_memory():
                     return None
             try:
                 made = warp.empty(size, dtype=warp.uint8, device="cpu", pinned=True)
@@ -164,7 +165,7 @@ def bring(arrays: list[np.ndarray], buffers: list[Any], rows: int = ROWS) -> Ite
     events: list[Any] = []
     jobs: list[Any] = []
     try:
-        with ThreadPoolExecutor(min(THREADS, os.cpu_count() or 1)) as pool:
+        with ThreadPoolExecutor(min(THREADS, core_count())) as pool:
 
             def stage_next() -> None:
                 chunk, slot = chunks[len(jobs)], slots[len(jobs) % len(slots)]
@@ -227,10 +228,3 @@ def as_kind(taken: Any, kind: Any, count: int) -> Any:
     import warp
 
     return warp.array(ptr=taken.ptr, dtype=kind, shape=(count,), device="cpu", pinned=True)
-
-
-def _host_memory() -> float:
-    try:
-        return float(os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE"))
-    except (AttributeError, OSError, ValueError):
-        return float(8 << 30)

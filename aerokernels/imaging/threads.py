@@ -4,14 +4,14 @@ from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from typing import TypeVar
 
-from ..tracing.engines.info import thread_count
+from ..machine import core_count
 
 P = TypeVar("P")
 
 
 def in_threads(work: Callable[[P], None], pieces: Sequence[P]) -> None:
     """Do the work of each piece, on all cores that this process may use; no two pieces may write to one place."""
-    threads = min(thread_count(), len(pieces))
+    threads = min(core_count(), len(pieces))
     if threads < 2:
         for piece in pieces:
             work(piece)

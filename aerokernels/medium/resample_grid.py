@@ -1,8 +1,8 @@
 """How many nodes a uniform grid of a given spacing takes, and the refusal of grids that make no sense for a field."""
 
-import os
-
 import numpy as np
+
+from ..machine import host_memory
 
 NODE_LIMIT = 200_000_000
 # Greatest memory that resampling takes for a node, measured on the shipped flows.
@@ -38,7 +38,7 @@ def node_counts(field, low: np.ndarray, high: np.ndarray, step: np.ndarray) -> n
         )
     with np.errstate(over="ignore"):
         nodes = float(np.prod(np.maximum(cells, 1.0) + 1.0))
-    limit = min(NODE_LIMIT, _memory() / BYTES_PER_NODE)
+    limit = min(NODE_LIMIT, host_memory() / BYTES_PER_NODE)
     if nodes > limit:
         least = float((extent.prod() / limit) ** (1.0 / len(extent)))
         raise ValueError(
@@ -46,14 +46,6 @@ def node_counts(field, low: np.ndarray, high: np.ndarray, step: np.ndarray) -> n
             f"that the memory takes: give a greater spacing or a smaller region; this region takes {least:.2g} m"
         )
     return np.maximum(cells, 1.0).astype(int) + 1
-
-
-def _memory() -> float:
-    """Memory of this machine [bytes]; infinite where it does not say."""
-    try:
-        return float(os.sysconf("SC_PHYS_PAGES")) * os.sysconf("SC_PAGE_SIZE")
-    except (AttributeError, OSError, ValueError):
-        return float("inf")
 
 
 def _text(step: np.ndarray) -> str:

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from ..tracing.engines.info import thread_count
+from ..machine import core_count
 
 PIECE = 1 << 22  # bytes copied at a time
 SLOTS = 4  # pieces of each thread in pinned memory
@@ -70,7 +70,7 @@ class Copies:
         start_warp()
         self.device = device
         self._stream = None if device == "cpu" else wp.Stream(device)
-        self._threads = min(MOST_THREADS, max(2, thread_count()))
+        self._threads = min(MOST_THREADS, max(2, core_count()))
         self._pool = ThreadPoolExecutor(self._threads)
         self._there: list[Any] = []
         self._slots: list[tuple[Any, np.ndarray, Any]] = []

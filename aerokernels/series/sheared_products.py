@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from ..tracing.engines.info import thread_count
+from ..machine import core_count
 
 BEYOND = 3  # cells beyond an edge up to which samples go on, as a cubic through the last four
 PARTS = (1, 2, 3, 4, 6, 8)  # of the planes
@@ -65,7 +65,7 @@ class ShearedProducts:
 
         total = np.zeros(self._size, samples.dtype)
         blocks = list(pairwise(bounds))
-        with ThreadPoolExecutor(max(1, min(thread_count(), len(blocks)))) as pool:
+        with ThreadPoolExecutor(max(1, min(core_count(), len(blocks)))) as pool:
             for line, part in pool.map(summed, blocks):  # in their order, whichever is done first
                 total[line : line + len(part)] += part
         return total

@@ -3,7 +3,7 @@
 from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
-from ..tracing.engines.info import thread_count
+from ..machine import core_count
 
 CHUNKS = 4  # for each thread
 
@@ -15,7 +15,7 @@ def launch(kernel: Any, count: int, before: list, after: list, device: str) -> N
     if device != "cpu":
         wp.launch(kernel, dim=count, inputs=[*before, 0, *after], device=device)
         return
-    threads = thread_count()
+    threads = core_count()
     chunk = max(1, -(-count // (CHUNKS * threads)))
 
     def run(first: int) -> None:

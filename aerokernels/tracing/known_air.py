@@ -22,10 +22,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..machine import core_count
 from ..medium import IndexField
 from ..medium.grid import UniformGrid
 from ..rays import RayBundle
-from .engines.info import thread_count
 from .lever_arms import lever_arms_of, obliquity
 from .lines import FACES, SIDE, box_size, box_span
 from .mesh_rim import mesh_crossings, mesh_rim
@@ -131,11 +131,11 @@ def may_be_lost(
         lost[rows], face[rows] = _lost_by(field, rays.position[rows], rays.direction[rows], until, here, weakest)
 
     starts = range(0, rays.ray_count, CHUNK)
-    if len(starts) < 2 * thread_count():
+    if len(starts) < 2 * core_count():
         for first in starts:
             look_at(first)
     else:
-        with ThreadPoolExecutor(thread_count()) as pool:
+        with ThreadPoolExecutor(core_count()) as pool:
             list(pool.map(look_at, starts))
     return lost, face
 

@@ -18,7 +18,7 @@ import numpy as np
 
 from aerokernels.jobs.sweeps.gpus import visible_gpus
 from aerokernels.jobs.sweeps.run import sweep
-from aerokernels.tracing.engines.info import thread_count
+from aerokernels.machine import core_count
 
 SCENE, FLOWS = "wind-tunnel-mach3", ("mach2", "mach3", "mach4")
 GREATEST_TILT = 30.0  # [degrees]
@@ -27,7 +27,7 @@ COLUMNS = ("workers", "cases", "wall", "a case", "processor", "of that tracing",
 
 def worker_counts() -> list[int]:
     """1, 2, 4 ... up to the GPUs of this machine, or its cores where it has none."""
-    most = len(visible_gpus()) or min(thread_count(), 8)
+    most = len(visible_gpus()) or min(core_count(), 8)
     return sorted({min(2**k, most) for k in range(10)})
 
 

@@ -3,12 +3,12 @@
 They run over host threads in chunks: Warp's CPU device runs a launch in one thread, and lets go of the interpreter.
 """
 
-import os
 from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import warp as wp
 
+from ...machine import core_count
 from ...quiet_warp import start_warp
 
 CHUNK = 1 << 18  # of what a kernel goes through, at a time
@@ -179,7 +179,7 @@ def launch(kernel, count: int, *arguments) -> None:
     start_warp()
     given = [_shared(argument) for argument in arguments]
     kernel.module.load("cpu", 1)  # once, before threads ask for it
-    threads = os.cpu_count() or 1
+    threads = core_count()
     size = max(LEAST_CHUNK, min(CHUNK, -(-count // (4 * threads))))
 
     def run(first: int) -> None:

@@ -1,6 +1,5 @@
 """Which cell holds each node of a uniform grid: cells are drawn into the grid, on all cores, in bounded memory."""
 
-import os
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
@@ -9,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from ...machine import core_count
 from .dataset import Block
 from .solids import Solids, solid_chunks
 
@@ -75,7 +75,7 @@ def draw(block: Block, points: np.ndarray, grids: list[NodeGrid], first_cell: in
             _draw_some(solids, grid, first_cell, blank)
         return len(solids.cell)
 
-    threads = os.cpu_count() or 1
+    threads = core_count()
     with ThreadPoolExecutor(threads) as pool:
         waiting = []
         for made in solid_chunks(block, across):

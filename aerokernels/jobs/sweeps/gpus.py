@@ -3,7 +3,8 @@
 import ctypes
 import os
 
-from aerokernels.tracing.engines.info import cuda_driver_loads, thread_count
+from aerokernels.machine import core_count
+from aerokernels.tracing.engines.info import cuda_driver_loads
 
 VISIBLE = "CUDA_VISIBLE_DEVICES"
 _LIBRARIES = ("libcuda.so.1", "libcuda.so", "nvcuda.dll")
@@ -39,7 +40,7 @@ def worker_environments(workers: int | None, case_count: int, devices: set[str |
         One mapping a worker. Each has a GPU of its own, in turn, and its share of the cores.
     """
     gpus = visible_gpus() if devices <= {None} else []
-    cores = thread_count()
+    cores = core_count()
     count = workers if workers is not None else len(gpus) or min(cores, 8)
     count = max(1, min(count, case_count))
     share = str(max(1, cores // count))

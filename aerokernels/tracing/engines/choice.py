@@ -13,7 +13,7 @@ from dataclasses import replace
 from importlib.metadata import PackageNotFoundError, version
 
 from ...opened import OPENED
-from .info import NO_CUDA, BackendInfo, cuda_driver_loads, host_memory, warp_processor
+from .info import NO_CUDA, BackendInfo, cuda_driver_loads, known_memory, warp_processor
 
 BACKENDS = ("auto", "warp", "opencl", "reference")
 # Environment variables that decide between Warp and OpenCL on a kind of device.
@@ -172,7 +172,7 @@ def _reference() -> BackendInfo:
     import scipy
 
     text = "float64 NumPy (DOP853, step by smooth piece of the field): the oracle, slow"
-    return BackendInfo("reference", "cpu", text, scipy.__version__, True, True, host_memory(), "never taken by auto")
+    return BackendInfo("reference", "cpu", text, scipy.__version__, True, True, known_memory(), "never taken by auto")
 
 
 def _why_not(opencl: list[BackendInfo]) -> str:

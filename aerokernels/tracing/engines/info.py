@@ -1,10 +1,11 @@
 """What is known of a backend and its device."""
 
 import ctypes
-import os
+import math
 import sys
 from dataclasses import dataclass
 
+from ...machine import core_count, host_memory
 from ...opened import OPENED
 
 NO_CUDA = "no CUDA device"
@@ -42,23 +43,16 @@ class BackendInfo:
         return self.device != "cpu" if self.backend == "warp" else self.description.startswith("GPU")
 
 
-def host_memory() -> int | None:
-    """Memory of this machine [bytes], or None where it does not say."""
-    try:
-        return os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
-    except (ValueError, OSError, AttributeError):
-        return None
-
-
-def thread_count() -> int:
-    """Cores that this process may use."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else (os.cpu_count() or 1)
+def known_memory() -> int | None:
+    """Memory that this process may have [bytes], or None where the system does not say."""
+    memory = host_memory()
+    return int(memory) if memory < math.inf else None
 
 
 def warp_processor(version: str, reason: str) -> BackendInfo:
     """Warp's CPU device."""
-    text = f"{thread_count()} cores, launches chunked over threads"
-    return BackendInfo("warp", "cpu", text, version, True, True, host_memory(), reason)
+    text = f"{core_count()} cores, launches chunked over threads"
+    return BackendInfo("warp", "cpu", text, version, True, True, known_memory(), reason)
 
 
 def cuda_driver_loads() -> bool:

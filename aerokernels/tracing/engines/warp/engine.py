@@ -12,6 +12,7 @@ from ....clock import stage
 from ....device_arrays import DeviceArray, in_reach, is_one_row
 from ....device_arrays.fetching import Fetching
 from ....device_arrays.pinned import bring
+from ....machine import core_count, host_memory
 from ....medium import IndexField
 from ....opened import OPENED
 from ....quiet_warp import start_warp
@@ -22,7 +23,6 @@ from ...collimated import ENDS, Projection, kernel_numbers, packed
 from ...cube_polynomials import cubes_of
 from ...plan import TracePlan
 from ..field_data import FieldData, array_of, field_data, step_bound_tables, stop_kind, trace_members
-from ..info import host_memory, thread_count
 from ..interface import GRID_TABLES, Prepared
 from ..kernel_table import GRID_KERNELS
 from ..layout import STRUCTS, Value, arrays_of
@@ -58,7 +58,7 @@ class Engine:
         start_warp()
         self.device = device
         found = wp.get_device(device)
-        memory = float(found.total_memory if found.is_cuda else host_memory() or np.inf)
+        memory = float(found.total_memory if found.is_cuda else host_memory())
         self.memory = memory, memory
         self.is_gpu = bool(found.is_cuda)
         self.grid_key = "coefficients", "warp", device
@@ -218,7 +218,7 @@ class Engine:
             some = min(chunk, count - first)
             wp.launch(kernel, dim=some, inputs=[*before, first, *after], device=self.device)
 
-        threads = thread_count()
+        threads = core_count()
         chunk = max(1, min(CHUNK, -(-count // threads)))
         starts = range(0, count, chunk)
         if len(starts) == 1 or threads == 1:

@@ -1,0 +1,119 @@
+"""What this process may use of the machine: cores and memory, as its container, batch job or shell grants them."""
+
+import math
+import os
+from collections.abc import Iterator
+from pathlib import Path
+
+from .opened import OPENED
+
+GROUPS = Path("/sys/fs/cgroup")
+MEMBERSHIP = Path("/proc/self/cgroup")
+
+
+def core_count() -> int:
+    """Cores that this process may use: those it is bound to, or as many as its control group's time comes to."""
+    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else (os.cpu_count() or 1)
+    quota = OPENED.once("core quota", lambda: min(_core_quotas(), default=math.inf))
+    return cores if quota >= cores else max(1, math.ceil(quota))
+
+
+def host_memory() -> float:
+    """Memory that this process may have [bytes], if no other needs it; infinite where the system does not say."""
+    try:
+        whole = float(os.sysconf("SC_PAGE_SIZE")) * os.sysconf("SC_PHYS_PAGES")
+    except (ValueError, OSError, AttributeError):  # not on this system
+        whole = math.inf
+    return min([whole, _address_space()[0], *(limit for limit, _ in _group_memory())])
+
+
+def free_memory() -> float:
+    """Memory that can be had without ending other processes [bytes]; infinite where the system does not say."""
+    limit, used = _address_space()
+    free = [limit - used, *(limit - used for limit, used in _group_memory())]
+    return max(0.0, min(_available(), *free))
+
+
+def _available() -> float:
+    try:
+        with open("/proc/meminfo", encoding="ascii") as lines:
+            for line in lines:
+                if line.startswith("MemAvailable:"):
+                    return 1024.0 * int(line.split()[1])
+    except (OSError, ValueError, IndexError):
+        pass
+    return host_memory()
+
+
+def _address_space() -> tuple[float, float]:
+    """How much address space the process may have (ulimit -v), and how much it has [bytes]."""
+    try:
+        import resource
+
+        limit = resource.getrlimit(resource.RLIMIT_AS)[0]
+        if limit == resource.RLIM_INFINITY:
+            return math.inf, 0.0
+        pages = int(Path("/proc/self/statm").read_text(encoding="ascii").split()[0])
+    except (ImportError, OSError, ValueError, IndexError):
+        return math.inf, 0.0
+    return float(limit), float(pages) * os.sysconf("SC_PAGE_SIZE")
+
+
+def _folders(controller: str) -> Iterator[Path]:
+    """Folders of the control groups that this process is in, and of those above them, that may limit a resource.
+
+    In a container the path may be the host's, of which only the group at the root is seen.
+    """
+    try:
+        lines = MEMBERSHIP.read_text(encoding="utf-8", errors="replace").splitlines()
+    except OSError:
+        return
+    for line in lines:
+        _, names, path = [*line.split(":", 2), "", ""][:3]
+        if names and controller not in names.split(","):
+            continue
+        root = GROUPS / controller if names else GROUPS  # versions 1 and 2 of the kernel's interface
+        own = root / path.lstrip("/")
+        yield from (folder for folder in (own, *own.parents) if folder == root or root in folder.parents)
+
+
+def _number(folder: Path, name: str, field: int = 0) -> float:
+    """A number of a control group's file; not a number where there is none, infinite for "max"."""
+    try:
+        word = (folder / name).read_text(encoding="ascii").split()[field]
+        return math.inf if word == "max" else float(word)
+    except (OSError, ValueError, IndexError):
+        return math.nan
+
+
+def _core_quotas() -> Iterator[float]:
+    for folder in _folders("cpu"):
+        for quota, period in (
+            (_number(folder, "cpu.max"), _number(folder, "cpu.max", 1)),
+            (_number(folder, "cpu.cfs_quota_us"), _number(folder, "cpu.cfs_period_us")),
+        ):
+            if 0.0 < quota < math.inf and period > 0.0:
+                yield quota / period
+
+
+def _group_memory() -> Iterator[tuple[float, float]]:
+    """Limits of memory, and what is used of each beside files that can be dropped [bytes]."""
+    for folder in _folders("memory"):
+        for limit_name, used_name, dropped in (
+            ("memory.max", "memory.current", "inactive_file"),
+            ("memory.limit_in_bytes", "memory.usage_in_bytes", "total_inactive_file"),
+        ):
+            limit, used = _number(folder, limit_name), _number(folder, used_name)
+            if 0.0 < limit < math.inf and used >= 0.0:
+                yield limit, max(0.0, used - _statistic(folder / "memory.stat", dropped))
+
+
+def _statistic(path: Path, name: str) -> float:
+    try:
+        for line in path.read_text(encoding="ascii").splitlines():
+            key, _, value = line.partition(" ")
+            if key == name:
+                return float(value)
+    except (OSError, ValueError):
+        pass
+    return 0.0

@@ -1,0 +1,70 @@
+"""What a process may use: control groups of both versions as the kernel writes them, limits and bindings for real."""
+
+import math
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from aerokernels import machine
+
+
+def write(folder: Path, **files: str) -> None:
+    folder.mkdir(parents=True, exist_ok=True)
+    for name, text in files.items():
+        (folder / name.replace("__", ".")).write_text(text)
+
+
+@pytest.fixture
+def groups(tmp_path: Path, monkeypatch) -> Path:
+    monkeypatch.setattr(machine, "GROUPS", tmp_path / "cgroup")
+    monkeypatch.setattr(machine, "MEMBERSHIP", tmp_path / "membership")
+    return tmp_path
+
+
+def test_version_two_a_job_within_a_container(groups: Path):
+    (groups / "membership").write_text("0::/jobs/mine\n")
+    write(groups / "cgroup/jobs/mine", cpu__max="max 100000\n", memory__max="max\n", memory__current="5\n")
+    write(groups / "cgroup/jobs", cpu__max="150000 100000\n", memory__max="4000000\n", memory__current="3000000\n")
+    write(groups / "cgroup/jobs", memory__stat="anon 1\ninactive_file 500000\n")
+    assert list(machine._core_quotas()) == [1.5]
+    assert machine.host_memory() == 4e6
+    assert machine.free_memory() == 4e6 - 2.5e6  # pages of files can be dropped
+
+
+def test_version_one_a_container_that_names_the_path_of_its_host(groups: Path):
+    (groups / "membership").write_text("4:memory:/docker/abc\n2:cpuset,cpu:/docker/abc\n1:name=systemd:/\nodd\n")
+    write(groups / "cgroup/memory", memory__limit_in_bytes="3000000\n", memory__usage_in_bytes="1000000\n")
+    write(groups / "cgroup/memory", memory__stat="inactive_file 9\ntotal_inactive_file 400000\n")
+    write(groups / "cgroup/cpu", cpu__cfs_quota_us="200000\n", cpu__cfs_period_us="100000\n")
+    assert list(machine._core_quotas()) == [2.0]
+    assert (machine.host_memory(), machine.free_memory()) == (3e6, 3e6 - 6e5)
+
+
+def test_groups_that_say_nothing_limit_nothing(groups: Path):
+    assert list(machine._folders("cpu")) == []
+    (groups / "membership").write_text("0::/../../odd\n3:memory:\n2:cpu:/\n")
+    write(groups / "cgroup", cpu__max="max\n", memory__max="not a number\n")
+    write(groups / "cgroup/cpu", cpu__cfs_quota_us="-1\n", cpu__cfs_period_us="100000\n")
+    assert list(machine._core_quotas()) == [] and list(machine._group_memory()) == []
+    assert 1e8 < machine.free_memory() <= machine.host_memory()
+
+
+@pytest.mark.skipif(not sys.platform.startswith("linux"), reason="bindings and limits as Linux has them")
+def test_a_shell_that_binds_and_limits():
+    """`taskset` and `ulimit -v`, in a process of its own: cores and memory follow, also those of a file's reader."""
+    code = (
+        "import os, resource\n"
+        "os.sched_setaffinity(0, {min(os.sched_getaffinity(0))})\n"
+        "resource.setrlimit(resource.RLIMIT_AS, (2 << 30, 2 << 30))\n"
+        "from aerokernels import machine, room\n"
+        "print(machine.core_count(), machine.host_memory(), machine.free_memory())\n"
+        "try: room.check_room(1.5e9, 'a.nc')\n"
+        "except room.NoRoomError as error: print(error)\n"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, timeout=60)
+    numbers, refusal = done.stdout.splitlines()
+    cores, memory, free = map(float, numbers.split())
+    assert (cores, memory) == (1, 2 << 30) and 0 < free < memory < math.inf
+    assert refusal.startswith("a.nc announces 1.5 GB")
