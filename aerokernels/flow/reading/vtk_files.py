@@ -145,9 +145,8 @@ def _block(path: Path | str, data, name: str) -> Block:
 
     shape = None
     if isinstance(data, (vtkImageData, vtkRectilinearGrid, vtkStructuredGrid)):
-        counts = [0, 0, 0]
-        data.GetDimensions(counts)
-        shape = (counts[0], counts[1], counts[2])
+        extent = data.GetExtent()  # GetDimensions has other arguments in other versions of VTK
+        shape = (extent[1] - extent[0] + 1, extent[3] - extent[2] + 1, extent[5] - extent[4] + 1)
     point_data = _arrays(path, data.GetPointData(), data.GetNumberOfPoints())
     cell_data = _arrays(path, data.GetCellData(), data.GetNumberOfCells())
     ghosts = cell_data.pop("vtkGhostType", None)
