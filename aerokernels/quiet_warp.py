@@ -6,10 +6,12 @@ kernels compile in two thirds of the time, give the same bits, and run 15 to 45 
 
 import os
 import sys
+from collections.abc import Callable
 
 import warp as wp
 
 from .opened import OPENED
+from .spare_cache import spare_cache
 
 FLAGS = "AEROKERNELS_WARP_FLAGS"
 
@@ -24,11 +26,20 @@ def _start() -> None:
     wp.config.log_level = wp.LOG_WARNING
     if os.environ.get(FLAGS):
         wp.config.cpu_compiler_flags = os.environ[FLAGS]
+    try:
+        _silently(wp.init)
+    except OSError as error:  # the folder that Warp keeps kernels in cannot be made
+        wp.config.kernel_cache_dir = spare_cache("warp", f"Warp's kernel cache cannot be made ({error})")
+        _silently(wp.init)
+
+
+def _silently(call: Callable[[], None]) -> None:
+    """Without what native code prints, past any Python stream."""
     sys.stderr.flush()
     silent, spoken = os.open(os.devnull, os.O_WRONLY), os.dup(2)
     try:
-        os.dup2(silent, 2)  # the warning is printed by native code, past any Python stream
-        wp.init()
+        os.dup2(silent, 2)
+        call()
     finally:
         os.dup2(spoken, 2)
         os.close(silent)

@@ -31,6 +31,7 @@ RANK = {
                 "drafts",
                 "netcdf_file",
                 "room",
+                "spare_cache",
             ),
             ("arguments", "fragile", "one_writer"),
             ("shown", "netcdf_reading", "in_turn"),

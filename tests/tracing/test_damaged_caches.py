@@ -150,6 +150,29 @@ def test_without_a_linker_auto_takes_warp_and_says_why(tmp_path, linker):
     assert reason in done.stdout
 
 
+def test_without_a_path_there_is_no_linker_either():
+    """Python then looks for programs in /usr/bin, and PoCL's compiler nowhere: it ended the process."""
+    code = (
+        "import os; os.environ.pop('PATH'); from aerokernels.tracing.engines.opencl import linker; "
+        "print(linker._linker())"
+    )
+    assert run_python(code, Path.cwd()).stdout == "None\n"
+
+
+@pytest.mark.parametrize("backend", ["warp", "opencl"])
+def test_a_home_that_takes_no_files_gives_the_process_caches_of_its_own(backend, tmp_path):
+    """As for a user of a service whose home is /nonexistent: both engines trace, say where kernels are, and tidy up."""
+    if backend == "opencl" and "PoCL" not in need_opencl().info.description:
+        pytest.skip("no PoCL here")
+    code = (
+        f"from aerokernels.tracing.engines.choice import choose_backend; print(choose_backend({backend!r}, 'cpu')[:1])"
+    )
+    nowhere = {"HOME": "/dev/null", "XDG_CACHE_HOME": "/dev/null/caches", "POCL_CACHE_DIR": ""}
+    done = run_python(code, tmp_path, TMPDIR=str(tmp_path), PYOPENCL_NO_CACHE="1", **nowhere)
+    assert done.returncode == 0 and done.stdout == f"('{backend}',)\n", done.stderr
+    assert "kernels are built in" in done.stderr and not list(tmp_path.iterdir())
+
+
 def test_a_limit_on_files_is_seen_before_pocl_meets_it(monkeypatch):
     """`ulimit -f 200` ended in "LLVM ERROR: IO failure" and SIGABRT."""
     from aerokernels.tracing.engines.opencl import linker

@@ -49,9 +49,14 @@ def _succeeds(command: list[str], seconds: float, environment: dict[str, str] | 
     return done.returncode == 0
 
 
+def _linker() -> str | None:
+    """The linker that PoCL's compiler finds; where there is no PATH it looks nowhere, and Python in /usr/bin."""
+    return shutil.which("ld", path=os.environ.get("PATH", ""))
+
+
 def _links(folder: str) -> bool:
     """Whether `ld` links what PoCL's compiler hands it: GCC's libraries and that of C."""
-    linker = shutil.which("ld")
+    linker = _linker()
     # Where distributions put GCC's libraries; that of C is where the linker looks by itself.
     places = [f"-L{place}" for place in glob.glob("/usr/lib/gcc/*/*/")]
     library = os.path.join(folder, "library.so")
@@ -88,7 +93,7 @@ def linker_trouble(options: tuple[str, ...] = ()) -> str:
     with tempfile.TemporaryDirectory(prefix="aerokernels-linker-", ignore_cleanup_errors=True) as folder:
         if _links(folder) or _compiles(folder, options):
             return ""
-    missing = "`ld` finds no libraries of GCC and of C" if shutil.which("ld") else "there is no `ld` on PATH"
+    missing = "`ld` finds no libraries of GCC and of C" if _linker() else "there is no `ld` on PATH"
     return (
         f"PoCL cannot link its kernels: {missing}, and its first kernel would end the process; install a compiler of "
         "C, which brings them (on Debian and Ubuntu: apt install gcc libc6-dev), with its folder on PATH, or take "

@@ -11,7 +11,6 @@ import json
 import os
 import shutil
 import struct
-import tempfile
 import time
 import warnings
 import zlib
@@ -19,6 +18,8 @@ from collections.abc import Iterator
 from contextlib import suppress
 from pathlib import Path
 from typing import BinaryIO
+
+from ....spare_cache import spare_cache, why_unwritable
 
 VARIABLE = "POCL_CACHE_DIR"
 RECORD = "aerokernels-checked.json"  # beside PoCL's folders, which have names of two letters
@@ -44,20 +45,26 @@ def cache_folder() -> Path:
 def make_safe() -> None:
     """Remove what is damaged in the cache, once for a process and before its driver is opened.
 
-    Where that cannot be done, or where the disk is full, this process gets a cache of its own in the folder for
-    temporary files. Either is reported as a RuntimeWarning.
+    Where that cannot be done, where the folder cannot be written or the disk is full, this process gets a cache of its
+    own in the folder for temporary files. Either is reported as a RuntimeWarning.
     """
     folder = cache_folder()
     damaged = remove_damaged(folder)
     left = [path for path in damaged if path.exists()]
-    if left or _free_space(folder) < LEAST_SPACE:
-        why = f"{left[0]} is damaged and cannot be removed" if left else f"the disk of {folder} is full"
-        place = tempfile.mkdtemp(prefix="aerokernels-pocl-")
-        os.environ[VARIABLE] = place
-        _tell(f"{why}: kernels are built in {place} for this process")
+    unwritable = why_unwritable(folder)
+    if left or unwritable or _free_space(folder) < LEAST_SPACE:
+        if left:
+            why = f"{left[0]} is damaged and cannot be removed"
+        else:
+            why = f"{folder} cannot be written ({unwritable})" if unwritable else f"the disk of {folder} is full"
+        os.environ[VARIABLE] = spare_cache("pocl", why)
     elif damaged:
         count = f"{len(damaged)} programs" if len(damaged) > 1 else "a program"
-        _tell(f"PoCL's kernel cache in {folder} held {count} with damaged files: removed, and built anew")
+        warnings.warn(
+            f"PoCL's kernel cache in {folder} held {count} with damaged files: removed, and built anew",
+            RuntimeWarning,
+            stacklevel=2,
+        )
 
 
 def remove_damaged(folder: Path) -> list[Path]:
@@ -212,7 +219,3 @@ def _free_space(folder: Path) -> float:
         except OSError:
             continue
     return float("inf")
-
-
-def _tell(note: str) -> None:
-    warnings.warn(note, RuntimeWarning, stacklevel=2)
