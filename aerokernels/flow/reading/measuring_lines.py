@@ -13,7 +13,7 @@ SHEET_SHARE = 0.02  # of the range of the density: cells whose function lacks mo
 # Of a curved density a linear function with the right average lacks up to h^2 / 12 of the second derivative along a
 # line beside the middles of the cells, and at the corners h^2 / 4, which is seen.
 BIAS = 1.0 / 3.0
-ALONG = 3.5  # a line that runs along a shock through several cells: beside it these lack a quarter of what they hold
+ALONG = 2.0  # more at most of the squares of cells in a row through which a line runs along a shock, or in it
 PLACE = 2.0  # a shock's place in its cell, which no average tells: what the worst corner lacks beside the mean of all
 
 
@@ -120,7 +120,7 @@ class MeasuringLines:
         columns = [self._length * own.reshape(shape).sum(axis=2) for own in (change, flat)]
         seen = change[node] if len(node) else change
         met = max(int((self.grid.cell.reshape(shape) >= 0).any(axis=2).sum()), 1)  # lines that go through cells at all
-        unresolved = self._unresolved(bend, span)
+        likely, greatest = self._unresolved(bend, span)
         rms = [float(np.sqrt(np.mean(seen**2))), *(float(np.sqrt(np.sum(own**2) / met)) for own in columns)]
         return VolumeResampling(
             tuple(float(s) for s in self._spacing),  # type: ignore[arg-type]
@@ -132,12 +132,15 @@ class MeasuringLines:
             outside_share,
             averaged_share,
             float(np.sqrt(np.mean(bend[node] ** 2))) if len(node) else 0.0,
-            float(np.sqrt(np.sum(unresolved**2) / met)),
-            float(unresolved.max()),
+            float(np.sqrt(np.sum(likely**2) / met)),
+            float(greatest.max()),
         )
 
-    def _unresolved(self, bend: np.ndarray, span: float) -> np.ndarray:
-        """What `bend` makes of each line [kg/m2], in each cell and all together; `span` is the range of the density."""
+    def _unresolved(self, bend: np.ndarray, span: float) -> tuple[np.ndarray, np.ndarray]:
+        """What `bend` makes of each line [kg/m2], in each cell and all together, as is likely and at most.
+
+        `span` is the range of the density [kg/m3].
+        """
         lines = bend.reshape(-1, self.grid.shape[2]) * self._length
         together = BIAS * lines.sum(axis=1)
         cell = self.grid.cell.reshape(lines.shape)
@@ -149,5 +152,7 @@ class MeasuringLines:
         first[:, 1:] &= (shock[:, 1:] != shock[:, :-1]) | (shock[:, 1:] == 0)
         begin = np.flatnonzero(first)
         along = np.add.reduceat(other.ravel(), begin, dtype=np.int64) > 1
-        each = np.where(along, ALONG, PLACE) * np.add.reduceat(lines.ravel(), begin)
-        return np.sqrt(together**2 + np.bincount(begin // lines.shape[1], each**2, len(lines)))
+        squares = (PLACE * np.add.reduceat(lines.ravel(), begin)) ** 2
+        line = begin // lines.shape[1]
+        likely = together**2 + np.bincount(line, squares, len(lines))
+        return np.sqrt(likely), np.sqrt(likely + np.bincount(line[along], ALONG * squares[along], len(lines)))
