@@ -28,18 +28,20 @@ FIRST_CELL = (24.0 / 9.0, -19.0 / 9.0, 5.0 / 9.0, -1.0 / 9.0)  # of its average 
 SLAB = 1 << 20  # averages that are worked on at a time
 
 
-def at_corners(average: np.ndarray) -> np.ndarray:
-    """Values at the corners of even cells from averages over these, one node more along each axis.
+def at_corners(average: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Values at the corners of even cells from averages over these, one node more along each axis; and smooth cells.
+
+    These neither hold a captured shock nor touch one that does.
 
     Args:
         average: Averages over the cells, three axes, at least two cells along each.
     """
-    smooth = _smooth(average)
+    smooth = kept = _smooth(average)
     for axis in range(average.ndim):
         average = _along(average, smooth, axis)
         before, after = ([(end if k == axis else (0, 0)) for k in range(smooth.ndim)] for end in ((1, 0), (0, 1)))
         smooth = np.pad(smooth, before, mode="edge") & np.pad(smooth, after, mode="edge")
-    return average
+    return average, kept
 
 
 def _smooth(values: np.ndarray) -> np.ndarray:

@@ -120,7 +120,8 @@ class MeasuringLines:
         columns = [self._length * own.reshape(shape).sum(axis=2) for own in (change, flat)]
         seen = change[node] if len(node) else change
         met = max(int((self.grid.cell.reshape(shape) >= 0).any(axis=2).sum()), 1)  # lines that go through cells at all
-        likely, greatest = self._unresolved(bend, span)
+        by_line = bend.reshape(-1, shape[2])
+        likely, greatest = unresolved(by_line * self._length, by_line, self.grid.cell.reshape(by_line.shape), span)
         rms = [float(np.sqrt(np.mean(seen**2))), *(float(np.sqrt(np.sum(own**2) / met)) for own in columns)]
         return VolumeResampling(
             tuple(float(s) for s in self._spacing),  # type: ignore[arg-type]
@@ -136,23 +137,26 @@ class MeasuringLines:
             float(greatest.max()),
         )
 
-    def _unresolved(self, bend: np.ndarray, span: float) -> tuple[np.ndarray, np.ndarray]:
-        """What `bend` makes of each line [kg/m2], in each cell and all together, as is likely and at most.
 
-        `span` is the range of the density [kg/m3].
-        """
-        lines = bend.reshape(-1, self.grid.shape[2]) * self._length
-        together = BIAS * lines.sum(axis=1)
-        cell = self.grid.cell.reshape(lines.shape)
-        shock = np.sign(lines) * (np.abs(bend.reshape(lines.shape)) > SHEET_SHARE * span)
-        other = np.ones(lines.shape, bool)
-        other[:, 1:] = cell[:, 1:] != cell[:, :-1]
-        # Cells of a shock that lie in a row along the line lack alike: their errors add up.
-        first = other.copy()
-        first[:, 1:] &= (shock[:, 1:] != shock[:, :-1]) | (shock[:, 1:] == 0)
-        begin = np.flatnonzero(first)
-        along = np.add.reduceat(other.ravel(), begin, dtype=np.int64) > 1
-        squares = (PLACE * np.add.reduceat(lines.ravel(), begin)) ** 2
-        line = begin // lines.shape[1]
-        likely = together**2 + np.bincount(line, squares, len(lines))
-        return np.sqrt(likely), np.sqrt(likely + np.bincount(line[along], ALONG * squares[along], len(lines)))
+def unresolved(lines: np.ndarray, bend: np.ndarray, cell: np.ndarray, span: float) -> tuple[np.ndarray, np.ndarray]:
+    """What `bend` makes of lines [kg/m2], in each cell and all together, as is likely and at most: (line_count,) each.
+
+    Args:
+        lines: What it makes of each place of each line [kg/m2], shape (line_count, place_count).
+        bend: What the function of the cell there lacks [kg/m3], likewise.
+        cell: Numbers of the cells, likewise.
+        span: The range of the density [kg/m3].
+    """
+    together = BIAS * lines.sum(axis=1)
+    shock = np.sign(lines) * (np.abs(bend) > SHEET_SHARE * span)
+    other = np.ones(lines.shape, bool)
+    other[:, 1:] = cell[:, 1:] != cell[:, :-1]
+    # Cells of a shock that lie in a row along the line lack alike: their errors add up.
+    first = other.copy()
+    first[:, 1:] &= (shock[:, 1:] != shock[:, :-1]) | (shock[:, 1:] == 0)
+    begin = np.flatnonzero(first)
+    along = np.add.reduceat(other.ravel(), begin, dtype=np.int64) > 1
+    squares = (PLACE * np.add.reduceat(lines.ravel(), begin)) ** 2
+    line = begin // lines.shape[1]
+    likely = together**2 + np.bincount(line, squares, len(lines))
+    return np.sqrt(likely), np.sqrt(likely + np.bincount(line[along], ALONG * squares[along], len(lines)))

@@ -7,6 +7,7 @@ import numpy as np
 from ..sampled_density import GridDensity
 from .dataset import SOLID, Block, ReadError
 from .even_averages import at_corners
+from .even_errors import told_error
 from .resampling import Resampling
 from .solids import corner_chunks
 
@@ -30,7 +31,7 @@ def volume_field(reading, spacing=None, region=None, walls=None, kept=None) -> G
     if len(moved) == 1 and spacing is None and region is None:
         grid = uniform_grid(dataset.blocks[0], moved[0], *reading.densities[0])
         if grid is not None:
-            density, low, step = grid
+            density, low, step, told = grid
             ambient = reading.ambient or dataset.ambient or float(np.median(density[:, :, -1]))
             described = [*reading.described(), f"ambient {ambient:.6g} kg/m3"]
             composition = None
@@ -46,6 +47,7 @@ def volume_field(reading, spacing=None, region=None, walls=None, kept=None) -> G
                 "volume",
                 ambient,
                 provenance=f"{path}: {'; '.join(described)}",
+                resampling=told,
                 composition=composition,
             )
     for block in dataset.blocks:
@@ -79,9 +81,10 @@ def cells_blanked(block: Block) -> Block:
 
 
 def uniform_grid(block: Block, points: np.ndarray, density: np.ndarray, where: str):
-    """Density [x, y, z], first node and spacing of a uniform grid; None for another.
+    """Density [x, y, z], first node and spacing of a uniform grid, and its error; None for another.
 
-    Averages over cells become nodes at the corners of the cells: the grid covers what the cells cover.
+    Averages over cells become nodes at the corners of the cells: the grid covers what the cells cover, and what this
+    leaves of the flow is told. Of values at nodes nothing but their interpolant says so, which budgets judge: None.
     """
     if block.shape is None or min(block.shape) < 2 or (block.blank is not None and block.blank.any()):
         return None
@@ -105,7 +108,10 @@ def uniform_grid(block: Block, points: np.ndarray, density: np.ndarray, where: s
         first[axis] = points[:, axis].min()
         if steps[i][axis] < 0.0:
             values = np.flip(values, axis)
-    return np.ascontiguousarray(at_corners(values) if cell else values), first, step
+    if not cell:
+        return np.ascontiguousarray(values), first, step, None
+    density, smooth = at_corners(values)
+    return density, first, step, told_error(values, smooth, step)
 
 
 def _is_even(at: np.ndarray, steps, along: list[int], size: np.ndarray) -> bool:
