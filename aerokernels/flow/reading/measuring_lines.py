@@ -72,18 +72,24 @@ class MeasuringLines:
         )
         self._low, self._spacing, self._shape = low, spacing, shape
 
-    def settle(self, parts: list[Reconstruction], cell_counts: list[int]) -> None:
-        """Keep what is needed of the cells that the lines were drawn through; a part for each block, in their order."""
+    def settle(self, parts: list[Reconstruction], firsts: list[int], cell_counts: list[int]) -> None:
+        """Keep what is needed of the cells that the lines were drawn through; a part for each block.
+
+        Args:
+            parts: Of the blocks.
+            firsts: Number of the first cell of each in the lines' grid.
+            cell_counts: Cells of each.
+        """
         from scipy.sparse import csr_array
 
         grid = self.grid
         self._node = np.flatnonzero(grid.cell >= 0)
         cells, self._of = np.unique(grid.cell[self._node], return_inverse=True)
-        ends = np.cumsum([0, *cell_counts])
-        self._parts = [
-            SomeCells.of(part, cells[(cells >= first) & (cells < last)] - first)
-            for part, first, last in zip(parts, ends[:-1], ends[1:], strict=True)
-        ]
+        self._order = sorted(range(len(parts)), key=lambda k: (firsts[k], cell_counts[k]))
+        self._parts = []
+        for k in self._order:
+            own = cells[(cells >= firsts[k]) & (cells < firsts[k] + cell_counts[k])]
+            self._parts.append(SomeCells.of(parts[k], own - firsts[k]))
         self._at = grid.positions(self._node)
         # The eight nodes about each place, and their shares of what is linear between them.
         place = (self._at - self._low) / self._spacing
@@ -110,7 +116,7 @@ class MeasuringLines:
         change, flat, bend = (np.zeros(int(np.prod(shape))) for _ in range(3))
         span = 0.0
         if len(node):
-            each = zip(self._parts, values, strict=True)
+            each = zip(self._parts, [values[k] for k in self._order], strict=True)
             linear = Linear.joined([part.linear(value, near, self._low) for part, (value, near) in each])
             truth = linear.at(self._of, self._at)
             change[node] = self._between @ density - truth
