@@ -6,6 +6,7 @@ Runs in the child of fragile.py.
 from pathlib import Path
 from typing import Any
 
+from .cgns_units import units
 from .cgns_walls import patches
 from .dataset import Block, Dataset, ReadError, chosen_time
 from .vtk_files import DAMAGED, blocks_of, run
@@ -39,7 +40,8 @@ def read(path: Path, time: Any = None, options: dict | None = None) -> Dataset:
         raise ReadError(path, "it has no zone with cells", DAMAGED)
     blocks = [_named(block, k) for k, block in enumerate(blocks)]
     found, notes = patches(path)
-    return Dataset(blocks, "CGNS", patches=found, times=times, time=chosen, notes=notes)
+    length, stated = units(path)
+    return Dataset(blocks, "CGNS", patches=found, times=times, time=chosen, units=stated, length=length, notes=notes)
 
 
 def _named(block: Block, number: int) -> Block:

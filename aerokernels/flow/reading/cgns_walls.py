@@ -9,9 +9,9 @@ from pathlib import Path
 
 import numpy as np
 
+from .cgns_nodes import HDF5, child, children, data_of, name_of, text_of
 from .dataset import Patch, Polygons
 
-HDF5 = b"\x89HDF\r\n\x1a\n"
 SURFACE = {
     3: 2,
     4: 2,
@@ -35,30 +35,30 @@ def patches(path: Path) -> tuple[list[Patch], list[str]]:
 
     found, notes = [], []
     with h5py.File(path, "r") as file:
-        for base in _children(file, "CGNSBase_t"):
-            dimension = int(_data(base)[0])
+        for base in children(file, "CGNSBase_t"):
+            dimension = int(data_of(base)[0])
             if dimension not in (2, 3):
                 continue
-            families = {_name(own): _text(kind) for own in _children(base, "Family_t")
-                        for kind in _children(own, "FamilyBC_t")}  # fmt: skip
-            for zone in _children(base, "Zone_t"):
+            families = {name_of(own): text_of(kind) for own in children(base, "Family_t")
+                        for kind in children(own, "FamilyBC_t")}  # fmt: skip
+            for zone in children(base, "Zone_t"):
                 points = _points(zone)
-                conditions = [own for part in _children(zone, "ZoneBC_t") for own in _children(part, "BC_t")]
+                conditions = [own for part in children(zone, "ZoneBC_t") for own in children(part, "BC_t")]
                 if points is None or not conditions:
                     continue
-                even = any(_text(own) == "Structured" for own in _children(zone, "ZoneType_t"))
+                even = any(text_of(own) == "Structured" for own in children(zone, "ZoneType_t"))
                 elements = None if even else _Elements(zone, dimension)
                 for own in conditions:
                     corners = _faces_of_range(own, zone, dimension) if elements is None else elements.of(own)
                     if not len(corners):
-                        notes.append(f"boundary patch {_name(own)} names no faces that are there")
+                        notes.append(f"boundary patch {name_of(own)} names no faces that are there")
                         continue
                     at = points[corners]
                     kind = _kind(own, families)
                     if dimension == 2:
-                        found.append(Patch(_name(own), kind, at))
+                        found.append(Patch(name_of(own), kind, at))
                     else:
-                        found.append(Patch(_name(own), kind, polygons=Polygons(at.reshape(-1, 3), _starts(at))))
+                        found.append(Patch(name_of(own), kind, polygons=Polygons(at.reshape(-1, 3), _starts(at))))
     return found, notes
 
 
@@ -66,47 +66,20 @@ def _starts(at: np.ndarray) -> np.ndarray:
     return at.shape[1] * np.arange(len(at) + 1)
 
 
-def _children(node, label: str) -> Iterator:
-    for name in node:
-        own = node[name]
-        if _decoded(own.attrs.get("label", b"")) == label:
-            yield own
-
-
-def _child(node, *names: str):
-    return next((node[name] for name in names if name in node and " data" in node[name]), None)
-
-
-def _data(node) -> np.ndarray:
-    return np.asarray(node[" data"][...])
-
-
-def _decoded(value) -> str:
-    return value.decode("latin-1") if isinstance(value, bytes) else str(value)
-
-
-def _text(node) -> str:
-    return _data(node).tobytes().decode("latin-1").strip(" \0") if " data" in node else ""
-
-
-def _name(node) -> str:
-    return str(node.name.rsplit("/", 1)[-1])
-
-
 def _points(zone) -> np.ndarray | None:
-    for grid in _children(zone, "GridCoordinates_t"):
-        axes = [_child(grid, f"Coordinate{axis}") for axis in "XYZ"]
+    for grid in children(zone, "GridCoordinates_t"):
+        axes = [child(grid, f"Coordinate{axis}") for axis in "XYZ"]
         if axes[0] is not None and axes[1] is not None:
-            own = [np.zeros(1) if axis is None else _data(axis).astype(np.float64).ravel() for axis in axes]
+            own = [np.zeros(1) if axis is None else data_of(axis).astype(np.float64).ravel() for axis in axes]
             return np.stack(np.broadcast_arrays(*own), axis=1)
     return None
 
 
 def _kind(condition, families: dict[str, str]) -> str:
     """Kind "wall" for walls, by the condition's own type, its family's, or its family's name; else the type."""
-    kind = _text(condition)
+    kind = text_of(condition)
     if kind == "FamilySpecified":
-        family = next((_text(own) for own in _children(condition, "FamilyName_t")), "")
+        family = next((text_of(own) for own in children(condition, "FamilyName_t")), "")
         kind = families.get(family, "")
         if kind in ("", "Null", "UserDefined", "FamilySpecified"):
             kind = "wall" if "wall" in family.lower() else family
@@ -114,17 +87,17 @@ def _kind(condition, families: dict[str, str]) -> str:
 
 
 def _location(condition) -> str:
-    own = _child(condition, "GridLocation")
-    return "Vertex" if own is None else _text(own)
+    own = child(condition, "GridLocation")
+    return "Vertex" if own is None else text_of(own)
 
 
 def _faces_of_range(condition, zone, dimension: int) -> np.ndarray:
     """Corners of the faces of a structured zone in a range of points, shape (n, 2) or (n, 4); i is the fastest."""
-    counts = _data(zone).reshape(3, dimension)[0].astype(np.int64)  # as HDF5 has it: sizes of vertices first
-    own = _child(condition, "PointRange")
+    counts = data_of(zone).reshape(3, dimension)[0].astype(np.int64)  # as HDF5 has it: sizes of vertices first
+    own = child(condition, "PointRange")
     if own is None:
         return np.empty((0, 2), np.int64)
-    ends = _data(own).astype(np.int64).reshape(2, dimension) - 1
+    ends = data_of(own).astype(np.int64).reshape(2, dimension) - 1
     low, high = ends.min(axis=0), ends.max(axis=0)
     flat = np.flatnonzero(low == high)
     location = _location(condition)
@@ -152,7 +125,7 @@ class _Elements:
     def __init__(self, zone, dimension: int):
         self.wide = 2 if dimension == 2 else 4
         number, corners = [], []
-        for section in _children(zone, "Elements_t"):
+        for section in children(zone, "Elements_t"):
             for count, own in self._of_section(section):
                 number.append(count)
                 corners.append(own)
@@ -160,19 +133,19 @@ class _Elements:
         self.corners = np.concatenate(corners) if corners else np.empty((0, self.wide), np.int64)
 
     def _of_section(self, section) -> Iterator[tuple[np.ndarray, np.ndarray]]:
-        kind = int(_data(section)[0])
-        own, limits = _child(section, "ElementConnectivity"), _child(section, "ElementRange")
+        kind = int(data_of(section)[0])
+        own, limits = child(section, "ElementConnectivity"), child(section, "ElementRange")
         if own is None or limits is None:
             return
-        first, last = (int(v) for v in _data(limits).ravel())
-        flat, number = _data(own).astype(np.int64).ravel(), np.arange(first, last + 1)
+        first, last = (int(v) for v in data_of(limits).ravel())
+        flat, number = data_of(own).astype(np.int64).ravel(), np.arange(first, last + 1)
         if kind in SURFACE:
             yield from self._kept(kind, number, flat.reshape(len(number), POINTS[kind]))
         elif kind in (MIXED, POLYGONS):
-            offsets = _child(section, "ElementStartOffset")
+            offsets = child(section, "ElementStartOffset")
             # Before CGNS 4 each polygon is preceded by its number of corners, as each mixed element is by its type.
             if kind == POLYGONS and offsets is not None:
-                start = _data(offsets).astype(np.int64)
+                start = data_of(offsets).astype(np.int64)
                 kinds, begin = np.diff(start), start[:-1]
             else:
                 begin = np.empty(len(number), np.int64)
@@ -196,13 +169,13 @@ class _Elements:
 
     def of(self, condition) -> np.ndarray:
         """Corners of the elements of a condition; by points, those that have all theirs among them."""
-        ends = _child(condition, "PointRange", "ElementRange")
-        own = _child(condition, "PointList", "ElementList")
+        ends = child(condition, "PointRange", "ElementRange")
+        own = child(condition, "PointList", "ElementList")
         if ends is not None:
-            first, last = (int(v) for v in _data(ends).ravel())
+            first, last = (int(v) for v in data_of(ends).ravel())
             wanted = np.arange(first, last + 1)
         else:
-            wanted = np.empty(0, np.int64) if own is None else _data(own).astype(np.int64).ravel()
-        by_element = _location(condition) != "Vertex" or _child(condition, "ElementRange", "ElementList") is not None
+            wanted = np.empty(0, np.int64) if own is None else data_of(own).astype(np.int64).ravel()
+        by_element = _location(condition) != "Vertex" or child(condition, "ElementRange", "ElementList") is not None
         held = np.isin(self.number, wanted) if by_element else np.isin(self.corners, wanted - 1).all(axis=1)
         return np.asarray(self.corners[held])

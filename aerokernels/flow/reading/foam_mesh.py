@@ -118,6 +118,10 @@ def _patches(path: Path, inner: int, face_count: int) -> list[FoamPatch]:
     return patches
 
 
+LEAST_ANGLE = 1e-4  # between the sides of a wedge, below which rounded points do not tell where they meet
+OFF_AXIS = 0.01  # of the greatest radius: so much rounded points may leave
+
+
 def plane_of(mesh: FoamMesh) -> tuple[str, list[np.ndarray]] | None:
     """Whether the mesh is one cell thick: ("axisymmetric" or "planar", the faces of one side), or None.
 
@@ -126,16 +130,45 @@ def plane_of(mesh: FoamMesh) -> tuple[str, list[np.ndarray]] | None:
     """
     wedges, empty = mesh.patch_faces("wedge"), mesh.patch_faces("empty")
     if wedges:
+        _check_axis(mesh, wedges)
         return "axisymmetric", wedges[:1]
     if not empty:
         return None
     faces = np.concatenate(empty)
-    centre = _face_means(mesh, faces)
-    normal = int(np.argmin([np.ptp(mesh.points[mesh.faces.points[_rows(mesh, faces[:1])]][:, k]) for k in range(3)]))
+    height = _face_means(mesh, faces) @ _upward(mesh, faces[:1])
     # Of the two faces of a cell, the lower one.
-    order = np.lexsort((centre[:, normal], mesh.faces.owner[faces]))
+    order = np.lexsort((height, mesh.faces.owner[faces]))
     owner = mesh.faces.owner[faces][order]
     return "planar", [faces[order[np.append(True, owner[1:] != owner[:-1])]]]
+
+
+def _upward(mesh: FoamMesh, faces: np.ndarray) -> np.ndarray:
+    """The direction across the points of some faces in a plane, up or towards what is positive."""
+    corners = mesh.points[mesh.faces.points[_rows(mesh, faces)]]
+    normal = np.linalg.svd(corners - corners.mean(axis=0), full_matrices=False)[2][2]
+    return np.asarray(np.copysign(1.0, normal[np.argmax(np.abs(normal))]) * normal)
+
+
+def _check_axis(mesh: FoamMesh, wedges: list[np.ndarray]) -> None:
+    """Refuse a wedge whose sides do not meet in x, y or z: radii are counted from these."""
+    if len(wedges) != 2 or not all(len(faces) for faces in wedges):
+        return
+    normals = np.array([_upward(mesh, faces) for faces in wedges])
+    heights = [_face_means(mesh, faces).mean(axis=0) @ normal for faces, normal in zip(wedges, normals, strict=True)]
+    along = np.cross(*normals)
+    if np.linalg.norm(along) < LEAST_ANGLE:
+        return
+    along /= np.linalg.norm(along)
+    point = np.linalg.solve(np.array([*normals, along]), [*heights, 0.0])
+    beside = mesh.points - point
+    radius = np.linalg.norm(beside - np.outer(beside @ along, along), axis=1).max()
+    if np.abs(along).max() < 1.0 - OFF_AXIS**2 or np.linalg.norm(point) > OFF_AXIS * radius:
+        raise ReadError(
+            mesh.folder,
+            f"the sides of the wedge meet in a line through {np.round(point, 9).tolist()} along "
+            f"{np.round(along, 6).tolist()}: that is the axis of symmetry, and it is not x, y or z",
+            "move the mesh there, with transformPoints",
+        )
 
 
 def _rows(mesh: FoamMesh, faces: np.ndarray) -> np.ndarray:

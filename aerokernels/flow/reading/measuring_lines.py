@@ -1,6 +1,5 @@
 """What drawing a mesh into a grid changes, measured on lines along z."""
 
-import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -8,10 +7,13 @@ import numpy as np
 from .raster import NodeGrid
 from .reconstruction import Linear, Reconstruction, SomeCells
 
-LINES = 8  # along x and y, on which the error is measured
+LINES = 12  # along x and y, on which the error is measured
+GREATEST = 3.0  # budgets tell three times the rms error: the greatest of a line counts where it is more
+SHEET_SHARE = 0.02  # of the range of the density: cells whose function lacks more hold a shock, or lie beside one
 # Of a curved density a linear function with the right average lacks up to h^2 / 12 of the second derivative along a
 # line beside the middles of the cells, and at the corners h^2 / 4, which is seen.
 BIAS = 1.0 / 3.0
+ALONG = 2.0  # more at most of the squares of cells in a row through which a line runs along a shock, or in it
 PLACE = 2.0  # a shock's place in its cell, which no average tells: what the worst corner lacks beside the mean of all
 
 
@@ -29,8 +31,9 @@ class VolumeResampling:
         outside_share: Share of the nodes that no cell holds: in a body, or beyond the mesh.
         averaged_share: Share of the nodes whose neighbourhood has several cells, which were averaged.
         unresolved_rms: Root mean square of what the functions in the cells lack of the flow [kg/m3], judged by what
-            they differ at the corners of the cells; 0 for densities at points.
+            they differ at the corners of the cells; for densities at points by how slopes change across the cells.
         unresolved_column_rms: Of the columns what that makes [kg/m2].
+        unresolved_column_max: Greatest of it on a line [kg/m2]: beside a shock that the line runs along.
     """
 
     spacing: tuple[float, float, float]
@@ -43,11 +46,16 @@ class VolumeResampling:
     averaged_share: float
     unresolved_rms: float = 0.0
     unresolved_column_rms: float = 0.0
+    unresolved_column_max: float = 0.0
 
     @property
     def column_error(self) -> float:
-        """Root mean square error of the columns [kg/m2], of the grid and of the functions in the cells together."""
-        return float(np.hypot(self.column_rms, self.unresolved_column_rms))
+        """Error of the columns [kg/m2], of the grid and of the functions in the cells together.
+
+        Root mean square, or a third of the greatest on a line where that is more.
+        """
+        grid = max(self.column_rms, self.column_max / GREATEST)
+        return float(np.hypot(grid, max(self.unresolved_column_rms, self.unresolved_column_max / GREATEST)))
 
 
 class MeasuringLines:
@@ -64,18 +72,24 @@ class MeasuringLines:
         )
         self._low, self._spacing, self._shape = low, spacing, shape
 
-    def settle(self, parts: list[Reconstruction], cell_counts: list[int]) -> None:
-        """Keep what is needed of the cells that the lines were drawn through; a part for each block, in their order."""
+    def settle(self, parts: list[Reconstruction], firsts: list[int], cell_counts: list[int]) -> None:
+        """Keep what is needed of the cells that the lines were drawn through; a part for each block.
+
+        Args:
+            parts: Of the blocks.
+            firsts: Number of the first cell of each in the lines' grid.
+            cell_counts: Cells of each.
+        """
         from scipy.sparse import csr_array
 
         grid = self.grid
         self._node = np.flatnonzero(grid.cell >= 0)
         cells, self._of = np.unique(grid.cell[self._node], return_inverse=True)
-        ends = np.cumsum([0, *cell_counts])
-        self._parts = [
-            SomeCells.of(part, cells[(cells >= first) & (cells < last)] - first)
-            for part, first, last in zip(parts, ends[:-1], ends[1:], strict=True)
-        ]
+        self._order = sorted(range(len(parts)), key=lambda k: (firsts[k], cell_counts[k]))
+        self._parts = []
+        for k in self._order:
+            own = cells[(cells >= firsts[k]) & (cells < firsts[k] + cell_counts[k])]
+            self._parts.append(SomeCells.of(parts[k], own - firsts[k]))
         self._at = grid.positions(self._node)
         # The eight nodes about each place, and their shares of what is linear between them.
         place = (self._at - self._low) / self._spacing
@@ -100,16 +114,20 @@ class MeasuringLines:
         """
         shape, node = self.grid.shape, self._node
         change, flat, bend = (np.zeros(int(np.prod(shape))) for _ in range(3))
+        span = 0.0
         if len(node):
-            each = zip(self._parts, values, strict=True)
+            each = zip(self._parts, [values[k] for k in self._order], strict=True)
             linear = Linear.joined([part.linear(value, near, self._low) for part, (value, near) in each])
             truth = linear.at(self._of, self._at)
             change[node] = self._between @ density - truth
             flat[node] = linear.value[self._of] - truth
             bend[node] = linear.bend[self._of]
+            span = float(np.ptp(linear.value))
         columns = [self._length * own.reshape(shape).sum(axis=2) for own in (change, flat)]
         seen = change[node] if len(node) else change
         met = max(int((self.grid.cell.reshape(shape) >= 0).any(axis=2).sum()), 1)  # lines that go through cells at all
+        by_line = bend.reshape(-1, shape[2])
+        likely, greatest = unresolved(by_line * self._length, by_line, self.grid.cell.reshape(by_line.shape), span)
         rms = [float(np.sqrt(np.mean(seen**2))), *(float(np.sqrt(np.sum(own**2) / met)) for own in columns)]
         return VolumeResampling(
             tuple(float(s) for s in self._spacing),  # type: ignore[arg-type]
@@ -121,15 +139,30 @@ class MeasuringLines:
             outside_share,
             averaged_share,
             float(np.sqrt(np.mean(bend[node] ** 2))) if len(node) else 0.0,
-            self._unresolved(bend) / math.sqrt(met),
+            float(np.sqrt(np.sum(likely**2) / met)),
+            float(greatest.max()),
         )
 
-    def _unresolved(self, bend: np.ndarray) -> float:
-        """What `bend` makes of the lines, in each cell and all together [kg/m2]: root of the sum of squares."""
-        lines = bend.reshape(-1, self.grid.shape[2]) * self._length
-        together = BIAS * lines.sum(axis=1)
-        cell = self.grid.cell.reshape(lines.shape)
-        first = np.ones(lines.shape, bool)
-        first[:, 1:] = cell[:, 1:] != cell[:, :-1]
-        each = np.add.reduceat(lines.ravel(), np.flatnonzero(first))
-        return float(np.sqrt(np.sum(together**2) + PLACE**2 * np.sum(each**2)))
+
+def unresolved(lines: np.ndarray, bend: np.ndarray, cell: np.ndarray, span: float) -> tuple[np.ndarray, np.ndarray]:
+    """What `bend` makes of lines [kg/m2], in each cell and all together, as is likely and at most: (line_count,) each.
+
+    Args:
+        lines: What it makes of each place of each line [kg/m2], shape (line_count, place_count).
+        bend: What the function of the cell there lacks [kg/m3], likewise.
+        cell: Numbers of the cells, likewise.
+        span: The range of the density [kg/m3].
+    """
+    together = BIAS * lines.sum(axis=1)
+    shock = np.sign(lines) * (np.abs(bend) > SHEET_SHARE * span)
+    other = np.ones(lines.shape, bool)
+    other[:, 1:] = cell[:, 1:] != cell[:, :-1]
+    # Cells of a shock that lie in a row along the line lack alike: their errors add up.
+    first = other.copy()
+    first[:, 1:] &= (shock[:, 1:] != shock[:, :-1]) | (shock[:, 1:] == 0)
+    begin = np.flatnonzero(first)
+    along = np.add.reduceat(other.ravel(), begin, dtype=np.int64) > 1
+    squares = (PLACE * np.add.reduceat(lines.ravel(), begin)) ** 2
+    line = begin // lines.shape[1]
+    likely = together**2 + np.bincount(line, squares, len(lines))
+    return np.sqrt(likely), np.sqrt(likely + np.bincount(line[along], ALONG * squares[along], len(lines)))

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from .dataset import POLYHEDRON, Block, Faces
+from .point_bends import PointBends
 from .point_values import PointValues
 from .raster import CellFacts
 from .rows import Rows
@@ -23,7 +24,8 @@ class Linear:
     Attributes:
         value: Its average over the cell, shape (n,).
         function: Value at the origin, slope, least and greatest value allowed, shape (n, 6).
-        bend: Its mean at the corners of the cell less that of the values there: what it lacks of a curved density.
+        bend: What it differs from the values at the corners of the cell, root mean square with the sign of the mean:
+            what it lacks of a curved density. For values at points twice what it lacks at their middle.
         origin: The point that places are counted from [m].
     """
 
@@ -66,6 +68,7 @@ class Reconstruction:
         self.weight, self.centre = _fitted(self.rows, points)
         self.middle = facts.middle if where == "cell" else self.centre
         self._of_points: PointValues | None = None
+        self.points = points
         if where == "point":
             self._corners = self.rows
         else:
@@ -75,7 +78,7 @@ class Reconstruction:
     def forget_slopes(self) -> None:
         """Let go of what makes slopes: `values` does without."""
         self.rows = Rows(np.zeros(1, np.int64), np.empty(0, np.int32))
-        self.weight, self.middle, self.centre = np.empty((0, 3)), np.empty((0, 3)), np.empty((0, 3))
+        self.weight, self.middle, self.centre, self.points = (np.empty((0, 3)) for _ in range(4))
 
     def values(self, density: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """The average of each cell and the values at the points, for densities of the cells or the points."""
@@ -93,13 +96,17 @@ class SomeCells:
     rows: Rows
     weight: np.ndarray
     middle: np.ndarray
-    centre: np.ndarray
+    to_corner: np.ndarray
+    bends: PointBends | None
 
     @classmethod
     def of(cls, part: Reconstruction, cell: np.ndarray) -> "SomeCells":
         """Those of a block by their numbers."""
         rows, entry = part.rows.taken(cell)
-        return cls(cell, rows, part.weight[entry], part.middle[cell], part.centre[cell])
+        at_points = part.where == "point" and len(cell) > 0
+        bends = PointBends.of(part.rows, part.weight, part.centre, part.points, cell) if at_points else None
+        to_corner = part.points[rows.column] - np.repeat(part.middle[cell], np.diff(rows.start), axis=0)
+        return cls(cell, rows, part.weight[entry], part.middle[cell], to_corner, bends)
 
     def linear(self, value: np.ndarray, near: np.ndarray, origin) -> Linear:
         """Their linear functions from what `Reconstruction.values` gives; places are counted from `origin` [m]."""
@@ -110,8 +117,13 @@ class SomeCells:
             linear_functions, len(own), self.rows.start, self.rows.column, self.weight, near, own, self.middle, origin,
             function,
         )  # fmt: skip
-        slope = np.einsum("nk,nk->n", self.centre - self.middle, function[:, 1:4])
-        return Linear(own, function, own + slope - self.rows.means(near), origin)
+        if self.bends is not None:
+            return Linear(own, function, self.bends.bend(near), origin)
+        count = np.diff(self.rows.start)
+        rise = np.einsum("nk,nk->n", self.to_corner, np.repeat(function[:, 1:4], count, axis=0))
+        return Linear(
+            own, function, self.rows.signed_rms(rise - (near[self.rows.column] - np.repeat(own, count))), origin
+        )
 
 
 def cell_corners(block: Block) -> Rows:

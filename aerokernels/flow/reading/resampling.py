@@ -58,13 +58,12 @@ class Resampling:
         grid, lines = NodeGrid(low, step, shape), MeasuringLines(low, step, shape)
         self._parts: list[Reconstruction] = []
         facts: list[CellFacts] = []
-        first = 0
-        for block, points, where in zip(blocks, moved, self._where, strict=True):
+        firsts = _first_numbers(blocks, moved)
+        for block, points, where, first in zip(blocks, moved, self._where, firsts, strict=True):
             found = draw(block, points, [grid, lines.grid], first)
             check_solids(path, block, points, found)
             self._parts.append(Reconstruction(block, points, where, found))
             facts.append(found)
-            first += block.cell_count
         held = grid.cell >= 0
         if not held.any():
             raise ReadError(
@@ -77,12 +76,11 @@ class Resampling:
         self._empty = EmptyNodes(held, shape)
         self.outside_share = 1.0 - float(held.mean())
         counts = [block.cell_count for block in blocks]
-        lines.settle(self._parts, counts)
-        self._lines, self._held, first = lines, [], 0
-        for part, count in zip(self._parts, counts, strict=True):
+        lines.settle(self._parts, firsts, counts)
+        self._lines, self._held = lines, []
+        for part, first, count in zip(self._parts, firsts, counts, strict=True):
             self._held.append(HeldNodes.of(part, grid.cell, first, count))
             part.forget_slopes()  # which stay with the cells that hold a node alone
-            first += count
 
     def fits(self, reading, spacing=None, region=None, walls=None) -> bool:
         """Whether another reading lies on this very mesh, in the same frame, and asks for the same grid."""
@@ -190,6 +188,21 @@ class Resampling:
         object.__setattr__(found, "composition", self._composition(reading, found.ambient_density))
         object.__setattr__(found, "provenance", f"{reading.path}: {'; '.join(said)}")
         return found
+
+
+def _first_numbers(blocks: Sequence[Block], moved: Sequence[np.ndarray]) -> list[int]:
+    """The number of each block's first cell: of blocks that overlap the one with finer cells comes last, and wins."""
+
+    def coarseness(k: int) -> int:
+        extent = np.ptp(moved[k], axis=0).prod() if len(moved[k]) else 0.0
+        size = extent / max(blocks[k].cell_count, 1)
+        return round(math.log2(size)) if size > 0.0 else 0
+
+    firsts, number = [0] * len(blocks), 0
+    for k in sorted(range(len(blocks)), key=coarseness, reverse=True):
+        firsts[k] = number
+        number += blocks[k].cell_count
+    return firsts
 
 
 def _mesh_of(block: Block) -> tuple:

@@ -53,3 +53,11 @@ class Rows:
         result = np.empty(len(self.start) - 1)
         launch(mean_of_listed, len(result), self.start, self.column, np.ascontiguousarray(values), result)
         return result
+
+    def signed_rms(self, each: np.ndarray) -> np.ndarray:
+        """Root mean square of what belongs to each entry, with the sign of its mean, of rows that are not empty."""
+        if not len(each):
+            return np.empty(0)
+        begin = self.start[:-1]
+        squares = np.add.reduceat(each**2, begin) / np.diff(self.start)
+        return np.copysign(np.sqrt(squares), np.add.reduceat(each, begin))

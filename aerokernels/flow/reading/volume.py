@@ -4,10 +4,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from ...medium.vertex_values import SHOCK_SHARE
 from ..sampled_density import GridDensity
 from .dataset import SOLID, Block, ReadError
-from .point_values import LEAST_SHARE
+from .even_averages import at_corners
+from .even_errors import told_error
 from .resampling import Resampling
 from .solids import corner_chunks
 
@@ -31,7 +31,7 @@ def volume_field(reading, spacing=None, region=None, walls=None, kept=None) -> G
     if len(moved) == 1 and spacing is None and region is None:
         grid = uniform_grid(dataset.blocks[0], moved[0], *reading.densities[0])
         if grid is not None:
-            density, low, step = grid
+            density, low, step, told = grid
             ambient = reading.ambient or dataset.ambient or float(np.median(density[:, :, -1]))
             described = [*reading.described(), f"ambient {ambient:.6g} kg/m3"]
             composition = None
@@ -47,6 +47,7 @@ def volume_field(reading, spacing=None, region=None, walls=None, kept=None) -> G
                 "volume",
                 ambient,
                 provenance=f"{path}: {'; '.join(described)}",
+                resampling=told,
                 composition=composition,
             )
     for block in dataset.blocks:
@@ -80,9 +81,10 @@ def cells_blanked(block: Block) -> Block:
 
 
 def uniform_grid(block: Block, points: np.ndarray, density: np.ndarray, where: str):
-    """Density [x, y, z], first node and spacing of a uniform grid; None for another.
+    """Density [x, y, z], first node and spacing of a uniform grid, and its error; None for another.
 
-    Averages over cells become nodes at the corners of the cells: the grid covers what the cells cover.
+    Averages over cells become nodes at the corners of the cells: the grid covers what the cells cover, and what this
+    leaves of the flow is told. Of values at nodes nothing but their interpolant says so, which budgets judge: None.
     """
     if block.shape is None or min(block.shape) < 2 or (block.blank is not None and block.blank.any()):
         return None
@@ -106,7 +108,10 @@ def uniform_grid(block: Block, points: np.ndarray, density: np.ndarray, where: s
         first[axis] = points[:, axis].min()
         if steps[i][axis] < 0.0:
             values = np.flip(values, axis)
-    return np.ascontiguousarray(_at_corners(values) if cell else values), first, step
+    if not cell:
+        return np.ascontiguousarray(values), first, step, None
+    density, smooth = at_corners(values)
+    return density, first, step, told_error(values, smooth, step)
 
 
 def _is_even(at: np.ndarray, steps, along: list[int], size: np.ndarray) -> bool:
@@ -117,52 +122,3 @@ def _is_even(at: np.ndarray, steps, along: list[int], size: np.ndarray) -> bool:
     return all(
         (np.abs(layer - (plane + more)) <= 1e-6 * size.min()).all() for layer, more in zip(at, line[2], strict=True)
     )
-
-
-def _at_corners(values: np.ndarray) -> np.ndarray:
-    """Values at the corners of even cells from averages over these, one axis after the other.
-
-    Of fourth order inside and of third at the edge where the averages are smooth; elsewhere means of neighbours, and at
-    the edge the lesser of the two changes next to it goes on over half a cell.
-    """
-    smooth = _smooth(values)
-    for axis in range(3):
-        values = np.moveaxis(_at_faces(np.moveaxis(values, axis, 0), np.moveaxis(smooth, axis, 0)), 0, axis)
-        before, after = ([(end if k == axis else (0, 0)) for k in range(3)] for end in ((1, 0), (0, 1)))
-        smooth = np.pad(smooth, before, mode="edge") & np.pad(smooth, after, mode="edge")
-    return values
-
-
-def _smooth(values: np.ndarray) -> np.ndarray:
-    """Cells that neither hold a captured shock nor touch one that does."""
-    jump, bound = np.zeros(values.shape, bool), SHOCK_SHARE * np.ptp(values)
-    for axis in range(3):
-        if values.shape[axis] > 2:
-            np.moveaxis(jump, axis, 0)[1:-1] |= np.abs(np.diff(np.moveaxis(values, axis, 0), 2, axis=0)) > bound
-    for axis in range(3):
-        moved = np.moveaxis(jump, axis, 0)
-        wider = moved.copy()
-        wider[1:] |= moved[:-1]
-        wider[:-1] |= moved[1:]
-        jump = np.moveaxis(wider, 0, axis)
-    return ~jump
-
-
-def _at_faces(values: np.ndarray, smooth: np.ndarray) -> np.ndarray:
-    """Values at the n + 1 faces of n cells along the first axis."""
-    change = np.diff(values, axis=0)
-    faces = np.empty((len(values) + 1, *values.shape[1:]))
-    faces[1:-1] = 0.5 * (values[1:] + values[:-1])
-    bend = np.diff(change, axis=0)
-    if len(bend):
-        bend = np.concatenate([bend[:1], bend, bend[-1:]])  # beside the edge the second difference is known on one side
-        faces[1:-1] -= np.where(smooth[:-1] & smooth[1:], (bend[1:] + bend[:-1]) / 12.0, 0.0)
-    for edge, own, step in ((0, values[0], -change), (-1, values[-1], change[::-1])):
-        if len(step) < 2:  # two cells do not say whether they hold a slope or a jump
-            faces[edge] = own
-            continue
-        near, far = step[:2]
-        lesser = np.where(near * far > 0.0, np.sign(near) * np.minimum(np.abs(near), np.abs(far)), 0.0)
-        found = own + np.where(smooth[edge], (5.0 * near - 2.0 * far) / 6.0, 0.5 * lesser)
-        faces[edge] = np.maximum(found, LEAST_SHARE * own)
-    return faces

@@ -23,7 +23,7 @@ def node(parent, name: str, label: str, data=None):
     return own
 
 
-def cgns(path: Path, axes, density, conditions, *, elements=None, families=()) -> Path:
+def cgns(path: Path, axes, density, conditions, *, elements=None, families=(), more=()) -> Path:
     """One zone with values at its vertices.
 
     Args:
@@ -33,6 +33,7 @@ def cgns(path: Path, axes, density, conditions, *, elements=None, families=()) -
         conditions: (name, type, [(node's name, label, data), ...]) of each BC_t.
         elements: (CGNS' type, corners from 0 on) of each section; None for a structured zone.
         families: (name, type) of each.
+        more: (name, label, data) of nodes of the base.
     """
     import h5py
 
@@ -47,6 +48,8 @@ def cgns(path: Path, axes, density, conditions, *, elements=None, families=()) -
         file[" hdf5version"] = np.frombuffer(b"HDF5 Version 1.10.0".ljust(33, b"\0"), np.int8)
         node(file, "CGNSLibraryVersion", "CGNSLibraryVersion_t", np.array([3.4], np.float32))
         base = node(file, "Base", "CGNSBase_t", [len(axes), len(axes)])
+        for part in more:
+            node(base, *part)
         for name, kind in families:
             node(node(base, name, "Family_t"), "FamilyBC", "FamilyBC_t", kind)
         counts = np.array(axes[0].shape[::-1])

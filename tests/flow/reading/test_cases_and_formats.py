@@ -71,6 +71,34 @@ def test_meshes_that_do_not_agree_with_themselves(tmp_path, name, body, told):
         flow.read(case)
 
 
+ABOUT_Y = np.array([[0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
+ASKEW = np.array([[2.0, -2.0, 1.0], [1.0, 2.0, 2.0], [-2.0, -1.0, 2.0]]) / 3.0
+
+
+def test_wedges_about_another_line_are_refused(tmp_path):
+    """Set-up: a wedge turned about z, moved along its axis, moved away from it, turned askew.
+
+    Expected: the first two as before; the others are refused, whose radii would be counted from another line.
+    """
+    plain = flow.read(writers.foam_wedge(tmp_path / "case"))
+    for turn, shift in ((ABOUT_Y, (0.0, 0.0, 0.0)), (None, (0.7, 0.0, 0.0))):
+        found = flow.read(writers.foam_wedge(tmp_path / f"good {shift}", turn=turn, shift=shift))
+        assert found.geometry == "axisymmetric" and np.array_equal(found.density, plain.density)
+        assert found.mesh.vertices[:, 0] == pytest.approx(plain.mesh.vertices[:, 0], abs=1e-9)
+    for turn, shift in ((None, (0.0, 0.3, 0.0)), (ASKEW, (0.0, 0.0, 0.0))):
+        with pytest.raises(ReadError, match="the sides of the wedge meet in a line through"):
+            flow.read(writers.foam_wedge(tmp_path / f"bad {shift}", turn=turn, shift=shift))
+
+
+def test_a_plane_askew_in_its_case(tmp_path):
+    """Set-up: a case one cell thick in a plane that no axis is across. Expected: the densities and areas as before."""
+    plain = flow.read(writers.foam_wedge(tmp_path / "case", wedge=False))
+    found = flow.read(writers.foam_wedge(tmp_path / "askew", wedge=False, turn=ASKEW))
+    assert found.geometry == "planar" and np.array_equal(found.density, plain.density)
+    areas = [field.mesh.corner_weights.sum(axis=1) for field in (found, plain)]
+    assert areas[0] == pytest.approx(areas[1], rel=1e-9)
+
+
 def test_cases_in_other_states(tmp_path):
     case = writers.foam_wedge(tmp_path / "case")
     moved = case / "0.5" / "polyMesh"

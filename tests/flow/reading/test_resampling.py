@@ -138,3 +138,24 @@ def test_each_node_has_what_the_function_of_its_cell_is_there(where):
             assert found[held] == pytest.approx(expected, rel=1e-12)
             seen += len(held)
     assert seen > 5
+
+
+@pytest.mark.parametrize("last", ["fine", "coarse"])
+def test_of_blocks_that_overlap_the_finer_one_counts(last):
+    """Set-up: 10^3 cells of 1 kg/m3 and, about their middle, 20^3 of 2 kg/m3, in either order. Expected: 2 there."""
+
+    def block(low, high, n, value):
+        points, corners = cube(n)
+        points = low + (high - low) * np.round(n * points) / n
+        return Block(points, Cells.of_one_type(HEXAHEDRON, corners), cell_data={"rho": np.full(n**3, value)})
+
+    blocks = [block(0.0, 1.0, 10, 1.0), block(0.3, 0.7, 20, 2.0)]
+    kept = Kept()
+    found = field_of(reading(blocks if last == "fine" else blocks[::-1]), 0.02, kept=kept)
+    places = np.random.default_rng(1).uniform(0.0, 1.0, (500, 3))
+    away = np.abs(places - 0.5).max(axis=1)
+    at = found.density_at(places)
+    assert at[away < 0.17] == pytest.approx(2.0, rel=1e-12) and at[away > 0.23] == pytest.approx(1.0, rel=1e-12)
+    given = [np.full(1000, 1.0), np.full(8000, 3.0)]
+    again = kept.found.apply(given if last == "fine" else given[::-1], ambient_density=1.0)
+    assert again.density_at(places)[away < 0.17] == pytest.approx(3.0, rel=1e-12)

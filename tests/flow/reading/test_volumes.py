@@ -5,7 +5,7 @@ import pytest
 import vtk_writers
 import writers
 
-from aerokernels import DensityField, flow
+from aerokernels import flow
 from aerokernels.flow.reading.dataset import HEXAHEDRON, POLYHEDRON, PRISM, PYRAMID, TETRAHEDRON, Block, Cells, Dataset
 from aerokernels.flow.reading.density import Reference
 from aerokernels.flow.reading.frame import Frame
@@ -217,51 +217,6 @@ def test_uniform_grid_is_kept_and_turned_by_the_frame(tmp_path):
     moved = 0.01 * np.stack([at[:, 2], at[:, 1], -at[:, 0]], axis=1)
     assert turned.density_at(moved) == pytest.approx(exact, rel=1e-12)
     assert turned.resampling is None
-
-
-def averages_on_even_cells(cells: np.ndarray):
-    """A density field from averages over cells [x, y, z] of the unit cube, as pyvista would hand them over."""
-    pytest.importorskip("vtkmodules")
-    from vtkmodules.util.numpy_support import numpy_to_vtk
-    from vtkmodules.vtkCommonDataModel import vtkImageData
-
-    data = vtkImageData()
-    data.SetDimensions(*(n + 1 for n in cells.shape))
-    data.SetSpacing(*(1.0 / n for n in cells.shape))
-    values = numpy_to_vtk(cells.ravel(order="F"), deep=True)
-    values.SetName("rho")
-    data.GetCellData().AddArray(values)
-    return DensityField.from_pyvista(data)
-
-
-def test_averages_on_a_uniform_grid_become_values_at_its_corners():
-    """Set-up: exact averages of sin(3 x + 1) cos(2 y) cos(2 z) + 2 over n^3 cells, n = 8 and 16.
-
-    Expected: of fourth order at corners two cells from the edge, of third at the edge: 2^4 and 2^3 less, within 20 %.
-    """
-
-    def mean(primitive, n):
-        return np.diff(primitive(np.linspace(0.0, 1.0, n + 1))) * n
-
-    errors = []
-    for n in (16, 32):
-        parts = [mean(lambda s: -np.cos(3.0 * s + 1.0) / 3.0, n), *2 * [mean(lambda s: np.sin(2.0 * s) / 2.0, n)]]
-        found = averages_on_even_cells(2.0 + np.einsum("i,j,k->ijk", *parts))
-        x, y, z = np.meshgrid(*3 * [np.linspace(0.0, 1.0, n + 1)], indexing="ij")
-        error = np.abs(found.density - 2.0 - np.sin(3.0 * x + 1.0) * np.cos(2.0 * y) * np.cos(2.0 * z))
-        inner = error[n // 4 : -n // 4, n // 4 : -n // 4, n // 4 : -n // 4]
-        errors.append((inner.max(), error.max()))
-    assert errors[0][0] / errors[1][0] > 0.8 * 16.0
-    assert errors[0][1] / errors[1][1] > 0.8 * 8.0
-
-
-def test_a_jump_between_even_cells_does_not_ring():
-    """Set-up: 1 and 4 kg/m3 with a jump inside, and behind the first cell. Expected: 1, 2.5 between them, 4."""
-    for jump in (1, 5):
-        cells = np.full((10, 4, 4), 4.0)
-        cells[:jump] = 1.0
-        found = averages_on_even_cells(cells).density
-        assert np.array_equal(found[:, 2, 2], [1.0] * jump + [2.5] + [4.0] * (10 - jump))
 
 
 @pytest.mark.parametrize("turned", [False, True])

@@ -177,11 +177,19 @@ def foam_list(values: np.ndarray, binary: bool) -> bytes:
 
 
 def foam_wedge(
-    folder: Path, *, binary: bool = False, wedge: bool = True, time: str = "0.5", half_angle: float = 0.04
+    folder: Path,
+    *,
+    binary: bool = False,
+    wedge: bool = True,
+    time: str = "0.5",
+    half_angle: float = 0.04,
+    turn=None,
+    shift=(0.0, 0.0, 0.0),
 ) -> Path:
     """An OpenFOAM case one cell thick: a wedge about x (or a plane), with a wall at the lowest row of points.
 
-    The grid is (x, r) = `grid()` moved up by 0.02, the density is `rho` at the mean of each cell's corners.
+    The grid is (x, r) = `grid()` moved up by 0.02, the density is `rho` at the mean of each cell's corners. `turn`, a
+    matrix, and `shift` move the points.
     """
     x, r = grid()
     r = r + 0.02
@@ -190,7 +198,7 @@ def foam_wedge(
         sides = [np.stack([x, r * np.cos(a), r * np.sin(a)], axis=-1).reshape(-1, 3) for a in (-half_angle, half_angle)]
     else:
         sides = [np.stack([x, r, np.full_like(x, z)], axis=-1).reshape(-1, 3) for z in (-0.001, 0.001)]
-    points = np.concatenate(sides)
+    points = np.concatenate(sides) @ (np.eye(3) if turn is None else turn).T + shift
     cell = np.arange((NI - 1) * (NJ - 1)).reshape(NJ - 1, NI - 1)
     index = np.arange(n).reshape(NJ, NI)
     faces, owner, neighbour = [], [], []
