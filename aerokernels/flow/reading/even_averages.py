@@ -12,10 +12,10 @@ towards the averages beside it, so that the integral along every row is the row'
 """
 
 from concurrent.futures import ThreadPoolExecutor
-from os import cpu_count
 
 import numpy as np
 
+from ...machine import core_count
 from ...medium import spline
 from ...medium.vertex_values import SHOCK_SHARE
 from .point_values import LEAST_SHARE
@@ -73,7 +73,7 @@ def _along(average: np.ndarray, smooth: np.ndarray, axis: int) -> np.ndarray:
         own, flags, faces = (np.moveaxis(each[part], axis, 0) for each in (average, smooth, found))
         faces[:] = _at_faces(np.ascontiguousarray(own), flags, weight)
 
-    with ThreadPoolExecutor(cpu_count() or 1) as pool:
+    with ThreadPoolExecutor(core_count()) as pool:
         list(pool.map(work, range(0, average.shape[across], size)))
     return found
 
