@@ -43,8 +43,11 @@ class MapErrors:
         self._lacking = lacking[self._edge]
         x, y = centred.T
         shapes = np.stack([np.ones(len(x)), x, y, x * x, x * y, y * y])
-        self._shapes = self._sums(shapes)
-        self._edge_shapes = shapes[:, self._edge] @ self._lacking
+        grids = self._sums(shapes)
+        whole = grids.sum(axis=0)
+        self._there = grids[:, 0] > 0.0
+        self._plain, self._exact = _Shape(whole), _Shape(whole + shapes[:, self._edge] @ self._lacking)
+        self._grids = [_Shape(one) for one in grids[self._there]]
 
     def __call__(self, cosine: np.ndarray, sine: np.ndarray, flat: np.ndarray, tilt: np.ndarray) -> PixelErrors:
         """Of the reading of a map of mean 0 [m], with the phase's cosine and sine, shape (n,), and its tilt [rad]."""
@@ -52,10 +55,10 @@ class MapErrors:
         values = [cosine, sine, flat, flat**2, x * flat, y * flat]
         sums = self._sums(values)
         at_edge = np.array([one[self._edge] @ self._lacking for one in values])
-        shapes, whole = self._shapes.sum(axis=0), sums.sum(axis=0)
-        plain = _numbers(shapes, whole, tilt)
-        second_order = SAFETY * np.abs(_numbers(shapes + self._edge_shapes, whole + at_edge, tilt) - plain)
-        grids = [_numbers(*one, tilt) for one in zip(self._shapes, sums, strict=True) if one[0][0] > 0.0]
+        whole = sums.sum(axis=0)
+        plain = self._plain.numbers(whole, tilt)
+        second_order = SAFETY * np.abs(self._exact.numbers(whole + at_edge, tilt) - plain)
+        grids = [grid.numbers(one, tilt) for grid, one in zip(self._grids, sums[self._there], strict=True)]
         spread = np.std(grids, axis=0, ddof=1) / np.sqrt(len(grids)) if len(grids) > 1 else 0.0
         found = np.hypot(second_order, spread)
         return PixelErrors(float(found[0]), float(found[1]), float(found[2]), found[3:])
@@ -65,14 +68,22 @@ class MapErrors:
         return np.stack([np.bincount(self._quarter, self._weight * one, 4) for one in values], axis=1)
 
 
-def _numbers(shapes: np.ndarray, sums: np.ndarray, tilt: np.ndarray) -> np.ndarray:
-    """Strehl ratio, rms, rms less a given tilt, and both slopes, from weighted sums."""
-    total = shapes[0]
-    x, y, xx, xy, yy = shapes[1:] / total
-    cosine, sine, mean, square, xf, yf = sums / total
-    extent = np.array([[xx - x * x, xy - x * y], [xy - x * y, yy - y * y]])
-    with_points = np.array([xf - x * mean, yf - y * mean])
-    rms = square - mean**2
-    level = rms - 2.0 * tilt @ with_points + tilt @ extent @ tilt
-    slopes = np.linalg.pinv(extent, rcond=1e-12) @ with_points
-    return np.array([cosine**2 + sine**2, *np.sqrt(np.maximum([rms, level], 0.0)), *slopes])
+class _Shape:
+    """Where some weighted pixels lie."""
+
+    def __init__(self, sums: np.ndarray):
+        """By the weighted sums of 1, x, y, x^2, x y and y^2."""
+        self.total = sums[0]
+        x, y, xx, xy, yy = sums[1:] / self.total
+        self.middle = np.array([x, y])
+        self.extent = np.array([[xx - x * x, xy - x * y], [xy - x * y, yy - y * y]])
+        self.inverse = np.linalg.pinv(self.extent, rcond=1e-12)
+
+    def numbers(self, sums: np.ndarray, tilt: np.ndarray) -> np.ndarray:
+        """Strehl ratio, rms, rms less a given tilt, and both slopes, from weighted sums over them."""
+        cosine, sine, mean, square = sums[:4] / self.total
+        with_points = sums[4:] / self.total - self.middle * mean
+        rms = square - mean**2
+        level = rms - 2.0 * tilt @ with_points + tilt @ self.extent @ tilt
+        roots = math.sqrt(max(rms, 0.0)), math.sqrt(max(level, 0.0))
+        return np.array([cosine**2 + sine**2, *roots, *(self.inverse @ with_points)])
