@@ -59,6 +59,15 @@ def drawn_on(axes: Any) -> Any:
     return pyplot.subplots(layout="constrained")[1]
 
 
+def extent_of(x: Any, y: Any) -> tuple[float, float, float, float]:
+    """Outer edges of a picture whose pixels have their middles at even x and y: what matplotlib calls its extent."""
+    ends: list[float] = []
+    for middles in (x, y):
+        half = 0.5 * float(middles[-1] - middles[0]) / max(len(middles) - 1, 1)
+        ends += [float(middles[0]) - half, float(middles[-1]) + half]
+    return ends[0], ends[1], ends[2], ends[3]
+
+
 def _short(text: str) -> str:
     return text if len(text) <= MOST_TEXT else f"{text[: MOST_TEXT - 3]}..."
 

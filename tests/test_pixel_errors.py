@@ -69,6 +69,35 @@ def test_a_series_tells_what_its_pixels_make():
     exact = np.sinc(2.0 * np.sqrt(3.0) * rms) ** 2
     off = abs(float(seen.strehl[0]) - exact)
     assert 1e-4 < off <= float(seen.strehl_error[0]) < 5.0 * off
+    off = abs(float(seen.opd_rms[0]) - rms * WAVELENGTH)
+    assert 0.0 < off <= float(seen.opd_rms_error[0]) < 0.02 * WAVELENGTH
+    for axis in "xy":
+        error = float(seen[f"boresight_{axis}_error"][0])
+        assert abs(float(seen[f"boresight_{axis}"][0])) <= error < 0.02 * WAVELENGTH / RADIUS
+
+
+def test_a_series_reads_slopes_and_rms_within_what_it_tells():
+    """Coma and tilt over a polygon of few pixels, against Gauss points; every other snapshot's error is not zero."""
+    pupil = PUPILS[3]
+    points, shares = pupil.sample(10_000, "gauss")
+
+    def surface(x, y):
+        return WAVELENGTH * (SURFACES["coma"](x / RADIUS, y / RADIUS) + 0.3 * x / RADIUS)
+
+    grid = series_grid(pupil, 23)
+    reader = grid.reader(np.ones(len(grid.points), dtype=bool), ("piston", "tilt"), WAVELENGTH)
+    read, errors = (found := reader(surface(*grid.coordinates.T))), found.pixel_errors
+    x, y = points[:, 0], points[:, 1]
+    _, rms, *tilt = numbers(surface(x, y), shares, x, y)
+    level = surface(x, y) - tilt[0] * x - tilt[1] * y
+    rest = numbers(level, shares, x, y)
+    for value, true, error in (
+        (read.strehl, rest[0], errors.strehl),
+        (read.rms, rms, errors.rms),
+        (read.rms_without_tilt, rest[1], errors.rms_without_tilt),
+        *zip(read.tilt, tilt, errors.tilt, strict=True),
+    ):
+        assert abs(value - true) <= error < 0.05 * max(abs(true), 2e-5)
 
 
 def test_the_pixels_of_a_series_hold_all_of_the_pupil():

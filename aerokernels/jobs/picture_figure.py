@@ -10,6 +10,7 @@ from aerokernels.jobs.plots import ACCENT
 from aerokernels.quantities import Quantity
 from aerokernels.schlieren import HalfComparison, ShockAngle
 from aerokernels.schlieren.picture import AnyPicture
+from aerokernels.shown import extent_of
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -26,9 +27,7 @@ def _axes(picture: AnyPicture, count: int) -> "tuple[Figure, list[Axes]]":
 
 
 def _draw(axes: "Axes", picture: AnyPicture) -> None:
-    right, up = 1e3 * picture.horizontal, 1e3 * picture.vertical
-    steps = [0.5 * (side[-1] - side[0]) / max(len(side) - 1, 1) for side in (right, up)]
-    extent = (right[0] - steps[0], right[-1] + steps[0], up[0] - steps[1], up[-1] + steps[1])
+    extent = extent_of(1e3 * picture.horizontal, 1e3 * picture.vertical)
     axes.imshow(picture.intensity, origin="lower", extent=extent, cmap="gray", vmin=0.0, vmax=1.0, interpolation="none")
     axes.set_xlabel(_axis_label(getattr(picture, "right", None), "z"))
 

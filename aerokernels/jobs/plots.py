@@ -11,6 +11,7 @@ import numpy as np
 
 from aerokernels.jobs.figure_layout import Panel, fitted_panel, panelled_figure
 from aerokernels.quantities import Quantity
+from aerokernels.shown import extent_of
 
 if TYPE_CHECKING:
     import xarray
@@ -144,7 +145,7 @@ def opd_figure(dataset: "xarray.Dataset") -> "Figure":
         image = axes.imshow(
             opd,
             origin="lower",
-            extent=(x[0], x[-1], y[0], y[-1]),
+            extent=extent_of(x, y),
             cmap="RdBu_r",
             vmin=-limit,
             vmax=limit,
@@ -166,7 +167,7 @@ def point_spread_figure(dataset: "xarray.Dataset") -> "Figure":
     figure, [(spot, bar_axes), (cut, _)] = panelled_figure(Panel(SQUARE, SQUARE, bar=True), Panel(SQUARE, SQUARE))
     angle_x, angle_y = 1e6 * dataset["angle_x"].values, 1e6 * dataset["angle_y"].values
     spread, perfect = dataset["point_spread"].values, dataset["point_spread_perfect"].values
-    extent = (angle_x[0], angle_x[-1], angle_y[0], angle_y[-1])
+    extent = extent_of(angle_x, angle_y)
     image = spot.imshow(
         np.maximum(spread, 1e-6),
         origin="lower",

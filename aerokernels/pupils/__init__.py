@@ -1,7 +1,7 @@
 """Pupils: the apertures that rays leave or are seen through, each a map of the unit square with a transmission."""
 
 from .base import Pupil
-from .disc import Annulus, Disc, unit_disc_samples
+from .disc import Annulus, Disc, area_below, unit_disc_samples
 from .pixels import Mask, Rectangle
 from .polygon import Polygon
 from .square_map import SquareMap
@@ -15,6 +15,7 @@ __all__ = [
     "Pupil",
     "Rectangle",
     "SquareMap",
+    "area_below",
     "as_unit_vector",
     "as_vector",
     "direction_of",

@@ -181,11 +181,11 @@ class Annulus(_Round):
 def _circle_areas(x_edges: np.ndarray, y_edges: np.ndarray, radius: float) -> np.ndarray:
     """The area of each cell of a grid that lies in the circle about the origin, shape (y count, x count)."""
     x, y = (np.clip(np.asarray(edges) / radius, -1.0, 1.0) for edges in (x_edges, y_edges))
-    below = _area_below(x[None, :], y[:, None])
+    below = area_below(x[None, :], y[:, None])
     return np.diff(np.diff(below, axis=0), axis=1) * radius**2
 
 
-def _area_below(x: np.ndarray, y: np.ndarray) -> np.ndarray:
+def area_below(x: np.ndarray, y: np.ndarray) -> np.ndarray:
     r"""Area of the unit disc left of x and below y: \int_{-1}^x (clip(y, -s, s) + s) dt with s = sqrt(1 - t^2)."""
 
     def primitive(t):

@@ -18,7 +18,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..pupils import Disc
+from ..pupils import Disc, area_below
 from ..sensor import Sensor
 
 SOURCES = ("slit", "disc", "square")
@@ -91,19 +91,27 @@ class Bench:
         lit = share > 0.0
         return np.stack([across[lit], along[lit]], axis=1), share[lit] / share[lit].sum()
 
-    def passed(self, angle: np.ndarray, deflection: np.ndarray, cut_off: float, share_of: float) -> np.ndarray:
-        """Share of one point's light that passes the edge, of the deflection's shape.
+    def passed(self, point: np.ndarray, deflection: np.ndarray, cut_off: float) -> np.ndarray:
+        """Share of the light of one point's part of the source that passes the edge, of the deflection's shape.
 
         Args:
-            angle: The point's angle across the edge [rad], a scalar.
+            point: The point's angles across the edge and along it [rad], shape (2,).
             deflection: Deflections across the edge [rad].
             cut_off: Share of the undisturbed light that is held back.
-            share_of: Width of the point's part of the source, over the source's.
         """
-        place = self.edge(cut_off) - np.asarray(deflection)
-        if share_of == 1.0:
-            return 1.0 - self.held_back(place)
-        return np.clip(0.5 - (place - angle) / (share_of * self.angle), 0.0, 1.0)
+        half = 0.5 * self.angle / self.source_points
+        place = np.clip(self.edge(cut_off) - np.asarray(deflection), point[0] - half, point[0] + half)
+        first, whole = (self._below(point[0] + side * half, point[1], half) for side in (-1.0, 1.0))
+        return np.asarray(1.0 - (self._below(place, point[1], half) - first) / (whole - first))
+
+    def _below(self, place, along: float, half: float) -> np.ndarray:
+        """Light from angles below a place across the edge, of the strip of this half width at an angle along it."""
+        if self.source != "disc":
+            return np.asarray(place)
+        radius = 0.5 * self.angle
+        low, high = (np.clip((along + side * half) / radius, -1.0, 1.0) for side in (-1.0, 1.0))
+        x = np.clip(np.asarray(place) / radius, -1.0, 1.0)
+        return np.asarray(area_below(x, high) - area_below(x, low))
 
     def held_back(self, place: np.ndarray) -> np.ndarray:
         """Share of the source's light from angles below a place across the edge [rad]."""

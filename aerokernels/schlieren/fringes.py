@@ -124,13 +124,16 @@ def interferogram(
         return fringe_picture(line_of_sight(field, **options), **fringes)
     points, shares = bench.points()
     found = [
-        fringe_picture(line_of_sight(field, focus=bench.focus, tilt=tuple(point), **options), **fringes)
+        fringe_picture(
+            line_of_sight(field, focus=bench.focus, tilt=tuple(point), **options), **{**fringes, "exposure": 1.0}
+        )
         for point in points
     ]
-    light = sum(share * one.intensity for share, one in zip(shares, found, strict=True))
-    if bench.sensor is not None:
-        light = bench.sensor.expose(light, bench.seed)
-    return replace(found[int(np.argmin(np.hypot(*points.T)))], intensity=np.asarray(light))
+    # What is more than white counts in the mean, and on a sensor that is not full yet.
+    light = exposure * sum(share * one.intensity for share, one in zip(shares, found, strict=True))
+    light = np.clip(light, 0.0, 1.0) if bench.sensor is None else bench.sensor.expose(light, bench.seed)
+    middle = found[int(np.argmin(np.hypot(*points.T)))]
+    return replace(middle, intensity=np.asarray(light), exposure=float(exposure))
 
 
 def fringe_picture(

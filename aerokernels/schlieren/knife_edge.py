@@ -120,7 +120,7 @@ def schlieren(
         light, passed = _by_bench(field, bench, bright, cut_off, options)
         brightness = exposure * passed
         if bench.sensor is not None:
-            brightness = bench.sensor.expose(np.clip(brightness, 0.0, 1.0), bench.seed)
+            brightness = bench.sensor.expose(brightness, bench.seed)
         return _image(light, brightness, knife_edge, cut_off, bench.sensitivity, exposure)
     return knife_edge_picture(
         line_of_sight(field, **options),
@@ -160,7 +160,7 @@ def _by_bench(
         up = point[0] * math.sin(bright) + point[1] * math.cos(bright)
         traced = line_of_sight(field, focus=bench.focus, tilt=(right, up), **options)
         cut = _across(traced.deflection, bright)
-        passed = bench.passed(point[0], cut, cut_off, 1.0 / bench.source_points)
+        passed = bench.passed(point, cut, cut_off)
         light = np.where(traced.through, passed, 0.0)
         if min(light.shape) < 2:
             raise ValueError(f"a bench's picture needs at least 2 x 2 rays, got {light.shape}: raise pixel_count")

@@ -116,7 +116,7 @@ def shadowgraph(
     found = shadow_picture(traced, distance=distance, source_angle=source_angle, exposure=exposure)
     if bench is None or bench.sensor is None:
         return found
-    return replace(found, intensity=bench.sensor.expose(found.intensity, bench.seed))
+    return replace(found, intensity=bench.sensor.expose(exposure * found.irradiance, bench.seed))
 
 
 def shadow_picture(

@@ -4,7 +4,7 @@ from typing import Any
 
 import numpy as np
 
-from ..shown import drawn_on
+from ..shown import drawn_on, extent_of
 
 
 class PictureView:
@@ -17,10 +17,7 @@ class PictureView:
     def plot(self, axes: Any = None) -> Any:
         """Draw the picture in grey over millimetres on matplotlib axes; returns the axes."""
         axes = drawn_on(axes)
-        ends = []
-        for centres in (self.horizontal, self.vertical):
-            half = 0.5 * (centres[-1] - centres[0]) / max(len(centres) - 1, 1)
-            ends += [1e3 * (centres[0] - half), 1e3 * (centres[-1] + half)]
+        ends = extent_of(1e3 * self.horizontal, 1e3 * self.vertical)
         axes.imshow(self.intensity, origin="lower", extent=ends, cmap="gray", vmin=0.0, vmax=1.0)
         axes.set(xlabel="horizontal [mm]", ylabel="vertical [mm]")
         return axes

@@ -78,11 +78,11 @@ def optical_series(
         progress: Called with what is done, in words, and its share.
 
     Returns:
-        A dataset (time, y, x): `opd` [m], terms removed, NaN outside the pupil, and `valid`; over time `strehl` and
-        `strehl_error`, what it may be off by for the error of `opd` and for the pixels, each of which has one ray,
-        `boresight_x` and `boresight_y` [rad], `piston` [m], `opd_rms` and `opd_rms_with_tilt` [m], `error` [m], the
-        share of the pupil that is `known`, and whether a snapshot was `traced`; over (y, x) `weight`, the pixels'
-        shares of the pupil. Lazy where `out` is given.
+        A dataset (time, y, x): `opd` [m], terms removed, NaN outside the pupil, and `valid`; over time `strehl`,
+        `boresight_x` and `boresight_y` [rad], `opd_rms` and `opd_rms_with_tilt` [m], each with what it may be off by
+        for the error of `opd` and for the pixels, which have one ray each (`strehl_error` and so on), `piston` [m],
+        `error` [m], the share of the pupil that is `known`, and whether a snapshot was `traced`; over (y, x) `weight`,
+        the pixels' shares of the pupil. Lazy where `out` is given.
         Pixels whose rays leave the grid sideways, miss it or end on a body are not valid, and in no number. `error`
         on straight lines is that of the OPD through the grid, whatever lies beyond the ends of the known air.
 
@@ -200,16 +200,24 @@ def _entry(
     """The maps and numbers of a snapshot."""
     opd = np.full(len(good), np.nan)
     opd[good] = read.opd
+    pixels = read.pixel_errors
+    # A slope changes by the OPD's error over the rms extent of the pupil at most.
+    with np.errstate(divide="ignore"):
+        slopes = np.hypot(found.error / read.extent, pixels.tilt)
     numbers = {
         "strehl": read.strehl,
         "strehl_error": float(
-            np.hypot(strehl_error(read.strehl, 2.0 * np.pi / wavelength * found.error), read.strehl_pixel_error)
+            np.hypot(strehl_error(read.strehl, 2.0 * np.pi / wavelength * found.error), pixels.strehl)
         ),
         "boresight_x": float(read.tilt[0]),
+        "boresight_x_error": float(slopes[0]),
         "boresight_y": float(read.tilt[1]),
+        "boresight_y_error": float(slopes[1]),
         "piston": read.piston,
         "opd_rms": read.rms_without_tilt,
+        "opd_rms_error": float(np.hypot(found.error, pixels.rms_without_tilt)),
         "opd_rms_with_tilt": read.rms,
+        "opd_rms_with_tilt_error": float(np.hypot(found.error, pixels.rms)),
         "error": found.error,
         "known": float(grid.weight[grid.lit][good].sum()),
         "traced": float(found.traced),

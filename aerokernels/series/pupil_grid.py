@@ -7,7 +7,8 @@ from typing import Any
 import numpy as np
 
 from ..pupils import Pupil
-from ..wavefront import SAFETY, exact_weights, remove_terms, weighted_mean
+from ..wavefront import exact_weights, remove_terms, weighted_mean
+from .map_errors import MapErrors, PixelErrors
 
 # Share of a pixel that is rounding.
 ROUNDING = 1e-9
@@ -101,7 +102,8 @@ class Reading:
         rms: Root mean square of the map less its mean [m].
         rms_without_tilt: And less its tilt [m].
         strehl: |<exp(i k OPD)>|^2 of `opd`.
-        strehl_pixel_error: What the pixels make that off by: see wavefront/pixel_errors.py; NaN where not asked for.
+        extent: Rms of the pixels' coordinates about their mean along x and y [m], shape (2,).
+        pixel_errors: What the pixels make all of them off by: see map_errors.py; NaN where not asked for.
     """
 
     opd: np.ndarray
@@ -110,7 +112,8 @@ class Reading:
     rms: float
     rms_without_tilt: float
     strehl: float
-    strehl_pixel_error: float
+    extent: np.ndarray
+    pixel_errors: PixelErrors
 
 
 class MapReader:
@@ -132,15 +135,14 @@ class MapReader:
         """
         total = weight.sum()
         self.weight, self.remove, self.wavelength = weight / total, remove, wavelength
-        self._quarter = quarter
-        if lacking is not None and quarter is not None:
-            self._edge = np.flatnonzero(np.abs(lacking) > ROUNDING * weight.max())
-            self._lacking = lacking[self._edge] / total
-            self._shares = np.bincount(quarter, self.weight, 4)
         self.coordinates = coordinates
         self._centred = coordinates - weighted_mean(self.weight, coordinates)
+        self._extent = np.sqrt(weighted_mean(self.weight, self._centred**2))
         # Scaled, so that neither metres nor a pupil that is a line make trouble.
         self._inverse = np.linalg.pinv((self._centred * self.weight[:, None]).T @ self._centred, rcond=1e-12)
+        self._errors: MapErrors | None = None
+        if lacking is not None and quarter is not None:
+            self._errors = MapErrors(self._centred, self.weight, lacking / total, quarter)
 
     def __call__(self, opd: np.ndarray) -> Reading:
         """Read a map [m], shape (n,)."""
@@ -157,18 +159,5 @@ class MapReader:
         cosine, sine = np.cos(phase), np.sin(phase)
         phasor = complex(weighted_mean(self.weight, cosine), weighted_mean(self.weight, sine))
         rms, rms_without_tilt = (float(np.sqrt(weighted_mean(self.weight, one**2))) for one in (flat, level))
-        error = self._pixel_error(phasor, cosine, sine)
-        return Reading(left, piston, tilt, rms, rms_without_tilt, abs(phasor) ** 2, error)
-
-    def _pixel_error(self, phasor: complex, cosine: np.ndarray, sine: np.ndarray) -> float:
-        """What the pixels make the square of the mean phasor off by."""
-        if self._quarter is None:
-            return float("nan")
-        edge, lacking = self._edge, self._lacking
-        more = complex(np.sum(lacking * cosine[edge]), np.sum(lacking * sine[edge]))
-        second_order = SAFETY * abs(abs(phasor + more) ** 2 - abs(phasor) ** 2)
-        sums = [np.bincount(self._quarter, self.weight * part, 4) for part in (cosine, sine)]
-        there = self._shares > 0.0
-        ratios = (sums[0][there] ** 2 + sums[1][there] ** 2) / self._shares[there] ** 2
-        spread = np.std(ratios, ddof=1) / np.sqrt(len(ratios)) if len(ratios) > 1 else 0.0
-        return float(np.hypot(second_order, spread))
+        errors = PixelErrors() if self._errors is None else self._errors(cosine, sine, flat, tilt)
+        return Reading(left, piston, tilt, rms, rms_without_tilt, abs(phasor) ** 2, self._extent, errors)

@@ -9,6 +9,7 @@ import numpy as np
 from ..shown import shown
 from ..zernike import zernike_modes
 from .data import WavefrontMap
+from .pixel_weights import derivative_weights
 from .terms import weighted_mean
 from .transfer import autocorrelation
 
@@ -53,15 +54,31 @@ def fit_zernike(wavefront: WavefrontMap, count: int) -> np.ndarray:
         ValueError: More polynomials than the pupil's samples tell apart.
     """
     opd, weight = wavefront.samples
-    basis = zernike_modes(count, *(wavefront.points.T / wavefront.radius)).T
-    root = np.sqrt(weight)[:, None]
-    found, _, rank, _ = np.linalg.lstsq(basis * root, opd * root[:, 0], rcond=1e-9)
+    basis, root = _weighted_modes(wavefront, count), np.sqrt(weight)
+    found, _, rank, _ = np.linalg.lstsq(basis, opd * root, rcond=1e-9)
     if rank < count:
         raise ValueError(
             f"{count} Zernike polynomials are more than the pupil's {len(opd)} samples tell apart ({rank}): take "
             "fewer, or a greater pixel_count"
         )
     return np.asarray(found)
+
+
+def zernike_gains(wavefront: WavefrontMap, count: int) -> np.ndarray:
+    """By how much an OPD of rms 1 changes each of those coefficients at most, shape (count,).
+
+    Infinite where the pupil's samples do not tell the polynomials apart.
+    """
+    _, size, rows = np.linalg.svd(_weighted_modes(wavefront, count), full_matrices=False)
+    if len(size) < count or size[-1] <= 1e-9 * size[0]:
+        return np.full(count, np.inf)
+    return np.asarray(np.linalg.norm(rows / size[:, None], axis=0))
+
+
+def _weighted_modes(wavefront: WavefrontMap, count: int) -> np.ndarray:
+    """Zernike polynomials at the samples by the roots of their weights, shape (lit count, count)."""
+    modes = zernike_modes(count, *(wavefront.points.T / wavefront.radius))
+    return np.asarray(modes.T * np.sqrt(wavefront.samples[1])[:, None])
 
 
 def zernike_surface(wavefront: WavefrontMap, coefficients: np.ndarray) -> np.ndarray:
@@ -102,23 +119,21 @@ def centroid(wavefront: WavefrontMap) -> np.ndarray:
     r"""Centroid of the point spread function [rad], shape (2,), along x and y: the mean slope of the OPD.
 
     By Parseval's theorem the centroid of |A|^2 is \int |A|^2 grad OPD / \int |A|^2; slopes are
-    differences of neighbours.
+    differences of neighbours. NaN where no pixel has one.
     """
-    intensity = np.asarray(wavefront.intensity)
-    return np.array([_mean_slope(wavefront.opd, intensity, axis) for axis in (1, 0)]) / wavefront.pixel
+    opd, share = wavefront.samples
+    flat = opd - weighted_mean(share, opd)
+    return np.array([np.sum(one[wavefront.lit] * flat) for one in centroid_weights(wavefront)])
 
 
-def _mean_slope(opd: np.ndarray, intensity: np.ndarray, axis: int) -> float:
-    """Mean difference of a map's neighbours along an axis, by intensity: central, or of second order at an edge."""
-    opd, intensity = np.moveaxis(opd, axis, 0), np.moveaxis(intensity, axis, 0)
-    # NaN outside the pupil spreads to the differences that there are not.
-    step = np.diff(np.pad(opd, ((3, 3), (0, 0)), constant_values=np.nan), axis=0)
-    count = len(opd)
-    before, after = step[2 : count + 2], step[3 : count + 3]
-    at_edges = np.where(
-        np.isnan(before), 1.5 * after - 0.5 * step[4 : count + 4], 1.5 * before - 0.5 * step[1 : count + 1]
-    )
-    at_edges = np.where(np.isnan(at_edges), np.where(np.isnan(before), after, before), at_edges)
-    slope = np.where(np.isnan(before) | np.isnan(after), at_edges, 0.5 * (before + after))
-    there = np.isfinite(slope)
-    return float((intensity * np.where(there, slope, 0.0)).sum() / intensity[there].sum()) if there.any() else np.nan
+def centroid_weights(wavefront: WavefrontMap) -> np.ndarray:
+    """By what the OPD of each pixel counts in the centroid along x and y [1/m], shape (2, n, n)."""
+    lit, found = wavefront.lit, []
+    for axis in (1, 0):
+        beside = np.pad(lit, 1)
+        beside = (np.roll(beside, 1, axis) | np.roll(beside, -1, axis))[1:-1, 1:-1]
+        intensity = np.where(beside, np.asarray(wavefront.intensity), 0.0)
+        total = intensity.sum()
+        slopes = derivative_weights(lit, intensity, np.zeros(lit.shape), axis)
+        found.append(slopes / (wavefront.pixel * total) if total > 0.0 else np.full(lit.shape, np.nan))
+    return np.array(found)

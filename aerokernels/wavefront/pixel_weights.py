@@ -45,7 +45,7 @@ def exact_weights(weight: np.ndarray, pixel: float, pupil: Pupil | None) -> np.n
     lit = weight > 0.0
     found = weight.astype(np.float64)
     for axis, (first, second) in enumerate(_moments(weight, pixel, pupil)):
-        found += _spread(lit, first, second, axis)
+        found += derivative_weights(lit, first, second, axis)
     return found
 
 
@@ -69,8 +69,15 @@ def _moments(weight: np.ndarray, pixel: float, pupil: Pupil | None) -> list[tupl
     return found
 
 
-def _spread(lit: np.ndarray, first: np.ndarray, second: np.ndarray, axis: int) -> np.ndarray:
-    """The weights that a sum of derivatives along an axis, by these moments, gives to the pixels."""
+def derivative_weights(lit: np.ndarray, first: np.ndarray, second: np.ndarray, axis: int) -> np.ndarray:
+    """The weights that a sum of derivatives along an axis, by these moments, gives to the pixels.
+
+    Args:
+        lit: Which pixels there are, shape (ny, nx).
+        first: Factors of the first derivatives [pixels], of the same shape.
+        second: Twice those of the second derivatives.
+        axis: The axis.
+    """
     lit, first, second = (np.pad(array, REACH) for array in (lit, first, second))
     free, found = lit.copy(), np.zeros(lit.shape)
     for stencil in STENCILS:

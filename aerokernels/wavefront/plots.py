@@ -4,7 +4,7 @@ from typing import Any
 
 import numpy as np
 
-from ..shown import drawn_on
+from ..shown import drawn_on, extent_of
 from .data import WavefrontMap
 
 
@@ -25,9 +25,9 @@ def plot_opd(wavefront: WavefrontMap, axes: Any = None) -> Any:
 def plot_point_spread(spread: Any, axes: Any = None, decades: float = 4.0) -> Any:
     """The intensity of a PointSpread over field angles [urad], logarithmic."""
     axes = drawn_on(axes)
-    low, high = 1e6 * spread.angle[0], 1e6 * spread.angle[-1]
+    extent = extent_of(1e6 * spread.angle, 1e6 * spread.angle)
     shown = np.log10(np.maximum(spread.intensity, spread.peak * 10.0**-decades))
-    picture = axes.imshow(shown, origin="lower", extent=(low, high, low, high), cmap="inferno")
+    picture = axes.imshow(shown, origin="lower", extent=extent, cmap="inferno")
     axes.figure.colorbar(picture, ax=axes, label="log10 of intensity over the perfect peak")
     axes.set(xlabel="field angle x [urad]", ylabel="field angle y [urad]")
     return axes

@@ -1,7 +1,8 @@
 """A wavefront with what it makes of the light: the result of `wavefront`, and what others' packages take."""
 
 from dataclasses import replace
-from functools import cached_property
+from functools import cached_property, partial
+from operator import attrgetter
 from typing import Any
 
 import numpy as np
@@ -11,14 +12,21 @@ from ..quantities import Quantity
 from ..shown import shown
 from ..strehl_errors import strehl_error
 from .data import WavefrontMap
-from .modes import StructureFunction, centroid, fit_zernike, structure_function, zernike_surface
+from .image_errors import encircled_errors, grid_errors, transfer_errors
+from .modes import (
+    StructureFunction,
+    centroid,
+    centroid_weights,
+    fit_zernike,
+    structure_function,
+    zernike_gains,
+    zernike_surface,
+)
 from .pixel_errors import pixel_errors
 from .point_spread import PointSpread, point_spread_function
+from .spot_width import spot_width
 from .terms import check_metres, mean_phasor, remove_terms, weighted_mean
 from .transfer import EncircledEnergy, Transfer, encircled, normalised_sensitivity, transfer_function
-
-# Samples across the area above half of a point spread function's peak, and the spot's sizes that are tried for it.
-WIDTH_SAMPLES, WIDTH_TRIES = 129, 8
 
 
 @shown
@@ -115,12 +123,21 @@ class Wavefront(WavefrontMap):
         """Coefficients [m] of the first `count` Zernike polynomials, shape (count,): Noll's index 1 comes first.
 
         Polynomials are of rms 1 over the disc of `radius` (zernike.py), fitted together by weighted least squares: on a
-        pupil that is no disc they are not orthogonal. Each may be off by `opd_error`.
+        pupil that is no disc they are not orthogonal. `zernike_errors` says what each may be off by.
 
         Raises:
             ValueError: More polynomials than the pupil's samples tell apart.
         """
         return fit_zernike(self, count)
+
+    def zernike_errors(self, count: int) -> np.ndarray:
+        """What each of those coefficients [m] may be off by for the error of the OPD, shape (count,).
+
+        An OPD that is off by e, in any shape, changes one by e sqrt((G^-1)_jj) at most, G the polynomials' mean
+        products over the pupil: e on a disc, hundreds of e where they hardly differ, as on a thin ring.
+        Infinite where the pupil's samples do not tell the polynomials apart.
+        """
+        return self.opd_error * zernike_gains(self, count)
 
     def psf(
         self, angle=None, *, half_width: float | None = None, padding: int = 8, wavelengths=None, weights=None
@@ -140,7 +157,7 @@ class Wavefront(WavefrontMap):
 
     def otf(self) -> Transfer:
         """Optical transfer function, complex."""
-        return transfer_function(self)
+        return replace(transfer_function(self), pixel_error=partial(transfer_errors, self, attrgetter("value")))
 
     def mtf(self) -> Transfer:
         """Modulation transfer function, the magnitude of the OTF."""
@@ -168,7 +185,8 @@ class Wavefront(WavefrontMap):
             raise ValueError("no pixel has a neighbour, so there is no centroid: give `center` or more pixels")
         if point.shape != (2,) or not np.isfinite(point).all():
             raise ValueError(f"center must be two angles along x and y [rad], got {center!r}")
-        return EncircledEnergy(angle, encircled(self.otf(), angle, point), point, self.phase_error)
+        errors = partial(encircled_errors, self, angle, point)
+        return EncircledEnergy(angle, encircled(self.otf(), angle, point), point, self.phase_error, errors)
 
     @property
     def centroid(self) -> np.ndarray:
@@ -177,20 +195,11 @@ class Wavefront(WavefrontMap):
 
     @cached_property
     def fwhm(self) -> float:
-        """Full width at half maximum of the point spread function [rad]: see `PointSpread.fwhm`."""
-        resolution = self.wavelength / (len(self.opd) * self.pixel)
-        coarse = self.psf(padding=4)
-        place = np.unravel_index(int(np.argmax(coarse.intensity)), coarse.intensity.shape)
-        row, column = (float(coarse.angle[index]) for index in place)
-        tilted = self.opd - column * self.coordinate[None, :] - row * self.coordinate[:, None]
-        half_width = resolution
-        for _ in range(WIDTH_TRIES):
-            angle = np.linspace(-half_width, half_width, WIDTH_SAMPLES)
-            width = replace(self, opd=tilted).psf(angle).fwhm
-            if np.isfinite(width):
-                return width
-            half_width *= 2.0
-        return float("nan")
+        """Full width at half maximum of the point spread function [rad]: see `PointSpread.fwhm`.
+
+        Of all places above half of the peak, also of those beside the spot that it lies in.
+        """
+        return spot_width(self)
 
     def structure_function(self) -> StructureFunction:
         """Mean square OPD difference of pairs of points by their distance."""
@@ -228,17 +237,26 @@ class Wavefront(WavefrontMap):
     def image_quantities(self, fried: float = np.inf) -> dict[str, Quantity]:
         """Numbers of the image with their errors: "centroid_x", "centroid_y", "fwhm" [rad], "pssn".
 
-        Of an OPD that is off by e: the centroid, a mean slope, by that of a tilt of e over the rms extent; PSSn by
-        4 p + 4 p^2, p the phase error, since no |OTF| changes by more than 2 p times the perfect one; the FWHM by its
-        greatest change under focus and astigmatism of the greatest value e, of either sign. `fried` as for `pssn`.
+        Of an OPD that is off by e: the centroid, a mean slope, by e along the whole rim; PSSn by 4 p + 4 p^2, p the
+        phase error, since no |OTF| changes by more than 2 p times the perfect one; the FWHM by its greatest change
+        under focus and astigmatism of the greatest value e, of either sign. `fried` as for `pssn`. What the pixels make
+        them off by comes on top: see image_errors.py.
         """
-        tilt, phase = self.quantities, self.phase_error()
+        phase, pssn = self.phase_error(), self.pssn(fried)
         x, y = self.centroid
+        rims = self.opd_error * np.abs(centroid_weights(self)).sum(axis=(1, 2))
+        edges = pixel_errors(self)
+        pixels = grid_errors(self, lambda wave: (*wave.centroid, wave.fwhm))
+        sensitivity = transfer_errors(self, lambda otf: normalised_sensitivity(otf, self.wavelength, fried))
+
+        def number(value: float, *errors: float, unit: str = "") -> Quantity:
+            return Quantity(float(value), float(np.linalg.norm(errors)), unit)
+
         return {
-            "centroid_x": Quantity(float(x), tilt["tilt_x"].error, "rad"),
-            "centroid_y": Quantity(float(y), tilt["tilt_y"].error, "rad"),
-            "fwhm": Quantity(self.fwhm, self._fwhm_error, "rad"),
-            "pssn": Quantity(self.pssn(fried), 4.0 * phase + 4.0 * phase**2),
+            "centroid_x": number(x, rims[0], edges["tilt_x"], pixels[0], unit="rad"),
+            "centroid_y": number(y, rims[1], edges["tilt_y"], pixels[1], unit="rad"),
+            "fwhm": number(self.fwhm, self._fwhm_error, pixels[2], unit="rad"),
+            "pssn": number(pssn, 4.0 * phase + 4.0 * phase**2, float(sensitivity)),
         }
 
     @cached_property

@@ -8,7 +8,8 @@ With A = w exp(i k OPD) at the pixels x of a pupil, and frequencies f in cycles 
 P being the pupil's power (pixels that an edge crosses hold more of it than |A|^2), the second the exact integral of the
 pixels' PSF over a circle, with nothing cut off (p: spacing of f).
 PSSn = \int |OTF T|^2 / \int |OTF_perfect T|^2 with T that of the atmosphere (B.-J. Seo et al., Appl. Opt. 48 (2009)
-5997). A greatest phase error e [rad] changes the OTF by at most 2 e times that of the perfect pupil, and E by 2 e.
+5997). A greatest phase error e [rad] changes the OTF by at most 2 e times that of the perfect pupil, and E by 2 e. What
+the pixels make them off by comes on top: image_errors.py.
 """
 
 from collections.abc import Callable
@@ -35,18 +36,21 @@ class Transfer:
         frequency: Frequencies of rows and columns [cycles / rad], shape (n,), ascending about 0.
         perfect: MTF of the same pupil without aberrations, shape (n, n).
         phase_error: Makes the phase error of the wavefront [rad]; `error` calls it.
+        pixel_error: Makes what each value may be off by for the pixels, shape (n, n); `error` calls it.
     """
 
     value: np.ndarray
     frequency: np.ndarray
     perfect: np.ndarray
     phase_error: Callable[[], float] | None = field(default=None, repr=False)
+    pixel_error: Callable[[], np.ndarray] | None = field(default=None, repr=False)
 
     @cached_property
     def error(self) -> np.ndarray:
         """What each value may be off by, shape (n, n); NaN where that is not known. Computed when first read."""
         phase = float("nan") if self.phase_error is None else self.phase_error()
-        return np.minimum(2.0 * phase, 2.0) * self.perfect
+        pixels = 0.0 if self.pixel_error is None else self.pixel_error()
+        return np.hypot(np.minimum(2.0 * phase, 2.0) * self.perfect, pixels)
 
     def along(self, angle: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
         """Frequencies [cycles / rad] and values on the line at this angle from x toward y [rad], both (n,)."""
@@ -74,17 +78,21 @@ class EncircledEnergy:
         energy: Share of all light that the pupil lets through, of the same shape.
         center: The point [rad], shape (2,).
         phase_error: Makes the phase error of the wavefront [rad]; `error` calls it.
+        pixel_error: Makes what each share may be off by for the pixels, of the same shape; `error` calls it.
     """
 
     angle: np.ndarray
     energy: np.ndarray
     center: np.ndarray
     phase_error: Callable[[], float] | None = field(default=None, repr=False)
+    pixel_error: Callable[[], np.ndarray] | None = field(default=None, repr=False)
 
     @cached_property
-    def error(self) -> float:
-        """What the shares may be off by; NaN where that is not known. Computed when first read."""
-        return float("nan") if self.phase_error is None else min(2.0 * self.phase_error(), 1.0)
+    def error(self) -> np.ndarray:
+        """What each share may be off by, of their shape; NaN where that is not known. Computed when first read."""
+        phase = float("nan") if self.phase_error is None else self.phase_error()
+        pixels = 0.0 if self.pixel_error is None else self.pixel_error()
+        return np.minimum(np.hypot(np.full(np.shape(self.energy), 2.0 * phase), pixels), 1.0)
 
     def radius(self, share: float) -> float:
         """The angle within which this share of the light lies [rad], interpolated; NaN beyond the angles given."""

@@ -82,8 +82,13 @@ def test_a_disc_passes_the_segment_of_a_circle():
         assert float(bench.held_back(np.asarray(bench.edge(cut_off)))) == pytest.approx(cut_off, abs=1e-9)
         for deflection in (-3e-4, 0.0, 5e-4):
             expected = chord[t + deflection > bench.edge(cut_off)].sum() / chord.sum()
-            found = float(bench.passed(np.asarray(0.0), np.asarray(deflection), cut_off, 1.0))
+            found = float(bench.passed(np.zeros(2), np.asarray(deflection), cut_off))
             assert found == pytest.approx(expected, abs=1e-4)
+            # Parts of the source together let through what it does as a whole.
+            for count in (2, 5):
+                parts = Bench(2e-3, 1.0, source="disc", source_points=count)
+                each = [parts.passed(point, np.asarray(deflection), cut_off) for point in parts.points()[0]]
+                assert float(np.dot(parts.points()[1], each)) == pytest.approx(expected, abs=1e-4)
     points, shares = Bench(2e-3, 1.0, source="disc", source_points=16).points()
     assert shares.sum() == pytest.approx(1.0)
     assert (shares * points[:, 0] ** 2).sum() == pytest.approx(0.25e-6, rel=0.01)  # a quarter of the radius squared
@@ -99,6 +104,13 @@ def test_noise_and_the_other_benches():
     drawn = still.plot(Figure().subplots()).images[0]
     assert drawn.get_extent() == pytest.approx([-2.0, 2.0, -10.0, 10.0])
     assert shadowgraph(volume(), distance=0.1, bench=noisy, **VIEW).source_angle == pytest.approx(1e-4)
+    # A sensor that undisturbed light fills to a tenth holds ten times as much, whatever is white in a picture.
+    dim = Bench(1e-4, 1.0, sensor=Sensor(read_noise=0.0, bits=16, exposure=0.1, shot_noise=False))
+    bright = shadowgraph(volume(), distance=0.1, exposure=3.0, bench=dim, **VIEW)
+    np.testing.assert_allclose(bright.intensity, 0.3 * bright.irradiance, atol=1e-5)
+    even = {"phase": 0.0, "exposure": 3.0, "bench": dim, **VIEW}
+    assert interferogram(volume(), **even).intensity.max() == pytest.approx(0.3, abs=1e-3)
+    assert schlieren(volume(), cut_off=0.0, exposure=3.0, bench=dim, **VIEW).intensity.max() > 0.29
     # Of an OPD of 4 nm, 0.03 radian in quadrature: focused, all points agree; 1 m away, 8 mrad blur it over 1.6 waves.
     fringes = {"phase": 0.25, "wavelength": 800e-9, **VIEW}
     sharp, soft = (

@@ -1,0 +1,108 @@
+r"""What the pixels of a wavefront make the numbers of its image off by: transfer functions and what is read off them.
+
+A pixel has one sample, at its centre, and the mean amplitude of its area. Three causes, added as squares:
+
+    the shares     of a pixel's place and of another's the mean product is w w' + c, |c| <= s s' by Cauchy and Schwarz,
+                   s^2 = <|A|^2> - w^2: edges that coincide after the shift, as those of a rectangle along it, reach it
+    the moments    what the shares of edge pixels lack in second order (pixel_weights.py), twice
+    the samples    the standard error of the mean over the four grids of every other row and column
+
+A number that needs its own grid, a width or a mean slope, is read on the four coarser grids as well: their mean less
+the number on all pixels stands for what is of an order in the pixel's side, their spread for the rest, and the exact
+weights for what no coarser grid of the same edge pixels shows.
+"""
+
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from .data import WavefrontMap
+from .pixel_errors import SAFETY
+from .pixel_weights import exact_weights
+from .transfer import Transfer, autocorrelation, complex_amplitude, encircled, transfer_function
+
+# Every other row and column.
+INTERLEAVED = tuple((row, column) for row in (0, 1) for column in (0, 1))
+# Radii over which light is summed up by its angle.
+RADII = 65
+
+
+def transfer_errors(wavefront: WavefrontMap, number: Callable[[Transfer], Any]) -> np.ndarray:
+    """What a number, or an array of them, that is read off the transfer function is off by for the pixels."""
+    plain = np.asarray(number(transfer_function(wavefront)))
+    coincident, exact, *grids = (np.asarray(number(one)) for one in _transfers(wavefront))
+    spread = np.sqrt(np.var(grids, axis=0, ddof=1) / len(grids))
+    return np.sqrt(np.abs(coincident - plain) ** 2 + (SAFETY * np.abs(exact - plain)) ** 2 + spread**2)
+
+
+def encircled_errors(wavefront: WavefrontMap, angle: np.ndarray, center: np.ndarray) -> np.ndarray:
+    r"""What shares of the light within angles [rad] about a point are off by for the pixels, of the angles' shape.
+
+    Places one by one, as the transform takes pixels, fold all light into wavelength / pixel. What there is of square
+    pixels goes down by sinc^2 to either side, (pi^2 / 3) \int a^2 dE pixel^2 / wavelength^2 to second order.
+    """
+    read = transfer_errors(wavefront, lambda transfer: encircled(transfer, angle, center))
+    radius = np.linspace(0.0, float(np.max(angle, initial=0.0)), RADII)
+    energy = encircled(transfer_function(wavefront), radius, center)
+    squares = np.concatenate([[0.0], np.cumsum(0.5 * (radius[1:] ** 2 + radius[:-1] ** 2) * np.diff(energy))])
+    folded = (np.pi * wavefront.pixel / wavefront.wavelength) ** 2 / 3.0 * np.abs(squares)
+    return np.hypot(read, np.interp(angle, radius, np.minimum(folded, 1.0)))
+
+
+def _transfers(wavefront: WavefrontMap) -> Iterator[Transfer]:
+    """Those of coincident edges, of the exact weights, and by the pixels of each of the interleaved grids."""
+    weight, intensity = np.asarray(wavefront.weight), np.asarray(wavefront.intensity)
+    lit, plain = wavefront.lit, transfer_function(wavefront)
+
+    def wave(weights: np.ndarray) -> np.ndarray:
+        return weights * complex_amplitude(wavefront.opd, lit.astype(np.float64), wavefront.wavelength)
+
+    rest = np.sqrt(np.maximum(intensity - weight**2, 0.0))
+    more, perfect = (autocorrelation(one) / wavefront.power for one in (wave(rest), rest))
+    yield _at_rest(replace(plain, value=plain.value + more, perfect=plain.perfect + perfect.real))
+    exact = exact_weights(weight, wavefront.pixel, wavefront.pupil)
+    value, perfect = (autocorrelation(one) / wavefront.power for one in (wave(exact), exact))
+    yield _at_rest(replace(plain, value=value, perfect=perfect.real))
+    for row, column in INTERLEAVED:
+        some = np.zeros(weight.shape)
+        some[row::2, column::2] = 1.0
+        power = float((some * intensity).sum())
+        if power > 0.0:
+            value, perfect = (_halves(some * one, one) / power for one in (wave(weight), weight))
+            yield _at_rest(replace(plain, value=value, perfect=perfect.real))
+
+
+def _halves(some: np.ndarray, all_of: np.ndarray) -> np.ndarray:
+    """The correlation of some pixels with all, in both directions."""
+    found = autocorrelation(some, all_of)
+    return 0.5 * (found + found[::-1, ::-1].conj())
+
+
+def _at_rest(transfer: Transfer) -> Transfer:
+    middle = len(transfer.frequency) // 2
+    transfer.value[middle, middle] = transfer.perfect[middle, middle] = 1.0
+    return transfer
+
+
+def grid_errors(wavefront: Any, number: Callable[[Any], Any]) -> np.ndarray:
+    """What numbers that are read on the wavefront's own grid are off by for the pixels."""
+    plain = np.asarray(number(wavefront))
+    odd = len(wavefront.opd) % 2
+    grids = []
+    for row, column in INTERLEAVED:
+        some = [np.pad(one, (0, odd))[row::2, column::2] for one in (wavefront.opd, wavefront.weight)]
+        intensity = np.pad(wavefront.intensity, (0, odd))[row::2, column::2]
+        if some[1].any():
+            coarse = replace(
+                wavefront, opd=some[0], weight=some[1], intensity=intensity, pixel=2.0 * wavefront.pixel, pupil=None
+            )
+            grids.append(np.asarray(number(coarse)))
+    if len(grids) < 2:
+        return np.full(plain.shape, np.nan)
+    spread = np.std(grids, axis=0, ddof=1) / np.sqrt(len(grids))
+    # Slivers whose exact weight is below 0 are left out.
+    exact = np.maximum(exact_weights(np.asarray(wavefront.weight), wavefront.pixel, wavefront.pupil), 0.0)
+    second_order = SAFETY * (np.asarray(number(replace(wavefront, weight=exact, intensity=None))) - plain)
+    return np.sqrt((np.mean(grids, axis=0) - plain) ** 2 + second_order**2 + spread**2)

@@ -1,0 +1,37 @@
+"""How wide the point spread function of a wavefront is at half of its peak.
+
+A coarse picture of all angles says where the light is: its peak, and how far from there other places come near half of
+it. So wide a window about the peak is computed finely; where half of the peak reaches its edge, twice as wide a one.
+"""
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+# Samples to a resolution element, and across the window at most; windows that are tried.
+SAMPLES, MOST_SAMPLES, TRIES = 64, 1024, 8
+# Samples of the coarse picture to a resolution element, and what share of its peak may be half of the true one.
+PADDING, NEAR_HALF = 4, 0.4
+
+
+def spot_width(wavefront: Any) -> float:
+    """Full width at half maximum of a `Wavefront` [rad]; NaN where half of the peak reaches beyond all windows."""
+    resolution = wavefront.wavelength / (len(wavefront.opd) * wavefront.pixel)
+    coarse = wavefront.psf(padding=PADDING)
+    place = np.unravel_index(int(np.argmax(coarse.intensity)), coarse.intensity.shape)
+    middle = coarse.angle[np.array(place)]
+    bright = coarse.angle[np.argwhere(coarse.intensity > NEAR_HALF * coarse.peak)]
+    reach = float(np.abs(bright - middle).max()) + resolution / PADDING
+    row, column = (float(angle) for angle in middle)
+    tilted = wavefront.opd - column * wavefront.coordinate[None, :] - row * wavefront.coordinate[:, None]
+    upright, half_width = replace(wavefront, opd=tilted), resolution
+    while half_width < reach:
+        half_width *= 2.0
+    for _ in range(TRIES):
+        count = min(int(2.0 * SAMPLES * half_width / resolution), MOST_SAMPLES)
+        width = upright.psf(np.linspace(-half_width, half_width, count + 1)).fwhm
+        if np.isfinite(width):
+            return float(width)
+        half_width *= 2.0
+    return float("nan")

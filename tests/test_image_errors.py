@@ -1,0 +1,126 @@
+"""What the pixels make the numbers of an image off by is told: against closed forms and quadrature."""
+
+import numpy as np
+import pytest
+
+from aerokernels import Annulus, Disc, Rectangle, Wavefront
+from aerokernels.wavefront import PointSpread
+from aerokernels.wavefront.grid import pupil_grid
+from aerokernels.zernike import zernike_modes
+
+WAVELENGTH, WIDTH, HEIGHT = 1e-6, 0.1, 0.061
+RESOLUTION = WAVELENGTH / WIDTH
+WAVE_NUMBER = 2.0 * np.pi / WAVELENGTH
+
+
+def along_x(x):
+    """OPD along x [m], and its slope."""
+    u = x / WIDTH
+    return WAVELENGTH * (1.2 * u**3 + 0.5 * u**2), WAVELENGTH / WIDTH * (3.6 * u**2 + u)
+
+
+def along_y(y):
+    """OPD along y [m], and its slope."""
+    u = y / HEIGHT
+    return WAVELENGTH * 0.15 * np.sin(7.0 * u + 0.4), WAVELENGTH / HEIGHT * 1.05 * np.cos(7.0 * u + 0.4)
+
+
+def transfer(surface, side, shifts):
+    """Transfer function of one axis of a rectangle by Gauss's rule over the overlap: shape of the shifts [m]."""
+    node, weight = np.polynomial.legendre.leggauss(60)
+    overlap = np.maximum(side - np.abs(shifts), 0.0)[:, None]
+    x = 0.5 * overlap * node
+    difference = surface(x - 0.5 * shifts[:, None])[0] - surface(x + 0.5 * shifts[:, None])[0]
+    return (0.5 * overlap * weight * np.exp(1j * WAVE_NUMBER * difference)).sum(axis=1) / side
+
+
+@pytest.mark.parametrize("count", [21, 38])
+def test_errors_hold_what_the_pixels_make_of_an_image(count):
+    """A rectangle of a separable wavefront, whose edges fall within pixels; no other error."""
+    pupil = Rectangle(WIDTH, HEIGHT)
+    coordinate, pixel, weight, intensity = pupil_grid(pupil, count)
+    opd = along_x(coordinate)[0] + along_y(coordinate)[0][:, None]
+    wave = Wavefront(opd, weight, pixel, WAVELENGTH, intensity=intensity, pupil=pupil, budget=lambda: {"total": 0.0})
+    told, otf = wave.image_quantities(), wave.otf()
+    shifts = otf.frequency * WAVELENGTH
+    exact = transfer(along_y, HEIGHT, shifts)[:, None] * transfer(along_x, WIDTH, shifts)
+    assert np.mean(np.abs(exact - otf.value) <= otf.error + 1e-12) > 0.97
+    # Along the axis two edges lie on one another after any shift, and half a pixel more light is common to both.
+    middle = len(otf.frequency) // 2
+    off = np.abs(exact - otf.value)[middle]
+    assert off.max() > 1e-3 and (off <= otf.error[middle] + 1e-12).all()
+    assert otf.error.max() < 1.5 / count
+
+    fine = np.linspace(-WIDTH, WIDTH, 2001)
+    squares = [
+        (np.abs(transfer(*axis, fine)) ** 2).sum() / (np.maximum(1.0 - np.abs(fine) / axis[1], 0.0) ** 2).sum()
+        for axis in ((along_x, WIDTH), (along_y, HEIGHT))
+    ]
+    node, share = np.polynomial.legendre.leggauss(60)
+    slopes = [0.5 * share @ surface(0.5 * side * node)[1] for surface, side in ((along_x, WIDTH), (along_y, HEIGHT))]
+    angle = np.linspace(-4.0, 4.0, 641) * RESOLUTION
+    intensity = []
+    for surface, side in ((along_x, WIDTH), (along_y, HEIGHT)):
+        x = 0.5 * side * node
+        light = 0.5 * np.exp(1j * WAVE_NUMBER * (surface(x)[0] - np.outer(angle, x))) @ share
+        intensity.append(np.abs(light) ** 2)
+    width = PointSpread(np.outer(intensity[1], intensity[0]), angle).fwhm
+    for name, true in {
+        "centroid_x": slopes[0],
+        "centroid_y": slopes[1],
+        "fwhm": width,
+        "pssn": squares[0] * squares[1],
+    }.items():
+        found = told[name]
+        assert 0.0 < abs(found.value - true) <= found.error + 1e-6 * abs(true), name
+        assert found.error < 0.2 * (abs(found.value) if name in ("fwhm", "pssn") else RESOLUTION), name
+
+
+def test_shares_of_light_tell_what_the_pixels_make():
+    """A flat disc of few pixels: 1 - J0^2 - J1^2."""
+    from scipy.special import j0, j1
+
+    pupil = Disc(0.05)
+    _, pixel, weight, intensity = pupil_grid(pupil, 17)
+    options = {"intensity": intensity, "pupil": pupil, "budget": lambda: {"total": 0.0}}
+    found = Wavefront(0.0 * weight, weight, pixel, WAVELENGTH, **options).encircled_energy()
+    v = WAVE_NUMBER * 0.05 * found.angle
+    off = np.abs(found.energy - (1.0 - j0(v) ** 2 - j1(v) ** 2))
+    assert off.max() > 1e-3 and (off <= found.error + 1e-12).all() and found.error.max() < 0.05
+
+
+def test_a_width_counts_all_of_the_light_above_half_of_the_peak():
+    """A grating of two equal orders, ten resolution elements apart: twice the area of one spot."""
+    coordinate = (np.arange(60) - 29.5) * WIDTH / 60
+    grating = 0.25 * WAVELENGTH * np.sign(np.sin(2.0 * np.pi * 5.0 * coordinate / WIDTH))
+    flat, parted = (
+        Wavefront(opd * np.ones((60, 60)), np.ones((60, 60)), WIDTH / 60, WAVELENGTH) for opd in (0.0, grating)
+    )
+    assert parted.fwhm == pytest.approx(np.sqrt(2.0) * flat.fwhm, rel=1e-2)
+
+
+@pytest.mark.parametrize("inner", [0.0, 0.9])
+def test_an_error_of_the_opd_changes_no_coefficient_and_no_centroid_by_more(inner):
+    """The worst shapes: the sign of what each pixel counts for in the centroid, and a coefficient's own row."""
+    pupil = Annulus(0.01, inner * 0.01) if inner else Disc(0.01)
+    coordinate, pixel, weight, intensity = pupil_grid(pupil, 40)
+    error, (x, y) = 1e-9, np.meshgrid(coordinate, coordinate)
+
+    def made(opd):
+        options = {"intensity": intensity, "pupil": pupil, "radius": 0.01}
+        return Wavefront(opd, weight, pixel, WAVELENGTH, **options, budget=lambda: {"total": error})
+
+    told = made(0.0 * x).image_quantities()
+    # Delayed at the outer rim on one half, at the inner one on the other.
+    rim = made(error * np.sign(x) * np.sign(np.hypot(x, y) - 0.005 * (1.0 + inner)))
+    assert 0.2 * told["centroid_x"].error < abs(rim.centroid[0]) <= told["centroid_x"].error
+    lit = weight > 0.0
+    modes = zernike_modes(11, *(rim.points.T / 0.01))
+    share = weight[lit] / weight.sum()
+    rows = np.linalg.inv((modes * share) @ modes.T) @ modes  # each of them changes its own coefficient most
+    errors = made(0.0 * x).zernike_errors(11)
+    for number, row in enumerate(rows):
+        opd = np.zeros(weight.shape)
+        opd[lit] = error * row / np.sqrt(share @ row**2)
+        assert made(opd).zernike(11)[number] == pytest.approx(errors[number], rel=1e-6)
+    assert (errors.max() < 1.01 * error) if inner == 0.0 else (errors.max() > 50.0 * error)
