@@ -95,8 +95,8 @@ def pupil_map(field: IndexField, scene: Scene, sample_count: int = PUPIL_SAMPLES
     inside, samples, ray = pupil_samples(field, scene, sample_count)
     start = _in_plane(pupil, x[inside][samples], y[inside][samples])
     rays = RayBundle(start, np.broadcast_to(pupil.normal, start.shape))
-    # Rays along z leave the flow's box by one face; others by several, and are compared on a plane across them.
-    across = plane_beyond(field, pupil, pupil.normal) if np.any(pupil.normal[:2]) else None
+    # On the plane on which the rays of the Strehl ratio end, whatever faces of the flow's box they leave by.
+    across = plane_beyond(field, pupil, pupil.normal)
     traced = trace(field, rays, **trace_options(scene), until=across, outputs=("opd", "evaluation_count"))
     assert traced.opd is not None  # asked for
     good = np.zeros_like(inside)

@@ -58,8 +58,8 @@ class Engine(Protocol):
     def prepare_bundle(self, table: BundleTable, outputs: frozenset) -> "Prepared":
         """Patches between traced rays made ready for outputs of rays of their family."""
 
-    def pupil_kernels(self) -> dict[str, Any]:
-        """The kernels of a pupil, by name: launch_pupil, sum_moments, sum_phasors, reduce_sums."""
+    def pupil_kernels(self, names: Iterable[str]) -> dict[str, Any]:
+        """Those kernels of a pupil, by name, of launch_pupil, sum_moments, sum_phasors and reduce_sums."""
 
     def grid_kernels(self) -> dict[str, Any]:
         """The kernels that prepare a grid, by name: spline_lines, fourth_differences, block_maxima."""

@@ -181,12 +181,11 @@ class Engine:
             kernel = self._kernel(build(self.session, "deliver_bundle.cl", options), "deliver_bundle")
         return Prepared(self, kernel, [*arrays, *bundle_numbers(table, outputs)], outputs, None)
 
-    def pupil_kernels(self) -> dict[str, Kernel]:
-        """The kernels of a pupil, by name."""
+    def pupil_kernels(self, names: Iterable[str]) -> dict[str, Kernel]:
+        """Those kernels of a pupil, by name."""
         with stage("compile"):
             return {
-                name: self._kernel(build(self.session, f"{name}.cl"), name, items=items)
-                for name, items in PUPIL_KERNELS.items()
+                name: self._kernel(build(self.session, f"{name}.cl"), name, items=PUPIL_KERNELS[name]) for name in names
             }
 
     def grid_kernels(self) -> dict[str, Kernel]:

@@ -131,11 +131,10 @@ class Engine:
             self._load(kernel.module)
         return Prepared(self, kernel, [*arrays, *bundle_numbers(table, outputs)], outputs, None)
 
-    def pupil_kernels(self) -> dict[str, Any]:
-        """The kernels of a pupil, by name."""
+    def pupil_kernels(self, names: Iterable[str]) -> dict[str, Any]:
+        """Those kernels of a pupil, by name; they are compiled together."""
         with stage("compile"):
             self._load(pupil.launch_pupil.module)
-        names = ("launch_pupil", "sum_moments", "sum_phasors", "reduce_sums")
         return {name: getattr(pupil, name) for name in names}
 
     def grid_kernels(self) -> dict[str, Any]:
