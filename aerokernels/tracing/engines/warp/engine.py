@@ -24,7 +24,6 @@ from ...plan import TracePlan
 from ..field_data import FieldData, array_of, field_data, step_bound_tables, stop_kind, trace_members
 from ..info import host_memory, thread_count
 from ..interface import GRID_TABLES, Prepared
-from ..kernel_table import GRID_KERNELS
 from ..layout import STRUCTS, Value, arrays_of
 from .kernels import grid_tables, pupil
 from .kernels.deliver_bundle import build_bundle_kernel
@@ -137,11 +136,11 @@ class Engine:
             self._load(pupil.launch_pupil.module)
         return {name: getattr(pupil, name) for name in names}
 
-    def grid_kernels(self) -> dict[str, Any]:
-        """The kernels that prepare a grid, by name."""
+    def grid_kernels(self, names: Iterable[str]) -> dict[str, Any]:
+        """Those kernels that prepare a grid, by name; they are compiled together."""
         with stage("compile"):
             self._load(grid_tables.spline_lines.module)
-        return {name: getattr(grid_tables, name) for name in GRID_KERNELS}
+        return {name: getattr(grid_tables, name) for name in names}
 
     def keeps(self, size: float) -> bool:
         """Wherever they leave room for others."""
