@@ -86,7 +86,7 @@ static inline int clears_flat_faces(const Control *control, int3 cell, real3 fra
 
 // The step that ends where the parabola first meets a surface, no longer than h; that surface or -1; whether the ray may
 // run in a face, so near that rounding decides.
-APART real event_location(
+static inline real event_location(
     const Control *control, real3 rate, real side, int3 cell, real3 frac, real3 momentum, real3 force, real h,
     int *event, int *runs)
 {
@@ -187,7 +187,7 @@ APART int overshoots(
 }
 
 // Whether a place is behind a surface other than `event`, by more than rounding; how near it is to a face [cells].
-APART int passed_surface(
+static inline int passed_surface(
     const Control *control, real side, int3 cell, real3 frac, int event, real *nearest)
 {
     int is_behind = 0;
