@@ -41,7 +41,7 @@ typedef struct {
     reals x0, y0, z0, dx, dy, dz, length;
 } Entries;
 
-static inline Entries enter(
+APART Entries enter(
     const Field *field,
     const Arrays *arrays,
     const Bounds *bounds,
@@ -67,7 +67,7 @@ static inline Entries enter(
 }
 
 // From the last sample of a packet's rays to their stop; their errors, and what is written.
-static inline void leave(
+APART void leave(
     const Field *field,
     const Arrays *arrays,
     const Bounds *bounds,

@@ -104,7 +104,7 @@ def opencl_functions(folder: Path) -> dict[str, Declared]:
     """Every device function of a folder's sources, by its name."""
     found = {}
     for path in sorted((*folder.glob("*.cl"), *folder.glob("include/*.h"))):
-        pattern = r"^(?:static )?(?:inline )?(\w+)\s+(\w+)\(([^)]*)\)\s*\{"
+        pattern = r"^(?:APART )?(?:static )?(?:inline )?(\w+)\s+(\w+)\(([^)]*)\)\s*\{"
         for result, name, inside in re.findall(pattern, plain(path), flags=re.MULTILINE):
             found[name] = Declared(OF_ONE_RAY.get(result, result), [declared(text) for text in inside.split(",")])
     return found

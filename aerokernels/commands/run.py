@@ -23,6 +23,7 @@ def run(
     What can be finished is finished: an echo that cannot be ranged is a result. Exit status 3: all is written, but the
     Strehl ratio's error is greater than the ratio or than 1, so that it is worth nothing.
     """
+    from aerokernels.commands._ahead import REPORT, import_ahead
     from aerokernels.commands._output import note
     from aerokernels.commands._progress import shown_progress
     from aerokernels.commands._table import print_table
@@ -34,6 +35,7 @@ def run(
 
     loaded = load_scene(scene, backend, device, precision, rays, settings)
     check_output_folder(out)
+    import_ahead(REPORT)
     with only_writer(out), shown_progress(loaded.name) as progress:
         with blamed_on(scene):
             result = simulate(loaded, progress=progress, with_echo=not no_echo)

@@ -120,15 +120,16 @@ def _eliminated(values: np.ndarray, axis: int, even_start: bool) -> np.ndarray:
     np.multiply(nodes, 6.0, out=made[1:-1])
     last, spare = len(nodes) - 1, np.empty(nodes.shape[1:])
     made[last] = nodes[-2] - (nodes[-3] - 2.0 * nodes[-2] + nodes[-1]) / 6.0
-    inverse, first = pivots(last + 1, even_start), 2 if even_start else 3
+    inverse, first = pivots(last + 1, even_start).tolist(), 2 if even_start else 3
     if not even_start:
         made[2] = nodes[1] - (nodes[0] - 2.0 * nodes[1] + nodes[2]) / 6.0
+    rows = list(made)  # `made[row] -= ...` would look up each row twice, and write it twice
     for row in range(first, last):
-        np.multiply(made[row - 1], inverse[row - 1], out=spare)
-        made[row] -= spare
+        np.multiply(rows[row - 1], inverse[row - 1], out=spare)
+        np.subtract(rows[row], spare, out=rows[row])
     for row in range(last - 1, first - 1, -1):
-        made[row] -= made[row + 1]
-        made[row] *= inverse[row]
+        np.subtract(rows[row], rows[row + 1], out=rows[row])
+        np.multiply(rows[row], inverse[row], out=rows[row])
     if even_start:
         made[1] = 0.25 * (made[1] - 2.0 * made[2])
         made[0] = made[2]

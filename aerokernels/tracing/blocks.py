@@ -15,10 +15,22 @@ SLAB = 1 << 16
 def block_maxima(values: np.ndarray, block: int, axes: Iterable[int] | None = None) -> np.ndarray:
     """The greatest over the nodes of each block of `block` cells along some axes, all of them by default."""
     for axis in range(values.ndim) if axes is None else axes:
-        moved = _whole_blocks(values, block, axis)
-        inner = moved[:-1].reshape(-1, block, *moved.shape[1:]).max(axis=1)
-        values = np.moveaxis(np.maximum(inner, moved[block::block]), 0, axis)
+        count = values.shape[axis]
+        blocks = (count - 2) // block + 1
+        # The first nodes of all blocks, the second ones, and so on: a row of blocks is compared at once.
+        found = _along(values, axis, slice(0, count - 1, block)).copy(order="K")
+        for place in range(1, block + 1):
+            nodes = _along(values, axis, slice(place, None, block))
+            here = slice(min(nodes.shape[axis], blocks))
+            part = _along(found, axis, here)
+            np.maximum(part, _along(nodes, axis, here), out=part)
+        values = found
     return values
+
+
+def _along(values: np.ndarray, axis: int, places: slice) -> np.ndarray:
+    """Some places along an axis."""
+    return values[(slice(None),) * axis + (places,)]
 
 
 def block_means(values: np.ndarray, block: int, axis: int) -> np.ndarray:

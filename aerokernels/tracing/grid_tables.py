@@ -13,32 +13,37 @@ import numpy as np
 from ..medium.grid import FETCH, UniformGrid
 from ..medium.spline import pivots
 from .engines import Engine
+from .engines.kernel_table import GRID_KERNELS
 from .step_bound import block_size
 
-# Grids of fewer nodes are as quick on the host.
+# Grids of fewer nodes are as quick on the host: volumes, and those of two axes, of which a processor makes the spline.
 LEAST_NODES = 1 << 15
+LEAST_FLAT = 1 << 12
 # Nodes along an axis at least: elimination takes four.
 LEAST_COUNT = 4
 
 
 def prepare_grid(engine: Engine, grid: UniformGrid) -> None:
-    """Work out on a device what planning asks of a volume's cubic grid; of another grid nothing.
+    """Work out on a device what planning asks of a cubic grid: of a volume, or the spline of one of two axes.
 
     Raises:
         ValueError: The grid does not fit the device.
     """
     shape = grid.shape
-    if len(shape) != 3 or grid.interpolation != "cubic" or min(shape) < LEAST_COUNT or grid.samples.size < LEAST_NODES:
+    is_flat = len(shape) == 2
+    if grid.interpolation != "cubic" or min(shape) < LEAST_COUNT or len(shape) < 2:
+        return
+    if grid.samples.size < (LEAST_FLAT if is_flat else LEAST_NODES) or (is_flat and engine.is_gpu):
         return
     is_known = "coefficients" in grid.__dict__ or grid.held(FETCH) is not None
     size = 8 * np.prod(np.array(shape) + 2)
     if is_known or not engine.grid_tables or size > engine.memory[1]:
         return
-    tables = _Tables(engine, grid)
+    tables = _Tables(engine, grid, GRID_KERNELS[:1] if is_flat else GRID_KERNELS)
     grid.derive(engine.grid_key, lambda: tables.coefficients)
     grid.derive(FETCH, lambda: tables.fetched)
     work = {"roughness": tables.roughness, "potential by blocks": tables.potential, "potential peaks": tables.peaks}
-    for name in engine.grid_tables:
+    for name in () if is_flat else engine.grid_tables:
         grid.derive(name, work[name])
     tables.samples = tables.spare = None
 
@@ -46,15 +51,15 @@ def prepare_grid(engine: Engine, grid: UniformGrid) -> None:
 class _Tables:
     """A grid on a device, and the launches that look at it."""
 
-    def __init__(self, engine: Engine, grid: UniformGrid):
-        self.engine, self.grid, self.kernels = engine, grid, engine.grid_kernels()
+    def __init__(self, engine: Engine, grid: UniformGrid, names: tuple[str, ...]):
+        self.engine, self.grid, self.kernels = engine, grid, engine.grid_kernels(names)
         self.shape = grid.shape
         self.block = block_size(grid)
         self.samples = engine.share(grid.samples.reshape(-1))
         # On a processor the coefficients are there for the host as well: new memory takes as long as a spline does.
         self.on_host = None if engine.is_gpu else np.empty(int(np.prod(grid.coefficient_shape)))
-        first, second, third = self.shape
-        self.spare = engine.empty((first + 2) * (second + 2) * third)
+        *others, last = self.shape
+        self.spare = engine.empty(int(np.prod(np.array(others) + 2)) * last)
         self.coefficients = self._spline()
 
     def _spline(self) -> Any:
@@ -62,7 +67,7 @@ class _Tables:
         values, shape, engine = self.samples, list(self.shape), self.engine
         count = int(np.prod(self.grid.coefficient_shape))
         whole = engine.empty(count) if self.on_host is None else engine.share(self.on_host)
-        for axis, made in enumerate((whole, self.spare, whole)):
+        for axis, made in enumerate((whole, self.spare, whole)[-len(shape) :]):
             nodes, pitch = shape[axis], int(np.prod(shape[axis + 1 :]))
             even = self.grid.even_first_axis and axis == 0
             inverse = engine.put(pivots(nodes, even))

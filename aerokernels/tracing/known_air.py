@@ -157,6 +157,8 @@ def _lost_by(field, position, direction, until, ends, weakest: float) -> tuple[n
     lost, face = np.zeros(len(position)), np.full(len(position), BESIDE)
 
     def add(rows, point, inward, chord, path, faces, distance, leaves: bool) -> None:
+        if not len(rows):
+            return
         amount = path_beyond(field, point, inward, chord, path)
         amount += drift_beyond(field, point, inward, chord, path, until, distance, leaves)
         face[rows] = np.where(amount > lost[rows], faces, face[rows])

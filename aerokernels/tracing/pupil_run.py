@@ -79,7 +79,8 @@ class PupilRun:
         together = self.widest * task.per_replicate
         kept = task.replicates * task.per_replicate if task.terms else together
         check_memory(engine.device, engine.memory, together, kept)
-        self.kernels = engine.pupil_kernels()
+        needed = ("sum_moments", "sum_phasors", "reduce_sums")  # rays along a radius are made by the host
+        self.kernels = engine.pupil_kernels(needed if task.is_radial else ("launch_pupil", *needed))
         with stage("upload"):
             self.one = engine.put(np.ones(1))
             self.starts = None if task.is_radial else self._starts()

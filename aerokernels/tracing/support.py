@@ -17,6 +17,8 @@ from .scheme import LEAPFROG_ANGLE
 SUPPORT_SHARE = 0.05
 # Nodes to each side whose spline a coefficient is part of, and one to spare.
 MARGIN_NODES = 3
+# Boxes kept for a field.
+KEPT = 8
 
 
 def support_box(
@@ -34,6 +36,15 @@ def support_box(
         lever_arms: How far the rays fly and at what angle they meet their stop; None takes a line across the box that
             ends on a surface across it.
     """
+    low, high = field.derive(
+        ("support box", tolerance, lever_arms), lambda: _find_support_box(field, tolerance, lever_arms), KEPT
+    )
+    return low, high
+
+
+def _find_support_box(
+    field: IndexField, tolerance: float, lever_arms: LeverArms | None
+) -> tuple[np.ndarray, np.ndarray]:
     grid = field.samples
     assert isinstance(grid, UniformGrid)
     potential, slope = left_out(field, tolerance, lever_arms)
@@ -44,11 +55,13 @@ def support_box(
             supported |= _slope_peaks(grid)[axis] > slope
         found = np.flatnonzero(supported)
         if not len(found):
-            middle = 0.5 * (low + high)
-            return middle, middle
+            low = high = 0.5 * (low + high)
+            break
         # Coefficient k is that of node k - 1.
         ends = grid.low[axis] + grid.spacing[axis] * (found[[0, -1]] - 1 + np.array([-MARGIN_NODES, MARGIN_NODES]))
         low[axis], high[axis] = max(low[axis], ends[0]), min(high[axis], ends[1])
+    for corner in (low, high):
+        corner.setflags(write=False)
     return low, high
 
 

@@ -8,7 +8,7 @@
 #include "wall.h"
 
 // Interval of the undisturbed ray, and what already stands in its way.
-static inline int start_of(
+APART int start_of(
     const Field *field, const Arrays *arrays, const Bounds *bounds, double3 p, double3 d, Interval *interval)
 {
     int status = RAY_OK;
@@ -115,7 +115,7 @@ static inline double3 place_of(
     return p + (interval->t_enter + ambient * sigma) * d + (convert_double3(q) - convert_double3(q_carry));
 }
 
-static inline StopGeometry stop_geometry_of(
+APART StopGeometry stop_geometry_of(
     const Bounds *bounds, const Control *control, const Interval *interval, double3 p, double3 d)
 {
     const double chord = interval->t_exit - interval->t_enter;
@@ -133,7 +133,7 @@ static inline StopGeometry stop_geometry_of(
 
 // Puts the sums of the steps, (sigma, S, M, B), back onto the straight ray and flies on to a stop outside the box.
 // `ends_on` is the surface that the ray ended on, or -1.
-static inline Arrival end_of(
+APART Arrival end_of(
     const Bounds *bounds,
     const Control *control,
     double3 p,

@@ -128,7 +128,7 @@ static inline real event_location(
 }
 
 // How much of a step of length h may lie behind a face in which the ray runs. Few rays ask.
-static inline real time_beyond_face(
+APART real time_beyond_face(
     const Control *control, real3 rate, real side, int3 cell, real3 frac, real3 momentum, real3 force, real h)
 {
     real first = h;
@@ -151,7 +151,7 @@ static inline real time_beyond_face(
 }
 
 // Whether a ray that leaves through face `event` rises so little that rounding alone says where, or whether at all.
-static inline int leaves_by_rounding(
+APART int leaves_by_rounding(
     const Control *control, int event, real3 rate, real side, int3 cell, real3 frac, real3 momentum)
 {
     if (event < 0 || event >= FACE_COUNT) {
@@ -177,7 +177,7 @@ static inline real rounding_of(const Control *control, int k)
 }
 
 // Whether the end of a step h is further behind surface k than `close` cells, or than a share of the step.
-static inline int overshoots(
+APART int overshoots(
     const Control *control, int k, real side, int3 cell, real3 frac, real3 velocity, real h, real close)
 {
     const real4 ahead = oriented(control, k, side, cell, frac);
@@ -217,7 +217,7 @@ static inline real face_margin(const Control *control, real displacement)
 
 // Whether a ray runs along a face so near it, within `allowance` cells, that its error may put it on the other side. A
 // ray that crosses the face at once is beyond it a little sooner or later; one that stays exactly in it is on no side.
-static inline int in_face(const Control *control, real side, int3 cell, real3 frac, real3 velocity, real allowance)
+APART int in_face(const Control *control, real side, int3 cell, real3 frac, real3 velocity, real allowance)
 {
     int is_in = 0;
     for (int k = 0; k < FACE_COUNT; k++) {
@@ -231,7 +231,7 @@ static inline int in_face(const Control *control, real side, int3 cell, real3 fr
 // After a step to surface k: sigma still to go along the parabola, negative to go back, and whether that ends the ray. The
 // velocity and its derivative are in cells. A ray that is neither behind the surface nor close to
 // it takes another step to it.
-static inline real surface_intersection(
+APART real surface_intersection(
     const Control *control, int k, real side, int3 cell, real3 frac, real3 velocity, real3 pull, real h, real h_cell,
     int *done)
 {

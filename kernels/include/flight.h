@@ -29,7 +29,7 @@ typedef struct {
 } Flying;
 
 // From (x0, y0, z0), in cells from the grid's first node (x, y from the axis), along (dx, dy, dz) for `length` metres.
-static inline Flying take_off(
+APART Flying take_off(
     const Field *field,
     const Arrays *arrays,
     const Control *control,
@@ -139,7 +139,7 @@ static inline void take_samples(
 }
 
 // At the end, half a step behind the last sample: what momentum and deviation are in fourth order.
-static inline Flight land(const Field *field, const Arrays *arrays, const Control *control, real ambient, Flying *ray)
+APART Flight land(const Field *field, const Arrays *arrays, const Control *control, real ambient, Flying *ray)
 {
     const reals h = ray->h;
     reals q[ACROSS], square = (reals)R(0.0);

@@ -6,7 +6,7 @@
 #include "crossings.h"
 
 // Where a ray that starts behind the body's surface leaves it, NEVER if it does not; `first` for the others.
-static inline double body_exit(const Field *field, const Arrays *arrays, double3 p, double3 d, double first)
+APART double body_exit(const Field *field, const Arrays *arrays, double3 p, double3 d, double first)
 {
     if (GEOMETRY == PLANAR && d.y == 0.0 && d.z == 0.0) {
         // Along x it stays where it is, in the body or beside it: any other line tells which.
@@ -19,7 +19,7 @@ static inline double body_exit(const Field *field, const Arrays *arrays, double3
 }
 
 // Where a ray from outside the box enters the body before it comes to the box at `last`; NEVER if it does not.
-static inline double body_entry(const Field *field, const Arrays *arrays, double3 p, double3 d, double last)
+APART double body_entry(const Field *field, const Arrays *arrays, double3 p, double3 d, double last)
 {
     if (last <= 0.0 || (GEOMETRY == PLANAR && d.y == 0.0 && d.z == 0.0)) {
         return NEVER;
@@ -89,7 +89,7 @@ static inline int may_enter(
 
 // Whether a straight ray, and all that are moved across the surface by `margin` [m], keep out of the body between two
 // distances. Where they leave it does not matter, so a ray may begin on the wall.
-static inline int has_clearance(
+APART int has_clearance(
     const Field *field, const Arrays *arrays, double3 p, double3 d, double t_enter, double t_exit, double margin)
 {
     const WallLine line = wall_line(p, d);
@@ -129,7 +129,7 @@ static inline int comes_near(const Arrays *arrays, double3 here, double within)
 // How much of a step of length h lies behind the place where it enters the body; -1 for none of it. The step goes from
 // `here` along its first tangent, with the bend `kick` [m]; chords that stay within WALL_SAG cells of it stand for it.
 // `allowance`: how far behind its start a wall counts, in the unit of h.
-static inline real behind_wall(
+APART real behind_wall(
     const Field *field,
     const Arrays *arrays,
     const Control *control,

@@ -1,5 +1,7 @@
 """What planning asks of a grid, worked out on a device: NumPy's, but for rounding."""
 
+from contextlib import nullcontext
+
 import numpy as np
 import pytest
 
@@ -8,6 +10,7 @@ from aerokernels.medium import spline
 from aerokernels.tracing import grid_tables
 from aerokernels.tracing.engines import engine_of
 from aerokernels.tracing.engines.interface import GRID_TABLES
+from aerokernels.tracing.engines.kernel_table import GRID_KERNELS
 from aerokernels.tracing.step_bound import roughness_of_blocks
 from aerokernels.tracing.support import _potential_peaks
 from aerokernels.tracing.unresolved import _potential_by_blocks
@@ -21,6 +24,12 @@ def volume(shape: tuple[int, ...], seed: int, **more) -> IndexField:
     """Values without any order, so that no two entries of a table are the same."""
     values = np.random.default_rng(seed).normal(0.0, 1e-3, shape)
     return IndexField.from_samples(values, origin=(0.0,) * 3, spacing=SPACING, geometry="volume", **more)
+
+
+def flat(shape: tuple[int, int], geometry: str) -> IndexField:
+    """The same along two axes."""
+    values = np.random.default_rng(2).normal(0.0, 1e-3, shape)
+    return IndexField.from_samples(values, origin=(0.0, 0.0), spacing=SPACING[:2], geometry=geometry, ambient_index=1.3)
 
 
 def close(one: np.ndarray, other: np.ndarray) -> bool:
@@ -53,6 +62,22 @@ def test_tables_of_a_device_are_numpys(engine, monkeypatch):
 
 
 @pytest.mark.parametrize("engine", ENGINES)
+def test_the_spline_of_two_axes_is_numpys(engine, monkeypatch):
+    """Mirrored at the axis or not; the samples of both are the same."""
+    monkeypatch.setattr(grid_tables, "LEAST_FLAT", 0)
+    choices = on(engine)
+    device = engine_of(choices["backend"], choices["device"])
+    if device.is_gpu:
+        pytest.skip("left to NumPy there")
+    device.grid_tables = GRID_TABLES
+    for geometry in ("axisymmetric", "planar"):
+        here, there = (flat((9, 14), geometry).samples for _ in range(2))
+        grid_tables.prepare_grid(device, there)
+        assert there.held(grid_tables.FETCH) is not None
+        assert close(there.coefficients, here.coefficients)
+
+
+@pytest.mark.parametrize("engine", ENGINES)
 def test_a_mirrored_end_is_solved_as_by_numpy(engine):
     """Lines of an axis that is mirrored at its first node, of 4 and of 7 nodes: the kernel alone."""
     choices = on(engine)
@@ -61,24 +86,26 @@ def test_a_mirrored_end_is_solved_as_by_numpy(engine):
         values = np.random.default_rng(count).normal(size=(count, 3))
         made, found = device.empty((count + 2) * 3), np.empty((count + 2) * 3)
         before = [device.put(values.ravel()), device.put(spline.pivots(count, True)), count, 3, 1, 0.0]
-        device.launch(device.grid_kernels()["spline_lines"], before, [made], 3)
+        device.launch(device.grid_kernels(["spline_lines"])["spline_lines"], before, [made], 3)
         device.get(made, found)
         assert close(found.reshape(count + 2, 3), spline.spline_along(values, 0, True))
 
 
 def test_only_other_values_of_a_known_pupil_are_prepared_there(monkeypatch):
-    """Grids of other kinds, and of few nodes, are left to NumPy."""
+    """Grids of few nodes, and on a GPU those of two axes, are left to NumPy."""
     asked = []
-    monkeypatch.setattr(grid_tables, "_Tables", lambda engine, grid: asked.append(grid.shape) or 1 / 0)
+    monkeypatch.setattr(grid_tables, "_Tables", lambda engine, grid, names: asked.append(names) or 1 / 0)
     engine = engine_of("warp", "cpu")
     engine.grid_tables = GRID_TABLES
     for grid in (volume((5, 5, 5), 1).samples, volume((3, 200, 200), 1).samples):
         grid_tables.prepare_grid(engine, grid)
-    planar = np.zeros((200, 200))
-    grid_tables.prepare_grid(
-        engine, IndexField.from_samples(planar, origin=(0, 0), spacing=SPACING[:2], geometry="planar").samples
-    )
-    assert not asked
+    grid_tables.prepare_grid(engine, flat((60, 60), "planar").samples)
+    for is_gpu in (True, False):
+        engine.is_gpu = is_gpu
+        assert not asked
+        with nullcontext() if is_gpu else pytest.raises(ZeroDivisionError):
+            grid_tables.prepare_grid(engine, flat((200, 200), "planar").samples)
     with pytest.raises(ZeroDivisionError):
         grid_tables.prepare_grid(engine, volume((4, 100, 100), 1).samples)
+    assert asked == [("spline_lines",), GRID_KERNELS]
     grid_tables.prepare_grid(engine_of("warp", "cpu"), volume((4, 100, 100), 1).samples)

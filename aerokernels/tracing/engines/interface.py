@@ -58,11 +58,11 @@ class Engine(Protocol):
     def prepare_bundle(self, table: BundleTable, outputs: frozenset) -> "Prepared":
         """Patches between traced rays made ready for outputs of rays of their family."""
 
-    def pupil_kernels(self) -> dict[str, Any]:
-        """The kernels of a pupil, by name: launch_pupil, sum_moments, sum_phasors, reduce_sums."""
+    def pupil_kernels(self, names: Iterable[str]) -> dict[str, Any]:
+        """Those kernels of a pupil, by name, of launch_pupil, sum_moments, sum_phasors and reduce_sums."""
 
-    def grid_kernels(self) -> dict[str, Any]:
-        """The kernels that prepare a grid, by name: spline_lines, fourth_differences, block_maxima."""
+    def grid_kernels(self, names: Iterable[str]) -> dict[str, Any]:
+        """Those of GRID_KERNELS, which prepare a grid, by name."""
 
     def keeps(self, size: float) -> bool:
         """Whether results of so many bytes, and the rays, stay on the device until they are read."""
@@ -142,11 +142,18 @@ class Prepared:
         return self.outputs | {"status"}
 
     def allocate(self, count: int) -> dict[str, Any]:
-        """Buffers for the outputs of so many rays; one row for those that are not computed."""
-        return {
-            name: self.engine.empty(count if name in self.computed else 1, width, kind)
-            for name, (width, kind) in OUTPUT_TYPES.items()
-        }
+        """Buffers for the outputs of so many rays; those that are not computed share one row for each type."""
+        computed = self.computed
+        rows: dict[tuple[int, type], Any] = {}
+        buffers: dict[str, Any] = {}
+        for name, alike in OUTPUT_TYPES.items():
+            if name in computed:
+                buffers[name] = self.engine.empty(count, *alike)
+            else:
+                if alike not in rows:
+                    rows[alike] = self.engine.empty(1, *alike)
+                buffers[name] = rows[alike]
+        return buffers
 
     def take_rejected(self) -> int:
         """How many rays the kernel did not hold for since this was last asked."""

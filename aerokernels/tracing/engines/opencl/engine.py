@@ -20,7 +20,6 @@ from ...cube_polynomials import cubes_of
 from ...plan import TracePlan
 from ..field_data import FieldData, array_of, field_data, step_bound_tables, stop_kind, trace_members
 from ..interface import GRID_TABLES, Prepared
-from ..kernel_table import GRID_KERNELS
 from ..layout import REAL_TYPES, Value, arrays_of
 from .arguments import by_value, pack
 from .devices import session
@@ -151,12 +150,23 @@ class Engine:
         bounds, control = trace_members(field, data, plan, until, wavelength, outputs)
         tables, blocks = step_bound_tables(field, plan, wavelength, directions)
         return [
-            pack("Field", plan.precision, data.field),
+            field.derive(("opencl members", plan.precision), lambda: pack("Field", plan.precision, data.field)),
             pack("Bounds", plan.precision, data.bounds | bounds),
             pack("Control", plan.precision, data.control | control | blocks),
             *self._upload(field, data, plan.precision, plan.method == "paper", packs),
-            *(self._buffer(member, tables[member.name], plan.precision) for member in arrays_of("Control")),
+            *self._tables(field, plan.precision, tables),
         ]
+
+    def _tables(self, field: IndexField, precision: str, tables: dict) -> list:
+        """Buffers of the arrays of Control; of a field without such tables they are kept."""
+
+        def upload() -> list:
+            return [self._buffer(member, tables[member.name], precision) for member in arrays_of("Control")]
+
+        if tables["step_bound_start"].max() >= 0:
+            return upload()
+        kept: list = field.derive(("opencl without tables", self.session, precision), upload)
+        return kept
 
     def prepare_projection(
         self, field: IndexField, columns: Projection, plan: TracePlan, outputs: frozenset
@@ -181,18 +191,17 @@ class Engine:
             kernel = self._kernel(build(self.session, "deliver_bundle.cl", options), "deliver_bundle")
         return Prepared(self, kernel, [*arrays, *bundle_numbers(table, outputs)], outputs, None)
 
-    def pupil_kernels(self) -> dict[str, Kernel]:
-        """The kernels of a pupil, by name."""
+    def pupil_kernels(self, names: Iterable[str]) -> dict[str, Kernel]:
+        """Those kernels of a pupil, by name."""
         with stage("compile"):
             return {
-                name: self._kernel(build(self.session, f"{name}.cl"), name, items=items)
-                for name, items in PUPIL_KERNELS.items()
+                name: self._kernel(build(self.session, f"{name}.cl"), name, items=PUPIL_KERNELS[name]) for name in names
             }
 
-    def grid_kernels(self) -> dict[str, Kernel]:
-        """The kernels that prepare a grid, by name."""
+    def grid_kernels(self, names: Iterable[str]) -> dict[str, Kernel]:
+        """Those kernels that prepare a grid, by name."""
         with stage("compile"):
-            return {name: self._kernel(build(self.session, f"{name}.cl"), name) for name in GRID_KERNELS}
+            return {name: self._kernel(build(self.session, f"{name}.cl"), name) for name in names}
 
     def _kernel(self, program, name: str, lanes: int = 1, items: int = 1) -> Kernel:
         """A kernel of a program, which is there for others once it is gone."""

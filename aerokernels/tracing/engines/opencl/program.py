@@ -122,9 +122,14 @@ def build_options(*, precision: str = "float32", **chosen: str | int) -> tuple[s
     return tuple(made)
 
 
+def is_processor(session: Session) -> bool:
+    """Whether kernels are built for a CPU."""
+    return bool(session.device.type & import_pyopencl().device_type.CPU)
+
+
 def lane_count(session: Session, precision: str) -> int:
     """Rays to a work-item of leapfrog: what fills a CPU's vectors; on a GPU each lane is a work-item of its own."""
-    if not session.device.type & import_pyopencl().device_type.CPU:
+    if not is_processor(session):
         return 1
     return 16 if precision == "float32" else 8
 
@@ -146,6 +151,8 @@ def build(session: Session, kernel_file: str, options: Iterable[str] = (), folde
         RuntimeError: The source is not there or does not build; with the compiler's messages and the options.
     """
     options = (*BASE_OPTIONS, *options, *session.options)
+    if is_processor(session):
+        options = (*options, "-DON_PROCESSOR=1")
     with session.lock:
         place, stamp = _own_sources(session) if folder is None else (folder, _stamp(folder))
         written = kernel_file, place, stamp

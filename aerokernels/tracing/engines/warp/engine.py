@@ -24,7 +24,6 @@ from ...cube_polynomials import cubes_of
 from ...plan import TracePlan
 from ..field_data import FieldData, array_of, field_data, step_bound_tables, stop_kind, trace_members
 from ..interface import GRID_TABLES, Prepared
-from ..kernel_table import GRID_KERNELS
 from ..layout import STRUCTS, Value, arrays_of
 from .kernels import grid_tables, pupil
 from .kernels.deliver_bundle import build_bundle_kernel
@@ -131,18 +130,17 @@ class Engine:
             self._load(kernel.module)
         return Prepared(self, kernel, [*arrays, *bundle_numbers(table, outputs)], outputs, None)
 
-    def pupil_kernels(self) -> dict[str, Any]:
-        """The kernels of a pupil, by name."""
+    def pupil_kernels(self, names: Iterable[str]) -> dict[str, Any]:
+        """Those kernels of a pupil, by name; they are compiled together."""
         with stage("compile"):
             self._load(pupil.launch_pupil.module)
-        names = ("launch_pupil", "sum_moments", "sum_phasors", "reduce_sums")
         return {name: getattr(pupil, name) for name in names}
 
-    def grid_kernels(self) -> dict[str, Any]:
-        """The kernels that prepare a grid, by name."""
+    def grid_kernels(self, names: Iterable[str]) -> dict[str, Any]:
+        """Those kernels that prepare a grid, by name; they are compiled together."""
         with stage("compile"):
             self._load(grid_tables.spline_lines.module)
-        return {name: getattr(grid_tables, name) for name in GRID_KERNELS}
+        return {name: getattr(grid_tables, name) for name in names}
 
     def keeps(self, size: float) -> bool:
         """Wherever they leave room for others."""
