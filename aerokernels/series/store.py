@@ -136,7 +136,7 @@ class ZarrStore:
         try:
             found, *rows = map(json.loads, lines or [b"null"])
             numbers = [dict(zip(NUMBERS, map(float, row), strict=True)) for row in rows]
-        except (ValueError, TypeError, RecursionError):
+        except (ArithmeticError, RecursionError, TypeError, ValueError):
             raise self._damaged() from None
         if not isinstance(found, (dict, type(None))) or len(numbers) > self.template.sizes["time"]:
             raise self._damaged()
