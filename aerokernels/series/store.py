@@ -301,7 +301,9 @@ class ZarrStore:
             found = xarray.open_zarr(self.path, consolidated=False, chunks=None)
         if lost := {*MAPS, *NUMBERS, *self.template.coords} - set(found.variables):
             raise self._damaged(f"{min(lost)} is lost from the store")
-        return found
+        from .lazy_maps import told_with_their_store
+
+        return told_with_their_store(self.path, found, MAPS)
 
 
 def _consolidate(path: Path) -> None:
