@@ -161,8 +161,8 @@ class FoamFile:
         flat = self._text(self._until(rb"\)\s*\)") if count else b"", np.dtype(np.int64), None)
         start = np.zeros(count + 1, dtype=np.int64)
         place = 0
-        if count and len(flat) == count * (flat[0] + 1) and (flat[:: flat[0] + 1] == flat[0]).all():
-            width = int(flat[0])
+        width = int(flat[0]) if len(flat) else 0
+        if count and width > 2 and len(flat) == count * (width + 1) and (flat[:: width + 1] == width).all():
             return width * np.arange(count + 1), flat.reshape(count, width + 1)[:, 1:].ravel()
         keep = np.ones(len(flat), dtype=bool)
         for face in range(count):
