@@ -9,18 +9,22 @@ notes and progress. Results go to stdout, all else to stderr.
 import atexit
 import gc
 import importlib
+import os
 import pkgutil
 import signal
 import sys
 import traceback
 import warnings
+from collections.abc import Sequence
 from types import FrameType
 from typing import Annotated, Any, NoReturn
 
 import typer
 
 from aerokernels import __version__, commands
-from aerokernels.commands._output import asked, plain, say, silence, warn
+from aerokernels.commands._output import asked, say, silence, warn
+from aerokernels.one_writer import NO_FILES
+from aerokernels.plain_text import plain
 
 FAILED, BAD_INPUT, INTERRUPTED = 1, 2, 130
 SWITCHES = ("--debug", "--json", "--quiet")
@@ -66,11 +70,12 @@ for _module in pkgutil.iter_modules(commands.__path__):
             app.command(_module.name)(_command)
 
 
-def exit_status(error: BaseException) -> int:
-    """The exit status for a failure: 2 for what the caller can mend, 130 for an interrupt, else 1."""
+def exit_status(error: BaseException, line: Sequence[str] = ()) -> int:
+    """The exit status for a failure: 2 for what the caller of a `line` can mend, 130 for an interrupt, else 1."""
     if isinstance(error, (KeyboardInterrupt, typer.Abort)):
         return INTERRUPTED
-    if isinstance(error, (ValueError, TypeError)) or hasattr(error, "format_message"):
+    mended = isinstance(error, (ValueError, TypeError)) or hasattr(error, "format_message")
+    if mended or (isinstance(error, OSError) and error.errno in NO_FILES and _is_named(error.filename, line)):
         return BAD_INPUT
     return FAILED
 
@@ -83,9 +88,19 @@ def one_line(error: BaseException) -> str:
     text = " ".join(str(format_message() if format_message else error).split())
     if format_message:
         return text + _way_out(error, text)
+    if isinstance(error, OSError) and error.errno in NO_FILES and error.filename:
+        return f"{error.filename}: {error.strerror}; give another path, or see to its permissions"
     if isinstance(error, (ValueError, RuntimeError, OSError)) and text:
         return text
     return f"{type(error).__name__}: {text}" if text else type(error).__name__
+
+
+def _is_named(file: object, line: Sequence[str]) -> bool:
+    """Whether a file, or what it lies in, is named on a command line: others are no fault of whoever wrote that."""
+    place = os.path.abspath(os.fsdecode(file)) if isinstance(file, (str, bytes, os.PathLike)) else ""
+    values = (argument.rpartition("=")[2] for argument in line if "=" in argument or not argument.startswith("-"))
+    named = map(os.path.abspath, values)
+    return bool(place) and any(place.startswith(one) or one.startswith(place) for one in named)
 
 
 def _way_out(error: BaseException, text: str) -> str:
@@ -146,7 +161,7 @@ def main() -> NoReturn:
             traceback.print_exc()
         else:
             say(plain(f"error: {one_line(error)}"), err=True)
-        raise SystemExit(exit_status(error)) from None
+        raise SystemExit(exit_status(error, arguments)) from None
     if status == INTERRUPTED:  # the parser turns an interrupt of its own accord into this status
         print("interrupted", file=sys.stderr)
     raise SystemExit(status if isinstance(status, int) else 0)

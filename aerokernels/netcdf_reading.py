@@ -51,7 +51,7 @@ def open_netcdf(
     """
     try:
         found = in_child(path, f"{__name__}:describe", path, what, most_axes, float("inf") if whole else SMALL)
-        return _dataset(path, found[0], found[1], decode_times)
+        return dataset_of(path, found[0], found[1], decode_times)
     except (LibraryEndedError, NoRoomError):
         raise
     except Exception as fault:  # the libraries meet a damaged file with any error
@@ -62,7 +62,7 @@ def _in_words(fault: Exception) -> str:
     return " ".join(f"{type(fault).__name__}: {str(fault)[:200]}".split())
 
 
-def _dataset(
+def dataset_of(
     path: Path, variables: dict[str, FarVariable], attributes: dict[str, Any], decode_times: bool
 ) -> "xarray.Dataset":
     """The data set of what `describe` found."""

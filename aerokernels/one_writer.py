@@ -12,7 +12,8 @@ from .opened import OPENED
 
 WRITING = "writing"
 # Faults of a place where no file can be made, whatever is done about it: a file system such as /proc has the first.
-NO_FILES = (errno.ENOENT, errno.EACCES, errno.EPERM, errno.EROFS, errno.ENAMETOOLONG)
+NO_FILES = (errno.ENOENT, errno.EACCES, errno.EPERM, errno.EROFS, errno.ENAMETOOLONG, errno.ELOOP, errno.ENOTDIR,
+            errno.EISDIR, errno.ENXIO)  # fmt: skip
 
 
 @contextmanager

@@ -8,6 +8,8 @@ import re
 from dataclasses import dataclass
 from fractions import Fraction
 
+LONGEST = 200  # letters of a unit, which an attribute may hold millions of
+LEAST = Fraction(1, 10**100)  # factor of a unit to SI, and the inverse of the greatest
 NONE = (0, 0, 0, 0)
 # Exponents of metre, kilogram, second and kelvin.
 DIMENSIONS = {"length": (1, 0, 0, 0), "density": (-3, 1, 0, 0), "pressure": (-1, 1, -2, 0), "temperature": (0, 0, 0, 1),
@@ -56,7 +58,7 @@ _SPELLING = str.maketrans(
     {"µ": "u", "μ": "u", "·": " ", "⋅": " ", "×": " ", "⁻": "-", "¹": "1", "²": "2", "³": "3", "{": "(", "}": ")"}
 )
 _TOKEN = re.compile(r"(?P<over>/)|(?P<open>\()|(?P<close>\))|(?P<one>1(?![\d.]))|(?P<unit>[A-Za-z]+)"
-                    r"(?:\^?(?:\((?P<inner>[-+]?\d+)\)|(?P<power>[-+]?\d+)))?|[\s.*]+")  # fmt: skip
+                    r"(?:\^?(?:\((?P<inner>[-+]?\d{1,2})\)|(?P<power>[-+]?\d{1,2})))?|[\s.*]+")  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -76,6 +78,8 @@ class WrittenUnit:
 
 def written_unit(text: str) -> WrittenUnit | None:
     """The unit that a text names; None for a text that names none that is known."""
+    if len(text) > LONGEST:
+        return None
     plain = text.strip().translate(_SPELLING).replace("**", "^").replace("°", "deg")
     if (found := _FROM_ANOTHER_ZERO.get(re.sub(r"[\s_]", "", plain.lower()))) is not None:
         return WrittenUnit(*found, DIMENSIONS["temperature"])
@@ -106,8 +110,9 @@ def written_unit(text: str) -> WrittenUnit | None:
             factor *= Fraction(repr(one[0])) ** power
             exponents = [own + power * other for own, other in zip(exponents, one[1], strict=True)]
             sign = 1
-    whole = any(exponents) and len(group) == 1
-    return WrittenUnit(float(factor), 0.0, tuple(exponents)) if whole else None
+    if not any(exponents) or len(group) > 1 or not LEAST < factor < 1 / LEAST:
+        return None
+    return WrittenUnit(float(factor), 0.0, tuple(exponents))
 
 
 def is_no_unit(text: str) -> bool:
@@ -131,7 +136,8 @@ def unit_of(text: str, dimension: str) -> WrittenUnit:
 
 def in_brackets(name: str) -> str:
     """What the name of an array has in brackets at its end, as in "x [mm]"; empty for nothing."""
-    match = re.search(r"[\[(<{]([^\[\](){}<>]*(?:\([^()]*\))?[^\[\](){}<>]*)[\])>}]\s*$", name)
+    end = name[-LONGEST:]  # what is looked for takes the square of the length
+    match = re.search(r"[\[(<{]([^\[\](){}<>]*(?:\([^()]*\))?[^\[\](){}<>]*)[\])>}]\s*$", end)
     return match[1].strip() if match else ""
 
 

@@ -1,33 +1,53 @@
 """Drawn inputs of every parser: what was taken, what was refused in words, and every fault with its seed.
 
-The draws stand in aerokernels/validation/input_draws.py, file_draws.py and record_draws.py. They run in processes of
-their own, which may be ended by a signal or hang: that is a fault of its seed, and another process goes on after it.
-Exit status 1 where there is a fault. Needs `fork`.
+The draws stand in aerokernels/validation/: input_draws.py, file_draws.py, record_draws.py, flow_draws.py (the package's
+own readers of flow files) and name_draws.py. They run in processes of their own, which may be ended by a signal, hang
+or ask for more than 4 GB: that is a fault of its seed, and another process goes on after it. Exit status 1 where there
+is a fault. Needs `fork`.
 """
 
 import argparse
 import os
 import random
+import resource
+import signal
 import tempfile
 import traceback
 import warnings
 from pathlib import Path
+from types import FrameType
+from typing import NoReturn
 
 from aerokernels import netcdf_reading  # noqa: F401  # so that readers that are forked have it
-from aerokernels.validation import file_draws, input_draws, record_draws
+from aerokernels.validation import file_draws, flow_draws, input_draws, name_draws, record_draws
 from aerokernels.validation.draws_in_processes import Report, share
-from aerokernels.validation.forked_readers import fork_readers
+from aerokernels.validation.forked_readers import addresses, fork_readers
 
-DRAWS = {**input_draws.DRAWS, **record_draws.DRAWS, **file_draws.DRAWS}
+DRAWS = {**input_draws.DRAWS, **record_draws.DRAWS, **flow_draws.DRAWS, **name_draws.DRAWS, **file_draws.DRAWS}
+MEMORY, LONGEST = 4_000_000_000, 5.0  # [bytes] of a process' addresses beside its parent's, [s] of computing a draw
+
+
+class TooLong(BaseException):
+    """A draw computes for longer than it may; no reader takes it for what a file has done."""
+
+
+def _too_long(number: int, frame: FrameType | None) -> NoReturn:
+    raise TooLong(f"longer than {LONGEST:g} s")
 
 
 def work(kind: str, seeds: range, folder: Path, report: Report) -> None:
     """Draw one after the other, and say what came of it."""
     draw = DRAWS[kind]
+    hard = resource.getrlimit(resource.RLIMIT_AS)[1]
+    resource.setrlimit(resource.RLIMIT_AS, (int(addresses()) + MEMORY, hard))
+    signal.signal(signal.SIGPROF, _too_long)
     for seed in seeds:
         try:
+            signal.setitimer(signal.ITIMER_PROF, LONGEST)
             taken = draw(random.Random(seed), folder)
-        except Exception as fault:
+            signal.setitimer(signal.ITIMER_PROF, 0.0)
+        except (Exception, TooLong) as fault:
+            signal.setitimer(signal.ITIMER_PROF, 0.0)
             place = traceback.extract_tb(fault.__traceback__)[-1]
             where = f"{Path(place.filename).name}:{place.lineno}"
             report.fault(seed, f"{type(fault).__name__}: {str(fault)[:200]} ({where})")

@@ -11,6 +11,7 @@ import contextlib
 import copy
 import importlib.abc
 import importlib.util
+import itertools
 import os
 import random
 import resource
@@ -22,40 +23,92 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
 CORE = {  # module: the tests that concern it, the cheap ones first
+    "tracing/between_samples.py": ("tests/tracing/test_leapfrog.py", "tests/tracing/test_unresolved.py"),
+    "tracing/blocks.py": ("tests/tracing/test_support.py", "tests/tracing/test_step_bound.py"),
+    "tracing/budget.py": ("tests/tracing/test_known_air.py", "tests/tracing/test_budget_coverage.py"),
     "tracing/budget_rays.py": ("tests/tracing/test_budget_rays.py",),
+    "tracing/coherence.py": ("tests/tracing/test_coherence.py",),
+    "tracing/collimated.py": ("tests/tracing/test_projection_between.py", "tests/tracing/test_projection_tables.py"),
+    "tracing/cube_polynomials.py": ("tests/tracing/test_cube_polynomials.py",),
+    "tracing/grid_tables.py": ("tests/tracing/test_grid_tables.py", "tests/tracing/test_linear_grids.py"),
+    "tracing/held.py": ("tests/tracing/test_weak_fields.py", "tests/tracing/test_unresolved.py"),
     "tracing/high_pass.py": ("tests/tracing/test_ends_of_bundles.py",),
     "tracing/known_air.py": ("tests/tracing/test_known_air.py",),
     "tracing/lattice_quadrature.py": ("tests/test_strehl_lattice.py",),
+    "tracing/launch.py": ("tests/tracing/test_trace_interface.py", "tests/tracing/test_leapfrog.py"),
+    "tracing/leapfrog.py": ("tests/tracing/test_leapfrog.py", "tests/tracing/test_methods.py"),
     "tracing/lever_arms.py": ("tests/tracing/test_slanted_stops.py", "tests/tracing/test_ends_of_bundles.py"),
     "tracing/lines.py": ("tests/tracing/test_known_air.py",),
     "tracing/mesh_rim.py": ("tests/tracing/test_known_air.py",),
+    "tracing/planning.py": ("tests/tracing/test_methods.py", "tests/tracing/test_leapfrog.py"),
     "tracing/prediction.py": ("tests/tracing/test_prediction.py",),
     "tracing/projection_splines.py": ("tests/tracing/test_projection_between.py",),
+    "tracing/projection_tables.py": ("tests/tracing/test_projection_tables.py",),
+    "tracing/pupil_air.py": ("tests/tracing/test_truncated_pupils.py",),
+    "tracing/pupil_fit.py": ("tests/test_strehl_symmetry.py", "tests/test_strehl.py"),
+    "tracing/pupil_job.py": ("tests/test_strehl_lattice.py", "tests/test_strehl.py"),
+    "tracing/pupil_run.py": ("tests/test_strehl_symmetry.py", "tests/test_strehl.py"),
+    "tracing/pupil_sums.py": ("tests/test_strehl_symmetry.py", "tests/test_strehl.py"),
     "tracing/radial_quadrature.py": ("tests/test_strehl_symmetry.py",),
+    "tracing/result.py": ("tests/tracing/test_trace_interface.py", "tests/tracing/test_bundles.py"),
+    "tracing/retrace.py": ("tests/tracing/test_ends_of_bundles.py",),
+    "tracing/scheme.py": ("tests/tracing/test_kernel_sources.py", "tests/tracing/test_methods.py"),
     "tracing/step_bound.py": ("tests/tracing/test_step_bound.py",),
     "tracing/stop.py": ("tests/tracing/test_reference.py", "tests/tracing/test_status_and_body.py"),
+    "tracing/straight_lines.py": ("tests/tracing/test_unresolved.py", "tests/tracing/test_methods.py"),
+    "tracing/support.py": ("tests/tracing/test_support.py",),
+    "tracing/tableau.py": ("tests/tracing/test_trace_interface.py", "tests/tracing/test_reference.py"),
     "tracing/tails.py": ("tests/tracing/test_known_air.py",),
+    "tracing/trace.py": ("tests/tracing/test_trace_interface.py", "tests/tracing/test_methods.py"),
     "tracing/unresolved.py": ("tests/tracing/test_unresolved.py",),
+    "tracing/bundle/clearance.py": ("tests/tracing/test_bundles.py",),
+    "tracing/bundle/delivery.py": ("tests/tracing/test_bundles.py",),
+    "tracing/bundle/family.py": ("tests/tracing/test_bundle_family.py", "tests/tracing/test_bundles.py"),
+    "tracing/bundle/frame.py": ("tests/tracing/test_bundles.py",),
+    "tracing/bundle/hermite.py": ("tests/tracing/test_bundle_family.py", "tests/tracing/test_bundles.py"),
+    "tracing/bundle/lattice.py": ("tests/tracing/test_bundles.py",),
+    "tracing/bundle/nodes.py": ("tests/tracing/test_bundles.py",),
+    "tracing/bundle/refine.py": ("tests/tracing/test_bundles.py",),
+    "tracing/bundle/roughness.py": ("tests/tracing/test_bundle_family.py", "tests/tracing/test_bundles.py"),
+    "tracing/bundle/run.py": ("tests/tracing/test_bundles.py",),
+    "tracing/bundle/table.py": ("tests/tracing/test_bundles.py",),
+    "tracing/bundle/tubes.py": ("tests/tracing/test_bundle_family.py", "tests/tracing/test_bundles.py"),
+    "tracing/engines/field_data.py": ("tests/tracing/test_backends_agree.py", "tests/tracing/test_linear_grids.py"),
     "tracing/engines/reference/ends.py": ("tests/tracing/test_reference.py", "tests/tracing/test_status_and_body.py"),
+    "tracing/engines/reference/flight.py": ("tests/tracing/test_reference.py",),
     "tracing/engines/reference/medium.py": ("tests/tracing/test_reference.py", "tests/tracing/test_backends_agree.py"),
+    "tracing/engines/reference/mesh.py": ("tests/tracing/test_mesh_lookup.py", "tests/tracing/test_reference.py"),
+    "tracing/engines/reference/pupil.py": ("tests/test_strehl_symmetry.py",),
     "tracing/engines/reference/rule.py": ("tests/tracing/test_reference.py",),
     "tracing/engines/reference/steps.py": ("tests/tracing/test_reference.py",),
+    "tracing/engines/reference/walls.py": ("tests/tracing/test_status_and_body.py", "tests/tracing/test_bodies.py"),
     "medium/bilinear.py": ("tests/medium/test_mesh.py",),
     "medium/body.py": ("tests/medium/test_body.py",),
     "medium/cell_averages.py": ("tests/medium/test_cell_averages.py",),
+    "medium/conserving.py": ("tests/medium/test_vertex_values.py",),
     "medium/crossings.py": ("tests/medium/test_crossings.py",),
     "medium/field.py": ("tests/medium/test_field.py", "tests/medium/test_grid.py"),
     "medium/grid.py": ("tests/medium/test_grid.py", "tests/medium/test_field.py"),
+    "medium/labelled_grid.py": ("tests/medium/test_field.py", "tests/medium/test_grid.py"),
+    "medium/levels.py": ("tests/medium/test_field.py", "tests/test_refused_values.py"),
     "medium/mesh.py": ("tests/medium/test_mesh.py",),
+    "medium/mesh_columns.py": ("tests/flow/test_columns.py",),
     "medium/mesh_samples.py": ("tests/medium/test_mesh_samples.py",),
+    "medium/refined.py": ("tests/medium/test_field.py", "tests/medium/test_resample.py"),
     "medium/resample.py": ("tests/medium/test_resample.py",),
+    "medium/resample_grid.py": ("tests/medium/test_resample.py",),
     "medium/solid_body.py": ("tests/medium/test_solid_body.py",),
     "medium/spline.py": ("tests/medium/test_spline.py",),
+    "medium/tensor_points.py": ("tests/test_waves.py",),
     "medium/triangle_crossings.py": ("tests/medium/test_solid_body.py",),
     "medium/vertex_values.py": ("tests/medium/test_vertex_values.py",),
+    "medium/wall_tree.py": ("tests/medium/test_solid_body.py", "tests/medium/test_body.py"),
+    "medium/walls.py": ("tests/medium/test_body.py", "tests/tracing/test_bodies.py"),
     "echo/chain.py": ("tests/echo/test_chain.py",),
+    "echo/checks.py": ("tests/test_refused_values.py", "tests/echo/test_radiometry.py"),
     "echo/detector.py": ("tests/echo/test_detector.py", "tests/echo/test_chain.py"),
     "echo/digitiser.py": ("tests/echo/test_chain.py",),
+    "echo/echo_errors.py": ("tests/echo/test_echo_errors.py",),
     "echo/noise.py": ("tests/echo/test_chain.py",),
     "echo/paths.py": ("tests/echo/test_paths.py",),
     "echo/pulse_curve.py": ("tests/echo/test_chain.py", "tests/echo/test_ranging.py"),
@@ -64,23 +117,110 @@ CORE = {  # module: the tests that concern it, the cheap ones first
     "echo/radiometry.py": ("tests/echo/test_radiometry.py",),
     "echo/range_error.py": ("tests/echo/test_ranging.py", "tests/echo/test_chain.py"),
     "echo/range_walk.py": ("tests/echo/test_range_walk.py",),
+    "echo/rangefinder.py": ("tests/echo/test_simulate.py",),
     "echo/ranging.py": ("tests/echo/test_ranging.py",),
     "echo/reflectors.py": ("tests/echo/test_reflectors.py",),
     "echo/return_paths.py": ("tests/echo/test_return_paths.py",),
     "echo/sampling_error.py": ("tests/echo/test_sampling.py",),
     "echo/shaped_curve.py": ("tests/echo/test_sampling.py",),
+    "echo/simulate.py": ("tests/echo/test_simulate.py",),
     "echo/target_points.py": ("tests/echo/test_target_points.py",),
+    "echo/vacuum.py": ("tests/echo/test_radiometry.py", "tests/echo/test_simulate.py"),
     "echo/waveform.py": ("tests/echo/test_radiometry.py", "tests/echo/test_ranging.py"),
     "wavefront/data.py": ("tests/test_wavefront.py", "tests/test_wavefront_map.py"),
+    "wavefront/grid.py": ("tests/test_wavefront_map.py",),
     "wavefront/modes.py": ("tests/test_wavefront_map.py",),
+    "wavefront/pixel_errors.py": ("tests/test_pixel_errors.py", "tests/test_wavefront_map.py"),
+    "wavefront/pixel_weights.py": ("tests/test_pupils.py", "tests/test_wavefront_map.py"),
     "wavefront/point_spread.py": ("tests/test_wavefront.py",),
+    "wavefront/polychromatic.py": ("tests/test_wavefront.py", "tests/test_wavefront_map.py"),
     "wavefront/result.py": ("tests/test_wavefront_map.py",),
+    "wavefront/scattered.py": ("tests/test_scattered_samples.py", "tests/test_wavefront_map.py"),
     "wavefront/terms.py": ("tests/test_wavefront.py",),
+    "wavefront/traced.py": ("tests/test_wavefront_map.py",),
     "wavefront/transfer.py": ("tests/test_wavefront_map.py",),
-    "strehl.py": ("tests/test_strehl_errors.py", "tests/test_strehl.py"),
-    "strehl_errors.py": ("tests/test_strehl_errors.py",),
-    "zernike.py": ("tests/test_zernike.py",),
+    "pupils/base.py": ("tests/test_pupils.py",),
+    "pupils/disc.py": ("tests/test_pupils.py",),
+    "pupils/pixels.py": ("tests/test_pupils.py",),
+    "pupils/polygon.py": ("tests/test_pupils.py",),
+    "pupils/square_map.py": ("tests/test_pupils.py", "tests/tracing/test_opencl_pupil.py"),
+    "pupils/vectors.py": ("tests/test_pupils.py",),
+    "waves/angular_spectrum.py": ("tests/test_waves.py",),
+    "waves/diffraction.py": ("tests/test_verdict.py", "tests/test_waves.py"),
+    "waves/layers.py": ("tests/test_waves.py", "tests/test_verdict.py"),
+    "waves/screens.py": ("tests/test_verdict.py", "tests/test_waves.py"),
+    "waves/shadows.py": ("tests/test_verdict.py",),
+    "waves/slabs.py": ("tests/test_waves.py", "tests/test_verdict.py"),
+    "waves/split_step.py": ("tests/test_waves.py", "tests/test_verdict.py"),
+    "waves/validity.py": ("tests/test_verdict.py",),
+    "waves/wave.py": ("tests/test_waves.py",),
+    "series/bending.py": ("tests/series/test_line_integrals.py", "tests/series/test_optical_series.py"),
+    "series/line_integrals.py": ("tests/series/test_line_integrals.py",),
+    "series/linking.py": ("tests/series/test_statistics.py",),
+    "series/look.py": ("tests/series/test_look_map.py",),
+    "series/look_batch.py": ("tests/series/test_look_map.py",),
+    "series/mesh_integrals.py": ("tests/series/test_line_integrals.py",),
+    "series/modes.py": ("tests/series/test_statistics.py",),
+    "series/plane_values.py": ("tests/series/test_line_integrals.py",),
+    "series/pupil_grid.py": ("tests/series/test_optical_series.py",),
+    "series/sheared_lattice.py": ("tests/series/test_line_integrals.py",),
+    "series/sheared_products.py": ("tests/series/test_line_integrals.py",),
+    "series/snapshot.py": ("tests/series/test_line_integrals.py", "tests/series/test_optical_series.py"),
+    "series/spectra.py": ("tests/series/test_statistics.py",),
+    "series/statistic_parts.py": ("tests/series/test_statistics.py",),
+    "series/time_statistics.py": ("tests/series/test_statistics.py",),
+    "series/uncertainty.py": ("tests/series/test_statistics.py",),
+    "imaging/bos.py": ("tests/test_imaging.py",),
+    "imaging/camera.py": ("tests/test_imaging.py",),
+    "imaging/displacement_error.py": ("tests/test_imaging.py",),
+    "imaging/dots.py": ("tests/test_imaging.py", "tests/test_refused_optics.py"),
+    "imaging/landing.py": ("tests/test_imaging.py",),
+    "imaging/render.py": ("tests/test_imaging.py",),
+    "imaging/shift.py": ("tests/test_imaging.py",),
+    "imaging/spreads.py": ("tests/test_imaging.py",),
+    "imaging/through.py": ("tests/test_imaging.py",),
+    "schlieren/bench.py": ("tests/schlieren/test_bench.py",),
+    "schlieren/fringes.py": ("tests/schlieren/test_interferogram.py",),
+    "schlieren/fronts.py": ("tests/schlieren/test_fronts.py",),
+    "schlieren/knife_edge.py": ("tests/schlieren/test_knife_edge.py",),
+    "schlieren/line_of_sight.py": ("tests/schlieren/test_knife_edge.py", "tests/schlieren/test_interferogram.py"),
+    "schlieren/shadowgraph.py": ("tests/schlieren/test_shadowgraph.py",),
+    "schlieren/shock_angle.py": ("tests/schlieren/test_fronts.py", "tests/schlieren/test_cone_shock.py"),
+    "schlieren/stand_off.py": ("tests/schlieren/test_fronts.py", "tests/schlieren/test_shipped_pictures.py"),
+    "schlieren/window.py": ("tests/schlieren/test_bench.py", "tests/schlieren/test_knife_edge.py"),
+    "fldi/instrument.py": ("tests/test_fldi.py",),
+    "fldi/known_beams.py": ("tests/test_fldi.py",),
+    "fldi/rays.py": ("tests/test_fldi.py",),
+    "fldi/response.py": ("tests/test_fldi.py",),
+    "flow/billig.py": ("tests/flow/test_blunt_body.py",),
+    "flow/blunt_body.py": ("tests/flow/test_blunt_body.py",),
+    "flow/ciddor.py": ("tests/flow/test_ciddor.py",),
+    "flow/conical_averages.py": ("tests/flow/test_conical_field.py", "tests/flow/test_line_integrals.py"),
+    "flow/conical_field.py": ("tests/flow/test_conical_field.py", "tests/flow/test_cone.py"),
+    "flow/conical_profile.py": ("tests/flow/test_conical_field.py", "tests/flow/test_cone.py"),
+    "flow/exact_averages.py": ("tests/flow/test_wedge.py", "tests/flow/test_line_integrals.py"),
+    "flow/exact_field.py": ("tests/flow/test_wedge.py", "tests/flow/test_expansion.py"),
+    "flow/fan_field.py": ("tests/flow/test_expansion.py",),
+    "flow/gas.py": ("tests/flow/test_gas.py",),
+    "flow/models.py": ("tests/flow/test_models.py",),
+    "flow/refractivity.py": ("tests/flow/test_refractivity.py",),
+    "flow/riemann.py": ("tests/flow/test_shock_tube.py",),
+    "flow/shock_tube.py": ("tests/flow/test_shock_tube.py",),
+    "flow/shocks.py": ("tests/flow/test_shocks.py",),
+    "flow/species.py": ("tests/flow/test_species.py",),
+    "flow/taylor_maccoll.py": ("tests/flow/test_cone.py",),
+    "flow/vortex.py": ("tests/flow/test_vortex.py",),
+    "flow/wedge_field.py": ("tests/flow/test_wedge.py",),
     "compare.py": ("tests/test_compare.py",),
+    "rays.py": ("tests/test_rays.py",),
+    "sensor.py": ("tests/test_imaging.py",),
+    "sobol.py": ("tests/test_sobol.py",),
+    "strehl.py": ("tests/test_strehl_errors.py", "tests/test_strehl.py"),
+    "strehl_budget.py": ("tests/test_strehl_errors.py", "tests/test_strehl.py"),
+    "strehl_errors.py": ("tests/test_strehl_errors.py",),
+    "strehl_estimate.py": ("tests/test_strehl.py",),
+    "strehl_sums.py": ("tests/test_strehl_symmetry.py", "tests/test_strehl.py"),
+    "zernike.py": ("tests/test_zernike.py",),
 }
 OTHER: dict[type, type] = {
     ast.Add: ast.Sub, ast.Sub: ast.Add, ast.Mult: ast.Div, ast.Div: ast.Mult, ast.FloorDiv: ast.Div, ast.Mod: ast.Mult,
@@ -219,10 +359,11 @@ def rate(modules: list[str], caught: dict[str, int], tried: dict[str, int], size
 
 
 def main() -> int:
-    """Draw mutants of each module in turn until the count or the time is reached."""
+    """Draw mutants, of each module in turn or of all together, until the count or the time is reached."""
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
     parser.add_argument("modules", nargs="*", metavar="MODULE", help=f"of {', '.join(CORE)}; all of them")
     parser.add_argument("--count", type=int, default=40, help="mutants of each module")
+    parser.add_argument("--total", type=int, help="instead: so many of all their mutants, each as likely as another")
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--minutes", type=float, default=float("inf"), help="begin no further mutant after this long")
     given = parser.parse_args()
@@ -243,28 +384,34 @@ def main() -> int:
         import xarray  # noqa: F401
 
     draw, end = random.Random(given.seed), time.monotonic() + 60.0 * given.minutes
-    chosen, waiting, limits, sizes = given.modules or list(CORE), {}, {}, {}
-    for module in chosen:
-        tree = ast.parse((ROOT / "aerokernels" / module).read_text(encoding="utf-8"))
-        every = changes(tree)
-        sizes[module] = len(every)
-        waiting[module] = draw.sample(every, min(given.count, len(every)))
-        before = resource.getrusage(resource.RUSAGE_CHILDREN)
-        if not survives(module, None, 300.0):
-            parser.error(f"the tests of {module} fail without a mutant")
-        after = resource.getrusage(resource.RUSAGE_CHILDREN)
-        limits[module] = 5.0 * (after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime) + 2.0
-        print(f"{module}: {len(every)} mutants, tests take {limits[module] / 5.0 - 0.4:.1f} s", flush=True)
+    chosen, limits = given.modules or list(CORE), {}
+    every = {module: changes(ast.parse((ROOT / "aerokernels" / module).read_text("utf-8"))) for module in chosen}
+    sizes = {module: len(found) for module, found in every.items()}
+    if given.total is None:
+        parts = [[(module, one) for one in draw.sample(found, min(given.count, len(found)))]
+                 for module, found in every.items()]  # fmt: skip
+        waiting = [one for turn in itertools.zip_longest(*parts) for one in turn if one is not None]
+    else:
+        pool = [(module, one) for module, found in every.items() for one in found]
+        waiting = draw.sample(pool, min(given.total, len(pool)))
     tried, caught = dict.fromkeys(chosen, 0), dict.fromkeys(chosen, 0)
-    while any(waiting.values()) and time.monotonic() < end:
-        for module in chosen:
-            if waiting[module] and time.monotonic() < end:
-                line, told, make = waiting[module].pop()
-                alive = survives(module, make(), limits[module])
-                tried[module] += 1
-                caught[module] += not alive
-                if alive:
-                    print(f"  survives: {module}:{line}: {told}", flush=True)
+    for module, (line, told, make) in waiting:
+        if time.monotonic() > end:
+            break
+        if module not in limits:
+            before = resource.getrusage(resource.RUSAGE_CHILDREN)
+            if not survives(module, None, 300.0):
+                parser.error(f"the tests of {module} fail without a mutant")
+            after = resource.getrusage(resource.RUSAGE_CHILDREN)
+            took = after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
+            limits[module] = 5.0 * took + 2.0
+            print(f"{module}: {sizes[module]} mutants, tests take {took:.1f} s", flush=True)
+        alive = survives(module, make(), limits[module])
+        tried[module] += 1
+        caught[module] += not alive
+        if alive:
+            print(f"  survives: {module}:{line}: {told}", flush=True)
+    chosen = [module for module in chosen if tried[module]]
     for module in chosen:
         print(f"{module}: {caught[module]} of {tried[module]} caught")
     for stage in sorted({module.split("/")[0] for module in chosen}):

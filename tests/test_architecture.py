@@ -16,7 +16,7 @@ RANK = {
     package: rank
     for rank, packages in enumerate(
         [
-            ("read_only", "opened"),
+            ("plain_text", "read_only", "opened"),
             ("machine",),
             (
                 "units",

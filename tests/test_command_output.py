@@ -12,8 +12,10 @@ import typer
 
 from aerokernels import cli
 from aerokernels.commands import _output
+from aerokernels.jobs.page import page, paragraph, table
 from aerokernels.jobs.store import check_output_folder, staged_folder, write_summary
-from aerokernels.scene import Scene, shipped_scenes
+from aerokernels.plain_text import plain, plain_json
+from aerokernels.scene import Scene, SceneError, shipped_scenes
 
 
 @pytest.fixture
@@ -154,3 +156,15 @@ def test_a_strangers_mistakes_are_answered_with_the_way_out(line, tmp_path, argu
     status, out, err = line(*arguments)
     assert status == 2 and out == "" and told in err and err.count("\n") == 1, err
     assert len(list(tmp_path.iterdir())) == 2
+
+
+def test_what_others_wrote_is_shown_without_control_characters(tmp_path: Path):
+    """A title that would command a terminal, turn a line round or end a text: in reports, JSON and tables."""
+    title = "A\x1b[31mB\x07\u202ec \x9b2J\U000e0001 <i>"
+    assert plain(title + "\n\t") == "A\\x1b[31mB\\x07\\u202ec \\x9b2J\\ue0001 <i>\n\t".replace("\\u", "\\x")
+    written = plain_json(json.dumps({"title": title}, ensure_ascii=False))
+    assert json.loads(written) == {"title": title} and written.isprintable()
+    shown = page(title, title, [paragraph(title), table(("a",), [(title,)])])
+    assert "\x1b" not in shown and "\x9b" not in shown and "\u202e" not in shown and "&lt;i&gt;" in shown
+    with pytest.raises(SceneError, match=r"title = .*: a text cannot hold a zero character"):
+        Scene.load("wind-tunnel-mach3", {"title": "a\0b"})

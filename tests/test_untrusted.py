@@ -21,11 +21,15 @@ from aerokernels.jobs.recorded import load_netcdf, recorded_labels
 from aerokernels.jobs.store import read_result
 from aerokernels.scene import Scene, SceneError
 from aerokernels.schlieren.picture_file import read_picture
-from aerokernels.validation import file_draws, input_draws, record_draws
+from aerokernels.validation import file_draws, flow_draws, input_draws, name_draws, record_draws
+from aerokernels.written_units import in_brackets, written_unit
 
-DRAWS = {**input_draws.DRAWS, **record_draws.DRAWS, **file_draws.DRAWS}
+DRAWS = {**input_draws.DRAWS, **record_draws.DRAWS, **flow_draws.DRAWS, **name_draws.DRAWS, **file_draws.DRAWS}
 CORPUS = {"scene": (8380,), "override": (1018, 5030), "preamble": (1780,), "netcdf": (50,),
-          "store": (9, 13, 18, 21, 30, 41, 61, 40010600, 50170604), "sweep": (41,), "row": (109, 149)}  # fmt: skip
+          "store": (9, 13, 18, 21, 30, 41, 61, 40010600, 50170604), "sweep": (41,), "row": (109, 149),
+          "foam-file": (60012063, 60018110), "tecplot-text": (4585,), "plot3d": (1130,), "npz": (6, 48),
+          "names": (60265237,), "unit": (7465,), "index": (1697,), "attributes": (15, 21, 30, 1106, 5013),
+          "journal": (5458,)}  # fmt: skip
 
 
 @pytest.mark.parametrize("kind", DRAWS)
@@ -216,3 +220,37 @@ def test_overrides_that_cannot_be_shown_are_refused():
         Scene.load("wind-tunnel-mach3", {".".join(["a"] * 3000): 1})
     with pytest.raises(SceneError, match=r"flow\.density = '0xfff"):
         Scene.load("wind-tunnel-mach3", {"flow.density": "0x" + "f" * 5000})
+
+
+def test_small_flow_files_that_announce_much_are_refused_before_it_is_made(tmp_path: Path, monkeypatch):
+    """Repeated numbers, axes without samples, and compressed files: kilobytes that would be gigabytes in memory."""
+    import gzip
+
+    path = tmp_path / "a.dat"
+    path.write_text("VARIABLES = X Y rho\nZONE I=100000, J=100000, F=BLOCK\n30000000000*1.0\n")
+    with pytest.raises(ValueError, match=r"a\.dat: zone 1 repeats 1 numbers until they are 30000000000: .*write it"):
+        read(path)
+    path.write_text("VARIABLES = X Y rho\nZONE " + "a " * 6000 + "\n0 0 1\n")
+    with pytest.raises(ValueError, match=r"a\.dat: the head of zone 1 has \d+ letters"):
+        read(path)
+    axis = np.arange(5000.0)
+    np.savez(tmp_path / "a.npz", x=axis, y=axis, z=axis, rho=np.ones((2, 2)))
+    with pytest.raises(ValueError, match=r"a\.npz: no array has a sample for each of the \(5000, 5000, 5000\) places"):
+        read(tmp_path / "a.npz")
+    np.savez_compressed(tmp_path / "b.npz", x=axis, y=axis, rho=np.ones(5000))
+    (mesh := tmp_path / "case/constant/polyMesh").mkdir(parents=True)
+    (time := tmp_path / "case/1").mkdir()
+    (time / "rho").touch()
+    (mesh / "points.gz").write_bytes(gzip.compress(b"FoamFile { } " + b" " * 50_000))
+    monkeypatch.setattr(room, "free_memory", lambda: 80_000.0)
+    with pytest.raises(ValueError, match=r"b\.npz: it announces 120 kB and there is room for 40 kB"):
+        read(tmp_path / "b.npz")
+    with pytest.raises(ValueError, match=r"points\.gz: what it unpacks to announces 50 kB and there is room for 40"):
+        read(tmp_path / "case")
+
+
+def test_long_names_of_units_take_no_time(tmp_path: Path):
+    """A name of 300,000 brackets was looked through for minutes, and one of many powers was no number any more."""
+    assert in_brackets("(" * 300_000) == "" and in_brackets("x (axial) [mm]") == "mm"
+    assert written_unit("GPa^9 " * 30 + "m") is None and written_unit("m " * 10**6) is None
+    assert written_unit("m^12345678901") is None and written_unit("kg m^-3") is not None

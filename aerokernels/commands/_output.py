@@ -12,6 +12,8 @@ from typing import Any
 
 import typer
 
+from aerokernels.plain_text import plain, plain_json
+
 
 @dataclass
 class Asked:
@@ -61,13 +63,8 @@ def silence(stream: Any) -> None:
         os.close(nowhere)
 
 
-def plain(text: str) -> str:
-    """A text without control characters: what devices and files bring must not command the terminal."""
-    return "".join(char if char in "\n\t" or char.isprintable() else f"\\x{ord(char):02x}" for char in text)
-
-
 def json_text(data: Any) -> str:
     """JSON that every reader takes: NaN and infinity are null."""
     from aerokernels.jobs.store import to_json
 
-    return json.dumps(to_json(data), indent=2, allow_nan=False, ensure_ascii=False)
+    return plain_json(json.dumps(to_json(data), indent=2, allow_nan=False, ensure_ascii=False))

@@ -4,7 +4,8 @@ import contextlib
 import sys
 from collections.abc import Callable, Iterator
 
-from aerokernels.commands._output import asked, note, plain
+from aerokernels.commands._output import asked, note
+from aerokernels.plain_text import plain
 
 Progress = Callable[[str, float], None]
 

@@ -9,7 +9,8 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
-from aerokernels.commands._output import asked, plain
+from aerokernels.commands._output import asked
+from aerokernels.plain_text import plain
 
 if TYPE_CHECKING:
     from aerokernels.hardware.recorder import RecordingStatus

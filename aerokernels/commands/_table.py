@@ -5,7 +5,8 @@ import re
 from collections.abc import Sequence
 from typing import Any
 
-from aerokernels.commands._output import asked, json_text, plain, say
+from aerokernels.commands._output import asked, json_text, say
+from aerokernels.plain_text import plain
 
 
 def print_table(title: str, columns: Sequence[str], rows: Sequence[Sequence[str]], data: Any = None) -> None:

@@ -5,8 +5,9 @@ def backends() -> None:
     """Show the backends and devices of this machine, work-arounds in force, and which one `auto` takes and why."""
     from dataclasses import asdict
 
-    from aerokernels.commands._output import asked, note, plain, say
+    from aerokernels.commands._output import asked, note, say
     from aerokernels.commands._table import print_table
+    from aerokernels.plain_text import plain
     from aerokernels.tracing import available_backends
     from aerokernels.tracing.engines.choice import choose_backend
 

@@ -38,13 +38,14 @@ def record(
     """Record echoes from hardware until --count or Ctrl-C; a port that goes away is waited for."""
     from dataclasses import asdict
 
-    from aerokernels.commands._output import asked, plain, result, say
+    from aerokernels.commands._output import asked, result, say
     from aerokernels.commands._recording import describe, parse_labels, reporter
     from aerokernels.hardware.interrupt import interrupt_flag
     from aerokernels.hardware.port import PortError
     from aerokernels.hardware.protocols import DIALECT_NAMES, PROTOCOLS, require_one_of
     from aerokernels.hardware.recorder import Recorder
     from aerokernels.hardware.store import EchoStore
+    from aerokernels.plain_text import plain
 
     require_one_of("--protocol", protocol, PROTOCOLS)
     require_one_of("--dialect", dialect, ("auto", *DIALECT_NAMES))

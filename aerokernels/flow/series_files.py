@@ -95,7 +95,7 @@ def series_of_dataset(
             f"{name}: {array.name} has axes {', '.join(map(str, array.dims))}: rename them to time and "
             "x, y, z, or y, z, or r, z"
         )
-    turned = {axis: slice(None, None, -1) for axis in axes if _falls(array.coords.get(axis))}
+    turned = {axis: slice(None, None, -1) for axis in axes if _falls(name, array.coords.get(axis))}
     if turned:
         data, array = data.isel(turned), array.isel(turned)
     array = array.transpose(clock, *axes)
@@ -112,10 +112,12 @@ def series_of_dataset(
     around = attributes.get("ambient_density") if ambient is None else ambient
     if around is None:
         raise ValueError(f"{name}: give ambient_density, that of the air around the field, in kg/m3")
+    if np.ndim(around) or not np.can_cast(np.asarray(around).dtype, np.float64):
+        raise ValueError(f"{name}: ambient_density must be one number, in kg/m3, got {str(around)[:40]!r}")
 
     def get(number: int) -> np.ndarray:
         check_room(_snapshot_size(array), f"{name}: a snapshot")
-        values = np.asarray(array.isel({clock: number}).values)
+        values = _numbers(name, array.isel({clock: number}), "iuf")
         return values if factor == 1.0 else values * factor
 
     identity = {**identity, "variable": array.name}
@@ -129,8 +131,27 @@ def series_of_dataset(
     return Series(get, times, where, float(around), **own, provenance=name, identity=identity)
 
 
-def _falls(coordinate: Any) -> bool:
-    return coordinate is not None and coordinate.size > 1 and bool(coordinate[0] > coordinate[-1])
+def _falls(name: str, coordinate: Any) -> bool:
+    if coordinate is None or coordinate.size < 2:
+        return False
+    values = _numbers(name, coordinate)
+    return bool(values[0] > values[-1])
+
+
+def _numbers(name: str, array: Any, kinds: str = "iufmM") -> np.ndarray:
+    """The values of an array: numbers or times. xarray decodes them by attributes, which may be anything."""
+    try:
+        values = np.asarray(array.values)
+    except Exception as fault:  # the libraries meet what is damaged with any error
+        if isinstance(fault, ValueError) and str(fault).startswith(name):
+            raise
+        said = " ".join(f"{type(fault).__name__}: {str(fault)[:200]}".split())
+        raise ValueError(
+            f"{name}: {array.name} cannot be read ({said}): see its attributes, or write it again"
+        ) from fault
+    if values.dtype.kind not in kinds:
+        raise ValueError(f"{name}: {array.name} holds no real numbers but {values.dtype}: write it again as numbers")
+    return values
 
 
 def _snapshot_size(array: Any) -> float:
@@ -144,7 +165,7 @@ def _in_si(name: str, axis: str, array: Any, dimension: str) -> np.ndarray:
     if axis not in array.coords:  # of which xarray would make numbers from 0 on
         raise ValueError(f"{name}: axis {axis} has no coordinate: add one")
     coordinate = array.coords[axis]
-    values = np.asarray(coordinate.values)
+    values = _numbers(name, coordinate)
     if values.dtype.kind in "mM":
         return seconds(values)
     return values.astype(np.float64) * _factor(name, coordinate.attrs.get("units"), dimension, axis)

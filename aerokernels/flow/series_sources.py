@@ -83,7 +83,7 @@ def open_series(
         if any(letter in str(source) for letter in "*?[") and not path.exists():
             return _of_files(_matching(path), time, time_step, start_time, _reader(read, for_files, density))
         if path.suffix == ".pvd" and path.is_file():
-            paths, instants = _collection(path)
+            paths, instants = collection(path)
             reader = _reader(read, for_files, density)
             if len(set(instants)) < len(instants):  # several parts at one time: the collection itself is read
                 return _at_times(path, np.unique(instants), reader, {"file": path.name})
@@ -176,7 +176,7 @@ def _reader(read: Callable[..., DensityField] | None, options: dict[str, Any], d
     return partial(read, **given)
 
 
-def _collection(path: Path) -> tuple[list[Path], list[float]]:
+def collection(path: Path) -> tuple[list[Path], list[float]]:
     """The files of a ParaView collection, and their times."""
     try:
         entries = ElementTree.parse(path).getroot().iter("DataSet")
@@ -185,6 +185,8 @@ def _collection(path: Path) -> tuple[list[Path], list[float]]:
         raise ValueError(f"{path}: no ParaView collection of files with their times: {fault}") from None
     if not found:
         raise ValueError(f"{path}: a collection without files")
+    if not np.isfinite([time for time, _ in found]).all():
+        raise ValueError(f"{path}: a collection with a time that is no number: write it again")
     return [path.parent / file for _, file in found], [time for time, _ in found]
 
 

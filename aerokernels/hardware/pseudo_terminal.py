@@ -1,10 +1,16 @@
 """A pseudo-terminal under a name of one's own, standing in for a serial port."""
 
 import os
+import re
 import select
 import time
 from collections.abc import Callable
 from pathlib import Path
+
+
+def _numberless(name: str) -> str:
+    """A terminal's name but for its number: those of a system are alike."""
+    return re.sub(r"\d", "", name)
 
 
 class PseudoTerminal:
@@ -14,8 +20,8 @@ class PseudoTerminal:
         link: path for the link; one that is left over from an earlier terminal is replaced.
 
     Raises:
-        ValueError: `link` is a file, its folder does not exist or cannot be written, or this system has no
-            pseudo-terminals.
+        ValueError: `link` is a file, or a link to something else than a terminal, its folder does not exist or takes no
+            links, or this system has no pseudo-terminals.
     """
 
     def __init__(self, link: str | Path) -> None:
@@ -45,9 +51,28 @@ class PseudoTerminal:
         os.set_blocking(self._master, False)
         self._poll = select.poll()
         self._poll.register(self._master, select.POLLOUT)
+        try:
+            self._put_link()
+        except OSError as fault:
+            self.close()
+            raise ValueError(
+                f"link {self.link}: none can be made there ({fault.strerror}); give another path"
+            ) from None
+        except ValueError:
+            self.close()
+            raise
+
+    def _put_link(self) -> None:
+        """Make the link, in the place of one to a terminal; nobody else's link is replaced."""
+        if self.link.is_symlink() and _numberless(held := os.readlink(self.link)) != _numberless(self.name):
+            raise ValueError(f"link {self.link} leads to {held}, which is no terminal: give a path that is free")
         draft = self.link.with_name(f"{self.link.name}.{os.getpid()}")
         draft.symlink_to(self.name)
-        draft.replace(self.link)
+        try:
+            draft.replace(self.link)
+        except OSError:
+            draft.unlink()
+            raise
 
     def has_reader(self) -> bool:
         """Whether someone has the port open."""

@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterable, Sequence
 from typing import Any
 
 from aerokernels.jobs.figure_layout import png_or_fault
+from aerokernels.plain_text import plain
 
 Picture = tuple[str, str, Callable]  # name, caption, a function that draws it
 WIDE = 850  # [pixels] of a picture of two panels
@@ -50,13 +51,17 @@ pre { background: #f3f6f8; border-radius: 8px; padding: 12px 14px; overflow-x: a
 """
 
 
+def _escaped(text: str) -> str:
+    return html.escape(plain(text))
+
+
 def page(title: str, lead: str, parts: Iterable[str]) -> str:
     """A complete HTML document; the parts are HTML."""
     return (
         "<!doctype html>\n<html lang='en'><head><meta charset='utf-8'>"
         "<meta name='viewport' content='width=device-width'>"
-        f"<title>{html.escape(title)} · aerokernels</title><style>{CSS}</style></head>\n<body>"
-        f"<h1>{html.escape(title)}</h1><p class='lead'>{html.escape(lead)}</p>" + "\n".join(parts) + "</body></html>\n"
+        f"<title>{_escaped(title)} · aerokernels</title><style>{CSS}</style></head>\n<body>"
+        f"<h1>{_escaped(title)}</h1><p class='lead'>{_escaped(lead)}</p>" + "\n".join(parts) + "</body></html>\n"
     )
 
 
@@ -68,9 +73,9 @@ def embedded(data: bytes) -> str:
 def picture(name: str, caption: str, data: bytes) -> str:
     """A PNG file with its caption; a phone shows a wide one at a legible size, to be moved sideways."""
     wide = ' class="wide"' if int.from_bytes(data[16:20], "big") > WIDE else ""  # the width in a PNG file's head
-    caption = html.escape(caption)
+    caption = _escaped(caption)
     image = f'<img alt="{caption}" src="{embedded(data)}"{wide}>'
-    return f'<figure id="{html.escape(name)}">{image}<figcaption>{caption}</figcaption></figure>'
+    return f'<figure id="{_escaped(name)}">{image}<figcaption>{caption}</figcaption></figure>'
 
 
 def pictures(shown: Iterable[Picture]) -> str:
@@ -84,21 +89,21 @@ def pictures(shown: Iterable[Picture]) -> str:
 
 def table(columns: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
     """A table with a head."""
-    head = "".join(f"<th>{html.escape(name)}</th>" for name in columns)
-    body = "".join("<tr>" + "".join(f"<td>{html.escape(cell)}</td>" for cell in row) + "</tr>" for row in rows)
+    head = "".join(f"<th>{_escaped(name)}</th>" for name in columns)
+    body = "".join("<tr>" + "".join(f"<td>{_escaped(cell)}</td>" for cell in row) + "</tr>" for row in rows)
     return f"<table><tr>{head}</tr>{body}</table>"
 
 
 def named_values(rows: Iterable[tuple[str, str]]) -> str:
     """A table of names and their values; "none" where there are none."""
-    body = "".join(f"<tr><th>{html.escape(name)}</th><td>{html.escape(value)}</td></tr>" for name, value in rows)
+    body = "".join(f"<tr><th>{_escaped(name)}</th><td>{_escaped(value)}</td></tr>" for name, value in rows)
     return f"<table>{body}</table>" if body else "<p>none</p>"
 
 
 def cards(rows: Iterable[tuple[str, str]]) -> str:
     """Numbers that a reader asks for first."""
     found = "".join(
-        f'<div class="card"><b>{html.escape(value)}</b><span>{html.escape(words)}</span></div>' for words, value in rows
+        f'<div class="card"><b>{_escaped(value)}</b><span>{_escaped(words)}</span></div>' for words, value in rows
     )
     return f"<div class='cards'>{found}</div>"
 
@@ -110,25 +115,25 @@ def remarks(rows: Iterable[tuple[str, Any]], kind: str = "note") -> str:
         rows: Words and what they say.
         kind: "note", or "alarm" where the numbers are worth nothing.
     """
-    lines = "".join(f"<p><b>{html.escape(words)}:</b> {html.escape(str(text))}</p>" for words, text in rows)
+    lines = "".join(f"<p><b>{_escaped(words)}:</b> {_escaped(str(text))}</p>" for words, text in rows)
     return f"<div class='{kind}'>{lines}</div>" if lines else ""
 
 
 def section(title: str, content: str) -> str:
     """A heading and what stands below it, which is HTML."""
-    return f"<h2>{html.escape(title)}</h2>{content}"
+    return f"<h2>{_escaped(title)}</h2>{content}"
 
 
 def paragraph(text: str) -> str:
     """A paragraph."""
-    return f"<p>{html.escape(text)}</p>"
+    return f"<p>{_escaped(text)}</p>"
 
 
 def bullets(lines: Iterable[str]) -> str:
     """A list of lines."""
-    return "<ul>" + "".join(f"<li>{html.escape(line)}</li>" for line in lines) + "</ul>"
+    return "<ul>" + "".join(f"<li>{_escaped(line)}</li>" for line in lines) + "</ul>"
 
 
 def text_block(text: str) -> str:
     """A text as it is written."""
-    return f"<pre>{html.escape(text)}</pre>"
+    return f"<pre>{_escaped(text)}</pre>"

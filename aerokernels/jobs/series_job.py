@@ -23,6 +23,7 @@ from aerokernels.jobs.store import (
 )
 from aerokernels.jobs.sweeps.records import write_text
 from aerokernels.one_writer import only_writer
+from aerokernels.plain_text import plain_json
 from aerokernels.pupils import direction_of
 from aerokernels.scene import Scene, SceneError
 from aerokernels.scene.file_table import FileTable
@@ -119,7 +120,9 @@ def _run_alone(scene: Scene, out: Path, progress: Progress | None) -> dict[str, 
     if progress is not None:
         progress("writing the report", 0.95)
     replace_result(out / STATISTICS_FILE, found)
-    write_text(out / SUMMARY_FILE, json.dumps(summary, indent=2, ensure_ascii=False, allow_nan=False) + "\n")
+    write_text(
+        out / SUMMARY_FILE, plain_json(json.dumps(summary, indent=2, ensure_ascii=False, allow_nan=False)) + "\n"
+    )
     write_text(out / REPORT_FILE, series_report(scene, maps, found, summary))
     return summary
 

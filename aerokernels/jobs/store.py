@@ -20,6 +20,7 @@ from aerokernels.drafts import draft_of
 from aerokernels.netcdf_file import write_netcdf
 from aerokernels.netcdf_reading import open_netcdf
 from aerokernels.one_writer import only_writer
+from aerokernels.plain_text import plain_json
 
 if TYPE_CHECKING:
     import xarray
@@ -190,7 +191,7 @@ def to_json(value: Any) -> Any:
 
 def write_summary(path: Path, summary: Mapping[str, Any]) -> None:
     """Write `summary` as JSON that every reader takes: what is not a number is null, never NaN."""
-    text = json.dumps(to_json(summary), indent=2, allow_nan=False, ensure_ascii=False)
+    text = plain_json(json.dumps(to_json(summary), indent=2, allow_nan=False, ensure_ascii=False))
     path.write_text(text + "\n", encoding="utf-8")
 
 

@@ -2,7 +2,7 @@
 
 from typing import Annotated, Any
 
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Field
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, field_validator
 
 from ..units import quantity
 
@@ -11,6 +11,14 @@ class Table(BaseModel):
     """A table of a scene: it cannot be changed, and knows no keys but its own."""
 
     model_config = ConfigDict(frozen=True, extra="forbid", validate_default=True)
+
+    @field_validator("*", mode="before")
+    @classmethod
+    def _without_zeros(cls, value: Any) -> Any:
+        """Texts that files and names of files can hold."""
+        if isinstance(value, str) and "\0" in value:
+            raise ValueError("a text cannot hold a zero character")
+        return value
 
 
 def key(default: Any, description: str) -> Any:

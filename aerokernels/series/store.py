@@ -140,7 +140,7 @@ class ZarrStore:
         try:
             found, *rows = map(json.loads, lines or [b"null"])
             numbers = [dict(zip(NUMBERS, map(float, row), strict=True)) for row in rows]
-        except (ValueError, TypeError, RecursionError):
+        except (ArithmeticError, RecursionError, TypeError, ValueError):
             raise self._damaged() from None
         if not isinstance(found, (dict, type(None))) or len(numbers) > self.template.sizes["time"]:
             raise self._damaged()
@@ -305,7 +305,9 @@ class ZarrStore:
             found = xarray.open_zarr(self.path, consolidated=False, chunks=None)
         if lost := {*MAPS, *NUMBERS, *self.template.coords} - set(found.variables):
             raise self._damaged(f"{min(lost)} is lost from the store")
-        return found
+        from .lazy_maps import told_with_their_store
+
+        return told_with_their_store(self.path, found, MAPS)
 
 
 def _consolidate(path: Path) -> None:

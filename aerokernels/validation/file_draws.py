@@ -99,8 +99,8 @@ def _sound_store(folder: Path) -> Path:
     return path
 
 
-def store(draw: random.Random, folder: Path) -> bool:
-    """An echo store in which a value is another, or bytes are damaged: read, and written as NetCDF or CSV."""
+def _damaged_store(draw: random.Random, folder: Path) -> Path:
+    """An echo store in which a value is another, or bytes are damaged."""
     path = folder / "echoes.sqlite"
     for beside in ("-wal", "-shm"):
         path.with_name(path.name + beside).unlink(missing_ok=True)
@@ -118,6 +118,17 @@ def store(draw: random.Random, folder: Path) -> bool:
             connection.commit()
     else:
         path.write_bytes(damage(path.read_bytes(), np.random.default_rng(draw.randrange(2**32))))
+    return path
+
+
+def store_read(draw: random.Random, folder: Path) -> bool:
+    """A damaged store, read."""
+    return _read_all(_damaged_store(draw, folder))
+
+
+def store(draw: random.Random, folder: Path) -> bool:
+    """A damaged store, read, and written as NetCDF or CSV."""
+    path = _damaged_store(draw, folder)
     read = _read_all(path)
     try:
         with EchoStore(path, read_only=True) as found:
@@ -195,4 +206,4 @@ def sweep(draw: random.Random, folder: Path) -> bool:
         return False
 
 
-DRAWS: dict[str, Draw] = {"table": table, "store": store, "netcdf": netcdf, "sweep": sweep}
+DRAWS: dict[str, Draw] = {"table": table, "store": store, "store-read": store_read, "netcdf": netcdf, "sweep": sweep}

@@ -81,6 +81,10 @@ def test_a_reflector_with_edges_by_hand():
     cut = plane_target_echo(ARRIVAL, width=0.06, height=0.03, **PAPER)
     assert cut / whole == pytest.approx(math.erf(math.sqrt(2.0)) * math.erf(math.sqrt(0.5)), rel=1e-13)
     assert plane_target_echo(ARRIVAL, width=3.0, height=3.0, **PAPER) == pytest.approx(whole, rel=1e-14)
+    # Tilted by 60 deg the beam sees half of its height: as much of all light as of a plate half as high untilted.
+    time = ARRIVAL + np.linspace(-6, 6, 601) * tilted_pulse_tau(6e-9, 0.03, math.pi / 3)
+    low, all_of_it = (plane_target_echo(time, tilt=math.pi / 3, **h, **PAPER).sum() for h in ({"height": 0.06}, {}))
+    assert low / all_of_it == pytest.approx(math.erf(math.sqrt(0.5)), rel=1e-9)
 
 
 @pytest.mark.parametrize("pulse", [HeliosPulse(6e-9), SampledPulse([0.0, 1.0, 3.0, 4.0, 2.0, 1.0, 0.0], 2e-9)])

@@ -144,6 +144,7 @@ def test_bad_air_is_refused():
         flow.water_fraction(300.0, 1e3, 1.0)
     with pytest.raises(ValueError, match=r"carbon dioxide must be between 0 and 0\.002, got 450"):
         flow.ciddor_constant(905e-9, co2=450)
+    assert flow.ciddor_constant(905e-9, co2=0.0) < flow.ciddor_constant(905e-9)  # air without any is some
     with pytest.raises(ValueError, match="water vapour must be between 0 and 1"):
         flow.moist_air_density(293.15, 1e5, water=-0.1)
     with pytest.raises(ValueError, match="temperature must be positive"):

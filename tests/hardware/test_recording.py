@@ -324,6 +324,16 @@ def test_a_link_never_replaces_a_file(tmp_path: Path):
     with pytest.raises(ValueError, match="is a file"):
         PseudoTerminal(tmp_path / "data")
     assert (tmp_path / "data").read_text() == "mine"
-    (tmp_path / "stale").symlink_to(tmp_path / "gone")
+    (tmp_path / "other").symlink_to("data")
+    (tmp_path / "round").symlink_to("round")
+    for name, told in (
+        ("other", "leads to data, which is no terminal"),
+        ("round", "leads to round, which is no terminal"),
+    ):
+        with pytest.raises(ValueError, match=told):
+            PseudoTerminal(tmp_path / name)
+    with pytest.raises(ValueError, match=r"link /proc/board: none can be made there .*; give another path"):
+        PseudoTerminal("/proc/board")
+    (tmp_path / "stale").symlink_to("/dev/pts/999999")
     with PseudoTerminal(tmp_path / "stale") as terminal:
         assert str((tmp_path / "stale").readlink()) == terminal.name

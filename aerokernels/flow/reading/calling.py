@@ -5,6 +5,7 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any
 
+from ...room import NoRoomError
 from .dataset import Dataset, ReadError
 
 Reader = Callable[[Path, Any, dict[str, Any]], Dataset]
@@ -17,19 +18,12 @@ def read_here(module: str, path: Path, time, options: dict[str, Any]) -> Dataset
         return reader(path, time, options)
     except ReadError:
         raise
-    except (
-        ArithmeticError,
-        AssertionError,
-        EOFError,
-        LookupError,
-        OSError,
-        RuntimeError,
-        TypeError,
-        ValueError,
-    ) as fault:
-        what = f"it cannot be read ({type(fault).__name__}: {fault})"
-        raise ReadError(path, what, "the file is damaged: write it again") from fault
+    except NoRoomError as fault:
+        raise ReadError.said(str(fault)) from None
     except MemoryError:
         raise ReadError(
             path, "it announces more data than the memory takes", "the file is damaged: write it again"
         ) from None
+    except Exception as fault:  # whatever a library says of a damaged file: a TokenError of a heading of NumPy's, say
+        what = f"it cannot be read ({type(fault).__name__}: {fault})"
+        raise ReadError(path, what, "the file is damaged: write it again") from fault

@@ -9,13 +9,18 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+LONGEST = 5000  # letters of what is wrong with a file, in a message
+
 
 class ReadError(ValueError):
     """A flow file that cannot be used. The message names the file, the place in it and the remedy, on one line."""
 
     def __init__(self, path, fault: str, remedy: str):
         """Put file, fault and remedy together."""
-        super().__init__(" ".join(f"{path}: {fault}: {remedy}".split()))
+        words = f"{path}: {fault}"
+        if len(words) > LONGEST:  # names in a file may have any length
+            words = f"{words[: LONGEST // 2]} ... {words[-LONGEST // 2 :]}"
+        super().__init__(" ".join(f"{words}: {remedy[:LONGEST]}".split()))
 
     def __reduce__(self):
         """Pickled as its message: it travels between processes."""

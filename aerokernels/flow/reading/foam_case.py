@@ -17,10 +17,10 @@ UNIVERSAL_GAS_CONSTANT = 8314.4626  # [J/(kmol K)]
 _INTERNAL = re.compile(rb"\binternalField\s+(uniform|nonuniform)\b")
 _WIDTH = {"volScalarField": 1, "volVectorField": 3}
 _MOLAR_MASS = re.compile(r"\bmolWeight\s+([0-9.eE+-]+)\s*;")
-_COMMENT = re.compile(r"//[^\n]*|/\*.*?\*/", re.DOTALL)
+_COMMENT = re.compile(r"//[^\n]*|/\*.*?(?:\*/|\Z)", re.DOTALL)  # one that is not closed goes to the end
 _DIMENSIONS = re.compile(rb"\bdimensions\s*\[([^\]]*)\]")
 GREATEST_INCLUDED = 1_000_000  # [bytes]: a case of somebody else's may name any file of the system
-_INCLUDE = re.compile(r'^\s*#include\w*\s+"([^"\n]+)"', re.MULTILINE)
+_INCLUDE = re.compile(r'^[ \t]*#include\w*\s+"([^"\n]+)"', re.MULTILINE)
 
 
 def may_be_case(path: Path) -> bool:
@@ -162,7 +162,7 @@ def _value_of(file: FoamFile, name: str) -> str:
         if other.is_file() and 0 < other.stat().st_size <= GREATEST_INCLUDED:  # of 0 bytes: a device
             texts.append(_COMMENT.sub("", other.read_text("latin-1")))
     values = [
-        found for one in texts for found in re.findall(rf"^\s*{re.escape(name)}\s+([^;{{}}]*);", one, re.MULTILINE)
+        found for one in texts for found in re.findall(rf"^[ \t]*{re.escape(name)}\s+([^;{{}}]*);", one, re.MULTILINE)
     ]
     return str(values[-1]).strip() if values else ""
 

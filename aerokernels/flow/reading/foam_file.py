@@ -13,12 +13,14 @@ from pathlib import Path
 
 import numpy as np
 
+from ...room import check_room
 from .dataset import ReadError
 
 _BLANK = re.compile(rb"(?:\s+|//[^\n]*\n?|/\*.*?\*/)*", re.DOTALL)
 _WORD = re.compile(rb'"[^"\n]*"|[^\s(){};"]+')
 _HEADER = re.compile(rb"FoamFile\s*\{(.*?)\}", re.DOTALL)
 _BRACKETS = bytes.maketrans(b"()", b"  ")
+PIECE = 1 << 24  # [bytes] that are unpacked at once
 REMEDY = "the file is damaged or was not written to its end: write it again, or read another time"
 
 
@@ -28,6 +30,16 @@ def find(path: Path) -> Path | None:
         return path
     packed = path.with_name(path.name + ".gz")
     return packed if packed.is_file() else None
+
+
+def _unpacked(path: Path) -> bytes:
+    """What a compressed file holds, if there is room for it: a thousandth may lie in the file."""
+    parts: list[bytes] = []
+    with gzip.open(path) as stream:
+        while part := stream.read(PIECE):
+            parts.append(part)
+            check_room(float(sum(map(len, parts))), f"{path}: what it unpacks to")
+    return b"".join(parts)
 
 
 class FoamFile:
@@ -54,7 +66,7 @@ class FoamFile:
         self.data = found.read_bytes()
         if found.suffix == ".gz" or self.data[:2] == b"\x1f\x8b":
             try:
-                self.data = gzip.decompress(self.data)
+                self.data = _unpacked(found)
             except (OSError, EOFError, zlib.error):
                 raise ReadError(found, "the compressed file ends early or is damaged", REMEDY) from None
         header = _HEADER.search(self.data[:8192])
@@ -149,8 +161,8 @@ class FoamFile:
         flat = self._text(self._until(rb"\)\s*\)") if count else b"", np.dtype(np.int64), None)
         start = np.zeros(count + 1, dtype=np.int64)
         place = 0
-        if count and len(flat) == count * (flat[0] + 1) and (flat[:: flat[0] + 1] == flat[0]).all():
-            width = int(flat[0])
+        width = int(flat[0]) if len(flat) else 0
+        if count and width > 2 and len(flat) == count * (width + 1) and (flat[:: width + 1] == width).all():
             return width * np.arange(count + 1), flat.reshape(count, width + 1)[:, 1:].ravel()
         keep = np.ones(len(flat), dtype=bool)
         for face in range(count):

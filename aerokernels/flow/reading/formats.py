@@ -80,8 +80,11 @@ def format_of(path: Path, options: Mapping[str, Any]) -> Format:
         raise ReadError(path, "the folder is no OpenFOAM case", "give a case, or one of the files in the folder")
     if not path.is_file():
         raise ReadError(path, "it is neither a file nor a folder", "give the path of a flow file or case")
-    with path.open("rb") as stream:
-        head = stream.read(4096)
+    try:
+        with path.open("rb") as stream:
+            head = stream.read(4096)
+    except OSError as fault:
+        raise ReadError(path, f"it cannot be read ({fault.strerror})", "see to its permissions, or copy it") from None
     if not head:
         raise ReadError(path, "the file is empty", "write it again")
     suffix = path.suffix.lower()

@@ -15,6 +15,7 @@ from typing import Any
 
 import numpy as np
 
+from ...room import NoRoomError, check_room
 from .array_units import length_of, unit_of_array
 from .coordinates import COLUMNS
 from .dataset import Block, Dataset, ReadError, chosen_time
@@ -56,8 +57,11 @@ def _npz(path: Path) -> dict[str, np.ndarray]:
 
     try:
         with np.load(path, allow_pickle=False) as data:
+            check_room(float(sum(part.file_size for part in data.zip.infolist())), f"{path}: it")
             found = {name: _unless_objects(data, name) for name in data.files}
         return {name: own for name, own in found.items() if own is not None and own.dtype.kind in "iufb"}
+    except NoRoomError:
+        raise
     except (
         zipfile.BadZipFile,
         zlib.error,
@@ -186,6 +190,8 @@ def _block(path, axes, coordinates, arrays) -> Block:
     if all(own.ndim == 1 for own in coordinates) and not _is_cloud(coordinates, arrays):
         counts = tuple(len(own) for own in coordinates)
         cells = tuple(n - 1 for n in counts)
+        if not any({own.shape, own.shape[::-1]} & {counts, cells} for own in arrays.values()):
+            raise _no_samples(path, counts)  # before places are made, of which a few numbers may announce billions
         full = np.meshgrid(*coordinates, indexing="ij")
     else:
         shapes = {own.shape for own in coordinates}
@@ -219,8 +225,12 @@ def _block(path, axes, coordinates, arrays) -> Block:
             cell_data[name] = np.asarray(turned, dtype=np.float64).ravel(order="F")
     shape = (*counts, 1)[:3] if len(counts) < 3 else counts
     if not point_data and not cell_data:
-        raise ReadError(path, f"no array has a sample for each of the {counts} places", "see what the file holds")
+        raise _no_samples(path, counts)
     return Block(points, None, (int(shape[0]), int(shape[1]), int(shape[2])), point_data, cell_data)
+
+
+def _no_samples(path, counts: tuple[int, ...]) -> ReadError:
+    return ReadError(path, f"no array has a sample for each of the {counts} places", "see what the file holds")
 
 
 def _is_cloud(coordinates, arrays) -> bool:

@@ -111,7 +111,7 @@ def _sections(data: bytes, form: _Form, size, extra: int = 0):
     if head is None:
         return None
     sizes = np.frombuffer(head, f"{form.order}i4").reshape(count, width).astype(np.int64)
-    if (sizes < 1).any() or (sizes.prod(axis=1) > len(data)).any():
+    if (sizes < 1).any() or (sizes.prod(axis=1, dtype=float) > len(data)).any():
         return None
     sections = []
     for row in sizes:
@@ -194,9 +194,12 @@ def _text_shapes(text: np.ndarray, several: bool, width: int):
     if not 0 < count <= GREATEST_GRID_COUNT or len(text) < begin + width * count:
         return None
     sizes = text[begin : begin + width * count]
-    if (sizes != np.round(sizes)).any() or (sizes < 1).any() or (sizes > len(text)).any():
+    if (sizes != np.round(sizes)).any() or (sizes < 1).any():
         return None
-    return sizes.astype(np.int64).reshape(count, width), begin + width * count
+    sizes = sizes.reshape(count, width)
+    if (sizes.prod(axis=1) > len(text)).any():
+        return None
+    return sizes.astype(np.int64), begin + width * count
 
 
 def _text_blocks(text: np.ndarray, several: bool, dimension: int, iblank: bool) -> list[Block] | None:
@@ -245,7 +248,7 @@ def _solution(data: bytes, form: _Form, single: bool):
     if head is None:
         return None
     sizes = np.frombuffer(head, f"{form.order}i4").reshape(count, form.dimension).astype(np.int64)
-    if (sizes < 1).any() or (sizes.prod(axis=1) > len(data)).any():
+    if (sizes < 1).any() or (sizes.prod(axis=1, dtype=float) > len(data)).any():
         return None
     variables = form.dimension + 2
     values = []

@@ -5,6 +5,7 @@ zones, then the data of each zone, variable after variable. Values in cells of a
 axes but the last.
 """
 
+import math
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -154,7 +155,7 @@ def _zone(stream: _Bytes, count: int, packing: bool) -> _Zone:
     else:
         counts = (stream.whole(), stream.whole())
         stream.take("i4", 3)
-    if min(counts) < 1 or np.prod(counts[:2] if kind else counts, dtype=float) > len(stream.data) ** 2:
+    if min(counts) < 1 or (max(counts) if kind else math.prod(counts)) > len(stream.data):
         raise stream.fault(f"zone {name!r} announces {counts} points")
     while stream.whole():
         stream.text(), stream.whole(), stream.text()

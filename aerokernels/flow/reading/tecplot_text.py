@@ -3,6 +3,7 @@
 VTK's reader keeps single precision; this one keeps what is written.
 """
 
+import math
 import re
 import warnings
 from pathlib import Path
@@ -29,6 +30,8 @@ ELEMENTS = {
 }
 _PAIR = re.compile(r'([A-Za-z][\w ]*?)\s*=\s*("[^"]*"|\((?:[^()]|\([^()]*\))*\)|[^\s,=]+)')
 _NUMBER = re.compile(r"^\s*[-+.\d]")
+LONGEST_HEAD = 10_000  # letters before the numbers of a zone
+MOST_REPEATED = 1000  # numbers of a zone for each that is written: a coordinate changes along the first index
 _REPEAT = re.compile(r"(\d+)\*(\S+)")
 
 
@@ -80,7 +83,9 @@ def _parts(path: Path, text: str):
 
     def close() -> None:
         if head is not None:
-            zones.append((_pairs(" ".join(head)), "\n".join(body)))
+            if len(written := " ".join(head)) > LONGEST_HEAD:
+                raise ReadError(path, f"the head of zone {len(zones) + 1} has {len(written)} letters", DAMAGED)
+            zones.append((_pairs(written), "\n".join(body)))
 
     for line in text.splitlines():
         plain = line.strip()
@@ -135,7 +140,7 @@ def zone_block(
     ordered = kind == "ORDERED"
     if ordered:
         shape = tuple(_count(path, name, head.get(key, "1")) for key in "IJK")
-        nodes, cells, corners = int(np.prod(shape)), int(np.prod([max(n - 1, 1) for n in shape])), 0
+        nodes, cells, corners = math.prod(shape), math.prod(max(n - 1, 1) for n in shape), 0
     else:
         if kind not in ELEMENTS:
             raise ReadError(path, f"{name} is of type {kind}", f"known are ORDERED, {', '.join(ELEMENTS)}")
@@ -176,9 +181,9 @@ def assembled(path, variables, arrays, in_cells, shape, cells, name) -> Block:
     points = np.zeros((len(arrays[next(iter(place.values()))]), 3))
     for index, k in place.items():
         points[:, index] = arrays[k]
-    data = {v: np.asarray(arrays[k], np.float64) for k, v in enumerate(variables) if k not in place.values()}
-    cell = {v: own for v, own in data.items() if variables.index(v) in in_cells}
-    point = {v: own for v, own in data.items() if v not in cell}
+    data = {v: (k, np.asarray(arrays[k], np.float64)) for k, v in enumerate(variables) if k not in place.values()}
+    cell = {v: own for v, (k, own) in data.items() if k in in_cells}
+    point = {v: own for v, (k, own) in data.items() if k not in in_cells}
     blank = next((own for v, own in point.items() if v.lower() == "iblank"), None)
     hidden = None if blank is None or (blank != 0).all() else blank == 0
     return Block(points, cells, shape, point, cell, hidden, name)
@@ -230,6 +235,8 @@ def _numbers(path: Path, name: str, text: str, expected: int) -> np.ndarray:
         words = [_REPEAT.fullmatch(word) or word for word in text.split()]
         repeats = [1 if isinstance(word, str) else int(word[1]) for word in words]
         _check_count(path, name, sum(repeats), expected)  # before they are written out: a damaged one may be any
+        if expected > MOST_REPEATED * len(words):
+            raise ReadError(path, f"{name} repeats {len(words)} numbers until they are {expected}", DAMAGED)
         counts, text = np.array(repeats), " ".join(word if isinstance(word, str) else word[2] for word in words)
     with warnings.catch_warnings():
         warnings.simplefilter("error")

@@ -13,6 +13,7 @@ from typing import Any
 
 from aerokernels.drafts import draft_of
 from aerokernels.jobs.store import FULL, OutputError, to_json
+from aerokernels.plain_text import plain_json
 
 DEFINITION_FILE, CASES_FILE, DATASET_FILE = "sweep.json", "cases.jsonl", "sweep.nc"
 _REMEDY = "take another --out, or remove that folder"
@@ -38,7 +39,7 @@ def read_definition(folder: Path) -> dict[str, Any] | None:
 
 def write_definition(folder: Path, described: Mapping[str, Any]) -> None:
     """Write what is swept, in one step."""
-    write_text(folder / DEFINITION_FILE, json.dumps(described, indent=2, ensure_ascii=False) + "\n")
+    write_text(folder / DEFINITION_FILE, plain_json(json.dumps(described, indent=2, ensure_ascii=False)) + "\n")
 
 
 def write_text(path: Path, text: str) -> None:

@@ -1,0 +1,49 @@
+"""Maps of a store, read by xarray when they are asked for: what is damaged there is told with the store's name."""
+
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import xarray
+import zarr
+from xarray.backends import BackendArray
+from xarray.core.indexing import (
+    CopyOnWriteArray,
+    IndexingSupport,
+    LazilyIndexedArray,
+    MemoryCachedArray,
+    explicit_indexing_adapter,
+)
+
+
+class _Map(BackendArray):
+    """An array of a Zarr store, for xarray."""
+
+    def __init__(self, path: Path, name: str):
+        self.path, self.name = path, name
+        self.array: Any = zarr.open_group(str(path), mode="r")[name]
+        self.shape, self.dtype = self.array.shape, self.array.dtype
+
+    def __getitem__(self, key: Any) -> Any:
+        return explicit_indexing_adapter(key, self.shape, IndexingSupport.OUTER, self._read)
+
+    def _read(self, key: tuple) -> np.ndarray:
+        try:
+            return np.asarray(self.array.oindex[key])
+        except Exception as fault:  # Zarr meets what is damaged with any error
+            said = " ".join(f"{type(fault).__name__}: {str(fault)[:200]}".split())
+            remedy = "take another copy, or make the series again"
+            raise ValueError(f"{self.path}: {self.name} is damaged ({said}): {remedy}") from fault
+
+
+def told_with_their_store(path: Path, found: xarray.Dataset, names: Iterable[str]) -> xarray.Dataset:
+    """The dataset of a Zarr store in which reading a damaged chunk of some arrays is a ValueError with its name."""
+
+    def variable(name: str) -> xarray.Variable:
+        own = found[name].variable
+        lazy: Any = LazilyIndexedArray(_Map(path, name))
+        data = MemoryCachedArray(CopyOnWriteArray(lazy))  # as xarray opens them itself
+        return xarray.Variable(own.dims, data, own.attrs, own.encoding)
+
+    return found.assign({name: variable(name) for name in names})

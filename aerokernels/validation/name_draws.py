@@ -1,0 +1,204 @@
+"""Drawn words beside the numbers of files: units, names of arrays, times and lists of series, attributes, journals.
+
+As in input_draws.py: an answer whose numbers are finite, or a refusal in one line. Files of NetCDF are drawn as what
+HDF5 has read of them, without the file.
+"""
+
+import json
+import math
+import random
+from contextlib import suppress
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+
+from ..flow.reading.array_units import length_of, unit_of_array
+from ..flow.reading.dataset import ReadError
+from ..flow.reading.density import plain_name
+from ..flow.reading.foam_case import times_of, unit_in_words
+from ..flow.reading.fractions import species_arrays
+from ..flow.reading.tecplot_text import coordinate_columns
+from ..flow.series_files import series_of_dataset
+from ..flow.series_sources import collection
+from ..netcdf_reading import FarVariable, dataset_of
+from ..series.store import NUMBERS, ZarrStore
+from ..units import DIMENSIONS, quantity
+from ..written_units import DIMENSIONS as WRITTEN
+from ..written_units import in_brackets
+from .input_draws import NUMBERS as WILD
+from .input_draws import TEXTS, Draw
+from .sound_files import COLLECTION
+from .spoiling import ODD_WORDS, spoilt_text
+
+PARTS = ("kg", "m", "m3", "m^3", "m-3", "m**-3", "mm", "s", "Pa", "hPa", "kPa", "GPa", "K", "degC", "deg", "nm", "lb",
+         "ft", "slug", "/", "/", " per ", "^", "-", "3", "9", "(", ")", " ", ".", "·", "²", "⁻", "1", "kilogram",
+         "meters", "cubic", "°C", "%", "µ", "[", "]", "{", "}", "<", "V", "W", "rtHz", "sqrt(Hz)", "1e400",
+         "1_0", "e", "E5")  # fmt: skip
+NAMES = ("x", "Y", "z [mm]", "r", "Points:0", "rho", "Density [kg/m3]", "p", "T [degC]", "Y_O2", "N2",
+         "massFraction CO2", "CoordinateX", "time", "é", "", " ", "\x00", "[[[", "x (", "a" * 300,
+         "\x1b]0;x\x07", "x\ny")  # fmt: skip
+
+
+def _one_line(fault: Exception) -> bool:
+    text = str(fault)
+    if not text or "\n" in text.strip() or len(text) > 20_000:
+        raise AssertionError(f"told as {text[:300]!r}") from fault
+    return False
+
+
+def _soup(draw: random.Random) -> str:
+    text = "".join(draw.choice(PARTS) for _ in range(draw.choice((1, 1, 2, 3, 5, 9, 40))))
+    return spoilt_text(text, draw).decode("utf-8", "replace") if draw.random() < 0.3 else text
+
+
+def unit(draw: random.Random, folder: Path) -> bool:
+    """A unit beside an array, in its name, or behind a number that a user writes."""
+    text = _soup(draw)
+    number = draw.choice(("", "1 ", "1e-3", "-0.0 ", "1e400 ", ".5", "1_000", str(draw.choice(WILD)), "٣ "))
+    in_brackets(text)
+    taken = False
+    with suppress(ValueError):
+        value = quantity(number + text, draw.choice(DIMENSIONS))
+        if not math.isfinite(value):
+            raise AssertionError(f"{number + text!r} is {value}")
+        taken = True
+    try:
+        for dimension in WRITTEN:
+            name, stated = draw.choice((("a", text), (f"a [{text}]", ""), (text, text)))
+            with suppress(ReadError):
+                found = unit_of_array("a", name, stated, dimension)
+                if not (0.0 < found.factor < math.inf and math.isfinite(found.offset)):
+                    raise AssertionError(f"{text!r} is {found}")
+                taken = True
+        length_of("a", {"x": text, "y [mm]": ""})
+    except ReadError as fault:
+        _one_line(fault)
+    unit_in_words(text)
+    return taken
+
+
+def names(draw: random.Random, folder: Path) -> bool:
+    """Names of arrays: which are the coordinates, and which the species."""
+    drawn = [draw.choice(NAMES) if draw.random() < 0.6 else _soup(draw) for _ in range(draw.randrange(8))]
+    for name in drawn:
+        if not plain_name(name).isascii():
+            raise AssertionError(f"{name!r} is plainly {plain_name(name)!r}")
+    if any(not 0 <= column < len(drawn) for column in coordinate_columns(drawn).values()):
+        raise AssertionError("columns that are there")
+    given = draw.choice((True, ["O2"], ["N2", "O2"], {"O2": draw.choice(NAMES)}, {"basis": "mole", "N2": "N2"}, ["Xx"]))
+    try:
+        _, found = species_arrays("a", drawn, given)
+    except ValueError as fault:
+        return _one_line(fault)
+    if not set(found.values()) <= set(drawn):
+        raise AssertionError(f"{found} of {drawn}")
+    return True
+
+
+def index(draw: random.Random, folder: Path) -> bool:
+    """What lists the files or times of a series: a collection of ParaView, or the folders of a case."""
+    if draw.random() < 0.1:
+        case = folder / f"case-{draw.randrange(10)}"
+        for name in draw.sample(
+            ("0", "0.5", "1e-3", "nan", "inf", "1e400", "-1", "٣", "1_0", "0x1", " 1", "constant"), 3
+        ):
+            (case / name).mkdir(parents=True, exist_ok=True)
+            (case / name / "p").touch()
+        found = [value for value, _ in times_of(case)]
+        if found != sorted(found) or not np.isfinite(found).all():
+            raise AssertionError(f"times {found}")
+        return bool(found)
+    path = folder / "a.pvd"
+    path.write_bytes(spoilt_text(COLLECTION, draw))
+    try:
+        paths, times = collection(path)
+    except ValueError as fault:
+        return _one_line(fault)
+    if not np.isfinite(times).all() or times != sorted(times) or len(paths) != len(times) or not paths:
+        raise AssertionError(f"times {times}")
+    return True
+
+
+def _attribute(draw: random.Random) -> Any:
+    odd: tuple[Any, ...] = (
+        *TEXTS, *ODD_WORDS, 3.0, -1, 0, np.float64("nan"), np.int16(2), np.array([1.0, 2.0]), np.array([]), b"\xff",
+        True, [], "kg m-3", "mm", "ns", "seconds since 1970-01-01", "days since 0000-00-00", "hours since x",
+        "since", "x y",
+    )  # fmt: skip
+    return draw.choice(odd)
+
+
+KEYS = ("units", "scale_factor", "add_offset", "_FillValue", "missing_value", "coordinates", "calendar", "dtype",
+        "bounds", "ambient_density", "long_name", "grid_mapping", "_Unsigned", "time")  # fmt: skip
+
+
+def attributes(draw: random.Random, folder: Path) -> bool:
+    """A series as HDF5 has read it, with other attributes, names, shapes and types."""
+    axes = {"time": 3, "y": 4, "z": 5}
+    far: dict[str, FarVariable] = {}
+    for name in (*axes, "density"):
+        dims = (name,) if name in axes else tuple(axes)
+        shape = tuple(axes[dim] for dim in dims)
+        values = np.arange(math.prod(shape), dtype=float).reshape(shape) * 1e-3 + (name == "density")
+        far[name] = FarVariable(dims, shape, values.dtype, {}, None, values)
+    held: dict[str, Any] = {"ambient_density": 1.2}
+    for _ in range(draw.choice((0, 1, 1, 2, 3))):
+        name, way = draw.choice(list(far)), draw.randrange(8)
+        one = far[name]
+        if way <= 3:
+            far[name] = one._replace(attributes={**one.attributes, draw.choice(KEYS): _attribute(draw)})
+        elif way == 4:
+            held[draw.choice(KEYS)] = _attribute(draw)
+        elif way == 5:
+            far[draw.choice(("rho", "t", "x", "r", "", "a/b", "\x1b", "Density"))] = far.pop(name)
+        elif way == 6 and one.values is not None:
+            kind = draw.choice(("i4", "f4", "S3", "U3", "?", "c16", "O", "M8[ns]"))
+            with np.errstate(all="ignore"), suppress(RuntimeError, ValueError):
+                far[name] = one._replace(values=one.values.astype(kind), dtype=np.dtype(kind))
+        elif one.values is not None:
+            values = one.values.astype(object).ravel()
+            values[draw.randrange(values.size)] = draw.choice((np.nan, np.inf, -1.0, 0.0, 1e300))
+            with suppress(ArithmeticError, TypeError, ValueError):
+                far[name] = one._replace(values=values.astype(one.values.dtype).reshape(one.shape))
+    path = folder / "a.nc"
+    try:
+        data = dataset_of(path, far, held, True)
+    except Exception:  # which `open_netcdf` tells with the file's name
+        return False
+    try:
+        series = series_of_dataset(data, None, None, False, None, {}, str(path), {})
+        if not (np.isfinite(series.time).all() and (np.diff(series.time) > 0).all()):
+            raise AssertionError(f"times {series.time}")
+        field = series[draw.randrange(len(series))]
+        if not np.isfinite(np.asarray(field.density)).all():  # type: ignore[attr-defined]  # of samples
+            raise AssertionError("finite densities")
+    except ValueError as fault:
+        return _one_line(fault)
+    return True
+
+
+def journal(draw: random.Random, folder: Path) -> bool:
+    """The journal beside a store of a series, damaged."""
+    definition = {"pupil": {"radius": 0.1}, "first snapshot": "ab12"}
+    row = [1e-3 * k for k in range(len(NUMBERS))]
+    text = "\n".join(json.dumps(line) for line in (definition, row, row)) + "\n"
+    store = folder / "a.zarr"
+    store.mkdir(exist_ok=True)
+    (folder / ".a.zarr.journal").write_bytes(spoilt_text(text, draw))
+    template: Any = SimpleNamespace(sizes={"time": draw.choice((2, 3, 3)), "y": 4, "x": 4})
+    try:
+        found = ZarrStore(store, template, definition)
+    except ValueError as fault:
+        return _one_line(fault)
+    return found.done.count > 0
+
+
+DRAWS: dict[str, Draw] = {
+    "unit": unit,
+    "names": names,
+    "index": index,
+    "attributes": attributes,
+    "journal": journal,
+}
