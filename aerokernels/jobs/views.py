@@ -1,10 +1,10 @@
 """The rays that are traced to be looked at: a map over the pupil, and a fan that crosses the flow."""
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
+from aerokernels.echo.paths import trace_options
 from aerokernels.medium import IndexField
 from aerokernels.pupils import Disc, Pupil
 from aerokernels.rays import RayBundle
@@ -19,21 +19,6 @@ SPOT_PADDING = 8  # samples per wavelength / diameter
 SPOT_RINGS = 8.0  # half-width of what is kept of the spot [wavelength / diameter]
 FAN_RAYS = 15
 FAN_PLANES = 25
-
-
-def trace_options(scene: Scene) -> dict[str, Any]:
-    """What `trace` takes from a scene's [trace] and [flow] tables."""
-    table = scene.trace
-    return {
-        "method": table.method,
-        "tolerance": table.tolerance,
-        "step": table.step,
-        "max_steps": table.max_steps,
-        "wavelength": scene.flow.wavelength,
-        "backend": table.backend,
-        "device": table.device,
-        "precision": table.precision,
-    }
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,7 +1,7 @@
 """Media whose rays are known, what the rays do in them, random cases for fuzzing, and the source paper's numbers.
 
     truth           rays of an index that is a formula, by SciPy's DOP853; shares nothing with the tracers
-    closed_forms    where rays end in media with a closed solution; `media` has them on grids
+    closed_forms    where rays end in media with a closed solution
     cone            the shock cone that benchmark and work-precision measure on
     bundle_draws    random bundles through random fields; `bundle_check` holds them against the reference engine
     wave_draws      random views through shocks and turbulence, for the verdict on ray optics
