@@ -103,8 +103,7 @@ def sweep_runs(settings: Settings, targets: Targets, ceilings: dict[str, dict]) 
         options_of_all = {"ray_count": settings.ray_count, **options}
         prepared = prepare_strehl(scenes[0].field, scenes[0].pupil, **options_of_all)
         timing = measure(partial(_estimates, scenes, prepared), settings.repeats)
-        # Two of them in work at a time, where that is quicker.
-        overlapped = measure(lambda known=prepared: [*known.for_fields(map(_new_values, scenes))], settings.repeats)
+        overlapped = measure(partial(_overlapped_estimates, scenes, prepared), settings.repeats)
         anew = measure(partial(_estimates, scenes, None, **options_of_all), settings.repeats)
         found = timing.results[-1]
         yield {
@@ -138,6 +137,11 @@ def _estimates(scenes: list[PupilScene], known: PreparedStrehl | None, **options
         known = known and known.with_field(field)
         found.append(known(0) if known else estimate_strehl(field, scene.pupil, **options))
     return found
+
+
+def _overlapped_estimates(scenes: list[PupilScene], known: PreparedStrehl) -> list[StrehlEstimate]:
+    """A Strehl ratio of each scene, two of them in work at a time where that is quicker."""
+    return list(known.for_fields(map(_new_values, scenes)))
 
 
 def _new_values(scene: PupilScene) -> IndexField:

@@ -9,6 +9,8 @@ Reference: J. D. Anderson, Modern Compressible Flow, 3rd ed., eq 3.28, 3.30, 3.3
 import math
 from dataclasses import dataclass, replace
 
+import numpy as np
+
 from ..arguments import checked
 
 GAMMA_AIR = 1.4
@@ -221,6 +223,26 @@ def check_density(density: float, name: str) -> float:
             f"{name} of {value:g} kg/m3 is no gas's (up to {GREATEST_DENSITY:g}): give kg/m3, 1.225 for 1225 g/m3"
         )
     return value
+
+
+def no_gas(density: np.ndarray, passed: np.ndarray | None = None) -> tuple[str, int, int] | None:
+    """What is wrong with densities that no gas has, with how many, and where the first is; None where nothing is.
+
+    Args:
+        density: [kg/m3], of any shape; the place is that in the flattened array.
+        passed: Which of them nobody reads, or None.
+    """
+    if density.size and density.min() > 0.0 and density.max() <= GREATEST_DENSITY:  # not so with a NaN
+        return None
+    for fault, bad in (
+        ("not finite", ~np.isfinite(density)),
+        ("not positive", density <= 0.0),
+        (f"no gas's, above {GREATEST_DENSITY:g} kg/m3", density > GREATEST_DENSITY),
+    ):
+        bad = bad if passed is None else bad & ~passed
+        if bad.any():
+            return fault, int(bad.sum()), int(np.argmax(bad))
+    return None
 
 
 def check_gamma(gamma: float) -> None:

@@ -11,23 +11,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...units import quantity
-from ..gas import GAS_CONSTANT_AIR, GREATEST_DENSITY, positive
+from ..gas import GAS_CONSTANT_AIR, no_gas, positive
 from .array_units import in_si_units
 from .dataset import FLAT, SOLID, Block, Dataset, ReadError
 
 # Names by which solvers call them, in lower case and without blanks, signs and units.
-DENSITY_NAMES = (
-    "rho",
-    "density",
-    "massdensity",
-    "dens",
-    "conservative1",
-    "rhomean",
-    "densitymean",
-    "meandensity",
-    "ro",
-    "q1",
-)
+DENSITY_NAMES = ("rho", "density", "massdensity", "dens", "conservative1", "rhomean", "densitymean", "meandensity",
+                 "ro", "q1")  # fmt: skip
 PRESSURE_NAMES = ("p", "pressure", "staticpressure", "absolutepressure", "pres", "press", "pmean")
 TEMPERATURE_NAMES = ("t", "temperature", "statictemperature", "temp", "tmean")
 REFERENCES = {"density": "density", "pressure": "pressure", "temperature": "temperature", "length": "length"}
@@ -204,23 +194,15 @@ def _refuse_no_gas(path, block: Block, name: str, values: np.ndarray, where: str
     beside = _beside_the_flow(block) if where == "cell" else None
     if beside is not None:
         blank = beside if blank is None else blank | beside
-    for fault, bad in (
-        ("not finite", ~np.isfinite(values)),
-        ("not positive", values <= 0.0),
-        (f"no gas's, above {GREATEST_DENSITY:g} kg/m3", values > GREATEST_DENSITY),
-    ):
-        if blank is not None:
-            bad = bad & ~blank
-        if bad.any():
-            first = int(np.argmax(bad))
-            remedy = "repair the file, or give the reference of non-dimensional data"
-            place = f"{where} {first}" + (f" of block {block.name!r}" if block.name else "")
-            raise ReadError(
-                path,
-                f"{int(bad.sum())} of {len(values)} densities from {name} are {fault}, the first is "
-                f"{float(values[first])!r} kg/m3 in {place}",
-                remedy,
-            )
+    if wrong := no_gas(values, blank):
+        fault, count, first = wrong
+        place = f"{where} {first}" + (f" of block {block.name!r}" if block.name else "")
+        raise ReadError(
+            path,
+            f"{count} of {len(values)} densities from {name} are {fault}, the first is {float(values[first])!r} kg/m3 "
+            f"in {place}",
+            "repair the file, or give the reference of non-dimensional data",
+        )
 
 
 def _beside_the_flow(block: Block) -> np.ndarray | None:

@@ -53,7 +53,7 @@ class _Stream:
         if begin + size + mark > len(self.source):
             return None
         if mark:
-            counts = self.source[self.at : begin] + self.source[begin + size : begin + size + 4]  # type: ignore[operator]
+            counts = self.source[self.at : begin] + self.source[begin + size : begin + size + 4]
             if (np.frombuffer(counts, f"{self.order}u4") != size).any():
                 return None
         self.at = begin + size + mark
@@ -193,7 +193,8 @@ def _read_solution(path: Path, shapes: list[tuple[int, int, int]]) -> list[dict[
         for single in (False, True):  # the four numbers before each grid's solution are a record of their own
             values = _solution(stream, several, dimension, single)
             if values is not None:
-                return _fitting(path, *values, shapes)
+                own, solved = values
+                return _fitting(path, own, solved, shapes)
         sizes = _sizes(stream, several, dimension + 1)
         if sizes is not None:
             found = _records(stream, *([("f", math.prod(row))] for row in sizes.tolist()))

@@ -135,19 +135,10 @@ def read(
     )  # fmt: skip
 
 
-def read_onto(
-    kept: Kept | None, path, *, density=None, frame=None, length_unit=None, reference=None, time=None,
-    gas_constant=None, geometry=None, ambient_density=None, spacing=None, region=None, walls=None, species=None,
-    **options: Any,
-) -> DensityField:  # fmt: skip
+def read_onto(kept: Kept | None, path, *, spacing=None, region=None, walls=None, **asked: Any) -> DensityField:
     """`read`, with what the mesh decides taken from the last reading and kept for the next."""
     try:
-        reading = prepare(
-            path, density=density, frame=frame, length_unit=length_unit, reference=reference, time=time,
-            gas_constant=gas_constant, geometry=geometry, ambient_density=ambient_density, options=options,
-            species=species,
-        )  # fmt: skip
-        return field_of(reading, spacing, region, walls, kept)
+        return field_of(prepare(path, **asked), spacing, region, walls, kept)
     except (ArithmeticError, LookupError) as fault:
         # Counts and indices that do not fit are refused where they are read; what passes that is damaged all the same.
         what = f"no field can be made of it ({type(fault).__name__}: {fault})"
@@ -158,10 +149,8 @@ def read_onto(
         ) from None
 
 
-def prepare(
-    path, *, density, frame, length_unit, reference, time, gas_constant, geometry, ambient_density, options,
-    species=None,
-) -> Reading:  # fmt: skip
+def prepare(path, *, density=None, frame=None, length_unit=None, reference=None, time=None, gas_constant=None,
+            geometry=None, ambient_density=None, species=None, **options: Any) -> Reading:  # fmt: skip
     """Read a file and find out what is what in it; arguments and errors as in `read`."""
     if not isinstance(path, (str, os.PathLike)):
         raise TypeError(
