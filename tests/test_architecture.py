@@ -16,7 +16,7 @@ RANK = {
     package: rank
     for rank, packages in enumerate(
         [
-            ("read_only",),
+            ("read_only", "checks"),
             (
                 "units",
                 "written_units",

@@ -8,11 +8,12 @@ from typing import TYPE_CHECKING, NoReturn
 import numpy as np
 
 from ..arguments import Numbers, checked, refuse_masked
+from ..checks import check_positive
 from ..medium import Body, IndexField, QuadMesh, SolidBody
 from ..read_only import ReadOnly
 from ..shown import shown
 from ..wavelength import DEFAULT_WAVELENGTH, check_wavelength
-from .gas import SEA_LEVEL_DENSITY, FreeStream, check_density, no_gas, positive
+from .gas import SEA_LEVEL_DENSITY, FreeStream, check_density, no_gas
 from .models import MODELS, one_constant, refractivity_model
 from .refractivity import RELATIONS
 from .species import Composition
@@ -135,7 +136,7 @@ class SampledDensity(DensityField):
         The Euler equations keep their solution, at the same Mach number and temperature, when density and pressure are
         multiplied by one factor; a viscous flow would not.
         """
-        ratio = positive(ambient_density, "ambient_density") / self.ambient_density
+        ratio = check_positive(ambient_density, "ambient_density") / self.ambient_density
         return replace(  # type: ignore[type-var]
             self,
             density=self.density * ratio,
@@ -334,11 +335,11 @@ def uniform_air(
     Raises:
         ValueError: A density or radius that is not positive and finite, or a range that does not increase.
     """
-    positive(radius, "radius")
+    check_positive(radius, "radius")
     low, high = z_range
     if not low < high:
         raise ValueError(f"z_range must increase, got {z_range!r}")
     # Eight cells are more than a constant needs; five-point gradients need four.
     nodes = np.meshgrid(np.linspace(0.0, radius, 9), np.linspace(low, high, 9), indexing="ij")
-    mesh, ambient = QuadMesh.structured(*nodes, "axisymmetric"), positive(density, "density")
+    mesh, ambient = QuadMesh.structured(*nodes, "axisymmetric"), check_positive(density, "density")
     return CellDensity(mesh, np.full(len(mesh.cells), ambient), ambient, body, None, f"air at rest, {ambient:g} kg/m3")

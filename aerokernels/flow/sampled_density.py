@@ -5,6 +5,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from ..arguments import Numbers, checked, refuse_masked
+from ..checks import check_choice
 from ..medium import Body, IndexField, SolidBody
 from ..medium.grid import checked_axes
 from ..medium.mesh import GEOMETRIES
@@ -111,8 +112,7 @@ class GridDensity(SampledDensity):
 
     def __post_init__(self):
         """Check the grid."""
-        if self.geometry not in GEOMETRIES:
-            raise ValueError(f"geometry {self.geometry!r} is not known: choose one of {', '.join(GEOMETRIES)}")
+        check_choice(self.geometry, "geometry", GEOMETRIES)
         check_density(self.ambient_density, "ambient_density")
         density = _checked(self.density, "on the grid")
         if density.ndim != (3 if self.geometry == "volume" else 2):

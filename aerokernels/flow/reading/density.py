@@ -10,8 +10,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ...checks import check_positive
 from ...units import quantity
-from ..gas import GAS_CONSTANT_AIR, no_gas, positive
+from ..gas import GAS_CONSTANT_AIR, no_gas
 from .array_units import in_si_units
 from .dataset import FLAT, SOLID, Block, Dataset, ReadError
 
@@ -50,7 +51,7 @@ class Reference:
             given = {"density": given}
         if unknown := set(given) - set(REFERENCES):
             raise ValueError(f"reference: {sorted(unknown)[0]!r} is not known: choose of {', '.join(REFERENCES)}")
-        values = {name: positive(quantity(v, REFERENCES[name]), f"reference {name}") for name, v in given.items()}
+        values = {name: check_positive(quantity(v, REFERENCES[name]), f"reference {name}") for name, v in given.items()}
         return cls(**values, given=frozenset(values))
 
 
@@ -96,7 +97,7 @@ def choose_density(path, dataset: Dataset, given, gas_constant: float | None) ->
         ReadError: No such array.
     """
     names = dataset.array_names()
-    own = positive(
+    own = check_positive(
         gas_constant if gas_constant is not None else dataset.gas_constant or GAS_CONSTANT_AIR, "gas_constant"
     )
     listed = ", ".join(names) if names else "none"
@@ -107,7 +108,7 @@ def choose_density(path, dataset: Dataset, given, gas_constant: float | None) ->
             raise ValueError(
                 f"density: give an array's name, or a mapping of 'pressure' and 'temperature', got {given!r}"
             )
-        constant = positive(float(given.get("gas_constant", own)), "gas_constant")
+        constant = check_positive(float(given.get("gas_constant", own)), "gas_constant")
         pair = [found_name(path, given[key], names, listed) for key in ("pressure", "temperature")]
         return DensityChoice(None, pair[0], pair[1], constant)
     if given is not None:
@@ -124,7 +125,7 @@ def choose_density(path, dataset: Dataset, given, gas_constant: float | None) ->
             f"no array is known for the density, nor for pressure and temperature (there are: {listed})",
             "name it: density = 'NAME', or density = {pressure = 'NAME', temperature = 'NAME'}",
         )
-    return DensityChoice(None, pressure, temperature, positive(own, "gas_constant"))
+    return DensityChoice(None, pressure, temperature, check_positive(own, "gas_constant"))
 
 
 def block_density(

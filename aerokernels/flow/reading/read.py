@@ -8,11 +8,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ...checks import check_positive
 from ...medium import Body
 from ...units import quantity
 from ...written_units import DIMENSIONS, written_unit
 from ..density_field import CellDensity, DensityField
-from ..gas import check_density, positive
+from ..gas import check_density
 from ..sampled_density import VertexDensity
 from .dataset import Block, Dataset, ReadError, check_points
 from .density import Reference, block_density, choose_density
@@ -279,7 +280,7 @@ def unit_of_length(unit: str | float | None) -> float:
         return written.factor
     if isinstance(unit, str) and not any(c.isdigit() for c in unit):
         unit = f"1 {unit}"
-    return positive(quantity(unit, "length"), "length_unit")
+    return check_positive(quantity(unit, "length"), "length_unit")
 
 
 def length_unit_given(unit: str | float | None, reference: Reference) -> float | None:
