@@ -16,7 +16,7 @@ RANK = {
     package: rank
     for rank, packages in enumerate(
         [
-            ("read_only", "checks"),
+            ("read_only",),
             (
                 "units",
                 "written_units",
@@ -32,7 +32,7 @@ RANK = {
                 "netcdf_file",
                 "room",
             ),
-            ("arguments", "fragile", "one_writer"),
+            ("arguments", "checks", "fragile", "one_writer"),
             ("shown", "netcdf_reading", "in_turn"),
             ("quiet_warp", "sensor"),
             ("pupils",),
