@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from .arguments import Numbers, checked
-from .echo.checks import as_finite_array, as_waveform, check_positive
+from .checks import as_finite_array, as_waveform, check_positive
 from .echo.pulse_curve import PulseCurve
 from .echo.waveform import SPEED_OF_LIGHT
 from .shown import shown

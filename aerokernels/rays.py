@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from .arguments import Numbers, checked
+from .checks import check_count
 from .device_arrays import DeviceArray, device_array, plain_array, read_on_touch
 from .pupils import (
     Annulus,
@@ -24,7 +25,7 @@ from .pupils import (
 )
 from .pupils.base import SAMPLINGS
 from .pupils.square_map import RING, SquareMap
-from .pupils.vectors import check_count, lengths
+from .pupils.vectors import lengths
 from .read_only import ReadOnly
 from .shown import shown
 

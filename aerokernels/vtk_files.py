@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
+from .checks import check_count
 from .medium import IndexField
 from .rays import RayBundle
 from .tracing import Plane, trace
@@ -65,8 +66,7 @@ def rays_to_vtk(
     """
     if not (np.isfinite(length) and length > 0.0):
         raise ValueError(f"length must be a positive number of metres, got {length!r}")
-    if isinstance(point_count, bool) or not isinstance(point_count, (int, np.integer)) or point_count < 2:
-        raise ValueError(f"point_count must be a whole number of at least 2, got {point_count!r}")
+    check_count(point_count, "point_count", 2)
     vtk = _vtk()
     along = rays.direction.mean(axis=0)
     along /= np.linalg.norm(along)

@@ -1,5 +1,5 @@
 // Rays of a two-parameter family, interpolated between traced ones, by the table of aerokernels/tracing/bundle/table.py:
-// one lookup a ray. aerokernels/tracing/bundle/delivery.py has the same formulae in NumPy.
+// one lookup a ray. tests/tracing/bundle_delivery.py has the same formulae in NumPy.
 //
 // block_map: number of the block at each place of the range of parameters, -1 without one. header: eight numbers of
 // each block. patches: value, slopes and mixed slope of each channel at the nodes of each block, in single precision

@@ -33,7 +33,7 @@ RANK = {
                 "room",
                 "spare_cache",
             ),
-            ("arguments", "fragile", "one_writer"),
+            ("arguments", "checks", "fragile", "one_writer"),
             ("shown", "netcdf_reading", "in_turn"),
             ("quiet_warp", "sensor"),
             ("pupils",),

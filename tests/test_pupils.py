@@ -176,7 +176,7 @@ def test_an_annulus_on_the_axis_is_traced_by_radial_quadrature():
     [
         (lambda: Annulus(1.0, 1.0), "inner_radius of an Annulus must be at least 0 m and below its radius"),
         (lambda: Annulus(1.0, -0.1), "inner_radius of an Annulus"),
-        (lambda: Rectangle(1.0, 0.0), "height of a Rectangle must be positive, got 0.0"),
+        (lambda: Rectangle(1.0, 0.0), "height of a Rectangle must be positive and finite, got 0.0"),
         (lambda: Polygon([[0, 0], [1, 0]]), r"of shape \(3 or more, 2\), got \(2, 2\)"),
         (lambda: Polygon([[0, 0], [1, 1], [2, 2]]), "they lie on a line"),
         (lambda: Polygon([[0, 0], [1, 1], [1, 0], [0, 2]]), "edges 0 and 2 of the Polygon meet"),

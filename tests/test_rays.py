@@ -162,9 +162,9 @@ def test_area():
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        ((0.0,), "radius of a Disc must be positive, got 0.0"),
-        ((-1.0,), "radius of a Disc must be positive, got -1.0"),
-        ((np.nan,), "radius of a Disc must be positive, got nan"),
+        ((0.0,), "radius of a Disc must be positive and finite, got 0.0"),
+        ((-1.0,), "radius of a Disc must be positive and finite, got -1.0"),
+        ((np.nan,), "radius of a Disc must be positive and finite, got nan"),
         ((1.0, (0.0, 0.0)), "Disc center must be three finite numbers"),
         ((1.0, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)), "Disc normal must not be the zero vector"),
     ],

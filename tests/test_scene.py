@@ -13,6 +13,7 @@ from pydantic import BaseModel, ValidationError
 from aerokernels.scene import STATIC_CALIBRATION, Scene, SceneError, shipped_scenes
 from aerokernels.scene.changes import key_dimension
 from aerokernels.scene.errors import known_keys
+from aerokernels.scene.loading import shipped_scene_text
 
 SHIPPED = ("sea-level-mach2", "sea-level-mach3", "sea-level-mach4", *(f"wind-tunnel-mach{m}" for m in (2, 3, 4)))
 
@@ -295,9 +296,9 @@ def test_any_value_is_taken_or_refused_in_one_line(key, value):
 
 
 @pytest.mark.parametrize("name", shipped_scenes())
-def test_shipped_scenes_are_written_for_newcomers(name, root: Path):
+def test_shipped_scenes_are_written_for_newcomers(name):
     """Each line with a quantity that is a choice or the paper's says so: every table is there, comments explain it."""
-    text = (root / "aerokernels" / "scenes" / f"{name}.toml").read_text(encoding="utf-8")
+    text = shipped_scene_text(name)
     tables = {key for key, value in tomllib.loads(text).items() if isinstance(value, dict)}
     assert {"flow", "beam", "target", "receiver", "detector", "strehl", "trace"} <= tables
     assert text.startswith("# ") and text.count("(paper)") >= 6

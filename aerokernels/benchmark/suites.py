@@ -1,6 +1,5 @@
 """The suites: the cone scene ray by ray, one Strehl ratio of a million rays, and many of them over flow and density."""
 
-import inspect
 from collections.abc import Iterator
 from dataclasses import replace
 from functools import partial
@@ -67,9 +66,8 @@ def strehl_runs(settings: Settings, targets: Targets, ceilings: dict[str, dict])
     fast = [target for target in targets if target[0] != "reference"]
     true_value = radial_strehl(scene, fast[0] if fast else choose_backend("auto", "cpu")[:2])
     for options in _choices(settings, targets):
-        for symmetry in symmetries():
-            extra = {} if symmetry is None else {"symmetry": symmetry}
-            estimate = partial(estimate_strehl, ray_count=settings.ray_count, **options, **extra)
+        for symmetry in ("auto", "off"):
+            estimate = partial(estimate_strehl, ray_count=settings.ray_count, symmetry=symmetry, **options)
             timing = measure(partial(estimate, scene.field, scene.pupil), settings.repeats)
             fresh = strehl_scene()
             found = timing.results[-1]
@@ -179,14 +177,6 @@ def radial_strehl(scene: PupilScene, target: tuple[str, str]) -> float:
     return strehl(result.opd[result.ok], WAVELENGTH)
 
 
-def symmetries() -> tuple[Any, ...]:
-    """What the keyword `symmetry` of `estimate_strehl` may be, taken and not; (None,) where it has none."""
-    keyword = inspect.signature(estimate_strehl).parameters.get("symmetry")
-    if keyword is None:
-        return (None,)
-    return (True, False) if isinstance(keyword.default, bool) else ("auto", "off")
-
-
 def _choices(settings: Settings, targets: Targets) -> Iterator[dict]:
     for backend, device in targets:
         for precision in settings.precisions:
@@ -220,13 +210,11 @@ def _clocks(timing: Timing, ray_count: int, options: dict) -> dict:
 
 def _share(field: IndexField, options: dict, evaluations: float, timing: Timing, ceilings: dict[str, dict]) -> dict:
     per_second = rate(evaluations, [result.seconds["kernel"] for result in timing.results])
-    # A table of columns is no field: what its lookup takes is not what ceiling.py counts.
     plan = timing.results[-1].plan
-    columns = getattr(plan, "columns", False)
     return share(
-        None if columns else field,
+        None if plan.columns else field,  # a table of columns is no field: its lookup is not what ceiling.py counts
         options["precision"],
         None if per_second is None else per_second["median"],
         ceilings[f"{options['backend']} {options['device']}"],
-        leapfrog=getattr(plan, "sample_count", 0) > 0,
+        leapfrog=plan.sample_count > 0,
     )

@@ -1,6 +1,5 @@
 """What `record` takes as labels and shows while it runs."""
 
-import os
 import re
 import sys
 import time
@@ -9,7 +8,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
-from aerokernels.commands._output import asked
+from aerokernels.commands._output import asked, silence
 from aerokernels.plain_text import plain
 
 if TYPE_CHECKING:
@@ -74,12 +73,6 @@ class RateMeter:
         return (stored_count - first) / (now - since) if now > since else 0.0
 
 
-def _stop_printing() -> None:
-    nowhere = os.open(os.devnull, os.O_WRONLY)
-    os.dup2(nowhere, sys.stdout.fileno())
-    os.close(nowhere)
-
-
 @contextmanager
 def reporter() -> Iterator[Callable[["RecordingStatus"], None]]:
     """Live on a terminal; elsewhere a line when something has changed: the port at once, counts once a second.
@@ -114,6 +107,6 @@ def reporter() -> Iterator[Callable[["RecordingStatus"], None]]:
             try:
                 print(plain(describe(status, rate)), flush=True)
             except OSError:  # its reader has left, or the log's disk is full: no reason to stop recording
-                _stop_printing()
+                silence(sys.stdout)
 
     yield tell

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from .checks import as_waveform, check_choice, check_positive
+from ..checks import as_waveform, check_choice, check_count, check_positive
 from .detector import RESPONSES, check_order, detect, memory_time
 from .digitiser import Digitiser, digitiser_of
 from .noise import NoiseSources, noise_bandwidth, noise_sources_of, sampled_noise_gain, white_noise
@@ -103,8 +103,7 @@ class DetectorChain:
             ValueError: Uneven times, shapes that disagree, a stride that is no positive whole number.
         """
         _, watts, period = as_waveform(time, power, least_count=2)
-        if isinstance(stride, bool) or not isinstance(stride, (int, np.integer)) or stride < 1:
-            raise ValueError(f"stride must be a whole number of at least 1, got {stride!r}")
+        check_count(stride, "stride", 1)
         volts = self.linear_voltage(time, power)
         if self.bandwidth is None:  # no low-pass bounds the noise: it fills the band of the samples
             volts = volts[::stride] + self.noise(watts[::stride], stride * period, seed)

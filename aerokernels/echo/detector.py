@@ -16,8 +16,8 @@ import math
 
 import numpy as np
 
+from ..checks import as_waveform, check_choice, check_positive
 from ..opened import OPENED
-from .checks import as_waveform, check_choice, check_positive
 
 RESPONSES = ("first-order", "gaussian", "bessel", "butterworth")
 GREATEST_ORDER = 10

@@ -79,16 +79,6 @@ class EchoProbe:
         return self.vacuum.scene
 
     @property
-    def wavelength(self) -> float:
-        """Wavelength [m]."""
-        return self.scene.flow.wavelength
-
-    @property
-    def factor_of_phase(self) -> bool:
-        """Whether the return factor is a Strehl ratio."""
-        return self.scene.receiver.return_factor == "strehl"
-
-    @property
     def code_step(self) -> float:
         """Voltage between two codes of the digitiser [V], 0 without one."""
         digitiser = self.vacuum.chain.digitiser
@@ -156,15 +146,13 @@ def echo_errors(result: EchoResult, probe: EchoProbe) -> EchoErrors:
     """Compute the errors of an echo's numbers, by the formulas at the head of this file."""
     phase = probe.phase_error()
     interpolation = float(result.information["strehl_error"])
-    if probe.factor_of_phase:
+    if probe.scene.receiver.return_factor == "strehl":
         strehl = root_sum_square((strehl_error(result.mean_strehl, phase), interpolation, probe.pupil_error()))
         share = strehl / result.mean_strehl if result.mean_strehl > 0.0 else math.inf
     else:
-        strehl = (
-            math.nan
-            if math.isnan(result.mean_strehl)
-            else root_sum_square((strehl_error(result.mean_strehl, phase), probe.pupil_error()))
-        )
+        strehl = math.nan
+        if not math.isnan(result.mean_strehl):
+            strehl = root_sum_square((strehl_error(result.mean_strehl, phase), probe.pupil_error()))
         factor = _mean_factor(result)
         share = interpolation / factor if factor > 0.0 else math.inf
     share = math.hypot(share, QUADRATURE)
@@ -190,7 +178,7 @@ def echo_errors(result: EchoResult, probe: EchoProbe) -> EchoErrors:
             if any(math.isnan(one[method]) for one in scaled):  # within its error the echo may be lost
                 walk = math.inf
         place = max(abs(found.get(method, math.nan)) for _, found in moved)
-        path = 0.5 * probe.wavelength * phase / math.pi
+        path = 0.5 * probe.scene.flow.wavelength * phase / math.pi
         systematic = root_sum_square((walk, place, path, codes.get(method, 0.0)))
         ranges[method] = RangeUncertainty(systematic, random.get(method, math.nan) if noise > 0.0 else 0.0)
     return EchoErrors(strehl, power, voltage, ranges)

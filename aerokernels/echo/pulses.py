@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
-from .checks import as_finite_array, check_positive
+from ..checks import as_finite_array, check_positive
 from .pulse_curve import PulseCurve
 
 if TYPE_CHECKING:

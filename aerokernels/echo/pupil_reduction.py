@@ -114,28 +114,6 @@ def reduce_pupils(
     return PupilSums(open_share, phasor, ray_count, evaluation_count, seconds, statuses)
 
 
-def return_opd(scene: Scene, index: IndexField, target: np.ndarray) -> tuple[np.ndarray, np.ndarray, TraceResult]:
-    """Optical path difference of every ray between a few target points and the pupil, for inspection.
-
-    Args:
-        scene: The scene; `receiver.ray_count` rays for each point.
-        index: The refractive index.
-        target: Target points [m], shape (k, 3).
-
-    Returns:
-        OPD [m], shape (k, n); shares of the pupil, 0 for rays that did not get out, shape (k, n); the trace.
-
-    Raises:
-        ValueError: The target is not ahead of the flow.
-    """
-    check_ahead(index, target)
-    start, weight = receiver_pupil(scene)
-    position, point = np.tile(start, (len(target), 1)), np.repeat(target, len(start), axis=0)
-    opd, result = _trace_rays(scene, index, position, point)
-    opd = opd.reshape(len(target), -1)
-    return opd, np.where(result.ok.reshape(opd.shape), weight, 0.0), result
-
-
 def check_ahead(index: IndexField, target: np.ndarray) -> None:
     """Refuse target points [m], shape (k, 3), that do not lie ahead of the field's box.
 

@@ -13,8 +13,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ..arguments import Numbers, checked
+from ..checks import as_waveform, check_at_least, check_count, check_positive, check_share
 from .chain import DetectorChain
-from .checks import as_waveform, check_at_least, check_positive, check_share
 from .pulse_curve import PulseCurve
 from .ranging import Template, read_range, sampling_error_of
 from .sampling_error import warn_of_sampling
@@ -182,8 +182,7 @@ def check_trials(trial_count: int, confidence: float) -> None:
     Raises:
         ValueError: As said.
     """
-    if isinstance(trial_count, bool) or not isinstance(trial_count, (int, np.integer)) or trial_count < 2:
-        raise ValueError(f"trial_count must be a whole number of at least 2, got {trial_count!r}")
+    check_count(trial_count, "trial_count", 2)
     if not 0.0 < check_share(confidence, "confidence") < 1.0:
         raise ValueError(f"confidence must lie between 0 and 1, both excluded, got {confidence!r}")
 

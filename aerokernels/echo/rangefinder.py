@@ -9,9 +9,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ..checks import as_waveform
 from ..scene import Scene
 from .chain import chain_of
-from .checks import as_waveform
 from .pulse_curve import PulseCurve
 from .range_error import RangeStatistics, chain_range_statistics
 from .range_walk import RangeWalk, range_walk

@@ -24,7 +24,7 @@ from typing import Any
 import numpy as np
 
 from ..arguments import Numbers, checked
-from .checks import as_finite_array, as_waveform, check_choice, check_positive
+from ..checks import as_finite_array, as_waveform, check_choice, check_positive
 from .pulse_curve import CENTROID_FLOOR, PulseCurve
 from .sampling_error import sampling_error, warn_of_sampling
 from .shaped_curve import Shape, best_place, shaped_curve, shifted_samples, template_transform

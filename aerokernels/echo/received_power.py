@@ -2,9 +2,9 @@
 
 import numpy as np
 
+from ..checks import check_aperture
 from ..pupils.vectors import lengths
 from ..scene import Scene
-from .checks import check_aperture
 from .paths import TransmitPaths
 from .radiometry import plane_echo_power
 from .reflectors import lobe_cosine, reflector_of

@@ -22,10 +22,10 @@ from itertools import pairwise
 
 import numpy as np
 
+from ..checks import check_choice
 from ..opened import OPENED
 from ..pupils.vectors import lengths
 from ..scene import Scene
-from .checks import check_choice
 from .pulses import pulse_of
 from .radiometry import LIMITS
 from .waveform import SPEED_OF_LIGHT

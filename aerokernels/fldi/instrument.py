@@ -18,8 +18,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from ..checks import check_positive
 from ..pupils import as_unit_vector, as_vector, transverse_axes
-from ..pupils.vectors import check_length
 from ..wavelength import check_wavelength
 
 
@@ -58,12 +58,12 @@ class FLDI:
         if np.linalg.norm(across) < 1e-6:
             raise ValueError("direction, from one beam to the other, must not lie along the axis")
         wavelength = check_wavelength(self.wavelength)
-        waist = check_length(self.waist, "waist")
+        waist = check_positive(self.waist, "waist")
         spread = wavelength / (np.pi * waist) if self.divergence is None else self.divergence
         if not (np.ndim(spread) == 0 and np.isfinite(spread) and 0.0 <= spread < 0.5 * np.pi):
             raise ValueError(f"divergence must be a half angle in [0, pi/2) rad, got {self.divergence!r}")
         checked = {
-            "separation": check_length(self.separation, "separation"),
+            "separation": check_positive(self.separation, "separation"),
             "waist": waist,
             "focus": as_vector(self.focus, "focus"),
             "axis": axis,
@@ -110,7 +110,7 @@ class FLDI:
 
         assert self.divergence is not None
         wave_number = np.asarray(wave_number, dtype=np.float64)
-        grown = wave_number * np.tan(self.divergence) * check_length(half_length, "half_length") / np.sqrt(8.0)
+        grown = wave_number * np.tan(self.divergence) * check_positive(half_length, "half_length") / np.sqrt(8.0)
         with np.errstate(invalid="ignore", divide="ignore"):
             mean = np.where(grown > 1e-9, 0.5 * np.sqrt(np.pi) * erf(grown) / grown, 1.0)
         return np.asarray(mean * self.transfer(wave_number, 0.0, angle=angle))

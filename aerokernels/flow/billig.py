@@ -17,7 +17,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..arguments import checked
-from .gas import positive
+from ..checks import check_choice, check_positive
 
 LEAST_MACH = 1.5
 # geometry: (stand-off factor, its exponent, curvature factor, its exponent, power of M - 1)
@@ -89,9 +89,8 @@ def bow_shock(mach: float, radius: float, *, geometry: str = "axisymmetric") -> 
     """
     if not (math.isfinite(mach) and mach >= LEAST_MACH):
         raise ValueError(f"mach must be at least {LEAST_MACH:g} for Billig's correlation, got {mach!r}")
-    positive(radius, "radius")
-    if geometry not in _FITS:
-        raise ValueError(f"geometry {geometry!r} is not known: choose one of {', '.join(_FITS)}")
+    check_positive(radius, "radius")
+    check_choice(geometry, "geometry", _FITS)
     near, near_power, bend, bend_power, power = _FITS[geometry]
     return BowShock(
         mach=float(mach),

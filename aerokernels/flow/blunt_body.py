@@ -13,6 +13,7 @@ from itertools import pairwise
 import numpy as np
 
 from ..arguments import checked
+from ..checks import check_positive
 from ..medium import Body
 from .billig import BowShock, bow_shock
 from .exact_field import MARGIN, ExactField, edges, rectangles, square_step
@@ -23,7 +24,6 @@ from .gas import (
     SEA_LEVEL_TEMPERATURE,
     free_stream,
     isentropic,
-    positive,
 )
 from .shocks import normal_shock
 
@@ -115,7 +115,7 @@ def blunt_body(
             radius, or a spacing for too few or too many cells.
     """
     bow = bow_shock(mach, radius, geometry=geometry)
-    end = 2.0 * radius if length is None else positive(length, "length")
+    end = 2.0 * radius if length is None else check_positive(length, "length")
     if end < radius:
         raise ValueError(f"length {end:g} m ends the body within its nose: it must be at least the radius {radius:g} m")
     stream = free_stream(mach, density, temperature, gamma=gamma, gas_constant=gas_constant)

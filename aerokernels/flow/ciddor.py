@@ -19,8 +19,8 @@ Reference: P. E. Ciddor, Refractive index of air: new equations for the visible 
 import math
 
 from ..arguments import checked
+from ..checks import check_positive
 from ..wavelength import SAME, check_wavelength
-from .gas import positive
 
 # Wavelengths that the equations were made for [m].
 RANGE = (0.3e-6, 1.69e-6)
@@ -94,8 +94,8 @@ def moist_air_density(temperature: float, pressure: float, *, water: float = 0.0
         ValueError: A temperature or pressure that is not positive, or a fraction outside its range.
     """
     _check(water, co2)
-    positive(temperature, "temperature")
-    positive(pressure, "pressure")
+    check_positive(temperature, "temperature")
+    check_positive(pressure, "pressure")
     mass = (1.0 - water) * _molar_mass(co2) + water * WATER_MOLAR_MASS
     return mass * _molar_density(temperature, pressure, water)
 
@@ -111,8 +111,8 @@ def water_fraction(temperature: float, pressure: float, humidity: float) -> floa
         ValueError: A humidity outside 0 to 1, one so high that the vapour alone would have more than the pressure, or a
             temperature or pressure that is not positive.
     """
-    positive(temperature, "temperature")
-    positive(pressure, "pressure")
+    check_positive(temperature, "temperature")
+    check_positive(pressure, "pressure")
     if not 0.0 <= humidity <= 1.0:
         raise ValueError(f"humidity must be between 0 and 1, got {humidity!r}: give 0.5 for 50 %")
     celsius = temperature - 273.15

@@ -11,13 +11,14 @@ from functools import cached_property
 import numpy as np
 
 from ..arguments import checked
+from ..checks import check_positive
 from ..medium import Body, IndexField
 from ..shown import shown
 from ..wavelength import DEFAULT_WAVELENGTH, check_wavelength
 from .conical_averages import bell, cell_averages
 from .conical_profile import ConeShock
 from .density_field import DensityField
-from .gas import GAMMA_AIR, SEA_LEVEL_DENSITY, check_density, positive
+from .gas import GAMMA_AIR, SEA_LEVEL_DENSITY, check_density
 from .models import one_constant, refractivity_model
 from .taylor_maccoll import cone_shock
 
@@ -205,9 +206,9 @@ def cone(
         ValueError: What cone_shock refuses, a density or length that is not positive, a radius within the shock.
     """
     shock = cone_shock(mach, half_angle, gamma=gamma)
-    positive(length, "length")
+    check_positive(length, "length")
     least = length * math.tan(shock.shock_angle)
-    reach = least if radius is None else positive(radius, "radius")
+    reach = least if radius is None else check_positive(radius, "radius")
     if reach < least:
         raise ValueError(f"radius {reach:g} m cuts the flow: the shock reaches {least:g} m at the base of the cone")
     return ConicalFlow(shock, check_density(density, "density"), float(length), reach)

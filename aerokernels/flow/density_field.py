@@ -3,16 +3,17 @@
 from abc import ABC, abstractmethod
 from dataclasses import dataclass, field, replace
 from importlib import import_module
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NoReturn
 
 import numpy as np
 
 from ..arguments import Numbers, checked, refuse_masked
+from ..checks import check_positive
 from ..medium import Body, IndexField, QuadMesh, SolidBody
 from ..read_only import ReadOnly
 from ..shown import shown
 from ..wavelength import DEFAULT_WAVELENGTH, check_wavelength
-from .gas import GREATEST_DENSITY, SEA_LEVEL_DENSITY, FreeStream, check_density, positive
+from .gas import SEA_LEVEL_DENSITY, FreeStream, check_density, no_gas
 from .models import MODELS, one_constant, refractivity_model
 from .refractivity import RELATIONS
 from .species import Composition
@@ -135,7 +136,7 @@ class SampledDensity(DensityField):
         The Euler equations keep their solution, at the same Mach number and temperature, when density and pressure are
         multiplied by one factor; a viscous flow would not.
         """
-        ratio = positive(ambient_density, "ambient_density") / self.ambient_density
+        ratio = check_positive(ambient_density, "ambient_density") / self.ambient_density
         return replace(  # type: ignore[type-var]
             self,
             density=self.density * ratio,
@@ -201,15 +202,23 @@ class SampledDensity(DensityField):
         """The index field of contrasts at the densities."""
 
 
+@dataclass(frozen=True, eq=False)
 class MeshDensity(SampledDensity):
     """What density fields on a quadrilateral mesh have in common, averages over cells or values at vertices."""
 
     mesh: QuadMesh
+    density: np.ndarray
+    ambient_density: float
+    body: Body | None = None
+    conditions: FreeStream | None = None
+    provenance: str = ""
+    composition: Composition | None = field(default=None, kw_only=True)
 
     def _check_mesh(self) -> None:
         if not isinstance(self.mesh, QuadMesh):
             raise TypeError(f"mesh must be a QuadMesh, got {type(self.mesh).__name__}: see QuadMesh.structured")
         refuse_masked(self.density, "density")
+        object.__setattr__(self, "ambient_density", check_density(self.ambient_density, "ambient_density"))
 
     @property
     def geometry(self) -> str:
@@ -242,18 +251,9 @@ class CellDensity(MeshDensity):
             another number of them than of cells.
     """
 
-    mesh: QuadMesh
-    density: np.ndarray
-    ambient_density: float
-    body: Body | None = None
-    conditions: FreeStream | None = None
-    provenance: str = ""
-    composition: Composition | None = field(default=None, kw_only=True)
-
     def __post_init__(self):
         """Check the densities."""
         self._check_mesh()
-        check_density(self.ambient_density, "ambient_density")
         density = np.array(self.density, dtype=np.float64)
         shapes: list[tuple[int, ...]] = [(len(self.mesh.cells),)]
         if self.mesh.shape is not None:
@@ -264,24 +264,19 @@ class CellDensity(MeshDensity):
                 f"give one average for each cell, shape {' or '.join(map(str, shapes))}"
             )
         density = density.ravel()
-        self._refuse(~np.isfinite(density), density, "not finite")
-        self._refuse(density <= 0.0, density, "not positive")
-        self._refuse(density > GREATEST_DENSITY, density, f"no gas's, above {GREATEST_DENSITY:g} kg/m3")
+        if wrong := no_gas(density):
+            self._refuse(density, *wrong)
         density.setflags(write=False)
         object.__setattr__(self, "density", density)
-        object.__setattr__(self, "ambient_density", float(self.ambient_density))
 
-    def _refuse(self, bad: np.ndarray, density: np.ndarray, fault: str) -> None:
-        if not bad.any():
-            return
-        first = int(np.argmax(bad))
+    def _refuse(self, density: np.ndarray, fault: str, count: int, first: int) -> NoReturn:
         place = f"cell {first}"
         if self.mesh.shape is not None:
             place += f" (row {first // (self.mesh.shape[1] - 1)}, column {first % (self.mesh.shape[1] - 1)})"
         centre = self.mesh.corners[first].mean(axis=0)
         axes = "r, z" if self.mesh.geometry == "axisymmetric" else "y, z"
         raise ValueError(
-            f"{int(bad.sum())} of {density.size} densities are {fault}: the first is {float(density[first])!r} kg/m3 "
+            f"{count} of {density.size} densities are {fault}: the first is {float(density[first])!r} kg/m3 "
             f"in {place} at {axes} = {centre[0]:.6g}, {centre[1]:.6g} m; repair the flow file"
         )
 
@@ -340,11 +335,11 @@ def uniform_air(
     Raises:
         ValueError: A density or radius that is not positive and finite, or a range that does not increase.
     """
-    positive(radius, "radius")
+    check_positive(radius, "radius")
     low, high = z_range
     if not low < high:
         raise ValueError(f"z_range must increase, got {z_range!r}")
     # Eight cells are more than a constant needs; five-point gradients need four.
     nodes = np.meshgrid(np.linspace(0.0, radius, 9), np.linspace(low, high, 9), indexing="ij")
-    mesh, ambient = QuadMesh.structured(*nodes, "axisymmetric"), positive(density, "density")
+    mesh, ambient = QuadMesh.structured(*nodes, "axisymmetric"), check_positive(density, "density")
     return CellDensity(mesh, np.full(len(mesh.cells), ambient), ambient, body, None, f"air at rest, {ambient:g} kg/m3")

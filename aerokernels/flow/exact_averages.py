@@ -62,12 +62,12 @@ def direction_averages(
         # The ray of a break meets the edge's line where it has come to this height.
         meets = sine * height > 0.0
         places = -height * cosine[meets] / sine[meets]
-        level[row] = piecewise_means(partial(_across, function, height), z, places)
+        level[row] = piecewise_means(partial(_seen_from_origin, function, height), z, places)
     upright = np.empty((len(y) - 1, len(z)))
     for column, depth in enumerate(z):
         meets = -cosine * depth > 0.0
         places = -depth * sine[meets] / cosine[meets]
-        upright[:, column] = piecewise_means(partial(_along, function, depth), y, places)
+        upright[:, column] = piecewise_means(partial(_seen_from_origin, function, z=depth), y, places)
     # A constant is homogeneous too: the middle's value is taken off, so that uniform gas comes out to the last bit.
     middle = function(np.arctan2((0.5 * (y[:-1] + y[1:]))[:, None], -0.5 * (z[:-1] + z[1:])))
     across = (z[1:] * (upright[:, 1:] - middle) - z[:-1] * (upright[:, :-1] - middle)) / np.diff(z)
@@ -75,13 +75,8 @@ def direction_averages(
     return middle + 0.5 * (across + along / np.diff(y)[:, None])
 
 
-def _across(function, y: float, z: np.ndarray) -> np.ndarray:
-    """A function of direction along an edge of constant y."""
-    return function(np.arctan2(y, -z))
-
-
-def _along(function, z: float, y: np.ndarray) -> np.ndarray:
-    """A function of direction along an edge of constant z."""
+def _seen_from_origin(function, y, z):
+    """A function of direction at places (y, z)."""
     return function(np.arctan2(y, -z))
 
 

@@ -6,10 +6,10 @@ from typing import Protocol
 
 import numpy as np
 
+from ..checks import check_positive
 from ..medium import QuadMesh
 from ..shown import shown
 from .density_field import CellDensity, in_plane
-from .gas import positive
 
 # More cells than a machine's memory should be asked for by a spacing given in the wrong unit.
 CELL_LIMIT = 4_000_000
@@ -61,8 +61,8 @@ def square_step(length: float, spacing: float | None, cells: int = DEFAULT_CELLS
     Raises:
         ValueError: A length or a spacing that is not positive and finite.
     """
-    positive(length, "length")
-    count = cells if spacing is None else math.ceil(length / positive(spacing, "spacing") * (1.0 - 1e-12))
+    check_positive(length, "length")
+    count = cells if spacing is None else math.ceil(length / check_positive(spacing, "spacing") * (1.0 - 1e-12))
     return length / count
 
 

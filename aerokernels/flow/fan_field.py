@@ -17,6 +17,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..arguments import checked
+from ..checks import check_positive
 from ..medium import Body
 from .exact_averages import direction_averages
 from .exact_field import MARGIN, ExactField, edges, rectangles, square_step
@@ -28,7 +29,6 @@ from .gas import (
     check_gamma,
     free_stream,
     isentropic,
-    positive,
 )
 from .shocks import _bisect, prandtl_meyer
 
@@ -190,7 +190,7 @@ def expansion(
     if height is None:
         tall = min(length, length * math.tan(fan.head_angle)) + MARGIN * step
     else:
-        tall = positive(height, "height")
+        tall = check_positive(height, "height")
     foot = -length * math.tan(deflection)
     depth = foot - MARGIN * step
     ahead = 0.5 * length

@@ -9,7 +9,10 @@ Reference: J. D. Anderson, Modern Compressible Flow, 3rd ed., eq 3.28, 3.30, 3.3
 import math
 from dataclasses import dataclass, replace
 
+import numpy as np
+
 from ..arguments import checked
+from ..checks import check_positive
 
 GAMMA_AIR = 1.4
 # Universal gas constant over the molar mass of dry air, 8314.4626 / 28.9644 [J/(kg K)].
@@ -69,7 +72,7 @@ class FreeStream:
 
     def at_density(self, density: float) -> "FreeStream":
         """The stream of the same Mach number and temperature at another density [kg/m3]: pressures scale with it."""
-        ratio = positive(density, "density") / self.density
+        ratio = check_positive(density, "density") / self.density
         return replace(
             self,
             density=float(density),
@@ -121,9 +124,9 @@ def tunnel_conditions(
         >>> round(tunnel_conditions(3.0, 0.36e6, 288.0).density, 4)
         0.3319
     """
-    positive(mach, "mach")
-    positive(stagnation_pressure, "stagnation_pressure")
-    positive(stagnation_temperature, "stagnation_temperature")
+    check_positive(mach, "mach")
+    check_positive(stagnation_pressure, "stagnation_pressure")
+    check_positive(stagnation_temperature, "stagnation_temperature")
     if stagnation_pressure < LEAST_STAGNATION_PRESSURE:
         raise ValueError(
             f"stagnation_pressure of {stagnation_pressure:g} Pa is no tunnel's: give pascals, 630e3 for 0.63 MPa"
@@ -132,7 +135,7 @@ def tunnel_conditions(
         raise ValueError(
             f"stagnation_temperature of {stagnation_temperature:g} K is no gas's: give kelvins, 288 for 15 degC"
         )
-    positive(gas_constant, "gas_constant")
+    check_positive(gas_constant, "gas_constant")
     ratio = isentropic(mach, gamma=gamma)
     temperature = stagnation_temperature * ratio.temperature_ratio
     pressure = stagnation_pressure * ratio.pressure_ratio
@@ -173,10 +176,10 @@ def free_stream(
     Raises:
         ValueError: A value that is not positive and finite, a liquid's density, or gamma not above 1.
     """
-    positive(mach, "mach")
+    check_positive(mach, "mach")
     check_density(density, "density")
-    positive(temperature, "temperature")
-    positive(gas_constant, "gas_constant")
+    check_positive(temperature, "temperature")
+    check_positive(gas_constant, "gas_constant")
     ratio = isentropic(mach, gamma=gamma)
     pressure = density * gas_constant * temperature
     sound_speed = math.sqrt(gamma * gas_constant * temperature)
@@ -202,25 +205,38 @@ def stagnation_ratio(density: float, pressure: float, gamma: float) -> float:
     return math.exp((gamma * math.log(density) - math.log(pressure)) / (gamma - 1.0))
 
 
-def positive(value: float, name: str) -> float:
-    """The value, refused unless positive and finite."""
-    if not (math.isfinite(value) and value > 0.0):
-        raise ValueError(f"{name} must be positive and finite, got {value!r}")
-    return float(value)
-
-
 def check_density(density: float, name: str) -> float:
     """A gas density [kg/m3], or a refusal of what is none.
 
     Raises:
         ValueError: It is not positive and finite, or that of a liquid.
     """
-    value = positive(density, name)
+    value = check_positive(density, name)
     if value > GREATEST_DENSITY:
         raise ValueError(
             f"{name} of {value:g} kg/m3 is no gas's (up to {GREATEST_DENSITY:g}): give kg/m3, 1.225 for 1225 g/m3"
         )
     return value
+
+
+def no_gas(density: np.ndarray, passed: np.ndarray | None = None) -> tuple[str, int, int] | None:
+    """What is wrong with densities that no gas has, with how many, and where the first is; None where nothing is.
+
+    Args:
+        density: [kg/m3], of any shape; the place is that in the flattened array.
+        passed: Which of them nobody reads, or None.
+    """
+    if density.size and density.min() > 0.0 and density.max() <= GREATEST_DENSITY:  # not so with a NaN
+        return None
+    for fault, bad in (
+        ("not finite", ~np.isfinite(density)),
+        ("not positive", density <= 0.0),
+        (f"no gas's, above {GREATEST_DENSITY:g} kg/m3", density > GREATEST_DENSITY),
+    ):
+        bad = bad if passed is None else bad & ~passed
+        if bad.any():
+            return fault, int(bad.sum()), int(np.argmax(bad))
+    return None
 
 
 def check_gamma(gamma: float) -> None:

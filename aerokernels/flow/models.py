@@ -14,6 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..arguments import checked
+from ..checks import check_choice
 from ..medium import Upstream
 from ..wavelength import LONGEST, SHORTEST
 from . import ciddor
@@ -127,8 +128,7 @@ def refractivity_model(
         ValueError: An unknown relation, a constant that is not positive, species that are not known, fractions that do
             not add up, or a constant or composition that does not go with the relation.
     """
-    if relation not in MODELS:
-        raise ValueError(f"relation {relation!r} is not known: choose one of {', '.join(MODELS)}")
+    check_choice(relation, "relation", MODELS)
     if constant is not None and composition is not None:
         raise ValueError("give either a constant or a composition: a composition has a constant of its own")
     if relation not in RELATIONS and constant is not None:

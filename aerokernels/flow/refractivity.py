@@ -11,6 +11,7 @@ near 1: at 1 kg/m3 the index differs from 1 by only 2e-4.
 import numpy as np
 
 from ..arguments import checked
+from ..checks import check_choice
 from ..wavelength import check_wavelength
 
 RELATIONS = ("gladstone-dale", "lorentz-lorenz")
@@ -87,8 +88,7 @@ def index_contrast(
 
 
 def _check(gladstone_dale: float | np.ndarray, relation: str) -> None:
-    if relation not in RELATIONS:
-        raise ValueError(f"relation {relation!r} is not known: choose one of {', '.join(RELATIONS)}")
+    check_choice(relation, "relation", RELATIONS)
     if not (np.size(gladstone_dale) and np.isfinite(gladstone_dale).all() and np.greater(gladstone_dale, 0.0).all()):
         raise ValueError(f"the Gladstone-Dale constant must be positive and finite, got {gladstone_dale!r} m3/kg")
     if np.min(gladstone_dale) < LEAST_CONSTANT or np.max(gladstone_dale) > GREATEST_CONSTANT:

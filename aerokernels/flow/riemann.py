@@ -16,7 +16,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..arguments import checked
-from .gas import GAMMA_AIR, GAS_CONSTANT_AIR, check_gamma, positive
+from ..checks import check_positive
+from .gas import GAMMA_AIR, GAS_CONSTANT_AIR, check_gamma
 from .shocks import _bisect
 
 
@@ -37,8 +38,8 @@ class GasState:
 
     def __post_init__(self):
         """Check the numbers."""
-        positive(self.density, "density")
-        positive(self.pressure, "pressure")
+        check_positive(self.density, "density")
+        check_positive(self.pressure, "pressure")
         if not math.isfinite(self.velocity):
             raise ValueError(f"velocity must be finite, got {self.velocity!r}")
 

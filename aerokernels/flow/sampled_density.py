@@ -5,13 +5,14 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from ..arguments import Numbers, checked, refuse_masked
-from ..medium import Body, IndexField, QuadMesh, SolidBody
+from ..checks import check_choice
+from ..medium import Body, IndexField, SolidBody
 from ..medium.grid import checked_axes
 from ..medium.mesh import GEOMETRIES
 from ..medium.mesh_samples import MeshSamples
 from ..shown import shown
 from .density_field import MeshDensity, SampledDensity, in_plane
-from .gas import GREATEST_DENSITY, FreeStream, check_density
+from .gas import FreeStream, check_density, no_gas
 from .species import Composition
 
 
@@ -20,20 +21,13 @@ def _checked(density, what: str) -> np.ndarray:
     ours = isinstance(density, np.ndarray) and density.dtype == np.float64 and density.flags.c_contiguous
     # What nobody can write to is not copied: grids of 100 million nodes come here.
     values = density if ours and not density.flags.writeable else np.array(density, dtype=np.float64)
-    if values.size and values.min() > 0.0 and values.max() <= GREATEST_DENSITY:  # not so with a NaN
-        values.setflags(write=False)
-        return values
-    for fault, bad in (
-        ("not finite", ~np.isfinite(values)),
-        ("not positive", values <= 0.0),
-        (f"no gas's, above {GREATEST_DENSITY:g} kg/m3", values > GREATEST_DENSITY),
-    ):
-        if bad.any():
-            first = tuple(int(k) for k in np.argwhere(bad)[0])
-            raise ValueError(
-                f"{int(bad.sum())} of {values.size} densities {what} are {fault}: the first is "
-                f"{float(values[first])!r} kg/m3 at index {first}; repair the flow file"
-            )
+    if wrong := no_gas(values):
+        fault, count, place = wrong
+        first = tuple(int(k) for k in np.unravel_index(place, values.shape))
+        raise ValueError(
+            f"{count} of {values.size} densities {what} are {fault}: the first is {float(values[first])!r} kg/m3 at "
+            f"index {first}; repair the flow file"
+        )
     values.setflags(write=False)
     return values
 
@@ -57,23 +51,13 @@ class VertexDensity(MeshDensity):
         ValueError: Densities that are no gas's, or another number of them than of vertices.
     """
 
-    mesh: QuadMesh
-    density: np.ndarray
-    ambient_density: float
-    body: Body | None = None
-    conditions: FreeStream | None = None
-    provenance: str = ""
-    composition: Composition | None = field(default=None, kw_only=True)
-
     def __post_init__(self):
         """Check the densities."""
         self._check_mesh()
-        check_density(self.ambient_density, "ambient_density")
         density = _checked(self.density, "at vertices")
         if density.size != len(self.mesh.vertices):
             raise ValueError(f"density has shape {density.shape}, the mesh {len(self.mesh.vertices)} vertices")
         object.__setattr__(self, "density", density.reshape(-1))
-        object.__setattr__(self, "ambient_density", float(self.ambient_density))
 
     @checked
     def density_at(self, points: Numbers) -> np.ndarray:
@@ -128,8 +112,7 @@ class GridDensity(SampledDensity):
 
     def __post_init__(self):
         """Check the grid."""
-        if self.geometry not in GEOMETRIES:
-            raise ValueError(f"geometry {self.geometry!r} is not known: choose one of {', '.join(GEOMETRIES)}")
+        check_choice(self.geometry, "geometry", GEOMETRIES)
         check_density(self.ambient_density, "ambient_density")
         density = _checked(self.density, "on the grid")
         if density.ndim != (3 if self.geometry == "volume" else 2):

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from ..arguments import seconds
+from ..checks import check_choice, check_positive
 from ..device_arrays import device_array, host_array
 from ..medium import Body, QuadMesh, SolidBody
 from ..medium.mesh import GEOMETRIES
@@ -46,8 +47,7 @@ class GridMesh:
 
     def __post_init__(self) -> None:
         """Check."""
-        if self.geometry not in GEOMETRIES:
-            raise ValueError(f"geometry {self.geometry!r} is not known: choose one of {', '.join(GEOMETRIES)}")
+        check_choice(self.geometry, "geometry", GEOMETRIES)
         dimension = 3 if self.geometry == "volume" else 2
         if len(self.shape) != dimension:
             raise ValueError(f"a {self.geometry} series has arrays of {dimension} axes, got shape {tuple(self.shape)}")
@@ -300,8 +300,7 @@ def times_of(time: Sequence[float] | None, step: float | None, start: float, cou
         return times
     if step is None:
         raise ValueError("a series needs times: give time, one for each snapshot in seconds, or time_step")
-    if not (np.isfinite(step) and step > 0.0):
-        raise ValueError(f"time_step must be positive, got {step!r} s")
+    check_positive(step, "time_step", "s")
     if count is None:
         raise ValueError("an iterator does not say how many snapshots it has: give time, one for each, or count")
     return start + step * np.arange(count)

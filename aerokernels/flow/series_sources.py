@@ -6,7 +6,6 @@ from functools import partial
 from importlib import import_module
 from pathlib import Path
 from typing import Any
-from xml.etree import ElementTree
 
 import numpy as np
 
@@ -83,7 +82,8 @@ def open_series(
         if any(letter in str(source) for letter in "*?[") and not path.exists():
             return _of_files(_matching(path), time, time_step, start_time, _reader(read, for_files, density))
         if path.suffix == ".pvd" and path.is_file():
-            paths, instants = collection(path)
+            entries = sorted(import_module(f"{__package__}.reading.vtk_files").collection(path))
+            paths, instants = [path.parent / file for _, file in entries], [value for value, _ in entries]
             reader = _reader(read, for_files, density)
             if len(set(instants)) < len(instants):  # several parts at one time: the collection itself is read
                 return _at_times(path, np.unique(instants), reader, {"file": path.name})
@@ -174,20 +174,6 @@ def _reader(read: Callable[..., DensityField] | None, options: dict[str, Any], d
     if read is None:
         return import_module(f"{__package__}.reading.reader").Reader(**given)
     return partial(read, **given)
-
-
-def collection(path: Path) -> tuple[list[Path], list[float]]:
-    """The files of a ParaView collection, and their times."""
-    try:
-        entries = ElementTree.parse(path).getroot().iter("DataSet")
-        found = sorted((float(one.attrib["timestep"]), one.attrib["file"]) for one in entries)
-    except (ElementTree.ParseError, KeyError, ValueError) as fault:
-        raise ValueError(f"{path}: no ParaView collection of files with their times: {fault}") from None
-    if not found:
-        raise ValueError(f"{path}: a collection without files")
-    if not np.isfinite([time for time, _ in found]).all():
-        raise ValueError(f"{path}: a collection with a time that is no number: write it again")
-    return [path.parent / file for _, file in found], [time for time, _ in found]
 
 
 def _of_case(path: Path, reader: Callable[..., DensityField]) -> Series:

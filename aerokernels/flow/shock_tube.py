@@ -5,9 +5,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..arguments import checked
+from ..checks import check_choice, check_positive
 from .exact_averages import piecewise_means
 from .exact_field import DEFAULT_CELLS, LEAST_CELLS, ExactField, edges, rectangles, square_step
-from .gas import GAMMA_AIR, positive
+from .gas import GAMMA_AIR
 from .riemann import GasState, Riemann, riemann
 
 AXES = ("y", "z")
@@ -70,11 +71,10 @@ def shock_tube(
             wave has left it (the message gives the least length).
     """
     solution = riemann(left, right, gamma=gamma)
-    positive(time, "time")
-    positive(length, "length")
-    across = 0.1 * length if width is None else positive(width, "width")
-    if axis not in AXES:
-        raise ValueError(f"axis {axis!r} is not known: choose one of {', '.join(AXES)}")
+    check_positive(time, "time")
+    check_positive(length, "length")
+    across = 0.1 * length if width is None else check_positive(width, "width")
+    check_choice(axis, "axis", AXES)
     least = 2.0 * time * max(abs(speed) for speed in solution.breaks)
     if length < least:
         raise ValueError(

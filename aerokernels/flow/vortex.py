@@ -16,9 +16,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..arguments import checked
+from ..checks import check_positive
 from .exact_averages import smooth_averages
 from .exact_field import ExactField, edges, rectangles
-from .gas import GAMMA_AIR, SEA_LEVEL_DENSITY, check_density, check_gamma, positive
+from .gas import GAMMA_AIR, SEA_LEVEL_DENSITY, check_density, check_gamma
 
 # Where the field ends, in radii: there the temperature differs from the ambient one by 1e-15 of the difference inside.
 REACH = 6.0
@@ -41,8 +42,8 @@ class Vortex:
 
     def __post_init__(self):
         """Check the numbers."""
-        positive(self.mach, "mach")
-        positive(self.radius, "radius")
+        check_positive(self.mach, "mach")
+        check_positive(self.radius, "radius")
         check_gamma(self.gamma)
         greatest = math.sqrt(2.0 / ((self.gamma - 1.0) * math.e))
         if self.mach >= greatest:
@@ -100,7 +101,7 @@ def vortex(
     """
     swirl = Vortex(float(mach), float(radius), float(gamma))
     check_density(density, "density")
-    step = radius / CELLS_PER_RADIUS if spacing is None else positive(spacing, "spacing")
+    step = radius / CELLS_PER_RADIUS if spacing is None else check_positive(spacing, "spacing")
     if step > 0.5 * radius * (1.0 + 1e-9):
         raise ValueError(f"spacing {step:g} m must be at most half the radius {radius:g} m")
     side = edges(-REACH * radius, REACH * radius, step)

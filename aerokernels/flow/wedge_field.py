@@ -9,10 +9,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..arguments import checked
+from ..checks import check_positive
 from ..medium import Body
 from .exact_averages import direction_averages
 from .exact_field import MARGIN, ExactField, edges, rectangles, square_step
-from .gas import GAMMA_AIR, GAS_CONSTANT_AIR, SEA_LEVEL_DENSITY, SEA_LEVEL_TEMPERATURE, free_stream, positive
+from .gas import GAMMA_AIR, GAS_CONSTANT_AIR, SEA_LEVEL_DENSITY, SEA_LEVEL_TEMPERATURE, free_stream
 from .shocks import Shock, normal_shock, oblique_shock
 
 
@@ -87,11 +88,11 @@ def wedge(
         ValueError: What oblique_shock refuses (a shock that detaches: the message gives the greatest angle), a quantity
             that is not positive, a height within the shock, or a spacing for too few or too many cells.
     """
-    positive(half_angle, "half_angle")
+    check_positive(half_angle, "half_angle")
     shock = oblique_shock(mach, half_angle, strong=strong, gamma=gamma)
     step = square_step(length, spacing)
     least = length * math.tan(shock.shock_angle)
-    reach = least + MARGIN * step if height is None else positive(height, "height")
+    reach = least + MARGIN * step if height is None else check_positive(height, "height")
     if reach < least:
         raise ValueError(f"height {reach:g} m cuts the flow: the shock reaches {least:g} m at the base of the wedge")
     base = length * math.tan(half_angle)
@@ -147,7 +148,7 @@ def plane_shock(
         shock = oblique_shock(mach, deflection, strong=strong, gamma=gamma)
         words = f"{'strong' if strong else 'weak'} oblique shock with a turn of {math.degrees(deflection):.6g} deg"
     step = square_step(length, spacing)
-    tall = length if height is None else positive(height, "height")
+    tall = length if height is None else check_positive(height, "height")
     return _field(
         PlaneShock(shock, mirrored=False),
         edges(-0.5 * tall, 0.5 * tall, step),

@@ -3,11 +3,11 @@
 import math
 
 from aerokernels.echo import RANGING_METHODS
-from aerokernels.echo.paths import target_plane
+from aerokernels.echo.paths import target_plane, trace_options
 from aerokernels.echo.prediction import predict_echo
 from aerokernels.echo.return_paths import is_symmetric
 from aerokernels.flow import DensityField
-from aerokernels.jobs.views import FAN_PLANES, FAN_RAYS, PUPIL_SAMPLES, pupil_samples, trace_options
+from aerokernels.jobs.views import FAN_PLANES, FAN_RAYS, PUPIL_SAMPLES, pupil_samples
 from aerokernels.medium import IndexField
 from aerokernels.medium.grid import UniformGrid
 from aerokernels.prepare import prepare_field

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 from aerokernels.clock import clocked
 from aerokernels.echo import EchoResult
+from aerokernels.echo.paths import trace_options
 from aerokernels.echo.prediction import check_echo
 from aerokernels.echo.simulate import echo_through
 from aerokernels.echo.vacuum import VacuumEcho
@@ -15,16 +16,9 @@ from aerokernels.flow import DensityField
 from aerokernels.jobs.report import draw_pictures, render_report
 from aerokernels.jobs.run_parts import RunParts
 from aerokernels.jobs.scene_text import scene_toml
-from aerokernels.jobs.store import (
-    REPORT_FILE,
-    RESULT_FILE,
-    SUMMARY_FILE,
-    staged_folder,
-    write_result,
-    write_summary,
-)
+from aerokernels.jobs.store import REPORT_FILE, RESULT_FILE, SUMMARY_FILE, staged_folder, write_result, write_summary
 from aerokernels.jobs.summary import summarise
-from aerokernels.jobs.views import pupil_map, ray_fan, trace_options
+from aerokernels.jobs.views import pupil_map, ray_fan
 from aerokernels.medium import IndexField
 from aerokernels.prepare import prepare_field
 from aerokernels.scene import Scene

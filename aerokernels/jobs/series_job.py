@@ -20,8 +20,8 @@ from aerokernels.jobs.store import (
     check_output_folder,
     replace_result,
     to_json,
+    write_text,
 )
-from aerokernels.jobs.sweeps.records import write_text
 from aerokernels.one_writer import only_writer
 from aerokernels.plain_text import plain_json
 from aerokernels.pupils import direction_of

@@ -182,11 +182,7 @@ def to_json(value: Any) -> Any:
         return [to_json(item) for item in value]
     if isinstance(value, np.generic):
         return to_json(value.item())
-    if isinstance(value, float):
-        return value if math.isfinite(value) else None
-    if value is None or isinstance(value, (bool, int, str)):
-        return value
-    return str(value)
+    return to_json(float(value)) if isinstance(value, float) else value if isinstance(value, (int, str)) else str(value)
 
 
 def write_summary(path: Path, summary: Mapping[str, Any]) -> None:
@@ -218,9 +214,22 @@ def replace_result(path: Path, dataset: "xarray.Dataset") -> None:
     Raises:
         OutputError: No room.
     """
+    with _replacing(path) as draft:
+        write_result(draft, dataset)
+
+
+def write_text(path: Path, text: str) -> None:
+    """Replace a file in one step: whoever reads it finds the old or the new one, whole; raises as `replace_result`."""
+    with _replacing(path) as draft:
+        draft.write_text(text, encoding="utf-8")
+
+
+@contextlib.contextmanager
+def _replacing(path: Path) -> Iterator[Path]:
+    """A draft that takes the place of a file where nothing goes wrong, and else goes."""
     draft = draft_of(path)
     try:
-        write_result(draft, dataset)
+        yield draft
         draft.replace(path)
     except OSError as fault:
         raise (OutputError(path, fault) if fault.errno in FULL else fault) from fault

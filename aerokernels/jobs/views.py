@@ -1,10 +1,10 @@
 """The rays that are traced to be looked at: a map over the pupil, and a fan that crosses the flow."""
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
+from aerokernels.echo.paths import trace_options
 from aerokernels.medium import IndexField
 from aerokernels.pupils import Disc, Pupil
 from aerokernels.rays import RayBundle
@@ -22,21 +22,6 @@ FAN_RAYS = 15
 FAN_PLANES = 25
 # So far beyond a face, as a share of the box's size, nothing more is added to a path: less than 1e-6 wave at 1 mrad.
 BEYOND_FACE = 1e-5
-
-
-def trace_options(scene: Scene) -> dict[str, Any]:
-    """What `trace` takes from a scene's [trace] and [flow] tables."""
-    table = scene.trace
-    return {
-        "method": table.method,
-        "tolerance": table.tolerance,
-        "step": table.step,
-        "max_steps": table.max_steps,
-        "wavelength": scene.flow.wavelength,
-        "backend": table.backend,
-        "device": table.device,
-        "precision": table.precision,
-    }
 
 
 @dataclass(frozen=True, eq=False)

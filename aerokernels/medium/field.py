@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from ..arguments import Numbers, checked
+from ..checks import check_choice, check_positive
 from ..derived import Derived
 from ..device_arrays import plain_array
 from ..shown import shown
@@ -27,8 +28,7 @@ from .vertex_values import vertex_values
 
 def check_ambient(ambient_index: float) -> None:
     """Refuse an ambient index that is not a positive number."""
-    if not (np.isfinite(ambient_index) and ambient_index > 0.0):
-        raise ValueError(f"ambient_index must be positive and finite, got {ambient_index!r}")
+    check_positive(ambient_index, "ambient_index")
 
 
 @dataclass(frozen=True)
@@ -124,8 +124,7 @@ class IndexField(Derived):
         array = plain_array(contrast)
         if not np.issubdtype(array.dtype, np.number) or np.iscomplexobj(array):
             raise TypeError(f"contrast must be an array of real numbers, got dtype {array.dtype}")
-        if geometry not in GEOMETRIES:
-            raise ValueError(f"geometry {geometry!r} is not known: choose one of {', '.join(GEOMETRIES)}")
+        check_choice(geometry, "geometry", GEOMETRIES)
         geometry, interpolation = str(geometry), str(interpolation)  # no NumPy string, by which kernels are kept apart
         dimension = 3 if geometry == "volume" else 2
         if array.ndim != dimension:

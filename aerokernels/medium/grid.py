@@ -11,6 +11,7 @@ from itertools import product
 
 import numpy as np
 
+from ..checks import check_choice
 from ..derived import Derived
 from ..shown import shown
 from . import spline
@@ -114,10 +115,7 @@ class UniformGrid(Derived):
         if not (own and samples.dtype == np.float64 and samples.flags.c_contiguous):
             samples = np.array(samples, dtype=np.float64)
         origin, spacing = checked_axes(samples.shape, self.origin, self.spacing)
-        if self.interpolation not in spline.INTERPOLATIONS:
-            raise ValueError(
-                f"interpolation {self.interpolation!r} is not known: choose one of {', '.join(spline.INTERPOLATIONS)}"
-            )
+        check_choice(self.interpolation, "interpolation", spline.INTERPOLATIONS)
         for name, value in (("samples", samples), ("origin", origin), ("spacing", spacing)):
             value.setflags(write=False)
             object.__setattr__(self, name, value)

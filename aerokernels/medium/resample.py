@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from ..arguments import are_numbers
+from ..checks import check_positive
 from ..sobol import sobol_points
 from .grid import UniformGrid
 from .resample_grid import NODE_LIMIT, node_counts
@@ -82,8 +83,7 @@ def resample(field, spacing=None, *, tolerance=None, wavelength=None, region=Non
             raise ValueError(f"spacing must be positive, got {spacing!r}")
         node_counts(field, low, high, step)  # a grid that makes no sense is refused before anything is computed
         return _resample_once(field, low, high, step, interpolation)
-    if not (np.isfinite(tolerance) and tolerance > 0.0):
-        raise ValueError(f"tolerance must be positive, got {tolerance!r} waves")
+    check_positive(tolerance, "tolerance", "waves")
     step, before = np.minimum(field.spacing * 2.0, (high - low) / 8.0), None
     while True:
         result = _resample_once(field, low, high, step, interpolation)

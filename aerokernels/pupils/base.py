@@ -5,9 +5,10 @@ from functools import cached_property
 
 import numpy as np
 
+from ..checks import check_choice, check_count
 from ..sobol import sobol_points
 from .square_map import SquareMap
-from .vectors import as_unit_vector, as_vector, check_count, transverse_axes
+from .vectors import as_unit_vector, as_vector, transverse_axes
 
 SAMPLINGS = ("sobol", "gauss", "grid", "random")
 
@@ -103,8 +104,7 @@ class Pupil(ABC):
     def flat_sample(self, count: int, sampling: str, seed: int) -> tuple[np.ndarray, np.ndarray]:
         """Points along both axes in units of `reach`, shape (n, 2), and weights: those of `sample`."""
         count = check_count(count)
-        if sampling not in SAMPLINGS:
-            raise ValueError(f"sampling {sampling!r} is not known: choose one of {', '.join(SAMPLINGS)}")
+        check_choice(sampling, "sampling", SAMPLINGS)
         return self._flat_sample(count, sampling, seed)
 
     def _flat_sample(self, count: int, sampling: str, seed: int) -> tuple[np.ndarray, np.ndarray]:

@@ -8,10 +8,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..arguments import checked
+from ..checks import check_choice, check_count, check_positive
 from ..shown import shown
 from .base import SAMPLINGS, Pupil, cell_shares
 from .square_map import RING, SquareMap
-from .vectors import check_count, check_length
 
 
 def unit_disc_samples(count: int, sampling: str, seed: int = 0) -> tuple[np.ndarray, np.ndarray]:
@@ -22,8 +22,7 @@ def unit_disc_samples(count: int, sampling: str, seed: int = 0) -> tuple[np.ndar
     the disc) give about `count`.
     """
     count = check_count(count)
-    if sampling not in SAMPLINGS:
-        raise ValueError(f"sampling {sampling!r} is not known: choose one of {', '.join(SAMPLINGS)}")
+    check_choice(sampling, "sampling", SAMPLINGS)
     return Disc(1.0)._flat_sample(count, sampling, seed)
 
 
@@ -132,7 +131,7 @@ class Disc(_Round):
 
     def __post_init__(self):
         """Check and normalise."""
-        check_length(self.radius, "radius of a Disc")
+        check_positive(self.radius, "radius of a Disc")
         self._check_place()
 
 
@@ -165,7 +164,7 @@ class Annulus(_Round):
 
     def __post_init__(self):
         """Check and normalise."""
-        check_length(self.radius, "radius of an Annulus")
+        check_positive(self.radius, "radius of an Annulus")
         if not (np.isfinite(self.inner_radius) and 0.0 <= self.inner_radius < self.radius):
             raise ValueError(
                 f"the inner_radius of an Annulus must be at least 0 m and below its radius of {self.radius!r} m, got "

@@ -9,10 +9,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..arguments import are_numbers, checked
+from ..checks import check_positive
 from ..shown import shown
 from .base import Pupil
 from .square_map import PIXELS, SquareMap, cumulative
-from .vectors import check_length
 
 
 class _Pixels(Pupil):
@@ -136,8 +136,8 @@ class Rectangle(_Pixels):
 
     def __post_init__(self):
         """Check and normalise."""
-        check_length(self.width, "width of a Rectangle")
-        check_length(self.height, "height of a Rectangle")
+        check_positive(self.width, "width of a Rectangle")
+        check_positive(self.height, "height of a Rectangle")
         self._check_place()
 
     @property
@@ -198,7 +198,7 @@ class Mask(_Pixels):
         if not are_numbers(self.pixel):
             raise TypeError(f"the pixel of a Mask must be one length or two [m], got {self.pixel!r}")
         for size in np.atleast_1d(np.asarray(self.pixel, dtype=np.float64)):
-            check_length(size, "pixel of a Mask")
+            check_positive(size, "pixel of a Mask")
         if np.shape(self.pixel) not in ((), (2,)):
             raise ValueError(f"the pixel of a Mask must be one length or two, got {self.pixel!r}")
         self._check_place()

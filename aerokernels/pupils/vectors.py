@@ -60,17 +60,3 @@ def direction_of(azimuth: Any, elevation: Any) -> np.ndarray:
     """Look directions [1], shape (..., 3), of azimuths toward +x and elevations toward +y [rad]; 0, 0 is along +z."""
     flat = np.cos(elevation)
     return np.stack(np.broadcast_arrays(np.sin(azimuth) * flat, np.sin(elevation), np.cos(azimuth) * flat), axis=-1)
-
-
-def check_count(count: int, what: str = "ray_count") -> int:
-    """Return a whole number of at least 1, or refuse it by name."""
-    if not isinstance(count, (int, np.integer)) or count < 1:
-        raise ValueError(f"{what} must be a whole number of at least 1, got {count!r}")
-    return int(count)
-
-
-def check_length(value, name: str) -> float:
-    """Return a positive finite length [m], or refuse it by name."""
-    if not (np.ndim(value) == 0 and np.isreal(value) and np.isfinite(value) and value > 0.0):
-        raise ValueError(f"the {name} must be positive, got {value!r}")
-    return float(value)

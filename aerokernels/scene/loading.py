@@ -14,6 +14,7 @@ from ..flow.shipped import shipped_names
 from .errors import SceneError
 
 _SHIPPED = files("aerokernels") / "scenes"
+_COMMON = _SHIPPED / "common" / "laser_rangefinder.toml"  # the tables from [beam] on, with which every one ends
 DEEPEST = 100  # tables and lists within one another: more than a scene has, fewer than Python shows
 _PART = r"""(?:"[^"\n]*+"|'[^'\n]*+'|[\w-]++)"""
 _NAMES = re.compile(rf"{_PART}(?:[ \t]*+\.[ \t]*+{_PART})*+")
@@ -36,7 +37,7 @@ def shipped_scene_text(name: str) -> str:
         close = get_close_matches(name, shipped_scenes(), 1)
         hint = f"did you mean {close[0]}? " if close else ""
         raise SceneError(f"{name}: there is no such shipped scene; {hint}there are {', '.join(shipped_scenes())}")
-    return (_SHIPPED / f"{name}.toml").read_text(encoding="utf-8")
+    return "\n".join(part.read_text(encoding="utf-8") for part in (_SHIPPED / f"{name}.toml", _COMMON))
 
 
 def read_scene(place: str | Path) -> tuple[str, str, dict[str, Any]]:
@@ -54,7 +55,7 @@ def read_scene(place: str | Path) -> tuple[str, str, dict[str, Any]]:
     elif os.path.isfile(path):
         read, label, stem = path.read_bytes, str(path), path.stem
     elif name in shipped_scenes():
-        read, label, stem = (_SHIPPED / f"{name}.toml").read_bytes, f"{name}.toml", name
+        read, label, stem = shipped_scene_text(name).encode, f"{name}.toml", name
     else:
         close = get_close_matches(name, shipped_scenes(), 1) or [one for one in shipped_scenes() if name in one]
         hint = f"did you mean {' or '.join(close)}? " if close and name else ""

@@ -12,6 +12,7 @@ import numpy as np
 from aerokernels import __version__
 
 from ..arguments import checked
+from ..checks import check_choice, check_positive
 from ..flow import GridMesh, Series
 from ..rays import as_unit_vector
 from ..tracing.plan import PRECISIONS
@@ -98,12 +99,9 @@ def optical_series(
     """
     if not isinstance(series, Series):
         raise TypeError(f"series must be a Series, got {type(series).__name__}: see flow.open_series")
-    if method not in METHODS:
-        raise ValueError(f"method {method!r} is not known: choose one of {', '.join(METHODS)}")
-    if precision not in PRECISIONS:
-        raise ValueError(f"precision {precision!r} is not known: choose one of {', '.join(PRECISIONS)}")
-    if not (np.isfinite(tolerance) and tolerance > 0.0):
-        raise ValueError(f"tolerance must be positive, in waves, got {tolerance!r}")
+    check_choice(method, "method", METHODS)
+    check_choice(precision, "precision", PRECISIONS)
+    check_positive(tolerance, "tolerance", "waves")
     if len(series) == 0:
         raise ValueError("the series is empty: no snapshot")
     grid = pupil_grid(pupil, pixel_count)

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from ..checks import check_count
 from ..pupils import Pupil
 from ..wavefront import exact_weights, remove_terms, weighted_mean
 from .map_errors import MapErrors, PixelErrors
@@ -75,8 +76,7 @@ def pupil_grid(pupil: Any, pixel_count: int) -> PupilGrid:
     """
     if not isinstance(pupil, Pupil):
         raise TypeError(f"pupil must be a Disc or another pupil, got {type(pupil).__name__}")
-    if isinstance(pixel_count, bool) or not isinstance(pixel_count, (int, np.integer)) or pixel_count < 2:
-        raise ValueError(f"pixel_count must be a whole number of at least 2, got {pixel_count!r}")
+    check_count(pixel_count, "pixel_count", 2)
     half = pupil.half_extent
     pixel = 2.0 * max(half) / int(pixel_count)
     # As many as hold all of the pupil: a rim that were left out would be missing in every mean.

@@ -145,13 +145,10 @@ class ZarrStore:
         if not isinstance(found, (dict, type(None))) or len(numbers) > self.template.sizes["time"]:
             raise self._damaged()
         if found != self.definition:
-            keys = [
-                key
-                for key in {**(found or {}), **self.definition}
-                if (found or {}).get(key) != self.definition.get(key)
-            ]
-            key = keys[0] if keys else "all"
-            told = f"{key} was {_short((found or {}).get(key))} and is {_short(self.definition.get(key))}"
+            found = found or {}
+            keys = {**found, **self.definition}
+            key = next((key for key in keys if found.get(key) != self.definition.get(key)), "all")
+            told = f"{key} was {_short(found.get(key))} and is {_short(self.definition.get(key))}"
             told = "whose first snapshot has other densities" if key == FIRST else told
             raise ValueError(f"out={self.path}: it holds another series, {told}; take another name, or remove it")
         for row in numbers:
@@ -244,25 +241,18 @@ class ZarrStore:
             warnings.simplefilter("ignore")
             self.template.to_zarr(making, mode="w", consolidated=False)
         group = zarr.open_group(str(making), mode="r+")
-        sizes = [self.template.sizes[name] for name in ("time", "y", "x")]
-        for name, (kind, units, words) in MAPS.items():
+        dims = ("time", "y", "x")
+        times, *sides = (self.template.sizes[name] for name in dims)
+        numbers = {name: ("f8", *told) for name, told in NUMBERS.items()}
+        for name, (kind, units, words) in {**MAPS, **numbers}.items():
+            is_map = name in MAPS
             group.create_array(
                 name,
-                shape=tuple(sizes),
-                chunks=(1, *sizes[1:]),
+                shape=(times, *sides) if is_map else (times,),
+                chunks=(1, *sides) if is_map else (times,),
                 dtype=np.dtype(kind),
                 fill_value=np.nan if kind == "f8" else False,
-                dimension_names=["time", "y", "x"],
-                attributes={"units": units, "long_name": words},
-            )
-        for name, (units, words) in NUMBERS.items():
-            group.create_array(
-                name,
-                shape=(sizes[0],),
-                chunks=(sizes[0],),
-                dtype=np.dtype("f8"),
-                fill_value=np.nan,
-                dimension_names=["time"],
+                dimension_names=dims if is_map else dims[:1],
                 attributes={"units": units, "long_name": words},
             )
         _consolidate(making)

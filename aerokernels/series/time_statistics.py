@@ -9,6 +9,7 @@ import numpy as np
 from aerokernels import __version__
 
 from ..arguments import checked, seconds
+from ..checks import check_count, check_positive
 from ..flow import Series
 from ..wavelength import DEFAULT_WAVELENGTH, check_wavelength
 from .modes import orthogonal_modes
@@ -81,10 +82,9 @@ def statistics(
     time, y, x = (seconds(np.asarray(dataset[name].values)) for name in ("time", "y", "x"))
     wave = check_wavelength(dataset.attrs.get("wavelength", DEFAULT_WAVELENGTH) if wavelength is None else wavelength)
     for name, value in (("velocity", velocity), ("length", length)):
-        if value is not None and not (np.isfinite(value) and value > 0.0):
-            raise ValueError(f"{name} must be positive, got {value!r}")
-    if isinstance(mode_count, bool) or not isinstance(mode_count, (int, np.integer)) or mode_count < 1:
-        raise ValueError(f"mode_count must be a whole number of at least 1, got {mode_count!r}")
+        if value is not None:
+            check_positive(value, name)
+    check_count(mode_count, "mode_count", 1)
     grid_x, grid_y = np.meshgrid(x, y)
     points = np.stack([grid_x[lit], grid_y[lit]], axis=1)
     table, skipped = Table(), []

@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from ..checks import check_positive
 from ..medium import IndexField
 from .lines import box_size
 
@@ -11,8 +12,7 @@ FINEST = 0.02
 
 def check_tolerance(tolerance: float) -> float:
     """The tolerance [waves], or a refusal of one that is not a positive number."""
-    if not (np.isfinite(tolerance) and tolerance > 0.0):
-        raise ValueError(f"tolerance must be positive (waves of OPD error), got {tolerance!r}")
+    check_positive(tolerance, "tolerance", "waves")
     return tolerance
 
 

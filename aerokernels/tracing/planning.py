@@ -9,6 +9,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from ..checks import check_choice
 from ..medium import IndexField
 from ..rays import RayBundle
 from .allowance import check_tolerance, step_allowance
@@ -122,8 +123,7 @@ def make_plan(
     Raises:
         ValueError: An unknown name or a number that makes no sense, with the remedy.
     """
-    if method not in METHODS:
-        raise ValueError(f"method {method!r} is not known: choose one of {', '.join(METHODS)}")
+    check_choice(method, "method", METHODS)
     if precision not in PRECISIONS:
         raise ValueError(f"precision {precision!r} is not known: choose 'float32' or 'float64'")
     check_tolerance(tolerance)

@@ -33,7 +33,6 @@ NOISE_STEP = 0.5
 NOISE = {"float32": 8.0 * 2.0**-24, "float64": 8.0 * 2.0**-53}
 # Rounding of a ray's momentum over its whole way, as a share of its greatest: an error of direction at a far stop.
 DIRECTION_NOISE = {"float32": 2.0**-23, "float64": 2.0**-52}
-# The slope between nodes is a difference of rounded values: so many times that for each cell of the way, over the
 # The slope between nodes is a difference of rounded values: so many times that for each cell of the way. It does not
 # average out over the steps of a ray that keeps its place in the cells it crosses.
 SLOPE_NOISE = 0.15

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from ..arguments import checked
+from ..checks import check_choice
 from ..clock import clocked, stage
 from ..device_arrays import rows_where
 from ..medium import IndexField
@@ -86,8 +87,7 @@ def trace(
         raise TypeError(f"until must be None, a Plane or an ArcLength, got {type(until).__name__}")
     wavelength = field.wavelength_for(wavelength)
     wanted = check_outputs(outputs)
-    if bundle not in BUNDLES:
-        raise ValueError(f"bundle {bundle!r} is not known: choose one of {', '.join(BUNDLES)}")
+    check_choice(bundle, "bundle", BUNDLES)
     if backend == "auto" and device is None and rays.device not in (None, "cpu"):
         device = rays.device  # rays that lie on a GPU are traced there
     backend = backend_for(field, backend)

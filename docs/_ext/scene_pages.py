@@ -42,7 +42,7 @@ def page() -> str:
         'table. A quantity is written with its unit, in quotes (`"905 nm"`, `"10 deg"`), or as a bare number in the SI unit of the '
         "column *unit*. Every key may be left out, except where the default says *required*; *absent* means that the key has no value "
         "unless it is given. `--set table.key=value` changes a key on the command line, and `aerokernels sweep --vary` varies it.\n",
-        "The scenes that ship are written to be copied: see `aerokernels/scenes`. What the keys of the echo do together is told in "
+        "The scenes that ship are written to be copied: `aerokernels scenes copy wind-tunnel-mach3`. What the keys of the echo do together is told in "
         "[The echo](../echo.md).\n",
     ]
     from aerokernels.scene.changes import key_dimension

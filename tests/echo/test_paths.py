@@ -8,10 +8,10 @@ from scipy.special import j1
 
 from aerokernels import IndexField, Plane, RayBundle, trace
 from aerokernels.echo.paths import target_plane, transmit_paths
-from aerokernels.echo.pupil_reduction import return_opd
 from aerokernels.echo.return_paths import interpolate_polynomial, return_paths
 from aerokernels.echo.target_points import target_points
 from aerokernels.scene import Scene
+from tests.return_opd import return_opd
 
 WAVELENGTH = 905e-9
 DEPTH = 0.06  # of the linear field [m]

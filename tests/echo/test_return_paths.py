@@ -8,10 +8,11 @@ import pytest
 from aerokernels import echo
 from aerokernels.echo import pupil_reduction
 from aerokernels.echo.paths import target_plane
-from aerokernels.echo.pupil_reduction import receiver_pupil, reduce_pupils, return_opd, upper_half
+from aerokernels.echo.pupil_reduction import receiver_pupil, reduce_pupils, upper_half
 from aerokernels.echo.return_paths import return_paths
 from aerokernels.medium import Body, IndexField
 from aerokernels.scene import Scene
+from tests.return_opd import return_opd
 
 WAVE_NUMBER = 2.0 * np.pi / 905e-9
 

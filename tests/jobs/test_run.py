@@ -6,10 +6,11 @@ from importlib import import_module
 import numpy as np
 import pytest
 
+from aerokernels.echo.paths import trace_options
 from aerokernels.jobs.dataset import density_cells
 from aerokernels.jobs.run import STAGES, RunResult, simulate
 from aerokernels.jobs.scene_text import scene_toml
-from aerokernels.jobs.views import pupil_map, pupil_samples, ray_fan, spot, trace_options
+from aerokernels.jobs.views import pupil_map, pupil_samples, ray_fan, spot
 from aerokernels.medium import IndexField, QuadMesh
 from aerokernels.prepare import prepare_field
 from aerokernels.rays import RayBundle

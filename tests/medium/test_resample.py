@@ -201,7 +201,7 @@ def test_a_region():
         ({"spacing": 0.0}, "spacing must be positive, got 0.0"),
         ({"spacing": (0.1, -0.1)}, "spacing must be positive"),
         ({"spacing": np.nan}, "spacing must be positive"),
-        ({"tolerance": 0.0}, "must be positive, got 0.0"),
+        ({"tolerance": 0.0}, "tolerance must be positive and finite \\[waves\\], got 0.0"),
         ({"tolerance": 1.0, "wavelength": -1.0}, "must be a positive length in metres, got -1.0"),
         ({"spacing": 1e-6}, "needs 1e.12 nodes.*greater spacing or a smaller region"),
         ({"spacing": 1e-300}, "spacing 1e-300 m needs .* nodes in the region of 1 by 1 m.*greater spacing"),

@@ -5,8 +5,9 @@ import functools
 import numpy as np
 
 from aerokernels.tracing import TraceResult, trace
-from aerokernels.validation.closed_forms import Case
-from aerokernels.validation.media import CASES
+
+from .closed_forms import Case
+from .media import CASES
 
 
 @functools.cache

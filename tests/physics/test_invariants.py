@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 from aerokernels.tracing import ArcLength, trace
-from aerokernels.validation.closed_forms import Case
-from aerokernels.validation.media import CASES
 
 from .checks import assert_float64, case
+from .closed_forms import Case
+from .media import CASES
 
 TIGHT = {"precision": "float64", "tolerance": 1e-6}
 

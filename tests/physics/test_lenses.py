@@ -6,9 +6,9 @@ import pytest
 from aerokernels.rays import RayBundle
 from aerokernels.tracing import ArcLength, trace
 from aerokernels.validation.closed_forms import unit
-from aerokernels.validation.media import N0
 
 from .checks import assert_float32, assert_float64, case
+from .media import N0
 
 LUNEBURG = ("Luneburg planar", "Luneburg axisymmetric", "Luneburg volume", "Luneburg planar, half way")
 FISH_EYE = ("fish-eye planar", "fish-eye axisymmetric", "fish-eye planar, half way")

@@ -6,9 +6,9 @@ import pytest
 from aerokernels.rays import RayBundle
 from aerokernels.tracing import ArcLength, Plane, trace
 from aerokernels.validation.closed_forms import layered_direction
-from aerokernels.validation.media import N0
 
 from .checks import assert_float32, assert_float64, case
+from .media import N0
 
 LINEAR = ("linear planar", "linear axisymmetric", "linear volume")
 

@@ -5,9 +5,9 @@ import pytest
 
 from aerokernels.rays import RayBundle
 from aerokernels.tracing import ArcLength, trace
-from aerokernels.validation.media import parabolic
 
 from .checks import assert_float32, assert_float64, case
+from .media import parabolic
 
 GEOMETRIES = ("planar", "axisymmetric", "volume")
 

@@ -5,9 +5,9 @@ import pytest
 
 from aerokernels.rays import RayBundle
 from aerokernels.tracing import trace
-from aerokernels.validation.media import N0, across_z
 
 from .checks import assert_float32, assert_float64, case
+from .media import N0, across_z
 
 GEOMETRIES = ("planar", "axisymmetric")
 

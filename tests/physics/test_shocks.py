@@ -14,7 +14,8 @@ import pytest
 from aerokernels.medium import IndexField
 from aerokernels.rays import RayBundle
 from aerokernels.tracing import Plane, trace
-from aerokernels.validation.layers import Step
+
+from .layers import Step
 
 CELL, JUMP = 1e-3, 2.4e-4
 UNIT = JUMP * CELL

@@ -13,7 +13,8 @@ import pytest
 from aerokernels.medium import IndexField
 from aerokernels.rays import RayBundle
 from aerokernels.tracing import Plane, trace
-from aerokernels.validation.layers import Step
+
+from .layers import Step
 
 THIN, LONG = 1e-4, 1e-3  # cells across the layer and along it [m]
 NORMALS = {"z": np.array([0.0, 0.0, 1.0]), "y": np.array([0.0, 1.0, 0.0])}

@@ -6,9 +6,10 @@ from scipy.integrate import quad
 
 from aerokernels.rays import RayBundle
 from aerokernels.tracing import Plane, trace
-from aerokernels.validation.closed_forms import Case, Ends, build_field
+from aerokernels.validation.closed_forms import Ends
 
 from .checks import assert_float32, assert_float64, case
+from .closed_forms import Case, build_field
 
 POWERS = (
     "spherical p=-1 planar",

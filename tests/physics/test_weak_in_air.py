@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from aerokernels.tracing import trace
-from aerokernels.validation.media import parabolic, sech
+
+from .media import parabolic, sech
 
 WAVE = 905e-9
 

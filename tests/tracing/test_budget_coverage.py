@@ -1,6 +1,6 @@
 """Does the reported budget cover the error made? Random fields whose true optical paths are known from the formula.
 
-Set-up: 200 fields of aerokernels/validation/field_draws.py, a third of each kind, half of them volumes. Every other
+Set-up: 200 fields of field_draws.py, a third of each kind, half of them volumes. Every other
 cubic one is met by as many rays as take the way of a million, by leapfrog samples; the others by a few, which go one by
 one, as all do on other grids.
 
@@ -17,7 +17,8 @@ import pytest
 
 from aerokernels.tracing import Plane, available_backends, trace
 from aerokernels.tracing.leapfrog import LEAST_RAYS
-from aerokernels.validation.field_draws import KINDS, draw
+
+from .field_draws import KINDS, draw
 
 FIELD_COUNT = 200
 COMPARED = 4  # rays of a bundle whose truth is known: most of the time goes into it

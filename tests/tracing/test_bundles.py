@@ -8,13 +8,13 @@ import pytest
 
 from aerokernels import ArcLength, Body, IndexField, Plane, RayBundle, trace
 from aerokernels.tracing import RayStatus
-from aerokernels.tracing.bundle.delivery import deliver
 from aerokernels.tracing.bundle.family import SAMPLE, find_family, some_rows
 from aerokernels.tracing.bundle.run import Asked, find_table
 from aerokernels.tracing.result import RAY_OUTPUTS
 from aerokernels.tracing.trace import run_plan
 
 from .backends import ENGINES, WAVE, on
+from .bundle_delivery import deliver
 
 H = 1e-3 / 16
 SIDE = 120  # rays along each side of a bundle

@@ -10,17 +10,10 @@ from pathlib import Path
 import numpy as np
 
 from .cgns_nodes import HDF5, child, children, data_of, name_of, text_of
-from .dataset import Patch, Polygons
+from .dataset import Patch
 
-SURFACE = {
-    3: 2,
-    4: 2,
-    5: 3,
-    6: 3,
-    7: 4,
-    8: 4,
-    9: 4,
-}  # corners of CGNS' edges, triangles, quadrilaterals; mid-points last
+# Corners of CGNS' edges, triangles and quadrilaterals; mid-points come last.
+SURFACE = {3: 2, 4: 2, 5: 3, 6: 3, 7: 4, 8: 4, 9: 4}
 POINTS = {2: 1, 3: 2, 4: 3, 5: 3, 6: 6, 7: 4, 8: 8, 9: 9, 10: 4, 11: 10, 12: 5, 13: 14, 14: 6, 15: 15, 16: 18, 17: 8,
           18: 20, 19: 27, 21: 13}  # fmt: skip
 MIXED, POLYGONS = 20, 22
@@ -53,17 +46,8 @@ def patches(path: Path) -> tuple[list[Patch], list[str]]:
                     if not len(corners):
                         notes.append(f"boundary patch {name_of(own)} names no faces that are there")
                         continue
-                    at = points[corners]
-                    kind = _kind(own, families)
-                    if dimension == 2:
-                        found.append(Patch(name_of(own), kind, at))
-                    else:
-                        found.append(Patch(name_of(own), kind, polygons=Polygons(at.reshape(-1, 3), _starts(at))))
+                    found.append(Patch.of(name_of(own), _kind(own, families), points[corners]))
     return found, notes
-
-
-def _starts(at: np.ndarray) -> np.ndarray:
-    return at.shape[1] * np.arange(len(at) + 1)
 
 
 def _points(zone) -> np.ndarray | None:

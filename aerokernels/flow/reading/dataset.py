@@ -190,6 +190,14 @@ class Patch:
     edges: np.ndarray = field(default_factory=lambda: NO_EDGES)
     polygons: Polygons | None = None
 
+    @classmethod
+    def of(cls, name: str, kind: str, corners: np.ndarray) -> "Patch":
+        """Edges or faces of equally many corners, shape (count, corner_count, 3): edges have two."""
+        each = corners.shape[1]
+        if each == 2:
+            return cls(name, kind, corners)
+        return cls(name, kind, polygons=Polygons(corners.reshape(-1, 3), each * np.arange(len(corners) + 1)))
+
 
 @dataclass(frozen=True, eq=False)
 class Dataset:

@@ -10,24 +10,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ...checks import check_positive
 from ...units import quantity
-from ..gas import GAS_CONSTANT_AIR, GREATEST_DENSITY, positive
+from ..gas import GAS_CONSTANT_AIR, no_gas
 from .array_units import in_si_units
 from .dataset import FLAT, SOLID, Block, Dataset, ReadError
 
 # Names by which solvers call them, in lower case and without blanks, signs and units.
-DENSITY_NAMES = (
-    "rho",
-    "density",
-    "massdensity",
-    "dens",
-    "conservative1",
-    "rhomean",
-    "densitymean",
-    "meandensity",
-    "ro",
-    "q1",
-)
+DENSITY_NAMES = ("rho", "density", "massdensity", "dens", "conservative1", "rhomean", "densitymean", "meandensity",
+                 "ro", "q1")  # fmt: skip
 PRESSURE_NAMES = ("p", "pressure", "staticpressure", "absolutepressure", "pres", "press", "pmean")
 TEMPERATURE_NAMES = ("t", "temperature", "statictemperature", "temp", "tmean")
 REFERENCES = {"density": "density", "pressure": "pressure", "temperature": "temperature", "length": "length"}
@@ -60,7 +51,7 @@ class Reference:
             given = {"density": given}
         if unknown := set(given) - set(REFERENCES):
             raise ValueError(f"reference: {sorted(unknown)[0]!r} is not known: choose of {', '.join(REFERENCES)}")
-        values = {name: positive(quantity(v, REFERENCES[name]), f"reference {name}") for name, v in given.items()}
+        values = {name: check_positive(quantity(v, REFERENCES[name]), f"reference {name}") for name, v in given.items()}
         return cls(**values, given=frozenset(values))
 
 
@@ -106,7 +97,7 @@ def choose_density(path, dataset: Dataset, given, gas_constant: float | None) ->
         ReadError: No such array.
     """
     names = dataset.array_names()
-    own = positive(
+    own = check_positive(
         gas_constant if gas_constant is not None else dataset.gas_constant or GAS_CONSTANT_AIR, "gas_constant"
     )
     listed = ", ".join(names) if names else "none"
@@ -117,7 +108,7 @@ def choose_density(path, dataset: Dataset, given, gas_constant: float | None) ->
             raise ValueError(
                 f"density: give an array's name, or a mapping of 'pressure' and 'temperature', got {given!r}"
             )
-        constant = positive(float(given.get("gas_constant", own)), "gas_constant")
+        constant = check_positive(float(given.get("gas_constant", own)), "gas_constant")
         pair = [found_name(path, given[key], names, listed) for key in ("pressure", "temperature")]
         return DensityChoice(None, pair[0], pair[1], constant)
     if given is not None:
@@ -134,7 +125,7 @@ def choose_density(path, dataset: Dataset, given, gas_constant: float | None) ->
             f"no array is known for the density, nor for pressure and temperature (there are: {listed})",
             "name it: density = 'NAME', or density = {pressure = 'NAME', temperature = 'NAME'}",
         )
-    return DensityChoice(None, pressure, temperature, positive(own, "gas_constant"))
+    return DensityChoice(None, pressure, temperature, check_positive(own, "gas_constant"))
 
 
 def block_density(
@@ -204,23 +195,15 @@ def _refuse_no_gas(path, block: Block, name: str, values: np.ndarray, where: str
     beside = _beside_the_flow(block) if where == "cell" else None
     if beside is not None:
         blank = beside if blank is None else blank | beside
-    for fault, bad in (
-        ("not finite", ~np.isfinite(values)),
-        ("not positive", values <= 0.0),
-        (f"no gas's, above {GREATEST_DENSITY:g} kg/m3", values > GREATEST_DENSITY),
-    ):
-        if blank is not None:
-            bad = bad & ~blank
-        if bad.any():
-            first = int(np.argmax(bad))
-            remedy = "repair the file, or give the reference of non-dimensional data"
-            place = f"{where} {first}" + (f" of block {block.name!r}" if block.name else "")
-            raise ReadError(
-                path,
-                f"{int(bad.sum())} of {len(values)} densities from {name} are {fault}, the first is "
-                f"{float(values[first])!r} kg/m3 in {place}",
-                remedy,
-            )
+    if wrong := no_gas(values, blank):
+        fault, count, first = wrong
+        place = f"{where} {first}" + (f" of block {block.name!r}" if block.name else "")
+        raise ReadError(
+            path,
+            f"{count} of {len(values)} densities from {name} are {fault}, the first is {float(values[first])!r} kg/m3 "
+            f"in {place}",
+            "repair the file, or give the reference of non-dimensional data",
+        )
 
 
 def _beside_the_flow(block: Block) -> np.ndarray | None:

@@ -170,11 +170,12 @@ def dataset_of(path, arrays, units, variables, kind: str, time, labelled: bool =
     length, factors = length_of(path, {chosen[axis]: units.get(chosen[axis], "") for axis in axes})
     coordinates = [own * factor for own, factor in zip(coordinates, factors, strict=True)]
     alike = not labelled and all(own.ndim == 1 for own in coordinates) and len({*map(len, coordinates)}) < len(axes)
-    block = _block(path, axes, coordinates, {n: a for n, a in arrays.items() if n not in chosen.values()})
+    block, notes = _block(path, axes, coordinates, {n: a for n, a in arrays.items() if n not in chosen.values()})
+    if alike and block.shape:
+        notes = [*notes, f"arrays taken as [{', '.join(axes)}]"]
     along = {"z": (0.0, 0.0, -1.0), "x": (1.0, 0.0, 0.0)}
     return Dataset([block], kind, "axisymmetric" if axisymmetric else None, times=times, time=taken,
-                   axis=along[axes[1]] if axisymmetric else None, units=units, length=length,
-                   notes=[f"arrays taken as [{', '.join(axes)}]"] if alike and block.shape else [])  # fmt: skip
+                   axis=along[axes[1]] if axisymmetric else None, units=units, length=length, notes=notes)  # fmt: skip
 
 
 def axes_of(known: Collection[str]) -> tuple[str, ...]:
@@ -184,8 +185,11 @@ def axes_of(known: Collection[str]) -> tuple[str, ...]:
     return tuple(axis for axis in "xyz" if axis in known)
 
 
-def _block(path, axes, coordinates, arrays) -> Block:
-    """The samples as a structured block, the last axis of the arrays being the slowest of the block's."""
+def _block(path, axes, coordinates, arrays) -> tuple[Block, list[str]]:
+    """The samples as a structured block, the last axis of the arrays being the slowest of the block's; and notes.
+
+    Samples at scattered places are joined as the points of a table are.
+    """
     place = {"x": 0, "y": 1, "z": 2, "r": 1}
     if all(own.ndim == 1 for own in coordinates) and not _is_cloud(coordinates, arrays):
         counts = tuple(len(own) for own in coordinates)
@@ -208,7 +212,7 @@ def _block(path, axes, coordinates, arrays) -> Block:
             points = np.zeros((counts[0], 3))
             for axis, own in zip(axes, coordinates, strict=True):
                 points[:, place[axis]] = own
-            return joined(path, points, {n: np.asarray(a, float) for n, a in arrays.items() if a.shape == counts})[0]
+            return joined(path, points, {n: np.asarray(a, float) for n, a in arrays.items() if a.shape == counts})
         cells = tuple(n - 1 for n in counts)
         full = coordinates
     points = np.zeros((int(np.prod(counts)), 3))
@@ -226,7 +230,7 @@ def _block(path, axes, coordinates, arrays) -> Block:
     shape = (*counts, 1)[:3] if len(counts) < 3 else counts
     if not point_data and not cell_data:
         raise _no_samples(path, counts)
-    return Block(points, None, (int(shape[0]), int(shape[1]), int(shape[2])), point_data, cell_data)
+    return Block(points, None, (int(shape[0]), int(shape[1]), int(shape[2])), point_data, cell_data), []
 
 
 def _no_samples(path, counts: tuple[int, ...]) -> ReadError:

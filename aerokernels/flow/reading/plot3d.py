@@ -9,7 +9,9 @@ damaged.
     functions  [grids]  ni nj [nk] n ... f1 ... fn
 """
 
-from dataclasses import dataclass
+import math
+import warnings
+from collections.abc import Iterator, Sequence
 from itertools import product
 from pathlib import Path
 from typing import Any
@@ -26,21 +28,53 @@ PADDING = 1024  # bytes of a block on a disk or tape
 CONSERVATIVE = ("density", "momentum_x", "momentum_y", "momentum_z", "energy")
 
 
-@dataclass(frozen=True, eq=False)
-class _Form:
-    """One way in which the bytes may be meant."""
+class _Stream:
+    """The numbers of a file by one meaning of its bytes, or of its text, taken record by record."""
 
-    order: str
-    real: int
-    records: bool
-    several: bool
-    dimension: int
-    iblank: bool = False
+    def __init__(self, source: bytes | np.ndarray, order: str = "", real: int = 0, records: bool = False):
+        """Bytes of an order and a precision, in Fortran's records or one after the other; or the numbers of a text."""
+        self.source, self.order, self.real, self.records, self.at = source, order, real, records, 0
 
     def described(self) -> str:
         """In words."""
+        if not self.order:
+            return "ascii"
         kind = "Fortran records" if self.records else "plain binary"
         return f"{kind}, {'little' if self.order == '<' else 'big'} endian, float{8 * self.real}"
+
+    def take(self, *parts: tuple[str, int]) -> list[np.ndarray] | None:
+        """The next record, which must be so many whole ("i") or real ("f") numbers in turn; None where it is not."""
+        if not self.order:
+            return self._take_text(parts)
+        kinds = [np.dtype(f"{self.order}{kind}{4 if kind == 'i' else self.real}") for kind, _ in parts]
+        ends = np.cumsum([0, *(kind.itemsize * count for kind, (_, count) in zip(kinds, parts, strict=True))]).tolist()
+        mark = 4 if self.records else 0  # the count of bytes that Fortran writes before a record and behind it
+        begin, size = self.at + mark, ends[-1]
+        if begin + size + mark > len(self.source):
+            return None
+        if mark:
+            counts = self.source[self.at : begin] + self.source[begin + size : begin + size + 4]
+            if (np.frombuffer(counts, f"{self.order}u4") != size).any():
+                return None
+        self.at = begin + size + mark
+        each = zip(kinds, parts, ends[:-1], strict=True)
+        return [np.frombuffer(self.source, kind, count, begin + end) for kind, (_, count), end in each]
+
+    def _take_text(self, parts: tuple[tuple[str, int], ...]) -> list[np.ndarray] | None:
+        ends = np.cumsum([count for _, count in parts])
+        found = np.split(np.asarray(self.source[self.at : self.at + ends[-1]]), ends[:-1])
+        if self.at + ends[-1] > len(self.source):
+            return None
+        if any(kind == "i" and (own != np.round(own)).any() for (kind, _), own in zip(parts, found, strict=True)):
+            return None
+        self.at += int(ends[-1])
+        return found
+
+    @property
+    def at_end(self) -> bool:
+        """Whether no more follows than zeros, with which some systems fill up their last block."""
+        rest = self.source[self.at :]
+        return not len(rest) if not self.order else len(rest) < PADDING and not any(rest)
 
 
 def read(path: Path, time: Any = None, options: dict | None = None) -> Dataset:
@@ -74,91 +108,68 @@ def _pair(path: Path, solution) -> tuple[Path, Path]:
     return (path, same[0]) if ends is GRID_ENDS else (same[0], path)
 
 
-def _read_grid(path: Path) -> tuple[list[Block], str]:
+def _meanings(path: Path, *more: tuple) -> Iterator[tuple]:
+    """Ways in which a file may be meant: its numbers, whether of several grids, dimensions, and what else is asked."""
     data = path.read_bytes()
-    for form in _forms(True):
-        found = _sections(data, form, lambda n, f: f.dimension * n * f.real + (4 * n if f.iblank else 0))
-        if found is not None:
-            shapes, sections = found
-            blocks = [_grid_block(section, shape, form) for section, shape in zip(sections, shapes, strict=True)]
-            if all(_plausible(block) for block in blocks):
-                return blocks, form.described()
+    for meaning in product("<>", (8, 4), (True, False)):
+        for choice in product((True, False), (3, 2), *more):
+            yield _Stream(data, *meaning), *choice
     text = _ascii(path, data)
-    for several, dimension, iblank in product((True, False), (3, 2), (False, True)):
-        found_text = _text_blocks(text, several, dimension, iblank)
-        if found_text is not None:
-            return found_text, "ascii"
-    raise ReadError(path, f"its {len(data)} bytes fit no grid of Plot3D", DAMAGED)
+    for choice in product((True, False), (3, 2), *more):
+        yield _Stream(text), *choice
 
 
-def _forms(grid: bool):
-    for order, real, records, several, dimension in product("<>", (8, 4), (True, False), (True, False), (3, 2)):
-        for iblank in (False, True) if grid else (False,):
-            yield _Form(order, real, records, several, dimension, iblank)
+def _ascii(path: Path, data: bytes) -> np.ndarray:
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        try:
+            return np.fromstring(data.decode("ascii"), sep=" ")
+        except (UnicodeDecodeError, DeprecationWarning, ValueError):
+            raise ReadError(path, f"its {len(data)} bytes fit no form of Plot3D", DAMAGED) from None
 
 
-def _sections(data: bytes, form: _Form, size, extra: int = 0):
-    """Shapes of the grids and the bytes of each, or None where the file does not fit the form to its last byte."""
-    reader = _Records(data, form)
-    head = reader.take(4) if form.several else np.array([1], f"{form.order}i4").tobytes()
-    if head is None:
+def _sizes(stream: _Stream, several: bool, width: int) -> np.ndarray | None:
+    """The numbers with which a file begins, a row for each grid; None where they can be none."""
+    stream.at, most = 0, len(stream.source)
+    head = stream.take(("i", 1)) if several else [np.ones(1)]
+    if head is None or not 0 < head[0][0] <= GREATEST_GRID_COUNT:
         return None
-    count = int(np.frombuffer(head, f"{form.order}i4")[0])
-    if not 0 < count <= GREATEST_GRID_COUNT:
+    found = stream.take(("i", width * int(head[0][0])))
+    if found is None or (found[0] < 1).any() or (found[0] > most).any():
         return None
-    width = form.dimension + extra
-    head = reader.take(4 * width * count)
-    if head is None:
-        return None
-    sizes = np.frombuffer(head, f"{form.order}i4").reshape(count, width).astype(np.int64)
-    if (sizes < 1).any() or (sizes.prod(axis=1, dtype=float) > len(data)).any():
-        return None
-    sections = []
-    for row in sizes:
-        nodes = int(row[: form.dimension].prod())
-        part = reader.take(size(nodes * (int(row[-1]) if extra else 1), form))
-        if part is None:
+    sizes = found[0].astype(np.int64).reshape(-1, width)
+    return None if (sizes.prod(axis=1, dtype=np.float64) > most).any() else sizes
+
+
+def _records(stream: _Stream, *wanted: Sequence[tuple[str, int]]) -> list[list[np.ndarray]] | None:
+    """Records one after the other; None where they are none, or where the file goes on."""
+    found = []
+    for parts in wanted:
+        if (record := stream.take(*parts)) is None:
             return None
-        sections.append(part)
-    if not reader.at_end:
-        return None
-    shapes = [(*(int(n) for n in row[: form.dimension]), *([1] if form.dimension == 2 else [])) for row in sizes]
-    return (shapes, sections) if not extra else ((shapes, [int(row[-1]) for row in sizes]), sections)
+        found.append(record)
+    return found if stream.at_end else None
 
 
-class _Records:
-    """Bytes in Fortran's records, each between two counts of four bytes, or one after the other."""
-
-    def __init__(self, data: bytes, form: _Form):
-        self.data, self.form, self.at = data, form, 0
-
-    def take(self, size: int) -> bytes | None:
-        """The next record, which must be of a size; or the next bytes."""
-        mark = 4 if self.form.records else 0
-        begin = self.at + mark
-        if begin + size + mark > len(self.data):
-            return None
-        if mark:
-            counts = self.data[self.at : begin] + self.data[begin + size : begin + size + 4]
-            if (np.frombuffer(counts, f"{self.form.order}u4") != size).any():
-                return None
-        self.at = begin + size + mark
-        return self.data[begin : begin + size]
-
-    @property
-    def at_end(self) -> bool:
-        """Whether no more follows than zeros, with which some systems fill up their last block."""
-        rest = self.data[self.at :]
-        return len(rest) < PADDING and not any(rest)
+def _shapes(sizes: np.ndarray) -> list[tuple[int, ...]]:
+    return [(*row, 1)[:3] for row in sizes.tolist()]
 
 
-def _grid_block(section: bytes, shape, form: _Form) -> Block:
-    nodes = int(np.prod(shape))
-    values = np.frombuffer(section, f"{form.order}f{form.real}", form.dimension * nodes).reshape(form.dimension, nodes)
-    blank = None
-    if form.iblank:
-        blank = np.frombuffer(section, f"{form.order}i4", nodes, form.dimension * nodes * form.real)
-    return _block(values, shape, blank)
+def _read_grid(path: Path) -> tuple[list[Block], str]:
+    for stream, several, dimension, iblank in _meanings(path, (False, True)):
+        sizes = _sizes(stream, several, dimension)
+        if sizes is None:
+            continue
+        nodes = [math.prod(row) for row in sizes.tolist()]
+        found = _records(stream, *((("f", dimension * n), ("i", n if iblank else 0)) for n in nodes))
+        if found is not None:
+            blocks = [
+                _block(values.reshape(dimension, -1), shape, blank if iblank else None)
+                for (values, blank), shape in zip(found, _shapes(sizes), strict=True)
+            ]
+            if not stream.order or all(_plausible(block) for block in blocks):
+                return blocks, stream.described()
+    raise ReadError(path, f"its {path.stat().st_size} bytes fit no grid of Plot3D", DAMAGED)
 
 
 def _block(values: np.ndarray, shape, blank) -> Block:
@@ -177,114 +188,33 @@ def _plausible(block: Block) -> bool:
     )
 
 
-def _ascii(path: Path, data: bytes) -> np.ndarray:
-    import warnings
-
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
-        try:
-            return np.fromstring(data.decode("ascii"), sep=" ")
-        except (UnicodeDecodeError, DeprecationWarning, ValueError):
-            raise ReadError(path, f"its {len(data)} bytes fit no form of Plot3D", DAMAGED) from None
-
-
-def _text_shapes(text: np.ndarray, several: bool, width: int):
-    count = int(text[0]) if several and len(text) and text[0] == int(text[0]) else 1
-    begin = 1 if several else 0
-    if not 0 < count <= GREATEST_GRID_COUNT or len(text) < begin + width * count:
-        return None
-    sizes = text[begin : begin + width * count]
-    if (sizes != np.round(sizes)).any() or (sizes < 1).any():
-        return None
-    sizes = sizes.reshape(count, width)
-    if (sizes.prod(axis=1) > len(text)).any():
-        return None
-    return sizes.astype(np.int64), begin + width * count
-
-
-def _text_blocks(text: np.ndarray, several: bool, dimension: int, iblank: bool) -> list[Block] | None:
-    head = _text_shapes(text, several, dimension)
-    if head is None:
-        return None
-    sizes, at = head
-    nodes = sizes.prod(axis=1)
-    if at + int(nodes.sum()) * (dimension + iblank) != len(text):
-        return None
-    blocks = []
-    for row, count in zip(sizes, nodes, strict=True):
-        values = text[at : at + dimension * count].reshape(dimension, count)
-        at += dimension * count
-        blank = text[at : at + count] if iblank else None
-        at += count if iblank else 0
-        blocks.append(_block(values, (*(int(n) for n in row), *([1] if dimension == 2 else [])), blank))
-    return blocks
-
-
 def _read_solution(path: Path, shapes: list[tuple[int, int, int]]) -> list[dict[str, np.ndarray]]:
-    data = path.read_bytes()
-    for form in _forms(False):
+    for stream, several, dimension in _meanings(path):
         for single in (False, True):  # the four numbers before each grid's solution are a record of their own
-            found = _solution(data, form, single)
+            values = _solution(stream, several, dimension, single)
+            if values is not None:
+                own, solved = values
+                return _fitting(path, own, solved, shapes)
+        sizes = _sizes(stream, several, dimension + 1)
+        if sizes is not None:
+            found = _records(stream, *([("f", math.prod(row))] for row in sizes.tolist()))
             if found is not None:
-                return _fitting(path, found[0], found[1], shapes)
-        functions = _sections(data, form, lambda n, f: n * f.real, extra=1)
-        if functions is not None:
-            (own, counts), sections = functions
-            values = [
-                np.frombuffer(s, f"{form.order}f{form.real}").reshape(n, -1)
-                for s, n in zip(sections, counts, strict=True)
-            ]
-            return _fitting(path, own, values, shapes, [f"f{k + 1}" for k in range(max(counts))])
-    return _text_solution(path, _ascii(path, data), shapes)
+                functions = [own.reshape(row[-1], -1) for (own,), row in zip(found, sizes, strict=True)]
+                names = [f"f{k + 1}" for k in range(int(sizes[:, -1].max()))]
+                return _fitting(path, _shapes(sizes[:, :-1]), functions, shapes, names)
+    raise ReadError(path, f"its {path.stat().st_size} bytes fit no solution of Plot3D", DAMAGED)
 
 
-def _solution(data: bytes, form: _Form, single: bool):
-    reader = _Records(data, form)
-    head = reader.take(4) if form.several else np.array([1], f"{form.order}i4").tobytes()
-    count = 0 if head is None else int(np.frombuffer(head, f"{form.order}i4")[0])
-    if not 0 < count <= GREATEST_GRID_COUNT:
+def _solution(stream: _Stream, several: bool, dimension: int, single: bool):
+    """Shapes of the grids and the variables of each; None where the file is no such solution."""
+    sizes = _sizes(stream, several, dimension)
+    if sizes is None:
         return None
-    head = reader.take(4 * form.dimension * count)
-    if head is None:
+    parts = [[("f", 4), ("f", (dimension + 2) * math.prod(row))] for row in sizes.tolist()]
+    found = _records(stream, *(parts if single else [[part] for both in parts for part in both]))
+    if found is None:
         return None
-    sizes = np.frombuffer(head, f"{form.order}i4").reshape(count, form.dimension).astype(np.int64)
-    if (sizes < 1).any() or (sizes.prod(axis=1, dtype=float) > len(data)).any():
-        return None
-    variables = form.dimension + 2
-    values = []
-    for row in sizes:
-        nodes = int(row.prod())
-        if single and form.records:
-            part = reader.take((4 + variables * nodes) * form.real)
-            part = None if part is None else part[4 * form.real :]
-        elif reader.take(4 * form.real) is None:
-            return None
-        else:
-            part = reader.take(variables * nodes * form.real)
-        if part is None:
-            return None
-        values.append(np.frombuffer(part, f"{form.order}f{form.real}").reshape(variables, nodes))
-    if not reader.at_end:
-        return None
-    return [(*(int(n) for n in row), *([1] if form.dimension == 2 else [])) for row in sizes], values
-
-
-def _text_solution(path: Path, text: np.ndarray, shapes) -> list[dict[str, np.ndarray]]:
-    for several, dimension in product((True, False), (3, 2)):
-        head = _text_shapes(text, several, dimension)
-        if head is None:
-            continue
-        sizes, at = head
-        nodes, variables = sizes.prod(axis=1), dimension + 2
-        if at + int(nodes.sum()) * variables + 4 * len(sizes) != len(text):
-            continue
-        values = []
-        for count in nodes:
-            values.append(text[at + 4 : at + 4 + variables * count].reshape(variables, count))
-            at += 4 + variables * int(count)
-        own = [(*(int(n) for n in row), *([1] if dimension == 2 else [])) for row in sizes]
-        return _fitting(path, own, values, shapes)
-    raise ReadError(path, f"its {len(text)} numbers fit no solution of Plot3D", DAMAGED)
+    return _shapes(sizes), [record[-1].reshape(dimension + 2, -1) for record in (found if single else found[1::2])]
 
 
 def _fitting(path: Path, own, values, shapes, names=None) -> list[dict[str, np.ndarray]]:

@@ -8,11 +8,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ...checks import check_positive
 from ...medium import Body
 from ...units import quantity
 from ...written_units import DIMENSIONS, written_unit
 from ..density_field import CellDensity, DensityField
-from ..gas import check_density, positive
+from ..gas import check_density
 from ..sampled_density import VertexDensity
 from .dataset import Block, Dataset, ReadError, check_points
 from .density import Reference, block_density, choose_density
@@ -135,19 +136,10 @@ def read(
     )  # fmt: skip
 
 
-def read_onto(
-    kept: Kept | None, path, *, density=None, frame=None, length_unit=None, reference=None, time=None,
-    gas_constant=None, geometry=None, ambient_density=None, spacing=None, region=None, walls=None, species=None,
-    **options: Any,
-) -> DensityField:  # fmt: skip
+def read_onto(kept: Kept | None, path, *, spacing=None, region=None, walls=None, **asked: Any) -> DensityField:
     """`read`, with what the mesh decides taken from the last reading and kept for the next."""
     try:
-        reading = prepare(
-            path, density=density, frame=frame, length_unit=length_unit, reference=reference, time=time,
-            gas_constant=gas_constant, geometry=geometry, ambient_density=ambient_density, options=options,
-            species=species,
-        )  # fmt: skip
-        return field_of(reading, spacing, region, walls, kept)
+        return field_of(prepare(path, **asked), spacing, region, walls, kept)
     except (ArithmeticError, LookupError) as fault:
         # Counts and indices that do not fit are refused where they are read; what passes that is damaged all the same.
         what = f"no field can be made of it ({type(fault).__name__}: {fault})"
@@ -158,10 +150,8 @@ def read_onto(
         ) from None
 
 
-def prepare(
-    path, *, density, frame, length_unit, reference, time, gas_constant, geometry, ambient_density, options,
-    species=None,
-) -> Reading:  # fmt: skip
+def prepare(path, *, density=None, frame=None, length_unit=None, reference=None, time=None, gas_constant=None,
+            geometry=None, ambient_density=None, species=None, **options: Any) -> Reading:  # fmt: skip
     """Read a file and find out what is what in it; arguments and errors as in `read`."""
     if not isinstance(path, (str, os.PathLike)):
         raise TypeError(
@@ -290,7 +280,7 @@ def unit_of_length(unit: str | float | None) -> float:
         return written.factor
     if isinstance(unit, str) and not any(c.isdigit() for c in unit):
         unit = f"1 {unit}"
-    return positive(quantity(unit, "length"), "length_unit")
+    return check_positive(quantity(unit, "length"), "length_unit")
 
 
 def length_unit_given(unit: str | float | None, reference: Reference) -> float | None:

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from .dataset import POLYGON, Block, Cells, Dataset, Patch, Polygons, ReadError
+from .dataset import POLYGON, Block, Cells, Dataset, Patch, ReadError
 from .text_tables import read_table
 
 MAGIC = 535532
@@ -224,17 +224,11 @@ def _whole(path: Path, line: int, word: str) -> int:
     return int(word)
 
 
-def _patch(name: str, kind: str, corners: np.ndarray) -> Patch:
-    if corners.shape[1] == 2:
-        return Patch(name, kind, corners)
-    return Patch(name, kind, polygons=Polygons(corners.reshape(-1, 3), 4 * np.arange(len(corners) + 1)))
-
-
 def _walls(points: np.ndarray, markers: dict[str, np.ndarray]) -> list[Patch]:
     """Markers as patches; SU2 keeps what they are in its configuration, so that only names can tell a wall."""
     words = ("wall", "airfoil", "body", "cylinder", "wedge", "cone", "sphere")
     return [
-        _patch(name, "wall" if any(word in name.lower() for word in words) else "marker", points[edges])
+        Patch.of(name, "wall" if any(word in name.lower() for word in words) else "marker", points[edges])
         for name, edges in markers.items()
         if len(edges)
     ]

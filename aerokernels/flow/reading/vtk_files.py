@@ -5,12 +5,14 @@ the file announces. Runs in the child of fragile.py.
 """
 
 import re
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
+from xml.etree import ElementTree
 
 import numpy as np
 
-from .dataset import Block, Cells, Dataset, Faces, ReadError, chosen_time
+from .dataset import CORNERS, LINE, Block, Cells, Dataset, Faces, ReadError, chosen_time
 from .high_order import joined, linear_cells
 from .solids import FACES
 
@@ -32,6 +34,7 @@ HIDDEN = 2 | 8  # vtkDataSetAttributes: cells duplicated in or refined away from
 BLANK = 32
 STRUCTURED_ORDER = {11: [0, 1, 3, 2, 4, 5, 7, 6], 8: [0, 1, 3, 2]}  # voxel and pixel corners, in the order of their kin
 LINEAR = {11: 12, 8: 9}
+QUADRATIC = {21: 3, 22: 5, 23: 9, 28: 9, 24: 10, 25: 12, 29: 12, 26: 13, 27: 14}  # and the linear cell of each
 
 
 def read(path: Path, time: Any = None, options: dict | None = None) -> Dataset:
@@ -90,17 +93,8 @@ def _text(said: str | bytes | None) -> str:
 
 
 def _series(path: Path, time) -> Dataset:
-    """A .pvd file: an XML list of files with their times."""
-    from dataclasses import replace
-    from xml.etree import ElementTree
-
-    try:
-        root = ElementTree.parse(path).getroot()
-        entries = [(float(e.attrib.get("timestep", 0.0)), e.attrib["file"]) for e in root.iter("DataSet")]
-    except (ElementTree.ParseError, KeyError, ValueError) as fault:
-        raise ReadError(path, f"it is no list of data sets ({fault})", DAMAGED) from None
-    if not entries:
-        raise ReadError(path, "it lists no data sets", DAMAGED)
+    """The files of a ParaView collection that have one time."""
+    entries = collection(path)
     times = sorted({value for value, _ in entries})
     chosen = chosen_time(path, times, time)
     parts = []
@@ -114,7 +108,25 @@ def _series(path: Path, time) -> Dataset:
     return replace(parts[0], blocks=blocks, times=times, time=chosen, format=f"VTK series of {len(times)} times")
 
 
-def blocks_of(path: Path | str, data, name: str = "") -> list[Block]:
+def collection(path: Path) -> list[tuple[float, str]]:
+    """What a .pvd file lists: times, and names of files.
+
+    Raises:
+        ReadError: It is no such list, or lists nothing.
+    """
+    try:
+        root = ElementTree.parse(path).getroot()
+        entries = [(float(e.attrib.get("timestep", 0.0)), e.attrib["file"]) for e in root.iter("DataSet")]
+    except (ElementTree.ParseError, KeyError, ValueError) as fault:
+        raise ReadError(path, f"it is no list of data sets ({fault})", DAMAGED) from None
+    if not entries:
+        raise ReadError(path, "it lists no data sets", DAMAGED)
+    if not np.isfinite([time for time, _ in entries]).all():
+        raise ReadError(path, "it lists a time that is no number", DAMAGED)
+    return entries
+
+
+def blocks_of(path: Path | str, data) -> list[Block]:
     """The blocks of a data object, parts of parts included."""
     from vtkmodules.vtkCommonDataModel import vtkCompositeDataSet, vtkDataSet
 
@@ -137,7 +149,7 @@ def blocks_of(path: Path | str, data, name: str = "") -> list[Block]:
         raise ReadError(path, f"a {data.GetClassName()} is no mesh", "give a grid with point or cell data")
     if not data.GetNumberOfPoints():
         raise ReadError(path, "it holds no points", DAMAGED)
-    return [_block(path, data, name)]
+    return [_block(path, data, "")]
 
 
 def _block(path: Path | str, data, name: str) -> Block:
@@ -250,22 +262,11 @@ def _linear(start, points, kinds):
             points = points.copy()
             points[start[own][:, None] + np.arange(len(order))] = points[place]
             kinds = np.where(kinds == kind, LINEAR[kind], kinds).astype(np.uint8)
-    corners = {
-        21: (3, 2),
-        22: (5, 3),
-        23: (9, 4),
-        28: (9, 4),
-        24: (10, 4),
-        25: (12, 8),
-        29: (12, 8),
-        26: (13, 6),
-        27: (14, 5),
-    }
-    if np.isin(kinds, list(corners)).any():
+    if np.isin(kinds, list(QUADRATIC)).any():
         width = np.diff(start)
         keep = width.copy()
-        for kind, (plain, count) in corners.items():
-            keep[kinds == kind] = count
+        for kind, plain in QUADRATIC.items():
+            keep[kinds == kind] = {LINE: 2, **CORNERS}[plain]
             kinds = np.where(kinds == kind, plain, kinds).astype(np.uint8)
         within = np.arange(len(points)) - np.repeat(start[:-1], width)
         points = points[within < np.repeat(keep, width)]

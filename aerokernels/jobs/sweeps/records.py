@@ -11,8 +11,7 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
-from aerokernels.drafts import draft_of
-from aerokernels.jobs.store import FULL, OutputError, to_json
+from aerokernels.jobs.store import to_json, write_text
 from aerokernels.plain_text import plain_json
 
 DEFINITION_FILE, CASES_FILE, DATASET_FILE = "sweep.json", "cases.jsonl", "sweep.nc"
@@ -40,18 +39,6 @@ def read_definition(folder: Path) -> dict[str, Any] | None:
 def write_definition(folder: Path, described: Mapping[str, Any]) -> None:
     """Write what is swept, in one step."""
     write_text(folder / DEFINITION_FILE, plain_json(json.dumps(described, indent=2, ensure_ascii=False)) + "\n")
-
-
-def write_text(path: Path, text: str) -> None:
-    """Replace a file in one step: whoever reads it finds the old or the new one, whole."""
-    partial = draft_of(path)
-    try:
-        partial.write_text(text, encoding="utf-8")
-        partial.replace(path)
-    except OSError as fault:
-        raise (OutputError(path, fault) if fault.errno in FULL else fault) from fault
-    finally:
-        partial.unlink(missing_ok=True)
 
 
 def check_same(folder: Path, found: Mapping[str, Any], asked: Mapping[str, Any]) -> None:

@@ -9,7 +9,7 @@ from collections.abc import Callable, Generator, Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from aerokernels.jobs.store import REPORT_FILE, check_output_folder, read_result, replace_result
+from aerokernels.jobs.store import REPORT_FILE, check_output_folder, read_result, replace_result, write_text
 from aerokernels.jobs.sweeps.definition import Definition, checked_scenes, define
 from aerokernels.jobs.sweeps.records import (
     CASES_FILE,
@@ -19,7 +19,6 @@ from aerokernels.jobs.sweeps.records import (
     check_same,
     read_definition,
     write_definition,
-    write_text,
 )
 from aerokernels.one_writer import only_writer
 from aerokernels.scene import Scene

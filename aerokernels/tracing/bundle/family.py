@@ -5,8 +5,9 @@ with respect to the family's axis. Quantities that accumulate along a ray are sm
 if the starts are: all rays must start in one plane, in one point, or ahead of the field's box. In the last case the
 starts may be shifted along their lines, because the air there is uniform.
 
-A family is identified from a sample of the rays. Every ray is checked again when its result is interpolated
-(delivery.py): its line and its start must lie within CLOSE cells of the line and the start that its parameters define.
+A family is identified from a sample of the rays. Every ray is checked again when its result is interpolated (kernels
+deliver_bundle): its line and its start must lie within CLOSE cells of the line and the start that its parameters
+define.
 """
 
 from dataclasses import dataclass, replace

@@ -1,4 +1,4 @@
-"""The Warp kernel of a two-parameter family of rays, interpolated between traced ones: bundle/delivery.py in NumPy."""
+"""The Warp kernel of a two-parameter family of rays, interpolated between traced ones (the tests have it in NumPy)."""
 
 import warp as wp
 

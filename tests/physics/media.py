@@ -16,6 +16,7 @@ import numpy as np
 
 from aerokernels.rays import RayBundle
 from aerokernels.tracing import Plane
+from aerokernels.validation.closed_forms import quadratic_ends, sech_ends, unit
 
 from .closed_forms import (
     Case,
@@ -25,9 +26,6 @@ from .closed_forms import (
     fish_eye_ends,
     fish_eye_sphere,
     power_ends,
-    quadratic_ends,
-    sech_ends,
-    unit,
 )
 
 N0 = 1.5

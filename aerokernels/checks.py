@@ -1,6 +1,7 @@
-"""Argument checks shared by the echo's modules: each refuses a value by name and says what would do."""
+"""Checks of arguments: each refuses a value by name and says what would do."""
 
 import math
+from collections.abc import Collection
 from typing import Any
 
 import numpy as np
@@ -36,6 +37,17 @@ def check_at_least(value: float, name: str, least: float = -math.inf) -> float:
         bound = "" if least == -math.inf else f" and at least {least:g}"
         raise ValueError(f"{name} must be finite{bound}, got {value!r}")
     return number
+
+
+def check_count(count: int, name: str = "ray_count", least: int = 1) -> int:
+    """Return a whole number that is not below `least`.
+
+    Raises:
+        ValueError: It is not.
+    """
+    if isinstance(count, bool) or not isinstance(count, (int, np.integer)) or count < least:
+        raise ValueError(f"{name} must be a whole number of at least {least}, got {count!r}")
+    return int(count)
 
 
 def check_share(value: float, name: str) -> float:
@@ -77,7 +89,7 @@ def check_aperture(diameter: float, distance: float) -> None:
         )
 
 
-def check_choice(value: str, name: str, choices: tuple[str, ...]) -> str:
+def check_choice(value: str, name: str, choices: Collection[str]) -> str:
     """Return `value`, one of `choices`.
 
     Raises:

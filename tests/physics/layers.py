@@ -14,8 +14,7 @@ from scipy.special import spence
 from aerokernels.medium import IndexField
 from aerokernels.rays import RayBundle
 from aerokernels.tracing import Plane
-
-from .closed_forms import integral, unit
+from aerokernels.validation.closed_forms import integral, unit
 
 
 @dataclass(frozen=True)

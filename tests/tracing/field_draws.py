@@ -12,8 +12,7 @@ import numpy as np
 
 from aerokernels.medium import IndexField
 from aerokernels.rays import RayBundle
-
-from .truth import complex_slopes, integrate, potential_of
+from aerokernels.validation.truth import complex_slopes, integrate, potential_of
 
 CELL = 1e-4
 KINDS = ("smooth", "shocked", "noisy")
