@@ -76,6 +76,7 @@ def _looking(function: Callable, name: str, described: Callable, documented: Any
             if wrong := _unknown_name(signature, named):
                 raise TypeError(f"{name} has no argument {wrong}") from None
             return function(*given, **named)  # Python's own words for what is missing or too much
+        _refuse_shuffled(arguments)
         for parameter, value in arguments.items():
             refuse_masked(value, parameter)
             if parameter in takes:
@@ -113,6 +114,18 @@ def refuse_masked(value: Any, name: str) -> None:
             f"{count} of the {value.size} numbers of {name} are masked, so they are not known: fill them in, or leave "
             f"them out ({name}.filled(value), {name}.compressed())"
         )
+
+
+def _refuse_shuffled(arguments: dict[str, Any]) -> None:
+    """Refuse columns of pandas with the same labels in different orders: their numbers are paired by place here."""
+    labelled = [(name, value.index) for name, value in arguments.items() if hasattr(value, "iloc")]
+    for name, index in labelled[1:]:
+        first, order = labelled[0]
+        if len(index) == len(order) and not index.equals(order) and index.sort_values().equals(order.sort_values()):
+            raise ValueError(
+                f"{first} and {name} have the same labels in different orders, and are read by place: bring them into "
+                f"one order ({name}.loc[{first}.index]), or drop the labels ({name}.to_numpy())"
+            )
 
 
 def _unknown_name(signature: inspect.Signature, named: Iterable[str]) -> str:

@@ -95,6 +95,8 @@ class RayBundle(ReadOnly):
             return
         position = np.atleast_2d(np.array(plain_array(self.position), dtype=np.float64, order="C"))
         direction = np.atleast_2d(np.asarray(plain_array(self.direction), dtype=np.float64))
+        if position.shape == (0, 3):
+            raise ValueError("the bundle holds no ray: give at least one position")
         if position.ndim != 2 or position.shape[1] != 3 or len(position) == 0:
             raise ValueError(f"ray positions must have shape (ray_count, 3), got {np.shape(self.position)}")
         if direction.ndim != 2 or direction.shape[1] != 3:

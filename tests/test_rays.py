@@ -265,7 +265,7 @@ def test_through_a_point_of_the_pupil_has_no_direction():
     ("position", "direction", "weight", "message"),
     [
         (np.zeros((2, 2)), np.ones((2, 3)), None, r"positions must have shape \(ray_count, 3\), got \(2, 2\)"),
-        (np.zeros((0, 3)), np.ones((0, 3)), None, r"positions must have shape"),
+        (np.zeros((0, 3)), np.ones((0, 3)), None, r"the bundle holds no ray"),
         (np.zeros((2, 3)), np.ones((2, 2)), None, r"directions must have shape \(ray_count, 3\), got \(2, 2\)"),
         (np.zeros((3, 3)), np.ones((2, 3)), None, "3 ray positions but 2 directions"),
         ([[0, 0, 0], [0, np.nan, 0]], np.ones((2, 3)), None, "1 ray positions are not finite, the first is ray 1"),

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import xarray
 
-from aerokernels import Body, DensityField, IndexField, QuadMesh, SolidBody
+from aerokernels import Body, DensityField, IndexField, QuadMesh, SolidBody, strehl
 from aerokernels.checks import as_finite_array, as_waveform
 from aerokernels.echo.pulses import as_pulse
 from aerokernels.echo.range_error import summarise_ranges
@@ -173,3 +173,11 @@ def test_statistics_of_few_numbers_say_that_they_are_not_known():
 def test_a_picture_is_a_plane_of_brightness(picture):
     with pytest.raises(ValueError, match="a picture is one plane of finite brightness"):
         Picture(picture, np.arange(2.0), np.arange(2.0))
+
+
+def test_columns_of_pandas_in_different_orders_are_refused():
+    pandas = pytest.importorskip("pandas")
+    table = pandas.DataFrame({"opd": [0.0, 1e-7, 3e-7], "weight": [1.0, 2.0, 3.0]}, index=[7, 8, 9])
+    assert strehl(table.opd, 1e-6, table.weight) == strehl(table.opd.to_numpy(), 1e-6, table.weight.to_numpy())
+    with pytest.raises(ValueError, match="opd and weights have the same labels in different orders"):
+        strehl(table.opd, 1e-6, table.weight[::-1])

@@ -11,6 +11,7 @@ from ..arguments import seconds
 from ..netcdf_reading import open_netcdf
 from ..room import check_file, check_room
 from ..written_units import unit_of
+from .reading.array_units import ambient_attribute
 from .series import GridMesh, Series
 
 # Names under which density goes, in the order in which they are looked for.
@@ -109,7 +110,10 @@ def series_of_dataset(
     )
     times = _in_si(name, clock, array, "time")
     factor = _factor(name, attributes.get("units"), "density", f"{array.name}")
-    around = attributes.get("ambient_density") if ambient is None else ambient
+    around = ambient
+    if around is None:
+        first = np.asarray(array.isel({clock: 0}).values) if factor != 1.0 else np.empty(0)
+        around = ambient_attribute(name, attributes.get("ambient_density"), factor, first)
     if around is None:
         raise ValueError(f"{name}: give ambient_density, that of the air around the field, in kg/m3")
     if np.ndim(around) or not np.can_cast(np.asarray(around).dtype, np.float64):

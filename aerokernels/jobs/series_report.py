@@ -119,7 +119,7 @@ def _pictures(maps: "xarray.Dataset", found: "xarray.Dataset") -> list[Picture]:
     if "spectrum_opd" in found:
         shown.append(("spectra", "Power spectra, with their standard errors", lambda: _spectra_figure(found)))
     shown.append(("aperture", "OPD rms over round parts of the pupil", lambda: _aperture_figure(found)))
-    if "pod_mode" in found:
+    if "pod_mode" in found and found.pod_energy.values[0] > 0.0:
         shown.append(("modes", "The first proper orthogonal modes", lambda: _modes_figure(found)))
     return shown
 
@@ -186,7 +186,7 @@ def _aperture_figure(found: "xarray.Dataset") -> "Figure":
 
 
 def _modes_figure(found: "xarray.Dataset") -> "Figure":
-    count = min(3, found.sizes["mode"])
+    count = min(3, int((found.pod_energy.values > 0.0).sum()))
     figure, panels = panelled_figure(*[Panel(2.6, 2.6, bar=True)] * count)
     for k, (axes, bar) in enumerate(panels):
         share = Quantity(100.0 * float(found.pod_share[k]), 100.0 * float(found.pod_share_error[k])).text()

@@ -60,6 +60,16 @@ def key_value(key: str, value: Any) -> Any:
     return value
 
 
+def with_units(changes: Mapping[str, Any]) -> dict[str, Any]:
+    """Values by key with the SI numbers of quantities as texts, "0.2 rad", so that what refuses one shows its unit."""
+    found = dict(changes)
+    for key, value in changes.items():
+        unit = key_unit(key)
+        if unit != "1" and isinstance(value, (int, float)) and not isinstance(value, bool):
+            found[key] = f"{value!r} {unit}"
+    return found
+
+
 def _without_none(values: Mapping[str, Any]) -> dict[str, Any]:
     """Tables without keys that have no value: TOML has no null, and a key that is absent means the same."""
     return {
@@ -69,4 +79,4 @@ def _without_none(values: Mapping[str, Any]) -> dict[str, Any]:
     }
 
 
-__all__ = ["SceneError", "changed_scene", "key_dimension", "key_unit", "key_value"]
+__all__ = ["SceneError", "changed_scene", "key_dimension", "key_unit", "key_value", "with_units"]

@@ -11,7 +11,7 @@ class Modes:
     """Proper orthogonal modes of maps about their mean.
 
     Attributes:
-        shape: Modes of weighted mean square 1, shape (m, n).
+        shape: Modes of weighted mean square 1, shape (m, n); NaN for those without energy.
         energy: Mean square of each coefficient [m2], descending, shape (m,).
         coefficient: Of each map [m], shape (t, m).
         total: Mean square of all modes together [m2].
@@ -23,6 +23,14 @@ class Modes:
     total: float
 
 
+def about_mean(maps: np.ndarray) -> np.ndarray:
+    """Maps about their mean in time, shape (t, n): 0 where a pixel keeps its value, but for rounding."""
+    left = maps - maps.mean(axis=0)
+    rounding = len(maps) * np.finfo(np.float64).eps * np.abs(maps).max(axis=0)
+    left[:, np.abs(left).max(axis=0) <= rounding] = 0.0
+    return np.asarray(left)
+
+
 def orthogonal_modes(maps: np.ndarray, weight: np.ndarray, count: int) -> Modes:
     """The first modes of maps about their mean, shape (t, n), with pixels of weights that sum to 1, shape (n,).
 
@@ -30,7 +38,7 @@ def orthogonal_modes(maps: np.ndarray, weight: np.ndarray, count: int) -> Modes:
     """
     from scipy.linalg import eigh
 
-    flat = (maps - maps.mean(axis=0)) * np.sqrt(weight)
+    flat = about_mean(maps) * np.sqrt(weight)
     times, pixels = flat.shape
     total = float((flat**2).sum() / times)
     count = min(count, max(times - 1, 1), pixels)
@@ -38,6 +46,8 @@ def orthogonal_modes(maps: np.ndarray, weight: np.ndarray, count: int) -> Modes:
     size = len(small)
     values, vectors = eigh(small, subset_by_index=[size - count, size - 1])
     values, vectors = np.maximum(values[::-1], 0.0), vectors[:, ::-1]
+    # Below the rounding of the greatest they are noise of the solver, and so are their shapes.
+    values[values <= size * np.finfo(np.float64).eps * values[0]] = 0.0
     root = np.sqrt(values)
     if times <= pixels:
         coefficient = vectors * root
@@ -45,10 +55,11 @@ def orthogonal_modes(maps: np.ndarray, weight: np.ndarray, count: int) -> Modes:
     else:
         rows = vectors.T
         coefficient = flat @ vectors
-    shape = rows / np.sqrt(weight)
+    coefficient[:, values == 0.0] = 0.0
+    shape = np.where(values[:, None] > 0.0, rows / np.sqrt(weight), np.nan)
     # A mode's sign is nobody's: its greatest entry is made positive.
     sign = np.sign(shape[np.arange(count), np.abs(shape).argmax(axis=1)])
-    sign[sign == 0.0] = 1.0
+    sign[~(np.abs(sign) > 0.0)] = 1.0
     return Modes(shape * sign[:, None], values / times, coefficient * sign, total)
 
 
@@ -66,7 +77,7 @@ def two_point_correlation(maps: np.ndarray, lit: np.ndarray, mean: Any = None) -
     """
     ny, nx = lit.shape
     size = (2 * ny, 2 * nx)
-    flat = maps - (maps.mean(axis=0) if mean is None else mean)
+    flat = about_mean(maps) if mean is None else maps - mean
     power = np.zeros((size[0], size[1] // 2 + 1))
     square = np.zeros(lit.shape)
     for one in flat:
@@ -103,6 +114,8 @@ def first_zero_weights(correlation: np.ndarray, pixel: float) -> np.ndarray:
     below = correlation[:count] <= 0.0
     stop = int(np.argmax(below)) if below.any() else count
     weights = np.zeros(len(correlation))
+    if stop == 0:
+        return weights
     if stop > 1:
         weights[:stop] = pixel
         weights[[0, stop - 1]] = 0.5 * pixel

@@ -7,7 +7,7 @@ import numpy as np
 
 from ..pupils import Disc
 from .linking import linking_equation
-from .modes import first_zero_weights, integral_length, orthogonal_modes, two_point_correlation
+from .modes import about_mean, first_zero_weights, integral_length, orthogonal_modes, two_point_correlation
 from .pupil_grid import MapReader
 from .spectra import Spectrum, sample_rate, welch
 from .uncertainty import Mean, mean_of, root_of
@@ -139,7 +139,7 @@ def _shape_errors(modes, counts: list[float]) -> np.ndarray:
     mixed = np.sqrt(np.outer(energy, energy) / np.maximum(np.array(counts)[:, None], 1.0))
     share = np.where(mixed < gap, mixed / np.where(gap > 0.0, gap, 1.0), 1.0)
     np.fill_diagonal(share, 0.0)
-    return np.asarray(np.sqrt(share**2 @ modes.shape**2))
+    return np.asarray(np.sqrt(share**2 @ np.nan_to_num(modes.shape) ** 2) + 0.0 * modes.shape)
 
 
 def add_correlation(table, coordinates, opd, lit, x, y) -> None:
@@ -151,7 +151,7 @@ def add_correlation(table, coordinates, opd, lit, x, y) -> None:
     steps = [float(axis[1] - axis[0]) if len(axis) > 1 else 1.0 for axis in (y, x)]
     blocks = min(BLOCKS, len(opd) // 2)
     # About the whole series' mean: that of a part takes the slow fluctuations out of it, and with them its spread.
-    left = opd - opd.mean(axis=0)
+    left = about_mean(opd)
     parts = [two_point_correlation(part, lit, 0.0) for part in np.array_split(left, blocks)] if blocks >= 4 else []
     power = found[middle]
     ratio = found / power if power > 0.0 else np.full(found.shape, np.nan)

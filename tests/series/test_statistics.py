@@ -287,3 +287,22 @@ def test_what_a_caller_can_mend_is_told_in_words():
         statistics(maps, apertures=[0.01, 20.0])
     with pytest.raises(TypeError, match="velocity must be a number of m/s"):
         statistics(maps, velocity="10 m/s")
+
+
+def test_maps_that_do_not_change_have_no_modes_and_no_correlation():
+    places = np.linspace(-0.01, 0.01, 12)
+    still = 1e-7 * np.cos(300.0 * places + 0.1) + np.zeros((30, 12, 12))
+
+    def of(opd):
+        data = xarray.Dataset(
+            {"opd": (("time", "y", "x"), opd)}, {"time": 1e-5 * np.arange(30), "y": places, "x": places}
+        )
+        return statistics(data)
+
+    found = of(still)
+    assert (found.pod_energy == 0.0).all() and (found.pod_coefficient == 0.0).all()
+    for name in ("pod_share", "pod_mode", "correlation", *LENGTHS):
+        assert np.isnan(found[name]).all(), name
+    beaten = of(still + 1e-9 * np.sin(np.arange(30.0))[:, None, None] * places[:, None])
+    assert beaten.pod_energy[0] > 0.0 and (beaten.pod_energy[1:] == 0.0).all()
+    assert beaten.pod_share[0] == pytest.approx(1.0) and np.isnan(beaten.pod_mode[1:]).all()

@@ -4,6 +4,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from ...units import quantity
 from ...written_units import WrittenUnit, in_brackets, is_no_unit, unit_of, written_unit
 from .dataset import ReadError
 
@@ -55,3 +56,35 @@ def length_of(path, axes: Mapping[str, str]) -> tuple[float | None, list[float]]
     if len(units) <= 1:
         return (units.pop() if units else None), [1.0] * len(axes)
     return 1.0, [told.get(name, 1.0) for name in axes]
+
+
+def ambient_attribute(path, stated, factor: float, values: np.ndarray) -> float | None:
+    """The ambient density that an array's attribute `ambient_density` states [kg/m3], None where there is none.
+
+    Args:
+        path: The file, for messages.
+        stated: The attribute: a number of kg/m3, or a text with a unit.
+        factor: The unit of the array [kg/m3].
+        values: Densities of the array, in its own unit.
+
+    Raises:
+        ReadError: No density, or a number that would be one of this array's in the array's unit, and not in kg/m3.
+    """
+    if stated is None:
+        return None
+    try:
+        ambient = quantity(stated if isinstance(stated, str) else float(stated), "density")
+    except (TypeError, ValueError) as fault:
+        raise ReadError(path, f"its attribute ambient_density: {fault}", "write kg/m3, as in '1.2 kg/m3'") from None
+    if isinstance(stated, str) or factor == 1.0 or not ambient > 0.0:
+        return ambient
+    good = values[np.isfinite(values) & (values > 0.0)]
+    typical = float(np.median(good)) if good.size else 0.0
+    if typical > 0.0 and abs(np.log(ambient / typical)) < abs(np.log(ambient / (factor * typical))):
+        raise ReadError(
+            path,
+            f"its attribute ambient_density = {ambient:g} is in kg/m3, and the array's densities are near "
+            f"{factor * typical:.3g} kg/m3",
+            f"write {factor * ambient:.6g} if it is in the array's own unit, or its unit beside it",
+        )
+    return ambient

@@ -1,5 +1,8 @@
 """Flows that other libraries hold in memory: xarray's data sets and arrays, pyvista's and VTK's grids."""
 
+import numpy as np
+
+from .array_units import ambient_attribute, unit_of_array
 from .dataset import Dataset
 from .density import Reference
 from .formats import checked_time
@@ -12,7 +15,8 @@ def from_xarray(array, *, density=None, frame=None, reference=None, ambient_dens
     """A density field from an xarray data set or array; arguments as in `flow.read`.
 
     Coordinates are x, y, z (volume), two of them (planar), or r, z (axisymmetric), in the unit that their attribute
-    `units` names. An array is the density itself, its attribute `ambient_density` [kg/m3] what surrounds it.
+    `units` names. An array is the density itself, its attribute `ambient_density` what surrounds it: a number of
+    kg/m3, or a text with a unit, as in "1.2e-3 g/cm3".
     """
     from .labelled import labelled_dataset
 
@@ -22,7 +26,13 @@ def from_xarray(array, *, density=None, frame=None, reference=None, ambient_dens
     if hasattr(array, "to_dataset") and hasattr(array, "values") and not hasattr(array, "data_vars"):
         name = array.name or "density"
         array, density = array.to_dataset(name=name), density or name
-    ambient = ambient_density if ambient_density is not None else attributes.get("ambient_density")
+    ambient = ambient_density
+    if ambient is None and attributes.get("ambient_density") is not None:
+        held = next((array[name] for name in (density, "density", "rho") if name in array), None)
+        stated = str(held.attrs.get("units", "")) if held is not None else ""
+        unit = unit_of_array("xarray data", "density", stated, "density").factor
+        values = np.asarray(held.values) if held is not None else np.empty(0)
+        ambient = ambient_attribute("xarray data", attributes["ambient_density"], unit, values)
     found = labelled_dataset("xarray data", array, None, checked_time(time))
     return _field(found, "xarray data", density, frame, reference, ambient, geometry, gas_constant, length_unit,
                   species=species)  # fmt: skip

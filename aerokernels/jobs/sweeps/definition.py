@@ -18,7 +18,7 @@ from aerokernels import __version__
 from aerokernels.jobs.store import to_json
 from aerokernels.jobs.sweeps.sources import file_marks
 from aerokernels.scene import Scene, SceneError
-from aerokernels.scene.changes import changed_scene, key_unit, key_value
+from aerokernels.scene.changes import changed_scene, key_unit, key_value, with_units
 
 FORMAT = 1
 MOST_CASES = 100_000
@@ -89,7 +89,7 @@ class Definition:
             SceneError: The scene does not take these values.
         """
         try:
-            return changed_scene(self.scene, {**self.settings, **changes})
+            return changed_scene(self.scene, {**self.settings, **with_units(changes)})
         except SceneError as fault:
             raise SceneError(_blamed(str(fault), self.settings, changes)) from None
 

@@ -5,7 +5,7 @@ import gzip
 import numpy as np
 import pytest
 
-from aerokernels import flow
+from aerokernels import DensityField, flow
 from aerokernels.flow.reading import foam_case, foam_file
 from aerokernels.flow.reading.dataset import (
     HEXAHEDRON,
@@ -203,3 +203,24 @@ def test_tables(tmp_path, text, told):
     (tmp_path / "a.csv").write_text(text)
     with pytest.raises(ReadError, match=told):
         flow.read(tmp_path / "a.csv")
+
+
+@pytest.mark.parametrize("in_time", [False, True])
+def test_an_attribute_of_the_ambient_density_is_of_kg_m3_or_has_its_unit(in_time):
+    import xarray
+
+    places = np.linspace(0.0, 0.01, 5)
+    values = np.full((5, 5), 1.25e-3)
+    values[2] = 1.1e-3
+
+    def ambient(stated):
+        attributes = {"units": "g/cm3", "ambient_density": stated}
+        array = xarray.DataArray(values, {"y": places, "z": places}, ("y", "z"), "rho", attributes)
+        if in_time:
+            array = array.expand_dims(time=[0.0, 1.0]).assign_attrs(attributes)
+            return flow.open_series(array).ambient_density
+        return DensityField.from_xarray(array).ambient_density
+
+    assert ambient(1.2) == ambient("1.2e-3 g/cm3") == 1.2
+    with pytest.raises(ValueError, match=r"ambient_density = 0.0012 is in kg/m3, .* write 1.2 "):
+        ambient(1.2e-3)
