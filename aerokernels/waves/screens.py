@@ -58,24 +58,21 @@ class ScreensAnswer:
 
 
 def screens_answer(
-    field: IndexField, pupil: Pupil, wavefront: Wavefront, wavelength: float, feature: float
+    field: IndexField, pupil: Pupil, look: np.ndarray, wavefront: Wavefront, wavelength: float, feature: float
 ) -> ScreensAnswer:
     """What a traced wavefront says for itself, whose finest phase has a half period of `feature` [m]."""
-    look = pupil.normal if wavefront.direction is None else np.asarray(wavefront.direction)
     key = ("disturbed length", weakref.ref(pupil), look.tobytes())
     length: float = field.derive(key, lambda: _length_on_lines(field, pupil, look), KEPT)
-    stride = _stride(len(wavefront.opd), wavefront.pixel, feature)
+    stride = stride_of(len(wavefront.opd), wavefront.pixel, feature)
     pixel = stride * wavefront.pixel
     opd, weight = (array[stride // 2 :: stride, stride // 2 :: stride] for array in (wavefront.opd, wavefront.weight))
     change = _two_screens(opd, weight, pixel, wavelength, field.ambient_index, length)
     return ScreensAnswer(change, length, crossings_of(opd, pixel, weight, length))
 
 
-def _stride(count: int, pixel: float, feature: float) -> int:
-    """Every so many pixels of a map are enough."""
-    stride = max(1, count // MOST_PIXELS)
-    if feature < 2.0 * stride * pixel:
-        return 1
+def stride_of(count: int, pixel: float, feature: float) -> int:
+    """Every so many pixels of a map are looked at."""
+    stride = -(-count // MOST_PIXELS)
     while count // (2 * stride) >= FEWEST_PIXELS and feature >= PER_FEATURE * 2.0 * stride * pixel:
         stride *= 2
     return stride
@@ -120,24 +117,23 @@ def _two_screens(
     leaves the pupil sideways meets no phase there. So the mean is taken out: what delays all alike is of no account,
     and would stand as a step about the pupil.
     """
-    from scipy.fft import fft2, ifft2
-
     lit, count, size = weight > 0.0, len(opd), fast_size(int(np.ceil(WINDOW * len(opd))))
+    light = float(np.einsum("ij->", weight))
     path = np.where(lit, opd, 0.0)
-    path -= np.einsum("ij,ij->", path, weight) / weight.sum()
+    path -= np.einsum("ij,ij->", path, weight) / light
     half = phase_factor(np.where(lit, 0.5 * path, 0.0).astype(np.float32), wavelength)
-    wave = np.zeros((size, size), dtype=np.complex64)
-    wave[:count, :count] = weight * half
-    whole = np.einsum("ij,ij->", half, wave[:count, :count])
+    wave = weight.astype(np.float32) * half
+    whole = np.einsum("ij,ij->", half, wave)
     across = 2.0 * np.pi * np.fft.fftfreq(size, pixel)
     way = 0.5 * length / np.sqrt(3.0) * wavelength / (2.0 * np.pi * ambient_index)
-    free = np.exp(-1j * way * across**2).astype(np.complex64)
-    wave = fft2(wave, overwrite_x=True)
-    wave *= free[:, None]
-    wave *= free
-    wave = ifft2(wave, overwrite_x=True)
-    wave[:count, :count] *= half
-    return float((abs(wave.sum(dtype=np.complex128)) ** 2 - abs(whole) ** 2) / weight.sum() ** 2)
+    # Along each axis free space is a convolution, whose rows are shifts of what it makes of one bright pixel: of a few
+    # pixels it costs less so than by transforms.
+    spread = np.fft.ifft(np.exp(-1j * way * across**2)).astype(np.complex64)
+    place = np.arange(count)
+    free = spread[np.abs(place[:, None] - place)]
+    # Beside the pupil there is no phase, and free space leaves the sum of all alone.
+    total = np.einsum("ij->", wave) + np.einsum("ij,ij->", half - np.float32(1.0), free @ wave @ free)
+    return float((abs(complex(total)) ** 2 - abs(complex(whole)) ** 2) / light**2)
 
 
 def fast_size(count: int) -> int:
