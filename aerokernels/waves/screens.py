@@ -23,6 +23,8 @@ WINDOW, MOST_PIXELS, FEWEST_PIXELS, PER_FEATURE = 1.5, 64, 32, 6.0
 # Rays are straight where curvature times distance is more than this: near their foci second order in their turn says
 # nothing of where they go.
 NEAR_FOCUS = 0.5
+# The greatest curvature times distance that two screens are asked about.
+FLAT = 0.3
 # Lines of sight across the pupil and layers along them by which the disturbed length is found, and lengths kept.
 LINES, LINE_LAYERS, KEPT = 4, 32, 8
 
@@ -59,15 +61,18 @@ class ScreensAnswer:
 
 def screens_answer(
     field: IndexField, pupil: Pupil, look: np.ndarray, wavefront: Wavefront, wavelength: float, feature: float
-) -> ScreensAnswer:
-    """What a traced wavefront says for itself, whose finest phase has a half period of `feature` [m]."""
+) -> ScreensAnswer | None:
+    """What a wavefront says whose finest phase has a half period of `feature` [m]; None where rays come near foci."""
     key = ("disturbed length", weakref.ref(pupil), look.tobytes())
     length: float = field.derive(key, lambda: _length_on_lines(field, pupil, look), KEPT)
     stride = stride_of(len(wavefront.opd), wavefront.pixel, feature)
     pixel = stride * wavefront.pixel
     opd, weight = (array[stride // 2 :: stride, stride // 2 :: stride] for array in (wavefront.opd, wavefront.weight))
+    crossings = crossings_of(opd, pixel, weight, length)
+    if crossings.crossed > 0.0 or crossings.curvature > FLAT:
+        return None
     change = _two_screens(opd, weight, pixel, wavelength, field.ambient_index, length)
-    return ScreensAnswer(change, length, crossings_of(opd, pixel, weight, length))
+    return ScreensAnswer(change, length, crossings)
 
 
 def stride_of(count: int, pixel: float, feature: float) -> int:
@@ -117,6 +122,8 @@ def _two_screens(
     leaves the pupil sideways meets no phase there. So the mean is taken out: what delays all alike is of no account,
     and would stand as a step about the pupil.
     """
+    from scipy.fft import fft2, ifft2
+
     lit, count, size = weight > 0.0, len(opd), fast_size(int(np.ceil(WINDOW * len(opd))))
     light = float(np.einsum("ij->", weight))
     path = np.where(lit, opd, 0.0)
@@ -126,13 +133,14 @@ def _two_screens(
     whole = np.einsum("ij,ij->", half, wave)
     across = 2.0 * np.pi * np.fft.fftfreq(size, pixel)
     way = 0.5 * length / np.sqrt(3.0) * wavelength / (2.0 * np.pi * ambient_index)
-    # Along each axis free space is a convolution, whose rows are shifts of what it makes of one bright pixel: of a few
-    # pixels it costs less so than by transforms.
-    spread = np.fft.ifft(np.exp(-1j * way * across**2)).astype(np.complex64)
-    place = np.arange(count)
-    free = spread[np.abs(place[:, None] - place)]
+    free = np.exp(-1j * way * across**2).astype(np.complex64)
+    # No products of matrices, though they are few numbers: BLAS would wake its threads, which takes longer than that.
+    spectrum = fft2(wave, s=(size, size))
+    spectrum *= free[:, None]
+    spectrum *= free
+    between = ifft2(spectrum, overwrite_x=True)[:count, :count]
     # Beside the pupil there is no phase, and free space leaves the sum of all alone.
-    total = np.einsum("ij->", wave) + np.einsum("ij,ij->", half - np.float32(1.0), free @ wave @ free)
+    total = np.einsum("ij->", wave) + np.einsum("ij,ij->", half - np.float32(1.0), between)
     return float((abs(complex(total)) ** 2 - abs(complex(whole)) ** 2) / light**2)
 
 

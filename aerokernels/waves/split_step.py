@@ -168,7 +168,7 @@ def every_second(shape: tuple[int, ...]) -> tuple[slice, ...]:
 
 
 def every_second_pixel(light: Pupil | Wave, wave: Wave, window: float) -> Wave | None:
-    """The same light on pixels of twice the side, whose middles are pixels of the wave; None where those are too few."""
+    """The same light on pixels of twice the side, whose middles are the wave's; None where those are too few."""
     amplitude = wave.amplitude[every_second(wave.amplitude.shape)]
     if isinstance(light, Wave):
         return replace(wave, amplitude=amplitude, pixel=2.0 * wave.pixel, incident=None) if amplitude.any() else None
@@ -181,7 +181,7 @@ def every_second_pixel(light: Pupil | Wave, wave: Wave, window: float) -> Wave |
 def _refined(
     by: Callable[[int], np.ndarray], size: float, most: int, tolerance: float, step_count: int | None
 ) -> tuple[np.ndarray, np.ndarray | None, int, float]:
-    """Amplitude, that of half as many steps, steps and error: they are doubled until the two differ by little enough."""
+    """Amplitude, that of half as many steps, steps, error: they are doubled until the two differ by little enough."""
     if step_count is not None:
         found = by(step_count)
         if step_count % 2:

@@ -44,8 +44,8 @@ UNSEEN, FEATURE_LINES = 0.03, 16
 COLUMN_WINDOW, PER_FEATURE, LEAST_PIXELS, COLUMN_PIXELS, SLAB_LINES = 2.0, 4.0, 48, (256, 512), 16
 # Rays are straight where they come near their foci (screens.py) over more than this share of the pupil.
 GREATEST_SHARE = 0.1
-# The rays' own answer: the share of the limit that it must stay below, and the greatest curvature.
-CLEAR, FLAT = 0.1, 0.3
+# The share of the limit that the rays' own answer must stay below.
+CLEAR = 0.1
 # The finest phase in pixels, and pixels across a map, by which it is resolved; pixels by which two pupils are compared,
 # and verdicts kept with a field.
 RESOLVED, FEWEST_MAPPED, SAME_PIXELS, KEPT = 4.0, 16, 32, 8
@@ -178,7 +178,7 @@ def _same_light(one: Pupil, other: Pupil) -> bool:
 
 
 def by_waves(field: IndexField, pupil: Pupil, wavelength: float, feature: float | None, limit: float) -> Validity:
-    """The verdict of a wave through slabs of the field: see diffraction.py; the finest phase where not given is sought."""
+    """The verdict of a wave through slabs of the field, see diffraction.py; a finest phase of None is looked for."""
     reach = max(pupil.half_extent)
     # In a planar field seen across its axis nothing varies along the first axis.
     flat = field.geometry == "planar" and abs(float(pupil.normal[0])) < 1e-15
@@ -294,9 +294,9 @@ def by_rays(
     if not is_clear(field, pupil, look, wavelength):
         return None
     found = screens_answer(field, pupil, look, wavefront, wavelength, feature)
-    crossings = found.crossings
-    if not (abs(found.change) <= CLEAR * limit and crossings.crossed == 0.0 and crossings.curvature <= FLAT):
+    if found is None or not abs(found.change) <= CLEAR * limit:
         return None
+    crossings = found.crossings
     return Validity(
         strehl_change=found.change,
         feature=feature,

@@ -130,5 +130,6 @@ class Wave:
         rows, columns = self.amplitude.shape
         return (
             f"Wave of {rows} x {columns} pixels of {self.pixel:.4g} m at {self.wavelength * 1e9:.6g} nm: Strehl ratio "
-            f"{self.strehl():.6g} +- {self.strehl_error:.2g} after {self.step_count} steps, amplitude error {self.error:.2g}"
+            f"{self.strehl():.6g} +- {self.strehl_error:.2g} after {self.step_count} steps, amplitude error "
+            f"{self.error:.2g}"
         )
