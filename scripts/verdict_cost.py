@@ -33,7 +33,7 @@ def main() -> None:
     given = parser.parse_args()
     names = ["planar", "axisymmetric", "volume", "mesh planar", "mesh axisymmetric", "view 1000", "view 1001"]
     shares: dict[str, list[float]] = {"first": [], "again": []}
-    print("| scene | engine | rays | wavefront ms | verdict ms | % | again % | by |\n|---|---|---|---|---|---|---|---|")
+    print("| scene | engine | rays | wavefront ms | verdict ms | % | again % | by |\n" + 8 * "|---" + "|")
     for name in names:
         for engine in ("warp", "opencl"):
             for count in PIXELS:

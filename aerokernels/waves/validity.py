@@ -48,7 +48,7 @@ GREATEST_SHARE = 0.1
 CLEAR = 0.1
 # The finest phase in pixels, and pixels across a map, by which it is resolved; pixels by which two pupils are compared,
 # and verdicts kept with a field.
-RESOLVED, FEWEST_MAPPED, SAME_PIXELS, KEPT = 4.0, 16, 32, 8
+RESOLVED, FEWEST_MAPPED, SAME_PIXELS, KEPT = 4.0, 32, 32, 8
 
 
 @dataclass(frozen=True)
