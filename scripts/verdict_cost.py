@@ -43,14 +43,13 @@ def main() -> None:
                 shares["first"].append(100.0 * told / traced)
                 shares["again"].append(100.0 * again / traced)
                 print(
-                    f"| {name} | {engine} | {count**2} | {1e3 * traced:.3g} | {1e3 * told:.3g} | {100.0 * told / traced:.3g} | "
-                    f"{100.0 * again / traced:.3g} | {'wave' if answered else 'rays'} |",
+                    f"| {name} | {engine} | {count**2} | {1e3 * traced:.3g} | {1e3 * told:.3g} | "
+                    f"{100.0 * told / traced:.3g} | {100.0 * again / traced:.3g} | {'wave' if answered else 'rays'} |",
                     flush=True,
                 )
     for kind, share in shares.items():
-        print(
-            f"{kind}: median {np.median(share):.3g} %, worst {max(share):.3g} %, {np.mean(np.array(share) < 5.0):.0%} below 5 %"
-        )
+        below = sum(one < 5.0 for one in share)
+        print(f"{kind}: median {np.median(share):.3g} %, worst {max(share):.3g} %; {below} of {len(share)} below 5 %")
 
 
 def _times(name: str, engine: str, count: int) -> tuple[float, float, float, bool]:
