@@ -46,6 +46,8 @@ COLUMN_WINDOW, PER_FEATURE, LEAST_PIXELS, COLUMN_PIXELS, SLAB_LINES = 2.0, 4.0, 
 GREATEST_SHARE = 0.1
 # The share of the limit that the rays' own answer must stay below.
 CLEAR = 0.1
+# The least Fresnel number with which they answer: at 1.8 two screens have said -0.0009 of a wave's +0.039.
+FEWEST_FRESNEL = 4.0
 # The finest phase in pixels, and pixels across a map, by which it is resolved; pixels by which two pupils are compared,
 # and verdicts kept with a field.
 RESOLVED, FEWEST_MAPPED, SAME_PIXELS, KEPT = 4.0, 32, 32, 8
@@ -295,6 +297,9 @@ def by_rays(
         return None
     found = screens_answer(field, pupil, look, wavefront, wavelength, feature)
     if found is None or not abs(found.change) <= CLEAR * limit:
+        return None
+    # Two screens stand for what lies between them only where a feature keeps its shape on the way.
+    if _fresnel_number(feature, wavelength, found.length) < FEWEST_FRESNEL:
         return None
     crossings = found.crossings
     return Validity(
