@@ -105,7 +105,7 @@ CORE = {  # module: the tests that concern it, the cheap ones first
     "medium/wall_tree.py": ("tests/medium/test_solid_body.py", "tests/medium/test_body.py"),
     "medium/walls.py": ("tests/medium/test_body.py", "tests/tracing/test_bodies.py"),
     "echo/chain.py": ("tests/echo/test_chain.py",),
-    "echo/checks.py": ("tests/test_refused_values.py", "tests/echo/test_radiometry.py"),
+    "checks.py": ("tests/test_refused_values.py", "tests/echo/test_radiometry.py"),
     "echo/detector.py": ("tests/echo/test_detector.py", "tests/echo/test_chain.py"),
     "echo/digitiser.py": ("tests/echo/test_chain.py",),
     "echo/echo_errors.py": ("tests/echo/test_echo_errors.py",),

@@ -6,7 +6,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from aerokernels import Body, Disc, IndexField, Rectangle, Wave, split_step, validity, wavefront
+from aerokernels import Annulus, Body, Disc, IndexField, Rectangle, Wave, split_step, validity, wavefront
 from aerokernels.validation.wave_draws import check_verdict, draw_view
 from aerokernels.waves.diffraction import bending
 from aerokernels.waves.layers import sample_layers
@@ -254,3 +254,22 @@ def test_the_verdict_is_of_the_wavefronts_own_pupil_and_direction():
     assert told.strehl_change == pytest.approx(expected.strehl_change, abs=3e-3)
     with pytest.raises(ValueError, match="another pupil"):
         validity(field, replace(pupil, width=1e-3), wavelength=WAVELENGTH, wavefront=seen)
+
+
+def test_a_map_too_coarse_for_its_phase_is_not_believed():
+    """A thick grating of 0.2 mm on pixels of 0.1 mm, each at a node of it: a wave answers, and not good."""
+    field, pupil = thick_grating(0.2e-3, 60e-3, 0.3 / (2.0 * np.pi)), Rectangle(1.6e-3, 1.6e-3, (0.0, 0.0, -1e-3))
+    seen = wavefront(field, pupil, wavelength=WAVELENGTH, pixel_count=16)
+    told = validity(field, pupil, wavelength=WAVELENGTH, wavefront=seen)
+    assert told.answered_by == "waves" and not told.good
+    assert validity(field, pupil, wavelength=WAVELENGTH, wavefront=seen) is told  # kept with the field
+
+
+def test_a_wavefront_of_other_light_is_refused_and_one_without_its_focus_does_not_answer():
+    """An obstruction of the same outer radius is another light; a removed focus hides how near rays are to theirs."""
+    field, disc = phase_plate(lambda x, y: 1e-7 * (x * x + y * y) / 4e-6, 4.4e-3), Disc(2e-3, (0.0, 0.0, -1e-3))
+    seen = wavefront(field, disc, wavelength=WAVELENGTH, pixel_count=64)
+    with pytest.raises(ValueError, match="another pupil"):
+        validity(field, Annulus(2e-3, 1e-3, disc.center), wavelength=WAVELENGTH, wavefront=seen)
+    assert validity(field, replace(disc), wavelength=WAVELENGTH, wavefront=seen).answered_by == "rays"
+    assert validity(field, disc, wavelength=WAVELENGTH, wavefront=seen.remove("focus")).answered_by == "waves"

@@ -59,7 +59,7 @@ class VerdictCheck:
     Attributes:
         by_rays: Strehl ratio of the traced wavefront.
         by_wave: Strehl ratio of the wave.
-        wave_error: What that may be off by, from its steps.
+        wave_error: What that may be off by, from its steps and pixels.
         told: Change of the Strehl ratio that the verdict told of.
         said_good: The verdict.
         answered_by: Who gave it.
@@ -102,7 +102,7 @@ def check_verdict(view: DrawnView, limit: float = GOOD, pixel_count: int = WAVE_
     return VerdictCheck(
         by_rays=seen.strehl(),
         by_wave=wave.strehl(),
-        wave_error=wave.error,
+        wave_error=wave.strehl_error,
         told=told.strehl_change,
         said_good=told.good,
         answered_by=told.answered_by,

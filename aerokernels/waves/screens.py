@@ -23,6 +23,8 @@ WINDOW, MOST_PIXELS, FEWEST_PIXELS, PER_FEATURE = 1.5, 64, 32, 6.0
 # Rays are straight where curvature times distance is more than this: near their foci second order in their turn says
 # nothing of where they go.
 NEAR_FOCUS = 0.5
+# The greatest curvature times distance that two screens are asked about.
+FLAT = 0.3
 # Lines of sight across the pupil and layers along them by which the disturbed length is found, and lengths kept.
 LINES, LINE_LAYERS, KEPT = 4, 32, 8
 
@@ -58,24 +60,24 @@ class ScreensAnswer:
 
 
 def screens_answer(
-    field: IndexField, pupil: Pupil, wavefront: Wavefront, wavelength: float, feature: float
-) -> ScreensAnswer:
-    """What a traced wavefront says for itself, whose finest phase has a half period of `feature` [m]."""
-    look = pupil.normal if wavefront.direction is None else np.asarray(wavefront.direction)
+    field: IndexField, pupil: Pupil, look: np.ndarray, wavefront: Wavefront, wavelength: float, feature: float
+) -> ScreensAnswer | None:
+    """What a wavefront says whose finest phase has a half period of `feature` [m]; None where rays come near foci."""
     key = ("disturbed length", weakref.ref(pupil), look.tobytes())
     length: float = field.derive(key, lambda: _length_on_lines(field, pupil, look), KEPT)
-    stride = _stride(len(wavefront.opd), wavefront.pixel, feature)
+    stride = stride_of(len(wavefront.opd), wavefront.pixel, feature)
     pixel = stride * wavefront.pixel
     opd, weight = (array[stride // 2 :: stride, stride // 2 :: stride] for array in (wavefront.opd, wavefront.weight))
+    crossings = crossings_of(opd, pixel, weight, length)
+    if crossings.crossed > 0.0 or crossings.curvature > FLAT:
+        return None
     change = _two_screens(opd, weight, pixel, wavelength, field.ambient_index, length)
-    return ScreensAnswer(change, length, crossings_of(opd, pixel, weight, length))
+    return ScreensAnswer(change, length, crossings)
 
 
-def _stride(count: int, pixel: float, feature: float) -> int:
-    """Every so many pixels of a map are enough."""
-    stride = max(1, count // MOST_PIXELS)
-    if feature < 2.0 * stride * pixel:
-        return 1
+def stride_of(count: int, pixel: float, feature: float) -> int:
+    """Every so many pixels of a map are looked at."""
+    stride = -(-count // MOST_PIXELS)
     while count // (2 * stride) >= FEWEST_PIXELS and feature >= PER_FEATURE * 2.0 * stride * pixel:
         stride *= 2
     return stride
@@ -123,21 +125,23 @@ def _two_screens(
     from scipy.fft import fft2, ifft2
 
     lit, count, size = weight > 0.0, len(opd), fast_size(int(np.ceil(WINDOW * len(opd))))
+    light = float(np.einsum("ij->", weight))
     path = np.where(lit, opd, 0.0)
-    path -= np.einsum("ij,ij->", path, weight) / weight.sum()
+    path -= np.einsum("ij,ij->", path, weight) / light
     half = phase_factor(np.where(lit, 0.5 * path, 0.0).astype(np.float32), wavelength)
-    wave = np.zeros((size, size), dtype=np.complex64)
-    wave[:count, :count] = weight * half
-    whole = np.einsum("ij,ij->", half, wave[:count, :count])
+    wave = weight.astype(np.float32) * half
+    whole = np.einsum("ij,ij->", half, wave)
     across = 2.0 * np.pi * np.fft.fftfreq(size, pixel)
     way = 0.5 * length / np.sqrt(3.0) * wavelength / (2.0 * np.pi * ambient_index)
     free = np.exp(-1j * way * across**2).astype(np.complex64)
-    wave = fft2(wave, overwrite_x=True)
-    wave *= free[:, None]
-    wave *= free
-    wave = ifft2(wave, overwrite_x=True)
-    wave[:count, :count] *= half
-    return float((abs(wave.sum(dtype=np.complex128)) ** 2 - abs(whole) ** 2) / weight.sum() ** 2)
+    # No products of matrices, though they are few numbers: BLAS would wake its threads, which takes longer than that.
+    spectrum = fft2(wave, s=(size, size))
+    spectrum *= free[:, None]
+    spectrum *= free
+    between = ifft2(spectrum, overwrite_x=True)[:count, :count]
+    # Beside the pupil there is no phase, and free space leaves the sum of all alone.
+    total = np.einsum("ij->", wave) + np.einsum("ij,ij->", half - np.float32(1.0), between)
+    return float((abs(complex(total)) ** 2 - abs(complex(whole)) ** 2) / light**2)
 
 
 def fast_size(count: int) -> int:

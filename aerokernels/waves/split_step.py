@@ -25,6 +25,9 @@ from .layers import FEWEST_STEPS, check_memory, layer_count, mean_layers, path_r
 from .library import PRECISIONS, FourierLibrary, fourier_library
 from .wave import Wave
 
+# Pixels along a side of a window, at least.
+FEWEST_PIXELS = 8
+
 
 @checked
 def split_step(
@@ -104,13 +107,38 @@ def split_step(
                 opaque=opaque,
             )
             size = float(np.linalg.norm(start.amplitude))
-            found, steps, error = _refined(by, size, len(layers), tolerance, step_count)
+            found, coarse, steps, error = _refined(by, size, len(layers), tolerance, step_count)
+            sparse = every_second_pixel(light, wave, window)
+            strehl_error = float("nan")
+            if coarse is not None and sparse is not None:
+                rough = sparse.propagate(begin, paraxial=paraxial)
+                kept = every_second(wave.amplitude.shape)
+                behind = through_layers(
+                    np.array(rough.amplitude),
+                    layers[:, *kept],
+                    end - begin,
+                    steps,
+                    transfer_exponent(
+                        rough.amplitude.shape, rough.pixel, rough.wavelength, rough.ambient_index, paraxial
+                    ),
+                    rough.wavelength,
+                    library,
+                    precision,
+                    None if opaque is None else opaque[:, *kept],
+                )
+                fine, fewer, larger = (
+                    replace(one, amplitude=amplitude).strehl()
+                    for one, amplitude in ((start, found), (start, coarse), (rough, behind))
+                )
+                # Of the steps as below; of the pixels, whose order at an edge is not known, the whole difference.
+                strehl_error = abs(fine - fewer) / 3.0 + abs(fine - larger)
     return replace(
         start,
         amplitude=found,
         center=wave.center + end * wave.normal,
         incident=wave.incident,
         error=error,
+        strehl_error=strehl_error,
         step_count=steps,
         seconds=seconds,
     )
@@ -122,8 +150,8 @@ def plane_wave(pupil: Pupil, wavelength: float, pixel_count: int, window: float,
     Raises:
         ValueError: A pixel_count below 8, or a window narrower than the pupil.
     """
-    if not isinstance(pixel_count, (int, np.integer)) or pixel_count < 8:
-        raise ValueError(f"pixel_count must be a whole number of at least 8, got {pixel_count!r}")
+    if not isinstance(pixel_count, (int, np.integer)) or pixel_count < FEWEST_PIXELS:
+        raise ValueError(f"pixel_count must be a whole number of at least {FEWEST_PIXELS}, got {pixel_count!r}")
     if not (np.isfinite(window) and window >= 1.0):
         raise ValueError(f"window must be at least 1, the pupil's own width, got {window!r}")
     half = max(pupil.half_extent) * window
@@ -134,22 +162,39 @@ def plane_wave(pupil: Pupil, wavelength: float, pixel_count: int, window: float,
     return Wave(amplitude, pixel, wavelength, pupil.center, pupil.normal, ambient_index)
 
 
+def every_second(shape: tuple[int, ...]) -> tuple[slice, ...]:
+    """Every second pixel of a window, the middle one among them."""
+    return tuple(slice(count // 2 % 2, None, 2) for count in shape)
+
+
+def every_second_pixel(light: Pupil | Wave, wave: Wave, window: float) -> Wave | None:
+    """The same light on pixels of twice the side, whose middles are the wave's; None where those are too few."""
+    amplitude = wave.amplitude[every_second(wave.amplitude.shape)]
+    if isinstance(light, Wave):
+        return replace(wave, amplitude=amplitude, pixel=2.0 * wave.pixel, incident=None) if amplitude.any() else None
+    count = len(amplitude)
+    if count < FEWEST_PIXELS:
+        return None
+    return plane_wave(light, wave.wavelength, count, 2.0 * window * count / len(wave.amplitude), wave.ambient_index)
+
+
 def _refined(
     by: Callable[[int], np.ndarray], size: float, most: int, tolerance: float, step_count: int | None
-) -> tuple[np.ndarray, int, float]:
-    """Amplitude, steps and error: steps are doubled until half as many differ by little enough."""
+) -> tuple[np.ndarray, np.ndarray | None, int, float]:
+    """Amplitude, that of half as many steps, steps, error: they are doubled until the two differ by little enough."""
     if step_count is not None:
         found = by(step_count)
         if step_count % 2:
-            return found, step_count, float("nan")
-        return found, step_count, float(np.linalg.norm(found - by(step_count // 2))) / 3.0 / size
+            return found, None, step_count, float("nan")
+        coarse = by(step_count // 2)
+        return found, coarse, step_count, float(np.linalg.norm(found - coarse)) / 3.0 / size
     steps = FEWEST_STEPS
     coarse, fine = by(steps // 2), by(steps)
     # The difference of second-order results, over 3, is the error of the better one.
     while (error := float(np.linalg.norm(fine - coarse)) / 3.0 / size) > tolerance and steps < most:
         steps *= 2
         coarse, fine = fine, by(steps)
-    return fine, steps, error
+    return fine, coarse, steps, error
 
 
 def through_layers(

@@ -20,6 +20,7 @@ have answered for themselves; otherwise the wave answers.
 """
 
 import math
+import weakref
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -30,7 +31,7 @@ from ..pupils import Pupil
 from ..wavefront import Wavefront
 from .diffraction import Ways, window_of
 from .layers import span_of
-from .screens import WINDOW, crossings_of, fast_size, screens_answer, spread_along
+from .screens import WINDOW, crossings_of, fast_size, screens_answer, spread_along, stride_of
 from .shadows import SlabsPastBody, fringes, is_clear, shadow_of
 from .slabs import FINEST, LookingAlong, Slabs, slabs_of
 
@@ -43,8 +44,13 @@ UNSEEN, FEATURE_LINES = 0.03, 16
 COLUMN_WINDOW, PER_FEATURE, LEAST_PIXELS, COLUMN_PIXELS, SLAB_LINES = 2.0, 4.0, 48, (256, 512), 16
 # Rays are straight where they come near their foci (screens.py) over more than this share of the pupil.
 GREATEST_SHARE = 0.1
-# The rays' own answer: the share of the limit that it must stay below, and the greatest curvature.
-CLEAR, FLAT = 0.1, 0.3
+# The share of the limit that the rays' own answer must stay below.
+CLEAR = 0.1
+# The least Fresnel number with which they answer: at 1.8 two screens have said -0.0009 of a wave's +0.039.
+FEWEST_FRESNEL = 4.0
+# The finest phase in pixels, and pixels across a map, by which it is resolved; pixels by which two pupils are compared,
+# and verdicts kept with a field.
+RESOLVED, FEWEST_MAPPED, SAME_PIXELS, KEPT = 4.0, 32, 32, 8
 
 
 @dataclass(frozen=True)
@@ -133,32 +139,48 @@ def validity(
     if not (np.isfinite(limit) and limit > 0.0):
         raise ValueError(f"limit must be positive, got {limit!r}")
     wavelength = field.wavelength_for(wavelength)
-    feature = float("inf")
-    seen = pupil
+    feature, look = float("inf"), pupil.normal
     if wavefront is not None:
-        if wavefront.pupil is not None and not _same_place(wavefront.pupil, pupil):
+        if wavefront.pupil is not None and not _same_light(wavefront.pupil, pupil):
             raise ValueError(f"wavefront was traced for another pupil, {wavefront.pupil!r}: give that one")
         if wavefront.direction is not None:
-            seen = replace(pupil, normal=np.asarray(wavefront.direction))  # type: ignore[type-var]
-        feature = finest_feature(_phase_map(wavefront), wavefront.pixel)
-        answer = by_rays(field, pupil, wavefront, wavelength, feature, limit)
-        if answer is not None:
-            return answer
-    return by_waves(field, seen, wavefront, wavelength, feature, limit)
+            look = np.asarray(wavefront.direction)
+        found = finest_feature(2.0 * np.pi / wavelength * wavefront.opd, wavefront.pixel)
+        # What is as fine as the map's own pixels may be finer: then waves look for it anew.
+        if found >= RESOLVED * wavefront.pixel and len(wavefront.opd) >= FEWEST_MAPPED:
+            feature = found
+            answer = by_rays(field, pupil, look, wavefront, wavelength, feature, limit)
+            if answer is not None:
+                return answer
+        else:
+            wavefront = None
+    looked_for = wavefront is None
+    # What a wave says is kept with the field: it is one of the field and the light, not of how rays were traced.
+    key = ("verdict of a wave", weakref.ref(pupil), look.tobytes(), wavelength, feature, looked_for, limit)
+
+    def ask() -> Validity:
+        seen = pupil if look is pupil.normal else replace(pupil, normal=look)  # type: ignore[type-var]
+        return by_waves(field, seen, wavelength, None if looked_for else feature, limit)
+
+    told: Validity = field.derive(key, ask, KEPT)
+    return told
 
 
-def _same_place(one: Pupil, other: Pupil) -> bool:
-    """Whether two pupils have the same extent, centre and normal."""
-    return all(
+def _same_light(one: Pupil, other: Pupil) -> bool:
+    """Whether two pupils let the same light through: their place, and their weights on a coarse grid."""
+    if one is other:
+        return True
+    if not all(
         np.allclose(getattr(one, name), getattr(other, name), rtol=1e-9, atol=1e-12)
         for name in ("half_extent", "center", "normal")
-    )
+    ):
+        return False
+    edges = max(one.half_extent) * np.linspace(-1.0, 1.0, SAME_PIXELS + 1)
+    return bool(np.allclose(one.coverage(edges, edges), other.coverage(edges, edges), rtol=1e-6, atol=1e-9))
 
 
-def by_waves(
-    field: IndexField, pupil: Pupil, wavefront: Wavefront | None, wavelength: float, feature: float, limit: float
-) -> Validity:
-    """The verdict of a wave through slabs of the field: see diffraction.py."""
+def by_waves(field: IndexField, pupil: Pupil, wavelength: float, feature: float | None, limit: float) -> Validity:
+    """The verdict of a wave through slabs of the field, see diffraction.py; a finest phase of None is looked for."""
     reach = max(pupil.half_extent)
     # In a planar field seen across its axis nothing varies along the first axis.
     flat = field.geometry == "planar" and abs(float(pupil.normal[0])) < 1e-15
@@ -170,12 +192,12 @@ def by_waves(
     slabs: Slabs = (
         slabs_of(field, look, begin, end, wavelength) if clear else SlabsPastBody(field, look, begin, end, wavelength)
     )
-    if wavefront is None or feature < 2.0 * wavefront.pixel:
+    if feature is None:
         window = window_of(pupil, reach, COLUMN_PIXELS[1] if flat else 2 * slabs.most_pixels // 3, flat)
         path = slabs.taken(window.x, window.y, 1)[0]
         _, passes = shadow_of(slabs, window, wavelength, end)
         phase = np.where(passes, 2.0 * np.pi / wavelength * path, np.nan)
-        feature = min(feature, finest_feature(phase, window.pixel))
+        feature = finest_feature(phase, window.pixel)
     least, most = COLUMN_PIXELS if flat else (LEAST_PIXELS, slabs.most_pixels)
     # Fringes of a rim are as fine as the pixels allow.
     pixels = fast_size(math.ceil(np.clip(2.0 * look.half * PER_FEATURE / feature, least, most))) if clear else most
@@ -257,18 +279,29 @@ def _fresnel_number(feature: float, wavelength: float, distance: float) -> float
 
 
 def by_rays(
-    field: IndexField, pupil: Pupil, wavefront: Wavefront, wavelength: float, feature: float, limit: float
+    field: IndexField,
+    pupil: Pupil,
+    look: np.ndarray,
+    wavefront: Wavefront,
+    wavelength: float,
+    feature: float,
+    limit: float,
 ) -> Validity | None:
-    """The verdict of a traced wavefront alone; None where it leaves a doubt, or does not hold its finest phase."""
-    if feature < 2.0 * wavefront.pixel or wavefront.wavelength != wavelength or wavefront.blocked > 1e-3:
+    """The verdict of a traced wavefront alone, that holds its finest phase; None where it leaves a doubt."""
+    if wavefront.wavelength != wavelength or wavefront.blocked > 1e-3 or "focus" in wavefront.removed:
         return None
-    look = pupil.normal if wavefront.direction is None else np.asarray(wavefront.direction)
+    # Screens have pixels as coarse as that; where those do not hold the finest phase there is a doubt.
+    if feature < RESOLVED * wavefront.pixel * stride_of(len(wavefront.opd), wavefront.pixel, feature):
+        return None
     if not is_clear(field, pupil, look, wavelength):
         return None
-    found = screens_answer(field, pupil, wavefront, wavelength, feature)
-    crossings = found.crossings
-    if not (abs(found.change) <= CLEAR * limit and crossings.crossed == 0.0 and crossings.curvature <= FLAT):
+    found = screens_answer(field, pupil, look, wavefront, wavelength, feature)
+    if found is None or not abs(found.change) <= CLEAR * limit:
         return None
+    # Two screens stand for what lies between them only where a feature keeps its shape on the way.
+    if _fresnel_number(feature, wavelength, found.length) < FEWEST_FRESNEL:
+        return None
+    crossings = found.crossings
     return Validity(
         strehl_change=found.change,
         feature=feature,
@@ -279,7 +312,3 @@ def by_rays(
         limit=limit,
         answered_by="rays",
     )
-
-
-def _phase_map(wavefront: Wavefront) -> np.ndarray:
-    return 2.0 * np.pi / wavefront.wavelength * wavefront.opd

@@ -28,6 +28,8 @@ class Wave:
         ambient_index: Index of the air at rest.
         incident: Sum of the amplitude that it began with, to which `strehl` compares.
         error: What the amplitude may be off by through the steps, rms over the rms amplitude; NaN where not known.
+        strehl_error: What `strehl` may be off by through the steps and the pixels, by half as many of either; NaN where
+            not known. What comes back from beyond the window's sides is not in it.
         step_count: Steps through a field.
         seconds: Wall time by stage: see STAGES in clock.py.
 
@@ -44,6 +46,7 @@ class Wave:
     ambient_index: float = 1.0
     incident: complex | None = None
     error: float = 0.0
+    strehl_error: float = float("nan")
     step_count: int = 0
     seconds: dict[str, float] = field(default_factory=dict)
 
@@ -127,5 +130,6 @@ class Wave:
         rows, columns = self.amplitude.shape
         return (
             f"Wave of {rows} x {columns} pixels of {self.pixel:.4g} m at {self.wavelength * 1e9:.6g} nm: Strehl ratio "
-            f"{self.strehl():.6g} after {self.step_count} steps, amplitude error {self.error:.2g}"
+            f"{self.strehl():.6g} +- {self.strehl_error:.2g} after {self.step_count} steps, amplitude error "
+            f"{self.error:.2g}"
         )
