@@ -7,9 +7,9 @@ import argparse
 from time import process_time
 
 import numpy as np
-from aerokernels.validation.random_fields import mesh_field, uniform_field
 
 from aerokernels import Disc, IndexField, validity, wavefront
+from aerokernels.validation.random_fields import mesh_field, uniform_field
 from aerokernels.validation.wave_draws import draw_view
 
 WAVELENGTH, PIXELS = 905e-9, (4, 16, 64, 256, 1024)

@@ -7,13 +7,13 @@ import numpy as np
 import pytest
 
 from aerokernels import Annulus, Body, Disc, IndexField, Rectangle, Wave, split_step, validity, wavefront
+from aerokernels.validation.random_fields import uniform_field
 from aerokernels.validation.wave_draws import check_verdict, draw_view
 from aerokernels.waves.diffraction import bending
 from aerokernels.waves.layers import sample_layers
 from aerokernels.waves.slabs import FINEST, LookingAlong, slabs_of
 from aerokernels.waves.split_step import plane_wave
 from tests.phase_plates import WAVELENGTH, phase_plate
-from tests.random_fields import uniform_field
 
 K = 2.0 * np.pi / WAVELENGTH
 

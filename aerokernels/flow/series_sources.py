@@ -137,7 +137,7 @@ def _matching(pattern: Path) -> list[Path]:
     found = list(root.glob(str(Path(*parts[first:]))))
     if not found:
         raise ValueError(f"{pattern}: no file matches; check the folder and the pattern")
-    return sorted(found, key=lambda path: [int(text) if text.isdigit() else text for text in _pieces(path.name)])
+    return sorted(found, key=lambda path: [int(text) if text.isdecimal() else text for text in _pieces(path.name)])
 
 
 def _pieces(name: str) -> list[str]:

@@ -123,7 +123,8 @@ def _eliminated(values: np.ndarray, axis: int, even_start: bool) -> np.ndarray:
     inverse, first = pivots(last + 1, even_start).tolist(), 2 if even_start else 3
     if not even_start:
         made[2] = nodes[1] - (nodes[0] - 2.0 * nodes[1] + nodes[2]) / 6.0
-    rows = list(made)  # `made[row] -= ...` would look up each row twice, and write it twice
+    # `made[row] -= ...` would look up each row twice, and write it twice.
+    rows = [made[row, ...] for row in range(len(made))]
     for row in range(first, last):
         np.multiply(rows[row - 1], inverse[row - 1], out=spare)
         np.subtract(rows[row], spare, out=rows[row])

@@ -7,7 +7,7 @@ import pytest
 
 from aerokernels.rays import RayBundle
 from aerokernels.tracing import Plane, trace
-from tests.random_fields import oblique_rays, uniform_field
+from aerokernels.validation.random_fields import oblique_rays, uniform_field
 
 from .backends import (
     DIRECTION_LIMIT,

@@ -127,7 +127,7 @@ def test_pinned_memory_is_used_again_and_bounded(monkeypatch):
 
     size = pinned.LEAST
     monkeypatch.setattr(wp, "empty", empty)
-    monkeypatch.setattr(pinned, "_host_memory", lambda: 64.0 * size)
+    monkeypatch.setattr(pinned, "host_memory", lambda: 64.0 * size)
     monkeypatch.setattr(pinned, "KEPT", 8 * size)
     memory = pinned.PinnedMemory()
     first = memory.take(size - 5)

@@ -17,7 +17,7 @@ from aerokernels.tracing.plan import TracePlan
 from aerokernels.tracing.pupil_run import PupilRun
 from aerokernels.tracing.pupil_sums import PupilTask
 from aerokernels.tracing.retrace import ToleranceWarning
-from tests.random_fields import uniform_field
+from aerokernels.validation.random_fields import uniform_field
 
 from .backends import ENGINES, WAVE, on
 

@@ -19,7 +19,7 @@ from aerokernels.tracing.leapfrog import LEAST_RAYS
 from aerokernels.tracing.plan import TracePlan
 from aerokernels.tracing.pupil_run import PupilRun
 from aerokernels.tracing.pupil_sums import BATCH_RAYS, PupilTask, batches_of, point_order
-from tests.random_fields import CELL, noise, uniform_field
+from aerokernels.validation.random_fields import CELL, noise, uniform_field
 
 from .backends import ENGINES, WAVE, on
 

@@ -254,8 +254,8 @@ def test_a_cache_of_pyopencl_that_cannot_be_written_does_not_stop_a_launch(folde
     assert (done.returncode, done.stdout, done.stderr) == (0, "6.0\n", "")
 
 
-def test_pocl_without_a_place_for_its_cache_says_what_it_needs(folder, tmp_path):
+def test_pocl_without_a_place_for_its_cache_gets_one_of_the_process(folder, tmp_path):
     if "PoCL" not in need_opencl().info.description:
         pytest.skip("no PoCL here")
     done = run_python(BUILD, tmp_path, SOURCES=str(folder), POCL_CACHE_DIR=blocked(tmp_path))
-    assert done.returncode == 1 and "set POCL_CACHE_DIR" in done.stderr
+    assert done.returncode == 0 and "cannot be written" in done.stderr and "kernels are built in" in done.stderr

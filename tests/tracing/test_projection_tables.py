@@ -7,7 +7,7 @@ from aerokernels.medium import Body, IndexField
 from aerokernels.rays import RayBundle
 from aerokernels.tracing import ArcLength, Plane, RayStatus, planning, trace
 from aerokernels.tracing.projection_tables import SUBCELLS, projection_tables
-from tests.random_fields import noise, uniform_field
+from aerokernels.validation.random_fields import noise, uniform_field
 
 from .backends import ENGINES, on
 

@@ -6,7 +6,7 @@ import pytest
 from aerokernels.medium import Body, IndexField
 from aerokernels.rays import RayBundle
 from aerokernels.tracing import ArcLength, Plane, RayStatus, trace
-from tests.random_fields import oblique_rays, uniform_field
+from aerokernels.validation.random_fields import oblique_rays, uniform_field
 
 from .backends import ENGINES, on
 

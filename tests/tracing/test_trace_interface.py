@@ -8,7 +8,7 @@ from aerokernels.rays import RayBundle
 from aerokernels.tracing import ArcLength, Plane, trace
 from aerokernels.tracing.result import RAY_OUTPUTS
 from aerokernels.tracing.tableau import BT, PAIR, PATH_ERROR_SLOPE, PATH_ERROR_VALUE, STAGE_MOMENTUM, C, NystromPair
-from tests.random_fields import oblique_rays, uniform_field
+from aerokernels.validation.random_fields import oblique_rays, uniform_field
 
 from .backends import ENGINES, on
 

@@ -18,7 +18,7 @@ from aerokernels.tracing.plan import TracePlan
 from aerokernels.tracing.straight_lines import lines_through
 from aerokernels.tracing.support import support_box
 from aerokernels.tracing.unresolved import Sampling, greatest_error, missed_along
-from tests.random_fields import CELL
+from aerokernels.validation.random_fields import CELL
 
 from .backends import ENGINES, WAVE, on
 

@@ -12,6 +12,11 @@ import numpy as np
 LONGEST = 5000  # letters of what is wrong with a file, in a message
 
 
+def whole_number(word: str) -> int | None:
+    """The number that a word of at most 18 digits says; None of any other: digits of other scripts, or thousands."""
+    return int(word) if word.isascii() and word.isdigit() and len(word) <= 18 else None
+
+
 class ReadError(ValueError):
     """A flow file that cannot be used. The message names the file, the place in it and the remedy, on one line."""
 

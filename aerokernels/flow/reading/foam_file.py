@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from ...room import check_room
-from .dataset import ReadError
+from .dataset import ReadError, whole_number
 
 _BLANK = re.compile(rb"(?:\s+|//[^\n]*\n?|/\*.*?\*/)*", re.DOTALL)
 _WORD = re.compile(rb'"[^"\n]*"|[^\s(){};"]+')
@@ -117,9 +117,10 @@ class FoamFile:
             ReadError: Another word, or more.
         """
         word = self.word()
-        if not word.isdigit() or int(word) > max(len(self.data), repeated if self.peek() == b"{" else 0):
+        count = whole_number(word)
+        if count is None or count > max(len(self.data), repeated if self.peek() == b"{" else 0):
             raise self.fault(f"a list cannot have {word[:20]!r} entries")
-        return int(word)
+        return count
 
     def numbers(self, kind: np.dtype, width: int = 1, repeated: int = 0) -> np.ndarray:
         """A list of numbers, or of vectors of `width` numbers: shape (n,) or (n, width).

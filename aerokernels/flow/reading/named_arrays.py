@@ -7,6 +7,7 @@ Where there are none, both ends of each axis make even cells, whose averages the
 attributes of an HDF5 file called xmin and xmax, x_min and x_max, and so on.
 """
 
+import math
 import re
 from collections.abc import Collection
 from dataclasses import replace
@@ -78,11 +79,29 @@ def _npz(path: Path) -> dict[str, np.ndarray]:
 def _unless_objects(data, name: str) -> np.ndarray | None:
     """An array of an NPZ file; None for one of Python's objects, which are never unpickled: settings, mostly."""
     try:
+        _check_heading(data, name)
         return np.asarray(data[name])
     except ValueError as fault:
         if "allow_pickle" in str(fault):
             return None
         raise
+
+
+def _check_heading(data, name: str) -> None:
+    """Refuse an array that announces more numbers than its part of the file holds, before they get room."""
+    part = data.zip.getinfo(name if name in data.zip.namelist() else f"{name}.npy")
+    with data.zip.open(part) as stream:
+        if not stream.peek(6).startswith(np.lib.format.MAGIC_PREFIX):
+            return
+        version = np.lib.format.read_magic(stream)
+        if version == (1, 0):
+            shape, _, kind = np.lib.format.read_array_header_1_0(stream)
+        elif version == (2, 0):
+            shape, _, kind = np.lib.format.read_array_header_2_0(stream)
+        else:
+            return
+    if not kind.hasobject and math.prod(shape) * kind.itemsize > part.file_size:
+        raise ValueError(f"{name} announces {math.prod(shape):.4g} numbers in {part.file_size} bytes")
 
 
 def _hdf5(path: Path) -> tuple[dict[str, np.ndarray], dict[str, str], dict[str, tuple[float, float]]]:

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from .dataset import POLYGON, Block, Cells, Dataset, Patch, ReadError
+from .dataset import POLYGON, Block, Cells, Dataset, Patch, ReadError, whole_number
 from .text_tables import read_table
 
 MAGIC = 535532
@@ -219,9 +219,9 @@ def _elements(path: Path, rows: list[tuple[int, list[str]]], known) -> tuple[lis
 
 
 def _whole(path: Path, line: int, word: str) -> int:
-    if not word.isdigit():
+    if (count := whole_number(word)) is None:
         raise ReadError(path, f"line {line}: a count must be a whole number, got {word[:20]!r}", DAMAGED)
-    return int(word)
+    return count
 
 
 def _walls(points: np.ndarray, markers: dict[str, np.ndarray]) -> list[Patch]:

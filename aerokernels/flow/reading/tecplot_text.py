@@ -13,7 +13,19 @@ import numpy as np
 
 from .array_units import length_of
 from .coordinates import COLUMNS
-from .dataset import HEXAHEDRON, LINE, QUAD, TETRAHEDRON, TRIANGLE, Block, Cells, Dataset, ReadError, chosen_time
+from .dataset import (
+    HEXAHEDRON,
+    LINE,
+    QUAD,
+    TETRAHEDRON,
+    TRIANGLE,
+    Block,
+    Cells,
+    Dataset,
+    ReadError,
+    chosen_time,
+    whole_number,
+)
 
 DAMAGED = "the file is damaged or was not written to its end: write it again"
 ELEMENTS = {
@@ -207,12 +219,12 @@ def _cell_variables(path: Path, text: str, count: int) -> set[int]:
             continue
         for part in numbers.split(","):
             low, _, high = part.strip().partition("-")
-            if not (low.strip().isdigit() and (high or low).strip().isdigit()):
+            first, last = whole_number(low.strip()), whole_number((high or low).strip())
+            if first is None or last is None:
                 raise ReadError(path, f"VARLOCATION names variables by {part.strip()[:20]!r}", DAMAGED)
-            last = int(high or low)
             if last > count:  # before a set of as many is made
                 raise ReadError(path, f"VARLOCATION names variable {last} of {count}", DAMAGED)
-            found |= set(range(int(low) - 1, last))
+            found |= set(range(first - 1, last))
     listed = re.fullmatch(r"\(((?:\s*(?:NODAL|CELLCENTERED)\s*,?)+)\)", text.strip(), re.IGNORECASE)
     if listed:
         found |= {k for k, word in enumerate(re.findall(r"\w+", listed[1])) if word.upper() == "CELLCENTERED"}
@@ -222,9 +234,10 @@ def _cell_variables(path: Path, text: str, count: int) -> set[int]:
 
 
 def _count(path: Path, name: str, word: str) -> int:
-    if not word.isdigit() or not 0 < int(word) < 2**40:
+    count = whole_number(word)
+    if count is None or not 0 < count < 2**40:
         raise ReadError(path, f"{name} has the count {word[:20]!r}", DAMAGED)
-    return int(word)
+    return count
 
 
 def _numbers(path: Path, name: str, text: str, expected: int) -> np.ndarray:

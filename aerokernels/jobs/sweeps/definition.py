@@ -275,7 +275,7 @@ def _between(key: str, *arguments: Any) -> list[Any]:
 def _sample_count(sample: str | int) -> int:
     text = str(sample)
     count = text.removeprefix("lhs:")
-    if isinstance(sample, bool) or not count.isdigit() or int(count) < 1:
+    if isinstance(sample, bool) or not (count.isdecimal() and len(count) < 18) or int(count) < 1:
         raise ValueError(f"--sample {text}: write lhs:N, with N cases to draw, such as lhs:64")
     return int(count)
 
