@@ -213,7 +213,7 @@ def _block(path, axes, coordinates, arrays) -> tuple[Block, list[str]]:
     if all(own.ndim == 1 for own in coordinates) and not _is_cloud(coordinates, arrays):
         counts = tuple(len(own) for own in coordinates)
         cells = tuple(n - 1 for n in counts)
-        if not any({own.shape, own.shape[::-1]} & {counts, cells} for own in arrays.values()):
+        if 0 in counts or not any({own.shape, own.shape[::-1]} & {counts, cells} for own in arrays.values()):
             raise _no_samples(path, counts)  # before places are made, of which a few numbers may announce billions
         full = np.meshgrid(*coordinates, indexing="ij")
     else:
