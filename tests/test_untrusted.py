@@ -28,7 +28,8 @@ DRAWS = {**input_draws.DRAWS, **record_draws.DRAWS, **flow_draws.DRAWS, **name_d
 CORPUS = {"scene": (8380,), "override": (1018, 5030), "preamble": (1780,), "netcdf": (50,),
           "store": (9, 13, 18, 21, 30, 41, 61, 40010600, 50170604), "sweep": (41,), "row": (109, 149),
           "foam-file": (60012063, 60018110), "foam-case": (70064536, 70768724), "tecplot-text": (4585,),
-          "plot3d": (1130,), "npz": (6, 48, 70984352, 80265532), "names": (60265237,), "unit": (7465,), "index": (1697,), "attributes": (15, 21, 30, 1106, 5013),
+          "plot3d": (1130,), "npz": (6, 48, 70984352, 80265532), "names": (60265237,),
+          "unit": (7465,), "index": (1697,), "attributes": (15, 21, 30, 1106, 5013),
           "journal": (5458,)}  # fmt: skip
 
 
