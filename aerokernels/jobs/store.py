@@ -182,7 +182,9 @@ def to_json(value: Any) -> Any:
         return [to_json(item) for item in value]
     if isinstance(value, np.generic):
         return to_json(value.item())
-    return to_json(float(value)) if isinstance(value, float) else value if isinstance(value, (int, str)) else str(value)
+    if isinstance(value, float):  # of a class of its own
+        return to_json(float(value))
+    return value if isinstance(value, (int, str)) else str(value)
 
 
 def write_summary(path: Path, summary: Mapping[str, Any]) -> None:

@@ -66,7 +66,7 @@ def with_units(changes: Mapping[str, Any]) -> dict[str, Any]:
     for key, value in changes.items():
         unit = key_unit(key)
         if unit != "1" and isinstance(value, (int, float)) and not isinstance(value, bool):
-            found[key] = f"{value!r} {unit}"
+            found[key] = f"{float(value)!r} {unit}"
     return found
 
 
