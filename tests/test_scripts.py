@@ -7,6 +7,7 @@ import importlib.util
 import os
 import subprocess
 import sys
+import tomllib
 from pathlib import Path
 
 import numpy as np
@@ -243,3 +244,11 @@ PAGES = {
 def test_pages_have_a_place_for_each_table(root: Path, name: str):
     page = filled(root / name, {table: f"| {table} |\n" for table in PAGES[name]})
     assert all(f"-->\n| {table} |\n<!--" in page for table in PAGES[name])
+
+
+def test_modules_that_are_mutated_and_their_tests_are_there():
+    """A module that moves takes its row of the list with it."""
+    root = Path(__file__).resolve().parents[1]
+    listed = tomllib.loads((root / "scripts" / "mutated_modules.toml").read_text(encoding="utf-8"))
+    assert [module for module in listed if not (root / "aerokernels" / module).is_file()] == []
+    assert [one for tests in listed.values() for one in tests if not (root / one.split("::")[0]).is_file()] == []
