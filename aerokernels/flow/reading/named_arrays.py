@@ -60,7 +60,7 @@ def _npz(path: Path) -> dict[str, np.ndarray]:
         with np.load(path, allow_pickle=False) as data:
             check_room(float(sum(part.file_size for part in data.zip.infolist())), f"{path}: it")
             found = {name: _unless_objects(data, name) for name in data.files}
-        return {name: own for name, own in found.items() if own is not None and own.dtype.kind in "iufb"}
+        arrays = {name: own for name, own in found.items() if own is not None and own.dtype.kind in "iufb"}
     except NoRoomError:
         raise
     except (
@@ -74,6 +74,13 @@ def _npz(path: Path) -> dict[str, np.ndarray]:
         SyntaxError,
     ) as fault:
         raise ReadError(path, f"it is no whole NPZ file ({fault})", DAMAGED) from None
+    if not arrays and None in found.values():
+        raise ReadError(
+            path,
+            "it holds objects of Python alone, which are never unpickled, since that runs what is in them",
+            "save plain arrays: numpy.savez(path, x=..., y=..., density=...)",
+        )
+    return arrays
 
 
 def _unless_objects(data, name: str) -> np.ndarray | None:
@@ -179,10 +186,12 @@ def dataset_of(path, arrays, units, variables, kind: str, time, labelled: bool =
         raise ReadError(path, f"variables: {sorted(unknown)[0]!r} is no coordinate", "name x, y, z or r, z")
     axes = axes_of(chosen)
     axisymmetric = axes[:1] == ("r",)
-    if len([axis for axis in axes if axis in chosen]) < 2:
+    if len(known := [axis for axis in axes if axis in chosen]) < 2:
+        lacking = f"only {known[0]} is known, of two coordinates at least" if known else "no coordinates are known"
         raise ReadError(
-            path, f"no coordinates are known (there are: {', '.join(arrays) or 'no arrays'})",
-            "call them x, y, z or r, z, or name them: variables={'x': 'NAME', ...}",
+            path, f"{lacking} (there are: {', '.join(arrays) or 'no arrays'})",
+            "call them x, y, z or r, z, or name them: variables={'x': 'NAME', ...}; a flow along one axis alone needs "
+            "its samples repeated at two places of a second one",
         )  # fmt: skip
     times, arrays, taken = _at_time(path, arrays, chosen, units, time)
     coordinates = [np.asarray(arrays[chosen[axis]], dtype=np.float64) for axis in axes]
