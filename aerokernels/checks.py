@@ -107,7 +107,10 @@ def as_finite_array(values, name: str) -> np.ndarray:
         ValueError: Some are not finite (how many, and where the first is).
         TypeError: They are not real numbers.
     """
-    array = np.asarray(values)
+    try:
+        array = np.asarray(values)
+    except ValueError:
+        raise TypeError(f"{name} must hold real numbers, got rows of different lengths") from None
     if not (np.issubdtype(array.dtype, np.number) or array.dtype == bool) or np.iscomplexobj(array):
         raise TypeError(f"{name} must hold real numbers, got dtype {array.dtype}")
     array = array.astype(np.float64)

@@ -1,22 +1,27 @@
 """Thousands of damaged flow files of every format: each is read as a gas, or refused with one line.
 
 The sound files are those of tests/flow/reading; what is done to them stands in aerokernels/validation/damaged_files.py
-and damaged_structure.py. They are read in child processes that may die (damaged_in_children.py), some 200 to 2000 a
-second each. Every other outcome is printed with its seed; exit status 1 then.
+and damaged_structure.py. They are read in processes of their own, which may be ended by a signal or hang, and what
+stands on libraries in processes forked from those. Every other outcome is printed with its seed; exit status 1 then.
 """
 
 import argparse
 import os
 import sys
 import tempfile
+import traceback
+import warnings
 from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests" / "flow" / "reading"))
 
 import fuzzing
 
-from aerokernels.validation.damaged_in_children import load, outcomes
+from aerokernels.flow.reading.calling import read_here
+from aerokernels.flow.reading.formats import format_of
+from aerokernels.validation.damaged_files import DamagedCopies
 from aerokernels.validation.draws_in_processes import Report, share
+from aerokernels.validation.forked_readers import fork_readers
 
 
 def main() -> int:
@@ -29,6 +34,7 @@ def main() -> int:
     parser.add_argument("--seconds", type=float, default=float("inf"), help="end after this long")
     parser.add_argument("--processes", type=int, default=1)
     given = parser.parse_args()
+    warnings.simplefilter("ignore")
     fast = "/dev/shm" if os.access("/dev/shm", os.W_OK) else None  # a disk would be most of the time
     with tempfile.TemporaryDirectory(prefix="fuzz-files-", dir=fast) as scratch:
         paths = {}
@@ -36,26 +42,22 @@ def main() -> int:
             (folder := Path(scratch) / "sound" / kind).mkdir(parents=True)
             try:
                 paths[kind] = fuzzing.plain(folder, kind)
-                load(paths[kind])
+                read_here(format_of(paths[kind], {}).module, paths[kind], None, {})  # forked readers have its libraries
             except ModuleNotFoundError as missing:
                 print(f"{kind}: left out, {missing}", flush=True)
                 paths.pop(kind, None)
 
         def work(kind: str, seeds: range, copies: Path, report: Report) -> None:
-            sound = Path(scratch) / "sound" / kind
-            while seeds and not report.late():
-                done = 0
+            made = DamagedCopies(paths[kind], Path(scratch) / "sound" / kind, copies / "copy")
+            for seed in seeds:
                 try:
-                    for found in outcomes(paths[kind], sound, copies / "copy", seeds):
-                        done += 1
-                        report.outcome(found)
-                        if report.late():
-                            return
-                except RuntimeError as fault:
-                    report.fault(seeds[done], str(fault).partition(": ")[2])
-                    done += 1
-                seeds = seeds[done:]
+                    report.outcome(made.outcome(seed))
+                except Exception:
+                    report.fault(seed, traceback.format_exc())
+                if report.late():
+                    return
 
+        fork_readers()
         seeds = range(given.seed, given.seed + given.count)
         found = share(work, paths, seeds, given.processes, given.seconds, Path(scratch) / "copies")
         return int(any(found.values()))

@@ -26,7 +26,6 @@ from aerokernels.tracing.engines.warp.kernels import grid_tables, pupil
 from aerokernels.tracing.engines.warp.kernels.deliver_bundle import build_bundle_kernel
 from aerokernels.tracing.engines.warp.kernels.leapfrog import build_leapfrog_kernel
 from aerokernels.tracing.engines.warp.kernels.trace import build_kernel
-from aerokernels.tracing.engines.warp.kernels.trace_projection import build_projection_kernel
 from aerokernels.tracing.engines.warp.library import library_of
 from aerokernels.tracing.engines.warp.types import types
 
@@ -69,7 +68,7 @@ def warp_kernels() -> list[wp.Kernel]:
         kernel for module in (pupil, grid_tables) for kernel in vars(module).values() if isinstance(kernel, wp.Kernel)
     ]
     library = library_of("float32")
-    kernels += [build_projection_kernel(library, True), grid_tables.build_rounding_kernel(library)]
+    kernels.append(grid_tables.build_rounding_kernel(library))
     for geometry, stop in product(GRIDS, ("none", "plane", "arc")):
         kernels.append(build_kernel(library, geometry, "linear", False, "adaptive", stop, True, True))
         kernels.append(build_leapfrog_kernel(library, geometry, "cubic", stop, True))

@@ -21,7 +21,10 @@ from aerokernels import (
     zernike,
 )
 from aerokernels.arguments import Numbers, checked
+from aerokernels.echo import estimate_range
 from aerokernels.validation import argument_draws, refusals
+
+WAVE = np.arange(64) * 1e-10, np.exp(-(((np.arange(64) - 30) / 5.0) ** 2))  # times [s] and a pulse
 
 
 @pytest.fixture(scope="module")
@@ -46,6 +49,14 @@ def field() -> IndexField:
         (lambda field: flow.isentropic(1e300), r"mach = 1e\+300 is out of all proportion"),
         (lambda field: flow.shipped(3), "name must be a text"),
         (lambda field: schlieren("mach3"), "field must be a"),
+        (
+            lambda field: estimate_range(*WAVE, "centroid", template=float),
+            "template must be a function .* the class float",
+        ),
+        (
+            lambda field: estimate_range(*WAVE, "centroid", template=[[1.0], [1.0, 2.0]]),
+            "template must hold real numbers",
+        ),
         (lambda field: zernike.zernike_modes(10**400, 0.0, 0.0), "a whole number of 401 digits"),
         (lambda field: Disc(radius=1e-3, centre=(0, 0, 0)), r"Disc has no argument 'centre': did you mean center\?"),
         (lambda field: schlieren(field, pixels=9), r"line_of_sight has no argument 'pixels': did you mean pixel_count"),

@@ -222,7 +222,7 @@ def test_a_share_that_is_not_known_has_a_reason():
     for precision, per_second, ceiling in (("float32", 1.0, nothing), ("float64", 1.0, half), ("float32", None, half)):
         share = ceiling_module.share(field, precision, per_second, ceiling)
         assert share["arithmetic_share"] is None and share["load_share"] is None and share["reason"]
-    assert "tables" in ceiling_module.share(None, "float32", 1.0, half)["reason"]
+    assert "interpolated" in ceiling_module.share(None, "float32", 1.0, half)["reason"]
 
 
 def test_spread_and_what_json_holds():

@@ -14,8 +14,7 @@ from aerokernels.benchmark.scenes import WAVELENGTH
 from aerokernels.medium import IndexField
 from aerokernels.rays import RayBundle
 from aerokernels.tracing import Plane
-from aerokernels.validation.cone import CONE_AMBIENT, CONE_HALF, cone_contrast, cone_field
-from aerokernels.validation.truth import Truth
+from aerokernels.validation.cone import CONE_HALF, cone_field
 
 KINDS = ("along z", "slanted", "divergent", "incoherent", "turbulence")
 APERTURE = 1.2e-3  # half the width of the square of rays where they cross z = 0, or start [m]
@@ -94,42 +93,3 @@ def turbulent_rays(ray_count: int, seed: int) -> RayBundle:
     across = np.random.default_rng(seed).uniform(-0.6 * half, 0.6 * half, (ray_count, 2))
     start = np.c_[across, np.full(ray_count, -half)]
     return RayBundle(start - half * TURBULENT_SLOPE * [1.0, 1.0, 0.0], TURBULENT_SLOPE[None])
-
-
-def cone_ends(rays: RayBundle) -> Truth:
-    """Where rays through the cone scene truly end on z = +8 mm: DOP853 on the formula, in deviation form, float64.
-
-    The state is the displacement from the straight line and the momentum beyond A d, both across z, and the OPD.
-    """
-    from scipy.integrate import solve_ivp
-
-    count, a, depth = rays.ray_count, CONE_AMBIENT, CONE_HALF[2]
-    (x0, y0, _), (dx, dy, dz) = rays.position.T, rays.direction.T
-
-    def rate(z: float, state: np.ndarray) -> np.ndarray:
-        qx, qy, mx, my, _ = state.reshape(5, count)
-        x, y = x0 + dx / dz * (z + depth) + qx, y0 + dy / dz * (z + depth) + qy
-        contrast, gradient = cone_contrast(x, y, np.full(count, z))
-        index, square = a + contrast, 2.0 * contrast * (a + 0.5 * contrast)
-        more = square - 2.0 * a * (dx * mx + dy * my) - mx**2 - my**2
-        pz = np.sqrt((a * dz) ** 2 + more)
-        lag = more / (pz + a * dz)
-        return np.concatenate(
-            [
-                (mx * dz - dx * lag) / (pz * dz),
-                (my * dz - dy * lag) / (pz * dz),
-                index * gradient[0] / pz,
-                index * gradient[1] / pz,
-                (square * dz - a * lag) / (pz * dz),
-            ]
-        )
-
-    first, _ = cone_contrast(x0, y0, np.full(count, -depth))
-    start = np.concatenate([np.zeros(2 * count), first * dx, first * dy, np.zeros(count)])
-    found = solve_ivp(rate, (-depth, depth), start, method="DOP853", rtol=1e-11, atol=1e-16, max_step=1e-4)
-    qx, qy, mx, my, opd = found.y[:, -1].reshape(5, count)
-    x, y = x0 + dx / dz * 2.0 * depth + qx, y0 + dy / dz * 2.0 * depth + qy
-    index = a + cone_contrast(x, y, np.full(count, depth))[0]
-    px, py = a * dx + mx, a * dy + my
-    direction = np.stack([px, py, np.sqrt(index**2 - px**2 - py**2)], axis=1) / index[:, None]
-    return Truth(np.stack([x, y, np.full(count, depth)], axis=1), direction, opd, int(found.nfev))

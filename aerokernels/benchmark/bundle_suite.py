@@ -13,21 +13,23 @@ from typing import Any
 
 import numpy as np
 
-from aerokernels.benchmark.bundle_peer import drjit_runs
-from aerokernels.benchmark.bundle_scenes import KINDS, BundleScene, bundle_scene, cone_ends
+from aerokernels.benchmark.bundle_scenes import KINDS, BundleScene, bundle_scene
 from aerokernels.benchmark.errors import chosen_rays, errors
-from aerokernels.benchmark.measuring import clocks, kernel_clocks, measure, peer_row, spread
+from aerokernels.benchmark.measuring import kernel_clocks, measure, spread
+from aerokernels.benchmark.peers import drjit_schemes, measured_scheme
 from aerokernels.benchmark.scenes import WAVELENGTH
 from aerokernels.benchmark.targets import Settings, on_processor
 from aerokernels.medium import IndexField
 from aerokernels.rays import RayBundle
 from aerokernels.tracing import TraceResult, trace
+from aerokernels.validation.cone import cone_truth
 from aerokernels.validation.truth import Truth
 
 OUTPUTS = ("direction", "opd")
 # The tolerance of the float64 traces that stand for the truth where there is no formula, as a share of that asked for.
 TIGHT = 0.02
 WAYS = ("auto", "off")
+PEER_STEPS = (24, 32)  # the first miss the tolerance, the second hold it
 
 
 def bundle_runs(settings: Settings, targets: list[tuple[str, str]], ceilings: dict[str, dict]) -> Iterator[dict]:
@@ -41,18 +43,9 @@ def bundle_runs(settings: Settings, targets: list[tuple[str, str]], ceilings: di
             for bundle in WAYS:
                 yield _run(scene, field, rays, rows, truth, settings, (backend, device), bundle)
         if settings.peers and kind != "turbulence" and importlib.util.find_spec("drjit") is not None:
-            for found in drjit_runs(rays, settings.repeats):
-                yield peer_row(
-                    "drjit",
-                    scheme=f"{kind}: {found.scheme}",
-                    precision="float32",
-                    device=found.device,
-                    rays_traced=rays.ray_count,
-                    repeats=settings.repeats,
-                    evaluations_per_ray=float(found.steps),
-                    error=errors(truth, found.direction[rows], found.opd[rows]),
-                    **clocks(rays.ray_count, found.seconds, found.seconds, found.cpu_seconds),
-                )
+            for scheme in drjit_schemes(field, rays, PEER_STEPS):
+                scheme = replace(scheme, text=f"{kind}: {scheme.text}")
+                yield measured_scheme("drjit", scheme, rays, truth, settings.repeats)
 
 
 def _run(
@@ -112,7 +105,7 @@ def _run(
 
 def _truth(scene: BundleScene, rays: RayBundle, settings: Settings, targets: list[tuple[str, str]]) -> Truth:
     if scene.kind != "turbulence":
-        return cone_ends(rays)
+        return cone_truth(rays)
     backend, device = targets[0]
     found = trace(
         scene.make_field(),

@@ -169,8 +169,8 @@ def share(
 ) -> dict:
     """The share of the ceilings that so many evaluations of a field a second are, or None with a reason.
 
-    `field` is None where rays are not traced through a field but looked up in tables made of it; `leapfrog` where
-    samples are even, so that the ray equation is counted too.
+    `field` is None where rays are not traced through it but interpolated; `leapfrog` where samples are even, so that
+    the ray equation is counted too.
 
     A ceiling belongs to all cores of a device; Warp's CPU device uses one thread a launch and shows it.
     """
@@ -179,7 +179,7 @@ def share(
         cost = (cost[0] + LEAPFROG_OPERATIONS, cost[1])
     reason = ceiling["reason"]
     if cost is None:
-        reason = "a lookup on a mesh, or in tables made of the field, is not counted"
+        reason = "a lookup on a mesh is not counted, nor are rays that are interpolated"
     elif precision != "float32":
         reason = "ceilings are float32's"
     elif evaluations_per_second is None:

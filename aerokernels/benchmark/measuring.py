@@ -80,11 +80,6 @@ def kernel_clocks(timing: Timing, count: int, on_cpu: bool) -> dict:
     return {**clocks(count, kernel, timing.wall_seconds, timing.cpu_seconds), "kernel_rays_per_core_second": per_core}
 
 
-def peer_row(peer: str, **measured: Any) -> dict:
-    """What was measured of another library that is here."""
-    return {"peer": peer, "version": installed(peer), "available": True, "reason": None, **measured}
-
-
 def installed(package: str) -> str | None:
     """Version of an installed distribution, None where it is absent."""
     try:

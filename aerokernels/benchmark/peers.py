@@ -15,14 +15,14 @@ are on the device before the clock starts.
 
 import importlib.util
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from aerokernels.benchmark.errors import chosen_rays, errors
-from aerokernels.benchmark.measuring import clocks, installed, measure, peer_row
+from aerokernels.benchmark.measuring import clocks, installed, measure
 from aerokernels.benchmark.targets import Settings
 from aerokernels.medium import IndexField
 from aerokernels.medium.grid import UniformGrid
@@ -36,7 +36,7 @@ from aerokernels.validation.cone import (
     cone_rays,
     cone_truth,
 )
-from aerokernels.validation.truth import SIZES, end_direction, integrate, slopes
+from aerokernels.validation.truth import SIZES, Truth, end_direction, integrate, slopes
 
 PIP = "pip install 'aerokernels[bench]'"
 # Rays of a peer at most: a run of each takes seconds on two cores.
@@ -89,27 +89,35 @@ def peer_runs(settings: Settings) -> Iterator[dict]:
             yield _absent(peer, f"not installed: {', '.join(missing)}; {PIP}")
             continue
         rays = cone_rays(min(settings.ray_count, MOST_RAYS[peer]))
-        rows = chosen_rays(rays.ray_count)
-        truth = cone_truth(rays[rows])
+        truth = cone_truth(rays[chosen_rays(rays.ray_count)])
         try:
             for scheme in schemes(field, rays):
-                timing = measure(scheme.run, settings.repeats)
-                ends = timing.results[-1]
-                kernel = [each.seconds for each in timing.results]
-                yield peer_row(
-                    peer,
-                    scheme=scheme.text,
-                    precision=scheme.precision,
-                    device=scheme.device,
-                    rays_traced=rays.ray_count,
-                    repeats=settings.repeats,
-                    first_call_seconds=timing.first_seconds,
-                    evaluations_per_ray=ends.evaluations,
-                    error=errors(truth, ends.direction[rows], ends.opd[rows]),
-                    **clocks(rays.ray_count, kernel, timing.wall_seconds, timing.cpu_seconds),
-                )
+                yield measured_scheme(peer, scheme, rays, truth, settings.repeats)
         except Exception as error:  # a foreign package: anything may come, and the others go on
             yield _absent(peer, f"failed: {type(error).__name__}: {' '.join(str(error).split())[:200]}")
+
+
+def measured_scheme(peer: str, scheme: Scheme, rays: RayBundle, truth: Truth, repeats: int) -> dict:
+    """Clocks and errors of a scheme; `truth` has the ends of `chosen_rays`."""
+    rows = chosen_rays(rays.ray_count)
+    timing = measure(scheme.run, repeats)
+    ends = timing.results[-1]
+    kernel = [each.seconds for each in timing.results]
+    return {
+        "peer": peer,
+        "version": installed(peer),
+        "available": True,
+        "reason": None,
+        "scheme": scheme.text,
+        "precision": scheme.precision,
+        "device": scheme.device,
+        "rays_traced": rays.ray_count,
+        "repeats": repeats,
+        "first_call_seconds": timing.first_seconds,
+        "evaluations_per_ray": ends.evaluations,
+        "error": errors(truth, ends.direction[rows], ends.opd[rows]),
+        **clocks(rays.ray_count, kernel, timing.wall_seconds, timing.cpu_seconds),
+    }
 
 
 def _absent(peer: str, reason: str) -> dict:
@@ -207,8 +215,8 @@ def diffrax_schemes(field: IndexField, rays: RayBundle) -> Iterator[Scheme]:
     yield scheme(f"Tsit5, {DIFFRAX_STEPS} fixed steps, cubic", diffrax.ConstantStepSize())
 
 
-def drjit_schemes(field: IndexField, rays: RayBundle) -> Iterator[Scheme]:
-    """Dr.Jit's textures, on a CUDA GPU where it has one, by LLVM on the CPU otherwise."""
+def drjit_schemes(field: IndexField, rays: RayBundle, step_counts: Iterable[int] = DRJIT_STEPS) -> Iterator[Scheme]:
+    """Dr.Jit's textures, on a CUDA GPU where it has one, by LLVM on the CPU otherwise; rays of any directions."""
     import drjit as dr
 
     on_gpu = dr.has_backend(dr.JitBackend.CUDA)
@@ -243,31 +251,41 @@ def drjit_schemes(field: IndexField, rays: RayBundle) -> Iterator[Scheme]:
     def linear_lookup(x, y, z):
         return tuple(node_texture.eval(node_place(x, y, z))[:3])
 
-    x0, y0 = (kind.Float(rays.position[:, k].astype(np.float32)) for k in (0, 1))
+    along = rays.direction[:, 2]
+    x0, y0, momentum_x0, momentum_y0, along, aslant = (
+        kind.Float(array.astype(np.float32))
+        for array in (
+            *rays.position[:, :2].T,
+            *(CONE_AMBIENT * rays.direction[:, :2]).T,
+            CONE_AMBIENT * along,
+            CONE_AMBIENT * (1.0 - 1.0 / along),  # what the undisturbed ray's path is more than n along z
+        )
+    )
 
     def scheme(text: str, lookup, steps: int) -> Scheme:
         length = 2.0 * CONE_HALF[2] / steps
+        drift = 0.5 * length / along
 
         def body(i, x, y, momentum_x, momentum_y, opd):
             z = dr.fma(kind.Float(i) + 0.5, length, -CONE_HALF[2])
-            x += 0.5 * length / CONE_AMBIENT * momentum_x
-            y += 0.5 * length / CONE_AMBIENT * momentum_y
+            x += drift * momentum_x
+            y += drift * momentum_y
             value, gradient_x, gradient_y = lookup(x, y, z)
             # The path takes the momentum in the middle of the kick.
-            half_x = dr.fma(0.5 * length / CONE_AMBIENT, gradient_x, momentum_x)
-            half_y = dr.fma(0.5 * length / CONE_AMBIENT, gradient_y, momentum_y)
+            half_x = dr.fma(drift, gradient_x, momentum_x)
+            half_y = dr.fma(drift, gradient_y, momentum_y)
             *_, force_x, force_y, path = slopes(value, gradient_x, gradient_y, half_x, half_y, CONE_AMBIENT, dr.sqrt)
             momentum_x = dr.fma(length, force_x, momentum_x)
             momentum_y = dr.fma(length, force_y, momentum_y)
-            opd = dr.fma(length, path, opd)
-            x += 0.5 * length / CONE_AMBIENT * momentum_x
-            y += 0.5 * length / CONE_AMBIENT * momentum_y
+            opd = dr.fma(length, path + aslant, opd)
+            x += drift * momentum_x
+            y += drift * momentum_y
             return i + 1, x, y, momentum_x, momentum_y, opd
 
         def run() -> RayEnds:
             begin = time.perf_counter()
-            zero = dr.zeros(kind.Float, rays.ray_count)
-            state = (kind.UInt(0), kind.Float(x0), kind.Float(y0), zero, kind.Float(zero), kind.Float(zero))
+            opd = dr.zeros(kind.Float, rays.ray_count)
+            state = (kind.UInt(0), *(kind.Float(one) for one in (x0, y0, momentum_x0, momentum_y0)), opd)
             _, x, y, momentum_x, momentum_y, opd = dr.while_loop(state, lambda i, *_: i < steps, body)
             value = lookup(x, y, kind.Float(CONE_HALF[2]))[0]
             dr.eval(momentum_x, momentum_y, opd, value)
@@ -277,7 +295,7 @@ def drjit_schemes(field: IndexField, rays: RayBundle) -> Iterator[Scheme]:
 
         return Scheme(text, "float32", "cuda" if on_gpu else "cpu (LLVM)", run)
 
-    for steps in DRJIT_STEPS:
+    for steps in step_counts:
         yield scheme(f"{steps} fixed steps, cubic texture", cubic_lookup, steps)
         yield scheme(f"{steps} fixed steps, linear texture of value and gradient", linear_lookup, steps)
 

@@ -212,7 +212,7 @@ def _share(field: IndexField, options: dict, evaluations: float, timing: Timing,
     per_second = rate(evaluations, [result.seconds["kernel"] for result in timing.results])
     plan = timing.results[-1].plan
     return share(
-        None if plan.columns else field,  # a table of columns is no field: its lookup is not what ceiling.py counts
+        None if plan.bundle is not None else field,  # ceiling.py counts lookups of a field, not of interpolated rays
         options["precision"],
         None if per_second is None else per_second["median"],
         ceilings[f"{options['backend']} {options['device']}"],

@@ -156,6 +156,8 @@ def _place(
     made: tuple[PulseCurve, int] | None = None,
 ) -> float:
     """Place of arrival [samples]."""
+    if isinstance(template, type):
+        raise TypeError(f"template must be a function of time [s], or samples, got the class {template.__name__}")
     if method == "matched-filter":
         if template is None:
             raise ValueError("method 'matched-filter' needs a template: a function of time, or samples of the pulse")

@@ -96,7 +96,6 @@ def _tight(field: IndexField, plan: TracePlan) -> TracePlan:
     return replace(
         plan,
         method="adaptive",
-        columns=False,
         sample_count=0,
         step=None,
         backend="warp" if plan.backend == "reference" and field.interpolation != "cells" else plan.backend,

@@ -7,9 +7,8 @@ from .unresolved import Sampling
 
 # What a caller may ask for.
 METHODS = ("auto", "straight", "adaptive", "paper", "fixed")
-# What "auto" may take besides "adaptive": a fixed count of leapfrog steps a ray (leapfrog.py), and tables of what
-# collimated rays gather (projection_tables.py).
-LEAPFROG, PROJECTION_TABLES = "leapfrog", "projection-tables"
+# What "auto" may take besides "adaptive": a fixed count of leapfrog steps a ray (leapfrog.py).
+LEAPFROG = "leapfrog"
 PRECISIONS = ("float32", "float64")
 
 
@@ -49,8 +48,8 @@ class TracePlan:
 
     Attributes:
         method: What runs: "straight", "adaptive", "paper" or "fixed", whichever was asked for, or what "auto" took:
-            "adaptive", "leapfrog" (as many steps for every ray, bending included) or "projection-tables" (collimated
-            rays looked up in tables). Rays that the last two cannot hold to the tolerance are traced by "adaptive".
+            "adaptive" or "leapfrog" (as many steps for every ray, bending included). Rays that leapfrog cannot hold to
+            the tolerance are traced by "adaptive".
         backend: "warp", "opencl" or "reference".
         device: Device of the backend.
         precision: "float32" or "float64".
@@ -58,7 +57,6 @@ class TracePlan:
         step: Step of "fixed" [m of arc length], else None.
         tolerance: OPD error asked for [waves].
         reasons: One sentence for each choice.
-        columns: Whether collimated rays are looked up in tables of what each column gathers, see projection_tables.py.
         sample_count: Leapfrog samples of each ray, evenly spaced, see leapfrog.py; 0 for every other method.
         cubes: Whether leapfrog samples look up polynomials of cubes of cells instead of the spline, see
             cube_polynomials.py.
@@ -71,7 +69,7 @@ class TracePlan:
         lever_arms: How far the rays fly and at what angle they meet the stop, see lever_arms.py; None where it was not
             needed.
         predicted_evaluations: Field evaluations of a ray across the box, predicted before any ray is traced.
-        predicted_error: OPD error predicted [waves]: what a pilot bundle made, what tables estimate, or the tolerance.
+        predicted_error: OPD error predicted [waves]: what a pilot bundle made, or the tolerance.
         bundle: How many rays were traced and how many interpolated; None where each was traced.
         few_rays: Whether so few rays follow it that no table is made which pays for many (cell_polynomials of OpenCL).
     """
@@ -84,7 +82,6 @@ class TracePlan:
     step: float | None
     tolerance: float
     reasons: tuple[str, ...] = field(default=())
-    columns: bool = False
     sample_count: int = 0
     cubes: bool = False
     quadrature_error_scale: float = 0.0
@@ -108,8 +105,8 @@ class TracePlan:
 
     @property
     def compiled_method(self) -> str:
-        """The method that kernels are compiled for: "straight" for those of leapfrog and of projection tables."""
-        return "straight" if self.method in (LEAPFROG, PROJECTION_TABLES) else self.method
+        """The method that kernels are compiled for: "straight" for those of leapfrog."""
+        return "straight" if self.method == LEAPFROG else self.method
 
     def __str__(self) -> str:
         """One line of choices, then one line for each reason."""
@@ -126,7 +123,6 @@ class TracePlan:
             "max_steps": self.max_steps,
             "step": self.step,
             "tolerance": self.tolerance,
-            "columns": self.columns,
             "sample_count": self.sample_count,
             "cubes": self.cubes,
             "predicted_evaluations": self.predicted_evaluations,

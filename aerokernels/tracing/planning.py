@@ -1,8 +1,7 @@
 """The one file that decides: from what the caller asked for to the plan of a trace.
 
-The order of "auto": projection tables where rays run along z and the tables hold the tolerance; leapfrog where a pilot
-of the rays says so; error control otherwise. Any other method is what it is, however many rays there are. The backend
-is chosen by the fixed order of engines/choice.py.
+The order of "auto": leapfrog where a pilot of the rays says so; error control otherwise. Any other method is what it
+is, however many rays there are. The backend is chosen by the fixed order of engines/choice.py.
 """
 
 from dataclasses import replace
@@ -11,15 +10,13 @@ import numpy as np
 
 from ..checks import check_choice
 from ..medium import IndexField
-from ..rays import RayBundle
 from .allowance import check_tolerance, step_allowance
-from .collimated import find_projection, is_collimated, is_worth_it, projection_holds
 from .engines.choice import choose_backend
 from .held import held_error
 from .leapfrog import fit_leapfrog, may_be_leapfrog
 from .lever_arms import lever_arms_of
 from .lines import box_size
-from .plan import LEAPFROG, METHODS, PRECISIONS, PROJECTION_TABLES, TracePlan
+from .plan import LEAPFROG, METHODS, PRECISIONS, TracePlan
 from .prediction import predict_evaluations
 
 STRAIGHT = "; along the undisturbed line, with the second-order correction of the optical path"
@@ -69,7 +66,7 @@ def plan_rays(
         # Along x the box is endless: a ray may fly far longer through it than across its other axes.
         lever_arms = lever_arms_of(field, pilot(), until)
         choices["path_length"] = None if lever_arms is None else lever_arms.path_length
-    if method == "auto" and choices.get("columns") is None and may_be_leapfrog(field, ray_count, until):
+    if method == "auto" and may_be_leapfrog(field, ray_count, until):
         trial = make_plan(field, method="straight", wavelength=wavelength, **choices)  # predicts nothing: a pilot will
         if trial.backend != "reference":
             trial = replace(trial, method=LEAPFROG, reasons=trial.reasons[1:])  # without that of the method
@@ -79,26 +76,6 @@ def plan_rays(
             if plan is not None:
                 return plan
     return make_plan(field, method=method, wavelength=wavelength, **choices)
-
-
-def why_projection(
-    field: IndexField, rays: RayBundle, until, method: str, tolerance: float, wavelength: float
-) -> str | None:
-    """The reason to look these rays up in projection tables; None where that is impossible or slower."""
-    if method != "auto" or not (is_collimated(field, rays, until) and is_worth_it(field, rays)):
-        return None
-    projection = find_projection(field, rays, until)
-    if projection is None or not projection.inside.any():
-        return None
-    if not projection_holds(field, projection, tolerance * wavelength):
-        return None
-    waves = projection.tables.greatest_error / wavelength
-    others = int(np.count_nonzero(~projection.inside))
-    beside = f"; {others} of {rays.ray_count} rays come near a side of the box: they are traced by adaptive"
-    return (
-        f"method {PROJECTION_TABLES}: the rays are collimated along z, so what each gathers is a spline over x and y "
-        f"(bending to third order, estimated error {waves:.1g} waves){beside if others else ''}"
-    )
 
 
 def make_plan(
@@ -114,11 +91,8 @@ def make_plan(
     path_length,
     wavelength,
     directions,
-    columns: str | None = None,
 ) -> TracePlan:
     """Check the caller's choices and fill in those left to "auto".
-
-    `columns` is the reason for which collimated rays are looked up in projection tables; None: they are not.
 
     Raises:
         ValueError: An unknown name or a number that makes no sense, with the remedy.
@@ -138,13 +112,8 @@ def make_plan(
     # Names from an array are NumPy's strings, which the caches of kernels would take for other keys.
     method, precision = str(method), str(precision)
     reasons = []
-    by_projection = False
     predicted = None
-    if columns is not None and method == "auto" and backend != "reference":
-        method = PROJECTION_TABLES
-        reasons.append(columns)
-        by_projection = True
-    elif method == "auto" and backend == "reference":
+    if method == "auto" and backend == "reference":
         method = "adaptive"
         reasons.append("method adaptive: the reference is the answer that others are measured against")
     elif method == "auto":
@@ -173,9 +142,7 @@ def make_plan(
         max_steps = step_allowance(field, method, step, path_length)
     elif not isinstance(max_steps, (int, np.integer)) or max_steps < 1:
         raise ValueError(f"max_steps must be a whole number of at least 1, got {max_steps!r}")
-    if by_projection:
-        predicted = 1.0
-    elif predicted is None and method == "fixed":
+    if predicted is None and method == "fixed":
         predicted = 3.0 * box_size(field) / step
     return TracePlan(
         method,
@@ -186,7 +153,6 @@ def make_plan(
         step,
         float(tolerance),
         tuple(reasons),
-        by_projection,
         predicted_evaluations=predicted,
-        predicted_error=None if method in ("paper", "fixed") or by_projection else float(tolerance),
+        predicted_error=None if method in ("paper", "fixed") else float(tolerance),
     )

@@ -59,9 +59,9 @@ def _retrace(
     field: IndexField, rays: RayBundle, plan: TracePlan, until, wavelength: float, arrays: dict, held: float
 ) -> None:
     """The same for rays all of which may have to be traced again."""
-    # A trace along undisturbed lines stays one; leapfrog and tables stand for bent rays.
-    asked = "straight" if plan.method == "straight" and not (plan.sample_count or plan.columns) else "adaptive"
-    controlled = replace(plan, method=asked, columns=False, sample_count=0, sampling=None)
+    # A trace along undisturbed lines stays one; leapfrog stands for bent rays.
+    asked = "straight" if plan.method == "straight" and not plan.sample_count else "adaptive"
+    controlled = replace(plan, method=asked, sample_count=0, sampling=None)
 
     def trace_again(rows: np.ndarray, attempt: TracePlan) -> None:
         found = launch(field, rays.rows(rows), attempt, until, wavelength, frozenset(arrays) - {"status"})
@@ -78,7 +78,7 @@ def _retrace(
         rows = np.flatnonzero(_rejected(arrays, held) & np.isfinite(arrays["step_error"]))
         if len(rows):
             trace_again(rows, replace(plan, cubes=False))
-    if plan.sample_count or plan.columns:
+    if plan.sample_count:
         rows = np.flatnonzero(_rejected(arrays, held))
         if len(rows):
             trace_again(rows, controlled)

@@ -19,7 +19,7 @@ from .launch import launch
 from .leapfrog import pilot_of, spread_of
 from .meeting import check_meeting
 from .plan import TracePlan
-from .planning import backend_for, plan_rays, why_projection
+from .planning import backend_for, plan_rays
 from .result import RAY_OUTPUTS, TraceResult
 from .retrace import report_rejected, retrace_rejected
 from .status import RayStatus
@@ -102,9 +102,8 @@ def trace(
     with clocked() as seconds:
         with stage("plan"):
             check_meeting(field, rays, "ray of the bundle")
-            columns = why_projection(field, rays, until, method, tolerance, wavelength)
             made: Any = "every ray is traced: asked for" if bundle == "off" else None
-            if bundle == "auto" and method == "auto" and columns is None and backend != "reference":
+            if bundle == "auto" and method == "auto" and backend != "reference":
                 made = trace_bundle(Asked(field, rays, until, wavelength, wanted, choices, run_plan))
             if isinstance(made, tuple):
                 plan, arrays = made
@@ -118,7 +117,6 @@ def trace(
                     step=step,
                     wavelength=wavelength,
                     directions=rays.direction if rays.device is None else pilot_of(rays).direction,
-                    columns=columns,
                     spread=partial(spread_of, rays),
                     **choices,
                 )
@@ -157,10 +155,6 @@ def run_plan(field: IndexField, rays: RayBundle, plan: TracePlan, until, wavelen
     Rays whose own error estimate is above the tolerance are traced again. Where some stay above it, "step_error" is
     among the arrays.
     """
-    if plan.columns:
-        from .projection_trace import trace as by_projection
-
-        return by_projection(field, rays, plan, until, wavelength, outputs, run_plan)
     arrays = launch(field, rays, plan, until, wavelength, outputs)
     if not plan.controls_error or plan.backend == "reference" or "step_error" not in arrays:
         return arrays

@@ -4,13 +4,14 @@ Whatever the damage, a file is read as a density field of a gas, or refused with
 """
 
 import shutil
-from collections.abc import Iterable, Iterator
 from pathlib import Path
 
 import numpy as np
 from numpy.random import Generator
 
 from ..flow import DensityField, read
+from ..fragile import LibraryEndedError
+from .damaged_structure import damage_structure, has_structure
 
 
 def damage(data: bytes, random: Generator) -> bytes:
@@ -49,40 +50,52 @@ def damage(data: bytes, random: Generator) -> bytes:
 
 
 def outcome_of(path: Path) -> str:
-    """Whether it was "read" or "refused"; whatever else happens, happens to the caller."""
+    """What became of a file: "read", "refused", or "ended": refused as the library that reads it ended its process.
+
+    Whatever else happens, happens to the caller.
+    """
     try:
         flow = read(path)
     except ValueError as fault:
         assert str(fault) and "\n" not in str(fault), repr(fault)
-        return "refused"
+        return "ended" if isinstance(fault.__cause__, LibraryEndedError) else "refused"
     assert isinstance(flow, DensityField)
     density = np.asarray(flow.density)  # type: ignore[attr-defined]  # every field that is read has samples
     assert np.isfinite(density).all() and (density > 0.0).all()
     return "read"
 
 
-def damaged_copies(path: Path, sound: Path, copy: Path, seeds: Iterable[int]) -> Iterator[str]:
-    """The outcomes of damaged copies of a sound file or case, one for each seed.
+class DamagedCopies:
+    """Copies of a sound file or case, one of whose files is damaged by each seed: its bytes, or what is in HDF5.
 
     Args:
         path: The file, or the case's folder.
-        sound: The folder with all that belongs to it; one of its files is damaged each time.
-        copy: Where the copies are made.
-        seeds: What tells one damage from another.
+        sound: The folder with all that belongs to it.
+        copy: Where the copies are made; not there yet.
+
+    Raises:
+        ValueError: It is not sound.
     """
-    if outcome_of(path) != "read":
-        raise ValueError(f"{path} is not sound")
-    files = sorted(file for file in sound.rglob("*") if file.is_file())
-    contents = {file: file.read_bytes() for file in files}
-    shutil.copytree(sound, copy)
-    for seed in seeds:
+
+    def __init__(self, path: Path, sound: Path, copy: Path):
+        """Copy what is sound."""
+        if outcome_of(path) != "read":
+            raise ValueError(f"{path} is not sound")
+        self._contents = {file: file.read_bytes() for file in sorted(sound.rglob("*")) if file.is_file()}
+        self._sound, self._copy, self._damaged = sound, copy, copy / path.relative_to(sound)
+        shutil.copytree(sound, copy)
+
+    def outcome(self, seed: int) -> str:
+        """What becomes of the copy that is damaged by a seed, as `outcome_of` has it."""
         random = np.random.default_rng(seed)
-        chosen = files[int(random.integers(len(files)))]
-        damaged = copy / chosen.relative_to(sound)
-        damaged.write_bytes(damage(contents[chosen], random))
+        chosen, content = list(self._contents.items())[int(random.integers(len(self._contents)))]
+        place = self._copy / chosen.relative_to(self._sound)
+        structural = has_structure(content) and random.random() < 0.5
+        place.write_bytes((damage_structure if structural else damage)(content, random))
         try:
-            yield outcome_of(copy / path.relative_to(sound))
+            return outcome_of(self._damaged)
         except BaseException as fault:
             fault.add_note(f"seed {seed}, {chosen.name}")
             raise
-        damaged.write_bytes(contents[chosen])
+        finally:
+            place.write_bytes(content)

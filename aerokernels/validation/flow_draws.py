@@ -1,6 +1,6 @@
 """Drawn flow files, given to their own reader in this process: what comes out hangs together, or is refused in words.
 
-A whole reading of a file, with its grid and its body, costs milliseconds (`damaged_in_children.py`); here ends what
+A whole reading of a file, with its grid and its body, costs milliseconds (`damaged_files.py`); here ends what
 this package parses itself, with small files, in memory or on a disk of memory. Formats that stand on VTK or HDF5 are
 not drawn here. As in input_draws.py, any other outcome is an exception to whoever draws.
 """

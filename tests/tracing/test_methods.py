@@ -27,7 +27,7 @@ def bundle(count: int, slope: float = 0.0) -> RayBundle:
 def test_straight_is_the_same_at_every_ray_count(engine, slope, geometry):
     """A contrast of 3e-2 over 4 mm bends rays by some 0.1 rad: full rays differ from straight ones by far more.
 
-    The same rays alone and among 6000 others (more than leapfrog and tables ask for) are the same to the last bit, on
+    The same rays alone and among 6000 others (more than leapfrog asks for) are the same to the last bit, on
     each engine; and differ from full rays by more than 10 times the tolerance of 1e-3 wave.
     """
     field, rays = uniform_field(geometry, amplitude=3e-2), bundle(max(6000, LEAST_RAYS), slope)
@@ -35,7 +35,7 @@ def test_straight_is_the_same_at_every_ray_count(engine, slope, geometry):
     few = rays[np.arange(0, len(rays), 300)]
     many, alone = trace(field, rays, method="straight", **options), trace(field, few, method="straight", **options)
     assert many.plan.method == alone.plan.method == "straight"
-    assert not many.plan.columns and not many.plan.sample_count
+    assert not many.plan.sample_count
     assert np.array_equal(many.opd[::300], alone.opd) and np.array_equal(many.direction[::300], alone.direction)
     full = trace(field, few, method="adaptive", **options)
     assert np.abs(full.opd - alone.opd).max() > 0.01 * WAVE
@@ -57,7 +57,7 @@ def test_the_plan_names_what_ran(engine):
     oblique, along = bundle(6000, 0.03), bundle(6000)
     for rays, method, options in (
         (oblique, "leapfrog", {}),
-        (along, "projection-tables", {}),
+        (along, "leapfrog", {}),
         (oblique[np.arange(10)], "adaptive", {}),
         (oblique, "adaptive", {"method": "adaptive"}),
         (oblique, "fixed", {"method": "fixed", "step": 2e-4}),
@@ -66,19 +66,6 @@ def test_the_plan_names_what_ran(engine):
         plan = trace(field, rays, until=FAR, outputs="opd", **options, **on(engine)).plan
         assert plan.method == method == plan.as_dict()["method"]
         assert str(plan).startswith(f"{method} on ")
-        assert (plan.sample_count > 0) == (method == "leapfrog") and plan.columns == (method == "projection-tables")
+        assert (plan.sample_count > 0) == (method == "leapfrog")
         assert plan.reasons[0].startswith(f"method {method}: ")
         assert sum(reason.startswith("method ") for reason in plan.reasons) == 1
-
-
-def test_the_plan_says_which_rays_the_tables_do_not_hold_for():
-    """Some of the rays pass beside the box, and are traced one by one; where all of them do, no table is named."""
-    field, rays = uniform_field("volume", amplitude=1e-4), bundle(8000)
-    here = {"until": FAR, "outputs": "opd", "backend": "warp", "device": "cpu"}
-    wide = RayBundle(rays.position * [2.0, 2.0, 1.0], rays.direction)
-    reasons = trace(field, wide, **here).plan.reasons
-    assert any("of 8000 rays come near a side of the box" in reason for reason in reasons)
-    # Along the very edge of the box: no ray is twice the greatest shift away from it.
-    edge = np.c_[np.full(8000, -15e-4), rays.position[:, 1:]]
-    plan = trace(field, RayBundle(edge, [0.0, 0.0, 1.0]), **here).plan
-    assert plan.method != "projection-tables" and not plan.columns

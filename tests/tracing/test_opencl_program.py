@@ -136,10 +136,9 @@ def test_options_are_distinct_and_each_has_a_number_in_the_header():
         {"on_mesh": True},
         {"has_body": True},
         {"measured": False},
-        {"with_ends": False},
     ):
         made.add(build_options(**change))
-    assert len(made) == np.prod([len(values) for values in OPTION_VALUES.values()]) + 5
+    assert len(made) == np.prod([len(values) for values in OPTION_VALUES.values()]) + 4
     assert not [option for option in opencl_program.BASE_OPTIONS if "math" in option or "mad" in option]
 
 

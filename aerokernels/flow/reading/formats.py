@@ -166,7 +166,7 @@ def in_child(module: str, path: Path, time, options: dict[str, Any]) -> Dataset:
     try:
         found = call_in_child(path, f"{read_here.__module__}:{read_here.__name__}", module, path, time, options)
     except LibraryEndedError as fault:
-        raise ReadError.said(str(fault)) from None
+        raise ReadError.said(str(fault)) from fault
     assert isinstance(found, Dataset)
     return found
 

@@ -12,7 +12,6 @@ import numpy as np
 
 from ...medium import IndexField
 from ..bundle.table import BundleTable
-from ..collimated import Projection
 from ..plan import TracePlan
 from .layout import STRUCTS
 
@@ -49,11 +48,6 @@ class Engine(Protocol):
         Raises:
             ValueError: The device is not there, or too small for the field.
         """
-
-    def prepare_projection(
-        self, field: IndexField, columns: Projection, plan: TracePlan, outputs: frozenset
-    ) -> "Prepared":
-        """Tables of columns made ready for outputs of rays that only have a place."""
 
     def prepare_bundle(self, table: BundleTable, outputs: frozenset) -> "Prepared":
         """Patches between traced rays made ready for outputs of rays of their family."""

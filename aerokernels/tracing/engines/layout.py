@@ -208,7 +208,6 @@ OPTIONS: dict[str, Option] = {
     "on_mesh": Option(0, "whether samples are on a mesh"),
     "has_body": Option(0, "whether the field has a body"),
     "measured": Option(1, "whether the errors of steps are estimated; error control needs them"),
-    "with_ends": Option(1, "whether projection tables give positions, arc lengths and errors, too"),
     "lanes": Option(1, "rays that a work-item of leapfrog samples moves in step"),
     "packets": Option(1, "packets of so many rays that it moves in turns"),
     "packed": Option(0, "whether coefficients are the polynomials of cells, for leapfrog samples in two dimensions"),

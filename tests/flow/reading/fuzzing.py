@@ -1,5 +1,6 @@
 """Damaging files on purpose: what a broken disk, a broken transfer or another program leaves of them."""
 
+from collections import Counter
 from pathlib import Path
 
 import cgns_writer
@@ -7,7 +8,7 @@ import numpy as np
 import vtk_writers
 import writers
 
-from aerokernels.validation.damaged_files import damaged_copies
+from aerokernels.validation.damaged_files import DamagedCopies
 
 
 def plain(folder: Path, kind: str) -> Path:
@@ -88,14 +89,12 @@ def _labelled(folder: Path, kind: str, x, y, density) -> Path:
     return folder / "a.nc"
 
 
-def fuzz(folder: Path, kind: str, seeds) -> dict[str, int]:
+def fuzz(folder: Path, kind: str, seeds) -> Counter[str]:
     """How many damaged copies of a sound file were refused, and how many read: by chance the damage may not matter."""
     sound = folder / "sound"
     sound.mkdir()
-    counts = {"read": 0, "refused": 0}
-    for found in damaged_copies(plain(sound, kind), sound, folder / "copy", seeds):
-        counts[found] += 1
-    return counts
+    copies = DamagedCopies(plain(sound, kind), sound, folder / "copy")
+    return Counter(map(copies.outcome, seeds))
 
 
 KINDS = (

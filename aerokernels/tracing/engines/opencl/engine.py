@@ -15,7 +15,6 @@ from ....medium import IndexField
 from ...bundle.frame import kernel_arrays
 from ...bundle.frame import kernel_numbers as bundle_numbers
 from ...bundle.table import BundleTable
-from ...collimated import ENDS, Projection, kernel_numbers, packed
 from ...cube_polynomials import cubes_of
 from ...plan import TracePlan
 from ..field_data import FieldData, array_of, field_data, step_bound_tables, stop_kind, trace_members
@@ -167,20 +166,6 @@ class Engine:
             return upload()
         kept: list = field.derive(("opencl without tables", self.session, precision), upload)
         return kept
-
-    def prepare_projection(
-        self, field: IndexField, columns: Projection, plan: TracePlan, outputs: frozenset
-    ) -> Prepared:
-        """Tables of columns made ready for outputs of rays that only have a place."""
-        with stage("upload"):
-            table = columns.tables.derive(
-                ("opencl", self.session, plan.precision),
-                lambda: self.put(packed(columns.tables).astype(REAL_TYPES[plan.precision])),
-            )
-        with stage("compile"):
-            options = build_options(precision=plan.precision, method="straight", with_ends=bool(outputs & ENDS))
-            kernel = self._kernel(build(self.session, "trace_projection.cl", options), "trace_projection")
-        return Prepared(self, kernel, [table, *kernel_numbers(field, columns, outputs)], outputs, None)
 
     def prepare_bundle(self, table: BundleTable, outputs: frozenset) -> Prepared:
         """Patches between traced rays made ready for outputs of rays of their family."""

@@ -19,7 +19,6 @@ from ....quiet_warp import start_warp
 from ...bundle.frame import kernel_arrays
 from ...bundle.frame import kernel_numbers as bundle_numbers
 from ...bundle.table import BundleTable
-from ...collimated import ENDS, Projection, kernel_numbers, packed
 from ...cube_polynomials import cubes_of
 from ...plan import TracePlan
 from ..field_data import FieldData, array_of, field_data, step_bound_tables, stop_kind, trace_members
@@ -29,7 +28,6 @@ from .kernels import grid_tables, pupil
 from .kernels.deliver_bundle import build_bundle_kernel
 from .kernels.leapfrog import build_leapfrog_kernel
 from .kernels.trace import build_kernel
-from .kernels.trace_projection import build_projection_kernel
 from .library import library_of
 from .loading import load_module
 from .types import types
@@ -106,20 +104,6 @@ class Engine:
             _filled("Bounds", data.bounds | bounds, plan.precision),
             _filled("Control", data.control | control | blocks | bound_arrays, plan.precision),
         ]
-
-    def prepare_projection(
-        self, field: IndexField, columns: Projection, plan: TracePlan, outputs: frozenset
-    ) -> Prepared:
-        """Tables of columns made ready for outputs of rays that only have a place."""
-        with stage("upload"):
-            table = columns.tables.derive(
-                ("warp", self.device, plan.precision),
-                lambda: wp.array(packed(columns.tables), dtype=types(plan.precision).real, device=self.device),
-            )
-        with stage("compile"):
-            kernel = build_projection_kernel(library_of(plan.precision), bool(outputs & ENDS))
-            self._load(kernel.module)
-        return Prepared(self, kernel, [table, *kernel_numbers(field, columns, outputs)], outputs, None)
 
     def prepare_bundle(self, table: BundleTable, outputs: frozenset) -> Prepared:
         """Patches between traced rays made ready for outputs of rays of their family."""
