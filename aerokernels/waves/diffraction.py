@@ -114,16 +114,18 @@ class Ways:
 
         step = (self.slabs.last - self.slabs.first) / len(paths)
         wave = fft2(self.window.amplitude.astype(np.complex64), overwrite_x=True)
-        way = self.before + 0.5 * step
+        way = self._free(self.before + 0.5 * step)
         for number, path in enumerate(paths):
-            for factor in self._free(way):
+            for factor in way:
                 wave *= factor
             wave = ifft2(wave, overwrite_x=True)
             wave *= phase_factor(path, self.wavelength)
             if opaque is not None:
                 wave[opaque[number]] = 0.0
+            if number == 0 and len(paths) > 1:
+                way = self._free(step)
             if number < len(paths) - 1:
-                wave, way = fft2(wave, overwrite_x=True), step
+                wave = fft2(wave, overwrite_x=True)
         return complex(wave.sum())
 
     def _free(self, way: float) -> list[np.ndarray]:

@@ -11,6 +11,7 @@ slanted line of sight, a mesh) it is the mean of layers. Either way a thin shock
 import math
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -93,6 +94,7 @@ class SlabsAlongZ(Slabs):
         self.first, self.last = self._disturbed(held, begin, end, wavelength)
         edges = float(look.center[2]) + float(look.normal[2]) * np.linspace(self.first, self.last, FINEST + 1)
         self._means = _slab_means(held, grid, edges)
+        self._matrices: dict[tuple[int, bytes], tuple[Any, np.ndarray]] = {}
 
     def _window(self, axis: int) -> tuple[int, int, int]:
         """Coefficients along an axis that the window's values depend on: from, to, and the first one's cell."""
@@ -166,6 +168,15 @@ class SlabsAlongZ(Slabs):
 
     def _interpolated(self, points: np.ndarray, values: np.ndarray, axis: int) -> tuple[np.ndarray, np.ndarray]:
         """Values along their first axis, an axis of the grid, at points [m], and which of those lie in the box."""
+        key = (axis, points.tobytes())
+        if key not in self._matrices:
+            self._matrices[key] = self._matrix(points, len(values), axis)
+        matrix, inside = self._matrices[key]
+        product = matrix @ np.ascontiguousarray(values).reshape(len(values), -1)
+        return product.reshape(len(points), *values.shape[1:]), inside
+
+    def _matrix(self, points: np.ndarray, held: int, axis: int) -> tuple[Any, np.ndarray]:
+        """What makes values at points [m] of so many coefficients along an axis, and which points lie in the box."""
         from scipy.sparse import csr_array
 
         grid = self._grid
@@ -173,14 +184,11 @@ class SlabsAlongZ(Slabs):
         place = (points - grid.origin[axis]) / grid.spacing[axis]
         last = grid.shape[axis] - 1
         inside = (place >= -1e-12 * last) & (place <= last * (1.0 + 1e-12))
-        held = len(values)
         cell = np.clip(np.floor(place).astype(np.int64), self._across[axis][2], last - 1)
         weight, _ = spline.weights(grid.interpolation, np.where(inside, place - cell, 0.0))
         column = np.minimum((cell - self._across[axis][2]) * stride + np.arange(support)[:, None], held - 1)
         start = np.arange(0, support * len(points) + 1, support)
-        matrix = csr_array((weight.T.ravel(), column.T.ravel(), start), shape=(len(points), held))
-        product = matrix @ np.ascontiguousarray(values).reshape(held, -1)
-        return product.reshape(len(points), *values.shape[1:]), inside
+        return csr_array((weight.T.ravel(), column.T.ravel(), start), shape=(len(points), held)), inside
 
 
 def _slab_means(held: np.ndarray, grid: UniformGrid, edges: np.ndarray) -> np.ndarray:
@@ -199,11 +207,11 @@ def _slab_means(held: np.ndarray, grid: UniformGrid, edges: np.ndarray) -> np.nd
     column = cell * stride + np.arange(support)[:, None]
     length = held.shape[-1]
     total = np.bincount((slab * length + column).ravel(), weight.ravel(), count * length).reshape(count, length)
+    used = total != 0.0
+    first, last = used.argmax(axis=1), length - used[:, ::-1].argmax(axis=1)
     means = np.empty((*held.shape[:-1], count))
-    for number, row in enumerate(total):
-        used = np.flatnonzero(row)
-        part = slice(used[0], used[-1] + 1)
-        np.matmul(held[..., part], row[part], out=means[..., number])
+    for number, (start, stop) in enumerate(zip(first.tolist(), last.tolist(), strict=True)):
+        np.matmul(held[..., start:stop], total[number, start:stop], out=means[..., number])
     return means
 
 

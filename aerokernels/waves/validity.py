@@ -202,7 +202,7 @@ def by_waves(field: IndexField, pupil: Pupil, wavelength: float, feature: float 
     # Fringes of a rim are as fine as the pixels allow.
     pixels = fast_size(math.ceil(np.clip(2.0 * look.half * PER_FEATURE / feature, least, most))) if clear else most
     window = window_of(pupil, look.half, pixels, flat)
-    distance = _slabs_length(slabs, pupil)
+    distance = _slabs_length(slabs, pupil, flat)
     shadow, passes = shadow_of(slabs, window, wavelength, end)
     path = slabs.taken(window.x, window.y, 1)[0]
     crossings = crossings_of(path, window.pixel, window.amplitude * passes, distance)
@@ -229,15 +229,17 @@ def by_waves(field: IndexField, pupil: Pupil, wavelength: float, feature: float 
     )
 
 
-def _slabs_length(slabs: Slabs, pupil: Pupil) -> float:
-    """The disturbed length [m], by lines through the slabs."""
+def _slabs_length(slabs: Slabs, pupil: Pupil, flat: bool) -> float:
+    """The disturbed length [m], by lines through the slabs; of a flat one, which are alike along x, by one row."""
     place = max(pupil.half_extent) * (2.0 * (np.arange(SLAB_LINES) + 0.5) / SLAB_LINES - 1.0)
-    x, y = np.meshgrid(place, place)
-    lit = pupil.transmission(x, y) > 0.0
-    opaque = slabs.opaque(place, place, FINEST)
+    lit = pupil.transmission(*np.meshgrid(place, place)) > 0.0
+    across = np.zeros(1) if flat else place
+    if flat:
+        lit = lit.any(axis=1, keepdims=True)
+    opaque = slabs.opaque(across, place, FINEST)
     if opaque is not None and (lit & ~opaque.any(axis=0)).any():
         lit &= ~opaque.any(axis=0)
-    return spread_along(slabs.taken(place, place, FINEST)[:, lit], slabs.last - slabs.first)
+    return spread_along(slabs.taken(across, place, FINEST)[:, lit], slabs.last - slabs.first)
 
 
 def finest_feature(phase: np.ndarray, pixel: float) -> float:
