@@ -261,7 +261,7 @@ def calls() -> dict[str, tuple[Callable, dict[str, Any]]]:
             split_step,
             {"field": air, "light": disc, "pixel_count": 16, "window": 2.0, "step_count": 2, "paraxial": False},
         ),
-        "validity": (validity, {"field": air, "pupil": disc, "limit": 0.01}),
+        "validity": (validity, {"field": air, "pupil": disc, "limit": 0.01, "waves": True}),
         "Scene.load": (Scene.load, {"place": "wind-tunnel-static", "overrides": None}),
     }
     uniform = flow.uniform_air(1.2, radius=4e-3, z_range=(0.0, 8e-3))
