@@ -92,30 +92,40 @@ def _along_z(field: IndexField, grid: UniformGrid, pupil: Pupil, sign: float, wa
     round_about = field.geometry == "axisymmetric"
     # Slope over radius is a mean of second derivatives from the axis on.
     ways = 2.0 if round_about else 1.0
-    gradient, second, changes = np.zeros(len(way)), np.zeros(len(way)), []
-    for axis in across:
-        step = float(grid.spacing[axis])
-        first = np.diff(held, axis=axis)
-        change = np.diff(first, axis=axis)
-        changes.append((axis, step, change))
-        # The radial slope points every way about the axis: it has no tilt in common.
-        steep = np.abs(first).max(axis=across) if round_about else 0.5 * np.ptp(first, axis=across)
-        gradient = np.hypot(gradient, steep / step)
-        second += ways * np.abs(change).max(axis=across) / step**2
     # The coefficients are those of the potential, which is the contrast times the ambient index.
-    phase, gradient, second = phase / grid.ambient_index, gradient / grid.ambient_index, second / grid.ambient_index
+    scale = 1.0 / grid.ambient_index
+    firsts = [np.diff(held, axis=axis) for axis in across]
+    gradient = np.zeros(len(way))
+    for axis, first in enumerate(firsts):
+        # The radial slope points every way about the axis: it has no tilt in common.
+        steep = _greatest(first) if round_about else 0.5 * (first.max(axis=across) - first.min(axis=across))
+        gradient = np.hypot(gradient, scale * steep / grid.spacing[axis])
+    aslant = 2.0 * wave_number * length * (spacing * float(gradient.sum())) ** 2
+    weak = (scale * phase) ** 2
+    if aslant > weak:
+        return ChangeBound(weak, math.inf, length)
+    second, changes = np.zeros(len(way)), []
+    for axis, first in enumerate(firsts):
+        step, change = float(grid.spacing[axis]), np.diff(first, axis=axis)
+        changes.append((axis, step, change))
+        second += ways * scale * _greatest(change) / step**2
     curvature = spacing * float((way * second).sum())
-    rest = curvature + 2.0 * wave_number * length * (spacing * float(gradient.sum())) ** 2
+    rest = curvature + aslant
     # Fourth differences are at most four times the second ones, and are not formed where that is little.
     least = min(step for _, step, _ in changes)
     diffraction = float((way**2 * second).sum()) * 4.0 * ways * len(changes) / least**2
     if spacing * diffraction / (4.0 * wave_number) > LITTLE * rest:
         fourth = np.zeros(len(way))
         for axis, step, change in changes:
-            twice = np.abs(np.diff(change, 2, axis=axis)).max(axis=across, initial=0.0)
-            fourth += ways * np.sqrt(twice / grid.ambient_index) / step**2
+            fourth += ways * np.sqrt(scale * _greatest(np.diff(change, 2, axis=axis))) / step**2
         diffraction = float((way**2 * fourth**2).sum())
-    return ChangeBound(min(rest + spacing * diffraction / (4.0 * wave_number), phase**2), curvature, length)
+    return ChangeBound(min(rest + spacing * diffraction / (4.0 * wave_number), weak), curvature, length)
+
+
+def _greatest(values: np.ndarray) -> np.ndarray:
+    """The greatest size over all but the last axis; no array of sizes is made, which would take longer."""
+    across = tuple(range(values.ndim - 1))
+    return np.asarray(np.maximum(values.max(axis=across, initial=0.0), -values.min(axis=across, initial=0.0)))
 
 
 def _held(field: IndexField, grid: UniformGrid, pupil: Pupil, margin: float) -> np.ndarray | None:

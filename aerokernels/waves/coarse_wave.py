@@ -42,8 +42,7 @@ def by_waves(field: IndexField, pupil: Pupil, wavelength: float, feature: float 
         window = window_of(pupil, reach, COLUMN_PIXELS[1] if flat else 2 * slabs.most_pixels // 3, flat)
         path = slabs.taken(window.x, window.y, 1)[0]
         _, passes = shadow_of(slabs, window, wavelength, end)
-        phase = np.where(passes, 2.0 * np.pi / wavelength * path, np.nan)
-        feature = finest_feature(phase, window.pixel)
+        feature = finest_feature(np.where(passes, path, np.nan), window.pixel, wavelength)
     least, most = COLUMN_PIXELS if flat else (LEAST_PIXELS, slabs.most_pixels)
     # Fringes of a rim are as fine as the pixels allow.
     pixels = fast_size(math.ceil(np.clip(2.0 * look.half * PER_FEATURE / feature, least, most))) if clear else most
@@ -88,23 +87,23 @@ def _slabs_length(slabs: Slabs, pupil: Pupil, flat: bool) -> float:
     return spread_along(slabs.spread(across, place)[:, lit], slabs.last - slabs.first)
 
 
-def finest_feature(phase: np.ndarray, pixel: float) -> float:
-    """Half period of the finest phase [m] that holds UNSEEN rad of a map, NaN outside the pupil; infinite if none does.
+def finest_feature(path: np.ndarray, pixel: float, wavelength: float) -> float:
+    """Half period of the finest phase [m] that holds UNSEEN rad of paths [m], NaN outside the pupil; infinite if none.
 
     By second differences at growing distance, which no tilt touches and no edge of the pupil: a component of period p
     holds its whole at a distance of p / 2.
     """
-    count = len(phase)
+    count, wave_number = len(path), 2.0 * np.pi / wavelength
     # Some lines either way say what all of them do: columns and, of a map of more than one, rows.
     part = slice(None, None, max(1, count // FEATURE_LINES))
-    ways = [phase.T[part], phase[part]] if phase.shape[0] == phase.shape[1] else [phase.T[part]]
+    ways = [path.T[part], path[part]] if path.shape[0] == path.shape[1] else [path.T[part]]
     lines = np.stack(ways)
     for stride in (2**power for power in range(int(np.log2(max(count // 2, 1))) + 1)):
         # Of a coarse difference every second part of it is looked at: the rest says the same.
         step = max(1, stride // 2)
         squares = _mean_squares(lines[..., ::step], stride // step)
         # Of a component that is sampled at its extremes the second difference is four times the amplitude.
-        if np.sqrt(squares / 8.0) > 2.0 * UNSEEN:
+        if wave_number * math.sqrt(squares / 8.0) > 2.0 * UNSEEN:
             return stride * pixel
     return float("inf")
 

@@ -102,7 +102,7 @@ def validity(
             look = np.asarray(wavefront.direction)
         # What is as fine as the map's own pixels may be finer: then waves look for it anew.
         if len(wavefront.opd) >= FEWEST_MAPPED:
-            found = finest_feature(2.0 * np.pi / wavelength * wavefront.opd, wavefront.pixel)
+            found = finest_feature(wavefront.opd, wavefront.pixel, wavelength)
             if found >= RESOLVED * wavefront.pixel:
                 feature = found
                 answer = by_rays(field, pupil, look, wavefront, wavelength, feature, limit)
