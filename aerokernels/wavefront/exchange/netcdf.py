@@ -1,11 +1,15 @@
 """Wavefronts as labelled datasets, for NetCDF files with CF attributes."""
 
+from dataclasses import fields
 from functools import partial
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 
+from ...pupils import Annulus, Disc, Mask, Polygon, Pupil, Rectangle
 from ..data import SIGN_CONVENTION, WavefrontMap
+
+PUPILS: dict[str, Any] = {kind.__name__: kind for kind in (Annulus, Disc, Mask, Polygon, Rectangle)}
 
 
 def to_xarray(wavefront: WavefrontMap):
@@ -27,11 +31,11 @@ def to_xarray(wavefront: WavefrontMap):
     }
     if wavefront.direction is not None:
         attributes["direction"] = np.asarray(wavefront.direction)
-    if wavefront.pupil is not None:
-        attributes["pupil"] = type(wavefront.pupil).__name__
-        attributes["pupil_center"], attributes["pupil_normal"] = wavefront.pupil.center, wavefront.pupil.normal
+    shape, numbers = _pupil_numbers(wavefront.pupil)
+    attributes.update(numbers)
     return xarray.Dataset(
         {
+            **shape,
             "opd": (("y", "x"), wavefront.opd, opd),
             "weight": (
                 ("y", "x"),
@@ -73,5 +77,37 @@ def from_xarray(dataset) -> dict[str, Any]:
         "blocked": float(attributes.get("blocked", 0.0)),
         "removed": tuple(str(attributes.get("removed", "")).split()),
         "direction": np.asarray(attributes["direction"]) if "direction" in attributes else None,
+        "pupil": _pupil(dataset),
         "budget": partial(dict, total=error) if np.isfinite(error) else None,
     }
+
+
+def _pupil_numbers(pupil: Pupil | None) -> tuple[dict[str, Any], dict[str, Any]]:
+    """A pupil's numbers as a dataset's variables (arrays of two axes) and attributes (the others, and its kind)."""
+    variables: dict[str, Any] = {}
+    attributes: dict[str, Any] = {}
+    if pupil is not None:
+        attributes["pupil"] = type(pupil).__name__
+        for field in fields(cast(Any, pupil)):
+            value, name = getattr(pupil, field.name), f"pupil_{field.name}"
+            if np.ndim(value) == 2:
+                variables[name] = ((f"{name}_row", f"{name}_column"), value)
+            else:
+                attributes[name] = value
+    return variables, attributes
+
+
+def _pupil(dataset) -> Pupil | None:
+    """The pupil that a dataset was made with; None where it has none, or not all of its numbers."""
+    kind = PUPILS.get(str(dataset.attrs.get("pupil")))
+    if kind is None:
+        return None
+    found = {}
+    for field in fields(kind):
+        name = f"pupil_{field.name}"
+        if name not in dataset and name not in dataset.attrs:
+            return None
+        found[field.name] = np.asarray(dataset[name] if name in dataset else dataset.attrs[name])
+        if found[field.name].ndim < 2 and found[field.name].size == 1:  # files make arrays of lone numbers
+            found[field.name] = found[field.name].item()
+    return kind(**found)
