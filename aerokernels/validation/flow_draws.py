@@ -32,7 +32,7 @@ def _told(fault: Exception, path: Path) -> bool:
     return False
 
 
-def _looked_at(path: Path, found: Dataset) -> bool:
+def looked_at(path: Path, found: Dataset) -> bool:
     """Arrays have a value for each place, cells refer to points that are there, and densities are those of a gas."""
     for block in found.blocks:
         count = len(block.points)
@@ -65,7 +65,7 @@ def _looked_at(path: Path, found: Dataset) -> bool:
 
 def _read(path: Path, module: str, options: dict | None = None) -> bool:
     try:
-        return _looked_at(path, read_here(module, path, None, options or {}))
+        return looked_at(path, read_here(module, path, None, options or {}))
     except ReadError as fault:
         return _told(fault, path.parent)
     except ValueError as fault:  # names of arrays and gases that nobody knows
