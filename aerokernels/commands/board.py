@@ -39,10 +39,10 @@ def board(
     from aerokernels.hardware.board import run_board
     from aerokernels.hardware.echo_source import DEFAULT_SCENE, EchoSource
     from aerokernels.hardware.faults import FaultPlan, parse_faults
-    from aerokernels.hardware.interrupt import interrupt_flag
     from aerokernels.hardware.protocols import DIALECT_NAMES, PROTOCOLS, require_one_of
     from aerokernels.hardware.pseudo_terminal import PseudoTerminal
     from aerokernels.hardware.scope_board import SimulatedScope, run_scope
+    from aerokernels.interrupt import interrupt_flag
 
     require_one_of("--protocol", protocol, PROTOCOLS)
     require_one_of("--dialect", dialect, DIALECT_NAMES)

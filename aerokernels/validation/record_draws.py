@@ -24,7 +24,8 @@ UNITS = ("s", "ns", "us", "V", "mV", "furlong", "", "1", "\x1b[2J", 3.0, None, b
 KINDS = ("f8", "f4", "i2", "u8", "S3", "U3", "c16", "?", "O", "M8[ns]", "m8[ns]")
 
 
-def _looked_at(echoes: Iterable[RecordedEcho]) -> bool:
+def looked_at(echoes: Iterable[RecordedEcho]) -> bool:
+    """Finite voltages at increasing times, labels of texts: whether there is one."""
     count = 0
     for echo in echoes:
         finite = np.isfinite(echo.voltage).all() and np.isfinite(echo.time).all()
@@ -65,7 +66,7 @@ def row(draw: random.Random, folder: Path) -> bool:
     if frame.samples.size < LEAST_SAMPLES or not frame.sample_period_ps > 0:
         return False
     try:
-        return _looked_at([checked(RecordedEcho(tuple(label.items()), frame.time, frame.voltage), "row")])
+        return looked_at([checked(RecordedEcho(tuple(label.items()), frame.time, frame.voltage), "row")])
     except ValueError as fault:
         return _told(fault)
 
@@ -116,7 +117,7 @@ def dataset(draw: random.Random, folder: Path) -> bool:
     except ValueError:  # a dimension's name on something that has others: xarray's own refusal, as in its reader
         return False
     try:
-        return _looked_at(waveforms(data, path))
+        return looked_at(waveforms(data, path))
     except ValueError as fault:
         if str(path) not in str(fault):
             raise AssertionError(f"the file is not named: {fault}") from fault

@@ -204,7 +204,7 @@ def scalar_array(path, block: Block, name: str, where: str | None = None) -> tup
 
 def _refuse_no_gas(path, block: Block, name: str, values: np.ndarray, where: str) -> None:
     blank = block.blank if block.blank is not None and len(block.blank) == len(values) else None
-    beside = _beside_the_flow(block) if where == "cell" else None
+    beside = beside_the_flow(block) if where == "cell" else None
     if beside is not None:
         blank = beside if blank is None else blank | beside
     if wrong := no_gas(values, blank):
@@ -218,7 +218,7 @@ def _refuse_no_gas(path, block: Block, name: str, values: np.ndarray, where: str
         )
 
 
-def _beside_the_flow(block: Block) -> np.ndarray | None:
+def beside_the_flow(block: Block) -> np.ndarray | None:
     """Which cells hold no flow: faces beside solid cells, lines and points beside flat ones; None for no such."""
     if block.cells is None:
         return None

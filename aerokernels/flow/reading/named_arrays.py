@@ -44,6 +44,19 @@ def read(path: Path, time: Any = None, options: dict | None = None) -> Dataset:
         (arrays, units, ends), kind = _hdf5(path), "HDF5"
     else:
         raise ReadError(path, "it does not begin like an HDF5 file", DAMAGED)
+    return arrays_as_dataset(path, arrays, units, ends, variables, kind, time)
+
+
+def arrays_as_dataset(
+    path: Path,
+    arrays: dict[str, np.ndarray],
+    units: dict[str, str],
+    ends: dict[str, tuple[float, float]],
+    variables: dict[str, Any],
+    kind: str,
+    time: Any,
+) -> Dataset:
+    """The dataset of what a file holds: arrays and their units by name, the ends of axes; `variables` is a caller's."""
     given = {axis: value for axis, value in variables.items() if not isinstance(value, str)}
     if given:  # what a caller says of the axes counts for more than what the file has of them
         arrays = {n: own for n, own in arrays.items() if not any(plain_name(n) in COLUMNS[a] for a in COLUMNS)}
@@ -115,6 +128,17 @@ def _hdf5(path: Path) -> tuple[dict[str, np.ndarray], dict[str, str], dict[str, 
     """Arrays by name, their units, and the ends of axes."""
     import h5py
 
+    try:
+        with h5py.File(path, "r") as file:
+            return arrays_of(file)
+    except (OSError, RuntimeError, KeyError, ValueError) as fault:
+        raise ReadError(path, f"HDF5 cannot read it ({str(fault)[:120]})", DAMAGED) from None
+
+
+def arrays_of(file: Any) -> tuple[dict[str, np.ndarray], dict[str, str], dict[str, tuple[float, float]]]:
+    """The same of an open file."""
+    import h5py
+
     arrays: dict[str, np.ndarray] = {}
     units: dict[str, str] = {}
     bounds: dict[str, set[float]] = {}
@@ -131,12 +155,8 @@ def _hdf5(path: Path) -> tuple[dict[str, np.ndarray], dict[str, str], dict[str, 
             unit = entry.attrs.get("units")
             units[name] = unit.decode() if isinstance(unit, bytes) else unit if isinstance(unit, str) else ""
 
-    try:
-        with h5py.File(path, "r") as file:
-            take("", file)
-            file.visititems(take)
-    except (OSError, RuntimeError, KeyError, ValueError) as fault:
-        raise ReadError(path, f"HDF5 cannot read it ({str(fault)[:120]})", DAMAGED) from None
+    take("", file)
+    file.visititems(take)
     known = {key: values.pop() for key, values in bounds.items() if len(values) == 1}
     ends = {a: (known[f"{a}min"], known[f"{a}max"]) for a in "xyzr" if f"{a}min" in known and f"{a}max" in known}
     return arrays, units, ends

@@ -183,7 +183,7 @@ def reading_of(
 ) -> Reading:
     """What is what in a dataset; `unit` of length [m] or None for the file's own, the rest as in `read`."""
     scale = (dataset.length or 1.0) if unit is None else unit
-    _check_blocks(path, dataset)
+    check_blocks(path, dataset)
     choice = choose_density(path, dataset, density, gas_constant)
     densities = [block_density(path, block, choice, reference, dataset.units) for block in dataset.blocks]
     normal = None
@@ -301,7 +301,12 @@ def length_unit_given(unit: str | float | None, reference: Reference) -> float |
     return unit_of_length(unit) * reference.length
 
 
-def _check_blocks(path, dataset: Dataset) -> None:
+def check_blocks(path, dataset: Dataset) -> None:
+    """Refuse blocks whose points have no place, or whose cells do not hang together.
+
+    Raises:
+        ReadError: Which, and what to do.
+    """
     if not dataset.blocks or not any(len(block.points) for block in dataset.blocks):
         raise ReadError(path, "it holds no points", "give a file with a mesh and its arrays")
     for block in dataset.blocks:

@@ -1,5 +1,6 @@
 """Wavefronts as labelled datasets, for NetCDF files with CF attributes."""
 
+import math
 from dataclasses import fields
 from functools import partial
 from typing import Any, cast
@@ -64,19 +65,19 @@ def from_xarray(dataset) -> dict[str, Any]:
     if lost:
         raise ValueError(f"the dataset is no wavefront of Wavefront.to_xarray: {', '.join(lost)} is missing")
     attributes = dataset.attrs
-    if attributes["sign_convention"] != SIGN_CONVENTION:
+    if str(attributes["sign_convention"]) != SIGN_CONVENTION:
         raise ValueError(f"the dataset's sign convention is {attributes['sign_convention']!r}, not {SIGN_CONVENTION!r}")
-    error = float(attributes.get("opd_error", np.nan))
+    error = _number(attributes, "opd_error", np.nan)
     return {
-        "opd": np.asarray(dataset["opd"].transpose("y", "x")),
-        "weight": np.asarray(dataset["weight"].transpose("y", "x")),
-        "pixel": float(attributes["pixel"]),
-        "wavelength": float(attributes["wavelength"]),
-        "intensity": np.asarray(dataset["intensity"].transpose("y", "x")) if "intensity" in dataset else None,
-        "radius": float(attributes["radius"]) if "radius" in attributes else None,
-        "blocked": float(attributes.get("blocked", 0.0)),
+        "opd": _map(dataset, "opd"),
+        "weight": _map(dataset, "weight"),
+        "pixel": _number(attributes, "pixel"),
+        "wavelength": _number(attributes, "wavelength"),
+        "intensity": _map(dataset, "intensity") if "intensity" in dataset else None,
+        "radius": _number(attributes, "radius") if "radius" in attributes else None,
+        "blocked": _number(attributes, "blocked", 0.0),
         "removed": tuple(str(attributes.get("removed", "")).split()),
-        "direction": np.asarray(attributes["direction"]) if "direction" in attributes else None,
+        "direction": _numbers(attributes, "direction", (3,)) if "direction" in attributes else None,
         "pupil": _pupil(dataset),
         "budget": partial(dict, total=error) if np.isfinite(error) else None,
     }
@@ -111,3 +112,29 @@ def _pupil(dataset) -> Pupil | None:
         if found[field.name].ndim < 2 and found[field.name].size == 1:  # files make arrays of lone numbers
             found[field.name] = found[field.name].item()
     return kind(**found)
+
+
+def _map(dataset, name: str) -> np.ndarray:
+    """A map [y, x] of a dataset."""
+    own = dataset[name]
+    if set(own.dims) != {"y", "x"} or own.ndim != 2 or own.dtype.kind not in "iuf":
+        axes = ", ".join(map(str, own.dims))
+        raise ValueError(f"the dataset's {name} must be numbers over (y, x), got {own.dtype} over ({axes})")
+    return np.asarray(own.transpose("y", "x"))
+
+
+def _numbers(attributes, name: str, shape: tuple[int, ...]) -> np.ndarray:
+    """An attribute of a dataset that holds so many numbers; NetCDF has one number as a row of one."""
+    value = np.asarray(attributes[name])
+    if value.dtype.kind not in "iuf" or value.size != math.prod(shape):
+        raise ValueError(
+            f"the dataset's attribute {name} must be {'a number' if shape == () else f'{shape[0]} numbers'}, "
+            f"got {str(attributes[name])[:60]!r}"
+        )
+    return value.astype(np.float64).reshape(shape)
+
+
+def _number(attributes, name: str, otherwise: float | None = None) -> float:
+    if name not in attributes and otherwise is not None:
+        return otherwise
+    return float(_numbers(attributes, name, ()))
