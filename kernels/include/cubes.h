@@ -43,11 +43,21 @@ static inline Local of_polynomial(const reals *q, const reals *t, reals u, reals
 static inline float lower_number(float both) { return as_float(as_uint(both) << 16); }
 static inline float upper_number(float both) { return as_float(as_uint(both) & 0xffff0000u); }
 
-// The polynomial that begins with the number `start` of the table.
-static inline Local in_one_cube(__global const real *coefficients, int start, reals u, reals v, reals w)
+// The numbers of the polynomial that begins with the number `start` of the table, in fours.
+typedef struct {
+    float4 r0, r1, r2, r3;
+} CubeRow;
+
+static inline CubeRow row_of(__global const real *coefficients, int start)
 {
     __global const float4 *row = (__global const float4 *)(coefficients + start);
-    const float4 r0 = row[0], r1 = row[1], r2 = row[2], r3 = row[3];
+    const CubeRow found = {row[0], row[1], row[2], row[3]};
+    return found;
+}
+
+static inline Local in_row(const CubeRow *row, reals u, reals v, reals w)
+{
+    const float4 r0 = row->r0, r1 = row->r1, r2 = row->r2, r3 = row->r3;
     const reals q[10] = {r0.x, r0.y, r0.z, r0.w, r1.x, r1.y, r1.z, r1.w, r2.x, r2.y};
     const reals t[10] = {
         lower_number(r2.z), upper_number(r2.z), lower_number(r2.w), upper_number(r2.w), lower_number(r3.x),
@@ -60,10 +70,82 @@ static inline Local in_one_cube(__global const real *coefficients, int start, re
 
 #if LANES == 1
 
+#if defined(__NV_CL_C_VERSION)
+
+// NVIDIA's GPUs look at each line that a warp's load touches, one a cycle: rows that 32 threads load by themselves, in
+// four loads, are 128 of them. Four neighbours that load one row after the other, a quarter each, touch 32; what
+// each has got is then turned among them, as a matrix of four by four is.
+static inline uint threads_here(void)
+{
+    uint found;
+    asm volatile("activemask.b32 %0;" : "=r"(found));
+    return found;
+}
+
+static inline int from_thread(int number, int thread)
+{
+    int found;
+    asm volatile("shfl.sync.idx.b32 %0, %1, %2, 0x1f, 0xffffffff;" : "=r"(found) : "r"(number), "r"(thread));
+    return found;
+}
+
+static inline float across_one(float number)
+{
+    float found;
+    asm volatile("shfl.sync.bfly.b32 %0, %1, 1, 0x1f, 0xffffffff;" : "=f"(found) : "f"(number));
+    return found;
+}
+
+static inline float across_two(float number)
+{
+    float found;
+    asm volatile("shfl.sync.bfly.b32 %0, %1, 2, 0x1f, 0xffffffff;" : "=f"(found) : "f"(number));
+    return found;
+}
+
+#define FOURFOLD(across, v) ((float4)(across((v).x), across((v).y), across((v).z), across((v).w)))
+// Threads of the lower half keep p and get p of the upper half for q; those of the upper half get q for p.
+#define TURN(across, p, q, is_upper) \
+    do { \
+        const float4 given = FOURFOLD(across, (is_upper) ? (p) : (q)); \
+        p = (is_upper) ? given : (p); \
+        q = (is_upper) ? (q) : given; \
+    } while (0)
+
+static inline CubeRow row_together(__global const real *coefficients, int start)
+{
+    const int thread = get_local_id(0) & 31, quarter = thread & 3, first = thread & ~3;
+    const bool is_odd = (quarter & 1) != 0, is_upper = (quarter & 2) != 0;
+#define QUARTER_OF(k) ((__global const float4 *)(coefficients + from_thread(start, first + k)))[quarter]
+    CubeRow row = {QUARTER_OF(0), QUARTER_OF(1), QUARTER_OF(2), QUARTER_OF(3)};
+#undef QUARTER_OF
+    TURN(across_one, row.r0, row.r1, is_odd);
+    TURN(across_one, row.r2, row.r3, is_odd);
+    TURN(across_two, row.r0, row.r2, is_upper);
+    TURN(across_two, row.r1, row.r3, is_upper);
+    return row;
+}
+
 static inline Local in_cubes(__global const real *coefficients, ints start, reals u, reals v, reals w)
 {
-    return in_one_cube(coefficients, start, u, v, w);
+    CubeRow row;
+    if (threads_here() == 0xffffffffu) {  // only whole warps exchange
+        row = row_together(coefficients, start);
+    } else {
+        row = row_of(coefficients, start);
+    }
+    return in_row(&row, u, v, w);
 }
+
+#else
+
+static inline Local in_cubes(__global const real *coefficients, ints start, reals u, reals v, reals w)
+{
+    const CubeRow row = row_of(coefficients, start);
+    return in_row(&row, u, v, w);
+}
+
+#endif
 
 #elif LANES == 16
 
@@ -95,7 +177,8 @@ static inline Local in_cubes(__global const real *coefficients, ints start, real
 static inline Local in_cubes(__global const real *coefficients, ints start, reals u, reals v, reals w)
 {
     if (start.s0 == start.sf && start.s0 == start.s8 && all(start == start.s0)) {
-        return in_one_cube(coefficients, start.s0, u, v, w);
+        const CubeRow row = row_of(coefficients, start.s0);
+        return in_row(&row, u, v, w);
     }
     reals c[CUBE_ROW];
 #if TURNS
