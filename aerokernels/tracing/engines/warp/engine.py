@@ -1,6 +1,6 @@
 """The Warp engine: fields uploaded once, launches over all cores of a CPU or on a GPU."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from operator import is_
 from typing import Any
@@ -32,6 +32,7 @@ from .kernels.trace import build_kernel
 from .kernels.trace_projection import build_projection_kernel
 from .library import library_of
 from .loading import load_module
+from .transfers import Fetched, Recorded, Sent
 from .types import types
 
 # Rays in one launch of a host thread; small enough to balance threads, large enough to hide the launch.
@@ -203,6 +204,18 @@ class Engine:
     def get(self, buffer: wp.array, array: np.ndarray) -> None:
         """Wait for what was launched, and copy the first rows of a buffer into the array."""
         array[...] = buffer[: len(array)].numpy() if len(array) < len(buffer) else buffer.numpy()
+
+    def sent(self, array: np.ndarray) -> Sent:
+        """See interface.py."""
+        return Sent(array, self.put(array))
+
+    def fetched(self, buffers: Sequence[wp.array], arrays: Sequence[np.ndarray]) -> Fetched:
+        """See interface.py."""
+        return Fetched(buffers, arrays)
+
+    def recorded(self) -> Callable[[Callable[[], None]], None]:
+        """What makes a graph of CUDA of the work; on the CPU what does it as it is."""
+        return Recorded(self.device) if self.is_gpu else lambda work: work()
 
     def launch(self, kernel, before: list, after: list, count: int) -> None:
         """Run a kernel over all rays: one launch on a GPU, not waited for; chunks over host threads on the CPU."""

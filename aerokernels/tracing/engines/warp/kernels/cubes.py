@@ -5,9 +5,9 @@ import warp as wp
 from ....scheme import CUBE_ROW, CUBE_SIDE
 from ..library import KernelLibrary, built_once
 
-# A GPU looks at each line that a warp's load touches, one a cycle: four neighbours load one row after the other together,
-# sixteen bytes each, and what each has got is turned among them, as a matrix of four by four is (kernels/include/cubes.h).
-# Only whole warps exchange.
+# A GPU looks at each line that a warp's load touches: four neighbours load one row after the other together, sixteen
+# bytes each, and what each has got is turned among them, as a matrix of four by four is (kernels/include/cubes.h). Only
+# whole warps exchange.
 ROW_OF_CUBE = """
 #if defined(__CUDA_ARCH__)
     float4 r[4];
