@@ -88,9 +88,10 @@ class PupilRun:
         self.no_surface = self._phasor_numbers(np.zeros(4))
         self.sums = [engine.empty(SUM_COUNT * self.widest * rows) for rows in joined_counts(task.per_replicate)]
         self.buffers: list[dict[str, Any]] = []  # of each batch whose rays are still needed
-        read = [self.sums[-1]] if self.prepared.rejected is None else [self.prepared.rejected, self.sums[-1]]
-        arrays = [np.zeros(1, np.int32), np.zeros(self.widest * SUM_COUNT)][-len(read) :]
-        self.reading = engine.fetched(read, arrays)
+        buffers, arrays = [self.sums[-1]], [np.zeros(self.widest * SUM_COUNT)]
+        if self.prepared.rejected is not None:
+            buffers, arrays = [*buffers, self.prepared.rejected], [*arrays, np.zeros(1, np.int32)]
+        self.reading = engine.fetched(buffers, arrays)
         # One batch, whose rays are made on the device, is the same work each time.
         self.repeat = engine.recorded() if len(self.batches) == 1 and not task.is_radial else None
 
@@ -119,7 +120,7 @@ class PupilRun:
                 self._trace(batch)
             else:
                 self.repeat(partial(self._trace, batch))
-            *counted, found = self.reading.wait()
+            found, *counted = self.reading.wait()
             sums[rows] = found.reshape(-1, SUM_COUNT)[: rows.stop - rows.start]
             if sum(self.prepared.taken(int(each[0])) for each in counted) or not holds_tolerance(sums[rows], task):
                 rejected += self._retrace(batch)
@@ -179,7 +180,7 @@ class PupilRun:
         """Sums of the replicates of a batch, (n, SUM_COUNT); `numbers` as for `_start_sums`."""
         self._start_sums(batch, numbers)
         self.reading.start()
-        values: np.ndarray = self.reading.wait()[-1].reshape(-1, SUM_COUNT)
+        values: np.ndarray = self.reading.wait()[0].reshape(-1, SUM_COUNT)
         return values[: batch.rows.stop - batch.rows.start]
 
     def _start_sums(self, batch: Batch, numbers: list) -> None:

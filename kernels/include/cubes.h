@@ -70,11 +70,11 @@ static inline Local in_row(const CubeRow *row, reals u, reals v, reals w)
 
 #if LANES == 1
 
-#if defined(__NV_CL_C_VERSION)
+#if DESKS
 
-// NVIDIA's GPUs look at each line that a warp's load touches, one a cycle: rows that 32 threads load by themselves, in
-// four loads, are 128 of them. Four neighbours that load one row after the other, a quarter each, touch 32; what
-// each has got is then turned among them, as a matrix of four by four is.
+// NVIDIA's GPUs look at each line that a warp's load touches: rows that 32 threads load by themselves, in four loads, are
+// 128 of them. Four neighbours that load one row after the other, a quarter each, touch 32; each then takes its own row
+// from the desk of its warp.
 static inline uint threads_here(void)
 {
     uint found;
@@ -89,63 +89,44 @@ static inline int from_thread(int number, int thread)
     return found;
 }
 
-static inline float across_one(float number)
+static inline void meet_in_warp(void)
 {
-    float found;
-    asm volatile("shfl.sync.bfly.b32 %0, %1, 1, 0x1f, 0xffffffff;" : "=f"(found) : "f"(number));
-    return found;
+    asm volatile("bar.warp.sync 0xffffffff;" : : : "memory");
 }
 
-static inline float across_two(float number)
+static inline CubeRow row_together(__global const real *coefficients, int start, __local float4 *desk)
 {
-    float found;
-    asm volatile("shfl.sync.bfly.b32 %0, %1, 2, 0x1f, 0xffffffff;" : "=f"(found) : "f"(number));
-    return found;
-}
-
-#define FOURFOLD(across, v) ((float4)(across((v).x), across((v).y), across((v).z), across((v).w)))
-// Threads of the lower half keep p and get p of the upper half for q; those of the upper half get q for p.
-#define TURN(across, p, q, is_upper) \
-    do { \
-        const float4 given = FOURFOLD(across, (is_upper) ? (p) : (q)); \
-        p = (is_upper) ? given : (p); \
-        q = (is_upper) ? (q) : given; \
-    } while (0)
-
-static inline CubeRow row_together(__global const real *coefficients, int start)
-{
-    const int thread = get_local_id(0) & 31, quarter = thread & 3, first = thread & ~3;
-    const bool is_odd = (quarter & 1) != 0, is_upper = (quarter & 2) != 0;
-#define QUARTER_OF(k) ((__global const float4 *)(coefficients + from_thread(start, first + k)))[quarter]
-    CubeRow row = {QUARTER_OF(0), QUARTER_OF(1), QUARTER_OF(2), QUARTER_OF(3)};
-#undef QUARTER_OF
-    TURN(across_one, row.r0, row.r1, is_odd);
-    TURN(across_one, row.r2, row.r3, is_odd);
-    TURN(across_two, row.r0, row.r2, is_upper);
-    TURN(across_two, row.r1, row.r3, is_upper);
+    const int thread = get_local_id(0) % WARP, quarter = thread & 3, first = thread & ~3;
+    float4 got[4];
+#pragma unroll
+    for (int k = 0; k < 4; k++) {
+        got[k] = ((__global const float4 *)(coefficients + from_thread(start, first + k)))[quarter];
+    }
+    meet_in_warp();  // nobody reads the rows before these any more
+#pragma unroll
+    for (int k = 0; k < 4; k++) {
+        desk[DESK_ROW * (first + k) + quarter] = got[k];
+    }
+    meet_in_warp();
+    __local const float4 *own = desk + DESK_ROW * thread;
+    const CubeRow row = {own[0], own[1], own[2], own[3]};
     return row;
 }
 
-static inline Local in_cubes(__global const real *coefficients, ints start, reals u, reals v, reals w)
+#endif
+
+static inline Local in_cubes(const Arrays *arrays, ints start, reals u, reals v, reals w)
 {
     CubeRow row;
-    if (threads_here() == 0xffffffffu) {  // only whole warps exchange
-        row = row_together(coefficients, start);
-    } else {
-        row = row_of(coefficients, start);
+#if DESKS
+    if (threads_here() == 0xffffffffu) {
+        row = row_together(arrays->coefficients, start, arrays->desk);
+        return in_row(&row, u, v, w);
     }
-    return in_row(&row, u, v, w);
-}
-
-#else
-
-static inline Local in_cubes(__global const real *coefficients, ints start, reals u, reals v, reals w)
-{
-    const CubeRow row = row_of(coefficients, start);
-    return in_row(&row, u, v, w);
-}
-
 #endif
+    row = row_of(arrays->coefficients, start);
+    return in_row(&row, u, v, w);
+}
 
 #elif LANES == 16
 
@@ -174,8 +155,9 @@ static inline Local in_cubes(__global const real *coefficients, ints start, real
 
 // Where lanes are in cubes of their own: each loads its numbers in fours, which are then turned so that each number is
 // a vector over the lanes.
-static inline Local in_cubes(__global const real *coefficients, ints start, reals u, reals v, reals w)
+static inline Local in_cubes(const Arrays *arrays, ints start, reals u, reals v, reals w)
 {
+    __global const real *coefficients = arrays->coefficients;
     if (start.s0 == start.sf && start.s0 == start.s8 && all(start == start.s0)) {
         const CubeRow row = row_of(coefficients, start.s0);
         return in_row(&row, u, v, w);

@@ -243,11 +243,11 @@ class Engine:
 
     def sent(self, array: np.ndarray) -> "Sent":
         """See interface.py."""
-        return Sent(self.session.queue, array, self.put(array))
+        return Sent(self.session.queue if self.is_gpu else None, array, self.share(array))
 
     def fetched(self, buffers: Sequence[Any], arrays: Sequence[np.ndarray]) -> "Fetched":
         """See interface.py."""
-        return Fetched(self.session.queue, buffers, arrays)
+        return Fetched(self.session.queue, buffers, arrays, self._memory)
 
     def recorded(self) -> Callable[[Callable[[], None]], None]:
         """What does the work as it is."""

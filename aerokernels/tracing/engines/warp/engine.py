@@ -207,7 +207,7 @@ class Engine:
 
     def sent(self, array: np.ndarray) -> Sent:
         """See interface.py."""
-        return Sent(array, self.put(array))
+        return Sent(array, self.share(array))
 
     def fetched(self, buffers: Sequence[wp.array], arrays: Sequence[np.ndarray]) -> Fetched:
         """See interface.py."""

@@ -14,15 +14,18 @@ class Sent:
     """An array and its buffer; see interface.py."""
 
     def __init__(self, array: np.ndarray, buffer: wp.array):
-        """A buffer that holds the array."""
-        self.buffer = buffer
-        self._there = _beside(buffer)
-        self.array = self._there.numpy().reshape(array.shape)
-        self.array[...] = array
+        """A buffer that holds the array, or lies in its memory."""
+        self.array, self.buffer = array, buffer
+        self._there: wp.array | None = None
+        if buffer.device.is_cuda:
+            self._there = _beside(buffer)
+            self.array = self._there.numpy().reshape(array.shape)
+            self.array[...] = array
 
     def send(self) -> None:
         """Start to copy it: a stream is in order."""
-        wp.copy(self.buffer, self._there)
+        if self._there is not None:
+            wp.copy(self.buffer, self._there)
 
 
 class Fetched:

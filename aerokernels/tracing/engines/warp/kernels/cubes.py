@@ -6,54 +6,50 @@ from ....scheme import CUBE_ROW, CUBE_SIDE
 from ..library import KernelLibrary, built_once
 
 # A GPU looks at each line that a warp's load touches: four neighbours load one row after the other together, sixteen
-# bytes each, and what each has got is turned among them, as a matrix of four by four is (kernels/include/cubes.h). Only
-# whole warps exchange.
+# bytes each; each thread then takes its own row from the desk of its warp (kernels/include/cubes.h). Only whole warps
+# do, in blocks of Warp's size; rows of five fours, of which the last is spare, lie in different banks of memory.
 ROW_OF_CUBE = """
+    wp::vec_t<16, wp::float32> row;
 #if defined(__CUDA_ARCH__)
-    float4 r[4];
-    if (__activemask() == 0xffffffffu) {
+    __shared__ float4 desks[256 * 5];
+    float4 fours[4];
+    if (__activemask() == 0xffffffffu && blockDim.x <= 256) {
         const int thread = threadIdx.x & 31, quarter = thread & 3, first = thread & ~3;
-        auto turn = [&](float4 &p, float4 &q, int way) {
-            const bool is_upper = (quarter & way) != 0;
-            float4 given = is_upper ? p : q;
-            given.x = __shfl_xor_sync(0xffffffffu, given.x, way);
-            given.y = __shfl_xor_sync(0xffffffffu, given.y, way);
-            given.z = __shfl_xor_sync(0xffffffffu, given.z, way);
-            given.w = __shfl_xor_sync(0xffffffffu, given.w, way);
-            p = is_upper ? given : p;
-            q = is_upper ? q : given;
-        };
+        float4 *desk = desks + (threadIdx.x & ~31) * 5;
 #pragma unroll
         for (int k = 0; k < 4; k++) {
             const int start = __shfl_sync(0xffffffffu, at, first + k);
-            r[k] = __ldg(reinterpret_cast<const float4 *>(numbers.data + start) + quarter);
+            fours[k] = __ldg(reinterpret_cast<const float4 *>(numbers.data + start) + quarter);
         }
-        turn(r[0], r[1], 1);
-        turn(r[2], r[3], 1);
-        turn(r[0], r[2], 2);
-        turn(r[1], r[3], 2);
+        __syncwarp();  // nobody reads the rows before these any more
+#pragma unroll
+        for (int k = 0; k < 4; k++) {
+            desk[5 * (first + k) + quarter] = fours[k];
+        }
+        __syncwarp();
+#pragma unroll
+        for (int k = 0; k < 4; k++) {
+            fours[k] = desk[5 * thread + k];
+        }
     } else {
 #pragma unroll
         for (int k = 0; k < 4; k++) {
-            r[k] = __ldg(reinterpret_cast<const float4 *>(numbers.data + at) + k);
+            fours[k] = __ldg(reinterpret_cast<const float4 *>(numbers.data + at) + k);
         }
     }
-    wp::vec_t<16, wp::float32> row;
 #pragma unroll
     for (int k = 0; k < 4; k++) {
-        row[4 * k] = r[k].x;
-        row[4 * k + 1] = r[k].y;
-        row[4 * k + 2] = r[k].z;
-        row[4 * k + 3] = r[k].w;
+        row[4 * k] = fours[k].x;
+        row[4 * k + 1] = fours[k].y;
+        row[4 * k + 2] = fours[k].z;
+        row[4 * k + 3] = fours[k].w;
     }
-    return row;
 #else
-    wp::vec_t<16, wp::float32> row;
     for (int k = 0; k < 16; k++) {
         row[k] = numbers.data[at + k];
     }
-    return row;
 #endif
+    return row;
 """
 
 
