@@ -50,6 +50,9 @@ class Engine(Protocol):
             ValueError: The device is not there, or too small for the field.
         """
 
+    def tuned(self, arguments: list, numbers: dict[str, Any]) -> list:
+        """Arguments of a `Prepared` with other numbers of the struct Control, by name; the former may be changed."""
+
     def prepare_projection(
         self, field: IndexField, columns: Projection, plan: TracePlan, outputs: frozenset
     ) -> "Prepared":
@@ -191,6 +194,10 @@ class Prepared:
                     rows[alike] = self.engine.empty(1, *alike)
                 buffers[name] = rows[alike]
         return buffers
+
+    def tune(self, **numbers: Any) -> None:
+        """Take other numbers of the struct Control from now on."""
+        self.arguments = self.engine.tuned(self.arguments, numbers)
 
     def take_rejected(self) -> int:
         """How many rays the kernel did not hold for since this was last asked."""

@@ -34,8 +34,8 @@ POOLED = 1 << 28
 PACKETS = 2
 # Equal rows that are copied to the device as they are.
 REPEATED = 1 << 12
-# Where the coefficients stand among the arguments: behind the structs Field, Bounds and Control.
-FIRST_ARRAY = 3
+# Where Control and the coefficients stand among the arguments: behind the structs Field and Bounds.
+CONTROL, FIRST_ARRAY = 2, 3
 # Kernels of a pupil: work-items that each of what it is launched over takes.
 PUPIL_KERNELS = {"launch_pupil": 1, "sum_moments": WORK_GROUP, "sum_phasors": WORK_GROUP, "reduce_sums": 1}
 
@@ -122,6 +122,13 @@ class Engine:
             *self._upload(field, data, plan.precision, plan.method == "paper", packs),
             *self._tables(field, plan.precision, tables),
         ]
+
+    def tuned(self, arguments: list, numbers: dict[str, Any]) -> list:
+        """A new struct, which the kernel is given when it is launched next."""
+        control = arguments[CONTROL].copy()
+        for name, value in numbers.items():
+            control[name] = value
+        return [*arguments[:CONTROL], control, *arguments[CONTROL + 1 :]]
 
     def _tables(self, field: IndexField, precision: str, tables: dict) -> list:
         """Buffers of the arrays of Control; of a field without such tables they are kept."""

@@ -108,6 +108,12 @@ class Engine:
             _filled("Control", data.control | control | blocks | bound_arrays, plan.precision),
         ]
 
+    def tuned(self, arguments: list, numbers: dict[str, Any]) -> list:
+        """The same structs, of which the last one is changed."""
+        for name, value in numbers.items():
+            setattr(arguments[-1], name, value)
+        return arguments
+
     def prepare_projection(
         self, field: IndexField, columns: Projection, plan: TracePlan, outputs: frozenset
     ) -> Prepared:
