@@ -28,6 +28,7 @@ from ..layout import STRUCTS, Value, arrays_of
 from .kernels import grid_tables, pupil
 from .kernels.deliver_bundle import build_bundle_kernel
 from .kernels.leapfrog import build_leapfrog_kernel
+from .kernels.team import WARP
 from .kernels.trace import build_kernel
 from .kernels.trace_projection import build_projection_kernel
 from .library import library_of
@@ -35,6 +36,8 @@ from .loading import load_module
 from .transfers import Fetched, Recorded, Sent
 from .types import types
 
+# Kernels of which a GPU's warp takes one group of rays.
+SHARED = (pupil.sum_moments, pupil.sum_phasors)
 # Rays in one launch of a host thread; small enough to balance threads, large enough to hide the launch.
 CHUNK = 4096
 # The share of the device's memory that one result may keep, and the rays that come to a GPU chunk by chunk.
@@ -228,7 +231,8 @@ class Engine:
         before = [wp.vec3d(*value) if isinstance(value, np.ndarray) else value for value in before]
         after = [self._outputs(value) if isinstance(value, dict) else value for value in after]
         if self.device != "cpu":
-            wp.launch(kernel, dim=count, inputs=[*before, 0, *after], device=self.device)
+            threads = WARP if kernel in SHARED else 1
+            wp.launch(kernel, dim=threads * count, inputs=[*before, 0, *after], device=self.device)
             return
 
         def run(first: int) -> None:
