@@ -18,11 +18,13 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from ..arguments import checked
 from ..checks import check_positive
 from ..pupils import as_unit_vector, as_vector, transverse_axes
 from ..wavelength import check_wavelength
 
 
+@checked
 @dataclass(frozen=True, eq=False)
 class FLDI:
     """An instrument.

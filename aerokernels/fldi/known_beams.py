@@ -67,4 +67,4 @@ def warn_of_truncation(share: float) -> None:
             f"{100.0 * share:.3g} % of the light goes through disturbed air that ends with the field's box: what lies "
             "beyond is unknown, and in no error; give the field a larger region there, move the focus or turn the axis"
         )
-        warnings.warn(text, TruncationWarning, stacklevel=3)
+        warnings.warn(text, TruncationWarning, stacklevel=4)

@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 
+from ..arguments import checked
 from ..medium import IndexField
 from ..netcdf_file import write_netcdf
 from ..sensor import Sensor, write_grey
@@ -81,6 +82,7 @@ class BackgroundPictures:
         return repr(self.traced).replace("BackgroundDisplacement", "BackgroundPictures", 1)
 
 
+@checked
 def bos(
     field: IndexField,
     camera: Camera,

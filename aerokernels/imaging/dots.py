@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..arguments import checked
 from .camera import Camera
 
 # Samples of the pattern to a pixel, along each side.
@@ -53,6 +54,7 @@ class Background:
         return np.asarray(map_coordinates(prepared, place, order=3, mode="nearest", prefilter=False))
 
 
+@checked
 @dataclass(frozen=True)
 class DotPattern:
     """Bright Gaussian dots at random on black.
