@@ -151,7 +151,7 @@ def fldi_response(
         raise ValueError(f"rays must be a whole number of at least 3, got {rays!r}")
     moved = np.zeros((1, 3)) if offsets is None else np.atleast_2d(np.asarray(offsets, dtype=np.float64))
     if moved.ndim != 2 or moved.shape[1] != 3 or not np.isfinite(moved).all():
-        raise ValueError(f"offsets must be finite, shape (n, 3), got shape {np.shape(offsets)}")
+        raise ValueError(f"offsets must be finite, shape (n, 3), got shape {np.asarray(offsets).shape}")
     if time is not None and isinstance(field, (Series, IndexField, DensityField)):
         raise ValueError("time goes with several fields: a series has its own, and one field has none")
     times: np.ndarray | None = None
