@@ -51,10 +51,12 @@ class FLDIResponse:
     time: np.ndarray | None
     instrument: FLDI
 
+    @checked
     def signal(self, bias: float = 0.5 * np.pi) -> np.ndarray:
         """Light on a detector over its greatest, (1 + visibility cos(phase - bias)) / 2; pi / 2 is quadrature."""
         return 0.5 * (1.0 + self.visibility * np.cos(self.phase - bias))
 
+    @checked
     def spectrum(self, segment: int | None = None) -> tuple[np.ndarray, np.ndarray]:
         """Frequencies [Hz] and the power spectral density of the phase [rad2 / Hz], by Welch's method.
 
